@@ -1,0 +1,1 @@
+"""Operations on device arrays, in OpenCL: nothing here knows what a sonar is."""

@@ -1,0 +1,1 @@
+"""Registrations in; pose graph, loop closures and map out."""

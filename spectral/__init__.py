@@ -1,0 +1,1 @@
+"""Two scans in, one 6-DoF registration with its uncertainty out."""

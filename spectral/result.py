@@ -1,0 +1,52 @@
+"""What a registration says: the transform, how sure it is, and whether to believe it."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import Any, Protocol
+
+import numpy as np
+from scipy.spatial.transform import RigidTransform
+
+from spectral.scan import Scan
+
+
+@dataclass(frozen=True, slots=True)
+class Registration:
+    """One scan registered to another.
+
+    Attributes:
+        T_target_source: p_target = T_target_source p_source, both in their sensor frames [m].
+        covariance: (6, 6), rotation first [rad, m], of xi in T = T_target_source Exp(xi): the body tangent of
+            the source side, the order and side of gtsam.Pose3.
+        psr: peak-to-sidelobe ratio of the translation: standard deviations of the peak above the mean.
+        overlap: the share of points with a counterpart in the other scan, 0..1 (the smaller of both ways).
+        accepted: whether to believe it.
+        seconds: time of the pair alone, the scans being prepared [s].
+        reason: in words, why it was accepted or refused.
+        step_psr: the peak-to-sidelobe ratio of every step, by the step's name.
+        alternatives: other hypotheses that could not be excluded, best first.
+    """
+
+    T_target_source: RigidTransform
+    covariance: np.ndarray
+    psr: float
+    overlap: float
+    accepted: bool
+    seconds: float
+    reason: str = ""
+    step_psr: tuple[tuple[str, float], ...] = ()
+    alternatives: tuple[Registration, ...] = ()
+
+
+class Registrar(Protocol):
+    """A method of registration: spectral, or any baseline. The mapper knows no more than this."""
+
+    def prepare(self, scan: Scan) -> Any:
+        """What one scan contributes to every pair, computed once."""
+        ...
+
+    def register(self, target: Any, source: Any) -> Registration:
+        """Register two prepared scans."""
+        ...
+
