@@ -1,0 +1,240 @@
+"""Choose and list OpenCL devices, build programs once, check memory before it is taken.
+
+An OpenCL context must never be inherited by a forked process: spawn workers, and let each make its own `Device`.
+"""
+
+import os
+import warnings
+from dataclasses import dataclass
+from functools import cached_property
+from pathlib import Path
+
+import numpy as np
+import pyopencl as cl
+import pyopencl.array as cla
+
+from kernels.errors import DeviceError
+
+KERNEL_FOLDER = Path(__file__).parent
+
+NO_PLATFORM = (
+    "no OpenCL platform was found. A CPU device comes with PoCL: install it with "
+    "'pip install pyopencl[pocl]' or 'apt install pocl-opencl-icd'; a GPU's comes with its driver."
+)
+
+_PROBE = """
+__kernel void probe(__global float8* x) { x[get_global_id(0)] = fma(x[get_global_id(0)], 2.0f, 1.0f); }
+"""
+
+
+@dataclass(frozen=True, slots=True)
+class DeviceInfo:
+    """One OpenCL device as `sonarmap devices` lists it.
+
+    Attributes:
+        selector: what `--device` takes to choose it, "platform:device".
+        name, platform, version, kind: as the driver gives them; kind is "cpu", "gpu" or "other".
+        compute_units: number of cores or multiprocessors.
+        memory, largest_allocation: [bytes].
+        fault: why it cannot be used, or "" where a trial kernel ran and gave the right numbers.
+    """
+
+    selector: str
+    name: str
+    platform: str
+    version: str
+    kind: str
+    compute_units: int
+    memory: int
+    largest_allocation: int
+    fault: str
+
+
+class Device:
+    """A context and an in-order queue on one device, with the programs built for it."""
+
+    def __init__(self, device: cl.Device) -> None:
+        self.cl_device = device
+        self.context = cl.Context([device])
+        self.queue = cl.CommandQueue(
+            self.context, properties=cl.command_queue_properties.PROFILING_ENABLE
+        )
+        self._programs: dict[tuple[str, tuple[str, ...]], cl.Program] = {}
+
+    @property
+    def name(self) -> str:
+        return self.cl_device.name.strip()
+
+    @property
+    def platform(self) -> str:
+        return self.cl_device.platform.version.strip()
+
+    @cached_property
+    def is_cpu(self) -> bool:
+        """Whether kernels should be emitted in their CPU flavor (explicit vectors, no barriers)."""
+        return bool(self.cl_device.type & cl.device_type.CPU)
+
+    def program(self, name: str, **defines: int | float) -> cl.Program:
+        """The program of `kernels/<name>.cl`, built once per context and set of macro definitions."""
+        options = tuple(f"-D{key}={_literal(value)}" for key, value in sorted(defines.items()))
+        return self.build((KERNEL_FOLDER / f"{name}.cl").read_text(), options, name)
+
+    def build(self, source: str, options: tuple[str, ...] = (), name: str = "generated") -> cl.Program:
+        """Build OpenCL C source, once per context; the build log is in the error.
+
+        Sources can include each other by name, as in `#include "complex.cl"`.
+        """
+        key = (source, options)
+        if key not in self._programs:
+            include = f"-I{KERNEL_FOLDER}".replace(" ", "\\ ")
+            try:
+                with warnings.catch_warnings():
+                    warnings.simplefilter("ignore", cl.CompilerWarning)
+                    self._programs[key] = cl.Program(self.context, source).build([*options, include])
+            except cl.Error as error:
+                raise DeviceError(
+                    f"the OpenCL program '{name}' did not build on {self.name} ({self.platform}):\n{error}"
+                ) from None
+        return self._programs[key]
+
+    def empty(self, shape: tuple[int, ...], dtype: type | np.dtype = np.float32) -> cla.Array:
+        """An uninitialized array on the device; its size is checked first."""
+        self.require(int(np.prod(shape, dtype=np.int64)) * np.dtype(dtype).itemsize)
+        return cla.empty(self.queue, shape, dtype)
+
+    def to_device(self, host: np.ndarray) -> cla.Array:
+        """A copy of a host array on the device; its size is checked first."""
+        self.require(host.nbytes)
+        return cla.to_device(self.queue, np.ascontiguousarray(host))
+
+    def require(self, largest: int, total: int = 0, hint: str = "a smaller --grid") -> None:
+        """Refuse work that the device cannot hold.
+
+        Args:
+            largest: size of the largest single array [bytes].
+            total: size of all arrays together [bytes].
+            hint: what the message tells the user to try.
+
+        Raises:
+            DeviceError: saying what is needed and what the device has.
+        """
+        limit, memory = self.cl_device.max_mem_alloc_size, self.cl_device.global_mem_size
+        if largest > limit or total > memory:
+            raise DeviceError(
+                f"this needs {_size(max(total, largest))} on the device, {_size(largest)} of it in one piece; "
+                f"{self.name} has {_size(memory)}, and gives at most {_size(limit)} in one piece. Use {hint}."
+            )
+
+
+def list_devices() -> list[DeviceInfo]:
+    """Every OpenCL device, each tried with a small kernel. Raises DeviceError where there is no platform."""
+    return [_describe(selector, device) for selector, device in _devices()]
+
+
+def choose_device(selector: str | None = None) -> Device:
+    """The device to work on.
+
+    Args:
+        selector: "platform:device" as `sonarmap devices` lists them, "cpu", "gpu", or a part of a device's or its
+            platform's name. None: what the environment variable PYOPENCL_CTX says in the same form, else the
+            first GPU that works, else the first CPU that works, newest OpenCL driver first.
+
+    Raises:
+        DeviceError: nothing matches, or nothing that matches works; the message lists what is there.
+    """
+    wanted = selector or os.environ.get("PYOPENCL_CTX") or ""
+    devices = _devices()
+    matching = [(label, device) for label, device in devices if _matches(wanted, label, device)]
+    if not matching:
+        known = "; ".join(f"{label} {device.name.strip()}" for label, device in devices)
+        raise DeviceError(f"no OpenCL device matches '{wanted}'. There are: {known}")
+    faults = []
+    for label, device in sorted(matching, key=_preference):
+        fault = _fault(device)
+        if not fault:
+            return Device(device)
+        faults.append(f"{label} {device.name.strip()}: {fault}")
+    raise DeviceError(
+        "no OpenCL device works. "
+        + "; ".join(faults)
+        + ". The PoCL that pip brings does not know processors newer than itself; "
+        + "'apt install pocl-opencl-icd' brings one that falls back to what the processor can do."
+    )
+
+
+def _devices() -> list[tuple[str, cl.Device]]:
+    try:
+        platforms = cl.get_platforms()
+    except cl.Error:
+        platforms = []
+    found = []
+    for p, platform in enumerate(platforms):
+        try:
+            found += [(f"{p}:{d}", device) for d, device in enumerate(platform.get_devices())]
+        except cl.Error:  # a platform without devices is not an error of ours
+            continue
+    if not found:
+        raise DeviceError(NO_PLATFORM)
+    return found
+
+
+def _matches(wanted: str, label: str, device: cl.Device) -> bool:
+    wanted = wanted.strip().lower()
+    if wanted in ("", label, _kind(device)):
+        return True
+    if wanted.replace(":", "").isdigit():  # "0" means the first device of platform 0, as in PYOPENCL_CTX
+        return label == f"{wanted}:0"
+    return wanted in f"{device.name} {device.platform.name}".lower()
+
+
+def _preference(entry: tuple[str, cl.Device]) -> tuple[int, list[int]]:
+    device = entry[1]
+    digits = [int(part) for part in "".join(c if c.isdigit() else " " for c in device.driver_version).split()]
+    return (0 if _kind(device) == "gpu" else 1, [-part for part in digits])
+
+
+def _kind(device: cl.Device) -> str:
+    if device.type & cl.device_type.GPU:
+        return "gpu"
+    return "cpu" if device.type & cl.device_type.CPU else "other"
+
+
+def _fault(device: cl.Device) -> str:
+    """Run a small kernel and look at its numbers; say in a few words what went wrong, or nothing."""
+    try:
+        trial = Device(device)
+        program = trial.build(_PROBE)
+        numbers = np.arange(64, dtype=np.float32)
+        array = trial.to_device(numbers)
+        program.probe(trial.queue, (8,), (1,), array.data)
+        right = bool(np.array_equal(array.get(), 2 * numbers + 1))
+        return "" if right else "a trial kernel gave wrong numbers"
+    except (cl.Error, DeviceError) as error:
+        lines = [line.strip() for line in str(error).splitlines() if "error:" in line.lower()]
+        return lines[0] if lines else str(error).splitlines()[0]
+
+
+def _describe(label: str, device: cl.Device) -> DeviceInfo:
+    return DeviceInfo(
+        selector=label,
+        name=device.name.strip(),
+        platform=device.platform.name.strip(),
+        version=f"{device.version.strip()}, driver {device.driver_version.strip()}",
+        kind=_kind(device),
+        compute_units=device.max_compute_units,
+        memory=device.global_mem_size,
+        largest_allocation=device.max_mem_alloc_size,
+        fault=_fault(device),
+    )
+
+
+def _literal(value: int | float) -> str:
+    """A number as an OpenCL C literal: '%.9g' alone prints '1', and '1f' is not OpenCL C."""
+    if isinstance(value, int):
+        return str(value)
+    text = f"{value:.9g}"
+    return f"{text}f" if any(c in text for c in ".e") else f"{text}.0f"
+
+
+def _size(count: int) -> str:
+    return f"{count / 2**30:.2f} GiB" if count >= 2**30 else f"{count / 2**20:.0f} MiB"
