@@ -1,0 +1,66 @@
+"""`sonarmap devices`: what OpenCL offers here, and what would be chosen."""
+
+import json
+from dataclasses import asdict
+from typing import TYPE_CHECKING
+
+import typer
+
+from kernels.errors import DeviceError
+from tools.cli.options import DeviceOption, JsonOption
+from tools.cli.terminal import printable, say
+
+if TYPE_CHECKING:
+    from kernels.device import Device, DeviceInfo
+
+
+def command(device: DeviceOption = None, as_json: JsonOption = False) -> None:
+    """List the OpenCL devices, each tried with a small kernel, and mark the one that would be chosen.
+
+    Ends with exit code 2 where none works.
+    """
+    from kernels.device import choose_device, list_devices
+
+    infos = list_devices()
+    try:
+        chosen, fault = _selector(infos, choose_device(device)), None
+    except DeviceError as error:
+        chosen, fault = None, error
+    if as_json:
+        entries = [asdict(info) | {"works": not info.fault} for info in infos]
+        typer.echo(json.dumps({"chosen": chosen, "devices": entries}, indent=2))
+    else:
+        _print_table(infos, chosen)
+    if fault:
+        raise fault
+
+
+def _selector(infos: "list[DeviceInfo]", device: "Device") -> str:
+    """The selector under which a device is listed: two alike differ by their place on the platform."""
+    place = device.cl_device.platform.get_devices().index(device.cl_device)
+    driver = device.cl_device.driver_version.strip()
+    return next(
+        info.selector
+        for info in infos
+        if info.selector.endswith(f":{place}")
+        and info.name == device.name
+        and info.version.endswith(f"driver {driver}")
+    )
+
+
+def _print_table(infos: "list[DeviceInfo]", chosen: str | None) -> None:
+    from rich.console import Console
+    from rich.table import Table
+    from rich.text import Text
+
+    table = Table("", "device", "kind", "units", "memory", "name", "state", box=None)
+    for info in infos:
+        mark = "→" if info.selector == chosen else ""
+        state = Text(f"no: {printable(info.fault)}", "red") if info.fault else Text("works", "green")
+        name = Text(printable(f"{info.name} ({info.version.rpartition(', ')[2]})"))
+        memory = f"{info.memory / 2**30:.1f} GiB"
+        table.add_row(mark, info.selector, info.kind, str(info.compute_units), memory, name, state)
+    console = Console()
+    console.print(table, width=None if console.is_terminal else 200)
+    if chosen:
+        say(f"{chosen} would be chosen; --device or PYOPENCL_CTX choose another")

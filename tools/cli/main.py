@@ -1,0 +1,135 @@
+"""The `sonarmap` command: its verbs, and what becomes of the errors that they raise."""
+
+import functools
+import os
+import sys
+import traceback
+from collections.abc import Callable
+from importlib import import_module, metadata
+from pathlib import Path
+from typing import Annotated, Any
+
+import typer
+
+from kernels.errors import SonarmapError
+from tools.cli.terminal import say
+
+# A verb is the function `command` of tools/cli/<verb>.py, its help that function's docstring.
+# A new verb is a new line here, in the order in which the help lists them.
+VERBS = [
+    "devices",
+]
+
+MISUSE = 2  # also for options that typer refuses
+DEFECT = 1
+INTERRUPTED = 128 + 2  # as a shell reports SIGINT
+PIPE_CLOSED = 128 + 13  # as a shell reports SIGPIPE
+
+app = typer.Typer(
+    name="sonarmap",
+    no_args_is_help=True,
+    add_completion=False,
+    pretty_exceptions_enable=False,
+    rich_markup_mode="rich",
+    context_settings={"help_option_names": ["-h", "--help"]},
+)
+
+
+def run() -> None:
+    """The entry point.
+
+    Exit codes: 0 done, 1 a defect of the program, 2 something that the user can mend, 3 a result not to be
+    trusted, 130 interrupted, 141 nobody reads the output any more.
+    """
+    try:
+        try:
+            app()
+        finally:
+            sys.stdout.flush()  # here, where a closed pipe can still be told from a defect
+    except KeyboardInterrupt:
+        sys.exit(_stopped())
+    except BrokenPipeError:
+        sys.exit(_pipe_closed())
+
+
+def guarded(command: Callable[..., Any]) -> Callable[..., Any]:
+    """The command, with what it raises turned into a message on stderr and an exit code."""
+
+    @functools.wraps(command)
+    def guard(*args: Any, **options: Any) -> Any:
+        try:
+            return command(*args, **options)
+        except (typer.Exit, typer.Abort, typer.BadParameter):
+            raise
+        except SonarmapError as error:
+            code = _misuse(error)
+        except KeyboardInterrupt:
+            code = _stopped()
+        except BrokenPipeError:
+            code = _pipe_closed()
+        except Exception as error:  # noqa: BLE001 - the last place where a defect can be told as one
+            code = _defect(error)
+        raise typer.Exit(code)
+
+    return guard
+
+
+def _misuse(error: SonarmapError) -> int:
+    if _debugging():
+        traceback.print_exception(error)
+    say(str(error), "error: ", "bold red")
+    return MISUSE
+
+
+def _defect(error: Exception) -> int:
+    if _debugging():
+        traceback.print_exception(error)
+    frame = traceback.extract_tb(error.__traceback__)[-1]
+    what = " ".join(f"{type(error).__name__}: {error}".split())
+    say(
+        f"this is a defect of sonarmap {metadata.version('sonarmap')}: {what} "
+        f"({Path(frame.filename).name}, line {frame.lineno}). Please report it in the project's issues, "
+        "with what the same command prints under SONARMAP_DEBUG=1.",
+        "error: ",
+        "bold red",
+    )
+    return DEFECT
+
+
+def _stopped() -> int:
+    say("stopped; nothing was changed")
+    return INTERRUPTED
+
+
+def _pipe_closed() -> int:
+    """Let what is still buffered go nowhere: the reader has left."""
+    os.dup2(os.open(os.devnull, os.O_WRONLY), sys.stdout.fileno())
+    return PIPE_CLOSED
+
+
+def _debugging() -> bool:
+    return os.environ.get("SONARMAP_DEBUG", "0").lower() not in ("", "0", "false", "no", "off")
+
+
+def _version(wanted: bool) -> None:
+    if wanted:
+        typer.echo(f"sonarmap {metadata.version('sonarmap')}")
+        raise typer.Exit
+
+
+@app.callback()
+def _options(
+    version: Annotated[
+        bool, typer.Option("--version", help="Print the version.", callback=_version, is_eager=True)
+    ] = False,
+    debug: Annotated[
+        bool, typer.Option("--debug", help="Show tracebacks, as with SONARMAP_DEBUG=1.")
+    ] = False,
+) -> None:
+    """Noisy 3D sonar scans in, a consistent map out."""
+    if debug:
+        os.environ["SONARMAP_DEBUG"] = "1"
+
+
+for _verb in VERBS:
+    app.command(_verb)(guarded(import_module(f"tools.cli.{_verb}").command))

@@ -1,0 +1,74 @@
+"""Options that several verbs share, each with its check; a verb takes one as `grid: GridOption = None`."""
+
+import math
+from typing import Annotated
+
+import typer
+
+SMALLEST_EDGE, LARGEST_EDGE = 16, 512
+DEFAULT_MAX_TILT = 35.0  # [deg], the paper's range of roll and pitch (Sect. 2.7)
+
+
+def _check_edge(edge: int | None) -> int | None:
+    if edge is None or (SMALLEST_EDGE <= edge <= LARGEST_EDGE and edge.bit_count() == 1):
+        return edge
+    nearest = 2 ** round(math.log2(min(max(edge, SMALLEST_EDGE), LARGEST_EDGE)))
+    raise typer.BadParameter(
+        f"{edge} voxels per edge; wanted a power of two from {SMALLEST_EDGE} to {LARGEST_EDGE}. "
+        f"Use --grid {nearest}, or leave it out to have it chosen from the scans' extents."
+    )
+
+
+def _check_voxel(voxel: float | None) -> float | None:
+    if voxel is None or (math.isfinite(voxel) and voxel > 0):
+        return voxel
+    raise typer.BadParameter(
+        f"{voxel} m; wanted a length above 0. Use about the size of the noise, as in --voxel 0.5, or leave "
+        "it out to have it chosen from the scans' extents."
+    )
+
+
+def _check_tilt(tilt: float) -> float:
+    if 0 < tilt <= 90:
+        return tilt
+    raise typer.BadParameter(
+        f"{tilt} degrees; wanted more than 0 and at most 90. Use what the vehicle can roll and pitch, "
+        f"or leave it out for {DEFAULT_MAX_TILT:g}."
+    )
+
+
+def _check_seed(seed: int) -> int:
+    if 0 <= seed < 2**63:
+        return seed
+    raise typer.BadParameter(f"{seed}; wanted a whole number from 0 to 2^63 - 1. Use --seed 1.")
+
+
+GridOption = Annotated[
+    int | None,
+    typer.Option("--grid", metavar="N", help="Voxels per edge, a power of 2, 16..512.", callback=_check_edge),
+]
+VoxelOption = Annotated[
+    float | None, typer.Option("--voxel", metavar="M", help="Edge of a voxel \\[m].", callback=_check_voxel)
+]
+MaxTiltOption = Annotated[
+    float,
+    typer.Option(
+        "--max-tilt",
+        metavar="DEG",
+        help="Largest roll and pitch of a pair \\[deg].",
+        callback=_check_tilt,
+    ),
+]
+DeviceOption = Annotated[
+    str | None,
+    typer.Option(
+        "--device",
+        metavar="DEVICE",
+        help="OpenCL device: platform:device, cpu, gpu, or a part of its name; see 'sonarmap devices'.",
+    ),
+]
+SeedOption = Annotated[
+    int, typer.Option("--seed", metavar="S", help="Same seed, same result.", callback=_check_seed)
+]
+JsonOption = Annotated[bool, typer.Option("--json", help="Print the result as JSON, and no progress.")]
+QuietOption = Annotated[bool, typer.Option("--quiet", "-q", help="No progress.")]

@@ -1,0 +1,26 @@
+"""What the command line says to the person in front of it: on stderr, so that stdout stays for results."""
+
+from rich.console import Console
+from rich.text import Text
+
+
+def error_console() -> Console:
+    """A console on stderr as it is now (a test or a pipe may have replaced it since the start)."""
+    return Console(stderr=True, highlight=False)
+
+
+def say(message: str, label: str = "", style: str = "") -> None:
+    """Print a message on stderr, wrapped by words on a terminal and in one piece elsewhere.
+
+    Args:
+        message: plain text: brackets are no markup, and what could steer a terminal is shown escaped.
+        label: what stands in front, as in "error: ".
+        style: the label's color, in rich's words.
+    """
+    console = error_console()
+    console.print(Text.assemble((label, style), printable(message)), soft_wrap=not console.is_terminal)
+
+
+def printable(text: str) -> str:
+    """The text with every control character escaped: file names may hold anything."""
+    return "".join(c if c.isprintable() or c == "\n" else ascii(c)[1:-1] for c in text)
