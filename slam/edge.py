@@ -1,0 +1,94 @@
+"""What one measurement says about two poses, and which poses a set of them joins."""
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+from typing import Literal, get_args
+
+import numpy as np
+from scipy.cluster.hierarchy import DisjointSet
+from scipy.linalg import cho_factor, cho_solve
+
+from kernels.errors import InputError
+from spectral.result import Registration
+
+Kind = Literal["sequential", "loop", "prior"]
+SYMMETRY = 1e-9  # largest asymmetry of a covariance or information, as a share of its largest element
+
+
+@dataclass(frozen=True, slots=True)
+class Edge:
+    """A measurement between pose i (target) and pose j (source).
+
+    Attributes:
+        i, j: indices of the poses; equal for a prior, and only there.
+        registration: `T_target_source` is T_i_j; for a prior it is T_world_i. The covariance is (6, 6),
+            rotation first [rad, m], body tangent of j.
+        kind: "sequential" (consecutive scans), "loop" (any others) or "prior" (of one pose, against the
+            world).
+
+    Raises:
+        InputError: an unknown kind, indices that do not suit it, or a covariance that is not symmetric
+            positive definite.
+    """
+
+    i: int
+    j: int
+    registration: Registration
+    kind: Kind
+
+    def __post_init__(self) -> None:
+        if self.kind not in get_args(Kind):
+            raise InputError(
+                f"{self.name} is of kind '{self.kind}'; wanted one of {', '.join(get_args(Kind))}"
+            )
+        if min(self.i, self.j) < 0 or (self.i == self.j) != (self.kind == "prior"):
+            raise InputError(
+                f"{self.name}, {self.kind}: wanted two different poses, counted from 0; "
+                "a prior, and only it, names one pose twice"
+            )
+        if not self.registration.T_target_source.single:
+            raise InputError(f"{self.name} holds a stack of transforms; give every edge a single one")
+        check_definite(self.registration.covariance, f"the covariance of {self.name}")
+
+    @property
+    def name(self) -> str:
+        """What to call the edge in messages."""
+        return f"edge {self.i} -> {self.j}"
+
+
+def check_definite(matrix: np.ndarray, name: str) -> None:
+    """Raise InputError unless `matrix` is (6, 6), finite, symmetric and positive definite."""
+    if matrix.shape != (6, 6) or not np.isfinite(matrix).all():
+        raise InputError(f"{name} has shape {matrix.shape} or is not finite; wanted (6, 6) finite numbers")
+    largest = float(np.abs(matrix).max())
+    if np.abs(matrix - matrix.T).max() > SYMMETRY * largest:
+        raise InputError(f"{name} is not symmetric; wanted a symmetric positive definite matrix")
+    try:
+        np.linalg.cholesky(matrix)
+    except np.linalg.LinAlgError:
+        smallest = float(np.linalg.eigvalsh(matrix).min())
+        raise InputError(
+            f"{name} is not positive definite (smallest eigenvalue {smallest:.3g}, "
+            f"largest element {largest:.3g}); give every direction a positive variance"
+        ) from None
+
+
+def inverse_definite(matrix: np.ndarray) -> np.ndarray:
+    """The inverse of a symmetric positive definite matrix, itself symmetric: information or covariance."""
+    inverse = cho_solve(cho_factor(matrix, lower=True), np.eye(len(matrix)))
+    return (inverse + inverse.T) / 2
+
+
+def spanning_tree(count: int, edges: Sequence[Edge]) -> list[Edge]:
+    """Edges that join every component of `count` poses without a cycle, consecutive ones before loops."""
+    joined = DisjointSet(range(count))
+    between = [edge for edge in edges if edge.kind != "prior"]
+    return [edge for edge in sorted(between, key=lambda e: e.kind == "loop") if joined.merge(edge.i, edge.j)]
+
+
+def components(count: int, edges: Sequence[Edge]) -> tuple[tuple[int, ...], ...]:
+    """The sets of poses that edges join, each ascending, in the order of their first poses."""
+    joined = DisjointSet(range(count))
+    for edge in edges:
+        joined.merge(edge.i, edge.j)
+    return tuple(sorted(tuple(sorted(subset)) for subset in joined.subsets()))

@@ -1,0 +1,171 @@
+"""Poses and the edges between them, optimized by GTSAM: the only file that knows it.
+
+Conventions are GTSAM's own (docs/conventions.md): tangents rotation first, perturbations on the right, so
+that covariances go over unchanged.
+"""
+
+from dataclasses import dataclass
+
+import gtsam
+import numpy as np
+from scipy.spatial.transform import RigidTransform
+
+from kernels.errors import InputError
+from slam.edge import Edge, components
+from slam.trajectory import Trajectory
+
+GAUGE_SIGMA = 1e-6  # of the prior that ties a component to the world [rad, m]: far below any registration's
+
+
+@dataclass(frozen=True, slots=True)
+class PoseGraph:
+    """An estimate and the measurements it has to agree with.
+
+    Attributes:
+        trajectory: the initial estimate of N poses.
+        edges: measurements; their covariances are used in full and as they are.
+        fixed: poses held at their initial estimate.
+
+    Every connected component needs a tie to the world: its fixed poses or its priors are that tie, and where
+        it has
+    neither, its first pose is held (`anchors`).
+
+    Raises:
+        InputError: an edge or a fixed pose that names a pose which is not there.
+    """
+
+    trajectory: Trajectory
+    edges: tuple[Edge, ...]
+    fixed: tuple[int, ...] = ()
+
+    def __post_init__(self) -> None:
+        count = len(self.trajectory)
+        for edge in self.edges:
+            if max(edge.i, edge.j) >= count:
+                raise InputError(f"{edge.name} names a pose which is not among the {count} of the trajectory")
+        if any(not 0 <= pose < count for pose in self.fixed):
+            raise InputError(f"fixed poses {self.fixed}: wanted indices below {count}, the number of poses")
+
+    @property
+    def components(self) -> tuple[tuple[int, ...], ...]:
+        """The sets of poses that edges join, in the order of their first poses."""
+        return components(len(self.trajectory), self.edges)
+
+    @property
+    def anchors(self) -> tuple[int, ...]:
+        """The poses held where they are: the fixed, and the first of a component that nothing else holds."""
+        held = {edge.i for edge in self.edges if edge.kind == "prior"}.union(self.fixed)
+        first = (members[0] for members in self.components if held.isdisjoint(members))
+        return tuple(sorted({*self.fixed, *first}))
+
+    def optimize(self, max_iterations: int = 100) -> "Solution":
+        """The poses of least squared residual, by Levenberg-Marquardt from the initial estimate.
+
+        Raises:
+            InputError: the equations have no unique or no finite solution.
+        """
+        factors, initial = _factors(self), _values(self.trajectory)
+        options = gtsam.LevenbergMarquardtParams()
+        options.setMaxIterations(max_iterations)
+        options.setRelativeErrorTol(1e-9)
+        options.setAbsoluteErrorTol(1e-9)
+        try:
+            optimizer = gtsam.LevenbergMarquardtOptimizer(factors, initial, options)
+            optimum = optimizer.optimize()
+            marginals = gtsam.Marginals(factors, optimum)
+        except RuntimeError as error:
+            raise InputError(
+                f"the pose graph of {len(self.trajectory)} poses and {len(self.edges)} edges has no unique "
+                f"solution ({str(error).strip().splitlines()[0]}); look for covariances that are far too "
+                "large or too small"
+            ) from error
+        solved = Trajectory(self.trajectory.stamps, _transforms(optimum, len(self.trajectory)))
+        tied = 6 * (len(self.trajectory) - len(self.anchors))
+        return Solution(
+            graph=PoseGraph(solved, self.edges, self.fixed),
+            chi_squared_before=2 * factors.error(initial),
+            chi_squared_after=2 * factors.error(optimum),
+            degrees_of_freedom=6 * len(self.edges) - tied,
+            iterations=optimizer.iterations(),
+            converged=optimizer.iterations() < max_iterations,
+            residuals=np.array([np.sqrt(2 * factors.at(k).error(optimum)) for k in range(len(self.edges))]),
+            _marginals=marginals,
+        )
+
+
+@dataclass(frozen=True, slots=True)
+class Solution:
+    """An optimized pose graph.
+
+    Attributes:
+        graph: the same edges, with the optimized trajectory.
+        chi_squared_before, chi_squared_after: sum of squared residuals in sigmas, at the initial estimate
+            and at the optimum; of a good graph the latter is about `degrees_of_freedom`.
+        degrees_of_freedom: measured numbers less free ones.
+        iterations, converged: of the optimizer, and whether it came to rest before the limit.
+        residuals: (E,) float64, each edge's residual in sigmas (the Mahalanobis length of its six numbers).
+    """
+
+    graph: PoseGraph
+    chi_squared_before: float
+    chi_squared_after: float
+    degrees_of_freedom: int
+    iterations: int
+    converged: bool
+    residuals: np.ndarray
+    _marginals: gtsam.Marginals
+
+    @property
+    def trajectory(self) -> Trajectory:
+        """The optimized poses."""
+        return self.graph.trajectory
+
+    def covariances(self) -> np.ndarray:
+        """(N, 6, 6): each pose's, rotation first [rad, m], body tangent, against its component's anchor."""
+        return np.stack([self._marginals.marginalCovariance(k) for k in range(len(self.trajectory))])
+
+    def relative(self, i: int, j: int) -> tuple[RigidTransform, np.ndarray]:
+        """T_i_j as the graph estimates it, and its (6, 6) covariance, from the joint marginal of both poses.
+
+        With T_i Exp(a) and T_j Exp(b) the relative pose is T_i_j Exp(b - Ad(T_j_i) a), to first order. Both
+        poses have to be in one component.
+        """
+        T = self.trajectory.T_world_sensor
+        T_i_j = T[i].inv() * T[j]
+        joint = self._marginals.jointMarginalCovariance([i, j])
+        stacked = np.block([[joint.at(i, i), joint.at(i, j)], [joint.at(j, i), joint.at(j, j)]])
+        jacobian = np.hstack([-to_pose3(T_i_j.inv()).AdjointMap(), np.eye(6)])
+        return T_i_j, jacobian @ stacked @ jacobian.T
+
+
+def to_pose3(T: RigidTransform) -> gtsam.Pose3:
+    """One rigid transform as GTSAM's."""
+    return gtsam.Pose3(T.as_matrix())
+
+
+def _values(trajectory: Trajectory) -> gtsam.Values:
+    values = gtsam.Values()
+    for pose, matrix in enumerate(trajectory.T_world_sensor.as_matrix()):
+        values.insert(pose, gtsam.Pose3(matrix))
+    return values
+
+
+def _transforms(values: gtsam.Values, count: int) -> RigidTransform:
+    return RigidTransform.from_matrix(np.stack([values.atPose3(pose).matrix() for pose in range(count)]))
+
+
+def _factors(graph: PoseGraph) -> gtsam.NonlinearFactorGraph:
+    """One factor per edge, in their order, then one per anchor."""
+    factors = gtsam.NonlinearFactorGraph()
+    for edge in graph.edges:
+        measured = to_pose3(edge.registration.T_target_source)
+        noise = gtsam.noiseModel.Gaussian.Covariance(edge.registration.covariance)
+        if edge.kind == "prior":
+            factors.add(gtsam.PriorFactorPose3(edge.i, measured, noise))
+        else:
+            factors.add(gtsam.BetweenFactorPose3(edge.i, edge.j, measured, noise))
+    gauge = gtsam.noiseModel.Isotropic.Sigma(6, GAUGE_SIGMA)
+    for pose in graph.anchors:
+        T_world_sensor = graph.trajectory.T_world_sensor[pose]
+        factors.add(gtsam.PriorFactorPose3(pose, to_pose3(T_world_sensor), gauge))
+    return factors
