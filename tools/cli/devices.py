@@ -1,6 +1,7 @@
 """`sonarmap devices`: what OpenCL offers here, and what would be chosen."""
 
 import json
+import sys
 from dataclasses import asdict
 from typing import TYPE_CHECKING
 
@@ -60,7 +61,6 @@ def _print_table(infos: "list[DeviceInfo]", chosen: str | None) -> None:
         name = Text(printable(f"{info.name} ({info.version.rpartition(', ')[2]})"))
         memory = f"{info.memory / 2**30:.1f} GiB"
         table.add_row(mark, info.selector, info.kind, str(info.compute_units), memory, name, state)
-    console = Console()
-    console.print(table, width=None if console.is_terminal else 200)
+    Console(width=None if sys.stdout.isatty() else 200).print(table)
     if chosen:
         say(f"{chosen} would be chosen; --device or PYOPENCL_CTX choose another")

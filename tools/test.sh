@@ -1,0 +1,7 @@
+#!/usr/bin/env bash
+# Set up, then run the tests. Arguments go to pytest, as in: tools/test.sh -m '' tests/test_fft.py
+set -euo pipefail
+root=$(cd "$(dirname "${BASH_SOURCE[0]}")/.." && pwd)
+"$root/tools/setup.sh"
+cd "$root"
+exec .venv/bin/python -m pytest "$@"
