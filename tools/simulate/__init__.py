@@ -1,0 +1,1 @@
+"""The simulator: scenes made of solids, a ray-cast sonar, noise, trajectories, and the truth beside scans."""
