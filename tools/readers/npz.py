@@ -1,0 +1,75 @@
+"""NumPy's .npz: a zip archive of arrays, never pickled, never unpacked beyond what its size makes likely."""
+
+import io
+import struct
+import zipfile
+import zlib
+
+import numpy as np
+
+from kernels.errors import InputError
+from tools.readers.cloud import Cloud
+from tools.readers.npy import cloud_of_array, parse_npy
+
+# Real points shrink by a few times, an array of one value by up to 1030: no cause to refuse a small one.
+_SMALL = 64 << 20
+_BELIEVABLE_RATIO = 100
+_DAMAGE = (
+    zipfile.BadZipFile, zlib.error, struct.error, EOFError, OSError, NotImplementedError, RuntimeError,
+    ValueError, IndexError, KeyError, OverflowError,
+)  # fmt: skip
+
+
+def read_npz(content: bytes) -> list[Cloud]:
+    """The points of a .npz file: array `points`, perhaps `strength` and `stamp`; or the only array there is.
+
+    Raises:
+        InputError: damage anywhere, arrays of objects, other names or shapes, an implausible compression.
+    """
+    arrays = _arrays_of(content)
+    if "points" not in arrays and len(arrays) != 1:
+        raise InputError(
+            f"its arrays are {', '.join(sorted(arrays)) or '(none)'}; wanted 'points' of shape (N, 3) and "
+            "perhaps 'strength' and 'stamp', or one single array"
+        )
+    points = arrays["points"] if "points" in arrays else next(iter(arrays.values()))
+    return [cloud_of_array(points, arrays.get("strength"), _stamp_of(arrays.get("stamp")))]
+
+
+def _stamp_of(stamp: np.ndarray | None) -> float | None:
+    if stamp is None:
+        return None
+    if stamp.size != 1 or not np.isfinite(stamp).all():
+        raise InputError(f"stamp has shape {stamp.shape}; wanted one finite number, seconds in UTC")
+    return float(stamp.reshape(-1)[0])
+
+
+def _arrays_of(content: bytes) -> dict[str, np.ndarray]:
+    try:
+        archive = zipfile.ZipFile(io.BytesIO(content))
+        members = [member for member in archive.infolist() if member.filename.endswith(".npy")]
+    except _DAMAGE as error:
+        raise InputError(f"it is no whole zip archive ({error}); save or copy it again") from error
+    arrays: dict[str, np.ndarray] = {}
+    for member in members:
+        _require_believable(member)
+        try:
+            body = archive.read(member)
+        except _DAMAGE as error:
+            raise InputError(f"its member {member.filename!r} is damaged ({error}); save it again") from error
+        try:
+            arrays[member.filename.removesuffix(".npy")] = parse_npy(body)
+        except InputError as error:
+            raise InputError(f"its member {member.filename!r}: {error}") from error
+    return arrays
+
+
+def _require_believable(member: zipfile.ZipInfo) -> None:
+    """Memory stays in proportion to the file, whatever the archive claims."""
+    if member.compress_type not in (zipfile.ZIP_STORED, zipfile.ZIP_DEFLATED):
+        raise InputError(f"its member {member.filename!r} is not compressed as NumPy does it; save it again")
+    if member.file_size > max(_SMALL, _BELIEVABLE_RATIO * member.compress_size):
+        raise InputError(
+            f"its member {member.filename!r} claims to unpack {member.compress_size:,} bytes to "
+            f"{member.file_size:,}; that is not believable: save it without compression if it is right"
+        )
