@@ -26,8 +26,8 @@ def cell_keys(points: np.ndarray, size: float, origin: np.ndarray) -> np.ndarray
     if len(cells) and (cells.min() < -_HALF or cells.max() >= _HALF):
         reach = float(np.abs(points - origin).max())
         raise InputError(
-            f"points lie up to {reach:.3g} m from the map's first pose, more than {_HALF:,} cells of {size} m; "
-            "use larger voxels, or look for a pose that went astray"
+            f"points lie up to {reach:.3g} m from the map's first pose, more than {_HALF:,} cells of "
+            f"{size} m; use larger voxels, or look for a pose that went astray"
         )
     cells += _HALF
     return (cells[:, 0] << (2 * _BITS)) | (cells[:, 1] << _BITS) | cells[:, 2]

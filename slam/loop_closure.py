@@ -68,7 +68,7 @@ class Verdict:
 
     Attributes:
         kept: whether it becomes an edge.
-        sigmas: its distance from the estimate (Mahalanobis).
+        sigmas: its distance from the estimate (Mahalanobis); NaN where the registration itself refused it.
         reason: in words.
     """
 
@@ -152,6 +152,9 @@ def judge(
     The distance is that of the measured from the estimated T_i_j under the sum of three covariances: the
     measurement's, the estimate's (joint marginal of both poses), and the floor.
     """
+    if not registration.accepted:
+        words = registration.reason or "no reason given"
+        return Verdict(False, float("nan"), f"refused by the registration: {words}")
     T_i_j, covariance = solution.relative(candidate.i, candidate.j)
     difference = (T_i_j.inv() * registration.T_target_source).as_exp_coords()
     floor = np.repeat([settings.floor_rotation, settings.floor_voxels * voxel], 3)
@@ -161,10 +164,6 @@ def judge(
         f"{sigmas:.1f} sigmas from the estimate ({np.degrees(np.linalg.norm(difference[:3])):.1f} degrees, "
         f"{np.linalg.norm(difference[3:]):.2f} m), {settings.bound:g} allowed"
     )
-    if not registration.accepted:
-        return Verdict(
-            False, sigmas, f"refused by the registration: {registration.reason or 'no reason given'}"
-        )
     if not sigmas <= settings.bound:
         return Verdict(False, sigmas, f"refused, inconsistent: {apart}")
     return Verdict(True, sigmas, f"kept: {apart}")

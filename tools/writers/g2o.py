@@ -1,0 +1,45 @@
+"""g2o pose graphs with 17 significant digits; their reader tells what the numbers mean."""
+
+from collections.abc import Iterable
+from pathlib import Path
+
+import numpy as np
+from scipy.spatial.transform import RigidTransform
+
+from kernels.errors import InputError
+from slam.edge import inverse_definite
+from slam.pose_graph import PoseGraph
+from tools.atomic import atomic_path
+from tools.readers.g2o import EDGE, FIX, TRANSLATION_LAST, UPPER, VERTEX
+from tools.writers.tum import pose_numbers
+
+
+def write_g2o(path: Path, graph: PoseGraph) -> None:
+    """Write poses, fixed poses and edges; vertex k is pose k.
+
+    Translations are kept to the last bit, quaternions to its rounding, covariances to that of inverting
+    them. Stamps have no place in the format.
+
+    Raises:
+        InputError: the graph holds a prior, which the format cannot say, or the file cannot be written.
+    """
+    prior = next((edge for edge in graph.edges if edge.kind == "prior"), None)
+    if prior is not None:
+        raise InputError(
+            f"pose {prior.i} has a prior, and {EDGE} knows none; leave priors out of the g2o file"
+        )
+    poses = pose_numbers(graph.trajectory.T_world_sensor).tolist()
+    lines = [_line(f"{VERTEX} {k}", pose) for k, pose in enumerate(poses)]
+    lines += [f"{FIX} {pose}\n" for pose in graph.fixed]
+    if graph.edges:
+        stacked = RigidTransform.concatenate([edge.registration.T_target_source for edge in graph.edges])
+        for edge, pose in zip(graph.edges, pose_numbers(stacked).tolist(), strict=True):
+            information = inverse_definite(edge.registration.covariance)
+            upper = information[np.ix_(TRANSLATION_LAST, TRANSLATION_LAST)][UPPER]
+            lines.append(_line(f"{EDGE} {edge.i} {edge.j}", [*pose, *upper.tolist()]))
+    with atomic_path(path) as temporary:
+        temporary.write_text("".join(lines))
+
+
+def _line(head: str, numbers: Iterable[float]) -> str:
+    return f"{head} {' '.join(f'{number:.17g}' for number in numbers)}\n"

@@ -1,0 +1,168 @@
+"""`summary.json`: what was run, with what, and what came of it."""
+
+import json
+import math
+import platform
+from collections.abc import Mapping
+from dataclasses import fields, is_dataclass
+from importlib.metadata import PackageNotFoundError, version
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from slam.pair import Pair
+from slam.point_map import PointMap
+from slam.survey import SurveyResult
+from spectral.result import Registration
+from tools.atomic import atomic_path
+
+PACKAGES = ("sonarmap", "numpy", "scipy", "pyopencl", "gtsam", "open3d")
+
+
+def write_summary(path: Path, content: Mapping[str, Any]) -> None:
+    """Write a mapping as JSON: NaN and infinity become null, NumPy's types become Python's.
+
+    Args:
+        path: the file.
+        content: names and values, as from `survey_summary`.
+
+    Raises:
+        TypeError: a value that JSON has no form for.
+        InputError: the file cannot be written.
+    """
+    text = json.dumps(to_json(content), indent=2, allow_nan=False, ensure_ascii=False)
+    with atomic_path(path) as temporary:
+        temporary.write_text(text + "\n", encoding="utf-8")
+
+
+def survey_summary(
+    result: SurveyResult, names: list[str], settings: Mapping[str, Any], device: Any
+) -> dict[str, Any]:
+    """What `sonarmap map` tells about a survey.
+
+    Args:
+        result: the survey.
+        names: of its scans, in their order.
+        settings: as the user gave them or as they were chosen; dataclasses are fine as values.
+        device: what it ran on, any value that `to_json` takes, as a `DeviceInfo`.
+    """
+    solution, graph = result.solution, result.solution.graph
+    return {
+        "versions": package_versions(),
+        "device": device,
+        "settings": settings,
+        "scans": [
+            {"index": k, "name": name, "stamp": result.trajectory.stamps[k], "sigmas": sigmas}
+            for k, (name, sigmas) in enumerate(zip(names, pose_sigmas(result.covariances), strict=True))
+        ],
+        "pairs": [pair_row(pair) for pair in result.pairs],
+        "gaps": result.gaps,
+        "components": [
+            {"scans": members, "map": map_statistics(point_map)}
+            for members, point_map in zip(result.components, result.maps, strict=True)
+        ],
+        "graph": {
+            "edges": len(graph.edges),
+            "loops": sum(pair.kept and pair.role == "loop" for pair in result.pairs),
+            "bridges": sum(pair.kept and pair.role == "bridge" for pair in result.pairs),
+            "chi_squared_before": solution.chi_squared_before,
+            "chi_squared_after": solution.chi_squared_after,
+            "degrees_of_freedom": solution.degrees_of_freedom,
+            "iterations": solution.iterations,
+            "converged": solution.converged,
+        },
+    }
+
+
+def pair_row(pair: Pair) -> dict[str, Any]:
+    """A pair's line of the table."""
+    row = {
+        "target": pair.i,
+        "source": pair.j,
+        "role": pair.role,
+        "kept": pair.kept,
+        "reason": pair.reason,
+        "predicted_overlap": pair.predicted_overlap,
+        "sigmas_from_estimate": pair.sigmas_from_estimate,
+        "residual_sigmas": pair.residual,
+    }
+    return row | (registration_row(pair.registration) if pair.registration else {})
+
+
+def registration_row(registration: Registration) -> dict[str, Any]:
+    """A registration in the command line's units: degrees and meters."""
+    T = registration.T_target_source
+    yaw, pitch, roll = T.rotation.as_euler("ZYX", degrees=True)
+    return {
+        "translation_m": T.translation,
+        "roll_pitch_yaw_deg": [roll, pitch, yaw],
+        "T_target_source": T.as_matrix(),
+        "covariance": registration.covariance,
+        "psr": registration.psr,
+        "step_psr": dict(registration.step_psr),
+        "overlap": registration.overlap,
+        "accepted": registration.accepted,
+        "seconds": registration.seconds,
+        "alternatives": len(registration.alternatives),
+    }
+
+
+def pose_sigmas(covariances: np.ndarray) -> list[dict[str, float]]:
+    """Of (N, 6, 6) covariances, each pose's standard deviations along its worst direction."""
+    rotation = np.sqrt(np.linalg.eigvalsh(covariances[:, :3, :3])[:, -1])
+    translation = np.sqrt(np.linalg.eigvalsh(covariances[:, 3:, 3:])[:, -1])
+    return [
+        {"rotation_deg": math.degrees(r), "translation_m": t}
+        for r, t in zip(rotation.tolist(), translation.tolist(), strict=True)
+    ]
+
+
+def map_statistics(point_map: PointMap) -> dict[str, Any]:
+    """Size and extent of a map, and how much of it more than one scan saw."""
+    return {
+        "points": len(point_map.points),
+        "voxel_m": point_map.voxel,
+        "lower_m": point_map.points.min(axis=0),
+        "upper_m": point_map.points.max(axis=0),
+        "measured_points": point_map.hits.sum(),
+        "seen_by_two_or_more": (point_map.seen >= 2).mean(),
+        "most_scans_on_a_voxel": point_map.seen.max(),
+    }
+
+
+def package_versions() -> dict[str, str | None]:
+    """The versions of Python and of what the numbers depend on; None for a package that is not installed."""
+    found: dict[str, str | None] = {"python": platform.python_version(), "system": platform.platform()}
+    for package in PACKAGES:
+        try:
+            found[package] = version(package)
+        except PackageNotFoundError:
+            found[package] = None
+    return found
+
+
+def to_json(value: Any) -> Any:
+    """A value in JSON's types: NumPy's, dataclasses, tuples, sets and paths included; NaN and infinity are
+    null.
+
+    Raises:
+        TypeError: a value that JSON has no form for.
+    """
+    if isinstance(value, np.ndarray | np.generic):
+        return to_json(value.tolist())
+    if isinstance(value, float):
+        return value if math.isfinite(value) else None
+    if value is None or isinstance(value, bool | int | str):
+        return value
+    if isinstance(value, Mapping):
+        return {str(key): to_json(item) for key, item in value.items()}
+    if isinstance(value, list | tuple):
+        return [to_json(item) for item in value]
+    if isinstance(value, set | frozenset):
+        return sorted(to_json(item) for item in value)
+    if isinstance(value, Path):
+        return str(value)
+    if is_dataclass(value) and not isinstance(value, type):
+        return {field.name: to_json(getattr(value, field.name)) for field in fields(value)}
+    raise TypeError(f"a {type(value).__name__} has no form in JSON; give numbers, text, lists or mappings")
