@@ -19,6 +19,7 @@ _HEADER = re.compile(
     rb"\A(.*?)^DATA[ \t]+(ascii|binary|binary_compressed)[ \t]*\r?\n", re.DOTALL | re.MULTILINE
 )
 _HEADER_LIMIT = 1 << 20
+_NO_VIEWPOINT = r"-?0[.0]* -?0[.0]* -?0[.0]* 1[.0]* -?0[.0]* -?0[.0]* -?0[.0]*"
 _SIZES = {"F": (4, 8), "I": (1, 2, 4, 8), "U": (1, 2, 4, 8)}
 _LZF_RATIO = 264  # LZF never shrinks further: 264 bytes repeated cost it at least two
 
@@ -122,7 +123,7 @@ def _dtype(kind: str, size: str) -> str:
 
 def _viewpoint_note(viewpoint: list[str]) -> list[str]:
     """PCL keeps the sensor's pose beside the points; whose frame the points are in, it does not say."""
-    if not viewpoint or viewpoint == ["0", "0", "0", "1", "0", "0", "0"]:
+    if not viewpoint or re.fullmatch(_NO_VIEWPOINT, " ".join(viewpoint)):
         return []
     return [f"VIEWPOINT {' '.join(viewpoint)} is not used; the points are taken to be in the sensor's frame"]
 
