@@ -1,0 +1,23 @@
+// Voxelize: every voxel takes the largest weight of the points that fall into it.
+//
+// Layout: points are COUNT float4 (x, y, z [voxels from the grid's center], weight); the volume is EDGE^3
+// float32 in C order, axis 0 is x. pose holds the rows of [R | offset + EDGE/2 + 0.5] (see launch.affine).
+// Precondition: the volume is zero. Weights that are not above zero, and points outside, are dropped: the bits of
+// positive floats order as integers do, so that the result does not depend on the order of the points.
+#ifndef EDGE
+#define EDGE 128
+#endif
+
+__kernel void voxelize(__global const float4* const restrict points, __global int* const restrict volume,
+                       const int count, const float16 pose) {
+    const int n = get_global_id(0);
+    if (n >= count) return;
+    const float4 p = points[n];
+    const float x = fma(pose.s0, p.x, fma(pose.s1, p.y, fma(pose.s2, p.z, pose.s3)));
+    const float y = fma(pose.s4, p.x, fma(pose.s5, p.y, fma(pose.s6, p.z, pose.s7)));
+    const float z = fma(pose.s8, p.x, fma(pose.s9, p.y, fma(pose.sa, p.z, pose.sb)));
+    const float edge = EDGE;
+    const bool inside = x >= 0 && y >= 0 && z >= 0 && x < edge && y < edge && z < edge;  // false for NaN
+    if (!inside || !(p.w > 0)) return;
+    atomic_max(volume + ((int)x * EDGE + (int)y) * EDGE + (int)z, as_int(p.w));
+}
