@@ -1,0 +1,64 @@
+// Row-wise reduction of a correlation, finished on the host, and a copy of chosen rows.
+//
+// Layout: values are rows of LENGTH float32; out is (3, rows) float32: each row's maximum, its mean, and the sum of its
+// squared deviations from that mean, so that nothing is lost where the mean is large. The maximum is taken at columns
+// of cyclic distance up to reach from column 0 only.
+// Precondition: reach >= 0.
+#ifndef LENGTH
+#define LENGTH 128
+#endif
+
+static float sum8(const float8 v) {
+    const float4 a = v.lo + v.hi;
+    const float2 b = a.lo + a.hi;
+    return b.x + b.y;
+}
+
+static float max8(const float8 v) {
+    const float4 a = fmax(v.lo, v.hi);
+    const float2 b = fmax(a.lo, a.hi);
+    return fmax(b.x, b.y);
+}
+
+// One work-item per row: the second walk over it finds it in the cache.
+__kernel void row_statistics(__global const float* const restrict values, __global float* const restrict out,
+                             const int reach) {
+    const size_t r = get_global_id(0);
+    const size_t rows = get_global_size(0);
+    __global const float* const row = values + r * LENGTH;
+    const int whole = LENGTH / 8 * 8;
+    const int8 lanes = (int8)(0, 1, 2, 3, 4, 5, 6, 7);
+    float8 sums = 0.0f;
+    float8 tops = -INFINITY;
+    for (int k = 0; k < whole; k += 8) {
+        const float8 v = vload8(0, row + k);
+        const int8 column = lanes + k;
+        sums += v;
+        tops = fmax(tops, select((float8)(-INFINITY), v, column <= reach || column >= LENGTH - reach));
+    }
+    float sum = sum8(sums);
+    float top = max8(tops);
+    for (int k = whole; k < LENGTH; ++k) {
+        sum += row[k];
+        if (k <= reach || k >= LENGTH - reach) top = fmax(top, row[k]);
+    }
+    const float mean = sum / LENGTH;
+    float8 deviations = 0.0f;
+    for (int k = 0; k < whole; k += 8) {
+        const float8 d = vload8(0, row + k) - mean;
+        deviations += d * d;
+    }
+    float deviation = sum8(deviations);
+    for (int k = whole; k < LENGTH; ++k) deviation += (row[k] - mean) * (row[k] - mean);
+    out[r] = top;
+    out[rows + r] = mean;
+    out[2 * rows + r] = deviation;
+}
+
+__kernel void gather_rows(__global const float* const restrict values, __global const int* const restrict rows,
+                          __global float* const restrict out) {
+    const size_t r = get_global_id(0);
+    __global const float* const from = values + (size_t)rows[r] * LENGTH;
+    __global float* const to = out + r * LENGTH;
+    for (int k = 0; k < LENGTH; ++k) to[k] = from[k];
+}
