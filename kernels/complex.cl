@@ -25,32 +25,45 @@ inline void store_columns(__global float* to, const float8 re, const float8 im) 
 }
 
 inline void transpose(float8* t) {
-    float8 u[8];
-    for (int i = 0; i < 4; ++i) {
-        u[2 * i] = shuffle_low(t[2 * i], t[2 * i + 1]);
-        u[2 * i + 1] = shuffle_high(t[2 * i], t[2 * i + 1]);
-    }
-    for (int i = 0; i < 2; ++i) {
-        const float8 a = u[4 * i], b = u[4 * i + 1], c = u[4 * i + 2], d = u[4 * i + 3];
-        t[4 * i] = (float8)(a.s01, c.s01, a.s45, c.s45);
-        t[4 * i + 1] = (float8)(a.s23, c.s23, a.s67, c.s67);
-        t[4 * i + 2] = (float8)(b.s01, d.s01, b.s45, d.s45);
-        t[4 * i + 3] = (float8)(b.s23, d.s23, b.s67, d.s67);
-    }
-    for (int i = 0; i < 4; ++i) {
-        const float8 a = t[i], b = t[i + 4];
-        t[i] = (float8)(a.lo, b.lo);
-        t[i + 4] = (float8)(a.hi, b.hi);
-    }
+    const float8 a0 = shuffle_low(t[0], t[1]), a1 = shuffle_high(t[0], t[1]);
+    const float8 a2 = shuffle_low(t[2], t[3]), a3 = shuffle_high(t[2], t[3]);
+    const float8 a4 = shuffle_low(t[4], t[5]), a5 = shuffle_high(t[4], t[5]);
+    const float8 a6 = shuffle_low(t[6], t[7]), a7 = shuffle_high(t[6], t[7]);
+    const float8 b0 = (float8)(a0.s01, a2.s01, a0.s45, a2.s45), b1 = (float8)(a0.s23, a2.s23, a0.s67, a2.s67);
+    const float8 b2 = (float8)(a1.s01, a3.s01, a1.s45, a3.s45), b3 = (float8)(a1.s23, a3.s23, a1.s67, a3.s67);
+    const float8 b4 = (float8)(a4.s01, a6.s01, a4.s45, a6.s45), b5 = (float8)(a4.s23, a6.s23, a4.s67, a6.s67);
+    const float8 b6 = (float8)(a5.s01, a7.s01, a5.s45, a7.s45), b7 = (float8)(a5.s23, a7.s23, a5.s67, a7.s67);
+    t[0] = (float8)(b0.lo, b4.lo);
+    t[1] = (float8)(b1.lo, b5.lo);
+    t[2] = (float8)(b2.lo, b6.lo);
+    t[3] = (float8)(b3.lo, b7.lo);
+    t[4] = (float8)(b0.hi, b4.hi);
+    t[5] = (float8)(b1.hi, b5.hi);
+    t[6] = (float8)(b2.hi, b6.hi);
+    t[7] = (float8)(b3.hi, b7.hi);
 }
 
-// 4 complex numbers of 8 rows, `pitch` floats apart, to and from lanes.
+// 4 complex numbers of 8 rows, `pitch` floats apart, to and from lanes. No loops: they would keep t in memory.
 inline void load_rows(__global const float* from, const int pitch, float8* t) {
-    for (int i = 0; i < 8; ++i) t[i] = vload8(0, from + i * pitch);
+    t[0] = vload8(0, from);
+    t[1] = vload8(0, from + pitch);
+    t[2] = vload8(0, from + 2 * pitch);
+    t[3] = vload8(0, from + 3 * pitch);
+    t[4] = vload8(0, from + 4 * pitch);
+    t[5] = vload8(0, from + 5 * pitch);
+    t[6] = vload8(0, from + 6 * pitch);
+    t[7] = vload8(0, from + 7 * pitch);
     transpose(t);
 }
 
 inline void store_rows(__global float* to, const int pitch, float8* t) {
     transpose(t);
-    for (int i = 0; i < 8; ++i) vstore8(t[i], 0, to + i * pitch);
+    vstore8(t[0], 0, to);
+    vstore8(t[1], 0, to + pitch);
+    vstore8(t[2], 0, to + 2 * pitch);
+    vstore8(t[3], 0, to + 3 * pitch);
+    vstore8(t[4], 0, to + 4 * pitch);
+    vstore8(t[5], 0, to + 5 * pitch);
+    vstore8(t[6], 0, to + 6 * pitch);
+    vstore8(t[7], 0, to + 7 * pitch);
 }

@@ -90,13 +90,12 @@ inline void {name}(__global float* p) {{
 def _real_rows(layout: Layout, inverse: bool) -> str:
     """The function that transforms 8 real rows: dense floats to half a spectrum, or back."""
     n, pitch, length = layout.row_points, 2 * layout.pitch, layout.shape[2]
-    step = n // RADICES[n][-1]
-    both = "for (int j = 0; j < 4; ++j)"
-    scale = 2 / layout.points  # a packed row has half the points of its real one
+    scale = 2 / layout.points if inverse else 1.0  # a packed row has half the points of its real one
+    common = f"{_position(n)}\n{untangle(n, scale, inverse, 'float8')}\n"
     if inverse:
-        return f"""
-{_position(n)}
-{untangle(n, scale, inverse, "float8")}
+        return (
+            common
+            + f"""
 inline void rows(__global float* volume, __global const float* spectrum) {{
     float8 re[{n}], im[{n}], a[8], b[8];
     load_rows(spectrum + {n}, {pitch}, a);
@@ -106,45 +105,47 @@ inline void rows(__global float* volume, __global const float* spectrum) {{
         load_rows(spectrum + 2 * k, {pitch}, a);
         load_rows(spectrum + {2 * n - 6} - 2 * k, {pitch}, b);
         if (k == 0) a[1] = b[7] = 0.0f;  // a real row has none there
-        {both} {{
-            untangle(a + 2 * j, a + 2 * j + 1, b + 6 - 2 * j, b + 7 - 2 * j, k + j);
-            const int at = position(k + j), mirror = position({n} - k - j);
-            im[at] = a[2 * j];
-            re[at] = a[2 * j + 1];
-            im[mirror] = b[6 - 2 * j];
-            re[mirror] = b[7 - 2 * j];
-        }}
+        {_untangle_tiles()}
+        const int at = position(k), before = position({n - 4} - k), mirror = position({n} - k);
+        {_tile_to_arrays("at", n, "im", "re", "a")}
+        im[mirror] = b[6];
+        re[mirror] = b[7];
+        {_tile_to_arrays("before", n, "im", "re", "b", shift=1)}
     }}
     {_inner_stages(n, 0, len(RADICES[n]))}
     {_KEEP} for (int k = 0; k < {n}; k += 4) {{
-        {both} {{ a[2 * j] = im[k + j]; a[2 * j + 1] = re[k + j]; }}
+        {_arrays_to_tile("k", "im", "re")}
         store_rows(volume + 2 * k, {length}, a);
     }}
 }}"""
-    return f"""
-{_position(n)}
-{untangle(n, 1.0, inverse, "float8")}
+        )
+    return (
+        common
+        + f"""
 inline void rows(__global const float* volume, __global float* spectrum) {{
     float8 re[{n}], im[{n}], a[8], b[8];
     {_KEEP} for (int k = 0; k < {n}; k += 4) {{
         load_rows(volume + 2 * k, {length}, a);
         const int at = position(k);
-        {both} {{ re[at + j * {step}] = a[2 * j]; im[at + j * {step}] = a[2 * j + 1]; }}
+        {_tile_to_arrays("at", n, "re", "im", "a")}
     }}
     {_inner_stages(n, 0, len(RADICES[n]))}
     a[0] = re[{n // 2}];
     a[1] = -im[{n // 2}];
-    for (int j = 2; j < 8; ++j) a[j] = 0.0f;
+    a[2] = a[3] = a[4] = a[5] = a[6] = a[7] = 0.0f;
     store_rows(spectrum + {n}, {pitch}, a);  // all but its first column is overwritten below
     {_KEEP} for (int k = 0; k < {n // 2}; k += 4) {{
-        {both} {{
-            const int mirror = ({n} - k - j) & {n - 1};
-            a[2 * j] = re[k + j];
-            a[2 * j + 1] = im[k + j];
-            b[6 - 2 * j] = re[mirror];
-            b[7 - 2 * j] = im[mirror];
-            untangle(a + 2 * j, a + 2 * j + 1, b + 6 - 2 * j, b + 7 - 2 * j, k + j);
-        }}
+        const int mirror = ({n} - k) & {n - 1}, before = {n - 4} - k;
+        {_arrays_to_tile("k", "re", "im")}
+        b[6] = re[mirror];
+        b[7] = im[mirror];
+        b[4] = re[before + 3];
+        b[5] = im[before + 3];
+        b[2] = re[before + 2];
+        b[3] = im[before + 2];
+        b[0] = re[before + 1];
+        b[1] = im[before + 1];
+        {_untangle_tiles()}
         store_rows(spectrum + 2 * k, {pitch}, a);
         store_rows(spectrum + {2 * n - 6} - 2 * k, {pitch}, b);
     }}
@@ -153,12 +154,12 @@ inline void rows(__global const float* volume, __global float* spectrum) {{
         vstore8((float8)(0.0f), 0, spectrum + i * {pitch} + {2 * n + 8});
     }}
 }}"""
+    )
 
 
 def _complex_rows(layout: Layout, inverse: bool) -> str:
     """The function that transforms 8 complex rows in place."""
     n, pitch = layout.row_points, 2 * layout.pitch
-    step = n // RADICES[n][-1]
     re, im = ("im", "re") if inverse else ("re", "im")
     scale = f" * {literal(1 / layout.points)}" if inverse else ""
     return f"""
@@ -168,17 +169,40 @@ inline void rows(__global float* spectrum) {{
     {_KEEP} for (int k = 0; k < {n}; k += 4) {{
         load_rows(spectrum + 2 * k, {pitch}, a);
         const int at = position(k);
-        for (int j = 0; j < 4; ++j) {{
-            {re}[at + j * {step}] = a[2 * j];
-            {im}[at + j * {step}] = a[2 * j + 1];
-        }}
+        {_tile_to_arrays("at", n, re, im, "a")}
     }}
     {_inner_stages(n, 0, len(RADICES[n]))}
     {_KEEP} for (int k = 0; k < {n}; k += 4) {{
-        for (int j = 0; j < 4; ++j) {{ a[2 * j] = {re}[k + j]{scale}; a[2 * j + 1] = {im}[k + j]{scale}; }}
+        {_arrays_to_tile("k", re, im, scale)}
         store_rows(spectrum + 2 * k, {pitch}, a);
     }}
 }}"""
+
+
+def _untangle_tiles() -> str:
+    """Untangle 4 numbers from k on, in a, with their 4 mirror images, in b from the last to the first."""
+    return _block(
+        [
+            f"untangle(a + {2 * j}, a + {2 * j + 1}, b + {6 - 2 * j}, b + {7 - 2 * j}, k + {j});"
+            for j in range(4)
+        ]
+    )
+
+
+def _tile_to_arrays(at: str, n: int, re: str, im: str, tile: str, shift: int = 0) -> str:
+    """Put consecutive numbers in the digit-reversed order; the first has the position `at`, less `shift`."""
+    step = n // RADICES[n][-1]
+    lines = []
+    for j in range(4 - shift):
+        to = f"{at} + {(j + shift) * step}"
+        lines.append(f"{re}[{to}] = {tile}[{2 * j}]; {im}[{to}] = {tile}[{2 * j + 1}];")
+    return _block(lines)
+
+
+def _arrays_to_tile(at: str, re: str, im: str, scale: str = "") -> str:
+    return _block(
+        [f"a[{2 * j}] = {re}[{at} + {j}]{scale}; a[{2 * j + 1}] = {im}[{at} + {j}]{scale};" for j in range(4)]
+    )
 
 
 def _position(n: int) -> str:

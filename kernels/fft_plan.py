@@ -1,8 +1,8 @@
 """Plan a Fourier transform: the layout of its array, the radices of an edge, the butterflies as OpenCL C.
 
 An edge of N = r1 r2 ... points is transformed by decimation in time: its elements are put in the
-digit-reversed order of `scatter`, stage s turns every group of r_s transforms of r1..r_{s-1} points into one of
-r1..r_s, in place, and the spectrum comes out in its natural order. Cooley and Tukey,
+digit-reversed order of `scatter`, stage s turns every group of r_s transforms of r1..r_{s-1} points into one
+of r1..r_s, in place, and the spectrum comes out in its natural order. Cooley and Tukey,
 doi:10.1090/S0025-5718-1965-0178586-1.
 """
 
