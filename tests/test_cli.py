@@ -16,8 +16,15 @@ from typer.testing import CliRunner
 from kernels.device import Device
 from kernels.errors import DeviceError, InputError
 from tools.cli.main import VERBS, app, guarded, run
-from tools.cli.options import DeviceOption, GridOption, MaxTiltOption, SeedOption, VoxelOption
-from tools.cli.progress import progress
+from tools.cli.options import (
+    DeviceOption,
+    GridOption,
+    MaxTiltOption,
+    SeedOption,
+    VoxelOption,
+    YawPeaksOption,
+)
+from tools.cli.progress import growing_progress, progress
 from tools.cli.terminal import say
 
 ROOT = Path(__file__).parents[1]
@@ -158,19 +165,33 @@ class TestSharedOptions:
             grid: GridOption = None,
             voxel: VoxelOption = None,
             max_tilt: MaxTiltOption = 35.0,
+            yaw_peaks: YawPeaksOption = 6,
             device: DeviceOption = None,
             seed: SeedOption = 0,
         ) -> None:
-            typer.echo(f"{grid} {voxel} {max_tilt} {device} {seed}")
+            typer.echo(f"{grid} {voxel} {max_tilt} {yaw_peaks} {device} {seed}")
 
         return probe
 
     def test_defaults(self, verb: typer.Typer) -> None:
-        assert CliRunner().invoke(verb, []).stdout == "None None 35.0 None 0\n"
+        assert CliRunner().invoke(verb, []).stdout == "None None 35.0 6 None 0\n"
 
     def test_values(self, verb: typer.Typer) -> None:
-        arguments = ["--grid", "64", "--voxel", "0.5", "--max-tilt", "12.5", "--device", "cpu", "--seed", "7"]
-        assert CliRunner().invoke(verb, arguments).stdout == "64 0.5 12.5 cpu 7\n"
+        arguments = [
+            "--grid",
+            "64",
+            "--voxel",
+            "0.5",
+            "--max-tilt",
+            "12.5",
+            "--yaw-peaks",
+            "1",
+            "--device",
+            "cpu",
+            "--seed",
+            "7",
+        ]
+        assert CliRunner().invoke(verb, arguments).stdout == "64 0.5 12.5 1 cpu 7\n"
 
     @pytest.mark.parametrize("edge", ["16", "512"])
     def test_the_ends_of_the_grids_range(self, verb: typer.Typer, edge: str) -> None:
@@ -190,6 +211,7 @@ class TestSharedOptions:
             ("--max-tilt -5", ["-5.0 degrees", "more than 0 and at most 90"]),
             ("--max-tilt nan", ["nan degrees"]),
             ("--max-tilt 91", ["91.0 degrees"]),
+            ("--yaw-peaks 0", ["0 peaks", "from 1 to 32", "--yaw-peaks 6"]),
             ("--seed -1", ["-1", "whole number", "Use --seed 1"]),
         ],
     )
@@ -221,12 +243,30 @@ class TestProgress:
     def test_a_pipe_hears_of_the_time_left(
         self, capsys: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch
     ) -> None:
-        clock = iter([0.0, 2.0, 6.0, 9.0])
+        clock = iter([0.0, 0.0, 2.0, 6.0, 9.0])  # the start, the plan, three pieces
         monkeypatch.setattr("tools.cli.progress.time.monotonic", lambda: next(clock))
         with progress("pairs", 3) as advance:
             for _ in range(3):
                 advance("")
         assert capsys.readouterr().err == "pairs: 2 of 3, 6.0 s, about 3 s left\npairs: 3 of 3, 9.0 s\n"
+
+    def test_the_plan_may_grow(self, capsys: pytest.CaptureFixture[str]) -> None:
+        with growing_progress("mapping") as step:
+            step(1, 2, "0 - 1")
+            step(2, 5, "1 - 2")
+        said = capsys.readouterr().err
+        assert said.startswith("mapping: 2 of 5, ")
+        assert said.endswith(" s left (1 - 2)\n")
+
+    def test_an_error_ends_it_without_a_word(self, capsys: pytest.CaptureFixture[str]) -> None:
+        def fail_after_one() -> None:
+            with progress("pairs", 2) as advance:
+                advance("one")
+                raise InputError("no")
+
+        with pytest.raises(InputError):
+            fail_after_one()
+        assert capsys.readouterr().err == ""
 
     def test_a_terminal_gets_a_bar(self) -> None:
         shown = on_a_terminal(

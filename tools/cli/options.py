@@ -6,6 +6,7 @@ from typing import Annotated
 import typer
 
 SMALLEST_EDGE, LARGEST_EDGE = 16, 512
+MOST_YAW_PEAKS = 32
 DEFAULT_MAX_TILT = 35.0  # [deg], the paper's range of roll and pitch (Sect. 2.7)
 
 
@@ -37,6 +38,14 @@ def _check_tilt(tilt: float) -> float:
     )
 
 
+def _check_yaw_peaks(count: int) -> int:
+    if 1 <= count <= MOST_YAW_PEAKS:
+        return count
+    raise typer.BadParameter(
+        f"{count} peaks; wanted from 1 to {MOST_YAW_PEAKS}. Use --yaw-peaks 6, or 1 for the paper's method."
+    )
+
+
 def _check_seed(seed: int) -> int:
     if 0 <= seed < 2**63:
         return seed
@@ -57,6 +66,15 @@ MaxTiltOption = Annotated[
         metavar="DEG",
         help="Largest roll and pitch of a pair \\[deg].",
         callback=_check_tilt,
+    ),
+]
+YawPeaksOption = Annotated[
+    int,
+    typer.Option(
+        "--yaw-peaks",
+        metavar="K",
+        help="How many yaw hypotheses are followed to the end; 1 is the paper.",
+        callback=_check_yaw_peaks,
     ),
 ]
 DeviceOption = Annotated[
