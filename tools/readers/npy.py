@@ -33,10 +33,10 @@ def read_npy(content: bytes) -> list[Cloud]:
 def cloud_of_array(
     points: np.ndarray, strength: np.ndarray | None = None, stamp: float | None = None
 ) -> Cloud:
-    """The cloud of an array (N, 3), or (N, 4) with the strength last.
+    """The cloud of an array (N, 3), or (N, 4) with the strength last where none is given beside it.
 
     Raises:
-        InputError: another shape, or a strength given twice or for another number of points.
+        InputError: another shape, or a strength for another number of points.
     """
     if points.ndim != 2 or points.shape[1] not in (3, 4):
         raise InputError(f"an array of shape {points.shape}; wanted (N, 3) or, with strength, (N, 4)")

@@ -24,16 +24,21 @@ def read_npz(content: bytes) -> list[Cloud]:
     """The points of a .npz file: array `points`, perhaps `strength` and `stamp`; or the only array there is.
 
     Raises:
-        InputError: damage anywhere, arrays of objects, other names or shapes, an implausible compression.
+        InputError: damage, arrays of objects, other names or shapes, an unbelievable compression.
     """
-    arrays = _arrays_of(content)
-    if "points" not in arrays and len(arrays) != 1:
+    try:
+        archive = zipfile.ZipFile(io.BytesIO(content))
+        members = {one.filename.removesuffix(".npy"): one for one in archive.infolist()}
+    except _DAMAGE as error:
+        raise InputError(f"it is no whole zip archive ({error}); save or copy it again") from error
+    if "points" not in members and len(members) != 1:
         raise InputError(
-            f"its arrays are {', '.join(sorted(arrays)) or '(none)'}; wanted 'points' of shape (N, 3) and "
+            f"its arrays are {', '.join(sorted(members)) or '(none)'}; wanted 'points' of shape (N, 3) and "
             "perhaps 'strength' and 'stamp', or one single array"
         )
-    points = arrays["points"] if "points" in arrays else next(iter(arrays.values()))
-    return [cloud_of_array(points, arrays.get("strength"), _stamp_of(arrays.get("stamp")))]
+    wanted = ("points", "strength", "stamp") if "points" in members else tuple(members)
+    arrays = {name: _read_member(archive, members[name]) for name in wanted if name in members}
+    return [cloud_of_array(arrays[wanted[0]], arrays.get("strength"), _stamp_of(arrays.get("stamp")))]
 
 
 def _stamp_of(stamp: np.ndarray | None) -> float | None:
@@ -44,24 +49,19 @@ def _stamp_of(stamp: np.ndarray | None) -> float | None:
     return float(stamp.reshape(-1)[0])
 
 
-def _arrays_of(content: bytes) -> dict[str, np.ndarray]:
+def _read_member(archive: zipfile.ZipFile, member: zipfile.ZipInfo) -> np.ndarray:
+    _require_believable(member)
     try:
-        archive = zipfile.ZipFile(io.BytesIO(content))
-        members = [member for member in archive.infolist() if member.filename.endswith(".npy")]
+        with archive.open(member) as file:
+            body = file.read(
+                member.file_size
+            )  # without a size, a member that lies about its own would be unpacked
     except _DAMAGE as error:
-        raise InputError(f"it is no whole zip archive ({error}); save or copy it again") from error
-    arrays: dict[str, np.ndarray] = {}
-    for member in members:
-        _require_believable(member)
-        try:
-            body = archive.read(member)
-        except _DAMAGE as error:
-            raise InputError(f"its member {member.filename!r} is damaged ({error}); save it again") from error
-        try:
-            arrays[member.filename.removesuffix(".npy")] = parse_npy(body)
-        except InputError as error:
-            raise InputError(f"its member {member.filename!r}: {error}") from error
-    return arrays
+        raise InputError(f"its member {member.filename!r} is damaged ({error}); save it again") from error
+    try:
+        return parse_npy(body)
+    except InputError as error:
+        raise InputError(f"its member {member.filename!r}: {error}") from error
 
 
 def _require_believable(member: zipfile.ZipInfo) -> None:

@@ -117,17 +117,17 @@ def _require_believable(packet: bytes) -> None:
 
 def _frame_of(image: rip.RangeImage) -> _Frame:
     """The points of a range image, turned to x forward, y left, z up."""
-    width, height = image.width, image.height
-    ranges = np.array(image.image_pixel_data, dtype=np.float64) * image.image_pixel_scale
+    width, height, scale = image.width, image.height, image.image_pixel_scale
+    fields = (image.fov_horizontal, image.fov_vertical)
+    if not all(0 < fov <= 360 for fov in fields) or not 0 < scale < math.inf:
+        raise InputError(
+            f"a range image with fields of view {fields} degrees and scale {scale} m; "
+            "wanted positive ones: copy the recording again"
+        )
+    ranges = np.array(image.image_pixel_data, dtype=np.float64) * scale
     if len(ranges) != width * height:
         raise InputError(
             f"a range image of {width} x {height} with {len(ranges):,} pixels; copy the recording again"
-        )
-    fields = (image.fov_horizontal, image.fov_vertical)
-    if not all(0 < fov <= 360 for fov in fields) or not 0 < image.image_pixel_scale < math.inf:
-        raise InputError(
-            f"a range image with fields of view {fields} degrees and scale {image.image_pixel_scale} m; "
-            "wanted positive ones: copy the recording again"
         )
     (pixels,) = ranges.nonzero()
     row, column = np.divmod(pixels, max(width, 1))

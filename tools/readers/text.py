@@ -1,4 +1,4 @@
-"""XYZ, TXT and CSV: one point per line, columns by blanks, commas, semicolons or tabs.
+"""XYZ, TXT and CSV: one point per line, columns by blanks, commas or semicolons.
 
 A header line names the columns, in any order; without one they are x y z or x y z strength. Lines that begin
 with #, % or // are comments; one before the points that names as many columns as they have, x, y and z among
@@ -32,17 +32,18 @@ def read_text(content: bytes) -> list[Cloud]:
     rows = [line for line in lines if not _COMMENT.match(line[1])]
     if not rows:
         raise InputError(f"no points among its {len(lines):,} lines; wanted lines of x y z or x y z strength")
-    separator = _separator(rows[0][1])
-    width = len(rows[0][1].split(separator))
-    names = _header_names(rows[0][1].split(separator))
+    first, line = rows[0]
+    separator = _separator(line)
+    width = len(line.split(separator))
+    names = None if _is_point(line, separator) else _names_in(line, separator)
     if names is not None:
-        rows = rows[1:]
+        rows, width = rows[1:], len(names)
     else:
-        names = _commented_names(comments, rows[0], width) or _BARE.get(width)
+        names = _commented_names(comments, first, width) or _BARE.get(width)
     if names is None:
         raise InputError(
-            f"line {rows[0][0]} has {width} columns: {shown(rows[0][1])}; wanted x y z or x y z strength, or "
-            "a first line that names the columns, such as: x,y,z,intensity"
+            f"line {first} has {width} columns: {shown(line)}; wanted x y z or x y z strength, or a first "
+            "line that names the columns, such as: x,y,z,intensity"
         )
     roles = column_roles(names)
     numbers = parse_rows(rows, width, separator)
@@ -51,33 +52,27 @@ def read_text(content: bytes) -> list[Cloud]:
 
 def _separator(line: bytes) -> bytes | None:
     """Of the first line that is no comment; None is any run of blanks."""
-    return next((mark for mark in (b";", b",", b"\t") if mark in line.strip()), None)
+    return next((mark for mark in (b";", b",") if mark in line), None)
 
 
-def _header_names(tokens: list[bytes]) -> list[str] | None:
-    """Column names, or None where the line is a point: no coordinate is named by a number."""
-    if all(is_number(token) for token in tokens):
-        return None
-    names = [_plain_name(token) for token in tokens]
-    if not {"x", "y", "z"} & {name.lower() for name in names}:
-        return None  # rather a damaged point: let the row parser name line and token
-    return names
+def _is_point(line: bytes, separator: bytes | None) -> bool:
+    return all(is_number(token) for token in line.split(separator))
 
 
-def _commented_names(comments: list[Line], first_row: Line, width: int) -> list[str] | None:
-    """Of the last comment before the first point that names x, y, z and as many columns as there are."""
+def _names_in(line: bytes, separator: bytes | None) -> list[str] | None:
+    """The columns' names without quotes and units (`"X [m]"` is X); None where not one is x, y or z."""
+    tokens = [token.decode("utf-8").strip().strip("\"'") for token in line.split(separator)]
+    names = [_UNIT.sub("", token).strip() for token in tokens]
+    if separator is None:
+        names = [name for name in names if name]  # a unit that stood alone
+    return names if {"x", "y", "z"} & {name.lower() for name in names} else None
+
+
+def _commented_names(comments: list[Line], first: int, width: int) -> list[str] | None:
+    """Of the last comment before line `first` that names x, y or z, and as many columns as there are."""
     for number, line in reversed(comments):
         text = _COMMENT.sub(b"", line, count=1)
-        names = [_plain_name(token) for token in text.split(_separator(text))]
-        if (
-            number < first_row[0]
-            and len(names) == width
-            and {"x", "y", "z"} <= {name.lower() for name in names}
-        ):
+        names = _names_in(text, _separator(text))
+        if number < first and names is not None and len(names) == width:
             return names
     return None
-
-
-def _plain_name(token: bytes) -> str:
-    """`"X [m]"` is x: quotes and units are no part of a column's name."""
-    return _UNIT.sub("", token.decode("utf-8").strip().strip("\"'")).strip()

@@ -10,7 +10,7 @@ from tools.writers.records import pack_records
 
 
 def write_pcd(path: str | Path, points: np.ndarray, columns: Mapping[str, np.ndarray] | None = None) -> None:
-    """Write points (N, 3) [m] and `columns` {name: (N,)}, such as intensity, to a PCD file, whole or never.
+    """Write points (N, 3) [m] and `columns` {name: (N,)}, such as intensity, to PCD, whole or not at all.
 
     Raises:
         InputError: the path cannot be written, or see `pack_records`.
