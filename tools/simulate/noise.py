@@ -1,8 +1,10 @@
 """What a sonar does to the truth: range noise, wild echoes, lost echoes; from echoes to a scan."""
 
 from dataclasses import dataclass
+from typing import ClassVar
 
 import numpy as np
+from pydantic import ConfigDict
 
 from kernels.errors import InputError
 from spectral.scan import Scan
@@ -18,6 +20,8 @@ class Noise:
         outliers: share of the echoes whose range is instead uniform between the sensor's minimum and maximum.
         dropouts: share of the echoes that are lost.
     """
+
+    __pydantic_config__: ClassVar[ConfigDict] = ConfigDict(extra="forbid")
 
     sigma2: float = 0.0
     outliers: float = 0.0

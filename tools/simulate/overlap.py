@@ -19,3 +19,13 @@ def overlap(
     """
     distance, _ = KDTree(target).query(T_target_source.apply(source), distance_upper_bound=radius)
     return float(np.isfinite(distance).mean())
+
+
+def mutual_overlap(
+    target: np.ndarray, source: np.ndarray, T_target_source: RigidTransform, radius: float = OVERLAP_RADIUS
+) -> float:
+    """The smaller of both ways' overlaps, as Registration.overlap means it."""
+    return min(
+        overlap(target, source, T_target_source, radius),
+        overlap(source, target, T_target_source.inv(), radius),
+    )

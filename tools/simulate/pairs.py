@@ -1,81 +1,105 @@
 """Random pairs of scans with a wanted overlap, for tests and for developing a registration."""
 
+import math
+
 import numpy as np
 from scipy.spatial.transform import RigidTransform, Rotation
 
 from kernels.errors import InputError
 from spectral.scan import Scan
 from tools.simulate.noise import Noise, measure
-from tools.simulate.overlap import overlap
+from tools.simulate.overlap import mutual_overlap
 from tools.simulate.scenes import Scene, build_scene
-from tools.simulate.sensors import ECLIPSE, Sensor, cast
+from tools.simulate.sensors import ECLIPSE, Echoes, Sensor, cast
 
 TRIES = 400
-CLEARANCE = 6.0  # least range of any echo from a random pose [m]
+NOISELESS = Noise()
+
+# In shares of the sensor's maximum range
+CLEARANCE = 1 / 20  # nothing nearer before the sensor
+HEIGHT = (0.1, 0.25)  # above what stands below the target's place
+REACH = (1 / 3, 1 / 3, 1 / 24)  # from the target to the source
+SEEN_LEAST = 0.25  # of the beams
 
 
 def random_pair(
     seed: int,
     overlaps: tuple[float, float] = (0.5, 0.9),
-    noise: Noise = Noise(),  # noqa: B008 (frozen)
+    noise: Noise = NOISELESS,
     scene: str = "clutter",
     sensor: Sensor = ECLIPSE,
-    max_tilt: float = np.deg2rad(10.0),
+    max_tilt: float = math.radians(10.0),
 ) -> tuple[Scan, Scan, RigidTransform]:
     """Two scans of one scene from random poses whose noise-free overlap lies within `overlaps`.
 
     Args:
         seed: of the scene, the poses and the noise.
-        overlaps: least and greatest share of the source's points within 2 m of a target's point.
+        overlaps: least and greatest share of the points within 2 m of the other scan (the smaller of both
+            ways).
         noise, scene, sensor: what disturbs, a key of SCENES, what to see with.
         max_tilt: largest roll and pitch of either pose [rad].
 
     Returns:
-        target Scan, source Scan, T_target_source, all between sensor frames. Raises InputError where no such
-        pair was found within 400 tries.
+        target Scan, source Scan, T_target_source, all between sensor frames.
+
+    Raises:
+        InputError: no such pair was found within 400 tries.
     """
     world = build_scene(scene, seed)
     pose_seed, target_seed, source_seed = np.random.SeedSequence([seed, 17]).spawn(3)
     rng = np.random.default_rng(pose_seed)
-    T_world_target = _clear_pose(world, sensor, max_tilt, rng)
-    target = cast(world, sensor, T_world_target)
-    seen = measure(target, sensor, Noise(), np.random.default_rng(0)).points
-    least, greatest = overlaps
-    for _ in range(TRIES):
-        T_world_source = _neighbor(T_world_target, sensor, max_tilt, rng)
-        source = cast(world, sensor, T_world_source)
-        if not _is_clear(source.ranges):
-            continue
-        points = measure(source, sensor, Noise(), np.random.default_rng(0)).points
-        T_target_source = T_world_target.inv() * T_world_source
-        if least <= overlap(seen, points, T_target_source) <= greatest:
-            return (
-                measure(target, sensor, noise, np.random.default_rng(target_seed), stamp=0.0, name="target"),
-                measure(source, sensor, noise, np.random.default_rng(source_seed), stamp=1.0, name="source"),
-                T_target_source,
-            )
-    raise InputError(
-        f"no pair of poses in {scene} with seed {seed} has an overlap within {least:g} to {greatest:g}; "
-        "widen the range or try another seed"
+    T_world_target, target = _target(world, sensor, max_tilt, rng)
+    T_world_source, source = _source(world, sensor, max_tilt, overlaps, (T_world_target, target), rng)
+    return (
+        measure(target, sensor, noise, np.random.default_rng(target_seed), stamp=0.0, name="target"),
+        measure(source, sensor, noise, np.random.default_rng(source_seed), stamp=1.0, name="source"),
+        T_world_target.inv() * T_world_source,
     )
 
 
-def _clear_pose(world: Scene, sensor: Sensor, max_tilt: float, rng: np.random.Generator) -> RigidTransform:
-    """A pose in the inner half of the scene with nothing near and most beams meeting something."""
+def _target(
+    world: Scene, sensor: Sensor, max_tilt: float, rng: np.random.Generator
+) -> tuple[RigidTransform, Echoes]:
+    """A pose in the inner part of the scene, above what stands there, with nothing near before it."""
     for _ in range(TRIES):
-        place = rng.uniform((-70, -70, -6), (70, 70, 4))
+        above = np.array([*rng.uniform(-70, 70, 2), 200.0])
+        drop, _ = world.intersect(above[None, :], np.array([[0.0, 0.0, -1.0]]))
+        place = above - (0, 0, drop[0] - rng.uniform(*HEIGHT) * sensor.max_range)
         pose = RigidTransform.from_components(place, _attitude(rng.uniform(-np.pi, np.pi), max_tilt, rng))
-        if _is_clear(cast(world, sensor, pose).ranges):
-            return pose
-    raise InputError("the scene has no clear place for a sensor; build a less crowded one")
+        echoes = cast(world, sensor, pose)
+        if _is_clear(echoes, sensor):
+            return pose, echoes
+    raise InputError(
+        f"{world.name} has no clear place for the sensor {sensor.name}; take another scene or seed"
+    )
 
 
-def _neighbor(T_world_target: RigidTransform, sensor: Sensor, max_tilt: float, rng: np.random.Generator):
-    """A pose not far from the target's: shifted by up to a third of the range, turned by up to 60 degrees."""
-    reach = sensor.max_range / 3
-    place = T_world_target.translation + rng.uniform(-1, 1, 3) * (reach, reach, min(reach, 5.0))
-    yaw = T_world_target.rotation.as_euler("ZYX")[0] + rng.uniform(-np.pi / 3, np.pi / 3)
-    return RigidTransform.from_components(place, _attitude(yaw, max_tilt, rng))
+def _source(
+    world: Scene,
+    sensor: Sensor,
+    max_tilt: float,
+    overlaps: tuple[float, float],
+    target: tuple[RigidTransform, Echoes],
+    rng: np.random.Generator,
+) -> tuple[RigidTransform, Echoes]:
+    """A pose not far from the target's, turned by up to 60 degrees, whose overlap is as wanted."""
+    T_world_target, seen = target
+    points = _points(seen, sensor)
+    heading = T_world_target.rotation.as_euler("ZYX")[0]
+    for _ in range(TRIES):
+        place = T_world_target.translation + sensor.max_range * rng.uniform(-1, 1, 3) * REACH
+        yaw = heading + rng.uniform(-np.pi / 3, np.pi / 3)
+        pose = RigidTransform.from_components(place, _attitude(yaw, max_tilt, rng))
+        echoes = cast(world, sensor, pose)
+        if not _is_clear(echoes, sensor):
+            continue
+        share = mutual_overlap(points, _points(echoes, sensor), T_world_target.inv() * pose)
+        if overlaps[0] <= share <= overlaps[1]:
+            return pose, echoes
+    raise InputError(
+        f"no pose in {world.name} has an overlap within {overlaps[0]:g} to {overlaps[1]:g} with the target; "
+        "widen the range or take another seed"
+    )
 
 
 def _attitude(yaw: float, max_tilt: float, rng: np.random.Generator) -> Rotation:
@@ -83,6 +107,12 @@ def _attitude(yaw: float, max_tilt: float, rng: np.random.Generator) -> Rotation
     return Rotation.from_euler("ZYX", (yaw, pitch, roll))
 
 
-def _is_clear(ranges: np.ndarray) -> bool:
-    """Whether nothing stands close before the sensor and at least a fourth of the beams meet something."""
-    return bool(ranges.min() >= CLEARANCE and np.isfinite(ranges).mean() >= 0.25)
+def _points(echoes: Echoes, sensor: Sensor) -> np.ndarray:
+    seen = np.isfinite(echoes.ranges)
+    return sensor.directions()[seen] * echoes.ranges[seen][:, None]
+
+
+def _is_clear(echoes: Echoes, sensor: Sensor) -> bool:
+    """Whether nothing stands close before the sensor and enough beams meet something."""
+    enough = np.isfinite(echoes.ranges).mean() >= SEEN_LEAST
+    return bool(enough and echoes.ranges.min() >= CLEARANCE * sensor.max_range)

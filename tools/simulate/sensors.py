@@ -1,9 +1,12 @@
 """Sensor models, and what one sees of a scene from a pose: ranges and echo strengths, free of noise."""
 
+import math
 from dataclasses import dataclass
 from types import MappingProxyType
+from typing import ClassVar
 
 import numpy as np
+from pydantic import ConfigDict
 from scipy.spatial.transform import RigidTransform, Rotation
 
 from kernels.errors import InputError
@@ -24,6 +27,8 @@ class Sensor:
         tilt: angle of the fan's middle below the sensor's x axis [rad]; the frame itself stays level.
     """
 
+    __pydantic_config__: ClassVar[ConfigDict] = ConfigDict(extra="forbid")
+
     name: str
     horizontal: float
     vertical: float
@@ -32,6 +37,14 @@ class Sensor:
     min_range: float
     max_range: float
     tilt: float = 0.0
+
+    def __post_init__(self) -> None:
+        fan = 0 < self.horizontal < 2 * math.pi and 0 < self.vertical < math.pi
+        if not fan or self.columns < 2 or self.rows < 2 or not 0 <= self.min_range < self.max_range:
+            raise InputError(
+                f"{self} is no sensor; wanted fields of view within 360 and 180 degrees, at least "
+                "2 x 2 beams and 0 <= min_range < max_range"
+            )
 
     def directions(self) -> np.ndarray:
         """(rows, columns, 3) float64 unit vectors, sensor frame; the first is the lowest at the right."""
@@ -48,9 +61,11 @@ class Sensor:
         return level @ Rotation.from_euler("y", self.tilt).as_matrix().T
 
 
-ECLIPSE = Sensor("eclipse", np.deg2rad(120), np.deg2rad(90), 256, 192, 0.4, 120.0)
-PAPER = Sensor("paper", np.deg2rad(120), np.deg2rad(90), 256, 192, 0.4, 256.0)
-SONAR_3D15 = Sensor("sonar3d15", np.deg2rad(90), np.deg2rad(40), 256, 64, 0.2, 15.0)
+# The Tritech Eclipse (paper Sect. 4.1), mounted under a vessel and tilted toward the bed
+ECLIPSE = Sensor("eclipse", math.radians(120), math.radians(90), 256, 192, 0.4, 120.0, math.radians(20))
+# The paper's simulated sensor (Sect. 3): the same fan, its range as long as the 256 m grid
+PAPER = Sensor("paper", math.radians(120), math.radians(90), 256, 192, 0.4, 256.0)
+SONAR_3D15 = Sensor("sonar3d15", math.radians(90), math.radians(40), 256, 64, 0.2, 15.0)
 SENSORS = MappingProxyType({sensor.name: sensor for sensor in (ECLIPSE, PAPER, SONAR_3D15)})
 
 

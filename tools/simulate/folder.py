@@ -1,0 +1,62 @@
+"""A simulation as a folder: scan_000.ply and on, truth.tum, description.json."""
+
+import json
+from pathlib import Path
+
+from kernels.errors import InputError
+from tools.simulate.simulation import Simulation, SimulationSettings, settings_from_json
+from tools.writers import write_ply
+from tools.writers.summary import package_versions, write_summary
+from tools.writers.tum import write_tum
+
+TRUTH = "truth.tum"
+DESCRIPTION = "description.json"
+
+
+def write_simulation(simulation: Simulation, folder: Path) -> list[Path]:
+    """Write the scans, the truth and the description; the paths written.
+
+    Written again, the same settings give the same bytes (on another processor the last digits may differ).
+
+    Raises:
+        InputError: the folder cannot be written, or holds scans that are not part of this simulation.
+    """
+    folder = Path(folder)
+    paths = [folder / f"scan_{number:03d}.ply" for number in range(len(simulation.scans))]
+    strangers = sorted(set(folder.glob("scan_*.ply")) - set(paths))
+    if strangers:
+        raise InputError(
+            f"{folder} already holds {strangers[0].name}, no part of this simulation of {len(paths)} scans; "
+            "choose another folder or remove it"
+        )
+    for path, scan in zip(paths, simulation.scans, strict=True):
+        columns = {} if scan.strength is None else {"intensity": scan.strength}
+        write_ply(path, scan.points, columns)
+    write_tum(folder / TRUTH, simulation.truth)
+    content = {
+        "settings": simulation.settings,
+        "versions": package_versions(),
+        "scans": [
+            {"file": path.name, "stamp": scan.stamp, "points": len(scan.points)}
+            for path, scan in zip(paths, simulation.scans, strict=True)
+        ],
+    }
+    write_summary(folder / DESCRIPTION, content)
+    return [*paths, folder / TRUTH, folder / DESCRIPTION]
+
+
+def read_settings(path: Path) -> SimulationSettings:
+    """The settings of a description.json, from which `simulate` makes the same scans.
+
+    Raises:
+        InputError: no such file, no JSON, no settings in it, or settings that cannot be used.
+    """
+    try:
+        content = json.loads(Path(path).read_text(encoding="utf-8"))
+    except (OSError, ValueError) as error:
+        raise InputError(
+            f"cannot read {path}: {error}; wanted the description.json of a simulation"
+        ) from error
+    if not isinstance(content, dict) or "settings" not in content:
+        raise InputError(f"{path} holds no settings; wanted the description.json of a simulation")
+    return settings_from_json(content["settings"])

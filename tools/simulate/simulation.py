@@ -1,0 +1,127 @@
+"""A simulation from its settings: a scene, a path, a sensor and noise; scans and the truth come out."""
+
+from collections.abc import Callable
+from dataclasses import dataclass, field
+from types import MappingProxyType
+from typing import Any, ClassVar
+
+import numpy as np
+from pydantic import ConfigDict, TypeAdapter, ValidationError
+from scipy.spatial.transform import RigidTransform
+
+from kernels.errors import InputError
+from slam.trajectory import Trajectory
+from spectral.scan import Scan
+from tools.simulate.noise import Noise, measure
+from tools.simulate.scenes import SCENES, build_scene
+from tools.simulate.sensors import ECLIPSE, Sensor, cast
+from tools.simulate.trajectories import SPACING, survey, table1
+
+
+@dataclass(frozen=True, slots=True)
+class SimulationSettings:
+    """Everything that decides what is simulated: equal settings give equal scans, bit for bit.
+
+    Attributes:
+        scene: a key of SCENES.
+        trajectory: a key of TRAJECTORIES.
+        count: number of scans, from the start of the trajectory.
+        spacing: of a survey's scans along their path [m].
+        sensor: what to see with; SENSORS holds the known ones.
+        noise: what it does to the ranges.
+        seed: of the scene, the waves and the noise.
+    """
+
+    __pydantic_config__: ClassVar[ConfigDict] = ConfigDict(extra="forbid")
+
+    scene: str = "floodgate"
+    trajectory: str = "survey"
+    count: int = 12
+    spacing: float = SPACING
+    sensor: Sensor = ECLIPSE
+    noise: Noise = field(default=Noise(sigma2=1.0, outliers=0.01, dropouts=0.05))
+    seed: int = 0
+
+    def __post_init__(self) -> None:
+        if self.scene not in SCENES:
+            raise InputError(f"no scene is called {self.scene!r}; there are {', '.join(SCENES)}")
+        if self.trajectory not in TRAJECTORIES:
+            raise InputError(
+                f"no trajectory is called {self.trajectory!r}; there are {', '.join(TRAJECTORIES)}"
+            )
+        if self.seed < 0:
+            raise InputError(f"the seed is {self.seed}; wanted a number >= 0")
+
+
+@dataclass(frozen=True, slots=True)
+class Simulation:
+    """What the sensor wrote, and the truth.
+
+    Attributes:
+        settings: from which the same scans come out again.
+        scans: one per pose, in sensor frames; their stamps are the truth's.
+        truth: T_world_sensor of every scan; the world is the scene's frame, East-North-Up.
+    """
+
+    settings: SimulationSettings
+    scans: tuple[Scan, ...]
+    truth: Trajectory
+
+
+def simulate(settings: SimulationSettings, progress: Callable[[int], None] = lambda done: None) -> Simulation:
+    """All scans of a simulation.
+
+    Args:
+        settings: what to simulate.
+        progress: called with the number of scans done, after each.
+
+    Raises:
+        InputError: more scans than the trajectory has, a pose that sees nothing.
+    """
+    truth = TRAJECTORIES[settings.trajectory](settings)
+    scans = []
+    for number in range(len(truth)):
+        scans.append(observe(settings, truth.T_world_sensor[number], number, f"scan_{number:03d}"))
+        progress(number + 1)
+    return Simulation(settings, tuple(scans), truth)
+
+
+def observe(settings: SimulationSettings, T_world_sensor: RigidTransform, number: int, name: str) -> Scan:
+    """The scan `number` of a simulation, from one pose; the seed and the number decide its noise."""
+    rng = np.random.default_rng(np.random.SeedSequence(settings.seed, spawn_key=(number,)))
+    echoes = cast(build_scene(settings.scene, settings.seed), settings.sensor, T_world_sensor)
+    return measure(echoes, settings.sensor, settings.noise, rng, stamp=float(number), name=name)
+
+
+def settings_from_json(content: Any) -> SimulationSettings:
+    """Settings from what a description.json holds under "settings"; missing ones take their defaults.
+
+    Raises:
+        InputError: an unknown key or a value that does not fit, all of them named.
+    """
+    try:
+        return TypeAdapter(SimulationSettings).validate_python(content)
+    except ValidationError as error:
+        faults = "; ".join(
+            f"{'.'.join(map(str, fault['loc'])) or 'settings'}: {fault['msg'].removeprefix('Value error, ')}"
+            for fault in error.errors()
+        )
+        raise InputError(f"the settings of the simulation cannot be used: {faults}") from error
+
+
+def _survey(settings: SimulationSettings) -> Trajectory:
+    return survey(settings.scene, settings.count, settings.seed, settings.spacing)
+
+
+def _table1(settings: SimulationSettings) -> Trajectory:
+    poses = table1()
+    if not 1 <= settings.count <= len(poses):
+        raise InputError(
+            f"Table 1 has {len(poses)} scans, the reference and S0 to S9; {settings.count} were wanted"
+        )
+    return poses.take(range(settings.count))
+
+
+TRAJECTORIES: MappingProxyType[str, Callable[[SimulationSettings], Trajectory]] = MappingProxyType(
+    {"survey": _survey, "table1": _table1}
+)
