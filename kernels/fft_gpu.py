@@ -8,7 +8,8 @@ An inverse transform is a forward one between real and imaginary parts that chan
 
 from math import prod
 
-from kernels.fft_plan import RADICES, Layout, Pass, Plan, literal, scatter, stage, twiddles, untangle
+from kernels.fft_plan import RADICES, Layout, Pass, Plan
+from kernels.fft_stage import literal, scatter, stage, twiddles, untangle
 
 _BARRIER = "barrier(CLK_LOCAL_MEM_FENCE);"
 
