@@ -5,26 +5,26 @@
 // rows: row r of its argument is 4 adjacent complex numbers of row r of memory, and afterwards rows 2 j and
 // 2 j + 1 are the real and imaginary parts of number j. Pointers need be aligned to a float only.
 
-inline float8 shuffle_low(const float8 a, const float8 b) {
+static inline float8 shuffle_low(const float8 a, const float8 b) {
     return (float8)(a.s0, b.s0, a.s1, b.s1, a.s4, b.s4, a.s5, b.s5);
 }
 
-inline float8 shuffle_high(const float8 a, const float8 b) {
+static inline float8 shuffle_high(const float8 a, const float8 b) {
     return (float8)(a.s2, b.s2, a.s3, b.s3, a.s6, b.s6, a.s7, b.s7);
 }
 
-inline void load_columns(__global const float* from, float8* re, float8* im) {
+static inline void load_columns(__global const float* from, float8* re, float8* im) {
     const float8 a = vload8(0, from), b = vload8(1, from);
     *re = (float8)(a.s0, a.s2, b.s0, b.s2, a.s4, a.s6, b.s4, b.s6);
     *im = (float8)(a.s1, a.s3, b.s1, b.s3, a.s5, a.s7, b.s5, b.s7);
 }
 
-inline void store_columns(__global float* to, const float8 re, const float8 im) {
+static inline void store_columns(__global float* to, const float8 re, const float8 im) {
     vstore8(shuffle_low(re, im), 0, to);
     vstore8(shuffle_high(re, im), 1, to);
 }
 
-inline void transpose(float8* t) {
+static inline void transpose(float8* t) {
     const float8 a0 = shuffle_low(t[0], t[1]), a1 = shuffle_high(t[0], t[1]);
     const float8 a2 = shuffle_low(t[2], t[3]), a3 = shuffle_high(t[2], t[3]);
     const float8 a4 = shuffle_low(t[4], t[5]), a5 = shuffle_high(t[4], t[5]);
@@ -44,7 +44,7 @@ inline void transpose(float8* t) {
 }
 
 // 4 complex numbers of 8 rows, `pitch` floats apart, to and from lanes. No loops: they would keep t in memory.
-inline void load_rows(__global const float* from, const int pitch, float8* t) {
+static inline void load_rows(__global const float* from, const int pitch, float8* t) {
     t[0] = vload8(0, from);
     t[1] = vload8(0, from + pitch);
     t[2] = vload8(0, from + 2 * pitch);
@@ -56,7 +56,7 @@ inline void load_rows(__global const float* from, const int pitch, float8* t) {
     transpose(t);
 }
 
-inline void store_rows(__global float* to, const int pitch, float8* t) {
+static inline void store_rows(__global float* to, const int pitch, float8* t) {
     transpose(t);
     vstore8(t[0], 0, to);
     vstore8(t[1], 0, to + pitch);

@@ -75,7 +75,8 @@ class RealFFT:
 
         Args:
             volume: float32 of `shape`.
-            out: complex64 of `half_shape` to write to; None: a new one.
+            out: complex64 of `half_shape` to write to; None: a new one, whose first touch can take
+                longer than the transform.
 
         Raises:
             InputError: an array is not of that shape and type, or not dense.
@@ -92,7 +93,7 @@ class RealFFT:
 
         Args:
             spectrum: complex64 of `half_shape`.
-            out: float32 of `shape` to write to; None: a new one.
+            out: float32 of `shape` to write to; None: a new one, as in `forward`.
 
         Raises:
             InputError: an array is not of that shape and type, or not dense.

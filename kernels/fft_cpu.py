@@ -76,7 +76,7 @@ def _columns(name: str, n: int, stride: int, wide: int, inverse: bool) -> str:
         return f"store_columns(p + (k + {q * n // last}) * {stride} + i * 16, y{q}{re}, y{q}{im});"
 
     return f"""
-inline void {name}(__global float* p) {{
+static inline void {name}(__global float* p) {{
     float8 re[{wide * n}], im[{wide * n}];
     {KEEP} for (int k = 0; k < {n // first}; ++k) {{
         {KEEP} for (int i = 0; i < {wide}; ++i) {{

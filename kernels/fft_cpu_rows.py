@@ -14,7 +14,7 @@ def real_rows(layout: Layout, inverse: bool) -> str:
 def _rows_to_spectra(layout: Layout) -> str:
     n, pitch, length = layout.row_points, 2 * layout.pitch, layout.shape[2]
     return f"""
-inline void rows(__global const float* volume, __global float* spectrum) {{
+static inline void rows(__global const float* volume, __global float* spectrum) {{
     float8 re[{n}], im[{n}], a[8], b[8];
     {KEEP} for (int k = 0; k < {n}; k += 4) {{
         load_rows(volume + 2 * k, {length}, a);
@@ -51,7 +51,7 @@ inline void rows(__global const float* volume, __global float* spectrum) {{
 def _spectra_to_rows(layout: Layout, scale: float) -> str:
     n, pitch, length = layout.row_points, 2 * layout.pitch, layout.shape[2]
     return f"""
-inline void rows(__global float* volume, __global const float* spectrum) {{
+static inline void rows(__global float* volume, __global const float* spectrum) {{
     float8 re[{n}], im[{n}], a[8], b[8];
     load_rows(spectrum + {n}, {pitch}, a);
     im[position({n // 2})] = a[0] * {literal(scale)};
@@ -82,7 +82,7 @@ def complex_rows(layout: Layout, inverse: bool) -> str:
     scale = f" * {literal(1 / layout.points)}" if inverse else ""
     return f"""
 {_position(n)}
-inline void rows(__global float* spectrum) {{
+static inline void rows(__global float* spectrum) {{
     float8 re[{n}], im[{n}], a[8];
     {KEEP} for (int k = 0; k < {n}; k += 4) {{
         load_rows(spectrum + 2 * k, {pitch}, a);
@@ -124,4 +124,4 @@ def _arrays_to_tile(at: str, re: str, im: str, scale: str = "") -> str:
 
 
 def _position(n: int) -> str:
-    return f"inline int position(const int i) {{ return {scatter(n, 'i')}; }}"
+    return f"static inline int position(const int i) {{ return {scatter(n, 'i')}; }}"

@@ -126,51 +126,47 @@ def _real_rows(layout: Layout, inverse: bool) -> str:
     """The kernel of the last axis of a real array: packed rows and their half spectra."""
     n, pitch, length = layout.row_points, 2 * layout.pitch, layout.shape[2]
     re, im = _parts(inverse)
-    pairs = n // 2 + 1
-    row = f"const int line = t / {n}, k = t % {n};"
-    pair = f"const int line = t / {pairs}, k = t % {pairs}; __global float* q = p + line * {pitch};"
-    first = f"__global float *v = volume + group * {8 * length}, *p = spectrum + group * {8 * pitch};"
-    if inverse:
-        load = _each(
-            n,
-            8 * pairs,
-            [
-                f"{pair} float2 a = vload2(k, q), b = vload2({n} - k, q);",
-                "if (k == 0) a.y = b.y = 0.0f;  // a real row has none there",
-                "float ar = a.x, ai = a.y, br = b.x, bi = b.y; untangle(&ar, &ai, &br, &bi, k);",
-                f"const int at = 8 * ({scatter(n, 'k')}) + line;",
-                f"const int m = {n} - k, mirror = 8 * ({scatter(n, 'm')}) + line;",
-                f"{re}[at] = ar; {im}[at] = ai; {re}[mirror] = br; {im}[mirror] = bi;",
-            ],
-        )
-        store = _each(
-            n,
-            8 * n,
-            [
-                f"{row} const float2 z = (float2)({re}[8 * k + line], {im}[8 * k + line]);",
-                f"vstore2(z, k, v + line * {length});",
-            ],
-        )
-    else:
-        load = _each(
-            n,
-            8 * n,
-            [
-                f"{row} const int at = 8 * ({scatter(n, 'k')}) + line;",
-                f"const float2 z = vload2(k, v + line * {length});",
-                f"{re}[at] = z.x; {im}[at] = z.y;",
-            ],
-        )
-        store = _each(
-            n,
-            8 * pairs,
-            [
-                f"{pair} const int at = 8 * k + line, mirror = 8 * (({n} - k) & {n - 1}) + line;",
-                f"float ar = {re}[at], ai = {im}[at], br = {re}[mirror], bi = {im}[mirror];",
-                "untangle(&ar, &ai, &br, &bi, k);",
-                f"vstore2((float2)(ar, ai), k, q); vstore2((float2)(br, bi), {n} - k, q);",
-            ],
-        )
+    row = f"const int line = t / {n}, k = t % {n}; __global float* v = rows + line * {length};"
+    pair = f"const int line = t / {n // 2 + 1}, k = t % {n // 2 + 1};"
+    pair += f" __global float* p = spectra + line * {pitch};"
+    load, store = _spectra_to_rows(n, re, im) if inverse else _rows_to_spectra(n, re, im)
+    loops = [
+        *_each(n, 4 * n + 8 if inverse else 8 * n, [pair if inverse else row, *load]),
+        *_stages(n),
+        *_each(n, 8 * n if inverse else 4 * n + 8, [row if inverse else pair, *store]),
+    ]
+    first = (
+        f"__global float *rows = volume + group * {8 * length}, *spectra = spectrum + group * {8 * pitch};"
+    )
     scale = 2 / layout.points if inverse else 1.0  # a packed row has half the points of its real one
-    kernel = _kernel(layout, "rows", n, [first, *load, *_stages(n), *store])
-    return untangle(n, scale, inverse, "float") + kernel
+    return untangle(n, scale, inverse, "float") + _kernel(layout, "rows", n, [first, *loops])
+
+
+def _rows_to_spectra(n: int, re: str, im: str) -> tuple[list[str], list[str]]:
+    """Load point k of a packed row v; store numbers k and n - k of its half spectrum p."""
+    load = [
+        f"const int at = 8 * ({scatter(n, 'k')}) + line;",
+        "const float2 z = vload2(k, v);",
+        f"{re}[at] = z.x; {im}[at] = z.y;",
+    ]
+    store = [
+        f"const int at = 8 * k + line, mirror = 8 * (({n} - k) & {n - 1}) + line;",
+        f"float ar = {re}[at], ai = {im}[at], br = {re}[mirror], bi = {im}[mirror];",
+        "untangle(&ar, &ai, &br, &bi, k);",
+        f"vstore2((float2)(ar, ai), k, p); vstore2((float2)(br, bi), {n} - k, p);",
+    ]
+    return load, store
+
+
+def _spectra_to_rows(n: int, re: str, im: str) -> tuple[list[str], list[str]]:
+    """Load numbers k and n - k of a half spectrum p; store point k of its packed row v."""
+    load = [
+        f"float2 a = vload2(k, p), b = vload2({n} - k, p);",
+        "if (k == 0) a.y = b.y = 0.0f;  // a real row has none there",
+        "float ar = a.x, ai = a.y, br = b.x, bi = b.y; untangle(&ar, &ai, &br, &bi, k);",
+        f"const int m = {n} - k, at = 8 * ({scatter(n, 'k')}) + line;",
+        f"const int mirror = 8 * ({scatter(n, 'm')}) + line;",
+        f"{re}[at] = ar; {im}[at] = ai; {re}[mirror] = br; {im}[mirror] = bi;",
+    ]
+    store = [f"vstore2((float2)({re}[8 * k + line], {im}[8 * k + line]), k, v);"]
+    return load, store

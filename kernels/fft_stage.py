@@ -170,11 +170,12 @@ def untangle(points: int, scale: float, inverse: bool, scalar: str) -> str:
     X[M - k] = conj(E / 2 - v D), where v = -i / 2 exp(-pi i k / M), k <= M / 2. The way back has the same
     form, with v = i / 2 exp(pi i k / M).
 
-    The function replaces its first two arguments pairs, at k and M - k. `scale` multiplies the result.
+    The function replaces the numbers at k, its first two arguments, and at M - k, the next two, by what
+    becomes of them, times `scale`.
     """
     turn = np.exp(-1j * np.pi * np.arange(points // 2 + 1) / points) * -0.5j * scale
     return f"""{table("half_turn", turn.conj() if inverse else turn)}
-inline void untangle({scalar}* ar, {scalar}* ai, {scalar}* br, {scalar}* bi, const int k) {{
+static inline void untangle({scalar}* ar, {scalar}* ai, {scalar}* br, {scalar}* bi, const int k) {{
     const float vr = half_turn[2 * k], vi = half_turn[2 * k + 1];
     const {scalar} er = (*ar + *br) * {literal(0.5 * scale)}, ei = (*ai - *bi) * {literal(0.5 * scale)};
     const {scalar} dr = *ar - *br, di = *ai + *bi;
