@@ -49,4 +49,3 @@ class Registrar(Protocol):
     def register(self, target: Any, source: Any) -> Registration:
         """Register two prepared scans."""
         ...
-

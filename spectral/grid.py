@@ -1,0 +1,87 @@
+"""The voxel grid that a set of scans shares, and where each scan lies in it."""
+
+from __future__ import annotations
+
+from collections.abc import Iterable
+from dataclasses import dataclass
+
+import numpy as np
+
+from kernels.errors import InputError
+from spectral.scan import Scan
+
+EDGES = (16, 32, 64, 128, 256, 512)
+
+# Stray echoes must not stretch the grid: the box of a scan leaves out this share of its points at either end of
+# each axis.
+_TRIM = 0.01
+
+# Free space around the largest scan, as a factor on its box: what the periodic shift needs to tell left from right.
+_MARGIN = 1.2
+
+
+@dataclass(frozen=True, slots=True)
+class Grid:
+    """A cube of voxels, the same for every scan of a survey.
+
+    Attributes:
+        edge: voxels per edge, a power of two 16..512.
+        voxel: edge of a voxel [m].
+    """
+
+    edge: int
+    voxel: float
+
+    def __post_init__(self) -> None:
+        if self.edge not in EDGES:
+            raise InputError(
+                f"--grid {self.edge}: wanted a power of two from {EDGES[0]} to {EDGES[-1]} voxels per edge; "
+                f"try --grid {nearest_edge(self.edge)}"
+            )
+        if not (np.isfinite(self.voxel) and self.voxel > 0):
+            raise InputError(f"--voxel {self.voxel:g}: wanted an edge length in meters above zero, such as --voxel 0.5")
+
+    @property
+    def extent(self) -> float:
+        """Edge of the whole cube [m]."""
+        return self.edge * self.voxel
+
+    def to_voxels(self, points: np.ndarray, center: np.ndarray) -> np.ndarray:
+        """Points (N, 3) [m] about `center` (3,) [m], in voxels relative to the grid's center, float32."""
+        return ((points.astype(np.float64) - center) / self.voxel).astype(np.float32)
+
+
+def nearest_edge(edge: int) -> int:
+    """The allowed edge nearest to the given one (in ratio)."""
+    return min(EDGES, key=lambda allowed: abs(np.log(allowed / max(edge, 1))))
+
+
+def scan_center(scan: Scan) -> np.ndarray:
+    """Center (3,) [m, sensor frame] of the scan's trimmed bounding box: there the grid's center is put.
+
+    Rotations are about this point, so that the scan fills the grid however far from the sensor it lies.
+    """
+    low, high = _box(scan)
+    return (low + high) / 2
+
+
+def choose_grid(scans: Iterable[Scan], edge: int = 128, voxel: float | None = None) -> Grid:
+    """The grid for a set of scans: the voxel as given, or so large that the largest scan fits with a margin.
+
+    Raises:
+        InputError: a voxel is not given and no scan has an extent (all points of each in one place).
+    """
+    if voxel is None:
+        extent = max((float(np.max(np.subtract(*_box(scan)[::-1]))) for scan in scans), default=0.0)
+        if extent <= 0:
+            raise InputError(
+                "the voxel cannot be chosen: all points of each scan lie in one place. Give scans that show some "
+                "structure, or a voxel in meters with --voxel."
+            )
+        voxel = _MARGIN * extent / edge
+    return Grid(edge, voxel)
+
+
+def _box(scan: Scan) -> tuple[np.ndarray, np.ndarray]:
+    low, high = np.quantile(scan.points, [_TRIM, 1 - _TRIM], axis=0).astype(np.float64)
+    return low, high

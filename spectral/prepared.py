@@ -1,0 +1,117 @@
+"""What one scan contributes to every pair, computed once."""
+
+from dataclasses import dataclass
+
+import numpy as np
+from scipy.spatial import KDTree
+
+from kernels.device import Array, Device
+from kernels.errors import InputError
+from kernels.fft import RealFFT
+from kernels.spectrum import magnitude, whiten
+from kernels.voxelize import voxelize
+from spectral.grid import Grid, scan_center
+from spectral.hemisphere import Hemisphere, LayerSpectra
+from spectral.scan import Scan
+
+# Below so many occupied voxels there is no structure to register.
+_FEWEST_VOXELS = 20
+# A scan whose points deviate less than this from their best plane shows nothing but the plane [voxels, deviation].
+_FLATTEST = 0.3
+
+
+@dataclass(frozen=True, slots=True)
+class Prepared:
+    """A scan on the grid, its spectrum and its layers; it lives on the device that prepared it.
+
+    Attributes:
+        name: the scan's.
+        center: (3,) [m, sensor frame], the grid's center.
+        points: device (n, 4) float32 [voxels from the center; weight].
+        surface: (m, 3) float64 [voxels from the center], one point per occupied voxel, with a search tree.
+        magnitude: device (N, N, N/2 + 1) float32, centered magnitude spectrum.
+        spectrum: device (N, N, N/2 + 8) complex64, whitened spectrum of the volume.
+        layers: the layers' spectra.
+        clipped: how many points lie outside the grid.
+    """
+
+    name: str
+    center: np.ndarray
+    points: Array
+    surface: np.ndarray
+    tree: KDTree
+    magnitude: Array
+    spectrum: Array
+    layers: LayerSpectra
+    clipped: int
+
+
+class Preparer:
+    """Scans to what pairs need, on one device and grid."""
+
+    def __init__(self, device: Device, grid: Grid, hemisphere: Hemisphere, use_strength: bool) -> None:
+        """Plan the volume and its transform."""
+        self.device, self.grid, self.hemisphere, self.use_strength = device, grid, hemisphere, use_strength
+        cube = (grid.edge, grid.edge, grid.edge)
+        self._fft = RealFFT(device, cube)
+        self._volume = device.empty(cube)
+
+    def prepare(self, scan: Scan) -> Prepared:
+        """Voxelize, transform and resample one scan.
+
+        Raises:
+            InputError: the scan has too few occupied voxels, or shows a single plane.
+        """
+        edge = self.grid.edge
+        center = scan_center(scan)
+        voxels = self.grid.to_voxels(scan.points, center)
+        cells = np.floor(voxels + np.float32(edge / 2 + 0.5)).astype(np.int32)
+        inside = ((cells >= 0) & (cells < edge)).all(axis=1)
+        surface = _one_per_voxel(voxels[inside], cells[inside], edge)
+        self._require_structure(scan.name, surface)
+        points = self.device.to_device(self._weighted(scan, voxels))
+        voxelize(self.device, points, edge, out=self._volume)
+        spectrum = self._fft.forward(self._volume)
+        centered = magnitude(self.device, spectrum, edge)
+        whiten(self.device, spectrum, out=spectrum)
+        return Prepared(
+            name=scan.name,
+            center=center,
+            points=points,
+            surface=surface,
+            tree=KDTree(surface),
+            magnitude=centered,
+            spectrum=spectrum,
+            layers=self.hemisphere.prepare(centered),
+            clipped=int(np.count_nonzero(~inside)),
+        )
+
+    def _weighted(self, scan: Scan, voxels: np.ndarray) -> np.ndarray:
+        """(n, 4) float32: occupancy as in the paper, or echo strength where wanted and present."""
+        if self.use_strength and scan.strength is not None and scan.strength.max() > 0:
+            weight = scan.strength / scan.strength.max()
+        else:
+            weight = np.ones(len(voxels), np.float32)
+        return np.column_stack([voxels, weight]).astype(np.float32)
+
+    def _require_structure(self, name: str, surface: np.ndarray) -> None:
+        size = f"grid of {self.grid.edge} voxels of {self.grid.voxel:g} m"
+        if len(surface) < _FEWEST_VOXELS:
+            raise InputError(
+                f"{name}: its points fill {len(surface)} voxels of the {size}; wanted at least {_FEWEST_VOXELS}. "
+                "Give a scan with more structure, or smaller voxels with --voxel."
+            )
+        spread = np.linalg.svd(surface - surface.mean(axis=0), compute_uv=False)[-1] / np.sqrt(len(surface))
+        if spread < _FLATTEST:
+            raise InputError(
+                f"{name}: all its points lie in one plane (they deviate {spread * self.grid.voxel:.3g} m from it, "
+                f"on a {size}): a shift along it cannot be seen. Give a scan with more structure."
+            )
+
+
+def _one_per_voxel(points: np.ndarray, cells: np.ndarray, edge: int) -> np.ndarray:
+    """The mean (m, 3) of the points of each occupied voxel, in the order of the voxels."""
+    flat = np.ravel_multi_index(tuple(cells.T.astype(np.int64)), (edge,) * 3)
+    _, first, count = np.unique(flat, return_inverse=True, return_counts=True)
+    sums = [np.bincount(first, weights=points[:, axis], minlength=len(count)) for axis in range(3)]
+    return np.column_stack(sums) / count[:, None]

@@ -1,0 +1,75 @@
+"""The shift between two scans once the rotation is known: Sect. 2.10 of the paper."""
+
+import numpy as np
+from scipy.spatial.transform import Rotation
+
+from kernels.device import Array, Device
+from kernels.peak import Peak, find_peaks
+from kernels.spectrum import Pomf
+from kernels.voxelize import voxelize
+from spectral.prepared import Prepared
+
+# Standard deviation of the Gaussian that the correlation is convolved with [voxels]. Noise of the scans and the
+# voxels' edges spread the peak over its neighbors; without the blur the highest voxel is often a wrong one.
+BLUR = 0.7
+
+
+class Translation:
+    """POMF of the target with the source turned into the target's orientation, on one device and grid."""
+
+    def __init__(self, device: Device, edge: int) -> None:
+        """Plan the volume and its transforms."""
+        self.device, self.edge = device, edge
+        cube = (edge, edge, edge)
+        self._pomf = Pomf(device, cube, BLUR)
+        self._volume = device.empty(cube)
+        self._spectrum = device.empty((edge, edge, edge // 2 + 8), np.complex64)
+        self._correlation = device.empty(cube)
+
+    def correlate(self, target: Prepared, source: Prepared, R_target_source: Rotation) -> Array:
+        """The correlation (N, N, N) float32; a peak at s means p_target = R p_source + s about the grid centers.
+
+        The points are turned and put into voxels anew: turning the voxel data would blur them.
+        The array is used again by the next call.
+        """
+        voxelize(self.device, source.points, self.edge, R=R_target_source.as_matrix(), out=self._volume)
+        self._pomf.prepare(self._volume, out=self._spectrum)
+        return self._pomf.correlate(target.spectrum, self._spectrum, out=self._correlation)
+
+    def find(self, target: Prepared, source: Prepared, R_target_source: Rotation) -> Peak:
+        """The highest peak of the correlation."""
+        return find_peaks(self.device, self.correlate(target, source, R_target_source))[0]
+
+    def find_others(
+        self, target: Prepared, source: Prepared, R_target_source: Rotation, separation: float
+    ) -> list[Peak]:
+        """The next highest peak of the correlation, farther than `separation` [voxels] from the highest, if any."""
+        correlation = self.correlate(target, source, R_target_source)
+        return find_peaks(self.device, correlation, count=2, separation=separation)[1:]
+
+
+def peak_width(peak: Peak) -> np.ndarray:
+    """(3, 3) [voxels^2]: the covariance of the Gaussian that fits the peak's neighborhood.
+
+    From the curvature of its logarithm; a direction in which the neighborhood does not fall off is as wide as the
+    neighborhood can tell, 3 voxels.
+    """
+    height = np.log(np.maximum(peak.neighborhood.astype(np.float64) / peak.value, 0.05))
+    curvature = np.empty((3, 3))
+    for a in range(3):
+        for b in range(3):
+            if a == b:
+                curvature[a, a] = 2 * height[1, 1, 1] - height[_at(a, 1)] - height[_at(a, -1)]
+            else:
+                curvature[a, b] = -0.25 * sum(p * q * height[_at(a, p, b, q)] for p in (-1, 1) for q in (-1, 1))
+    values, vectors = np.linalg.eigh(curvature)
+    widths = 1.0 / np.maximum(values, 1.0 / 9.0)
+    return (vectors * widths) @ vectors.T
+
+
+def _at(*steps: int) -> tuple[int, int, int]:
+    """Index of the neighborhood after steps given as axis, step, axis, step, ..."""
+    index = [1, 1, 1]
+    for axis, step in zip(steps[::2], steps[1::2], strict=True):
+        index[axis] += step
+    return index[0], index[1], index[2]
