@@ -15,7 +15,7 @@ started=$SECONDS
 rm -rf demo-out
 step simulate --scene floodgate --scans 8 --seed 1 -o demo-out/scans
 step map demo-out/scans -o demo-out/map
-step evaluate demo-out/map/trajectory.tum demo-out/scans/truth.tum
+step evaluate demo-out/map/trajectory.tum demo-out/scans/truth.tum --align first
 echo
 echo "Simulated, mapped and evaluated in $((SECONDS - started)) s. In demo-out/map:"
 ls demo-out/map

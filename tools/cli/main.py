@@ -17,6 +17,11 @@ from tools.cli.terminal import say
 # A verb is the function `command` of tools/cli/<verb>.py, its help that function's docstring.
 # A new verb is a new line here, in the order in which the help lists them.
 VERBS = [
+    "register",
+    "map",
+    "simulate",
+    "evaluate",
+    "bench",
     "devices",
 ]
 
@@ -122,9 +127,7 @@ def _options(
     version: Annotated[
         bool, typer.Option("--version", help="Print the version.", callback=_version, is_eager=True)
     ] = False,
-    debug: Annotated[
-        bool, typer.Option("--debug", help="Show tracebacks, as with SONARMAP_DEBUG=1.")
-    ] = False,
+    debug: Annotated[bool, typer.Option("--debug", help="Show tracebacks, as with SONARMAP_DEBUG=1.")] = False,
 ) -> None:
     """Noisy 3D sonar scans in, a consistent map out."""
     if debug:

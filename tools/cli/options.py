@@ -85,8 +85,6 @@ DeviceOption = Annotated[
         help="OpenCL device: platform:device, cpu, gpu, or a part of its name; see 'sonarmap devices'.",
     ),
 ]
-SeedOption = Annotated[
-    int, typer.Option("--seed", metavar="S", help="Same seed, same result.", callback=_check_seed)
-]
+SeedOption = Annotated[int, typer.Option("--seed", metavar="S", help="Same seed, same result.", callback=_check_seed)]
 JsonOption = Annotated[bool, typer.Option("--json", help="Print the result as JSON, and no progress.")]
 QuietOption = Annotated[bool, typer.Option("--quiet", "-q", help="No progress.")]

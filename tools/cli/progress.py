@@ -62,9 +62,7 @@ def growing_progress(label: str, quiet: bool = False) -> Iterator[Step]:
     elif console.is_terminal:
         with _bar(console) as bar:
             task = bar.add_task(printable(label), total=None, note="")
-            yield lambda done, planned, note: bar.update(
-                task, completed=done, total=planned, note=printable(note)
-            )
+            yield lambda done, planned, note: bar.update(task, completed=done, total=planned, note=printable(note))
     else:
         lines = _Lines(label)
         yield lines.step
@@ -96,9 +94,7 @@ class _Lines:
         now = time.monotonic()
         elapsed = now - self.start
         left = f", about {elapsed / done * (planned - done):.0f} s left" if 0 < done < planned else ""
-        self.unsaid = f"{self.label}: {done} of {planned}, {elapsed:.1f} s{left}" + (
-            f" ({note})" if note else ""
-        )
+        self.unsaid = f"{self.label}: {done} of {planned}, {elapsed:.1f} s{left}" + (f" ({note})" if note else "")
         if now - self.said >= SECONDS_BETWEEN_LINES:
             self.said = now
             self.end()

@@ -1,0 +1,94 @@
+"""`sonarmap register`: one scan registered to another."""
+
+import json
+from typing import TYPE_CHECKING, Annotated
+
+import typer
+
+from tools.cli.method import build_registrar
+from tools.cli.options import (
+    DeviceOption,
+    GridOption,
+    JsonOption,
+    MaxTiltOption,
+    VoxelOption,
+    YawPeaksOption,
+)
+from tools.cli.terminal import say
+
+if TYPE_CHECKING:
+    from spectral.grid import Grid
+    from spectral.result import Registration
+    from spectral.scan import Scan
+
+UNRELIABLE = 3
+
+
+def command(
+    target: Annotated[str, typer.Argument(help="The scan that stays.", metavar="TARGET")],
+    source: Annotated[str, typer.Argument(help="The scan that is moved onto it.", metavar="SOURCE")],
+    grid: GridOption = None,
+    voxel: VoxelOption = None,
+    max_tilt: MaxTiltOption = 35.0,
+    yaw_peaks: YawPeaksOption = 6,
+    device: DeviceOption = None,
+    as_json: JsonOption = False,
+) -> None:
+    """Register SOURCE to TARGET: the transform between two scans, its uncertainty, and whether to believe it.
+
+    p_target = T_target_source p_source, in meters. Ends with exit code 0 if the registration is reliable, 3 if
+    not, 2 on bad input.
+    """
+    scans = [_read(target), _read(source)]
+    registrar = build_registrar(scans, grid, voxel, max_tilt, device, yaw_peaks)
+    registration = registrar.register(*(registrar.prepare(scan) for scan in scans))
+    if as_json:
+        typer.echo(json.dumps(_as_json(registration, registrar.grid), allow_nan=False))
+    else:
+        _print(registration, registrar.grid)
+    if not registration.accepted:
+        raise typer.Exit(UNRELIABLE)
+
+
+def _read(path: str) -> "Scan":
+    from tools.readers import only_scan, read_scans
+
+    read = read_scans([path])
+    for note in read.notes:
+        say(note)
+    return only_scan(path, read)
+
+
+def _as_json(registration: "Registration", grid: "Grid") -> dict[str, object]:
+    """The contract's fields, and what else is known."""
+    return {
+        "T_target_source": registration.T_target_source.as_matrix().tolist(),
+        "covariance": registration.covariance.tolist(),
+        "accepted": registration.accepted,
+        "psr": registration.psr,
+        "overlap": registration.overlap,
+        "seconds": registration.seconds,
+        "reason": registration.reason,
+        "step_psr": dict(registration.step_psr),
+        "grid": grid.edge,
+        "voxel": grid.voxel,
+    }
+
+
+def _print(registration: "Registration", grid: "Grid") -> None:
+    import numpy as np
+
+    T = registration.T_target_source
+    yaw, pitch, roll = T.rotation.as_euler("ZYX", degrees=True)
+    sigmas = np.sqrt(np.diag(registration.covariance))
+    typer.echo("registered" if registration.accepted else "NO RELIABLE REGISTRATION")
+    typer.echo(f"  because      {registration.reason}")
+    typer.echo(
+        "  translation  " + "  ".join(f"{axis} {v:+.3f}" for axis, v in zip("xyz", T.translation, strict=True)) + "  m"
+    )
+    typer.echo(f"  rotation     yaw {yaw:+.2f}  roll {roll:+.2f}  pitch {pitch:+.2f}  degrees")
+    typer.echo(
+        f"  sigma        {np.rad2deg(sigmas[:3].max()):.2f} degrees, {sigmas[3:].max():.3f} m (along the worst axis)"
+    )
+    typer.echo(f"  overlap      {registration.overlap:.0%}")
+    typer.echo(f"  grid         {grid.edge} voxels of {grid.voxel:.3g} m; {registration.seconds:.2f} s")

@@ -1,0 +1,54 @@
+"""The map from above, with the trajectory: one PNG."""
+
+from collections.abc import Sequence
+from pathlib import Path
+
+import numpy as np
+
+from slam.point_map import PointMap
+from slam.trajectory import Trajectory
+from tools.atomic import atomic_path
+
+_DOTS = 400_000  # more points than this are thinned: the picture has no more pixels to show them
+
+
+def draw_map(path: Path, point_map: PointMap, trajectory: Trajectory, names: Sequence[str], title: str) -> None:
+    """Write a PNG of one component's map, seen from above (x to the right, y up), colored by height.
+
+    Args:
+        path: the file.
+        point_map: of the component.
+        trajectory: of its scans, whose `names` are given in the same order.
+        title: a line over the picture.
+
+    Raises:
+        InputError: the file cannot be written.
+    """
+    from matplotlib.figure import Figure
+    from matplotlib.patheffects import withStroke
+
+    points = point_map.points
+    trusted = points[point_map.seen >= 2] if (point_map.seen >= 2).any() else points
+    low, high = np.quantile(trusted[:, 2], [0.01, 0.99])  # stray echoes are mostly seen once: no color for them
+    points = points[:: max(1, -(-len(points) // _DOTS))]
+    points = points[np.argsort(points[:, 2], kind="stable")]  # what is higher hides what is below it
+
+    figure = Figure(figsize=(10, 8), dpi=140, layout="constrained")
+    axes = figure.add_subplot()
+    size = float(np.clip(2e5 / len(points), 0.3, 12.0))
+    dots = axes.scatter(*points[:, :2].T, c=points[:, 2], s=size, cmap="viridis", vmin=low, vmax=high, linewidths=0)
+    places = trajectory.T_world_sensor.translation
+    axes.plot(*places[:, :2].T, "-", color="tab:red", linewidth=1.5, marker="o", markersize=4, label="sensor")
+    halo = [withStroke(linewidth=3, foreground="white")]
+    for k, offset in ((0, (8, 8)), (len(names) - 1, (8, -14))):
+        style = {"color": "tab:red", "fontsize": 9, "path_effects": halo}
+        axes.annotate(names[k], places[k, :2], xytext=offset, textcoords="offset points", **style)
+    axes.set_aspect("equal")
+    axes.set_xlabel("x [m]")
+    axes.set_ylabel("y [m]")
+    axes.set_title(title)
+    axes.grid(alpha=0.3)
+    axes.legend(loc="best")
+    figure.colorbar(dots, ax=axes, label="height z [m]", shrink=0.8)
+    with atomic_path(path) as temporary:
+        figure.savefig(temporary, format="png")
