@@ -12,8 +12,11 @@ from pathlib import Path
 import numpy as np
 import pyopencl as cl
 import pyopencl.array as cla
+from pyopencl.array import Array
 
 from kernels.errors import DeviceError
+
+__all__ = ["Array", "Device", "DeviceInfo", "choose_device", "list_devices"]
 
 KERNEL_FOLDER = Path(__file__).parent
 
@@ -56,9 +59,7 @@ class Device:
     def __init__(self, device: cl.Device) -> None:
         self.cl_device = device
         self.context = cl.Context([device])
-        self.queue = cl.CommandQueue(
-            self.context, properties=cl.command_queue_properties.PROFILING_ENABLE
-        )
+        self.queue = cl.CommandQueue(self.context, properties=cl.command_queue_properties.PROFILING_ENABLE)
         self._programs: dict[tuple[str, tuple[str, ...]], cl.Program] = {}
 
     @property
@@ -206,7 +207,7 @@ def _fault(device: cl.Device) -> str:
         program = trial.build(_PROBE)
         numbers = np.arange(64, dtype=np.float32)
         array = trial.to_device(numbers)
-        program.probe(trial.queue, (8,), (1,), array.data)
+        cl.Kernel(program, "probe")(trial.queue, (8,), (1,), array.base_data)
         right = bool(np.array_equal(array.get(), 2 * numbers + 1))
         return "" if right else "a trial kernel gave wrong numbers"
     except (cl.Error, DeviceError) as error:

@@ -93,8 +93,7 @@ def require_array(
     if not fits or array.dtype != dtype or not array.flags.c_contiguous:
         wanted = ", ".join("any" if length is None else str(length) for length in shape)
         raise InputError(
-            f"{what} is {array.dtype} of shape {array.shape}; "
-            f"wanted {np.dtype(dtype)} of shape ({wanted}), in C order"
+            f"{what} is {array.dtype} of shape {array.shape}; wanted {np.dtype(dtype)} of shape ({wanted}), in C order"
         )
     return array.shape
 

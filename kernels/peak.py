@@ -101,9 +101,7 @@ def _statistics(device: Device, correlation: cla.Array, reach: int) -> tuple[np.
     total = row_squares.sum(dtype=np.float64) + length * np.square(row_means - mean).sum()
     std = np.sqrt(total / correlation.size)
     if not np.isfinite(std):
-        raise InputError(
-            "the correlation holds numbers that are not finite; look at the volumes that went in"
-        )
+        raise InputError("the correlation holds numbers that are not finite; look at the volumes that went in")
     return tops, float(mean), float(std)
 
 

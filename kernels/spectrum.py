@@ -50,9 +50,7 @@ def whiten(device: Device, spectrum: cla.Array, out: cla.Array | None = None) ->
     """
     shape = require_array(spectrum, "spectrum", (None,) * spectrum.ndim, np.complex64)
     if shape[-1] % _WHITEN_AT_ONCE:
-        raise InputError(
-            f"the spectrum's last axis has {shape[-1]} numbers; wanted a multiple of 8, as n/2 + 8 is"
-        )
+        raise InputError(f"the spectrum's last axis has {shape[-1]} numbers; wanted a multiple of 8, as n/2 + 8 is")
     result = output(device, out, "out", shape, np.complex64)
     group = (32,) if (spectrum.size // _WHITEN_AT_ONCE) % 32 == 0 else None
     launch(device, "spectrum", "whiten", (spectrum.size // _WHITEN_AT_ONCE,), spectrum, result, group=group)
@@ -115,9 +113,7 @@ def sum_layers(
 
 def _require_edges(*edges: int) -> None:
     if any(edge < 16 or edge % 16 for edge in edges):
-        raise InputError(
-            f"transformed axes have {edges} voxels; wanted multiples of 16, as powers of two are"
-        )
+        raise InputError(f"transformed axes have {edges} voxels; wanted multiples of 16, as powers of two are")
 
 
 def _require_pair(target: cla.Array, source: cla.Array, shape: tuple[int, int, int]) -> int:
@@ -150,9 +146,7 @@ class Pomf:
     target(x) = source(x - s): the source has to move by +s.
     """
 
-    def __init__(
-        self, device: Device, shape: tuple[int, int, int], blur: float = 0.0, batched: bool = False
-    ) -> None:
+    def __init__(self, device: Device, shape: tuple[int, int, int], blur: float = 0.0, batched: bool = False) -> None:
         """Plan the transforms.
 
         Args:
@@ -180,9 +174,7 @@ class Pomf:
 
     def correlate(self, target: cla.Array, source: cla.Array, out: cla.Array | None = None) -> cla.Array:
         """The correlation (n0, n1, n2), float32, of two prepared volumes (batched: image by image)."""
-        self._scratch = cross_power(
-            self.device, target, source, self.shape, self.blur, self.batched, out=self._scratch
-        )
+        self._scratch = cross_power(self.device, target, source, self.shape, self.blur, self.batched, out=self._scratch)
         return self._fft.inverse(self._scratch, out=out)
 
     def correlate_layers(self, target: cla.Array, source: cla.Array) -> cla.Array:

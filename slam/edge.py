@@ -38,9 +38,7 @@ class Edge:
 
     def __post_init__(self) -> None:
         if self.kind not in get_args(Kind):
-            raise InputError(
-                f"{self.name} is of kind '{self.kind}'; wanted one of {', '.join(get_args(Kind))}"
-            )
+            raise InputError(f"{self.name} is of kind '{self.kind}'; wanted one of {', '.join(get_args(Kind))}")
         if min(self.i, self.j) < 0 or (self.i == self.j) != (self.kind == "prior"):
             raise InputError(
                 f"{self.name}, {self.kind}: wanted two different poses, counted from 0; "

@@ -97,9 +97,7 @@ def predict_overlap(scans: Sequence[Scan], T_world_sensor: RigidTransform, cell:
     return (incidence @ incidence.T).toarray() / np.maximum(counts[:, None], counts)
 
 
-def find_candidates(
-    scans: Sequence[Scan], solution: Solution, voxel: float, settings: LoopSettings
-) -> list[Candidate]:
+def find_candidates(scans: Sequence[Scan], solution: Solution, voxel: float, settings: LoopSettings) -> list[Candidate]:
     """Pairs that are not consecutive and that the estimate says overlap, best first within the limits per
     scan.
 
@@ -117,9 +115,7 @@ def find_candidates(
         if settings.per_scan == 0 or len(members) < 3:
             continue
         chosen = np.array(members)
-        overlap = predict_overlap(
-            [scans[k] for k in members], T_world_sensor[chosen], settings.cell_voxels * voxel
-        )
+        overlap = predict_overlap([scans[k] for k in members], T_world_sensor[chosen], settings.cell_voxels * voxel)
         a, b = np.nonzero(np.triu(overlap >= settings.min_overlap, 1))
         found += [
             Candidate(i, j, float(share))

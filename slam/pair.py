@@ -128,6 +128,4 @@ def accept(registration: Registration) -> Verdict:
 def refuse_all_failed(pairs: Sequence[Pair]) -> None:
     """Raise InputError where every pair raised: then it is the set-up that is wrong, not a scan."""
     if all(pair.registration is None for pair in pairs):
-        raise InputError(
-            f"none of the {len(pairs)} consecutive pairs could be registered. The first {pairs[0].reason}"
-        )
+        raise InputError(f"none of the {len(pairs)} consecutive pairs could be registered. The first {pairs[0].reason}")

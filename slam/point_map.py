@@ -55,9 +55,7 @@ def fuse(
         InputError: no scan, another number of poses, a voxel that is not positive, or too far a map for it.
     """
     if not scans or len(T_world_sensor) != len(scans):
-        raise InputError(
-            f"{len(scans)} scans and {len(T_world_sensor)} poses: wanted one pose for every scan"
-        )
+        raise InputError(f"{len(scans)} scans and {len(T_world_sensor)} poses: wanted one pose for every scan")
     if not (np.isfinite(voxel) and voxel > 0):
         raise InputError(f"the map's voxel is {voxel} m; wanted a positive length")
     origin = np.floor(T_world_sensor.translation[0] / voxel) * voxel

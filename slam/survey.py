@@ -179,8 +179,5 @@ def _edges(pairs: Sequence[Pair]) -> tuple[Edge, ...]:
 def _across(gap: int, reach: int, count: int) -> list[tuple[int, int]]:
     """Pairs with the gap (gap, gap + 1) between them, two to `reach` scans apart, nearest first."""
     return [
-        (i, i + span)
-        for span in range(2, reach + 1)
-        for i in range(gap, gap - span, -1)
-        if i >= 0 and i + span < count
+        (i, i + span) for span in range(2, reach + 1) for i in range(gap, gap - span, -1) if i >= 0 and i + span < count
     ]

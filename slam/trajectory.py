@@ -30,18 +30,14 @@ class Trajectory:
 
     def __post_init__(self) -> None:
         if self.T_world_sensor.single or len(self.T_world_sensor) == 0:
-            raise InputError(
-                "a trajectory wants a stack of at least one pose; give RigidTransform of shape (N,)"
-            )
+            raise InputError("a trajectory wants a stack of at least one pose; give RigidTransform of shape (N,)")
         if self.stamps.dtype != np.float64 or self.stamps.shape != (len(self.T_world_sensor),):
             raise InputError(
                 f"stamps are {self.stamps.dtype} of shape {self.stamps.shape}; wanted float64 of shape "
                 f"({len(self.T_world_sensor)},), one per pose"
             )
         if not np.isfinite(self.stamps).all():
-            raise InputError(
-                f"stamp {int(np.argmin(np.isfinite(self.stamps)))} is not finite; wanted seconds"
-            )
+            raise InputError(f"stamp {int(np.argmin(np.isfinite(self.stamps)))} is not finite; wanted seconds")
         if not np.isfinite(self.T_world_sensor.translation).all():
             raise InputError("a pose of the trajectory has a translation that is not finite; wanted meters")
 

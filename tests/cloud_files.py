@@ -22,9 +22,7 @@ TABLE = np.array(
 POINTS, STRENGTH = TABLE[:, :3], TABLE[:, 3]
 
 
-def ply(
-    encoding: str = "binary_little_endian", names: Sequence[str] = ("x", "y", "z", "intensity"), faces=False
-):
+def ply(encoding: str = "binary_little_endian", names: Sequence[str] = ("x", "y", "z", "intensity"), faces=False):
     """TABLE as PLY: a short and a double among the properties, and perhaps triangles behind the vertices."""
     order = ">" if "big" in encoding else "<"
     fields = [(names[0], "f4"), ("ring", "i2"), (names[1], "f8"), (names[2], "f4"), (names[3], "f4")]
@@ -65,9 +63,7 @@ def pcd(encoding: str) -> bytes:
     return header + struct.pack("<II", len(packed), len(plain)) + packed
 
 
-def text(
-    separator: str = " ", header: str = "", columns: Sequence[int] = (0, 1, 2, 3), end: str = "\n"
-) -> bytes:
+def text(separator: str = " ", header: str = "", columns: Sequence[int] = (0, 1, 2, 3), end: str = "\n") -> bytes:
     rows = [separator.join(str(row[column]) for column in columns) for row in TABLE.tolist()]
     return (header + end.join([*rows, ""])).encode()
 

@@ -12,17 +12,13 @@ from spectral.result import Registration
 from spectral.scan import Scan
 
 
-def random_transforms(
-    rng: np.random.Generator, count: int, angle: float = 1.0, length: float = 5.0
-) -> RigidTransform:
+def random_transforms(rng: np.random.Generator, count: int, angle: float = 1.0, length: float = 5.0) -> RigidTransform:
     """`count` transforms with tangents of about `angle` [rad] and `length` [m]."""
     xi = rng.normal(size=(count, 6)) * np.repeat([angle, length], 3)
     return RigidTransform.from_exp_coords(xi)
 
 
-def random_covariance(
-    rng: np.random.Generator, rotation: float = 0.01, translation: float = 0.1
-) -> np.ndarray:
+def random_covariance(rng: np.random.Generator, rotation: float = 0.01, translation: float = 0.1) -> np.ndarray:
     """(6, 6), full, asymmetric in every direction, with about these standard deviations [rad, m]."""
     root = np.eye(6) + 0.4 * rng.normal(size=(6, 6))
     scale = np.repeat([rotation, translation], 3) * np.array([1.0, 0.7, 1.4, 1.2, 0.5, 0.9])
@@ -30,9 +26,7 @@ def random_covariance(
 
 
 def registration(T: RigidTransform, covariance: np.ndarray, accepted: bool = True) -> Registration:
-    return Registration(
-        T, covariance, psr=30.0, overlap=0.6, accepted=accepted, seconds=0.01, reason="as told"
-    )
+    return Registration(T, covariance, psr=30.0, overlap=0.6, accepted=accepted, seconds=0.01, reason="as told")
 
 
 def edge(i: int, j: int, T: RigidTransform, covariance: np.ndarray, kind: Kind = "sequential") -> Edge:

@@ -89,9 +89,7 @@ class TestExitCodes:
     def test_a_verb_that_ends_well_returns(self) -> None:
         assert guarded(lambda: 7)() == 7
 
-    @pytest.mark.parametrize(
-        "arguments", [["--bogus"], ["fly"], ["devices", "--bogus"], ["devices", "--device"]]
-    )
+    @pytest.mark.parametrize("arguments", [["--bogus"], ["fly"], ["devices", "--bogus"], ["devices", "--device"]])
     def test_usage_errors_are_2(self, arguments: list[str]) -> None:
         result = CliRunner().invoke(app, arguments)
         assert result.exit_code == 2
@@ -119,9 +117,7 @@ class TestMessages:
         assert capsys.readouterr().err == f"{message}\n"
 
     def test_a_long_message_is_wrapped_by_words_on_a_terminal(self) -> None:
-        shown = on_a_terminal(
-            "from tools.cli.terminal import say; say('harbor ' * 30, 'error: ', 'red')", columns=40
-        )
+        shown = on_a_terminal("from tools.cli.terminal import say; say('harbor ' * 30, 'error: ', 'red')", columns=40)
         lines = [line.rstrip() for line in shown.replace("\x1b[31m", "").replace("\x1b[0m", "").splitlines()]
         assert lines[0] == "error: harbor harbor harbor harbor"
         assert all(len(line) <= 40 and set(line.split()) <= {"error:", "harbor"} for line in lines)

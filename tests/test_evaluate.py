@@ -117,9 +117,7 @@ def test_poses_without_a_counterpart_are_counted():
 def test_no_stamp_in_common_is_told_with_both_spans():
     truth = _walk(4)
     late = Trajectory(truth.stamps + 1.7e9, truth.T_world_sensor)
-    with pytest.raises(
-        InputError, match=r"1700000000\.000000 to 1700000003\.000000 s.*0\.000000 to 3\.000000"
-    ):
+    with pytest.raises(InputError, match=r"1700000000\.000000 to 1700000003\.000000 s.*0\.000000 to 3\.000000"):
         evaluate(late, truth)
 
 
@@ -138,17 +136,10 @@ def test_pair_error_has_the_angle_between_and_the_distance():
 
 def test_the_result_is_json():
     truth = _walk(6)
-    noisy = (
-        RigidTransform.from_translation(np.random.default_rng(1).normal(0, 0.1, (6, 3)))
-        * truth.T_world_sensor
-    )
-    content = json.loads(
-        json.dumps(evaluate(Trajectory(truth.stamps, noisy), truth).to_json(), allow_nan=False)
-    )
+    noisy = RigidTransform.from_translation(np.random.default_rng(1).normal(0, 0.1, (6, 3))) * truth.T_world_sensor
+    content = json.loads(json.dumps(evaluate(Trajectory(truth.stamps, noisy), truth).to_json(), allow_nan=False))
     assert content["poses"] == 6
     assert content["alignment"] == "positions"
     assert len(content["per_pose"]) == 6
     assert 0 < content["ate_m"]["median"] <= content["ate_m"]["max"]
-    assert_allclose(
-        content["ate_m"]["rms"] ** 2, np.mean([row["translation_m"] ** 2 for row in content["per_pose"]])
-    )
+    assert_allclose(content["ate_m"]["rms"] ** 2, np.mean([row["translation_m"] ** 2 for row in content["per_pose"]]))

@@ -31,8 +31,7 @@ def sample_graph(seed: int = 0) -> PoseGraph:
     T = RigidTransform.from_translation([5e5, 4.6e6, -31.25]) * random_transforms(rng, 7, 1.2, 20.0)
     pairs = [(0, 1), (1, 2), (2, 3), (4, 5), (5, 6), (3, 0), (6, 4)]
     edges = tuple(
-        edge(i, j, T[i].inv() * T[j], random_covariance(rng), "sequential" if j == i + 1 else "loop")
-        for i, j in pairs
+        edge(i, j, T[i].inv() * T[j], random_covariance(rng), "sequential" if j == i + 1 else "loop") for i, j in pairs
     )
     return PoseGraph(Trajectory(np.arange(7.0), T), edges, fixed=(2,))
 

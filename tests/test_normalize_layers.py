@@ -15,9 +15,7 @@ def test_equals_the_twin(device, shape, masked):
     scale, mean = rng.uniform(5, 50, (2, shape[0], 1, 1))
     stack = (mean + scale * rng.normal(size=shape)).astype(np.float32)
     window = rng.uniform(0, 1, shape[1:]).astype(np.float32)
-    mask = (
-        (rng.uniform(size=shape[1:]) < 0.7).astype(np.float32) if masked else np.ones(shape[1:], np.float32)
-    )
+    mask = (rng.uniform(size=shape[1:]) < 0.7).astype(np.float32) if masked else np.ones(shape[1:], np.float32)
     inside = stack[:, mask > 0].astype(np.float64)
     want = (stack - inside.mean(axis=1)[:, None, None]) / inside.std(axis=1)[:, None, None] * window * mask
     upload = device.to_device
@@ -44,9 +42,7 @@ def test_constant_layers_and_masked_nonsense_give_zeros(device):
 
 def test_an_empty_mask_gives_zeros(device):
     stack = device.to_device(np.ones((2, 8, 8), np.float32))
-    assert (
-        not normalize_layers(device, stack, None, device.to_device(np.zeros((8, 8), np.float32))).get().any()
-    )
+    assert not normalize_layers(device, stack, None, device.to_device(np.zeros((8, 8), np.float32))).get().any()
 
 
 def test_in_place(device):

@@ -27,9 +27,7 @@ def twin(volume, count, separation, limits=(np.inf, np.inf, np.inf)):
 
 def bump(shape, center, deviation, height=1.0):
     grids = np.meshgrid(*(np.arange(n) for n in shape), indexing="ij")
-    squared = sum(
-        ((grid - c + n / 2) % n - n / 2) ** 2 for grid, c, n in zip(grids, center, shape, strict=True)
-    )
+    squared = sum(((grid - c + n / 2) % n - n / 2) ** 2 for grid, c, n in zip(grids, center, shape, strict=True))
     return height * np.exp(-squared / (2 * deviation**2))
 
 

@@ -29,9 +29,7 @@ def test_equals_scipy_on_the_whole_spectrum(device, shape, turns):
     u, v = np.outer(radii, np.cos(angles)) + height / 2, np.outer(radii, np.sin(angles)) + width / 2
     whole = np.fft.fftshift(np.abs(np.fft.fft2(images)), axes=(1, 2))
     want = np.array([map_coordinates(layer, [u, v], order=1) for layer in whole])
-    got = polar_magnitude(
-        device, device.to_device(half_spectra(images)), (height, width), radii, angles
-    ).get()
+    got = polar_magnitude(device, device.to_device(half_spectra(images)), (height, width), radii, angles).get()
     assert error(got, want) <= 5e-5
 
 
@@ -43,9 +41,7 @@ def test_a_turned_image_is_a_shift(device):
     vx, vy = np.meshgrid(v, v, indexing="ij")
 
     def image(x, y):
-        return np.exp(-((x / 3.0) ** 2) - (y / 1.7) ** 2) + np.exp(
-            -(((x - 4) / 1.9) ** 2) - ((y - 2) / 2.3) ** 2
-        )
+        return np.exp(-((x / 3.0) ** 2) - (y / 1.7) ** 2) + np.exp(-(((x - 4) / 1.9) ** 2) - ((y - 2) / 2.3) ** 2)
 
     turned = image(np.cos(psi) * vx - np.sin(psi) * vy, np.sin(psi) * vx + np.cos(psi) * vy)
     spectra = half_spectra(np.stack([image(vx, vy), turned]))

@@ -32,9 +32,7 @@ def test_tum_round_trip(tmp_path):
     again = read_tum(tmp_path / "a.tum")
     np.testing.assert_array_equal(again.stamps, trajectory.stamps)
     np.testing.assert_array_equal(again.T_world_sensor.translation, trajectory.T_world_sensor.translation)
-    np.testing.assert_allclose(
-        again.T_world_sensor.as_matrix(), trajectory.T_world_sensor.as_matrix(), atol=1e-15
-    )
+    np.testing.assert_allclose(again.T_world_sensor.as_matrix(), trajectory.T_world_sensor.as_matrix(), atol=1e-15)
 
 
 def test_tum_stamps_stay_readable(tmp_path):
@@ -49,9 +47,7 @@ def test_kitti_round_trip(tmp_path):
     again = read_kitti(tmp_path / "a.txt")
     np.testing.assert_array_equal(again.stamps, np.arange(50))
     np.testing.assert_array_equal(again.T_world_sensor.translation, trajectory.T_world_sensor.translation)
-    np.testing.assert_allclose(
-        again.T_world_sensor.as_matrix(), trajectory.T_world_sensor.as_matrix(), atol=1e-15
-    )
+    np.testing.assert_allclose(again.T_world_sensor.as_matrix(), trajectory.T_world_sensor.as_matrix(), atol=1e-15)
 
 
 def test_kitti_takes_rotations_of_six_digits(tmp_path):

@@ -96,9 +96,7 @@ def test_wild_numbers_in_headers_are_refused_or_harmless(tmp_path, sample):
 BEGINNINGS = [b"", *(content[:length] for _, content in SAMPLES.values() for length in (8, 60, 150))]
 
 
-@given(
-    start=st.sampled_from(BEGINNINGS), rest=st.binary(max_size=300), suffix=st.sampled_from(sorted(FORMATS))
-)
+@given(start=st.sampled_from(BEGINNINGS), rest=st.binary(max_size=300), suffix=st.sampled_from(sorted(FORMATS)))
 @settings(max_examples=300, deadline=None, suppress_health_check=[HealthCheck.function_scoped_fixture])
 def test_garbage_is_refused_or_harmless(tmp_path, start, rest, suffix):
     with warnings.catch_warnings():

@@ -43,9 +43,7 @@ def test_a_ply_that_promises_more_points_than_it_holds(tmp_path, sample, count):
 @pytest.mark.parametrize("count", [20, 10**12, 10**17])
 @pytest.mark.parametrize("encoding", ["ascii", "binary", "binary_compressed"])
 def test_a_pcd_that_promises_more_points_than_it_holds(tmp_path, encoding, count):
-    content = (
-        pcd(encoding).replace(b"WIDTH 5", b"WIDTH %d" % count).replace(b"POINTS 5", b"POINTS %d" % count)
-    )
+    content = pcd(encoding).replace(b"WIDTH 5", b"WIDTH %d" % count).replace(b"POINTS 5", b"POINTS %d" % count)
     refused(tmp_path, ".pcd", content, "promises")
 
 

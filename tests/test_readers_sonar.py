@@ -91,9 +91,7 @@ def test_other_messages_are_passed_over():
     shaded.type = rip.BitmapImageType.SHADED_IMAGE
     strangers = [rip.packb(rip.ImuBatch(samples=1)), rip.packb(Timestamp(seconds=5)), rip.packb(shaded)]
     plain = read_sonar(b"".join(sonar_packets()))
-    mixed = read_sonar(
-        b"".join(one for pair in zip(sonar_packets(), strangers * 2, strict=True) for one in pair)
-    )
+    mixed = read_sonar(b"".join(one for pair in zip(sonar_packets(), strangers * 2, strict=True) for one in pair))
     for ours, theirs in zip(plain, mixed, strict=True):
         np.testing.assert_array_equal(ours.points, theirs.points)
         np.testing.assert_array_equal(ours.strength, theirs.strength)
@@ -102,9 +100,7 @@ def test_other_messages_are_passed_over():
 def test_packets_of_the_first_version_are_read():
     pixels = np.arange(12).reshape(3, 4)
     old = rip.packb(range_image(0, pixels), protocol=rip.ProtocolVersion.RIP1)
-    np.testing.assert_array_equal(
-        read_sonar(old)[0].points, read_sonar(rip.packb(range_image(0, pixels)))[0].points
-    )
+    np.testing.assert_array_equal(read_sonar(old)[0].points, read_sonar(rip.packb(range_image(0, pixels)))[0].points)
 
 
 def test_a_frame_without_strength_or_echo_is_told(tmp_path):

@@ -194,9 +194,7 @@ def test_table_1_pairs_obey_their_truth():
     assert overlap(target.points, source.points, T_target_source) > 0.8
     assert overlap(target.points, source.points, T_target_source.inv()) < 0.5
     center = -np.array(TABLE1_RIG)
-    about_center = (
-        RigidTransform.from_translation(-center) * T_target_source * RigidTransform.from_translation(center)
-    )
+    about_center = RigidTransform.from_translation(-center) * T_target_source * RigidTransform.from_translation(center)
     assert_allclose(about_center.as_matrix(), table1_transform(1).as_matrix(), atol=1e-12)
     assert_allclose(T_target_source.rotation.as_euler("ZYX", degrees=True), (12, 2, 4), atol=1e-9)
 
@@ -251,9 +249,7 @@ def test_a_bed_is_under_water_and_structures_rise_above_it(name: str):
 def test_neighbors_of_a_survey_share_enough_and_run_into_nothing(name: str):
     simulation = simulate(SimulationSettings(scene=name, count=12, noise=QUIET))
     poses, scans = simulation.truth.T_world_sensor, simulation.scans
-    shares = [
-        mutual_overlap(scans[k].points, scans[k + 1].points, poses[k].inv() * poses[k + 1]) for k in range(11)
-    ]
+    shares = [mutual_overlap(scans[k].points, scans[k + 1].points, poses[k].inv() * poses[k + 1]) for k in range(11)]
     assert min(shares) >= 0.5
     assert max(shares) <= 0.97
     assert min(np.linalg.norm(scan.points, axis=1).min() for scan in scans) > 4.0

@@ -57,9 +57,7 @@ def test_whiten(device, shape):
 def test_cross_power(device, shape, blur, batched):
     rng = np.random.default_rng(2)
     n0, n1, n2 = shape
-    target, source = (
-        whiten(device, device.to_device(random_spectrum(rng, shape, batched))) for _ in range(2)
-    )
+    target, source = (whiten(device, device.to_device(random_spectrum(rng, shape, batched))) for _ in range(2))
     f0, f1, f2 = np.fft.fftfreq(n0) * (not batched), np.fft.fftfreq(n1), np.fft.rfftfreq(n2)
     squared = f0[:, None, None] ** 2 + f1[:, None] ** 2 + f2**2
     valid = n2 // 2 + 1

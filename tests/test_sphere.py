@@ -57,9 +57,7 @@ def test_antipodes_are_alike(device):
     directions = Rotation.random(64, rng=np.random.default_rng(2)).as_matrix()[:, 0].reshape(8, 8, 3)
     radii = np.array([3.3, 9.9, 14.5])
     samples = [
-        sample(
-            device, device.to_device(half), upload_directions(device, table.astype(np.float32)), radii
-        ).get()
+        sample(device, device.to_device(half), upload_directions(device, table.astype(np.float32)), radii).get()
         for table in (directions, -directions)
     ]
     np.testing.assert_allclose(samples[0], samples[1], rtol=1e-5)

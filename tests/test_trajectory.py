@@ -76,9 +76,7 @@ def test_components_start_at_the_identity_or_at_their_prior():
     np.testing.assert_allclose(poses[4], np.eye(4), atol=1e-15)
 
 
-@pytest.mark.parametrize(
-    ("i", "j", "kind"), [(0, 1, "other"), (-1, 1, "loop"), (2, 2, "loop"), (0, 1, "prior")]
-)
+@pytest.mark.parametrize(("i", "j", "kind"), [(0, 1, "other"), (-1, 1, "loop"), (2, 2, "loop"), (0, 1, "prior")])
 def test_edges_refuse_indices_and_kinds_that_do_not_fit(i, j, kind):
     with pytest.raises(InputError):
         Edge(i, j, registration(RigidTransform.identity(), COVARIANCE), kind)

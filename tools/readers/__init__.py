@@ -82,9 +82,7 @@ def read_scans(paths: Sequence[str | Path]) -> ReadScans:
         notes += told
     timed = [one.cloud.stamp for one in found if one.cloud.stamp is not None]
     if 0 < len(timed) < len(found):
-        notes.append(
-            f"{len(found) - len(timed)} of {len(found)} scans carry no time: all are stamped 0, 1, 2, ..."
-        )
+        notes.append(f"{len(found) - len(timed)} of {len(found)} scans carry no time: all are stamped 0, 1, 2, ...")
     stamps = timed if len(timed) == len(found) else [float(order) for order in range(len(found))]
     scans: list[Scan] = []
     for one, stamp in zip(found, stamps, strict=True):
@@ -103,7 +101,12 @@ def read_scan(path: str | Path) -> Scan:
     Raises:
         InputError: as `read_scans`, and where there are several.
     """
-    scans = read_scans([path]).scans
+    return only_scan(path, read_scans([path]))
+
+
+def only_scan(path: str | Path, read: ReadScans) -> Scan:
+    """The one scan that was read from `path`; InputError where there are several."""
+    scans = read.scans
     if len(scans) != 1:
         raise InputError(
             f"{path} holds {len(scans)} scans ({scans[0].name} to {scans[-1].name}) and one is wanted here: "
@@ -122,13 +125,9 @@ def _read_file(selected: Selected) -> tuple[list[_Found], list[str]]:
     except MemoryError as error:
         raise InputError(f"{path}: too large for this machine's memory; thin its points out first") from error
     if selected.index is not None and selected.index >= len(clouds):
-        raise InputError(
-            f"{path}#{selected.index}: the file holds scans #0 to #{len(clouds) - 1}; choose one of them"
-        )
+        raise InputError(f"{path}#{selected.index}: the file holds scans #0 to #{len(clouds) - 1}; choose one of them")
     label = "#{}" if len(clouds) > 1 else ""
-    found = [
-        _Found(f"{path}{label.format(i)}", f"{path.stem}{label.format(i)}", c) for i, c in enumerate(clouds)
-    ]
+    found = [_Found(f"{path}{label.format(i)}", f"{path.stem}{label.format(i)}", c) for i, c in enumerate(clouds)]
     if selected.index is not None:
         return [found[selected.index]], []
     kept = [one for one in found if len(one.cloud.points)]
@@ -160,10 +159,6 @@ def _content_of(path: Path) -> bytes:
     wanted, kind = FORMATS[path.suffix.lower()].kind, kinds.kind_of(content)
     if kind != wanted:
         fitting = [suffix for suffix, known in FORMATS.items() if known.kind == kind]
-        hint = (
-            f"rename it to {' or '.join(fitting)} if that is what it is"
-            if fitting
-            else "write or copy it again"
-        )
+        hint = f"rename it to {' or '.join(fitting)} if that is what it is" if fitting else "write or copy it again"
         raise InputError(f"it is called {path.suffix} but holds {kind}; wanted {wanted}: {hint}")
     return content

@@ -84,9 +84,7 @@ def scan_of_cloud(cloud: Cloud, name: str, stamp: float) -> tuple[Scan, list[str
     if cloud.strength is not None:
         strength, mended = _usable_strength(cloud.strength[finite])
         if mended:
-            notes.append(
-                f"set {mended:,} of {len(strength):,} strengths that are negative or not finite to 0"
-            )
+            notes.append(f"set {mended:,} of {len(strength):,} strengths that are negative or not finite to 0")
     return Scan(points.astype(np.float32), strength, stamp=stamp, name=name), notes
 
 

@@ -80,9 +80,7 @@ def _by_tag(path: Path) -> dict[str, list[Line]]:
 
 
 def _ids(path: Path, lines: list[Line], numbers: np.ndarray) -> np.ndarray:
-    bad = np.flatnonzero(
-        ((numbers != np.floor(numbers)) | (numbers < 0) | (numbers > _LARGEST_ID)).any(axis=1)
-    )
+    bad = np.flatnonzero(((numbers != np.floor(numbers)) | (numbers < 0) | (numbers > _LARGEST_ID)).any(axis=1))
     if len(bad):
         raise InputError(f"{path}: line {lines[bad[0]][0]}: vertex ids are whole numbers from 0 on")
     return numbers.astype(np.int64)
@@ -128,7 +126,5 @@ def _fixed(path: Path, lines: list[Line], index: dict[int, int]) -> tuple[int, .
 
 def _known(index: dict[int, int], vertex: int, where: str) -> int:
     if vertex not in index:
-        raise InputError(
-            f"{where} names vertex {vertex}, which the file does not define; add it or drop the line"
-        )
+        raise InputError(f"{where} names vertex {vertex}, which the file does not define; add it or drop the line")
     return index[vertex]

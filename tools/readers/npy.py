@@ -30,9 +30,7 @@ def read_npy(content: bytes) -> list[Cloud]:
     return [cloud_of_array(parse_npy(content))]
 
 
-def cloud_of_array(
-    points: np.ndarray, strength: np.ndarray | None = None, stamp: float | None = None
-) -> Cloud:
+def cloud_of_array(points: np.ndarray, strength: np.ndarray | None = None, stamp: float | None = None) -> Cloud:
     """The cloud of an array (N, 3), or (N, 4) with the strength last where none is given beside it.
 
     Raises:
@@ -82,9 +80,7 @@ def parse_npy(content: bytes) -> np.ndarray:
 def _header_of(content: bytes) -> tuple[str, int]:
     """The header's text and the byte where the numbers start."""
     if not content.startswith(_MAGIC) or content[6:8] not in (b"\x01\x00", b"\x02\x00", b"\x03\x00"):
-        raise InputError(
-            "its first bytes are not those of a .npy array of version 1, 2 or 3; save the array again"
-        )
+        raise InputError("its first bytes are not those of a .npy array of version 1, 2 or 3; save the array again")
     width, form = (2, "<H") if content[6] == 1 else (4, "<I")
     require_bytes("a header length", width, len(content) - 8)
     (length,) = struct.unpack_from(form, content, 8)

@@ -53,9 +53,7 @@ def _read_member(archive: zipfile.ZipFile, member: zipfile.ZipInfo) -> np.ndarra
     _require_believable(member)
     try:
         with archive.open(member) as file:
-            body = file.read(
-                member.file_size
-            )  # without a size, a member that lies about its own would be unpacked
+            body = file.read(member.file_size)  # without a size, a member that lies about its own would be unpacked
     except _DAMAGE as error:
         raise InputError(f"its member {member.filename!r} is damaged ({error}); save it again") from error
     try:

@@ -15,9 +15,7 @@ from kernels.errors import InputError
 from tools.readers.cloud import Cloud, cloud_of_columns, column_roles
 from tools.readers.rows import parse_rows, require_bytes, shown, unpack_records, whole_lines
 
-_HEADER = re.compile(
-    rb"\A(.*?)^DATA[ \t]+(ascii|binary|binary_compressed)[ \t]*\r?\n", re.DOTALL | re.MULTILINE
-)
+_HEADER = re.compile(rb"\A(.*?)^DATA[ \t]+(ascii|binary|binary_compressed)[ \t]*\r?\n", re.DOTALL | re.MULTILINE)
 _HEADER_LIMIT = 1 << 20
 _NO_VIEWPOINT = r"-?0[.0]* -?0[.0]* -?0[.0]* 1[.0]* -?0[.0]* -?0[.0]* -?0[.0]*"
 _SIZES = {"F": (4, 8), "I": (1, 2, 4, 8), "U": (1, 2, 4, 8)}
@@ -81,9 +79,7 @@ def _parse_header(text: bytes) -> _Header:
     ones = ["1"] * len(names)
     sizes, kinds, counts = entries["SIZE"], entries["TYPE"], entries.get("COUNT", ones)
     if not len(names) == len(sizes) == len(kinds) == len(counts):
-        raise InputError(
-            "FIELDS, SIZE, TYPE and COUNT of its PCD header differ in length; write the file again"
-        )
+        raise InputError("FIELDS, SIZE, TYPE and COUNT of its PCD header differ in length; write the file again")
     width, height = _count(entries, "WIDTH"), _count(entries, "HEIGHT")
     points = _count(entries, "POINTS") if "POINTS" in entries else width * height
     if points != width * height:
@@ -171,8 +167,7 @@ def _read_compressed(
         raise InputError("its compressed points unpack to another size; write or copy the file again")
     starts = _starts([size * header.points for size in header.sizes])
     columns = {
-        role: np.frombuffer(plain, header.dtypes[field], header.points, starts[field])
-        for role, field in roles.items()
+        role: np.frombuffer(plain, header.dtypes[field], header.points, starts[field]) for role, field in roles.items()
     }
     return columns, _surplus(len(content) - start - 8 - packed, "bytes")
 

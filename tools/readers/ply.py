@@ -83,16 +83,12 @@ def _parse_header(lines: list[list[str]]) -> tuple[str, list[_Element]]:
                 order = _BYTE_ORDERS[name]
             case ["element", name, count]:
                 if re.fullmatch(r"\d{1,18}", count, re.ASCII) is None:
-                    raise InputError(
-                        f"line {number}: the header promises {count!r} of {name}; wanted a count >= 0"
-                    )
+                    raise InputError(f"line {number}: the header promises {count!r} of {name}; wanted a count >= 0")
                 elements.append(_Element(name, int(count), []))
             case ["property", *rest] if elements and order is not None:
                 elements[-1].properties.append(_parse_property(rest, order, number))
             case _:
-                raise InputError(
-                    f"line {number} of its PLY header is not understood: {shown(_joined(words))}"
-                )
+                raise InputError(f"line {number} of its PLY header is not understood: {shown(_joined(words))}")
     if order is None:
         raise InputError("its PLY header has no line 'format ... 1.0'; write the file again")
     return order, elements

@@ -18,9 +18,7 @@ def read_lines(path: Path) -> list[Line]:
     try:
         content = Path(path).read_bytes()
     except OSError as error:
-        raise InputError(
-            f"cannot read {path}: {error.strerror or error}; check its name and permissions"
-        ) from error
+        raise InputError(f"cannot read {path}: {error.strerror or error}; check its name and permissions") from error
     try:
         lines = whole_lines(content, 1)
     except InputError as error:
@@ -44,9 +42,7 @@ def finite_rows(path: Path, lines: list[Line], layout: str) -> np.ndarray:
         raise InputError(f"{path}: {error}. Each holds: {layout}") from error
     bad = np.flatnonzero(~np.isfinite(rows).all(axis=1))
     if len(bad):
-        raise InputError(
-            f"{path}: line {lines[bad[0]][0]} holds NaN or infinity; wanted finite numbers: {layout}"
-        )
+        raise InputError(f"{path}: line {lines[bad[0]][0]} holds NaN or infinity; wanted finite numbers: {layout}")
     return rows
 
 

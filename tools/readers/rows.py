@@ -34,9 +34,7 @@ def parse_rows(lines: Iterable[Line], columns: int, separator: bytes | None = No
     for number, line in lines:
         tokens = line.split(separator)
         if len(tokens) != columns:
-            raise InputError(
-                f"line {number} has {len(tokens)} columns where {columns} are wanted; mend that line"
-            )
+            raise InputError(f"line {number} has {len(tokens)} columns where {columns} are wanted; mend that line")
         try:
             numbers.extend(map(_number, tokens))
         except ValueError as error:

@@ -56,9 +56,7 @@ def _expand(text: str, suffixes: Collection[str]) -> list[Selected]:
             return _known(found, suffixes, f"the pattern {text}")
     except (OSError, ValueError) as error:
         raise InputError(f"cannot read {text!r}: {error}. Check the path and its permissions") from error
-    raise InputError(
-        f"no such file or folder: {text}. Check the spelling; relative paths start from {Path.cwd()}"
-    )
+    raise InputError(f"no such file or folder: {text}. Check the spelling; relative paths start from {Path.cwd()}")
 
 
 def _known(found: Iterable[Path], suffixes: Collection[str], where: str) -> list[Selected]:

@@ -126,19 +126,13 @@ def _frame_of(image: rip.RangeImage) -> _Frame:
         )
     ranges = np.array(image.image_pixel_data, dtype=np.float64) * scale
     if len(ranges) != width * height:
-        raise InputError(
-            f"a range image of {width} x {height} with {len(ranges):,} pixels; copy the recording again"
-        )
+        raise InputError(f"a range image of {width} x {height} with {len(ranges):,} pixels; copy the recording again")
     (pixels,) = ranges.nonzero()
     row, column = np.divmod(pixels, max(width, 1))
     yaw = math.radians(image.fov_horizontal) * (column / max(width - 1, 1) - 0.5)  # to the right
-    pitch = math.radians(image.fov_vertical) * (
-        row / max(height - 1, 1) - 0.5
-    )  # upwards: row 0 is the lowest
+    pitch = math.radians(image.fov_vertical) * (row / max(height - 1, 1) - 0.5)  # upwards: row 0 is the lowest
     r = ranges[pixels]
-    points = np.stack(
-        [r * np.cos(pitch) * np.cos(yaw), -r * np.cos(pitch) * np.sin(yaw), r * np.sin(pitch)], axis=1
-    )
+    points = np.stack([r * np.cos(pitch) * np.cos(yaw), -r * np.cos(pitch) * np.sin(yaw), r * np.sin(pitch)], axis=1)
     return _Frame(Cloud(points, stamp=_stamp_of(image)), pixels, (width, height))
 
 

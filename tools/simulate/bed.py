@@ -33,9 +33,7 @@ def boulders(height: np.ndarray, count: int, rng: np.random.Generator) -> list[M
     stones = []
     for east, north in _places(count, rng):
         radii = rng.uniform(0.6, 3.0) * rng.uniform(0.6, 1.0, 3)
-        stones.append(
-            ellipsoid((east, north, height_at(height, east, north)), radii, _any_turn(rng), rings=6)
-        )
+        stones.append(ellipsoid((east, north, height_at(height, east, north)), radii, _any_turn(rng), rings=6))
     return stones
 
 

@@ -54,9 +54,7 @@ def read_settings(path: Path) -> SimulationSettings:
     try:
         content = json.loads(Path(path).read_text(encoding="utf-8"))
     except (OSError, ValueError) as error:
-        raise InputError(
-            f"cannot read {path}: {error}; wanted the description.json of a simulation"
-        ) from error
+        raise InputError(f"cannot read {path}: {error}; wanted the description.json of a simulation") from error
     if not isinstance(content, dict) or "settings" not in content:
         raise InputError(f"{path} holds no settings; wanted the description.json of a simulation")
     return settings_from_json(content["settings"])

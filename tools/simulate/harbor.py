@@ -32,12 +32,7 @@ def hull(middle: tuple[float, float], heading: float, length: float, beam: float
         length, beam, draft: [m].
     """
     along = np.linspace(-0.5, 0.5, 33)
-    half = (
-        0.5
-        * beam
-        * np.clip(1 - np.abs(2 * along) ** 5, 0.04, None)
-        * np.clip(1 - np.maximum(along - 0.2, 0), 0, 1)
-    )
+    half = 0.5 * beam * np.clip(1 - np.abs(2 * along) ** 5, 0.04, None) * np.clip(1 - np.maximum(along - 0.2, 0), 0, 1)
     keel = draft * np.clip(1 - np.maximum(-along - 0.3, 0) * 3.5, 0.2, 1)
     girth = np.linspace(np.pi, 0, 17)
     sections = []

@@ -57,9 +57,7 @@ def random_pair(
     )
 
 
-def _target(
-    world: Scene, sensor: Sensor, max_tilt: float, rng: np.random.Generator
-) -> tuple[RigidTransform, Echoes]:
+def _target(world: Scene, sensor: Sensor, max_tilt: float, rng: np.random.Generator) -> tuple[RigidTransform, Echoes]:
     """A pose in the inner part of the scene, above what stands there, with nothing near before it."""
     for _ in range(TRIES):
         above = np.array([*rng.uniform(-70, 70, 2), 200.0])
@@ -69,9 +67,7 @@ def _target(
         echoes = cast(world, sensor, pose)
         if _is_clear(echoes, sensor):
             return pose, echoes
-    raise InputError(
-        f"{world.name} has no clear place for the sensor {sensor.name}; take another scene or seed"
-    )
+    raise InputError(f"{world.name} has no clear place for the sensor {sensor.name}; take another scene or seed")
 
 
 def _source(

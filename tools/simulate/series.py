@@ -35,9 +35,7 @@ def table1_settings(seed: int, sigma2: float, scene: str = "floodgate") -> Simul
     )
 
 
-def table1_pair(
-    index: int, seed: int, sigma2: float, scene: str = "floodgate"
-) -> tuple[Scan, Scan, RigidTransform]:
+def table1_pair(index: int, seed: int, sigma2: float, scene: str = "floodgate") -> tuple[Scan, Scan, RigidTransform]:
     """The reference scan and S`index`, with the noise of the paper's Sect. 3, and the truth between them.
 
     Args:

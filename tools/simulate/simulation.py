@@ -46,9 +46,7 @@ class SimulationSettings:
         if self.scene not in SCENES:
             raise InputError(f"no scene is called {self.scene!r}; there are {', '.join(SCENES)}")
         if self.trajectory not in TRAJECTORIES:
-            raise InputError(
-                f"no trajectory is called {self.trajectory!r}; there are {', '.join(TRAJECTORIES)}"
-            )
+            raise InputError(f"no trajectory is called {self.trajectory!r}; there are {', '.join(TRAJECTORIES)}")
         if self.seed < 0:
             raise InputError(f"the seed is {self.seed}; wanted a number >= 0")
 
@@ -116,9 +114,7 @@ def _survey(settings: SimulationSettings) -> Trajectory:
 def _table1(settings: SimulationSettings) -> Trajectory:
     poses = table1()
     if not 1 <= settings.count <= len(poses):
-        raise InputError(
-            f"Table 1 has {len(poses)} scans, the reference and S0 to S9; {settings.count} were wanted"
-        )
+        raise InputError(f"Table 1 has {len(poses)} scans, the reference and S0 to S9; {settings.count} were wanted")
     return poses.take(range(settings.count))
 
 

@@ -87,9 +87,9 @@ def ellipsoid(center: ArrayLike, radii: ArrayLike, R_scene_solid: Rotation, ring
         ],
         axis=-1,
     )
-    sections = R_scene_solid.apply((unit * np.asarray(radii, float)).reshape(-1, 3)).reshape(
-        unit.shape
-    ) + np.asarray(center, float)
+    sections = R_scene_solid.apply((unit * np.asarray(radii, float)).reshape(-1, 3)).reshape(unit.shape) + np.asarray(
+        center, float
+    )
     return loft(list(sections))
 
 

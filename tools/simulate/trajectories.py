@@ -69,9 +69,7 @@ def survey(scene: str, count: int, seed: int, spacing: float = SPACING) -> Traje
     if scene not in SURVEY_LOOPS:
         raise InputError(f"no survey path is laid through {scene!r}; there are {', '.join(SURVEY_LOOPS)}")
     if count < 1 or not spacing > 0:
-        raise InputError(
-            f"a survey of {count} scans every {spacing:g} m; wanted at least 1 and a spacing > 0"
-        )
+        raise InputError(f"a survey of {count} scans every {spacing:g} m; wanted at least 1 and a spacing > 0")
     places, heading = _along_loop(np.array(SURVEY_LOOPS[scene], float), spacing * np.arange(count))
     heave, yaw, pitch, roll = _waves(count, np.random.default_rng(np.random.SeedSequence([seed, 4])))
     angles = np.column_stack([heading + np.deg2rad(yaw), np.deg2rad(pitch), np.deg2rad(roll)])
@@ -90,9 +88,7 @@ def table1_transform(index: int) -> RigidTransform:
     if not 0 <= index < TABLE1_COUNT:
         raise InputError(f"Table 1 has the scans S0 to S{TABLE1_COUNT - 1}; got index {index}")
     angles = (index + 1) * np.deg2rad(TABLE1_STEP_DEG)
-    return RigidTransform.from_components(
-        (index + 1) * np.array(TABLE1_STEP), Rotation.from_euler("ZYX", angles)
-    )
+    return RigidTransform.from_components((index + 1) * np.array(TABLE1_STEP), Rotation.from_euler("ZYX", angles))
 
 
 def table1() -> Trajectory:

@@ -14,9 +14,7 @@ WRITERS = {".ply": write_ply, ".pcd": write_pcd}
 __all__ = ["WRITERS", "write_pcd", "write_ply", "write_points"]
 
 
-def write_points(
-    path: str | Path, points: np.ndarray, columns: Mapping[str, np.ndarray] | None = None
-) -> None:
+def write_points(path: str | Path, points: np.ndarray, columns: Mapping[str, np.ndarray] | None = None) -> None:
     """Write points (N, 3) [m] and `columns` {name: (N,)} in the format that the suffix of `path` names.
 
     Raises:
@@ -24,7 +22,5 @@ def write_points(
     """
     suffix = Path(path).suffix.lower()
     if suffix not in WRITERS:
-        raise InputError(
-            f"cannot write {path}: unknown format {suffix!r}; known formats are {', '.join(WRITERS)}"
-        )
+        raise InputError(f"cannot write {path}: unknown format {suffix!r}; known formats are {', '.join(WRITERS)}")
     WRITERS[suffix](path, points, columns)

@@ -25,9 +25,7 @@ def write_g2o(path: Path, graph: PoseGraph) -> None:
     """
     prior = next((edge for edge in graph.edges if edge.kind == "prior"), None)
     if prior is not None:
-        raise InputError(
-            f"pose {prior.i} has a prior, and {EDGE} knows none; leave priors out of the g2o file"
-        )
+        raise InputError(f"pose {prior.i} has a prior, and {EDGE} knows none; leave priors out of the g2o file")
     poses = pose_numbers(graph.trajectory.T_world_sensor).tolist()
     lines = [_line(f"{VERTEX} {k}", pose) for k, pose in enumerate(poses)]
     lines += [f"{FIX} {pose}\n" for pose in graph.fixed]

@@ -14,6 +14,4 @@ def write_kitti(path: Path, trajectory: Trajectory) -> None:
     """
     rows = trajectory.T_world_sensor.as_matrix()[:, :3].reshape(-1, 12)
     with atomic_path(path) as temporary:
-        temporary.write_text(
-            "".join(" ".join(f"{number:.17g}" for number in row) + "\n" for row in rows.tolist())
-        )
+        temporary.write_text("".join(" ".join(f"{number:.17g}" for number in row) + "\n" for row in rows.tolist()))

@@ -29,9 +29,7 @@ def pack_records(points: np.ndarray, columns: Mapping[str, np.ndarray] | None) -
         if name in values or _NAME.fullmatch(name) is None:
             raise InputError(f"a column is called {name!r}; wanted a new name of letters, digits and _")
         if np.shape(column) != (len(points),):
-            raise InputError(
-                f"column {name} has shape {np.shape(column)}; wanted ({len(points)},), one per point"
-            )
+            raise InputError(f"column {name} has shape {np.shape(column)}; wanted ({len(points)},), one per point")
         values[name] = _portable(name, np.asarray(column))
     layout = np.dtype([(name, column.dtype.newbyteorder("<")) for name, column in values.items()])
     records = np.empty(len(points), layout)

@@ -36,9 +36,7 @@ def write_summary(path: Path, content: Mapping[str, Any]) -> None:
         temporary.write_text(text + "\n", encoding="utf-8")
 
 
-def survey_summary(
-    result: SurveyResult, names: list[str], settings: Mapping[str, Any], device: Any
-) -> dict[str, Any]:
+def survey_summary(result: SurveyResult, names: list[str], settings: Mapping[str, Any], device: Any) -> dict[str, Any]:
     """What `sonarmap map` tells about a survey.
 
     Args:
