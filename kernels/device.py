@@ -206,9 +206,12 @@ def _fault(device: cl.Device) -> str:
         trial = Device(device)
         program = trial.build(_PROBE)
         numbers = np.arange(64, dtype=np.float32)
-        array = trial.to_device(numbers)
-        cl.Kernel(program, "probe")(trial.queue, (8,), (1,), array.base_data)
-        right = bool(np.array_equal(array.get(), 2 * numbers + 1))
+        flags = cl.mem_flags.READ_WRITE | cl.mem_flags.COPY_HOST_PTR
+        buffer = cl.Buffer(trial.context, flags, hostbuf=numbers)
+        cl.Kernel(program, "probe")(trial.queue, (8,), (1,), buffer)
+        result = np.empty_like(numbers)
+        cl.enqueue_copy(trial.queue, result, buffer)
+        right = bool(np.array_equal(result, 2 * numbers + 1))
         return "" if right else "a trial kernel gave wrong numbers"
     except (cl.Error, DeviceError) as error:
         lines = [line.strip() for line in str(error).splitlines() if "error:" in line.lower()]

@@ -30,6 +30,7 @@ class SpectralConfig:
         refinements: how often yaw and then roll and pitch are estimated again, on what the first round left over;
             0 is the paper.
         final_refinements: how often more for the hypothesis that the translation chose.
+        search: whether its rotation is then moved to where the translation's peak is highest; False is the paper.
         use_strength: whether voxels hold the echo strength instead of the paper's occupancy.
         least_psr: the translation's peak-to-sidelobe ratio from which on a registration is believed.
         least_distinction: how many times as high as that of any other hypothesis, or any other shift, it has to be.
@@ -40,6 +41,7 @@ class SpectralConfig:
     max_tilt: float = float(np.deg2rad(35.0))
     refinements: int = 1
     final_refinements: int = 2
+    search: bool = True
     use_strength: bool = False
     least_psr: float = 30.0
     least_distinction: float = 1.6
@@ -138,7 +140,8 @@ class SpectralRegistrar:
             found = self._translation.find(target, source, again)
             if found.psr > peak.psr:
                 R, peak = again, found
-        R, peak = search_rotation(self._translation, target, source, R, peak)
+        if self.config.search:
+            R, peak = search_rotation(self._translation, target, source, R, peak)
         return _Hypothesis(R, peak, best.yaw_psr, best.tilt_psr)
 
     def _rival(self, target: Prepared, source: Prepared, best: _Hypothesis, hypotheses: list[_Hypothesis]) -> float:
