@@ -3,6 +3,7 @@
 import numpy as np
 import pytest
 from scipy.spatial.transform import RigidTransform, Rotation
+from structures import difference, moved, structure
 
 from kernels.device import choose_device
 from kernels.errors import DeviceError, InputError
@@ -13,28 +14,6 @@ from spectral.scan import Scan
 
 EDGE = 64
 TURN = RigidTransform.from_components([1.5, -2.0, 0.75], Rotation.from_euler("ZYX", [25.0, -4.0, 7.0], degrees=True))
-
-
-def structure(seed: int, count: int = 6000) -> np.ndarray:
-    """Points (N, 3) on walls, posts and a floor, as no two seeds have them [m]; about 20 m across."""
-    rng = np.random.default_rng(seed)
-    parts = [np.column_stack([rng.uniform(-9, 9, (count, 2)), rng.normal(-3, 0.05, count)])]
-    for _ in range(7):
-        corner, size = rng.uniform([-8, -8, -3], [5, 5, -1]), rng.uniform([0.1, 1, 1], [0.2, 5, 5])
-        turn = Rotation.from_euler("Z", rng.uniform(0, np.pi))
-        parts.append(turn.apply(rng.uniform(0, 1, (count // 6, 3)) * size) + corner)
-    points = np.concatenate(parts)
-    return points[np.abs(points).max(axis=1) < 10].astype(np.float32)
-
-
-def moved(points: np.ndarray, T: RigidTransform) -> np.ndarray:
-    return T.apply(points.astype(np.float64)).astype(np.float32)
-
-
-def difference(a: RigidTransform, b: RigidTransform) -> tuple[float, float]:
-    """Rotation [deg] and translation [m] between two transforms."""
-    xi = a.inv() * b
-    return float(np.rad2deg(xi.rotation.magnitude())), float(np.linalg.norm(xi.translation))
 
 
 @pytest.fixture(scope="module")

@@ -1,0 +1,118 @@
+"""The rotation's steps one by one: each finds the angle it is there for, with the sign of the conventions page."""
+
+import numpy as np
+import pytest
+from scipy.spatial.transform import RigidTransform, Rotation
+from structures import moved, structure
+
+from kernels.device import Device, choose_device
+from kernels.peak import Peak
+from spectral.grid import Grid
+from spectral.hemisphere import Hemisphere
+from spectral.overlap import overlap
+from spectral.prepared import Prepared, Preparer
+from spectral.refine import search_rotation
+from spectral.scan import Scan
+from spectral.translation import Translation
+
+EDGE, VOXEL = 64, 0.4
+
+
+class Room:
+    """A device with a structure prepared on it, and the same structure turned."""
+
+    def __init__(self, device: Device) -> None:
+        self.hemisphere = Hemisphere(device, EDGE)
+        self.preparer = Preparer(device, Grid(EDGE, VOXEL), self.hemisphere, use_strength=False)
+        self.translation = Translation(device, EDGE)
+        self.points = structure(2)
+        self.target = self.preparer.prepare(Scan(self.points))
+
+    def turned(self, R_target_source: Rotation, shift: tuple[float, float, float] = (0.8, -1.2, 0.6)) -> Prepared:
+        """The structure as a source sees it whose R_target_source this is."""
+        T = RigidTransform.from_components(shift, R_target_source)
+        return self.preparer.prepare(Scan(moved(self.points, T.inv())))
+
+
+@pytest.fixture(scope="module")
+def room() -> Room:
+    return Room(choose_device())
+
+
+def degrees(R: Rotation) -> float:
+    return float(np.rad2deg(R.magnitude()))
+
+
+@pytest.mark.parametrize("yaw", [-75.0, -20.0, 8.0, 50.0])
+def test_yaw_is_among_the_candidates_with_its_half_turn(room: Room, yaw: float) -> None:
+    true = Rotation.from_euler("Z", yaw, degrees=True)
+    candidates = room.hemisphere.yaw_candidates(room.target.layers, room.turned(true).layers, 6)
+    assert len(candidates) <= 12
+    errors = [degrees(candidate.R.inv() * true) for candidate in candidates]
+    assert min(errors) < 3.0
+    for first, second in zip(candidates[::2], candidates[1::2], strict=True):
+        assert degrees(first.R.inv() * second.R) == pytest.approx(180.0)
+    assert [c.psr for c in candidates] == sorted((c.psr for c in candidates), reverse=True)
+
+
+@pytest.mark.parametrize(("roll", "pitch"), [(9.0, 0.0), (0.0, -12.0), (-7.0, 15.0), (25.0, 5.0)])
+def test_tilt_is_found_once_yaw_is_known(room: Room, roll: float, pitch: float) -> None:
+    tilt, yaw = Rotation.from_euler("YX", [pitch, roll], degrees=True), Rotation.from_euler("Z", 40, degrees=True)
+    source = room.turned(tilt * yaw)
+    found = room.hemisphere.tilt(room.target.layers, source.magnitude, yaw, np.deg2rad(35))
+    assert found is not None
+    assert degrees(found.R * tilt.inv()) < 4.0
+
+
+def test_tilt_keeps_to_its_limit(room: Room) -> None:
+    source = room.turned(Rotation.from_euler("X", 30, degrees=True))
+    found = room.hemisphere.tilt(room.target.layers, source.magnitude, Rotation.identity(), np.deg2rad(10))
+    assert found is None or degrees(found.R) < 10 * np.sqrt(2) + 3
+
+
+@pytest.mark.parametrize("left", [-16.0, -3.0, 5.0, 18.0])
+def test_heading_finds_the_yaw_that_is_left(room: Room, left: float) -> None:
+    true = Rotation.from_euler("ZYX", [70.0, 6.0, -9.0], degrees=True)
+    known = Rotation.from_euler("Z", -left, degrees=True) * true
+    found = room.hemisphere.heading(room.target.layers, room.turned(true).magnitude, known, np.deg2rad(20))
+    assert found is not None
+    assert degrees(found.R * known * true.inv()) < 0.7
+
+
+def test_translation_has_the_sign_and_unit_of_the_conventions(room: Room) -> None:
+    R = Rotation.from_euler("ZYX", [30.0, 5.0, -8.0], degrees=True)
+    source = room.turned(R, shift=(2.0, -1.0, 0.5))
+    peak = room.translation.find(room.target, source, R)
+    shift = room.target.center + peak.shift * VOXEL - R.apply(source.center)
+    np.testing.assert_allclose(shift, [2.0, -1.0, 0.5], atol=0.3 * VOXEL)
+    others = room.translation.find_others(room.target, source, R, 6.0)
+    assert all(other.psr < 0.5 * peak.psr for other in others)
+
+
+def test_search_climbs_back_to_the_rotation(room: Room) -> None:
+    true = Rotation.from_euler("ZYX", [30.0, 5.0, -8.0], degrees=True)
+    source = room.turned(true)
+    begin = Rotation.from_rotvec(np.deg2rad([1.5, -2.0, 2.5])) * true
+    peak = room.translation.find(room.target, source, begin)
+    R, best = search_rotation(room.translation, room.target, source, begin, peak)
+    assert best.psr > 1.2 * peak.psr
+    assert degrees(R * true.inv()) < 0.6 * degrees(begin * true.inv())
+
+
+def test_overlap_is_the_share_in_common_and_the_smaller_of_both_ways(room: Room) -> None:
+    half = room.points[room.points[:, 0] > room.target.center[0]]
+    part = room.preparer.prepare(Scan(half))
+    shift = (part.center - room.target.center) / VOXEL
+    share = len(part.surface) / len(room.target.surface)
+    there = overlap(room.target, part, Rotation.identity(), shift)
+    assert there == pytest.approx(share, abs=0.1)
+    assert overlap(part, room.target, Rotation.identity(), -shift) == pytest.approx(there, abs=0.02)
+    assert overlap(room.target, part, Rotation.identity(), shift + 500) == 0.0
+
+
+def test_prepared_counts_what_lies_outside_the_grid(room: Room) -> None:
+    stray = np.array([[500, 0, 0], [0, -500, 3]], np.float32)
+    prepared = room.preparer.prepare(Scan(np.vstack([room.points, stray])))
+    assert prepared.clipped == 2
+    assert len(prepared.surface) == pytest.approx(len(room.target.surface), rel=0.05)
+    assert isinstance(room.translation.find(prepared, prepared, Rotation.identity()), Peak)
