@@ -1,0 +1,100 @@
+"""Points to volumes, volumes and spectra to other coordinates, layers normalized."""
+
+import numpy as np
+import scipy.fft
+
+from kernels.layers import normalize_layers
+from kernels.polar import polar_magnitude
+from kernels.rotate import rotate
+from kernels.sphere import (
+    rectangular_unwrap,
+    rotational_unwrap,
+    sample,
+    upload_directions,
+    valid_pixels,
+)
+from kernels.voxelize import voxelize
+from tools.bench import twins
+from tools.bench.case import RESAMPLED, Case, volume_bytes
+from tools.bench.workload import R, Workload
+
+
+def voxelize_case(w: Workload) -> Case:
+    points, out = w.upload(w.points), w.device.empty((w.edge,) * 3)
+    volume = np.empty((w.edge,) * 3, np.float32)
+    return Case(
+        "voxelize",
+        "np.maximum.at",
+        volume_bytes(w) + w.points.nbytes + 8 * len(w.points),
+        0.0,
+        run=lambda: voxelize(w.device, points, w.edge, R, out=out),
+        read=out.get,
+        twin=lambda: twins.voxelize(w.points, R, volume),
+    )
+
+
+def sample_case(w: Workload) -> Case:
+    directions = rectangular_unwrap(w.edge, "y")
+    volume, table = w.upload(w.magnitude), upload_directions(w.device, directions)
+    out = w.device.empty((len(w.radii), w.edge, w.edge))
+    first, last = float(w.radii[0]), float(w.radii[-1])
+    shell = 4 * round(2 / 3 * np.pi * (last**3 - first**3))
+    return Case(
+        "sample",
+        "map_coordinates",
+        shell + directions.nbytes + out.nbytes,
+        RESAMPLED,
+        run=lambda: sample(w.device, volume, table, w.radii, R, out=out),
+        read=out.get,
+        twin=lambda: twins.sample(w.magnitude, directions, w.radii, R, w.cores),
+    )
+
+
+def normalize_layers_case(w: Workload) -> Case:
+    mask = valid_pixels(rotational_unwrap(w.edge))
+    window = np.outer(np.hanning(w.edge), np.hanning(w.edge)).astype(np.float32)
+    stack, device_window, device_mask = w.upload(w.layers), w.upload(window), w.upload(mask)
+    out = w.device.empty(w.layers.shape)
+    return Case(
+        "normalize_layers",
+        "NumPy mean, std",
+        3 * w.layers.nbytes,
+        1e-5,
+        run=lambda: normalize_layers(w.device, stack, device_window, device_mask, out=out),
+        read=out.get,
+        twin=lambda: twins.normalize_layers(w.layers, window, mask),
+    )
+
+
+def polar_magnitude_case(w: Workload) -> Case:
+    host = np.asarray(scipy.fft.rfft2(w.layers, workers=w.cores))
+    spectrum = w.upload_half(host)
+    radii = np.linspace(0.11, 0.45, w.edge // 2) * (w.edge / 2)
+    angles = np.arange(min(2 * w.edge, 512)) * (np.pi / min(2 * w.edge, 512))
+    out = w.device.empty((len(host), len(radii), len(angles)))
+    ring = 8 * round(np.pi / 2 * (radii[-1] ** 2 - radii[0] ** 2))
+    return Case(
+        "polar_magnitude",
+        "np.abs, map_coordinates",
+        ring * len(host) + out.nbytes,
+        RESAMPLED,
+        run=lambda: polar_magnitude(w.device, spectrum, (w.edge, w.edge), radii, angles, out=out),
+        read=out.get,
+        twin=lambda: twins.polar_magnitude(host, radii, angles, w.cores),
+    )
+
+
+def rotate_case(w: Workload) -> Case:
+    # rounding decides whether a point on the grid's rim is inside: nothing is there
+    host = np.zeros_like(w.volume)
+    host[1:-1, 1:-1, 1:-1] = w.volume[1:-1, 1:-1, 1:-1]
+    volume, out = w.upload(host), w.device.empty(host.shape)
+    return Case(
+        "rotate",
+        "map_coordinates",
+        2 * host.nbytes,
+        RESAMPLED,
+        run=lambda: rotate(w.device, volume, R, out=out),
+        read=out.get,
+        twin=lambda: twins.rotate(host, R, w.cores),
+    )

@@ -1,0 +1,154 @@
+"""Preparing scans and registering prepared pairs, timed in a process of its own, whose memory is then theirs alone."""
+
+import multiprocessing
+import signal
+import threading
+from collections.abc import Callable, Iterator
+from contextlib import contextmanager
+from multiprocessing.connection import Connection
+from multiprocessing.process import BaseProcess
+
+import numpy as np
+from scipy.spatial.transform import RigidTransform
+
+from kernels.device import choose_device
+from kernels.errors import DeviceError, SonarmapError
+from spectral.grid import Grid, choose_grid
+from spectral.prepared import Prepared
+from spectral.registration import SpectralConfig, SpectralRegistrar
+from spectral.result import Registration
+from spectral.scan import Scan
+from tools.bench.machine import peak_memory
+from tools.bench.result import PairResult
+from tools.bench.timing import summarize, timed
+from tools.simulate.noise import Noise
+from tools.simulate.pairs import random_pair
+
+SimulatedPair = tuple[Scan, Scan, RigidTransform]
+
+# The paper's noise: variance of the range at the sensor's maximum range [m^2].
+_SIGMA2 = 1.0
+# A registration is right within these [rad, voxels].
+_RIGHT_ANGLE, _RIGHT_VOXELS = np.deg2rad(6.0), 3.0
+
+
+def simulate_pairs(count: int, seed: int, step: Callable[[str], None]) -> list[SimulatedPair]:
+    """Pairs of scans of different scenes: target, source, T_target_source; step is called after each."""
+    pairs = []
+    for n in range(count):
+        pairs.append(random_pair(seed + n, noise=Noise(sigma2=_SIGMA2)))
+        step(f"pair {n + 1}")
+    return pairs
+
+
+def measure_pairs(
+    pairs: list[SimulatedPair], edge: int, selector: str | None, step: Callable[[str], None]
+) -> PairResult:
+    """Prepare and register every pair, in a spawned process.
+
+    Args:
+        pairs: at least one, as from `simulate_pairs`.
+        edge: voxels per edge; the voxel is chosen so that all scans fit.
+        selector: of the device, as `choose_device` takes it.
+        step: called after each pair.
+
+    Raises:
+        SonarmapError: the scans or the device will not do.
+        DeviceError: the process was ended from outside, as where memory runs out.
+    """
+    grid = choose_grid((scan for pair in pairs for scan in pair[:2]), edge)
+    context = multiprocessing.get_context("spawn")
+    receiver, sender = context.Pipe(duplex=False)
+    process = context.Process(target=_work, args=(sender, pairs, grid, selector), daemon=True)
+    with _interrupts_left_to_the_parent():
+        process.start()
+    sender.close()
+    try:
+        while not isinstance(message := _receive(receiver, process), PairResult):
+            if isinstance(message, SonarmapError):
+                raise message
+            step(str(message))
+    finally:
+        process.terminate()
+        process.join()
+    return message
+
+
+def _receive(receiver: Connection, process: BaseProcess) -> object:
+    try:
+        return receiver.recv()
+    except EOFError:
+        process.join()
+        code = process.exitcode or 0
+        if code < 0:
+            raise DeviceError(
+                f"the process that registers pairs was ended by signal {-code}, as happens where memory runs "
+                "out. Use a smaller --grid, or --pairs 0 to leave pairs out."
+            ) from None
+        raise RuntimeError(f"the process that registers pairs ended with code {code}, without a result") from None
+
+
+@contextmanager
+def _interrupts_left_to_the_parent() -> Iterator[None]:
+    """What is started within ignores Ctrl-C, so that one process alone says that it was stopped."""
+    if threading.current_thread() is not threading.main_thread():
+        yield
+        return
+    before = signal.signal(signal.SIGINT, signal.SIG_IGN)
+    try:
+        yield
+    finally:
+        signal.signal(signal.SIGINT, before)
+
+
+def _work(sender: Connection, pairs: list[SimulatedPair], grid: Grid, selector: str | None) -> None:
+    """The spawned process: sends words after each pair, and last a PairResult or a SonarmapError."""
+    try:
+        registrar = SpectralRegistrar(choose_device(selector), grid, SpectralConfig())
+        sender.send(_measure(registrar, pairs, sender))
+    except SonarmapError as error:
+        sender.send(error)
+
+
+def _measure(registrar: SpectralRegistrar, pairs: list[SimulatedPair], sender: Connection) -> PairResult:
+    # once untimed: kernels are compiled at their first launch
+    _measure_pair(registrar, *pairs[0][:2])
+    preparing, registering, accepted, right = [], [], 0, 0
+    for n, (target, source, truth) in enumerate(pairs):
+        times, seconds, registration = _measure_pair(registrar, target, source)
+        preparing += times
+        registering.append(seconds)
+        accepted += registration.accepted
+        right += is_right(registration.T_target_source, truth, registrar.grid.voxel)
+        sender.send(f"pair {n + 1} at {registrar.grid.edge}^3")
+    return PairResult(
+        edge=registrar.grid.edge,
+        voxel=registrar.grid.voxel,
+        prepare=summarize(preparing),
+        register=summarize(registering),
+        accepted=accepted,
+        right=right,
+        peak_memory=peak_memory(),
+    )
+
+
+def _measure_pair(registrar: SpectralRegistrar, target: Scan, source: Scan) -> tuple[list[float], float, Registration]:
+    """Seconds of preparing each scan, of registering them, and the result; no more than two scans are held."""
+
+    def prepare(scan: Scan) -> Prepared:
+        prepared = registrar.prepare(scan)
+        registrar.device.queue.finish()
+        return prepared
+
+    (target_seconds, target_prepared), (source_seconds, source_prepared) = (
+        timed(prepare, scan) for scan in (target, source)
+    )
+    seconds, registration = timed(registrar.register, target_prepared, source_prepared)
+    return [target_seconds, source_seconds], seconds, registration
+
+
+def is_right(found: RigidTransform, truth: RigidTransform, voxel: float) -> bool:
+    """Whether a registration is within 6 degrees and 3 voxels of the truth."""
+    left = truth.inv() * found
+    near = np.linalg.norm(left.translation) <= _RIGHT_VOXELS * voxel
+    return bool(near and left.rotation.magnitude() <= _RIGHT_ANGLE)

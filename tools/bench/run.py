@@ -1,0 +1,79 @@
+"""A whole benchmark: the copy rate, the kernels, the pairs."""
+
+from collections.abc import Callable, Sequence
+from contextlib import AbstractContextManager
+
+import numpy as np
+
+from kernels.device import Device, choose_device
+from kernels.errors import InputError
+from spectral.grid import Grid
+from tools.bench.cases import CASES
+from tools.bench.copy_rate import measure_copy
+from tools.bench.kernels import measure_kernels
+from tools.bench.machine import describe_machine, load_average
+from tools.bench.pairs import measure_pairs, simulate_pairs
+from tools.bench.result import BenchResult, KernelResult, PairResult
+
+# Follows work: label and number of pieces to a context that gives a function to call after each.
+Follow = Callable[[str, int], AbstractContextManager[Callable[[str], None]]]
+
+
+def run_bench(
+    selector: str | None,
+    edges: Sequence[int],
+    *,
+    repeats: int,
+    pairs: int,
+    kernels: bool,
+    seed: int,
+    follow: Follow,
+) -> BenchResult:
+    """Measure on one device.
+
+    Args:
+        selector: of the device, as `choose_device` takes it.
+        edges: voxels per edge, each.
+        repeats: timed runs of each kernel.
+        pairs: how many simulated pairs to register on each edge; 0 for none.
+        kernels: whether to time the kernels.
+        seed: of all input.
+        follow: how to tell of the progress.
+
+    Raises:
+        InputError: an edge is not a grid's, or nothing is left to measure.
+        DeviceError: there is no such device, or it is too small.
+    """
+    for edge in edges:
+        Grid(edge, 1.0)
+    if not (kernels or pairs):
+        raise InputError("--no-kernels and --pairs 0 leave nothing to measure; leave one of them out")
+    device = choose_device(selector)
+    machine, before = describe_machine(device), load_average()
+    copying = measure_copy(device, repeats)
+    measured = _kernels(device, edges, repeats, seed, machine.cores, follow) if kernels else ()
+    # again, as the machine's other work may have changed meanwhile
+    copying += measure_copy(device, repeats)
+    return BenchResult(
+        machine=machine,
+        seed=seed,
+        repeats=repeats,
+        copy_rate=float(np.median(copying)),
+        kernels=measured,
+        pairs=_pairs(selector, edges, pairs, seed, follow) if pairs else (),
+        load=(before, load_average()),
+    )
+
+
+def _kernels(
+    device: Device, edges: Sequence[int], repeats: int, seed: int, cores: int, follow: Follow
+) -> tuple[KernelResult, ...]:
+    with follow("timing kernels", len(edges) * len(CASES)) as step:
+        return tuple(measure_kernels(device, edges, repeats, seed, cores, step))
+
+
+def _pairs(selector: str | None, edges: Sequence[int], count: int, seed: int, follow: Follow) -> tuple[PairResult, ...]:
+    with follow("simulating pairs", count) as step:
+        simulated = simulate_pairs(count, seed, step)
+    with follow("registering pairs", len(edges) * count) as step:
+        return tuple(measure_pairs(simulated, edge, selector, step) for edge in edges)

@@ -1,0 +1,73 @@
+"""Time two things that do the same, taking turns, and sum the times up."""
+
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass
+from time import perf_counter
+from typing import ParamSpec, TypeVar
+
+import numpy as np
+
+P = ParamSpec("P")
+T = TypeVar("T")
+
+# A slow twin is run less often: about this long in all [s], but at least so many times.
+_TWIN_SECONDS = 5.0
+_FEWEST = 3
+
+
+@dataclass(frozen=True, slots=True)
+class Times:
+    """What is told of repeated measurements of one duration [s]."""
+
+    count: int
+    median: float
+    first_quartile: float
+    third_quartile: float
+    least: float
+    most: float
+
+    @property
+    def most_over_median(self) -> float:
+        """How far the slowest stands out: 1 where the time is fixed."""
+        return self.most / self.median
+
+
+def summarize(seconds: Sequence[float]) -> Times:
+    """Median, quartiles (interpolated between neighbors) and ends of at least one duration."""
+    least, first, median, third, most = np.quantile(seconds, [0, 0.25, 0.5, 0.75, 1]).tolist()
+    return Times(len(seconds), median, first, third, least, most)
+
+
+def timed(call: Callable[P, T], *arguments: P.args, **options: P.kwargs) -> tuple[float, T]:
+    """Seconds of wall time of one call, and what it returned."""
+    start = perf_counter()
+    returned = call(*arguments, **options)
+    return perf_counter() - start, returned
+
+
+def interleave(
+    first: Callable[[], object],
+    second: Callable[[], object],
+    repeats: int,
+    restore: Callable[[], object] = lambda: None,
+) -> tuple[Times, Times]:
+    """The times of two calls that take turns, so that whatever else the machine does meets both alike.
+
+    Each is called once before, untimed: kernels are compiled then, and memory is touched for the first time.
+
+    Args:
+        first: called `repeats` times.
+        second: called as often, or less where that would take long; its turns are spread over the others.
+        repeats: at least 1.
+        restore: what puts the inputs back that the calls overwrite; called before every round, untimed.
+    """
+    restore()
+    first()
+    turns = min(repeats, max(_FEWEST, int(_TWIN_SECONDS / max(timed(second)[0], 1e-9))))
+    firsts, seconds = [], []
+    for n in range(repeats):
+        restore()
+        firsts.append(timed(first)[0])
+        if (n + 1) * turns // repeats > n * turns // repeats:
+            seconds.append(timed(second)[0])
+    return summarize(firsts), summarize(seconds)

@@ -1,0 +1,137 @@
+"""What NumPy and SciPy need for the same work: the twins of the kernels, in single precision.
+
+FFTs and resampling use as many threads as they are given; NumPy's elementwise work has one.
+"""
+
+from collections.abc import Callable
+from concurrent.futures import ThreadPoolExecutor
+
+import numpy as np
+import scipy.fft
+from scipy.ndimage import map_coordinates
+
+_FLOOR = 1e-9
+
+
+def forward(volume: np.ndarray, cores: int) -> np.ndarray:
+    """The half spectrum of a real volume."""
+    return np.asarray(scipy.fft.rfftn(volume, workers=cores))
+
+
+def inverse(spectrum: np.ndarray, cores: int) -> np.ndarray:
+    """The cube of a half spectrum (N, N, N/2 + 1)."""
+    return np.asarray(scipy.fft.irfftn(spectrum, s=(spectrum.shape[0],) * 3, workers=cores))
+
+
+def voxelize(points: np.ndarray, R: np.ndarray, volume: np.ndarray) -> np.ndarray:
+    """The largest weight of each voxel of `volume` (N, N, N) float32, overwritten; points (n, 4) float32."""
+    edge = volume.shape[0]
+    cells = np.floor(points[:, :3] @ R.T.astype(np.float32) + np.float32(edge / 2 + 0.5)).astype(np.int32)
+    inside = ((cells >= 0) & (cells < edge)).all(axis=1)
+    i, j, k = cells[inside].T
+    volume.fill(0)
+    np.maximum.at(volume.reshape(-1), (i * edge + j) * edge + k, points[inside, 3])
+    return volume
+
+
+def magnitude(spectrum: np.ndarray) -> np.ndarray:
+    """|F| of a half spectrum, centered in axes 0 and 1."""
+    return scipy.fft.fftshift(np.abs(spectrum), axes=(0, 1))
+
+
+def whiten(spectrum: np.ndarray, out: np.ndarray) -> np.ndarray:
+    """F / |F| into `out`, 0 where |F| is tiny."""
+    size = np.abs(spectrum)
+    size[size <= _FLOOR] = np.inf
+    return np.divide(spectrum, size, out=out)
+
+
+def cross_power(target: np.ndarray, source: np.ndarray, blur: float, out: np.ndarray) -> np.ndarray:
+    """target conj(source) of half spectra of cubes into `out`, blurred by a Gaussian [voxels]."""
+    edge = target.shape[0]
+    gain = np.exp(-2 * (np.pi * blur * np.fft.fftfreq(edge)) ** 2).astype(np.float32)
+    np.conj(source, out=out)
+    out *= target
+    out *= np.multiply.outer(gain, gain)[:, :, None]
+    out *= gain[: edge // 2 + 1]
+    return out
+
+
+def prepare(volume: np.ndarray, cores: int) -> np.ndarray:
+    """The whitened half spectrum."""
+    spectrum = forward(volume, cores)
+    return whiten(spectrum, spectrum)
+
+
+def correlate(target: np.ndarray, source: np.ndarray, blur: float, scratch: np.ndarray, cores: int) -> np.ndarray:
+    """The correlation of two whitened half spectra of cubes."""
+    return inverse(cross_power(target, source, blur, scratch), cores)
+
+
+def peak(correlation: np.ndarray) -> np.ndarray:
+    """Of the highest voxel: its index (3), value, peak-to-sidelobe ratio, neighborhood (27); 32 numbers."""
+    index = np.array(np.unravel_index(np.argmax(correlation), correlation.shape))
+    mean, std = correlation.mean(dtype=np.float64), correlation.std()
+    around = np.ix_(*((i + np.arange(-1, 2)) % n for i, n in zip(index, correlation.shape, strict=True)))
+    cube = correlation[around]
+    return np.concatenate([index, [cube[1, 1, 1], (cube[1, 1, 1] - mean) / std], cube.ravel()])
+
+
+def sample(magnitude: np.ndarray, directions: np.ndarray, radii: np.ndarray, R: np.ndarray, cores: int) -> np.ndarray:
+    """(L, H, W): |F| at radius (R direction), directions (H, W, 3), |F| centered in axes 0 and 1."""
+    turned = np.moveaxis(directions @ R.T.astype(np.float32), -1, 0)
+    turned = np.where(turned[2] < 0, -turned, turned)
+    center = np.array([magnitude.shape[0] / 2, magnitude.shape[1] / 2, 0], np.float32)[:, None, None]
+    out = np.empty((len(radii), *directions.shape[:2]), np.float32)
+
+    def layer(n: int) -> None:
+        map_coordinates(magnitude, turned * radii[n] + center, output=out[n], order=1)
+
+    _spread(layer, len(radii), cores)
+    return out
+
+
+def normalize_layers(stack: np.ndarray, window: np.ndarray, mask: np.ndarray) -> np.ndarray:
+    """(L, H, W): each layer less its mean, over its deviation, both under the mask, times the window."""
+    # taken, not indexed: rows stay contiguous, so that NumPy sums them pairwise and keeps its precision
+    inside = np.take(stack.reshape(len(stack), -1), np.flatnonzero(mask), axis=1)
+    mean, std = inside.mean(axis=1), inside.std(axis=1)
+    out = stack - mean[:, None, None]
+    out /= std[:, None, None]
+    out *= window * mask
+    return out
+
+
+def polar_magnitude(spectrum: np.ndarray, radii: np.ndarray, angles: np.ndarray, cores: int) -> np.ndarray:
+    """(L, M, K): |F| of half spectra (L, H, W/2 + 1) at radii (M,) and angles (K,) within 0..pi."""
+    points = np.stack([np.outer(radii, np.cos(angles)), np.outer(radii, np.sin(angles))]).astype(np.float32)
+    points[0] += np.float32(spectrum.shape[1] // 2)
+    out = np.empty((len(spectrum), len(radii), len(angles)), np.float32)
+
+    def layer(n: int) -> None:
+        map_coordinates(scipy.fft.fftshift(np.abs(spectrum[n]), axes=0), points, output=out[n], order=1)
+
+    _spread(layer, len(spectrum), cores)
+    return out
+
+
+def rotate(volume: np.ndarray, R: np.ndarray, cores: int) -> np.ndarray:
+    """out(x) = volume(R^T x) about index N/2, 0 outside."""
+    edge = volume.shape[0]
+    x = np.arange(edge, dtype=np.float32) - np.float32(edge / 2)
+    inverse = R.T.astype(np.float32)
+    plane = inverse[:, 1, None, None] * x[:, None] + inverse[:, 2, None, None] * x + np.float32(edge / 2)
+    out = np.empty_like(volume)
+
+    def slab(n: int) -> None:
+        map_coordinates(volume, plane + inverse[:, 0, None, None] * x[n], output=out[n], order=1)
+
+    _spread(slab, edge, cores)
+    return out
+
+
+def _spread(work: Callable[[int], None], count: int, cores: int) -> None:
+    """Call work(0..count-1) on threads: scipy.ndimage has none of its own, and lets go of the lock."""
+    with ThreadPoolExecutor(cores) as pool:
+        for _ in pool.map(work, range(count)):
+            pass

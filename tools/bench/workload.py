@@ -1,0 +1,91 @@
+"""The input that the kernels of one edge are measured on: seeded noise, the same for device and twin."""
+
+from functools import cached_property
+from typing import Any
+
+import numpy as np
+from scipy.spatial.transform import Rotation
+
+from kernels.device import Device
+from tools.bench import twins
+
+# A rotation about no axis of the grid.
+R: np.ndarray = Rotation.from_euler("ZYX", [31, -12, 7], degrees=True).as_matrix()
+# Sect. 2.8 of the paper: radii of the layers, as shares of N/2; one layer per frequency bin.
+_LAYERS = (0.2, 0.8)
+# As many points as a sensor of 256 x 192 beams gives.
+_POINTS = 256 * 192
+
+
+class Workload:
+    """Arrays on the host, each made at its first use, and ways to the device.
+
+    Attributes:
+        device: what the kernels run on.
+        edge: N, voxels per edge.
+        cores: threads that the twins may use.
+    """
+
+    def __init__(self, device: Device, edge: int, cores: int, seed: int) -> None:
+        """Nothing is computed before it is asked for."""
+        self.device, self.edge, self.cores, self._seed = device, edge, cores, seed
+
+    def rng(self, stream: int) -> np.random.Generator:
+        """Random numbers that depend on the seed, the edge and the stream only."""
+        return np.random.default_rng([self._seed, self.edge, stream])
+
+    @cached_property
+    def volume(self) -> np.ndarray:
+        """(N, N, N) float32, standard normal."""
+        return self.rng(0).standard_normal((self.edge,) * 3, dtype=np.float32)
+
+    @cached_property
+    def spectrum(self) -> np.ndarray:
+        """(N, N, N/2 + 1) complex64, the half spectrum of the volume."""
+        return twins.forward(self.volume, self.cores)
+
+    @cached_property
+    def magnitude(self) -> np.ndarray:
+        """(N, N, N/2 + 1) float32, |spectrum| centered in axes 0 and 1."""
+        return twins.magnitude(self.spectrum)
+
+    @cached_property
+    def whitened(self) -> tuple[np.ndarray, np.ndarray]:
+        """Two half spectra (N, N, N/2 + 1) complex64: a target, and a source that is it shifted, with noise."""
+        noise = self.rng(1).standard_normal(self.volume.shape, dtype=np.float32)
+        target = np.roll(self.volume, (3, -7, 5), axis=(0, 1, 2)) + noise
+        return twins.prepare(target, self.cores), twins.prepare(self.volume, self.cores)
+
+    @cached_property
+    def radii(self) -> np.ndarray:
+        """(L,) float32 [frequency bins]: 0.2..0.8 N/2, one layer per bin."""
+        return np.arange(_LAYERS[0] * self.edge / 2, _LAYERS[1] * self.edge / 2, dtype=np.float32)
+
+    @cached_property
+    def layers(self) -> np.ndarray:
+        """(L, N, N) float32, positive, as magnitudes are."""
+        return self.rng(2).random((len(self.radii), self.edge, self.edge), dtype=np.float32) + np.float32(0.5)
+
+    @cached_property
+    def points(self) -> np.ndarray:
+        """(n, 4) float32: points [voxels from the center] and weights; `R` turns none onto a voxel's wall.
+
+        Rounding would else put a few into the neighbor, on the device or in the twin.
+        """
+        rng = self.rng(3)
+        voxels = rng.integers(0, self.edge, (_POINTS, 3)) - self.edge // 2
+        turned = voxels + rng.uniform(-0.45, 0.45, (_POINTS, 3))
+        return np.column_stack([turned @ R, rng.uniform(0.1, 1.0, _POINTS)]).astype(np.float32)
+
+    def upload(self, array: np.ndarray) -> Any:
+        """The array on the device."""
+        return self.device.to_device(array)
+
+    def upload_half(self, spectrum: np.ndarray) -> Any:
+        """A half spectrum (..., N/2 + 1) on the device, as the kernels want it."""
+        return self.upload(self.pad(spectrum))
+
+    @staticmethod
+    def pad(spectrum: np.ndarray) -> np.ndarray:
+        """A half spectrum (..., N/2 + 1) with the kernels' padding: (..., N/2 + 8)."""
+        return np.pad(spectrum, [(0, 0)] * (spectrum.ndim - 1) + [(0, 7)])
