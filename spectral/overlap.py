@@ -1,4 +1,6 @@
-"""How much two scans share under a transform."""
+"""How much two scans share under a transform, and which of the shifts that a periodic correlation means fits."""
+
+from itertools import product
 
 import numpy as np
 from scipy.spatial.transform import Rotation
@@ -7,6 +9,8 @@ from spectral.prepared import Prepared
 
 # A point has a counterpart within this distance: a voxel of either scan plus the noise between them [voxels].
 _REACH = 2.0
+# So many points tell the alternatives of a shift apart.
+_SAMPLE = 2000
 
 
 def overlap(target: Prepared, source: Prepared, R_target_source: Rotation, shift: np.ndarray) -> float:
@@ -21,6 +25,19 @@ def overlap(target: Prepared, source: Prepared, R_target_source: Rotation, shift
     moved = R_target_source.apply(source.surface) + shift
     back = R_target_source.inv().apply(target.surface - shift)
     return min(_share(target, moved), _share(source, back))
+
+
+def unwrap(target: Prepared, source: Prepared, R_target_source: Rotation, shift: np.ndarray, edge: int) -> np.ndarray:
+    """The shift (3,) [voxels] that a cyclic one means: along each axis it, or it a whole edge the other way.
+
+    The correlation repeats after `edge` voxels, so that a shift of 70 on a grid of 128 looks like one of -58. Of the
+    eight alternatives the one under which most points of the source have a counterpart is right; the given one where
+    none is better.
+    """
+    points = R_target_source.apply(source.surface[:: max(1, len(source.surface) // _SAMPLE)])
+    other = shift - np.copysign(edge, shift)
+    alternatives = [np.array(choice) for choice in product(*zip(shift, other, strict=True))]
+    return max(alternatives, key=lambda alternative: _share(target, points + alternative))
 
 
 def _share(scan: Prepared, points: np.ndarray) -> float:

@@ -11,7 +11,7 @@ from kernels.errors import InputError
 from kernels.peak import Peak
 from spectral.grid import Grid
 from spectral.hemisphere import Hemisphere
-from spectral.overlap import overlap
+from spectral.overlap import overlap, unwrap
 from spectral.prepared import Prepared, Preparer
 from spectral.refine import search_rotation
 from spectral.result import Registration
@@ -160,12 +160,13 @@ class SpectralRegistrar:
     ) -> Registration:
         """The transform between the sensor frames, its uncertainty, and whether to believe it."""
         voxel, R = self.grid.voxel, best.R
-        shift = target.center + best.peak.shift * voxel - R.apply(source.center)
-        share = overlap(target, source, R, best.peak.shift)
+        voxels = unwrap(target, source, R, best.peak.shift, self.grid.edge)
+        shift = target.center + voxels * voxel - R.apply(source.center)
+        share = overlap(target, source, R, voxels)
         accepted, reason = self._judge(best, rival, share)
         return Registration(
             T_target_source=RigidTransform.from_components(shift, R),
-            covariance=covariance(best.peak, R, source.center, voxel, self._hemisphere.tilt_bin),
+            covariance=covariance(best.peak, R, source.center, self.grid, self._hemisphere.tilt_bin),
             psr=best.peak.psr,
             overlap=share,
             accepted=accepted,

@@ -9,7 +9,7 @@ from kernels.device import Device, choose_device
 from kernels.peak import Peak
 from spectral.grid import Grid
 from spectral.hemisphere import Hemisphere
-from spectral.overlap import overlap
+from spectral.overlap import overlap, unwrap
 from spectral.prepared import Prepared, Preparer
 from spectral.refine import search_rotation
 from spectral.scan import Scan
@@ -108,6 +108,22 @@ def test_overlap_is_the_share_in_common_and_the_smaller_of_both_ways(room: Room)
     assert there == pytest.approx(share, abs=0.1)
     assert overlap(part, room.target, Rotation.identity(), -shift) == pytest.approx(there, abs=0.02)
     assert overlap(room.target, part, Rotation.identity(), shift + 500) == 0.0
+
+
+@pytest.mark.parametrize("true", [(36.0, -4.0, 2.0), (-3.0, 40.0, 1.0), (-35.0, -37.0, 5.0), (12.0, -20.0, 3.0)])
+def test_a_shift_over_half_the_grid_is_told_from_its_wrapped_twin(room: Room, true: tuple[float, ...]) -> None:
+    """Two parts of one place whose centers lie `true` voxels apart, on a grid of 64."""
+    step = np.array(true) * VOXEL
+    rng = np.random.default_rng(1)
+    place = rng.uniform(-15, 15, (4000, 3)).astype(np.float32)
+    low = np.abs(place + step / 2).max(axis=1) < 11
+    high = np.abs(place - step / 2).max(axis=1) < 11
+    target = room.preparer.prepare(Scan(place[low]))
+    source = room.preparer.prepare(Scan(place[high]))
+    shift = (source.center - target.center) / VOXEL
+    cyclic = (shift + EDGE / 2) % EDGE - EDGE / 2
+    found = unwrap(target, source, Rotation.identity(), cyclic, EDGE)
+    np.testing.assert_allclose(found, shift, atol=1e-9)
 
 
 def test_prepared_counts_what_lies_outside_the_grid(room: Room) -> None:
