@@ -21,6 +21,7 @@ VERBS = [
     "map",
     "simulate",
     "evaluate",
+    "reproduce",
     "bench",
     "devices",
 ]

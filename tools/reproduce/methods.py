@@ -1,0 +1,32 @@
+"""The methods that the experiments compare. A new one is a row of METHODS."""
+
+from dataclasses import dataclass
+from types import MappingProxyType
+
+from spectral.registration import SpectralConfig
+
+
+@dataclass(frozen=True, slots=True)
+class Method:
+    """One way to register.
+
+    Attributes:
+        title: what it does, in words.
+        config: of the spectral registration.
+    """
+
+    title: str
+    config: SpectralConfig
+
+
+# Name in tables and files -> method
+METHODS: MappingProxyType[str, Method] = MappingProxyType(
+    {
+        "paper": Method(
+            "the paper's chain and nothing else: one yaw peak, no refinement",
+            SpectralConfig(yaw_peaks=1, refinements=0, final_refinements=0, search=False),
+        ),
+        "one peak": Method("one yaw peak, the rotation refined", SpectralConfig(yaw_peaks=1)),
+        "six peaks": Method("six yaw peaks, the rotation refined: the default", SpectralConfig(yaw_peaks=6)),
+    }
+)
