@@ -95,16 +95,16 @@ class Preparer:
         return np.column_stack([voxels, weight]).astype(np.float32)
 
     def _require_structure(self, name: str, surface: np.ndarray) -> None:
-        size = f"grid of {self.grid.edge} voxels of {self.grid.voxel:g} m"
+        size = f"grid of {self.grid.edge} voxels of {self.grid.voxel:.3g} m"
         if len(surface) < _FEWEST_VOXELS:
             raise InputError(
-                f"{name}: its points fill {len(surface)} voxels of the {size}; wanted at least {_FEWEST_VOXELS}. "
+                f"{name}: its points fill {len(surface)} of the voxels, on a {size}; wanted at least {_FEWEST_VOXELS}. "
                 "Give a scan with more structure, or smaller voxels with --voxel."
             )
         spread = np.linalg.svd(surface - surface.mean(axis=0), compute_uv=False)[-1] / np.sqrt(len(surface))
         if spread < _FLATTEST:
             raise InputError(
-                f"{name}: all its points lie in one plane (they deviate {spread * self.grid.voxel:.3g} m from it, "
+                f"{name}: all its points lie in one plane (they deviate {spread * self.grid.voxel:.2g} m from it, "
                 f"on a {size}): a shift along it cannot be seen. Give a scan with more structure."
             )
 

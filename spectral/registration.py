@@ -32,7 +32,8 @@ class SpectralConfig:
         final_refinements: how often more for the hypothesis that the translation chose.
         search: whether its rotation is then moved to where the translation's peak is highest; False is the paper.
         use_strength: whether voxels hold the echo strength instead of the paper's occupancy.
-        least_psr: the translation's peak-to-sidelobe ratio from which on a registration is believed.
+        least_psr: the translation's peak-to-sidelobe ratio from which on a registration is believed, on a grid of up
+            to 128 voxels per edge. On larger ones false peaks are higher, and it grows with (edge / 128)^0.75.
         least_distinction: how many times as high as that of any other hypothesis, or any other shift, it has to be.
         least_overlap: the share of points in common from which on it is believed.
     """
@@ -183,11 +184,12 @@ class SpectralRegistrar:
     def _judge(self, best: _Hypothesis, rival: float, share: float) -> tuple[bool, str]:
         """Whether to believe it, and why in words."""
         least, psr = self.config, best.peak.psr
+        least_psr = least.least_psr * max(1.0, self.grid.edge / 128) ** 0.75
         _, pitch, roll = np.abs(best.R.as_euler("ZYX"))
-        if psr < least.least_psr:
+        if psr < least_psr:
             return (
                 False,
-                f"the translation's peak is {psr:.1f} deviations high; believed from {least.least_psr:g} on",
+                f"the translation's peak is {psr:.1f} deviations high; believed from {least_psr:.0f} on",
             )
         if psr < least.least_distinction * rival:
             return False, (

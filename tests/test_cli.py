@@ -78,7 +78,7 @@ class TestExitCodes:
 
     def test_an_interruption_is_130(self, capsys: pytest.CaptureFixture[str]) -> None:
         assert exit_code_of(raiser(KeyboardInterrupt())) == 130
-        assert capsys.readouterr().err == "stopped; nothing was changed\n"
+        assert capsys.readouterr().err == "stopped; no file is half written\n"
 
     @pytest.mark.parametrize("ending", [typer.Exit(3), typer.BadParameter("no")])
     def test_what_a_verb_decides_itself_passes(self, ending: Exception) -> None:
@@ -146,7 +146,7 @@ class TestEntry:
         with pytest.raises(SystemExit) as ended:
             run()
         assert ended.value.code == 130
-        assert capsys.readouterr().err == "stopped; nothing was changed\n"
+        assert capsys.readouterr().err == "stopped; no file is half written\n"
 
 
 class TestSharedOptions:
@@ -204,7 +204,7 @@ class TestSharedOptions:
             ("--voxel 0", ["0.0 m", "above 0", "--voxel 0.5"]),
             ("--voxel nan", ["nan m", "above 0"]),
             ("--voxel inf", ["inf m", "above 0"]),
-            ("--max-tilt -5", ["-5.0 degrees", "more than 0 and at most 90"]),
+            ("--max-tilt -5", ["-5.0 degrees", "more than 0 and at most 180"]),
             ("--max-tilt nan", ["nan degrees"]),
             ("--max-tilt 91", ["91.0 degrees"]),
             ("--yaw-peaks 0", ["0 peaks", "from 1 to 32", "--yaw-peaks 6"]),

@@ -30,10 +30,10 @@ def _check_voxel(voxel: float | None) -> float | None:
 
 
 def _check_tilt(tilt: float) -> float:
-    if 0 < tilt <= 90:
+    if 0 < tilt <= 180:
         return tilt
     raise typer.BadParameter(
-        f"{tilt} degrees; wanted more than 0 and at most 90. Use what the vehicle can roll and pitch, "
+        f"{tilt} degrees; wanted more than 0 and at most 180 (no bound). Use what the vehicle can roll and pitch, "
         f"or leave it out for {DEFAULT_MAX_TILT:g}."
     )
 
