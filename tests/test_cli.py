@@ -206,7 +206,7 @@ class TestSharedOptions:
             ("--voxel inf", ["inf m", "above 0"]),
             ("--max-tilt -5", ["-5.0 degrees", "more than 0 and at most 180"]),
             ("--max-tilt nan", ["nan degrees"]),
-            ("--max-tilt 91", ["91.0 degrees"]),
+            ("--max-tilt 181", ["181.0 degrees"]),
             ("--yaw-peaks 0", ["0 peaks", "from 1 to 32", "--yaw-peaks 6"]),
             ("--seed -1", ["-1", "whole number", "Use --seed 1"]),
         ],

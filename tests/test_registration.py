@@ -113,7 +113,7 @@ def test_says_the_ratio_of_every_step(registrar: SpectralRegistrar) -> None:
 @pytest.mark.parametrize(
     ("points", "what"),
     [
-        (np.zeros((50, 3)), "fill 1 voxels"),
+        (np.zeros((50, 3)), "fill 1 of the voxels"),
         (np.random.default_rng(1).uniform(0, 0.1, (500, 3)), "fill"),
         (np.column_stack([np.random.default_rng(2).uniform(-9, 9, (3000, 2)), np.zeros(3000)]), "one plane"),
         (np.random.default_rng(3).uniform(-9, 9, (3000, 1)) * [1.0, 0.5, 0.2], "one plane"),
