@@ -1,12 +1,16 @@
-"""Files that appear whole or not at all."""
+"""Files that appear whole or not at all, one by one or a set of them together."""
 
 import os
 import tempfile
 from collections.abc import Iterator
 from contextlib import contextmanager
+from contextvars import ContextVar
 from pathlib import Path
 
 from kernels.errors import InputError
+
+# Of the innermost `all_or_none`: temporary files, whole and on disk, and what they will be called.
+_waiting: ContextVar[list[tuple[Path, Path]] | None] = ContextVar("_waiting", default=None)
 
 
 @contextmanager
@@ -14,32 +18,61 @@ def atomic_path(path: Path) -> Iterator[Path]:
     """A temporary name beside `path` to write to; renamed to `path` when the block ends well, removed otherwise.
 
     The folder is made where it is missing. A full disk, a missing permission and the like raise InputError, and
-    whatever stood under `path` before stays as it was.
+    whatever stood under `path` before stays as it was. Inside `all_or_none` the renaming waits for that block's end.
     """
     path = Path(path)
+    if path.is_dir():
+        raise InputError(f"cannot write {path}: a folder of that name is there. Choose another output folder.")
     try:
         path.parent.mkdir(parents=True, exist_ok=True)
-        descriptor, name = tempfile.mkstemp(prefix=f".{path.name}.", suffix=path.suffix, dir=path.parent)
+        descriptor, name = tempfile.mkstemp(prefix=".sonarmap.", suffix=path.suffix, dir=path.parent)
         os.close(descriptor)
     except OSError as error:
-        raise _cannot_write(path, error) from error
-    temporary = Path(name)
+        raise cannot_write(path, error) from error
+    temporary, waiting = Path(name), _waiting.get()
     try:
         yield temporary
         with temporary.open("rb+") as file:
             os.fsync(file.fileno())
         temporary.chmod(0o666 & ~_umask())
-        temporary.replace(path)
+        if waiting is None:
+            temporary.replace(path)
+        else:
+            waiting.append((temporary, path))
     except OSError as error:
-        raise _cannot_write(path, error) from error
+        raise cannot_write(path, error) from error
     finally:
-        temporary.unlink(missing_ok=True)
+        if (temporary, path) not in (waiting or []):
+            temporary.unlink(missing_ok=True)
 
 
-def _cannot_write(path: Path, error: OSError) -> InputError:
+@contextmanager
+def all_or_none() -> Iterator[None]:
+    """What `atomic_path` writes inside the block appears when it ends well, all of it; nothing otherwise.
+
+    The disk may fill up or the user stop it halfway: results that belong together are never of two runs. Only the
+    renaming of files that are already whole on disk, one right after the other, is left for the end.
+    """
+    waiting: list[tuple[Path, Path]] = []
+    token = _waiting.set(waiting)
+    try:
+        yield
+        for temporary, path in waiting:
+            try:
+                temporary.replace(path)
+            except OSError as error:
+                raise cannot_write(path, error) from error
+    finally:
+        _waiting.reset(token)
+        for temporary, _ in waiting:
+            temporary.unlink(missing_ok=True)
+
+
+def cannot_write(path: Path, error: OSError) -> InputError:
+    """What to say where a file or a folder cannot be written."""
     return InputError(
         f"cannot write {path}: {error.strerror or error}. Choose another output folder, or make room and check "
-        "its permissions; nothing there was changed."
+        "its permissions; what was there before is as it was."
     )
 
 

@@ -1,30 +1,54 @@
 """The folder that `sonarmap map` writes."""
 
-from collections.abc import Mapping, Sequence
+import json
+import re
+import tempfile
+from collections.abc import Iterable, Mapping, Sequence
 from pathlib import Path
 from typing import Any
 
 from kernels.device import Device
+from kernels.errors import InputError
 from slam.pose_graph import PoseGraph
 from slam.survey import SurveyResult
 from slam.trajectory import Trajectory
-from tools.atomic import atomic_path
+from tools.atomic import all_or_none, cannot_write
 from tools.report.map_picture import draw_map
 from tools.writers import write_ply
 from tools.writers.g2o import write_g2o
 from tools.writers.summary import survey_summary, write_summary
 from tools.writers.tum import write_tum
 
+SUMMARY = "summary.json"
+_MAP = re.compile(r"map(_\d+)?\.ply")
+
 
 def require_writable(folder: Path) -> None:
-    """Refuse a folder that cannot be written before hours are spent on what should go into it.
+    """Refuse a folder that cannot be written before hours are spent on what should go into it; made if missing.
 
     Raises:
         InputError: it cannot.
     """
-    with atomic_path(folder / "probe"):
-        pass
-    (folder / "probe").unlink()
+    try:
+        folder.mkdir(parents=True, exist_ok=True)
+        with tempfile.TemporaryFile(dir=folder):
+            pass
+    except OSError as error:
+        raise cannot_write(folder, error) from error
+
+
+def require_apart(folder: Path, files: Iterable[Path]) -> None:
+    """Refuse to take for a scan what an earlier run wrote to `folder`, or to write over a scan.
+
+    Raises:
+        InputError: naming the file.
+    """
+    for path in files:
+        if _MAP.fullmatch(path.name) and path.parent.resolve() == folder.resolve():
+            raise InputError(
+                f"{path} is among the scans, and {folder} is where the map is written: it would be written over, or "
+                "is the map of an earlier run. Leave it out, or choose another output folder."
+            )
 
 
 def write_survey(
@@ -33,7 +57,8 @@ def write_survey(
     """Write a survey's maps, pictures, trajectories, graph and summary.
 
     The largest component is map.ply, map.png and trajectory.tum; the others follow as map_2 and so on. The graph
-    holds all of them.
+    holds all of them. All files appear together or, where one cannot be written, none does; parts that the folder's
+    earlier run had beyond this one's are removed.
 
     Returns:
         The path of summary.json, which is written last.
@@ -41,6 +66,26 @@ def write_survey(
     Raises:
         InputError: a file cannot be written.
     """
+    former = _parts_before(folder)
+    with all_or_none():
+        _write_files(folder, result, names, settings, device)
+    for rank in range(len(result.components) + 1, former + 1):
+        for name in (f"map_{rank}.ply", f"map_{rank}.png", f"trajectory_{rank}.tum"):
+            (folder / name).unlink(missing_ok=True)
+    return folder / SUMMARY
+
+
+def _parts_before(folder: Path) -> int:
+    """How many components the folder's earlier run wrote, by its summary; 0 where there is none to be read."""
+    try:
+        return len(json.loads((folder / SUMMARY).read_text(encoding="utf-8"))["components"])
+    except (OSError, ValueError, LookupError, TypeError):  # not there, or not ours: then nothing of it is removed
+        return 0
+
+
+def _write_files(
+    folder: Path, result: SurveyResult, names: Sequence[str], settings: Mapping[str, Any], device: Device
+) -> None:
     order = sorted(range(len(result.components)), key=lambda c: (-len(result.components[c]), c))
     for rank, c in enumerate(order, start=1):
         suffix = "" if rank == 1 else f"_{rank}"
@@ -48,8 +93,7 @@ def write_survey(
         _write_component(folder, suffix, result, c, [names[k] for k in members])
     write_g2o(folder / "graph.g2o", PoseGraph(result.trajectory, result.edges))
     description = {"name": device.name, "platform": device.platform}
-    write_summary(folder / "summary.json", survey_summary(result, list(names), settings, description))
-    return folder / "summary.json"
+    write_summary(folder / SUMMARY, survey_summary(result, list(names), settings, description))
 
 
 def _write_component(folder: Path, suffix: str, result: SurveyResult, c: int, names: Sequence[str]) -> None:

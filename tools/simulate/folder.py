@@ -4,6 +4,7 @@ import json
 from pathlib import Path
 
 from kernels.errors import InputError
+from tools.atomic import all_or_none
 from tools.simulate.simulation import Simulation, SimulationSettings, settings_from_json
 from tools.writers import write_ply
 from tools.writers.summary import package_versions, write_summary
@@ -29,6 +30,12 @@ def write_simulation(simulation: Simulation, folder: Path) -> list[Path]:
             f"{folder} already holds {strangers[0].name}, no part of this simulation of {len(paths)} scans; "
             "choose another folder or remove it"
         )
+    with all_or_none():
+        _write_files(simulation, folder, paths)
+    return [*paths, folder / TRUTH, folder / DESCRIPTION]
+
+
+def _write_files(simulation: Simulation, folder: Path, paths: list[Path]) -> None:
     for path, scan in zip(paths, simulation.scans, strict=True):
         columns = {} if scan.strength is None else {"intensity": scan.strength}
         write_ply(path, scan.points, columns)
@@ -42,7 +49,6 @@ def write_simulation(simulation: Simulation, folder: Path) -> list[Path]:
         ],
     }
     write_summary(folder / DESCRIPTION, content)
-    return [*paths, folder / TRUTH, folder / DESCRIPTION]
 
 
 def read_settings(path: Path) -> SimulationSettings:
