@@ -1,7 +1,8 @@
 """Point cloud files to scans. A new format is a file here and a row of FORMATS."""
 
+from collections import Counter
 from collections.abc import Callable, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from pathlib import Path
 
 from kernels.errors import InputError
@@ -49,10 +50,12 @@ class ReadScans:
     Attributes:
         scans: in natural order of the files, and within a file in its own.
         notes: what the user should know about the files, in words: points dropped, strengths mended.
+        files: the files that were read, in their order.
     """
 
     scans: tuple[Scan, ...]
     notes: tuple[str, ...]
+    files: tuple[Path, ...]
 
 
 @dataclass(frozen=True, slots=True)
@@ -69,16 +72,19 @@ def read_scans(paths: Sequence[str | Path]) -> ReadScans:
 
     `recording.sonar#3` is one scan of a file that holds several, counted from 0. Stamps are those of the
     files where all of them carry one, else 0, 1, 2, ... over the whole input. A scan is named after its
-    file, and `recording#3` where the file holds several.
+    file, and `recording#3` where the file holds several; files of one name in several folders keep their paths.
 
     Raises:
         InputError: naming the file and, where it applies, its line or packet.
     """
     found: list[_Found] = []
     notes: list[str] = []
-    for selected in select_files(paths, FORMATS):
+    chosen = select_files(paths, FORMATS)
+    files = tuple(dict.fromkeys(selected.path for selected in chosen))
+    stems = Counter(path.stem for path in files)
+    for selected in chosen:
         clouds, told = _read_file(selected)
-        found += clouds
+        found += [_called_by_path(cloud) for cloud in clouds] if stems[selected.path.stem] > 1 else clouds
         notes += told
     timed = [one.cloud.stamp for one in found if one.cloud.stamp is not None]
     if 0 < len(timed) < len(found):
@@ -91,8 +97,8 @@ def read_scans(paths: Sequence[str | Path]) -> ReadScans:
         except InputError as error:
             raise InputError(f"{one.where}: {error}") from error
         scans.append(scan)
-        notes += [f"{Path(one.where).name}: {note}" for note in told]
-    return ReadScans(tuple(scans), tuple(notes))
+        notes += [f"{one.name if one.name == one.where else Path(one.where).name}: {note}" for note in told]
+    return ReadScans(tuple(scans), tuple(notes), files)
 
 
 def read_scan(path: str | Path) -> Scan:
@@ -113,6 +119,10 @@ def only_scan(path: str | Path, read: ReadScans) -> Scan:
             "choose one of a recording as in file.sonar#3, or chain them all with `sonarmap map`"
         )
     return scans[0]
+
+
+def _called_by_path(found: _Found) -> _Found:
+    return replace(found, name=found.where)
 
 
 def _read_file(selected: Selected) -> tuple[list[_Found], list[str]]:

@@ -129,7 +129,7 @@ def _read_binary(
     columns: dict[str, np.ndarray] = {}
     for element in elements:
         held = len(content) - start
-        require_bytes(f"{element.count:,} of {element.name}", element.count * element.least_bytes, held)
+        require_bytes(f"{element.count:,} of element {element.name}", element.count * element.least_bytes, held)
         if element is vertex:
             offsets = np.cumsum([0, *(p.dtype.itemsize for p in vertex.properties)])
             layout = {role: (vertex.properties[i].dtype.str, int(offsets[i])) for role, i in roles.items()}
