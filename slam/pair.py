@@ -126,6 +126,7 @@ def accept(registration: Registration) -> Verdict:
 
 
 def refuse_all_failed(pairs: Sequence[Pair]) -> None:
-    """Raise InputError where every pair raised: then it is the set-up that is wrong, not a scan."""
+    """Raise InputError where every pair raised: then it is the set-up that is wrong, or all scans but one."""
     if all(pair.registration is None for pair in pairs):
-        raise InputError(f"none of the {len(pairs)} consecutive pairs could be registered. The first {pairs[0].reason}")
+        why = pairs[0].reason.removeprefix("failed: ")
+        raise InputError(f"none of the {len(pairs)} pairs that were tried could be registered; of the first, {why}")

@@ -92,8 +92,7 @@ class Mapper:
     def run(self, scans: Sequence[Scan], progress: Progress | None = None) -> SurveyResult:
         """Map a survey.
 
-        A pair that fails leaves a gap and the chain goes on behind it: a component of its own, unless a pair
-            over
+        A pair that fails leaves a gap and the chain goes on behind it: a component of its own, unless a pair over
         the gap joins both sides.
 
         Args:
@@ -102,7 +101,7 @@ class Mapper:
                 candidates for bridges and loops are found.
 
         Raises:
-            InputError: fewer than two scans, or not one consecutive pair that could be tried.
+            InputError: fewer than two scans, or not one pair that could be tried.
         """
         if len(scans) < 2:
             raise InputError(f"{len(scans)} scan given; a map wants at least two that overlap")
@@ -110,8 +109,8 @@ class Mapper:
         runner = PairRunner(self.registrar, scans, self.settings.prepared, len(scans) + 1, progress)
 
         pairs = [runner.register(k, k + 1, "sequential") for k in range(len(scans) - 1)]
-        refuse_all_failed(pairs)
         pairs += self._bridge(runner, pairs, len(scans))
+        refuse_all_failed(pairs)
         edges = _edges(pairs)
         solution = PoseGraph(chain(edges, stamps), edges).optimize()
 
