@@ -1,5 +1,6 @@
 """The map from above, with the trajectory: one PNG."""
 
+import warnings
 from collections.abc import Sequence
 from pathlib import Path
 
@@ -42,7 +43,7 @@ def draw_map(path: Path, point_map: PointMap, trajectory: Trajectory, names: Seq
     halo = [withStroke(linewidth=3, foreground="white")]
     for k, offset in ((0, (8, 8)), (len(names) - 1, (8, -14))):
         style = {"color": "tab:red", "fontsize": 9, "path_effects": halo}
-        axes.annotate(names[k], places[k, :2], xytext=offset, textcoords="offset points", **style)
+        axes.annotate(_shown(names[k]), places[k, :2], xytext=offset, textcoords="offset points", **style)
     axes.set_aspect("equal")
     axes.set_xlabel("x [m]")
     axes.set_ylabel("y [m]")
@@ -50,5 +51,11 @@ def draw_map(path: Path, point_map: PointMap, trajectory: Trajectory, names: Seq
     axes.grid(alpha=0.3)
     axes.legend(loc="best")
     figure.colorbar(dots, ax=axes, label="height z [m]", shrink=0.8)
-    with atomic_path(path) as temporary:
+    with atomic_path(path) as temporary, warnings.catch_warnings():
+        warnings.filterwarnings("ignore", message="Glyph .* missing")  # of names in other scripts: boxes will do
         figure.savefig(temporary, format="png")
+
+
+def _shown(name: str) -> str:
+    """A scan's name as one line of text: a dollar sign begins no formula."""
+    return "".join(c if c.isprintable() else "?" for c in name).replace("$", r"\$")

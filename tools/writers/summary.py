@@ -33,7 +33,8 @@ def write_summary(path: Path, content: Mapping[str, Any]) -> None:
     """
     text = json.dumps(to_json(content), indent=2, allow_nan=False, ensure_ascii=False)
     with atomic_path(path) as temporary:
-        temporary.write_text(text + "\n", encoding="utf-8")
+        # A file name that is no UTF-8 holds lone surrogates; written with a backslash they are JSON's own escapes.
+        temporary.write_bytes(f"{text}\n".encode("utf-8", "backslashreplace"))
 
 
 def survey_summary(result: SurveyResult, names: list[str], settings: Mapping[str, Any], device: Any) -> dict[str, Any]:
