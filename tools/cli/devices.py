@@ -1,7 +1,6 @@
 """`sonarmap devices`: what OpenCL offers here, and what would be chosen."""
 
 import json
-import sys
 from dataclasses import asdict
 from typing import TYPE_CHECKING
 
@@ -9,7 +8,7 @@ import typer
 
 from kernels.errors import DeviceError
 from tools.cli.options import DeviceOption, JsonOption
-from tools.cli.terminal import printable, say
+from tools.cli.terminal import printable, result_console, say
 
 if TYPE_CHECKING:
     from kernels.device import Device, DeviceInfo
@@ -50,7 +49,6 @@ def _selector(infos: "list[DeviceInfo]", device: "Device") -> str:
 
 
 def _print_table(infos: "list[DeviceInfo]", chosen: str | None) -> None:
-    from rich.console import Console
     from rich.table import Table
     from rich.text import Text
 
@@ -61,6 +59,6 @@ def _print_table(infos: "list[DeviceInfo]", chosen: str | None) -> None:
         name = Text(printable(f"{info.name} ({info.version.rpartition(', ')[2]})"))
         memory = f"{info.memory / 2**30:.1f} GiB"
         table.add_row(mark, info.selector, info.kind, str(info.compute_units), memory, name, state)
-    Console(width=None if sys.stdout.isatty() else 200).print(table)
+    result_console().print(table)
     if chosen:
         say(f"{chosen} would be chosen; --device or PYOPENCL_CTX choose another")

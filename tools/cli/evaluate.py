@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING, Annotated
 import typer
 
 from tools.cli.options import JsonOption
-from tools.cli.terminal import say
+from tools.cli.terminal import result_console, say
 
 if TYPE_CHECKING:
     from tools.evaluate import Evaluation
@@ -52,13 +52,12 @@ def command(
 
 
 def _print(result: "Evaluation") -> None:
-    from rich.console import Console
     from rich.table import Table
 
     table = Table("stamp", "position error", "rotation error", box=None)
     for stamp, meters, degrees in zip(result.stamps, result.translation_m, result.rotation_deg, strict=True):
         table.add_row(f"{stamp:.6f}".rstrip("0").rstrip("."), f"{meters:.3f} m", f"{degrees:.2f}°")
-    Console().print(table)
+    result_console().print(table)
     typer.echo(
         f"{len(result.stamps)} poses, aligned by {'the first pose' if result.alignment == 'first' else 'positions'}"
     )

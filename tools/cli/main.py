@@ -1,10 +1,12 @@
 """The `sonarmap` command: its verbs, and what becomes of the errors that they raise."""
 
+import errno
 import functools
 import os
 import sys
 import traceback
 from collections.abc import Callable
+from contextlib import suppress
 from importlib import import_module, metadata
 from pathlib import Path
 from typing import Annotated, Any
@@ -30,6 +32,7 @@ MISUSE = 2  # also for options that typer refuses
 DEFECT = 1
 INTERRUPTED = 128 + 2  # as a shell reports SIGINT
 PIPE_CLOSED = 128 + 13  # as a shell reports SIGPIPE
+FULL = (errno.ENOSPC, errno.EDQUOT, errno.EFBIG, errno.EIO)  # what a disk says that takes no more
 
 app = typer.Typer(
     name="sonarmap",
@@ -47,6 +50,7 @@ def run() -> None:
     Exit codes: 0 done, 1 a defect of the program, 2 something that the user can mend, 3 a result not to be
     trusted, 130 interrupted, 141 nobody reads the output any more.
     """
+    _open_missing_streams()
     try:
         try:
             app()
@@ -56,6 +60,8 @@ def run() -> None:
         sys.exit(_stopped())
     except BrokenPipeError:
         sys.exit(_pipe_closed())
+    except OSError as error:
+        sys.exit(_output_lost(error))
 
 
 def guarded(command: Callable[..., Any]) -> Callable[..., Any]:
@@ -73,6 +79,8 @@ def guarded(command: Callable[..., Any]) -> Callable[..., Any]:
             code = _stopped()
         except BrokenPipeError:
             code = _pipe_closed()
+        except OSError as error:
+            code = _output_lost(error) if error.errno in FULL else _defect(error)
         except Exception as error:  # noqa: BLE001 - the last place where a defect can be told as one
             code = _defect(error)
         raise typer.Exit(code)
@@ -103,14 +111,40 @@ def _defect(error: Exception) -> int:
 
 
 def _stopped() -> int:
-    say("stopped; nothing was changed")
+    say("stopped; no file is half written")
     return INTERRUPTED
 
 
 def _pipe_closed() -> int:
-    """Let what is still buffered go nowhere: the reader has left."""
-    os.dup2(os.open(os.devnull, os.O_WRONLY), sys.stdout.fileno())
+    """The reader has left: no reason to complain."""
+    _discard_output()
     return PIPE_CLOSED
+
+
+def _output_lost(error: OSError) -> int:
+    """What was printed could not be kept: a file behind stdout or stderr, on a disk that is full."""
+    _discard_output()
+    message = f"cannot write the output: {error.strerror or error}. Make room, or send it elsewhere, and run it again."
+    with suppress(OSError):  # stderr itself may be what is full
+        say(message, "error: ", "bold red")
+    return MISUSE
+
+
+def _discard_output() -> None:
+    """Let what is still buffered go nowhere, lest the interpreter complain of it at its end."""
+    os.dup2(os.open(os.devnull, os.O_WRONLY), sys.stdout.fileno())
+
+
+def _open_missing_streams() -> None:
+    """Where the caller closed stdin, stdout or stderr, put nothing there: else the next file opened would take its
+    number, and what is printed would land in it."""
+    for number, name, mode in ((0, "stdin", "r"), (1, "stdout", "w"), (2, "stderr", "w")):
+        try:
+            os.fstat(number)
+        except OSError:
+            os.open(os.devnull, os.O_RDWR)  # takes the lowest free number, which is this one
+        if getattr(sys, name) is None:
+            setattr(sys, name, open(number, mode, encoding="utf-8", closefd=False))  # noqa: SIM115
 
 
 def _debugging() -> bool:

@@ -1,6 +1,6 @@
 """`sonarmap map`: scans in, a map out."""
 
-import sys
+import json
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated
 
@@ -17,12 +17,13 @@ from tools.cli.options import (
     YawPeaksOption,
 )
 from tools.cli.progress import growing_progress
-from tools.cli.terminal import say
+from tools.cli.terminal import printable, result_console, say
 
 if TYPE_CHECKING:
     from slam.survey import SurveyResult
 
 INCOMPLETE = 3
+PEAK_EXPLAINED = "peak: how high the correlation stands above its surroundings, in their standard deviations"
 
 
 def command(
@@ -42,15 +43,17 @@ def command(
     """Register consecutive scans, close loops, optimize, and fuse one map.
 
     OUT gets map.ply, map.png, trajectory.tum, graph.g2o and summary.json. Where a pair fails the chain goes on: what
-    follows is a component of its own, in map_2.ply and trajectory_2.tum and so on, and the exit code is 3.
+    follows is a component of its own, in map_2.ply and trajectory_2.tum and so on, and the exit code is 3. An earlier
+    run's files in OUT are replaced when all is done, not before.
     """
     from slam.survey import Mapper
-    from tools.project import require_writable, write_survey
+    from tools.project import require_apart, require_writable, write_survey
     from tools.readers import read_scans
 
     read = read_scans(inputs)
     for note in read.notes:
         say(note)
+    require_apart(out, read.files)
     scans = read.scans
     registrar = build_registrar(scans, grid, voxel, max_tilt, device, yaw_peaks)
     mapper = Mapper(registrar, registrar.grid.voxel)
@@ -64,30 +67,37 @@ def command(
         "mapper": mapper.settings,
     }
     summary = write_survey(out, result, [scan.name for scan in scans], settings, registrar.device)
+    names = [scan.name for scan in scans]
     if as_json:
-        typer.echo(summary.read_text())
+        typer.echo(json.dumps(json.loads(summary.read_text(encoding="utf-8"))))
     else:
-        _print(result, [scan.name for scan in scans], out)
+        _print(result, names, out)
     if len(result.components) > 1:
-        say(
-            f"the scans fall into {len(result.components)} parts that no reliable registration joins; each has its "
-            f"own map in {out}",
-            "warning: ",
-            "bold yellow",
-        )
+        _warn(result, names, out)
         raise typer.Exit(INCOMPLETE)
 
 
+def _warn(result: "SurveyResult", names: list[str], out: Path) -> None:
+    """Tell the gaps that nothing bridges, each with its reason, and what became of the parts."""
+    part = {scan: c for c, members in enumerate(result.components) for scan in members}
+    for pair in result.pairs:
+        if pair.role == "sequential" and part[pair.i] != part[pair.j]:
+            say(f"gap between {names[pair.i]} and {names[pair.j]}: {pair.reason}", "warning: ", "bold yellow")
+    say(
+        f"the scans fall into {len(result.components)} parts that no reliable registration joins; each has its own "
+        f"map in {out}, the largest in map.ply",
+        "warning: ",
+        "bold yellow",
+    )
+
+
 def _print(result: "SurveyResult", names: list[str], out: Path) -> None:
-    from rich.console import Console
     from rich.table import Table
     from rich.text import Text
 
-    from tools.cli.terminal import printable
-
-    table = Table("pair", "role", "", "psr", "overlap", "yaw", "distance", "seconds", box=None)
+    table = Table("pair", "role", "", "peak", "overlap", "yaw", "distance", "seconds", box=None)
     for pair in result.pairs:
-        label = Text(printable(f"{names[pair.i]} - {names[pair.j]}"))
+        label = Text(printable(f"{names[pair.i]} - {names[pair.j]}").replace("\n", "\\n"))
         verdict = Text("kept", "green") if pair.kept else Text("refused", "red")
         if pair.registration is None:
             table.add_row(label, pair.role, verdict, "", "", "", "", "")
@@ -105,6 +115,11 @@ def _print(result: "SurveyResult", names: list[str], out: Path) -> None:
             f"{distance:.2f} m",
             f"{registration.seconds:.2f}",
         )
-    Console(width=None if sys.stdout.isatty() else 200).print(table)
-    points = ", ".join(f"{len(point_map.points):,}" for point_map in result.maps)
-    typer.echo(f"{len(names)} scans, {len(result.edges)} edges, a map of {points} points in {printable(str(out))}")
+    result_console().print(table)
+    typer.echo(PEAK_EXPLAINED)
+    counts = sorted((len(point_map.points) for point_map in result.maps), reverse=True)
+    maps = f"{len(counts)} maps" if len(counts) > 1 else "a map"
+    points = " and ".join(f"{count:,}" for count in counts)
+    kept = sum(pair.kept for pair in result.pairs)
+    typer.echo(f"{len(names)} scans, {kept} of {len(result.pairs)} pairs kept, {maps} of {points} points")
+    typer.echo(f"written to {printable(str(out))}: map.ply, map.png, trajectory.tum, graph.g2o, summary.json")

@@ -1,12 +1,27 @@
 """What the command line says to the person in front of it: on stderr, so that stdout stays for results."""
 
+import sys
+
 from rich.console import Console
 from rich.text import Text
+
+_WIDTH_OF_FILES = 200  # a table that is not for a terminal need not be folded
+
+
+class _Console(Console):
+    def on_broken_pipe(self) -> None:
+        """Leave the end to the entry point, which knows the exit code."""
+        raise BrokenPipeError
 
 
 def error_console() -> Console:
     """A console on stderr as it is now (a test or a pipe may have replaced it since the start)."""
-    return Console(stderr=True, highlight=False)
+    return _Console(stderr=True, highlight=False)
+
+
+def result_console() -> Console:
+    """A console on stdout for tables: as wide as the terminal, and wide where there is none."""
+    return _Console(width=None if sys.stdout.isatty() else _WIDTH_OF_FILES, highlight=False)
 
 
 def say(message: str, label: str = "", style: str = "") -> None:
