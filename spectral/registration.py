@@ -7,9 +7,9 @@ import numpy as np
 from scipy.spatial.transform import RigidTransform, Rotation
 
 from kernels.device import Device
-from kernels.errors import InputError
+from kernels.errors import DeviceError, InputError
 from kernels.peak import Peak
-from spectral.grid import Grid
+from spectral.grid import EDGES, Grid
 from spectral.hemisphere import Hemisphere
 from spectral.overlap import overlap, unwrap
 from spectral.prepared import Prepared, Preparer
@@ -189,12 +189,12 @@ class SpectralRegistrar:
         if psr < least_psr:
             return (
                 False,
-                f"the translation's peak is {psr:.1f} deviations high; believed from {least_psr:.0f} on",
+                f"the translation's peak is {psr:.1f} standard deviations high; believed from {least_psr:.0f} on",
             )
         if psr < least.least_distinction * rival:
             return False, (
-                f"the translation's peak is {psr:.1f} deviations high and another answer's {rival:.1f}; believed from "
-                f"{least.least_distinction:g} times as high on"
+                f"the translation's peak is {psr:.1f} standard deviations high and another answer's {rival:.1f}; "
+                f"believed from {least.least_distinction:g} times as high on"
             )
         if share < least.least_overlap:
             return (
@@ -207,7 +207,7 @@ class SpectralRegistrar:
                 f"--max-tilt {np.rad2deg(least.max_tilt):g}"
             )
         return True, (
-            f"the translation's peak is {psr:.1f} deviations high, the next answer's {rival:.1f}; "
+            f"the translation's peak is {psr:.1f} standard deviations high, the next answer's {rival:.1f}; "
             f"{share:.0%} of the points are shared"
         )
 
@@ -218,12 +218,25 @@ def require_memory(device: Device, edge: int) -> None:
     Raises:
         DeviceError: saying how much is needed and which grid would fit.
     """
+    smaller = [e for e in reversed(EDGES) if e < edge]
+    fitting = next((e for e in smaller if _fits(device, e)), None)
+    device.require(*_memory(edge), hint=f"--grid {fitting}" if fitting else "another device")
+
+
+def _fits(device: Device, edge: int) -> bool:
+    try:
+        device.require(*_memory(edge), hint="")
+    except DeviceError:
+        return False
+    return True
+
+
+def _memory(edge: int) -> tuple[int, int]:
+    """What a pair needs on a grid: its largest single array and all of them together [bytes]."""
     half_spectrum = 8 * edge * edge * (edge // 2 + 8)
     layers = int(0.6 * edge / 2) + 1
     stack = 2 * layers * edge * edge
     tilt_spectra = 2 * layers * edge * (edge // 2 + 8) * 8
     prepared = half_spectrum * 3 // 2 + tilt_spectra * 3 // 2
     scratch = 3 * 4 * edge**3 + 3 * half_spectrum + 2 * 4 * stack + tilt_spectra
-    fitting = [e for e in (256, 128, 64, 32, 16) if e < edge]
-    hint = f"--grid {fitting[0]}" if fitting else "another device"
-    device.require(max(half_spectrum, tilt_spectra, 4 * edge**3), 2 * prepared + scratch, hint)
+    return max(half_spectrum, tilt_spectra, 4 * edge**3), 2 * prepared + scratch

@@ -52,7 +52,9 @@ def _print_table(infos: "list[DeviceInfo]", chosen: str | None) -> None:
     from rich.table import Table
     from rich.text import Text
 
-    table = Table("", "device", "kind", "units", "memory", "name", "state", box=None)
+    table = Table("", "device", "kind", "units", "memory", box=None, pad_edge=False)
+    table.add_column("name", overflow="fold")
+    table.add_column("state", overflow="fold")
     for info in infos:
         mark = "→" if info.selector == chosen else ""
         state = Text(f"no: {printable(info.fault)}", "red") if info.fault else Text("works", "green")

@@ -54,7 +54,7 @@ def command(
 def _print(result: "Evaluation") -> None:
     from rich.table import Table
 
-    table = Table("stamp", "position error", "rotation error", box=None)
+    table = Table("stamp [s]", "position error", "rotation error", box=None)
     for stamp, meters, degrees in zip(result.stamps, result.translation_m, result.rotation_deg, strict=True):
         table.add_row(f"{stamp:.6f}".rstrip("0").rstrip("."), f"{meters:.3f} m", f"{degrees:.2f}°")
     result_console().print(table)

@@ -2,7 +2,9 @@
 
 import errno
 import functools
+import inspect
 import os
+import re
 import sys
 import traceback
 from collections.abc import Callable
@@ -169,5 +171,11 @@ def _options(
         os.environ["SONARMAP_DEBUG"] = "1"
 
 
+def _flowing(docstring: str) -> str:
+    """Its paragraphs without their line breaks, which the help would keep beside its own."""
+    return re.sub(r"(?<!\n)\n(?!\n)", " ", inspect.cleandoc(docstring))
+
+
 for _verb in VERBS:
-    app.command(_verb)(guarded(import_module(f"tools.cli.{_verb}").command))
+    _command = import_module(f"tools.cli.{_verb}").command
+    app.command(_verb, help=_flowing(_command.__doc__))(guarded(_command))

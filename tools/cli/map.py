@@ -59,6 +59,7 @@ def command(
     mapper = Mapper(registrar, registrar.grid.voxel)
     require_writable(out)
     with growing_progress("mapping", quiet or as_json) as step:
+        step(0, len(scans), "preparing the first scans")
         result = mapper.run(scans, step)
     settings = {
         "inputs": inputs,
@@ -95,7 +96,12 @@ def _print(result: "SurveyResult", names: list[str], out: Path) -> None:
     from rich.table import Table
     from rich.text import Text
 
-    table = Table("pair", "role", "", "peak", "overlap", "yaw", "distance", "seconds", box=None)
+    table = Table(box=None, pad_edge=False, collapse_padding=True)
+    table.add_column("pair", overflow="fold")
+    for name in ("role", ""):
+        table.add_column(name, no_wrap=True)
+    for name in ("peak", "overlap", "yaw", "distance", "seconds"):
+        table.add_column(name, justify="right", no_wrap=True)
     for pair in result.pairs:
         label = Text(printable(f"{names[pair.i]} - {names[pair.j]}").replace("\n", "\\n"))
         verdict = Text("kept", "green") if pair.kept else Text("refused", "red")

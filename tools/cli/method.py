@@ -5,11 +5,11 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
+from tools.cli.options import DEFAULT_EDGE
+
 if TYPE_CHECKING:
     from spectral.registration import SpectralRegistrar
     from spectral.scan import Scan
-
-DEFAULT_EDGE = 128
 
 
 def build_registrar(

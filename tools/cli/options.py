@@ -5,7 +5,7 @@ from typing import Annotated
 
 import typer
 
-SMALLEST_EDGE, LARGEST_EDGE = 16, 512
+SMALLEST_EDGE, DEFAULT_EDGE, LARGEST_EDGE = 16, 128, 512
 MOST_YAW_PEAKS = 32
 DEFAULT_MAX_TILT = 35.0  # [deg], the paper's range of roll and pitch (Sect. 2.7)
 
@@ -16,7 +16,7 @@ def _check_edge(edge: int | None) -> int | None:
     nearest = 2 ** round(math.log2(min(max(edge, SMALLEST_EDGE), LARGEST_EDGE)))
     raise typer.BadParameter(
         f"{edge} voxels per edge; wanted a power of two from {SMALLEST_EDGE} to {LARGEST_EDGE}. "
-        f"Use --grid {nearest}, or leave it out to have it chosen from the scans' extents."
+        f"Use --grid {nearest}, or leave it out for {DEFAULT_EDGE}."
     )
 
 
@@ -54,10 +54,21 @@ def _check_seed(seed: int) -> int:
 
 GridOption = Annotated[
     int | None,
-    typer.Option("--grid", metavar="N", help="Voxels per edge, a power of 2, 16..512.", callback=_check_edge),
+    typer.Option(
+        "--grid",
+        metavar="N",
+        help=f"Voxels per edge, a power of 2, {SMALLEST_EDGE}..{LARGEST_EDGE}; {DEFAULT_EDGE} if left out.",
+        callback=_check_edge,
+    ),
 ]
 VoxelOption = Annotated[
-    float | None, typer.Option("--voxel", metavar="M", help="Edge of a voxel \\[m].", callback=_check_voxel)
+    float | None,
+    typer.Option(
+        "--voxel",
+        metavar="M",
+        help="Edge of a voxel \\[m]; chosen from the scans' extents if left out.",
+        callback=_check_voxel,
+    ),
 ]
 MaxTiltOption = Annotated[
     float,

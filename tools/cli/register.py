@@ -14,7 +14,7 @@ from tools.cli.options import (
     VoxelOption,
     YawPeaksOption,
 )
-from tools.cli.terminal import say
+from tools.cli.terminal import printable, result_console, say
 
 if TYPE_CHECKING:
     from spectral.grid import Grid
@@ -77,18 +77,25 @@ def _as_json(registration: "Registration", grid: "Grid") -> dict[str, object]:
 
 def _print(registration: "Registration", grid: "Grid") -> None:
     import numpy as np
+    from rich.table import Table
+    from rich.text import Text
 
     T = registration.T_target_source
     yaw, pitch, roll = T.rotation.as_euler("ZYX", degrees=True)
     sigmas = np.sqrt(np.diag(registration.covariance))
-    typer.echo("registered" if registration.accepted else "NO RELIABLE REGISTRATION")
-    typer.echo(f"  because      {registration.reason}")
-    typer.echo(
-        "  translation  " + "  ".join(f"{axis} {v:+.3f}" for axis, v in zip("xyz", T.translation, strict=True)) + "  m"
-    )
-    typer.echo(f"  rotation     yaw {yaw:+.2f}  roll {roll:+.2f}  pitch {pitch:+.2f}  degrees")
-    typer.echo(
-        f"  sigma        {np.rad2deg(sigmas[:3].max()):.2f} degrees, {sigmas[3:].max():.3f} m (along the worst axis)"
-    )
-    typer.echo(f"  overlap      {registration.overlap:.0%}")
-    typer.echo(f"  grid         {grid.edge} voxels of {grid.voxel:.3g} m; {registration.seconds:.2f} s")
+    shift = "  ".join(f"{axis} {v:+.3f}" for axis, v in zip("xyz", T.translation, strict=True))
+    rows = {
+        "because": registration.reason,
+        "translation": f"{shift}  m",
+        "rotation": f"yaw {yaw:+.2f}  roll {roll:+.2f}  pitch {pitch:+.2f}  degrees",
+        "uncertainty": f"{np.rad2deg(sigmas[:3].max()):.2f} degrees, {sigmas[3:].max():.3f} m "
+        "(one standard deviation, along the worst axis)",
+        "overlap": f"{registration.overlap:.0%} of the points have a counterpart in the other scan",
+        "grid": f"{grid.edge} x {grid.edge} x {grid.edge} voxels of {grid.voxel:.3g} m",
+        "time": f"{registration.seconds:.2f} s, without reading and preparing the scans",
+    }
+    table = Table(box=None, pad_edge=False, show_header=False)
+    for name, value in rows.items():
+        table.add_row(f"  {name}", Text(printable(value)))
+    typer.echo("registered" if registration.accepted else "NO RELIABLE REGISTRATION; do not use this transform")
+    result_console().print(table)
