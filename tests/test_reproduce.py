@@ -16,7 +16,7 @@ from spectral.result import Registration
 from tools.cli.main import app
 from tools.reproduce.gaussian import GaussianResult, GaussianRow, GaussianSettings, about_center
 from tools.reproduce.gaussian_figure import parameters
-from tools.reproduce.gaussian_folder import COLUMNS
+from tools.reproduce.gaussian_folder import COLUMNS, write_gaussian
 from tools.reproduce.gaussian_page import gaussian_page
 from tools.reproduce.gaussian_summary import last_right, summarize
 from tools.reproduce.methods import METHODS
@@ -154,6 +154,18 @@ class TestTables:
         assert "(p.png)" in page
         assert "(r.csv)" in page
         assert "sonarmap reproduce gaussian --scene floodgate --grid 128 --sigma2 1 --seeds 2 --seed 4" in page
+
+
+class TestFolder:
+    def test_a_file_that_cannot_be_written_leaves_the_former_ones(self, tmp_path: Path) -> None:
+        former = write_gaussian(tmp_path, result_of({0: [8]}))
+        before = former[0].read_bytes()
+        (tmp_path / "gaussian.md").unlink()
+        (tmp_path / "gaussian.md").mkdir()
+        with pytest.raises(InputError, match=r"gaussian\.md"):
+            write_gaussian(tmp_path, result_of({0: [2]}))
+        assert former[0].read_bytes() == before
+        assert sorted(path.name for path in tmp_path.iterdir()) == ["gaussian.csv", "gaussian.md", "gaussian.png"]
 
 
 class TestParameters:

@@ -2,7 +2,7 @@
 
 from pathlib import Path
 
-from tools.atomic import atomic_path
+from tools.atomic import all_or_none, atomic_path
 from tools.reproduce.gaussian import GaussianResult, GaussianRow, GaussianSettings
 from tools.reproduce.gaussian_figure import ROTATION, TRANSLATION, draw_gaussian, parameters
 from tools.reproduce.gaussian_page import gaussian_page
@@ -23,16 +23,17 @@ COLUMNS = (
 
 
 def write_gaussian(folder: Path, result: GaussianResult) -> list[Path]:
-    """Write gaussian.csv, gaussian.png and gaussian.md; the page, which shows the others, last.
+    """Write gaussian.csv, gaussian.png and gaussian.md: all of them or, where one cannot be written, none.
 
     Raises:
         InputError: a file cannot be written.
     """
     rows, picture, page = (folder / f"gaussian.{suffix}" for suffix in ("csv", "png", "md"))
-    write_csv(rows, COLUMNS, (_cells(row, result.settings) for row in result.rows))
-    draw_gaussian(picture, result)
-    with atomic_path(page) as temporary:
-        temporary.write_text(gaussian_page(result, picture.name, rows.name), encoding="utf-8")
+    with all_or_none():
+        write_csv(rows, COLUMNS, (_cells(row, result.settings) for row in result.rows))
+        draw_gaussian(picture, result)
+        with atomic_path(page) as temporary:
+            temporary.write_text(gaussian_page(result, picture.name, rows.name), encoding="utf-8")
     return [rows, picture, page]
 
 
