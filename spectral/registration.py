@@ -45,7 +45,7 @@ class SpectralConfig:
     search: bool = True
     use_strength: bool = False
     least_psr: float = 30.0
-    least_distinction: float = 1.6
+    least_distinction: float = 1.8
     least_overlap: float = 0.05
 
     def __post_init__(self) -> None:
