@@ -91,6 +91,7 @@ class SpectralRegistrar:
         self._hemisphere = Hemisphere(device, grid.edge)
         self._translation = Translation(device, grid.edge)
         self._preparer = Preparer(device, grid, self._hemisphere, self.config.use_strength)
+        self._warm = False
 
     def prepare(self, scan: Scan) -> Prepared:
         """What the scan contributes to every pair: its spectra and, for the steps 1 and 4, its layers.
@@ -98,7 +99,19 @@ class SpectralRegistrar:
         Raises:
             InputError: the scan shows too little structure.
         """
-        return self._preparer.prepare(scan)
+        prepared = self._preparer.prepare(scan)
+        if not self._warm:
+            self._warm_up(prepared)
+        return prepared
+
+    def _warm_up(self, prepared: Prepared) -> None:
+        """Launch every kernel that a pair needs: some drivers compile at the first launch, which takes seconds."""
+        R = Rotation.identity()
+        self._hemisphere.yaw_candidates(prepared.layers, prepared.layers, 1)
+        self._hemisphere.heading(prepared.layers, prepared.magnitude, R, self._HEADING_LEFT)
+        self._hemisphere.tilt(prepared.layers, prepared.magnitude, R, self._TILT_LEFT)
+        self._translation.find_others(prepared, prepared, R, self._SAME_SHIFT)
+        self._warm = True
 
     def register(self, target: Prepared, source: Prepared) -> Registration:
         """Find T_target_source; `accepted` says whether to believe it."""
