@@ -1,0 +1,99 @@
+"""`sonarmap register` end to end: what it prints, and its exit codes."""
+
+import json
+from pathlib import Path
+
+import numpy as np
+import pytest
+from clutter_scans import T_WORLD_SENSOR, said, scan, sonarmap, write
+from scipy.spatial.transform import RigidTransform
+
+GRID = ("--grid", "64")
+T_TRUE = T_WORLD_SENSOR[0].inv() * T_WORLD_SENSOR[1]
+
+
+@pytest.fixture
+def pair(tmp_path: Path) -> list[str]:
+    return write(tmp_path, target=scan(0), source=scan(1))
+
+
+def check_transform(printed: dict) -> None:
+    """Within a degree and a voxel of the truth."""
+    T_error = T_TRUE.inv() * RigidTransform.from_matrix(np.array(printed["T_target_source"]))
+    assert np.rad2deg(T_error.rotation.magnitude()) < 1.0
+    assert np.linalg.norm(T_error.translation) < printed["voxel"]
+
+
+def test_a_good_pair_as_json(pair: list[str]) -> None:
+    result = sonarmap("register", *pair, *GRID, "--json")
+    assert (result.exit_code, result.stderr) == (0, "")
+    printed = json.loads(result.stdout)
+    assert printed["accepted"] is True
+    check_transform(printed)
+    covariance = np.array(printed["covariance"])
+    assert covariance.shape == (6, 6)
+    assert np.linalg.eigvalsh(covariance).min() > 0
+    assert printed["psr"] > 30
+    assert 0 < printed["overlap"] <= 1
+    assert 0 < printed["seconds"] < 60
+    assert printed["grid"] == 64
+
+
+def test_a_good_pair_in_words(pair: list[str]) -> None:
+    result = sonarmap("register", *pair, *GRID)
+    assert (result.exit_code, result.stderr) == (0, "")
+    lines = result.stdout.splitlines()
+    assert lines[0] == "registered"
+    assert all(any(unit in line for line in lines) for unit in ("  m", "degrees", " s,", "voxels of", "%"))
+
+
+def test_the_voxel_is_taken_as_given(pair: list[str]) -> None:
+    printed = json.loads(sonarmap("register", *pair, *GRID, "--voxel", "0.4", "--json").stdout)
+    assert printed["voxel"] == 0.4
+    check_transform(printed)
+
+
+def test_two_scans_of_different_places_are_refused(tmp_path: Path) -> None:
+    pair = write(tmp_path, here=scan(0, scene=1), there=scan(0, scene=2))
+    result = sonarmap("register", *pair, *GRID, "--json")
+    assert (result.exit_code, result.stderr) == (3, "")
+    printed = json.loads(result.stdout)
+    assert printed["accepted"] is False
+    assert printed["reason"]
+    in_words = sonarmap("register", *pair, *GRID)
+    assert in_words.exit_code == 3
+    assert in_words.stdout.startswith("NO RELIABLE REGISTRATION; do not use this transform\n")
+
+
+@pytest.mark.slow
+def test_the_scan_of_another_place_is_refused_whatever_its_grid(tmp_path: Path) -> None:
+    pair = write(tmp_path, here=scan(0, scene=3), there=scan(1, scene=4))
+    assert [sonarmap("register", *pair, "--grid", edge).exit_code for edge in ("16", "32", "128")] == [3, 3, 3]
+
+
+def test_a_scan_with_itself_is_the_identity(pair: list[str]) -> None:
+    printed = json.loads(sonarmap("register", pair[0], pair[0], *GRID, "--json").stdout)
+    np.testing.assert_allclose(printed["T_target_source"], np.eye(4), atol=1e-3)
+
+
+def test_double_coordinates_are_read(tmp_path: Path) -> None:
+    pair = write(tmp_path, target=scan(0).astype(np.float64), source=scan(1).astype(np.float64))
+    check_transform(json.loads(sonarmap("register", *pair, *GRID, "--json").stdout))
+
+
+def test_points_that_are_not_finite_are_dropped_and_told_beside_the_json(tmp_path: Path) -> None:
+    source = scan(1)
+    source[::7, 0] = np.nan
+    source[3::50, 2] = -np.inf
+    bad = int((~np.isfinite(source).all(axis=1)).sum())
+    pair = write(tmp_path, target=scan(0), source=source)
+    result = sonarmap("register", *pair, *GRID, "--json")
+    assert result.exit_code == 0
+    check_transform(json.loads(result.stdout))
+    said(result, "source.ply", f"dropped {bad:,} of 7,200 points that are NaN or infinite")
+
+
+@pytest.mark.parametrize("name", ["a scan", "scan [1]*", "Wehr-Süd 深い $1$", "line\nbreak", "scan\udcff"])
+def test_any_file_name_will_do(tmp_path: Path, name: str) -> None:
+    pair = write(tmp_path, target=scan(0), **{name: scan(1)})
+    assert sonarmap("register", *pair, *GRID).exit_code == 0
