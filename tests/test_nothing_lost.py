@@ -64,8 +64,10 @@ def test_an_output_folder_that_cannot_be_written(tmp_path: Path, scans: list[str
 
 
 def test_an_output_folder_is_tried_before_the_work(scans: list[str], monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr("slam.survey.Mapper.run", lambda *_: pytest.fail("worked before it looked"))
+    for work in ("slam.survey.Mapper.run", "tools.simulate.simulation.simulate"):
+        monkeypatch.setattr(work, lambda *_, **__: pytest.fail("worked before it looked"))
     assert sonarmap("map", *scans, "-o", Path(scans[0]) / "out", *GRID).exit_code == 2
+    assert sonarmap("simulate", "-o", Path(scans[0]) / "out").exit_code == 2
 
 
 @contextmanager

@@ -28,7 +28,7 @@ def atomic_path(path: Path) -> Iterator[Path]:
         descriptor, name = tempfile.mkstemp(prefix=".sonarmap.", suffix=path.suffix, dir=path.parent)
         os.close(descriptor)
     except OSError as error:
-        raise cannot_write(path, error) from error
+        raise _cannot_write(path, error) from error
     temporary, waiting = Path(name), _waiting.get()
     try:
         yield temporary
@@ -40,7 +40,7 @@ def atomic_path(path: Path) -> Iterator[Path]:
         else:
             waiting.append((temporary, path))
     except OSError as error:
-        raise cannot_write(path, error) from error
+        raise _cannot_write(path, error) from error
     finally:
         if (temporary, path) not in (waiting or []):
             temporary.unlink(missing_ok=True)
@@ -61,14 +61,28 @@ def all_or_none() -> Iterator[None]:
             try:
                 temporary.replace(path)
             except OSError as error:
-                raise cannot_write(path, error) from error
+                raise _cannot_write(path, error) from error
     finally:
         _waiting.reset(token)
         for temporary, _ in waiting:
             temporary.unlink(missing_ok=True)
 
 
-def cannot_write(path: Path, error: OSError) -> InputError:
+def require_writable(folder: Path) -> None:
+    """Refuse a folder that cannot be written before hours are spent on what should go into it; made if missing.
+
+    Raises:
+        InputError: it cannot.
+    """
+    try:
+        folder.mkdir(parents=True, exist_ok=True)
+        with tempfile.TemporaryFile(dir=folder):
+            pass
+    except OSError as error:
+        raise _cannot_write(folder, error) from error
+
+
+def _cannot_write(path: Path, error: OSError) -> InputError:
     """What to say where a file or a folder cannot be written."""
     return InputError(
         f"cannot write {path}: {error.strerror or error}. Choose another output folder, or make room and check "

@@ -2,7 +2,6 @@
 
 import json
 import re
-import tempfile
 from collections.abc import Iterable, Mapping, Sequence
 from pathlib import Path
 from typing import Any
@@ -12,7 +11,7 @@ from kernels.errors import InputError
 from slam.pose_graph import PoseGraph
 from slam.survey import SurveyResult
 from slam.trajectory import Trajectory
-from tools.atomic import all_or_none, cannot_write
+from tools.atomic import all_or_none
 from tools.report.map_picture import draw_map
 from tools.writers import write_ply
 from tools.writers.g2o import write_g2o
@@ -21,20 +20,6 @@ from tools.writers.tum import write_tum
 
 SUMMARY = "summary.json"
 _MAP = re.compile(r"map(_\d+)?\.ply")
-
-
-def require_writable(folder: Path) -> None:
-    """Refuse a folder that cannot be written before hours are spent on what should go into it; made if missing.
-
-    Raises:
-        InputError: it cannot.
-    """
-    try:
-        folder.mkdir(parents=True, exist_ok=True)
-        with tempfile.TemporaryFile(dir=folder):
-            pass
-    except OSError as error:
-        raise cannot_write(folder, error) from error
 
 
 def require_apart(folder: Path, files: Iterable[Path]) -> None:

@@ -47,7 +47,8 @@ def command(
     run's files in OUT are replaced when all is done, not before.
     """
     from slam.survey import Mapper
-    from tools.project import require_apart, require_writable, write_survey
+    from tools.atomic import require_writable
+    from tools.project import require_apart, write_survey
     from tools.readers import read_scans
 
     read = read_scans(inputs)

@@ -47,7 +47,7 @@ def command(
     OUT gets NAME.csv with every registration, NAME.md with the tables, and NAME.png, a figure like the paper's.
     """
     from kernels.errors import InputError
-    from tools.project import require_writable
+    from tools.atomic import require_writable
     from tools.reproduce.gaussian import GaussianSettings, run_gaussian
     from tools.reproduce.gaussian_folder import write_gaussian
 

@@ -36,6 +36,7 @@ def command(
     The same settings give the same files; `--like description.json` takes them all from an earlier run.
     """
     from kernels.errors import InputError
+    from tools.atomic import require_writable
     from tools.simulate.folder import read_settings, write_simulation
     from tools.simulate.sensors import SENSORS
     from tools.simulate.series import table1_settings
@@ -53,6 +54,7 @@ def command(
     settings = replace(settings, noise=replace(settings.noise, **{k: v for k, v in noise.items() if v is not None}))
     changes = {"count": scans, "spacing": spacing}
     settings = replace(settings, **{k: v for k, v in changes.items() if v is not None})
+    require_writable(out)
     with growing_progress("simulating", quiet) as step:
         simulation = simulate(settings, progress=lambda done: step(done, settings.count, ""))
     write_simulation(simulation, out)
