@@ -5,6 +5,8 @@ An OpenCL context must never be inherited by a forked process: spawn workers, an
 
 import os
 import warnings
+from collections.abc import Iterator
+from contextlib import contextmanager
 from dataclasses import dataclass
 from functools import cached_property
 from pathlib import Path
@@ -67,6 +69,11 @@ class Device:
         return self.cl_device.name.strip()
 
     @property
+    def memory(self) -> int:
+        """Memory of the device [bytes]."""
+        return self.cl_device.global_mem_size
+
+    @property
     def platform(self) -> str:
         return self.cl_device.platform.version.strip()
 
@@ -101,12 +108,24 @@ class Device:
     def empty(self, shape: tuple[int, ...], dtype: type | np.dtype = np.float32) -> cla.Array:
         """An uninitialized array on the device; its size is checked first."""
         self.require(int(np.prod(shape, dtype=np.int64)) * np.dtype(dtype).itemsize)
-        return cla.empty(self.queue, shape, dtype)
+        with self._told_when_full():
+            return cla.empty(self.queue, shape, dtype)
 
     def to_device(self, host: np.ndarray) -> cla.Array:
         """A copy of a host array on the device; its size is checked first."""
         self.require(host.nbytes)
-        return cla.to_device(self.queue, np.ascontiguousarray(host))
+        with self._told_when_full():
+            return cla.to_device(self.queue, np.ascontiguousarray(host))
+
+    @contextmanager
+    def _told_when_full(self) -> Iterator[None]:
+        """Other programs use the device's memory too: an allocation can fail that should fit."""
+        try:
+            yield
+        except cl.MemoryError as error:
+            raise DeviceError(
+                f"{self.name} has no memory left for this ({error}). Use a smaller --grid, or end other programs."
+            ) from None
 
     def require(self, largest: int, total: int = 0, hint: str = "a smaller --grid") -> None:
         """Refuse work that the device cannot hold.
@@ -119,7 +138,7 @@ class Device:
         Raises:
             DeviceError: saying what is needed and what the device has.
         """
-        limit, memory = self.cl_device.max_mem_alloc_size, self.cl_device.global_mem_size
+        limit, memory = self.cl_device.max_mem_alloc_size, self.memory
         if largest > limit or total > memory:
             raise DeviceError(
                 f"this needs {_size(max(total, largest))} on the device, {_size(largest)} of it in one piece; "

@@ -1,16 +1,18 @@
 """The spectral registration of two scans: the seven steps of Sect. 2.11, in order, on one screen."""
 
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from time import perf_counter
 
 import numpy as np
 from scipy.spatial.transform import RigidTransform, Rotation
 
 from kernels.device import Device
-from kernels.errors import DeviceError, InputError
-from kernels.peak import Peak
-from spectral.grid import EDGES, Grid
+from kernels.errors import InputError
+from spectral.acceptance import Acceptance, judge
+from spectral.grid import Grid
 from spectral.hemisphere import Hemisphere
+from spectral.hypothesis import SAME_SHIFT, Hypothesis, by_peak, differ
+from spectral.memory import require_memory
 from spectral.overlap import overlap, unwrap
 from spectral.prepared import Prepared, Preparer
 from spectral.refine import search_rotation
@@ -32,10 +34,7 @@ class SpectralConfig:
         final_refinements: how often more for the hypothesis that the translation chose.
         search: whether its rotation is then moved to where the translation's peak is highest; False is the paper.
         use_strength: whether voxels hold the echo strength instead of the paper's occupancy.
-        least_psr: the translation's peak-to-sidelobe ratio from which on a registration is believed, on a grid of up
-            to 128 voxels per edge. On larger ones false peaks are higher, and it grows with (edge / 128)^0.75.
-        least_distinction: how many times as high as that of any other hypothesis, or any other shift, it has to be.
-        least_overlap: the share of points in common from which on it is believed.
+        acceptance: what makes a registration believed.
     """
 
     yaw_peaks: int = 6
@@ -44,9 +43,7 @@ class SpectralConfig:
     final_refinements: int = 2
     search: bool = True
     use_strength: bool = False
-    least_psr: float = 30.0
-    least_distinction: float = 1.8
-    least_overlap: float = 0.05
+    acceptance: Acceptance = field(default_factory=Acceptance)
 
     def __post_init__(self) -> None:
         if self.yaw_peaks < 1 or self.refinements < 0 or self.final_refinements < 0:
@@ -58,25 +55,12 @@ class SpectralConfig:
             raise InputError(f"--max-tilt {np.rad2deg(self.max_tilt):g}: wanted above 0 and up to 180 degrees")
 
 
-@dataclass(frozen=True, slots=True)
-class _Hypothesis:
-    """A rotation, the translation's peak under it, and the peak-to-sidelobe ratios on the way there."""
-
-    R: Rotation
-    peak: Peak
-    yaw_psr: float
-    tilt_psr: float
-
-
 class SpectralRegistrar:
     """Spectral registration on one device and grid; any two scans it prepared can be registered."""
 
     # Once the first round is through, what is left is small; the second looks no farther than this [rad].
     _HEADING_LEFT = float(np.deg2rad(20.0))
     _TILT_LEFT = float(np.deg2rad(15.0))
-    # Hypotheses nearer than this to the best are the same one, not rivals [rad; voxels].
-    _SAME_ROTATION = float(np.deg2rad(10.0))
-    _SAME_SHIFT = 6.0
     # The unwraps show one hemisphere: a tilt of 90 degrees would carry its pole to the rim.
     _LARGEST_TILT = float(np.deg2rad(85.0))
 
@@ -110,19 +94,21 @@ class SpectralRegistrar:
         self._hemisphere.yaw_candidates(prepared.layers, prepared.layers, 1)
         self._hemisphere.heading(prepared.layers, prepared.magnitude, R, self._HEADING_LEFT)
         self._hemisphere.tilt(prepared.layers, prepared.magnitude, R, self._TILT_LEFT)
-        self._translation.find_others(prepared, prepared, R, self._SAME_SHIFT)
+        self._translation.find_others(prepared, prepared, R, SAME_SHIFT)
         self._warm = True
 
     def register(self, target: Prepared, source: Prepared) -> Registration:
         """Find T_target_source; `accepted` says whether to believe it."""
         start = perf_counter()
-        hypotheses = self._hypotheses(target, source)
-        best = max(hypotheses, key=lambda hypothesis: hypothesis.peak.psr)
-        best = self._settle(target, source, best)
-        rival = self._rival(target, source, best, hypotheses)
-        return self._conclude(target, source, best, rival, start)
+        hypotheses = sorted(self._hypotheses(target, source), key=by_peak)
+        first = hypotheses[0]
+        others = [other for other in hypotheses if differ(first, other)]
+        # the best other answer is refined alike: it may win, and if not, how high it comes out is what to compare with
+        settled = sorted((self._settle(target, source, one) for one in (first, *others[:1])), key=by_peak)
+        rival = self._rival(target, source, settled[0], settled[1:] + others[1:])
+        return self._conclude(target, source, settled[0], rival, start)
 
-    def _hypotheses(self, target: Prepared, source: Prepared) -> list[_Hypothesis]:
+    def _hypotheses(self, target: Prepared, source: Prepared) -> list[Hypothesis]:
         """Steps 1 to 7 for each yaw candidate."""
         found = []
         # Steps 1, 2: yaw from the rotational unwraps
@@ -134,7 +120,7 @@ class SpectralRegistrar:
             R = self._refine(target, source, R, self.config.refinements)
             # Steps 6, 7: the translation, the scan turned back by all three angles
             peak = self._translation.find(target, source, R)
-            found.append(_Hypothesis(R, peak, yaw.psr, 0.0 if tilt is None else tilt.psr))
+            found.append(Hypothesis(R, peak, yaw.psr, 0.0 if tilt is None else tilt.psr))
         return found
 
     def _refine(self, target: Prepared, source: Prepared, R: Rotation, rounds: int) -> Rotation:
@@ -146,8 +132,8 @@ class SpectralRegistrar:
             R = R if tilt is None else tilt.R * R
         return R
 
-    def _settle(self, target: Prepared, source: Prepared, best: _Hypothesis) -> _Hypothesis:
-        """Refine the chosen hypothesis further; keep what has the higher translation peak."""
+    def _settle(self, target: Prepared, source: Prepared, best: Hypothesis) -> Hypothesis:
+        """Refine a hypothesis further; keep what has the higher translation peak."""
         R, peak = best.R, best.peak
         for _ in range(self.config.final_refinements):
             again = self._refine(target, source, R, 1)
@@ -156,28 +142,23 @@ class SpectralRegistrar:
                 R, peak = again, found
         if self.config.search:
             R, peak = search_rotation(self._translation, target, source, R, peak)
-        return _Hypothesis(R, peak, best.yaw_psr, best.tilt_psr)
+        return Hypothesis(R, peak, best.yaw_psr, best.tilt_psr)
 
-    def _rival(self, target: Prepared, source: Prepared, best: _Hypothesis, hypotheses: list[_Hypothesis]) -> float:
+    def _rival(self, target: Prepared, source: Prepared, best: Hypothesis, others: list[Hypothesis]) -> float:
         """The peak-to-sidelobe ratio of the next best answer: another hypothesis, or another shift under the best."""
-        ratios = [
-            other.peak.psr
-            for other in hypotheses
-            if (best.R.inv() * other.R).magnitude() > self._SAME_ROTATION
-            or np.linalg.norm(best.peak.shift - other.peak.shift) > self._SAME_SHIFT
-        ]
-        ratios += [peak.psr for peak in self._translation.find_others(target, source, best.R, self._SAME_SHIFT)]
+        ratios = [other.peak.psr for other in others if differ(best, other)]
+        ratios += [peak.psr for peak in self._translation.find_others(target, source, best.R, SAME_SHIFT)]
         return max(ratios, default=0.0)
 
     def _conclude(
-        self, target: Prepared, source: Prepared, best: _Hypothesis, rival: float, start: float
+        self, target: Prepared, source: Prepared, best: Hypothesis, rival: float, start: float
     ) -> Registration:
         """The transform between the sensor frames, its uncertainty, and whether to believe it."""
         voxel, R = self.grid.voxel, best.R
         voxels = unwrap(target, source, R, best.peak.shift, self.grid.edge)
         shift = target.center + voxels * voxel - R.apply(source.center)
         share = overlap(target, source, R, voxels)
-        accepted, reason = self._judge(best, rival, share)
+        accepted, reason = judge(best, rival, share, self.config.acceptance, self.config.max_tilt, self.grid)
         return Registration(
             T_target_source=RigidTransform.from_components(shift, R),
             covariance=covariance(best.peak, R, source.center, self.grid, self._hemisphere.tilt_bin),
@@ -193,63 +174,3 @@ class SpectralRegistrar:
                 ("rival", rival),
             ),
         )
-
-    def _judge(self, best: _Hypothesis, rival: float, share: float) -> tuple[bool, str]:
-        """Whether to believe it, and why in words."""
-        least, psr = self.config, best.peak.psr
-        least_psr = least.least_psr * max(1.0, self.grid.edge / 128) ** 0.75
-        _, pitch, roll = np.abs(best.R.as_euler("ZYX"))
-        if psr < least_psr:
-            return (
-                False,
-                f"the translation's peak is {psr:.1f} standard deviations high; believed from {least_psr:.0f} on",
-            )
-        if psr < least.least_distinction * rival:
-            return False, (
-                f"the translation's peak is {psr:.1f} standard deviations high and another answer's {rival:.1f}; "
-                f"believed from {least.least_distinction:g} times as high on"
-            )
-        if share < least.least_overlap:
-            return (
-                False,
-                f"the scans share {share:.1%} of their points; believed from {least.least_overlap:.0%} on",
-            )
-        if max(pitch, roll) > least.max_tilt + 2 * self._hemisphere.tilt_bin:
-            return False, (
-                f"roll and pitch are {np.rad2deg(roll):.0f} and {np.rad2deg(pitch):.0f} degrees; believed up to "
-                f"--max-tilt {np.rad2deg(least.max_tilt):g}"
-            )
-        return True, (
-            f"the translation's peak is {psr:.1f} standard deviations high, the next answer's {rival:.1f}; "
-            f"{share:.0%} of the points are shared"
-        )
-
-
-def require_memory(device: Device, edge: int) -> None:
-    """Refuse a grid that the device cannot hold, before anything is allocated.
-
-    Raises:
-        DeviceError: saying how much is needed and which grid would fit.
-    """
-    smaller = [e for e in reversed(EDGES) if e < edge]
-    fitting = next((e for e in smaller if _fits(device, e)), None)
-    device.require(*_memory(edge), hint=f"--grid {fitting}" if fitting else "another device")
-
-
-def _fits(device: Device, edge: int) -> bool:
-    try:
-        device.require(*_memory(edge), hint="")
-    except DeviceError:
-        return False
-    return True
-
-
-def _memory(edge: int) -> tuple[int, int]:
-    """What a pair needs on a grid: its largest single array and all of them together [bytes]."""
-    half_spectrum = 8 * edge * edge * (edge // 2 + 8)
-    layers = int(0.6 * edge / 2) + 1
-    stack = 2 * layers * edge * edge
-    tilt_spectra = 2 * layers * edge * (edge // 2 + 8) * 8
-    prepared = half_spectrum * 3 // 2 + tilt_spectra * 3 // 2
-    scratch = 3 * 4 * edge**3 + 3 * half_spectrum + 2 * 4 * stack + tilt_spectra
-    return max(half_spectrum, tilt_spectra, 4 * edge**3), 2 * prepared + scratch

@@ -40,7 +40,8 @@ def test_equals_the_twin_on_noise(device, shape, count):
     assert peaks[0].value == volume.max()
     for peak in peaks:
         np.testing.assert_allclose([peak.mean, peak.std], [volume.mean(), volume.std()], atol=1e-6)
-        assert peak.psr == pytest.approx((peak.value - volume.mean()) / volume.std(), rel=1e-5)
+        assert peak.psr == pytest.approx((peak.top - volume.mean()) / volume.std(), rel=1e-5)
+        assert peak.top >= peak.value
         i, j, k = peak.index
         window = np.ix_(*((c + np.arange(-1, 2)) % n for c, n in zip((i, j, k), shape, strict=True)))
         np.testing.assert_array_equal(peak.neighborhood, volume[window])
@@ -52,6 +53,14 @@ def test_limits_equal_the_twin(device, limits):
     peaks = find_peaks(device, device.to_device(volume), 5, separation=1, limits=limits)
     bounds = [np.inf if limit is None else limit for limit in limits]
     assert [tuple(peak.index) for peak in peaks] == twin(volume, 5, 1, bounds)
+
+
+@pytest.mark.parametrize("shift", [(0.0, 0.0, 0.0), (0.5, 0.0, -0.3), (-0.45, 0.4, 0.5)])
+def test_top_is_the_height_between_the_voxels(device, shift):
+    volume = bump((32, 16, 64), np.array([4.0, -3.0, 11.0]) + shift, 0.9, height=7.0).astype(np.float32)
+    peak = find_peaks(device, device.to_device(volume))[0]
+    assert peak.top == pytest.approx(7.0, rel=1e-4)
+    assert peak.value == pytest.approx(7.0 * np.exp(-np.square(shift).sum() / (2 * 0.9**2)), rel=1e-4)
 
 
 @pytest.mark.parametrize("deviation", [0.7, 1.4])

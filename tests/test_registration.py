@@ -8,7 +8,8 @@ from structures import difference, moved, structure
 from kernels.device import choose_device
 from kernels.errors import DeviceError, InputError
 from spectral.grid import Grid, choose_grid
-from spectral.registration import SpectralConfig, SpectralRegistrar, require_memory
+from spectral.memory import require_memory
+from spectral.registration import SpectralConfig, SpectralRegistrar
 from spectral.result import Registration
 from spectral.scan import Scan
 

@@ -14,7 +14,7 @@ def gaussian_peak(cov: np.ndarray, psr: float = 200.0) -> Peak:
     steps = np.stack(np.meshgrid(*[[-1.0, 0.0, 1.0]] * 3, indexing="ij"), axis=-1)
     exponent = np.einsum("...i,ij,...j->...", steps, np.linalg.inv(cov), steps)
     neighborhood = np.exp(-0.5 * exponent).astype(np.float32)
-    return Peak(np.zeros(3, int), np.zeros(3), 1.0, psr, neighborhood, 0.0, 1.0)
+    return Peak(np.zeros(3, int), np.zeros(3), 1.0, 1.0, psr, neighborhood, 0.0, 1.0)
 
 
 def test_width_is_that_of_the_gaussian() -> None:

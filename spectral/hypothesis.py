@@ -1,0 +1,33 @@
+"""One way in which two scans may fit together."""
+
+from dataclasses import dataclass
+
+import numpy as np
+from scipy.spatial.transform import Rotation
+
+from kernels.peak import Peak
+
+# Hypotheses nearer than this to each other are one answer found twice [rad; voxels].
+SAME_ROTATION = float(np.deg2rad(10.0))
+SAME_SHIFT = 6.0
+
+
+@dataclass(frozen=True, slots=True)
+class Hypothesis:
+    """A rotation, the translation's peak under it, and the peak-to-sidelobe ratios on the way there."""
+
+    R: Rotation
+    peak: Peak
+    yaw_psr: float
+    tilt_psr: float
+
+
+def differ(a: Hypothesis, b: Hypothesis) -> bool:
+    """Whether two hypotheses are different answers, and not the same one found twice."""
+    turned = (a.R.inv() * b.R).magnitude() > SAME_ROTATION
+    return bool(turned or np.linalg.norm(a.peak.shift - b.peak.shift) > SAME_SHIFT)
+
+
+def by_peak(hypothesis: Hypothesis) -> float:
+    """Sorts the highest peak to the front."""
+    return -hypothesis.peak.psr
