@@ -5,7 +5,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from spectral.grid import Grid
-from spectral.hypothesis import Hypothesis
+from spectral.hypothesis import Hypothesis, largest_tilt
 
 # A bound that a scan just keeps must not refuse it for the error of its estimate [rad].
 _TILT_SLACK = float(np.deg2rad(3.0))
@@ -27,6 +27,11 @@ class Acceptance:
     overlap: float = 0.05
 
 
+def tilt_allowed(hypothesis: Hypothesis, max_tilt: float) -> bool:
+    """Whether roll and pitch keep to the bound [rad], but for 3 degrees that the estimate may be off."""
+    return largest_tilt(hypothesis.R) <= max_tilt + _TILT_SLACK
+
+
 def judge(
     best: Hypothesis, rival: float, overlap: float, least: Acceptance, max_tilt: float, grid: Grid
 ) -> tuple[bool, str]:
@@ -41,7 +46,11 @@ def judge(
         grid: that both scans share.
     """
     psr, least_psr = best.peak.psr, least.psr * max(1.0, grid.edge / 128) ** 0.75
-    _, pitch, roll = np.abs(best.R.as_euler("ZYX"))
+    if not tilt_allowed(best, max_tilt):
+        return False, (
+            f"roll or pitch is {np.rad2deg(largest_tilt(best.R)):.0f} degrees; believed up to "
+            f"--max-tilt {np.rad2deg(max_tilt):g}"
+        )
     if psr < least_psr:
         return False, f"the translation's peak is {psr:.1f} standard deviations high; believed from {least_psr:.0f} on"
     if psr < least.distinction * rival:
@@ -51,11 +60,6 @@ def judge(
         )
     if overlap < least.overlap:
         return False, f"the scans share {overlap:.1%} of their points; believed from {least.overlap:.0%} on"
-    if max(pitch, roll) > max_tilt + _TILT_SLACK:
-        return False, (
-            f"roll and pitch are {np.rad2deg(roll):.0f} and {np.rad2deg(pitch):.0f} degrees; believed up to "
-            f"--max-tilt {np.rad2deg(max_tilt):g}"
-        )
     return True, (
         f"the translation's peak is {psr:.1f} standard deviations high, the next answer's {rival:.1f}; "
         f"{overlap:.0%} of the points are shared"

@@ -16,6 +16,8 @@ EDGES = (16, 32, 64, 128, 256, 512)
 # each axis.
 _TRIM = 0.01
 
+_FARTHEST = 1e6  # [voxels]
+
 # Free space around the largest scan, as a factor on its box: what the periodic shift needs to tell left from right.
 _MARGIN = 1.2
 
@@ -47,8 +49,12 @@ class Grid:
         return self.edge * self.voxel
 
     def to_voxels(self, points: np.ndarray, center: np.ndarray) -> np.ndarray:
-        """Points (N, 3) [m] about `center` (3,) [m], in voxels relative to the grid's center, float32."""
-        return ((points.astype(np.float64) - center) / self.voxel).astype(np.float32)
+        """Points (N, 3) [m] about `center` (3,) [m], in voxels relative to the grid's center, float32.
+
+        What lies more than a million voxels away is brought to that distance: far outside any grid, too.
+        """
+        voxels = (points.astype(np.float64) - center) / self.voxel
+        return np.clip(voxels, -_FARTHEST, _FARTHEST).astype(np.float32)
 
 
 def nearest_edge(edge: int) -> int:

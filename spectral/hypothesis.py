@@ -22,10 +22,16 @@ class Hypothesis:
     tilt_psr: float
 
 
-def differ(a: Hypothesis, b: Hypothesis) -> bool:
-    """Whether two hypotheses are different answers, and not the same one found twice."""
+def differ(a: Hypothesis, b: Hypothesis, edge: int) -> bool:
+    """Whether two hypotheses on a grid of `edge` voxels are different answers, and not the same one found twice."""
     turned = (a.R.inv() * b.R).magnitude() > SAME_ROTATION
-    return bool(turned or np.linalg.norm(a.peak.shift - b.peak.shift) > SAME_SHIFT)
+    apart = (a.peak.shift - b.peak.shift + edge / 2) % edge - edge / 2  # a shift is known up to the grid's edge
+    return bool(turned or np.linalg.norm(apart) > SAME_SHIFT)
+
+
+def largest_tilt(R: Rotation) -> float:
+    """The larger of roll and pitch [rad], R = Rz(yaw) Ry(pitch) Rx(roll)."""
+    return float(np.abs(R.as_euler("ZYX")[1:]).max())
 
 
 def by_peak(hypothesis: Hypothesis) -> float:

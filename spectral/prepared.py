@@ -16,6 +16,8 @@ from spectral.scan import Scan
 
 # Below so many occupied voxels there is no structure to register.
 _FEWEST_VOXELS = 20
+# A grid that holds a smaller share of a scan's points shows another scan than the one that was given.
+_LEAST_INSIDE = 0.5
 # A scan whose points deviate less than this from their best plane shows nothing but the plane [voxels, deviation].
 _FLATTEST = 0.3
 
@@ -28,11 +30,11 @@ class Prepared:
         name: the scan's.
         center: (3,) [m, sensor frame], the grid's center.
         points: device (n, 4) float32 [voxels from the center; weight].
-        surface: (m, 3) float64 [voxels from the center], one point per occupied voxel, with a search tree.
+        surface: (m, 3) float64 [voxels from the center], one point per occupied voxel, also outside the grid.
+        tree: to search among them.
         magnitude: device (N, N, N/2 + 1) float32, centered magnitude spectrum.
         spectrum: device (N, N, N/2 + 8) complex64, whitened spectrum of the volume.
         layers: the layers' spectra.
-        clipped: how many points lie outside the grid.
     """
 
     name: str
@@ -43,7 +45,6 @@ class Prepared:
     magnitude: Array
     spectrum: Array
     layers: LayerSpectra
-    clipped: int
 
 
 class Preparer:
@@ -65,11 +66,12 @@ class Preparer:
         edge = self.grid.edge
         center = scan_center(scan)
         voxels = self.grid.to_voxels(scan.points, center)
-        cells = np.floor(voxels + np.float32(edge / 2 + 0.5)).astype(np.int32)
-        inside = ((cells >= 0) & (cells < edge)).all(axis=1)
-        surface = _one_per_voxel(voxels[inside], cells[inside], edge)
+        cells = np.floor(voxels + np.float32(edge / 2 + 0.5)).astype(np.int64)
+        inside: np.ndarray = np.all((cells >= 0) & (cells < edge), axis=1)
+        self._require_inside(scan.name, float(inside.mean()))
+        surface = _one_per_voxel(voxels, cells)
         self._require_structure(scan.name, surface)
-        points = self.device.to_device(self._weighted(scan, voxels))
+        points = self.device.to_device(self._weighted(scan, voxels, inside))
         voxelize(self.device, points, edge, out=self._volume)
         spectrum = self._fft.forward(self._volume)
         centered = magnitude(self.device, spectrum, edge)
@@ -83,16 +85,23 @@ class Preparer:
             magnitude=centered,
             spectrum=spectrum,
             layers=self.hemisphere.prepare(centered),
-            clipped=int(np.count_nonzero(~inside)),
         )
 
-    def _weighted(self, scan: Scan, voxels: np.ndarray) -> np.ndarray:
+    def _weighted(self, scan: Scan, voxels: np.ndarray, inside: np.ndarray) -> np.ndarray:
         """(n, 4) float32: occupancy as in the paper, or echo strength where wanted and present."""
-        if self.use_strength and scan.strength is not None and scan.strength.max() > 0:
-            weight = scan.strength / scan.strength.max()
-        else:
-            weight = np.ones(len(voxels), np.float32)
+        weight = np.ones(len(voxels), np.float32)
+        if self.use_strength and scan.strength is not None:
+            strongest = scan.strength[inside].max()
+            weight = scan.strength / strongest if strongest > 0 else weight
         return np.column_stack([voxels, weight]).astype(np.float32)
+
+    def _require_inside(self, name: str, share: float) -> None:
+        if share < _LEAST_INSIDE:
+            raise InputError(
+                f"{name}: the grid of {self.grid.edge} voxels of {self.grid.voxel:g} m holds {share:.1%} of its "
+                f"points; wanted at least {_LEAST_INSIDE:.0%}. Give larger voxels with --voxel, more of them with "
+                "--grid, or leave --voxel out to have it chosen."
+            )
 
     def _require_structure(self, name: str, surface: np.ndarray) -> None:
         size = f"grid of {self.grid.edge} voxels of {self.grid.voxel:.3g} m"
@@ -105,13 +114,14 @@ class Preparer:
         if spread < _FLATTEST:
             raise InputError(
                 f"{name}: all its points lie in one plane (they deviate {spread * self.grid.voxel:.2g} m from it, "
-                f"on a {size}): a shift along it cannot be seen. Give a scan with more structure."
+                f"on a {size}): a shift along it cannot be seen. Give a scan with more structure, or "
+                "smaller voxels with --voxel, in which a low relief shows."
             )
 
 
-def _one_per_voxel(points: np.ndarray, cells: np.ndarray, edge: int) -> np.ndarray:
+def _one_per_voxel(points: np.ndarray, cells: np.ndarray) -> np.ndarray:
     """The mean (m, 3) of the points of each occupied voxel, in the order of the voxels."""
-    flat = np.ravel_multi_index(tuple(cells.T.astype(np.int64)), (edge,) * 3)
-    _, first, count = np.unique(flat, return_inverse=True, return_counts=True)
+    keys = ((cells[:, 0] << 42) + (cells[:, 1] << 21)) + cells[:, 2]  # a cell is within a million of 0
+    _, first, count = np.unique(keys, return_inverse=True, return_counts=True)
     sums = [np.bincount(first, weights=points[:, axis], minlength=len(count)) for axis in range(3)]
     return np.column_stack(sums) / count[:, None]

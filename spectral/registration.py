@@ -8,7 +8,7 @@ from scipy.spatial.transform import RigidTransform, Rotation
 
 from kernels.device import Device
 from kernels.errors import InputError
-from spectral.acceptance import Acceptance, judge
+from spectral.acceptance import Acceptance, judge, tilt_allowed
 from spectral.grid import Grid
 from spectral.hemisphere import Hemisphere
 from spectral.hypothesis import SAME_SHIFT, Hypothesis, by_peak, differ
@@ -102,9 +102,10 @@ class SpectralRegistrar:
         start = perf_counter()
         hypotheses = sorted(self._hypotheses(target, source), key=by_peak)
         first = hypotheses[0]
-        others = [other for other in hypotheses if differ(first, other)]
+        others = [other for other in hypotheses if differ(first, other, self.grid.edge)]
         # the best other answer is refined alike: it may win, and if not, how high it comes out is what to compare with
-        settled = sorted((self._settle(target, source, one) for one in (first, *others[:1])), key=by_peak)
+        settled = [self._settle(target, source, one) for one in (first, *others[:1])]
+        settled.sort(key=lambda one: (not tilt_allowed(one, self.config.max_tilt), by_peak(one)))
         rival = self._rival(target, source, settled[0], settled[1:] + others[1:])
         return self._conclude(target, source, settled[0], rival, start)
 
@@ -121,7 +122,8 @@ class SpectralRegistrar:
             # Steps 6, 7: the translation, the scan turned back by all three angles
             peak = self._translation.find(target, source, R)
             found.append(Hypothesis(R, peak, yaw.psr, 0.0 if tilt is None else tilt.psr))
-        return found
+        # what the vehicle cannot do must not win; where nothing else is left, it is refused in the end
+        return [one for one in found if tilt_allowed(one, self.config.max_tilt)] or found
 
     def _refine(self, target: Prepared, source: Prepared, R: Rotation, rounds: int) -> Rotation:
         """Estimate yaw, then roll and pitch, again, on what R leaves over."""
@@ -146,7 +148,7 @@ class SpectralRegistrar:
 
     def _rival(self, target: Prepared, source: Prepared, best: Hypothesis, others: list[Hypothesis]) -> float:
         """The peak-to-sidelobe ratio of the next best answer: another hypothesis, or another shift under the best."""
-        ratios = [other.peak.psr for other in others if differ(best, other)]
+        ratios = [other.peak.psr for other in others if differ(best, other, self.grid.edge)]
         ratios += [peak.psr for peak in self._translation.find_others(target, source, best.R, SAME_SHIFT)]
         return max(ratios, default=0.0)
 

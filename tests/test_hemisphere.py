@@ -1,14 +1,18 @@
 """The rotation's steps one by one: each finds the angle it is there for, with the sign of the conventions page."""
 
+import warnings
+from dataclasses import replace
+
 import numpy as np
 import pytest
 from scipy.spatial.transform import RigidTransform, Rotation
 from structures import moved, structure
 
 from kernels.device import Device, choose_device
-from kernels.peak import Peak
+from kernels.errors import InputError
 from spectral.grid import Grid
 from spectral.hemisphere import Hemisphere
+from spectral.hypothesis import Hypothesis, differ
 from spectral.overlap import overlap, unwrap
 from spectral.prepared import Prepared, Preparer
 from spectral.refine import search_rotation
@@ -126,9 +130,35 @@ def test_a_shift_over_half_the_grid_is_told_from_its_wrapped_twin(room: Room, tr
     np.testing.assert_allclose(found, shift, atol=1e-9)
 
 
-def test_prepared_counts_what_lies_outside_the_grid(room: Room) -> None:
-    stray = np.array([[500, 0, 0], [0, -500, 3]], np.float32)
+def test_a_stray_point_outside_the_grid_changes_nothing(room: Room) -> None:
+    stray = np.array([[500, 0, 0], [0, -90_000, 3]], np.float32)
     prepared = room.preparer.prepare(Scan(np.vstack([room.points, stray])))
-    assert prepared.clipped == 2
-    assert len(prepared.surface) == pytest.approx(len(room.target.surface), rel=0.05)
-    assert isinstance(room.translation.find(prepared, prepared, Rotation.identity()), Peak)
+    assert overlap(room.target, prepared, Rotation.identity(), np.zeros(3)) > 0.95
+    assert room.translation.find(room.target, prepared, Rotation.identity()).psr > 100
+
+
+def test_a_grid_that_holds_less_than_half_of_a_scan_is_refused() -> None:
+    device = choose_device()
+    preparer = Preparer(device, Grid(EDGE, 0.1), Hemisphere(device, EDGE), use_strength=False)
+    with pytest.raises(InputError, match=r"holds \d+\.\d% of its points.*larger voxels"):
+        preparer.prepare(Scan(structure(2)))
+
+
+def test_a_tiny_voxel_is_refused_without_a_warning() -> None:
+    device = choose_device()
+    preparer = Preparer(device, Grid(EDGE, 1e-40), Hemisphere(device, EDGE), use_strength=False)
+    with warnings.catch_warnings():
+        warnings.simplefilter("error")
+        with pytest.raises(InputError, match="larger voxels"):
+            preparer.prepare(Scan(structure(2)))
+
+
+def test_hypotheses_apart_by_a_whole_grid_are_one_answer(room: Room) -> None:
+    peak = room.translation.find(room.target, room.target, Rotation.identity())
+
+    def at(shift: tuple[float, float, float], yaw: float = 0.0) -> Hypothesis:
+        return Hypothesis(Rotation.from_euler("Z", yaw, degrees=True), replace(peak, shift=np.array(shift)), 1.0, 1.0)
+
+    assert not differ(at((31.8, 0.0, 2.0)), at((-31.9, 1.0, 0.0)), EDGE)
+    assert differ(at((31.8, 0.0, 2.0)), at((20.0, 0.0, 2.0)), EDGE)
+    assert differ(at((0.0, 0.0, 0.0)), at((0.0, 0.0, 0.0), yaw=25.0), EDGE)

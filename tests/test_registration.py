@@ -163,12 +163,38 @@ def test_simulated_table_1(index: int) -> None:
     assert_near(registrar.register(registrar.prepare(target), registrar.prepare(source)), truth, 6.0, 6.0)
 
 
-def test_strength_can_weigh_the_voxels() -> None:
-    points = structure(12)
-    strength = np.random.default_rng(12).uniform(0.2, 1.0, len(points)).astype(np.float32)
+def test_strength_tells_echoes_from_clutter_that_occupancy_cannot() -> None:
+    """The same structure among ten times as many weak echoes, which are others in each scan."""
+    rng = np.random.default_rng(12)
+    scans = []
+    for points in (structure(12), moved(structure(12), TURN.inv())):
+        weak = rng.uniform(points.min(axis=0), points.max(axis=0), (10 * len(points), 3)).astype(np.float32)
+        strength = np.concatenate([np.ones(len(points)), np.full(len(weak), 1e-3)]).astype(np.float32)
+        scans.append(Scan(np.vstack([points, weak]), strength))
+    outcome = {}
+    for use_strength in (False, True):
+        registrar = SpectralRegistrar(choose_device(), Grid(EDGE, 0.4), SpectralConfig(use_strength=use_strength))
+        outcome[use_strength] = registrar.register(*map(registrar.prepare, scans))
+    assert_near(outcome[True], TURN)
+    assert outcome[False].psr < 0.5 * outcome[True].psr
+
+
+def test_strength_of_points_outside_the_grid_does_not_count() -> None:
+    points = np.vstack([structure(12), np.array([[900, 0, 0]], np.float32)])
+    strength = np.zeros(len(points), np.float32)
+    strength[-1] = 5.0
     registrar = SpectralRegistrar(choose_device(), Grid(EDGE, 0.4), SpectralConfig(use_strength=True))
-    target, source = Scan(points, strength), Scan(moved(points, TURN.inv()), strength)
-    assert_near(registrar.register(registrar.prepare(target), registrar.prepare(source)), TURN)
+    prepared = registrar.prepare(Scan(points, strength))
+    assert registrar.register(prepared, prepared).accepted
+
+
+@pytest.mark.parametrize(("bound", "accepted"), [(3.0, False), (8.0, False), (20.0, True)])
+def test_max_tilt_bounds_the_answer(bound: float, accepted: bool) -> None:
+    T = RigidTransform.from_components([0.5, -0.8, 0.4], Rotation.from_euler("ZYX", [10.0, 2.0, 15.0], degrees=True))
+    registrar = SpectralRegistrar(choose_device(), Grid(EDGE, 0.4), SpectralConfig(max_tilt=np.deg2rad(bound)))
+    target, source = Scan(structure(14)), Scan(moved(structure(14), T.inv()))
+    registration = registrar.register(registrar.prepare(target), registrar.prepare(source))
+    assert registration.accepted == accepted, registration.reason
 
 
 def test_chosen_grid_works_without_being_told(registrar: SpectralRegistrar) -> None:
