@@ -2,14 +2,22 @@
 
 import numpy as np
 
-from kernels.errors import InputError
-
 _BITS = 21  # per axis: three fit one int64, and two million cells along an axis
 _HALF = 1 << (_BITS - 1)
 
 
-def cell_keys(points: np.ndarray, size: float, origin: np.ndarray) -> np.ndarray:
+def lattice_origin(points: np.ndarray, size: float) -> np.ndarray:
+    """(3,) [m], the corner of a cell in the midst of points (N, 3) [m]; stray ones do not move it.
+
+    Corners lie at multiples of `size`, so that the lattice is the same wherever its cells are counted from.
+    """
+    return np.floor(np.median(points, axis=0) / size) * size
+
+
+def cell_keys(points: np.ndarray, size: float, origin: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
     """One number per point that tells its cell: equal for points of one cell, ordered by x, then y, then z.
+
+    Points farther than a million cells from the origin along an axis, such as stray echoes, have no number.
 
     Args:
         points: (N, 3) float [m].
@@ -17,17 +25,9 @@ def cell_keys(points: np.ndarray, size: float, origin: np.ndarray) -> np.ndarray
         origin: (3,) [m], a corner of the lattice near the points: cells are counted from it.
 
     Returns:
-        (N,) int64.
-
-    Raises:
-        InputError: points farther from the origin than a million cells.
+        (K,) int64 of the points within reach, in their order, and (N,) bool, which points these are.
     """
-    cells = np.floor((points - origin) / size).astype(np.int64)
-    if len(cells) and (cells.min() < -_HALF or cells.max() >= _HALF):
-        reach = float(np.abs(points - origin).max())
-        raise InputError(
-            f"points lie up to {reach:.3g} m from the map's first pose, more than {_HALF:,} cells of "
-            f"{size} m; use larger voxels, or look for a pose that went astray"
-        )
-    cells += _HALF
-    return (cells[:, 0] << (2 * _BITS)) | (cells[:, 1] << _BITS) | cells[:, 2]
+    cells = np.floor((points - origin) / size)
+    near = ((cells >= -_HALF) & (cells < _HALF)).all(axis=1)
+    x, y, z = (cells[near].astype(np.int64) + _HALF).T
+    return (x << (2 * _BITS)) | (y << _BITS) | z, near

@@ -9,7 +9,7 @@ from scipy import sparse
 from scipy.spatial.transform import RigidTransform
 
 from kernels.errors import InputError
-from slam.cell import cell_keys
+from slam.cell import cell_keys, lattice_origin
 from slam.pose_graph import Solution
 from spectral.result import Registration
 from spectral.scan import Scan
@@ -80,21 +80,23 @@ class Verdict:
 def predict_overlap(scans: Sequence[Scan], T_world_sensor: RigidTransform, cell: float) -> np.ndarray:
     """The share of cells that two scans have in common: (N, N) float64, 0..1, the smaller of both ways.
 
+    Points a million cells away from the first scan, stray echoes, do not count.
+
     Args:
         scans: N scans.
         T_world_sensor: their poses as estimated, in one frame.
         cell: edge of a cell [m].
     """
-    origin = T_world_sensor.translation[0]
+    origin = lattice_origin(T_world_sensor[0].apply(scans[0].points.astype(np.float64)), cell)
     occupied = [
-        np.unique(cell_keys(T.apply(scan.points.astype(np.float64)), cell, origin))
+        np.unique(cell_keys(T.apply(scan.points.astype(np.float64)), cell, origin)[0])
         for scan, T in zip(scans, T_world_sensor, strict=True)
     ]
     counts = np.array([len(cells) for cells in occupied])
     names, column = np.unique(np.concatenate(occupied), return_inverse=True)
     row = np.repeat(np.arange(len(scans)), counts)
     incidence = sparse.csr_array((np.ones(len(row)), (row, column)), shape=(len(scans), len(names)))
-    return (incidence @ incidence.T).toarray() / np.maximum(counts[:, None], counts)
+    return (incidence @ incidence.T).toarray() / np.maximum(np.maximum(counts[:, None], counts), 1)
 
 
 def find_candidates(scans: Sequence[Scan], solution: Solution, voxel: float, settings: LoopSettings) -> list[Candidate]:

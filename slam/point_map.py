@@ -9,7 +9,7 @@ import numpy as np
 from scipy.spatial.transform import RigidTransform
 
 from kernels.errors import InputError
-from slam.cell import cell_keys
+from slam.cell import cell_keys, lattice_origin
 from spectral.scan import Scan
 
 MERGE_ROWS = 1_000_000  # rows that wait at least before they are merged, so that merging stays cheap
@@ -27,6 +27,7 @@ class PointMap:
         seen: (M,) int32, number of different scans with a point in the voxel, >= 1.
         hits: (M,) int32, number of points in the voxel, >= 1.
         voxel: edge of a voxel [m].
+        left_out: number of points that lie too far from the others for the map to hold them: stray echoes.
     """
 
     points: np.ndarray
@@ -35,6 +36,7 @@ class PointMap:
     seen: np.ndarray
     hits: np.ndarray
     voxel: float
+    left_out: int = 0
 
 
 def fuse(
@@ -43,7 +45,8 @@ def fuse(
     """Bring every scan's points into the world and keep one per voxel.
 
     The same input gives the same bytes. Scans are thinned one by one before they are merged, so that memory
-    grows with the map, not with the number of points.
+    grows with the map, not with the number of points. Points more than a million voxels from the middle of the first
+    scan are left out and counted.
 
     Args:
         scans: S scans.
@@ -52,20 +55,25 @@ def fuse(
         indices: what to call the scans in `PointMap.scan`; 0..S-1 by default.
 
     Raises:
-        InputError: no scan, another number of poses, a voxel that is not positive, or too far a map for it.
+        InputError: no scan, another number of poses, a voxel that is not positive, or one so small that no
+            point is within reach.
     """
     if not scans or len(T_world_sensor) != len(scans):
         raise InputError(f"{len(scans)} scans and {len(T_world_sensor)} poses: wanted one pose for every scan")
     if not (np.isfinite(voxel) and voxel > 0):
         raise InputError(f"the map's voxel is {voxel} m; wanted a positive length")
-    origin = np.floor(T_world_sensor.translation[0] / voxel) * voxel
+    origin = lattice_origin(T_world_sensor[0].apply(scans[0].points.astype(np.float64)), voxel)
     table, waiting = None, []
     for scan, index, T in zip(scans, indices or range(len(scans)), T_world_sensor, strict=True):
         points = T.apply(scan.points.astype(np.float64))
-        waiting.append(_thin(cell_keys(points, voxel, origin), points, scan.strength, index))
+        keys, near = cell_keys(points, voxel, origin)
+        strength = None if scan.strength is None else scan.strength[near]
+        waiting.append(_thin(keys, points[near], strength, index))
         if sum(len(rows.key) for rows in waiting) > max(MERGE_ROWS, len(table.key) if table else 0):
             table, waiting = _merge([table, *waiting] if table else waiting), []
     table = _merge([table, *waiting] if table else waiting)
+    if len(table.key) == 0:
+        raise InputError(f"the map's voxel is {voxel} m, too small for points this far apart; give a larger one")
     with np.errstate(invalid="ignore"):  # 0 / 0: a voxel without any echo strength is NaN
         strength = (table.echo / table.echoes).astype(np.float32) if table.echoes.any() else None
     return PointMap(
@@ -75,6 +83,7 @@ def fuse(
         seen=table.seen,
         hits=table.hits,
         voxel=voxel,
+        left_out=sum(len(scan.points) for scan in scans) - int(table.hits.sum()),
     )
 
 
@@ -124,7 +133,7 @@ def _merge(tables: list[_Cells]) -> _Cells:
     rows = {field.name: np.concatenate([getattr(t, field.name) for t in tables]) for field in fields(_Cells)}
     order = np.lexsort((rows["scan"], -rows["most"], rows["key"]))
     rows = {name: column[order] for name, column in rows.items()}
-    starts = np.flatnonzero(np.r_[True, rows["key"][1:] != rows["key"][:-1]])
+    starts = np.flatnonzero(np.diff(rows["key"], prepend=-1))
     first = {name: rows[name][starts] for name in ("key", "most", "scan")}
     names = ("total", "hits", "echo", "echoes", "seen")
     sums = {name: np.add.reduceat(rows[name], starts, axis=0) for name in names}

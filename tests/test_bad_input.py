@@ -216,3 +216,15 @@ def test_points_outside_a_grid_that_is_too_small_are_no_crash(tmp_path: Path) ->
     paths = write(tmp_path, a=far, b=scan(1))
     assert sonarmap("register", *paths, *GRID, "--voxel", "0.1").exit_code in (0, 3)
     assert sonarmap("register", *paths, *GRID).exit_code == 0
+
+
+def test_a_stray_point_costs_no_map(tmp_path: Path) -> None:
+    """A scan 3.5 m across with an echo from 99 km: its voxels are too small for numbers this far apart."""
+    small = [scan(k) / np.float32(5) for k in range(2)]
+    paths = write(tmp_path, a=np.vstack([small[0], np.float32([[99_000, 0, 0]])]), b=small[1])
+    result = sonarmap("map", *paths, "-o", tmp_path / "out", *GRID, "--json")
+    assert result.exit_code == 0
+    said(result, "1 points lie too far from the others")
+    (component,) = json.loads(result.stdout)["components"]
+    assert component["map"]["points_left_out"] == 1
+    assert max(component["map"]["upper_m"]) < 10

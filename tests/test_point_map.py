@@ -1,6 +1,7 @@
 """The fused map against a dictionary of voxels, and the cells it is sorted into."""
 
 from collections import Counter, defaultdict
+from dataclasses import replace
 
 import numpy as np
 import pytest
@@ -74,7 +75,8 @@ def test_far_from_the_world_s_origin_as_near():
 
 def test_cells_are_half_open_and_ordered():
     points = np.array([[0.0, 0, 0], [0.999, 0, 0], [1.0, 0, 0], [-1e-9, 0, 0], [0, 1, 0], [0, 0, 1]])
-    keys = cell_keys(points, 1.0, np.zeros(3))
+    keys, near = cell_keys(points, 1.0, np.zeros(3))
+    assert near.all()
     assert keys[0] == keys[1]
     assert keys[3] < keys[0] < keys[5] < keys[4] < keys[2]
 
@@ -88,3 +90,25 @@ def test_refuses_what_cannot_be_fused(poses, voxel):
 def test_refuses_no_scans():
     with pytest.raises(InputError):
         fuse([], RigidTransform.identity(1), 1.0)
+
+
+@pytest.mark.parametrize("where", ["first", "last"])
+def test_a_stray_point_is_left_out_and_counted(where):
+    scans = random_scans(np.random.default_rng(3), 2)
+    stray = np.float32([[99_000, 0, 0]])
+    k = 0 if where == "first" else -1
+    scans[k] = replace(scans[k], points=np.vstack([stray, scans[k].points]), strength=None)
+    fused = fuse(scans, RigidTransform.identity(2), 0.02)
+    assert fused.left_out == 1
+    assert fused.hits.sum() == sum(len(scan.points) for scan in scans) - 1
+    assert np.abs(fused.points).max() < 20
+    assert fuse(scans, RigidTransform.identity(2), 0.5).left_out == 0
+
+
+def test_scans_far_from_their_sensor_are_mapped_whole():
+    """100 km off, at a voxel of 2 cm: five million cells."""
+    scan = random_scans(np.random.default_rng(4), 1)[0]
+    moved = replace(scan, points=scan.points + np.float32([9e4, -1e5, 0]))
+    fused = fuse([moved], RigidTransform.identity(1), 0.02)
+    assert fused.left_out == 0
+    assert fused.hits.sum() == len(scan.points)

@@ -74,9 +74,20 @@ def command(
         typer.echo(json.dumps(json.loads(summary.read_text(encoding="utf-8"))))
     else:
         _print(result, names, out)
+    _warn_of_strays(result)
     if len(result.components) > 1:
         _warn(result, names, out)
         raise typer.Exit(INCOMPLETE)
+
+
+def _warn_of_strays(result: "SurveyResult") -> None:
+    strays = sum(point_map.left_out for point_map in result.maps)
+    if strays:
+        say(
+            f"{strays:,} points lie too far from the others for the map's voxels and are left out of it",
+            "warning: ",
+            "bold yellow",
+        )
 
 
 def _warn(result: "SurveyResult", names: list[str], out: Path) -> None:
