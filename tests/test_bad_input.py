@@ -178,11 +178,11 @@ def test_options_that_make_no_sense_are_refused(
     assert not (tmp_path / "out").exists()
 
 
-@pytest.mark.parametrize("voxel", ["1e-6", "1e6"])
-def test_voxels_far_too_small_or_too_large_are_an_error(tmp_path: Path, voxel: str) -> None:
+@pytest.mark.parametrize(("voxel", "words"), [("1e-6", "Give larger voxels"), ("1e6", "wanted at least 20")])
+def test_voxels_far_too_small_or_too_large_are_an_error(tmp_path: Path, voxel: str, words: str) -> None:
     result = sonarmap("register", *write(tmp_path, a=scan(0), b=scan(1)), *GRID, "--voxel", voxel, "--json")
     assert (result.exit_code, result.stdout) == (2, "")
-    said(result, "wanted at least 20", "--voxel")
+    said(result, words, "--voxel")
 
 
 class SmallDevice:
@@ -214,7 +214,7 @@ def test_a_grid_that_the_device_cannot_hold(
 def test_points_outside_a_grid_that_is_too_small_are_no_crash(tmp_path: Path) -> None:
     far = np.vstack([clutter(1), [[9e4, -9e4, 3.0]]]).astype(np.float32)
     paths = write(tmp_path, a=far, b=scan(1))
-    assert sonarmap("register", *paths, *GRID, "--voxel", "0.1").exit_code in (0, 3)
+    assert sonarmap("register", *paths, *GRID, "--voxel", "0.2").exit_code in (0, 3)
     assert sonarmap("register", *paths, *GRID).exit_code == 0
 
 
@@ -228,3 +228,34 @@ def test_a_stray_point_costs_no_map(tmp_path: Path) -> None:
     (component,) = json.loads(result.stdout)["components"]
     assert component["map"]["points_left_out"] == 1
     assert max(component["map"]["upper_m"]) < 10
+
+
+@pytest.mark.parametrize("bad", ["a", "b", "d"])
+@pytest.mark.parametrize("case", ["nothing finite", "no bytes", "more promised", "text"])
+def test_a_bad_file_leaves_a_gap_and_the_rest_goes_on(tmp_path: Path, bad: str, case: str) -> None:
+    folder = tmp_path / "scans"
+    folder.mkdir()
+    write(folder, **{name: scan(k) for k, name in enumerate("abcd")})
+    (folder / f"{bad}.ply").write_bytes(NOT_SCANS[case][1])
+    result = sonarmap("map", folder, "-o", tmp_path / "out", *GRID, "--json")
+    assert result.exit_code == 3
+    said(result, "warning: passed over", f"{bad}.ply: ", *NOT_SCANS[case][2][1:])
+    summary = json.loads(result.stdout)
+    assert [one["name"] for one in summary["scans"]] == [name for name in "abcd" if name != bad]
+    assert [one["stamp"] for one in summary["scans"]] == ["abcd".index(name) for name in "abcd" if name != bad]
+    assert [part["scans"] for part in summary["components"]] == [[0, 1, 2]]
+    place = {"a": [None, 0], "b": [0, 1], "d": [2, None]}[bad]
+    assert summary["gaps"] == [place]
+    (unread,) = summary["unread"]
+    assert unread["name"] == str(folder / f"{bad}.ply")
+    assert unread["gap"] == place
+    assert NOT_SCANS[case][2][1] in unread["reason"]
+
+
+def test_fewer_than_two_scans_that_can_be_read_are_an_error(good: str, tmp_path: Path) -> None:
+    (tmp_path / "bad.ply").write_bytes(b"")
+    for inputs, left in (([good, tmp_path / "bad.ply"], "1 of 2"), ([tmp_path / "bad.ply"], "0 of 1")):
+        result = sonarmap("map", *inputs, "-o", tmp_path / "out", *GRID)
+        assert (result.exit_code, result.stdout) == (2, "")
+        said(result, "error: ", "bad.ply: the file is empty", f"{left} scans can be read; a map wants at least two")
+    assert not (tmp_path / "out").exists()

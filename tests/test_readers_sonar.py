@@ -13,7 +13,7 @@ from wlsonar import bitmap_image_to_strength_linear, range_image_to_xyz
 from wlsonar import range_image_protocol as rip
 
 from kernels.errors import InputError
-from tools.readers import read_scan, read_scans
+from tools.readers import read_scan, read_scans, read_survey
 from tools.readers.sonar import read_sonar
 
 pytestmark = pytest.mark.filterwarnings("error")
@@ -219,3 +219,17 @@ def test_a_real_recording_of_a_ship():
     stamps = [scan.stamp for scan in read.scans]
     assert stamps[0] == pytest.approx(1716815835.84064, abs=1e-6)  # 2024-05-27T13:17:15.84Z
     assert np.diff(stamps) == pytest.approx(np.full(5, 1 / 6), abs=2e-3)
+
+
+def test_a_frame_of_nothing_but_nan_leaves_a_place(tmp_path):
+    frames = [range_image(frame, np.full((3, 4), 80)) for frame in range(3)]
+    frames[1].image_pixel_scale = float("nan")
+    path = tmp_path / "dive.sonar"
+    path.write_bytes(b"".join(rip.packb(frame) for frame in frames))
+    with pytest.raises(InputError, match=r"dive\.sonar#1: all of its 12 points are NaN"):
+        read_scans([path])
+    read = read_survey([path])
+    assert [scan.name for scan in read.scans] == ["dive#0", "dive#2"]
+    assert [scan.stamp - read.scans[0].stamp for scan in read.scans] == [0, 2]
+    (unread,) = read.unread
+    assert (unread.where, unread.before) == (f"{path}#1", 1)

@@ -12,6 +12,7 @@ from slam.pose_graph import PoseGraph
 from slam.survey import SurveyResult
 from slam.trajectory import Trajectory
 from tools.atomic import all_or_none
+from tools.readers import Unread
 from tools.report.map_picture import draw_map
 from tools.writers import write_ply
 from tools.writers.g2o import write_g2o
@@ -37,7 +38,12 @@ def require_apart(folder: Path, files: Iterable[Path]) -> None:
 
 
 def write_survey(
-    folder: Path, result: SurveyResult, names: Sequence[str], settings: Mapping[str, Any], device: Device
+    folder: Path,
+    result: SurveyResult,
+    names: Sequence[str],
+    settings: Mapping[str, Any],
+    device: Device,
+    unread: Sequence[Unread] = (),
 ) -> Path:
     """Write a survey's maps, pictures, trajectories, graph and summary.
 
@@ -53,7 +59,7 @@ def write_survey(
     """
     former = _parts_before(folder)
     with all_or_none():
-        _write_files(folder, result, names, settings, device)
+        _write_files(folder, result, names, settings, device, unread)
     for rank in range(len(result.components) + 1, former + 1):
         for name in (f"map_{rank}.ply", f"map_{rank}.png", f"trajectory_{rank}.tum"):
             (folder / name).unlink(missing_ok=True)
@@ -69,7 +75,12 @@ def _parts_before(folder: Path) -> int:
 
 
 def _write_files(
-    folder: Path, result: SurveyResult, names: Sequence[str], settings: Mapping[str, Any], device: Device
+    folder: Path,
+    result: SurveyResult,
+    names: Sequence[str],
+    settings: Mapping[str, Any],
+    device: Device,
+    unread: Sequence[Unread],
 ) -> None:
     order = sorted(range(len(result.components)), key=lambda c: (-len(result.components[c]), c))
     for rank, c in enumerate(order, start=1):
@@ -78,7 +89,7 @@ def _write_files(
         _write_component(folder, suffix, result, c, [names[k] for k in members])
     write_g2o(folder / "graph.g2o", PoseGraph(result.trajectory, result.edges))
     description = {"name": device.name, "platform": device.platform}
-    write_summary(folder / SUMMARY, survey_summary(result, list(names), settings, description))
+    write_summary(folder / SUMMARY, survey_summary(result, list(names), settings, description, unread))
 
 
 def _write_component(folder: Path, suffix: str, result: SurveyResult, c: int, names: Sequence[str]) -> None:

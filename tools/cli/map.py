@@ -21,6 +21,7 @@ from tools.cli.terminal import printable, result_console, say
 
 if TYPE_CHECKING:
     from slam.survey import SurveyResult
+    from tools.readers import ReadScans
 
 INCOMPLETE = 3
 PEAK_EXPLAINED = "peak: how high the correlation stands above its surroundings, in their standard deviations"
@@ -43,17 +44,15 @@ def command(
     """Register consecutive scans, close loops, optimize, and fuse one map.
 
     OUT gets map.ply, map.png, trajectory.tum, graph.g2o and summary.json. Where a pair fails the chain goes on: what
-    follows is a component of its own, in map_2.ply and trajectory_2.tum and so on, and the exit code is 3. An earlier
+    follows is a component of its own, in map_2.ply and trajectory_2.tum and so on, and the exit code is 3,
+    as it is where a scan cannot be read, which is told and passed over. An earlier
     run's files in OUT are replaced when all is done, not before.
     """
     from slam.survey import Mapper
     from tools.atomic import require_writable
     from tools.project import require_apart, write_survey
-    from tools.readers import read_scans
 
-    read = read_scans(inputs)
-    for note in read.notes:
-        say(note)
+    read = _read(inputs)
     require_apart(out, read.files)
     scans = read.scans
     registrar = build_registrar(scans, grid, voxel, max_tilt, device, yaw_peaks)
@@ -68,8 +67,8 @@ def command(
         "spectral": registrar.config,
         "mapper": mapper.settings,
     }
-    summary = write_survey(out, result, [scan.name for scan in scans], settings, registrar.device)
     names = [scan.name for scan in scans]
+    summary = write_survey(out, result, names, settings, registrar.device, read.unread)
     if as_json:
         typer.echo(json.dumps(json.loads(summary.read_text(encoding="utf-8"))))
     else:
@@ -77,7 +76,24 @@ def command(
     _warn_of_strays(result)
     if len(result.components) > 1:
         _warn(result, names, out)
+    if len(result.components) > 1 or read.unread:
         raise typer.Exit(INCOMPLETE)
+
+
+def _read(inputs: list[str]) -> "ReadScans":
+    """The scans that can be read; what cannot is told, and leaves a gap."""
+    from kernels.errors import InputError
+    from tools.readers import read_survey
+
+    read = read_survey(inputs)
+    for note in read.notes:
+        say(note)
+    if read.unread and len(read.scans) < 2:
+        left = f"{len(read.scans)} of {len(read.scans) + len(read.unread)} scans can be read"
+        raise InputError(f"{read.unread[0].reason} ({left}; a map wants at least two)")
+    for one in read.unread:
+        say(f"passed over, which leaves a gap: {one.reason}", "warning: ", "bold yellow")
+    return read
 
 
 def _warn_of_strays(result: "SurveyResult") -> None:

@@ -119,7 +119,8 @@ def _frame_of(image: rip.RangeImage) -> _Frame:
     """The points of a range image, turned to x forward, y left, z up."""
     width, height, scale = image.width, image.height, image.image_pixel_scale
     fields = (image.fov_horizontal, image.fov_vertical)
-    if not all(0 < fov <= 360 for fov in fields) or not 0 < scale < math.inf:
+    # A scale that is NaN spoils this frame alone: its points are NaN, and told as such.
+    if not all(0 < fov <= 360 for fov in fields) or not (0 < scale < math.inf or math.isnan(scale)):
         raise InputError(
             f"a range image with fields of view {fields} degrees and scale {scale} m; "
             "wanted positive ones: copy the recording again"

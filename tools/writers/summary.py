@@ -3,7 +3,7 @@
 import json
 import math
 import platform
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from dataclasses import fields, is_dataclass
 from importlib.metadata import PackageNotFoundError, version
 from pathlib import Path
@@ -16,6 +16,7 @@ from slam.point_map import PointMap
 from slam.survey import SurveyResult
 from spectral.result import Registration
 from tools.atomic import atomic_path
+from tools.readers import Unread
 
 PACKAGES = ("sonarmap", "numpy", "scipy", "pyopencl", "gtsam", "open3d")
 
@@ -37,7 +38,9 @@ def write_summary(path: Path, content: Mapping[str, Any]) -> None:
         temporary.write_bytes(f"{text}\n".encode("utf-8", "backslashreplace"))
 
 
-def survey_summary(result: SurveyResult, names: list[str], settings: Mapping[str, Any], device: Any) -> dict[str, Any]:
+def survey_summary(
+    result: SurveyResult, names: list[str], settings: Mapping[str, Any], device: Any, unread: Sequence[Unread] = ()
+) -> dict[str, Any]:
     """What `sonarmap map` tells about a survey.
 
     Args:
@@ -45,8 +48,11 @@ def survey_summary(result: SurveyResult, names: list[str], settings: Mapping[str
         names: of its scans, in their order.
         settings: as the user gave them or as they were chosen; dataclasses are fine as values.
         device: what it ran on, any value that `to_json` takes, as a `DeviceInfo`.
+        unread: scans that could not be read. Each is listed with its reason and its gap, the indices of the scans
+            before and after it (null where there is none); "gaps" holds these beside the pairs that failed.
     """
     solution, graph = result.solution, result.solution.graph
+    places = [_place(one.before, len(names)) for one in unread]
     return {
         "versions": package_versions(),
         "device": device,
@@ -56,7 +62,10 @@ def survey_summary(result: SurveyResult, names: list[str], settings: Mapping[str
             for k, (name, sigmas) in enumerate(zip(names, pose_sigmas(result.covariances), strict=True))
         ],
         "pairs": [pair_row(pair) for pair in result.pairs],
-        "gaps": result.gaps,
+        "gaps": list(dict.fromkeys([*result.gaps, *places])),
+        "unread": [
+            {"name": one.where, "reason": one.reason, "gap": place} for one, place in zip(unread, places, strict=True)
+        ],
         "components": [
             {"scans": members, "map": map_statistics(point_map)}
             for members, point_map in zip(result.components, result.maps, strict=True)
@@ -72,6 +81,11 @@ def survey_summary(result: SurveyResult, names: list[str], settings: Mapping[str
             "converged": solution.converged,
         },
     }
+
+
+def _place(before: int, count: int) -> tuple[int | None, int | None]:
+    """The scans before and after one that is missing."""
+    return before - 1 if before > 0 else None, before if before < count else None
 
 
 def pair_row(pair: Pair) -> dict[str, Any]:
