@@ -9,7 +9,6 @@ from collections.abc import Iterator
 from contextlib import contextmanager
 from dataclasses import dataclass
 from functools import cached_property
-from pathlib import Path
 
 import numpy as np
 import pyopencl as cl
@@ -17,10 +16,9 @@ import pyopencl.array as cla
 from pyopencl.array import Array
 
 from kernels.errors import DeviceError
+from kernels.source import KERNEL_FOLDER, inline_includes, telling_line
 
 __all__ = ["Array", "Device", "DeviceInfo", "choose_device", "list_devices"]
-
-KERNEL_FOLDER = Path(__file__).parent
 
 NO_PLATFORM = (
     "no OpenCL platform was found. A CPU device comes with PoCL: install it with "
@@ -90,15 +88,14 @@ class Device:
     def build(self, source: str, options: tuple[str, ...] = (), name: str = "generated") -> cl.Program:
         """Build OpenCL C source, once per context; the build log is in the error.
 
-        Sources can include each other by name, as in `#include "complex.cl"`.
+        Sources can include the files of this folder by name, as in `#include "complex.cl"`.
         """
         key = (source, options)
         if key not in self._programs:
-            include = f"-I{KERNEL_FOLDER}".replace(" ", "\\ ")
             try:
                 with warnings.catch_warnings():
                     warnings.simplefilter("ignore", cl.CompilerWarning)
-                    self._programs[key] = cl.Program(self.context, source).build([*options, include])
+                    self._programs[key] = cl.Program(self.context, inline_includes(source)).build([*options])
             except cl.Error as error:
                 raise DeviceError(
                     f"the OpenCL program '{name}' did not build on {self.name} ({self.platform}):\n{error}"
@@ -233,8 +230,7 @@ def _fault(device: cl.Device) -> str:
         right = bool(np.array_equal(result, 2 * numbers + 1))
         return "" if right else "a trial kernel gave wrong numbers"
     except (cl.Error, DeviceError) as error:
-        lines = [line.strip() for line in str(error).splitlines() if "error:" in line.lower()]
-        return lines[0] if lines else str(error).splitlines()[0]
+        return telling_line(str(error))
 
 
 def _describe(label: str, device: cl.Device) -> DeviceInfo:
