@@ -16,6 +16,7 @@ import pyopencl.array as cla
 from pyopencl.array import Array
 
 from kernels.errors import DeviceError
+from kernels.selection import Entry, by_preference, kind, matching
 from kernels.source import KERNEL_FOLDER, inline_includes, telling_line
 
 __all__ = ["Array", "Device", "DeviceInfo", "choose_device", "list_devices"]
@@ -54,16 +55,23 @@ class DeviceInfo:
 
 
 class Device:
-    """A context and an in-order queue on one device, with the programs built for it."""
+    """A context and an in-order queue on one device, with the programs built for it.
 
-    def __init__(self, device: cl.Device) -> None:
-        self.cl_device = device
+    Attributes:
+        cl_device, context, queue: PyOpenCL's.
+        selector: "platform:device" by number, as `sonarmap devices` lists it; "" where it was not chosen from a list.
+        notes: sentences that a user should read: which preferred devices were passed over, and why.
+    """
+
+    def __init__(self, device: cl.Device, selector: str = "", notes: tuple[str, ...] = ()) -> None:
+        self.cl_device, self.selector, self.notes = device, selector, notes
         self.context = cl.Context([device])
         self.queue = cl.CommandQueue(self.context, properties=cl.command_queue_properties.PROFILING_ENABLE)
         self._programs: dict[tuple[str, tuple[str, ...]], cl.Program] = {}
 
     @property
     def name(self) -> str:
+        """The device's name, as its driver gives it."""
         return self.cl_device.name.strip()
 
     @property
@@ -73,6 +81,7 @@ class Device:
 
     @property
     def platform(self) -> str:
+        """The version text of its OpenCL platform, which names the driver."""
         return self.cl_device.platform.version.strip()
 
     @cached_property
@@ -83,7 +92,7 @@ class Device:
     def program(self, name: str, **defines: int | float) -> cl.Program:
         """The program of `kernels/<name>.cl`, built once per context and set of macro definitions."""
         options = tuple(f"-D{key}={_literal(value)}" for key, value in sorted(defines.items()))
-        return self.build((KERNEL_FOLDER / f"{name}.cl").read_text(), options, name)
+        return self.build((KERNEL_FOLDER / f"{name}.cl").read_text(encoding="utf-8"), options, name)
 
     def build(self, source: str, options: tuple[str, ...] = (), name: str = "generated") -> cl.Program:
         """Build OpenCL C source, once per context; the build log is in the error.
@@ -149,37 +158,37 @@ def list_devices() -> list[DeviceInfo]:
 
 
 def choose_device(selector: str | None = None) -> Device:
-    """The device to work on.
+    """The device to work on, of those meant the most preferred that works: GPUs come before CPUs.
 
     Args:
-        selector: "platform:device" as `sonarmap devices` lists them, "cpu", "gpu", or a part of a device's or its
-            platform's name. None: what the environment variable PYOPENCL_CTX says in the same form, else the
-            first GPU that works, else the first CPU that works, newest OpenCL driver first.
+        selector: "platform:device" as `sonarmap devices` lists them, each a number or a part of a name ("0:0",
+            "pocl:0"), a platform's number ("0", its first device), "cpu", "gpu", or a part of a device's or its
+            platform's name or version ("3090", "pocl"). None: what the environment variable PYOPENCL_CTX says in
+            the same form, else any. `kernels.selection.by_preference` tells the order.
+
+    Returns:
+        The device; its `notes` tell which ones were passed over.
 
     Raises:
         DeviceError: nothing matches, or nothing that matches works; the message lists what is there.
     """
     wanted = selector or os.environ.get("PYOPENCL_CTX") or ""
-    devices = _devices()
-    matching = [(label, device) for label, device in devices if _matches(wanted, label, device)]
-    if not matching:
-        known = "; ".join(f"{label} {device.name.strip()}" for label, device in devices)
-        raise DeviceError(f"no OpenCL device matches '{wanted}'. There are: {known}")
     faults = []
-    for label, device in sorted(matching, key=_preference):
+    for label, device in by_preference(matching(wanted, _devices())):
         fault = _fault(device)
         if not fault:
-            return Device(device)
-        faults.append(f"{label} {device.name.strip()}: {fault}")
+            used = f"{label} {device.name.strip()}"
+            return Device(device, label, tuple(f"{broken}. {used} is used instead." for broken in faults))
+        faults.append(f"{label} {device.name.strip()} does not work: {fault}")
     raise DeviceError(
-        "no OpenCL device works. "
+        (f"no OpenCL device that matches '{wanted}' works. " if wanted.strip() else "no OpenCL device works. ")
         + "; ".join(faults)
         + ". The PoCL that pip brings does not know processors newer than itself; "
         + "'apt install pocl-opencl-icd' brings one that falls back to what the processor can do."
     )
 
 
-def _devices() -> list[tuple[str, cl.Device]]:
+def _devices() -> list[Entry]:
     try:
         platforms = cl.get_platforms()
     except cl.Error:
@@ -193,27 +202,6 @@ def _devices() -> list[tuple[str, cl.Device]]:
     if not found:
         raise DeviceError(NO_PLATFORM)
     return found
-
-
-def _matches(wanted: str, label: str, device: cl.Device) -> bool:
-    wanted = wanted.strip().lower()
-    if wanted in ("", label, _kind(device)):
-        return True
-    if wanted.replace(":", "").isdigit():  # "0" means the first device of platform 0, as in PYOPENCL_CTX
-        return label == f"{wanted}:0"
-    return wanted in f"{device.name} {device.platform.name}".lower()
-
-
-def _preference(entry: tuple[str, cl.Device]) -> tuple[int, list[int]]:
-    device = entry[1]
-    digits = [int(part) for part in "".join(c if c.isdigit() else " " for c in device.driver_version).split()]
-    return (0 if _kind(device) == "gpu" else 1, [-part for part in digits])
-
-
-def _kind(device: cl.Device) -> str:
-    if device.type & cl.device_type.GPU:
-        return "gpu"
-    return "cpu" if device.type & cl.device_type.CPU else "other"
 
 
 def _fault(device: cl.Device) -> str:
@@ -239,7 +227,7 @@ def _describe(label: str, device: cl.Device) -> DeviceInfo:
         name=device.name.strip(),
         platform=device.platform.name.strip(),
         version=f"{device.version.strip()}, driver {device.driver_version.strip()}",
-        kind=_kind(device),
+        kind=kind(device),
         compute_units=device.max_compute_units,
         memory=device.global_mem_size,
         largest_allocation=device.max_mem_alloc_size,

@@ -14,7 +14,7 @@ def inline_includes(source: str) -> str:
 
     An include path would do the same, but drivers differ in how they read a path that holds a space.
     """
-    return _INCLUDE.sub(lambda found: inline_includes((KERNEL_FOLDER / found[1]).read_text()), source)
+    return _INCLUDE.sub(lambda found: inline_includes((KERNEL_FOLDER / found[1]).read_text(encoding="utf-8")), source)
 
 
 def telling_line(error: str) -> str:

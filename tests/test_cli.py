@@ -13,7 +13,7 @@ import pytest
 import typer
 from typer.testing import CliRunner
 
-from kernels.device import Device
+from kernels.device import Device, choose_device
 from kernels.errors import DeviceError, InputError
 from tools.cli.main import VERBS, app, guarded, run
 from tools.cli.options import (
@@ -275,15 +275,20 @@ class TestProgress:
 
 
 class TestDevices:
-    def test_the_table_marks_the_chosen_one(self, device: Device) -> None:
-        result = CliRunner(env={"PYOPENCL_CTX": ""}).invoke(app, ["devices"])
+    def test_the_table_marks_the_chosen_one(self, monkeypatch: pytest.MonkeyPatch) -> None:
+        monkeypatch.setenv("PYOPENCL_CTX", "")
+        device = choose_device()
+        result = CliRunner().invoke(app, ["devices"])
         assert result.exit_code == 0
         marked = [line for line in result.stdout.splitlines() if "→" in line]
         assert len(marked) == 1
         assert device.name in marked[0]
+        assert device.cl_device.platform.name in marked[0]
         assert "works" in marked[0]
 
-    def test_json(self, device: Device) -> None:
+    def test_json(self, monkeypatch: pytest.MonkeyPatch) -> None:
+        monkeypatch.setenv("PYOPENCL_CTX", "")
+        device = choose_device()
         shown = sonarmap("devices", "--json", PYOPENCL_CTX="")
         assert (shown.returncode, shown.stderr) == (0, "")
         listed = json.loads(shown.stdout)

@@ -11,7 +11,7 @@ from tools.cli.options import DeviceOption, JsonOption
 from tools.cli.terminal import printable, result_console, say
 
 if TYPE_CHECKING:
-    from kernels.device import Device, DeviceInfo
+    from kernels.device import DeviceInfo
 
 
 def command(device: DeviceOption = None, as_json: JsonOption = False) -> None:
@@ -23,7 +23,7 @@ def command(device: DeviceOption = None, as_json: JsonOption = False) -> None:
 
     infos = list_devices()
     try:
-        chosen, fault = _selector(infos, choose_device(device)), None
+        chosen, fault = choose_device(device).selector, None
     except DeviceError as error:
         chosen, fault = None, error
     if as_json:
@@ -35,32 +35,21 @@ def command(device: DeviceOption = None, as_json: JsonOption = False) -> None:
         raise fault
 
 
-def _selector(infos: "list[DeviceInfo]", device: "Device") -> str:
-    """The selector under which a device is listed: two alike differ by their place on the platform."""
-    place = device.cl_device.platform.get_devices().index(device.cl_device)
-    driver = device.cl_device.driver_version.strip()
-    return next(
-        info.selector
-        for info in infos
-        if info.selector.endswith(f":{place}")
-        and info.name == device.name
-        and info.version.endswith(f"driver {driver}")
-    )
-
-
 def _print_table(infos: "list[DeviceInfo]", chosen: str | None) -> None:
     from rich.table import Table
     from rich.text import Text
 
     table = Table("", "device", "kind", "units", "memory", box=None, pad_edge=False)
     table.add_column("name", overflow="fold")
+    table.add_column("platform", overflow="fold")
     table.add_column("state", overflow="fold")
     for info in infos:
         mark = "→" if info.selector == chosen else ""
         state = Text(f"no: {printable(info.fault)}", "red") if info.fault else Text("works", "green")
-        name = Text(printable(f"{info.name} ({info.version.rpartition(', ')[2]})"))
+        driver = info.version.rpartition(", ")[2]
+        name, platform = Text(printable(info.name)), Text(printable(f"{info.platform} ({driver})"))
         memory = f"{info.memory / 2**30:.1f} GiB"
-        table.add_row(mark, info.selector, info.kind, str(info.compute_units), memory, name, state)
+        table.add_row(mark, info.selector, info.kind, str(info.compute_units), memory, name, platform, state)
     result_console().print(table)
     if chosen:
         say(f"{chosen} would be chosen; --device or PYOPENCL_CTX choose another")
