@@ -7,15 +7,15 @@ from dataclasses import dataclass
 from typing import Any, Literal
 
 import numpy as np
-from scipy.spatial.transform import RigidTransform, Rotation
+from scipy.spatial.transform import RigidTransform
 
 from kernels.errors import InputError
 from slam.trajectory import Trajectory
+from tools.alignment import align_poses, align_positions
 
-Alignment = Literal["positions", "first"]
+Alignment = Literal["poses", "positions", "first"]
 
 STAMP_TOLERANCE = 0.01  # [s]
-LINE_RATIO = 1e-3  # spread of positions across their main line, below which they fix no rotation about it
 
 
 @dataclass(frozen=True, slots=True)
@@ -40,9 +40,11 @@ class Evaluation:
     """A trajectory beside the truth, N poses with a stamp in common.
 
     Attributes:
-        alignment: how the estimate was laid over the truth: "positions" or "first".
+        alignment: how the estimate was laid over the truth: "poses", "positions" or "first".
         T_truth_estimate: the alignment, from the estimate's world to the truth's.
         stamps: (N,) [s], the estimate's, in time.
+        T_aligned: N poses of the estimate after alignment, T_truth_sensor.
+        T_true: N poses of the truth, T_truth_sensor.
         rotation_deg: (N,) error of every pose after alignment [degrees].
         translation_m: (N,) the same of its position [m]; the ATE is their root mean square.
         step_rotation_deg: (N - 1,) RPE: error of the motion between consecutive common poses [degrees].
@@ -54,6 +56,8 @@ class Evaluation:
     alignment: Alignment
     T_truth_estimate: RigidTransform
     stamps: np.ndarray
+    T_aligned: RigidTransform
+    T_true: RigidTransform
     rotation_deg: np.ndarray
     translation_m: np.ndarray
     step_rotation_deg: np.ndarray
@@ -79,12 +83,31 @@ class Evaluation:
             "rpe_m": _statistics(self.step_translation_m),
             "rpe_deg": _statistics(self.step_rotation_deg),
             "per_pose": [
-                {"stamp": stamp, "translation_m": meters, "rotation_deg": degrees}
-                for stamp, meters, degrees in zip(
-                    self.stamps.tolist(), self.translation_m.tolist(), self.rotation_deg.tolist(), strict=True
+                {
+                    "stamp": stamp,
+                    "translation_m": meters,
+                    "rotation_deg": degrees,
+                    "estimated_m": estimated,
+                    "true_m": true,
+                    "estimated_yaw_deg": estimated_yaw,
+                    "true_yaw_deg": true_yaw,
+                }
+                for stamp, meters, degrees, estimated, true, estimated_yaw, true_yaw in zip(
+                    self.stamps.tolist(),
+                    self.translation_m.tolist(),
+                    self.rotation_deg.tolist(),
+                    self.T_aligned.translation.tolist(),
+                    self.T_true.translation.tolist(),
+                    yaw_deg(self.T_aligned).tolist(),
+                    yaw_deg(self.T_true).tolist(),
+                    strict=True,
                 )
             ],
         }
+
+    def beyond(self, translation_m: float, rotation_deg: float) -> np.ndarray:
+        """Indices of the poses whose position is farther off than `translation_m` or turned more [degrees]."""
+        return np.flatnonzero((self.translation_m > translation_m) | (self.rotation_deg > rotation_deg))
 
 
 def pair_error(T_estimate: RigidTransform, T_truth: RigidTransform) -> PairError:
@@ -97,7 +120,7 @@ def pair_error(T_estimate: RigidTransform, T_truth: RigidTransform) -> PairError
 def evaluate(
     estimate: Trajectory,
     truth: Trajectory,
-    alignment: Alignment = "positions",
+    alignment: Alignment = "poses",
     tolerance: float = STAMP_TOLERANCE,
 ) -> Evaluation:
     """Errors of a trajectory against the truth, after one rigid alignment, without scale.
@@ -105,25 +128,30 @@ def evaluate(
     Args:
         estimate: poses in a world of their own.
         truth: the true poses.
-        alignment: "positions", least squares over all common positions (Umeyama, DOI 10.1109/34.88573), or
-            "first", the first common pose laid upon its truth.
+        alignment: "poses", least squares over all common poses, see `align_poses`; "positions", the same without
+            the orientations (Umeyama, DOI 10.1109/34.88573); or "first", the first common pose laid upon its truth.
         tolerance: largest difference of the stamps of one pose [s].
 
     Raises:
-        InputError: no stamp in common, or positions that are too few or on one line and fix no alignment.
+        InputError: no stamp in common; with "positions" also where these are too few or lie on one line.
     """
     mine, true = associate(estimate.stamps, truth.stamps, tolerance)
     found, wanted = estimate.T_world_sensor[mine], truth.T_world_sensor[true]
-    if alignment == "positions":
+    if alignment == "poses":
+        T_truth_estimate = align_poses(found, wanted)
+    elif alignment == "positions":
         T_truth_estimate = align_positions(found.translation, wanted.translation)
     else:
         T_truth_estimate = wanted[0] * found[0].inv()
-    off = wanted.inv() * T_truth_estimate * found
+    aligned = T_truth_estimate * found
+    off = wanted.inv() * aligned
     steps = (wanted[:-1].inv() * wanted[1:]).inv() * (found[:-1].inv() * found[1:]) if len(mine) > 1 else None
     return Evaluation(
         alignment=alignment,
         T_truth_estimate=T_truth_estimate,
         stamps=estimate.stamps[mine],
+        T_aligned=aligned,
+        T_true=wanted,
         rotation_deg=np.rad2deg(off.rotation.magnitude()),
         translation_m=np.linalg.norm(off.translation, axis=1),
         step_rotation_deg=np.empty(0) if steps is None else np.rad2deg(steps.rotation.magnitude()),
@@ -148,11 +176,10 @@ def associate(
     Raises:
         InputError: no two stamps lie within the tolerance.
     """
-    difference = np.abs(estimate[:, None] - truth[None, :])
-    mine, true = np.nonzero(difference <= tolerance)
+    mine, true = _near(estimate, truth, tolerance)
     pairs: dict[int, int] = {}
     taken: set[int] = set()
-    for row in np.argsort(difference[mine, true], kind="stable"):
+    for row in np.argsort(np.abs(estimate[mine] - truth[true]), kind="stable"):
         i, j = int(mine[row]), int(true[row])
         if i not in pairs and j not in taken:
             pairs[i] = j
@@ -166,23 +193,25 @@ def associate(
     return chosen, np.array([pairs[i] for i in chosen.tolist()])
 
 
-def align_positions(source: np.ndarray, target: np.ndarray) -> RigidTransform:
-    """The rigid T_target_source of least squares between corresponding positions (N, 3) [m], N >= 3.
+def _near(estimate: np.ndarray, truth: np.ndarray, tolerance: float) -> tuple[np.ndarray, np.ndarray]:
+    """All pairs of stamps within the tolerance, as indices, by the estimate's and then by the truth's."""
+    order = np.argsort(truth, kind="stable")
+    ordered = truth[order]
+    reach = tolerance + 4 * np.spacing(np.abs(estimate) + tolerance)  # the search rounds; what it finds is judged below
+    low = np.searchsorted(ordered, estimate - reach, "left")
+    count = np.searchsorted(ordered, estimate + reach, "right") - low
+    mine = np.repeat(np.arange(len(estimate)), count)
+    true = order[np.arange(len(mine)) + np.repeat(low - np.cumsum(count) + count, count)]
+    near = np.abs(estimate[mine] - truth[true]) <= tolerance
+    mine, true = mine[near], true[near]
+    rows = np.lexsort((true, mine))
+    return mine[rows], true[rows]
 
-    Umeyama's solution without scale (DOI 10.1109/34.88573).
 
-    Raises:
-        InputError: fewer than three positions, or positions on one line, about which any rotation fits.
-    """
-    spread = [np.linalg.svd(points - points.mean(axis=0), compute_uv=False) for points in (source, target)]
-    if len(source) < 3 or any(values[1] <= LINE_RATIO * values[0] for values in spread):
-        raise InputError(
-            f"{len(source)} common positions on one line fix no alignment; wanted three or more that do not "
-            "lie on a line, or the alignment 'first'"
-        )
-    middle_source, middle_target = source.mean(axis=0), target.mean(axis=0)
-    rotation = Rotation.align_vectors(target - middle_target, source - middle_source)[0]
-    return RigidTransform.from_components(middle_target - rotation.apply(middle_source), rotation)
+def yaw_deg(T_world_sensor: RigidTransform) -> np.ndarray:
+    """(N,) yaw of N poses [degrees], as docs/conventions.md defines it."""
+    forward = T_world_sensor.rotation.as_matrix()[:, :, 0]
+    return np.rad2deg(np.arctan2(forward[:, 1], forward[:, 0]))
 
 
 def _span(stamps: np.ndarray) -> str:
