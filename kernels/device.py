@@ -17,7 +17,7 @@ from pyopencl.array import Array
 
 from kernels.errors import DeviceError
 from kernels.selection import Entry, by_preference, kind, matching
-from kernels.source import KERNEL_FOLDER, inline_includes, telling_line
+from kernels.source import KERNEL_FOLDER, inline_includes, literal, telling_line
 
 __all__ = ["Array", "Device", "DeviceInfo", "choose_device", "list_devices"]
 
@@ -29,6 +29,8 @@ NO_PLATFORM = (
 _PROBE = """
 __kernel void probe(__global float8* x) { x[get_global_id(0)] = fma(x[get_global_id(0)], 2.0f, 1.0f); }
 """
+
+_FULL = (cl.status_code.OUT_OF_RESOURCES, cl.status_code.OUT_OF_HOST_MEMORY)
 
 
 @dataclass(frozen=True, slots=True)
@@ -91,7 +93,7 @@ class Device:
 
     def program(self, name: str, **defines: int | float) -> cl.Program:
         """The program of `kernels/<name>.cl`, built once per context and set of macro definitions."""
-        options = tuple(f"-D{key}={_literal(value)}" for key, value in sorted(defines.items()))
+        options = tuple(f"-D{key}={literal(value)}" for key, value in sorted(defines.items()))
         return self.build((KERNEL_FOLDER / f"{name}.cl").read_text(encoding="utf-8"), options, name)
 
     def build(self, source: str, options: tuple[str, ...] = (), name: str = "generated") -> cl.Program:
@@ -114,23 +116,33 @@ class Device:
     def empty(self, shape: tuple[int, ...], dtype: type | np.dtype = np.float32) -> cla.Array:
         """An uninitialized array on the device; its size is checked first."""
         self.require(int(np.prod(shape, dtype=np.int64)) * np.dtype(dtype).itemsize)
-        with self._told_when_full():
+        with self.telling_when_full():
             return cla.empty(self.queue, shape, dtype)
 
     def to_device(self, host: np.ndarray) -> cla.Array:
         """A copy of a host array on the device; its size is checked first."""
         self.require(host.nbytes)
-        with self._told_when_full():
+        with self.telling_when_full():
             return cla.to_device(self.queue, np.ascontiguousarray(host))
 
     @contextmanager
-    def _told_when_full(self) -> Iterator[None]:
-        """Other programs use the device's memory too: an allocation can fail that should fit."""
+    def telling_when_full(self) -> Iterator[None]:
+        """Tell a user what to do where the driver has no memory left.
+
+        Other programs use the device's memory too, and many drivers take it at the first launch that needs it: an
+        allocation that should fit can fail, or a launch after it.
+
+        Raises:
+            DeviceError: in place of PyOpenCL's error.
+        """
         try:
             yield
-        except cl.MemoryError as error:
+        except (cl.MemoryError, cl.RuntimeError) as error:
+            if not isinstance(error, cl.MemoryError) and error.code not in _FULL:
+                raise
             raise DeviceError(
-                f"{self.name} has no memory left for this ({error}). Use a smaller --grid, or end other programs."
+                f"{self.name} has no memory or other resources left for this ({error}). "
+                "Use a smaller --grid, or end other programs."
             ) from None
 
     def require(self, largest: int, total: int = 0, hint: str = "a smaller --grid") -> None:
@@ -233,14 +245,6 @@ def _describe(label: str, device: cl.Device) -> DeviceInfo:
         largest_allocation=device.max_mem_alloc_size,
         fault=_fault(device),
     )
-
-
-def _literal(value: int | float) -> str:
-    """A number as an OpenCL C literal: '%.9g' alone prints '1', and '1f' is not OpenCL C."""
-    if isinstance(value, int):
-        return str(value)
-    text = f"{value:.9g}"
-    return f"{text}f" if any(c in text for c in ".e") else f"{text}.0f"
 
 
 def _size(count: int) -> str:

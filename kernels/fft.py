@@ -8,8 +8,9 @@ import pyopencl.array as cla
 
 from kernels import fft_cpu, fft_gpu
 from kernels.device import Device
-from kernels.errors import InputError
-from kernels.fft_plan import Layout
+from kernels.errors import DeviceError
+from kernels.fft_plan import EDGES, Layout
+from kernels.launch import buffer_of, output, require_array
 
 Flavor = Literal["cpu", "gpu"]
 
@@ -19,19 +20,38 @@ class _Transform:
 
     def __init__(self, device: Device, layout: Layout, inverse: bool, flavor: Flavor | None) -> None:
         cpu = device.is_cpu if flavor is None else flavor == "cpu"
+        if not cpu:
+            _require_groups(device, layout)
         plan = (fft_cpu if cpu else fft_gpu).emit(layout, inverse)
         program = device.build(plan.source, name="fft")
-        self._queue = device.queue
+        self._device = device
         self._launches = [
             (cl.Kernel(program, step.kernel), (step.groups * step.group_size,), (step.group_size,))
             for step in plan.passes
         ]
 
     def __call__(self, *arrays: cla.Array) -> None:
-        buffers: list = [array.data for array in arrays]
-        for kernel, size, group in self._launches:
-            kernel.set_args(*buffers)
-            cl.enqueue_nd_range_kernel(self._queue, kernel, size, group)
+        buffers: list = [buffer_of(self._device, array) for array in arrays]
+        with self._device.telling_when_full():
+            for kernel, size, group in self._launches:
+                kernel.set_args(*buffers)
+                cl.enqueue_nd_range_kernel(self._device.queue, kernel, size, group)
+
+
+def _require_groups(device: Device, layout: Layout) -> None:
+    """Refuse an edge whose work-groups the device cannot run."""
+    items = min(device.cl_device.max_work_group_size, device.cl_device.max_work_item_sizes[0])
+    local = device.cl_device.local_mem_size
+    most = max(layout.row_points, *(layout.shape[1:2] if layout.batched else layout.shape[:2]))
+    if fft_gpu.group_size(most) <= items and fft_gpu.local_bytes(most) <= local:
+        return
+    fitting = [n for n in EDGES if fft_gpu.group_size(n) <= items and fft_gpu.local_bytes(n) <= local]
+    remedy = f"Use a smaller --grid: {fitting[-1]} points would do" if fitting else "Use another device"
+    raise DeviceError(
+        f"a Fourier transform of {most} points needs work-groups of {fft_gpu.group_size(most)} and "
+        f"{fft_gpu.local_bytes(most) / 1024:g} KiB of local memory; {device.name} has {items} and "
+        f"{local / 1024:g} KiB. {remedy}."
+    )
 
 
 class RealFFT:
@@ -41,7 +61,7 @@ class RealFFT:
     transformed points. Work is queued in order; nothing waits.
 
     Attributes:
-        shape: of the real array, float32, dense.
+        shape: of the real array, float32.
         half_shape: of its spectrum, complex64, (n0, n1, n2 / 2 + 8): [..., :n2 / 2 + 1] is valid and the
             rest of each row padding.
     """
@@ -63,6 +83,7 @@ class RealFFT:
 
         Raises:
             InputError: an edge has no transform.
+            DeviceError: the device is too small for an edge, or the program does not build.
         """
         layout = Layout(shape, real=True, batched=batched)
         self.shape, self.half_shape = layout.shape, layout.spectrum_shape
@@ -79,12 +100,11 @@ class RealFFT:
                 longer than the transform.
 
         Raises:
-            InputError: an array is not of that shape and type, or not dense.
+            InputError: an array is not of that shape and type, or not in C order.
             DeviceError: the device cannot hold the result.
         """
-        _check("volume", volume, self.shape, np.float32)
-        spectrum = self._device.empty(self.half_shape, np.complex64) if out is None else out
-        _check("out", spectrum, self.half_shape, np.complex64)
+        require_array(volume, "volume", self.shape)
+        spectrum = output(self._device, out, "out", self.half_shape, np.complex64)
         self._forward(volume, spectrum)
         return spectrum
 
@@ -96,12 +116,11 @@ class RealFFT:
             out: float32 of `shape` to write to; None: a new one, as in `forward`.
 
         Raises:
-            InputError: an array is not of that shape and type, or not dense.
+            InputError: an array is not of that shape and type, or not in C order.
             DeviceError: the device cannot hold the result.
         """
-        _check("spectrum", spectrum, self.half_shape, np.complex64)
-        volume = self._device.empty(self.shape, np.float32) if out is None else out
-        _check("out", volume, self.shape, np.float32)
+        require_array(spectrum, "spectrum", self.half_shape, np.complex64)
+        volume = output(self._device, out, "out", self.shape)
         self._inverse(volume, spectrum)
         return volume
 
@@ -129,24 +148,12 @@ class ComplexFFT:
 
     def forward(self, array: cla.Array) -> cla.Array:
         """Replace an array, complex64 of `padded_shape`, by its spectrum, and return it."""
-        _check("array", array, self.padded_shape, np.complex64)
+        require_array(array, "array", self.padded_shape, np.complex64)
         self._forward(array)
         return array
 
     def inverse(self, array: cla.Array) -> cla.Array:
         """Replace a spectrum, complex64 of `padded_shape`, by its array, and return it."""
-        _check("array", array, self.padded_shape, np.complex64)
+        require_array(array, "array", self.padded_shape, np.complex64)
         self._inverse(array)
         return array
-
-
-def _check(name: str, array: cla.Array, shape: tuple[int, ...], dtype: type) -> None:
-    dense = array.flags.c_contiguous and array.offset == 0
-    if array.shape != shape or array.dtype != dtype or not dense:
-        given = f"{array.dtype} of shape {array.shape}" + (
-            "" if dense else ", not dense from its buffer's start"
-        )
-        raise InputError(
-            f"{name} is {given}; this transform takes a dense {np.dtype(dtype)} array of shape {shape}. "
-            "Make one with Device.empty or Device.to_device."
-        )

@@ -1,7 +1,8 @@
 """Emit the last axis of a Fourier transform for a processor: 8 rows at a time, transposed in registers."""
 
 from kernels.fft_plan import RADICES, Layout
-from kernels.fft_stage import KEEP, block, literal, private_stages, scatter, untangle
+from kernels.fft_stage import KEEP, block, private_stages, scatter, untangle
+from kernels.source import literal
 
 
 def real_rows(layout: Layout, inverse: bool) -> str:
@@ -100,10 +101,7 @@ static inline void rows(__global float* spectrum) {{
 def _untangle_tiles() -> str:
     """Untangle 4 numbers from k on, in a, with their 4 mirror images, in b from the last to the first."""
     return block(
-        [
-            f"untangle(a + {2 * j}, a + {2 * j + 1}, b + {6 - 2 * j}, b + {7 - 2 * j}, k + {j});"
-            for j in range(4)
-        ]
+        [f"untangle(a + {2 * j}, a + {2 * j + 1}, b + {6 - 2 * j}, b + {7 - 2 * j}, k + {j});" for j in range(4)]
     )
 
 
@@ -118,9 +116,7 @@ def _tile_to_arrays(at: str, n: int, re: str, im: str, tile: str, shift: int = 0
 
 
 def _arrays_to_tile(at: str, re: str, im: str, scale: str = "") -> str:
-    return block(
-        [f"a[{2 * j}] = {re}[{at} + {j}]{scale}; a[{2 * j + 1}] = {im}[{at} + {j}]{scale};" for j in range(4)]
-    )
+    return block([f"a[{2 * j}] = {re}[{at} + {j}]{scale}; a[{2 * j + 1}] = {im}[{at} + {j}]{scale};" for j in range(4)])
 
 
 def _position(n: int) -> str:

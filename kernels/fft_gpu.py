@@ -9,7 +9,8 @@ An inverse transform is a forward one between real and imaginary parts that chan
 from math import prod
 
 from kernels.fft_plan import RADICES, Layout, Pass, Plan
-from kernels.fft_stage import literal, scatter, stage, twiddles, untangle
+from kernels.fft_stage import scatter, stage, twiddles, untangle
+from kernels.source import literal
 
 _BARRIER = "barrier(CLK_LOCAL_MEM_FENCE);"
 
@@ -23,15 +24,21 @@ def emit(layout: Layout, inverse: bool) -> Plan:
         columns.append(("columns_0", n0, n1 * blocks, pitch, n1 * pitch))
     parts = [twiddles(n) for n in sorted({points, *(edge[1] for edge in columns)})]
     parts.append(_real_rows(layout, inverse) if layout.real else _complex_rows(layout, inverse))
-    passes = [Pass("rows", n0 * n1 // 8, _group_size(points))]
+    passes = [Pass("rows", n0 * n1 // 8, group_size(points))]
     for name, n, groups, outer, stride in columns:
         parts.append(_columns(layout, name, n, outer, stride, inverse))
-        passes.append(Pass(name, groups, _group_size(n)))
+        passes.append(Pass(name, groups, group_size(n)))
     return Plan("\n".join(parts), tuple(reversed(passes) if inverse else passes))
 
 
-def _group_size(n: int) -> int:
+def group_size(n: int) -> int:
+    """Work-items of a group that transforms lines of n points."""
     return min(256, max(32, n))
+
+
+def local_bytes(n: int) -> int:
+    """Local memory of a group: 8 lines of n points, real and imaginary parts."""
+    return 8 * n * 2 * 4
 
 
 def _kernel(layout: Layout, name: str, n: int, body: list[str]) -> str:
@@ -39,7 +46,7 @@ def _kernel(layout: Layout, name: str, n: int, body: list[str]) -> str:
     arguments = "__global float* volume, " if layout.real else ""
     text = "\n    ".join(body)
     return f"""
-__kernel __attribute__((reqd_work_group_size({_group_size(n)}, 1, 1)))
+__kernel __attribute__((reqd_workgroup_size({group_size(n)}, 1, 1)))
 void {name}({arguments}__global float* spectrum) {{
     __local float re[{8 * n}], im[{8 * n}];
     const int item = get_local_id(0);
@@ -51,7 +58,7 @@ void {name}({arguments}__global float* spectrum) {{
 def _each(n: int, count: int, body: list[str]) -> list[str]:
     """A loop whose `count` turns `t` are shared by the work-items of a group, and the barrier after it."""
     return [
-        f"for (int t = item; t < {count}; t += {_group_size(n)}) {{",
+        f"for (int t = item; t < {count}; t += {group_size(n)}) {{",
         *(f"    {line}" for line in body),
         "}",
         _BARRIER,
@@ -135,9 +142,7 @@ def _real_rows(layout: Layout, inverse: bool) -> str:
         *_stages(n),
         *_each(n, 8 * n if inverse else 4 * n + 8, [row if inverse else pair, *store]),
     ]
-    first = (
-        f"__global float *rows = volume + group * {8 * length}, *spectra = spectrum + group * {8 * pitch};"
-    )
+    first = f"__global float *rows = volume + group * {8 * length}, *spectra = spectrum + group * {8 * pitch};"
     scale = 2 / layout.points if inverse else 1.0  # a packed row has half the points of its real one
     return untangle(n, scale, inverse, "float") + _kernel(layout, "rows", n, [first, *loops])
 

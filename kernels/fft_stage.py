@@ -13,6 +13,7 @@ from math import prod
 import numpy as np
 
 from kernels.fft_plan import RADICES
+from kernels.source import literal
 
 KEEP = "__attribute__((opencl_unroll_hint(1)))"  # an unrolled stage does not fit the instruction cache
 
@@ -142,11 +143,11 @@ def twiddles(n: int) -> str:
     for index in range(1, len(RADICES[n])):
         radix, before = RADICES[n][index], prod(RADICES[n][:index])
         turns = np.outer(np.arange(before), np.arange(1, radix)) / (before * radix)
-        tables.append(table(f"twiddle_{n}_{index}", np.exp(-2j * np.pi * turns)))
+        tables.append(constants(f"twiddle_{n}_{index}", np.exp(-2j * np.pi * turns)))
     return "\n".join(tables)
 
 
-def table(name: str, values: np.ndarray) -> str:
+def constants(name: str, values: np.ndarray) -> str:
     """A constant table of complex numbers, interleaved."""
     flat = np.stack([np.real(values), np.imag(values)], axis=-1).ravel()
     return f"__constant float {name}[{flat.size}] = {{{', '.join(map(literal, flat))}}};"
@@ -174,7 +175,7 @@ def untangle(points: int, scale: float, inverse: bool, scalar: str) -> str:
     becomes of them, times `scale`.
     """
     turn = np.exp(-1j * np.pi * np.arange(points // 2 + 1) / points) * -0.5j * scale
-    return f"""{table("half_turn", turn.conj() if inverse else turn)}
+    return f"""{constants("half_turn", turn.conj() if inverse else turn)}
 static inline void untangle({scalar}* ar, {scalar}* ai, {scalar}* br, {scalar}* bi, const int k) {{
     const float vr = half_turn[2 * k], vi = half_turn[2 * k + 1];
     const {scalar} er = (*ar + *br) * {literal(0.5 * scale)}, ei = (*ai - *bi) * {literal(0.5 * scale)};
@@ -185,8 +186,3 @@ static inline void untangle({scalar}* ar, {scalar}* ai, {scalar}* br, {scalar}* 
     *br = er - tr;
     *bi = ti - ei;
 }}"""
-
-
-def literal(value: float) -> str:
-    """A single-precision literal that OpenCL C reads back to the same number."""
-    return f"{float(np.float32(value))!r}f"

@@ -34,6 +34,10 @@ def launch(
         group: work-group size. None: one item on a CPU, where an item is a row and its loop is what is
             vectorized; what the driver chooses elsewhere.
         defines: macros of the program.
+
+    Raises:
+        InputError: a slice begins where the device can pass no buffer.
+        DeviceError: the program does not build, or the device has no memory left.
     """
     kernels = _KERNELS.setdefault(device, {})
     key = (program, kernel, *defines.items())
@@ -41,14 +45,33 @@ def launch(
         kernels[key] = cl.Kernel(device.program(program, **defines), kernel)
     if group is None and device.is_cpu:
         group = (1,) * len(size)
-    values = [_buffer(device, value) if isinstance(value, cla.Array) else value for value in arguments]
-    kernels[key](device.queue, size, group, *values)
+    values = [buffer_of(device, value) if isinstance(value, cla.Array) else value for value in arguments]
+    with device.telling_when_full():
+        kernels[key](device.queue, size, group, *values)
+
+
+def buffer_of(device: Device, array: cla.Array) -> cl.Buffer:
+    """The memory of a device array as a kernel takes it; of a slice along the first axis, its part.
+
+    Raises:
+        InputError: the slice begins where the device can pass no buffer.
+    """
+    if not array.offset:
+        return _base(array)
+    alignment = device.cl_device.mem_base_addr_align // 8
+    if array.offset % alignment:
+        raise InputError(
+            f"a slice of a device array begins {array.offset} bytes into it; {device.name} wants "
+            f"a multiple of {alignment}: copy the slice first"
+        )
+    return _base(array).get_sub_region(array.offset, array.nbytes)
 
 
 def zero(device: Device, array: cla.Array) -> None:
     """Fill an array with zero bytes (`Array.fill` is 50 times slower on PoCL)."""
     pattern = np.zeros(1, np.float32)
-    cl.enqueue_fill_buffer(device.queue, _base(array), pattern, array.offset, array.nbytes)
+    with device.telling_when_full():
+        cl.enqueue_fill_buffer(device.queue, _base(array), pattern, array.offset, array.nbytes)
 
 
 def table(device: Device, values: np.ndarray) -> cla.Array:
@@ -72,6 +95,8 @@ def affine(R: np.ndarray | None = None, offset: np.ndarray | None = None) -> np.
     shift = np.zeros(3) if offset is None else np.asarray(offset, np.float64)
     if turn.shape != (3, 3) or not np.allclose(turn @ turn.T, np.eye(3), atol=1e-4):
         raise InputError(f"R is {turn.tolist()}; wanted a (3, 3) rotation matrix")
+    if np.linalg.det(turn) < 0:
+        raise InputError(f"R is {turn.tolist()}, a reflection; wanted a (3, 3) rotation matrix: negate one axis")
     if shift.shape != (3,) or not np.isfinite(shift).all():
         raise InputError(f"the offset is {shift.tolist()}; wanted 3 finite numbers")
     rows = np.eye(4)
@@ -106,18 +131,6 @@ def output(
         return device.empty(shape, dtype)
     require_array(out, what, shape, dtype)
     return out
-
-
-def _buffer(device: Device, array: cla.Array) -> cl.Buffer:
-    if not array.offset:
-        return _base(array)
-    alignment = device.cl_device.mem_base_addr_align // 8
-    if array.offset % alignment:
-        raise InputError(
-            f"a slice of a device array begins {array.offset} bytes into it; {device.name} wants "
-            f"a multiple of {alignment}: copy the slice first"
-        )
-    return _base(array).get_sub_region(array.offset, array.nbytes)
 
 
 def _base(array: cla.Array) -> cl.Buffer:

@@ -1,12 +1,20 @@
-"""OpenCL C text: included files put in place, the line of a build log that tells."""
+"""OpenCL C text: numbers as literals, included files put in place, the line of a build log that tells."""
 
 import re
+from numbers import Integral
 from pathlib import Path
+
+import numpy as np
 
 KERNEL_FOLDER = Path(__file__).parent
 
 _INCLUDE = re.compile(r'^[ \t]*#[ \t]*include[ \t]+"([^"]+)"[ \t]*$', re.MULTILINE)
 _NOT_LOG = ("Build on <", "(options:", "(source saved as")  # what PyOpenCL puts around a driver's log
+
+
+def literal(value: int | float | np.number) -> str:
+    """A number as OpenCL C: a whole one as it is, any other in single precision, read back to the same bits."""
+    return str(int(value)) if isinstance(value, Integral) else f"{float(np.float32(value))!r}f"
 
 
 def inline_includes(source: str) -> str:

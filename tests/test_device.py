@@ -174,7 +174,7 @@ class TestMemory:
         monkeypatch.setattr(cla, "empty", full)
         monkeypatch.setattr(cla, "to_device", full)
         for call in (lambda: device.empty((16,)), lambda: device.to_device(np.zeros(16, np.float32))):
-            with pytest.raises(DeviceError, match=r"no memory left .*ALLOCATION_FAILURE.*smaller --grid"):
+            with pytest.raises(DeviceError, match=r"no memory or other resources left .*_FAILURE.*smaller --grid"):
                 call()
 
 
