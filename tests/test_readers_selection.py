@@ -39,6 +39,16 @@ def test_a_file_named_twice_is_read_once(tmp_path):
     assert len(read_scans([path, tmp_path, str(tmp_path / "*.xyz")]).scans) == 1
 
 
+def test_a_file_named_by_two_paths_is_read_once(tmp_path, monkeypatch):
+    path = put(tmp_path / "scan.xyz", b"1 2 3\n")
+    put(tmp_path / "other.xyz", b"4 5 6\n")
+    monkeypatch.chdir(tmp_path)
+    (tmp_path / "link").symlink_to(tmp_path)
+    read = read_scans([path, "scan.xyz", "./scan.xyz", "link/scan.xyz"])
+    assert [scan.name for scan in read.scans] == ["scan"]
+    assert read.files == (path,)
+
+
 def test_a_name_with_the_signs_of_a_pattern_is_a_name_first(tmp_path):
     path = put(tmp_path / "scan[1].XYZ", b"1 2 3\n")
     assert read_scan(path).name == "scan[1]"

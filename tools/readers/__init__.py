@@ -70,11 +70,13 @@ def read_survey(paths: Sequence[str | Path]) -> ReadScans:
         InputError: a path that does not exist, or no path at all.
     """
     notes: list[str] = []
-    chosen = select_files(paths, FORMATS)
-    files = tuple(dict.fromkeys(selected.path for selected in chosen))
+    selection = select_files(paths, FORMATS)
+    if selection.reordered:
+        notes.append("the scans are taken in the natural order of their names, not the order in which they were given")
+    files = tuple(dict.fromkeys(selected.path for selected in selection.files))
     stems = Counter(path.stem for path in files)
     found: list[Found | _Faulty] = []
-    for selected in chosen:
+    for selected in selection.files:
         try:
             clouds, told = read_file(selected)
         except InputError as error:

@@ -1,5 +1,7 @@
 """Which files a command line means: files, folders and patterns, in natural order."""
 
+from __future__ import annotations
+
 import glob
 import re
 from collections.abc import Collection, Iterable, Sequence
@@ -12,6 +14,14 @@ _INDEXED = re.compile(r"(.+)#(\d{1,9})", re.ASCII | re.DOTALL)
 
 
 @dataclass(frozen=True, slots=True)
+class Selection:
+    """Files in natural order, and whether they were named in another."""
+
+    files: tuple[Selected, ...]
+    reordered: bool
+
+
+@dataclass(frozen=True, slots=True)
 class Selected:
     """One file, and which of its scans is wanted (None: all)."""
 
@@ -19,8 +29,8 @@ class Selected:
     index: int | None = None
 
 
-def select_files(paths: Sequence[str | Path], suffixes: Collection[str]) -> list[Selected]:
-    """The files that `paths` name, each once, in natural order (scan2 before scan10).
+def select_files(paths: Sequence[str | Path], suffixes: Collection[str]) -> Selection:
+    """The files that `paths` name, each once whatever its path, in natural order (scan2 before scan10).
 
     Args:
         paths: files (`recording.sonar#3` is its scan 3, from 0), folders, and patterns such as `scans/*.ply`.
@@ -31,8 +41,17 @@ def select_files(paths: Sequence[str | Path], suffixes: Collection[str]) -> list
     """
     if not paths:
         raise InputError("no scans given; name files, folders or patterns such as scans/*.ply")
-    chosen = {found: None for path in paths for found in _expand(str(path), suffixes)}
-    return sorted(chosen, key=lambda found: (natural_key(str(found.path)), found.index or 0))
+    chosen: dict[tuple[Path, int | None], Selected] = {}
+    for path in paths:
+        for found in sorted(_expand(str(path), suffixes), key=_order):
+            chosen.setdefault((found.path.resolve(), found.index), found)
+    given = list(chosen.values())
+    files = sorted(given, key=_order)
+    return Selection(tuple(files), reordered=files != given)
+
+
+def _order(selected: Selected) -> tuple[tuple[tuple[str, int], ...], int]:
+    return natural_key(str(selected.path)), selected.index or 0
 
 
 def natural_key(text: str) -> tuple[tuple[str, int], ...]:
