@@ -151,10 +151,10 @@ def test_a_survey_without_a_single_usable_pair_is_an_error(tmp_path: Path) -> No
 @pytest.mark.parametrize(
     ("options", "words"),
     [
-        (["--grid", "100"], ["power of two", "Use --grid 128"]),
-        (["--grid", "90"], ["power of two", "Use --grid 64"]),
-        (["--grid", "0"], ["power of two", "Use --grid 16"]),
-        (["--grid", "1024"], ["power of two", "Use --grid 512"]),
+        (["--grid", "100"], ["power of two", "try --grid 128"]),
+        (["--grid", "90"], ["power of two", "try --grid 64"]),
+        (["--grid", "0"], ["power of two", "try --grid 16"]),
+        (["--grid", "1024"], ["power of two", "try --grid 512"]),
         (["--voxel", "-1"], ["-1.0 m", "above 0"]),
         (["--voxel", "0"], ["above 0"]),
         (["--voxel", "nan"], ["nan m", "above 0"]),
@@ -212,7 +212,7 @@ def test_a_grid_that_the_device_cannot_hold(
 
 
 def test_points_outside_a_grid_that_is_too_small_are_no_crash(tmp_path: Path) -> None:
-    far = np.vstack([clutter(1), [[9e4, -9e4, 3.0]]]).astype(np.float32)
+    far = np.vstack([clutter(1), np.array([[9e4, -9e4, 3.0]])]).astype(np.float32)
     paths = write(tmp_path, a=far, b=scan(1))
     assert sonarmap("register", *paths, *GRID, "--voxel", "0.2").exit_code in (0, 3)
     assert sonarmap("register", *paths, *GRID).exit_code == 0

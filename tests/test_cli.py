@@ -196,10 +196,10 @@ class TestSharedOptions:
     @pytest.mark.parametrize(
         ("arguments", "words"),
         [
-            ("--grid 100", ["100 voxels", "power of two from 16 to 512", "Use --grid 128"]),
-            ("--grid 8", ["8 voxels", "Use --grid 16"]),
-            ("--grid 1024", ["1024 voxels", "Use --grid 512"]),
-            ("--grid -4", ["-4 voxels", "Use --grid 16"]),
+            ("--grid 100", ["100: wanted", "power of two from 16 to 512", "try --grid 128"]),
+            ("--grid 8", ["8: wanted", "try --grid 16"]),
+            ("--grid 1024", ["1024: wanted", "try --grid 512"]),
+            ("--grid -4", ["-4: wanted", "try --grid 16"]),
             ("--grid many", ["--grid", "integer"]),
             ("--voxel 0", ["0.0 m", "above 0", "--voxel 0.5"]),
             ("--voxel nan", ["nan m", "above 0"]),

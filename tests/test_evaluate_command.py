@@ -45,6 +45,7 @@ def test_a_straight_line_is_evaluated_without_an_option(pair: list[Path]) -> Non
 
 def test_the_table_shows_estimated_beside_true_poses(pair: list[Path]) -> None:
     result = sonarmap("evaluate", *pair, "--align", "first")
+    assert "true x, y, z [m]" in result.stdout
     (row,) = [line.split() for line in result.stdout.splitlines() if line.split()[:1] == ["7"]]
     forward = TRUTH.T_world_sensor.rotation.as_matrix()[2, :, 0]
     estimated = [f"{value:.2f}" for value in TRUTH.T_world_sensor.translation[2] + 0.4 * forward]

@@ -1,15 +1,25 @@
 """`sonarmap map` end to end: what it writes, and what becomes of what was there before."""
 
 import json
+from dataclasses import replace
 from pathlib import Path
+from types import SimpleNamespace
 
 import gtsam
 import numpy as np
 import pytest
 from clutter_scans import T_WORLD_SENSOR, files_in, plane, said, scan, sonarmap, write
+from surveys import KnowingRegistrar, ring_poses, scans_of
 
+from slam.survey import Mapper
 from slam.trajectory import Trajectory
+from spectral.grid import Grid
+from spectral.result import Registration
+from tools.cli.account import warn_of_faults
+from tools.cli.map import _mapper
 from tools.evaluate import evaluate
+from tools.readers import read_scan
+from tools.readers.kitti import read_kitti
 from tools.readers.tum import read_tum
 from tools.writers.tum import write_tum
 
@@ -153,3 +163,53 @@ def test_a_map_is_not_taken_for_a_scan_of_the_next_run(tmp_path: Path) -> None:
     said(again, "map.ply is among the scans", "choose another output folder")
     assert sonarmap("map", *paths, "-o", tmp_path, *GRID).exit_code == 0
     assert set(files_in(tmp_path)) == set(before)
+
+
+def test_further_formats_are_written_and_go_with_their_run(tmp_path: Path) -> None:
+    out = tmp_path / "out"
+    paths = write(tmp_path, a=scan(0), b=scan(1), c=plane())
+    result = sonarmap("map", *paths, "-o", out, *GRID, "--also", "pcd", "--also", "kitti")
+    assert result.exit_code == 3
+    more = {"map.pcd", "map_2.pcd", "trajectory.kitti", "trajectory_2.kitti"}
+    assert set(files_in(out)) == RESULTS | more | {"map_2.ply", "map_2.png", "trajectory_2.tum"}
+    assert "map.pcd, trajectory.kitti" in result.stdout
+    assert "the other parts in map_2.ply" in result.stdout
+    np.testing.assert_array_equal(read_scan(out / "map.pcd").points, read_scan(out / "map.ply").points)
+    poses = [read(out / f"trajectory.{kind}") for kind, read in (("tum", read_tum), ("kitti", read_kitti))]
+    first, second = (trajectory.T_world_sensor.as_matrix() for trajectory in poses)
+    np.testing.assert_allclose(first, second, atol=1e-12)
+    assert sonarmap("map", *paths[:2], "-o", out, *GRID).exit_code == 0
+    assert set(files_in(out)) == RESULTS
+    refused = sonarmap("map", *paths[:2], "-o", out, "--also", "las")
+    assert refused.exit_code == 2
+    said(refused, "las", "wanted one of pcd, kitti")
+
+
+def test_a_gap_that_is_bridged_is_told(tmp_path: Path) -> None:
+    truth = ring_poses(4, turns=0.2)
+
+    def spoil(i: int, j: int, given: Registration) -> Registration:
+        return replace(given, accepted=False, reason="too weak") if (i, j) == (1, 2) else given
+
+    survey = Mapper(KnowingRegistrar(truth, 1e-6 * np.eye(6), spoil), 0.5).run(scans_of(truth))
+    assert len(survey.components) == 1
+    with pytest.MonkeyPatch.context() as patch:
+        told: list[str] = []
+        patch.setattr("tools.cli.account.warn", told.append)
+        warn_of_faults(survey, ["a", "b", "c", "d"], tmp_path)
+    assert told == ["gap between b and c, bridged by other pairs: refused by the registration: too weak"]
+
+
+@pytest.mark.parametrize(("memory", "prepared"), [(2**40, 8), (2**26, 2)])
+def test_as_many_scans_stay_prepared_as_fit(memory: int, prepared: int) -> None:
+    device = SimpleNamespace(memory=memory)
+    registrar = SimpleNamespace(device=device, grid=Grid(128, 0.5))
+    assert _mapper(registrar).settings.prepared == prepared  # pyright: ignore[reportArgumentType]
+
+
+def test_an_order_that_is_not_the_given_one_is_told(tmp_path: Path) -> None:
+    paths = write(tmp_path, scan_2=scan(0), scan_10=scan(1))
+    told = sonarmap("map", *reversed(paths), "-o", tmp_path / "out", *GRID, "--json")
+    assert [one["name"] for one in json.loads(told.stdout)["scans"]] == ["scan_2", "scan_10"]
+    said(told, "not the order in which they were given")
+    assert sonarmap("map", *paths, "-o", tmp_path / "out", *GRID, "--json").stderr == ""

@@ -136,7 +136,7 @@ def test_stopped_while_it_maps(out: Path, scans: list[str]) -> None:
     assert files_in(out) == before
 
 
-@pytest.mark.parametrize("written", ["write_ply", "draw_map", "write_g2o", "write_summary"])
+@pytest.mark.parametrize("written", ["write_points", "draw_map", "write_g2o", "write_summary"])
 def test_stopped_while_it_writes(out: Path, scans: list[str], written: str, monkeypatch: pytest.MonkeyPatch) -> None:
     before = files_in(out)
 

@@ -6,7 +6,12 @@ from pathlib import Path
 import numpy as np
 import pytest
 from clutter_scans import T_WORLD_SENSOR, said, scan, sonarmap, write
-from scipy.spatial.transform import RigidTransform
+from scipy.spatial.transform import RigidTransform, Rotation
+
+from spectral.grid import Grid
+from spectral.result import Registration
+from tools.cli.register import _print
+from tools.writers import write_ply
 
 GRID = ("--grid", "64")
 T_TRUE = T_WORLD_SENSOR[0].inv() * T_WORLD_SENSOR[1]
@@ -97,3 +102,38 @@ def test_points_that_are_not_finite_are_dropped_and_told_beside_the_json(tmp_pat
 def test_any_file_name_will_do(tmp_path: Path, name: str) -> None:
     pair = write(tmp_path, target=scan(0), **{name: scan(1)})
     assert sonarmap("register", *pair, *GRID).exit_code == 0
+
+
+def test_the_uncertainty_is_along_the_worst_direction_whatever_the_axes(capsys: pytest.CaptureFixture[str]) -> None:
+    """An ellipsoid of 0.3 m, 0.1 m and 0.1 m that lies across the axes: along none of them is it 0.3 m."""
+    turn = Rotation.from_euler("ZYX", [40, 30, 20], degrees=True).as_matrix()
+    covariance = np.zeros((6, 6))
+    covariance[:3, :3] = turn @ np.diag(np.deg2rad([2.0, 0.5, 0.5]) ** 2) @ turn.T
+    covariance[3:, 3:] = turn @ np.diag([0.3, 0.1, 0.1]) ** 2 @ turn.T
+    found = Registration(RigidTransform.identity(), covariance, psr=50.0, overlap=0.5, accepted=True, seconds=0.1)
+    _print(found, Grid(64, 0.5))
+    assert "2.00 degrees, 0.300 m" in capsys.readouterr().out
+
+
+def test_echo_strengths_weigh_the_voxels_where_wanted(tmp_path: Path) -> None:
+    strengths = np.random.default_rng(7).uniform(0, 1, 7200).astype(np.float32)
+    paths = [tmp_path / "target.ply", tmp_path / "source.ply"]
+    for k, path in enumerate(paths):
+        write_ply(path, scan(k), {"intensity": strengths})
+    by_shape, weighed, spelled = (
+        json.loads(sonarmap("register", *paths, *GRID, "--json", *options).stdout)
+        for options in ((), ("--strength",), ("--no-strength",))
+    )
+    check_transform(weighed)
+    assert weighed["psr"] != by_shape["psr"]
+    assert spelled["psr"] == by_shape["psr"]
+
+
+def test_strengths_that_are_not_there_are_told(pair: list[str], tmp_path: Path) -> None:
+    refused = sonarmap("register", *pair, *GRID, "--strength")
+    assert (refused.exit_code, refused.stdout) == (2, "")
+    said(refused, "no scan holds echo strengths", "Leave it out")
+    write_ply(tmp_path / "strong.ply", scan(1), {"intensity": np.linspace(0, 1, 7200)})
+    mixed = sonarmap("register", pair[0], tmp_path / "strong.ply", *GRID, "--strength")
+    assert mixed.exit_code == 0
+    said(mixed, "1 of 2 scans hold no echo strength")

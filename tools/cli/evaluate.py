@@ -93,14 +93,14 @@ def _stamp(seconds: float) -> str:
 
 def _print(result: "Evaluation") -> None:
     from rich.table import Table
+    from rich.text import Text
 
     from tools.evaluate import yaw_deg
 
     table = Table(box=None, pad_edge=False)
-    for name in ("stamp [s]", "estimated x, y, z [m]", "true x, y, z [m]", "off [m]"):
-        table.add_column(name, justify="right", no_wrap=True)
-    for name in ("estimated yaw", "true yaw", "turned by"):
-        table.add_column(name, justify="right", no_wrap=True)
+    positions = ("stamp [s]", "estimated x, y, z [m]", "true x, y, z [m]", "off [m]")
+    for name in (*positions, "estimated yaw", "true yaw", "turned by"):
+        table.add_column(Text(name), justify="right", no_wrap=True)  # brackets are no markup
     estimated_yaw, true_yaw = yaw_deg(result.T_aligned), yaw_deg(result.T_true)
     for k, stamp in enumerate(result.stamps.tolist()):
         table.add_row(

@@ -5,19 +5,22 @@ from typing import Annotated
 
 import typer
 
-SMALLEST_EDGE, DEFAULT_EDGE, LARGEST_EDGE = 16, 128, 512
-MOST_YAW_PEAKS = 32
+from kernels.errors import InputError
+
+DEFAULT_EDGE = 128
+DEFAULT_YAW_PEAKS, MOST_YAW_PEAKS = 6, 32
 DEFAULT_MAX_TILT = 35.0  # [deg], the paper's range of roll and pitch (Sect. 2.7)
 
 
 def _check_edge(edge: int | None) -> int | None:
-    if edge is None or (SMALLEST_EDGE <= edge <= LARGEST_EDGE and edge.bit_count() == 1):
-        return edge
-    nearest = 2 ** round(math.log2(min(max(edge, SMALLEST_EDGE), LARGEST_EDGE)))
-    raise typer.BadParameter(
-        f"{edge} voxels per edge; wanted a power of two from {SMALLEST_EDGE} to {LARGEST_EDGE}. "
-        f"Use --grid {nearest}, or leave it out for {DEFAULT_EDGE}."
-    )
+    if edge is None:
+        return None
+    from spectral.grid import Grid  # here, as it brings SciPy, which the help does without
+
+    try:
+        return Grid(edge, 1.0).edge
+    except InputError as error:
+        raise typer.BadParameter(f"{error}, or leave it out for {DEFAULT_EDGE}.") from error
 
 
 def _check_voxel(voxel: float | None) -> float | None:
@@ -42,12 +45,14 @@ def _check_yaw_peaks(count: int) -> int:
     if 1 <= count <= MOST_YAW_PEAKS:
         return count
     raise typer.BadParameter(
-        f"{count} peaks; wanted from 1 to {MOST_YAW_PEAKS}. Use --yaw-peaks 6, or 1 for the paper's method."
+        f"{count} peaks; wanted from 1 to {MOST_YAW_PEAKS}. Use --yaw-peaks {DEFAULT_YAW_PEAKS}, or 1 for the paper's "
+        "method."
     )
 
 
-def _check_seed(seed: int) -> int:
-    if 0 <= seed < 2**63:
+def check_seed(seed: int | None) -> int | None:
+    """The seed, if there is one, where every random generator takes it."""
+    if seed is None or 0 <= seed < 2**63:
         return seed
     raise typer.BadParameter(f"{seed}; wanted a whole number from 0 to 2^63 - 1. Use --seed 1.")
 
@@ -57,7 +62,7 @@ GridOption = Annotated[
     typer.Option(
         "--grid",
         metavar="N",
-        help=f"Voxels per edge, a power of 2, {SMALLEST_EDGE}..{LARGEST_EDGE}; {DEFAULT_EDGE} if left out.",
+        help=f"Voxels per edge, a power of 2, 16..512; {DEFAULT_EDGE} if left out.",
         callback=_check_edge,
     ),
 ]
@@ -75,7 +80,7 @@ MaxTiltOption = Annotated[
     typer.Option(
         "--max-tilt",
         metavar="DEG",
-        help="Largest roll and pitch of a pair \\[deg].",
+        help="Largest roll and pitch of a pair \\[deg]; up to 85 are searched, what lies beyond this is refused.",
         callback=_check_tilt,
     ),
 ]
@@ -88,6 +93,13 @@ YawPeaksOption = Annotated[
         callback=_check_yaw_peaks,
     ),
 ]
+StrengthOption = Annotated[
+    bool,
+    typer.Option(
+        "--strength/--no-strength",
+        help="Weigh voxels by their echo strength; else, as in the paper, all alike.",
+    ),
+]
 DeviceOption = Annotated[
     str | None,
     typer.Option(
@@ -96,6 +108,6 @@ DeviceOption = Annotated[
         help="OpenCL device: platform:device, cpu, gpu, or a part of its name; see 'sonarmap devices'.",
     ),
 ]
-SeedOption = Annotated[int, typer.Option("--seed", metavar="S", help="Same seed, same result.", callback=_check_seed)]
+SeedOption = Annotated[int, typer.Option("--seed", metavar="S", help="Same seed, same result.", callback=check_seed)]
 JsonOption = Annotated[bool, typer.Option("--json", help="Print the result as JSON, and no progress.")]
 QuietOption = Annotated[bool, typer.Option("--quiet", "-q", help="No progress.")]

@@ -5,12 +5,15 @@ from typing import TYPE_CHECKING, Annotated
 
 import typer
 
-from tools.cli.method import build_registrar
+from tools.cli.method import Method, build_registrar
 from tools.cli.options import (
+    DEFAULT_MAX_TILT,
+    DEFAULT_YAW_PEAKS,
     DeviceOption,
     GridOption,
     JsonOption,
     MaxTiltOption,
+    StrengthOption,
     VoxelOption,
     YawPeaksOption,
 )
@@ -29,8 +32,9 @@ def command(
     source: Annotated[str, typer.Argument(help="The scan that is moved onto it.", metavar="SOURCE")],
     grid: GridOption = None,
     voxel: VoxelOption = None,
-    max_tilt: MaxTiltOption = 35.0,
-    yaw_peaks: YawPeaksOption = 6,
+    max_tilt: MaxTiltOption = DEFAULT_MAX_TILT,
+    yaw_peaks: YawPeaksOption = DEFAULT_YAW_PEAKS,
+    strength: StrengthOption = False,
     device: DeviceOption = None,
     as_json: JsonOption = False,
 ) -> None:
@@ -40,7 +44,7 @@ def command(
     not, 2 on bad input.
     """
     scans = [_read(target), _read(source)]
-    registrar = build_registrar(scans, grid, voxel, max_tilt, device, yaw_peaks)
+    registrar = build_registrar(scans, Method(grid, voxel, max_tilt, yaw_peaks, strength, device))
     registration = registrar.register(*(registrar.prepare(scan) for scan in scans))
     if as_json:
         typer.echo(json.dumps(_as_json(registration, registrar.grid), allow_nan=False))
@@ -80,16 +84,18 @@ def _print(registration: "Registration", grid: "Grid") -> None:
     from rich.table import Table
     from rich.text import Text
 
+    from slam.sigma import worst_sigmas
+
     T = registration.T_target_source
     yaw, pitch, roll = T.rotation.as_euler("ZYX", degrees=True)
-    sigmas = np.sqrt(np.diag(registration.covariance))
+    rotation, translation = worst_sigmas(registration.covariance)
     shift = "  ".join(f"{axis} {v:+.3f}" for axis, v in zip("xyz", T.translation, strict=True))
     rows = {
         "because": registration.reason,
         "translation": f"{shift}  m",
         "rotation": f"yaw {yaw:+.2f}  roll {roll:+.2f}  pitch {pitch:+.2f}  degrees",
-        "uncertainty": f"{np.rad2deg(sigmas[:3].max()):.2f} degrees, {sigmas[3:].max():.3f} m "
-        "(one standard deviation, along the worst axis)",
+        "uncertainty": f"{np.rad2deg(rotation):.2f} degrees, {translation:.3f} m "
+        "(one standard deviation, along the worst direction)",
         "overlap": f"{registration.overlap:.0%} of the points have a counterpart in the other scan",
         "grid": f"{grid.edge} x {grid.edge} x {grid.edge} voxels of {grid.voxel:.3g} m",
         "time": f"{registration.seconds:.2f} s, without reading and preparing the scans",

@@ -13,6 +13,7 @@ import numpy as np
 
 from slam.pair import Pair
 from slam.point_map import PointMap
+from slam.sigma import worst_sigmas
 from slam.survey import SurveyResult
 from spectral.result import Registration
 from tools.atomic import atomic_path
@@ -123,8 +124,7 @@ def registration_row(registration: Registration) -> dict[str, Any]:
 
 def pose_sigmas(covariances: np.ndarray) -> list[dict[str, float]]:
     """Of (N, 6, 6) covariances, each pose's standard deviations along its worst direction."""
-    rotation = np.sqrt(np.linalg.eigvalsh(covariances[:, :3, :3])[:, -1])
-    translation = np.sqrt(np.linalg.eigvalsh(covariances[:, 3:, 3:])[:, -1])
+    rotation, translation = worst_sigmas(covariances)
     return [
         {"rotation_deg": math.degrees(r), "translation_m": t}
         for r, t in zip(rotation.tolist(), translation.tolist(), strict=True)

@@ -1,0 +1,94 @@
+"""What came of a survey, in words and in a table."""
+
+from collections.abc import Sequence
+from pathlib import Path
+from typing import TYPE_CHECKING
+
+import typer
+
+from tools.cli.terminal import printable, result_console, say
+
+if TYPE_CHECKING:
+    from rich.text import Text
+
+    from slam.pair import Pair
+    from slam.survey import SurveyResult
+
+PEAK_EXPLAINED = "peak: how high the correlation stands above its surroundings, in their standard deviations"
+
+
+def warn(message: str) -> None:
+    """Tell on stderr what the user should look at."""
+    say(message, "warning: ", "bold yellow")
+
+
+def warn_of_faults(result: "SurveyResult", names: Sequence[str], out: Path) -> None:
+    """Tell stray points, every gap with its reason, and what became of the parts."""
+    strays = sum(point_map.left_out for point_map in result.maps)
+    if strays:
+        warn(f"{strays:,} points lie too far from the others for the map's voxels and are left out of it")
+    part = {scan: c for c, members in enumerate(result.components) for scan in members}
+    for pair in result.pairs:
+        if pair.role == "sequential" and not pair.kept:
+            bridged = ", bridged by other pairs" if part[pair.i] == part[pair.j] else ""
+            warn(f"gap between {names[pair.i]} and {names[pair.j]}{bridged}: {pair.reason}")
+    if len(result.components) > 1:
+        warn(
+            f"the scans fall into {len(result.components)} parts that no reliable registration joins; each has its own "
+            f"map in {out}, the largest in map.ply"
+        )
+
+
+def print_survey(result: "SurveyResult", names: Sequence[str], out: Path, also: Sequence[str]) -> None:
+    """Print every pair, the sizes of the maps, and the files."""
+    from rich.table import Table
+
+    table = Table(box=None, pad_edge=False, collapse_padding=True)
+    table.add_column("pair", overflow="fold")
+    for name in ("role", ""):
+        table.add_column(name, no_wrap=True)
+    for name in ("peak", "overlap", "yaw", "distance", "seconds"):
+        table.add_column(name, justify="right", no_wrap=True)
+    for pair in result.pairs:
+        table.add_row(*_cells(pair, names))
+    result_console().print(table)
+    typer.echo(PEAK_EXPLAINED)
+    counts = sorted((len(point_map.points) for point_map in result.maps), reverse=True)
+    maps = f"{len(counts)} maps" if len(counts) > 1 else "a map"
+    points = " and ".join(f"{count:,}" for count in counts)
+    kept = sum(pair.kept for pair in result.pairs)
+    typer.echo(f"{len(names)} scans, {kept} of {len(result.pairs)} pairs kept, {maps} of {points} points")
+    typer.echo(f"written to {printable(str(out))}: {_files(len(counts), also)}")
+
+
+def _cells(pair: "Pair", names: Sequence[str]) -> "list[str | Text]":
+    """A pair's row of the table."""
+    from rich.text import Text
+
+    label = Text(printable(f"{names[pair.i]} - {names[pair.j]}").replace("\n", "\\n"))
+    verdict = Text("kept", "green") if pair.kept else Text("refused", "red")
+    if pair.registration is None:
+        return [label, pair.role, verdict, "", "", "", "", ""]
+    registration = pair.registration
+    T = registration.T_target_source
+    return [
+        label,
+        pair.role,
+        verdict,
+        f"{registration.psr:.0f}",
+        f"{registration.overlap:.0%}",
+        f"{T.rotation.as_euler('ZYX', degrees=True)[0]:+.1f}°",
+        f"{float((T.translation**2).sum() ** 0.5):.2f} m",
+        f"{registration.seconds:.2f}",
+    ]
+
+
+def _files(parts: int, also: Sequence[str]) -> str:
+    """The names of what was written."""
+    from tools.project import part_files
+
+    listed = ", ".join([*part_files(1, also), "graph.g2o", "summary.json"])
+    if parts == 1:
+        return listed
+    last = f" to map_{parts}.ply" if parts > 2 else ""
+    return f"{listed}; the other parts in map_2.ply{last}, with their pictures and trajectories"
