@@ -1,10 +1,32 @@
-"""What the tests share: the device they run on."""
+"""What the tests share: the devices they run on."""
+
+import os
+from functools import cache
 
 import pytest
 
-from kernels.device import Device, choose_device
+from kernels.device import Device, choose_device, list_devices
+from kernels.errors import DeviceError
+
+
+@cache
+def selectors() -> list[str | None]:
+    """The devices that work, one of each kind; None: the one that is chosen by itself, or by PYOPENCL_CTX."""
+    if os.environ.get("PYOPENCL_CTX"):
+        return [None]
+    try:
+        working = {(info.name, info.version): info.selector for info in list_devices() if not info.fault}
+    except DeviceError:
+        return [None]
+    return list(working.values()) if len(working) > 1 else [None]
+
+
+def pytest_generate_tests(metafunc: pytest.Metafunc) -> None:
+    """Where several devices work, a test that takes `device` runs on each."""
+    if "device" in metafunc.fixturenames and len(selectors()) > 1:
+        metafunc.parametrize("device", selectors(), indirect=True, scope="session")
 
 
 @pytest.fixture(scope="session")
-def device() -> Device:
-    return choose_device()
+def device(request: pytest.FixtureRequest) -> Device:
+    return choose_device(getattr(request, "param", None))
