@@ -221,7 +221,7 @@ def test_points_outside_a_grid_that_is_too_small_are_no_crash(tmp_path: Path) ->
 def test_a_stray_point_costs_no_map(tmp_path: Path) -> None:
     """A scan 3.5 m across with an echo from 99 km: its voxels are too small for numbers this far apart."""
     small = [scan(k) / np.float32(5) for k in range(2)]
-    paths = write(tmp_path, a=np.vstack([small[0], np.float32([[99_000, 0, 0]])]), b=small[1])
+    paths = write(tmp_path, a=np.vstack([small[0], np.array([[99_000, 0, 0]], np.float32)]), b=small[1])
     result = sonarmap("map", *paths, "-o", tmp_path / "out", *GRID, "--json")
     assert result.exit_code == 0
     said(result, "1 points lie too far from the others")

@@ -95,7 +95,7 @@ def test_refuses_no_scans():
 @pytest.mark.parametrize("where", ["first", "last"])
 def test_a_stray_point_is_left_out_and_counted(where):
     scans = random_scans(np.random.default_rng(3), 2)
-    stray = np.float32([[99_000, 0, 0]])
+    stray = np.array([[99_000, 0, 0]], np.float32)
     k = 0 if where == "first" else -1
     scans[k] = replace(scans[k], points=np.vstack([stray, scans[k].points]), strength=None)
     fused = fuse(scans, RigidTransform.identity(2), 0.02)
@@ -108,7 +108,7 @@ def test_a_stray_point_is_left_out_and_counted(where):
 def test_scans_far_from_their_sensor_are_mapped_whole():
     """100 km off, at a voxel of 2 cm: five million cells."""
     scan = random_scans(np.random.default_rng(4), 1)[0]
-    moved = replace(scan, points=scan.points + np.float32([9e4, -1e5, 0]))
+    moved = replace(scan, points=scan.points + np.array([9e4, -1e5, 0], np.float32))
     fused = fuse([moved], RigidTransform.identity(1), 0.02)
     assert fused.left_out == 0
     assert fused.hits.sum() == len(scan.points)

@@ -206,7 +206,7 @@ def test_predicted_overlap_is_the_smaller_of_both_ways():
 def test_a_stray_point_does_not_disturb_the_predicted_overlap():
     truth = ring_poses(6, radius=8.0)
     scans = scans_of(truth)[:2]
-    stray = np.float32([[99_000, 0, 0]])
+    stray = np.array([[99_000, 0, 0]], np.float32)
     struck = [replace(scan, points=np.vstack([stray, scan.points])) for scan in scans]
     clean = predict_overlap(scans, truth[:2], 0.05)
     np.testing.assert_allclose(predict_overlap(struck, truth[:2], 0.05), clean, atol=2e-3)
