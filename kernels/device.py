@@ -26,9 +26,7 @@ NO_PLATFORM = (
     "'pip install pyopencl[pocl]' or 'apt install pocl-opencl-icd'; a GPU's comes with its driver."
 )
 
-_PROBE = """
-__kernel void probe(__global float8* x) { x[get_global_id(0)] = fma(x[get_global_id(0)], 2.0f, 1.0f); }
-"""
+_PROBE = "__kernel void probe(__global float8* x) { x[get_global_id(0)] = fma(x[get_global_id(0)], 2.0f, 1.0f); }"
 
 _FULL = (cl.status_code.OUT_OF_RESOURCES, cl.status_code.OUT_OF_HOST_MEMORY)
 
@@ -68,7 +66,7 @@ class Device:
     def __init__(self, device: cl.Device, selector: str = "", notes: tuple[str, ...] = ()) -> None:
         self.cl_device, self.selector, self.notes = device, selector, notes
         self.context = cl.Context([device])
-        self.queue = cl.CommandQueue(self.context, properties=cl.command_queue_properties.PROFILING_ENABLE)
+        self.queue = cl.CommandQueue(self.context)
         self._programs: dict[tuple[str, tuple[str, ...]], cl.Program] = {}
 
     @property

@@ -66,6 +66,7 @@ class Layout:
 
     @property
     def spectrum_shape(self) -> tuple[int, int, int]:
+        """Shape of the spectrum's array, padding included; of a complex transform it is the array itself."""
         return (self.shape[0], self.shape[1], self.pitch)
 
     @property

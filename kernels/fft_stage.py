@@ -34,12 +34,15 @@ class Butterfly:
         return f"{name}r", f"{name}i"
 
     def add(self, a: tuple[str, str], b: tuple[str, str]) -> tuple[str, str]:
+        """Name the sum a + b."""
         return self.let(f"{a[0]} + {b[0]}", f"{a[1]} + {b[1]}")
 
     def subtract(self, a: tuple[str, str], b: tuple[str, str]) -> tuple[str, str]:
+        """Name the difference a - b."""
         return self.let(f"{a[0]} - {b[0]}", f"{a[1]} - {b[1]}")
 
     def multiply(self, a: tuple[str, str], w: tuple[str, str]) -> tuple[str, str]:
+        """Name the complex product a w."""
         return self.let(f"{a[0]} * {w[0]} - {a[1]} * {w[1]}", f"{a[0]} * {w[1]} + {a[1]} * {w[0]}")
 
     def rotate(self, a: tuple[str, str], k: int, n: int) -> tuple[str, str]:

@@ -70,18 +70,16 @@ def find_peaks(
     tops, mean, std = _statistics(device, correlation, reach[2])
     allowed = _allowed_rows(shape, reach)
     tops = np.where(allowed, tops, -np.inf)
-    rows_at_once = 8 * count
+    most, rows_at_once = int(np.count_nonzero(allowed)), 8 * count
     while True:
-        rows_at_once = min(rows_at_once, int(np.count_nonzero(allowed)))
-        order = np.argpartition(-tops, rows_at_once - 1)
-        chosen, rest = order[:rows_at_once], order[rows_at_once:]
-        bound = tops[rest].max(initial=-np.inf)
+        chosen, bound = _highest_rows(tops, min(rows_at_once, most))
         index, cubes = _local_maxima(device, correlation, chosen, reach[2])
         # a maximum below the best row that was not looked at may be beaten from there
         known = cubes[:, 1, 1, 1] >= bound
-        kept = _suppress(index[known], cubes[known, 1, 1, 1], shape, count, separation)
+        index, cubes = index[known], cubes[known]
+        kept = _suppress(index, cubes[:, 1, 1, 1], shape, count, separation)
         if len(kept) == count or np.isneginf(bound):
-            return [_peak(index[known][n], cubes[known][n], shape, mean, std) for n in kept]
+            return [_peak(index[n], cubes[n], shape, mean, std) for n in kept]
         rows_at_once *= 4
 
 
@@ -112,6 +110,12 @@ def _allowed_rows(shape: tuple[int, ...], reach: list[int]) -> np.ndarray:
     """(n0 n1,) bool: rows within the reach along axes 0 and 1."""
     first, second = (np.abs(_signed(np.arange(n), n)) <= r for n, r in zip(shape[:2], reach[:2], strict=True))
     return (first[:, None] & second[None, :]).ravel()
+
+
+def _highest_rows(tops: np.ndarray, count: int) -> tuple[np.ndarray, float]:
+    """The rows with the highest maxima, in no order, and the highest maximum of the others, -inf without others."""
+    order = np.argpartition(-tops, count - 1)
+    return order[:count], float(tops[order[count:]].max(initial=-np.inf))
 
 
 def _local_maxima(

@@ -39,16 +39,21 @@ def polar_magnitude(
     """
     height, width = shape
     layers, _, pitch = require_array(spectrum, "spectrum", (None, height, width // 2 + 8), np.complex64)
+    points = _frequencies(radii, angles, min(shape) // 2)
+    result = output(device, out, "out", (layers, len(radii), len(angles)))
+    samples = points[0].size
+    sizes = np.int32(samples), np.int32(height), np.int32(pitch)
+    arrays = spectrum, table(device, points), result
+    launch(device, "polar", "polar_magnitude", (samples // 8, layers), *arrays, *sizes)
+    return result
+
+
+def _frequencies(radii: np.ndarray, angles: np.ndarray, nyquist: int) -> np.ndarray:
+    """(2, M, K) float32: where the samples lie along axes 0 and 1 [frequency bins]."""
     radii, angles = np.asarray(radii, np.float64), np.asarray(angles, np.float64)
-    nyquist = min(shape) // 2
     if radii.ndim != 1 or not len(radii) or not (radii.min() >= 0 and radii.max() < nyquist - 1):
         raise InputError(f"radii are {radii}; wanted a list of numbers from 0 to below {nyquist - 1} bins")
     samples = len(radii) * angles.size
     if angles.ndim != 1 or not samples or samples % 8 or not np.isfinite(angles).all():
         raise InputError(f"{len(radii)} radii by {angles.size} angles; wanted a multiple of 8 samples in all")
-    result = output(device, out, "out", (layers, len(radii), len(angles)))
-    points = np.stack([np.outer(radii, np.cos(angles)), np.outer(radii, np.sin(angles))]).astype(np.float32)
-    sizes = np.int32(samples), np.int32(height), np.int32(pitch)
-    arrays = spectrum, table(device, points), result
-    launch(device, "polar", "polar_magnitude", (samples // 8, layers), *arrays, *sizes)
-    return result
+    return np.stack([np.outer(radii, np.cos(angles)), np.outer(radii, np.sin(angles))]).astype(np.float32)

@@ -44,23 +44,7 @@ def voxelize(
     volume = output(device, out, "out", (edge, edge, edge))
     zero(device, volume)
     if count:
-        size = (-(-count // _GROUP) * _GROUP,)
-        launch(
-            device,
-            "voxelize",
-            "voxelize",
-            size,
-            points,
-            volume,
-            np.int32(count),
-            pose,
-            group=(_GROUP,),
-            EDGE=edge,
-        )
+        size, group = (-(-count // _GROUP) * _GROUP,), (_GROUP,)
+        arguments = points, volume, np.int32(count), pose
+        launch(device, "voxelize", "voxelize", size, *arguments, group=group, EDGE=edge)
     return volume
-
-
-def count_inside(points: np.ndarray, edge: int) -> int:
-    """How many of (n, 3) host points [voxels from the grid's center] fall into the grid as they are."""
-    index = np.floor(points[:, :3] + (edge / 2 + 0.5))
-    return int(np.count_nonzero(((index >= 0) & (index < edge)).all(axis=1)))

@@ -5,7 +5,7 @@ import pytest
 from scipy.spatial.transform import Rotation
 
 from kernels.errors import InputError
-from kernels.voxelize import count_inside, voxelize
+from kernels.voxelize import voxelize
 
 
 def _twin(points, edge, R, offset):
@@ -59,11 +59,6 @@ def test_voxel_centers_and_walls(device):
 def test_no_points_give_an_empty_volume(device):
     empty = device.empty((1, 4))[:0]
     assert not voxelize(device, empty, 16).get().any()
-
-
-def test_count_inside():
-    points = np.array([[0, 0, 0], [-8.5, 0, 0], [7.4, -8, 0], [7.6, 0, 0], [0, 0, 9]], np.float32)
-    assert count_inside(points, 16) == 3
 
 
 def test_refuses_what_it_cannot_use(device):
