@@ -28,6 +28,6 @@ def cell_keys(points: np.ndarray, size: float, origin: np.ndarray) -> tuple[np.n
         (K,) int64 of the points within reach, in their order, and (N,) bool, which points these are.
     """
     cells = np.floor((points - origin) / size)
-    near = ((cells >= -_HALF) & (cells < _HALF)).all(axis=1)
+    near: np.ndarray = np.all((cells >= -_HALF) & (cells < _HALF), axis=1)
     x, y, z = (cells[near].astype(np.int64) + _HALF).T
     return (x << (2 * _BITS)) | (y << _BITS) | z, near

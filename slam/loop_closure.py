@@ -100,8 +100,7 @@ def predict_overlap(scans: Sequence[Scan], T_world_sensor: RigidTransform, cell:
 
 
 def find_candidates(scans: Sequence[Scan], solution: Solution, voxel: float, settings: LoopSettings) -> list[Candidate]:
-    """Pairs that are not consecutive and that the estimate says overlap, best first within the limits per
-    scan.
+    """Pairs that are not consecutive and that the estimate says overlap, best first within the limits per scan.
 
     Only scans of one component are compared: between components the estimate says nothing.
 

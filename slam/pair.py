@@ -49,8 +49,7 @@ class Pair:
 class PairRunner:
     """Prepares scans as pairs ask for them and registers the pairs.
 
-    Prepared scans hold device memory: the `prepared` used last are kept, and one more while the next is
-        prepared.
+    Prepared scans hold device memory: the `prepared` used last are kept, and one more while the next is prepared.
 
     Args:
         registrar: the method.

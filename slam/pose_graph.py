@@ -26,8 +26,7 @@ class PoseGraph:
         edges: measurements; their covariances are used in full and as they are.
         fixed: poses held at their initial estimate.
 
-    Every connected component needs a tie to the world: its fixed poses or its priors are that tie, and where
-        it has
+    Every connected component needs a tie to the world: its fixed poses or its priors are that tie, and where it has
     neither, its first pose is held (`anchors`).
 
     Raises:

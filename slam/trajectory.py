@@ -53,10 +53,8 @@ class Trajectory:
 def chain(edges: Sequence[Edge], stamps: np.ndarray) -> Trajectory:
     """Poses by composing edges outward from the first pose of every component.
 
-    Consecutive edges are followed wherever they reach; loops only join what they leave apart. A component
-    starts at
-    its first prior, or at the identity where it has none: poses of two components without priors share no
-        frame.
+    Consecutive edges are followed wherever they reach; loops only join what they leave apart. A component starts at
+    its first prior, or at the identity where it has none: poses of two components without priors share no frame.
 
     Args:
         edges: measurements between poses 0..N-1.

@@ -17,6 +17,10 @@ Alignment = Literal["poses", "positions", "first"]
 
 STAMP_TOLERANCE = 0.01  # [s]
 
+# A registration is right within these; the voxel is the one of the grid that it was computed on.
+RIGHT_DEG = 6.0
+RIGHT_VOXELS = 3.0
+
 
 @dataclass(frozen=True, slots=True)
 class PairError:

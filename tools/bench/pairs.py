@@ -8,7 +8,6 @@ from contextlib import contextmanager
 from multiprocessing.connection import Connection
 from multiprocessing.process import BaseProcess
 
-import numpy as np
 from scipy.spatial.transform import RigidTransform
 
 from kernels.device import choose_device
@@ -21,6 +20,7 @@ from spectral.scan import Scan
 from tools.bench.machine import peak_memory
 from tools.bench.result import PairResult
 from tools.bench.timing import summarize, timed
+from tools.evaluate import RIGHT_DEG, RIGHT_VOXELS, pair_error
 from tools.simulate.noise import Noise
 from tools.simulate.pairs import random_pair
 
@@ -28,8 +28,6 @@ SimulatedPair = tuple[Scan, Scan, RigidTransform]
 
 # The paper's noise: variance of the range at the sensor's maximum range [m^2].
 _SIGMA2 = 1.0
-# A registration is right within these [rad, voxels].
-_RIGHT_ANGLE, _RIGHT_VOXELS = np.deg2rad(6.0), 3.0
 
 
 def simulate_pairs(count: int, seed: int, step: Callable[[str], None]) -> list[SimulatedPair]:
@@ -148,7 +146,5 @@ def _measure_pair(registrar: SpectralRegistrar, target: Scan, source: Scan) -> t
 
 
 def is_right(found: RigidTransform, truth: RigidTransform, voxel: float) -> bool:
-    """Whether a registration is within 6 degrees and 3 voxels of the truth."""
-    left = truth.inv() * found
-    near = np.linalg.norm(left.translation) <= _RIGHT_VOXELS * voxel
-    return bool(near and left.rotation.magnitude() <= _RIGHT_ANGLE)
+    """Whether a registration is within RIGHT_DEG and RIGHT_VOXELS of the truth."""
+    return pair_error(found, truth).within(RIGHT_DEG, RIGHT_VOXELS * voxel)

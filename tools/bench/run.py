@@ -1,7 +1,6 @@
 """A whole benchmark: the copy rate, the kernels, the pairs."""
 
-from collections.abc import Callable, Sequence
-from contextlib import AbstractContextManager
+from collections.abc import Sequence
 
 import numpy as np
 
@@ -14,9 +13,7 @@ from tools.bench.kernels import measure_kernels
 from tools.bench.machine import describe_machine, load_average
 from tools.bench.pairs import measure_pairs, simulate_pairs
 from tools.bench.result import BenchResult, KernelResult, PairResult
-
-# Follows work: label and number of pieces to a context that gives a function to call after each.
-Follow = Callable[[str, int], AbstractContextManager[Callable[[str], None]]]
+from tools.follow import Follow
 
 
 def run_bench(

@@ -80,7 +80,7 @@ MaxTiltOption = Annotated[
     typer.Option(
         "--max-tilt",
         metavar="DEG",
-        help="Largest roll and pitch of a pair \\[deg]; up to 85 are searched, what lies beyond this is refused.",
+        help="Largest roll and pitch of a pair \\[deg]; at most 85 are searched, answers beyond it are refused.",
         callback=_check_tilt,
     ),
 ]

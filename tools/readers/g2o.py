@@ -3,8 +3,8 @@
 The 21 numbers after an edge's quaternion are the upper triangle of its information matrix, translation
 first. Its rotational part is taken as that of a rotation vector [rad], which is what GTSAM, SE-Sync and the
 published benchmark costs do. g2o's own solver measures that error by the vector part of the quaternion, half
-the angle: it gives the same numbers a quarter of the weight. Files say nowhere which is meant; the common
-    reading is followed.
+the angle: it gives the same numbers a quarter of the weight. Files say nowhere which is meant; the common reading
+is followed.
 """
 
 from collections import defaultdict

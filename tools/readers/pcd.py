@@ -13,7 +13,7 @@ import numpy as np
 
 from kernels.errors import InputError
 from tools.readers.cloud import Cloud, cloud_of_columns, column_roles
-from tools.readers.rows import parse_rows, require_bytes, shown, unpack_records, whole_lines
+from tools.readers.rows import parse_rows, require_bytes, shown, surplus_note, unpack_records, whole_lines
 
 _HEADER = re.compile(rb"\A(.*?)^DATA[ \t]+(ascii|binary|binary_compressed)[ \t]*\r?\n", re.DOTALL | re.MULTILINE)
 _HEADER_LIMIT = 1 << 20
@@ -62,8 +62,7 @@ def read_pcd(content: bytes) -> list[Cloud]:
         columns, surplus = _read_binary(content, match.end(), header, roles)
     else:
         columns, surplus = _read_compressed(content, match.end(), header, roles)
-    notes = header.notes + ([f"ignored {surplus} after the last point"] if surplus else [])
-    return [cloud_of_columns(columns, notes)]
+    return [cloud_of_columns(columns, header.notes + surplus)]
 
 
 def _parse_header(text: bytes) -> _Header:
@@ -124,7 +123,7 @@ def _viewpoint_note(viewpoint: list[str]) -> list[str]:
     return [f"VIEWPOINT {' '.join(viewpoint)} is not used; the points are taken to be in the sensor's frame"]
 
 
-def _read_ascii(body: bytes, header: _Header, roles: dict[str, int]) -> tuple[dict[str, np.ndarray], str]:
+def _read_ascii(body: bytes, header: _Header, roles: dict[str, int]) -> tuple[dict[str, np.ndarray], list[str]]:
     lines = whole_lines(body, header.lines + 1)
     if len(lines) < header.points:
         raise InputError(
@@ -134,21 +133,21 @@ def _read_ascii(body: bytes, header: _Header, roles: dict[str, int]) -> tuple[di
     rows = parse_rows(lines[: header.points], sum(header.counts))
     starts = _starts(header.counts)
     columns = {role: rows[:, starts[field]] for role, field in roles.items()}
-    return columns, _surplus(len(lines) - header.points, "lines")
+    return columns, surplus_note(len(lines) - header.points, "lines", "point")
 
 
 def _read_binary(
     content: bytes, start: int, header: _Header, roles: dict[str, int]
-) -> tuple[dict[str, np.ndarray], str]:
+) -> tuple[dict[str, np.ndarray], list[str]]:
     offsets, stride = _starts(header.sizes), sum(header.sizes)
     layout = {role: (header.dtypes[field], offsets[field]) for role, field in roles.items()}
     columns = unpack_records(content, start, header.points, stride, layout)
-    return columns, _surplus(len(content) - start - header.points * stride, "bytes")
+    return columns, surplus_note(len(content) - start - header.points * stride, "bytes", "point")
 
 
 def _read_compressed(
     content: bytes, start: int, header: _Header, roles: dict[str, int]
-) -> tuple[dict[str, np.ndarray], str]:
+) -> tuple[dict[str, np.ndarray], list[str]]:
     """Two sizes, then LZF over the fields one after another, each for all points."""
     require_bytes("two sizes", 8, len(content) - start)
     packed, unpacked = struct.unpack_from("<II", content, start)
@@ -169,12 +168,8 @@ def _read_compressed(
     columns = {
         role: np.frombuffer(plain, header.dtypes[field], header.points, starts[field]) for role, field in roles.items()
     }
-    return columns, _surplus(len(content) - start - 8 - packed, "bytes")
+    return columns, surplus_note(len(content) - start - 8 - packed, "bytes", "point")
 
 
 def _starts(lengths: list[int]) -> list[int]:
     return [sum(lengths[:index]) for index in range(len(lengths))]
-
-
-def _surplus(count: int, what: str) -> str:
-    return f"{count:,} {what}" if count else ""

@@ -12,7 +12,7 @@ import numpy as np
 
 from kernels.errors import InputError
 from tools.readers.cloud import Cloud, cloud_of_columns, column_roles
-from tools.readers.rows import parse_rows, require_bytes, shown, unpack_records, whole_lines
+from tools.readers.rows import parse_rows, require_bytes, shown, surplus_note, unpack_records, whole_lines
 
 _HEADER = re.compile(rb"ply[ \t]*\r?\n(.*?)^end_header[ \t]*\r?\n", re.DOTALL | re.MULTILINE)
 _HEADER_LIMIT = 1 << 20
@@ -119,7 +119,7 @@ def _read_ascii(
         )
     start = sum(element.count for element in elements[: elements.index(vertex)])
     rows = parse_rows(lines[start : start + vertex.count], len(vertex.properties))
-    notes = _surplus(len(lines) - wanted, "lines")
+    notes = surplus_note(len(lines) - wanted, "lines", "element")
     return cloud_of_columns({role: rows[:, column] for role, column in roles.items()}, notes)
 
 
@@ -135,7 +135,7 @@ def _read_binary(
             layout = {role: (vertex.properties[i].dtype.str, int(offsets[i])) for role, i in roles.items()}
             columns = unpack_records(content, start, vertex.count, vertex.least_bytes, layout)
         start = _end_of(element, content, start)
-    return cloud_of_columns(columns, _surplus(len(content) - start, "bytes"))
+    return cloud_of_columns(columns, surplus_note(len(content) - start, "bytes", "element"))
 
 
 def _end_of(element: _Element, content: bytes, start: int) -> int:
@@ -168,7 +168,3 @@ def _cut_in(element: _Element, record: int) -> InputError:
         f"it ends within {element.name} {record + 1:,} of {element.count:,}: "
         "the file is cut or damaged; write or copy it again"
     )
-
-
-def _surplus(count: int, what: str) -> list[str]:
-    return [f"ignored {count:,} {what} after the last element"] if count else []

@@ -97,3 +97,8 @@ def require_bytes(what: str, needed: int, held: int) -> None:
             f"the header promises {what}, {needed:,} bytes, but only {max(held, 0):,} bytes follow: "
             "the file is cut or its header is wrong; write or copy it again"
         )
+
+
+def surplus_note(count: int, what: str, last: str) -> list[str]:
+    """What to tell of `count` lines or bytes behind the last point or element; nothing where there is none."""
+    return [f"ignored {count:,} {what} after the last {last}"] if count else []

@@ -11,8 +11,9 @@ from kernels.device import Device, choose_device
 from kernels.errors import InputError
 from spectral.grid import Grid, scan_center
 from spectral.registration import SpectralRegistrar
+from tools.follow import Follow
 from tools.reproduce.methods import METHODS
-from tools.reproduce.trial import Follow, Trial
+from tools.reproduce.trial import Trial
 from tools.simulate.scenes import SCENES
 from tools.simulate.series import TABLE1_COUNT, TABLE1_RIG, table1_pair
 

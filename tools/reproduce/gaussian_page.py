@@ -2,11 +2,11 @@
 
 from statistics import median
 
+from tools.evaluate import RIGHT_DEG, RIGHT_VOXELS
 from tools.reproduce.gaussian import EXTENT, GaussianResult, GaussianSettings
 from tools.reproduce.gaussian_summary import Summary, summarize
 from tools.reproduce.methods import METHODS
 from tools.reproduce.table import Table
-from tools.reproduce.trial import RIGHT_DEG, RIGHT_VOXELS
 from tools.reproduce.wilson import wilson
 from tools.simulate.series import TABLE1_COUNT
 

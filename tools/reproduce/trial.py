@@ -1,7 +1,5 @@
 """One registration beside its truth, and what counts as right: the same for every experiment."""
 
-from collections.abc import Callable
-from contextlib import AbstractContextManager
 from dataclasses import dataclass
 from typing import Literal
 
@@ -9,16 +7,9 @@ import numpy as np
 from scipy.spatial.transform import RigidTransform
 
 from spectral.result import Registration
-from tools.evaluate import PairError, pair_error
-
-# A registration is right within these; the voxel is the one of the grid that it was computed on.
-RIGHT_DEG = 6.0
-RIGHT_VOXELS = 3.0
+from tools.evaluate import RIGHT_DEG, RIGHT_VOXELS, PairError, pair_error
 
 Step = Literal["", "yaw", "tilt", "translation"]
-
-# Follows work: label and number of pieces to a context that gives a function to call after each.
-Follow = Callable[[str, int], AbstractContextManager[Callable[[str], None]]]
 
 
 @dataclass(frozen=True, slots=True)

@@ -157,8 +157,7 @@ def package_versions() -> dict[str, str | None]:
 
 
 def to_json(value: Any) -> Any:
-    """A value in JSON's types: NumPy's, dataclasses, tuples, sets and paths included; NaN and infinity are
-    null.
+    """A value in JSON's types: NumPy's, dataclasses, tuples, sets and paths included; NaN and infinity are null.
 
     Raises:
         TypeError: a value that JSON has no form for.
