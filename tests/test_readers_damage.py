@@ -13,6 +13,7 @@ from hypothesis import strategies as st
 from kernels.errors import InputError
 from spectral.scan import Scan
 from tools.readers import FORMATS, read_scans
+from tools.readers.cloud import COORDINATE_LIMIT
 
 pytestmark = pytest.mark.filterwarnings("error")
 NAMES = list(SAMPLES)
@@ -24,6 +25,16 @@ def read(folder: Path, suffix: str, content: bytes) -> Scan:
     path = folder / f"scan{suffix}"
     path.write_bytes(content)
     return read_scans([path]).scans[0]
+
+
+def check_usable(scan: Scan) -> None:
+    assert len(scan.points) >= 1
+    assert np.isfinite(scan.points).all()
+    assert np.abs(scan.points).max() <= COORDINATE_LIMIT
+    if scan.strength is not None:
+        assert scan.strength.shape == (len(scan.points),)
+        assert np.isfinite(scan.strength).all()
+        assert (scan.strength >= 0).all()
 
 
 @pytest.mark.parametrize("sample", [name for name in NAMES if name != "sonar"])
@@ -67,9 +78,7 @@ def test_damaged_bytes_are_refused_or_harmless(tmp_path, sample):
             scan = read(tmp_path, suffix, changed)
         except InputError:
             continue
-        assert len(scan.points) >= 1
-        assert np.isfinite(scan.points).all()
-        assert scan.strength is None or (np.isfinite(scan.strength).all() and (scan.strength >= 0).all())
+        check_usable(scan)
 
 
 @pytest.mark.parametrize("sample", NAMES)
@@ -88,9 +97,10 @@ def test_wild_numbers_in_headers_are_refused_or_harmless(tmp_path, sample):
         ):
             changed = content[: number.start()] + lie + content[number.end() :]
             try:
-                read(tmp_path, suffix, changed)
+                scan = read(tmp_path, suffix, changed)
             except InputError:
                 continue
+            check_usable(scan)
 
 
 BEGINNINGS = [b"", *(content[:length] for _, content in SAMPLES.values() for length in (8, 60, 150))]
@@ -102,6 +112,7 @@ def test_garbage_is_refused_or_harmless(tmp_path, start, rest, suffix):
     with warnings.catch_warnings():
         warnings.simplefilter("error")
         try:
-            read(tmp_path, suffix, start + rest)
+            scan = read(tmp_path, suffix, start + rest)
         except InputError:
             return
+    check_usable(scan)
