@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING, Annotated
 
 import typer
 
-from tools.cli.options import DeviceOption, GridOption, JsonOption, QuietOption, SeedOption
+from tools.cli.options import DEFAULT_EDGE, DeviceOption, GridOption, JsonOption, QuietOption, SeedOption
 from tools.cli.progress import progress
 from tools.cli.terminal import printable
 
@@ -15,7 +15,7 @@ if TYPE_CHECKING:
     from tools.reproduce.gaussian import GaussianResult
 
 EXPERIMENTS = ("gaussian",)
-DEFAULT_EDGE, DEFAULT_SEEDS, DEFAULT_SIGMA2 = 128, 3, (1.0, 2.0)
+DEFAULT_SEEDS, DEFAULT_SIGMA2 = 3, (1.0, 2.0)
 
 
 def command(

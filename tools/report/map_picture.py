@@ -3,12 +3,17 @@
 import warnings
 from collections.abc import Sequence
 from pathlib import Path
+from typing import TYPE_CHECKING
 
 import numpy as np
 
 from slam.point_map import PointMap
 from slam.trajectory import Trajectory
 from tools.atomic import atomic_path
+
+if TYPE_CHECKING:
+    from matplotlib.axes import Axes
+    from matplotlib.collections import PathCollection
 
 _DOTS = 400_000  # more points than this are thinned: the picture has no more pixels to show them
 
@@ -28,16 +33,9 @@ def draw_map(path: Path, point_map: PointMap, trajectory: Trajectory, names: Seq
     from matplotlib.figure import Figure
     from matplotlib.patheffects import withStroke
 
-    points = point_map.points
-    trusted = points[point_map.seen >= 2] if (point_map.seen >= 2).any() else points
-    low, high = np.quantile(trusted[:, 2], [0.01, 0.99])  # stray echoes are mostly seen once: no color for them
-    points = points[:: max(1, -(-len(points) // _DOTS))]
-    points = points[np.argsort(points[:, 2], kind="stable")]  # what is higher hides what is below it
-
     figure = Figure(figsize=(10, 8), dpi=140, layout="constrained")
     axes = figure.add_subplot()
-    size = float(np.clip(2e5 / len(points), 0.3, 12.0))
-    dots = axes.scatter(*points[:, :2].T, c=points[:, 2], s=size, cmap="viridis", vmin=low, vmax=high, linewidths=0)
+    dots = _scatter(axes, point_map)
     places = trajectory.T_world_sensor.translation
     axes.plot(*places[:, :2].T, "-", color="tab:red", linewidth=1.5, marker="o", markersize=4, label="sensor")
     halo = [withStroke(linewidth=3, foreground="white")]
@@ -54,6 +52,17 @@ def draw_map(path: Path, point_map: PointMap, trajectory: Trajectory, names: Seq
     with atomic_path(path) as temporary, warnings.catch_warnings():
         warnings.filterwarnings("ignore", message="Glyph .* missing")  # of names in other scripts: boxes will do
         figure.savefig(temporary, format="png")
+
+
+def _scatter(axes: "Axes", point_map: PointMap) -> "PathCollection":
+    """The map's points as dots, colored by height."""
+    points = point_map.points
+    trusted = points[point_map.seen >= 2] if (point_map.seen >= 2).any() else points
+    low, high = np.quantile(trusted[:, 2], [0.01, 0.99])  # stray echoes are mostly seen once: no color for them
+    points = points[:: max(1, -(-len(points) // _DOTS))]
+    points = points[np.argsort(points[:, 2], kind="stable")]  # what is higher hides what is below it
+    size = float(np.clip(2e5 / len(points), 0.3, 12.0))
+    return axes.scatter(*points[:, :2].T, c=points[:, 2], s=size, cmap="viridis", vmin=low, vmax=high, linewidths=0)
 
 
 def _shown(name: str) -> str:
