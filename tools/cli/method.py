@@ -52,7 +52,10 @@ def build_registrar(scans: "Sequence[Scan]", method: Method) -> "SpectralRegistr
         max_tilt=float(np.deg2rad(method.max_tilt)), yaw_peaks=method.yaw_peaks, use_strength=method.strength
     )
     grid = choose_grid(scans, method.grid or DEFAULT_EDGE, method.voxel)
-    return SpectralRegistrar(choose_device(method.device), grid, config)
+    device = choose_device(method.device)
+    for note in device.notes:
+        say(note)
+    return SpectralRegistrar(device, grid, config)
 
 
 def _look_for_strength(scans: "Sequence[Scan]") -> None:

@@ -89,6 +89,8 @@ def find_peaks_case(w: Workload) -> Case:
 
     def read() -> np.ndarray:
         peak = found[0]
-        return np.concatenate([peak.index, [peak.value, (peak.value - peak.mean) / peak.std], peak.neighborhood.ravel()])
+        return np.concatenate(
+            [peak.index, [peak.value, (peak.value - peak.mean) / peak.std], peak.neighborhood.ravel()]
+        )
 
     return Case("find_peaks", "np.argmax, mean, std", host.nbytes, 1e-5, run, read, lambda: twins.peak(host))
