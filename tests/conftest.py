@@ -11,14 +11,20 @@ from kernels.errors import DeviceError
 
 @cache
 def selectors() -> list[str | None]:
-    """The devices that work, one of each kind; None: the one that is chosen by itself, or by PYOPENCL_CTX."""
+    """The devices that work, one of each kind; None: the one that is chosen by itself, or by PYOPENCL_CTX.
+
+    Two drivers for one processor, as pip's PoCL beside the system's, are one device: the one that is chosen.
+    """
     if os.environ.get("PYOPENCL_CTX"):
         return [None]
     try:
-        working = {(info.name, info.version): info.selector for info in list_devices() if not info.fault}
+        working = [info for info in list_devices() if not info.fault]
+        chosen = [choose_device("cpu").selector] if any(info.kind == "cpu" for info in working) else []
     except DeviceError:
         return [None]
-    return list(working.values()) if len(working) > 1 else [None]
+    others = {(info.name, info.version): info.selector for info in working if info.kind != "cpu"}
+    found = [*others.values(), *chosen]
+    return list(found) if len(found) > 1 else [None]
 
 
 def pytest_generate_tests(metafunc: pytest.Metafunc) -> None:
