@@ -30,9 +30,9 @@ _LAYERS = (0.2, 0.8)
 # Sect. 2.5: the share of the radial axis of the 2D spectra that the yaw is read from.
 _RADIAL = (0.11, 0.45)
 # Standard deviations of the Gaussians that correlations are convolved with before a peak is looked for [bins]. The
-# heading is exact; the other unwraps distort a little, which spreads their peaks. Measured on simulated pairs: with a
-# yaw blur of 0.7 bins a false peak, of structure that stands with the sensor, was highest in all of 24 pairs, with
-# 1.5 in six.
+# heading is exact; the other unwraps distort a little, which spreads their peaks. On the 24 simulated pairs that this
+# was chosen on, with windows on the unwrap and the polar image, the right yaw was the highest peak in 0 with a blur of
+# 0.7 bins and in 15 with 1.5; without the windows, as here, in 18.
 _HEADING_BLUR = 0.7
 _TILT_BLUR = 1.5
 _YAW_BLUR = 1.5

@@ -11,8 +11,8 @@ from spectral.grid import Grid
 from spectral.translation import peak_width
 
 # A peak so many deviations high, for every voxel of the grid's edge, is placed to within the quantization alone; the
-# error of lower ones grows with the inverse of their height. On 54 simulated pairs the normalized squared error then
-# averages 6.2, as six degrees of freedom should.
+# error of lower ones grows with the inverse of their height. On the 54 simulated pairs that this was chosen on, the
+# normalized squared error averages 6.2; on 45 others 4.7. Six degrees of freedom should give 6.
 _CLEAR_PSR = 0.7
 _QUANTIZATION = 1.0 / 12.0  # variance of a number rounded to whole voxels or bins
 

@@ -23,7 +23,7 @@ class Method:
 METHODS: MappingProxyType[str, Method] = MappingProxyType(
     {
         "paper": Method(
-            "the paper's chain and nothing else: one yaw peak, no refinement",
+            "the paper's chain, one yaw peak and no refinement, with this project's windows and POMFs",
             SpectralConfig(yaw_peaks=1, refinements=0, final_refinements=0, search=False),
         ),
         "one peak": Method("one yaw peak, the rotation refined", SpectralConfig(yaw_peaks=1)),
