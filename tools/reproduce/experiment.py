@@ -1,0 +1,68 @@
+"""What an experiment is: jobs that can be done one by one, and what is made of all their rows."""
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any, ClassVar, Protocol
+
+from tools.reproduce.table import Table
+
+Value = str | int | float | bool
+Row = Mapping[str, Value]
+
+
+@dataclass(frozen=True, slots=True)
+class Outcome:
+    """What one job found.
+
+    Attributes:
+        rows: the same on every run, key by key: they become NAME.csv.
+        seconds: rows of times: they become NAME-seconds.csv, the file that may differ between runs.
+    """
+
+    rows: tuple[Row, ...]
+    seconds: tuple[Row, ...] = ()
+
+
+@dataclass(frozen=True, slots=True)
+class Section:
+    """What an experiment says to people.
+
+    Attributes:
+        title: a heading, with the paper's figures and tables in it.
+        introduction: Markdown: what was done, what counts as right.
+        tables: the paper's value, ours, and the verdict side by side, the first the one that matters.
+        times: tables of run times; they differ between runs and stand in a file of their own.
+        pictures: file names of the figures -> captions, in order; `draw` writes them.
+        remarks: Markdown: what the figures show, computed from the rows.
+    """
+
+    title: str
+    introduction: str
+    tables: tuple[Table, ...]
+    times: tuple[Table, ...]
+    pictures: Mapping[str, str]
+    remarks: str = ""
+
+
+class Experiment(Protocol):
+    """One of the paper's experiments, with its settings. A new one is a class and a row of EXPERIMENTS."""
+
+    name: ClassVar[str]
+    settings: Any  # a frozen dataclass of JSON's types: with the sources it decides all rows
+
+    def jobs(self) -> Sequence[str]:
+        """The keys of all jobs, in the order in which they are done; each can be done alone."""
+        ...
+
+    def run(self, job: str) -> Outcome:
+        """Do one job. What jobs share (plans, prepared scans) is kept by the experiment, and may be made anew."""
+        ...
+
+    def section(self, outcomes: Mapping[str, Outcome]) -> Section:
+        """The words and tables, from all jobs' outcomes."""
+        ...
+
+    def draw(self, folder: Path, outcomes: Mapping[str, Outcome]) -> None:
+        """Write the section's pictures into an existing folder."""
+        ...
