@@ -9,19 +9,33 @@ from typing import Any
 import numpy as np
 
 from kernels.errors import InputError
+from tools.simulate.catalog import SCENE_KINDS, SceneKind
 from tools.simulate.clutter import clutter
 from tools.simulate.floodgate import floodgate
 from tools.simulate.harbor import harbor
+from tools.simulate.manifold import manifold
+from tools.simulate.pool import pool
+from tools.simulate.ship import ship
 from tools.simulate.solids import Mesh
 
 SCENES: MappingProxyType[str, Callable[[int], Mesh]] = MappingProxyType(
-    {"floodgate": floodgate, "harbor": harbor, "clutter": clutter}
+    {
+        "floodgate": floodgate,
+        "harbor": harbor,
+        "clutter": clutter,
+        "ship": ship,
+        "pool": pool,
+        "manifold": manifold,
+    }
 )
+
+# Of the rays that tell inside from outside: upward, but along no edge that a builder would draw
+UPWARD = np.array([0.0312, 0.0471, 1.0]) / np.linalg.norm([0.0312, 0.0471, 1.0])
 
 
 @dataclass(frozen=True)
 class Scene:
-    """A world to look at: about 256 m on a side, centered, z up, the water's surface at z = 0.
+    """A world to look at: centered in x and y, z up, the water's surface at z = 0.
 
     Attributes:
         name: which scene, a key of SCENES or a name of the caller's.
@@ -40,25 +54,64 @@ class Scene:
 
         Returns:
             (N,) float64 ranges [m], inf where a ray meets nothing, and (N,) sines of grazing angles, 0..1.
+        """
+        ranges, normals = self.strike(origins, directions)
+        return ranges, np.minimum(np.abs(np.einsum("ij,ij->i", normals, directions)), 1.0)
+
+    def strike(self, origins: np.ndarray, directions: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+        """The nearest surface along rays, and how it stands.
 
         Open3D's ray caster says which triangle a ray meets; the point on its plane is then computed in
         float64, so that the range is exact and does not depend on the machine's vector unit.
+
+        Args:
+            origins: (N, 3) [m].
+            directions: (N, 3) unit vectors.
+
+        Returns:
+            (N,) float64 ranges [m], inf where a ray meets nothing, and (N, 3) unit normals of what it meets,
+            zeros where nothing.
         """
         import open3d as o3d
 
         rays = np.concatenate([origins, directions], axis=1).astype(np.float32)
         found = self._caster.cast_rays(o3d.core.Tensor.from_numpy(rays))["primitive_ids"].numpy()
         met = np.flatnonzero(found != o3d.t.geometry.RaycastingScene.INVALID_ID)
-        corner = self.mesh.vertices[self.mesh.triangles[found[met].astype(np.int64)]]
-        normal = np.cross(corner[:, 1] - corner[:, 0], corner[:, 2] - corner[:, 0])
-        normal /= np.linalg.norm(normal, axis=1, keepdims=True)
+        corner, normal = self._planes(found[met].astype(np.int64))
         closing = np.einsum("ij,ij->i", normal, directions[met])
         distance = np.einsum("ij,ij->i", normal, corner[:, 0] - origins[met])
-        ranges = np.full(len(origins), np.inf)
-        sine_grazing = np.zeros(len(origins))
+        ranges, normals = np.full(len(origins), np.inf), np.zeros((len(origins), 3))
         ranges[met] = np.divide(distance, closing, out=np.full(len(met), np.inf), where=closing != 0)
-        sine_grazing[met] = np.minimum(np.abs(closing), 1.0)
-        return ranges, sine_grazing
+        normals[met] = normal
+        return ranges, normals
+
+    @property
+    def kind(self) -> SceneKind:
+        """Its row of SCENE_KINDS.
+
+        Raises:
+            InputError: a scene of the caller's own, of which nothing is known beforehand.
+        """
+        return scene_kind(self.name)
+
+    def is_solid(self, places: np.ndarray) -> np.ndarray:
+        """Whether places (N, 3) [m] lie within a solid or under the bed, (N,) bool.
+
+        Counts along a ray upward how many surfaces it leaves more than it enters: solids may overlap.
+        """
+        import open3d as o3d
+
+        rays = np.concatenate([places, np.broadcast_to(UPWARD, places.shape)], axis=1).astype(np.float32)
+        met = self._caster.list_intersections(o3d.core.Tensor.from_numpy(rays))
+        _, normal = self._planes(met["primitive_ids"].numpy().astype(np.int64))
+        leaving = np.bincount(met["ray_ids"].numpy(), weights=np.sign(normal @ UPWARD), minlength=len(places))
+        return leaving > 0.5
+
+    def _planes(self, triangles: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+        """Corners (N, 3, 3) [m] and unit normals (N, 3) of some triangles."""
+        corner = self.mesh.vertices[self.mesh.triangles[triangles]]
+        normal = np.cross(corner[:, 1] - corner[:, 0], corner[:, 2] - corner[:, 0])
+        return corner, normal / np.linalg.norm(normal, axis=1, keepdims=True)
 
     @cached_property
     def _caster(self) -> Any:
@@ -70,6 +123,13 @@ class Scene:
             o3d.core.Tensor.from_numpy(self.mesh.triangles.astype(np.uint32)),
         )
         return caster
+
+
+def scene_kind(name: str) -> SceneKind:
+    """What there is to know of the scene `name` without building it."""
+    if name not in SCENE_KINDS:
+        raise InputError(f"no scene is called {name!r}; there are {', '.join(SCENE_KINDS)}")
+    return SCENE_KINDS[name]
 
 
 @lru_cache(maxsize=4)
