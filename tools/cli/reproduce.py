@@ -1,96 +1,119 @@
 """`sonarmap reproduce`: the paper's experiments on simulated scans, beside what the paper reports."""
 
 import json
-import sys
+from collections.abc import Sequence
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated
 
 import typer
 
-from tools.cli.options import DEFAULT_EDGE, DeviceOption, GridOption, JsonOption, QuietOption, SeedOption
+from tools.cli.options import DeviceOption, GridOption, JsonOption, QuietOption, check_seed
 from tools.cli.progress import progress
-from tools.cli.terminal import printable
+from tools.cli.terminal import printable, result_console, say
+from tools.reproduce.experiments import ALL, EXPERIMENTS, Request, chosen, create
 
 if TYPE_CHECKING:
-    from tools.reproduce.gaussian import GaussianResult
+    from tools.reproduce.folder import Record
 
-EXPERIMENTS = ("gaussian",)
-DEFAULT_SEEDS, DEFAULT_SIGMA2 = 3, (1.0, 2.0)
+_SHOWN = "; ".join(f"{name}: {entry.shows}" for name, entry in EXPERIMENTS.items())
 
 
 def command(
-    name: Annotated[str, typer.Argument(help="gaussian: Table 1, Figs. 20 and 21.", metavar="NAME")],
-    out: Annotated[Path, typer.Option("-o", "--out", help="Folder for the results.", metavar="OUT")] = Path(
-        "reproduction"
-    ),
-    scene: Annotated[str, typer.Option(help="floodgate, harbor or clutter.", metavar="NAME")] = "floodgate",
-    sigma2: Annotated[
-        list[float] | None,
+    name: Annotated[str, typer.Argument(help=f"{_SHOWN}; {ALL}: each in turn.", metavar="NAME")],
+    out: Annotated[
+        Path, typer.Option("-o", "--out", help="Folder for the results, and to go on from.", metavar="OUT")
+    ] = Path("reproduction"),
+    quick: Annotated[
+        bool, typer.Option("--quick", help="A minute each, with less of everything that no option sets.")
+    ] = False,
+    fresh: Annotated[bool, typer.Option("--fresh", help="Do again what an earlier run has done.")] = False,
+    page: Annotated[
+        Path | None,
         typer.Option(
-            metavar="V", help="Variance of the range noise at the largest range \\[m^2]; may be repeated. \\[1 and 2]"
+            "--page", metavar="FILE", help="Then write a page on all experiments in OUT, as in docs/reproduction.md."
         ),
     ] = None,
-    seeds: Annotated[
-        int | None, typer.Option(metavar="N", help="How many seeds, counted from --seed. \\[3]", min=1)
+    scene: Annotated[str | None, typer.Option(help="floodgate, harbor or clutter.", metavar="SCENE")] = None,
+    sigma2: Annotated[
+        list[float] | None,
+        typer.Option(metavar="V", help="Variance of the range noise at the largest range \\[m^2]; may be repeated."),
     ] = None,
-    quick: Annotated[
-        bool, typer.Option("--quick", help="Under a minute: one seed and one sigma^2 where none are given.")
-    ] = False,
-    grid: GridOption = DEFAULT_EDGE,
+    seeds: Annotated[int | None, typer.Option(metavar="N", help="How many seeds.", min=1)] = None,
+    seed: Annotated[
+        int | None,
+        typer.Option("--seed", metavar="S", help="The first of them; same seed, same result.", callback=check_seed),
+    ] = None,
+    grid: GridOption = None,
     device: DeviceOption = None,
-    seed: SeedOption = 1,
     as_json: JsonOption = False,
     quiet: QuietOption = False,
 ) -> None:
     """Repeat an experiment of the paper on simulated scans, and show its numbers beside the paper's.
 
-    OUT gets NAME.csv with every registration, NAME.md with the tables, and NAME.png, a figure like the paper's.
+    OUT gets NAME.csv with every row, NAME.md with the tables, NAME*.png with figures like the paper's, and the times in
+    NAME-seconds.csv, NAME-times.md and NAME.json. A run that was stopped goes on where it was when the same command is
+    given again.
     """
-    from kernels.errors import InputError
+    from kernels.device import choose_device
     from tools.atomic import require_writable
-    from tools.reproduce.gaussian import GaussianSettings, run_gaussian
-    from tools.reproduce.gaussian_folder import write_gaussian
+    from tools.reproduce.page import write_page
 
-    if name not in EXPERIMENTS:
-        raise InputError(f"no experiment is called {name!r}; there is {', '.join(EXPERIMENTS)}")
-    settings = GaussianSettings(
-        scene=scene,
-        sigma2=tuple(dict.fromkeys(sigma2 or DEFAULT_SIGMA2[: 1 if quick else None])),
-        seeds=seeds or (1 if quick else DEFAULT_SEEDS),
-        first_seed=seed,
-        edge=grid or DEFAULT_EDGE,
-    )
+    silent = quiet or as_json
+    noises = tuple(dict.fromkeys(sigma2)) if sigma2 else None
+    names = chosen(name, Request(None, quick, seeds, seed, grid, scene, noises))
     require_writable(out)
-    result = run_gaussian(device, settings, lambda label, total: progress(label, total, quiet=quiet or as_json))
-    written = write_gaussian(out, result)
+    opened = choose_device(device)
+    for note in opened.notes:
+        say(note)
+    request = Request(opened, quick, seeds, seed, grid, scene, noises)
+    records = [_reproduce(one, request, out, fresh, silent, printed=not as_json) for one in names]
+    written = write_page(page, out) if page else []
     if as_json:
-        typer.echo(json.dumps(_as_json(result, written), indent=2, allow_nan=False))
-    else:
-        _print(result, written)
+        typer.echo(json.dumps(_as_json(records, out, written), indent=2, allow_nan=False))
+    elif page:
+        typer.echo(f"the page is {printable(str(page))}")
 
 
-def _as_json(result: "GaussianResult", written: list[Path]) -> dict[str, object]:
-    from dataclasses import asdict
+def _reproduce(name: str, request: Request, out: Path, fresh: bool, silent: bool, printed: bool) -> "Record":
+    """Run one experiment and write its files; what it holds on the device is let go before the next."""
+    from tools.reproduce.folder import write_experiment
+    from tools.reproduce.provenance import provenance
+    from tools.reproduce.run import run
 
-    from tools.reproduce.gaussian_summary import summarize
+    experiment = create(name, request)
+    origin = provenance(experiment, request.opened)
+    tell = (lambda _: None) if silent else say
+    try:
+        result = run(experiment, origin, out, lambda label, total: progress(label, total, quiet=silent), fresh, tell)
+    except KeyboardInterrupt:
+        tell("the jobs that were done are kept; the same command without --fresh goes on from there")
+        raise
+    record = write_experiment(out, experiment, result, origin, request.command(name))
+    if printed:
+        _print(record, out)
+    return record
 
-    return {
-        "settings": asdict(result.settings),
-        "device": result.device,
-        "seconds": result.seconds,
-        "summary": [summary.to_json() for summary in summarize(result)],
-        "files": [str(path) for path in written],
-    }
 
+def _print(record: "Record", out: Path) -> None:
+    from tools.reproduce.section_text import duration
 
-def _print(result: "GaussianResult", written: list[Path]) -> None:
-    from rich.console import Console
-
-    from tools.reproduce.gaussian_page import describe_right, gaussian_tables
-
-    console = Console(width=None if sys.stdout.isatty() else 200, highlight=False)
-    for table in gaussian_tables(result):
+    console, section = result_console(), record.section
+    console.print(section.title, style="bold", markup=False)
+    console.print()
+    for table in (*section.tables, *section.times):
         console.print(table.rich())
         console.print()
-    typer.echo(describe_right(result.settings))
-    typer.echo(f"in {', '.join(printable(str(path)) for path in written)}")
+    if section.remarks:
+        console.print(section.remarks, markup=False)
+        console.print()
+    files = ", ".join(printable(str(out / name)) for name in record.files)
+    typer.echo(f"{record.jobs} jobs in {duration(record.seconds)}; in {files}")
+
+
+def _as_json(records: "Sequence[Record]", out: Path, page: Sequence[Path]) -> dict[str, object]:
+    from tools.writers.summary import to_json
+
+    return {
+        "experiments": [to_json(record) | {"files": [str(out / name) for name in record.files]} for record in records],
+        "page": [str(path) for path in page],
+    }

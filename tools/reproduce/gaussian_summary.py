@@ -1,25 +1,25 @@
-"""What the registrations of Table 1 come to, per noise and method, beside what the paper reports."""
+"""What the registrations of Table 1 come to, per grid, noise and method, beside what the paper reports."""
 
 from collections import Counter
-from dataclasses import asdict, dataclass
-from statistics import median
+from collections.abc import Iterable, Mapping, Sequence
+from dataclasses import dataclass
+from statistics import median, median_low
 from types import MappingProxyType
-from typing import Any
 
-from tools.reproduce.gaussian import GaussianResult, GaussianRow
-from tools.reproduce.methods import METHODS
-from tools.reproduce.trial import Step
+from tools.reproduce.gaussian_row import GaussianRow
 from tools.reproduce.wilson import Rate, wilson
 
 # sigma^2 [m^2] -> the last scan up to which the paper's registrations succeed (Figs. 20, 21)
-PAPER_LAST: MappingProxyType[float, int] = MappingProxyType({1.0: 8, 2.0: 6})
+PAPER_LAST: Mapping[float, int] = MappingProxyType({1.0: 8, 2.0: 6})
+STEPS = ("yaw", "tilt", "translation")
 
 
 @dataclass(frozen=True, slots=True)
 class Summary:
-    """One noise and one method.
+    """One grid, one noise and one method.
 
     Attributes:
+        grid: voxels per edge.
         sigma2: variance of the range noise at the largest range [m^2].
         method: a key of METHODS.
         paper: the last scan that succeeds in the paper; None for a noise that it does not have.
@@ -30,10 +30,11 @@ class Summary:
         accepted_wrong: how many were believed and are wrong.
         refused_right: how many were not believed and are right.
         wrong_steps: how many are wrong by the first step that is.
+        ended_by: how many seeds end (the scan after `last` is wrong) by the first step that is wrong there.
         rotation_deg, translation_m: medians over those that are right; None where none is.
-        seconds: median of all, the scans being prepared [s].
     """
 
+    grid: int
     sigma2: float
     method: str
     paper: int | None
@@ -43,10 +44,15 @@ class Summary:
     right_within_3m: int
     accepted_wrong: int
     refused_right: int
-    wrong_steps: dict[Step, int]
+    wrong_steps: Mapping[str, int]
+    ended_by: Mapping[str, int]
     rotation_deg: float | None
     translation_m: float | None
-    seconds: float
+
+    @property
+    def median_last(self) -> int:
+        """The scan that at least half of the seeds reach."""
+        return median_low(self.last)
 
     @property
     def verdict(self) -> str:
@@ -58,44 +64,48 @@ class Summary:
             return "reached"
         return f"reached by {reached} of {len(self.last)} seeds" if reached else "not reached"
 
-    def to_json(self) -> dict[str, Any]:
-        """The same as JSON's types."""
-        return asdict(self) | {"verdict": self.verdict}
+
+def summarize(rows: Sequence[GaussianRow]) -> list[Summary]:
+    """One for each grid, noise and method, in the order of the rows."""
+    cases: dict[tuple[int, float, str], list[GaussianRow]] = {}
+    for row in rows:
+        cases.setdefault((row.grid, row.sigma2, row.method), []).append(row)
+    return [_summary(*case, members) for case, members in cases.items()]
 
 
-def summarize(result: GaussianResult) -> list[Summary]:
-    """One for each noise and method, in their order."""
-    return [
-        _summary(sigma2, method, result.of(sigma2, method)) for sigma2 in result.settings.sigma2 for method in METHODS
-    ]
+def last_right(rows: Sequence[GaussianRow]) -> tuple[int, ...]:
+    """Of one grid, noise and method: per seed, in order, the last scan that is right with all before it; -1 where S0 is
+    wrong."""
+    farthest = max(row.scan for row in rows)
+    ends = dict.fromkeys(sorted({row.seed for row in rows}), farthest)
+    for row in rows:
+        if not row.right:
+            ends[row.seed] = min(ends[row.seed], row.scan - 1)
+    return tuple(ends.values())
 
 
-def last_right(rows: tuple[GaussianRow, ...]) -> tuple[int, ...]:
-    """Per seed, in order, the last scan that is right with all before it; -1 where S0 is wrong."""
-    first_wrong = {
-        seed: min((row.index for row in rows if row.seed == seed and not row.trial.right), default=None)
-        for seed in sorted({row.seed for row in rows})
-    }
-    farthest = max(row.index for row in rows)
-    return tuple(farthest if wrong is None else wrong - 1 for wrong in first_wrong.values())
-
-
-def _summary(sigma2: float, method: str, rows: tuple[GaussianRow, ...]) -> Summary:
-    trials = [row.trial for row in rows]
-    right = [trial.error for trial in trials if trial.right]
-    wrong = Counter(trial.wrong_step for trial in trials if not trial.right)
+def _summary(grid: int, sigma2: float, method: str, rows: Sequence[GaussianRow]) -> Summary:
+    right = [row for row in rows if row.right]
+    last = last_right(rows)
+    ends = {(seed, end + 1) for seed, end in zip(sorted({row.seed for row in rows}), last, strict=True)}
     return Summary(
+        grid=grid,
         sigma2=sigma2,
         method=method,
         paper=PAPER_LAST.get(sigma2),
-        last=last_right(rows),
-        right=wilson(len(right), len(trials)),
-        right_at_center=sum(trial.right_at_center for trial in trials),
-        right_within_3m=sum(error.translation_m <= 3.0 for error in right),
-        accepted_wrong=sum(trial.registration.accepted and not trial.right for trial in trials),
-        refused_right=sum(trial.right and not trial.registration.accepted for trial in trials),
-        wrong_steps={step: wrong[step] for step in ("yaw", "tilt", "translation")},
-        rotation_deg=median(error.rotation_deg for error in right) if right else None,
-        translation_m=median(error.translation_m for error in right) if right else None,
-        seconds=median(trial.registration.seconds for trial in trials),
+        last=last,
+        right=wilson(len(right), len(rows)),
+        right_at_center=sum(row.right_at_center for row in rows),
+        right_within_3m=sum(row.translation_m <= 3.0 for row in right),
+        accepted_wrong=sum(row.accepted and not row.right for row in rows),
+        refused_right=sum(row.right and not row.accepted for row in rows),
+        wrong_steps=_count(row for row in rows if not row.right),
+        ended_by=_count(row for row in rows if (row.seed, row.scan) in ends),
+        rotation_deg=median(row.rotation_deg for row in right) if right else None,
+        translation_m=median(row.translation_m for row in right) if right else None,
     )
+
+
+def _count(rows: Iterable[GaussianRow]) -> dict[str, int]:
+    wrong = Counter(row.wrong_step for row in rows)
+    return {step: wrong[step] for step in STEPS}

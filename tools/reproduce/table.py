@@ -1,6 +1,7 @@
 """Tables of text: for Markdown, for a terminal, and as CSV."""
 
 import csv
+import math
 from collections.abc import Iterable, Sequence
 from dataclasses import dataclass
 from pathlib import Path
@@ -43,7 +44,7 @@ class Table:
 
 
 def write_csv(path: Path, headings: Sequence[str], rows: Iterable[Sequence[object]]) -> None:
-    """Write rows under their headings: floats with four decimals, truth values as 1 and 0.
+    """Write rows under their headings: floats with four decimals, truth values as 1 and 0, nothing for NaN.
 
     Raises:
         InputError: the file cannot be written.
@@ -57,4 +58,6 @@ def write_csv(path: Path, headings: Sequence[str], rows: Iterable[Sequence[objec
 def _cell(value: object) -> str:
     if isinstance(value, bool):
         return str(int(value))
-    return f"{value:z.4f}" if isinstance(value, float) else str(value)
+    if isinstance(value, float):
+        return "" if math.isnan(value) else f"{value:z.4f}"
+    return str(value)

@@ -1,0 +1,83 @@
+"""S0..S9 of Table 1 by every method, on one device and grid."""
+
+from collections.abc import Sequence
+from dataclasses import fields, replace
+from time import perf_counter
+
+from kernels.device import Device
+from spectral.grid import Grid
+from spectral.prepared import Prepared
+from spectral.registration import SpectralConfig, SpectralRegistrar
+from spectral.scan import Scan
+from tools.reproduce.gaussian_row import GaussianRow, GaussianTime, row_of
+from tools.reproduce.methods import METHODS
+from tools.reproduce.trial import Trial
+from tools.simulate.series import table1_pair
+
+# What a config says of pairs alone; two that differ in nothing else prepare a scan alike.
+_OF_PAIRS = ("yaw_peaks", "max_tilt", "refinements", "final_refinements", "search", "acceptance")
+
+
+class Series:
+    """Registers pairs of Table 1 by every method; each holds its own plan on the device.
+
+    The methods take turns on each pair, so that what else the machine does strikes all alike. A scan is prepared once
+    for all methods that prepare alike.
+    """
+
+    def __init__(self, device: Device, grid: Grid, scene: str) -> None:
+        """Plan every method.
+
+        Raises:
+            DeviceError: the device cannot hold what the grid needs.
+        """
+        self.device, self.grid, self.scene = device, grid, scene
+        self._registrars = {name: SpectralRegistrar(device, grid, method.config) for name, method in METHODS.items()}
+        self._reference: tuple[tuple[int, float], dict[str, Prepared]] | None = None
+
+    def register(self, index: int, seed: int, sigma2: float) -> list[tuple[GaussianRow, GaussianTime]]:
+        """S`index` by every method; the reference scan is prepared once for all scans of a series.
+
+        Raises:
+            InputError: a scan that shows too little to be registered.
+        """
+        target, source, truth = table1_pair(index, seed, sigma2, self.scene)
+        if self._reference is None or self._reference[0] != (seed, sigma2):
+            self._reference = (seed, sigma2), {name: one for name, (one, _) in self._prepare(target).items()}
+        found = []
+        for name, (candidate, seconds) in self._prepare(source).items():
+            registration = self._registrars[name].register(self._reference[1][name], candidate)
+            trial = Trial(registration, truth, candidate.center, self.grid.voxel)
+            row = row_of(trial, (self.scene, sigma2, seed, index), name, self.grid.edge)
+            time = GaussianTime(self.grid.edge, sigma2, seed, index, name, seconds, registration.seconds)
+            found.append((row, time))
+        return found
+
+    def _prepare(self, scan: Scan) -> dict[str, tuple[Prepared, float]]:
+        """The scan as every method needs it, by the method's name, and the seconds that took."""
+        shared: list[tuple[SpectralConfig, tuple[Prepared, float]]] = []
+        found = {}
+        for name, registrar in self._registrars.items():
+            preparation = preparation_of(registrar.config)
+            known = _find(shared, preparation)
+            if known is None:
+                start = perf_counter()
+                prepared = registrar.prepare(scan)
+                self.device.queue.finish()  # so that the registration's seconds are its own
+                known = prepared, perf_counter() - start
+                shared.append((preparation, known))
+            found[name] = known
+        return found
+
+
+def preparation_of(config: SpectralConfig) -> SpectralConfig:
+    """What of a config decides how a scan is prepared: the rest as it is by default."""
+    by_default = SpectralConfig()
+    kept = {field.name: getattr(by_default, field.name) for field in fields(config) if field.name in _OF_PAIRS}
+    return replace(config, **kept)
+
+
+def _find(
+    shared: Sequence[tuple[SpectralConfig, tuple[Prepared, float]]], preparation: SpectralConfig
+) -> tuple[Prepared, float] | None:
+    return next((known for one, known in shared if one == preparation), None)

@@ -1,0 +1,100 @@
+"""One page on all experiments, pictures included: docs/reproduction.md."""
+
+from collections.abc import Sequence
+from pathlib import Path
+
+from kernels.errors import InputError
+from tools.atomic import all_or_none, atomic_path
+from tools.reproduce.experiments import EXPERIMENTS
+from tools.reproduce.folder import Record, read_record, times_text
+from tools.reproduce.section_text import duration, section_text, verdicts
+from tools.reproduce.table import Table
+
+_INTRODUCTION = """# The paper's experiments, reproduced
+
+Bülow and Birk, "Spectral registration of noisy sonar data for underwater 3D mapping", Autonomous Robots 30, 2011, doi
+10.1007/s10514-011-9221-8. The paper tests translation, rotation and both together on a simulated scene with four kinds
+of noise (Sect. 3), and makes a map of eighteen scans of the Lesumer Sperrwerk, a flood gate near Bremen, taken with a
+Tritech Eclipse sonar (Sect. 4). It gives neither the scene nor the scans. So all scans here are simulated, those of
+Sect. 4 too: of a flood gate, a harbor and clutter (`sonarmap simulate`), with the paper's field of view, steps and
+noise, and with a truth for every pose. What the paper reports on its scans stands beside what this project finds on
+these: claims can be reproduced so, single numbers cannot.
+
+This page and its pictures are made by the commands below, each of which goes on where it was stopped; `--page FILE`
+writes the page from what is found in the folder of results. With the same seeds, code, device and versions the rows,
+tables and pictures come out the same byte by byte; only the times differ. Rates have Wilson's 95 % intervals.
+"""
+
+
+def write_page(path: Path, folder: Path, names: Sequence[str] = tuple(EXPERIMENTS)) -> list[Path]:
+    """Write the page and, into a folder of its stem beside it, the pictures: all or none.
+
+    Args:
+        path: of the page, as docs/reproduction.md.
+        folder: where the experiments' files are.
+        names: of the experiments to look for, in order; those that are not complete there are left out.
+
+    Returns:
+        the page, then the pictures.
+
+    Raises:
+        InputError: no experiment is there, or a file cannot be written.
+    """
+    records = [record for name in names if (record := read_record(folder, name))]
+    if not records:
+        raise InputError(f"no complete experiment is in {folder}; run 'sonarmap reproduce NAME -o {folder}' first")
+    pictures = [folder / name for record in records for name in record.section.pictures]
+    copies = [path.parent / path.stem / picture.name for picture in pictures]
+    with all_or_none():
+        for picture, copy in zip(pictures, copies, strict=True):
+            with atomic_path(copy) as temporary:
+                temporary.write_bytes(picture.read_bytes())
+        with atomic_path(path) as temporary:
+            temporary.write_text(page_text(records, f"{path.stem}/"), encoding="utf-8")
+    return [path, *copies]
+
+
+def page_text(records: Sequence[Record], pictures: str) -> str:
+    """The page's Markdown.
+
+    Args:
+        records: of the experiments, in their order.
+        pictures: what to put before the pictures' file names.
+    """
+    sections = [
+        f"{section_text(record.section, 2, pictures)}\n### Times\n\n{times_text(record)}\nMade by\n\n"
+        f"    {record.command}\n"
+        for record in records
+    ]
+    tables = [_verdict_table(records), _run_table(records)]
+    return "\n".join([_INTRODUCTION, *(table.markdown() for table in tables), *sections])
+
+
+def _verdict_table(records: Sequence[Record]) -> Table:
+    return Table(
+        "All verdicts",
+        ("experiment", "claim", "paper", "ours", "verdict"),
+        tuple(
+            (record.name, one.claim, one.paper, one.ours, one.verdict)
+            for record in records
+            for one in verdicts(record.section)
+        ),
+    )
+
+
+def _run_table(records: Sequence[Record]) -> Table:
+    return Table(
+        "On what machine, and in what time",
+        ("experiment", "shows", "jobs", "time", "machine", "made by"),
+        tuple(
+            (
+                record.name,
+                EXPERIMENTS[record.name].shows if record.name in EXPERIMENTS else "",
+                str(record.jobs),
+                duration(record.seconds),
+                record.provenance.place,
+                f"`{record.command}`",
+            )
+            for record in records
+        ),
+    )

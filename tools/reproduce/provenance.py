@@ -1,0 +1,136 @@
+"""Where an experiment's rows come from: its settings, the code, the device, and what is installed."""
+
+import ast
+import hashlib
+import inspect
+import json
+from collections.abc import Iterator, Mapping
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
+
+from kernels.device import Device
+from tools.bench.machine import describe_machine
+from tools.reproduce.experiment import Experiment
+from tools.writers.summary import package_versions, to_json
+
+ROOT = Path(__file__).parents[2]
+
+# Always part of what decides rows; beside these, whatever the experiment's own module imports.
+_DECIDING = (
+    "kernels",
+    "spectral",
+    "slam",
+    "tools/simulate",
+    "tools/baselines",
+    "tools/evaluate.py",
+    "tools/alignment.py",
+)
+
+# The last words in the names of those modules of tools/reproduce that only show rows.
+SHOWING = ("figure", "page", "summary", "tables", "section", "table", "text", "wilson", "experiments")
+
+
+@dataclass(frozen=True, slots=True)
+class Provenance:
+    """What has to be the same for rows to be the same, and the machine for people.
+
+    Attributes:
+        name: the experiment's.
+        settings: its settings in JSON's types.
+        sources: digest of the code that decides rows.
+        device, platform: the OpenCL device and its driver.
+        versions: of Python, the system and the packages.
+        processor, cores: the host's; they decide nothing.
+    """
+
+    name: str
+    settings: Mapping[str, Any]
+    sources: str
+    device: str
+    platform: str
+    versions: Mapping[str, str | None]
+    processor: str
+    cores: int
+
+    @property
+    def fingerprint(self) -> str:
+        """A digest of all that decides rows, 16 hexadecimal digits."""
+        deciding = [self.name, self.settings, self.sources, self.device, self.platform, self.versions]
+        return hashlib.sha256(json.dumps(to_json(deciding), sort_keys=True).encode()).hexdigest()[:16]
+
+    @property
+    def place(self) -> str:
+        """The machine in a few words: of the driver's long text what stands before its features."""
+        host = f"{self.processor}, {self.cores} cores" if self.processor else f"{self.cores} cores"
+        driver = self.platform.split("  ")[0].split(",")[0]
+        return f"{self.device} ({driver}; {host})"
+
+
+def provenance(experiment: Experiment, device: Device) -> Provenance:
+    """Of an experiment on a device, with the code as it is on disk now."""
+    machine = describe_machine(device)
+    return Provenance(
+        name=experiment.name,
+        settings=to_json(experiment.settings),
+        sources=source_digest(Path(inspect.getfile(type(experiment)))),
+        device=device.name,
+        platform=device.platform,
+        versions=package_versions(),
+        processor=machine.processor,
+        cores=machine.cores,
+    )
+
+
+def source_digest(module: Path, root: Path = ROOT) -> str:
+    """A digest of the names and contents of all files that decide the rows of the experiment in `module`.
+
+    Args:
+        module: a Python file.
+        root: of the project.
+    """
+    fixed = (path for name in _DECIDING for path in _files(root / name))
+    digest = hashlib.sha256()
+    for path in sorted({*fixed, *_imported(module.resolve(), root)}):
+        content = path.read_bytes()
+        name = path.relative_to(root).as_posix() if path.is_relative_to(root) else path.name
+        digest.update(f"{name}\0{len(content)}\0".encode() + content)
+    return digest.hexdigest()[:16]
+
+
+def _files(path: Path) -> Iterator[Path]:
+    if path.is_file():
+        yield path
+    else:
+        yield from (file for suffix in ("py", "cl") for file in path.rglob(f"*.{suffix}"))
+
+
+def _imported(module: Path, root: Path) -> set[Path]:
+    """The module and all modules of the project that it imports, those that only show rows left out."""
+    found, waiting = set(), [module]
+    while waiting:
+        path = waiting.pop()
+        if path in found or _only_shows(path, root):
+            continue
+        found.add(path)
+        for node in ast.walk(ast.parse(path.read_bytes())):
+            waiting += [file for name in _names(node) for file in _of_module(name, root)]
+    return found
+
+
+def _only_shows(path: Path, root: Path) -> bool:
+    return path.parent == root / "tools/reproduce" and path.stem.split("_")[-1] in SHOWING
+
+
+def _names(node: ast.AST) -> list[str]:
+    """The modules that an import statement may mean: `from a import b` has a, and a.b may be one too."""
+    if isinstance(node, ast.Import):
+        return [alias.name for alias in node.names]
+    if isinstance(node, ast.ImportFrom) and node.module:
+        return [node.module, *(f"{node.module}.{alias.name}" for alias in node.names)]
+    return []
+
+
+def _of_module(name: str, root: Path) -> list[Path]:
+    path = root.joinpath(*name.split("."))
+    return [file for file in (path.with_suffix(".py"), path / "__init__.py") if file.is_file()]
