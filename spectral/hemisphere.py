@@ -30,9 +30,7 @@ _LAYERS = (0.2, 0.8)
 # Sect. 2.5: the share of the radial axis of the 2D spectra that the yaw is read from.
 _RADIAL = (0.11, 0.45)
 # Standard deviations of the Gaussians that correlations are convolved with before a peak is looked for [bins]. The
-# heading is exact; the other unwraps distort a little, which spreads their peaks. On the 24 simulated pairs that this
-# was chosen on, with windows on the unwrap and the polar image, the right yaw was the highest peak in 0 with a blur of
-# 0.7 bins and in 15 with 1.5; without the windows, as here, in 18.
+# heading is exact; the other unwraps distort a little, which spreads their peaks (docs/method.md has the figures).
 _HEADING_BLUR = 0.7
 _TILT_BLUR = 1.5
 _YAW_BLUR = 1.5
@@ -67,14 +65,18 @@ class LayerSpectra:
 class Hemisphere:
     """Resampling and matching of hemisphere layers on one grid: Sects. 2.4 to 2.9 of the paper."""
 
-    def __init__(self, device: Device, edge: int) -> None:
-        """Plan the images and transforms for volumes of `edge` voxels."""
+    def __init__(self, device: Device, edge: int, windowed: bool = False) -> None:
+        """Plan the images and transforms for volumes of `edge` voxels.
+
+        `windowed` is whether Hann's window is laid over the images that yaw is read from (Sect. 2.5).
+        """
         self.device, self.edge = device, edge
         self.radii = np.arange(_LAYERS[0] * edge / 2, min(_LAYERS[1] * edge / 2, edge / 2 - 1.01), dtype=np.float32)
         layers = len(self.radii)
 
         unwrap = rotational_unwrap(edge)
         self._yaw_directions = upload_directions(device, unwrap)
+        self._yaw_window = device.to_device(_radial_hann(edge)) if windowed else None
         self._yaw_mask = device.to_device(valid_pixels(unwrap))
         self._yaw_fft = RealFFT(device, (layers, edge, edge), batched=True)
         self._polar_shape = (max(edge // 2, 16), min(2 * edge, _LARGEST_IMAGE))
@@ -109,24 +111,41 @@ class Hemisphere:
             heading=self._heading_spectra(magnitude, None),
         )
 
+    def yaw_correlation(self, target: LayerSpectra, source: LayerSpectra) -> np.ndarray:
+        """How well every yaw fits (Sect. 2.5): standard deviations above the mean of the correlation.
+
+        Returns:
+            (bins,) float64; bin k is a yaw of k yaw_bin, and the same + 180 degrees.
+        """
+        correlation = self._yaw_pomf.correlate_layers(target.yaw, source.yaw).get()
+        # the true peak has no radial shift; sub-bin peaks may lie half a bin off
+        row = correlation[[-1, 0, 1]].max(axis=0).astype(np.float64)
+        mean, std = correlation.mean(dtype=np.float64), correlation.std(dtype=np.float64)
+        return (row - mean) / std if std > 0 else np.zeros_like(row)
+
     def yaw_candidates(self, target: LayerSpectra, source: LayerSpectra, count: int) -> list[AngleEstimate]:
         """The `count` highest distinct yaw peaks, each with its + 180 degrees, highest first (Sect. 2.5).
 
         The magnitudes of the layers' 2D spectra repeat after 180 degrees, hence the pairs.
         """
-        correlation = self._yaw_pomf.correlate_layers(target.yaw, source.yaw).get()
-        # the true peak has no radial shift; sub-bin peaks may lie half a bin off
-        row = correlation[[-1, 0, 1]].max(axis=0)
-        mean, std = float(correlation.mean(dtype=np.float64)), float(correlation.std(dtype=np.float64))
+        row = self.yaw_correlation(target, source)
         width = int(np.ceil(_YAW_SEPARATION / self.yaw_bin))
         is_peak = row >= maximum_filter1d(row, 2 * width + 1, mode="wrap")
         bins = np.flatnonzero(is_peak)
         bins = bins[np.argsort(-row[bins], kind="stable")][:count]
         return [
-            AngleEstimate(Rotation.from_euler("Z", self._yaw_angle(row, k) + turn), _ratio(row[k], mean, std))
+            AngleEstimate(Rotation.from_euler("Z", self._yaw_angle(row, k) + turn), float(row[k]))
             for k in bins
             for turn in (0.0, np.pi)
         ]
+
+    def tilt_correlation(self, target: LayerSpectra, source_magnitude: Array, R_known: Rotation) -> Array:
+        """How well roll and pitch fit once R_known is applied (Sect. 2.6).
+
+        Returns:
+            device (edge, edge) float32; cyclic shifts of (pitch, -roll) in tilt_bin, zero at [0, 0].
+        """
+        return self._tilt_pomf.correlate_layers(target.tilt, self._tilt_spectra(source_magnitude, R_known))
 
     def tilt(
         self, target: LayerSpectra, source_magnitude: Array, R_known: Rotation, limit: float
@@ -136,8 +155,7 @@ class Hemisphere:
         Both unwraps see a rotation about x and y as nearly the same shift; the rotation vector (roll, pitch, 0)
         treats both axes alike. None where the correlation has no peak within the limit.
         """
-        spectra = self._tilt_spectra(source_magnitude, R_known)
-        correlation = self._tilt_pomf.correlate_layers(target.tilt, spectra)
+        correlation = self.tilt_correlation(target, source_magnitude, R_known)
         bins = limit / self.tilt_bin
         shape = (1, self.edge, self.edge)
         peaks = find_peaks(self.device, correlation.reshape(shape), limits=(None, bins, bins))
@@ -165,7 +183,7 @@ class Hemisphere:
 
     def _yaw_spectra(self, magnitude: Array) -> Array:
         layers = sample(self.device, magnitude, self._yaw_directions, self.radii)
-        normalize_layers(self.device, layers, None, mask=self._yaw_mask, out=layers)
+        normalize_layers(self.device, layers, self._yaw_window, mask=self._yaw_mask, out=layers)
         spectrum = self._yaw_fft.forward(layers)
         polar = polar_magnitude(self.device, spectrum, (self.edge, self.edge), self._polar_radii, self._polar_angles)
         normalize_layers(self.device, polar, None, out=polar)
@@ -197,8 +215,11 @@ def _inverse_matrix(R: Rotation | None) -> np.ndarray | None:
     return None if R is None else R.inv().as_matrix()
 
 
-def _ratio(value: float, mean: float, std: float) -> float:
-    return (float(value) - mean) / std if std > 0 else 0.0
+def _radial_hann(edge: int) -> np.ndarray:
+    """(edge, edge) float32: Hann's window over the distance from the center of the unwrap, 0 at the rim and beyond."""
+    v = np.arange(edge) - edge / 2
+    distance = np.hypot(*np.meshgrid(v, v, indexing="ij")) / (edge / 2)
+    return (np.cos(np.pi / 2 * np.minimum(distance, 1.0)) ** 2).astype(np.float32)
 
 
 def _hann(length: int) -> np.ndarray:

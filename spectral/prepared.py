@@ -50,9 +50,12 @@ class Prepared:
 class Preparer:
     """Scans to what pairs need, on one device and grid."""
 
-    def __init__(self, device: Device, grid: Grid, hemisphere: Hemisphere, use_strength: bool) -> None:
+    def __init__(
+        self, device: Device, grid: Grid, hemisphere: Hemisphere, use_strength: bool, centered: bool = True
+    ) -> None:
         """Plan the volume and its transform."""
-        self.device, self.grid, self.hemisphere, self.use_strength = device, grid, hemisphere, use_strength
+        self.device, self.grid, self.hemisphere = device, grid, hemisphere
+        self.use_strength, self.centered = use_strength, centered
         cube = (grid.edge, grid.edge, grid.edge)
         self._fft = RealFFT(device, cube)
         self._volume = device.empty(cube)
@@ -64,7 +67,7 @@ class Preparer:
             InputError: the scan has too few occupied voxels, or shows a single plane.
         """
         edge = self.grid.edge
-        center = scan_center(scan)
+        center = scan_center(scan) if self.centered else np.zeros(3)
         voxels = self.grid.to_voxels(scan.points, center)
         cells = np.floor(voxels + np.float32(edge / 2 + 0.5)).astype(np.int64)
         inside: np.ndarray = np.all((cells >= 0) & (cells < edge), axis=1)

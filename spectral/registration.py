@@ -1,6 +1,6 @@
 """The spectral registration of two scans: the seven steps of Sect. 2.11, in order, on one screen."""
 
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from time import perf_counter
 
 import numpy as np
@@ -33,7 +33,11 @@ class SpectralConfig:
             0 is the paper.
         final_refinements: how often more for the hypothesis that the translation chose.
         search: whether its rotation is then moved to where the translation's peak is highest; False is the paper.
+        windowed: whether the unwraps that yaw is read from are windowed, as in the paper. On structures that are seen
+            whole a window makes yaw exact; on what a sensor sees of them it costs a few of the right hypotheses.
         use_strength: whether voxels hold the echo strength instead of the paper's occupancy.
+        centered: whether each scan's grid is centered on its points; else on the origin of its frame, and what lies
+            outside is lost, as where volumes are shifted out of their frame in the paper's Sect. 3.
         acceptance: what makes a registration believed.
     """
 
@@ -42,7 +46,9 @@ class SpectralConfig:
     refinements: int = 1
     final_refinements: int = 2
     search: bool = True
+    windowed: bool = False
     use_strength: bool = False
+    centered: bool = True
     acceptance: Acceptance = field(default_factory=Acceptance)
 
     def __post_init__(self) -> None:
@@ -53,6 +59,12 @@ class SpectralConfig:
             )
         if not 0 < self.max_tilt <= np.pi:
             raise InputError(f"--max-tilt {np.rad2deg(self.max_tilt):g}: wanted above 0 and up to 180 degrees")
+
+    @classmethod
+    def paper(cls, centered: bool = True) -> "SpectralConfig":
+        """The paper's chain: the seven steps of Sect. 2.11 once, along the highest yaw peak."""
+        once = cls(yaw_peaks=1, refinements=0, final_refinements=0, search=False)
+        return replace(once, windowed=True, centered=centered)
 
 
 class SpectralRegistrar:
@@ -72,9 +84,9 @@ class SpectralRegistrar:
         """
         self.device, self.grid, self.config = device, grid, config or SpectralConfig()
         require_memory(device, grid.edge)
-        self._hemisphere = Hemisphere(device, grid.edge)
+        self._hemisphere = Hemisphere(device, grid.edge, self.config.windowed)
         self._translation = Translation(device, grid.edge)
-        self._preparer = Preparer(device, grid, self._hemisphere, self.config.use_strength)
+        self._preparer = Preparer(device, grid, self._hemisphere, self.config.use_strength, self.config.centered)
         self._warm = False
 
     def prepare(self, scan: Scan) -> Prepared:
