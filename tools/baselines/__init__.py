@@ -1,0 +1,1 @@
+"""Other methods of registration, to compare the spectral one with."""
