@@ -11,11 +11,17 @@ from simulated import COARSE, QUIET
 from kernels.errors import InputError
 from tools.simulate.noise import Noise, disturb
 from tools.simulate.scenes import Scene
-from tools.simulate.sensors import ABSORPTION_DB, ECLIPSE, PAPER, cast
+from tools.simulate.sensors import ABSORPTION_DB, ECLIPSE, PAPER, Echoes, bare, cast
 from tools.simulate.simulation import SimulationSettings, observe
 from tools.simulate.solids import box, merge
 
 IDENTITY = RigidTransform.identity()
+FAN = bare(ECLIPSE)
+
+
+def loud(ranges: np.ndarray) -> Echoes:
+    """Echoes of full strength from these ranges."""
+    return Echoes(ranges, np.isfinite(ranges).astype(float))
 
 
 def test_the_fan_spans_the_field_of_view_right_to_left_and_up():
@@ -63,7 +69,7 @@ def test_only_what_is_near_enough_in_the_fan_and_not_hidden_is_seen():
 
 def test_the_variance_of_the_range_is_proportional_to_the_range():
     ranges = np.repeat(np.array([[12.0], [48.0], [96.0]]), 40000, axis=1)
-    noisy = disturb(ranges, ECLIPSE, Noise(sigma2=2.5), np.random.default_rng(7))
+    noisy = disturb(loud(ranges), FAN, Noise(sigma2=2.5), np.random.default_rng(7)).ranges
     off = noisy - ranges
     # the standard error of a variance over n samples is sqrt(2 / n): 0.7 %; four of them
     assert_allclose(off.var(axis=1), 2.5 * ranges[:, 0] / 120.0, rtol=0.03)
@@ -84,18 +90,30 @@ def test_noise_acts_along_the_beam():
 def test_shares_of_outliers_and_dropouts_are_kept():
     ranges = np.full((200, 500), 40.0)
     ranges[:20] = np.inf
-    noisy = disturb(ranges, ECLIPSE, Noise(outliers=0.1, dropouts=0.2), np.random.default_rng(5))
+    noisy = disturb(loud(ranges), FAN, Noise(outliers=0.1, dropouts=0.2), np.random.default_rng(5)).ranges
     seen = np.isfinite(noisy)
     assert not seen[:20].any()
     assert_allclose(seen[20:].mean(), 0.8, atol=0.006)
     wild = noisy[seen][noisy[seen] != 40.0]
     assert_allclose(len(wild) / seen.sum(), 0.1, atol=0.005)
-    assert wild.min() >= ECLIPSE.min_range
-    assert wild.max() <= ECLIPSE.max_range
+    assert wild.min() >= FAN.min_range
+    assert wild.max() <= FAN.max_range
     assert_allclose(wild.mean(), 60.2, atol=1.5)
 
 
-@pytest.mark.parametrize("bad", [{"sigma2": -1.0}, {"sigma2": np.nan}, {"outliers": 1.0}, {"dropouts": -0.1}])
+@pytest.mark.parametrize(
+    "bad",
+    [
+        {"sigma2": -1.0},
+        {"sigma2": np.nan},
+        {"outliers": 1.0},
+        {"dropouts": -0.1},
+        {"ghosts": 1.0},
+        {"ghosts": np.nan},
+        {"speckle": 1.1},
+        {"speckle": -0.1},
+    ],
+)
 def test_impossible_noise_is_refused(bad: dict[str, float]):
     with pytest.raises(InputError, match=next(iter(bad))):
         Noise(**bad)
@@ -104,6 +122,14 @@ def test_impossible_noise_is_refused(bad: dict[str, float]):
 def test_an_impossible_sensor_is_refused():
     with pytest.raises(InputError, match="wanted fields of view"):
         replace(ECLIPSE, max_range=0.1)
+
+
+@pytest.mark.parametrize(
+    "bad", [{"edge_loss": -1.0}, {"absorption": np.nan}, {"threshold": np.inf}, {"resolution": -0.025}]
+)
+def test_an_impossible_receiver_is_refused(bad: dict[str, float]):
+    with pytest.raises(InputError, match=next(iter(bad))):
+        replace(ECLIPSE, **bad)
 
 
 def test_a_sensor_that_sees_nothing_says_so():

@@ -11,7 +11,7 @@ from tools.simulate.catalog import SceneKind
 from tools.simulate.noise import Noise, measure
 from tools.simulate.overlap import OVERLAP_RADIUS, mutual_overlap
 from tools.simulate.scenes import Scene, build_scene
-from tools.simulate.sensors import SENSORS, Echoes, Sensor, cast
+from tools.simulate.sensors import SENSORS, Echoes, Sensor, bare, cast
 
 TRIES = 400
 NOISELESS = Noise()
@@ -40,7 +40,8 @@ def random_pair(
         overlaps: least and greatest share of the points within 2 m of the other scan (the smaller of both
             ways); in a smaller scene the radius is smaller by the same factor.
         noise, scene: what disturbs, a key of SCENES.
-        sensor: what to see with; the one that suits the scene if left out.
+        sensor: what to see with; the bare fan of the one that suits the scene if left out. The overlap is of all
+            echoes, also of those under a sensor's threshold.
         max_tilt: largest roll and pitch of either pose [rad].
 
     Returns:
@@ -50,7 +51,7 @@ def random_pair(
         InputError: no such pair was found within 400 tries.
     """
     world = build_scene(scene, seed)
-    sensor = SENSORS[world.kind.sensor] if sensor is None else sensor
+    sensor = bare(SENSORS[world.kind.sensor]) if sensor is None else sensor
     pose_seed, target_seed, source_seed = np.random.SeedSequence([seed, 17]).spawn(3)
     rng = np.random.default_rng(pose_seed)
     T_world_target, target = _target(world, sensor, max_tilt, rng)

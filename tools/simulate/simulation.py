@@ -12,10 +12,14 @@ from scipy.spatial.transform import RigidTransform
 from kernels.errors import InputError
 from slam.trajectory import Trajectory
 from spectral.scan import Scan
+from tools.simulate.ghosts import reflect
 from tools.simulate.noise import Noise, measure
 from tools.simulate.scenes import SCENES, build_scene
 from tools.simulate.sensors import ECLIPSE, Sensor, cast
 from tools.simulate.trajectories import SPACING, survey, table1
+
+# Of a survey where nothing else is said: speckle in full, as every single sonar image has it
+SURVEY_NOISE = Noise(sigma2=1.0, outliers=0.01, dropouts=0.05, ghosts=0.02, speckle=1.0)
 
 
 @dataclass(frozen=True, slots=True)
@@ -28,7 +32,7 @@ class SimulationSettings:
         count: number of scans, from the start of the trajectory.
         spacing: of a survey's scans along their path [m].
         sensor: what to see with; SENSORS holds the known ones.
-        noise: what it does to the ranges.
+        noise: what it does to the echoes.
         seed: of the scene, the waves and the noise.
     """
 
@@ -39,7 +43,7 @@ class SimulationSettings:
     count: int = 12
     spacing: float = SPACING
     sensor: Sensor = ECLIPSE
-    noise: Noise = field(default=Noise(sigma2=1.0, outliers=0.01, dropouts=0.05))
+    noise: Noise = field(default=SURVEY_NOISE)
     seed: int = 0
 
     def __post_init__(self) -> None:
@@ -87,8 +91,10 @@ def simulate(settings: SimulationSettings, progress: Callable[[int], None] = lam
 def observe(settings: SimulationSettings, T_world_sensor: RigidTransform, number: int, name: str) -> Scan:
     """The scan `number` of a simulation, from one pose; the seed and the number decide its noise."""
     rng = np.random.default_rng(np.random.SeedSequence(settings.seed, spawn_key=(number,)))
-    echoes = cast(build_scene(settings.scene, settings.seed), settings.sensor, T_world_sensor)
-    return measure(echoes, settings.sensor, settings.noise, rng, stamp=float(number), name=name)
+    scene, sensor, noise = build_scene(settings.scene, settings.seed), settings.sensor, settings.noise
+    echoes = cast(scene, sensor, T_world_sensor)
+    ghosts = reflect(scene, sensor, T_world_sensor) if noise.ghosts > 0 else None
+    return measure(echoes, sensor, noise, rng, ghosts=ghosts, stamp=float(number), name=name)
 
 
 def settings_from_json(content: Any) -> SimulationSettings:
