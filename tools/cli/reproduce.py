@@ -67,7 +67,7 @@ def command(
         say(note)
     request = Request(opened, quick, seeds, seed, grid, scene, noises)
     records = [_reproduce(one, request, out, fresh, silent, printed=not as_json) for one in names]
-    written = write_page(page, out) if page else []
+    written = write_page(page, out, chosen(ALL, Request())) if page else []
     if as_json:
         typer.echo(json.dumps(_as_json(records, out, written), indent=2, allow_nan=False))
     elif page:

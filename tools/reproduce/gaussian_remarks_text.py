@@ -4,7 +4,8 @@ from collections.abc import Sequence
 from statistics import median
 
 from tools.evaluate import RIGHT_DEG
-from tools.reproduce.gaussian_row import GaussianRow
+from tools.reproduce.gaussian_row import RANKED, GaussianRow
+from tools.reproduce.gaussian_summary import FEW, among
 
 # Where false yaw peaks of structure that stands with the sensor or the grid lie: turned by a quarter or not at all.
 _QUARTERS = 4
@@ -47,7 +48,9 @@ def _on_yaw(wrong: Sequence[GaussianRow]) -> str:
         f"Of these {len(wrong)} yaws {near} are off by at most {_NEAR_DEG:g} degrees, {about} are turned about (within "
         f"{_NEAR_DEG:g} of 180) and {len(wrong) - near - about} are elsewhere; roll and pitch are right beside "
         f"{upright} of them. {quarters} lie within {RIGHT_DEG:g} degrees of 0, 90, 180 or 270, where what stands with "
-        f"the sensor or the grid has its peaks (chance: {_BY_CHANCE:.0%})."
+        f"the sensor or the grid has its peaks (chance: {_BY_CHANCE:.0%}). The right yaw is the first step's highest "
+        f"peak in {among(wrong, 1)} of these, among its {FEW} highest in {among(wrong, FEW)} and among {RANKED} in "
+        f"{among(wrong, RANKED)}."
     )
 
 

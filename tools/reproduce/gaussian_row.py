@@ -11,6 +11,8 @@ from tools.reproduce.experiment import Row, Value
 from tools.reproduce.trial import Trial
 from tools.simulate.series import TABLE1_RIG
 
+RANKED = 12  # so many yaw peaks are looked at
+
 _PARAMETERS = ("x_m", "y_m", "z_m", "yaw_deg", "roll_deg", "pitch_deg")
 
 
@@ -26,6 +28,8 @@ class GaussianRow:
         right, wrong_step, right_at_center: see `Trial`.
         rotation_deg, translation_m, translation_voxels: errors of T_target_source between the sensor frames.
         center_m: the translation's error at the center of the scan's grid [m].
+        yaw_rank: the place of the right yaw among the RANKED highest yaw peaks of the first step, 1 for the highest;
+            0 where it is not among them. It depends on how the scans were prepared, not on what followed.
         accepted, psr, rival_psr, yaw_psr, tilt_psr, overlap: what the registration says of itself.
         found_..., true_...: Table 1's parameters, about the grid's center.
     """
@@ -44,6 +48,7 @@ class GaussianRow:
     translation_voxels: float
     center_m: float
     right_at_center: bool
+    yaw_rank: int
     accepted: bool
     psr: float
     rival_psr: float
@@ -132,7 +137,7 @@ class GaussianTime:
         return asdict(self)
 
 
-def row_of(trial: Trial, pair: tuple[str, float, int, int], method: str, edge: int) -> GaussianRow:
+def row_of(trial: Trial, pair: tuple[str, float, int, int], method: str, edge: int, yaw_rank: int = 0) -> GaussianRow:
     """The row of a trial.
 
     Args:
@@ -140,12 +145,14 @@ def row_of(trial: Trial, pair: tuple[str, float, int, int], method: str, edge: i
         pair: scene, variance of the noise [m^2], seed and number of the scan.
         method: a key of METHODS.
         edge: voxels per edge.
+        yaw_rank: see `GaussianRow`.
     """
     scene, sigma2, seed, scan = pair
     registration, error, steps = trial.registration, trial.error, dict(trial.registration.step_psr)
     cells: dict[str, Value] = {"scene": scene, "grid": edge, "voxel_m": trial.voxel}
     cells |= {"sigma2": sigma2, "seed": seed, "scan": scan, "method": method}
     cells |= {"right": trial.right, "wrong_step": trial.wrong_step, "right_at_center": trial.right_at_center}
+    cells |= {"yaw_rank": yaw_rank}
     cells |= {"rotation_deg": error.rotation_deg, "translation_m": error.translation_m}
     cells |= {"translation_voxels": error.translation_m / trial.voxel, "center_m": trial.center_m}
     cells |= {"accepted": bool(registration.accepted), "overlap": float(registration.overlap)}

@@ -6,8 +6,8 @@ from statistics import median
 from tools.evaluate import RIGHT_DEG, RIGHT_VOXELS
 from tools.reproduce.experiment import Section
 from tools.reproduce.gaussian_remarks_text import remarks
-from tools.reproduce.gaussian_row import GaussianRow, GaussianTime
-from tools.reproduce.gaussian_summary import Summary, summarize
+from tools.reproduce.gaussian_row import RANKED, GaussianRow, GaussianTime
+from tools.reproduce.gaussian_summary import FEW, Summary, summarize
 from tools.reproduce.methods import METHODS
 from tools.reproduce.table import Table
 from tools.reproduce.wilson import wilson
@@ -116,6 +116,7 @@ def _detail_table(summaries: Sequence[Summary]) -> Table:
         "Which step fails, and how exact the rest is",
         (
             *("grid", "σ²", "method", "wrong first in yaw / tilt / translation", "series ended by these"),
+            f"right yaw the highest peak / among {FEW} / among {RANKED}",
             *("right", "with the translation at the scan's center", "also within 3 m", "median error where right"),
         ),
         tuple(
@@ -123,6 +124,7 @@ def _detail_table(summaries: Sequence[Summary]) -> Table:
                 *_case(one),
                 " / ".join(str(count) for count in one.wrong_steps.values()),
                 " / ".join(str(count) for count in one.ended_by.values()),
+                " / ".join(str(count) for count in one.yaw_peaks),
                 str(one.right.successes),
                 str(one.right_at_center),
                 str(one.right_within_3m),

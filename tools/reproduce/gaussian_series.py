@@ -4,12 +4,15 @@ from collections.abc import Sequence
 from dataclasses import fields, replace
 from time import perf_counter
 
+from scipy.spatial.transform import RigidTransform
+
 from kernels.device import Device
 from spectral.grid import Grid
 from spectral.prepared import Prepared
 from spectral.registration import SpectralConfig, SpectralRegistrar
 from spectral.scan import Scan
-from tools.reproduce.gaussian_row import GaussianRow, GaussianTime, row_of
+from tools.evaluate import RIGHT_DEG
+from tools.reproduce.gaussian_row import RANKED, GaussianRow, GaussianTime, row_of
 from tools.reproduce.methods import METHODS
 from tools.reproduce.trial import Trial
 from tools.simulate.series import table1_pair
@@ -48,7 +51,8 @@ class Series:
         for name, (candidate, seconds) in self._prepare(source).items():
             registration = self._registrars[name].register(self._reference[1][name], candidate)
             trial = Trial(registration, truth, candidate.center, self.grid.voxel)
-            row = row_of(trial, (self.scene, sigma2, seed, index), name, self.grid.edge)
+            rank = yaw_rank(self._registrars[name], self._reference[1][name], candidate, truth)
+            row = row_of(trial, (self.scene, sigma2, seed, index), name, self.grid.edge, rank)
             time = GaussianTime(self.grid.edge, sigma2, seed, index, name, seconds, registration.seconds)
             found.append((row, time))
         return found
@@ -68,6 +72,17 @@ class Series:
                 shared.append((preparation, known))
             found[name] = known
         return found
+
+
+def yaw_rank(registrar: SpectralRegistrar, target: Prepared, source: Prepared, truth: RigidTransform) -> int:
+    """The place of the right yaw among the RANKED highest peaks, each with its + 180 degrees; 0 where it is none."""
+    peaks = registrar.hemisphere.yaw_candidates(target.layers, source.layers, RANKED)
+    true = truth.rotation.as_euler("ZYX", degrees=True)[0]
+    for k, peak in enumerate(peaks):
+        off = peak.R.as_euler("ZYX", degrees=True)[0] - true
+        if abs((off + 180) % 360 - 180) <= RIGHT_DEG:
+            return k // 2 + 1
+    return 0
 
 
 def preparation_of(config: SpectralConfig) -> SpectralConfig:

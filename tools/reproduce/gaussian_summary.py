@@ -6,12 +6,14 @@ from dataclasses import dataclass
 from statistics import median, median_low
 from types import MappingProxyType
 
-from tools.reproduce.gaussian_row import GaussianRow
+from spectral.registration import SpectralConfig
+from tools.reproduce.gaussian_row import RANKED, GaussianRow
 from tools.reproduce.wilson import Rate, wilson
 
 # sigma^2 [m^2] -> the last scan up to which the paper's registrations succeed (Figs. 20, 21)
 PAPER_LAST: Mapping[float, int] = MappingProxyType({1.0: 8, 2.0: 6})
 STEPS = ("yaw", "tilt", "translation")
+FEW = SpectralConfig().yaw_peaks  # as many yaw peaks as are followed by default
 
 
 @dataclass(frozen=True, slots=True)
@@ -29,6 +31,7 @@ class Summary:
         right_within_3m: how many are also within 3 m, three of the paper's voxels.
         accepted_wrong: how many were believed and are wrong.
         refused_right: how many were not believed and are right.
+        yaw_peaks: in how many the right yaw is the highest peak, among the FEW highest, among the RANKED highest.
         wrong_steps: how many are wrong by the first step that is.
         ended_by: how many seeds end (the scan after `last` is wrong) by the first step that is wrong there.
         rotation_deg, translation_m: medians over those that are right; None where none is.
@@ -44,6 +47,7 @@ class Summary:
     right_within_3m: int
     accepted_wrong: int
     refused_right: int
+    yaw_peaks: tuple[int, int, int]
     wrong_steps: Mapping[str, int]
     ended_by: Mapping[str, int]
     rotation_deg: float | None
@@ -84,6 +88,11 @@ def last_right(rows: Sequence[GaussianRow]) -> tuple[int, ...]:
     return tuple(ends.values())
 
 
+def among(rows: Sequence[GaussianRow], count: int) -> int:
+    """In how many rows the right yaw is among so many highest peaks."""
+    return sum(0 < row.yaw_rank <= count for row in rows)
+
+
 def _summary(grid: int, sigma2: float, method: str, rows: Sequence[GaussianRow]) -> Summary:
     right = [row for row in rows if row.right]
     last = last_right(rows)
@@ -99,6 +108,7 @@ def _summary(grid: int, sigma2: float, method: str, rows: Sequence[GaussianRow])
         right_within_3m=sum(row.translation_m <= 3.0 for row in right),
         accepted_wrong=sum(row.accepted and not row.right for row in rows),
         refused_right=sum(row.right and not row.accepted for row in rows),
+        yaw_peaks=(among(rows, 1), among(rows, FEW), among(rows, RANKED)),
         wrong_steps=_count(row for row in rows if not row.right),
         ended_by=_count(row for row in rows if (row.seed, row.scan) in ends),
         rotation_deg=median(row.rotation_deg for row in right) if right else None,

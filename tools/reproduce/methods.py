@@ -23,8 +23,8 @@ class Method:
 METHODS: MappingProxyType[str, Method] = MappingProxyType(
     {
         "paper": Method(
-            "the paper's chain, one yaw peak and no refinement, with this project's windows and POMFs",
-            SpectralConfig(yaw_peaks=1, refinements=0, final_refinements=0, search=False),
+            "the paper's chain: the steps of Sect. 2.11 once, with its windows, along the highest yaw peak",
+            SpectralConfig.paper(),
         ),
         "one peak": Method("one yaw peak, the rotation refined", SpectralConfig(yaw_peaks=1)),
         "six peaks": Method("six yaw peaks, the rotation refined: the default", SpectralConfig(yaw_peaks=6)),

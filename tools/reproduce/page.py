@@ -5,7 +5,6 @@ from pathlib import Path
 
 from kernels.errors import InputError
 from tools.atomic import all_or_none, atomic_path
-from tools.reproduce.experiments import EXPERIMENTS
 from tools.reproduce.folder import Record, read_record, times_text
 from tools.reproduce.section_text import duration, section_text, verdicts
 from tools.reproduce.table import Table
@@ -26,7 +25,7 @@ tables and pictures come out the same byte by byte; only the times differ. Rates
 """
 
 
-def write_page(path: Path, folder: Path, names: Sequence[str] = tuple(EXPERIMENTS)) -> list[Path]:
+def write_page(path: Path, folder: Path, names: Sequence[str]) -> list[Path]:
     """Write the page and, into a folder of its stem beside it, the pictures: all or none.
 
     Args:
@@ -85,11 +84,10 @@ def _verdict_table(records: Sequence[Record]) -> Table:
 def _run_table(records: Sequence[Record]) -> Table:
     return Table(
         "On what machine, and in what time",
-        ("experiment", "shows", "jobs", "time", "machine", "made by"),
+        ("experiment", "jobs", "time", "machine", "made by"),
         tuple(
             (
                 record.name,
-                EXPERIMENTS[record.name].shows if record.name in EXPERIMENTS else "",
                 str(record.jobs),
                 duration(record.seconds),
                 record.provenance.place,

@@ -1,5 +1,6 @@
 """A section as Markdown, and what its first table says of the paper's claims."""
 
+import re
 from dataclasses import dataclass
 from typing import Any
 
@@ -78,7 +79,8 @@ def _table(content: dict[str, Any]) -> Table:
 
 
 def _column(table: Table, word: str) -> int:
-    found = [k for k, heading in enumerate(table.headings) if heading.split(",")[0].split(" ")[0] == word]
-    if len(found) != 1:
-        raise ValueError(f"{len(found)} headings of {table.title!r} begin with the word {word!r}; wanted one")
+    """The first column whose heading begins with the word, whatever follows it, as in "ours, worst series"."""
+    found = [k for k, heading in enumerate(table.headings) if re.match(rf"{word}\b", heading)]
+    if not found:
+        raise ValueError(f"no heading of {table.title!r} begins with the word {word!r}: {table.headings}")
     return found[0]
