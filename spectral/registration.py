@@ -84,9 +84,9 @@ class SpectralRegistrar:
         """
         self.device, self.grid, self.config = device, grid, config or SpectralConfig()
         require_memory(device, grid.edge)
-        self._hemisphere = Hemisphere(device, grid.edge, self.config.windowed)
+        self.hemisphere = Hemisphere(device, grid.edge, self.config.windowed)
         self._translation = Translation(device, grid.edge)
-        self._preparer = Preparer(device, grid, self._hemisphere, self.config.use_strength, self.config.centered)
+        self._preparer = Preparer(device, grid, self.hemisphere, self.config.use_strength, self.config.centered)
         self._warm = False
 
     def prepare(self, scan: Scan) -> Prepared:
@@ -103,9 +103,9 @@ class SpectralRegistrar:
     def _warm_up(self, prepared: Prepared) -> None:
         """Launch every kernel that a pair needs: some drivers compile at the first launch, which takes seconds."""
         R = Rotation.identity()
-        self._hemisphere.yaw_candidates(prepared.layers, prepared.layers, 1)
-        self._hemisphere.heading(prepared.layers, prepared.magnitude, R, self._HEADING_LEFT)
-        self._hemisphere.tilt(prepared.layers, prepared.magnitude, R, self._TILT_LEFT)
+        self.hemisphere.yaw_candidates(prepared.layers, prepared.layers, 1)
+        self.hemisphere.heading(prepared.layers, prepared.magnitude, R, self._HEADING_LEFT)
+        self.hemisphere.tilt(prepared.layers, prepared.magnitude, R, self._TILT_LEFT)
         self._translation.find_others(prepared, prepared, R, SAME_SHIFT)
         self._warm = True
 
@@ -125,10 +125,10 @@ class SpectralRegistrar:
         """Steps 1 to 7 for each yaw candidate."""
         found = []
         # Steps 1, 2: yaw from the rotational unwraps
-        for yaw in self._hemisphere.yaw_candidates(target.layers, source.layers, self.config.yaw_peaks):
+        for yaw in self.hemisphere.yaw_candidates(target.layers, source.layers, self.config.yaw_peaks):
             # Steps 3 to 5: roll and pitch from the rectangular unwraps, the spectrum turned back by yaw
             limit = min(self.config.max_tilt, self._LARGEST_TILT)
-            tilt = self._hemisphere.tilt(target.layers, source.magnitude, yaw.R, limit)
+            tilt = self.hemisphere.tilt(target.layers, source.magnitude, yaw.R, limit)
             R = yaw.R if tilt is None else tilt.R * yaw.R
             R = self._refine(target, source, R, self.config.refinements)
             # Steps 6, 7: the translation, the scan turned back by all three angles
@@ -140,9 +140,9 @@ class SpectralRegistrar:
     def _refine(self, target: Prepared, source: Prepared, R: Rotation, rounds: int) -> Rotation:
         """Estimate yaw, then roll and pitch, again, on what R leaves over."""
         for _ in range(rounds):
-            heading = self._hemisphere.heading(target.layers, source.magnitude, R, self._HEADING_LEFT)
+            heading = self.hemisphere.heading(target.layers, source.magnitude, R, self._HEADING_LEFT)
             R = R if heading is None else heading.R * R
-            tilt = self._hemisphere.tilt(target.layers, source.magnitude, R, self._TILT_LEFT)
+            tilt = self.hemisphere.tilt(target.layers, source.magnitude, R, self._TILT_LEFT)
             R = R if tilt is None else tilt.R * R
         return R
 
@@ -175,7 +175,7 @@ class SpectralRegistrar:
         accepted, reason = judge(best, rival, share, self.config.acceptance, self.config.max_tilt, self.grid)
         return Registration(
             T_target_source=RigidTransform.from_components(shift, R),
-            covariance=covariance(best.peak, R, source.center, self.grid, self._hemisphere.tilt_bin),
+            covariance=covariance(best.peak, R, source.center, self.grid, self.hemisphere.tilt_bin),
             psr=best.peak.psr,
             overlap=share,
             accepted=accepted,

@@ -66,6 +66,7 @@ class Request:
 
 # The options that an experiment may hear, in the order in which they are told.
 OPTIONS = ("scene", "grid", "sigma2", "seeds", "seed")
+_STRUCTURE_OPTIONS = ("scene", "grid", "seeds", "seed")
 
 
 @dataclass(frozen=True, slots=True)
@@ -86,6 +87,9 @@ class Entry:
 # Name on the command line -> experiment, in the order in which `all` runs them and the page shows them.
 EXPERIMENTS: Mapping[str, Entry] = MappingProxyType(
     {
+        "translation": Entry("Figs. 12, 14, 15", "tools.reproduce.translation", _STRUCTURE_OPTIONS),
+        "rotation": Entry("Figs. 16, 17", "tools.reproduce.rotation", _STRUCTURE_OPTIONS),
+        "limits": Entry("Figs. 7 to 9", "tools.reproduce.limits", _STRUCTURE_OPTIONS),
         "gaussian": Entry("Table 1, Figs. 20, 21", "tools.reproduce.gaussian", OPTIONS),
     }
 )
