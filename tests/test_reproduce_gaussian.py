@@ -161,6 +161,16 @@ class TestWords:
         assert second.endswith("**128³, one peak**: all 20 registrations are right.")
         assert third.startswith("- **128³, six peaks**")
 
+    @pytest.mark.parametrize(("yaw", "small"), [(160.0, 1), (-178.0, 0)])
+    def test_to_which_side_the_yaw_errs(self, yaw: float, small: int) -> None:
+        """The true yaw is 170 degrees and the roll -9."""
+        rows = changed(rows_of({0: []}), lambda row: row.scan == 3, right=False, wrong_step="yaw", found_yaw_deg=yaw)
+        error = 10 if small else 12
+        words = (
+            f"The 1 that are nearly right are too small in {small}, by a median of {error} degrees, under true rolls"
+        )
+        assert f"{words} of 9 to 9 degrees." in remarks(rows)
+
     def test_why_the_translation_fails(self) -> None:
         text = remarks(changed(rows_of({0: [9]}), lambda row: row.scan == 9, right_at_center=True))
         assert "the rotation is off by a median of 0.0 degrees and the translation by 99.0 m; 1 of 1 would be" in text

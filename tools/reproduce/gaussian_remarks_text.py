@@ -30,7 +30,7 @@ def _paragraph(grid: int, method: str, rows: Sequence[GaussianRow]) -> str:
     counts = ", ".join(f"{step} in {len(found)}" for step, found in steps.items() if found)
     sentences = [f"{where}{wrong} of {len(mine)} registrations are wrong; what is wrong first is {counts}."]
     if steps["yaw"]:
-        sentences += [_on_yaw(steps["yaw"]), *_on_others(steps["yaw"], rows)]
+        sentences += [_on_yaw(steps["yaw"]), *_on_near(steps["yaw"]), *_on_others(steps["yaw"], rows)]
     if steps["tilt"]:
         sentences.append(f"Where roll and pitch are, the vertical is off by a median of {_median(steps['tilt'])}.")
     if steps["translation"]:
@@ -52,6 +52,20 @@ def _on_yaw(wrong: Sequence[GaussianRow]) -> str:
         f"peak in {among(wrong, 1)} of these, among its {FEW} highest in {among(wrong, FEW)} and among {RANKED} in "
         f"{among(wrong, RANKED)}."
     )
+
+
+def _on_near(wrong: Sequence[GaussianRow]) -> list[str]:
+    """Whether yaws that are nearly right err to one side, and how much the scans are tilted there."""
+    near = [row for row in wrong if row.yaw_error_deg <= _NEAR_DEG]
+    if not near:
+        return []
+    small = sum((row.found_yaw_deg - row.true_yaw_deg + 180) % 360 < 180 for row in near)
+    rolls = [abs(row.true_roll_deg) for row in near]
+    return [
+        f"The {len(near)} that are nearly right are too small in {small}, by a median of "
+        f"{median(row.yaw_error_deg for row in near):.0f} degrees, under true rolls of {min(rolls):.0f} to "
+        f"{max(rolls):.0f} degrees."
+    ]
 
 
 def _on_others(wrong: Sequence[GaussianRow], rows: Sequence[GaussianRow]) -> list[str]:
