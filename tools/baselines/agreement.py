@@ -1,0 +1,56 @@
+"""How well two clouds agree under a transform: the share of points in common, and how sure the transform is."""
+
+import numpy as np
+from scipy.spatial.transform import RigidTransform
+
+from tools.baselines.cloud import NORMAL_REACH, Cloud
+
+# A point has a counterpart within this distance, as in spectral/overlap.py [voxels].
+REACH = 2.0
+
+# Normals and what is off along them are shared by the points of one neighborhood: so many of them count as one.
+_ALIKE = np.pi * NORMAL_REACH**2
+# Two scans that agree exactly, as a scan with itself, are no surer than this [voxels, standard deviation of a point].
+_LEAST_SIGMA = 0.05
+
+
+def overlap(target: Cloud, source: Cloud, T_target_source: RigidTransform, reach: float) -> float:
+    """The share of points, one per voxel, with a counterpart within `reach` [m]; the smaller of both ways, 0..1."""
+    moved = T_target_source.apply(source.points)
+    back = T_target_source.inv().apply(target.points)
+    return min(_share(target, moved, reach), _share(source, back, reach))
+
+
+def _share(cloud: Cloud, points: np.ndarray, reach: float) -> float:
+    distance, _ = cloud.tree.query(points, distance_upper_bound=reach, workers=-1)
+    return float(np.isfinite(distance).mean())
+
+
+def covariance(target: Cloud, source: Cloud, T_target_source: RigidTransform, voxel: float) -> np.ndarray:
+    """The 6x6 covariance of T_target_source, rotation first, body tangent of the source's sensor frame [rad, m].
+
+    It is the inverse of the Gauss-Newton Hessian of the distances between the source's points and the target's
+    surface at their nearest points (point-to-plane), over their variance. Along a surface its points slide, as
+    those of any ICP do: that way the Hessian sees nothing, and the variance is large; a direction that nothing fixes
+    has that of the scan's own size. What is wrong with all points alike, as by false neighbors, is not seen: on
+    simulated pairs the normalized squared error has a median of about 15, where six degrees of freedom should give 6,
+    and more than 100 where little is shared.
+
+    Args:
+        target, source: the clouds.
+        T_target_source: the estimate.
+        voxel: edge of a voxel [m].
+    """
+    moved = T_target_source.apply(source.points)
+    distance, nearest = target.tree.query(moved, distance_upper_bound=REACH * voxel, workers=-1)
+    near = np.isfinite(distance)
+    normals = target.normals[nearest[near]]
+    off = np.sum(normals * (moved[near] - target.points[nearest[near]]), axis=1)
+    # n . (R (w x p + v)) = w . (p x m) + v . m with m = R^T n
+    turned = T_target_source.rotation.inv().apply(normals) if len(normals) else normals
+    J = np.hstack([np.cross(source.points[near], turned), turned])
+    variance = max(float(np.mean(off**2)) if len(off) else 0.0, (_LEAST_SIGMA * voxel) ** 2)
+    extent = float(np.linalg.norm(np.ptp(source.points, axis=0)))
+    unknown = np.diag(np.repeat([np.pi, extent], 3) ** -2.0)
+    found = np.linalg.inv(J.T @ J / (variance * _ALIKE) + unknown)
+    return (found + found.T) / 2

@@ -1,0 +1,70 @@
+"""KISS-Matcher (Lim et al. 2024, arXiv 2409.15615): features, graph pruning and a robust solver, then ICP."""
+
+from time import perf_counter
+
+import numpy as np
+from scipy.spatial.transform import RigidTransform, Rotation
+
+from spectral.result import Registration
+from spectral.scan import Scan
+from tools.baselines.acceptance import judge_matches
+from tools.baselines.cloud import Cloud, thin
+from tools.baselines.conclusion import conclude
+from tools.baselines.features import REFINE
+from tools.baselines.icp import iterate
+from tools.baselines.peers import peer
+from tools.baselines.quiet import silent
+
+# Matches that survive both prunings: 14..53 where right, 0 or 1 where wrong; its authors' examples want 5.
+_LEAST_INLIERS = 10
+_FEWEST_MATCHES = 3  # that fix a transform
+
+
+class KissRegistrar:
+    """Global registration by KISS-Matcher, refined by ICP point to plane.
+
+    The package works on both scans of a pair at once, so that a pair's seconds hold the features of both.
+
+    Args:
+        voxel: edge of the voxels to which scans are thinned [m]; the package's distances are its multiples of it. Its
+            bounds on the noise are not clamped to 1 m as is its default, lest they be less than the voxel.
+
+    Raises:
+        InputError: the package is not installed.
+    """
+
+    def __init__(self, voxel: float) -> None:
+        self.voxel = voxel
+        self._kiss = peer("kiss_matcher", "kiss-matcher", "kiss")
+
+    def prepare(self, scan: Scan) -> Cloud:
+        """The scan's points, one per voxel: the package's own thinning orders them by chance.
+
+        Raises:
+            InputError: they are too few.
+        """
+        return thin(scan, self.voxel)
+
+    def register(self, target: Cloud, source: Cloud) -> Registration:
+        """Find T_target_source, from anywhere; `accepted` by how many matches were left."""
+        start = perf_counter()
+        T, inliers, matches = self._solve(target, source)
+        T = iterate(target, source, T, [self.voxel * d for d in REFINE], "plane")
+        return conclude(target, source, T, self.voxel, judge_matches(inliers, matches, _LEAST_INLIERS), start)
+
+    def _solve(self, target: Cloud, source: Cloud) -> tuple[RigidTransform, int, int]:
+        """The transform, how many matches agree with it, how many there were."""
+        settings = self._kiss.KISSMatcherConfig(
+            voxel_size=self.voxel, use_voxel_sampling=False, enable_noise_bound_clamping=False
+        )
+        with silent():
+            matcher = self._kiss.KISSMatcher(settings)
+            moving, fixed = (np.array(one) for one in matcher.match(source.points.T, target.points.T))
+            if len(moving) < _FEWEST_MATCHES:
+                return RigidTransform.identity(), 0, len(moving)
+            found = matcher.prune_and_solve(moving, fixed)
+        if not found.valid:
+            return RigidTransform.identity(), 0, len(moving)
+        R = Rotation.from_matrix(np.asarray(found.rotation))
+        T = RigidTransform.from_components(np.asarray(found.translation).ravel(), R)
+        return T, int(matcher.get_num_final_inliers()), len(moving)
