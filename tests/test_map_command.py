@@ -203,8 +203,8 @@ def test_a_gap_that_is_bridged_is_told(tmp_path: Path) -> None:
 @pytest.mark.parametrize(("memory", "prepared"), [(2**40, 8), (2**26, 2)])
 def test_as_many_scans_stay_prepared_as_fit(memory: int, prepared: int) -> None:
     device = SimpleNamespace(memory=memory)
-    registrar = SimpleNamespace(device=device, grid=Grid(128, 0.5))
-    assert _mapper(registrar).settings.prepared == prepared  # pyright: ignore[reportArgumentType]
+    chosen = SimpleNamespace(registrar=None, device=device, grid=Grid(128, 0.5))
+    assert _mapper(chosen).settings.prepared == prepared  # pyright: ignore[reportArgumentType]
 
 
 def test_an_order_that_is_not_the_given_one_is_told(tmp_path: Path) -> None:

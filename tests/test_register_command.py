@@ -7,9 +7,11 @@ import numpy as np
 import pytest
 from clutter_scans import T_WORLD_SENSOR, said, scan, sonarmap, write
 from scipy.spatial.transform import RigidTransform, Rotation
+from surveys import KnowingRegistrar
 
 from spectral.grid import Grid
 from spectral.result import Registration
+from tools.cli.method import Chosen
 from tools.cli.register import _print
 from tools.writers import write_ply
 
@@ -111,7 +113,7 @@ def test_the_uncertainty_is_along_the_worst_direction_whatever_the_axes(capsys: 
     covariance[:3, :3] = turn @ np.diag(np.deg2rad([2.0, 0.5, 0.5]) ** 2) @ turn.T
     covariance[3:, 3:] = turn @ np.diag([0.3, 0.1, 0.1]) ** 2 @ turn.T
     found = Registration(RigidTransform.identity(), covariance, psr=50.0, overlap=0.5, accepted=True, seconds=0.1)
-    _print(found, Grid(64, 0.5))
+    _print(found, Chosen("spectral", KnowingRegistrar(T_WORLD_SENSOR, covariance), Grid(64, 0.5)))
     assert "2.00 degrees, 0.300 m" in capsys.readouterr().out
 
 

@@ -51,7 +51,7 @@ def write_survey(
     result: SurveyResult,
     names: Sequence[str],
     settings: Mapping[str, Any],
-    device: Device,
+    device: Device | None,
     unread: Sequence[Unread] = (),
     also: Sequence[str] = (),
 ) -> Path:
@@ -65,7 +65,7 @@ def write_survey(
         folder: made where it is missing.
         result: the survey, of the scans with these `names`.
         settings, unread: for the summary.
-        device: what it ran on.
+        device: what it ran on; None for a method that takes none.
         also: "pcd" for maps in that format too, "kitti" for trajectories.
 
     Returns:
@@ -76,7 +76,7 @@ def write_survey(
     """
     former = _files_before(folder)
     written = [name for rank in range(1, len(result.components) + 1) for name in part_files(rank, also)]
-    description = {"name": device.name, "platform": device.platform}
+    description = {"name": device.name, "platform": device.platform} if device else None
     summary = survey_summary(result, list(names), settings, description, unread)
     with all_or_none():
         _write_files(folder, result, names, also)

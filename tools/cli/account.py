@@ -1,5 +1,6 @@
 """What came of a survey, in words and in a table."""
 
+import math
 from collections.abc import Sequence
 from pathlib import Path
 from typing import TYPE_CHECKING
@@ -52,7 +53,8 @@ def print_survey(result: "SurveyResult", names: Sequence[str], out: Path, also: 
     for pair in result.pairs:
         table.add_row(*_cells(pair, names))
     result_console().print(table)
-    typer.echo(PEAK_EXPLAINED)
+    if any(pair.registration and math.isfinite(pair.registration.psr) for pair in result.pairs):
+        typer.echo(PEAK_EXPLAINED)
     counts = sorted((len(point_map.points) for point_map in result.maps), reverse=True)
     maps = f"{len(counts)} maps" if len(counts) > 1 else "a map"
     points = " and ".join(f"{count:,}" for count in counts)
@@ -75,7 +77,7 @@ def _cells(pair: "Pair", names: Sequence[str]) -> "list[str | Text]":
         label,
         pair.role,
         verdict,
-        f"{registration.psr:.0f}",
+        f"{registration.psr:.0f}" if math.isfinite(registration.psr) else "",
         f"{registration.overlap:.0%}",
         f"{T.rotation.as_euler('ZYX', degrees=True)[0]:+.1f}°",
         f"{float((T.translation**2).sum() ** 0.5):.2f} m",

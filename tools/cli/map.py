@@ -8,25 +8,28 @@ import typer
 
 from kernels.errors import InputError
 from tools.cli.account import print_survey, warn, warn_of_faults
-from tools.cli.method import Method, build_registrar
+from tools.cli.method import Chosen, build_registrar, method_of
 from tools.cli.options import (
     DEFAULT_MAX_TILT,
+    DEFAULT_SEED,
     DEFAULT_YAW_PEAKS,
     DeviceOption,
     GridOption,
     JsonOption,
     MaxTiltOption,
+    MethodOption,
     QuietOption,
+    SeedOption,
     StrengthOption,
     VoxelOption,
     YawPeaksOption,
 )
 from tools.cli.progress import growing_progress
 from tools.cli.terminal import say
+from tools.methods import DEFAULT_METHOD
 
 if TYPE_CHECKING:
     from slam.survey import Mapper
-    from spectral.registration import SpectralRegistrar
     from tools.readers import ReadScans
 
 INCOMPLETE = 3
@@ -42,11 +45,13 @@ def _check_also(formats: list[str]) -> list[str]:
 
 
 def command(
+    context: typer.Context,
     inputs: Annotated[
         list[str],
         typer.Argument(help="Scans: files, folders or patterns, in natural order.", metavar="INPUT..."),
     ],
     out: Annotated[Path, typer.Option("-o", "--out", help="Folder for the results.", metavar="OUT")],
+    method: MethodOption = DEFAULT_METHOD,
     grid: GridOption = None,
     voxel: VoxelOption = None,
     max_tilt: MaxTiltOption = DEFAULT_MAX_TILT,
@@ -59,6 +64,7 @@ def command(
         ),
     ] = [],  # noqa: B006 - typer's way to say none
     device: DeviceOption = None,
+    seed: SeedOption = DEFAULT_SEED,
     as_json: JsonOption = False,
     quiet: QuietOption = False,
 ) -> None:
@@ -72,17 +78,18 @@ def command(
     from tools.atomic import require_writable
     from tools.project import require_apart, write_survey
 
+    wanted = method_of(context)
     read = _read(inputs)
     require_apart(out, read.files)
-    registrar = build_registrar(read.scans, Method(grid, voxel, max_tilt, yaw_peaks, strength, device))
-    mapper = _mapper(registrar)
+    chosen = build_registrar(read.scans, wanted)
+    mapper = _mapper(chosen)
     require_writable(out)
     with growing_progress("mapping", quiet or as_json) as step:
         step(0, len(read.scans), "preparing the first scans")
         result = mapper.run(read.scans, step)
-    settings = {"inputs": inputs, "grid": registrar.grid, "spectral": registrar.config, "mapper": mapper.settings}
+    settings = {"inputs": inputs, **chosen.settings, "mapper": mapper.settings}
     names = [scan.name for scan in read.scans]
-    summary = write_survey(out, result, names, settings, registrar.device, read.unread, also)
+    summary = write_survey(out, result, names, settings, chosen.device, read.unread, also)
     if as_json:
         typer.echo(json.dumps(json.loads(summary.read_text(encoding="utf-8"))))
     else:
@@ -107,10 +114,11 @@ def _read(inputs: list[str]) -> "ReadScans":
     return read
 
 
-def _mapper(registrar: "SpectralRegistrar") -> "Mapper":
+def _mapper(chosen: Chosen) -> "Mapper":
     """A mapper that keeps as many prepared scans as are of use and fit, with one more while the next is prepared."""
     from slam.survey import Mapper, MapperSettings
     from spectral.memory import scans_that_fit
 
-    fitting = scans_that_fit(registrar.device, registrar.grid.edge) - 1
-    return Mapper(registrar, registrar.grid.voxel, MapperSettings(prepared=min(MOST_PREPARED, max(2, fitting))))
+    fitting = scans_that_fit(chosen.device, chosen.grid.edge) - 1 if chosen.device else MOST_PREPARED
+    settings = MapperSettings(prepared=min(MOST_PREPARED, max(2, fitting)))
+    return Mapper(chosen.registrar, chosen.grid.voxel, settings)

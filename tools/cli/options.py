@@ -6,9 +6,11 @@ from typing import Annotated
 import typer
 
 from kernels.errors import InputError
+from tools.methods import METHODS, find_method
 
 DEFAULT_EDGE = 128
 DEFAULT_YAW_PEAKS, MOST_YAW_PEAKS = 6, 32
+DEFAULT_SEED = 0
 DEFAULT_MAX_TILT = 35.0  # [deg], the paper's range of roll and pitch (Sect. 2.7)
 
 
@@ -50,6 +52,14 @@ def _check_yaw_peaks(count: int) -> int:
     )
 
 
+def _check_method(name: str) -> str:
+    try:
+        find_method(name)
+    except InputError as error:
+        raise typer.BadParameter(str(error)) from error
+    return name
+
+
 def check_seed(seed: int | None) -> int | None:
     """The seed, if there is one, where every random generator takes it."""
     if seed is None or 0 <= seed < 2**63:
@@ -57,6 +67,10 @@ def check_seed(seed: int | None) -> int | None:
     raise typer.BadParameter(f"{seed}; wanted a whole number from 0 to 2^63 - 1. Use --seed 1.")
 
 
+MethodOption = Annotated[
+    str,
+    typer.Option("--method", metavar="NAME", help=f"How to register: {', '.join(METHODS)}.", callback=_check_method),
+]
 GridOption = Annotated[
     int | None,
     typer.Option(

@@ -1,26 +1,30 @@
 """`sonarmap register`: one scan registered to another."""
 
 import json
+import math
 from typing import TYPE_CHECKING, Annotated
 
 import typer
 
-from tools.cli.method import Method, build_registrar
+from tools.cli.method import Chosen, build_registrar, method_of
 from tools.cli.options import (
     DEFAULT_MAX_TILT,
+    DEFAULT_SEED,
     DEFAULT_YAW_PEAKS,
     DeviceOption,
     GridOption,
     JsonOption,
     MaxTiltOption,
+    MethodOption,
+    SeedOption,
     StrengthOption,
     VoxelOption,
     YawPeaksOption,
 )
 from tools.cli.terminal import printable, result_console, say
+from tools.methods import DEFAULT_METHOD
 
 if TYPE_CHECKING:
-    from spectral.grid import Grid
     from spectral.result import Registration
     from spectral.scan import Scan
 
@@ -28,14 +32,17 @@ UNRELIABLE = 3
 
 
 def command(
+    context: typer.Context,
     target: Annotated[str, typer.Argument(help="The scan that stays.", metavar="TARGET")],
     source: Annotated[str, typer.Argument(help="The scan that is moved onto it.", metavar="SOURCE")],
+    method: MethodOption = DEFAULT_METHOD,
     grid: GridOption = None,
     voxel: VoxelOption = None,
     max_tilt: MaxTiltOption = DEFAULT_MAX_TILT,
     yaw_peaks: YawPeaksOption = DEFAULT_YAW_PEAKS,
     strength: StrengthOption = False,
     device: DeviceOption = None,
+    seed: SeedOption = DEFAULT_SEED,
     as_json: JsonOption = False,
 ) -> None:
     """Register SOURCE to TARGET: the transform between two scans, its uncertainty, and whether to believe it.
@@ -43,13 +50,14 @@ def command(
     p_target = T_target_source p_source, in meters. Ends with exit code 0 if the registration is reliable, 3 if
     not, 2 on bad input.
     """
+    wanted = method_of(context)
     scans = [_read(target), _read(source)]
-    registrar = build_registrar(scans, Method(grid, voxel, max_tilt, yaw_peaks, strength, device))
-    registration = registrar.register(*(registrar.prepare(scan) for scan in scans))
+    chosen = build_registrar(scans, wanted)
+    registration = chosen.registrar.register(*(chosen.registrar.prepare(scan) for scan in scans))
     if as_json:
-        typer.echo(json.dumps(_as_json(registration, registrar.grid), allow_nan=False))
+        typer.echo(json.dumps(_as_json(registration, chosen), allow_nan=False))
     else:
-        _print(registration, registrar.grid)
+        _print(registration, chosen)
     if not registration.accepted:
         raise typer.Exit(UNRELIABLE)
 
@@ -63,23 +71,24 @@ def _read(path: str) -> "Scan":
     return only_scan(path, read)
 
 
-def _as_json(registration: "Registration", grid: "Grid") -> dict[str, object]:
-    """The contract's fields, and what else is known."""
+def _as_json(registration: "Registration", chosen: Chosen) -> dict[str, object]:
+    """The contract's fields, and what else is known; null where a method has no such thing as a peak or a grid."""
     return {
         "T_target_source": registration.T_target_source.as_matrix().tolist(),
         "covariance": registration.covariance.tolist(),
         "accepted": registration.accepted,
-        "psr": registration.psr,
+        "psr": registration.psr if math.isfinite(registration.psr) else None,
         "overlap": registration.overlap,
         "seconds": registration.seconds,
         "reason": registration.reason,
         "step_psr": dict(registration.step_psr),
-        "grid": grid.edge,
-        "voxel": grid.voxel,
+        "method": chosen.name,
+        "grid": chosen.edge,
+        "voxel": chosen.grid.voxel,
     }
 
 
-def _print(registration: "Registration", grid: "Grid") -> None:
+def _print(registration: "Registration", chosen: Chosen) -> None:
     import numpy as np
     from rich.table import Table
     from rich.text import Text
@@ -90,6 +99,7 @@ def _print(registration: "Registration", grid: "Grid") -> None:
     yaw, pitch, roll = T.rotation.as_euler("ZYX", degrees=True)
     rotation, translation = worst_sigmas(registration.covariance)
     shift = "  ".join(f"{axis} {v:+.3f}" for axis, v in zip("xyz", T.translation, strict=True))
+    cube = f"{chosen.edge} x {chosen.edge} x {chosen.edge} " if chosen.edge else ""
     rows = {
         "because": registration.reason,
         "translation": f"{shift}  m",
@@ -97,7 +107,8 @@ def _print(registration: "Registration", grid: "Grid") -> None:
         "uncertainty": f"{np.rad2deg(rotation):.2f} degrees, {translation:.3f} m "
         "(one standard deviation, along the worst direction)",
         "overlap": f"{registration.overlap:.0%} of the points have a counterpart in the other scan",
-        "grid": f"{grid.edge} x {grid.edge} x {grid.edge} voxels of {grid.voxel:.3g} m",
+        "method": chosen.name,
+        "grid": f"{cube}voxels of {chosen.grid.voxel:.3g} m",
         "time": f"{registration.seconds:.2f} s, without reading and preparing the scans",
     }
     table = Table(box=None, pad_edge=False, show_header=False)
