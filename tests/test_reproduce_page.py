@@ -226,6 +226,7 @@ class TestCommand:
             (["fake", "--grid", "64"], "has no use for --grid; it takes --seed"),
             (["all", "--scene", "harbor"], "has no use for --scene"),
             (["fake", "--seed", "-1"], "--seed"),
+            (["fake", "--grid", "100"], "--grid 100"),
             (["fake", "--device", "abacus"], "abacus"),
         ],
     )

@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING, Annotated
 
 import typer
 
-from tools.cli.options import DeviceOption, GridOption, JsonOption, QuietOption, check_seed
+from tools.cli.options import DeviceOption, JsonOption, QuietOption, check_seed
 from tools.cli.progress import progress
 from tools.cli.terminal import printable, result_console, say
 from tools.reproduce.experiments import ALL, EXPERIMENTS, Request, chosen, create
@@ -43,7 +43,14 @@ def command(
         int | None,
         typer.Option("--seed", metavar="S", help="The first of them; same seed, same result.", callback=check_seed),
     ] = None,
-    grid: GridOption = None,
+    grid: Annotated[
+        int | None,
+        typer.Option(
+            "--grid",
+            metavar="N",
+            help="Voxels per edge, a power of 2, 16..512; the experiment's own if left out.",
+        ),
+    ] = None,
     device: DeviceOption = None,
     as_json: JsonOption = False,
     quiet: QuietOption = False,
@@ -55,9 +62,12 @@ def command(
     given again.
     """
     from kernels.device import choose_device
+    from spectral.grid import Grid
     from tools.atomic import require_writable
     from tools.reproduce.page import write_page
 
+    if grid is not None:
+        Grid(grid, 1.0)
     silent = quiet or as_json
     noises = tuple(dict.fromkeys(sigma2)) if sigma2 else None
     names = chosen(name, Request(None, quick, seeds, seed, grid, scene, noises))
