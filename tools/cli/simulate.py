@@ -41,9 +41,22 @@ def command(
     ] = None,
     outliers: Annotated[float | None, typer.Option(help="Share of false echoes, 0..1.", metavar="P")] = None,
     dropouts: Annotated[float | None, typer.Option(help="Share of lost echoes, 0..1.", metavar="P")] = None,
+    ghosts: Annotated[
+        float | None,
+        typer.Option(help="Share of beams that tell what they see mirrored in water or wall, 0..1.", metavar="P"),
+    ] = None,
+    speckle: Annotated[
+        float | None, typer.Option(help="Share of the echo strength that fluctuates, 0..1.", metavar="P")
+    ] = None,
+    threshold: Annotated[
+        float | None,
+        typer.Option(help="Discard weaker echoes, linear, 0 none. \\[as the sensor; eclipse 0.002]", metavar="V"),
+    ] = None,
     like: Annotated[
         Path | None,
-        typer.Option(help="A description.json: the same scans again, but for noise and number.", metavar="FILE"),
+        typer.Option(
+            help="A description.json: the same scans again, but for noise, threshold and number.", metavar="FILE"
+        ),
     ] = None,
     seed: Annotated[
         int | None,
@@ -64,8 +77,9 @@ def command(
         raise InputError(
             f"--spacing is of a survey's scans, and the trajectory is {settings.trajectory}; drop --spacing"
         )
-    noise = {"sigma2": sigma2, "outliers": outliers, "dropouts": dropouts}
+    noise = {"sigma2": sigma2, "outliers": outliers, "dropouts": dropouts, "ghosts": ghosts, "speckle": speckle}
     settings = replace(settings, noise=replace(settings.noise, **_given(noise)))
+    settings = replace(settings, sensor=replace(settings.sensor, **_given({"threshold": threshold})))
     settings = replace(settings, **_given({"count": scans, "spacing": spacing}))
     require_writable(out)
     with growing_progress("simulating", quiet) as step:
