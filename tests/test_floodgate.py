@@ -1,0 +1,294 @@
+"""The maps of the flood gate: chains of registrations, their rows, tables and pictures."""
+
+from dataclasses import replace
+from pathlib import Path
+
+import numpy as np
+import pytest
+from scipy.spatial.transform import RigidTransform, Rotation
+
+from kernels.device import choose_device
+from kernels.errors import InputError
+from spectral.scan import Scan
+from tools.reproduce.experiment import Outcome, Row
+from tools.reproduce.floodgate import MAP, Floodgate, FloodgateSettings
+from tools.reproduce.floodgate_chain import (
+    MAP_90,
+    MAP_MEDIAN,
+    PAIR,
+    POSE,
+    Chain,
+    chain_poses,
+    chains,
+    pair_row,
+    pose_rows,
+    transform,
+)
+from tools.reproduce.floodgate_lineup import TRUTH, runs
+from tools.reproduce.floodgate_remarks_text import remarks
+from tools.reproduce.floodgate_survey import Survey
+from tools.reproduce.floodgate_tables import ate_m, by_seed, map_90, map_table, pair_table, pose_table
+from tools.reproduce.floodgate_times_table import PAPER_ICP, times_tables
+from tools.reproduce.floodgate_verdict_table import verdict_table
+from tools.reproduce.section_text import verdicts
+from tools.simulate.solids import box, merge
+
+SCANS = 5
+
+
+def turn(yaw: float, pitch: float, roll: float) -> Rotation:
+    return Rotation.from_euler("ZYX", [yaw, pitch, roll], degrees=True)
+
+
+# p_world = T p_sensor; every pose has a turn about every axis
+POSES = RigidTransform.concatenate(
+    [
+        RigidTransform.from_components([4.0 * k, -3 + k * k, 1.5 * k], turn(20 - 30 * k, 4 * k, -3 * k))
+        for k in range(SCANS)
+    ]
+)
+STEPS = [POSES[k - 1].inv() * POSES[k] for k in range(1, SCANS)]
+
+
+@pytest.fixture(scope="module")
+def now() -> Survey:
+    """Five scans of two boxes whose points lie exactly on the surface, the first scan's 0.25 m beside it."""
+    rng = np.random.default_rng(7)
+    places = rng.uniform(-20, 20, (SCANS, 400, 3)) * [1, 1, 0] + [0, 0, 2]  # on the lid of a flat box
+    places[0, :, 2] += 0.25
+    mesh = merge([box((0, 0, 1), (60, 60, 2)), box((15, 3, -9), (2, 4, 6))])
+    scans = [
+        Scan(POSES[k].inv().apply(places[k]).astype(np.float32), stamp=float(k), name=f"s{k}") for k in range(SCANS)
+    ]
+    return Survey(tuple(scans), POSES, mesh)
+
+
+def off(meters: float) -> list[RigidTransform]:
+    """The true steps, the second one off by so much along its own z."""
+    return [step * RigidTransform.from_translation([0, 0, meters * (k == 1)]) for k, step in enumerate(STEPS)]
+
+
+def outcomes(now: Survey, errors: dict[str, float], seeds: int = 1, seconds: float = 2.0) -> dict[str, Outcome]:
+    """Of methods that make one error each [m], the same in every survey; "hemisphere" and "spectral" at 256."""
+    found: dict[str, Outcome] = {}
+    for seed in range(1, 1 + seeds):
+        for method, steps in {TRUTH: None, **{method: off(error) for method, error in errors.items()}}.items():
+            edge = 256 if method in ("hemisphere", "spectral") else 0
+            begin = {"seed": seed, "method": method, "grid": edge}
+            for k, step in enumerate(steps or ()):
+                row: Row = {"row": PAIR} | begin | pair_row(now, k + 1, step, accepted=True)
+                took: Row = begin | {"scan": k + 1, "prepare_s": 0.5, "register_s": seconds + k * k}
+                found[f"{seed}/{method}/{edge}/{k + 1:02d}"] = Outcome((row,), (took,))
+            poses = pose_rows(now, steps)
+            found[f"{seed}/{method}/{edge}/{MAP}"] = Outcome(tuple({"row": POSE} | begin | row for row in poses))
+    return found
+
+
+class TestChain:
+    def test_true_steps_lead_to_the_true_poses(self) -> None:
+        assert np.allclose(chain_poses(POSES[0], STEPS).as_matrix(), POSES.as_matrix(), atol=1e-12)
+
+    def test_one_wrong_step_moves_all_that_follow_alike(self, now: Survey) -> None:
+        """The true motion after it hides nothing: each later pose is off by the same motion of the world."""
+        found = chain_poses(POSES[0], off(9.0))
+        moved = found * POSES.inv()
+        assert np.allclose(moved[:2].as_matrix(), np.eye(4), atol=1e-12)
+        assert np.allclose(moved[2:].as_matrix(), moved[2].as_matrix(), atol=1e-12)
+        rows = pose_rows(now, off(9.0))
+        assert [round(float(row["translation_m"]), 9) for row in rows] == [0, 0, 9, 9, 9]
+
+    def test_a_rows_parameters_are_its_transform(self, now: Survey) -> None:
+        row = pair_row(now, 3, STEPS[2] * RigidTransform.from_components([1, -2, 0.5], turn(3, -7, 5)), accepted=False)
+        wanted = STEPS[2] * RigidTransform.from_components([1, -2, 0.5], turn(3, -7, 5))
+        assert np.allclose(transform(row, "found").as_matrix(), wanted.as_matrix(), atol=1e-12)
+        assert np.allclose(transform(row, "true").as_matrix(), STEPS[2].as_matrix(), atol=1e-12)
+        assert row["translation_m"] == pytest.approx(np.sqrt(1 + 4 + 0.25))
+        assert (row["right"], row["accepted"]) == (False, False)
+        assert row["rotation_deg"] == pytest.approx(np.rad2deg(turn(3, -7, 5).magnitude()))
+
+    @pytest.mark.parametrize(("meters", "right"), [(5.99, True), (6.01, False)])
+    def test_the_bar(self, now: Survey, meters: float, right: bool) -> None:
+        assert pair_row(now, 2, off(meters)[1], accepted=True)["right"] is right
+
+    def test_rows_come_back_as_poses(self, now: Survey) -> None:
+        chain = chains(outcomes(now, {"icp": 9.0}))[1, "icp", 0]
+        wanted = POSES[0].inv() * chain_poses(POSES[0], off(9.0))
+        assert np.allclose(chain.found.as_matrix(), wanted.as_matrix(), atol=1e-9)
+        assert np.allclose(chain.true.as_matrix(), (POSES[0].inv() * POSES).as_matrix(), atol=1e-9)
+        assert chain.right == SCANS - 2
+
+
+class TestMapError:
+    def test_true_poses_leave_what_the_scans_have(self, now: Survey) -> None:
+        """The first scan lies 0.25 m off, the others on the surface: the map so far is the mixture."""
+        rows = pose_rows(now, None)
+        medians, highs = ([float(row[name]) for row in rows] for name in (MAP_MEDIAN, MAP_90))
+        assert medians[0] == pytest.approx(0.25, abs=1e-5)
+        assert medians[2:] == pytest.approx([0, 0, 0], abs=1e-5)
+        assert highs == pytest.approx([0.25] * SCANS, abs=1e-5)  # a fifth of the points, so beyond the 90th percentile
+
+    def test_scans_lifted_off_their_surface(self, now: Survey) -> None:
+        """Without a turn, all scans but the first two lie higher by what the second step has too much."""
+        level = replace(now, T_world_sensor=RigidTransform.from_translation(POSES.translation))
+        flat = [
+            Scan((POSES[k].apply(scan.points.astype(float)) - POSES[k].translation).astype(np.float32), name=scan.name)
+            for k, scan in enumerate(now.scans)
+        ]
+        steps = [level.step(k) for k in range(1, SCANS)]
+        steps[1] = steps[1] * RigidTransform.from_translation([0, 0, 1.75])
+        rows = pose_rows(replace(level, scans=tuple(flat)), steps)
+        assert rows[1][MAP_MEDIAN] == pytest.approx(0.125, abs=0.13)
+        assert rows[-1][MAP_MEDIAN] == pytest.approx(1.75, abs=1e-4)
+        assert rows[-1][MAP_90] == pytest.approx(1.75, abs=1e-4)
+
+
+Chains = dict[tuple[int, str, int], Chain]
+
+
+@pytest.fixture(scope="module")
+def made(now: Survey) -> Chains:
+    """Two surveys alike, with every method's one error."""
+    return chains(outcomes(now, {"icp": 9.0, "planes": 0.8, "hemisphere": 4.0, "spectral": 0.4}, seeds=2))
+
+
+class TestTables:
+    def test_the_errors_of_every_run(self, made: Chains) -> None:
+        lines = {row[0]: row[1:] for row in map_table(made).rows}
+        assert lines["icp"][:3] == ("3 / 3", "3 / 3", "1 / 1")
+        assert lines["hemisphere 256³"][:3] == ("4 / 4", "3 / 3", "0 / 0")
+        assert lines["icp"][6:] == ("9.00 / 9.00", "0.0 / 0.0")
+        assert lines[TRUTH][:3] == ("", "", "")
+
+    def test_the_trajectory_error_is_after_alignment(self, made: Chains) -> None:
+        """Two poses of five are 9 m from the rest: no alignment makes that nothing, and every one less than 9 m."""
+        assert all(0 < error < 9 * np.sqrt(0.24) + 1e-9 for error in by_seed(made, ("icp", 0), ate_m))
+        assert by_seed(made, ("icp", 0), ate_m) > by_seed(made, ("hemisphere", 256), ate_m)
+
+    def test_wrong_pairs_are_counted_in_brackets(self, made: Chains) -> None:
+        rows = pair_table(made).rows
+        assert [row[0] for row in rows] == ["0 → 1", "1 → 2", "2 → 3", "3 → 4"]
+        assert rows[1][2] == "0.0°, 9.00 m [2]"
+        assert rows[0][2] == "0.0°, 0.00 m"
+        assert [row[1] for row in pose_table(made).rows] == ["0.0°, 0.00 m", *["0.0°, 9.00 m"] * 3]
+
+    def test_the_verdicts_follow_the_maps(self, now: Survey) -> None:
+        """Maps so good, or so bad, as their errors say; the same rows with the names exchanged say the opposite."""
+
+        def said(errors: dict[str, float]) -> dict[str, str]:
+            return {row[0]: row[-1] for row in verdict_table(chains(outcomes(now, errors))).rows}
+
+        good = said({"icp": 9.0, "planes": 0.2, "spectral": 0.1})
+        assert set(good.values()) == {"holds"}
+        assert len(good) == 5
+        bad = said({"icp": 0.2, "planes": 0.1, "spectral": 9.0})
+        assert bad["the map by planes"] == "holds"
+        assert {claim for claim, word in bad.items() if word == "does not hold"} == bad.keys() - {"the map by planes"}
+
+    def test_a_verdict_in_some_surveys(self, now: Survey) -> None:
+        first = outcomes(now, {"planes": 0.1})
+        second = {
+            f"2{job[1:]}": Outcome(tuple({**row, "seed": 2} for row in one.rows))
+            for job, one in outcomes(now, {"planes": 9.0}).items()
+        }
+        (row,) = verdict_table(chains(first | second)).rows
+        assert row[-1] == "holds in 1 of 2 surveys"
+
+    def test_two_grids_are_compared(self, now: Survey) -> None:
+        fine = outcomes(now, {"spectral": 0.1})
+        coarse = {
+            job.replace("256", "128"): Outcome(tuple({**row, "grid": 128} for row in one.rows))
+            for job, one in outcomes(now, {"spectral": 8.0}).items()
+            if "spectral" in job
+        }
+        rows = {row[0]: row[-1] for row in verdict_table(chains(fine | coarse)).rows}
+        assert rows["spectral 128³ beside spectral 256³"] == "does not hold"
+        assert rows["the map by spectral 256³"] == "holds"
+        assert rows["the map by spectral 128³"] == "does not hold"
+
+    def test_remarks_name_the_wrong_pairs_and_the_order(self, made: Chains) -> None:
+        text = remarks(made)
+        assert "**icp**: 6/8" in text
+        assert "wrong are 1 → 2 of seed 1" in text
+        assert "2 of 2 of them believed" in text
+        order = text[text.index("from the best") :]
+        named = [order.index(name) for name in ("spectral 256³", "planes", "hemisphere 256³", "icp")]
+        assert named == sorted(named)
+        assert map_90(made[1, "spectral", 256]) < map_90(made[1, "icp", 0])
+
+
+class TestTimes:
+    def test_the_papers_table(self) -> None:
+        """As printed: seventeen pairs; least and largest as the text says."""
+        assert len(PAPER_ICP) == 17
+        assert (min(PAPER_ICP), max(PAPER_ICP)) == (1.27, 47.36)
+        assert sum(PAPER_ICP) / 17 == pytest.approx(21.346, abs=5e-4)
+
+    def test_ours_beside_it(self, now: Survey) -> None:
+        summary, pairs = times_tables(outcomes(now, {"icp": 9.0, "spectral": 0.1}))
+        # 2, 3, 6, 11 s
+        assert summary.rows[0] == (
+            "icp",
+            "",
+            "1.27",
+            "21.403",
+            "47.36",
+            "0.50",
+            "2.00",
+            "5.50",
+            "4.50",
+            "11.00",
+            "2.44",
+        )
+        assert pairs.rows[2] == ("2 → 3", "28.17", "6.00", "6.00")
+        assert pairs.rows[-1] == ("average", "21.403", "5.500", "5.500")
+
+
+class TestExperiment:
+    def test_jobs_are_pairs_and_maps(self) -> None:
+        settings = FloodgateSettings(methods=("spectral", "icp"), edges=(64, 128), seeds=2, first_seed=5, scans=3)
+        jobs = Floodgate(settings).jobs()
+        assert jobs[:4] == ["5/true poses/0/map", "5/icp/0/01", "5/icp/0/02", "5/icp/0/map"]
+        assert jobs[-3:] == ["6/spectral/128/01", "6/spectral/128/02", "6/spectral/128/map"]
+        assert len(jobs) == len(set(jobs)) == 2 * (1 + 3 * 3)
+
+    def test_the_lineups_order(self) -> None:
+        assert runs(("spectral", "icp"), (128, 256)) == (("icp", 0), ("spectral", 128), ("spectral", 256))
+
+    @pytest.mark.parametrize(
+        ("arguments", "words"),
+        [
+            ({"methods": ("alchemy",)}, "no method is called alchemy"),
+            ({"methods": ()}, "no method"),
+            ({"seeds": 0}, "at least one"),
+            ({"first_seed": -1}, "none below 0"),
+            ({"scans": 1}, "2 to 18"),
+            ({"edges": (100,)}, "--grid 100"),
+        ],
+    )
+    def test_refusals(self, arguments: dict[str, object], words: str) -> None:
+        with pytest.raises(InputError, match=words):
+            FloodgateSettings(**arguments)  # pyright: ignore[reportArgumentType]
+
+    @pytest.mark.slow
+    def test_two_runs_give_the_same_rows_and_pictures_whatever_they_took(self, tmp_path: Path) -> None:
+        """A map whose pairs were registered in an earlier run is the same as well; times are in no picture."""
+        settings = FloodgateSettings(methods=("icp", "hemisphere"), edges=(32,), seeds=1, first_seed=3, scans=3)
+        made: list[tuple[dict[str, Outcome], dict[str, bytes]]] = []
+        for name, times in (("a", 1.0), ("b", 100.0)):
+            experiment, device = Floodgate(settings, choose_device(None)), choose_device(None)
+            found = {job: experiment.run(job) for job in experiment.jobs()}
+            alone = "3/hemisphere/32/map"
+            assert Floodgate(settings, device).run(alone) == found[alone]
+            slower = {
+                job: replace(one, seconds=tuple({**row, "register_s": times} for row in one.seconds))
+                for job, one in found.items()
+            }
+            (tmp_path / name).mkdir()
+            experiment.draw(tmp_path / name, slower)
+            section = experiment.section(slower)
+            verdicts(section)
+            assert {path.name for path in (tmp_path / name).iterdir()} == set(section.pictures)
+            pictures = {path.name: path.read_bytes() for path in (tmp_path / name).iterdir()}
+            assert all(len(content) < 300_000 for content in pictures.values())
+            made.append(({job: replace(one, seconds=()) for job, one in found.items()}, pictures))
+        assert made[0] == made[1]
