@@ -91,6 +91,7 @@ EXPERIMENTS: Mapping[str, Entry] = MappingProxyType(
         "rotation": Entry("Figs. 16, 17", "tools.reproduce.rotation", _STRUCTURE_OPTIONS),
         "limits": Entry("Figs. 7 to 9", "tools.reproduce.limits", _STRUCTURE_OPTIONS),
         "gaussian": Entry("Table 1, Figs. 20, 21", "tools.reproduce.gaussian", OPTIONS),
+        "floodgate": Entry("Sect. 4, Table 2, Figs. 22 to 31", "tools.reproduce.floodgate", ("grid", "seeds", "seed")),
     }
 )
 
