@@ -10,31 +10,40 @@ from kernels.errors import InputError
 from tools.cli.options import QuietOption, check_seed
 from tools.cli.progress import growing_progress
 from tools.cli.terminal import printable
+from tools.simulate.catalog import SCENE_KINDS, SENSOR_NAMES, TRAJECTORY_KINDS
 
 if TYPE_CHECKING:
     from tools.simulate.simulation import SimulationSettings
 
-DEFAULT_SCENE, DEFAULT_TRAJECTORY, DEFAULT_SENSOR, DEFAULT_SEED = "floodgate", "survey", "eclipse", 1
+DEFAULT_SCENE, DEFAULT_TRAJECTORY, DEFAULT_SEED = "floodgate", "survey", 1
+
+
+def _listed(kinds: dict[str, str]) -> str:
+    return "; ".join(f"{name}: {summary}" for name, summary in kinds.items())
+
+
+SCENE_HELP = _listed({name: kind.summary for name, kind in SCENE_KINDS.items()})
+TRAJECTORY_HELP = _listed(dict(TRAJECTORY_KINDS))
+SENSOR_HELP = f"{', '.join(SENSOR_NAMES)}; not with table1, which has its own."
 
 
 def command(
     out: Annotated[Path, typer.Option("-o", "--out", help="Folder for the scans.", metavar="DIR")],
-    scene: Annotated[
-        str | None, typer.Option(help=f"floodgate, harbor or clutter. \\[{DEFAULT_SCENE}]", metavar="NAME")
-    ] = None,
+    scene: Annotated[str | None, typer.Option(help=f"{SCENE_HELP}. \\[{DEFAULT_SCENE}]", metavar="NAME")] = None,
     trajectory: Annotated[
         str | None,
-        typer.Option(
-            help=f"survey, or table1: the paper's reference scan and S0 to S9. \\[{DEFAULT_TRAJECTORY}]", metavar="NAME"
-        ),
+        typer.Option(help=f"{TRAJECTORY_HELP}. \\[{DEFAULT_TRAJECTORY}]", metavar="NAME"),
     ] = None,
-    scans: Annotated[int | None, typer.Option(help="How many scans; a survey has 12.", metavar="N", min=1)] = None,
+    scans: Annotated[
+        int | None, typer.Option(help="How many scans; a survey has 12, a lawnmower 200.", metavar="N", min=1)
+    ] = None,
     spacing: Annotated[
-        float | None, typer.Option(help="Of a survey's scans along their path \\[m].", metavar="M")
+        float | None,
+        typer.Option(help="Of a survey's or lawnmower's scans along their path \\[m]. \\[as the scene]", metavar="M"),
     ] = None,
     sensor: Annotated[
         str | None,
-        typer.Option(help=f"Of a survey: eclipse, paper or sonar3d15. \\[{DEFAULT_SENSOR}]", metavar="NAME"),
+        typer.Option(help=f"{SENSOR_HELP} \\[as the scene]", metavar="NAME"),
     ] = None,
     sigma2: Annotated[
         float | None, typer.Option(help="Variance of the range noise at the largest range \\[m^2].", metavar="V")
@@ -70,12 +79,13 @@ def command(
     """
     from tools.atomic import require_writable
     from tools.simulate.folder import write_simulation
+    from tools.simulate.plan import SPACED
     from tools.simulate.simulation import simulate
 
     settings = _settings(like, scene, trajectory, sensor, seed)
-    if spacing is not None and settings.trajectory != "survey":
+    if spacing is not None and settings.trajectory not in SPACED:
         raise InputError(
-            f"--spacing is of a survey's scans, and the trajectory is {settings.trajectory}; drop --spacing"
+            f"--spacing is of a {' or a '.join(SPACED)}, and the trajectory is {settings.trajectory}; drop --spacing"
         )
     noise = {"sigma2": sigma2, "outliers": outliers, "dropouts": dropouts, "ghosts": ghosts, "speckle": speckle}
     settings = replace(settings, noise=replace(settings.noise, **_given(noise)))
@@ -93,9 +103,7 @@ def _settings(
 ) -> "SimulationSettings":
     """The settings but for noise and number; options that would go unheard are refused."""
     from tools.simulate.folder import read_settings
-    from tools.simulate.sensors import SENSORS
-    from tools.simulate.series import table1_settings
-    from tools.simulate.simulation import SimulationSettings
+    from tools.simulate.plan import plan
 
     if like is not None:
         given = _given({"scene": scene, "trajectory": trajectory, "sensor": sensor, "seed": seed})
@@ -103,16 +111,10 @@ def _settings(
             dropped = ", ".join(f"--{name}" for name in given)
             raise InputError(f"--like takes the scene, path, sensor and seed from {like}; drop {dropped}, or --like")
         return read_settings(like)
-    scene, seed = scene or DEFAULT_SCENE, DEFAULT_SEED if seed is None else seed
-    if trajectory == "table1":
-        if sensor is not None:
-            raise InputError("--trajectory table1 has the paper's sensor, tilted as there; drop --sensor")
-        return table1_settings(seed, 1.0, scene)
-    sensor = sensor or DEFAULT_SENSOR
-    if sensor not in SENSORS:
-        raise InputError(f"no sensor is called {sensor!r}; there are {', '.join(SENSORS)}")
-    trajectory = trajectory or DEFAULT_TRAJECTORY
-    return SimulationSettings(scene=scene, trajectory=trajectory, sensor=SENSORS[sensor], seed=seed)
+    if trajectory == "table1" and sensor is not None:
+        raise InputError("--trajectory table1 has the paper's sensor, tilted as there; drop --sensor")
+    chosen = DEFAULT_SEED if seed is None else seed
+    return plan(scene or DEFAULT_SCENE, trajectory or DEFAULT_TRAJECTORY, sensor, chosen)
 
 
 def _given(options: dict[str, Any]) -> dict[str, Any]:

@@ -16,7 +16,8 @@ from tools.simulate.ghosts import reflect
 from tools.simulate.noise import Noise, measure
 from tools.simulate.scenes import SCENES, build_scene
 from tools.simulate.sensors import ECLIPSE, Sensor, cast
-from tools.simulate.trajectories import SPACING, survey, table1
+from tools.simulate.stations import paper18
+from tools.simulate.trajectories import SPACING, lawnmower, loop, survey, table1
 
 # Of a survey where nothing else is said: speckle in full, as every single sonar image has it
 SURVEY_NOISE = Noise(sigma2=1.0, outliers=0.01, dropouts=0.05, ghosts=0.02, speckle=1.0)
@@ -30,7 +31,7 @@ class SimulationSettings:
         scene: a key of SCENES.
         trajectory: a key of TRAJECTORIES.
         count: number of scans, from the start of the trajectory.
-        spacing: of a survey's scans along their path [m].
+        spacing: of a survey's or a lawnmower's scans along their path [m]; the others have their own.
         sensor: what to see with; SENSORS holds the known ones.
         noise: what it does to the echoes.
         seed: of the scene, the waves and the noise.
@@ -117,6 +118,18 @@ def _survey(settings: SimulationSettings) -> Trajectory:
     return survey(settings.scene, settings.count, settings.seed, settings.spacing)
 
 
+def _loop(settings: SimulationSettings) -> Trajectory:
+    return loop(settings.scene, settings.count, settings.seed)
+
+
+def _lawnmower(settings: SimulationSettings) -> Trajectory:
+    return lawnmower(settings.scene, settings.count, settings.seed, settings.spacing)
+
+
+def _paper18(settings: SimulationSettings) -> Trajectory:
+    return paper18(settings.scene, settings.count, settings.seed, settings.sensor)
+
+
 def _table1(settings: SimulationSettings) -> Trajectory:
     poses = table1()
     if not 1 <= settings.count <= len(poses):
@@ -125,5 +138,5 @@ def _table1(settings: SimulationSettings) -> Trajectory:
 
 
 TRAJECTORIES: MappingProxyType[str, Callable[[SimulationSettings], Trajectory]] = MappingProxyType(
-    {"survey": _survey, "table1": _table1}
+    {"survey": _survey, "loop": _loop, "lawnmower": _lawnmower, "paper18": _paper18, "table1": _table1}
 )

@@ -8,6 +8,8 @@ import numpy as np
 from numpy.typing import ArrayLike
 from scipy.spatial.transform import Rotation
 
+from tools.simulate.polyline import rounded
+
 CYLINDER_SIDES = 24
 
 
@@ -132,7 +134,7 @@ def tube(path: ArrayLike, radius: float, bend: float = 0.0, sides: int = 12) -> 
 
     Its rings are handed on from leg to leg without twist, each square to the path's direction there.
     """
-    line = _rounded(np.asarray(path, float), bend)
+    line = rounded(np.asarray(path, float), bend)
     legs = np.diff(line, axis=0)
     legs /= np.linalg.norm(legs, axis=1, keepdims=True)
     along = np.concatenate([legs[:1], legs[:-1] + legs[1:], legs[-1:]])
@@ -145,17 +147,3 @@ def tube(path: ArrayLike, radius: float, bend: float = 0.0, sides: int = 12) -> 
         aside /= np.linalg.norm(aside)
         rings.append(middle + radius * (np.cos(angle) * aside + np.sin(angle) * np.cross(axis, aside)))
     return loft(rings)
-
-
-def _rounded(corners: np.ndarray, bend: float, pieces: int = 6) -> np.ndarray:
-    """The corners with every inner one replaced by an arc-like curve from `bend` before it to `bend` behind it."""
-    if bend <= 0 or len(corners) < 3:
-        return corners
-    share = np.linspace(0, 1, pieces + 1)[:, None]
-    line = [corners[:1]]
-    for before, corner, after in zip(corners[:-2], corners[1:-1], corners[2:], strict=True):
-        reach = [min(bend, 0.45 * float(np.linalg.norm(end - corner))) for end in (before, after)]
-        enter = corner + reach[0] * (before - corner) / np.linalg.norm(before - corner)
-        leave = corner + reach[1] * (after - corner) / np.linalg.norm(after - corner)
-        line.append((1 - share) ** 2 * enter + 2 * share * (1 - share) * corner + share**2 * leave)
-    return np.concatenate([*line, corners[-1:]])

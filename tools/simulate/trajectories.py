@@ -1,13 +1,13 @@
-"""Where the sensor goes: a survey around a scene's structures, and the poses of the paper's Table 1."""
-
-from types import MappingProxyType
+"""Where the sensor goes: surveys, loops and lanes through a scene, and the poses of the paper's Table 1."""
 
 import numpy as np
-from scipy.interpolate import CubicSpline
 from scipy.spatial.transform import RigidTransform, Rotation
 
 from kernels.errors import InputError
 from slam.trajectory import Trajectory
+from tools.simulate.paths import Path
+from tools.simulate.routes import lawn_path, survey_path
+from tools.simulate.scenes import scene_kind
 
 TABLE1_COUNT = 10
 TABLE1_STEP = (4.0, 8.0, 12.0)  # x, y, z a step [m]; one voxel of the paper's 256^3 grid is 1 m
@@ -17,40 +17,8 @@ TABLE1_STEP_DEG = (6.0, 1.0, 2.0)  # yaw, pitch, roll a step
 # down. Chosen so that the overlap falls smoothly from 0.9 at S0 to a fifth at S9 (the paper's Fig. 19).
 TABLE1_RIG = (-100.0, -30.0, 10.0)
 
-# Closed paths through clear water: x, y, z [m] and heading [degrees from x toward y] of each corner
-SURVEY_LOOPS = MappingProxyType(
-    {
-        "floodgate": (
-            (-90, -40, -2, -10),
-            (-56, -60, -2, 22),
-            (-22, -56, -2, 52),
-            (-14, -22, -2, 28),
-            (-22, 8, -2, -16),
-            (-56, 14, -2, 14),
-            (-84, 8, -2, 40),
-            (-98, -24, -2, 14),
-        ),
-        "harbor": (
-            (-64, -62, -2, 20),
-            (-22, -42, -2, 50),
-            (18, -24, -2, 80),
-            (42, 6, -2, 110),
-            (46, -26, -2, 70),
-            (34, -62, -2, 30),
-            (-10, -80, -2, -10),
-            (-48, -88, -2, -10),
-        ),
-        "clutter": (
-            (-64, -20, 20, 10),
-            (-30, -62, 20, 50),
-            (34, -58, 20, 100),
-            (66, 4, 20, 170),
-            (22, 60, 20, 250),
-            (-40, 48, 20, 300),
-        ),
-    }
-)
-SPACING = 9.0  # of a survey's scans along its path [m]
+SPACING = 9.0  # of a survey's scans along its path in a scene of 256 m [m]
+LOOP_LEAST = 3  # scans of a loop
 
 # Waves move the vessel: amplitude of each of the summed sines, for heave [m] and yaw, pitch, roll [degrees]
 WAVE_AMPLITUDE = (0.2, 1.2, 1.0, 1.6)
@@ -66,17 +34,42 @@ def survey(scene: str, count: int, seed: int, spacing: float = SPACING) -> Traje
     Raises:
         InputError: a scene without a path, no scan, or a spacing that is not positive.
     """
-    if scene not in SURVEY_LOOPS:
-        raise InputError(f"no survey path is laid through {scene!r}; there are {', '.join(SURVEY_LOOPS)}")
-    if count < 1 or not spacing > 0:
-        raise InputError(f"a survey of {count} scans every {spacing:g} m; wanted at least 1 and a spacing > 0")
-    places, heading = _along_loop(np.array(SURVEY_LOOPS[scene], float), spacing * np.arange(count))
-    heave, yaw, pitch, roll = _waves(count, np.random.default_rng(np.random.SeedSequence([seed, 4])))
-    angles = np.column_stack([heading + np.deg2rad(yaw), np.deg2rad(pitch), np.deg2rad(roll)])
-    poses = RigidTransform.from_components(
-        places + heave[:, None] * (0.0, 0.0, 1.0), Rotation.from_euler("ZYX", angles)
-    )
-    return Trajectory(np.arange(count, dtype=np.float64), poses)
+    return _evenly(survey_path(scene, seed), "survey", scene, count, seed, spacing)
+
+
+def lawnmower(scene: str, count: int, seed: int, spacing: float = SPACING) -> Trajectory:
+    """Poses every `spacing` meters along lanes over the scene and tie lines across them, moved as in `survey`.
+
+    The sensor looks where it goes. Where the path ends it begins again; it crosses itself long before.
+
+    Raises:
+        InputError: a scene without lanes, no scan, or a spacing that is not positive.
+    """
+    return _evenly(lawn_path(scene, seed), "lawnmower", scene, count, seed, spacing)
+
+
+def loop(scene: str, count: int, seed: int) -> Trajectory:
+    """Poses once round the scene's closed path, moved as in `survey`: the last is one step from the first.
+
+    Raises:
+        InputError: a scene without a path, or fewer than 3 scans.
+    """
+    if count < LOOP_LEAST:
+        raise InputError(f"a loop of {count} scans; wanted at least {LOOP_LEAST}, so that it goes round something")
+    path = survey_path(scene, seed)
+    return _evenly(path, "loop", scene, count, seed, path.length / count)
+
+
+def poses_along(path: Path, way: np.ndarray, scene: str, seed: int) -> RigidTransform:
+    """T_world_sensor after each of the ways (N,) [m] along `path`, the vessel moved by waves; N poses.
+
+    The k-th pose's waves depend on k and the seed alone, heave on the scene's size too.
+    """
+    places, heading = path.at(way)
+    heave, yaw, pitch, roll = _waves(len(way), np.random.default_rng(np.random.SeedSequence([seed, 4])))
+    heave = scene_kind(scene).scale * heave
+    angles = np.column_stack([heading + np.deg2rad(yaw), np.deg2rad(pitch) + path.pitch, np.deg2rad(roll)])
+    return RigidTransform.from_components(places + heave[:, None] * (0.0, 0.0, 1.0), Rotation.from_euler("ZYX", angles))
 
 
 def table1_transform(index: int) -> RigidTransform:
@@ -98,17 +91,10 @@ def table1() -> Trajectory:
     return Trajectory(np.arange(1.0 + TABLE1_COUNT), RigidTransform.concatenate([T_grid_rig, *moved]))
 
 
-def _along_loop(corners: np.ndarray, way: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-    """Positions (N, 3) [m] and headings (N,) [rad] after `way` (N,) [m] along a smooth closed path."""
-    heading = np.deg2rad(corners[:, 3])
-    knots = np.column_stack([corners[:, :3], np.cos(heading), np.sin(heading)])
-    closed = np.concatenate([knots, knots[:1]])
-    path = CubicSpline(np.arange(len(closed)), closed, bc_type="periodic")
-    fine = np.linspace(0, len(corners), 200 * len(corners) + 1)
-    step = np.linalg.norm(np.diff(path(fine)[:, :3], axis=0), axis=1)
-    length = np.concatenate([[0.0], np.cumsum(step)])
-    at = path(np.interp(way % length[-1], length, fine))
-    return at[:, :3], np.arctan2(at[:, 4], at[:, 3])
+def _evenly(path: Path, what: str, scene: str, count: int, seed: int, spacing: float) -> Trajectory:
+    if count < 1 or not 0 < spacing < np.inf:
+        raise InputError(f"a {what} of {count} scans every {spacing:g} m; wanted at least 1 and a spacing > 0")
+    return Trajectory(np.arange(count, dtype=np.float64), poses_along(path, spacing * np.arange(count), scene, seed))
 
 
 def _waves(count: int, rng: np.random.Generator) -> np.ndarray:

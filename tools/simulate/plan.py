@@ -1,0 +1,54 @@
+"""Settings that suit a scene and a trajectory: its sensor, and spacing and noise in keeping with its size."""
+
+import math
+from dataclasses import replace
+
+from kernels.errors import InputError
+from tools.simulate.routes import survey_path
+from tools.simulate.scenes import scene_kind
+from tools.simulate.sensors import ECLIPSE, SENSORS
+from tools.simulate.series import table1_settings
+from tools.simulate.simulation import SimulationSettings
+from tools.simulate.stations import PAPER_COUNT
+from tools.simulate.trajectories import SPACING
+
+SPACED = ("survey", "lawnmower")  # the trajectories that heed a spacing
+LAWN_COUNT = 200
+
+
+def plan(scene: str, trajectory: str = "survey", sensor: str | None = None, seed: int = 0) -> SimulationSettings:
+    """The settings of a simulation in which only the scene need be chosen.
+
+    Args:
+        scene: a key of SCENES.
+        trajectory: a key of TRAJECTORIES.
+        sensor: a key of SENSORS; the one that suits the scene if left out.
+        seed: of the scene, the waves and the noise.
+
+    The spacing is 9 m in a scene of 256 m and smaller in proportion; the deviation of the range is 1 m at 120 m, and
+    smaller in proportion where the scene's sensor reaches less far. A loop has as many scans as that spacing asks for.
+
+    Raises:
+        InputError: an unknown name, or a sensor for Table 1, which has its own.
+    """
+    kind = scene_kind(scene)
+    if trajectory == "table1":
+        if sensor is not None:
+            raise InputError("the trajectory table1 has the paper's sensor, tilted as there; leave the sensor out")
+        return table1_settings(seed, 1.0, scene)
+    chosen = kind.sensor if sensor is None else sensor
+    if chosen not in SENSORS:
+        raise InputError(f"no sensor is called {chosen!r}; there are {', '.join(SENSORS)}")
+    settings = SimulationSettings(scene=scene, trajectory=trajectory, sensor=SENSORS[chosen], seed=seed)
+    spacing = SPACING * kind.scale if trajectory in SPACED else settings.spacing
+    share = SENSORS[kind.sensor].max_range / ECLIPSE.max_range
+    noise = replace(settings.noise, sigma2=settings.noise.sigma2 * share**2)
+    return replace(settings, count=_count(settings), spacing=spacing, noise=noise)
+
+
+def _count(settings: SimulationSettings) -> int:
+    """How many scans the trajectory is made of where nothing else is said."""
+    if settings.trajectory == "loop":
+        spacing = SPACING * scene_kind(settings.scene).scale
+        return math.ceil(survey_path(settings.scene, settings.seed).length / spacing)
+    return {"lawnmower": LAWN_COUNT, "paper18": PAPER_COUNT}.get(settings.trajectory, settings.count)
