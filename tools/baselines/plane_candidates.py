@@ -17,6 +17,7 @@ NORMAL_SLACK = float(np.deg2rad(1.5))
 _LEAST_ANGLE = float(np.deg2rad(25.0))
 _SIGMAS = 3.0
 _BIN = float(np.deg2rad(3.0))
+_RIM = 5
 # So many pairs of planes, the largest of each direction, are asked for translations; normals within the angle are of
 # one direction. Three fix a translation where they span this volume.
 _ASKED_EACH, _ASKED = 16, 56
@@ -72,11 +73,13 @@ def rotations(target: Patches, source: Patches, pairs: Candidates, max_tilt: flo
     half = int(np.ceil(max_tilt / _BIN)) + 1
     turns = round(2 * np.pi / _BIN)
     shape = (turns, 2 * half + 1, 2 * half + 1)
-    bins = np.rint(angles[level] / _BIN).astype(np.int64) + (0, half, half)
+    bins = np.rint(angles[level] / _BIN).astype(np.int64) + np.array([0, half, half])
     bins[:, 0] %= turns
     flat = np.bincount(np.ravel_multi_index(tuple(bins.T), shape), weight, minlength=int(np.prod(shape)))
-    votes = gaussian_filter(flat.reshape(shape), 0.8, mode=("wrap", "constant", "constant"))
-    peaks = (votes == maximum_filter(votes, 3, mode=("wrap", "constant", "constant"))) & (votes > 0)
+    around = np.pad(flat.reshape(shape), ((_RIM, _RIM), (0, 0), (0, 0)), mode="wrap")  # a full turn of yaw
+    smooth = gaussian_filter(around, 0.8, mode="constant")
+    votes = smooth[_RIM:-_RIM]
+    peaks = (votes == maximum_filter(smooth, 3, mode="constant")[_RIM:-_RIM]) & (votes > 0)
     found = np.argwhere(peaks)
     best = found[np.argsort(-votes[peaks], kind="stable")[:most]]
     return [Rotation.from_euler("ZYX", (place - (0, half, half)) * _BIN) for place in best]
@@ -93,8 +96,8 @@ def translations(
 ) -> list[tuple[np.ndarray, float]]:
     """The translations (3,) [m] that most of the chosen candidates agree on under R, with their scores, best first.
 
-    Any three of the largest whose normals span space give one, or any two where no three do; those count for it that it brings together, in
-    distance and, since a surface seen twice is seen in part at the same place, sideways.
+    Any three of the largest whose normals span space give one, or any two where no three do. Those count for it that
+    it brings together, in distance and, since a surface seen twice is seen in part at the same place, sideways.
 
     Args:
         bounds: the longest translation and the distance [m] by which two planes may miss each other.
@@ -111,7 +114,9 @@ def translations(
     if not len(t):
         return []
     reach = near + _SIGMAS * np.minimum(np.sqrt(_shift_variance(target)[i] + _shift_variance(source)[j]), near)
-    off = np.einsum("ki,mi->km", t, normal) - np.einsum("mi,mi->m", normal, target.middle[i] - R.apply(source.middle[j]))
+    off = np.einsum("ki,mi->km", t, normal) - np.einsum(
+        "mi,mi->m", normal, target.middle[i] - R.apply(source.middle[j])
+    )
     meets = np.abs(off) <= reach + np.tan(NORMAL_SLACK) * _radius(target)[i]
     sideways = t[:, None, :] + (R.apply(source.middle[j]) - target.middle[i])[None]
     meets &= np.linalg.norm(sideways, axis=2) <= _radius(target)[i] + _radius(source)[j]
@@ -142,7 +147,8 @@ def _compatible(target: Patches, source: Patches, pairs: Candidates) -> tuple[np
     spread = np.hypot(pairs.angle_sigma[:, None], pairs.angle_sigma[None, :])
     same = np.abs(there - here) <= np.minimum(_SIGMAS * spread, np.deg2rad(8.0))
     spans = (np.minimum(there, np.pi - there) >= _LEAST_ANGLE) & (np.minimum(here, np.pi - here) >= _LEAST_ANGLE)
-    return np.nonzero(np.triu(same & spans, 1))
+    a, b = np.nonzero(np.triu(same & spans, 1))
+    return a, b
 
 
 def _triads(target: Patches, source: Patches, pairs: Candidates, a: np.ndarray, b: np.ndarray) -> Rotation:

@@ -20,7 +20,7 @@ _ROUNDS = 4
 # What the planes of one surface differ by when other parts of it are seen [voxels].
 _SHIFT_SLACK = 0.35
 # Patches meet whose middles are no farther apart than so many standard deviations of both extents.
-_REACH = 1.7
+_REACH = 1.3
 # Of the sets with nearly as many planes as the largest the least uncertain is preferred.
 _AS_MANY = 0.9
 _MOST_ROTATIONS = 40

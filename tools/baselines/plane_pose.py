@@ -15,8 +15,9 @@ from tools.baselines.plane_patch import Patches, tangents
 
 # What no plane determines is as uncertain as an angle that may be anything [rad].
 LOOSE_ROTATION = float(np.pi / np.sqrt(3))
-# Directions of translation that the planes fix so many times less well than the best are taken from the patches' middles.
-_LEAST_SHARE = 1e-2
+# Normals (M, 3) whose singular value along a direction is below this do not fix the translation along it: of three
+# planes the third leans less than 12 degrees out of the way of the others. Their noise alone would seem to.
+_LEAST_SINGULAR = 0.2
 _STEPS = 2
 _HALVINGS = 6
 
@@ -39,7 +40,8 @@ class Slack:
     """What two fits of one surface may differ by besides their covariances, since it is not quite plane.
 
     Attributes:
-        turn: [rad], standard deviation about either direction within the plane.
+        turn: [rad], the largest standard deviation about either direction within the plane; that of a wide patch is
+            less, half the shift over its radius.
         shift: [m], standard deviation along the normal, midway between the middles of both patches.
     """
 
@@ -87,14 +89,19 @@ def closed_translation(target: Patches, source: Patches, R: Rotation) -> np.ndar
     """t (3,) [m] of weighted least squares n . t = d_target - d_source, given R_target_source."""
     variance = target.covariance[:, 3, 3] + source.covariance[:, 3, 3]
     weight = 1 / np.sqrt(np.maximum(variance, 1e-12))
-    _, values, directions = np.linalg.svd(weight[:, None] * target.normal, full_matrices=True)
-    values = np.append(values, np.zeros(3 - len(values)))
-    seen = directions[values > _LEAST_SHARE * values[0]]
+    seen, _ = fixed_and_open(target.normal)
     rows = weight[:, None] * (target.normal @ seen.T)
     known = np.linalg.lstsq(rows, weight * (target.distance - source.distance), rcond=None)[0] @ seen
     area = np.minimum(target.area, source.area)
     apart = area @ (target.middle - R.apply(source.middle)) / area.sum()
     return known + apart - seen.T @ (seen @ apart)
+
+
+def fixed_and_open(normal: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+    """The directions (f, 3) along which planes of normals (M, 3) fix a translation, and the others (3 - f, 3)."""
+    _, values, directions = np.linalg.svd(normal, full_matrices=True)
+    values = np.append(values, np.zeros(3 - len(values)))
+    return directions[values >= _LEAST_SINGULAR], directions[values < _LEAST_SINGULAR]
 
 
 def refine(target: Patches, source: Patches, start: RigidTransform, loose: float, slack: Slack) -> PlanePose:
@@ -110,16 +117,31 @@ def refine(target: Patches, source: Patches, start: RigidTransform, loose: float
         loose: standard deviation [m] of a translation that no plane determines; a rotation's is LOOSE_ROTATION.
         slack: what the planes of one surface differ by besides their covariances.
     """
-    T = start
-    prior = np.diag([LOOSE_ROTATION**-2] * 3 + [loose**-2] * 3)
+    T, fixed, still = start, *_tangent_space(source.normal, loose)
     for _ in range(_STEPS):
         information, gradient, _ = _normal_equations(_linearize(target, source, T), slack)
-        T = T * RigidTransform.from_exp_coords(-np.linalg.solve(information + prior, gradient))
+        step = np.linalg.lstsq(fixed @ information @ fixed.T, fixed @ gradient, rcond=None)[0]
+        T = T * RigidTransform.from_exp_coords(-step @ fixed)
     information, _, chi2 = _normal_equations(_linearize(target, source, T), slack)
-    freedom = 3 * len(target) - 6
+    freedom = 3 * len(target) - len(fixed)
     scatter = max(1.0, float(chi2.sum()) / freedom) if freedom > 0 else 1.0
-    covariance = np.linalg.inv(information / scatter + prior)
+    widest = fixed @ np.diag([LOOSE_ROTATION**-2] * 3 + [loose**-2] * 3) @ fixed.T
+    known = np.linalg.inv(fixed @ information @ fixed.T / scatter + widest)
+    covariance = fixed.T @ known @ fixed + still
     return PlanePose(T, (covariance + covariance.T) / 2)
+
+
+def _tangent_space(normal: np.ndarray, loose: float) -> tuple[np.ndarray, np.ndarray]:
+    """The directions (f, 6) of xi that planes of normals (M, 3) fix, and the covariance (6, 6) of the others."""
+    seen, hidden = fixed_and_open(normal)
+    # planes that are all parallel leave the turn about their normal open
+    turns, turn = (np.eye(3), np.empty((0, 3))) if len(seen) > 1 else (hidden, seen)
+    fixed = np.zeros((len(turns) + len(seen), 6))
+    fixed[: len(turns), :3], fixed[len(turns) :, 3:] = turns, seen
+    still = np.zeros((6, 6))
+    still[:3, :3] = LOOSE_ROTATION**2 * turn.T @ turn
+    still[3:, 3:] = loose**2 * hidden.T @ hidden
+    return fixed, still
 
 
 def settle(target: Patches, source: Patches, start: RigidTransform, loose: float, slack: Slack) -> PlanePose:
@@ -142,12 +164,14 @@ def compare(target: Patches, source: Patches, T: RigidTransform, slack: Slack) -
 
 @dataclass(frozen=True, slots=True)
 class _Linear:
-    """Residuals (M, 3), their Jacobians (M, 3, 6) in xi, covariances (M, 3, 3) and levers of the slack (M, 3, 3)."""
+    """Residuals (M, 3), their Jacobians (M, 3, 6) in xi, covariances (M, 3, 3), levers of the slack (M, 3, 3)
+    and radii (M,) of the smaller patches [m]."""
 
     residual: np.ndarray
     jacobian: np.ndarray
     covariance: np.ndarray
     lever: np.ndarray
+    radius: np.ndarray
 
 
 def _linearize(target: Patches, source: Patches, T: RigidTransform) -> _Linear:
@@ -169,12 +193,15 @@ def _linearize(target: Patches, source: Patches, T: RigidTransform) -> _Linear:
     midway = (target.middle + T.apply(source.middle)) / 2
     lever = np.tile(np.eye(3), (len(target), 1, 1))
     lever[:, 2, :2] = np.einsum("mik,mi->mk", basis[:, :3, :2], midway)
-    return _Linear(np.einsum("mik,mi->mk", basis, across), transposed @ jacobian, covariance, lever)
+    radius = np.sqrt(np.minimum(target.area, source.area) / np.pi)
+    return _Linear(np.einsum("mik,mi->mk", basis, across), transposed @ jacobian, covariance, lever, radius)
 
 
 def _normal_equations(linear: _Linear, slack: Slack) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
     """Information (6, 6), gradient (6,) and the chi-squared (M,) of every pair."""
-    extra = linear.lever @ np.diag([slack.turn**2, slack.turn**2, slack.shift**2]) @ np.swapaxes(linear.lever, 1, 2)
+    turn = np.minimum(slack.turn, slack.shift / (2 * linear.radius))
+    deviations = linear.lever * np.stack([turn, turn, np.full_like(turn, slack.shift)], axis=1)[:, None, :]
+    extra = deviations @ np.swapaxes(deviations, 1, 2)
     weight = np.linalg.inv(linear.covariance + extra)
     weighed = np.swapaxes(linear.jacobian, 1, 2) @ weight
     gradient = (weighed @ linear.residual[..., None]).sum(axis=0)[:, 0]
@@ -184,7 +211,7 @@ def _normal_equations(linear: _Linear, slack: Slack) -> tuple[np.ndarray, np.nda
 
 def _slack_needed(linear: _Linear, slack: Slack) -> float:
     """The least share 0..1 of the slack under which the residuals are as large as expected."""
-    freedom = 3 * len(linear.residual) - 6
+    freedom = 3 * len(linear.residual) - 6  # or more, where some directions are open
     low, high = 0.0, 1.0
     if freedom <= 0 or _normal_equations(linear, NO_SLACK)[2].sum() <= freedom:
         return 0.0

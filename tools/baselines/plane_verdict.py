@@ -1,7 +1,6 @@
 """Whether to believe planes that agree, and why."""
 
 from collections.abc import Sequence
-from itertools import combinations
 
 import numpy as np
 from scipy.spatial.transform import RigidTransform
@@ -9,11 +8,9 @@ from scipy.spatial.transform import RigidTransform
 from tools.baselines.conclusion import Verdict
 from tools.baselines.plane_consensus import Consensus
 from tools.baselines.plane_patch import Patches
-from tools.baselines.plane_pose import LOOSE_ROTATION, PlanePose
+from tools.baselines.plane_pose import LOOSE_ROTATION, PlanePose, fixed_and_open
 
-# Three planes fix a transform where their normals span this volume ...
-LEAST_VOLUME = 0.2
-# ... and as many standard deviations as a turn [rad] and a shift [voxels] are believed to be worth.
+# The largest standard deviations with which a transform is believed: of a turn [rad], of a shift [voxels].
 LARGEST_TURN = float(np.deg2rad(3.0))
 LARGEST_SHIFT = 3.0
 # Chance brings a few planes together: so many more than any other answer must agree, as a ratio, and at least so many.
@@ -65,24 +62,17 @@ def judge(found: Sequence[Consensus], target: Patches, source: Patches, voxel: f
 
 def _open_ways(planes: Patches, pose: PlanePose, voxel: float) -> str:
     """What the planes leave open, in words; "" where nothing."""
-    if _largest_volume(planes.normal) < LEAST_VOLUME:
-        parallel = np.linalg.svd(planes.normal, compute_uv=False)[1] < LEAST_VOLUME
-        ways = "two directions and a turn" if parallel else "one direction"
-        return f"no three of them span space: {ways} of the transform are taken from where the patches lie"
+    ways = {1: "one direction is", 2: "two directions and a turn are"}.get(len(fixed_and_open(planes.normal)[1]))
+    if ways:
+        return f"no three of them span space: {ways} taken from where the patches lie"
     turn = float(np.sqrt(np.linalg.eigvalsh(pose.covariance[:3, :3])[-1]))
     shift = float(np.sqrt(np.linalg.eigvalsh(pose.covariance[3:, 3:])[-1]))
     if turn > LARGEST_TURN or shift > LARGEST_SHIFT * voxel:
         return (
-            f"fix it to {np.rad2deg(turn):.1f} degrees and {shift:.2g} m only (one standard deviation); believed up to "
-            f"{np.rad2deg(LARGEST_TURN):g} degrees and {LARGEST_SHIFT * voxel:.2g} m"
+            f"fix it to {np.rad2deg(turn):.1f} degrees and {shift:.1f} m only (one standard deviation); believed up to "
+            f"{np.rad2deg(LARGEST_TURN):g} degrees and {LARGEST_SHIFT * voxel:.1f} m"
         )
     return ""
-
-
-def _largest_volume(normal: np.ndarray) -> float:
-    """The largest volume |det| that three of the normals (M, 3) span."""
-    triples = np.array(list(combinations(range(len(normal)), 3)), np.int64).reshape(-1, 3)
-    return float(np.abs(np.linalg.det(normal[triples])).max(initial=0.0))
 
 
 def _differ(a: Consensus, b: Consensus, voxel: float) -> bool:
