@@ -15,6 +15,7 @@ from tools.simulate.folder import read_settings, write_simulation
 from tools.simulate.noise import Noise
 from tools.simulate.overlap import mutual_overlap
 from tools.simulate.pairs import random_pair
+from tools.simulate.routes import SURVEY_LOOPS
 from tools.simulate.scenes import SCENES
 from tools.simulate.sensors import ECLIPSE, SENSORS, bare
 from tools.simulate.simulation import SimulationSettings, observe, settings_from_json, simulate
