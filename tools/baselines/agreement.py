@@ -46,11 +46,15 @@ def covariance(target: Cloud, source: Cloud, T_target_source: RigidTransform, vo
     near = np.isfinite(distance)
     normals = target.normals[nearest[near]]
     off = np.sum(normals * (moved[near] - target.points[nearest[near]]), axis=1)
-    # n . (R (w x p + v)) = w . (p x m) + v . m with m = R^T n
+    # about the middle of the points: n . (R (w x p + v)) = w . (p x m) + v . m with m = R^T n
     turned = T_target_source.rotation.inv().apply(normals) if len(normals) else normals
-    J = np.hstack([np.cross(source.points[near], turned), turned])
+    middle = source.points.mean(axis=0)
+    J = np.hstack([np.cross(source.points[near] - middle, turned), turned])
     variance = max(float(np.mean(off**2)) if len(off) else 0.0, (_LEAST_SIGMA * voxel) ** 2)
     extent = float(np.linalg.norm(np.ptp(source.points, axis=0)))
     unknown = np.diag(np.repeat([np.pi, extent], 3) ** -2.0)
-    found = np.linalg.inv(J.T @ J / (variance * _ALIKE) + unknown)
+    about_middle = np.linalg.inv(J.T @ J / (variance * _ALIKE) + unknown)
+    shift = np.eye(6)  # adjoint of the translation from the source's sensor to the middle
+    shift[3:, :3] = np.cross(middle, np.eye(3)).T
+    found = shift @ about_middle @ shift.T
     return (found + found.T) / 2

@@ -18,6 +18,8 @@ from tools.baselines.quiet import silent
 # Matches that survive both prunings: 14..53 where right, 0 or 1 where wrong; its authors' examples want 5.
 _LEAST_INLIERS = 10
 _FEWEST_MATCHES = 3  # that fix a transform
+# A point takes part that has a few others within three voxels; where none does the package ends the whole program.
+_NEIGHBORS, _NEIGHBOR_REACH, _FEWEST_POINTS = 5, 3.0, 10
 
 
 class KissRegistrar:
@@ -54,6 +56,8 @@ class KissRegistrar:
 
     def _solve(self, target: Cloud, source: Cloud) -> tuple[RigidTransform, int, int]:
         """The transform, how many matches agree with it, how many there were."""
+        if min(self._dense(target), self._dense(source)) < _FEWEST_POINTS:
+            return RigidTransform.identity(), 0, 0
         settings = self._kiss.KISSMatcherConfig(
             voxel_size=self.voxel, use_voxel_sampling=False, enable_noise_bound_clamping=False
         )
@@ -68,3 +72,8 @@ class KissRegistrar:
         R = Rotation.from_matrix(np.asarray(found.rotation))
         T = RigidTransform.from_components(np.asarray(found.translation).ravel(), R)
         return T, int(matcher.get_num_final_inliers()), len(moving)
+
+    def _dense(self, cloud: Cloud) -> int:
+        """How many points have neighbors enough for a feature."""
+        distance, _ = cloud.tree.query(cloud.points, k=[_NEIGHBORS + 1], workers=-1)  # a point is its own first
+        return int((distance <= _NEIGHBOR_REACH * self.voxel).sum())
