@@ -161,7 +161,8 @@ class TestSources:
             "tools/__init__.py": "",
             "tools/reproduce/__init__.py": "",
             "tools/reproduce/one.py": "from tools.reproduce import rows\nfrom tools.reproduce.one_figure import draw\n",
-            "tools/reproduce/rows.py": "def f():\n    import tools.extra\n",
+            "tools/reproduce/rows.py": "def f():\n    import tools.extra\nMETHODS = 'tools.named:Method'\n",
+            "tools/named.py": "from spectral.grid import x",
             "tools/reproduce/one_figure.py": "import tools.picture",
             "tools/reproduce/other.py": "",
             "tools/extra.py": "",
@@ -180,6 +181,7 @@ class TestSources:
             ("tools/reproduce/one.py", True),
             ("tools/reproduce/rows.py", True),
             ("tools/extra.py", True),
+            ("tools/named.py", True),
             ("tools/reproduce/one_figure.py", False),
             ("tools/picture.py", False),
             ("tools/reproduce/other.py", False),
@@ -189,13 +191,15 @@ class TestSources:
         one = project / "tools/reproduce/one.py"
         before = source_digest(one, project)
         assert source_digest(one, project) == before
-        (project / name).write_text((project / name).read_text() + "\n# changed")
+        (project / name).write_text((project / name).read_text() + "\n# a comment")
+        assert (source_digest(one, project) != before) is name.endswith(".cl")
+        (project / name).write_text((project / name).read_text() + "\ny = 2")
         assert (source_digest(one, project) != before) is decides
 
-    def test_a_new_file_counts(self, project: Path) -> None:
+    def test_a_new_program_counts(self, project: Path) -> None:
         one = project / "tools/reproduce/one.py"
         before = source_digest(one, project)
-        (project / "kernels/more.py").write_text("")
+        (project / "kernels/more.cl").write_text("")
         assert source_digest(one, project) != before
 
     def test_table_1_depends_on_its_methods_and_not_on_its_tables(self) -> None:

@@ -4,7 +4,8 @@ import ast
 import hashlib
 import inspect
 import json
-from collections.abc import Iterator, Mapping
+import re
+from collections.abc import Mapping
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
@@ -16,19 +17,11 @@ from tools.writers.summary import package_versions, to_json
 
 ROOT = Path(__file__).parents[2]
 
-# Always part of what decides rows; beside these, whatever the experiment's own module imports.
-_DECIDING = (
-    "kernels",
-    "spectral",
-    "slam",
-    "tools/simulate",
-    "tools/baselines",
-    "tools/evaluate.py",
-    "tools/alignment.py",
-)
-
 # The last words in the names of those modules of tools/reproduce that only show rows.
 SHOWING = ("figure", "page", "summary", "tables", "section", "table", "text", "wilson", "experiments")
+
+
+_DOTTED = re.compile(r"(\w+\.)+\w+(:\w+)?")  # a module's name, and what is taken from it
 
 
 @dataclass(frozen=True, slots=True)
@@ -86,23 +79,22 @@ def source_digest(module: Path, root: Path = ROOT) -> str:
     """A digest of the names and contents of all files that decide the rows of the experiment in `module`.
 
     Args:
-        module: a Python file.
+        module: a Python file; what it imports counts, and what that imports, and every OpenCL program.
         root: of the project.
     """
-    fixed = (path for name in _DECIDING for path in _files(root / name))
+    programs = (root / "kernels").rglob("*.cl")
     digest = hashlib.sha256()
-    for path in sorted({*fixed, *_imported(module.resolve(), root)}):
-        content = path.read_bytes()
+    for path in sorted({*programs, *_imported(module.resolve(), root)}):
+        content = _content(path)
         name = path.relative_to(root).as_posix() if path.is_relative_to(root) else path.name
         digest.update(f"{name}\0{len(content)}\0".encode() + content)
     return digest.hexdigest()[:16]
 
 
-def _files(path: Path) -> Iterator[Path]:
-    if path.is_file():
-        yield path
-    else:
-        yield from (file for suffix in ("py", "cl") for file in path.rglob(f"*.{suffix}"))
+def _content(path: Path) -> bytes:
+    """What of a file decides: of Python, all but comments and layout."""
+    content = path.read_bytes()
+    return ast.dump(ast.parse(content)).encode() if path.suffix == ".py" else content
 
 
 def _imported(module: Path, root: Path) -> set[Path]:
@@ -123,11 +115,13 @@ def _only_shows(path: Path, root: Path) -> bool:
 
 
 def _names(node: ast.AST) -> list[str]:
-    """The modules that an import statement may mean: `from a import b` has a, and a.b may be one too."""
+    """The modules that a node may mean: `from a import b` has a, and a.b may be one too; tables name some in strings."""
     if isinstance(node, ast.Import):
         return [alias.name for alias in node.names]
     if isinstance(node, ast.ImportFrom) and node.module:
         return [node.module, *(f"{node.module}.{alias.name}" for alias in node.names)]
+    if isinstance(node, ast.Constant) and isinstance(node.value, str) and _DOTTED.fullmatch(node.value):
+        return [node.value.partition(":")[0]]
     return []
 
 
