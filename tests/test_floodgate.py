@@ -60,7 +60,7 @@ def now() -> Survey:
     scans = [
         Scan(POSES[k].inv().apply(places[k]).astype(np.float32), stamp=float(k), name=f"s{k}") for k in range(SCANS)
     ]
-    return Survey(tuple(scans), POSES, mesh)
+    return Survey(tuple(scans), POSES, mesh, overlap=(0.6, 0.7, 0.8, 0.9), shared=(0.9, 0.8, 0.7, 0.6))
 
 
 def off(meters: float) -> list[RigidTransform]:
@@ -167,8 +167,8 @@ class TestTables:
     def test_wrong_pairs_are_counted_in_brackets(self, made: Chains) -> None:
         rows = pair_table(made).rows
         assert [row[0] for row in rows] == ["0 → 1", "1 → 2", "2 → 3", "3 → 4"]
-        assert rows[1][2] == "0.0°, 9.00 m [2]"
-        assert rows[0][2] == "0.0°, 0.00 m"
+        assert rows[1][1:4] == ("80 %", "70 %", "0.0°, 9.00 m [2]")
+        assert rows[0][3] == "0.0°, 0.00 m"
         assert [row[1] for row in pose_table(made).rows] == ["0.0°, 0.00 m", *["0.0°, 9.00 m"] * 3]
 
     def test_the_verdicts_follow_the_maps(self, now: Survey) -> None:
@@ -208,7 +208,8 @@ class TestTables:
     def test_remarks_name_the_wrong_pairs_and_the_order(self, made: Chains) -> None:
         text = remarks(made)
         assert "**icp**: 6/8" in text
-        assert "wrong are 1 → 2 of seed 1" in text
+        assert "wrong are 1 → 2 of seed 1 (80 % shared view)" in text
+        assert "has 60 to 90 % in view" in text
         assert "2 of 2 of them believed" in text
         order = text[text.index("from the best") :]
         named = [order.index(name) for name in ("spectral 256³", "planes", "hemisphere 256³", "icp")]

@@ -71,7 +71,8 @@ def pair_row(survey: Survey, source: int, found: RigidTransform, accepted: bool)
         "translation_m": error.translation_m,
         "right": error.within(RIGHT_DEG, RIGHT_M),
         "accepted": accepted,
-        "overlap": survey.overlap(source),
+        "overlap": survey.overlap[source - 1],
+        "shared": survey.shared[source - 1],
         **_parameters(found, "found"),
         **_parameters(truth, "true"),
     }

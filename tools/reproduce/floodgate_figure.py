@@ -13,8 +13,8 @@ from tools.reproduce.floodgate_tables import Chains
 PICTURES: Mapping[str, str] = MappingProxyType(
     {
         "floodgate-maps.png": "The maps from above, as Figs. 25, 28 and 30, colored by the height of the highest "
-        "point. Over them the true plan: outlines of what is solid 4 m below the water's surface. Black the true way, magenta "
-        "the one that was found; both begin at the same pose.",
+        "point. Over them the true plan: outlines of what is solid 4 m below the water's surface. Black the true "
+        "way, magenta the one that was found; both begin at the same pose.",
         "floodgate-errors.png": "The same maps, colored by how far each point lies from the true surface, what is "
         "wrong over what is right. Gray is solid.",
         "floodgate-motion.png": "Motion estimates, as Fig. 31: from each scan to the next, by every method, beside the "

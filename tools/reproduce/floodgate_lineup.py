@@ -35,8 +35,8 @@ LINEUP: MappingProxyType[str, Entrant] = MappingProxyType(
         "icp": Entrant("ICP, point to point, from the identity, as in Sect. 4.2", False, "tab:red", "x"),
         "icp-plane": Entrant("ICP, point to plane, from the identity", False, "tab:brown", "+", False),
         "planes": Entrant("planes and their consensus, as in Sect. 4.3", False, "tab:orange", "s"),
-        "fpfh-ransac": Entrant("features (FPFH) and RANSAC", False, "tab:pink", "v", False),
-        "kiss": Entrant("KISS-Matcher", False, "tab:olive", "^", False),
+        "fpfh-ransac": Entrant("features (FPFH) and RANSAC, then ICP", False, "tab:pink", "v", False),
+        "kiss": Entrant("KISS-Matcher, then ICP", False, "tab:olive", "^", False),
         "hemisphere": Entrant("the paper's spectral chain, as in Sect. 4.4", True, "tab:green", "o"),
         "spectral": Entrant("spectral, this project's default", True, "tab:blue", "D"),
     }

@@ -103,12 +103,12 @@ def pair_table(chains: Chains) -> Table:
     lines = []
     for k, source in enumerate(sources):
         rows = {run: [chains[seed, *run].pairs[k] for seed in seeds_of(chains)] for run in runs_of(chains)}
-        shares = [float(row["overlap"]) for row in rows[first]]
-        lines.append((f"{source - 1} → {source}", _percent(shares), *(_error(of) for of in rows.values())))
+        shares = (_percent([float(row[name]) for row in rows[first]]) for name in ("shared", "overlap"))
+        lines.append((f"{source - 1} → {source}", *shares, *(_error(of) for of in rows.values())))
     return Table(
         f"Every pair: error of the registration{_medians(chains)}; in brackets how many are wrong "
         f"(beyond 6° or {RIGHT_M:g} m)",
-        ("pair", "overlap", *(label(*run) for run in runs_of(chains))),
+        ("pair", "shared view", "overlap", *(label(*run) for run in runs_of(chains))),
         tuple(lines),
     )
 
