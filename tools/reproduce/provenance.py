@@ -115,7 +115,7 @@ def _only_shows(path: Path, root: Path) -> bool:
 
 
 def _names(node: ast.AST) -> list[str]:
-    """The modules that a node may mean: `from a import b` has a, and a.b may be one too; tables name some in strings."""
+    """The modules that a node may mean: `from a import b` has a, and a.b may be one too. Tables name some as text."""
     if isinstance(node, ast.Import):
         return [alias.name for alias in node.names]
     if isinstance(node, ast.ImportFrom) and node.module:
