@@ -19,7 +19,8 @@ class Registration:
         T_target_source: p_target = T_target_source p_source, both in their sensor frames [m].
         covariance: (6, 6), rotation first [rad, m], of xi in T = T_target_source Exp(xi): the body tangent of
             the source side, the order and side of gtsam.Pose3.
-        psr: peak-to-sidelobe ratio of the translation: standard deviations of the peak above the mean.
+        psr: peak-to-sidelobe ratio of the translation: standard deviations of the peak above the mean;
+            NaN from methods without a correlation.
         overlap: the share of points with a counterpart in the other scan, 0..1 (the smaller of both ways).
         accepted: whether to believe it.
         seconds: time of the pair alone, the scans being prepared [s].
