@@ -124,10 +124,10 @@ def test_a_tilt_beyond_the_bounds_is_refused(max_tilt: float) -> None:
 
 @pytest.mark.slow
 def test_the_covariance_is_right_from_points_to_pose() -> None:
-    """The normalized squared error over 100 noisy pairs averages 6, within what choosing points costs."""
+    """The normalized squared error over 100 noisy pairs averages 6 or somewhat less: what is estimated only widens."""
     normalized = []
     for seed in range(100):
         found = register(*look_twice(ROOM, seed=100 + seed, sigma2=0.03))
         xi = error(found)
         normalized.append(xi @ np.linalg.solve(found.covariance, xi))
-    assert 3.5 < np.mean(normalized) < 9.0
+    assert 2.5 < np.mean(normalized) < 8.0
