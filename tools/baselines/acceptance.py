@@ -14,11 +14,11 @@ from tools.baselines.conclusion import Verdict
 # The share of points in common says little by itself: beds laid on each other share up to 0.7 wherever they come from.
 _LEAST_FITNESS = 0.1
 # How many of these are near, within half the distance: 0.84..0.95 where right, 0.50..0.81 where wrong. (The inlier
-# rms of Open3D says the same; a share is not moved by a few.) Voxels of less than the noise lower it. The threshold lies
-# where one wrong answer, 79 degrees off at 0.81, is refused.
+# rms of Open3D says the same; a share is not moved by a few.) Voxels of less than the noise lower it. The threshold
+# lies where one wrong answer, 79 degrees off at 0.81, is refused.
 _LEAST_CLOSE = 0.83
-# Matches that agree with a wrong transform by chance: up to 14; with a right one mostly 21 and more, 17 and 4 once each,
-# which are refused.
+# Matches that agree with a wrong transform by chance: up to 14; with a right one mostly 21 and more, 17 and 4 once
+# each, which are refused.
 _LEAST_MATCHES = 20
 
 
