@@ -1,7 +1,7 @@
 """The largest set of planes that one transform brings together: minimally uncertain maximal consensus (MUMC).
 
 Pathak, Birk, Vaskevicius, Poppinga: Fast registration based on noisy planes with unknown correspondences for 3D
-mapping. IEEE Transactions on Robotics 26(3), 2010, DOI 10.1109/TRO.2010.2042989, Sect. IV.
+mapping. IEEE Transactions on Robotics 26(3), 2010, DOI 10.1109/TRO.2010.2042989.
 """
 
 from collections.abc import Iterable, Iterator

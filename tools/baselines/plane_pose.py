@@ -1,7 +1,7 @@
 """From corresponding planes to the transform between two scans, in closed form, and its covariance.
 
 Pathak, Birk, Vaskevicius, Poppinga: Fast registration based on noisy planes with unknown correspondences for 3D
-mapping. IEEE Transactions on Robotics 26(3), 2010, DOI 10.1109/TRO.2010.2042989, Sect. III.
+mapping. IEEE Transactions on Robotics 26(3), 2010, DOI 10.1109/TRO.2010.2042989.
 """
 
 from __future__ import annotations
