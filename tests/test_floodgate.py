@@ -11,7 +11,8 @@ from kernels.device import choose_device
 from kernels.errors import InputError
 from spectral.scan import Scan
 from tools.reproduce.experiment import Outcome, Row
-from tools.reproduce.floodgate import MAP, Floodgate, FloodgateSettings
+from tools.reproduce.experiments import Request
+from tools.reproduce.floodgate import MAP, OTHER_METHODS, PAPER_METHODS, Floodgate, FloodgateSettings, create
 from tools.reproduce.floodgate_chain import (
     MAP_90,
     MAP_MEDIAN,
@@ -269,6 +270,25 @@ class TestExperiment:
     def test_refusals(self, arguments: dict[str, object], words: str) -> None:
         with pytest.raises(InputError, match=words):
             FloodgateSettings(**arguments)  # pyright: ignore[reportArgumentType]
+
+    def test_what_the_command_line_asks_for(self) -> None:
+        quick, full = (create(Request(quick=quick)).settings for quick in (True, False))
+        assert (quick.methods, quick.edges, quick.seeds) == (PAPER_METHODS, (128,), 1)
+        assert set(full.methods) | set(full.left_out) == set(PAPER_METHODS) | set(OTHER_METHODS)
+        assert (full.edges, full.scans) == ((128, 256), 18)
+        asked = create(Request(seeds=2, seed=0, grid=64)).settings
+        assert (asked.edges, asked.all_seeds) == ((64,), range(0, 2))
+
+    def test_what_is_not_installed_is_told(self, now: Survey, monkeypatch: pytest.MonkeyPatch) -> None:
+        def absent(name: str, *_: object) -> None:
+            raise InputError(f"{name} wants a package")
+
+        monkeypatch.setattr("tools.reproduce.floodgate.build", absent)
+        experiment = create(Request())
+        assert experiment.settings.left_out == ("kiss",)
+        assert "kiss" not in experiment.settings.methods
+        told = experiment.section(outcomes(now, {"icp": 9.0})).introduction
+        assert "Not installed, so left out: kiss." in told
 
     @pytest.mark.slow
     def test_two_runs_give_the_same_rows_and_pictures_whatever_they_took(self, tmp_path: Path) -> None:

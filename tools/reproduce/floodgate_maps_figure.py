@@ -18,11 +18,17 @@ from tools.simulate.surface import surface_distance
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
+    from matplotlib.figure import Figure
+    from matplotlib.patches import Patch
 
 PLAN_HEIGHT = -4.0  # of the section through the scene: the water's surface is at 0 [m]
 CELL = 0.5  # [m]
 LIMITS = (1.0, 3.0)  # between near, off and far off [m]
 _COLUMNS = 3
+
+_PLAN: dict[str, Any] = {"color": "black", "linewidth": 0.6}
+_TRUE: dict[str, Any] = {"color": "black", "linewidth": 2.4}
+_FOUND: dict[str, Any] = {"color": "magenta", "linewidth": 1.2, "marker": "o", "markersize": 2.5}
 
 
 @dataclass(frozen=True, slots=True)
@@ -71,6 +77,7 @@ def _draw_heights(path: Path, section: Plan, panels: Sequence[_Panel], now: Surv
         draw_plan(axes, section, filled=False)
         _finish(axes, panel, now, section)
     figure.colorbar(image, ax=grid, label="height z of the highest point [m]", shrink=0.6, pad=0.01)
+    _legend(figure, [])
     save_small(figure, path)
 
 
@@ -98,12 +105,23 @@ def _draw_errors(path: Path, section: Plan, panels: Sequence[_Panel], now: Surve
         _finish(axes, panel, now, section)
     near, far = (f"{limit:g}" for limit in LIMITS)
     names = (f"within {near} m of the true surface", f"{near} to {far} m off", f"more than {far} m off")
-    patches = [Patch(color=color, label=name) for color, name in zip(colors, names, strict=True)]
-    figure.legend(handles=patches, loc="outside lower center", ncols=3, frameon=False)
+    _legend(figure, [Patch(color=color, label=name) for color, name in zip(colors, names, strict=True)])
     save_small(figure, path)
 
 
-def _grid(count: int) -> tuple:
+def _legend(figure: "Figure", patches: Sequence["Patch"]) -> None:
+    from matplotlib.lines import Line2D
+
+    lines = [
+        Line2D([], [], label=f"true plan at z = {PLAN_HEIGHT:g} m", **_PLAN),
+        Line2D([], [], label="true way", **_TRUE),
+        Line2D([], [], label="way found", **_FOUND),
+    ]
+    handles = [*patches, *lines]
+    figure.legend(handles=handles, loc="outside lower center", ncols=len(handles), frameon=False)
+
+
+def _grid(count: int) -> tuple["Figure", Any]:
     from matplotlib.figure import Figure
 
     columns = min(count, _COLUMNS)
@@ -118,8 +136,8 @@ def _grid(count: int) -> tuple:
 def _finish(axes: "Axes", panel: _Panel, now: Survey, section: Plan) -> None:
     """The way that was found, and the true one."""
     half = section.edge / 2
-    axes.plot(*now.T_world_sensor.translation[:, :2].T, "-", color="black", linewidth=2.4)
-    axes.plot(*panel.poses.translation[:, :2].T, "-o", color="magenta", linewidth=1.2, markersize=2.5)
+    axes.plot(*now.T_world_sensor.translation[:, :2].T, **_TRUE)
+    axes.plot(*panel.poses.translation[:, :2].T, **_FOUND)
     axes.set(xlim=(-half, half), ylim=(-half, half), aspect="equal")
     axes.set_title(panel.title, fontsize=11)
     axes.tick_params(labelsize=8)
