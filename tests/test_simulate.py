@@ -11,11 +11,11 @@ from simulated import COARSE, QUIET
 
 from kernels.errors import InputError
 from tools.readers.tum import read_tum
+from tools.simulate.catalog import SCENE_KINDS
 from tools.simulate.folder import read_settings, write_simulation
 from tools.simulate.noise import Noise
 from tools.simulate.overlap import mutual_overlap
 from tools.simulate.pairs import random_pair
-from tools.simulate.routes import SURVEY_LOOPS
 from tools.simulate.scenes import SCENES
 from tools.simulate.sensors import ECLIPSE, SENSORS, bare
 from tools.simulate.simulation import SimulationSettings, observe, settings_from_json, simulate
@@ -23,7 +23,7 @@ from tools.simulate.trajectories import survey
 
 
 @pytest.mark.slow
-@pytest.mark.parametrize("name", SURVEY_LOOPS)
+@pytest.mark.parametrize("name", ["floodgate", "harbor", "clutter"])
 def test_neighbors_of_a_survey_share_enough_and_run_into_nothing(name: str):
     # the bare fan: the path is under test, not what a threshold leaves of the views along it
     simulation = simulate(SimulationSettings(scene=name, count=12, sensor=bare(ECLIPSE), noise=QUIET))
@@ -89,7 +89,7 @@ def test_a_folder_with_other_scans_is_left_alone(tmp_path):
     [
         ({"scenery": "harbor"}, "scenery"),
         ({"scene": "moon"}, "floodgate, harbor, clutter"),
-        ({"trajectory": "orbit"}, "survey, table1"),
+        ({"trajectory": "orbit"}, "survey, loop, lawnmower, paper18, table1"),
         ({"noise": {"sigma2": -1}}, "wanted a variance"),
         ({"noise": {"sigma": 1}}, "sigma"),
         ({"sensor": {"name": "half"}}, r"sensor\.horizontal"),
@@ -120,9 +120,10 @@ def test_a_description_that_is_none_is_refused(tmp_path, text: str | None):
 
 @pytest.mark.parametrize("scene", SCENES)
 def test_a_random_pair_overlaps_as_wanted(scene: str):
-    small = replace(ECLIPSE, columns=128, rows=96)
+    kind = SCENE_KINDS[scene]
+    small = replace(SENSORS[kind.sensor], columns=128, rows=64)
     target, source, T_target_source = random_pair(3, (0.4, 0.7), QUIET, scene, small)
-    assert 0.4 <= mutual_overlap(target.points, source.points, T_target_source) <= 0.7
+    assert 0.4 <= mutual_overlap(target.points, source.points, T_target_source, 2.0 * kind.scale) <= 0.7
     again = random_pair(3, (0.4, 0.7), QUIET, scene, small)
     assert_array_equal(again[1].points, source.points)
     noisy = random_pair(3, (0.4, 0.7), Noise(sigma2=1.0), scene, small)

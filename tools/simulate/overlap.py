@@ -9,6 +9,7 @@ from tools.simulate.sensors import Sensor, cast
 
 OVERLAP_RADIUS = 2.0  # [m]
 HIDDEN = 1e-3  # a surface nearer than a point by this share of the sensor's range hides it
+ROUNDING = 1e-9  # of a direction [rad]: the outermost beams are in view
 
 
 def overlap(
@@ -67,6 +68,8 @@ def in_view(scene: Scene, sensor: Sensor, T_world_sensor: RigidTransform, points
     met, _ = scene.intersect(np.broadcast_to(T_world_sensor.translation, points.shape), directions)
     level = Rotation.from_euler("y", -sensor.tilt).apply(seen)
     azimuth, elevation = np.arctan2(level[:, 1], level[:, 0]), np.arcsin(level[:, 2] / ranges)
-    inside = (np.abs(azimuth) <= sensor.horizontal / 2) & (np.abs(elevation) <= sensor.vertical / 2)
+    inside = (np.abs(azimuth) <= sensor.horizontal / 2 + ROUNDING) & (
+        np.abs(elevation) <= sensor.vertical / 2 + ROUNDING
+    )
     reached = (ranges >= sensor.min_range) & (ranges <= sensor.max_range)
     return inside & reached & (met >= ranges - HIDDEN * sensor.max_range)

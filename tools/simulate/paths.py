@@ -5,10 +5,12 @@ from dataclasses import dataclass
 
 import numpy as np
 from scipy.interpolate import CubicSpline
+from scipy.ndimage import uniform_filter1d
 
 from tools.simulate.polyline import rounded
 
 FINE = 200  # points that a path's length is measured on, for each of its corners
+TURNING = 5.0  # bends that a lane's heading is averaged over
 
 
 @dataclass(frozen=True, slots=True)
@@ -51,6 +53,8 @@ def spline_path(corners: np.ndarray, closed: bool = True, pitch: float = 0.0) ->
 def lane_path(corners: np.ndarray, bend: float, pitch: float = 0.0) -> Path:
     """A closed path along straight legs between `corners` (K, 3) [m], looking where it goes, its turns rounded.
 
+    The heading is the way's, averaged over TURNING bends: neighbors on a sharp turn still share a view.
+
     Args:
         corners: [m, scene]; the last is joined to the first.
         bend: how far from a corner its turn begins [m].
@@ -63,7 +67,7 @@ def lane_path(corners: np.ndarray, bend: float, pitch: float = 0.0) -> Path:
     fine = np.linspace(0, length[-1], FINE * len(corners) + 1)
     places = _between(fine, length, line)
     along = np.diff(places, axis=0)
-    heading = np.unwrap(np.arctan2(along[:, 1], along[:, 0]))
+    heading = _smooth(np.unwrap(np.arctan2(along[:, 1], along[:, 0])), round(TURNING * bend / (fine[1] - fine[0])))
     middles = (fine[1:] + fine[:-1]) / 2
 
     def at(way: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
@@ -73,20 +77,29 @@ def lane_path(corners: np.ndarray, bend: float, pitch: float = 0.0) -> Path:
     return Path(float(length[-1]), True, at, pitch)
 
 
+def _smooth(heading: np.ndarray, count: int) -> np.ndarray:
+    """Headings (N,) [rad] once round a closed path, each the mean of the `count` about it."""
+    # once round the path adds whole turns
+    turns = 2 * np.pi * np.round((heading[-1] - heading[0]) / (2 * np.pi))
+    around = np.concatenate([heading - turns, heading, heading + turns])
+    return uniform_filter1d(around, max(count, 1))[len(heading) : 2 * len(heading)]
+
+
 def lanes(low: tuple[float, float], high: tuple[float, float], count: int, ties: int, *, east: bool) -> np.ndarray:
     """Corners (K, 2) of `count` lanes to and fro over a rectangle, then of `ties` lines across them [m].
 
     Args:
         low, high: corners of the rectangle [m].
-        count, ties: at least 2 each.
+        count, ties: at least 2 each; where the last tie line leads straight back to the start, as in a closed path, an
+            even number of them, so that no leg is gone back along.
         east: lanes along x; else along y.
     """
     long, wide = (0, 1) if east else (1, 0)
     corners = _to_and_fro((low[long], high[long]), np.linspace(low[wide], high[wide], count))
     # the tie lines begin at the corner where the last lane ended
     ended = corners[-1]
-    across = np.linspace(low[long], high[long], ties)
-    across = across if ended[0] == low[long] else across[::-1]
+    near = corners[0][0] if ended[0] != corners[0][0] else low[long] + high[long] - ended[0]
+    across = np.linspace(ended[0], near, ties + 1)[:-1]
     tied = _to_and_fro((high[wide], low[wide]), across)[:, ::-1]
     both = np.concatenate([corners, tied[1:]])
     return both if east else both[:, ::-1]

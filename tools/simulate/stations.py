@@ -9,11 +9,12 @@ from kernels.errors import InputError
 from slam.trajectory import Trajectory
 from tools.simulate.overlap import shared_view
 from tools.simulate.paths import Path
-from tools.simulate.routes import gate_path, survey_path
+from tools.simulate.routes import gate_path
 from tools.simulate.scenes import Scene, build_scene
 from tools.simulate.sensors import Sensor, bare
 from tools.simulate.trajectories import poses_along
 
+GATE = "floodgate"
 PAPER_COUNT = 18
 MOST_SHARED, LEAST_SHARED = 0.88, 0.52  # wanted between consecutive scans; the paper: about 90 to 50 percent
 GOLDEN = (np.sqrt(5.0) - 1) / 2
@@ -25,15 +26,19 @@ def paper18(scene: str, count: int, seed: int, sensor: Sensor) -> Trajectory:
     """Up to 18 poses, each as far along a path as its wanted overlap with the one before allows.
 
     The overlap is `shared_view`, measured on the scene itself without noise, with fewer beams; the wanted shares vary
-    between 0.9 and 0.5 in a fixed order. In the flood gate the path shows the structure from shore to shore; in other
-    scenes it is the survey's. The vessel moves as in `survey`.
+    between 0.9 and 0.5 in a fixed order. The path shows the gate from shore to shore; the vessel moves as in `survey`.
 
     Raises:
-        InputError: fewer scans than 1 or more than 18, a scene without a path, or a path that is too short.
+        InputError: fewer scans than 1 or more than 18, a scene other than the flood gate, or a path that is
+            too short.
     """
     if not 1 <= count <= PAPER_COUNT:
         raise InputError(f"the paper's survey has {PAPER_COUNT} scans; {count} were wanted")
-    path = gate_path() if scene == "floodgate" else survey_path(scene, seed)
+    if scene != GATE:
+        raise InputError(
+            f"the paper's survey is laid through {GATE}, not through {scene}; take a survey or a lawnmower"
+        )
+    path = gate_path()
     coarse = replace(bare(sensor), columns=min(sensor.columns, COLUMNS), rows=min(sensor.rows, ROWS))
     way = stations(build_scene(scene, seed), path, coarse, wanted_shares(count - 1), seed)
     return Trajectory(np.arange(count, dtype=np.float64), poses_along(path, way, scene, seed))
@@ -62,7 +67,7 @@ def stations(scene: Scene, path: Path, sensor: Sensor, shares: np.ndarray, seed:
         gone = way[-1] + step
         while _shared(scene, path, sensor, before, [*way, gone + step], seed) >= share:
             gone += step
-            if gone > path.length and not path.closed:
+            if gone > path.length:
                 raise InputError(f"the path through {scene.name} ends after {len(way)} of {len(shares) + 1} scans")
         way.append(gone)
     return np.array(way)
