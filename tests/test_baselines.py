@@ -132,8 +132,8 @@ def test_too_few_points_are_refused(near: str) -> None:
 def test_scans_of_a_few_scattered_points_are_refused(near: str, count: int) -> None:
     """No point has neighbors enough for a normal or a feature; libraries have been seen to crash on that."""
     rng = np.random.default_rng(7)
-    scans = [Scan(rng.uniform(-40, 40, (count, 3)).astype(np.float32)) for _ in range(2)]
-    found = register(near, *scans)
+    target, source = (Scan(rng.uniform(-40, 40, (count, 3)).astype(np.float32)) for _ in range(2))
+    found = register(near, target, source)
     assert not found.accepted
     assert np.linalg.eigvalsh(found.covariance).min() > 0
 
