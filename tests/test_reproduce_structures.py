@@ -130,6 +130,10 @@ class TestRun:
         common = [float(row["common"]) for row in outcome.rows]
         assert 0 < common[2] < common[1] < common[0] < 1
 
+    def test_shifts_that_leave_nothing_in_the_frame_are_passed_over(self) -> None:
+        outcome = Translation(replace(ONE, steps=(8, 200)), choose_device()).run("clutter/D6/3")
+        assert [row["number"] for row in outcome.rows] == [0]
+
     def test_two_runs_give_the_same_rows_whatever_came_before(self) -> None:
         first, second = Translation(ONE, choose_device()), Translation(ONE, choose_device())
         second.run("clutter/D0/3")

@@ -107,7 +107,7 @@ def _remarks(rows: Sequence[Row], settings: "TranslationSettings") -> str:
     wrong = [row for row in rows if not row["right"]]
     turned = sum(float(row["rotation_deg"]) > RIGHT_DEG for row in wrong)
     why = f" Of the {len(wrong)} that are wrong, {turned} are so in the rotation already." if wrong else ""
-    return f"At the farthest shift {shares} is left in the frame (the least of all seeds).{why}"
+    return f"At the farthest shift that leaves something in the frame {shares} is left (the least of all seeds).{why}"
 
 
 def _series_of(settings: "TranslationSettings", noise: str) -> list[Case]:

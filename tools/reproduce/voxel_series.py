@@ -24,6 +24,7 @@ EXTENT = 256.0  # of the grid [m]; the paper has 256 voxels of 1 m
 RIGHT_DEG, RIGHT_VOXELS = 2.0, 2.0
 TRANSLATION, ROTATION = ("x", "y", "z"), ("yaw", "roll", "pitch")
 _SPACING = 0.7  # of the surface's points [voxels]: next to no voxel that it crosses stays void
+_LEAST_COMMON = 0.01  # share of the structure's voxels that has to be left in the frame
 
 
 @dataclass(frozen=True, slots=True)
@@ -90,7 +91,10 @@ class VoxelSeries:
         return self.registrar.prepare(voxel_scan(occupied, self.grid, noise))
 
     def run(self, case: Case, motions: Sequence[RigidTransform]) -> Outcome:
-        """Register the structure at rest (source) to the same one moved (target), one motion after the other."""
+        """Register the structure at rest (source) to the same one moved (target), one motion after the other.
+
+        A motion that carries it out of the frame, but for a hundredth, is passed over: nothing is left to register.
+        """
         points = self.structure(case.scene, case.seed)
         extent = int(occupy(points, self.grid).sum())
         family = [case.seed, list(NOISES).index(case.noise)]
@@ -98,12 +102,14 @@ class VoxelSeries:
         rows, seconds = [], []
         for number, T_target_source in enumerate(motions):
             moved = T_target_source.apply(points)
+            common = float(occupy(moved, self.grid).sum() / extent)
+            if common < _LEAST_COMMON:
+                continue
             start = perf_counter()
             target = self.prepare(moved, case.noise, [*family, number + 1])
             self.device.queue.finish()
             prepared = perf_counter() - start
             registration = self.registrar.register(target, source)
-            common = float(occupy(moved, self.grid).sum() / extent)
             rows.append(_row(case, number, T_target_source, registration, self.grid) | {"common": common})
             times = {"prepare_s": prepared, "register_s": registration.seconds}
             seconds.append({"case": case.key, "number": number, **times})
