@@ -27,7 +27,7 @@ def draw_scans(path: Path, now: Survey) -> None:
         axes.scatter(*T.translation, color="magenta", s=30)
         heading = np.rad2deg(T.rotation.as_euler("ZYX")[0])
         axes.view_init(elev=28, azim=heading + 180)
-        axes.set_box_aspect(np.maximum(np.ptp(near, axis=0), 1.0), zoom=1.15)
+        axes.set_box_aspect(np.maximum(np.ptp(near, axis=0), 1.0), zoom=0.98)
         axes.set(xlabel="x [m]", ylabel="y [m]", zlabel="z [m]")
         axes.set_title(f"scan {number}: {len(points):,} points", fontsize=11)
     save_small(figure, path)

@@ -51,7 +51,8 @@ A pair is right within {RIGHT_DEG:g}° and {RIGHT_M:g} m at the sensor, for ever
 distances of its points, all of them, to the true surface (point to triangle, exact), beside those of the map with true
 poses, which only the noise makes. It corresponds to the truth where 90 % of its points lie at most {GOOD_M:g} m, the
 paper's finer voxel, farther from it than with true poses; it is at least as good as another where that distance is at
-most {AS_GOOD:g} times the other's, and clearly better at {CLEARLY:g} times. The bars were set before any run. Grids
+most {AS_GOOD:g} times the other's, and clearly better at {CLEARLY:g} times. The bars were set before any run. What is
+moved along the bed still lies on it: how far points are displaced from their own places stands in the table. Grids
 span {EXTENT:g} m: {grids}; methods without a grid thin the scans to {VOXEL:g} m.
 
 {listed}{absent}"""
