@@ -3,6 +3,7 @@
 from dataclasses import dataclass
 
 import numpy as np
+from scipy.spatial.transform import Rotation
 
 from spectral.grid import Grid
 from spectral.hypothesis import Hypothesis, largest_tilt
@@ -27,9 +28,17 @@ class Acceptance:
     overlap: float = 0.05
 
 
-def tilt_allowed(hypothesis: Hypothesis, max_tilt: float) -> bool:
+def tilt_allowed(R_target_source: Rotation, max_tilt: float) -> bool:
     """Whether roll and pitch keep to the bound [rad], but for 3 degrees that the estimate may be off."""
-    return largest_tilt(hypothesis.R) <= max_tilt + _TILT_SLACK
+    return largest_tilt(R_target_source) <= max_tilt + _TILT_SLACK
+
+
+def tilt_reach(max_tilt: float) -> float:
+    """How far a rotation vector may reach along one of the target's axes under that bound [rad].
+
+    Roll and pitch are about the source's axes after yaw: both at the bound are its root of two about one axis.
+    """
+    return float(np.sqrt(2.0)) * (max_tilt + _TILT_SLACK)
 
 
 def judge(
@@ -46,7 +55,7 @@ def judge(
         grid: that both scans share.
     """
     psr, least_psr = best.peak.psr, least.psr * max(1.0, grid.edge / 128) ** 0.75
-    if not tilt_allowed(best, max_tilt):
+    if not tilt_allowed(best.R, max_tilt):
         return False, (
             f"roll or pitch is {np.rad2deg(largest_tilt(best.R)):.0f} degrees; believed up to "
             f"--max-tilt {np.rad2deg(max_tilt):g}"

@@ -4,6 +4,7 @@ Every estimate is of the rotation that is still missing: the source's spectrum i
 already turned by what is known of R_target_source, so that turning it back costs no second interpolation.
 """
 
+from collections.abc import Callable
 from dataclasses import dataclass
 
 import numpy as np
@@ -38,6 +39,8 @@ _YAW_BLUR_ANGLE = np.deg2rad(1.0)  # and at least so much: distortion is an angl
 # Two yaw peaks nearer than this are one [rad].
 _YAW_SEPARATION = np.deg2rad(5.0)
 _LARGEST_IMAGE = 512
+# How many peaks of roll and pitch are looked at for one that is allowed, and how far apart these are [bins].
+_TILT_PEAKS, _TILT_SEPARATION = 4, 3.0
 
 
 @dataclass(frozen=True, slots=True)
@@ -148,21 +151,34 @@ class Hemisphere:
         return self._tilt_pomf.correlate_layers(target.tilt, self._tilt_spectra(source_magnitude, R_known))
 
     def tilt(
-        self, target: LayerSpectra, source_magnitude: Array, R_known: Rotation, limit: float
+        self,
+        target: LayerSpectra,
+        source_magnitude: Array,
+        R_known: Rotation,
+        limit: float,
+        allowed: Callable[[Rotation], bool] = lambda R: True,
     ) -> AngleEstimate | None:
-        """Roll and pitch that are missing once R_known is applied (Sects. 2.6, 2.7), each within `limit` [rad].
+        """Roll and pitch that are missing once R_known is applied (Sects. 2.6, 2.7).
 
         Both unwraps see a rotation about x and y as nearly the same shift; the rotation vector (roll, pitch, 0)
-        treats both axes alike. None where the correlation has no peak within the limit.
+        treats both axes alike. It is about the target's axes, each part within `limit` [rad].
+
+        Args:
+            allowed: whether a rotation R R_known may be meant; of the highest peaks the first that may is taken.
+
+        Returns:
+            None where the correlation has no such peak.
         """
         correlation = self.tilt_correlation(target, source_magnitude, R_known)
         bins = limit / self.tilt_bin
-        shape = (1, self.edge, self.edge)
-        peaks = find_peaks(self.device, correlation.reshape(shape), limits=(None, bins, bins))
-        if not peaks:
-            return None
-        pitch, roll = peaks[0].shift[1] * self.tilt_bin, -peaks[0].shift[2] * self.tilt_bin
-        return AngleEstimate(Rotation.from_rotvec([roll, pitch, 0.0]), peaks[0].psr)
+        image = correlation.reshape((1, self.edge, self.edge))
+        peaks = find_peaks(self.device, image, _TILT_PEAKS, _TILT_SEPARATION, limits=(None, bins, bins))
+        for peak in peaks:
+            pitch, roll = peak.shift[1] * self.tilt_bin, -peak.shift[2] * self.tilt_bin
+            R = Rotation.from_rotvec([roll, pitch, 0.0])
+            if allowed(R * R_known):
+                return AngleEstimate(R, peak.psr)
+        return None
 
     def heading(
         self, target: LayerSpectra, source_magnitude: Array, R_known: Rotation, limit: float

@@ -8,7 +8,7 @@ from scipy.spatial.transform import RigidTransform, Rotation
 
 from kernels.device import Device
 from kernels.errors import InputError
-from spectral.acceptance import Acceptance, judge, tilt_allowed
+from spectral.acceptance import Acceptance, judge, tilt_allowed, tilt_reach
 from spectral.grid import Grid
 from spectral.hemisphere import Hemisphere
 from spectral.hypothesis import SAME_SHIFT, Hypothesis, by_peak, differ
@@ -117,7 +117,7 @@ class SpectralRegistrar:
         others = [other for other in hypotheses if differ(first, other, self.grid.edge)]
         # the best other answer is refined alike: it may win, and if not, how high it comes out is what to compare with
         settled = [self._settle(target, source, one) for one in (first, *others[:1])]
-        settled.sort(key=lambda one: (not tilt_allowed(one, self.config.max_tilt), by_peak(one)))
+        settled.sort(key=lambda one: (not self._may_tilt(one.R), by_peak(one)))
         rival = self._rival(target, source, settled[0], settled[1:] + others[1:])
         return self._conclude(target, source, settled[0], rival, start)
 
@@ -127,15 +127,18 @@ class SpectralRegistrar:
         # Steps 1, 2: yaw from the rotational unwraps
         for yaw in self.hemisphere.yaw_candidates(target.layers, source.layers, self.config.yaw_peaks):
             # Steps 3 to 5: roll and pitch from the rectangular unwraps, the spectrum turned back by yaw
-            limit = min(self.config.max_tilt, self._LARGEST_TILT)
-            tilt = self.hemisphere.tilt(target.layers, source.magnitude, yaw.R, limit)
+            reach = min(tilt_reach(self.config.max_tilt), self._LARGEST_TILT)
+            tilt = self.hemisphere.tilt(target.layers, source.magnitude, yaw.R, reach, self._may_tilt)
             R = yaw.R if tilt is None else tilt.R * yaw.R
             R = self._refine(target, source, R, self.config.refinements)
             # Steps 6, 7: the translation, the scan turned back by all three angles
             peak = self._translation.find(target, source, R)
             found.append(Hypothesis(R, peak, yaw.psr, 0.0 if tilt is None else tilt.psr))
         # what the vehicle cannot do must not win; where nothing else is left, it is refused in the end
-        return [one for one in found if tilt_allowed(one, self.config.max_tilt)] or found
+        return [one for one in found if self._may_tilt(one.R)] or found
+
+    def _may_tilt(self, R_target_source: Rotation) -> bool:
+        return tilt_allowed(R_target_source, self.config.max_tilt)
 
     def _refine(self, target: Prepared, source: Prepared, R: Rotation, rounds: int) -> Rotation:
         """Estimate yaw, then roll and pitch, again, on what R leaves over."""

@@ -197,6 +197,18 @@ def test_max_tilt_bounds_the_answer(bound: float, accepted: bool) -> None:
     assert registration.accepted == accepted, registration.reason
 
 
+@pytest.mark.parametrize(("roll", "pitch", "bound"), [(19.0, 19.0, 20.0), (-20.0, 20.0, 20.0), (34.5, 0.0, 35.0)])
+@pytest.mark.parametrize("yaw", [0.0, 45.0])
+def test_max_tilt_is_of_roll_and_pitch_whatever_the_yaw(yaw: float, roll: float, pitch: float, bound: float) -> None:
+    """Under a yaw of 45 degrees, 20 degrees of both are 28 about one axis of the target."""
+    T = RigidTransform.from_components([0.5, -0.8, 0.4], Rotation.from_euler("ZYX", [yaw, pitch, roll], degrees=True))
+    config = SpectralConfig(yaw_peaks=1, refinements=0, final_refinements=0, max_tilt=np.deg2rad(bound))
+    registrar = SpectralRegistrar(choose_device(), Grid(EDGE, 0.4), config)
+    target, source = Scan(structure(14)), Scan(moved(structure(14), T.inv()))
+    registration = registrar.register(registrar.prepare(target), registrar.prepare(source))
+    assert difference(registration.T_target_source, T)[0] < 5.6
+
+
 def test_chosen_grid_works_without_being_told(registrar: SpectralRegistrar) -> None:
     scans = [Scan(structure(13)), Scan(moved(structure(13), TURN.inv()))]
     own = SpectralRegistrar(registrar.device, choose_grid(scans, EDGE))
