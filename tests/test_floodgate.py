@@ -1,31 +1,18 @@
-"""The maps of the flood gate: chains of registrations, their rows, tables and pictures."""
+"""The maps of the flood gate: tables, times, pictures, and the experiment as a whole."""
 
 from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
 import pytest
-from scipy.spatial.transform import RigidTransform, Rotation
+from floodgate_rows import flat_survey, outcomes
 
 from kernels.device import choose_device
 from kernels.errors import InputError
-from spectral.scan import Scan
-from tools.reproduce.experiment import Outcome, Row
+from tools.reproduce.experiment import Outcome
 from tools.reproduce.experiments import Request
-from tools.reproduce.floodgate import MAP, OTHER_METHODS, PAPER_METHODS, Floodgate, FloodgateSettings, create
-from tools.reproduce.floodgate_chain import (
-    DISPLACED_90,
-    MAP_90,
-    MAP_MEDIAN,
-    PAIR,
-    POSE,
-    Chain,
-    chain_poses,
-    chains,
-    pair_row,
-    pose_rows,
-    transform,
-)
+from tools.reproduce.floodgate import OTHER_METHODS, PAPER_METHODS, Floodgate, FloodgateSettings, create
+from tools.reproduce.floodgate_chain import Chain, chains
 from tools.reproduce.floodgate_lineup import TRUTH, runs
 from tools.reproduce.floodgate_remarks_text import remarks
 from tools.reproduce.floodgate_survey import Survey
@@ -33,124 +20,11 @@ from tools.reproduce.floodgate_tables import ate_m, by_seed, map_90, map_table, 
 from tools.reproduce.floodgate_times_table import PAPER_ICP, times_tables
 from tools.reproduce.floodgate_verdict_table import verdict_table
 from tools.reproduce.section_text import verdicts
-from tools.simulate.solids import box, merge
-
-SCANS = 5
-
-
-def turn(yaw: float, pitch: float, roll: float) -> Rotation:
-    return Rotation.from_euler("ZYX", [yaw, pitch, roll], degrees=True)
-
-
-# p_world = T p_sensor; every pose has a turn about every axis
-POSES = RigidTransform.concatenate(
-    [
-        RigidTransform.from_components([4.0 * k, -3 + k * k, 1.5 * k], turn(20 - 30 * k, 4 * k, -3 * k))
-        for k in range(SCANS)
-    ]
-)
-STEPS = [POSES[k - 1].inv() * POSES[k] for k in range(1, SCANS)]
 
 
 @pytest.fixture(scope="module")
 def now() -> Survey:
-    """Five scans of two boxes whose points lie exactly on the surface, the first scan's 0.25 m beside it."""
-    rng = np.random.default_rng(7)
-    places = rng.uniform(-20, 20, (SCANS, 400, 3)) * [1, 1, 0] + [0, 0, 2]  # on the lid of a flat box
-    places[0, :, 2] += 0.25
-    mesh = merge([box((0, 0, 1), (60, 60, 2)), box((15, 3, -9), (2, 4, 6))])
-    scans = [
-        Scan(POSES[k].inv().apply(places[k]).astype(np.float32), stamp=float(k), name=f"s{k}") for k in range(SCANS)
-    ]
-    return Survey(tuple(scans), POSES, mesh, overlap=(0.6, 0.7, 0.8, 0.9), shared=(0.9, 0.8, 0.7, 0.6))
-
-
-def off(meters: float) -> list[RigidTransform]:
-    """The true steps, the second one off by so much along its own z."""
-    return [step * RigidTransform.from_translation([0, 0, meters * (k == 1)]) for k, step in enumerate(STEPS)]
-
-
-def outcomes(now: Survey, errors: dict[str, float], seeds: int = 1, seconds: float = 2.0) -> dict[str, Outcome]:
-    """Of methods that make one error each [m], the same in every survey; "hemisphere" and "spectral" at 256."""
-    found: dict[str, Outcome] = {}
-    for seed in range(1, 1 + seeds):
-        for method, steps in {TRUTH: None, **{method: off(error) for method, error in errors.items()}}.items():
-            edge = 256 if method in ("hemisphere", "spectral") else 0
-            begin = {"seed": seed, "method": method, "grid": edge}
-            for k, step in enumerate(steps or ()):
-                row: Row = {"row": PAIR} | begin | pair_row(now, k + 1, step, accepted=True)
-                took: Row = begin | {"scan": k + 1, "prepare_s": 0.5, "register_s": seconds + k * k}
-                found[f"{seed}/{method}/{edge}/{k + 1:02d}"] = Outcome((row,), (took,))
-            poses = pose_rows(now, steps)
-            found[f"{seed}/{method}/{edge}/{MAP}"] = Outcome(tuple({"row": POSE} | begin | row for row in poses))
-    return found
-
-
-class TestChain:
-    def test_true_steps_lead_to_the_true_poses(self) -> None:
-        assert np.allclose(chain_poses(POSES[0], STEPS).as_matrix(), POSES.as_matrix(), atol=1e-12)
-
-    def test_one_wrong_step_moves_all_that_follow_alike(self, now: Survey) -> None:
-        """The true motion after it hides nothing: each later pose is off by the same motion of the world."""
-        found = chain_poses(POSES[0], off(9.0))
-        moved = found * POSES.inv()
-        assert np.allclose(moved[:2].as_matrix(), np.eye(4), atol=1e-12)
-        assert np.allclose(moved[2:].as_matrix(), moved[2].as_matrix(), atol=1e-12)
-        rows = pose_rows(now, off(9.0))
-        assert [round(float(row["translation_m"]), 9) for row in rows] == [0, 0, 9, 9, 9]
-
-    def test_a_rows_parameters_are_its_transform(self, now: Survey) -> None:
-        row = pair_row(now, 3, STEPS[2] * RigidTransform.from_components([1, -2, 0.5], turn(3, -7, 5)), accepted=False)
-        wanted = STEPS[2] * RigidTransform.from_components([1, -2, 0.5], turn(3, -7, 5))
-        assert np.allclose(transform(row, "found").as_matrix(), wanted.as_matrix(), atol=1e-12)
-        assert np.allclose(transform(row, "true").as_matrix(), STEPS[2].as_matrix(), atol=1e-12)
-        assert row["translation_m"] == pytest.approx(np.sqrt(1 + 4 + 0.25))
-        assert (row["right"], row["accepted"]) == (False, False)
-        assert row["rotation_deg"] == pytest.approx(np.rad2deg(turn(3, -7, 5).magnitude()))
-
-    @pytest.mark.parametrize(("meters", "right"), [(5.99, True), (6.01, False)])
-    def test_the_bar(self, now: Survey, meters: float, right: bool) -> None:
-        assert pair_row(now, 2, off(meters)[1], accepted=True)["right"] is right
-
-    def test_rows_come_back_as_poses(self, now: Survey) -> None:
-        chain = chains(outcomes(now, {"icp": 9.0}))[1, "icp", 0]
-        wanted = POSES[0].inv() * chain_poses(POSES[0], off(9.0))
-        assert np.allclose(chain.found.as_matrix(), wanted.as_matrix(), atol=1e-9)
-        assert np.allclose(chain.true.as_matrix(), (POSES[0].inv() * POSES).as_matrix(), atol=1e-9)
-        assert chain.right == SCANS - 2
-
-
-class TestMapError:
-    def test_true_poses_leave_what_the_scans_have(self, now: Survey) -> None:
-        """The first scan lies 0.25 m off, the others on the surface: the map so far is the mixture."""
-        rows = pose_rows(now, None)
-        medians, highs = ([float(row[name]) for row in rows] for name in (MAP_MEDIAN, MAP_90))
-        assert medians[0] == pytest.approx(0.25, abs=1e-5)
-        assert medians[2:] == pytest.approx([0, 0, 0], abs=1e-5)
-        assert highs == pytest.approx([0.25] * SCANS, abs=1e-5)  # a fifth of the points, so beyond the 90th percentile
-
-    def test_scans_lifted_off_their_surface(self, now: Survey) -> None:
-        """Without a turn, all scans but the first two lie higher by what the second step has too much."""
-        level = replace(now, T_world_sensor=RigidTransform.from_translation(POSES.translation))
-        flat = [
-            Scan((POSES[k].apply(scan.points.astype(float)) - POSES[k].translation).astype(np.float32), name=scan.name)
-            for k, scan in enumerate(now.scans)
-        ]
-        steps = [level.step(k) for k in range(1, SCANS)]
-        steps[1] = steps[1] * RigidTransform.from_translation([0, 0, 1.75])
-        rows = pose_rows(replace(level, scans=tuple(flat)), steps)
-        assert rows[1][MAP_MEDIAN] == pytest.approx(0.125, abs=0.13)
-        assert rows[-1][MAP_MEDIAN] == pytest.approx(1.75, abs=1e-4)
-        assert rows[-1][MAP_90] == pytest.approx(1.75, abs=1e-4)
-
-    def test_points_moved_along_the_surface_are_displaced_all_the_same(self, now: Survey) -> None:
-        """The world is moved by 2 m along the lid after the first two scans; no distance tells of it."""
-        moved = RigidTransform.from_translation([0, 2, 0]) * POSES
-        steps = [*STEPS]
-        steps[1] = POSES[1].inv() * moved[2]
-        rows = pose_rows(now, steps)
-        assert [round(float(row[DISPLACED_90]), 6) for row in rows] == [0, 0, 2, 2, 2]
-        assert rows[-1][MAP_90] == pytest.approx(0.25, abs=1e-5)
+    return flat_survey()
 
 
 Chains = dict[tuple[int, str, int], Chain]

@@ -42,8 +42,8 @@ def _introduction(methods: Sequence[str], missing: Sequence[str], edges: Sequenc
     named = ", ".join(map(str, seeds))
     return f"""The paper's scans of the Lesumer Sperrwerk are not public. Ours are simulated: a flood gate of the same
 kind, seen by a sensor like the Tritech Eclipse on a way before the gate, with a true pose for every scan and a true
-surface for every point. Every scan is registered to the one before it, by every method from the identity and from
-nothing else; a map is what chaining these makes, each registration taken as it is, whether its method believes it or
+surface for every point. Every scan is registered to the one before it by every method, none of them told anything of
+the motion; a map is what chaining these makes, each registration taken as it is, whether its method believes it or
 not, and the first scan lies where it truly was. There is no loop closure and no SLAM, as in the paper. Surveys: seeds
 {named}; each has a bed, a sea and a noise of its own.
 
