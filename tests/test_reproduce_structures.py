@@ -83,9 +83,9 @@ class TestLimitsTable:
 
     def test_yaw_under_one_tilt_has_to_be_exact(self) -> None:
         rows = [self.row("none", 0, 0.1), self.row("roll", 20, -1.5), self.row("both", 20, -9), self.row("both", 10, 1)]
-        assert deviation_table(rows).rows[0][3] == "confirmed"
+        assert deviation_table(rows).rows[0][3] == "confirmed (within 2°)"
         rows.append(self.row("pitch", 20, 2.5))
-        assert deviation_table(rows).rows[0][3] == "not within 2°"
+        assert deviation_table(rows).rows[0][3] == "2 of 3 (within 2°)"
 
     def test_the_limit_is_where_all_are_right(self) -> None:
         rows = [self.row("both", 10, 1), self.row("both", 35, -9), self.row("roll", 35, 0.1)]
