@@ -13,7 +13,7 @@ from spectral.grid import Grid
 from tools.reproduce.experiment import Outcome
 from tools.reproduce.limits import KINDS, Limits, LimitsSettings
 from tools.reproduce.limits_section import deviation_table
-from tools.reproduce.rotation import RotationSeries, RotationSettings
+from tools.reproduce.rotation import RotationSettings, Turns
 from tools.reproduce.rotation_section import deviation, keeps, rotation_section
 from tools.reproduce.translation import Translation, TranslationSettings
 from tools.reproduce.translation_section import reach, translation_section
@@ -116,7 +116,7 @@ class TestSettings:
             LimitsSettings(**wrong)
 
     def test_a_case_is_found_again_from_its_key(self) -> None:
-        for case in ONE.cases():
+        for case in ONE.cases:
             assert Case.of(case.key) == case
 
 
@@ -143,7 +143,7 @@ class TestRun:
         settings = RotationSettings(
             scenes=("clutter",), noises=("D0",), seeds=1, first_seed=3, edge=64, yaws_deg=(8, 64)
         )
-        experiment = RotationSeries(settings, choose_device())
+        experiment = Turns(settings, choose_device())
         outcomes = {job: experiment.run(job) for job in experiment.jobs()}
         assert all(keeps(row) for row in all_rows(outcomes))
         experiment.draw(tmp_path, outcomes)

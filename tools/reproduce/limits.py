@@ -1,7 +1,7 @@
 """How far roll, pitch and yaw carry: what the resampling is off by under tilt (Sect. 2.7, Figs. 7 to 9)."""
 
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 from pathlib import Path
 from time import perf_counter
 from typing import ClassVar, Literal
@@ -16,8 +16,8 @@ from tools.reproduce.experiment import Outcome, Section
 from tools.reproduce.experiments import Request
 from tools.reproduce.limits_figure import DEVIATIONS, PEAKS, Peaks, draw_deviations, draw_peaks
 from tools.reproduce.limits_section import limits_section
+from tools.reproduce.structures import StructureSettings, as_asked
 from tools.reproduce.voxel_series import VoxelSeries, all_rows
-from tools.simulate.scenes import SCENES
 
 Kind = Literal["none", "roll", "pitch", "both"]
 KINDS: tuple[Kind, ...] = ("none", "roll", "pitch", "both")
@@ -26,34 +26,24 @@ _SHOWN_YAW = 40.0  # of the correlations that are drawn [degrees]
 
 
 @dataclass(frozen=True, slots=True)
-class LimitsSettings:
+class LimitsSettings(StructureSettings):
     """What is run.
 
     Attributes:
-        scenes: keys of SCENES.
-        seeds: how many structures, counted from `first_seed`.
-        first_seed: >= 0.
-        edge: voxels per edge of the grid of 256 m.
         tilts_deg: of roll, of pitch, and of both at once [degrees], ascending, above 0.
         yaws_deg: under each tilt and without [degrees], ascending, above -90 and below 90.
     """
 
-    scenes: tuple[str, ...] = ("floodgate", "clutter")
-    seeds: int = 2
-    first_seed: int = 1
+    noises: tuple[str, ...] = ("D0",)
     edge: int = 128
     tilts_deg: tuple[float, ...] = (5, 10, 15, 20, 25, 30, 35)
     yaws_deg: tuple[float, ...] = (-80, -40, 0, 40, 80)
 
     def __post_init__(self) -> None:
-        strange = [scene for scene in self.scenes if scene not in SCENES]
-        if strange or not self.scenes:
-            raise InputError(f"no scene is called {strange[:1]}; there are {', '.join(SCENES)}")
+        StructureSettings.__post_init__(self)
         for name, angles, low in (("tilts_deg", self.tilts_deg, 0), ("yaws_deg", self.yaws_deg, -90)):
             if not angles or list(angles) != sorted(set(angles)) or not low < angles[0] <= angles[-1] < 90:
                 raise InputError(f"{name} are {angles}; wanted some, ascending, above {low} and below 90 degrees")
-        if self.seeds < 1 or self.first_seed < 0:
-            raise InputError(f"{self.seeds} seeds from {self.first_seed} on; wanted at least one, and none below 0")
 
 
 class Limits:
@@ -68,9 +58,7 @@ class Limits:
 
     def jobs(self) -> Sequence[str]:
         """As in "floodgate/1/both"."""
-        settings = self.settings
-        seeds = range(settings.first_seed, settings.first_seed + settings.seeds)
-        return [f"{scene}/{seed}/{kind}" for scene in settings.scenes for seed in seeds for kind in KINDS]
+        return [f"{scene}/{seed}/{kind}" for scene, seed in self.settings.structures for kind in KINDS]
 
     def run(self, job: str) -> Outcome:
         """All tilts of one kind under all yaws."""
@@ -153,18 +141,5 @@ def _four(angles: Sequence[float]) -> list[float]:
 
 def create(request: Request) -> Limits:
     """The experiment as the command line asks for it."""
-    settings = LimitsSettings()
-    if request.quick:
-        settings = replace(
-            settings, scenes=settings.scenes[:1], seeds=1, tilts_deg=(10.0, 20.0, 35.0), yaws_deg=(-40.0, 40.0)
-        )
-    return Limits(
-        replace(
-            settings,
-            scenes=settings.scenes if request.scene is None else (request.scene,),
-            seeds=request.seeds or settings.seeds,
-            first_seed=settings.first_seed if request.seed is None else request.seed,
-            edge=request.grid or settings.edge,
-        ),
-        request.opened,
-    )
+    quick = {"tilts_deg": (10.0, 20.0, 35.0), "yaws_deg": (-40.0, 40.0)}
+    return Limits(as_asked(LimitsSettings(), quick, request), request.opened)

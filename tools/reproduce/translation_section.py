@@ -111,7 +111,7 @@ def _remarks(rows: Sequence[Row], settings: "TranslationSettings") -> str:
 
 
 def _series_of(settings: "TranslationSettings", noise: str) -> list[Case]:
-    return [case for case in settings.cases() if case.noise == noise]
+    return [case for case in settings.cases if case.noise == noise]
 
 
 def _introduction(settings: "TranslationSettings", grid: Grid) -> str:

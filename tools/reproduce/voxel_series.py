@@ -9,14 +9,13 @@ import numpy as np
 from scipy.spatial.transform import RigidTransform
 
 from kernels.device import Device
-from kernels.errors import InputError
 from spectral.grid import Grid
 from spectral.prepared import Prepared
 from spectral.registration import SpectralConfig, SpectralRegistrar
 from spectral.result import Registration
 from tools.evaluate import pair_error
 from tools.reproduce.experiment import Outcome, Row
-from tools.simulate.scenes import SCENES, build_scene
+from tools.simulate.scenes import build_scene
 from tools.simulate.structure import occupy, surface_points, voxel_scan
 from tools.simulate.voxel_noise import NOISES, swap
 
@@ -51,21 +50,6 @@ class Case:
         """The case with this key."""
         scene, noise, seed = key.split("/")
         return cls(scene, noise, int(seed))
-
-
-def cases(scenes: Sequence[str], noises: Sequence[str], seeds: range) -> list[Case]:
-    """All combinations, the noises of one structure one after the other.
-
-    Raises:
-        InputError: a scene or noise that is not there, or no seed.
-    """
-    for given, known in ((scenes, SCENES), (noises, NOISES)):
-        strange = [name for name in given if name not in known]
-        if strange or not given:
-            raise InputError(f"{strange[0] if strange else 'nothing'}: wanted some of {', '.join(known)}")
-    if not seeds or seeds[0] < 0:
-        raise InputError(f"{len(seeds)} seeds from {seeds.start} on; wanted at least one, and none below 0")
-    return [Case(scene, noise, seed) for scene in scenes for seed in seeds for noise in noises]
 
 
 class VoxelSeries:
