@@ -11,8 +11,8 @@ from kernels.device import Device
 from kernels.errors import InputError
 from tools.reproduce.experiment import Outcome, Section
 from tools.reproduce.experiments import Request
-from tools.reproduce.rotation_figure import PICTURE, draw_rotation
-from tools.reproduce.rotation_section import rotation_section
+from tools.reproduce.rotation_section import PICTURE, rotation_section
+from tools.reproduce.series_figure import draw_series
 from tools.reproduce.structures import Structures, StructureSettings, as_asked
 from tools.reproduce.voxel_series import all_rows, picked
 
@@ -56,7 +56,7 @@ class Turns(Structures):
     def draw(self, folder: Path, outcomes: Mapping[str, Outcome]) -> None:
         """The first seed of the first scene, as the paper's figures show it."""
         first = picked(all_rows(outcomes), scene=self.settings.scenes[0], seed=self.settings.first_seed)
-        draw_rotation(folder / PICTURE, first, self.settings.noises)
+        draw_series(folder / PICTURE, first, self.settings.noises, "true_yaw_deg", "true yaw [degrees]")
 
 
 def create(request: Request) -> Turns:

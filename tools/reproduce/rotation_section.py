@@ -8,7 +8,6 @@ import numpy as np
 
 from spectral.grid import Grid
 from tools.reproduce.experiment import Row, Section
-from tools.reproduce.rotation_figure import PICTURE
 from tools.reproduce.table import Table
 from tools.reproduce.voxel_series import ROTATION, picked
 from tools.reproduce.wilson import wilson
@@ -18,6 +17,7 @@ if TYPE_CHECKING:
 
 # What the paper's Figs. 16 and 17 show: how far estimated angles lie from the true ones [degrees]
 PAPER_DEVIATION: MappingProxyType[str, float] = MappingProxyType({"yaw": 5.0, "roll": 3.0, "pitch": 3.0})
+PICTURE = "rotation.png"
 _SHIFT_VOXELS = 2.0
 
 

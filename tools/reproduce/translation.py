@@ -12,9 +12,9 @@ from kernels.device import Device
 from kernels.errors import InputError
 from tools.reproduce.experiment import Outcome, Section
 from tools.reproduce.experiments import Request
+from tools.reproduce.series_figure import draw_series
 from tools.reproduce.structures import Structures, StructureSettings, as_asked
-from tools.reproduce.translation_figure import PICTURES, draw_translation
-from tools.reproduce.translation_section import translation_section
+from tools.reproduce.translation_section import PICTURES, translation_section
 from tools.reproduce.voxel_series import all_rows, picked
 
 _DIRECTION = np.array([1.0, 2.0, 3.0])  # of every shift, x, y, z: a step is one such vector [m]
@@ -56,7 +56,7 @@ class Translation(Structures):
         first = picked(all_rows(outcomes), scene=self.settings.scenes[0], seed=self.settings.first_seed)
         for name, (_, noises) in PICTURES.items():
             if drawn := [noise for noise in noises if noise in self.settings.noises]:
-                draw_translation(folder / name, first, drawn)
+                draw_series(folder / name, first, drawn, "distance_m", "true distance [m]")
 
 
 def create(request: Request) -> Translation:

@@ -7,7 +7,6 @@ from typing import TYPE_CHECKING
 from spectral.grid import Grid
 from tools.reproduce.experiment import Row, Section
 from tools.reproduce.table import Table
-from tools.reproduce.translation_figure import PICTURES
 from tools.reproduce.voxel_series import RIGHT_DEG, RIGHT_VOXELS, Case, picked
 from tools.reproduce.wilson import wilson
 
@@ -17,6 +16,14 @@ if TYPE_CHECKING:
 # The distance up to which the paper says or shows that registrations succeed [voxels of 1 m] (Figs. 12, 14, 15)
 PAPER_REACH: MappingProxyType[str, float] = MappingProxyType(
     {"D0": 150.0, "D1": 140.0, "D2": 140.0, "D3": 140.0, "D4": 140.0, "D5": 120.0, "D6": 110.0}
+)
+# File name -> caption, and the noises in it
+PICTURES: MappingProxyType[str, tuple[str, tuple[str, ...]]] = MappingProxyType(
+    {
+        "translation-D0.png": ("Without noise, as Fig. 12", ("D0",)),
+        "translation-100.png": ("Swap ratio 1/100, as Fig. 14", ("D1", "D3", "D5")),
+        "translation-25.png": ("Swap ratio 1/25, as Fig. 15", ("D2", "D4", "D6")),
+    }
 )
 _ROUNDING = 0.5  # [m]: 40 steps are 149.7 m and count as the paper's 150
 
