@@ -23,7 +23,7 @@ _SHIFT_VOXELS = 2.0
 
 def rotation_section(rows: Sequence[Row], settings: "RotationSettings", grid: Grid) -> Section:
     """The deviations of every noise beside the paper's."""
-    first = f"The first seed of `{settings.scenes[0]}`, as Figs. 16 and 17: lines true, crosses estimated"
+    first = f"The first seed of `{settings.scenes[0]}`, as Figs. 16 and 17: lines true, crosses estimated, gray wrong"
     return Section(
         title="Rotation under noise of the voxels: Figs. 16, 17",
         introduction=_introduction(settings, grid),

@@ -20,9 +20,9 @@ PAPER_REACH: MappingProxyType[str, float] = MappingProxyType(
 # File name -> caption, and the noises in it
 PICTURES: MappingProxyType[str, tuple[str, tuple[str, ...]]] = MappingProxyType(
     {
-        "translation-D0.png": ("Without noise, as Fig. 12", ("D0",)),
-        "translation-100.png": ("Swap ratio 1/100, as Fig. 14", ("D1", "D3", "D5")),
-        "translation-25.png": ("Swap ratio 1/25, as Fig. 15", ("D2", "D4", "D6")),
+        "translation-D0.png": ("Without noise, as Fig. 12: lines true, crosses estimated, gray wrong", ("D0",)),
+        "translation-100.png": ("Swap ratio 1/100, as Fig. 14, drawn alike", ("D1", "D3", "D5")),
+        "translation-25.png": ("Swap ratio 1/25, as Fig. 15, drawn alike", ("D2", "D4", "D6")),
     }
 )
 _ROUNDING = 0.5  # [m]: 40 steps are 149.7 m and count as the paper's 150
