@@ -50,7 +50,7 @@ class TestReach:
         good = [shifted(d, True, seed=3) for d in (100.0, 142.2, 149.7, 160.0)]
         other = [shifted(d, d <= far, seed=4) for d in (100.0, 142.2, 149.7, 160.0)]
         table = translation_section(good + other, settings, Grid(64, 4.0)).tables[0]
-        assert table.rows[0][:5] == ("D0", "150", f"{far:.0f}", verdict, f"≥160 {far:.0f}")
+        assert table.rows[0][:5] == ("D0: right up to [m]", "150", f"{far:.0f}", verdict, f"≥160 {far:.0f}")
 
     def test_a_short_series_says_how_far_it_went(self) -> None:
         table = translation_section([shifted(60, True)], replace(ONE, noises=("D0",)), Grid(64, 4.0)).tables[0]

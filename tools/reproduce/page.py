@@ -15,9 +15,9 @@ Bülow and Birk, "Spectral registration of noisy sonar data for underwater 3D ma
 10.1007/s10514-011-9221-8. The paper tests translation, rotation and both together on a simulated scene with four kinds
 of noise (Sect. 3), and makes a map of eighteen scans of the Lesumer Sperrwerk, a flood gate near Bremen, taken with a
 Tritech Eclipse sonar (Sect. 4). It gives neither the scene nor the scans. So all scans here are simulated, those of
-Sect. 4 too: of a flood gate, a harbor and clutter (`sonarmap simulate`), with the paper's field of view, steps and
-noise, and with a truth for every pose. What the paper reports on its scans stands beside what this project finds on
-these: claims can be reproduced so, single numbers cannot.
+Sect. 4 too: of a flood gate and of clutter (`sonarmap simulate`; `--scene` takes others), with the paper's field of
+view, steps and noise, and with a truth for every pose. What the paper reports on its scans stands beside what this
+project finds on these: claims can be reproduced so, single numbers cannot.
 
 This page and its pictures are made by the commands below, each of which goes on where it was stopped; `--page FILE`
 writes the page from what is found in the folder of results. With the same seeds, code, device and versions the rows,

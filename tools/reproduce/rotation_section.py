@@ -57,7 +57,7 @@ def _deviation_table(rows: Sequence[Row], settings: "RotationSettings") -> Table
         verdict = "within" if kept.successes == kept.trials else f"{kept.trials - kept.successes} beyond"
         lines.append(
             (
-                noise,
+                f"{noise}: largest deviations [°]",
                 " / ".join(f"{PAPER_DEVIATION[name]:g}" for name in ROTATION),
                 " / ".join(f"{value:.1f}" for value in worst),
                 verdict,

@@ -63,7 +63,9 @@ def _reach_table(rows: Sequence[Row], settings: "TranslationSettings") -> Table:
             verdict = f"reached as far as tried ({farthest:.0f} m)"
         within = [row for row in picked(rows, noise=noise) if float(row["distance_m"]) <= paper + _ROUNDING]
         rate = str(wilson(sum(bool(row["right"]) for row in within), len(within)))
-        lines.append((noise, f"{paper:.0f}", _shown(worst), verdict, " ".join(map(_shown, series)), rate))
+        lines.append(
+            (f"{noise}: right up to [m]", f"{paper:.0f}", _shown(worst), verdict, " ".join(map(_shown, series)), rate)
+        )
     return Table(
         "Right up to which distance [m, one of the paper's voxels]; ≥: the farthest that leaves something in the frame",
         ("noise", "paper", "ours, worst series", "verdict", "ours, every series", "right within the paper's range"),
