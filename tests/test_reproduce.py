@@ -6,7 +6,9 @@ import numpy as np
 import pytest
 from registrations import CENTER, trial
 from rich.console import Console
+from typer.testing import CliRunner
 
+from tools.cli.main import app
 from tools.reproduce.table import Table, write_csv
 from tools.reproduce.wilson import wilson
 
@@ -73,3 +75,10 @@ class TestTables:
     def test_csv_cells(self, tmp_path: Path) -> None:
         write_csv(tmp_path / "a.csv", ("a", "b", "c", "d"), [(True, -1e-9, 3, "S0, S1"), (False, float("nan"), -4, "")])
         assert (tmp_path / "a.csv").read_bytes() == b'a,b,c,d\n1,0.0000,3,"S0, S1"\n0,,-4,\n'
+
+
+@pytest.mark.parametrize("scene", ["pool", "moon"])
+def test_scenes_that_the_papers_steps_do_not_fit_are_refused(scene: str, tmp_path: Path) -> None:
+    result = CliRunner().invoke(app, ["reproduce", "gaussian", "--scene", scene, "-o", str(tmp_path / "out")])
+    assert result.exit_code == 2
+    assert not (tmp_path / "out").exists()

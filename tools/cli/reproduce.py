@@ -11,11 +11,47 @@ from tools.cli.options import DeviceOption, JsonOption, QuietOption, check_seed
 from tools.cli.progress import progress
 from tools.cli.terminal import printable, result_console, say
 from tools.reproduce.experiments import ALL, EXPERIMENTS, Request, chosen, create
+from tools.simulate.catalog import SCENE_KINDS
 
 if TYPE_CHECKING:
     from tools.reproduce.folder import Record
 
 _SHOWN = "; ".join(f"{name}: {entry.shows}" for name, entry in EXPERIMENTS.items())
+
+
+SCENES = [name for name, kind in SCENE_KINDS.items() if kind.scale == 1.0]
+
+
+def _check_scene(scene: str | None) -> str | None:
+    """The experiments' steps and noise are of the paper's 256 m: a pool would vanish in them."""
+    if scene is None or scene in SCENES:
+        return scene
+    raise typer.BadParameter(f"{scene}; wanted a scene as large as the paper's, {', '.join(SCENES)}")
+
+
+SceneOption = Annotated[str | None, typer.Option(help=f"{', '.join(SCENES)}.", metavar="SCENE", callback=_check_scene)]
+PageOption = Annotated[
+    Path | None,
+    typer.Option(
+        "--page", metavar="FILE", help="Then write a page on all experiments in OUT, as in docs/reproduction.md."
+    ),
+]
+NoisesOption = Annotated[
+    list[float] | None,
+    typer.Option(metavar="V", help="Variance of the range noise at the largest range \\[m^2]; may be repeated."),
+]
+OwnGridOption = Annotated[
+    int | None,
+    typer.Option(
+        "--grid",
+        metavar="N",
+        help="Voxels per edge, a power of 2, 16..512; the experiment's own if left out.",
+    ),
+]
+FirstSeedOption = Annotated[
+    int | None,
+    typer.Option("--seed", metavar="S", help="The first of them; same seed, same result.", callback=check_seed),
+]
 
 
 def command(
@@ -27,30 +63,12 @@ def command(
         bool, typer.Option("--quick", help="A minute each, with less of everything that no option sets.")
     ] = False,
     fresh: Annotated[bool, typer.Option("--fresh", help="Do again what an earlier run has done.")] = False,
-    page: Annotated[
-        Path | None,
-        typer.Option(
-            "--page", metavar="FILE", help="Then write a page on all experiments in OUT, as in docs/reproduction.md."
-        ),
-    ] = None,
-    scene: Annotated[str | None, typer.Option(help="floodgate, harbor or clutter.", metavar="SCENE")] = None,
-    sigma2: Annotated[
-        list[float] | None,
-        typer.Option(metavar="V", help="Variance of the range noise at the largest range \\[m^2]; may be repeated."),
-    ] = None,
+    page: PageOption = None,
+    scene: SceneOption = None,
+    sigma2: NoisesOption = None,
     seeds: Annotated[int | None, typer.Option(metavar="N", help="How many seeds.", min=1)] = None,
-    seed: Annotated[
-        int | None,
-        typer.Option("--seed", metavar="S", help="The first of them; same seed, same result.", callback=check_seed),
-    ] = None,
-    grid: Annotated[
-        int | None,
-        typer.Option(
-            "--grid",
-            metavar="N",
-            help="Voxels per edge, a power of 2, 16..512; the experiment's own if left out.",
-        ),
-    ] = None,
+    seed: FirstSeedOption = None,
+    grid: OwnGridOption = None,
     device: DeviceOption = None,
     as_json: JsonOption = False,
     quiet: QuietOption = False,

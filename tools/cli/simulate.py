@@ -27,6 +27,28 @@ TRAJECTORY_HELP = _listed(dict(TRAJECTORY_KINDS))
 SENSOR_HELP = f"{', '.join(SENSOR_NAMES)}; not with table1, which has its own."
 
 
+SpacingOption = Annotated[
+    float | None,
+    typer.Option(help="Of a survey's or lawnmower's scans along their path \\[m]. \\[as the scene]", metavar="M"),
+]
+GhostsOption = Annotated[
+    float | None,
+    typer.Option(help="Share of beams that tell what they see mirrored in water or wall, 0..1.", metavar="P"),
+]
+ThresholdOption = Annotated[
+    float | None,
+    typer.Option(help="Discard weaker echoes, linear, 0 none. \\[as the sensor; eclipse 0.002]", metavar="V"),
+]
+LikeOption = Annotated[
+    Path | None,
+    typer.Option(help="A description.json: the same scans again, but for noise, threshold and number.", metavar="FILE"),
+]
+OwnSeedOption = Annotated[
+    int | None,
+    typer.Option(metavar="S", help=f"Same seed, same result. \\[{DEFAULT_SEED}]", callback=check_seed),
+]
+
+
 def command(
     out: Annotated[Path, typer.Option("-o", "--out", help="Folder for the scans.", metavar="DIR")],
     scene: Annotated[str | None, typer.Option(help=f"{SCENE_HELP}. \\[{DEFAULT_SCENE}]", metavar="NAME")] = None,
@@ -37,10 +59,7 @@ def command(
     scans: Annotated[
         int | None, typer.Option(help="How many scans; a survey has 12, a lawnmower 200.", metavar="N", min=1)
     ] = None,
-    spacing: Annotated[
-        float | None,
-        typer.Option(help="Of a survey's or lawnmower's scans along their path \\[m]. \\[as the scene]", metavar="M"),
-    ] = None,
+    spacing: SpacingOption = None,
     sensor: Annotated[
         str | None,
         typer.Option(help=f"{SENSOR_HELP} \\[as the scene]", metavar="NAME"),
@@ -50,27 +69,13 @@ def command(
     ] = None,
     outliers: Annotated[float | None, typer.Option(help="Share of false echoes, 0..1.", metavar="P")] = None,
     dropouts: Annotated[float | None, typer.Option(help="Share of lost echoes, 0..1.", metavar="P")] = None,
-    ghosts: Annotated[
-        float | None,
-        typer.Option(help="Share of beams that tell what they see mirrored in water or wall, 0..1.", metavar="P"),
-    ] = None,
+    ghosts: GhostsOption = None,
     speckle: Annotated[
         float | None, typer.Option(help="Share of the echo strength that fluctuates, 0..1.", metavar="P")
     ] = None,
-    threshold: Annotated[
-        float | None,
-        typer.Option(help="Discard weaker echoes, linear, 0 none. \\[as the sensor; eclipse 0.002]", metavar="V"),
-    ] = None,
-    like: Annotated[
-        Path | None,
-        typer.Option(
-            help="A description.json: the same scans again, but for noise, threshold and number.", metavar="FILE"
-        ),
-    ] = None,
-    seed: Annotated[
-        int | None,
-        typer.Option(metavar="S", help=f"Same seed, same result. \\[{DEFAULT_SEED}]", callback=check_seed),
-    ] = None,
+    threshold: ThresholdOption = None,
+    like: LikeOption = None,
+    seed: OwnSeedOption = None,
     quiet: QuietOption = False,
 ) -> None:
     """Simulate sonar scans of a scene: scan_000.ply and so on, truth.tum and description.json in DIR.
