@@ -10,15 +10,72 @@ from kernels.errors import InputError
 
 @dataclass(frozen=True, slots=True)
 class PosePrior:
-    """What the vehicle's own instruments say about a scan's pose.
+    """What the vehicle's own instruments say about a scan's pose, with the standard deviations of their errors.
+
+    The errors are those of the instruments, each about an axis of its own, and independent of one another:
+
+    - rotation: R_true = Exp(w) R_measured with w in the world: `w = Rz(h) (roll, pitch, heading error)` [rad], where h
+      is the twist of R_measured about the vertical (R_measured = Rz(h) S, S about a level axis). The roll error is
+      thus about the sensor's x axis brought level by the shortest turn, the pitch error about its y axis brought level
+      likewise, the heading error about the world's vertical. Near level these are the errors of roll, pitch and yaw;
+      unlike those the three stay perpendicular however the sensor is tilted (but for upside down).
+    - translation: along the world's East, North and Up [m].
+
+    This is not the tangent of a `Registration`'s covariance, which perturbs on the right, in the sensor's own frame.
 
     Attributes:
-        T_world_sensor: the measured pose (world East-North-Up, sensor x forward, y left, z up).
-        sigmas: (6,) standard deviations, rotation first [rad], then translation [m]; inf where not measured.
+        T_world_sensor: the measured pose (world East-North-Up, sensor x forward, y left, z up); what was not measured
+            is not heeded, and best left at 0.
+        sigmas: (6,) float64 standard deviations, rotation first: roll, pitch, heading [rad], then East, North, Up [m];
+            inf where not measured. Roll and pitch are known both or neither, East and North likewise.
+
+    Raises:
+        InputError: a stack of poses, a pose that is not finite, or sigmas of another shape, NaN, not above 0, or of
+            one of roll and pitch, or East and North, alone.
     """
 
     T_world_sensor: RigidTransform
     sigmas: np.ndarray
+
+    def __post_init__(self) -> None:
+        if not self.T_world_sensor.single or not np.isfinite(self.T_world_sensor.as_matrix()).all():
+            raise InputError("a prior wants one finite T_world_sensor; give what is not measured the value 0")
+        sigmas = self.sigmas
+        if not isinstance(sigmas, np.ndarray) or sigmas.shape != (6,) or sigmas.dtype != np.float64:
+            raise InputError(
+                f"a prior's sigmas are {sigmas!r}; wanted float64 of shape (6,): roll, pitch, heading [rad], "
+                "East, North, Up [m]"
+            )
+        if not (sigmas > 0).all():  # NaN is refused too
+            raise InputError(
+                f"a prior's sigmas are {sigmas.tolist()}; wanted numbers above 0, and inf for what is not measured"
+            )
+        for first, names in ((0, "roll and pitch"), (3, "East and North")):
+            if np.isfinite(sigmas[first]) != np.isfinite(sigmas[first + 1]):
+                raise InputError(
+                    f"of {names} only one is known ({sigmas[first]:g} and {sigmas[first + 1]:g}); give both a standard "
+                    "deviation, or both inf"
+                )
+
+    @property
+    def knows_attitude(self) -> bool:
+        """Whether roll and pitch are measured, and with them which way is up."""
+        return bool(np.isfinite(self.sigmas[:2]).all())
+
+    @property
+    def knows_heading(self) -> bool:
+        """Whether the heading is measured."""
+        return bool(np.isfinite(self.sigmas[2]))
+
+    @property
+    def knows_position(self) -> bool:
+        """Whether East and North are measured."""
+        return bool(np.isfinite(self.sigmas[3:5]).all())
+
+    @property
+    def knows_depth(self) -> bool:
+        """Whether the height, minus the depth, is measured."""
+        return bool(np.isfinite(self.sigmas[5]))
 
 
 @dataclass(frozen=True, slots=True)
