@@ -103,7 +103,7 @@ def test_settings_that_cannot_be_used_are_named(content: object, message: str):
         settings_from_json(content)
 
 
-@pytest.mark.parametrize("change", [{"count": 0}, {"spacing": 0.0}, {"trajectory": "table1", "count": 12}])
+@pytest.mark.parametrize("change", [{"count": 0}, {"spacing": 0.0}, {"trajectory": "table1", "count": 15}])
 def test_a_trajectory_that_cannot_be_is_refused(change: dict):
     with pytest.raises(InputError):
         simulate(replace(SimulationSettings(), **change))

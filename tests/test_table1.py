@@ -8,9 +8,16 @@ from numpy.testing import assert_allclose, assert_array_equal
 from scipy.spatial.transform import RigidTransform
 
 from kernels.errors import InputError
+from tools.simulate.catalog import SCENE_KINDS
 from tools.simulate.overlap import overlap
-from tools.simulate.series import TABLE1_RIG, table1_pair, table1_settings, table1_transform
+from tools.simulate.scenes import build_scene
+from tools.simulate.sensors import cast
+from tools.simulate.series import TABLE1_RIG, TABLE1_SENSOR, table1_pair, table1_settings, table1_transform
 from tools.simulate.simulation import simulate
+from tools.simulate.surface import surface_distance
+from tools.simulate.trajectories import table1
+
+FEW = replace(TABLE1_SENSOR, columns=64, rows=48)
 
 
 def test_table_1_moves_and_turns_as_the_paper_says():
@@ -23,9 +30,32 @@ def test_table_1_moves_and_turns_as_the_paper_says():
     about_x = np.array([[1, 0, 0], [0, cr, -sr], [0, sr, cr]])
     assert_allclose(transform.rotation.as_matrix(), about_z @ about_y @ about_x, atol=1e-12)
     assert_allclose(table1_transform(0).translation, (4, 8, 12))
-    for index in (-1, 10):
+    for index in (-1, 13):
         with pytest.raises(InputError, match="S0 to S9"):
             table1_transform(index)
+
+
+def test_table_1_goes_on_with_the_same_steps_to_s12():
+    transform = table1_transform(12)
+    assert_allclose(transform.translation, (52, 104, 156))
+    assert_allclose(transform.rotation.as_euler("ZYX", degrees=True), (78, 13, 26), atol=1e-9)
+    assert len(table1()) == 11
+    assert len(table1(13)) == 14
+    assert_array_equal(table1(13).T_world_sensor[:11].as_matrix(), table1().T_world_sensor.as_matrix())
+    target, source, T_target_source = table1_pair(12, seed=5, sigma2=0.0)
+    assert 0.02 < overlap(target.points, source.points, T_target_source) < 0.2
+    assert overlap(target.points, source.points, table1_pair(11, 5, 0.0)[2]) < 0.02
+
+
+@pytest.mark.parametrize("scene", [name for name, kind in SCENE_KINDS.items() if kind.scale == 1.0])
+@pytest.mark.parametrize("seed", range(1, 41, 13))
+def test_the_rig_of_table_1_is_free_in_every_large_scene(scene: str, seed: int):
+    """Nothing within 3 m of any of its places; and the bed is in sight of each."""
+    world, poses = build_scene(scene, seed), table1(13).T_world_sensor
+    assert not world.is_solid(poses.translation).any()
+    assert surface_distance(world.mesh, poses.translation).min() > 3.0
+    for pose in poses:
+        assert np.isfinite(cast(world, FEW, pose).ranges).mean() > 0.15
 
 
 def test_table_1_pairs_obey_their_truth():

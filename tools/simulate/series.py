@@ -9,10 +9,11 @@ from spectral.scan import Scan
 from tools.simulate.noise import Noise
 from tools.simulate.sensors import PAPER, Sensor
 from tools.simulate.simulation import SimulationSettings, observe
-from tools.simulate.trajectories import TABLE1_COUNT, TABLE1_RIG, table1, table1_transform
+from tools.simulate.trajectories import TABLE1_COUNT, TABLE1_MOST, TABLE1_RIG, table1, table1_transform
 
 __all__ = [
     "TABLE1_COUNT",
+    "TABLE1_MOST",
     "TABLE1_RIG",
     "TABLE1_SENSOR",
     "table1_pair",
@@ -39,7 +40,7 @@ def table1_pair(index: int, seed: int, sigma2: float, scene: str = "floodgate") 
     """The reference scan and S`index`, with the noise of the paper's Sect. 3, and the truth between them.
 
     Args:
-        index: 0..9, the row of Table 1.
+        index: 0..9, the row of Table 1; 10..12 continue it.
         seed: of the scene and of the noise; the reference scan is the same for every index.
         sigma2: variance of the range noise at the sensor's maximum range [m^2] (the paper: 1 and 2 voxels).
         scene: a key of SCENES.
@@ -52,7 +53,7 @@ def table1_pair(index: int, seed: int, sigma2: float, scene: str = "floodgate") 
     settings = table1_settings(seed, sigma2, scene)
     T_grid_rig = RigidTransform.from_translation(TABLE1_RIG)
     T_target_source = T_grid_rig.inv() * table1_transform(index) * T_grid_rig
-    poses = table1().T_world_sensor
+    poses = table1(index + 1).T_world_sensor
     target = observe(settings, poses[0], 0, "Sr")
     source = observe(settings, poses[index + 1], index + 1, f"S{index}")
     return target, source, T_target_source

@@ -17,7 +17,7 @@ from tools.simulate.noise import Noise, measure
 from tools.simulate.scenes import SCENES, build_scene
 from tools.simulate.sensors import ECLIPSE, Sensor, cast
 from tools.simulate.stations import paper18
-from tools.simulate.trajectories import SPACING, lawnmower, loop, survey, table1
+from tools.simulate.trajectories import SPACING, TABLE1_COUNT, TABLE1_MOST, lawnmower, loop, survey, table1
 
 # Of a survey where nothing else is said: speckle in full, as every single sonar image has it
 SURVEY_NOISE = Noise(sigma2=1.0, outliers=0.01, dropouts=0.05, ghosts=0.02, speckle=1.0)
@@ -131,9 +131,12 @@ def _paper18(settings: SimulationSettings) -> Trajectory:
 
 
 def _table1(settings: SimulationSettings) -> Trajectory:
-    poses = table1()
+    poses = table1(TABLE1_MOST)
     if not 1 <= settings.count <= len(poses):
-        raise InputError(f"Table 1 has {len(poses)} scans, the reference and S0 to S9; {settings.count} were wanted")
+        raise InputError(
+            f"Table 1 has {1 + TABLE1_COUNT} scans, the reference and S0 to S{TABLE1_COUNT - 1}, and with S10 to "
+            f"S{TABLE1_MOST - 1} {len(poses)}; {settings.count} were wanted"
+        )
     return poses.take(range(settings.count))
 
 

@@ -10,6 +10,7 @@ from tools.simulate.routes import lawn_path, survey_path
 from tools.simulate.scenes import scene_kind
 
 TABLE1_COUNT = 10
+TABLE1_MOST = 13  # rows, those of the table's continuation with them: S0 to S12
 TABLE1_STEP = (4.0, 8.0, 12.0)  # x, y, z a step [m]; one voxel of the paper's 256^3 grid is 1 m
 TABLE1_STEP_DEG = (6.0, 1.0, 2.0)  # yaw, pitch, roll a step
 
@@ -76,19 +77,27 @@ def table1_transform(index: int) -> RigidTransform:
     """Row S`index` of Table 1: p_target = R p_source + t in the grid frame [m].
 
     R = Rz(yaw) Ry(pitch) Rx(roll). The grid is a cube of 256 m whose center is the origin; z is up.
-    The reference scan is the target.
+    The reference scan is the target. The table ends with S9; S10 to S12 continue it with the same steps.
+
+    Raises:
+        InputError: an index below 0 or above 12.
     """
-    if not 0 <= index < TABLE1_COUNT:
-        raise InputError(f"Table 1 has the scans S0 to S{TABLE1_COUNT - 1}; got index {index}")
+    if not 0 <= index < TABLE1_MOST:
+        raise InputError(
+            f"Table 1 has the scans S0 to S{TABLE1_COUNT - 1}, and goes on to S{TABLE1_MOST - 1}; got index {index}"
+        )
     angles = (index + 1) * np.deg2rad(TABLE1_STEP_DEG)
     return RigidTransform.from_components((index + 1) * np.array(TABLE1_STEP), Rotation.from_euler("ZYX", angles))
 
 
-def table1() -> Trajectory:
-    """Sensor poses in the reference grid frame: the reference scan's, then S0..S9. Stamps count them."""
+def table1(rows: int = TABLE1_COUNT) -> Trajectory:
+    """Sensor poses in the reference grid frame: the reference scan's, then S0..S9, or so many `rows`, 1 to 13.
+
+    Stamps count them. From S9 on the sensor is above the cube of 256 m, at S12 by 46 m; what it sees lies in it.
+    """
     T_grid_rig = RigidTransform.from_translation(TABLE1_RIG)
-    moved = [table1_transform(index) * T_grid_rig for index in range(TABLE1_COUNT)]
-    return Trajectory(np.arange(1.0 + TABLE1_COUNT), RigidTransform.concatenate([T_grid_rig, *moved]))
+    moved = [table1_transform(index) * T_grid_rig for index in range(rows)]
+    return Trajectory(np.arange(1.0 + rows), RigidTransform.concatenate([T_grid_rig, *moved]))
 
 
 def _evenly(path: Path, what: str, scene: str, count: int, seed: int, spacing: float) -> Trajectory:
