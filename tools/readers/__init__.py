@@ -1,7 +1,7 @@
 """Point cloud files to scans."""
 
 from collections import Counter
-from collections.abc import Sequence
+from collections.abc import Collection, Sequence
 from dataclasses import dataclass, replace
 from pathlib import Path
 
@@ -58,19 +58,19 @@ def read_scans(paths: Sequence[str | Path]) -> ReadScans:
     return read
 
 
-def read_survey(paths: Sequence[str | Path]) -> ReadScans:
+def read_survey(paths: Sequence[str | Path], beside: Collection[Path] = ()) -> ReadScans:
     """Every scan of the files, folders and patterns in `paths` that can be read, in natural order.
 
     `recording.sonar#3` is one scan of a file that holds several, counted from 0. Stamps are those of the
     files where all of them carry one, else 0, 1, 2, ... over the whole input, unreadable ones counted. A scan is
     named after its file, and `recording#3` where the file holds several; files of one name in several folders keep
-    their paths.
+    their paths. A folder's or pattern's priors.csv, and files `beside` the scans, are passed over.
 
     Raises:
         InputError: a path that does not exist, or no path at all.
     """
     notes: list[str] = []
-    selection = select_files(paths, FORMATS)
+    selection = select_files(paths, FORMATS, beside)
     if selection.reordered:
         notes.append("the scans are taken in the natural order of their names, not the order in which they were given")
     files = tuple(dict.fromkeys(selected.path for selected in selection.files))

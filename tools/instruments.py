@@ -1,0 +1,55 @@
+"""What a vehicle's instruments say of a scan's pose, in the columns of an operator's file, and as a PosePrior.
+
+In the file, as on a vehicle's displays: `roll_deg` is positive with the starboard (right) side down, `pitch_deg` with
+the nose up, `heading_deg` runs clockwise from true North, of the sensor's forward axis (the aerospace order: heading,
+then pitch, then roll; axes forward, right, down, in a world North, East, Down). `x_m` is East and `y_m` North of any
+origin that the file's rows share, `depth_m` is positive down. The standard deviation of a column is in its unit, in
+`roll_sigma_deg`, `depth_sigma_m` and so on. All of it is of the sensor: a mounting on the vehicle is reckoned before.
+"""
+
+import numpy as np
+from scipy.spatial.transform import RigidTransform, Rotation
+
+from spectral.scan import PosePrior
+
+PRIORS = "priors.csv"  # as `sonarmap simulate` calls the file beside its scans
+# In the order of PosePrior's sigmas
+COLUMNS = ("roll_deg", "pitch_deg", "heading_deg", "x_m", "y_m", "depth_m")
+SIGMA_COLUMNS = tuple("_sigma_".join(column.rsplit("_", 1)) for column in COLUMNS)
+
+_UNITS = np.array([np.pi / 180] * 3 + [1.0] * 3)  # of the columns, in radians and meters
+
+
+def prior_of(values: np.ndarray, sigmas: np.ndarray) -> PosePrior:
+    """The prior of a row.
+
+    Args:
+        values: (6,) in the columns' order and units; NaN where not measured.
+        sigmas: (6,) standard deviations in the same; of no meaning where the value is NaN.
+
+    Raises:
+        InputError: sigmas that are not above 0, or one of roll and pitch, or of x and y, without the other.
+    """
+    known = np.isfinite(values)
+    measured = np.where(known, sigmas, np.inf).astype(np.float64) * _UNITS
+    return PosePrior(pose_of(np.where(known, values, 0.0)), measured)
+
+
+def pose_of(values: np.ndarray) -> RigidTransform:
+    """T_world_sensor (world East-North-Up, sensor x forward, y left, z up) of six finite values, COLUMNS' order."""
+    roll, pitch, heading, x, y, depth = (float(value) for value in values)
+    # y and z point the other way and the heading starts at North: yaw = 90 - heading, the pitch changes its sign
+    R_world_sensor = Rotation.from_euler("ZYX", [90.0 - heading, -pitch, roll], degrees=True)
+    return RigidTransform.from_components([x, y, -depth], R_world_sensor)
+
+
+def values_of(T_world_sensor: RigidTransform) -> np.ndarray:
+    """(6,) in the columns' order and units: the inverse of `pose_of`, heading in [0, 360)."""
+    yaw, pitch, roll = T_world_sensor.rotation.as_euler("ZYX", degrees=True)
+    x, y, z = T_world_sensor.translation
+    return np.array([roll, -pitch, (90.0 - yaw) % 360.0, x, y, -z])
+
+
+def sigmas_of(prior: PosePrior) -> np.ndarray:
+    """(6,) standard deviations in the columns' order and units, inf where not measured."""
+    return prior.sigmas / _UNITS

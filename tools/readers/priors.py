@@ -1,0 +1,165 @@
+"""Priors of scans from a CSV file: `name,roll_deg,roll_sigma_deg,...`, one row per scan.
+
+The first row names the columns, in any order: `name` (of the scan's file, with its suffix or without) or `stamp` [s],
+then what was measured and its standard deviation (see `tools.instruments`). An empty cell was not measured.
+Lines that begin with # are comments.
+"""
+
+import csv
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, replace
+from pathlib import Path
+from types import MappingProxyType
+
+import numpy as np
+
+from kernels.errors import InputError
+from spectral.scan import PosePrior, Scan
+from tools.instruments import COLUMNS, SIGMA_COLUMNS, prior_of
+from tools.readers.pose_rows import read_lines
+from tools.readers.prior_match import find_scan
+
+KEYS = ("name", "stamp")
+LARGEST = {"roll_deg": 180.0, "pitch_deg": 90.0, "heading_deg": 360.0}
+PAIRS = (("roll_deg", "pitch_deg"), ("x_m", "y_m"))
+NO_DEFAULTS: Mapping[str, float] = MappingProxyType({})
+
+
+@dataclass(frozen=True, slots=True)
+class PriorRow:
+    """One row: `line` of the file, the scan's `key` (its name, or its stamp as it is written), and its prior."""
+
+    line: int
+    key: str
+    prior: PosePrior | None
+
+
+def with_priors(
+    scans: Sequence[Scan], path: Path, sigmas: Mapping[str, float] = NO_DEFAULTS, strangers: bool = False
+) -> tuple[Scan, ...]:
+    """The scans with the priors that the file has for them; those without a row, or with an empty one, have none.
+
+    Args:
+        scans: as the readers name and stamp them.
+        path: of the CSV file.
+        sigmas: {column of COLUMNS: standard deviation in its unit} for where the file gives none.
+        strangers: whether rows may be of scans that are not among these.
+
+    Raises:
+        InputError: naming the file and the line: a column or cell that cannot be used, two rows for one scan, a row
+            that fits no scan or several, or not one that fits any.
+    """
+    key, rows = read_prior_rows(path, sigmas)
+    found: dict[int, int] = {}
+    changed = list(scans)
+    for row in rows:
+        index = find_scan(scans, key, row.key, f"{path}: line {row.line}", strangers)
+        if index is None:
+            continue
+        if index in found:
+            raise InputError(
+                f"{path}: lines {found[index]} and {row.line} are both of the scan {scans[index].name}; drop one"
+            )
+        found[index] = row.line
+        changed[index] = replace(scans[index], prior=row.prior)
+    if not found:
+        raise InputError(
+            f"{path}: no row is of any of the scans: {_some([scan.name for scan in scans])}; wanted theirs"
+        )
+    return tuple(changed)
+
+
+def read_prior_rows(path: Path, sigmas: Mapping[str, float] = NO_DEFAULTS) -> tuple[str, list[PriorRow]]:
+    """What tells the scans apart, "name" or "stamp", and every row.
+
+    Raises:
+        InputError: as `with_priors`, but for what has to do with the scans.
+    """
+    lines = read_lines(path)
+    header = [cell.strip() for cell in _cells(path, *lines[0])]
+    try:
+        _check_header(header, sigmas)
+    except InputError as error:
+        raise InputError(f"{path}: line {lines[0][0]}: {error}") from error
+    if len(lines) == 1:
+        raise InputError(f"{path} has no row beneath its heading; wanted one per scan")
+    rows = []
+    for number, line in lines[1:]:
+        cells = _cells(path, number, line)
+        try:
+            rows.append(_row(number, header, cells, sigmas))
+        except InputError as error:
+            raise InputError(f"{path}: line {number}: {error}; mend that line") from error
+    return next(key for key in KEYS if key in header), rows
+
+
+def _cells(path: Path, number: int, line: bytes) -> list[str]:
+    try:
+        return next(csv.reader([line.decode("utf-8-sig")], strict=True))
+    except (UnicodeDecodeError, csv.Error) as error:
+        raise InputError(
+            f"{path}: line {number} is no line of a CSV file in UTF-8: {error}; save it as such"
+        ) from error
+
+
+def _check_header(header: list[str], sigmas: Mapping[str, float]) -> None:
+    known = (*KEYS, *COLUMNS, *SIGMA_COLUMNS)
+    if strange := [name for name in header if name not in known]:
+        raise InputError(f"no column is called {_some(strange)}; wanted of {', '.join(known)}, parted by commas")
+    if twice := [name for name in known if header.count(name) > 1]:
+        raise InputError(f"the column {twice[0]} is there {header.count(twice[0])} times; drop all but one")
+    if sum(key in header for key in KEYS) != 1:
+        raise InputError("wanted either a column name or a column stamp, to tell which scan a row is of")
+    if not any(column in header for column in COLUMNS):
+        raise InputError(f"nothing is measured; wanted some of {', '.join(COLUMNS)}")
+    for first, second in PAIRS:
+        if (first in header) != (second in header):
+            raise InputError(f"{first} and {second} are of use only together; give both or neither")
+    for column, sigma in zip(COLUMNS, SIGMA_COLUMNS, strict=True):
+        if sigma in header and column not in header:
+            raise InputError(f"there is a column {sigma} but no {column}; drop it, or give that too")
+        if column in header and sigma not in header and column not in sigmas:
+            raise InputError(f"{column} has no standard deviation; add a column {sigma}, or give --prior-sigmas")
+
+
+def _row(number: int, header: list[str], cells: list[str], sigmas: Mapping[str, float]) -> PriorRow:
+    if len(cells) != len(header):
+        raise InputError(f"it has {len(cells)} cells where the heading has {len(header)}")
+    row = {name: cell.strip() for name, cell in zip(header, cells, strict=True)}
+    key = next(row[key] for key in KEYS if key in header)
+    if not key:
+        raise InputError(f"its {'name' if 'name' in row else 'stamp'} is empty")
+    values = np.array([_number(column, row.get(column, "")) for column in COLUMNS])
+    spread = np.array([_number(sigma, row.get(sigma, "")) for sigma in SIGMA_COLUMNS])
+    spread = np.where(np.isnan(spread), [sigmas.get(column, np.nan) for column in COLUMNS], spread)
+    measured = np.isfinite(values)
+    for column, sigma, needed, one in zip(COLUMNS, SIGMA_COLUMNS, measured, spread, strict=True):
+        if needed and np.isnan(one):
+            raise InputError(f"{column} has no standard deviation; fill in {sigma}, or give --prior-sigmas")
+    for first, second in PAIRS:
+        if measured[COLUMNS.index(first)] != measured[COLUMNS.index(second)]:
+            raise InputError(f"{first} and {second} are of use only together, and one is empty")
+    return PriorRow(number, key, prior_of(values, spread) if measured.any() else None)
+
+
+def _number(column: str, cell: str) -> float:
+    """The number in a cell, NaN where it is empty."""
+    if not cell:
+        return np.nan
+    try:
+        number = float(cell) if "_" not in cell else np.nan
+    except ValueError:
+        number = np.nan
+    if not np.isfinite(number):
+        raise InputError(
+            f"{column} is {cell[:40]!r}; wanted a finite number, or an empty cell for what was not measured"
+        )
+    if column in SIGMA_COLUMNS and number <= 0:
+        raise InputError(f"{column} is {cell}; wanted a standard deviation above 0")
+    if abs(number) > LARGEST.get(column, np.inf):
+        raise InputError(f"{column} is {cell}; wanted degrees within {LARGEST[column]:g}")
+    return number
+
+
+def _some(names: Sequence[str]) -> str:
+    return ", ".join(repr(name) for name in names[:3]) + (", ..." if len(names) > 3 else "")

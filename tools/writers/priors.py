@@ -1,0 +1,30 @@
+"""Priors of scans as a CSV file, in the columns of `tools.instruments`."""
+
+import csv
+from collections.abc import Sequence
+from pathlib import Path
+
+import numpy as np
+
+from spectral.scan import PosePrior
+from tools.atomic import atomic_path
+from tools.instruments import COLUMNS, SIGMA_COLUMNS, sigmas_of, values_of
+
+
+def write_priors(path: Path, names: Sequence[str], priors: Sequence[PosePrior]) -> None:
+    """Write one row per scan, with the columns of what any of them measured; nothing in a cell that one did not.
+
+    Raises:
+        InputError: the file cannot be written.
+    """
+    values = np.array([values_of(prior.T_world_sensor) for prior in priors])
+    sigmas = np.array([sigmas_of(prior) for prior in priors])
+    known = np.isfinite(sigmas)
+    columns = np.flatnonzero(known.any(axis=0))
+    with atomic_path(path) as temporary, temporary.open("w", newline="", encoding="utf-8") as file:
+        writer = csv.writer(file, lineterminator="\n")
+        writer.writerow(["name", *(COLUMNS[k] for k in columns), *(SIGMA_COLUMNS[k] for k in columns)])
+        for row, name in enumerate(names):
+            told = [f"{values[row, k]:z.6f}" if known[row, k] else "" for k in columns]
+            spread = [f"{sigmas[row, k]:.6g}" if known[row, k] else "" for k in columns]
+            writer.writerow([name, *told, *spread])
