@@ -17,6 +17,7 @@ if TYPE_CHECKING:  # the command line names the methods in its help, which is to
 DEFAULT_METHOD = "spectral"
 
 _SPECTRAL = frozenset(("grid", "max_tilt", "strength", "device"))
+_DEFAULT = _SPECTRAL | {"yaw_peaks", "priors"}
 _SEEDED = frozenset(("seed",))
 
 
@@ -145,7 +146,7 @@ def _gicp(setup: Setup) -> Registrar:
 # Name, as --method takes it -> method
 METHODS: Mapping[str, Method] = MappingProxyType(
     {
-        DEFAULT_METHOD: Method("the spectral registration with its defaults", _default, _SPECTRAL | {"yaw_peaks"}),
+        DEFAULT_METHOD: Method("the spectral registration with its defaults", _default, _DEFAULT),
         "hemisphere": Method("the paper's chain: one yaw peak, no refinement", _hemisphere, _SPECTRAL),
         "planes": Method("plane patches, matched (Pathak et al. 2010)", _planes),
         "icp": Method("ICP point to point from the identity (Open3D)", _icp),

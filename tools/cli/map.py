@@ -18,12 +18,15 @@ from tools.cli.options import (
     JsonOption,
     MaxTiltOption,
     MethodOption,
+    PriorSigmasOption,
+    PriorsOption,
     QuietOption,
     SeedOption,
     StrengthOption,
     VoxelOption,
     YawPeaksOption,
 )
+from tools.cli.priors import told_priors
 from tools.cli.progress import growing_progress
 from tools.cli.terminal import say
 from tools.methods import DEFAULT_METHOD
@@ -57,6 +60,8 @@ def command(
     max_tilt: MaxTiltOption = DEFAULT_MAX_TILT,
     yaw_peaks: YawPeaksOption = DEFAULT_YAW_PEAKS,
     strength: StrengthOption = False,
+    priors: PriorsOption = None,
+    prior_sigmas: PriorSigmasOption = None,
     also: Annotated[
         list[str],
         typer.Option(
@@ -79,16 +84,18 @@ def command(
     from tools.project import require_apart, write_survey
 
     wanted = method_of(context)
-    read = _read(inputs)
+    read = _read(inputs, [priors] if priors else [])
     require_apart(out, read.files)
-    chosen = build_registrar(read.scans, wanted)
+    scans = told_priors(read.scans, priors, prior_sigmas, strangers=bool(read.unread))
+    chosen = build_registrar(scans, wanted)
     mapper = _mapper(chosen)
     require_writable(out)
     with growing_progress("mapping", quiet or as_json) as step:
-        step(0, len(read.scans), "preparing the first scans")
-        result = mapper.run(read.scans, step)
-    settings = {"inputs": inputs, **chosen.settings, "mapper": mapper.settings}
-    names = [scan.name for scan in read.scans]
+        step(0, len(scans), "preparing the first scans")
+        result = mapper.run(scans, step)
+    told = {"priors": str(priors), "prior_sigmas": prior_sigmas} if priors else {}
+    settings = {"inputs": inputs, **told, **chosen.settings, "mapper": mapper.settings}
+    names = [scan.name for scan in scans]
     summary = write_survey(out, result, names, settings, chosen.device, read.unread, also)
     if as_json:
         typer.echo(json.dumps(json.loads(summary.read_text(encoding="utf-8"))))
@@ -99,11 +106,11 @@ def command(
         raise typer.Exit(INCOMPLETE)
 
 
-def _read(inputs: list[str]) -> "ReadScans":
+def _read(inputs: list[str], beside: list[Path]) -> "ReadScans":
     """The scans that can be read; what cannot is told, and leaves a gap."""
     from tools.readers import read_survey
 
-    read = read_survey(inputs)
+    read = read_survey(inputs, beside)
     for note in read.notes:
         say(note)
     if read.unread and len(read.scans) < 2:

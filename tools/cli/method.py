@@ -2,6 +2,7 @@
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
+from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
@@ -33,6 +34,7 @@ class Method:
         strength: whether voxels are weighed by their echo strength.
         device: as `choose_device` takes it.
         seed: of the methods that draw at random.
+        priors: a CSV file of what else is known of the scans' poses.
         given: the options that the user gave, by the names of METHODS' `hears`.
     """
 
@@ -44,6 +46,7 @@ class Method:
     strength: bool = False
     device: str | None = None
     seed: int = DEFAULT_SEED
+    priors: Path | None = None
     given: frozenset[str] = frozenset()
 
 

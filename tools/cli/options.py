@@ -1,6 +1,7 @@
 """Options that several verbs share, each with its check; a verb takes one as `grid: GridOption = None`."""
 
 import math
+from pathlib import Path
 from typing import Annotated
 
 import typer
@@ -58,6 +59,37 @@ def _check_method(name: str) -> str:
     except InputError as error:
         raise typer.BadParameter(str(error)) from error
     return name
+
+
+def parse_prior_sigmas(text: str) -> dict[str, float]:
+    """Standard deviations by the columns of a file of priors, from "attitude,heading,depth,position" [deg, m].
+
+    Raises:
+        InputError: other than four numbers above 0.
+    """
+    from tools.instruments import COLUMNS
+
+    try:
+        attitude, heading, depth, position = (float(part) for part in text.split(","))
+    except ValueError:
+        attitude = heading = depth = position = math.nan
+    sigmas = (attitude, attitude, heading, position, position, depth)
+    if not all(0 < sigma < math.inf for sigma in sigmas):
+        raise InputError(
+            f"--prior-sigmas is {text!r}; wanted four numbers above 0: of roll and pitch [deg], heading [deg], depth "
+            "[m], x and y [m], as in --prior-sigmas 0.5,3,0.1,3"
+        )
+    return dict(zip(COLUMNS, sigmas, strict=True))
+
+
+def _check_prior_sigmas(text: str | None) -> str | None:
+    if text is None:
+        return None
+    try:
+        parse_prior_sigmas(text)
+    except InputError as error:
+        raise typer.BadParameter(str(error)) from error
+    return text
 
 
 def check_seed(seed: int | None) -> int | None:
@@ -120,6 +152,24 @@ DeviceOption = Annotated[
         "--device",
         metavar="DEVICE",
         help="OpenCL device: platform:device, cpu, gpu, or a part of its name; see 'sonarmap devices'.",
+    ),
+]
+PriorsOption = Annotated[
+    Path | None,
+    typer.Option(
+        "--priors",
+        metavar="FILE",
+        help="CSV of what the vehicle measured, a row per scan: name or stamp; roll_deg, pitch_deg, heading_deg, x_m, "
+        "y_m, depth_m; roll_sigma_deg and so on.",
+    ),
+]
+PriorSigmasOption = Annotated[
+    str | None,
+    typer.Option(
+        "--prior-sigmas",
+        metavar="A,H,D,P",
+        help="Standard deviations where the priors have none: attitude, heading \\[deg], depth, position \\[m].",
+        callback=_check_prior_sigmas,
     ),
 ]
 SeedOption = Annotated[int, typer.Option("--seed", metavar="S", help="Same seed, same result.", callback=check_seed)]

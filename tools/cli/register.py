@@ -16,11 +16,14 @@ from tools.cli.options import (
     JsonOption,
     MaxTiltOption,
     MethodOption,
+    PriorSigmasOption,
+    PriorsOption,
     SeedOption,
     StrengthOption,
     VoxelOption,
     YawPeaksOption,
 )
+from tools.cli.priors import told_priors
 from tools.cli.terminal import printable, result_console, say
 from tools.methods import DEFAULT_METHOD
 
@@ -41,6 +44,8 @@ def command(
     max_tilt: MaxTiltOption = DEFAULT_MAX_TILT,
     yaw_peaks: YawPeaksOption = DEFAULT_YAW_PEAKS,
     strength: StrengthOption = False,
+    priors: PriorsOption = None,
+    prior_sigmas: PriorSigmasOption = None,
     device: DeviceOption = None,
     seed: SeedOption = DEFAULT_SEED,
     as_json: JsonOption = False,
@@ -51,7 +56,7 @@ def command(
     not, 2 on bad input.
     """
     wanted = method_of(context)
-    scans = [_read(target), _read(source)]
+    scans = told_priors([_read(target), _read(source)], priors, prior_sigmas, strangers=True)
     chosen = build_registrar(scans, wanted)
     registration = chosen.registrar.register(*(chosen.registrar.prepare(scan) for scan in scans))
     if as_json:

@@ -43,6 +43,13 @@ LikeOption = Annotated[
     Path | None,
     typer.Option(help="A description.json: the same scans again, but for noise, threshold and number.", metavar="FILE"),
 ]
+PriorsOption = Annotated[
+    str | None,
+    typer.Option(
+        metavar="KINDS",
+        help="Write priors.csv too: what instruments say of the poses, some of attitude,heading,depth,position.",
+    ),
+]
 OwnSeedOption = Annotated[
     int | None,
     typer.Option(metavar="S", help=f"Same seed, same result. \\[{DEFAULT_SEED}]", callback=check_seed),
@@ -75,6 +82,7 @@ def command(
     ] = None,
     threshold: ThresholdOption = None,
     like: LikeOption = None,
+    priors: PriorsOption = None,
     seed: OwnSeedOption = None,
     quiet: QuietOption = False,
 ) -> None:
@@ -85,9 +93,11 @@ def command(
     from tools.atomic import require_writable
     from tools.simulate.folder import write_simulation
     from tools.simulate.plan import SPACED
+    from tools.simulate.priors import carrying
     from tools.simulate.simulation import simulate
 
     settings = _settings(like, scene, trajectory, sensor, seed)
+    instruments = None if priors is None else carrying([kind.strip() for kind in priors.split(",")])
     if spacing is not None and settings.trajectory not in SPACED:
         raise InputError(
             f"--spacing is of a {' or a '.join(SPACED)}, and the trajectory is {settings.trajectory}; drop --spacing"
@@ -99,7 +109,7 @@ def command(
     require_writable(out)
     with growing_progress("simulating", quiet) as step:
         simulation = simulate(settings, progress=lambda done: step(done, settings.count, ""))
-    write_simulation(simulation, out)
+    write_simulation(simulation, out, instruments)
     typer.echo(f"{len(simulation.scans)} scans of {settings.scene} and their true poses in {printable(str(out))}")
 
 

@@ -5,8 +5,11 @@ from pathlib import Path
 
 from kernels.errors import InputError
 from tools.atomic import all_or_none
+from tools.instruments import PRIORS
+from tools.simulate.priors import Instruments, measure_poses
 from tools.simulate.simulation import Simulation, SimulationSettings, settings_from_json
 from tools.writers import write_ply
+from tools.writers.priors import write_priors
 from tools.writers.summary import package_versions, write_summary
 from tools.writers.tum import write_tum
 
@@ -14,13 +17,18 @@ TRUTH = "truth.tum"
 DESCRIPTION = "description.json"
 
 
-def write_simulation(simulation: Simulation, folder: Path) -> list[Path]:
+def write_simulation(simulation: Simulation, folder: Path, instruments: Instruments | None = None) -> list[Path]:
     """Write the scans, the truth and the description; the paths written.
 
     Written again, the same settings give the same bytes (on another processor the last digits may differ).
 
+    Args:
+        simulation: what was simulated.
+        folder: made where it is missing.
+        instruments: whose readings are written too, as priors.csv; None for none.
+
     Raises:
-        InputError: the folder cannot be written, or holds scans that are not part of this simulation.
+        InputError: the folder cannot be written, or holds scans or priors that are not part of this simulation.
     """
     folder = Path(folder)
     paths = [folder / f"scan_{number:03d}.ply" for number in range(len(simulation.scans))]
@@ -30,9 +38,17 @@ def write_simulation(simulation: Simulation, folder: Path) -> list[Path]:
             f"{folder} already holds {strangers[0].name}, no part of this simulation of {len(paths)} scans; "
             "choose another folder or remove it"
         )
+    if instruments is None and (folder / PRIORS).exists():
+        raise InputError(
+            f"{folder} holds {PRIORS} of other scans, which would pass for these scans'; remove it, simulate it too "
+            "(--priors), or choose another folder"
+        )
     with all_or_none():
         _write_files(simulation, folder, paths)
-    return [*paths, folder / TRUTH, folder / DESCRIPTION]
+        if instruments is not None:
+            priors = measure_poses(simulation.truth.T_world_sensor, instruments, simulation.settings.seed)
+            write_priors(folder / PRIORS, [path.name for path in paths], priors)
+    return [*paths, folder / TRUTH, folder / DESCRIPTION, *([] if instruments is None else [folder / PRIORS])]
 
 
 def _write_files(simulation: Simulation, folder: Path, paths: list[Path]) -> None:
