@@ -250,6 +250,19 @@ class TestShifts:
                 t = np.add(ahead, [0, 0, off])
                 assert relative.allows_shift(t, Rotation.identity()) == allowed
 
+    def test_an_unsure_attitude_moves_what_is_far_above_aside(self) -> None:
+        """100 m up, 0.01 rad of pitch are 1 m forward and 0.02 rad of roll 2 m to the side."""
+        above = [0.0, 0.0, 100.0]
+        target = PosePrior(RigidTransform.identity(), np.array([0.02, 0.01, 0.03, 1e-3, 1e-3, 1e-3]))
+        relative = RelativePrior(target, PosePrior(RigidTransform.from_translation(above), np.full(6, 1e-3)))
+        for tilt, allowed in (
+            ([0, 0.0395, 0], True),
+            ([0, 0.0405, 0], False),
+            ([0.079, 0, 0], True),
+            ([-0.081, 0, 0], False),
+        ):
+            assert relative.allows_shift(Rotation.from_rotvec(tilt).apply(above), Rotation.identity()) == allowed
+
     def test_an_unsure_heading_moves_what_is_far_aside(self) -> None:
         sigmas = np.array([1e-4, 1e-4, 0.03, 1e-3, 1e-3, 1e-3])
         target = PosePrior(RigidTransform.identity(), sigmas)
@@ -405,6 +418,28 @@ def test_where_the_world_begins_and_points_makes_no_difference(kinds: tuple[slic
     for k in range(20):
         assert here.normalized(moved[k]) == pytest.approx(there.normalized(moved[k]))
         np.testing.assert_allclose(here.shift_limits(rotations[k]), there.shift_limits(rotations[k]), atol=1e-9)
+
+
+@pytest.mark.parametrize("of", ["target", "source"])
+def test_a_heading_that_was_not_measured_makes_no_difference(of: str) -> None:
+    """Where a pose without one is written down with another, roll and pitch, not alike here, turn with the scan."""
+    sigmas = np.array([0.05, 0.3, 1, 1, 1, 0.7])
+    poses = {"target": T_TARGET, "source": T_SOURCE}
+    turned = {**poses, of: about_vertical(1.3) * poses[of]}
+    here, there = (
+        RelativePrior(*(prior(T[name], ATTITUDE, DEPTH, sigmas=sigmas) for name in ("target", "source")))
+        for T in (poses, turned)
+    )
+    rng = np.random.default_rng(13)
+    rotations = T_TRUE.rotation * Rotation.from_rotvec(rng.normal(scale=0.5, size=(500, 3)))
+    shifts = T_TRUE.translation + rng.normal(scale=8, size=(500, 3))
+    allowed = here.allows(rotations)
+    assert 10 < allowed.sum() < 490
+    np.testing.assert_array_equal(there.allows(rotations), allowed)
+    np.testing.assert_array_equal(here.allows_shift(shifts, rotations), there.allows_shift(shifts, rotations))
+    moved = RigidTransform.from_components(shifts, rotations)
+    for k in range(20):
+        assert here.normalized(moved[k]) == pytest.approx(there.normalized(moved[k]))
 
 
 class TestPosePrior:
