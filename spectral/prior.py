@@ -1,7 +1,6 @@
 """What the priors of two scans say about their relative pose: which rotations and shifts they allow."""
 
 from dataclasses import dataclass
-from typing import overload
 
 import numpy as np
 from scipy.spatial.transform import RigidTransform, Rotation
@@ -229,10 +228,6 @@ class RelativePrior:
         return np.abs(off) <= margin if known.all() else off >= -margin
 
 
-@overload
-def relative_prior(target: None, source: PosePrior | None) -> None: ...
-@overload
-def relative_prior(target: PosePrior | None, source: PosePrior | None) -> RelativePrior | None: ...
 def relative_prior(target: PosePrior | None, source: PosePrior | None) -> RelativePrior | None:
     """What two scans' priors say about T_target_source; None where they bound nothing of it.
 
