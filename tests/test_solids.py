@@ -6,7 +6,7 @@ from numpy.testing import assert_allclose, assert_array_equal
 from scipy.spatial.transform import Rotation
 
 from tools.simulate.scenes import SCENES, Scene, build_scene
-from tools.simulate.solids import Mesh, box, cylinder, ellipsoid, height_field, merge, wall
+from tools.simulate.solids import Mesh, box, cylinder, ellipsoid, height_field, merge, shell, wall
 
 SLANT = np.array([10.0, 1.0, -2.0])
 SLANT_LENGTH = float(np.linalg.norm(SLANT))
@@ -50,6 +50,22 @@ def test_solids_are_closed_and_face_outward(mesh: Mesh, volume: float, tolerance
 def test_merging_keeps_every_solid():
     both = merge([box((0, 0, 0), (1, 1, 1)), box((5, 0, 0), (2, 2, 2))])
     assert_allclose(_volume(both), 9.0)
+
+
+def test_a_shell_is_closed_and_holds_what_is_between_its_sheets():
+    """Half a ring of radii 3 and 2, 4 m long; its outside is met from beyond, its inside from the middle."""
+    x, angle = np.meshgrid(np.linspace(0, 4, 5), np.linspace(0, np.pi, 181), indexing="ij")
+    outer, inner = (np.stack([x, r * np.cos(angle), -r * np.sin(angle)], axis=-1) for r in (3.0, 2.0))
+    mesh = shell(outer, inner)
+    a, b, c = np.moveaxis(mesh.vertices[mesh.triangles], 1, 0)
+    assert_allclose(np.einsum("ni,ni->", a, np.cross(b, c)) / 6, 4 * np.pi * (9 - 4) / 2, rtol=1e-3)
+    edges = np.concatenate([mesh.triangles[:, pair] for pair in ([0, 1], [1, 2], [2, 0])])
+    there = {tuple(edge) for edge in edges.tolist()}
+    assert len(there) == len(edges)
+    assert there == {(end, start) for start, end in there}
+    scene = Scene("shell", mesh)
+    places = np.array([[2, 0, -2.5], [2, -2.5, -0.1], [2, 0, -1.0], [2, 0, -3.5], [4.5, 0, -2.5]])
+    assert scene.is_solid(places).tolist() == [True, True, False, False, False]
 
 
 def test_a_height_field_is_seen_from_above_at_its_heights():

@@ -71,6 +71,15 @@ SCENE_KINDS: MappingProxyType[str, SceneKind] = MappingProxyType(
             (14.0, 14.0, -32.0),
             inward=True,
         ),
+        "bridge": _full("a road bridge over a river, its plan drawn from the seed"),
+        "wreck": SceneKind(
+            "a broken wreck among rock ledges, its plan drawn from the seed",
+            "eclipse",
+            (FULL_EDGE, FULL_EDGE),
+            (-80.0, -80.0, -27.0),
+            (80.0, 80.0, -3.0),
+            inward=True,
+        ),
     }
 )
 

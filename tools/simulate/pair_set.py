@@ -18,7 +18,7 @@ from tools.simulate.pairs import random_pair, unrelated_pair
 from tools.simulate.turns import Turn
 
 # The order decides what pair n is: a new scene is appended, and makes another set
-SET_SCENES = ("floodgate", "pool", "harbor", "manifold", "clutter", "ship")
+SET_SCENES = ("floodgate", "pool", "bridge", "harbor", "manifold", "wreck", "clutter", "ship")
 SET_OVERLAPS = ((0.05, 0.2), (0.2, 0.4), (0.4, 0.6), (0.6, 0.8), (0.8, 1.0))
 SET_SIGMA2 = (0.0, 1.0, 2.0)  # of the range at the sensor's maximum range in a scene of 256 m [m^2]
 SET_TURNS: tuple[Turn, ...] = ("yaw", "any")

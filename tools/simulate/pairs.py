@@ -21,11 +21,15 @@ from tools.simulate.viewpoints import TRIES, Lookout, View, attitude, first_view
 NOISELESS = Noise()
 PLACES = 8  # of the target, before a pair is given up
 POSE_TILT = math.radians(10.0)  # of a vessel, largest roll and pitch
-DRAWN = ("clutter",)  # the scenes whose plan another seed draws anew, so that two of them have nothing in common
+DRAWN = (
+    "clutter",
+    "bridge",
+    "wreck",
+)  # the scenes whose plan another seed draws anew, so that two of them have nothing in common
 
 # Of a nearby source, from the target, in shares of the sensor's maximum range
 REACH = (1 / 3, 1 / 3, 1 / 24)
-# Of one that shares nothing: as far, in the same shares, and turned as far, in shares of the fan's width
+# Of one that would share nothing, and by how much it is turned aside, in shares of the fan's width
 FAR = (2 / 3, 2 / 3, 1 / 8)
 FAR_TURN = 1.0
 

@@ -7,9 +7,11 @@ import numpy as np
 
 from kernels.errors import InputError
 from tools.simulate.manifold import manifold_layout
+from tools.simulate.passages import bridge_lawn, under_the_bridge
 from tools.simulate.paths import Path, lane_path, lanes, spline_path
 from tools.simulate.scenes import build_scene
 from tools.simulate.ship import ship_layout
+from tools.simulate.wreck import wreck_layout
 
 # Closed paths through clear water: x, y, z [m] and heading [degrees from x toward y] of each corner
 SURVEY_LOOPS = MappingProxyType(
@@ -125,6 +127,21 @@ def _around_the_manifold(seed: int) -> Path:
     return spline_path(_moved(corners, heading, layout.middle[:2]), pitch=np.deg2rad(12))
 
 
+def _around_the_wreck(seed: int) -> Path:
+    """Round all of its parts, above everything, nose down."""
+    layout = wreck_layout(seed)
+    middle = np.mean([lying.middle for lying in layout.parts], axis=0)
+    height = _over_the_wreck(seed)
+    corners = _round((0.62 * layout.hulk.length + 20, 44.0), (height, height + 1.0))
+    placed = _moved(corners, layout.heading, (float(middle[0]), float(middle[1])))
+    return spline_path(placed, pitch=np.deg2rad(25))
+
+
+def _over_the_wreck(seed: int) -> float:
+    """A height clear of the wreck and the rocks, 9 m under the water or less [m]."""
+    return max(-9.0, float(build_scene("wreck", seed).mesh.vertices[:, 2].max()) + 4.5)
+
+
 def _moved(corners: np.ndarray, heading: float, middle: tuple[float, float]) -> np.ndarray:
     """Corners (K, 4) of a thing's frame in the scene's."""
     (c, s), (x, y) = (np.cos(heading), np.sin(heading)), corners[:, :2].T
@@ -174,8 +191,18 @@ def _manifold_lawn(seed: int) -> Path:
     return _lawn(corners, layout.middle[2] + layout.height + 2.6, 2.0, np.deg2rad(40))
 
 
+def _wreck_lawn(seed: int) -> Path:
+    """Over the wreck and the rocks about it, nose down."""
+    return _lawn(lanes((-72, -60), (72, 60), 5, 4, east=True), _over_the_wreck(seed), 12.0, np.deg2rad(30))
+
+
 ROUNDS: MappingProxyType[str, Callable[[int], Path]] = MappingProxyType(
-    {"ship": _around_the_ship, "manifold": _around_the_manifold}
+    {
+        "ship": _around_the_ship,
+        "manifold": _around_the_manifold,
+        "bridge": under_the_bridge,
+        "wreck": _around_the_wreck,
+    }
 )
 LAWNS: MappingProxyType[str, Callable[[int], Path]] = MappingProxyType(
     {
@@ -185,5 +212,7 @@ LAWNS: MappingProxyType[str, Callable[[int], Path]] = MappingProxyType(
         "ship": _ship_lawn,
         "pool": _pool_lawn,
         "manifold": _manifold_lawn,
+        "bridge": bridge_lawn,
+        "wreck": _wreck_lawn,
     }
 )

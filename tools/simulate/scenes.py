@@ -9,6 +9,7 @@ from typing import Any
 import numpy as np
 
 from kernels.errors import InputError
+from tools.simulate.bridge import bridge
 from tools.simulate.catalog import SCENE_KINDS, SceneKind
 from tools.simulate.clutter import clutter
 from tools.simulate.floodgate import floodgate
@@ -17,6 +18,7 @@ from tools.simulate.manifold import manifold
 from tools.simulate.pool import pool
 from tools.simulate.ship import ship
 from tools.simulate.solids import Mesh
+from tools.simulate.wreck import wreck
 
 SCENES: MappingProxyType[str, Callable[[int], Mesh]] = MappingProxyType(
     {
@@ -26,6 +28,8 @@ SCENES: MappingProxyType[str, Callable[[int], Mesh]] = MappingProxyType(
         "ship": ship,
         "pool": pool,
         "manifold": manifold,
+        "bridge": bridge,
+        "wreck": wreck,
     }
 )
 

@@ -119,6 +119,32 @@ def loft(sections: Sequence[np.ndarray]) -> Mesh:
     return Mesh(vertices, np.concatenate(skin + ends))
 
 
+def shell(outer: np.ndarray, inner: np.ndarray) -> Mesh:
+    """A bent plate between two sheets of corners (S, K, 3) [m], its four edges closed.
+
+    `outer` faces where the cross product of its first index's direction with its second's points.
+    """
+    count, corners = outer.shape[:2]
+    index = np.arange(2 * count * corners).reshape(2, count, corners)
+    # counterclockwise from outside, quad by quad: both sheets, then the strips between their edges
+    sheets = [
+        (index[0, :-1, :-1], index[0, 1:, :-1], index[0, 1:, 1:], index[0, :-1, 1:]),
+        (index[1, :-1, :-1], index[1, :-1, 1:], index[1, 1:, 1:], index[1, 1:, :-1]),
+    ]
+    strips = [
+        (index[0, 0, :-1], index[0, 0, 1:], index[1, 0, 1:], index[1, 0, :-1]),
+        (index[0, -1, 1:], index[0, -1, :-1], index[1, -1, :-1], index[1, -1, 1:]),
+        (index[0, 1:, 0], index[0, :-1, 0], index[1, :-1, 0], index[1, 1:, 0]),
+        (index[0, :-1, -1], index[0, 1:, -1], index[1, 1:, -1], index[1, :-1, -1]),
+    ]
+    triangles = [
+        np.stack([a, b, c], axis=-1).reshape(-1, 3)
+        for quad in (*sheets, *strips)
+        for a, b, c in (quad[:3], (quad[0], *quad[2:]))
+    ]
+    return Mesh(np.concatenate([outer.reshape(-1, 3), inner.reshape(-1, 3)]), np.concatenate(triangles))
+
+
 def height_field(x: np.ndarray, y: np.ndarray, height: np.ndarray) -> Mesh:
     """The surface z = height[i, j] [m] over the raster x[i], y[j], two triangles a cell, seen from above."""
     east, north = np.meshgrid(x, y, indexing="ij")
