@@ -62,3 +62,38 @@ __kernel void gather_rows(__global const float* const restrict values, __global 
     __global float* const to = out + r * LENGTH;
     for (int k = 0; k < LENGTH; ++k) to[k] = from[k];
 }
+
+// The highest local maximum of each segment of a row: out is (2, rows, SEGMENTS), its value and its column, -INFINITY
+// and 0 where there is none. A voxel is one if none of its 26 cyclic neighbors exceeds it. One work-item per segment;
+// LENGTH is a multiple of SEGMENTS.
+#ifndef SEGMENTS
+#define SEGMENTS 4
+#endif
+__kernel void segment_maxima(__global const float* const restrict values, __global float* const restrict out,
+                             const int images, const int height) {
+    const int segment = get_global_id(0);
+    const int j = get_global_id(1);
+    const int i = get_global_id(2);
+    __global const float* rows[9];
+    for (int a = 0; a < 3; ++a)
+        for (int b = 0; b < 3; ++b) {
+            const size_t row = (size_t)((i + a + images - 1) % images) * height + (j + b + height - 1) % height;
+            rows[3 * a + b] = values + row * LENGTH;
+        }
+    float best = -INFINITY;
+    int column = 0;
+    for (int k = segment * (LENGTH / SEGMENTS); k < (segment + 1) * (LENGTH / SEGMENTS); ++k) {
+        const float v = rows[4][k];
+        if (!(v > best)) continue;
+        const int left = (k + LENGTH - 1) % LENGTH;
+        const int right = (k + 1) % LENGTH;
+        bool highest = true;
+        for (int n = 0; n < 9 && highest; ++n) highest = rows[n][left] <= v && rows[n][k] <= v && rows[n][right] <= v;
+        if (!highest) continue;
+        best = v;
+        column = k;
+    }
+    const size_t at = ((size_t)i * height + j) * SEGMENTS + segment;
+    out[at] = best;
+    out[(size_t)images * height * SEGMENTS + at] = column;
+}

@@ -1,40 +1,14 @@
 """The highest peaks of a correlation, their neighborhoods, and how far they stand above the rest."""
 
-from dataclasses import dataclass
-
 import numpy as np
 import pyopencl.array as cla
 
 from kernels.device import Device
 from kernels.errors import InputError
 from kernels.launch import launch, require_array
+from kernels.peak_fit import Peak, fit_peak, signed
 
-_FLOOR = 0.05
-
-
-@dataclass(frozen=True, slots=True)
-class Peak:
-    """One local maximum of a cyclic correlation.
-
-    Attributes:
-        index: (3,) int64, the voxel.
-        shift: (3,) float64, cyclic and signed [voxels]: index (as -n/2..n/2) plus the sub-voxel offset.
-        value: the correlation at the voxel.
-        top: its height at the shift, between the voxels: that of the Gaussian that gave the sub-voxel offset. The
-            same peak half a voxel off along all axes has half the value, and still its top.
-        psr: peak-to-sidelobe ratio, (top - mean) / std; 0 where std is 0.
-        neighborhood: (3, 3, 3) float32, the correlation around the voxel, cyclic.
-        mean, std: of the whole correlation.
-    """
-
-    index: np.ndarray
-    shift: np.ndarray
-    value: float
-    top: float
-    psr: float
-    neighborhood: np.ndarray
-    mean: float
-    std: float
+__all__ = ["Peak", "find_peaks", "peak_at", "segment_peaks"]
 
 
 def find_peaks(
@@ -79,8 +53,68 @@ def find_peaks(
         index, cubes = index[known], cubes[known]
         kept = _suppress(index, cubes[:, 1, 1, 1], shape, count, separation)
         if len(kept) == count or np.isneginf(bound):
-            return [_peak(index[n], cubes[n], shape, mean, std) for n in kept]
+            return [fit_peak(index[n], cubes[n], shape, mean, std) for n in kept]
         rows_at_once *= 4
+
+
+def peak_at(device: Device, correlation: cla.Array, index: np.ndarray) -> Peak:
+    """The highest of the 27 voxels around a cyclic index (3,), whether it is a peak or lies on a slope.
+
+    Args:
+        correlation: (n0, n1, n2) float32.
+        index: int64, of any sign.
+
+    Raises:
+        InputError: the correlation is not as above, or not finite.
+    """
+    shape = require_array(correlation, "correlation", (None, None, None))
+    _, mean, std = _statistics(device, correlation, shape[2])
+    around = _cube(device, correlation, index, 2)
+    inner = around[1:-1, 1:-1, 1:-1]
+    top = np.array(np.unravel_index(int(inner.argmax()), inner.shape))
+    cube = around[tuple(slice(k, k + 3) for k in top)]
+    return fit_peak((index + top - 1) % shape, cube, shape, mean, std)
+
+
+def _cube(device: Device, correlation: cla.Array, index: np.ndarray, reach: int) -> np.ndarray:
+    """The voxels within `reach` of a cyclic index along each axis: (2 reach + 1,) * 3 float32."""
+    n0, n1, n2 = correlation.shape
+    steps = np.arange(-reach, reach + 1)
+    rows = (index[0] + steps)[:, None] % n0 * n1 + (index[1] + steps) % n1
+    gathered = device.empty((rows.size, n2))
+    wanted = device.to_device(rows.astype(np.int32).ravel())
+    launch(device, "peak", "gather_rows", (rows.size,), correlation, wanted, gathered, LENGTH=n2)
+    return gathered.get()[:, (index[2] + steps) % n2].reshape((len(steps),) * 3)
+
+
+def segment_peaks(device: Device, correlation: cla.Array, segments: int = 4) -> tuple[np.ndarray, np.ndarray]:
+    """The highest local maximum of every segment of every row, for many peaks at once; not refined, not suppressed.
+
+    Args:
+        correlation: (n0, n1, n2) float32.
+        segments: into how many parts a row is divided; n2 is a multiple of it.
+
+    Returns:
+        (m, 3) int64 indices and (m,) float32 values, highest first; equal values in the order of their voxels.
+
+    Raises:
+        InputError: an argument is not as above.
+    """
+    shape = require_array(correlation, "correlation", (None, None, None))
+    if segments < 1 or shape[2] % segments:
+        raise InputError(f"rows of {shape[2]} voxels have no {segments} equal segments")
+    found = device.empty((2, shape[0] * shape[1] * segments))
+    sizes = np.int32(shape[0]), np.int32(shape[1])
+    launch(
+        device, "peak", "segment_maxima", (segments, shape[1], shape[0]), correlation, found, *sizes,
+        LENGTH=shape[2], SEGMENTS=segments,
+    )  # fmt: skip
+    values, columns = found.get()
+    kept = np.flatnonzero(np.isfinite(values))
+    kept = kept[np.argsort(-values[kept], kind="stable")]
+    row = kept // segments
+    index = np.column_stack([row // shape[1], row % shape[1], columns[kept].astype(np.int64)])
+    return index, values[kept]
 
 
 def _reach(shape: tuple[int, ...], limits: tuple[float | None, ...] | None) -> list[int]:
@@ -108,7 +142,7 @@ def _statistics(device: Device, correlation: cla.Array, reach: int) -> tuple[np.
 
 def _allowed_rows(shape: tuple[int, ...], reach: list[int]) -> np.ndarray:
     """(n0 n1,) bool: rows within the reach along axes 0 and 1."""
-    first, second = (np.abs(_signed(np.arange(n), n)) <= r for n, r in zip(shape[:2], reach[:2], strict=True))
+    first, second = (np.abs(signed(np.arange(n), n)) <= r for n, r in zip(shape[:2], reach[:2], strict=True))
     return (first[:, None] & second[None, :]).ravel()
 
 
@@ -132,7 +166,7 @@ def _local_maxima(
     block = np.concatenate([block[..., -1:], block, block[..., :1]], axis=-1)
     across = block.max(axis=(1, 2))
     highest = np.maximum(np.maximum(across[:, :-2], across[:, 1:-1]), across[:, 2:])
-    inside = np.abs(_signed(np.arange(n2), n2)) <= reach
+    inside = np.abs(signed(np.arange(n2), n2)) <= reach
     row, column = np.nonzero((block[:, 1, 1, 1:-1] >= highest) & inside)
     cubes = np.stack([block[row, :, :, column + offset] for offset in range(3)], axis=-1)
     index = np.column_stack([rows[row] // n1, rows[row] % n1, column])
@@ -146,44 +180,9 @@ def _suppress(
     kept: list[int] = []
     # equal values come in the order of their voxels, whatever the order of the rows was
     for n in np.lexsort((index[:, 2], index[:, 1], index[:, 0], -values)):
-        distance = np.abs(_signed((index[kept] - index[n]) % shape, np.array(shape)))
+        distance = np.abs(signed((index[kept] - index[n]) % shape, np.array(shape)))
         if (distance.max(axis=1, initial=0) > separation).all():
             kept.append(int(n))
         if len(kept) == count:
             break
     return kept
-
-
-def _peak(index: np.ndarray, cube: np.ndarray, shape: tuple[int, ...], mean: float, std: float) -> Peak:
-    value = float(cube[1, 1, 1])
-    lines = zip((cube[:, 1, 1], cube[1, :, 1], cube[1, 1, :]), shape, strict=True)
-    fits = np.array([_fit_gaussian(line) if n > 2 else (0.0, 0.0) for line, n in lines])
-    top = value * float(np.exp(fits[:, 1].sum()))
-    return Peak(
-        index=index,
-        shift=_signed(index, np.array(shape)) + fits[:, 0],
-        value=value,
-        top=top,
-        psr=(top - mean) / std if std > 0 else 0.0,
-        neighborhood=cube,
-        mean=mean,
-        std=std,
-    )
-
-
-def _fit_gaussian(line: np.ndarray) -> tuple[float, float]:
-    """The Gaussian through three values, the middle one the largest: where its peak lies, -0.5..0.5, and the
-    logarithm of its height over the middle value."""
-    if not line[1] > 0:
-        return 0.0, 0.0
-    left, middle, right = np.log(np.maximum(line.astype(np.float64) / line[1], _FLOOR))
-    curvature = left - 2 * middle + right
-    if curvature >= 0:
-        return 0.0, 0.0
-    offset = float(np.clip((left - right) / (2 * curvature), -0.5, 0.5))
-    return offset, -0.5 * curvature * offset**2
-
-
-def _signed(index: np.ndarray, n: int | np.ndarray) -> np.ndarray:
-    """A cyclic index as -n/2..n/2."""
-    return np.where(index < (np.asarray(n) + 1) // 2, index, index - n)
