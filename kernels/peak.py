@@ -10,6 +10,8 @@ from kernels.peak_fit import Peak, fit_peak, signed
 
 __all__ = ["Peak", "find_peaks", "peak_at", "segment_peaks"]
 
+_NOT_FINITE = "the correlation holds numbers that are not finite; look at the volumes that went in"
+
 
 def find_peaks(
     device: Device,
@@ -65,9 +67,11 @@ def peak_at(device: Device, correlation: cla.Array, index: np.ndarray) -> Peak:
         index: int64, of any sign.
 
     Raises:
-        InputError: the correlation is not as above, or not finite.
+        InputError: an argument is not as above, or the correlation is not finite.
     """
     shape = require_array(correlation, "correlation", (None, None, None))
+    if np.shape(index) != (3,) or not np.issubdtype(index.dtype, np.integer):
+        raise InputError(f"the index is {index}; wanted three whole numbers")
     _, mean, std = _statistics(device, correlation, shape[2])
     around = _cube(device, correlation, index, 2)
     inner = around[1:-1, 1:-1, 1:-1]
@@ -98,19 +102,20 @@ def segment_peaks(device: Device, correlation: cla.Array, segments: int = 4) -> 
         (m, 3) int64 indices and (m,) float32 values, highest first; equal values in the order of their voxels.
 
     Raises:
-        InputError: an argument is not as above.
+        InputError: an argument is not as above, or the correlation is not finite.
     """
     shape = require_array(correlation, "correlation", (None, None, None))
     if segments < 1 or shape[2] % segments:
         raise InputError(f"rows of {shape[2]} voxels have no {segments} equal segments")
     found = device.empty((2, shape[0] * shape[1] * segments))
-    sizes = np.int32(shape[0]), np.int32(shape[1])
+    size, sizes = (shape[1], shape[0]), (np.int32(shape[0]), np.int32(shape[1]))
     launch(
-        device, "peak", "segment_maxima", (segments, shape[1], shape[0]), correlation, found, *sizes,
-        LENGTH=shape[2], SEGMENTS=segments,
+        device, "peak", "segment_maxima", size, correlation, found, *sizes, LENGTH=shape[2], SEGMENTS=segments
     )  # fmt: skip
     values, columns = found.get()
-    kept = np.flatnonzero(np.isfinite(values))
+    if np.isnan(values).any():
+        raise InputError(_NOT_FINITE)
+    kept = np.flatnonzero(values > -np.inf)
     kept = kept[np.argsort(-values[kept], kind="stable")]
     row = kept // segments
     index = np.column_stack([row // shape[1], row % shape[1], columns[kept].astype(np.int64)])
@@ -136,7 +141,7 @@ def _statistics(device: Device, correlation: cla.Array, reach: int) -> tuple[np.
     total = row_squares.sum(dtype=np.float64) + length * np.square(row_means - mean).sum()
     std = np.sqrt(total / correlation.size)
     if not np.isfinite(std):
-        raise InputError("the correlation holds numbers that are not finite; look at the volumes that went in")
+        raise InputError(_NOT_FINITE)
     return tops, float(mean), float(std)
 
 
