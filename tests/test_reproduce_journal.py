@@ -15,8 +15,8 @@ from kernels.errors import InputError
 from tools.reproduce.experiment import Outcome
 from tools.reproduce.folder import write_experiment
 from tools.reproduce.journal import Journal
-from tools.reproduce.provenance import ROOT, Provenance, source_digest
-from tools.reproduce.run import run
+from tools.reproduce.provenance import ROOT, Provenance, imported, source_digest
+from tools.reproduce.run import Way, run
 
 ALIKE = ("fake.csv", "fake.md", "fake.png", "fake-2.png")
 TESTS = Path(__file__).parent
@@ -39,7 +39,7 @@ def silence(_label: str, _total: int) -> Iterator:
 def complete(folder: Path, fake: Fake | None = None, fresh: bool = False) -> tuple[Fake, list[str]]:
     """Run to the end and write; the experiment, and what was told."""
     fake, told = fake or Fake(), []
-    result = run(fake, origin(fake), folder, silence, fresh, told.append)
+    result = run(fake, origin(fake), folder, silence, Way(fresh), told.append)
     write_experiment(folder, fake, result, origin(fake), "sonarmap reproduce fake")
     return fake, told
 
@@ -203,10 +203,8 @@ class TestSources:
         assert source_digest(one, project) != before
 
     def test_table_1_depends_on_its_methods_and_not_on_its_tables(self) -> None:
-        from tools.reproduce.provenance import _imported
-
-        found = {path.name for path in _imported(ROOT / "tools/reproduce/gaussian.py", ROOT)}
-        assert {"methods.py", "trial.py", "gaussian_row.py", "registration.py", "scenes.py"} <= found
+        found = {path.name for path in imported([ROOT / "tools/reproduce/gaussian.py"])}
+        assert {"methods.py", "trial.py", "gaussian_row.py", "hemisphere.py", "scenes.py"} <= found
         assert not found & {"gaussian_section.py", "gaussian_figure.py", "table.py", "wilson.py"}
 
 

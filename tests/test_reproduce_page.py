@@ -13,11 +13,11 @@ from typer.testing import CliRunner
 from kernels.errors import InputError
 from tools.cli.main import app
 from tools.reproduce import experiments
-from tools.reproduce.experiments import ALL, EXPERIMENTS, OPTIONS, Entry, Request, chosen, create
+from tools.reproduce.experiments import ALL, EVALUATION, EXPERIMENTS, OPTIONS, Entry, Request, chosen, create
 from tools.reproduce.folder import read_record, write_experiment
-from tools.reproduce.page import write_page
+from tools.reproduce.page import FRAMES, write_page
 from tools.reproduce.run import run
-from tools.reproduce.section_text import duration, section_text, verdicts
+from tools.reproduce.section_text import Verdict, duration, section_text, verdicts
 from tools.reproduce.table import Table
 
 FILES = {*ALIKE, "fake-seconds.csv", "fake-times.md", "fake.json"}
@@ -104,6 +104,12 @@ class TestVerdicts:
         found = verdicts(section)[0]
         assert (found.claim, found.paper, found.ours, found.verdict) == ("128, 2", "S8", "S7", "no")
 
+    def test_what_is_wanted_stands_for_the_paper_and_no_table_claims_nothing(self) -> None:
+        table = Table("t", ("what", "wanted", "ours", "verdict"), (("it", "all", "none", "no"),))
+        section = replace(Fake().section({"a": Fake().run("a")}), tables=(table,))
+        assert verdicts(section)[0] == Verdict("it", "all", "none", "no")
+        assert verdicts(replace(section, tables=())) == ()
+
     def test_a_section_without_them_is_refused(self) -> None:
         section = replace(Fake().section({"a": Fake().run("a")}), tables=(Table("t", ("paper", "ours"), ()),))
         with pytest.raises(ValueError, match="begins with the word 'verdict'"):
@@ -143,6 +149,13 @@ class TestPage:
         assert re.search(r"\| fake \| mean \| 0 \| -?[0-9.]+ \| so \|", text)
         assert "| fake | 5 | 0 s | a device (OpenCL 3.0 X; a processor, 2 cores) | `sonarmap reproduce fake` |" in text
         assert text.index("**All verdicts**") < text.index("## A fake, Fig. 0") < text.index("**Times**")
+
+    def test_the_evaluation_stands_beside_what_is_wanted(self, tmp_path: Path) -> None:
+        complete(tmp_path)
+        write_page(tmp_path / "p.md", tmp_path, ["fake"], FRAMES[EVALUATION])
+        text = (tmp_path / "p.md").read_text()
+        assert text.startswith("# Evaluation on unseen pairs\n")
+        assert "| experiment | claim | wanted | ours | verdict |" in text
 
     def test_nothing_to_show(self, tmp_path: Path) -> None:
         with pytest.raises(InputError, match="no complete experiment"):
@@ -207,6 +220,25 @@ class TestCommand:
         assert printed["name"] == "fake"
         assert printed["section"]["tables"][0]["headings"] == ["what", "paper", "ours, mean", "verdict"]
         assert {Path(name).name for name in printed["files"]} == FILES
+
+    def test_workers_change_nothing_but_where_times_are_measured(
+        self, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+    ) -> None:
+        shown = CliRunner().invoke(app, ["reproduce", "fake", "-o", str(tmp_path / "two"), "--workers", "2"])
+        assert (shown.exit_code, shown.exception) == (0, None)
+        complete(tmp_path / "one")
+        assert (tmp_path / "two/fake.csv").read_bytes() == (tmp_path / "one/fake.csv").read_bytes()
+        timed = Entry("Fig. 0", "no_such_module_in_a_process", ("seed",), timed=True)
+        monkeypatch.setattr("tools.cli.reproduce.create", lambda *_: Fake())
+        monkeypatch.setattr(experiments, "EXPERIMENTS", {"fake": timed})
+        shown = CliRunner().invoke(app, ["reproduce", "fake", "-o", str(tmp_path / "timed"), "--workers", "2"])
+        assert shown.exit_code == 0
+        assert "fake: measures times, so --workers does not count" in shown.stderr
+
+    def test_a_method_that_there_is_not(self, tmp_path: Path) -> None:
+        shown = CliRunner().invoke(app, ["reproduce", "fake", "-o", str(tmp_path), "--method", "alchemy"])
+        assert shown.exit_code == 2
+        assert "no method is called 'alchemy'" in " ".join(shown.stderr.replace("│", " ").split())
 
     def test_interrupted_it_says_what_is_kept(self, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
         monkeypatch.setattr("fake_experiment.create", lambda _: Fake(stop="d"))

@@ -1,23 +1,30 @@
-"""`sonarmap reproduce`: the paper's experiments on simulated scans, beside what the paper reports."""
+"""`sonarmap reproduce`: the paper's experiments on simulated scans, and an evaluation on unseen ones."""
 
 import json
 from collections.abc import Sequence
+from dataclasses import dataclass, replace
+from functools import partial
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated
 
 import typer
 
+from kernels.errors import InputError
 from tools.cli.options import DeviceOption, JsonOption, QuietOption, check_seed
 from tools.cli.progress import progress
 from tools.cli.terminal import printable, result_console, say
-from tools.reproduce.experiments import ALL, EXPERIMENTS, Request, chosen, create
+from tools.methods import METHODS, find_method
+from tools.reproduce.experiments import ALL, EXPERIMENTS, Request, chosen, create, entry_of, group_of, groups, members
 from tools.simulate.catalog import SCENE_KINDS
 
 if TYPE_CHECKING:
+    from tools.reproduce.crew import Crew
     from tools.reproduce.folder import Record
 
-_SHOWN = "; ".join(f"{name}: {entry.shows}" for name, entry in EXPERIMENTS.items())
-
+_SHOWN = "; ".join(
+    f"{group}: each in turn of {', '.join(f'{name} ({EXPERIMENTS[name].shows})' for name in members(group))}"
+    for group in groups()
+)
 
 SCENES = [name for name, kind in SCENE_KINDS.items() if kind.scale == 1.0]
 
@@ -33,7 +40,9 @@ SceneOption = Annotated[str | None, typer.Option(help=f"{', '.join(SCENES)}.", m
 PageOption = Annotated[
     Path | None,
     typer.Option(
-        "--page", metavar="FILE", help="Then write a page on all experiments in OUT, as in docs/reproduction.md."
+        "--page",
+        metavar="FILE",
+        help="Then write a page on all experiments of the group in OUT, as in docs/reproduction.md.",
     ),
 ]
 NoisesOption = Annotated[
@@ -48,6 +57,30 @@ OwnGridOption = Annotated[
         help="Voxels per edge, a power of 2, 16..512; the experiment's own if left out.",
     ),
 ]
+
+
+def _check_methods(names: list[str] | None) -> list[str] | None:
+    for name in names or ():
+        try:
+            find_method(name)
+        except InputError as error:
+            raise typer.BadParameter(str(error)) from error
+    return names
+
+
+MethodsOption = Annotated[
+    list[str] | None,
+    typer.Option(
+        "--method",
+        metavar="NAME",
+        help=f"Of the evaluation: a method, {', '.join(METHODS)}; may be repeated.",
+        callback=_check_methods,
+    ),
+]
+WorkersOption = Annotated[
+    int,
+    typer.Option("--workers", metavar="N", min=1, help="Processes that share the jobs; the results stay the same."),
+]
 FirstSeedOption = Annotated[
     int | None,
     typer.Option("--seed", metavar="S", help="The first of them; same seed, same result.", callback=check_seed),
@@ -55,7 +88,7 @@ FirstSeedOption = Annotated[
 
 
 def command(
-    name: Annotated[str, typer.Argument(help=f"{_SHOWN}; {ALL}: each in turn.", metavar="NAME")],
+    name: Annotated[str, typer.Argument(help=f"{_SHOWN}.", metavar="NAME")],
     out: Annotated[
         Path, typer.Option("-o", "--out", help="Folder for the results, and to go on from.", metavar="OUT")
     ] = Path("reproduction"),
@@ -67,13 +100,17 @@ def command(
     scene: SceneOption = None,
     sigma2: NoisesOption = None,
     seeds: Annotated[int | None, typer.Option(metavar="N", help="How many seeds.", min=1)] = None,
+    pairs: Annotated[int | None, typer.Option(metavar="N", help="How many pairs.", min=1)] = None,
     seed: FirstSeedOption = None,
+    method: MethodsOption = None,
     grid: OwnGridOption = None,
+    workers: WorkersOption = 1,
     device: DeviceOption = None,
     as_json: JsonOption = False,
     quiet: QuietOption = False,
 ) -> None:
-    """Repeat an experiment of the paper on simulated scans, and show its numbers beside the paper's.
+    """Repeat an experiment of the paper on simulated scans, and show its numbers beside the paper's; or one of the
+    evaluation, beside other methods.
 
     OUT gets NAME.csv with every row, NAME.md with the tables, NAME*.png with figures like the paper's, and the times in
     NAME-seconds.csv, NAME-times.md and NAME.json. A run that was stopped goes on where it was when the same command is
@@ -82,39 +119,80 @@ def command(
     from kernels.device import choose_device
     from spectral.grid import Grid
     from tools.atomic import require_writable
-    from tools.reproduce.page import write_page
+    from tools.reproduce.page import FRAMES, write_page
 
     if grid is not None:
         Grid(grid, 1.0)
     silent = quiet or as_json
-    noises = tuple(dict.fromkeys(sigma2)) if sigma2 else None
-    names = chosen(name, Request(None, quick, seeds, seed, grid, scene, noises))
+    noises, methods = (tuple(dict.fromkeys(given)) if given else None for given in (sigma2, method))
+    asked = Request(None, quick, seeds, seed, grid, scene, noises, pairs, methods)  # pyright: ignore[reportArgumentType]
+    names = chosen(name, asked)
     require_writable(out)
     opened = choose_device(device)
     for note in opened.notes:
         say(note)
-    request = Request(opened, quick, seeds, seed, grid, scene, noises)
-    records = [_reproduce(one, request, out, fresh, silent, printed=not as_json) for one in names]
-    written = write_page(page, out, chosen(ALL, Request())) if page else []
+    run = Run(replace(asked, device=opened), out, fresh, workers, silent)
+    records = [_reproduce(one, run, printed=not as_json) for one in names]
+    group = group_of(name)
+    written = write_page(page, out, members(group), FRAMES.get(group, FRAMES[ALL])) if page else []
     if as_json:
         typer.echo(json.dumps(_as_json(records, out, written), indent=2, allow_nan=False))
     elif page:
         typer.echo(f"the page is {printable(str(page))}")
 
 
-def _reproduce(name: str, request: Request, out: Path, fresh: bool, silent: bool, printed: bool) -> "Record":
+@dataclass(frozen=True, slots=True)
+class Run:
+    """How to run each of the experiments that are asked for.
+
+    Attributes:
+        request: what is asked of them, with the device.
+        out: folder for the results.
+        fresh: do every job again.
+        workers: how many processes share the jobs.
+        silent: tell nothing of the progress.
+    """
+
+    request: Request
+    out: Path
+    fresh: bool
+    workers: int
+    silent: bool
+
+    def crew(self, name: str) -> "Crew | None":
+        """The processes for an experiment; None for this process alone."""
+        from tools.reproduce.crew import Crew
+
+        entry = entry_of(name)
+        if self.workers == 1:
+            return None
+        if entry.timed:
+            self.tell(f"{name}: measures times, so --workers does not count: one process does its jobs")
+            return None
+        return Crew(self.workers, entry.module, replace(self.request, device=None), self.request.opened.selector)
+
+    def tell(self, words: str) -> None:
+        """Say it, if anything is to be said."""
+        if not self.silent:
+            say(words)
+
+
+def _reproduce(name: str, wanted: Run, printed: bool) -> "Record":
     """Run one experiment and write its files; what it holds on the device is let go before the next."""
     from tools.reproduce.folder import write_experiment
+    from tools.reproduce.method_source import method_provenances
     from tools.reproduce.provenance import provenance
-    from tools.reproduce.run import run
+    from tools.reproduce.run import Way, run
 
+    request, out = wanted.request, wanted.out
     experiment = create(name, request)
     origin = provenance(experiment, request.opened)
-    tell = (lambda _: None) if silent else say
+    way = Way(wanted.fresh, wanted.crew(name), method_provenances(experiment, request.opened))
+    follow = partial(progress, quiet=wanted.silent)
     try:
-        result = run(experiment, origin, out, lambda label, total: progress(label, total, quiet=silent), fresh, tell)
+        result = run(experiment, origin, out, follow, way, wanted.tell)
     except KeyboardInterrupt:
-        tell("the jobs that were done are kept; the same command without --fresh goes on from there")
+        wanted.tell("the jobs that were done are kept; the same command without --fresh goes on from there")
         raise
     record = write_experiment(out, experiment, result, origin, request.command(name))
     if printed:

@@ -3,7 +3,7 @@
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
-from typing import Any, ClassVar, Protocol
+from typing import Any, ClassVar, Protocol, runtime_checkable
 
 from tools.reproduce.table import Table
 
@@ -31,7 +31,7 @@ class Section:
     Attributes:
         title: a heading, with the paper's figures and tables in it.
         introduction: Markdown: what was done, what counts as right.
-        tables: the paper's value, ours, and the verdict side by side, the first the one that matters.
+        tables: the paper's (or the wanted) value, ours, and the verdict side by side, the first the one that matters.
         times: tables of run times; they differ between runs and stand in a file of their own.
         pictures: file names of the figures -> captions, in order; `draw` writes them.
         remarks: Markdown: what the figures show, computed from the rows.
@@ -46,7 +46,10 @@ class Section:
 
 
 class Experiment(Protocol):
-    """One of the paper's experiments, with its settings. A new one is a class and a row of EXPERIMENTS."""
+    """An experiment, with its settings. A new one is a class and a row of EXPERIMENTS.
+
+    Jobs whose keys differ in the last part alone, as 3/a and 3/b, may share work: they are done by one process.
+    """
 
     name: ClassVar[str]
     settings: Any  # a frozen dataclass of JSON's types: with the sources it decides all rows
@@ -66,3 +69,14 @@ class Experiment(Protocol):
     def draw(self, folder: Path, outcomes: Mapping[str, Outcome]) -> None:
         """Write the section's pictures into an existing folder."""
         ...
+
+
+@runtime_checkable
+class ByMethod(Experiment, Protocol):
+    """An experiment whose jobs are of one method each, which the last part of a job's key names.
+
+    The jobs of each method are kept for themselves: when the code of one changes, those of the others stay done.
+    """
+
+    methods: tuple[str, ...]  # keys of METHODS
+    deciding: Mapping[str, Any]  # with a job's key, the code and the device all that decides its rows

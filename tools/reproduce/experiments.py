@@ -21,7 +21,9 @@ if TYPE_CHECKING:
     from kernels.device import Device
     from tools.reproduce.experiment import Experiment
 
-ALL = "all"
+# Groups of experiments
+ALL = "all"  # the paper's
+EVALUATION = "evaluation"  # on pairs that nothing was chosen on
 
 
 @dataclass(frozen=True, slots=True)
@@ -35,6 +37,8 @@ class Request:
         grid: voxels per edge.
         scene: a key of SCENES.
         sigma2: variances of the range noise at the largest range [m^2].
+        pairs: how many.
+        method: keys of METHODS.
     """
 
     device: "Device | None" = None
@@ -44,6 +48,8 @@ class Request:
     grid: int | None = None
     scene: str | None = None
     sigma2: tuple[float, ...] | None = None
+    pairs: int | None = None
+    method: tuple[str, ...] | None = None
 
     @property
     def opened(self) -> "Device":
@@ -65,8 +71,9 @@ class Request:
 
 
 # The options that an experiment may hear, in the order in which they are told.
-OPTIONS = ("scene", "grid", "sigma2", "seeds", "seed")
+OPTIONS = ("scene", "grid", "sigma2", "seeds", "pairs", "seed", "method")
 _STRUCTURE_OPTIONS = ("scene", "grid", "seeds", "seed")
+_PAIR_OPTIONS = ("grid", "pairs", "seed", "method")
 
 
 @dataclass(frozen=True, slots=True)
@@ -74,37 +81,72 @@ class Entry:
     """One experiment of the table.
 
     Attributes:
-        shows: which of the paper's figures and tables.
+        shows: which of the paper's figures and tables, or what is looked at.
         module: where its `create` is; it is imported when the experiment is asked for.
         hears: those of OPTIONS that mean something to it.
+        group: the name for it and others together.
+        timed: whether it is about times, so that its jobs are done one by one.
     """
 
     shows: str
     module: str
     hears: tuple[str, ...]
+    group: str = ALL
+    timed: bool = False
 
 
-# Name on the command line -> experiment, in the order in which `all` runs them and the page shows them.
+# Name on the command line -> experiment, in the order in which a group runs them and its page shows them.
 EXPERIMENTS: Mapping[str, Entry] = MappingProxyType(
     {
         "translation": Entry("Figs. 12, 14, 15", "tools.reproduce.translation", _STRUCTURE_OPTIONS),
         "rotation": Entry("Figs. 16, 17", "tools.reproduce.rotation", _STRUCTURE_OPTIONS),
         "limits": Entry("Figs. 7 to 9", "tools.reproduce.limits", _STRUCTURE_OPTIONS),
-        "gaussian": Entry("Table 1, Figs. 20, 21", "tools.reproduce.gaussian", OPTIONS),
+        "gaussian": Entry(
+            "Table 1, Figs. 20, 21", "tools.reproduce.gaussian", ("scene", "grid", "sigma2", "seeds", "seed")
+        ),
         "floodgate": Entry("Sect. 4, Table 2, Figs. 22 to 31", "tools.reproduce.floodgate", ("grid", "seeds", "seed")),
+        "steps": Entry(
+            "Table 1 to S12 on four scenes",
+            "tools.reproduce.steps",
+            ("scene", "grid", "sigma2", "seeds", "seed", "method"),
+            EVALUATION,
+        ),
+        "pairs": Entry("pairs of every overlap", "tools.reproduce.pairs", _PAIR_OPTIONS, EVALUATION),
+        "unrelated": Entry("pairs that share nothing", "tools.reproduce.unrelated", _PAIR_OPTIONS, EVALUATION),
+        "speed": Entry("times of a pair", "tools.reproduce.speed", _PAIR_OPTIONS, EVALUATION, timed=True),
     }
 )
 
 
+def entry_of(name: str) -> Entry:
+    """The experiment of that name."""
+    return EXPERIMENTS[name]
+
+
+def groups() -> tuple[str, ...]:
+    """The names of the groups that have an experiment."""
+    return tuple(dict.fromkeys(entry.group for entry in EXPERIMENTS.values()))
+
+
+def group_of(name: str) -> str:
+    """The group that an experiment is in; of a group, itself."""
+    return EXPERIMENTS[name].group if name in EXPERIMENTS else name
+
+
+def members(group: str) -> tuple[str, ...]:
+    """The names of a group's experiments, in order."""
+    return tuple(name for name, entry in EXPERIMENTS.items() if entry.group == group)
+
+
 def chosen(name: str, request: Request) -> tuple[str, ...]:
-    """The names of the experiments that are meant: one, or with `all` every one.
+    """The names of the experiments that are meant: one, or with a group's name every one of it.
 
     Raises:
         InputError: there is no such experiment, or it does not hear an option that was given.
     """
-    if name != ALL and name not in EXPERIMENTS:
-        raise InputError(f"no experiment is called {name!r}; there are {', '.join((*EXPERIMENTS, ALL))}")
-    names = tuple(EXPERIMENTS) if name == ALL else (name,)
+    if name not in (*EXPERIMENTS, *groups()):
+        raise InputError(f"no experiment is called {name!r}; there are {', '.join((*EXPERIMENTS, *groups()))}")
+    names = (name,) if name in EXPERIMENTS else members(name)
     hears = [option for option in OPTIONS if all(option in EXPERIMENTS[one].hears for one in names)]
     deaf = [f"--{option}" for option in request.given if option not in hears]
     if deaf:
@@ -126,4 +168,6 @@ def create(name: str, request: Request) -> "Experiment":
 
 
 def _as_tuple(value: object) -> tuple[object, ...]:
-    return tuple(f"{one:g}" for one in value) if isinstance(value, tuple) else (value,)
+    if not isinstance(value, tuple):
+        return (value,)
+    return tuple(f"{one:g}" if isinstance(one, float) else one for one in value)

@@ -1,10 +1,14 @@
-"""One page on all experiments, pictures included: docs/reproduction.md."""
+"""One page on all experiments of a group, pictures included: docs/reproduction.md, docs/evaluation.md."""
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
 from pathlib import Path
+from types import MappingProxyType
 
 from kernels.errors import InputError
 from tools.atomic import all_or_none, atomic_path
+from tools.reproduce.evaluation_text import EVALUATION_INTRODUCTION
+from tools.reproduce.experiments import ALL, EVALUATION
 from tools.reproduce.folder import Record, read_record, times_text
 from tools.reproduce.section_text import duration, section_text, verdicts
 from tools.reproduce.table import Table
@@ -25,13 +29,32 @@ tables and pictures come out the same byte by byte; only the times differ. Rates
 """
 
 
-def write_page(path: Path, folder: Path, names: Sequence[str]) -> list[Path]:
+@dataclass(frozen=True, slots=True)
+class Frame:
+    """What a page says besides its experiments.
+
+    Attributes:
+        introduction: Markdown, with the page's title.
+        beside: whose values stand beside ours.
+    """
+
+    introduction: str
+    beside: str
+
+
+FRAMES: Mapping[str, Frame] = MappingProxyType(
+    {ALL: Frame(_INTRODUCTION, "paper"), EVALUATION: Frame(EVALUATION_INTRODUCTION, "wanted")}
+)
+
+
+def write_page(path: Path, folder: Path, names: Sequence[str], frame: Frame = FRAMES[ALL]) -> list[Path]:
     """Write the page and, into a folder of its stem beside it, the pictures: all or none.
 
     Args:
         path: of the page, as docs/reproduction.md.
         folder: where the experiments' files are.
         names: of the experiments to look for, in order; those that are not complete there are left out.
+        frame: what stands around them.
 
     Returns:
         the page, then the pictures.
@@ -49,30 +72,31 @@ def write_page(path: Path, folder: Path, names: Sequence[str]) -> list[Path]:
             with atomic_path(copy) as temporary:
                 temporary.write_bytes(picture.read_bytes())
         with atomic_path(path) as temporary:
-            temporary.write_text(page_text(records, f"{path.stem}/"), encoding="utf-8")
+            temporary.write_text(page_text(records, f"{path.stem}/", frame), encoding="utf-8")
     return [path, *copies]
 
 
-def page_text(records: Sequence[Record], pictures: str) -> str:
+def page_text(records: Sequence[Record], pictures: str, frame: Frame = FRAMES[ALL]) -> str:
     """The page's Markdown.
 
     Args:
         records: of the experiments, in their order.
         pictures: what to put before the pictures' file names.
+        frame: what stands around them.
     """
     sections = [
         f"{section_text(record.section, 2, pictures)}\n### Times\n\n{times_text(record)}\nMade by\n\n"
         f"    {record.command}\n"
         for record in records
     ]
-    tables = [_verdict_table(records), _run_table(records)]
-    return "\n".join([_INTRODUCTION, *(table.markdown() for table in tables), *sections])
+    tables = [_verdict_table(records, frame.beside), _run_table(records)]
+    return "\n".join([frame.introduction, *(table.markdown() for table in tables), *sections])
 
 
-def _verdict_table(records: Sequence[Record]) -> Table:
+def _verdict_table(records: Sequence[Record], beside: str) -> Table:
     return Table(
         "All verdicts",
-        ("experiment", "claim", "paper", "ours", "verdict"),
+        ("experiment", "claim", beside, "ours", "verdict"),
         tuple(
             (record.name, one.claim, one.paper, one.ours, one.verdict)
             for record in records

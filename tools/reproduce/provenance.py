@@ -5,7 +5,7 @@ import hashlib
 import inspect
 import json
 import re
-from collections.abc import Mapping
+from collections.abc import Collection, Iterable, Mapping
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
@@ -66,7 +66,7 @@ def provenance(experiment: Experiment, device: Device) -> Provenance:
     return Provenance(
         name=experiment.name,
         settings=to_json(experiment.settings),
-        sources=source_digest(Path(inspect.getfile(type(experiment)))),
+        sources=source_digest(source_of(experiment)),
         device=device.name,
         platform=device.platform,
         versions=package_versions(),
@@ -82,32 +82,63 @@ def source_digest(module: Path, root: Path = ROOT) -> str:
         module: a Python file; what it imports counts, and what that imports, and every OpenCL program.
         root: of the project.
     """
-    programs = (root / "kernels").rglob("*.cl")
-    digest = hashlib.sha256()
-    for path in sorted({*programs, *_imported(module.resolve(), root)}):
+    return digest_of({*programs(root), *imported([module.resolve()], root)}, root)
+
+
+def source_of(experiment: Experiment) -> Path:
+    """The file with the experiment's class."""
+    return Path(inspect.getfile(type(experiment)))
+
+
+def programs(root: Path = ROOT) -> list[Path]:
+    """Every OpenCL program."""
+    return list((root / "kernels").rglob("*.cl"))
+
+
+def digest_of(paths: Iterable[Path], root: Path = ROOT, further: str = "") -> str:
+    """A digest of files' names and contents, and of a further text: 16 hexadecimal digits."""
+    digest = hashlib.sha256(further.encode())
+    for path in sorted(paths):
         content = _content(path)
         name = path.relative_to(root).as_posix() if path.is_relative_to(root) else path.name
         digest.update(f"{name}\0{len(content)}\0".encode() + content)
     return digest.hexdigest()[:16]
 
 
-def _content(path: Path) -> bytes:
-    """What of a file decides: of Python, all but comments and layout."""
-    content = path.read_bytes()
-    return ast.dump(ast.parse(content)).encode() if path.suffix == ".py" else content
+def imported(modules: Iterable[Path], root: Path = ROOT, left_out: Collection[Path] = ()) -> set[Path]:
+    """Modules and all modules of the project that they import.
 
-
-def _imported(module: Path, root: Path) -> set[Path]:
-    """The module and all modules of the project that it imports, those that only show rows left out."""
-    found, waiting = set(), [module]
+    Args:
+        modules: Python files.
+        root: of the project.
+        left_out: not to be looked at, as are those that only show rows.
+    """
+    found, waiting = set(), list(modules)
     while waiting:
         path = waiting.pop()
-        if path in found or _only_shows(path, root):
+        if path in found or path in left_out or _only_shows(path, root):
             continue
         found.add(path)
-        for node in ast.walk(ast.parse(path.read_bytes())):
-            waiting += [file for name in _names(node) for file in _of_module(name, root)]
+        waiting += imports(ast.parse(path.read_bytes()), root)
     return found
+
+
+def imports(tree: ast.AST, root: Path = ROOT) -> list[Path]:
+    """The project's files that a piece of Python imports, anywhere in it."""
+    return [file for node in ast.walk(tree) for name in _names(node) for file in _of_module(name, root)]
+
+
+def decisive(tree: ast.AST) -> str:
+    """What of a piece of Python decides: all but comments, layout and docstrings."""
+    for node in ast.walk(tree):
+        if isinstance(node, ast.Module | ast.ClassDef | ast.FunctionDef) and ast.get_docstring(node, False) is not None:
+            node.body[0] = ast.Pass()
+    return ast.dump(tree)
+
+
+def _content(path: Path) -> bytes:
+    content = path.read_bytes()
+    return decisive(ast.parse(content)).encode() if path.suffix == ".py" else content
 
 
 def _only_shows(path: Path, root: Path) -> bool:

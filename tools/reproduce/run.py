@@ -1,13 +1,15 @@
 """An experiment from its first job to its last, going on where an earlier run was stopped."""
 
-from collections.abc import Callable, Mapping
-from dataclasses import dataclass
+from collections.abc import Callable, Generator, Mapping, Sequence
+from contextlib import closing
+from dataclasses import dataclass, field
 from pathlib import Path
 from time import perf_counter
 
 from tools.follow import Follow
+from tools.reproduce.crew import Crew, Work
 from tools.reproduce.experiment import Experiment, Outcome
-from tools.reproduce.journal import Journal
+from tools.reproduce.journal import Done, Journal
 from tools.reproduce.provenance import Provenance
 
 
@@ -29,39 +31,82 @@ class Result:
         return sum(self.took.values())
 
 
+@dataclass(frozen=True, slots=True)
+class Way:
+    """How to run.
+
+    Attributes:
+        fresh: do every job, whatever the journals have.
+        crew: does the jobs; None: this process.
+        methods: by method, where its rows come from: its jobs have a journal of their own.
+    """
+
+    fresh: bool = False
+    crew: Crew | None = None
+    methods: Mapping[str, Provenance] = field(default_factory=dict)
+
+
 def run(
     experiment: Experiment,
     provenance: Provenance,
     folder: Path,
     follow: Follow,
-    fresh: bool = False,
+    way: Way | None = None,
     tell: Callable[[str], None] = lambda _: None,
 ) -> Result:
-    """Do the jobs that are not yet done; stopping it at any moment loses no more than the job under way.
+    """Do the jobs that are not yet done; stopping it at any moment loses no more than the jobs under way.
 
     Args:
         experiment: what to do.
         provenance: of it, which says whose rows may be taken over.
-        folder: where the journal is.
+        folder: where the journals are.
         follow: how to tell of the progress.
-        fresh: do every job, whatever the journal has.
+        way: how to run.
         tell: takes a sentence about jobs that were done before.
 
     Raises:
-        InputError, DeviceError: from a job, or the journal cannot be written.
+        InputError, DeviceError: from a job, or a journal cannot be written.
     """
-    journal = Journal(folder, provenance, fresh)
+    way = way or Way()
     jobs = list(dict.fromkeys(experiment.jobs()))
-    waiting = [job for job in jobs if job not in journal.done]
+    journals = _journals(jobs, provenance, folder, way)
+    waiting = [job for job in jobs if job not in journals[job].done]
     if len(waiting) < len(jobs):
         before = f"{len(jobs) - len(waiting)} of {len(jobs)} jobs were done"
         tell(f"{experiment.name}: going on: {before}" if waiting else f"{experiment.name}: {before} before")
     if waiting:
-        with follow(experiment.name, len(waiting)) as step:
-            for job in waiting:
-                start = perf_counter()
-                outcome = experiment.run(job)
-                journal.add(job, outcome, perf_counter() - start)
+        with follow(experiment.name, len(waiting)) as step, closing(_work(experiment, waiting, way.crew)) as work:
+            for job, outcome, seconds in work:
+                journals[job].add(job, outcome, seconds)
                 step(job)
-    done = {job: journal.done[job] for job in jobs}
+    done: dict[str, Done] = {job: journals[job].done[job] for job in jobs}
     return Result({job: one.outcome for job, one in done.items()}, {job: one.seconds for job, one in done.items()})
+
+
+def _journals(jobs: Sequence[str], provenance: Provenance, folder: Path, way: Way) -> dict[str, Journal]:
+    """By job: its method's, or one for all."""
+    kept: dict[str, Journal] = {}
+    for name in dict.fromkeys(_method(job, way) for job in jobs):
+        kept[name] = Journal(folder, way.methods.get(name, provenance), way.fresh)
+    return {job: kept[_method(job, way)] for job in jobs}
+
+
+def _method(job: str, way: Way) -> str:
+    last = job.rpartition("/")[2]
+    return last if last in way.methods else ""
+
+
+def _work(experiment: Experiment, jobs: Sequence[str], crew: Crew | None) -> Generator[Work]:
+    """Each job as it gets done; by a crew in no certain order."""
+    if crew is not None:
+        groups: dict[str, list[str]] = {}
+        for job in jobs:
+            groups.setdefault(job.rpartition("/")[0] or job, []).append(job)
+        with closing(crew.do(list(groups.values()))) as batches:
+            for batch in batches:
+                yield from batch
+        return
+    for job in jobs:
+        start = perf_counter()
+        outcome = experiment.run(job)
+        yield job, outcome, perf_counter() - start

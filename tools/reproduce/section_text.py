@@ -10,7 +10,7 @@ from tools.reproduce.table import Table
 
 @dataclass(frozen=True, slots=True)
 class Verdict:
-    """One of the paper's claims: what it says, what we find, and what to make of it."""
+    """One claim: what the paper says of it, or what is wanted; what we find, and what to make of it."""
 
     claim: str
     paper: str
@@ -21,14 +21,16 @@ class Verdict:
 def verdicts(section: Section) -> tuple[Verdict, ...]:
     """The rows of the section's first table.
 
-    It has columns whose headings begin with paper, ours and verdict; what stands left of them says what the claim is
-    about.
+    It has columns whose headings begin with paper or wanted, ours, and verdict; what stands left of them says what the
+    claim is about. A section without a table claims nothing.
 
     Raises:
         ValueError: it has not.
     """
+    if not section.tables:
+        return ()
     table = section.tables[0]
-    columns = [_column(table, word) for word in ("paper", "ours", "verdict")]
+    columns = [_column(table, word) for word in ("paper|wanted", "ours", "verdict")]
     before = min(columns)
     return tuple(
         Verdict(", ".join(cell for cell in row[:before] if cell), *(row[k] for k in columns)) for row in table.rows
@@ -80,7 +82,7 @@ def _table(content: dict[str, Any]) -> Table:
 
 def _column(table: Table, word: str) -> int:
     """The first column whose heading begins with the word, whatever follows it, as in "ours, worst series"."""
-    found = [k for k, heading in enumerate(table.headings) if re.match(rf"{word}\b", heading)]
+    found = [k for k, heading in enumerate(table.headings) if re.match(rf"({word})\b", heading)]
     if not found:
         raise ValueError(f"no heading of {table.title!r} begins with the word {word!r}: {table.headings}")
     return found[0]

@@ -1,0 +1,104 @@
+"""Jobs done by several processes at once. Only the standard library is imported here, as a process that is begun sets
+how many threads libraries take before it loads them."""
+
+import os
+from collections.abc import Generator, Sequence
+from concurrent.futures import ProcessPoolExecutor, as_completed
+from concurrent.futures.process import BrokenProcessPool
+from dataclasses import dataclass
+from importlib import import_module
+from multiprocessing import active_children, connection, get_context, parent_process
+from signal import SIG_IGN, SIGINT, signal
+from threading import Thread
+from time import perf_counter
+from typing import TYPE_CHECKING, Any
+
+if TYPE_CHECKING:
+    from tools.reproduce.experiment import Experiment, Outcome
+    from tools.reproduce.experiments import Request
+
+Work = tuple[str, "Outcome", float]  # a job, what it found, and how long it took [s]
+
+_mine: "Experiment | None" = None  # of a process of the crew
+
+
+@dataclass(frozen=True, slots=True)
+class Crew:
+    """Processes that each make the same experiment, with a device of its own.
+
+    Attributes:
+        workers: how many, at least 1.
+        module: that has the experiment's `create`.
+        request: what to make, without a device.
+        selector: of the device, as `choose_device` takes it.
+    """
+
+    workers: int
+    module: str
+    request: "Request"
+    selector: str | None
+
+    def do(self, groups: Sequence[Sequence[str]]) -> Generator[list[Work]]:
+        """Do groups of jobs, each by one process, and yield what each group found as soon as it is done.
+
+        Closed or interrupted it ends the processes, and what they are at is lost.
+
+        Raises:
+            InputError, DeviceError: from a job, or a process ended before its time.
+        """
+        before = set(active_children())
+        # spawned: an OpenCL context must not be inherited
+        pool = ProcessPoolExecutor(self.workers, get_context("spawn"), _begin, (self,))
+        try:
+            for done in as_completed([pool.submit(_do, tuple(group)) for group in groups]):
+                yield done.result()
+            pool.shutdown()
+        except BaseException as error:
+            pool.shutdown(wait=False, cancel_futures=True)
+            for child in set(active_children()) - before:
+                child.terminate()
+            if isinstance(error, BrokenProcessPool):
+                raise _ended() from error
+            raise
+
+
+def _begin(crew: Crew) -> None:
+    """Make the experiment, in a process of the crew; an interrupt is the parent's to act on."""
+    global _mine
+    signal(SIGINT, SIG_IGN)
+    Thread(target=_end_with_parent, daemon=True).start()
+    os.environ.setdefault("OMP_NUM_THREADS", str(max(1, (os.cpu_count() or 1) // crew.workers)))
+    from dataclasses import replace
+
+    from kernels.device import choose_device
+
+    create: Any = import_module(crew.module).create
+    _mine = create(replace(crew.request, device=choose_device(crew.selector)))
+
+
+def _do(jobs: tuple[str, ...]) -> list[Work]:
+    """The jobs of one group, one after the other."""
+    assert _mine is not None, "the process was not begun"
+    found = []
+    for job in jobs:
+        start = perf_counter()
+        outcome = _mine.run(job)
+        found.append((job, outcome, perf_counter() - start))
+    return found
+
+
+def _end_with_parent() -> None:
+    """A parent that is killed cannot tell its processes to end."""
+    parent = parent_process()
+    if parent is not None:
+        connection.wait([parent.sentinel])
+        os._exit(1)
+
+
+def _ended() -> Exception:
+    from kernels.errors import InputError
+
+    return InputError(
+        "a process of --workers ended before its time, as where memory is short; use fewer. The jobs that are done are "
+        "kept, and the same command goes on from there."
+    )
