@@ -72,7 +72,9 @@ class Harmonics:
             raise InputError(
                 f"layers are {layers.dtype} of shape {layers.shape}; wanted real ones of (L, {grid[0]}, {grid[1]})"
             )
-        waves = np.asarray(scipy.fft.rfft(layers.astype(np.float32, copy=False), axis=2))[:, :, : self.bandwidth]
+        layers = layers.astype(np.float32, copy=False)
+        _require_finite(layers, "layers")
+        waves = np.asarray(scipy.fft.rfft(layers, axis=2))[:, :, : self.bandwidth]
         middle = self.bandwidth - 1
         result = np.zeros((self.bandwidth // 2, len(layers), 2 * self.bandwidth - 1), np.complex64)
         for order, legendre in enumerate(self._legendre):
@@ -81,7 +83,6 @@ class Harmonics:
             result[first:, :, middle + order] = found
             if order:
                 result[first:, :, middle - order] = (-1) ** order * found.conj()
-        _require_finite(result, "layers")
         return result
 
 

@@ -17,7 +17,7 @@ from scipy.spatial.transform import Rotation
 from kernels.device import Device
 from kernels.errors import InputError
 from kernels.fft import RealFFT
-from kernels.launch import launch, zero
+from kernels.launch import launch
 
 
 class RotationCorrelation:
@@ -50,8 +50,11 @@ class RotationCorrelation:
         count = min(int(np.ceil(largest / self._step - 0.5)) + 1, 2 * bandwidth)
         self.betas = (np.arange(count) + 0.5) * self._step
         self.edge = 1 << (2 * bandwidth - 1).bit_length()
-        device.require(4 * (bandwidth // 2) * count * (2 * bandwidth - 1) * bandwidth, hint="a smaller bandwidth")
+        size = 4 * (bandwidth // 2) * count * (2 * bandwidth - 1) * bandwidth
+        device.require(size, total=size, hint="a smaller bandwidth")
         self._wigner = device.to_device(_half_wigner(bandwidth, self.betas))
+        self._given: list[cla.Array] = []
+        self._products = device.empty((2 * bandwidth - 1, bandwidth // 8, bandwidth // 2, 8), np.complex64)
         # an image of zeros beyond the last keeps the cyclic search for peaks from joining the first to the last
         self._fft = RealFFT(device, (count + 1, self.edge, self.edge), batched=True)
         self._spectrum = device.empty(self._fft.half_shape, np.complex64)
@@ -69,26 +72,31 @@ class RotationCorrelation:
         Raises:
             InputError: the coefficients have other shapes, or are not finite.
         """
-        wanted = (self.bandwidth // 2, target.shape[1] if target.ndim == 3 else 0, 2 * self.bandwidth - 1)
+        layers = target.shape[1] if target.ndim == 3 else 0
+        wanted = (self.bandwidth // 2, max(layers, 1), 2 * self.bandwidth - 1)
         if target.shape != wanted or source.shape != wanted:
             raise InputError(f"coefficients have shapes {target.shape} and {source.shape}; wanted {wanted} for both")
         if not (np.isfinite(target).all() and np.isfinite(source).all()):
             raise InputError("the coefficients hold numbers that are not finite; look at the layers that went in")
-        products = self._products(target, source)
-        zero(self.device, self._spectrum)
-        arrays = self._wigner, self.device.to_device(products), self._spectrum
-        size = (2 * self.bandwidth - 1, len(self.betas))
-        betas = np.int32(len(self.betas))
-        launch(
-            self.device, "so3", "synthesize", size, *arrays, betas, BANDWIDTH=self.bandwidth, EDGE=self.edge
-        )  # fmt: skip
+        self._multiply(target, source)
+        size = (len(self.betas) + 1, self.edge)
+        arrays = self._wigner, self._products, self._spectrum
+        self._launch("synthesize", size, *arrays, np.int32(len(self.betas)))
         return self._fft.inverse(self._spectrum, out=self._correlation)
 
-    def _products(self, target: np.ndarray, source: np.ndarray) -> np.ndarray:
-        """M (degrees, 2 bandwidth - 1, bandwidth) complex64, n >= 0, times what the inverse transform divides by."""
-        half_source = np.ascontiguousarray(source[:, :, self.bandwidth - 1 :].conj(), np.complex64)
-        products = np.matmul(np.ascontiguousarray(target.transpose(0, 2, 1), np.complex64), half_source)
-        return products * np.float32(self.edge**2)
+    def _multiply(self, target: np.ndarray, source: np.ndarray) -> None:
+        """M, times what the inverse transform divides by, to the device; on the host its many threads would get in
+        the way of the device's."""
+        if not self._given or self._given[0].shape != target.shape:
+            self._given = [self.device.empty(target.shape, np.complex64) for _ in range(2)]
+        for array, coefficients in zip(self._given, (target, source), strict=True):
+            array.set(np.ascontiguousarray(coefficients, np.complex64))
+        layers, gain = np.int32(target.shape[1]), np.float32(self.edge**2)
+        size = (2 * self.bandwidth - 1, self.bandwidth // 2)
+        self._launch("multiply", size, *self._given, self._products, layers, gain)
+
+    def _launch(self, kernel: str, size: tuple[int, int], *arguments: cla.Array | np.generic) -> None:
+        launch(self.device, "so3", kernel, size, *arguments, BANDWIDTH=self.bandwidth, EDGE=self.edge)
 
     def rotations(self, index: np.ndarray) -> Rotation:
         """The rotations at places (..., 3) of the correlation, between samples too."""
@@ -118,10 +126,13 @@ def wigner_d(degree: int, betas: np.ndarray) -> np.ndarray:
 
 
 def _half_wigner(bandwidth: int, betas: np.ndarray) -> np.ndarray:
-    """(degrees, betas, 2 bandwidth - 1, bandwidth) float32, as so3.cl has it."""
-    table = np.zeros((bandwidth // 2, len(betas), 2 * bandwidth - 1, bandwidth), np.float32)
-    for half in range(1, bandwidth // 2):
+    """(orders, betas, bandwidth / 8, degrees, 8) float32, as so3.cl has it."""
+    table = np.zeros((2 * bandwidth - 1, len(betas), bandwidth // 8, bandwidth // 2, 8), np.float32)
+    for half in range(bandwidth // 2):
         degree = 2 * half
+        blocks = degree // 8 + 1
+        matrices = np.zeros((len(betas), 2 * degree + 1, 8 * blocks), np.float32)
+        matrices[:, :, : degree + 1] = wigner_d(degree, betas)[:, :, degree:]
         orders = slice(bandwidth - 1 - degree, bandwidth + degree)
-        table[half, :, orders, : degree + 1] = wigner_d(degree, betas)[:, :, degree:]
+        table[orders, :, :blocks, half] = matrices.reshape(len(betas), -1, blocks, 8).swapaxes(0, 1)
     return table

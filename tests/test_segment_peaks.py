@@ -97,7 +97,7 @@ class TestSegmentPeaks:
 
     @pytest.mark.parametrize("segments", [0, 3, 32])
     def test_refuses_segments_that_do_not_fit(self, device, segments):
-        with pytest.raises(InputError, match="no .* equal segments"):
+        with pytest.raises(InputError, match="equal segments"):
             segment_peaks(device, device.to_device(noise((4, 4, 16), 1)), segments)
 
 
@@ -123,7 +123,7 @@ class TestPeakAt:
     def test_at_a_peak_it_is_that_of_find_peaks(self, device):
         correlation = device.to_device(noise((16, 16, 16), 9))
         for found in find_peaks(device, correlation, 3):
-            here = peak_at(device, correlation, found.index + [1, -1, 0])
+            here = peak_at(device, correlation, found.index + np.array([1, -1, 0]))
             np.testing.assert_array_equal(here.shift, found.shift)
             assert (here.value, here.top, here.psr) == (found.value, found.top, found.psr)
 
