@@ -7,6 +7,9 @@
 #ifndef LENGTH
 #define LENGTH 128
 #endif
+#ifndef ROWS
+#define ROWS 1
+#endif
 
 static float sum8(const float8 v) {
     const float4 a = v.lo + v.hi;
@@ -26,39 +29,47 @@ static int least8(const int8 v) {
     return min(b.x, b.y);
 }
 
-// One work-item per row: the second walk over it finds it in the cache.
-__kernel void row_statistics(__global const float* const restrict values, __global float* const restrict out,
-                             const int reach) {
-    const size_t r = get_global_id(0);
-    const size_t rows = get_global_size(0);
-    __global const float* const row = values + r * LENGTH;
+// The largest value of the columns within reach of column 0, cyclically.
+static float row_maximum(__global const float* const row, const int reach) {
     const int whole = LENGTH / 8 * 8;
     const int8 lanes = (int8)(0, 1, 2, 3, 4, 5, 6, 7);
-    float8 sums = 0.0f;
     float8 tops = -INFINITY;
-    for (int k = 0; k < whole; k += 8) {
-        const float8 v = vload8(0, row + k);
-        const int8 column = lanes + k;
-        sums += v;
-        tops = fmax(tops, select((float8)(-INFINITY), v, column <= reach || column >= LENGTH - reach));
-    }
-    float sum = sum8(sums);
+    if (2 * reach >= LENGTH)
+        for (int k = 0; k < whole; k += 8) tops = fmax(tops, vload8(0, row + k));
+    else
+        for (int k = 0; k < whole; k += 8) {
+            const int8 inside = lanes + k <= reach || lanes + k >= LENGTH - reach;
+            tops = fmax(tops, select((float8)(-INFINITY), vload8(0, row + k), inside));
+        }
     float top = max8(tops);
-    for (int k = whole; k < LENGTH; ++k) {
-        sum += row[k];
+    for (int k = whole; k < LENGTH; ++k)
         if (k <= reach || k >= LENGTH - reach) top = fmax(top, row[k]);
+    return top;
+}
+
+// One work-item per ROWS rows: the walks over a row after the first find it in the cache.
+__kernel void row_statistics(__global const float* const restrict values, __global float* const restrict out,
+                             const int rows, const int reach) {
+    const int whole = LENGTH / 8 * 8;
+    const int first = get_global_id(0) * ROWS;
+    for (int r = first; r < min(first + ROWS, rows); ++r) {
+        __global const float* const row = values + (size_t)r * LENGTH;
+        float8 sums = 0.0f;
+        for (int k = 0; k < whole; k += 8) sums += vload8(0, row + k);
+        float sum = sum8(sums);
+        for (int k = whole; k < LENGTH; ++k) sum += row[k];
+        const float mean = sum / LENGTH;
+        float8 deviations = 0.0f;
+        for (int k = 0; k < whole; k += 8) {
+            const float8 d = vload8(0, row + k) - mean;
+            deviations += d * d;
+        }
+        float deviation = sum8(deviations);
+        for (int k = whole; k < LENGTH; ++k) deviation += (row[k] - mean) * (row[k] - mean);
+        out[r] = row_maximum(row, reach);
+        out[rows + r] = mean;
+        out[2 * rows + r] = deviation;
     }
-    const float mean = sum / LENGTH;
-    float8 deviations = 0.0f;
-    for (int k = 0; k < whole; k += 8) {
-        const float8 d = vload8(0, row + k) - mean;
-        deviations += d * d;
-    }
-    float deviation = sum8(deviations);
-    for (int k = whole; k < LENGTH; ++k) deviation += (row[k] - mean) * (row[k] - mean);
-    out[r] = top;
-    out[rows + r] = mean;
-    out[2 * rows + r] = deviation;
 }
 
 __kernel void gather_rows(__global const float* const restrict values, __global const int* const restrict rows,

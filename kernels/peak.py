@@ -1,15 +1,19 @@
 """The highest peaks of a correlation, their neighborhoods, and how far they stand above the rest."""
 
+from typing import Any
+
 import numpy as np
+import pyopencl as cl
 import pyopencl.array as cla
 
 from kernels.device import Device
 from kernels.errors import InputError
 from kernels.launch import launch, require_array
-from kernels.peak_fit import Peak, fit_peak, signed
+from kernels.peak_fit import Peak, fit_peaks, signed
 
 __all__ = ["Peak", "find_peaks", "peak_at", "segment_peaks"]
 
+_ROWS_TOGETHER = 16
 _NOT_FINITE = "the correlation holds numbers that are not finite; look at the volumes that went in"
 
 
@@ -45,17 +49,16 @@ def find_peaks(
     reach = _reach(shape, limits)
     tops, mean, std = _statistics(device, correlation, reach[2])
     allowed = _allowed_rows(shape, reach)
-    tops = np.where(allowed, tops, -np.inf)
-    most, rows_at_once = int(np.count_nonzero(allowed)), 8 * count
+    if allowed is not None:
+        tops = np.where(allowed, tops, -np.inf)
+    most, rows_at_once = len(tops) if allowed is None else int(np.count_nonzero(allowed)), 8 * count
     while True:
         chosen, bound = _highest_rows(tops, min(rows_at_once, most))
-        index, cubes = _local_maxima(device, correlation, chosen, reach[2])
         # a maximum below the best row that was not looked at may be beaten from there
-        known = cubes[:, 1, 1, 1] >= bound
-        index, cubes = index[known], cubes[known]
+        index, cubes = _local_maxima(device, correlation, chosen, reach[2], bound)
         kept = _suppress(index, cubes[:, 1, 1, 1], shape, count, separation)
         if len(kept) == count or np.isneginf(bound):
-            return [fit_peak(index[n], cubes[n], shape, mean, std) for n in kept]
+            return fit_peaks(index[kept], cubes[kept], shape, mean, std)
         rows_at_once *= 4
 
 
@@ -73,22 +76,14 @@ def peak_at(device: Device, correlation: cla.Array, index: np.ndarray) -> Peak:
     if np.shape(index) != (3,) or not np.issubdtype(index.dtype, np.integer):
         raise InputError(f"the index is {index}; wanted three whole numbers")
     _, mean, std = _statistics(device, correlation, shape[2])
-    around = _cube(device, correlation, index, 2)
+    # a voxel farther, for the neighborhood of the highest
+    i, j, k = (np.asarray(index)[:, None] + np.arange(-2, 3)) % np.array(shape)[:, None]
+    around = _rows(device, correlation, i[:, None] * shape[1] + j)[:, :, k]
     inner = around[1:-1, 1:-1, 1:-1]
     top = np.array(np.unravel_index(int(inner.argmax()), inner.shape))
     cube = around[tuple(slice(k, k + 3) for k in top)]
-    return fit_peak((index + top - 1) % shape, cube, shape, mean, std)
-
-
-def _cube(device: Device, correlation: cla.Array, index: np.ndarray, reach: int) -> np.ndarray:
-    """The voxels within `reach` of a cyclic index along each axis: (2 reach + 1,) * 3 float32."""
-    n0, n1, n2 = correlation.shape
-    steps = np.arange(-reach, reach + 1)
-    rows = (index[0] + steps)[:, None] % n0 * n1 + (index[1] + steps) % n1
-    gathered = device.empty((rows.size, n2))
-    wanted = device.to_device(rows.astype(np.int32).ravel())
-    launch(device, "peak", "gather_rows", (rows.size,), correlation, wanted, gathered, LENGTH=n2)
-    return gathered.get()[:, (index[2] + steps) % n2].reshape((len(steps),) * 3)
+    (peak,) = fit_peaks(((index + top - 1) % shape)[None], cube[None], shape, mean, std)
+    return peak
 
 
 def segment_peaks(device: Device, correlation: cla.Array, segments: int = 4) -> tuple[np.ndarray, np.ndarray]:
@@ -134,48 +129,71 @@ def _statistics(device: Device, correlation: cla.Array, reach: int) -> tuple[np.
     """The maximum of every row, within the reach along it; mean and standard deviation of all."""
     rows, length = correlation.size // correlation.shape[2], correlation.shape[2]
     parts = device.empty((3, rows))
-    launch(device, "peak", "row_statistics", (rows,), correlation, parts, np.int32(reach), LENGTH=length)
+    # several rows an item where an item is a work-group, which costs as much as a short row
+    together = _ROWS_TOGETHER if device.is_cpu else 1
+    launch(
+        device, "peak", "row_statistics", (-(-rows // together),), correlation, parts, np.int32(rows), np.int32(reach),
+        LENGTH=length, ROWS=together,
+    )  # fmt: skip
     tops, row_means, row_squares = parts.get()
     row_means = row_means.astype(np.float64)
     mean = row_means.mean()
-    total = row_squares.sum(dtype=np.float64) + length * np.square(row_means - mean).sum()
+    with np.errstate(invalid="ignore"):
+        total = row_squares.sum(dtype=np.float64) + length * np.square(row_means - mean).sum()
     std = np.sqrt(total / correlation.size)
     if not np.isfinite(std):
         raise InputError(_NOT_FINITE)
     return tops, float(mean), float(std)
 
 
-def _allowed_rows(shape: tuple[int, ...], reach: list[int]) -> np.ndarray:
-    """(n0 n1,) bool: rows within the reach along axes 0 and 1."""
+def _allowed_rows(shape: tuple[int, ...], reach: list[int]) -> np.ndarray | None:
+    """(n0 n1,) bool: rows within the reach along axes 0 and 1; None where all are."""
+    if 2 * reach[0] >= shape[0] and 2 * reach[1] >= shape[1]:
+        return None
     first, second = (np.abs(signed(np.arange(n), n)) <= r for n, r in zip(shape[:2], reach[:2], strict=True))
     return (first[:, None] & second[None, :]).ravel()
 
 
 def _highest_rows(tops: np.ndarray, count: int) -> tuple[np.ndarray, float]:
     """The rows with the highest maxima, in no order, and the highest maximum of the others, -inf without others."""
-    order = np.argpartition(-tops, count - 1)
-    return order[:count], float(tops[order[count:]].max(initial=-np.inf))
+    others = len(tops) - count
+    if not others:
+        return np.arange(count), -np.inf
+    order = np.argpartition(tops, others - 1)
+    return order[others:], float(tops[order[others - 1]])
 
 
 def _local_maxima(
-    device: Device, correlation: cla.Array, rows: np.ndarray, reach: int
+    device: Device, correlation: cla.Array, rows: np.ndarray, reach: int, bound: float
 ) -> tuple[np.ndarray, np.ndarray]:
-    """The local maxima in some rows: index (m, 3) and neighborhood (m, 3, 3, 3)."""
+    """The local maxima in some rows that reach the bound: index (m, 3) and neighborhood (m, 3, 3, 3)."""
     n0, n1, n2 = correlation.shape
     i, j = rows[:, None, None] // n1, rows[:, None, None] % n1
     around = (i + np.array([-1, 0, 1])[:, None]) % n0 * n1 + (j + np.array([-1, 0, 1])) % n1
-    wanted = device.to_device(around.astype(np.int32).ravel())
-    gathered = device.empty((wanted.size, n2))
-    launch(device, "peak", "gather_rows", (wanted.size,), correlation, wanted, gathered, LENGTH=n2)
-    block = gathered.get().reshape(len(rows), 3, 3, n2)
-    block = np.concatenate([block[..., -1:], block, block[..., :1]], axis=-1)
-    across = block.max(axis=(1, 2))
-    highest = np.maximum(np.maximum(across[:, :-2], across[:, 1:-1]), across[:, 2:])
-    inside = np.abs(signed(np.arange(n2), n2)) <= reach
-    row, column = np.nonzero((block[:, 1, 1, 1:-1] >= highest) & inside)
-    cubes = np.stack([block[row, :, :, column + offset] for offset in range(3)], axis=-1)
-    index = np.column_stack([rows[row] // n1, rows[row] % n1, column])
-    return index, cubes
+    block = _rows(device, correlation, around)
+    # few reach the bound: only their neighbors are looked at
+    high = block[:, 1, 1] >= bound
+    if 2 * reach < n2:
+        high &= np.abs(signed(np.arange(n2), n2)) <= reach
+    row, column = np.nonzero(high)
+    cubes = np.stack([block[row, :, :, (column + step) % n2] for step in (-1, 0, 1)], axis=-1)
+    peaks = np.flatnonzero(cubes[:, 1, 1, 1] >= cubes.max(axis=(1, 2, 3)))
+    row, column = row[peaks], column[peaks]
+    return np.column_stack([rows[row] // n1, rows[row] % n1, column]), cubes[peaks]
+
+
+def _rows(device: Device, correlation: cla.Array, rows: np.ndarray) -> np.ndarray:
+    """Rows of the correlation, by number: (*rows.shape, n2) float32."""
+    length = correlation.shape[2]
+    if device.is_cpu:
+        # its memory is the host's: to wait for one command costs less than to wait for three
+        mapped: Any = correlation.map_to_host(flags=cl.map_flags.READ)
+        with mapped.base:
+            return mapped.reshape(-1, length)[rows]
+    gathered = device.empty((rows.size, length))
+    wanted = device.to_device(rows.astype(np.int32).ravel())
+    launch(device, "peak", "gather_rows", (rows.size,), correlation, wanted, gathered, LENGTH=length)
+    return gathered.get().reshape(*rows.shape, length)
 
 
 def _suppress(
@@ -184,10 +202,14 @@ def _suppress(
     """Which maxima stay, highest first: those not close to a higher one."""
     kept: list[int] = []
     # equal values come in the order of their voxels, whatever the order of the rows was
-    for n in np.lexsort((index[:, 2], index[:, 1], index[:, 0], -values)):
-        distance = np.abs(signed((index[kept] - index[n]) % shape, np.array(shape)))
-        if (distance.max(axis=1, initial=0) > separation).all():
-            kept.append(int(n))
+    order = np.lexsort((index[:, 2], index[:, 1], index[:, 0], -values))
+    free = np.ones(len(order), bool)
+    for n in order:
+        if not free[n]:
+            continue
+        kept.append(int(n))
         if len(kept) == count:
             break
+        distance = np.abs(index - index[n])
+        free &= np.minimum(distance, np.array(shape) - distance).max(axis=1) > separation
     return kept

@@ -32,34 +32,37 @@ class Peak:
     std: float
 
 
-def fit_peak(index: np.ndarray, cube: np.ndarray, shape: tuple[int, ...], mean: float, std: float) -> Peak:
-    """The peak at a voxel (3,) of a cyclic correlation, from its neighborhood (3, 3, 3), its mean and deviation."""
-    value = float(cube[1, 1, 1])
-    lines = zip((cube[:, 1, 1], cube[1, :, 1], cube[1, 1, :]), shape, strict=True)
-    fits = np.array([_fit_gaussian(line) if n > 2 else (0.0, 0.0) for line, n in lines])
-    top = value * float(np.exp(fits[:, 1].sum()))
-    return Peak(
-        index=index,
-        shift=signed(index, np.array(shape)) + fits[:, 0],
-        value=value,
-        top=top,
-        psr=(top - mean) / std if std > 0 else 0.0,
-        neighborhood=cube,
-        mean=mean,
-        std=std,
-    )
+def fit_peaks(index: np.ndarray, cubes: np.ndarray, shape: tuple[int, ...], mean: float, std: float) -> list[Peak]:
+    """The peaks at voxels (m, 3) of a cyclic correlation.
+
+    Args:
+        cubes: (m, 3, 3, 3) float32, their neighborhoods.
+        shape: of the correlation.
+        mean, std: of the whole correlation.
+    """
+    values = cubes[:, 1, 1, 1].astype(np.float64)
+    lines = np.stack([cubes[:, :, 1, 1], cubes[:, 1, :, 1], cubes[:, 1, 1, :]], axis=1)
+    offsets, heights = _fit_gaussians(lines)
+    flat = np.array(shape) <= 2
+    offsets[:, flat] = heights[:, flat] = 0.0
+    shifts, tops = signed(index, np.array(shape)) + offsets, values * np.exp(heights.sum(axis=1))
+    ratios = (tops - mean) / std if std > 0 else np.zeros(len(tops))
+    return [
+        Peak(place, shift, float(value), float(top), float(psr), cube, mean, std)
+        for place, shift, value, top, psr, cube in zip(index, shifts, values, tops, ratios, cubes, strict=True)
+    ]
 
 
-def _fit_gaussian(line: np.ndarray) -> tuple[float, float]:
-    """The Gaussian through three values, the middle one the largest: where its peak lies, -0.5..0.5, and the
-    logarithm of its height over the middle value."""
-    if not line[1] > 0:
-        return 0.0, 0.0
-    left, middle, right = np.log(np.maximum(line.astype(np.float64) / line[1], _FLOOR))
-    curvature = left - 2 * middle + right
-    if curvature >= 0:
-        return 0.0, 0.0
-    offset = float(np.clip((left - right) / (2 * curvature), -0.5, 0.5))
+def _fit_gaussians(lines: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+    """The Gaussians through three values (..., 3), the middle one the largest: where their peaks lie, -0.5..0.5, and
+    the logarithms of their heights over the middle values; 0 where there is none."""
+    middle = lines[..., 1:2].astype(np.float64)
+    shares = np.divide(lines, middle, out=np.ones(lines.shape), where=middle > 0)
+    logarithms = np.log(np.maximum(shares, _FLOOR))
+    left, right = logarithms[..., 0], logarithms[..., 2]
+    curvature = left + right
+    offset = np.divide(left - right, 2 * curvature, out=np.zeros(curvature.shape), where=curvature < 0)
+    offset = np.clip(offset, -0.5, 0.5)
     return offset, -0.5 * curvature * offset**2
 
 
