@@ -28,8 +28,13 @@ class Acceptance:
     overlap: float = 0.05
 
 
-def tilt_allowed(R_target_source: Rotation, max_tilt: float) -> bool:
-    """Whether roll and pitch keep to the bound [rad], but for 3 degrees that the estimate may be off."""
+def tilt_allowed(R_target_source: Rotation, max_tilt: float) -> np.ndarray:
+    """Whether roll and pitch keep to the bound [rad], but for 3 degrees that the estimate may be off: bool, () or (n,).
+
+    Pitch is at most 90 degrees however a scan lies; a bound of 90 or more is none at all.
+    """
+    if max_tilt >= np.pi / 2:
+        return np.ones(R_target_source.as_quat().shape[:-1], dtype=bool)
     return largest_tilt(R_target_source) <= max_tilt + _TILT_SLACK
 
 

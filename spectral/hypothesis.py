@@ -29,9 +29,9 @@ def differ(a: Hypothesis, b: Hypothesis, edge: int) -> bool:
     return bool(turned or np.linalg.norm(apart) > SAME_SHIFT)
 
 
-def largest_tilt(R: Rotation) -> float:
-    """The larger of roll and pitch [rad], R = Rz(yaw) Ry(pitch) Rx(roll)."""
-    return float(np.abs(R.as_euler("ZYX")[1:]).max())
+def largest_tilt(R: Rotation) -> np.ndarray:
+    """The larger of roll and pitch [rad], R = Rz(yaw) Ry(pitch) Rx(roll): () for one rotation, (n,) for a stack."""
+    return np.abs(R.as_euler("ZYX")[..., 1:]).max(axis=-1)
 
 
 def by_peak(hypothesis: Hypothesis) -> float:

@@ -11,7 +11,6 @@ from kernels.fft import RealFFT
 from kernels.spectrum import magnitude, whiten
 from kernels.voxelize import voxelize
 from spectral.grid import Grid, scan_center
-from spectral.hemisphere import Hemisphere, LayerSpectra
 from spectral.scan import Scan
 
 # Below so many occupied voxels there is no structure to register.
@@ -24,7 +23,7 @@ _FLATTEST = 0.3
 
 @dataclass(frozen=True, slots=True)
 class Prepared:
-    """A scan on the grid, its spectrum and its layers; it lives on the device that prepared it.
+    """A scan on the grid, and its spectrum; it lives on the device that prepared it.
 
     Attributes:
         name: the scan's.
@@ -34,7 +33,6 @@ class Prepared:
         tree: to search among them.
         magnitude: device (N, N, N/2 + 1) float32, centered magnitude spectrum.
         spectrum: device (N, N, N/2 + 8) complex64, whitened spectrum of the volume.
-        layers: the layers' spectra.
     """
 
     name: str
@@ -44,24 +42,21 @@ class Prepared:
     tree: KDTree
     magnitude: Array
     spectrum: Array
-    layers: LayerSpectra
 
 
 class Preparer:
     """Scans to what pairs need, on one device and grid."""
 
-    def __init__(
-        self, device: Device, grid: Grid, hemisphere: Hemisphere, use_strength: bool, centered: bool = True
-    ) -> None:
+    def __init__(self, device: Device, grid: Grid, use_strength: bool, centered: bool = True) -> None:
         """Plan the volume and its transform."""
-        self.device, self.grid, self.hemisphere = device, grid, hemisphere
+        self.device, self.grid = device, grid
         self.use_strength, self.centered = use_strength, centered
         cube = (grid.edge, grid.edge, grid.edge)
         self._fft = RealFFT(device, cube)
         self._volume = device.empty(cube)
 
     def prepare(self, scan: Scan) -> Prepared:
-        """Voxelize, transform and resample one scan.
+        """Voxelize and transform one scan.
 
         Raises:
             InputError: the scan has too few occupied voxels, or shows a single plane.
@@ -87,7 +82,6 @@ class Preparer:
             tree=KDTree(surface),
             magnitude=centered,
             spectrum=spectrum,
-            layers=self.hemisphere.prepare(centered),
         )
 
     def _weighted(self, scan: Scan, voxels: np.ndarray, inside: np.ndarray) -> np.ndarray:

@@ -27,10 +27,11 @@ class Room:
 
     def __init__(self, device: Device) -> None:
         self.hemisphere = Hemisphere(device, EDGE)
-        self.preparer = Preparer(device, Grid(EDGE, VOXEL), self.hemisphere, use_strength=False)
+        self.preparer = Preparer(device, Grid(EDGE, VOXEL), use_strength=False)
         self.translation = Translation(device, EDGE)
         self.points = structure(2)
         self.target = self.preparer.prepare(Scan(self.points))
+        self.layers = self.hemisphere.prepare(self.target.magnitude)
 
     def turned(self, R_target_source: Rotation, shift: tuple[float, float, float] = (0.8, -1.2, 0.6)) -> Prepared:
         """The structure as a source sees it whose R_target_source this is."""
@@ -50,7 +51,8 @@ def degrees(R: Rotation) -> float:
 @pytest.mark.parametrize("yaw", [-75.0, -20.0, 8.0, 50.0])
 def test_yaw_is_among_the_candidates_with_its_half_turn(room: Room, yaw: float) -> None:
     true = Rotation.from_euler("Z", yaw, degrees=True)
-    candidates = room.hemisphere.yaw_candidates(room.target.layers, room.turned(true).layers, 6)
+    layers = room.hemisphere.prepare(room.turned(true).magnitude)
+    candidates = room.hemisphere.yaw_candidates(room.layers, layers, 6)
     assert len(candidates) <= 12
     errors = [degrees(candidate.R.inv() * true) for candidate in candidates]
     assert min(errors) < 3.0
@@ -63,14 +65,14 @@ def test_yaw_is_among_the_candidates_with_its_half_turn(room: Room, yaw: float) 
 def test_tilt_is_found_once_yaw_is_known(room: Room, roll: float, pitch: float) -> None:
     tilt, yaw = Rotation.from_euler("YX", [pitch, roll], degrees=True), Rotation.from_euler("Z", 40, degrees=True)
     source = room.turned(tilt * yaw)
-    found = room.hemisphere.tilt(room.target.layers, source.magnitude, yaw, np.deg2rad(35))
+    found = room.hemisphere.tilt(room.layers, source.magnitude, yaw, np.deg2rad(35))
     assert found is not None
     assert degrees(found.R * tilt.inv()) < 4.0
 
 
 def test_tilt_keeps_to_its_limit(room: Room) -> None:
     source = room.turned(Rotation.from_euler("X", 30, degrees=True))
-    found = room.hemisphere.tilt(room.target.layers, source.magnitude, Rotation.identity(), np.deg2rad(10))
+    found = room.hemisphere.tilt(room.layers, source.magnitude, Rotation.identity(), np.deg2rad(10))
     assert found is None or degrees(found.R) < 10 * np.sqrt(2) + 3
 
 
@@ -78,7 +80,7 @@ def test_tilt_keeps_to_its_limit(room: Room) -> None:
 def test_heading_finds_the_yaw_that_is_left(room: Room, left: float) -> None:
     true = Rotation.from_euler("ZYX", [70.0, 6.0, -9.0], degrees=True)
     known = Rotation.from_euler("Z", -left, degrees=True) * true
-    found = room.hemisphere.heading(room.target.layers, room.turned(true).magnitude, known, np.deg2rad(20))
+    found = room.hemisphere.heading(room.layers, room.turned(true).magnitude, known, np.deg2rad(20))
     assert found is not None
     assert degrees(found.R * known * true.inv()) < 0.7
 
@@ -139,14 +141,14 @@ def test_a_stray_point_outside_the_grid_changes_nothing(room: Room) -> None:
 
 def test_a_grid_that_holds_less_than_half_of_a_scan_is_refused() -> None:
     device = choose_device()
-    preparer = Preparer(device, Grid(EDGE, 0.1), Hemisphere(device, EDGE), use_strength=False)
+    preparer = Preparer(device, Grid(EDGE, 0.1), use_strength=False)
     with pytest.raises(InputError, match=r"holds \d+\.\d% of its points.*larger voxels"):
         preparer.prepare(Scan(structure(2)))
 
 
 def test_a_tiny_voxel_is_refused_without_a_warning() -> None:
     device = choose_device()
-    preparer = Preparer(device, Grid(EDGE, 1e-40), Hemisphere(device, EDGE), use_strength=False)
+    preparer = Preparer(device, Grid(EDGE, 1e-40), use_strength=False)
     with warnings.catch_warnings():
         warnings.simplefilter("error")
         with pytest.raises(InputError, match="larger voxels"):

@@ -7,7 +7,7 @@ from scipy.spatial.transform import RigidTransform, Rotation
 from kernels.device import choose_device
 from kernels.errors import InputError
 from spectral.grid import Grid
-from spectral.registration import SpectralConfig, SpectralRegistrar
+from spectral.hemisphere_registration import HemisphereConfig, HemisphereRegistrar
 from spectral.scan import Scan
 from tools.simulate.scenes import build_scene
 from tools.simulate.structure import occupy, surface_points, voxel_scan
@@ -16,8 +16,8 @@ GRID = Grid(64, 4.0)
 
 
 @pytest.fixture(scope="module")
-def registrar() -> SpectralRegistrar:
-    return SpectralRegistrar(choose_device(), GRID, SpectralConfig.paper(centered=False))
+def registrar() -> HemisphereRegistrar:
+    return HemisphereRegistrar(choose_device(), GRID, HemisphereConfig.paper(centered=False))
 
 
 @pytest.fixture(scope="module")
@@ -25,13 +25,13 @@ def points() -> np.ndarray:
     return surface_points(build_scene("clutter", 5).mesh, 2.0).astype(np.float64)
 
 
-def found(registrar: SpectralRegistrar, points: np.ndarray, T_target_source: RigidTransform) -> RigidTransform:
+def found(registrar: HemisphereRegistrar, points: np.ndarray, T_target_source: RigidTransform) -> RigidTransform:
     moved, still = (voxel_scan(occupy(p, GRID), GRID, "s") for p in (T_target_source.apply(points), points))
     return registrar.register(registrar.prepare(moved), registrar.prepare(still)).T_target_source
 
 
 @pytest.mark.parametrize("shift", [(8.0, -16.0, 24.0), (40.0, 80.0, 12.0)])
-def test_a_shift_is_exact(registrar: SpectralRegistrar, points: np.ndarray, shift: tuple[float, ...]) -> None:
+def test_a_shift_is_exact(registrar: HemisphereRegistrar, points: np.ndarray, shift: tuple[float, ...]) -> None:
     T = found(registrar, points, RigidTransform.from_translation(shift))
     assert np.linalg.norm(T.translation - shift) < 0.2 * GRID.voxel
     assert np.rad2deg(T.rotation.magnitude()) < 0.5
@@ -39,7 +39,7 @@ def test_a_shift_is_exact(registrar: SpectralRegistrar, points: np.ndarray, shif
 
 @pytest.mark.parametrize("yaw", [-70.0, 24.0, 64.0])
 def test_yaw_under_tilt_keeps_to_what_the_paper_shows(
-    registrar: SpectralRegistrar, points: np.ndarray, yaw: float
+    registrar: HemisphereRegistrar, points: np.ndarray, yaw: float
 ) -> None:
     """Figs. 16 and 17: 10 degrees of roll and of pitch."""
     R = Rotation.from_euler("ZYX", [yaw, 10, 10], degrees=True)
@@ -48,9 +48,9 @@ def test_yaw_under_tilt_keeps_to_what_the_paper_shows(
     assert np.abs(off - [yaw, 10, 10])[1:].max() < 3
 
 
-def test_a_grid_that_stands_still_loses_what_leaves_it(registrar: SpectralRegistrar, points: np.ndarray) -> None:
+def test_a_grid_that_stands_still_loses_what_leaves_it(registrar: HemisphereRegistrar, points: np.ndarray) -> None:
     prepared = registrar.prepare(voxel_scan(occupy(points, GRID), GRID, "s"))
-    assert (prepared.center == 0).all()
+    assert (prepared.volume.center == 0).all()
     away = RigidTransform.from_translation([150.0, 0, 0]).apply(points).astype(np.float32)
     with pytest.raises(InputError, match="the grid of 64 voxels"):
         registrar.prepare(Scan(away))

@@ -16,7 +16,7 @@ from typer.testing import CliRunner
 from kernels.device import Device
 from kernels.errors import InputError
 from spectral.hemisphere import AngleEstimate
-from spectral.registration import SpectralConfig, SpectralRegistrar
+from spectral.hemisphere_registration import HemisphereConfig, HemisphereRegistrar
 from tools.cli.main import app
 from tools.reproduce.experiments import Request
 from tools.reproduce.gaussian import Gaussian, GaussianSettings, create, grid_of
@@ -235,16 +235,16 @@ class TestPreparation:
     def test_what_pairs_alone_need_is_prepared_once(self) -> None:
         one, six = (METHODS[name].config for name in ("one peak", "six peaks"))
         assert one != six
-        assert preparation_of(one) == preparation_of(six) == SpectralConfig()
-        assert preparation_of(METHODS["paper"].config) != SpectralConfig()
-        assert preparation_of(SpectralConfig(use_strength=True)) != SpectralConfig()
+        assert preparation_of(one) == preparation_of(six) == HemisphereConfig()
+        assert preparation_of(METHODS["paper"].config) != HemisphereConfig()
+        assert preparation_of(HemisphereConfig(use_strength=True)) != HemisphereConfig()
 
     def test_shared_or_not_the_rows_are_the_same(self, device: Device) -> None:
         series = Series(device, grid_of(32), "floodgate")
         found = {row.method: row for row, _ in series.register(2, 1, 1.0)}
         target, source, truth = table1_pair(2, 1, 1.0)
         for name, method in METHODS.items():
-            alone = SpectralRegistrar(device, grid_of(32), method.config)
+            alone = HemisphereRegistrar(device, grid_of(32), method.config)
             registration = alone.register(alone.prepare(target), alone.prepare(source))
             assert found[name].found == pytest.approx(parameters(registration.T_target_source), abs=1e-9)
             assert found[name].psr == registration.psr

@@ -161,7 +161,7 @@ class TestRun:
     def test_noise_is_new_in_every_volume(self) -> None:
         series = VoxelSeries(choose_device(), 64)
         points = series.structure("clutter", 3)
-        clouds = [series.prepare(points, "D6", [3, 6, k]).surface for k in (0, 1, 1)]
+        clouds = [series.prepare(points, "D6", [3, 6, k]).volume.surface for k in (0, 1, 1)]
         assert len(clouds[0]) != len(clouds[1]) or not np.array_equal(clouds[0], clouds[1])
         np.testing.assert_array_equal(clouds[1], clouds[2])
 

@@ -11,7 +11,7 @@ from kernels.errors import InputError
 
 if TYPE_CHECKING:  # the command line names the methods in its help, which is to come at once
     from spectral.grid import Grid
-    from spectral.registration import SpectralConfig
+    from spectral.hemisphere_registration import HemisphereConfig
     from spectral.result import Registrar
 
 DEFAULT_METHOD = "spectral"
@@ -29,7 +29,7 @@ class Setup:
         grid: that the scans share. Methods that work on points thin them to one per voxel of its size.
         device: of the spectral methods, as `choose_device` takes it.
         seed: of the methods that draw at random.
-        changes: of the spectral methods' SpectralConfig, field by field.
+        changes: of the spectral methods' HemisphereConfig, field by field.
     """
 
     grid: Grid
@@ -82,23 +82,23 @@ def find_method(name: str) -> Method:
     return METHODS[name]
 
 
-def _spectral(setup: Setup, config: SpectralConfig) -> Registrar:
+def _spectral(setup: Setup, config: HemisphereConfig) -> Registrar:
     from kernels.device import choose_device
-    from spectral.registration import SpectralRegistrar
+    from spectral.hemisphere_registration import HemisphereRegistrar
 
-    return SpectralRegistrar(choose_device(setup.device), setup.grid, replace(config, **setup.changes))
+    return HemisphereRegistrar(choose_device(setup.device), setup.grid, replace(config, **setup.changes))
 
 
 def _default(setup: Setup) -> Registrar:
-    from spectral.registration import SpectralConfig
+    from spectral.hemisphere_registration import HemisphereConfig
 
-    return _spectral(setup, SpectralConfig())
+    return _spectral(setup, HemisphereConfig())
 
 
 def _hemisphere(setup: Setup) -> Registrar:
-    from spectral.registration import SpectralConfig
+    from spectral.hemisphere_registration import HemisphereConfig
 
-    return _spectral(setup, SpectralConfig.paper())
+    return _spectral(setup, HemisphereConfig.paper())
 
 
 def _planes(setup: Setup) -> Registrar:

@@ -16,7 +16,7 @@ from tools.methods import DEFAULT_METHOD, METHODS, Setup, find_method
 if TYPE_CHECKING:
     from kernels.device import Device
     from spectral.grid import Grid
-    from spectral.registration import SpectralConfig
+    from spectral.hemisphere_registration import HemisphereConfig
     from spectral.result import Registrar
     from spectral.scan import Scan
 
@@ -65,7 +65,7 @@ class Chosen:
     name: str
     registrar: "Registrar"
     grid: "Grid"
-    config: "SpectralConfig | None" = None
+    config: "HemisphereConfig | None" = None
     device: "Device | None" = None
     seed: int | None = None
 
@@ -103,14 +103,14 @@ def build_registrar(scans: "Sequence[Scan]", method: Method) -> Chosen:
         InputError, DeviceError: the method, the grid, the scans or the device will not do.
     """
     from spectral.grid import choose_grid
-    from spectral.registration import SpectralRegistrar
+    from spectral.hemisphere_registration import HemisphereRegistrar
 
     if method.strength:
         _look_for_strength(scans)
     grid = choose_grid(scans, method.grid or DEFAULT_EDGE, method.voxel)
     found = find_method(method.name)
     registrar = found.make(Setup(grid, method.device, method.seed, _changes(method)))
-    if isinstance(registrar, SpectralRegistrar):
+    if isinstance(registrar, HemisphereRegistrar):
         for note in registrar.device.notes:
             say(note)
         return Chosen(method.name, registrar, grid, registrar.config, registrar.device)

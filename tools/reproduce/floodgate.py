@@ -11,7 +11,7 @@ from scipy.spatial.transform import RigidTransform
 from kernels.device import Device
 from kernels.errors import InputError
 from spectral.grid import Grid
-from spectral.registration import SpectralRegistrar
+from spectral.hemisphere_registration import HemisphereRegistrar
 from spectral.result import Registrar
 from tools.methods import METHODS, build
 from tools.reproduce.experiment import Outcome, Section, Value
@@ -169,7 +169,7 @@ class Floodgate:
 
 def _finish(registrar: Registrar) -> None:
     """Wait for the device, so that what follows is timed alone."""
-    if isinstance(registrar, SpectralRegistrar):
+    if isinstance(registrar, HemisphereRegistrar):
         registrar.device.queue.finish()
 
 

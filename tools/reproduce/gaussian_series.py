@@ -8,8 +8,7 @@ from scipy.spatial.transform import RigidTransform
 
 from kernels.device import Device
 from spectral.grid import Grid
-from spectral.prepared import Prepared
-from spectral.registration import SpectralConfig, SpectralRegistrar
+from spectral.hemisphere_registration import HemisphereConfig, HemisphereRegistrar, LayeredScan
 from spectral.scan import Scan
 from tools.evaluate import RIGHT_DEG
 from tools.reproduce.gaussian_row import RANKED, GaussianRow, GaussianTime, row_of
@@ -35,8 +34,8 @@ class Series:
             DeviceError: the device cannot hold what the grid needs.
         """
         self.device, self.grid, self.scene = device, grid, scene
-        self._registrars = {name: SpectralRegistrar(device, grid, method.config) for name, method in METHODS.items()}
-        self._reference: tuple[tuple[int, float], dict[str, Prepared]] | None = None
+        self._registrars = {name: HemisphereRegistrar(device, grid, method.config) for name, method in METHODS.items()}
+        self._reference: tuple[tuple[int, float], dict[str, LayeredScan]] | None = None
 
     def register(self, index: int, seed: int, sigma2: float) -> list[tuple[GaussianRow, GaussianTime]]:
         """S`index` by every method; the reference scan is prepared once for all scans of a series.
@@ -50,16 +49,16 @@ class Series:
         found = []
         for name, (candidate, seconds) in self._prepare(source).items():
             registration = self._registrars[name].register(self._reference[1][name], candidate)
-            trial = Trial(registration, truth, candidate.center, self.grid.voxel)
+            trial = Trial(registration, truth, candidate.volume.center, self.grid.voxel)
             rank = yaw_rank(self._registrars[name], self._reference[1][name], candidate, truth)
             row = row_of(trial, (self.scene, sigma2, seed, index), name, self.grid.edge, rank)
             time = GaussianTime(self.grid.edge, sigma2, seed, index, name, seconds, registration.seconds)
             found.append((row, time))
         return found
 
-    def _prepare(self, scan: Scan) -> dict[str, tuple[Prepared, float]]:
+    def _prepare(self, scan: Scan) -> dict[str, tuple[LayeredScan, float]]:
         """The scan as every method needs it, by the method's name, and the seconds that took."""
-        shared: list[tuple[SpectralConfig, tuple[Prepared, float]]] = []
+        shared: list[tuple[HemisphereConfig, tuple[LayeredScan, float]]] = []
         found = {}
         for name, registrar in self._registrars.items():
             preparation = preparation_of(registrar.config)
@@ -74,7 +73,7 @@ class Series:
         return found
 
 
-def yaw_rank(registrar: SpectralRegistrar, target: Prepared, source: Prepared, truth: RigidTransform) -> int:
+def yaw_rank(registrar: HemisphereRegistrar, target: LayeredScan, source: LayeredScan, truth: RigidTransform) -> int:
     """The place of the right yaw among the RANKED highest peaks, each with its + 180 degrees; 0 where it is none."""
     peaks = registrar.hemisphere.yaw_candidates(target.layers, source.layers, RANKED)
     true = truth.rotation.as_euler("ZYX", degrees=True)[0]
@@ -85,14 +84,14 @@ def yaw_rank(registrar: SpectralRegistrar, target: Prepared, source: Prepared, t
     return 0
 
 
-def preparation_of(config: SpectralConfig) -> SpectralConfig:
+def preparation_of(config: HemisphereConfig) -> HemisphereConfig:
     """What of a config decides how a scan is prepared: the rest as it is by default."""
-    by_default = SpectralConfig()
+    by_default = HemisphereConfig()
     kept = {field.name: getattr(by_default, field.name) for field in fields(config) if field.name in _OF_PAIRS}
     return replace(config, **kept)
 
 
 def _find(
-    shared: Sequence[tuple[SpectralConfig, tuple[Prepared, float]]], preparation: SpectralConfig
-) -> tuple[Prepared, float] | None:
+    shared: Sequence[tuple[HemisphereConfig, tuple[LayeredScan, float]]], preparation: HemisphereConfig
+) -> tuple[LayeredScan, float] | None:
     return next((known for one, known in shared if one == preparation), None)

@@ -6,14 +6,14 @@ from dataclasses import dataclass
 from statistics import median, median_low
 from types import MappingProxyType
 
-from spectral.registration import SpectralConfig
+from spectral.hemisphere_registration import HemisphereConfig
 from tools.reproduce.gaussian_row import RANKED, GaussianRow
 from tools.reproduce.wilson import Rate, wilson
 
 # sigma^2 [m^2] -> the last scan up to which the paper's registrations succeed (Figs. 20, 21)
 PAPER_LAST: Mapping[float, int] = MappingProxyType({1.0: 8, 2.0: 6})
 STEPS = ("yaw", "tilt", "translation")
-FEW = SpectralConfig().yaw_peaks  # as many yaw peaks as are followed by default
+FEW = HemisphereConfig().yaw_peaks  # as many yaw peaks as are followed by default
 
 
 @dataclass(frozen=True, slots=True)

@@ -11,7 +11,7 @@ from scipy.spatial.transform import Rotation
 
 from kernels.device import Device
 from kernels.errors import InputError
-from spectral.prepared import Prepared
+from spectral.hemisphere_registration import LayeredScan
 from tools.reproduce.experiment import Outcome, Section
 from tools.reproduce.experiments import Request
 from tools.reproduce.limits_figure import DEVIATIONS, PEAKS, Peaks, draw_deviations, draw_peaks
@@ -86,10 +86,10 @@ class Limits:
         draw_peaks(folder / PEAKS, [self._peaks(tilt) for tilt in _four(self.settings.tilts_deg)])
         draw_deviations(folder / DEVIATIONS, all_rows(outcomes))
 
-    def _prepare(self, points: np.ndarray, R: Rotation) -> Prepared:
+    def _prepare(self, points: np.ndarray, R: Rotation) -> LayeredScan:
         return self._series.prepare(R.apply(points), "D0", [0])
 
-    def _steps(self, target: Prepared, source: Prepared, truth: Rotation) -> dict[str, float]:
+    def _steps(self, target: LayeredScan, source: LayeredScan, truth: Rotation) -> dict[str, float]:
         """Each step for itself: yaw as it is read off first, roll and pitch with yaw known, and the whole chain."""
         registrar = self._series.registrar
         true_yaw = truth.as_euler("ZYX", degrees=True)[0]

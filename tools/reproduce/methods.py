@@ -3,7 +3,7 @@
 from dataclasses import dataclass
 from types import MappingProxyType
 
-from spectral.registration import SpectralConfig
+from spectral.hemisphere_registration import HemisphereConfig
 
 
 @dataclass(frozen=True, slots=True)
@@ -16,7 +16,7 @@ class Method:
     """
 
     title: str
-    config: SpectralConfig
+    config: HemisphereConfig
 
 
 # Name in tables and files -> method
@@ -24,9 +24,9 @@ METHODS: MappingProxyType[str, Method] = MappingProxyType(
     {
         "paper": Method(
             "the paper's chain: the steps of Sect. 2.11 once, with its windows, along the highest yaw peak",
-            SpectralConfig.paper(),
+            HemisphereConfig.paper(),
         ),
-        "one peak": Method("one yaw peak, the rotation refined", SpectralConfig(yaw_peaks=1)),
-        "six peaks": Method("six yaw peaks, the rotation refined: the default", SpectralConfig(yaw_peaks=6)),
+        "one peak": Method("one yaw peak, the rotation refined", HemisphereConfig(yaw_peaks=1)),
+        "six peaks": Method("six yaw peaks, the rotation refined: the default", HemisphereConfig(yaw_peaks=6)),
     }
 )

@@ -10,8 +10,7 @@ from scipy.spatial.transform import RigidTransform
 
 from kernels.device import Device
 from spectral.grid import Grid
-from spectral.prepared import Prepared
-from spectral.registration import SpectralConfig, SpectralRegistrar
+from spectral.hemisphere_registration import HemisphereConfig, HemisphereRegistrar, LayeredScan
 from spectral.result import Registration
 from tools.evaluate import pair_error
 from tools.reproduce.experiment import Outcome, Row
@@ -60,15 +59,15 @@ class VoxelSeries:
         self.device, self.grid = device, Grid(edge, EXTENT / edge)
 
     @cached_property
-    def registrar(self) -> SpectralRegistrar:
+    def registrar(self) -> HemisphereRegistrar:
         """The paper's chain; the grid is the frame that structures move out of."""
-        return SpectralRegistrar(self.device, self.grid, SpectralConfig.paper(centered=False))
+        return HemisphereRegistrar(self.device, self.grid, HemisphereConfig.paper(centered=False))
 
     def structure(self, scene: str, seed: int) -> np.ndarray:
         """Points (N, 3) float64 [m] all over a scene's surfaces, dense enough for the grid's voxels."""
         return _structure(scene, seed, _SPACING * self.grid.voxel)
 
-    def prepare(self, points: np.ndarray, noise: str, seeds: Sequence[int]) -> Prepared:
+    def prepare(self, points: np.ndarray, noise: str, seeds: Sequence[int]) -> LayeredScan:
         """Points as voxels with noise, prepared; `seeds` decide the noise."""
         rng = np.random.default_rng(np.random.SeedSequence(seeds))
         occupied = swap(occupy(points, self.grid), NOISES[noise], rng)

@@ -1,4 +1,4 @@
-"""Spectral registration: laws that any registration obeys, and simulated pairs with truth, on every device."""
+"""The chain over the hemisphere: laws that any registration obeys, and simulated pairs, on every device."""
 
 import numpy as np
 import pytest
@@ -8,8 +8,8 @@ from structures import difference, moved, structure
 from kernels.device import choose_device
 from kernels.errors import DeviceError, InputError
 from spectral.grid import Grid, choose_grid
+from spectral.hemisphere_registration import HemisphereConfig, HemisphereRegistrar
 from spectral.memory import require_memory
-from spectral.registration import SpectralConfig, SpectralRegistrar
 from spectral.result import Registration
 from spectral.scan import Scan
 
@@ -18,11 +18,11 @@ TURN = RigidTransform.from_components([1.5, -2.0, 0.75], Rotation.from_euler("ZY
 
 
 @pytest.fixture(scope="module")
-def registrar() -> SpectralRegistrar:
-    return SpectralRegistrar(choose_device(), Grid(EDGE, 0.4))
+def registrar() -> HemisphereRegistrar:
+    return HemisphereRegistrar(choose_device(), Grid(EDGE, 0.4))
 
 
-def register(registrar: SpectralRegistrar, target: np.ndarray, source: np.ndarray) -> Registration:
+def register(registrar: HemisphereRegistrar, target: np.ndarray, source: np.ndarray) -> Registration:
     return registrar.register(registrar.prepare(Scan(target)), registrar.prepare(Scan(source)))
 
 
@@ -34,7 +34,7 @@ def assert_near(registration: Registration, truth: RigidTransform, degrees: floa
     assert distance < meters
 
 
-def test_a_scan_registers_to_itself(registrar: SpectralRegistrar) -> None:
+def test_a_scan_registers_to_itself(registrar: HemisphereRegistrar) -> None:
     points = structure(1)
     registration = register(registrar, points, points)
     assert_near(registration, RigidTransform.identity(), 0.05, 0.01)
@@ -42,25 +42,25 @@ def test_a_scan_registers_to_itself(registrar: SpectralRegistrar) -> None:
 
 
 @pytest.mark.parametrize("seed", [1, 2, 3])
-def test_finds_a_known_transform(registrar: SpectralRegistrar, seed: int) -> None:
+def test_finds_a_known_transform(registrar: HemisphereRegistrar, seed: int) -> None:
     points = structure(seed)
     assert_near(register(registrar, points, moved(points, TURN.inv())), TURN)
 
 
 @pytest.mark.parametrize("yaw", [-170.0, -95.0, 100.0, 180.0])
-def test_yaw_covers_the_circle(registrar: SpectralRegistrar, yaw: float) -> None:
+def test_yaw_covers_the_circle(registrar: HemisphereRegistrar, yaw: float) -> None:
     T = RigidTransform.from_components([0.8, 1.1, -0.5], Rotation.from_euler("ZYX", [yaw, 3.0, -5.0], degrees=True))
     points = structure(4)
     assert_near(register(registrar, points, moved(points, T.inv())), T)
 
 
-def test_the_other_way_round_is_the_inverse(registrar: SpectralRegistrar) -> None:
+def test_the_other_way_round_is_the_inverse(registrar: HemisphereRegistrar) -> None:
     target, source = structure(5), moved(structure(5), TURN.inv())
     there, back = register(registrar, target, source), register(registrar, source, target)
     assert_near(back, there.T_target_source.inv())
 
 
-def test_moving_the_source_moves_the_answer(registrar: SpectralRegistrar) -> None:
+def test_moving_the_source_moves_the_answer(registrar: HemisphereRegistrar) -> None:
     points = structure(6)
     X = RigidTransform.from_components([30.0, -12.0, 5.0], Rotation.from_euler("Z", 11, degrees=True))
     plain = register(registrar, points, moved(points, TURN.inv()))
@@ -68,14 +68,14 @@ def test_moving_the_source_moves_the_answer(registrar: SpectralRegistrar) -> Non
     assert_near(other, plain.T_target_source * X.inv())
 
 
-def test_two_steps_make_one(registrar: SpectralRegistrar) -> None:
+def test_two_steps_make_one(registrar: HemisphereRegistrar) -> None:
     a = structure(7)
     b, c = moved(a, TURN.inv()), moved(a, (TURN * TURN).inv())
     chained = register(registrar, a, b).T_target_source * register(registrar, b, c).T_target_source
     assert_near(register(registrar, a, c), chained)
 
 
-def test_the_same_pair_gives_the_same_bytes(registrar: SpectralRegistrar) -> None:
+def test_the_same_pair_gives_the_same_bytes(registrar: HemisphereRegistrar) -> None:
     target, source = structure(8), moved(structure(8), TURN.inv())
     first, second = register(registrar, target, source), register(registrar, target, source)
     np.testing.assert_array_equal(first.T_target_source.as_matrix(), second.T_target_source.as_matrix())
@@ -83,7 +83,7 @@ def test_the_same_pair_gives_the_same_bytes(registrar: SpectralRegistrar) -> Non
     assert (first.psr, first.overlap) == (second.psr, second.overlap)
 
 
-def test_scans_of_different_places_are_refused(registrar: SpectralRegistrar) -> None:
+def test_scans_of_different_places_are_refused(registrar: HemisphereRegistrar) -> None:
     for seed in range(4):
         registration = register(registrar, structure(20 + seed), structure(30 + seed))
         assert not registration.accepted
@@ -91,7 +91,7 @@ def test_scans_of_different_places_are_refused(registrar: SpectralRegistrar) -> 
 
 
 def test_covariance_is_symmetric_positive_definite_and_of_the_size_of_the_error(
-    registrar: SpectralRegistrar,
+    registrar: HemisphereRegistrar,
 ) -> None:
     points = structure(9)
     registration = register(registrar, points, moved(points, TURN.inv()))
@@ -102,7 +102,7 @@ def test_covariance_is_symmetric_positive_definite_and_of_the_size_of_the_error(
     assert error @ np.linalg.solve(covariance, error) < 60
 
 
-def test_says_the_ratio_of_every_step(registrar: SpectralRegistrar) -> None:
+def test_says_the_ratio_of_every_step(registrar: HemisphereRegistrar) -> None:
     registration = register(registrar, structure(10), structure(10))
     steps = dict(registration.step_psr)
     assert list(steps) == ["yaw", "tilt", "translation", "rival"]
@@ -120,18 +120,18 @@ def test_says_the_ratio_of_every_step(registrar: SpectralRegistrar) -> None:
         (np.random.default_rng(3).uniform(-9, 9, (3000, 1)) * [1.0, 0.5, 0.2], "one plane"),
     ],
 )
-def test_refuses_scans_without_structure(registrar: SpectralRegistrar, points: np.ndarray, what: str) -> None:
+def test_refuses_scans_without_structure(registrar: HemisphereRegistrar, points: np.ndarray, what: str) -> None:
     with pytest.raises(InputError, match=what):
         registrar.prepare(Scan(points.astype(np.float32)))
 
 
 def test_config_refuses_what_makes_no_sense() -> None:
     with pytest.raises(InputError, match="yaw_peaks"):
-        SpectralConfig(yaw_peaks=0)
+        HemisphereConfig(yaw_peaks=0)
     with pytest.raises(InputError, match="--max-tilt"):
-        SpectralConfig(max_tilt=-1.0)
+        HemisphereConfig(max_tilt=-1.0)
     with pytest.raises(TypeError):
-        SpectralConfig(peaks=3)  # pyright: ignore[reportCallIssue]
+        HemisphereConfig(peaks=3)  # pyright: ignore[reportCallIssue]
 
 
 def test_a_grid_too_large_says_what_is_needed_and_what_would_fit() -> None:
@@ -159,7 +159,7 @@ def test_simulated_table_1(index: int) -> None:
     from tools.simulate.series import table1_pair
 
     target, source, truth = table1_pair(index, seed=11, sigma2=1.0)
-    registrar = SpectralRegistrar(choose_device(), Grid(128, 2.0))
+    registrar = HemisphereRegistrar(choose_device(), Grid(128, 2.0))
     assert_near(registrar.register(registrar.prepare(target), registrar.prepare(source)), truth, 6.0, 6.0)
 
 
@@ -173,7 +173,7 @@ def test_strength_tells_echoes_from_clutter_that_occupancy_cannot() -> None:
         scans.append(Scan(np.vstack([points, weak]), strength))
     outcome = {}
     for use_strength in (False, True):
-        registrar = SpectralRegistrar(choose_device(), Grid(EDGE, 0.4), SpectralConfig(use_strength=use_strength))
+        registrar = HemisphereRegistrar(choose_device(), Grid(EDGE, 0.4), HemisphereConfig(use_strength=use_strength))
         outcome[use_strength] = registrar.register(*map(registrar.prepare, scans))
     assert_near(outcome[True], TURN)
     assert outcome[False].psr < 0.5 * outcome[True].psr
@@ -183,7 +183,7 @@ def test_strength_of_points_outside_the_grid_does_not_count() -> None:
     points = np.vstack([structure(12), np.array([[900, 0, 0]], np.float32)])
     strength = np.zeros(len(points), np.float32)
     strength[-1] = 5.0
-    registrar = SpectralRegistrar(choose_device(), Grid(EDGE, 0.4), SpectralConfig(use_strength=True))
+    registrar = HemisphereRegistrar(choose_device(), Grid(EDGE, 0.4), HemisphereConfig(use_strength=True))
     prepared = registrar.prepare(Scan(points, strength))
     assert registrar.register(prepared, prepared).accepted
 
@@ -191,7 +191,7 @@ def test_strength_of_points_outside_the_grid_does_not_count() -> None:
 @pytest.mark.parametrize(("bound", "accepted"), [(3.0, False), (8.0, False), (20.0, True)])
 def test_max_tilt_bounds_the_answer(bound: float, accepted: bool) -> None:
     T = RigidTransform.from_components([0.5, -0.8, 0.4], Rotation.from_euler("ZYX", [10.0, 2.0, 15.0], degrees=True))
-    registrar = SpectralRegistrar(choose_device(), Grid(EDGE, 0.4), SpectralConfig(max_tilt=np.deg2rad(bound)))
+    registrar = HemisphereRegistrar(choose_device(), Grid(EDGE, 0.4), HemisphereConfig(max_tilt=np.deg2rad(bound)))
     target, source = Scan(structure(14)), Scan(moved(structure(14), T.inv()))
     registration = registrar.register(registrar.prepare(target), registrar.prepare(source))
     assert registration.accepted == accepted, registration.reason
@@ -202,14 +202,14 @@ def test_max_tilt_bounds_the_answer(bound: float, accepted: bool) -> None:
 def test_max_tilt_is_of_roll_and_pitch_whatever_the_yaw(yaw: float, roll: float, pitch: float, bound: float) -> None:
     """Under a yaw of 45 degrees, 20 degrees of both are 28 about one axis of the target."""
     T = RigidTransform.from_components([0.5, -0.8, 0.4], Rotation.from_euler("ZYX", [yaw, pitch, roll], degrees=True))
-    config = SpectralConfig(yaw_peaks=1, refinements=0, final_refinements=0, max_tilt=np.deg2rad(bound))
-    registrar = SpectralRegistrar(choose_device(), Grid(EDGE, 0.4), config)
+    config = HemisphereConfig(yaw_peaks=1, refinements=0, final_refinements=0, max_tilt=np.deg2rad(bound))
+    registrar = HemisphereRegistrar(choose_device(), Grid(EDGE, 0.4), config)
     target, source = Scan(structure(14)), Scan(moved(structure(14), T.inv()))
     registration = registrar.register(registrar.prepare(target), registrar.prepare(source))
     assert difference(registration.T_target_source, T)[0] < 5.6
 
 
-def test_chosen_grid_works_without_being_told(registrar: SpectralRegistrar) -> None:
+def test_chosen_grid_works_without_being_told(registrar: HemisphereRegistrar) -> None:
     scans = [Scan(structure(13)), Scan(moved(structure(13), TURN.inv()))]
-    own = SpectralRegistrar(registrar.device, choose_grid(scans, EDGE))
+    own = HemisphereRegistrar(registrar.device, choose_grid(scans, EDGE))
     assert_near(own.register(*map(own.prepare, scans)), TURN)
