@@ -12,13 +12,11 @@ from pathlib import Path
 
 import numpy as np
 import pytest
-from scipy.ndimage import map_coordinates
 from scipy.spatial.transform import RigidTransform, Rotation
 from typer.testing import CliRunner
 
 from kernels.device import Device
 from kernels.errors import DeviceError
-from kernels.sphere import rectangular_unwrap
 from tools.bench import twins
 from tools.bench.cases import CASES
 from tools.bench.cases.transforms import real_forward_case
@@ -27,7 +25,7 @@ from tools.bench.kernels import measure_case, measure_kernels, relative_differen
 from tools.bench.machine import count_cores, peak_memory
 from tools.bench.pairs import is_right, measure_pairs, simulate_pairs
 from tools.bench.timing import interleave, summarize
-from tools.bench.workload import R, Workload
+from tools.bench.workload import Workload
 from tools.cli.main import app
 
 ROOT = Path(__file__).parents[1]
@@ -83,46 +81,6 @@ class TestKernels:
         rates = measure_copy(device, 2)
         assert len(rates) == 2
         assert min(rates) > 1e8
-
-
-class TestTwins:
-    """The twins against direct double precision; what the kernels are held against must be right itself."""
-
-    def test_sample(self) -> None:
-        magnitude = np.random.default_rng(2).random((16, 16, 9), dtype=np.float32)
-        directions, radii = rectangular_unwrap(8, "y"), np.array([2.0, 5.5], np.float32)
-        got = twins.sample(magnitude, directions, radii, R, 2)
-        turned = R @ directions[5, 3].astype(np.float64)
-        turned *= np.sign(turned[2])
-        want = [map_coordinates(magnitude, (turned * r + [8, 8, 0])[:, None], order=1)[0] for r in radii]
-        np.testing.assert_allclose(got[:, 5, 3], want, rtol=1e-5)
-
-    def test_rotate(self) -> None:
-        volume = np.random.default_rng(3).random((16, 16, 16), dtype=np.float32)
-        place = R.T @ np.array([2, -3, 1]) + 8
-        want = map_coordinates(volume, place[:, None], order=1)[0]
-        assert twins.rotate(volume, R, 2)[10, 5, 9] == pytest.approx(want, rel=1e-5)
-
-    def test_voxelize_keeps_the_largest_weight(self) -> None:
-        points = np.array([[1, 2, 3, 0.5], [1.2, 2, 3, 0.9], [100, 0, 0, 1]], np.float32)
-        volume = twins.voxelize(points, np.eye(3), np.ones((16, 16, 16), np.float32))
-        assert np.argwhere(volume).tolist() == [[9, 10, 11]]
-        assert volume[9, 10, 11] == np.float32(0.9)
-
-    def test_normalize_layers(self) -> None:
-        stack = np.random.default_rng(4).random((3, 8, 8), dtype=np.float32)
-        mask = np.ones((8, 8), np.float32)
-        mask[0] = 0
-        got = twins.normalize_layers(stack, np.full((8, 8), 2, np.float32), mask)
-        np.testing.assert_allclose(got[:, 1:].mean(axis=(1, 2)), 0, atol=1e-5)
-        np.testing.assert_allclose(got[:, 1:].std(axis=(1, 2)), 2, rtol=1e-5)
-        assert not got[:, 0].any()
-
-    def test_the_workload_depends_on_the_seed_alone(self, device: Device) -> None:
-        first, again, other = (Workload(device, 16, 1, seed) for seed in (1, 1, 2))
-        np.testing.assert_array_equal(first.points, again.points)
-        np.testing.assert_array_equal(first.volume, again.volume)
-        assert not np.array_equal(first.volume, other.volume)
 
 
 class TestPairs:

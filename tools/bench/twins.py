@@ -8,7 +8,7 @@ from concurrent.futures import ThreadPoolExecutor
 
 import numpy as np
 import scipy.fft
-from scipy.ndimage import map_coordinates
+from scipy.ndimage import map_coordinates, maximum_filter
 
 _FLOOR = 1e-9
 
@@ -128,6 +128,54 @@ def rotate(volume: np.ndarray, R: np.ndarray, cores: int) -> np.ndarray:
 
     _spread(slab, edge, cores)
     return out
+
+
+def correlate_rotations(
+    target: np.ndarray, source: np.ndarray, wigner: np.ndarray, edge: int, cores: int
+) -> np.ndarray:
+    """The correlation over rotations (betas + 1, edge, edge), the last image 0.
+
+    Args:
+        target, source: (degrees, L, 2 bandwidth - 1) complex64.
+        wigner: (degrees, betas, 2 bandwidth - 1, bandwidth) float32, from the order 0 on along the last axis.
+    """
+    bandwidth = wigner.shape[3]
+    products = target.transpose(0, 2, 1) @ source[:, :, bandwidth - 1 :].conj()
+    spectrum = np.zeros((wigner.shape[1] + 1, edge, edge // 2 + 1), np.complex64)
+    rows = np.arange(1 - bandwidth, bandwidth) % edge
+    spectrum[:-1, rows, :bandwidth] = np.einsum("lbmn,lmn->bmn", wigner, products)
+    return np.asarray(scipy.fft.irfft2(spectrum, s=(edge, edge), norm="forward", workers=cores))
+
+
+def segment_peaks(correlation: np.ndarray, segments: int) -> np.ndarray:
+    """The highest local maximum of every segment of every row, highest first: (m, 4), index and value."""
+    values = np.where(correlation == maximum_filter(correlation, 3, mode="wrap"), correlation, -np.inf)
+    parts = values.reshape(*correlation.shape[:2], segments, -1)
+    columns = parts.argmax(axis=3)
+    found = np.take_along_axis(parts, columns[..., None], axis=3)[..., 0]
+    i, j, part = np.nonzero(found > -np.inf)
+    rows = np.column_stack([i, j, part * parts.shape[3] + columns[i, j, part], found[i, j, part]])
+    return rows[np.argsort(-rows[:, 3], kind="stable")]
+
+
+def agreement(
+    view: np.ndarray, points: np.ndarray, R: np.ndarray, t: np.ndarray, reach: float, slope: float
+) -> np.ndarray:
+    """(m, 3): of points (n, 3) under each pose, those that agree, that contradict, and that fall into seen cells."""
+    counts = np.empty((len(R), 3), np.int64)
+    edge = len(view)
+    for n, (turn, shift) in enumerate(zip(R.astype(np.float32), t.astype(np.float32), strict=True)):
+        moved = points @ turn.T + shift
+        distance = np.sqrt(np.square(moved).sum(axis=1))
+        x, y, z = (moved / np.abs(moved).sum(axis=1, keepdims=True)).T
+        u = np.where(z < 0, (1 - np.abs(y)) * np.where(x < 0, -1, 1), x)
+        v = np.where(z < 0, (1 - np.abs(x)) * np.where(y < 0, -1, 1), y)
+        i, j = (np.clip(((side + 1) * (edge / 2)).astype(np.int32), 0, edge - 1) for side in (u, v))
+        near, far = view[i, j].T
+        tolerance = reach + slope * distance
+        seen, before = far >= 0, distance < near - tolerance
+        counts[n] = (seen & ~before & (distance <= far + tolerance)).sum(), (seen & before).sum(), seen.sum()
+    return counts
 
 
 def _spread(work: Callable[[int], None], count: int, cores: int) -> None:

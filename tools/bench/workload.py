@@ -13,6 +13,10 @@ from tools.bench import twins
 R: np.ndarray = Rotation.from_euler("ZYX", [31, -12, 7], degrees=True).as_matrix()
 # Sect. 2.8 of the paper: radii of the layers, as shares of N/2; one layer per frequency bin.
 _LAYERS = (0.2, 0.8)
+# What a registration correlates over all rotations, on any grid: degrees below 48 of 20 layers.
+BANDWIDTH, SPHERES = 48, 20
+# The range image of a scan, and what is put into it: cells per edge, points, poses.
+_CELLS, _SEEN, _POSES = 128, 1500, 700
 # As many points as a sensor of 256 x 192 beams gives.
 _POINTS = 256 * 192
 
@@ -76,6 +80,38 @@ class Workload:
         voxels = rng.integers(0, self.edge, (_POINTS, 3)) - self.edge // 2
         turned = voxels + rng.uniform(-0.45, 0.45, (_POINTS, 3))
         return np.column_stack([turned @ R, rng.uniform(0.1, 1.0, _POINTS)]).astype(np.float32)
+
+    @cached_property
+    def coefficients(self) -> tuple[np.ndarray, np.ndarray]:
+        """Of real layers, twice (BANDWIDTH / 2, SPHERES, 2 BANDWIDTH - 1) complex64, a target's and a source's."""
+        rng, orders = self.rng(4), np.arange(1 - BANDWIDTH, BANDWIDTH)
+        normal = rng.standard_normal((2, BANDWIDTH // 2, SPHERES, len(orders), 2), dtype=np.float32)
+        half = normal @ np.array([1, 1j], np.complex64)
+        half *= np.abs(orders) <= 2 * np.arange(BANDWIDTH // 2)[:, None, None]
+        # a[l, -m] = (-1)^m conj(a[l, m])
+        both = half + (-1.0) ** np.abs(orders).astype(np.float32) * half[..., ::-1].conj()
+        target, source = both.astype(np.complex64)
+        return target, source
+
+    @cached_property
+    def view(self) -> np.ndarray:
+        """(cells, cells, 2) float32: nearest and farthest ranges, a third of the cells unseen."""
+        rng = self.rng(5)
+        near = rng.uniform(0.2, 0.4, (_CELLS, _CELLS)) * self.edge
+        view = np.stack([near, near + rng.uniform(0, 4, near.shape)], axis=-1)
+        view[rng.random(near.shape) < 1 / 3] = np.inf, -np.inf
+        return view.astype(np.float32)
+
+    @cached_property
+    def seen(self) -> np.ndarray:
+        """(n, 3) float32: points to be put into the view [voxels]."""
+        return self.rng(6).uniform(-0.4 * self.edge, 0.4 * self.edge, (_SEEN, 3)).astype(np.float32)
+
+    @cached_property
+    def poses(self) -> tuple[np.ndarray, np.ndarray]:
+        """(m, 3, 3) rotations and (m, 3) shifts [voxels]."""
+        rng = self.rng(7)
+        return Rotation.random(_POSES, rng=rng).as_matrix(), rng.uniform(-0.2, 0.2, (_POSES, 3)) * self.edge
 
     def upload(self, array: np.ndarray) -> Any:
         """The array on the device."""

@@ -3,7 +3,7 @@
 from collections.abc import Callable
 
 from tools.bench.case import Case
-from tools.bench.cases import resampling, spectra, transforms
+from tools.bench.cases import resampling, rotations, spectra, transforms
 from tools.bench.workload import Workload
 
 CASES: tuple[Callable[[Workload], Case], ...] = (
@@ -23,4 +23,7 @@ CASES: tuple[Callable[[Workload], Case], ...] = (
     resampling.normalize_layers_case,
     resampling.polar_magnitude_case,
     resampling.rotate_case,
+    rotations.correlate_rotations_case,
+    rotations.segment_peaks_case,
+    rotations.agreement_case,
 )

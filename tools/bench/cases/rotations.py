@@ -1,0 +1,87 @@
+"""Correlation over all rotations, its peaks, and points against a view: of the same size on every grid."""
+
+import numpy as np
+
+from kernels.peak import segment_peaks
+from kernels.so3 import RotationCorrelation, wigner_d
+from kernels.visibility import agreement, upload_points
+from tools.bench import twins
+from tools.bench.case import Case
+from tools.bench.workload import BANDWIDTH, Workload
+
+# How far roll and pitch of 35 degrees carry the z axis.
+_LARGEST = float(np.arccos(np.cos(np.deg2rad(35)) ** 2))
+_SEGMENTS = 4
+_REACH, _SLOPE = 1.5, 0.03
+# A point on a cell's border falls to one side here and to the other there: some ten of a million.
+_BORDERS = 1e-3
+
+
+def correlate_rotations_case(w: Workload) -> Case:
+    correlation = RotationCorrelation(w.device, BANDWIDTH, _LARGEST)
+    wigner, edge = wigner_table(correlation.betas), correlation.edge
+    target, source = w.coefficients
+    images, degrees = len(correlation.betas) + 1, np.arange(0, BANDWIDTH, 2)
+    table = 4 * len(correlation.betas) * int(((2 * degrees + 1) * (degrees + 1)).sum())
+    half, volume = 8 * images * edge * (edge // 2 + 1), 4 * images * edge**2
+    found = []
+
+    def run() -> None:
+        found[:] = [correlation.correlate(target, source)]
+
+    return Case(
+        "RotationCorrelation",
+        "matmul, einsum, irfft2",
+        2 * target.nbytes + table + 4 * half + volume,
+        1e-5,
+        run=run,
+        read=lambda: found[0].get(),
+        twin=lambda: twins.correlate_rotations(target, source, wigner, edge, w.cores),
+    )
+
+
+def segment_peaks_case(w: Workload) -> Case:
+    betas = RotationCorrelation(w.device, BANDWIDTH, _LARGEST).betas
+    host = twins.correlate_rotations(*w.coefficients, wigner_table(betas), 128, w.cores)
+    correlation = w.upload(host)
+    found = []
+
+    def run() -> None:
+        found[:] = segment_peaks(w.device, correlation, _SEGMENTS)
+
+    return Case(
+        "segment_peaks",
+        "maximum_filter, np.argmax",
+        host.nbytes,
+        0.0,
+        run=run,
+        read=lambda: np.column_stack(found),
+        twin=lambda: twins.segment_peaks(host, _SEGMENTS),
+    )
+
+
+def agreement_case(w: Workload) -> Case:
+    view, points = w.upload(w.view), upload_points(w.device, w.seen)
+    found = []
+
+    def run() -> None:
+        found[:] = [agreement(w.device, view, points, *w.poses, _REACH, _SLOPE)]
+
+    return Case(
+        "agreement",
+        "NumPy, a pose at a time",
+        w.view.nbytes + w.seen.nbytes + len(w.poses[0]) * (16 + 3) * 4,
+        _BORDERS,
+        run=run,
+        read=lambda: found[0],
+        twin=lambda: twins.agreement(w.view, w.seen, *w.poses, _REACH, _SLOPE),
+    )
+
+
+def wigner_table(betas: np.ndarray) -> np.ndarray:
+    """(degrees, betas, 2 BANDWIDTH - 1, BANDWIDTH) float32: d[l, m, n](beta) for n >= 0."""
+    table = np.zeros((BANDWIDTH // 2, len(betas), 2 * BANDWIDTH - 1, BANDWIDTH), np.float32)
+    for half in range(BANDWIDTH // 2):
+        orders = slice(BANDWIDTH - 1 - 2 * half, BANDWIDTH + 2 * half)
+        table[half, :, orders, : 2 * half + 1] = wigner_d(2 * half, betas)[:, :, 2 * half :]
+    return table
