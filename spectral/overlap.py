@@ -24,7 +24,7 @@ def overlap(target: Prepared, source: Prepared, R_target_source: Rotation, shift
     """
     moved = R_target_source.apply(source.surface) + shift
     back = R_target_source.inv().apply(target.surface - shift)
-    return min(_share(target, moved), _share(source, back))
+    return min(share_near(target, moved), share_near(source, back))
 
 
 def unwrap(target: Prepared, source: Prepared, R_target_source: Rotation, shift: np.ndarray, edge: int) -> np.ndarray:
@@ -37,9 +37,10 @@ def unwrap(target: Prepared, source: Prepared, R_target_source: Rotation, shift:
     points = R_target_source.apply(source.surface[:: max(1, len(source.surface) // _SAMPLE)])
     other = shift - np.copysign(edge, shift)
     alternatives = [np.array(choice) for choice in product(*zip(shift, other, strict=True))]
-    return max(alternatives, key=lambda alternative: _share(target, points + alternative))
+    return max(alternatives, key=lambda alternative: share_near(target, points + alternative))
 
 
-def _share(scan: Prepared, points: np.ndarray) -> float:
+def share_near(scan: Prepared, points: np.ndarray) -> float:
+    """The share of points (n, 3), 0..1, with a point of the scan within 2 voxels; about its grid's center [voxels]."""
     distance, _ = scan.tree.query(points, distance_upper_bound=_REACH)
     return float(np.isfinite(distance).mean())

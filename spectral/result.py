@@ -25,6 +25,7 @@ class Registration:
         accepted: whether to believe it.
         seconds: time of the pair alone, the scans being prepared [s].
         reason: in words, why it was accepted or refused.
+        probability: that the transform is right, 0..1; NaN from methods that give none.
         step_psr: the peak-to-sidelobe ratio of every step, by the step's name.
         alternatives: other hypotheses that could not be excluded, best first.
     """
@@ -36,6 +37,7 @@ class Registration:
     accepted: bool
     seconds: float
     reason: str = ""
+    probability: float = float("nan")
     step_psr: tuple[tuple[str, float], ...] = ()
     alternatives: tuple[Registration, ...] = ()
 

@@ -13,8 +13,7 @@ from scipy.spatial.transform import RigidTransform
 from kernels.device import choose_device
 from kernels.errors import DeviceError, SonarmapError
 from spectral.grid import Grid, choose_grid
-from spectral.prepared import Prepared
-from spectral.registration import SpectralConfig, SpectralRegistrar
+from spectral.registration import SpectralConfig, SpectralRegistrar, SpectralScan
 from spectral.result import Registration
 from spectral.scan import Scan
 from tools.bench.machine import peak_memory
@@ -133,7 +132,7 @@ def _measure(registrar: SpectralRegistrar, pairs: list[SimulatedPair], sender: C
 def _measure_pair(registrar: SpectralRegistrar, target: Scan, source: Scan) -> tuple[list[float], float, Registration]:
     """Seconds of preparing each scan, of registering them, and the result; no more than two scans are held."""
 
-    def prepare(scan: Scan) -> Prepared:
+    def prepare(scan: Scan) -> SpectralScan:
         prepared = registrar.prepare(scan)
         registrar.device.queue.finish()
         return prepared

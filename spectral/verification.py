@@ -1,0 +1,213 @@
+"""Each rotation put to the test: where would the scan lie, and do the two scans then agree with what they saw?
+
+Coarse to fine. On a grid of half the edge every rotation gets its translation correlation, of which several peaks are
+taken, each with what its periodic shift may mean; points before the other scan's surface contradict. The best few
+distinct answers are refined and judged again on the whole grid. docs/registration.md has the figures.
+"""
+
+from dataclasses import dataclass
+from itertools import product
+
+import numpy as np
+from scipy.spatial.transform import Rotation
+
+from kernels.device import Array, Device
+from spectral.hypothesis import SAME_SHIFT
+from spectral.icp import Fit
+from spectral.overlap import share_near
+from spectral.prepared import Prepared
+from spectral.range_image import RangeImage, visibility
+from spectral.scan import PosePrior
+from spectral.so3 import RotationPeaks
+from spectral.surface import Surface
+from spectral.translation import Translation
+
+# Peaks of a rotation's translation that are looked at, and how far apart they are [coarse voxels].
+_PEAKS, _SEPARATION = 8, 2.0
+# A shift longer than this along an axis leaves the scans nothing in common [share of the grid's edge].
+_FARTHEST = 0.92
+# How far from the surface a point may lie, while the rotation is 2 degrees off and once refined [voxels; of the range].
+_COARSE, _FINE = (1.5, 0.03), (1.0, 0.01)
+# Hypotheses nearer than this are one [rad].
+_SAME_ROTATION = float(np.deg2rad(5.0))
+# Of scans without a viewpoint so many candidates, those with the highest peaks, are judged by their points in common.
+_BY_POINTS, _POINTS = 60, 400
+# Points by which a refined hypothesis' overlap is told.
+_OVERLAP_POINTS = 2000
+# A contradiction weighs as so many agreements; a share of points that is small beside the least hardly counts.
+_WEIGHT, _LEAST = 4.0, 0.05
+
+
+@dataclass(frozen=True, slots=True)
+class CoarseVolume:
+    """A scan on a grid of half as many, twice as large voxels."""
+
+    points: Array
+    spectrum: Array
+
+
+@dataclass(frozen=True, slots=True)
+class SpectralScan:
+    """What one scan contributes to every pair; it lives on the device that prepared it.
+
+    Attributes:
+        volume: on the whole grid.
+        coarse: on the coarse one.
+        coefficients: of its layers, from `So3.prepare`.
+        surface: to refine with.
+        image: what it saw.
+        prior: what other instruments say about its pose, or None.
+    """
+
+    volume: Prepared
+    coarse: CoarseVolume
+    coefficients: np.ndarray
+    surface: Surface
+    image: RangeImage
+    prior: PosePrior | None
+
+
+@dataclass(frozen=True, slots=True)
+class Candidates:
+    """Places that the coarse correlations name, (n) each.
+
+    Attributes:
+        turn: which of the rotations.
+        R: the rotations.
+        shifts: (n, 3) p_target = R p_source + shift about the grid centers [voxels].
+        psr: of the translation's coarse peak.
+    """
+
+    turn: np.ndarray
+    R: Rotation
+    shifts: np.ndarray
+    psr: np.ndarray
+
+    def only(self, allowed: np.ndarray) -> "Candidates":
+        """Those for which (n,) bool is true."""
+        R = self.R[allowed]  # pyright: ignore[reportArgumentType]
+        return Candidates(self.turn[allowed], R, self.shifts[allowed], self.psr[allowed])
+
+
+@dataclass(frozen=True, slots=True)
+class Verified:
+    """One hypothesis, refined, and all that speaks for and against it.
+
+    Attributes:
+        fit: the refined pose and its information.
+        rotation_score: of the rotation's peak, as `RotationPeaks` has it.
+        coarse_psr: of the translation on the coarse grid, before the refinement.
+        psr: of the translation at the refined pose, on the whole grid.
+        agree, contradict: shares of points, as `Visibility` has them; NaN where no scan has a viewpoint.
+        overlap: share of points in common, the smaller of both ways.
+    """
+
+    fit: Fit
+    rotation_score: float
+    coarse_psr: float
+    psr: float
+    agree: float
+    contradict: float
+    overlap: float
+
+    @property
+    def consistency(self) -> float:
+        """How the views agree, 0..1; the overlap where there is no view."""
+        return float(self.overlap if np.isnan(self.agree) else consistency(self.agree, self.contradict))
+
+    @property
+    def score(self) -> float:
+        """What hypotheses are ranked by: both witnesses have to agree."""
+        return self.consistency * max(self.psr, 0.0)
+
+
+def consistency(agree: np.ndarray | float, contradict: np.ndarray | float) -> np.ndarray | float:
+    """What share of the points that can tell agrees, 0..1, a contradiction weighing as several agreements.
+
+    A share of what is seen, not of all: where scans have little in common few points can agree, and few can contradict.
+    """
+    return agree / (agree + _WEIGHT * contradict + _LEAST)
+
+
+class Verifier:
+    """Hypotheses from rotations, on one device and grid."""
+
+    def __init__(self, device: Device, edge: int) -> None:
+        """Plan the correlations of both grids."""
+        self.device, self.edge = device, edge
+        self.coarse_edge = max(edge // 2, 16)
+        self.translation = Translation(device, edge)
+        self._coarse = Translation(device, self.coarse_edge)
+
+    def candidates(self, target: SpectralScan, source: SpectralScan, rotations: RotationPeaks) -> Candidates:
+        """Several shifts for each rotation, with what each may mean on a periodic grid."""
+        scale = self.edge / self.coarse_edge
+        turns, shifts, ratios = [], [np.empty((0, 3))], []
+        for turn, R in enumerate(rotations.R):
+            for peak in self._coarse.find_all(target.coarse, source.coarse, R, _PEAKS, _SEPARATION):
+                meanings = self._meanings(peak.shift * scale)
+                shifts.append(meanings)
+                turns += [turn] * len(meanings)
+                ratios += [peak.psr] * len(meanings)
+        index = np.array(turns, dtype=np.int64)
+        R = rotations.R[index]  # pyright: ignore[reportArgumentType]
+        return Candidates(index, R, np.concatenate(shifts), np.array(ratios))
+
+    def _meanings(self, shift: np.ndarray) -> np.ndarray:
+        """(n, 3): the shifts that a cyclic one means and that leave the scans something in common."""
+        other = shift - np.copysign(self.edge, shift)
+        meanings = np.array(list(product(*zip(shift, other, strict=True))))
+        return meanings[(np.abs(meanings) <= _FARTHEST * self.edge).all(axis=1)]
+
+    def best(self, target: SpectralScan, source: SpectralScan, candidates: Candidates, count: int) -> np.ndarray:
+        """Indices of the `count` best distinct candidates, best first."""
+        order = np.argsort(-self._scores(target, source, candidates), kind="stable")
+        quaternions, nearest = candidates.R.as_quat(), np.cos(_SAME_ROTATION / 2)
+        kept: list[int] = []
+        for n in order:
+            alike = np.abs(quaternions[kept] @ quaternions[n]) > nearest
+            near = np.linalg.norm(candidates.shifts[kept] - candidates.shifts[n], axis=1) <= SAME_SHIFT
+            if not (alike & near).any():
+                kept.append(int(n))
+            if len(kept) == count:
+                break
+        return np.array(kept, dtype=np.int64)
+
+    def verify(
+        self, target: SpectralScan, source: SpectralScan, fit: Fit, rotation_score: float, coarse_psr: float
+    ) -> Verified:
+        """The witnesses for and against a refined pose."""
+        seen = visibility(
+            self.device, target.image, source.image, Rotation.concatenate([fit.R]), fit.shift[None], *_FINE
+        )
+        return Verified(
+            fit=fit,
+            rotation_score=rotation_score,
+            coarse_psr=coarse_psr,
+            psr=self.translation.find_at(target.volume, source.volume, fit.R, fit.shift).psr,
+            agree=float(seen.agree[0]),
+            contradict=float(seen.contradict[0]),
+            overlap=self._overlap(target, source, fit.R, fit.shift, _OVERLAP_POINTS),
+        )
+
+    def _scores(self, target: SpectralScan, source: SpectralScan, candidates: Candidates) -> np.ndarray:
+        """(n,) consistency times the peak's height."""
+        if target.image.single or source.image.single:
+            seen = visibility(self.device, target.image, source.image, candidates.R, candidates.shifts, *_COARSE)
+            agreement = np.asarray(consistency(seen.agree, seen.contradict))
+        else:
+            agreement = np.zeros(len(candidates.psr))
+            for n in np.argsort(-candidates.psr, kind="stable")[:_BY_POINTS]:
+                R, shift = candidates.R[int(n)], candidates.shifts[n]
+                agreement[n] = self._overlap(target, source, R, shift, _POINTS)
+        return agreement * np.maximum(candidates.psr, 0.0)
+
+    @staticmethod
+    def _overlap(target: SpectralScan, source: SpectralScan, R: Rotation, shift: np.ndarray, most: int) -> float:
+        moved = R.apply(_sample(source.volume.surface, most)) + shift
+        back = R.inv().apply(_sample(target.volume.surface, most) - shift)
+        return min(share_near(target.volume, moved), share_near(source.volume, back))
+
+
+def _sample(points: np.ndarray, most: int) -> np.ndarray:
+    return points[:: max(1, -(-len(points) // most))]
