@@ -13,6 +13,7 @@ from kernels.fft import RealFFT
 from kernels.launch import launch, output, require_array, table
 
 _WHITEN_AT_ONCE = 8
+_ROWS_AT_ONCE = 8
 
 
 def magnitude(device: Device, spectrum: cla.Array, edge: int, out: cla.Array | None = None) -> cla.Array:
@@ -85,7 +86,9 @@ def cross_power(
     gain0 = np.ones(n0, np.float32) if batched else _gain(n0, blur)
     gains = [table(device, gain) for gain in (gain0, _gain(n1, blur), _half_gain(n2, blur))]
     sizes = np.int32(n1), np.int32(pitch)
-    launch(device, "spectrum", "cross_power", (n1, n0), target, source, result, *gains, *sizes)
+    # on a CPU a work-group costs as much as a short row
+    group = (_ROWS_AT_ONCE, 1) if device.is_cpu and n1 % _ROWS_AT_ONCE == 0 else None
+    launch(device, "spectrum", "cross_power", (n1, n0), target, source, result, *gains, *sizes, group=group)
     return result
 
 

@@ -14,8 +14,6 @@
 #define PART 256
 #endif
 
-#define CELL(s) { const float2 c = vload2(cell.s, view); near.s = c.x; far.s = c.y; }
-
 static int8 octahedral_cell(const float8 x, const float8 y, const float8 z) {
     const float8 scale = 1.0f / fmax(fabs(x) + fabs(y) + fabs(z), 1e-20f);
     const float8 u = x * scale;
@@ -29,9 +27,9 @@ static int8 octahedral_cell(const float8 x, const float8 y, const float8 z) {
     return i * EDGE + j;
 }
 
-static int count8(const int8 flags) {
-    const int4 a = flags.lo + flags.hi;
-    return -(a.x + a.y + a.z + a.w);  // true is -1
+static int sum8(const int8 v) {
+    const int4 a = v.lo + v.hi;
+    return a.x + a.y + a.z + a.w;
 }
 
 // One work-item: PART points under one pose.
@@ -41,9 +39,9 @@ __kernel void agreement(__global const float* const restrict view, __global cons
     const int part = get_global_id(0);
     const size_t pose = get_global_id(1);
     const float16 turn = vload16(0, poses + 16 * pose);
-    int agreeing = 0;
-    int contradicting = 0;
-    int seen = 0;
+    int8 agreeing = 0;
+    int8 contradicting = 0;
+    int8 seen = 0;
     for (int n = part * PART; n < min((part + 1) * PART, count); n += 8) {
         const float8 px = vload8(0, points + n);
         const float8 py = vload8(0, points + count + n);
@@ -53,14 +51,18 @@ __kernel void agreement(__global const float* const restrict view, __global cons
         const float8 z = turn.s8 * px + turn.s9 * py + turn.sa * pz + turn.sb;
         const float8 range = sqrt(x * x + y * y + z * z);
         const int8 cell = octahedral_cell(x, y, z);
-        float8 near, far;
-        CELL(s0) CELL(s1) CELL(s2) CELL(s3) CELL(s4) CELL(s5) CELL(s6) CELL(s7)
+        const float16 ranges = (float16)(vload2(cell.s0, view), vload2(cell.s1, view), vload2(cell.s2, view),
+                                         vload2(cell.s3, view), vload2(cell.s4, view), vload2(cell.s5, view),
+                                         vload2(cell.s6, view), vload2(cell.s7, view));
+        const float8 near = ranges.even;
+        const float8 far = ranges.odd;
         const float8 tolerance = reach + slope * range;
         const int8 real = n + (int8)(0, 1, 2, 3, 4, 5, 6, 7) < valid;
         const int8 hit = real && far >= 0.0f;
-        seen += count8(hit);
-        contradicting += count8(hit && range < near - tolerance);
-        agreeing += count8(hit && range >= near - tolerance && range <= far + tolerance);
+        // true is -1
+        seen -= hit;
+        contradicting -= hit && range < near - tolerance;
+        agreeing -= hit && range >= near - tolerance && range <= far + tolerance;
     }
-    vstore3((int3)(agreeing, contradicting, seen), pose * get_global_size(0) + part, out);
+    vstore3((int3)(sum8(agreeing), sum8(contradicting), sum8(seen)), pose * get_global_size(0) + part, out);
 }

@@ -19,5 +19,7 @@ __kernel void voxelize(__global const float4* const restrict points, __global in
     const float edge = EDGE;
     const bool inside = x >= 0 && y >= 0 && z >= 0 && x < edge && y < edge && z < edge;  // false for NaN
     if (!inside || !(p.w > 0)) return;
-    atomic_max(volume + ((int)x * EDGE + (int)y) * EDGE + (int)z, as_int(p.w));
+    __global int* const voxel = volume + ((int)x * EDGE + (int)y) * EDGE + (int)z;
+    // most points of a voxel find it full: the atomic costs far more than a look, and old values are never too high
+    if (*voxel < as_int(p.w)) atomic_max(voxel, as_int(p.w));
 }

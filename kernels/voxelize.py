@@ -7,7 +7,7 @@ from kernels.device import Device
 from kernels.errors import InputError
 from kernels.launch import affine, launch, output, require_array, zero
 
-_GROUP = 64
+_GROUP = 256
 
 
 def voxelize(

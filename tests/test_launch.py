@@ -90,6 +90,19 @@ def test_a_transform_takes_a_slice(device):
     assert np.array_equal(found[..., :17], fft.forward(device.to_device(volumes[16:])).get()[..., :17])
 
 
+@pytest.mark.parametrize("shape", [(1, 3), (2, 512), (3, 1024), (4, 999), (5, 16, 64)])
+@pytest.mark.parametrize("dtype", [np.float32, np.complex64])
+def test_zero_clears_all_of_an_array_and_no_more(device, shape, dtype):
+    """Whole pages and not, whole arrays and a slice between others."""
+    array = device.to_device(np.ones(shape, dtype))
+    zero(device, array)
+    assert not array.get().any()
+    stack = device.to_device(np.ones((3, 8, 1024), dtype))
+    zero(device, stack[1])
+    assert not stack.get()[1].any()
+    assert (stack.get()[[0, 2]] == 1).all()
+
+
 class TestFull:
     """Drivers that take memory when it is first used fail at a launch."""
 
