@@ -128,9 +128,12 @@ def _equalize_degree(part: np.ndarray, power: float) -> np.ndarray:
     if not largest > 0:
         return part
     part = part / largest  # squares of tiny numbers would be 0
-    values, vectors = np.linalg.eigh(part.T @ part)
+    # the smaller of both products has the same eigenvalues, less zeros that meet nothing
+    few = len(part) < part.shape[1]
+    values, vectors = np.linalg.eigh(part @ part.T if few else part.T @ part)
     scale = np.maximum(values / values[-1], _FAINTEST) ** (-power / 2)
-    turned = part @ ((vectors * scale) @ vectors.T)
+    turn = (vectors * scale) @ vectors.T
+    turned = turn @ part if few else part @ turn
     return turned * (largest * np.linalg.norm(part) / np.linalg.norm(turned))
 
 

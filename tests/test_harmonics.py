@@ -115,9 +115,10 @@ class TestEqualize:
         orders = np.arange(-9, 10)
         np.testing.assert_allclose(got[..., ::-1], (-1.0) ** np.abs(orders) * got.conj(), atol=1e-6)
 
+    @pytest.mark.parametrize("layers", [3, 30])
     @pytest.mark.parametrize("power", [0.3, 0.4, 1.0])
-    def test_a_turned_scan_gives_the_turned_result(self, power):
-        coefficients = random_coefficients(8, 30, seed=10, decay=1)
+    def test_a_turned_scan_gives_the_turned_result(self, power, layers):
+        coefficients = random_coefficients(8, layers, seed=10, decay=1)
         R = Rotation.from_euler("ZYX", [40, -25, 70], degrees=True)
         got = equalize(turned(coefficients, R), power)
         want = turned(equalize(coefficients, power).astype(np.complex128), R)

@@ -4,7 +4,9 @@ import numpy as np
 import pytest
 from scipy.ndimage import maximum_filter
 
+from kernels.device import Device
 from kernels.errors import InputError
+from kernels.launch import zero
 from kernels.peak import find_peaks, peak_at, segment_peaks
 
 
@@ -144,3 +146,31 @@ class TestPeakAt:
         volume[7, 7, 7] = np.inf
         with pytest.raises(InputError, match="not finite"):
             peak_at(device, device.to_device(volume), np.array([1, 2, 3]))
+
+
+class TestAwayFromTheHost:
+    """A device whose memory is not read in place gives the same."""
+
+    @pytest.fixture
+    def elsewhere(self, device):
+        other = Device(device.cl_device)
+        other.__dict__["is_cpu"] = False
+        return other
+
+    @pytest.mark.parametrize("shape", [(7, 20, 32), (9, 5, 13)])
+    def test_peaks_are_the_same(self, device, elsewhere, shape):
+        volume = noise(shape, 11)
+        there, here = elsewhere.to_device(volume), device.to_device(volume)
+        pairs = zip(find_peaks(elsewhere, there, 9), find_peaks(device, here, 9), strict=True)
+        index = np.array([-1, 4, 40])
+        for got, want in [*pairs, (peak_at(elsewhere, there, index), peak_at(device, here, index))]:
+            np.testing.assert_array_equal(got.shift, want.shift)
+            np.testing.assert_array_equal(got.neighborhood, want.neighborhood)
+            assert (got.value, got.top, got.psr) == (want.value, want.top, want.psr)
+        for got, want in zip(segment_peaks(elsewhere, there, 1), segment_peaks(device, here, 1), strict=True):
+            np.testing.assert_array_equal(got, want)
+
+    def test_zero_clears_there_too(self, elsewhere):
+        array = elsewhere.to_device(np.ones((4, 1024), np.float32))
+        zero(elsewhere, array)
+        assert not array.get().any()
