@@ -1,0 +1,82 @@
+"""What a spectral registration saw, step by step: one PNG."""
+
+import math
+import textwrap
+import warnings
+from pathlib import Path
+from typing import TYPE_CHECKING
+
+from spectral.result import Registration
+from tools.report.registration_view import RegistrationView
+from tools.report.scan_panels import draw_after, draw_before
+from tools.report.small_png import save_small
+from tools.report.spectrum_panels import draw_layers, draw_rotations, draw_spectrum, draw_translations
+
+if TYPE_CHECKING:
+    from matplotlib.figure import Figure
+
+_SIZE, _DPI = (14.4, 9.4), 110
+_LINE = 130  # characters of the headline's lines
+
+
+_LAYERS_TEXT = (
+    "The pattern turns with the scan and does not move\nwith it. Dashed: x and y of the target; in the source\n"
+    "where the rotation that was found puts them."
+)
+
+
+def draw_registration(path: Path, view: RegistrationView) -> None:
+    """Write a PNG of what the registration saw. The same view gives the same bytes.
+
+    Raises:
+        InputError: the file cannot be written.
+    """
+    with warnings.catch_warnings():
+        warnings.filterwarnings("ignore", message="Glyph .* missing")  # of names in other scripts: boxes will do
+        save_small(registration_figure(view), path)
+
+
+def registration_figure(view: RegistrationView) -> "Figure":
+    """The figure: six panels in two rows, the third of two discs, in the order of the registration's steps."""
+    from matplotlib.figure import Figure
+    from matplotlib.layout_engine import ConstrainedLayoutEngine
+
+    figure = Figure(figsize=_SIZE, dpi=_DPI, layout=ConstrainedLayoutEngine(w_pad=0.06, h_pad=0.06))
+    grid = figure.add_gridspec(2, 3, width_ratios=(1, 1, 1.03))
+    draw_before(figure.add_subplot(grid[0, 0]), view)
+    draw_spectrum(figure.add_subplot(grid[0, 1]), view)
+    whole = figure.add_subfigure(grid[0, 2])
+    whole.suptitle(f"3  The same at {view.radius:.2g}/m, all directions", fontsize=12)
+    whole.supxlabel(_LAYERS_TEXT, fontsize=10)
+    draw_layers(tuple(whole.subplots(1, 2)), view)
+    draw_rotations(figure.add_subplot(grid[1, 0]), view)
+    draw_translations(figure.add_subplot(grid[1, 1]), view)
+    draw_after(figure.add_subplot(grid[1, 2]), view)
+    figure.suptitle(_headline(view.registration), fontsize=13)
+    return figure
+
+
+def registration_caption(view: RegistrationView) -> str:
+    """What the picture shows, for the page that it stands on."""
+    against = view.target.contradicting.sum() + view.source.contradicting.sum()
+    share = against / (len(view.target.points) + len(view.source.points))
+    return (
+        "What the registration of two scans saw. (1) The scans from above, as they came, what lies pale. (2) The "
+        "magnitude spectrum of the target: it turns with the scan and does not move with it. (3) Its values on the "
+        "hemisphere of one frequency, for both scans; the dashed lines are the target's axes, in the source's where "
+        "the rotation that was found puts them. (4) The correlation of such hemispheres over all rotations, for each "
+        f"yaw and tilt the highest value; {len(view.followed)} rotations are verified. (5) The correlation of the "
+        f"scans over all shifts under the rotation that won; its peak stands {view.shifts.psr:.0f} standard deviations "
+        f"above the mean. (6) The scans registered; {share:.1%} of the points (red) stand where the other scan saw "
+        "through."
+    )
+
+
+def _headline(registration: Registration) -> str:
+    """The result in words."""
+    yaw, pitch, roll = registration.T_target_source.rotation.as_euler("ZYX", degrees=True)
+    x, y, z = registration.T_target_source.translation
+    verdict = "Accepted" if registration.accepted else "Not accepted"
+    sure = "" if math.isnan(registration.probability) else f" (probability {registration.probability:.1%})"
+    pose = f"yaw {yaw:+.1f}°, roll {roll:+.1f}°, pitch {pitch:+.1f}°;  x {x:+.2f} m, y {y:+.2f} m, z {z:+.2f} m"
+    return "\n".join([f"{verdict}{sure}:  {pose}", *textwrap.wrap(registration.reason, _LINE)])

@@ -1,0 +1,158 @@
+"""What a spectral registration saw on its way, gathered from the device to be drawn."""
+
+from dataclasses import dataclass
+
+import numpy as np
+from scipy.spatial.transform import RigidTransform, Rotation
+
+from kernels.sphere import rotational_unwrap, sample, upload_directions
+from kernels.visibility import octahedral_cells
+from spectral.acceptance import tilt_allowed
+from spectral.prior import relative_prior
+from spectral.range_image import RangeImage
+from spectral.registration import SpectralRegistrar
+from spectral.result import Registration
+from spectral.translation import Translation
+from spectral.verification import SpectralScan
+from tools.report.rotation_map import RotationMap, map_rotations
+from tools.report.translation_slice import TranslationSlice, slice_translation
+
+# The layer that is shown, as a share of N/2: amid those that are correlated.
+_RADIUS = 0.4
+_PIXELS = 128
+# A surface whose normal is nearer to the vertical than this lies rather than stands, as a bed does [cosine].
+_LYING = 0.8
+# What the registration gives the priors for a rotation that is not refined yet [rad].
+_SLACK = float(np.deg2rad(6.0))
+# How far before the other scan's surface a point contradicts it, as in the registration [voxels; of the range].
+_REACH, _SLOPE = 1.0, 0.01
+
+
+@dataclass(frozen=True, slots=True)
+class Cloud:
+    """One scan's surface.
+
+    Attributes:
+        name: the scan's.
+        points: (n, 3) float64, one per occupied voxel, in the frame of the scan's sensor [m].
+        normals: (n, 3) float64 of the surface there, of either sign.
+        contradicting: (n,) bool, whether it stands, once registered, where the other scan saw through.
+    """
+
+    name: str
+    points: np.ndarray
+    normals: np.ndarray
+    contradicting: np.ndarray
+
+    def lying(self, R: Rotation) -> np.ndarray:
+        """(n,) bool: which points are of a bed or a ceiling, seen in a frame turned by R."""
+        return np.abs(R.apply(self.normals)[:, 2]) > _LYING
+
+
+@dataclass(frozen=True, slots=True)
+class RegistrationView:
+    """All that is drawn.
+
+    Attributes:
+        registration: the result.
+        target, source: what the scans show.
+        spectrum: (N, N) float32, the target's magnitude spectrum at k_z = 0, centered, [i, j] at k_x and k_y.
+        frequency: half the edge of the spectrum [1/m].
+        layers: (2, n, n) float32, target's and source's magnitude on the hemisphere of one frequency, unwrapped about
+            +z as the paper's Fig. 1; NaN beyond the horizon.
+        radius: that frequency [1/m].
+        turns: the correlation over all rotations.
+        followed: (n,) the rotations R_target_source that were verified.
+        shifts: the translation's correlation under the rotation that was chosen.
+    """
+
+    registration: Registration
+    target: Cloud
+    source: Cloud
+    spectrum: np.ndarray
+    frequency: float
+    layers: np.ndarray
+    radius: float
+    turns: RotationMap
+    followed: Rotation
+    shifts: TranslationSlice
+
+
+def view_registration(
+    registrar: SpectralRegistrar, target: SpectralScan, source: SpectralScan, registration: Registration
+) -> RegistrationView:
+    """Look at a registration once more, at each of its steps.
+
+    Args:
+        registrar: that prepared and registered the scans.
+        registration: what came of it.
+    """
+    voxel = registrar.grid.voxel
+    return RegistrationView(
+        registration=registration,
+        target=_cloud(target, source, registration.T_target_source.inv(), voxel),
+        source=_cloud(source, target, registration.T_target_source, voxel),
+        spectrum=target.volume.magnitude.get()[:, :, 0],
+        frequency=0.5 / voxel,
+        layers=np.stack([_layer(registrar, scan) for scan in (target, source)]),
+        radius=_RADIUS * 0.5 / voxel,
+        turns=_turns(registrar, target, source),
+        followed=_followed(registrar, target, source),
+        shifts=_shifts(registrar, target, source, registration.T_target_source),
+    )
+
+
+def _cloud(scan: SpectralScan, other: SpectralScan, T_other_scan: RigidTransform, voxel: float) -> Cloud:
+    points = scan.volume.center + voxel * scan.volume.surface
+    across = (T_other_scan.apply(points) - other.volume.center) / voxel
+    return Cloud(scan.volume.name, points, scan.surface.normals, contradicting(other.image, across))
+
+
+def contradicting(image: RangeImage, points: np.ndarray) -> np.ndarray:
+    """(n,) bool: which points (n, 3), about the image's grid center [voxels], stand before what that scan saw.
+
+    None where the scan has no viewpoint.
+    """
+    if not image.single:
+        return np.zeros(len(points), dtype=bool)
+    beams = points - image.viewpoint
+    ranges = np.linalg.norm(beams, axis=1)
+    view = image.view.get()
+    nearest, farthest = view.reshape(-1, 2)[octahedral_cells(beams, len(view))].T
+    return (farthest >= 0) & (ranges < nearest - (_REACH + _SLOPE * ranges))
+
+
+def _layer(registrar: SpectralRegistrar, scan: SpectralScan) -> np.ndarray:
+    """(n, n): the magnitudes of one frequency over the directions of the upper hemisphere."""
+    directions = rotational_unwrap(_PIXELS)
+    radii = np.array([_RADIUS * registrar.grid.edge / 2])
+    layer = sample(registrar.device, scan.volume.magnitude, upload_directions(registrar.device, directions), radii)
+    return np.where(directions.any(axis=-1), layer.get()[0], np.nan)
+
+
+def _turns(registrar: SpectralRegistrar, target: SpectralScan, source: SpectralScan) -> RotationMap:
+    correlation = registrar.so3.correlate(target.coefficients, source.coefficients).get()
+    return map_rotations(correlation, 2 * len(target.coefficients), registrar.config.max_tilt)
+
+
+def _followed(registrar: SpectralRegistrar, target: SpectralScan, source: SpectralScan) -> Rotation:
+    """The rotations that the registration verified."""
+    prior, config = relative_prior(target.prior, source.prior), registrar.config
+
+    def allowed(R: Rotation) -> np.ndarray:
+        may = tilt_allowed(R, config.max_tilt)
+        return may if prior is None else may & prior.allows(R, _SLACK)
+
+    return registrar.so3.candidates(target.coefficients, source.coefficients, config.rotations, allowed).R
+
+
+def _shifts(
+    registrar: SpectralRegistrar, target: SpectralScan, source: SpectralScan, T_target_source: RigidTransform
+) -> TranslationSlice:
+    translation, voxel = Translation(registrar.device, registrar.grid.edge), registrar.grid.voxel
+    R = T_target_source.rotation
+    origin = target.volume.center - R.apply(source.volume.center)
+    shift = (T_target_source.translation - origin) / voxel
+    peak = translation.find_at(target.volume, source.volume, R, shift)
+    correlation = translation.correlate(target.volume, source.volume, R).get()
+    return slice_translation(correlation, peak, shift, origin, voxel)
