@@ -82,8 +82,11 @@ def test_the_voxel_is_chosen_as_for_the_spectral_method(pair: list[str]) -> None
 @pytest.mark.parametrize(
     ("arguments", "words"),
     [
-        ("--method icp --yaw-peaks 6", ["--method icp does not hear --yaw-peaks; drop it, or use --method spectral"]),
-        ("--method hemisphere --yaw-peaks 3", ["does not hear --yaw-peaks"]),
+        ("--method icp --yaw-peaks 6", ["--method icp does not hear --yaw-peaks; drop it, or use --method hemisphere"]),
+        ("--yaw-peaks 3", ["--method spectral does not hear --yaw-peaks; drop it, or use --method hemisphere"]),
+        ("--method hemisphere --hypotheses 12", ["does not hear --hypotheses; drop it, or use --method spectral"]),
+        ("--method hemisphere --refine icp", ["does not hear --refine; drop it, or use --method spectral"]),
+        ("--method hemisphere --priors nav.csv", ["does not hear --priors; drop it, or use --method spectral"]),
         (
             "--method icp --max-tilt 35 --device cpu",
             ["does not hear --device and --max-tilt", "spectral or hemisphere"],

@@ -1,13 +1,22 @@
 """The options that verbs share: their defaults, and what they refuse."""
 
+import numpy as np
 import pytest
 import typer
 from typer.testing import CliRunner
 
+from spectral.hemisphere_registration import HemisphereConfig
+from spectral.registration import SpectralConfig
 from tools.cli.options import (
+    DEFAULT_HYPOTHESES,
+    DEFAULT_MAX_TILT,
+    DEFAULT_REFINEMENT,
+    DEFAULT_YAW_PEAKS,
     DeviceOption,
     GridOption,
+    HypothesesOption,
     MaxTiltOption,
+    RefineOption,
     SeedOption,
     VoxelOption,
     YawPeaksOption,
@@ -26,16 +35,18 @@ class TestSharedOptions:
             grid: GridOption = None,
             voxel: VoxelOption = None,
             max_tilt: MaxTiltOption = 35.0,
-            yaw_peaks: YawPeaksOption = 6,
+            hypotheses: HypothesesOption = 12,
+            refine: RefineOption = "icp",
+            yaw_peaks: YawPeaksOption = 1,
             device: DeviceOption = None,
             seed: SeedOption = 0,
         ) -> None:
-            typer.echo(f"{grid} {voxel} {max_tilt} {yaw_peaks} {device} {seed}")
+            typer.echo(f"{grid} {voxel} {max_tilt} {hypotheses} {refine} {yaw_peaks} {device} {seed}")
 
         return probe
 
     def test_defaults(self, verb: typer.Typer) -> None:
-        assert CliRunner().invoke(verb, []).stdout == "None None 35.0 6 None 0\n"
+        assert CliRunner().invoke(verb, []).stdout == "None None 35.0 12 icp 1 None 0\n"
 
     def test_values(self, verb: typer.Typer) -> None:
         arguments = [
@@ -45,14 +56,24 @@ class TestSharedOptions:
             "0.5",
             "--max-tilt",
             "12.5",
+            "--hypotheses",
+            "64",
+            "--refine",
+            "spectral",
             "--yaw-peaks",
-            "1",
+            "32",
             "--device",
             "cpu",
             "--seed",
             "7",
         ]
-        assert CliRunner().invoke(verb, arguments).stdout == "64 0.5 12.5 1 cpu 7\n"
+        assert CliRunner().invoke(verb, arguments).stdout == "64 0.5 12.5 64 spectral 32 cpu 7\n"
+
+    def test_the_defaults_are_those_of_the_configurations(self) -> None:
+        usual = SpectralConfig()
+        assert (usual.rotations, usual.refinement) == (DEFAULT_HYPOTHESES, DEFAULT_REFINEMENT)
+        assert usual.max_tilt == pytest.approx(np.deg2rad(DEFAULT_MAX_TILT))
+        assert HemisphereConfig.paper().yaw_peaks == DEFAULT_YAW_PEAKS
 
     @pytest.mark.parametrize("edge", ["16", "512"])
     def test_the_ends_of_the_grids_range(self, verb: typer.Typer, edge: str) -> None:
@@ -72,6 +93,9 @@ class TestSharedOptions:
             ("--max-tilt -5", ["-5.0 degrees", "more than 0 and at most 180"]),
             ("--max-tilt nan", ["nan degrees"]),
             ("--max-tilt 181", ["181.0 degrees"]),
+            ("--hypotheses 0", ["0 rotations", "from 1 to 64", "--hypotheses 12"]),
+            ("--hypotheses 65", ["65 rotations"]),
+            ("--refine ICP", ["'ICP'", "icp or spectral"]),
             ("--yaw-peaks 0", ["0 peaks", "from 1 to 32", "--yaw-peaks 6"]),
             ("--seed -1", ["-1", "whole number", "Use --seed 1"]),
         ],

@@ -10,8 +10,8 @@ from scipy.spatial.transform import RigidTransform, Rotation
 
 from kernels.errors import InputError
 from slam.survey import Mapper
-from spectral.hemisphere_registration import HemisphereRegistrar
 from spectral.prior import relative_prior
+from spectral.registration import SpectralRegistrar
 from spectral.scan import PosePrior, Scan
 from tools.cli.options import parse_prior_sigmas
 from tools.readers import read_scans
@@ -154,12 +154,12 @@ class TestVerbs:
     def test_two_scans_are_registered_with_priors(self, folder: Path, monkeypatch: pytest.MonkeyPatch) -> None:
         seen: list[Scan] = []
 
-        def prepare(_: HemisphereRegistrar, one: Scan) -> None:
+        def prepare(_: SpectralRegistrar, one: Scan) -> None:
             seen.append(one)
             if len(seen) == 2:
                 raise InputError("enough")
 
-        monkeypatch.setattr(HemisphereRegistrar, "prepare", prepare)
+        monkeypatch.setattr(SpectralRegistrar, "prepare", prepare)
         options = ("--priors", folder / "nav.csv", "--prior-sigmas", "0.5,3,0.25,4", "--grid", "16")
         result = sonarmap("register", folder / "scan_2.ply", folder / "scan_1.ply", *options)
         said(result, "enough", "1 of 2 scans have no prior")

@@ -11,13 +11,13 @@ from kernels.errors import InputError
 
 if TYPE_CHECKING:  # the command line names the methods in its help, which is to come at once
     from spectral.grid import Grid
-    from spectral.hemisphere_registration import HemisphereConfig
     from spectral.result import Registrar
 
 DEFAULT_METHOD = "spectral"
 
-_SPECTRAL = frozenset(("grid", "max_tilt", "strength", "device"))
-_DEFAULT = _SPECTRAL | {"yaw_peaks", "priors"}
+_ON_DEVICE = frozenset(("grid", "max_tilt", "strength", "device"))
+_SPECTRAL = _ON_DEVICE | {"hypotheses", "refine", "priors"}
+_HEMISPHERE = _ON_DEVICE | {"yaw_peaks"}
 _SEEDED = frozenset(("seed",))
 
 
@@ -29,7 +29,7 @@ class Setup:
         grid: that the scans share. Methods that work on points thin them to one per voxel of its size.
         device: of the spectral methods, as `choose_device` takes it.
         seed: of the methods that draw at random.
-        changes: of the spectral methods' HemisphereConfig, field by field.
+        changes: of the SpectralConfig or HemisphereConfig of these, field by field.
     """
 
     grid: Grid
@@ -82,23 +82,19 @@ def find_method(name: str) -> Method:
     return METHODS[name]
 
 
-def _spectral(setup: Setup, config: HemisphereConfig) -> Registrar:
+def _spectral(setup: Setup) -> Registrar:
     from kernels.device import choose_device
-    from spectral.hemisphere_registration import HemisphereRegistrar
+    from spectral.registration import SpectralConfig, SpectralRegistrar
 
-    return HemisphereRegistrar(choose_device(setup.device), setup.grid, replace(config, **setup.changes))
-
-
-def _default(setup: Setup) -> Registrar:
-    from spectral.hemisphere_registration import HemisphereConfig
-
-    return _spectral(setup, HemisphereConfig())
+    return SpectralRegistrar(choose_device(setup.device), setup.grid, SpectralConfig(**setup.changes))
 
 
 def _hemisphere(setup: Setup) -> Registrar:
-    from spectral.hemisphere_registration import HemisphereConfig
+    from kernels.device import choose_device
+    from spectral.hemisphere_registration import HemisphereConfig, HemisphereRegistrar
 
-    return _spectral(setup, HemisphereConfig.paper())
+    config = replace(HemisphereConfig.paper(), **setup.changes)
+    return HemisphereRegistrar(choose_device(setup.device), setup.grid, config)
 
 
 def _planes(setup: Setup) -> Registrar:
@@ -146,8 +142,8 @@ def _gicp(setup: Setup) -> Registrar:
 # Name, as --method takes it -> method
 METHODS: Mapping[str, Method] = MappingProxyType(
     {
-        DEFAULT_METHOD: Method("the spectral registration with its defaults", _default, _DEFAULT),
-        "hemisphere": Method("the paper's chain: one yaw peak, no refinement", _hemisphere, _SPECTRAL),
+        DEFAULT_METHOD: Method("rotations from all of SO(3), verified by what the scans saw", _spectral, _SPECTRAL),
+        "hemisphere": Method("the paper's chain: one yaw peak, no refinement", _hemisphere, _HEMISPHERE),
         "planes": Method("plane patches, matched (Pathak et al. 2010)", _planes),
         "icp": Method("ICP point to point from the identity (Open3D)", _icp),
         "icp-plane": Method("ICP point to plane from the identity (Open3D)", _icp_plane),

@@ -9,7 +9,14 @@ import numpy as np
 import typer
 
 from kernels.errors import InputError
-from tools.cli.options import DEFAULT_EDGE, DEFAULT_MAX_TILT, DEFAULT_SEED, DEFAULT_YAW_PEAKS
+from tools.cli.options import (
+    DEFAULT_EDGE,
+    DEFAULT_HYPOTHESES,
+    DEFAULT_MAX_TILT,
+    DEFAULT_REFINEMENT,
+    DEFAULT_SEED,
+    DEFAULT_YAW_PEAKS,
+)
 from tools.cli.terminal import say
 from tools.methods import DEFAULT_METHOD, METHODS, Setup, find_method
 
@@ -17,6 +24,7 @@ if TYPE_CHECKING:
     from kernels.device import Device
     from spectral.grid import Grid
     from spectral.hemisphere_registration import HemisphereConfig
+    from spectral.registration import SpectralConfig
     from spectral.result import Registrar
     from spectral.scan import Scan
 
@@ -30,6 +38,8 @@ class Method:
         grid: voxels per edge; None for 128.
         voxel: edge of a voxel [m]; None for the one in which the largest scan fits.
         max_tilt: largest roll and pitch between two scans [deg].
+        hypotheses: how many rotations are followed.
+        refine: what makes the answer finer than voxels, "icp" or "spectral".
         yaw_peaks: how many yaw peaks are followed.
         strength: whether voxels are weighed by their echo strength.
         device: as `choose_device` takes it.
@@ -42,6 +52,8 @@ class Method:
     grid: int | None = None
     voxel: float | None = None
     max_tilt: float = DEFAULT_MAX_TILT
+    hypotheses: int = DEFAULT_HYPOTHESES
+    refine: str = DEFAULT_REFINEMENT
     yaw_peaks: int = DEFAULT_YAW_PEAKS
     strength: bool = False
     device: str | None = None
@@ -58,14 +70,14 @@ class Chosen:
         name: a key of METHODS.
         registrar: the method.
         grid: that the scans share; what is no spectral method knows its voxel alone.
-        config, device: of a spectral method; None for others.
+        config, device: of a method that runs on a device; None for others.
         seed: of a method that draws at random; None for others.
     """
 
     name: str
     registrar: "Registrar"
     grid: "Grid"
-    config: "HemisphereConfig | None" = None
+    config: "SpectralConfig | HemisphereConfig | None" = None
     device: "Device | None" = None
     seed: int | None = None
 
@@ -104,13 +116,14 @@ def build_registrar(scans: "Sequence[Scan]", method: Method) -> Chosen:
     """
     from spectral.grid import choose_grid
     from spectral.hemisphere_registration import HemisphereRegistrar
+    from spectral.registration import SpectralRegistrar
 
     if method.strength:
         _look_for_strength(scans)
     grid = choose_grid(scans, method.grid or DEFAULT_EDGE, method.voxel)
     found = find_method(method.name)
     registrar = found.make(Setup(grid, method.device, method.seed, _changes(method)))
-    if isinstance(registrar, HemisphereRegistrar):
+    if isinstance(registrar, SpectralRegistrar | HemisphereRegistrar):
         for note in registrar.device.notes:
             say(note)
         return Chosen(method.name, registrar, grid, registrar.config, registrar.device)
@@ -121,6 +134,8 @@ def _changes(method: Method) -> dict[str, Any]:
     """What the user's own options change in a spectral method's configuration."""
     values = {
         "max_tilt": ("max_tilt", float(np.deg2rad(method.max_tilt))),
+        "hypotheses": ("rotations", method.hypotheses),
+        "refine": ("refinement", method.refine),
         "yaw_peaks": ("yaw_peaks", method.yaw_peaks),
         "strength": ("use_strength", method.strength),
     }

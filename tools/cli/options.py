@@ -10,7 +10,10 @@ from kernels.errors import InputError
 from tools.methods import METHODS, find_method
 
 DEFAULT_EDGE = 128
-DEFAULT_YAW_PEAKS, MOST_YAW_PEAKS = 6, 32
+DEFAULT_HYPOTHESES, MOST_HYPOTHESES = 12, 64
+REFINEMENTS = ("icp", "spectral")
+DEFAULT_REFINEMENT = REFINEMENTS[0]
+DEFAULT_YAW_PEAKS, MOST_YAW_PEAKS = 1, 32
 DEFAULT_SEED = 0
 DEFAULT_MAX_TILT = 35.0  # [deg], the paper's range of roll and pitch (Sect. 2.7)
 
@@ -44,12 +47,27 @@ def _check_tilt(tilt: float) -> float:
     )
 
 
+def _check_hypotheses(count: int) -> int:
+    if 1 <= count <= MOST_HYPOTHESES:
+        return count
+    raise typer.BadParameter(
+        f"{count} rotations; wanted from 1 to {MOST_HYPOTHESES}. Use --hypotheses {DEFAULT_HYPOTHESES}, or more where "
+        "scans have little in common."
+    )
+
+
+def _check_refinement(name: str) -> str:
+    if name in REFINEMENTS:
+        return name
+    raise typer.BadParameter(f"{name!r}; wanted {' or '.join(REFINEMENTS)}. Leave it out for {DEFAULT_REFINEMENT}.")
+
+
 def _check_yaw_peaks(count: int) -> int:
     if 1 <= count <= MOST_YAW_PEAKS:
         return count
     raise typer.BadParameter(
-        f"{count} peaks; wanted from 1 to {MOST_YAW_PEAKS}. Use --yaw-peaks {DEFAULT_YAW_PEAKS}, or 1 for the paper's "
-        "method."
+        f"{count} peaks; wanted from 1 to {MOST_YAW_PEAKS}. Use --yaw-peaks 6, or leave it out for the paper's "
+        f"{DEFAULT_YAW_PEAKS}."
     )
 
 
@@ -126,8 +144,27 @@ MaxTiltOption = Annotated[
     typer.Option(
         "--max-tilt",
         metavar="DEG",
-        help="Largest roll and pitch of a pair \\[deg]; at most 85 are searched, answers beyond it are refused.",
+        help="Largest roll and pitch of a pair \\[deg], up to 180 (no bound); answers beyond it are refused. "
+        "--method hemisphere searches up to 85.",
         callback=_check_tilt,
+    ),
+]
+HypothesesOption = Annotated[
+    int,
+    typer.Option(
+        "--hypotheses",
+        metavar="K",
+        help=f"How many rotations are followed to where the scan would lie, 1..{MOST_HYPOTHESES}.",
+        callback=_check_hypotheses,
+    ),
+]
+RefineOption = Annotated[
+    str,
+    typer.Option(
+        "--refine",
+        metavar="HOW",
+        help="What makes the answer finer than voxels: icp, point to plane, or spectral, the translation's peak.",
+        callback=_check_refinement,
     ),
 ]
 YawPeaksOption = Annotated[
@@ -135,7 +172,7 @@ YawPeaksOption = Annotated[
     typer.Option(
         "--yaw-peaks",
         metavar="K",
-        help="How many yaw hypotheses are followed to the end; 1 is the paper.",
+        help="Of --method hemisphere: how many yaw peaks are followed to the end; 1 is the paper.",
         callback=_check_yaw_peaks,
     ),
 ]

@@ -8,16 +8,20 @@ import typer
 
 from tools.cli.method import Chosen, build_registrar, method_of
 from tools.cli.options import (
+    DEFAULT_HYPOTHESES,
     DEFAULT_MAX_TILT,
+    DEFAULT_REFINEMENT,
     DEFAULT_SEED,
     DEFAULT_YAW_PEAKS,
     DeviceOption,
     GridOption,
+    HypothesesOption,
     JsonOption,
     MaxTiltOption,
     MethodOption,
     PriorSigmasOption,
     PriorsOption,
+    RefineOption,
     SeedOption,
     StrengthOption,
     VoxelOption,
@@ -42,6 +46,8 @@ def command(
     grid: GridOption = None,
     voxel: VoxelOption = None,
     max_tilt: MaxTiltOption = DEFAULT_MAX_TILT,
+    hypotheses: HypothesesOption = DEFAULT_HYPOTHESES,
+    refine: RefineOption = DEFAULT_REFINEMENT,
     yaw_peaks: YawPeaksOption = DEFAULT_YAW_PEAKS,
     strength: StrengthOption = False,
     priors: PriorsOption = None,
@@ -82,15 +88,44 @@ def _as_json(registration: "Registration", chosen: Chosen) -> dict[str, object]:
         "T_target_source": registration.T_target_source.as_matrix().tolist(),
         "covariance": registration.covariance.tolist(),
         "accepted": registration.accepted,
-        "psr": registration.psr if math.isfinite(registration.psr) else None,
+        "probability": _or_null(registration.probability),
+        "psr": _or_null(registration.psr),
         "overlap": registration.overlap,
         "seconds": registration.seconds,
         "reason": registration.reason,
         "step_psr": dict(registration.step_psr),
+        "alternatives": [_alternative(one) for one in registration.alternatives],
         "method": chosen.name,
         "grid": chosen.edge,
         "voxel": chosen.grid.voxel,
     }
+
+
+def _doubts(registration: "Registration") -> dict[str, str]:
+    """How probable the answer is and how many others may be meant, of a method that knows."""
+    if not math.isfinite(registration.probability):
+        return {}
+    count = len(registration.alternatives)
+    others = f"{count} other {'answer' if count == 1 else 'answers'} could not be excluded"
+    return {
+        "probability": f"{registration.probability:.1%} that this transform is right",
+        "alternatives": others if count else "every other answer could be excluded",
+    }
+
+
+def _alternative(one: "Registration") -> dict[str, object]:
+    """Another hypothesis that could not be excluded."""
+    return {
+        "T_target_source": one.T_target_source.as_matrix().tolist(),
+        "covariance": one.covariance.tolist(),
+        "probability": _or_null(one.probability),
+        "psr": _or_null(one.psr),
+        "overlap": one.overlap,
+    }
+
+
+def _or_null(number: float) -> float | None:
+    return number if math.isfinite(number) else None
 
 
 def _print(registration: "Registration", chosen: Chosen) -> None:
@@ -107,6 +142,7 @@ def _print(registration: "Registration", chosen: Chosen) -> None:
     cube = f"{chosen.edge} x {chosen.edge} x {chosen.edge} " if chosen.edge else ""
     rows = {
         "because": registration.reason,
+        **_doubts(registration),
         "translation": f"{shift}  m",
         "rotation": f"yaw {yaw:+.2f}  roll {roll:+.2f}  pitch {pitch:+.2f}  degrees",
         "uncertainty": f"{np.rad2deg(rotation):.2f} degrees, {translation:.3f} m "

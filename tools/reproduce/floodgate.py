@@ -12,6 +12,7 @@ from kernels.device import Device
 from kernels.errors import InputError
 from spectral.grid import Grid
 from spectral.hemisphere_registration import HemisphereRegistrar
+from spectral.registration import SpectralRegistrar
 from spectral.result import Registrar
 from tools.methods import METHODS, build
 from tools.reproduce.experiment import Outcome, Section, Value
@@ -169,7 +170,7 @@ class Floodgate:
 
 def _finish(registrar: Registrar) -> None:
     """Wait for the device, so that what follows is timed alone."""
-    if isinstance(registrar, HemisphereRegistrar):
+    if isinstance(registrar, SpectralRegistrar | HemisphereRegistrar):
         registrar.device.queue.finish()
 
 

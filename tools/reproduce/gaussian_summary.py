@@ -13,7 +13,7 @@ from tools.reproduce.wilson import Rate, wilson
 # sigma^2 [m^2] -> the last scan up to which the paper's registrations succeed (Figs. 20, 21)
 PAPER_LAST: Mapping[float, int] = MappingProxyType({1.0: 8, 2.0: 6})
 STEPS = ("yaw", "tilt", "translation")
-FEW = HemisphereConfig().yaw_peaks  # as many yaw peaks as are followed by default
+FEW = HemisphereConfig().yaw_peaks  # as many yaw peaks as "six peaks" follows
 
 
 @dataclass(frozen=True, slots=True)

@@ -27,6 +27,6 @@ METHODS: MappingProxyType[str, Method] = MappingProxyType(
             HemisphereConfig.paper(),
         ),
         "one peak": Method("one yaw peak, the rotation refined", HemisphereConfig(yaw_peaks=1)),
-        "six peaks": Method("six yaw peaks, the rotation refined: the default", HemisphereConfig(yaw_peaks=6)),
+        "six peaks": Method("six yaw peaks, the rotation refined", HemisphereConfig(yaw_peaks=6)),
     }
 )

@@ -113,6 +113,7 @@ def registration_row(registration: Registration) -> dict[str, Any]:
         "roll_pitch_yaw_deg": [roll, pitch, yaw],
         "T_target_source": T.as_matrix(),
         "covariance": registration.covariance,
+        "probability": registration.probability,
         "psr": registration.psr,
         "step_psr": dict(registration.step_psr),
         "overlap": registration.overlap,
