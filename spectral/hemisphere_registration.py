@@ -19,7 +19,7 @@ from spectral.refine import search_rotation
 from spectral.result import Registration
 from spectral.scan import Scan
 from spectral.translation import Translation
-from spectral.uncertainty import covariance
+from spectral.uncertainty import peak_covariance
 
 
 @dataclass(frozen=True, slots=True)
@@ -192,7 +192,7 @@ class HemisphereRegistrar:
         accepted, reason = judge(best, rival, share, self.config.acceptance, self.config.max_tilt, self.grid)
         return Registration(
             T_target_source=RigidTransform.from_components(shift, R),
-            covariance=covariance(best.peak, R, source.volume.center, self.grid, self.hemisphere.tilt_bin),
+            covariance=peak_covariance(best.peak, R, source.volume.center, self.grid, self.hemisphere.tilt_bin),
             psr=best.peak.psr,
             overlap=share,
             accepted=accepted,

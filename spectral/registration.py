@@ -15,7 +15,7 @@ from spectral.acceptance import tilt_allowed
 from spectral.belief import Belief, believe
 from spectral.grid import Grid
 from spectral.hypothesis import largest_tilt
-from spectral.icp import Fit, refine
+from spectral.icp import refine
 from spectral.memory import require_memory
 from spectral.prepared import Prepared, Preparer
 from spectral.prior import RelativePrior, relative_prior
@@ -26,14 +26,14 @@ from spectral.scan import Scan
 from spectral.so3 import RotationPeaks, So3
 from spectral.surface import smooth_surface
 from spectral.uncertainty import fit_covariance
-from spectral.verification import Candidates, CoarseVolume, SpectralScan, Verified, Verifier
+from spectral.verification import Candidates, CoarseVolume, Refined, SpectralScan, Verified, Verifier
 
 Refinement = Literal["icp", "spectral"]
 
 # What a rotation of the correlation, and a shift of the coarse grid, may be off by until refined [rad; voxels].
 _ROTATION_SLACK, _SHIFT_SLACK = float(np.deg2rad(6.0)), 6.0
 # Reaches of the refinement's steps [voxels] and its points: out of a candidate's error, and on to the end.
-_ROUGH, _ROUGH_POINTS = (4.0, 4.0, 3.0, 3.0, 2.0, 2.0, 2.0, 2.0), 1000
+_ROUGH, _ROUGH_POINTS = (4.0, 3.0, 3.0, 2.0, 2.0, 2.0), 500
 _FINAL, _FINAL_POINTS = (3.0, 2.0, 2.0) + (1.5,) * 12, 3000
 
 
@@ -44,7 +44,8 @@ class SpectralConfig:
     Attributes:
         max_tilt: largest roll and largest pitch between two scans [rad] (Sect. 2.7); pi for any.
         rotations: how many distinct rotations are verified.
-        hypotheses: how many of the poses that these lead to are refined and compared to the end.
+        hypotheses: how many of the poses that these lead to are refined.
+        finalists: how many of them are compared on the whole grid.
         refinement: what makes the result finer than voxels and bins: "icp", point to plane on the surfaces, or
             "spectral", the translation's peak, which is climbed over the rotation.
         least_probability: what makes a registration believed.
@@ -53,14 +54,18 @@ class SpectralConfig:
 
     max_tilt: float = float(np.deg2rad(35.0))
     rotations: int = 12
-    hypotheses: int = 4
+    hypotheses: int = 6
+    finalists: int = 3
     refinement: Refinement = "icp"
     least_probability: float = 0.9
     use_strength: bool = False
 
     def __post_init__(self) -> None:
-        if self.rotations < 1 or self.hypotheses < 1:
-            raise InputError(f"rotations is {self.rotations}, hypotheses {self.hypotheses}; wanted at least 1 of each")
+        if min(self.rotations, self.hypotheses, self.finalists) < 1:
+            raise InputError(
+                f"rotations is {self.rotations}, hypotheses {self.hypotheses}, finalists {self.finalists}; wanted at "
+                "least 1 of each"
+            )
         if not 0 < self.max_tilt <= np.pi:
             raise InputError(f"--max-tilt {np.rad2deg(self.max_tilt):g}: wanted above 0 and up to 180 degrees")
         if self.refinement not in ("icp", "spectral"):
@@ -121,17 +126,12 @@ class SpectralRegistrar:
         candidates = self._within_prior(target, source, candidates, prior)
         if not len(candidates.psr):
             return self._nothing(start)
-        # the best few, refined, on the whole grid
-        found = []
-        for n in self._verifier.best(target, source, candidates, self.config.hypotheses):
-            fit = refine(
-                target.surface, source.surface, candidates.R[int(n)], candidates.shifts[n], _ROUGH, _ROUGH_POINTS
-            )
-            score = float(rotations.scores[candidates.turn[n]])
-            found.append(self._verifier.verify(target, source, fit, score, float(candidates.psr[n])))
+        # the best few, refined, and judged again on the whole grid
+        refined = self._refined(target, source, rotations, candidates)
+        found = [self._verifier.verify(target, source, one) for one in refined[: self.config.finalists]]
         found.sort(key=lambda one: -one.score)
         found[0] = self._settle(target, source, found[0])
-        return self._conclude(target, source, found, prior, start)
+        return self._conclude(target, source, found, refined, prior, start)
 
     def _rotations(self, target: SpectralScan, source: SpectralScan, prior: RelativePrior | None) -> RotationPeaks:
         """The best rotations that the vehicle and its instruments allow, and the one that these measured."""
@@ -160,6 +160,18 @@ class SpectralRegistrar:
             allowed[these] = prior.allows_shift(shifts, R, self._slack)
         return candidates.only(allowed)
 
+    def _refined(
+        self, target: SpectralScan, source: SpectralScan, rotations: RotationPeaks, candidates: Candidates
+    ) -> list[Refined]:
+        """The best candidates, polished roughly, best first."""
+        best = self._verifier.best(target, source, candidates, self.config.hypotheses)
+        fits = [
+            refine(target.surface, source.surface, candidates.R[int(n)], candidates.shifts[n], _ROUGH, _ROUGH_POINTS)
+            for n in best
+        ]
+        scores, psr = rotations.scores[candidates.turn[best]], candidates.psr[best]
+        return self._verifier.judge(target, source, fits, scores.tolist(), psr.tolist())
+
     def _settle(self, target: SpectralScan, source: SpectralScan, best: Verified) -> Verified:
         """The winner, refined to the end, and judged once more."""
         fit = refine(target.surface, source.surface, best.fit.R, best.fit.shift, _FINAL, _FINAL_POINTS)
@@ -168,19 +180,22 @@ class SpectralRegistrar:
             peak = translation.find_at(target.volume, source.volume, best.fit.R, best.fit.shift)
             R, peak = search_rotation(translation, target.volume, source.volume, best.fit.R, peak)
             near = peak.shift + self.grid.edge * np.rint((best.fit.shift - peak.shift) / self.grid.edge)
-            fit = Fit(R, near, fit.information, fit.residual, fit.pairs)
-        return self._verifier.verify(target, source, fit, best.rotation_score, best.coarse_psr)
+            fit = replace(fit, R=R, shift=near)
+        one = best.refined
+        judged = self._verifier.judge(target, source, [fit], [one.rotation_score], [one.coarse_psr])
+        return self._verifier.verify(target, source, judged[0])
 
     def _conclude(
         self,
         target: SpectralScan,
         source: SpectralScan,
         found: list[Verified],
+        refined: list[Refined],
         prior: RelativePrior | None,
         start: float,
     ) -> Registration:
         """The result: the best hypothesis, and beside it every other that cannot be excluded."""
-        beliefs = believe(found, self.grid.edge, self.config.least_probability)
+        beliefs = believe(found, refined, self.grid.edge, self.config.least_probability)
         best, *others = [
             self._registration(target, source, one, belief, prior)
             for one, belief in zip(found, beliefs, strict=True)
@@ -203,7 +218,11 @@ class SpectralRegistrar:
             seconds=0.0,
             reason=reason or belief.reason,
             probability=belief.probability if allowed else 0.0,
-            step_psr=(("rotation", one.rotation_score), ("coarse", one.coarse_psr), ("translation", one.psr)),
+            step_psr=(
+                ("rotation", one.refined.rotation_score),
+                ("coarse", one.refined.coarse_psr),
+                ("translation", one.psr),
+            ),
         )
 
     def _allowed(self, T_target_source: RigidTransform, prior: RelativePrior | None) -> tuple[bool, str]:

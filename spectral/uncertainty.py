@@ -1,7 +1,10 @@
-"""A first covariance: the translation's from the shape of its peak, the rotation's from the angular bin.
+"""How sure a registration is: 6x6 covariances of T_target_source.
 
-It is a plausible size, not a calibrated one.
+`peak_covariance` is a first size, for the paper's chain: the translation's from the shape of its peak, the rotation's
+from the angular bin. `fit_covariance` is calibrated, for what was refined on the surfaces.
 """
+
+from dataclasses import dataclass
 
 import numpy as np
 from scipy.spatial.transform import Rotation
@@ -9,6 +12,7 @@ from scipy.spatial.transform import Rotation
 from kernels.peak import Peak
 from spectral.grid import Grid
 from spectral.translation import peak_width
+from spectral.verification import Verified
 
 # A peak so many deviations high, for every voxel of the grid's edge, is placed to within the quantization alone; the
 # error of lower ones grows with the inverse of their height. On the 54 simulated pairs that this was chosen on, the
@@ -17,7 +21,9 @@ _CLEAR_PSR = 0.7
 _QUANTIZATION = 1.0 / 12.0  # variance of a number rounded to whole voxels or bins
 
 
-def covariance(peak: Peak, R_target_source: Rotation, center: np.ndarray, grid: Grid, bin_angle: float) -> np.ndarray:
+def peak_covariance(
+    peak: Peak, R_target_source: Rotation, center: np.ndarray, grid: Grid, bin_angle: float
+) -> np.ndarray:
     """The 6x6 covariance of T_target_source, rotation first, body tangent of the source's sensor frame [rad, m].
 
     Args:
@@ -35,7 +41,89 @@ def covariance(peak: Peak, R_target_source: Rotation, center: np.ndarray, grid: 
     about_center = np.zeros((6, 6))
     about_center[:3, :3] = rotation
     about_center[3:, 3:] = R.T @ width @ R
-    shift = np.eye(6)  # adjoint of the translation from the source's sensor to its grid center
+    return _at_sensor(about_center, center)
+
+
+@dataclass(frozen=True, slots=True)
+class Calibration:
+    """How far off refined registrations were, on simulated pairs; docs/registration.md tells on which.
+
+    The Hessian of the points' distances to the planes says along which directions a pose is fixed, and how well these
+    are relative to each other. Its scale is not that of independent points: neighbors share their plane, and what one
+    viewpoint sees of a voxel is not what another does. Directions that few normals point along are fixed less well than
+    the Hessian says, as normals of noisy points point everywhere a little.
+
+    Attributes:
+        scale: logarithm of the variance at 1 of everything below.
+        residual, overlap, points, consistency, psr: its powers of the rms distance to the planes [voxels], the share of
+            points in common, the points that took part in thousands, the consistency and the peak-to-sidelobe ratio.
+        weak, power: a direction's information per point m, 0..1, is taken for m (m / (m + weak))^power.
+        quantization: variance below which no direction's falls [voxels^2].
+    """
+
+    scale: float = 12.23
+    residual: float = 4.728
+    overlap: float = -0.440
+    points: float = 0.723
+    consistency: float = -3.184
+    psr: float = -0.990
+    weak: float = 0.261
+    power: float = 0.579
+    quantization: float = 1e-4
+
+    def variance(self, one: Verified) -> float:
+        """What the inverse of the Hessian is multiplied by [voxels^2]."""
+        fit = one.fit
+        logarithm = (
+            self.scale
+            + self.residual * np.log(max(fit.residual, 1e-2))
+            + self.overlap * np.log(max(one.overlap, 0.02))
+            + self.points * np.log(max(fit.pairs, 1.0) / 1000)
+            + self.consistency * np.log(max(one.refined.consistency, 0.05))
+            + self.psr * np.log(max(one.psr, 3.0))
+        )
+        return float(np.exp(logarithm))
+
+
+CALIBRATION = Calibration()
+
+
+def fit_covariance(one: Verified, center: np.ndarray, grid: Grid, calibration: Calibration = CALIBRATION) -> np.ndarray:
+    """The 6x6 covariance of T_target_source, rotation first, body tangent of the source's sensor frame [rad, m].
+
+    Rotation and translation are estimated jointly: along a wall that shows nothing else the variance is large, and for
+    a single plane that of three directions, though never beyond half a turn and the grid.
+
+    Args:
+        one: the refined hypothesis.
+        center: (3,) the source's grid center [m, source sensor frame].
+        grid: that both scans share.
+        calibration: of the scale.
+    """
+    unknown = np.diag(np.repeat([np.pi, float(grid.edge)], 3) ** -2.0)
+    fit = one.fit
+    total = float(np.trace(fit.information[3:, 3:]))  # normals are unit vectors: the weights' sum
+    if total <= 0:
+        about_center = np.linalg.inv(unknown)
+    else:
+        # turns in units of what they move the points by, so that directions can be compared
+        lever = np.sqrt(max(float(np.trace(fit.information[:3, :3])) / total, 1e-12))
+        units = np.repeat([lever, 1.0], 3)
+        share, axes = np.linalg.eigh(fit.information / np.outer(units, units) / total)
+        share = np.maximum(share, 1e-12)
+        share *= (share / (share + calibration.weak)) ** calibration.power
+        variances = calibration.variance(one) / (share * total) + calibration.quantization
+        information = (axes / variances) @ axes.T * np.outer(units, units)
+        about_center = np.linalg.inv(information + unknown)
+    # from a turn of the target's axes and a shift along them to the source's own
+    back = np.kron(np.eye(2), fit.R.as_matrix().T)
+    meters = np.repeat([1.0, grid.voxel], 3)
+    return _at_sensor(back @ about_center @ back.T * np.outer(meters, meters), center)
+
+
+def _at_sensor(about_center: np.ndarray, center: np.ndarray) -> np.ndarray:
+    """A covariance about the source's grid center (3,) [m], carried to its sensor: the adjoint of that translation."""
+    shift = np.eye(6)
     shift[3:, :3] = _cross(center)
     moved = shift @ about_center @ shift.T
     return (moved + moved.T) / 2

@@ -5,6 +5,7 @@ taken, each with what its periodic shift may mean; points before the other scan'
 distinct answers are refined and judged again on the whole grid. docs/registration.md has the figures.
 """
 
+from collections.abc import Sequence
 from dataclasses import dataclass
 from itertools import product
 
@@ -30,6 +31,8 @@ _FARTHEST = 0.92
 _COARSE, _FINE = (1.5, 0.03), (1.0, 0.01)
 # Hypotheses nearer than this are one [rad].
 _SAME_ROTATION = float(np.deg2rad(5.0))
+# Refined, they are one if they come this near to each other [rad; voxels].
+_ONE_ROTATION, _ONE_SHIFT = float(np.deg2rad(3.0)), 2.0
 # Of scans without a viewpoint so many candidates, those with the highest peaks, are judged by their points in common.
 _BY_POINTS, _POINTS = 60, 400
 # Points by which a refined hypothesis' overlap is told.
@@ -90,35 +93,50 @@ class Candidates:
 
 
 @dataclass(frozen=True, slots=True)
-class Verified:
-    """One hypothesis, refined, and all that speaks for and against it.
+class Refined:
+    """One hypothesis, refined, and what the views say to it.
 
     Attributes:
         fit: the refined pose and its information.
         rotation_score: of the rotation's peak, as `RotationPeaks` has it.
         coarse_psr: of the translation on the coarse grid, before the refinement.
-        psr: of the translation at the refined pose, on the whole grid.
-        agree, contradict: shares of points, as `Visibility` has them; NaN where no scan has a viewpoint.
-        overlap: share of points in common, the smaller of both ways.
+        consistency: how the views agree, 0..1; the overlap where no scan has a viewpoint.
     """
 
     fit: Fit
     rotation_score: float
     coarse_psr: float
-    psr: float
-    agree: float
-    contradict: float
-    overlap: float
-
-    @property
-    def consistency(self) -> float:
-        """How the views agree, 0..1; the overlap where there is no view."""
-        return float(self.overlap if np.isnan(self.agree) else consistency(self.agree, self.contradict))
+    consistency: float
 
     @property
     def score(self) -> float:
-        """What hypotheses are ranked by: both witnesses have to agree."""
-        return self.consistency * max(self.psr, 0.0)
+        """What decides which are verified on the whole grid: both witnesses have to agree."""
+        return self.consistency**2 * max(self.coarse_psr, 0.0)
+
+
+@dataclass(frozen=True, slots=True)
+class Verified:
+    """One hypothesis and all that speaks for and against it.
+
+    Attributes:
+        refined: the pose and its consistency.
+        psr: of the translation there, on the whole grid.
+        overlap: share of points in common, the smaller of both ways.
+    """
+
+    refined: Refined
+    psr: float
+    overlap: float
+
+    @property
+    def fit(self) -> Fit:
+        """The refined pose and its information."""
+        return self.refined.fit
+
+    @property
+    def score(self) -> float:
+        """What decides which wins, as `Refined.score`."""
+        return self.refined.consistency**2 * max(self.psr, 0.0)
 
 
 def consistency(agree: np.ndarray | float, contradict: np.ndarray | float) -> np.ndarray | float:
@@ -173,21 +191,35 @@ class Verifier:
                 break
         return np.array(kept, dtype=np.int64)
 
-    def verify(
-        self, target: SpectralScan, source: SpectralScan, fit: Fit, rotation_score: float, coarse_psr: float
-    ) -> Verified:
-        """The witnesses for and against a refined pose."""
-        seen = visibility(
-            self.device, target.image, source.image, Rotation.concatenate([fit.R]), fit.shift[None], *_FINE
-        )
+    def judge(
+        self,
+        target: SpectralScan,
+        source: SpectralScan,
+        fits: Sequence[Fit],
+        rotation_scores: Sequence[float],
+        coarse_psr: Sequence[float],
+    ) -> list[Refined]:
+        """What the views say to refined poses, best first; of those that came out at one place the best alone."""
+        if target.image.single or source.image.single:
+            R, shifts = Rotation.concatenate([fit.R for fit in fits]), np.array([fit.shift for fit in fits])
+            seen = visibility(self.device, target.image, source.image, R, shifts, *_FINE)
+            agreement = np.asarray(consistency(seen.agree, seen.contradict)).tolist()
+        else:
+            agreement = [self._overlap(target, source, fit.R, fit.shift, _OVERLAP_POINTS) for fit in fits]
+        found = [Refined(*all_of) for all_of in zip(fits, rotation_scores, coarse_psr, agreement, strict=True)]
+        distinct: list[Refined] = []
+        for one in sorted(found, key=lambda one: -one.score):
+            if not any(_alike(one.fit, other.fit) for other in distinct):
+                distinct.append(one)
+        return distinct
+
+    def verify(self, target: SpectralScan, source: SpectralScan, one: Refined) -> Verified:
+        """The translation's correlation on the whole grid, and the points in common."""
+        R, shift = one.fit.R, one.fit.shift
         return Verified(
-            fit=fit,
-            rotation_score=rotation_score,
-            coarse_psr=coarse_psr,
-            psr=self.translation.find_at(target.volume, source.volume, fit.R, fit.shift).psr,
-            agree=float(seen.agree[0]),
-            contradict=float(seen.contradict[0]),
-            overlap=self._overlap(target, source, fit.R, fit.shift, _OVERLAP_POINTS),
+            refined=one,
+            psr=self.translation.find_at(target.volume, source.volume, R, shift).psr,
+            overlap=self._overlap(target, source, R, shift, _OVERLAP_POINTS),
         )
 
     def _scores(self, target: SpectralScan, source: SpectralScan, candidates: Candidates) -> np.ndarray:
@@ -207,6 +239,11 @@ class Verifier:
         moved = R.apply(_sample(source.volume.surface, most)) + shift
         back = R.inv().apply(_sample(target.volume.surface, most) - shift)
         return min(share_near(target.volume, moved), share_near(source.volume, back))
+
+
+def _alike(a: Fit, b: Fit) -> bool:
+    turn = float((a.R.inv() * b.R).magnitude())
+    return turn <= _ONE_ROTATION and bool(np.linalg.norm(a.shift - b.shift) <= _ONE_SHIFT)
 
 
 def _sample(points: np.ndarray, most: int) -> np.ndarray:

@@ -7,7 +7,7 @@ from scipy.spatial.transform import RigidTransform, Rotation
 from kernels.peak import Peak
 from spectral.grid import Grid
 from spectral.translation import peak_width
-from spectral.uncertainty import covariance
+from spectral.uncertainty import peak_covariance as covariance
 
 
 def gaussian_peak(cov: np.ndarray, psr: float = 200.0) -> Peak:

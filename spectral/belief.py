@@ -1,0 +1,106 @@
+"""How probable it is that a hypothesis is right, and whether to believe it."""
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+import numpy as np
+
+from spectral.verification import Refined, Verified
+
+# Another answer at least this probable is kept beside the best.
+_POSSIBLE = 0.01
+
+
+@dataclass(frozen=True, slots=True)
+class Belief:
+    """What is thought of one hypothesis.
+
+    Attributes:
+        probability: that it is right, 0..1.
+        accepted: whether to believe it.
+        possible: whether it cannot be excluded.
+        reason: in words.
+    """
+
+    probability: float
+    accepted: bool
+    possible: bool
+    reason: str
+
+
+@dataclass(frozen=True, slots=True)
+class Logistic:
+    """The logarithm of the odds that a hypothesis is right, linear in the logarithms of what speaks for it.
+
+    By logistic regression on simulated pairs, related and unrelated; docs/registration.md tells on which, and how it
+    did on others.
+
+    Attributes:
+        odds: at 1 of everything below.
+        psr: power of the translation's peak-to-sidelobe ratio.
+        distinction: of its score over that of the next best on the whole grid.
+        consistency: of how the views agree.
+        rival: of that over the consistency of the most consistent other answer.
+    """
+
+    odds: float = -6.773
+    psr: float = 2.315
+    distinction: float = 1.712
+    consistency: float = 6.471
+    rival: float = 9.439
+
+    def probability(self, psr: float, distinction: float, consistency: float, rival: float) -> float:
+        """From the plain numbers."""
+        return float(
+            1.0
+            / (
+                np.exp(-self.odds)
+                * psr**-self.psr
+                * distinction**-self.distinction
+                * consistency**-self.consistency
+                * rival**-self.rival
+                + 1.0
+            )
+        )
+
+
+LOGISTIC = Logistic()
+
+
+def believe(
+    found: Sequence[Verified], refined: Sequence[Refined], edge: int, least: float, logistic: Logistic = LOGISTIC
+) -> list[Belief]:
+    """What to think of each hypothesis, in the light of the others.
+
+    Args:
+        found: verified on the whole grid, the best first.
+        refined: all hypotheses, also those that were not verified; the found are among them.
+        edge: voxels per edge of the grid. On larger ones false peaks stand higher above the rest.
+        least: the probability from which on a registration is believed.
+        logistic: the calibration.
+    """
+    beliefs = []
+    for one in found:
+        others = [other.score for other in found if other is not one]
+        views = [other.consistency for other in refined if not _same(other, one.refined)]
+        distinction = max(one.score, 0.3) / max([*others, 0.3])
+        consistency = max(one.refined.consistency, 0.02)
+        psr = one.psr / max(1.0, edge / 128) ** 0.75
+        probability = logistic.probability(max(psr, 3.0), distinction, consistency, consistency / max([*views, 0.02]))
+        accepted = probability >= least
+        beliefs.append(Belief(probability, accepted, probability >= _POSSIBLE, _reason(one, probability, least)))
+    return beliefs
+
+
+def _same(a: Refined, b: Refined) -> bool:
+    """Whether two stem from one candidate; the winner was refined further."""
+    return a.rotation_score == b.rotation_score and a.coarse_psr == b.coarse_psr
+
+
+def _reason(one: Verified, probability: float, least: float) -> str:
+    threshold = "" if probability >= least else f"; believed from {least:.0%} on"
+    return (
+        f"it is right with a probability of {probability:.1%}{threshold}: the translation's peak is {one.psr:.1f} "
+        f"standard deviations high, the views agree to {one.refined.consistency:.0%}, {one.overlap:.0%} of the points are "
+        "shared"
+    )
