@@ -101,6 +101,6 @@ def _reason(one: Verified, probability: float, least: float) -> str:
     threshold = "" if probability >= least else f"; believed from {least:.0%} on"
     return (
         f"it is right with a probability of {probability:.1%}{threshold}: the translation's peak is {one.psr:.1f} "
-        f"standard deviations high, the views agree to {one.refined.consistency:.0%}, {one.overlap:.0%} of the points are "
-        "shared"
+        f"standard deviations high, the views agree to {one.refined.consistency:.0%}, "
+        f"{one.overlap:.0%} of the points are shared"
     )
