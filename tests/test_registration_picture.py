@@ -1,10 +1,12 @@
 """What a registration saw: the maps beside what is known of them, and the picture's panels."""
 
+import json
 from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
 import pytest
+from clutter_scans import said, scan, sonarmap, write
 from scipy.spatial.transform import RigidTransform, Rotation
 
 from kernels.device import Device, choose_device
@@ -170,6 +172,36 @@ class TestPicture:
     def test_a_place_that_cannot_be_written_is_refused(self, seen: Seen, tmp_path: Path) -> None:
         with pytest.raises(InputError, match="a folder of that name"):
             draw_registration(tmp_path, seen[0])
+
+
+class TestOption:
+    def test_the_picture_lies_beside_the_result(self, tmp_path: Path) -> None:
+        pair = write(tmp_path, target=scan(0), source=scan(1))
+        plain, drawn = (
+            sonarmap("register", *pair, "--grid", "32", "--json", *more)
+            for more in ((), ("--picture", tmp_path / "new" / "pair.png"))
+        )
+        assert (drawn.exit_code, drawn.stderr) == (plain.exit_code, "")
+        drop = "seconds"
+        assert {k: v for k, v in json.loads(drawn.stdout).items() if k != drop} == {
+            k: v for k, v in json.loads(plain.stdout).items() if k != drop
+        }
+        assert (tmp_path / "new" / "pair.png").read_bytes().startswith(b"\x89PNG\r\n\x1a\n")
+
+    @pytest.mark.parametrize("method", ["hemisphere", "icp"])
+    def test_another_method_is_refused_before_the_scans_are_read(self, tmp_path: Path, method: str) -> None:
+        result = sonarmap("register", "no.ply", "none.ply", "--method", method, "--picture", tmp_path / "pair.png")
+        assert (result.exit_code, result.stdout) == (2, "")
+        said(result, f"--method {method} takes others", "use --method spectral")
+        assert not list(tmp_path.iterdir())
+
+    def test_bad_places_are_refused(self, tmp_path: Path) -> None:
+        pair = write(tmp_path, target=scan(0), source=scan(1))
+        (tmp_path / "folder.png").mkdir()
+        for place, words in (("pair.jpg", "ends in .png"), ("folder.png", "a folder of that name is there")):
+            result = sonarmap("register", *pair, "--grid", "32", "--picture", tmp_path / place)
+            assert (result.exit_code, result.stdout) == (2, "")
+            said(result, words)
 
 
 def headline(view: RegistrationView) -> str:

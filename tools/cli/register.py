@@ -27,6 +27,7 @@ from tools.cli.options import (
     VoxelOption,
     YawPeaksOption,
 )
+from tools.cli.picture import PictureOption, draw_picture, require_steps
 from tools.cli.priors import told_priors
 from tools.cli.terminal import printable, result_console, say
 from tools.methods import DEFAULT_METHOD
@@ -54,6 +55,7 @@ def command(
     prior_sigmas: PriorSigmasOption = None,
     device: DeviceOption = None,
     seed: SeedOption = DEFAULT_SEED,
+    picture: PictureOption = None,
     as_json: JsonOption = False,
 ) -> None:
     """Register SOURCE to TARGET: the transform between two scans, its uncertainty, and whether to believe it.
@@ -62,9 +64,13 @@ def command(
     not, 2 on bad input.
     """
     wanted = method_of(context)
+    require_steps(picture, wanted.name)
     scans = told_priors([_read(target), _read(source)], priors, prior_sigmas, strangers=True)
     chosen = build_registrar(scans, wanted)
-    registration = chosen.registrar.register(*(chosen.registrar.prepare(scan) for scan in scans))
+    onto, moved = (chosen.registrar.prepare(scan) for scan in scans)
+    registration = chosen.registrar.register(onto, moved)
+    if picture is not None:
+        draw_picture(picture, chosen.registrar, onto, moved, registration)
     if as_json:
         typer.echo(json.dumps(_as_json(registration, chosen), allow_nan=False))
     else:
