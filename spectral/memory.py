@@ -1,8 +1,16 @@
-"""What registrations need on the device, known before anything is allocated."""
+"""What registrations need on the device, known before anything is allocated: by either registrar."""
 
 from kernels.device import Device
 from kernels.errors import DeviceError
 from spectral.grid import EDGES
+
+# Tables and correlations over all rotations, of any tilt: the same on every grid.
+_ROTATIONS = 64 * 2**20
+_LARGEST_TABLE = 42 * 2**20
+# Points of a scan, on two grids: so many, at 16 bytes, are reckoned with.
+_POINTS = 2 * 16 * 200_000
+# The range image of a scan, and the points that are put into those of others.
+_VIEW = 2**18
 
 
 def require_memory(device: Device, edge: int) -> None:
@@ -13,37 +21,50 @@ def require_memory(device: Device, edge: int) -> None:
     """
     smaller = [e for e in reversed(EDGES) if e < edge]
     fitting = next((e for e in smaller if _fits(device, e)), None)
-    device.require(*_memory(edge), hint=f"--grid {fitting}" if fitting else "another device")
+    device.require(*needed_memory(edge), hint=f"--grid {fitting}" if fitting else "another device")
 
 
 def scans_that_fit(device: Device, edge: int) -> int:
     """How many prepared scans the device can hold beside what a pair needs."""
-    return max(0, device.memory - _scratch(edge)) // _prepared(edge)
+    return max(0, device.memory - _scratch(edge)) // prepared_memory(edge)
+
+
+def needed_memory(edge: int) -> tuple[int, int]:
+    """What a pair needs on a grid: its largest single array and all of them together [bytes]."""
+    largest = max(_half_spectrum(edge), _tilt_spectra(edge), _volume(edge), _LARGEST_TABLE)
+    return largest, 2 * prepared_memory(edge) + _scratch(edge)
+
+
+def prepared_memory(edge: int) -> int:
+    """One prepared scan [bytes]: points, spectrum, magnitudes; and its layers, or what the coarse grid needs."""
+    layers = _tilt_spectra(edge) * 7 // 4
+    coarse = _half_spectrum(max(edge // 2, 16)) + _VIEW
+    return _POINTS + _half_spectrum(edge) + _magnitude(edge) + max(layers, coarse)
 
 
 def _fits(device: Device, edge: int) -> bool:
     try:
-        device.require(*_memory(edge), hint="")
+        device.require(*needed_memory(edge), hint="")
     except DeviceError:
         return False
     return True
 
 
-def _memory(edge: int) -> tuple[int, int]:
-    """What a pair needs on a grid: its largest single array and all of them together [bytes]."""
-    largest = max(_half_spectrum(edge), _tilt_spectra(edge), 4 * edge**3)
-    return largest, 2 * _prepared(edge) + _scratch(edge)
-
-
-def _prepared(edge: int) -> int:
-    """One prepared scan [bytes]: its spectrum, its magnitudes, its layers."""
-    return (_half_spectrum(edge) + _tilt_spectra(edge)) * 3 // 2
-
-
 def _scratch(edge: int) -> int:
-    """What is used again by each pair [bytes]: volumes, spectra, stacks of layers."""
+    """What is used again by each pair [bytes]: volumes, spectra, and stacks of layers or what is known of rotations."""
     stack = 4 * 2 * _layers(edge) * edge**2
-    return 3 * 4 * edge**3 + 3 * _half_spectrum(edge) + 2 * stack + _tilt_spectra(edge)
+    hemisphere = 3 * _volume(edge) + 3 * _half_spectrum(edge) + 2 * stack + _tilt_spectra(edge)
+    # the coarse grid has an eighth as many voxels
+    rotations = (3 * _volume(edge) + 5 * _half_spectrum(edge) // 2) * 9 // 8 + _ROTATIONS
+    return max(hemisphere, rotations)
+
+
+def _volume(edge: int) -> int:
+    return 4 * edge**3
+
+
+def _magnitude(edge: int) -> int:
+    return 4 * edge**2 * (edge // 2 + 1)
 
 
 def _half_spectrum(edge: int) -> int:

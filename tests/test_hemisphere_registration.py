@@ -6,10 +6,9 @@ from scipy.spatial.transform import RigidTransform, Rotation
 from structures import difference, moved, structure
 
 from kernels.device import choose_device
-from kernels.errors import DeviceError, InputError
+from kernels.errors import InputError
 from spectral.grid import Grid, choose_grid
 from spectral.hemisphere_registration import HemisphereConfig, HemisphereRegistrar
-from spectral.memory import require_memory
 from spectral.result import Registration
 from spectral.scan import Scan
 
@@ -132,25 +131,6 @@ def test_config_refuses_what_makes_no_sense() -> None:
         HemisphereConfig(max_tilt=-1.0)
     with pytest.raises(TypeError):
         HemisphereConfig(peaks=3)  # pyright: ignore[reportCallIssue]
-
-
-def test_a_grid_too_large_says_what_is_needed_and_what_would_fit() -> None:
-    device = choose_device()
-    with pytest.raises(DeviceError, match=r"GiB on the device.*--grid 256"):
-        require_memory(_Small(device), 512)  # pyright: ignore[reportArgumentType]
-
-
-class _Small:
-    """A device of 1 GiB."""
-
-    def __init__(self, device) -> None:
-        self._device = device
-
-    name = "small"
-
-    def require(self, largest: int, total: int, hint: str) -> None:
-        if total > 2**30:
-            raise DeviceError(f"this needs {total / 2**30:.2f} GiB on the device. Use {hint}.")
 
 
 @pytest.mark.parametrize("index", [0, 3, 6])
