@@ -1,6 +1,5 @@
 """What a spectral registration saw, step by step: one PNG."""
 
-import math
 import textwrap
 import warnings
 from pathlib import Path
@@ -16,7 +15,7 @@ if TYPE_CHECKING:
     from matplotlib.figure import Figure
 
 _SIZE, _DPI = (14.4, 9.4), 110
-_LINE = 130  # characters of the headline's lines
+_LINE = 160  # characters of the headline's lines
 
 
 _LAYERS_TEXT = (
@@ -52,7 +51,7 @@ def registration_figure(view: RegistrationView) -> "Figure":
     draw_rotations(figure.add_subplot(grid[1, 0]), view)
     draw_translations(figure.add_subplot(grid[1, 1]), view)
     draw_after(figure.add_subplot(grid[1, 2]), view)
-    figure.suptitle(_headline(view.registration), fontsize=13)
+    figure.suptitle(_headline(view.registration), fontsize=12)
     return figure
 
 
@@ -73,10 +72,9 @@ def registration_caption(view: RegistrationView) -> str:
 
 
 def _headline(registration: Registration) -> str:
-    """The result in words."""
+    """The result and why it is believed or not, in words; the reason tells the probability."""
     yaw, pitch, roll = registration.T_target_source.rotation.as_euler("ZYX", degrees=True)
     x, y, z = registration.T_target_source.translation
-    verdict = "Accepted" if registration.accepted else "Not accepted"
-    sure = "" if math.isnan(registration.probability) else f" (probability {registration.probability:.1%})"
+    verdict = "Accepted" if registration.accepted else "NOT accepted"
     pose = f"yaw {yaw:+.1f}°, roll {roll:+.1f}°, pitch {pitch:+.1f}°;  x {x:+.2f} m, y {y:+.2f} m, z {z:+.2f} m"
-    return "\n".join([f"{verdict}{sure}:  {pose}", *textwrap.wrap(registration.reason, _LINE)])
+    return "\n".join([f"{verdict}:  {pose}", *textwrap.wrap(registration.reason, _LINE)])

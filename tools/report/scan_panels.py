@@ -21,7 +21,8 @@ _LONGEST = 24
 def draw_before(axes: "Axes", view: RegistrationView) -> None:
     """Both scans as they were seen, each in its own frame."""
     axes.set_title("1  Before: the scans from above, as they came")
-    _draw_both(axes, view, RigidTransform.identity())
+    labels = [_label(role, cloud.name) for role, cloud in (("target", view.target), ("source", view.source))]
+    _draw_both(axes, view, RigidTransform.identity(), labels)
     _mark_sensor(axes, np.zeros(3), "black", "both sensors")
     axes.legend(loc="upper left", fontsize=9, ncols=2, columnspacing=1.0, framealpha=0.9)
 
@@ -30,7 +31,7 @@ def draw_after(axes: "Axes", view: RegistrationView) -> None:
     """The source moved onto the target, and the points of either that stand before what the other saw."""
     T = view.registration.T_target_source
     axes.set_title("6  After: the source moved onto the target")
-    _draw_both(axes, view, T)
+    _draw_both(axes, view, T, ["target", "source"])
     target, source = view.target, view.source
     against = np.vstack([target.points[target.contradicting], T.apply(source.points[source.contradicting])])
     share = len(against) / (len(target.points) + len(source.points))
@@ -42,11 +43,11 @@ def draw_after(axes: "Axes", view: RegistrationView) -> None:
     axes.legend(loc="upper left", fontsize=9, ncols=2, columnspacing=1.0, framealpha=0.9)
 
 
-def _draw_both(axes: "Axes", view: RegistrationView, T_target_source: RigidTransform) -> None:
+def _draw_both(axes: "Axes", view: RegistrationView, T_target_source: RigidTransform, labels: list[str]) -> None:
     """Both scans in the target's frame."""
     moved = T_target_source.apply(view.source.points)
-    _draw(axes, view.target, view.target.points, Rotation.identity(), _TARGET, "target")
-    _draw(axes, view.source, moved, T_target_source.rotation, _SOURCE, "source")
+    _draw(axes, view.target, view.target.points, Rotation.identity(), _TARGET, labels[0])
+    _draw(axes, view.source, moved, T_target_source.rotation, _SOURCE, labels[1])
     ends = [np.quantile(points[:, :2], [_TRIM, 1 - _TRIM], axis=0) for points in (view.target.points, moved)]
     low = np.minimum(np.min([end[0] for end in ends], axis=0), 0.0)
     high = np.maximum(np.max([end[1] for end in ends], axis=0), 0.0)
@@ -60,13 +61,13 @@ def _draw_both(axes: "Axes", view: RegistrationView, T_target_source: RigidTrans
     axes.grid(alpha=0.25)
 
 
-def _draw(axes: "Axes", cloud: Cloud, points: np.ndarray, R: Rotation, color: str, role: str) -> None:
+def _draw(axes: "Axes", cloud: Cloud, points: np.ndarray, R: Rotation, color: str, label: str) -> None:
     """One scan; what lies, as the bed, is pale, so that what stands upon it is seen."""
     lying = cloud.lying(R)
     look: dict[str, Any] = {"color": color, "markersize": 1.6, "markeredgewidth": 0}
     axes.plot(*points[lying, :2].T, ".", alpha=0.15, **look)
     axes.plot(*points[~lying, :2].T, ".", alpha=0.6, zorder=3, **look)
-    axes.plot([], [], "o", color=color, label=role if cloud.name == role else f"{role}: {_shown(cloud.name)}")
+    axes.plot([], [], "o", color=color, label=label)
 
 
 def _mark_sensor(axes: "Axes", place: np.ndarray, color: str, label: str) -> None:
@@ -80,7 +81,9 @@ def _mark_sensor(axes: "Axes", place: np.ndarray, color: str, label: str) -> Non
     axes.plot(*place[:2], marker="^", color=color, label=label, **look)
 
 
-def _shown(name: str) -> str:
-    """A scan's name as one short line of text: a dollar sign begins no formula."""
+def _label(role: str, name: str) -> str:
+    """Role and name of a scan as one short line of text: a dollar sign begins no formula."""
+    if name == role:
+        return role
     name = name if len(name) <= _LONGEST else f"{name[: _LONGEST // 2]}…{name[-_LONGEST // 2 + 1 :]}"
-    return "".join(c if c.isprintable() else "?" for c in name).replace("$", r"\$")
+    return f"{role}: " + "".join(c if c.isprintable() else "?" for c in name).replace("$", r"\$")

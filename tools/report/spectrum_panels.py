@@ -84,6 +84,7 @@ def draw_rotations(axes: "Axes", view: RegistrationView) -> None:
     label = f"{answer}: yaw {place[0]:+.1f}°, tilt {place[1]:.1f}°"
     axes.plot(*place, markersize=13, markeredgecolor=_CHOSEN, markeredgewidth=2.2, label=label, **ring)
     axes.set(xlabel="yaw of the source [°]", ylabel="tilt: angle between the two verticals [°]")
+    axes.set_yticks([tick for tick in axes.get_yticks() if tick <= turns.tilts[-1]])
     # above the map there is room for the legend
     axes.set(xticks=range(-180, 181, 60), ylim=(0, 1.2 * turns.tilts[-1]), box_aspect=1)
     axes.legend(loc="upper left", fontsize=9, labelcolor="white", facecolor="0.3", framealpha=1.0)
