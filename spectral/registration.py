@@ -121,6 +121,8 @@ class SpectralRegistrar:
         prior = relative_prior(target.prior, source.prior)
         # where the spectra are alike over all rotations
         rotations = self._rotations(target, source, prior)
+        if not len(rotations.scores):
+            return self._nothing(start)
         # where the scan would lie under each, and what the views say to that
         candidates = self._verifier.candidates(target, source, rotations)
         candidates = self._within_prior(target, source, candidates, prior)
