@@ -14,7 +14,12 @@ STEPS = tuple(np.deg2rad([6.0, 3.0, 1.5, 0.7]))
 
 
 def search_rotation(
-    translation: Translation, target: Prepared, source: Prepared, R_target_source: Rotation, peak: Peak
+    translation: Translation,
+    target: Prepared,
+    source: Prepared,
+    R_target_source: Rotation,
+    peak: Peak,
+    stay: bool = False,
 ) -> tuple[Rotation, Peak]:
     """Climb to the rotation near the given one under which the translation's peak is highest.
 
@@ -24,21 +29,28 @@ def search_rotation(
     Args:
         R_target_source: where to begin.
         peak: of the translation, under this rotation.
+        stay: whether to follow this peak, step by step, and not the highest: for one that is known to be meant.
 
     Returns:
         The best rotation that was tried and its peak.
     """
     R = R_target_source
+
+    def found(turned: Rotation) -> Peak:
+        if stay:
+            return translation.find_at(target, source, turned, peak.shift)
+        return translation.find(target, source, turned)
+
     for step in STEPS:
         tried = [(R, peak)]
         top = np.zeros(3)
         for axis in range(3):
             turn = Rotation.from_rotvec(step * np.eye(3)[axis])
-            pair = [(side * R, translation.find(target, source, side * R)) for side in (turn.inv(), turn)]
+            pair = [(side * R, found(side * R)) for side in (turn.inv(), turn)]
             tried += pair
             top[axis] = step * _parabola_top(pair[0][1].psr, peak.psr, pair[1][1].psr)
         combined = Rotation.from_rotvec(top) * R
-        tried.append((combined, translation.find(target, source, combined)))
+        tried.append((combined, found(combined)))
         R, peak = max(tried, key=lambda entry: entry[1].psr)
     return R, peak
 

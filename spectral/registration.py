@@ -57,7 +57,7 @@ class SpectralConfig:
     hypotheses: int = 6
     finalists: int = 3
     refinement: Refinement = "icp"
-    least_probability: float = 0.9
+    least_probability: float = 0.95
     use_strength: bool = False
 
     def __post_init__(self) -> None:
@@ -180,7 +180,7 @@ class SpectralRegistrar:
         if self.config.refinement == "spectral":
             translation = self._verifier.translation
             peak = translation.find_at(target.volume, source.volume, best.fit.R, best.fit.shift)
-            R, peak = search_rotation(translation, target.volume, source.volume, best.fit.R, peak)
+            R, peak = search_rotation(translation, target.volume, source.volume, best.fit.R, peak, stay=True)
             near = peak.shift + self.grid.edge * np.rint((best.fit.shift - peak.shift) / self.grid.edge)
             fit = replace(fit, R=R, shift=near)
         one = best.refined

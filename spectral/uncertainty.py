@@ -48,41 +48,26 @@ def peak_covariance(
 class Calibration:
     """How far off refined registrations were, on simulated pairs; docs/registration.md tells on which.
 
-    The Hessian of the points' distances to the planes says along which directions a pose is fixed, and how well these
-    are relative to each other. Its scale is not that of independent points: neighbors share their plane, and what one
-    viewpoint sees of a voxel is not what another does. Directions that few normals point along are fixed less well than
-    the Hessian says, as normals of noisy points point everywhere a little.
+    The information that both scans' planes share says along which directions a pose is fixed, and how well these are
+    relative to each other. Its scale is not that of independent points: neighbors share their plane, and what one
+    viewpoint sees of a voxel is not what another does. The scale was fitted, by maximum likelihood.
 
     Attributes:
-        scale: logarithm of the variance at 1 of everything below.
-        residual, overlap, points, consistency, psr: its powers of the rms distance to the planes [voxels], the share of
-            points in common, the points that took part in thousands, the consistency and the peak-to-sidelobe ratio.
-        weak, power: a direction's information per point m, 0..1, is taken for m (m / (m + weak))^power.
-        quantization: variance below which no direction's falls [voxels^2].
+        scale: logarithm of the variance at 1 of the others.
+        residual, psr: its powers of the rms distance to the planes [voxels] and of the peak-to-sidelobe ratio.
+        quantization: no direction's variance falls below it [voxels^2]: a hundredth of a voxel is what the voxels'
+            means leave even where there is no noise.
     """
 
-    scale: float = 12.23
-    residual: float = 4.728
-    overlap: float = -0.440
-    points: float = 0.723
-    consistency: float = -3.184
-    psr: float = -0.990
-    weak: float = 0.261
-    power: float = 0.579
+    scale: float = 11.65
+    residual: float = 3.496
+    psr: float = -1.066
     quantization: float = 1e-4
 
     def variance(self, one: Verified) -> float:
-        """What the inverse of the Hessian is multiplied by [voxels^2]."""
-        fit = one.fit
-        logarithm = (
-            self.scale
-            + self.residual * np.log(max(fit.residual, 1e-2))
-            + self.overlap * np.log(max(one.overlap, 0.02))
-            + self.points * np.log(max(fit.pairs, 1.0) / 1000)
-            + self.consistency * np.log(max(one.refined.consistency, 0.05))
-            + self.psr * np.log(max(one.psr, 3.0))
-        )
-        return float(np.exp(logarithm))
+        """What the inverse of the information is multiplied by [voxels^2]."""
+        residual, psr = max(one.fit.residual, 1e-2), max(one.psr, 3.0)
+        return float(np.exp(self.scale) * residual**self.residual * psr**self.psr)
 
 
 CALIBRATION = Calibration()
@@ -102,17 +87,15 @@ def fit_covariance(one: Verified, center: np.ndarray, grid: Grid, calibration: C
     """
     unknown = np.diag(np.repeat([np.pi, float(grid.edge)], 3) ** -2.0)
     fit = one.fit
-    total = float(np.trace(fit.information[3:, 3:]))  # normals are unit vectors: the weights' sum
-    if total <= 0:
+    total, turns = fit.pairs, float(np.trace(fit.information[:3, :3]))
+    if total <= 0 or turns <= 0:
         about_center = np.linalg.inv(unknown)
     else:
         # turns in units of what they move the points by, so that directions can be compared
-        lever = np.sqrt(max(float(np.trace(fit.information[:3, :3])) / total, 1e-12))
+        lever = np.sqrt(turns / total)
         units = np.repeat([lever, 1.0], 3)
         share, axes = np.linalg.eigh(fit.information / np.outer(units, units) / total)
-        share = np.maximum(share, 1e-12)
-        share *= (share / (share + calibration.weak)) ** calibration.power
-        variances = calibration.variance(one) / (share * total) + calibration.quantization
+        variances = calibration.variance(one) / (np.maximum(share, 1e-12) * total) + calibration.quantization
         information = (axes / variances) @ axes.T * np.outer(units, units)
         about_center = np.linalg.inv(information + unknown)
     # from a turn of the target's axes and a shift along them to the source's own
