@@ -1,6 +1,7 @@
 """`sonarmap register` end to end: what it prints, and its exit codes."""
 
 import json
+from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
@@ -12,7 +13,7 @@ from surveys import KnowingRegistrar
 from spectral.grid import Grid
 from spectral.result import Registration
 from tools.cli.method import Chosen
-from tools.cli.register import _print
+from tools.cli.register import _as_json, _print
 from tools.writers import write_ply
 
 GRID = ("--grid", "64")
@@ -44,6 +45,43 @@ def test_a_good_pair_as_json(pair: list[str]) -> None:
     assert 0 < printed["overlap"] <= 1
     assert 0 < printed["seconds"] < 60
     assert printed["grid"] == 64
+
+
+def test_the_probability_and_what_else_may_be_meant(pair: list[str]) -> None:
+    printed = json.loads(sonarmap("register", *pair, *GRID, "--json").stdout)
+    assert 0.9 <= printed["probability"] <= 1
+    for other in printed["alternatives"]:
+        assert other.keys() == {"T_target_source", "covariance", "probability", "psr", "overlap"}
+        assert other["probability"] <= printed["probability"]
+    paper = json.loads(sonarmap("register", *pair, *GRID, "--method", "hemisphere", "--json").stdout)
+    assert (paper["probability"], paper["alternatives"]) == (None, [])
+
+
+def test_alternatives_are_told(capsys: pytest.CaptureFixture[str]) -> None:
+    def one(x: float, probability: float, *others: Registration) -> Registration:
+        T = RigidTransform.from_translation([x, 0, 0])
+        return Registration(T, np.eye(6), 50.0, 0.5, True, 0.1, "so", probability, alternatives=others)
+
+    chosen = Chosen("spectral", KnowingRegistrar(T_WORLD_SENSOR, np.eye(6)), Grid(64, 0.5))
+    found = one(1, 0.934, one(2, 0.05), one(3, float("nan")))
+    printed = _as_json(found, chosen)
+    assert printed["probability"] == 0.934
+    others = printed["alternatives"]
+    assert isinstance(others, list)
+    assert [(other["T_target_source"][0][3], other["probability"]) for other in others] == [(2, 0.05), (3, None)]
+    told = {2: "2 other answers could not be excluded", 1: "1 other answer could", 0: "every other answer could be"}
+    for count, words in told.items():
+        _print(replace(found, alternatives=found.alternatives[:count]), chosen)
+        printed = " ".join(capsys.readouterr().out.split())
+        assert "93.4%" in printed
+        assert words in printed
+    _print(replace(found, probability=float("nan")), chosen)
+    assert "probab" not in capsys.readouterr().out
+
+
+def test_how_many_rotations_are_followed_and_how_they_are_refined(pair: list[str]) -> None:
+    for options in (("--hypotheses", "1"), ("--refine", "spectral")):
+        check_transform(json.loads(sonarmap("register", *pair, *GRID, *options, "--json").stdout))
 
 
 def test_a_good_pair_in_words(pair: list[str]) -> None:
