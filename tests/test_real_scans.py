@@ -1,7 +1,7 @@
 """Real scans, where the folder of shared data lies beside the checkout: RGB-D fragments with truth, a real sonar."""
 
 import json
-from itertools import pairwise
+from itertools import combinations, pairwise
 from pathlib import Path
 
 import numpy as np
@@ -10,7 +10,12 @@ from scipy.spatial.transform import RigidTransform
 from structures import difference
 from typer.testing import CliRunner
 
+from spectral.grid import Grid, choose_grid
+from spectral.result import Registration
+from spectral.scan import Scan
 from tools.cli.main import app
+from tools.methods import build
+from tools.readers import read_scans
 from tools.readers.tum import read_tum
 
 SHARED = Path(__file__).parents[2] / "shared" / "data"
@@ -39,6 +44,52 @@ def true_transforms() -> dict[tuple[int, int], RigidTransform]:
         (int(head[0]), int(head[1])): RigidTransform.from_matrix(np.array(matrix, dtype=float))
         for head, *matrix in (rows[n : n + 5] for n in range(0, len(rows), 5))
     }
+
+
+def registrations(*inputs: Path) -> tuple[list[Scan], Grid, dict[tuple[int, int], Registration]]:
+    """Every pair of the scans by the default method, with nothing but its defaults."""
+    scans = read_scans(inputs).scans
+    grid = choose_grid(scans)
+    registrar = build("spectral", grid)
+    prepared = [registrar.prepare(scan) for scan in scans]
+    pairs = combinations(range(len(scans)), 2)
+    return scans, grid, {(i, j): registrar.register(prepared[i], prepared[j]) for i, j in pairs}
+
+
+@pytest.mark.skipif(not KITCHEN.is_dir(), reason="shared/data/redkitchen is not beside the checkout")
+def test_kitchen_fragments_are_registered_as_the_truth_has_them() -> None:
+    """All pairs within 3 degrees, and within a voxel at the middle of the source's points; all believed.
+
+    The fragments lie 1 to 4 m before their origin, so that a degree moves the origin by a voxel or two.
+    """
+    scans, grid, found = registrations(*sorted(KITCHEN.glob("*.ply")))
+    truth = true_transforms()
+    for (i, j), registration in found.items():
+        T = registration.T_target_source
+        middle = scans[j].points.mean(axis=0)
+        angle, origin = difference(T, truth[i, j])
+        off = float(np.linalg.norm(T.apply(middle) - truth[i, j].apply(middle)))
+        print(
+            f"fragments {i}, {j}: {angle:.2f} degrees, {off / grid.voxel:.2f} voxels of {grid.voxel:.4f} m, "
+            f"{origin / grid.voxel:.2f} at the origin; probability {registration.probability:.4f}"
+        )
+        assert registration.accepted
+        assert angle < 3
+        assert off < grid.voxel
+
+
+@pytest.mark.skipif(not SHIP.is_file(), reason="shared/data/sonar3d15 is not beside the checkout")
+def test_frames_of_a_sonar_agree_with_their_mean_chain(tmp_path: Path) -> None:
+    """Each of the 15 pairs of six frames within 1 degree and 3 cm of what the optimized chain says; all believed."""
+    _, _, found = registrations(SHIP)
+    _, poses = survey(tmp_path, SHIP)
+    differences = [difference(found[i, j].T_target_source, poses[i].inv() * poses[j]) for i, j in found]
+    angle, distance = np.max(differences, axis=0)
+    print(f"{len(differences)} pairs, at most {angle:.2f} degrees and {100 * distance:.1f} cm from the mean chain")
+    assert all(registration.accepted for registration in found.values())
+    assert len(differences) == 15
+    assert angle < 1
+    assert distance < 0.03
 
 
 @pytest.mark.skipif(not KITCHEN.is_dir(), reason="shared/data/redkitchen is not beside the checkout")
