@@ -29,12 +29,11 @@ class Acceptance:
 
 
 def tilt_allowed(R_target_source: Rotation, max_tilt: float) -> np.ndarray:
-    """Whether roll and pitch keep to the bound [rad], but for 3 degrees that the estimate may be off: bool, () or (n,).
+    """Whether roll and pitch keep to the bound [rad], but for 3 degrees that the estimate may be off.
 
-    Pitch is at most 90 degrees however a scan lies; a bound of 90 or more is none at all.
+    Returns:
+        bool of shape () for one rotation, (n,) for a stack.
     """
-    if max_tilt >= np.pi / 2:
-        return np.ones(R_target_source.as_quat().shape[:-1], dtype=bool)
     return largest_tilt(R_target_source) <= max_tilt + _TILT_SLACK
 
 

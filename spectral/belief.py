@@ -79,22 +79,30 @@ def believe(
         least: the probability from which on a registration is believed.
         logistic: the calibration.
     """
-    beliefs = []
-    for one in found:
-        others = [other.score for other in found if other is not one]
-        views = [other.consistency for other in refined if not _same(other, one.refined)]
-        distinction = max(one.score, 0.3) / max([*others, 0.3])
-        consistency = max(one.refined.consistency, 0.02)
-        psr = one.psr / max(1.0, edge / 128) ** 0.75
-        probability = logistic.probability(max(psr, 3.0), distinction, consistency, consistency / max([*views, 0.02]))
-        accepted = probability >= least
-        beliefs.append(Belief(probability, accepted, probability >= _POSSIBLE, _reason(one, probability, least)))
-    return beliefs
+    probabilities = np.array([_probability(one, found, refined, edge, logistic) for one in found])
+    # one answer at most is right: what the best leaves is all that the others can have
+    left, others = 1 - probabilities[0], probabilities[1:].sum()
+    if others > left:
+        probabilities[1:] *= left / others
+    return [
+        Belief(float(p), bool(p >= least), bool(p >= _POSSIBLE), _reason(one, float(p), least))
+        for one, p in zip(found, probabilities, strict=True)
+    ]
 
 
-def _same(a: Refined, b: Refined) -> bool:
-    """Whether two stem from one candidate; the winner was refined further."""
-    return a.rotation_score == b.rotation_score and a.coarse_psr == b.coarse_psr
+def _probability(
+    one: Verified, found: Sequence[Verified], refined: Sequence[Refined], edge: int, logistic: Logistic
+) -> float:
+    """That this hypothesis is right, each other being its rival."""
+    scores = [other.score for other in found if other is not one]
+    views = [other.consistency for other in refined if other.origin.candidate != one.refined.origin.candidate]
+    consistency = max(one.refined.consistency, 0.02)
+    return logistic.probability(
+        psr=max(one.psr / max(1.0, edge / 128) ** 0.75, 3.0),
+        distinction=max(one.score, 0.3) / max([*scores, 0.3]),
+        consistency=consistency,
+        rival=consistency / max([*views, 0.02]),
+    )
 
 
 def _reason(one: Verified, probability: float, least: float) -> str:

@@ -57,13 +57,15 @@ def range_image(device: Device, points: np.ndarray, surface: np.ndarray, viewpoi
     view[seen, 1] = ranges[first + np.ceil(_FAR * (count - 1)).astype(np.int64)]
     median = np.repeat(ranges[first + count // 2], count)
     agreeing = np.abs(ranges - median) <= _SPREAD + _SLOPE * ranges
+    # a point alone in its cell agrees with itself, and tells nothing
+    shared = np.repeat(count > 1, count)
     sample = surface[:: max(1, len(surface) // _SAMPLE)]
     return RangeImage(
         viewpoint=viewpoint,
         view=device.to_device(view.reshape(_EDGE, _EDGE, 2)),
         sample=upload_points(device, sample),
         count=len(sample),
-        single=bool(agreeing.mean() >= _SINGLE),
+        single=not shared.any() or bool(agreeing[shared].mean() >= _SINGLE),
     )
 
 

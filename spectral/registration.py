@@ -11,14 +11,13 @@ from kernels.device import Device
 from kernels.errors import InputError
 from kernels.spectrum import Pomf
 from kernels.voxelize import voxelize
-from spectral.acceptance import tilt_allowed
 from spectral.belief import Belief, believe
+from spectral.bounds import Bounds
 from spectral.grid import Grid
-from spectral.hypothesis import largest_tilt
-from spectral.icp import refine
+from spectral.icp import Fit, refine
 from spectral.memory import require_memory
 from spectral.prepared import Prepared, Preparer
-from spectral.prior import RelativePrior, relative_prior
+from spectral.prior import relative_prior
 from spectral.range_image import range_image
 from spectral.refine import search_rotation
 from spectral.result import Registration
@@ -118,61 +117,55 @@ class SpectralRegistrar:
     def register(self, target: SpectralScan, source: SpectralScan) -> Registration:
         """Find T_target_source; `probability` says how sure it is the right one, `accepted` whether to believe it."""
         start = perf_counter()
-        prior = relative_prior(target.prior, source.prior)
+        bounds = Bounds(self.config.max_tilt, relative_prior(target.prior, source.prior), self.grid.voxel)
         # where the spectra are alike over all rotations
-        rotations = self._rotations(target, source, prior)
+        rotations = self._rotations(target, source, bounds)
         if not len(rotations.scores):
             return self._nothing(start)
         # where the scan would lie under each, and what the views say to that
         candidates = self._verifier.candidates(target, source, rotations)
-        candidates = self._within_prior(target, source, candidates, prior)
+        candidates = self._bounded(target, source, candidates, bounds)
         if not len(candidates.psr):
             return self._nothing(start)
         # the best few, refined, and judged again on the whole grid
-        refined = self._refined(target, source, rotations, candidates)
+        refined = self._refined(target, source, candidates, bounds)
         found = [self._verifier.verify(target, source, one) for one in refined[: self.config.finalists]]
         found.sort(key=lambda one: -one.score)
         found[0] = self._settle(target, source, found[0])
-        return self._conclude(target, source, found, refined, prior, start)
+        return self._conclude(target, source, found, refined, bounds, start)
 
-    def _rotations(self, target: SpectralScan, source: SpectralScan, prior: RelativePrior | None) -> RotationPeaks:
-        """The best rotations that the vehicle and its instruments allow, and the one that these measured."""
-
-        def allowed(R: Rotation) -> np.ndarray:
-            may = tilt_allowed(R, self.config.max_tilt)
-            return may if prior is None else may & prior.allows(R, _ROTATION_SLACK)
-
-        found = self.so3.candidates(target.coefficients, source.coefficients, self.config.rotations, allowed)
-        measured = None if prior is None else prior.R_target_source
+    def _rotations(self, target: SpectralScan, source: SpectralScan, bounds: Bounds) -> RotationPeaks:
+        """The best rotations that may be meant, and the one that the instruments measured."""
+        count = self.config.rotations
+        found = self.so3.candidates(target.coefficients, source.coefficients, count, bounds.allow_rotations)
+        measured = bounds.measured
         if measured is None:
             return found
         return RotationPeaks(Rotation.concatenate([found.R, measured]), np.append(found.scores, 0.0))
 
-    def _within_prior(
-        self, target: SpectralScan, source: SpectralScan, candidates: Candidates, prior: RelativePrior | None
+    def _bounded(
+        self, target: SpectralScan, source: SpectralScan, candidates: Candidates, bounds: Bounds
     ) -> Candidates:
-        """Those candidates whose shift the depths and positions allow."""
-        if prior is None or not len(candidates.psr):
-            return candidates
+        """Those candidates whose shift may be meant."""
         allowed = np.zeros(len(candidates.psr), dtype=bool)
         for turn in np.unique(candidates.turn):
             these = np.flatnonzero(candidates.turn == turn)
             R = candidates.R[int(these[0])]
-            shifts = self._shift(target, source, R, candidates.shifts[these])
-            allowed[these] = prior.allows_shift(shifts, R, self._slack)
+            allowed[these] = bounds.allow_shifts(R, self._shift(target, source, R, candidates.shifts[these]))
         return candidates.only(allowed)
 
     def _refined(
-        self, target: SpectralScan, source: SpectralScan, rotations: RotationPeaks, candidates: Candidates
+        self, target: SpectralScan, source: SpectralScan, candidates: Candidates, bounds: Bounds
     ) -> list[Refined]:
-        """The best candidates, polished roughly, best first."""
+        """The best candidates, polished roughly, best first; impossible ones only where there are no others."""
         best = self._verifier.best(target, source, candidates, self.config.hypotheses)
         fits = [
             refine(target.surface, source.surface, candidates.R[int(n)], candidates.shifts[n], _ROUGH, _ROUGH_POINTS)
             for n in best
         ]
-        scores, psr = rotations.scores[candidates.turn[best]], candidates.psr[best]
-        return self._verifier.judge(target, source, fits, scores.tolist(), psr.tolist())
+        judged = self._verifier.judge(target, source, fits, [candidates.origin(n) for n in best])
+        possible = [one for one in judged if not bounds.refusal(self._transform(target, source, one.fit))]
+        return possible or judged
 
     def _settle(self, target: SpectralScan, source: SpectralScan, best: Verified) -> Verified:
         """The winner, refined to the end, and judged once more."""
@@ -184,8 +177,7 @@ class SpectralRegistrar:
             near = peak.shift + self.grid.edge * np.rint((best.fit.shift - peak.shift) / self.grid.edge)
             fit = replace(fit, R=R, shift=near)
         one = best.refined
-        judged = self._verifier.judge(target, source, [fit], [one.rotation_score], [one.coarse_psr])
-        return self._verifier.verify(target, source, judged[0])
+        return self._verifier.verify(target, source, self._verifier.judge(target, source, [fit], [one.origin])[0])
 
     def _conclude(
         self,
@@ -193,60 +185,47 @@ class SpectralRegistrar:
         source: SpectralScan,
         found: list[Verified],
         refined: list[Refined],
-        prior: RelativePrior | None,
+        bounds: Bounds,
         start: float,
     ) -> Registration:
         """The result: the best hypothesis, and beside it every other that cannot be excluded."""
         beliefs = believe(found, refined, self.grid.edge, self.config.least_probability)
         best, *others = [
-            self._registration(target, source, one, belief, prior)
+            self._registration(target, source, one, belief, bounds)
             for one, belief in zip(found, beliefs, strict=True)
             if one is found[0] or belief.possible
         ]
         return replace(best, alternatives=tuple(others), seconds=perf_counter() - start)
 
     def _registration(
-        self, target: SpectralScan, source: SpectralScan, one: Verified, belief: Belief, prior: RelativePrior | None
+        self, target: SpectralScan, source: SpectralScan, one: Verified, belief: Belief, bounds: Bounds
     ) -> Registration:
         """One hypothesis as a registration between the sensor frames."""
-        T = RigidTransform.from_components(self._shift(target, source, one.fit.R, one.fit.shift), one.fit.R)
-        allowed, reason = self._allowed(T, prior)
+        T = self._transform(target, source, one.fit)
+        refusal = bounds.refusal(T)
         return Registration(
             T_target_source=T,
             covariance=fit_covariance(one, source.volume.center, self.grid),
             psr=one.psr,
             overlap=one.overlap,
-            accepted=belief.accepted and allowed,
+            accepted=belief.accepted and not refusal,
             seconds=0.0,
-            reason=reason or belief.reason,
-            probability=belief.probability if allowed else 0.0,
+            reason=refusal or belief.reason,
+            probability=0.0 if refusal else belief.probability,
             step_psr=(
-                ("rotation", one.refined.rotation_score),
-                ("coarse", one.refined.coarse_psr),
+                ("rotation", one.refined.origin.rotation_score),
+                ("coarse", one.refined.origin.coarse_psr),
                 ("translation", one.psr),
             ),
         )
 
-    def _allowed(self, T_target_source: RigidTransform, prior: RelativePrior | None) -> tuple[bool, str]:
-        """Whether the vehicle could do this, once the pose is refined; and if not, why."""
-        R, t = T_target_source.rotation, T_target_source.translation
-        if not tilt_allowed(R, self.config.max_tilt):
-            return False, (
-                f"roll or pitch is {np.rad2deg(largest_tilt(R)):.0f} degrees; believed up to --max-tilt "
-                f"{np.rad2deg(self.config.max_tilt):g}"
-            )
-        if prior is not None and not (prior.allows(R, _ROTATION_SLACK) and prior.allows_shift(t, R, self._slack)):
-            return False, "it contradicts the scans' priors by more than four standard deviations"
-        return True, ""
+    def _transform(self, target: SpectralScan, source: SpectralScan, fit: Fit) -> RigidTransform:
+        """T_target_source between the sensor frames."""
+        return RigidTransform.from_components(self._shift(target, source, fit.R, fit.shift), fit.R)
 
     def _shift(self, target: SpectralScan, source: SpectralScan, R: Rotation, shift: np.ndarray) -> np.ndarray:
         """Where the source's sensor is in the target's frame (..., 3) [m], from shifts between the grids [voxels]."""
         return target.volume.center + shift * self.grid.voxel - R.apply(source.volume.center)
-
-    @property
-    def _slack(self) -> float:
-        """What a coarse shift may be off by [m]."""
-        return _SHIFT_SLACK * self.grid.voxel
 
     def _nothing(self, start: float) -> Registration:
         """The answer where priors leave no candidate: none, and nothing known."""

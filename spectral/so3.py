@@ -47,8 +47,8 @@ class So3:
         self._harmonics = Harmonics(_BANDWIDTH, latitudes, longitudes)
         self._directions = upload_directions(device, self._harmonics.directions)
         self._radii = np.linspace(_LAYERS[0] * edge / 2, min(_LAYERS[1] * edge / 2, edge / 2 - 1.01), _COUNT)
-        # roll and pitch both at the bound carry the z axis this far
-        farthest = np.arccos(np.cos(min(max_tilt, np.pi / 2)) ** 2) if max_tilt < np.pi / 2 else np.pi
+        # roll and pitch both at the bound carry the z axis this far; beyond a right angle one alone does
+        farthest = np.arccos(np.cos(max_tilt) ** 2) if max_tilt < np.pi / 2 else max_tilt
         self._correlation = RotationCorrelation(device, _BANDWIDTH, farthest)
 
     def prepare(self, magnitude: Array) -> np.ndarray:
@@ -79,7 +79,11 @@ class So3:
         """
         correlation = self.correlate(target, source)
         index, _ = segment_peaks(self.device, correlation)
-        index = index[index[:, 0] < len(self._correlation.betas)][:_LOOKED_AT]
+        index = index[index[:, 0] < len(self._correlation.betas)]
+        R = self._correlation.rotations(index)
+        index = index[allowed(R)][:_LOOKED_AT]
+        if not len(index):
+            return RotationPeaks(R[:0], np.empty(0))
         index, values = _refined(correlation.get(), index)
         R = self._correlation.rotations(index)
         kept = _distinct(R, np.flatnonzero(allowed(R)), count)

@@ -28,7 +28,7 @@ _PEAKS, _SEPARATION = 8, 2.0
 # A shift longer than this along an axis leaves the scans nothing in common [share of the grid's edge].
 _FARTHEST = 0.92
 # How far from the surface a point may lie, while the rotation is 2 degrees off and once refined [voxels; of the range].
-_COARSE, _FINE = (1.5, 0.03), (1.0, 0.01)
+_COARSE, FINE = (1.5, 0.03), (1.0, 0.01)
 # Hypotheses nearer than this are one [rad].
 _SAME_ROTATION = float(np.deg2rad(5.0))
 # Refined, they are one if they come this near to each other [rad; voxels].
@@ -79,17 +79,38 @@ class Candidates:
         R: the rotations.
         shifts: (n, 3) p_target = R p_source + shift about the grid centers [voxels].
         psr: of the translation's coarse peak.
+        scores: of the rotation's peak, as `RotationPeaks` has it.
     """
 
     turn: np.ndarray
     R: Rotation
     shifts: np.ndarray
     psr: np.ndarray
+    scores: np.ndarray
 
     def only(self, allowed: np.ndarray) -> "Candidates":
         """Those for which (n,) bool is true."""
         R = self.R[allowed]  # pyright: ignore[reportArgumentType]
-        return Candidates(self.turn[allowed], R, self.shifts[allowed], self.psr[allowed])
+        return Candidates(self.turn[allowed], R, self.shifts[allowed], self.psr[allowed], self.scores[allowed])
+
+    def origin(self, n: int) -> "Origin":
+        """Where hypothesis n comes from."""
+        return Origin(int(n), float(self.scores[n]), float(self.psr[n]))
+
+
+@dataclass(frozen=True, slots=True)
+class Origin:
+    """The candidate that a hypothesis comes from.
+
+    Attributes:
+        candidate: which of the candidates.
+        rotation_score: of the rotation's peak, as `RotationPeaks` has it.
+        coarse_psr: of the translation on the coarse grid, before the refinement.
+    """
+
+    candidate: int
+    rotation_score: float
+    coarse_psr: float
 
 
 @dataclass(frozen=True, slots=True)
@@ -98,20 +119,18 @@ class Refined:
 
     Attributes:
         fit: the refined pose and its information.
-        rotation_score: of the rotation's peak, as `RotationPeaks` has it.
-        coarse_psr: of the translation on the coarse grid, before the refinement.
+        origin: the candidate that it comes from.
         consistency: how the views agree, 0..1; the overlap where no scan has a viewpoint.
     """
 
     fit: Fit
-    rotation_score: float
-    coarse_psr: float
+    origin: Origin
     consistency: float
 
     @property
     def score(self) -> float:
         """What decides which are verified on the whole grid: both witnesses have to agree."""
-        return self.consistency**2 * max(self.coarse_psr, 0.0)
+        return self.consistency**2 * max(self.origin.coarse_psr, 0.0)
 
 
 @dataclass(frozen=True, slots=True)
@@ -169,7 +188,7 @@ class Verifier:
                 ratios += [peak.psr] * len(meanings)
         index = np.array(turns, dtype=np.int64)
         R = rotations.R[index]  # pyright: ignore[reportArgumentType]
-        return Candidates(index, R, np.concatenate(shifts), np.array(ratios))
+        return Candidates(index, R, np.concatenate(shifts), np.array(ratios), rotations.scores[index])
 
     def _meanings(self, shift: np.ndarray) -> np.ndarray:
         """(n, 3): the shifts that a cyclic one means and that leave the scans something in common."""
@@ -192,21 +211,16 @@ class Verifier:
         return np.array(kept, dtype=np.int64)
 
     def judge(
-        self,
-        target: SpectralScan,
-        source: SpectralScan,
-        fits: Sequence[Fit],
-        rotation_scores: Sequence[float],
-        coarse_psr: Sequence[float],
+        self, target: SpectralScan, source: SpectralScan, fits: Sequence[Fit], origins: Sequence[Origin]
     ) -> list[Refined]:
         """What the views say to refined poses, best first; of those that came out at one place the best alone."""
         if target.image.single or source.image.single:
             R, shifts = Rotation.concatenate([fit.R for fit in fits]), np.array([fit.shift for fit in fits])
-            seen = visibility(self.device, target.image, source.image, R, shifts, *_FINE)
+            seen = visibility(self.device, target.image, source.image, R, shifts, *FINE)
             agreement = np.asarray(consistency(seen.agree, seen.contradict)).tolist()
         else:
             agreement = [self._overlap(target, source, fit.R, fit.shift, _OVERLAP_POINTS) for fit in fits]
-        found = [Refined(*all_of) for all_of in zip(fits, rotation_scores, coarse_psr, agreement, strict=True)]
+        found = [Refined(*all_of) for all_of in zip(fits, origins, agreement, strict=True)]
         distinct: list[Refined] = []
         for one in sorted(found, key=lambda one: -one.score):
             if not any(_alike(one.fit, other.fit) for other in distinct):

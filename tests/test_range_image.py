@@ -53,6 +53,14 @@ def test_a_second_surface_behind_the_first_is_no_view(device: Device, inner: int
     assert image(device, points).single is single
 
 
+@pytest.mark.parametrize("count", [1500, 6000])
+def test_two_sparse_surfaces_are_no_view_either(device: Device, count: int) -> None:
+    """Most points are alone in their cells, and would agree with themselves."""
+    points = np.vstack([shell(20.0, 1, count), shell(12.0, 2, count)])
+    assert not image(device, points).single
+    assert image(device, shell(20.0, 1, count)).single
+
+
 class TestVisibility:
     """A wall all around the target's sensor at 20 voxels; the source shows a part of another."""
 

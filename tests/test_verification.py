@@ -13,7 +13,7 @@ from spectral.icp import Fit
 from spectral.registration import SpectralRegistrar
 from spectral.scan import Scan
 from spectral.so3 import RotationPeaks
-from spectral.verification import Candidates, SpectralScan, Verifier, consistency
+from spectral.verification import Candidates, Origin, SpectralScan, Verifier, consistency
 
 EDGE, VOXEL = 64, 0.5
 HERE, THERE = above(-5, 3, 12), above(4.0, -6.0, 13, 25, 4, -7)
@@ -62,6 +62,11 @@ class TestConsistency:
         assert (np.diff(consistency(0.5, shares)) < 0).all()
 
 
+def origins(*scores: float) -> list[Origin]:
+    """Of candidates 0, 1, ... with these scores of their rotations."""
+    return [Origin(n, score, 20.0) for n, score in enumerate(scores)]
+
+
 class TestCandidates:
     def test_the_true_shift_is_named_under_the_true_rotation(self, verifier, pair) -> None:
         found = verifier.candidates(*pair, peaks(WRONG, TRUE.rotation))
@@ -79,11 +84,15 @@ class TestCandidates:
 
     def test_those_that_are_wanted_are_kept_in_order(self) -> None:
         R = Rotation.from_euler("Z", [[0], [10], [20], [30]], degrees=True)
-        all_four = Candidates(np.array([0, 1, 2, 3]), R, np.arange(12.0).reshape(4, 3), np.array([9.0, 8, 7, 6]))
+        scores = np.array([0.4, 0.3, 0.2, 0.1])
+        all_four = Candidates(
+            np.array([0, 1, 2, 3]), R, np.arange(12.0).reshape(4, 3), np.array([9.0, 8, 7, 6]), scores
+        )
         some = all_four.only(np.array([False, True, False, True]))
         assert some.turn.tolist() == [1, 3]
         np.testing.assert_array_equal(some.shifts, [[3, 4, 5], [9, 10, 11]])
         assert some.psr.tolist() == [8, 6]
+        assert some.origin(1) == Origin(1, 0.1, 6.0)
         np.testing.assert_allclose(some.R.as_euler("ZYX", degrees=True)[:, 0], [10, 30])
         assert len(all_four.only(np.zeros(4, dtype=bool)).psr) == 0
 
@@ -104,20 +113,20 @@ class TestCandidates:
 class TestWitnesses:
     def test_the_true_pose_is_told_from_one_that_is_off(self, verifier, pair) -> None:
         fits = [fit(TRUE.rotation, shift_of(pair) + np.array([0, 0, 6.0])), fit(TRUE.rotation, shift_of(pair))]
-        best, other = verifier.judge(*pair, fits, [0.1, 0.9], [20.0, 20.0])
+        best, other = verifier.judge(*pair, fits, origins(0.1, 0.9))
         assert best.fit is fits[1]
         assert best.consistency > 0.8 > 2 * other.consistency
-        assert (best.rotation_score, best.coarse_psr) == (0.9, 20.0)
+        assert best.origin == Origin(1, 0.9, 20.0)
 
     def test_poses_that_came_out_at_one_place_are_one(self, verifier, pair) -> None:
         turned = Rotation.from_rotvec([0, 0, 0.02]) * TRUE.rotation
         fits = [fit(turned, shift_of(pair) + 1.0), fit(TRUE.rotation, shift_of(pair)), fit(WRONG, shift_of(pair))]
-        kept = verifier.judge(*pair, fits, [0.5, 0.4, 0.3], [20.0, 20.0, 20.0])
+        kept = verifier.judge(*pair, fits, origins(0.5, 0.4, 0.3))
         assert [one.fit for one in kept] == [fits[1], fits[2]]
 
     def test_on_the_whole_grid_only_the_true_pose_has_a_peak(self, verifier, pair) -> None:
         fits = [fit(TRUE.rotation, shift_of(pair)), fit(WRONG, shift_of(pair))]
-        right, wrong = (verifier.verify(*pair, one) for one in verifier.judge(*pair, fits, [0.5, 0.4], [20.0, 20.0]))
+        right, wrong = (verifier.verify(*pair, one) for one in verifier.judge(*pair, fits, origins(0.5, 0.4)))
         assert right.fit is fits[0]
         assert right.psr > 30 > 10 > wrong.psr
         assert right.overlap > 0.35
@@ -126,9 +135,9 @@ class TestWitnesses:
     def test_without_a_view_the_points_in_common_are_the_witness(self, verifier, pair) -> None:
         blind = tuple(replace(scan, image=replace(scan.image, single=False)) for scan in pair)
         fits = [fit(TRUE.rotation, shift_of(pair))]
-        judged = verifier.judge(*blind, fits, [0.5], [20.0])[0]
+        judged = verifier.judge(*blind, fits, origins(0.5))[0]
         assert judged.consistency == verifier.verify(*pair, judged).overlap
-        assert judged.consistency != verifier.judge(*pair, fits, [0.5], [20.0])[0].consistency
+        assert judged.consistency != verifier.judge(*pair, fits, origins(0.5))[0].consistency
         found = verifier.candidates(*blind, peaks(WRONG, TRUE.rotation))
         best = verifier.best(*blind, found, 1)
         assert np.linalg.norm(found.shifts[best[0]] - shift_of(pair)) < 3.0

@@ -8,12 +8,13 @@ from scipy.spatial.transform import RigidTransform, Rotation
 from kernels.sphere import rotational_unwrap, sample, upload_directions
 from kernels.visibility import octahedral_cells
 from spectral.acceptance import tilt_allowed
+from spectral.bounds import ROTATION_SLACK
 from spectral.prior import relative_prior
 from spectral.range_image import RangeImage
 from spectral.registration import SpectralRegistrar
 from spectral.result import Registration
 from spectral.translation import Translation
-from spectral.verification import SpectralScan
+from spectral.verification import FINE, SpectralScan
 from tools.report.rotation_map import RotationMap, map_rotations
 from tools.report.translation_slice import TranslationSlice, slice_translation
 
@@ -22,10 +23,6 @@ _RADIUS = 0.4
 _PIXELS = 128
 # A surface whose normal is nearer to the vertical than this lies rather than stands, as a bed does [cosine].
 _LYING = 0.8
-# What the registration gives the priors for a rotation that is not refined yet [rad].
-_SLACK = float(np.deg2rad(6.0))
-# How far before the other scan's surface a point contradicts it, as in the registration [voxels; of the range].
-_REACH, _SLOPE = 1.0, 0.01
 
 
 @dataclass(frozen=True, slots=True)
@@ -119,7 +116,8 @@ def contradicting(image: RangeImage, points: np.ndarray) -> np.ndarray:
     ranges = np.linalg.norm(beams, axis=1)
     view = image.view.get()
     nearest, farthest = view.reshape(-1, 2)[octahedral_cells(beams, len(view))].T
-    return (farthest >= 0) & (ranges < nearest - (_REACH + _SLOPE * ranges))
+    reach, slope = FINE
+    return (farthest >= 0) & (ranges < nearest - (reach + slope * ranges))
 
 
 def _layer(registrar: SpectralRegistrar, scan: SpectralScan) -> np.ndarray:
@@ -141,7 +139,7 @@ def _followed(registrar: SpectralRegistrar, target: SpectralScan, source: Spectr
 
     def allowed(R: Rotation) -> np.ndarray:
         may = tilt_allowed(R, config.max_tilt)
-        return may if prior is None else may & prior.allows(R, _SLACK)
+        return may if prior is None else may & prior.allows(R, ROTATION_SLACK)
 
     return registrar.so3.candidates(target.coefficients, source.coefficients, config.rotations, allowed).R
 
