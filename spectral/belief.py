@@ -2,13 +2,17 @@
 
 from collections.abc import Sequence
 from dataclasses import dataclass
+from math import erf, sqrt
 
 import numpy as np
 
+from spectral.grid import Grid
 from spectral.verification import Refined, Verified
 
 # Another answer at least this probable is kept beside the best.
 _POSSIBLE = 0.01
+# A registration is right within these of the truth [rad; voxels].
+_RIGHT_TURN, _RIGHT_SHIFT = float(np.deg2rad(6.0)), 3.0
 
 
 @dataclass(frozen=True, slots=True)
@@ -16,7 +20,7 @@ class Belief:
     """What is thought of one hypothesis.
 
     Attributes:
-        probability: that it is right, 0..1.
+        probability: that it is right, 0..1: within 6 degrees and 3 voxels of the truth.
         accepted: whether to believe it.
         possible: whether it cannot be excluded.
         reason: in words.
@@ -68,26 +72,42 @@ LOGISTIC = Logistic()
 
 
 def believe(
-    found: Sequence[Verified], refined: Sequence[Refined], edge: int, least: float, logistic: Logistic = LOGISTIC
+    found: Sequence[Verified],
+    refined: Sequence[Refined],
+    covariances: Sequence[np.ndarray],
+    grid: Grid,
+    least: float,
+    logistic: Logistic = LOGISTIC,
 ) -> list[Belief]:
     """What to think of each hypothesis, in the light of the others.
+
+    The right hypothesis may still leave the pose open, as along a wall: the probability is that of the hypothesis,
+    times that of an error, under its covariance, that is still right.
 
     Args:
         found: verified on the whole grid, the best first.
         refined: all hypotheses, also those that were not verified; the found are among them.
-        edge: voxels per edge of the grid. On larger ones false peaks stand higher above the rest.
+        covariances: (6, 6) each, of the found [rad, m].
+        grid: that both scans share. On larger ones false peaks stand higher above the rest.
         least: the probability from which on a registration is believed.
         logistic: the calibration.
     """
-    probabilities = np.array([_probability(one, found, refined, edge, logistic) for one in found])
+    probabilities = np.array([_probability(one, found, refined, grid.edge, logistic) for one in found])
     # one answer at most is right: what the best leaves is all that the others can have
     left, others = 1 - probabilities[0], probabilities[1:].sum()
     if others > left:
         probabilities[1:] *= left / others
-    return [
-        Belief(float(p), bool(p >= least), bool(p >= _POSSIBLE), _reason(one, float(p), least))
-        for one, p in zip(found, probabilities, strict=True)
-    ]
+    beliefs = []
+    for one, hypothesis, covariance in zip(found, probabilities.tolist(), covariances, strict=True):
+        p = hypothesis * _kept_within(covariance, grid.voxel)
+        beliefs.append(Belief(p, p >= least, hypothesis >= _POSSIBLE, _reason(one, p, least)))
+    return beliefs
+
+
+def _kept_within(covariance: np.ndarray, voxel: float) -> float:
+    """The probability that turn and shift are right, each along its least sure direction."""
+    turn, shift = (sqrt(np.linalg.eigvalsh(part)[-1]) for part in (covariance[:3, :3], covariance[3:, 3:]))
+    return erf(_RIGHT_TURN / (sqrt(2) * turn)) * erf(_RIGHT_SHIFT * voxel / (sqrt(2) * shift))
 
 
 def _probability(

@@ -189,23 +189,30 @@ class SpectralRegistrar:
         start: float,
     ) -> Registration:
         """The result: the best hypothesis, and beside it every other that cannot be excluded."""
-        beliefs = believe(found, refined, self.grid.edge, self.config.least_probability)
+        covariances = [fit_covariance(one, source.volume.center, self.grid) for one in found]
+        beliefs = believe(found, refined, covariances, self.grid, self.config.least_probability)
         best, *others = [
-            self._registration(target, source, one, belief, bounds)
-            for one, belief in zip(found, beliefs, strict=True)
+            self._registration(target, source, one, covariance, belief, bounds)
+            for one, covariance, belief in zip(found, covariances, beliefs, strict=True)
             if one is found[0] or belief.possible
         ]
         return replace(best, alternatives=tuple(others), seconds=perf_counter() - start)
 
     def _registration(
-        self, target: SpectralScan, source: SpectralScan, one: Verified, belief: Belief, bounds: Bounds
+        self,
+        target: SpectralScan,
+        source: SpectralScan,
+        one: Verified,
+        covariance: np.ndarray,
+        belief: Belief,
+        bounds: Bounds,
     ) -> Registration:
         """One hypothesis as a registration between the sensor frames."""
         T = self._transform(target, source, one.fit)
         refusal = bounds.refusal(T)
         return Registration(
             T_target_source=T,
-            covariance=fit_covariance(one, source.volume.center, self.grid),
+            covariance=covariance,
             psr=one.psr,
             overlap=one.overlap,
             accepted=belief.accepted and not refusal,

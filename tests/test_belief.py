@@ -1,13 +1,14 @@
 """Whom to believe: the probability, what it falls with, and the answers that cannot be excluded."""
 
 from dataclasses import replace
+from math import erf
 
 import numpy as np
 import pytest
 from scipy.spatial.transform import RigidTransform, Rotation
 
 from kernels.device import choose_device
-from spectral.belief import LOGISTIC, believe
+from spectral.belief import LOGISTIC, Belief, believe
 from spectral.grid import Grid, choose_grid
 from spectral.icp import Fit
 from spectral.registration import SpectralRegistrar
@@ -24,6 +25,12 @@ def hypothesis(psr: float, consistency: float, number: int) -> Verified:
     return Verified(Refined(fit, Origin(number, 0.4, 20.0), consistency), psr, 0.5)
 
 
+def think(found: list[Verified], *unverified: Verified, edge: int = 128, sigma: float = 0.01) -> list[Belief]:
+    """Of these hypotheses, on voxels of 0.5 m, each sure to sigma [rad, m]."""
+    refined = [one.refined for one in (*found, *unverified)]
+    return believe(found, refined, [np.eye(6) * sigma**2] * len(found), Grid(edge, 0.5), 0.95)
+
+
 @pytest.mark.parametrize("witness", CLEAR)
 def test_the_probability_falls_with_every_witness(witness: str) -> None:
     clear = LOGISTIC.probability(**CLEAR)
@@ -31,10 +38,22 @@ def test_the_probability_falls_with_every_witness(witness: str) -> None:
     assert LOGISTIC.probability(**{**CLEAR, witness: CLEAR[witness] / 2}) < clear
 
 
+def test_a_pose_that_is_left_open_is_not_believed() -> None:
+    """3 voxels are 1.5 m: as many standard deviations hold 68.3 % within one, 95.4 % within two."""
+    best = hypothesis(80, 0.85, 1)
+    sure, one, two = (think([best], sigma=sigma)[0].probability for sigma in (0.01, 1.5, 0.75))
+    assert sure > 0.99
+    turn = {sigma: erf(np.deg2rad(6) / sigma / np.sqrt(2)) for sigma in (1.5, 0.75)}
+    assert one == pytest.approx(sure * 0.6827 * turn[1.5], rel=1e-3)
+    assert two == pytest.approx(sure * 0.9545 * turn[0.75], rel=1e-3)
+    assert not think([best], sigma=0.75)[0].accepted
+    assert think([best], sigma=0.75)[0].possible
+
+
 def test_a_rival_makes_both_doubtful() -> None:
-    alone = believe([hypothesis(60, 0.8, 1)], [hypothesis(60, 0.8, 1).refined], 128, 0.95)
+    alone = think([hypothesis(60, 0.8, 1)])
     pair = [hypothesis(60, 0.8, 1), hypothesis(58, 0.8, 2)]
-    both = believe(pair, [one.refined for one in pair], 128, 0.95)
+    both = think(pair)
     assert alone[0].accepted
     assert not both[0].accepted
     assert both[1].possible
@@ -45,20 +64,20 @@ def test_a_rival_makes_both_doubtful() -> None:
 def test_several_answers_are_never_more_probable_than_one() -> None:
     """A twin of the same peak, which the shift's wrap makes, is a rival like any other."""
     found = [hypothesis(60, 0.8, 1), hypothesis(20, 0.8, 2), hypothesis(19, 0.8, 3)]
-    beliefs = believe(found, [one.refined for one in found], 128, 0.95)
+    beliefs = think(found)
     assert sum(belief.probability for belief in beliefs) <= 1 + 1e-12
 
 
 def test_a_consistent_rival_counts_even_where_its_peak_was_not_looked_at() -> None:
     best = hypothesis(60, 0.6, 1)
-    quiet = believe([best], [best.refined], 128, 0.95)[0].probability
-    doubted = believe([best], [best.refined, hypothesis(5, 0.9, 2).refined], 128, 0.95)[0].probability
+    quiet = think([best])[0].probability
+    doubted = think([best], hypothesis(5, 0.9, 2))[0].probability
     assert doubted < quiet
 
 
 def test_a_large_grid_asks_for_higher_peaks() -> None:
     best = hypothesis(12, 0.4, 1)
-    small, large = (believe([best], [best.refined], edge, 0.95)[0].probability for edge in (128, 256))
+    small, large = (think([best], edge=edge)[0].probability for edge in (128, 256))
     assert large < small
 
 
@@ -87,7 +106,7 @@ def test_a_room_alike_from_both_ends_is_refused_and_both_answers_are_kept() -> N
     yaws = [np.rad2deg((one.T_target_source.rotation * T.rotation.inv()).magnitude()) for one in turns]
     assert min(yaws) < 3
     assert max(yaws) > 177
-    assert all(0.01 <= one.probability < 0.95 for one in turns)
+    assert all(0 < one.probability < 0.95 for one in turns)
     assert all(np.linalg.eigvalsh(one.covariance).min() > 0 for one in turns)
 
 

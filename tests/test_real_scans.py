@@ -46,7 +46,7 @@ def true_transforms() -> dict[tuple[int, int], RigidTransform]:
     }
 
 
-def registrations(*inputs: Path) -> tuple[list[Scan], Grid, dict[tuple[int, int], Registration]]:
+def registrations(*inputs: Path) -> tuple[tuple[Scan, ...], Grid, dict[tuple[int, int], Registration]]:
     """Every pair of the scans by the default method, with nothing but its defaults."""
     scans = read_scans(inputs).scans
     grid = choose_grid(scans)
