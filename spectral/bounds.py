@@ -10,7 +10,7 @@ from spectral.hypothesis import largest_tilt
 from spectral.prior import RelativePrior
 
 # What a rotation of the correlation, and a shift of the coarse grid, may be off by, not being refined [rad; voxels].
-ROTATION_SLACK, _SHIFT_SLACK = float(np.deg2rad(6.0)), 6.0
+_ROTATION_SLACK, _SHIFT_SLACK = float(np.deg2rad(6.0)), 6.0
 
 
 @dataclass(frozen=True, slots=True)
@@ -35,7 +35,7 @@ class Bounds:
     def allow_rotations(self, R_target_source: Rotation) -> np.ndarray:
         """Which of n rotations may be meant, (n,) bool."""
         allowed = tilt_allowed(R_target_source, self.max_tilt)
-        return allowed if self.prior is None else allowed & self.prior.allows(R_target_source, ROTATION_SLACK)
+        return allowed if self.prior is None else allowed & self.prior.allows(R_target_source, _ROTATION_SLACK)
 
     def allow_shifts(self, R_target_source: Rotation, shifts: np.ndarray) -> np.ndarray:
         """Which of the places of the source's sensor in the target's frame (n, 3) [m] may be meant, (n,) bool."""

@@ -7,8 +7,7 @@ from scipy.spatial.transform import RigidTransform, Rotation
 
 from kernels.sphere import rotational_unwrap, sample, upload_directions
 from kernels.visibility import octahedral_cells
-from spectral.acceptance import tilt_allowed
-from spectral.bounds import ROTATION_SLACK
+from spectral.bounds import Bounds
 from spectral.prior import relative_prior
 from spectral.range_image import RangeImage
 from spectral.registration import SpectralRegistrar
@@ -135,13 +134,10 @@ def _turns(registrar: SpectralRegistrar, target: SpectralScan, source: SpectralS
 
 def _followed(registrar: SpectralRegistrar, target: SpectralScan, source: SpectralScan) -> Rotation:
     """The rotations that the registration verified."""
-    prior, config = relative_prior(target.prior, source.prior), registrar.config
-
-    def allowed(R: Rotation) -> np.ndarray:
-        may = tilt_allowed(R, config.max_tilt)
-        return may if prior is None else may & prior.allows(R, ROTATION_SLACK)
-
-    return registrar.so3.candidates(target.coefficients, source.coefficients, config.rotations, allowed).R
+    config = registrar.config
+    bounds = Bounds(config.max_tilt, relative_prior(target.prior, source.prior), registrar.grid.voxel)
+    count, allowed = config.rotations, bounds.allow_rotations
+    return registrar.so3.candidates(target.coefficients, source.coefficients, count, allowed).R
 
 
 def _shifts(
