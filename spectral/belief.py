@@ -2,12 +2,12 @@
 
 from collections.abc import Sequence
 from dataclasses import dataclass
-from math import erf, sqrt
+from math import erf, exp, log, sqrt
 
 import numpy as np
 
 from spectral.grid import Grid
-from spectral.verification import Refined, Verified
+from spectral.verification import Verified
 
 # Another answer at least this probable is kept beside the best.
 _POSSIBLE = 0.01
@@ -34,38 +34,35 @@ class Belief:
 
 @dataclass(frozen=True, slots=True)
 class Logistic:
-    """The logarithm of the odds that a hypothesis is right, linear in the logarithms of what speaks for it.
+    """The probability that a hypothesis is right: that the scans show one place so clearly, times that it is this one.
 
-    By logistic regression on simulated pairs, related and unrelated; docs/registration.md tells on which, and how it
-    did on others.
+    Each is logistic in logarithms of what speaks for it. The second is 1/2 for a hypothesis and its exact twin,
+    however high their peaks stand, as between the two ends of a room. By maximum likelihood on simulated pairs, related
+    and unrelated; docs/registration.md tells on which, and how it did on others.
 
     Attributes:
-        odds: at 1 of everything below.
-        psr: power of the translation's peak-to-sidelobe ratio.
-        distinction: of its score over that of the next best on the whole grid.
+        odds: logarithm of the first's odds at 1 of everything below.
+        psr: power of the translation's peak-to-sidelobe ratio in these odds.
         consistency: of how the views agree.
-        rival: of that over the consistency of the most consistent other answer.
+        clearness: of its score over that of the next best.
+        distinction: power of the same in the second's odds.
+        rival: of its consistency over that of the most consistent other answer.
     """
 
-    odds: float = -6.773
-    psr: float = 2.315
-    distinction: float = 1.712
-    consistency: float = 6.471
-    rival: float = 9.439
+    odds: float = -11.149
+    psr: float = 3.309
+    consistency: float = 4.637
+    clearness: float = 4.967
+    distinction: float = 5.976
+    rival: float = 5.430
 
-    def probability(self, psr: float, distinction: float, consistency: float, rival: float) -> float:
+    def probability(self, psr: float, consistency: float, distinction: float, rival: float) -> float:
         """From the plain numbers."""
-        return float(
-            1.0
-            / (
-                np.exp(-self.odds)
-                * psr**-self.psr
-                * distinction**-self.distinction
-                * consistency**-self.consistency
-                * rival**-self.rival
-                + 1.0
-            )
+        clear = (
+            self.odds + self.psr * log(psr) + self.consistency * log(consistency) + self.clearness * log(distinction)
         )
+        this = self.distinction * log(distinction) + self.rival * log(rival)
+        return _logistic(clear) * _logistic(this)
 
 
 LOGISTIC = Logistic()
@@ -73,7 +70,6 @@ LOGISTIC = Logistic()
 
 def believe(
     found: Sequence[Verified],
-    refined: Sequence[Refined],
     covariances: Sequence[np.ndarray],
     grid: Grid,
     least: float,
@@ -86,13 +82,12 @@ def believe(
 
     Args:
         found: verified on the whole grid, the best first.
-        refined: all hypotheses, also those that were not verified; the found are among them.
         covariances: (6, 6) each, of the found [rad, m].
         grid: that both scans share. On larger ones false peaks stand higher above the rest.
         least: the probability from which on a registration is believed.
         logistic: the calibration.
     """
-    probabilities = np.array([_probability(one, found, refined, grid.edge, logistic) for one in found])
+    probabilities = np.array([_probability(one, found, grid.edge, logistic) for one in found])
     # one answer at most is right: what the best leaves is all that the others can have
     left, others = 1 - probabilities[0], probabilities[1:].sum()
     if others > left:
@@ -110,19 +105,21 @@ def _kept_within(covariance: np.ndarray, voxel: float) -> float:
     return erf(_RIGHT_TURN / (sqrt(2) * turn)) * erf(_RIGHT_SHIFT * voxel / (sqrt(2) * shift))
 
 
-def _probability(
-    one: Verified, found: Sequence[Verified], refined: Sequence[Refined], edge: int, logistic: Logistic
-) -> float:
+def _probability(one: Verified, found: Sequence[Verified], edge: int, logistic: Logistic) -> float:
     """That this hypothesis is right, each other being its rival."""
     scores = [other.score for other in found if other is not one]
-    views = [other.consistency for other in refined if other.origin.candidate != one.refined.origin.candidate]
+    views = [other.refined.consistency for other in found if other is not one]
     consistency = max(one.refined.consistency, 0.02)
     return logistic.probability(
         psr=max(one.psr / max(1.0, edge / 128) ** 0.75, 3.0),
-        distinction=max(one.score, 0.3) / max([*scores, 0.3]),
         consistency=consistency,
+        distinction=max(one.score, 0.3) / max([*scores, 0.3]),
         rival=consistency / max([*views, 0.02]),
     )
+
+
+def _logistic(x: float) -> float:
+    return 1.0 / (1.0 + exp(-x)) if x > 0 else exp(x) / (1.0 + exp(x))
 
 
 def _reason(one: Verified, probability: float, least: float) -> str:

@@ -13,27 +13,20 @@ from kernels.spectrum import Pomf
 from kernels.voxelize import voxelize
 from spectral.belief import Belief, believe
 from spectral.bounds import Bounds
+from spectral.contest import Contest
 from spectral.grid import Grid
-from spectral.icp import Fit, refine
 from spectral.memory import require_memory
 from spectral.prepared import Prepared, Preparer
 from spectral.prior import relative_prior
 from spectral.range_image import range_image
-from spectral.refine import search_rotation
 from spectral.result import Registration
 from spectral.scan import Scan
 from spectral.so3 import RotationPeaks, So3
 from spectral.surface import smooth_surface
 from spectral.uncertainty import fit_covariance
-from spectral.verification import Candidates, CoarseVolume, Refined, SpectralScan, Verified, Verifier
+from spectral.verification import CoarseVolume, SpectralScan, Verified, Verifier
 
 Refinement = Literal["icp", "spectral"]
-
-# What a rotation of the correlation, and a shift of the coarse grid, may be off by until refined [rad; voxels].
-_ROTATION_SLACK, _SHIFT_SLACK = float(np.deg2rad(6.0)), 6.0
-# Reaches of the refinement's steps [voxels] and its points: out of a candidate's error, and on to the end.
-_ROUGH, _ROUGH_POINTS = (4.0, 3.0, 3.0, 2.0, 2.0, 2.0), 500
-_FINAL, _FINAL_POINTS = (3.0, 2.0, 2.0) + (1.5,) * 12, 3000
 
 
 @dataclass(frozen=True, slots=True)
@@ -42,9 +35,9 @@ class SpectralConfig:
 
     Attributes:
         max_tilt: largest roll and largest pitch between two scans [rad] (Sect. 2.7); pi for any.
-        rotations: how many distinct rotations are verified.
-        hypotheses: how many of the poses that these lead to are refined.
-        finalists: how many of them are compared on the whole grid.
+        hypotheses: how many distinct rotations are followed.
+        shortlist: how many of the poses that these lead to are refined.
+        finalists: how many of them are compared on the whole grid, with as many that are found there.
         refinement: what makes the result finer than voxels and bins: "icp", point to plane on the surfaces, or
             "spectral", the translation's peak, which is climbed over the rotation.
         least_probability: what makes a registration believed.
@@ -52,17 +45,17 @@ class SpectralConfig:
     """
 
     max_tilt: float = float(np.deg2rad(35.0))
-    rotations: int = 12
-    hypotheses: int = 6
+    hypotheses: int = 12
+    shortlist: int = 6
     finalists: int = 3
     refinement: Refinement = "icp"
-    least_probability: float = 0.95
+    least_probability: float = 0.85
     use_strength: bool = False
 
     def __post_init__(self) -> None:
-        if min(self.rotations, self.hypotheses, self.finalists) < 1:
+        if min(self.hypotheses, self.shortlist, self.finalists) < 1:
             raise InputError(
-                f"rotations is {self.rotations}, hypotheses {self.hypotheses}, finalists {self.finalists}; wanted at "
+                f"hypotheses is {self.hypotheses}, shortlist {self.shortlist}, finalists {self.finalists}; wanted at "
                 "least 1 of each"
             )
         if not 0 < self.max_tilt <= np.pi:
@@ -117,99 +110,49 @@ class SpectralRegistrar:
     def register(self, target: SpectralScan, source: SpectralScan) -> Registration:
         """Find T_target_source; `probability` says how sure it is the right one, `accepted` whether to believe it."""
         start = perf_counter()
-        bounds = Bounds(self.config.max_tilt, relative_prior(target.prior, source.prior), self.grid.voxel)
+        contest = Contest(self._verifier, self.grid, target, source, self._bounds(target, source))
         # where the spectra are alike over all rotations
-        rotations = self._rotations(target, source, bounds)
+        rotations = self.rotations(target, source)
         if not len(rotations.scores):
             return self._nothing(start)
-        # where the scan would lie under each, and what the views say to that
-        candidates = self._verifier.candidates(target, source, rotations)
-        candidates = self._bounded(target, source, candidates, bounds)
+        # where the scan would lie under each
+        candidates = contest.candidates(rotations)
         if not len(candidates.psr):
             return self._nothing(start)
-        # the best few, refined, and judged again on the whole grid
-        refined = self._refined(target, source, candidates, bounds)
-        found = [self._verifier.verify(target, source, one) for one in refined[: self.config.finalists]]
-        found.sort(key=lambda one: -one.score)
-        found[0] = self._settle(target, source, found[0])
-        return self._conclude(target, source, found, refined, bounds, start)
+        # the best of these by what the scans saw, refined, and compared on the whole grid
+        finalists = contest.refined(candidates, self.config.shortlist)[: self.config.finalists]
+        found = contest.compared(finalists + contest.missed(finalists))
+        return self._conclude(contest, contest.settled(found, self.config.refinement == "spectral"), start)
 
-    def _rotations(self, target: SpectralScan, source: SpectralScan, bounds: Bounds) -> RotationPeaks:
-        """The best rotations that may be meant, and the one that the instruments measured."""
-        count = self.config.rotations
+    def rotations(self, target: SpectralScan, source: SpectralScan) -> RotationPeaks:
+        """Those that `register` follows: the best that may be meant, and the one that the instruments measured."""
+        bounds = self._bounds(target, source)
+        count = self.config.hypotheses
         found = self.so3.candidates(target.coefficients, source.coefficients, count, bounds.allow_rotations)
         measured = bounds.measured
         if measured is None:
             return found
         return RotationPeaks(Rotation.concatenate([found.R, measured]), np.append(found.scores, 0.0))
 
-    def _bounded(
-        self, target: SpectralScan, source: SpectralScan, candidates: Candidates, bounds: Bounds
-    ) -> Candidates:
-        """Those candidates whose shift may be meant."""
-        allowed = np.zeros(len(candidates.psr), dtype=bool)
-        for turn in np.unique(candidates.turn):
-            these = np.flatnonzero(candidates.turn == turn)
-            R = candidates.R[int(these[0])]
-            allowed[these] = bounds.allow_shifts(R, self._shift(target, source, R, candidates.shifts[these]))
-        return candidates.only(allowed)
+    def _bounds(self, target: SpectralScan, source: SpectralScan) -> Bounds:
+        return Bounds(self.config.max_tilt, relative_prior(target.prior, source.prior), self.grid.voxel)
 
-    def _refined(
-        self, target: SpectralScan, source: SpectralScan, candidates: Candidates, bounds: Bounds
-    ) -> list[Refined]:
-        """The best candidates, polished roughly, best first; impossible ones only where there are no others."""
-        best = self._verifier.best(target, source, candidates, self.config.hypotheses)
-        fits = [
-            refine(target.surface, source.surface, candidates.R[int(n)], candidates.shifts[n], _ROUGH, _ROUGH_POINTS)
-            for n in best
-        ]
-        judged = self._verifier.judge(target, source, fits, [candidates.origin(n) for n in best])
-        possible = [one for one in judged if not bounds.refusal(self._transform(target, source, one.fit))]
-        return possible or judged
-
-    def _settle(self, target: SpectralScan, source: SpectralScan, best: Verified) -> Verified:
-        """The winner, refined to the end, and judged once more."""
-        fit = refine(target.surface, source.surface, best.fit.R, best.fit.shift, _FINAL, _FINAL_POINTS)
-        if self.config.refinement == "spectral":
-            translation = self._verifier.translation
-            peak = translation.find_at(target.volume, source.volume, best.fit.R, best.fit.shift)
-            R, peak = search_rotation(translation, target.volume, source.volume, best.fit.R, peak, stay=True)
-            near = peak.shift + self.grid.edge * np.rint((best.fit.shift - peak.shift) / self.grid.edge)
-            fit = replace(fit, R=R, shift=near)
-        one = best.refined
-        return self._verifier.verify(target, source, self._verifier.judge(target, source, [fit], [one.origin])[0])
-
-    def _conclude(
-        self,
-        target: SpectralScan,
-        source: SpectralScan,
-        found: list[Verified],
-        refined: list[Refined],
-        bounds: Bounds,
-        start: float,
-    ) -> Registration:
+    def _conclude(self, contest: Contest, found: list[Verified], start: float) -> Registration:
         """The result: the best hypothesis, and beside it every other that cannot be excluded."""
-        covariances = [fit_covariance(one, source.volume.center, self.grid) for one in found]
-        beliefs = believe(found, refined, covariances, self.grid, self.config.least_probability)
+        covariances = [fit_covariance(one, contest.source.volume.center, self.grid) for one in found]
+        beliefs = believe(found, covariances, self.grid, self.config.least_probability)
         best, *others = [
-            self._registration(target, source, one, covariance, belief, bounds)
+            self._registration(contest, one, covariance, belief)
             for one, covariance, belief in zip(found, covariances, beliefs, strict=True)
             if one is found[0] or belief.possible
         ]
         return replace(best, alternatives=tuple(others), seconds=perf_counter() - start)
 
-    def _registration(
-        self,
-        target: SpectralScan,
-        source: SpectralScan,
-        one: Verified,
-        covariance: np.ndarray,
-        belief: Belief,
-        bounds: Bounds,
-    ) -> Registration:
+    @staticmethod
+    def _registration(contest: Contest, one: Verified, covariance: np.ndarray, belief: Belief) -> Registration:
         """One hypothesis as a registration between the sensor frames."""
-        T = self._transform(target, source, one.fit)
-        refusal = bounds.refusal(T)
+        T = contest.transform(one.fit)
+        refusal = contest.bounds.refusal(T)
         return Registration(
             T_target_source=T,
             covariance=covariance,
@@ -221,18 +164,10 @@ class SpectralRegistrar:
             probability=0.0 if refusal else belief.probability,
             step_psr=(
                 ("rotation", one.refined.origin.rotation_score),
-                ("coarse", one.refined.origin.coarse_psr),
+                ("candidate", one.refined.origin.psr),
                 ("translation", one.psr),
             ),
         )
-
-    def _transform(self, target: SpectralScan, source: SpectralScan, fit: Fit) -> RigidTransform:
-        """T_target_source between the sensor frames."""
-        return RigidTransform.from_components(self._shift(target, source, fit.R, fit.shift), fit.R)
-
-    def _shift(self, target: SpectralScan, source: SpectralScan, R: Rotation, shift: np.ndarray) -> np.ndarray:
-        """Where the source's sensor is in the target's frame (..., 3) [m], from shifts between the grids [voxels]."""
-        return target.volume.center + shift * self.grid.voxel - R.apply(source.volume.center)
 
     def _nothing(self, start: float) -> Registration:
         """The answer where priors leave no candidate: none, and nothing known."""

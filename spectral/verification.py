@@ -21,22 +21,24 @@ from spectral.range_image import RangeImage, visibility
 from spectral.scan import PosePrior
 from spectral.so3 import RotationPeaks
 from spectral.surface import Surface
-from spectral.translation import Translation
+from spectral.translation import Translation, Volume
 
 # Peaks of a rotation's translation that are looked at, and how far apart they are [coarse voxels].
 _PEAKS, _SEPARATION = 8, 2.0
 # A shift longer than this along an axis leaves the scans nothing in common [share of the grid's edge].
 _FARTHEST = 0.92
 # How far from the surface a point may lie, while the rotation is 2 degrees off and once refined [voxels; of the range].
-_COARSE, FINE = (1.5, 0.03), (1.0, 0.01)
+COARSE, FINE = (1.5, 0.03), (1.0, 0.01)
 # Hypotheses nearer than this are one [rad].
 _SAME_ROTATION = float(np.deg2rad(5.0))
 # Refined, they are one if they come this near to each other [rad; voxels].
-_ONE_ROTATION, _ONE_SHIFT = float(np.deg2rad(3.0)), 2.0
+_ONE_ROTATION, ONE_SHIFT = float(np.deg2rad(3.0)), 2.0
 # Of scans without a viewpoint so many candidates, those with the highest peaks, are judged by their points in common.
 _BY_POINTS, _POINTS = 60, 400
 # Points by which a refined hypothesis' overlap is told.
 _OVERLAP_POINTS = 2000
+# A hypothesis' score is the translation's peak times this power of the views' consistency.
+_POWER = 3
 # A contradiction weighs as so many agreements; a share of points that is small beside the least hardly counts.
 _WEIGHT, _LEAST = 4.0, 0.05
 
@@ -95,7 +97,7 @@ class Candidates:
 
     def origin(self, n: int) -> "Origin":
         """Where hypothesis n comes from."""
-        return Origin(int(n), float(self.scores[n]), float(self.psr[n]))
+        return Origin(float(self.scores[n]), float(self.psr[n]))
 
 
 @dataclass(frozen=True, slots=True)
@@ -103,14 +105,12 @@ class Origin:
     """The candidate that a hypothesis comes from.
 
     Attributes:
-        candidate: which of the candidates.
         rotation_score: of the rotation's peak, as `RotationPeaks` has it.
-        coarse_psr: of the translation on the coarse grid, before the refinement.
+        psr: of the translation's peak, before the refinement.
     """
 
-    candidate: int
     rotation_score: float
-    coarse_psr: float
+    psr: float
 
 
 @dataclass(frozen=True, slots=True)
@@ -130,7 +130,7 @@ class Refined:
     @property
     def score(self) -> float:
         """What decides which are verified on the whole grid: both witnesses have to agree."""
-        return self.consistency**2 * max(self.origin.coarse_psr, 0.0)
+        return self.consistency**_POWER * max(self.origin.psr, 0.0)
 
 
 @dataclass(frozen=True, slots=True)
@@ -140,11 +140,13 @@ class Verified:
     Attributes:
         refined: the pose and its consistency.
         psr: of the translation there, on the whole grid.
+        coarse_psr: the same on the coarse one.
         overlap: share of points in common, the smaller of both ways.
     """
 
     refined: Refined
     psr: float
+    coarse_psr: float
     overlap: float
 
     @property
@@ -154,8 +156,12 @@ class Verified:
 
     @property
     def score(self) -> float:
-        """What decides which wins, as `Refined.score`."""
-        return self.refined.consistency**2 * max(self.psr, 0.0)
+        """What decides which wins, as `Refined.score`.
+
+        Both grids' peaks: where beams lie farther apart than voxels, the lines that they draw on a floor or a wall
+        correlate on the whole grid, whatever stands there; on the coarse one less.
+        """
+        return self.refined.consistency**_POWER * float(np.sqrt(max(self.psr, 0.0) * max(self.coarse_psr, 0.0)))
 
 
 def consistency(agree: np.ndarray | float, contradict: np.ndarray | float) -> np.ndarray | float:
@@ -177,11 +183,20 @@ class Verifier:
         self._coarse = Translation(device, self.coarse_edge)
 
     def candidates(self, target: SpectralScan, source: SpectralScan, rotations: RotationPeaks) -> Candidates:
-        """Several shifts for each rotation, with what each may mean on a periodic grid."""
+        """Several shifts for each rotation, from the coarse grid, with what each may mean on a periodic one."""
         scale = self.edge / self.coarse_edge
+        return self._candidates(self._coarse, target.coarse, source.coarse, rotations, scale)
+
+    def fine_candidates(self, target: SpectralScan, source: SpectralScan, rotations: RotationPeaks) -> Candidates:
+        """As `candidates`, from the whole grid: once a rotation is refined its peaks are higher, and others."""
+        return self._candidates(self.translation, target.volume, source.volume, rotations, 1.0)
+
+    def _candidates(
+        self, translation: Translation, target: Volume, source: Volume, rotations: RotationPeaks, scale: float
+    ) -> Candidates:
         turns, shifts, ratios = [], [np.empty((0, 3))], []
         for turn, R in enumerate(rotations.R):
-            for peak in self._coarse.find_all(target.coarse, source.coarse, R, _PEAKS, _SEPARATION):
+            for peak in translation.find_all(target, source, R, _PEAKS, _SEPARATION):
                 meanings = self._meanings(peak.shift * scale)
                 shifts.append(meanings)
                 turns += [turn] * len(meanings)
@@ -196,14 +211,27 @@ class Verifier:
         meanings = np.array(list(product(*zip(shift, other, strict=True))))
         return meanings[(np.abs(meanings) <= _FARTHEST * self.edge).all(axis=1)]
 
-    def best(self, target: SpectralScan, source: SpectralScan, candidates: Candidates, count: int) -> np.ndarray:
-        """Indices of the `count` best distinct candidates, best first."""
-        order = np.argsort(-self._scores(target, source, candidates), kind="stable")
+    def best(
+        self,
+        target: SpectralScan,
+        source: SpectralScan,
+        candidates: Candidates,
+        count: int,
+        tolerance: tuple[float, float] = COARSE,
+        apart: float = SAME_SHIFT,
+    ) -> np.ndarray:
+        """Indices of the `count` best distinct candidates, best first.
+
+        Args:
+            tolerance: how far from the surface a point may lie [voxels; of the range].
+            apart: candidates of one rotation that are no farther apart are one [voxels].
+        """
+        order = np.argsort(-self._scores(target, source, candidates, tolerance), kind="stable")
         quaternions, nearest = candidates.R.as_quat(), np.cos(_SAME_ROTATION / 2)
         kept: list[int] = []
         for n in order:
             alike = np.abs(quaternions[kept] @ quaternions[n]) > nearest
-            near = np.linalg.norm(candidates.shifts[kept] - candidates.shifts[n], axis=1) <= SAME_SHIFT
+            near = np.linalg.norm(candidates.shifts[kept] - candidates.shifts[n], axis=1) <= apart
             if not (alike & near).any():
                 kept.append(int(n))
             if len(kept) == count:
@@ -223,23 +251,27 @@ class Verifier:
         found = [Refined(*all_of) for all_of in zip(fits, origins, agreement, strict=True)]
         distinct: list[Refined] = []
         for one in sorted(found, key=lambda one: -one.score):
-            if not any(_alike(one.fit, other.fit) for other in distinct):
+            if not any(alike(one.fit, other.fit) for other in distinct):
                 distinct.append(one)
         return distinct
 
     def verify(self, target: SpectralScan, source: SpectralScan, one: Refined) -> Verified:
-        """The translation's correlation on the whole grid, and the points in common."""
+        """The translation's correlation on both grids, and the points in common."""
         R, shift = one.fit.R, one.fit.shift
+        coarse = shift * self.coarse_edge / self.edge
         return Verified(
             refined=one,
             psr=self.translation.find_at(target.volume, source.volume, R, shift).psr,
+            coarse_psr=self._coarse.find_at(target.coarse, source.coarse, R, coarse).psr,
             overlap=self._overlap(target, source, R, shift, _OVERLAP_POINTS),
         )
 
-    def _scores(self, target: SpectralScan, source: SpectralScan, candidates: Candidates) -> np.ndarray:
+    def _scores(
+        self, target: SpectralScan, source: SpectralScan, candidates: Candidates, tolerance: tuple[float, float]
+    ) -> np.ndarray:
         """(n,) consistency times the peak's height."""
         if target.image.single or source.image.single:
-            seen = visibility(self.device, target.image, source.image, candidates.R, candidates.shifts, *_COARSE)
+            seen = visibility(self.device, target.image, source.image, candidates.R, candidates.shifts, *tolerance)
             agreement = np.asarray(consistency(seen.agree, seen.contradict))
         else:
             agreement = np.zeros(len(candidates.psr))
@@ -255,9 +287,9 @@ class Verifier:
         return min(share_near(target.volume, moved), share_near(source.volume, back))
 
 
-def _alike(a: Fit, b: Fit) -> bool:
+def alike(a: Fit, b: Fit) -> bool:
     turn = float((a.R.inv() * b.R).magnitude())
-    return turn <= _ONE_ROTATION and bool(np.linalg.norm(a.shift - b.shift) <= _ONE_SHIFT)
+    return turn <= _ONE_ROTATION and bool(np.linalg.norm(a.shift - b.shift) <= ONE_SHIFT)
 
 
 def _sample(points: np.ndarray, most: int) -> np.ndarray:

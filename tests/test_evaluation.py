@@ -105,6 +105,20 @@ class TestPairs:
         assert len(few.jobs()) == 2 * 2 * len(EVALUATED)
         assert few.deciding == many.deciding
 
+    def test_other_methods_register_the_first_of_the_pairs(self) -> None:
+        settings = PairsSettings(yaw=15, any=10, peers={"yaw": 6, "any": 40}, lineup=Lineup(("spectral", "kiss")))
+        jobs = Pairs(settings, None).jobs()
+        assert [job for job in jobs if job.endswith("spectral")] == [
+            *(f"yaw/00{k}/spectral" for k in range(3)),
+            *(f"any/00{k}/spectral" for k in range(2)),
+        ]
+        assert [job for job in jobs if job.endswith("kiss")] == [
+            "yaw/000/kiss",
+            "yaw/001/kiss",
+            "any/000/kiss",
+            "any/001/kiss",
+        ]
+
     def test_speed_leaves_out_what_shares_little(self) -> None:
         numbers = [int(job) for job in Speed(SpeedSettings(pairs=9), None).jobs()]
         assert numbers == [1, 2, 3, 4, 6, 7, 8, 9, 11]

@@ -71,7 +71,7 @@ class TestSharedOptions:
 
     def test_the_defaults_are_those_of_the_configurations(self) -> None:
         usual = SpectralConfig()
-        assert (usual.rotations, usual.refinement) == (DEFAULT_HYPOTHESES, DEFAULT_REFINEMENT)
+        assert (usual.hypotheses, usual.refinement) == (DEFAULT_HYPOTHESES, DEFAULT_REFINEMENT)
         assert usual.max_tilt == pytest.approx(np.deg2rad(DEFAULT_MAX_TILT))
         assert HemisphereConfig.paper().yaw_peaks == DEFAULT_YAW_PEAKS
 

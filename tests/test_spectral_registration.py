@@ -114,9 +114,9 @@ class TestLaws:
     def test_says_the_ratio_of_every_step(self, registrar: SpectralRegistrar) -> None:
         found = register(registrar, seen(relief(8), HERE), seen(relief(8), THERE))
         steps = dict(found.step_psr)
-        assert list(steps) == ["rotation", "coarse", "translation"]
+        assert list(steps) == ["rotation", "candidate", "translation"]
         assert 0 < steps["rotation"] <= 1
-        assert steps["translation"] == found.psr > steps["coarse"] > 10
+        assert steps["translation"] == found.psr > steps["candidate"] > 10
         assert found.seconds > 0
 
 
@@ -262,8 +262,8 @@ class TestBounds:
     @pytest.mark.parametrize(
         ("changes", "words"),
         [
-            ({"rotations": 0}, "rotations is 0"),
-            ({"hypotheses": 0}, "hypotheses 0"),
+            ({"hypotheses": 0}, "hypotheses is 0"),
+            ({"shortlist": 0}, "shortlist 0"),
             ({"finalists": 0}, "finalists 0"),
             ({"max_tilt": 0.0}, "--max-tilt 0"),
             ({"max_tilt": 3.2}, "--max-tilt 183"),

@@ -63,8 +63,8 @@ class TestConsistency:
 
 
 def origins(*scores: float) -> list[Origin]:
-    """Of candidates 0, 1, ... with these scores of their rotations."""
-    return [Origin(n, score, 20.0) for n, score in enumerate(scores)]
+    """Of candidates with these scores of their rotations."""
+    return [Origin(score, 20.0) for score in scores]
 
 
 class TestCandidates:
@@ -75,6 +75,12 @@ class TestCandidates:
         assert (found.turn[right] == 1).all()
         assert found.psr[right].max() > 1.5 * found.psr[found.turn == 0].max()
         np.testing.assert_allclose((found.R[int(right[0])] * TRUE.rotation.inv()).magnitude(), 0, atol=1e-9)
+
+    def test_the_whole_grid_names_it_to_a_voxel(self, verifier, pair) -> None:
+        found = verifier.fine_candidates(*pair, peaks(TRUE.rotation))
+        highest = np.argmax(found.psr)
+        off = np.linalg.norm(found.shifts - shift_of(pair), axis=1)
+        assert off[found.psr == found.psr[highest]].min() < 1.0
 
     def test_a_shift_stands_for_all_that_it_may_mean(self, verifier) -> None:
         """-3 is also 61, and 1 also -63, but these leave nothing in common of 64 voxels; 20 is also -44."""
@@ -92,7 +98,7 @@ class TestCandidates:
         assert some.turn.tolist() == [1, 3]
         np.testing.assert_array_equal(some.shifts, [[3, 4, 5], [9, 10, 11]])
         assert some.psr.tolist() == [8, 6]
-        assert some.origin(1) == Origin(1, 0.1, 6.0)
+        assert some.origin(1) == Origin(0.1, 6.0)
         np.testing.assert_allclose(some.R.as_euler("ZYX", degrees=True)[:, 0], [10, 30])
         assert len(all_four.only(np.zeros(4, dtype=bool)).psr) == 0
 
@@ -116,7 +122,7 @@ class TestWitnesses:
         best, other = verifier.judge(*pair, fits, origins(0.1, 0.9))
         assert best.fit is fits[1]
         assert best.consistency > 0.8 > 2 * other.consistency
-        assert best.origin == Origin(1, 0.9, 20.0)
+        assert best.origin == Origin(0.9, 20.0)
 
     def test_poses_that_came_out_at_one_place_are_one(self, verifier, pair) -> None:
         turned = Rotation.from_rotvec([0, 0, 0.02]) * TRUE.rotation
@@ -130,7 +136,8 @@ class TestWitnesses:
         assert right.fit is fits[0]
         assert right.psr > 30 > 10 > wrong.psr
         assert right.overlap > 0.35
-        assert right.score == pytest.approx(right.refined.consistency**2 * right.psr)
+        assert right.coarse_psr > 2 * wrong.coarse_psr
+        assert right.score == pytest.approx(right.refined.consistency**3 * np.sqrt(right.psr * right.coarse_psr))
 
     def test_without_a_view_the_points_in_common_are_the_witness(self, verifier, pair) -> None:
         blind = tuple(replace(scan, image=replace(scan.image, single=False)) for scan in pair)

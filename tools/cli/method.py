@@ -134,7 +134,7 @@ def _changes(method: Method) -> dict[str, Any]:
     """What the user's own options change in a spectral method's configuration."""
     values = {
         "max_tilt": ("max_tilt", float(np.deg2rad(method.max_tilt))),
-        "hypotheses": ("rotations", method.hypotheses),
+        "hypotheses": ("hypotheses", method.hypotheses),
         "refine": ("refinement", method.refine),
         "yaw_peaks": ("yaw_peaks", method.yaw_peaks),
         "strength": ("use_strength", method.strength),

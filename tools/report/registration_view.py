@@ -7,8 +7,6 @@ from scipy.spatial.transform import RigidTransform, Rotation
 
 from kernels.sphere import rotational_unwrap, sample, upload_directions
 from kernels.visibility import octahedral_cells
-from spectral.bounds import Bounds
-from spectral.prior import relative_prior
 from spectral.range_image import RangeImage
 from spectral.registration import SpectralRegistrar
 from spectral.result import Registration
@@ -93,7 +91,7 @@ def view_registration(
         layers=np.stack([_layer(registrar, scan) for scan in (target, source)]),
         radius=_RADIUS * 0.5 / voxel,
         turns=_turns(registrar, target, source),
-        followed=_followed(registrar, target, source),
+        followed=registrar.rotations(target, source).R,
         shifts=_shifts(registrar, target, source, registration.T_target_source),
     )
 
@@ -130,14 +128,6 @@ def _layer(registrar: SpectralRegistrar, scan: SpectralScan) -> np.ndarray:
 def _turns(registrar: SpectralRegistrar, target: SpectralScan, source: SpectralScan) -> RotationMap:
     correlation = registrar.so3.correlate(target.coefficients, source.coefficients).get()
     return map_rotations(correlation, 2 * len(target.coefficients), registrar.config.max_tilt)
-
-
-def _followed(registrar: SpectralRegistrar, target: SpectralScan, source: SpectralScan) -> Rotation:
-    """The rotations that the registration verified."""
-    config = registrar.config
-    bounds = Bounds(config.max_tilt, relative_prior(target.prior, source.prior), registrar.grid.voxel)
-    count, allowed = config.rotations, bounds.allow_rotations
-    return registrar.so3.candidates(target.coefficients, source.coefficients, count, allowed).R
 
 
 def _shifts(

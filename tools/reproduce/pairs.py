@@ -3,6 +3,7 @@
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
 from pathlib import Path
+from types import MappingProxyType
 from typing import Any, ClassVar, cast
 
 from kernels.errors import InputError
@@ -10,7 +11,7 @@ from spectral.grid import Grid
 from tools.reproduce.answer import answer, claims, errors
 from tools.reproduce.experiment import Outcome, Section
 from tools.reproduce.experiments import Request
-from tools.reproduce.lineup import Lineup, lineup, registrar
+from tools.reproduce.lineup import OURS, Lineup, lineup, registrar
 from tools.reproduce.pairs_figure import draw_pairs
 from tools.reproduce.pairs_section import pairs_section
 from tools.reproduce.set_pairs import BATCH, SET_SEED, SetPair, batches, related
@@ -25,6 +26,8 @@ class PairsSettings:
 
     Attributes:
         yaw, any: how many pairs of each turn, rounded up to whole batches; those of "any" are others.
+        peers: how many of each turn the methods beside ours register, as they take ten times as long: the first, which
+            are as even a set as all.
         seed: of the set.
         edge: voxels per edge; their size is chosen for each pair.
         lineup: the methods.
@@ -32,6 +35,7 @@ class PairsSettings:
 
     yaw: int = 1000
     any: int = 1000 // ANY_SHARE
+    peers: Mapping[Turn, int] = field(default_factory=lambda: MappingProxyType({"yaw": 300, "any": 300 // ANY_SHARE}))
     seed: int = SET_SEED
     edge: int = 128
     lineup: Lineup = field(default_factory=Lineup)
@@ -45,6 +49,11 @@ class PairsSettings:
     def counts(self) -> dict[Turn, int]:
         """Pairs of each turn."""
         return {"yaw": batches(self.yaw) * BATCH, "any": batches(self.any) * BATCH}
+
+    def registers(self, method: str, turn: Turn) -> int:
+        """How many pairs of a turn a method registers."""
+        count = self.counts[turn]
+        return count if method == OURS else min(count, batches(self.peers[turn]) * BATCH)
 
 
 class Pairs:
@@ -62,8 +71,14 @@ class Pairs:
 
     def jobs(self) -> Sequence[str]:
         """Turn, batch and method, as in yaw/003/spectral."""
-        parts = [f"{t}/{k:03d}" for t, count in self.settings.counts.items() for k in range(count // BATCH)]
-        return [f"{part}/{method}" for part in parts for method in self.methods]
+        settings: PairsSettings = self.settings
+        return [
+            f"{turn}/{k:03d}/{method}"
+            for turn, count in settings.counts.items()
+            for k in range(count // BATCH)
+            for method in self.methods
+            if k < settings.registers(method, turn) // BATCH
+        ]
 
     def run(self, job: str) -> Outcome:
         """Register a batch by one method."""
@@ -105,9 +120,11 @@ def create(request: Request) -> Pairs:
     """
     usual, quick = PairsSettings(), request.quick
     count = request.pairs or (BATCH if quick else usual.yaw)
+    some = -(-count // ANY_SHARE)
     settings = PairsSettings(
         yaw=count,
-        any=-(-count // ANY_SHARE),
+        any=some,
+        peers={"yaw": count, "any": some} if request.pairs else usual.peers,
         seed=usual.seed if request.seed is None else request.seed,
         edge=request.grid or (64 if quick else usual.edge),
         lineup=lineup(request),

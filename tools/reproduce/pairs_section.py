@@ -51,6 +51,11 @@ def _introduction(rows: Sequence[Row], settings: "PairsSettings") -> str:
     short = [
         f"{count - laid[turn]} of {count} ({turn})" for turn, count in settings.counts.items() if laid[turn] < count
     ]
+    peers = {min(settings.registers(method, turn) for method in settings.lineup.methods) for turn in settings.counts}
+    fewer = ""
+    if min(peers) < min(settings.counts.values()):
+        told = " and ".join(str(n) for n in sorted(peers, reverse=True))
+        fewer = f" Those beside `{OURS}` register the first {told} of them."
     scenes = ", ".join(f"`{scene}`" for scene in dict.fromkeys(row["scene"] for row in rows))
     return (
         f"{laid['yaw']} pairs whose source is turned by any yaw and tilted by up to 35 degrees of roll and pitch, and "
@@ -59,6 +64,6 @@ def _introduction(rows: Sequence[Row], settings: "PairsSettings") -> str:
         "5 to 100 % of their points, as many pairs in each fifth; the range noise is 0, 1 or 2 m² at the largest range "
         "of a scene of 256 m, smaller in smaller scenes, with outliers, dropouts, ghosts and speckle. The grid has "
         f"{settings.edge} voxels an edge, their size chosen from the two scans; right is within {RIGHT_DEG:g} degrees "
-        f"and {RIGHT_VOXELS:g} voxels. {settings.lineup.words}"
+        f"and {RIGHT_VOXELS:g} voxels. {settings.lineup.words}{fewer}"
         + (f" Pairs that their scenes do not have are left out: {', '.join(short)}." if short else "")
     )
