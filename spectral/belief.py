@@ -6,8 +6,8 @@ from math import erf, exp, log, sqrt
 
 import numpy as np
 
+from spectral.evidence import Verified
 from spectral.grid import Grid
-from spectral.verification import Verified
 
 # Another answer at least this probable is kept beside the best.
 _POSSIBLE = 0.01

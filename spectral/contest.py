@@ -6,11 +6,13 @@ import numpy as np
 from scipy.spatial.transform import RigidTransform, Rotation
 
 from spectral.bounds import Bounds
+from spectral.evidence import ONE_SHIFT, Candidates, Origin, Refined, Verified, alike
 from spectral.grid import Grid
 from spectral.icp import Fit, refine
 from spectral.refine import search_rotation
 from spectral.so3 import RotationPeaks
-from spectral.verification import FINE, ONE_SHIFT, Candidates, Origin, Refined, SpectralScan, Verified, Verifier, alike
+from spectral.spectral_scan import SpectralScan
+from spectral.verification import FINE, Verifier
 
 # Reaches of the refinement's steps [voxels] and its points: out of a candidate's error; until hypotheses can be
 # compared; and, for the best alone, on to the end.

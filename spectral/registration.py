@@ -14,6 +14,7 @@ from kernels.voxelize import voxelize
 from spectral.belief import Belief, believe
 from spectral.bounds import Bounds
 from spectral.contest import Contest
+from spectral.evidence import Verified
 from spectral.grid import Grid
 from spectral.memory import require_memory
 from spectral.prepared import Prepared, Preparer
@@ -22,9 +23,10 @@ from spectral.range_image import range_image
 from spectral.result import Registration
 from spectral.scan import Scan
 from spectral.so3 import RotationPeaks, So3
+from spectral.spectral_scan import CoarseVolume, SpectralScan
 from spectral.surface import smooth_surface
 from spectral.uncertainty import fit_covariance
-from spectral.verification import CoarseVolume, SpectralScan, Verified, Verifier
+from spectral.verification import Verifier
 
 Refinement = Literal["icp", "spectral"]
 

@@ -10,9 +10,9 @@ import numpy as np
 from scipy.spatial.transform import Rotation
 
 from kernels.peak import Peak
+from spectral.evidence import Verified
 from spectral.grid import Grid
 from spectral.translation import peak_width
-from spectral.verification import Verified
 
 # A peak so many deviations high, for every voxel of the grid's edge, is placed to within the quantization alone; the
 # error of lower ones grows with the inverse of their height. On the 54 simulated pairs that this was chosen on, the

@@ -6,21 +6,19 @@ distinct answers are refined and judged again on the whole grid. docs/registrati
 """
 
 from collections.abc import Sequence
-from dataclasses import dataclass
 from itertools import product
 
 import numpy as np
 from scipy.spatial.transform import Rotation
 
-from kernels.device import Array, Device
+from kernels.device import Device
+from spectral.evidence import Candidates, Origin, Refined, Verified, alike
 from spectral.hypothesis import SAME_SHIFT
 from spectral.icp import Fit
 from spectral.overlap import share_near
-from spectral.prepared import Prepared
-from spectral.range_image import RangeImage, visibility
-from spectral.scan import PosePrior
+from spectral.range_image import visibility
 from spectral.so3 import RotationPeaks
-from spectral.surface import Surface
+from spectral.spectral_scan import SpectralScan
 from spectral.translation import Translation, Volume
 
 # Peaks of a rotation's translation that are looked at, and how far apart they are [coarse voxels].
@@ -31,137 +29,12 @@ _FARTHEST = 0.92
 COARSE, FINE = (1.5, 0.03), (1.0, 0.01)
 # Hypotheses nearer than this are one [rad].
 _SAME_ROTATION = float(np.deg2rad(5.0))
-# Refined, they are one if they come this near to each other [rad; voxels].
-_ONE_ROTATION, ONE_SHIFT = float(np.deg2rad(3.0)), 2.0
 # Of scans without a viewpoint so many candidates, those with the highest peaks, are judged by their points in common.
 _BY_POINTS, _POINTS = 60, 400
 # Points by which a refined hypothesis' overlap is told.
 _OVERLAP_POINTS = 2000
-# A hypothesis' score is the translation's peak times this power of the views' consistency.
-_POWER = 3
 # A contradiction weighs as so many agreements; a share of points that is small beside the least hardly counts.
 _WEIGHT, _LEAST = 4.0, 0.05
-
-
-@dataclass(frozen=True, slots=True)
-class CoarseVolume:
-    """A scan on a grid of half as many, twice as large voxels."""
-
-    points: Array
-    spectrum: Array
-
-
-@dataclass(frozen=True, slots=True)
-class SpectralScan:
-    """What one scan contributes to every pair; it lives on the device that prepared it.
-
-    Attributes:
-        volume: on the whole grid.
-        coarse: on the coarse one.
-        coefficients: of its layers, from `So3.prepare`.
-        surface: to refine with.
-        image: what it saw.
-        prior: what other instruments say about its pose, or None.
-    """
-
-    volume: Prepared
-    coarse: CoarseVolume
-    coefficients: np.ndarray
-    surface: Surface
-    image: RangeImage
-    prior: PosePrior | None
-
-
-@dataclass(frozen=True, slots=True)
-class Candidates:
-    """Places that the coarse correlations name, (n) each.
-
-    Attributes:
-        turn: which of the rotations.
-        R: the rotations.
-        shifts: (n, 3) p_target = R p_source + shift about the grid centers [voxels].
-        psr: of the translation's coarse peak.
-        scores: of the rotation's peak, as `RotationPeaks` has it.
-    """
-
-    turn: np.ndarray
-    R: Rotation
-    shifts: np.ndarray
-    psr: np.ndarray
-    scores: np.ndarray
-
-    def only(self, allowed: np.ndarray) -> "Candidates":
-        """Those for which (n,) bool is true."""
-        R = self.R[allowed]  # pyright: ignore[reportArgumentType]
-        return Candidates(self.turn[allowed], R, self.shifts[allowed], self.psr[allowed], self.scores[allowed])
-
-    def origin(self, n: int) -> "Origin":
-        """Where hypothesis n comes from."""
-        return Origin(float(self.scores[n]), float(self.psr[n]))
-
-
-@dataclass(frozen=True, slots=True)
-class Origin:
-    """The candidate that a hypothesis comes from.
-
-    Attributes:
-        rotation_score: of the rotation's peak, as `RotationPeaks` has it.
-        psr: of the translation's peak, before the refinement.
-    """
-
-    rotation_score: float
-    psr: float
-
-
-@dataclass(frozen=True, slots=True)
-class Refined:
-    """One hypothesis, refined, and what the views say to it.
-
-    Attributes:
-        fit: the refined pose and its information.
-        origin: the candidate that it comes from.
-        consistency: how the views agree, 0..1; the overlap where no scan has a viewpoint.
-    """
-
-    fit: Fit
-    origin: Origin
-    consistency: float
-
-    @property
-    def score(self) -> float:
-        """What decides which are verified on the whole grid: both witnesses have to agree."""
-        return self.consistency**_POWER * max(self.origin.psr, 0.0)
-
-
-@dataclass(frozen=True, slots=True)
-class Verified:
-    """One hypothesis and all that speaks for and against it.
-
-    Attributes:
-        refined: the pose and its consistency.
-        psr: of the translation there, on the whole grid.
-        coarse_psr: the same on the coarse one.
-        overlap: share of points in common, the smaller of both ways.
-    """
-
-    refined: Refined
-    psr: float
-    coarse_psr: float
-    overlap: float
-
-    @property
-    def fit(self) -> Fit:
-        """The refined pose and its information."""
-        return self.refined.fit
-
-    @property
-    def score(self) -> float:
-        """What decides which wins, as `Refined.score`.
-
-        Both grids' peaks: where beams lie farther apart than voxels, the lines that they draw on a floor or a wall
-        correlate on the whole grid, whatever stands there; on the coarse one less.
-        """
-        return self.refined.consistency**_POWER * float(np.sqrt(max(self.psr, 0.0) * max(self.coarse_psr, 0.0)))
 
 
 def consistency(agree: np.ndarray | float, contradict: np.ndarray | float) -> np.ndarray | float:
@@ -285,11 +158,6 @@ class Verifier:
         moved = R.apply(_sample(source.volume.surface, most)) + shift
         back = R.inv().apply(_sample(target.volume.surface, most) - shift)
         return min(share_near(target.volume, moved), share_near(source.volume, back))
-
-
-def alike(a: Fit, b: Fit) -> bool:
-    turn = float((a.R.inv() * b.R).magnitude())
-    return turn <= _ONE_ROTATION and bool(np.linalg.norm(a.shift - b.shift) <= ONE_SHIFT)
 
 
 def _sample(points: np.ndarray, most: int) -> np.ndarray:

@@ -9,11 +9,11 @@ from scipy.spatial.transform import RigidTransform, Rotation
 
 from kernels.device import choose_device
 from spectral.belief import LOGISTIC, Belief, believe
+from spectral.evidence import Origin, Refined, Verified
 from spectral.grid import Grid, choose_grid
 from spectral.icp import Fit
 from spectral.registration import SpectralRegistrar
 from spectral.scan import Scan
-from spectral.verification import Origin, Refined, Verified
 from tools.simulate.pair_set import evaluation_unrelated
 
 CLEAR = {"psr": 80.0, "distinction": 10.0, "consistency": 0.8, "rival": 1.5}

@@ -10,11 +10,12 @@ from scipy.spatial.transform import Rotation
 from kernels.device import choose_device
 from spectral.bounds import Bounds
 from spectral.contest import Contest
+from spectral.evidence import Origin, Refined
 from spectral.grid import Grid
 from spectral.icp import Fit
 from spectral.registration import SpectralRegistrar
 from spectral.scan import Scan
-from spectral.verification import Origin, Refined, Verifier
+from spectral.verification import Verifier
 
 EDGE, VOXEL = 64, 0.5
 HERE, THERE = above(-5, 3, 12), above(4.0, -6.0, 13, 25, 4, -7)

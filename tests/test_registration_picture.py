@@ -15,7 +15,7 @@ from kernels.peak import find_peaks
 from spectral.grid import choose_grid
 from spectral.range_image import visibility
 from spectral.registration import SpectralRegistrar
-from spectral.verification import SpectralScan
+from spectral.spectral_scan import SpectralScan
 from tools.report.registration_picture import draw_registration, registration_caption, registration_figure
 from tools.report.registration_view import RegistrationView, contradicting, view_registration
 from tools.report.rotation_map import map_rotations, tilt_of, yaw_of

@@ -14,7 +14,7 @@ from spectral.grid import Grid
 from spectral.registration import SpectralConfig, SpectralRegistrar
 from spectral.result import Registration
 from spectral.scan import PosePrior, Scan
-from spectral.verification import SpectralScan
+from spectral.spectral_scan import SpectralScan
 
 EDGE, VOXEL = 64, 0.5
 HERE, THERE = above(0, 0, 12), above(3, -2, 13, 25, 4, -7)

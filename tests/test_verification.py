@@ -8,12 +8,14 @@ from reliefs import above, relief, seen
 from scipy.spatial.transform import RigidTransform, Rotation
 
 from kernels.device import choose_device
+from spectral.evidence import Candidates, Origin
 from spectral.grid import Grid
 from spectral.icp import Fit
 from spectral.registration import SpectralRegistrar
 from spectral.scan import Scan
 from spectral.so3 import RotationPeaks
-from spectral.verification import Candidates, Origin, SpectralScan, Verifier, consistency
+from spectral.spectral_scan import SpectralScan
+from spectral.verification import Verifier, consistency
 
 EDGE, VOXEL = 64, 0.5
 HERE, THERE = above(-5, 3, 12), above(4.0, -6.0, 13, 25, 4, -7)

@@ -10,7 +10,7 @@ from tools.methods import DEFAULT_METHOD
 
 if TYPE_CHECKING:
     from spectral.result import Registrar, Registration
-    from spectral.verification import SpectralScan
+    from spectral.spectral_scan import SpectralScan
 
 
 def _check_name(path: Path | None) -> Path | None:

@@ -10,8 +10,9 @@ from kernels.visibility import octahedral_cells
 from spectral.range_image import RangeImage
 from spectral.registration import SpectralRegistrar
 from spectral.result import Registration
+from spectral.spectral_scan import SpectralScan
 from spectral.translation import Translation
-from spectral.verification import FINE, SpectralScan
+from spectral.verification import FINE
 from tools.report.rotation_map import RotationMap, map_rotations
 from tools.report.translation_slice import TranslationSlice, slice_translation
 
