@@ -124,7 +124,7 @@ class TestPairs:
         assert numbers == [1, 2, 3, 4, 6, 7, 8, 9, 11]
 
     def test_seeds_go_round_over_the_scenes(self) -> None:
-        settings = StepsSettings(("harbor", "pool"), (1.0, 2.0), 3, 7, lineup=Lineup(("kiss",)))
+        settings = StepsSettings(("harbor", "pool"), (1.0, 2.0), seeds=3, first_seed=7, lineup=Lineup(("kiss",)))
         assert list(Steps(settings, None).jobs()) == [
             "harbor/7/1.0/kiss",
             "harbor/7/2.0/kiss",
@@ -134,6 +134,17 @@ class TestPairs:
             "harbor/9/2.0/kiss",
         ]
         assert settings.grid.voxel == 2.0
+
+    def test_other_methods_have_the_first_of_the_seeds(self) -> None:
+        settings = StepsSettings(
+            ("harbor",), (1.0,), seeds=3, peers=1, first_seed=7, lineup=Lineup(("spectral", "kiss"))
+        )
+        assert list(Steps(settings, None).jobs()) == [
+            "harbor/7/1.0/spectral",
+            "harbor/7/1.0/kiss",
+            "harbor/8/1.0/spectral",
+            "harbor/9/1.0/spectral",
+        ]
 
 
 @cache
