@@ -1,5 +1,7 @@
 """The hypotheses about one pair of scans: bounded, refined, compared, and the best brought to its end."""
 
+from collections.abc import Iterable
+from concurrent.futures import Executor
 from dataclasses import dataclass, replace
 
 import numpy as np
@@ -25,9 +27,18 @@ _SAME_TURN = float(np.deg2rad(1.0))
 
 @dataclass(frozen=True, slots=True)
 class Contest:
-    """One pair of scans, and what may be meant between them."""
+    """One pair of scans, and what may be meant between them.
+
+    Attributes:
+        verifier: of the grid.
+        pool: threads that refine hypotheses side by side; the results are the same however many they are.
+        grid: that both scans share.
+        target, source: the scans.
+        bounds: what may be meant.
+    """
 
     verifier: Verifier
+    pool: Executor
     grid: Grid
     target: SpectralScan
     source: SpectralScan
@@ -40,7 +51,7 @@ class Contest:
     def refined(self, candidates: Candidates, count: int) -> list[Refined]:
         """The best candidates, refined roughly, best first; impossible ones only where there are no others."""
         best = self.verifier.best(self.target, self.source, candidates, count)
-        judged = self._judged([(self._refine(candidates, int(n)), candidates.origin(n)) for n in best])
+        judged = self._judged(self._refined(candidates, best))
         return self._possible(judged) or judged
 
     def missed(self, finalists: list[Refined]) -> list[Refined]:
@@ -57,13 +68,14 @@ class Contest:
         rotations = RotationPeaks(R, np.array([one.origin.rotation_score for one in turns]))
         candidates = self._bounded(self.verifier.fine_candidates(self.target, self.source, rotations))
         best = self.verifier.best(self.target, self.source, candidates, 2 * len(finalists), FINE, ONE_SHIFT)
-        fits = [(self._refine(candidates, int(n)), candidates.origin(n)) for n in best]
+        fits = self._refined(candidates, best)
         new = [(fit, origin) for fit, origin in fits if not any(alike(fit, one.fit) for one in finalists)]
         return self._possible(self._judged(new))[: len(finalists)] if new else []
 
     def compared(self, hypotheses: list[Refined]) -> list[Verified]:
         """On the whole grid, best first; all refined alike, as an advantage in that would look like belief."""
-        return self._verified([(self._further(one.fit, _CLOSE, _CLOSE_POINTS), one.origin) for one in hypotheses])
+        fits = self.pool.map(lambda one: self._refine(one.fit.R, one.fit.shift, _CLOSE, _CLOSE_POINTS), hypotheses)
+        return self._verified(zip(fits, (one.origin for one in hypotheses), strict=True))
 
     def settled(self, found: list[Verified], spectral: bool) -> list[Verified]:
         """The best refined to the end, and the others that are not now where it is.
@@ -80,7 +92,7 @@ class Contest:
         return RigidTransform.from_components(self._shift(fit.R, fit.shift), fit.R)
 
     def _finished(self, best: Verified, spectral: bool) -> Verified:
-        fit = self._further(best.fit, _FINAL, _FINAL_POINTS)
+        fit = self._refine(best.fit.R, best.fit.shift, _FINAL, _FINAL_POINTS)
         if spectral:
             translation, target, source = self.verifier.translation, self.target.volume, self.source.volume
             peak = translation.find_at(target, source, best.fit.R, best.fit.shift)
@@ -105,16 +117,21 @@ class Contest:
     def _possible(self, judged: list[Refined]) -> list[Refined]:
         return [one for one in judged if not self.bounds.refusal(self.transform(one.fit))]
 
-    def _judged(self, fits: list[tuple[Fit, Origin]]) -> list[Refined]:
-        return self.verifier.judge(self.target, self.source, [fit for fit, _ in fits], [origin for _, origin in fits])
+    def _judged(self, fits: Iterable[tuple[Fit, Origin]]) -> list[Refined]:
+        found = list(fits)
+        return self.verifier.judge(self.target, self.source, [fit for fit, _ in found], [origin for _, origin in found])
 
-    def _verified(self, fits: list[tuple[Fit, Origin]]) -> list[Verified]:
+    def _verified(self, fits: Iterable[tuple[Fit, Origin]]) -> list[Verified]:
         found = [self.verifier.verify(self.target, self.source, one) for one in self._judged(fits)]
         return sorted(found, key=lambda one: -one.score)
 
-    def _refine(self, candidates: Candidates, n: int) -> Fit:
-        R, shift = candidates.R[n], candidates.shifts[n]
-        return refine(self.target.surface, self.source.surface, R, shift, _ROUGH, _ROUGH_POINTS)
+    def _refined(self, candidates: Candidates, chosen: np.ndarray) -> list[tuple[Fit, Origin]]:
+        """The chosen candidates, roughly."""
 
-    def _further(self, fit: Fit, reaches: tuple[float, ...], points: int) -> Fit:
-        return refine(self.target.surface, self.source.surface, fit.R, fit.shift, reaches, points)
+        def rough(n: int) -> tuple[Fit, Origin]:
+            return self._refine(candidates.R[n], candidates.shifts[n], _ROUGH, _ROUGH_POINTS), candidates.origin(n)
+
+        return list(self.pool.map(rough, chosen.tolist()))
+
+    def _refine(self, R: Rotation, shift: np.ndarray, reaches: tuple[float, ...], points: int) -> Fit:
+        return refine(self.target.surface, self.source.surface, R, shift, reaches, points)

@@ -1,5 +1,7 @@
 """The spectral registration of two scans: rotations from all of SO(3), verified, refined, judged; on one screen."""
 
+import os
+from concurrent.futures import ThreadPoolExecutor
 from dataclasses import dataclass, replace
 from time import perf_counter
 from typing import Literal
@@ -85,6 +87,7 @@ class SpectralRegistrar:
         edge = self._verifier.coarse_edge
         self._coarse_pomf = Pomf(device, (edge, edge, edge))
         self._coarse_volume = device.empty((edge, edge, edge))
+        self._pool = ThreadPoolExecutor(len(os.sched_getaffinity(0)))
         self._warm = False
 
     def prepare(self, scan: Scan) -> SpectralScan:
@@ -112,7 +115,7 @@ class SpectralRegistrar:
     def register(self, target: SpectralScan, source: SpectralScan) -> Registration:
         """Find T_target_source; `probability` says how sure it is the right one, `accepted` whether to believe it."""
         start = perf_counter()
-        contest = Contest(self._verifier, self.grid, target, source, self._bounds(target, source))
+        contest = Contest(self._verifier, self._pool, self.grid, target, source, self._bounds(target, source))
         # where the spectra are alike over all rotations
         rotations = self.rotations(target, source)
         if not len(rotations.scores):

@@ -1,5 +1,6 @@
 """The hypotheses of a pair against each other: what the finalists lack, and how the best comes to its end."""
 
+from concurrent.futures import ThreadPoolExecutor
 from dataclasses import replace
 
 import numpy as np
@@ -29,7 +30,7 @@ def contest() -> Contest:
     device, grid = choose_device(), Grid(EDGE, VOXEL)
     registrar = SpectralRegistrar(device, grid)
     target, source = (registrar.prepare(Scan(seen(relief(1), T, 15.0))) for T in (HERE, THERE))
-    return Contest(Verifier(device, EDGE), grid, target, source, Bounds(np.pi, None, VOXEL))
+    return Contest(Verifier(device, EDGE), ThreadPoolExecutor(2), grid, target, source, Bounds(np.pi, None, VOXEL))
 
 
 def true_shift(contest: Contest) -> np.ndarray:
@@ -69,6 +70,14 @@ def test_the_true_place_wins_however_the_finalists_are_ordered(contest: Contest)
         found = contest.compared(both)
         assert off(contest, found[0].refined) < 1.0
         assert found[0].score > found[-1].score
+
+
+def test_any_number_of_threads_finds_the_same(contest: Contest) -> None:
+    rough = [refined(TRUE.rotation, true_shift(contest) + offset) for offset in (0 * ASIDE, 0.2 * ASIDE, 2 * ASIDE)]
+    one, three = (replace(contest, pool=ThreadPoolExecutor(n)).compared(rough) for n in (1, 3))
+    assert [found.score for found in one] == [found.score for found in three]
+    for a, b in zip(one, three, strict=True):
+        np.testing.assert_array_equal(a.fit.shift, b.fit.shift)
 
 
 def test_the_best_ends_nearer_and_stands_once(contest: Contest) -> None:
