@@ -122,7 +122,10 @@ class Contest:
         return self.verifier.judge(self.target, self.source, [fit for fit, _ in found], [origin for _, origin in found])
 
     def _verified(self, fits: Iterable[tuple[Fit, Origin]]) -> list[Verified]:
-        found = [self.verifier.verify(self.target, self.source, one) for one in self._judged(fits)]
+        target, source, judged = self.target, self.source, self._judged(fits)
+        # the threads count points while the device correlates
+        overlaps = self.pool.map(lambda one: self.verifier.overlap(target, source, one.fit), judged)
+        found = [self.verifier.verify(target, source, *both) for both in zip(judged, overlaps, strict=True)]
         return sorted(found, key=lambda one: -one.score)
 
     def _refined(self, candidates: Candidates, chosen: np.ndarray) -> list[tuple[Fit, Origin]]:

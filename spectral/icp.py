@@ -13,6 +13,8 @@ from spectral.surface import Surface
 
 # The width of the weights' bell, as a share of how far apart points may be.
 _BELL = 1 / 6
+# More points than this are worth a thread for every core.
+_MANY = 2000
 
 
 @dataclass(frozen=True, slots=True)
@@ -94,7 +96,8 @@ class _Pairs:
 
 def _nearest(surface: Surface, points: np.ndarray, reach: float) -> tuple[np.ndarray, np.ndarray]:
     """Which points (n,) bool have a point of the surface within reach, and which it is, for those."""
-    distance, index = surface.tree.query(points, distance_upper_bound=reach)
+    workers = -1 if len(points) > _MANY else 1
+    distance, index = surface.tree.query(points, distance_upper_bound=reach, workers=workers)
     near = np.isfinite(distance)
     return near, index[near]
 

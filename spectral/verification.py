@@ -120,7 +120,7 @@ class Verifier:
             seen = visibility(self.device, target.image, source.image, R, shifts, *FINE)
             agreement = np.asarray(consistency(seen.agree, seen.contradict)).tolist()
         else:
-            agreement = [self._overlap(target, source, fit.R, fit.shift, _OVERLAP_POINTS) for fit in fits]
+            agreement = [self.overlap(target, source, fit) for fit in fits]
         found = [Refined(*all_of) for all_of in zip(fits, origins, agreement, strict=True)]
         distinct: list[Refined] = []
         for one in sorted(found, key=lambda one: -one.score):
@@ -128,15 +128,19 @@ class Verifier:
                 distinct.append(one)
         return distinct
 
-    def verify(self, target: SpectralScan, source: SpectralScan, one: Refined) -> Verified:
-        """The translation's correlation on both grids, and the points in common."""
+    def overlap(self, target: SpectralScan, source: SpectralScan, fit: Fit) -> float:
+        """The share of points in common, the smaller of both ways."""
+        return self._overlap(target, source, fit.R, fit.shift, _OVERLAP_POINTS)
+
+    def verify(self, target: SpectralScan, source: SpectralScan, one: Refined, overlap: float) -> Verified:
+        """The translation's correlation on both grids, beside the points in common."""
         R, shift = one.fit.R, one.fit.shift
         coarse = shift * self.coarse_edge / self.edge
         return Verified(
             refined=one,
             psr=self.translation.find_at(target.volume, source.volume, R, shift).psr,
             coarse_psr=self._coarse.find_at(target.coarse, source.coarse, R, coarse).psr,
-            overlap=self._overlap(target, source, R, shift, _OVERLAP_POINTS),
+            overlap=overlap,
         )
 
     def _scores(

@@ -134,7 +134,10 @@ class TestWitnesses:
 
     def test_on_the_whole_grid_only_the_true_pose_has_a_peak(self, verifier, pair) -> None:
         fits = [fit(TRUE.rotation, shift_of(pair)), fit(WRONG, shift_of(pair))]
-        right, wrong = (verifier.verify(*pair, one) for one in verifier.judge(*pair, fits, origins(0.5, 0.4)))
+        right, wrong = (
+            verifier.verify(*pair, one, verifier.overlap(*pair, one.fit))
+            for one in verifier.judge(*pair, fits, origins(0.5, 0.4))
+        )
         assert right.fit is fits[0]
         assert right.psr > 30 > 10 > wrong.psr
         assert right.overlap > 0.35
@@ -145,7 +148,7 @@ class TestWitnesses:
         blind = tuple(replace(scan, image=replace(scan.image, single=False)) for scan in pair)
         fits = [fit(TRUE.rotation, shift_of(pair))]
         judged = verifier.judge(*blind, fits, origins(0.5))[0]
-        assert judged.consistency == verifier.verify(*pair, judged).overlap
+        assert judged.consistency == verifier.overlap(*pair, judged.fit)
         assert judged.consistency != verifier.judge(*pair, fits, origins(0.5))[0].consistency
         found = verifier.candidates(*blind, peaks(WRONG, TRUE.rotation))
         best = verifier.best(*blind, found, 1)
