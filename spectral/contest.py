@@ -51,7 +51,7 @@ class Contest:
     def refined(self, candidates: Candidates, count: int) -> list[Refined]:
         """The best candidates, refined roughly, best first; impossible ones only where there are no others."""
         best = self.verifier.best(self.target, self.source, candidates, count)
-        judged = self._judged(self._refined(candidates, best))
+        judged = self._judged(self._roughly(candidates, best))
         return self._possible(judged) or judged
 
     def missed(self, finalists: list[Refined]) -> list[Refined]:
@@ -68,7 +68,7 @@ class Contest:
         rotations = RotationPeaks(R, np.array([one.origin.rotation_score for one in turns]))
         candidates = self._bounded(self.verifier.fine_candidates(self.target, self.source, rotations))
         best = self.verifier.best(self.target, self.source, candidates, 2 * len(finalists), FINE, ONE_SHIFT)
-        fits = self._refined(candidates, best)
+        fits = self._roughly(candidates, best)
         new = [(fit, origin) for fit, origin in fits if not any(alike(fit, one.fit) for one in finalists)]
         return self._possible(self._judged(new))[: len(finalists)] if new else []
 
@@ -128,8 +128,8 @@ class Contest:
         found = [self.verifier.verify(target, source, *both) for both in zip(judged, overlaps, strict=True)]
         return sorted(found, key=lambda one: -one.score)
 
-    def _refined(self, candidates: Candidates, chosen: np.ndarray) -> list[tuple[Fit, Origin]]:
-        """The chosen candidates, roughly."""
+    def _roughly(self, candidates: Candidates, chosen: np.ndarray) -> list[tuple[Fit, Origin]]:
+        """The chosen candidates, refined."""
 
         def rough(n: int) -> tuple[Fit, Origin]:
             return self._refine(candidates.R[n], candidates.shifts[n], _ROUGH, _ROUGH_POINTS), candidates.origin(n)

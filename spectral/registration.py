@@ -87,7 +87,7 @@ class SpectralRegistrar:
         edge = self._verifier.coarse_edge
         self._coarse_pomf = Pomf(device, (edge, edge, edge))
         self._coarse_volume = device.empty((edge, edge, edge))
-        self._pool = ThreadPoolExecutor(len(os.sched_getaffinity(0)))
+        self._pool = ThreadPoolExecutor(os.cpu_count())
         self._warm = False
 
     def prepare(self, scan: Scan) -> SpectralScan:

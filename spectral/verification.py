@@ -103,9 +103,9 @@ class Verifier:
         quaternions, nearest = candidates.R.as_quat(), np.cos(_SAME_ROTATION / 2)
         kept: list[int] = []
         for n in order:
-            alike = np.abs(quaternions[kept] @ quaternions[n]) > nearest
+            aligned = np.abs(quaternions[kept] @ quaternions[n]) > nearest
             near = np.linalg.norm(candidates.shifts[kept] - candidates.shifts[n], axis=1) <= apart
-            if not (alike & near).any():
+            if not (aligned & near).any():
                 kept.append(int(n))
             if len(kept) == count:
                 break

@@ -63,6 +63,10 @@ class TestMissed:
         found = level.missed([refined(TRUE.rotation, true_shift(contest) + ASIDE)])
         assert all(off(contest, one) > 2.0 for one in found)
 
+    def test_nothing_is_named_where_no_shift_may_be_meant(self, contest: Contest, monkeypatch) -> None:
+        monkeypatch.setattr(Bounds, "allow_shifts", lambda _bounds, _R, shifts: np.zeros(len(shifts), dtype=bool))
+        assert contest.missed([refined(TRUE.rotation, true_shift(contest))]) == []
+
 
 def test_the_true_place_wins_however_the_finalists_are_ordered(contest: Contest) -> None:
     true, beside = refined(TRUE.rotation, true_shift(contest)), refined(TRUE.rotation, true_shift(contest) + 2 * ASIDE)
