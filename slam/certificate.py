@@ -20,8 +20,9 @@ from slam.chordal import ChordalProblem
 
 Verdict = Literal["certified", "not certified", "not decided"]
 
-# A solution is certified where none can be better by more than this share of its cost.
-GAP = 1e-6
+# A solution is certified where none can be better by more than this share of its cost, or of a cost so low that the
+# measurements agree to a thirtieth of their deviations.
+GAP, _NOTHING = 1e-6, 1e-3
 # Where the cost falls by more than this share of its multipliers there is no optimum, not even a local one.
 _RESTING = 1e-3
 
@@ -52,17 +53,18 @@ def certify(problem: ChordalProblem, T: RigidTransform) -> Certificate:
     cost = problem.cost(T)
     blocks, gradient = _multipliers(problem, X)
     scale = float(np.abs(blocks).max()) or 1.0
+    allowed = GAP * max(cost, _NOTHING)
     held = sparse.block_diag([sparse.csc_array((n, n)), sparse.block_diag(list(blocks))])
     # the first translation is held: shifts of all poses change nothing
     dual = sparse.csc_array(sparse.csc_array(problem.matrix - held)[1:, 1:])
     weights = sparse.diags_array(np.concatenate([np.zeros(n - 1), np.ones(3 * n)])).tocsc()
     try:
-        lowest = _lowest(dual, sparse.csc_array(weights), scale, 0.5 * GAP * cost / (3 * n))
+        lowest = _lowest(dual, sparse.csc_array(weights), scale, 0.5 * allowed / (3 * n))
     except (RuntimeError, linalg.ArpackError) as error:
         return Certificate("not decided", cost, float("nan"), float("inf"), f"not decided: the dual's {error}")
     gap = max(0.0, cost - float(np.trace(blocks, axis1=1, axis2=2).sum())) + 3 * n * max(0.0, -lowest)
-    if gap <= GAP * cost:
-        words = f"certified: no poses have a cost lower by more than {gap / cost if cost else 0:.1g} of it"
+    if gap <= allowed:
+        words = f"certified: no poses have a cost lower by more than {gap:.1g}"
         return Certificate("certified", cost, lowest, gap, words)
     where = "here the cost still falls" if np.abs(gradient).max() > _RESTING * scale else "this may be a local optimum"
     words = f"not certified: {where}; costs down to {max(0.0, cost - gap):.6g} are not excluded"
