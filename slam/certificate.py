@@ -1,11 +1,11 @@
 """Whether a solution of the isotropic cost is its global optimum: SE-Sync's dual certificate.
 
 Rosen, Carlone, Bandeira and Leonard (IJRR 2019, DOI 10.1177/0278364918784361), Sect. 4.2. For symmetric 3x3 blocks
-Lambda, multipliers of the rotations' constraints, and S = M - diag(0, Lambda), the cost of any poses X is tr(X^T S X) +
-tr(Lambda), and therefore at least tr(Lambda) + 3 n min(0, lambda): lambda is the lowest eigenvalue of S, n the number of
-poses. At the global optimum, unless the noise is large, lambda is 0 and the bound is the cost itself. It holds wherever
-it is evaluated. Translations enter M whole: minimizing over them is what makes S a matrix of the rotations alone, and its
-lowest eigenvalue is that of the whole against diag(0, 1).
+Lambda, multipliers of the rotations' constraints, and S = M - diag(0, Lambda), the cost of any poses X is
+tr(X^T S X) + tr(Lambda), and so at least tr(Lambda) + 3 n min(0, lambda): lambda is the lowest eigenvalue of S, n the
+number of poses. At the global optimum, unless the noise is large, lambda is 0 and the bound is the cost itself. It holds
+wherever it is evaluated. Translations enter M whole: minimizing over them is what makes S a matrix of the rotations
+alone, and its lowest eigenvalue is that of the whole against diag(0, 1).
 """
 
 from dataclasses import dataclass
@@ -85,8 +85,8 @@ def _multipliers(problem: ChordalProblem, X: np.ndarray) -> tuple[np.ndarray, np
 def _lowest(dual: sparse.csc_array, weights: sparse.csc_array, scale: float, tolerance: float) -> float:
     """The lowest eigenvalue of dual x = lambda weights x.
 
-    Three are 0, those of the poses themselves. How many lie below a shift is told by the signs of the pivots of the shifted
-    matrix (Sylvester), so that none is missed; the lowest is then sought where there is one.
+    Three are 0, those of the poses themselves. How many lie below a shift is told by the signs of the pivots of the
+    shifted matrix (Sylvester), so that none is missed; the lowest is then sought where there is one.
     """
     shift = -max(tolerance, 1e-12 * scale)
     below = _negative_pivots(dual, weights, shift)
