@@ -2,10 +2,10 @@
 
 Rosen, Carlone, Bandeira and Leonard (IJRR 2019, DOI 10.1177/0278364918784361), Sect. 4.2. For symmetric 3x3 blocks
 Lambda, multipliers of the rotations' constraints, and S = M - diag(0, Lambda), the cost of any poses X is
-tr(X^T S X) + tr(Lambda), and so at least tr(Lambda) + 3 n min(0, lambda): lambda is the lowest eigenvalue of S, n the
-number of poses. At the global optimum, unless the noise is large, lambda is 0 and the bound is the cost itself. It holds
-wherever it is evaluated. Translations enter M whole: minimizing over them is what makes S a matrix of the rotations
-alone, and its lowest eigenvalue is that of the whole against diag(0, 1).
+tr(X^T S X) + tr(Lambda), and so at least tr(Lambda) + 3 n min(0, lambda), for lambda the lowest eigenvalue of S and n
+the number of poses. At the global optimum, unless the noise is large, lambda is 0 and the bound is the cost itself. It
+holds wherever it is evaluated. Translations enter M whole: minimizing over them is what makes S a matrix of the
+rotations alone, and its lowest eigenvalue is that of the whole against diag(0, 1).
 """
 
 from dataclasses import dataclass

@@ -46,6 +46,19 @@ class Pair:
         return self.edge is not None
 
 
+@dataclass(frozen=True, slots=True)
+class Attempt:
+    """What came of registering a pair.
+
+    Attributes:
+        registration: its result; None where it raised.
+        failure: why it raised, in words.
+    """
+
+    registration: Registration | None
+    failure: str = ""
+
+
 class PairRunner:
     """Prepares scans as pairs ask for them and registers the pairs.
 
@@ -55,7 +68,7 @@ class PairRunner:
         registrar: the method.
         scans: the survey's.
         prepared: how many prepared scans to keep, at least 2.
-        planned: number of steps known from the beginning; `plan` adds those found later.
+        planned: number of steps known from the beginning that are no pairs of the first call to `register`.
         progress: called with (steps done, steps planned so far, words) after each step, or None.
     """
 
@@ -73,10 +86,6 @@ class PairRunner:
         self._done, self._planned = 0, planned
         self._prepare = lru_cache(maxsize=prepared)(lambda index: registrar.prepare(scans[index]))
 
-    def plan(self, steps: int) -> None:
-        """Announce further steps."""
-        self._planned += steps
-
     def tell(self, words: str) -> None:
         """One step is done."""
         self._done += 1
@@ -87,34 +96,49 @@ class PairRunner:
         """Free the prepared scans."""
         self._prepare.cache_clear()
 
-    def register(
-        self,
-        i: int,
-        j: int,
-        role: Role,
-        judge: Callable[[Registration], Verdict] | None = None,
-        predicted_overlap: float = float("nan"),
-    ) -> Pair:
-        """Register scan j to scan i. A pair that fails is told, not raised.
+    def register(self, wanted: Sequence[tuple[int, int]]) -> list[Attempt]:
+        """Register scan j to scan i for every pair (i, j), in their order. A pair that fails is told, not raised."""
+        self._planned += len(wanted)
+        return [self._attempt(i, j) for i, j in wanted]
 
-        Args:
-            i, j: target and source.
-            role: what the pair is for.
-            judge: what decides about keeping it; by default the registration's own acceptance.
-            predicted_overlap: for the account.
-        """
-        registration, edge = None, None
-        sigmas = float("nan")
+    def _attempt(self, i: int, j: int) -> Attempt:
         try:
             registration = self._registrar.register(self._prepare(i), self._prepare(j))
-            verdict = judge(registration) if judge else accept(registration)
-            sigmas, reason = verdict.sigmas, verdict.reason
-            if verdict.kept:
-                edge = Edge(i, j, registration, "sequential" if role == "sequential" else "loop")
+            attempt = Attempt(registration)
+            words = accept(registration).reason
         except SonarmapError as error:
-            reason = f"failed: {error}"
-        self.tell(f"{self._scans[i].name} - {self._scans[j].name}: {reason}")
-        return Pair(i, j, role, registration, edge, reason, predicted_overlap, sigmas)
+            attempt = Attempt(None, str(error))
+            words = f"failed: {error}"
+        self.tell(f"{self._scans[i].name} - {self._scans[j].name}: {words}")
+        return attempt
+
+
+def weigh(
+    i: int,
+    j: int,
+    role: Role,
+    attempt: Attempt,
+    judge: Callable[[Registration], Verdict] | None = None,
+    predicted_overlap: float = float("nan"),
+) -> Pair:
+    """Keep a pair or not.
+
+    Args:
+        i, j: target and source.
+        role: what the pair is for.
+        attempt: what came of registering it.
+        judge: what decides about keeping it; by default the registration's own acceptance.
+        predicted_overlap: for the account.
+    """
+    if attempt.registration is None:
+        return Pair(i, j, role, None, None, f"failed: {attempt.failure}", predicted_overlap)
+    try:
+        verdict = judge(attempt.registration) if judge else accept(attempt.registration)
+        kind = "sequential" if role == "sequential" else "loop"
+        edge = Edge(i, j, attempt.registration, kind) if verdict.kept else None
+    except SonarmapError as error:
+        return Pair(i, j, role, attempt.registration, None, f"failed: {error}", predicted_overlap)
+    return Pair(i, j, role, attempt.registration, edge, verdict.reason, predicted_overlap, verdict.sigmas)
 
 
 def accept(registration: Registration) -> Verdict:

@@ -9,7 +9,7 @@ from scipy.cluster.hierarchy import DisjointSet
 from kernels.errors import InputError
 from slam.edge import Edge
 from slam.loop_closure import LoopSettings, find_candidates, judge
-from slam.pair import Pair, PairRunner, Progress, refuse_all_failed
+from slam.pair import Pair, PairRunner, Progress, refuse_all_failed, weigh
 from slam.point_map import PointMap, fuse
 from slam.pose_graph import PoseGraph, Solution
 from slam.trajectory import Trajectory, chain
@@ -106,9 +106,10 @@ class Mapper:
         if len(scans) < 2:
             raise InputError(f"{len(scans)} scan given; a map wants at least two that overlap")
         stamps = np.array([scan.stamp for scan in scans], dtype=np.float64)
-        runner = PairRunner(self.registrar, scans, self.settings.prepared, len(scans) + 1, progress)
+        runner = PairRunner(self.registrar, scans, self.settings.prepared, 2, progress)
 
-        pairs = [runner.register(k, k + 1, "sequential") for k in range(len(scans) - 1)]
+        wanted = [(k, k + 1) for k in range(len(scans) - 1)]
+        pairs = [weigh(*pair, "sequential", found) for pair, found in zip(wanted, runner.register(wanted), strict=True)]
         pairs += self._bridge(runner, pairs, len(scans))
         refuse_all_failed(pairs)
         edges = _edges(pairs)
@@ -123,33 +124,35 @@ class Mapper:
         return result
 
     def _bridge(self, runner: PairRunner, chained: Sequence[Pair], count: int) -> list[Pair]:
-        """Try to join what the gaps part, shortest pairs first; nothing more once a gap is bridged."""
+        """Try to join what the gaps part, shortest pairs first; nothing longer once a gap is bridged."""
         joined = DisjointSet(range(count))
         for pair in chained:
             if pair.kept:
                 joined.merge(pair.i, pair.j)
-        tried: dict[tuple[int, int], Pair] = {}
-        for gap in [pair.i for pair in chained if not pair.kept]:
-            for i, j in _across(gap, self.settings.bridge, count):
-                if (i, j) not in tried and not joined.connected(i, j):
-                    runner.plan(1)
-                    tried[i, j] = runner.register(i, j, "bridge")
-                    if tried[i, j].kept:
-                        joined.merge(i, j)
-        return list(tried.values())
+        gaps = [pair.i for pair in chained if not pair.kept]
+        tried: list[Pair] = []
+        for span in range(2, self.settings.bridge + 1):
+            across = dict.fromkeys(pair for gap in gaps for pair in _across(gap, span, count))
+            wanted = [pair for pair in across if not joined.connected(*pair)]
+            for pair, found in zip(wanted, runner.register(wanted), strict=True):
+                tried.append(weigh(*pair, "bridge", found))
+                if tried[-1].kept:
+                    joined.merge(*pair)
+        return tried
 
     def _close_loops(self, runner: PairRunner, scans: Sequence[Scan], solution: Solution) -> list[Pair]:
         """Register the pairs that the estimate says overlap, and keep those that agree with it."""
-        candidates = find_candidates(scans, solution, self.voxel, self.settings.loops)
-        runner.plan(len(candidates))
-        pairs = []
         # In the order of the scans, not of promise: neighbors in that order share prepared scans.
-        for candidate in sorted(candidates, key=lambda c: (c.i, c.j)):
+        candidates = sorted(
+            find_candidates(scans, solution, self.voxel, self.settings.loops), key=lambda found: (found.i, found.j)
+        )
+        pairs = []
+        for candidate, found in zip(candidates, runner.register([(c.i, c.j) for c in candidates]), strict=True):
 
             def verdict(registration: Registration, candidate=candidate):
                 return judge(candidate, registration, solution, self.voxel, self.settings.loops)
 
-            pairs.append(runner.register(candidate.i, candidate.j, "loop", verdict, candidate.overlap))
+            pairs.append(weigh(candidate.i, candidate.j, "loop", found, verdict, candidate.overlap))
         return pairs
 
     def _fuse(self, scans: Sequence[Scan], solution: Solution, pairs: Sequence[Pair]) -> SurveyResult:
@@ -175,8 +178,6 @@ def _edges(pairs: Sequence[Pair]) -> tuple[Edge, ...]:
     return tuple(pair.edge for pair in pairs if pair.edge is not None)
 
 
-def _across(gap: int, reach: int, count: int) -> list[tuple[int, int]]:
-    """Pairs with the gap (gap, gap + 1) between them, two to `reach` scans apart, nearest first."""
-    return [
-        (i, i + span) for span in range(2, reach + 1) for i in range(gap, gap - span, -1) if i >= 0 and i + span < count
-    ]
+def _across(gap: int, span: int, count: int) -> list[tuple[int, int]]:
+    """Pairs `span` scans apart with the gap (gap, gap + 1) between them."""
+    return [(i, i + span) for i in range(gap, gap - span, -1) if i >= 0 and i + span < count]
