@@ -1,4 +1,4 @@
-"""Poses and the edges between them, optimized by GTSAM: the only file that knows it.
+"""Poses and the edges between them, optimized by GTSAM.
 
 Conventions are GTSAM's own (docs/conventions.md): tangents rotation first, perturbations on the right, so
 that covariances go over unchanged.
@@ -12,6 +12,7 @@ from scipy.spatial.transform import RigidTransform
 
 from kernels.errors import InputError
 from slam.edge import Edge, components
+from slam.gtsam_poses import chordal_start, to_pose3, to_transforms, to_values
 from slam.trajectory import Trajectory
 
 GAUGE_SIGMA = 1e-6  # of the prior that ties a component to the world [rad, m]: far below any registration's
@@ -57,13 +58,41 @@ class PoseGraph:
         first = (members[0] for members in self.components if held.isdisjoint(members))
         return tuple(sorted({*self.fixed, *first}))
 
+    @property
+    def chi_squared(self) -> float:
+        """The sum of the edges' squared residuals in sigmas, at the trajectory as it is."""
+        return 2 * _factors(self).error(to_values(self.trajectory.T_world_sensor))
+
+    def at(self, T_world_sensor: RigidTransform) -> "PoseGraph":
+        """The same edges, with these N poses."""
+        return PoseGraph(Trajectory(self.trajectory.stamps, T_world_sensor), self.edges, self.fixed)
+
+    def from_edges(self) -> "PoseGraph":
+        """The same graph with an initial estimate that its edges alone tell (`chordal_start`); anchors stay.
+
+        Raises:
+            InputError: the edges do not tell every pose.
+        """
+        try:
+            started = chordal_start(_factors(self))
+        except RuntimeError as error:
+            raise self._unsolvable(error) from error
+        return self.at(to_transforms(started, len(self.trajectory)))
+
+    def _unsolvable(self, error: RuntimeError) -> InputError:
+        return InputError(
+            f"the pose graph of {len(self.trajectory)} poses and {len(self.edges)} edges has no unique "
+            f"solution ({str(error).strip().splitlines()[0]}); look for covariances that are far too "
+            "large or too small"
+        )
+
     def optimize(self, max_iterations: int = 100) -> "Solution":
         """The poses of least squared residual, by Levenberg-Marquardt from the initial estimate.
 
         Raises:
             InputError: the equations have no unique or no finite solution.
         """
-        factors, initial = _factors(self), _values(self.trajectory)
+        factors, initial = _factors(self), to_values(self.trajectory.T_world_sensor)
         options = gtsam.LevenbergMarquardtParams()
         options.setMaxIterations(max_iterations)
         options.setRelativeErrorTol(1e-9)
@@ -73,15 +102,10 @@ class PoseGraph:
             optimum = optimizer.optimize()
             marginals = gtsam.Marginals(factors, optimum)
         except RuntimeError as error:
-            raise InputError(
-                f"the pose graph of {len(self.trajectory)} poses and {len(self.edges)} edges has no unique "
-                f"solution ({str(error).strip().splitlines()[0]}); look for covariances that are far too "
-                "large or too small"
-            ) from error
-        solved = Trajectory(self.trajectory.stamps, _transforms(optimum, len(self.trajectory)))
+            raise self._unsolvable(error) from error
         tied = 6 * (len(self.trajectory) - len(self.anchors))
         return Solution(
-            graph=PoseGraph(solved, self.edges, self.fixed),
+            graph=self.at(to_transforms(optimum, len(self.trajectory))),
             chi_squared_before=2 * factors.error(initial),
             chi_squared_after=2 * factors.error(optimum),
             degrees_of_freedom=6 * len(self.edges) - tied,
@@ -135,22 +159,6 @@ class Solution:
         stacked = np.block([[joint.at(i, i), joint.at(i, j)], [joint.at(j, i), joint.at(j, j)]])
         jacobian = np.hstack([-to_pose3(T_i_j.inv()).AdjointMap(), np.eye(6)])
         return T_i_j, jacobian @ stacked @ jacobian.T
-
-
-def to_pose3(T: RigidTransform) -> gtsam.Pose3:
-    """One rigid transform as GTSAM's."""
-    return gtsam.Pose3(T.as_matrix())
-
-
-def _values(trajectory: Trajectory) -> gtsam.Values:
-    values = gtsam.Values()
-    for pose, matrix in enumerate(trajectory.T_world_sensor.as_matrix()):
-        values.insert(pose, gtsam.Pose3(matrix))
-    return values
-
-
-def _transforms(values: gtsam.Values, count: int) -> RigidTransform:
-    return RigidTransform.from_matrix(np.stack([values.atPose3(pose).matrix() for pose in range(count)]))
 
 
 def _factors(graph: PoseGraph) -> gtsam.NonlinearFactorGraph:

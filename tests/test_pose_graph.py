@@ -10,7 +10,8 @@ from scipy.stats import chi2
 from surveys import edge, random_covariance, random_transforms, ring_poses
 
 from kernels.errors import InputError
-from slam.pose_graph import PoseGraph, to_pose3
+from slam.gtsam_poses import to_pose3
+from slam.pose_graph import PoseGraph
 from slam.trajectory import Trajectory, chain
 from tools.readers.g2o import read_g2o
 
