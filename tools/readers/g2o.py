@@ -11,10 +11,9 @@ from collections import defaultdict
 from pathlib import Path
 
 import numpy as np
-from scipy.spatial.transform import RigidTransform
 
 from kernels.errors import InputError
-from slam.edge import Edge, check_definite, inverse_definite
+from slam.edge import Edge, check_definite
 from slam.pose_graph import PoseGraph
 from slam.trajectory import Trajectory
 from spectral.result import Registration
@@ -92,27 +91,38 @@ def _edges(path: Path, lines: list[Line], index: dict[int, int]) -> tuple[Edge, 
     rows = finite_rows(path, lines, _EDGE_LAYOUT)
     ends = _ids(path, lines, rows[:, :2])
     measured = transforms(path, lines, rows[:, 2:9])
+    covariances = _covariances(path, lines, rows[:, 9:])
     edges = []
-    for (number, _), pair, T_i_j, upper in zip(lines, ends.tolist(), measured, rows[:, 9:], strict=True):
+    for (number, _), pair, T_i_j, covariance in zip(lines, ends.tolist(), measured, covariances, strict=True):
         where = f"{path}: line {number}"
         i, j = (_known(index, vertex, where) for vertex in pair)
+        registration = Registration(
+            T_i_j, covariance, float("nan"), float("nan"), accepted=True, seconds=0.0, reason="read from a file"
+        )
         try:
-            edges.append(_edge(i, j, T_i_j, upper))
+            edges.append(Edge(i, j, registration, "sequential" if abs(i - j) == 1 else "loop"))
         except InputError as error:
             raise InputError(f"{where}: {error}") from error
     return tuple(edges)
 
 
-def _edge(i: int, j: int, T_i_j: RigidTransform, upper: np.ndarray) -> Edge:
-    triangle = np.zeros((6, 6))
-    triangle[UPPER] = upper
-    information = triangle + np.triu(triangle, 1).T
-    check_definite(information, "the information matrix")
-    covariance = inverse_definite(information)[np.ix_(TRANSLATION_LAST, TRANSLATION_LAST)]
-    registration = Registration(
-        T_i_j, covariance, float("nan"), float("nan"), accepted=True, seconds=0.0, reason="read from a file"
-    )
-    return Edge(i, j, registration, "sequential" if abs(i - j) == 1 else "loop")
+def _covariances(path: Path, lines: list[Line], upper: np.ndarray) -> np.ndarray:
+    """(m, 6, 6) in our order, from the (m, 21) numbers of the information matrices."""
+    information = np.zeros((len(upper), 6, 6))
+    information[:, *UPPER] = upper
+    information += np.triu(information, 1).transpose(0, 2, 1)
+    try:
+        np.linalg.cholesky(information)
+        covariances = np.linalg.inv(information)
+    except np.linalg.LinAlgError:  # which says that there is one, but not which
+        for (number, _), matrix in zip(lines, information, strict=True):
+            try:
+                check_definite(matrix, "the information matrix")
+            except InputError as error:
+                raise InputError(f"{path}: line {number}: {error}") from error
+        raise
+    covariances = covariances[:, *np.ix_(TRANSLATION_LAST, TRANSLATION_LAST)]
+    return (covariances + covariances.transpose(0, 2, 1)) / 2
 
 
 def _fixed(path: Path, lines: list[Line], index: dict[int, int]) -> tuple[int, ...]:
