@@ -61,11 +61,21 @@ class PoseGraph:
     @property
     def chi_squared(self) -> float:
         """The sum of the edges' squared residuals in sigmas, at the trajectory as it is."""
-        return 2 * _factors(self).error(to_values(self.trajectory.T_world_sensor))
+        return 2 * factors_of(self).error(to_values(self.trajectory.T_world_sensor))
 
     def at(self, T_world_sensor: RigidTransform) -> "PoseGraph":
         """The same edges, with these N poses."""
         return PoseGraph(Trajectory(self.trajectory.stamps, T_world_sensor), self.edges, self.fixed)
+
+    def keep(self, chosen: np.ndarray) -> "PoseGraph":
+        """The graph with those of its E edges alone that `chosen`, (E,) bool, says."""
+        kept = tuple(edge for edge, take in zip(self.edges, chosen, strict=True) if take)
+        return PoseGraph(self.trajectory, kept, self.fixed)
+
+    def residuals(self) -> np.ndarray:
+        """(E,) float64, each edge's residual at the trajectory as it is, in sigmas."""
+        factors, values = factors_of(self), to_values(self.trajectory.T_world_sensor)
+        return _residuals(factors, values, len(self.edges))
 
     def from_edges(self) -> "PoseGraph":
         """The same graph with an initial estimate that its edges alone tell (`chordal_start`); anchors stay.
@@ -74,7 +84,7 @@ class PoseGraph:
             InputError: the edges do not tell every pose.
         """
         try:
-            started = chordal_start(_factors(self))
+            started = chordal_start(factors_of(self))
         except RuntimeError as error:
             raise self._unsolvable(error) from error
         return self.at(to_transforms(started, len(self.trajectory)))
@@ -92,7 +102,7 @@ class PoseGraph:
         Raises:
             InputError: the equations have no unique or no finite solution.
         """
-        factors, initial = _factors(self), to_values(self.trajectory.T_world_sensor)
+        factors, initial = factors_of(self), to_values(self.trajectory.T_world_sensor)
         options = gtsam.LevenbergMarquardtParams()
         options.setMaxIterations(max_iterations)
         options.setRelativeErrorTol(1e-9)
@@ -111,7 +121,7 @@ class PoseGraph:
             degrees_of_freedom=6 * len(self.edges) - tied,
             iterations=optimizer.iterations(),
             converged=optimizer.iterations() < max_iterations,
-            residuals=np.array([np.sqrt(2 * factors.at(k).error(optimum)) for k in range(len(self.edges))]),
+            residuals=_residuals(factors, optimum, len(self.edges)),
             _marginals=marginals,
         )
 
@@ -161,7 +171,12 @@ class Solution:
         return T_i_j, jacobian @ stacked @ jacobian.T
 
 
-def _factors(graph: PoseGraph) -> gtsam.NonlinearFactorGraph:
+def _residuals(factors: gtsam.NonlinearFactorGraph, values: gtsam.Values, count: int) -> np.ndarray:
+    """Of the first `count` factors, which are the edges'."""
+    return np.array([np.sqrt(2 * factors.at(k).error(values)) for k in range(count)])
+
+
+def factors_of(graph: PoseGraph) -> gtsam.NonlinearFactorGraph:
     """One factor per edge, in their order, then one per anchor."""
     factors = gtsam.NonlinearFactorGraph()
     for edge in graph.edges:
