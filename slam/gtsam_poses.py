@@ -6,6 +6,8 @@ import gtsam
 import numpy as np
 from scipy.spatial.transform import RigidTransform
 
+START_SIGMA = 1e-2  # [rad, m], of the priors that `chordal_start` is given: with far firmer ones its equations fail
+
 
 def to_pose3(T: RigidTransform) -> gtsam.Pose3:
     """One rigid transform as GTSAM's."""
@@ -30,7 +32,7 @@ def chordal_start(factors: gtsam.NonlinearFactorGraph) -> gtsam.Values:
 
     The rotations are those of a linear relaxation (Carlone, Tron, Daniilidis and Dellaert, ICRA 2015,
     DOI 10.1109/ICRA.2015.7139836); the translations follow from them. Factors other than BetweenFactorPose3 and
-    PriorFactorPose3 are not heard.
+    PriorFactorPose3 are not heard, and priors are held only about as firmly as START_SIGMA says.
 
     Raises:
         RuntimeError: the measurements do not tell every pose.

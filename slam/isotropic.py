@@ -9,7 +9,7 @@ from scipy.spatial.transform import RigidTransform
 
 from kernels.errors import InputError
 from slam.chordal import ChordalProblem
-from slam.gtsam_poses import chordal_start, to_pose3, to_transforms, to_values
+from slam.gtsam_poses import START_SIGMA, chordal_start, to_pose3, to_transforms, to_values
 from slam.pose_graph import GAUGE_SIGMA
 
 Start = Literal["chordal", "given"]
@@ -98,7 +98,7 @@ def _chordal(problem: ChordalProblem, T: RigidTransform) -> gtsam.Values:
     precisions = np.column_stack([np.repeat(weight[:, None], 3, axis=1) for weight in (2 * problem.kappa, problem.tau)])
     for i, j, T_i_j, weight in zip(problem.i.tolist(), problem.j.tolist(), _measured(problem), precisions, strict=True):
         between.add(gtsam.BetweenFactorPose3(i, j, T_i_j, gtsam.noiseModel.Diagonal.Precisions(weight)))
-    between.add(gtsam.PriorFactorPose3(0, to_pose3(T[0]), gtsam.noiseModel.Isotropic.Sigma(6, GAUGE_SIGMA)))
+    between.add(gtsam.PriorFactorPose3(0, to_pose3(T[0]), gtsam.noiseModel.Isotropic.Sigma(6, START_SIGMA)))
     return chordal_start(between)
 
 

@@ -12,7 +12,7 @@ from scipy.spatial.transform import RigidTransform
 
 from kernels.errors import InputError
 from slam.edge import Edge, components
-from slam.gtsam_poses import chordal_start, to_pose3, to_transforms, to_values
+from slam.gtsam_poses import START_SIGMA, chordal_start, to_pose3, to_transforms, to_values
 from slam.trajectory import Trajectory
 
 GAUGE_SIGMA = 1e-6  # of the prior that ties a component to the world [rad, m]: far below any registration's
@@ -84,10 +84,22 @@ class PoseGraph:
             InputError: the edges do not tell every pose.
         """
         try:
-            started = chordal_start(factors_of(self))
+            started = chordal_start(factors_of(self, START_SIGMA))
         except RuntimeError as error:
             raise self._unsolvable(error) from error
-        return self.at(to_transforms(started, len(self.trajectory)))
+        return self.held(to_transforms(started, len(self.trajectory)))
+
+    def held(self, T_world_sensor: RigidTransform) -> "PoseGraph":
+        """The same edges with these N poses, each component moved so that its anchors are where they were."""
+        given, matrices = self.trajectory.T_world_sensor, T_world_sensor.as_matrix()
+        anchors = self.anchors
+        for members in self.components:
+            inside = sorted(set(anchors).intersection(members))
+            if inside:
+                moved = given[inside[0]] * T_world_sensor[inside[0]].inv() * T_world_sensor[list(members)]
+                matrices[list(members)] = moved.as_matrix()
+                matrices[inside] = given[inside].as_matrix()
+        return self.at(RigidTransform.from_matrix(matrices))
 
     def _unsolvable(self, error: RuntimeError) -> InputError:
         return InputError(
@@ -176,7 +188,7 @@ def _residuals(factors: gtsam.NonlinearFactorGraph, values: gtsam.Values, count:
     return np.array([np.sqrt(2 * factors.at(k).error(values)) for k in range(count)])
 
 
-def factors_of(graph: PoseGraph) -> gtsam.NonlinearFactorGraph:
+def factors_of(graph: PoseGraph, gauge_sigma: float = GAUGE_SIGMA) -> gtsam.NonlinearFactorGraph:
     """One factor per edge, in their order, then one per anchor."""
     factors = gtsam.NonlinearFactorGraph()
     for edge in graph.edges:
@@ -186,7 +198,7 @@ def factors_of(graph: PoseGraph) -> gtsam.NonlinearFactorGraph:
             factors.add(gtsam.PriorFactorPose3(edge.i, measured, noise))
         else:
             factors.add(gtsam.BetweenFactorPose3(edge.i, edge.j, measured, noise))
-    gauge = gtsam.noiseModel.Isotropic.Sigma(6, GAUGE_SIGMA)
+    gauge = gtsam.noiseModel.Isotropic.Sigma(6, gauge_sigma)
     for pose in graph.anchors:
         T_world_sensor = graph.trajectory.T_world_sensor[pose]
         factors.add(gtsam.PriorFactorPose3(pose, to_pose3(T_world_sensor), gauge))
