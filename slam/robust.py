@@ -62,7 +62,7 @@ def robust_optimize(graph: PoseGraph, trusted: Iterable[int] = (), probability: 
     """
     edges, bound = graph.edges, float(chi2.ppf(probability, 6))
     told = _told(graph, trusted)
-    graph = graph.at(_chained(graph))
+    graph = graph.held(chain(edges, graph.trajectory.stamps).T_world_sensor)
     active = _first(graph, told)
     tried = active.astype(int)
     accepted, solution = _believed(graph, active, told, bound)
@@ -85,17 +85,6 @@ def _told(graph: PoseGraph, trusted: Iterable[int]) -> np.ndarray:
     told = np.array([edge.kind == "prior" for edge in graph.edges], bool)
     told[[*trusted, *bridges(len(graph.trajectory), graph.edges)]] = True
     return told
-
-
-def _chained(graph: PoseGraph) -> RigidTransform:
-    """The poses that the chain of the edges gives, each component where its first held pose is."""
-    given, T = graph.trajectory.T_world_sensor, chain(graph.edges, graph.trajectory.stamps).T_world_sensor
-    matrices = T.as_matrix()
-    for members in graph.components:
-        held = next((pose for pose in graph.anchors if pose in members), None)
-        if held is not None:
-            matrices[list(members)] = (given[held] * T[held].inv() * T[list(members)]).as_matrix()
-    return RigidTransform.from_matrix(matrices)
 
 
 def _first(graph: PoseGraph, told: np.ndarray) -> np.ndarray:
@@ -132,7 +121,7 @@ def _believed(graph: PoseGraph, active: np.ndarray, told: np.ndarray, bound: flo
         cost = float(np.where(accepted, squared, most)[active].sum())
         if best is None or cost < best[0]:
             best = cost, accepted, solution
-        if accepted[active].all():
+        if (active & ~accepted).sum() <= CHAIN:  # then no edge of the chain can be worth less
             break
     assert best is not None
     return best[1:]
