@@ -23,6 +23,7 @@ from tools.cli.terminal import say
 VERBS = [
     "register",
     "map",
+    "optimize",
     "simulate",
     "evaluate",
     "reproduce",

@@ -28,6 +28,7 @@ TRANSLATION_LAST = np.array([3, 4, 5, 0, 1, 2])  # from g2o's order to ours, and
 _POSE = "x y z qx qy qz qw"
 _VERTEX_LAYOUT = f"id {_POSE}"
 _EDGE_LAYOUT = f"id id {_POSE} " + " ".join(f"I{i + 1}{j + 1}" for i, j in zip(*UPPER, strict=True))
+_MOST_PARTS = 4  # that a message lists
 _LARGEST_ID = 2**53  # ids are read with the other numbers of their line, as float64
 
 
@@ -61,6 +62,33 @@ def read_g2o(path: Path) -> PoseGraph:
         _edges(path, lines[EDGE], index),
         _fixed(path, lines[FIX], index),
     )
+
+
+def require_connected(path: Path, graph: PoseGraph) -> None:
+    """Refuse a graph whose edges leave it in parts, which have no common frame.
+
+    Raises:
+        InputError: naming the line of the first vertex of the second part, the parts, and what to do.
+    """
+    parts = graph.components
+    if len(parts) == 1:
+        return
+    ids = graph.trajectory.stamps.astype(np.int64)
+    second = ids[parts[1][0]]
+    number = next(n for n, line in _by_tag(path)[VERTEX] if int(float(line.split(maxsplit=1)[0])) == second)
+    told = "; ".join(_listed(ids[list(part)]) for part in parts[:_MOST_PARTS])
+    told += "; ..." if len(parts) > _MOST_PARTS else ""
+    raise InputError(
+        f"{path}: line {number}: no edges join vertex {second} to vertex {ids[parts[0][0]]}: the graph is in "
+        f"{len(parts)} parts, of the vertices {told}. Add an edge that joins them, or give each part a file of its own"
+    )
+
+
+def _listed(ids: np.ndarray) -> str:
+    """Ascending ids in words: 3, 5 to 9."""
+    runs = np.split(ids, np.flatnonzero(np.diff(ids) != 1) + 1)
+    words = [f"{run[0]}" if len(run) == 1 else f"{run[0]} to {run[-1]}" for run in runs[:_MOST_PARTS]]
+    return ", ".join(words) + (", ..." if len(runs) > _MOST_PARTS else "")
 
 
 def _by_tag(path: Path) -> dict[str, list[Line]]:

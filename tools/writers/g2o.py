@@ -1,6 +1,6 @@
 """g2o pose graphs with 17 significant digits; their reader tells what the numbers mean."""
 
-from collections.abc import Iterable
+from collections.abc import Container, Iterable
 from pathlib import Path
 
 import numpy as np
@@ -9,6 +9,7 @@ from scipy.spatial.transform import RigidTransform
 from kernels.errors import InputError
 from slam.edge import inverse_definite
 from slam.pose_graph import PoseGraph
+from slam.trajectory import Trajectory
 from tools.atomic import atomic_path
 from tools.readers.g2o import EDGE, FIX, TRANSLATION_LAST, UPPER, VERTEX
 from tools.writers.tum import pose_numbers
@@ -37,6 +38,36 @@ def write_g2o(path: Path, graph: PoseGraph) -> None:
             lines.append(_line(f"{EDGE} {edge.i} {edge.j}", [*pose, *upper.tolist()]))
     with atomic_path(path) as temporary:
         temporary.write_text("".join(lines))
+
+
+def rewrite_g2o(path: Path, source: Path, trajectory: Trajectory, left_out: Container[int] = ()) -> None:
+    """Write a file again with other poses; all else, comments and the edges' digits too, stays as it is.
+
+    Args:
+        path: where to.
+        source: a file that `read_g2o` has read.
+        trajectory: the poses of its vertices, each with its vertex's id for a stamp, as `read_g2o` gives them.
+        left_out: edges to drop, counted from 0 in the file's order.
+
+    Raises:
+        InputError: the file cannot be written.
+    """
+    numbers = pose_numbers(trajectory.T_world_sensor).tolist()
+    poses = {int(stamp): pose for stamp, pose in zip(trajectory.stamps.tolist(), numbers, strict=True)}
+    lines, edges = [], 0
+    for line in Path(source).read_bytes().splitlines():
+        tag, *rest = line.split(maxsplit=2)[:2] or [b""]
+        if tag == VERTEX.encode():
+            vertex = int(float(rest[0]))
+            lines.append(_line(f"{VERTEX} {vertex}", poses[vertex]).encode())
+            continue
+        if tag == EDGE.encode():
+            edges += 1
+            if edges - 1 in left_out:
+                continue
+        lines.append(line + b"\n")
+    with atomic_path(path) as temporary:
+        temporary.write_bytes(b"".join(lines))
 
 
 def _line(head: str, numbers: Iterable[float]) -> str:
