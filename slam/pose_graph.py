@@ -192,14 +192,18 @@ def factors_of(graph: PoseGraph, gauge_sigma: float = GAUGE_SIGMA) -> gtsam.Nonl
     """One factor per edge, in their order, then one per anchor."""
     factors = gtsam.NonlinearFactorGraph()
     for edge in graph.edges:
-        measured = to_pose3(edge.registration.T_target_source)
-        noise = gtsam.noiseModel.Gaussian.Covariance(edge.registration.covariance)
-        if edge.kind == "prior":
-            factors.add(gtsam.PriorFactorPose3(edge.i, measured, noise))
-        else:
-            factors.add(gtsam.BetweenFactorPose3(edge.i, edge.j, measured, noise))
+        factors.add(edge_factor(edge))
     gauge = gtsam.noiseModel.Isotropic.Sigma(6, gauge_sigma)
     for pose in graph.anchors:
         T_world_sensor = graph.trajectory.T_world_sensor[pose]
         factors.add(gtsam.PriorFactorPose3(pose, to_pose3(T_world_sensor), gauge))
     return factors
+
+
+def edge_factor(edge: Edge) -> gtsam.NonlinearFactor:
+    """What one edge says, for GTSAM."""
+    measured = to_pose3(edge.registration.T_target_source)
+    noise = gtsam.noiseModel.Gaussian.Covariance(edge.registration.covariance)
+    if edge.kind == "prior":
+        return gtsam.PriorFactorPose3(edge.i, measured, noise)
+    return gtsam.BetweenFactorPose3(edge.i, edge.j, measured, noise)
