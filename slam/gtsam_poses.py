@@ -4,9 +4,11 @@ from collections.abc import Iterable
 
 import gtsam
 import numpy as np
-from scipy.spatial.transform import RigidTransform
+from scipy import sparse
+from scipy.sparse.linalg import spsolve
+from scipy.spatial.transform import RigidTransform, Rotation
 
-START_SIGMA = 1e-2  # [rad, m], of the priors that `chordal_start` is given: with far firmer ones its equations fail
+START_SIGMA = 1e-2  # [rad, m], of the priors that `chordal_start` is given to hold a pose about where it is
 
 
 def to_pose3(T: RigidTransform) -> gtsam.Pose3:
@@ -27,14 +29,43 @@ def to_transforms(values: gtsam.Values, count: int) -> RigidTransform:
     return RigidTransform.from_matrix(np.stack([values.atPose3(key).matrix() for key in range(count)]))
 
 
-def chordal_start(factors: gtsam.NonlinearFactorGraph) -> gtsam.Values:
-    """Poses from measurements between them and priors, without an initial guess.
+def chordal_start(factors: gtsam.NonlinearFactorGraph, count: int) -> RigidTransform:
+    """Poses 0..count-1 from measurements between them and priors, without an initial guess.
 
     The rotations are those of a linear relaxation (Carlone, Tron, Daniilidis and Dellaert, ICRA 2015,
-    DOI 10.1109/ICRA.2015.7139836); the translations follow from them. Factors other than BetweenFactorPose3 and
-    PriorFactorPose3 are not heard, and priors are held only about as firmly as START_SIGMA says.
+    DOI 10.1109/ICRA.2015.7139836); the translations are then the least squares of what they make of the measured ones.
+    Factors other than BetweenFactorPose3 and PriorFactorPose3 are not heard.
 
     Raises:
-        RuntimeError: the measurements do not tell every pose.
+        RuntimeError: the measurements do not tell every rotation.
     """
-    return gtsam.InitializePose3.initialize(factors)
+    found = gtsam.InitializePose3.initializeOrientations(factors)
+    R = np.stack([found.atRot3(key).matrix() for key in range(count)])
+    measured = [factors.at(k) for k in range(factors.size())]
+    between = [factor for factor in measured if isinstance(factor, gtsam.BetweenFactorPose3)]
+    priors = [factor for factor in measured if isinstance(factor, gtsam.PriorFactorPose3)]
+    i, j = np.array([factor.keys() for factor in between], int).reshape(-1, 2).T
+    moved = np.array([factor.measured().translation() for factor in between]).reshape(-1, 3)
+    held = [factor.keys()[0] for factor in priors]
+    places = np.array([factor.prior().translation() for factor in priors]).reshape(-1, 3)
+    weights = np.sqrt([_firmness(factor) for factor in (*between, *priors)])
+    row = np.arange(len(weights))
+    first = len(between)
+    differences = sparse.csr_array(
+        (
+            np.concatenate([weights, -weights[:first]]),
+            (np.concatenate([row, row[:first]]), np.concatenate([j, held, i]).astype(int)),
+        ),
+        shape=(len(weights), count),
+    )
+    wanted = weights[:, None] * np.vstack([np.einsum("mab,mb->ma", R[i], moved), places])
+    normal = sparse.csc_array(differences.T @ differences)
+    t = np.asarray(spsolve(normal, differences.T @ wanted)).reshape(count, 3)
+    return RigidTransform.from_components(t, Rotation.from_matrix(R))
+
+
+def _firmness(factor: gtsam.NoiseModelFactor) -> float:
+    """The information of a measurement on translation, summed over the axes [1/m^2]."""
+    noise = factor.noiseModel()
+    assert isinstance(noise, gtsam.noiseModel.Gaussian)
+    return float(np.trace(noise.information()[3:, 3:]))

@@ -99,7 +99,7 @@ def _chordal(problem: ChordalProblem, T: RigidTransform) -> gtsam.Values:
     for i, j, T_i_j, weight in zip(problem.i.tolist(), problem.j.tolist(), _measured(problem), precisions, strict=True):
         between.add(gtsam.BetweenFactorPose3(i, j, T_i_j, gtsam.noiseModel.Diagonal.Precisions(weight)))
     between.add(gtsam.PriorFactorPose3(0, to_pose3(T[0]), gtsam.noiseModel.Isotropic.Sigma(6, START_SIGMA)))
-    return chordal_start(between)
+    return to_values(chordal_start(between, problem.count))
 
 
 def _measured(problem: ChordalProblem) -> list[gtsam.Pose3]:

@@ -84,10 +84,10 @@ class PoseGraph:
             InputError: the edges do not tell every pose.
         """
         try:
-            started = chordal_start(factors_of(self, START_SIGMA))
+            started = chordal_start(factors_of(self, START_SIGMA), len(self.trajectory))
         except RuntimeError as error:
             raise self._unsolvable(error) from error
-        return self.held(to_transforms(started, len(self.trajectory)))
+        return self.held(started)
 
     def held(self, T_world_sensor: RigidTransform) -> "PoseGraph":
         """The same edges with these N poses, each component moved so that its anchors are where they were."""

@@ -8,7 +8,7 @@ from kernels.errors import InputError
 from slam.certificate import certify
 from slam.chordal import ChordalProblem
 from slam.edge import Edge
-from slam.isotropic import optimize_isotropic
+from slam.isotropic import Start, optimize_isotropic
 from spectral.result import Registration
 
 
@@ -123,3 +123,16 @@ def test_poses_far_from_rest_are_told_so() -> None:
     certificate = certify(problem, poses(rng, 8))
     assert certificate.verdict == "not certified"
     assert "still falls" in certificate.reason
+
+
+@pytest.mark.parametrize("start", ["chordal", "given"])
+def test_the_optimum_moves_with_the_first_pose_and_knows_no_order_of_the_edges(start: Start) -> None:
+    rng = np.random.default_rng(6)
+    true = poses(rng, 10)
+    edges = graph(rng, true, ring(10, (0, 5), (7, 2)), 1.0)
+    found = optimize_isotropic(ChordalProblem.of(10, edges), true, start)
+    moved = RigidTransform.from_exp_coords([0.3, -1.2, 0.7, 5, -8, 2])
+    order = rng.permutation(len(edges))
+    other = optimize_isotropic(ChordalProblem.of(10, [edges[k] for k in order]), moved * true, start)
+    np.testing.assert_allclose(other.T.as_matrix(), (moved * found.T).as_matrix(), atol=1e-4)
+    assert other.cost_after == pytest.approx(found.cost_after, rel=1e-9)

@@ -151,3 +151,30 @@ def test_sphere2500_from_its_own_initial_estimate():
     assert time.perf_counter() - start < 30
     assert solution.converged
     assert solution.chi_squared_after == pytest.approx(1351.40192585, rel=1e-8)
+
+
+def test_the_optimum_moves_with_the_first_pose_and_knows_no_order_of_the_edges():
+    rng = np.random.default_rng(9)
+    _, graph = ring_graph(12, rng, loops=True)
+    moved = RigidTransform.from_exp_coords([0.3, -1.2, 0.7, 5, -8, 2])
+    order = rng.permutation(len(graph.edges))
+    shuffled = PoseGraph(graph.trajectory, tuple(graph.edges[k] for k in order))
+    found = graph.optimize().trajectory.T_world_sensor
+    other = shuffled.at(moved * graph.trajectory.T_world_sensor).optimize().trajectory.T_world_sensor
+    np.testing.assert_allclose(other.as_matrix(), (moved * found).as_matrix(), atol=1e-4)
+
+
+@pytest.mark.parametrize("fixed", [(), (5,), (0, 1)])
+def test_the_start_from_the_edges_hears_no_pose_but_the_held(fixed):
+    rng = np.random.default_rng(10)
+    _, graph = ring_graph(12, rng, loops=True)
+    solved = PoseGraph(graph.optimize().trajectory, graph.edges, fixed)
+    lost = random_transforms(rng, 12, 1.5, 30.0)
+    known = list(solved.anchors)
+    T = RigidTransform.from_matrix(
+        np.stack([(solved.trajectory.T_world_sensor if k in known else lost)[k].as_matrix() for k in range(12)])
+    )
+    started = solved.at(T).from_edges()
+    np.testing.assert_allclose(started.trajectory.T_world_sensor[known].as_matrix(), T[known].as_matrix(), atol=1e-12)
+    again = started.optimize()
+    assert again.chi_squared_after == pytest.approx(solved.chi_squared, rel=1e-5)
