@@ -13,7 +13,8 @@ from scipy.spatial import KDTree
 from scipy.spatial.transform import RigidTransform
 
 from slam.edge import Edge
-from slam.path import carried, surest_covariances
+from slam.path import surest_covariances
+from slam.tangent import carried
 
 NEAR = 5  # poses along the chain within which two loops are compared at either end
 

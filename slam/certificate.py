@@ -102,7 +102,7 @@ def _lowest(dual: sparse.csc_array, weights: sparse.csc_array, scale: float, tol
 
 def _nearest(dual: sparse.csc_array, weights: sparse.csc_array, shift: float) -> float:
     """The lowest of the eigenvalues above a shift that none lies below."""
-    count = min(4, dual.shape[0] - 2)
+    count = min(4, len(weights.indptr) - 3)
     values = np.asarray(linalg.eigsh(dual, k=count, M=weights, sigma=shift, which="LM", return_eigenvectors=False))
     return float(values.min())
 

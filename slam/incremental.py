@@ -12,8 +12,9 @@ from scipy.spatial.transform import RigidTransform
 from kernels.errors import InputError
 from slam.edge import Edge
 from slam.gtsam_poses import to_pose3, to_transforms
-from slam.path import adjoints
-from slam.pose_graph import GAUGE_SIGMA, edge_factor
+from slam.pose_graph import edge_factor
+from slam.prior_factors import GAUGE_SIGMA
+from slam.tangent import adjoint
 from slam.trajectory import Trajectory
 
 # Every pose is linearized again at every step, where it moved by more than this [rad, m], and every step is followed by
@@ -91,7 +92,7 @@ class Incremental:
         T_i_j = poses[0].inv() * poses[1]
         joint = self._isam.jointMarginalCovariance([i, j])
         stacked = np.block([[joint.at(a, b) for b in (i, j)] for a in (i, j)])
-        jacobian = np.hstack([-adjoints(RigidTransform.concatenate([T_i_j.inv()]))[0], np.eye(6)])
+        jacobian = np.hstack([-adjoint(T_i_j.inv()), np.eye(6)])
         return T_i_j, jacobian @ stacked @ jacobian.T
 
     def _start(self, pose: int, own: Sequence[Edge]) -> RigidTransform:

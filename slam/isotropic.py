@@ -10,7 +10,7 @@ from scipy.spatial.transform import RigidTransform
 from kernels.errors import InputError
 from slam.chordal import ChordalProblem
 from slam.gtsam_poses import START_SIGMA, chordal_start, to_pose3, to_transforms, to_values
-from slam.pose_graph import GAUGE_SIGMA
+from slam.prior_factors import GAUGE_SIGMA
 
 Start = Literal["chordal", "given"]
 

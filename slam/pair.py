@@ -1,49 +1,14 @@
-"""Registering one pair of a survey after the other, and the account of each."""
+"""Registering the pairs of a survey."""
 
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from functools import lru_cache
-from typing import Literal
 
-from kernels.errors import InputError, SonarmapError
-from slam.edge import Edge
-from slam.loop_closure import Verdict
+from kernels.errors import SonarmapError
 from spectral.result import Registrar, Registration
 from spectral.scan import Scan
 
-Role = Literal["sequential", "bridge", "loop"]
 Progress = Callable[[int, int, str], None]
-
-
-@dataclass(frozen=True, slots=True)
-class Pair:
-    """One pair of scans that was tried.
-
-    Attributes:
-        i, j: target and source.
-        role: "sequential" (consecutive), "loop", or "bridge" (over a gap, with no estimate to go by).
-        registration: what came of it; None where it raised.
-        edge: what it contributes to the graph; None where it was not kept.
-        reason: in words, why it was kept or not.
-        predicted_overlap: of a loop, by the estimate, 0..1; NaN otherwise.
-        sigmas_from_estimate: of a loop, before it was added (Mahalanobis); NaN otherwise.
-        residual: of its edge after the optimization [sigmas]; NaN where there is none.
-    """
-
-    i: int
-    j: int
-    role: Role
-    registration: Registration | None
-    edge: Edge | None
-    reason: str
-    predicted_overlap: float = float("nan")
-    sigmas_from_estimate: float = float("nan")
-    residual: float = float("nan")
-
-    @property
-    def kept(self) -> bool:
-        """Whether it is an edge of the graph."""
-        return self.edge is not None
 
 
 @dataclass(frozen=True, slots=True)
@@ -105,7 +70,7 @@ class PairRunner:
         try:
             registration = self._registrar.register(self._prepare(i), self._prepare(j))
             attempt = Attempt(registration)
-            words = accept(registration).reason
+            words = _outcome(registration)
         except SonarmapError as error:
             attempt = Attempt(None, str(error))
             words = f"failed: {error}"
@@ -113,43 +78,6 @@ class PairRunner:
         return attempt
 
 
-def weigh(
-    i: int,
-    j: int,
-    role: Role,
-    attempt: Attempt,
-    judge: Callable[[Registration], Verdict] | None = None,
-    predicted_overlap: float = float("nan"),
-) -> Pair:
-    """Keep a pair or not.
-
-    Args:
-        i, j: target and source.
-        role: what the pair is for.
-        attempt: what came of registering it.
-        judge: what decides about keeping it; by default the registration's own acceptance.
-        predicted_overlap: for the account.
-    """
-    if attempt.registration is None:
-        return Pair(i, j, role, None, None, f"failed: {attempt.failure}", predicted_overlap)
-    try:
-        verdict = judge(attempt.registration) if judge else accept(attempt.registration)
-        kind = "sequential" if role == "sequential" else "loop"
-        edge = Edge(i, j, attempt.registration, kind) if verdict.kept else None
-    except SonarmapError as error:
-        return Pair(i, j, role, attempt.registration, None, f"failed: {error}", predicted_overlap)
-    return Pair(i, j, role, attempt.registration, edge, verdict.reason, predicted_overlap, verdict.sigmas)
-
-
-def accept(registration: Registration) -> Verdict:
-    """The registration's own word."""
-    words = registration.reason or "no reason given"
-    outcome = "kept" if registration.accepted else "refused by the registration"
-    return Verdict(registration.accepted, float("nan"), f"{outcome}: {words}")
-
-
-def refuse_all_failed(pairs: Sequence[Pair]) -> None:
-    """Raise InputError where every pair raised: then it is the set-up that is wrong, or all scans but one."""
-    if all(pair.registration is None for pair in pairs):
-        why = pairs[0].reason.removeprefix("failed: ")
-        raise InputError(f"none of the {len(pairs)} pairs that were tried could be registered; of the first, {why}")
+def _outcome(registration: Registration) -> str:
+    verdict = "accepted" if registration.accepted else "refused by the registration"
+    return f"{verdict}: {registration.reason or 'no reason given'}"

@@ -8,6 +8,7 @@ from scipy.sparse.csgraph import dijkstra
 from scipy.spatial.transform import RigidTransform
 
 from slam.edge import Edge
+from slam.tangent import carried
 
 
 def bridges(count: int, edges: Sequence[Edge]) -> set[int]:
@@ -40,21 +41,6 @@ def bridges(count: int, edges: Sequence[Edge]) -> set[int]:
                 order[step[0]] = low[step[0]] = reached = reached + 1
                 way.append((*step, iter(neighbors[step[0]])))
     return found
-
-
-def adjoints(T: RigidTransform) -> np.ndarray:
-    """(N, 6, 6), of tangents rotation first: T Exp(x) = Exp(Ad x) T."""
-    R, t = T.as_matrix()[:, :3, :3], T.translation
-    adjoint = np.zeros((len(R), 6, 6))
-    adjoint[:, :3, :3] = adjoint[:, 3:, 3:] = R
-    adjoint[:, 3:, :3] = np.cross(t[:, None, :], R.transpose(0, 2, 1)).transpose(0, 2, 1)
-    return adjoint
-
-
-def carried(T: RigidTransform, covariances: np.ndarray) -> np.ndarray:
-    """Covariances (N, 6, 6) of the source side of N transforms, on the target side."""
-    adjoint = adjoints(T)
-    return adjoint @ covariances @ adjoint.transpose(0, 2, 1)
 
 
 def surest_covariances(

@@ -4,7 +4,7 @@ Conventions are GTSAM's own (docs/conventions.md): tangents rotation first, pert
 that covariances go over unchanged.
 """
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import gtsam
 import numpy as np
@@ -13,9 +13,10 @@ from scipy.spatial.transform import RigidTransform
 from kernels.errors import InputError
 from slam.edge import Edge, components
 from slam.gtsam_poses import START_SIGMA, chordal_start, to_pose3, to_transforms, to_values
+from slam.prior_factors import GAUGE_SIGMA, gauge_factors, prior_factors, unmeasured
 from slam.trajectory import Trajectory
-
-GAUGE_SIGMA = 1e-6  # of the prior that ties a component to the world [rad, m]: far below any registration's
+from spectral.result import Registration
+from spectral.scan import PosePrior
 
 
 @dataclass(frozen=True, slots=True)
@@ -26,9 +27,10 @@ class PoseGraph:
         trajectory: the initial estimate of N poses.
         edges: measurements; their covariances are used in full and as they are.
         fixed: poses held at their initial estimate.
+        priors: (pose, what instruments measured of it); the trajectory is in their world (`place_in_world`).
 
     Every connected component needs a tie to the world: its fixed poses or its priors are that tie, and where it has
-    neither, its first pose is held (`anchors`).
+    neither, its first pose is held (`anchors`). What no instrument measures of any of its poses is held there too.
 
     Raises:
         InputError: an edge or a fixed pose that names a pose which is not there.
@@ -37,6 +39,7 @@ class PoseGraph:
     trajectory: Trajectory
     edges: tuple[Edge, ...]
     fixed: tuple[int, ...] = ()
+    priors: tuple[tuple[int, PosePrior], ...] = ()
 
     def __post_init__(self) -> None:
         count = len(self.trajectory)
@@ -45,6 +48,8 @@ class PoseGraph:
                 raise InputError(f"{edge.name} names a pose which is not among the {count} of the trajectory")
         if any(not 0 <= pose < count for pose in self.fixed):
             raise InputError(f"fixed poses {self.fixed}: wanted indices below {count}, the number of poses")
+        if any(not 0 <= pose < count for pose, _ in self.priors):
+            raise InputError(f"a prior names a pose which is not among the {count} of the trajectory")
 
     @property
     def components(self) -> tuple[tuple[int, ...], ...]:
@@ -54,9 +59,17 @@ class PoseGraph:
     @property
     def anchors(self) -> tuple[int, ...]:
         """The poses held where they are: the fixed, and the first of a component that nothing else holds."""
-        held = {edge.i for edge in self.edges if edge.kind == "prior"}.union(self.fixed)
+        held = {edge.i for edge in self.edges if edge.kind == "prior"}.union(self.fixed, dict(self.priors))
         first = (members[0] for members in self.components if held.isdisjoint(members))
         return tuple(sorted({*self.fixed, *first}))
+
+    @property
+    def loose(self) -> list[tuple[int, np.ndarray]]:
+        """The first pose of each component whose priors do not tell all, and (6,) bool what they do not tell."""
+        priors = dict(self.priors)
+        measured = (members for members in self.components if not set(self.anchors).intersection(members))
+        found = [(members[0], unmeasured(members, priors)) for members in measured if set(priors).intersection(members)]
+        return [(pose, free) for pose, free in found if free.any()]
 
     @property
     def chi_squared(self) -> float:
@@ -65,12 +78,12 @@ class PoseGraph:
 
     def at(self, T_world_sensor: RigidTransform) -> "PoseGraph":
         """The same edges, with these N poses."""
-        return PoseGraph(Trajectory(self.trajectory.stamps, T_world_sensor), self.edges, self.fixed)
+        return replace(self, trajectory=Trajectory(self.trajectory.stamps, T_world_sensor))
 
     def keep(self, chosen: np.ndarray) -> "PoseGraph":
         """The graph with those of its E edges alone that `chosen`, (E,) bool, says."""
         kept = tuple(edge for edge, take in zip(self.edges, chosen, strict=True) if take)
-        return PoseGraph(self.trajectory, kept, self.fixed)
+        return replace(self, edges=kept)
 
     def residuals(self) -> np.ndarray:
         """(E,) float64, each edge's residual at the trajectory as it is, in sigmas."""
@@ -90,11 +103,14 @@ class PoseGraph:
         return self.held(started)
 
     def held(self, T_world_sensor: RigidTransform) -> "PoseGraph":
-        """The same edges with these N poses, each component moved so that its anchors are where they were."""
+        """The same edges with these N poses, each component moved so that its anchors are where they were.
+
+        One whose place is measured is moved so that its first measured pose is where it was.
+        """
         given, matrices = self.trajectory.T_world_sensor, T_world_sensor.as_matrix()
-        anchors = self.anchors
+        anchors, priors = self.anchors, dict(self.priors)
         for members in self.components:
-            inside = sorted(set(anchors).intersection(members))
+            inside = sorted(set(anchors).intersection(members)) or sorted(set(priors).intersection(members))[:1]
             if inside:
                 moved = given[inside[0]] * T_world_sensor[inside[0]].inv() * T_world_sensor[list(members)]
                 matrices[list(members)] = moved.as_matrix()
@@ -125,12 +141,13 @@ class PoseGraph:
             marginals = gtsam.Marginals(factors, optimum)
         except RuntimeError as error:
             raise self._unsolvable(error) from error
-        tied = 6 * (len(self.trajectory) - len(self.anchors))
+        unknowns = 6 * (len(self.trajectory) - len(self.anchors)) - sum(int(free.sum()) for _, free in self.loose)
+        measured = 6 * len(self.edges) + sum(int(np.isfinite(prior.sigmas).sum()) for _, prior in self.priors)
         return Solution(
             graph=self.at(to_transforms(optimum, len(self.trajectory))),
             chi_squared_before=2 * factors.error(initial),
             chi_squared_after=2 * factors.error(optimum),
-            degrees_of_freedom=6 * len(self.edges) - tied,
+            degrees_of_freedom=measured - unknowns,
             iterations=optimizer.iterations(),
             converged=optimizer.iterations() < max_iterations,
             residuals=_residuals(factors, optimum, len(self.edges)),
@@ -182,6 +199,12 @@ class Solution:
         jacobian = np.hstack([-to_pose3(T_i_j.inv()).AdjointMap(), np.eye(6)])
         return T_i_j, jacobian @ stacked @ jacobian.T
 
+    def distance(self, i: int, j: int, registration: Registration) -> float:
+        """How far a registration that is no edge is from the poses [sigmas], under its covariance and theirs."""
+        T_i_j, covariance = self.relative(i, j)
+        xi = (T_i_j.inv() * registration.T_target_source).as_exp_coords()
+        return float(np.sqrt(xi @ np.linalg.solve(covariance + registration.covariance, xi)))
+
 
 def _residuals(factors: gtsam.NonlinearFactorGraph, values: gtsam.Values, count: int) -> np.ndarray:
     """Of the first `count` factors, which are the edges'."""
@@ -189,14 +212,19 @@ def _residuals(factors: gtsam.NonlinearFactorGraph, values: gtsam.Values, count:
 
 
 def factors_of(graph: PoseGraph, gauge_sigma: float = GAUGE_SIGMA) -> gtsam.NonlinearFactorGraph:
-    """One factor per edge, in their order, then one per anchor."""
+    """One factor per edge, in their order, then those of the anchors and priors."""
     factors = gtsam.NonlinearFactorGraph()
     for edge in graph.edges:
         factors.add(edge_factor(edge))
     gauge = gtsam.noiseModel.Isotropic.Sigma(6, gauge_sigma)
+    T = graph.trajectory.T_world_sensor
     for pose in graph.anchors:
-        T_world_sensor = graph.trajectory.T_world_sensor[pose]
-        factors.add(gtsam.PriorFactorPose3(pose, to_pose3(T_world_sensor), gauge))
+        factors.add(gtsam.PriorFactorPose3(pose, to_pose3(T[pose]), gauge))
+    for factor in prior_factors(dict(graph.priors), T):
+        factors.add(factor)
+    for pose, free in graph.loose:
+        for factor in gauge_factors(pose, free, T[pose]):
+            factors.add(factor)
     return factors
 
 

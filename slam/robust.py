@@ -24,7 +24,7 @@ from slam.trajectory import chain
 
 PROBABILITY = 0.999  # of a right measurement to be within the bound
 FIRST = 200  # loops with which to begin, unless a single group of more agrees with itself
-CHAIN = 3  # loops that an edge between consecutive scans outweighs: these overlap the most, and are seldom wrong
+CHAIN = 3.0  # loops that an edge between consecutive scans outweighs: these overlap the most, and are seldom wrong
 _ROUNDS = 4
 _GATE = 1 - 1e-6  # probability of a right loop not to be contradicted by an estimate
 
@@ -46,7 +46,9 @@ class RobustSolution:
     reasons: tuple[str, ...]
 
 
-def robust_optimize(graph: PoseGraph, trusted: Iterable[int] = (), probability: float = PROBABILITY) -> RobustSolution:
+def robust_optimize(
+    graph: PoseGraph, trusted: Iterable[int] = (), probability: float = PROBABILITY, chain_worth: float = CHAIN
+) -> RobustSolution:
     """Reject the measurements that the others contradict, and optimize what is left.
 
     The initial estimate is the chain of the edges, consecutive ones before loops; the graph's own is only that of the
@@ -56,6 +58,7 @@ def robust_optimize(graph: PoseGraph, trusted: Iterable[int] = (), probability: 
         graph: of any number of components.
         trusted: indices of edges that are right whatever the others say.
         probability: that a right measurement stays within the bound, in the optimum.
+        chain_worth: loops that an edge between consecutive scans outweighs where they contradict it.
 
     Raises:
         InputError: the equations have no unique or no finite solution.
@@ -65,7 +68,7 @@ def robust_optimize(graph: PoseGraph, trusted: Iterable[int] = (), probability: 
     graph = graph.held(chain(edges, graph.trajectory.stamps).T_world_sensor)
     active = _first(graph, told)
     tried = active.astype(int)
-    accepted, solution = _believed(graph, active, told, bound)
+    accepted, solution = _believed(graph, active, told, bound, chain_worth)
     for _ in range(_ROUNDS - 1):
         graph = graph.at(solution.trajectory.T_world_sensor)
         others = np.flatnonzero(~accepted & (tried < 2))
@@ -75,7 +78,7 @@ def robust_optimize(graph: PoseGraph, trusted: Iterable[int] = (), probability: 
         active = accepted.copy()
         active[others] = True
         tried += active
-        accepted, solution = _believed(graph, active, told, bound)
+        accepted, solution = _believed(graph, active, told, bound, chain_worth)
     graph = graph.at(solution.trajectory.T_world_sensor)
     return RobustSolution(solution, accepted, graph.residuals(), _reasons(graph, accepted, tried, told, bound))
 
@@ -104,7 +107,9 @@ def _first(graph: PoseGraph, told: np.ndarray) -> np.ndarray:
     return active
 
 
-def _believed(graph: PoseGraph, active: np.ndarray, told: np.ndarray, bound: float) -> tuple[np.ndarray, Solution]:
+def _believed(
+    graph: PoseGraph, active: np.ndarray, told: np.ndarray, bound: float, chain_worth: float
+) -> tuple[np.ndarray, Solution]:
     """Which of the active edges to believe, (E,) bool, and the optimum of those.
 
     Where a wrong loop is far off, the least squares of everything, which graduated non-convexity begins with, tear the
@@ -112,7 +117,7 @@ def _believed(graph: PoseGraph, active: np.ndarray, told: np.ndarray, bound: flo
     cannot be found. Both are tried, and the lower truncated cost is believed, an edge of the chain counting for more.
     """
     sequential = np.array([edge.kind == "sequential" for edge in graph.edges], bool)
-    most = bound * np.where(sequential, CHAIN, 1)
+    most = bound * np.where(sequential, chain_worth, 1)
     best: tuple[float, np.ndarray, Solution] | None = None
     for trusted in (told | sequential, told):
         accepted = _graduated(graph, active, trusted, bound)
@@ -121,7 +126,7 @@ def _believed(graph: PoseGraph, active: np.ndarray, told: np.ndarray, bound: flo
         cost = float(np.where(accepted, squared, most)[active].sum())
         if best is None or cost < best[0]:
             best = cost, accepted, solution
-        if (active & ~accepted).sum() <= CHAIN:  # then no edge of the chain can be worth less
+        if (active & ~accepted).sum() <= chain_worth:  # then no edge of the chain can be worth less
             break
     assert best is not None
     return best[1:]

@@ -1,19 +1,22 @@
 """The mapper: scans in, one consistent map out, on one screen."""
 
 from collections.abc import Sequence
-from dataclasses import dataclass, field, replace
+from dataclasses import dataclass, field
 
 import numpy as np
 from scipy.cluster.hierarchy import DisjointSet
 
 from kernels.errors import InputError
 from slam.edge import Edge
-from slam.loop_closure import LoopSettings, find_candidates, judge
-from slam.pair import Pair, PairRunner, Progress, refuse_all_failed, weigh
+from slam.loop_closure import Candidate, LoopSettings, find_candidates
+from slam.overlap_forecast import outline
+from slam.pair import PairRunner, Progress
 from slam.point_map import PointMap, fuse
-from slam.pose_graph import PoseGraph, Solution
-from slam.trajectory import Trajectory, chain
-from spectral.result import Registrar, Registration
+from slam.pose_graph import Solution
+from slam.settlement import Settlement, settle
+from slam.trajectory import Trajectory
+from slam.trial import Pair, Trial, refuse_all_failed
+from spectral.result import Registrar
 from spectral.scan import Scan
 
 
@@ -48,7 +51,9 @@ class SurveyResult:
 
     Attributes:
         trajectory: N poses, each in the frame of its component, whose first pose is the identity.
+        chained: the same as they were before loops.
         components: the sets of scans that kept edges join; one where there is no gap.
+        surveys: the number of each scan's survey.
         covariances: (N, 6, 6), rotation first [rad, m], body tangent, against the component's first pose.
         solution: the optimized graph, with its chi-squared and residuals.
         maps: one for every component.
@@ -57,7 +62,9 @@ class SurveyResult:
     """
 
     trajectory: Trajectory
+    chained: Trajectory
     components: tuple[tuple[int, ...], ...]
+    surveys: tuple[int, ...]
     covariances: np.ndarray
     solution: Solution
     maps: tuple[PointMap, ...]
@@ -89,95 +96,107 @@ class Mapper:
         self.voxel = voxel
         self.settings = settings or MapperSettings()
 
-    def run(self, scans: Sequence[Scan], progress: Progress | None = None) -> SurveyResult:
-        """Map a survey.
+    def run(
+        self, scans: Sequence[Scan], progress: Progress | None = None, surveys: Sequence[int] | None = None
+    ) -> SurveyResult:
+        """Map a survey, or several of one place.
 
-        A pair that fails leaves a gap and the chain goes on behind it: a component of its own, unless a pair over
-        the gap joins both sides.
+        A pair that fails leaves a gap and the chain goes on behind it: a component of its own, unless other pairs
+        join both sides.
 
         Args:
-            scans: at least two, in the order in which they were taken.
+            scans: at least two, in the order in which they were taken, survey after survey.
             progress: called as progress(steps done, steps planned so far, words); the plan grows as
                 candidates for bridges and loops are found.
+            surveys: the number of each scan's survey, ascending; by default all are of one.
 
         Raises:
             InputError: fewer than two scans, or not one pair that could be tried.
         """
         if len(scans) < 2:
             raise InputError(f"{len(scans)} scan given; a map wants at least two that overlap")
-        stamps = np.array([scan.stamp for scan in scans], dtype=np.float64)
+        survey = np.zeros(len(scans), np.intp) if surveys is None else np.asarray(surveys, np.intp)
         runner = PairRunner(self.registrar, scans, self.settings.prepared, 2, progress)
 
-        wanted = [(k, k + 1) for k in range(len(scans) - 1)]
-        pairs = [weigh(*pair, "sequential", found) for pair, found in zip(wanted, runner.register(wanted), strict=True)]
-        pairs += self._bridge(runner, pairs, len(scans))
-        refuse_all_failed(pairs)
-        edges = _edges(pairs)
-        solution = PoseGraph(chain(edges, stamps), edges).optimize()
-
-        pairs += self._close_loops(runner, scans, solution)
+        trials = self._chain(runner, survey)
+        trials += self._bridge(runner, trials, survey)
+        refuse_all_failed(trials)
+        settled = self._settle(scans, trials)
+        outlines = [outline(scan, self.settings.loops.cell_voxels * self.voxel) for scan in scans]
+        for _ in range(self.settings.loops.rounds):
+            candidates = self._candidates(outlines, survey, settled, trials)
+            if not candidates:
+                break
+            found = runner.register([(c.i, c.j) for c in candidates])
+            trials += [
+                Trial(c.i, c.j, "loop", attempt, c.overlap, c.alike)
+                for c, attempt in zip(candidates, found, strict=True)
+            ]
+            settled = self._settle(scans, trials)
         runner.forget()
-        solution = PoseGraph(solution.trajectory, _edges(pairs)).optimize()
         runner.tell("poses optimized")
-        result = self._fuse(scans, solution, pairs)
+        result = self._fuse(scans, survey, settled)
         runner.tell("map fused")
         return result
 
-    def _bridge(self, runner: PairRunner, chained: Sequence[Pair], count: int) -> list[Pair]:
+    def _chain(self, runner: PairRunner, survey: np.ndarray) -> list[Trial]:
+        """Register consecutive scans of each survey."""
+        wanted = [(k, k + 1) for k in range(len(survey) - 1) if survey[k] == survey[k + 1]]
+        found = runner.register(wanted)
+        return [Trial(*pair, "sequential", attempt) for pair, attempt in zip(wanted, found, strict=True)]
+
+    def _bridge(self, runner: PairRunner, chained: Sequence[Trial], survey: np.ndarray) -> list[Trial]:
         """Try to join what the gaps part, shortest pairs first; nothing longer once a gap is bridged."""
-        joined = DisjointSet(range(count))
-        for pair in chained:
-            if pair.kept:
-                joined.merge(pair.i, pair.j)
-        gaps = [pair.i for pair in chained if not pair.kept]
-        tried: list[Pair] = []
+        joined = DisjointSet(range(len(survey)))
+        for trial in chained:
+            if trial.accepted:
+                joined.merge(trial.i, trial.j)
+        gaps = [trial.i for trial in chained if not trial.accepted]
+        tried: list[Trial] = []
         for span in range(2, self.settings.bridge + 1):
-            across = dict.fromkeys(pair for gap in gaps for pair in _across(gap, span, count))
+            across = dict.fromkeys(pair for gap in gaps for pair in _across(gap, span, survey))
             wanted = [pair for pair in across if not joined.connected(*pair)]
-            for pair, found in zip(wanted, runner.register(wanted), strict=True):
-                tried.append(weigh(*pair, "bridge", found))
-                if tried[-1].kept:
+            for pair, attempt in zip(wanted, runner.register(wanted), strict=True):
+                tried.append(Trial(*pair, "bridge", attempt))
+                if tried[-1].accepted:
                     joined.merge(*pair)
         return tried
 
-    def _close_loops(self, runner: PairRunner, scans: Sequence[Scan], solution: Solution) -> list[Pair]:
-        """Register the pairs that the estimate says overlap, and keep those that agree with it."""
-        # In the order of the scans, not of promise: neighbors in that order share prepared scans.
-        candidates = sorted(
-            find_candidates(scans, solution, self.voxel, self.settings.loops), key=lambda found: (found.i, found.j)
-        )
-        pairs = []
-        for candidate, found in zip(candidates, runner.register([(c.i, c.j) for c in candidates]), strict=True):
+    def _settle(self, scans: Sequence[Scan], trials: Sequence[Trial]) -> Settlement:
+        stamps = np.array([scan.stamp for scan in scans], dtype=np.float64)
+        priors = {k: scan.prior for k, scan in enumerate(scans) if scan.prior is not None}
+        return settle(trials, stamps, priors, self.voxel, self.settings.loops)
 
-            def verdict(registration: Registration, candidate=candidate):
-                return judge(candidate, registration, solution, self.voxel, self.settings.loops)
+    def _candidates(
+        self, outlines: Sequence[np.ndarray], survey: np.ndarray, settled: Settlement, trials: Sequence[Trial]
+    ) -> list[Candidate]:
+        """Pairs to try next, in the order of the scans: neighbors in that order share prepared scans."""
+        tried = {(trial.i, trial.j) for trial in trials}
+        found = find_candidates(outlines, settled.solution, self.voxel, self.settings.loops, tried)
+        return sorted(found, key=lambda candidate: (candidate.i, candidate.j))
 
-            pairs.append(weigh(candidate.i, candidate.j, "loop", found, verdict, candidate.overlap))
-        return pairs
-
-    def _fuse(self, scans: Sequence[Scan], solution: Solution, pairs: Sequence[Pair]) -> SurveyResult:
+    def _fuse(self, scans: Sequence[Scan], survey: np.ndarray, settled: Settlement) -> SurveyResult:
+        solution = settled.solution
         trajectory, components = solution.trajectory, solution.graph.components
         voxel = self.settings.map_voxel or self.voxel
         maps = tuple(
             fuse([scans[k] for k in members], trajectory.take(members).T_world_sensor, voxel, members)
             for members in components
         )
-        residuals = iter(solution.residuals.tolist())
         return SurveyResult(
             trajectory=trajectory,
+            chained=settled.chained,
             components=components,
+            surveys=tuple(survey.tolist()),
             covariances=solution.covariances(),
             solution=solution,
             maps=maps,
-            pairs=tuple(replace(pair, residual=next(residuals)) if pair.kept else pair for pair in pairs),
-            gaps=tuple((pair.i, pair.j) for pair in pairs if pair.role == "sequential" and not pair.kept),
+            pairs=settled.pairs,
+            gaps=tuple((pair.i, pair.j) for pair in settled.pairs if pair.role == "sequential" and not pair.kept),
         )
 
 
-def _edges(pairs: Sequence[Pair]) -> tuple[Edge, ...]:
-    return tuple(pair.edge for pair in pairs if pair.edge is not None)
-
-
-def _across(gap: int, span: int, count: int) -> list[tuple[int, int]]:
-    """Pairs `span` scans apart with the gap (gap, gap + 1) between them."""
-    return [(i, i + span) for i in range(gap, gap - span, -1) if i >= 0 and i + span < count]
+def _across(gap: int, span: int, survey: np.ndarray) -> list[tuple[int, int]]:
+    """Pairs of one survey, `span` scans apart, with the gap (gap, gap + 1) between them."""
+    firsts = [i for i in range(gap, gap - span, -1) if i >= 0 and i + span < len(survey)]
+    return [(i, i + span) for i in firsts if survey[i] == survey[i + span]]

@@ -8,7 +8,7 @@ import pytest
 from cloud_files import POINTS, npz
 
 from kernels.errors import InputError
-from tools.readers import read_scan, read_scans
+from tools.readers import read_scan, read_scans, read_survey
 
 
 def put(path: Path, content: bytes) -> Path:
@@ -32,6 +32,18 @@ def test_a_folder_is_read_in_natural_order_and_strangers_are_passed_over(tmp_pat
         assert [scan.points[0, 0] for scan in scans] == [1, 2, 10, 33]
         assert [scan.stamp for scan in scans] == [0, 1, 2, 3]
         assert [scan.name for scan in scans] == ["scan1", "scan2", "scan10", "scan33"]
+
+
+def test_scans_of_one_folder_are_of_one_survey(tmp_path):
+    for name in ("b/scan1.xyz", "b/scan2.xyz", "a/scan1.xyz", "a/scan3.xyz"):
+        (tmp_path / name).parent.mkdir(exist_ok=True)
+        put(tmp_path / name, b"1 2 3\n")
+    put(tmp_path / "a" / "scan2.xyz", b"no numbers\n")
+    read = read_survey([tmp_path / "b", tmp_path / "a"])
+    assert read.surveys == (0, 0, 1, 1)
+    assert read.folders == (tmp_path / "a", tmp_path / "b")
+    assert len(read.unread) == 1
+    assert set(read_survey([tmp_path / "b"]).surveys) == {0}
 
 
 def test_a_file_named_twice_is_read_once(tmp_path):

@@ -9,9 +9,10 @@ from wrong_loops import aliased, scattered
 from kernels.errors import InputError
 from slam.edge import Edge, components
 from slam.gtsam_poses import to_pose3
-from slam.path import adjoints, bridges, surest_covariances
+from slam.path import bridges, surest_covariances
 from slam.pose_graph import PoseGraph
 from slam.robust import robust_optimize
+from slam.tangent import adjoint
 from slam.trajectory import Trajectory, chain
 
 COUNT = 40
@@ -135,7 +136,7 @@ def test_bridges_are_what_takes_a_component_apart() -> None:
 
 def test_adjoints_are_those_of_gtsam() -> None:
     T = ring_poses(6)
-    np.testing.assert_allclose(adjoints(T), np.stack([to_pose3(one).AdjointMap() for one in T]), atol=1e-12)
+    np.testing.assert_allclose(adjoint(T), np.stack([to_pose3(one).AdjointMap() for one in T]), atol=1e-12)
 
 
 def test_the_surest_way_bounds_the_marginal_and_is_it_where_there_is_one_way() -> None:

@@ -5,14 +5,14 @@ from dataclasses import replace
 import numpy as np
 import pytest
 from scipy.spatial.transform import RigidTransform
-from surveys import KnowingRegistrar, random_covariance, registration, ring_poses, scans_of
+from surveys import KnowingRegistrar, random_covariance, ring_poses, scans_of
 
 from kernels.errors import DeviceError, InputError
-from slam.loop_closure import Candidate, LoopSettings, find_candidates, judge, predict_overlap
-from slam.pair import Pair
-from slam.pose_graph import PoseGraph
+from slam.loop_closure import LoopSettings, find_candidates
+from slam.overlap_forecast import outline
 from slam.survey import Mapper, MapperSettings, SurveyResult
 from slam.trajectory import chain
+from slam.trial import Pair
 from spectral.result import Registration
 
 VOXEL = 0.5
@@ -62,10 +62,10 @@ def test_loops_close_the_ring_and_lower_the_error():
     assert errors[1] < 0.7 * errors[0]
     loops = tried(result, "loop")
     assert any(pair.i < 3 and pair.j > 20 for pair in loops if pair.kept)
-    assert all(pair.kept and "sigmas from the estimate" in pair.reason for pair in loops)
+    assert all(pair.kept and "sigmas from the final poses" in pair.reason for pair in loops)
     assert all(pair.predicted_overlap >= 0.3 and pair.residual < 5 for pair in loops)
     partners = np.bincount([index for pair in loops for index in (pair.i, pair.j)])
-    assert partners.max() <= 2
+    assert partners.max() <= 4  # two rounds of two
     assert result.solution.chi_squared_after < result.solution.chi_squared_before
 
 
@@ -85,7 +85,7 @@ def test_a_false_loop_is_refused_in_words():
         assert not pair.kept
         assert pair.reason.startswith("refused, inconsistent")
         assert pair.sigmas_from_estimate > 4.74
-        assert np.isnan(pair.residual)
+        assert pair.residual > 4.74
     assert any(pair.kept for pair in tried(result, "loop"))
     assert position_error(result, truth) < 0.5
 
@@ -140,7 +140,7 @@ def test_holds_few_prepared_scans_and_frees_them():
     Mapper(registrar, VOXEL, MapperSettings(prepared=3)).run(scans_of(truth))
     assert registrar.most_alive <= 4
     assert registrar.alive == 0
-    assert max(registrar.prepared.values()) <= 4
+    assert max(registrar.prepared.values()) <= 6
 
 
 def test_progress_counts_up_to_its_plan():
@@ -152,7 +152,7 @@ def test_progress_counts_up_to_its_plan():
     assert [done for done, _, _ in said] == list(range(1, len(result.pairs) + 3))
     assert all(done <= total for done, total, _ in said)
     assert said[-1][0] == said[-1][1]
-    assert said[0][2].startswith("scan0 - scan1: kept")
+    assert said[0][2].startswith("scan0 - scan1: accepted")
 
 
 def test_all_pairs_failing_is_an_error_but_all_refused_is_a_result():
@@ -192,56 +192,16 @@ def test_settings_refuse_what_makes_no_sense(make):
         make()
 
 
-def test_predicted_overlap_is_the_smaller_of_both_ways():
-    truth = ring_poses(6, radius=8.0)
-    scans = scans_of(truth)
-    half = replace(scans[1], points=scans[1].points[scans[1].points[:, 0] > 0])
-    overlap = predict_overlap([scans[0], scans[1], half], truth[[0, 1, 1]], 2.0)
-    np.testing.assert_array_equal(overlap, overlap.T)
-    np.testing.assert_array_equal(np.diag(overlap), 1)
-    assert 0.4 < overlap[1, 2] < 0.7  # all of the half lies in the whole, half of the whole in the half
-    assert 0 < overlap[0, 1] < 1
-
-
-def test_a_stray_point_does_not_disturb_the_predicted_overlap():
-    truth = ring_poses(6, radius=8.0)
-    scans = scans_of(truth)[:2]
-    stray = np.array([[99_000, 0, 0]], np.float32)
-    struck = [replace(scan, points=np.vstack([stray, scan.points])) for scan in scans]
-    clean = predict_overlap(scans, truth[:2], 0.05)
-    np.testing.assert_allclose(predict_overlap(struck, truth[:2], 0.05), clean, atol=2e-3)
-
-
 def test_candidates_spread_and_skip_what_is_joined():
     truth = ring_poses(24)
     scans = scans_of(truth)
     result = Mapper(KnowingRegistrar(truth, COVARIANCE), VOXEL, NO_LOOPS).run(scans)
     settings = LoopSettings(per_scan=3, min_overlap=0.2, spread=2)
-    found = find_candidates(scans, result.solution, VOXEL, settings)
+    outlines = [outline(scan, settings.cell_voxels * VOXEL) for scan in scans]
+    found = find_candidates(outlines, result.solution, VOXEL, settings)
     assert [c.overlap for c in found] == sorted((c.overlap for c in found), reverse=True)
     for index in range(24):
         partners = sorted(c.i + c.j - index for c in found if index in (c.i, c.j))
         assert len(partners) <= 3
         assert (np.diff(partners) > 2).all()
         assert index + 1 not in partners
-
-
-def test_the_bound_is_in_joint_sigmas_above_a_floor():
-    """A loop that is off by k joint sigmas is told so, whatever the turn between the scans."""
-    truth = ring_poses(5)
-    edges = Mapper(KnowingRegistrar(truth, COVARIANCE), VOXEL, NO_LOOPS).run(scans_of(truth)).edges
-    solution = PoseGraph(chain(edges, np.zeros(5)), edges).optimize()
-    T_i_j, covariance = solution.relative(0, 3)
-    settings = LoopSettings(floor_rotation=0.0, floor_voxels=0.0)
-    root = np.linalg.cholesky(covariance + COVARIANCE)
-    for sigmas in (4.0, 5.0):
-        off = RigidTransform.from_exp_coords(sigmas * root[:, 1])
-        measured = registration(T_i_j * off, COVARIANCE)
-        verdict = judge(Candidate(0, 3, 0.5), measured, solution, VOXEL, settings)
-        assert verdict.sigmas == pytest.approx(sigmas, rel=1e-6)
-        assert verdict.kept == (sigmas < settings.bound)
-    granted = LoopSettings(floor_rotation=0.1, floor_voxels=2.0)
-    assert judge(Candidate(0, 3, 0.5), measured, solution, VOXEL, granted).kept
-    refused = judge(Candidate(0, 3, 0.5), refuse(measured), solution, VOXEL, granted)
-    assert not refused.kept
-    assert "too weak" in refused.reason

@@ -12,8 +12,8 @@ from tools.cli.terminal import printable, result_console, say
 if TYPE_CHECKING:
     from rich.text import Text
 
-    from slam.pair import Pair
     from slam.survey import SurveyResult
+    from slam.trial import Pair
 
 PEAK_EXPLAINED = "peak: how high the correlation stands above its surroundings, in their standard deviations"
 

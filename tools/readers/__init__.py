@@ -36,12 +36,16 @@ class ReadScans:
         notes: what the user should know about the files, in words: points dropped, strengths mended.
         files: all files that were meant, in their order.
         unread: what could not be read, in the same order.
+        surveys: the number of each scan's survey, 0, 1, ...: the scans of one folder are of one survey.
+        folders: of the surveys.
     """
 
     scans: tuple[Scan, ...]
     notes: tuple[str, ...]
     files: tuple[Path, ...]
     unread: tuple[Unread, ...] = ()
+    surveys: tuple[int, ...] = ()
+    folders: tuple[Path, ...] = ()
 
 
 def read_scans(paths: Sequence[str | Path]) -> ReadScans:
@@ -123,6 +127,8 @@ def _checked(
     scans: list[Scan] = []
     unread: list[Unread] = []
     told = list(notes)
+    folders: dict[Path, int] = {}
+    surveys: list[int] = []
     for one, stamp in zip(found, stamps, strict=True):
         if isinstance(one, _Faulty):
             unread.append(Unread(one.where, one.reason, len(scans)))
@@ -133,8 +139,9 @@ def _checked(
             unread.append(Unread(one.where, f"{one.where}: {error}", len(scans)))
             continue
         scans.append(scan)
+        surveys.append(folders.setdefault(Path(one.where).parent, len(folders)))
         told += [f"{one.name if one.name == one.where else Path(one.where).name}: {note}" for note in mended]
-    return ReadScans(tuple(scans), tuple(told), files, tuple(unread))
+    return ReadScans(tuple(scans), tuple(told), files, tuple(unread), tuple(surveys), tuple(folders))
 
 
 def _stamps_of(found: Sequence[Found | _Faulty]) -> tuple[list[float], list[str]]:

@@ -11,10 +11,10 @@ from typing import Any
 
 import numpy as np
 
-from slam.pair import Pair
 from slam.point_map import PointMap
 from slam.sigma import worst_sigmas
 from slam.survey import SurveyResult
+from slam.trial import Pair
 from spectral.result import Registration
 from tools.atomic import atomic_path
 from tools.readers import Unread

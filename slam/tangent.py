@@ -1,0 +1,21 @@
+"""Tangents carried from one frame to another, many at a time."""
+
+import numpy as np
+from scipy.spatial.transform import RigidTransform
+
+
+def adjoint(T: RigidTransform) -> np.ndarray:
+    """(..., 6, 6), rotation first: T Exp(xi) = Exp(adjoint(T) xi) T, as gtsam.Pose3.AdjointMap."""
+    matrices = T.as_matrix()
+    R, t = matrices[..., :3, :3], matrices[..., :3, 3]
+    cross = np.cross(t[..., None, :], R.swapaxes(-1, -2)).swapaxes(-1, -2)
+    result = np.zeros((*matrices.shape[:-2], 6, 6))
+    result[..., :3, :3] = result[..., 3:, 3:] = R
+    result[..., 3:, :3] = cross
+    return result
+
+
+def carried(T: RigidTransform, covariance: np.ndarray) -> np.ndarray:
+    """(..., 6, 6) covariances of adjoint(T) xi, from those of xi."""
+    A = adjoint(T)
+    return A @ covariance @ A.swapaxes(-1, -2)
