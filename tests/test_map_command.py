@@ -65,11 +65,11 @@ def test_open3d_reads_the_map_with_its_columns(survey: Path) -> None:
 
     cloud = open3d.t.io.read_point_cloud(survey / "out" / "map.ply")
     columns = {name: cloud.point[name].numpy() for name in cloud.point}
-    assert {"positions", "scan", "seen", "hits"} <= set(columns)
+    assert {"positions", "scan", "seen", "count", "sigma", "survey"} <= set(columns)
     assert len(columns["positions"]) > 1000
     assert set(np.unique(columns["scan"])) == {0, 1, 2, 3}
     assert columns["seen"].max() == 4
-    assert columns["hits"].sum() == 4 * 7200
+    assert columns["count"].sum() == 4 * 7200
 
 
 def test_gtsam_reads_the_graph(survey: Path) -> None:

@@ -47,7 +47,7 @@ def test_agrees_with_a_dictionary_of_voxels(merge_rows, monkeypatch):
         held, points, echoes = (list(column) for column in zip(*voxels[cell], strict=True))
         counts = Counter(held)
         np.testing.assert_allclose(fused.points[k], np.mean(points, axis=0), atol=1e-12)
-        assert fused.hits[k] == len(held)
+        assert fused.count[k] == len(held)
         assert fused.seen[k] == len(counts)
         assert fused.scan[k] == min(counts, key=lambda index: (-counts[index], index))
         known = [echo for echo in echoes if not np.isnan(echo)]
@@ -59,9 +59,9 @@ def test_is_the_same_to_the_byte_and_needs_no_strength():
     scans = scans_of(T)
     first, second = fuse(scans, T, 0.5), fuse(scans, T, 0.5)
     assert first.strength is None
-    for name in ("points", "scan", "seen", "hits"):
+    for name in ("points", "scan", "seen", "count", "sigma"):
         assert getattr(first, name).tobytes() == getattr(second, name).tobytes()
-    assert first.hits.sum() == sum(len(scan.points) for scan in scans)
+    assert first.count.sum() == sum(len(scan.points) for scan in scans)
     assert first.seen.max() > 1
 
 
@@ -100,7 +100,7 @@ def test_a_stray_point_is_left_out_and_counted(where):
     scans[k] = replace(scans[k], points=np.vstack([stray, scans[k].points]), strength=None)
     fused = fuse(scans, RigidTransform.identity(2), 0.02)
     assert fused.left_out == 1
-    assert fused.hits.sum() == sum(len(scan.points) for scan in scans) - 1
+    assert fused.count.sum() == sum(len(scan.points) for scan in scans) - 1
     assert np.abs(fused.points).max() < 20
     assert fuse(scans, RigidTransform.identity(2), 0.5).left_out == 0
 
@@ -111,4 +111,4 @@ def test_scans_far_from_their_sensor_are_mapped_whole():
     moved = replace(scan, points=scan.points + np.array([9e4, -1e5, 0], np.float32))
     fused = fuse([moved], RigidTransform.identity(1), 0.02)
     assert fused.left_out == 0
-    assert fused.hits.sum() == len(scan.points)
+    assert fused.count.sum() == len(scan.points)

@@ -106,7 +106,13 @@ def _write_component(folder: Path, files: Sequence[str], result: SurveyResult, c
     """Write one component in every format that `files` name by their suffixes."""
     point_map, members = result.maps[c], result.components[c]
     trajectory: Trajectory = result.trajectory.take(members)
-    columns = {"scan": point_map.scan, "seen": point_map.seen, "hits": point_map.hits}
+    columns = {
+        "scan": point_map.scan,
+        "seen": point_map.seen,
+        "count": point_map.count,
+        "sigma": point_map.sigma,
+        "survey": point_map.survey,
+    }
     if point_map.strength is not None:
         columns["intensity"] = point_map.strength
     title = f"{len(members)} scans, {len(point_map.points):,} points, voxel {point_map.voxel:.3g} m"

@@ -139,7 +139,7 @@ def map_statistics(point_map: PointMap) -> dict[str, Any]:
         "voxel_m": point_map.voxel,
         "lower_m": point_map.points.min(axis=0),
         "upper_m": point_map.points.max(axis=0),
-        "measured_points": point_map.hits.sum(),
+        "measured_points": point_map.count.sum(),
         "points_left_out": point_map.left_out,
         "seen_by_two_or_more": (point_map.seen >= 2).mean(),
         "most_scans_on_a_voxel": point_map.seen.max(),
