@@ -14,6 +14,7 @@ from tools.atomic import atomic_path
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
     from matplotlib.collections import PathCollection
+    from matplotlib.colors import Colormap
 
 _DOTS = 400_000  # more points than this are thinned: the picture has no more pixels to show them
 
@@ -35,7 +36,7 @@ def draw_map(path: Path, point_map: PointMap, trajectory: Trajectory, names: Seq
 
     figure = Figure(figsize=(10, 8), dpi=140, layout="constrained")
     axes = figure.add_subplot()
-    dots = _scatter(axes, point_map)
+    dots = scatter_from_above(axes, point_map.points, heights_of(trusted(point_map)))
     places = trajectory.T_world_sensor.translation
     axes.plot(*places[:, :2].T, "-", color="tab:red", linewidth=1.5, marker="o", markersize=4, label="sensor")
     halo = [withStroke(linewidth=3, foreground="white")]
@@ -54,15 +55,27 @@ def draw_map(path: Path, point_map: PointMap, trajectory: Trajectory, names: Seq
         figure.savefig(temporary, format="png")
 
 
-def _scatter(axes: "Axes", point_map: PointMap) -> "PathCollection":
-    """The map's points as dots, colored by height."""
-    points = point_map.points
-    trusted = points[point_map.seen >= 2] if (point_map.seen >= 2).any() else points
-    low, high = np.quantile(trusted[:, 2], [0.01, 0.99])  # stray echoes are mostly seen once: no color for them
+def trusted(point_map: PointMap) -> np.ndarray:
+    """(n, 3) the points that more than one scan saw [m], or all where there are none: stray echoes are seen once."""
+    several = point_map.seen >= 2
+    return point_map.points[several] if several.any() else point_map.points
+
+
+def heights_of(points: np.ndarray) -> tuple[float, float]:
+    """The lowest and the highest z of points (n, 3) that want a color of their own [m]."""
+    low, high = np.quantile(points[:, 2], [0.01, 0.99]).tolist()
+    return low, high
+
+
+def scatter_from_above(
+    axes: "Axes", points: np.ndarray, heights: tuple[float, float], colors: "str | Colormap" = "viridis"
+) -> "PathCollection":
+    """Points (n, 3) [m] from above as dots, colored from the lower to the upper of `heights` [m]."""
+    low, high = heights
     points = points[:: max(1, -(-len(points) // _DOTS))]
     points = points[np.argsort(points[:, 2], kind="stable")]  # what is higher hides what is below it
     size = float(np.clip(2e5 / len(points), 0.3, 12.0))
-    return axes.scatter(*points[:, :2].T, c=points[:, 2], s=size, cmap="viridis", vmin=low, vmax=high, linewidths=0)
+    return axes.scatter(*points[:, :2].T, c=points[:, 2], s=size, cmap=colors, vmin=low, vmax=high, linewidths=0)
 
 
 def _shown(name: str) -> str:
