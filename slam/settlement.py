@@ -80,7 +80,9 @@ def _settle(
     trusted = [edge for trial in trials if (edge := _trusted(trial)) and (edge.i, edge.j) not in distrusted]
     chain_of = {(edge.i, edge.j) for edge in trusted}
     answers = [one for trial in trials if (trial.i, trial.j) not in chain_of for one in _answers(trial)]
-    joins = _joins(count, trusted, _judged(count, trusted, answers, floor, bound))
+    joins: list[Edge] = []
+    while found := _joins(count, [*trusted, *joins], _judged(count, [*trusted, *joins], answers, floor, bound)):
+        joins += found
     judged = _judged(count, [*trusted, *joins], answers, floor, bound)
     taken = _taken(judged)
     edges = (*trusted, *(one.hypothesis.edge() for one in taken.values()))

@@ -7,13 +7,15 @@ import numpy as np
 from scipy.cluster.hierarchy import DisjointSet
 
 from kernels.errors import InputError
+from slam.component_maps import ComponentMaps, component_maps
 from slam.edge import Edge
 from slam.loop_closure import Candidate, LoopSettings, find_candidates
 from slam.overlap_forecast import outline
 from slam.pair import PairRunner, Progress
-from slam.point_map import PointMap, fuse
+from slam.point_map import PointMap
 from slam.pose_graph import Solution
 from slam.settlement import Settlement, settle
+from slam.shared_error import pose_covariances
 from slam.trajectory import Trajectory
 from slam.trial import Pair, Trial, refuse_all_failed
 from spectral.result import Registrar
@@ -56,7 +58,7 @@ class SurveyResult:
         surveys: the number of each scan's survey.
         covariances: (N, 6, 6), rotation first [rad, m], body tangent, against the component's first pose.
         solution: the optimized graph, with its chi-squared and residuals.
-        maps: one for every component.
+        parts: the maps of every component.
         pairs: every pair that was tried, in the order of trying.
         gaps: consecutive pairs (i, i + 1) that were not kept, whether or not another pair bridges them.
     """
@@ -67,9 +69,14 @@ class SurveyResult:
     surveys: tuple[int, ...]
     covariances: np.ndarray
     solution: Solution
-    maps: tuple[PointMap, ...]
+    parts: tuple[ComponentMaps, ...]
     pairs: tuple[Pair, ...]
     gaps: tuple[tuple[int, int], ...]
+
+    @property
+    def maps(self) -> tuple[PointMap, ...]:
+        """The map of every component."""
+        return tuple(part.optimized for part in self.parts)
 
     @property
     def edges(self) -> tuple[Edge, ...]:
@@ -176,11 +183,18 @@ class Mapper:
         return sorted(found, key=lambda candidate: (candidate.i, candidate.j))
 
     def _fuse(self, scans: Sequence[Scan], survey: np.ndarray, settled: Settlement) -> SurveyResult:
-        solution = settled.solution
+        solution, covariances = settled.solution, pose_covariances(settled.solution)
         trajectory, components = solution.trajectory, solution.graph.components
-        voxel = self.settings.map_voxel or self.voxel
-        maps = tuple(
-            fuse([scans[k] for k in members], trajectory.take(members).T_world_sensor, voxel, members)
+        parts = tuple(
+            component_maps(
+                [scans[k] for k in members],
+                settled.chained.take(members),
+                trajectory.take(members),
+                covariances[list(members)],
+                self.settings.map_voxel or self.voxel,
+                members,
+                survey[list(members)].tolist(),
+            )
             for members in components
         )
         return SurveyResult(
@@ -188,9 +202,9 @@ class Mapper:
             chained=settled.chained,
             components=components,
             surveys=tuple(survey.tolist()),
-            covariances=solution.covariances(),
+            covariances=covariances,
             solution=solution,
-            maps=maps,
+            parts=parts,
             pairs=settled.pairs,
             gaps=tuple((pair.i, pair.j) for pair in settled.pairs if pair.role == "sequential" and not pair.kept),
         )
