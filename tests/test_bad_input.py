@@ -113,11 +113,13 @@ def test_a_bad_scan_leaves_a_gap_and_the_rest_goes_on(tmp_path: Path, bad: str, 
     summary = json.loads(result.stdout)
     alone = "abc".index(bad)
     together = [k for k in range(3) if k != alone]
-    assert sorted(part["scans"] for part in summary["components"]) == sorted([together, [alone]])
+    assert [part["scans"] for part in summary["components"]] == [together]
+    assert summary["unplaced"] == [alone]
     assert all(alone in gap for gap in summary["gaps"])
     assert len(summary["gaps"]) == (2 if bad == "b" else 1)
-    assert {"map.ply", "map_2.ply", "trajectory_2.tum"} <= set(files_in(tmp_path / "out"))
-    said(result, "gap between", f"{bad}: ", "more structure", "2 parts")
+    assert {"map.ply", "trajectory.tum"} <= set(files_in(tmp_path / "out"))
+    assert "map_2.ply" not in files_in(tmp_path / "out")
+    said(result, "gap between", f"{bad}: ", "more structure", f"1 in no map: {bad}")
 
 
 def test_scans_that_do_not_overlap_are_two_maps(tmp_path: Path) -> None:
@@ -134,10 +136,15 @@ def test_scans_that_do_not_overlap_are_two_maps(tmp_path: Path) -> None:
     assert "2 maps of " in told.stdout
 
 
-def test_two_scans_that_do_not_overlap_are_two_maps(tmp_path: Path) -> None:
+def test_where_nothing_joins_any_two_scans_the_first_is_the_map(tmp_path: Path) -> None:
     paths = write(tmp_path, a=scan(0), b=scan(1, scene=2))
-    assert sonarmap("map", *paths, "-o", tmp_path / "out", *GRID).exit_code == 3
-    assert {"map.ply", "map_2.ply"} <= set(files_in(tmp_path / "out"))
+    result = sonarmap("map", *paths, "-o", tmp_path / "out", *GRID)
+    assert result.exit_code == 3
+    said(result, "gap between a and b", "1 in no map: b")
+    assert set(files_in(tmp_path / "out")) == {"map.ply", "map.png", "trajectory.tum", "graph.g2o", "summary.json"}
+    summary = json.loads((tmp_path / "out" / "summary.json").read_text())
+    assert [part["scans"] for part in summary["components"]] == [[0]]
+    assert summary["unplaced"] == [1]
 
 
 def test_a_survey_without_a_single_usable_pair_is_an_error(tmp_path: Path) -> None:

@@ -8,6 +8,7 @@ from typing import TYPE_CHECKING
 import typer
 
 from tools.cli.terminal import printable, result_console, say
+from tools.parts import placed, unplaced
 
 if TYPE_CHECKING:
     from rich.text import Text
@@ -16,6 +17,7 @@ if TYPE_CHECKING:
     from slam.trial import Pair
 
 PEAK_EXPLAINED = "peak: how high the correlation stands above its surroundings, in their standard deviations"
+LISTED = 10  # scans by name in a warning; summary.json names them all
 
 
 def warn(message: str) -> None:
@@ -33,11 +35,15 @@ def warn_of_faults(result: "SurveyResult", names: Sequence[str], out: Path) -> N
         if pair.role == "sequential" and not pair.kept:
             bridged = ", bridged by other pairs" if part[pair.i] == part[pair.j] else ""
             warn(f"gap between {names[pair.i]} and {names[pair.j]}{bridged}: {pair.reason}")
-    if len(result.components) > 1:
+    maps, lone = placed(result.components), unplaced(result.components)
+    if len(maps) > 1:
         warn(
-            f"the scans fall into {len(result.components)} parts that no reliable registration joins; each has its own "
+            f"the scans fall into {len(maps)} parts that no reliable registration joins; each has its own "
             f"map in {out}, the largest in map.ply"
         )
+    if lone:
+        listed = ", ".join(names[k] for k in lone[:LISTED]) + (", ..." if len(lone) > LISTED else "")
+        warn(f"no reliable registration joins these scans to others, {len(lone)} in no map: {listed}")
 
 
 def print_survey(result: "SurveyResult", names: Sequence[str], out: Path, also: Sequence[str]) -> None:
@@ -55,12 +61,12 @@ def print_survey(result: "SurveyResult", names: Sequence[str], out: Path, also: 
     result_console().print(table)
     if any(pair.registration and math.isfinite(pair.registration.psr) for pair in result.pairs):
         typer.echo(PEAK_EXPLAINED)
-    counts = sorted((len(point_map.points) for point_map in result.maps), reverse=True)
+    counts = sorted((len(result.maps[c].points) for c in placed(result.components)), reverse=True)
     maps = f"{len(counts)} maps" if len(counts) > 1 else "a map"
     points = " and ".join(f"{count:,}" for count in counts)
     kept = sum(pair.kept for pair in result.pairs)
     typer.echo(f"{len(names)} scans, {kept} of {len(result.pairs)} pairs kept, {maps} of {points} points")
-    typer.echo(f"written to {printable(str(out))}: {_files(len(counts), also)}")
+    typer.echo(f"written to {printable(str(out))}: {_files(result, also)}")
 
 
 def _cells(pair: "Pair", names: Sequence[str]) -> "list[str | Text]":
@@ -85,11 +91,12 @@ def _cells(pair: "Pair", names: Sequence[str]) -> "list[str | Text]":
     ]
 
 
-def _files(parts: int, also: Sequence[str]) -> str:
+def _files(result: "SurveyResult", also: Sequence[str]) -> str:
     """The names of what was written."""
     from tools.project import part_files
 
-    listed = ", ".join([*part_files(1, also), "graph.g2o", "summary.json"])
+    listed = ", ".join([*part_files(result, 1, also), "graph.g2o", "summary.json"])
+    parts = len(placed(result.components))
     if parts == 1:
         return listed
     last = f" to map_{parts}.ply" if parts > 2 else ""

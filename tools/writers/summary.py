@@ -11,12 +11,14 @@ from typing import Any
 
 import numpy as np
 
+from slam.crossing import CrossingError
 from slam.point_map import PointMap
 from slam.sigma import worst_sigmas
 from slam.survey import SurveyResult
 from slam.trial import Pair
 from spectral.result import Registration
 from tools.atomic import atomic_path
+from tools.parts import placed, unplaced
 from tools.readers import Unread
 
 PACKAGES = ("sonarmap", "numpy", "scipy", "pyopencl", "gtsam", "open3d")
@@ -67,10 +69,9 @@ def survey_summary(
         "unread": [
             {"name": one.where, "reason": one.reason, "gap": place} for one, place in zip(unread, places, strict=True)
         ],
-        "components": [
-            {"scans": members, "map": map_statistics(point_map)}
-            for members, point_map in zip(result.components, result.maps, strict=True)
-        ],
+        "components": [_component_row(result, c) for c in placed(result.components)],
+        "unplaced": unplaced(result.components),
+        "crossing_error_m": crossing_row(CrossingError.of(part.crossings for part in result.parts)),
         "graph": {
             "edges": len(graph.edges),
             "loops": sum(pair.kept and pair.role == "loop" for pair in result.pairs),
@@ -132,6 +133,22 @@ def pose_sigmas(covariances: np.ndarray) -> list[dict[str, float]]:
     ]
 
 
+def _component_row(result: SurveyResult, c: int) -> dict[str, Any]:
+    """A component that is a map, with the sizes of its layers by their surveys."""
+    row = {"scans": result.components[c], "map": map_statistics(result.maps[c])}
+    layers = {number: map_statistics(layer) for number, layer in result.parts[c].layers.items()}
+    return row | ({"surveys": layers} if layers else {})
+
+
+def crossing_row(error: CrossingError) -> dict[str, Any]:
+    """How far overlapping passes lie apart, before the loops and after: medians and 90th percentiles; null without."""
+    row: dict[str, Any] = {"pairs": len(error.crossings)}
+    for name, spread in (("before", error.before), ("after", error.after)):
+        row[name] = spread.median if spread else None
+        row[f"{name}_90"] = spread.most if spread else None
+    return row
+
+
 def map_statistics(point_map: PointMap) -> dict[str, Any]:
     """Size and extent of a map, and how much of it more than one scan saw."""
     return {
@@ -141,6 +158,8 @@ def map_statistics(point_map: PointMap) -> dict[str, Any]:
         "upper_m": point_map.points.max(axis=0),
         "measured_points": point_map.count.sum(),
         "points_left_out": point_map.left_out,
+        "contradicted_by_free_space": point_map.removed,
+        "median_sigma_m": np.median(point_map.sigma),
         "seen_by_two_or_more": (point_map.seen >= 2).mean(),
         "most_scans_on_a_voxel": point_map.seen.max(),
     }
