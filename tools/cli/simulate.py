@@ -41,7 +41,7 @@ ThresholdOption = Annotated[
 ]
 LikeOption = Annotated[
     Path | None,
-    typer.Option(help="A description.json: the same scans again, but for noise, threshold and number.", metavar="FILE"),
+    typer.Option(help="A description.json: the same scans, but for noise, threshold, number and dive.", metavar="FILE"),
 ]
 PriorsOption = Annotated[
     str | None,
@@ -49,6 +49,17 @@ PriorsOption = Annotated[
         metavar="KINDS",
         help="Write priors.csv too: what instruments say of the poses, some of attitude,heading,depth,position.",
     ),
+]
+DiveOption = Annotated[
+    int | None,
+    typer.Option(
+        help="Another pass over the same scene, begun farther on, with other waves and noise: 2, 3, ... \\[1]",
+        metavar="N",
+    ),
+]
+UnusableOption = Annotated[
+    float | None,
+    typer.Option(help="Share of the scans that are nearly empty or nothing but noise, 0..1.", metavar="P"),
 ]
 OwnSeedOption = Annotated[
     int | None,
@@ -81,6 +92,8 @@ def command(
         float | None, typer.Option(help="Share of the echo strength that fluctuates, 0..1.", metavar="P")
     ] = None,
     threshold: ThresholdOption = None,
+    unusable: UnusableOption = None,
+    dive: DiveOption = None,
     like: LikeOption = None,
     priors: PriorsOption = None,
     seed: OwnSeedOption = None,
@@ -105,7 +118,7 @@ def command(
     noise = {"sigma2": sigma2, "outliers": outliers, "dropouts": dropouts, "ghosts": ghosts, "speckle": speckle}
     settings = replace(settings, noise=replace(settings.noise, **_given(noise)))
     settings = replace(settings, sensor=replace(settings.sensor, **_given({"threshold": threshold})))
-    settings = replace(settings, **_given({"count": scans, "spacing": spacing}))
+    settings = replace(settings, **_given({"count": scans, "spacing": spacing, "dive": dive, "unusable": unusable}))
     require_writable(out)
     with growing_progress("simulating", quiet) as step:
         simulation = simulate(settings, progress=lambda done: step(done, settings.count, ""))

@@ -20,7 +20,8 @@ DESCRIPTION = "description.json"
 def write_simulation(simulation: Simulation, folder: Path, instruments: Instruments | None = None) -> list[Path]:
     """Write the scans, the truth and the description; the paths written.
 
-    Written again, the same settings give the same bytes (on another processor the last digits may differ).
+    Written again, the same settings give the same bytes (on another processor the last digits may differ). Under
+    "scans" the description says which are "unusable": "empty", "noise", or null for a sound one.
 
     Args:
         simulation: what was simulated.
@@ -46,7 +47,8 @@ def write_simulation(simulation: Simulation, folder: Path, instruments: Instrume
     with all_or_none():
         _write_files(simulation, folder, paths)
         if instruments is not None:
-            priors = measure_poses(simulation.truth.T_world_sensor, instruments, simulation.settings.seed)
+            settings = simulation.settings
+            priors = measure_poses(simulation.truth.T_world_sensor, instruments, settings.seed, settings.dive)
             write_priors(folder / PRIORS, [path.name for path in paths], priors)
     return [*paths, folder / TRUTH, folder / DESCRIPTION, *([] if instruments is None else [folder / PRIORS])]
 
@@ -60,8 +62,13 @@ def _write_files(simulation: Simulation, folder: Path, paths: list[Path]) -> Non
         "settings": simulation.settings,
         "versions": package_versions(),
         "scans": [
-            {"file": path.name, "stamp": scan.stamp, "points": len(scan.points)}
-            for path, scan in zip(paths, simulation.scans, strict=True)
+            {
+                "file": path.name,
+                "stamp": scan.stamp,
+                "points": len(scan.points),
+                "unusable": simulation.faults.get(number),
+            }
+            for number, (path, scan) in enumerate(zip(paths, simulation.scans, strict=True))
         ],
     }
     write_summary(folder / DESCRIPTION, content)

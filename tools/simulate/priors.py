@@ -9,6 +9,7 @@ from scipy.spatial.transform import RigidTransform, Rotation
 from kernels.errors import InputError
 from spectral.prior_error import twist
 from spectral.scan import PosePrior
+from tools.simulate.dive import entropy_of
 
 STREAM = 31  # of the seed: the errors are drawn apart from the scans, which stay what they are
 
@@ -51,9 +52,12 @@ def carrying(kinds: Sequence[str]) -> Instruments:
     return Instruments(**{kind: np.inf for kind in KINDS if kind not in kinds})
 
 
-def measure_poses(T_world_sensor: RigidTransform, instruments: Instruments, seed: int) -> tuple[PosePrior, ...]:
-    """The prior of each of N poses; the seed and the pose's number decide its errors, whatever else is measured."""
-    streams = (np.random.SeedSequence([seed, STREAM], spawn_key=(number,)) for number in range(len(T_world_sensor)))
+def measure_poses(
+    T_world_sensor: RigidTransform, instruments: Instruments, seed: int, dive: int = 1
+) -> tuple[PosePrior, ...]:
+    """The prior of each of N poses; seed, dive and the pose's number decide its errors, whatever else is measured."""
+    entropy = entropy_of(seed, STREAM, dive=dive)
+    streams = (np.random.SeedSequence(entropy, spawn_key=(number,)) for number in range(len(T_world_sensor)))
     return tuple(
         measure_pose(T_world_sensor[number], instruments, np.random.default_rng(stream))
         for number, stream in enumerate(streams)

@@ -1,6 +1,6 @@
 """A simulation from its settings: a scene, a path, a sensor and noise; scans and the truth come out."""
 
-from collections.abc import Callable
+from collections.abc import Callable, Mapping
 from dataclasses import dataclass, field
 from types import MappingProxyType
 from typing import Any, ClassVar
@@ -12,12 +12,14 @@ from scipy.spatial.transform import RigidTransform
 from kernels.errors import InputError
 from slam.trajectory import Trajectory
 from spectral.scan import Scan
+from tools.simulate.dive import check_dive, entropy_of
 from tools.simulate.ghosts import reflect
 from tools.simulate.noise import Noise, measure
 from tools.simulate.scenes import SCENES, build_scene
 from tools.simulate.sensors import ECLIPSE, Sensor, cast
 from tools.simulate.stations import paper18
 from tools.simulate.trajectories import SPACING, TABLE1_COUNT, TABLE1_MOST, lawnmower, loop, survey, table1
+from tools.simulate.unusable import Fault, spoil
 
 # Of a survey where nothing else is said: speckle in full, as every single sonar image has it
 SURVEY_NOISE = Noise(sigma2=1.0, outliers=0.01, dropouts=0.05, ghosts=0.02, speckle=1.0)
@@ -35,6 +37,8 @@ class SimulationSettings:
         sensor: what to see with; SENSORS holds the known ones.
         noise: what it does to the echoes.
         seed: of the scene, the waves and the noise.
+        dive: 1, or another pass over the same scene, see tools/simulate/dive.py.
+        unusable: share of the scans that show nothing of the scene, see tools/simulate/unusable.py.
     """
 
     __pydantic_config__: ClassVar[ConfigDict] = ConfigDict(extra="forbid")
@@ -46,6 +50,8 @@ class SimulationSettings:
     sensor: Sensor = ECLIPSE
     noise: Noise = field(default=SURVEY_NOISE)
     seed: int = 0
+    dive: int = 1
+    unusable: float = 0.0
 
     def __post_init__(self) -> None:
         if self.scene not in SCENES:
@@ -54,6 +60,8 @@ class SimulationSettings:
             raise InputError(f"no trajectory is called {self.trajectory!r}; there are {', '.join(TRAJECTORIES)}")
         if self.seed < 0:
             raise InputError(f"the seed is {self.seed}; wanted a number >= 0")
+        check_dive(self.dive, self.trajectory)
+        spoil(self.unusable, self.count, self.seed, self.dive)
 
 
 @dataclass(frozen=True, slots=True)
@@ -64,11 +72,13 @@ class Simulation:
         settings: from which the same scans come out again.
         scans: one per pose, in sensor frames; their stamps are the truth's.
         truth: T_world_sensor of every scan; the world is the scene's frame, East-North-Up.
+        faults: why a scan is unusable, by its number; none for the others.
     """
 
     settings: SimulationSettings
     scans: tuple[Scan, ...]
     truth: Trajectory
+    faults: Mapping[int, Fault] = field(default_factory=dict)
 
 
 def simulate(settings: SimulationSettings, progress: Callable[[int], None] = lambda done: None) -> Simulation:
@@ -82,16 +92,22 @@ def simulate(settings: SimulationSettings, progress: Callable[[int], None] = lam
         InputError: more scans than the trajectory has, a pose that sees nothing.
     """
     truth = TRAJECTORIES[settings.trajectory](settings)
+    spoiled = spoil(settings.unusable, len(truth), settings.seed, settings.dive)
     scans = []
     for number in range(len(truth)):
-        scans.append(observe(settings, truth.T_world_sensor[number], number, f"scan_{number:03d}"))
+        name = f"scan_{number:03d}"
+        if number in spoiled.faults:
+            scans.append(spoiled.scan(settings.sensor, number, float(number), name))
+        else:
+            scans.append(observe(settings, truth.T_world_sensor[number], number, name))
         progress(number + 1)
-    return Simulation(settings, tuple(scans), truth)
+    return Simulation(settings, tuple(scans), truth, spoiled.faults)
 
 
 def observe(settings: SimulationSettings, T_world_sensor: RigidTransform, number: int, name: str) -> Scan:
-    """The scan `number` of a simulation, from one pose; the seed and the number decide its noise."""
-    rng = np.random.default_rng(np.random.SeedSequence(settings.seed, spawn_key=(number,)))
+    """The scan `number` of a simulation, from one pose; the seed, the dive and the number decide its noise."""
+    key = entropy_of(number, dive=settings.dive)
+    rng = np.random.default_rng(np.random.SeedSequence(settings.seed, spawn_key=key))
     scene, sensor, noise = build_scene(settings.scene, settings.seed), settings.sensor, settings.noise
     echoes = cast(scene, sensor, T_world_sensor)
     ghosts = reflect(scene, sensor, T_world_sensor) if noise.ghosts > 0 else None
@@ -115,15 +131,15 @@ def settings_from_json(content: Any) -> SimulationSettings:
 
 
 def _survey(settings: SimulationSettings) -> Trajectory:
-    return survey(settings.scene, settings.count, settings.seed, settings.spacing)
+    return survey(settings.scene, settings.count, settings.seed, settings.spacing, settings.dive)
 
 
 def _loop(settings: SimulationSettings) -> Trajectory:
-    return loop(settings.scene, settings.count, settings.seed)
+    return loop(settings.scene, settings.count, settings.seed, settings.dive)
 
 
 def _lawnmower(settings: SimulationSettings) -> Trajectory:
-    return lawnmower(settings.scene, settings.count, settings.seed, settings.spacing)
+    return lawnmower(settings.scene, settings.count, settings.seed, settings.spacing, settings.dive)
 
 
 def _paper18(settings: SimulationSettings) -> Trajectory:

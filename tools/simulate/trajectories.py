@@ -5,6 +5,7 @@ from scipy.spatial.transform import RigidTransform, Rotation
 
 from kernels.errors import InputError
 from slam.trajectory import Trajectory
+from tools.simulate.dive import drift, entropy_of, start_of
 from tools.simulate.paths import Path
 from tools.simulate.routes import lawn_path, survey_path
 from tools.simulate.scenes import scene_kind
@@ -26,19 +27,20 @@ WAVE_AMPLITUDE = (0.2, 1.2, 1.0, 1.6)
 WAVE_PERIODS = (3.7, 5.9, 11.3)  # in scans
 
 
-def survey(scene: str, count: int, seed: int, spacing: float = SPACING) -> Trajectory:
+def survey(scene: str, count: int, seed: int, spacing: float = SPACING, dive: int = 1) -> Trajectory:
     """Poses every `spacing` meters along the scene's closed path, with the motion of a small vessel.
 
     Where the path ends it begins again: a long survey revisits its places. Roll, pitch, yaw and heave follow
-    sums of sines whose phases come from `seed`. Stamps count the scans: 0, 1, 2, ...
+    sums of sines whose phases come from `seed`. Stamps count the scans: 0, 1, 2, ... Of the `dive` see
+    tools/simulate/dive.py.
 
     Raises:
         InputError: a scene without a path, no scan, or a spacing that is not positive.
     """
-    return _evenly(survey_path(scene, seed), "survey", scene, count, seed, spacing)
+    return _evenly(survey_path(scene, seed), "survey", scene, count, seed, spacing, dive)
 
 
-def lawnmower(scene: str, count: int, seed: int, spacing: float = SPACING) -> Trajectory:
+def lawnmower(scene: str, count: int, seed: int, spacing: float = SPACING, dive: int = 1) -> Trajectory:
     """Poses every `spacing` meters along lanes over the scene and tie lines across them, moved as in `survey`.
 
     The sensor looks where it goes. Where the path ends it begins again; it crosses itself long before.
@@ -46,10 +48,10 @@ def lawnmower(scene: str, count: int, seed: int, spacing: float = SPACING) -> Tr
     Raises:
         InputError: a scene without lanes, no scan, or a spacing that is not positive.
     """
-    return _evenly(lawn_path(scene, seed), "lawnmower", scene, count, seed, spacing)
+    return _evenly(lawn_path(scene, seed), "lawnmower", scene, count, seed, spacing, dive)
 
 
-def loop(scene: str, count: int, seed: int) -> Trajectory:
+def loop(scene: str, count: int, seed: int, dive: int = 1) -> Trajectory:
     """Poses once round the scene's closed path, moved as in `survey`: the last is one step from the first.
 
     Raises:
@@ -58,19 +60,22 @@ def loop(scene: str, count: int, seed: int) -> Trajectory:
     if count < LOOP_LEAST:
         raise InputError(f"a loop of {count} scans; wanted at least {LOOP_LEAST}, so that it goes round something")
     path = survey_path(scene, seed)
-    return _evenly(path, "loop", scene, count, seed, path.length / count)
+    return _evenly(path, "loop", scene, count, seed, path.length / count, dive)
 
 
-def poses_along(path: Path, way: np.ndarray, scene: str, seed: int) -> RigidTransform:
+def poses_along(path: Path, way: np.ndarray, scene: str, seed: int, dive: int = 1) -> RigidTransform:
     """T_world_sensor after each of the ways (N,) [m] along `path`, the vessel moved by waves; N poses.
 
-    The k-th pose's waves depend on k and the seed alone, heave on the scene's size too.
+    The k-th pose's waves and drift depend on k, the seed and the dive alone, but for the scene's size.
     """
     places, heading = path.at(way)
-    heave, yaw, pitch, roll = _waves(len(way), np.random.default_rng(np.random.SeedSequence([seed, 4])))
-    heave = scene_kind(scene).scale * heave
+    rng = np.random.default_rng(np.random.SeedSequence(entropy_of(seed, 4, dive=dive)))
+    heave, yaw, pitch, roll = _waves(len(way), rng)
+    scale = scene_kind(scene).scale
+    aside = scale * drift(len(way), seed, dive)
+    moved = np.column_stack([-aside * np.sin(heading), aside * np.cos(heading), scale * heave])
     angles = np.column_stack([heading + np.deg2rad(yaw), np.deg2rad(pitch) + path.pitch, np.deg2rad(roll)])
-    return RigidTransform.from_components(places + heave[:, None] * (0.0, 0.0, 1.0), Rotation.from_euler("ZYX", angles))
+    return RigidTransform.from_components(places + moved, Rotation.from_euler("ZYX", angles))
 
 
 def table1_transform(index: int) -> RigidTransform:
@@ -100,10 +105,12 @@ def table1(rows: int = TABLE1_COUNT) -> Trajectory:
     return Trajectory(np.arange(1.0 + rows), RigidTransform.concatenate([T_grid_rig, *moved]))
 
 
-def _evenly(path: Path, what: str, scene: str, count: int, seed: int, spacing: float) -> Trajectory:
+def _evenly(path: Path, what: str, scene: str, count: int, seed: int, spacing: float, dive: int) -> Trajectory:
     if count < 1 or not 0 < spacing < np.inf:
         raise InputError(f"a {what} of {count} scans every {spacing:g} m; wanted at least 1 and a spacing > 0")
-    return Trajectory(np.arange(count, dtype=np.float64), poses_along(path, spacing * np.arange(count), scene, seed))
+    start = start_of(min(count * spacing, path.length), dive)
+    way = start + spacing * np.arange(count)
+    return Trajectory(np.arange(count, dtype=np.float64), poses_along(path, way, scene, seed, dive))
 
 
 def _waves(count: int, rng: np.random.Generator) -> np.ndarray:
