@@ -1,4 +1,4 @@
-"""`sonarmap evaluate`: an estimated trajectory beside the truth."""
+"""`sonarmap evaluate`: an estimated trajectory beside the truth, and with it a map, pairs and uncertainties."""
 
 import json
 import math
@@ -7,14 +7,24 @@ from typing import TYPE_CHECKING, Annotated, cast
 
 import typer
 
+from kernels.errors import InputError
+from tools.cli.evaluation_text import (
+    ALIGNMENTS,
+    print_calibration,
+    print_map,
+    print_scores,
+    print_trajectory,
+    shown_stamp,
+)
 from tools.cli.options import JsonOption
-from tools.cli.terminal import result_console, say
+from tools.cli.terminal import say
 
 if TYPE_CHECKING:
     from tools.evaluate import Alignment, Evaluation
+    from tools.map_error import MapError
+    from tools.readers.summary import SurveyAccount
 
 EXCEEDED = 3
-ALIGNMENTS = {"poses": "all poses", "positions": "all positions", "first": "the first pose"}
 
 
 def _check_alignment(alignment: str) -> str:
@@ -27,6 +37,35 @@ def _check_limit(limit: float | None) -> float | None:
     if limit is None or limit >= 0:
         return limit
     raise typer.BadParameter(f"{limit}; wanted 0 or more")
+
+
+def _check_length(length: float | None) -> float | None:
+    if length is None or 0 < length < math.inf:
+        return length
+    raise typer.BadParameter(f"{length}; wanted a length above 0")
+
+
+MapOption = Annotated[
+    Path | None,
+    typer.Option("--map", metavar="FILE", help="The estimate's map, to be held against --surface."),
+]
+SurfaceOption = Annotated[
+    Path | None,
+    typer.Option(
+        metavar="PATH",
+        help="What is truly there, in the truth's frame: a simulation's folder or description.json, or points.",
+    ),
+]
+MapVoxelOption = Annotated[
+    float | None,
+    typer.Option(metavar="M", help="Edge of the map's voxels \\[m]. \\[as --summary says]", callback=_check_length),
+]
+SummaryOption = Annotated[
+    Path | None,
+    typer.Option(
+        metavar="FILE", help="The map's summary.json: tells which pairs are right, and whether its uncertainty is."
+    ),
+]
 
 
 def command(
@@ -50,26 +89,79 @@ def command(
         float | None,
         typer.Option(metavar="DEG", help="Exit code 3 where a pose is turned more \\[deg].", callback=_check_limit),
     ] = None,
+    map_file: MapOption = None,
+    surface: SurfaceOption = None,
+    voxel: MapVoxelOption = None,
+    summary: SummaryOption = None,
     as_json: JsonOption = False,
 ) -> None:
     """Compare an estimated trajectory with the true one: every pose, the whole (ATE) and each step (RPE).
 
     Poses belong together where their stamps agree, or by their line in KITTI files. The alignment is a rigid motion,
     without scale: poses, least squares over positions and orientations, 1 rad weighing as much as 1 m; positions, the
-    same without the orientations, for three or more that lie on no line; first, the first pose upon its truth.
+    same without the orientations, for three or more that lie on no line; first, the first pose upon its truth. A map is
+    laid over the truth as its trajectory is. Pairs need no alignment, and poses' uncertainties are judged against the
+    first pose, whatever --align says.
     """
-    from tools.evaluate import evaluate
+    from tools.evaluate import RIGHT_DEG, RIGHT_VOXELS, evaluate
+    from tools.readers.summary import read_summary
     from tools.readers.trajectory import read_pair
+    from tools.survey_score import calibrate_survey, score_survey
 
-    result = evaluate(*read_pair(estimate, truth), cast("Alignment", align))
+    _check_together(map_file, surface, voxel, summary)
+    found, true = read_pair(estimate, truth)
+    account = read_summary(summary) if summary else None
+    result = evaluate(found, true, cast("Alignment", align))
+    error = _map_error(result, map_file, surface, voxel, account)
+    scores = score_survey(account, true) if account else {}
+    calibration = calibrate_survey(account, found, true) if account else None
     if as_json:
-        typer.echo(json.dumps(result.to_json(), allow_nan=False))
+        beside = {
+            "map": error.to_json() if error else None,
+            "pairs": {name: score.to_json() for name, score in scores.items()} or None,
+            "uncertainty": calibration.to_json() if calibration else None,
+        }
+        typer.echo(json.dumps(result.to_json() | beside, allow_nan=False))
     else:
-        _print(result)
+        print_trajectory(result)
+        if error:
+            print_map(error, align)
+        if account:
+            print_scores(scores, RIGHT_DEG, RIGHT_VOXELS * account.voxel)
+        if calibration:
+            print_calibration(calibration)
+    if account and account.covariances is None:
+        say(f"{summary} has no covariances of the poses, whose uncertainty is not judged")
     if result.unmatched_truths:
         say(f"{result.unmatched_truths} poses of the truth have no estimate", "warning: ", "bold yellow")
     if _exceeds(result, max_error_m, max_error_deg):
         raise typer.Exit(EXCEEDED)
+
+
+def _check_together(map_file: Path | None, surface: Path | None, voxel: float | None, summary: Path | None) -> None:
+    """Refuse options that want another one, or would go unheard."""
+    if (map_file is None) != (surface is None):
+        given, missing = ("--map", "--surface") if surface is None else ("--surface", "--map")
+        raise InputError(f"{given} is given without {missing}; a map is held against a surface: give both")
+    if map_file is None and voxel is not None:
+        raise InputError("--voxel is the map's and no map is given; give --map and --surface, or drop --voxel")
+    if map_file is not None and voxel is None and summary is None:
+        raise InputError(f"how large the voxels of {map_file} are is not told; give --voxel or its --summary")
+
+
+def _map_error(
+    result: "Evaluation",
+    map_file: Path | None,
+    surface: Path | None,
+    voxel: float | None,
+    account: "SurveyAccount | None",
+) -> "MapError | None":
+    from tools.map_error import map_error, read_points, reference_of
+
+    if map_file is None or surface is None:
+        return None
+    edge = voxel or (account.map_voxel if account else math.nan)
+    return map_error(result.T_truth_estimate.apply(read_points(map_file)), reference_of(surface), edge)
 
 
 def _exceeds(result: "Evaluation", max_error_m: float | None, max_error_deg: float | None) -> bool:
@@ -79,47 +171,9 @@ def _exceeds(result: "Evaluation", max_error_m: float | None, max_error_deg: flo
     allowed = [f"{limit:g} {unit}" for limit, unit in zip(limits, ("m", "degrees"), strict=True) if limit < math.inf]
     for k in beyond:
         say(
-            f"the pose at {_stamp(float(result.stamps[k]))} s is {result.translation_m[k]:.3f} m and "
+            f"the pose at {shown_stamp(float(result.stamps[k]))} s is {result.translation_m[k]:.3f} m and "
             f"{result.rotation_deg[k]:.2f} degrees off; allowed are {' and '.join(allowed)}",
             "error: ",
             "bold red",
         )
     return bool(beyond)
-
-
-def _stamp(seconds: float) -> str:
-    return f"{seconds:.6f}".rstrip("0").rstrip(".")
-
-
-def _print(result: "Evaluation") -> None:
-    from rich.table import Table
-    from rich.text import Text
-
-    from tools.evaluate import yaw_deg
-
-    table = Table(box=None, pad_edge=False)
-    positions = ("stamp [s]", "estimated x, y, z [m]", "true x, y, z [m]", "off [m]")
-    for name in (*positions, "estimated yaw", "true yaw", "turned by"):
-        table.add_column(Text(name), justify="right", no_wrap=True)  # brackets are no markup
-    estimated_yaw, true_yaw = yaw_deg(result.T_aligned), yaw_deg(result.T_true)
-    for k, stamp in enumerate(result.stamps.tolist()):
-        table.add_row(
-            _stamp(stamp),
-            _place(result.T_aligned.translation[k].tolist()),
-            _place(result.T_true.translation[k].tolist()),
-            f"{result.translation_m[k]:.3f}",
-            f"{estimated_yaw[k]:+.2f}°",
-            f"{true_yaw[k]:+.2f}°",
-            f"{result.rotation_deg[k]:.2f}°",
-        )
-    result_console().print(table)
-    typer.echo(f"{len(result.stamps)} poses, aligned by {ALIGNMENTS[result.alignment]}")
-    typer.echo(f"ATE (root mean square of the position errors): {result.ate_m:.3f} m")
-    if len(result.step_translation_m):
-        typer.echo(
-            f"RPE (worst step): {result.step_translation_m.max():.3f} m, {result.step_rotation_deg.max():.2f} degrees"
-        )
-
-
-def _place(meters: list[float]) -> str:
-    return " ".join(f"{value:8.2f}" for value in meters)

@@ -1,0 +1,80 @@
+"""Whether poses are as uncertain as their covariances say."""
+
+from dataclasses import dataclass
+from typing import Any, Literal
+
+import numpy as np
+from scipy.spatial.transform import RigidTransform
+from scipy.stats import chi2
+
+LEVEL = 0.95  # of the ellipsoids
+FIXED = 1e-3  # an anchor's largest sigma [rad, m]: a graph's gauge is far below it, any measured prior above
+
+
+@dataclass(frozen=True, slots=True)
+class PoseCalibration:
+    """N poses beside their covariances. Poses of one graph err together: N is more than what is independent of them.
+
+    Attributes:
+        anchor: "first": errors are against the first pose, which is laid upon its truth and left out; "world": that
+            pose is itself uncertain, as with priors, so that nothing is aligned and both worlds are taken for one.
+        nees: (N,) squared Mahalanobis distance of the truth, 6 on average where the covariance is right.
+        position_nees: (N,) the same of the position alone, 3 on average.
+    """
+
+    anchor: Literal["first", "world"]
+    nees: np.ndarray
+    position_nees: np.ndarray
+
+    @property
+    def within_95(self) -> float:
+        """Share of the poses whose truth lies in the 95 % ellipsoid of all six degrees of freedom."""
+        return float((self.nees <= chi2.ppf(LEVEL, 6)).mean())
+
+    @property
+    def position_within_95(self) -> float:
+        """Share of the poses whose true position lies in the 95 % ellipsoid of the position."""
+        return float((self.position_nees <= chi2.ppf(LEVEL, 3)).mean())
+
+    def to_json(self) -> dict[str, Any]:
+        """Shares and means."""
+        return {
+            "anchor": self.anchor,
+            "poses": len(self.nees),
+            "within_95": self.within_95,
+            "position_within_95": self.position_within_95,
+            "nees_mean": float(self.nees.mean()),
+            "position_nees_mean": float(self.position_nees.mean()),
+        }
+
+
+def calibrate_poses(
+    T_world_sensor: RigidTransform, truth: RigidTransform, covariances: np.ndarray
+) -> PoseCalibration | None:
+    """Hold the errors of N poses against their covariances; None where no pose is left beside the anchor.
+
+    Args:
+        T_world_sensor: N estimated poses, the first of them the anchor.
+        truth: their N true poses.
+        covariances: (N, 6, 6), rotation first [rad, m], body tangent: T_true = T_estimate Exp(xi), against the anchor,
+            whose own is then next to zero.
+
+    The tangent is the full one of SE(3), as GTSAM's.
+    """
+    fixed = bool(np.sqrt(np.diag(covariances[0]).max()) < FIXED)
+    if fixed and len(covariances) == 1:
+        return None
+    if fixed:
+        T_world_sensor, truth = (T[0].inv() * T[1:] for T in (T_world_sensor, truth))
+        covariances = covariances[1:]
+    xi = (T_world_sensor.inv() * truth).as_exp_coords()
+    return PoseCalibration(
+        anchor="first" if fixed else "world",
+        nees=_squared(xi, covariances),
+        position_nees=_squared(xi[:, 3:], covariances[:, 3:, 3:]),
+    )
+
+
+def _squared(errors: np.ndarray, covariances: np.ndarray) -> np.ndarray:
+    """Squared Mahalanobis distances (N,) of errors (N, D)."""
+    return np.einsum("ni,ni->n", errors, np.linalg.solve(covariances, errors[:, :, None])[:, :, 0])
