@@ -1,6 +1,6 @@
 """Which tried pairs of a survey are right: precision and recall of what was kept, and of what was rejected."""
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from typing import Any
 
@@ -82,7 +82,7 @@ class PairScore:
         }
 
 
-def score_pairs(pairs: Sequence[TriedPair], truth: dict[int, RigidTransform], voxel: float) -> PairScore:
+def score_pairs(pairs: Sequence[TriedPair], truth: Mapping[int, RigidTransform], voxel: float) -> PairScore:
     """Judge pairs against the truth: right is within RIGHT_DEG and RIGHT_VOXELS voxels.
 
     Recall is among the pairs that were tried: a place that was revisited and never tried is not missed here.

@@ -3,22 +3,28 @@
 import ctypes
 import os
 import sys
-from collections.abc import Iterator
+from collections.abc import Iterator, Sequence
 from contextlib import contextmanager
 
 
 @contextmanager
-def silent() -> Iterator[None]:
-    """What is written to the standard output within, also by C and C++, goes nowhere."""
+def silent(streams: Sequence[int] = (1,)) -> Iterator[None]:
+    """What is written to the standard output (1), or also to the standard error (2), within goes nowhere.
+
+    Also what C and C++ write.
+    """
     sys.stdout.flush()
-    kept, nowhere = os.dup(1), os.open(os.devnull, os.O_WRONLY)
-    os.dup2(nowhere, 1)
+    sys.stderr.flush()
+    kept, nowhere = {stream: os.dup(stream) for stream in streams}, os.open(os.devnull, os.O_WRONLY)
+    for stream in streams:
+        os.dup2(nowhere, stream)
     try:
         yield
     finally:
         ctypes.CDLL(None).fflush(None)  # C holds it back where stdout is no terminal
-        os.dup2(kept, 1)
-        os.close(kept)
+        for stream, before in kept.items():
+            os.dup2(before, stream)
+            os.close(before)
         os.close(nowhere)
 
 
