@@ -87,3 +87,24 @@ def test_kitti_files_are_compared_line_by_line(tmp_path: Path, pair: list[Path],
     mixed = sonarmap("evaluate", pair[0], files[1])
     assert mixed.exit_code == 2
     said(mixed, f"{files[1]} is a KITTI file", "Give two files of one format")
+
+
+def test_truths_of_several_dives_are_counted_on(tmp_path: Path) -> None:
+    """A map of two dives stamps their scans 0 to 3; the truth of each dive counts from 0."""
+    poses = TRUTH.T_world_sensor
+    write_tum(tmp_path / "estimate.tum", Trajectory(np.arange(4.0), ESTIMATE.T_world_sensor))
+    write_tum(tmp_path / "a.tum", Trajectory(np.arange(3.0), poses[:3]))
+    write_tum(tmp_path / "b.tum", Trajectory(np.arange(1.0), poses[3:]))
+    joined = [tmp_path / name for name in ("estimate.tum", "a.tum", "b.tum")]
+    told = json.loads(sonarmap("evaluate", *joined, "--align", "first", "--json").stdout)
+    assert [row["stamp"] for row in told["per_pose"]] == [0, 1, 2, 3]
+    assert [row["translation_m"] for row in told["per_pose"]] == pytest.approx([0, 0, 0.4, 0], abs=1e-9)
+
+
+def test_truths_with_times_keep_them(tmp_path: Path, pair: list[Path]) -> None:
+    poses = TRUTH.T_world_sensor
+    write_tum(tmp_path / "a.tum", Trajectory(STAMPS[2:], poses[2:]))
+    write_tum(tmp_path / "b.tum", Trajectory(STAMPS[:2], poses[:2]))
+    told = json.loads(sonarmap("evaluate", pair[0], tmp_path / "a.tum", tmp_path / "b.tum", "--json").stdout)
+    once = json.loads(sonarmap("evaluate", *pair, "--json").stdout)
+    assert told["ate_m"]["rms"] == pytest.approx(once["ate_m"]["rms"], rel=1e-9)

@@ -83,6 +83,7 @@ def test_a_map_is_laid_over_the_truth_as_its_trajectory(files: Path, align: str)
     assert told["median_m"] == pytest.approx(0.2, abs=1e-6)
     assert told["p90_m"] == pytest.approx(0.2, abs=1e-6)
     assert (told["within_voxel"], told["voxel_m"], told["nearest"]) == (1.0, 0.3, "point")
+    assert told["alignment"] == align
     by_summary = evaluated(files, *options[:4], "--summary", str(files / "summary.json"))["map"]
     assert (by_summary["within_voxel"], by_summary["voxel_m"]) == (1.0, 0.25)
 

@@ -70,7 +70,10 @@ SummaryOption = Annotated[
 
 def command(
     estimate: Annotated[Path, typer.Argument(help="Estimated trajectory, TUM or KITTI.", metavar="ESTIMATE")],
-    truth: Annotated[Path, typer.Argument(help="True trajectory, in the same format.", metavar="TRUTH")],
+    truth: Annotated[
+        list[Path],
+        typer.Argument(help="True trajectory, in the same format; of several dives one each.", metavar="TRUTH..."),
+    ],
     align: Annotated[
         str,
         typer.Option(
@@ -97,7 +100,8 @@ def command(
 ) -> None:
     """Compare an estimated trajectory with the true one: every pose, the whole (ATE) and each step (RPE).
 
-    Poses belong together where their stamps agree, or by their line in KITTI files. The alignment is a rigid motion,
+    Poses belong together where their stamps agree, or by their line in KITTI files. The truths of several dives are put
+    one after the other, and stamps that count scans from 0 in each are counted on. The alignment is a rigid motion,
     without scale: poses, least squares over positions and orientations, 1 rad weighing as much as 1 m; positions, the
     same without the orientations, for three or more that lie on no line; first, the first pose upon its truth. A map is
     laid over the truth as its trajectory is. Pairs need no alignment, and poses' uncertainties are judged against the
@@ -109,7 +113,7 @@ def command(
     from tools.survey_score import calibrate_survey, score_survey
 
     _check_together(map_file, surface, voxel, summary)
-    found, true = read_pair(estimate, truth)
+    found, true = read_pair(estimate, *truth)
     account = read_summary(summary) if summary else None
     result = evaluate(found, true, cast("Alignment", align))
     error = _map_error(result, map_file, surface, voxel, account)
@@ -117,7 +121,7 @@ def command(
     calibration = calibrate_survey(account, found, true) if account else None
     if as_json:
         beside = {
-            "map": error.to_json() if error else None,
+            "map": error.to_json() | {"alignment": align} if error else None,
             "pairs": {name: score.to_json() for name, score in scores.items()} or None,
             "uncertainty": calibration.to_json() if calibration else None,
         }
