@@ -133,7 +133,7 @@ def _pairs(
     """The crossings to look at, as places in the sequence, ascending."""
     if len(scans) < 2:
         return []
-    overlap = predict_overlap(scans, T_world_sensor, _CELL * voxel)
+    overlap = predict_overlap([scan.points.astype(np.float64) for scan in scans], T_world_sensor, _CELL * voxel)
     apart = np.abs(np.subtract.outer(names, names)) >= APART
     apart |= np.not_equal.outer(surveys, surveys)
     a, b = np.nonzero(np.triu(apart & (overlap >= _OVERLAP), 1))

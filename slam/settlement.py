@@ -19,7 +19,6 @@ from slam.verdict import account
 from slam.world import place_in_world
 from spectral.scan import PosePrior
 
-
 # Loops that a step of the chain outweighs: those that are given to the optimizer have been found consistent before.
 _CHAIN_WORTH = 2.0
 

@@ -8,7 +8,7 @@ from types import SimpleNamespace
 import gtsam
 import numpy as np
 import pytest
-from clutter_scans import T_WORLD_SENSOR, files_in, said, scan, sonarmap, write
+from clutter_scans import T_WORLD_SENSOR, clutter, files_in, said, scan, sonarmap, write
 from surveys import KnowingRegistrar, ring_poses, scans_of
 
 from slam.survey import Mapper
@@ -59,6 +59,18 @@ def test_the_trajectory_is_right(survey: Path, tmp_path: Path) -> None:
     told = sonarmap("evaluate", survey / "out" / "trajectory.tum", tmp_path / "truth.tum", "--json")
     assert (told.exit_code, told.stderr) == (0, "")
     assert strict_json(told.stdout)
+
+
+def test_the_map_and_its_pairs_are_right(survey: Path, tmp_path: Path) -> None:
+    write_tum(tmp_path / "truth.tum", Trajectory(np.arange(4.0), T_WORLD_SENSOR))
+    (surface,) = write(tmp_path, clutter=clutter())
+    out = survey / "out"
+    options = ("--map", out / "map.ply", "--surface", surface, "--summary", out / "summary.json", "--json")
+    told = strict_json(sonarmap("evaluate", out / "trajectory.tum", tmp_path / "truth.tum", *options).stdout)
+    assert told["pairs"]["sequential"]["kept_right"] == 3
+    assert told["pairs"]["sequential"]["kept_wrong"] + told["pairs"]["loops"]["kept_wrong"] == 0
+    assert told["map"]["median_m"] < 0.3
+    assert told["map"]["within_voxel"] > 0.9
 
 
 def test_open3d_reads_the_map_with_its_columns(survey: Path) -> None:
