@@ -24,6 +24,7 @@ from spectral.prior import relative_prior
 from spectral.range_image import range_image
 from spectral.result import Registration
 from spectral.scan import Scan
+from spectral.signature import signature
 from spectral.so3 import RotationPeaks, So3
 from spectral.spectral_scan import CoarseVolume, SpectralScan
 from spectral.surface import smooth_surface
@@ -98,10 +99,12 @@ class SpectralRegistrar:
         """
         volume = self._preparer.prepare(scan)
         points = self.grid.to_voxels(scan.points, volume.center)
+        coefficients = self.so3.analyze(volume.magnitude)
         prepared = SpectralScan(
             volume=volume,
             coarse=self._coarsen(volume),
-            coefficients=self.so3.prepare(volume.magnitude),
+            coefficients=self.so3.prepare(coefficients),
+            signature=signature(coefficients),
             surface=smooth_surface(volume.surface, volume.tree),
             image=range_image(self.device, points, volume.surface, -volume.center / self.grid.voxel),
             prior=scan.prior,
@@ -128,6 +131,11 @@ class SpectralRegistrar:
         finalists = contest.refined(candidates, self.config.shortlist)[: self.config.finalists]
         found = contest.compared(finalists + contest.missed(finalists))
         return self._conclude(contest, contest.settled(found, self.config.refinement == "spectral"), start)
+
+    @staticmethod
+    def signature(prepared: SpectralScan) -> np.ndarray:
+        """(K,) float32, nearly the same however the scan's points are turned and moved; for a `PlaceIndex`."""
+        return prepared.signature
 
     def rotations(self, target: SpectralScan, source: SpectralScan) -> RotationPeaks:
         """Those that `register` follows: the best that may be meant, and the one that the instruments measured."""

@@ -51,8 +51,8 @@ class So3:
         farthest = np.arccos(np.cos(max_tilt) ** 2) if max_tilt < np.pi / 2 else max_tilt
         self._correlation = RotationCorrelation(device, _BANDWIDTH, farthest)
 
-    def prepare(self, magnitude: Array) -> np.ndarray:
-        """The equalized coefficients of one scan's layers, whose norm is 1, complex64 (degrees, layers, orders).
+    def analyze(self, magnitude: Array) -> np.ndarray:
+        """The coefficients of a scan's layers, each of mean 0 and variance 1, complex64 (degrees, layers, orders).
 
         Args:
             magnitude: (edge, edge, edge/2 + 1), as `spectrum.magnitude` gives it.
@@ -61,8 +61,12 @@ class So3:
         # each layer counts alike (Sect. 2.8); the mean is degree 0, which is left out
         layers -= layers.mean(axis=(1, 2), keepdims=True)
         layers /= np.maximum(layers.std(axis=(1, 2), keepdims=True), 1e-30)
-        coefficients = equalize(self._harmonics.analyze(layers), _EQUALIZED)
-        return coefficients / np.float32(max(np.linalg.norm(coefficients), 1e-30))
+        return self._harmonics.analyze(layers)
+
+    def prepare(self, coefficients: np.ndarray) -> np.ndarray:
+        """The coefficients of `analyze` equalized, whose norm is 1, complex64 (degrees, layers, orders)."""
+        equalized = equalize(coefficients, _EQUALIZED)
+        return equalized / np.float32(max(np.linalg.norm(equalized), 1e-30))
 
     def correlate(self, target: np.ndarray, source: np.ndarray) -> Array:
         """The correlation over all rotations, as `RotationCorrelation.correlate` has it."""

@@ -27,6 +27,7 @@ class SpectralScan:
         volume: on the whole grid.
         coarse: on the coarse one.
         coefficients: of its layers, from `So3.prepare`.
+        signature: (K,) float32, what it looks like however turned and moved, from `signature`.
         surface: to refine with.
         image: what it saw.
         prior: what other instruments say about its pose, or None.
@@ -35,6 +36,7 @@ class SpectralScan:
     volume: Prepared
     coarse: CoarseVolume
     coefficients: np.ndarray
+    signature: np.ndarray
     surface: Surface
     image: RangeImage
     prior: PosePrior | None

@@ -23,7 +23,7 @@ class Spectra:
         self.so3, self._preparer = So3(device, EDGE, max_tilt), Preparer(device, Grid(EDGE, 0.8), use_strength=False)
 
     def of(self, points: np.ndarray) -> np.ndarray:
-        return self.so3.prepare(self._preparer.prepare(Scan(points)).magnitude)
+        return self.so3.prepare(self.so3.analyze(self._preparer.prepare(Scan(points)).magnitude))
 
 
 @pytest.fixture(scope="module")

@@ -1,0 +1,50 @@
+"""A scan's signature: numbers that stay nearly what they are however its points are turned and moved.
+
+The magnitude spectrum does not see a translation, and a rotation of the scan turns its layers, which mixes the 2 l + 1
+orders of each degree l among themselves, in all layers alike. Their energies, sum over m of |a[l, m]|^2, stay (Kazhdan,
+Funkhouser and Rusinkiewicz 2003, Rotation Invariant Spherical Harmonic Representation of 3D Shape Descriptors), and so
+do the products of two layers' orders, which say how the layers are turned against each other.
+"""
+
+import numpy as np
+
+from kernels.errors import InputError
+
+# Every second of the innermost layers: farther out the spectrum knows how a surface lies in the voxels, which a
+# rotation changes, and neighbors say much the same.
+_LAYERS = slice(0, 12, 2)
+
+
+def signature(coefficients: np.ndarray) -> np.ndarray:
+    """What layers have in common with each other and with themselves, degree by degree.
+
+    With e[l, r] the energy of degree l as a share of its layer's, a share as a layer's loudness tells how much was seen
+    rather than what, and c[l, r, s] the correlation of the orders of two layers, -1..1:
+
+        signature[l, r, s] = c[l, r, s] (e[l, r] e[l, s])^(1/4),  r <= s.
+
+    Where r = s these are the roots of the shares, between which the distance is Hellinger's: it hears the fine degrees,
+    too, which are weak.
+
+    Args:
+        coefficients: (degrees, L, orders) complex64 of the layers, from `Harmonics.analyze`, before they are equalized;
+            of degrees 0, 2, 4 and so on. The first, a layer's mean, is left out.
+
+    Returns:
+        (K,) float32 in -1..1, K = (degrees - 1) n (n + 1) / 2 with n = 6 layers, or half of L where L is below 12.
+
+    Raises:
+        InputError: the coefficients have another shape, or are not finite.
+    """
+    if coefficients.ndim != 3 or len(coefficients) < 2 or coefficients.shape[2] != 4 * len(coefficients) - 1:
+        raise InputError(f"coefficients have shape {coefficients.shape}; wanted (degrees, L, 4 degrees - 1)")
+    chosen = coefficients[1:, _LAYERS].astype(np.complex128)
+    energies = (np.abs(chosen) ** 2).sum(axis=2)
+    if not np.isfinite(energies).all():
+        raise InputError("the coefficients hold numbers that are not finite; look at the volume that went in")
+    faintest = np.finfo(np.float64).tiny
+    shares = energies / np.maximum(energies.sum(axis=0), faintest)
+    scaled = chosen * (shares**0.25 / np.sqrt(np.maximum(energies, faintest)))[:, :, None]
+    products = np.real(scaled @ scaled.conj().transpose(0, 2, 1))
+    first, second = np.triu_indices(products.shape[1])
+    return products[:, first, second].astype(np.float32).ravel()
