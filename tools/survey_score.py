@@ -40,12 +40,13 @@ def calibrate_survey(account: SurveyAccount, estimate: Trajectory, truth: Trajec
     found = _by_scan(account, estimate)
     true = _by_scan(account, truth)
     members = next((list(one) for one in account.components if min(found) in one), [])
-    common = [k for k in members if k in found and k in true]
+    told = set(np.flatnonzero(np.isfinite(account.covariances).all(axis=(1, 2))).tolist())
+    common = [k for k in members if k in found and k in true and k in told]
     if not common or common[:1] != members[:1]:
         raise InputError(
             "the first pose of the estimate's component, which the covariances of the others are against, is not in "
-            "both trajectories; give the trajectory and the summary of one map, and a truth that holds it, or leave "
-            "--summary out"
+            "both trajectories, or has none; give the trajectory and the summary of one map, and a truth that holds "
+            "its first pose, or leave --summary out"
         )
     return calibrate_poses(
         estimate.T_world_sensor[[found[k] for k in common]],
