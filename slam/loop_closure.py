@@ -1,4 +1,4 @@
-"""Which scans to register besides consecutive ones, by what the estimate says of them and how sure it is."""
+"""Which scans to register besides consecutive ones: by the estimate and its uncertainty, or by what they look like."""
 
 from collections import defaultdict
 from collections.abc import Sequence, Set
@@ -8,7 +8,11 @@ import numpy as np
 
 from kernels.errors import InputError
 from slam.overlap_forecast import predict_overlap, sureness
+from slam.place_index import PlaceIndex
 from slam.pose_graph import Solution
+
+# So many times the wanted number of lookalikes are looked up, as neighbors show the same place.
+_LOOKALIKES = 3
 
 
 @dataclass(frozen=True, slots=True)
@@ -108,6 +112,31 @@ def find_candidates(
     ]
     kept = [c for c in expected if c.overlap >= settings.min_overlap]
     return within_limits(sorted(kept, key=lambda c: (-c.overlap, c.i, c.j)), settings.per_scan, settings.spread)
+
+
+def find_lookalikes(
+    signatures: Sequence[np.ndarray | None],
+    parts: Sequence[Sequence[int]],
+    settings: LoopSettings,
+    tried: Set[tuple[int, int]] = frozenset(),
+) -> list[Candidate]:
+    """Pairs of different parts that look alike: where no estimate tells how two parts lie, their scans may.
+
+    Args:
+        signatures: of N scans; None where a scan has none.
+        parts: the scans of each part, as edges join them; surveys of one place are parts until something joins them.
+        settings: limits.
+        tried: pairs (i, j), i < j, that are not wanted again.
+    """
+    part = {k: number for number, members in enumerate(parts) for k in members}
+    scans = sorted((k for k, one in enumerate(signatures) if one is not None), key=lambda k: (part[k], k))
+    if settings.per_scan == 0 or len({part[k] for k in scans}) < 2:
+        return []
+    index = PlaceIndex(np.stack([signatures[k] for k in scans]), np.array([part[k] for k in scans]))  # pyright: ignore
+    found = index.candidates(_LOOKALIKES * settings.per_scan, gap=0, elsewhere=True)
+    pairs = [(*sorted((scans[one.i], scans[one.j])), one.distance) for one in found]
+    ranked = sorted((distance, i, j) for i, j, distance in pairs if (i, j) not in tried)
+    return within_limits([Candidate(i, j, alike=d) for d, i, j in ranked], settings.per_scan, settings.spread)
 
 
 def within_limits(ranked: Sequence[Candidate], per_scan: int, spread: int) -> list[Candidate]:

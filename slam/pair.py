@@ -4,6 +4,8 @@ from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from functools import lru_cache
 
+import numpy as np
+
 from kernels.errors import SonarmapError
 from spectral.result import Registrar, Registration
 from spectral.scan import Scan
@@ -65,6 +67,18 @@ class PairRunner:
         """Register scan j to scan i for every pair (i, j), in their order. A pair that fails is told, not raised."""
         self._planned += len(wanted)
         return [self._attempt(i, j) for i, j in wanted]
+
+    def signatures(self) -> list[np.ndarray | None]:
+        """Of every scan, (K,) float32; None for one that cannot be prepared, and for all where the method has none."""
+        if not hasattr(self._registrar, "signature"):
+            return [None] * len(self._scans)
+        found: list[np.ndarray | None] = []
+        for k in range(len(self._scans)):
+            try:
+                found.append(self._registrar.signature(self._prepare(k)))
+            except SonarmapError:
+                found.append(None)
+        return found
 
     def _attempt(self, i: int, j: int) -> Attempt:
         try:

@@ -9,7 +9,7 @@ from scipy.cluster.hierarchy import DisjointSet
 from kernels.errors import InputError
 from slam.component_maps import ComponentMaps, component_maps
 from slam.edge import Edge
-from slam.loop_closure import Candidate, LoopSettings, find_candidates
+from slam.loop_closure import Candidate, LoopSettings, find_candidates, find_lookalikes
 from slam.overlap_forecast import outline
 from slam.pair import PairRunner, Progress
 from slam.point_map import PointMap
@@ -131,7 +131,10 @@ class Mapper:
         settled = self._settle(scans, trials)
         outlines = [outline(scan, self.settings.loops.cell_voxels * self.voxel) for scan in scans]
         for _ in range(self.settings.loops.rounds):
-            candidates = self._candidates(outlines, survey, settled, trials)
+            # between parts no estimate tells which scans may overlap
+            apart = len(settled.solution.graph.components) > 1
+            signatures = runner.signatures() if apart else [None] * len(scans)
+            candidates = self._candidates(outlines, signatures, settled, trials)
             if not candidates:
                 break
             found = runner.register([(c.i, c.j) for c in candidates])
@@ -175,11 +178,16 @@ class Mapper:
         return settle(trials, stamps, priors, self.voxel, self.settings.loops)
 
     def _candidates(
-        self, outlines: Sequence[np.ndarray], survey: np.ndarray, settled: Settlement, trials: Sequence[Trial]
+        self,
+        outlines: Sequence[np.ndarray],
+        signatures: Sequence[np.ndarray | None],
+        settled: Settlement,
+        trials: Sequence[Trial],
     ) -> list[Candidate]:
         """Pairs to try next, in the order of the scans: neighbors in that order share prepared scans."""
-        tried = {(trial.i, trial.j) for trial in trials}
-        found = find_candidates(outlines, settled.solution, self.voxel, self.settings.loops, tried)
+        tried, loops = {(trial.i, trial.j) for trial in trials}, self.settings.loops
+        found = find_candidates(outlines, settled.solution, self.voxel, loops, tried)
+        found += find_lookalikes(signatures, settled.solution.graph.components, loops, tried)
         return sorted(found, key=lambda candidate: (candidate.i, candidate.j))
 
     def _fuse(self, scans: Sequence[Scan], survey: np.ndarray, settled: Settlement) -> SurveyResult:

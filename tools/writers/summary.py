@@ -61,8 +61,17 @@ def survey_summary(
         "device": device,
         "settings": settings,
         "scans": [
-            {"index": k, "name": name, "stamp": result.trajectory.stamps[k], "sigmas": sigmas}
-            for k, (name, sigmas) in enumerate(zip(names, pose_sigmas(result.covariances), strict=True))
+            {
+                "index": k,
+                "name": name,
+                "stamp": result.trajectory.stamps[k],
+                "survey": result.surveys[k],
+                "sigmas": sigmas,
+                "covariance": covariance,
+            }
+            for k, (name, sigmas, covariance) in enumerate(
+                zip(names, pose_sigmas(result.covariances), result.covariances, strict=True)
+            )
         ],
         "pairs": [pair_row(pair) for pair in result.pairs],
         "gaps": list(dict.fromkeys([*result.gaps, *places])),
@@ -99,6 +108,8 @@ def pair_row(pair: Pair) -> dict[str, Any]:
         "kept": pair.kept,
         "reason": pair.reason,
         "predicted_overlap": pair.predicted_overlap,
+        "alike": pair.alike,
+        "agreeing": pair.agreeing,
         "sigmas_from_estimate": pair.sigmas_from_estimate,
         "residual_sigmas": pair.residual,
     }
