@@ -1,17 +1,15 @@
-"""Jobs done by several processes at once. Only the standard library is imported here, as a process that is begun sets
-how many threads libraries take before it loads them."""
+"""Jobs done by several processes at once. No library is imported here, as a process that is begun sets how
+many threads libraries take before it loads them."""
 
 import os
 from collections.abc import Generator, Sequence
-from concurrent.futures import ProcessPoolExecutor, as_completed
-from concurrent.futures.process import BrokenProcessPool
+from concurrent.futures import as_completed
 from dataclasses import dataclass
 from importlib import import_module
-from multiprocessing import active_children, connection, get_context, parent_process
-from signal import SIG_IGN, SIGINT, signal
-from threading import Thread
 from time import perf_counter
 from typing import TYPE_CHECKING, Any
+
+from slam.spawn import spawned
 
 if TYPE_CHECKING:
     from tools.reproduce.experiment import Experiment, Outcome
@@ -46,27 +44,14 @@ class Crew:
         Raises:
             InputError, DeviceError: from a job, or a process ended before its time.
         """
-        before = set(active_children())
-        # spawned: an OpenCL context must not be inherited
-        pool = ProcessPoolExecutor(self.workers, get_context("spawn"), _begin, (self,))
-        try:
+        with spawned(self.workers, _begin, self) as pool:
             for done in as_completed([pool.submit(_do, tuple(group)) for group in groups]):
                 yield done.result()
-            pool.shutdown()
-        except BaseException as error:
-            pool.shutdown(wait=False, cancel_futures=True)
-            for child in set(active_children()) - before:
-                child.terminate()
-            if isinstance(error, BrokenProcessPool):
-                raise _ended() from error
-            raise
 
 
 def _begin(crew: Crew) -> None:
-    """Make the experiment, in a process of the crew; an interrupt is the parent's to act on."""
+    """Make the experiment, in a process of the crew."""
     global _mine
-    signal(SIGINT, SIG_IGN)
-    Thread(target=_end_with_parent, daemon=True).start()
     os.environ.setdefault("OMP_NUM_THREADS", str(max(1, (os.cpu_count() or 1) // crew.workers)))
     from dataclasses import replace
 
@@ -85,20 +70,3 @@ def _do(jobs: tuple[str, ...]) -> list[Work]:
         outcome = _mine.run(job)
         found.append((job, outcome, perf_counter() - start))
     return found
-
-
-def _end_with_parent() -> None:
-    """A parent that is killed cannot tell its processes to end."""
-    parent = parent_process()
-    if parent is not None:
-        connection.wait([parent.sentinel])
-        os._exit(1)
-
-
-def _ended() -> Exception:
-    from kernels.errors import InputError
-
-    return InputError(
-        "a process of --workers ended before its time, as where memory is short; use fewer. The jobs that are done are "
-        "kept, and the same command goes on from there."
-    )

@@ -1,0 +1,65 @@
+"""Processes that end when they should. Only the standard library is imported here, as a process that is begun may set
+how many threads libraries take before it loads them."""
+
+import os
+from collections.abc import Callable, Iterator
+from concurrent.futures import ProcessPoolExecutor
+from concurrent.futures.process import BrokenProcessPool
+from contextlib import contextmanager
+from multiprocessing import active_children, connection, get_context, parent_process
+from signal import SIG_IGN, SIGINT, signal
+from threading import Thread
+from typing import Any
+
+
+@contextmanager
+def spawned(workers: int, begin: Callable[..., None] | None = None, *given: Any) -> Iterator[ProcessPoolExecutor]:
+    """Processes of Python's own for as long as the block lasts.
+
+    They are spawned, as an OpenCL context must not be inherited. An interrupt is this process's to act on. Where the
+    block raises or is interrupted they are ended, and what they are at is lost; where this process is killed they end
+    too.
+
+    Args:
+        workers: how many, at least 1.
+        begin: what each does first, called with `given`.
+
+    Raises:
+        InputError: one of them ended before its time.
+    """
+    before = set(active_children())
+    pool = ProcessPoolExecutor(workers, get_context("spawn"), _begin, (begin, given))
+    try:
+        yield pool
+        pool.shutdown()
+    except BaseException as error:
+        pool.shutdown(wait=False, cancel_futures=True)
+        for child in set(active_children()) - before:
+            child.terminate()
+        if isinstance(error, BrokenProcessPool):
+            raise _ended() from error
+        raise
+
+
+def _begin(begin: Callable[..., None] | None, given: tuple[Any, ...]) -> None:
+    signal(SIGINT, SIG_IGN)
+    Thread(target=_end_with_parent, daemon=True).start()
+    if begin is not None:
+        begin(*given)
+
+
+def _end_with_parent() -> None:
+    """A parent that is killed cannot tell its processes to end."""
+    parent = parent_process()
+    if parent is not None:
+        connection.wait([parent.sentinel])
+        os._exit(1)
+
+
+def _ended() -> Exception:
+    from kernels.errors import InputError
+
+    return InputError(
+        "a process of --workers ended before its time, as where memory is short; use fewer. What is done is kept, and "
+        "the same command goes on from there."
+    )
