@@ -12,9 +12,8 @@ from kernels.errors import InputError
 from tools.reproduce.crew import Crew
 from tools.reproduce.experiment import Outcome
 from tools.reproduce.experiments import Request
-from tools.reproduce.method_source import method_digest
-from tools.reproduce.provenance import decisive
 from tools.reproduce.run import Way, run
+from tools.sources import decisive, method_digest
 
 
 def crew(workers: int, scene: str | None = None, module: str = "crew_experiment") -> Crew:
@@ -105,7 +104,7 @@ class TestMethods:
     def test_which_code_decides_a_method(self, project: Path, name: str, a: bool, b: bool) -> None:
         def digests() -> tuple[str, str]:
             module = project / "tools/experiment.py"
-            return method_digest(module, "_a", True, project), method_digest(module, "_b", False, project)
+            return method_digest("_a", True, [module], project), method_digest("_b", False, [module], project)
 
         before = digests()
         assert digests() == before
@@ -115,16 +114,15 @@ class TestMethods:
 
     def test_the_table_counts_only_where_the_method_stands(self, project: Path) -> None:
         module, table = project / "tools/experiment.py", project / "tools/methods.py"
-        before = [method_digest(module, make, False, project) for make in ("_a", "_b")]
+        before = [method_digest(make, False, [module], project) for make in ("_a", "_b")]
         table.write_text(table.read_text().replace("import tools.b\n", "import tools.b as b\n"))
-        after = [method_digest(module, make, False, project) for make in ("_a", "_b")]
+        after = [method_digest(make, False, [module], project) for make in ("_a", "_b")]
         assert (after[0] == before[0], after[1] == before[1]) == (True, False)
 
     def test_peers_do_not_depend_on_the_spectral_method(self) -> None:
         from tools.methods import METHODS
         from tools.reproduce.lineup import EVALUATED
-        from tools.reproduce.method_source import TABLE, _called
-        from tools.reproduce.provenance import ROOT, imported, imports
+        from tools.sources import ROOT, TABLE, _called, imported, imports
 
         table = ROOT / TABLE
         for name in EVALUATED:

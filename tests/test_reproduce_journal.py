@@ -15,10 +15,12 @@ from kernels.errors import InputError
 from tools.reproduce.experiment import Outcome
 from tools.reproduce.folder import write_experiment
 from tools.reproduce.journal import Journal
-from tools.reproduce.provenance import ROOT, Provenance, imported, source_digest
+from tools.reproduce.provenance import Provenance, source_digest
 from tools.reproduce.run import Way, run
+from tools.sources import ROOT, imported
 
 ALIKE = ("fake.csv", "fake.md", "fake.png", "fake-2.png")
+
 TESTS = Path(__file__).parent
 KILLED = f"""
 import sys; sys.path[:0] = [{str(ROOT)!r}, {str(TESTS)!r}]
