@@ -8,6 +8,7 @@ from scipy.cluster.hierarchy import DisjointSet
 
 from kernels.errors import InputError
 from slam.component_maps import ComponentMaps, component_maps
+from slam.crew import Crew
 from slam.edge import Edge
 from slam.loop_closure import Candidate, LoopSettings, find_candidates, find_lookalikes
 from slam.overlap_forecast import outline
@@ -91,17 +92,21 @@ class Mapper:
         registrar: any method of registration.
         voxel: edge of the survey's voxels [m].
         settings: everything else.
+        crew: who registers, with what the registrar is too; None for this process.
 
     Raises:
         InputError: a voxel that is not positive.
     """
 
-    def __init__(self, registrar: Registrar, voxel: float, settings: MapperSettings | None = None) -> None:
+    def __init__(
+        self, registrar: Registrar, voxel: float, settings: MapperSettings | None = None, crew: Crew | None = None
+    ) -> None:
         if not (np.isfinite(voxel) and voxel > 0):
             raise InputError(f"the survey's voxel is {voxel} m; wanted a positive length")
         self.registrar = registrar
         self.voxel = voxel
         self.settings = settings or MapperSettings()
+        self.crew = crew
 
     def run(
         self, scans: Sequence[Scan], progress: Progress | None = None, surveys: Sequence[int] | None = None
@@ -123,7 +128,7 @@ class Mapper:
         if len(scans) < 2:
             raise InputError(f"{len(scans)} scan given; a map wants at least two that overlap")
         survey = np.zeros(len(scans), np.intp) if surveys is None else np.asarray(surveys, np.intp)
-        runner = PairRunner(self.registrar, scans, self.settings.prepared, 2, progress)
+        runner = PairRunner(self.registrar, scans, self.settings.prepared, 2, progress, self.crew)
 
         trials = self._chain(runner, survey)
         trials += self._bridge(runner, trials, survey)

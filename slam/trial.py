@@ -5,8 +5,8 @@ from dataclasses import dataclass
 from typing import Literal
 
 from kernels.errors import InputError
+from slam.attempt import Attempt
 from slam.edge import Edge
-from slam.pair import Attempt
 from spectral.result import Registration
 
 Role = Literal["sequential", "bridge", "loop"]

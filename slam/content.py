@@ -1,0 +1,44 @@
+"""What a scan holds, as a key: scans of the same key give the same results, whatever they are called."""
+
+import hashlib
+from dataclasses import dataclass, field
+
+import numpy as np
+
+from spectral.scan import Scan
+
+
+@dataclass(frozen=True, slots=True)
+class KeyedScan:
+    """A scan that is told from others by its key and name.
+
+    Attributes:
+        key: of its content, as `content_key` gives it.
+        name: the scan's; messages hold it.
+        scan: itself, not compared.
+    """
+
+    key: str
+    name: str
+    scan: Scan = field(compare=False)
+
+
+def keyed(scan: Scan) -> KeyedScan:
+    """The scan with its key."""
+    return KeyedScan(content_key(scan), scan.name, scan)
+
+
+def content_key(scan: Scan) -> str:
+    """A digest of the points, strengths and prior of a scan; its stamp and its name decide nothing."""
+    prior = scan.prior
+    parts = [scan.points, scan.strength, prior and prior.T_world_sensor.as_matrix(), prior and prior.sigmas]
+    digest = hashlib.sha256()
+    for part in parts:
+        digest.update(b"none;" if part is None else f"{part.dtype.str}{part.shape};".encode())
+        digest.update(b"" if part is None else np.ascontiguousarray(part).tobytes())
+    return digest.hexdigest()
+
+
+def joined_key(*keys: str) -> str:
+    """A digest of several keys, in their order."""
+    return hashlib.sha256("\0".join(keys).encode()).hexdigest()
