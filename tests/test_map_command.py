@@ -16,7 +16,7 @@ from slam.trajectory import Trajectory
 from spectral.grid import Grid
 from spectral.result import Registration
 from tools.cli.account import warn_of_faults
-from tools.cli.map import _mapper
+from tools.cli.map import _settings
 from tools.evaluate import evaluate
 from tools.readers import read_scan
 from tools.readers.kitti import read_kitti
@@ -24,7 +24,7 @@ from tools.readers.tum import read_tum
 from tools.writers.tum import write_tum
 
 GRID = ("--grid", "64")
-RESULTS = {"map.ply", "map.png", "trajectory.tum", "graph.g2o", "summary.json"}
+RESULTS = {"map.ply", "map.png", "trajectory.tum", "graph.g2o", "summary.json", "times.json", "journal.sqlite"}
 LOOPS = {"loops.png"}  # where loops were tried
 
 
@@ -119,7 +119,25 @@ def test_the_same_command_gives_the_same_bytes(survey: Path, tmp_path: Path) -> 
     scans = [survey / f"scan_{k}.ply" for k in range(4)]
     assert sonarmap("map", *scans, "-o", tmp_path, *GRID, "--quiet").exit_code == 0
     first, second = files_in(survey / "out"), files_in(tmp_path)
-    assert {name for name in RESULTS | LOOPS if first[name] != second[name]} <= {"summary.json"}  # it holds seconds
+    # of the summary the inputs alone, which are the folder or its files
+    assert {name for name in RESULTS | LOOPS if first[name] != second[name]} == {"summary.json", "times.json", "journal.sqlite"}
+    summaries = [json.loads(files["summary.json"]) for files in (first, second)]
+    assert [summary["settings"].pop("inputs") for summary in summaries] == [
+        [str(survey)],
+        [str(path) for path in scans],
+    ]
+    assert summaries[0] == summaries[1]
+
+
+def test_times_are_in_a_file_of_their_own(survey: Path) -> None:
+    times = strict_json((survey / "out" / "times.json").read_text())
+    summary = strict_json((survey / "out" / "summary.json").read_text())
+    pairs = {(pair["target"], pair["source"]) for pair in summary["pairs"]}
+    assert {(pair["target"], pair["source"]) for pair in times["pairs"]} == pairs
+    assert all(pair["seconds"] > 0 and not pair["found"] for pair in times["pairs"])
+    assert (times["workers"], times["pairs_found"]) == (1, 0)
+    assert times["stages_s"].keys() >= {"pairs registered", "poses optimized", "map fused"}
+    assert times["peak_memory_bytes"] > 2**20
 
 
 def test_in_words(survey: Path, tmp_path: Path) -> None:
@@ -217,7 +235,7 @@ def test_a_gap_that_is_bridged_is_told(tmp_path: Path) -> None:
 def test_as_many_scans_stay_prepared_as_fit(memory: int, prepared: int) -> None:
     device = SimpleNamespace(memory=memory)
     chosen = SimpleNamespace(registrar=None, device=device, grid=Grid(128, 0.5))
-    assert _mapper(chosen).settings.prepared == prepared  # pyright: ignore[reportArgumentType]
+    assert _settings(chosen).prepared == prepared  # pyright: ignore[reportArgumentType]
 
 
 def test_an_order_that_is_not_the_given_one_is_told(tmp_path: Path) -> None:

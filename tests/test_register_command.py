@@ -14,9 +14,10 @@ from spectral.grid import Grid
 from spectral.result import Registration
 from tools.cli.method import Chosen
 from tools.cli.register import _as_json, _print
+from tools.methods import Setup
 from tools.writers import write_ply
 
-GRID = ("--grid", "64")
+GRID, CUBE = ("--grid", "64"), Grid(64, 0.5)
 T_TRUE = T_WORLD_SENSOR[0].inv() * T_WORLD_SENSOR[1]
 
 
@@ -62,7 +63,7 @@ def test_alternatives_are_told(capsys: pytest.CaptureFixture[str]) -> None:
         T = RigidTransform.from_translation([x, 0, 0])
         return Registration(T, np.eye(6), 50.0, 0.5, True, 0.1, "so", probability, alternatives=others)
 
-    chosen = Chosen("spectral", KnowingRegistrar(T_WORLD_SENSOR, np.eye(6)), Grid(64, 0.5))
+    chosen = Chosen("spectral", KnowingRegistrar(T_WORLD_SENSOR, np.eye(6)), CUBE, Setup(CUBE))
     found = one(1, 0.934, one(2, 0.05), one(3, float("nan")))
     printed = _as_json(found, chosen)
     assert printed["probability"] == 0.934
@@ -151,7 +152,7 @@ def test_the_uncertainty_is_along_the_worst_direction_whatever_the_axes(capsys: 
     covariance[:3, :3] = turn @ np.diag(np.deg2rad([2.0, 0.5, 0.5]) ** 2) @ turn.T
     covariance[3:, 3:] = turn @ np.diag([0.3, 0.1, 0.1]) ** 2 @ turn.T
     found = Registration(RigidTransform.identity(), covariance, psr=50.0, overlap=0.5, accepted=True, seconds=0.1)
-    _print(found, Chosen("spectral", KnowingRegistrar(T_WORLD_SENSOR, covariance), Grid(64, 0.5)))
+    _print(found, Chosen("spectral", KnowingRegistrar(T_WORLD_SENSOR, covariance), CUBE, Setup(CUBE)))
     assert "2.00 degrees, 0.300 m" in capsys.readouterr().out
 
 

@@ -7,8 +7,8 @@ import pytest
 from scipy.spatial.transform import RigidTransform
 from surveys import random_covariance, registration, ring_poses
 
-from slam.loop_closure import LoopSettings
 from slam.attempt import Attempt
+from slam.loop_closure import LoopSettings
 from slam.settlement import Settlement, settle
 from slam.trial import Role, Trial
 from spectral.result import Registration

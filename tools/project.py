@@ -25,7 +25,7 @@ from tools.writers.kitti import write_kitti
 from tools.writers.summary import survey_summary, write_summary
 from tools.writers.tum import write_tum
 
-GRAPH, SUMMARY = "graph.g2o", "summary.json"
+GRAPH, SUMMARY, TIMES, JOURNAL = "graph.g2o", "summary.json", "times.json", "journal.sqlite"
 _ALSO = {"pcd": "map{}.pcd", "kitti": "trajectory{}.kitti"}
 _MAP = re.compile(r"map(_\d+)?(_survey_\d+)?\.(ply|pcd)")
 _LAYER = re.compile(r"_survey_(\d+)$")
@@ -65,6 +65,7 @@ def write_survey(
     device: Device | None,
     unread: Sequence[Unread] = (),
     also: Sequence[str] = (),
+    times: Mapping[str, Any] | None = None,
 ) -> Path:
     """Write a survey's maps, pictures, trajectories, graph and summary.
 
@@ -80,6 +81,7 @@ def write_survey(
         settings, unread: for the summary.
         device: what it ran on; None for a method that takes none.
         also: "pcd" for maps in that format too, "kitti" for trajectories.
+        times: what the run took, for times.json, which is not named in the summary; None for no such file.
 
     Returns:
         The path of summary.json, which is written last.
@@ -94,6 +96,8 @@ def write_survey(
     with all_or_none():
         _write_files(folder, result, names, files)
         write_summary(folder / SUMMARY, summary | {"files": [*chain.from_iterable(files), GRAPH, SUMMARY]})
+        if times is not None:
+            write_summary(folder / TIMES, times)
     for name in former.difference(*files):
         (folder / name).unlink(missing_ok=True)
     return folder / SUMMARY

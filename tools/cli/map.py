@@ -8,6 +8,7 @@ import typer
 
 from kernels.errors import InputError
 from tools.cli.account import print_survey, warn, warn_of_faults
+from tools.cli.crew import Way, open_crew
 from tools.cli.method import Chosen, build_registrar, method_of
 from tools.cli.options import (
     DEFAULT_HYPOTHESES,
@@ -36,7 +37,7 @@ from tools.cli.terminal import say
 from tools.methods import DEFAULT_METHOD
 
 if TYPE_CHECKING:
-    from slam.survey import Mapper
+    from slam.survey import MapperSettings
     from tools.readers import ReadScans
 
 INCOMPLETE = 3
@@ -75,6 +76,27 @@ def command(
         ),
     ] = [],  # noqa: B006 - typer's way to say none
     device: DeviceOption = None,
+    workers: Annotated[
+        int | None,
+        typer.Option(
+            "--workers",
+            metavar="N",
+            min=1,
+            help="Register pairs in N processes, each with a device context of its own; 1 if left out, which is this "
+            "process. The results are the same.",
+        ),
+    ] = None,
+    scheduler: Annotated[
+        str | None,
+        typer.Option(
+            "--scheduler",
+            metavar="ADDRESS",
+            help="Register pairs on a Dask cluster, as tcp://10.0.0.5:8786; wants pip install 'sonarmap\\[cluster]'.",
+        ),
+    ] = None,
+    fresh: Annotated[
+        bool, typer.Option("--fresh", help="Forget the pairs that an earlier run left in OUT/journal.sqlite.")
+    ] = False,
     seed: SeedOption = DEFAULT_SEED,
     as_json: JsonOption = False,
     quiet: QuietOption = False,
@@ -85,24 +107,32 @@ def command(
     follows is a component of its own, in map_2.ply and trajectory_2.tum and so on, and the exit code is 3, as it is
     where a scan cannot be read, which is told and passed over. An earlier run's files in OUT are replaced when all is
     done, not before.
-    """
-    from tools.atomic import require_writable
-    from tools.project import require_apart, write_survey
 
-    wanted = method_of(context)
+    Every pair that is done is kept in OUT/journal.sqlite: the same command goes on where a run was stopped, and with
+    more scans only their pairs are registered. times.json tells what the run took.
+    """
+    from slam.survey import Mapper
+    from tools.atomic import require_writable
+    from tools.project import JOURNAL, require_apart, write_survey
+    from tools.writers.times import survey_times
+
+    wanted, way = method_of(context), _way(workers, scheduler, fresh)
     read = _read(inputs, [priors] if priors else [])
     require_apart(out, read.files)
     scans = told_priors(read.scans, priors, prior_sigmas, strangers=bool(read.unread))
     chosen = build_registrar(scans, wanted)
-    mapper = _mapper(chosen)
-    require_writable(out)
-    with growing_progress("mapping", quiet or as_json) as step:
-        step(0, len(scans), "preparing the first scans")
-        result = mapper.run(scans, step)
+    mapping = _settings(chosen)
     told = {"priors": str(priors), "prior_sigmas": prior_sigmas} if priors else {}
-    settings = {"inputs": inputs, **told, **chosen.settings, "mapper": mapper.settings}
+    settings = {"inputs": inputs, **told, **chosen.settings, "mapper": mapping}
     names = [scan.name for scan in scans]
-    summary = write_survey(out, result, names, settings, chosen.device, read.unread, also)
+    require_writable(out)
+    with open_crew(chosen, mapping.prepared, way, out / JOURNAL, quiet or as_json) as crew:
+        mapper = Mapper(chosen.registrar, chosen.grid.voxel, mapping, crew)
+        with growing_progress("mapping", quiet or as_json) as step:
+            step(0, len(scans), "preparing the first scans")
+            result = mapper.run(scans, step)
+        times = survey_times(crew.account, way.place)
+        summary = write_survey(out, result, names, settings, chosen.device, read.unread, also, times)
     if as_json:
         typer.echo(json.dumps(json.loads(summary.read_text(encoding="utf-8"))))
     else:
@@ -110,6 +140,14 @@ def command(
     warn_of_faults(result, names, out)
     if len(result.components) > 1 or read.unread:
         raise typer.Exit(INCOMPLETE)
+
+
+def _way(workers: int | None, scheduler: str | None, fresh: bool) -> Way:
+    if workers is not None and scheduler is not None:
+        raise InputError(
+            "--workers are processes of this machine, --scheduler has workers of its own; drop one of the two"
+        )
+    return Way(workers or 1, scheduler, fresh)
 
 
 def _read(inputs: list[str], beside: list[Path]) -> "ReadScans":
@@ -127,11 +165,10 @@ def _read(inputs: list[str], beside: list[Path]) -> "ReadScans":
     return read
 
 
-def _mapper(chosen: Chosen) -> "Mapper":
-    """A mapper that keeps as many prepared scans as are of use and fit, with one more while the next is prepared."""
-    from slam.survey import Mapper, MapperSettings
+def _settings(chosen: Chosen) -> "MapperSettings":
+    """A mapper's that keeps as many prepared scans as are of use and fit, with one more while the next is prepared."""
+    from slam.survey import MapperSettings
     from spectral.memory import scans_that_fit
 
     fitting = scans_that_fit(chosen.device, chosen.grid.edge) - 1 if chosen.device else MOST_PREPARED
-    settings = MapperSettings(prepared=min(MOST_PREPARED, max(2, fitting)))
-    return Mapper(chosen.registrar, chosen.grid.voxel, settings)
+    return MapperSettings(prepared=min(MOST_PREPARED, max(2, fitting)))

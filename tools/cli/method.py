@@ -70,6 +70,7 @@ class Chosen:
         name: a key of METHODS.
         registrar: the method.
         grid: that the scans share; what is no spectral method knows its voxel alone.
+        setup: what the registrar was made from.
         config, device: of a method that runs on a device; None for others.
         seed: of a method that draws at random; None for others.
     """
@@ -77,6 +78,7 @@ class Chosen:
     name: str
     registrar: "Registrar"
     grid: "Grid"
+    setup: Setup
     config: "SpectralConfig | HemisphereConfig | None" = None
     device: "Device | None" = None
     seed: int | None = None
@@ -122,12 +124,13 @@ def build_registrar(scans: "Sequence[Scan]", method: Method) -> Chosen:
         _look_for_strength(scans)
     grid = choose_grid(scans, method.grid or DEFAULT_EDGE, method.voxel)
     found = find_method(method.name)
-    registrar = found.make(Setup(grid, method.device, method.seed, _changes(method)))
+    setup = Setup(grid, method.device, method.seed, _changes(method))
+    registrar = found.make(setup)
     if isinstance(registrar, SpectralRegistrar | HemisphereRegistrar):
         for note in registrar.device.notes:
             say(note)
-        return Chosen(method.name, registrar, grid, registrar.config, registrar.device)
-    return Chosen(method.name, registrar, grid, seed=method.seed if "seed" in found.hears else None)
+        return Chosen(method.name, registrar, grid, setup, registrar.config, registrar.device)
+    return Chosen(method.name, registrar, grid, setup, seed=method.seed if "seed" in found.hears else None)
 
 
 def _changes(method: Method) -> dict[str, Any]:

@@ -113,7 +113,11 @@ def pair_row(pair: Pair) -> dict[str, Any]:
         "sigmas_from_estimate": pair.sigmas_from_estimate,
         "residual_sigmas": pair.residual,
     }
-    return row | (registration_row(pair.registration) if pair.registration else {})
+    if pair.registration is None:
+        return row
+    told = registration_row(pair.registration)
+    del told["seconds"]  # which differ from run to run: times.json has them
+    return row | told
 
 
 def registration_row(registration: Registration) -> dict[str, Any]:
@@ -176,10 +180,10 @@ def map_statistics(point_map: PointMap) -> dict[str, Any]:
     }
 
 
-def package_versions() -> dict[str, str | None]:
+def package_versions(*also: str) -> dict[str, str | None]:
     """The versions of Python and of what the numbers depend on; None for a package that is not installed."""
     found: dict[str, str | None] = {"python": platform.python_version(), "system": platform.platform()}
-    for package in PACKAGES:
+    for package in (*PACKAGES, *also):
         try:
             found[package] = version(package)
         except PackageNotFoundError:
