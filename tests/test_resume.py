@@ -178,10 +178,21 @@ def test_stopped_it_ends_its_workers_and_goes_on(
     assert (mapping.returncode, printed) == (130, "")
     assert told.endswith("stopped; no file is half written\n")
     assert "Traceback" not in told
-    with pytest.raises(ProcessLookupError):  # no one of its group is left
-        os.killpg(mapping.pid, 0)
+    assert _is_gone(mapping.pid)
     assert run(scans, tmp_path)[0] == results(undisturbed)
     assert max(computed(tmp_path)) == 1
+
+
+def _is_gone(group: int) -> bool:
+    """Whether no process of a group is left within 10 s: Python's own, which looks after the others, ends last."""
+    for _ in range(100):
+        try:
+            os.killpg(group, 0)
+        except ProcessLookupError:
+            return True
+        time.sleep(0.1)
+    print(subprocess.run(["ps", "-o", "pid,stat,args", "-g", str(group)], capture_output=True, text=True).stdout)
+    return False
 
 
 def _holds_some(journal: Path) -> bool:
