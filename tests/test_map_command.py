@@ -120,7 +120,11 @@ def test_the_same_command_gives_the_same_bytes(survey: Path, tmp_path: Path) -> 
     assert sonarmap("map", *scans, "-o", tmp_path, *GRID, "--quiet").exit_code == 0
     first, second = files_in(survey / "out"), files_in(tmp_path)
     # of the summary the inputs alone, which are the folder or its files
-    assert {name for name in RESULTS | LOOPS if first[name] != second[name]} == {"summary.json", "times.json", "journal.sqlite"}
+    assert {name for name in RESULTS | LOOPS if first[name] != second[name]} == {
+        "summary.json",
+        "times.json",
+        "journal.sqlite",
+    }
     summaries = [json.loads(files["summary.json"]) for files in (first, second)]
     assert [summary["settings"].pop("inputs") for summary in summaries] == [
         [str(survey)],
