@@ -79,12 +79,14 @@ class Support:
 
     Attributes:
         pairs: how many, its own among them, agree with one another in its group.
+        weight: of the group, the negative logarithm of the probability that all of it is wrong.
         leading: whether its group is clearly heavier than the next between the same parts.
         sigmas: its distance from its part's own chain (Mahalanobis); NaN where it joins two parts.
         agrees: whether that is within the bound; False where it joins two parts.
     """
 
     pairs: int
+    weight: float
     leading: bool
     sigmas: float
     agrees: bool
@@ -117,7 +119,8 @@ def find_support(chains: Chains, hypotheses: Sequence[Hypothesis], floor: np.nda
             pairs = len({(hypotheses[k].i, hypotheses[k].j) for k in members[clique].tolist()})
             for k in clique:
                 agrees = bool(sigmas[k] <= bound)
-                result[int(members[k])] = Support(pairs, rank == 0 and clear, float(sigmas[k]), agrees)
+                leads = rank == 0 and clear
+                result[int(members[k])] = Support(pairs, float(heaviest[rank]), leads, float(sigmas[k]), agrees)
     return [result[k] for k in range(len(hypotheses))]
 
 
