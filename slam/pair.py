@@ -47,6 +47,10 @@ class PairRunner:
         self._crew.account.end_stage(words)
         self._step(words)
 
+    def end_stage(self, words: str) -> None:
+        """What it took since the last stage is told under these words in the account."""
+        self._crew.account.end_stage(words)
+
     def forget(self) -> None:
         """Free the prepared scans."""
         self._crew.hands.forget()

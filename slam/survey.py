@@ -62,6 +62,7 @@ class SurveyResult:
         parts: the maps of every component.
         pairs: every pair that was tried, in the order of trying.
         gaps: consecutive pairs (i, i + 1) that were not kept, whether or not another pair bridges them.
+        voxel: edge of the survey's voxels [m].
     """
 
     trajectory: Trajectory
@@ -73,6 +74,17 @@ class SurveyResult:
     parts: tuple[ComponentMaps, ...]
     pairs: tuple[Pair, ...]
     gaps: tuple[tuple[int, int], ...]
+    voxel: float
+
+    @property
+    def moved(self) -> float:
+        """By how much loops moved the pose that they moved most, against its component's first [m]."""
+        most = 0.0
+        for members in self.components:
+            before, after = (T.take(members).T_world_sensor for T in (self.chained, self.trajectory))
+            apart = (before[0].inv() * before).translation - (after[0].inv() * after).translation
+            most = max(most, float(np.linalg.norm(apart, axis=1).max()))
+        return most
 
     @property
     def maps(self) -> tuple[PointMap, ...]:
@@ -133,13 +145,14 @@ class Mapper:
         trials = self._chain(runner, survey)
         trials += self._bridge(runner, trials, survey)
         refuse_all_failed(trials)
-        settled = self._settle(scans, trials)
+        settled = self._settle(runner, scans, trials)
         outlines = [outline(scan, self.settings.loops.cell_voxels * self.voxel) for scan in scans]
         for _ in range(self.settings.loops.rounds):
             # between parts no estimate tells which scans may overlap
             apart = len(settled.solution.graph.components) > 1
             signatures = runner.signatures() if apart else [None] * len(scans)
             candidates = self._candidates(outlines, signatures, settled, trials)
+            runner.end_stage("candidates sought")
             if not candidates:
                 break
             found = runner.register([(c.i, c.j) for c in candidates])
@@ -147,7 +160,7 @@ class Mapper:
                 Trial(c.i, c.j, "loop", attempt, c.overlap, c.alike)
                 for c, attempt in zip(candidates, found, strict=True)
             ]
-            settled = self._settle(scans, trials)
+            settled = self._settle(runner, scans, trials)
         runner.forget()
         runner.tell("poses optimized")
         result = self._fuse(scans, survey, settled)
@@ -177,10 +190,12 @@ class Mapper:
                     joined.merge(*pair)
         return tried
 
-    def _settle(self, scans: Sequence[Scan], trials: Sequence[Trial]) -> Settlement:
+    def _settle(self, runner: PairRunner, scans: Sequence[Scan], trials: Sequence[Trial]) -> Settlement:
         stamps = np.array([scan.stamp for scan in scans], dtype=np.float64)
         priors = {k: scan.prior for k, scan in enumerate(scans) if scan.prior is not None}
-        return settle(trials, stamps, priors, self.voxel, self.settings.loops)
+        settled = settle(trials, stamps, priors, self.voxel, self.settings.loops)
+        runner.end_stage("poses optimized")
+        return settled
 
     def _candidates(
         self,
@@ -220,6 +235,7 @@ class Mapper:
             parts=parts,
             pairs=settled.pairs,
             gaps=tuple((pair.i, pair.j) for pair in settled.pairs if pair.role == "sequential" and not pair.kept),
+            voxel=self.voxel,
         )
 
 

@@ -41,9 +41,10 @@ def test_scans_of_one_folder_are_of_one_survey(tmp_path):
     put(tmp_path / "a" / "scan2.xyz", b"no numbers\n")
     read = read_survey([tmp_path / "b", tmp_path / "a"])
     assert read.surveys == (0, 0, 1, 1)
-    assert read.folders == (tmp_path / "a", tmp_path / "b")
     assert len(read.unread) == 1
     assert set(read_survey([tmp_path / "b"]).surveys) == {0}
+    alone = [tmp_path / "a" / "scan1.xyz", tmp_path / "b" / "scan1.xyz"]
+    assert read_survey(alone).surveys == (0, 0)  # each scan has a folder of its own
 
 
 def test_a_file_named_twice_is_read_once(tmp_path):

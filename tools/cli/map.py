@@ -103,6 +103,8 @@ def command(
 ) -> None:
     """Register consecutive scans, close loops, optimize, and fuse one map.
 
+    Scans of one folder are one survey, taken in the order of their names; several surveys of one place become one map.
+
     OUT gets map.ply, map.png, trajectory.tum, graph.g2o and summary.json. Where a pair fails the chain goes on: what
     follows is a component of its own, in map_2.ply and trajectory_2.tum and so on, and the exit code is 3, as it is
     where a scan cannot be read, which is told and passed over. An earlier run's files in OUT are replaced when all is
@@ -130,7 +132,7 @@ def command(
         mapper = Mapper(chosen.registrar, chosen.grid.voxel, mapping, crew)
         with growing_progress("mapping", quiet or as_json) as step:
             step(0, len(scans), "preparing the first scans")
-            result = mapper.run(scans, step)
+            result = mapper.run(scans, step, read.surveys)
         times = survey_times(crew.account, way.place)
         summary = write_survey(out, result, names, settings, chosen.device, read.unread, also, times)
     if as_json:

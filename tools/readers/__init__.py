@@ -36,8 +36,8 @@ class ReadScans:
         notes: what the user should know about the files, in words: points dropped, strengths mended.
         files: all files that were meant, in their order.
         unread: what could not be read, in the same order.
-        surveys: the number of each scan's survey, 0, 1, ...: the scans of one folder are of one survey.
-        folders: of the surveys.
+        surveys: the number of each scan's survey, 0, 1, ...: the scans of one folder are of one survey; where each has
+            a folder of its own all are of one.
     """
 
     scans: tuple[Scan, ...]
@@ -45,7 +45,6 @@ class ReadScans:
     files: tuple[Path, ...]
     unread: tuple[Unread, ...] = ()
     surveys: tuple[int, ...] = ()
-    folders: tuple[Path, ...] = ()
 
 
 def read_scans(paths: Sequence[str | Path]) -> ReadScans:
@@ -141,7 +140,9 @@ def _checked(
         scans.append(scan)
         surveys.append(folders.setdefault(Path(one.where).parent, len(folders)))
         told += [f"{one.name if one.name == one.where else Path(one.where).name}: {note}" for note in mended]
-    return ReadScans(tuple(scans), tuple(told), files, tuple(unread), tuple(surveys), tuple(folders))
+    if len(folders) == len(scans):
+        surveys = [0] * len(scans)
+    return ReadScans(tuple(scans), tuple(told), files, tuple(unread), tuple(surveys))
 
 
 def _stamps_of(found: Sequence[Found | _Faulty]) -> tuple[list[float], list[str]]:
