@@ -9,14 +9,14 @@ docs/slam.md has the figures.
 """
 
 import numpy as np
-from scipy.spatial.transform import RigidTransform
+from scipy.linalg import block_diag
 
 from slam.pose_graph import Solution
 from slam.tangent import carried
 
 # What the marginals are multiplied by, as a multiple of chi-squared over its degrees of freedom; and a scan's own part,
 # as a share of the same multiple of its edges' covariance.
-_MARGINAL, _OWN = 3.5, 0.5
+_MARGINAL, _OWN = 3.0, 1 / 3
 # That quotient before a graph has loops enough to tell, and how many degrees of freedom the expectation is worth.
 _EXPECTED, _WORTH = 0.45, 60.0
 
@@ -46,17 +46,15 @@ def pose_covariances(solution: Solution) -> np.ndarray:
 
 
 def _typical(solution: Solution) -> np.ndarray:
-    """(N, 6, 6) the harmonic mean of the covariances of each pose's edges, in its own tangent; 0 where it has none."""
+    """(N, 6, 6) the mean covariance of each pose's edges, turned into its axes; 0 where it has none."""
     count = len(solution.trajectory)
-    information, edges = np.zeros((count, 6, 6)), np.zeros(count)
-    between = [edge for edge in solution.graph.edges if edge.kind != "prior"]
-    if between:
-        T = RigidTransform.concatenate([edge.registration.T_target_source for edge in between])
-        of_j = np.stack([edge.registration.covariance for edge in between])
-        for ends, covariance in (([e.j for e in between], of_j), ([e.i for e in between], carried(T, of_j))):
-            np.add.at(information, ends, np.linalg.inv(covariance))
-            np.add.at(edges, ends, 1)
-    result = np.zeros((count, 6, 6))
-    some = edges > 0
-    result[some] = np.linalg.inv(information[some] / edges[some, None, None])
-    return (result + result.swapaxes(1, 2)) / 2
+    total, edges = np.zeros((count, 6, 6)), np.zeros(count)
+    for edge in solution.graph.edges:
+        if edge.kind != "prior":
+            turn = block_diag(*[edge.registration.T_target_source.rotation.as_matrix()] * 2)
+            of_j = edge.registration.covariance
+            for pose, covariance in ((edge.j, of_j), (edge.i, turn @ of_j @ turn.T)):
+                total[pose] += covariance
+                edges[pose] += 1
+    mean = total / np.maximum(edges, 1)[:, None, None]
+    return (mean + mean.swapaxes(1, 2)) / 2
