@@ -3,6 +3,7 @@
 Kaess, Johannsson, Roberts, Ila, Leonard and Dellaert, IJRR 2012, DOI 10.1177/0278364911430419.
 """
 
+from collections import defaultdict
 from collections.abc import Sequence
 
 import gtsam
@@ -12,7 +13,7 @@ from scipy.spatial.transform import RigidTransform
 from kernels.errors import InputError
 from slam.edge import Edge
 from slam.gtsam_poses import to_pose3, to_transforms
-from slam.pose_graph import edge_factor
+from slam.pose_graph import PoseGraph, edge_factor
 from slam.prior_factors import GAUGE_SIGMA
 from slam.tangent import adjoint
 from slam.trajectory import Trajectory
@@ -122,3 +123,18 @@ class Incremental:
                 f"the pose graph of {len(self)} poses has no unique solution ({str(error).strip().splitlines()[0]}); "
                 "look for covariances that are far too large or too small"
             ) from error
+
+
+def as_they_come(graph: PoseGraph) -> RigidTransform:
+    """The N poses of a graph as they are when its last one has come: each is added with its edges to earlier ones.
+
+    Raises:
+        InputError: a pose that no edge ties to an earlier one.
+    """
+    arriving: dict[int, list[Edge]] = defaultdict(list)
+    for edge in graph.edges:
+        arriving[max(edge.i, edge.j)].append(edge)
+    growing = Incremental()
+    for pose, stamp in enumerate(graph.trajectory.stamps.tolist()):
+        growing.add_pose(stamp, arriving[pose])
+    return growing.trajectory.T_world_sensor

@@ -7,7 +7,7 @@ from surveys import edge, random_covariance, ring_poses
 
 from kernels.errors import InputError
 from slam.edge import Edge
-from slam.incremental import Incremental
+from slam.incremental import Incremental, as_they_come
 from slam.pose_graph import PoseGraph, Solution
 from slam.trajectory import chain
 
@@ -77,3 +77,13 @@ def test_refuses_poses_that_nothing_ties_and_edges_to_nowhere() -> None:
     with pytest.raises(InputError, match="edge 1 -> 2 names a pose"):
         incremental.add_edges([edges[1]])
     assert len(incremental) == 1
+
+
+def test_a_whole_graph_is_taken_as_it_comes() -> None:
+    edges = edges_of(2)
+    graph = PoseGraph(chain(edges, np.arange(float(COUNT))), tuple(edges[::-1]))
+    T = as_they_come(graph)
+    apart = (batch(edges).trajectory.T_world_sensor.inv() * T).as_exp_coords()
+    assert np.abs(apart).max() < 1e-3
+    with pytest.raises(InputError, match="no edge ties pose 5"):
+        as_they_come(graph.keep(np.array([5 not in (one.i, one.j) or max(one.i, one.j) > 5 for one in graph.edges])))

@@ -143,8 +143,8 @@ def test_parts_are_named_by_line_and_vertices(tmp_path: Path) -> None:
     ("options", "words"),
     [
         (("-o", "in.g2o"), "is the input too"),
-        (("-o", "out.g2o", "--objective", "chordal"), "wanted full or isotropic"),
-        (("-o", "out.g2o", "--start", "random"), "wanted chordal or given"),
+        (("-o", "out.g2o", "--objective", "chordal"), "wanted one of full, isotropic"),
+        (("-o", "out.g2o", "--start", "random"), "wanted one of chordal, given, incremental"),
     ],
 )
 def test_bad_options(source: Path, options: tuple[str, ...], words: str, monkeypatch: pytest.MonkeyPatch) -> None:

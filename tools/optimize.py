@@ -11,11 +11,13 @@ from kernels.errors import InputError
 from slam.certificate import Certificate, certify
 from slam.chordal import ChordalProblem
 from slam.edge import spanning_tree
-from slam.isotropic import Start, optimize_isotropic
+from slam.incremental import as_they_come
+from slam.isotropic import optimize_isotropic
 from slam.pose_graph import PoseGraph
 from slam.robust import robust_optimize
 
 Objective = Literal["full", "isotropic"]
+Start = Literal["chordal", "given", "incremental"]
 OBJECTIVES: tuple[Objective, ...] = get_args(Objective)
 STARTS: tuple[Start, ...] = get_args(Start)
 
@@ -119,7 +121,8 @@ def optimize(graph: PoseGraph, objective: Objective, start: Start = "chordal", r
         graph: connected, with at least one edge.
         objective: "full", chi-squared with the edges' whole covariances; "isotropic", F of `slam.chordal`, whose
             optimum a certificate judges.
-        start: "chordal", from the edges alone, or "given", from the graph's poses.
+        start: "chordal", from the edges alone; "given", from the graph's poses; or "incremental", from where iSAM2 has
+            them when they come one by one.
         robust: look for wrong edges first, and leave them out.
 
     Raises:
@@ -164,9 +167,14 @@ _Solved = tuple[PoseGraph, float, float, int, bool]
 
 
 def _full(graph: PoseGraph, start: Start) -> _Solved:
-    solution = (graph.from_edges() if start == "chordal" else graph).optimize()
+    solution = (graph.from_edges() if start == "chordal" else graph.held(_start(graph, start))).optimize()
     before = graph.chi_squared / 2
     return solution.graph, before, solution.chi_squared_after / 2, solution.iterations, solution.converged
+
+
+def _start(graph: PoseGraph, start: Start) -> RigidTransform:
+    """The poses to begin with, where it is not the edges alone that say them."""
+    return as_they_come(graph) if start == "incremental" else graph.trajectory.T_world_sensor
 
 
 def _isotropic(graph: PoseGraph, start: Start) -> _Solved:
@@ -176,7 +184,7 @@ def _isotropic(graph: PoseGraph, start: Start) -> _Solved:
             "leave all FIX but one out"
         )
     problem, T = ChordalProblem.of(len(graph.trajectory), graph.edges), graph.trajectory.T_world_sensor
-    found = optimize_isotropic(problem, T, start)
+    found = optimize_isotropic(problem, _start(graph, start), "chordal" if start == "chordal" else "given")
     held = graph.fixed[0] if graph.fixed else 0
     moved = T[held] * found.T[held].inv() * found.T
     return graph.at(moved), problem.cost(T), found.cost_after, found.iterations, found.converged

@@ -14,11 +14,10 @@ from tools.cli.progress import progress
 from tools.cli.terminal import printable, result_console
 
 if TYPE_CHECKING:
-    from slam.isotropic import Start
-    from tools.optimize import Objective
+    from tools.optimize import Objective, Start
 
 UNSETTLED = 3
-OBJECTIVES, STARTS = ("full", "isotropic"), ("chordal", "given")
+OBJECTIVES, STARTS = ("full", "isotropic"), ("chordal", "given", "incremental")
 MOST_REJECTED = 20  # rows that the table lists
 
 
@@ -33,7 +32,7 @@ def _check_start(name: str) -> str:
 def _one_of(name: str, choices: tuple[str, ...]) -> str:
     if name in choices:
         return name
-    raise typer.BadParameter(f"{name!r}; wanted {' or '.join(choices)}. Leave it out for {choices[0]}.")
+    raise typer.BadParameter(f"{name!r}; wanted one of {', '.join(choices)}. Leave it out for {choices[0]}.")
 
 
 def command(
@@ -54,7 +53,8 @@ def command(
         typer.Option(
             "--start",
             metavar="NAME",
-            help="Where to begin: chordal, at what the edges alone say, or given, at the file's poses.",
+            help="Where to begin: chordal, at what the edges alone say; given, at the file's poses; incremental, where "
+            "iSAM2 has the poses when they come one by one.",
             callback=_check_start,
         ),
     ] = STARTS[0],
