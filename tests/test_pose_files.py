@@ -142,7 +142,8 @@ def test_summary_of_a_survey_with_a_gap(tmp_path):
     assert read["settings"] == {"voxel": 0.5}
     assert set(read["versions"]) >= {"python", "sonarmap", "numpy", "scipy", "gtsam", "pyopencl"}
     assert read["gaps"] == [[6, 7]]
-    assert [c["scans"] for c in read["components"]] == [[0, 1, 2, 3, 4, 5, 6], [7]]
+    assert [c["scans"] for c in read["components"]] == [[0, 1, 2, 3, 4, 5, 6]]
+    assert read["unplaced"] == [7]
     assert read["components"][0]["map"]["points"] == len(result.maps[0].points)
     assert len(read["pairs"]) == len(result.pairs)
     first, failed = read["pairs"][0], next(row for row in read["pairs"] if row["source"] == 7)
