@@ -76,6 +76,6 @@ class Pair:
 
 def refuse_all_failed(trials: Sequence[Trial]) -> None:
     """Raise InputError where every pair raised: then it is the set-up that is wrong, or all scans but one."""
-    if all(trial.attempt.registration is None for trial in trials):
+    if trials and all(trial.attempt.registration is None for trial in trials):
         why = trials[0].attempt.failure
         raise InputError(f"none of the {len(trials)} pairs that were tried could be registered; of the first, {why}")

@@ -103,12 +103,11 @@ def command(
 ) -> None:
     """Register consecutive scans, close loops, optimize, and fuse one map.
 
-    Scans of one folder are one survey, taken in the order of their names; several surveys of one place become one map.
-
-    OUT gets map.ply, map.png, trajectory.tum, graph.g2o and summary.json. Where a pair fails the chain goes on: what
-    follows is a component of its own, in map_2.ply and trajectory_2.tum and so on, and the exit code is 3, as it is
-    where a scan cannot be read, which is told and passed over. An earlier run's files in OUT are replaced when all is
-    done, not before.
+    OUT gets map.ply, map.png, loops.png, trajectory.tum, graph.g2o and summary.json. The scans of each folder are a
+    survey; several of one place are joined where their scans look alike, and have map_survey_0.ply and so on too. Where
+    a pair fails the chain goes on: what nothing joins to the rest is a component of its own, in map_2.ply and
+    trajectory_2.tum and so on, and the exit code is 3, as it is where a scan cannot be read, which is told and passed
+    over. An earlier run's files in OUT are replaced when all is done, not before.
 
     Every pair that is done is kept in OUT/journal.sqlite: the same command goes on where a run was stopped, and with
     more scans only their pairs are registered. times.json tells what the run took.

@@ -1,0 +1,44 @@
+"""`sonarmap map` with the folders of several surveys: joined without a pair between consecutive ones, told apart."""
+
+import json
+from pathlib import Path
+
+import numpy as np
+from clutter_scans import T_WORLD_SENSOR, files_in, scan, sonarmap, write
+from surveys import KnowingRegistrar, ring_poses, scans_of
+
+from slam.survey import Mapper
+from slam.trajectory import Trajectory
+from tools.evaluate import evaluate
+from tools.readers import read_scan
+from tools.readers.tum import read_tum
+
+
+def test_two_folders_are_two_surveys_of_one_map(tmp_path: Path) -> None:
+    """Nothing says how the second lies to the first but what its scans look like; each has a layer of its own."""
+    for name, members in (("a", (0, 1)), ("b", (2, 3))):
+        (tmp_path / name).mkdir()
+        write(tmp_path / name, **{f"scan_{k}": scan(k) for k in members})
+    out = tmp_path / "out"
+    result = sonarmap("map", tmp_path / "a", tmp_path / "b", "-o", out, "--grid", "64", "--json")
+    assert (result.exit_code, result.stderr) == (0, "")
+    summary = json.loads(result.stdout)
+    assert [one["survey"] for one in summary["scans"]] == [0, 0, 1, 1]
+    chained = [(pair["target"], pair["source"]) for pair in summary["pairs"] if pair["role"] == "sequential"]
+    assert chained == [(0, 1), (2, 3)]
+    assert any(pair["kept"] and pair["alike"] is not None for pair in summary["pairs"])
+    assert [part["scans"] for part in summary["components"]] == [[0, 1, 2, 3]]
+    found = evaluate(read_tum(out / "trajectory.tum"), Trajectory(np.arange(4.0), T_WORLD_SENSOR), "first")
+    assert found.translation_m.max() < 0.3
+    layers = [read_scan(out / f"map_survey_{number}.ply").points for number in (0, 1)]
+    assert len(files_in(out)) == 10
+    assert all(len(layer) for layer in layers)
+    assert max(map(len, layers)) < len(read_scan(out / "map.ply").points) < sum(map(len, layers))
+
+
+def test_two_surveys_of_one_scan_each_have_no_pair_to_try() -> None:
+    """One pair alone never joins two surveys, so that there is nothing to find out."""
+    truth = ring_poses(2, turns=0.1)
+    result = Mapper(KnowingRegistrar(truth, np.eye(6) * 1e-4), 0.5).run(scans_of(truth), surveys=[0, 1])
+    assert result.components == ((0,), (1,))
+    assert result.gaps == ()
