@@ -8,14 +8,15 @@ import numpy as np
 
 from slam.point_map import PointMap
 from slam.trajectory import Trajectory
-from tools.atomic import atomic_path
 from tools.report.map_picture import heights_of, scatter_from_above, trusted
+from tools.report.small_png import save_small
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
 
 _KEPT, _REFUSED, _WAY = "tab:green", "tab:red", "tab:blue"
 _GRAYS = 0.25, 0.95  # of the gray color map, from low to high: the lines upon it have the colors
+_INK = 100  # loops that are drawn in full width; more are drawn thinner, so that the map is seen between them
 _MARGIN = 0.03  # around the points [longer side]
 
 
@@ -43,14 +44,15 @@ def draw_loops(
     from matplotlib.colors import ListedColormap
     from matplotlib.figure import Figure
 
-    lower, upper = _extent([trusted(chained[0]), trusted(optimized[0])])
+    both = (chained, optimized)
+    lower, upper = _extent([trusted(one) for one, _ in both] + [way.T_world_sensor.translation for _, way in both])
     heights = heights_of(trusted(optimized[0]))
     grays = ListedColormap(colormaps["Greys"](np.linspace(*_GRAYS, 256)))
     width, height = (upper - lower).tolist()
     figure = Figure(figsize=(14, float(np.clip(1.3 + 6.0 * height / width, 4.0, 12.0))), dpi=140, layout="constrained")
     panels = figure.subplots(1, 2, sharex=True, sharey=True)
-    titles = ("before: consecutive registrations, chained", "after: loops closed, poses optimized")
-    for axes, title, (point_map, trajectory) in zip(panels, titles, (chained, optimized), strict=True):
+    titles = ("before: consecutive registrations, chained", f"after: {_counted(kept)} kept, poses optimized")
+    for axes, title, (point_map, trajectory) in zip(panels, titles, both, strict=True):
         scatter_from_above(axes, trusted(point_map), heights, grays)
         _draw_loops(axes, trajectory, kept, refused)
         axes.set(xlim=(lower[0], upper[0]), ylim=(lower[1], upper[1]), aspect="equal", xlabel="x [m]")
@@ -60,8 +62,7 @@ def draw_loops(
     handles, labels = panels[0].get_legend_handles_labels()
     figure.legend(handles, labels, loc="outside lower center", ncols=3, frameon=False)
     figure.colorbar(panels[1].collections[0], ax=panels, label="height z [m]", shrink=0.8, pad=0.01)
-    with atomic_path(path) as temporary:
-        figure.savefig(temporary, format="png")
+    save_small(figure, path)
 
 
 def _draw_loops(
@@ -71,17 +72,22 @@ def _draw_loops(
     from matplotlib.collections import LineCollection
 
     places = trajectory.T_world_sensor.translation[:, :2]
-    axes.plot(*places.T, "-", color=_WAY, linewidth=1.0, marker="o", markersize=2.5, label="sensor", zorder=3)
-    for pairs, color, style, name in ((kept, _KEPT, "-", "kept"), (refused, _REFUSED, (0, (3, 2)), "refused")):
+    axes.plot(*places.T, "-", color=_WAY, linewidth=1.0, marker="o", markersize=2.0, label="sensor", zorder=4)
+    width = float(np.clip(_INK / max(1, len(kept) + len(refused)), 0.4, 1.0))
+    for pairs, color, style, name in ((kept, _KEPT, "-", "kept"), (refused, _REFUSED, (0, (4, 3)), "refused")):
         ends = [places[list(pair)] for pair in pairs]
-        label = f"{len(pairs)} {'loop' if len(pairs) == 1 else 'loops'} {name}"
+        label = f"{_counted(pairs)} {name}"
         axes.add_collection(
-            LineCollection(ends, colors=color, linestyles=[style], linewidths=0.9, label=label, zorder=4)
+            LineCollection(ends, colors=color, linestyles=[style], linewidths=width, label=label, zorder=3)
         )
 
 
+def _counted(loops: Sequence[tuple[int, int]]) -> str:
+    return "1 loop" if len(loops) == 1 else f"{len(loops) or 'no'} loops"
+
+
 def _extent(clouds: Sequence[np.ndarray]) -> tuple[np.ndarray, np.ndarray]:
-    """The corners (2,) [m] of all points from above, and a margin."""
+    """The corners (2,) [m] of all points and places from above, and a margin."""
     points = np.concatenate(clouds)[:, :2]
     lower, upper = points.min(axis=0), points.max(axis=0)
     margin = _MARGIN * max(1.0, (upper - lower).max())
