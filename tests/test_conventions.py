@@ -5,13 +5,22 @@ import numpy as np
 import pytest
 from scipy.spatial.transform import RigidTransform, Rotation
 
+from slam.edge import Edge
+from slam.gtsam_poses import to_values
+from slam.pose_graph import PoseGraph
+from slam.prior_factors import prior_factors
+from slam.tangent import adjoint, carried
 from slam.trajectory import Trajectory
+from spectral.result import Registration
+from spectral.scan import PosePrior
 
 YAW, PITCH, ROLL = 0.7, -0.3, 0.2
 T_WORLD_I = RigidTransform.from_components([4.0, -1.0, 2.5], Rotation.from_euler("ZYX", [YAW, PITCH, ROLL]))
 T_WORLD_J = RigidTransform.from_components([6.0, 3.0, -0.5], Rotation.from_euler("ZYX", [-0.4, 0.1, 0.5]))
 POINT = np.array([1.0, 2.0, -4.0])
 XI = np.array([0.1, -0.4, 0.3, 1.0, 2.0, -3.0])  # rotation first
+_SKEW = np.tril(np.arange(1.0, 37.0).reshape(6, 6))
+COVARIANCE = 1e-5 * (_SKEW @ _SKEW.T / 100 + np.diag([1.0, 2.0, 3.0, 40.0, 50.0, 60.0]))  # rotation first
 
 
 def axis_rotations(yaw: float, pitch: float, roll: float) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
@@ -93,6 +102,49 @@ class TestUncertainty:
         values.insert(2, gtsam.Pose3((T_WORLD_J * RigidTransform.from_exp_coords(XI)).as_matrix()))
         error = gtsam.BetweenFactorPose3(1, 2, measured, noise).unwhitenedError(values)
         np.testing.assert_allclose(error, XI, atol=1e-12)
+
+
+class TestPoseGraph:
+    def measured(self, xi: np.ndarray) -> PoseGraph:
+        """Two poses and one edge, which says that j is off by xi."""
+        T_i_j = T_WORLD_I.inv() * T_WORLD_J * RigidTransform.from_exp_coords(xi).inv()
+        edge = Edge(0, 1, Registration(T_i_j, COVARIANCE, 9.0, 0.5, True, 0.1), "sequential")
+        poses = RigidTransform.concatenate([T_WORLD_I, T_WORLD_J])
+        return PoseGraph(Trajectory(np.arange(2.0), poses), (edge,))
+
+    def test_an_edge_has_the_covariance_of_its_registration(self) -> None:
+        residual = self.measured(XI).residuals()[0]
+        assert residual**2 == pytest.approx(XI @ np.linalg.solve(COVARIANCE, XI), rel=1e-9)
+
+    def test_a_pose_has_that_of_its_own_tangent_against_the_first(self) -> None:
+        """Of a chain of one edge all three are the edge's own: the pose's, and that of T_i_j, without turning."""
+        solution = self.measured(np.zeros(6)).optimize()
+        np.testing.assert_allclose(solution.covariances()[1], COVARIANCE, rtol=1e-4, atol=1e-9)
+        np.testing.assert_allclose(solution.relative(0, 1)[1], COVARIANCE, rtol=1e-4, atol=1e-9)
+        assert np.abs(solution.covariances()[0]).max() < 1e-11
+
+    def test_the_adjoint_carries_a_tangent_to_the_left(self) -> None:
+        Exp = RigidTransform.from_exp_coords
+        left = Exp(adjoint(T_WORLD_I) @ (XI / 10)) * T_WORLD_I
+        np.testing.assert_allclose((T_WORLD_I * Exp(XI / 10)).as_matrix(), left.as_matrix(), atol=1e-12)
+        A = gtsam.Pose3(T_WORLD_I.as_matrix()).AdjointMap()
+        np.testing.assert_allclose(carried(T_WORLD_I, COVARIANCE), A @ COVARIANCE @ A.T, atol=1e-12)
+
+    def test_a_prior_weighs_its_own_errors(self) -> None:
+        """Of R_true = Exp(w) R_measured with w = Rz(h) (roll, pitch, heading error), as the page has it."""
+        errors, sigmas = np.array([0.02, -0.05, 0.03, 4.0, -2.0, 0.5]), np.array([0.01, 0.02, 0.04, 3.0, 5.0, 0.2])
+        quaternion = T_WORLD_I.rotation.as_quat()
+        h = 2 * np.arctan2(quaternion[2], quaternion[3])
+        w = Rotation.from_euler("Z", h).apply(errors[:3])
+        true = RigidTransform.from_components(
+            T_WORLD_I.translation + errors[3:], Rotation.from_rotvec(w) * T_WORLD_I.rotation
+        )
+        poses = RigidTransform.concatenate([true])
+        for known in (np.ones(6, bool), np.array([True, True, True, False, False, True])):
+            prior = PosePrior(T_WORLD_I, np.where(known, sigmas, np.inf))
+            factors = prior_factors({0: prior}, poses)
+            squared = 2 * sum(factor.error(to_values(poses)) for factor in factors)
+            assert squared == pytest.approx((errors / sigmas)[known] @ (errors / sigmas)[known], rel=1e-9)
 
 
 class TestSpectra:
