@@ -1,5 +1,5 @@
 #!/usr/bin/env bash
-# Set up, simulate the survey of a flood gate, make its map, and compare the estimated poses with the true ones.
+# Set up, simulate the survey of a flood gate, make its map, and compare poses and map with the truth.
 set -euo pipefail
 root=$(cd "$(dirname "${BASH_SOURCE[0]}")/.." && pwd)
 "$root/tools/setup.sh"
@@ -19,6 +19,7 @@ limit=$(.venv/bin/python -c 'import json, sys; print(2 * json.load(sys.stdin)["s
     < demo-out/map/summary.json)
 # No pose may be farther off than two voxels and two degrees, else this fails.
 step evaluate demo-out/map/trajectory.tum demo-out/scans/truth.tum --align first \
+    --map demo-out/map/map.ply --surface demo-out/scans --summary demo-out/map/summary.json \
     --max-error-m "$limit" --max-error-deg 2
 echo
 echo "Simulated, mapped and evaluated in $((SECONDS - started)) s. In demo-out/map:"
