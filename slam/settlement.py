@@ -1,7 +1,7 @@
 """From everything that was registered to one estimate: which answers are taken, and why the others are not."""
 
 from collections.abc import Mapping, Sequence, Set
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 
@@ -21,6 +21,9 @@ from spectral.scan import PosePrior
 
 # Loops that a step of the chain outweighs: those that are given to the optimizer have been found consistent before.
 _CHAIN_WORTH = 2.0
+# What the optimizer grants each edge while it decides, as a share of the floor that a cycle is granted: errors that no
+# covariance tells, such as of scans that are bent themselves.
+_GRAPH_FLOOR = 0.2
 
 
 @dataclass(frozen=True, slots=True)
@@ -88,10 +91,20 @@ def _settle(
     parts = components(count, [*trusted, *joins])
     chained = place_in_world(chain([*trusted, *joins], stamps), parts, priors)
     graph = PoseGraph(chained, edges, priors=tuple(sorted(priors.items())))
-    robust = robust_optimize(graph, chain_worth=_CHAIN_WORTH)
-    kept = {(edge.i, edge.j) for edge in robust.solution.graph.edges}
-    settled = Settlement(chained, robust.solution, tuple(account(trials, judged, taken, robust.solution)))
+    believed = robust_optimize(_widened(graph, _GRAPH_FLOOR * floor), chain_worth=_CHAIN_WORTH)
+    solution = graph.at(believed.solution.trajectory.T_world_sensor).keep(believed.accepted).optimize()
+    kept = {(edge.i, edge.j) for edge in solution.graph.edges}
+    settled = Settlement(chained, solution, tuple(account(trials, judged, taken, solution)))
     return settled, chain_of - kept
+
+
+def _widened(graph: PoseGraph, floor: np.ndarray) -> PoseGraph:
+    """The graph with (6,) standard deviations added to each edge's."""
+    edges = []
+    for edge in graph.edges:
+        covariance = edge.registration.covariance + np.diag(floor**2)
+        edges.append(replace(edge, registration=replace(edge.registration, covariance=covariance)))
+    return replace(graph, edges=tuple(edges))
 
 
 def _judged(

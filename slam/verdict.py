@@ -72,7 +72,7 @@ def _words(trial: Trial, one: Judged | None, taken: bool, kept: bool, residual: 
     if kept:
         return f"kept: {_agreement(one)}{_doubt(registration, one)}, {residual:.1f} sigmas from the final poses"
     if taken:
-        return f"refused, inconsistent: the other pairs put it {residual:.1f} sigmas from there; {_agreement(one)}"
+        return f"refused, inconsistent: the other pairs put it {residual:.1f} sigmas from there"
     if registration.accepted:
         return f"refused, inconsistent: {_agreement(one)}"
     return _refused(registration)
@@ -84,6 +84,8 @@ def _agreement(one: Judged) -> str:
     others = f"{support.pairs - 1} other pairs agree with it" if support.pairs > 1 else "no other pair agrees with it"
     if np.isnan(support.sigmas):
         return f"{others} on how two parts lie to each other"
+    if support.agrees and support.pairs == 1:
+        return f"the chain agrees with it to {support.sigmas:.1f} sigmas"
     return f"{others}, {support.sigmas:.1f} sigmas from the chain"
 
 
