@@ -6,17 +6,15 @@ import numpy as np
 import pytest
 
 from kernels.device import choose_device
-from slam.loop_closure import LoopSettings, predict_overlap
 from slam.place_index import PlaceIndex
 from spectral.grid import choose_grid
 from spectral.registration import SpectralRegistrar
+from tools.place_recall import AMONG, GAP, hits, recall
+from tools.place_recall import revisits as revisits_of
 from tools.simulate.plan import plan
 from tools.simulate.simulation import Simulation, simulate
 
 EDGE, COUNT, SEED = 64, 120, 58
-# A revisit shares this much with the scan, by the true poses, and was not taken within so many scans of it.
-OVERLAP, GAP = 0.4, 5
-AMONG = (1, 5, 10)
 
 
 @pytest.fixture(scope="module")
@@ -33,21 +31,12 @@ def signatures(survey) -> np.ndarray:
 @pytest.fixture(scope="module")
 def revisits(survey) -> np.ndarray:
     """(N, N) bool, whether two scans see one place again."""
-    cell = LoopSettings().cell_voxels * choose_grid(survey.scans, 128).voxel
-    overlap = predict_overlap(survey.scans, survey.truth.T_world_sensor, cell)
-    order = np.arange(COUNT)
-    return (overlap >= OVERLAP) & (np.abs(order[:, None] - order) > GAP)
-
-
-def recall(index: np.ndarray, revisits: np.ndarray) -> list[float]:
-    """Of the scans with a revisit the share of which one is among the first 1, 5 and 10 in `index` (N, 10)."""
-    right = np.take_along_axis(revisits, index, axis=1)[revisits.any(axis=1)]
-    return [float(right[:, :k].any(axis=1).mean()) for k in AMONG]
+    return revisits_of(survey.scans, survey.truth.T_world_sensor, choose_grid(survey.scans, 128).voxel)
 
 
 def precision(index: np.ndarray, revisits: np.ndarray) -> list[float]:
     """The share of revisits among these, of the scans with one."""
-    right = np.take_along_axis(revisits, index, axis=1)[revisits.any(axis=1)]
+    right = hits(index, revisits)
     return [float(right[:, :k].mean()) for k in AMONG]
 
 
@@ -55,6 +44,16 @@ def at_random(rng: np.random.Generator) -> np.ndarray:
     """(N, 10): other scans drawn beyond the gap."""
     order = np.arange(COUNT)
     return np.array([rng.choice(order[np.abs(order - one) > GAP], AMONG[-1], replace=False) for one in order])
+
+
+def test_recall_counts_the_scans_that_have_a_revisit():
+    again = np.zeros((4, 4), bool)
+    again[0, 3] = again[3, 0] = True
+    index = np.full((4, 10), -1)
+    index[0, :2] = 2, 3
+    index[1, 0] = 3
+    assert recall(index, again) == [0.0, 0.5, 0.5]
+    assert np.isnan(recall(index, np.zeros((4, 4), bool))).all()
 
 
 @pytest.mark.slow
