@@ -13,11 +13,10 @@ from surveys import KnowingRegistrar, ring_poses, scans_of
 
 from slam.survey import Mapper
 from slam.trajectory import Trajectory
-from spectral.grid import Grid
 from spectral.result import Registration
 from tools.cli.account import warn_of_faults
-from tools.cli.map import _settings
 from tools.evaluate import evaluate
+from tools.prepared import prepared_scans
 from tools.readers import read_scan
 from tools.readers.kitti import read_kitti
 from tools.readers.tum import read_tum
@@ -238,8 +237,7 @@ def test_a_gap_that_is_bridged_is_told(tmp_path: Path) -> None:
 @pytest.mark.parametrize(("memory", "prepared"), [(2**40, 8), (2**26, 2)])
 def test_as_many_scans_stay_prepared_as_fit(memory: int, prepared: int) -> None:
     device = SimpleNamespace(memory=memory)
-    chosen = SimpleNamespace(registrar=None, device=device, grid=Grid(128, 0.5))
-    assert _settings(chosen).prepared == prepared  # pyright: ignore[reportArgumentType]
+    assert prepared_scans(device, 128) == prepared  # pyright: ignore[reportArgumentType]
 
 
 def test_an_order_that_is_not_the_given_one_is_told(tmp_path: Path) -> None:

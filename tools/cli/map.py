@@ -9,7 +9,7 @@ import typer
 from kernels.errors import InputError
 from tools.cli.account import print_survey, warn, warn_of_faults
 from tools.cli.crew import Way, open_crew
-from tools.cli.method import Chosen, build_registrar, method_of
+from tools.cli.method import build_registrar, method_of
 from tools.cli.options import (
     DEFAULT_HYPOTHESES,
     DEFAULT_MAX_TILT,
@@ -37,12 +37,10 @@ from tools.cli.terminal import say
 from tools.methods import DEFAULT_METHOD
 
 if TYPE_CHECKING:
-    from slam.survey import MapperSettings
     from tools.readers import ReadScans
 
 INCOMPLETE = 3
 ALSO = ("pcd", "kitti")
-MOST_PREPARED = 8  # scans; loops seldom come back to one that was used longer ago
 
 
 def _check_also(formats: list[str]) -> list[str]:
@@ -112,8 +110,9 @@ def command(
     Every pair that is done is kept in OUT/journal.sqlite: the same command goes on where a run was stopped, and with
     more scans only their pairs are registered. times.json tells what the run took.
     """
-    from slam.survey import Mapper
+    from slam.survey import Mapper, MapperSettings
     from tools.atomic import require_writable
+    from tools.prepared import prepared_scans
     from tools.project import JOURNAL, require_apart, write_survey
     from tools.writers.times import survey_times
 
@@ -122,7 +121,7 @@ def command(
     require_apart(out, read.files)
     scans = told_priors(read.scans, priors, prior_sigmas, strangers=bool(read.unread))
     chosen = build_registrar(scans, wanted)
-    mapping = _settings(chosen)
+    mapping = MapperSettings(prepared=prepared_scans(chosen.device, chosen.grid.edge))
     told = {"priors": str(priors), "prior_sigmas": prior_sigmas} if priors else {}
     settings = {"inputs": inputs, **told, **chosen.settings, "mapper": mapping}
     names = [scan.name for scan in scans]
@@ -164,12 +163,3 @@ def _read(inputs: list[str], beside: list[Path]) -> "ReadScans":
     for one in read.unread:
         warn(f"passed over, which leaves a gap: {one.reason}")
     return read
-
-
-def _settings(chosen: Chosen) -> "MapperSettings":
-    """A mapper's that keeps as many prepared scans as are of use and fit, with one more while the next is prepared."""
-    from slam.survey import MapperSettings
-    from spectral.memory import scans_that_fit
-
-    fitting = scans_that_fit(chosen.device, chosen.grid.edge) - 1 if chosen.device else MOST_PREPARED
-    return MapperSettings(prepared=min(MOST_PREPARED, max(2, fitting)))
