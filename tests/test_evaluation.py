@@ -39,7 +39,7 @@ class TestGroup:
         assert chosen("all", Request()) == ("translation", "rotation", "limits", "gaussian", "floodgate")
         assert chosen("evaluation", Request()) == members(EVALUATION) == NAMES
         assert chosen("evaluation", Request(method=("kiss",), grid=64)) == NAMES
-        assert [name for name in EXPERIMENTS if EXPERIMENTS[name].timed] == ["speed"]
+        assert [name for name in EXPERIMENTS if EXPERIMENTS[name].timed] == ["speed", "survey"]
 
     def test_options_are_heard_where_they_mean_something(self) -> None:
         with pytest.raises(InputError, match="no use for --scene"):

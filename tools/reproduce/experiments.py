@@ -24,6 +24,7 @@ if TYPE_CHECKING:
 # Groups of experiments
 ALL = "all"  # the paper's
 EVALUATION = "evaluation"  # on pairs that nothing was chosen on
+SLAM = "slam"  # of whole surveys
 
 
 @dataclass(frozen=True, slots=True)
@@ -114,6 +115,7 @@ EXPERIMENTS: Mapping[str, Entry] = MappingProxyType(
         "pairs": Entry("pairs of every overlap", "tools.reproduce.pairs", _PAIR_OPTIONS, EVALUATION),
         "unrelated": Entry("pairs that share nothing", "tools.reproduce.unrelated", _PAIR_OPTIONS, EVALUATION),
         "speed": Entry("times of a pair", "tools.reproduce.speed", _PAIR_OPTIONS, EVALUATION, timed=True),
+        "survey": Entry("whole surveys, mapped", "tools.reproduce.survey", _STRUCTURE_OPTIONS, SLAM, timed=True),
     }
 )
 

@@ -1,4 +1,4 @@
-"""One page on all experiments of a group, pictures included: docs/reproduction.md, docs/evaluation.md."""
+"""One page on all experiments of a group, pictures included: docs/reproduction.md, docs/evaluation.md, docs/slam.md."""
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
@@ -8,9 +8,10 @@ from types import MappingProxyType
 from kernels.errors import InputError
 from tools.atomic import all_or_none, atomic_path
 from tools.reproduce.evaluation_text import EVALUATION_INTRODUCTION
-from tools.reproduce.experiments import ALL, EVALUATION
+from tools.reproduce.experiments import ALL, EVALUATION, SLAM
 from tools.reproduce.folder import Record, read_record, times_text
 from tools.reproduce.section_text import duration, section_text, verdicts
+from tools.reproduce.slam_text import SLAM_INTRODUCTION
 from tools.reproduce.table import Table
 
 _INTRODUCTION = """# The paper's experiments, reproduced
@@ -43,7 +44,11 @@ class Frame:
 
 
 FRAMES: Mapping[str, Frame] = MappingProxyType(
-    {ALL: Frame(_INTRODUCTION, "paper"), EVALUATION: Frame(EVALUATION_INTRODUCTION, "wanted")}
+    {
+        ALL: Frame(_INTRODUCTION, "paper"),
+        EVALUATION: Frame(EVALUATION_INTRODUCTION, "wanted"),
+        SLAM: Frame(SLAM_INTRODUCTION, "wanted"),
+    }
 )
 
 
