@@ -99,7 +99,7 @@ class PoseGraph:
         try:
             started = chordal_start(factors_of(self, START_SIGMA), len(self.trajectory))
         except RuntimeError as error:
-            raise self._unsolvable(error) from error
+            raise self.unsolvable(error) from error
         return self.held(started)
 
     def held(self, T_world_sensor: RigidTransform) -> "PoseGraph":
@@ -117,7 +117,8 @@ class PoseGraph:
                 matrices[inside] = given[inside].as_matrix()
         return self.at(RigidTransform.from_matrix(matrices))
 
-    def _unsolvable(self, error: RuntimeError) -> InputError:
+    def unsolvable(self, error: RuntimeError) -> InputError:
+        """What to say where GTSAM cannot solve for the poses."""
         return InputError(
             f"the pose graph of {len(self.trajectory)} poses and {len(self.edges)} edges has no unique "
             f"solution ({str(error).strip().splitlines()[0]}); look for covariances that are far too "
@@ -140,7 +141,7 @@ class PoseGraph:
             optimum = optimizer.optimize()
             marginals = gtsam.Marginals(factors, optimum)
         except RuntimeError as error:
-            raise self._unsolvable(error) from error
+            raise self.unsolvable(error) from error
         unknowns = 6 * (len(self.trajectory) - len(self.anchors)) - sum(int(free.sum()) for _, free in self.loose)
         measured = 6 * len(self.edges) + sum(int(np.isfinite(prior.sigmas).sum()) for _, prior in self.priors)
         return Solution(
@@ -191,10 +192,16 @@ class Solution:
 
         With T_i Exp(a) and T_j Exp(b) the relative pose is T_i_j Exp(b - Ad(T_j_i) a), to first order. Both
         poses have to be in one component.
+
+        Raises:
+            InputError: covariances so small that the equations cannot be solved for it.
         """
         T = self.trajectory.T_world_sensor
         T_i_j = T[i].inv() * T[j]
-        joint = self._marginals.jointMarginalCovariance([i, j])
+        try:
+            joint = self._marginals.jointMarginalCovariance([i, j])
+        except RuntimeError as error:
+            raise self.graph.unsolvable(error) from error
         stacked = np.block([[joint.at(i, i), joint.at(i, j)], [joint.at(j, i), joint.at(j, j)]])
         jacobian = np.hstack([-to_pose3(T_i_j.inv()).AdjointMap(), np.eye(6)])
         return T_i_j, jacobian @ stacked @ jacobian.T

@@ -24,7 +24,6 @@ from slam.trajectory import chain
 
 PROBABILITY = 0.999  # of a right measurement to be within the bound
 FIRST = 200  # loops with which to begin, unless a single group of more agrees with itself
-CHAIN = 3.0  # loops that an edge between consecutive scans outweighs: these overlap the most, and are seldom wrong
 _ROUNDS = 4
 _GATE = 1 - 1e-6  # probability of a right loop not to be contradicted by an estimate
 
@@ -47,7 +46,10 @@ class RobustSolution:
 
 
 def robust_optimize(
-    graph: PoseGraph, trusted: Iterable[int] = (), probability: float = PROBABILITY, chain_worth: float = CHAIN
+    graph: PoseGraph,
+    trusted: Iterable[int] = (),
+    probability: float = PROBABILITY,
+    chain_worth: float | None = None,
 ) -> RobustSolution:
     """Reject the measurements that the others contradict, and optimize what is left.
 
@@ -58,7 +60,8 @@ def robust_optimize(
         graph: of any number of components.
         trusted: indices of edges that are right whatever the others say.
         probability: that a right measurement stays within the bound, in the optimum.
-        chain_worth: loops that an edge between consecutive scans outweighs where they contradict it.
+        chain_worth: loops that an edge between consecutive scans outweighs where they contradict it; None trusts the
+            chain, as loops that a place's twin led to may agree with each other in any number.
 
     Raises:
         InputError: the equations have no unique or no finite solution.
@@ -108,7 +111,7 @@ def _first(graph: PoseGraph, told: np.ndarray) -> np.ndarray:
 
 
 def _believed(
-    graph: PoseGraph, active: np.ndarray, told: np.ndarray, bound: float, chain_worth: float
+    graph: PoseGraph, active: np.ndarray, told: np.ndarray, bound: float, chain_worth: float | None
 ) -> tuple[np.ndarray, Solution]:
     """Which of the active edges to believe, (E,) bool, and the optimum of those.
 
@@ -117,6 +120,9 @@ def _believed(
     cannot be found. Both are tried, and the lower truncated cost is believed, an edge of the chain counting for more.
     """
     sequential = np.array([edge.kind == "sequential" for edge in graph.edges], bool)
+    if chain_worth is None:
+        accepted = _graduated(graph, active, told | sequential, bound)
+        return accepted, graph.keep(accepted).optimize()
     most = bound * np.where(sequential, chain_worth, 1)
     best: tuple[float, np.ndarray, Solution] | None = None
     for trusted in (told | sequential, told):

@@ -22,8 +22,9 @@ from spectral.scan import PosePrior
 # Loops that a step of the chain outweighs: those that are given to the optimizer have been found consistent before.
 _CHAIN_WORTH = 2.0
 # What the optimizer grants each edge while it decides, as a share of the floor that a cycle is granted: errors that no
-# covariance tells, such as of scans that are bent themselves.
-_GRAPH_FLOOR = 0.2
+# covariance tells, such as of scans that are bent themselves. The more edges beyond a chain there are, the better they
+# tell by themselves what is usual: so many halve its square.
+_GRAPH_FLOOR, _TELLING = 0.2, 10
 
 
 @dataclass(frozen=True, slots=True)
@@ -91,7 +92,9 @@ def _settle(
     parts = components(count, [*trusted, *joins])
     chained = place_in_world(chain([*trusted, *joins], stamps), parts, priors)
     graph = PoseGraph(chained, edges, priors=tuple(sorted(priors.items())))
-    believed = robust_optimize(_widened(graph, _GRAPH_FLOOR * floor), chain_worth=_CHAIN_WORTH)
+    beyond = len(edges) - (count - len(parts))
+    granted = _GRAPH_FLOOR * (1 + beyond / _TELLING) ** -0.5 * floor
+    believed = robust_optimize(_widened(graph, granted), chain_worth=_CHAIN_WORTH)
     solution = graph.at(believed.solution.trajectory.T_world_sensor).keep(believed.accepted).optimize()
     kept = {(edge.i, edge.j) for edge in solution.graph.edges}
     settled = Settlement(chained, solution, tuple(account(trials, judged, taken, solution)))

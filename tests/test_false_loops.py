@@ -76,20 +76,12 @@ def distance(one: RigidTransform, other: RigidTransform) -> float:
     return float(np.sqrt((apart**2).sum(axis=1).mean()))
 
 
-# A survey has few loops: a run of twenty that agree outvotes those of a lane and the steps that tie it to the others.
-OUTVOTED = pytest.mark.xfail(strict=True, reason="before they are settled, aliased loops outvote a lane of a survey")
-
-
 @pytest.mark.slow
 @pytest.mark.timeout(1200)
 @pytest.mark.parametrize("share", [0.1, 0.5, 1.0])
 @pytest.mark.parametrize(
     ("name", "kind"),
-    [
-        *((name, kind) for name in ("simulated", "sphere2500") for kind in ("scattered", "aliased")),
-        ("lawnmower", "scattered"),
-        pytest.param("lawnmower", "aliased", marks=OUTVOTED),
-    ],
+    [(name, kind) for name in ("simulated", "sphere2500", "lawnmower") for kind in ("scattered", "aliased")],
 )
 def test_wrong_loops_do_little_harm(name: str, kind: str, share: float) -> None:
     if name == "sphere2500":

@@ -115,7 +115,7 @@ def pair_row(pair: Pair) -> dict[str, Any]:
     }
     if pair.registration is None:
         return row
-    told = registration_row(pair.registration)
+    told = registration_row(pair.edge.registration if pair.edge else pair.registration)
     del told["seconds"]  # which differ from run to run: times.json has them
     return row | told
 
