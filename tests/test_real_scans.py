@@ -154,11 +154,10 @@ def test_a_sonar_that_hardly_moves_is_told_to_hardly_move(tmp_path: Path) -> Non
 
 @pytest.mark.skipif(not KITCHEN.is_dir(), reason="shared/data/redkitchen is not beside the checkout")
 def test_the_kitchen_is_a_survey_whose_loop_is_found() -> None:
-    """The loop of the first and last fragment is tried and right; poses within 3 degrees, and a voxel at the points.
+    """The loop of the first and last fragment is tried and kept; poses within 3 degrees, and a voxel at the points.
 
-    The places are those of the middle of a fragment's points, in the frame of the first. Whether the loop is kept is
-    told and not asked: the fragments are themselves put together from many images and bent, by more than covariances
-    that were calibrated on single scans hold.
+    The places are those of the middle of a fragment's points, in the frame of the first. The fragments are themselves
+    put together from many images and bent, by more than covariances that were calibrated on single scans hold.
     """
     scans, voxel, result = mapped(*sorted(KITCHEN.glob("*.ply")))
     truth = true_transforms()
@@ -174,7 +173,7 @@ def test_the_kitchen_is_a_survey_whose_loop_is_found() -> None:
     loop = next(pair for pair in result.pairs if pair.role == "loop")
     assert (loop.i, loop.j) == (0, 2)
     assert loop.registration is not None
-    assert loop.registration.accepted
+    assert loop.kept
     angle, _ = difference(loop.registration.T_target_source, truth[0, 2])
     print(f"the loop's own registration: {angle:.2f} degrees off")
     assert angle < 3
