@@ -13,7 +13,7 @@ import gtsam
 import numpy as np
 from scipy.cluster.hierarchy import DisjointSet
 from scipy.spatial.transform import RigidTransform
-from scipy.stats import chi2
+from scipy.special import gammaincinv
 
 from slam.agreement import agreeing_groups
 from slam.edge import Edge, spanning_tree
@@ -66,7 +66,7 @@ def robust_optimize(
     Raises:
         InputError: the equations have no unique or no finite solution.
     """
-    edges, bound = graph.edges, float(chi2.ppf(probability, 6))
+    edges, bound = graph.edges, _chi_squared(probability, 6)
     told = _told(graph, trusted)
     graph = graph.held(chain(edges, graph.trajectory.stamps).T_world_sensor)
     active = _first(graph, told)
@@ -86,6 +86,11 @@ def robust_optimize(
     return RobustSolution(solution, accepted, graph.residuals(), _reasons(graph, accepted, tried, told, bound))
 
 
+def _chi_squared(probability: float, degrees: int) -> float:
+    """What chi-squared stays below with this probability; scipy.stats has it too, and takes half a second to import."""
+    return float(2 * gammaincinv(degrees / 2, probability))
+
+
 def _told(graph: PoseGraph, trusted: Iterable[int]) -> np.ndarray:
     """(E,) bool: what is not to be judged."""
     told = np.array([edge.kind == "prior" for edge in graph.edges], bool)
@@ -101,7 +106,7 @@ def _first(graph: PoseGraph, told: np.ndarray) -> np.ndarray:
     active = told | np.array([edge.kind != "loop" or id(edge) in joining for edge in edges], bool)
     loops = np.flatnonzero(~active)
     T = graph.trajectory.T_world_sensor
-    groups = agreeing_groups(T, tree, [edges[k] for k in loops], float(chi2.ppf(_GATE, 6)))
+    groups = agreeing_groups(T, tree, [edges[k] for k in loops], _chi_squared(_GATE, 6))
     sizes = np.bincount(groups, minlength=1)
     for group in np.lexsort((np.arange(len(sizes)), -sizes)):
         if active[loops].sum() >= FIRST:
@@ -183,14 +188,14 @@ def _plausible(solution: Solution, others: Sequence[Edge]) -> np.ndarray:
     squared = np.zeros(len(others))
     known = np.isfinite(joint).all(axis=(1, 2))  # what no way joins contradicts nothing
     squared[known] = _squared(_errors(T, others)[known], joint[known])
-    return squared <= _stated_too_large(solution) * chi2.ppf(_GATE, 6)
+    return squared <= _stated_too_large(solution) * _chi_squared(_GATE, 6)
 
 
 def _stated_too_large(solution: Solution) -> float:
     """Of the variances, at most 1: chi-squared over the least that so many degrees of freedom give by chance."""
     if solution.degrees_of_freedom < 1:
         return 1.0
-    return min(1.0, solution.chi_squared_after / float(chi2.ppf(1 - _GATE, solution.degrees_of_freedom)))
+    return min(1.0, solution.chi_squared_after / _chi_squared(1 - _GATE, solution.degrees_of_freedom))
 
 
 def _errors(T: RigidTransform, edges: Sequence[Edge]) -> np.ndarray:

@@ -63,8 +63,10 @@ def command(
     ] = False,
     compare: Annotated[
         bool,
-        typer.Option("--compare", help="Find the other objective's solution too, and tell how far away it lies."),
-    ] = False,
+        typer.Option(
+            "--compare/--no-compare", help="Find the other objective's solution too, and tell how far away it lies."
+        ),
+    ] = True,
     as_json: JsonOption = False,
     quiet: QuietOption = False,
 ) -> None:
