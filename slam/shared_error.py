@@ -16,7 +16,7 @@ from slam.tangent import carried
 
 # What the marginals are multiplied by, as a multiple of chi-squared over its degrees of freedom; and a scan's own part,
 # as a share of the same multiple of its edges' covariance.
-_MARGINAL, _OWN = 3.0, 1 / 3
+_MARGINAL, _OWN = 4.0, 0.625
 # That quotient before a graph has loops enough to tell, and how many degrees of freedom the expectation is worth.
 _EXPECTED, _WORTH = 0.45, 60.0
 
