@@ -95,7 +95,9 @@ def _settle(
     beyond = len(edges) - (count - len(parts))
     granted = _GRAPH_FLOOR * (1 + beyond / _TELLING) ** -0.5 * floor
     believed = robust_optimize(_widened(graph, granted), chain_worth=_CHAIN_WORTH)
-    solution = graph.at(believed.solution.trajectory.T_world_sensor).keep(believed.accepted).optimize()
+    kept_graph = graph.keep(believed.accepted)
+    solution = kept_graph.at(believed.solution.trajectory.T_world_sensor).optimize()
+    solution = replace(solution, chi_squared_before=kept_graph.chi_squared)  # of the chained poses
     kept = {(edge.i, edge.j) for edge in solution.graph.edges}
     settled = Settlement(chained, solution, tuple(account(trials, judged, taken, solution)))
     return settled, chain_of - kept

@@ -53,11 +53,12 @@ class SurveyResult:
     """A survey, mapped.
 
     Attributes:
-        trajectory: N poses, each in the frame of its component, whose first pose is the identity.
+        trajectory: N poses, each in the frame of its component, whose first pose is the identity; in the world
+            (East-North-Up) where instruments measured any of its poses.
         chained: the same as they were before loops.
         components: the sets of scans that kept edges join; one where there is no gap.
         surveys: the number of each scan's survey.
-        covariances: (N, 6, 6), rotation first [rad, m], body tangent, against the component's first pose.
+        covariances: (N, 6, 6), rotation first [rad, m], body tangent, against the component's first pose, or the world.
         solution: the optimized graph, with its chi-squared and residuals.
         parts: the maps of every component.
         pairs: every pair that was tried, in the order of trying.

@@ -129,3 +129,11 @@ def test_order_does_not_matter():
     difference = one.solution.trajectory.T_world_sensor.inv() * other.solution.trajectory.T_world_sensor
     assert difference.as_exp_coords() == pytest.approx(np.zeros((12, 6)), abs=1e-5)
     assert [pair.reason for pair in one.pairs] == [pair.reason for pair in other.pairs[::-1]]
+
+
+def test_chi_squared_before_is_of_the_chained_poses():
+    truth = ring_poses(24)
+    result = settled(truth, [*chain_of(truth), trial(truth, 0, 23, "loop"), trial(truth, 2, 20, "loop")])
+    graph = result.solution.graph
+    assert result.solution.chi_squared_before == pytest.approx(graph.at(result.chained.T_world_sensor).chi_squared)
+    assert result.solution.chi_squared_before > 2 * result.solution.chi_squared_after
