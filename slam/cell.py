@@ -31,3 +31,17 @@ def cell_keys(points: np.ndarray, size: float, origin: np.ndarray) -> tuple[np.n
     near: np.ndarray = np.all((cells >= -_HALF) & (cells < _HALF), axis=1)
     x, y, z = (cells[near].astype(np.int64) + _HALF).T
     return (x << (2 * _BITS)) | (y << _BITS) | z, near
+
+
+def cell_means(points: np.ndarray, size: float) -> np.ndarray:
+    """(K, 3) float64 [m]: the mean of the points in each cell, ordered by cell; stray points are left out.
+
+    Args:
+        points: (N, 3) float [m], about the origin.
+        size: edge of a cell [m].
+    """
+    points = points.astype(np.float64)
+    keys, near = cell_keys(points, size, np.zeros(3))
+    names, cell, count = np.unique(keys, return_inverse=True, return_counts=True)
+    sums = [np.bincount(cell, points[near, axis], len(names)) for axis in range(3)]
+    return np.column_stack(sums) / count[:, None]

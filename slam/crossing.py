@@ -2,15 +2,15 @@
 
 from collections import Counter
 from collections.abc import Iterable, Sequence
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 
 import numpy as np
 from scipy.spatial import KDTree
 from scipy.spatial.transform import RigidTransform
 
 from kernels.errors import InputError
-from slam.cell import cell_keys, lattice_origin
-from slam.loop_closure import predict_overlap
+from slam.cell import cell_means
+from slam.overlap_forecast import predict_overlap
 from spectral.scan import Scan
 
 APART = 10  # scans of one pass follow each other more closely than this
@@ -112,10 +112,10 @@ def crossing_error(
             f"{len(scans)} scans, {len(before)} and {len(after)} poses, {len(names)} indices and {len(group)} surveys: "
             "wanted as many of each"
         )
-    thinned = [replace(scan, points=_means(scan.points, voxel), strength=None) for scan in scans]
+    thinned = [cell_means(scan.points, voxel) for scan in scans]
     found = []
     for a, b in _pairs(thinned, after, voxel, names, group):
-        target, source = thinned[a].points.astype(np.float64), thinned[b].points.astype(np.float64)
+        target, source = thinned[a], thinned[b]
         tree = KDTree(target)
         T_before, T_after = (T[a].inv() * T[b] for T in (before, after))
         distance, _ = tree.query(T_after.apply(source), distance_upper_bound=_SHARED * voxel)
@@ -128,12 +128,16 @@ def crossing_error(
 
 
 def _pairs(
-    scans: Sequence[Scan], T_world_sensor: RigidTransform, voxel: float, names: Sequence[int], surveys: Sequence[int]
+    outlines: Sequence[np.ndarray],
+    T_world_sensor: RigidTransform,
+    voxel: float,
+    names: Sequence[int],
+    surveys: Sequence[int],
 ) -> list[tuple[int, int]]:
     """The crossings to look at, as places in the sequence, ascending."""
-    if len(scans) < 2:
+    if len(outlines) < 2:
         return []
-    overlap = predict_overlap([scan.points.astype(np.float64) for scan in scans], T_world_sensor, _CELL * voxel)
+    overlap = predict_overlap(outlines, T_world_sensor, _CELL * voxel)
     apart = np.abs(np.subtract.outer(names, names)) >= APART
     apart |= np.not_equal.outer(surveys, surveys)
     a, b = np.nonzero(np.triu(apart & (overlap >= _OVERLAP), 1))
@@ -145,15 +149,6 @@ def _pairs(
             taken.update(pair)
             kept.append(pair)
     return sorted(kept)
-
-
-def _means(points: np.ndarray, voxel: float) -> np.ndarray:
-    """(n, 3) float32 [m, sensor frame]: the mean of the points in each voxel."""
-    points = points.astype(np.float64)
-    keys, near = cell_keys(points, voxel, lattice_origin(points, voxel))
-    key, cell, count = np.unique(keys, return_inverse=True, return_counts=True)
-    sums = [np.bincount(cell, points[near, axis], len(key)) for axis in range(3)]
-    return (np.stack(sums, axis=1) / count[:, None]).astype(np.float32)
 
 
 def _spread(surface: np.ndarray, tree: KDTree, points: np.ndarray) -> Spread:

@@ -6,7 +6,7 @@ import numpy as np
 from scipy import sparse
 from scipy.spatial.transform import RigidTransform
 
-from slam.cell import cell_keys, lattice_origin
+from slam.cell import cell_keys, cell_means, lattice_origin
 from spectral.scan import Scan
 
 # Draws from the joint marginal of two poses, the mean aside; always the same ones.
@@ -15,11 +15,7 @@ _DRAWS = np.random.default_rng(0).standard_normal((12, 6))
 
 def outline(scan: Scan, cell: float) -> np.ndarray:
     """(K, 3) float64 [m, sensor frame]: one point for every eighth of a cell that the scan occupies, their mean."""
-    points = scan.points.astype(np.float64)
-    keys, near = cell_keys(points, cell / 2, np.zeros(3))
-    points = points[near]
-    names, of, count = np.unique(keys, return_inverse=True, return_counts=True)
-    return np.column_stack([np.bincount(of, points[:, axis], len(names)) for axis in range(3)]) / count[:, None]
+    return cell_means(scan.points, cell / 2)
 
 
 def predict_overlap(outlines: Sequence[np.ndarray], T_world_sensor: RigidTransform, cell: float) -> np.ndarray:
