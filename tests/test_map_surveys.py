@@ -42,3 +42,13 @@ def test_two_surveys_of_one_scan_each_have_no_pair_to_try() -> None:
     result = Mapper(KnowingRegistrar(truth, np.eye(6) * 1e-4), 0.5).run(scans_of(truth), surveys=[0, 1])
     assert result.components == ((0,), (1,))
     assert result.gaps == ()
+
+
+def test_what_a_killed_run_had_half_written_goes(tmp_path: Path) -> None:
+    write(tmp_path, **{f"scan_{k}": scan(k) for k in range(2)})
+    out = tmp_path / "out"
+    out.mkdir()
+    (out / ".sonarmap.abc123.ply").write_bytes(b"ply\nhalf")
+    (out / ".sonarmap").write_text("mine")
+    assert sonarmap("map", tmp_path, "-o", out, "--grid", "64", "--quiet").exit_code == 0
+    assert {name for name in files_in(out) if name.startswith(".")} == {".sonarmap"}

@@ -9,6 +9,7 @@ from pathlib import Path
 
 from kernels.errors import InputError
 
+_PREFIX = ".sonarmap."  # of temporary names
 # Of the innermost `all_or_none`: temporary files, whole and on disk, and what they will be called.
 _waiting: ContextVar[list[tuple[Path, Path]] | None] = ContextVar("_waiting", default=None)
 
@@ -25,7 +26,7 @@ def atomic_path(path: Path) -> Iterator[Path]:
         raise InputError(f"cannot write {path}: a folder of that name is there. Choose another output folder.")
     try:
         path.parent.mkdir(parents=True, exist_ok=True)
-        descriptor, name = tempfile.mkstemp(prefix=".sonarmap.", suffix=path.suffix, dir=path.parent)
+        descriptor, name = tempfile.mkstemp(prefix=_PREFIX, suffix=path.suffix, dir=path.parent)
         os.close(descriptor)
     except OSError as error:
         raise _cannot_write(path, error) from error
@@ -66,6 +67,13 @@ def all_or_none() -> Iterator[None]:
         _waiting.reset(token)
         for temporary, _ in waiting:
             temporary.unlink(missing_ok=True)
+
+
+def clear_leftovers(folder: Path) -> None:
+    """Remove the temporary files of a run that was killed while it wrote; only for who has the folder to itself."""
+    for path in folder.glob(f"{_PREFIX}*"):
+        if path.is_file():
+            path.unlink(missing_ok=True)
 
 
 def require_writable(folder: Path) -> None:

@@ -111,7 +111,7 @@ def command(
     more scans only their pairs are registered. times.json tells what the run took.
     """
     from slam.survey import Mapper, MapperSettings
-    from tools.atomic import require_writable
+    from tools.atomic import clear_leftovers, require_writable
     from tools.prepared import prepared_scans
     from tools.project import JOURNAL, require_apart, write_survey
     from tools.writers.times import survey_times
@@ -127,6 +127,7 @@ def command(
     names = [scan.name for scan in scans]
     require_writable(out)
     with open_crew(chosen, mapping.prepared, way, out / JOURNAL, quiet or as_json) as crew:
+        clear_leftovers(out)  # the journal's lock says that no other run writes there
         mapper = Mapper(chosen.registrar, chosen.grid.voxel, mapping, crew)
         with growing_progress("mapping", quiet or as_json) as step:
             step(0, len(scans), "preparing the first scans")
