@@ -4,7 +4,7 @@ A registration's error comes from the noise of both scans, and every registratio
 registrations agree with one another better than with the truth, and more loops do not average out what they share. The
 marginals, which take them as independent, are too small, and chi-squared stays below its degrees of freedom, higher
 where the errors are larger. So the marginals are scaled by chi-squared, and each pose has a part of its own that no
-loop takes away. The two constants were found with the spectral registration on six simulated surveys of as many scenes;
+loop takes away. The two constants were found with the spectral registration on nine simulated surveys of six scenes;
 docs/slam.md has the figures.
 """
 
@@ -16,7 +16,7 @@ from slam.tangent import carried
 
 # What the marginals are multiplied by, as a multiple of chi-squared over its degrees of freedom; and a scan's own part,
 # as a share of the same multiple of its edges' covariance.
-_MARGINAL, _OWN = 4.0, 0.625
+_MARGINAL, _OWN = 5.0, 0.6
 # That quotient before a graph has loops enough to tell, and how many degrees of freedom the expectation is worth.
 _EXPECTED, _WORTH = 0.45, 60.0
 

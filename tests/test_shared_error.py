@@ -60,13 +60,13 @@ def test_a_graph_without_loops_is_given_what_is_expected():
     edges = tuple(edge(k, k + 1, truth[k].inv() * truth[k + 1], COVARIANCE) for k in range(4))
     solution = PoseGraph(chain(edges, np.zeros(5)), edges).optimize()
     factor = variance_factor(solution)
-    assert factor == pytest.approx(4 * 0.45)
+    assert factor == pytest.approx(5 * 0.45)
     covariances = pose_covariances(solution)
     # the anchor is where it is; the next scan has its own part and the anchor's besides the one edge
     np.testing.assert_allclose(covariances[0], factor * solution.covariances()[0], atol=1e-12)
     T_0_1, T_1_2 = truth[0].inv() * truth[1], truth[1].inv() * truth[2]
-    own = 0.625 * factor * (COVARIANCE + turned(T_1_2, COVARIANCE)) / 2
-    anchors = carried(T_0_1.inv(), 0.625 * factor * turned(T_0_1, COVARIANCE))
+    own = 0.6 * factor * (COVARIANCE + turned(T_1_2, COVARIANCE)) / 2
+    anchors = carried(T_0_1.inv(), 0.6 * factor * turned(T_0_1, COVARIANCE))
     np.testing.assert_allclose(covariances[1], factor * COVARIANCE + own + anchors, rtol=2e-3, atol=1e-9)
 
 
