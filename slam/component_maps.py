@@ -5,8 +5,9 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from slam.beams import beams_of
 from slam.crossing import CrossingError, crossing_error
-from slam.point_map import PointMap
+from slam.point_map import PointMap, fuse
 from slam.trajectory import Trajectory
 from slam.trusted_map import survey_layers, trusted_map
 from spectral.scan import Scan
@@ -19,7 +20,8 @@ class ComponentMaps:
     Attributes:
         optimized: the map.
         layers: the map of each survey's scans alone, by the survey's number; none where there is one survey.
-        chained: the map that the poses before the loops would give, in the same frame.
+        chained: the map that the poses before the loops would give, in the same frame; nothing is taken out of it, as
+            free space contradicts what drift draws twice.
         chained_poses: these n poses.
         crossings: how far overlapping passes lie apart, before and after.
     """
@@ -54,10 +56,11 @@ def component_maps(
         InputError: a voxel so small that no point is within reach.
     """
     T_before, T_after = chained.T_world_sensor, optimized.T_world_sensor
+    beams = [beams_of(scan.points, voxel) for scan in scans]
     return ComponentMaps(
-        optimized=trusted_map(scans, T_after, voxel, indices, covariances, surveys),
-        layers=survey_layers(scans, T_after, voxel, indices, covariances, surveys),
-        chained=trusted_map(scans, T_before, voxel, indices, None, surveys),
+        optimized=trusted_map(scans, T_after, voxel, indices, covariances, surveys, beams),
+        layers=survey_layers(scans, T_after, voxel, indices, covariances, surveys, beams),
+        chained=fuse(scans, T_before, voxel, indices, surveys=surveys, beams=beams),
         chained_poses=chained,
         crossings=crossing_error(scans, T_before, T_after, voxel, indices, surveys),
     )

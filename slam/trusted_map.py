@@ -5,7 +5,7 @@ from collections.abc import Sequence
 import numpy as np
 from scipy.spatial.transform import RigidTransform
 
-from slam.beams import beams_of
+from slam.beams import Beams, beams_of
 from slam.free_space import clear
 from slam.point_map import PointMap, fuse
 from spectral.scan import Scan
@@ -18,9 +18,10 @@ def trusted_map(
     indices: Sequence[int] | None = None,
     covariances: np.ndarray | None = None,
     surveys: Sequence[int] | None = None,
+    beams: Sequence[Beams] | None = None,
 ) -> PointMap:
     """Fuse scans and take out what free space contradicts; the arguments are those of `slam.point_map.fuse`."""
-    beams = [beams_of(scan.points, voxel) for scan in scans]
+    beams = [beams_of(scan.points, voxel) for scan in scans] if beams is None else beams
     fused = fuse(scans, T_world_sensor, voxel, indices, covariances=covariances, surveys=surveys, beams=beams)
     return clear(fused, scans, T_world_sensor, covariances, beams)
 
@@ -32,6 +33,7 @@ def survey_layers(
     indices: Sequence[int],
     covariances: np.ndarray,
     surveys: Sequence[int],
+    beams: Sequence[Beams] | None = None,
 ) -> dict[int, PointMap]:
     """One map for each survey, of its own scans alone, by its number; none where there is only one survey.
 
@@ -51,5 +53,6 @@ def survey_layers(
             [indices[k] for k in chosen],
             covariances[chosen],
             [number] * len(chosen),
+            None if beams is None else [beams[k] for k in chosen],
         )
     return layers
