@@ -1,7 +1,7 @@
 """What registrations need on the device, known before anything is allocated: by either registrar."""
 
-from kernels.device import Device
 from kernels.errors import DeviceError
+from kernels.opencl.device import Device
 from spectral.grid import EDGES
 
 # Tables and correlations over all rotations, of any tilt: the same on every grid.

@@ -5,7 +5,7 @@ from itertools import product
 import numpy as np
 from scipy.spatial.transform import Rotation
 
-from spectral.prepared import Prepared
+from spectral.prepare.prepared import Prepared
 
 # A point has a counterpart within this distance: a voxel of either scan plus the noise between them [voxels].
 _REACH = 2.0

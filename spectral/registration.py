@@ -9,27 +9,27 @@ from typing import Literal
 import numpy as np
 from scipy.spatial.transform import RigidTransform, Rotation
 
-from kernels.device import Device
 from kernels.errors import InputError
-from kernels.spectrum import Pomf
-from kernels.voxelize import voxelize
-from spectral.belief import Belief, believe
-from spectral.bounds import Bounds
-from spectral.contest import Contest
-from spectral.evidence import Verified
+from kernels.opencl.device import Device
+from kernels.points.voxelize import voxelize
+from kernels.pomf.spectrum import Pomf
 from spectral.grid import Grid
 from spectral.memory import require_memory
-from spectral.prepared import Prepared, Preparer
+from spectral.prepare.prepared import Prepared, Preparer
+from spectral.prepare.range_image import range_image
+from spectral.prepare.signature import signature
+from spectral.prepare.spectral_scan import CoarseVolume, SpectralScan
+from spectral.prepare.surface import smooth_surface
 from spectral.prior import relative_prior
-from spectral.range_image import range_image
 from spectral.result import Registration
 from spectral.scan import Scan
-from spectral.signature import signature
 from spectral.so3 import RotationPeaks, So3
-from spectral.spectral_scan import CoarseVolume, SpectralScan
-from spectral.surface import smooth_surface
-from spectral.uncertainty import fit_covariance
-from spectral.verification import Verifier
+from spectral.verify.bounds import Bounds
+from spectral.verify.covariance import fit_covariance
+from spectral.verify.hypothesis import Verified
+from spectral.verify.hypothesis_test import Contest
+from spectral.verify.probability import Belief, believe
+from spectral.verify.verifier import Verifier
 
 Refinement = Literal["icp", "spectral"]
 

@@ -6,11 +6,11 @@ from dataclasses import dataclass
 import numpy as np
 from scipy.spatial.transform import Rotation
 
-from kernels.device import Array, Device
-from kernels.harmonics import Harmonics, equalize
-from kernels.peak import segment_peaks
-from kernels.so3 import RotationCorrelation
-from kernels.sphere import sample, upload_directions
+from kernels.opencl.device import Array, Device
+from kernels.pomf.peak import segment_peaks
+from kernels.resample.sphere import sample, upload_directions
+from kernels.so3.correlation import RotationCorrelation
+from kernels.so3.harmonics import Harmonics, equalize
 
 # Degrees below this; its finest detail is 180 / 48 degrees. docs/registration.md has the figures of others.
 _BANDWIDTH = 48

@@ -5,10 +5,10 @@ from typing import Protocol
 import numpy as np
 from scipy.spatial.transform import Rotation
 
-from kernels.device import Array, Device
-from kernels.peak import Peak, find_peaks, peak_at
-from kernels.spectrum import Pomf
-from kernels.voxelize import voxelize
+from kernels.opencl.device import Array, Device
+from kernels.points.voxelize import voxelize
+from kernels.pomf.peak import Peak, find_peaks, peak_at
+from kernels.pomf.spectrum import Pomf
 
 # Standard deviation of the Gaussian that the correlation is convolved with [voxels]. Noise of the scans and the
 # voxels' edges spread the peak over its neighbors; without the blur the highest voxel is often a wrong one.

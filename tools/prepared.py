@@ -1,6 +1,6 @@
 """How many prepared scans a survey's mapper keeps at a time."""
 
-from kernels.device import Device
+from kernels.opencl.device import Device
 from spectral.memory import scans_that_fit
 
 MOST = 8  # loops seldom come back to a scan that was used longer ago

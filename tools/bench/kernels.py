@@ -4,9 +4,9 @@ from collections.abc import Callable, Iterator, Sequence
 
 import numpy as np
 
-from kernels.device import Device
+from kernels.opencl.device import Device
 from tools.bench.case import Case
-from tools.bench.cases import CASES
+from tools.bench.cases.all_cases import CASES
 from tools.bench.result import KernelResult
 from tools.bench.timing import interleave
 from tools.bench.workload import Workload

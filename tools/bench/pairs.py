@@ -10,8 +10,8 @@ from multiprocessing.process import BaseProcess
 
 from scipy.spatial.transform import RigidTransform
 
-from kernels.device import choose_device
 from kernels.errors import DeviceError, SonarmapError
+from kernels.opencl.device import choose_device
 from spectral.grid import Grid, choose_grid
 from spectral.registration import SpectralConfig, SpectralRegistrar, SpectralScan
 from spectral.result import Registration
@@ -19,9 +19,9 @@ from spectral.scan import Scan
 from tools.bench.machine import peak_memory
 from tools.bench.result import PairResult
 from tools.bench.timing import summarize, timed
-from tools.evaluate import RIGHT_DEG, RIGHT_VOXELS, pair_error
-from tools.simulate.noise import Noise
-from tools.simulate.pairs import random_pair
+from tools.evaluate.trajectory import RIGHT_DEG, RIGHT_VOXELS, pair_error
+from tools.simulate.pairs.random_pairs import random_pair
+from tools.simulate.sensing.noise import Noise
 
 SimulatedPair = tuple[Scan, Scan, RigidTransform]
 

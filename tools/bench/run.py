@@ -4,16 +4,16 @@ from collections.abc import Sequence
 
 import numpy as np
 
-from kernels.device import Device, choose_device
 from kernels.errors import InputError
+from kernels.opencl.device import Device, choose_device
 from spectral.grid import Grid
-from tools.bench.cases import CASES
+from tools.bench.cases.all_cases import CASES
 from tools.bench.copy_rate import measure_copy
 from tools.bench.kernels import measure_kernels
 from tools.bench.machine import describe_machine, load_average
 from tools.bench.pairs import measure_pairs, simulate_pairs
 from tools.bench.result import BenchResult, KernelResult, PairResult
-from tools.follow import Follow
+from tools.progress import Follow
 
 
 def run_bench(

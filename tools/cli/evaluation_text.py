@@ -10,10 +10,10 @@ from rich.text import Text
 from tools.cli.terminal import printable, result_console
 
 if TYPE_CHECKING:
-    from tools.evaluate import Evaluation
-    from tools.loop_score import PairScore
-    from tools.map_error import MapError
-    from tools.pose_calibration import PoseCalibration
+    from tools.evaluate.map_error import MapError
+    from tools.evaluate.pairs import PairScore
+    from tools.evaluate.pose_calibration import PoseCalibration
+    from tools.evaluate.trajectory import Evaluation
 
 ALIGNMENTS = {"poses": "all poses", "positions": "all positions", "first": "the first pose"}
 ANCHORS = {
@@ -25,7 +25,7 @@ _COUNTS = ("kept_right", "kept_wrong", "rejected_right", "rejected_wrong", "fail
 
 def print_trajectory(result: "Evaluation") -> None:
     """Every pose beside its truth, then ATE and RPE."""
-    from tools.evaluate import yaw_deg
+    from tools.evaluate.trajectory import yaw_deg
 
     table = Table(box=None, pad_edge=False)
     positions = ("stamp [s]", "estimated x, y, z [m]", "true x, y, z [m]", "off [m]")

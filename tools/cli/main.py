@@ -18,7 +18,7 @@ import typer
 from kernels.errors import SonarmapError
 from tools.cli.terminal import say
 
-# A verb is the function `command` of tools/cli/<verb>.py, its help that function's docstring.
+# A verb is the function `command` of tools/cli/verbs/<verb>.py, its help that function's docstring.
 # A new verb is a new line here, in the order in which the help lists them.
 VERBS = [
     "register",
@@ -178,5 +178,5 @@ def _flowing(docstring: str) -> str:
 
 
 for _verb in VERBS:
-    _command = import_module(f"tools.cli.{_verb}").command
+    _command = import_module(f"tools.cli.verbs.{_verb}").command
     app.command(_verb, help=_flowing(_command.__doc__))(guarded(_command))

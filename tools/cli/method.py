@@ -18,12 +18,12 @@ from tools.cli.options import (
     DEFAULT_YAW_PEAKS,
 )
 from tools.cli.terminal import say
-from tools.methods import DEFAULT_METHOD, METHODS, Setup, find_method
+from tools.methods.registry import DEFAULT_METHOD, METHODS, Setup, find_method
 
 if TYPE_CHECKING:
-    from kernels.device import Device
+    from kernels.opencl.device import Device
     from spectral.grid import Grid
-    from spectral.hemisphere_registration import HemisphereConfig
+    from spectral.hemisphere.registration import HemisphereConfig
     from spectral.registration import SpectralConfig
     from spectral.result import Registrar
     from spectral.scan import Scan
@@ -117,7 +117,7 @@ def build_registrar(scans: "Sequence[Scan]", method: Method) -> Chosen:
         InputError, DeviceError: the method, the grid, the scans or the device will not do.
     """
     from spectral.grid import choose_grid
-    from spectral.hemisphere_registration import HemisphereRegistrar
+    from spectral.hemisphere.registration import HemisphereRegistrar
     from spectral.registration import SpectralRegistrar
 
     if method.strength:

@@ -7,7 +7,7 @@ from typing import Annotated
 import typer
 
 from kernels.errors import InputError
-from tools.methods import METHODS, find_method
+from tools.methods.registry import METHODS, find_method
 
 DEFAULT_EDGE = 128
 DEFAULT_HYPOTHESES, MOST_HYPOTHESES = 12, 64
@@ -85,7 +85,7 @@ def parse_prior_sigmas(text: str) -> dict[str, float]:
     Raises:
         InputError: other than four numbers above 0.
     """
-    from tools.instruments import COLUMNS
+    from tools.readers.instruments import COLUMNS
 
     try:
         attitude, heading, depth, position = (float(part) for part in text.split(","))

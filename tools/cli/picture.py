@@ -6,11 +6,11 @@ from typing import TYPE_CHECKING, Annotated
 import typer
 
 from kernels.errors import InputError
-from tools.methods import DEFAULT_METHOD
+from tools.methods.registry import DEFAULT_METHOD
 
 if TYPE_CHECKING:
+    from spectral.prepare.spectral_scan import SpectralScan
     from spectral.result import Registrar, Registration
-    from spectral.spectral_scan import SpectralScan
 
 
 def _check_name(path: Path | None) -> Path | None:

@@ -5,14 +5,14 @@ from dataclasses import dataclass
 from pathlib import Path
 
 from kernels.errors import InputError
-from tools.readers import content as kinds
-from tools.readers.cloud import Cloud
-from tools.readers.npy import read_npy
-from tools.readers.npz import read_npz
-from tools.readers.pcd import read_pcd
-from tools.readers.ply import read_ply
+from tools.readers.clouds import content as kinds
+from tools.readers.clouds.cloud import Cloud
+from tools.readers.clouds.npy import read_npy
+from tools.readers.clouds.npz import read_npz
+from tools.readers.clouds.pcd import read_pcd
+from tools.readers.clouds.ply import read_ply
+from tools.readers.clouds.text import read_text
 from tools.readers.selection import Selected
-from tools.readers.text import read_text
 
 
 @dataclass(frozen=True, slots=True)
@@ -24,7 +24,7 @@ class Format:
 
 
 def _read_sonar(content: bytes) -> list[Cloud]:
-    from tools.readers.sonar import read_sonar  # wlsonar brings an HTTP client: a third of a second
+    from tools.readers.clouds.sonar import read_sonar  # wlsonar brings an HTTP client: a third of a second
 
     return read_sonar(content)
 

@@ -1,7 +1,7 @@
 """Priors of scans from a CSV file: `name,roll_deg,roll_sigma_deg,...`, one row per scan.
 
 The first row names the columns, in any order: `name` (of the scan's file, with its suffix or without) or `stamp` [s],
-then what was measured and its standard deviation (see `tools.instruments`). An empty cell was not measured.
+then what was measured and its standard deviation (see `tools.readers.instruments`). An empty cell was not measured.
 Lines that begin with # are comments.
 """
 
@@ -15,8 +15,8 @@ import numpy as np
 
 from kernels.errors import InputError
 from spectral.scan import PosePrior, Scan
-from tools.instruments import COLUMNS, SIGMA_COLUMNS, prior_of
-from tools.readers.pose_rows import read_lines
+from tools.readers.instruments import COLUMNS, SIGMA_COLUMNS, prior_of
+from tools.readers.poses.pose_rows import read_lines
 from tools.readers.prior_match import find_scan
 
 KEYS = ("name", "stamp")

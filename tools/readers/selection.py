@@ -9,7 +9,7 @@ from dataclasses import dataclass
 from pathlib import Path
 
 from kernels.errors import InputError
-from tools.instruments import PRIORS
+from tools.readers.instruments import PRIORS
 
 _INDEXED = re.compile(r"(.+)#(\d{1,9})", re.ASCII | re.DOTALL)
 

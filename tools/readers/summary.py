@@ -9,7 +9,7 @@ from pydantic import BaseModel, ValidationError
 from scipy.spatial.transform import RigidTransform
 
 from kernels.errors import InputError
-from tools.loop_score import TriedPair
+from tools.evaluate.pairs import TriedPair
 
 
 @dataclass(frozen=True, slots=True)

@@ -6,8 +6,8 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from slam.point_map import PointMap
-from slam.trajectory import Trajectory
+from slam.graph.trajectory import Trajectory
+from slam.map.point_map import PointMap
 from tools.report.map_picture import heights_of, scatter_from_above, trusted
 from tools.report.small_png import save_small
 

@@ -7,9 +7,9 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from slam.point_map import PointMap
-from slam.trajectory import Trajectory
-from tools.atomic import atomic_path
+from slam.graph.trajectory import Trajectory
+from slam.map.point_map import PointMap
+from tools.writers.atomic import atomic_path
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes

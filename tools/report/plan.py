@@ -4,9 +4,9 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from tools.simulate.bed import SCENE_EDGE
-from tools.simulate.solids import Mesh
-from tools.simulate.surface import caster
+from tools.simulate.scenes.bed import SCENE_EDGE
+from tools.simulate.shapes.solids import Mesh
+from tools.simulate.shapes.surface import caster
 
 CELL = 0.5  # of the raster [m]
 

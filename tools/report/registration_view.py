@@ -5,14 +5,14 @@ from dataclasses import dataclass
 import numpy as np
 from scipy.spatial.transform import RigidTransform, Rotation
 
-from kernels.sphere import rotational_unwrap, sample, upload_directions
-from kernels.visibility import octahedral_cells
-from spectral.range_image import RangeImage
+from kernels.points.visibility import octahedral_cells
+from kernels.resample.sphere import rotational_unwrap, sample, upload_directions
+from spectral.prepare.range_image import RangeImage
+from spectral.prepare.spectral_scan import SpectralScan
 from spectral.registration import SpectralRegistrar
 from spectral.result import Registration
-from spectral.spectral_scan import SpectralScan
 from spectral.translation import Translation
-from spectral.verification import FINE
+from spectral.verify.verifier import FINE
 from tools.report.rotation_map import RotationMap, map_rotations
 from tools.report.translation_slice import TranslationSlice, slice_translation
 

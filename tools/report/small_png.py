@@ -4,7 +4,7 @@ from io import BytesIO
 from pathlib import Path
 from typing import TYPE_CHECKING
 
-from tools.atomic import atomic_path
+from tools.writers.atomic import atomic_path
 
 if TYPE_CHECKING:
     from matplotlib.figure import Figure

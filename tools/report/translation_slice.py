@@ -4,7 +4,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from kernels.peak import Peak
+from kernels.pomf.peak import Peak
 
 
 @dataclass(frozen=True, slots=True)

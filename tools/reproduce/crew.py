@@ -9,7 +9,7 @@ from importlib import import_module
 from time import perf_counter
 from typing import TYPE_CHECKING, Any
 
-from slam.spawn import spawned
+from slam.execute.processes import spawned
 
 if TYPE_CHECKING:
     from tools.reproduce.experiment import Experiment, Outcome
@@ -55,7 +55,7 @@ def _begin(crew: Crew) -> None:
     os.environ.setdefault("OMP_NUM_THREADS", str(max(1, (os.cpu_count() or 1) // crew.workers)))
     from dataclasses import replace
 
-    from kernels.device import choose_device
+    from kernels.opencl.device import choose_device
 
     create: Any = import_module(crew.module).create
     _mine = create(replace(crew.request, device=choose_device(crew.selector)))

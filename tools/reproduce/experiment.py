@@ -5,7 +5,7 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import Any, ClassVar, Protocol, runtime_checkable
 
-from tools.reproduce.table import Table
+from tools.reproduce.pages.table import Table
 
 Value = str | int | float | bool
 Row = Mapping[str, Value]

@@ -18,7 +18,7 @@ from typing import TYPE_CHECKING
 from kernels.errors import InputError
 
 if TYPE_CHECKING:
-    from kernels.device import Device
+    from kernels.opencl.device import Device
     from tools.reproduce.experiment import Experiment
 
 # Groups of experiments
@@ -99,23 +99,25 @@ class Entry:
 # Name on the command line -> experiment, in the order in which a group runs them and its page shows them.
 EXPERIMENTS: Mapping[str, Entry] = MappingProxyType(
     {
-        "translation": Entry("Figs. 12, 14, 15", "tools.reproduce.translation", _STRUCTURE_OPTIONS),
-        "rotation": Entry("Figs. 16, 17", "tools.reproduce.rotation", _STRUCTURE_OPTIONS),
-        "limits": Entry("Figs. 7 to 9", "tools.reproduce.limits", _STRUCTURE_OPTIONS),
+        "translation": Entry("Figs. 12, 14, 15", "tools.reproduce.translation.run", _STRUCTURE_OPTIONS),
+        "rotation": Entry("Figs. 16, 17", "tools.reproduce.rotation.run", _STRUCTURE_OPTIONS),
+        "limits": Entry("Figs. 7 to 9", "tools.reproduce.limits.run", _STRUCTURE_OPTIONS),
         "gaussian": Entry(
-            "Table 1, Figs. 20, 21", "tools.reproduce.gaussian", ("scene", "grid", "sigma2", "seeds", "seed")
+            "Table 1, Figs. 20, 21", "tools.reproduce.gaussian.run", ("scene", "grid", "sigma2", "seeds", "seed")
         ),
-        "floodgate": Entry("Sect. 4, Table 2, Figs. 22 to 31", "tools.reproduce.floodgate", ("grid", "seeds", "seed")),
+        "floodgate": Entry(
+            "Sect. 4, Table 2, Figs. 22 to 31", "tools.reproduce.floodgate.run", ("grid", "seeds", "seed")
+        ),
         "steps": Entry(
             "Table 1 to S12 on four scenes",
-            "tools.reproduce.steps",
+            "tools.reproduce.steps.run",
             ("scene", "grid", "sigma2", "seeds", "seed", "method"),
             EVALUATION,
         ),
-        "pairs": Entry("pairs of every overlap", "tools.reproduce.pairs", _PAIR_OPTIONS, EVALUATION),
-        "unrelated": Entry("pairs that share nothing", "tools.reproduce.unrelated", _PAIR_OPTIONS, EVALUATION),
-        "speed": Entry("times of a pair", "tools.reproduce.speed", _PAIR_OPTIONS, EVALUATION, timed=True),
-        "survey": Entry("whole surveys, mapped", "tools.reproduce.survey", _STRUCTURE_OPTIONS, SLAM, timed=True),
+        "pairs": Entry("pairs of every overlap", "tools.reproduce.pairs.run", _PAIR_OPTIONS, EVALUATION),
+        "unrelated": Entry("pairs that share nothing", "tools.reproduce.unrelated.run", _PAIR_OPTIONS, EVALUATION),
+        "speed": Entry("times of a pair", "tools.reproduce.speed.run", _PAIR_OPTIONS, EVALUATION, timed=True),
+        "survey": Entry("whole surveys, mapped", "tools.reproduce.survey.run", _STRUCTURE_OPTIONS, SLAM, timed=True),
     }
 )
 

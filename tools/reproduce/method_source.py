@@ -3,11 +3,11 @@
 from dataclasses import replace
 from importlib.metadata import PackageNotFoundError, version
 
-from kernels.device import Device
-from tools.methods import METHODS
+from kernels.opencl.device import Device
+from tools.methods.registry import METHODS
+from tools.methods.sources import method_digest
 from tools.reproduce.experiment import ByMethod, Experiment
 from tools.reproduce.provenance import Provenance, provenance, source_of
-from tools.sources import method_digest
 from tools.writers.summary import to_json
 
 # Packages that decide no registration, and those that decide none without a device

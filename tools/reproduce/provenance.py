@@ -8,10 +8,10 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
-from kernels.device import Device
+from kernels.opencl.device import Device
 from tools.bench.machine import describe_machine
+from tools.methods.sources import ROOT, digest_of, imported, programs
 from tools.reproduce.experiment import Experiment
-from tools.sources import ROOT, digest_of, imported, programs
 from tools.writers.summary import package_versions, to_json
 
 

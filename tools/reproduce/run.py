@@ -6,7 +6,7 @@ from dataclasses import dataclass, field
 from pathlib import Path
 from time import perf_counter
 
-from tools.follow import Follow
+from tools.progress import Follow
 from tools.reproduce.crew import Crew, Work
 from tools.reproduce.experiment import Experiment, Outcome
 from tools.reproduce.journal import Done, Journal

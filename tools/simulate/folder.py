@@ -4,11 +4,11 @@ import json
 from pathlib import Path
 
 from kernels.errors import InputError
-from tools.atomic import all_or_none
-from tools.instruments import PRIORS
-from tools.simulate.priors import Instruments, measure_poses
+from tools.readers.instruments import PRIORS
+from tools.simulate.sensing.priors import Instruments, measure_poses
 from tools.simulate.simulation import Simulation, SimulationSettings, settings_from_json
-from tools.writers import write_ply
+from tools.writers.atomic import all_or_none
+from tools.writers.points import write_ply
 from tools.writers.priors import write_priors
 from tools.writers.summary import package_versions, write_summary
 from tools.writers.tum import write_tum

@@ -4,13 +4,13 @@ import math
 from dataclasses import replace
 
 from kernels.errors import InputError
-from tools.simulate.routes import survey_path
-from tools.simulate.scenes import scene_kind
-from tools.simulate.sensors import ECLIPSE, SENSORS
-from tools.simulate.series import table1_settings
+from tools.simulate.paths.routes import survey_path
+from tools.simulate.paths.stations import PAPER_COUNT
+from tools.simulate.paths.table1 import table1_settings
+from tools.simulate.paths.trajectories import SPACING
+from tools.simulate.scenes.scene import scene_kind
+from tools.simulate.sensing.sensors import ECLIPSE, SENSORS
 from tools.simulate.simulation import SimulationSettings
-from tools.simulate.stations import PAPER_COUNT
-from tools.simulate.trajectories import SPACING
 
 SPACED = ("survey", "lawnmower")  # the trajectories that heed a spacing
 LAWN_COUNT = 200

@@ -10,16 +10,16 @@ from pydantic import ConfigDict, TypeAdapter, ValidationError
 from scipy.spatial.transform import RigidTransform
 
 from kernels.errors import InputError
-from slam.trajectory import Trajectory
+from slam.graph.trajectory import Trajectory
 from spectral.scan import Scan
-from tools.simulate.dive import check_dive, entropy_of
-from tools.simulate.ghosts import reflect
-from tools.simulate.noise import Noise, measure
-from tools.simulate.scenes import SCENES, build_scene
-from tools.simulate.sensors import ECLIPSE, Sensor, cast
-from tools.simulate.stations import paper18
-from tools.simulate.trajectories import SPACING, TABLE1_COUNT, TABLE1_MOST, lawnmower, loop, survey, table1
-from tools.simulate.unusable import Fault, spoil
+from tools.simulate.paths.dive import check_dive, entropy_of
+from tools.simulate.paths.stations import paper18
+from tools.simulate.paths.trajectories import SPACING, TABLE1_COUNT, TABLE1_MOST, lawnmower, loop, survey, table1
+from tools.simulate.scenes.scene import SCENES, build_scene
+from tools.simulate.sensing.ghosts import reflect
+from tools.simulate.sensing.noise import Noise, measure
+from tools.simulate.sensing.sensors import ECLIPSE, Sensor, cast
+from tools.simulate.sensing.unusable import Fault, spoil
 
 # Of a survey where nothing else is said: speckle in full, as every single sonar image has it
 SURVEY_NOISE = Noise(sigma2=1.0, outliers=0.01, dropouts=0.05, ghosts=0.02, speckle=1.0)
@@ -37,8 +37,8 @@ class SimulationSettings:
         sensor: what to see with; SENSORS holds the known ones.
         noise: what it does to the echoes.
         seed: of the scene, the waves and the noise.
-        dive: 1, or another pass over the same scene, see tools/simulate/dive.py.
-        unusable: share of the scans that show nothing of the scene, see tools/simulate/unusable.py.
+        dive: 1, or another pass over the same scene, see tools/simulate/paths/dive.py.
+        unusable: share of the scans that show nothing of the scene, see tools/simulate/sensing/unusable.py.
     """
 
     __pydantic_config__: ClassVar[ConfigDict] = ConfigDict(extra="forbid")

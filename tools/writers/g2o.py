@@ -7,11 +7,11 @@ import numpy as np
 from scipy.spatial.transform import RigidTransform
 
 from kernels.errors import InputError
-from slam.edge import inverse_definite
-from slam.pose_graph import PoseGraph
-from slam.trajectory import Trajectory
-from tools.atomic import atomic_path
-from tools.readers.g2o import EDGE, FIX, TRANSLATION_LAST, UPPER, VERTEX
+from slam.graph.edge import inverse_definite
+from slam.graph.pose_graph import PoseGraph
+from slam.graph.trajectory import Trajectory
+from tools.readers.poses.g2o import EDGE, FIX, TRANSLATION_LAST, UPPER, VERTEX
+from tools.writers.atomic import atomic_path
 from tools.writers.tum import pose_numbers
 
 

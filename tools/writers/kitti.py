@@ -2,8 +2,8 @@
 
 from pathlib import Path
 
-from slam.trajectory import Trajectory
-from tools.atomic import atomic_path
+from slam.graph.trajectory import Trajectory
+from tools.writers.atomic import atomic_path
 
 
 def write_kitti(path: Path, trajectory: Trajectory) -> None:

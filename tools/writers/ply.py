@@ -5,7 +5,7 @@ from pathlib import Path
 
 import numpy as np
 
-from tools.atomic import atomic_path
+from tools.writers.atomic import atomic_path
 from tools.writers.records import pack_records
 
 _TYPES = {

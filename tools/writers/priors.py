@@ -1,4 +1,4 @@
-"""Priors of scans as a CSV file, in the columns of `tools.instruments`."""
+"""Priors of scans as a CSV file, in the columns of `tools.readers.instruments`."""
 
 import csv
 from collections.abc import Sequence
@@ -7,8 +7,8 @@ from pathlib import Path
 import numpy as np
 
 from spectral.scan import PosePrior
-from tools.atomic import atomic_path
-from tools.instruments import COLUMNS, SIGMA_COLUMNS, sigmas_of, values_of
+from tools.readers.instruments import COLUMNS, SIGMA_COLUMNS, sigmas_of, values_of
+from tools.writers.atomic import atomic_path
 
 
 def write_priors(path: Path, names: Sequence[str], priors: Sequence[PosePrior]) -> None:

@@ -11,15 +11,15 @@ from typing import Any
 
 import numpy as np
 
-from slam.crossing import CrossingError
-from slam.point_map import PointMap
-from slam.sigma import worst_sigmas
-from slam.survey import SurveyResult
-from slam.trial import Pair
+from slam.graph.sigma import worst_sigmas
+from slam.map.crossing import CrossingError
+from slam.map.point_map import PointMap
+from slam.mapper import SurveyResult
+from slam.pair import Pair
 from spectral.result import Registration
-from tools.atomic import atomic_path
-from tools.parts import placed, unplaced
-from tools.readers import Unread
+from tools.project.parts import placed, unplaced
+from tools.readers.scans import Unread
+from tools.writers.atomic import atomic_path
 
 PACKAGES = ("sonarmap", "numpy", "scipy", "pyopencl", "gtsam", "open3d")
 

@@ -2,7 +2,7 @@
 
 from typing import Any
 
-from slam.account import Account
+from slam.execute.timings import Account
 from tools.bench.machine import peak_memory
 
 

@@ -5,8 +5,8 @@ from pathlib import Path
 import numpy as np
 from scipy.spatial.transform import RigidTransform
 
-from slam.trajectory import Trajectory
-from tools.atomic import atomic_path
+from slam.graph.trajectory import Trajectory
+from tools.writers.atomic import atomic_path
 
 HEADER = "# stamp [s] tx ty tz [m] qx qy qz qw: T_world_sensor\n"
 

@@ -3,17 +3,17 @@
 import numpy as np
 import scipy.fft
 
-from kernels.layers import normalize_layers
-from kernels.polar import polar_magnitude
-from kernels.rotate import rotate
-from kernels.sphere import (
+from kernels.points.rotate import rotate
+from kernels.points.voxelize import voxelize
+from kernels.resample.layers import normalize_layers
+from kernels.resample.polar import polar_magnitude
+from kernels.resample.sphere import (
     rectangular_unwrap,
     rotational_unwrap,
     sample,
     upload_directions,
     valid_pixels,
 )
-from kernels.voxelize import voxelize
 from tools.bench import twins
 from tools.bench.case import RESAMPLED, Case, volume_bytes
 from tools.bench.workload import R, Workload

@@ -2,9 +2,9 @@
 
 import numpy as np
 
-from kernels.peak import segment_peaks
-from kernels.so3 import RotationCorrelation, wigner_d
-from kernels.visibility import agreement, upload_points
+from kernels.points.visibility import agreement, upload_points
+from kernels.pomf.peak import segment_peaks
+from kernels.so3.correlation import RotationCorrelation, wigner_d
 from tools.bench import twins
 from tools.bench.case import Case
 from tools.bench.workload import BANDWIDTH, Workload

@@ -2,8 +2,8 @@
 
 import numpy as np
 
-from kernels.peak import find_peaks
-from kernels.spectrum import Pomf, cross_power, magnitude, whiten
+from kernels.pomf.peak import find_peaks
+from kernels.pomf.spectrum import Pomf, cross_power, magnitude, whiten
 from tools.bench import twins
 from tools.bench.case import BLUR, ELEMENTWISE, WHITENED, Case, half_bytes, transform_bytes, valid
 from tools.bench.workload import Workload

@@ -6,7 +6,7 @@ from typing import Any
 import numpy as np
 import scipy.fft
 
-from kernels.fft import ComplexFFT, RealFFT
+from kernels.fft.transform import ComplexFFT, RealFFT
 from tools.bench import twins
 from tools.bench.case import FFT, Case, transform_bytes, valid, volume_bytes
 from tools.bench.copy_rate import copier

@@ -1,0 +1,160 @@
+"""Fourier transforms of three-dimensional arrays on a device, in single precision."""
+
+from typing import Literal
+
+import numpy as np
+import pyopencl as cl
+import pyopencl.array as cla
+
+from kernels.errors import DeviceError
+from kernels.fft import cpu as fft_cpu
+from kernels.fft import gpu as fft_gpu
+from kernels.fft.plan import EDGES, Layout
+from kernels.opencl.device import Device
+from kernels.opencl.launch import buffer_of, output, require_array
+
+Flavor = Literal["cpu", "gpu"]
+
+
+class _Transform:
+    """The kernels of one direction, built once."""
+
+    def __init__(self, device: Device, layout: Layout, inverse: bool, flavor: Flavor | None) -> None:
+        cpu = device.is_cpu if flavor is None else flavor == "cpu"
+        if not cpu:
+            _require_groups(device, layout)
+        plan = (fft_cpu if cpu else fft_gpu).emit(layout, inverse)
+        program = device.build(plan.source, name="fft")
+        self._device = device
+        self._launches = [
+            (cl.Kernel(program, step.kernel), (step.groups * step.group_size,), (step.group_size,))
+            for step in plan.passes
+        ]
+
+    def __call__(self, *arrays: cla.Array) -> None:
+        buffers: list = [buffer_of(self._device, array) for array in arrays]
+        with self._device.telling_when_full():
+            for kernel, size, group in self._launches:
+                kernel.set_args(*buffers)
+                cl.enqueue_nd_range_kernel(self._device.queue, kernel, size, group)
+
+
+def _require_groups(device: Device, layout: Layout) -> None:
+    """Refuse an edge whose work-groups the device cannot run."""
+    items = min(device.cl_device.max_work_group_size, device.cl_device.max_work_item_sizes[0])
+    local = device.cl_device.local_mem_size
+    most = max(layout.row_points, *(layout.shape[1:2] if layout.batched else layout.shape[:2]))
+    if fft_gpu.group_size(most) <= items and fft_gpu.local_bytes(most) <= local:
+        return
+    fitting = [n for n in EDGES if fft_gpu.group_size(n) <= items and fft_gpu.local_bytes(n) <= local]
+    remedy = f"Use a smaller --grid: {fitting[-1]} points would do" if fitting else "Use another device"
+    raise DeviceError(
+        f"a Fourier transform of {most} points needs work-groups of {fft_gpu.group_size(most)} and "
+        f"{fft_gpu.local_bytes(most) / 1024:g} KiB of local memory; {device.name} has {items} and "
+        f"{local / 1024:g} KiB. {remedy}."
+    )
+
+
+class RealFFT:
+    """Real to complex transforms, over all three axes or, batched, over the last two.
+
+    Signs and scales are NumPy's (`rfftn`, `irfftn`): forward is unscaled, inverse divides by the number of
+    transformed points. Work is queued in order; nothing waits.
+
+    Attributes:
+        shape: of the real array, float32.
+        half_shape: of its spectrum, complex64, (n0, n1, n2 / 2 + 8): [..., :n2 / 2 + 1] is valid and the
+            rest of each row padding.
+    """
+
+    def __init__(
+        self,
+        device: Device,
+        shape: tuple[int, int, int],
+        batched: bool = False,
+        flavor: Flavor | None = None,
+    ) -> None:
+        """Build the kernels.
+
+        Args:
+            device: what to run on.
+            shape: edges; a transformed one is a power of two from 16 to 512.
+            batched: transform axes 1 and 2 only; axis 0 may then have any length.
+            flavor: how the kernels are written; None: as suits the device.
+
+        Raises:
+            InputError: an edge has no transform.
+            DeviceError: the device is too small for an edge, or the program does not build.
+        """
+        layout = Layout(shape, real=True, batched=batched)
+        self.shape, self.half_shape = layout.shape, layout.spectrum_shape
+        self._device = device
+        self._forward = _Transform(device, layout, False, flavor)
+        self._inverse = _Transform(device, layout, True, flavor)
+
+    def forward(self, volume: cla.Array, out: cla.Array | None = None) -> cla.Array:
+        """The half spectrum of a real array, which is left untouched.
+
+        Args:
+            volume: float32 of `shape`.
+            out: complex64 of `half_shape` to write to; None: a new one, whose first touch can take
+                longer than the transform.
+
+        Raises:
+            InputError: an array is not of that shape and type, or not in C order.
+            DeviceError: the device cannot hold the result.
+        """
+        require_array(volume, "volume", self.shape)
+        spectrum = output(self._device, out, "out", self.half_shape, np.complex64)
+        self._forward(volume, spectrum)
+        return spectrum
+
+    def inverse(self, spectrum: cla.Array, out: cla.Array | None = None) -> cla.Array:
+        """The real array of a half spectrum, which is overwritten.
+
+        Args:
+            spectrum: complex64 of `half_shape`.
+            out: float32 of `shape` to write to; None: a new one, as in `forward`.
+
+        Raises:
+            InputError: an array is not of that shape and type, or not in C order.
+            DeviceError: the device cannot hold the result.
+        """
+        require_array(spectrum, "spectrum", self.half_shape, np.complex64)
+        volume = output(self._device, out, "out", self.shape)
+        self._inverse(volume, spectrum)
+        return volume
+
+
+class ComplexFFT:
+    """Complex transforms in place, over all three axes or, batched, over the last two; see `RealFFT`.
+
+    Attributes:
+        shape: of the points transformed.
+        padded_shape: of the array, complex64, (n0, n1, n2 + 8): [..., :n2] is valid and the rest padding.
+    """
+
+    def __init__(
+        self,
+        device: Device,
+        shape: tuple[int, int, int],
+        batched: bool = False,
+        flavor: Flavor | None = None,
+    ) -> None:
+        """Build the kernels; arguments and errors are those of `RealFFT`."""
+        layout = Layout(shape, real=False, batched=batched)
+        self.shape, self.padded_shape = layout.shape, layout.spectrum_shape
+        self._forward = _Transform(device, layout, False, flavor)
+        self._inverse = _Transform(device, layout, True, flavor)
+
+    def forward(self, array: cla.Array) -> cla.Array:
+        """Replace an array, complex64 of `padded_shape`, by its spectrum, and return it."""
+        require_array(array, "array", self.padded_shape, np.complex64)
+        self._forward(array)
+        return array
+
+    def inverse(self, array: cla.Array) -> cla.Array:
+        """Replace a spectrum, complex64 of `padded_shape`, by its array, and return it."""
+        require_array(array, "array", self.padded_shape, np.complex64)
+        self._inverse(array)
+        return array

@@ -1,0 +1,249 @@
+"""Choose and list OpenCL devices, build programs once, check memory before it is taken.
+
+An OpenCL context must never be inherited by a forked process: spawn workers, and let each make its own `Device`.
+"""
+
+import os
+import warnings
+from collections.abc import Iterator
+from contextlib import contextmanager
+from dataclasses import dataclass
+from functools import cached_property
+
+import numpy as np
+import pyopencl as cl
+import pyopencl.array as cla
+from pyopencl.array import Array
+
+from kernels.errors import DeviceError
+from kernels.opencl.selection import Entry, by_preference, kind, matching
+from kernels.opencl.source import KERNEL_FOLDER, inline_includes, literal, telling_line
+
+__all__ = ["Array", "Device", "DeviceInfo", "choose_device", "list_devices"]
+
+NO_PLATFORM = (
+    "no OpenCL platform was found. A CPU device comes with PoCL: install it with "
+    "'pip install pyopencl[pocl]' or 'apt install pocl-opencl-icd'; a GPU's comes with its driver."
+)
+
+_PROBE = "__kernel void probe(__global float8* x) { x[get_global_id(0)] = fma(x[get_global_id(0)], 2.0f, 1.0f); }"
+
+_FULL = (cl.status_code.OUT_OF_RESOURCES, cl.status_code.OUT_OF_HOST_MEMORY)
+
+
+@dataclass(frozen=True, slots=True)
+class DeviceInfo:
+    """One OpenCL device as `sonarmap devices` lists it.
+
+    Attributes:
+        selector: what `--device` takes to choose it, "platform:device".
+        name, platform, version, kind: as the driver gives them; kind is "cpu", "gpu" or "other".
+        compute_units: number of cores or multiprocessors.
+        memory, largest_allocation: [bytes].
+        fault: why it cannot be used, or "" where a trial kernel ran and gave the right numbers.
+    """
+
+    selector: str
+    name: str
+    platform: str
+    version: str
+    kind: str
+    compute_units: int
+    memory: int
+    largest_allocation: int
+    fault: str
+
+
+class Device:
+    """A context and an in-order queue on one device, with the programs built for it.
+
+    Attributes:
+        cl_device, context, queue: PyOpenCL's.
+        selector: "platform:device" by number, as `sonarmap devices` lists it; "" where it was not chosen from a list.
+        notes: sentences that a user should read: which preferred devices were passed over, and why.
+    """
+
+    def __init__(self, device: cl.Device, selector: str = "", notes: tuple[str, ...] = ()) -> None:
+        self.cl_device, self.selector, self.notes = device, selector, notes
+        self.context = cl.Context([device])
+        self.queue = cl.CommandQueue(self.context)
+        self._programs: dict[tuple[str, tuple[str, ...]], cl.Program] = {}
+
+    @property
+    def name(self) -> str:
+        """The device's name, as its driver gives it."""
+        return self.cl_device.name.strip()
+
+    @property
+    def memory(self) -> int:
+        """Memory of the device [bytes]."""
+        return self.cl_device.global_mem_size
+
+    @property
+    def platform(self) -> str:
+        """The version text of its OpenCL platform, which names the driver."""
+        return self.cl_device.platform.version.strip()
+
+    @cached_property
+    def is_cpu(self) -> bool:
+        """Whether kernels should be emitted in their CPU flavor (explicit vectors, no barriers)."""
+        return bool(self.cl_device.type & cl.device_type.CPU)
+
+    def program(self, name: str, **defines: int | float) -> cl.Program:
+        """The program of `kernels/<name>.cl`, built once per context and set of macro definitions."""
+        options = tuple(f"-D{key}={literal(value)}" for key, value in sorted(defines.items()))
+        return self.build((KERNEL_FOLDER / f"{name}.cl").read_text(encoding="utf-8"), options, name)
+
+    def build(self, source: str, options: tuple[str, ...] = (), name: str = "generated") -> cl.Program:
+        """Build OpenCL C source, once per context; the build log is in the error.
+
+        Sources can include the files of this folder by name, as in `#include "opencl/complex.cl"`.
+        """
+        key = (source, options)
+        if key not in self._programs:
+            try:
+                with warnings.catch_warnings():
+                    warnings.simplefilter("ignore", cl.CompilerWarning)
+                    self._programs[key] = cl.Program(self.context, inline_includes(source)).build([*options])
+            except cl.Error as error:
+                raise DeviceError(
+                    f"the OpenCL program '{name}' did not build on {self.name} ({self.platform}):\n{error}"
+                ) from None
+        return self._programs[key]
+
+    def empty(self, shape: tuple[int, ...], dtype: type | np.dtype = np.float32) -> cla.Array:
+        """An uninitialized array on the device; its size is checked first."""
+        self.require(int(np.prod(shape, dtype=np.int64)) * np.dtype(dtype).itemsize)
+        with self.telling_when_full():
+            return cla.empty(self.queue, shape, dtype)
+
+    def to_device(self, host: np.ndarray) -> cla.Array:
+        """A copy of a host array on the device; its size is checked first."""
+        self.require(host.nbytes)
+        with self.telling_when_full():
+            return cla.to_device(self.queue, np.ascontiguousarray(host))
+
+    @contextmanager
+    def telling_when_full(self) -> Iterator[None]:
+        """Tell a user what to do where the driver has no memory left.
+
+        Other programs use the device's memory too, and many drivers take it at the first launch that needs it: an
+        allocation that should fit can fail, or a launch after it.
+
+        Raises:
+            DeviceError: in place of PyOpenCL's error.
+        """
+        try:
+            yield
+        except (cl.MemoryError, cl.RuntimeError) as error:
+            if not isinstance(error, cl.MemoryError) and error.code not in _FULL:
+                raise
+            raise DeviceError(
+                f"{self.name} has no memory or other resources left for this ({error}). "
+                "Use a smaller --grid, or end other programs."
+            ) from None
+
+    def require(self, largest: int, total: int = 0, hint: str = "a smaller --grid") -> None:
+        """Refuse work that the device cannot hold.
+
+        Args:
+            largest: size of the largest single array [bytes].
+            total: size of all arrays together [bytes].
+            hint: what the message tells the user to try.
+
+        Raises:
+            DeviceError: saying what is needed and what the device has.
+        """
+        limit, memory = self.cl_device.max_mem_alloc_size, self.memory
+        if largest > limit or total > memory:
+            raise DeviceError(
+                f"this needs {_size(max(total, largest))} on the device, {_size(largest)} of it in one piece; "
+                f"{self.name} has {_size(memory)}, and gives at most {_size(limit)} in one piece. Use {hint}."
+            )
+
+
+def list_devices() -> list[DeviceInfo]:
+    """Every OpenCL device, each tried with a small kernel. Raises DeviceError where there is no platform."""
+    return [_describe(selector, device) for selector, device in _devices()]
+
+
+def choose_device(selector: str | None = None) -> Device:
+    """The device to work on, of those meant the most preferred that works: GPUs come before CPUs.
+
+    Args:
+        selector: "platform:device" as `sonarmap devices` lists them, each a number or a part of a name ("0:0",
+            "pocl:0"), a platform's number ("0", its first device), "cpu", "gpu", or a part of a device's or its
+            platform's name or version ("3090", "pocl"). None: what the environment variable PYOPENCL_CTX says in
+            the same form, else any. `kernels.opencl.selection.by_preference` tells the order.
+
+    Returns:
+        The device; its `notes` tell which ones were passed over.
+
+    Raises:
+        DeviceError: nothing matches, or nothing that matches works; the message lists what is there.
+    """
+    wanted = selector or os.environ.get("PYOPENCL_CTX") or ""
+    faults = []
+    for label, device in by_preference(matching(wanted, _devices())):
+        fault = _fault(device)
+        if not fault:
+            used = f"{label} {device.name.strip()}"
+            return Device(device, label, tuple(f"{broken}. {used} is used instead." for broken in faults))
+        faults.append(f"{label} {device.name.strip()} does not work: {fault}")
+    raise DeviceError(
+        (f"no OpenCL device that matches '{wanted}' works. " if wanted.strip() else "no OpenCL device works. ")
+        + "; ".join(faults)
+        + ". The PoCL that pip brings does not know processors newer than itself; "
+        + "'apt install pocl-opencl-icd' brings one that falls back to what the processor can do."
+    )
+
+
+def _devices() -> list[Entry]:
+    try:
+        platforms = cl.get_platforms()
+    except cl.Error:
+        platforms = []
+    found = []
+    for p, platform in enumerate(platforms):
+        try:
+            found += [(f"{p}:{d}", device) for d, device in enumerate(platform.get_devices())]
+        except cl.Error:  # a platform without devices is not an error of ours
+            continue
+    if not found:
+        raise DeviceError(NO_PLATFORM)
+    return found
+
+
+def _fault(device: cl.Device) -> str:
+    """Run a small kernel and look at its numbers; say in a few words what went wrong, or nothing."""
+    try:
+        trial = Device(device)
+        program = trial.build(_PROBE)
+        numbers = np.arange(64, dtype=np.float32)
+        flags = cl.mem_flags.READ_WRITE | cl.mem_flags.COPY_HOST_PTR
+        buffer = cl.Buffer(trial.context, flags, hostbuf=numbers)
+        cl.Kernel(program, "probe")(trial.queue, (8,), (1,), buffer)
+        result = np.empty_like(numbers)
+        cl.enqueue_copy(trial.queue, result, buffer)
+        right = bool(np.array_equal(result, 2 * numbers + 1))
+        return "" if right else "a trial kernel gave wrong numbers"
+    except (cl.Error, DeviceError) as error:
+        return telling_line(str(error))
+
+
+def _describe(label: str, device: cl.Device) -> DeviceInfo:
+    return DeviceInfo(
+        selector=label,
+        name=device.name.strip(),
+        platform=device.platform.name.strip(),
+        version=f"{device.version.strip()}, driver {device.driver_version.strip()}",
+        kind=kind(device),
+        compute_units=device.max_compute_units,
+        memory=device.global_mem_size,
+        largest_allocation=device.max_mem_alloc_size,
+        fault=_fault(device),
+    )
+
+
+def _size(count: int) -> str:
+    return f"{count / 2**30:.2f} GiB" if count >= 2**30 else f"{count / 2**20:.0f} MiB"

@@ -1,0 +1,141 @@
+"""Launch kernels and check their arrays: what every kernel's Python face does in the same way."""
+
+from typing import cast
+from weakref import WeakKeyDictionary
+
+import numpy as np
+import pyopencl as cl
+import pyopencl.array as cla
+from pyopencl import cltypes
+
+from kernels.errors import InputError
+from kernels.opencl.device import Device
+
+# PyOpenCL makes a new kernel object at every `program.name`, and reading a source costs more than a launch.
+_KERNELS: WeakKeyDictionary[Device, dict[tuple, cl.Kernel]] = WeakKeyDictionary()
+_TABLES: WeakKeyDictionary[Device, dict[tuple, cla.Array]] = WeakKeyDictionary()
+_TABLES_KEPT = 128
+_CLEARED = 4096  # bytes of one work-item
+
+
+def launch(
+    device: Device,
+    program: str,
+    kernel: str,
+    size: tuple[int, ...],
+    *arguments: cla.Array | np.generic,
+    group: tuple[int, ...] | None = None,
+    **defines: int | float,
+) -> None:
+    """Enqueue one kernel of `kernels/<program>.cl`; the kernel object is made once per device.
+
+    Args:
+        size: number of work-items along each dimension.
+        arguments: device arrays (a slice along the first axis will do) and NumPy scalars.
+        group: work-group size. None: one item on a CPU, where an item is a row and its loop is what is
+            vectorized; what the driver chooses elsewhere.
+        defines: macros of the program.
+
+    Raises:
+        InputError: a slice begins where the device can pass no buffer.
+        DeviceError: the program does not build, or the device has no memory left.
+    """
+    kernels = _KERNELS.setdefault(device, {})
+    key = (program, kernel, *defines.items())
+    if key not in kernels:
+        kernels[key] = cl.Kernel(device.program(program, **defines), kernel)
+    if group is None and device.is_cpu:
+        group = (1,) * len(size)
+    values = [buffer_of(device, value) if isinstance(value, cla.Array) else value for value in arguments]
+    with device.telling_when_full():
+        kernels[key](device.queue, size, group, *values)
+
+
+def buffer_of(device: Device, array: cla.Array) -> cl.Buffer:
+    """The memory of a device array as a kernel takes it; of a slice along the first axis, its part.
+
+    Raises:
+        InputError: the slice begins where the device can pass no buffer.
+    """
+    if not array.offset:
+        return _base(array)
+    alignment = device.cl_device.mem_base_addr_align // 8
+    if array.offset % alignment:
+        raise InputError(
+            f"a slice of a device array begins {array.offset} bytes into it; {device.name} wants "
+            f"a multiple of {alignment}: copy the slice first"
+        )
+    return _base(array).get_sub_region(array.offset, array.nbytes)
+
+
+def zero(device: Device, array: cla.Array) -> None:
+    """Fill an array with zero bytes (`Array.fill` is 50 times slower on PoCL, whose own fill has one thread)."""
+    if device.is_cpu and array.nbytes % _CLEARED == 0:
+        launch(device, "opencl/clear", "clear", (array.nbytes // _CLEARED,), array, BYTES=_CLEARED)
+        return
+    pattern = np.zeros(1, np.float32)
+    with device.telling_when_full():
+        cl.enqueue_fill_buffer(device.queue, _base(array), pattern, array.offset, array.nbytes)
+
+
+def table(device: Device, values: np.ndarray) -> cla.Array:
+    """A small constant array on the device, uploaded once and found again by its content."""
+    tables = _TABLES.setdefault(device, {})
+    key = (values.tobytes(), values.shape, values.dtype.str)
+    if key not in tables:
+        if len(tables) >= _TABLES_KEPT:
+            del tables[next(iter(tables))]
+        tables[key] = device.to_device(values)
+    return tables[key]
+
+
+def affine(R: np.ndarray | None = None, offset: np.ndarray | None = None) -> np.void:
+    """A rotation and a shift as one float16 kernel argument: rows of [R | offset] in s0123, s4567, s89ab.
+
+    Raises:
+        InputError: R is not a (3, 3) rotation, or the offset is not 3 finite numbers.
+    """
+    turn = np.eye(3) if R is None else np.asarray(R, np.float64)
+    shift = np.zeros(3) if offset is None else np.asarray(offset, np.float64)
+    if turn.shape != (3, 3) or not np.allclose(turn @ turn.T, np.eye(3), atol=1e-4):
+        raise InputError(f"R is {turn.tolist()}; wanted a (3, 3) rotation matrix")
+    if np.linalg.det(turn) < 0:
+        raise InputError(f"R is {turn.tolist()}, a reflection; wanted a (3, 3) rotation matrix: negate one axis")
+    if shift.shape != (3,) or not np.isfinite(shift).all():
+        raise InputError(f"the offset is {shift.tolist()}; wanted 3 finite numbers")
+    rows = np.eye(4)
+    rows[:3] = np.column_stack([turn, shift])
+    return cltypes.make_float16(*rows.ravel())  # pyright: ignore[reportAttributeAccessIssue]
+
+
+def require_array(
+    array: cla.Array, what: str, shape: tuple[int | None, ...], dtype: type = np.float32
+) -> tuple[int, ...]:
+    """The shape of a device array that has the wanted shape (None: any length), dtype and C order.
+
+    Raises:
+        InputError: saying what it is and what was wanted.
+    """
+    fits = len(array.shape) == len(shape) and all(
+        wanted in (None, length) for wanted, length in zip(shape, array.shape, strict=True)
+    )
+    if not fits or array.dtype != dtype or not array.flags.c_contiguous:
+        wanted = ", ".join("any" if length is None else str(length) for length in shape)
+        raise InputError(
+            f"{what} is {array.dtype} of shape {array.shape}; wanted {np.dtype(dtype)} of shape ({wanted}), in C order"
+        )
+    return array.shape
+
+
+def output(
+    device: Device, out: cla.Array | None, what: str, shape: tuple[int, ...], dtype: type = np.float32
+) -> cla.Array:
+    """The caller's array, checked, or a new one."""
+    if out is None:
+        return device.empty(shape, dtype)
+    require_array(out, what, shape, dtype)
+    return out
+
+
+def _base(array: cla.Array) -> cl.Buffer:
+    return cast(cl.Buffer, array.base_data)

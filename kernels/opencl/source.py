@@ -1,0 +1,32 @@
+"""OpenCL C text: numbers as literals, included files put in place, the line of a build log that tells."""
+
+import re
+from numbers import Integral
+from pathlib import Path
+
+import numpy as np
+
+KERNEL_FOLDER = Path(__file__).parents[1]
+
+_INCLUDE = re.compile(r'^[ \t]*#[ \t]*include[ \t]+"([^"]+)"[ \t]*$', re.MULTILINE)
+_NOT_LOG = ("Build on <", "(options:", "(source saved as")  # what PyOpenCL puts around a driver's log
+
+
+def literal(value: int | float | np.number) -> str:
+    """A number as OpenCL C: a whole one as it is, any other in single precision, read back to the same bits."""
+    return str(int(value)) if isinstance(value, Integral) else f"{float(np.float32(value))!r}f"
+
+
+def inline_includes(source: str) -> str:
+    """The source with each line `#include "x.cl"` replaced by that file of this folder.
+
+    An include path would do the same, but drivers differ in how they read a path that holds a space.
+    """
+    return _INCLUDE.sub(lambda found: inline_includes((KERNEL_FOLDER / found[1]).read_text(encoding="utf-8")), source)
+
+
+def telling_line(error: str) -> str:
+    """The line of an error's text that says most: the first with 'error' in it, else the last of the log."""
+    lines = [line.strip() for line in error.splitlines()]
+    lines = [line for line in lines if line and not line.startswith(_NOT_LOG)]
+    return next((line for line in lines if "error" in line.lower()), lines[-1] if lines else "it gave no reason")

@@ -1,0 +1,192 @@
+"""Half spectra of real volumes: magnitude, whitening, cross-power.
+
+The arrays are half spectra as `kernels.fft.transform` makes them: complex64 (n0, n1, n2/2 + 8), of which the last axis
+is valid up to n2/2 (docs/conventions.md).
+"""
+
+import numpy as np
+import pyopencl.array as cla
+
+from kernels.errors import InputError
+from kernels.fft.transform import RealFFT
+from kernels.opencl.device import Device
+from kernels.opencl.launch import launch, output, require_array, table
+
+_WHITEN_AT_ONCE = 8
+_ROWS_AT_ONCE = 8
+
+
+def magnitude(device: Device, spectrum: cla.Array, edge: int, out: cla.Array | None = None) -> cla.Array:
+    """The magnitude of a volume's half spectrum, centered in axes 0 and 1.
+
+    Args:
+        spectrum: (edge, edge, edge/2 + 8) complex64.
+        edge: a multiple of 16.
+        out: (edge, edge, edge/2 + 1) float32 to write to.
+
+    Returns:
+        (edge, edge, edge/2 + 1) float32: index i of axes 0 and 1 is frequency i - edge/2, axis 2 is from 0.
+
+    Raises:
+        InputError: the spectrum, the edge or out do not fit each other.
+    """
+    _require_edges(edge)
+    half, pitch = edge // 2, edge // 2 + 8
+    require_array(spectrum, "spectrum", (edge, edge, pitch), np.complex64)
+    result = output(device, out, "out", (edge, edge, half + 1))
+    sizes = (np.int32(edge), np.int32(edge), np.int32(half), np.int32(pitch))
+    launch(device, "pomf/spectrum", "magnitude", (edge, edge), spectrum, result, *sizes)
+    return result
+
+
+def whiten(device: Device, spectrum: cla.Array, out: cla.Array | None = None) -> cla.Array:
+    """F / |F|, and 0 where |F| is below 1e-9, infinite or not a number.
+
+    Args:
+        spectrum: complex64 of any shape whose last axis is a multiple of 8.
+        out: the same shape, to write to; may be the spectrum itself.
+
+    Raises:
+        InputError: the dtype, the order or the last axis is another.
+    """
+    shape = require_array(spectrum, "spectrum", (None,) * spectrum.ndim, np.complex64)
+    if shape[-1] % _WHITEN_AT_ONCE:
+        raise InputError(f"the spectrum's last axis has {shape[-1]} numbers; wanted a multiple of 8, as n/2 + 8 is")
+    result = output(device, out, "out", shape, np.complex64)
+    group = (32,) if (spectrum.size // _WHITEN_AT_ONCE) % 32 == 0 else None
+    launch(device, "pomf/spectrum", "whiten", (spectrum.size // _WHITEN_AT_ONCE,), spectrum, result, group=group)
+    return result
+
+
+def cross_power(
+    device: Device,
+    target: cla.Array,
+    source: cla.Array,
+    shape: tuple[int, int, int],
+    blur: float = 0.0,
+    batched: bool = False,
+    out: cla.Array | None = None,
+) -> cla.Array:
+    """target conj(source), blurred: the spectrum of the correlation of two whitened half spectra.
+
+    Args:
+        target, source: (n0, n1, n2/2 + 8) complex64, whitened.
+        shape: (n0, n1, n2), of the volumes.
+        blur: standard deviation of the Gaussian that the correlation is convolved with [voxels]: the
+            product is weighted with exp(-2 pi^2 blur^2 |f|^2), f in cycles per voxel.
+        batched: axis 0 counts images; transforms and blur are along axes 1 and 2 only.
+        out: like target, to write to; may be target or source itself. Its padding is set to 0.
+
+    Raises:
+        InputError: the arrays do not fit the shape, or the blur is negative.
+    """
+    n0, n1, n2 = shape
+    pitch = _require_pair(target, source, shape)
+    result = output(device, out, "out", (n0, n1, pitch), np.complex64)
+    gain0 = np.ones(n0, np.float32) if batched else _gain(n0, blur)
+    gains = [table(device, gain) for gain in (gain0, _gain(n1, blur), _half_gain(n2, blur))]
+    sizes = np.int32(n1), np.int32(pitch)
+    # on a CPU a work-group costs as much as a short row
+    group = (_ROWS_AT_ONCE, 1) if device.is_cpu and n1 % _ROWS_AT_ONCE == 0 else None
+    launch(device, "pomf/spectrum", "cross_power", (n1, n0), target, source, result, *gains, *sizes, group=group)
+    return result
+
+
+def sum_layers(
+    device: Device,
+    target: cla.Array,
+    source: cla.Array,
+    shape: tuple[int, int, int],
+    blur: float = 0.0,
+    out: cla.Array | None = None,
+) -> cla.Array:
+    """The cross-power of batched images, summed over the images: arguments and errors as in `cross_power`.
+
+    Returns:
+        (1, n1, n2/2 + 8) complex64: the spectrum of the sum of the images' correlations.
+    """
+    n0, n1, n2 = shape
+    pitch = _require_pair(target, source, shape)
+    result = output(device, out, "out", (1, n1, pitch), np.complex64)
+    gains = table(device, _gain(n1, blur)), table(device, _half_gain(n2, blur))
+    sizes = np.int32(n0), np.int32(n1), np.int32(pitch)
+    launch(device, "pomf/spectrum", "sum_layers", (pitch // 8, n1), target, source, result, *gains, *sizes)
+    return result
+
+
+def _require_edges(*edges: int) -> None:
+    if any(edge < 16 or edge % 16 for edge in edges):
+        raise InputError(f"transformed axes have {edges} voxels; wanted multiples of 16, as powers of two are")
+
+
+def _require_pair(target: cla.Array, source: cla.Array, shape: tuple[int, int, int]) -> int:
+    n0, n1, n2 = shape
+    _require_edges(n2)
+    pitch = n2 // 2 + 8
+    require_array(target, "target", (n0, n1, pitch), np.complex64)
+    require_array(source, "source", (n0, n1, pitch), np.complex64)
+    return pitch
+
+
+def _gain(n: int, blur: float) -> np.ndarray:
+    """(n,) float32: the Gaussian along one axis, at the frequencies of a full transform."""
+    if not blur >= 0:
+        raise InputError(f"the blur is {blur} voxels; wanted 0 or more")
+    return np.exp(-2 * (np.pi * blur * np.fft.fftfreq(n)) ** 2).astype(np.float32)
+
+
+def _half_gain(n: int, blur: float) -> np.ndarray:
+    """(n/2 + 8,) float32: the Gaussian along the halved axis, 0 in the padding."""
+    gain = np.zeros(n // 2 + 8, np.float32)
+    gain[: n // 2 + 1] = _gain(n, blur)[: n // 2 + 1]
+    return gain
+
+
+class Pomf:
+    """Phase-only matched filtering (Sect. 2.1 of the paper) of volumes, or of images in batches.
+
+    The correlation of `prepare`d target and source peaks at the shift s (cyclic) with
+    target(x) = source(x - s): the source has to move by +s.
+    """
+
+    def __init__(self, device: Device, shape: tuple[int, int, int], blur: float = 0.0, batched: bool = False) -> None:
+        """Plan the transforms.
+
+        Args:
+            shape: (n0, n1, n2) of the volumes; with batched, n0 counts images.
+            blur: standard deviation of the Gaussian that correlations are convolved with [voxels].
+            batched: transform along axes 1 and 2 only.
+
+        Raises:
+            InputError: a transformed axis is not a power of two that the FFT takes, or the blur is negative.
+            DeviceError: the device cannot hold the volumes.
+        """
+        self.device, self.shape, self.blur, self.batched = device, shape, blur, batched
+        self._fft = RealFFT(device, shape, batched=batched)
+        image = (1, shape[1], shape[2])
+        self._image_fft = RealFFT(device, image, batched=True) if batched else None
+        self._scratch: cla.Array | None = None
+
+    def prepare(self, volume: cla.Array, out: cla.Array | None = None) -> cla.Array:
+        """The whitened half spectrum (n0, n1, n2/2 + 8), complex64, of a float32 volume.
+
+        An array to write to saves a fresh one's page faults, which cost as much as the transform.
+        """
+        spectrum = self._fft.forward(volume, out=out)
+        return whiten(self.device, spectrum, out=spectrum)
+
+    def correlate(self, target: cla.Array, source: cla.Array, out: cla.Array | None = None) -> cla.Array:
+        """The correlation (n0, n1, n2), float32, of two prepared volumes (batched: image by image)."""
+        self._scratch = cross_power(self.device, target, source, self.shape, self.blur, self.batched, out=self._scratch)
+        return self._fft.inverse(self._scratch, out=out)
+
+    def correlate_layers(self, target: cla.Array, source: cla.Array) -> cla.Array:
+        """The sum (n1, n2), float32, over the images' correlations, of two prepared batches.
+
+        Raises:
+            InputError: this was not made for batches, or the spectra have another shape.
+        """
+        if self._image_fft is None:
+            raise InputError("correlate_layers sums over images: make the Pomf with batched=True")
+        summed = sum_layers(self.device, target, source, self.shape, self.blur)
+        return self._image_fft.inverse(summed).reshape(self.shape[1:])

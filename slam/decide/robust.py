@@ -1,0 +1,229 @@
+"""Pose graphs some of whose measurements are wrong: which to believe, and the optimum of those.
+
+Graduated non-convexity with truncated least squares (Yang, Antonante, Tzoumas and Carlone, RA-L 2020,
+DOI 10.1109/LRA.2020.2965893), by GTSAM. What it is given first is bounded: a few hundred wrong loops fill the equations
+so much that a step takes seconds. The loops that the most others bear out come first, then those which the estimate
+does not contradict.
+"""
+
+from collections.abc import Iterable, Sequence
+from dataclasses import dataclass
+
+import gtsam
+import numpy as np
+from scipy.cluster.hierarchy import DisjointSet
+from scipy.spatial.transform import RigidTransform
+from scipy.special import gammaincinv
+
+from slam.decide.agreement import agreeing_groups
+from slam.graph.edge import Edge, spanning_tree
+from slam.graph.gtsam_poses import to_values
+from slam.graph.path import bridges, surest_covariances
+from slam.graph.pose_graph import PoseGraph, Solution, factors_of
+from slam.graph.trajectory import chain
+
+PROBABILITY = 0.999  # of a right measurement to be within the bound
+FIRST = 200  # loops with which to begin, unless a single group of more agrees with itself
+_ROUNDS = 4
+_GATE = 1 - 1e-6  # probability of a right loop not to be contradicted by an estimate
+
+
+@dataclass(frozen=True, slots=True)
+class RobustSolution:
+    """What is believed, and where the poses are then.
+
+    Attributes:
+        solution: of the graph of the accepted edges alone, in their order.
+        accepted: (E,) bool, of the edges that were given.
+        residuals: (E,) float64, every edge's residual there in sigmas.
+        reasons: (E,) in words, why each was accepted or rejected.
+    """
+
+    solution: Solution
+    accepted: np.ndarray
+    residuals: np.ndarray
+    reasons: tuple[str, ...]
+
+
+def robust_optimize(
+    graph: PoseGraph,
+    trusted: Iterable[int] = (),
+    probability: float = PROBABILITY,
+    chain_worth: float | None = None,
+) -> RobustSolution:
+    """Reject the measurements that the others contradict, and optimize what is left.
+
+    The initial estimate is the chain of the edges, consecutive ones before loops; the graph's own is only that of the
+    poses it holds. Priors, and edges without which the graph would fall apart, are always accepted.
+
+    Args:
+        graph: of any number of components.
+        trusted: indices of edges that are right whatever the others say.
+        probability: that a right measurement stays within the bound, in the optimum.
+        chain_worth: loops that an edge between consecutive scans outweighs where they contradict it; None trusts the
+            chain, as loops that a place's twin led to may agree with each other in any number.
+
+    Raises:
+        InputError: the equations have no unique or no finite solution.
+    """
+    edges, bound = graph.edges, _chi_squared(probability, 6)
+    told = _told(graph, trusted)
+    graph = graph.held(chain(edges, graph.trajectory.stamps).T_world_sensor)
+    active = _first(graph, told)
+    tried = active.astype(int)
+    accepted, solution = _believed(graph, active, told, bound, chain_worth)
+    for _ in range(_ROUNDS - 1):
+        graph = graph.at(solution.trajectory.T_world_sensor)
+        others = np.flatnonzero(~accepted & (tried < 2))
+        others = others[_plausible(solution, [edges[k] for k in others])]
+        if not len(others):
+            break
+        active = accepted.copy()
+        active[others] = True
+        tried += active
+        accepted, solution = _believed(graph, active, told, bound, chain_worth)
+    graph = graph.at(solution.trajectory.T_world_sensor)
+    return RobustSolution(solution, accepted, graph.residuals(), _reasons(graph, accepted, tried, told, bound))
+
+
+def _chi_squared(probability: float, degrees: int) -> float:
+    """What chi-squared stays below with this probability; scipy.stats has it too, and takes half a second to import."""
+    return float(2 * gammaincinv(degrees / 2, probability))
+
+
+def _told(graph: PoseGraph, trusted: Iterable[int]) -> np.ndarray:
+    """(E,) bool: what is not to be judged."""
+    told = np.array([edge.kind == "prior" for edge in graph.edges], bool)
+    told[[*trusted, *bridges(len(graph.trajectory), graph.edges)]] = True
+    return told
+
+
+def _first(graph: PoseGraph, told: np.ndarray) -> np.ndarray:
+    """(E,) bool: what to begin with: all but loops, what joins the components, and the largest groups that agree."""
+    edges, count = graph.edges, len(graph.trajectory)
+    tree = spanning_tree(count, edges)
+    joining = {id(edge) for edge in tree}
+    active = told | np.array([edge.kind != "loop" or id(edge) in joining for edge in edges], bool)
+    loops = np.flatnonzero(~active)
+    T = graph.trajectory.T_world_sensor
+    groups = agreeing_groups(T, tree, [edges[k] for k in loops], _chi_squared(_GATE, 6))
+    sizes = np.bincount(groups, minlength=1)
+    for group in np.lexsort((np.arange(len(sizes)), -sizes)):
+        if active[loops].sum() >= FIRST:
+            break
+        active[loops[groups == group]] = True
+    return active
+
+
+def _believed(
+    graph: PoseGraph, active: np.ndarray, told: np.ndarray, bound: float, chain_worth: float | None
+) -> tuple[np.ndarray, Solution]:
+    """Which of the active edges to believe, (E,) bool, and the optimum of those.
+
+    Where a wrong loop is far off, the least squares of everything, which graduated non-convexity begins with, tear the
+    chain apart and it may end in a poor optimum. With the chain trusted it does not, but then a wrong edge of the chain
+    cannot be found. Both are tried, and the lower truncated cost is believed, an edge of the chain counting for more.
+    """
+    sequential = np.array([edge.kind == "sequential" for edge in graph.edges], bool)
+    if chain_worth is None:
+        accepted = _graduated(graph, active, told | sequential, bound)
+        return accepted, graph.keep(accepted).optimize()
+    most = bound * np.where(sequential, chain_worth, 1)
+    best: tuple[float, np.ndarray, Solution] | None = None
+    for trusted in (told | sequential, told):
+        accepted = _graduated(graph, active, trusted, bound)
+        solution = graph.keep(accepted).optimize()
+        squared = graph.at(solution.trajectory.T_world_sensor).residuals() ** 2
+        cost = float(np.where(accepted, squared, most)[active].sum())
+        if best is None or cost < best[0]:
+            best = cost, accepted, solution
+        if (active & ~accepted).sum() <= chain_worth:  # then no edge of the chain can be worth less
+            break
+    assert best is not None
+    return best[1:]
+
+
+def _graduated(graph: PoseGraph, active: np.ndarray, told: np.ndarray, bound: float) -> np.ndarray:
+    """(E,) bool: which of the active edges graduated non-convexity believes."""
+    chosen = np.flatnonzero(active)
+    factors = factors_of(graph.keep(active))
+    known = [*np.flatnonzero(told[chosen]).tolist(), *range(len(chosen), factors.size())]
+    inner = gtsam.LevenbergMarquardtParams()
+    inner.setRelativeErrorTol(1e-4)
+    settings = gtsam.GncLMParams(inner)
+    settings.setKnownInliers(known)
+    settings.setRelativeCostTol(0.0)  # a cost that rests while every weight is still soft is no end
+    optimizer = gtsam.GncLMOptimizer(factors, to_values(graph.trajectory.T_world_sensor), settings)
+    optimizer.setInlierCostThresholds(bound / 2)  # GTSAM's cost has a factor 1/2
+    optimizer.optimize()
+    weights = optimizer.getWeights()[: len(chosen)]
+    accepted = np.zeros(len(active), bool)
+    accepted[chosen[weights > 0.5]] = True
+    return _rejoined(graph, accepted, chosen[np.lexsort((chosen, -weights))])
+
+
+def _rejoined(graph: PoseGraph, accepted: np.ndarray, ranked: np.ndarray) -> np.ndarray:
+    """With the best of the rejected edges where the graph has fallen apart."""
+    joined = DisjointSet(range(len(graph.trajectory)))
+    for k in np.flatnonzero(accepted):
+        joined.merge(graph.edges[k].i, graph.edges[k].j)
+    accepted = accepted.copy()
+    for k in ranked:
+        if not accepted[k]:
+            accepted[k] = joined.merge(graph.edges[k].i, graph.edges[k].j)
+    return accepted
+
+
+def _plausible(solution: Solution, others: Sequence[Edge]) -> np.ndarray:
+    """(m,) bool: which of other edges an estimate does not contradict, as sure as it is.
+
+    Covariances that are stated too large would let nearly everything pass: they are scaled by the largest factor of
+    their variances that the believed edges' own agreement leaves possible, where that is below 1.
+    """
+    if not others:
+        return np.zeros(0, bool)
+    T = solution.trajectory.T_world_sensor
+    joint = np.stack([edge.registration.covariance for edge in others])
+    joint += surest_covariances(T, solution.graph.edges, np.array([(edge.i, edge.j) for edge in others]))
+    squared = np.zeros(len(others))
+    known = np.isfinite(joint).all(axis=(1, 2))  # what no way joins contradicts nothing
+    squared[known] = _squared(_errors(T, others)[known], joint[known])
+    return squared <= _stated_too_large(solution) * _chi_squared(_GATE, 6)
+
+
+def _stated_too_large(solution: Solution) -> float:
+    """Of the variances, at most 1: chi-squared over the least that so many degrees of freedom give by chance."""
+    if solution.degrees_of_freedom < 1:
+        return 1.0
+    return min(1.0, solution.chi_squared_after / _chi_squared(1 - _GATE, solution.degrees_of_freedom))
+
+
+def _errors(T: RigidTransform, edges: Sequence[Edge]) -> np.ndarray:
+    """(m, 6), of measured and estimated: tangents rotation first, in the body of j."""
+    measured = RigidTransform.concatenate([edge.registration.T_target_source for edge in edges])
+    j = T[[edge.j for edge in edges]]
+    prior = np.array([edge.kind == "prior" for edge in edges])[:, None, None]
+    i = RigidTransform.from_matrix(np.where(prior, np.eye(4), T[[edge.i for edge in edges]].as_matrix()))
+    return (measured.inv() * i.inv() * j).as_exp_coords()
+
+
+def _squared(errors: np.ndarray, covariances: np.ndarray) -> np.ndarray:
+    return np.einsum("na,na->n", errors, np.linalg.solve(covariances, errors[:, :, None])[:, :, 0])
+
+
+def _reasons(
+    graph: PoseGraph, accepted: np.ndarray, tried: np.ndarray, told: np.ndarray, bound: float
+) -> tuple[str, ...]:
+    residuals = graph.residuals()
+    words = []
+    for k in range(len(graph.edges)):
+        apart = f"{residuals[k]:.1f} sigmas, {np.sqrt(bound):.1f} allowed"
+        if told[k]:
+            words.append("accepted: trusted, or the only tie between two parts")
+        elif accepted[k]:
+            words.append(f"accepted: agrees with the others to {apart}")
+        elif tried[k]:
+            words.append(f"rejected: the edges that agree with each other leave it {apart}")
+        else:
+            words.append(f"rejected: the estimate without it contradicts it: {apart}")
+    return tuple(words)

@@ -1,0 +1,244 @@
+"""Poses and the edges between them, optimized by GTSAM.
+
+Conventions are GTSAM's own (docs/conventions.md): tangents rotation first, perturbations on the right, so
+that covariances go over unchanged.
+"""
+
+from dataclasses import dataclass, replace
+
+import gtsam
+import numpy as np
+from scipy.spatial.transform import RigidTransform
+
+from kernels.errors import InputError
+from slam.graph.edge import Edge, components
+from slam.graph.gtsam_poses import START_SIGMA, chordal_start, to_pose3, to_transforms, to_values
+from slam.graph.prior_factors import GAUGE_SIGMA, gauge_factors, prior_factors, unmeasured
+from slam.graph.trajectory import Trajectory
+from spectral.result import Registration
+from spectral.scan import PosePrior
+
+
+@dataclass(frozen=True, slots=True)
+class PoseGraph:
+    """An estimate and the measurements it has to agree with.
+
+    Attributes:
+        trajectory: the initial estimate of N poses.
+        edges: measurements; their covariances are used in full and as they are.
+        fixed: poses held at their initial estimate.
+        priors: (pose, what instruments measured of it); the trajectory is in their world (`place_in_world`).
+
+    Every connected component needs a tie to the world: its fixed poses or its priors are that tie, and where it has
+    neither, its first pose is held (`anchors`). What no instrument measures of any of its poses is held there too.
+
+    Raises:
+        InputError: an edge or a fixed pose that names a pose which is not there.
+    """
+
+    trajectory: Trajectory
+    edges: tuple[Edge, ...]
+    fixed: tuple[int, ...] = ()
+    priors: tuple[tuple[int, PosePrior], ...] = ()
+
+    def __post_init__(self) -> None:
+        count = len(self.trajectory)
+        for edge in self.edges:
+            if max(edge.i, edge.j) >= count:
+                raise InputError(f"{edge.name} names a pose which is not among the {count} of the trajectory")
+        if any(not 0 <= pose < count for pose in self.fixed):
+            raise InputError(f"fixed poses {self.fixed}: wanted indices below {count}, the number of poses")
+        if any(not 0 <= pose < count for pose, _ in self.priors):
+            raise InputError(f"a prior names a pose which is not among the {count} of the trajectory")
+
+    @property
+    def components(self) -> tuple[tuple[int, ...], ...]:
+        """The sets of poses that edges join, in the order of their first poses."""
+        return components(len(self.trajectory), self.edges)
+
+    @property
+    def anchors(self) -> tuple[int, ...]:
+        """The poses held where they are: the fixed, and the first of a component that nothing else holds."""
+        held = {edge.i for edge in self.edges if edge.kind == "prior"}.union(self.fixed, dict(self.priors))
+        first = (members[0] for members in self.components if held.isdisjoint(members))
+        return tuple(sorted({*self.fixed, *first}))
+
+    @property
+    def loose(self) -> list[tuple[int, np.ndarray]]:
+        """The first pose of each component whose priors do not tell all, and (6,) bool what they do not tell."""
+        priors = dict(self.priors)
+        measured = (members for members in self.components if not set(self.anchors).intersection(members))
+        found = [(members[0], unmeasured(members, priors)) for members in measured if set(priors).intersection(members)]
+        return [(pose, free) for pose, free in found if free.any()]
+
+    @property
+    def chi_squared(self) -> float:
+        """The sum of the edges' squared residuals in sigmas, at the trajectory as it is."""
+        return 2 * factors_of(self).error(to_values(self.trajectory.T_world_sensor))
+
+    def at(self, T_world_sensor: RigidTransform) -> "PoseGraph":
+        """The same edges, with these N poses."""
+        return replace(self, trajectory=Trajectory(self.trajectory.stamps, T_world_sensor))
+
+    def keep(self, chosen: np.ndarray) -> "PoseGraph":
+        """The graph with those of its E edges alone that `chosen`, (E,) bool, says."""
+        kept = tuple(edge for edge, take in zip(self.edges, chosen, strict=True) if take)
+        return replace(self, edges=kept)
+
+    def residuals(self) -> np.ndarray:
+        """(E,) float64, each edge's residual at the trajectory as it is, in sigmas."""
+        factors, values = factors_of(self), to_values(self.trajectory.T_world_sensor)
+        return _residuals(factors, values, len(self.edges))
+
+    def from_edges(self) -> "PoseGraph":
+        """The same graph with an initial estimate that its edges alone tell (`chordal_start`); anchors stay.
+
+        Raises:
+            InputError: the edges do not tell every pose.
+        """
+        try:
+            started = chordal_start(factors_of(self, START_SIGMA), len(self.trajectory))
+        except RuntimeError as error:
+            raise self.unsolvable(error) from error
+        return self.held(started)
+
+    def held(self, T_world_sensor: RigidTransform) -> "PoseGraph":
+        """The same edges with these N poses, each component moved so that its anchors are where they were.
+
+        One whose place is measured is moved so that its first measured pose is where it was.
+        """
+        given, matrices = self.trajectory.T_world_sensor, T_world_sensor.as_matrix()
+        anchors, priors = self.anchors, dict(self.priors)
+        for members in self.components:
+            inside = sorted(set(anchors).intersection(members)) or sorted(set(priors).intersection(members))[:1]
+            if inside:
+                moved = given[inside[0]] * T_world_sensor[inside[0]].inv() * T_world_sensor[list(members)]
+                matrices[list(members)] = moved.as_matrix()
+                matrices[inside] = given[inside].as_matrix()
+        return self.at(RigidTransform.from_matrix(matrices))
+
+    def unsolvable(self, error: RuntimeError) -> InputError:
+        """What to say where GTSAM cannot solve for the poses."""
+        return InputError(
+            f"the pose graph of {len(self.trajectory)} poses and {len(self.edges)} edges has no unique "
+            f"solution ({str(error).strip().splitlines()[0]}); look for covariances that are far too "
+            "large or too small"
+        )
+
+    def optimize(self, max_iterations: int = 100) -> "Solution":
+        """The poses of least squared residual, by Levenberg-Marquardt from the initial estimate.
+
+        Raises:
+            InputError: the equations have no unique or no finite solution.
+        """
+        factors, initial = factors_of(self), to_values(self.trajectory.T_world_sensor)
+        options = gtsam.LevenbergMarquardtParams()
+        options.setMaxIterations(max_iterations)
+        options.setRelativeErrorTol(1e-9)
+        options.setAbsoluteErrorTol(1e-9)
+        try:
+            optimizer = gtsam.LevenbergMarquardtOptimizer(factors, initial, options)
+            optimum = optimizer.optimize()
+            marginals = gtsam.Marginals(factors, optimum)
+        except RuntimeError as error:
+            raise self.unsolvable(error) from error
+        unknowns = 6 * (len(self.trajectory) - len(self.anchors)) - sum(int(free.sum()) for _, free in self.loose)
+        measured = 6 * len(self.edges) + sum(int(np.isfinite(prior.sigmas).sum()) for _, prior in self.priors)
+        return Solution(
+            graph=self.at(to_transforms(optimum, len(self.trajectory))),
+            chi_squared_before=2 * factors.error(initial),
+            chi_squared_after=2 * factors.error(optimum),
+            degrees_of_freedom=measured - unknowns,
+            iterations=optimizer.iterations(),
+            converged=optimizer.iterations() < max_iterations,
+            residuals=_residuals(factors, optimum, len(self.edges)),
+            _marginals=marginals,
+        )
+
+
+@dataclass(frozen=True, slots=True)
+class Solution:
+    """An optimized pose graph.
+
+    Attributes:
+        graph: the same edges, with the optimized trajectory.
+        chi_squared_before, chi_squared_after: sum of squared residuals in sigmas, at the initial estimate
+            and at the optimum; of a good graph the latter is about `degrees_of_freedom`.
+        degrees_of_freedom: measured numbers less free ones.
+        iterations, converged: of the optimizer, and whether it came to rest before the limit.
+        residuals: (E,) float64, each edge's residual in sigmas (the Mahalanobis length of its six numbers).
+    """
+
+    graph: PoseGraph
+    chi_squared_before: float
+    chi_squared_after: float
+    degrees_of_freedom: int
+    iterations: int
+    converged: bool
+    residuals: np.ndarray
+    _marginals: gtsam.Marginals
+
+    @property
+    def trajectory(self) -> Trajectory:
+        """The optimized poses."""
+        return self.graph.trajectory
+
+    def covariances(self) -> np.ndarray:
+        """(N, 6, 6): each pose's, rotation first [rad, m], body tangent, against its component's anchor."""
+        return np.stack([self._marginals.marginalCovariance(k) for k in range(len(self.trajectory))])
+
+    def relative(self, i: int, j: int) -> tuple[RigidTransform, np.ndarray]:
+        """T_i_j as the graph estimates it, and its (6, 6) covariance, from the joint marginal of both poses.
+
+        With T_i Exp(a) and T_j Exp(b) the relative pose is T_i_j Exp(b - Ad(T_j_i) a), to first order. Both
+        poses have to be in one component.
+
+        Raises:
+            InputError: covariances so small that the equations cannot be solved for it.
+        """
+        T = self.trajectory.T_world_sensor
+        T_i_j = T[i].inv() * T[j]
+        try:
+            joint = self._marginals.jointMarginalCovariance([i, j])
+        except RuntimeError as error:
+            raise self.graph.unsolvable(error) from error
+        stacked = np.block([[joint.at(i, i), joint.at(i, j)], [joint.at(j, i), joint.at(j, j)]])
+        jacobian = np.hstack([-to_pose3(T_i_j.inv()).AdjointMap(), np.eye(6)])
+        return T_i_j, jacobian @ stacked @ jacobian.T
+
+    def distance(self, i: int, j: int, registration: Registration) -> float:
+        """How far a registration that is no edge is from the poses [sigmas], under its covariance and theirs."""
+        T_i_j, covariance = self.relative(i, j)
+        xi = (T_i_j.inv() * registration.T_target_source).as_exp_coords()
+        return float(np.sqrt(xi @ np.linalg.solve(covariance + registration.covariance, xi)))
+
+
+def _residuals(factors: gtsam.NonlinearFactorGraph, values: gtsam.Values, count: int) -> np.ndarray:
+    """Of the first `count` factors, which are the edges'."""
+    return np.array([np.sqrt(2 * factors.at(k).error(values)) for k in range(count)])
+
+
+def factors_of(graph: PoseGraph, gauge_sigma: float = GAUGE_SIGMA) -> gtsam.NonlinearFactorGraph:
+    """One factor per edge, in their order, then those of the anchors and priors."""
+    factors = gtsam.NonlinearFactorGraph()
+    for edge in graph.edges:
+        factors.add(edge_factor(edge))
+    gauge = gtsam.noiseModel.Isotropic.Sigma(6, gauge_sigma)
+    T = graph.trajectory.T_world_sensor
+    for pose in graph.anchors:
+        factors.add(gtsam.PriorFactorPose3(pose, to_pose3(T[pose]), gauge))
+    for factor in prior_factors(dict(graph.priors), T):
+        factors.add(factor)
+    for pose, free in graph.loose:
+        for factor in gauge_factors(pose, free, T[pose]):
+            factors.add(factor)
+    return factors
+
+
+def edge_factor(edge: Edge) -> gtsam.NonlinearFactor:
+    """What one edge says, for GTSAM."""
+    measured = to_pose3(edge.registration.T_target_source)
+    noise = gtsam.noiseModel.Gaussian.Covariance(edge.registration.covariance)
+    if edge.kind == "prior":
+        return gtsam.PriorFactorPose3(edge.i, measured, noise)
+    return gtsam.BetweenFactorPose3(edge.i, edge.j, measured, noise)

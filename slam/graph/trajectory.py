@@ -1,0 +1,81 @@
+"""Stamped poses."""
+
+from collections import defaultdict, deque
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+import numpy as np
+from scipy.spatial.transform import RigidTransform
+
+from kernels.errors import InputError
+from slam.graph.edge import Edge, components, spanning_tree
+
+
+@dataclass(frozen=True, slots=True)
+class Trajectory:
+    """Where the sensor was, scan by scan.
+
+    Attributes:
+        stamps: (N,) float64 [s, UTC], in the order of the scans; a counter where there is no time. Two dives
+            in one survey, or files named out of order, may step back in time.
+        T_world_sensor: N poses, p_world = T_world_sensor p_sensor [m].
+
+    Raises:
+        InputError: no pose, a single transform instead of a stack, another number of stamps, or a stamp that
+            is not finite.
+    """
+
+    stamps: np.ndarray
+    T_world_sensor: RigidTransform
+
+    def __post_init__(self) -> None:
+        if self.T_world_sensor.single or len(self.T_world_sensor) == 0:
+            raise InputError("a trajectory wants a stack of at least one pose; give RigidTransform of shape (N,)")
+        if self.stamps.dtype != np.float64 or self.stamps.shape != (len(self.T_world_sensor),):
+            raise InputError(
+                f"stamps are {self.stamps.dtype} of shape {self.stamps.shape}; wanted float64 of shape "
+                f"({len(self.T_world_sensor)},), one per pose"
+            )
+        if not np.isfinite(self.stamps).all():
+            raise InputError(f"stamp {int(np.argmin(np.isfinite(self.stamps)))} is not finite; wanted seconds")
+        if not np.isfinite(self.T_world_sensor.translation).all():
+            raise InputError("a pose of the trajectory has a translation that is not finite; wanted meters")
+
+    def __len__(self) -> int:
+        return len(self.stamps)
+
+    def take(self, indices: Sequence[int]) -> "Trajectory":
+        """The poses of these indices, in their order."""
+        chosen = np.asarray(indices, dtype=np.intp)
+        return Trajectory(self.stamps[chosen], self.T_world_sensor[chosen])
+
+
+def chain(edges: Sequence[Edge], stamps: np.ndarray) -> Trajectory:
+    """Poses by composing edges outward from the first pose of every component.
+
+    Consecutive edges are followed wherever they reach; loops only join what they leave apart. A component starts at
+    its first prior, or at the identity where it has none: poses of two components without priors share no frame.
+
+    Args:
+        edges: measurements between poses 0..N-1.
+        stamps: (N,) float64 [s], of the poses.
+    """
+    count = len(stamps)
+    neighbors: dict[int, list[tuple[int, RigidTransform]]] = defaultdict(list)
+    for edge in spanning_tree(count, edges):
+        T_i_j = edge.registration.T_target_source
+        neighbors[edge.i].append((edge.j, T_i_j))
+        neighbors[edge.j].append((edge.i, T_i_j.inv()))
+    priors = {edge.i: edge.registration.T_target_source for edge in reversed(edges) if edge.kind == "prior"}
+    T_world: dict[int, RigidTransform] = {}
+    for members in components(count, edges):
+        first = next((pose for pose in members if pose in priors), members[0])
+        T_world[first] = priors.get(first, RigidTransform.identity())
+        reached = deque([first])
+        while reached:
+            i = reached.popleft()
+            for j, T_i_j in neighbors[i]:
+                if j not in T_world:
+                    T_world[j] = T_world[i] * T_i_j
+                    reached.append(j)
+    return Trajectory(stamps, RigidTransform.concatenate([T_world[pose] for pose in range(count)]))

@@ -1,0 +1,83 @@
+"""What a scan tells of its own beams: how they are spaced, how much their ranges scatter, whether they start at one."""
+
+from dataclasses import dataclass
+
+import numpy as np
+from scipy.spatial import KDTree
+
+# So many beams of a scan are looked at, each with its nearest by direction; and in so many groups by range.
+_SAMPLE, _NEIGHBORS, _GROUPS = 1500, 11, 8
+# A scan was seen from one viewpoint if so many beams are about as long as those around them: within so many voxels and
+# this share of the range. The same as of `spectral.prepare.range_image`.
+_SINGLE, _SPREAD, _SLOPE = 0.8, 2.0, 0.03
+_MAD = 1.4826  # standard deviation of a Gaussian whose median absolute deviation is 1
+_FLOOR = 0.02  # least scatter of a range [voxels]: no fit is better than the surface is flat
+
+
+@dataclass(frozen=True, slots=True)
+class Beams:
+    """The beams of one scan.
+
+    Attributes:
+        ranges: (K,) float64, ascending [m], at which `sigmas` are known.
+        sigmas: (K,) float64, standard deviations of a range about what the beams around it say [m].
+        spacing: usual angle between neighboring beams [rad].
+        single: whether the points were seen from the origin: not so a map, or a sweep that was put together.
+    """
+
+    ranges: np.ndarray
+    sigmas: np.ndarray
+    spacing: float
+    single: bool
+
+    def sigma(self, ranges: np.ndarray) -> np.ndarray:
+        """(N,) float64 standard deviations of ranges (N,) [m]."""
+        return np.interp(ranges, self.ranges, self.sigmas)
+
+
+def beams_of(points: np.ndarray, voxel: float) -> Beams:
+    """Measure a scan's beams by a sample of them.
+
+    Over a plane the inverse of the range is linear in the beam's direction, so a fit of that to the nearest beams
+    leaves the scatter of the ranges, however steep the plane. Wild echoes are left out of the fits, which use neither
+    the shortest nor the longest of the beams around, and edges and what is wild itself do not move the median.
+
+    Args:
+        points: (N, 3) float [m, sensor frame].
+        voxel: of the map [m].
+    """
+    points = points.astype(np.float64)
+    ranges = np.linalg.norm(points, axis=1)
+    floor = _FLOOR * voxel
+    if len(points) <= _NEIGHBORS or not ranges.min() > 0:
+        return Beams(np.array([0.0]), np.array([max(floor, voxel / np.sqrt(12))]), 0.0, single=False)
+    directions = points / ranges[:, None]
+    sample = np.arange(0, len(points), -(-len(points) // _SAMPLE))
+    angles, near = KDTree(directions).query(directions[sample], _NEIGHBORS)
+    around = ranges[near]
+    off = np.abs(ranges[sample] - np.median(around, axis=1))
+    single = bool((off <= _SPREAD * voxel + _SLOPE * ranges[sample]).mean() >= _SINGLE)
+    if not single:  # a point may lie anywhere in its voxel
+        return Beams(np.array([0.0]), np.array([voxel / np.sqrt(12)]), 0.0, single=False)
+    residual = np.abs(_residuals(directions[near], around))
+    groups = np.array_split(np.argsort(ranges[sample], kind="stable"), _GROUPS)
+    return Beams(
+        ranges=np.array([np.median(ranges[sample][group]) for group in groups]),
+        sigmas=np.maximum([_MAD * np.median(residual[group]) for group in groups], floor),
+        spacing=float(np.median(angles[:, 1])),
+        single=True,
+    )
+
+
+def _residuals(directions: np.ndarray, ranges: np.ndarray) -> np.ndarray:
+    """(m,) how far the first of each (m, k) ranges is from the plane fitted to the others, and as much more as the fit
+    itself errs [m]; directions (m, k, 3)."""
+    kept = 1 + np.argsort(ranges[:, 1:], axis=1, kind="stable")[:, 1:-1]
+    around = np.take_along_axis(directions, kept[:, :, None], axis=1)
+    inverse = 1 / np.take_along_axis(ranges, kept, axis=1)
+    # beams of a row lie in a plane with the sensor: the third component is then anything, and no matter
+    solver = np.linalg.pinv(np.einsum("mki,mkj->mij", around, around), hermitian=True)
+    first = directions[:, 0]
+    misfit = 1 / ranges[:, 0] - np.einsum("mi,mij,mkj,mk->m", first, solver, around, inverse, optimize=True)
+    leverage = np.einsum("mi,mij,mj->m", first, solver, first)
+    return ranges[:, 0] ** 2 * misfit / np.sqrt(1 + leverage)

@@ -1,0 +1,207 @@
+"""The paper's registration of two scans: the seven steps of Sect. 2.11, in order, on one screen."""
+
+from dataclasses import dataclass, field, replace
+from time import perf_counter
+
+import numpy as np
+from scipy.spatial.transform import RigidTransform, Rotation
+
+from kernels.errors import InputError
+from kernels.opencl.device import Array, Device
+from spectral.grid import Grid
+from spectral.hemisphere.acceptance import Acceptance, judge, tilt_allowed, tilt_reach
+from spectral.hemisphere.layers import Hemisphere, LayerSpectra
+from spectral.hemisphere.match import SAME_SHIFT, Hypothesis, by_peak, differ
+from spectral.memory import require_memory
+from spectral.overlap import overlap, unwrap
+from spectral.prepare.prepared import Prepared, Preparer
+from spectral.result import Registration
+from spectral.rotation_search import search_rotation
+from spectral.scan import Scan
+from spectral.translation import Translation
+from spectral.verify.covariance import peak_covariance
+
+
+@dataclass(frozen=True, slots=True)
+class HemisphereConfig:
+    """How to register.
+
+    Attributes:
+        yaw_peaks: how many yaw peaks are followed, each with its + 180 degrees; 1 is the paper.
+        max_tilt: largest roll and largest pitch between two scans [rad] (Sect. 2.7).
+        refinements: how often yaw and then roll and pitch are estimated again, on what the first round left over;
+            0 is the paper.
+        final_refinements: how often more for the hypothesis that the translation chose.
+        search: whether its rotation is then moved to where the translation's peak is highest; False is the paper.
+        windowed: whether the unwraps that yaw is read from are windowed, as in the paper. On structures that are seen
+            whole a window makes yaw exact; on what a sensor sees of them it costs a few of the right hypotheses.
+        use_strength: whether voxels hold the echo strength instead of the paper's occupancy.
+        centered: whether each scan's grid is centered on its points; else on the origin of its frame, and what lies
+            outside is lost, as where volumes are shifted out of their frame in the paper's Sect. 3.
+        acceptance: what makes a registration believed.
+    """
+
+    yaw_peaks: int = 6
+    max_tilt: float = float(np.deg2rad(35.0))
+    refinements: int = 1
+    final_refinements: int = 2
+    search: bool = True
+    windowed: bool = False
+    use_strength: bool = False
+    centered: bool = True
+    acceptance: Acceptance = field(default_factory=Acceptance)
+
+    def __post_init__(self) -> None:
+        if self.yaw_peaks < 1 or self.refinements < 0 or self.final_refinements < 0:
+            raise InputError(
+                f"yaw_peaks is {self.yaw_peaks}, refinements {self.refinements} and {self.final_refinements}; "
+                "wanted at least 1, 0 and 0"
+            )
+        if not 0 < self.max_tilt <= np.pi:
+            raise InputError(f"--max-tilt {np.rad2deg(self.max_tilt):g}: wanted above 0 and up to 180 degrees")
+
+    @classmethod
+    def paper(cls, centered: bool = True) -> "HemisphereConfig":
+        """The paper's chain: the seven steps of Sect. 2.11 once, along the highest yaw peak."""
+        once = cls(yaw_peaks=1, refinements=0, final_refinements=0, search=False)
+        return replace(once, windowed=True, centered=centered)
+
+
+@dataclass(frozen=True, slots=True)
+class LayeredScan:
+    """What one scan contributes to every pair: its spectra and, for the steps 1 and 4, its layers' spectra."""
+
+    volume: Prepared
+    layers: LayerSpectra
+
+    @property
+    def magnitude(self) -> Array:
+        """The volume's centered magnitude spectrum."""
+        return self.volume.magnitude
+
+
+class HemisphereRegistrar:
+    """The paper's registration on one device and grid; any two scans it prepared can be registered."""
+
+    # Once the first round is through, what is left is small; the second looks no farther than this [rad].
+    _HEADING_LEFT = float(np.deg2rad(20.0))
+    _TILT_LEFT = float(np.deg2rad(15.0))
+    # The unwraps show one hemisphere: a tilt of 90 degrees would carry its pole to the rim.
+    _LARGEST_TILT = float(np.deg2rad(85.0))
+
+    def __init__(self, device: Device, grid: Grid, config: HemisphereConfig | None = None) -> None:
+        """Plan everything that does not depend on the scans.
+
+        Raises:
+            DeviceError: the device cannot hold what the grid needs.
+        """
+        self.device, self.grid, self.config = device, grid, config or HemisphereConfig()
+        require_memory(device, grid.edge)
+        self.hemisphere = Hemisphere(device, grid.edge, self.config.windowed)
+        self._translation = Translation(device, grid.edge)
+        self._preparer = Preparer(device, grid, self.config.use_strength, self.config.centered)
+        self._warm = False
+
+    def prepare(self, scan: Scan) -> LayeredScan:
+        """What the scan contributes to every pair: its spectra and, for the steps 1 and 4, its layers.
+
+        Raises:
+            InputError: the scan shows too little structure.
+        """
+        volume = self._preparer.prepare(scan)
+        prepared = LayeredScan(volume, self.hemisphere.prepare(volume.magnitude))
+        if not self._warm:
+            self._warm_up(prepared)
+        return prepared
+
+    def _warm_up(self, prepared: LayeredScan) -> None:
+        """Launch every kernel that a pair needs: some drivers compile at the first launch, which takes seconds."""
+        R, volume = Rotation.identity(), prepared.volume
+        self.hemisphere.yaw_candidates(prepared.layers, prepared.layers, 1)
+        self.hemisphere.heading(prepared.layers, prepared.magnitude, R, self._HEADING_LEFT)
+        self.hemisphere.tilt(prepared.layers, prepared.magnitude, R, self._TILT_LEFT)
+        self._translation.find_others(volume, volume, R, SAME_SHIFT)
+        self._warm = True
+
+    def register(self, target: LayeredScan, source: LayeredScan) -> Registration:
+        """Find T_target_source; `accepted` says whether to believe it."""
+        start = perf_counter()
+        hypotheses = sorted(self._hypotheses(target, source), key=by_peak)
+        first = hypotheses[0]
+        others = [other for other in hypotheses if differ(first, other, self.grid.edge)]
+        # the best other answer is refined alike: it may win, and if not, how high it comes out is what to compare with
+        settled = [self._settle(target, source, one) for one in (first, *others[:1])]
+        settled.sort(key=lambda one: (not self._may_tilt(one.R), by_peak(one)))
+        rival = self._rival(target, source, settled[0], settled[1:] + others[1:])
+        return self._conclude(target, source, settled[0], rival, start)
+
+    def _hypotheses(self, target: LayeredScan, source: LayeredScan) -> list[Hypothesis]:
+        """Steps 1 to 7 for each yaw candidate."""
+        found = []
+        # Steps 1, 2: yaw from the rotational unwraps
+        for yaw in self.hemisphere.yaw_candidates(target.layers, source.layers, self.config.yaw_peaks):
+            # Steps 3 to 5: roll and pitch from the rectangular unwraps, the spectrum turned back by yaw
+            reach = min(tilt_reach(self.config.max_tilt), self._LARGEST_TILT)
+            tilt = self.hemisphere.tilt(target.layers, source.magnitude, yaw.R, reach, self._may_tilt)
+            R = yaw.R if tilt is None else tilt.R * yaw.R
+            R = self._refine(target, source, R, self.config.refinements)
+            # Steps 6, 7: the translation, the scan turned back by all three angles
+            peak = self._translation.find(target.volume, source.volume, R)
+            found.append(Hypothesis(R, peak, yaw.psr, 0.0 if tilt is None else tilt.psr))
+        # what the vehicle cannot do must not win; where nothing else is left, it is refused in the end
+        return [one for one in found if self._may_tilt(one.R)] or found
+
+    def _may_tilt(self, R_target_source: Rotation) -> bool:
+        return bool(tilt_allowed(R_target_source, self.config.max_tilt))
+
+    def _refine(self, target: LayeredScan, source: LayeredScan, R: Rotation, rounds: int) -> Rotation:
+        """Estimate yaw, then roll and pitch, again, on what R leaves over."""
+        for _ in range(rounds):
+            heading = self.hemisphere.heading(target.layers, source.magnitude, R, self._HEADING_LEFT)
+            R = R if heading is None else heading.R * R
+            tilt = self.hemisphere.tilt(target.layers, source.magnitude, R, self._TILT_LEFT)
+            R = R if tilt is None else tilt.R * R
+        return R
+
+    def _settle(self, target: LayeredScan, source: LayeredScan, best: Hypothesis) -> Hypothesis:
+        """Refine a hypothesis further; keep what has the higher translation peak."""
+        R, peak = best.R, best.peak
+        for _ in range(self.config.final_refinements):
+            again = self._refine(target, source, R, 1)
+            found = self._translation.find(target.volume, source.volume, again)
+            if found.psr > peak.psr:
+                R, peak = again, found
+        if self.config.search:
+            R, peak = search_rotation(self._translation, target.volume, source.volume, R, peak)
+        return Hypothesis(R, peak, best.yaw_psr, best.tilt_psr)
+
+    def _rival(self, target: LayeredScan, source: LayeredScan, best: Hypothesis, others: list[Hypothesis]) -> float:
+        """The peak-to-sidelobe ratio of the next best answer: another hypothesis, or another shift under the best."""
+        ratios = [other.peak.psr for other in others if differ(best, other, self.grid.edge)]
+        ratios += [peak.psr for peak in self._translation.find_others(target.volume, source.volume, best.R, SAME_SHIFT)]
+        return max(ratios, default=0.0)
+
+    def _conclude(
+        self, target: LayeredScan, source: LayeredScan, best: Hypothesis, rival: float, start: float
+    ) -> Registration:
+        """The transform between the sensor frames, its uncertainty, and whether to believe it."""
+        voxel, R = self.grid.voxel, best.R
+        voxels = unwrap(target.volume, source.volume, R, best.peak.shift, self.grid.edge)
+        shift = target.volume.center + voxels * voxel - R.apply(source.volume.center)
+        share = overlap(target.volume, source.volume, R, voxels)
+        accepted, reason = judge(best, rival, share, self.config.acceptance, self.config.max_tilt, self.grid)
+        return Registration(
+            T_target_source=RigidTransform.from_components(shift, R),
+            covariance=peak_covariance(best.peak, R, source.volume.center, self.grid, self.hemisphere.tilt_bin),
+            psr=best.peak.psr,
+            overlap=share,
+            accepted=accepted,
+            seconds=perf_counter() - start,
+            reason=reason,
+            step_psr=(
+                ("yaw", best.yaw_psr),
+                ("tilt", best.tilt_psr),
+                ("translation", best.peak.psr),
+                ("rival", rival),
+            ),
+        )

@@ -1,0 +1,124 @@
+"""What one scan contributes to every pair, computed once."""
+
+from dataclasses import dataclass
+
+import numpy as np
+from scipy.spatial import KDTree
+
+from kernels.errors import InputError
+from kernels.fft.transform import RealFFT
+from kernels.opencl.device import Array, Device
+from kernels.points.voxelize import voxelize
+from kernels.pomf.spectrum import magnitude, whiten
+from spectral.grid import Grid, scan_center
+from spectral.scan import Scan
+
+# Below so many occupied voxels there is no structure to register.
+_FEWEST_VOXELS = 20
+# A grid that holds a smaller share of a scan's points shows another scan than the one that was given.
+_LEAST_INSIDE = 0.5
+# A scan whose points deviate less than this from their best plane shows nothing but the plane [voxels, deviation].
+_FLATTEST = 0.3
+
+
+@dataclass(frozen=True, slots=True)
+class Prepared:
+    """A scan on the grid, and its spectrum; it lives on the device that prepared it.
+
+    Attributes:
+        name: the scan's.
+        center: (3,) [m, sensor frame], the grid's center.
+        points: device (n, 4) float32 [voxels from the center; weight].
+        surface: (m, 3) float64 [voxels from the center], one point per occupied voxel, also outside the grid.
+        tree: to search among them.
+        magnitude: device (N, N, N/2 + 1) float32, centered magnitude spectrum.
+        spectrum: device (N, N, N/2 + 8) complex64, whitened spectrum of the volume.
+    """
+
+    name: str
+    center: np.ndarray
+    points: Array
+    surface: np.ndarray
+    tree: KDTree
+    magnitude: Array
+    spectrum: Array
+
+
+class Preparer:
+    """Scans to what pairs need, on one device and grid."""
+
+    def __init__(self, device: Device, grid: Grid, use_strength: bool, centered: bool = True) -> None:
+        """Plan the volume and its transform."""
+        self.device, self.grid = device, grid
+        self.use_strength, self.centered = use_strength, centered
+        cube = (grid.edge, grid.edge, grid.edge)
+        self._fft = RealFFT(device, cube)
+        self._volume = device.empty(cube)
+
+    def prepare(self, scan: Scan) -> Prepared:
+        """Voxelize and transform one scan.
+
+        Raises:
+            InputError: the scan has too few occupied voxels, or shows a single plane.
+        """
+        edge = self.grid.edge
+        center = scan_center(scan) if self.centered else np.zeros(3)
+        voxels = self.grid.to_voxels(scan.points, center)
+        cells = np.floor(voxels + np.float32(edge / 2 + 0.5)).astype(np.int64)
+        inside: np.ndarray = np.all((cells >= 0) & (cells < edge), axis=1)
+        self._require_inside(scan.name, float(inside.mean()))
+        surface = _one_per_voxel(voxels, cells)
+        self._require_structure(scan.name, surface)
+        points = self.device.to_device(self._weighted(scan, voxels, inside))
+        voxelize(self.device, points, edge, out=self._volume)
+        spectrum = self._fft.forward(self._volume)
+        centered = magnitude(self.device, spectrum, edge)
+        whiten(self.device, spectrum, out=spectrum)
+        return Prepared(
+            name=scan.name,
+            center=center,
+            points=points,
+            surface=surface,
+            tree=KDTree(surface),
+            magnitude=centered,
+            spectrum=spectrum,
+        )
+
+    def _weighted(self, scan: Scan, voxels: np.ndarray, inside: np.ndarray) -> np.ndarray:
+        """(n, 4) float32: occupancy as in the paper, or echo strength where wanted and present."""
+        weight = np.ones(len(voxels), np.float32)
+        if self.use_strength and scan.strength is not None:
+            strongest = scan.strength[inside].max()
+            weight = scan.strength / strongest if strongest > 0 else weight
+        return np.column_stack([voxels, weight]).astype(np.float32)
+
+    def _require_inside(self, name: str, share: float) -> None:
+        if share < _LEAST_INSIDE:
+            raise InputError(
+                f"{name}: the grid of {self.grid.edge} voxels of {self.grid.voxel:g} m holds {share:.1%} of its "
+                f"points; wanted at least {_LEAST_INSIDE:.0%}. Give larger voxels with --voxel, more of them with "
+                "--grid, or leave --voxel out to have it chosen."
+            )
+
+    def _require_structure(self, name: str, surface: np.ndarray) -> None:
+        size = f"grid of {self.grid.edge} voxels of {self.grid.voxel:.3g} m"
+        if len(surface) < _FEWEST_VOXELS:
+            raise InputError(
+                f"{name}: its points fill {len(surface)} of the voxels, on a {size}; wanted at least {_FEWEST_VOXELS}. "
+                "Give a scan with more structure, or smaller voxels with --voxel."
+            )
+        spread = np.linalg.svd(surface - surface.mean(axis=0), compute_uv=False)[-1] / np.sqrt(len(surface))
+        if spread < _FLATTEST:
+            raise InputError(
+                f"{name}: all its points lie in one plane (they deviate {spread * self.grid.voxel:.2g} m from it, "
+                f"on a {size}): a shift along it cannot be seen. Give a scan with more structure, or "
+                "smaller voxels with --voxel, in which a low relief shows."
+            )
+
+
+def _one_per_voxel(points: np.ndarray, cells: np.ndarray) -> np.ndarray:
+    """The mean (m, 3) of the points of each occupied voxel, in the order of the voxels."""
+    keys = ((cells[:, 0] << 42) + (cells[:, 1] << 21)) + cells[:, 2]  # a cell is within a million of 0
+    _, first, count = np.unique(keys, return_inverse=True, return_counts=True)
+    sums = [np.bincount(first, weights=points[:, axis], minlength=len(count)) for axis in range(3)]
+    return np.column_stack(sums) / count[:, None]

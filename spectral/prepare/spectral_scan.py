@@ -1,0 +1,42 @@
+"""What one scan contributes to every pair of the spectral registration."""
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from kernels.opencl.device import Array
+from spectral.prepare.prepared import Prepared
+from spectral.prepare.range_image import RangeImage
+from spectral.prepare.surface import Surface
+from spectral.scan import PosePrior
+
+
+@dataclass(frozen=True, slots=True)
+class CoarseVolume:
+    """A scan on a grid of half as many, twice as large voxels."""
+
+    points: Array
+    spectrum: Array
+
+
+@dataclass(frozen=True, slots=True)
+class SpectralScan:
+    """What one scan contributes to every pair; it lives on the device that prepared it.
+
+    Attributes:
+        volume: on the whole grid.
+        coarse: on the coarse one.
+        coefficients: of its layers, from `So3.prepare`.
+        signature: (K,) float32, what it looks like however turned and moved, from `signature`.
+        surface: to refine with.
+        image: what it saw.
+        prior: what other instruments say about its pose, or None.
+    """
+
+    volume: Prepared
+    coarse: CoarseVolume
+    coefficients: np.ndarray
+    signature: np.ndarray
+    surface: Surface
+    image: RangeImage
+    prior: PosePrior | None

@@ -1,0 +1,168 @@
+"""Each rotation put to the test: where would the scan lie, and do the two scans then agree with what they saw?
+
+Coarse to fine. On a grid of half the edge every rotation gets its translation correlation, of which several peaks are
+taken, each with what its periodic shift may mean; points before the other scan's surface contradict. The best few
+distinct answers are refined and judged again on the whole grid. docs/registration.md has the figures.
+"""
+
+from collections.abc import Sequence
+from itertools import product
+
+import numpy as np
+from scipy.spatial.transform import Rotation
+
+from kernels.opencl.device import Device
+from spectral.hemisphere.match import SAME_SHIFT
+from spectral.overlap import share_near
+from spectral.prepare.range_image import visibility
+from spectral.prepare.spectral_scan import SpectralScan
+from spectral.so3 import RotationPeaks
+from spectral.translation import Translation, Volume
+from spectral.verify.hypothesis import Candidates, Origin, Refined, Verified, alike
+from spectral.verify.icp import Fit
+
+# Peaks of a rotation's translation that are looked at, and how far apart they are [coarse voxels].
+_PEAKS, _SEPARATION = 8, 2.0
+# A shift longer than this along an axis leaves the scans nothing in common [share of the grid's edge].
+_FARTHEST = 0.92
+# How far from the surface a point may lie, while the rotation is 2 degrees off and once refined [voxels; of the range].
+COARSE, FINE = (1.5, 0.03), (1.0, 0.01)
+# Hypotheses nearer than this are one [rad].
+_SAME_ROTATION = float(np.deg2rad(5.0))
+# Of scans without a viewpoint so many candidates, those with the highest peaks, are judged by their points in common.
+_BY_POINTS, _POINTS = 60, 400
+# Points by which a refined hypothesis' overlap is told.
+_OVERLAP_POINTS = 2000
+# A contradiction weighs as so many agreements; a share of points that is small beside the least hardly counts.
+_WEIGHT, _LEAST = 4.0, 0.05
+
+
+def consistency(agree: np.ndarray | float, contradict: np.ndarray | float) -> np.ndarray | float:
+    """What share of the points that can tell agrees, 0..1, a contradiction weighing as several agreements.
+
+    A share of what is seen, not of all: where scans have little in common few points can agree, and few can contradict.
+    """
+    return agree / (agree + _WEIGHT * contradict + _LEAST)
+
+
+class Verifier:
+    """Hypotheses from rotations, on one device and grid."""
+
+    def __init__(self, device: Device, edge: int) -> None:
+        """Plan the correlations of both grids."""
+        self.device, self.edge = device, edge
+        self.coarse_edge = max(edge // 2, 16)
+        self.translation = Translation(device, edge)
+        self._coarse = Translation(device, self.coarse_edge)
+
+    def candidates(self, target: SpectralScan, source: SpectralScan, rotations: RotationPeaks) -> Candidates:
+        """Several shifts for each rotation, from the coarse grid, with what each may mean on a periodic one."""
+        scale = self.edge / self.coarse_edge
+        return self._candidates(self._coarse, target.coarse, source.coarse, rotations, scale)
+
+    def fine_candidates(self, target: SpectralScan, source: SpectralScan, rotations: RotationPeaks) -> Candidates:
+        """As `candidates`, from the whole grid: once a rotation is refined its peaks are higher, and others."""
+        return self._candidates(self.translation, target.volume, source.volume, rotations, 1.0)
+
+    def _candidates(
+        self, translation: Translation, target: Volume, source: Volume, rotations: RotationPeaks, scale: float
+    ) -> Candidates:
+        turns, shifts, ratios = [], [np.empty((0, 3))], []
+        for turn, R in enumerate(rotations.R):
+            for peak in translation.find_all(target, source, R, _PEAKS, _SEPARATION):
+                meanings = self._meanings(peak.shift * scale)
+                shifts.append(meanings)
+                turns += [turn] * len(meanings)
+                ratios += [peak.psr] * len(meanings)
+        index = np.array(turns, dtype=np.int64)
+        R = rotations.R[index]  # pyright: ignore[reportArgumentType]
+        return Candidates(index, R, np.concatenate(shifts), np.array(ratios), rotations.scores[index])
+
+    def _meanings(self, shift: np.ndarray) -> np.ndarray:
+        """(n, 3): the shifts that a cyclic one means and that leave the scans something in common."""
+        other = shift - np.copysign(self.edge, shift)
+        meanings = np.array(list(product(*zip(shift, other, strict=True))))
+        return meanings[(np.abs(meanings) <= _FARTHEST * self.edge).all(axis=1)]
+
+    def best(
+        self,
+        target: SpectralScan,
+        source: SpectralScan,
+        candidates: Candidates,
+        count: int,
+        tolerance: tuple[float, float] = COARSE,
+        apart: float = SAME_SHIFT,
+    ) -> np.ndarray:
+        """Indices of the `count` best distinct candidates, best first.
+
+        Args:
+            tolerance: how far from the surface a point may lie [voxels; of the range].
+            apart: candidates of one rotation that are no farther apart are one [voxels].
+        """
+        order = np.argsort(-self._scores(target, source, candidates, tolerance), kind="stable")
+        quaternions, nearest = candidates.R.as_quat(), np.cos(_SAME_ROTATION / 2)
+        kept: list[int] = []
+        for n in order:
+            aligned = np.abs(quaternions[kept] @ quaternions[n]) > nearest
+            near = np.linalg.norm(candidates.shifts[kept] - candidates.shifts[n], axis=1) <= apart
+            if not (aligned & near).any():
+                kept.append(int(n))
+            if len(kept) == count:
+                break
+        return np.array(kept, dtype=np.int64)
+
+    def judge(
+        self, target: SpectralScan, source: SpectralScan, fits: Sequence[Fit], origins: Sequence[Origin]
+    ) -> list[Refined]:
+        """What the views say to refined poses, best first; of those that came out at one place the best alone."""
+        if target.image.single or source.image.single:
+            R, shifts = Rotation.concatenate([fit.R for fit in fits]), np.array([fit.shift for fit in fits])
+            seen = visibility(self.device, target.image, source.image, R, shifts, *FINE)
+            agreement = np.asarray(consistency(seen.agree, seen.contradict)).tolist()
+        else:
+            agreement = [self.overlap(target, source, fit) for fit in fits]
+        found = [Refined(*all_of) for all_of in zip(fits, origins, agreement, strict=True)]
+        distinct: list[Refined] = []
+        for one in sorted(found, key=lambda one: -one.score):
+            if not any(alike(one.fit, other.fit) for other in distinct):
+                distinct.append(one)
+        return distinct
+
+    def overlap(self, target: SpectralScan, source: SpectralScan, fit: Fit) -> float:
+        """The share of points in common, the smaller of both ways."""
+        return self._overlap(target, source, fit.R, fit.shift, _OVERLAP_POINTS)
+
+    def verify(self, target: SpectralScan, source: SpectralScan, one: Refined, overlap: float) -> Verified:
+        """The translation's correlation on both grids, beside the points in common."""
+        R, shift = one.fit.R, one.fit.shift
+        coarse = shift * self.coarse_edge / self.edge
+        return Verified(
+            refined=one,
+            psr=self.translation.find_at(target.volume, source.volume, R, shift).psr,
+            coarse_psr=self._coarse.find_at(target.coarse, source.coarse, R, coarse).psr,
+            overlap=overlap,
+        )
+
+    def _scores(
+        self, target: SpectralScan, source: SpectralScan, candidates: Candidates, tolerance: tuple[float, float]
+    ) -> np.ndarray:
+        """(n,) consistency times the peak's height."""
+        if target.image.single or source.image.single:
+            seen = visibility(self.device, target.image, source.image, candidates.R, candidates.shifts, *tolerance)
+            agreement = np.asarray(consistency(seen.agree, seen.contradict))
+        else:
+            agreement = np.zeros(len(candidates.psr))
+            for n in np.argsort(-candidates.psr, kind="stable")[:_BY_POINTS]:
+                R, shift = candidates.R[int(n)], candidates.shifts[n]
+                agreement[n] = self._overlap(target, source, R, shift, _POINTS)
+        return agreement * np.maximum(candidates.psr, 0.0)
+
+    @staticmethod
+    def _overlap(target: SpectralScan, source: SpectralScan, R: Rotation, shift: np.ndarray, most: int) -> float:
+        moved = R.apply(_sample(source.volume.surface, most)) + shift
+        back = R.inv().apply(_sample(target.volume.surface, most) - shift)
+        return min(share_near(target.volume, moved), share_near(source.volume, back))
+
+
+def _sample(points: np.ndarray, most: int) -> np.ndarray:
+    return points[:: max(1, -(-len(points) // most))]

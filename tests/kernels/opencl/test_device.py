@@ -1,0 +1,220 @@
+"""Building programs, choosing devices and refusing what does not fit, where a driver says no too."""
+
+import shutil
+import subprocess
+import sys
+from pathlib import Path
+from types import SimpleNamespace
+from typing import Any
+
+import numpy as np
+import pyopencl as cl
+import pyopencl.array as cla
+import pytest
+
+import kernels.opencl.device
+from kernels.errors import DeviceError
+from kernels.opencl.device import Device, choose_device, list_devices
+from kernels.opencl.selection import by_preference, matching
+from kernels.opencl.source import telling_line
+
+ROOT = Path(__file__).parents[3]
+
+
+def fake(kind: str, name: str, platform: str, driver: str = "1.0", **more: Any) -> Any:
+    """What is read of a PyOpenCL device; the platform's version says which driver it is, as PoCL's does."""
+    pocl = platform == "Portable Computing Language"
+    vendor = "The pocl project" if pocl else platform
+    version = f"OpenCL 3.0 PoCL {driver} LLVM" if pocl else "OpenCL 3.0 "
+    return SimpleNamespace(
+        type={"gpu": cl.device_type.GPU, "cpu": cl.device_type.CPU, "other": cl.device_type.ACCELERATOR}[kind],
+        name=name,
+        version=version,
+        driver_version=driver,
+        platform=SimpleNamespace(name=platform, version=version, vendor=vendor),
+        **{"host_unified_memory": 0, "max_compute_units": 8, "max_clock_frequency": 1000} | more,
+    )
+
+
+POCL, CUDA = "Portable Computing Language", "NVIDIA CUDA"
+MACHINE = [
+    ("0:0", fake("cpu", "pthread-AMD EPYC", POCL, "3.1")),
+    ("1:0", fake("other", "FPGA 7", "Intel(R) FPGA")),
+    ("2:0", fake("gpu", "GeForce RTX 3090", CUDA, "535.1", max_compute_units=82)),
+    ("2:1", fake("gpu", "GeForce RTX 4090", CUDA, "535.1", max_compute_units=128)),
+    ("3:0", fake("cpu", "AMD EPYC", POCL, "6.0")),
+]
+
+
+class TestSelection:
+    @pytest.mark.parametrize(
+        ("wanted", "labels"),
+        [
+            ("", "0:0 1:0 2:0 2:1 3:0"),
+            ("2:1", "2:1"),
+            (" 2:1 ", "2:1"),
+            ("2", "2:0"),
+            ("cpu", "0:0 3:0"),
+            ("GPU", "2:0 2:1"),
+            ("other", "1:0"),
+            ("pocl", "0:0 3:0"),
+            ("pocl 6", "3:0"),
+            ("portable", "0:0 3:0"),
+            ("pocl:0", "0:0 3:0"),
+            ("portable:pthread", "0:0"),
+            ("nvidia:1", "2:1"),
+            ("2:4090", ""),
+            ("nvidia:rtx 40", "2:1"),
+            ("cuda", "2:0 2:1"),
+            ("rtx 3090", "2:0"),
+            ("3090", "2:0"),
+            ("309", ""),
+            ("7", "1:0"),
+            ("9:0", ""),
+            ("abacus", ""),
+            (":0", ""),
+        ],
+    )
+    def test_reads_every_form(self, wanted: str, labels: str) -> None:
+        if labels:
+            assert " ".join(label for label, _ in matching(wanted, MACHINE)) == labels
+        else:
+            with pytest.raises(DeviceError, match=f"no OpenCL device matches '{wanted}'. There are: 0:0 pthread-AMD E"):
+                matching(wanted, MACHINE)
+
+    @pytest.mark.parametrize("wanted", ["2:0,1", "nvidia:0, 1", "0:0,1,2"])
+    def test_wants_one_device(self, wanted: str) -> None:
+        one = wanted.partition(",")[0]
+        with pytest.raises(DeviceError, match=f"'{wanted}' names several .* one is wanted, as in '{one}'.*2:1 GeForce"):
+            matching(wanted, MACHINE)
+
+    def test_prefers_the_larger_gpu_and_the_newer_driver(self) -> None:
+        assert [label for label, _ in by_preference(MACHINE)] == ["2:1", "2:0", "3:0", "0:0", "1:0"]
+
+    def test_prefers_memory_of_its_own_whatever_is_called_a_unit(self) -> None:
+        shared = ("0:0", fake("gpu", "UHD", "Intel(R) OpenCL", max_compute_units=500, host_unified_memory=1))
+        assert [label for label, _ in by_preference([shared, *MACHINE])][:3] == ["2:1", "2:0", "0:0"]
+
+    def test_compares_drivers_of_one_vendor_only(self) -> None:
+        intel = ("0:0", fake("cpu", "Xeon", "Intel(R) OpenCL", "2024.17"))
+        old, candidate, new = (
+            (f"{n}:0", fake("cpu", "Xeon", POCL, version)) for n, version in enumerate(["3.9", "3.10-rc2", "3.10"], 1)
+        )
+        assert by_preference([old, intel, candidate, new]) == [new, candidate, old, intel]
+        assert by_preference([intel, old, candidate, new]) == [intel, new, candidate, old]
+
+
+class TestChoice:
+    @pytest.fixture
+    def actual(self, device: Device, monkeypatch: pytest.MonkeyPatch) -> cl.Device:
+        """The device of the tests, listed twice, as two alike are."""
+        monkeypatch.delenv("PYOPENCL_CTX", raising=False)
+        twice = [("0:0", device.cl_device), ("0:1", device.cl_device)]
+        monkeypatch.setattr(kernels.opencl.device, "_devices", lambda: twice)
+        return device.cl_device
+
+    def test_tells_identical_devices_apart(self, actual: cl.Device, monkeypatch: pytest.MonkeyPatch) -> None:
+        assert [info.selector for info in list_devices()] == ["0:0", "0:1"]
+        chosen = choose_device("0:1")
+        assert (chosen.selector, chosen.notes, chosen.cl_device) == ("0:1", (), actual)
+        assert choose_device(actual.name.strip()).selector == "0:0"
+        monkeypatch.setenv("PYOPENCL_CTX", "0:1")
+        assert choose_device().selector == "0:1"
+        assert choose_device("0:0").selector == "0:0"
+
+    def test_tells_that_a_broken_device_is_passed_over(
+        self, actual: cl.Device, monkeypatch: pytest.MonkeyPatch
+    ) -> None:
+        faults = ["error: unknown target", ""]
+        monkeypatch.setattr(kernels.opencl.device, "_fault", lambda _: faults.pop(0))
+        chosen = choose_device()
+        name = actual.name.strip()
+        told = f"0:0 {name} does not work: error: unknown target. 0:1 {name} is used instead."
+        assert (chosen.selector, chosen.notes) == ("0:1", (told,))
+
+    def test_refuses_where_none_works(self, actual: cl.Device, monkeypatch: pytest.MonkeyPatch) -> None:
+        monkeypatch.setattr(kernels.opencl.device, "_fault", lambda _: "it smokes")
+        with pytest.raises(DeviceError, match=r"no OpenCL device works\. 0:0 .*: it smokes; 0:1 .*: it smokes.*apt"):
+            choose_device()
+        with pytest.raises(DeviceError, match=r"no OpenCL device that matches '0:1' works. 0:1 "):
+            choose_device("0:1")
+
+    def test_names_the_package_that_brings_a_platform(self, monkeypatch: pytest.MonkeyPatch) -> None:
+        def none() -> list:
+            raise cl.LogicError("clGetPlatformIDs failed: PLATFORM_NOT_FOUND_KHR")
+
+        for platforms in (none, list):
+            monkeypatch.setattr(cl, "get_platforms", platforms)
+            for call in (choose_device, list_devices):
+                with pytest.raises(DeviceError, match=r"no OpenCL platform.*pyopencl\[pocl\].*pocl-opencl-icd"):
+                    call()
+
+
+class TestMemory:
+    def test_is_refused_before_it_is_taken(self, device: Device, monkeypatch: pytest.MonkeyPatch) -> None:
+        def taken(*_: object) -> None:
+            raise AssertionError("memory was asked for")
+
+        monkeypatch.setattr(cla, "empty", taken)
+        limit = device.cl_device.max_mem_alloc_size
+        need = f"{limit / 2**30 + 1:.2f} GiB"
+        with pytest.raises(DeviceError) as raised:
+            device.empty((limit // 4 + 2**28,))
+        message = str(raised.value)
+        assert f"this needs {need} on the device, {need} of it in one piece" in message
+        assert f"at most {limit / 2**30:.2f} GiB in one piece" in message
+        assert "Use a smaller --grid" in message
+        with pytest.raises(DeviceError, match=r"Use --grid 64\."):
+            device.require(2**20, device.memory + 1, hint="--grid 64")
+
+    def test_that_other_programs_hold_is_told(self, device: Device, monkeypatch: pytest.MonkeyPatch) -> None:
+        def full(*_: object) -> None:
+            raise cl.MemoryError("create_buffer failed: MEM_OBJECT_ALLOCATION_FAILURE")
+
+        monkeypatch.setattr(cla, "empty", full)
+        monkeypatch.setattr(cla, "to_device", full)
+        for call in (lambda: device.empty((16,)), lambda: device.to_device(np.zeros(16, np.float32))):
+            with pytest.raises(DeviceError, match=r"no memory or other resources left .*_FAILURE.*smaller --grid"):
+                call()
+
+
+class TestPrograms:
+    def test_work_from_a_folder_with_a_space(self, tmp_path: Path) -> None:
+        """From a copy of the package, in a process of its own."""
+        folder = tmp_path / "a folder, (copied)"
+        shutil.copytree(ROOT / "kernels", folder / "kernels", ignore=shutil.ignore_patterns("__pycache__"))
+        program = (
+            "import kernels.opencl.device; "
+            "source = '#include \"opencl/complex.cl\"\\n__kernel void f(__global float* x) {}'; "
+            "kernels.opencl.device.choose_device().build(source); "
+            "print(kernels.opencl.device.__file__)"
+        )
+        ended = subprocess.run([sys.executable, "-c", program], cwd=folder, capture_output=True, text=True)
+        assert (ended.returncode, ended.stdout.strip()) == (0, str(folder / "kernels" / "opencl" / "device.py")), (
+            ended.stderr
+        )
+
+    def test_are_built_once_per_context(self, device: Device) -> None:
+        assert device.program("points/rotate", EDGE=16) is device.program("points/rotate", EDGE=16)
+        assert device.program("points/rotate", EDGE=16) is not device.program("points/rotate", EDGE=32)
+        other = Device(device.cl_device)
+        assert other.program("points/rotate", EDGE=16) is not device.program("points/rotate", EDGE=16)
+
+    def test_carry_the_build_log_in_the_error(self, device: Device) -> None:
+        with pytest.raises(DeviceError, match="'broken' did not build on") as raised:
+            device.build("__kernel void f(__global float* x) { x[0] = missing_name; }", name="broken")
+        assert "missing_name" in str(raised.value)
+
+
+@pytest.mark.parametrize(
+    ("log", "line"),
+    [
+        ("remark: fine\nx.cl:1: error: no such thing\nDevice x failed to build\n", "x.cl:1: error: no such thing"),
+        ("Invalid build option: space\n", "Invalid build option: space"),
+        ("", "clBuildProgram failed: INVALID_BUILD_OPTIONS"),
+    ],
+)
+def test_the_line_that_tells_is_found_in_a_build_log(log: str, line: str) -> None:
+    text = f"clBuildProgram failed: INVALID_BUILD_OPTIONS\n\nBuild on <pyopencl.Device 'x'>:\n\n{log}\n(options: -I /a)"
+    assert telling_line(text) == line
+    assert telling_line(f"{text}\n(source saved as /tmp/x.cl)") == line

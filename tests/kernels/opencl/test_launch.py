@@ -1,0 +1,166 @@
+"""What all kernels share: literals, poses, slices of arrays, and devices that are full or small."""
+
+from typing import Any
+
+import numpy as np
+import pyopencl as cl
+import pytest
+from pyopencl._cl import _ErrorRecord
+
+from kernels.errors import DeviceError, InputError
+from kernels.fft.transform import ComplexFFT, RealFFT
+from kernels.opencl.device import Device
+from kernels.opencl.launch import affine, launch, zero
+from kernels.opencl.source import literal
+from kernels.resample.sphere import rectangular_unwrap, sample, upload_directions
+
+
+class Limited:
+    """A PyOpenCL device whose driver says less, or other, than it could."""
+
+    def __init__(self, actual: object, **limits: Any) -> None:
+        self._actual = actual
+        self.__dict__.update(limits)
+
+    def __getattr__(self, name: str) -> Any:
+        return getattr(self._actual, name)
+
+
+def limited(device: Device, **limits: Any) -> Device:
+    """A device of its own with such a driver."""
+    other = Device(device.cl_device)
+    other.cl_device = Limited(device.cl_device, **limits)  # pyright: ignore[reportAttributeAccessIssue]
+    return other
+
+
+@pytest.mark.parametrize(
+    ("value", "text"),
+    [(64, "64"), (np.int64(64), "64"), (np.uint8(3), "3"), (-2, "-2"), (1.0, "1.0f"), (np.float32(0.5), "0.5f")],
+)
+def test_a_literal_is_whole_or_single(value, text):
+    assert literal(value) == text
+
+
+def test_a_literal_reads_back_to_the_same_bits():
+    for value in np.random.default_rng(1).normal(size=100) * 10.0 ** np.arange(-30, 30)[:, None]:
+        assert all(np.float32(literal(number)[:-1]) == np.float32(number) for number in value)
+
+
+def test_a_whole_number_of_numpy_is_a_macro_as_an_int_is(device):
+    source = "__kernel void f(__global int* x) { x[EDGE] = EDGE; }"
+    options = tuple(f"-DEDGE={literal(edge)}" for edge in (np.int64(64),))
+    assert device.build(source, options) is device.build(source, ("-DEDGE=64",))
+    assert device.program("points/rotate", EDGE=np.int32(16)) is device.program("points/rotate", EDGE=16)
+
+
+def test_a_pose_is_a_rotation_and_no_reflection():
+    pose = affine(np.array([[0, -1, 0], [1, 0, 0], [0, 0, 1]]), np.array([4.0, 5.0, 6.0]))
+    assert np.array_equal([pose[f"s{k}"] for k in range(8)], [0, -1, 0, 4, 1, 0, 0, 5])
+    for mirror in (np.diag([1.0, 1.0, -1.0]), -np.eye(3)):
+        with pytest.raises(InputError, match=r"a reflection; wanted a .* rotation"):
+            affine(mirror)
+
+
+@pytest.mark.parametrize("edge", [16, 32])
+def test_halves_of_a_stack_of_images_suit_every_alignment(device, edge):
+    """As the tilt's layers are written: 4096 bits is the widest alignment that drivers are known to ask for."""
+    radii = np.arange(1, edge // 2 - 2, dtype=np.float32)
+    layers = len(radii)
+    strict = limited(device, mem_base_addr_align=4096)
+    magnitude = strict.to_device(np.random.default_rng(2).random((edge, edge, edge // 2 + 1), np.float32))
+    stack = strict.empty((2 * layers, edge, edge))
+    for part, axis in zip((stack[:layers], stack[layers:]), "yx", strict=True):
+        directions = upload_directions(strict, rectangular_unwrap(edge, axis))
+        sample(strict, magnitude, directions, radii, out=part)
+        assert np.array_equal(part.get(), sample(strict, magnitude, directions, radii).get())
+
+
+def test_a_slice_off_the_alignment_is_refused(device):
+    strict = limited(device, mem_base_addr_align=4096)
+    wide = strict.to_device(np.zeros((16, 8), np.float32))
+    with pytest.raises(InputError, match=r"begins 32 bytes into it; .* wants a multiple of 512"):
+        launch(strict, "pomf/peak", "gather_rows", (1,), wide[1:], wide, wide, LENGTH=8)
+
+
+def test_a_transform_takes_a_slice(device):
+    volumes = np.random.default_rng(3).normal(size=(32, 16, 32)).astype(np.float32)
+    fft = RealFFT(device, (16, 16, 32))
+    given = device.to_device(volumes)
+    found = fft.forward(given[16:]).get()
+    assert np.array_equal(found[..., :17], fft.forward(device.to_device(volumes[16:])).get()[..., :17])
+
+
+@pytest.mark.parametrize("shape", [(1, 3), (2, 512), (3, 1024), (4, 999), (5, 16, 64)])
+@pytest.mark.parametrize("dtype", [np.float32, np.complex64])
+def test_zero_clears_all_of_an_array_and_no_more(device, shape, dtype):
+    """Whole pages and not, whole arrays and a slice between others."""
+    array = device.to_device(np.ones(shape, dtype))
+    zero(device, array)
+    assert not array.get().any()
+    stack = device.to_device(np.ones((3, 8, 1024), dtype))
+    zero(device, stack[1])
+    assert not stack.get()[1].any()
+    assert (stack.get()[[0, 2]] == 1).all()
+
+
+class TestFull:
+    """Drivers that take memory when it is first used fail at a launch."""
+
+    @pytest.mark.parametrize(
+        ("kind", "code"),
+        [
+            (cl.MemoryError, cl.status_code.MEM_OBJECT_ALLOCATION_FAILURE),
+            (cl.RuntimeError, cl.status_code.OUT_OF_RESOURCES),
+            (cl.RuntimeError, cl.status_code.OUT_OF_HOST_MEMORY),
+        ],
+    )
+    def test_device_is_told_at_every_launch(self, device, monkeypatch, kind, code):
+        def fail(*_: object, **__: object) -> None:
+            raise kind(_ErrorRecord(msg="clEnqueue failed: FULL", code=code, routine="clEnqueue"))
+
+        fft, volume = RealFFT(device, (16, 16, 16)), device.to_device(np.zeros((16, 16, 16), np.float32))
+        monkeypatch.setattr(cl, "enqueue_nd_range_kernel", fail)
+        monkeypatch.setattr(cl, "enqueue_fill_buffer", fail)
+        monkeypatch.setattr(cl.Kernel, "__call__", fail)
+        calls = (
+            lambda: fft.forward(volume),
+            lambda: zero(device, volume),
+            lambda: launch(device, "pomf/peak", "gather_rows", (1,), volume, volume, volume, LENGTH=8),
+        )
+        for call in calls:
+            with pytest.raises(DeviceError, match=r"no memory .*left for this .*FULL.*Use a smaller --grid"):
+                call()
+
+    def test_device_is_not_blamed_for_other_errors(self, device, monkeypatch):
+        def fail(*_: object, **__: object) -> None:
+            code = cl.status_code.PROFILING_INFO_NOT_AVAILABLE
+            raise cl.RuntimeError(_ErrorRecord(msg="other", code=code, routine="clEnqueue"))
+
+        array = device.empty((16,))
+        monkeypatch.setattr(cl, "enqueue_fill_buffer", fail)
+        with pytest.raises(cl.RuntimeError, match="other"):
+            zero(device, array)
+
+
+class TestSmallWorkGroups:
+    @pytest.mark.parametrize(
+        ("limits", "message"),
+        [
+            ({"local_mem_size": 2**14}, "512 points needs work-groups of 256 and 32 KiB .* 16 KiB. .*: 256 points"),
+            ({"max_work_group_size": 64}, "512 points needs work-groups of 256 .* has 64 and .*--grid: 64 points"),
+            ({"max_work_item_sizes": [32, 1, 1]}, "512 points .* has 32 and .* 32 points would do"),
+            ({"max_work_group_size": 16}, "512 points .* has 16 and .* Use another device"),
+        ],
+    )
+    @pytest.mark.parametrize("kind", [RealFFT, ComplexFFT])
+    def test_are_told_before_anything_is_built(self, device, kind, limits, message):
+        small = limited(device, **limits)
+        for shape, batched in (((3, 512, 16), True), ((512, 16, 16), False)):
+            with pytest.raises(DeviceError, match=message):
+                kind(small, shape, batched=batched, flavor="gpu")
+        if device.is_cpu:  # where groups are single work-items
+            kind(small, (512, 16, 16), flavor="cpu")
+
+    def test_do_not_refuse_what_fits(self, device):
+        small = limited(device, local_mem_size=2**10 * 2, max_work_group_size=32)
+        RealFFT(small, (512, 32, 64), batched=True, flavor="gpu")  # 512 layers are no edge, and a row packs 32 points

@@ -1,0 +1,194 @@
+"""Points against range images: the octahedral map's laws, and the counts against NumPy's."""
+
+import numpy as np
+import pytest
+from scipy.spatial.transform import Rotation
+
+from kernels.errors import InputError
+from kernels.points.visibility import agreement, octahedral_cells, upload_points
+
+
+def unfold(cells, edge):
+    """The direction at the middle of each cell: the map's inverse, from its definition."""
+    u, v = ((np.array(np.divmod(cells, edge)) + 0.5) / edge) * 2 - 1
+    z = 1 - np.abs(u) - np.abs(v)
+    x = np.where(z < 0, (1 - np.abs(v)) * np.sign(u), u)
+    y = np.where(z < 0, (1 - np.abs(u)) * np.sign(v), v)
+    directions = np.stack([x, y, z], axis=-1)
+    return directions / np.linalg.norm(directions, axis=-1, keepdims=True)
+
+
+def on_the_sphere(count, seed):
+    directions = np.random.default_rng(seed).normal(size=(count, 3))
+    return directions / np.linalg.norm(directions, axis=1, keepdims=True)
+
+
+class TestCells:
+    @pytest.mark.parametrize("edge", [2, 7, 32])
+    def test_each_has_the_direction_of_its_middle(self, edge):
+        cells = np.arange(edge**2)
+        np.testing.assert_array_equal(octahedral_cells(unfold(cells, edge), edge), cells)
+
+    def test_asymmetric_directions(self):
+        # |x| + |y| + |z| = 1: (u, v) = (0.5, -0.2) above; below (1 - 0.2, -(1 - 0.5)) = (0.8, -0.5)
+        directions = np.array([[0.5, -0.2, 0.3], [0.5, -0.2, -0.3], [50, -20, 30], [-0.1, 0.6, -0.3]])
+        # the last: (-(1 - 0.6), 1 - 0.1) = (-0.4, 0.9)
+        want = [15 * 20 + 8, 18 * 20 + 5, 15 * 20 + 8, 6 * 20 + 19]
+        np.testing.assert_array_equal(octahedral_cells(directions, 20), want)
+
+    def test_cells_cover_the_sphere_and_differ_in_area_by_no_more_than_said(self):
+        edge, count = 8, 400_000
+        shares = np.bincount(octahedral_cells(on_the_sphere(count, 1), edge), minlength=edge**2) / count
+        assert len(shares) == edge**2
+        # the faces of the octahedron are 3^(3/2) times as far from the sphere at the corners as in the middle, cubed
+        assert shares.min() > 0
+        assert 2 < shares.max() / shares.min() < 3**1.5
+        assert shares.max() < 2.2 / edge**2
+
+    def test_near_directions_fall_into_near_cells(self):
+        """Cells are compact: the farthest directions of one are within 2.6 of the mean cell's width."""
+        edge = 16
+        directions = on_the_sphere(100_000, 2)
+        cells = octahedral_cells(directions, edge)
+        width = np.sqrt(4 * np.pi / edge**2)
+        angle = np.arccos(np.clip((directions * unfold(cells, edge)).sum(axis=1), -1, 1))
+        assert angle.max() < 1.3 * width
+
+    def test_borders_and_no_direction_have_a_cell(self):
+        directions = np.array([[0, 0, 0], [0, 0, 1], [0, 0, -1], [1, 0, 0], [-1, 0, 0], [0, 1, 0], [0, -1, -0.0]])
+        cells = octahedral_cells(directions, 16)
+        assert cells.min() >= 0
+        assert cells.max() < 256
+        assert cells[0] == cells[1]
+        assert octahedral_cells(np.zeros((0, 3)), 16).shape == (0,)
+
+    def test_refuses_what_it_cannot_use(self):
+        for bad in (np.zeros(3), np.zeros((2, 4)), np.array([[0, np.nan, 1.0]])):
+            with pytest.raises(InputError, match="directions have shape"):
+                octahedral_cells(bad, 16)
+        with pytest.raises(InputError, match="0 cells per edge"):
+            octahedral_cells(np.ones((1, 3)), 0)
+
+
+def twin(view, points, R, t, reach, slope):
+    """The counts in float64, and how many points of each pose are too near to a border to tell in float32."""
+    edge = len(view)
+    counts, doubtful = np.zeros((len(R), 3), np.int64), np.zeros(len(R), np.int64)
+    for n in range(len(R)):
+        moved = points @ R[n].T + t[n]
+        distance = np.linalg.norm(moved, axis=1)
+        near, far = view.reshape(-1, 2)[octahedral_cells(moved, edge)].astype(np.float64).T
+        tolerance = reach + slope * distance
+        seen = far >= 0
+        contradicts = seen & (distance < near - tolerance)
+        agrees = seen & ~contradicts & (distance <= far + tolerance)
+        counts[n] = agrees.sum(), contradicts.sum(), seen.sum()
+        rng = np.random.default_rng(n)
+        shaken = [octahedral_cells(moved + rng.normal(scale=3e-6, size=moved.shape) * distance[:, None], edge)]
+        shaken.append(octahedral_cells(2 * moved - (moved + 1e-5 * rng.normal(size=moved.shape)), edge))
+        border = np.any([cells != octahedral_cells(moved, edge) for cells in shaken], axis=0)
+        with np.errstate(invalid="ignore"):
+            close = np.minimum(np.abs(distance - near + tolerance), np.abs(distance - far - tolerance)) < 1e-4
+        doubtful[n] = (border | close).sum()
+    return counts, doubtful
+
+
+def random_view(edge, seed):
+    """Ranges of 5 to 30, half of the cells unseen."""
+    rng = np.random.default_rng(seed)
+    near = rng.uniform(5, 25, (edge, edge))
+    view = np.stack([near, near + rng.uniform(0, 5, near.shape)], axis=-1)
+    view[rng.random(near.shape) < 0.5] = np.inf, -np.inf
+    return view.astype(np.float32)
+
+
+def random_poses(count, seed):
+    rng = np.random.default_rng(seed)
+    return Rotation.random(count, rng=rng).as_matrix(), rng.uniform(-8, 8, (count, 3))
+
+
+class TestAgreement:
+    @pytest.mark.parametrize(
+        ("edge", "points", "poses"), [(4, 1, 1), (16, 7, 5), (32, 255, 3), (32, 256, 2), (128, 257, 4), (64, 1500, 20)]
+    )
+    @pytest.mark.parametrize(("reach", "slope"), [(0.0, 0.0), (1.5, 0.03)])
+    def test_equals_the_twin(self, device, edge, points, poses, reach, slope):
+        view = random_view(edge, seed=3)
+        places = np.random.default_rng(4).uniform(-15, 15, (points, 3)).astype(np.float32)
+        R, t = random_poses(poses, 5)
+        got = agreement(device, device.to_device(view), upload_points(device, places), R, t, reach, slope)
+        want, doubtful = twin(view, places.astype(np.float64), R, t, reach, slope)
+        assert got.dtype == np.int64
+        assert (np.abs(got - want) <= doubtful[:, None]).all()
+        # the doubt is small enough for the counts to mean something
+        assert doubtful.sum() <= 1 + 0.01 * points * poses
+
+    def test_near_between_and_behind(self, device):
+        """One seen direction, ranges 10 to 12: reach 0.5 and slope 0.1 of the point's own range."""
+        edge = 8
+        view = np.full((edge, edge, 2), (np.inf, -np.inf), np.float32)
+        direction = np.array([0.3, -0.5, 0.4])
+        direction /= np.linalg.norm(direction)
+        view.reshape(-1, 2)[octahedral_cells(direction[None], edge)] = 10, 12
+        ranges = np.array([8.5, 8.7, 11.0, 13.8, 13.95, 40.0])  # 10 - 0.5 = 1.1 r at 8.64; 12 + 0.5 = 0.9 r at 13.89
+        points = np.vstack([ranges[:, None] * direction, -ranges[:, None] * direction, [[0, 0, 0]]])
+        got = agreement(
+            device, device.to_device(view), upload_points(device, points), np.eye(3)[None], np.zeros((1, 3)), 0.5, 0.1
+        )
+        np.testing.assert_array_equal(got, [[3, 1, 6]])
+
+    def test_the_pose_moves_the_points(self, device):
+        """p_sensor = R p + t, with an R and a t that no other order would undo."""
+        R = Rotation.from_euler("ZYX", [50, 20, -35], degrees=True).as_matrix()
+        t = np.array([3.0, -1.0, 2.0])
+        seen = on_the_sphere(300, 6) * np.random.default_rng(7).uniform(5, 20, (300, 1))
+        edge = 64
+        view = np.full((edge * edge, 2), (np.inf, -np.inf), np.float32)
+        for cell, distance in zip(octahedral_cells(seen, edge), np.linalg.norm(seen, axis=1), strict=True):
+            view[cell] = min(view[cell, 0], distance), max(view[cell, 1], distance)
+        points = upload_points(device, (seen - t) @ R)
+        turns, shifts = np.stack([R, R.T, R]), np.stack([t, t, -t])
+        got = agreement(device, device.to_device(view.reshape(edge, edge, 2)), points, turns, shifts, 0.1, 0)
+        assert got[0, 0] >= 295  # rounding may move a few over their cell's border
+        assert (got[1:, 0] < 100).all()
+
+    def test_an_unseen_sphere_says_nothing(self, device):
+        view = np.full((16, 16, 2), (np.inf, -np.inf), np.float32)
+        R, t = random_poses(3, 8)
+        points = upload_points(device, on_the_sphere(100, 9))
+        assert not agreement(device, device.to_device(view), points, R, t, 1e6, 1.0).any()
+
+    def test_no_points_and_no_poses(self, device):
+        view = device.to_device(random_view(16, 10))
+        R, t = random_poses(4, 11)
+        np.testing.assert_array_equal(
+            agreement(device, view, upload_points(device, np.zeros((0, 3))), R, t, 1, 0), np.zeros((4, 3))
+        )
+        points = upload_points(device, on_the_sphere(9, 12))
+        assert agreement(device, view, points, R[:0], t[:0], 1, 0).shape == (0, 3)
+
+    def test_padding_does_not_count(self, device):
+        """Every cell is seen, and the padding's zeros would agree."""
+        view = np.zeros((16, 16, 2), np.float32)
+        for count in (1, 8, 9, 250, 256, 259):
+            points = upload_points(device, np.zeros((count, 3)))
+            assert points[1] == count
+            got = agreement(device, device.to_device(view), points, np.eye(3)[None], np.zeros((1, 3)), 1, 0)
+            np.testing.assert_array_equal(got, [[count, 0, count]])
+
+    def test_refuses_what_it_cannot_use(self, device):
+        view, points = device.to_device(random_view(16, 13)), upload_points(device, on_the_sphere(9, 14))
+        R, t = random_poses(2, 15)
+        with pytest.raises(InputError, match="poses have shapes"):
+            agreement(device, view, points, R, t[:1], 1, 0)
+        with pytest.raises(InputError, match="reach is -1"):
+            agreement(device, view, points, R, t, -1, 0)
+        with pytest.raises(InputError, match="finite"):
+            agreement(device, view, points, R, t * np.nan, 1, 0)
+        with pytest.raises(InputError, match="16 x 8 cells"):
+            agreement(device, device.to_device(np.zeros((16, 8, 2), np.float32)), points, R, t, 1, 0)
+        with pytest.raises(InputError, match="99 of 16 points"):
+            agreement(device, view, (points[0], 99), R, t, 1, 0)
+        for bad in (np.zeros((3, 2)), np.array([[1, 2, np.inf]])):
+            with pytest.raises(InputError, match="points have shape"):
+                upload_points(device, bad)

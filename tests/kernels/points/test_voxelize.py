@@ -1,0 +1,73 @@
+"""Voxelizing against its NumPy twin: equal but for points within float32 of a voxel's wall."""
+
+import numpy as np
+import pytest
+from scipy.spatial.transform import Rotation
+
+from kernels.errors import InputError
+from kernels.points.voxelize import voxelize
+
+
+def _twin(points, edge, R, offset):
+    index = np.floor(points[:, :3].astype(np.float64) @ R.T + offset + edge / 2 + 0.5).astype(int)
+    inside = ((index >= 0) & (index < edge)).all(axis=1)
+    volume = np.zeros((edge, edge, edge), np.float32)
+    np.maximum.at(volume, tuple(index[inside].T), points[inside, 3])
+    return volume
+
+
+def _points(rng, count, edge, R, offset):
+    """Random points, some outside, none whose transform lies within 1e-4 voxel of a wall."""
+    points = rng.uniform(-0.6 * edge, 0.6 * edge, (4 * count, 4)).astype(np.float32)
+    points[:, 3] = rng.uniform(0, 5, len(points))
+    position = points[:, :3].astype(np.float64) @ R.T + offset + 0.5
+    clear = (np.abs(position - np.round(position)) > 1e-4).all(axis=1)
+    return np.ascontiguousarray(points[clear][:count])
+
+
+@pytest.mark.parametrize(("edge", "count"), [(16, 1), (32, 5000), (64, 3001)])
+def test_equals_the_twin(device, edge, count):
+    rng = np.random.default_rng(edge)
+    R = Rotation.from_euler("ZYX", [31, -12, 7], degrees=True).as_matrix()
+    offset = np.array([1.25, -3.5, 0.75])
+    points = _points(rng, count, edge, R, offset)
+    volume = voxelize(device, device.to_device(points), edge, R, offset).get()
+    np.testing.assert_array_equal(volume, _twin(points, edge, R, offset))
+
+
+def test_the_order_of_points_does_not_matter_and_out_is_cleared(device):
+    rng = np.random.default_rng(3)
+    points = rng.normal(0, 4, (20000, 4)).astype(np.float32)
+    points[:, 3] = np.abs(points[:, 3])
+    first = voxelize(device, device.to_device(points), 32)
+    want = first.get()
+    again = voxelize(device, device.to_device(points[::-1].copy()), 32, out=first)
+    assert again is first
+    np.testing.assert_array_equal(again.get(), want)
+
+
+def test_voxel_centers_and_walls(device):
+    points = np.array(
+        [[0, 0, 0, 1], [-8, 7.25, 1.5, 2], [7.5, 0, 0, 3], [-8.6, 0, 0, 4], [np.nan, 0, 0, 5], [1, 1, 1, -1]],
+        np.float32,
+    )
+    volume = voxelize(device, device.to_device(points), 16).get()
+    assert np.argwhere(volume).tolist() == [[0, 15, 10], [8, 8, 8]]
+    assert volume[0, 15, 10] == 2
+
+
+def test_no_points_give_an_empty_volume(device):
+    empty = device.empty((1, 4))[:0]
+    assert not voxelize(device, empty, 16).get().any()
+
+
+def test_refuses_what_it_cannot_use(device):
+    points = device.empty((5, 4))
+    with pytest.raises(InputError, match="points is float32 of shape"):
+        voxelize(device, device.empty((5, 3)), 16)
+    with pytest.raises(InputError, match="rotation"):
+        voxelize(device, points, 16, R=np.ones((3, 3)))
+    with pytest.raises(InputError, match="even"):
+        voxelize(device, points, 15)
+    with pytest.raises(InputError, match="out is float32"):
+        voxelize(device, points, 16, out=device.empty((16, 16, 8)))

@@ -1,0 +1,135 @@
+"""Operations on half spectra against NumPy: relative L2 error within 1e-6, and the POMF's laws."""
+
+import numpy as np
+import pytest
+
+from kernels.errors import InputError
+from kernels.pomf.spectrum import Pomf, cross_power, magnitude, sum_layers, whiten
+
+SHAPES = [(16, 16, 16), (32, 16, 64), (5, 32, 16)]
+
+
+def padded(spectrum, n2):
+    """A half spectrum in the kernels' layout; the padding holds what must never be seen."""
+    out = np.full((*spectrum.shape[:-1], n2 // 2 + 8), np.nan, np.complex64)
+    out[..., : n2 // 2 + 1] = spectrum
+    return out
+
+
+def random_spectrum(rng, shape, batched=False):
+    axes = (1, 2) if batched else (0, 1, 2)
+    return padded(np.fft.rfftn(rng.normal(size=shape), axes=axes), shape[2])
+
+
+def error(got, want):
+    return np.linalg.norm(got - want) / np.linalg.norm(want)
+
+
+def white(values):
+    return np.where(np.abs(values) > 1e-9, values / np.abs(values), 0)
+
+
+@pytest.mark.parametrize("edge", [16, 32, 64])
+def test_magnitude(device, edge):
+    volume = np.random.default_rng(edge).normal(size=(edge, edge, edge))
+    spectrum = padded(np.fft.rfftn(volume), edge)
+    want = np.fft.fftshift(np.abs(np.fft.fftn(volume)), axes=(0, 1))[..., : edge // 2 + 1]
+    got = magnitude(device, device.to_device(spectrum), edge).get()
+    assert error(got, want) < 1e-6
+    assert got[edge // 2, edge // 2, 0] == pytest.approx(abs(volume.sum()), rel=1e-4)
+
+
+@pytest.mark.parametrize("shape", SHAPES)
+def test_whiten(device, shape):
+    spectrum = random_spectrum(np.random.default_rng(1), shape)
+    valid = shape[2] // 2 + 1
+    spectrum[1, 2, 3], spectrum[2, 0, 1], spectrum[0, 0, 5] = 0, np.inf, complex(np.nan, 1)
+    got = whiten(device, device.to_device(spectrum)).get()
+    assert (got[1, 2, 3], got[2, 0, 1], got[0, 0, 5]) == (0, 0, 0)
+    assert np.isfinite(got).all()
+    rest = np.isfinite(spectrum) & (spectrum != 0)
+    rest[..., valid:] = False
+    assert error(got[rest], white(spectrum[rest].astype(np.complex128))) < 1e-6
+
+
+@pytest.mark.parametrize("shape", SHAPES)
+@pytest.mark.parametrize(("blur", "batched"), [(0.0, False), (0.7, False), (1.3, True)])
+def test_cross_power(device, shape, blur, batched):
+    rng = np.random.default_rng(2)
+    n0, n1, n2 = shape
+    target, source = (whiten(device, device.to_device(random_spectrum(rng, shape, batched))) for _ in range(2))
+    f0, f1, f2 = np.fft.fftfreq(n0) * (not batched), np.fft.fftfreq(n1), np.fft.rfftfreq(n2)
+    squared = f0[:, None, None] ** 2 + f1[:, None] ** 2 + f2**2
+    valid = n2 // 2 + 1
+    want = (target.get() * np.conj(source.get()))[..., :valid] * np.exp(-2 * np.pi**2 * blur**2 * squared)
+    got = cross_power(device, target, source, shape, blur, batched).get()
+    assert error(got[..., :valid], want) < 1e-6
+    assert not got[..., valid:].any()
+    if batched:
+        summed = sum_layers(device, target, source, shape, blur).get()
+        assert error(summed[0, :, :valid], want.sum(axis=0)) < 1e-6
+
+
+def test_cross_power_in_place(device):
+    rng = np.random.default_rng(5)
+    shape = (16, 16, 16)
+    target, source = (whiten(device, device.to_device(random_spectrum(rng, shape))) for _ in range(2))
+    want = cross_power(device, target, source, shape).get()
+    assert cross_power(device, target, source, shape, out=target) is target
+    np.testing.assert_array_equal(target.get(), want)
+
+
+@pytest.mark.parametrize("shape", [(16, 32, 64), (32, 32, 32)])
+def test_pomf_finds_a_cyclic_shift(device, shape):
+    source = np.random.default_rng(6).normal(size=shape).astype(np.float32)
+    shift = (3, -7, 11)
+    target = np.roll(source, shift, axis=(0, 1, 2))  # target(x) = source(x - shift)
+    pomf = Pomf(device, shape)
+    prepared = [pomf.prepare(device.to_device(volume)) for volume in (target, source)]
+    for _ in range(2):  # the prepared spectra survive their use
+        correlation = pomf.correlate(prepared[0], prepared[1]).get()
+        want = np.zeros(shape)
+        want[tuple(s % n for s, n in zip(shift, shape, strict=True))] = 1
+        assert np.abs(correlation - want).max() < 1e-4
+
+
+def test_pomf_blur_is_a_gaussian_of_that_deviation(device):
+    shape, blur = (32, 32, 32), 1.5
+    volume = device.to_device(np.random.default_rng(7).normal(size=shape).astype(np.float32))
+    pomf = Pomf(device, shape, blur=blur)
+    spectrum = pomf.prepare(volume)
+    correlation = pomf.correlate(spectrum, spectrum).get()
+    x = np.arange(-4, 5)
+    want = np.exp(-(x**2) / (2 * blur**2)) / (np.sqrt(2 * np.pi) * blur) ** 3
+    np.testing.assert_allclose(correlation[x, 0, 0], want, atol=2e-5)
+    np.testing.assert_allclose(correlation[0, 0, x], want, atol=2e-5)
+
+
+def test_pomf_of_batches_and_their_sum(device):
+    shape = (5, 32, 64)
+    rng = np.random.default_rng(8)
+    source = rng.normal(size=shape).astype(np.float32)
+    target = np.roll(source, (4, -9), axis=(1, 2)) + 0.3 * rng.normal(size=shape).astype(np.float32)
+    pomf = Pomf(device, shape, blur=0.5, batched=True)
+    prepared = [pomf.prepare(device.to_device(images)) for images in (target, source)]
+    single = pomf.correlate(prepared[0], prepared[1]).get()
+    for layer in single:
+        assert np.unravel_index(layer.argmax(), layer.shape) == (4, 64 - 9)
+    summed = pomf.correlate_layers(prepared[0], prepared[1]).get()
+    assert error(summed, single.sum(axis=0)) < 1e-5
+
+
+def test_refuses_what_it_cannot_use(device):
+    spectrum = device.empty((16, 16, 16), np.complex64)
+    with pytest.raises(InputError, match="spectrum is complex64"):
+        magnitude(device, spectrum, 32)
+    with pytest.raises(InputError, match="wanted complex64"):
+        whiten(device, device.empty((16, 16, 16)))
+    with pytest.raises(InputError, match="multiple of 8"):
+        whiten(device, device.empty((16, 9), np.complex64))
+    with pytest.raises(InputError, match="source is"):
+        cross_power(device, spectrum, device.empty((8, 16, 16), np.complex64), (16, 16, 16))
+    with pytest.raises(InputError, match="blur"):
+        cross_power(device, spectrum, spectrum, (16, 16, 16), blur=-1)
+    with pytest.raises(InputError, match="batched=True"):
+        Pomf(device, (16, 16, 16)).correlate_layers(spectrum, spectrum)

@@ -1,0 +1,155 @@
+"""Samples of a magnitude spectrum against scipy.ndimage (relative L2 within 5e-5), and the unwraps' laws."""
+
+import numpy as np
+import pytest
+from scipy.ndimage import map_coordinates
+from scipy.spatial.transform import Rotation
+
+from kernels.errors import InputError
+from kernels.resample.sphere import (
+    latitude_longitude,
+    rectangular_unwrap,
+    rotational_unwrap,
+    sample,
+    upload_directions,
+    valid_pixels,
+)
+
+
+def magnitude_of(edge, seed=0):
+    """The centered half magnitude of a random real volume, and the whole one, float32."""
+    volume = np.random.default_rng(seed).normal(size=(edge, edge, edge)) + 0.1
+    whole = np.fft.fftshift(np.abs(np.fft.fftn(volume))).astype(np.float32)
+    half = np.fft.fftshift(np.abs(np.fft.rfftn(volume)), axes=(0, 1)).astype(np.float32)
+    return half, whole
+
+
+def error(got, want):
+    return np.linalg.norm(got - want) / np.linalg.norm(want)
+
+
+@pytest.mark.parametrize("edge", [16, 32, 64])
+@pytest.mark.parametrize(
+    "directions",
+    [
+        rotational_unwrap(24),
+        rectangular_unwrap(16, "x"),
+        rectangular_unwrap(32, "y"),
+        latitude_longitude(9, 40),
+    ],
+    ids=["rotational", "rectangular x", "rectangular y", "latitude-longitude"],
+)
+@pytest.mark.parametrize("degrees", [None, (130, 40, -75)])
+def test_equals_scipy_on_the_whole_spectrum(device, edge, directions, degrees):
+    half, whole = magnitude_of(edge)
+    R = np.eye(3) if degrees is None else Rotation.from_euler("ZYX", degrees, degrees=True).as_matrix()
+    radii = np.linspace(0, edge / 2 - 1.01, 7)
+    k = radii[:, None, None, None] * (directions.astype(np.float64) @ R.T) + edge / 2
+    want = map_coordinates(whole, np.moveaxis(k, -1, 0), order=1, output=np.float64)
+    want *= valid_pixels(directions)
+    magnitude, table = device.to_device(half), upload_directions(device, directions)
+    got = sample(device, magnitude, table, radii, None if degrees is None else R).get()
+    assert error(got, want) <= 5e-5
+
+
+def test_antipodes_are_alike(device):
+    half, _ = magnitude_of(32, seed=1)
+    directions = Rotation.random(64, rng=np.random.default_rng(2)).as_matrix()[:, 0].reshape(8, 8, 3)
+    radii = np.array([3.3, 9.9, 14.5])
+    samples = [
+        sample(device, device.to_device(half), upload_directions(device, table.astype(np.float32)), radii).get()
+        for table in (directions, -directions)
+    ]
+    np.testing.assert_allclose(samples[0], samples[1], rtol=1e-5)
+
+
+def images(device, table, R, edge=64):
+    """One layer sampled without and with R."""
+    half, _ = magnitude_of(edge, seed=3)
+    directions, radii = upload_directions(device, table), np.array([0.37 * edge])
+    magnitude = device.to_device(half)
+    return tuple(sample(device, magnitude, directions, radii, turn).get()[0] for turn in (None, R))
+
+
+def test_yaw_turns_the_rotational_unwrap(device):
+    edge, psi = 32, np.pi / 2
+    table = rotational_unwrap(edge)
+    plain, turned = images(device, table, Rotation.from_euler("z", psi).as_matrix())
+    # I_R(v) = I(Rz(90 degrees) v), and Rz(90 degrees) (v_x, v_y) = (-v_y, v_x)
+    v = np.arange(1, edge) - edge // 2
+    vx, vy = np.meshgrid(v, v, indexing="ij")
+    center = edge // 2
+    got = turned[center + vx, center + vy]
+    want = plain[center - vy, center + vx]
+    assert error(got, want) < 1e-4
+
+
+def test_pitch_shifts_the_unwrap_with_poles_on_y(device):
+    edge, m = 32, 5
+    table = rectangular_unwrap(edge, "y")
+    plain, turned = images(device, table, Rotation.from_euler("y", m * np.pi / edge).as_matrix())
+    assert error(turned[: edge - m], plain[m:]) < 1e-4
+    # past the edge it goes on mirrored in the other axis
+    assert error(turned[edge - m :, 1:], plain[:m, :0:-1]) < 1e-4
+
+
+def test_roll_shifts_the_unwrap_with_poles_on_x(device):
+    edge, m = 32, 4
+    table = rectangular_unwrap(edge, "x")
+    plain, turned = images(device, table, Rotation.from_euler("x", m * np.pi / edge).as_matrix())
+    assert error(turned[:, m:], plain[:, : edge - m]) < 1e-4
+
+
+def test_both_unwraps_shift_alike_near_the_center():
+    """A small roll and pitch move the center of both tables to the pixels that the docstring says."""
+    edge, roll, pitch = 64, 0.031, -0.047
+    R = Rotation.from_euler("ZYX", [0, pitch, roll]).as_matrix()
+    seen = R @ np.array([0, 0, 1.0])
+    for axis in "xy":
+        table = rectangular_unwrap(edge, axis).astype(np.float64)
+        i = edge // 2 + pitch * edge / np.pi
+        j = edge // 2 - roll * edge / np.pi
+        there = [map_coordinates(table[..., c], [[i], [j]], order=1)[0] for c in range(3)]
+        np.testing.assert_allclose(there, seen, atol=2e-3)
+
+
+def test_yaw_shifts_latitude_longitude_around(device):
+    m, width = 7, 48
+    R = Rotation.from_euler("z", 2 * np.pi * m / width).as_matrix()
+    plain, turned = images(device, latitude_longitude(16, width), R)
+    assert error(turned, np.roll(plain, -m, axis=1)) < 1e-4
+
+
+def test_tables_are_unit_vectors_of_the_upper_hemisphere():
+    for table in (rectangular_unwrap(16, "x"), rectangular_unwrap(16, "y"), latitude_longitude(8, 16)):
+        np.testing.assert_allclose(np.linalg.norm(table, axis=-1), 1, atol=1e-6)
+        assert table[..., 2].min() > -1e-6
+    table = rotational_unwrap(16)
+    valid = valid_pixels(table)
+    assert valid[0, 0] == 0
+    assert valid[0, 8] == 1
+    np.testing.assert_allclose(table[8, 8], [0, 0, 1])
+    np.testing.assert_allclose(np.linalg.norm(table, axis=-1), valid, atol=1e-6)
+
+
+def test_writes_into_a_slice_of_a_stack(device):
+    half, _ = magnitude_of(32)
+    directions, radii = upload_directions(device, rectangular_unwrap(16, "x")), np.array([4.0, 5.0])
+    magnitude, stack = device.to_device(half), device.empty((4, 16, 16))
+    sample(device, magnitude, directions, radii, out=stack[2:])
+    np.testing.assert_array_equal(stack.get()[2:], sample(device, magnitude, directions, radii).get())
+
+
+def test_refuses_what_it_cannot_use(device):
+    magnitude = device.to_device(magnitude_of(16)[0])
+    directions = upload_directions(device, rectangular_unwrap(16, "x"))
+    with pytest.raises(InputError, match="below 7 bins"):
+        sample(device, magnitude, directions, np.array([3.0, 7.0]))
+    with pytest.raises(InputError, match="below 7 bins"):
+        sample(device, magnitude, directions, np.array([]))
+    with pytest.raises(InputError, match="magnitude is"):
+        sample(device, device.empty((16, 16, 16)), directions, np.array([3.0]))
+    with pytest.raises(InputError, match="unit vectors"):
+        upload_directions(device, 2 * rectangular_unwrap(16, "x"))
+    with pytest.raises(InputError, match="axis 'x' or 'y'"):
+        rectangular_unwrap(16, "z")

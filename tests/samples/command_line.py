@@ -1,0 +1,35 @@
+"""The command line as a process of its own, and what a terminal shows of it."""
+
+import io
+import os
+import pty
+import subprocess
+import sys
+from pathlib import Path
+
+ROOT = Path(__file__).parents[2]
+SONARMAP = [sys.executable, "-c", "from tools.cli.main import run; run()"]
+
+
+def sonarmap(*arguments: str, **environment: str) -> subprocess.CompletedProcess[str]:
+    return subprocess.run(
+        [*SONARMAP, *arguments], cwd=ROOT, capture_output=True, text=True, env=os.environ | environment
+    )
+
+
+def on_a_terminal(program: str, columns: int = 100) -> str:
+    """What a program prints on stderr where that is a terminal."""
+    master, terminal = pty.openpty()
+    environment = {k: v for k, v in os.environ.items() if k not in ("NO_COLOR", "CI", "TERM")}
+    environment |= {"TERM": "xterm", "COLUMNS": str(columns)}
+    with os.fdopen(terminal, "wb") as stderr:
+        subprocess.run([sys.executable, "-c", program], cwd=ROOT, stderr=stderr, check=True, env=environment)
+    shown = io.BytesIO()
+    try:
+        while chunk := os.read(master, 4096):
+            shown.write(chunk)
+    except OSError:  # Linux says EIO where a terminal's other side has gone
+        pass
+    finally:
+        os.close(master)
+    return shown.getvalue().decode()

@@ -1,0 +1,80 @@
+"""A tiny experiment, to test how experiments are run and written: five jobs of seeded numbers, no device."""
+
+import os
+import signal
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+from pathlib import Path
+from typing import ClassVar
+
+import numpy as np
+
+from tools.reproduce.experiment import Outcome, Section
+from tools.reproduce.experiments import Request
+from tools.reproduce.pages.table import Table
+from tools.reproduce.provenance import Provenance
+
+JOBS = ("a", "b", "c", "d", "e")
+
+
+@dataclass(frozen=True, slots=True)
+class FakeSettings:
+    seed: int = 1
+    fast: bool = False
+
+
+class Fake:
+    """Counts what it does; where `stop` names a job, that job ends as `by` says."""
+
+    name: ClassVar[str] = "fake"
+
+    def __init__(self, settings: FakeSettings | None = None, stop: str = "", by: str = "interrupt") -> None:
+        self.settings = settings or FakeSettings()
+        self.stop, self.by = stop, by
+        self.ran: list[str] = []
+
+    def jobs(self) -> Sequence[str]:
+        return JOBS
+
+    def run(self, job: str) -> Outcome:
+        if job == self.stop:
+            if self.by == "kill":
+                os.kill(os.getpid(), signal.SIGKILL)
+            raise KeyboardInterrupt
+        self.ran.append(job)
+        value = float(np.random.default_rng([self.settings.seed, JOBS.index(job)]).normal())
+        row = {"job": job, "value": value, "high": value > 0, "gap": float("nan") if job == "b" else 0.1 + 0.2}
+        return Outcome((row,), ({"job": job, "seconds": 0.25},))
+
+    def section(self, outcomes: Mapping[str, Outcome]) -> Section:
+        mean = np.mean([float(row["value"]) for one in outcomes.values() for row in one.rows])
+        return Section(
+            title="A fake, Fig. 0",
+            introduction="Seeded numbers.",
+            tables=(
+                Table("Claims", ("what", "paper", "ours, mean", "verdict"), (("mean", "0", f"{mean:.6f}", "so"),)),
+            ),
+            times=(Table("Times", ("jobs", "s"), (("5", "1.25"),)),),
+            pictures={"fake.png": "The numbers.", "fake-2.png": "The numbers | again."},
+            remarks="The numbers are small.",
+        )
+
+    def draw(self, folder: Path, outcomes: Mapping[str, Outcome]) -> None:
+        from matplotlib.figure import Figure
+
+        figure = Figure(figsize=(1, 1))
+        figure.subplots().plot([float(row["value"]) for one in outcomes.values() for row in one.rows])
+        for name in ("fake.png", "fake-2.png"):
+            figure.savefig(folder / name)
+
+
+def create(request: Request) -> Fake:
+    return Fake(FakeSettings(1 if request.seed is None else request.seed, request.quick))
+
+
+def origin(fake: Fake, **changes: object) -> Provenance:
+    """Of a fake, on a device that is not there."""
+    settings = {"seed": fake.settings.seed, "fast": fake.settings.fast}
+    fixed = {"sources": "ab", "device": "a device", "platform": "OpenCL 3.0 X  Y", "versions": {"numpy": "2"}}
+    machine = {"processor": "a processor", "cores": 2}
+    return Provenance(**({"name": "fake", "settings": settings} | fixed | machine | changes))  # pyright: ignore

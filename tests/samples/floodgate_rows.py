@@ -1,0 +1,61 @@
+"""What the tests of the flood gate's maps share: a survey of five scans whose errors are known, and its outcomes."""
+
+import numpy as np
+from scipy.spatial.transform import RigidTransform, Rotation
+
+from spectral.scan import Scan
+from tools.reproduce.experiment import Outcome, Row
+from tools.reproduce.floodgate.chain import PAIR, POSE, pair_row, pose_rows
+from tools.reproduce.floodgate.lineup import TRUTH
+from tools.reproduce.floodgate.run import MAP
+from tools.reproduce.floodgate.survey import Survey
+from tools.simulate.shapes.solids import box, merge
+
+SCANS = 5
+
+
+def turn(yaw: float, pitch: float, roll: float) -> Rotation:
+    return Rotation.from_euler("ZYX", [yaw, pitch, roll], degrees=True)
+
+
+# p_world = T p_sensor; every pose has a turn about every axis
+POSES = RigidTransform.concatenate(
+    [
+        RigidTransform.from_components([4.0 * k, -3 + k * k, 1.5 * k], turn(20 - 30 * k, 4 * k, -3 * k))
+        for k in range(SCANS)
+    ]
+)
+STEPS = [POSES[k - 1].inv() * POSES[k] for k in range(1, SCANS)]
+
+
+def flat_survey() -> Survey:
+    """Five scans of two boxes whose points lie exactly on the surface, the first scan's 0.25 m beside it."""
+    rng = np.random.default_rng(7)
+    places = rng.uniform(-20, 20, (SCANS, 400, 3)) * [1, 1, 0] + [0, 0, 2]  # on the lid of a flat box
+    places[0, :, 2] += 0.25
+    mesh = merge([box((0, 0, 1), (60, 60, 2)), box((15, 3, -9), (2, 4, 6))])
+    scans = [
+        Scan(POSES[k].inv().apply(places[k]).astype(np.float32), stamp=float(k), name=f"s{k}") for k in range(SCANS)
+    ]
+    return Survey(tuple(scans), POSES, mesh, overlap=(0.6, 0.7, 0.8, 0.9), shared=(0.9, 0.8, 0.7, 0.6))
+
+
+def off(meters: float) -> list[RigidTransform]:
+    """The true steps, the second one off by so much along its own z."""
+    return [step * RigidTransform.from_translation([0, 0, meters * (k == 1)]) for k, step in enumerate(STEPS)]
+
+
+def outcomes(now: Survey, errors: dict[str, float], seeds: int = 1, seconds: float = 2.0) -> dict[str, Outcome]:
+    """Of methods that make one error each [m], the same in every survey; "hemisphere" and "spectral" at 256."""
+    found: dict[str, Outcome] = {}
+    for seed in range(1, 1 + seeds):
+        for method, steps in {TRUTH: None, **{method: off(error) for method, error in errors.items()}}.items():
+            edge = 256 if method in ("hemisphere", "spectral") else 0
+            begin = {"seed": seed, "method": method, "grid": edge}
+            for k, step in enumerate(steps or ()):
+                row: Row = {"row": PAIR} | begin | pair_row(now, k + 1, step, accepted=True)
+                took: Row = begin | {"scan": k + 1, "prepare_s": 0.5, "register_s": seconds + k * k}
+                found[f"{seed}/{method}/{edge}/{k + 1:02d}"] = Outcome((row,), (took,))
+            poses = pose_rows(now, steps)
+            found[f"{seed}/{method}/{edge}/{MAP}"] = Outcome(tuple({"row": POSE} | begin | row for row in poses))
+    return found

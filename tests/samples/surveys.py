@@ -1,0 +1,105 @@
+"""Small surveys with known poses, and a registrar that knows them."""
+
+from collections import Counter
+from collections.abc import Callable
+
+import numpy as np
+from scipy.spatial.transform import RigidTransform, Rotation
+
+from kernels.errors import InputError
+from slam.graph.edge import Edge, Kind
+from spectral.result import Registration
+from spectral.scan import Scan
+
+
+def random_transforms(rng: np.random.Generator, count: int, angle: float = 1.0, length: float = 5.0) -> RigidTransform:
+    """`count` transforms with tangents of about `angle` [rad] and `length` [m]."""
+    xi = rng.normal(size=(count, 6)) * np.repeat([angle, length], 3)
+    return RigidTransform.from_exp_coords(xi)
+
+
+def random_covariance(rng: np.random.Generator, rotation: float = 0.01, translation: float = 0.1) -> np.ndarray:
+    """(6, 6), full, asymmetric in every direction, with about these standard deviations [rad, m]."""
+    root = np.eye(6) + 0.4 * rng.normal(size=(6, 6))
+    scale = np.repeat([rotation, translation], 3) * np.array([1.0, 0.7, 1.4, 1.2, 0.5, 0.9])
+    return scale[:, None] * (root @ root.T) * scale
+
+
+def registration(T: RigidTransform, covariance: np.ndarray, accepted: bool = True) -> Registration:
+    return Registration(T, covariance, psr=30.0, overlap=0.6, accepted=accepted, seconds=0.01, reason="as told")
+
+
+def edge(i: int, j: int, T: RigidTransform, covariance: np.ndarray, kind: Kind = "sequential") -> Edge:
+    return Edge(i, j, registration(T, covariance), kind)
+
+
+def ring_poses(count: int, radius: float = 10.0, turns: float = 1.0) -> RigidTransform:
+    """Poses around a circle, looking along it, with a little roll and pitch; the first is the identity."""
+    angle = np.linspace(0, 2 * np.pi * turns, count, endpoint=False)
+    R = Rotation.from_euler("ZYX", np.stack([angle, 0.1 * np.sin(angle), 0.05 * np.cos(3 * angle)], axis=1))
+    t = np.stack([radius * np.sin(angle), radius * (1 - np.cos(angle)), 0.5 * np.sin(2 * angle)], axis=1)
+    T = RigidTransform.from_components(t, R)
+    return T[0].inv() * T
+
+
+def scans_of(T_world_sensor: RigidTransform, reach: float = 6.0, seed: int = 0) -> list[Scan]:
+    """What a sensor with this reach [m] sees of a rough floor from these poses; named scan0, scan1, ..."""
+    rng = np.random.default_rng(seed)
+    spread = np.abs(T_world_sensor.translation).max() + reach
+    world = rng.uniform(-spread, spread, (30_000, 3)) * [1, 1, 0]
+    world[:, 2] = -2 + 0.3 * np.sin(world[:, 0]) * np.cos(0.7 * world[:, 1])
+    scans = []
+    for k, T in enumerate(T_world_sensor):
+        near = world[np.linalg.norm(world - T.translation, axis=1) < reach]
+        scans.append(Scan(T.inv().apply(near).astype(np.float32), stamp=100.0 + k, name=f"scan{k}"))
+    return scans
+
+
+class KnowingRegistrar:
+    """Gives the true transform with noise of the covariance that it states; counts what it is asked.
+
+    Args:
+        T_world_sensor: the true poses, of scan0, scan1, ...
+        covariance: (6, 6), stated and drawn from.
+        spoil: of (i, j, registration), the registration to give instead, or an exception raised.
+        broken: names of scans that cannot be prepared.
+    """
+
+    def __init__(
+        self,
+        T_world_sensor: RigidTransform,
+        covariance: np.ndarray,
+        spoil: Callable[[int, int, Registration], Registration] | None = None,
+        broken: tuple[str, ...] = (),
+        seed: int = 1,
+    ) -> None:
+        self.truth, self.covariance = T_world_sensor, covariance
+        self.spoil, self.broken, self.seed = spoil, broken, seed
+        self.prepared: Counter[str] = Counter()
+        self.alive = self.most_alive = 0
+        self.pairs: list[tuple[int, int]] = []
+
+    def prepare(self, scan: Scan) -> "_Prepared":
+        if scan.name in self.broken:
+            raise InputError(f"{scan.name} is of no use; drop it")
+        self.prepared[scan.name] += 1
+        return _Prepared(self, int(scan.name.removeprefix("scan")))
+
+    def register(self, target: "_Prepared", source: "_Prepared") -> Registration:
+        i, j = target.index, source.index
+        self.pairs.append((i, j))
+        # Drawn per pair, not in order of asking, so that a pair gives the same result in every run.
+        rng = np.random.default_rng([self.seed, i, j])
+        noise = RigidTransform.from_exp_coords(rng.multivariate_normal(np.zeros(6), self.covariance))
+        given = registration(self.truth[i].inv() * self.truth[j] * noise.inv(), self.covariance)
+        return self.spoil(i, j, given) if self.spoil else given
+
+
+class _Prepared:
+    def __init__(self, registrar: KnowingRegistrar, index: int) -> None:
+        self.registrar, self.index = registrar, index
+        registrar.alive += 1
+        registrar.most_alive = max(registrar.most_alive, registrar.alive)
+
+    def __del__(self) -> None:
+        self.registrar.alive -= 1

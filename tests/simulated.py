@@ -1,9 +1,0 @@
-"""What the tests of the simulator share: a sensor of few beams, and no noise."""
-
-import numpy as np
-
-from tools.simulate.noise import Noise
-from tools.simulate.sensors import Sensor
-
-COARSE = Sensor("coarse", np.deg2rad(90), np.deg2rad(60), 33, 21, 0.5, 60.0)
-QUIET = Noise()

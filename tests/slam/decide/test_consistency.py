@@ -1,0 +1,143 @@
+"""Which answers agree: cycles through the chain, groups, parts that are joined; by laws."""
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+from scipy.spatial.transform import RigidTransform
+
+from slam.decide.consistency import Chains, chain_parts, find_support
+from slam.decide.hypothesis import Hypothesis, hypotheses_of
+from slam.graph.pose_graph import PoseGraph
+from slam.graph.tangent import adjoint, carried
+from slam.graph.trajectory import chain
+from spectral.result import Registration
+from tests.samples.surveys import edge, random_covariance, random_transforms, registration, ring_poses
+
+COVARIANCE = random_covariance(np.random.default_rng(2), 0.004, 0.03)
+NO_FLOOR = np.zeros(6)
+BOUND = 4.74
+
+
+def chained(truth: RigidTransform, gaps: tuple[int, ...] = ()) -> Chains:
+    """The true poses chained without noise, with none of (k, k + 1) for the gaps."""
+    steps = [k for k in range(len(truth) - 1) if k not in gaps]
+    edges = [edge(k, k + 1, truth[k].inv() * truth[k + 1], COVARIANCE) for k in steps]
+    return chain_parts(len(truth), edges)
+
+
+def answer(truth: RigidTransform, i: int, j: int, off: RigidTransform | None = None, **changes) -> Hypothesis:
+    T = truth[i].inv() * truth[j] * (RigidTransform.identity() if off is None else off)
+    return Hypothesis(i, j, 0, replace(registration(T, COVARIANCE), **changes))
+
+
+def test_the_adjoint_carries_a_tangent_across():
+    rng = np.random.default_rng(5)
+    T = random_transforms(rng, 7)
+    xi = rng.normal(size=(7, 6)) * 0.3
+    there = np.einsum("nab,nb->na", adjoint(T), xi)
+    np.testing.assert_allclose(
+        (T * RigidTransform.from_exp_coords(xi)).as_matrix(),
+        (RigidTransform.from_exp_coords(there) * T).as_matrix(),
+        atol=1e-12,
+    )
+    both = carried(T[0] * T[1], COVARIANCE)
+    np.testing.assert_allclose(both, carried(T[0], carried(T[1], COVARIANCE)), rtol=1e-9, atol=1e-12)
+
+
+def test_what_gathers_along_a_chain_is_the_graphs_own_marginal():
+    truth = ring_poses(9)
+    edges = [edge(k, k + 1, truth[k].inv() * truth[k + 1], COVARIANCE) for k in range(8)]
+    chains = chain_parts(9, edges)
+    solution = PoseGraph(chain(edges, np.zeros(9)), tuple(edges)).optimize()
+    for i, j in ((0, 8), (2, 5), (6, 3)):
+        gathered = carried(chains.T[j].inv(), chains.between(np.array([i]), np.array([j]))[0])
+        np.testing.assert_allclose(gathered, solution.relative(i, j)[1], rtol=1e-3, atol=1e-9)
+
+
+def test_a_tree_with_a_branch_gathers_only_what_lies_between():
+    """Scans 0-1-2 and 0-3-4: from 2 to 4 by way of 0; an edge read from its other end says the same."""
+    truth = ring_poses(5)
+    ways = [(0, 1), (1, 2), (0, 3), (3, 4)]
+    edges = [edge(i, j, truth[i].inv() * truth[j], COVARIANCE, "loop") for i, j in ways]
+    chains = chain_parts(5, edges)
+    assert chains.meeting[2, 4] == 0
+    assert chains.meeting[1, 2] == 1
+    solution = PoseGraph(chain(edges, np.zeros(5)), tuple(edges)).optimize()
+    gathered = carried(chains.T[4].inv(), chains.between(np.array([2]), np.array([4]))[0])
+    np.testing.assert_allclose(gathered, solution.relative(2, 4)[1], rtol=1e-3, atol=1e-9)
+
+
+def test_the_distance_from_the_chain_is_in_joint_sigmas():
+    truth = ring_poses(6)
+    chains = chained(truth)
+    gathered = carried(truth[4].inv(), chains.between(np.array([1]), np.array([4]))[0])
+    root = np.linalg.cholesky(gathered + COVARIANCE)
+    for sigmas in (3.0, 6.0):
+        off = RigidTransform.from_exp_coords(sigmas * root[:, 2])
+        (found,) = find_support(chains, [answer(truth, 1, 4, off)], NO_FLOOR, BOUND)
+        assert found.sigmas == pytest.approx(sigmas, rel=0.01)
+        assert found.agrees == (sigmas < BOUND)
+    (granted,) = find_support(chains, [answer(truth, 1, 4, off)], np.repeat([0.1, 1.0], 3), BOUND)
+    assert granted.agrees
+
+
+def test_two_parts_are_joined_by_those_that_agree_wherever_their_frames_lie():
+    truth = ring_poses(12)
+    off = [RigidTransform.from_exp_coords(xi) for xi in ([0, 0, 0.8, 2, 0, 0], [0.2, 0, -1, 0, 3, 0])]
+    answers = [answer(truth, 1, 7), answer(truth, 3, 9), answer(truth, 2, 10), answer(truth, 4, 8, off[0])]
+    answers.append(answer(truth, 5, 11, off[1]))
+    found = find_support(chained(truth, (5,)), answers, NO_FLOOR, BOUND)
+    assert [one.pairs for one in found] == [3, 3, 3, 1, 1]
+    assert [one.leading for one in found] == [True, True, True, False, False]
+    assert all(np.isnan(one.sigmas) and not one.agrees for one in found)
+    # the second part's frame is its first scan's, whatever that is
+    moved = chained(truth, (5,))
+    T = RigidTransform.from_exp_coords([0.4, -0.3, 1.2, 9, 8, -7])
+    again = Chains(
+        moved.part, RigidTransform.concatenate([moved.T[:6], T * moved.T[6:]]), moved.spread.copy(), moved.meeting
+    )
+    again.spread[6:] = carried(T, again.spread[6:])
+    assert [(one.pairs, one.leading) for one in find_support(again, answers, NO_FLOOR, BOUND)] == [
+        (one.pairs, one.leading) for one in found
+    ]
+
+
+def test_an_answer_may_be_read_from_either_scan():
+    truth = ring_poses(12)
+    answers = [answer(truth, 1, 7), answer(truth, 3, 9)]
+    turned = [answers[0], Hypothesis(9, 3, 0, _inverse(answers[1].registration))]
+    for among in (answers, turned):
+        assert [one.pairs for one in find_support(chained(truth, (5,)), among, NO_FLOOR, BOUND)] == [2, 2]
+
+
+def test_answers_of_one_pair_exclude_each_other():
+    truth = ring_poses(12)
+    twin = answer(truth, 1, 7, RigidTransform.from_exp_coords([0, 0, 0.001, 0, 0, 0]))
+    found = find_support(chained(truth, (5,)), [answer(truth, 1, 7), twin], NO_FLOOR, BOUND)
+    assert [one.pairs for one in found] == [1, 1]
+    assert not any(one.leading for one in found)  # neither is clearly ahead
+
+
+def test_what_is_possible_is_followed_and_weighs_by_its_probability():
+    first = replace(registration(RigidTransform.identity(), COVARIANCE), probability=0.7, accepted=False)
+    second, faint = replace(first, probability=0.2), replace(first, probability=0.001)
+    found = hypotheses_of(2, 5, replace(first, alternatives=(second, faint)))
+    assert [(one.rank, one.accepted) for one in found] == [(0, False), (1, False)]
+    assert found[0].weight == pytest.approx(-np.log(0.3))
+    assert found[1].weight == pytest.approx(-np.log(0.8))
+    assert hypotheses_of(2, 5, faint) == []
+    unknown = registration(RigidTransform.identity(), COVARIANCE)
+    assert hypotheses_of(2, 5, unknown)[0].weight > 1
+    assert hypotheses_of(2, 5, replace(unknown, accepted=False)) == []
+
+
+def test_a_covariance_that_is_none_is_a_fault_in_words():
+    bad = replace(registration(RigidTransform.identity(), COVARIANCE), covariance=np.zeros((6, 6)))
+    assert "positive definite" in Hypothesis(0, 4, 0, bad).fault
+    assert Hypothesis(0, 4, 0, replace(bad, covariance=COVARIANCE)).fault == ""
+
+
+def _inverse(given: Registration) -> Registration:
+    T = given.T_target_source
+    return replace(given, T_target_source=T.inv(), covariance=carried(T, given.covariance))

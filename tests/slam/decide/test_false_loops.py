@@ -1,0 +1,147 @@
+"""Wrong loops added to graphs of 2500 poses and of a survey's 200: how many are found, and what the others do.
+
+Error: the root mean square distance of the poses from the truth, the first poses laid on each other; sphere2500 comes
+without its truth, and a sphere of the same shape is simulated. Of sphere2500 itself the distance is that to the optimum
+without wrong loops. The survey's are also settled, as the mapper does it. Run with `-m slow -s` for the table.
+"""
+
+import time
+from collections.abc import Iterable
+from pathlib import Path
+
+import numpy as np
+import pytest
+from scipy.spatial.transform import RigidTransform, Rotation
+
+from slam.decide.decision import settle
+from slam.decide.robust import robust_optimize
+from slam.execute.attempt import Attempt
+from slam.graph.edge import Edge
+from slam.graph.pose_graph import PoseGraph
+from slam.graph.trajectory import chain
+from slam.loops.candidates import LoopSettings
+from slam.pair import Trial
+from tests.samples.surveys import edge
+from tests.samples.wrong_loops import aliased, scattered
+from tools.readers.poses.g2o import read_g2o
+from tools.simulate.paths.trajectories import lawnmower
+
+SPHERE = Path(__file__).parents[4] / "shared" / "data" / "graphs" / "sphere2500.g2o"
+LAYERS, AROUND = 50, 50
+COVARIANCE = np.diag([0.02, 0.03, 0.01, 0.1, 0.05, 0.08]) ** 2  # [rad^2, m^2]
+SURVEY, VOXEL = 200, 1.0  # scans of a lawn-mower, and the edge of their voxels [m]
+SIGMAS = np.repeat([np.deg2rad(0.1), 0.08], 3)  # of a registration, about [rad, m]
+_DRAWS = 20  # that its covariance is of: full, and no two alike
+REVISIT, GAP, PER_SCAN = 15.0, 5, 2  # loops: how near [m], how many scans apart at least, and how many a scan at most
+
+
+def simulated_sphere(seed: int) -> tuple[RigidTransform, PoseGraph]:
+    """2500 poses on a sphere of 50 m in layers, with an edge to the next pose and one to the layer above."""
+    rng, count = np.random.default_rng(seed), LAYERS * AROUND
+    turn = 2 * np.pi * np.arange(count) / AROUND
+    height = np.pi * (np.arange(count) + 0.5) / count - np.pi / 2
+    t = 50 * np.stack([np.cos(height) * np.cos(turn), np.cos(height) * np.sin(turn), np.sin(height)], axis=1)
+    T = RigidTransform.from_components(t, Rotation.from_euler("ZY", np.stack([turn + np.pi / 2, -height], axis=1)))
+    pairs = [(k, k + 1) for k in range(count - 1)] + [(k, k + AROUND) for k in range(count - AROUND)]
+    i, j = np.array(pairs).T
+    noise = RigidTransform.from_exp_coords(rng.multivariate_normal(np.zeros(6), COVARIANCE, len(pairs)))
+    measured = T[i].inv() * T[j] * noise
+    edges = tuple(
+        edge(i, j, one, COVARIANCE, "sequential" if j == i + 1 else "loop")
+        for (i, j), one in zip(pairs, measured, strict=True)
+    )
+    return T, PoseGraph(chain(edges, np.arange(float(count))), edges)
+
+
+def surveyed(seed: int) -> tuple[RigidTransform, PoseGraph]:
+    """A lawn-mower's poses, with an edge to the next and to the nearest of other passes, as registrations have them."""
+    rng = np.random.default_rng(seed)
+    T = lawnmower("floodgate", SURVEY, seed).T_world_sensor
+    apart = np.linalg.norm(T.translation[:, None] - T.translation, axis=2)
+    apart[np.abs(np.subtract.outer(np.arange(SURVEY), np.arange(SURVEY))) <= GAP] = np.inf
+    nearest = np.argsort(apart, axis=1, kind="stable")[:, :PER_SCAN]
+    near = {(min(i, j), max(i, j)) for i in range(SURVEY) for j in nearest[i].tolist() if apart[i, j] < REVISIT}
+    edges = []
+    for i, j in [*((k, k + 1) for k in range(SURVEY - 1)), *sorted(near)]:
+        draws = rng.normal(size=(_DRAWS, 6)) * SIGMAS
+        covariance = draws.T @ draws / _DRAWS
+        noise = RigidTransform.from_exp_coords(rng.multivariate_normal(np.zeros(6), covariance))
+        edges.append(edge(i, j, T[i].inv() * T[j] * noise, covariance, "sequential" if j == i + 1 else "loop"))
+    return T, PoseGraph(chain(edges, np.arange(float(SURVEY))), tuple(edges))
+
+
+def distance(one: RigidTransform, other: RigidTransform) -> float:
+    """Root mean square of the positions' distances [m], the first poses laid on each other."""
+    apart = (one[0].inv() * one).translation - (other[0].inv() * other).translation
+    return float(np.sqrt((apart**2).sum(axis=1).mean()))
+
+
+@pytest.mark.slow
+@pytest.mark.timeout(1200)
+@pytest.mark.parametrize("share", [0.1, 0.5, 1.0])
+@pytest.mark.parametrize(
+    ("name", "kind"),
+    [(name, kind) for name in ("simulated", "sphere2500", "lawnmower") for kind in ("scattered", "aliased")],
+)
+def test_wrong_loops_do_little_harm(name: str, kind: str, share: float) -> None:
+    if name == "sphere2500":
+        if not SPHERE.is_file():
+            pytest.skip(f"the benchmark graph is not at {SPHERE}")
+        truth, graph = None, read_g2o(SPHERE)
+    else:
+        truth, graph = simulated_sphere(4) if name == "simulated" else surveyed(4)
+    plain = graph.optimize()
+    best = plain.trajectory.T_world_sensor
+    count = round(share * sum(one.kind == "loop" for one in graph.edges))
+    wrong = (scattered if kind == "scattered" else aliased)(graph, best, count, 7)
+    begun = time.perf_counter()
+    result = robust_optimize(PoseGraph(graph.trajectory, (*graph.edges, *wrong)))
+    seconds = time.perf_counter() - begun
+    rejected, is_wrong = ~result.accepted, np.arange(len(result.accepted)) >= len(graph.edges)
+    found = int((rejected & is_wrong).sum())
+    precision, recall = found / max(int(rejected.sum()), 1), found / count
+    reference = best if truth is None else truth
+    without, error = (distance(T, reference) for T in (best, result.solution.trajectory.T_world_sensor))
+    print(
+        f"\n{name:10} {kind:9} {share:4.0%}: {count:4} wrong, precision {precision:.4f}, recall {recall:.4f}, "
+        f"error {without:.3f} m without and {error:.3f} m with them, {seconds:.0f} s"
+    )
+    assert precision > 0.97  # of right loops one in a thousand lies outside the bound
+    assert recall > 0.99
+    assert error <= 1.2 * without + (0.1 if truth is None else 0.0)
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("share", [0.1, 0.5, 1.0])
+@pytest.mark.parametrize("kind", ["scattered", "aliased"])
+def test_a_settled_survey_suffers_little(kind: str, share: float) -> None:
+    """As the mapper has it: no pair is tried twice."""
+    truth, graph = surveyed(4)
+    count = round(share * sum(one.kind == "loop" for one in graph.edges))
+    drawn = (scattered if kind == "scattered" else aliased)(graph, truth, count, 7)
+    right = {(one.i, one.j): one for one in graph.edges}
+    wrong = {(one.i, one.j): one for one in drawn if (one.i, one.j) not in right and one.j > one.i + 1}
+    begun = time.perf_counter()
+    plain = settle(trials(right.values()), graph.trajectory.stamps, {}, VOXEL, LoopSettings())
+    seconds = time.perf_counter() - begun
+    result = settle(trials([*right.values(), *wrong.values()]), graph.trajectory.stamps, {}, VOXEL, LoopSettings())
+    rejected = {(pair.i, pair.j) for pair in result.pairs if not pair.kept}
+    found = len(rejected & wrong.keys())
+    precision, recall = found / max(len(rejected), 1), found / len(wrong)
+    without, error = (distance(one.solution.trajectory.T_world_sensor, truth) for one in (plain, result))
+    print(
+        f"\nsettled    {kind:9} {share:4.0%}: {len(wrong):4} wrong of {len(wrong) + len(right)} pairs, "
+        f"precision {precision:.4f}, recall {recall:.4f}, error {without:.3f} m without and {error:.3f} m with them, "
+        f"{seconds:.1f} s and {time.perf_counter() - begun - seconds:.1f} s"
+    )
+    assert precision > 0.97
+    assert recall > 0.99
+    assert error <= 1.2 * without
+
+
+def trials(edges: Iterable[Edge]) -> list[Trial]:
+    """Pairs whose registration believed in itself."""
+    return [
+        Trial(one.i, one.j, "sequential" if one.kind == "sequential" else "loop", Attempt(one.registration))
+        for one in edges
+    ]

@@ -1,0 +1,157 @@
+"""Wrong edges among right ones: which are rejected, and what is left of their harm."""
+
+import numpy as np
+import pytest
+from scipy.spatial.transform import RigidTransform
+
+from kernels.errors import InputError
+from slam.decide.robust import robust_optimize
+from slam.graph.edge import Edge, components
+from slam.graph.gtsam_poses import to_pose3
+from slam.graph.path import bridges, surest_covariances
+from slam.graph.pose_graph import PoseGraph
+from slam.graph.tangent import adjoint
+from slam.graph.trajectory import Trajectory, chain
+from tests.samples.surveys import edge, random_covariance, ring_poses
+from tests.samples.wrong_loops import aliased, scattered
+
+COUNT = 40
+
+
+def measured(rng: np.random.Generator, T: RigidTransform, i: int, j: int) -> Edge:
+    covariance = random_covariance(rng, 0.005, 0.05)
+    noise = RigidTransform.from_exp_coords(rng.multivariate_normal(np.zeros(6), covariance))
+    return edge(i, j, T[i].inv() * T[j] * noise, covariance, "sequential" if j == i + 1 else "loop")
+
+
+def two_rounds(seed: int, count: int = COUNT) -> tuple[RigidTransform, PoseGraph]:
+    """Twice around the same ring, with loops between the rounds, some told backward."""
+    rng = np.random.default_rng(seed)
+    T = ring_poses(count, turns=2.0)
+    pairs = [(k, k + 1) for k in range(count - 1)]
+    pairs += [(k, k + count // 2) if k % 3 else (k + count // 2, k) for k in range(count // 2)]
+    edges = tuple(measured(rng, T, i, j) for i, j in pairs)
+    return T, PoseGraph(chain(edges, np.arange(float(count))), edges)
+
+
+def distance(one: RigidTransform, other: RigidTransform) -> float:
+    """Root mean square of the positions' distances [m], the first poses laid on each other."""
+    apart = (one[0].inv() * one).translation - (other[0].inv() * other).translation
+    return float(np.sqrt((apart**2).sum(axis=1).mean()))
+
+
+@pytest.mark.parametrize("seed", [1, 2, 3])
+@pytest.mark.parametrize("kind", ["scattered", "aliased"])
+def test_wrong_loops_are_rejected_and_leave_the_optimum_where_it_was(seed: int, kind: str) -> None:
+    T, graph = two_rounds(seed, 60)
+    wrong = scattered(graph, T, 15, seed) if kind == "scattered" else aliased(graph, T, 10, seed)
+    mixed = PoseGraph(graph.trajectory, (*wrong[:4], *graph.edges, *wrong[4:]))
+    result = robust_optimize(mixed)
+    is_right = np.array([one not in wrong for one in mixed.edges])
+    assert not result.accepted[~is_right].any()
+    assert result.accepted[is_right].mean() > 0.97
+    best = graph.optimize().trajectory.T_world_sensor
+    assert distance(result.solution.trajectory.T_world_sensor, T) < 1.2 * distance(best, T) + 0.01
+    for accepted, reason, residual in zip(result.accepted, result.reasons, result.residuals, strict=True):
+        assert reason.startswith("accepted" if accepted else "rejected")
+        assert accepted or residual > 4
+
+
+def test_without_wrong_edges_it_is_the_plain_optimum() -> None:
+    _, graph = two_rounds(4)
+    result = robust_optimize(graph)
+    plain = graph.optimize()
+    assert result.accepted.all()
+    np.testing.assert_allclose(
+        result.solution.trajectory.T_world_sensor.as_matrix(), plain.trajectory.T_world_sensor.as_matrix(), atol=1e-5
+    )
+    np.testing.assert_allclose(result.residuals, plain.residuals, atol=1e-3)
+
+
+def test_a_wrong_edge_of_the_chain_is_outvoted() -> None:
+    T, graph = two_rounds(5)
+    slip = RigidTransform.from_exp_coords([0.2, -0.1, 0.4, 2, -1, 1])
+    edges = list(graph.edges)
+    right = edges[25].registration
+    edges[25] = edge(25, 26, right.T_target_source * slip, right.covariance)
+    result = robust_optimize(PoseGraph(graph.trajectory, tuple(edges)), chain_worth=3.0)
+    assert np.flatnonzero(~result.accepted).tolist() == [25]
+    assert distance(result.solution.trajectory.T_world_sensor, T) < 0.5
+    trusted = robust_optimize(PoseGraph(graph.trajectory, tuple(edges)))
+    assert trusted.accepted[25]
+    assert not trusted.accepted.all()
+
+
+def test_every_component_is_judged_by_itself_and_held_poses_stay() -> None:
+    T, graph = two_rounds(6)
+    moved = [edge(one.i + COUNT, one.j + COUNT, one.registration.T_target_source, one.registration.covariance, one.kind)
+             for one in graph.edges]  # fmt: skip
+    bad = edge(COUNT + 3, COUNT + 15, RigidTransform.from_translation([3.0, 1, 0]), np.eye(6) * 1e-4, "loop")
+    place = RigidTransform.from_exp_coords([0.3, -0.2, 1.0, 50, 20, -3])
+    start = RigidTransform.concatenate([T, place * T])
+    both = PoseGraph(Trajectory(np.arange(2.0 * COUNT), start), (*graph.edges, *moved, bad), fixed=(COUNT + 7,))
+    result = robust_optimize(both)
+    assert np.flatnonzero(~result.accepted).tolist() == [len(both.edges) - 1]
+    found = result.solution.trajectory.T_world_sensor
+    np.testing.assert_allclose(found[[0, COUNT + 7]].as_matrix(), start[[0, COUNT + 7]].as_matrix(), atol=1e-5)
+    assert distance(found[COUNT:], found[:COUNT]) < 1e-3
+
+
+def test_the_order_of_the_edges_and_a_second_run_change_nothing() -> None:
+    T, graph = two_rounds(7)
+    edges = (*graph.edges, *scattered(graph, T, 10, 7))
+    once, again = (robust_optimize(PoseGraph(graph.trajectory, edges)) for _ in range(2))
+    np.testing.assert_array_equal(once.accepted, again.accepted)
+    np.testing.assert_array_equal(
+        once.solution.trajectory.T_world_sensor.as_matrix(), again.solution.trajectory.T_world_sensor.as_matrix()
+    )
+    order = np.random.default_rng(0).permutation(len(edges))
+    shuffled = robust_optimize(PoseGraph(graph.trajectory, tuple(edges[k] for k in order)))
+    np.testing.assert_array_equal(shuffled.accepted, once.accepted[order])
+    assert distance(shuffled.solution.trajectory.T_world_sensor, once.solution.trajectory.T_world_sensor) < 1e-4
+    assert distance(once.solution.trajectory.T_world_sensor, T) < 0.5
+
+
+def test_a_tree_and_a_prior_cannot_be_rejected() -> None:
+    rng = np.random.default_rng(8)
+    T = ring_poses(5)
+    edges = tuple(measured(rng, T, k, k + 1) for k in range(4))
+    far = edge(4, 4, RigidTransform.from_translation([500.0, 0, 0]), np.eye(6), "prior")
+    result = robust_optimize(PoseGraph(chain(edges, np.arange(5.0)), (*edges, far), fixed=(0,)))
+    assert result.accepted.all()
+    with pytest.raises(InputError, match="names a pose"):
+        PoseGraph(Trajectory(np.zeros(2), T[:2]), edges)
+
+
+def test_bridges_are_what_takes_a_component_apart() -> None:
+    rng = np.random.default_rng(9)
+    for _ in range(30):
+        count = int(rng.integers(2, 12))
+        pairs = [tuple(rng.choice(count, 2, replace=False).tolist()) for _ in range(int(rng.integers(1, 16)))]
+        edges = [edge(i, j, RigidTransform.identity(), np.eye(6), "loop") for i, j in pairs]
+        parts = len(components(count, edges))
+        want = {k for k in range(len(edges)) if len(components(count, edges[:k] + edges[k + 1 :])) > parts}
+        assert bridges(count, edges) == want
+
+
+def test_adjoints_are_those_of_gtsam() -> None:
+    T = ring_poses(6)
+    np.testing.assert_allclose(adjoint(T), np.stack([to_pose3(one).AdjointMap() for one in T]), atol=1e-12)
+
+
+def test_the_surest_way_bounds_the_marginal_and_is_it_where_there_is_one_way() -> None:
+    _, graph = two_rounds(10)
+    solution = graph.optimize()
+    T = solution.trajectory.T_world_sensor
+    pairs = np.array([(0, 39), (31, 4), (12, 20)])
+    bound = surest_covariances(T, graph.edges, pairs)
+    for (i, j), surest in zip(pairs.tolist(), bound, strict=True):
+        assert np.linalg.eigvalsh(surest - solution.relative(i, j)[1]).min() > -1e-9 * np.trace(surest)
+    line = graph.edges[: COUNT - 1]
+    alone = PoseGraph(chain(line, np.arange(float(COUNT))), line).optimize()
+    for i, j in [(3, 9), (9, 3)]:
+        surest = surest_covariances(alone.trajectory.T_world_sensor, line, np.array([(i, j)]))[0]
+        exact = alone.relative(i, j)[1]
+        np.testing.assert_allclose(surest, exact, atol=1e-4 * np.abs(exact).max())
+    apart = surest_covariances(T, line[:5], np.array([(0, 39)]))
+    assert np.isinf(np.diag(apart[0])).all()

@@ -1,0 +1,86 @@
+"""What came of a pair, as text: it comes back bit by bit."""
+
+from typing import Any
+
+import numpy as np
+import pytest
+from numpy.testing import assert_array_equal
+from scipy.spatial.transform import RigidTransform
+
+from slam.execute.attempt import Attempt, from_text, to_text
+from spectral.result import Registration
+from tests.samples.surveys import random_covariance, random_transforms
+
+ODD = [float("nan"), float("inf"), -0.0, 5e-324, 0.1 + 0.2]
+
+
+def registrations(seed: int, depth: int = 2) -> Registration:
+    """Drawn, with two alternatives of the next depth."""
+    rng = np.random.default_rng(seed)
+    psr, overlap, seconds, probability = rng.choice([*ODD, *rng.normal(size=5)], 4)
+    return Registration(
+        T_target_source=random_transforms(rng, 2)[0] * random_transforms(rng, 2)[1],
+        covariance=random_covariance(rng) if depth else np.diag([np.inf, np.nan, 1, 2, 3, -0.0]),
+        psr=psr,
+        overlap=overlap,
+        accepted=bool(seed % 2),
+        seconds=seconds,
+        reason='she said "ö"\n\udcff',
+        probability=probability,
+        step_psr=(("rotation", float(rng.normal())), ("translation", float("nan"))),
+        alternatives=tuple(registrations(seed + k, depth - 1) for k in (1, 2)) if depth else (),
+    )
+
+
+def bits(registration: Registration) -> list[object]:
+    """Everything in it, floats by their bits."""
+    numbers = [registration.psr, registration.overlap, registration.seconds, registration.probability]
+    return [
+        registration.T_target_source.as_matrix().tobytes(),
+        (registration.covariance.tobytes(), registration.covariance.dtype, registration.covariance.shape),
+        np.array(numbers).tobytes(),
+        (registration.accepted, registration.reason),
+        [(name, np.float64(psr).tobytes()) for name, psr in registration.step_psr],
+        [bits(other) for other in registration.alternatives],
+    ]
+
+
+@pytest.mark.parametrize("seed", range(40))
+def test_a_registration_comes_back_bit_by_bit(seed: int) -> None:
+    given = registrations(seed)
+    text = to_text(Attempt(given))
+    found = from_text(text)
+    assert found.registration is not None
+    assert bits(found.registration) == bits(given)
+    assert to_text(found) == text
+
+
+def test_a_transform_that_is_off_by_rounding_is_not_mended() -> None:
+    """Composed often, as after a chain of poses."""
+    T = RigidTransform.identity()
+    for one in random_transforms(np.random.default_rng(3), 200):
+        T = T * one
+    given = Registration(T, np.eye(6), 1.0, 0.5, True, 0.1)
+    found = from_text(to_text(Attempt(given))).registration
+    assert found is not None
+    assert_array_equal(found.T_target_source.as_matrix(), T.as_matrix())
+
+
+def test_numbers_of_numpy_are_taken() -> None:
+    psr: Any = np.float32(0.1)
+    accepted: Any = np.bool_(True)
+    given = Registration(RigidTransform.identity(), np.eye(6), psr, 0.2, accepted, 0.1, step_psr=(("a", psr),))
+    found = from_text(to_text(Attempt(given))).registration
+    assert found is not None
+    assert (found.psr, found.accepted, found.step_psr) == (float(psr), True, (("a", float(psr)),))
+
+
+def test_a_failure_comes_back() -> None:
+    given = Attempt(None, "scan 3 lies in one plane; give another «scan»")
+    assert from_text(to_text(given)) == given
+
+
+@pytest.mark.parametrize("text", ["", "{}", "[1]", '{"registration": {}}', '{"registration": {"psr": 1}}'])
+def test_other_text_is_refused(text: str) -> None:
+    with pytest.raises((ValueError, LookupError, TypeError)):
+        from_text(text)

@@ -1,0 +1,216 @@
+"""Whoever registers a survey's pairs, and however often it is stopped: the same results, and no pair twice."""
+
+import sys
+from collections.abc import Iterator
+from contextlib import contextmanager
+from dataclasses import replace
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pytest
+from numpy.testing import assert_array_equal
+
+import slam.execute.executor
+from kernels.errors import DeviceError, InputError
+from slam.execute.attempt import to_text
+from slam.execute.executor import Crew, alone, cluster, processes
+from slam.execute.journal import Journal
+from slam.execute.runner import PairRunner
+from slam.execute.worker import Worker
+from tests.samples.crew_survey import Knowing, recipe
+from tests.samples.surveys import ring_poses, scans_of
+
+COUNT = 9
+SCANS = scans_of(ring_poses(COUNT))
+PAIRS = [(i, i + step) for step in (1, 2) for i in range(COUNT - step)]
+
+
+class Work:
+    """Registers PAIRS in a folder, with a journal, and counts."""
+
+    def __init__(self, folder: Path) -> None:
+        self.notes, self.journal = folder / "notes", folder / "journal.sqlite"
+
+    @contextmanager
+    def crew(self, kind: str, ending: str = "") -> Iterator[Crew]:
+        made = recipe(COUNT, self.notes, ending)
+        match kind.split():
+            case ["alone"]:
+                yield alone(Worker(Knowing(COUNT, self.notes, ending), 3))
+            case ["processes", workers]:
+                with processes(made, int(workers)) as crew:
+                    yield crew
+            case ["cluster", address]:
+                with cluster(made, address) as crew:
+                    yield crew
+
+    def run(self, kind: str = "alone", ending: str = "", pairs: list[tuple[int, int]] = PAIRS) -> list[str]:
+        """What came of every pair, as text."""
+        with Journal(self.journal, "knowing") as journal, self.crew(kind, ending) as crew:
+            runner = PairRunner(Knowing(COUNT, self.notes), SCANS, 3, 0, None, replace(crew, journal=journal))
+            return [to_text(attempt) for attempt in runner.register(pairs)]
+
+    def registered(self) -> list[tuple[int, int]]:
+        """The pairs that registrars were asked for, sorted; those with the broken scan never are."""
+        lines = self.notes.read_text().splitlines() if self.notes.exists() else []
+        return sorted((int(i), int(j)) for i, j in (line.split() for line in lines))
+
+
+ASKED = sorted(pair for pair in PAIRS if 2 not in pair)
+
+
+@pytest.fixture
+def work(tmp_path: Path) -> Work:
+    return Work(tmp_path)
+
+
+@pytest.fixture(scope="module")
+def undisturbed(tmp_path_factory: pytest.TempPathFactory) -> list[str]:
+    work = Work(tmp_path_factory.mktemp("undisturbed"))
+    found = work.run()
+    assert work.registered() == ASKED
+    return found
+
+
+def test_failures_are_told_in_their_place(undisturbed: list[str]) -> None:
+    failed = [pair for pair, text in zip(PAIRS, undisturbed, strict=True) if "scan2 is of no use" in text]
+    assert failed == [pair for pair in PAIRS if 2 in pair]
+
+
+@pytest.mark.parametrize("workers", [1, 3])
+def test_processes_give_the_same_bits(work: Work, undisturbed: list[str], workers: int) -> None:
+    assert work.run(f"processes {workers}") == undisturbed
+    assert work.registered() == ASKED
+
+
+def test_the_journal_gives_the_same_bits(work: Work, undisturbed: list[str]) -> None:
+    assert [work.run() for _ in range(2)] == [undisturbed] * 2
+    assert work.registered() == ASKED
+
+
+@pytest.mark.parametrize("seed", [1, 2, 3])
+def test_the_order_makes_no_difference_and_only_new_pairs_are_registered(
+    work: Work, undisturbed: list[str], seed: int
+) -> None:
+    order = np.random.default_rng(seed).permutation(len(PAIRS)).tolist()
+    some = [PAIRS[n] for n in order[:6]]
+    assert work.run(pairs=some) == [undisturbed[n] for n in order[:6]]
+    assert work.registered() == sorted(pair for pair in some if 2 not in pair)
+    assert work.run(pairs=[PAIRS[n] for n in order]) == [undisturbed[n] for n in order]
+    assert work.registered() == ASKED
+
+
+def test_stopped_again_and_again_it_goes_on(work: Work, undisturbed: list[str]) -> None:
+    """At six pairs: each of them is begun twice, as it was under way, and no other is."""
+    asked = [pair for pair in PAIRS if 2 not in pair]
+    stops = [asked[k] for k in (0, 1, 4, 5, 7, 10)]
+    for i, j in stops:
+        with pytest.raises(KeyboardInterrupt):
+            work.run(ending=f"stop {i} {j}")
+    assert work.run() == undisturbed
+    assert work.registered() == sorted([*ASKED, *stops])
+
+
+def test_a_worker_that_is_killed_is_told_and_what_is_done_is_kept(work: Work, undisturbed: list[str]) -> None:
+    with pytest.raises(InputError, match=r"ended before its time.* goes on from there"):
+        work.run("processes 1", ending="kill 7 8")
+    begun = work.registered()
+    assert len(begun) >= 4
+    assert work.run() == undisturbed
+    again = [pair for pair in set(begun) if work.registered().count(pair) > 1]
+    assert len(again) <= slam.execute.executor._TOGETHER
+    assert (7, 8) in again
+
+
+@pytest.mark.parametrize("kind", ["alone", "processes 2"])
+def test_a_machine_that_fails_is_raised_and_not_kept(work: Work, undisturbed: list[str], kind: str) -> None:
+    with pytest.raises(DeviceError, match="the device is full"):
+        work.run(kind, ending="device 4 5")
+    assert work.run() == undisturbed
+
+
+def test_the_account_tells_what_was_found(work: Work) -> None:
+    for found in (0, len(PAIRS)):
+        with Journal(work.journal, "knowing") as journal, work.crew("alone") as crew:
+            runner = PairRunner(Knowing(COUNT, work.notes), SCANS, 3, 2, None, replace(crew, journal=journal))
+            runner.register(PAIRS)
+            runner.tell("optimized")
+        assert [(one.target, one.source) for one in crew.account.pairs] == PAIRS
+        assert crew.account.found == found
+        assert all(one.seconds > 0 and one.found == (found > 0) for one in crew.account.pairs)
+        assert list(crew.account.stages) == ["pairs registered", "optimized"]
+
+
+@pytest.mark.parametrize("kind", ["alone", "processes 2"])
+def test_signatures_are_kept_too(work: Work, kind: str) -> None:
+    for _ in range(2):
+        with Journal(work.journal, "knowing") as journal, work.crew(kind) as crew:
+            registrar = Knowing(COUNT, work.notes)
+            runner = PairRunner(registrar, SCANS, 3, 0, None, replace(crew, journal=journal))
+            signatures = runner.signatures()
+        for scan, signature in zip(SCANS, signatures, strict=True):
+            if scan.name == "scan2":
+                assert signature is None
+            else:
+                assert signature is not None
+                assert_array_equal(signature, scan.points.mean(axis=0))
+
+
+def test_a_method_without_signatures_prepares_nothing() -> None:
+    from tests.samples.surveys import KnowingRegistrar
+
+    registrar = KnowingRegistrar(ring_poses(COUNT), np.eye(6))
+    assert PairRunner(registrar, SCANS, 3, 0, None).signatures() == [None] * COUNT
+    assert not registrar.prepared
+
+
+def local_cluster(workers: int) -> Any:
+    """Dask's own, of processes of this machine."""
+    distributed = pytest.importorskip("distributed")
+    return distributed.LocalCluster(n_workers=workers, threads_per_worker=1, processes=True, dashboard_address=None)
+
+
+@pytest.fixture(scope="module")
+def address() -> Iterator[str]:
+    with local_cluster(2) as started:
+        yield started.scheduler_address
+
+
+@pytest.mark.slow
+class TestCluster:
+    def test_it_gives_the_same_bits(self, work: Work, undisturbed: list[str], address: str) -> None:
+        assert work.run(f"cluster {address}") == undisturbed
+        assert work.registered() == ASKED
+
+    def test_a_machine_that_fails_is_raised(self, work: Work, undisturbed: list[str], address: str) -> None:
+        with pytest.raises(DeviceError, match="the device is full"):
+            work.run(f"cluster {address}", ending="device 4 5")
+        assert work.run() == undisturbed
+
+    def test_workers_that_end_again_and_again_are_told(self, work: Work, undisturbed: list[str], address: str) -> None:
+        with pytest.raises(InputError, match="ended again and again"):
+            work.run(f"cluster {address}", ending="kill 7 8")
+        assert work.run() == undisturbed
+
+
+class TestClusterThatIsNotThere:
+    @pytest.fixture(autouse=True)
+    def impatient(self, monkeypatch: pytest.MonkeyPatch) -> None:
+        pytest.importorskip("distributed")
+        monkeypatch.setattr(slam.execute.executor, "_PATIENCE", 1.0)
+
+    @pytest.mark.parametrize("address", ["tcp://127.0.0.1:9", "127.0.0.1:9", "carrier-pigeon://9", "tcp://", "nowhere"])
+    def test_it_is_told(self, work: Work, address: str) -> None:
+        with pytest.raises(InputError, match=r"no Dask scheduler answers at .* --scheduler tcp://"):
+            work.run(f"cluster {address}")
+
+    @pytest.mark.slow
+    def test_a_scheduler_without_workers_is_told(self, work: Work) -> None:
+        with local_cluster(0) as started, pytest.raises(InputError, match=r"has no workers\. Start some"):
+            work.run(f"cluster {started.scheduler_address}")
+
+    def test_dask_that_is_not_installed_is_told(self, work: Work, monkeypatch: pytest.MonkeyPatch) -> None:
+        monkeypatch.setitem(sys.modules, "distributed", None)
+        with pytest.raises(InputError, match=r"pip install 'sonarmap\[cluster\]'"):
+            work.run("cluster tcp://127.0.0.1:9")

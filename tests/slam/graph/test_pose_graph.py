@@ -1,0 +1,180 @@
+"""The pose graph: conventions against Monte Carlo, loops, gauges, and a public benchmark."""
+
+import time
+from pathlib import Path
+
+import numpy as np
+import pytest
+from scipy.spatial.transform import RigidTransform
+from scipy.stats import chi2
+
+from kernels.errors import InputError
+from slam.graph.gtsam_poses import to_pose3
+from slam.graph.pose_graph import PoseGraph
+from slam.graph.trajectory import Trajectory, chain
+from tests.samples.surveys import edge, random_covariance, random_transforms, ring_poses
+from tools.readers.poses.g2o import read_g2o
+
+GRAPHS = Path(__file__).parents[4] / "shared" / "data" / "graphs"
+
+
+def noisy(T: RigidTransform, covariance: np.ndarray, rng: np.random.Generator) -> RigidTransform:
+    """A measurement T_m with T = T_m Exp(xi), xi of this covariance."""
+    return T * RigidTransform.from_exp_coords(rng.multivariate_normal(np.zeros(6), covariance)).inv()
+
+
+def ring_graph(count: int, rng: np.random.Generator, loops: bool) -> tuple[RigidTransform, PoseGraph]:
+    T = ring_poses(count)
+    pairs = [(k, k + 1) for k in range(count - 1)] + ([(0, count - 1), (2, count // 2)] if loops else [])
+    edges = []
+    for i, j in pairs:
+        covariance = random_covariance(rng)
+        kind = "sequential" if j == i + 1 else "loop"
+        edges.append(edge(i, j, noisy(T[i].inv() * T[j], covariance, rng), covariance, kind))
+    return T, PoseGraph(chain(edges, np.arange(float(count))), tuple(edges))
+
+
+def test_tangents_are_those_of_gtsam():
+    rng = np.random.default_rng(0)
+    T = random_transforms(rng, 1)[0]
+    xi = rng.normal(size=6) * 0.7
+    np.testing.assert_allclose(to_pose3(T).matrix(), T.as_matrix(), atol=1e-15)
+    moved = T * RigidTransform.from_exp_coords(xi)
+    np.testing.assert_allclose(to_pose3(T).retract(xi).matrix(), moved.as_matrix(), atol=1e-12)
+    np.testing.assert_allclose(to_pose3(T).localCoordinates(to_pose3(moved)), xi, atol=1e-12)
+
+
+def test_covariance_of_a_chain_agrees_with_monte_carlo():
+    """Full, uneven covariances over large turns: any other order, side or direction would show at once."""
+    rng = np.random.default_rng(1)
+    steps = random_transforms(rng, 3, angle=0.8, length=4.0)
+    covariances = [random_covariance(rng, 0.004, 0.03) for _ in range(3)]
+    edges = tuple(edge(k, k + 1, steps[k], covariances[k]) for k in range(3))
+    solution = PoseGraph(chain(edges, np.zeros(4)), edges).optimize()
+
+    draws = 40_000
+    T = RigidTransform.identity(draws)
+    for step, covariance in zip(steps, covariances, strict=True):
+        xi = rng.multivariate_normal(np.zeros(6), covariance, draws)
+        T = T * step * RigidTransform.from_exp_coords(xi)
+    last = solution.trajectory.T_world_sensor[3]
+    sampled = np.cov((last.inv() * T).as_exp_coords().T)
+    predicted = solution.covariances()[3]
+    scale = np.sqrt(np.outer(np.diag(predicted), np.diag(predicted)))
+    np.testing.assert_allclose(sampled / scale, predicted / scale, atol=0.03)
+
+    _, relative = solution.relative(0, 3)  # the first pose is held, so this is the same
+    np.testing.assert_allclose(relative / scale, predicted / scale, atol=1e-4)
+
+
+@pytest.mark.parametrize("pair", [(1, 2), (2, 1)])
+def test_relative_covariance_is_the_edge_s_own_in_either_direction(pair):
+    rng = np.random.default_rng(2)
+    steps = random_transforms(rng, 3)
+    covariance = random_covariance(rng)
+    measured = [covariance if k == 1 else random_covariance(rng) for k in range(3)]
+    edges = tuple(edge(k, k + 1, steps[k], measured[k]) for k in range(3))
+    solution = PoseGraph(chain(edges, np.zeros(4)), edges).optimize()
+    T_i_j, relative = solution.relative(*pair)
+    if pair == (2, 1):  # T_j_i Exp(xi') with xi' = -Ad(T_i_j) xi
+        adjoint = to_pose3(T_i_j.inv()).AdjointMap()
+        covariance = adjoint @ covariance @ adjoint.T
+        T_i_j = T_i_j.inv()
+    np.testing.assert_allclose(T_i_j.as_matrix(), steps[1].as_matrix(), atol=1e-9)
+    np.testing.assert_allclose(relative, covariance, atol=1e-6 * np.abs(covariance).max())
+
+
+def test_loops_lower_the_error_and_the_covariances_hold_it():
+    errors, distances = {True: [], False: []}, []
+    for seed in range(12):
+        for loops in (True, False):
+            T, graph = ring_graph(20, np.random.default_rng(seed), loops)
+            solution = graph.optimize()
+            difference = (solution.trajectory.T_world_sensor.inv() * T).as_exp_coords()
+            errors[loops].append(np.sqrt((difference[:, 3:] ** 2).mean()))
+            if loops:
+                covariance = solution.covariances()[-1]
+                distances.append(difference[-1] @ np.linalg.solve(covariance, difference[-1]))
+                assert solution.chi_squared_after < solution.chi_squared_before
+                assert solution.degrees_of_freedom == 12
+    assert np.median(errors[True]) < 0.8 * np.median(errors[False])
+    # The sum of 12 squared distances of six degrees each, within its central 99.8 %
+    assert chi2(72).ppf(0.001) < sum(distances) < chi2(72).ppf(0.999)
+
+
+def test_residuals_are_mahalanobis_lengths():
+    _, graph = ring_graph(8, np.random.default_rng(5), loops=True)
+    solution = graph.optimize()
+    poses = solution.trajectory.T_world_sensor
+    wanted = []
+    for e in graph.edges:
+        T_i_j = e.registration.T_target_source
+        error = (T_i_j.inv() * poses[e.i].inv() * poses[e.j]).as_exp_coords()
+        wanted.append(np.sqrt(error @ np.linalg.solve(e.registration.covariance, error)))
+    np.testing.assert_allclose(solution.residuals, wanted, rtol=1e-6, atol=1e-9)
+    np.testing.assert_allclose((solution.residuals**2).sum(), solution.chi_squared_after, rtol=1e-6)
+
+
+def test_every_component_is_tied_once():
+    rng = np.random.default_rng(6)
+    T, covariance = random_transforms(rng, 6), random_covariance(rng)
+    edges = (
+        edge(0, 1, T[0].inv() * T[1], covariance),
+        edge(2, 3, T[2].inv() * T[3], covariance),
+        edge(3, 3, T[3], covariance, "prior"),
+        edge(4, 5, T[4].inv() * T[5], covariance),
+    )
+    graph = PoseGraph(Trajectory(np.zeros(6), T), edges, fixed=(5,))
+    assert graph.anchors == (0, 5)
+    solution = graph.optimize()
+    sigmas = np.sqrt(np.trace(solution.covariances(), axis1=1, axis2=2))
+    assert (sigmas[[0, 5]] < 1e-5).all()
+    np.testing.assert_allclose(solution.covariances()[3], covariance, rtol=1e-6, atol=1e-12)
+    assert solution.degrees_of_freedom == 0
+    np.testing.assert_allclose(solution.trajectory.T_world_sensor.as_matrix(), T.as_matrix(), atol=1e-8)
+
+
+def test_refuses_edges_and_fixed_poses_without_a_pose():
+    covariance, trajectory = np.eye(6), Trajectory(np.zeros(2), RigidTransform.identity(2))
+    with pytest.raises(InputError, match="edge 1 -> 2"):
+        PoseGraph(trajectory, (edge(1, 2, RigidTransform.identity(), covariance),))
+    with pytest.raises(InputError, match="fixed"):
+        PoseGraph(trajectory, (), fixed=(2,))
+
+
+@pytest.mark.skipif(not GRAPHS.is_dir(), reason=f"the benchmark graphs are not at {GRAPHS}")
+def test_sphere2500_from_its_own_initial_estimate():
+    """GTSAM's full-information cost; four settings of the optimizer found this same optimum."""
+    graph = read_g2o(GRAPHS / "sphere2500.g2o")
+    start = time.perf_counter()
+    solution = graph.optimize()
+    assert time.perf_counter() - start < 30
+    assert solution.converged
+    assert solution.chi_squared_after == pytest.approx(1351.40192585, rel=1e-8)
+
+
+def test_the_optimum_moves_with_the_first_pose_and_knows_no_order_of_the_edges():
+    rng = np.random.default_rng(9)
+    _, graph = ring_graph(12, rng, loops=True)
+    moved = RigidTransform.from_exp_coords([0.3, -1.2, 0.7, 5, -8, 2])
+    order = rng.permutation(len(graph.edges))
+    shuffled = PoseGraph(graph.trajectory, tuple(graph.edges[k] for k in order))
+    found = graph.optimize().trajectory.T_world_sensor
+    other = shuffled.at(moved * graph.trajectory.T_world_sensor).optimize().trajectory.T_world_sensor
+    np.testing.assert_allclose(other.as_matrix(), (moved * found).as_matrix(), atol=1e-4)
+
+
+@pytest.mark.parametrize("fixed", [(), (5,), (0, 1)])
+def test_the_start_from_the_edges_hears_no_pose_but_the_held(fixed):
+    rng = np.random.default_rng(10)
+    _, graph = ring_graph(12, rng, loops=True)
+    solved = PoseGraph(graph.optimize().trajectory, graph.edges, fixed)
+    lost = random_transforms(rng, 12, 1.5, 30.0)
+    known = list(solved.anchors)
+    T = RigidTransform.from_matrix(
+        np.stack([(solved.trajectory.T_world_sensor if k in known else lost)[k].as_matrix() for k in range(12)])
+    )
+    started = solved.at(T).from_edges()
+    np.testing.assert_allclose(started.trajectory.T_world_sensor[known].as_matrix(), T[known].as_matrix(), atol=1e-12)
+    again = started.optimize()
+    assert again.chi_squared_after == pytest.approx(solved.chi_squared, rel=1e-5)

@@ -1,0 +1,114 @@
+"""What instruments say of poses, in the graph: each part with its own noise, and what none tells is held."""
+
+import numpy as np
+import pytest
+from scipy.spatial.transform import RigidTransform, Rotation
+
+from slam.graph.edge import Edge
+from slam.graph.pose_graph import PoseGraph
+from slam.graph.trajectory import Trajectory, chain
+from slam.graph.world import place_in_world
+from spectral.prior_error import twist
+from spectral.scan import PosePrior
+from tests.samples.surveys import edge, random_covariance, ring_poses
+
+SIGMAS = np.array([0.004, 0.007, 0.02, 0.5, 0.8, 0.05])
+T_WORLD = RigidTransform.from_components([310.0, -45.0, -12.0], Rotation.from_euler("ZYX", [2.1, 0.2, -0.1]))
+
+
+def ring(count: int, seed: int = 0) -> tuple[RigidTransform, list[Edge]]:
+    """True poses somewhere in the world, and a chain of edges between them, with noise."""
+    truth = T_WORLD * ring_poses(count)
+    rng = np.random.default_rng(seed)
+    covariance = random_covariance(rng, 0.004, 0.03)
+    noise = RigidTransform.from_exp_coords(rng.multivariate_normal(np.zeros(6), covariance, count - 1))
+    return truth, [edge(k, k + 1, truth[k].inv() * truth[k + 1] * noise[k], covariance) for k in range(count - 1)]
+
+
+def told(T: RigidTransform, *known: str) -> PosePrior:
+    """A prior without an error, of attitude, heading, position or depth."""
+    names = ("attitude", "attitude", "heading", "position", "position", "depth")
+    return PosePrior(T, np.where([name in known for name in names], SIGMAS, np.inf))
+
+
+def graph(edges: list[Edge], priors: dict[int, PosePrior], count: int) -> PoseGraph:
+    start = place_in_world(chain(edges, np.zeros(count)), [range(count)], priors)
+    return PoseGraph(start, tuple(edges), priors=tuple(priors.items()))
+
+
+@pytest.mark.parametrize("row", range(6))
+def test_each_error_counts_with_its_own_sigma(row):
+    """One pose alone, held against another prior far tighter: chi-squared is the error over its sigma, squared."""
+    measured = T_WORLD
+    off = np.zeros(6)
+    off[row] = 0.3 * SIGMAS[row]
+    w = Rotation.from_euler("Z", twist(measured.rotation)).apply(off[:3])
+    true = RigidTransform.from_components(measured.translation + off[3:], Rotation.from_rotvec(w) * measured.rotation)
+    held = PoseGraph(
+        Trajectory(np.zeros(1), RigidTransform.concatenate([true])), (), (0,), ((0, PosePrior(measured, SIGMAS)),)
+    )
+    assert held.optimize().chi_squared_after == pytest.approx(0.09, rel=1e-3)
+
+
+def test_an_unmeasured_heading_has_no_say():
+    """The tilt that is measured counts alike, whatever turn about the vertical the prior's pose holds."""
+    truth, edges = ring(5)
+    results = []
+    for turn in (0.0, 1.7):
+        turned = RigidTransform.from_rotation(Rotation.from_euler("Z", turn)) * truth
+        priors = {k: told(turned[k], "attitude", "position", "depth") for k in range(5)}
+        priors = {
+            k: PosePrior(RigidTransform.from_components(truth[k].translation, p.T_world_sensor.rotation), p.sigmas)
+            for k, p in priors.items()
+        }
+        solution = graph(edges, priors, 5).optimize()
+        results.append(solution)
+    first, second = (solution.trajectory.T_world_sensor for solution in results)
+    np.testing.assert_allclose((first.inv() * second).as_exp_coords(), 0, atol=2e-5)
+    assert results[0].chi_squared_after == pytest.approx(results[1].chi_squared_after, rel=1e-3)
+
+
+@pytest.mark.parametrize(
+    ("known", "free"),
+    [
+        (("attitude", "heading", "position", "depth"), 0),
+        (("attitude", "depth"), 3),
+        (("heading",), 5),
+        (("position",), 3),
+        (("position", "depth"), 0),
+    ],
+)
+def test_what_no_instrument_tells_is_held(known, free):
+    truth, edges = ring(6)
+    priors = {k: told(truth[k], *known) for k in (0, 2, 3, 5)}
+    one = graph(edges, priors, 6)
+    assert sum(int(held.sum()) for _, held in one.loose) == free
+    assert one.anchors == ()
+    solution = one.optimize()
+    measured = 30 + 4 * sum({"attitude": 2, "heading": 1, "position": 2, "depth": 1}[name] for name in known)
+    assert solution.degrees_of_freedom == measured - (36 - free)
+    assert solution.chi_squared_after <= solution.chi_squared_before
+    assert np.isfinite(solution.covariances()).all()
+
+
+def test_priors_bring_the_chain_into_the_world_and_make_it_sure():
+    truth, edges = ring(12)
+    bare = PoseGraph(chain(edges, np.zeros(12)), tuple(edges)).optimize()
+    priors = {k: told(truth[k], "attitude", "heading", "depth", "position") for k in range(12)}
+    solution = graph(edges, priors, 12).optimize()
+    off = solution.trajectory.T_world_sensor.translation - truth.translation
+    assert np.abs(off).max() < 0.3
+    assert np.abs(off[:, 2]).max() < 0.05
+    # the chain's last pose is surer with every scan's depth and attitude known
+    assert solution.covariances()[-1, 0, 0] < bare.covariances()[-1, 0, 0]
+
+
+def test_a_chain_is_placed_by_headings_or_by_positions():
+    truth, _ = ring(8)
+    part = Trajectory(np.zeros(8), truth[0].inv() * truth)
+    for known in (("attitude", "heading", "position", "depth"), ("attitude", "position", "depth")):
+        priors = {k: told(truth[k], *known) for k in (1, 4, 6)}
+        placed = place_in_world(part, [range(8)], priors)
+        np.testing.assert_allclose((truth.inv() * placed.T_world_sensor).as_exp_coords(), 0, atol=1e-9)
+    untouched = place_in_world(part, [range(8)], {})
+    np.testing.assert_array_equal(untouched.T_world_sensor.as_matrix(), part.T_world_sensor.as_matrix())

@@ -1,0 +1,148 @@
+"""The index of signatures: who is nearest to whom, in which order, and who is left out."""
+
+import numpy as np
+import pytest
+
+from kernels.errors import InputError
+from slam.loops.places import Lookalike, PlaceIndex
+
+# Two laps over so many places make a survey.
+PLACES = 30
+NUMBERS = 40
+
+
+def laps(seed: int, noise: float = 0.2, count: int = 2) -> np.ndarray:
+    """(count PLACES, NUMBERS): signatures that wander from place to place, and do it again, with noise."""
+    rng = np.random.default_rng(seed)
+    once = np.cumsum(rng.normal(size=(PLACES, NUMBERS)), axis=0)
+    return np.tile(once, (count, 1)) + noise * rng.normal(size=(count * PLACES, NUMBERS))
+
+
+class TestNearest:
+    def test_finds_the_same_place_of_the_other_lap_first(self):
+        index, distance = PlaceIndex(laps(1)).nearest(3)
+        assert index.shape == distance.shape == (2 * PLACES, 3)
+        own = np.arange(2 * PLACES)
+        assert np.mean(index[:, 0] == (own + PLACES) % (2 * PLACES)) > 0.9
+        assert (np.diff(distance, axis=1) >= 0).all()
+
+    @pytest.mark.parametrize("gap", [0, 1, 7])
+    def test_leaves_out_what_was_taken_within_the_gap(self, gap):
+        given = laps(2, count=1)
+        index, _ = PlaceIndex(given).nearest(4, gap=gap)
+        assert np.abs(index - np.arange(len(given))[:, None]).min() == gap + 1
+
+    def test_is_what_every_distance_says(self):
+        """Against all distances from `candidates` of an index that keeps every pair."""
+        given = laps(3)
+        count = len(given)
+        everything = PlaceIndex(given).candidates(count, gap=0)
+        assert len(everything) == count * (count - 1) // 2
+        distances = np.full((count, count), np.inf)
+        for one in everything:
+            distances[one.i, one.j] = distances[one.j, one.i] = one.distance
+        order = np.arange(count)
+        distances[np.abs(order[:, None] - order) <= 5] = np.inf
+        index, distance = PlaceIndex(given).nearest(6)
+        np.testing.assert_array_equal(index, np.argsort(distances, axis=1, kind="stable")[:, :6])
+        np.testing.assert_allclose(distance, np.sort(distances, axis=1)[:, :6], rtol=1e-12)
+
+    def test_of_equals_the_first_comes_first(self):
+        alike = np.tile([1.0, 2, 3, 4, 5], (12, 1))
+        index, distance = PlaceIndex(alike).nearest(3, gap=2)
+        np.testing.assert_array_equal(index[[0, 1, 5]], [[3, 4, 5], [4, 5, 6], [0, 1, 2]])
+        assert not distance.any()
+
+    def test_tells_where_there_are_no_more(self):
+        index, distance = PlaceIndex(laps(5)[:8]).nearest(4, gap=5)
+        np.testing.assert_array_equal(index[0, 2:], [-1, -1])
+        np.testing.assert_array_equal(index[3], [-1] * 4)
+        assert np.isinf(distance[index < 0]).all()
+        assert np.isfinite(distance[index >= 0]).all()
+
+    @pytest.mark.parametrize("count", [1, 2, 3])
+    def test_few_scans_are_no_fault(self, count):
+        given = laps(6)[:count]
+        index, _ = PlaceIndex(given).nearest(2, gap=0)
+        assert index.shape == (count, 2)
+        assert (index >= 0).sum() == count * min(2, count - 1)
+
+    def test_neither_the_unit_nor_the_origin_of_the_signatures_counts(self):
+        given = laps(7)
+        want, distance = PlaceIndex(given).nearest(5)
+        got, again = PlaceIndex(given * 250 - 17).nearest(5)
+        np.testing.assert_array_equal(got, want)
+        np.testing.assert_allclose(again, distance, rtol=1e-6)
+
+    def test_hears_what_parts_places_under_what_parts_neighbors(self):
+        """A loud noise in numbers that say nothing of the place leads plain distances astray."""
+        rng = np.random.default_rng(8)
+        given = np.column_stack([laps(8), 15 * rng.normal(size=(2 * PLACES, 6))])
+        order = np.arange(2 * PLACES)
+        plain = np.linalg.norm(given[:, None] - given, axis=2)
+        plain[np.abs(order[:, None] - order) <= 5] = np.inf
+        index, _ = PlaceIndex(given).nearest(1)
+
+        def share_near(found):
+            return np.mean(np.abs(found - (order + PLACES) % (2 * PLACES)) <= 2)
+
+        assert share_near(plain.argmin(axis=1)) < 0.4
+        assert share_near(index[:, 0]) > 0.6
+
+
+class TestSurveys:
+    def test_looks_in_the_others_only_where_asked_to(self):
+        surveys = np.repeat([3, 7], PLACES)
+        index, distance = PlaceIndex(laps(9), surveys).nearest(2, elsewhere=True)
+        assert (surveys[index] != surveys[:, None]).all()
+        assert np.mean(index[:, 0] == (np.arange(2 * PLACES) + PLACES) % (2 * PLACES)) > 0.9
+        assert np.isfinite(distance).all()
+
+    def test_the_gap_ends_with_the_survey(self):
+        given = laps(10)
+        given[PLACES] = given[PLACES - 1]  # the second begins where the first ended
+        index, _ = PlaceIndex(given, np.repeat([0, 1], PLACES)).nearest(1)
+        assert index[PLACES, 0] == PLACES - 1
+        assert PlaceIndex(given).nearest(1)[0][PLACES, 0] != PLACES - 1
+
+    def test_one_survey_has_no_others(self):
+        index, distance = PlaceIndex(laps(11)).nearest(2, elsewhere=True)
+        assert (index == -1).all()
+        assert np.isinf(distance).all()
+
+
+class TestCandidates:
+    def test_are_the_nearest_once_and_in_order(self):
+        given = laps(12)
+        places = PlaceIndex(given)
+        index, distance = places.nearest(2)
+        found = places.candidates(2)
+        assert found == sorted(found, key=lambda one: (one.i, one.j))
+        assert all(one.i < one.j for one in found)
+        want = {tuple(sorted((i, int(j)))) for i in range(len(given)) for j in index[i]}
+        assert {(one.i, one.j) for one in found} == want
+        assert len(found) == len(want)
+        assert Lookalike(0, int(index[0, 0]), float(distance[0, 0])) in found
+
+    def test_are_the_same_again(self):
+        assert PlaceIndex(laps(13)).candidates(3) == PlaceIndex(laps(13)).candidates(3)
+
+    def test_none_where_all_scans_are_neighbors(self):
+        assert PlaceIndex(laps(14)[:5]).candidates(3) == []
+
+
+class TestRefusals:
+    @pytest.mark.parametrize("given", [np.zeros(4), np.zeros((0, 4)), np.zeros((3, 0)), np.full((3, 2), np.nan)])
+    def test_of_signatures(self, given):
+        with pytest.raises(InputError, match=r"wanted \(N, K\)"):
+            PlaceIndex(given)
+
+    @pytest.mark.parametrize("surveys", [np.zeros(9, int), np.repeat([1, 0], PLACES), np.arange(2 * PLACES) % 2])
+    def test_of_surveys(self, surveys):
+        with pytest.raises(InputError, match="one survey's scans after another's"):
+            PlaceIndex(laps(15), surveys)
+
+    @pytest.mark.parametrize(("k", "gap"), [(0, 5), (-1, 0), (3, -1)])
+    def test_of_numbers(self, k, gap):
+        with pytest.raises(InputError, match="wanted at least 1 and at least 0"):
+            PlaceIndex(laps(16)).nearest(k, gap)

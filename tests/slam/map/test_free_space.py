@@ -1,0 +1,116 @@
+"""Outliers that other scans looked through go; walls, a thin pole, and what nobody saw through stay."""
+
+import numpy as np
+import pytest
+from scipy.spatial.transform import RigidTransform
+
+from slam.map.beams import beams_of
+from slam.map.free_space import clear, votes
+from slam.map.point_map import PointMap, fuse
+from slam.map.trusted_map import survey_layers, trusted_map
+from spectral.scan import Scan
+from tests.samples.room_scans import RADIUS, look, pole_distance, room_distance, room_poses
+
+VOXEL, COUNT = 0.25, 16
+SIGMAS = np.repeat([0.003, 0.03], 3)  # of the poses [rad, m]
+
+
+def scans_at(T: RigidTransform, wild: float) -> list[Scan]:
+    rng = np.random.default_rng(3)
+    return [look(pose, rng, wild=wild) for pose in T]
+
+
+@pytest.mark.parametrize(("wild", "moved"), [(0.01, False), (0.05, False), (0.02, True)])
+def test_wild_echoes_go_and_surfaces_stay(wild: float, moved: bool) -> None:
+    truth = room_poses(COUNT)
+    scans = scans_at(truth, wild)
+    errors = np.random.default_rng(4).normal(size=(COUNT, 6)) * SIGMAS
+    T = truth * RigidTransform.from_exp_coords(errors) if moved else truth
+    covariances = np.tile(np.diag(SIGMAS**2), (COUNT, 1, 1)) if moved else np.zeros((COUNT, 6, 6))
+    before = fuse(scans, T, VOXEL, covariances=covariances)
+    after = clear(before, scans, T, covariances)
+    assert after.removed == len(before.points) - len(after.points)
+
+    far = 3 * VOXEL
+    wrong, right = (np.array([(d > far).sum(), (np.abs(d) < VOXEL).sum()]) for d in map(distance, (before, after)))
+    assert right[0] < 0.3 * wrong[0]  # of the outliers in the open
+    assert right[1] > 0.999 * wrong[1]  # of the surface
+    thin = [(pole_distance(one.points) < RADIUS).sum() for one in (before, after)]
+    assert thin[0] > 80
+    assert thin[1] > 0.99 * thin[0]
+
+
+def distance(point_map: PointMap) -> np.ndarray:
+    return room_distance(point_map.points)
+
+
+def test_one_view_contradicts_nothing_and_no_view_neither() -> None:
+    T = room_poses(6)
+    scans = scans_at(T, 0.05)
+    alone = fuse(scans[:1], T[:1], VOXEL)
+    assert clear(alone, scans[:1], T[:1]).removed == 0
+    both = Scan(np.vstack([scans[0].points, 0.4 * scans[0].points]))  # as of two places put together
+    assert not beams_of(both.points, VOXEL).single
+    found = votes(fuse([both], T[:1], VOXEL), [both], T[:1])
+    assert not found.agree.any()
+    assert not found.contradict.any()
+
+
+def test_a_point_is_asked_about_in_every_view() -> None:
+    """A point in the open before one wall: all that look that way contradict it; one on the wall is agreed with."""
+    T = RigidTransform.from_translation([[0.0, 3.0, 0.0], [0.4, 3.5, 0.2], [-0.5, 4.0, -0.3]])
+    scans = scans_at(T, 0.0)
+    probe = fuse([Scan(np.array([[6.0, 4.0, 0.5], [12.0, 4.0, 0.5]], np.float32))], RigidTransform.identity(1), VOXEL)
+    found = votes(probe, scans, T)
+    assert found.contradict.tolist() == [3, 0]
+    assert found.agree.tolist() == [0, 3]
+    unsure = np.tile(np.diag(np.repeat([0.5, 5.0], 3) ** 2), (3, 1, 1))
+    vague = votes(probe, scans, T, unsure)
+    assert not vague.contradict.any()
+
+
+def test_an_unsure_point_close_by_is_left_alone() -> None:
+    """Which way it lies is not known well enough to say that the beams passed it."""
+    T = room_poses(COUNT)
+    scans = scans_at(T, 0.02)
+    vague = np.tile(np.diag(np.repeat([0.2, 2.0], 3) ** 2), (COUNT, 1, 1))
+    assert trusted_map(scans, T, VOXEL, covariances=vague).removed == 0
+
+
+def test_the_same_to_the_byte_and_moved_with_the_world() -> None:
+    T = room_poses(COUNT)
+    scans = scans_at(T, 0.02)
+    first, second = trusted_map(scans, T, VOXEL), trusted_map(scans, T, VOXEL)
+    assert first.removed > 100
+    for name in ("points", "sigma", "scan", "seen", "count", "survey"):
+        assert getattr(first, name).tobytes() == getattr(second, name).tobytes()
+    shift = RigidTransform.from_translation(VOXEL * np.array([40.0, -7.0, 11.0]))
+    moved = trusted_map(scans, shift * T, VOXEL)
+    assert abs(moved.removed - first.removed) <= 2  # rounding may move a point over a cell's rim
+    assert abs(len(moved.points) - len(first.points)) <= 2
+
+
+def test_layers_hold_each_survey_s_own_scans_and_views() -> None:
+    """A wall of the first survey that the second looks through stays in the first one's layer."""
+    T = room_poses(COUNT)
+    scans = scans_at(T, 0.0)
+    surveys = [0] * 4 + [1] * (COUNT - 4)
+    place = np.array([-3.0, 3.0, 0.0])
+    block = place + np.random.default_rng(1).uniform(-0.4, 0.4, (400, 3))
+    changed = [
+        Scan(np.vstack([s.points, T[k].inv().apply(block)]).astype(np.float32)) if k == 0 else s
+        for k, s in enumerate(scans)
+    ]
+    none = np.zeros((COUNT, 6, 6))
+    layers = survey_layers(changed, T, VOXEL, list(range(COUNT)), none, surveys)
+    assert list(layers) == [0, 1]
+    assert {tuple(np.unique(layer.survey)) for layer in layers.values()} == {(0,), (1,)}
+    assert set(layers[0].scan.tolist()) == {0, 1, 2, 3}
+    assert survey_layers(scans, T, VOXEL, list(range(COUNT)), none, [0] * COUNT) == {}
+
+    def blocks(point_map: PointMap) -> int:
+        return int((np.abs(point_map.points - place) < 0.4).all(axis=1).sum())
+
+    together = trusted_map(changed, T, VOXEL, surveys=surveys)
+    assert blocks(layers[0]) > 2 * blocks(together)
+    assert blocks(layers[1]) == 0

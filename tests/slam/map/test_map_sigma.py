@@ -1,0 +1,160 @@
+"""How sure a map's points are: what poses and ranges leave open, against drawn errors."""
+
+import numpy as np
+import pytest
+from scipy.spatial.transform import RigidTransform
+
+from kernels.errors import InputError
+from slam.map import point_map
+from slam.map.beams import Beams, beams_of
+from slam.map.point_map import PointMap, fuse, pose_variance
+from spectral.scan import Scan
+from tests.samples.room_scans import look, room_poses
+from tests.samples.surveys import random_covariance, random_transforms
+
+VOXEL, SPOTS, HITS, DRAWS = 2.0, 40, 6, 400
+
+
+def steady(sigma: float) -> Beams:
+    return Beams(np.array([0.0]), np.array([sigma]), 0.01, single=True)
+
+
+def spots(rng: np.random.Generator) -> np.ndarray:
+    """(SPOTS, 3) middles of voxels, so far apart that small errors mix none [m, world]."""
+    places = rng.permutation(20**3)[:SPOTS]
+    return 2.0 * np.stack(np.unravel_index(places, (20, 20, 20)), axis=1) - 19
+
+
+def scans_of_spots(T: RigidTransform, noise: float, rng: np.random.Generator) -> list[Scan]:
+    """From every pose, each spot so often, its range with this noise [m]."""
+    world = np.repeat(spots(np.random.default_rng(0)), HITS, axis=0)
+    scans = []
+    for pose in T:
+        points = pose.inv().apply(world)
+        ranges = np.linalg.norm(points, axis=1, keepdims=True)
+        scans.append(Scan((points * (1 + rng.normal(0, noise, ranges.shape) / ranges)).astype(np.float32)))
+    return scans
+
+
+def scatter(maps: list[PointMap]) -> np.ndarray:
+    """(SPOTS,) standard deviation of a map's points over the draws, root mean square of the coordinates [m]."""
+    return np.sqrt(np.var([one.points for one in maps], axis=0).mean(axis=1))
+
+
+@pytest.mark.parametrize("noise", [0.0, 0.12])
+def test_one_scan_scatters_as_its_pose_and_its_ranges_do(noise: float) -> None:
+    """Every spot's scatter is within 12 % of sigma: four hundred draws of three coordinates tell it to 3 %."""
+    rng = np.random.default_rng(2)
+    truth, covariance = random_transforms(rng, 1, length=2.0), random_covariance(rng, 0.002, 0.02)
+    maps = []
+    for _ in range(DRAWS):
+        drawn = RigidTransform.from_exp_coords(rng.multivariate_normal(np.zeros(6), covariance)[None])
+        scans = scans_of_spots(truth, noise, rng)
+        maps.append(fuse(scans, truth * drawn, VOXEL, covariances=covariance[None], beams=[steady(max(noise, 1e-6))]))
+    np.testing.assert_allclose(scatter(maps) / maps[0].sigma, 1.0, atol=0.12)
+    assert maps[0].sigma.max() > 1.5 * maps[0].sigma.min()  # the lever arm tells
+
+
+def test_scans_that_err_together_gain_nothing_from_their_number() -> None:
+    rng = np.random.default_rng(5)
+    truth, covariance = random_transforms(rng, 5, length=2.0), np.diag(np.repeat([1e-12, 0.0016], 3))
+    maps = []
+    for _ in range(DRAWS):
+        together = RigidTransform.from_translation(rng.normal(0, 0.04, 3))
+        scans = scans_of_spots(truth, 0.05, rng)
+        covariances = np.tile(covariance, (5, 1, 1))
+        maps.append(fuse(scans, together * truth, VOXEL, covariances=covariances, beams=[steady(0.05)] * 5))
+    np.testing.assert_allclose(scatter(maps) / maps[0].sigma, 1.0, atol=0.12)
+
+
+def test_scans_that_err_apart_are_surer_than_sigma_by_no_more_than_their_number_s_root() -> None:
+    rng = np.random.default_rng(6)
+    count = 4
+    truth = random_transforms(rng, count, length=2.0)
+    covariances = np.stack([random_covariance(rng, 0.002, 0.02) for _ in range(count)])
+    maps = []
+    for _ in range(DRAWS):
+        drawn = np.stack([rng.multivariate_normal(np.zeros(6), covariance) for covariance in covariances])
+        scans = scans_of_spots(truth, 0.05, rng)
+        T = truth * RigidTransform.from_exp_coords(drawn)
+        maps.append(fuse(scans, T, VOXEL, covariances=covariances, beams=[steady(0.05)] * count))
+    ratio = scatter(maps) / maps[0].sigma
+    assert (ratio < 1.05).all()
+    assert (ratio > 0.9 / np.sqrt(count)).all()
+
+
+def test_pose_variance_is_a_third_of_the_trace() -> None:
+    rng = np.random.default_rng(7)
+    covariance, points = random_covariance(rng, 0.3, 0.5), rng.normal(size=(20, 3)) * [5, 2, 1]
+    for point, found in zip(points, pose_variance(points, covariance), strict=True):
+        x, y, z = point
+        jacobian = np.hstack([-np.array([[0, -z, y], [z, 0, -x], [-y, x, 0]]), np.eye(3)])
+        np.testing.assert_allclose(found, np.trace(jacobian @ covariance @ jacobian.T) / 3, rtol=1e-12)
+
+
+def test_the_surer_scan_counts_for_more() -> None:
+    scans = [Scan(np.array([[5.5, 0.4 + 0.2 * k, 0.5]], np.float32)) for k in range(2)]
+    sure, vague = (np.diag(np.repeat([1e-9, sigma], 3) ** 2) for sigma in (0.1, 0.3))
+    covariances, beams = np.stack([sure, vague]), [steady(1e-6)] * 2
+    fused = fuse(scans, RigidTransform.identity(2), VOXEL, covariances=covariances, beams=beams)
+    np.testing.assert_allclose(fused.points, [[5.5, 0.42, 0.5]], atol=1e-6)
+    np.testing.assert_allclose(fused.sigma, 0.9 * 0.1 + 0.1 * 0.3, rtol=1e-4)
+
+
+@pytest.mark.parametrize("merge_rows", [1, 1_000_000])
+def test_the_order_of_the_scans_and_the_grouping_do_not_matter(merge_rows: int, monkeypatch) -> None:
+    monkeypatch.setattr(point_map, "MERGE_ROWS", merge_rows)
+    rng = np.random.default_rng(8)
+    truth = room_poses(5)
+    scans = [look(pose, rng, sigma=0.05, wild=0.02) for pose in truth]
+    covariances = np.stack([random_covariance(rng, 0.002, 0.02) for _ in range(5)])
+    surveys, order = [7, 7, 3, 3, 3], [3, 0, 4, 2, 1]
+    first = fuse(scans, truth, 0.5, covariances=covariances, surveys=surveys)
+    other = fuse(
+        [scans[k] for k in order],
+        truth[order],
+        0.5,
+        order,
+        covariances=covariances[order],
+        surveys=[surveys[k] for k in order],
+    )
+    np.testing.assert_allclose(other.points, first.points, atol=1e-9)
+    np.testing.assert_allclose(other.sigma, first.sigma, rtol=1e-6)
+    for name in ("scan", "seen", "count", "survey"):
+        np.testing.assert_array_equal(getattr(other, name), getattr(first, name))
+    np.testing.assert_array_equal(first.survey, np.array(surveys)[first.scan])
+
+
+def test_moving_the_world_moves_the_map() -> None:
+    rng = np.random.default_rng(9)
+    truth = room_poses(3)
+    scans = [look(pose, rng) for pose in truth]
+    covariances = np.stack([random_covariance(rng, 0.002, 0.02) for _ in range(3)])
+    # a quarter turn and whole voxels keep the lattice
+    motion = RigidTransform.from_matrix([[0, -1, 0, 20.0], [1, 0, 0, -12.0], [0, 0, 1, 3.0], [0, 0, 0, 1]])
+    here = fuse(scans, truth, 0.5, covariances=covariances)
+    there = fuse(scans, motion * truth, 0.5, covariances=covariances)
+    moved = motion.apply(here.points)
+    order = [np.lexsort(np.round(points, 4).T) for points in (moved, there.points)]
+    np.testing.assert_allclose(there.points[order[1]], moved[order[0]], atol=1e-6)
+    np.testing.assert_allclose(there.sigma[order[1]], here.sigma[order[0]], rtol=1e-4)
+
+
+@pytest.mark.parametrize("sigma", [0.03, 0.15])
+def test_a_scan_tells_its_own_noise(sigma: float) -> None:
+    found = beams_of(look(room_poses(3)[1], np.random.default_rng(0), sigma, wild=0.02).points, 0.25)
+    assert found.single
+    np.testing.assert_allclose(np.median(found.sigmas), sigma, rtol=0.15)
+    np.testing.assert_allclose(np.degrees(found.spacing), 0.9, atol=0.15)  # beams every 0.92 and 0.90 degrees
+
+
+def test_a_scan_of_few_points_is_taken_for_no_view() -> None:
+    found = beams_of(np.array([[1.0, 2, 3], [0, 0, 0]]), VOXEL)
+    assert not found.single
+    np.testing.assert_allclose(found.sigma(np.array([3.7])), VOXEL / np.sqrt(12))
+
+
+@pytest.mark.parametrize("told", [{"covariances": np.zeros((2, 6, 6))}, {"surveys": [1, 2]}, {"beams": []}])
+def test_refuses_another_number_of_anything(told: dict) -> None:
+    with pytest.raises(InputError, match=f"1 scans and .* {next(iter(told))}"):
+        fuse([Scan(np.ones((1, 3), np.float32))], RigidTransform.identity(1), 1.0, **told)

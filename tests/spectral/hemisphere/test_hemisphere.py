@@ -1,0 +1,166 @@
+"""The rotation's steps one by one: each finds the angle it is there for, with the sign of the conventions page."""
+
+import warnings
+from dataclasses import replace
+
+import numpy as np
+import pytest
+from scipy.spatial.transform import RigidTransform, Rotation
+
+from kernels.errors import InputError
+from kernels.opencl.device import Device, choose_device
+from spectral.grid import Grid
+from spectral.hemisphere.layers import Hemisphere
+from spectral.hemisphere.match import Hypothesis, differ
+from spectral.overlap import overlap, unwrap
+from spectral.prepare.prepared import Prepared, Preparer
+from spectral.rotation_search import search_rotation
+from spectral.scan import Scan
+from spectral.translation import Translation
+from tests.samples.structures import moved, structure
+
+EDGE, VOXEL = 64, 0.4
+
+
+class Room:
+    """A device with a structure prepared on it, and the same structure turned."""
+
+    def __init__(self, device: Device) -> None:
+        self.hemisphere = Hemisphere(device, EDGE)
+        self.preparer = Preparer(device, Grid(EDGE, VOXEL), use_strength=False)
+        self.translation = Translation(device, EDGE)
+        self.points = structure(2)
+        self.target = self.preparer.prepare(Scan(self.points))
+        self.layers = self.hemisphere.prepare(self.target.magnitude)
+
+    def turned(self, R_target_source: Rotation, shift: tuple[float, float, float] = (0.8, -1.2, 0.6)) -> Prepared:
+        """The structure as a source sees it whose R_target_source this is."""
+        T = RigidTransform.from_components(shift, R_target_source)
+        return self.preparer.prepare(Scan(moved(self.points, T.inv())))
+
+
+@pytest.fixture(scope="module")
+def room() -> Room:
+    return Room(choose_device())
+
+
+def degrees(R: Rotation) -> float:
+    return float(np.rad2deg(R.magnitude()))
+
+
+@pytest.mark.parametrize("yaw", [-75.0, -20.0, 8.0, 50.0])
+def test_yaw_is_among_the_candidates_with_its_half_turn(room: Room, yaw: float) -> None:
+    true = Rotation.from_euler("Z", yaw, degrees=True)
+    layers = room.hemisphere.prepare(room.turned(true).magnitude)
+    candidates = room.hemisphere.yaw_candidates(room.layers, layers, 6)
+    assert len(candidates) <= 12
+    errors = [degrees(candidate.R.inv() * true) for candidate in candidates]
+    assert min(errors) < 3.0
+    for first, second in zip(candidates[::2], candidates[1::2], strict=True):
+        assert degrees(first.R.inv() * second.R) == pytest.approx(180.0)
+    assert [c.psr for c in candidates] == sorted((c.psr for c in candidates), reverse=True)
+
+
+@pytest.mark.parametrize(("roll", "pitch"), [(9.0, 0.0), (0.0, -12.0), (-7.0, 15.0), (25.0, 5.0)])
+def test_tilt_is_found_once_yaw_is_known(room: Room, roll: float, pitch: float) -> None:
+    tilt, yaw = Rotation.from_euler("YX", [pitch, roll], degrees=True), Rotation.from_euler("Z", 40, degrees=True)
+    source = room.turned(tilt * yaw)
+    found = room.hemisphere.tilt(room.layers, source.magnitude, yaw, np.deg2rad(35))
+    assert found is not None
+    assert degrees(found.R * tilt.inv()) < 4.0
+
+
+def test_tilt_keeps_to_its_limit(room: Room) -> None:
+    source = room.turned(Rotation.from_euler("X", 30, degrees=True))
+    found = room.hemisphere.tilt(room.layers, source.magnitude, Rotation.identity(), np.deg2rad(10))
+    assert found is None or degrees(found.R) < 10 * np.sqrt(2) + 3
+
+
+@pytest.mark.parametrize("left", [-16.0, -3.0, 5.0, 18.0])
+def test_heading_finds_the_yaw_that_is_left(room: Room, left: float) -> None:
+    true = Rotation.from_euler("ZYX", [70.0, 6.0, -9.0], degrees=True)
+    known = Rotation.from_euler("Z", -left, degrees=True) * true
+    found = room.hemisphere.heading(room.layers, room.turned(true).magnitude, known, np.deg2rad(20))
+    assert found is not None
+    assert degrees(found.R * known * true.inv()) < 0.7
+
+
+def test_translation_has_the_sign_and_unit_of_the_conventions(room: Room) -> None:
+    R = Rotation.from_euler("ZYX", [30.0, 5.0, -8.0], degrees=True)
+    source = room.turned(R, shift=(2.0, -1.0, 0.5))
+    peak = room.translation.find(room.target, source, R)
+    shift = room.target.center + peak.shift * VOXEL - R.apply(source.center)
+    np.testing.assert_allclose(shift, [2.0, -1.0, 0.5], atol=0.3 * VOXEL)
+    others = room.translation.find_others(room.target, source, R, 6.0)
+    assert all(other.psr < 0.5 * peak.psr for other in others)
+
+
+def test_search_climbs_back_to_the_rotation(room: Room) -> None:
+    true = Rotation.from_euler("ZYX", [30.0, 5.0, -8.0], degrees=True)
+    source = room.turned(true)
+    begin = Rotation.from_rotvec(np.deg2rad([1.5, -2.0, 2.5])) * true
+    peak = room.translation.find(room.target, source, begin)
+    R, best = search_rotation(room.translation, room.target, source, begin, peak)
+    assert best.psr > 1.2 * peak.psr
+    assert degrees(R * true.inv()) < 0.6 * degrees(begin * true.inv())
+
+
+def test_overlap_is_the_share_in_common_and_the_smaller_of_both_ways(room: Room) -> None:
+    half = room.points[room.points[:, 0] > room.target.center[0]]
+    part = room.preparer.prepare(Scan(half))
+    shift = (part.center - room.target.center) / VOXEL
+    share = len(part.surface) / len(room.target.surface)
+    there = overlap(room.target, part, Rotation.identity(), shift)
+    assert there == pytest.approx(share, abs=0.1)
+    assert overlap(part, room.target, Rotation.identity(), -shift) == pytest.approx(there, abs=0.02)
+    assert overlap(room.target, part, Rotation.identity(), shift + 500) == 0.0
+
+
+@pytest.mark.parametrize("true", [(36.0, -4.0, 2.0), (-3.0, 40.0, 1.0), (-35.0, -37.0, 5.0), (12.0, -20.0, 3.0)])
+def test_a_shift_over_half_the_grid_is_told_from_its_wrapped_twin(room: Room, true: tuple[float, ...]) -> None:
+    """Two parts of one place whose centers lie `true` voxels apart, on a grid of 64."""
+    step = np.array(true) * VOXEL
+    rng = np.random.default_rng(1)
+    place = rng.uniform(-15, 15, (4000, 3)).astype(np.float32)
+    low = np.abs(place + step / 2).max(axis=1) < 11
+    high = np.abs(place - step / 2).max(axis=1) < 11
+    target = room.preparer.prepare(Scan(place[low]))
+    source = room.preparer.prepare(Scan(place[high]))
+    shift = (source.center - target.center) / VOXEL
+    cyclic = (shift + EDGE / 2) % EDGE - EDGE / 2
+    found = unwrap(target, source, Rotation.identity(), cyclic, EDGE)
+    np.testing.assert_allclose(found, shift, atol=1e-9)
+
+
+def test_a_stray_point_outside_the_grid_changes_nothing(room: Room) -> None:
+    stray = np.array([[500, 0, 0], [0, -90_000, 3]], np.float32)
+    prepared = room.preparer.prepare(Scan(np.vstack([room.points, stray])))
+    assert overlap(room.target, prepared, Rotation.identity(), np.zeros(3)) > 0.95
+    assert room.translation.find(room.target, prepared, Rotation.identity()).psr > 100
+
+
+def test_a_grid_that_holds_less_than_half_of_a_scan_is_refused() -> None:
+    device = choose_device()
+    preparer = Preparer(device, Grid(EDGE, 0.1), use_strength=False)
+    with pytest.raises(InputError, match=r"holds \d+\.\d% of its points.*larger voxels"):
+        preparer.prepare(Scan(structure(2)))
+
+
+def test_a_tiny_voxel_is_refused_without_a_warning() -> None:
+    device = choose_device()
+    preparer = Preparer(device, Grid(EDGE, 1e-40), use_strength=False)
+    with warnings.catch_warnings():
+        warnings.simplefilter("error")
+        with pytest.raises(InputError, match="larger voxels"):
+            preparer.prepare(Scan(structure(2)))
+
+
+def test_hypotheses_apart_by_a_whole_grid_are_one_answer(room: Room) -> None:
+    peak = room.translation.find(room.target, room.target, Rotation.identity())
+
+    def at(shift: tuple[float, float, float], yaw: float = 0.0) -> Hypothesis:
+        return Hypothesis(Rotation.from_euler("Z", yaw, degrees=True), replace(peak, shift=np.array(shift)), 1.0, 1.0)
+
+    assert not differ(at((31.8, 0.0, 2.0)), at((-31.9, 1.0, 0.0)), EDGE)
+    assert differ(at((31.8, 0.0, 2.0)), at((20.0, 0.0, 2.0)), EDGE)
+    assert differ(at((0.0, 0.0, 0.0)), at((0.0, 0.0, 0.0), yaw=25.0), EDGE)

@@ -1,0 +1,122 @@
+"""What a scan saw: ranges over directions, and points that agree with them, contradict them or are hidden."""
+
+import numpy as np
+import pytest
+from scipy.spatial.transform import Rotation
+
+from kernels.opencl.device import Device, choose_device
+from spectral.prepare.range_image import RangeImage, range_image, visibility
+
+VIEWPOINT = np.array([3.0, -2.0, 1.0])
+STILL = Rotation.from_quat(np.array([[0.0, 0.0, 0.0, 1.0]]))
+
+
+@pytest.fixture(scope="module")
+def device() -> Device:
+    return choose_device()
+
+
+def shell(radius: float, seed: int = 1, count: int = 60_000, cone: float = -1.0) -> np.ndarray:
+    """(n, 3) points so far from the viewpoint, in directions whose x component is above `cone` [voxels]."""
+    directions = np.random.default_rng(seed).normal(size=(count, 3))
+    directions /= np.linalg.norm(directions, axis=1, keepdims=True)
+    return VIEWPOINT + radius * directions[directions[:, 0] > cone]
+
+
+def image(device: Device, points: np.ndarray, viewpoint: np.ndarray = VIEWPOINT) -> RangeImage:
+    return range_image(device, points.astype(np.float32), points, viewpoint)
+
+
+def test_cells_hold_the_ranges_of_their_points(device: Device) -> None:
+    view = image(device, shell(20.0)).view.get()
+    seen = np.isfinite(view[..., 0])
+    assert seen.mean() > 0.9
+    np.testing.assert_allclose(view[seen], 20.0, rtol=1e-5)
+    assert (view[~seen] == [np.inf, -np.inf]).all()
+
+
+def test_a_wild_echo_among_many_changes_no_cell(device: Device) -> None:
+    """A hundred points in one direction, at ranges of 20 to 21, and one at 5 and one at 60."""
+    along = np.array([0.6, 0.64, 0.48])
+    ranges = np.concatenate([np.linspace(20, 21, 100), [5.0, 60.0]])
+    view = image(device, VIEWPOINT + ranges[:, None] * along).view.get()
+    near, far = view[np.isfinite(view[..., 0])].T
+    assert (near >= 19.99).all()
+    assert (far <= 21.01).all()
+    assert near.min() < 20.3
+    assert far.max() > 20.7
+
+
+@pytest.mark.parametrize(("inner", "single"), [(0, True), (6000, True), (30_000, False)])
+def test_a_second_surface_behind_the_first_is_no_view(device: Device, inner: int, single: bool) -> None:
+    points = np.vstack([shell(20.0, 1), shell(12.0, 2)[:inner]])
+    assert image(device, points).single is single
+
+
+@pytest.mark.parametrize("count", [1500, 6000])
+def test_two_sparse_surfaces_are_no_view_either(device: Device, count: int) -> None:
+    """Most points are alone in their cells, and would agree with themselves."""
+    points = np.vstack([shell(20.0, 1, count), shell(12.0, 2, count)])
+    assert not image(device, points).single
+    assert image(device, shell(20.0, 1, count)).single
+
+
+class TestVisibility:
+    """A wall all around the target's sensor at 20 voxels; the source shows a part of another."""
+
+    @staticmethod
+    def seen(device: Device, radius: float, reach: float = 1.0, slope: float = 0.0) -> np.ndarray:
+        """Shares that agree, contradict, and are seen, of the source's points alone."""
+        target = image(device, shell(20.0, 1))
+        source = image(device, np.vstack([shell(radius, 3, cone=0.5), shell(9.0, 4, cone=0.5)]))
+        assert not source.single
+        found = visibility(device, target, source, STILL, np.zeros((1, 3)), reach, slope)
+        return np.array([found.agree[0], found.contradict[0], found.seen[0]])
+
+    def test_points_on_the_surface_agree_and_those_before_it_contradict(self, device: Device) -> None:
+        agree, contradict, seen = self.seen(device, 20.0)
+        assert agree == pytest.approx(0.5, abs=0.06)
+        assert contradict == pytest.approx(0.5, abs=0.06)
+        assert seen > 0.9
+
+    def test_points_behind_it_say_nothing(self, device: Device) -> None:
+        agree, contradict, _ = self.seen(device, 26.0)
+        assert agree == 0
+        assert contradict == pytest.approx(0.5, abs=0.06)
+
+    def test_reach_and_slope_widen_what_agrees(self, device: Device) -> None:
+        assert self.seen(device, 18.5, 1.0)[0] == 0
+        assert self.seen(device, 18.5, 2.0)[0] > 0.4
+        assert self.seen(device, 18.5, 1.0, 0.05)[0] > 0.4
+
+
+def test_both_views_are_asked_and_their_mean_told(device: Device) -> None:
+    """The target's sensor saw through to 30 voxels, the source's to 20 in the same direction."""
+    far, near = image(device, shell(30.0, 1)), image(device, shell(20.0, 2))
+    found = visibility(device, far, near, STILL, np.zeros((1, 3)), 1.0, 0.0)
+    assert found.contradict[0] == pytest.approx(0.5, abs=0.05)
+    assert found.agree[0] == 0
+    assert found.score[0] == pytest.approx(-2 * found.contradict[0])
+
+
+def test_the_other_way_round_says_the_same(device: Device) -> None:
+    """Two walls, seen from two places, under three poses that are not the identity."""
+    rng = np.random.default_rng(7)
+    wall = np.column_stack([np.full(9000, 18.0), rng.uniform(-15, 15, 9000), rng.uniform(-9, 9, 9000)])
+    R = Rotation.from_euler("ZYX", [[20, -5, 8], [18, -4, 9], [-40, 10, 0]], degrees=True)
+    shifts = np.array([[2.0, -3.0, 1.0], [2.5, -2.0, 0.0], [9.0, 1.0, 1.0]])
+    target = image(device, wall, np.array([-5.0, 2.0, 1.0]))
+    source = image(device, R[0].inv().apply(wall - shifts[0]), np.array([-7.0, 1.0, 0.0]))
+    there = visibility(device, target, source, R, shifts, 1.0, 0.01)
+    back = visibility(device, source, target, R.inv(), -R.inv().apply(shifts), 1.0, 0.01)
+    np.testing.assert_allclose(back.agree, there.agree, atol=0.002)
+    np.testing.assert_allclose(back.contradict, there.contradict, atol=0.002)
+    assert there.agree[0] > 0.9
+    assert there.agree.argmax() == 0
+    assert there.contradict[0] < 0.02
+
+
+def test_without_any_view_nothing_is_known(device: Device) -> None:
+    blind = image(device, np.vstack([shell(20.0, 1), shell(12.0, 2)]))
+    found = visibility(device, blind, blind, STILL, np.zeros((1, 3)), 1.0, 0.0)
+    assert np.isnan([found.agree, found.contradict, found.seen]).all()

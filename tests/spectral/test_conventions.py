@@ -1,0 +1,190 @@
+"""The statements of docs/conventions.md, in numbers that tell every axis, sign and order from the others."""
+
+import gtsam
+import numpy as np
+import pytest
+from scipy.spatial.transform import RigidTransform, Rotation
+
+from slam.graph.edge import Edge
+from slam.graph.gtsam_poses import to_values
+from slam.graph.pose_graph import PoseGraph
+from slam.graph.prior_factors import prior_factors
+from slam.graph.tangent import adjoint, carried
+from slam.graph.trajectory import Trajectory
+from spectral.result import Registration
+from spectral.scan import PosePrior
+
+YAW, PITCH, ROLL = 0.7, -0.3, 0.2
+T_WORLD_I = RigidTransform.from_components([4.0, -1.0, 2.5], Rotation.from_euler("ZYX", [YAW, PITCH, ROLL]))
+T_WORLD_J = RigidTransform.from_components([6.0, 3.0, -0.5], Rotation.from_euler("ZYX", [-0.4, 0.1, 0.5]))
+POINT = np.array([1.0, 2.0, -4.0])
+XI = np.array([0.1, -0.4, 0.3, 1.0, 2.0, -3.0])  # rotation first
+_SKEW = np.tril(np.arange(1.0, 37.0).reshape(6, 6))
+COVARIANCE = 1e-5 * (_SKEW @ _SKEW.T / 100 + np.diag([1.0, 2.0, 3.0, 40.0, 50.0, 60.0]))  # rotation first
+
+
+def axis_rotations(yaw: float, pitch: float, roll: float) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+    """Rz, Ry and Rx as textbooks write them: right-handed, active."""
+    cy, sy, cp, sp, cr, sr = (f(a) for a in (yaw, pitch, roll) for f in (np.cos, np.sin))
+    Rz = np.array([[cy, -sy, 0], [sy, cy, 0], [0, 0, 1]])
+    Ry = np.array([[cp, 0, sp], [0, 1, 0], [-sp, 0, cp]])
+    Rx = np.array([[1, 0, 0], [0, cr, -sr], [0, sr, cr]])
+    return Rz, Ry, Rx
+
+
+class TestTransforms:
+    def test_a_transform_maps_points_of_the_source_into_the_target(self) -> None:
+        expected = T_WORLD_I.rotation.as_matrix() @ POINT + T_WORLD_I.translation
+        np.testing.assert_allclose(T_WORLD_I.apply(POINT), expected, atol=1e-14)
+
+    def test_composition_cancels_names(self) -> None:
+        T_i_j = T_WORLD_I.inv() * T_WORLD_J
+        np.testing.assert_allclose((T_WORLD_I * T_i_j).as_matrix(), T_WORLD_J.as_matrix(), atol=1e-14)
+        np.testing.assert_allclose(T_WORLD_I.apply(T_i_j.apply(POINT)), T_WORLD_J.apply(POINT), atol=1e-14)
+
+    def test_the_edge_is_the_target_inverse_times_the_source(self) -> None:
+        """A landmark seen from j lies, through the edge, where i sees it; GTSAM's `between` says the same."""
+        T_i_j = T_WORLD_I.inv() * T_WORLD_J
+        seen_from_i, seen_from_j = (T.inv().apply(POINT) for T in (T_WORLD_I, T_WORLD_J))
+        np.testing.assert_allclose(T_i_j.apply(seen_from_j), seen_from_i, atol=1e-14)
+        between = gtsam.Pose3(T_WORLD_I.as_matrix()).between(gtsam.Pose3(T_WORLD_J.as_matrix()))
+        np.testing.assert_allclose(T_i_j.as_matrix(), between.matrix(), atol=1e-14)
+
+    def test_a_trajectory_stacks_poses_in_the_world(self) -> None:
+        poses = RigidTransform.concatenate([T_WORLD_I, T_WORLD_J])
+        trajectory = Trajectory(np.array([10.0, 20.0]), poses)
+        np.testing.assert_array_equal(trajectory.T_world_sensor[1].as_matrix(), T_WORLD_J.as_matrix())
+
+
+class TestAngles:
+    def test_the_rotation_is_yaw_times_pitch_times_roll(self) -> None:
+        Rz, Ry, Rx = axis_rotations(YAW, PITCH, ROLL)
+        np.testing.assert_allclose(T_WORLD_I.rotation.as_matrix(), Rz @ Ry @ Rx, atol=1e-14)
+        np.testing.assert_allclose(T_WORLD_I.rotation.as_euler("ZYX"), [YAW, PITCH, ROLL], atol=1e-14)
+        np.testing.assert_allclose(gtsam.Rot3.RzRyRx(ROLL, PITCH, YAW).matrix(), Rz @ Ry @ Rx, atol=1e-14)
+
+    @pytest.mark.parametrize(
+        ("axes", "before", "after"),
+        [
+            ("Z", [1, 0, 0], [0, 1, 0]),  # yaw turns forward to the left
+            ("Y", [1, 0, 0], [0, 0, -1]),  # pitch turns the nose down
+            ("X", [0, 1, 0], [0, 0, 1]),  # roll lifts the left side
+        ],
+    )
+    def test_positive_angles(self, axes: str, before: list[float], after: list[float]) -> None:
+        quarter = Rotation.from_euler(axes, 90, degrees=True)
+        np.testing.assert_allclose(quarter.apply(before), after, atol=1e-15)
+
+
+class TestUncertainty:
+    def test_the_tangent_is_rotation_first(self) -> None:
+        np.testing.assert_allclose(
+            RigidTransform.from_exp_coords(XI).as_matrix(), gtsam.Pose3.Expmap(XI).matrix(), atol=1e-14
+        )
+        only_rotation = RigidTransform.from_exp_coords([0, 0, 0.5, 0, 0, 0])
+        np.testing.assert_allclose(only_rotation.rotation.as_rotvec(), [0, 0, 0.5], atol=1e-15)
+        np.testing.assert_array_equal(only_rotation.translation, np.zeros(3))
+
+    def test_the_perturbation_is_on_the_right(self) -> None:
+        """T Exp(xi), in the frame of the source, is GTSAM's retraction; Exp(xi) T is another transform."""
+        retracted = gtsam.Pose3(T_WORLD_I.as_matrix()).retract(XI).matrix()
+        right = T_WORLD_I * RigidTransform.from_exp_coords(XI)
+        left = RigidTransform.from_exp_coords(XI) * T_WORLD_I
+        np.testing.assert_allclose(right.as_matrix(), retracted, atol=1e-14)
+        assert np.abs(left.as_matrix() - retracted).max() > 0.1
+
+    def test_the_error_of_a_between_factor_is_of_that_tangent(self) -> None:
+        """Where the poses say T Exp(xi) and the factor measured T, the unwhitened error is xi."""
+        T_i_j = T_WORLD_I.inv() * T_WORLD_J
+        measured, noise = gtsam.Pose3(T_i_j.as_matrix()), gtsam.noiseModel.Unit.Create(6)
+        values = gtsam.Values()
+        values.insert(1, gtsam.Pose3(T_WORLD_I.as_matrix()))
+        values.insert(2, gtsam.Pose3((T_WORLD_J * RigidTransform.from_exp_coords(XI)).as_matrix()))
+        error = gtsam.BetweenFactorPose3(1, 2, measured, noise).unwhitenedError(values)
+        np.testing.assert_allclose(error, XI, atol=1e-12)
+
+
+class TestPoseGraph:
+    def measured(self, xi: np.ndarray) -> PoseGraph:
+        """Two poses and one edge, which says that j is off by xi."""
+        T_i_j = T_WORLD_I.inv() * T_WORLD_J * RigidTransform.from_exp_coords(xi).inv()
+        edge = Edge(0, 1, Registration(T_i_j, COVARIANCE, 9.0, 0.5, True, 0.1), "sequential")
+        poses = RigidTransform.concatenate([T_WORLD_I, T_WORLD_J])
+        return PoseGraph(Trajectory(np.arange(2.0), poses), (edge,))
+
+    def test_an_edge_has_the_covariance_of_its_registration(self) -> None:
+        residual = self.measured(XI).residuals()[0]
+        assert residual**2 == pytest.approx(XI @ np.linalg.solve(COVARIANCE, XI), rel=1e-9)
+
+    def test_a_pose_has_that_of_its_own_tangent_against_the_first(self) -> None:
+        """Of a chain of one edge all three are the edge's own: the pose's, and that of T_i_j, without turning."""
+        solution = self.measured(np.zeros(6)).optimize()
+        np.testing.assert_allclose(solution.covariances()[1], COVARIANCE, rtol=1e-4, atol=1e-9)
+        np.testing.assert_allclose(solution.relative(0, 1)[1], COVARIANCE, rtol=1e-4, atol=1e-9)
+        assert np.abs(solution.covariances()[0]).max() < 1e-11
+
+    def test_the_adjoint_carries_a_tangent_to_the_left(self) -> None:
+        Exp = RigidTransform.from_exp_coords
+        left = Exp(adjoint(T_WORLD_I) @ (XI / 10)) * T_WORLD_I
+        np.testing.assert_allclose((T_WORLD_I * Exp(XI / 10)).as_matrix(), left.as_matrix(), atol=1e-12)
+        A = gtsam.Pose3(T_WORLD_I.as_matrix()).AdjointMap()
+        np.testing.assert_allclose(carried(T_WORLD_I, COVARIANCE), A @ COVARIANCE @ A.T, atol=1e-12)
+
+    def test_a_prior_weighs_its_own_errors(self) -> None:
+        """Of R_true = Exp(w) R_measured with w = Rz(h) (roll, pitch, heading error), as the page has it."""
+        errors, sigmas = np.array([0.02, -0.05, 0.03, 4.0, -2.0, 0.5]), np.array([0.01, 0.02, 0.04, 3.0, 5.0, 0.2])
+        quaternion = T_WORLD_I.rotation.as_quat()
+        h = 2 * np.arctan2(quaternion[2], quaternion[3])
+        w = Rotation.from_euler("Z", h).apply(errors[:3])
+        true = RigidTransform.from_components(
+            T_WORLD_I.translation + errors[3:], Rotation.from_rotvec(w) * T_WORLD_I.rotation
+        )
+        poses = RigidTransform.concatenate([true])
+        for known in (np.ones(6, bool), np.array([True, True, True, False, False, True])):
+            prior = PosePrior(T_WORLD_I, np.where(known, sigmas, np.inf))
+            factors = prior_factors({0: prior}, poses)
+            squared = 2 * sum(factor.error(to_values(poses)) for factor in factors)
+            assert squared == pytest.approx((errors / sigmas)[known] @ (errors / sigmas)[known], rel=1e-9)
+
+
+class TestSpectra:
+    def test_magnitudes_turn_with_the_volume(self) -> None:
+        """b(x) = a(R x + t) gives |B|(k) = |A|(R k), here without any grid.
+
+        A volume of blobs at p_n has A(k) = sum w_n exp(-i k p_n) G(|k|); b has its blobs at R^T (p_n - t).
+        G is the same on both sides and left out.
+        """
+        generator = np.random.default_rng(7)
+        blobs, weights = generator.normal(size=(9, 3)) * [5, 2, 1], generator.uniform(0.5, 2, 9)
+        R, t = T_WORLD_I.rotation, T_WORLD_I.translation
+        moved = R.inv().apply(blobs - t)
+        wave_vectors = generator.normal(size=(50, 3))
+
+        def magnitude(points: np.ndarray, k: np.ndarray) -> np.ndarray:
+            return np.abs(np.exp(-1j * k @ points.T) @ weights)
+
+        B = magnitude(moved, wave_vectors)
+        np.testing.assert_allclose(B, magnitude(blobs, R.apply(wave_vectors)), atol=1e-12)
+        assert np.abs(B - magnitude(blobs, R.inv().apply(wave_vectors))).max() > 1
+
+    def test_magnitudes_turn_with_the_volume_on_a_grid(self) -> None:
+        """The same with NumPy's transform and a quarter turn about z, which maps voxels onto voxels."""
+        a = np.random.default_rng(3).random((8, 8, 8))
+        quarter = Rotation.from_euler("Z", 90, degrees=True)  # R (x, y, z) = (-y, x, z)
+        n = 8
+        x = np.stack(np.meshgrid(*3 * [np.arange(n)], indexing="ij"), axis=-1)
+        shift = np.array([1, 5, 2])
+        ix, iy, iz = np.moveaxis((np.rint(quarter.apply(x.reshape(-1, 3))).astype(int) + shift) % n, -1, 0)
+        b = a[ix, iy, iz].reshape(n, n, n)
+        A, B = np.abs(np.fft.fftn(a)), np.abs(np.fft.fftn(b))
+        kx, ky, kz = np.moveaxis(np.rint(quarter.apply(x.reshape(-1, 3))).astype(int) % n, -1, 0)
+        np.testing.assert_allclose(B.ravel(), A[kx, ky, kz], rtol=1e-12)
+        assert np.abs(B.ravel() - A[ky, kx, kz]).max() > 1
+
+    def test_a_point_in_the_source_stands_where_the_law_says(self) -> None:
+        """p_target = R p_source + t is the same R and t as b(x) = a(R x + t)."""
+        p_source = np.array([0.5, -2.0, 1.5])
+        p_target = T_WORLD_I.apply(p_source)
+        a_is_at, b_is_at = p_target, T_WORLD_I.inv().apply(p_target)
+        np.testing.assert_allclose(T_WORLD_I.apply(b_is_at), a_is_at, atol=1e-14)
+        np.testing.assert_allclose(b_is_at, p_source, atol=1e-14)

@@ -1,0 +1,313 @@
+"""What priors allow: laws of relative poses, and numbers that tell every axis and sign from the others."""
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+from scipy.spatial.transform import RigidTransform, Rotation
+
+from kernels.errors import InputError
+from spectral.prior import UNMEASURED_TILT, RelativePrior, relative_prior
+from spectral.scan import PosePrior
+from tests.samples.relative_priors import (
+    ALL,
+    ATTITUDE,
+    DEPTH,
+    HEADING,
+    INF,
+    POSITION,
+    SIGMAS,
+    T_SOURCE,
+    T_TARGET,
+    T_TRUE,
+    about_vertical,
+    knowing,
+    pair,
+    prior,
+    random_rotations,
+    unexact,
+)
+
+
+class TestWhichSayAnything:
+    def test_none_where_either_has_none(self) -> None:
+        known = prior(T_TARGET, *ALL)
+        assert relative_prior(None, known) is None
+        assert relative_prior(known, None) is None
+        assert relative_prior(None, None) is None
+
+    def test_none_where_nothing_is_known_of_both(self) -> None:
+        assert relative_prior(prior(T_TARGET, ATTITUDE, DEPTH), prior(T_SOURCE, HEADING, POSITION)) is None
+        assert relative_prior(prior(T_TARGET), prior(T_SOURCE)) is None
+
+    @pytest.mark.parametrize("kind", ALL)
+    def test_one_thing_known_of_both_will_do(self, kind: slice) -> None:
+        relative = relative_prior(prior(T_TARGET, kind), prior(T_SOURCE, kind))
+        assert relative is not None
+        known = (relative.knows_tilt, relative.knows_heading, relative.knows_position, relative.knows_depth)
+        assert known == tuple(kind == one for one in ALL)
+
+    def test_the_measured_rotation(self) -> None:
+        measured = pair(ATTITUDE, HEADING).R_target_source
+        assert measured is not None
+        np.testing.assert_allclose(measured.as_matrix(), T_TRUE.rotation.as_matrix(), atol=1e-14)
+        assert pair(ATTITUDE).R_target_source is None
+        assert pair(HEADING).R_target_source is None
+
+
+class TestRotations:
+    @pytest.mark.parametrize("kinds", [(ATTITUDE,), (HEADING,), (ATTITUDE, HEADING), (POSITION,)])
+    def test_the_truth_is_allowed(self, kinds: tuple[slice, ...]) -> None:
+        exact = np.full(6, 1e-7)
+        assert pair(*kinds, sigmas=exact).allows(T_TRUE.rotation)
+
+    def test_attitudes_leave_the_turn_about_the_vertical_open_and_nothing_else(self) -> None:
+        relative = pair(ATTITUDE, sigmas=np.full(6, 1e-4))
+        turns = Rotation.from_euler("Z", np.linspace(-3.1, 3.1, 40)[:, None])
+        assert relative.allows(T_TARGET.rotation.inv() * turns * T_SOURCE.rotation).all()
+        tilts = Rotation.from_rotvec([[0.01, 0, 0], [0, 0.01, 0], [-0.01, 0, 0], [0, -0.01, 0]])
+        assert not relative.allows(T_TARGET.rotation.inv() * tilts * T_SOURCE.rotation).any()
+        assert not relative.allows(random_rotations(2000, 1)).any()
+
+    def test_about_the_targets_own_z_is_not_about_the_vertical(self) -> None:
+        assert not pair(ATTITUDE).allows(Rotation.from_euler("Z", 0.5) * T_TRUE.rotation)
+
+    @pytest.mark.parametrize("sign", [1, -1])
+    def test_four_sigmas_of_the_heading_and_the_slack(self, sign: int) -> None:
+        relative = pair(ATTITUDE, HEADING)
+        sigma = np.hypot(0.05, 0.05)
+
+        def turned(angle: float) -> Rotation:
+            return T_TARGET.rotation.inv() * Rotation.from_euler("Z", sign * angle) * T_SOURCE.rotation
+
+        assert relative.allows(turned(3.99 * sigma))
+        assert not relative.allows(turned(4.01 * sigma))
+        assert relative.allows(turned(4 * sigma + 0.09), slack=0.1)
+        assert not relative.allows(turned(4 * sigma + 0.11), slack=0.1)
+
+    @pytest.mark.parametrize("of", ["target", "source"])
+    def test_roll_and_pitch_are_about_the_level_axes_of_their_own_scan(self, of: str) -> None:
+        """Headings a quarter turn apart, and only one of the priors is coarse: 0.1 of roll, 0.01 of pitch."""
+        coarse, fine = np.array([0.1, 0.01, 0.3, 1, 1, 1]), np.full(6, 1e-4)
+        T_ahead, T_aside = about_vertical(0.0), about_vertical(np.pi / 2)  # forward is East, forward is North
+        target, source = (coarse, fine) if of == "target" else (fine, coarse)
+        relative = RelativePrior(PosePrior(T_ahead, target), PosePrior(T_aside, source))
+        about_east, about_north = (Rotation.from_rotvec([0.2 * e, 0.2 * (1 - e), 0]) for e in (1, 0))
+        allowed = [relative.allows(tilt * T_aside.rotation) for tilt in (about_east, about_north)]
+        assert allowed == ([True, False] if of == "target" else [False, True])
+
+    def test_the_slack_is_of_the_tilt_too(self) -> None:
+        relative = pair(ATTITUDE, HEADING, sigmas=np.full(6, 1e-5))
+        tilted = T_TARGET.rotation.inv() * Rotation.from_rotvec([0.06, 0.08, 0]) * T_SOURCE.rotation
+        assert not relative.allows(tilted, slack=0.099)
+        assert relative.allows(tilted, slack=0.101)
+
+    def test_a_stack_is_its_rotations_one_by_one(self) -> None:
+        relative = pair(ATTITUDE, HEADING, sigmas=np.array([0.2, 0.4, 0.5, 1, 1, 1]))
+        stack = random_rotations(300, 2)
+        allowed = relative.allows(stack)
+        assert allowed.shape == (300,)
+        assert 0 < allowed.sum() < 300
+        assert allowed.tolist() == [relative.allows(stack[k]) for k in range(300)]
+
+    @pytest.mark.parametrize("kinds", [(ATTITUDE,), (HEADING,), (ATTITUDE, HEADING)])
+    def test_swapped_scans_and_the_inverse_are_the_same_question(self, kinds: tuple[slice, ...]) -> None:
+        relative = pair(*kinds, sigmas=np.array([0.1, 0.3, 0.2, 1, 1, 1]))
+        swapped = RelativePrior(relative.source, relative.target)
+        near = Rotation.from_rotvec(np.random.default_rng(3).normal(scale=0.7, size=(2000, 3)))
+        rotations = T_TRUE.rotation * near
+        allowed = relative.allows(rotations, slack=0.03)
+        assert 20 < allowed.sum() < 1980
+        np.testing.assert_array_equal(swapped.allows(rotations.inv(), slack=0.03), allowed)
+
+    def test_most_measured_pairs_are_allowed(self) -> None:
+        """4 sigmas leave out 1 in 3000 of two dimensions and 1 in 16000 of one."""
+        rng = np.random.default_rng(4)
+        draws = [RelativePrior(unexact(T_TARGET, rng), unexact(T_SOURCE, rng)) for _ in range(300)]
+        assert sum(not one.allows(T_TRUE.rotation) for one in draws) <= 2
+
+
+class TestHeadingsWithoutAttitude:
+    @pytest.mark.parametrize("attitudes", [(), ("target",), ("source",)])
+    def test_no_roll_and_pitch_in_range_is_refused_for_the_truth(self, attitudes: tuple[str, ...]) -> None:
+        rng = np.random.default_rng(5)
+        yaws = rng.uniform(-np.pi, np.pi, (2, 1500))
+        tilts = rng.choice([-1, 1], (2, 1500, 2)) * UNMEASURED_TILT * rng.uniform(0, 1, (2, 1500, 2)) ** 0.2
+        for k in range(1500):
+            R = [Rotation.from_euler("ZYX", [yaws[i, k], *tilts[i, k]]) for i in range(2)]
+            priors = []
+            for name, yaw, rotation in zip(("target", "source"), yaws[:, k], R, strict=True):
+                known = name in attitudes
+                told = rotation if known else Rotation.from_euler("Z", yaw)
+                kinds = (ATTITUDE, HEADING) if known else (HEADING,)
+                measured = RigidTransform.from_rotation(told)
+                priors.append(prior(measured, *kinds, sigmas=np.full(6, 1e-6)))
+            assert RelativePrior(*priors).allows(R[0].inv() * R[1])
+
+    @pytest.mark.parametrize(("attitudes", "widest"), [((HEADING,), 45.5), ((HEADING, ATTITUDE), 11.5)])
+    def test_the_yaw_is_bounded_all_the_same(self, attitudes: tuple[slice, ...], widest: float) -> None:
+        sigmas = np.full(6, 1e-6)
+        target = prior(about_vertical(2.0), *attitudes, sigmas=sigmas)
+        source = prior(about_vertical(1.2), HEADING, sigmas=sigmas)
+        off = np.arange(-180.0, 180.0, 1.0)
+        allowed = RelativePrior(target, source).allows(Rotation.from_euler("Z", -0.8 + np.deg2rad(off)[:, None]))
+        assert np.abs(off[allowed]).max() == pytest.approx(np.floor(widest))
+        assert (np.diff(np.flatnonzero(allowed)) == 1).all()
+
+    def test_a_tilt_that_was_not_measured_is_not_heeded(self) -> None:
+        tilted = RigidTransform.from_rotation(Rotation.from_euler("Z", 0.4) * Rotation.from_rotvec([0.5, -0.6, 0]))
+        level = about_vertical(0.4)
+        rotations = random_rotations(500, 6)
+        answers = [
+            RelativePrior(prior(T, HEADING), prior(T_SOURCE, HEADING)).allows(rotations) for T in (tilted, level)
+        ]
+        np.testing.assert_array_equal(answers[0], answers[1])
+        assert answers[0].any()
+
+
+class TestNormalized:
+    def test_the_measured_pose_is_no_way_off(self) -> None:
+        chi2, dof = pair(*ALL).normalized(T_TRUE)
+        assert chi2 == pytest.approx(0, abs=1e-20)
+        assert dof == 6
+
+    @pytest.mark.parametrize(
+        ("kinds", "dof"),
+        [
+            ((ATTITUDE,), 2),
+            ((ATTITUDE, HEADING), 3),
+            ((HEADING,), 0),
+            ((ATTITUDE, DEPTH), 3),
+            ((POSITION, DEPTH), 0),
+            ((ATTITUDE, POSITION), 2),
+            ((ATTITUDE, HEADING, POSITION), 5),
+        ],
+    )
+    def test_counted_is_what_is_measured(self, kinds: tuple[slice, ...], dof: int) -> None:
+        moved = T_TRUE * RigidTransform.from_exp_coords([0.05, -0.1, 0.07, 1, 2, 3])
+        chi2, counted = pair(*kinds).normalized(moved)
+        assert counted == dof
+        assert (chi2 > 0.1) == (dof > 0)
+
+    def test_a_turn_of_one_sigma_is_1(self) -> None:
+        sigmas = np.array([1e-3, 1e-3, 0.03, INF, INF, INF])
+        relative = RelativePrior(PosePrior(T_TARGET, sigmas), PosePrior(T_SOURCE, replace_heading(sigmas, 0.04)))
+        turned = T_TARGET.rotation.inv() * Rotation.from_euler("Z", 0.05) * T_SOURCE.rotation
+        assert relative.normalized(RigidTransform.from_rotation(turned))[0] == pytest.approx(1.0)
+
+    @pytest.mark.parametrize("far", [1.0, 20.0])
+    @pytest.mark.parametrize("kinds", [ALL, (ATTITUDE, DEPTH)])
+    def test_it_is_distributed_as_chi_squared(self, kinds: tuple[slice, ...], far: float) -> None:
+        """Also where the attitude's error moves what is far by many of the position's own sigmas."""
+        rng = np.random.default_rng(11)
+        T_far = RigidTransform.from_components(far * T_SOURCE.translation, T_SOURCE.rotation)
+        T_true = T_TARGET.inv() * T_far
+        sigmas = SIGMAS * 0.2
+        values, dof = [], 0
+        for _ in range(600):
+            target, source = (unexact(T, rng, sigmas) for T in (T_TARGET, T_far))
+            known = knowing(*kinds, sigmas=sigmas)
+            relative = RelativePrior(replace(target, sigmas=known), replace(source, sigmas=known))
+            chi2, dof = relative.normalized(T_true)
+            values.append(chi2)
+        assert np.mean(values) == pytest.approx(dof, rel=4 * np.sqrt(2 / dof / 600))
+        assert np.var(values) == pytest.approx(2 * dof, rel=0.4)
+
+    @pytest.mark.parametrize("kinds", [ALL, (ATTITUDE, HEADING, POSITION)])
+    def test_swapped_scans_and_the_inverse_give_the_same(self, kinds: tuple[slice, ...]) -> None:
+        relative = pair(*kinds)
+        swapped = RelativePrior(relative.source, relative.target)
+        moved = T_TRUE * RigidTransform.from_exp_coords([2e-4, -1e-4, 3e-4, 1, 2, 0.1])
+        here, there = relative.normalized(moved), swapped.normalized(moved.inv())
+        assert here[0] > 0.1
+        assert there == (pytest.approx(here[0], rel=2e-3), here[1])
+
+    def test_the_better_known_side_is_the_reference_either_way(self) -> None:
+        target, source = prior(T_TARGET, ATTITUDE, POSITION, DEPTH), prior(T_SOURCE, *ALL)
+        moved = T_TRUE * RigidTransform.from_exp_coords([0.01, -0.02, 0.3, 1, 2, 0.3])
+        here = RelativePrior(target, source).normalized(moved)
+        there = RelativePrior(source, target).normalized(moved.inv())
+        assert here == pytest.approx(there)
+        assert here[1] == 5
+
+
+def replace_heading(sigmas: np.ndarray, heading: float) -> np.ndarray:
+    changed = sigmas.copy()
+    changed[2] = heading
+    return changed
+
+
+@pytest.mark.parametrize("kinds", [ALL, (ATTITUDE, DEPTH), (HEADING, POSITION), (ATTITUDE, POSITION)])
+def test_where_the_world_begins_and_points_makes_no_difference(kinds: tuple[slice, ...]) -> None:
+    """One turn about the vertical and one shift of both poses; the position's error is round."""
+    sigmas = np.array([0.1, 0.3, 0.2, 2.0, 2.0, 0.7])
+    T_other_world = about_vertical(2.1, (100, -40, 7))
+    here = RelativePrior(prior(T_TARGET, *kinds, sigmas=sigmas), prior(T_SOURCE, *kinds, sigmas=sigmas))
+    there = RelativePrior(
+        prior(T_other_world * T_TARGET, *kinds, sigmas=sigmas), prior(T_other_world * T_SOURCE, *kinds, sigmas=sigmas)
+    )
+    rng = np.random.default_rng(12)
+    rotations = T_TRUE.rotation * Rotation.from_rotvec(rng.normal(scale=0.5, size=(500, 3)))
+    shifts = T_TRUE.translation + rng.normal(scale=8, size=(500, 3))
+    moved = RigidTransform.from_components(shifts, rotations)
+    np.testing.assert_array_equal(here.allows(rotations), there.allows(rotations))
+    np.testing.assert_array_equal(here.allows_shift(shifts, rotations), there.allows_shift(shifts, rotations))
+    for k in range(20):
+        assert here.normalized(moved[k]) == pytest.approx(there.normalized(moved[k]))
+        np.testing.assert_allclose(here.shift_limits(rotations[k]), there.shift_limits(rotations[k]), atol=1e-9)
+
+
+@pytest.mark.parametrize("of", ["target", "source"])
+def test_a_heading_that_was_not_measured_makes_no_difference(of: str) -> None:
+    """Where a pose without one is written down with another, roll and pitch, not alike here, turn with the scan."""
+    sigmas = np.array([0.05, 0.3, 1, 1, 1, 0.7])
+    poses = {"target": T_TARGET, "source": T_SOURCE}
+    turned = {**poses, of: about_vertical(1.3) * poses[of]}
+    here, there = (
+        RelativePrior(*(prior(T[name], ATTITUDE, DEPTH, sigmas=sigmas) for name in ("target", "source")))
+        for T in (poses, turned)
+    )
+    rng = np.random.default_rng(13)
+    rotations = T_TRUE.rotation * Rotation.from_rotvec(rng.normal(scale=0.5, size=(500, 3)))
+    shifts = T_TRUE.translation + rng.normal(scale=8, size=(500, 3))
+    allowed = here.allows(rotations)
+    assert 10 < allowed.sum() < 490
+    np.testing.assert_array_equal(there.allows(rotations), allowed)
+    np.testing.assert_array_equal(here.allows_shift(shifts, rotations), there.allows_shift(shifts, rotations))
+    moved = RigidTransform.from_components(shifts, rotations)
+    for k in range(20):
+        assert here.normalized(moved[k]) == pytest.approx(there.normalized(moved[k]))
+
+
+class TestPosePrior:
+    @pytest.mark.parametrize(
+        ("sigmas", "words"),
+        [
+            (np.ones(5), "shape"),
+            (np.ones((6, 1)), "shape"),
+            (np.ones(6, dtype=np.float32), "float64"),
+            ([1.0] * 6, "float64"),
+            (np.array([1, 1, 1, 1, 1, 0.0]), "above 0"),
+            (np.array([1, 1, -0.1, 1, 1, 1]), "above 0"),
+            (np.array([1, 1, np.nan, 1, 1, 1]), "above 0"),
+            (np.array([1, 1, -INF, 1, 1, 1]), "above 0"),
+            (np.array([1, INF, 1, 1, 1, 1]), "roll and pitch"),
+            (np.array([INF, 1, 1, 1, 1, 1]), "roll and pitch"),
+            (np.array([1, 1, 1, 1, INF, 1]), "East and North"),
+        ],
+    )
+    def test_sigmas_that_will_not_do(self, sigmas: np.ndarray, words: str) -> None:
+        with pytest.raises(InputError, match=words):
+            PosePrior(RigidTransform.identity(), sigmas)
+
+    def test_poses_that_will_not_do(self) -> None:
+        stack = RigidTransform.concatenate([T_TARGET, T_SOURCE])
+        for T in (stack, RigidTransform.from_translation([0, np.nan, 0]), RigidTransform.from_translation([INF, 0, 0])):
+            with pytest.raises(InputError, match="finite"):
+                PosePrior(T, SIGMAS)
+
+    @pytest.mark.parametrize("kind", ALL)
+    def test_what_is_known(self, kind: slice) -> None:
+        one = prior(T_TARGET, kind)
+        known = (one.knows_attitude, one.knows_heading, one.knows_position, one.knows_depth)
+        assert known == tuple(kind == other for other in ALL)

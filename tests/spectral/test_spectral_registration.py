@@ -1,0 +1,281 @@
+"""The registration over all rotations: laws that any registration obeys, and asymmetric scenes with truth."""
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+from scipy.spatial.transform import RigidTransform, Rotation
+
+from kernels.errors import InputError
+from kernels.opencl.device import choose_device
+from spectral.grid import Grid
+from spectral.prepare.spectral_scan import SpectralScan
+from spectral.registration import SpectralConfig, SpectralRegistrar
+from spectral.result import Registration
+from spectral.scan import PosePrior, Scan
+from tests.samples.reliefs import above, relief, seen
+from tests.samples.structures import difference, moved
+
+EDGE, VOXEL = 64, 0.5
+HERE, THERE = above(0, 0, 12), above(3, -2, 13, 25, 4, -7)
+T_TRUE = HERE.inv() * THERE
+UNKNOWN = np.inf
+
+
+@pytest.fixture(scope="module")
+def registrar() -> SpectralRegistrar:
+    return SpectralRegistrar(choose_device(), Grid(EDGE, VOXEL))
+
+
+@pytest.fixture(scope="module")
+def of_any_rotation() -> SpectralRegistrar:
+    return SpectralRegistrar(choose_device(), Grid(32, 1.0), SpectralConfig(max_tilt=np.pi))
+
+
+@pytest.fixture(scope="module", params=["icp", "spectral"])
+def of_either(request: pytest.FixtureRequest) -> SpectralRegistrar:
+    """With each refinement."""
+    return SpectralRegistrar(choose_device(), Grid(EDGE, 1.0), SpectralConfig(refinement=request.param))
+
+
+@pytest.fixture(scope="module")
+def target(registrar: SpectralRegistrar) -> SpectralScan:
+    return registrar.prepare(Scan(seen(relief(1), HERE)))
+
+
+@pytest.fixture(scope="module")
+def source(registrar: SpectralRegistrar) -> SpectralScan:
+    return registrar.prepare(Scan(seen(relief(1), THERE)))
+
+
+def register(registrar: SpectralRegistrar, target: np.ndarray, source: np.ndarray) -> Registration:
+    return registrar.register(registrar.prepare(Scan(target)), registrar.prepare(Scan(source)))
+
+
+# A tenth of a rotation's bin and a fifth of a voxel.
+def assert_near(found: RigidTransform, truth: RigidTransform, degrees: float = 0.3, meters: float = 0.1) -> None:
+    angle, distance = difference(found, truth)
+    assert angle < degrees
+    assert distance < meters
+
+
+class TestLaws:
+    def test_a_scan_registers_to_itself(self, registrar: SpectralRegistrar) -> None:
+        points = seen(relief(1), THERE)
+        found = register(registrar, points, points)
+        assert_near(found.T_target_source, RigidTransform.identity(), 0.01, 0.001)
+        assert found.overlap == 1.0
+
+    @pytest.mark.parametrize("seed", [1, 2, 3])
+    def test_finds_a_known_transform(self, registrar: SpectralRegistrar, seed: int) -> None:
+        found = register(registrar, seen(relief(seed), HERE), seen(relief(seed), THERE))
+        assert_near(found.T_target_source, T_TRUE)
+        assert 0.7 < found.overlap < 0.95
+
+    @pytest.mark.parametrize("yaw", [-170.0, -95.0, 100.0, 180.0])
+    def test_yaw_covers_the_circle(self, registrar: SpectralRegistrar, yaw: float) -> None:
+        turned = above(3, -2, 13, yaw, 4, -7)
+        found = register(registrar, seen(relief(4), HERE), seen(relief(4), turned))
+        assert_near(found.T_target_source, HERE.inv() * turned)
+
+    @pytest.mark.parametrize("rotvec", [(2.5, -1.0, 0.7), (0.0, 3.1, 0.0), (-1.6, 0.1, 0.2), (0.3, 1.5, -2.4)])
+    def test_any_rotation_is_found_where_none_is_excluded(
+        self, of_any_rotation: SpectralRegistrar, rotvec: tuple[float, ...]
+    ) -> None:
+        Q = RigidTransform.from_components([2, -3, 1], Rotation.from_rotvec(rotvec))
+        found = register(of_any_rotation, seen(relief(2), HERE), moved(seen(relief(2), THERE), Q))
+        assert_near(found.T_target_source, T_TRUE * Q.inv(), 1.0, 0.25)
+
+    def test_the_other_way_round_is_the_inverse(self, registrar: SpectralRegistrar) -> None:
+        target, source = seen(relief(5), HERE), seen(relief(5), THERE)
+        there, back = register(registrar, target, source), register(registrar, source, target)
+        assert_near(back.T_target_source, there.T_target_source.inv())
+        assert back.overlap == pytest.approx(there.overlap, abs=0.03)
+
+    def test_turning_the_sources_frame_turns_the_answer(self, registrar: SpectralRegistrar) -> None:
+        target, source = seen(relief(6), HERE), seen(relief(6), THERE)
+        Q = RigidTransform.from_components([4.0, -6.0, 2.0], Rotation.from_euler("ZYX", [70, 6, 9], degrees=True))
+        plain, turned = register(registrar, target, source), register(registrar, target, moved(source, Q))
+        assert_near(turned.T_target_source, plain.T_target_source * Q.inv())
+
+    def test_the_same_pair_gives_the_same_bytes(self, registrar: SpectralRegistrar) -> None:
+        target, source = seen(relief(7), HERE), seen(relief(7), THERE)
+        first, second = register(registrar, target, source), register(registrar, target, source)
+        for what in ("covariance", "psr", "overlap", "probability", "step_psr", "reason"):
+            np.testing.assert_array_equal(getattr(first, what), getattr(second, what))
+        np.testing.assert_array_equal(first.T_target_source.as_matrix(), second.T_target_source.as_matrix())
+
+    def test_the_translations_peak_refines_to_within_a_voxel(self) -> None:
+        registrar = SpectralRegistrar(choose_device(), Grid(EDGE, VOXEL), SpectralConfig(refinement="spectral"))
+        for seed in (1, 2):
+            found = register(registrar, seen(relief(seed), HERE), seen(relief(seed), THERE))
+            assert_near(found.T_target_source, T_TRUE, 2.0, VOXEL)
+
+    def test_says_the_ratio_of_every_step(self, registrar: SpectralRegistrar) -> None:
+        found = register(registrar, seen(relief(8), HERE), seen(relief(8), THERE))
+        steps = dict(found.step_psr)
+        assert list(steps) == ["rotation", "candidate", "translation"]
+        assert 0 < steps["rotation"] <= 1
+        assert steps["translation"] == found.psr > steps["candidate"] > 10
+        assert found.seconds > 0
+
+
+class TestViews:
+    @pytest.mark.parametrize(("x", "y"), [(17.5, -1.0), (-1.0, 18.5), (-19.0, 2.0), (17.0, 17.5)])
+    def test_a_shift_beyond_half_the_grid_is_told_from_its_wrapped_twin(
+        self, registrar: SpectralRegistrar, x: float, y: float
+    ) -> None:
+        """The grid is 32 m wide: 17.5 m look like -14.5 m to a periodic correlation."""
+        here, there = above(-x / 2, -y / 2, 12), above(x / 2, y / 2, 13, 15, 3, -5)
+        found = register(registrar, seen(relief(1), here, 15.0), seen(relief(1), there, 15.0))
+        assert_near(found.T_target_source, here.inv() * there)
+        assert max(abs(x), abs(y)) > EDGE * VOXEL / 2
+
+    def test_scans_that_no_one_viewpoint_explains_register_by_their_points(self, registrar: SpectralRegistrar) -> None:
+        """A ground and another 7 m above it: beams to the lower one would have to go through the upper."""
+        both = np.vstack([relief(4), relief(54) + np.array([0, 0, 7.0])])
+        here, there = above(0, 0, 14), above(3, -2, 15, 25, 4, -7)
+        target, source = (registrar.prepare(Scan(seen(both, T))) for T in (here, there))
+        assert not target.image.single
+        assert not source.image.single
+        found = registrar.register(target, source)
+        assert_near(found.T_target_source, here.inv() * there)
+        ground = registrar.prepare(Scan(seen(relief(4), there)))
+        assert ground.image.single
+        assert_near(registrar.register(target, ground).T_target_source, here.inv() * there)
+
+    @pytest.mark.parametrize("side", [-1, 1])
+    def test_what_was_seen_through_decides_between_twins(self, of_either: SpectralRegistrar, side: int) -> None:
+        """The target shows two equal sails, the source one of them, over where the other cannot have been.
+
+        From its sensor, which stands off to one side, the nearer sail would have hidden the farther.
+        """
+        twins = {-1: np.array([-9.0, 1, 0]), 1: np.array([9.0, 1, 0])}
+        here, there = above(0, -45, 3), above(side * 40, 1, 0)
+        place = np.vstack([sail(1) + twins[-1], sail(1) + twins[1]])
+        source = there.inv().apply(sail(2) + twins[side]).astype(np.float32)
+        found = register(of_either, here.inv().apply(place).astype(np.float32), source)
+        assert_near(found.T_target_source, here.inv() * there, 2.0, 1.0)
+        assert found.overlap == pytest.approx(0.5, abs=0.03)
+        # the other one fits the points just as well, and is excluded by the views alone
+        assert found.accepted
+        assert not found.alternatives
+
+
+def sail(seed: int, count: int = 6000) -> np.ndarray:
+    """Points (count, 3) of a twisted strip, 12 m high, no part of which hides another from the side or the front."""
+    z, along = np.random.default_rng(seed).uniform([-6, -3], [6, 3], (count, 2)).T
+    return np.column_stack([3 * np.sin(0.5 * z) + along, 2 * np.cos(0.9 * z + 1) + along + 0.15 * along**2, z])
+
+
+class TestPriors:
+    """Attitude, heading, depth and position of both scans, of which one is told wrong."""
+
+    @staticmethod
+    def told(
+        scan: SpectralScan,
+        T_world_sensor: RigidTransform,
+        heading: float = 2.0,
+        depth: float = UNKNOWN,
+        xy: float = UNKNOWN,
+    ) -> SpectralScan:
+        """The prepared scan with a prior: attitude within a degree, and what else is given [deg, m]."""
+        sigmas = np.array([*np.deg2rad([1.0, 1.0, heading]), xy, xy, depth])
+        return replace(scan, prior=PosePrior(T_world_sensor, sigmas))
+
+    def test_true_ones_change_nothing(
+        self, registrar: SpectralRegistrar, target: SpectralScan, source: SpectralScan
+    ) -> None:
+        plain = registrar.register(target, source)
+        found = registrar.register(
+            self.told(target, HERE, depth=0.1, xy=0.5), self.told(source, THERE, depth=0.1, xy=0.5)
+        )
+        assert_near(found.T_target_source, plain.T_target_source, 0.01, 0.01)
+        assert found.accepted
+
+    def test_a_place_that_repeats_is_told_by_the_heading(self, registrar: SpectralRegistrar) -> None:
+        """A ground that is the same after half a turn: two answers, of which the heading allows one."""
+        half = relief(3)[relief(3)[:, 0] > 0]
+        ground = np.vstack([half, half * np.array([-1, -1, 1])])
+        target = registrar.prepare(Scan(seen(ground, HERE)))
+        right = 0
+        for yaw in (20.0, -160.0):
+            there = above(0, 0, 12.5, yaw)
+            source = registrar.prepare(Scan(seen(ground, there)))
+            found = registrar.register(self.told(target, HERE, 5.0), self.told(source, there, 5.0))
+            assert_near(found.T_target_source, HERE.inv() * there)
+            alone = registrar.register(target, source)
+            right += difference(alone.T_target_source, HERE.inv() * there)[0] < 1.0
+        assert right == 1
+
+    @pytest.mark.parametrize(
+        ("wrong", "bounds"),
+        [
+            (above(3, -2, 13, 25, 40, -7), {"heading": UNKNOWN}),
+            (above(3, -2, 30, 25, 4, -7), {"depth": 0.1}),
+            (above(20, 20, 13, 25, 4, -7), {"depth": 0.1, "xy": 0.5}),
+        ],
+        ids=["attitude", "depth", "position"],
+    )
+    def test_one_that_contradicts_refuses_and_says_why(
+        self,
+        registrar: SpectralRegistrar,
+        target: SpectralScan,
+        source: SpectralScan,
+        wrong: RigidTransform,
+        bounds: dict[str, float],
+    ) -> None:
+        found = registrar.register(self.told(target, HERE, **bounds), self.told(source, wrong, **bounds))
+        assert not found.accepted
+        assert "the scans' priors" in found.reason
+        assert found.probability == 0
+        assert np.linalg.eigvalsh(found.covariance).min() >= min(np.pi, EDGE * VOXEL) ** 2 * 0.99
+
+    def test_a_wrong_heading_keeps_the_right_rotation_out(
+        self, registrar: SpectralRegistrar, target: SpectralScan, source: SpectralScan
+    ) -> None:
+        wrong = above(3, -2, 13, 115, 4, -7)
+        found = registrar.register(self.told(target, HERE), self.told(source, wrong))
+        assert not found.accepted
+        assert difference(found.T_target_source, T_TRUE)[0] > 60
+
+    def test_one_scan_alone_bounds_nothing(
+        self, registrar: SpectralRegistrar, target: SpectralScan, source: SpectralScan
+    ) -> None:
+        found = registrar.register(target, self.told(source, above(50, 50, 90, 115, 40, -7), depth=0.1, xy=0.1))
+        assert_near(found.T_target_source, T_TRUE)
+
+
+class TestBounds:
+    @pytest.mark.parametrize(("bound", "found"), [(5.0, False), (20.0, True)])
+    def test_max_tilt_bounds_the_answer(self, bound: float, found: bool) -> None:
+        rolled = above(3, -2, 13, 25, 4, 15)
+        registrar = SpectralRegistrar(
+            choose_device(), Grid(EDGE, VOXEL), SpectralConfig(max_tilt=float(np.deg2rad(bound)))
+        )
+        answer = register(registrar, seen(relief(1), HERE), seen(relief(1), rolled))
+        assert (difference(answer.T_target_source, HERE.inv() * rolled)[0] < 0.3) == found
+        if not found:
+            assert not answer.accepted
+            assert "tilt" in answer.reason
+
+    @pytest.mark.parametrize(
+        ("changes", "words"),
+        [
+            ({"hypotheses": 0}, "hypotheses is 0"),
+            ({"shortlist": 0}, "shortlist 0"),
+            ({"finalists": 0}, "finalists 0"),
+            ({"max_tilt": 0.0}, "--max-tilt 0"),
+            ({"max_tilt": 3.2}, "--max-tilt 183"),
+            ({"refinement": "ICP"}, "'ICP'"),
+            ({"least_probability": 1.0}, "least_probability is 1.0"),
+        ],
+    )
+    def test_config_refuses_what_makes_no_sense(self, changes: dict, words: str) -> None:
+        with pytest.raises(InputError, match=words):
+            SpectralConfig(**changes)
+
+    def test_a_plane_is_refused(self, registrar: SpectralRegistrar) -> None:
+        flat = np.column_stack([np.random.default_rng(2).uniform(-9, 9, (3000, 2)), np.full(3000, -5.0)])
+        with pytest.raises(InputError, match="one plane"):
+            registrar.prepare(Scan(flat.astype(np.float32)))

@@ -1,0 +1,123 @@
+"""The covariance of what was refined on the surfaces: what it leaves open, how it turns, and that it is honest."""
+
+import numpy as np
+import pytest
+from scipy.spatial.transform import RigidTransform, Rotation
+from scipy.stats import chi2
+
+from kernels.opencl.device import choose_device
+from spectral.grid import Grid, choose_grid
+from spectral.registration import SpectralRegistrar
+from spectral.result import Registration
+from spectral.scan import Scan
+from tools.evaluate.trajectory import RIGHT_DEG, RIGHT_VOXELS, pair_error
+from tools.simulate.pairs.pair_set import evaluation_pair
+
+T_TARGET_SOURCE = RigidTransform.from_components([2.0, -3.0, 1.5], Rotation.from_euler("ZYX", [8, 3, -4], degrees=True))
+COUNT, REACH = 12_000, 45.0  # points of a scan, and how far they go [m]
+
+
+def plane(rng: np.random.Generator, noise: float) -> np.ndarray:
+    """Points of one level plane below the sensor."""
+    return np.column_stack([rng.uniform(-REACH, REACH, (COUNT, 2)), rng.normal(-20.0, noise, COUNT)])
+
+
+def wall(rng: np.random.Generator, noise: float) -> np.ndarray:
+    """Points of a wall at x = 30 that runs along y, and of the floor before it."""
+    half = COUNT // 2
+    upright = np.column_stack(
+        [rng.normal(30.0, noise, half), rng.uniform(-REACH, REACH, half), rng.uniform(-15.0, 25.0, half)]
+    )
+    floor = np.column_stack(
+        [rng.uniform(-20.0, 30.0, half), rng.uniform(-REACH, REACH, half), rng.normal(-15.0, noise, half)]
+    )
+    return np.vstack([upright, floor])
+
+
+def register(target: np.ndarray, source: np.ndarray, voxel: float = 1.0) -> Registration:
+    """Two sets of points on a grid of 128 voxels."""
+    registrar = SpectralRegistrar(choose_device(None), Grid(128, voxel))
+    scans = [Scan(points.astype(np.float32), name=name) for points, name in ((target, "a"), (source, "b"))]
+    return registrar.register(*(registrar.prepare(scan) for scan in scans))
+
+
+def about(covariance: np.ndarray, place: np.ndarray) -> np.ndarray:
+    """A covariance of the sensor's frame, for a frame at a place (3,) in it with the same axes."""
+    shift = np.eye(6)
+    shift[3:, :3] = -np.cross(place, np.eye(3)).T
+    return shift @ covariance @ shift.T
+
+
+@pytest.mark.parametrize("noise", [0.35, 0.6])
+def test_a_wall_leaves_its_own_direction_open(noise: float) -> None:
+    rng = np.random.default_rng(3)
+    source = T_TARGET_SOURCE.inv().apply(wall(rng, noise))
+    covariance = about(register(wall(rng, noise), source).covariance, source.mean(axis=0))
+    variances, axes = np.linalg.eigh(covariance[3:, 3:])
+    sigmas = np.sqrt(variances)
+    assert sigmas[2] > 10 * sigmas[1]
+    along = T_TARGET_SOURCE.rotation.inv().apply([0.0, 1.0, 0.0])
+    assert abs(axes[:, 2] @ along) > 0.99
+
+
+def test_a_plane_leaves_three_directions_open() -> None:
+    """Two shifts along it, and the turn about its normal; height, roll and pitch are fixed."""
+    rng = np.random.default_rng(3)
+    source = T_TARGET_SOURCE.inv().apply(plane(rng, 0.35))
+    covariance = about(register(plane(rng, 0.35), source).covariance, source.mean(axis=0))
+    turns, shifts = np.sqrt(np.linalg.eigvalsh(covariance[:3, :3])), np.sqrt(np.linalg.eigvalsh(covariance[3:, 3:]))
+    assert turns[2] > 10 * turns[1]
+    assert shifts[1] > 10 * shifts[0]
+
+
+def corner(rng: np.random.Generator) -> np.ndarray:
+    """Points of a wall and a floor, and of a second wall across the first: nothing is left open."""
+    across = np.column_stack(
+        [rng.uniform(-20.0, 30.0, COUNT), rng.normal(-40.0, 0.3, COUNT), rng.uniform(-15.0, 25.0, COUNT)]
+    )
+    return np.vstack([wall(rng, 0.3), across])
+
+
+def test_it_turns_with_the_source() -> None:
+    """A frame turned by Q: T becomes T Q, and its tangent is seen in the turned axes."""
+    rng = np.random.default_rng(5)
+    target, source = corner(rng), T_TARGET_SOURCE.inv().apply(corner(rng))
+    Q = Rotation.from_euler("Z", 90, degrees=True)  # voxels stay voxels
+    plain, turned = register(target, source).covariance, register(target, Q.inv().apply(source)).covariance
+    back = np.kron(np.eye(2), Q.as_matrix())
+    np.testing.assert_allclose(back @ turned @ back.T, plain, rtol=0.35, atol=0.05 * np.abs(plain).max())
+
+
+def test_it_grows_with_the_voxel() -> None:
+    """The same scene, twice as large on voxels twice as large: turns as sure, shifts half as sure."""
+    rng = np.random.default_rng(5)
+    target, source = corner(rng), T_TARGET_SOURCE.inv().apply(corner(rng))
+    small, large = register(target, source), register(2 * target, 2 * source, voxel=2.0)
+    units = np.repeat([1.0, 2.0], 3)
+    np.testing.assert_allclose(large.covariance, small.covariance * np.outer(units, units), rtol=1e-3, atol=1e-12)
+
+
+def test_it_is_symmetric_and_positive() -> None:
+    rng = np.random.default_rng(5)
+    covariance = register(corner(rng), T_TARGET_SOURCE.inv().apply(corner(rng))).covariance
+    np.testing.assert_array_equal(covariance, covariance.T)
+    assert np.linalg.eigvalsh(covariance).min() > 0
+
+
+@pytest.mark.slow
+def test_errors_are_as_large_as_it_says() -> None:
+    """On 48 pairs that nothing was fitted to: a mean of 6 but for a factor of two, 85 % within the 95 % ellipsoid."""
+    squared = []
+    for number in range(48):
+        target, source, truth = evaluation_pair(number, 4242, "yaw").scans()
+        grid = choose_grid((target, source))
+        registrar = SpectralRegistrar(choose_device(None), grid)
+        found = registrar.register(registrar.prepare(target), registrar.prepare(source))
+        if pair_error(found.T_target_source, truth).within(RIGHT_DEG, RIGHT_VOXELS * grid.voxel):
+            error = (found.T_target_source.inv() * truth).as_exp_coords()
+            squared.append(float(error @ np.linalg.solve(found.covariance, error)))
+    mean, within = np.mean(squared), np.mean(np.array(squared) < chi2.ppf(0.95, 6))
+    print(f"{len(squared)} right, mean {mean:.2f}, within 95 %: {within:.2f}")
+    assert len(squared) > 30
+    assert 3 < mean < 12
+    assert within > 0.85

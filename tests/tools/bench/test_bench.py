@@ -1,0 +1,191 @@
+"""Benchmarks: figures that are what they say, twins that do the kernels' work, and wrong kernels that are caught."""
+
+import json
+import multiprocessing
+import os
+import signal
+import subprocess
+import sys
+import time
+from dataclasses import replace
+from pathlib import Path
+
+import numpy as np
+import pytest
+from scipy.spatial.transform import RigidTransform, Rotation
+from typer.testing import CliRunner
+
+from kernels.errors import DeviceError
+from kernels.opencl.device import Device
+from tools.bench import twins
+from tools.bench.cases.all_cases import CASES
+from tools.bench.cases.transforms import real_forward_case
+from tools.bench.copy_rate import copier, measure_copy
+from tools.bench.kernels import measure_case, measure_kernels, relative_difference
+from tools.bench.machine import count_cores, peak_memory
+from tools.bench.pairs import is_right, measure_pairs, simulate_pairs
+from tools.bench.timing import interleave, summarize
+from tools.bench.workload import Workload
+from tools.cli.main import app
+
+ROOT = Path(__file__).parents[3]
+QUICK = ["bench", "--grid", "16", "--repeats", "2"]
+
+
+class TestTiming:
+    def test_quartiles_of_a_known_list(self) -> None:
+        times = summarize([5.0, 1.0, 2.0, 4.0, 3.0])
+        assert (times.count, times.least, times.first_quartile, times.median) == (5, 1.0, 2.0, 3.0)
+        assert (times.third_quartile, times.most, times.most_over_median) == (4.0, 5.0, pytest.approx(5 / 3))
+
+    def test_calls_take_turns_after_a_warm_up(self) -> None:
+        calls: list[str] = []
+        first, second = interleave(lambda: calls.append("a"), lambda: calls.append("b"), 3, lambda: calls.append("-"))
+        assert "".join(calls) == "-ab-ab-ab-ab"
+        assert (first.count, second.count) == (3, 3)
+
+    def test_a_slow_twin_is_run_less_often(self, monkeypatch: pytest.MonkeyPatch) -> None:
+        monkeypatch.setattr("tools.bench.timing._TWIN_SECONDS", 0.05)
+        first, second = interleave(lambda: None, lambda: time.sleep(0.01), 10)
+        assert first.count == 10
+        assert 3 <= second.count <= 5
+        assert second.least >= 0.01
+
+
+class TestKernels:
+    @pytest.mark.parametrize("edge", [16, 32])
+    def test_every_kernel_is_its_twins_equal(self, device: Device, edge: int) -> None:
+        said: list[str] = []
+        results = list(measure_kernels(device, [edge], 2, 5, 2, said.append))
+        assert len(results) == len(said) == len(CASES)
+        assert {result.name: result.error for result in results if not result.right} == {}
+        for result in results:
+            assert result.edge == edge
+            assert result.moved > 0
+            assert result.rate == result.moved / result.device.median
+
+    def test_a_wrong_kernel_is_told(self, device: Device) -> None:
+        case = real_forward_case(Workload(device, 16, 1, 0))
+        assert measure_case(case, device, 16, 1).right
+        off = replace(case, read=lambda: case.read() * np.float32(1 + 1e-4))
+        assert not measure_case(off, device, 16, 1).right
+        broken = replace(case, read=lambda: case.read() * np.nan)
+        assert not measure_case(broken, device, 16, 1).right
+        assert relative_difference(np.ones(3), np.ones(4)) == np.inf
+
+    def test_the_copy_is_a_copy(self, device: Device) -> None:
+        source = np.random.default_rng(1).random((16, 64), dtype=np.float32)
+        run, read = copier(device, source)
+        run()
+        np.testing.assert_array_equal(read(), source)
+        rates = measure_copy(device, 2)
+        assert len(rates) == 2
+        assert min(rates) > 1e8
+
+
+class TestPairs:
+    def test_two_pairs_in_a_process_of_their_own(self) -> None:
+        said: list[str] = []
+        pairs = simulate_pairs(2, 3, lambda _: None)
+        result = measure_pairs(pairs, 32, None, said.append)
+        assert said == ["pair 1 at 32^3", "pair 2 at 32^3"]
+        assert (result.prepare.count, result.register.count) == (4, 2)
+        assert 0 < result.register.least <= result.register.median <= result.register.most
+        assert 2**26 < result.peak_memory < 2**32
+        assert multiprocessing.active_children() == []
+
+    def test_an_error_to_mend_comes_back_from_there(self) -> None:
+        pairs = simulate_pairs(1, 3, lambda _: None)
+        with pytest.raises(DeviceError, match="no OpenCL device matches 'abacus'"):
+            measure_pairs(pairs, 32, "abacus", lambda _: None)
+
+    def test_right_means_6_degrees_and_3_voxels(self) -> None:
+        truth = RigidTransform.from_components([5, -2, 1], Rotation.from_euler("ZYX", [0.3, 0.1, -0.2]))
+
+        def off(meters: float, degrees: float) -> RigidTransform:
+            return truth * RigidTransform.from_components(
+                [0, meters, 0], Rotation.from_rotvec([0, np.deg2rad(degrees), 0])
+            )
+
+        assert is_right(off(5.9, 5.9), truth, 2.0)
+        assert not is_right(off(6.1, 0), truth, 2.0)
+        assert not is_right(off(0, 6.1), truth, 2.0)
+
+
+def test_the_peak_of_memory_never_falls() -> None:
+    before = peak_memory()
+    np.ones(2**25, np.uint8).sum()
+    assert peak_memory() >= before > 2**24
+
+
+def test_cores_are_those_this_process_may_use() -> None:
+    assert 1 <= count_cores() <= 4096
+
+
+class TestCommand:
+    def test_json_is_one_object(self) -> None:
+        result = CliRunner().invoke(app, [*QUICK, "--pairs", "0", "--json"])
+        assert (result.exit_code, result.stderr) == (0, "")
+        told = json.loads(result.stdout)
+        assert len(told["kernels"]) == len(CASES)
+        assert told["pairs"] == []
+        assert told["copy_rate"] > 1e8
+        assert told["versions"]["numpy"] == np.__version__
+        assert len(told["load_average"]) == 2
+        row = next(row for row in told["kernels"] if row["kernel"] == "RealFFT.forward")
+        assert row["right"]
+        assert row["ratio"] == pytest.approx(row["twin_seconds"]["median"] / row["device_seconds"]["median"])
+
+    def test_the_table_names_every_kernel(self, device: Device) -> None:
+        result = CliRunner().invoke(app, [*QUICK, "--pairs", "0"])
+        assert result.exit_code == 0
+        assert device.name in result.stdout
+        assert "kernels at 16^3" in result.stdout
+        assert result.stdout.count("RealFFT") == 2
+        assert "WRONG" not in result.stdout
+        assert f"timing kernels: {len(CASES)} of {len(CASES)}" in result.stderr
+
+    def test_a_wrong_kernel_ends_with_3(self, monkeypatch: pytest.MonkeyPatch) -> None:
+        right = twins.rotate
+        monkeypatch.setattr("tools.bench.twins.rotate", lambda *given: right(*given) + np.float32(1))
+        result = CliRunner().invoke(app, [*QUICK, "--pairs", "0"])
+        assert result.exit_code == 3
+        assert "WRONG" in result.stdout
+        assert "error: not what the twin gives: rotate at 16^3" in result.stderr
+
+    @pytest.mark.parametrize(
+        ("arguments", "words"),
+        [
+            (["--grid", "100"], "--grid 100: wanted a power of two"),
+            (["--no-kernels", "--pairs", "0"], "nothing to measure"),
+            (["--device", "abacus"], "no OpenCL device matches 'abacus'"),
+            (["--repeats", "0"], "--repeats"),
+            (["--pairs", "-1"], "--pairs"),
+        ],
+    )
+    def test_refusals(self, arguments: list[str], words: str) -> None:
+        result = CliRunner().invoke(app, ["bench", *arguments])
+        assert result.exit_code == 2
+        assert words in result.stderr
+
+    @pytest.mark.slow
+    def test_an_interruption_ends_the_spawned_process_and_is_told_once(self) -> None:
+        program = "from tools.cli.main import run; run()"
+        bench = subprocess.Popen(
+            [sys.executable, "-c", program, "bench", "--no-kernels", "--grid", "128", "--pairs", "8"],
+            cwd=ROOT,
+            stdout=subprocess.PIPE,
+            stderr=subprocess.PIPE,
+            text=True,
+            start_new_session=True,
+        )
+        assert bench.stderr
+        assert bench.stdout
+        while "simulating pairs: 8 of 8" not in bench.stderr.readline():
+            assert bench.poll() is None
+        time.sleep(2)
+        os.killpg(bench.pid, signal.SIGINT)  # as a terminal does: parent and child alike
+        # the pipes end when nobody holds them any more, the child neither
+        assert bench.stdout.read() == ""
+        assert bench.stderr.read().endswith("stopped; no file is half written\n")
+        assert bench.wait(20) == 130

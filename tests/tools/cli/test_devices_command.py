@@ -1,0 +1,60 @@
+"""`sonarmap devices`: the list, the one that would be chosen, and none at all."""
+
+import json
+
+import pytest
+from typer.testing import CliRunner
+
+from kernels.errors import DeviceError
+from kernels.opencl.device import Device, choose_device
+from tests.samples.command_line import sonarmap
+from tools.cli.main import app
+
+
+class TestDevices:
+    def test_the_table_marks_the_chosen_one(self, monkeypatch: pytest.MonkeyPatch) -> None:
+        monkeypatch.setenv("PYOPENCL_CTX", "")
+        device = choose_device()
+        result = CliRunner().invoke(app, ["devices"])
+        assert result.exit_code == 0
+        marked = [line for line in result.stdout.splitlines() if "→" in line]
+        assert len(marked) == 1
+        assert device.name in marked[0]
+        assert device.cl_device.platform.name in marked[0]
+        assert "works" in marked[0]
+
+    def test_json(self, monkeypatch: pytest.MonkeyPatch) -> None:
+        monkeypatch.setenv("PYOPENCL_CTX", "")
+        device = choose_device()
+        shown = sonarmap("devices", "--json", PYOPENCL_CTX="")
+        assert (shown.returncode, shown.stderr) == (0, "")
+        listed = json.loads(shown.stdout)
+        chosen = next(entry for entry in listed["devices"] if entry["selector"] == listed["chosen"])
+        assert chosen["name"] == device.name
+        assert chosen["works"]
+        assert chosen["memory"] >= chosen["largest_allocation"] > 0
+
+    def test_an_unknown_device_is_2(self) -> None:
+        result = CliRunner().invoke(app, ["devices", "--device", "abacus"])
+        assert result.exit_code == 2
+        assert "no OpenCL device matches 'abacus'" in result.stderr
+
+    def test_no_platform_names_the_package_that_brings_one(self, monkeypatch: pytest.MonkeyPatch) -> None:
+        import kernels.opencl.device
+
+        monkeypatch.setattr(kernels.opencl.device.cl, "get_platforms", list)
+        result = CliRunner().invoke(app, ["devices"])
+        assert result.exit_code == 2
+        assert "pocl-opencl-icd" in result.stderr
+
+    def test_devices_that_all_fail_are_listed_and_2(self, monkeypatch: pytest.MonkeyPatch) -> None:
+        def no_device(selector: str | None = None) -> Device:
+            raise DeviceError("no OpenCL device works")
+
+        monkeypatch.setattr("kernels.opencl.device.choose_device", no_device)
+        result = CliRunner().invoke(app, ["devices", "--json"])
+        assert result.exit_code == 2
+        listed = json.loads(result.stdout)
+        assert listed["chosen"] is None
+        assert listed["devices"]
+        assert "no OpenCL device works" in result.stderr

@@ -1,0 +1,248 @@
+"""`sonarmap map` end to end: what it writes, and what becomes of what was there before."""
+
+import json
+from dataclasses import replace
+from pathlib import Path
+from types import SimpleNamespace
+
+import gtsam
+import numpy as np
+import pytest
+
+from slam.graph.trajectory import Trajectory
+from slam.mapper import Mapper
+from spectral.result import Registration
+from tests.samples.clutter_scans import T_WORLD_SENSOR, clutter, files_in, said, scan, sonarmap, write
+from tests.samples.surveys import KnowingRegistrar, ring_poses, scans_of
+from tools.cli.survey_text import warn_of_faults
+from tools.evaluate.trajectory import evaluate
+from tools.prepared import prepared_scans
+from tools.readers.poses.kitti import read_kitti
+from tools.readers.poses.tum import read_tum
+from tools.readers.scans import read_scan
+from tools.writers.tum import write_tum
+
+GRID = ("--grid", "64")
+RESULTS = {"map.ply", "map.png", "trajectory.tum", "graph.g2o", "summary.json", "times.json", "journal.sqlite"}
+LOOPS = {"loops.png"}  # where loops were tried
+
+
+@pytest.fixture(scope="module")
+def survey(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    """Four scans, and in out/ what `map` made of them."""
+    folder = tmp_path_factory.mktemp("survey")
+    write(folder, **{f"scan_{k}": scan(k) for k in range(4)})
+    result = sonarmap("map", folder, "-o", folder / "out", *GRID, "--json")
+    assert (result.exit_code, result.stderr) == (0, "")
+    (folder / "printed.json").write_text(result.stdout)
+    return folder
+
+
+def strict_json(text: str) -> dict:
+    def refuse(constant: str) -> None:
+        raise AssertionError(f"{constant} is no JSON")
+
+    return json.loads(text, parse_constant=refuse)
+
+
+def test_all_results_are_there_and_nothing_else(survey: Path) -> None:
+    assert set(files_in(survey / "out")) == RESULTS | LOOPS
+
+
+def test_the_trajectory_is_right(survey: Path, tmp_path: Path) -> None:
+    estimate = read_tum(survey / "out" / "trajectory.tum")
+    result = evaluate(estimate, Trajectory(np.arange(4.0), T_WORLD_SENSOR), "first")
+    assert result.translation_m.max() < 0.3
+    assert result.rotation_deg.max() < 1.5
+    write_tum(tmp_path / "truth.tum", Trajectory(np.arange(4.0), T_WORLD_SENSOR))
+    told = sonarmap("evaluate", survey / "out" / "trajectory.tum", tmp_path / "truth.tum", "--json")
+    assert (told.exit_code, told.stderr) == (0, "")
+    assert strict_json(told.stdout)
+
+
+def test_the_map_and_its_pairs_are_right(survey: Path, tmp_path: Path) -> None:
+    write_tum(tmp_path / "truth.tum", Trajectory(np.arange(4.0), T_WORLD_SENSOR))
+    (surface,) = write(tmp_path, clutter=clutter())
+    out = survey / "out"
+    options = ("--map", out / "map.ply", "--surface", surface, "--summary", out / "summary.json", "--json")
+    told = strict_json(sonarmap("evaluate", out / "trajectory.tum", tmp_path / "truth.tum", *options).stdout)
+    assert told["pairs"]["sequential"]["kept_right"] == 3
+    assert told["pairs"]["sequential"]["kept_wrong"] + told["pairs"]["loops"]["kept_wrong"] == 0
+    assert told["map"]["median_m"] < 0.3
+    assert told["map"]["within_voxel"] > 0.9
+
+
+def test_open3d_reads_the_map_with_its_columns(survey: Path) -> None:
+    import open3d
+
+    cloud = open3d.t.io.read_point_cloud(survey / "out" / "map.ply")
+    columns = {name: cloud.point[name].numpy() for name in cloud.point}
+    assert {"positions", "scan", "seen", "count", "sigma", "survey"} <= set(columns)
+    assert len(columns["positions"]) > 1000
+    assert set(np.unique(columns["scan"])) == {0, 1, 2, 3}
+    assert columns["seen"].max() == 4
+    assert columns["count"].sum() == 4 * 7200
+
+
+def test_gtsam_reads_the_graph(survey: Path) -> None:
+    graph, values = gtsam.readG2o(str(survey / "out" / "graph.g2o"), True)
+    summary = strict_json((survey / "out" / "summary.json").read_text())
+    assert values.size() == 4
+    assert graph.size() >= summary["graph"]["edges"] >= 3
+    estimate = read_tum(survey / "out" / "trajectory.tum").T_world_sensor.as_matrix()
+    for k in range(4):
+        np.testing.assert_allclose(values.atPose3(k).matrix(), estimate[k], atol=1e-9)
+
+
+def test_the_picture_is_one(survey: Path) -> None:
+    assert (survey / "out" / "map.png").read_bytes().startswith(b"\x89PNG\r\n\x1a\n")
+
+
+def test_the_summary_is_strict_json_and_what_json_prints(survey: Path) -> None:
+    summary = strict_json((survey / "out" / "summary.json").read_text())
+    assert strict_json((survey / "printed.json").read_text()) == summary
+    assert summary["versions"]["numpy"] == np.__version__
+    assert summary["settings"]["grid"]["edge"] == 64
+    assert summary["device"]["name"]
+    assert [scan["name"] for scan in summary["scans"]] == [f"scan_{k}" for k in range(4)]
+    sequential = [pair for pair in summary["pairs"] if pair["role"] == "sequential"]
+    assert [(pair["target"], pair["source"]) for pair in sequential] == [(0, 1), (1, 2), (2, 3)]
+    for pair in sequential:
+        assert pair["kept"]
+        assert np.shape(pair["T_target_source"]) == (4, 4)
+        assert np.shape(pair["covariance"]) == (6, 6)
+    assert summary["gaps"] == []
+
+
+def test_the_same_command_gives_the_same_bytes(survey: Path, tmp_path: Path) -> None:
+    scans = [survey / f"scan_{k}.ply" for k in range(4)]
+    assert sonarmap("map", *scans, "-o", tmp_path, *GRID, "--quiet").exit_code == 0
+    first, second = files_in(survey / "out"), files_in(tmp_path)
+    # of the summary the inputs alone, which are the folder or its files
+    assert {name for name in RESULTS | LOOPS if first[name] != second[name]} == {
+        "summary.json",
+        "times.json",
+        "journal.sqlite",
+    }
+    summaries = [json.loads(files["summary.json"]) for files in (first, second)]
+    assert [summary["settings"].pop("inputs") for summary in summaries] == [
+        [str(survey)],
+        [str(path) for path in scans],
+    ]
+    assert summaries[0] == summaries[1]
+
+
+def test_times_are_in_a_file_of_their_own(survey: Path) -> None:
+    times = strict_json((survey / "out" / "times.json").read_text())
+    summary = strict_json((survey / "out" / "summary.json").read_text())
+    pairs = {(pair["target"], pair["source"]) for pair in summary["pairs"]}
+    assert {(pair["target"], pair["source"]) for pair in times["pairs"]} == pairs
+    assert all(pair["seconds"] > 0 and not pair["found"] for pair in times["pairs"])
+    assert (times["workers"], times["pairs_found"]) == (1, 0)
+    assert times["stages_s"].keys() >= {"pairs registered", "poses optimized", "map fused"}
+    assert times["peak_memory_bytes"] > 2**20
+
+
+def test_in_words(survey: Path, tmp_path: Path) -> None:
+    result = sonarmap("map", survey / "scan_0.ply", survey / "scan_1.ply", "-o", tmp_path, *GRID)
+    assert result.exit_code == 0
+    assert "scan_0 - scan_1" in result.stdout
+    assert "standard deviations" in result.stdout
+    assert all(name in result.stdout for name in RESULTS)
+    said(result, "mapping:")
+
+
+def test_scans_are_taken_in_natural_order(tmp_path: Path) -> None:
+    write(tmp_path, scan_10=scan(2), scan_9=scan(1), scan_2=scan(0))
+    result = sonarmap("map", tmp_path, "-o", tmp_path / "out", *GRID, "--json")
+    assert [one["name"] for one in json.loads(result.stdout)["scans"]] == ["scan_2", "scan_9", "scan_10"]
+
+
+def test_scans_of_one_name_keep_their_folders(tmp_path: Path) -> None:
+    for folder, pose in (("dive 1", 0), ("dive 2", 1)):
+        (tmp_path / folder).mkdir()
+        write(tmp_path / folder, scan=scan(pose))
+    result = sonarmap("map", tmp_path / "dive 1", tmp_path / "dive 2", "-o", tmp_path / "out", *GRID, "--json")
+    assert result.exit_code == 0
+    names = [one["name"] for one in json.loads(result.stdout)["scans"]]
+    assert names == [str(tmp_path / "dive 1" / "scan.ply"), str(tmp_path / "dive 2" / "scan.ply")]
+
+
+def test_any_file_name_will_do(tmp_path: Path) -> None:
+    write(tmp_path, **{"1 a\nb\x1b[2J": scan(0), "2 [x] $é$ 深": scan(1), "3 \udcff": scan(2)})
+    result = sonarmap("map", tmp_path, "-o", tmp_path / "out [1] $ü", *GRID)
+    assert result.exit_code == 0
+    assert "\x1b" not in result.stdout + result.stderr
+    assert set(files_in(tmp_path / "out [1] $ü")) == RESULTS | LOOPS
+    assert len(strict_json((tmp_path / "out [1] $ü" / "summary.json").read_text())["scans"]) == 3
+
+
+def test_parts_of_an_earlier_run_go_and_other_files_stay(tmp_path: Path) -> None:
+    out = tmp_path / "out"
+    paths = write(tmp_path, a=scan(0), b=scan(1), c=scan(2, scene=2), d=scan(3, scene=2))
+    assert sonarmap("map", *paths, "-o", out, *GRID).exit_code == 3
+    assert set(files_in(out)) == RESULTS | {"map_2.ply", "map_2.png", "trajectory_2.tum"}
+    for mine in ("probe", "map_3.ply", "notes.txt"):
+        (out / mine).write_text("mine")
+    assert sonarmap("map", *paths[:2], "-o", out, *GRID).exit_code == 0
+    assert set(files_in(out)) == RESULTS | {"probe", "map_3.ply", "notes.txt"}
+
+
+def test_a_map_is_not_taken_for_a_scan_of_the_next_run(tmp_path: Path) -> None:
+    paths = write(tmp_path, a=scan(0), b=scan(1))
+    assert sonarmap("map", tmp_path, "-o", tmp_path, *GRID).exit_code == 0
+    before = files_in(tmp_path)
+    again = sonarmap("map", tmp_path, "-o", tmp_path, *GRID)
+    assert again.exit_code == 2
+    said(again, "map.ply is among the scans", "choose another output folder")
+    assert sonarmap("map", *paths, "-o", tmp_path, *GRID).exit_code == 0
+    assert set(files_in(tmp_path)) == set(before)
+
+
+def test_further_formats_are_written_and_go_with_their_run(tmp_path: Path) -> None:
+    out = tmp_path / "out"
+    paths = write(tmp_path, a=scan(0), b=scan(1), c=scan(2, scene=2), d=scan(3, scene=2))
+    result = sonarmap("map", *paths, "-o", out, *GRID, "--also", "pcd", "--also", "kitti")
+    assert result.exit_code == 3
+    more = {"map.pcd", "map_2.pcd", "trajectory.kitti", "trajectory_2.kitti"}
+    assert set(files_in(out)) == RESULTS | more | {"map_2.ply", "map_2.png", "trajectory_2.tum"}
+    assert "map.pcd, trajectory.kitti" in result.stdout
+    assert "the other parts in map_2.ply" in result.stdout
+    np.testing.assert_array_equal(read_scan(out / "map.pcd").points, read_scan(out / "map.ply").points)
+    poses = [read(out / f"trajectory.{kind}") for kind, read in (("tum", read_tum), ("kitti", read_kitti))]
+    first, second = (trajectory.T_world_sensor.as_matrix() for trajectory in poses)
+    np.testing.assert_allclose(first, second, atol=1e-12)
+    assert sonarmap("map", *paths[:2], "-o", out, *GRID).exit_code == 0
+    assert set(files_in(out)) == RESULTS
+    refused = sonarmap("map", *paths[:2], "-o", out, "--also", "las")
+    assert refused.exit_code == 2
+    said(refused, "las", "wanted one of pcd, kitti")
+
+
+def test_a_gap_that_is_bridged_is_told(tmp_path: Path) -> None:
+    truth = ring_poses(4, turns=0.2)
+
+    def spoil(i: int, j: int, given: Registration) -> Registration:
+        return replace(given, accepted=False, reason="too weak") if (i, j) == (1, 2) else given
+
+    survey = Mapper(KnowingRegistrar(truth, 1e-6 * np.eye(6), spoil), 0.5).run(scans_of(truth))
+    assert len(survey.components) == 1
+    with pytest.MonkeyPatch.context() as patch:
+        told: list[str] = []
+        patch.setattr("tools.cli.survey_text.warn", told.append)
+        warn_of_faults(survey, ["a", "b", "c", "d"], tmp_path)
+    assert told == ["gap between b and c, bridged by other pairs: refused by the registration: too weak"]
+
+
+@pytest.mark.parametrize(("memory", "prepared"), [(2**40, 8), (2**26, 2)])
+def test_as_many_scans_stay_prepared_as_fit(memory: int, prepared: int) -> None:
+    device = SimpleNamespace(memory=memory)
+    assert prepared_scans(device, 128) == prepared  # pyright: ignore[reportArgumentType]
+
+
+def test_an_order_that_is_not_the_given_one_is_told(tmp_path: Path) -> None:
+    paths = write(tmp_path, scan_2=scan(0), scan_10=scan(1))
+    told = sonarmap("map", *reversed(paths), "-o", tmp_path / "out", *GRID, "--json")
+    assert [one["name"] for one in json.loads(told.stdout)["scans"]] == ["scan_2", "scan_10"]
+    said(told, "not the order in which they were given")
+    assert sonarmap("map", *paths, "-o", tmp_path / "out", *GRID, "--json").stderr == ""

@@ -1,0 +1,215 @@
+"""`sonarmap optimize` end to end: what it tells, what it writes, what it refuses."""
+
+import json
+from pathlib import Path
+
+import numpy as np
+import pytest
+from scipy.spatial.transform import RigidTransform, Rotation
+
+from slam.graph.pose_graph import PoseGraph
+from slam.graph.trajectory import Trajectory, chain
+from slam.optimize.chordal import ChordalProblem
+from tests.samples.clutter_scans import said, sonarmap
+from tests.samples.surveys import edge, random_covariance, ring_poses
+from tools.readers.poses.g2o import read_g2o
+from tools.writers.g2o import write_g2o
+
+GRAPHS = Path(__file__).parents[4] / "shared" / "data" / "graphs"
+# The best known values of F: those of the benchmark's FSTAR.txt
+BEST = {"tinyGrid3D": 18.5193664, "smallGrid3D": 1025.39806, "parking-garage": 1.26252443, "sphere2500": 1687.00581}
+needs_graphs = pytest.mark.skipif(not GRAPHS.is_dir(), reason=f"the benchmark graphs are not at {GRAPHS}")
+
+KEYS = {
+    "objective", "start", "poses", "edges", "components", "cost_before", "cost_after", "chi_squared_before",
+    "chi_squared_after", "degrees_of_freedom", "iterations", "converged", "certificate", "loops", "seconds", "distance",
+}  # fmt: skip
+
+
+def ring(seed: int = 0, loops: bool = True) -> PoseGraph:
+    """Twelve poses in a ring, noisy, from the chain."""
+    rng = np.random.default_rng(seed)
+    T = ring_poses(12)
+    pairs = [(k, k + 1) for k in range(11)] + ([(11, 0), (2, 8), (3, 9), (9, 4)] if loops else [])
+    edges = []
+    for i, j in pairs:
+        covariance = random_covariance(rng)
+        noise = RigidTransform.from_exp_coords(rng.multivariate_normal(np.zeros(6), covariance))
+        edges.append(edge(i, j, T[i].inv() * T[j] * noise, covariance, "sequential" if j == i + 1 else "loop"))
+    return PoseGraph(chain(edges, np.arange(12.0)), tuple(edges))
+
+
+@pytest.fixture
+def source(tmp_path: Path) -> Path:
+    write_g2o(tmp_path / "in.g2o", ring())
+    return tmp_path / "in.g2o"
+
+
+def told(source: Path, *options: str) -> dict:
+    result = sonarmap("optimize", source, "-o", source.parent / "out.g2o", "--json", *options)
+    assert result.exit_code == 0, result.stderr
+    return json.loads(result.stdout)
+
+
+def test_the_full_objective_tells_all(source: Path) -> None:
+    summary = told(source, "--compare")
+    assert set(summary) == KEYS
+    assert (summary["poses"], summary["edges"], summary["components"]) == (12, 15, 1)
+    assert summary["degrees_of_freedom"] == 6 * (15 - 11)
+    assert summary["cost_after"] == pytest.approx(summary["chi_squared_after"] / 2, rel=1e-6)
+    assert summary["chi_squared_after"] < summary["chi_squared_before"]
+    assert summary["certificate"]["verdict"] == "none"
+    assert "isotropic" in summary["certificate"]["reason"]
+    assert {"read", "optimize", "compare", "total"} <= set(summary["seconds"])
+    assert [(one["i"], one["j"], one["verdict"]) for one in summary["loops"]] == [
+        (11, 0, "accepted"), (2, 8, "accepted"), (3, 9, "accepted"), (9, 4, "accepted"),
+    ]  # fmt: skip
+    written = read_g2o(source.parent / "out.g2o")
+    assert written.chi_squared == pytest.approx(summary["chi_squared_after"], rel=1e-6)
+    assert written.chi_squared == pytest.approx(read_g2o(source).optimize().chi_squared_after, rel=1e-6)
+
+
+def test_the_isotropic_objective_is_certified_and_compared(source: Path) -> None:
+    summary = told(source, "--objective", "isotropic")
+    assert summary["certificate"]["verdict"] == "certified"
+    assert summary["certificate"]["gap"] <= 1e-6 * summary["cost_after"]
+    written = read_g2o(source.parent / "out.g2o")
+    problem = ChordalProblem.of(12, written.edges)
+    assert problem.cost(written.trajectory.T_world_sensor) == pytest.approx(summary["cost_after"], rel=1e-9)
+    there, back = summary["distance"], told(source)["distance"]
+    assert (there.pop("to"), back.pop("to")) == ("full", "isotropic")
+    assert there == pytest.approx(back, rel=1e-6)
+    assert 0 < there["translation_rms_m"] < there["translation_max_m"] < 1
+    assert told(source, "--no-compare")["distance"] is None
+
+
+def test_all_but_the_poses_stays_as_it_is(tmp_path: Path) -> None:
+    write_g2o(tmp_path / "a.g2o", ring())
+    lines = (tmp_path / "a.g2o").read_text().splitlines()
+    ids = [line.replace("SE3:QUAT 1 ", "SE3:QUAT 700 ").replace(" 1 2 ", " 700 2 ", 1) for line in lines]
+    given = ["# a survey", *[one if one.startswith("V") else "  " + one.replace(" 0 1 ", " 0 700 ") for one in ids]]
+    given.insert(3, "FIX 700")
+    (tmp_path / "in.g2o").write_text("\n".join(given) + "\n")
+    assert sonarmap("optimize", tmp_path / "in.g2o", "-o", tmp_path / "out.g2o").exit_code == 0
+    out = (tmp_path / "out.g2o").read_text().splitlines()
+    assert len(out) == len(given)
+    for before, after in zip(given, out, strict=True):
+        if before.startswith("VERTEX"):
+            assert after.split()[:2] == before.split()[:2]
+        else:
+            assert after == before
+    fixed = [read_g2o(tmp_path / name).trajectory.T_world_sensor[11].as_matrix() for name in ("in.g2o", "out.g2o")]
+    np.testing.assert_allclose(*fixed, atol=1e-5)
+
+
+def test_a_wrong_loop_is_left_out_and_named(source: Path) -> None:
+    graph = read_g2o(source)
+    wrong = edge(1, 6, RigidTransform.from_translation([40.0, -3, 2]), np.eye(6) * 1e-3, "loop")
+    write_g2o(source, PoseGraph(graph.trajectory, (wrong, *graph.edges)))
+    (out,) = [one for one in told(source, "--robust")["loops"] if one["verdict"] == "rejected"]
+    assert (out["i"], out["j"], out["kind"]) == (1, 6, "loop")
+    assert out["sigmas"] > 100
+    assert "rejected" in out["reason"]
+    assert len(read_g2o(source.parent / "out.g2o").edges) == len(graph.edges)
+    result = sonarmap("optimize", source, "-o", source.parent / "out.g2o", "--robust")
+    assert "1 edges rejected" in result.stdout
+    assert "1 - 6" in result.stdout
+    assert len([one for one in told(source)["loops"] if one["verdict"] == "accepted"]) == 5
+
+
+def test_what_optimizing_cannot_change_is_told(tmp_path: Path) -> None:
+    tree = ring(loops=False)
+    write_g2o(tmp_path / "tree.g2o", tree)
+    said(sonarmap("optimize", tmp_path / "tree.g2o", "-o", tmp_path / "out.g2o"), "warning: the graph has no loop")
+    weak = edge(11, 0, RigidTransform.identity(), np.eye(6) * 1e12, "loop")
+    write_g2o(tmp_path / "weak.g2o", PoseGraph(tree.trajectory, (*tree.edges, weak)))
+    said(sonarmap("optimize", tmp_path / "weak.g2o", "-o", tmp_path / "out.g2o"), "change nothing")
+    write_g2o(tmp_path / "once.g2o", ring().optimize().graph)
+    said(sonarmap("optimize", tmp_path / "once.g2o", "-o", tmp_path / "out.g2o"), "did not fall")
+    write_g2o(tmp_path / "ring.g2o", ring())
+    assert "warning" not in sonarmap("optimize", tmp_path / "ring.g2o", "-o", tmp_path / "out.g2o").stderr
+
+
+def test_parts_are_named_by_line_and_vertices(tmp_path: Path) -> None:
+    graph = ring()
+    write_g2o(tmp_path / "in.g2o", PoseGraph(graph.trajectory, graph.edges[:4] + graph.edges[5:10]))
+    result = sonarmap("optimize", tmp_path / "in.g2o", "-o", tmp_path / "out.g2o")
+    assert result.exit_code == 2
+    said(result, "line 6: no edges join vertex 5 to vertex 0", "3 parts", "0 to 4; 5 to 10; 11", "Add an edge")
+    assert not (tmp_path / "out.g2o").exists()
+
+
+@pytest.mark.parametrize(
+    ("options", "words"),
+    [
+        (("-o", "in.g2o"), "is the input too"),
+        (("-o", "out.g2o", "--objective", "chordal"), "wanted one of full, isotropic"),
+        (("-o", "out.g2o", "--start", "random"), "wanted one of chordal, given, incremental"),
+    ],
+)
+def test_bad_options(source: Path, options: tuple[str, ...], words: str, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.chdir(source.parent)
+    result = sonarmap("optimize", "in.g2o", *options)
+    assert result.exit_code == 2
+    said(result, words)
+
+
+def test_one_pose_and_two_fixed(tmp_path: Path, source: Path) -> None:
+    (tmp_path / "one.g2o").write_text("VERTEX_SE3:QUAT 0 0 0 0 0 0 0 1\n")
+    said(sonarmap("optimize", tmp_path / "one.g2o", "-o", tmp_path / "out.g2o"), "nothing to optimize")
+    source.write_text(source.read_text() + "FIX 0 3\n")
+    result = sonarmap("optimize", source, "-o", tmp_path / "out.g2o", "--objective", "isotropic")
+    assert result.exit_code == 2
+    said(result, "2 vertices are fixed")
+    assert "2 vertices are fixed" in told(source)["distance"]["reason"]
+
+
+def test_an_optimizer_that_does_not_come_to_rest_says_so(source: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr("slam.optimize.isotropic._MOST_ITERATIONS", 1)
+    out = source.parent / "out.g2o"
+    result = sonarmap("optimize", source, "-o", out, "--objective", "isotropic", "--start", "given")
+    assert result.exit_code == 3
+    said(result, "not come to rest after 1 iterations")
+    assert len(read_g2o(out).trajectory) == 12
+
+
+def scrambled(graph: PoseGraph, seed: int) -> PoseGraph:
+    """The same edges, with poses that know nothing."""
+    rng, count = np.random.default_rng(seed), len(graph.trajectory)
+    T = RigidTransform.from_components(rng.normal(0, 30, (count, 3)), Rotation.random(count, rng=rng))
+    return PoseGraph(Trajectory(graph.trajectory.stamps, T), graph.edges, graph.fixed)
+
+
+@needs_graphs
+@pytest.mark.parametrize("name", ["tinyGrid3D", "smallGrid3D", pytest.param("parking-garage", marks=pytest.mark.slow)])
+def test_random_poses_do_not_matter_to_the_chordal_start(name: str, tmp_path: Path) -> None:
+    best, graph = BEST[name], read_g2o(GRAPHS / f"{name}.g2o")
+    write_g2o(tmp_path / "in.g2o", scrambled(graph, 1))
+    summary = told(tmp_path / "in.g2o", "--objective", "isotropic")
+    assert summary["cost_after"] == pytest.approx(best, rel=1e-6)
+    assert summary["certificate"]["verdict"] == "certified"
+    full = told(tmp_path / "in.g2o")
+    assert full["chi_squared_after"] == pytest.approx(graph.optimize().chi_squared_after, rel=1e-6)
+
+
+@needs_graphs
+@pytest.mark.parametrize("name", ["tinyGrid3D", "smallGrid3D"])
+@pytest.mark.parametrize("seed", [1, 2])
+def test_from_random_poses_themselves_the_certificate_tells_what_was_found(
+    name: str, seed: int, tmp_path: Path
+) -> None:
+    write_g2o(tmp_path / "in.g2o", scrambled(read_g2o(GRAPHS / f"{name}.g2o"), seed))
+    options = ("--objective", "isotropic", "--start", "given", "--json")
+    summary = json.loads(sonarmap("optimize", tmp_path / "in.g2o", "-o", tmp_path / "out.g2o", *options).stdout)
+    reached = summary["cost_after"] < BEST[name] * (1 + 1e-5)
+    assert (summary["certificate"]["verdict"] == "certified") == reached
+
+
+@needs_graphs
+@pytest.mark.parametrize("name", sorted(BEST))
+def test_benchmarks(name: str, tmp_path: Path) -> None:
+    out = tmp_path / "out.g2o"
+    result = sonarmap("optimize", GRAPHS / f"{name}.g2o", "-o", out, "--objective", "isotropic", "--json")
+    summary = json.loads(result.stdout)
+    assert summary["cost_after"] == pytest.approx(BEST[name], rel=1e-6)
+    assert summary["certificate"]["verdict"] == "certified"

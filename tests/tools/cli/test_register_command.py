@@ -1,0 +1,180 @@
+"""`sonarmap register` end to end: what it prints, and its exit codes."""
+
+import json
+from dataclasses import replace
+from pathlib import Path
+
+import numpy as np
+import pytest
+from scipy.spatial.transform import RigidTransform, Rotation
+
+from spectral.grid import Grid
+from spectral.result import Registration
+from tests.samples.clutter_scans import T_WORLD_SENSOR, said, scan, sonarmap, write
+from tests.samples.surveys import KnowingRegistrar
+from tools.cli.method import Chosen
+from tools.cli.verbs.register import _as_json, _print
+from tools.methods.registry import Setup
+from tools.writers.points import write_ply
+
+GRID, CUBE = ("--grid", "64"), Grid(64, 0.5)
+T_TRUE = T_WORLD_SENSOR[0].inv() * T_WORLD_SENSOR[1]
+
+
+@pytest.fixture
+def pair(tmp_path: Path) -> list[str]:
+    return write(tmp_path, target=scan(0), source=scan(1))
+
+
+def check_transform(printed: dict) -> None:
+    """Within a degree and a voxel of the truth."""
+    T_error = T_TRUE.inv() * RigidTransform.from_matrix(np.array(printed["T_target_source"]))
+    assert np.rad2deg(T_error.rotation.magnitude()) < 1.0
+    assert np.linalg.norm(T_error.translation) < printed["voxel"]
+
+
+def test_a_good_pair_as_json(pair: list[str]) -> None:
+    result = sonarmap("register", *pair, *GRID, "--json")
+    assert (result.exit_code, result.stderr) == (0, "")
+    printed = json.loads(result.stdout)
+    assert printed["accepted"] is True
+    check_transform(printed)
+    covariance = np.array(printed["covariance"])
+    assert covariance.shape == (6, 6)
+    assert np.linalg.eigvalsh(covariance).min() > 0
+    assert printed["psr"] > 30
+    assert 0 < printed["overlap"] <= 1
+    assert 0 < printed["seconds"] < 60
+    assert printed["grid"] == 64
+
+
+def test_the_probability_and_what_else_may_be_meant(pair: list[str]) -> None:
+    printed = json.loads(sonarmap("register", *pair, *GRID, "--json").stdout)
+    assert 0.9 <= printed["probability"] <= 1
+    for other in printed["alternatives"]:
+        assert other.keys() == {"T_target_source", "covariance", "probability", "psr", "overlap"}
+        assert other["probability"] <= printed["probability"]
+    paper = json.loads(sonarmap("register", *pair, *GRID, "--method", "hemisphere", "--json").stdout)
+    assert (paper["probability"], paper["alternatives"]) == (None, [])
+
+
+def test_alternatives_are_told(capsys: pytest.CaptureFixture[str]) -> None:
+    def one(x: float, probability: float, *others: Registration) -> Registration:
+        T = RigidTransform.from_translation([x, 0, 0])
+        return Registration(T, np.eye(6), 50.0, 0.5, True, 0.1, "so", probability, alternatives=others)
+
+    chosen = Chosen("spectral", KnowingRegistrar(T_WORLD_SENSOR, np.eye(6)), CUBE, Setup(CUBE))
+    found = one(1, 0.934, one(2, 0.05), one(3, float("nan")))
+    printed = _as_json(found, chosen)
+    assert printed["probability"] == 0.934
+    others = printed["alternatives"]
+    assert isinstance(others, list)
+    assert [(other["T_target_source"][0][3], other["probability"]) for other in others] == [(2, 0.05), (3, None)]
+    told = {2: "2 other answers could not be excluded", 1: "1 other answer could", 0: "every other answer could be"}
+    for count, words in told.items():
+        _print(replace(found, alternatives=found.alternatives[:count]), chosen)
+        printed = " ".join(capsys.readouterr().out.split())
+        assert "93.4%" in printed
+        assert words in printed
+    _print(replace(found, probability=float("nan")), chosen)
+    assert "probab" not in capsys.readouterr().out
+
+
+def test_how_many_rotations_are_followed_and_how_they_are_refined(pair: list[str]) -> None:
+    for options in (("--hypotheses", "1"), ("--refine", "spectral")):
+        check_transform(json.loads(sonarmap("register", *pair, *GRID, *options, "--json").stdout))
+
+
+def test_a_good_pair_in_words(pair: list[str]) -> None:
+    result = sonarmap("register", *pair, *GRID)
+    assert (result.exit_code, result.stderr) == (0, "")
+    lines = result.stdout.splitlines()
+    assert lines[0] == "registered"
+    assert all(any(unit in line for line in lines) for unit in ("  m", "degrees", " s,", "voxels of", "%"))
+
+
+def test_the_voxel_is_taken_as_given(pair: list[str]) -> None:
+    printed = json.loads(sonarmap("register", *pair, *GRID, "--voxel", "0.4", "--json").stdout)
+    assert printed["voxel"] == 0.4
+    check_transform(printed)
+
+
+def test_two_scans_of_different_places_are_refused(tmp_path: Path) -> None:
+    pair = write(tmp_path, here=scan(0, scene=1), there=scan(0, scene=2))
+    result = sonarmap("register", *pair, *GRID, "--json")
+    assert (result.exit_code, result.stderr) == (3, "")
+    printed = json.loads(result.stdout)
+    assert printed["accepted"] is False
+    assert printed["reason"]
+    in_words = sonarmap("register", *pair, *GRID)
+    assert in_words.exit_code == 3
+    assert in_words.stdout.startswith("NO RELIABLE REGISTRATION; do not use this transform\n")
+
+
+@pytest.mark.slow
+def test_the_scan_of_another_place_is_refused_whatever_its_grid(tmp_path: Path) -> None:
+    pair = write(tmp_path, here=scan(0, scene=3), there=scan(1, scene=4))
+    assert [sonarmap("register", *pair, "--grid", edge).exit_code for edge in ("16", "32", "128")] == [3, 3, 3]
+
+
+def test_a_scan_with_itself_is_the_identity(pair: list[str]) -> None:
+    printed = json.loads(sonarmap("register", pair[0], pair[0], *GRID, "--json").stdout)
+    np.testing.assert_allclose(printed["T_target_source"], np.eye(4), atol=1e-3)
+
+
+def test_double_coordinates_are_read(tmp_path: Path) -> None:
+    pair = write(tmp_path, target=scan(0).astype(np.float64), source=scan(1).astype(np.float64))
+    check_transform(json.loads(sonarmap("register", *pair, *GRID, "--json").stdout))
+
+
+def test_points_that_are_not_finite_are_dropped_and_told_beside_the_json(tmp_path: Path) -> None:
+    source = scan(1)
+    source[::7, 0] = np.nan
+    source[3::50, 2] = -np.inf
+    bad = int((~np.isfinite(source).all(axis=1)).sum())
+    pair = write(tmp_path, target=scan(0), source=source)
+    result = sonarmap("register", *pair, *GRID, "--json")
+    assert result.exit_code == 0
+    check_transform(json.loads(result.stdout))
+    said(result, "source.ply", f"dropped {bad:,} of 7,200 points that are NaN or infinite")
+
+
+@pytest.mark.parametrize("name", ["a scan", "scan [1]*", "Wehr-Süd 深い $1$", "line\nbreak", "scan\udcff"])
+def test_any_file_name_will_do(tmp_path: Path, name: str) -> None:
+    pair = write(tmp_path, target=scan(0), **{name: scan(1)})
+    assert sonarmap("register", *pair, *GRID).exit_code == 0
+
+
+def test_the_uncertainty_is_along_the_worst_direction_whatever_the_axes(capsys: pytest.CaptureFixture[str]) -> None:
+    """An ellipsoid of 0.3 m, 0.1 m and 0.1 m that lies across the axes: along none of them is it 0.3 m."""
+    turn = Rotation.from_euler("ZYX", [40, 30, 20], degrees=True).as_matrix()
+    covariance = np.zeros((6, 6))
+    covariance[:3, :3] = turn @ np.diag(np.deg2rad([2.0, 0.5, 0.5]) ** 2) @ turn.T
+    covariance[3:, 3:] = turn @ np.diag([0.3, 0.1, 0.1]) ** 2 @ turn.T
+    found = Registration(RigidTransform.identity(), covariance, psr=50.0, overlap=0.5, accepted=True, seconds=0.1)
+    _print(found, Chosen("spectral", KnowingRegistrar(T_WORLD_SENSOR, covariance), CUBE, Setup(CUBE)))
+    assert "2.00 degrees, 0.300 m" in capsys.readouterr().out
+
+
+def test_echo_strengths_weigh_the_voxels_where_wanted(tmp_path: Path) -> None:
+    strengths = np.random.default_rng(7).uniform(0, 1, 7200).astype(np.float32)
+    paths = [tmp_path / "target.ply", tmp_path / "source.ply"]
+    for k, path in enumerate(paths):
+        write_ply(path, scan(k), {"intensity": strengths})
+    by_shape, weighed, spelled = (
+        json.loads(sonarmap("register", *paths, *GRID, "--json", *options).stdout)
+        for options in ((), ("--strength",), ("--no-strength",))
+    )
+    check_transform(weighed)
+    assert weighed["psr"] != by_shape["psr"]
+    assert spelled["psr"] == by_shape["psr"]
+
+
+def test_strengths_that_are_not_there_are_told(pair: list[str], tmp_path: Path) -> None:
+    refused = sonarmap("register", *pair, *GRID, "--strength")
+    assert (refused.exit_code, refused.stdout) == (2, "")
+    said(refused, "no scan holds echo strengths", "Leave it out")
+    write_ply(tmp_path / "strong.ply", scan(1), {"intensity": np.linspace(0, 1, 7200)})
+    mixed = sonarmap("register", pair[0], tmp_path / "strong.ply", *GRID, "--strength")
+    assert mixed.exit_code == 0
+    said(mixed, "1 of 2 scans hold no echo strength")

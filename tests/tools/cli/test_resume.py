@@ -1,0 +1,200 @@
+"""`sonarmap map` killed at random moments, done by several workers, or given more scans: the same bytes, and no pair
+that was done is done again."""
+
+import json
+import os
+import signal
+import sqlite3
+import subprocess
+import sys
+import time
+from collections.abc import Iterator
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from tests.samples.clutter_scans import files_in
+from tests.samples.command_line import ROOT, SONARMAP
+from tools.simulate.folder import write_simulation
+from tools.simulate.simulation import SimulationSettings, simulate
+
+KILLS, SEED = 20, 7
+GRID = ("--grid", "64", "--voxel", "1.5")
+VARYING = {"times.json", "journal.sqlite", "journal.sqlite-journal"}
+
+
+def start(scans: Path, out: Path, *options: str) -> subprocess.Popen[str]:
+    """The command, at the head of a process group."""
+    command = [*SONARMAP, "map", str(scans), "-o", str(out), *GRID, *options]
+    return subprocess.Popen(
+        command, cwd=ROOT, text=True, start_new_session=True, stdout=subprocess.PIPE, stderr=subprocess.PIPE
+    )
+
+
+def run(scans: Path, out: Path, *options: str) -> tuple[dict[str, bytes], float]:
+    """What it wrote that is the same whenever it is run, and how long it took [s]."""
+    begin = time.perf_counter()
+    mapping = start(scans, out, *options)
+    _, told = mapping.communicate()
+    assert mapping.returncode == 0, told
+    return results(out), time.perf_counter() - begin
+
+
+def results(out: Path) -> dict[str, bytes]:
+    return {name: content for name, content in files_in(out).items() if name not in VARYING}
+
+
+def computed(out: Path) -> list[int]:
+    """Of every pair that the journal holds, how many times it was registered."""
+    with sqlite3.connect(out / "journal.sqlite") as database:
+        counts = [count for (count,) in database.execute("SELECT computed FROM pair")]
+    database.close()
+    return counts
+
+
+def seconds_of_pairs(out: Path) -> float:
+    return json.loads((out / "times.json").read_text())["stages_s"]["pairs registered"]
+
+
+@pytest.fixture(scope="module")
+def scans(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    """Twelve of a flood gate."""
+    folder = tmp_path_factory.mktemp("scans")
+    write_simulation(simulate(SimulationSettings(count=12, seed=33)), folder)
+    return folder
+
+
+@pytest.fixture(scope="module")
+def undisturbed(scans: Path, tmp_path_factory: pytest.TempPathFactory) -> Path:
+    out = tmp_path_factory.mktemp("undisturbed")
+    run(scans, out)
+    return out
+
+
+pytestmark = [pytest.mark.slow, pytest.mark.timeout(3000)]
+
+
+def test_killed_at_random_moments_it_ends_with_the_same_bytes(
+    scans: Path, undisturbed: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    """By SIGKILL, the whole process group; with one worker or two, as drawn. A survey that is done before the 20 kills
+    are is compared and begun anew."""
+    rng = np.random.default_rng(SEED)
+    expected, least = results(undisturbed), len(computed(undisturbed))
+    _, whole = run(scans, tmp_path / "timed")
+    kills, outs, lost, found = 0, [tmp_path / "out 0"], 0, 0
+    while True:
+        patience = rng.uniform(0.0, whole) if kills < KILLS else None
+        mapping = start(scans, outs[-1], "--workers", str(rng.integers(1, 3)))
+        try:
+            _, told = mapping.communicate(timeout=patience)
+        except subprocess.TimeoutExpired:
+            os.killpg(mapping.pid, signal.SIGKILL)
+            mapping.communicate()
+            kills += 1
+            continue
+        assert mapping.returncode == 0, told
+        assert results(outs[-1]) == expected
+        counts = computed(outs[-1])
+        assert len(counts) == least
+        lost += sum(counts) - len(counts)
+        found += json.loads((outs[-1] / "times.json").read_text())["pairs_found"]
+        if kills == KILLS:
+            break
+        outs.append(tmp_path / f"out {len(outs)}")
+    assert lost == 0
+    with capsys.disabled():
+        print(
+            f"\n{kills} kills, {len(outs)} surveys of {least} pairs finished, all bytes the same; {found} of "
+            f"{len(outs) * least} pairs found by the last run of each, {lost} pairs that were done registered again"
+        )
+
+
+def test_any_number_of_workers_gives_the_same_bytes(
+    scans: Path, undisturbed: Path, tmp_path: Path, address: str, capsys: pytest.CaptureFixture[str]
+) -> None:
+    expected = results(undisturbed)
+    ways = {"this process": (), "--workers 2": ("--workers", "2"), "Dask, 2 workers": ("--scheduler", address)}
+    lines = []
+    for name, options in ways.items():
+        written, seconds = run(scans, tmp_path / name, *options)
+        assert written == expected, name
+        lines.append(f"{name}: {seconds:.1f} s, of which pairs {seconds_of_pairs(tmp_path / name):.1f} s")
+    with capsys.disabled():
+        print("\n" + "\n".join([*lines, f"{len(expected)} files, all bytes the same"]))
+
+
+@pytest.fixture(scope="module")
+def address(tmp_path_factory: pytest.TempPathFactory) -> Iterator[str]:
+    """A scheduler and two workers as the user would start them."""
+    pytest.importorskip("distributed")
+    file = tmp_path_factory.mktemp("dask") / "scheduler.json"
+    dask = [sys.executable, "-m", "dask"]
+    scheduler = [*dask, "scheduler", "--host", "127.0.0.1", "--port", "0", "--no-dashboard"]
+    worker = [*dask, "worker", "--nthreads", "1", "--no-dashboard", "--scheduler-file", str(file)]
+    environment = os.environ | {"PYTHONPATH": str(ROOT)}
+    commands = [[*scheduler, "--scheduler-file", str(file)], worker, worker]
+    started = []
+    for command in commands:
+        started.append(subprocess.Popen(command, env=environment, cwd=file.parent, stderr=subprocess.DEVNULL))
+        while not file.exists():
+            time.sleep(0.1)
+    yield json.loads(file.read_text())["address"]
+    for process in reversed(started):
+        process.terminate()
+        process.wait()
+
+
+def test_one_more_scan_costs_its_own_pairs(scans: Path, undisturbed: Path, tmp_path: Path) -> None:
+    fewer = tmp_path / "fewer"
+    fewer.mkdir()
+    for k in range(11):
+        (fewer / f"scan_{k:03}.ply").symlink_to(scans / f"scan_{k:03}.ply")
+    run(fewer, tmp_path / "out")
+    before = len(computed(tmp_path / "out"))
+    (fewer / "scan_011.ply").symlink_to(scans / "scan_011.ply")
+    run(fewer, tmp_path / "out")
+    counts = computed(tmp_path / "out")
+    assert max(counts) == 1
+    new = [pair for pair in json.loads((tmp_path / "out" / "times.json").read_text())["pairs"] if not pair["found"]]
+    assert len(new) == len(counts) - before
+    # another scan can change which loops are tried
+    assert sum(11 in (pair["target"], pair["source"]) for pair in new) >= len(new) // 2
+    assert (tmp_path / "out" / "map.ply").read_bytes() == (undisturbed / "map.ply").read_bytes()
+
+
+@pytest.mark.parametrize("sent", [signal.SIGINT, signal.SIGTERM])
+@pytest.mark.parametrize("workers", ["1", "2"])
+def test_stopped_it_ends_its_workers_and_goes_on(
+    scans: Path, undisturbed: Path, tmp_path: Path, sent: signal.Signals, workers: str
+) -> None:
+    mapping = start(scans, tmp_path, "--workers", workers)
+    while not (tmp_path / "journal.sqlite").exists() or not _holds_some(tmp_path / "journal.sqlite"):
+        time.sleep(0.1)
+        assert mapping.poll() is None
+    os.killpg(mapping.pid, sent) if sent == signal.SIGINT else mapping.send_signal(sent)
+    printed, told = mapping.communicate(timeout=60)
+    assert (mapping.returncode, printed) == (130, "")
+    assert told.endswith("stopped; no file is half written\n")
+    assert "Traceback" not in told
+    assert _is_gone(mapping.pid)
+    assert run(scans, tmp_path)[0] == results(undisturbed)
+    assert max(computed(tmp_path)) == 1
+
+
+def _is_gone(group: int) -> bool:
+    """Whether no process of a group is left within 10 s: Python's own, which looks after the others, ends last."""
+    for _ in range(100):
+        try:
+            os.killpg(group, 0)
+        except ProcessLookupError:
+            return True
+        time.sleep(0.1)
+    print(subprocess.run(["ps", "-o", "pid,stat,args", "-g", str(group)], capture_output=True, text=True).stdout)
+    return False
+
+
+def _holds_some(journal: Path) -> bool:
+    """By its size: it is locked."""
+    return journal.stat().st_size > 30_000

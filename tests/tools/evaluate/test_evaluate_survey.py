@@ -1,0 +1,163 @@
+"""`sonarmap evaluate` with a map, a surface and a survey's summary."""
+
+import json
+from pathlib import Path
+
+import numpy as np
+import pytest
+from scipy.spatial.transform import RigidTransform, Rotation
+
+from kernels.errors import InputError
+from slam.graph.trajectory import Trajectory
+from tests.samples.clutter_scans import said, sonarmap
+from tools.readers.summary import read_summary
+from tools.writers.points import write_ply
+from tools.writers.tum import write_tum
+
+COUNT = 6
+TRUTH = Trajectory(
+    np.arange(float(COUNT)),
+    RigidTransform.from_components(
+        np.column_stack([3.0 * np.arange(COUNT), np.arange(COUNT) ** 2, np.zeros(COUNT)]),
+        Rotation.from_euler("ZYX", np.outer(np.arange(COUNT), [17, 2, -3]), degrees=True),
+    ),
+)
+WORLD = RigidTransform.from_components((-8.0, 4.0, 1.0), Rotation.from_euler("ZYX", (0.9, 0.1, -0.2)))
+ESTIMATE = Trajectory(TRUTH.stamps, WORLD * TRUTH.T_world_sensor)
+POINTS = np.random.default_rng(8).uniform(-10, 10, (500, 3))
+
+
+def pair(i: int, j: int, role: str, kept: bool, off_m: float | None = 0.0) -> dict:
+    row = {"target": i, "source": j, "role": role, "kept": kept, "reason": "told"}
+    if off_m is None:
+        return row
+    T = TRUTH.T_world_sensor[i].inv() * TRUTH.T_world_sensor[j] * RigidTransform.from_translation((off_m, 0, 0))
+    return row | {"T_target_source": T.as_matrix().tolist(), "covariance": np.eye(6).tolist()}
+
+
+def summary(covariances: bool) -> dict:
+    """The keys of a survey's summary that an evaluation reads, and some that it does not."""
+    rows = [{"index": k, "name": f"scan_{k}", "stamp": float(k), "sigmas": {}} for k in range(COUNT)]
+    if covariances:
+        rows = [row | {"covariance": ((1e-12 if k == 0 else 0.01) * np.eye(6)).tolist()} for k, row in enumerate(rows)]
+    return {
+        "settings": {"grid": {"edge": 128, "voxel": 0.5}},
+        "scans": rows,
+        "pairs": [
+            *(pair(k, k + 1, "sequential", True) for k in range(COUNT - 1)),
+            pair(0, 4, "loop", True, 1.4),
+            pair(0, 5, "loop", False, 1.4),
+            pair(1, 5, "bridge", True, 1.6),
+            pair(2, 5, "loop", False, None),
+        ],
+        "components": [{"scans": list(range(COUNT)), "map": {"points": 500, "voxel_m": 0.25}}],
+        "graph": {"edges": 7},
+    }
+
+
+@pytest.fixture
+def files(tmp_path: Path) -> Path:
+    write_tum(tmp_path / "estimate.tum", ESTIMATE)
+    write_tum(tmp_path / "truth.tum", TRUTH)
+    write_ply(tmp_path / "truth.ply", POINTS)
+    write_ply(tmp_path / "map.ply", WORLD.apply(POINTS + np.array([0.0, 0.2, 0.0])))
+    (tmp_path / "summary.json").write_text(json.dumps(summary(covariances=True)))
+    return tmp_path
+
+
+def evaluated(folder: Path, *options: str) -> dict:
+    result = sonarmap("evaluate", folder / "estimate.tum", folder / "truth.tum", *options, "--json")
+    assert result.exit_code == 0, result.stderr
+    return json.loads(result.stdout)
+
+
+def test_without_the_options_their_keys_are_there_and_empty(files: Path) -> None:
+    told = evaluated(files)
+    assert [told[name] for name in ("map", "pairs", "uncertainty")] == [None, None, None]
+
+
+@pytest.mark.parametrize("align", ["poses", "first"])
+def test_a_map_is_laid_over_the_truth_as_its_trajectory(files: Path, align: str) -> None:
+    options = ("--map", str(files / "map.ply"), "--surface", str(files / "truth.ply"), "--voxel", "0.3")
+    told = evaluated(files, *options, "--align", align)["map"]
+    assert told["median_m"] == pytest.approx(0.2, abs=1e-6)
+    assert told["p90_m"] == pytest.approx(0.2, abs=1e-6)
+    assert (told["within_voxel"], told["voxel_m"], told["nearest"]) == (1.0, 0.3, "point")
+    assert told["alignment"] == align
+    by_summary = evaluated(files, *options[:4], "--summary", str(files / "summary.json"))["map"]
+    assert (by_summary["within_voxel"], by_summary["voxel_m"]) == (1.0, 0.25)
+
+
+def test_loops_are_all_pairs_but_consecutive_ones(files: Path) -> None:
+    told = evaluated(files, "--summary", str(files / "summary.json"))["pairs"]
+    assert told["sequential"]["kept_right"] == COUNT - 1
+    names = ("kept_right", "kept_wrong", "rejected_right", "rejected_wrong", "failed", "unjudged")
+    assert [told["loops"][name] for name in names] == [1, 1, 1, 0, 1, 0]
+    assert (told["loops"]["precision"], told["loops"]["recall"]) == (0.5, 0.5)
+
+
+def test_scans_without_truth_leave_their_pairs_unjudged(files: Path) -> None:
+    write_tum(files / "truth.tum", TRUTH.take(range(5)))
+    told = evaluated(files, "--summary", str(files / "summary.json"))
+    assert (told["pairs"]["loops"]["unjudged"], told["pairs"]["sequential"]["unjudged"]) == (2, 1)
+    assert told["uncertainty"]["poses"] == 4
+    write_tum(files / "truth.tum", TRUTH.take(range(1, 6)))
+    refused = sonarmap("evaluate", files / "estimate.tum", files / "truth.tum", "--summary", files / "summary.json")
+    assert refused.exit_code == 2
+    said(refused, "the first pose of the estimate's component")
+
+
+def test_uncertainty_is_judged_against_the_first_pose(files: Path) -> None:
+    told = evaluated(files, "--summary", str(files / "summary.json"))["uncertainty"]
+    assert (told["anchor"], told["poses"], told["within_95"]) == ("first", COUNT - 1, 1.0)
+    assert told["nees_mean"] == pytest.approx(0, abs=1e-8)
+    (files / "summary.json").write_text(json.dumps(summary(covariances=False)))
+    without = sonarmap("evaluate", files / "estimate.tum", files / "truth.tum", "--summary", files / "summary.json")
+    assert without.exit_code == 0
+    said(without, "has no covariances of the poses")
+
+
+def test_everything_is_printed_with_its_alignment(files: Path) -> None:
+    options = ("--map", files / "map.ply", "--surface", files / "truth.ply", "--summary", files / "summary.json")
+    printed = sonarmap("evaluate", files / "estimate.tum", files / "truth.tum", *options).stdout
+    assert (
+        "map: 500 points against the 500 points of truth.ply, laid over it as the trajectory, by all poses" in printed
+    )
+    assert "pairs, right within 6° and 1.50 m" in printed
+    assert "uncertainty of 5 poses, the first pose laid upon its truth: 100.0 % of the truths" in printed
+    (row,) = [line.split() for line in printed.splitlines() if line.startswith("loops")]
+    assert row == ["loops", "1", "1", "1", "0", "1", "0", "0.500", "0.500", "0.000", "0.000"]
+
+
+@pytest.mark.parametrize(
+    ("options", "words"),
+    [
+        (["--map", "map.ply"], "--map is given without --surface"),
+        (["--surface", "truth.ply"], "--surface is given without --map"),
+        (["--voxel", "1"], "drop --voxel"),
+        (["--map", "map.ply", "--surface", "truth.ply"], "give --voxel or its --summary"),
+        (["--summary", "truth.ply"], "wanted the summary.json"),
+        (["--summary", "none.json"], "wanted the summary.json"),
+    ],
+)
+def test_options_that_do_not_go_together_are_refused(files: Path, options: list[str], words: str) -> None:
+    given = [str(files / one) if "." in one else one for one in options]
+    result = sonarmap("evaluate", files / "estimate.tum", files / "truth.tum", *given)
+    assert (result.exit_code, result.stdout) == (2, "")
+    said(result, words)
+
+
+@pytest.mark.parametrize(
+    ("change", "named"),
+    [
+        ({"settings": {}}, "settings.grid"),
+        ({"scans": [{"stamp": "late"}]}, "scans.0.stamp"),
+        ({"scans": [{"stamp": 0.0, "covariance": [[1.0]]}]}, "reshape"),
+        ({"pairs": [pair(0, 1, "loop", True) | {"T_target_source": [[1.0]]}]}, "summary.json"),
+        ({"components": []}, "no component"),
+    ],
+)
+def test_a_summary_that_is_none_is_refused(tmp_path: Path, change: dict, named: str) -> None:
+    (tmp_path / "summary.json").write_text(json.dumps(summary(covariances=False) | change))
+    with pytest.raises(InputError, match=named):
+        read_summary(tmp_path / "summary.json")

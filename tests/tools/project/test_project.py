@@ -1,0 +1,105 @@
+"""What the mapper's result becomes on disk: the maps' columns, the surveys' layers, and the picture of the loops."""
+
+import json
+from dataclasses import replace
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from slam.map.component_maps import component_maps
+from slam.mapper import Mapper, SurveyResult
+from spectral.result import Registration
+from tests.samples.surveys import KnowingRegistrar, ring_poses, scans_of
+from tools.project.folder import write_survey
+from tools.project.parts import placed, unplaced
+
+COUNT = 24
+
+
+def survey(several: bool) -> SurveyResult:
+    """Two rounds of a ring, the second another survey where there are `several`; each third loop is refused."""
+    truth = ring_poses(COUNT, turns=2)
+    scans = scans_of(truth)
+
+    def spoil(i: int, j: int, given: Registration) -> Registration:
+        return replace(given, accepted=False, reason="spoiled") if j - i > 1 and j % 3 == 0 else given
+
+    result = Mapper(KnowingRegistrar(truth, 1e-4 * np.eye(6), spoil), 0.5).run(scans)
+    (part,) = result.parts
+    again = component_maps(
+        scans,
+        part.chained_poses,
+        result.trajectory,
+        result.covariances,
+        0.5,
+        range(COUNT),
+        [int(several and k >= COUNT // 2) for k in range(COUNT)],
+    )
+    return replace(result, parts=(again,))
+
+
+@pytest.fixture(scope="module")
+def folder(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    """What two surveys in one frame become."""
+    out = tmp_path_factory.mktemp("out")
+    write_survey(out, survey(several=True), [f"s{k}" for k in range(COUNT)], {}, None, also=["pcd"])
+    return out
+
+
+def test_every_file_is_named_in_the_summary(folder: Path) -> None:
+    files = json.loads((folder / "summary.json").read_text())["files"]
+    layers = {f"map_survey_{k}.{kind}" for k in (0, 1) for kind in ("ply", "pcd")}
+    rest = {"map.ply", "map.pcd", "map.png", "trajectory.tum", "loops.png", "graph.g2o", "summary.json"}
+    assert set(files) == layers | rest == {path.name for path in folder.iterdir()}
+
+
+def test_the_map_s_columns_say_how_far_each_point_can_be_trusted(folder: Path) -> None:
+    import open3d
+
+    whole, first, second = (
+        {name: values.numpy().ravel() for name, values in open3d.t.io.read_point_cloud(path).point.items()}
+        for path in (folder / name for name in ("map.ply", "map_survey_0.ply", "map_survey_1.ply"))
+    )
+    assert {"count", "seen", "sigma", "scan", "survey"} <= set(whole)
+    assert (whole["count"] >= whole["seen"]).all()
+    assert ((whole["sigma"] > 0) & (whole["sigma"] < 1)).all()
+    assert set(whole["survey"]) == {0, 1}
+    assert set(first["survey"]) == {0}
+    assert set(second["survey"]) == {1}
+    assert set(second["scan"]) == set(range(COUNT // 2, COUNT))
+
+
+def test_the_summary_tells_what_crosses_and_what_was_removed(folder: Path) -> None:
+    summary = json.loads((folder / "summary.json").read_text())
+    crossing = summary["crossing_error_m"]
+    assert crossing["pairs"] > 0
+    assert 0 < crossing["after"] <= crossing["after_90"]
+    assert crossing["after"] < crossing["before"]
+    (component,) = summary["components"]
+    assert component["map"]["contradicted_by_free_space"] >= 0
+    assert list(component["surveys"]) == ["0", "1"]
+    assert summary["unplaced"] == []
+
+
+def test_the_same_result_gives_the_same_picture_and_one_survey_no_layers(folder: Path, tmp_path: Path) -> None:
+    write_survey(tmp_path, survey(several=True), [f"s{k}" for k in range(COUNT)], {}, None)
+    picture = (tmp_path / "loops.png").read_bytes()
+    assert picture.startswith(b"\x89PNG\r\n\x1a\n")
+    assert picture == (folder / "loops.png").read_bytes()
+    write_survey(tmp_path, survey(several=False), [f"s{k}" for k in range(COUNT)], {}, None)
+    assert not list(tmp_path.glob("map_survey*"))  # those of the run before are gone
+
+
+@pytest.mark.parametrize(
+    ("components", "maps", "lone"),
+    [
+        ([(0, 1), (2,), (3, 4, 5)], [2, 0], [2]),
+        ([(0,), (1,), (2,)], [0], [1, 2]),
+        ([(0, 1, 2)], [0], []),
+        ([(0, 3), (1, 2)], [0, 1], []),
+    ],
+)
+def test_lone_scans_are_no_maps(components: list, maps: list[int], lone: list[int]) -> None:
+    assert placed(components) == maps
+    assert unplaced(components) == lone

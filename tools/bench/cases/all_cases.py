@@ -1,0 +1,29 @@
+"""Every kernel's case; a new one is a new line here."""
+
+from collections.abc import Callable
+
+from tools.bench.case import Case
+from tools.bench.cases import resampling, rotations, spectra, transforms
+from tools.bench.workload import Workload
+
+CASES: tuple[Callable[[Workload], Case], ...] = (
+    transforms.copy_case,
+    transforms.real_forward_case,
+    transforms.real_inverse_case,
+    transforms.complex_forward_case,
+    transforms.complex_inverse_case,
+    resampling.voxelize_case,
+    spectra.magnitude_case,
+    spectra.whiten_case,
+    spectra.cross_power_case,
+    spectra.prepare_case,
+    spectra.correlate_case,
+    spectra.find_peaks_case,
+    resampling.sample_case,
+    resampling.normalize_layers_case,
+    resampling.polar_magnitude_case,
+    resampling.rotate_case,
+    rotations.correlate_rotations_case,
+    rotations.segment_peaks_case,
+    rotations.agreement_case,
+)

@@ -1,0 +1,124 @@
+"""What came of a survey, in words and in a table."""
+
+import math
+from collections.abc import Sequence
+from pathlib import Path
+from typing import TYPE_CHECKING
+
+import typer
+
+from tools.cli.terminal import printable, result_console, say
+from tools.project.parts import placed, unplaced
+
+if TYPE_CHECKING:
+    from rich.text import Text
+
+    from slam.mapper import SurveyResult
+    from slam.pair import Pair
+
+PEAK_EXPLAINED = "peak: how high the correlation stands above its surroundings, in their standard deviations"
+SIGMAS_EXPLAINED = "sigmas: how far the pair is from the final poses, in standard deviations"
+IDLE = 0.001  # voxels
+LISTED = 10  # scans by name in a warning; summary.json names them all
+
+
+def warn(message: str) -> None:
+    """Tell on stderr what the user should look at."""
+    say(message, "warning: ", "bold yellow")
+
+
+def warn_of_faults(result: "SurveyResult", names: Sequence[str], out: Path) -> None:
+    """Tell stray points, every gap with its reason, and what became of the parts."""
+    strays = sum(point_map.left_out for point_map in result.maps)
+    if strays:
+        warn(f"{strays:,} points lie too far from the others for the map's voxels and are left out of it")
+    _warn_of_idle_loops(result)
+    part = {scan: c for c, members in enumerate(result.components) for scan in members}
+    for pair in result.pairs:
+        if pair.role == "sequential" and not pair.kept:
+            bridged = ", bridged by other pairs" if part[pair.i] == part[pair.j] else ""
+            warn(f"gap between {names[pair.i]} and {names[pair.j]}{bridged}: {pair.reason}")
+    maps, lone = placed(result.components), unplaced(result.components)
+    if len(maps) > 1:
+        warn(
+            f"the scans fall into {len(maps)} parts that no reliable registration joins; each has its own "
+            f"map in {out}, the largest in map.ply"
+        )
+    if lone:
+        listed = ", ".join(names[k] for k in lone[:LISTED]) + (", ..." if len(lone) > LISTED else "")
+        warn(f"no reliable registration joins these scans to others, {len(lone)} in no map: {listed}")
+
+
+def _warn_of_idle_loops(result: "SurveyResult") -> None:
+    loops = sum(pair.kept and pair.role == "loop" for pair in result.pairs)
+    if loops and result.moved < IDLE * result.voxel:
+        warn(
+            f"{loops} loops were kept, and no pose moved by more than {IDLE:g} voxels: they say no more than the chain "
+            "does, as where all join scans that follow each other closely"
+        )
+
+
+def print_survey(result: "SurveyResult", names: Sequence[str], out: Path, also: Sequence[str]) -> None:
+    """Print every pair, the sizes of the maps, and the files."""
+    from rich.table import Table
+
+    table = Table(box=None, pad_edge=False, collapse_padding=True)
+    table.add_column("pair", overflow="fold")
+    for name in ("role", ""):
+        table.add_column(name, no_wrap=True)
+    for name in ("peak", "overlap", "yaw", "distance", "sigmas", "seconds"):
+        table.add_column(name, justify="right", no_wrap=True)
+    table.add_column("why not", overflow="fold", ratio=1)
+    for pair in result.pairs:
+        table.add_row(*_cells(pair, names))
+    result_console().print(table)
+    if any(pair.registration and math.isfinite(pair.registration.psr) for pair in result.pairs):
+        typer.echo(PEAK_EXPLAINED)
+    typer.echo(SIGMAS_EXPLAINED)
+    solution = result.solution
+    typer.echo(
+        f"chi-squared {solution.chi_squared_before:.4g} before and {solution.chi_squared_after:.4g} after optimizing, "
+        f"for {solution.degrees_of_freedom} degrees of freedom"
+    )
+    counts = sorted((len(result.maps[c].points) for c in placed(result.components)), reverse=True)
+    maps = f"{len(counts)} maps" if len(counts) > 1 else "a map"
+    points = " and ".join(f"{count:,}" for count in counts)
+    kept = sum(pair.kept for pair in result.pairs)
+    typer.echo(f"{len(names)} scans, {kept} of {len(result.pairs)} pairs kept, {maps} of {points} points")
+    typer.echo(f"written to {printable(str(out))}: {_files(result, also)}")
+
+
+def _cells(pair: "Pair", names: Sequence[str]) -> "list[str | Text]":
+    """A pair's row of the table."""
+    from rich.text import Text
+
+    label = Text(printable(f"{names[pair.i]} - {names[pair.j]}").replace("\n", "\\n"))
+    verdict = Text("kept", "green") if pair.kept else Text("refused", "red")
+    if pair.registration is None:
+        return [label, pair.role, verdict, "", "", "", "", "", "", printable(pair.reason)]
+    registration = pair.registration
+    T = registration.T_target_source
+    return [
+        label,
+        pair.role,
+        verdict,
+        f"{registration.psr:.0f}" if math.isfinite(registration.psr) else "",
+        f"{registration.overlap:.0%}",
+        f"{T.rotation.as_euler('ZYX', degrees=True)[0]:+.1f}°",
+        f"{float((T.translation**2).sum() ** 0.5):.2f} m",
+        f"{pair.residual:.1f}" if math.isfinite(pair.residual) else "",
+        f"{registration.seconds:.2f}",
+        "" if pair.kept else printable(pair.reason),
+    ]
+
+
+def _files(result: "SurveyResult", also: Sequence[str]) -> str:
+    """The names of what was written."""
+    from tools.project.folder import part_files
+
+    listed = ", ".join([*part_files(result, 1, also), "graph.g2o", "summary.json", "times.json", "journal.sqlite"])
+    parts = len(placed(result.components))
+    if parts == 1:
+        return listed
+    last = f" to map_{parts}.ply" if parts > 2 else ""
+    return f"{listed}; the other parts in map_2.ply{last}, with their pictures and trajectories"

@@ -1,0 +1,165 @@
+"""`sonarmap register`: one scan registered to another."""
+
+import json
+import math
+from typing import TYPE_CHECKING, Annotated
+
+import typer
+
+from tools.cli.method import Chosen, build_registrar, method_of
+from tools.cli.options import (
+    DEFAULT_HYPOTHESES,
+    DEFAULT_MAX_TILT,
+    DEFAULT_REFINEMENT,
+    DEFAULT_SEED,
+    DEFAULT_YAW_PEAKS,
+    DeviceOption,
+    GridOption,
+    HypothesesOption,
+    JsonOption,
+    MaxTiltOption,
+    MethodOption,
+    PriorSigmasOption,
+    PriorsOption,
+    RefineOption,
+    SeedOption,
+    StrengthOption,
+    VoxelOption,
+    YawPeaksOption,
+)
+from tools.cli.picture import PictureOption, draw_picture, require_steps
+from tools.cli.priors import told_priors
+from tools.cli.terminal import printable, result_console, say
+from tools.methods.registry import DEFAULT_METHOD
+
+if TYPE_CHECKING:
+    from spectral.result import Registration
+    from spectral.scan import Scan
+
+UNRELIABLE = 3
+
+
+def command(
+    context: typer.Context,
+    target: Annotated[str, typer.Argument(help="The scan that stays.", metavar="TARGET")],
+    source: Annotated[str, typer.Argument(help="The scan that is moved onto it.", metavar="SOURCE")],
+    method: MethodOption = DEFAULT_METHOD,
+    grid: GridOption = None,
+    voxel: VoxelOption = None,
+    max_tilt: MaxTiltOption = DEFAULT_MAX_TILT,
+    hypotheses: HypothesesOption = DEFAULT_HYPOTHESES,
+    refine: RefineOption = DEFAULT_REFINEMENT,
+    yaw_peaks: YawPeaksOption = DEFAULT_YAW_PEAKS,
+    strength: StrengthOption = False,
+    priors: PriorsOption = None,
+    prior_sigmas: PriorSigmasOption = None,
+    device: DeviceOption = None,
+    seed: SeedOption = DEFAULT_SEED,
+    picture: PictureOption = None,
+    as_json: JsonOption = False,
+) -> None:
+    """Register SOURCE to TARGET: the transform between two scans, its uncertainty, and whether to believe it.
+
+    p_target = T_target_source p_source, in meters. Ends with exit code 0 if the registration is reliable, 3 if
+    not, 2 on bad input.
+    """
+    wanted = method_of(context)
+    require_steps(picture, wanted.name)
+    scans = told_priors([_read(target), _read(source)], priors, prior_sigmas, strangers=True)
+    chosen = build_registrar(scans, wanted)
+    onto, moved = (chosen.registrar.prepare(scan) for scan in scans)
+    registration = chosen.registrar.register(onto, moved)
+    if picture is not None:
+        draw_picture(picture, chosen.registrar, onto, moved, registration)
+    if as_json:
+        typer.echo(json.dumps(_as_json(registration, chosen), allow_nan=False))
+    else:
+        _print(registration, chosen)
+    if not registration.accepted:
+        raise typer.Exit(UNRELIABLE)
+
+
+def _read(path: str) -> "Scan":
+    from tools.readers.scans import only_scan, read_scans
+
+    read = read_scans([path])
+    for note in read.notes:
+        say(note)
+    return only_scan(path, read)
+
+
+def _as_json(registration: "Registration", chosen: Chosen) -> dict[str, object]:
+    """The contract's fields, and what else is known; null where a method has no such thing as a peak or a grid."""
+    return {
+        "T_target_source": registration.T_target_source.as_matrix().tolist(),
+        "covariance": registration.covariance.tolist(),
+        "accepted": registration.accepted,
+        "probability": _or_null(registration.probability),
+        "psr": _or_null(registration.psr),
+        "overlap": registration.overlap,
+        "seconds": registration.seconds,
+        "reason": registration.reason,
+        "step_psr": dict(registration.step_psr),
+        "alternatives": [_alternative(one) for one in registration.alternatives],
+        "method": chosen.name,
+        "grid": chosen.edge,
+        "voxel": chosen.grid.voxel,
+    }
+
+
+def _doubts(registration: "Registration") -> dict[str, str]:
+    """How probable the answer is and how many others may be meant, of a method that knows."""
+    if not math.isfinite(registration.probability):
+        return {}
+    count = len(registration.alternatives)
+    others = f"{count} other {'answer' if count == 1 else 'answers'} could not be excluded"
+    return {
+        "probability": f"{registration.probability:.1%} that this transform is right",
+        "alternatives": others if count else "every other answer could be excluded",
+    }
+
+
+def _alternative(one: "Registration") -> dict[str, object]:
+    """Another hypothesis that could not be excluded."""
+    return {
+        "T_target_source": one.T_target_source.as_matrix().tolist(),
+        "covariance": one.covariance.tolist(),
+        "probability": _or_null(one.probability),
+        "psr": _or_null(one.psr),
+        "overlap": one.overlap,
+    }
+
+
+def _or_null(number: float) -> float | None:
+    return number if math.isfinite(number) else None
+
+
+def _print(registration: "Registration", chosen: Chosen) -> None:
+    import numpy as np
+    from rich.table import Table
+    from rich.text import Text
+
+    from slam.graph.sigma import worst_sigmas
+
+    T = registration.T_target_source
+    yaw, pitch, roll = T.rotation.as_euler("ZYX", degrees=True)
+    rotation, translation = worst_sigmas(registration.covariance)
+    shift = "  ".join(f"{axis} {v:+.3f}" for axis, v in zip("xyz", T.translation, strict=True))
+    cube = f"{chosen.edge} x {chosen.edge} x {chosen.edge} " if chosen.edge else ""
+    rows = {
+        "because": registration.reason,
+        **_doubts(registration),
+        "translation": f"{shift}  m",
+        "rotation": f"yaw {yaw:+.2f}  roll {roll:+.2f}  pitch {pitch:+.2f}  degrees",
+        "uncertainty": f"{np.rad2deg(rotation):.2f} degrees, {translation:.3f} m "
+        "(one standard deviation, along the worst direction)",
+        "overlap": f"{registration.overlap:.0%} of the points have a counterpart in the other scan",
+        "method": chosen.name,
+        "grid": f"{cube}voxels of {chosen.grid.voxel:.3g} m",
+        "time": f"{registration.seconds:.2f} s, without reading and preparing the scans",
+    }
+    table = Table(box=None, pad_edge=False, show_header=False)
+    for name, value in rows.items():
+        table.add_row(f"  {name}", Text(printable(value)))
+    typer.echo("registered" if registration.accepted else "NO RELIABLE REGISTRATION; do not use this transform")
+    result_console().print(table)

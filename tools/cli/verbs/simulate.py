@@ -1,0 +1,149 @@
+"""`sonarmap simulate`: scans of a scene that is known, with their true poses."""
+
+from dataclasses import replace
+from pathlib import Path
+from typing import TYPE_CHECKING, Annotated, Any
+
+import typer
+
+from kernels.errors import InputError
+from tools.cli.options import QuietOption, check_seed
+from tools.cli.progress import growing_progress
+from tools.cli.terminal import printable
+from tools.simulate.catalog import SCENE_KINDS, SENSOR_NAMES, TRAJECTORY_KINDS
+
+if TYPE_CHECKING:
+    from tools.simulate.simulation import SimulationSettings
+
+DEFAULT_SCENE, DEFAULT_TRAJECTORY, DEFAULT_SEED = "floodgate", "survey", 1
+
+
+def _listed(kinds: dict[str, str]) -> str:
+    return "; ".join(f"{name}: {summary}" for name, summary in kinds.items())
+
+
+SCENE_HELP = _listed({name: kind.summary for name, kind in SCENE_KINDS.items()})
+TRAJECTORY_HELP = _listed(dict(TRAJECTORY_KINDS))
+SENSOR_HELP = f"{', '.join(SENSOR_NAMES)}; not with table1, which has its own."
+
+
+SpacingOption = Annotated[
+    float | None,
+    typer.Option(help="Of a survey's or lawnmower's scans along their path \\[m]. \\[as the scene]", metavar="M"),
+]
+GhostsOption = Annotated[
+    float | None,
+    typer.Option(help="Share of beams that tell what they see mirrored in water or wall, 0..1.", metavar="P"),
+]
+ThresholdOption = Annotated[
+    float | None,
+    typer.Option(help="Discard weaker echoes, linear, 0 none. \\[as the sensor; eclipse 0.002]", metavar="V"),
+]
+LikeOption = Annotated[
+    Path | None,
+    typer.Option(help="A description.json: the same scans, but for noise, threshold, number and dive.", metavar="FILE"),
+]
+PriorsOption = Annotated[
+    str | None,
+    typer.Option(
+        metavar="KINDS",
+        help="Write priors.csv too: what instruments say of the poses, some of attitude,heading,depth,position.",
+    ),
+]
+DiveOption = Annotated[
+    int | None,
+    typer.Option(
+        help="Another pass over the same scene, begun farther on, with other waves and noise: 2, 3, ... \\[1]",
+        metavar="N",
+    ),
+]
+UnusableOption = Annotated[
+    float | None,
+    typer.Option(help="Share of the scans that are nearly empty or nothing but noise, 0..1.", metavar="P"),
+]
+OwnSeedOption = Annotated[
+    int | None,
+    typer.Option(metavar="S", help=f"Same seed, same result. \\[{DEFAULT_SEED}]", callback=check_seed),
+]
+
+
+def command(
+    out: Annotated[Path, typer.Option("-o", "--out", help="Folder for the scans.", metavar="DIR")],
+    scene: Annotated[str | None, typer.Option(help=f"{SCENE_HELP}. \\[{DEFAULT_SCENE}]", metavar="NAME")] = None,
+    trajectory: Annotated[
+        str | None,
+        typer.Option(help=f"{TRAJECTORY_HELP}. \\[{DEFAULT_TRAJECTORY}]", metavar="NAME"),
+    ] = None,
+    scans: Annotated[
+        int | None, typer.Option(help="How many scans; a survey has 12, a lawnmower 200.", metavar="N", min=1)
+    ] = None,
+    spacing: SpacingOption = None,
+    sensor: Annotated[
+        str | None,
+        typer.Option(help=f"{SENSOR_HELP} \\[as the scene]", metavar="NAME"),
+    ] = None,
+    sigma2: Annotated[
+        float | None, typer.Option(help="Variance of the range noise at the largest range \\[m^2].", metavar="V")
+    ] = None,
+    outliers: Annotated[float | None, typer.Option(help="Share of false echoes, 0..1.", metavar="P")] = None,
+    dropouts: Annotated[float | None, typer.Option(help="Share of lost echoes, 0..1.", metavar="P")] = None,
+    ghosts: GhostsOption = None,
+    speckle: Annotated[
+        float | None, typer.Option(help="Share of the echo strength that fluctuates, 0..1.", metavar="P")
+    ] = None,
+    threshold: ThresholdOption = None,
+    unusable: UnusableOption = None,
+    dive: DiveOption = None,
+    like: LikeOption = None,
+    priors: PriorsOption = None,
+    seed: OwnSeedOption = None,
+    quiet: QuietOption = False,
+) -> None:
+    """Simulate sonar scans of a scene: scan_000.ply and so on, truth.tum and description.json in DIR.
+
+    The same settings give the same files; `--like description.json` takes them all from an earlier run.
+    """
+    from tools.simulate.folder import write_simulation
+    from tools.simulate.plan import SPACED
+    from tools.simulate.sensing.priors import carrying
+    from tools.simulate.simulation import simulate
+    from tools.writers.atomic import require_writable
+
+    settings = _settings(like, scene, trajectory, sensor, seed)
+    instruments = None if priors is None else carrying([kind.strip() for kind in priors.split(",")])
+    if spacing is not None and settings.trajectory not in SPACED:
+        raise InputError(
+            f"--spacing is of a {' or a '.join(SPACED)}, and the trajectory is {settings.trajectory}; drop --spacing"
+        )
+    noise = {"sigma2": sigma2, "outliers": outliers, "dropouts": dropouts, "ghosts": ghosts, "speckle": speckle}
+    settings = replace(settings, noise=replace(settings.noise, **_given(noise)))
+    settings = replace(settings, sensor=replace(settings.sensor, **_given({"threshold": threshold})))
+    settings = replace(settings, **_given({"count": scans, "spacing": spacing, "dive": dive, "unusable": unusable}))
+    require_writable(out)
+    with growing_progress("simulating", quiet) as step:
+        simulation = simulate(settings, progress=lambda done: step(done, settings.count, ""))
+    write_simulation(simulation, out, instruments)
+    typer.echo(f"{len(simulation.scans)} scans of {settings.scene} and their true poses in {printable(str(out))}")
+
+
+def _settings(
+    like: Path | None, scene: str | None, trajectory: str | None, sensor: str | None, seed: int | None
+) -> "SimulationSettings":
+    """The settings but for noise and number; options that would go unheard are refused."""
+    from tools.simulate.folder import read_settings
+    from tools.simulate.plan import plan
+
+    if like is not None:
+        given = _given({"scene": scene, "trajectory": trajectory, "sensor": sensor, "seed": seed})
+        if given:
+            dropped = ", ".join(f"--{name}" for name in given)
+            raise InputError(f"--like takes the scene, path, sensor and seed from {like}; drop {dropped}, or --like")
+        return read_settings(like)
+    if trajectory == "table1" and sensor is not None:
+        raise InputError("--trajectory table1 has the paper's sensor, tilted as there; drop --sensor")
+    chosen = DEFAULT_SEED if seed is None else seed
+    return plan(scene or DEFAULT_SCENE, trajectory or DEFAULT_TRAJECTORY, sensor, chosen)
+
+
+def _given(options: dict[str, Any]) -> dict[str, Any]:
+    return {name: value for name, value in options.items() if value is not None}

@@ -1,0 +1,116 @@
+"""Which tried pairs of a survey are right: precision and recall of what was kept, and of what was rejected."""
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+from typing import Any
+
+from scipy.spatial.transform import RigidTransform
+
+from tools.evaluate.trajectory import RIGHT_DEG, RIGHT_VOXELS, pair_error
+
+CHAIN = "sequential"  # the role of consecutive scans; pairs of any other role are loops
+
+
+@dataclass(frozen=True, slots=True)
+class TriedPair:
+    """A pair that was registered, and what became of it.
+
+    Attributes:
+        target, source: indices of its scans.
+        role: what it was for, CHAIN or any other.
+        kept: whether it had a part in the estimate.
+        T_target_source: what was measured; None where the registration failed.
+    """
+
+    target: int
+    source: int
+    role: str
+    kept: bool
+    T_target_source: RigidTransform | None
+
+
+@dataclass(frozen=True, slots=True)
+class PairScore:
+    """How many pairs were kept or rejected, and were right or wrong.
+
+    Attributes:
+        kept_right, kept_wrong, rejected_right, rejected_wrong: numbers of pairs that measured something.
+        failed: pairs of which nothing was measured.
+        unjudged: pairs of which a scan has no truth.
+    """
+
+    kept_right: int
+    kept_wrong: int
+    rejected_right: int
+    rejected_wrong: int
+    failed: int = 0
+    unjudged: int = 0
+
+    @property
+    def precision(self) -> float | None:
+        """Share of the kept that are right; None where none was kept."""
+        return _share(self.kept_right, self.kept_wrong)
+
+    @property
+    def recall(self) -> float | None:
+        """Share of the right that were kept; None where none was right."""
+        return _share(self.kept_right, self.rejected_right)
+
+    @property
+    def rejected_precision(self) -> float | None:
+        """Share of the rejected that are wrong; None where none was rejected."""
+        return _share(self.rejected_wrong, self.rejected_right)
+
+    @property
+    def rejected_recall(self) -> float | None:
+        """Share of the wrong that were rejected; None where none was wrong."""
+        return _share(self.rejected_wrong, self.kept_wrong)
+
+    def to_json(self) -> dict[str, Any]:
+        """The numbers and the shares."""
+        return {
+            "kept_right": self.kept_right,
+            "kept_wrong": self.kept_wrong,
+            "rejected_right": self.rejected_right,
+            "rejected_wrong": self.rejected_wrong,
+            "failed": self.failed,
+            "unjudged": self.unjudged,
+            "precision": self.precision,
+            "recall": self.recall,
+            "rejected_precision": self.rejected_precision,
+            "rejected_recall": self.rejected_recall,
+        }
+
+
+def score_pairs(pairs: Sequence[TriedPair], truth: Mapping[int, RigidTransform], voxel: float) -> PairScore:
+    """Judge pairs against the truth: right is within RIGHT_DEG and RIGHT_VOXELS voxels.
+
+    Recall is among the pairs that were tried: a place that was revisited and never tried is not missed here.
+
+    Args:
+        pairs: as they were tried.
+        truth: T_world_sensor of the scans that have a true pose, by index.
+        voxel: edge of the voxels on which they were registered [m].
+    """
+    counts = {(kept, right): 0 for kept in (True, False) for right in (True, False)}
+    failed = unjudged = 0
+    for pair in pairs:
+        if pair.T_target_source is None:
+            failed += 1
+        elif pair.target not in truth or pair.source not in truth:
+            unjudged += 1
+        else:
+            error = pair_error(pair.T_target_source, truth[pair.target].inv() * truth[pair.source])
+            counts[pair.kept, error.within(RIGHT_DEG, RIGHT_VOXELS * voxel)] += 1
+    return PairScore(
+        kept_right=counts[True, True],
+        kept_wrong=counts[True, False],
+        rejected_right=counts[False, True],
+        rejected_wrong=counts[False, False],
+        failed=failed,
+        unjudged=unjudged,
+    )
+
+
+def _share(these: int, others: int) -> float | None:
+    return these / (these + others) if these + others else None

@@ -1,0 +1,45 @@
+"""How often a place that is seen again is found by what scans look like alone."""
+
+from collections.abc import Sequence
+
+import numpy as np
+from scipy.spatial.transform import RigidTransform
+
+from slam.loops.candidates import LoopSettings
+from slam.loops.forecast import outline, predict_overlap
+from spectral.scan import Scan
+
+# A revisit shares this much with the scan, by the true poses, and was not taken within so many scans of it.
+OVERLAP, GAP = 0.4, 5
+AMONG = (1, 5, 10)
+
+
+def revisits(scans: Sequence[Scan], truth: RigidTransform, voxel: float) -> np.ndarray:
+    """(N, N) bool, whether two scans see one place again.
+
+    Args:
+        scans: N scans, in the order in which they were taken.
+        truth: their N true poses.
+        voxel: edge of the survey's voxels [m].
+    """
+    cell = LoopSettings().cell_voxels * voxel
+    overlap = predict_overlap([outline(scan, cell) for scan in scans], truth, cell)
+    order = np.arange(len(scans))
+    return (overlap >= OVERLAP) & (np.abs(order[:, None] - order) > GAP)
+
+
+def recall(index: np.ndarray, again: np.ndarray) -> list[float]:
+    """Of the scans with a revisit the share of which one is among the first 1, 5 and 10; NaN where no scan has one.
+
+    Args:
+        index: (N, 10) the scans most alike to each, best first, -1 where there are no more.
+        again: (N, N) bool, see `revisits`.
+    """
+    right = hits(index, again)
+    return [float(right[:, :k].any(axis=1).mean()) if len(right) else float("nan") for k in AMONG]
+
+
+def hits(index: np.ndarray, again: np.ndarray) -> np.ndarray:
+    """(M, 10) bool, whether these are revisits, of the M scans that have one."""
+    right = np.take_along_axis(again, np.maximum(index, 0), axis=1) & (index >= 0)
+    return right[again.any(axis=1)]

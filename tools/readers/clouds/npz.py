@@ -1,0 +1,73 @@
+"""NumPy's .npz: a zip archive of arrays, never pickled, never unpacked beyond what its size makes likely."""
+
+import io
+import struct
+import zipfile
+import zlib
+
+import numpy as np
+
+from kernels.errors import InputError
+from tools.readers.clouds.cloud import Cloud
+from tools.readers.clouds.npy import cloud_of_array, parse_npy
+
+# Real points shrink by a few times, an array of one value by up to 1030: no cause to refuse a small one.
+_SMALL = 64 << 20
+_BELIEVABLE_RATIO = 100
+_DAMAGE = (
+    zipfile.BadZipFile, zlib.error, struct.error, EOFError, OSError, NotImplementedError, RuntimeError,
+    ValueError, IndexError, KeyError, OverflowError,
+)  # fmt: skip
+
+
+def read_npz(content: bytes) -> list[Cloud]:
+    """The points of a .npz file: array `points`, perhaps `strength` and `stamp`; or the only array there is.
+
+    Raises:
+        InputError: damage, arrays of objects, other names or shapes, an unbelievable compression.
+    """
+    try:
+        archive = zipfile.ZipFile(io.BytesIO(content))
+        members = {one.filename.removesuffix(".npy"): one for one in archive.infolist()}
+    except _DAMAGE as error:
+        raise InputError(f"it is no whole zip archive ({error}); save or copy it again") from error
+    if "points" not in members and len(members) != 1:
+        raise InputError(
+            f"its arrays are {', '.join(sorted(members)) or '(none)'}; wanted 'points' of shape (N, 3) and "
+            "perhaps 'strength' and 'stamp', or one single array"
+        )
+    wanted = ("points", "strength", "stamp") if "points" in members else tuple(members)
+    arrays = {name: _read_member(archive, members[name]) for name in wanted if name in members}
+    return [cloud_of_array(arrays[wanted[0]], arrays.get("strength"), _stamp_of(arrays.get("stamp")))]
+
+
+def _stamp_of(stamp: np.ndarray | None) -> float | None:
+    if stamp is None:
+        return None
+    if stamp.size != 1 or not np.isfinite(stamp).all():
+        raise InputError(f"stamp has shape {stamp.shape}; wanted one finite number, seconds in UTC")
+    return float(stamp.reshape(-1)[0])
+
+
+def _read_member(archive: zipfile.ZipFile, member: zipfile.ZipInfo) -> np.ndarray:
+    _require_believable(member)
+    try:
+        with archive.open(member) as file:
+            body = file.read(member.file_size)  # without a size, a member that lies about its own would be unpacked
+    except _DAMAGE as error:
+        raise InputError(f"its member {member.filename!r} is damaged ({error}); save it again") from error
+    try:
+        return parse_npy(body)
+    except InputError as error:
+        raise InputError(f"its member {member.filename!r}: {error}") from error
+
+
+def _require_believable(member: zipfile.ZipInfo) -> None:
+    """Memory stays in proportion to the file, whatever the archive claims."""
+    if member.compress_type not in (zipfile.ZIP_STORED, zipfile.ZIP_DEFLATED):
+        raise InputError(f"its member {member.filename!r} is not compressed as NumPy does it; save it again")
+    if member.file_size > max(_SMALL, _BELIEVABLE_RATIO * member.compress_size):
+        raise InputError(
+            f"its member {member.filename!r} claims to unpack {member.compress_size:,} bytes to "
+            f"{member.file_size:,}; that is not believable: save it without compression if it is right"
+        )

@@ -1,0 +1,175 @@
+"""PCD of the Point Cloud Library: ascii, binary and binary_compressed, read strictly.
+
+Format: https://pointclouds.org/documentation/tutorials/pcd_file_format.html
+"""
+
+import re
+import struct
+from dataclasses import dataclass
+from math import prod
+
+import lzf
+import numpy as np
+
+from kernels.errors import InputError
+from tools.readers.clouds.cloud import Cloud, cloud_of_columns, column_roles
+from tools.readers.clouds.rows import parse_rows, require_bytes, shown, surplus_note, unpack_records, whole_lines
+
+_HEADER = re.compile(rb"\A(.*?)^DATA[ \t]+(ascii|binary|binary_compressed)[ \t]*\r?\n", re.DOTALL | re.MULTILINE)
+_HEADER_LIMIT = 1 << 20
+_NO_VIEWPOINT = r"-?0[.0]* -?0[.0]* -?0[.0]* 1[.0]* -?0[.0]* -?0[.0]* -?0[.0]*"
+_SIZES = {"F": (4, 8), "I": (1, 2, 4, 8), "U": (1, 2, 4, 8)}
+_LZF_RATIO = 264  # LZF never shrinks further: 264 bytes repeated cost it at least two
+
+
+@dataclass(frozen=True, slots=True)
+class _Header:
+    """One entry of names, dtypes and counts per field; `points` of them; the file's encoding."""
+
+    names: list[str]
+    dtypes: list[str]
+    counts: list[int]
+    points: int
+    lines: int
+    notes: list[str]
+
+    @property
+    def sizes(self) -> list[int]:
+        """Bytes of each field in one point."""
+        return [int(dtype[-1]) * count for dtype, count in zip(self.dtypes, self.counts, strict=True)]
+
+
+def read_pcd(content: bytes) -> list[Cloud]:
+    """The points of a PCD file.
+
+    Raises:
+        InputError: anything that is not a whole, well-formed PCD file with fields x, y, z.
+    """
+    match = _HEADER.match(content[:_HEADER_LIMIT])
+    if match is None:
+        raise InputError(
+            "its PCD header has no line 'DATA ascii', 'DATA binary' or 'DATA binary_compressed': "
+            "the file is cut or damaged; write it again"
+        )
+    header = _parse_header(match[1])
+    roles = column_roles(header.names)
+    wide = [header.names[column] for column in roles.values() if header.counts[column] != 1]
+    if wide:
+        raise InputError(f"field {', '.join(wide)} has more than one value per point (COUNT); wanted one")
+    if match[2] == b"ascii":
+        columns, surplus = _read_ascii(content[match.end() :], header, roles)
+    elif match[2] == b"binary":
+        columns, surplus = _read_binary(content, match.end(), header, roles)
+    else:
+        columns, surplus = _read_compressed(content, match.end(), header, roles)
+    return [cloud_of_columns(columns, header.notes + surplus)]
+
+
+def _parse_header(text: bytes) -> _Header:
+    entries: dict[str, list[str]] = {}
+    for line in text.decode("latin-1").split("\n"):
+        words = line.split()
+        if words and not words[0].startswith("#"):
+            entries[words[0].upper()] = words[1:]
+    missing = [name for name in ("FIELDS", "SIZE", "TYPE", "WIDTH", "HEIGHT") if not entries.get(name)]
+    if missing:
+        raise InputError(f"its PCD header has no {', '.join(missing)}; write the file again")
+    names = entries["FIELDS"]
+    ones = ["1"] * len(names)
+    sizes, kinds, counts = entries["SIZE"], entries["TYPE"], entries.get("COUNT", ones)
+    if not len(names) == len(sizes) == len(kinds) == len(counts):
+        raise InputError("FIELDS, SIZE, TYPE and COUNT of its PCD header differ in length; write the file again")
+    width, height = _count(entries, "WIDTH"), _count(entries, "HEIGHT")
+    points = _count(entries, "POINTS") if "POINTS" in entries else width * height
+    if points != width * height:
+        raise InputError(
+            f"its PCD header says POINTS {points} and WIDTH x HEIGHT {width} x {height}; write the file again"
+        )
+    return _Header(
+        names=names,
+        dtypes=[_dtype(kind, size) for kind, size in zip(kinds, sizes, strict=True)],
+        counts=[_positive(count, "COUNT") for count in counts],
+        points=points,
+        lines=text.count(b"\n") + 1,
+        notes=_viewpoint_note(entries.get("VIEWPOINT", [])),
+    )
+
+
+def _count(entries: dict[str, list[str]], name: str) -> int:
+    if len(entries[name]) != 1:
+        raise InputError(f"{name} of its PCD header has {len(entries[name])} values; wanted one")
+    return _positive(entries[name][0], name, least=0)
+
+
+def _positive(text: str, name: str, least: int = 1) -> int:
+    if re.fullmatch(r"\d{1,18}", text, re.ASCII) is None or int(text) < least:
+        raise InputError(f"its PCD header says {name} {shown(text.encode())}; wanted an integer >= {least}")
+    return int(text)
+
+
+def _dtype(kind: str, size: str) -> str:
+    if size not in {str(allowed) for allowed in _SIZES.get(kind, ())}:
+        raise InputError(
+            f"its PCD header says TYPE {shown(kind.encode())} of SIZE {shown(size.encode())}; "
+            "wanted F of 4 or 8, or I or U of 1, 2, 4 or 8"
+        )
+    return f"<{kind.lower()}{size}"
+
+
+def _viewpoint_note(viewpoint: list[str]) -> list[str]:
+    """PCL keeps the sensor's pose beside the points; whose frame the points are in, it does not say."""
+    if not viewpoint or re.fullmatch(_NO_VIEWPOINT, " ".join(viewpoint)):
+        return []
+    return [f"VIEWPOINT {' '.join(viewpoint)} is not used; the points are taken to be in the sensor's frame"]
+
+
+def _read_ascii(body: bytes, header: _Header, roles: dict[str, int]) -> tuple[dict[str, np.ndarray], list[str]]:
+    lines = whole_lines(body, header.lines + 1)
+    if len(lines) < header.points:
+        raise InputError(
+            f"the header promises {header.points:,} points and {len(lines):,} lines follow: "
+            "the file is cut or its header is wrong; write or copy it again"
+        )
+    rows = parse_rows(lines[: header.points], sum(header.counts))
+    starts = _starts(header.counts)
+    columns = {role: rows[:, starts[field]] for role, field in roles.items()}
+    return columns, surplus_note(len(lines) - header.points, "lines", "point")
+
+
+def _read_binary(
+    content: bytes, start: int, header: _Header, roles: dict[str, int]
+) -> tuple[dict[str, np.ndarray], list[str]]:
+    offsets, stride = _starts(header.sizes), sum(header.sizes)
+    layout = {role: (header.dtypes[field], offsets[field]) for role, field in roles.items()}
+    columns = unpack_records(content, start, header.points, stride, layout)
+    return columns, surplus_note(len(content) - start - header.points * stride, "bytes", "point")
+
+
+def _read_compressed(
+    content: bytes, start: int, header: _Header, roles: dict[str, int]
+) -> tuple[dict[str, np.ndarray], list[str]]:
+    """Two sizes, then LZF over the fields one after another, each for all points."""
+    require_bytes("two sizes", 8, len(content) - start)
+    packed, unpacked = struct.unpack_from("<II", content, start)
+    require_bytes("compressed points", packed, len(content) - start - 8)
+    wanted = prod((header.points, sum(header.sizes)))
+    if unpacked != wanted or unpacked > packed * _LZF_RATIO:
+        raise InputError(
+            f"the header promises {header.points:,} points, {wanted:,} bytes, and the compressed block is "
+            f"{packed:,} bytes that claim to hold {unpacked:,}: the file is damaged; write or copy it again"
+        )
+    try:
+        plain = lzf.decompress(content[start + 8 : start + 8 + packed], unpacked)
+    except ValueError as error:
+        raise InputError("its compressed points cannot be unpacked; write or copy the file again") from error
+    if plain is None or len(plain) != unpacked:
+        raise InputError("its compressed points unpack to another size; write or copy the file again")
+    starts = _starts([size * header.points for size in header.sizes])
+    columns = {
+        role: np.frombuffer(plain, header.dtypes[field], header.points, starts[field]) for role, field in roles.items()
+    }
+    return columns, surplus_note(len(content) - start - 8 - packed, "bytes", "point")
+
+
+def _starts(lengths: list[int]) -> list[int]:
+    return [sum(lengths[:index]) for index in range(len(lengths))]

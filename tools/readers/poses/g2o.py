@@ -1,0 +1,168 @@
+"""g2o pose graphs: VERTEX_SE3:QUAT, EDGE_SE3:QUAT and FIX, read strictly.
+
+The 21 numbers after an edge's quaternion are the upper triangle of its information matrix, translation
+first. Its rotational part is taken as that of a rotation vector [rad], which is what GTSAM, SE-Sync and the
+published benchmark costs do. g2o's own solver measures that error by the vector part of the quaternion, half
+the angle: it gives the same numbers a quarter of the weight. Files say nowhere which is meant; the common reading
+is followed.
+"""
+
+from collections import defaultdict
+from pathlib import Path
+
+import numpy as np
+
+from kernels.errors import InputError
+from slam.graph.edge import Edge, check_definite
+from slam.graph.pose_graph import PoseGraph
+from slam.graph.trajectory import Trajectory
+from spectral.result import Registration
+from tools.readers.clouds.rows import Line, shown
+from tools.readers.poses.pose_rows import finite_rows, read_lines, transforms
+
+VERTEX, EDGE, FIX = "VERTEX_SE3:QUAT", "EDGE_SE3:QUAT", "FIX"
+KNOWN = (VERTEX, EDGE, FIX)
+UPPER = np.triu_indices(6)
+TRANSLATION_LAST = np.array([3, 4, 5, 0, 1, 2])  # from g2o's order to ours, and back
+
+_POSE = "x y z qx qy qz qw"
+_VERTEX_LAYOUT = f"id {_POSE}"
+_EDGE_LAYOUT = f"id id {_POSE} " + " ".join(f"I{i + 1}{j + 1}" for i, j in zip(*UPPER, strict=True))
+_MOST_PARTS = 4  # that a message lists
+_LARGEST_ID = 2**53  # ids are read with the other numbers of their line, as float64
+
+
+def read_g2o(path: Path) -> PoseGraph:
+    """A pose graph; pose k is the vertex of k-th smallest id, and its stamp is that id.
+
+    Edges between consecutive poses are "sequential", others "loop". Quaternions are normalized.
+
+    Raises:
+        InputError: naming the file and the line: an unknown tag, too few or too many numbers, NaN, infinity,
+            no number, an id that is not a whole number or stands twice, an edge or FIX without its vertex, an
+            information matrix that is not positive definite, a zero quaternion.
+    """
+    lines = _by_tag(path)
+    if not lines[VERTEX]:
+        raise InputError(f"{path} holds no {VERTEX}; a pose graph wants at least one")
+    rows = finite_rows(path, lines[VERTEX], _VERTEX_LAYOUT)
+    ids = _ids(path, lines[VERTEX], rows[:, :1])[:, 0]
+    order = np.argsort(ids, kind="stable")
+    twice = np.flatnonzero(np.diff(ids[order]) == 0)
+    if len(twice):
+        first, second = (lines[VERTEX][k][0] for k in order[twice[0] : twice[0] + 2])
+        raise InputError(
+            f"{path}: line {second} gives vertex {ids[order[twice[0]]]} a second time, after line {first}; "
+            "keep one of them"
+        )
+    poses = transforms(path, lines[VERTEX], rows[:, 1:])[order]
+    index = {vertex: k for k, vertex in enumerate(ids[order].tolist())}
+    return PoseGraph(
+        Trajectory(ids[order].astype(np.float64), poses),
+        _edges(path, lines[EDGE], index),
+        _fixed(path, lines[FIX], index),
+    )
+
+
+def require_connected(path: Path, graph: PoseGraph) -> None:
+    """Refuse a graph whose edges leave it in parts, which have no common frame.
+
+    Raises:
+        InputError: naming the line of the first vertex of the second part, the parts, and what to do.
+    """
+    parts = graph.components
+    if len(parts) == 1:
+        return
+    ids = graph.trajectory.stamps.astype(np.int64)
+    second = ids[parts[1][0]]
+    number = next(n for n, line in _by_tag(path)[VERTEX] if int(float(line.split(maxsplit=1)[0])) == second)
+    told = "; ".join(_listed(ids[list(part)]) for part in parts[:_MOST_PARTS])
+    told += "; ..." if len(parts) > _MOST_PARTS else ""
+    raise InputError(
+        f"{path}: line {number}: no edges join vertex {second} to vertex {ids[parts[0][0]]}: the graph is in "
+        f"{len(parts)} parts, of the vertices {told}. Add an edge that joins them, or give each part a file of its own"
+    )
+
+
+def _listed(ids: np.ndarray) -> str:
+    """Ascending ids in words: 3, 5 to 9."""
+    runs = np.split(ids, np.flatnonzero(np.diff(ids) != 1) + 1)
+    words = [f"{run[0]}" if len(run) == 1 else f"{run[0]} to {run[-1]}" for run in runs[:_MOST_PARTS]]
+    return ", ".join(words) + (", ..." if len(runs) > _MOST_PARTS else "")
+
+
+def _by_tag(path: Path) -> dict[str, list[Line]]:
+    """The lines of every tag, without it."""
+    found: dict[str, list[Line]] = defaultdict(list)
+    for number, line in read_lines(path):
+        tag, *rest = line.split(maxsplit=1)
+        name = tag.decode("utf-8", "replace")
+        if name not in KNOWN:
+            raise InputError(
+                f"{path}: line {number} begins with {shown(tag)}; known are {', '.join(KNOWN)}. Convert the "
+                "file, or leave out what is not a 3D pose graph"
+            )
+        found[name].append((number, rest[0] if rest else b""))
+    return found
+
+
+def _ids(path: Path, lines: list[Line], numbers: np.ndarray) -> np.ndarray:
+    bad = np.flatnonzero(((numbers != np.floor(numbers)) | (numbers < 0) | (numbers > _LARGEST_ID)).any(axis=1))
+    if len(bad):
+        raise InputError(f"{path}: line {lines[bad[0]][0]}: vertex ids are whole numbers from 0 on")
+    return numbers.astype(np.int64)
+
+
+def _edges(path: Path, lines: list[Line], index: dict[int, int]) -> tuple[Edge, ...]:
+    if not lines:
+        return ()
+    rows = finite_rows(path, lines, _EDGE_LAYOUT)
+    ends = _ids(path, lines, rows[:, :2])
+    measured = transforms(path, lines, rows[:, 2:9])
+    covariances = _covariances(path, lines, rows[:, 9:])
+    edges = []
+    for (number, _), pair, T_i_j, covariance in zip(lines, ends.tolist(), measured, covariances, strict=True):
+        where = f"{path}: line {number}"
+        i, j = (_known(index, vertex, where) for vertex in pair)
+        registration = Registration(
+            T_i_j, covariance, float("nan"), float("nan"), accepted=True, seconds=0.0, reason="read from a file"
+        )
+        try:
+            edges.append(Edge(i, j, registration, "sequential" if abs(i - j) == 1 else "loop"))
+        except InputError as error:
+            raise InputError(f"{where}: {error}") from error
+    return tuple(edges)
+
+
+def _covariances(path: Path, lines: list[Line], upper: np.ndarray) -> np.ndarray:
+    """(m, 6, 6) in our order, from the (m, 21) numbers of the information matrices."""
+    information = np.zeros((len(upper), 6, 6))
+    information[:, *UPPER] = upper
+    information += np.triu(information, 1).transpose(0, 2, 1)
+    try:
+        np.linalg.cholesky(information)
+        covariances = np.linalg.inv(information)
+    except np.linalg.LinAlgError:  # which says that there is one, but not which
+        for (number, _), matrix in zip(lines, information, strict=True):
+            try:
+                check_definite(matrix, "the information matrix")
+            except InputError as error:
+                raise InputError(f"{path}: line {number}: {error}") from error
+        raise
+    covariances = covariances[:, *np.ix_(TRANSLATION_LAST, TRANSLATION_LAST)]
+    return (covariances + covariances.transpose(0, 2, 1)) / 2
+
+
+def _fixed(path: Path, lines: list[Line], index: dict[int, int]) -> tuple[int, ...]:
+    fixed = set()
+    for number, line in lines:
+        count = max(len(line.split()), 1)
+        ids = _ids(path, [(number, line)], finite_rows(path, [(number, line)], " ".join(["id"] * count)))
+        fixed.update(_known(index, vertex, f"{path}: line {number}") for vertex in ids[0].tolist())
+    return tuple(sorted(fixed))
+
+
+def _known(index: dict[int, int], vertex: int, where: str) -> int:
+    if vertex not in index:
+        raise InputError(f"{where} names vertex {vertex}, which the file does not define; add it or drop the line")
+    return index[vertex]

@@ -1,0 +1,58 @@
+"""What the pose files have in common: text lines of finite numbers, quaternions among them."""
+
+from pathlib import Path
+
+import numpy as np
+from scipy.spatial.transform import RigidTransform, Rotation
+
+from kernels.errors import InputError
+from tools.readers.clouds.rows import Line, parse_rows, whole_lines
+
+
+def read_lines(path: Path) -> list[Line]:
+    """The lines of a file that are neither blank nor comments ('#'), with their numbers.
+
+    Raises:
+        InputError: the file cannot be read, is empty, or its last line has no end and may have been cut.
+    """
+    try:
+        content = Path(path).read_bytes()
+    except OSError as error:
+        raise InputError(f"cannot read {path}: {error.strerror or error}; check its name and permissions") from error
+    try:
+        lines = whole_lines(content, 1)
+    except InputError as error:
+        raise InputError(f"{path}: {error}") from error
+    lines = [(number, line) for number, line in lines if not line.lstrip().startswith(b"#")]
+    if not lines:
+        raise InputError(f"{path} holds no line but comments; wanted poses")
+    return lines
+
+
+def finite_rows(path: Path, lines: list[Line], layout: str) -> np.ndarray:
+    """Numbers in rows, as many as `layout` has words: (N, words) float64.
+
+    Raises:
+        InputError: naming the line that has more or fewer columns, something that is no number, NaN or
+            infinity.
+    """
+    try:
+        rows = parse_rows(lines, len(layout.split()))
+    except InputError as error:
+        raise InputError(f"{path}: {error}. Each holds: {layout}") from error
+    bad = np.flatnonzero(~np.isfinite(rows).all(axis=1))
+    if len(bad):
+        raise InputError(f"{path}: line {lines[bad[0]][0]} holds NaN or infinity; wanted finite numbers: {layout}")
+    return rows
+
+
+def transforms(path: Path, lines: list[Line], rows: np.ndarray) -> RigidTransform:
+    """N rigid transforms from (N, 7) rows: x y z [m], then a quaternion x y z w of any length but zero.
+
+    Raises:
+        InputError: naming the line of a zero quaternion.
+    """
+    zero = np.flatnonzero(~(np.linalg.norm(rows[:, 3:], axis=1) > 0))
+    if len(zero):
+        raise InputError(f"{path}: line {lines[zero[0]][0]} holds a zero quaternion; no rotation is 0 0 0 1")
+    return RigidTransform.from_components(rows[:, :3], Rotation.from_quat(rows[:, 3:]))

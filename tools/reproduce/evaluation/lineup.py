@@ -1,0 +1,81 @@
+"""The methods that the evaluation compares, and how each is built for a pair."""
+
+import math
+from dataclasses import dataclass
+
+from kernels.errors import InputError
+from spectral.grid import Grid
+from spectral.result import Registrar
+from tools.methods.registry import Setup, find_method
+from tools.reproduce.experiments import Request
+
+OURS = "spectral"
+EVALUATED = (OURS, "hemisphere", "kiss", "fpfh-ransac", "fpfh-fgr", "icp", "icp-plane", "planes")
+
+
+@dataclass(frozen=True, slots=True)
+class Lineup:
+    """Who takes part.
+
+    Attributes:
+        methods: keys of METHODS, in the order in which they are shown.
+        left_out: methods that would have taken part were their packages installed.
+    """
+
+    methods: tuple[str, ...] = EVALUATED
+    left_out: tuple[str, ...] = ()
+
+    @property
+    def words(self) -> str:
+        """For an introduction, Markdown."""
+        names = ", ".join(f"`{name}`" for name in self.methods)
+        left_out = ", ".join(f"`{name}`" for name in self.left_out)
+        return f"Methods: {names}." + (
+            f" Left out, as their packages are not installed: {left_out}." if left_out else ""
+        )
+
+
+def lineup(request: Request) -> Lineup:
+    """The methods that were asked for, or all that are installed.
+
+    Raises:
+        InputError: a method that was asked for is unknown or not installed.
+    """
+    if request.method:
+        for name in request.method:
+            registrar(name, _ANY_GRID, None)
+        return Lineup(request.method)
+    left_out = tuple(name for name in EVALUATED if not _installed(name))
+    return Lineup(tuple(name for name in EVALUATED if name not in left_out), left_out)
+
+
+def registrar(name: str, grid: Grid, device: str | None, any_tilt: bool = False) -> Registrar:
+    """A method with its defaults, the same whatever pair it is built for.
+
+    Args:
+        name: a key of METHODS.
+        grid: of the pair.
+        device: as `choose_device` takes it.
+        any_tilt: whether a method that bounds roll and pitch is to bound neither.
+
+    Raises:
+        InputError: there is no such method, or its package is not installed.
+        DeviceError: the device is too small.
+    """
+    method = find_method(name)
+    changes = {"max_tilt": math.pi} if any_tilt and "max_tilt" in method.hears else {}
+    return method.make(Setup(grid, device, changes=changes))
+
+
+_ANY_GRID = Grid(16, 1.0)
+
+
+def _installed(name: str) -> bool:
+    """Whether a method's package is there, where it wants one."""
+    if not find_method(name).package:
+        return True
+    try:
+        registrar(name, _ANY_GRID, None)
+    except InputError:
+        return False
+    return True

@@ -1,0 +1,82 @@
+"""What the rows of the flood gate come to, in sentences that are made of them."""
+
+from collections.abc import Iterable
+from statistics import median
+
+from tools.reproduce.floodgate.chain import Chain
+from tools.reproduce.floodgate.lineup import TRUTH, label
+from tools.reproduce.floodgate.tables import Chains, Run, by_seed, map_90, runs_of, seeds_of
+from tools.reproduce.pages.wilson import wilson
+
+
+def remarks(chains: Chains) -> str:
+    """Overlap, pairs and drift of every run, and the order of the maps."""
+    return "\n".join(
+        [_overlap(chains), "", *(f"- {_run(chains, run)}" for run in runs_of(chains)), "", _order(chains), "", _PLANES]
+    )
+
+
+# true of any rows: what is not compared
+_PLANES = (
+    "The paper shows the map by planes as patches, in which the three gates are sparse and the poles before them "
+    "missing (Figs. 28, 29): that is how the map is kept, not how scans are registered. All maps here are of points."
+)
+
+
+def _overlap(chains: Chains) -> str:
+    first = runs_of(chains)[0]
+    rows = [row for seed in seeds_of(chains) for row in chains[seed, *first].pairs]
+    shared, overlap = (_range([float(row[name]) for row in rows]) for name in ("shared", "overlap"))
+    return (
+        f"Of what one of two consecutive scans shows, the other has {shared} in view (the paper: an overlap of about "
+        f"90 to 50 %); with noise and between few beams, {overlap} of the points have a counterpart within 2 m."
+    )
+
+
+def _range(shares: list[float]) -> str:
+    return f"{100 * min(shares):.0f} to {100 * max(shares):.0f} %"
+
+
+def _run(chains: Chains, run: Run) -> str:
+    made = [chains[seed, *run] for seed in seeds_of(chains)]
+    rows = [row for chain in made for row in chain.pairs]
+    right = [row for row in rows if row["right"]]
+    text = f"**{label(*run)}**: {wilson(len(right), len(rows))} pairs right"
+    if right:
+        rotation, translation = (median(float(row[key]) for row in right) for key in ("rotation_deg", "translation_m"))
+        text += f", these within {rotation:.2f}° and {translation:.2f} m in the median"
+    return f"{text}; the last pose of the chain is off by {_listed(_last(made))}; {_wrong(chains, run)}."
+
+
+def _last(made: Iterable[Chain]) -> list[str]:
+    return [f"{float(c.poses[-1]['translation_m']):.2f} m and {float(c.poses[-1]['rotation_deg']):.1f}°" for c in made]
+
+
+def _wrong(chains: Chains, run: Run) -> str:
+    """The wrong pairs by name, with their overlap, and how many of them were believed."""
+    wrong = [(seed, row) for seed in seeds_of(chains) for row in chains[seed, *run].pairs if not row["right"]]
+    if not wrong:
+        return "no pair is wrong"
+    shown = [
+        f"{int(row['scan']) - 1} → {row['scan']} of seed {seed} ({100 * float(row['shared']):.0f} % shared view)"
+        for seed, row in wrong[:6]
+    ]
+    more = f" and {len(wrong) - 6} more" if len(wrong) > 6 else ""
+    believed = sum(bool(row["accepted"]) for _, row in wrong)
+    return f"wrong are {_listed(shown)}{more}, {believed} of {len(wrong)} of them believed"
+
+
+def _order(chains: Chains) -> str:
+    """Runs by the distance within which 90 % of their maps lie."""
+    floor = median(by_seed(chains, (TRUTH, 0), map_90))
+    distance = {run: median(by_seed(chains, run, map_90)) for run in runs_of(chains)}
+    best = sorted(distance, key=lambda run: distance[run])
+    listed = [f"{label(*run)} ({distance[run]:.2f} m)" for run in best]
+    return (
+        f"By the distance within which 90 % of the map's points lie, from the best: {_listed(listed)}; "
+        f"with true poses {floor:.2f} m."
+    )
+
+
+def _listed(words: list[str]) -> str:
+    return words[0] if len(words) == 1 else f"{', '.join(words[:-1])} and {words[-1]}"

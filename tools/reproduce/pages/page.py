@@ -1,0 +1,127 @@
+"""One page on all experiments of a group, pictures included: docs/reproduction.md, docs/evaluation.md, docs/slam.md."""
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+from pathlib import Path
+from types import MappingProxyType
+
+from kernels.errors import InputError
+from tools.reproduce.evaluation.introduction import EVALUATION_INTRODUCTION
+from tools.reproduce.experiments import ALL, EVALUATION, SLAM
+from tools.reproduce.pages.folder import Record, read_record, times_text
+from tools.reproduce.pages.section_text import duration, section_text, verdicts
+from tools.reproduce.pages.table import Table
+from tools.reproduce.survey.introduction import SLAM_INTRODUCTION
+from tools.writers.atomic import all_or_none, atomic_path
+
+_INTRODUCTION = """# The paper's experiments, reproduced
+
+Bülow and Birk, "Spectral registration of noisy sonar data for underwater 3D mapping", Autonomous Robots 30, 2011, doi
+10.1007/s10514-011-9221-8. The paper tests translation, rotation and both together on a simulated scene with four kinds
+of noise (Sect. 3), and makes a map of eighteen scans of the Lesumer Sperrwerk, a flood gate near Bremen, taken with a
+Tritech Eclipse sonar (Sect. 4). It gives neither the scene nor the scans. So all scans here are simulated, those of
+Sect. 4 too: of a flood gate and of clutter (`sonarmap simulate`; `--scene` takes others), with the paper's field of
+view, steps and noise, and with a truth for every pose. What the paper reports on its scans stands beside what this
+project finds on these: claims can be reproduced so, single numbers cannot.
+
+This page and its pictures are made by the commands below, each of which goes on where it was stopped; `--page FILE`
+writes the page from what is found in the folder of results. With the same seeds, code, device and versions the rows,
+tables and pictures come out the same byte by byte; only the times differ. Rates have Wilson's 95 % intervals.
+"""
+
+
+@dataclass(frozen=True, slots=True)
+class Frame:
+    """What a page says besides its experiments.
+
+    Attributes:
+        introduction: Markdown, with the page's title.
+        beside: whose values stand beside ours.
+    """
+
+    introduction: str
+    beside: str
+
+
+FRAMES: Mapping[str, Frame] = MappingProxyType(
+    {
+        ALL: Frame(_INTRODUCTION, "paper"),
+        EVALUATION: Frame(EVALUATION_INTRODUCTION, "wanted"),
+        SLAM: Frame(SLAM_INTRODUCTION, "wanted"),
+    }
+)
+
+
+def write_page(path: Path, folder: Path, names: Sequence[str], frame: Frame = FRAMES[ALL]) -> list[Path]:
+    """Write the page and, into a folder of its stem beside it, the pictures: all or none.
+
+    Args:
+        path: of the page, as docs/reproduction.md.
+        folder: where the experiments' files are.
+        names: of the experiments to look for, in order; those that are not complete there are left out.
+        frame: what stands around them.
+
+    Returns:
+        the page, then the pictures.
+
+    Raises:
+        InputError: no experiment is there, or a file cannot be written.
+    """
+    records = [record for name in names if (record := read_record(folder, name))]
+    if not records:
+        raise InputError(f"no complete experiment is in {folder}; run 'sonarmap reproduce NAME -o {folder}' first")
+    pictures = [folder / name for record in records for name in record.section.pictures]
+    copies = [path.parent / path.stem / picture.name for picture in pictures]
+    with all_or_none():
+        for picture, copy in zip(pictures, copies, strict=True):
+            with atomic_path(copy) as temporary:
+                temporary.write_bytes(picture.read_bytes())
+        with atomic_path(path) as temporary:
+            temporary.write_text(page_text(records, f"{path.stem}/", frame), encoding="utf-8")
+    return [path, *copies]
+
+
+def page_text(records: Sequence[Record], pictures: str, frame: Frame = FRAMES[ALL]) -> str:
+    """The page's Markdown.
+
+    Args:
+        records: of the experiments, in their order.
+        pictures: what to put before the pictures' file names.
+        frame: what stands around them.
+    """
+    sections = [
+        f"{section_text(record.section, 2, pictures)}\n### Times\n\n{times_text(record)}\nMade by\n\n"
+        f"    {record.command}\n"
+        for record in records
+    ]
+    tables = [_verdict_table(records, frame.beside), _run_table(records)]
+    return "\n".join([frame.introduction, *(table.markdown() for table in tables), *sections])
+
+
+def _verdict_table(records: Sequence[Record], beside: str) -> Table:
+    return Table(
+        "All verdicts",
+        ("experiment", "claim", beside, "ours", "verdict"),
+        tuple(
+            (record.name, one.claim, one.paper, one.ours, one.verdict)
+            for record in records
+            for one in verdicts(record.section)
+        ),
+    )
+
+
+def _run_table(records: Sequence[Record]) -> Table:
+    return Table(
+        "On what machine, and in what time",
+        ("experiment", "jobs", "time", "machine", "made by"),
+        tuple(
+            (
+                record.name,
+                str(record.jobs),
+                duration(record.seconds),
+                record.provenance.place,
+                f"`{record.command}`",
+            )
+            for record in records
+        ),
+    )

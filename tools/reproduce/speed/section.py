@@ -1,0 +1,92 @@
+"""Times of a pair, in words and tables."""
+
+import math
+from collections.abc import Iterable, Sequence
+from statistics import median
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+from tools.reproduce.evaluation.lineup import OURS
+from tools.reproduce.evaluation.summary import NOTHING, accepted, rate, right, where
+from tools.reproduce.experiment import Row, Section
+from tools.reproduce.pages.table import Table
+
+if TYPE_CHECKING:
+    from tools.reproduce.speed.run import SpeedSettings
+
+PEER = "kiss"
+NINETY_NINE = 99.0  # percentile
+
+
+def speed_section(rows: Sequence[Row], seconds: Sequence[Row], settings: "SpeedSettings") -> Section:
+    """All tables of times stand among the times, which may differ between runs."""
+    methods = settings.lineup.methods
+    laid = len({row["number"] for row in rows})
+    return Section(
+        title="Times of a pair",
+        introduction=(
+            f"{laid} pairs of the set {settings.seed} that share more than 20 % of their points, any yaw, tilt up to "
+            f"35 degrees, on grids of {settings.edge} voxels an edge. Both scans are prepared before and the pair is "
+            "registered once, untimed; then the methods register it in turn, three times over, and the fastest of the "
+            f"three counts. One process, one pair at a time. {settings.lineup.words}"
+        ),
+        tables=(),
+        times=(time_table(seconds, methods), spread_table(seconds), _right_table(rows, methods)),
+        pictures={},
+    )
+
+
+def time_table(seconds: Sequence[Row], methods: Sequence[str]) -> Table:
+    """Each method's times, and beside ours pair by pair."""
+    ours = _times(seconds, OURS)
+    lines = []
+    for method in methods:
+        times = _times(seconds, method)
+        if not times:
+            continue
+        ratios = [ours[number] / time for number, time in times.items() if number in ours]
+        prepare = [float(row["prepare_s"]) for row in where(seconds, method=method)]
+        lines.append(
+            (
+                method,
+                str(len(times)),
+                *(f"{value:.3f}" for value in (min(times.values()), median(times.values()), _last(times.values()))),
+                f"{max(times.values()):.3f}",
+                f"{median(ratios):.2f}" if ratios else NOTHING,
+                f"{median(value for value in prepare if not math.isnan(value)):.3f}",
+            )
+        )
+    headings = ("method", "pairs", "least [s]", "median [s]", "99th percentile [s]", "most [s]")
+    beside = f"{OURS} takes times as long: median over the pairs"
+    return Table("Registering a pair", (*headings, beside, "preparing a scan, median [s]"), tuple(lines))
+
+
+def spread_table(seconds: Sequence[Row]) -> Table:
+    """What is said of ours: how even its times are, and how they compare to the peer's."""
+    ours, peer = _times(seconds, OURS), _times(seconds, PEER)
+    lines = []
+    if ours:
+        lines.append((f"{OURS}: 99th percentile / median", f"{_last(ours.values()) / median(ours.values()):.2f}"))
+    both = [ours[number] / peer[number] for number in ours if number in peer]
+    if both:
+        lines.append((f"{OURS} / {PEER}, pair by pair, median", f"{median(both):.2f}"))
+    return Table(f"The times of `{OURS}`", ("what", "ratio"), tuple(lines))
+
+
+def _right_table(rows: Sequence[Row], methods: Sequence[str]) -> Table:
+    lines = []
+    for method in methods:
+        some = where(rows, method=method)
+        lines.append((method, rate(right(some), some), rate(accepted(some), some)))
+    return Table("The pairs that were timed", ("method", "right", "accepted"), tuple(lines))
+
+
+def _times(seconds: Sequence[Row], method: str) -> dict[object, float]:
+    """Of a pair [s], by the pair's number."""
+    some = where(seconds, method=method)
+    return {row["number"]: float(row["register_s"]) for row in some if not math.isnan(float(row["register_s"]))}
+
+
+def _last(times: Iterable[float]) -> float:
+    return float(np.percentile(list(times), NINETY_NINE))

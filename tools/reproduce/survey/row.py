@@ -1,0 +1,135 @@
+"""What a system made of a survey, beside the truth: one row of numbers, and one for each pose."""
+
+import numpy as np
+
+from slam.loops.places import PlaceIndex
+from tools.evaluate.map_error import Reference, map_error
+from tools.evaluate.pairs import PairScore, TriedPair, score_pairs
+from tools.evaluate.place_recall import AMONG, GAP, recall, revisits
+from tools.evaluate.pose_calibration import calibrate_poses
+from tools.evaluate.trajectory import Evaluation, evaluate
+from tools.reproduce.experiment import Row, Value
+from tools.reproduce.survey.map import Mapped
+from tools.reproduce.survey.scans import Laid
+from tools.simulate.shapes.surface import surface_distance
+
+MAP, POSE = "map", "pose"  # of the column "row"
+ROLES = ("sequential", "bridge", "loop")
+BETWEEN = "between"  # pairs of different dives, whatever their role
+_NAN = float("nan")
+
+
+def survey_rows(laid: Laid, mapped: Mapped, voxel: float) -> tuple[Row, ...]:
+    """All rows of one system on one survey.
+
+    Trajectories are aligned over the placed scans that are usable; a system that places others too is not told off for
+    them here, but its map holds them.
+
+    Args:
+        laid: the survey.
+        mapped: what the system made of it.
+        voxel: edge of the survey's voxels [m].
+    """
+    usable = [place for place, scan in enumerate(mapped.placed) if scan not in laid.unusable]
+    after = evaluate(mapped.trajectory.take(usable), laid.truth)
+    before = None if mapped.chained is None else evaluate(mapped.chained.take(usable), laid.truth)
+    row: dict[str, Value] = {"row": MAP} | _placed(laid, mapped, len(usable)) | {"voxel_m": voxel}
+    row |= _errors(before, after, voxel) | _calibration(laid, mapped) | _pairs(laid, mapped, voxel)
+    row |= _map(laid, mapped, after, voxel) | _recall(laid, mapped, voxel)
+    return (row, *_poses(before, after))
+
+
+def _placed(laid: Laid, mapped: Mapped, usable: int) -> dict[str, Value]:
+    return {
+        "scans": len(laid.scans),
+        "unusable": len(laid.unusable),
+        "placed": usable,
+        "placed_unusable": len(mapped.placed) - usable,
+        "components": mapped.components,
+    }
+
+
+def _errors(before: Evaluation | None, after: Evaluation, voxel: float) -> dict[str, Value]:
+    ates = {"before": before.ate_m if before else _NAN, "after": after.ate_m}
+    return {
+        **{f"ate_{when}_m": ate for when, ate in ates.items()},
+        **{f"ate_{when}_voxels": ate / voxel for when, ate in ates.items()},
+        "ate_after_deg": float(np.sqrt(np.mean(after.rotation_deg**2))),
+    }
+
+
+def _calibration(laid: Laid, mapped: Mapped) -> dict[str, Value]:
+    keys = ("within_95", "position_within_95", "nees_mean", "position_nees_mean")
+    found = None
+    if mapped.covariances is not None:
+        truth = laid.truth.T_world_sensor[list(mapped.placed)]
+        found = calibrate_poses(mapped.trajectory.T_world_sensor, truth, mapped.covariances)
+    told = found.to_json() if found else dict.fromkeys(keys, _NAN)
+    return {key: told[key] for key in keys}
+
+
+def _pairs(laid: Laid, mapped: Mapped, voxel: float) -> dict[str, Value]:
+    usable = [k for k in range(len(laid.scans)) if k not in laid.unusable]
+    truth = {k: laid.truth.T_world_sensor[k] for k in usable}
+    unusable = [pair for pair in mapped.pairs if laid.unusable & {pair.target, pair.source}]
+    chosen = {role: [pair for pair in mapped.pairs if pair.role == role] for role in ROLES}
+    chosen[BETWEEN] = [pair for pair in mapped.pairs if laid.dives[pair.target] != laid.dives[pair.source]]
+    cells: dict[str, Value] = {}
+    for name, pairs in chosen.items():
+        cells |= _counts(name, score_pairs(pairs, truth, voxel))
+    return cells | {"pairs": len(mapped.pairs), "unusable_kept": _kept(unusable)}
+
+
+def _counts(name: str, score: PairScore) -> dict[str, Value]:
+    return {
+        f"{name}_kept_right": score.kept_right,
+        f"{name}_kept_wrong": score.kept_wrong,
+        f"{name}_refused_right": score.rejected_right,
+        f"{name}_refused_wrong": score.rejected_wrong,
+    }
+
+
+def _kept(pairs: list[TriedPair]) -> int:
+    """Pairs with an unusable scan that have a part in the estimate: whatever they measured, it is wrong."""
+    return sum(pair.kept for pair in pairs)
+
+
+def _map(laid: Laid, mapped: Mapped, after: Evaluation, voxel: float) -> dict[str, Value]:
+    """Of all points, and of those that two scans or more saw: stray echoes are seen once."""
+    surface = Reference("the true surface", "surface", lambda points: surface_distance(laid.mesh, points))
+    cells: dict[str, Value] = {}
+    for name, points in (("map", mapped.points), ("map_twice", mapped.points[mapped.seen >= 2])):
+        error = map_error(after.T_truth_estimate.apply(points), surface, voxel) if len(points) else None
+        cells |= {
+            f"{name}_points": len(points),
+            f"{name}_median_m": error.median_m if error else _NAN,
+            f"{name}_p90_m": error.p90_m if error else _NAN,
+            f"{name}_within_voxel": error.within_voxel if error else _NAN,
+        }
+    return cells | {
+        "crossing_before_m": mapped.crossings.before,
+        "crossing_after_m": mapped.crossings.after,
+    }
+
+
+def _recall(laid: Laid, mapped: Mapped, voxel: float) -> dict[str, Value]:
+    """Of the scans that have a signature; those without can neither be found nor find."""
+    signed = sorted(mapped.signatures)
+    shares, count = [_NAN] * len(AMONG), 0
+    if signed:
+        places = PlaceIndex(np.stack([mapped.signatures[k] for k in signed]), laid.dives[signed])
+        again = revisits([laid.scans[k] for k in signed], laid.truth.T_world_sensor[signed], voxel)
+        index, _ = places.nearest(AMONG[-1], GAP)
+        shares, count = recall(index, again), int(again.any(axis=1).sum())
+    return {"revisited": count, **{f"recall_{k}": share for k, share in zip(AMONG, shares, strict=True)}}
+
+
+def _poses(before: Evaluation | None, after: Evaluation) -> list[Row]:
+    """Where each usable scan is, aligned, and where it truly is [m]."""
+    ways = {"true": after.T_true, "after": after.T_aligned} | ({"before": before.T_aligned} if before else {})
+    places = {name: T.translation.tolist() for name, T in ways.items()}
+    return [
+        {"row": POSE, "scan": int(stamp)}
+        | {f"{axis}_{name}_m": place[k][n] for name, place in places.items() for n, axis in enumerate("xyz")}
+        for k, stamp in enumerate(after.stamps.tolist())
+    ]

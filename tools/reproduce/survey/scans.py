@@ -1,0 +1,60 @@
+"""The surveys that are mapped: a lawn-mower over a scene, some of its scans unusable; or two dives over it."""
+
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
+
+import numpy as np
+from scipy.spatial.transform import RigidTransform
+
+from slam.graph.trajectory import Trajectory
+from spectral.scan import Scan
+from tools.simulate.plan import plan
+from tools.simulate.scenes.scene import build_scene
+from tools.simulate.shapes.solids import Mesh
+from tools.simulate.simulation import Simulation, simulate
+
+
+@dataclass(frozen=True, slots=True)
+class Laid:
+    """N scans, and what is true of them.
+
+    Attributes:
+        scans: one dive's after another's; their stamps count them from 0.
+        truth: their poses; the world is the scene's frame, East-North-Up.
+        dives: (N,) int, the number of the survey that each is of, as the mapper is told it.
+        unusable: the scans that show nothing of the scene.
+        mesh: the scene's true surface [m, world].
+    """
+
+    scans: tuple[Scan, ...]
+    truth: Trajectory
+    dives: np.ndarray
+    unusable: frozenset[int]
+    mesh: Mesh
+
+
+def lay(scene: str, seed: int, count: int, unusable: float, dives: Sequence[int] = (1,)) -> Laid:
+    """Simulate `count` scans of each of the dives, in their order; how these lie to each other nothing tells.
+
+    Args:
+        scene: a key of SCENES.
+        seed: of the scene, the waves and the noise.
+        count: of the scans of a dive.
+        unusable: share of these that show nothing of the scene.
+        dives: as `tools.simulate.paths.dive` counts them.
+    """
+    settings = replace(plan(scene, "lawnmower", None, seed), count=count, unusable=unusable)
+    done = [simulate(replace(settings, dive=dive)) for dive in dives]
+    scans = [scan for one in done for scan in one.scans]
+    poses = RigidTransform.concatenate([one.truth.T_world_sensor for one in done])
+    return Laid(
+        scans=tuple(replace(scan, stamp=float(k), name=f"scan_{k:03d}") for k, scan in enumerate(scans)),
+        truth=Trajectory(np.arange(len(scans), dtype=np.float64), poses),
+        dives=np.repeat(np.arange(len(done)), count),
+        unusable=_faults(done, count),
+        mesh=build_scene(scene, seed).mesh,
+    )
+
+
+def _faults(done: Sequence[Simulation], count: int) -> frozenset[int]:
+    return frozenset(number + place * count for place, one in enumerate(done) for number in one.faults)

@@ -1,0 +1,68 @@
+"""Multipath: what a beam brings back over a mirror on its way, the water's surface or a surface of the scene."""
+
+import numpy as np
+from scipy.spatial.transform import RigidTransform
+
+from tools.simulate.scenes.scene import Scene
+from tools.simulate.sensing.sensors import Echoes, Sensor, beams, echoes_of
+
+MIRROR_LOSS_DB = 6.0  # of an echo that goes over a mirror there and back: 3 dB each way, as from a rough bed
+SKIN = 1e-3  # a mirrored ray starts this far off the mirror, so that it does not meet it again [m]
+
+
+def reflect(scene: Scene, sensor: Sensor, T_world_sensor: RigidTransform) -> Echoes:
+    """The echoes of the second surface along every beam, reached over the first as over a mirror.
+
+    A beam goes on from the first surface in the direction of the mirrored ray, meets a second one, and its echo
+    comes back by the same way. The sonar knows of no mirror: it tells the length of the whole way, in the beam's
+    own direction. Such a ghost lies where the second surface would be seen in the mirror, behind the first one.
+
+    For a sensor under water the surface z = 0 is a mirror, too, and what lies above it gives no ghost; a sensor
+    above it is taken for one in a world without. The strength is Lambert's law at the second surface, less 6 dB.
+
+    Returns:
+        ranges are the lengths of the ways [m], inf where there is no second surface within the sensor's ranges.
+    """
+    origin, directions = beams(sensor, T_world_sensor)
+    ways, normals = scene.strike(np.broadcast_to(origin, directions.shape), directions)
+    under_water = bool(origin[2] < 0)
+    if under_water:
+        ways, normals = _meet_water(origin, directions, ways, normals)
+    met = np.flatnonzero(np.isfinite(ways) & (ways > 0))
+    mirrors = origin + ways[met, None] * directions[met]
+    onward, sines = _go_on(scene, mirrors, directions[met], normals[met], under_water)
+    ranges, sine_grazing = np.full(len(directions), np.inf), np.zeros(len(directions))
+    ranges[met] = ways[met] + onward
+    sine_grazing[met] = sines
+    echoes = echoes_of(sensor, ranges, sine_grazing)
+    return Echoes(echoes.ranges, echoes.strengths * 10 ** (-MIRROR_LOSS_DB / 10))
+
+
+def _go_on(
+    scene: Scene, mirrors: np.ndarray, directions: np.ndarray, normals: np.ndarray, under_water: bool
+) -> tuple[np.ndarray, np.ndarray]:
+    """Ways (M,) [m] from the mirrors, (M, 3), to the second surface, inf where none, and sines of grazing there."""
+    closing = np.einsum("ij,ij->i", directions, normals)[:, None]
+    mirrored = directions - 2 * closing * normals
+    starts = mirrors - SKIN * np.sign(closing) * normals
+    shifted, second = scene.strike(starts, mirrored)
+    seen = np.isfinite(shifted)
+    ends = starts + np.where(seen, shifted, 0.0)[:, None] * mirrored
+    # the way to the second surface's plane from the mirror itself, no longer from where the ray was made to start
+    slope = np.einsum("ij,ij->i", second, mirrored)
+    height = np.einsum("ij,ij->i", second, ends - mirrors)
+    onward = np.divide(height, slope, out=np.full(len(slope), np.inf), where=seen & (slope != 0))
+    if under_water:
+        onward[ends[:, 2] > 0] = np.inf
+    return onward, np.minimum(np.abs(slope), 1.0)
+
+
+def _meet_water(
+    origin: np.ndarray, directions: np.ndarray, ways: np.ndarray, normals: np.ndarray
+) -> tuple[np.ndarray, np.ndarray]:
+    """Ways and normals with the water's surface in them, where a beam from below meets it first."""
+    rising = directions[:, 2] > 0
+    to_water = np.full(len(directions), np.inf)
+    to_water[rising] = -origin[2] / directions[rising, 2]
+    first = to_water < ways
+    return np.where(first, to_water, ways), np.where(first[:, None], (0.0, 0.0, 1.0), normals)

@@ -1,0 +1,77 @@
+"""What a vehicle's instruments would say of simulated poses: attitude, heading, depth and position, with errors."""
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+import numpy as np
+from scipy.spatial.transform import RigidTransform, Rotation
+
+from kernels.errors import InputError
+from spectral.prior_error import twist
+from spectral.scan import PosePrior
+from tools.simulate.paths.dive import entropy_of
+
+STREAM = 31  # of the seed: the errors are drawn apart from the scans, which stay what they are
+
+
+@dataclass(frozen=True, slots=True)
+class Instruments:
+    """Standard deviations of what a vehicle carries; inf for what it does not.
+
+    Attributes:
+        attitude: of roll and of pitch [rad]; an inertial sensor's.
+        heading: [rad]; a magnetic compass near steel.
+        depth: [m]; a pressure sensor's, with waves.
+        position: of East and of North [m]; acoustic positioning.
+    """
+
+    attitude: float = float(np.deg2rad(0.5))
+    heading: float = float(np.deg2rad(3.0))
+    depth: float = 0.1
+    position: float = 3.0
+
+    @property
+    def sigmas(self) -> np.ndarray:
+        """(6,) float64 in PosePrior's order [rad, m]."""
+        return np.array([self.attitude] * 2 + [self.heading] + [self.position] * 2 + [self.depth])
+
+
+KINDS = tuple(Instruments.__dataclass_fields__)
+
+
+def carrying(kinds: Sequence[str]) -> Instruments:
+    """Instruments for these KINDS alone, as good as the defaults.
+
+    Raises:
+        InputError: an unknown kind, or none at all.
+    """
+    strange = [kind for kind in kinds if kind not in KINDS]
+    if strange or not kinds:
+        given = repr(strange[0]) if strange else "nothing"
+        raise InputError(f"no instrument measures {given}; wanted some of {','.join(KINDS)}, parted by commas")
+    return Instruments(**{kind: np.inf for kind in KINDS if kind not in kinds})
+
+
+def measure_poses(
+    T_world_sensor: RigidTransform, instruments: Instruments, seed: int, dive: int = 1
+) -> tuple[PosePrior, ...]:
+    """The prior of each of N poses; seed, dive and the pose's number decide its errors, whatever else is measured."""
+    entropy = entropy_of(seed, STREAM, dive=dive)
+    streams = (np.random.SeedSequence(entropy, spawn_key=(number,)) for number in range(len(T_world_sensor)))
+    return tuple(
+        measure_pose(T_world_sensor[number], instruments, np.random.default_rng(stream))
+        for number, stream in enumerate(streams)
+    )
+
+
+def measure_pose(T_world_sensor: RigidTransform, instruments: Instruments, rng: np.random.Generator) -> PosePrior:
+    """What the instruments say of one true pose: with normal errors, and 0 for what they do not measure."""
+    sigmas = instruments.sigmas
+    drawn = rng.normal(size=6)
+    known = np.isfinite(sigmas)
+    errors = np.where(known, sigmas, 0.0) * drawn
+    about_world = Rotation.from_euler("Z", twist(T_world_sensor.rotation)).apply(errors[:3])
+    yaw, pitch, roll = (Rotation.from_rotvec(-about_world) * T_world_sensor.rotation).as_euler("ZYX")
+    told = np.where(known[[2, 1, 0]], [yaw, pitch, roll], 0.0)
+    shift = np.where(known[3:], T_world_sensor.translation - errors[3:], 0.0)
+    return PosePrior(RigidTransform.from_components(shift, Rotation.from_euler("ZYX", told)), sigmas)
