@@ -5,9 +5,10 @@ from dataclasses import dataclass
 import numpy as np
 from scipy.spatial.transform import RigidTransform, Rotation
 
-from spectral.prior_error import ALLOWED_SIGMAS, level_covariance, measured_rotation, rotation_covariance, twist, within
 from spectral.scan import PosePrior
 
+# Standard deviations within which a rotation or a shift is allowed.
+_ALLOWED_SIGMAS = 4.0
 # Largest roll and pitch of a scan whose attitude is not measured [rad], the paper's range (Sect. 2.7)
 UNMEASURED_TILT = np.deg2rad(35.0)
 # What these can add to the turn of one scan about the vertical [rad], beyond the yaw of R = Rz(yaw) Ry(pitch) Rx(roll)
@@ -74,12 +75,12 @@ class RelativePrior:
         tilt, turn = self._turn(R_target_source)
         allowed = np.ones(len(turn), dtype=bool)
         if self.knows_tilt:
-            covariance = level_covariance(self.target) + level_covariance(self.source, turn)
-            allowed &= within(tilt, covariance, slack)
+            covariance = _level_covariance(self.target) + _level_covariance(self.source, turn)
+            allowed &= _within(tilt, covariance, slack)
         if self.knows_heading:
             unmeasured = 2 - self.target.knows_attitude - self.source.knows_attitude
             widened = slack + (0.0, _ONE_UNMEASURED, _TWO_UNMEASURED)[unmeasured]
-            allowed &= np.abs(turn) <= ALLOWED_SIGMAS * self._sigmas[2] + widened
+            allowed &= np.abs(turn) <= _ALLOWED_SIGMAS * self._sigmas[2] + widened
         return allowed.reshape(()) if R_target_source.single else allowed
 
     def allows_shift(self, t: np.ndarray, R_target_source: Rotation, slack: float = 0.0) -> np.ndarray:
@@ -106,25 +107,6 @@ class RelativePrior:
             allowed = self._allows_length(np.linalg.norm(d, axis=1), slack)
         return allowed.reshape(()) if np.ndim(t) == 1 and R_target_source.single else allowed
 
-    def shift_limits(self, R_target_source: Rotation, slack: float = 0.0) -> np.ndarray:
-        """(2, 3) least and greatest x, y and z [m] of what `allows_shift` allows, in the target's frame.
-
-        The box holds every shift that is allowed and others too. Without attitude, heading, depth and position
-        it is infinite along all axes.
-        """
-        reference, R_world_target = self._reference(R_target_source)
-        lever = ALLOWED_SIGMAS * 2 * reference.sigmas[:3].max()
-        if not (self.knows_position and self.knows_depth and lever < 1):
-            return np.array([[-np.inf] * 3, [np.inf] * 3])
-        sigmas = self._sigmas[3:]
-        largest = np.linalg.norm(self._shift) + 2 * slack + ALLOWED_SIGMAS * (sigmas[:2].max() + sigmas[2])
-        by_turn = reference.sigmas[:3].max() * largest / (1 - lever)  # of the longest shift that can be allowed
-        spread = ALLOWED_SIGMAS * np.hypot(sigmas, by_turn)
-        axes = R_world_target.as_matrix()  # its columns are the target's axes in the world
-        horizontal = np.linalg.norm(axes[:2] * spread[:2, None], axis=0) + slack * np.linalg.norm(axes[:2], axis=0)
-        half = horizontal + np.abs(axes[2]) * (spread[2] + slack)
-        return R_world_target.inv().apply(self._shift) + np.array([-half, half])
-
     def normalized(self, T_target_source: RigidTransform) -> tuple[float, int]:
         """How far a relative pose is from what was measured: chi-squared, and its degrees of freedom.
 
@@ -142,8 +124,8 @@ class RelativePrior:
         # errors of the target's rotation turn the pose and, with a lever, the shift; the source's only the pose
         x, y, z = self._lever(d, reference)
         jacobian = np.vstack([np.eye(3), [[0, z, -y], [-z, 0, x], [y, -x, 0]]])
-        covariance = jacobian @ rotation_covariance(self.target) @ jacobian.T
-        covariance[:3, :3] += rotation_covariance(self.source, turn[0])
+        covariance = jacobian @ _rotation_covariance(self.target) @ jacobian.T
+        covariance[:3, :3] += _rotation_covariance(self.source, turn[0])
         known = self._known(reference)
         covariance[3:, 3:] += np.diag(np.where(known[3:], self._sigmas[3:], 0.0) ** 2)
         residual, covariance = residual[known], covariance[np.ix_(known, known)]
@@ -199,8 +181,8 @@ class RelativePrior:
         if not self.knows_depth:
             return np.ones(len(d), dtype=bool)
         lever = self._lever(d, reference)[:, :2] @ np.array([[0.0, -1.0], [1.0, 0.0]])
-        by_tilt = np.einsum("ni,ij,nj->n", lever, level_covariance(reference), lever)
-        return np.abs(d[:, 2] - self._shift[2]) <= ALLOWED_SIGMAS * np.sqrt(self._sigmas[5] ** 2 + by_tilt) + slack
+        by_tilt = np.einsum("ni,ij,nj->n", lever, _level_covariance(reference), lever)
+        return np.abs(d[:, 2] - self._shift[2]) <= _ALLOWED_SIGMAS * np.sqrt(self._sigmas[5] ** 2 + by_tilt) + slack
 
     def _allows_horizontal(self, d: np.ndarray, reference: PosePrior, slack: float) -> np.ndarray:
         """In both axes where the heading is known, else by the distance alone."""
@@ -208,15 +190,15 @@ class RelativePrior:
             return np.ones(len(d), dtype=bool)
         quarter = np.array([[0.0, 1.0], [-1.0, 0.0]])
         lever = self._lever(d, reference)
-        by_tilt = lever[:, 2, None, None] ** 2 * (quarter @ level_covariance(reference) @ quarter.T)
+        by_tilt = lever[:, 2, None, None] ** 2 * (quarter @ _level_covariance(reference) @ quarter.T)
         if not reference.knows_heading:
             variance = self._sigmas[3:5].max() ** 2 + np.linalg.eigvalsh(by_tilt)[:, -1]
             off = np.abs(np.linalg.norm(d[:, :2], axis=1) - np.linalg.norm(self._shift[:2]))
-            return off <= ALLOWED_SIGMAS * np.sqrt(variance) + slack
+            return off <= _ALLOWED_SIGMAS * np.sqrt(variance) + slack
         aside = lever[:, :2] @ quarter
         by_heading = reference.sigmas[2] ** 2 * aside[:, :, None] * aside[:, None, :]
         covariance = np.diag(self._sigmas[3:5] ** 2) + by_tilt + by_heading
-        return within(d[:, :2] - self._shift[:2], covariance, slack)
+        return _within(d[:, :2] - self._shift[:2], covariance, slack)
 
     def _allows_length(self, length: np.ndarray, slack: float) -> np.ndarray:
         """Lengths (N,) [m] by all of the measured shift, or at least as long as the part of it that is measured."""
@@ -224,7 +206,7 @@ class RelativePrior:
         if not known.any():
             return np.ones(len(length), dtype=bool)
         off = length - np.linalg.norm(self._shift[known])
-        margin = ALLOWED_SIGMAS * self._sigmas[3:][known].max() + slack
+        margin = _ALLOWED_SIGMAS * self._sigmas[3:][known].max() + slack
         return np.abs(off) <= margin if known.all() else off >= -margin
 
 
@@ -238,3 +220,43 @@ def relative_prior(target: PosePrior | None, source: PosePrior | None) -> Relati
         return None
     one = RelativePrior(target, source)
     return one if one.knows_tilt or one.knows_heading or one.knows_position or one.knows_depth else None
+
+
+def measured_rotation(prior: PosePrior) -> Rotation:
+    """R_world_sensor, level where the attitude is not measured."""
+    R = prior.T_world_sensor.rotation
+    return R if prior.knows_attitude else Rotation.from_euler("Z", twist(R))
+
+
+def twist(R: Rotation) -> np.ndarray:
+    """(...) the turn about the vertical of R = S Rz(turn), S about a level axis [rad], within pi.
+
+    The same as that of R = Rz(turn) S'. Undefined upside down, where it is 0.
+    """
+    quaternion = R.as_quat(canonical=True)
+    return 2 * np.arctan2(quaternion[..., 2], quaternion[..., 3])
+
+
+def _level_covariance(prior: PosePrior, turn: float | np.ndarray = 0.0) -> np.ndarray:
+    """(2, 2), or (N, 2, 2) for N turns: of the errors of roll and pitch in the world [rad^2], turned about z."""
+    angle = np.asarray(turn) + twist(prior.T_world_sensor.rotation)
+    axes = np.moveaxis(np.array([[np.cos(angle), -np.sin(angle)], [np.sin(angle), np.cos(angle)]]), (0, 1), (-2, -1))
+    return axes * prior.sigmas[:2] ** 2 @ np.swapaxes(axes, -1, -2)
+
+
+def _rotation_covariance(prior: PosePrior, turn: float = 0.0) -> np.ndarray:
+    """(3, 3) of all errors of rotation in the world [rad^2], 0 for what is not measured."""
+    covariance = np.zeros((3, 3))
+    if prior.knows_attitude:
+        covariance[:2, :2] = _level_covariance(prior, turn)
+    covariance[2, 2] = prior.sigmas[2] ** 2 if prior.knows_heading else 0.0
+    return covariance
+
+
+def _within(offsets: np.ndarray, covariance: np.ndarray, slack: float) -> np.ndarray:
+    """(N,) bool: which of (N, 2) offsets, shortened by the slack, lie in the ellipse of 4 standard deviations."""
+    length = np.linalg.norm(offsets, axis=1, keepdims=True)
+    offsets = offsets * np.maximum(0.0, 1.0 - slack / np.maximum(length, np.finfo(float).tiny))
+    (a, b), (_, c) = np.moveaxis(np.broadcast_to(covariance, (len(offsets), 2, 2)), 0, -1)
+    x, y = offsets.T
+    return c * x**2 - 2 * b * x * y + a * y**2 <= _ALLOWED_SIGMAS**2 * (a * c - b**2)

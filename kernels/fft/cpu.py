@@ -6,11 +6,12 @@ first axis is another. Columns read and write memory in their first and last sta
 registers. An inverse transform is a forward one between real and imaginary parts that change places.
 """
 
-from kernels.fft.cpu_rows import complex_rows, real_rows
+from kernels.fft.cpu_rows import real_rows
 from kernels.fft.plan import RADICES, Layout, Pass, Plan
 from kernels.fft.stage import KEEP, block, from_private, private_stages, scatter, stage, to_private, twiddles
 
 _KERNEL = "__kernel __attribute__((reqd_work_group_size(1, 1, 1))) void"
+_ARGUMENTS = "__global float* volume, __global float* spectrum"
 
 
 def emit(layout: Layout, inverse: bool) -> Plan:
@@ -19,7 +20,7 @@ def emit(layout: Layout, inverse: bool) -> Plan:
     edges = {layout.row_points, n1} | (set() if layout.batched else {n0})
     parts = ['#include "opencl/complex.cl"', *(twiddles(n) for n in sorted(edges))]
     parts.append(_columns("columns_1", n1, 2 * layout.pitch, 1, inverse))
-    parts.append((real_rows if layout.real else complex_rows)(layout, inverse))
+    parts.append(real_rows(layout, inverse))
     parts.append(_planes(layout, inverse))
     passes = [Pass("planes", n0)]
     if not layout.batched:
@@ -32,22 +33,16 @@ def emit(layout: Layout, inverse: bool) -> Plan:
     return Plan("\n".join(parts), tuple(passes))
 
 
-def _arguments(layout: Layout) -> str:
-    return "__global float* volume, __global float* spectrum" if layout.real else "__global float* spectrum"
-
-
 def _planes(layout: Layout, inverse: bool) -> str:
     """The kernel of the last two axes: a work-item per plane."""
     _, n1, n2 = layout.shape
-    row = f"spectrum + row * {2 * layout.pitch}"
-    rows = f"rows(volume + row * {n2}, {row})" if layout.real else f"rows({row})"
-    rows = f"for (int row = 0; row < {n1}; row += 8) {rows};"
+    row = f"rows(volume + row * {n2}, spectrum + row * {2 * layout.pitch})"
+    rows = f"for (int row = 0; row < {n1}; row += 8) {row};"
     columns = f"for (int i = 0; i < {16 * layout.column_blocks}; i += 16) columns_1(spectrum + i);"
     loops = [columns, rows] if inverse else [rows, columns]
-    volume = f"volume += get_global_id(0) * {n1 * n2};" if layout.real else ""
     return f"""
-{_KERNEL} planes({_arguments(layout)}) {{
-    {volume}
+{_KERNEL} planes({_ARGUMENTS}) {{
+    volume += get_global_id(0) * {n1 * n2};
     spectrum += get_global_id(0) * {2 * n1 * layout.pitch};
     {KEEP} {loops[0]}
     {KEEP} {loops[1]}
@@ -58,7 +53,7 @@ def _sheets(layout: Layout, wide: int) -> str:
     """The kernel of the first axis: a work-item per `wide` rows of the second, neighbors in memory."""
     floats = 2 * layout.pitch * wide
     return f"""
-{_KERNEL} sheets({_arguments(layout)}) {{
+{_KERNEL} sheets({_ARGUMENTS}) {{
     spectrum += get_global_id(0) * {floats};
     {KEEP} for (int i = 0; i < {floats}; i += {16 * wide}) columns_0(spectrum + i);
 }}"""

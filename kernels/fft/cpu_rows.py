@@ -76,28 +76,6 @@ static inline void rows(__global float* volume, __global const float* spectrum) 
 }}"""
 
 
-def complex_rows(layout: Layout, inverse: bool) -> str:
-    """The function that transforms 8 complex rows in place."""
-    n, pitch = layout.row_points, 2 * layout.pitch
-    re, im = ("im", "re") if inverse else ("re", "im")
-    scale = f" * {literal(1 / layout.points)}" if inverse else ""
-    return f"""
-{_position(n)}
-static inline void rows(__global float* spectrum) {{
-    float8 re[{n}], im[{n}], a[8];
-    {KEEP} for (int k = 0; k < {n}; k += 4) {{
-        load_rows(spectrum + 2 * k, {pitch}, a);
-        const int at = position(k);
-        {_tile_to_arrays("at", n, re, im, "a")}
-    }}
-    {private_stages(n, 0, len(RADICES[n]))}
-    {KEEP} for (int k = 0; k < {n}; k += 4) {{
-        {_arrays_to_tile("k", re, im, scale)}
-        store_rows(spectrum + 2 * k, {pitch}, a);
-    }}
-}}"""
-
-
 def _untangle_tiles() -> str:
     """Untangle 4 numbers from k on, in a, with their 4 mirror images, in b from the last to the first."""
     return block(
@@ -115,8 +93,8 @@ def _tile_to_arrays(at: str, n: int, re: str, im: str, tile: str, shift: int = 0
     return block(lines)
 
 
-def _arrays_to_tile(at: str, re: str, im: str, scale: str = "") -> str:
-    return block([f"a[{2 * j}] = {re}[{at} + {j}]{scale}; a[{2 * j + 1}] = {im}[{at} + {j}]{scale};" for j in range(4)])
+def _arrays_to_tile(at: str, re: str, im: str) -> str:
+    return block([f"a[{2 * j}] = {re}[{at} + {j}]; a[{2 * j + 1}] = {im}[{at} + {j}];" for j in range(4)])
 
 
 def _position(n: int) -> str:

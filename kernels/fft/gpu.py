@@ -10,7 +10,6 @@ from math import prod
 
 from kernels.fft.plan import RADICES, Layout, Pass, Plan
 from kernels.fft.stage import scatter, stage, twiddles, untangle
-from kernels.opencl.source import literal
 
 _BARRIER = "barrier(CLK_LOCAL_MEM_FENCE);"
 
@@ -23,7 +22,7 @@ def emit(layout: Layout, inverse: bool) -> Plan:
     if not layout.batched:
         columns.append(("columns_0", n0, n1 * blocks, pitch, n1 * pitch))
     parts = [twiddles(n) for n in sorted({points, *(edge[1] for edge in columns)})]
-    parts.append(_real_rows(layout, inverse) if layout.real else _complex_rows(layout, inverse))
+    parts.append(_rows(layout, inverse))
     passes = [Pass("rows", n0 * n1 // 8, group_size(points))]
     for name, n, groups, outer, stride in columns:
         parts.append(_columns(layout, name, n, outer, stride, inverse))
@@ -41,13 +40,12 @@ def local_bytes(n: int) -> int:
     return 8 * n * 2 * 4
 
 
-def _kernel(layout: Layout, name: str, n: int, body: list[str]) -> str:
+def _kernel(name: str, n: int, body: list[str]) -> str:
     """A kernel around its statements; `item` is the work-item's number in its group."""
-    arguments = "__global float* volume, " if layout.real else ""
     text = "\n    ".join(body)
     return f"""
 __kernel __attribute__((reqd_workgroup_size({group_size(n)}, 1, 1)))
-void {name}({arguments}__global float* spectrum) {{
+void {name}(__global float* volume, __global float* spectrum) {{
     __local float re[{8 * n}], im[{8 * n}];
     const int item = get_local_id(0);
     const size_t group = get_group_id(0);
@@ -107,30 +105,11 @@ def _columns(layout: Layout, name: str, n: int, outer: int, stride: int, inverse
     ]
     store = [f"{where} vstore2((float2)({re}[t], {im}[t]), 0, p + k * {stride} + 2 * line);"]
     first = f"__global float* p = spectrum + group / {blocks} * {outer} + group % {blocks} * 16;"
-    return _kernel(layout, name, n, [first, *_each(n, 8 * n, load), *_stages(n), *_each(n, 8 * n, store)])
+    return _kernel(name, n, [first, *_each(n, 8 * n, load), *_stages(n), *_each(n, 8 * n, store)])
 
 
-def _complex_rows(layout: Layout, inverse: bool) -> str:
-    """The kernel of the last axis of a complex array."""
-    n, pitch = layout.row_points, 2 * layout.pitch
-    re, im = _parts(inverse)
-    scale = literal(1 / layout.points if inverse else 1.0)
-    where = f"const int line = t / {n}, k = t % {n};"
-    load = [
-        f"{where} const int at = 8 * ({scatter(n, 'k')}) + line;",
-        f"const float2 z = vload2(k, p + line * {pitch});",
-        f"{re}[at] = z.x; {im}[at] = z.y;",
-    ]
-    store = [
-        f"{where} const float2 z = (float2)({re}[8 * k + line], {im}[8 * k + line]);",
-        f"vstore2(z * {scale}, k, p + line * {pitch});",
-    ]
-    first = f"__global float* p = spectrum + group * {8 * pitch};"
-    return _kernel(layout, "rows", n, [first, *_each(n, 8 * n, load), *_stages(n), *_each(n, 8 * n, store)])
-
-
-def _real_rows(layout: Layout, inverse: bool) -> str:
-    """The kernel of the last axis of a real array: packed rows and their half spectra."""
+def _rows(layout: Layout, inverse: bool) -> str:
+    """The kernel of the last axis: packed real rows and their half spectra."""
     n, pitch, length = layout.row_points, 2 * layout.pitch, layout.shape[2]
     re, im = _parts(inverse)
     row = f"const int line = t / {n}, k = t % {n}; __global float* v = rows + line * {length};"
@@ -144,7 +123,7 @@ def _real_rows(layout: Layout, inverse: bool) -> str:
     ]
     first = f"__global float *rows = volume + group * {8 * length}, *spectra = spectrum + group * {8 * pitch};"
     scale = 2 / layout.points if inverse else 1.0  # a packed row has half the points of its real one
-    return untangle(n, scale, inverse, "float") + _kernel(layout, "rows", n, [first, *loops])
+    return untangle(n, scale, inverse, "float") + _kernel("rows", n, [first, *loops])
 
 
 def _rows_to_spectra(n: int, re: str, im: str) -> tuple[list[str], list[str]]:

@@ -23,13 +23,12 @@ EDGES = (16, 32, 64, 128, 256, 512)
 class Layout:
     """The arrays of a transform of shape (n0, n1, n2).
 
-    A complex array is (n0, n1, n2 + 8), complex64, of which [..., :n2] is valid. A real one is dense float32
-    and its half spectrum (n0, n1, n2 / 2 + 8), complex64, of which [..., :n2 / 2 + 1] is valid. The padding
-    keeps the rows of a column out of each other's way in the cache, and rows aligned to its lines.
+    The real array is dense float32, its half spectrum (n0, n1, n2 / 2 + 8), complex64, of which
+    [..., :n2 / 2 + 1] is valid. The padding keeps the rows of a column out of each other's way in the cache, and
+    rows aligned to its lines.
 
     Attributes:
         shape: number of points per axis.
-        real: whether the transform is real to complex.
         batched: whether axis 0 is not transformed.
 
     Raises:
@@ -37,8 +36,7 @@ class Layout:
     """
 
     shape: tuple[int, int, int]
-    real: bool
-    batched: bool
+    batched: bool = False
 
     def __post_init__(self) -> None:
         edges = self.shape[1:] if self.batched else self.shape
@@ -52,7 +50,7 @@ class Layout:
     @property
     def row_points(self) -> int:
         """Complex points per row that are transformed: a real row is packed into half as many."""
-        return self.shape[2] // 2 if self.real else self.shape[2]
+        return self.shape[2] // 2
 
     @property
     def pitch(self) -> int:
@@ -62,11 +60,11 @@ class Layout:
     @property
     def column_blocks(self) -> int:
         """Blocks of 8 adjacent columns that hold every valid one."""
-        return self.row_points // 8 + self.real
+        return self.row_points // 8 + 1
 
     @property
     def spectrum_shape(self) -> tuple[int, int, int]:
-        """Shape of the spectrum's array, padding included; of a complex transform it is the array itself."""
+        """Shape of the spectrum's array, padding included."""
         return (self.shape[0], self.shape[1], self.pitch)
 
     @property
@@ -88,7 +86,7 @@ class Pass:
 class Plan:
     """A program and the launches, in order, that make it a transform.
 
-    The kernels take (volume, spectrum) of a real transform and (array) of a complex one.
+    Every kernel takes the arrays (volume, spectrum).
     """
 
     source: str

@@ -86,7 +86,7 @@ class RealFFT:
             InputError: an edge has no transform.
             DeviceError: the device is too small for an edge, or the program does not build.
         """
-        layout = Layout(shape, real=True, batched=batched)
+        layout = Layout(shape, batched)
         self.shape, self.half_shape = layout.shape, layout.spectrum_shape
         self._device = device
         self._forward = _Transform(device, layout, False, flavor)
@@ -124,37 +124,3 @@ class RealFFT:
         volume = output(self._device, out, "out", self.shape)
         self._inverse(volume, spectrum)
         return volume
-
-
-class ComplexFFT:
-    """Complex transforms in place, over all three axes or, batched, over the last two; see `RealFFT`.
-
-    Attributes:
-        shape: of the points transformed.
-        padded_shape: of the array, complex64, (n0, n1, n2 + 8): [..., :n2] is valid and the rest padding.
-    """
-
-    def __init__(
-        self,
-        device: Device,
-        shape: tuple[int, int, int],
-        batched: bool = False,
-        flavor: Flavor | None = None,
-    ) -> None:
-        """Build the kernels; arguments and errors are those of `RealFFT`."""
-        layout = Layout(shape, real=False, batched=batched)
-        self.shape, self.padded_shape = layout.shape, layout.spectrum_shape
-        self._forward = _Transform(device, layout, False, flavor)
-        self._inverse = _Transform(device, layout, True, flavor)
-
-    def forward(self, array: cla.Array) -> cla.Array:
-        """Replace an array, complex64 of `padded_shape`, by its spectrum, and return it."""
-        require_array(array, "array", self.padded_shape, np.complex64)
-        self._forward(array)
-        return array
-
-    def inverse(self, array: cla.Array) -> cla.Array:
-        """Replace a spectrum, complex64 of `padded_shape`, by its array, and return it."""
-        require_array(array, "array", self.padded_shape, np.complex64)
-        self._inverse(array)
-        return array

@@ -83,11 +83,6 @@ class Visibility:
     contradict: np.ndarray
     seen: np.ndarray
 
-    @property
-    def score(self) -> np.ndarray:
-        """(n,) agreement less twice the contradiction; 1 at best."""
-        return self.agree - 2 * self.contradict
-
 
 def visibility(
     device: Device,

@@ -115,21 +115,6 @@ def polar_magnitude(spectrum: np.ndarray, radii: np.ndarray, angles: np.ndarray,
     return out
 
 
-def rotate(volume: np.ndarray, R: np.ndarray, cores: int) -> np.ndarray:
-    """out(x) = volume(R^T x) about index N/2, 0 outside."""
-    edge = volume.shape[0]
-    x = np.arange(edge, dtype=np.float32) - np.float32(edge / 2)
-    inverse = R.T.astype(np.float32)
-    plane = inverse[:, 1, None, None] * x[:, None] + inverse[:, 2, None, None] * x + np.float32(edge / 2)
-    out = np.empty_like(volume)
-
-    def slab(n: int) -> None:
-        map_coordinates(volume, plane + inverse[:, 0, None, None] * x[n], output=out[n], order=1)
-
-    _spread(slab, edge, cores)
-    return out
-
-
 def correlate_rotations(
     target: np.ndarray, source: np.ndarray, wigner: np.ndarray, edge: int, cores: int
 ) -> np.ndarray:

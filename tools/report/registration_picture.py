@@ -55,22 +55,6 @@ def registration_figure(view: RegistrationView) -> "Figure":
     return figure
 
 
-def registration_caption(view: RegistrationView) -> str:
-    """What the picture shows, for the page that it stands on."""
-    against = view.target.contradicting.sum() + view.source.contradicting.sum()
-    share = against / (len(view.target.points) + len(view.source.points))
-    return (
-        "What the registration of two scans saw. (1) The scans from above, as they came, what lies pale. (2) The "
-        "magnitude spectrum of the target: it turns with the scan and does not move with it. (3) Its values on the "
-        "hemisphere of one frequency, for both scans; the dashed lines are the target's axes, in the source's where "
-        "the rotation that was found puts them. (4) The correlation of such hemispheres over all rotations, for each "
-        f"yaw and tilt the highest value; {len(view.followed)} rotations are verified. (5) The correlation of the "
-        f"scans over all shifts under the rotation that won; its peak stands {view.shifts.psr:.0f} standard deviations "
-        f"above the mean. (6) The scans registered; {share:.1%} of the points (red) stand where the other scan saw "
-        "through."
-    )
-
-
 def _headline(registration: Registration) -> str:
     """The result and why it is believed or not, in words; the reason tells the probability."""
     yaw, pitch, roll = registration.T_target_source.rotation.as_euler("ZYX", degrees=True)

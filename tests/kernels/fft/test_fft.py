@@ -7,7 +7,7 @@ import numpy as np
 import pytest
 
 from kernels.errors import DeviceError, InputError
-from kernels.fft.transform import ComplexFFT, Flavor, RealFFT
+from kernels.fft.transform import Flavor, RealFFT
 from kernels.opencl.device import Device
 
 TOLERANCE = 3e-7  # relative, in the 2-norm
@@ -68,21 +68,6 @@ def test_real_is_rfftn_and_irfftn(device, flavor, shape):
     assert difference(fft.inverse(spectrum).get(), volume) < TOLERANCE
 
 
-@cases
-def test_complex_is_fftn_and_ifftn(device, flavor, shape):
-    fft = ComplexFFT(device, shape, flavor=flavor)
-    given = complex_(fft.padded_shape)
-    given[..., shape[2] :] = np.nan
-    valid = given[..., : shape[2]]
-    array = device.to_device(given)
-    assert fft.forward(array) is array
-    assert difference(array.get()[..., : shape[2]], np.fft.fftn(valid.astype(complex))) < TOLERANCE
-    fft.inverse(array)
-    assert difference(array.get()[..., : shape[2]], valid) < TOLERANCE
-    array = fft.inverse(device.to_device(given))
-    assert difference(array.get()[..., : shape[2]], np.fft.ifftn(valid.astype(complex))) < TOLERANCE
-
-
 @pytest.mark.parametrize("layers", [1, 77])
 def test_batched_leaves_the_first_axis(device, flavor, layers):
     shape = (layers, 32, 64)
@@ -91,13 +76,6 @@ def test_batched_leaves_the_first_axis(device, flavor, layers):
     wanted = np.fft.rfft2(volume.astype(float))
     assert difference(half(spectrum.get(), shape), wanted) < TOLERANCE
     assert difference(fft.inverse(spectrum).get(), volume) < TOLERANCE
-    fft = ComplexFFT(device, shape, batched=True, flavor=flavor)
-    given = complex_(fft.padded_shape)
-    valid = given[..., :64].astype(complex)
-    forward = fft.forward(device.to_device(given)).get()[..., :64]
-    assert difference(forward, np.fft.fft2(valid)) < TOLERANCE
-    inverse = fft.inverse(device.to_device(given)).get()[..., :64]
-    assert difference(inverse, np.fft.ifft2(valid)) < TOLERANCE
 
 
 def test_writes_to_out(device):
@@ -138,10 +116,9 @@ def test_one_transform_is_the_same_every_time(device):
 
 
 @pytest.mark.parametrize("shape", [(24, 32, 64), (16, 8, 64), (16, 32, 1024), (0, 32, 32), (16, 16)])
-@pytest.mark.parametrize("kind", [RealFFT, ComplexFFT])
-def test_refuses_other_edges(device, kind, shape):
+def test_refuses_other_edges(device, shape):
     with pytest.raises(InputError, match="16, 32, 64, 128, 256, 512"):
-        kind(device, shape)
+        RealFFT(device, shape)
 
 
 def test_refuses_batches_without_layers(device):
@@ -178,13 +155,3 @@ def test_real_cubes_of_the_grids_in_use(device, flavor, edge):
     spectrum = fft.forward(device.to_device(volume))
     assert difference(half(spectrum.get(), shape), np.fft.rfftn(volume.astype(float))) < TOLERANCE
     assert difference(fft.inverse(spectrum).get(), volume) < TOLERANCE
-
-
-@pytest.mark.slow
-def test_complex_256_cubed(device, flavor):
-    fft = ComplexFFT(device, (256, 256, 256), flavor=flavor)
-    given = complex_(fft.padded_shape)
-    array = fft.forward(device.to_device(given))
-    wanted = np.fft.fftn(given[..., :256].astype(complex))
-    assert difference(array.get()[..., :256], wanted) < TOLERANCE
-    assert difference(fft.inverse(array).get()[..., :256], given[..., :256]) < TOLERANCE

@@ -195,10 +195,10 @@ class TestPrograms:
         )
 
     def test_are_built_once_per_context(self, device: Device) -> None:
-        assert device.program("points/rotate", EDGE=16) is device.program("points/rotate", EDGE=16)
-        assert device.program("points/rotate", EDGE=16) is not device.program("points/rotate", EDGE=32)
+        assert device.program("points/voxelize", EDGE=16) is device.program("points/voxelize", EDGE=16)
+        assert device.program("points/voxelize", EDGE=16) is not device.program("points/voxelize", EDGE=32)
         other = Device(device.cl_device)
-        assert other.program("points/rotate", EDGE=16) is not device.program("points/rotate", EDGE=16)
+        assert other.program("points/voxelize", EDGE=16) is not device.program("points/voxelize", EDGE=16)
 
     def test_carry_the_build_log_in_the_error(self, device: Device) -> None:
         with pytest.raises(DeviceError, match="'broken' did not build on") as raised:

@@ -146,12 +146,12 @@ class TestCommand:
         assert f"timing kernels: {len(CASES)} of {len(CASES)}" in result.stderr
 
     def test_a_wrong_kernel_ends_with_3(self, monkeypatch: pytest.MonkeyPatch) -> None:
-        right = twins.rotate
-        monkeypatch.setattr("tools.bench.twins.rotate", lambda *given: right(*given) + np.float32(1))
+        right = twins.magnitude
+        monkeypatch.setattr("tools.bench.twins.magnitude", lambda *given: right(*given) + np.float32(1))
         result = CliRunner().invoke(app, [*QUICK, "--pairs", "0"])
         assert result.exit_code == 3
         assert "WRONG" in result.stdout
-        assert "error: not what the twin gives: rotate at 16^3" in result.stderr
+        assert "error: not what the twin gives: magnitude at 16^3" in result.stderr
 
     @pytest.mark.parametrize(
         ("arguments", "words"),

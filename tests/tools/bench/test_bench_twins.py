@@ -23,12 +23,6 @@ class TestTwins:
         want = [map_coordinates(magnitude, (turned * r + [8, 8, 0])[:, None], order=1)[0] for r in radii]
         np.testing.assert_allclose(got[:, 5, 3], want, rtol=1e-5)
 
-    def test_rotate(self) -> None:
-        volume = np.random.default_rng(3).random((16, 16, 16), dtype=np.float32)
-        place = R.T @ np.array([2, -3, 1]) + 8
-        want = map_coordinates(volume, place[:, None], order=1)[0]
-        assert twins.rotate(volume, R, 2)[10, 5, 9] == pytest.approx(want, rel=1e-5)
-
     def test_voxelize_keeps_the_largest_weight(self) -> None:
         points = np.array([[1, 2, 3, 0.5], [1.2, 2, 3, 0.9], [100, 0, 0, 1]], np.float32)
         volume = twins.voxelize(points, np.eye(3), np.ones((16, 16, 16), np.float32))

@@ -16,7 +16,7 @@ from spectral.prepare.range_image import visibility
 from spectral.prepare.spectral_scan import SpectralScan
 from spectral.registration import SpectralRegistrar
 from tests.samples.clutter_scans import said, scan, sonarmap, write
-from tools.report.registration_picture import draw_registration, registration_caption, registration_figure
+from tools.report.registration_picture import draw_registration, registration_figure
 from tools.report.registration_view import RegistrationView, contradicting, view_registration
 from tools.report.rotation_map import map_rotations, tilt_of, yaw_of
 from tools.report.translation_slice import slice_translation
@@ -155,8 +155,6 @@ class TestPicture:
         assert lines[0].startswith("Accepted:  yaw -139.")
         assert (len(lines), lines[1].startswith("the views agree very")) == (3, True)
         assert headline(replace(view, registration=replace(sure, accepted=False))).startswith("NOT accepted:  yaw")
-        caption = registration_caption(view)
-        assert f"peak stands {view.shifts.psr:.0f} standard deviations" in caption
 
     def test_the_same_bytes_twice_and_not_many(self, seen: Seen, tmp_path: Path) -> None:
         paths = tmp_path / "new" / "one.png", tmp_path / "two.png"

@@ -3,7 +3,6 @@
 import numpy as np
 import scipy.fft
 
-from kernels.points.rotate import rotate
 from kernels.points.voxelize import voxelize
 from kernels.resample.layers import normalize_layers
 from kernels.resample.polar import polar_magnitude
@@ -81,20 +80,4 @@ def polar_magnitude_case(w: Workload) -> Case:
         run=lambda: polar_magnitude(w.device, spectrum, (w.edge, w.edge), radii, angles, out=out),
         read=out.get,
         twin=lambda: twins.polar_magnitude(host, radii, angles, w.cores),
-    )
-
-
-def rotate_case(w: Workload) -> Case:
-    # rounding decides whether a point on the grid's rim is inside: nothing is there
-    host = np.zeros_like(w.volume)
-    host[1:-1, 1:-1, 1:-1] = w.volume[1:-1, 1:-1, 1:-1]
-    volume, out = w.upload(host), w.device.empty(host.shape)
-    return Case(
-        "rotate",
-        "map_coordinates",
-        2 * host.nbytes,
-        RESAMPLED,
-        run=lambda: rotate(w.device, volume, R, out=out),
-        read=out.get,
-        twin=lambda: twins.rotate(host, R, w.cores),
     )

@@ -1,12 +1,8 @@
 """Copying and the Fourier transforms."""
 
-from collections.abc import Callable
-from typing import Any
-
 import numpy as np
-import scipy.fft
 
-from kernels.fft.transform import ComplexFFT, RealFFT
+from kernels.fft.transform import RealFFT
 from tools.bench import twins
 from tools.bench.case import FFT, Case, transform_bytes, valid, volume_bytes
 from tools.bench.copy_rate import copier
@@ -52,38 +48,4 @@ def real_inverse_case(w: Workload) -> Case:
         read=out.get,
         twin=lambda: twins.inverse(w.spectrum, w.cores),
         restore=lambda: spectrum.set(padded),
-    )
-
-
-def complex_forward_case(w: Workload) -> Case:
-    fft = ComplexFFT(w.device, w.volume.shape)
-    return _complex_case(w, "forward", fft.forward, scipy.fft.fftn)
-
-
-def complex_inverse_case(w: Workload) -> Case:
-    fft = ComplexFFT(w.device, w.volume.shape)
-    return _complex_case(w, "inverse", fft.inverse, scipy.fft.ifftn)
-
-
-def _complex_case(
-    w: Workload, direction: str, transform: Callable[..., Any], scipy_transform: Callable[..., Any]
-) -> Case:
-    """Both in place, so both are given their input anew before each round."""
-    given = w.volume + np.complex64(1j) * np.roll(w.volume, 1, axis=2)
-    padded = np.pad(given, ((0, 0), (0, 0), (0, 8)))
-    array, host = w.upload(padded), given.copy()
-
-    def restore() -> None:
-        array.set(padded)
-        np.copyto(host, given)
-
-    return Case(
-        f"ComplexFFT.{direction}",
-        f"scipy.fft.{scipy_transform.__name__}",
-        6 * given.nbytes,
-        FFT,
-        run=lambda: transform(array),
-        read=lambda: array.get()[..., : w.edge],
-        twin=lambda: scipy_transform(host, workers=w.cores, overwrite_x=True),
-        restore=restore,
     )

@@ -7,7 +7,7 @@ import numpy as np
 from scipy.spatial.transform import RigidTransform, Rotation
 
 from kernels.errors import InputError
-from spectral.prior_error import twist
+from spectral.prior import twist
 from spectral.scan import PosePrior
 from tools.simulate.paths.dive import entropy_of
 
