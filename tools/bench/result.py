@@ -97,7 +97,8 @@ class BenchResult:
 
 def as_json(result: BenchResult) -> dict[str, Any]:
     """One object; seconds, bytes and bytes per second throughout."""
-    from tools.writers.summary import package_versions, to_json
+    from tools.versions import package_versions
+    from tools.writers.json_text import to_json
 
     return to_json(
         {

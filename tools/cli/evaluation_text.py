@@ -1,4 +1,4 @@
-"""What `sonarmap evaluate` prints of a trajectory, a map, pairs and uncertainties."""
+"""What `sonarmap evaluate` prints about a trajectory, a map, pairs and uncertainties."""
 
 from collections.abc import Mapping
 from typing import TYPE_CHECKING
@@ -17,8 +17,8 @@ if TYPE_CHECKING:
 
 ALIGNMENTS = {"poses": "all poses", "positions": "all positions", "first": "the first pose"}
 ANCHORS = {
-    "first": "the first pose laid upon its truth",
-    "world": "nothing aligned: the estimate's world is taken for the truth's",
+    "first": "relative to the first pose",
+    "world": "without alignment, both in one world frame",
 }
 _COUNTS = ("kept_right", "kept_wrong", "rejected_right", "rejected_wrong", "failed", "unjudged")
 
@@ -29,7 +29,7 @@ def print_trajectory(result: "Evaluation") -> None:
 
     table = Table(box=None, pad_edge=False)
     positions = ("stamp [s]", "estimated x, y, z [m]", "true x, y, z [m]", "off [m]")
-    for name in (*positions, "estimated yaw", "true yaw", "turned by"):
+    for name in (*positions, "estimated yaw", "true yaw", "rotated by"):
         table.add_column(Text(name), justify="right", no_wrap=True)  # brackets are no markup
     estimated_yaw, true_yaw = yaw_deg(result.T_aligned), yaw_deg(result.T_true)
     for k, stamp in enumerate(result.stamps.tolist()):
@@ -52,9 +52,9 @@ def print_trajectory(result: "Evaluation") -> None:
 
 
 def print_map(error: "MapError", alignment: str) -> None:
-    """How far the map's points lie off."""
+    """The distances of the map's points from the true surface."""
     typer.echo(
-        f"map: {len(error.distance_m)} points against {printable(error.reference)}, laid over it as the trajectory, by "
+        f"map: {len(error.distance_m)} points compared with {printable(error.reference)}, aligned like the trajectory by "
         f"{ALIGNMENTS[alignment]}: median {error.median_m:.3f} m off, 90 % within {error.p90_m:.3f} m, "
         f"{100 * error.within_voxel:.1f} % within one voxel ({error.voxel:.3g} m)"
     )
@@ -65,27 +65,27 @@ def print_scores(scores: Mapping[str, "PairScore"], rotation_deg: float, transla
     table = Table(box=None, pad_edge=False)
     shares = ("precision", "recall", "rejections' precision", "rejections' recall")
     table.add_column(f"pairs, right within {rotation_deg:g}° and {translation_m:.2f} m", no_wrap=True)
-    for name in (*(one.replace("_", " ") for one in _COUNTS), *shares):
+    for name in (*(name.replace("_", " ") for name in _COUNTS), *shares):
         table.add_column(name, justify="right", no_wrap=True)
     for name, score in scores.items():
-        counts = [str(getattr(score, one)) for one in _COUNTS]
-        measured = (score.precision, score.recall, score.rejected_precision, score.rejected_recall)
-        table.add_row(name, *counts, *("-" if share is None else f"{share:.3f}" for share in measured))
+        counts = [str(getattr(score, count)) for count in _COUNTS]
+        ratios = (score.precision, score.recall, score.rejected_precision, score.rejected_recall)
+        table.add_row(name, *counts, *("-" if share is None else f"{share:.3f}" for share in ratios))
     result_console().print(table)
 
 
 def print_calibration(calibration: "PoseCalibration") -> None:
-    """How many poses lie where their covariances say."""
+    """How many true poses lie within the estimates' 95 % ellipsoids."""
     typer.echo(
         f"uncertainty of {len(calibration.nees)} poses, {ANCHORS[calibration.anchor]}: "
-        f"{100 * calibration.within_95:.1f} % of the truths in the 95 % ellipsoid, of the positions "
-        f"{100 * calibration.position_within_95:.1f} %; mean NEES {calibration.nees.mean():.2f} (wanted 6), of the "
-        f"positions {calibration.position_nees.mean():.2f} (wanted 3)"
+        f"{100 * calibration.within_95:.1f} % of the true poses and "
+        f"{100 * calibration.position_within_95:.1f} % of the true positions lie in the 95 % ellipsoid; mean NEES "
+        f"{calibration.nees.mean():.2f} (ideal 6), of the positions {calibration.position_nees.mean():.2f} (ideal 3)"
     )
 
 
 def shown_stamp(seconds: float) -> str:
-    """A stamp without idle zeros."""
+    """A stamp without trailing zeros."""
     return f"{seconds:.6f}".rstrip("0").rstrip(".")
 
 

@@ -10,7 +10,8 @@ from kernels.errors import InputError
 from slam.execute.worker import Recipe
 from tools.methods.registry import Setup, find_method
 from tools.methods.sources import method_digest
-from tools.writers.summary import package_versions, to_json
+from tools.versions import package_versions
+from tools.writers.json_text import to_json
 
 if TYPE_CHECKING:
     from spectral.result import Registrar

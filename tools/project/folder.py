@@ -15,14 +15,15 @@ from slam.graph.pose_graph import PoseGraph
 from slam.map.point_map import PointMap
 from slam.mapper import SurveyResult
 from tools.project.parts import placed
+from tools.project.summary import survey_summary
 from tools.readers.scans import Unread
 from tools.report.loops_picture import draw_loops
 from tools.report.map_picture import draw_map
 from tools.writers.atomic import all_or_none
 from tools.writers.g2o import write_g2o
+from tools.writers.json_text import write_json
 from tools.writers.kitti import write_kitti
 from tools.writers.points import write_points
-from tools.writers.summary import survey_summary, write_summary
 from tools.writers.tum import write_tum
 
 GRAPH, SUMMARY, TIMES, JOURNAL = "graph.g2o", "summary.json", "times.json", "journal.sqlite"
@@ -95,9 +96,9 @@ def write_survey(
     summary = survey_summary(result, list(names), settings, description, unread)
     with all_or_none():
         _write_files(folder, result, names, files)
-        write_summary(folder / SUMMARY, summary | {"files": [*chain.from_iterable(files), GRAPH, SUMMARY]})
+        write_json(folder / SUMMARY, summary | {"files": [*chain.from_iterable(files), GRAPH, SUMMARY]})
         if times is not None:
-            write_summary(folder / TIMES, times)
+            write_json(folder / TIMES, times)
     for name in former.difference(*files):
         (folder / name).unlink(missing_ok=True)
     return folder / SUMMARY

@@ -12,7 +12,7 @@ from typing import Any
 from kernels.errors import InputError
 from tools.reproduce.experiment import Outcome, Row
 from tools.reproduce.provenance import Provenance
-from tools.writers.summary import to_json
+from tools.writers.json_text import to_json
 
 FOLDER = ".journal"
 

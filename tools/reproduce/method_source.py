@@ -8,7 +8,7 @@ from tools.methods.registry import METHODS
 from tools.methods.sources import method_digest
 from tools.reproduce.experiment import ByMethod, Experiment
 from tools.reproduce.provenance import Provenance, provenance, source_of
-from tools.writers.summary import to_json
+from tools.writers.json_text import to_json
 
 # Packages that decide no registration, and those that decide none without a device
 _IDLE = ("sonarmap", "gtsam")

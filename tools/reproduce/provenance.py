@@ -12,7 +12,8 @@ from kernels.opencl.device import Device
 from tools.bench.machine import describe_machine
 from tools.methods.sources import ROOT, digest_of, imported, programs
 from tools.reproduce.experiment import Experiment
-from tools.writers.summary import package_versions, to_json
+from tools.versions import package_versions
+from tools.writers.json_text import to_json
 
 
 @dataclass(frozen=True, slots=True)

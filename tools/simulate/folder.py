@@ -7,10 +7,11 @@ from kernels.errors import InputError
 from tools.readers.instruments import PRIORS
 from tools.simulate.sensing.priors import Instruments, measure_poses
 from tools.simulate.simulation import Simulation, SimulationSettings, settings_from_json
+from tools.versions import package_versions
 from tools.writers.atomic import all_or_none
+from tools.writers.json_text import write_json
 from tools.writers.points import write_ply
 from tools.writers.priors import write_priors
-from tools.writers.summary import package_versions, write_summary
 from tools.writers.tum import write_tum
 
 TRUTH = "truth.tum"
@@ -71,7 +72,7 @@ def _write_files(simulation: Simulation, folder: Path, paths: list[Path]) -> Non
             for number, (path, scan) in enumerate(zip(paths, simulation.scans, strict=True))
         ],
     }
-    write_summary(folder / DESCRIPTION, content)
+    write_json(folder / DESCRIPTION, content)
 
 
 def read_settings(path: Path) -> SimulationSettings:

@@ -142,7 +142,7 @@ def test_stopped_while_it_maps(out: Path, scans: list[str]) -> None:
     assert results_in(out) == before
 
 
-@pytest.mark.parametrize("written", ["write_points", "draw_map", "write_g2o", "write_summary"])
+@pytest.mark.parametrize("written", ["write_points", "draw_map", "write_g2o", "write_json"])
 def test_stopped_while_it_writes(out: Path, scans: list[str], written: str, monkeypatch: pytest.MonkeyPatch) -> None:
     before = files_in(out)
 

@@ -10,7 +10,7 @@ from scipy.spatial.transform import RigidTransform, Rotation
 from kernels.errors import InputError
 from slam.graph.trajectory import Trajectory
 from tests.samples.clutter_scans import said, sonarmap
-from tools.readers.summary import read_summary
+from tools.evaluate.survey_summary import read_summary
 from tools.writers.points import write_ply
 from tools.writers.tum import write_tum
 
@@ -121,10 +121,10 @@ def test_everything_is_printed_with_its_alignment(files: Path) -> None:
     options = ("--map", files / "map.ply", "--surface", files / "truth.ply", "--summary", files / "summary.json")
     printed = sonarmap("evaluate", files / "estimate.tum", files / "truth.tum", *options).stdout
     assert (
-        "map: 500 points against the 500 points of truth.ply, laid over it as the trajectory, by all poses" in printed
+        "map: 500 points compared with the 500 points of truth.ply, aligned like the trajectory by all poses" in printed
     )
     assert "pairs, right within 6° and 1.50 m" in printed
-    assert "uncertainty of 5 poses, the first pose laid upon its truth: 100.0 % of the truths" in printed
+    assert "uncertainty of 5 poses, relative to the first pose: 100.0 % of the true poses" in printed
     (row,) = [line.split() for line in printed.splitlines() if line.startswith("loops")]
     assert row == ["loops", "1", "1", "1", "0", "1", "0", "0.500", "0.500", "0.000", "0.000"]
 
@@ -132,17 +132,17 @@ def test_everything_is_printed_with_its_alignment(files: Path) -> None:
 @pytest.mark.parametrize(
     ("options", "words"),
     [
-        (["--map", "map.ply"], "--map is given without --surface"),
-        (["--surface", "truth.ply"], "--surface is given without --map"),
-        (["--voxel", "1"], "drop --voxel"),
-        (["--map", "map.ply", "--surface", "truth.ply"], "give --voxel or its --summary"),
-        (["--summary", "truth.ply"], "wanted the summary.json"),
-        (["--summary", "none.json"], "wanted the summary.json"),
+        (["--map", "map.ply"], "--map needs --surface"),
+        (["--surface", "truth.ply"], "--surface needs --map"),
+        (["--voxel", "1"], "leave --voxel out"),
+        (["--map", "map.ply", "--surface", "truth.ply"], "give --voxel, or the map's --summary"),
+        (["--summary", "truth.ply"], "expected the summary.json"),
+        (["--summary", "none.json"], "expected the summary.json"),
     ],
 )
 def test_options_that_do_not_go_together_are_refused(files: Path, options: list[str], words: str) -> None:
-    given = [str(files / one) if "." in one else one for one in options]
-    result = sonarmap("evaluate", files / "estimate.tum", files / "truth.tum", *given)
+    arguments = [str(files / word) if "." in word else word for word in options]
+    result = sonarmap("evaluate", files / "estimate.tum", files / "truth.tum", *arguments)
     assert (result.exit_code, result.stdout) == (2, "")
     said(result, words)
 

@@ -12,10 +12,11 @@ from kernels.errors import InputError
 from slam.graph.trajectory import Trajectory
 from slam.mapper import Mapper
 from tests.samples.surveys import KnowingRegistrar, random_transforms, ring_poses, scans_of
+from tools.project.summary import survey_summary
 from tools.readers.poses.kitti import read_kitti
 from tools.readers.poses.tum import read_tum
+from tools.writers.json_text import to_json, write_json
 from tools.writers.kitti import write_kitti
-from tools.writers.summary import survey_summary, to_json, write_summary
 from tools.writers.tum import write_tum
 
 
@@ -133,7 +134,7 @@ def test_summary_of_a_survey_with_a_gap(tmp_path):
     registrar = KnowingRegistrar(truth, np.diag([1.0, 2, 3, 40, 50, 60]) * 1e-6, broken=("scan7",))
     result = Mapper(registrar, 0.5).run(scans)
     content = survey_summary(result, [s.name for s in scans], {"voxel": np.float32(0.5)}, {"name": "none"})
-    write_summary(tmp_path / "summary.json", content)
+    write_json(tmp_path / "summary.json", content)
 
     def refuse(constant: str) -> None:
         raise AssertionError(f"{constant} is not JSON")

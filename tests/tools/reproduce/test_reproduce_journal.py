@@ -211,6 +211,6 @@ class TestSources:
 
 
 def test_provenance_survives_json() -> None:
-    from tools.writers.summary import to_json
+    from tools.writers.json_text import to_json
 
     assert Provenance(**to_json(origin(Fake()))) == origin(Fake())

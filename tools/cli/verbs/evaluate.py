@@ -1,4 +1,4 @@
-"""`sonarmap evaluate`: an estimated trajectory beside the truth, and with it a map, pairs and uncertainties."""
+"""`sonarmap evaluate`: compare a trajectory, and its map, pairs and uncertainties, with the truth."""
 
 import json
 import math
@@ -21,8 +21,8 @@ from tools.cli.terminal import say
 
 if TYPE_CHECKING:
     from tools.evaluate.map_error import MapError
+    from tools.evaluate.survey_summary import SurveySummary
     from tools.evaluate.trajectory import Alignment, Evaluation
-    from tools.readers.summary import SurveyAccount
 
 EXCEEDED = 3
 
@@ -30,67 +30,69 @@ EXCEEDED = 3
 def _check_alignment(alignment: str) -> str:
     if alignment in ALIGNMENTS:
         return alignment
-    raise typer.BadParameter(f"{alignment}; wanted one of {', '.join(ALIGNMENTS)}")
+    raise typer.BadParameter(f"{alignment!r}; choose one of {', '.join(ALIGNMENTS)}")
 
 
 def _check_limit(limit: float | None) -> float | None:
     if limit is None or limit >= 0:
         return limit
-    raise typer.BadParameter(f"{limit}; wanted 0 or more")
+    raise typer.BadParameter(f"{limit}; give 0 or more")
 
 
 def _check_length(length: float | None) -> float | None:
     if length is None or 0 < length < math.inf:
         return length
-    raise typer.BadParameter(f"{length}; wanted a length above 0")
+    raise typer.BadParameter(f"{length}; give a length above 0")
 
 
 MapOption = Annotated[
     Path | None,
-    typer.Option("--map", metavar="FILE", help="The estimate's map, to be held against --surface."),
+    typer.Option("--map", metavar="FILE", help="The estimate's map, to compare with --surface."),
 ]
 SurfaceOption = Annotated[
     Path | None,
     typer.Option(
         metavar="PATH",
-        help="What is truly there, in the truth's frame: a simulation's folder or description.json, or points.",
+        help="The true surface, in the truth's frame: a simulation's folder or description.json, or a point cloud.",
     ),
 ]
 MapVoxelOption = Annotated[
     float | None,
-    typer.Option(metavar="M", help="Edge of the map's voxels \\[m]. \\[as --summary says]", callback=_check_length),
+    typer.Option(metavar="M", help="Edge of the map's voxels \\[m]. \\[from --summary]", callback=_check_length),
 ]
 SummaryOption = Annotated[
     Path | None,
-    typer.Option(
-        metavar="FILE", help="The map's summary.json: tells which pairs are right, and whether its uncertainty is."
-    ),
+    typer.Option(metavar="FILE", help="The map's summary.json: also score its pairs and its uncertainty."),
 ]
 
 
 def command(
-    estimate: Annotated[Path, typer.Argument(help="Estimated trajectory, TUM or KITTI.", metavar="ESTIMATE")],
+    estimate: Annotated[Path, typer.Argument(help="Estimated trajectory, TUM or KITTI format.", metavar="ESTIMATE")],
     truth: Annotated[
         list[Path],
-        typer.Argument(help="True trajectory, in the same format; of several dives one each.", metavar="TRUTH..."),
+        typer.Argument(
+            help="True trajectory in the same format; for several dives, one file per dive.", metavar="TRUTH..."
+        ),
     ],
     align: Annotated[
         str,
         typer.Option(
             "--align",
             metavar="HOW",
-            help="How the estimate is laid over the truth: by all poses (positions and orientations), by all "
-            "positions, or by the first pose.",
+            help="Align the estimate with the truth by all poses (positions and orientations), by all positions, or by "
+            "the first pose.",
             callback=_check_alignment,
         ),
     ] = "poses",
     max_error_m: Annotated[
         float | None,
-        typer.Option(metavar="M", help="Exit code 3 where a position is farther off \\[m].", callback=_check_limit),
+        typer.Option(metavar="M", help="Exit with code 3 if a position error is larger \\[m].", callback=_check_limit),
     ] = None,
     max_error_deg: Annotated[
         float | None,
-        typer.Option(metavar="DEG", help="Exit code 3 where a pose is turned more \\[deg].", callback=_check_limit),
+        typer.Option(
+            metavar="DEG", help="Exit with code 3 if a rotation error is larger \\[deg].", callback=_check_limit
+        ),
     ] = None,
     map_file: MapOption = None,
     surface: SurfaceOption = None,
@@ -98,44 +100,45 @@ def command(
     summary: SummaryOption = None,
     as_json: JsonOption = False,
 ) -> None:
-    """Compare an estimated trajectory with the true one: every pose, the whole (ATE) and each step (RPE).
+    """Compare an estimated trajectory with the true one: the error of every pose, of the whole trajectory (ATE) and of
+    each step (RPE).
 
-    Poses belong together where their stamps agree, or by their line in KITTI files. The truths of several dives are put
-    one after the other, and stamps that count scans from 0 in each are counted on. The alignment is a rigid motion,
-    without scale: poses, least squares over positions and orientations, 1 rad weighing as much as 1 m; positions, the
-    same without the orientations, for three or more that lie on no line; first, the first pose upon its truth. A map is
-    laid over the truth as its trajectory is. Pairs need no alignment, and poses' uncertainties are judged against the
-    first pose, whatever --align says.
+    Poses are matched by their stamps, in KITTI files by their line. The truths of several dives are joined in the given
+    order; where the stamps of each count its scans from 0, the count goes on from dive to dive. --align chooses the
+    rigid transform, without scale, that lays the estimate over the truth: poses, least squares over positions and
+    orientations, where 1 rad counts as much as 1 m; positions, the same without the orientations, for at least three
+    positions that are not on a line; first, the first pose onto its truth. The map is moved by the same transform.
+    Pairs need no alignment, and uncertainties are always compared relative to the first pose.
     """
     from tools.evaluate.survey import calibrate_survey, score_survey
+    from tools.evaluate.survey_summary import read_summary
     from tools.evaluate.trajectory import RIGHT_DEG, RIGHT_VOXELS, evaluate
     from tools.readers.poses.trajectory import read_pair
-    from tools.readers.summary import read_summary
 
     _check_together(map_file, surface, voxel, summary)
-    found, true = read_pair(estimate, *truth)
-    account = read_summary(summary) if summary else None
-    result = evaluate(found, true, cast("Alignment", align))
-    error = _map_error(result, map_file, surface, voxel, account)
-    scores = score_survey(account, true) if account else {}
-    calibration = calibrate_survey(account, found, true) if account else None
+    estimated, true = read_pair(estimate, *truth)
+    survey = read_summary(summary) if summary else None
+    result = evaluate(estimated, true, cast("Alignment", align))
+    error = _map_error(result, map_file, surface, voxel, survey)
+    scores = score_survey(survey, true) if survey else {}
+    calibration = calibrate_survey(survey, estimated, true) if survey else None
     if as_json:
-        beside = {
+        further = {
             "map": error.to_json() | {"alignment": align} if error else None,
             "pairs": {name: score.to_json() for name, score in scores.items()} or None,
             "uncertainty": calibration.to_json() if calibration else None,
         }
-        typer.echo(json.dumps(result.to_json() | beside, allow_nan=False))
+        typer.echo(json.dumps(result.to_json() | further, allow_nan=False))
     else:
         print_trajectory(result)
         if error:
             print_map(error, align)
-        if account:
-            print_scores(scores, RIGHT_DEG, RIGHT_VOXELS * account.voxel)
+        if survey:
+            print_scores(scores, RIGHT_DEG, RIGHT_VOXELS * survey.voxel)
         if calibration:
             print_calibration(calibration)
-    if account and account.covariances is None:
-        say(f"{summary} has no covariances of the poses, whose uncertainty is not judged")
+    if survey and survey.covariances is None:
+        say(f"{summary} has no covariances of the poses; their uncertainty is not evaluated")
     if result.unmatched_truths:
         say(f"{result.unmatched_truths} poses of the truth have no estimate", "warning: ", "bold yellow")
     if _exceeds(result, max_error_m, max_error_deg):
@@ -143,14 +146,14 @@ def command(
 
 
 def _check_together(map_file: Path | None, surface: Path | None, voxel: float | None, summary: Path | None) -> None:
-    """Refuse options that want another one, or would go unheard."""
+    """Refuse options that need another one, or have no effect without it."""
     if (map_file is None) != (surface is None):
         given, missing = ("--map", "--surface") if surface is None else ("--surface", "--map")
-        raise InputError(f"{given} is given without {missing}; a map is held against a surface: give both")
+        raise InputError(f"{given} needs {missing}: the map is compared with the surface; give both, or neither")
     if map_file is None and voxel is not None:
-        raise InputError("--voxel is the map's and no map is given; give --map and --surface, or drop --voxel")
+        raise InputError("--voxel has no effect without --map and --surface; give them, or leave --voxel out")
     if map_file is not None and voxel is None and summary is None:
-        raise InputError(f"how large the voxels of {map_file} are is not told; give --voxel or its --summary")
+        raise InputError(f"the voxel size of {map_file} is not known; give --voxel, or the map's --summary")
 
 
 def _map_error(
@@ -158,25 +161,25 @@ def _map_error(
     map_file: Path | None,
     surface: Path | None,
     voxel: float | None,
-    account: "SurveyAccount | None",
+    summary: "SurveySummary | None",
 ) -> "MapError | None":
     from tools.evaluate.map_error import map_error, read_points, reference_of
 
     if map_file is None or surface is None:
         return None
-    edge = voxel or (account.map_voxel if account else math.nan)
+    edge = voxel or (summary.map_voxel if summary else math.nan)
     return map_error(result.T_truth_estimate.apply(read_points(map_file)), reference_of(surface), edge)
 
 
 def _exceeds(result: "Evaluation", max_error_m: float | None, max_error_deg: float | None) -> bool:
-    """Tell the poses whose errors are too large."""
+    """Print the poses whose errors are too large; whether there are any."""
     limits = [math.inf if limit is None else limit for limit in (max_error_m, max_error_deg)]
     beyond = result.beyond(*limits).tolist()
     allowed = [f"{limit:g} {unit}" for limit, unit in zip(limits, ("m", "degrees"), strict=True) if limit < math.inf]
     for k in beyond:
         say(
             f"the pose at {shown_stamp(float(result.stamps[k]))} s is {result.translation_m[k]:.3f} m and "
-            f"{result.rotation_deg[k]:.2f} degrees off; allowed are {' and '.join(allowed)}",
+            f"{result.rotation_deg[k]:.2f} degrees off; the limits are {' and '.join(allowed)}",
             "error: ",
             "bold red",
         )

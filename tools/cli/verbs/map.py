@@ -113,8 +113,8 @@ def command(
     from slam.mapper import Mapper, MapperSettings
     from tools.prepared import prepared_scans
     from tools.project.folder import JOURNAL, require_apart, write_survey
+    from tools.project.times import survey_times
     from tools.writers.atomic import clear_leftovers, require_writable
-    from tools.writers.times import survey_times
 
     wanted, way = method_of(context), _way(workers, scheduler, fresh)
     read = _read(inputs, [priors] if priors else [])

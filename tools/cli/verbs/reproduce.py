@@ -217,7 +217,7 @@ def _print(record: "Record", out: Path) -> None:
 
 
 def _as_json(records: "Sequence[Record]", out: Path, page: Sequence[Path]) -> dict[str, object]:
-    from tools.writers.summary import to_json
+    from tools.writers.json_text import to_json
 
     return {
         "experiments": [to_json(record) | {"files": [str(out / name) for name in record.files]} for record in records],

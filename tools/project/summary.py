@@ -1,12 +1,7 @@
 """`summary.json`: what was run, with what, and what came of it."""
 
-import json
 import math
-import platform
 from collections.abc import Mapping, Sequence
-from dataclasses import fields, is_dataclass
-from importlib.metadata import PackageNotFoundError, version
-from pathlib import Path
 from typing import Any
 
 import numpy as np
@@ -19,26 +14,7 @@ from slam.pair import Pair
 from spectral.result import Registration
 from tools.project.parts import placed, unplaced
 from tools.readers.scans import Unread
-from tools.writers.atomic import atomic_path
-
-PACKAGES = ("sonarmap", "numpy", "scipy", "pyopencl", "gtsam", "open3d")
-
-
-def write_summary(path: Path, content: Mapping[str, Any]) -> None:
-    """Write a mapping as JSON: NaN and infinity become null, NumPy's types become Python's.
-
-    Args:
-        path: the file.
-        content: names and values, as from `survey_summary`.
-
-    Raises:
-        TypeError: a value that JSON has no form for.
-        InputError: the file cannot be written.
-    """
-    text = json.dumps(to_json(content), indent=2, allow_nan=False, ensure_ascii=False)
-    with atomic_path(path) as temporary:
-        # A file name that is no UTF-8 holds lone surrogates; written with a backslash they are JSON's own escapes.
-        temporary.write_bytes(f"{text}\n".encode("utf-8", "backslashreplace"))
+from tools.versions import package_versions
 
 
 def survey_summary(
@@ -178,39 +154,3 @@ def map_statistics(point_map: PointMap) -> dict[str, Any]:
         "seen_by_two_or_more": (point_map.seen >= 2).mean(),
         "most_scans_on_a_voxel": point_map.seen.max(),
     }
-
-
-def package_versions(*also: str) -> dict[str, str | None]:
-    """The versions of Python and of what the numbers depend on; None for a package that is not installed."""
-    found: dict[str, str | None] = {"python": platform.python_version(), "system": platform.platform()}
-    for package in (*PACKAGES, *also):
-        try:
-            found[package] = version(package)
-        except PackageNotFoundError:
-            found[package] = None
-    return found
-
-
-def to_json(value: Any) -> Any:
-    """A value in JSON's types: NumPy's, dataclasses, tuples, sets and paths included; NaN and infinity are null.
-
-    Raises:
-        TypeError: a value that JSON has no form for.
-    """
-    if isinstance(value, np.ndarray | np.generic):
-        return to_json(value.tolist())
-    if isinstance(value, float):
-        return value if math.isfinite(value) else None
-    if value is None or isinstance(value, bool | int | str):
-        return value
-    if isinstance(value, Mapping):
-        return {str(key): to_json(item) for key, item in value.items()}
-    if isinstance(value, list | tuple):
-        return [to_json(item) for item in value]
-    if isinstance(value, set | frozenset):
-        return sorted(to_json(item) for item in value)
-    if isinstance(value, Path):
-        return str(value)
-    if is_dataclass(value) and not isinstance(value, type):
-        return {field.name: to_json(getattr(value, field.name)) for field in fields(value)}
-    raise TypeError(f"a {type(value).__name__} has no form in JSON; give numbers, text, lists or mappings")
