@@ -7,18 +7,17 @@ import numpy as np
 from scipy.cluster.hierarchy import DisjointSet
 
 from kernels.errors import InputError
-from slam.decide.decision import Settlement, settle
-from slam.execute.executor import Crew
-from slam.execute.runner import PairRunner, Progress
+from slam.decide.decision import Decision, decide
+from slam.execute.runner import Execution, PairRunner, Progress
 from slam.graph.edge import Edge
 from slam.graph.pose_covariance import pose_covariances
 from slam.graph.pose_graph import Solution
 from slam.graph.trajectory import Trajectory
-from slam.loops.candidates import Candidate, LoopSettings, find_candidates, find_lookalikes
-from slam.loops.forecast import outline
+from slam.loops.candidates import LoopSettings, find_candidates, find_lookalikes
 from slam.map.component_maps import ComponentMaps, component_maps
 from slam.map.point_map import PointMap
-from slam.pair import Pair, Trial, refuse_all_failed
+from slam.map.shared_cells import outline
+from slam.pair import Pair, require_any_registered
 from spectral.result import Registrar
 from spectral.scan import Scan
 
@@ -105,21 +104,25 @@ class Mapper:
         registrar: any method of registration.
         voxel: edge of the survey's voxels [m].
         settings: everything else.
-        crew: who registers, with what the registrar is too; None for this process.
+        execution: who registers pairs, with the same registrar, and the journal; None for this process without one.
 
     Raises:
         InputError: a voxel that is not positive.
     """
 
     def __init__(
-        self, registrar: Registrar, voxel: float, settings: MapperSettings | None = None, crew: Crew | None = None
+        self,
+        registrar: Registrar,
+        voxel: float,
+        settings: MapperSettings | None = None,
+        execution: Execution | None = None,
     ) -> None:
         if not (np.isfinite(voxel) and voxel > 0):
             raise InputError(f"the survey's voxel is {voxel} m; wanted a positive length")
         self.registrar = registrar
         self.voxel = voxel
         self.settings = settings or MapperSettings()
-        self.crew = crew
+        self.execution = execution or Execution.here(registrar, self.settings.prepared)
 
     def run(
         self, scans: Sequence[Scan], progress: Progress | None = None, surveys: Sequence[int] | None = None
@@ -141,83 +144,74 @@ class Mapper:
         if len(scans) < 2:
             raise InputError(f"{len(scans)} scan given; a map wants at least two that overlap")
         survey = np.zeros(len(scans), np.intp) if surveys is None else np.asarray(surveys, np.intp)
-        runner = PairRunner(self.registrar, scans, self.settings.prepared, 2, progress, self.crew)
+        runner = PairRunner(self.execution, scans, 2, progress)
 
-        trials = self._chain(runner, survey)
-        trials += self._bridge(runner, trials, survey)
-        refuse_all_failed(trials)
-        settled = self._settle(runner, scans, trials)
+        pairs = self._chain(runner, survey)
+        pairs += self._bridge(runner, pairs, survey)
+        require_any_registered(pairs)
+        decision = self._decide(runner, scans, pairs)
         outlines = [outline(scan, self.settings.loops.cell_voxels * self.voxel) for scan in scans]
         for _ in range(self.settings.loops.rounds):
-            # between parts no estimate tells which scans may overlap
-            apart = len(settled.solution.graph.components) > 1
-            signatures = runner.signatures() if apart else [None] * len(scans)
-            candidates = self._candidates(outlines, signatures, settled, trials)
+            candidates = self._loop_candidates(runner, outlines, decision, pairs)
             runner.end_stage("candidates sought")
             if not candidates:
                 break
-            found = runner.register([(c.i, c.j) for c in candidates])
-            trials += [
-                Trial(c.i, c.j, "loop", attempt, c.overlap, c.alike)
-                for c, attempt in zip(candidates, found, strict=True)
-            ]
-            settled = self._settle(runner, scans, trials)
-        runner.forget()
-        runner.tell("poses optimized")
-        result = self._fuse(scans, survey, settled)
-        runner.tell("map fused")
+            pairs += runner.register(candidates)
+            decision = self._decide(runner, scans, pairs)
+        runner.release()
+        runner.step_done("poses optimized")
+        result = self._fuse(scans, survey, decision)
+        runner.step_done("map fused")
         return result
 
-    def _chain(self, runner: PairRunner, survey: np.ndarray) -> list[Trial]:
+    def _chain(self, runner: PairRunner, survey: np.ndarray) -> list[Pair]:
         """Register consecutive scans of each survey."""
-        wanted = [(k, k + 1) for k in range(len(survey) - 1) if survey[k] == survey[k + 1]]
-        found = runner.register(wanted)
-        return [Trial(*pair, "sequential", attempt) for pair, attempt in zip(wanted, found, strict=True)]
+        steps = [k for k in range(len(survey) - 1) if survey[k] == survey[k + 1]]
+        return runner.register([Pair(k, k + 1, "sequential") for k in steps])
 
-    def _bridge(self, runner: PairRunner, chained: Sequence[Trial], survey: np.ndarray) -> list[Trial]:
-        """Try to join what the gaps part, shortest pairs first; nothing longer once a gap is bridged."""
+    def _bridge(self, runner: PairRunner, chained: Sequence[Pair], survey: np.ndarray) -> list[Pair]:
+        """Try to join what gaps separate, the closest scans first, and no farther ones once a gap is bridged."""
         joined = DisjointSet(range(len(survey)))
-        for trial in chained:
-            if trial.accepted:
-                joined.merge(trial.i, trial.j)
-        gaps = [trial.i for trial in chained if not trial.accepted]
-        tried: list[Trial] = []
+        for pair in chained:
+            if pair.accepted:
+                joined.merge(*pair.scans)
+        gaps = [pair.i for pair in chained if not pair.accepted]
+        bridges: list[Pair] = []
         for span in range(2, self.settings.bridge + 1):
-            across = dict.fromkeys(pair for gap in gaps for pair in _across(gap, span, survey))
-            wanted = [pair for pair in across if not joined.connected(*pair)]
-            for pair, attempt in zip(wanted, runner.register(wanted), strict=True):
-                tried.append(Trial(*pair, "bridge", attempt))
-                if tried[-1].accepted:
-                    joined.merge(*pair)
-        return tried
+            across = dict.fromkeys(scans for gap in gaps for scans in _across(gap, span, survey))
+            candidates = [Pair(*scans, "bridge") for scans in across if not joined.connected(*scans)]
+            for pair in runner.register(candidates):
+                bridges.append(pair)
+                if pair.accepted:
+                    joined.merge(*pair.scans)
+        return bridges
 
-    def _settle(self, runner: PairRunner, scans: Sequence[Scan], trials: Sequence[Trial]) -> Settlement:
+    def _decide(self, runner: PairRunner, scans: Sequence[Scan], pairs: Sequence[Pair]) -> Decision:
         stamps = np.array([scan.stamp for scan in scans], dtype=np.float64)
         priors = {k: scan.prior for k, scan in enumerate(scans) if scan.prior is not None}
-        settled = settle(trials, stamps, priors, self.voxel, self.settings.loops)
+        decision = decide(pairs, stamps, priors, self.voxel, self.settings.loops)
         runner.end_stage("poses optimized")
-        return settled
+        return decision
 
-    def _candidates(
-        self,
-        outlines: Sequence[np.ndarray],
-        signatures: Sequence[np.ndarray | None],
-        settled: Settlement,
-        trials: Sequence[Trial],
-    ) -> list[Candidate]:
+    def _loop_candidates(
+        self, runner: PairRunner, outlines: Sequence[np.ndarray], decision: Decision, pairs: Sequence[Pair]
+    ) -> list[Pair]:
         """Pairs to try next, in the order of the scans: neighbors in that order share prepared scans."""
-        tried, loops = {(trial.i, trial.j) for trial in trials}, self.settings.loops
-        found = find_candidates(outlines, settled.solution, self.voxel, loops, tried)
-        found += find_lookalikes(signatures, settled.solution.graph.components, loops, tried)
-        return sorted(found, key=lambda candidate: (candidate.i, candidate.j))
+        tried, loops = {pair.scans for pair in pairs}, self.settings.loops
+        candidates = find_candidates(outlines, decision.solution, self.voxel, loops, tried)
+        components = decision.solution.graph.components
+        # between parts no estimate says which scans may overlap; their looks may
+        if len(components) > 1 and hasattr(self.registrar, "signature"):
+            candidates += find_lookalikes(runner.signatures(), components, loops, tried)
+        return sorted(candidates, key=lambda candidate: candidate.scans)
 
-    def _fuse(self, scans: Sequence[Scan], survey: np.ndarray, settled: Settlement) -> SurveyResult:
-        solution, covariances = settled.solution, pose_covariances(settled.solution)
+    def _fuse(self, scans: Sequence[Scan], survey: np.ndarray, decision: Decision) -> SurveyResult:
+        solution, covariances = decision.solution, pose_covariances(decision.solution)
         trajectory, components = solution.trajectory, solution.graph.components
         parts = tuple(
             component_maps(
                 [scans[k] for k in members],
-                settled.chained.take(members),
+                decision.chained.take(members),
                 trajectory.take(members),
                 covariances[list(members)],
                 self.settings.map_voxel or self.voxel,
@@ -228,14 +222,14 @@ class Mapper:
         )
         return SurveyResult(
             trajectory=trajectory,
-            chained=settled.chained,
+            chained=decision.chained,
             components=components,
             surveys=tuple(survey.tolist()),
             covariances=covariances,
             solution=solution,
             parts=parts,
-            pairs=settled.pairs,
-            gaps=tuple((pair.i, pair.j) for pair in settled.pairs if pair.role == "sequential" and not pair.kept),
+            pairs=decision.pairs,
+            gaps=tuple((pair.i, pair.j) for pair in decision.pairs if pair.role == "sequential" and not pair.kept),
             voxel=self.voxel,
         )
 

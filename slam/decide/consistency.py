@@ -8,12 +8,12 @@ ones seldom meet each other. An answer within one run closes a cycle with the ru
 
 from collections import defaultdict
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 from scipy.spatial.transform import RigidTransform
 
-from slam.decide.hypothesis import Hypothesis
+from slam.decide.possible_edge import PossibleEdge, Support
 from slam.graph.edge import Edge, components, spanning_tree
 from slam.graph.tangent import carried
 from spectral.result import Registration
@@ -40,9 +40,9 @@ class Chains:
     spread: np.ndarray
     meeting: np.ndarray
 
-    def between(self, one: np.ndarray, other: np.ndarray) -> np.ndarray:
-        """(m, 6, 6) what gathers on the way from one scan to another of its part."""
-        return self.spread[one] + self.spread[other] - 2 * self.spread[self.meeting[one, other]]
+    def between(self, i: np.ndarray, j: np.ndarray) -> np.ndarray:
+        """(m, 6, 6) what gathers on the way from scans i to scans j of their part."""
+        return self.spread[i] + self.spread[j] - 2 * self.spread[self.meeting[i, j]]
 
 
 def chain_parts(count: int, edges: Sequence[Edge]) -> Chains:
@@ -73,66 +73,49 @@ def chain_parts(count: int, edges: Sequence[Edge]) -> Chains:
     return Chains(part, RigidTransform.concatenate(poses), spread, meeting)
 
 
-@dataclass(frozen=True, slots=True)
-class Support:
-    """What speaks for a hypothesis.
-
-    Attributes:
-        pairs: how many, its own among them, agree with one another in its group.
-        weight: of the group, the negative logarithm of the probability that all of it is wrong.
-        leading: whether its group is clearly heavier than the next between the same parts.
-        sigmas: its distance from its part's own chain (Mahalanobis); NaN where it joins two parts.
-        agrees: whether that is within the bound; False where it joins two parts.
-    """
-
-    pairs: int
-    weight: float
-    leading: bool
-    sigmas: float
-    agrees: bool
-
-
-def find_support(chains: Chains, hypotheses: Sequence[Hypothesis], floor: np.ndarray, bound: float) -> list[Support]:
-    """What speaks for each hypothesis, in their order.
+def find_support(
+    chains: Chains, possible_edges: Sequence[PossibleEdge], floor: np.ndarray, bound: float
+) -> list[PossibleEdge]:
+    """The possible edges with their support, in their order.
 
     Args:
         chains: of the survey's scans.
-        hypotheses: answers of any pairs; those of one pair exclude each other.
+        possible_edges: answers of any pairs; those of one pair exclude each other.
         floor: (6,) standard deviations [rad, m] that are granted to every answer beside its own covariance.
         bound: largest distance of two that agree [sigmas].
     """
-    if not hypotheses:
+    if not possible_edges:
         return []
-    cycles = _Cycles.of(chains, hypotheses, floor)
-    weight = np.array([one.weight for one in hypotheses])
+    cycles = _Cycles.of(chains, possible_edges, floor)
+    weight = np.array([possible.weight for possible in possible_edges])
     parts = np.sort(np.column_stack([chains.part[cycles.i], chains.part[cycles.j]]), axis=1)
-    _, between = np.unique(parts, axis=0, return_inverse=True)
-    result: dict[int, Support] = {}
-    for number in range(between.max() + 1):
-        members = np.flatnonzero(between == number)
+    _, part_pair = np.unique(parts, axis=0, return_inverse=True)
+    support: dict[int, Support] = {}
+    for number in range(part_pair.max() + 1):
+        members = np.flatnonzero(part_pair == number)
         inside = parts[members[0], 0] == parts[members[0], 1]
         sigmas = cycles.from_chain(members) if inside else np.full(len(members), np.nan)
-        cliques = _cliques(cycles.agree(members, bound), weight[members], sigmas <= bound)
-        heaviest = [weight[members[clique]].sum() for clique in cliques]
-        clear = len(cliques) == 1 or heaviest[0] >= heaviest[1] + _CLEARLY
-        for rank, clique in enumerate(cliques):
-            pairs = len({(hypotheses[k].i, hypotheses[k].j) for k in members[clique].tolist()})
-            for k in clique:
+        groups = _groups(cycles.agree(members, bound), weight[members], sigmas <= bound)
+        heaviest = [weight[members[group]].sum() for group in groups]
+        clear = len(groups) == 1 or heaviest[0] >= heaviest[1] + _CLEARLY
+        for rank, group in enumerate(groups):
+            pairs = len({possible_edges[k].scans for k in members[group].tolist()})
+            for k in group:
                 agrees = bool(sigmas[k] <= bound)
                 leads = rank == 0 and clear
-                result[int(members[k])] = Support(pairs, float(heaviest[rank]), leads, float(sigmas[k]), agrees)
-    return [result[k] for k in range(len(hypotheses))]
+                support[int(members[k])] = Support(pairs, float(heaviest[rank]), leads, float(sigmas[k]), agrees)
+    return [replace(possible, support=support[k]) for k, possible in enumerate(possible_edges)]
 
 
 @dataclass(frozen=True, slots=True)
 class _Cycles:
-    """What n hypotheses say, in the frames of their parts.
+    """n possible edges in the frames of their parts.
 
     Attributes:
         i, j: (n,) int, the scans, i in the part of the lower number.
         X: n transforms T_parti_partj between their frames.
-        noise: (n, 6, 6) of X by the hypothesis alone, on the left.
-        chains: the scans'.
+        noise: (n, 6, 6) covariance of X by the registration alone, on the left.
+        chains: of the survey's scans.
     """
 
     i: np.ndarray
@@ -142,10 +125,11 @@ class _Cycles:
     chains: Chains
 
     @classmethod
-    def of(cls, chains: Chains, hypotheses: Sequence[Hypothesis], floor: np.ndarray) -> "_Cycles":
-        i, j = (np.array([getattr(one, end) for one in hypotheses]) for end in ("i", "j"))
-        measured = RigidTransform.concatenate([one.registration.T_target_source for one in hypotheses])
-        covariance = np.stack([one.registration.covariance for one in hypotheses]) + np.diag(floor**2)
+    def of(cls, chains: Chains, possible_edges: Sequence[PossibleEdge], floor: np.ndarray) -> "_Cycles":
+        i, j = np.array([possible.scans for possible in possible_edges]).T
+        registrations = [possible.registration for possible in possible_edges]
+        measured = RigidTransform.concatenate([registration.T_target_source for registration in registrations])
+        covariance = np.stack([registration.covariance for registration in registrations]) + np.diag(floor**2)
         placed = chains.T[i] * measured
         X, noise = placed * chains.T[j].inv(), carried(placed, covariance)
         # scans are counted in their order, and parts that interleave may be measured from either
@@ -155,21 +139,21 @@ class _Cycles:
         return cls(np.where(back, j, i), np.where(back, i, j), X, noise, chains)
 
     def from_chain(self, members: np.ndarray) -> np.ndarray:
-        """(m,) how far hypotheses within a part are from its own chain [sigmas]."""
+        """(m,) how far possible edges within a part are from its own chain [sigmas]."""
         covariance = self.noise[members] + self.chains.between(self.i[members], self.j[members])
         return _mahalanobis(self.X[members].as_exp_coords(), covariance)
 
     def agree(self, members: np.ndarray, bound: float) -> np.ndarray:
-        """(m, m) bool: which two hypotheses between the same parts are of different pairs and within the bound."""
+        """(m, m) bool: which two possible edges between the same parts are of different pairs and within the bound."""
         a, b = np.triu_indices(len(members), 1)
         result = np.zeros((len(members), len(members)), dtype=bool)
         for start in range(0, len(a), _BLOCK):
-            one, other = a[start : start + _BLOCK], b[start : start + _BLOCK]
-            result[one, other] = self._distance(members[one], members[other]) <= bound
+            first, second = a[start : start + _BLOCK], b[start : start + _BLOCK]
+            result[first, second] = self._distance(members[first], members[second]) <= bound
         return result | result.T
 
     def _distance(self, a: np.ndarray, b: np.ndarray) -> np.ndarray:
-        """(m,) of the cycles through hypotheses a and b [sigmas]; infinite for two of one pair."""
+        """(m,) of the cycles through possible edges a and b [sigmas]; infinite for two of one pair."""
         X, between = self.X[a], self.chains.between
         covariance = self.noise[a] + self.noise[b]
         covariance += between(self.i[a], self.i[b]) + carried(X, between(self.j[a], self.j[b]))
@@ -182,12 +166,12 @@ def _mahalanobis(xi: np.ndarray, covariance: np.ndarray) -> np.ndarray:
     return np.sqrt(np.einsum("na,na->n", xi, np.linalg.solve(covariance, xi[..., None])[..., 0]))
 
 
-def _cliques(agree: np.ndarray, weight: np.ndarray, of_chain: np.ndarray) -> list[list[int]]:
-    """Hypotheses in groups of which all agree, the heaviest first; greedily, those with the most support first.
+def _groups(agree: np.ndarray, weight: np.ndarray, of_chain: np.ndarray) -> list[list[int]]:
+    """Groups of which all members agree, the heaviest first; built greedily, from those with the most support.
 
     Args:
         agree: (n, n) bool, symmetric.
-        weight: (n,) of the hypotheses.
+        weight: (n,) of the possible edges.
         of_chain: (n,) bool, which agree with the chain they are in: these make the first group.
     """
     left = np.arange(len(weight))

@@ -1,68 +1,63 @@
 """What became of every pair of a survey: in sigmas, and in words."""
 
 from collections.abc import Mapping, Sequence
+from dataclasses import replace
 
-import numpy as np
-
-from slam.decide.hypothesis import Hypothesis
-from slam.decide.judged import Judged, Key
+from slam.decide.possible_edge import PossibleEdge
 from slam.graph.pose_graph import Solution
-from slam.pair import Pair, Trial
+from slam.pair import Pair
 from spectral.result import Registration
 
 
-def account(
-    trials: Sequence[Trial], judged: Sequence[Judged], taken: Mapping[Key, Judged], solution: Solution
+def with_verdicts(
+    pairs: Sequence[Pair],
+    supported: Sequence[PossibleEdge],
+    taken: Mapping[tuple[int, int], PossibleEdge],
+    solution: Solution,
 ) -> list[Pair]:
-    """One row for every trial, in their order.
+    """Every pair with its edge, its reason and its distance from the final poses, in their order.
 
     Args:
-        trials: what was tried.
-        judged: all its answers but those of the chain, with what speaks for them.
-        taken: those of them that were given to the optimizer.
-        solution: what it made of them and the chain; its edges are what it kept.
+        pairs: those that were tried.
+        supported: all their answers but those of the chain, with their support.
+        taken: the answers that were given to the optimizer, by their scans.
+        solution: the optimized graph; its edges are what was kept.
     """
     kept = {(edge.i, edge.j): n for n, edge in enumerate(solution.graph.edges)}
-    best = {(one.hypothesis.i, one.hypothesis.j): one for one in reversed(judged)} | dict(taken)
+    best = {possible.scans: possible for possible in reversed(supported)} | dict(taken)
     part = {pose: number for number, members in enumerate(solution.graph.components) for pose in members}
-    pairs = []
-    for trial in trials:
-        key, registration = (trial.i, trial.j), trial.attempt.registration
-        one, n = best.get(key), kept.get(key)
+    decided = []
+    for pair in pairs:
+        possible, n = best.get(pair.scans), kept.get(pair.scans)
         edge = None if n is None else solution.graph.edges[n]
         residual = float("nan")
         if n is not None:
             residual = float(solution.residuals[n])
-        elif registration is not None and part[trial.i] == part[trial.j]:
-            residual = _distance(solution, one.hypothesis if one else Hypothesis(trial.i, trial.j, 0, registration))
-        pairs.append(
-            Pair(
-                i=trial.i,
-                j=trial.j,
-                role=trial.role,
-                registration=registration,
+        elif pair.registration is not None and part[pair.i] == part[pair.j]:
+            residual = _distance(solution, possible or PossibleEdge(pair.i, pair.j, pair.registration))
+        decided.append(
+            replace(
+                pair,
                 edge=edge,
-                reason=_words(trial, one, key in taken, edge is not None, residual),
-                predicted_overlap=trial.overlap,
-                alike=trial.alike,
-                agreeing=one.support.pairs - 1 if one else 0,
-                sigmas_from_estimate=one.support.sigmas if one else float("nan"),
+                reason=_reason(pair, possible, pair.scans in taken, edge is not None, residual),
+                agreeing=possible.support.pairs - 1 if possible else 0,
+                sigmas_from_estimate=possible.support.sigmas if possible else float("nan"),
                 residual=residual,
             )
         )
-    return pairs
+    return decided
 
 
-def _distance(solution: Solution, one: Hypothesis) -> float:
-    return float("nan") if one.fault else solution.distance(one.i, one.j, one.registration)
+def _distance(solution: Solution, possible: PossibleEdge) -> float:
+    return float("nan") if possible.fault else solution.distance(*possible.scans, possible.registration)
 
 
-def _words(trial: Trial, one: Judged | None, taken: bool, kept: bool, residual: float) -> str:
-    registration = trial.attempt.registration
+def _reason(pair: Pair, possible: PossibleEdge | None, taken: bool, kept: bool, residual: float) -> str:
+    registration = pair.registration
     if registration is None:
-        return f"failed: {trial.attempt.failure}"
-    if one is None:
-        if fault := Hypothesis(trial.i, trial.j, 0, registration).fault:
+        return f"failed: {pair.failure}"
+    if possible is None:
+        if fault := PossibleEdge(pair.i, pair.j, registration).fault:
             return f"failed: {fault}"
         if kept:
             return f"kept: {registration.reason or 'no reason given'}"
@@ -70,29 +65,31 @@ def _words(trial: Trial, one: Judged | None, taken: bool, kept: bool, residual: 
             return f"refused, inconsistent: the other pairs put it {residual:.1f} sigmas from there"
         return _refused(registration)
     if kept:
-        return f"kept: {_agreement(one)}{_doubt(registration, one)}, {residual:.1f} sigmas from the final poses"
+        return (
+            f"kept: {_agreement(possible)}{_doubt(registration, possible)}, {residual:.1f} sigmas from the final poses"
+        )
     if taken:
         return f"refused, inconsistent: the other pairs put it {residual:.1f} sigmas from there"
     if registration.accepted:
-        return f"refused, inconsistent: {_agreement(one)}"
+        return f"refused, inconsistent: {_agreement(possible)}"
     return _refused(registration)
 
 
-def _agreement(one: Judged) -> str:
+def _agreement(possible: PossibleEdge) -> str:
     """What the chain and the other pairs say of it."""
-    support = one.support
+    support = possible.support
     others = f"{support.pairs - 1} other pairs agree with it" if support.pairs > 1 else "no other pair agrees with it"
-    if np.isnan(support.sigmas):
+    if possible.joins_parts:
         return f"{others} on how two parts lie to each other"
     if support.agrees and support.pairs == 1:
         return f"the chain agrees with it to {support.sigmas:.1f} sigmas"
     return f"{others}, {support.sigmas:.1f} sigmas from the chain"
 
 
-def _doubt(registration: Registration, one: Judged) -> str:
-    """Why it was taken though the registration did not say so."""
-    if one.hypothesis.rank:
-        return f", which is the registration's answer {one.hypothesis.rank + 1} by probability"
+def _doubt(registration: Registration, possible: PossibleEdge) -> str:
+    """Why it was taken though the registration was not sure of it."""
+    if possible.rank:
+        return f", which is the registration's answer {possible.rank + 1} by probability"
     return "" if registration.accepted else f", though the registration was not sure ({registration.probability:.0%})"
 
 

@@ -1,5 +1,5 @@
-"""Processes that end when they should. Only the standard library is imported here, as a process that is begun may set
-how many threads libraries take before it loads them."""
+"""New processes, which end with this one. Only the standard library is imported here, as a new process may set how many
+threads libraries use before it loads them."""
 
 import os
 from collections.abc import Callable, Iterator
@@ -13,22 +13,22 @@ from typing import Any
 
 
 @contextmanager
-def spawned(workers: int, begin: Callable[..., None] | None = None, *given: Any) -> Iterator[ProcessPoolExecutor]:
-    """Processes of Python's own for as long as the block lasts.
+def spawned(workers: int, begin: Callable[..., None] | None = None, *arguments: Any) -> Iterator[ProcessPoolExecutor]:
+    """New Python processes for as long as the block lasts.
 
-    They are spawned, as an OpenCL context must not be inherited. An interrupt is this process's to act on. Where the
-    block raises or is interrupted they are ended, and what they are at is lost; where this process is killed they end
-    too.
+    They are spawned, as an OpenCL context must not be inherited. They ignore interrupts, which are for this process.
+    If the block raises or is interrupted they are ended, and their unfinished work is lost; if this process is killed
+    they end too.
 
     Args:
         workers: how many, at least 1.
-        begin: what each does first, called with `given`.
+        begin: what each process calls first, with `arguments`.
 
     Raises:
-        InputError: one of them ended before its time.
+        InputError: a process ended before its time.
     """
     before = set(active_children())
-    pool = ProcessPoolExecutor(workers, get_context("spawn"), _begin, (begin, given))
+    pool = ProcessPoolExecutor(workers, get_context("spawn"), _begin, (begin, arguments))
     try:
         yield pool
         pool.shutdown()
@@ -41,11 +41,11 @@ def spawned(workers: int, begin: Callable[..., None] | None = None, *given: Any)
         raise
 
 
-def _begin(begin: Callable[..., None] | None, given: tuple[Any, ...]) -> None:
+def _begin(begin: Callable[..., None] | None, arguments: tuple[Any, ...]) -> None:
     signal(SIGINT, SIG_IGN)
     Thread(target=_end_with_parent, daemon=True).start()
     if begin is not None:
-        begin(*given)
+        begin(*arguments)
 
 
 def _end_with_parent() -> None:
@@ -60,6 +60,6 @@ def _ended() -> Exception:
     from kernels.errors import InputError
 
     return InputError(
-        "a process of --workers ended before its time, as where memory is short; use fewer. What is done is kept, and "
-        "the same command goes on from there."
+        "a process of `workers` ended before its time, as happens where memory is short; use fewer. What is done is "
+        "kept, and the same command goes on from there."
     )

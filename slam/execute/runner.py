@@ -1,124 +1,180 @@
-"""Having the pairs of a survey registered."""
+"""A survey's pairs registered by whoever works, with a journal of those that are done."""
 
 from collections.abc import Callable, Sequence
+from dataclasses import dataclass, field, replace
+from typing import TypeVar
 
 import numpy as np
 
-from slam.execute.attempt import Attempt, from_text
-from slam.execute.executor import Crew, alone
-from slam.execute.scan_key import keyed
-from slam.execute.timings import PairTime
-from slam.execute.worker import Worker
-from spectral.result import Registrar
+from slam.execute.executor import Executor, this_process
+from slam.execute.journal import Journal, JournalEntry, storable
+from slam.execute.pair_text import from_text, signature_from_text
+from slam.execute.scan_key import KeyedScan, joined_key, keyed
+from slam.execute.timings import PairTime, Timings
+from slam.execute.worker import PairWorker, TimedText, Worker
+from slam.pair import Pair
+from spectral.result import Registrar, Registration
 from spectral.scan import Scan
 
 Progress = Callable[[int, int, str], None]
+_Parsed = TypeVar("_Parsed")
+
+
+@dataclass(frozen=True, slots=True)
+class Execution:
+    """Who registers a survey's pairs, and where the results are kept.
+
+    Attributes:
+        worker: what registers; where the executor's workers are other processes, a `WorkerSpec`.
+        executor: what runs it.
+        journal: where results are kept and looked up; None for nowhere.
+        method: a key of all that decides the result of a pair beside its scans, for the journal.
+        timings: how long it took, added to as it runs.
+    """
+
+    worker: PairWorker
+    executor: Executor = field(default_factory=this_process)
+    journal: Journal | None = None
+    method: str = ""
+    timings: Timings = field(default_factory=Timings)
+
+    @classmethod
+    def here(cls, registrar: Registrar, prepared: int) -> "Execution":
+        """This process, without a journal; `prepared` is how many prepared scans to keep, at least 2."""
+        return cls(Worker(registrar, prepared))
 
 
 class PairRunner:
-    """Has the pairs of a survey registered, and keeps what comes of them.
+    """Registers the pairs of one survey.
 
     Args:
-        registrar: the method; where a crew is given, the one that its recipe makes.
+        execution: who works, and the journal.
         scans: the survey's.
-        prepared: without a crew, how many prepared scans to keep, at least 2.
-        planned: number of steps known from the beginning that are no pairs of the first call to `register`.
-        progress: called with (steps done, steps planned so far, words) after each step, or None.
-        crew: who does the work, and where the journal is; None does it here, and keeps no journal.
+        planned: number of progress steps known from the beginning, beside pairs.
+        progress: called with (steps done, steps planned so far, text) after each step, or None.
     """
 
-    def __init__(
-        self,
-        registrar: Registrar,
-        scans: Sequence[Scan],
-        prepared: int,
-        planned: int,
-        progress: Progress | None,
-        crew: Crew | None = None,
-    ) -> None:
-        self._signs = hasattr(registrar, "signature")
+    def __init__(self, execution: Execution, scans: Sequence[Scan], planned: int, progress: Progress | None) -> None:
+        self._execution = execution
         self._scans = [keyed(scan) for scan in scans]
-        self._crew = crew or alone(Worker(registrar, prepared))
         self._progress = progress
         self._done, self._planned = 0, planned
 
-    def tell(self, words: str) -> None:
-        """One step is done; what it took since the last is told under these words in the account."""
-        self._crew.account.end_stage(words)
-        self._step(words)
+    def step_done(self, stage: str) -> None:
+        """End a stage that is one step of the progress."""
+        self.end_stage(stage)
+        self._step(stage)
 
-    def end_stage(self, words: str) -> None:
-        """What it took since the last stage is told under these words in the account."""
-        self._crew.account.end_stage(words)
+    def end_stage(self, stage: str) -> None:
+        """Count the time since the last stage ended to this stage."""
+        self._execution.timings.end_stage(stage)
 
-    def forget(self) -> None:
+    def release(self) -> None:
         """Free the prepared scans."""
-        self._crew.hands.forget()
+        self._execution.worker.release()
 
-    def register(self, wanted: Sequence[tuple[int, int]]) -> list[Attempt]:
-        """Register scan j to scan i for every pair (i, j); what came of each, in their order.
+    def register(self, candidates: Sequence[Pair]) -> list[Pair]:
+        """Register scan j to scan i for every candidate: the same pairs, in their order, with their registrations.
 
-        A pair that fails is told, not raised. What the journal holds is not registered again.
+        A pair that cannot be registered has a failure instead. What the journal holds is not registered again.
 
         Raises:
-            InputError, DeviceError: the machine or the crew failed, or the journal cannot be used.
+            InputError, DeviceError: the machine or the workers failed, or the journal cannot be used.
         """
-        self._planned += len(wanted)
-        journal, attempts = self._crew.journal, self._found(wanted)
-        missing = [n for n in range(len(wanted)) if n not in attempts]
-        jobs = [(self._scans[i], self._scans[j]) for i, j in (wanted[n] for n in missing)]
-        for which, done in self._crew.register(jobs):
-            if journal is not None:
-                journal.add_pairs([jobs[k] for k in which], done)
-            for k, one in zip(which, done, strict=True):
-                attempts[missing[k]] = from_text(one.attempt)
-                self._note(*wanted[missing[k]], attempts[missing[k]], one.seconds, found=False)
-        self._crew.account.end_stage("pairs registered")
-        return [attempts[n] for n in range(len(wanted))]
+        self._planned += len(candidates)
+        scans = [(self._scans[pair.i], self._scans[pair.j]) for pair in candidates]
+        texts = [self._pair_in_journal(target, source) for target, source in scans]
+        pairs = list(candidates)
+        for n, text in enumerate(texts):
+            if text is not None:
+                pairs[n] = self._registered(candidates[n], text, from_journal=True)
+        missing = [n for n, text in enumerate(texts) if text is None]
+        jobs = [scans[n] for n in missing]
+        for indices, results in self._execution.executor.run(self._execution.worker.register, jobs):
+            self._keep([self._pair_entry(*jobs[k], text) for k, text in zip(indices, results, strict=True)])
+            for k, text in zip(indices, results, strict=True):
+                pairs[missing[k]] = self._registered(candidates[missing[k]], text, from_journal=False)
+        self.end_stage("pairs registered")
+        return pairs
 
     def signatures(self) -> list[np.ndarray | None]:
-        """Of every scan, (K,) float32; None for one that cannot be prepared, and for all where the method has none.
+        """Every scan's signature, (K,) float32; None for a scan that cannot be prepared.
 
         Raises:
-            InputError, DeviceError: the machine or the crew failed, or the journal cannot be used.
+            InputError, DeviceError: the machine or the workers failed, or the journal cannot be used.
         """
-        if not self._signs:
-            return [None] * len(self._scans)
-        journal = self._crew.journal
-        found = [journal.signature(scan) if journal is not None else None for scan in self._scans]
-        missing = [k for k, one in enumerate(found) if one is None]
+        texts = [self._signature_in_journal(scan) for scan in self._scans]
+        missing = [k for k, text in enumerate(texts) if text is None]
         jobs = [self._scans[k] for k in missing]
-        for which, signed in self._crew.sign(jobs):
-            if journal is not None:
-                journal.add_scans([jobs[k] for k in which], signed)
-            for k, one in zip(which, signed, strict=True):
-                found[missing[k]] = one
-        self._crew.account.end_stage("scans signed")
-        return [one.signature for one in found if one is not None]
+        for indices, results in self._execution.executor.run(self._execution.worker.signatures, jobs):
+            self._keep([self._signature_entry(jobs[k], text) for k, text in zip(indices, results, strict=True)])
+            for k, text in zip(indices, results, strict=True):
+                texts[missing[k]] = text.content
+        self.end_stage("signatures computed")
+        return [signature_from_text(text) for text in texts if text is not None]
 
-    def _found(self, wanted: Sequence[tuple[int, int]]) -> dict[int, Attempt]:
-        """Of the pairs those that the journal holds, by their place."""
-        attempts = {}
-        for n, (i, j) in enumerate(wanted):
-            found = self._crew.journal.pair(self._scans[i], self._scans[j]) if self._crew.journal is not None else None
-            if found is not None:
-                attempts[n] = found.attempt
-                self._note(i, j, found.attempt, found.seconds, found=True)
-        return attempts
+    def _registered(self, candidate: Pair, text: TimedText, from_journal: bool) -> Pair:
+        """The pair with its result, counted as done."""
+        registration, failure = from_text(text.content)
+        i, j = candidate.i, candidate.j
+        self._execution.timings.pairs.append(PairTime(i, j, text.seconds, from_journal))
+        self._step(f"{_label(self._scans[i], self._scans[j])}: {_result_in_words(registration, failure)}")
+        return replace(candidate, registration=registration, failure=failure)
 
-    def _note(self, i: int, j: int, attempt: Attempt, seconds: float, found: bool) -> None:
-        """A pair is done."""
-        self._crew.account.pairs.append(PairTime(i, j, seconds, found))
-        self._step(f"{self._scans[i].name} - {self._scans[j].name}: {_outcome(attempt)}")
-
-    def _step(self, words: str) -> None:
+    def _step(self, text: str) -> None:
         self._done += 1
         if self._progress is not None:
-            self._progress(self._done, self._planned, words)
+            self._progress(self._done, self._planned, text)
+
+    def _keep(self, entries: Sequence[JournalEntry]) -> None:
+        if self._execution.journal is not None:
+            self._execution.journal.add(entries)
+
+    def _entry(self, kind: str, scans: Sequence[KeyedScan]) -> JournalEntry | None:
+        journal = self._execution.journal
+        return None if journal is None else journal.entry(self._key(kind, scans))
+
+    def _key(self, kind: str, scans: Sequence[KeyedScan]) -> str:
+        return joined_key(kind, self._execution.method, *(scan.key for scan in scans))
+
+    def _pair_entry(self, target: KeyedScan, source: KeyedScan, text: TimedText) -> JournalEntry:
+        return JournalEntry(self._key("pair", (target, source)), _label(target, source), text.content, text.seconds)
+
+    def _signature_entry(self, scan: KeyedScan, text: TimedText) -> JournalEntry:
+        return JournalEntry(self._key("signature", (scan,)), _label(scan), text.content, text.seconds)
+
+    def _pair_in_journal(self, target: KeyedScan, source: KeyedScan) -> TimedText | None:
+        """A failure is taken over only where the scans have the same names, as these are in its words."""
+        entry = self._entry("pair", (target, source))
+        if entry is None:
+            return None
+        registration, _ = self._parsed(entry, from_text)
+        if registration is None and entry.label != storable(_label(target, source)):
+            return None
+        return TimedText(entry.content, entry.seconds)
+
+    def _signature_in_journal(self, scan: KeyedScan) -> str | None:
+        entry = self._entry("signature", (scan,))
+        if entry is None:
+            return None
+        self._parsed(entry, signature_from_text)
+        return entry.content
+
+    def _parsed(self, entry: JournalEntry, parse: Callable[[str], _Parsed]) -> _Parsed:
+        """An entry's content; what cannot be read is the journal's fault."""
+        try:
+            return parse(entry.content)
+        except (ValueError, LookupError, TypeError) as error:
+            assert self._execution.journal is not None
+            raise self._execution.journal.unusable(str(error)) from error
 
 
-def _outcome(attempt: Attempt) -> str:
-    if attempt.registration is None:
-        return f"failed: {attempt.failure}"
-    verdict = "accepted" if attempt.registration.accepted else "refused by the registration"
-    return f"{verdict}: {attempt.registration.reason or 'no reason given'}"
+def _label(*scans: KeyedScan) -> str:
+    return " - ".join(scan.name for scan in scans)
+
+
+def _result_in_words(registration: Registration | None, failure: str) -> str:
+    if registration is None:
+        return f"failed: {failure}"
+    verdict = "accepted" if registration.accepted else "refused by the registration"
+    return f"{verdict}: {registration.reason or 'no reason given'}"

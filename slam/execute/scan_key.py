@@ -1,4 +1,4 @@
-"""What a scan holds, as a key: scans of the same key give the same results, whatever they are called."""
+"""A digest of what a scan holds: scans with the same key give the same results, whatever their names."""
 
 import hashlib
 from dataclasses import dataclass, field
@@ -10,7 +10,7 @@ from spectral.scan import Scan
 
 @dataclass(frozen=True, slots=True)
 class KeyedScan:
-    """A scan that is told from others by its key and name.
+    """A scan that equals another if their keys and names are the same.
 
     Attributes:
         key: of its content, as `content_key` gives it.

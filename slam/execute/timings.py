@@ -1,4 +1,4 @@
-"""How long a survey took, and what of it was found done: all that differs between runs with the same results."""
+"""How long a survey took, and which of its pairs came from the journal: all that may differ between equal runs."""
 
 from dataclasses import dataclass, field
 from time import perf_counter
@@ -6,23 +6,23 @@ from time import perf_counter
 
 @dataclass(frozen=True, slots=True)
 class PairTime:
-    """One pair.
+    """How long one pair took.
 
     Attributes:
         target, source: indices of its scans.
-        seconds: how long it took when it was computed, with the preparing of scans [s].
-        found: whether an earlier run computed it.
+        seconds: how long it took when it was computed, with the preparing of its scans [s].
+        from_journal: whether an earlier run computed it.
     """
 
     target: int
     source: int
     seconds: float
-    found: bool
+    from_journal: bool
 
 
 @dataclass(slots=True)
-class Account:
-    """What a survey's run took so far.
+class Timings:
+    """How long a survey's run took so far.
 
     Attributes:
         pairs: in the order in which they were done.
@@ -31,15 +31,15 @@ class Account:
 
     pairs: list[PairTime] = field(default_factory=list)
     stages: dict[str, float] = field(default_factory=dict)
-    _since: float = field(default_factory=perf_counter)
+    _stage_start: float = field(default_factory=perf_counter)
 
     @property
-    def found(self) -> int:
+    def from_journal(self) -> int:
         """How many pairs an earlier run computed."""
-        return sum(pair.found for pair in self.pairs)
+        return sum(pair.from_journal for pair in self.pairs)
 
     def end_stage(self, name: str) -> None:
-        """All since the end of the stage before was of this one, which may have been worked at before."""
+        """Count the time since the end of the stage before to this stage; a stage may come up several times."""
         now = perf_counter()
-        self.stages[name] = self.stages.get(name, 0.0) + now - self._since
-        self._since = now
+        self.stages[name] = self.stages.get(name, 0.0) + now - self._stage_start
+        self._stage_start = now

@@ -1,4 +1,4 @@
-"""The side that registers: one registrar and the scans that it prepared last, in this process or in another."""
+"""What registers pairs: one registrar and the scans that it prepared last, in this process or in another."""
 
 from collections.abc import Callable, Sequence
 from contextlib import suppress
@@ -8,59 +8,45 @@ from threading import Lock
 from time import perf_counter
 from typing import Protocol
 
-import numpy as np
 from threadpoolctl import ThreadpoolController
 
 from kernels.errors import InputError
-from slam.execute.attempt import Attempt, to_text
+from slam.execute.pair_text import signature_to_text, to_text
 from slam.execute.scan_key import KeyedScan
 from spectral.result import Registrar
 
 
 @dataclass(frozen=True, slots=True)
-class Done:
-    """A pair that was registered.
+class TimedText:
+    """The result of registering a pair, or a scan's signature, as text (`slam.execute.pair_text`).
 
     Attributes:
-        attempt: what came of it, as `slam.execute.attempt.to_text` tells it.
+        content: the result.
         seconds: how long it took, with the preparing of scans [s].
     """
 
-    attempt: str
+    content: str
     seconds: float
 
 
-@dataclass(frozen=True, slots=True)
-class Signed:
-    """A scan whose signature was asked for.
+class PairWorker(Protocol):
+    """What an executor runs to register pairs."""
 
-    Attributes:
-        signature: (K,) float32; None where the scan cannot be prepared.
-        seconds: how long it took [s].
-    """
-
-    signature: np.ndarray | None
-    seconds: float
-
-
-class Hands(Protocol):
-    """What does the work."""
-
-    def register(self, pairs: Sequence[tuple[KeyedScan, KeyedScan]]) -> list[Done]:
+    def register(self, pairs: Sequence[tuple[KeyedScan, KeyedScan]]) -> list[TimedText]:
         """Register the second scan to the first of every pair."""
         ...
 
-    def sign(self, scans: Sequence[KeyedScan]) -> list[Signed]:
+    def signatures(self, scans: Sequence[KeyedScan]) -> list[TimedText]:
         """The signature of every scan."""
         ...
 
-    def forget(self) -> None:
-        """Free what is held in this process."""
+    def release(self) -> None:
+        """Free the memory that this process holds for it."""
         ...
 
 
 class Worker:
-    """A registrar at work.
+    """A registrar with the scans that it prepared last.
 
     Prepared scans hold device memory: the `prepared` used last are kept, and one more while the next is prepared.
     BLAS works in one thread meanwhile: how it sums depends on the number of its threads, and on arrays as small as a
@@ -73,15 +59,15 @@ class Worker:
 
     def __init__(self, registrar: Registrar, prepared: int) -> None:
         self._registrar = registrar
-        self._prepare = lru_cache(maxsize=prepared)(lambda one: registrar.prepare(one.scan))
+        self._prepare = lru_cache(maxsize=prepared)(lambda keyed: registrar.prepare(keyed.scan))
         self._threads = ThreadpoolController()
 
-    def forget(self) -> None:
+    def release(self) -> None:
         """Free the prepared scans."""
         self._prepare.cache_clear()
 
-    def register(self, pairs: Sequence[tuple[KeyedScan, KeyedScan]]) -> list[Done]:
-        """Register the second scan to the first of every pair. A pair that fails is told, not raised.
+    def register(self, pairs: Sequence[tuple[KeyedScan, KeyedScan]]) -> list[TimedText]:
+        """Register the second scan to the first of every pair. Where a pair fails, its text says why.
 
         Raises:
             DeviceError: the machine failed, not the pair.
@@ -89,38 +75,38 @@ class Worker:
         with self._threads.limit(limits=1, user_api="blas"):
             return [self._register(target, source) for target, source in pairs]
 
-    def sign(self, scans: Sequence[KeyedScan]) -> list[Signed]:
-        """The signature of every scan; None for one that cannot be prepared.
+    def signatures(self, scans: Sequence[KeyedScan]) -> list[TimedText]:
+        """The signature of every scan; none for a scan that cannot be prepared.
 
         Raises:
             DeviceError: the machine failed, not the scan.
         """
         with self._threads.limit(limits=1, user_api="blas"):
-            return [self._sign(scan) for scan in scans]
+            return [self._signature(scan) for scan in scans]
 
-    def _register(self, target: KeyedScan, source: KeyedScan) -> Done:
+    def _register(self, target: KeyedScan, source: KeyedScan) -> TimedText:
         start = perf_counter()
         try:
-            attempt = Attempt(self._registrar.register(self._prepare(target), self._prepare(source)))
+            content = to_text(self._registrar.register(self._prepare(target), self._prepare(source)))
         except InputError as error:
-            attempt = Attempt(None, str(error))
-        return Done(to_text(attempt), perf_counter() - start)
+            content = to_text(None, str(error))
+        return TimedText(content, perf_counter() - start)
 
-    def _sign(self, scan: KeyedScan) -> Signed:
+    def _signature(self, scan: KeyedScan) -> TimedText:
         start = perf_counter()
         signature = None
         with suppress(InputError):  # its pairs will tell why
             signature = self._registrar.signature(self._prepare(scan))  # pyright: ignore[reportAttributeAccessIssue]
-        return Signed(signature, perf_counter() - start)
+        return TimedText(signature_to_text(signature), perf_counter() - start)
 
 
 @dataclass(frozen=True, slots=True)
-class Recipe:
-    """What a process makes its worker from, once. It travels with every piece of work, so its parts are small.
+class WorkerSpec:
+    """What another process makes its worker from, once. It travels with every piece of work, so its parts are small.
 
     Attributes:
-        make: the registrar; a function of a module, or a partial of one.
-        key: of the method: the same for two recipes that make the same.
+        make: makes the registrar; a function of a module, or a partial of one.
+        key: of the method: the same for two specifications that make the same.
         prepared: how many prepared scans to keep, at least 2.
     """
 
@@ -128,34 +114,34 @@ class Recipe:
     key: str
     prepared: int
 
-    def register(self, pairs: Sequence[tuple[KeyedScan, KeyedScan]]) -> list[Done]:
-        """As `Worker.register`, by this process's worker."""
+    def register(self, pairs: Sequence[tuple[KeyedScan, KeyedScan]]) -> list[TimedText]:
+        """As `Worker.register`, by the worker of the process that this is called in."""
         with _lock:
-            return _worker(self).register(pairs)
+            return _worker_of_process(self).register(pairs)
 
-    def sign(self, scans: Sequence[KeyedScan]) -> list[Signed]:
-        """As `Worker.sign`, by this process's worker."""
+    def signatures(self, scans: Sequence[KeyedScan]) -> list[TimedText]:
+        """As `Worker.signatures`, by the worker of the process that this is called in."""
         with _lock:
-            return _worker(self).sign(scans)
+            return _worker_of_process(self).signatures(scans)
 
-    def forget(self) -> None:
-        """Nothing is held in the process that only tells others."""
+    def release(self) -> None:
+        """Nothing to free: the process that hands out the work has no worker."""
 
 
 # Of this process: a Dask worker may have several threads, but a registrar serves one pair at a time.
 _lock = Lock()
-_made: dict[tuple[str, int], Worker] = {}
+_workers: dict[tuple[str, int], Worker] = {}
 
 
-def _worker(recipe: Recipe) -> Worker:
-    key = (recipe.key, recipe.prepared)
-    if key not in _made:
-        _made.clear()  # the device's memory is for one
-        _made[key] = Worker(recipe.make(), recipe.prepared)
-    return _made[key]
+def _worker_of_process(spec: WorkerSpec) -> Worker:
+    key = (spec.key, spec.prepared)
+    if key not in _workers:
+        _workers.clear()  # the device's memory is for one
+        _workers[key] = Worker(spec.make(), spec.prepared)
+    return _workers[key]
 
 
-def release() -> None:
+def release_worker() -> None:
     """Free this process's worker, and its device's memory."""
     with _lock:
-        _made.clear()
+        _workers.clear()

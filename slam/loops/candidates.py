@@ -2,14 +2,16 @@
 
 from collections import defaultdict
 from collections.abc import Sequence, Set
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 
 from kernels.errors import InputError
 from slam.graph.pose_graph import Solution
-from slam.loops.forecast import predict_overlap, sureness
+from slam.loops.forecast import certainty
 from slam.loops.places import PlaceIndex
+from slam.map.shared_cells import predict_overlap
+from slam.pair import Pair
 
 # So many times the wanted number of lookalikes are looked up, as neighbors show the same place.
 _LOOKALIKES = 3
@@ -56,62 +58,46 @@ class LoopSettings:
         return np.repeat([self.floor_rotation, self.floor_voxels * voxel], 3)
 
 
-@dataclass(frozen=True, slots=True)
-class Candidate:
-    """Two scans that may overlap.
-
-    Attributes:
-        i, j: indices of the scans, i < j.
-        overlap: expected, 0..1; NaN where no estimate tells.
-        alike: distance of their signatures; NaN where the estimate proposed them.
-    """
-
-    i: int
-    j: int
-    overlap: float = float("nan")
-    alike: float = float("nan")
-
-
 def find_candidates(
     outlines: Sequence[np.ndarray],
     solution: Solution,
     voxel: float,
     settings: LoopSettings,
     tried: Set[tuple[int, int]] = frozenset(),
-) -> list[Candidate]:
-    """Pairs that the estimate and its uncertainty say overlap, best first within the limits per scan.
+) -> list[Pair]:
+    """Candidates for loops that the estimate and its uncertainty expect to overlap, best first within the limits.
 
     What counts is the expected overlap: that at the estimate, less what the joint marginal of both poses leaves open.
-    Only scans of one component are compared: between components the estimate says nothing.
+    Only scans of one component are compared: between components there is no estimate.
 
     Args:
         outlines: of N scans, as `outline` gives them in the settings' cells.
         solution: the optimized graph of their N poses.
         voxel: edge of the survey's voxels [m].
         settings: thresholds and limits.
-        tried: pairs (i, j), i < j, that are not wanted again; consecutive ones never are.
+        tried: pairs (i, j), i < j, to leave out; consecutive scans are always left out.
     """
     cell = settings.cell_voxels * voxel
-    ranked: list[Candidate] = []
+    ranked: list[Pair] = []
     for members in solution.graph.components:
         if settings.per_scan == 0 or len(members) < 3:
             continue
-        chosen = np.array(members)
-        overlap = predict_overlap([outlines[k] for k in members], solution.trajectory.T_world_sensor[chosen], cell)
+        scans = np.array(members)
+        overlap = predict_overlap([outlines[k] for k in members], solution.trajectory.T_world_sensor[scans], cell)
         a, b = np.nonzero(np.triu(overlap >= settings.min_overlap, 1))
         ranked += [
-            Candidate(i, j, float(share))
-            for i, j, share in zip(chosen[a].tolist(), chosen[b].tolist(), overlap[a, b], strict=True)
+            Pair(i, j, "loop", float(share))
+            for i, j, share in zip(scans[a].tolist(), scans[b].tolist(), overlap[a, b], strict=True)
         ]
-    new = [c for c in ranked if c.j - c.i > 1 and (c.i, c.j) not in tried]
-    # the most that can be wanted, and as many again for those that prove unsure
-    likely = within_limits(sorted(new, key=lambda c: (-c.overlap, c.i, c.j)), 2 * settings.per_scan, settings.spread)
-    expected = [
-        Candidate(c.i, c.j, c.overlap * sureness(outlines[c.i], outlines[c.j], *solution.relative(c.i, c.j), cell))
-        for c in likely
-    ]
-    kept = [c for c in expected if c.overlap >= settings.min_overlap]
-    return within_limits(sorted(kept, key=lambda c: (-c.overlap, c.i, c.j)), settings.per_scan, settings.spread)
+    new = [pair for pair in ranked if pair.j - pair.i > 1 and pair.scans not in tried]
+    # the most that can be taken, and as many again for those that prove uncertain
+    likely = within_limits(sorted(new, key=_by_overlap), 2 * settings.per_scan, settings.spread)
+    expected = []
+    for pair in likely:
+        share = certainty(outlines[pair.i], outlines[pair.j], *solution.relative(pair.i, pair.j), cell)
+        expected.append(replace(pair, predicted_overlap=pair.predicted_overlap * share))
+    kept = [pair for pair in expected if pair.predicted_overlap >= settings.min_overlap]
+    return within_limits(sorted(kept, key=_by_overlap), settings.per_scan, settings.spread)
 
 
 def find_lookalikes(
@@ -119,36 +105,41 @@ def find_lookalikes(
     parts: Sequence[Sequence[int]],
     settings: LoopSettings,
     tried: Set[tuple[int, int]] = frozenset(),
-) -> list[Candidate]:
-    """Pairs of different parts that look alike: where no estimate tells how two parts lie, their scans may.
+) -> list[Pair]:
+    """Candidates for loops between parts, of scans that look alike: where no estimate exists, their looks may tell.
 
     Args:
         signatures: of N scans; None where a scan has none.
         parts: the scans of each part, as edges join them; surveys of one place are parts until something joins them.
         settings: limits.
-        tried: pairs (i, j), i < j, that are not wanted again.
+        tried: pairs (i, j), i < j, to leave out.
     """
     part = {k: number for number, members in enumerate(parts) for k in members}
-    scans = sorted((k for k, one in enumerate(signatures) if one is not None), key=lambda k: (part[k], k))
+    known = {k: signature for k, signature in enumerate(signatures) if signature is not None}
+    scans = sorted(known, key=lambda k: (part[k], k))
     if settings.per_scan == 0 or len({part[k] for k in scans}) < 2:
         return []
-    index = PlaceIndex(np.stack([signatures[k] for k in scans]), np.array([part[k] for k in scans]))  # pyright: ignore
-    found = index.candidates(_LOOKALIKES * settings.per_scan, gap=0, elsewhere=True)
-    pairs = [(*sorted((scans[one.i], scans[one.j])), one.distance) for one in found]
-    ranked = sorted((distance, i, j) for i, j, distance in pairs if (i, j) not in tried)
-    return within_limits([Candidate(i, j, alike=d) for d, i, j in ranked], settings.per_scan, settings.spread)
+    index = PlaceIndex(np.stack([known[k] for k in scans]), np.array([part[k] for k in scans]))
+    alike = index.candidates(_LOOKALIKES * settings.per_scan, gap=0, elsewhere=True)
+    ranked = sorted((look.distance, *sorted((scans[look.i], scans[look.j]))) for look in alike)
+    new = [Pair(i, j, "loop", alike=distance) for distance, i, j in ranked if (i, j) not in tried]
+    return within_limits(new, settings.per_scan, settings.spread)
 
 
-def within_limits(ranked: Sequence[Candidate], per_scan: int, spread: int) -> list[Candidate]:
+def within_limits(ranked: Sequence[Pair], per_scan: int, spread: int) -> list[Pair]:
     """The first of these, so that a scan has no more than `per_scan` partners, more than `spread` scans apart."""
     partners: dict[int, list[int]] = defaultdict(list)
     kept = []
-    for candidate in ranked:
-        i, j = candidate.i, candidate.j
+    for pair in ranked:
+        i, j = pair.scans
         full = max(len(partners[i]), len(partners[j])) >= per_scan
-        near = [abs(j - other) for other in partners[i]] + [abs(i - other) for other in partners[j]]
-        if not full and all(gap > spread for gap in near):
+        gaps = [abs(j - partner) for partner in partners[i]] + [abs(i - partner) for partner in partners[j]]
+        if not full and all(gap > spread for gap in gaps):
             partners[i].append(j)
             partners[j].append(i)
-            kept.append(candidate)
+            kept.append(pair)
     return kept
+
+
+def _by_overlap(pair: Pair) -> tuple[float, int, int]:
+    return -pair.predicted_overlap, *pair.scans

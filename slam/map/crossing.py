@@ -9,8 +9,8 @@ from scipy.spatial import KDTree
 from scipy.spatial.transform import RigidTransform
 
 from kernels.errors import InputError
-from slam.loops.forecast import predict_overlap
 from slam.map.cell import cell_means
+from slam.map.shared_cells import predict_overlap
 from spectral.scan import Scan
 
 APART = 10  # scans of one pass follow each other more closely than this

@@ -6,7 +6,7 @@ import numpy as np
 from scipy.spatial.transform import RigidTransform
 
 from slam.loops.candidates import LoopSettings
-from slam.loops.forecast import outline, predict_overlap
+from slam.map.shared_cells import outline, predict_overlap
 from spectral.scan import Scan
 
 # A revisit shares this much with the scan, by the true poses, and was not taken within so many scans of it.

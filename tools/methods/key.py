@@ -7,7 +7,7 @@ from functools import cache, partial
 from typing import TYPE_CHECKING, Any
 
 from kernels.errors import InputError
-from slam.execute.worker import Recipe
+from slam.execute.worker import WorkerSpec
 from tools.methods.registry import Setup, find_method
 from tools.methods.sources import method_digest
 from tools.versions import package_versions
@@ -22,7 +22,7 @@ _IDLE = ("sonarmap", "gtsam", "system")
 _OF_DEVICES = ("pyopencl",)
 
 
-def recipe(name: str, setup: Setup, registrar: "Registrar", prepared: int) -> Recipe:
+def worker_spec(name: str, setup: Setup, registrar: "Registrar", prepared: int) -> WorkerSpec:
     """What workers on this machine make a registrar from.
 
     Args:
@@ -31,13 +31,13 @@ def recipe(name: str, setup: Setup, registrar: "Registrar", prepared: int) -> Re
         registrar: the method as this process has it.
         prepared: how many prepared scans a worker keeps.
     """
-    return Recipe(partial(find_method(name).make, setup), method_key(name, setup, registrar), prepared)
+    return WorkerSpec(partial(find_method(name).make, setup), method_key(name, setup, registrar), prepared)
 
 
-def checked_recipe(name: str, setup: Setup, registrar: "Registrar", prepared: int) -> Recipe:
-    """As `recipe`, for workers elsewhere: one that would find something else refuses."""
+def checked_worker_spec(name: str, setup: Setup, registrar: "Registrar", prepared: int) -> WorkerSpec:
+    """As `worker_spec`, for workers elsewhere: one that would find something else refuses."""
     key = method_key(name, setup, registrar)
-    return Recipe(partial(_make_alike, name, setup, key), key, prepared)
+    return WorkerSpec(partial(_make_alike, name, setup, key), key, prepared)
 
 
 def method_key(name: str, setup: Setup, registrar: "Registrar") -> str:

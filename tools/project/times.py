@@ -2,21 +2,21 @@
 
 from typing import Any
 
-from slam.execute.timings import Account
+from slam.execute.timings import Timings
 from tools.bench.machine import peak_memory
 
 
-def survey_times(account: Account, workers: int | str) -> dict[str, Any]:
+def survey_times(timings: Timings, workers: int | str) -> dict[str, Any]:
     """How long a survey took.
 
     Args:
-        account: of its pairs and stages.
+        timings: of its pairs and stages.
         workers: how many processes registered, or the address of the cluster that did.
     """
     return {
         "workers": workers,
-        "pairs_found": account.found,
-        "pairs": account.pairs,
-        "stages_s": account.stages,
+        "pairs_from_journal": timings.from_journal,
+        "pairs": timings.pairs,
+        "stages_s": timings.stages,
         "peak_memory_bytes": peak_memory(),
     }

@@ -7,10 +7,11 @@ import pytest
 from scipy.spatial.transform import RigidTransform
 
 from slam.decide.consistency import Chains, chain_parts, find_support
-from slam.decide.hypothesis import Hypothesis, hypotheses_of
+from slam.decide.possible_edge import PossibleEdge, Support, possible_edges
 from slam.graph.pose_graph import PoseGraph
 from slam.graph.tangent import adjoint, carried
 from slam.graph.trajectory import chain
+from slam.pair import Pair
 from spectral.result import Registration
 from tests.samples.surveys import edge, random_covariance, random_transforms, registration, ring_poses
 
@@ -26,9 +27,17 @@ def chained(truth: RigidTransform, gaps: tuple[int, ...] = ()) -> Chains:
     return chain_parts(len(truth), edges)
 
 
-def answer(truth: RigidTransform, i: int, j: int, off: RigidTransform | None = None, **changes) -> Hypothesis:
+def support_of(chains: Chains, answers: list[PossibleEdge], floor: np.ndarray, bound: float) -> list[Support]:
+    return [possible.support for possible in find_support(chains, answers, floor, bound)]
+
+
+def answers_of(i: int, j: int, given: Registration) -> list[PossibleEdge]:
+    return possible_edges(Pair(i, j, "loop", registration=given))
+
+
+def answer(truth: RigidTransform, i: int, j: int, off: RigidTransform | None = None, **changes) -> PossibleEdge:
     T = truth[i].inv() * truth[j] * (RigidTransform.identity() if off is None else off)
-    return Hypothesis(i, j, 0, replace(registration(T, COVARIANCE), **changes))
+    return PossibleEdge(i, j, replace(registration(T, COVARIANCE), **changes))
 
 
 def test_the_adjoint_carries_a_tangent_across():
@@ -75,10 +84,10 @@ def test_the_distance_from_the_chain_is_in_joint_sigmas():
     root = np.linalg.cholesky(gathered + COVARIANCE)
     for sigmas in (3.0, 6.0):
         off = RigidTransform.from_exp_coords(sigmas * root[:, 2])
-        (found,) = find_support(chains, [answer(truth, 1, 4, off)], NO_FLOOR, BOUND)
+        (found,) = support_of(chains, [answer(truth, 1, 4, off)], NO_FLOOR, BOUND)
         assert found.sigmas == pytest.approx(sigmas, rel=0.01)
         assert found.agrees == (sigmas < BOUND)
-    (granted,) = find_support(chains, [answer(truth, 1, 4, off)], np.repeat([0.1, 1.0], 3), BOUND)
+    (granted,) = support_of(chains, [answer(truth, 1, 4, off)], np.repeat([0.1, 1.0], 3), BOUND)
     assert granted.agrees
 
 
@@ -87,7 +96,7 @@ def test_two_parts_are_joined_by_those_that_agree_wherever_their_frames_lie():
     off = [RigidTransform.from_exp_coords(xi) for xi in ([0, 0, 0.8, 2, 0, 0], [0.2, 0, -1, 0, 3, 0])]
     answers = [answer(truth, 1, 7), answer(truth, 3, 9), answer(truth, 2, 10), answer(truth, 4, 8, off[0])]
     answers.append(answer(truth, 5, 11, off[1]))
-    found = find_support(chained(truth, (5,)), answers, NO_FLOOR, BOUND)
+    found = support_of(chained(truth, (5,)), answers, NO_FLOOR, BOUND)
     assert [one.pairs for one in found] == [3, 3, 3, 1, 1]
     assert [one.leading for one in found] == [True, True, True, False, False]
     assert all(np.isnan(one.sigmas) and not one.agrees for one in found)
@@ -98,7 +107,7 @@ def test_two_parts_are_joined_by_those_that_agree_wherever_their_frames_lie():
         moved.part, RigidTransform.concatenate([moved.T[:6], T * moved.T[6:]]), moved.spread.copy(), moved.meeting
     )
     again.spread[6:] = carried(T, again.spread[6:])
-    assert [(one.pairs, one.leading) for one in find_support(again, answers, NO_FLOOR, BOUND)] == [
+    assert [(one.pairs, one.leading) for one in support_of(again, answers, NO_FLOOR, BOUND)] == [
         (one.pairs, one.leading) for one in found
     ]
 
@@ -106,15 +115,15 @@ def test_two_parts_are_joined_by_those_that_agree_wherever_their_frames_lie():
 def test_an_answer_may_be_read_from_either_scan():
     truth = ring_poses(12)
     answers = [answer(truth, 1, 7), answer(truth, 3, 9)]
-    turned = [answers[0], Hypothesis(9, 3, 0, _inverse(answers[1].registration))]
+    turned = [answers[0], PossibleEdge(9, 3, _inverse(answers[1].registration))]
     for among in (answers, turned):
-        assert [one.pairs for one in find_support(chained(truth, (5,)), among, NO_FLOOR, BOUND)] == [2, 2]
+        assert [one.pairs for one in support_of(chained(truth, (5,)), among, NO_FLOOR, BOUND)] == [2, 2]
 
 
 def test_answers_of_one_pair_exclude_each_other():
     truth = ring_poses(12)
     twin = answer(truth, 1, 7, RigidTransform.from_exp_coords([0, 0, 0.001, 0, 0, 0]))
-    found = find_support(chained(truth, (5,)), [answer(truth, 1, 7), twin], NO_FLOOR, BOUND)
+    found = support_of(chained(truth, (5,)), [answer(truth, 1, 7), twin], NO_FLOOR, BOUND)
     assert [one.pairs for one in found] == [1, 1]
     assert not any(one.leading for one in found)  # neither is clearly ahead
 
@@ -122,20 +131,20 @@ def test_answers_of_one_pair_exclude_each_other():
 def test_what_is_possible_is_followed_and_weighs_by_its_probability():
     first = replace(registration(RigidTransform.identity(), COVARIANCE), probability=0.7, accepted=False)
     second, faint = replace(first, probability=0.2), replace(first, probability=0.001)
-    found = hypotheses_of(2, 5, replace(first, alternatives=(second, faint)))
+    found = answers_of(2, 5, replace(first, alternatives=(second, faint)))
     assert [(one.rank, one.accepted) for one in found] == [(0, False), (1, False)]
     assert found[0].weight == pytest.approx(-np.log(0.3))
     assert found[1].weight == pytest.approx(-np.log(0.8))
-    assert hypotheses_of(2, 5, faint) == []
+    assert answers_of(2, 5, faint) == []
     unknown = registration(RigidTransform.identity(), COVARIANCE)
-    assert hypotheses_of(2, 5, unknown)[0].weight > 1
-    assert hypotheses_of(2, 5, replace(unknown, accepted=False)) == []
+    assert answers_of(2, 5, unknown)[0].weight > 1
+    assert answers_of(2, 5, replace(unknown, accepted=False)) == []
 
 
 def test_a_covariance_that_is_none_is_a_fault_in_words():
     bad = replace(registration(RigidTransform.identity(), COVARIANCE), covariance=np.zeros((6, 6)))
-    assert "positive definite" in Hypothesis(0, 4, 0, bad).fault
-    assert Hypothesis(0, 4, 0, replace(bad, covariance=COVARIANCE)).fault == ""
+    assert "positive definite" in PossibleEdge(0, 4, bad).fault
+    assert PossibleEdge(0, 4, replace(bad, covariance=COVARIANCE)).fault == ""
 
 
 def _inverse(given: Registration) -> Registration:

@@ -2,7 +2,7 @@
 
 Error: the root mean square distance of the poses from the truth, the first poses laid on each other; sphere2500 comes
 without its truth, and a sphere of the same shape is simulated. Of sphere2500 itself the distance is that to the optimum
-without wrong loops. The survey's are also settled, as the mapper does it. Run with `-m slow -s` for the table.
+without wrong loops. The survey's are also decided about, as the mapper does it. Run with `-m slow -s` for the table.
 """
 
 import time
@@ -13,14 +13,13 @@ import numpy as np
 import pytest
 from scipy.spatial.transform import RigidTransform, Rotation
 
-from slam.decide.decision import settle
+from slam.decide.decision import decide
 from slam.decide.robust import robust_optimize
-from slam.execute.attempt import Attempt
 from slam.graph.edge import Edge
 from slam.graph.pose_graph import PoseGraph
 from slam.graph.trajectory import chain
 from slam.loops.candidates import LoopSettings
-from slam.pair import Trial
+from slam.pair import Pair
 from tests.samples.surveys import edge
 from tests.samples.wrong_loops import aliased, scattered
 from tools.readers.poses.g2o import read_g2o
@@ -114,7 +113,7 @@ def test_wrong_loops_do_little_harm(name: str, kind: str, share: float) -> None:
 @pytest.mark.slow
 @pytest.mark.parametrize("share", [0.1, 0.5, 1.0])
 @pytest.mark.parametrize("kind", ["scattered", "aliased"])
-def test_a_settled_survey_suffers_little(kind: str, share: float) -> None:
+def test_a_decided_survey_suffers_little(kind: str, share: float) -> None:
     """As the mapper has it: no pair is tried twice."""
     truth, graph = surveyed(4)
     count = round(share * sum(one.kind == "loop" for one in graph.edges))
@@ -122,15 +121,15 @@ def test_a_settled_survey_suffers_little(kind: str, share: float) -> None:
     right = {(one.i, one.j): one for one in graph.edges}
     wrong = {(one.i, one.j): one for one in drawn if (one.i, one.j) not in right and one.j > one.i + 1}
     begun = time.perf_counter()
-    plain = settle(trials(right.values()), graph.trajectory.stamps, {}, VOXEL, LoopSettings())
+    plain = decide(pairs_of(right.values()), graph.trajectory.stamps, {}, VOXEL, LoopSettings())
     seconds = time.perf_counter() - begun
-    result = settle(trials([*right.values(), *wrong.values()]), graph.trajectory.stamps, {}, VOXEL, LoopSettings())
+    result = decide(pairs_of([*right.values(), *wrong.values()]), graph.trajectory.stamps, {}, VOXEL, LoopSettings())
     rejected = {(pair.i, pair.j) for pair in result.pairs if not pair.kept}
     found = len(rejected & wrong.keys())
     precision, recall = found / max(len(rejected), 1), found / len(wrong)
     without, error = (distance(one.solution.trajectory.T_world_sensor, truth) for one in (plain, result))
     print(
-        f"\nsettled    {kind:9} {share:4.0%}: {len(wrong):4} wrong of {len(wrong) + len(right)} pairs, "
+        f"\ndecided    {kind:9} {share:4.0%}: {len(wrong):4} wrong of {len(wrong) + len(right)} pairs, "
         f"precision {precision:.4f}, recall {recall:.4f}, error {without:.3f} m without and {error:.3f} m with them, "
         f"{seconds:.1f} s and {time.perf_counter() - begun - seconds:.1f} s"
     )
@@ -139,9 +138,8 @@ def test_a_settled_survey_suffers_little(kind: str, share: float) -> None:
     assert error <= 1.2 * without
 
 
-def trials(edges: Iterable[Edge]) -> list[Trial]:
-    """Pairs whose registration believed in itself."""
+def pairs_of(edges: Iterable[Edge]) -> list[Pair]:
+    """Pairs whose registration was accepted."""
     return [
-        Trial(one.i, one.j, "sequential" if one.kind == "sequential" else "loop", Attempt(one.registration))
-        for one in edges
+        Pair(e.i, e.j, "sequential" if e.kind == "sequential" else "loop", registration=e.registration) for e in edges
     ]

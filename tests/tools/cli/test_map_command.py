@@ -137,8 +137,8 @@ def test_times_are_in_a_file_of_their_own(survey: Path) -> None:
     summary = strict_json((survey / "out" / "summary.json").read_text())
     pairs = {(pair["target"], pair["source"]) for pair in summary["pairs"]}
     assert {(pair["target"], pair["source"]) for pair in times["pairs"]} == pairs
-    assert all(pair["seconds"] > 0 and not pair["found"] for pair in times["pairs"])
-    assert (times["workers"], times["pairs_found"]) == (1, 0)
+    assert all(pair["seconds"] > 0 and not pair["from_journal"] for pair in times["pairs"])
+    assert (times["workers"], times["pairs_from_journal"]) == (1, 0)
     assert times["stages_s"].keys() >= {"pairs registered", "poses optimized", "map fused"}
     assert times["peak_memory_bytes"] > 2**20
 

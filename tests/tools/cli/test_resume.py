@@ -99,7 +99,7 @@ def test_killed_at_random_moments_it_ends_with_the_same_bytes(
         counts = computed(outs[-1])
         assert len(counts) == least
         lost += sum(counts) - len(counts)
-        found += json.loads((outs[-1] / "times.json").read_text())["pairs_found"]
+        found += json.loads((outs[-1] / "times.json").read_text())["pairs_from_journal"]
         if kills == KILLS:
             break
         outs.append(tmp_path / f"out {len(outs)}")
@@ -157,7 +157,7 @@ def test_one_more_scan_costs_its_own_pairs(scans: Path, undisturbed: Path, tmp_p
     run(fewer, tmp_path / "out")
     counts = computed(tmp_path / "out")
     assert max(counts) == 1
-    new = [pair for pair in json.loads((tmp_path / "out" / "times.json").read_text())["pairs"] if not pair["found"]]
+    new = [pair for pair in json.loads((tmp_path / "out" / "times.json").read_text())["pairs"] if not pair["from_journal"]]
     assert len(new) == len(counts) - before
     # another scan can change which loops are tried
     assert sum(11 in (pair["target"], pair["source"]) for pair in new) >= len(new) // 2

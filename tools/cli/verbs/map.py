@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING, Annotated
 import typer
 
 from kernels.errors import InputError
-from tools.cli.executor import Way, open_crew
+from tools.cli.execution import ExecutionOptions, open_execution
 from tools.cli.method import build_registrar, method_of
 from tools.cli.options import (
     DEFAULT_HYPOTHESES,
@@ -116,7 +116,7 @@ def command(
     from tools.project.times import survey_times
     from tools.writers.atomic import clear_leftovers, require_writable
 
-    wanted, way = method_of(context), _way(workers, scheduler, fresh)
+    wanted, options = method_of(context), _execution_options(workers, scheduler, fresh)
     read = _read(inputs, [priors] if priors else [])
     require_apart(out, read.files)
     scans = told_priors(read.scans, priors, prior_sigmas, strangers=bool(read.unread))
@@ -126,13 +126,13 @@ def command(
     settings = {"inputs": inputs, **told, **chosen.settings, "mapper": mapping}
     names = [scan.name for scan in scans]
     require_writable(out)
-    with open_crew(chosen, mapping.prepared, way, out / JOURNAL, quiet or as_json) as crew:
+    with open_execution(chosen, mapping.prepared, options, out / JOURNAL, quiet or as_json) as execution:
         clear_leftovers(out)  # the journal's lock says that no other run writes there
-        mapper = Mapper(chosen.registrar, chosen.grid.voxel, mapping, crew)
+        mapper = Mapper(chosen.registrar, chosen.grid.voxel, mapping, execution)
         with growing_progress("mapping", quiet or as_json) as step:
             step(0, len(scans), "preparing the first scans")
             result = mapper.run(scans, step, read.surveys)
-        times = survey_times(crew.account, way.place)
+        times = survey_times(execution.timings, options.place)
         summary = write_survey(out, result, names, settings, chosen.device, read.unread, also, times)
     if as_json:
         typer.echo(json.dumps(json.loads(summary.read_text(encoding="utf-8"))))
@@ -143,12 +143,12 @@ def command(
         raise typer.Exit(INCOMPLETE)
 
 
-def _way(workers: int | None, scheduler: str | None, fresh: bool) -> Way:
+def _execution_options(workers: int | None, scheduler: str | None, fresh: bool) -> ExecutionOptions:
     if workers is not None and scheduler is not None:
         raise InputError(
             "--workers are processes of this machine, --scheduler has workers of its own; drop one of the two"
         )
-    return Way(workers or 1, scheduler, fresh)
+    return ExecutionOptions(workers or 1, scheduler, fresh)
 
 
 def _read(inputs: list[str], beside: list[Path]) -> "ReadScans":

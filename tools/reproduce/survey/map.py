@@ -14,7 +14,8 @@ from spectral.scan import Scan
 from tools.evaluate.pairs import TriedPair
 
 if TYPE_CHECKING:
-    from slam.execute.worker import Done, KeyedScan, Signed, Worker
+    from slam.execute.scan_key import KeyedScan
+    from slam.execute.worker import TimedText, Worker
     from slam.mapper import SurveyResult
     from slam.pair import Pair
     from spectral.grid import Grid
@@ -123,26 +124,26 @@ class _Clocked:
         self._worker = worker
         self.registering = self.signing = 0.0
 
-    def register(self, pairs: "Sequence[tuple[KeyedScan, KeyedScan]]") -> "list[Done]":
+    def register(self, pairs: "Sequence[tuple[KeyedScan, KeyedScan]]") -> "list[TimedText]":
         start = perf_counter()
         done = self._worker.register(pairs)
         self.registering += perf_counter() - start
         return done
 
-    def sign(self, scans: "Sequence[KeyedScan]") -> "list[Signed]":
+    def signatures(self, scans: "Sequence[KeyedScan]") -> "list[TimedText]":
         start = perf_counter()
-        signed = self._worker.sign(scans)
+        signed = self._worker.signatures(scans)
         self.signing += perf_counter() - start
         return signed
 
-    def forget(self) -> None:
-        self._worker.forget()
+    def release(self) -> None:
+        self._worker.release()
 
 
 def _ours(scans: Sequence[Scan], surveys: Sequence[int], grid: "Grid", device: str | None) -> Mapped:
     """As `sonarmap map` does it with nothing but defaults, in this process."""
     from kernels.opencl.device import choose_device
-    from slam.execute.executor import alone
+    from slam.execute.runner import Execution
     from slam.execute.worker import Worker
     from slam.mapper import Mapper, MapperSettings
     from spectral.registration import SpectralRegistrar
@@ -153,10 +154,10 @@ def _ours(scans: Sequence[Scan], surveys: Sequence[int], grid: "Grid", device: s
     registrar = SpectralRegistrar(opened, grid)
     settings = MapperSettings(prepared=prepared_scans(opened, grid.edge))
     clocked = _Clocked(Worker(registrar, settings.prepared))
-    crew = alone(clocked)
+    execution = Execution(clocked)
     start = perf_counter()
-    result = Mapper(registrar, grid.voxel, settings, crew).run(scans, surveys=surveys)
-    took = _took(perf_counter() - start, crew.account.stages["map fused"], clocked, result, peak_memory())
+    result = Mapper(registrar, grid.voxel, settings, execution).run(scans, surveys=surveys)
+    took = _took(perf_counter() - start, execution.timings.stages["map fused"], clocked, result, peak_memory())
     return _mapped(result, took, _signatures(registrar, scans))
 
 

@@ -1,4 +1,4 @@
-"""What came of a pair, as text: it comes back bit by bit."""
+"""The result of a pair, and a signature, as text: they come back bit by bit."""
 
 from typing import Any
 
@@ -7,7 +7,7 @@ import pytest
 from numpy.testing import assert_array_equal
 from scipy.spatial.transform import RigidTransform
 
-from slam.execute.attempt import Attempt, from_text, to_text
+from slam.execute.pair_text import from_text, signature_from_text, signature_to_text, to_text
 from spectral.result import Registration
 from tests.samples.surveys import random_covariance, random_transforms
 
@@ -48,11 +48,11 @@ def bits(registration: Registration) -> list[object]:
 @pytest.mark.parametrize("seed", range(40))
 def test_a_registration_comes_back_bit_by_bit(seed: int) -> None:
     given = registrations(seed)
-    text = to_text(Attempt(given))
-    found = from_text(text)
-    assert found.registration is not None
-    assert bits(found.registration) == bits(given)
-    assert to_text(found) == text
+    text = to_text(given)
+    returned, failure = from_text(text)
+    assert returned is not None
+    assert bits(returned) == bits(given)
+    assert (to_text(returned), failure) == (text, "")
 
 
 def test_a_transform_that_is_off_by_rounding_is_not_mended() -> None:
@@ -61,7 +61,7 @@ def test_a_transform_that_is_off_by_rounding_is_not_mended() -> None:
     for one in random_transforms(np.random.default_rng(3), 200):
         T = T * one
     given = Registration(T, np.eye(6), 1.0, 0.5, True, 0.1)
-    found = from_text(to_text(Attempt(given))).registration
+    found, _ = from_text(to_text(given))
     assert found is not None
     assert_array_equal(found.T_target_source.as_matrix(), T.as_matrix())
 
@@ -70,14 +70,24 @@ def test_numbers_of_numpy_are_taken() -> None:
     psr: Any = np.float32(0.1)
     accepted: Any = np.bool_(True)
     given = Registration(RigidTransform.identity(), np.eye(6), psr, 0.2, accepted, 0.1, step_psr=(("a", psr),))
-    found = from_text(to_text(Attempt(given))).registration
+    found, _ = from_text(to_text(given))
     assert found is not None
     assert (found.psr, found.accepted, found.step_psr) == (float(psr), True, (("a", float(psr)),))
 
 
 def test_a_failure_comes_back() -> None:
-    given = Attempt(None, "scan 3 lies in one plane; give another «scan»")
-    assert from_text(to_text(given)) == given
+    reason = "scan 3 lies in one plane; give another «scan»"
+    assert from_text(to_text(None, reason)) == (None, reason)
+
+
+@pytest.mark.parametrize("signature", [None, np.array([0.1, np.nan, -0.0, 3e38, np.inf], np.float32)])
+def test_a_signature_comes_back_bit_by_bit(signature: np.ndarray | None) -> None:
+    returned = signature_from_text(signature_to_text(signature))
+    if signature is None:
+        assert returned is None
+    else:
+        assert returned is not None
+        assert_array_equal(returned.view(np.uint32), signature.view(np.uint32))
 
 
 @pytest.mark.parametrize("text", ["", "{}", "[1]", '{"registration": {}}', '{"registration": {"psr": 1}}'])

@@ -1,5 +1,6 @@
-"""Whoever registers a survey's pairs, and however often it is stopped: the same results, and no pair twice."""
+"""Wherever a survey's pairs are registered, and however often that is stopped: the same results, no pair twice."""
 
+import sqlite3
 import sys
 from collections.abc import Iterator
 from contextlib import contextmanager
@@ -13,12 +14,13 @@ from numpy.testing import assert_array_equal
 
 import slam.execute.executor
 from kernels.errors import DeviceError, InputError
-from slam.execute.attempt import to_text
-from slam.execute.executor import Crew, alone, cluster, processes
+from slam.execute.executor import cluster, processes
 from slam.execute.journal import Journal
-from slam.execute.runner import PairRunner
-from slam.execute.worker import Worker
-from tests.samples.crew_survey import Knowing, recipe
+from slam.execute.pair_text import to_text
+from slam.execute.runner import Execution, PairRunner
+from slam.execute.worker import release_worker
+from slam.pair import Pair
+from tests.samples.survey_worker import Knowing, worker_spec
 from tests.samples.surveys import ring_poses, scans_of
 
 COUNT = 9
@@ -33,28 +35,35 @@ class Work:
         self.notes, self.journal = folder / "notes", folder / "journal.sqlite"
 
     @contextmanager
-    def crew(self, kind: str, ending: str = "") -> Iterator[Crew]:
-        made = recipe(COUNT, self.notes, ending)
-        match kind.split():
-            case ["alone"]:
-                yield alone(Worker(Knowing(COUNT, self.notes, ending), 3))
-            case ["processes", workers]:
-                with processes(made, int(workers)) as crew:
-                    yield crew
-            case ["cluster", address]:
-                with cluster(made, address) as crew:
-                    yield crew
+    def execution(self, kind: str, ending: str = "") -> Iterator[Execution]:
+        spec = worker_spec(COUNT, self.notes, ending)
+        with Journal(self.journal) as journal:
+            match kind.split():
+                case ["here"]:
+                    here = Execution.here(Knowing(COUNT, self.notes, ending), 3)
+                    yield replace(here, journal=journal, method="knowing")
+                case ["processes", workers]:
+                    with processes(int(workers)) as executor:
+                        yield Execution(spec, executor, journal, "knowing")
+                case ["cluster", address]:
+                    with cluster(address, release_worker) as executor:
+                        yield Execution(spec, executor, journal, "knowing")
 
-    def run(self, kind: str = "alone", ending: str = "", pairs: list[tuple[int, int]] = PAIRS) -> list[str]:
-        """What came of every pair, as text."""
-        with Journal(self.journal, "knowing") as journal, self.crew(kind, ending) as crew:
-            runner = PairRunner(Knowing(COUNT, self.notes), SCANS, 3, 0, None, replace(crew, journal=journal))
-            return [to_text(attempt) for attempt in runner.register(pairs)]
+    def run(self, kind: str = "here", ending: str = "", pairs: list[tuple[int, int]] = PAIRS) -> list[str]:
+        """The result of every pair, as text."""
+        with self.execution(kind, ending) as execution:
+            registered = PairRunner(execution, SCANS, 0, None).register(candidates(pairs))
+            assert [pair.scans for pair in registered] == pairs
+            return [to_text(pair.registration, pair.failure) for pair in registered]
 
     def registered(self) -> list[tuple[int, int]]:
         """The pairs that registrars were asked for, sorted; those with the broken scan never are."""
         lines = self.notes.read_text().splitlines() if self.notes.exists() else []
         return sorted((int(i), int(j)) for i, j in (line.split() for line in lines))
+
+
+def candidates(pairs: list[tuple[int, int]]) -> list[Pair]:
+    return [Pair(i, j, "loop") for i, j in pairs]
 
 
 ASKED = sorted(pair for pair in PAIRS if 2 not in pair)
@@ -119,36 +128,35 @@ def test_a_worker_that_is_killed_is_told_and_what_is_done_is_kept(work: Work, un
     assert len(begun) >= 4
     assert work.run() == undisturbed
     again = [pair for pair in set(begun) if work.registered().count(pair) > 1]
-    assert len(again) <= slam.execute.executor._TOGETHER
+    assert len(again) <= slam.execute.executor.JOBS_TOGETHER
     assert (7, 8) in again
 
 
-@pytest.mark.parametrize("kind", ["alone", "processes 2"])
+@pytest.mark.parametrize("kind", ["here", "processes 2"])
 def test_a_machine_that_fails_is_raised_and_not_kept(work: Work, undisturbed: list[str], kind: str) -> None:
     with pytest.raises(DeviceError, match="the device is full"):
         work.run(kind, ending="device 4 5")
     assert work.run() == undisturbed
 
 
-def test_the_account_tells_what_was_found(work: Work) -> None:
-    for found in (0, len(PAIRS)):
-        with Journal(work.journal, "knowing") as journal, work.crew("alone") as crew:
-            runner = PairRunner(Knowing(COUNT, work.notes), SCANS, 3, 2, None, replace(crew, journal=journal))
-            runner.register(PAIRS)
-            runner.tell("optimized")
-        assert [(one.target, one.source) for one in crew.account.pairs] == PAIRS
-        assert crew.account.found == found
-        assert all(one.seconds > 0 and one.found == (found > 0) for one in crew.account.pairs)
-        assert list(crew.account.stages) == ["pairs registered", "optimized"]
+def test_timings_say_what_came_from_the_journal(work: Work) -> None:
+    for from_journal in (0, len(PAIRS)):
+        with work.execution("here") as execution:
+            runner = PairRunner(execution, SCANS, 2, None)
+            runner.register(candidates(PAIRS))
+            runner.step_done("optimized")
+        timings = execution.timings
+        assert [(time.target, time.source) for time in timings.pairs] == PAIRS
+        assert timings.from_journal == from_journal
+        assert all(time.seconds > 0 and time.from_journal == (from_journal > 0) for time in timings.pairs)
+        assert list(timings.stages) == ["pairs registered", "optimized"]
 
 
-@pytest.mark.parametrize("kind", ["alone", "processes 2"])
+@pytest.mark.parametrize("kind", ["here", "processes 2"])
 def test_signatures_are_kept_too(work: Work, kind: str) -> None:
     for _ in range(2):
-        with Journal(work.journal, "knowing") as journal, work.crew(kind) as crew:
-            registrar = Knowing(COUNT, work.notes)
-            runner = PairRunner(registrar, SCANS, 3, 0, None, replace(crew, journal=journal))
-            signatures = runner.signatures()
+        with work.execution(kind) as execution:
+            signatures = PairRunner(execution, SCANS, 0, None).signatures()
         for scan, signature in zip(SCANS, signatures, strict=True):
             if scan.name == "scan2":
                 assert signature is None
@@ -157,12 +165,26 @@ def test_signatures_are_kept_too(work: Work, kind: str) -> None:
                 assert_array_equal(signature, scan.points.mean(axis=0))
 
 
-def test_a_method_without_signatures_prepares_nothing() -> None:
-    from tests.samples.surveys import KnowingRegistrar
+class TestJournalEntries:
+    def test_scans_and_the_method_decide_and_not_their_names(self, work: Work) -> None:
+        first = work.run(pairs=[(0, 1), (0, 2)])
+        renamed = [replace(scan, name=scan.name.replace("scan", "scan0"), stamp=9.0) for scan in SCANS]
+        for method, scans, new in (("knowing", renamed, [(0, 2)]), ("another", SCANS, [(0, 1), (0, 2)])):
+            with work.execution("here") as execution:
+                execution = replace(execution, method=method)
+                registered = PairRunner(execution, scans, 0, None).register(candidates([(0, 1), (0, 2)]))
+            assert to_text(registered[0].registration) == first[0]
+            # the words of a failure name its scans
+            computed = [(t.target, t.source) for t in execution.timings.pairs if not t.from_journal]
+            assert computed == new
 
-    registrar = KnowingRegistrar(ring_poses(COUNT), np.eye(6))
-    assert PairRunner(registrar, SCANS, 3, 0, None).signatures() == [None] * COUNT
-    assert not registrar.prepared
+    def test_content_that_is_no_result_is_damage(self, work: Work) -> None:
+        work.run(pairs=[(0, 1)])
+        with sqlite3.connect(work.journal) as database:
+            database.execute("UPDATE entry SET content = '{\"registration\": 7}'")
+        database.close()
+        with pytest.raises(InputError, match="damaged"):
+            work.run(pairs=[(0, 1)])
 
 
 def local_cluster(workers: int) -> Any:
@@ -202,7 +224,7 @@ class TestClusterThatIsNotThere:
 
     @pytest.mark.parametrize("address", ["tcp://127.0.0.1:9", "127.0.0.1:9", "carrier-pigeon://9", "tcp://", "nowhere"])
     def test_it_is_told(self, work: Work, address: str) -> None:
-        with pytest.raises(InputError, match=r"no Dask scheduler answers at .* --scheduler tcp://"):
+        with pytest.raises(InputError, match=r"no Dask scheduler answers at .* `scheduler=tcp://"):
             work.run(f"cluster {address}")
 
     @pytest.mark.slow

@@ -9,7 +9,7 @@ from scipy.spatial.transform import RigidTransform
 from kernels.errors import DeviceError, InputError
 from slam.graph.trajectory import chain
 from slam.loops.candidates import LoopSettings, find_candidates
-from slam.loops.forecast import outline
+from slam.map.shared_cells import outline
 from slam.mapper import Mapper, MapperSettings, SurveyResult
 from slam.pair import Pair
 from spectral.result import Registration
@@ -210,7 +210,7 @@ def test_candidates_spread_and_skip_what_is_joined():
     settings = LoopSettings(per_scan=3, min_overlap=0.2, spread=2)
     outlines = [outline(scan, settings.cell_voxels * VOXEL) for scan in scans]
     found = find_candidates(outlines, result.solution, VOXEL, settings)
-    assert [c.overlap for c in found] == sorted((c.overlap for c in found), reverse=True)
+    assert [c.predicted_overlap for c in found] == sorted((c.predicted_overlap for c in found), reverse=True)
     for index in range(24):
         partners = sorted(c.i + c.j - index for c in found if index in (c.i, c.j))
         assert len(partners) <= 3

@@ -9,7 +9,7 @@ from typing import Any
 import numpy as np
 
 from kernels.errors import DeviceError, InputError
-from slam.execute.worker import Recipe
+from slam.execute.worker import WorkerSpec
 from spectral.result import Registration
 from spectral.scan import Scan
 from tests.samples.surveys import KnowingRegistrar, random_covariance, ring_poses
@@ -55,5 +55,5 @@ class Knowing(KnowingRegistrar):
         return prepared[1]
 
 
-def recipe(count: int, notes: Path, ending: str = "") -> Recipe:
-    return Recipe(partial(Knowing, count, notes, ending), f"{count} {notes} {ending}", 3)
+def worker_spec(count: int, notes: Path, ending: str = "") -> WorkerSpec:
+    return WorkerSpec(partial(Knowing, count, notes, ending), f"{count} {notes} {ending}", 3)

@@ -6,10 +6,9 @@ import numpy as np
 import pytest
 from scipy.spatial.transform import RigidTransform
 
-from slam.decide.decision import Settlement, settle
-from slam.execute.attempt import Attempt
+from slam.decide.decision import Decision, decide
 from slam.loops.candidates import LoopSettings
-from slam.pair import Role, Trial
+from slam.pair import Pair, Role
 from spectral.result import Registration
 from tests.samples.surveys import random_covariance, registration, ring_poses
 
@@ -18,26 +17,26 @@ VOXEL = 0.1
 WRONG = RigidTransform.from_exp_coords([0, 0, 0.6, 4, -1, 0])
 
 
-def trial(truth: RigidTransform, i: int, j: int, role: Role, off: RigidTransform | None = None, **changes) -> Trial:
+def pair(truth: RigidTransform, i: int, j: int, role: Role, off: RigidTransform | None = None, **changes) -> Pair:
     noise = RigidTransform.from_exp_coords(np.random.default_rng([i, j]).multivariate_normal(np.zeros(6), COVARIANCE))
     T = truth[i].inv() * truth[j] * noise * (RigidTransform.identity() if off is None else off)
-    return Trial(i, j, role, Attempt(replace(registration(T, COVARIANCE), **changes)))
+    return Pair(i, j, role, registration=replace(registration(T, COVARIANCE), **changes))
 
 
 def unsure(probability: float, *alternatives: Registration) -> dict:
     return {"accepted": False, "probability": probability, "reason": "not sure", "alternatives": alternatives}
 
 
-def chain_of(truth: RigidTransform, **changed: dict) -> list[Trial]:
+def chain_of(truth: RigidTransform, **changed: dict) -> list[Pair]:
     """Consecutive scans; changed["k3"] holds what is different about (3, 4)."""
-    return [trial(truth, k, k + 1, "sequential", **changed.get(f"k{k}", {})) for k in range(len(truth) - 1)]
+    return [pair(truth, k, k + 1, "sequential", **changed.get(f"k{k}", {})) for k in range(len(truth) - 1)]
 
 
-def settled(truth: RigidTransform, trials: list[Trial]) -> Settlement:
-    return settle(trials, np.arange(float(len(truth))), {}, VOXEL, LoopSettings())
+def decided(truth: RigidTransform, pairs: list[Pair]) -> Decision:
+    return decide(pairs, np.arange(float(len(truth))), {}, VOXEL, LoopSettings())
 
 
-def worst(result: Settlement, truth: RigidTransform) -> float:
+def worst(result: Decision, truth: RigidTransform) -> float:
     T = result.solution.trajectory.T_world_sensor
     return float(np.linalg.norm((T[0].inv() * T).translation - truth.translation, axis=1).max())
 
@@ -45,95 +44,96 @@ def worst(result: Settlement, truth: RigidTransform) -> float:
 def test_a_doubtful_step_is_taken_where_another_pair_agrees_with_it():
     truth = ring_poses(12)
     gap = chain_of(truth, k5=unsure(0.8))
-    alone = settled(truth, gap)
+    alone = decided(truth, gap)
     assert alone.solution.graph.components == (tuple(range(6)), tuple(range(6, 12)))
     assert alone.pairs[5].reason.startswith("refused by the registration: not sure")
-    joined = settled(truth, [*gap, trial(truth, 4, 7, "bridge", **unsure(0.8))])
+    joined = decided(truth, [*gap, pair(truth, 4, 7, "bridge", **unsure(0.8))])
     assert len(joined.solution.graph.components) == 1
-    assert all(pair.kept for pair in joined.pairs)
+    assert all(p.kept for p in joined.pairs)
     assert "though the registration was not sure (80%)" in joined.pairs[5].reason
     assert worst(joined, truth) < 0.3
-    apart = settled(truth, [*gap, trial(truth, 4, 7, "bridge", WRONG, **unsure(0.8))])
+    apart = decided(truth, [*gap, pair(truth, 4, 7, "bridge", WRONG, **unsure(0.8))])
     assert len(apart.solution.graph.components) == 2
-    faint = settled(truth, [*gap, trial(truth, 4, 7, "bridge", **unsure(0.6))])
+    faint = decided(truth, [*gap, pair(truth, 4, 7, "bridge", **unsure(0.6))])
     assert len(faint.solution.graph.components) == 2
 
 
 def test_an_alternative_is_taken_where_the_others_agree_with_it():
     """A place that looks alike from both sides: the more probable answer is the wrong one."""
     truth = ring_poses(12)
-    right = trial(truth, 2, 9, "loop", **unsure(0.4)).attempt.registration
+    right = pair(truth, 2, 9, "loop", **unsure(0.4)).registration
     assert right is not None
     wrong = replace(right, T_target_source=right.T_target_source * WRONG, probability=0.55, alternatives=(right,))
-    trials = [*chain_of(truth), Trial(2, 9, "loop", Attempt(wrong)), trial(truth, 1, 10, "loop")]
-    pair = settled(truth, trials).pairs[11]
-    assert pair.kept
-    assert pair.edge is not None
-    np.testing.assert_array_equal(pair.edge.registration.T_target_source.as_matrix(), right.T_target_source.as_matrix())
-    assert "answer 2" in pair.reason
+    pairs = [*chain_of(truth), Pair(2, 9, "loop", registration=wrong), pair(truth, 1, 10, "loop")]
+    doubtful = decided(truth, pairs).pairs[11]
+    assert doubtful.edge is not None
+    np.testing.assert_array_equal(
+        doubtful.edge.registration.T_target_source.as_matrix(), right.T_target_source.as_matrix()
+    )
+    assert "answer 2" in doubtful.reason
 
 
 def test_two_parts_far_apart_in_time_want_two_pairs():
     truth = ring_poses(12)
     gap = chain_of(truth, k5=unsure(0.0))
-    one = settled(truth, [*gap, trial(truth, 1, 10, "loop")])
+    one = decided(truth, [*gap, pair(truth, 1, 10, "loop")])
     assert len(one.solution.graph.components) == 2
     assert "no other pair agrees" in one.pairs[-1].reason
-    two = settled(truth, [*gap, trial(truth, 1, 10, "loop"), trial(truth, 2, 9, "loop")])
+    two = decided(truth, [*gap, pair(truth, 1, 10, "loop"), pair(truth, 2, 9, "loop")])
     assert len(two.solution.graph.components) == 1
-    bridge = settled(truth, [*gap, trial(truth, 4, 7, "bridge")])
+    bridge = decided(truth, [*gap, pair(truth, 4, 7, "bridge")])
     assert len(bridge.solution.graph.components) == 1
 
 
 def test_a_wrong_step_that_was_believed_is_found_by_its_neighbors():
     truth = ring_poses(14)
-    trials = chain_of(truth, k6={"off": WRONG})
-    trials += [
-        trial(truth, 5, 7, "loop"),
-        trial(truth, 6, 8, "loop"),
-        trial(truth, 4, 8, "loop"),
-        trial(truth, 0, 13, "loop"),
+    pairs = chain_of(truth, k6={"off": WRONG})
+    pairs += [
+        pair(truth, 5, 7, "loop"),
+        pair(truth, 6, 8, "loop"),
+        pair(truth, 4, 8, "loop"),
+        pair(truth, 0, 13, "loop"),
     ]
-    result = settled(truth, trials)
+    result = decided(truth, pairs)
     assert not result.pairs[6].kept
     assert result.pairs[6].reason.startswith("refused, inconsistent")
     assert result.pairs[6].residual > 10
-    assert all(pair.kept for pair in result.pairs[13:])
+    assert all(p.kept for p in result.pairs[13:])
     assert worst(result, truth) < 0.3
 
 
 def test_false_loops_that_agree_with_each_other_do_not_break_the_chain():
     """A place that looks like another, from several scans in a row."""
     truth = ring_poses(24)
-    trials = [*chain_of(truth), trial(truth, 0, 23, "loop"), trial(truth, 1, 22, "loop")]
+    pairs = [*chain_of(truth), pair(truth, 0, 23, "loop"), pair(truth, 1, 22, "loop")]
     for i, j in ((3, 15), (4, 16), (5, 17)):
         looks = truth[i].inv() * truth[3] * truth[15].inv() * truth[j]
         off = (truth[i].inv() * truth[j]).inv() * looks
-        trials.append(trial(truth, i, j, "loop", off))
-    result = settled(truth, trials)
-    assert [pair.kept for pair in result.pairs[-5:]] == [True, True, False, False, False]
-    assert all(pair.kept for pair in result.pairs[:23])
+        pairs.append(pair(truth, i, j, "loop", off))
+    result = decided(truth, pairs)
+    assert [p.kept for p in result.pairs[-5:]] == [True, True, False, False, False]
+    assert all(p.kept for p in result.pairs[:23])
     assert result.pairs[-1].agreeing == 2
     assert worst(result, truth) < 0.3
 
 
 def test_order_does_not_matter():
     truth = ring_poses(12)
-    trials = [
+    pairs = [
         *chain_of(truth, k5=unsure(0.7)),
-        trial(truth, 4, 7, "bridge", **unsure(0.6)),
-        trial(truth, 0, 11, "loop"),
+        pair(truth, 4, 7, "bridge", **unsure(0.6)),
+        pair(truth, 0, 11, "loop"),
     ]
-    one = settled(truth, trials)
-    other = settled(truth, trials[::-1])
+    one = decided(truth, pairs)
+    other = decided(truth, pairs[::-1])
     difference = one.solution.trajectory.T_world_sensor.inv() * other.solution.trajectory.T_world_sensor
     assert difference.as_exp_coords() == pytest.approx(np.zeros((12, 6)), abs=1e-5)
-    assert [pair.reason for pair in one.pairs] == [pair.reason for pair in other.pairs[::-1]]
+    assert [p.reason for p in one.pairs] == [p.reason for p in other.pairs[::-1]]
 
 
 def test_chi_squared_before_is_of_the_chained_poses():
     truth = ring_poses(24)
-    result = settled(truth, [*chain_of(truth), trial(truth, 0, 23, "loop"), trial(truth, 2, 20, "loop")])
+    result = decided(truth, [*chain_of(truth), pair(truth, 0, 23, "loop"), pair(truth, 2, 20, "loop")])
     graph = result.solution.graph
     assert result.solution.chi_squared_before == pytest.approx(graph.at(result.chained.T_world_sensor).chi_squared)
     assert result.solution.chi_squared_before > 2 * result.solution.chi_squared_after

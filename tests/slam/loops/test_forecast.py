@@ -1,4 +1,4 @@
-"""What two scans are expected to share: at the estimate, and where the poses are unsure."""
+"""How much of an expected overlap is left where the poses are uncertain."""
 
 from dataclasses import replace
 
@@ -8,29 +8,10 @@ from scipy.spatial.transform import RigidTransform
 
 from slam.graph.pose_graph import PoseGraph, Solution
 from slam.graph.trajectory import chain
-from slam.loops.forecast import outline, predict_overlap, sureness
+from slam.loops.forecast import certainty
+from slam.map.shared_cells import outline
 from spectral.scan import Scan
 from tests.samples.surveys import edge, random_covariance, ring_poses, scans_of
-
-
-def test_predicted_overlap_is_the_smaller_of_both_ways():
-    truth = ring_poses(6, radius=8.0)
-    scans = scans_of(truth)
-    half = replace(scans[1], points=scans[1].points[scans[1].points[:, 0] > 0])
-    overlap = predict_overlap([outline(scan, 2.0) for scan in (scans[0], scans[1], half)], truth[[0, 1, 1]], 2.0)
-    np.testing.assert_array_equal(overlap, overlap.T)
-    np.testing.assert_array_equal(np.diag(overlap), 1)
-    assert 0.4 < overlap[1, 2] < 0.7  # all of the half lies in the whole, half of the whole in the half
-    assert 0 < overlap[0, 1] < 1
-
-
-def test_a_stray_point_does_not_disturb_the_predicted_overlap():
-    truth = ring_poses(6, radius=8.0)
-    scans = scans_of(truth)[:2]
-    stray = np.array([[99_000, 0, 0]], np.float32)
-    struck = [replace(scan, points=np.vstack([stray, scan.points])) for scan in scans]
-    clean, other = (predict_overlap([outline(one, 0.05) for one in of], truth[:2], 0.05) for of in (scans, struck))
-    np.testing.assert_allclose(other, clean, atol=2e-3)
 
 
 def pair_with(covariance: np.ndarray) -> Solution:
@@ -42,7 +23,7 @@ def pair_with(covariance: np.ndarray) -> Solution:
 
 def forecast(scans: list[Scan], solution: Solution) -> float:
     target, source = (outline(scan, 1.0) for scan in scans)
-    return sureness(target, source, *solution.relative(0, 1), 1.0)
+    return certainty(target, source, *solution.relative(0, 1), 1.0)
 
 
 def test_a_sure_pose_leaves_the_overlap_and_an_unsure_one_takes_from_it():

@@ -1,0 +1,110 @@
+"""Where a survey's pairs are registered, by the options of `sonarmap map`, and how that ends when it is stopped."""
+
+import signal
+import threading
+from collections.abc import Iterator
+from contextlib import contextmanager
+from dataclasses import dataclass
+from pathlib import Path
+from types import FrameType
+from typing import TYPE_CHECKING
+
+from tools.cli.method import Chosen
+from tools.cli.terminal import say
+
+if TYPE_CHECKING:
+    from slam.execute.executor import Executor
+    from slam.execute.runner import Execution
+    from slam.execute.worker import PairWorker
+
+
+@dataclass(frozen=True, slots=True)
+class ExecutionOptions:
+    """Where pairs are registered.
+
+    Attributes:
+        workers: number of processes; with 1 it is this one.
+        scheduler: address of a Dask cluster's scheduler, in place of them; None for none.
+        fresh: whether to delete what the journal holds.
+    """
+
+    workers: int = 1
+    scheduler: str | None = None
+    fresh: bool = False
+
+    @property
+    def place(self) -> int | str:
+        """The number of processes, or the address of the cluster."""
+        return self.scheduler or self.workers
+
+
+@contextmanager
+def open_execution(
+    chosen: Chosen, prepared: int, options: ExecutionOptions, journal: Path, quiet: bool
+) -> Iterator["Execution"]:
+    """Workers and a journal, for as long as the block lasts.
+
+    Args:
+        chosen: the method.
+        prepared: how many prepared scans a worker keeps.
+        options: where pairs are registered.
+        journal: the file.
+        quiet: whether to say nothing about the pairs that the journal held.
+
+    Raises:
+        InputError: the journal cannot be used, or the workers fail.
+    """
+    from slam.execute.journal import Journal
+    from slam.execute.runner import Execution
+    from tools.methods.key import method_key
+
+    key = method_key(chosen.name, chosen.setup, chosen.registrar)
+    with (
+        _terminated_as_interrupted(),
+        Journal(journal, options.fresh) as opened,
+        _workers(chosen, prepared, options) as (worker, executor),
+    ):
+        held = opened.count()
+        execution = Execution(worker, executor, opened, key)
+        yield execution
+        from_journal, tried = execution.timings.from_journal, len(execution.timings.pairs)
+    if from_journal and not quiet:
+        say(f"{from_journal} of {tried} pairs were in {journal}")
+    elif held and not quiet:
+        say(f"{journal} holds {held} results of other scans, settings or code; none could be used")
+
+
+@contextmanager
+def _workers(chosen: Chosen, prepared: int, options: ExecutionOptions) -> "Iterator[tuple[PairWorker, Executor]]":
+    from slam.execute.executor import cluster, processes, this_process
+    from slam.execute.worker import Worker, release_worker
+    from tools.methods.key import checked_worker_spec, worker_spec
+
+    method = (chosen.name, chosen.setup, chosen.registrar, prepared)
+    if options.scheduler:
+        spec = checked_worker_spec(*method)
+        with cluster(options.scheduler, at_end=release_worker) as executor:
+            yield spec, executor
+    elif options.workers > 1:
+        spec = worker_spec(*method)
+        with processes(options.workers) as executor:
+            yield spec, executor
+    else:
+        yield Worker(chosen.registrar, prepared), this_process()
+
+
+@contextmanager
+def _terminated_as_interrupted() -> Iterator[None]:
+    """SIGTERM ends the block as Ctrl-C does: files are closed, and workers end."""
+    if threading.current_thread() is not threading.main_thread():  # only it receives signals
+        yield
+        return
+
+    def interrupt(number: int, frame: FrameType | None) -> None:
+        raise KeyboardInterrupt
+
+    before = signal.signal(signal.SIGTERM, interrupt)
+    try:
+        yield
+    finally:
+        signal.signal(signal.SIGTERM, before)
