@@ -1,7 +1,7 @@
-"""Which loops bear each other out: pairs that close a short cycle together, and the groups that such pairs form.
+"""Which loops agree: pairs of loops that close a short cycle together, and the groups that such pairs form.
 
 Loops between neighbors of the same two places agree where the chain between them, which is short and therefore sure,
-says so (pairwise consistency: Mangelson, Dominic, Eustice and Vasudevan, ICRA 2018, DOI 10.1109/ICRA.2018.8460217).
+shows it (pairwise consistency: Mangelson, Dominic, Eustice and Vasudevan, ICRA 2018, DOI 10.1109/ICRA.2018.8460217).
 """
 
 from collections.abc import Sequence
@@ -20,10 +20,10 @@ NEAR = 5  # poses along the chain within which two loops are compared at either 
 
 
 def agreeing_groups(T: RigidTransform, chain: Sequence[Edge], loops: Sequence[Edge], bound: float) -> np.ndarray:
-    """The number of each loop's group: (m,) int; a loop that nothing bears out is alone.
+    """The number of each loop's group: (m,) int; a loop that agrees with no other is alone.
 
     Args:
-        T: N poses as the chain tells them.
+        T: N poses as composed along the chain.
         chain: edges that join neighbors.
         loops: m measurements.
         bound: largest error of a cycle, squared [sigmas^2].
@@ -35,24 +35,26 @@ def agreeing_groups(T: RigidTransform, chain: Sequence[Edge], loops: Sequence[Ed
         return np.arange(len(loops))
     measured = RigidTransform.concatenate([edge.registration.T_target_source for edge in loops])
     covariances = np.stack([edge.registration.covariance for edge in loops])
-    turned = np.flatnonzero(~np.array(forward))
-    if len(turned):
-        covariances[turned] = carried(measured[turned], covariances[turned])
+    backward = np.flatnonzero(~np.array(forward))
+    if len(backward):
+        covariances[backward] = carried(measured[backward], covariances[backward])
         matrices = measured.as_matrix()
-        matrices[turned] = measured[turned].inv().as_matrix()
+        matrices[backward] = measured[backward].inv().as_matrix()
         measured = RigidTransform.from_matrix(matrices)
     near = near[np.lexsort(near.T[::-1])]
     a, b = near.T
     T_ia_ib = T[ends[a, 0]].inv() * T[ends[b, 0]]
     T_jb_ja = T[ends[b, 1]].inv() * T[ends[a, 1]]
-    other = T_ia_ib * measured[b] * T_jb_ja
-    error = (measured[a].inv() * other).as_exp_coords()
+    cycle = T_ia_ib * measured[b] * T_jb_ja
+    error = (measured[a].inv() * cycle).as_exp_coords()
     chain_i = surest_covariances(T, chain, np.stack([ends[a, 0], ends[b, 0]], axis=1))
     chain_j = surest_covariances(T, chain, np.stack([ends[b, 1], ends[a, 1]], axis=1))
-    joined = np.isfinite(chain_i + chain_j).all(axis=(1, 2))
+    connected = np.isfinite(chain_i + chain_j).all(axis=(1, 2))
     total = covariances[a] + carried(T_jb_ja.inv(), covariances[b])
-    total[joined] += chain_j[joined] + carried((measured[b] * T_jb_ja).inv()[joined], chain_i[joined])
+    total[connected] += chain_j[connected] + carried((measured[b] * T_jb_ja).inv()[connected], chain_i[connected])
     squared = np.einsum("na,na->n", error, np.linalg.solve(total, error[:, :, None])[:, :, 0])
-    agree = joined & (squared <= bound)
-    links = sparse.coo_array((np.ones(int(agree.sum())), (a[agree], b[agree])), shape=(len(loops), len(loops)))
+    in_agreement = connected & (squared <= bound)
+    links = sparse.coo_array(
+        (np.ones(int(in_agreement.sum())), (a[in_agreement], b[in_agreement])), shape=(len(loops), len(loops))
+    )
     return connected_components(links, directed=False)[1]

@@ -1,9 +1,9 @@
-"""Pose graphs some of whose measurements are wrong: which to believe, and the optimum of those.
+"""Outlier rejection: which measurements of a pose graph are inliers, and the optimum of those.
 
 Graduated non-convexity with truncated least squares (Yang, Antonante, Tzoumas and Carlone, RA-L 2020,
-DOI 10.1109/LRA.2020.2965893), by GTSAM. What it is given first is bounded: a few hundred wrong loops fill the equations
-so much that a step takes seconds. The loops that the most others bear out come first, then those which the estimate
-does not contradict.
+DOI 10.1109/LRA.2020.2965893), by GTSAM. What it starts with is bounded: a few hundred wrong loops fill the equations so
+much that a step takes seconds. The loops that agree with the most others come first, then those that the estimate does
+not contradict.
 """
 
 from collections.abc import Iterable, Sequence
@@ -30,13 +30,13 @@ _GATE = 1 - 1e-6  # probability of a right loop not to be contradicted by an est
 
 @dataclass(frozen=True, slots=True)
 class RobustSolution:
-    """What is believed, and where the poses are then.
+    """The inliers, and the poses that agree best with them.
 
     Attributes:
         solution: of the graph of the accepted edges alone, in their order.
         accepted: (E,) bool, of the edges that were given.
         residuals: (E,) float64, every edge's residual there in sigmas.
-        reasons: (E,) in words, why each was accepted or rejected.
+        reasons: (E,) in reasons, why each was accepted or rejected.
     """
 
     solution: Solution
@@ -61,17 +61,17 @@ def robust_optimize(
         trusted: indices of edges that are right whatever the others say.
         probability: that a right measurement stays within the bound, in the optimum.
         chain_worth: loops that an edge between consecutive scans outweighs where they contradict it; None trusts the
-            chain, as loops that a place's twin led to may agree with each other in any number.
+            chain, as loops between places that look alike may agree with each other in any number.
 
     Raises:
         InputError: the equations have no unique or no finite solution.
     """
     edges, bound = graph.edges, _chi_squared(probability, 6)
-    told = _told(graph, trusted)
+    fixed = _fixed_inliers(graph, trusted)
     graph = graph.held(chain(edges, graph.trajectory.stamps).T_world_sensor)
-    active = _first(graph, told)
+    active = _first(graph, fixed)
     tried = active.astype(int)
-    accepted, solution = _believed(graph, active, told, bound, chain_worth)
+    accepted, solution = _inliers(graph, active, fixed, bound, chain_worth)
     for _ in range(_ROUNDS - 1):
         graph = graph.at(solution.trajectory.T_world_sensor)
         others = np.flatnonzero(~accepted & (tried < 2))
@@ -81,9 +81,9 @@ def robust_optimize(
         active = accepted.copy()
         active[others] = True
         tried += active
-        accepted, solution = _believed(graph, active, told, bound, chain_worth)
+        accepted, solution = _inliers(graph, active, fixed, bound, chain_worth)
     graph = graph.at(solution.trajectory.T_world_sensor)
-    return RobustSolution(solution, accepted, graph.residuals(), _reasons(graph, accepted, tried, told, bound))
+    return RobustSolution(solution, accepted, graph.residuals(), _reasons(graph, accepted, tried, fixed, bound))
 
 
 def _chi_squared(probability: float, degrees: int) -> float:
@@ -91,19 +91,19 @@ def _chi_squared(probability: float, degrees: int) -> float:
     return float(2 * gammaincinv(degrees / 2, probability))
 
 
-def _told(graph: PoseGraph, trusted: Iterable[int]) -> np.ndarray:
-    """(E,) bool: what is not to be judged."""
-    told = np.array([edge.kind == "prior" for edge in graph.edges], bool)
-    told[[*trusted, *bridges(len(graph.trajectory), graph.edges)]] = True
-    return told
+def _fixed_inliers(graph: PoseGraph, trusted: Iterable[int]) -> np.ndarray:
+    """(E,) bool: inliers whatever the others say: priors, trusted edges, and the only ties between two parts."""
+    fixed = np.array([edge.kind == "prior" for edge in graph.edges], bool)
+    fixed[[*trusted, *bridges(len(graph.trajectory), graph.edges)]] = True
+    return fixed
 
 
-def _first(graph: PoseGraph, told: np.ndarray) -> np.ndarray:
+def _first(graph: PoseGraph, fixed: np.ndarray) -> np.ndarray:
     """(E,) bool: what to begin with: all but loops, what joins the components, and the largest groups that agree."""
     edges, count = graph.edges, len(graph.trajectory)
     tree = spanning_tree(count, edges)
     joining = {id(edge) for edge in tree}
-    active = told | np.array([edge.kind != "loop" or id(edge) in joining for edge in edges], bool)
+    active = fixed | np.array([edge.kind != "loop" or id(edge) in joining for edge in edges], bool)
     loops = np.flatnonzero(~active)
     T = graph.trajectory.T_world_sensor
     groups = agreeing_groups(T, tree, [edges[k] for k in loops], _chi_squared(_GATE, 6))
@@ -115,22 +115,23 @@ def _first(graph: PoseGraph, told: np.ndarray) -> np.ndarray:
     return active
 
 
-def _believed(
-    graph: PoseGraph, active: np.ndarray, told: np.ndarray, bound: float, chain_worth: float | None
+def _inliers(
+    graph: PoseGraph, active: np.ndarray, fixed: np.ndarray, bound: float, chain_worth: float | None
 ) -> tuple[np.ndarray, Solution]:
-    """Which of the active edges to believe, (E,) bool, and the optimum of those.
+    """Which of the active edges are inliers, (E,) bool, and the optimum of those.
 
     Where a wrong loop is far off, the least squares of everything, which graduated non-convexity begins with, tear the
     chain apart and it may end in a poor optimum. With the chain trusted it does not, but then a wrong edge of the chain
-    cannot be found. Both are tried, and the lower truncated cost is believed, an edge of the chain counting for more.
+    cannot be found. Both are tried, and the one with the lower truncated cost is taken; an edge of the chain counts for
+    more.
     """
     sequential = np.array([edge.kind == "sequential" for edge in graph.edges], bool)
     if chain_worth is None:
-        accepted = _graduated(graph, active, told | sequential, bound)
+        accepted = _graduated(graph, active, fixed | sequential, bound)
         return accepted, graph.keep(accepted).optimize()
     most = bound * np.where(sequential, chain_worth, 1)
     best: tuple[float, np.ndarray, Solution] | None = None
-    for trusted in (told | sequential, told):
+    for trusted in (fixed | sequential, fixed):
         accepted = _graduated(graph, active, trusted, bound)
         solution = graph.keep(accepted).optimize()
         squared = graph.at(solution.trajectory.T_world_sensor).residuals() ** 2
@@ -143,11 +144,11 @@ def _believed(
     return best[1:]
 
 
-def _graduated(graph: PoseGraph, active: np.ndarray, told: np.ndarray, bound: float) -> np.ndarray:
-    """(E,) bool: which of the active edges graduated non-convexity believes."""
+def _graduated(graph: PoseGraph, active: np.ndarray, fixed: np.ndarray, bound: float) -> np.ndarray:
+    """(E,) bool: which of the active edges are inliers by graduated non-convexity."""
     chosen = np.flatnonzero(active)
     factors = factors_of(graph.keep(active))
-    known = [*np.flatnonzero(told[chosen]).tolist(), *range(len(chosen), factors.size())]
+    known = [*np.flatnonzero(fixed[chosen]).tolist(), *range(len(chosen), factors.size())]
     inner = gtsam.LevenbergMarquardtParams()
     inner.setRelativeErrorTol(1e-4)
     settings = gtsam.GncLMParams(inner)
@@ -163,7 +164,7 @@ def _graduated(graph: PoseGraph, active: np.ndarray, told: np.ndarray, bound: fl
 
 
 def _rejoined(graph: PoseGraph, accepted: np.ndarray, ranked: np.ndarray) -> np.ndarray:
-    """With the best of the rejected edges where the graph has fallen apart."""
+    """With the best of the rejected edges added where the graph has fallen apart."""
     joined = DisjointSet(range(len(graph.trajectory)))
     for k in np.flatnonzero(accepted):
         joined.merge(graph.edges[k].i, graph.edges[k].j)
@@ -175,10 +176,10 @@ def _rejoined(graph: PoseGraph, accepted: np.ndarray, ranked: np.ndarray) -> np.
 
 
 def _plausible(solution: Solution, others: Sequence[Edge]) -> np.ndarray:
-    """(m,) bool: which of other edges an estimate does not contradict, as sure as it is.
+    """(m,) bool: which of other edges an estimate does not contradict, within its own uncertainty.
 
     Covariances that are stated too large would let nearly everything pass: they are scaled by the largest factor of
-    their variances that the believed edges' own agreement leaves possible, where that is below 1.
+    their variances that the inliers' own agreement leaves possible, where that is below 1.
     """
     if not others:
         return np.zeros(0, bool)
@@ -186,7 +187,7 @@ def _plausible(solution: Solution, others: Sequence[Edge]) -> np.ndarray:
     joint = np.stack([edge.registration.covariance for edge in others])
     joint += surest_covariances(T, solution.graph.edges, np.array([(edge.i, edge.j) for edge in others]))
     squared = np.zeros(len(others))
-    known = np.isfinite(joint).all(axis=(1, 2))  # what no way joins contradicts nothing
+    known = np.isfinite(joint).all(axis=(1, 2))  # what no path joins contradicts nothing
     squared[known] = _squared(_errors(T, others)[known], joint[known])
     return squared <= _stated_too_large(solution) * _chi_squared(_GATE, 6)
 
@@ -212,18 +213,18 @@ def _squared(errors: np.ndarray, covariances: np.ndarray) -> np.ndarray:
 
 
 def _reasons(
-    graph: PoseGraph, accepted: np.ndarray, tried: np.ndarray, told: np.ndarray, bound: float
+    graph: PoseGraph, accepted: np.ndarray, tried: np.ndarray, fixed: np.ndarray, bound: float
 ) -> tuple[str, ...]:
     residuals = graph.residuals()
-    words = []
+    reasons = []
     for k in range(len(graph.edges)):
         apart = f"{residuals[k]:.1f} sigmas, {np.sqrt(bound):.1f} allowed"
-        if told[k]:
-            words.append("accepted: trusted, or the only tie between two parts")
+        if fixed[k]:
+            reasons.append("accepted: trusted, or the only tie between two parts")
         elif accepted[k]:
-            words.append(f"accepted: agrees with the others to {apart}")
+            reasons.append(f"accepted: agrees with the others to {apart}")
         elif tried[k]:
-            words.append(f"rejected: the edges that agree with each other leave it {apart}")
+            reasons.append(f"rejected: the edges that agree with each other leave it {apart}")
         else:
-            words.append(f"rejected: the estimate without it contradicts it: {apart}")
-    return tuple(words)
+            reasons.append(f"rejected: the estimate without it contradicts it: {apart}")
+    return tuple(reasons)

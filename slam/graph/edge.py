@@ -1,4 +1,4 @@
-"""What one measurement says about two poses, and which poses a set of them joins."""
+"""One measurement between two poses, and which poses a set of them joins."""
 
 from collections.abc import Sequence
 from dataclasses import dataclass

@@ -8,7 +8,7 @@ from scipy import sparse
 from scipy.sparse.linalg import spsolve
 from scipy.spatial.transform import RigidTransform, Rotation
 
-START_SIGMA = 1e-2  # [rad, m], of the priors that `chordal_start` is given to hold a pose about where it is
+START_SIGMA = 1e-2  # [rad, m], of the priors that hold a pose about where it is in `chordal_start`
 
 
 def to_pose3(T: RigidTransform) -> gtsam.Pose3:
@@ -34,13 +34,13 @@ def chordal_start(factors: gtsam.NonlinearFactorGraph, count: int) -> RigidTrans
 
     The rotations are those of a linear relaxation (Carlone, Tron, Daniilidis and Dellaert, ICRA 2015,
     DOI 10.1109/ICRA.2015.7139836); the translations are then the least squares of what they make of the measured ones.
-    Factors other than BetweenFactorPose3 and PriorFactorPose3 are not heard.
+    Factors other than BetweenFactorPose3 and PriorFactorPose3 are ignored.
 
     Raises:
         RuntimeError: the measurements do not tell every rotation.
     """
-    found = gtsam.InitializePose3.initializeOrientations(factors)
-    R = np.stack([found.atRot3(key).matrix() for key in range(count)])
+    orientations = gtsam.InitializePose3.initializeOrientations(factors)
+    R = np.stack([orientations.atRot3(key).matrix() for key in range(count)])
     measured = [factors.at(k) for k in range(factors.size())]
     between = [factor for factor in measured if isinstance(factor, gtsam.BetweenFactorPose3)]
     priors = [factor for factor in measured if isinstance(factor, gtsam.PriorFactorPose3)]

@@ -1,4 +1,4 @@
-"""Ways through a pose graph: which edges none can do without, which way is the surest, how sure it is."""
+"""Paths through a pose graph: which edges no path can avoid, and the most certain path between two poses."""
 
 from collections.abc import Sequence
 
@@ -18,44 +18,44 @@ def bridges(count: int, edges: Sequence[Edge]) -> set[int]:
         if edge.kind != "prior":
             neighbors[edge.i].append((edge.j, index))
             neighbors[edge.j].append((edge.i, index))
-    order, low, found = [-1] * count, [0] * count, set()
+    order, low, necessary = [-1] * count, [0] * count, set[int]()
     reached = 0
     for root in range(count):
         if order[root] >= 0:
             continue
         order[root] = low[root] = reached = reached + 1
-        way = [(root, -1, iter(neighbors[root]))]
-        while way:
-            pose, by, rest = way[-1]
+        path = [(root, -1, iter(neighbors[root]))]
+        while path:
+            pose, by, rest = path[-1]
             step = next(((other, index) for other, index in rest if index != by), None)
             if step is None:
-                way.pop()
-                if way:
-                    before = way[-1][0]
+                path.pop()
+                if path:
+                    before = path[-1][0]
                     low[before] = min(low[before], low[pose])
                     if low[pose] == order[pose]:
-                        found.add(by)
+                        necessary.add(by)
             elif order[step[0]] >= 0:
                 low[pose] = min(low[pose], order[step[0]])
             else:
                 order[step[0]] = low[step[0]] = reached = reached + 1
-                way.append((*step, iter(neighbors[step[0]])))
-    return found
+                path.append((*step, iter(neighbors[step[0]])))
+    return necessary
 
 
 def surest_covariances(
     T: RigidTransform, edges: Sequence[Edge], pairs: np.ndarray, most_sources: int = 500
 ) -> np.ndarray:
-    """How well edges tell poses relative to others, along the one way of least variance: (m, 6, 6).
+    """Covariances of relative poses, along the one path of least variance: (m, 6, 6).
 
-    It is at least the covariance that all ways together give, to first order, and costs far less. What no way joins
-    has infinite variances.
+    Each is at least the covariance that all paths together give, to first order, and costs far less. Poses that no path
+    joins have infinite variances.
 
     Args:
         T: N poses, T_world_sensor, as estimated.
-        edges: measurements between them; priors are not heard.
+        edges: measurements between them; priors are ignored.
         pairs: (m, 2) int, poses i and j; the covariance is of T_i_j, in the body tangent of j.
-        most_sources: poses from which ways are sought at a time; bounds the memory.
+        most_sources: poses from which paths are searched at a time; bounds the memory.
     """
     between = [edge for edge in edges if edge.kind != "prior"]
     covariances = np.stack([edge.registration.covariance for edge in between])
@@ -66,39 +66,39 @@ def surest_covariances(
     best = _of_least(len(T), ends, variance)
     weights = sparse.csr_array((variance[best], ends[best].T), shape=(len(T), len(T)))
     index = {frozenset(ends[k].tolist()): k for k in best.tolist()}
-    found = np.zeros((len(pairs), 6, 6))
+    covariance = np.zeros((len(pairs), 6, 6))
     sources = np.unique(pairs[:, 0])
     for start in range(0, len(sources), most_sources):
         chosen = sources[start : start + most_sources]
         _, before = dijkstra(weights, directed=False, indices=chosen, return_predecessors=True)
         mine = np.flatnonzero(np.isin(pairs[:, 0], chosen))
-        ways = [_way(before[np.searchsorted(chosen, i)], i, j, index) for i, j in pairs[mine].tolist()]
-        for pair, way in zip(mine.tolist(), ways, strict=True):
-            if way is None:
-                found[pair] = np.diag(np.full(6, np.inf))
-        steps = [(pair, edge) for pair, way in zip(mine.tolist(), ways, strict=True) for edge in way or ()]
+        paths = [_path(before[np.searchsorted(chosen, i)], i, j, index) for i, j in pairs[mine].tolist()]
+        for pair, path in zip(mine.tolist(), paths, strict=True):
+            if path is None:
+                covariance[pair] = np.diag(np.full(6, np.inf))
+        steps = [(pair, edge) for pair, path in zip(mine.tolist(), paths, strict=True) for edge in path or ()]
         if steps:
             pair, edge = np.array(steps).T
             T_j_edge = T[pairs[pair, 1]].inv() * T[ends[edge, 1]]
-            np.add.at(found, pair, carried(T_j_edge, covariances[edge]))
-    return found
+            np.add.at(covariance, pair, carried(T_j_edge, covariances[edge]))
+    return covariance
 
 
 def _of_least(count: int, ends: np.ndarray, variance: np.ndarray) -> np.ndarray:
-    """Of the edges between the same two poses the surest."""
+    """Of the edges between the same two poses the one of least variance."""
     low, high = ends.min(axis=1), ends.max(axis=1)
     order = np.lexsort((variance, low * count + high))
     key = (low * count + high)[order]
     return order[np.concatenate([[True], np.diff(key) != 0])]
 
 
-def _way(before: np.ndarray, i: int, j: int, index: dict[frozenset[int], int]) -> list[int] | None:
-    """The edges from j back to i; None where there is no way."""
-    way = []
+def _path(before: np.ndarray, i: int, j: int, index: dict[frozenset[int], int]) -> list[int] | None:
+    """The edges from j back to i; None where there is no path."""
+    path = []
     while j != i:
         previous = int(before[j])
         if previous < 0:
             return None
-        way.append(index[frozenset((previous, j))])
+        path.append(index[frozenset((previous, j))])
         j = previous
-    return way
+    return path

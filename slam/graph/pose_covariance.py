@@ -30,7 +30,7 @@ def variance_factor(solution: Solution) -> float:
 def pose_covariances(solution: Solution) -> np.ndarray:
     """(N, 6, 6) of each pose, rotation first [rad, m], body tangent, against its component's anchor.
 
-    The anchor's own part, which every other pose is told against, is added to them; the anchor itself has none. Where
+    Poses are relative to the anchor, so its own part is added to theirs; the anchor itself has none. Where
     instruments tie the poses to the world there is no anchor.
     """
     factor = variance_factor(solution)

@@ -68,8 +68,10 @@ class PoseGraph:
         """The first pose of each component whose priors do not tell all, and (6,) bool what they do not tell."""
         priors = dict(self.priors)
         measured = (members for members in self.components if not set(self.anchors).intersection(members))
-        found = [(members[0], unmeasured(members, priors)) for members in measured if set(priors).intersection(members)]
-        return [(pose, free) for pose, free in found if free.any()]
+        unheld = [
+            (members[0], unmeasured(members, priors)) for members in measured if set(priors).intersection(members)
+        ]
+        return [(pose, free) for pose, free in unheld if free.any()]
 
     @property
     def chi_squared(self) -> float:
@@ -107,14 +109,14 @@ class PoseGraph:
 
         One whose place is measured is moved so that its first measured pose is where it was.
         """
-        given, matrices = self.trajectory.T_world_sensor, T_world_sensor.as_matrix()
+        initial, matrices = self.trajectory.T_world_sensor, T_world_sensor.as_matrix()
         anchors, priors = self.anchors, dict(self.priors)
         for members in self.components:
             inside = sorted(set(anchors).intersection(members)) or sorted(set(priors).intersection(members))[:1]
             if inside:
-                moved = given[inside[0]] * T_world_sensor[inside[0]].inv() * T_world_sensor[list(members)]
+                moved = initial[inside[0]] * T_world_sensor[inside[0]].inv() * T_world_sensor[list(members)]
                 matrices[list(members)] = moved.as_matrix()
-                matrices[inside] = given[inside].as_matrix()
+                matrices[inside] = initial[inside].as_matrix()
         return self.at(RigidTransform.from_matrix(matrices))
 
     def unsolvable(self, error: RuntimeError) -> InputError:

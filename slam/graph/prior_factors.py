@@ -1,4 +1,4 @@
-"""What instruments say of poses, as factors: attitude, heading, depth and position, each with its own noise."""
+"""Factors of what instruments measured of poses: attitude, heading, depth and position, each with its own noise."""
 
 from collections.abc import Mapping, Sequence
 
@@ -50,7 +50,7 @@ def unmeasured(members: Sequence[int], priors: Mapping[int, PosePrior]) -> np.nd
 
 
 def gauge_factors(pose: int, free: np.ndarray, T_world_sensor: RigidTransform) -> list[gtsam.NonlinearFactor]:
-    """What holds one pose where it is, in what is `free` (6,) as `unmeasured` has it."""
+    """Factors that hold one pose where it is along what is `free`, (6,) bool as `unmeasured` gives it."""
     factors: list[gtsam.NonlinearFactor] = []
     if free[:3].any():
         factors.append(_rotation_factor(pose, T_world_sensor.rotation, free[:3] / _HELD))

@@ -1,4 +1,4 @@
-"""Tangents carried from one frame to another, many at a time."""
+"""Tangents and their covariances carried from one frame to another, many at a time."""
 
 import numpy as np
 from scipy.spatial.transform import RigidTransform

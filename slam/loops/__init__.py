@@ -1,0 +1,4 @@
+"""Which pairs to try: candidates for loop closures.
+
+In: the outlines and signatures of the scans and the current estimate. Out: candidates (`Pair`), best first.
+"""

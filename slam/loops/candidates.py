@@ -1,4 +1,4 @@
-"""Which scans to register besides consecutive ones: by the estimate and its uncertainty, or by what they look like."""
+"""Candidates for loop closures: by the estimate and its uncertainty, or by what the scans look like."""
 
 from collections import defaultdict
 from collections.abc import Sequence, Set
@@ -19,18 +19,18 @@ _LOOKALIKES = 3
 
 @dataclass(frozen=True, slots=True)
 class LoopSettings:
-    """How eagerly loops are sought and how strictly they are judged.
+    """How many loops are searched for, and how strictly they are judged.
 
     Attributes:
-        per_scan: most loops of a round that one scan takes part in; 0 seeks none.
-        rounds: how often loops are sought; the later rounds go by an estimate that the earlier loops have bettered.
+        per_scan: most loops of a round that one scan takes part in; 0 searches none.
+        rounds: how often loops are searched for; later rounds use the estimate that earlier loops have improved.
         min_overlap: expected overlap that makes a pair a candidate, 0..1.
         cell_voxels: edge of the cells in which overlap is predicted [voxels]: coarse, as the estimate has
             drifted.
         spread: a scan's loops lead to scans more than this apart, so that its neighbors do not take them all.
         bound: largest distance of two answers that agree [sigmas]; 4.74 holds 99.9 % of right ones (six degrees of
             freedom).
-        floor_rotation, floor_voxels: an uncertainty that is granted in any case, added in quadrature [rad,
+        floor_rotation, floor_voxels: an uncertainty that every answer is granted, added in quadrature [rad,
             voxels].
     """
 
@@ -54,7 +54,7 @@ class LoopSettings:
             raise InputError("cell_voxels and bound have to be positive, the floors not negative")
 
     def floor(self, voxel: float) -> np.ndarray:
-        """(6,) standard deviations that are granted in any case [rad, m]."""
+        """(6,) standard deviations that every answer is granted [rad, m]."""
         return np.repeat([self.floor_rotation, self.floor_voxels * voxel], 3)
 
 

@@ -1,4 +1,4 @@
-"""Which scans may show the same place, told by their signatures alone: no estimate of the poses is asked for."""
+"""Which scans may show the same place, by their signatures alone: no estimate of the poses is needed."""
 
 from dataclasses import dataclass
 
@@ -31,12 +31,12 @@ class Lookalike:
 
 
 class PlaceIndex:
-    """The scans of one or more surveys, found by what they look like.
+    """The scans of one or more surveys, searched by what they look like.
 
     Distances are taken along the few directions in which the scans differ most by the measure of how consecutive ones
-    differ (Fisher's discriminant): these see nearly one place, so what parts them is noise, aspect, and the little way
-    between. The surveys' own scans say so; nothing is learned elsewhere. Where consecutive scans are not of one place
-    the directions become much like the principal components, and fewer revisits are found.
+    differ (Fisher's discriminant): these see nearly one place, so they differ by noise, aspect, and the short way
+    between. The directions are learned from the surveys' own scans alone. Where consecutive scans are not of one place
+    the directions become much like the principal components, and fewer revisits are neighbors.
     """
 
     def __init__(self, signatures: np.ndarray, surveys: np.ndarray | None = None) -> None:
@@ -55,8 +55,8 @@ class PlaceIndex:
         self.surveys = np.zeros(len(signatures), np.int64) if surveys is None else np.asarray(surveys)
         if self.surveys.shape != (len(signatures),) or (np.diff(self.surveys) < 0).any():
             raise InputError(
-                f"surveys have shape {self.surveys.shape} for {len(signatures)} scans; wanted one number a scan, "
-                "never falling: one survey's scans after another's"
+                f"surveys have shape {self.surveys.shape} for {len(signatures)} scans; wanted one number for "
+                "each scan, ascending: the scans of one survey after those of another"
             )
         self._places = _discriminate(signatures, np.diff(self.surveys) == 0)
 
@@ -85,14 +85,14 @@ class PlaceIndex:
             count = min(k + 2 * gap + 1, len(pool))
             if not count:
                 continue
-            apart, found = KDTree(self._places[pool]).query(self._places[own], count)
-            apart, found = np.reshape(apart, (len(own), count)), pool[np.reshape(found, (len(own), count))]
-            near = (np.abs(found - own[:, None]) <= gap) & (self.surveys[found] == survey)
+            apart, neighbors = KDTree(self._places[pool]).query(self._places[own], count)
+            apart, neighbors = np.reshape(apart, (len(own), count)), pool[np.reshape(neighbors, (len(own), count))]
+            near = (np.abs(neighbors - own[:, None]) <= gap) & (self.surveys[neighbors] == survey)
             apart[near] = np.inf
-            order = np.lexsort((found, apart), axis=1)[:, :k]
-            apart, found = np.take_along_axis(apart, order, 1), np.take_along_axis(found, order, 1)
+            order = np.lexsort((neighbors, apart), axis=1)[:, :k]
+            apart, neighbors = np.take_along_axis(apart, order, 1), np.take_along_axis(neighbors, order, 1)
             distance[own, : apart.shape[1]] = apart
-            index[own, : apart.shape[1]] = np.where(np.isfinite(apart), found, -1)
+            index[own, : apart.shape[1]] = np.where(np.isfinite(apart), neighbors, -1)
         return index, distance
 
     def candidates(self, per_scan: int, gap: int = 5, elsewhere: bool = False) -> list[Lookalike]:
@@ -106,15 +106,15 @@ class PlaceIndex:
         """
         index, distance = self.nearest(per_scan, gap, elsewhere)
         scan, place = np.nonzero(index >= 0)
-        other = index[scan, place]
-        pairs = np.column_stack([np.minimum(scan, other), np.maximum(scan, other)])
+        neighbor = index[scan, place]
+        pairs = np.column_stack([np.minimum(scan, neighbor), np.maximum(scan, neighbor)])
         pairs, first = np.unique(pairs, axis=0, return_index=True)
         apart = distance[scan, place][first]
         return [Lookalike(i, j, d) for (i, j), d in zip(pairs.tolist(), apart.tolist(), strict=True)]
 
 
 def _discriminate(signatures: np.ndarray, consecutive: np.ndarray) -> np.ndarray:
-    """(N, D) float64: the signatures along the directions that part places, in units of what consecutive scans differ.
+    """(N, D) float64: signatures along the directions that separate places, in units of how consecutive scans differ.
 
     Args:
         consecutive: (N - 1,) bool, whether a scan and the next are of one survey.

@@ -1,4 +1,4 @@
-"""What a scan tells of its own beams: how they are spaced, how much their ranges scatter, whether they start at one."""
+"""A scan's beams, measured from its points: spacing, scatter of the ranges, whether they have one origin."""
 
 from dataclasses import dataclass
 
@@ -19,10 +19,11 @@ class Beams:
     """The beams of one scan.
 
     Attributes:
-        ranges: (K,) float64, ascending [m], at which `sigmas` are known.
-        sigmas: (K,) float64, standard deviations of a range about what the beams around it say [m].
+        ranges: (K,) float64, ascending [m], at which `sigmas` are given.
+        sigmas: (K,) float64, standard deviations of a range about the surface of its neighbors [m].
         spacing: usual angle between neighboring beams [rad].
-        single: whether the points were seen from the origin: not so a map, or a sweep that was put together.
+        single: whether the points were seen from the origin; false for a map, or a sweep put together from several
+            viewpoints.
     """
 
     ranges: np.ndarray

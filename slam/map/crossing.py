@@ -1,4 +1,4 @@
-"""How far apart two passes over the same place lie: the map's error that needs no truth."""
+"""How far apart two passes over the same place lie: a measure of the map's error that needs no truth."""
 
 from collections import Counter
 from collections.abc import Iterable, Sequence
@@ -75,7 +75,9 @@ class CrossingError:
 def _typical(spreads: Sequence[Spread]) -> Spread | None:
     if not spreads:
         return None
-    return Spread(float(np.median([one.median for one in spreads])), float(np.median([one.most for one in spreads])))
+    return Spread(
+        float(np.median([spread.median for spread in spreads])), float(np.median([spread.most for spread in spreads]))
+    )
 
 
 def crossing_error(
@@ -113,7 +115,7 @@ def crossing_error(
             "wanted as many of each"
         )
     thinned = [cell_means(scan.points, voxel) for scan in scans]
-    found = []
+    crossings = []
     for a, b in _pairs(thinned, after, voxel, names, group):
         target, source = thinned[a], thinned[b]
         tree = KDTree(target)
@@ -123,8 +125,8 @@ def crossing_error(
         shared = shared[:: max(1, len(shared) // _SAMPLE)]
         if len(shared) >= _LEAST and len(target) >= _NEIGHBORS:
             spreads = [_spread(target, tree, T.apply(shared)) for T in (T_before, T_after)]
-            found.append(Crossing(names[a], names[b], *spreads))
-    return CrossingError(tuple(found))
+            crossings.append(Crossing(names[a], names[b], *spreads))
+    return CrossingError(tuple(crossings))
 
 
 def _pairs(

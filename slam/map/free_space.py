@@ -1,4 +1,4 @@
-"""Which points of a map stand where other scans looked through: outliers that free space contradicts."""
+"""Outliers of a map by free space: points that stand where the beams of other scans passed."""
 
 from collections.abc import Sequence
 from dataclasses import dataclass
@@ -47,9 +47,9 @@ def clear(
     A point goes if at least two scans contradict it, more than agree with it, and more than have a point in its voxel.
     What no beam passed cannot be contradicted: echoes from behind a surface, as of multipath, stay.
     """
-    found = votes(point_map, scans, T_world_sensor, covariances, beams)
-    support = np.maximum(found.agree, point_map.seen)
-    return point_map.keep((found.contradict < _LEAST) | (found.contradict <= support))
+    vote = votes(point_map, scans, T_world_sensor, covariances, beams)
+    support = np.maximum(vote.agree, point_map.seen)
+    return point_map.keep((vote.contradict < _LEAST) | (vote.contradict <= support))
 
 
 def votes(
@@ -70,10 +70,10 @@ def votes(
     """
     agree, contradict = np.zeros((2, len(point_map.points)), np.int32)
     for k, scan in enumerate(scans):
-        fan = beams_of(scan.points, point_map.voxel) if beams is None else beams[k]
-        if not fan.single:
+        scan_beams = beams_of(scan.points, point_map.voxel) if beams is None else beams[k]
+        if not scan_beams.single:
             continue
-        view = _view(scan, fan)
+        view = _view(scan, scan_beams)
         away = point_map.points - T_world_sensor[k].translation
         near = np.flatnonzero(np.einsum("ij,ij->i", away, away) < view.reach**2)
         local = T_world_sensor[k].rotation.inv().apply(away[near])

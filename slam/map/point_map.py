@@ -95,8 +95,8 @@ def fuse(
     table, waiting = None, []
     for k, scan in enumerate(scans):
         covariance = np.zeros((6, 6)) if covariances is None else covariances[k]
-        fan = beams_of(scan.points, voxel) if beams is None else beams[k]
-        waiting.append(_thin(scan, T_world_sensor[k], covariance, fan, names[k], voxel, origin))
+        scan_beams = beams_of(scan.points, voxel) if beams is None else beams[k]
+        waiting.append(_thin(scan, T_world_sensor[k], covariance, scan_beams, names[k], voxel, origin))
         if sum(len(rows.key) for rows in waiting) > max(MERGE_ROWS, len(table.key) if table else 0):
             table, waiting = _merge([table, *waiting] if table else waiting), []
     table = _merge([table, *waiting] if table else waiting)
@@ -120,9 +120,9 @@ def fuse(
 
 
 def _check(
-    scans: Sequence[Scan], T_world_sensor: RigidTransform, voxel: float, told: Mapping[str, Sized | None]
+    scans: Sequence[Scan], T_world_sensor: RigidTransform, voxel: float, per_scan: Mapping[str, Sized | None]
 ) -> None:
-    for name, values in {"poses": T_world_sensor, **told}.items():
+    for name, values in {"poses": T_world_sensor, **per_scan}.items():
         if not scans or (values is not None and len(values) != len(scans)):
             count = 0 if values is None else len(values)
             raise InputError(f"{len(scans)} scans and {count} {name}: wanted scans, and one for every scan")
@@ -189,7 +189,7 @@ def _thin(
     open_pose = pose_variance(mean, covariance)
     own = beams.sigma(np.linalg.norm(mean, axis=1)) ** 2 / (3 * count)  # along the beam: one coordinate of three
     weight = 1 / (open_pose + own)
-    heard = scan.strength is not None
+    has_strength = scan.strength is not None
     return _Cells(
         key=key,
         weight=weight,
@@ -198,7 +198,7 @@ def _thin(
         drift=weight * np.sqrt(open_pose),
         count=count,
         echo=np.bincount(cell, scan.strength[near], size) if scan.strength is not None else np.zeros(size),
-        echoes=count if heard else np.zeros(size, np.int32),
+        echoes=count if has_strength else np.zeros(size, np.int32),
         most=count,
         scan=np.full(size, index, np.int32),
         seen=np.ones(size, np.int32),

@@ -1,4 +1,4 @@
-"""The map of a component as it is given away: fused, and cleared of what free space contradicts."""
+"""The map of a component as users get it: fused, and without the points that free space contradicts."""
 
 from collections.abc import Sequence
 

@@ -43,12 +43,14 @@ class ChordalProblem:
         """From measurements between poses 0..count-1.
 
         Raises:
-            InputError: there is no edge, or one is a prior, which F does not know.
+            InputError: there is no edge, or one is a prior, which F does not have.
         """
         prior = next((edge for edge in edges if edge.kind == "prior"), None)
         if prior is not None or not edges:
             what = f"pose {prior.i} has a prior" if prior else "the graph has no edge"
-            raise InputError(f"{what}, and the isotropic objective is one of edges between poses; use --objective full")
+            raise InputError(
+                f"{what}; the isotropic objective needs edges between poses, and no priors. Use `objective=full`"
+            )
         measured = RigidTransform.concatenate([edge.registration.T_target_source for edge in edges]).as_matrix()
         information = np.linalg.inv(np.stack([edge.registration.covariance for edge in edges]))
         rotation, translation = information[:, :3, :3], information[:, 3:, 3:]

@@ -104,14 +104,14 @@ class Optimized:
         """Every loop, and whatever else was rejected, by the vertices' ids."""
         ids = self.given.trajectory.stamps.astype(np.int64).tolist()
         residuals = self.residuals_after.tolist()
-        told = []
+        rows = []
         for k, edge in enumerate(self.given.edges):
             if edge.kind == "loop" or not self.accepted[k]:
                 verdict = "accepted" if self.accepted[k] else "rejected"
                 entry = {"i": ids[edge.i], "j": ids[edge.j], "kind": edge.kind, "sigmas": residuals[k]}
                 reason = {"reason": self.reasons[k]} if self.reasons else {}
-                told.append(entry | {"verdict": verdict} | reason)
-        return told
+                rows.append(entry | {"verdict": verdict} | reason)
+        return rows
 
 
 def optimize(graph: PoseGraph, objective: Objective, start: Start = "chordal", robust: bool = False) -> Optimized:
@@ -180,33 +180,33 @@ def _start(graph: PoseGraph, start: Start) -> RigidTransform:
 def _isotropic(graph: PoseGraph, start: Start) -> _Solved:
     if len(graph.fixed) > 1:
         raise InputError(
-            f"{len(graph.fixed)} vertices are fixed, and the isotropic objective holds one; use --objective full, or "
-            "leave all FIX but one out"
+            f"{len(graph.fixed)} vertices are fixed, and the isotropic objective can hold one; use `objective=full`, "
+            "or leave out all FIX lines but one"
         )
     problem, T = ChordalProblem.of(len(graph.trajectory), graph.edges), graph.trajectory.T_world_sensor
-    found = optimize_isotropic(problem, _start(graph, start), "chordal" if start == "chordal" else "given")
+    solution = optimize_isotropic(problem, _start(graph, start), "chordal" if start == "chordal" else "given")
     held = graph.fixed[0] if graph.fixed else 0
-    moved = T[held] * found.T[held].inv() * found.T
-    return graph.at(moved), problem.cost(T), found.cost_after, found.iterations, found.converged
+    moved = T[held] * solution.T[held].inv() * solution.T
+    return graph.at(moved), problem.cost(T), solution.cost_after, solution.iterations, solution.converged
 
 
 _SOLVERS = {"full": _full, "isotropic": _isotropic}
 
 
-def distance_to_other(found: Optimized) -> dict[str, Any]:
+def distance_to_other(optimized: Optimized) -> dict[str, Any]:
     """How far the other objective's optimum of the same edges lies, as JSON's types, or why there is none."""
-    other: Objective = "full" if found.objective == "isotropic" else "isotropic"
+    other: Objective = "full" if optimized.objective == "isotropic" else "isotropic"
     try:
-        solved = _SOLVERS[other](found.given.keep(found.accepted), found.start)[0]
+        solved = _SOLVERS[other](optimized.given.keep(optimized.accepted), optimized.start)[0]
     except InputError as error:
         return {"to": other, "reason": str(error)}
-    apart = distance_between(found.graph.trajectory.T_world_sensor, solved.trajectory.T_world_sensor)
+    apart = distance_between(optimized.graph.trajectory.T_world_sensor, solved.trajectory.T_world_sensor)
     return {"to": other} | asdict(apart)
 
 
-def distance_between(one: RigidTransform, other: RigidTransform) -> Distance:
+def distance_between(a: RigidTransform, b: RigidTransform) -> Distance:
     """Of two sets of N poses."""
-    apart = one[0].inv() * one, other[0].inv() * other
+    apart = a[0].inv() * a, b[0].inv() * b
     degrees = np.degrees((apart[0].rotation.inv() * apart[1].rotation).magnitude())
     meters = np.linalg.norm(apart[0].translation - apart[1].translation, axis=1)
     return Distance(_rms(degrees), float(degrees.max()), _rms(meters), float(meters.max()))
@@ -220,7 +220,7 @@ def without_effect(optimized: Optimized) -> str:
     strains = residuals[[k for k, edge in enumerate(graph.edges) if id(edge) in in_tree]]
     surplus = len(graph.edges) - len(strains)
     if not surplus:
-        return "the graph has no loop: its poses are what its edges say one after another, and nothing corrects them"
+        return "the graph has no loop: its poses follow from its edges one after another, and nothing corrects them"
     if strains.max(initial=0) < _STRAINED:
         return (
             f"the {surplus} edges that close loops change nothing: no other is strained by more than "
@@ -240,7 +240,7 @@ def _rms(values: np.ndarray) -> float:
 def _certificate(certificate: Certificate | None) -> dict[str, Any]:
     """JSON knows neither NaN nor infinity."""
     if certificate is None:
-        reason = "certificates are of the isotropic objective alone; use --objective isotropic"
+        reason = "only the isotropic objective has a certificate; use `objective=isotropic`"
         return {"verdict": "none", "gap": None, "lowest": None, "cost": None, "reason": reason}
-    told = asdict(certificate)
-    return {name: value if isinstance(value, str) or np.isfinite(value) else None for name, value in told.items()}
+    values = asdict(certificate)
+    return {name: value if isinstance(value, str) or np.isfinite(value) else None for name, value in values.items()}

@@ -139,7 +139,7 @@ class TestRefusals:
 
     @pytest.mark.parametrize("surveys", [np.zeros(9, int), np.repeat([1, 0], PLACES), np.arange(2 * PLACES) % 2])
     def test_of_surveys(self, surveys):
-        with pytest.raises(InputError, match="one survey's scans after another's"):
+        with pytest.raises(InputError, match="scans of one survey after those of another"):
             PlaceIndex(laps(15), surveys)
 
     @pytest.mark.parametrize(("k", "gap"), [(0, 5), (-1, 0), (3, -1)])

@@ -65,7 +65,7 @@ def test_moving_all_poses_changes_nothing() -> None:
 
 def test_a_prior_is_refused() -> None:
     one = Edge(0, 0, edge(0, 1, RigidTransform.identity(), np.eye(6)).registration, "prior")
-    with pytest.raises(InputError, match=r"pose 0 has a prior.*--objective full"):
+    with pytest.raises(InputError, match=r"pose 0 has a prior.*`objective=full`"):
         ChordalProblem.of(1, [one])
 
 

@@ -1,0 +1,25 @@
+from .graph.edge import Edge as Edge
+from .graph.pose_graph import PoseGraph as PoseGraph
+from .graph.pose_graph import Solution as Solution
+from .graph.trajectory import Trajectory as Trajectory
+from .loops.candidates import LoopSettings as LoopSettings
+from .map.point_map import PointMap as PointMap
+from .mapper import Mapper as Mapper
+from .mapper import MapperSettings as MapperSettings
+from .mapper import SurveyResult as SurveyResult
+from .optimize.solve import Optimized as Optimized
+from .pair import Pair as Pair
+
+__all__ = [
+    "Edge",
+    "LoopSettings",
+    "Mapper",
+    "MapperSettings",
+    "Optimized",
+    "Pair",
+    "PointMap",
+    "PoseGraph",
+    "Solution",
+    "SurveyResult",
+    "Trajectory",
+]
