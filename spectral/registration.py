@@ -1,4 +1,4 @@
-"""The spectral registration of two scans: rotations from all of SO(3), verified, refined, judged; on one screen."""
+"""The spectral registration of two scans: rotations from all of SO(3), each verified and refined; on one screen."""
 
 import os
 from concurrent.futures import ThreadPoolExecutor
@@ -26,12 +26,14 @@ from spectral.scan import Scan
 from spectral.so3 import RotationPeaks, So3
 from spectral.verify.bounds import Bounds
 from spectral.verify.covariance import fit_covariance
-from spectral.verify.hypothesis import Verified
-from spectral.verify.hypothesis_test import Contest
-from spectral.verify.probability import Belief, believe
+from spectral.verify.hypothesis import Hypothesis
+from spectral.verify.hypothesis_test import HypothesisTest
+from spectral.verify.probability import explain, hypothesis_probabilities, tolerance_probability
 from spectral.verify.verifier import Verifier
 
 Refinement = Literal["icp", "spectral"]
+# Another hypothesis at least this probable is kept beside the best.
+_POSSIBLE = 0.01
 
 
 @dataclass(frozen=True, slots=True)
@@ -118,19 +120,23 @@ class SpectralRegistrar:
     def register(self, target: SpectralScan, source: SpectralScan) -> Registration:
         """Find T_target_source; `probability` says how sure it is the right one, `accepted` whether to believe it."""
         start = perf_counter()
-        contest = Contest(self._verifier, self._pool, self.grid, target, source, self._bounds(target, source))
-        # where the spectra are alike over all rotations
+        bounds = self._bounds(target, source)
+        test = HypothesisTest(self._verifier, self._pool, self.grid, target, source, bounds)
+        # 1. rotations under which the magnitude spectra are alike
         rotations = self.rotations(target, source)
         if not len(rotations.scores):
             return self._nothing(start)
-        # where the scan would lie under each
-        candidates = contest.candidates(rotations)
+        # 2. places where the scan would lie under each
+        candidates = test.find_candidates(rotations)
         if not len(candidates.psr):
             return self._nothing(start)
-        # the best of these by what the scans saw, refined, and compared on the whole grid
-        finalists = contest.refined(candidates, self.config.shortlist)[: self.config.finalists]
-        found = contest.compared(finalists + contest.missed(finalists))
-        return self._conclude(contest, contest.settled(found, self.config.refinement == "spectral"), start)
+        # 3. the best of these by what the scans saw, refined, and others that the whole grid names
+        finalists = test.refine_candidates(candidates, self.config.shortlist)[: self.config.finalists]
+        hypotheses = finalists + test.find_missed(finalists)
+        # 4. all compared on the whole grid, the best refined to the end
+        hypotheses = test.finish(test.compare(hypotheses), spectral=self.config.refinement == "spectral")
+        # 5. how probable each is, and how sure its pose
+        return self._conclude(test, hypotheses, start)
 
     @staticmethod
     def signature(prepared: SpectralScan) -> np.ndarray:
@@ -138,47 +144,48 @@ class SpectralRegistrar:
         return prepared.signature
 
     def rotations(self, target: SpectralScan, source: SpectralScan) -> RotationPeaks:
-        """Those that `register` follows: the best that may be meant, and the one that the instruments measured."""
+        """Those that `register` follows: the best that are possible, and the one that the instruments measured."""
         bounds = self._bounds(target, source)
         count = self.config.hypotheses
-        found = self.so3.candidates(target.coefficients, source.coefficients, count, bounds.allow_rotations)
+        peaks = self.so3.candidates(target.coefficients, source.coefficients, count, bounds.allow_rotations)
         measured = bounds.measured
         if measured is None:
-            return found
-        return RotationPeaks(Rotation.concatenate([found.R, measured]), np.append(found.scores, 0.0))
+            return peaks
+        return RotationPeaks(Rotation.concatenate([peaks.R, measured]), np.append(peaks.scores, 0.0))
 
     def _bounds(self, target: SpectralScan, source: SpectralScan) -> Bounds:
         return Bounds(self.config.max_tilt, relative_prior(target.prior, source.prior), self.grid.voxel)
 
-    def _conclude(self, contest: Contest, found: list[Verified], start: float) -> Registration:
+    def _conclude(self, test: HypothesisTest, hypotheses: list[Hypothesis], start: float) -> Registration:
         """The result: the best hypothesis, and beside it every other that cannot be excluded."""
-        covariances = [fit_covariance(one, contest.source.volume.center, self.grid) for one in found]
-        beliefs = believe(found, covariances, self.grid, self.config.least_probability)
+        probabilities = hypothesis_probabilities(hypotheses, self.grid.edge)
         best, *others = [
-            self._registration(contest, one, covariance, belief)
-            for one, covariance, belief in zip(found, covariances, beliefs, strict=True)
-            if one is found[0] or belief.possible
+            self._registration(test, hypothesis, probability)
+            for n, (hypothesis, probability) in enumerate(zip(hypotheses, probabilities, strict=True))
+            if n == 0 or probability >= _POSSIBLE
         ]
         return replace(best, alternatives=tuple(others), seconds=perf_counter() - start)
 
-    @staticmethod
-    def _registration(contest: Contest, one: Verified, covariance: np.ndarray, belief: Belief) -> Registration:
-        """One hypothesis as a registration between the sensor frames."""
-        T = contest.transform(one.fit)
-        refusal = contest.bounds.refusal(T)
+    def _registration(self, test: HypothesisTest, hypothesis: Hypothesis, probability: float) -> Registration:
+        """One hypothesis, right with this probability, as a registration between the sensor frames."""
+        T = test.transform(hypothesis.fit)
+        refusal = test.bounds.refusal(T)
+        covariance = fit_covariance(hypothesis, test.source.volume.center, self.grid)
+        probability *= tolerance_probability(covariance, self.grid.voxel)
+        least = self.config.least_probability
         return Registration(
             T_target_source=T,
             covariance=covariance,
-            psr=one.psr,
-            overlap=one.overlap,
-            accepted=belief.accepted and not refusal,
+            psr=hypothesis.psr,
+            overlap=hypothesis.overlap,
+            accepted=probability >= least and not refusal,
             seconds=0.0,
-            reason=refusal or belief.reason,
-            probability=0.0 if refusal else belief.probability,
+            reason=refusal or explain(hypothesis, probability, least),
+            probability=0.0 if refusal else probability,
             step_psr=(
-                ("rotation", one.refined.origin.rotation_score),
-                ("candidate", one.refined.origin.psr),
-                ("translation", one.psr),
+                ("rotation", hypothesis.rotation_score),
+                ("candidate", hypothesis.candidate_psr),
+                ("translation", hypothesis.psr),
             ),
         )
 

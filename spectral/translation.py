@@ -13,6 +13,8 @@ from kernels.pomf.spectrum import Pomf
 # Standard deviation of the Gaussian that the correlation is convolved with [voxels]. Noise of the scans and the
 # voxels' edges spread the peak over its neighbors; without the blur the highest voxel is often a wrong one.
 BLUR = 0.7
+# Shifts that are no farther apart than this are the same answer [voxels].
+SAME_SHIFT = 6.0
 
 
 class Volume(Protocol):
@@ -71,30 +73,3 @@ class Translation:
         """The next highest peak of the correlation, farther than `separation` [voxels] from the highest, if any."""
         correlation = self.correlate(target, source, R_target_source)
         return find_peaks(self.device, correlation, count=2, separation=separation)[1:]
-
-
-def peak_width(peak: Peak) -> np.ndarray:
-    """(3, 3) [voxels^2]: the covariance of the Gaussian that fits the peak's neighborhood.
-
-    From the curvature of its logarithm; a direction in which the neighborhood does not fall off is as wide as the
-    neighborhood can tell, 3 voxels.
-    """
-    height = np.log(np.maximum(peak.neighborhood.astype(np.float64) / peak.value, 0.05))
-    curvature = np.empty((3, 3))
-    for a in range(3):
-        for b in range(3):
-            if a == b:
-                curvature[a, a] = 2 * height[1, 1, 1] - height[_at(a, 1)] - height[_at(a, -1)]
-            else:
-                curvature[a, b] = -0.25 * sum(p * q * height[_at(a, p, b, q)] for p in (-1, 1) for q in (-1, 1))
-    values, vectors = np.linalg.eigh(curvature)
-    widths = 1.0 / np.maximum(values, 1.0 / 9.0)
-    return (vectors * widths) @ vectors.T
-
-
-def _at(*steps: int) -> tuple[int, int, int]:
-    """Index of the neighborhood after steps given as axis, step, axis, step, ..."""
-    index = [1, 1, 1]
-    for axis, step in zip(steps[::2], steps[1::2], strict=True):
-        index[axis] += step
-    return index[0], index[1], index[2]

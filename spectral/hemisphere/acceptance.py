@@ -2,14 +2,9 @@
 
 from dataclasses import dataclass
 
-import numpy as np
-from scipy.spatial.transform import Rotation
-
 from spectral.grid import Grid
-from spectral.hemisphere.match import Hypothesis, largest_tilt
-
-# A bound that a scan just keeps must not refuse it for the error of its estimate [rad].
-_TILT_SLACK = float(np.deg2rad(3.0))
+from spectral.hemisphere.match import Match
+from spectral.tilt import tilt_refusal
 
 
 @dataclass(frozen=True, slots=True)
@@ -28,27 +23,10 @@ class Acceptance:
     overlap: float = 0.05
 
 
-def tilt_allowed(R_target_source: Rotation, max_tilt: float) -> np.ndarray:
-    """Whether roll and pitch keep to the bound [rad], but for 3 degrees that the estimate may be off.
-
-    Returns:
-        bool of shape () for one rotation, (n,) for a stack.
-    """
-    return largest_tilt(R_target_source) <= max_tilt + _TILT_SLACK
-
-
-def tilt_reach(max_tilt: float) -> float:
-    """How far a rotation vector may reach along one of the target's axes under that bound [rad].
-
-    Roll and pitch are about the source's axes after yaw: both at the bound are its root of two about one axis.
-    """
-    return float(np.sqrt(2.0)) * (max_tilt + _TILT_SLACK)
-
-
-def judge(
-    best: Hypothesis, rival: float, overlap: float, least: Acceptance, max_tilt: float, grid: Grid
+def assess(
+    best: Match, rival: float, overlap: float, least: Acceptance, max_tilt: float, grid: Grid
 ) -> tuple[bool, str]:
-    """Whether to believe a hypothesis, and the reason in words.
+    """Whether to believe a match, and the reason in words.
 
     Args:
         best: what won.
@@ -59,11 +37,8 @@ def judge(
         grid: that both scans share.
     """
     psr, least_psr = best.peak.psr, least.psr * max(1.0, grid.edge / 128) ** 0.75
-    if not tilt_allowed(best.R, max_tilt):
-        return False, (
-            f"roll or pitch is {np.rad2deg(largest_tilt(best.R)):.0f} degrees; believed up to "
-            f"--max-tilt {np.rad2deg(max_tilt):g}"
-        )
+    if refusal := tilt_refusal(best.R, max_tilt):
+        return False, refusal
     if psr < least_psr:
         return False, f"the translation's peak is {psr:.1f} standard deviations high; believed from {least_psr:.0f} on"
     if psr < least.distinction * rival:

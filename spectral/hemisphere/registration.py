@@ -9,17 +9,18 @@ from scipy.spatial.transform import RigidTransform, Rotation
 from kernels.errors import InputError
 from kernels.opencl.device import Array, Device
 from spectral.grid import Grid
-from spectral.hemisphere.acceptance import Acceptance, judge, tilt_allowed, tilt_reach
+from spectral.hemisphere.acceptance import Acceptance, assess
+from spectral.hemisphere.covariance import peak_covariance
 from spectral.hemisphere.layers import Hemisphere, LayerSpectra
-from spectral.hemisphere.match import SAME_SHIFT, Hypothesis, by_peak, differ
+from spectral.hemisphere.match import Match, by_peak, differ
 from spectral.memory import require_memory
 from spectral.overlap import overlap, unwrap
 from spectral.prepare.prepared import Prepared, Preparer
 from spectral.result import Registration
 from spectral.rotation_search import search_rotation
 from spectral.scan import Scan
-from spectral.translation import Translation
-from spectral.verify.covariance import peak_covariance
+from spectral.tilt import tilt_allowed, tilt_reach
+from spectral.translation import SAME_SHIFT, Translation
 
 
 @dataclass(frozen=True, slots=True)
@@ -126,18 +127,18 @@ class HemisphereRegistrar:
     def register(self, target: LayeredScan, source: LayeredScan) -> Registration:
         """Find T_target_source; `accepted` says whether to believe it."""
         start = perf_counter()
-        hypotheses = sorted(self._hypotheses(target, source), key=by_peak)
-        first = hypotheses[0]
-        others = [other for other in hypotheses if differ(first, other, self.grid.edge)]
+        matches = sorted(self._matches(target, source), key=by_peak)
+        first = matches[0]
+        others = [match for match in matches if differ(first, match, self.grid.edge)]
         # the best other answer is refined alike: it may win, and if not, how high it comes out is what to compare with
-        settled = [self._settle(target, source, one) for one in (first, *others[:1])]
-        settled.sort(key=lambda one: (not self._may_tilt(one.R), by_peak(one)))
-        rival = self._rival(target, source, settled[0], settled[1:] + others[1:])
-        return self._conclude(target, source, settled[0], rival, start)
+        refined = [self._refine_further(target, source, match) for match in (first, *others[:1])]
+        refined.sort(key=lambda match: (not self._may_tilt(match.R), by_peak(match)))
+        rival = self._rival(target, source, refined[0], refined[1:] + others[1:])
+        return self._conclude(target, source, refined[0], rival, start)
 
-    def _hypotheses(self, target: LayeredScan, source: LayeredScan) -> list[Hypothesis]:
+    def _matches(self, target: LayeredScan, source: LayeredScan) -> list[Match]:
         """Steps 1 to 7 for each yaw candidate."""
-        found = []
+        matches: list[Match] = []
         # Steps 1, 2: yaw from the rotational unwraps
         for yaw in self.hemisphere.yaw_candidates(target.layers, source.layers, self.config.yaw_peaks):
             # Steps 3 to 5: roll and pitch from the rectangular unwraps, the spectrum turned back by yaw
@@ -147,9 +148,9 @@ class HemisphereRegistrar:
             R = self._refine(target, source, R, self.config.refinements)
             # Steps 6, 7: the translation, the scan turned back by all three angles
             peak = self._translation.find(target.volume, source.volume, R)
-            found.append(Hypothesis(R, peak, yaw.psr, 0.0 if tilt is None else tilt.psr))
+            matches.append(Match(R, peak, yaw.psr, 0.0 if tilt is None else tilt.psr))
         # what the vehicle cannot do must not win; where nothing else is left, it is refused in the end
-        return [one for one in found if self._may_tilt(one.R)] or found
+        return [match for match in matches if self._may_tilt(match.R)] or matches
 
     def _may_tilt(self, R_target_source: Rotation) -> bool:
         return bool(tilt_allowed(R_target_source, self.config.max_tilt))
@@ -163,33 +164,33 @@ class HemisphereRegistrar:
             R = R if tilt is None else tilt.R * R
         return R
 
-    def _settle(self, target: LayeredScan, source: LayeredScan, best: Hypothesis) -> Hypothesis:
-        """Refine a hypothesis further; keep what has the higher translation peak."""
+    def _refine_further(self, target: LayeredScan, source: LayeredScan, best: Match) -> Match:
+        """Refine a match further; keep what has the higher translation peak."""
         R, peak = best.R, best.peak
         for _ in range(self.config.final_refinements):
-            again = self._refine(target, source, R, 1)
-            found = self._translation.find(target.volume, source.volume, again)
-            if found.psr > peak.psr:
-                R, peak = again, found
+            refined_R = self._refine(target, source, R, 1)
+            refined_peak = self._translation.find(target.volume, source.volume, refined_R)
+            if refined_peak.psr > peak.psr:
+                R, peak = refined_R, refined_peak
         if self.config.search:
             R, peak = search_rotation(self._translation, target.volume, source.volume, R, peak)
-        return Hypothesis(R, peak, best.yaw_psr, best.tilt_psr)
+        return Match(R, peak, best.yaw_psr, best.tilt_psr)
 
-    def _rival(self, target: LayeredScan, source: LayeredScan, best: Hypothesis, others: list[Hypothesis]) -> float:
-        """The peak-to-sidelobe ratio of the next best answer: another hypothesis, or another shift under the best."""
+    def _rival(self, target: LayeredScan, source: LayeredScan, best: Match, others: list[Match]) -> float:
+        """The peak-to-sidelobe ratio of the next best answer: another match, or another shift under the best."""
         ratios = [other.peak.psr for other in others if differ(best, other, self.grid.edge)]
         ratios += [peak.psr for peak in self._translation.find_others(target.volume, source.volume, best.R, SAME_SHIFT)]
         return max(ratios, default=0.0)
 
     def _conclude(
-        self, target: LayeredScan, source: LayeredScan, best: Hypothesis, rival: float, start: float
+        self, target: LayeredScan, source: LayeredScan, best: Match, rival: float, start: float
     ) -> Registration:
         """The transform between the sensor frames, its uncertainty, and whether to believe it."""
         voxel, R = self.grid.voxel, best.R
         voxels = unwrap(target.volume, source.volume, R, best.peak.shift, self.grid.edge)
         shift = target.volume.center + voxels * voxel - R.apply(source.volume.center)
         share = overlap(target.volume, source.volume, R, voxels)
-        accepted, reason = judge(best, rival, share, self.config.acceptance, self.config.max_tilt, self.grid)
+        accepted, reason = assess(best, rival, share, self.config.acceptance, self.config.max_tilt, self.grid)
         return Registration(
             T_target_source=RigidTransform.from_components(shift, R),
             covariance=peak_covariance(best.peak, R, source.volume.center, self.grid, self.hemisphere.tilt_bin),

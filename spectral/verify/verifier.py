@@ -1,24 +1,25 @@
-"""Each rotation put to the test: where would the scan lie, and do the two scans then agree with what they saw?
+"""Where would the scan lie under each rotation, and do the two scans then agree with what they saw?
 
 Coarse to fine. On a grid of half the edge every rotation gets its translation correlation, of which several peaks are
 taken, each with what its periodic shift may mean; points before the other scan's surface contradict. The best few
-distinct answers are refined and judged again on the whole grid. docs/registration.md has the figures.
+distinct answers are refined and compared on the whole grid. docs/registration.md has the figures.
 """
 
 from collections.abc import Sequence
+from dataclasses import replace
 from itertools import product
 
 import numpy as np
 from scipy.spatial.transform import Rotation
 
 from kernels.opencl.device import Device
-from spectral.hemisphere.match import SAME_SHIFT
 from spectral.overlap import share_near
 from spectral.prepare.range_image import visibility
 from spectral.prepare.spectral_scan import SpectralScan
 from spectral.so3 import RotationPeaks
-from spectral.translation import Translation, Volume
-from spectral.verify.hypothesis import Candidates, Origin, Refined, Verified, alike
+from spectral.translation import SAME_SHIFT, Translation, Volume
+from spectral.verify.candidates import Candidates
+from spectral.verify.hypothesis import Hypothesis, alike
 from spectral.verify.icp import Fit
 
 # Peaks of a rotation's translation that are looked at, and how far apart they are [coarse voxels].
@@ -27,11 +28,11 @@ _PEAKS, _SEPARATION = 8, 2.0
 _FARTHEST = 0.92
 # How far from the surface a point may lie, while the rotation is 2 degrees off and once refined [voxels; of the range].
 COARSE, FINE = (1.5, 0.03), (1.0, 0.01)
-# Hypotheses nearer than this are one [rad].
+# Candidates nearer than this to each other are the same [rad].
 _SAME_ROTATION = float(np.deg2rad(5.0))
-# Of scans without a viewpoint so many candidates, those with the highest peaks, are judged by their points in common.
+# Of scans without a viewpoint so many candidates, those with the highest peaks, are scored by their points in common.
 _BY_POINTS, _POINTS = 60, 400
-# Points by which a refined hypothesis' overlap is told.
+# Points by which a refined hypothesis' overlap is measured.
 _OVERLAP_POINTS = 2000
 # A contradiction weighs as so many agreements; a share of points that is small beside the least hardly counts.
 _WEIGHT, _LEAST = 4.0, 0.05
@@ -67,21 +68,22 @@ class Verifier:
     def _candidates(
         self, translation: Translation, target: Volume, source: Volume, rotations: RotationPeaks, scale: float
     ) -> Candidates:
-        turns, shifts, ratios = [], [np.empty((0, 3))], []
-        for turn, R in enumerate(rotations.R):
+        indices: list[int] = []
+        shifts, ratios = [np.empty((0, 3))], []
+        for index, R in enumerate(rotations.R):
             for peak in translation.find_all(target, source, R, _PEAKS, _SEPARATION):
                 meanings = self._meanings(peak.shift * scale)
                 shifts.append(meanings)
-                turns += [turn] * len(meanings)
+                indices += [index] * len(meanings)
                 ratios += [peak.psr] * len(meanings)
-        index = np.array(turns, dtype=np.int64)
-        R = rotations.R[index]  # pyright: ignore[reportArgumentType]
-        return Candidates(index, R, np.concatenate(shifts), np.array(ratios), rotations.scores[index])
+        rotation = np.array(indices, dtype=np.int64)
+        R = rotations.R[rotation]  # pyright: ignore[reportArgumentType]
+        return Candidates(rotation, R, np.concatenate(shifts), np.array(ratios), rotations.scores[rotation])
 
     def _meanings(self, shift: np.ndarray) -> np.ndarray:
         """(n, 3): the shifts that a cyclic one means and that leave the scans something in common."""
-        other = shift - np.copysign(self.edge, shift)
-        meanings = np.array(list(product(*zip(shift, other, strict=True))))
+        wrapped = shift - np.copysign(self.edge, shift)
+        meanings = np.array(list(product(*zip(shift, wrapped, strict=True))))
         return meanings[(np.abs(meanings) <= _FARTHEST * self.edge).all(axis=1)]
 
     def best(
@@ -97,7 +99,7 @@ class Verifier:
 
         Args:
             tolerance: how far from the surface a point may lie [voxels; of the range].
-            apart: candidates of one rotation that are no farther apart are one [voxels].
+            apart: candidates of alike rotations that are no farther apart are the same [voxels].
         """
         order = np.argsort(-self._scores(target, source, candidates, tolerance), kind="stable")
         quaternions, nearest = candidates.R.as_quat(), np.cos(_SAME_ROTATION / 2)
@@ -111,33 +113,32 @@ class Verifier:
                 break
         return np.array(kept, dtype=np.int64)
 
-    def judge(
-        self, target: SpectralScan, source: SpectralScan, fits: Sequence[Fit], origins: Sequence[Origin]
-    ) -> list[Refined]:
-        """What the views say to refined poses, best first; of those that came out at one place the best alone."""
+    def rank(self, target: SpectralScan, source: SpectralScan, hypotheses: Sequence[Hypothesis]) -> list[Hypothesis]:
+        """The hypotheses with their consistency, best first; of those at the same pose the best alone."""
         if target.image.single or source.image.single:
-            R, shifts = Rotation.concatenate([fit.R for fit in fits]), np.array([fit.shift for fit in fits])
+            R = Rotation.concatenate([hypothesis.fit.R for hypothesis in hypotheses])
+            shifts = np.array([hypothesis.fit.shift for hypothesis in hypotheses])
             seen = visibility(self.device, target.image, source.image, R, shifts, *FINE)
             agreement = np.asarray(consistency(seen.agree, seen.contradict)).tolist()
         else:
-            agreement = [self.overlap(target, source, fit) for fit in fits]
-        found = [Refined(*all_of) for all_of in zip(fits, origins, agreement, strict=True)]
-        distinct: list[Refined] = []
-        for one in sorted(found, key=lambda one: -one.score):
-            if not any(alike(one.fit, other.fit) for other in distinct):
-                distinct.append(one)
+            agreement = [self.overlap(target, source, hypothesis.fit) for hypothesis in hypotheses]
+        viewed = [replace(hypothesis, consistency=c) for hypothesis, c in zip(hypotheses, agreement, strict=True)]
+        distinct: list[Hypothesis] = []
+        for hypothesis in sorted(viewed, key=lambda hypothesis: -hypothesis.candidate_score):
+            if not any(alike(hypothesis.fit, kept.fit) for kept in distinct):
+                distinct.append(hypothesis)
         return distinct
 
     def overlap(self, target: SpectralScan, source: SpectralScan, fit: Fit) -> float:
         """The share of points in common, the smaller of both ways."""
         return self._overlap(target, source, fit.R, fit.shift, _OVERLAP_POINTS)
 
-    def verify(self, target: SpectralScan, source: SpectralScan, one: Refined, overlap: float) -> Verified:
-        """The translation's correlation on both grids, beside the points in common."""
-        R, shift = one.fit.R, one.fit.shift
+    def measure(self, target: SpectralScan, source: SpectralScan, hypothesis: Hypothesis, overlap: float) -> Hypothesis:
+        """The hypothesis with the points in common and the translation's correlation on both grids."""
+        R, shift = hypothesis.fit.R, hypothesis.fit.shift
         coarse = shift * self.coarse_edge / self.edge
-        return Verified(
-            refined=one,
+        return replace(
+            hypothesis,
             psr=self.translation.find_at(target.volume, source.volume, R, shift).psr,
             coarse_psr=self._coarse.find_at(target.coarse, source.coarse, R, coarse).psr,
             overlap=overlap,

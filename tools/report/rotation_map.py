@@ -5,7 +5,7 @@ from dataclasses import dataclass
 import numpy as np
 from scipy.spatial.transform import Rotation
 
-from spectral.hemisphere.acceptance import tilt_allowed
+from spectral.tilt import tilt_allowed
 
 
 @dataclass(frozen=True, slots=True)

@@ -11,7 +11,7 @@ from kernels.errors import InputError
 from kernels.opencl.device import Device, choose_device
 from spectral.grid import Grid
 from spectral.hemisphere.layers import Hemisphere
-from spectral.hemisphere.match import Hypothesis, differ
+from spectral.hemisphere.match import Match, differ
 from spectral.overlap import overlap, unwrap
 from spectral.prepare.prepared import Prepared, Preparer
 from spectral.rotation_search import search_rotation
@@ -158,8 +158,8 @@ def test_a_tiny_voxel_is_refused_without_a_warning() -> None:
 def test_hypotheses_apart_by_a_whole_grid_are_one_answer(room: Room) -> None:
     peak = room.translation.find(room.target, room.target, Rotation.identity())
 
-    def at(shift: tuple[float, float, float], yaw: float = 0.0) -> Hypothesis:
-        return Hypothesis(Rotation.from_euler("Z", yaw, degrees=True), replace(peak, shift=np.array(shift)), 1.0, 1.0)
+    def at(shift: tuple[float, float, float], yaw: float = 0.0) -> Match:
+        return Match(Rotation.from_euler("Z", yaw, degrees=True), replace(peak, shift=np.array(shift)), 1.0, 1.0)
 
     assert not differ(at((31.8, 0.0, 2.0)), at((-31.9, 1.0, 0.0)), EDGE)
     assert differ(at((31.8, 0.0, 2.0)), at((20.0, 0.0, 2.0)), EDGE)

@@ -6,8 +6,7 @@ from scipy.spatial.transform import RigidTransform, Rotation
 
 from kernels.pomf.peak import Peak
 from spectral.grid import Grid
-from spectral.translation import peak_width
-from spectral.verify.covariance import peak_covariance as covariance
+from spectral.hemisphere.covariance import peak_covariance, peak_width
 
 
 def gaussian_peak(cov: np.ndarray, psr: float = 200.0) -> Peak:
@@ -29,7 +28,7 @@ def test_a_ridge_is_as_wide_as_the_neighborhood_can_tell() -> None:
 
 def test_translation_is_turned_into_the_frame_of_the_source() -> None:
     R = Rotation.from_euler("Z", 90, degrees=True)
-    wide_x = covariance(gaussian_peak(np.diag([4.0, 1.0, 1.0])), R, np.zeros(3), Grid(128, 0.5), 0.02)
+    wide_x = peak_covariance(gaussian_peak(np.diag([4.0, 1.0, 1.0])), R, np.zeros(3), Grid(128, 0.5), 0.02)
     sigmas = np.diag(wide_x)[3:]
     assert sigmas[1] == pytest.approx(4 * sigmas[0], rel=1e-3)  # the target's x is the source's -y
     assert sigmas[2] == pytest.approx(sigmas[0], rel=1e-3)
@@ -44,7 +43,7 @@ def test_covariance_is_about_the_sensor_and_holds_for_the_right_tangent() -> Non
         0.03,
     )
     peak = gaussian_peak(np.diag([2.0, 1.0, 1.5]))
-    stated = covariance(peak, R, center, Grid(128, voxel), bin_angle)
+    stated = peak_covariance(peak, R, center, Grid(128, voxel), bin_angle)
     np.testing.assert_allclose(stated, stated.T)
     rng = np.random.default_rng(5)
     count = 20_000
@@ -62,5 +61,7 @@ def test_covariance_is_about_the_sensor_and_holds_for_the_right_tangent() -> Non
 
 def test_a_low_peak_is_less_certain() -> None:
     R, center = Rotation.identity(), np.zeros(3)
-    high, low = (covariance(gaussian_peak(np.eye(3), psr), R, center, Grid(128, 1.0), 0.02) for psr in (100.0, 30.0))
+    high, low = (
+        peak_covariance(gaussian_peak(np.eye(3), psr), R, center, Grid(128, 1.0), 0.02) for psr in (100.0, 30.0)
+    )
     assert np.all(np.diag(low) > 3.9 * np.diag(high))

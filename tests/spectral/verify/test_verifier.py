@@ -1,4 +1,4 @@
-"""Rotations put to the test: shifts and what they mean, distinct candidates, witnesses for and against."""
+"""Candidates under each rotation: shifts and what they mean, which are distinct, the evidence for and against."""
 
 from dataclasses import replace
 
@@ -12,7 +12,8 @@ from spectral.prepare.spectral_scan import SpectralScan
 from spectral.registration import SpectralRegistrar
 from spectral.scan import Scan
 from spectral.so3 import RotationPeaks
-from spectral.verify.hypothesis import Candidates, Origin
+from spectral.verify.candidates import Candidates
+from spectral.verify.hypothesis import Hypothesis
 from spectral.verify.icp import Fit
 from spectral.verify.verifier import Verifier, consistency
 from tests.samples.reliefs import above, relief, seen
@@ -46,8 +47,8 @@ def peaks(*rotations: Rotation) -> RotationPeaks:
     return RotationPeaks(Rotation.concatenate(rotations), np.linspace(0.9, 0.1, len(rotations)))
 
 
-def fit(R: Rotation, shift: np.ndarray) -> Fit:
-    return Fit(R, shift, np.eye(6), 0.1, 100.0)
+def hypothesis(R: Rotation, shift: np.ndarray, rotation_score: float = 0.5) -> Hypothesis:
+    return Hypothesis(Fit(R, shift, np.eye(6), 0.1, 100.0), rotation_score, 20.0)
 
 
 class TestConsistency:
@@ -64,18 +65,13 @@ class TestConsistency:
         assert (np.diff(consistency(0.5, shares)) < 0).all()
 
 
-def origins(*scores: float) -> list[Origin]:
-    """Of candidates with these scores of their rotations."""
-    return [Origin(score, 20.0) for score in scores]
-
-
 class TestCandidates:
     def test_the_true_shift_is_named_under_the_true_rotation(self, verifier, pair) -> None:
         found = verifier.candidates(*pair, peaks(WRONG, TRUE.rotation))
         off = np.linalg.norm(found.shifts - shift_of(pair), axis=1)
         right = np.flatnonzero(off < 2.0)
-        assert (found.turn[right] == 1).all()
-        assert found.psr[right].max() > 1.5 * found.psr[found.turn == 0].max()
+        assert (found.rotation[right] == 1).all()
+        assert found.psr[right].max() > 1.5 * found.psr[found.rotation == 0].max()
         np.testing.assert_allclose((found.R[int(right[0])] * TRUE.rotation.inv()).magnitude(), 0, atol=1e-9)
 
     def test_the_whole_grid_names_it_to_a_voxel(self, verifier, pair) -> None:
@@ -96,60 +92,62 @@ class TestCandidates:
         all_four = Candidates(
             np.array([0, 1, 2, 3]), R, np.arange(12.0).reshape(4, 3), np.array([9.0, 8, 7, 6]), scores
         )
-        some = all_four.only(np.array([False, True, False, True]))
-        assert some.turn.tolist() == [1, 3]
+        some = all_four.select(np.array([False, True, False, True]))
+        assert some.rotation.tolist() == [1, 3]
         np.testing.assert_array_equal(some.shifts, [[3, 4, 5], [9, 10, 11]])
         assert some.psr.tolist() == [8, 6]
-        assert some.origin(1) == Origin(0.1, 6.0)
+        assert some.rotation_scores.tolist() == [0.3, 0.1]
         np.testing.assert_allclose(some.R.as_euler("ZYX", degrees=True)[:, 0], [10, 30])
-        assert len(all_four.only(np.zeros(4, dtype=bool)).psr) == 0
+        assert len(all_four.select(np.zeros(4, dtype=bool)).psr) == 0
 
-    def test_the_best_is_the_true_one_and_none_is_told_twice(self, verifier, pair) -> None:
+    def test_the_best_is_the_true_one_and_none_comes_twice(self, verifier, pair) -> None:
         nearby = Rotation.from_rotvec([0, 0, 0.03]) * TRUE.rotation
         found = verifier.candidates(*pair, peaks(WRONG, nearby, TRUE.rotation))
         best = verifier.best(*pair, found, 5)
         assert len(best) == 5
-        first = found.only(np.arange(len(found.psr)) == best[0])
+        first = found.select(np.arange(len(found.psr)) == best[0])
         assert np.linalg.norm(first.shifts[0] - shift_of(pair)) < 3.0
-        for n, one in enumerate(best):
-            for other in best[:n]:
-                apart = np.linalg.norm(found.shifts[one] - found.shifts[other])
-                turned = (found.R[int(one)].inv() * found.R[int(other)]).magnitude()
+        for n, index in enumerate(best):
+            for better in best[:n]:
+                apart = np.linalg.norm(found.shifts[index] - found.shifts[better])
+                turned = (found.R[int(index)].inv() * found.R[int(better)]).magnitude()
                 assert apart > 6.0 or turned > np.deg2rad(4.99)
 
 
-class TestWitnesses:
+class TestEvidence:
     def test_the_true_pose_is_told_from_one_that_is_off(self, verifier, pair) -> None:
-        fits = [fit(TRUE.rotation, shift_of(pair) + np.array([0, 0, 6.0])), fit(TRUE.rotation, shift_of(pair))]
-        best, other = verifier.judge(*pair, fits, origins(0.1, 0.9))
-        assert best.fit is fits[1]
-        assert best.consistency > 0.8 > 2 * other.consistency
-        assert best.origin == Origin(0.9, 20.0)
+        above_true = hypothesis(TRUE.rotation, shift_of(pair) + np.array([0, 0, 6.0]), 0.1)
+        true = hypothesis(TRUE.rotation, shift_of(pair), 0.9)
+        best, second = verifier.rank(*pair, [above_true, true])
+        assert best.consistency > 0.8 > 2 * second.consistency
+        assert best == replace(true, consistency=best.consistency)
+        assert np.isnan([best.psr, best.coarse_psr, best.overlap]).all()
 
-    def test_poses_that_came_out_at_one_place_are_one(self, verifier, pair) -> None:
+    def test_poses_that_came_out_at_one_place_are_the_same(self, verifier, pair) -> None:
         turned = Rotation.from_rotvec([0, 0, 0.02]) * TRUE.rotation
-        fits = [fit(turned, shift_of(pair) + 1.0), fit(TRUE.rotation, shift_of(pair)), fit(WRONG, shift_of(pair))]
-        kept = verifier.judge(*pair, fits, origins(0.5, 0.4, 0.3))
-        assert [one.fit for one in kept] == [fits[1], fits[2]]
+        given = [hypothesis(turned, shift_of(pair) + 1.0)]
+        given += [hypothesis(TRUE.rotation, shift_of(pair)), hypothesis(WRONG, shift_of(pair))]
+        kept = verifier.rank(*pair, given)
+        assert [ranked.fit for ranked in kept] == [given[1].fit, given[2].fit]
 
     def test_on_the_whole_grid_only_the_true_pose_has_a_peak(self, verifier, pair) -> None:
-        fits = [fit(TRUE.rotation, shift_of(pair)), fit(WRONG, shift_of(pair))]
+        given = [hypothesis(TRUE.rotation, shift_of(pair)), hypothesis(WRONG, shift_of(pair))]
         right, wrong = (
-            verifier.verify(*pair, one, verifier.overlap(*pair, one.fit))
-            for one in verifier.judge(*pair, fits, origins(0.5, 0.4))
+            verifier.measure(*pair, ranked, verifier.overlap(*pair, ranked.fit))
+            for ranked in verifier.rank(*pair, given)
         )
-        assert right.fit is fits[0]
+        assert right.fit is given[0].fit
         assert right.psr > 30 > 10 > wrong.psr
         assert right.overlap > 0.35
         assert right.coarse_psr > 2 * wrong.coarse_psr
-        assert right.score == pytest.approx(right.refined.consistency**3 * np.sqrt(right.psr * right.coarse_psr))
+        assert right.score == pytest.approx(right.consistency**3 * np.sqrt(right.psr * right.coarse_psr))
 
-    def test_without_a_view_the_points_in_common_are_the_witness(self, verifier, pair) -> None:
+    def test_without_a_view_the_points_in_common_are_the_evidence(self, verifier, pair) -> None:
         blind = tuple(replace(scan, image=replace(scan.image, single=False)) for scan in pair)
-        fits = [fit(TRUE.rotation, shift_of(pair))]
-        judged = verifier.judge(*blind, fits, origins(0.5))[0]
-        assert judged.consistency == verifier.overlap(*pair, judged.fit)
-        assert judged.consistency != verifier.judge(*pair, fits, origins(0.5))[0].consistency
+        true = hypothesis(TRUE.rotation, shift_of(pair))
+        (without_view,), (with_view,) = verifier.rank(*blind, [true]), verifier.rank(*pair, [true])
+        assert without_view.consistency == verifier.overlap(*pair, true.fit)
+        assert without_view.consistency != with_view.consistency
         found = verifier.candidates(*blind, peaks(WRONG, TRUE.rotation))
         best = verifier.best(*blind, found, 1)
         assert np.linalg.norm(found.shifts[best[0]] - shift_of(pair)) < 3.0

@@ -1,4 +1,4 @@
-"""Whom to believe: the probability, what it falls with, and the answers that cannot be excluded."""
+"""The probability of hypotheses: what it falls with, and the answers that cannot be excluded."""
 
 from dataclasses import replace
 from math import erf
@@ -11,78 +11,77 @@ from kernels.opencl.device import choose_device
 from spectral.grid import Grid, choose_grid
 from spectral.registration import SpectralRegistrar
 from spectral.scan import Scan
-from spectral.verify.hypothesis import Origin, Refined, Verified
+from spectral.verify.hypothesis import Hypothesis
 from spectral.verify.icp import Fit
-from spectral.verify.probability import LOGISTIC, Belief, believe
+from spectral.verify.probability import (
+    LOGISTIC,
+    explain,
+    hypothesis_probabilities,
+    tolerance_probability,
+)
 from tools.simulate.pairs.pair_set import evaluation_unrelated
 
 CLEAR = {"psr": 80.0, "distinction": 10.0, "consistency": 0.8, "rival": 1.5}
 
 
-def hypothesis(psr: float, consistency: float) -> Verified:
-    """One whose witnesses say this."""
+def hypothesis(psr: float, consistency: float) -> Hypothesis:
+    """With this evidence."""
     fit = Fit(Rotation.identity(), np.zeros(3), np.eye(6), 0.1, 1000.0)
-    return Verified(Refined(fit, Origin(0.4, 20.0), consistency), psr, psr, 0.5)
+    return Hypothesis(fit, 0.4, 20.0, consistency, psr, psr, 0.5)
 
 
-def think(found: list[Verified], edge: int = 128, sigma: float = 0.01) -> list[Belief]:
-    """Of these hypotheses, on voxels of 0.5 m, each sure to sigma [rad, m]."""
-    return believe(found, [np.eye(6) * sigma**2] * len(found), Grid(edge, 0.5), 0.85)
+def probabilities(*hypotheses: Hypothesis, edge: int = 128) -> list[float]:
+    return hypothesis_probabilities(hypotheses, edge)
 
 
-@pytest.mark.parametrize("witness", CLEAR)
-def test_the_probability_falls_with_every_witness(witness: str) -> None:
+@pytest.mark.parametrize("evidence", CLEAR)
+def test_the_probability_falls_with_all_evidence(evidence: str) -> None:
     clear = LOGISTIC.probability(**CLEAR)
     assert 0.99 < clear < 1
-    assert LOGISTIC.probability(**{**CLEAR, witness: CLEAR[witness] / 2}) < clear
+    assert LOGISTIC.probability(**{**CLEAR, evidence: CLEAR[evidence] / 2}) < clear
 
 
-def test_a_pose_that_is_left_open_is_not_believed() -> None:
+def test_a_pose_that_is_left_open_is_less_probable() -> None:
     """3 voxels are 1.5 m: as many standard deviations hold 68.3 % within one, 95.4 % within two."""
-    best = hypothesis(80, 0.85)
-    sure, one, two = (think([best], sigma=sigma)[0].probability for sigma in (0.01, 1.5, 0.75))
-    assert sure > 0.99
+    sure, one_sigma, two_sigma = (tolerance_probability(np.eye(6) * sigma**2, 0.5) for sigma in (0.01, 1.5, 0.75))
+    assert sure > 0.999999
     turn = {sigma: erf(np.deg2rad(6) / sigma / np.sqrt(2)) for sigma in (1.5, 0.75)}
-    assert one == pytest.approx(sure * 0.6827 * turn[1.5], rel=1e-3)
-    assert two == pytest.approx(sure * 0.9545 * turn[0.75], rel=1e-3)
-    assert not think([best], sigma=0.75)[0].accepted
-    assert think([best], sigma=0.75)[0].possible
+    assert one_sigma == pytest.approx(0.6827 * turn[1.5], rel=1e-3)
+    assert two_sigma == pytest.approx(0.9545 * turn[0.75], rel=1e-3)
 
 
 def test_a_rival_makes_both_doubtful() -> None:
-    alone = think([hypothesis(60, 0.8)])
-    pair = [hypothesis(60, 0.8), hypothesis(58, 0.8)]
-    both = think(pair)
-    assert alone[0].accepted
-    assert not both[0].accepted
-    assert both[1].possible
-    assert both[0].probability > both[1].probability
-    assert both[0].probability + both[1].probability <= 1
+    (alone,) = probabilities(hypothesis(60, 0.8))
+    best, rival = probabilities(hypothesis(60, 0.8), hypothesis(58, 0.8))
+    assert alone > 0.85 > best > rival > 0.01
+    assert best + rival <= 1
 
 
 @pytest.mark.parametrize("psr", [30.0, 90.0, 1000.0])
 def test_twins_share_the_probability_however_high_their_peaks(psr: float) -> None:
-    first, second = think([hypothesis(psr, 0.9), hypothesis(psr, 0.9)])
-    assert first.probability == pytest.approx(second.probability)
-    assert first.probability <= 0.5
+    first, second = probabilities(hypothesis(psr, 0.9), hypothesis(psr, 0.9))
+    assert first == pytest.approx(second)
+    assert first <= 0.5
 
 
 def test_several_answers_are_never_more_probable_than_one() -> None:
     """A twin of the same peak, which the shift's wrap makes, is a rival like any other."""
-    found = [hypothesis(60, 0.8), hypothesis(20, 0.8), hypothesis(19, 0.8)]
-    beliefs = think(found)
-    assert sum(belief.probability for belief in beliefs) <= 1 + 1e-12
+    assert sum(probabilities(hypothesis(60, 0.8), hypothesis(20, 0.8), hypothesis(19, 0.8))) <= 1 + 1e-12
 
 
 def test_a_rival_that_the_views_like_better_counts_even_where_its_peak_is_low() -> None:
     best = hypothesis(60, 0.6)
-    assert think([best, hypothesis(5, 0.9)])[0].probability < think([best, hypothesis(5, 0.5)])[0].probability
+    assert probabilities(best, hypothesis(5, 0.9))[0] < probabilities(best, hypothesis(5, 0.5))[0]
 
 
 def test_a_large_grid_asks_for_higher_peaks() -> None:
-    best = hypothesis(12, 0.4)
-    small, large = (think([best], edge=edge)[0].probability for edge in (128, 256))
+    small, large = (probabilities(hypothesis(12, 0.4), edge=edge)[0] for edge in (128, 256))
     assert large < small
+
+
+def test_the_reason_says_the_threshold_where_it_is_not_reached() -> None:
+    assert "believed from 85% on" in explain(hypothesis(12, 0.4), 0.3, 0.85)
+    assert "believed from" not in explain(hypothesis(80, 0.8), 0.99, 0.85)
 
 
 def room(rng: np.random.Generator, marked: bool) -> np.ndarray:
@@ -104,14 +103,14 @@ def test_a_room_alike_from_both_ends_is_refused_and_both_answers_are_kept() -> N
     T = RigidTransform.from_components([2.0, -1.0, 0.5], Rotation.from_euler("ZYX", [25, 3, -4], degrees=True))
     registrar = SpectralRegistrar(choose_device(None), Grid(128, 0.6))
     scans = [Scan(room(rng, False).astype(np.float32)), Scan(T.inv().apply(room(rng, False)).astype(np.float32))]
-    found = registrar.register(*(registrar.prepare(scan) for scan in scans))
-    assert not found.accepted
-    turns = [found, *found.alternatives]
-    yaws = [np.rad2deg((one.T_target_source.rotation * T.rotation.inv()).magnitude()) for one in turns]
-    assert min(yaws) < 3
-    assert max(yaws) > 177
-    assert all(0 < one.probability < 0.85 for one in turns)
-    assert all(np.linalg.eigvalsh(one.covariance).min() > 0 for one in turns)
+    registration = registrar.register(*(registrar.prepare(scan) for scan in scans))
+    assert not registration.accepted
+    answers = [registration, *registration.alternatives]
+    turns = [np.rad2deg((answer.T_target_source.rotation * T.rotation.inv()).magnitude()) for answer in answers]
+    assert min(turns) < 3
+    assert max(turns) > 177
+    assert all(0 < answer.probability < 0.85 for answer in answers)
+    assert all(np.linalg.eigvalsh(answer.covariance).min() > 0 for answer in answers)
 
 
 def test_the_same_room_with_a_block_in_a_corner_is_believed() -> None:
@@ -119,16 +118,16 @@ def test_the_same_room_with_a_block_in_a_corner_is_believed() -> None:
     T = RigidTransform.from_components([2.0, -1.0, 0.5], Rotation.from_euler("ZYX", [25, 3, -4], degrees=True))
     registrar = SpectralRegistrar(choose_device(None), Grid(128, 0.6))
     scans = [Scan(room(rng, True).astype(np.float32)), Scan(T.inv().apply(room(rng, True)).astype(np.float32))]
-    found = registrar.register(*(registrar.prepare(scan) for scan in scans))
-    assert found.accepted
-    assert np.rad2deg((found.T_target_source.rotation * T.rotation.inv()).magnitude()) < 1
+    registration = registrar.register(*(registrar.prepare(scan) for scan in scans))
+    assert registration.accepted
+    assert np.rad2deg((registration.T_target_source.rotation * T.rotation.inv()).magnitude()) < 1
 
 
 @pytest.mark.parametrize("number", range(4))
 def test_scans_that_share_nothing_are_refused(number: int) -> None:
     target, source = evaluation_unrelated(number, 4242).scans()
     registrar = SpectralRegistrar(choose_device(None), choose_grid((target, source)))
-    found = registrar.register(registrar.prepare(target), registrar.prepare(source))
-    assert not found.accepted
-    assert found.probability < 0.85
-    assert replace(found, alternatives=()).reason
+    registration = registrar.register(registrar.prepare(target), registrar.prepare(source))
+    assert not registration.accepted
+    assert registration.probability < 0.85
+    assert replace(registration, alternatives=()).reason
