@@ -36,7 +36,7 @@ class Request:
         quick: a minute at most, with less of everything that no option sets.
         seeds, seed: how many, and the first of them.
         grid: voxels per edge.
-        scene: a key of SCENES.
+        scene: a key of SCENE_KINDS.
         sigma2: variances of the range noise at the largest range [m^2].
         pairs: how many.
         method: keys of METHODS.

@@ -27,22 +27,22 @@ def write_simulation(simulation: Simulation, folder: Path, instruments: Instrume
     Args:
         simulation: what was simulated.
         folder: made where it is missing.
-        instruments: whose readings are written too, as priors.csv; None for none.
+        instruments: whose measurements are written as priors.csv; None for no such file.
 
     Raises:
         InputError: the folder cannot be written, or holds scans or priors that are not part of this simulation.
     """
     folder = Path(folder)
     paths = [folder / f"scan_{number:03d}.ply" for number in range(len(simulation.scans))]
-    strangers = sorted(set(folder.glob("scan_*.ply")) - set(paths))
-    if strangers:
+    foreign = sorted(set(folder.glob("scan_*.ply")) - set(paths))
+    if foreign:
         raise InputError(
-            f"{folder} already holds {strangers[0].name}, no part of this simulation of {len(paths)} scans; "
+            f"{folder} already holds {foreign[0].name}, which is not part of this simulation of {len(paths)} scans; "
             "choose another folder or remove it"
         )
     if instruments is None and (folder / PRIORS).exists():
         raise InputError(
-            f"{folder} holds {PRIORS} of other scans, which would pass for these scans'; remove it, simulate it too "
+            f"{folder} already holds a {PRIORS}, which does not belong to these scans; remove it, simulate priors too "
             "(--priors), or choose another folder"
         )
     with all_or_none():
@@ -84,7 +84,7 @@ def read_settings(path: Path) -> SimulationSettings:
     try:
         content = json.loads(Path(path).read_text(encoding="utf-8"))
     except (OSError, ValueError) as error:
-        raise InputError(f"cannot read {path}: {error}; wanted the description.json of a simulation") from error
+        raise InputError(f"cannot read {path}: {error}; expected the description.json of a simulation") from error
     if not isinstance(content, dict) or "settings" not in content:
-        raise InputError(f"{path} holds no settings; wanted the description.json of a simulation")
+        raise InputError(f"{path} holds no settings; expected the description.json of a simulation")
     return settings_from_json(content["settings"])

@@ -3,30 +3,33 @@
 import math
 from dataclasses import replace
 
+import numpy as np
+
 from kernels.errors import InputError
 from tools.simulate.paths.routes import survey_path
 from tools.simulate.paths.stations import PAPER_COUNT
-from tools.simulate.paths.table1 import table1_settings
-from tools.simulate.paths.trajectories import SPACING
-from tools.simulate.scenes.scene import scene_kind
-from tools.simulate.sensing.sensors import ECLIPSE, SENSORS
+from tools.simulate.paths.trajectories import SPACING, TABLE1_COUNT
+from tools.simulate.scenes.catalog import scene_kind
+from tools.simulate.sensing.noise import Noise
+from tools.simulate.sensing.sensors import ECLIPSE, PAPER, SENSORS, Sensor
 from tools.simulate.simulation import SimulationSettings
 
-SPACED = ("survey", "lawnmower")  # the trajectories that heed a spacing
-LAWN_COUNT = 200
+SPACED = ("survey", "lawnmower")  # the trajectories with a spacing to choose
+LAWNMOWER_COUNT = 200
+TABLE1_SENSOR: Sensor = replace(PAPER, tilt=float(np.deg2rad(30.0)))
 
 
 def plan(scene: str, trajectory: str = "survey", sensor: str | None = None, seed: int = 0) -> SimulationSettings:
-    """The settings of a simulation in which only the scene need be chosen.
+    """Settings that suit a scene, so that only the scene need be chosen.
 
     Args:
-        scene: a key of SCENES.
+        scene: a key of SCENE_KINDS.
         trajectory: a key of TRAJECTORIES.
         sensor: a key of SENSORS; the one that suits the scene if left out.
         seed: of the scene, the waves and the noise.
 
-    The spacing is 9 m in a scene of 256 m and smaller in proportion; the deviation of the range is 1 m at 120 m, and
-    smaller in proportion where the scene's sensor reaches less far. A loop has as many scans as that spacing asks for.
+    The spacing is 9 m in a scene of 256 m, and in proportion in a smaller one; the standard deviation of the range is
+    1 m at 120 m, and in proportion for a sensor of shorter range. A loop has as many scans as that spacing asks for.
 
     Raises:
         InputError: an unknown name, or a sensor for Table 1, which has its own.
@@ -46,9 +49,21 @@ def plan(scene: str, trajectory: str = "survey", sensor: str | None = None, seed
     return replace(settings, count=_count(settings), spacing=spacing, noise=noise)
 
 
+def table1_settings(seed: int, sigma2: float, scene: str = "floodgate") -> SimulationSettings:
+    """The simulation that writes the reference scan and S0..S9, eleven scans, with the paper's noise."""
+    return SimulationSettings(
+        scene=scene,
+        trajectory="table1",
+        count=TABLE1_COUNT + 1,
+        sensor=TABLE1_SENSOR,
+        noise=Noise(sigma2=sigma2),
+        seed=seed,
+    )
+
+
 def _count(settings: SimulationSettings) -> int:
-    """How many scans the trajectory is made of where nothing else is said."""
+    """The default number of scans of the trajectory."""
     if settings.trajectory == "loop":
         spacing = SPACING * scene_kind(settings.scene).scale
         return math.ceil(survey_path(settings.scene, settings.seed).length / spacing)
-    return {"lawnmower": LAWN_COUNT, "paper18": PAPER_COUNT}.get(settings.trajectory, settings.count)
+    return {"lawnmower": LAWNMOWER_COUNT, "paper18": PAPER_COUNT}.get(settings.trajectory, settings.count)

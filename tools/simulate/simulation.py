@@ -12,14 +12,16 @@ from scipy.spatial.transform import RigidTransform
 from kernels.errors import InputError
 from slam.graph.trajectory import Trajectory
 from spectral.scan import Scan
-from tools.simulate.paths.dive import check_dive, entropy_of
+from tools.simulate.paths.dive import check_dive
 from tools.simulate.paths.stations import paper18
 from tools.simulate.paths.trajectories import SPACING, TABLE1_COUNT, TABLE1_MOST, lawnmower, loop, survey, table1
-from tools.simulate.scenes.scene import SCENES, build_scene
+from tools.simulate.scenes.catalog import scene_kind
+from tools.simulate.scenes.scene import build_scene
+from tools.simulate.sensing.dive_seed import entropy_of
 from tools.simulate.sensing.ghosts import reflect
 from tools.simulate.sensing.noise import Noise, measure
 from tools.simulate.sensing.sensors import ECLIPSE, Sensor, cast
-from tools.simulate.sensing.unusable import Fault, spoil
+from tools.simulate.sensing.unusable import Fault, choose_unusable
 
 # Of a survey where nothing else is said: speckle in full, as every single sonar image has it
 SURVEY_NOISE = Noise(sigma2=1.0, outliers=0.01, dropouts=0.05, ghosts=0.02, speckle=1.0)
@@ -30,7 +32,7 @@ class SimulationSettings:
     """Everything that decides what is simulated: equal settings give equal scans, bit for bit.
 
     Attributes:
-        scene: a key of SCENES.
+        scene: a key of SCENE_KINDS.
         trajectory: a key of TRAJECTORIES.
         count: number of scans, from the start of the trajectory.
         spacing: of a survey's or a lawnmower's scans along their path [m]; the others have their own.
@@ -54,14 +56,13 @@ class SimulationSettings:
     unusable: float = 0.0
 
     def __post_init__(self) -> None:
-        if self.scene not in SCENES:
-            raise InputError(f"no scene is called {self.scene!r}; there are {', '.join(SCENES)}")
+        scene_kind(self.scene)
         if self.trajectory not in TRAJECTORIES:
             raise InputError(f"no trajectory is called {self.trajectory!r}; there are {', '.join(TRAJECTORIES)}")
         if self.seed < 0:
             raise InputError(f"the seed is {self.seed}; wanted a number >= 0")
         check_dive(self.dive, self.trajectory)
-        spoil(self.unusable, self.count, self.seed, self.dive)
+        choose_unusable(self.unusable, self.count, self.seed, self.dive)
 
 
 @dataclass(frozen=True, slots=True)
@@ -92,16 +93,16 @@ def simulate(settings: SimulationSettings, progress: Callable[[int], None] = lam
         InputError: more scans than the trajectory has, a pose that sees nothing.
     """
     truth = TRAJECTORIES[settings.trajectory](settings)
-    spoiled = spoil(settings.unusable, len(truth), settings.seed, settings.dive)
+    unusable = choose_unusable(settings.unusable, len(truth), settings.seed, settings.dive)
     scans = []
     for number in range(len(truth)):
         name = f"scan_{number:03d}"
-        if number in spoiled.faults:
-            scans.append(spoiled.scan(settings.sensor, number, float(number), name))
+        if number in unusable.faults:
+            scans.append(unusable.scan(settings.sensor, number, float(number), name))
         else:
             scans.append(observe(settings, truth.T_world_sensor[number], number, name))
         progress(number + 1)
-    return Simulation(settings, tuple(scans), truth, spoiled.faults)
+    return Simulation(settings, tuple(scans), truth, unusable.faults)
 
 
 def observe(settings: SimulationSettings, T_world_sensor: RigidTransform, number: int, name: str) -> Scan:
@@ -151,7 +152,7 @@ def _table1(settings: SimulationSettings) -> Trajectory:
     if not 1 <= settings.count <= len(poses):
         raise InputError(
             f"Table 1 has {1 + TABLE1_COUNT} scans, the reference and S0 to S{TABLE1_COUNT - 1}, and with S10 to "
-            f"S{TABLE1_MOST - 1} {len(poses)}; {settings.count} were wanted"
+            f"S{TABLE1_MOST - 1} {len(poses)}; {settings.count} were asked for"
         )
     return poses.take(range(settings.count))
 

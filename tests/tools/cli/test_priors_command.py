@@ -17,7 +17,7 @@ from tools.cli.options import parse_prior_sigmas
 from tools.readers.poses.tum import read_tum
 from tools.readers.priors import with_priors
 from tools.readers.scans import read_scans
-from tools.simulate.sensing.priors import Instruments, carrying, measure_poses
+from tools.simulate.sensing.priors import Instruments, instruments_for, measure_poses
 
 SMALL = ("--scene", "harbor", "--scans", "3", "--sensor", "paper", "--spacing", "5", "--quiet")
 NAV = "name,depth_m,heading_deg,heading_sigma_deg\n"
@@ -92,10 +92,10 @@ class TestSimulated:
         (tmp_path / "priors.csv").write_bytes((simulated / "priors.csv").read_bytes())
         result = sonarmap("simulate", *SMALL, "--seed", "8", "-o", tmp_path)
         assert result.exit_code == 2
-        said(result, "priors.csv of other scans", "remove it")
+        said(result, "priors.csv, which does not belong to these scans", "remove it")
         assert files_in(tmp_path).keys() == {"priors.csv"}
 
-    @pytest.mark.parametrize("instruments", [Instruments(), carrying(["attitude", "depth"])])
+    @pytest.mark.parametrize("instruments", [Instruments(), instruments_for(["attitude", "depth"])])
     def test_the_errors_have_the_deviations_they_are_said_to_have(self, instruments: Instruments) -> None:
         priors = measure_poses(T_WORLD, instruments, 5)
         known = np.isfinite(instruments.sigmas)

@@ -30,7 +30,8 @@ from tools.reproduce.gaussian.summary import last_right, summarize
 from tools.reproduce.journal import Journal
 from tools.reproduce.pages.section_text import section_text, verdicts
 from tools.reproduce.provenance import provenance
-from tools.simulate.paths.table1 import TABLE1_COUNT, table1_pair, table1_transform
+from tools.simulate.pairs.table1 import table1_pair
+from tools.simulate.paths.trajectories import TABLE1_COUNT, table1_transform
 
 GRID = 128
 SIN4 = np.sin(np.deg2rad(4))

@@ -10,14 +10,14 @@ from numpy.testing import assert_allclose, assert_array_equal
 from kernels.errors import InputError
 from tests.samples.clutter_scans import said, sonarmap
 from tests.samples.simulated import COARSE
-from tools.simulate.catalog import SCENE_KINDS
 from tools.simulate.folder import read_settings
 from tools.simulate.paths.dive import DRIFT_AMPLITUDE, DRIFT_PERIODS, drift, start_of
-from tools.simulate.paths.routes import lawn_path
+from tools.simulate.paths.routes import lawnmower_path
 from tools.simulate.paths.trajectories import lawnmower
 from tools.simulate.plan import plan
+from tools.simulate.scenes.catalog import SCENE_KINDS
 from tools.simulate.scenes.scene import build_scene
-from tools.simulate.sensing.priors import carrying, measure_poses
+from tools.simulate.sensing.priors import instruments_for, measure_poses
 from tools.simulate.shapes.surface import surface_distance
 from tools.simulate.simulation import TRAJECTORIES, SimulationSettings, simulate
 
@@ -43,7 +43,7 @@ def test_a_dive_drifts_off_its_path_and_no_farther_than_is_clear(dive: int) -> N
 @pytest.mark.parametrize("scene", SCENE_KINDS)
 def test_a_second_dive_follows_the_same_path(scene: str) -> None:
     settings = plan(scene, "lawnmower", seed=14)
-    path, scale = lawn_path(scene, 14), SCENE_KINDS[scene].scale
+    path, scale = lawnmower_path(scene, 14), SCENE_KINDS[scene].scale
     line, _ = path.at(np.linspace(0, path.length, 6000))
     places = TRAJECTORIES["lawnmower"](replace(settings, dive=2)).T_world_sensor.translation
     off = np.linalg.norm(places[:, None, :2] - line[None, :, :2], axis=2).min(axis=1)
@@ -73,7 +73,7 @@ def test_a_second_dive_is_of_the_same_scene_with_other_waves_and_noise() -> None
 
 
 def test_instruments_err_otherwise_on_another_dive() -> None:
-    poses, depth = simulate(SETTINGS).truth.T_world_sensor, carrying(["depth"])
+    poses, depth = simulate(SETTINGS).truth.T_world_sensor, instruments_for(["depth"])
     told = [
         np.array([p.T_world_sensor.translation[2] for p in measure_poses(poses, depth, 14, dive)]) for dive in (1, 1, 2)
     ]
@@ -100,4 +100,4 @@ def test_the_command_takes_a_dive_alone_or_beside_like(tmp_path: Path) -> None:
     assert scans[0] != scans[1]
     assert scans[1] == scans[2]
     assert read_settings(tmp_path / "two" / "description.json").dive == 2
-    said(sonarmap("simulate", "--trajectory", "table1", "--dive", "2", "-o", tmp_path / "four"), "has one dive alone")
+    said(sonarmap("simulate", "--trajectory", "table1", "--dive", "2", "-o", tmp_path / "four"), "has only one dive")

@@ -1,4 +1,4 @@
-"""Multipath ghosts: as long as the ways over a flat bed, a wall and the water's surface."""
+"""Multipath ghosts: as long as the distances over a flat bed, a wall and the water's surface."""
 
 from dataclasses import replace
 
@@ -44,7 +44,7 @@ def test_ghosts_over_bed_and_surface_lie_where_the_straight_way_goes():
     level = (at_wall > 0) & (at_wall < depth)
     for part in (over_bed, over_water, over_wall, steep_up, level):
         assert part.sum() >= 10
-    # a mirror only folds the straight way: as long as without it
+    # a mirror only folds the straight distance: as long as without it
     assert_allclose(ghosts.ranges[over_bed], (to_wall / x)[over_bed], rtol=1e-9)
     assert_allclose(ghosts.ranges[over_water], (to_wall / x)[over_water], rtol=1e-9)
     down = np.where(above_bed < -z * SENSOR.max_range, above_bed / -z, np.inf)
@@ -81,12 +81,12 @@ def test_a_share_of_the_beams_reports_its_ghost():
     ghosts = Echoes(np.full(shape, 33.0), np.full(shape, 0.2))
     ghosts.ranges[:, 200:] = np.inf
     heard = disturb(echoes, bare(ECLIPSE), Noise(ghosts=0.15), np.random.default_rng(4), ghosts)
-    haunted = heard.ranges == 33.0
-    assert not haunted[:, 200:].any()
-    assert_allclose(haunted[:, :200].mean(), 0.15, atol=4 * np.sqrt(0.15 * 0.85 / 40000))
-    assert haunted[:50].any()
-    assert_array_equal(heard.strengths[haunted], 0.2)
-    assert_array_equal(heard.ranges[~haunted], echoes.ranges[~haunted])
+    is_ghost = heard.ranges == 33.0
+    assert not is_ghost[:, 200:].any()
+    assert_allclose(is_ghost[:, :200].mean(), 0.15, atol=4 * np.sqrt(0.15 * 0.85 / 40000))
+    assert is_ghost[:50].any()
+    assert_array_equal(heard.strengths[is_ghost], 0.2)
+    assert_array_equal(heard.ranges[~is_ghost], echoes.ranges[~is_ghost])
 
 
 def test_noise_with_ghosts_wants_them():

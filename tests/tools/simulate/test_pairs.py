@@ -10,12 +10,10 @@ from scipy.spatial import KDTree
 from scipy.spatial.transform import RigidTransform, Rotation
 
 from kernels.errors import InputError
-from spectral.hemisphere.match import largest_tilt
 from spectral.scan import Scan
+from spectral.tilt import largest_tilt
 from tests.samples.simulated import QUIET
-from tools.simulate.catalog import SCENE_KINDS
 from tools.simulate.pairs import viewpoints
-from tools.simulate.pairs.overlap import mutual_overlap
 from tools.simulate.pairs.pair_set import (
     SET_OVERLAPS,
     SET_SCENES,
@@ -25,9 +23,11 @@ from tools.simulate.pairs.pair_set import (
     evaluation_pair,
     evaluation_unrelated,
 )
-from tools.simulate.pairs.random_pairs import DRAWN, random_pair, strangers, unrelated_pair
+from tools.simulate.pairs.random_pairs import DRAWN, random_pair, unrelated_pair, unrelated_scenes
 from tools.simulate.pairs.turns import Turn, draw_turn
+from tools.simulate.scenes.catalog import SCENE_KINDS
 from tools.simulate.sensing.noise import Noise
+from tools.simulate.sensing.overlap import mutual_overlap
 from tools.simulate.sensing.sensors import SENSORS, Sensor, bare
 
 STEEP = float(np.deg2rad(35.0))
@@ -142,15 +142,15 @@ def test_an_overlap_that_cannot_be_is_refused(monkeypatch: pytest.MonkeyPatch):
 
 
 def test_strangers_are_of_one_size_and_never_the_same_place():
-    assert strangers("pool") == ("manifold",)
-    assert strangers("manifold") == ("pool",)
+    assert unrelated_scenes("pool") == ("manifold",)
+    assert unrelated_scenes("manifold") == ("pool",)
     for name in set(SCENE_KINDS) - {"pool", "manifold"}:
-        others = set(strangers(name))
+        others = set(unrelated_scenes(name))
         assert {"harbor", "ship", "clutter"} - {name} <= others
         assert (name in others) == (name in DRAWN)
         assert {SCENE_KINDS[other].scale for other in others} == {1.0}
     with pytest.raises(InputError, match="moon"):
-        strangers("moon")
+        unrelated_scenes("moon")
 
 
 def test_an_unrelated_pair_is_its_seed_in_a_turned_frame():

@@ -8,15 +8,15 @@ from numpy.testing import assert_allclose
 from scipy.spatial.transform import RigidTransform
 
 from kernels.errors import InputError
-from tools.simulate.catalog import SCENE_KINDS
-from tools.simulate.pairs.overlap import mutual_overlap, shared_view, visible_points
-from tools.simulate.paths.routes import LAWNS, gate_path, lawn_path, survey_path
+from tools.simulate.paths.routes import LAWNMOWER_PATHS, gate_path, lawnmower_path, survey_path
 from tools.simulate.paths.smooth_path import lane_path, lanes
 from tools.simulate.paths.stations import paper18
 from tools.simulate.paths.trajectories import lawnmower, loop, survey
 from tools.simulate.plan import plan
+from tools.simulate.scenes.catalog import SCENE_KINDS
 from tools.simulate.scenes.floodgate import PIERS
 from tools.simulate.scenes.scene import build_scene
+from tools.simulate.sensing.overlap import mutual_overlap, shared_view, visible_points
 from tools.simulate.sensing.sensors import ECLIPSE
 from tools.simulate.simulation import TRAJECTORIES
 
@@ -39,7 +39,7 @@ def _clearance(scene: str, seed: int, path) -> float:
 def test_paths_keep_clear_of_everything(scene: str, seed: int):
     least = CLEARANCE * SCENE_KINDS[scene].scale
     assert _clearance(scene, seed, survey_path(scene, seed)) > least
-    assert _clearance(scene, seed, lawn_path(scene, seed)) > least
+    assert _clearance(scene, seed, lawnmower_path(scene, seed)) > least
     if scene == "floodgate":
         assert _clearance(scene, seed, gate_path()) > least
 
@@ -68,7 +68,7 @@ def test_a_loop_ends_one_step_from_its_start(scene: str):
     assert np.linalg.norm(places - places[0], axis=1).max() > 3 * step.max()
 
 
-@pytest.mark.parametrize("scene", LAWNS)
+@pytest.mark.parametrize("scene", LAWNMOWER_PATHS)
 def test_a_long_lawnmower_crosses_its_own_way(scene: str):
     spacing = plan(scene, "lawnmower").spacing
     places = lawnmower(scene, 200, 3, spacing).T_world_sensor.translation

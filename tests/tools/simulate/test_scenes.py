@@ -7,16 +7,17 @@ import pytest
 from numpy.testing import assert_allclose, assert_array_equal
 from scipy.spatial.transform import RigidTransform, Rotation
 
-from tools.simulate.catalog import SCENE_KINDS, SENSOR_NAMES, TRAJECTORY_KINDS
-from tools.simulate.pairs.overlap import in_view, shared_view
+from tools.simulate.catalog import SENSOR_NAMES, TRAJECTORY_KINDS
 from tools.simulate.scenes.bed import raster
 from tools.simulate.scenes.bridge import bridge_layout
+from tools.simulate.scenes.catalog import SCENE_KINDS
 from tools.simulate.scenes.hulk import PLATE, SPACING, Hulk, skin
 from tools.simulate.scenes.manifold import manifold_layout
 from tools.simulate.scenes.pool import LENGTH, WIDTH, pool_layout
-from tools.simulate.scenes.scene import SCENES, Scene, build_scene
+from tools.simulate.scenes.scene import Scene, build_scene
 from tools.simulate.scenes.ship import ship_layout
 from tools.simulate.scenes.wreck import wreck_layout
+from tools.simulate.sensing.overlap import in_view, shared_view
 from tools.simulate.sensing.sensors import SENSORS, Sensor, cast
 from tools.simulate.shapes.solids import box, merge, tube
 from tools.simulate.simulation import TRAJECTORIES
@@ -25,7 +26,7 @@ DOWN = np.array([[0.0, 0.0, -1.0]])
 
 
 def test_the_catalog_names_what_can_be_built():
-    assert set(SCENE_KINDS) == set(SCENES)
+    assert all(kind.builder.endswith(f":{name}") for name, kind in SCENE_KINDS.items())
     assert set(TRAJECTORY_KINDS) == set(TRAJECTORIES)
     assert set(SENSOR_NAMES) == set(SENSORS)
     assert {kind.sensor for kind in SCENE_KINDS.values()} <= set(SENSORS)
@@ -144,10 +145,10 @@ def test_a_wrecks_parts_lie_where_its_layout_says(seed: int):
         assert before.ends[1] == after.ends[0]
     bed = len(raster()) ** 2
     built = scene.mesh.vertices[bed:]
-    for lying in layout.parts:
-        half = hulk.length * (lying.ends[1] - lying.ends[0]) / 2
-        turn = lying.R_scene_part.inv()
-        own = turn.apply(built - np.array((*lying.middle, 0.0)))
+    for part in layout.parts:
+        half = hulk.length * (part.ends[1] - part.ends[0]) / 2
+        turn = part.R_scene_part.inv()
+        own = turn.apply(built - np.array((*part.middle, 0.0)))
         # the keel's corners, outer and inner ones, all lie in the part's own middle plane, and few others in one plane
         values, counts = np.unique(np.round(own[:, 1], 5), return_counts=True)
         aside = values[counts.argmax()]
@@ -183,7 +184,7 @@ def test_a_hulk_is_a_skin_round_an_open_hold():
 def test_wrecks_break_in_two_or_three_and_some_lie_keel_up():
     layouts = [wreck_layout(seed) for seed in range(1, 41)]
     assert {len(layout.parts) for layout in layouts} == {2, 3}
-    up = [lying.R_scene_part.apply((0, 0, 1))[2] for layout in layouts for lying in layout.parts]
+    up = [part.R_scene_part.apply((0, 0, 1))[2] for layout in layouts for part in layout.parts]
     assert 0.03 < np.mean(np.array(up) < 0) < 0.3
     assert {len(bridge_layout(seed).piers) for seed in range(1, 41)} == {3, 4, 5}
 
@@ -192,7 +193,7 @@ def test_wrecks_break_in_two_or_three_and_some_lie_keel_up():
 def test_the_seed_decides_the_layout(layout):
     assert repr(layout(8).__class__) == repr(layout(9).__class__)
     name = layout.__name__.removesuffix("_layout")
-    first, again, other = SCENES[name](8), SCENES[name](8), SCENES[name](9)
+    first, again, other = SCENE_KINDS[name].build(8), SCENE_KINDS[name].build(8), SCENE_KINDS[name].build(9)
     assert_array_equal(first.vertices, again.vertices)
     still = min(len(first.vertices), len(other.vertices))
     built = ~np.isclose(first.vertices[:still], other.vertices[:still], atol=1e-3).all(axis=1)

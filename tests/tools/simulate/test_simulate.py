@@ -11,13 +11,12 @@ from scipy.spatial.transform import RigidTransform
 from kernels.errors import InputError
 from tests.samples.simulated import COARSE, QUIET
 from tools.readers.poses.tum import read_tum
-from tools.simulate.catalog import SCENE_KINDS
 from tools.simulate.folder import read_settings, write_simulation
-from tools.simulate.pairs.overlap import mutual_overlap
 from tools.simulate.pairs.random_pairs import random_pair
 from tools.simulate.paths.trajectories import survey
-from tools.simulate.scenes.scene import SCENES
+from tools.simulate.scenes.catalog import SCENE_KINDS
 from tools.simulate.sensing.noise import Noise
+from tools.simulate.sensing.overlap import mutual_overlap
 from tools.simulate.sensing.sensors import ECLIPSE, SENSORS, bare
 from tools.simulate.simulation import SimulationSettings, observe, settings_from_json, simulate
 
@@ -118,7 +117,7 @@ def test_a_description_that_is_none_is_refused(tmp_path, text: str | None):
         read_settings(path)
 
 
-@pytest.mark.parametrize("scene", SCENES)
+@pytest.mark.parametrize("scene", SCENE_KINDS)
 def test_a_random_pair_overlaps_as_wanted(scene: str):
     kind = SCENE_KINDS[scene]
     small = replace(SENSORS[kind.sensor], columns=128, rows=64)

@@ -5,7 +5,8 @@ import pytest
 from numpy.testing import assert_allclose, assert_array_equal
 from scipy.spatial.transform import Rotation
 
-from tools.simulate.scenes.scene import SCENES, Scene, build_scene
+from tools.simulate.scenes.catalog import SCENE_KINDS
+from tools.simulate.scenes.scene import Scene, build_scene
 from tools.simulate.shapes.solids import Mesh, box, cylinder, ellipsoid, height_field, merge, shell, wall
 
 SLANT = np.array([10.0, 1.0, -2.0])
@@ -77,9 +78,9 @@ def test_a_height_field_is_seen_from_above_at_its_heights():
     assert_allclose(sines, [1 / np.sqrt(5), 1.0])
 
 
-@pytest.mark.parametrize("name", SCENES)
+@pytest.mark.parametrize("name", SCENE_KINDS)
 def test_a_scene_is_its_seed(name: str):
-    first, again, other = SCENES[name](4), SCENES[name](4), SCENES[name](5)
+    first, again, other = SCENE_KINDS[name].build(4), SCENE_KINDS[name].build(4), SCENE_KINDS[name].build(5)
     assert_array_equal(first.vertices, again.vertices)
     assert_array_equal(first.triangles, again.triangles)
     assert len(first.triangles) > 10000

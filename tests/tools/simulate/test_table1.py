@@ -8,11 +8,12 @@ from numpy.testing import assert_allclose, assert_array_equal
 from scipy.spatial.transform import RigidTransform
 
 from kernels.errors import InputError
-from tools.simulate.catalog import SCENE_KINDS
-from tools.simulate.pairs.overlap import overlap
-from tools.simulate.paths.table1 import TABLE1_RIG, TABLE1_SENSOR, table1_pair, table1_settings, table1_transform
-from tools.simulate.paths.trajectories import table1
+from tools.simulate.pairs.table1 import table1_pair
+from tools.simulate.paths.trajectories import TABLE1_RIG, table1, table1_transform
+from tools.simulate.plan import TABLE1_SENSOR, table1_settings
+from tools.simulate.scenes.catalog import SCENE_KINDS
 from tools.simulate.scenes.scene import build_scene
+from tools.simulate.sensing.overlap import overlap
 from tools.simulate.sensing.sensors import cast
 from tools.simulate.shapes.surface import surface_distance
 from tools.simulate.simulation import simulate

@@ -15,7 +15,7 @@ from tools.cli.progress import progress
 from tools.cli.terminal import printable, result_console, say
 from tools.methods.registry import METHODS, find_method
 from tools.reproduce.experiments import ALL, EXPERIMENTS, Request, chosen, create, entry_of, group_of, groups, members
-from tools.simulate.catalog import SCENE_KINDS
+from tools.simulate.scenes.catalog import SCENE_KINDS
 
 if TYPE_CHECKING:
     from tools.reproduce.crew import Crew

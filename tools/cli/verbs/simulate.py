@@ -10,7 +10,8 @@ from kernels.errors import InputError
 from tools.cli.options import QuietOption, check_seed
 from tools.cli.progress import growing_progress
 from tools.cli.terminal import printable
-from tools.simulate.catalog import SCENE_KINDS, SENSOR_NAMES, TRAJECTORY_KINDS
+from tools.simulate.catalog import SENSOR_NAMES, TRAJECTORY_KINDS
+from tools.simulate.scenes.catalog import SCENE_KINDS
 
 if TYPE_CHECKING:
     from tools.simulate.simulation import SimulationSettings
@@ -105,12 +106,12 @@ def command(
     """
     from tools.simulate.folder import write_simulation
     from tools.simulate.plan import SPACED
-    from tools.simulate.sensing.priors import carrying
+    from tools.simulate.sensing.priors import instruments_for
     from tools.simulate.simulation import simulate
     from tools.writers.atomic import require_writable
 
     settings = _settings(like, scene, trajectory, sensor, seed)
-    instruments = None if priors is None else carrying([kind.strip() for kind in priors.split(",")])
+    instruments = None if priors is None else instruments_for([kind.strip() for kind in priors.split(",")])
     if spacing is not None and settings.trajectory not in SPACED:
         raise InputError(
             f"--spacing is of a {' or a '.join(SPACED)}, and the trajectory is {settings.trajectory}; drop --spacing"

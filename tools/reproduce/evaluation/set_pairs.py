@@ -8,11 +8,11 @@ from kernels.errors import InputError
 from spectral.grid import Grid, choose_grid
 from spectral.scan import Scan
 from tools.reproduce.experiment import Value
-from tools.simulate.catalog import SCENE_KINDS
-from tools.simulate.pairs.overlap import OVERLAP_RADIUS, mutual_overlap
 from tools.simulate.pairs.pair_set import evaluation_pair, evaluation_unrelated
 from tools.simulate.pairs.turns import Turn
+from tools.simulate.scenes.catalog import SCENE_KINDS
 from tools.simulate.sensing.noise import Noise
+from tools.simulate.sensing.overlap import OVERLAP_RADIUS, mutual_overlap
 
 SET_SEED = 20110  # nothing was chosen on pairs of this set
 BATCH = 5  # pairs of a job: one of every range of overlap

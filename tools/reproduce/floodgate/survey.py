@@ -6,9 +6,9 @@ from functools import lru_cache
 from scipy.spatial.transform import RigidTransform
 
 from spectral.scan import Scan
-from tools.simulate.pairs.overlap import mutual_overlap, shared_view
 from tools.simulate.paths.stations import COLUMNS, PAPER_COUNT, ROWS
 from tools.simulate.scenes.scene import build_scene
+from tools.simulate.sensing.overlap import mutual_overlap, shared_view
 from tools.simulate.shapes.solids import Mesh
 from tools.simulate.simulation import Simulation, SimulationSettings, simulate
 

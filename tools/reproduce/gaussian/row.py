@@ -9,7 +9,7 @@ from scipy.spatial.transform import RigidTransform, Rotation
 
 from tools.reproduce.experiment import Row, Value
 from tools.reproduce.gaussian.trial import Trial
-from tools.simulate.paths.table1 import TABLE1_RIG
+from tools.simulate.paths.trajectories import TABLE1_RIG
 
 RANKED = 12  # so many yaw peaks are looked at
 
@@ -21,7 +21,7 @@ class GaussianRow:
     """S`scan` registered to the reference scan, by one method.
 
     Attributes:
-        scene: a key of SCENES.
+        scene: a key of SCENE_KINDS.
         grid, voxel_m: voxels per edge, and the edge of one [m].
         sigma2, seed, scan: which pair, see `table1_pair`.
         method: a key of METHODS.

@@ -17,8 +17,8 @@ from tools.reproduce.gaussian.figure import draw_parameters, draw_rates
 from tools.reproduce.gaussian.row import GaussianRow, GaussianTime
 from tools.reproduce.gaussian.section import parameters_picture, rates_picture, section
 from tools.reproduce.gaussian.series import Series
-from tools.simulate.paths.table1 import TABLE1_COUNT
-from tools.simulate.scenes.scene import SCENES
+from tools.simulate.paths.trajectories import TABLE1_COUNT
+from tools.simulate.scenes.catalog import SCENE_KINDS
 
 EXTENT = 256.0  # of the grid [m]; the paper has 256 voxels of about 1 m
 # Windows, blurs and bounds were chosen on scenes and noises of smaller seeds.
@@ -30,7 +30,7 @@ class GaussianSettings:
     """What is run.
 
     Attributes:
-        scene: a key of SCENES.
+        scene: a key of SCENE_KINDS.
         sigma2: variances of the range noise at the largest range [m^2], each.
         seeds: how many scenes and noises, counted from `first_seed`.
         first_seed: >= 0.
@@ -44,8 +44,8 @@ class GaussianSettings:
     edges: tuple[int, ...] = (128, 256)
 
     def __post_init__(self) -> None:
-        if self.scene not in SCENES:
-            raise InputError(f"no scene is called {self.scene!r}; there are {', '.join(SCENES)}")
+        if self.scene not in SCENE_KINDS:
+            raise InputError(f"no scene is called {self.scene!r}; there are {', '.join(SCENE_KINDS)}")
         if not self.sigma2 or not all(np.isfinite(v) and v >= 0 for v in self.sigma2):
             given = ", ".join(f"{v:g}" for v in self.sigma2) or "no value"
             raise InputError(f"--sigma2: {given}; wanted variances of 0 m^2 or more, as in --sigma2 1 --sigma2 2")

@@ -20,7 +20,7 @@ def section(scene: str, extent: float, rows: Sequence[GaussianRow], times: Seque
     """All that is told.
 
     Args:
-        scene: a key of SCENES.
+        scene: a key of SCENE_KINDS.
         extent: of the grid [m].
         rows, times: of every registration.
     """

@@ -14,7 +14,7 @@ from tools.evaluate.trajectory import RIGHT_DEG
 from tools.reproduce.gaussian.methods import METHODS
 from tools.reproduce.gaussian.row import RANKED, GaussianRow, GaussianTime, row_of
 from tools.reproduce.gaussian.trial import Trial
-from tools.simulate.paths.table1 import table1_pair
+from tools.simulate.pairs.table1 import table1_pair
 
 # What a config says of pairs alone; two that differ in nothing else prepare a scan alike.
 _OF_PAIRS = ("yaw_peaks", "max_tilt", "refinements", "final_refinements", "search", "acceptance")

@@ -18,8 +18,9 @@ from tools.reproduce.experiment import Outcome, Row, Section
 from tools.reproduce.experiments import Request
 from tools.reproduce.steps.figure import draw_steps
 from tools.reproduce.steps.section import PICTURE, steps_section
-from tools.simulate.catalog import SCENE_KINDS
-from tools.simulate.paths.table1 import TABLE1_MOST, table1_pair
+from tools.simulate.pairs.table1 import table1_pair
+from tools.simulate.paths.trajectories import TABLE1_MOST
+from tools.simulate.scenes.catalog import SCENE_KINDS
 
 EXTENT = 256.0  # of the grid [m], as large as the paper's
 STEPS_SCENES = ("floodgate", "harbor", "bridge", "wreck")
@@ -31,7 +32,7 @@ class StepsSettings:
     """What is run.
 
     Attributes:
-        scenes: keys of SCENES; the seeds go round over them.
+        scenes: keys of SCENE_KINDS; the seeds go round over them.
         sigma2: variances of the range noise at the largest range [m^2], each.
         seeds: how many scenes and noises, counted from `first_seed`.
         peers: how many of them, the first, the methods beside ours register, as they take ten times as long.

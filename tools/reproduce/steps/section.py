@@ -9,7 +9,7 @@ from tools.reproduce.evaluation.lineup import OURS
 from tools.reproduce.evaluation.summary import accepted, last_right, rate, right, where, wrong
 from tools.reproduce.experiment import Row, Section
 from tools.reproduce.pages.table import Table
-from tools.simulate.paths.table1 import TABLE1_COUNT, TABLE1_MOST
+from tools.simulate.paths.trajectories import TABLE1_COUNT, TABLE1_MOST
 
 if TYPE_CHECKING:
     from tools.reproduce.steps.run import StepsSettings

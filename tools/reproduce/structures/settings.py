@@ -11,7 +11,7 @@ from kernels.opencl.device import Device
 from tools.reproduce.experiment import Outcome
 from tools.reproduce.experiments import Request
 from tools.reproduce.structures.voxel_series import Case, VoxelSeries
-from tools.simulate.scenes.scene import SCENES
+from tools.simulate.scenes.catalog import SCENE_KINDS
 from tools.simulate.shapes.voxel_noise import NOISES
 
 
@@ -20,7 +20,7 @@ class StructureSettings:
     """What is run.
 
     Attributes:
-        scenes: keys of SCENES.
+        scenes: keys of SCENE_KINDS.
         noises: keys of NOISES.
         seeds: how many structures and noises of each scene, counted from `first_seed`.
         first_seed: >= 0.
@@ -34,7 +34,7 @@ class StructureSettings:
     edge: int = 256
 
     def __post_init__(self) -> None:
-        for given, known in ((self.scenes, SCENES), (self.noises, NOISES)):
+        for given, known in ((self.scenes, SCENE_KINDS), (self.noises, NOISES)):
             strange = [name for name in given if name not in known]
             if strange or not given:
                 raise InputError(f"{strange[0] if strange else 'nothing'}: wanted some of {', '.join(known)}")

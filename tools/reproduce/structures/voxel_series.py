@@ -30,7 +30,7 @@ class Case:
     """One series: a scene, a noise, a seed. Its key is a job's.
 
     Attributes:
-        scene: a key of SCENES.
+        scene: a key of SCENE_KINDS.
         noise: a key of NOISES.
         seed: of the scene and of the noise.
     """

@@ -14,7 +14,7 @@ from tools.reproduce.survey.map import OURS, PEERS, SYSTEMS, Took, installed, ma
 from tools.reproduce.survey.row import survey_rows
 from tools.reproduce.survey.scans import Laid, lay
 from tools.reproduce.survey.section import PICTURE, survey_section
-from tools.simulate.catalog import SCENE_KINDS
+from tools.simulate.scenes.catalog import SCENE_KINDS
 
 DIVES = "dives"
 _ORDER = (2, 1)  # of the dives, as they are given to the mapper
@@ -25,7 +25,7 @@ class SurveySettings:
     """What is run.
 
     Attributes:
-        scene: a key of SCENES.
+        scene: a key of SCENE_KINDS.
         seeds: how many surveys, each with a scene, a sea and a noise of its own, counted from `first_seed`.
         first_seed: >= 0.
         counts: of the scans of a survey; the peers map the longest alone.

@@ -37,7 +37,7 @@ def lay(scene: str, seed: int, count: int, unusable: float, dives: Sequence[int]
     """Simulate `count` scans of each of the dives, in their order; how these lie to each other nothing tells.
 
     Args:
-        scene: a key of SCENES.
+        scene: a key of SCENE_KINDS.
         seed: of the scene, the waves and the noise.
         count: of the scans of a dive.
         unusable: share of these that show nothing of the scene.

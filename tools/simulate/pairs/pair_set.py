@@ -12,9 +12,9 @@ from scipy.spatial.transform import RigidTransform
 
 from kernels.errors import InputError
 from spectral.scan import Scan
-from tools.simulate.catalog import SCENE_KINDS
 from tools.simulate.pairs.random_pairs import random_pair, unrelated_pair
 from tools.simulate.pairs.turns import Turn
+from tools.simulate.scenes.catalog import SCENE_KINDS
 from tools.simulate.sensing.noise import Noise
 
 # The order decides what pair n is: a new scene is appended, and makes another set
@@ -34,7 +34,7 @@ class EvaluationPair:
 
     Attributes:
         number: which of the set.
-        scene: a key of SCENES.
+        scene: a key of SCENE_KINDS.
         overlaps: least and greatest share of the points in common, as random_pair takes them.
         turn: of the source's frame, as random_pair takes it.
         noise: its sigma2 is 0, 1 or 2 m^2 times the square of the scene's scale.
@@ -59,7 +59,7 @@ class UnrelatedPair:
 
     Attributes:
         number: which of the set.
-        scene: the target's; the source's is one of its strangers, as the seed says.
+        scene: the target's; the source's is one of its `unrelated_scenes`, chosen by the seed.
         noise: as EvaluationPair's.
         seed: of the scenes, the poses and the noise.
     """

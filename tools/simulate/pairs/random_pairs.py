@@ -10,9 +10,9 @@ from scipy.spatial.transform import RigidTransform, Rotation
 
 from kernels.errors import InputError
 from spectral.scan import Scan
-from tools.simulate.catalog import SCENE_KINDS
 from tools.simulate.pairs.turns import FrameTurn, Turn, draw_turn
-from tools.simulate.pairs.viewpoints import TRIES, Lookout, View, attitude, first_view
+from tools.simulate.pairs.viewpoints import TRIES, Observer, View, attitude, first_view
+from tools.simulate.scenes.catalog import SCENE_KINDS
 from tools.simulate.scenes.scene import build_scene
 from tools.simulate.sensing.ghosts import reflect
 from tools.simulate.sensing.noise import Noise, measure
@@ -49,7 +49,7 @@ def random_pair(
         seed: of the scene, the poses and the noise.
         overlaps: least and greatest share of the points within 2 m of the other scan (the smaller of both
             ways); in a smaller scene the radius is smaller by the same factor.
-        noise, scene: what disturbs, a key of SCENES.
+        noise, scene: what disturbs, a key of SCENE_KINDS.
         sensor: what to see with; the bare fan of the one that suits the scene if left out. The overlap is of all
             echoes, also of those under a sensor's threshold.
         max_tilt: largest roll and pitch of either pose [rad]; with the turn "yaw" of R_target_source
@@ -68,15 +68,15 @@ def random_pair(
     Raises:
         InputError: an unknown turn, or no such pair was found from 8 places.
     """
-    lookout = _lookout(scene, seed, sensor)
+    observer = _observer(scene, seed, sensor)
     pose_seed, target_seed, source_seed, turn_seed = np.random.SeedSequence([seed, 17]).spawn(4)
     rng = np.random.default_rng(pose_seed)
     frame = draw_turn(turn, max_tilt, np.random.default_rng(turn_seed))
-    target, source = _views(lookout, overlaps, frame, max_tilt, rng)
+    target, source = _views(observer, overlaps, frame, max_tilt, rng)
     T_target_sensor = target.T_world_sensor.inv() * source.T_world_sensor
     scans = (
-        _scan(lookout, target, noise, target_seed, 0.0, "target"),
-        _scan(lookout, source, noise, source_seed, 1.0, "source"),
+        _scan(observer, target, noise, target_seed, 0.0, "target"),
+        _scan(observer, source, noise, source_seed, 1.0, "source"),
     )
     if turn == "view":
         return *scans, T_target_sensor
@@ -96,7 +96,7 @@ def unrelated_pair(
         seed: of the scenes, the poses and the noise.
         noise: what disturbs.
         max_tilt: largest roll and pitch between the frames, as if the poses' headings and heights were one world's.
-        scene: the target's, a key of SCENES; any if left out.
+        scene: the target's, a key of SCENE_KINDS; any if left out.
 
     Returns:
         target Scan, source Scan.
@@ -107,18 +107,18 @@ def unrelated_pair(
     *view_seeds, draw_seed = np.random.SeedSequence([seed, 18]).spawn(3)
     rng = np.random.default_rng(draw_seed)
     name = str(rng.choice(list(SCENE_KINDS))) if scene is None else scene
-    lookouts = _lookout(name, seed), _lookout(str(rng.choice(strangers(name))), seed + 1)
+    observers = _observer(name, seed), _observer(str(rng.choice(unrelated_scenes(name))), seed + 1)
     frame = draw_turn("yaw", max_tilt, rng)
-    target, source = (first_view(lookout, POSE_TILT, rng) for lookout in lookouts)
+    target, source = (first_view(observer, POSE_TILT, rng) for observer in observers)
     R_target_sensor = target.T_world_sensor.rotation.inv() * source.T_world_sensor.rotation
     R_sensor_frame = R_target_sensor.inv() * frame.R_target_frame(R_target_sensor)
     return (
-        _scan(lookouts[0], target, noise, view_seeds[0], 0.0, "target"),
-        _reframed(_scan(lookouts[1], source, noise, view_seeds[1], 1.0, "source"), R_sensor_frame),
+        _scan(observers[0], target, noise, view_seeds[0], 0.0, "target"),
+        _reframed(_scan(observers[1], source, noise, view_seeds[1], 1.0, "source"), R_sensor_frame),
     )
 
 
-def strangers(scene: str) -> tuple[str, ...]:
+def unrelated_scenes(scene: str) -> tuple[str, ...]:
     """The scenes of about the size of `scene` that, built from another seed, have nothing in common with it.
 
     Raises:
@@ -132,57 +132,57 @@ def strangers(scene: str) -> tuple[str, ...]:
     )
 
 
-def _lookout(scene: str, seed: int, sensor: Sensor | None = None) -> Lookout:
+def _observer(scene: str, seed: int, sensor: Sensor | None = None) -> Observer:
     world = build_scene(scene, seed)
-    return Lookout(world, bare(SENSORS[world.kind.sensor]) if sensor is None else sensor)
+    return Observer(world, bare(SENSORS[world.kind.sensor]) if sensor is None else sensor)
 
 
 def _views(
-    lookout: Lookout, overlaps: tuple[float, float], frame: FrameTurn, max_tilt: float, rng: np.random.Generator
+    observer: Observer, overlaps: tuple[float, float], frame: FrameTurn, max_tilt: float, rng: np.random.Generator
 ) -> tuple[View, View]:
     """Of the target, from the first place that has one, and of the source."""
     tilt = max_tilt if frame.turn == "view" else POSE_TILT
     for _ in range(PLACES):
-        target = first_view(lookout, tilt, rng)
+        target = first_view(observer, tilt, rng)
         poses: Callable[[], RigidTransform]
         if frame.turn == "view":
-            poses = partial(_nearby, lookout, target, max_tilt, rng)
+            poses = partial(_nearby, observer, target, max_tilt, rng)
         else:
-            poses = partial(_aside, lookout, target, overlaps, frame, rng)
-        source = lookout.partner(target, overlaps, poses)
+            poses = partial(_aside, observer, target, overlaps, frame, rng)
+        source = observer.find_partner(target, overlaps, poses)
         if source is not None:
             return target, source
     raise InputError(
-        f"no pose in {lookout.world.name} has an overlap within {overlaps[0]:g} to {overlaps[1]:g} with one of "
+        f"no pose in {observer.world.name} has an overlap within {overlaps[0]:g} to {overlaps[1]:g} with one of "
         f"{PLACES} targets, {TRIES} tried for each; widen the range or take another seed"
     )
 
 
-def _nearby(lookout: Lookout, target: View, max_tilt: float, rng: np.random.Generator) -> RigidTransform:
+def _nearby(observer: Observer, target: View, max_tilt: float, rng: np.random.Generator) -> RigidTransform:
     """T_world_sensor not far from the target's, turned by up to 60 degrees."""
     heading = target.T_world_sensor.rotation.as_euler("ZYX")[0]
-    place = target.T_world_sensor.translation + lookout.sensor.max_range * rng.uniform(-1, 1, 3) * REACH
+    place = target.T_world_sensor.translation + observer.sensor.max_range * rng.uniform(-1, 1, 3) * REACH
     yaw = heading + rng.uniform(-np.pi / 3, np.pi / 3)
     return RigidTransform.from_components(place, attitude(yaw, max_tilt, rng))
 
 
 def _aside(
-    lookout: Lookout, target: View, overlaps: tuple[float, float], frame: FrameTurn, rng: np.random.Generator
+    observer: Observer, target: View, overlaps: tuple[float, float], frame: FrameTurn, rng: np.random.Generator
 ) -> RigidTransform:
     """T_world_sensor moved and turned aside, the farther the less is to be shared; within the scene."""
     far = 1 - rng.uniform(*overlaps)
-    here, edge = target.T_world_sensor.translation, np.array(lookout.world.kind.size) / 2
+    here, edge = target.T_world_sensor.translation, np.array(observer.world.kind.size) / 2
     while True:
-        place = here + far * lookout.sensor.max_range * rng.uniform(-1, 1, 3) * FAR
+        place = here + far * observer.sensor.max_range * rng.uniform(-1, 1, 3) * FAR
         if (np.abs(place[:2]) < edge).all():
             break
-    turned = far * FAR_TURN * lookout.sensor.horizontal * rng.uniform(-1, 1)
+    turned = far * FAR_TURN * observer.sensor.horizontal * rng.uniform(-1, 1)
     R_target_sensor = frame.R_target_sensor(turned, rng.random())
     return RigidTransform.from_components(place, target.T_world_sensor.rotation * R_target_sensor)
 
 
-def _scan(lookout: Lookout, view: View, noise: Noise, seed: np.random.SeedSequence, stamp: float, name: str) -> Scan:
-    world, sensor = lookout.world, lookout.sensor
+def _scan(observer: Observer, view: View, noise: Noise, seed: np.random.SeedSequence, stamp: float, name: str) -> Scan:
+    world, sensor = observer.world, observer.sensor
     ghosts = reflect(world, sensor, view.T_world_sensor) if noise.ghosts > 0 else None
     return measure(view.echoes, sensor, noise, np.random.default_rng(seed), ghosts=ghosts, stamp=stamp, name=name)
 

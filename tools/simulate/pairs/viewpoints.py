@@ -1,4 +1,4 @@
-"""Two places to look at one scene from, with a wanted overlap: searched with few beams, decided with all."""
+"""Two viewpoints in one scene with a wanted overlap: searched with few beams, decided with all."""
 
 from collections.abc import Callable
 from dataclasses import dataclass
@@ -9,9 +9,9 @@ from scipy.spatial import KDTree
 from scipy.spatial.transform import RigidTransform, Rotation
 
 from kernels.errors import InputError
-from tools.simulate.catalog import SceneKind
-from tools.simulate.pairs.overlap import OVERLAP_RADIUS, mutual_overlap
+from tools.simulate.scenes.catalog import SceneKind
 from tools.simulate.scenes.scene import Scene
+from tools.simulate.sensing.overlap import OVERLAP_RADIUS, mutual_overlap
 from tools.simulate.sensing.sensors import Echoes, Sensor, cast
 
 TRIES = 400
@@ -23,9 +23,9 @@ CLEARANCE = 1 / 20  # nothing nearer before the sensor
 HEIGHT = (0.1, 0.25)  # above what stands below the target's place
 SEEN_LEAST = 0.25  # of the beams
 
-THIN = 8  # a glance takes every so manieth beam of a row and a column, but
-GLANCE_BEAMS = 768  # fewer are left out where fewer beams than this would remain
-DOUBT = 0.1  # a share by a glance is at most this far from the one by all beams
+THIN = 8  # the coarse search takes at most every THIN-th beam of a row and of a column,
+COARSE_BEAMS = 768  # and at least this many beams in all
+DOUBT = 0.1  # an overlap by the coarse points is at most this far from the one by all beams
 
 
 @dataclass(frozen=True, slots=True)
@@ -44,7 +44,7 @@ class View:
 
 
 @dataclass(frozen=True)
-class Lookout:
+class Observer:
     """A scene, and the sensor that looks at it."""
 
     world: Scene
@@ -57,11 +57,11 @@ class Lookout:
     @cached_property
     def _stride(self) -> int:
         beams = self.sensor.rows * self.sensor.columns
-        return int(np.clip(np.sqrt(beams / GLANCE_BEAMS), 1, THIN))
+        return int(np.clip(np.sqrt(beams / COARSE_BEAMS), 1, THIN))
 
     def view(self, pose: RigidTransform) -> View | None:
-        """What all beams show from T_world_sensor; None where the sensor would be in a solid or hemmed in."""
-        if not self.is_free(pose) or self._glance(pose) is None:
+        """What all beams show from T_world_sensor; None where the sensor would be in a solid or too close to one."""
+        if not self.is_free(pose) or self._coarse_points(pose) is None:
             return None
         echoes = cast(self.world, self.sensor, pose)
         if not self._is_clear(echoes.ranges, SEEN_LEAST):
@@ -76,10 +76,12 @@ class Lookout:
             return False
         return not self.world.is_solid(place[None, :])[0]
 
-    def partner(self, target: View, overlaps: tuple[float, float], poses: Callable[[], RigidTransform]) -> View | None:
+    def find_partner(
+        self, target: View, overlaps: tuple[float, float], poses: Callable[[], RigidTransform]
+    ) -> View | None:
         """The first of TRIES drawn `poses` whose view has an overlap within `overlaps` with the target's, or None.
 
-        A pose is refused by a glance where that leaves no doubt; all beams decide on the others.
+        A pose is rejected by few beams where these leave no doubt; all beams decide on the others.
         """
         radius = OVERLAP_RADIUS * self.world.kind.scale
         known, sample = KDTree(target.points), target.points[:: max(self._stride**2 - 1, 1)]
@@ -88,10 +90,10 @@ class Lookout:
             if not self.is_free(pose):
                 continue
             T_target_source = target.T_world_sensor.inv() * pose
-            glance = self._glance(pose)
-            if glance is None:
+            coarse = self._coarse_points(pose)
+            if coarse is None:
                 continue
-            there = _share(known, T_target_source.apply(glance), radius)
+            there = _share(known, T_target_source.apply(coarse), radius)
             if there < overlaps[0] - DOUBT or (seen := self.view(pose)) is None:
                 continue
             back = _share(KDTree(seen.points), T_target_source.inv().apply(sample), radius)
@@ -102,8 +104,8 @@ class Lookout:
                 return seen
         return None
 
-    def _glance(self, pose: RigidTransform) -> np.ndarray | None:
-        """Points (K, 3) [m, sensor frame] of a few of the beams, or None where these tell that all would not do."""
+    def _coarse_points(self, pose: RigidTransform) -> np.ndarray | None:
+        """Points (K, 3) [m, sensor frame] of a few beams; None where these already show that the view will not do."""
         few = self._directions[:: self._stride, :: self._stride].reshape(-1, 3)
         origins = np.broadcast_to(pose.translation, few.shape)
         ranges, _ = self.world.intersect(origins, pose.rotation.apply(few))
@@ -119,13 +121,13 @@ class Lookout:
         return bool(enough and ranges.min() >= CLEARANCE * self.sensor.max_range)
 
 
-def first_view(lookout: Lookout, max_tilt: float, rng: np.random.Generator) -> View:
+def first_view(observer: Observer, max_tilt: float, rng: np.random.Generator) -> View:
     """From a pose in the inner part of the scene, above what stands there, with nothing near before it.
 
     Raises:
         InputError: there is none within TRIES.
     """
-    world, sensor = lookout.world, lookout.sensor
+    world, sensor = observer.world, observer.sensor
     kind = world.kind
     for _ in range(TRIES):
         above = np.array([*rng.uniform(kind.lowest[:2], kind.highest[:2]), min(ABOVE * kind.scale, kind.highest[2])])
@@ -133,7 +135,7 @@ def first_view(lookout: Lookout, max_tilt: float, rng: np.random.Generator) -> V
         place = above - (0, 0, drop[0] - rng.uniform(*HEIGHT) * sensor.max_range)
         place[2] = np.clip(place[2], kind.lowest[2], kind.highest[2])
         pose = RigidTransform.from_components(place, attitude(_heading(place, kind, rng), max_tilt, rng))
-        view = lookout.view(pose)
+        view = observer.view(pose)
         if view is not None:
             return view
     raise InputError(f"{world.name} has no clear place for the sensor {sensor.name}; take another scene or seed")
@@ -146,7 +148,7 @@ def attitude(yaw: float, max_tilt: float, rng: np.random.Generator) -> Rotation:
 
 
 def _heading(place: np.ndarray, kind: SceneKind, rng: np.random.Generator) -> float:
-    """Anywhere, or about where the scene's middle lies [rad]."""
+    """A random heading, for an inward scene around the direction of its middle [rad]."""
     heading = rng.uniform(-np.pi, np.pi)
     return np.arctan2(-place[1], -place[0]) + heading * ASIDE / np.pi if kind.inward else heading
 

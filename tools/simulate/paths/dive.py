@@ -7,6 +7,7 @@ round, wanders sideways off it, and meets other waves and other noise. The first
 import numpy as np
 
 from kernels.errors import InputError
+from tools.simulate.sensing.dive_seed import entropy_of
 
 SHIFT = (3 - np.sqrt(5.0)) / 2  # of one dive's start against the last one's, as a share of the way that a dive covers
 DIVING = ("survey", "loop", "lawnmower")  # trajectories that have other dives: those along a closed path
@@ -28,14 +29,9 @@ def check_dive(dive: int, trajectory: str) -> None:
         raise InputError(f"the dive is {dive}; wanted a number >= 1")
     if dive > 1 and trajectory not in DIVING:
         raise InputError(
-            f"the trajectory {trajectory} has one dive alone and {dive} was wanted; drop it, or take one of "
-            f"{', '.join(DIVING)}"
+            f"the trajectory {trajectory} has only one dive, and dive {dive} was asked for; leave it out, or choose "
+            f"one of {', '.join(DIVING)}"
         )
-
-
-def entropy_of(*words: int, dive: int) -> list[int]:
-    """What a random generator of a dive is seeded with; the first dive's is `words` alone."""
-    return [*words] if dive == 1 else [*words, dive]
 
 
 def start_of(covered: float, dive: int) -> float:

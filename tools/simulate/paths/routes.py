@@ -6,9 +6,9 @@ from types import MappingProxyType
 import numpy as np
 
 from kernels.errors import InputError
+from tools.simulate.paths.passages import bridge_lawnmower, under_the_bridge
 from tools.simulate.paths.smooth_path import Path, lane_path, lanes, spline_path
 from tools.simulate.scenes.manifold import manifold_layout
-from tools.simulate.scenes.passages import bridge_lawn, under_the_bridge
 from tools.simulate.scenes.scene import build_scene
 from tools.simulate.scenes.ship import ship_layout
 from tools.simulate.scenes.wreck import wreck_layout
@@ -79,16 +79,16 @@ def survey_path(scene: str, seed: int) -> Path:
     """
     if scene in SURVEY_LOOPS:
         return spline_path(np.array(SURVEY_LOOPS[scene], float))
-    return _one_of(ROUNDS, scene, "survey path")(seed)
+    return _path_of(SURVEY_PATHS, scene, "survey path")(seed)
 
 
-def lawn_path(scene: str, seed: int) -> Path:
+def lawnmower_path(scene: str, seed: int) -> Path:
     """The closed path of lanes and tie lines over `scene`.
 
     Raises:
         InputError: a scene without lanes.
     """
-    return _one_of(LAWNS, scene, "lawnmower's path")(seed)
+    return _path_of(LAWNMOWER_PATHS, scene, "lawnmower's path")(seed)
 
 
 def gate_path() -> Path:
@@ -96,9 +96,9 @@ def gate_path() -> Path:
     return spline_path(np.array(GATE_ROUTE, float), closed=False)
 
 
-def _one_of(table: MappingProxyType[str, Callable[[int], Path]], scene: str, what: str) -> Callable[[int], Path]:
+def _path_of(table: MappingProxyType[str, Callable[[int], Path]], scene: str, what: str) -> Callable[[int], Path]:
     if scene not in table:
-        known = [*SURVEY_LOOPS, *ROUNDS] if table is ROUNDS else table
+        known = [*SURVEY_LOOPS, *SURVEY_PATHS] if table is SURVEY_PATHS else table
         raise InputError(f"no {what} is laid through {scene!r}; there are {', '.join(known)}")
     return table[scene]
 
@@ -130,7 +130,7 @@ def _around_the_manifold(seed: int) -> Path:
 def _around_the_wreck(seed: int) -> Path:
     """Round all of its parts, above everything, nose down."""
     layout = wreck_layout(seed)
-    middle = np.mean([lying.middle for lying in layout.parts], axis=0)
+    middle = np.mean([part.middle for part in layout.parts], axis=0)
     height = _over_the_wreck(seed)
     corners = _round((0.62 * layout.hulk.length + 20, 44.0), (height, height + 1.0))
     placed = _moved(corners, layout.heading, (float(middle[0]), float(middle[1])))
@@ -149,54 +149,54 @@ def _moved(corners: np.ndarray, heading: float, middle: tuple[float, float]) -> 
     return np.column_stack([placed, corners[:, 2], corners[:, 3] + np.rad2deg(heading)])
 
 
-def _lawn(corners: np.ndarray, height: float, bend: float, pitch: float = 0.0) -> Path:
+def _lane_path(corners: np.ndarray, height: float, bend: float, pitch: float = 0.0) -> Path:
     return lane_path(np.column_stack([corners, np.full(len(corners), height)]), bend, pitch)
 
 
-def _gate_lawn(seed: int) -> Path:
+def _gate_lawnmower(seed: int) -> Path:
     """The water before the barrier, through the raised gate, the water behind it, and back through the gate."""
     before = lanes((-92, -34), (-14, 12), 5, 3, east=False)
     behind = lanes((46, -38), (94, 14), 4, 2, east=False)
     way_in, way_out = np.array([(-14, 2.5), (38, 2.5)]), np.array([(38, 1.5), (-14, 1.5), (-60, -10)])
-    return _lawn(np.concatenate([before, way_in, behind, way_out]), -2.0, 11.0)
+    return _lane_path(np.concatenate([before, way_in, behind, way_out]), -2.0, 11.0)
 
 
-def _harbor_lawn(seed: int) -> Path:
+def _harbor_lawnmower(seed: int) -> Path:
     """The southern water and the eastern one before the ship and the jetty's head."""
     south = lanes((-62, -80), (44, -50), 3, 3, east=True)
     east = lanes((26, -26), (78, 26), 4, 3, east=False)
     way_back = np.array([(48, -36), (26, -58)])
-    return _lawn(np.concatenate([south, east, way_back]), -2.0, 8.0)
+    return _lane_path(np.concatenate([south, east, way_back]), -2.0, 8.0)
 
 
-def _clutter_lawn(seed: int) -> Path:
+def _clutter_lawnmower(seed: int) -> Path:
     """Over everything that stands there."""
     top = float(build_scene("clutter", seed).mesh.vertices[:, 2].max())
-    return _lawn(lanes((-66, -56), (66, 56), 5, 4, east=True), top + 8.0, 13.0)
+    return _lane_path(lanes((-66, -56), (66, 56), 5, 4, east=True), top + 8.0, 13.0)
 
 
-def _ship_lawn(seed: int) -> Path:
+def _ship_lawnmower(seed: int) -> Path:
     """Between the keel and the bed."""
-    return _lawn(lanes((-62, -46), (62, 46), 5, 4, east=True), -15.5, 11.0)
+    return _lane_path(lanes((-62, -46), (62, 46), 5, 4, east=True), -15.5, 11.0)
 
 
-def _pool_lawn(seed: int) -> Path:
-    return _lawn(lanes((-10, -4.2), (9, 4.2), 5, 4, east=True), -0.7, 1.0)
+def _pool_lawnmower(seed: int) -> Path:
+    return _lane_path(lanes((-10, -4.2), (9, 4.2), 5, 4, east=True), -0.7, 1.0)
 
 
-def _manifold_lawn(seed: int) -> Path:
+def _manifold_lawnmower(seed: int) -> Path:
     """Over the frame and its guide post, nose down, so that the bed is in reach."""
     layout = manifold_layout(seed)
     corners = lanes((-10, -9), (10, 9), 5, 4, east=True)
-    return _lawn(corners, layout.middle[2] + layout.height + 2.6, 2.0, np.deg2rad(40))
+    return _lane_path(corners, layout.middle[2] + layout.height + 2.6, 2.0, np.deg2rad(40))
 
 
-def _wreck_lawn(seed: int) -> Path:
+def _wreck_lawnmower(seed: int) -> Path:
     """Over the wreck and the rocks about it, nose down."""
-    return _lawn(lanes((-72, -60), (72, 60), 5, 4, east=True), _over_the_wreck(seed), 12.0, np.deg2rad(30))
+    return _lane_path(lanes((-72, -60), (72, 60), 5, 4, east=True), _over_the_wreck(seed), 12.0, np.deg2rad(30))
 
 
-ROUNDS: MappingProxyType[str, Callable[[int], Path]] = MappingProxyType(
+SURVEY_PATHS: MappingProxyType[str, Callable[[int], Path]] = MappingProxyType(
     {
         "ship": _around_the_ship,
         "manifold": _around_the_manifold,
@@ -204,15 +204,15 @@ ROUNDS: MappingProxyType[str, Callable[[int], Path]] = MappingProxyType(
         "wreck": _around_the_wreck,
     }
 )
-LAWNS: MappingProxyType[str, Callable[[int], Path]] = MappingProxyType(
+LAWNMOWER_PATHS: MappingProxyType[str, Callable[[int], Path]] = MappingProxyType(
     {
-        "floodgate": _gate_lawn,
-        "harbor": _harbor_lawn,
-        "clutter": _clutter_lawn,
-        "ship": _ship_lawn,
-        "pool": _pool_lawn,
-        "manifold": _manifold_lawn,
-        "bridge": bridge_lawn,
-        "wreck": _wreck_lawn,
+        "floodgate": _gate_lawnmower,
+        "harbor": _harbor_lawnmower,
+        "clutter": _clutter_lawnmower,
+        "ship": _ship_lawnmower,
+        "pool": _pool_lawnmower,
+        "manifold": _manifold_lawnmower,
+        "bridge": bridge_lawnmower,
+        "wreck": _wreck_lawnmower,
     }
 )

@@ -15,13 +15,13 @@ TURNING = 5.0  # bends that a lane's heading is averaged over
 
 @dataclass(frozen=True, slots=True)
 class Path:
-    """Where the sensor is after some way.
+    """Where the sensor is after a distance along the path.
 
     Attributes:
         length: of the path, once round if it is closed [m].
         closed: whether it ends where it begins.
-        at: takes ways (N,) [m]; positions (N, 3) [m, scene] and headings (N,) [rad, from x toward y]. A closed path
-            goes round again and again.
+        at: takes distances (N,) [m]; positions (N, 3) [m, scene] and headings (N,) [rad, from x toward y]. A
+            closed path goes round again and again.
         pitch: of the sensor all along, positive nose down [rad].
     """
 
@@ -43,8 +43,8 @@ def spline_path(corners: np.ndarray, closed: bool = True, pitch: float = 0.0) ->
     step = np.linalg.norm(np.diff(curve(fine)[:, :3], axis=0), axis=1)
     length = np.concatenate([[0.0], np.cumsum(step)])
 
-    def at(way: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-        placed = curve(np.interp(way % length[-1] if closed else way, length, fine))
+    def at(distance: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+        placed = curve(np.interp(distance % length[-1] if closed else distance, length, fine))
         return placed[:, :3], np.arctan2(placed[:, 4], placed[:, 3])
 
     return Path(float(length[-1]), closed, at, pitch)
@@ -53,7 +53,7 @@ def spline_path(corners: np.ndarray, closed: bool = True, pitch: float = 0.0) ->
 def lane_path(corners: np.ndarray, bend: float, pitch: float = 0.0) -> Path:
     """A closed path along straight legs between `corners` (K, 3) [m], looking where it goes, its turns rounded.
 
-    The heading is the way's, averaged over TURNING bends: neighbors on a sharp turn still share a view.
+    The heading is the direction of travel, averaged over TURNING bends: neighbors on a sharp turn still share a view.
 
     Args:
         corners: [m, scene]; the last is joined to the first.
@@ -70,8 +70,8 @@ def lane_path(corners: np.ndarray, bend: float, pitch: float = 0.0) -> Path:
     heading = _smooth(np.unwrap(np.arctan2(along[:, 1], along[:, 0])), round(TURNING * bend / (fine[1] - fine[0])))
     middles = (fine[1:] + fine[:-1]) / 2
 
-    def at(way: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-        gone = way % length[-1]
+    def at(distance: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+        gone = distance % length[-1]
         return _between(gone, length, line), np.interp(gone, middles, heading)
 
     return Path(float(length[-1]), True, at, pitch)
@@ -116,5 +116,5 @@ def _to_and_fro(ends: tuple[float, float], sideways: np.ndarray) -> np.ndarray:
     )
 
 
-def _between(way: np.ndarray, length: np.ndarray, line: np.ndarray) -> np.ndarray:
-    return np.column_stack([np.interp(way, length, line[:, axis]) for axis in range(line.shape[1])])
+def _between(distance: np.ndarray, length: np.ndarray, line: np.ndarray) -> np.ndarray:
+    return np.column_stack([np.interp(distance, length, line[:, axis]) for axis in range(line.shape[1])])

@@ -7,11 +7,11 @@ from scipy.spatial.transform import RigidTransform
 
 from kernels.errors import InputError
 from slam.graph.trajectory import Trajectory
-from tools.simulate.pairs.overlap import shared_view
 from tools.simulate.paths.routes import gate_path
 from tools.simulate.paths.smooth_path import Path
 from tools.simulate.paths.trajectories import poses_along
 from tools.simulate.scenes.scene import Scene, build_scene
+from tools.simulate.sensing.overlap import shared_view
 from tools.simulate.sensing.sensors import Sensor, bare
 
 GATE = "floodgate"
@@ -33,15 +33,15 @@ def paper18(scene: str, count: int, seed: int, sensor: Sensor) -> Trajectory:
             too short.
     """
     if not 1 <= count <= PAPER_COUNT:
-        raise InputError(f"the paper's survey has {PAPER_COUNT} scans; {count} were wanted")
+        raise InputError(f"the paper's survey has {PAPER_COUNT} scans; {count} were asked for")
     if scene != GATE:
         raise InputError(
             f"the paper's survey is laid through {GATE}, not through {scene}; take a survey or a lawnmower"
         )
     path = gate_path()
     coarse = replace(bare(sensor), columns=min(sensor.columns, COLUMNS), rows=min(sensor.rows, ROWS))
-    way = stations(build_scene(scene, seed), path, coarse, wanted_shares(count - 1), seed)
-    return Trajectory(np.arange(count, dtype=np.float64), poses_along(path, way, scene, seed))
+    distance = stations(build_scene(scene, seed), path, coarse, wanted_shares(count - 1), seed)
+    return Trajectory(np.arange(count, dtype=np.float64), poses_along(path, distance, scene, seed))
 
 
 def wanted_shares(count: int) -> np.ndarray:
@@ -50,7 +50,7 @@ def wanted_shares(count: int) -> np.ndarray:
 
 
 def stations(scene: Scene, path: Path, sensor: Sensor, shares: np.ndarray, seed: int) -> np.ndarray:
-    """Ways (N + 1,) [m] along `path`: each the last before the overlap with the one before falls below its share.
+    """Distances (N + 1,) [m] along `path`: each the last before the overlap with the one before falls below its share.
 
     Args:
         scene, sensor: what is seen, and with what.
@@ -61,18 +61,20 @@ def stations(scene: Scene, path: Path, sensor: Sensor, shares: np.ndarray, seed:
         InputError: a path too short for all of them.
     """
     step = STEP * scene.kind.scale
-    way = [0.0]
+    distance = [0.0]
     for share in shares:
-        before = poses_along(path, np.array(way), scene.name, seed)[-1]
-        gone = way[-1] + step
-        while _shared(scene, path, sensor, before, [*way, gone + step], seed) >= share:
+        before = poses_along(path, np.array(distance), scene.name, seed)[-1]
+        gone = distance[-1] + step
+        while _shared(scene, path, sensor, before, [*distance, gone + step], seed) >= share:
             gone += step
             if gone > path.length:
-                raise InputError(f"the path through {scene.name} ends after {len(way)} of {len(shares) + 1} scans")
-        way.append(gone)
-    return np.array(way)
+                raise InputError(f"the path through {scene.name} ends after {len(distance)} of {len(shares) + 1} scans")
+        distance.append(gone)
+    return np.array(distance)
 
 
-def _shared(scene: Scene, path: Path, sensor: Sensor, before: RigidTransform, way: list[float], seed: int) -> float:
-    """Overlap of the pose before with the last of the poses along `way`."""
-    return shared_view(scene, sensor, before, poses_along(path, np.array(way), scene.name, seed)[-1])
+def _shared(
+    scene: Scene, path: Path, sensor: Sensor, before: RigidTransform, distance: list[float], seed: int
+) -> float:
+    """Overlap of the pose before with the last of the poses along `distance`."""
+    return shared_view(scene, sensor, before, poses_along(path, np.array(distance), scene.name, seed)[-1])

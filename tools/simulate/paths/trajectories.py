@@ -5,10 +5,11 @@ from scipy.spatial.transform import RigidTransform, Rotation
 
 from kernels.errors import InputError
 from slam.graph.trajectory import Trajectory
-from tools.simulate.paths.dive import drift, entropy_of, start_of
-from tools.simulate.paths.routes import lawn_path, survey_path
+from tools.simulate.paths.dive import drift, start_of
+from tools.simulate.paths.routes import lawnmower_path, survey_path
 from tools.simulate.paths.smooth_path import Path
 from tools.simulate.scenes.scene import scene_kind
+from tools.simulate.sensing.dive_seed import entropy_of
 
 TABLE1_COUNT = 10
 TABLE1_MOST = 13  # rows, those of the table's continuation with them: S0 to S12
@@ -48,7 +49,7 @@ def lawnmower(scene: str, count: int, seed: int, spacing: float = SPACING, dive:
     Raises:
         InputError: a scene without lanes, no scan, or a spacing that is not positive.
     """
-    return _evenly(lawn_path(scene, seed), "lawnmower", scene, count, seed, spacing, dive)
+    return _evenly(lawnmower_path(scene, seed), "lawnmower", scene, count, seed, spacing, dive)
 
 
 def loop(scene: str, count: int, seed: int, dive: int = 1) -> Trajectory:
@@ -63,16 +64,16 @@ def loop(scene: str, count: int, seed: int, dive: int = 1) -> Trajectory:
     return _evenly(path, "loop", scene, count, seed, path.length / count, dive)
 
 
-def poses_along(path: Path, way: np.ndarray, scene: str, seed: int, dive: int = 1) -> RigidTransform:
-    """T_world_sensor after each of the ways (N,) [m] along `path`, the vessel moved by waves; N poses.
+def poses_along(path: Path, distance: np.ndarray, scene: str, seed: int, dive: int = 1) -> RigidTransform:
+    """T_world_sensor after each of the distances (N,) [m] along `path`, the vessel moved by waves; N poses.
 
     The k-th pose's waves and drift depend on k, the seed and the dive alone, but for the scene's size.
     """
-    places, heading = path.at(way)
+    places, heading = path.at(distance)
     rng = np.random.default_rng(np.random.SeedSequence(entropy_of(seed, 4, dive=dive)))
-    heave, yaw, pitch, roll = _waves(len(way), rng)
+    heave, yaw, pitch, roll = _waves(len(distance), rng)
     scale = scene_kind(scene).scale
-    aside = scale * drift(len(way), seed, dive)
+    aside = scale * drift(len(distance), seed, dive)
     moved = np.column_stack([-aside * np.sin(heading), aside * np.cos(heading), scale * heave])
     angles = np.column_stack([heading + np.deg2rad(yaw), np.deg2rad(pitch) + path.pitch, np.deg2rad(roll)])
     return RigidTransform.from_components(places + moved, Rotation.from_euler("ZYX", angles))
@@ -109,8 +110,8 @@ def _evenly(path: Path, what: str, scene: str, count: int, seed: int, spacing: f
     if count < 1 or not 0 < spacing < np.inf:
         raise InputError(f"a {what} of {count} scans every {spacing:g} m; wanted at least 1 and a spacing > 0")
     start = start_of(min(count * spacing, path.length), dive)
-    way = start + spacing * np.arange(count)
-    return Trajectory(np.arange(count, dtype=np.float64), poses_along(path, way, scene, seed, dive))
+    distance = start + spacing * np.arange(count)
+    return Trajectory(np.arange(count, dtype=np.float64), poses_along(path, distance, scene, seed, dive))
 
 
 def _waves(count: int, rng: np.random.Generator) -> np.ndarray:

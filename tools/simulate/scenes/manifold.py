@@ -5,8 +5,8 @@ from dataclasses import dataclass
 import numpy as np
 from scipy.spatial.transform import Rotation
 
-from tools.simulate.catalog import SCENE_KINDS
 from tools.simulate.scenes.bed import SCENE_EDGE, boulders, height_at, raster, relief
+from tools.simulate.scenes.catalog import SCENE_KINDS
 from tools.simulate.shapes.solids import Mesh, box, cylinder, ellipsoid, height_field, merge, tube
 
 BED_DEPTH = -40.0

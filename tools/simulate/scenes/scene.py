@@ -1,37 +1,13 @@
-"""A scene: one mesh to cast rays at, and the table of scenes that can be built from a seed."""
+"""A built scene: one mesh, and the rays that are cast at it."""
 
-from collections.abc import Callable
 from dataclasses import dataclass
 from functools import cached_property, lru_cache
-from types import MappingProxyType
 from typing import Any
 
 import numpy as np
 
-from kernels.errors import InputError
-from tools.simulate.catalog import SCENE_KINDS, SceneKind
-from tools.simulate.scenes.bridge import bridge
-from tools.simulate.scenes.clutter import clutter
-from tools.simulate.scenes.floodgate import floodgate
-from tools.simulate.scenes.harbor import harbor
-from tools.simulate.scenes.manifold import manifold
-from tools.simulate.scenes.pool import pool
-from tools.simulate.scenes.ship import ship
-from tools.simulate.scenes.wreck import wreck
+from tools.simulate.scenes.catalog import SceneKind, scene_kind
 from tools.simulate.shapes.solids import Mesh
-
-SCENES: MappingProxyType[str, Callable[[int], Mesh]] = MappingProxyType(
-    {
-        "floodgate": floodgate,
-        "harbor": harbor,
-        "clutter": clutter,
-        "ship": ship,
-        "pool": pool,
-        "manifold": manifold,
-        "bridge": bridge,
-        "wreck": wreck,
-    }
-)
 
 # Of the rays that tell inside from outside: upward, but along no edge that a builder would draw
 UPWARD = np.array([0.0312, 0.0471, 1.0]) / np.linalg.norm([0.0312, 0.0471, 1.0])
@@ -42,7 +18,7 @@ class Scene:
     """A world to look at: centered in x and y, z up, the water's surface at z = 0.
 
     Attributes:
-        name: which scene, a key of SCENES or a name of the caller's.
+        name: a key of SCENE_KINDS, or a name of the caller's own.
         mesh: its surface, East-North-Up [m].
     """
 
@@ -59,11 +35,11 @@ class Scene:
         Returns:
             (N,) float64 ranges [m], inf where a ray meets nothing, and (N,) sines of grazing angles, 0..1.
         """
-        ranges, normals = self.strike(origins, directions)
+        ranges, normals = self.intersect_with_normals(origins, directions)
         return ranges, np.minimum(np.abs(np.einsum("ij,ij->i", normals, directions)), 1.0)
 
-    def strike(self, origins: np.ndarray, directions: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-        """The nearest surface along rays, and how it stands.
+    def intersect_with_normals(self, origins: np.ndarray, directions: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+        """The nearest surface along rays, with its normal.
 
         Open3D's ray caster says which triangle a ray meets; the point on its plane is then computed in
         float64, so that the range is exact and does not depend on the machine's vector unit.
@@ -94,7 +70,7 @@ class Scene:
         """Its row of SCENE_KINDS.
 
         Raises:
-            InputError: a scene of the caller's own, of which nothing is known beforehand.
+            InputError: a scene of the caller's own, which has no row.
         """
         return scene_kind(self.name)
 
@@ -129,16 +105,11 @@ class Scene:
         return caster
 
 
-def scene_kind(name: str) -> SceneKind:
-    """What there is to know of the scene `name` without building it."""
-    if name not in SCENE_KINDS:
-        raise InputError(f"no scene is called {name!r}; there are {', '.join(SCENE_KINDS)}")
-    return SCENE_KINDS[name]
-
-
 @lru_cache(maxsize=4)
 def build_scene(name: str, seed: int) -> Scene:
-    """The scene `name` of SCENES built from `seed`: the same seed, the same surface."""
-    if name not in SCENES:
-        raise InputError(f"no scene is called {name!r}; there are {', '.join(SCENES)}")
-    return Scene(name, SCENES[name](seed))
+    """The scene `name` of SCENE_KINDS built from `seed`: the same seed, the same surface.
+
+    Raises:
+        InputError: there is no such scene.
+    """
+    return Scene(name, scene_kind(name).build(seed))

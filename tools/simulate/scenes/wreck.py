@@ -34,7 +34,7 @@ class Ledge:
 
 
 @dataclass(frozen=True, slots=True)
-class Lying:
+class HullPart:
     """How one part of the hull lies.
 
     Attributes:
@@ -67,7 +67,7 @@ class WreckLayout:
     slope: tuple[float, float]
     hulk: Hulk
     heading: float
-    parts: tuple[Lying, ...]
+    parts: tuple[HullPart, ...]
     ledges: tuple[Ledge, ...]
 
 
@@ -93,7 +93,7 @@ def wreck(seed: int) -> Mesh:
     rng = np.random.default_rng(np.random.SeedSequence([seed, 30]))
     height = _ground(layout, rng)
     loose = boulders(height, int(rng.integers(40, 130)), rng) + debris(height, int(rng.integers(10, 40)), rng)
-    parts = [mesh for lying in layout.parts for mesh in _laid(layout, lying, height, rng)]
+    parts = [mesh for part in layout.parts for mesh in _laid(layout, part, height, rng)]
     return merge(
         [
             height_field(raster(), raster(), height),
@@ -106,7 +106,7 @@ def wreck(seed: int) -> Mesh:
     )
 
 
-def _parts(hulk: Hulk, heading: float, rng: np.random.Generator) -> tuple[Lying, ...]:
+def _parts(hulk: Hulk, heading: float, rng: np.random.Generator) -> tuple[HullPart, ...]:
     breaks = (rng.uniform(-0.12, 0.16),) if rng.random() < 0.5 else rng.uniform((-0.24, 0.1), (-0.08, 0.26))
     corners = [-0.5, *breaks, 0.5]
     origin = rng.uniform(-14.0, 14.0, 2)
@@ -121,7 +121,7 @@ def _parts(hulk: Hulk, heading: float, rng: np.random.Generator) -> tuple[Lying,
             heel += np.pi  # the bow lies keel up
         turn = Rotation.from_euler("ZYX", (heading + swung, rng.uniform(-0.1, 0.1), heel))
         middle = (origin[0] + c * along - s * aside, origin[1] + s * along + c * aside)
-        parts.append(Lying(ends, middle, turn, rng.uniform(1.0, 3.5)))
+        parts.append(HullPart(ends, middle, turn, rng.uniform(1.0, 3.5)))
     return tuple(parts)
 
 
@@ -146,11 +146,11 @@ def _ground(layout: WreckLayout, rng: np.random.Generator) -> np.ndarray:
         back = back + 2.5 * np.sin(along / rng.uniform(4.0, 9.0))
         face = 1 / (1 + np.exp(-back / 0.8)) * np.exp(-np.clip(back, 0, None) / ledge.back)
         height += ledge.height * face * np.exp(-((2 * along / ledge.length) ** 4))
-    for lying in layout.parts:
-        ahead = lying.R_scene_part.apply((1.0, 0.0, 0.0))[:2]
-        offset = np.stack([x - lying.middle[0], y - lying.middle[1]], axis=-1)
+    for part in layout.parts:
+        ahead = part.R_scene_part.apply((1.0, 0.0, 0.0))[:2]
+        offset = np.stack([x - part.middle[0], y - part.middle[1]], axis=-1)
         along, across = offset @ ahead, offset @ (-ahead[1], ahead[0])
-        half = layout.hulk.length * (lying.ends[1] - lying.ends[0]) / 2 + 3
+        half = layout.hulk.length * (part.ends[1] - part.ends[0]) / 2 + 3
         inside = np.exp(-((along / half) ** 4))
         height -= rng.uniform(0.6, 1.6) * inside * np.exp(-((across / layout.hulk.beam) ** 2))
         lee = across - rng.choice((-1, 1)) * 1.6 * layout.hulk.beam
@@ -158,18 +158,18 @@ def _ground(layout: WreckLayout, rng: np.random.Generator) -> np.ndarray:
     return height
 
 
-def _laid(layout: WreckLayout, lying: Lying, height: np.ndarray, rng: np.random.Generator) -> list[Mesh]:
+def _laid(layout: WreckLayout, part: HullPart, height: np.ndarray, rng: np.random.Generator) -> list[Mesh]:
     """One part of the hull with what is left in it, its lowest corner sunk into the bed below its middle."""
-    hulk, (aft, ahead) = layout.hulk, lying.ends
+    hulk, (aft, ahead) = layout.hulk, part.ends
     parts = [skin(hulk, aft, ahead, rng), *bulkheads(hulk, aft, ahead, rng), *remains(hulk, aft, ahead, rng)]
     if aft == -0.5:
         parts += gear(hulk, rng)
     built = merge(parts)
     own = built.vertices - np.array((hulk.length * (aft + ahead) / 2, 0.0, 0.0))
-    turned = lying.R_scene_part.apply(own)
+    turned = part.R_scene_part.apply(own)
     lowest = turned[: (parts[0].vertices).shape[0], 2].min()
-    floor = height_at(height, *lying.middle)
-    return [Mesh(turned + np.array((*lying.middle, floor - lying.sunk - lowest)), built.triangles)]
+    floor = height_at(height, *part.middle)
+    return [Mesh(turned + np.array((*part.middle, floor - part.sunk - lowest)), built.triangles)]
 
 
 def _slabs(layout: WreckLayout, height: np.ndarray, rng: np.random.Generator) -> list[Mesh]:
@@ -196,8 +196,8 @@ def _spilled(layout: WreckLayout, height: np.ndarray, rng: np.random.Generator) 
     """Containers, plates and pipes about the breaks."""
     parts = []
     for number in range(int(rng.integers(10, 34))):
-        lying = layout.parts[int(rng.integers(len(layout.parts)))]
-        east, north = np.clip(rng.normal(lying.middle, 17.0), -SCENE_REACH, SCENE_REACH)
+        part = layout.parts[int(rng.integers(len(layout.parts)))]
+        east, north = np.clip(rng.normal(part.middle, 17.0), -SCENE_REACH, SCENE_REACH)
         floor = np.array((east, north, height_at(height, east, north)))
         turn = Rotation.from_euler("ZYX", rng.uniform((-np.pi, -0.4, -0.5), (np.pi, 0.4, 0.5)))
         if number % 3 == 0:
@@ -220,8 +220,8 @@ def _spilled(layout: WreckLayout, height: np.ndarray, rng: np.random.Generator) 
 def _rigging(layout: WreckLayout, height: np.ndarray, rng: np.random.Generator) -> list[Mesh]:
     """Fallen masts with their yards, and the anchor's chain, which leads away from the bow."""
     parts = []
-    for lying in layout.parts[:2]:
-        start = np.array(lying.middle) + rng.uniform(-16.0, 16.0, 2)
+    for part in layout.parts[:2]:
+        start = np.array(part.middle) + rng.uniform(-16.0, 16.0, 2)
         turn = Rotation.from_euler("ZYX", (rng.uniform(-np.pi, np.pi), rng.uniform(-0.25, -0.05), 0))
         foot = np.array((*start, height_at(height, *start) + 0.3))
         reach = rng.uniform(12.0, 22.0)

@@ -1,4 +1,4 @@
-"""Multipath: what a beam brings back over a mirror on its way, the water's surface or a surface of the scene."""
+"""Multipath: what a beam brings back by way of a mirror, the water's surface or a surface of the scene."""
 
 import numpy as np
 from scipy.spatial.transform import RigidTransform
@@ -14,25 +14,25 @@ def reflect(scene: Scene, sensor: Sensor, T_world_sensor: RigidTransform) -> Ech
     """The echoes of the second surface along every beam, reached over the first as over a mirror.
 
     A beam goes on from the first surface in the direction of the mirrored ray, meets a second one, and its echo
-    comes back by the same way. The sonar knows of no mirror: it tells the length of the whole way, in the beam's
+    comes back by the same path. The sonar knows of no mirror: it reports the length of the whole path, in the beam's
     own direction. Such a ghost lies where the second surface would be seen in the mirror, behind the first one.
 
     For a sensor under water the surface z = 0 is a mirror, too, and what lies above it gives no ghost; a sensor
     above it is taken for one in a world without. The strength is Lambert's law at the second surface, less 6 dB.
 
     Returns:
-        ranges are the lengths of the ways [m], inf where there is no second surface within the sensor's ranges.
+        ranges are the lengths of the whole paths [m], inf where there is no second surface within the sensor's ranges.
     """
     origin, directions = beams(sensor, T_world_sensor)
-    ways, normals = scene.strike(np.broadcast_to(origin, directions.shape), directions)
+    distances, normals = scene.intersect_with_normals(np.broadcast_to(origin, directions.shape), directions)
     under_water = bool(origin[2] < 0)
     if under_water:
-        ways, normals = _meet_water(origin, directions, ways, normals)
-    met = np.flatnonzero(np.isfinite(ways) & (ways > 0))
-    mirrors = origin + ways[met, None] * directions[met]
+        distances, normals = _meet_water(origin, directions, distances, normals)
+    met = np.flatnonzero(np.isfinite(distances) & (distances > 0))
+    mirrors = origin + distances[met, None] * directions[met]
     onward, sines = _go_on(scene, mirrors, directions[met], normals[met], under_water)
     ranges, sine_grazing = np.full(len(directions), np.inf), np.zeros(len(directions))
-    ranges[met] = ways[met] + onward
+    ranges[met] = distances[met] + onward
     sine_grazing[met] = sines
     echoes = echoes_of(sensor, ranges, sine_grazing)
     return Echoes(echoes.ranges, echoes.strengths * 10 ** (-MIRROR_LOSS_DB / 10))
@@ -41,14 +41,14 @@ def reflect(scene: Scene, sensor: Sensor, T_world_sensor: RigidTransform) -> Ech
 def _go_on(
     scene: Scene, mirrors: np.ndarray, directions: np.ndarray, normals: np.ndarray, under_water: bool
 ) -> tuple[np.ndarray, np.ndarray]:
-    """Ways (M,) [m] from the mirrors, (M, 3), to the second surface, inf where none, and sines of grazing there."""
+    """Distances (M,) [m] from the mirrors, (M, 3), to the second surface, inf without one, and its grazing sines."""
     closing = np.einsum("ij,ij->i", directions, normals)[:, None]
     mirrored = directions - 2 * closing * normals
     starts = mirrors - SKIN * np.sign(closing) * normals
-    shifted, second = scene.strike(starts, mirrored)
+    shifted, second = scene.intersect_with_normals(starts, mirrored)
     seen = np.isfinite(shifted)
     ends = starts + np.where(seen, shifted, 0.0)[:, None] * mirrored
-    # the way to the second surface's plane from the mirror itself, no longer from where the ray was made to start
+    # the distance to the second surface's plane from the mirror itself, no longer from where the ray was made to start
     slope = np.einsum("ij,ij->i", second, mirrored)
     height = np.einsum("ij,ij->i", second, ends - mirrors)
     onward = np.divide(height, slope, out=np.full(len(slope), np.inf), where=seen & (slope != 0))
@@ -58,11 +58,11 @@ def _go_on(
 
 
 def _meet_water(
-    origin: np.ndarray, directions: np.ndarray, ways: np.ndarray, normals: np.ndarray
+    origin: np.ndarray, directions: np.ndarray, distances: np.ndarray, normals: np.ndarray
 ) -> tuple[np.ndarray, np.ndarray]:
-    """Ways and normals with the water's surface in them, where a beam from below meets it first."""
+    """Distances and normals with the water's surface in them, where a beam from below meets it first."""
     rising = directions[:, 2] > 0
     to_water = np.full(len(directions), np.inf)
     to_water[rising] = -origin[2] / directions[rising, 2]
-    first = to_water < ways
-    return np.where(first, to_water, ways), np.where(first[:, None], (0.0, 0.0, 1.0), normals)
+    first = to_water < distances
+    return np.where(first, to_water, distances), np.where(first[:, None], (0.0, 0.0, 1.0), normals)

@@ -73,9 +73,9 @@ def disturb(
     mirrored = rng.random(shape)
     speckle = rng.standard_exponential(shape)
     if ghosts is not None:
-        haunted = (mirrored < noise.ghosts) & np.isfinite(ghosts.ranges)
+        is_ghost = (mirrored < noise.ghosts) & np.isfinite(ghosts.ranges)
         echoes = Echoes(
-            np.where(haunted, ghosts.ranges, echoes.ranges), np.where(haunted, ghosts.strengths, echoes.strengths)
+            np.where(is_ghost, ghosts.ranges, echoes.ranges), np.where(is_ghost, ghosts.strengths, echoes.strengths)
         )
     strengths = echoes.strengths * (1 - noise.speckle + noise.speckle * speckle)
     seen = np.isfinite(echoes.ranges) & (strengths >= sensor.threshold)
@@ -106,17 +106,17 @@ def measure(
     Raises:
         InputError: no beam brings an echo back, or noise with ghosts, and none given.
     """
-    heard = disturb(echoes, sensor, noise, rng, ghosts)
-    kept = np.isfinite(heard.ranges)
+    noisy = disturb(echoes, sensor, noise, rng, ghosts)
+    kept = np.isfinite(noisy.ranges)
     if not kept.any():
         raise InputError(
             f"{name}: the simulated sensor sees nothing from its pose; place it within "
             f"{sensor.max_range:g} m of a surface and turn it there, or lower its threshold of {sensor.threshold:g}"
         )
-    points = sensor.directions()[kept] * heard.ranges[kept][:, None]
+    points = sensor.directions()[kept] * noisy.ranges[kept][:, None]
     return Scan(
         points=points.astype(np.float32),
-        strength=heard.strengths[kept].astype(np.float32),
+        strength=noisy.strengths[kept].astype(np.float32),
         stamp=stamp,
         name=name,
     )

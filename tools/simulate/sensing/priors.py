@@ -9,7 +9,7 @@ from scipy.spatial.transform import RigidTransform, Rotation
 from kernels.errors import InputError
 from spectral.prior import twist
 from spectral.scan import PosePrior
-from tools.simulate.paths.dive import entropy_of
+from tools.simulate.sensing.dive_seed import entropy_of
 
 STREAM = 31  # of the seed: the errors are drawn apart from the scans, which stay what they are
 
@@ -39,16 +39,16 @@ class Instruments:
 KINDS = tuple(Instruments.__dataclass_fields__)
 
 
-def carrying(kinds: Sequence[str]) -> Instruments:
-    """Instruments for these KINDS alone, as good as the defaults.
+def instruments_for(kinds: Sequence[str]) -> Instruments:
+    """A vehicle that carries only these KINDS of instruments, with the default standard deviations.
 
     Raises:
         InputError: an unknown kind, or none at all.
     """
-    strange = [kind for kind in kinds if kind not in KINDS]
-    if strange or not kinds:
-        given = repr(strange[0]) if strange else "nothing"
-        raise InputError(f"no instrument measures {given}; wanted some of {','.join(KINDS)}, parted by commas")
+    unknown = [kind for kind in kinds if kind not in KINDS]
+    if unknown or not kinds:
+        what = repr(unknown[0]) if unknown else "nothing"
+        raise InputError(f"no instrument measures {what}; choose from {','.join(KINDS)}, separated by commas")
     return Instruments(**{kind: np.inf for kind in KINDS if kind not in kinds})
 
 
@@ -72,6 +72,6 @@ def measure_pose(T_world_sensor: RigidTransform, instruments: Instruments, rng: 
     errors = np.where(known, sigmas, 0.0) * drawn
     about_world = Rotation.from_euler("Z", twist(T_world_sensor.rotation)).apply(errors[:3])
     yaw, pitch, roll = (Rotation.from_rotvec(-about_world) * T_world_sensor.rotation).as_euler("ZYX")
-    told = np.where(known[[2, 1, 0]], [yaw, pitch, roll], 0.0)
+    measured = np.where(known[[2, 1, 0]], [yaw, pitch, roll], 0.0)
     shift = np.where(known[3:], T_world_sensor.translation - errors[3:], 0.0)
-    return PosePrior(RigidTransform.from_components(shift, Rotation.from_euler("ZYX", told)), sigmas)
+    return PosePrior(RigidTransform.from_components(shift, Rotation.from_euler("ZYX", measured)), sigmas)

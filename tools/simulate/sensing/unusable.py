@@ -11,7 +11,7 @@ import numpy as np
 
 from kernels.errors import InputError
 from spectral.scan import Scan
-from tools.simulate.paths.dive import entropy_of
+from tools.simulate.sensing.dive_seed import entropy_of
 from tools.simulate.sensing.sensors import Sensor
 
 Fault = Literal["empty", "noise"]
@@ -23,12 +23,12 @@ WEAK = 0.002  # strength about which stray echoes lie, where the sensor's thresh
 
 
 @dataclass(frozen=True, slots=True)
-class Spoiled:
-    """Which scans of a survey are unusable.
+class UnusableScans:
+    """The unusable scans of a survey.
 
     Attributes:
         faults: the kind of each, by its number.
-        seed, dive: of the survey; they decide what the spoiled scans hold.
+        seed, dive: of the survey; they decide what the unusable scans hold.
     """
 
     faults: Mapping[int, Fault]
@@ -47,11 +47,11 @@ class Spoiled:
         return Scan(points.astype(np.float32), strength.astype(np.float32), stamp=stamp, name=name)
 
 
-def spoil(share: float, count: int, seed: int, dive: int = 1) -> Spoiled:
+def choose_unusable(share: float, count: int, seed: int, dive: int = 1) -> UnusableScans:
     """Choose round(share * count) of `count` scans, never the first; a larger share keeps those of a smaller one.
 
     Raises:
-        InputError: a share that is none, or that leaves no scan but the first.
+        InputError: not a share, or one that leaves no two usable scans.
     """
     if not 0 <= share < 1:
         raise InputError(f"unusable is {share}; wanted a share of the scans, 0 <= share < 1")
@@ -61,7 +61,7 @@ def spoil(share: float, count: int, seed: int, dive: int = 1) -> Spoiled:
     rng = np.random.default_rng(_stream(seed, dive))
     chosen = 1 + np.argsort(rng.random(max(count - 1, 0)), kind="stable")[:wanted]
     kinds = get_args(Fault)
-    return Spoiled({int(k): kinds[place % len(kinds)] for place, k in enumerate(chosen)}, seed, dive)
+    return UnusableScans({int(k): kinds[place % len(kinds)] for place, k in enumerate(chosen)}, seed, dive)
 
 
 def _stream(seed: int, dive: int, *key: int) -> np.random.SeedSequence:

@@ -1,39 +1,11 @@
-"""The paper's Table 1: ten scans S0..S9, ever farther from the reference scan and ever more turned."""
+"""The pairs of the paper's Table 1: its reference scan with each of S0..S9, ever farther away and more rotated."""
 
-from dataclasses import replace
-
-import numpy as np
 from scipy.spatial.transform import RigidTransform
 
 from spectral.scan import Scan
-from tools.simulate.paths.trajectories import TABLE1_COUNT, TABLE1_MOST, TABLE1_RIG, table1, table1_transform
-from tools.simulate.sensing.noise import Noise
-from tools.simulate.sensing.sensors import PAPER, Sensor
-from tools.simulate.simulation import SimulationSettings, observe
-
-__all__ = [
-    "TABLE1_COUNT",
-    "TABLE1_MOST",
-    "TABLE1_RIG",
-    "TABLE1_SENSOR",
-    "table1_pair",
-    "table1_settings",
-    "table1_transform",
-]
-
-TABLE1_SENSOR: Sensor = replace(PAPER, tilt=float(np.deg2rad(30.0)))
-
-
-def table1_settings(seed: int, sigma2: float, scene: str = "floodgate") -> SimulationSettings:
-    """The simulation that writes the reference scan and S0..S9, eleven scans, with the paper's noise."""
-    return SimulationSettings(
-        scene=scene,
-        trajectory="table1",
-        count=TABLE1_COUNT + 1,
-        sensor=TABLE1_SENSOR,
-        noise=Noise(sigma2=sigma2),
-        seed=seed,
-    )
+from tools.simulate.paths.trajectories import TABLE1_RIG, table1, table1_transform
+from tools.simulate.plan import table1_settings
+from tools.simulate.simulation import observe
 
 
 def table1_pair(index: int, seed: int, sigma2: float, scene: str = "floodgate") -> tuple[Scan, Scan, RigidTransform]:
@@ -43,7 +15,7 @@ def table1_pair(index: int, seed: int, sigma2: float, scene: str = "floodgate") 
         index: 0..9, the row of Table 1; 10..12 continue it.
         seed: of the scene and of the noise; the reference scan is the same for every index.
         sigma2: variance of the range noise at the sensor's maximum range [m^2] (the paper: 1 and 2 voxels).
-        scene: a key of SCENES.
+        scene: a key of SCENE_KINDS.
 
     Returns:
         target Scan (the reference), source Scan (S`index`), both in their own sensor frames (level with the

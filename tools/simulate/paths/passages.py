@@ -1,4 +1,4 @@
-"""The paths through a bridge's openings: what the seed drew stands in no one's way."""
+"""Paths through a bridge's openings, clear of everything that the seed drew."""
 
 import numpy as np
 
@@ -30,7 +30,7 @@ def under_the_bridge(seed: int) -> Path:
     return spline_path(np.array([(x, y, DEPTH, heading) for x, y, heading in corners], float))
 
 
-def bridge_lawn(seed: int) -> Path:
+def bridge_lawnmower(seed: int) -> Path:
     """The water above the bridge, through an opening, the water below it, and back through another."""
     layout = bridge_layout(seed)
     there, back = layout.openings[:2]

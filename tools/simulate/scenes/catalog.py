@@ -1,0 +1,117 @@
+"""The scenes that can be simulated: what each shows, how large it is, what builds it. A new scene is a file beside
+this one and a row here; the path of a survey through it is laid in paths/routes.py.
+
+Nothing heavy is imported here: the command line's help reads the table.
+"""
+
+from collections.abc import Callable
+from dataclasses import dataclass
+from importlib import import_module
+from types import MappingProxyType
+from typing import TYPE_CHECKING
+
+from kernels.errors import InputError
+
+if TYPE_CHECKING:
+    from tools.simulate.shapes.solids import Mesh
+
+FULL_EDGE = 256.0  # side of the paper's grid, and of the scenes that fill it [m]
+
+
+@dataclass(frozen=True, slots=True)
+class SceneKind:
+    """A scene that has not been built.
+
+    Attributes:
+        builder: the function that builds it, as "module:function".
+        summary: what stands there, in a few words.
+        sensor: the sensor that suits its size, a key of SENSORS.
+        size: of the box around the origin that holds everything there is to see, along x and y [m].
+        lowest, highest: corners of the box in which the sensors of a random pair may be [m, scene].
+        inward: whether a random pair looks at the scene's middle rather than anywhere.
+    """
+
+    builder: str
+    summary: str
+    sensor: str
+    size: tuple[float, float]
+    lowest: tuple[float, float, float]
+    highest: tuple[float, float, float]
+    inward: bool = False
+
+    @property
+    def scale(self) -> float:
+        """Its longer side divided by 256 m: lengths chosen for the scenes of 256 m are multiplied by it."""
+        return max(self.size) / FULL_EDGE
+
+    def build(self, seed: int) -> "Mesh":
+        """Its surface, East-North-Up [m]: the same seed, the same surface."""
+        module, _, function = self.builder.partition(":")
+        build: Callable[[int], Mesh] = getattr(import_module(module), function)
+        return build(seed)
+
+
+def _full(builder: str, summary: str) -> SceneKind:
+    """A scene of 256 m by 256 m whose random pairs may also look from above the water."""
+    edge, reach, far = FULL_EDGE, FULL_EDGE * 35 / 128, float("inf")
+    return SceneKind(builder, summary, "eclipse", (edge, edge), (-reach, -reach, -far), (reach, reach, far))
+
+
+SCENE_KINDS: MappingProxyType[str, SceneKind] = MappingProxyType(
+    {
+        "floodgate": _full(
+            "tools.simulate.scenes.floodgate:floodgate", "a flood gate with piers, gates, a lock and shores"
+        ),
+        "harbor": _full("tools.simulate.scenes.harbor:harbor", "a harbor basin with quays, a jetty and a moored ship"),
+        "clutter": _full("tools.simulate.scenes.clutter:clutter", "solids strewn over a bed"),
+        "ship": SceneKind(
+            "tools.simulate.scenes.ship:ship",
+            "the underside of a ship over a bed",
+            "eclipse",
+            (FULL_EDGE, FULL_EDGE),
+            (-80.0, -80.0, -22.0),
+            (80.0, 80.0, -3.0),
+            inward=True,
+        ),
+        "pool": SceneKind(
+            "tools.simulate.scenes.pool:pool",
+            "a swimming pool of 25 m by 12.5 m",
+            "sonar3d15",
+            (25.0, 12.5),
+            (-11.5, -5.2, -3.0),
+            (11.5, 5.2, -0.4),
+        ),
+        "manifold": SceneKind(
+            "tools.simulate.scenes.manifold:manifold",
+            "a pipe manifold on the sea bed",
+            "sonar3d15",
+            (48.0, 48.0),
+            (-14.0, -14.0, -39.2),
+            (14.0, 14.0, -32.0),
+            inward=True,
+        ),
+        "bridge": _full(
+            "tools.simulate.scenes.bridge:bridge", "a road bridge over a river, its plan drawn from the seed"
+        ),
+        "wreck": SceneKind(
+            "tools.simulate.scenes.wreck:wreck",
+            "a broken wreck among rock ledges, its plan drawn from the seed",
+            "eclipse",
+            (FULL_EDGE, FULL_EDGE),
+            (-80.0, -80.0, -27.0),
+            (80.0, 80.0, -3.0),
+            inward=True,
+        ),
+    }
+)
+
+
+def scene_kind(name: str) -> SceneKind:
+    """The scene called `name`, not built.
+
+    Raises:
+        InputError: there is none.
+    """
+    if name not in SCENE_KINDS:
+        raise InputError(f"no scene is called {name!r}; there are {', '.join(SCENE_KINDS)}")
+    return SCENE_KINDS[name]
