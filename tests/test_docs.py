@@ -1,0 +1,72 @@
+"""The pages of docs/, README and CHANGELOG: files and links that they name exist."""
+
+import re
+from pathlib import Path
+
+import pytest
+
+ROOT = Path(__file__).parents[1]
+PAGES = [ROOT / "README.md", ROOT / "CHANGELOG.md", *sorted((ROOT / "docs").glob("*.md"))]
+PACKAGES = ("kernels", "spectral", "slam", "tools")
+PATHS = re.compile(r"`((?:kernels|spectral|slam|tools|tests|docs|\.ci)/[\w./-]*|[\w-]+\.(?:py|toml|sh))`")
+LINKS = re.compile(r"\]\((?!https?:)([^)\s]+)\)")
+MODULES = re.compile(r"`((?:kernels|spectral|slam|tools)\.[\w.]+)")
+CLASSES = re.compile(r"`([A-Z][a-z]+[A-Z]\w*|[A-Z][a-z]+(?=\.))(?:\.(\w+))?[`(]")
+SOURCES = [path.read_text() for package in PACKAGES for path in (ROOT / package).rglob("*.py")]
+FOREIGN = {"BetweenFactorPose3", "RigidTransform"}  # GTSAM's, SciPy's
+README_LINES = 150
+
+
+@pytest.mark.parametrize("page", PAGES, ids=lambda page: page.name)
+def test_named_paths_exist(page: Path) -> None:
+    missing = [path for path in PATHS.findall(page.read_text()) if not (ROOT / path).exists()]
+    assert not missing
+
+
+@pytest.mark.parametrize("page", PAGES, ids=lambda page: page.name)
+def test_named_modules_define_what_is_named(page: Path) -> None:
+    """`slam.map.point_map.fuse` is `fuse` of slam/map/point_map.py."""
+    missing = []
+    for name in MODULES.findall(page.read_text()):
+        module, _, member = name.strip(".").rpartition(".")
+        file = (ROOT / module.replace(".", "/")).with_suffix(".py")
+        if not file.exists() or not re.search(rf"^(def|class) {member}\b", file.read_text(), re.MULTILINE):
+            missing.append(name)
+    assert not missing
+
+
+@pytest.mark.parametrize("page", PAGES, ids=lambda page: page.name)
+def test_named_classes_have_the_named_methods(page: Path) -> None:
+    """`PlaceIndex` and `Translation.find`."""
+    missing = []
+    for name, method in CLASSES.findall(page.read_text()):
+        sources = [source for source in SOURCES if re.search(rf"^class {name}\b", source, re.MULTILINE)]
+        if name not in FOREIGN and not any(not method or f"def {method}(" in source for source in sources):
+            missing.append(f"{name}.{method}")
+    assert not missing
+
+
+@pytest.mark.parametrize("page", PAGES, ids=lambda page: page.name)
+def test_links_lead_somewhere(page: Path) -> None:
+    missing = []
+    for link in LINKS.findall(page.read_text()):
+        file, _, heading = link.partition("#")
+        target = page.parent / file if file else page
+        if not target.exists() or (heading and heading not in headings(target)):
+            missing.append(link)
+    assert not missing
+
+
+def headings(page: Path) -> set[str]:
+    """The anchors of a page, as GitHub makes them of its headings."""
+    titles = re.findall(r"^#+ (.+)$", page.read_text(), re.MULTILINE)
+    return {re.sub(r"[^\w -]", "", title.lower()).replace(" ", "-") for title in titles}
+
+
+def test_the_readme_is_short() -> None:
+    assert len((ROOT / "README.md").read_text().splitlines()) < README_LINES
+
+
+def test_every_page_is_reachable_from_the_readme() -> None:
+    linked = {Path(link.partition("#")[0]).name for link in LINKS.findall((ROOT / "README.md").read_text())}
+    assert {page.name for page in (ROOT / "docs").glob("*.md")} <= linked
