@@ -37,11 +37,11 @@ class Grid:
     def __post_init__(self) -> None:
         if self.edge not in EDGES:
             raise InputError(
-                f"--grid {self.edge}: wanted a power of two from {EDGES[0]} to {EDGES[-1]} voxels per edge; "
-                f"try --grid {nearest_edge(self.edge)}"
+                f"`edge={self.edge}` is not a power of two from {EDGES[0]} to {EDGES[-1]}; "
+                f"try `edge={nearest_edge(self.edge)}`"
             )
         if not (np.isfinite(self.voxel) and self.voxel > 0):
-            raise InputError(f"--voxel {self.voxel:g}: wanted an edge length in meters above zero, such as --voxel 0.5")
+            raise InputError(f"`voxel={self.voxel:g}` is not a length in meters above zero; try `voxel=0.5`")
 
     @property
     def extent(self) -> float:
@@ -82,7 +82,7 @@ def choose_grid(scans: Iterable[Scan], edge: int = 128, voxel: float | None = No
         if extent <= 0:
             raise InputError(
                 "the voxel cannot be chosen: all points of each scan lie in one place. Give scans that show some "
-                "structure, or a voxel in meters with --voxel."
+                "structure, or a `voxel` in meters."
             )
         voxel = _MARGIN * extent / edge
     return Grid(edge, voxel)

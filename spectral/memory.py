@@ -21,7 +21,7 @@ def require_memory(device: Device, edge: int) -> None:
     """
     smaller = [e for e in reversed(EDGES) if e < edge]
     fitting = next((e for e in smaller if _fits(device, e)), None)
-    device.require(*needed_memory(edge), hint=f"--grid {fitting}" if fitting else "another device")
+    device.require(*needed_memory(edge), hint=f"`edge={fitting}`" if fitting else "another device")
 
 
 def scans_that_fit(device: Device, edge: int) -> int:

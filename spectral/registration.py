@@ -60,17 +60,15 @@ class SpectralConfig:
     use_strength: bool = False
 
     def __post_init__(self) -> None:
-        if min(self.hypotheses, self.shortlist, self.finalists) < 1:
-            raise InputError(
-                f"hypotheses is {self.hypotheses}, shortlist {self.shortlist}, finalists {self.finalists}; wanted at "
-                "least 1 of each"
-            )
+        for name in ("hypotheses", "shortlist", "finalists"):
+            if getattr(self, name) < 1:
+                raise InputError(f"`{name}={getattr(self, name)}` is too few; give at least 1")
         if not 0 < self.max_tilt <= np.pi:
-            raise InputError(f"--max-tilt {np.rad2deg(self.max_tilt):g}: wanted above 0 and up to 180 degrees")
+            raise InputError(f"`max_tilt` is {np.rad2deg(self.max_tilt):g} degrees; give more than 0 and up to 180")
         if self.refinement not in ("icp", "spectral"):
-            raise InputError(f"refinement is {self.refinement!r}; wanted 'icp' or 'spectral'")
+            raise InputError(f"`refinement={self.refinement}` is unknown; choose 'icp' or 'spectral'")
         if not 0 < self.least_probability < 1:
-            raise InputError(f"least_probability is {self.least_probability}; wanted between 0 and 1")
+            raise InputError(f"`least_probability={self.least_probability}` is not between 0 and 1")
 
 
 class SpectralRegistrar:

@@ -39,22 +39,22 @@ class PosePrior:
 
     def __post_init__(self) -> None:
         if not self.T_world_sensor.single or not np.isfinite(self.T_world_sensor.as_matrix()).all():
-            raise InputError("a prior wants one finite T_world_sensor; give what is not measured the value 0")
+            raise InputError("`T_world_sensor` is not one finite pose; give what is not measured the value 0")
         sigmas = self.sigmas
         if not isinstance(sigmas, np.ndarray) or sigmas.shape != (6,) or sigmas.dtype != np.float64:
             raise InputError(
-                f"a prior's sigmas are {sigmas!r}; wanted float64 of shape (6,): roll, pitch, heading [rad], "
+                f"`sigmas` are {sigmas!r}; wanted float64 of shape (6,): roll, pitch, heading [rad], "
                 "East, North, Up [m]"
             )
         if not (sigmas > 0).all():  # NaN is refused too
             raise InputError(
-                f"a prior's sigmas are {sigmas.tolist()}; wanted numbers above 0, and inf for what is not measured"
+                f"`sigmas` are {sigmas.tolist()}; wanted numbers above 0, and inf for what is not measured"
             )
         for first, names in ((0, "roll and pitch"), (3, "East and North")):
             if np.isfinite(sigmas[first]) != np.isfinite(sigmas[first + 1]):
                 raise InputError(
-                    f"of {names} only one is known ({sigmas[first]:g} and {sigmas[first + 1]:g}); give both a standard "
-                    "deviation, or both inf"
+                    f"`sigmas` know only one of {names} ({sigmas[first]:g} and {sigmas[first + 1]:g}); give both a "
+                    "standard deviation, or both inf"
                 )
 
     @property
@@ -100,7 +100,7 @@ class Scan:
         points = self.points
         if points.ndim != 2 or points.shape[1] != 3 or points.dtype != np.float32:
             raise InputError(
-                f"{self.name}: points are {points.dtype} of shape {points.shape}; wanted float32 of shape (N, 3)"
+                f"{self.name}: `points` are {points.dtype} of shape {points.shape}; wanted float32 of shape (N, 3)"
             )
         if len(points) == 0:
             raise InputError(f"{self.name}: the scan has no points; give a scan with at least one finite point")
@@ -109,5 +109,5 @@ class Scan:
             raise InputError(f"{self.name}: {bad} of {len(points)} points are NaN or infinite; drop them first")
         if self.strength is not None and self.strength.shape != (len(points),):
             raise InputError(
-                f"{self.name}: strength has shape {self.strength.shape}; wanted ({len(points)},), one per point"
+                f"{self.name}: `strength` has shape {self.strength.shape}; wanted ({len(points)},), one per point"
             )

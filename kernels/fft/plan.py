@@ -43,8 +43,8 @@ class Layout:
         if len(self.shape) != 3 or any(edge not in EDGES for edge in edges) or self.shape[0] < 1:
             which = "the last two edges" if self.batched else "every edge"
             raise InputError(
-                f"no Fourier transform of shape {self.shape}: it takes three edges, and {which} must be "
-                f"one of {', '.join(map(str, EDGES))}. Pad the array, or choose another grid."
+                f"no Fourier transform of `shape={self.shape}`: it takes three edges, and {which} must be "
+                f"one of {', '.join(map(str, EDGES))}. Pad the array, or choose another `edge`."
             )
 
     @property

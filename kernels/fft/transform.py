@@ -33,7 +33,7 @@ class _Transform:
 
     def __call__(self, *arrays: cla.Array) -> None:
         buffers: list = [buffer_of(self._device, array) for array in arrays]
-        with self._device.telling_when_full():
+        with self._device.explain_full_memory():
             for kernel, size, group in self._launches:
                 kernel.set_args(*buffers)
                 cl.enqueue_nd_range_kernel(self._device.queue, kernel, size, group)
@@ -47,7 +47,7 @@ def _require_groups(device: Device, layout: Layout) -> None:
     if fft_gpu.group_size(most) <= items and fft_gpu.local_bytes(most) <= local:
         return
     fitting = [n for n in EDGES if fft_gpu.group_size(n) <= items and fft_gpu.local_bytes(n) <= local]
-    remedy = f"Use a smaller --grid: {fitting[-1]} points would do" if fitting else "Use another device"
+    remedy = f"Use a smaller `edge`: {fitting[-1]} points would do" if fitting else "Use another device"
     raise DeviceError(
         f"a Fourier transform of {most} points needs work-groups of {fft_gpu.group_size(most)} and "
         f"{fft_gpu.local_bytes(most) / 1024:g} KiB of local memory; {device.name} has {items} and "

@@ -17,7 +17,7 @@ from pyopencl.array import Array
 
 from kernels.errors import DeviceError
 from kernels.opencl.selection import Entry, by_preference, kind, matching
-from kernels.opencl.source import KERNEL_FOLDER, inline_includes, literal, telling_line
+from kernels.opencl.source import KERNEL_FOLDER, informative_line, inline_includes, literal
 
 __all__ = ["Array", "Device", "DeviceInfo", "choose_device", "list_devices"]
 
@@ -33,10 +33,10 @@ _FULL = (cl.status_code.OUT_OF_RESOURCES, cl.status_code.OUT_OF_HOST_MEMORY)
 
 @dataclass(frozen=True, slots=True)
 class DeviceInfo:
-    """One OpenCL device as `sonarmap devices` lists it.
+    """One OpenCL device, as `list_devices` finds it.
 
     Attributes:
-        selector: what `--device` takes to choose it, "platform:device".
+        selector: what `choose_device` takes to choose it, "platform:device".
         name, platform, version, kind: as the driver gives them; kind is "cpu", "gpu" or "other".
         compute_units: number of cores or multiprocessors.
         memory, largest_allocation: [bytes].
@@ -59,7 +59,7 @@ class Device:
 
     Attributes:
         cl_device, context, queue: PyOpenCL's.
-        selector: "platform:device" by number, as `sonarmap devices` lists it; "" where it was not chosen from a list.
+        selector: "platform:device" by number, as `list_devices` gives it; "" where it was not chosen from a list.
         notes: sentences that a user should read: which preferred devices were passed over, and why.
     """
 
@@ -114,18 +114,18 @@ class Device:
     def empty(self, shape: tuple[int, ...], dtype: type | np.dtype = np.float32) -> cla.Array:
         """An uninitialized array on the device; its size is checked first."""
         self.require(int(np.prod(shape, dtype=np.int64)) * np.dtype(dtype).itemsize)
-        with self.telling_when_full():
+        with self.explain_full_memory():
             return cla.empty(self.queue, shape, dtype)
 
     def to_device(self, host: np.ndarray) -> cla.Array:
         """A copy of a host array on the device; its size is checked first."""
         self.require(host.nbytes)
-        with self.telling_when_full():
+        with self.explain_full_memory():
             return cla.to_device(self.queue, np.ascontiguousarray(host))
 
     @contextmanager
-    def telling_when_full(self) -> Iterator[None]:
-        """Tell a user what to do where the driver has no memory left.
+    def explain_full_memory(self) -> Iterator[None]:
+        """Raise an error that says what to do where the driver has no memory left.
 
         Other programs use the device's memory too, and many drivers take it at the first launch that needs it: an
         allocation that should fit can fail, or a launch after it.
@@ -140,16 +140,16 @@ class Device:
                 raise
             raise DeviceError(
                 f"{self.name} has no memory or other resources left for this ({error}). "
-                "Use a smaller --grid, or end other programs."
+                "Use a smaller `edge`, or end other programs."
             ) from None
 
-    def require(self, largest: int, total: int = 0, hint: str = "a smaller --grid") -> None:
+    def require(self, largest: int, total: int = 0, hint: str = "a smaller `edge`") -> None:
         """Refuse work that the device cannot hold.
 
         Args:
             largest: size of the largest single array [bytes].
             total: size of all arrays together [bytes].
-            hint: what the message tells the user to try.
+            hint: what the message says to use instead.
 
         Raises:
             DeviceError: saying what is needed and what the device has.
@@ -171,13 +171,13 @@ def choose_device(selector: str | None = None) -> Device:
     """The device to work on, of those meant the most preferred that works: GPUs come before CPUs.
 
     Args:
-        selector: "platform:device" as `sonarmap devices` lists them, each a number or a part of a name ("0:0",
+        selector: "platform:device" as `list_devices` gives them, each a number or a part of a name ("0:0",
             "pocl:0"), a platform's number ("0", its first device), "cpu", "gpu", or a part of a device's or its
             platform's name or version ("3090", "pocl"). None: what the environment variable PYOPENCL_CTX says in
-            the same form, else any. `kernels.opencl.selection.by_preference` tells the order.
+            the same form, else any. `kernels.opencl.selection.by_preference` has the order.
 
     Returns:
-        The device; its `notes` tell which ones were passed over.
+        The device; its `notes` say which ones were passed over, and why.
 
     Raises:
         DeviceError: nothing matches, or nothing that matches works; the message lists what is there.
@@ -203,15 +203,15 @@ def _devices() -> list[Entry]:
         platforms = cl.get_platforms()
     except cl.Error:
         platforms = []
-    found = []
+    entries: list[Entry] = []
     for p, platform in enumerate(platforms):
         try:
-            found += [(f"{p}:{d}", device) for d, device in enumerate(platform.get_devices())]
+            entries += [(f"{p}:{d}", device) for d, device in enumerate(platform.get_devices())]
         except cl.Error:  # a platform without devices is not an error of ours
             continue
-    if not found:
+    if not entries:
         raise DeviceError(NO_PLATFORM)
-    return found
+    return entries
 
 
 def _fault(device: cl.Device) -> str:
@@ -228,7 +228,7 @@ def _fault(device: cl.Device) -> str:
         right = bool(np.array_equal(result, 2 * numbers + 1))
         return "" if right else "a trial kernel gave wrong numbers"
     except (cl.Error, DeviceError) as error:
-        return telling_line(str(error))
+        return informative_line(str(error))
 
 
 def _describe(label: str, device: cl.Device) -> DeviceInfo:

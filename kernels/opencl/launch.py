@@ -47,7 +47,7 @@ def launch(
     if group is None and device.is_cpu:
         group = (1,) * len(size)
     values = [buffer_of(device, value) if isinstance(value, cla.Array) else value for value in arguments]
-    with device.telling_when_full():
+    with device.explain_full_memory():
         kernels[key](device.queue, size, group, *values)
 
 
@@ -62,7 +62,7 @@ def buffer_of(device: Device, array: cla.Array) -> cl.Buffer:
     alignment = device.cl_device.mem_base_addr_align // 8
     if array.offset % alignment:
         raise InputError(
-            f"a slice of a device array begins {array.offset} bytes into it; {device.name} wants "
+            f"a slice of a device array begins {array.offset} bytes into it; {device.name} needs "
             f"a multiple of {alignment}: copy the slice first"
         )
     return _base(array).get_sub_region(array.offset, array.nbytes)
@@ -74,7 +74,7 @@ def zero(device: Device, array: cla.Array) -> None:
         launch(device, "opencl/clear", "clear", (array.nbytes // _CLEARED,), array, BYTES=_CLEARED)
         return
     pattern = np.zeros(1, np.float32)
-    with device.telling_when_full():
+    with device.explain_full_memory():
         cl.enqueue_fill_buffer(device.queue, _base(array), pattern, array.offset, array.nbytes)
 
 
@@ -98,11 +98,11 @@ def affine(R: np.ndarray | None = None, offset: np.ndarray | None = None) -> np.
     turn = np.eye(3) if R is None else np.asarray(R, np.float64)
     shift = np.zeros(3) if offset is None else np.asarray(offset, np.float64)
     if turn.shape != (3, 3) or not np.allclose(turn @ turn.T, np.eye(3), atol=1e-4):
-        raise InputError(f"R is {turn.tolist()}; wanted a (3, 3) rotation matrix")
+        raise InputError(f"`R` is {turn.tolist()}; wanted a (3, 3) rotation matrix")
     if np.linalg.det(turn) < 0:
-        raise InputError(f"R is {turn.tolist()}, a reflection; wanted a (3, 3) rotation matrix: negate one axis")
+        raise InputError(f"`R` is {turn.tolist()}, a reflection; wanted a (3, 3) rotation matrix: negate one axis")
     if shift.shape != (3,) or not np.isfinite(shift).all():
-        raise InputError(f"the offset is {shift.tolist()}; wanted 3 finite numbers")
+        raise InputError(f"`offset` is {shift.tolist()}; wanted 3 finite numbers")
     rows = np.eye(4)
     rows[:3] = np.column_stack([turn, shift])
     return cltypes.make_float16(*rows.ravel())  # pyright: ignore[reportAttributeAccessIssue]
@@ -122,7 +122,8 @@ def require_array(
     if not fits or array.dtype != dtype or not array.flags.c_contiguous:
         wanted = ", ".join("any" if length is None else str(length) for length in shape)
         raise InputError(
-            f"{what} is {array.dtype} of shape {array.shape}; wanted {np.dtype(dtype)} of shape ({wanted}), in C order"
+            f"`{what}` is {array.dtype} of shape {array.shape}; wanted {np.dtype(dtype)} of shape ({wanted}), "
+            "in C order"
         )
     return array.shape
 

@@ -23,21 +23,21 @@ def matching(wanted: str, entries: list[Entry]) -> list[Entry]:
     """The devices that a selector means; it is read as `kernels.opencl.device.choose_device` says.
 
     Raises:
-        DeviceError: it means none, or a list of several; the message lists what there is.
+        DeviceError: it means none, or several at once; the message lists what there is.
     """
     text = wanted.strip().lower()
     if re.fullmatch(r"[^:]+:\s*\d+(\s*,\s*\d+)+", text):  # PyOpenCL takes this for a context of several
-        one = wanted.partition(",")[0].strip()
-        raise DeviceError(f"'{wanted}' names several OpenCL devices; one is wanted, as in '{one}'. {_listed(entries)}")
+        first = wanted.partition(",")[0].strip()
+        raise DeviceError(f"'{wanted}' names several OpenCL devices; choose one, as in '{first}'. {_listed(entries)}")
     if not text:
         return entries
     if text in _KINDS:
-        found = [entry for entry in entries if kind(entry[1]) == text]
+        matches = [entry for entry in entries if kind(entry[1]) == text]
     else:
-        found = _at_place(text, entries) or [entry for entry in entries if _is_named(text, entry[1])]
-    if not found:
+        matches = _at_place(text, entries) or [entry for entry in entries if _is_named(text, entry[1])]
+    if not matches:
         raise DeviceError(f"no OpenCL device matches '{wanted}'. {_listed(entries)}")
-    return found
+    return matches
 
 
 def by_preference(entries: Iterable[Entry]) -> list[Entry]:
@@ -68,13 +68,13 @@ def _at_place(text: str, entries: list[Entry]) -> list[Entry]:
     if not platform or not (colon or platform.isdecimal()):
         return []
     device = device or "0"  # as PyOpenCL takes it
-    found = []
+    matches: list[Entry] = []
     for label, candidate in entries:
         p, _, d = label.partition(":")
         there = platform == p if platform.isdecimal() else platform in _platform_words(candidate)
         if there and (device == d if device.isdecimal() else device in candidate.name.lower()):
-            found.append((label, candidate))
-    return found
+            matches.append((label, candidate))
+    return matches
 
 
 def _is_named(text: str, device: cl.Device) -> bool:

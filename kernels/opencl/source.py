@@ -1,4 +1,4 @@
-"""OpenCL C text: numbers as literals, included files put in place, the line of a build log that tells."""
+"""OpenCL C text: numbers as literals, included files put in place, the line of a build log that names the error."""
 
 import re
 from numbers import Integral
@@ -22,11 +22,13 @@ def inline_includes(source: str) -> str:
 
     An include path would do the same, but drivers differ in how they read a path that holds a space.
     """
-    return _INCLUDE.sub(lambda found: inline_includes((KERNEL_FOLDER / found[1]).read_text(encoding="utf-8")), source)
+    return _INCLUDE.sub(
+        lambda include: inline_includes((KERNEL_FOLDER / include[1]).read_text(encoding="utf-8")), source
+    )
 
 
-def telling_line(error: str) -> str:
-    """The line of an error's text that says most: the first with 'error' in it, else the last of the log."""
+def informative_line(error: str) -> str:
+    """The most informative line of an error's text: the first with 'error' in it, else the last of the log."""
     lines = [line.strip() for line in error.splitlines()]
     lines = [line for line in lines if line and not line.startswith(_NOT_LOG)]
     return next((line for line in lines if "error" in line.lower()), lines[-1] if lines else "it gave no reason")

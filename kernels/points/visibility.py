@@ -29,7 +29,7 @@ def octahedral_cells(directions: np.ndarray, edge: int) -> np.ndarray:
     """
     _require_places(directions, "directions")
     if edge < 1:
-        raise InputError(f"the map has {edge} cells per edge; wanted at least 1")
+        raise InputError(f"`edge={edge}` cells are too few; give at least 1")
     x, y, z = np.moveaxis(directions / np.maximum(np.abs(directions).sum(axis=1, keepdims=True), 1e-20), -1, 0)
     folded_u, folded_v = (1 - np.abs(y)) * np.where(x < 0, -1, 1), (1 - np.abs(x)) * np.where(y < 0, -1, 1)
     u, v = np.where(z < 0, folded_u, x), np.where(z < 0, folded_v, y)
@@ -79,25 +79,25 @@ def agreement(
     _, count = require_array(moved, "points", (3, None))
     if across != edge or count % _LANES or not 0 <= valid <= count:
         raise InputError(
-            f"a view of {edge} x {across} cells and {valid} of {count} points; wanted a square view, and points as "
+            f"`view` has {edge} x {across} cells, `points` {valid} of {count}; wanted a square view, and points as "
             "upload_points makes them"
         )
     if R.shape != (len(R), 3, 3) or t.shape != (len(R), 3):
-        raise InputError(f"poses have shapes {R.shape} and {t.shape}; wanted (n, 3, 3) and (n, 3)")
+        raise InputError(f"`R` and `t` have shapes {R.shape} and {t.shape}; wanted (n, 3, 3) and (n, 3)")
     if not (np.isfinite(R).all() and np.isfinite(t).all() and 0 <= reach < np.inf and 0 <= slope < np.inf):
-        raise InputError(f"reach is {reach} and slope {slope}; wanted 0 or more, and poses of finite numbers")
+        raise InputError(f"`reach={reach}`, `slope={slope}`; wanted 0 or more, and finite `R` and `t`")
     if not len(R):
         return np.zeros((0, 3), np.int64)
     rows = np.zeros((len(R), 16), np.float32)
     rows[:, :12] = np.concatenate([R, t[:, :, None]], axis=2).reshape(-1, 12)
     parts = -(-count // _PART)
-    found = device.empty((len(R), parts, 3), np.int32)
+    counts = device.empty((len(R), parts, 3), np.int32)
     numbers = np.int32(count), np.int32(valid), np.float32(reach), np.float32(slope)
-    arrays = view, moved, device.to_device(rows), found
+    arrays = view, moved, device.to_device(rows), counts
     launch(device, "points/visibility", "agreement", (parts, len(R)), *arrays, *numbers, EDGE=edge, PART=_PART)
-    return found.get().sum(axis=1, dtype=np.int64)
+    return counts.get().sum(axis=1, dtype=np.int64)
 
 
 def _require_places(places: np.ndarray, what: str) -> None:
     if places.ndim != 2 or places.shape[1] != 3 or not np.isfinite(places).all():
-        raise InputError(f"{what} have shape {places.shape}; wanted (n, 3), all of it finite numbers")
+        raise InputError(f"`{what}` have shape {places.shape}; wanted (n, 3), all of it finite numbers")

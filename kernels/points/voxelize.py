@@ -37,7 +37,7 @@ def voxelize(
         InputError: the points, R, the offset or out have another shape or dtype.
     """
     if edge < 2 or edge % 2:
-        raise InputError(f"the grid has {edge} voxels per edge; wanted an even number, best a power of two")
+        raise InputError(f"`edge={edge}` voxels; wanted an even number, best a power of two")
     count, _ = require_array(points, "points", (None, 4))
     shift = np.zeros(3) if offset is None else np.asarray(offset, np.float64)
     pose = affine(R, shift + (edge / 2 + 0.5))

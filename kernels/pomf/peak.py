@@ -45,7 +45,7 @@ def find_peaks(
     """
     shape = require_array(correlation, "correlation", (None, None, None))
     if count < 1 or separation < 0:
-        raise InputError(f"count is {count} and separation {separation}; wanted at least 1 and 0")
+        raise InputError(f"`count={count}`, `separation={separation}`; wanted at least 1 and 0")
     reach = _reach(shape, limits)
     tops, mean, std = _statistics(device, correlation, reach[2])
     allowed = _allowed_rows(shape, reach)
@@ -74,7 +74,7 @@ def peak_at(device: Device, correlation: cla.Array, index: np.ndarray) -> Peak:
     """
     shape = require_array(correlation, "correlation", (None, None, None))
     if np.shape(index) != (3,) or not np.issubdtype(index.dtype, np.integer):
-        raise InputError(f"the index is {index}; wanted three whole numbers")
+        raise InputError(f"`index` is {index}; wanted three whole numbers")
     _, mean, std = _statistics(device, correlation, shape[2])
     # a voxel farther, for the neighborhood of the highest
     i, j, k = (np.asarray(index)[:, None] + np.arange(-2, 3)) % np.array(shape)[:, None]
@@ -101,13 +101,13 @@ def segment_peaks(device: Device, correlation: cla.Array, segments: int = 4) -> 
     """
     shape = require_array(correlation, "correlation", (None, None, None))
     if segments < 1 or shape[2] % segments:
-        raise InputError(f"rows of {shape[2]} voxels have no {segments} equal segments")
-    found = device.empty((2, shape[0] * shape[1] * segments))
+        raise InputError(f"`segments={segments}` do not divide rows of {shape[2]} voxels equally")
+    maxima = device.empty((2, shape[0] * shape[1] * segments))
     size, sizes = (shape[1], shape[0]), (np.int32(shape[0]), np.int32(shape[1]))
     launch(
-        device, "pomf/peak", "segment_maxima", size, correlation, found, *sizes, LENGTH=shape[2], SEGMENTS=segments
+        device, "pomf/peak", "segment_maxima", size, correlation, maxima, *sizes, LENGTH=shape[2], SEGMENTS=segments
     )  # fmt: skip
-    values, columns = found.get()
+    values, columns = maxima.get()
     if np.isnan(values).any():
         raise InputError(_NOT_FINITE)
     kept = np.flatnonzero(values > -np.inf)
@@ -121,7 +121,7 @@ def _reach(shape: tuple[int, ...], limits: tuple[float | None, ...] | None) -> l
     """The largest absolute shift along each axis, in whole voxels."""
     limits = (None, None, None) if limits is None else limits
     if len(limits) != 3 or any(limit is not None and not limit >= 0 for limit in limits):
-        raise InputError(f"limits are {limits}; wanted three numbers of voxels, 0 or more, or None")
+        raise InputError(f"`limits` are {limits}; wanted three numbers of voxels, 0 or more, or None")
     return [n if limit is None else min(n, int(limit)) for n, limit in zip(shape, limits, strict=True)]
 
 

@@ -51,7 +51,9 @@ def whiten(device: Device, spectrum: cla.Array, out: cla.Array | None = None) ->
     """
     shape = require_array(spectrum, "spectrum", (None,) * spectrum.ndim, np.complex64)
     if shape[-1] % _WHITEN_AT_ONCE:
-        raise InputError(f"the spectrum's last axis has {shape[-1]} numbers; wanted a multiple of 8, as n/2 + 8 is")
+        raise InputError(
+            f"`spectrum` has {shape[-1]} numbers along its last axis; wanted a multiple of 8, as n/2 + 8 is"
+        )
     result = output(device, out, "out", shape, np.complex64)
     group = (32,) if (spectrum.size // _WHITEN_AT_ONCE) % 32 == 0 else None
     launch(device, "pomf/spectrum", "whiten", (spectrum.size // _WHITEN_AT_ONCE,), spectrum, result, group=group)
@@ -131,7 +133,7 @@ def _require_pair(target: cla.Array, source: cla.Array, shape: tuple[int, int, i
 def _gain(n: int, blur: float) -> np.ndarray:
     """(n,) float32: the Gaussian along one axis, at the frequencies of a full transform."""
     if not blur >= 0:
-        raise InputError(f"the blur is {blur} voxels; wanted 0 or more")
+        raise InputError(f"`blur={blur}` voxels; wanted 0 or more")
     return np.exp(-2 * (np.pi * blur * np.fft.fftfreq(n)) ** 2).astype(np.float32)
 
 

@@ -32,7 +32,7 @@ def normalize_layers(
     """
     layers, height, width = require_array(stack, "stack", (None, None, None))
     if width % 8:
-        raise InputError(f"the layers are {width} pixels wide; wanted a multiple of 8")
+        raise InputError(f"`stack` has layers {width} pixels wide; wanted a multiple of 8")
     if window is None or mask is None:
         ones = table(device, np.ones((height, width), np.float32))
         window, mask = ones if window is None else window, ones if mask is None else mask

@@ -52,8 +52,8 @@ def _frequencies(radii: np.ndarray, angles: np.ndarray, nyquist: int) -> np.ndar
     """(2, M, K) float32: where the samples lie along axes 0 and 1 [frequency bins]."""
     radii, angles = np.asarray(radii, np.float64), np.asarray(angles, np.float64)
     if radii.ndim != 1 or not len(radii) or not (radii.min() >= 0 and radii.max() < nyquist - 1):
-        raise InputError(f"radii are {radii}; wanted a list of numbers from 0 to below {nyquist - 1} bins")
+        raise InputError(f"`radii` are {radii}; wanted a list of numbers from 0 to below {nyquist - 1} bins")
     samples = len(radii) * angles.size
     if angles.ndim != 1 or not samples or samples % 8 or not np.isfinite(angles).all():
-        raise InputError(f"{len(radii)} radii by {angles.size} angles; wanted a multiple of 8 samples in all")
+        raise InputError(f"{len(radii)} `radii` by {angles.size} `angles`; wanted a multiple of 8 samples in all")
     return np.stack([np.outer(radii, np.cos(angles)), np.outer(radii, np.sin(angles))]).astype(np.float32)

@@ -60,7 +60,7 @@ def rectangular_unwrap(edge: int, axis: str) -> np.ndarray:
     elif axis == "x":
         x, y = np.sin(a), np.cos(a) * np.sin(b)
     else:
-        raise InputError(f"the poles of an unwrap are on axis 'x' or 'y', not on '{axis}'")
+        raise InputError(f"`axis={axis}`: the poles of an unwrap are on 'x' or 'y'")
     return np.stack([x, y, np.cos(a) * np.cos(b)], axis=-1).astype(np.float32)
 
 
@@ -98,7 +98,7 @@ def upload_directions(device: Device, directions: np.ndarray) -> cla.Array:
     """
     if directions.ndim != 3 or directions.shape[2] != 3 or directions[..., 0].size % _PIXELS_AT_ONCE:
         raise InputError(
-            f"directions have shape {directions.shape}; wanted (H, W, 3), H W a multiple of {_PIXELS_AT_ONCE}"
+            f"`directions` have shape {directions.shape}; wanted (H, W, 3), H W a multiple of {_PIXELS_AT_ONCE}"
         )
     length = np.linalg.norm(directions, axis=-1)
     if not (np.isclose(length, 1, atol=1e-5) | (length == 0)).all():
@@ -134,9 +134,9 @@ def sample(
     _, height, width = require_array(directions, "directions", (3, None, None))
     radii = np.asarray(radii, np.float32)
     if radii.ndim != 1 or not len(radii) or not (radii.min() >= 0 and radii.max() < edge / 2 - 1):
-        raise InputError(f"radii are {radii}; wanted a list of numbers from 0 to below {edge // 2 - 1} bins")
+        raise InputError(f"`radii` are {radii}; wanted a list of numbers from 0 to below {edge // 2 - 1} bins")
     if len(radii) * height * width >= 2**31:
-        raise InputError(f"{len(radii)} layers of {height} x {width} are too many samples; use fewer layers")
+        raise InputError(f"{len(radii)} layers of {height} x {width} are too many samples; use fewer `radii`")
     result = output(device, out, "out", (len(radii), height, width))
     pixels = height * width
     sizes = np.int32(len(radii)), np.int32(pixels)

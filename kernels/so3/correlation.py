@@ -42,8 +42,8 @@ class RotationCorrelation:
         """
         if bandwidth < 8 or bandwidth % 8 or bandwidth > 256 or not 0 < largest <= np.pi:
             raise InputError(
-                f"bandwidth {bandwidth} up to {np.rad2deg(largest):g} degrees; wanted a multiple of 8 up to 256, and "
-                "above 0 up to 180 degrees"
+                f"`bandwidth={bandwidth}`, `largest` {np.rad2deg(largest):g} degrees; wanted a multiple of 8 up to "
+                "256, and above 0 up to 180 degrees"
             )
         self.device, self.bandwidth = device, bandwidth
         self._step = np.pi / (2 * bandwidth)
@@ -51,7 +51,7 @@ class RotationCorrelation:
         self.betas = (np.arange(count) + 0.5) * self._step
         self.edge = 1 << (2 * bandwidth - 1).bit_length()
         size = 4 * (bandwidth // 2) * count * (2 * bandwidth - 1) * bandwidth
-        device.require(size, total=size, hint="a smaller bandwidth")
+        device.require(size, total=size, hint="a smaller `bandwidth`")
         self._wigner = device.to_device(_half_wigner(bandwidth, self.betas))
         self._given: list[cla.Array] = []
         self._products = device.empty((2 * bandwidth - 1, bandwidth // 8, bandwidth // 2, 8), np.complex64)
@@ -75,9 +75,11 @@ class RotationCorrelation:
         layers = target.shape[1] if target.ndim == 3 else 0
         wanted = (self.bandwidth // 2, max(layers, 1), 2 * self.bandwidth - 1)
         if target.shape != wanted or source.shape != wanted:
-            raise InputError(f"coefficients have shapes {target.shape} and {source.shape}; wanted {wanted} for both")
+            raise InputError(
+                f"`target` and `source` have shapes {target.shape} and {source.shape}; wanted {wanted} for both"
+            )
         if not (np.isfinite(target).all() and np.isfinite(source).all()):
-            raise InputError("the coefficients hold numbers that are not finite; look at the layers that went in")
+            raise InputError("`target` or `source` holds numbers that are not finite; look at the layers that went in")
         self._multiply(target, source)
         size = (len(self.betas) + 1, self.edge)
         arrays = self._wigner, self._products, self._spectrum

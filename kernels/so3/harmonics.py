@@ -38,7 +38,7 @@ class Harmonics:
         """
         if bandwidth < 2 or bandwidth % 2 or 2 * latitudes < bandwidth or longitudes < 2 * bandwidth:
             raise InputError(
-                f"bandwidth {bandwidth} with {latitudes} x {longitudes} samples; wanted an even bandwidth, at least "
+                f"`bandwidth={bandwidth}` with {latitudes} x {longitudes} samples; wanted an even bandwidth, at least "
                 "half as many latitudes and twice as many longitudes"
             )
         self.bandwidth = bandwidth
@@ -70,7 +70,7 @@ class Harmonics:
         grid = self.directions.shape[:2]
         if layers.ndim != 3 or layers.shape[1:] != grid or np.iscomplexobj(layers):
             raise InputError(
-                f"layers are {layers.dtype} of shape {layers.shape}; wanted real ones of (L, {grid[0]}, {grid[1]})"
+                f"`layers` are {layers.dtype} of shape {layers.shape}; wanted real ones of (L, {grid[0]}, {grid[1]})"
             )
         layers = layers.astype(np.float32, copy=False)
         _require_finite(layers, "layers")
@@ -78,11 +78,11 @@ class Harmonics:
         middle = self.bandwidth - 1
         result = np.zeros((self.bandwidth // 2, len(layers), 2 * self.bandwidth - 1), np.complex64)
         for order, legendre in enumerate(self._legendre):
-            found = legendre @ waves[:, :, order].T  # (degrees, L)
+            positive = legendre @ waves[:, :, order].T  # (degrees, L)
             first = self.bandwidth // 2 - len(legendre)
-            result[first:, :, middle + order] = found
+            result[first:, :, middle + order] = positive
             if order:
-                result[first:, :, middle - order] = (-1) ** order * found.conj()
+                result[first:, :, middle - order] = (-1) ** order * positive.conj()
         return result
 
 
@@ -106,9 +106,9 @@ def equalize(coefficients: np.ndarray, power: float) -> np.ndarray:
         InputError: the power is another, or the coefficients have another shape or are not finite.
     """
     if not 0 <= power <= 1:
-        raise InputError(f"power is {power}; wanted 0 to 1")
+        raise InputError(f"`power={power}`; wanted 0 to 1")
     if coefficients.ndim != 3 or coefficients.shape[2] != 4 * coefficients.shape[0] - 1:
-        raise InputError(f"coefficients have shape {coefficients.shape}; wanted (degrees, L, 4 degrees - 1)")
+        raise InputError(f"`coefficients` have shape {coefficients.shape}; wanted (degrees, L, 4 degrees - 1)")
     _require_finite(coefficients, "coefficients")
     result = np.zeros(coefficients.shape, np.complex64)
     middle = coefficients.shape[2] // 2
@@ -158,4 +158,4 @@ def _to_complex(part: np.ndarray) -> np.ndarray:
 
 def _require_finite(values: np.ndarray, what: str) -> None:
     if not np.isfinite(values).all():
-        raise InputError(f"the {what} hold numbers that are not finite; look at the volumes that went in")
+        raise InputError(f"`{what}` hold numbers that are not finite; look at the volumes that went in")

@@ -53,13 +53,11 @@ class HemisphereConfig:
     acceptance: Acceptance = field(default_factory=Acceptance)
 
     def __post_init__(self) -> None:
-        if self.yaw_peaks < 1 or self.refinements < 0 or self.final_refinements < 0:
-            raise InputError(
-                f"yaw_peaks is {self.yaw_peaks}, refinements {self.refinements} and {self.final_refinements}; "
-                "wanted at least 1, 0 and 0"
-            )
+        for name, least in (("yaw_peaks", 1), ("refinements", 0), ("final_refinements", 0)):
+            if getattr(self, name) < least:
+                raise InputError(f"`{name}={getattr(self, name)}` is too few; give at least {least}")
         if not 0 < self.max_tilt <= np.pi:
-            raise InputError(f"--max-tilt {np.rad2deg(self.max_tilt):g}: wanted above 0 and up to 180 degrees")
+            raise InputError(f"`max_tilt` is {np.rad2deg(self.max_tilt):g} degrees; give more than 0 and up to 180")
 
     @classmethod
     def paper(cls, centered: bool = True) -> "HemisphereConfig":

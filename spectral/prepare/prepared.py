@@ -96,8 +96,8 @@ class Preparer:
         if share < _LEAST_INSIDE:
             raise InputError(
                 f"{name}: the grid of {self.grid.edge} voxels of {self.grid.voxel:g} m holds {share:.1%} of its "
-                f"points; wanted at least {_LEAST_INSIDE:.0%}. Give larger voxels with --voxel, more of them with "
-                "--grid, or leave --voxel out to have it chosen."
+                f"points; wanted at least {_LEAST_INSIDE:.0%}. Give a larger `voxel`, a larger "
+                "`edge`, or leave `voxel` out to have it chosen."
             )
 
     def _require_structure(self, name: str, surface: np.ndarray) -> None:
@@ -105,14 +105,14 @@ class Preparer:
         if len(surface) < _FEWEST_VOXELS:
             raise InputError(
                 f"{name}: its points fill {len(surface)} of the voxels, on a {size}; wanted at least {_FEWEST_VOXELS}. "
-                "Give a scan with more structure, or smaller voxels with --voxel."
+                "Give a scan with more structure, or a smaller `voxel`."
             )
         spread = np.linalg.svd(surface - surface.mean(axis=0), compute_uv=False)[-1] / np.sqrt(len(surface))
         if spread < _FLATTEST:
             raise InputError(
                 f"{name}: all its points lie in one plane (they deviate {spread * self.grid.voxel:.2g} m from it, "
                 f"on a {size}): a shift along it cannot be seen. Give a scan with more structure, or "
-                "smaller voxels with --voxel, in which a low relief shows."
+                "a smaller `voxel`, in which a low relief shows."
             )
 
 

@@ -37,11 +37,11 @@ def signature(coefficients: np.ndarray) -> np.ndarray:
         InputError: the coefficients have another shape, or are not finite.
     """
     if coefficients.ndim != 3 or len(coefficients) < 2 or coefficients.shape[2] != 4 * len(coefficients) - 1:
-        raise InputError(f"coefficients have shape {coefficients.shape}; wanted (degrees, L, 4 degrees - 1)")
+        raise InputError(f"`coefficients` have shape {coefficients.shape}; wanted (degrees, L, 4 degrees - 1)")
     chosen = coefficients[1:, _LAYERS].astype(np.complex128)
     energies = (np.abs(chosen) ** 2).sum(axis=2)
     if not np.isfinite(energies).all():
-        raise InputError("the coefficients hold numbers that are not finite; look at the volume that went in")
+        raise InputError("`coefficients` hold numbers that are not finite; look at the volume that went in")
     faintest = np.finfo(np.float64).tiny
     shares = energies / np.maximum(energies.sum(axis=0), faintest)
     scaled = chosen * (shares**0.25 / np.sqrt(np.maximum(energies, faintest)))[:, :, None]

@@ -14,7 +14,7 @@ def box_scan(low: list[float], high: list[float], count: int = 5000, seed: int =
 
 
 @pytest.mark.parametrize(
-    ("edge", "advice"), [(100, "--grid 128"), (8, "--grid 16"), (1000, "--grid 512"), (0, "--grid 16")]
+    ("edge", "advice"), [(100, "`edge=128`"), (8, "`edge=16`"), (1000, "`edge=512`"), (0, "`edge=16`")]
 )
 def test_refuses_an_edge_that_is_no_power_of_two_and_says_which_is_near(edge: int, advice: str) -> None:
     with pytest.raises(InputError, match=advice):
@@ -23,7 +23,7 @@ def test_refuses_an_edge_that_is_no_power_of_two_and_says_which_is_near(edge: in
 
 @pytest.mark.parametrize("voxel", [0.0, -1.0, float("nan"), float("inf")])
 def test_refuses_a_voxel_without_size(voxel: float) -> None:
-    with pytest.raises(InputError, match="--voxel"):
+    with pytest.raises(InputError, match="`voxel=0.5`"):
         Grid(64, voxel)
 
 

@@ -262,7 +262,7 @@ class TestBounds:
     @pytest.mark.parametrize(
         ("changes", "words"),
         [
-            ({"hypotheses": 0}, "hypotheses is 0"),
+            ({"hypotheses": 0}, "`hypotheses=0`"),
             ({"shortlist": 0}, "shortlist 0"),
             ({"finalists": 0}, "finalists 0"),
             ({"max_tilt": 0.0}, "--max-tilt 0"),

@@ -128,7 +128,7 @@ def test_refuses_batches_without_layers(device):
 
 def test_refuses_other_arrays(device):
     fft = RealFFT(device, (16, 32, 64))
-    with pytest.raises(InputError, match="volume is float64"):
+    with pytest.raises(InputError, match="`volume` is float64"):
         fft.forward(device.to_device(np.zeros((16, 32, 64))))
     with pytest.raises(InputError, match=r"wanted complex64 of shape \(16, 32, 40\)"):
         fft.inverse(device.to_device(np.zeros((16, 32, 33), np.complex64)))

@@ -16,7 +16,7 @@ import kernels.opencl.device
 from kernels.errors import DeviceError
 from kernels.opencl.device import Device, choose_device, list_devices
 from kernels.opencl.selection import by_preference, matching
-from kernels.opencl.source import telling_line
+from kernels.opencl.source import informative_line
 
 ROOT = Path(__file__).parents[3]
 
@@ -85,7 +85,7 @@ class TestSelection:
     @pytest.mark.parametrize("wanted", ["2:0,1", "nvidia:0, 1", "0:0,1,2"])
     def test_wants_one_device(self, wanted: str) -> None:
         one = wanted.partition(",")[0]
-        with pytest.raises(DeviceError, match=f"'{wanted}' names several .* one is wanted, as in '{one}'.*2:1 GeForce"):
+        with pytest.raises(DeviceError, match=f"'{wanted}' names several .* choose one, as in '{one}'.*2:1 GeForce"):
             matching(wanted, MACHINE)
 
     def test_prefers_the_larger_gpu_and_the_newer_driver(self) -> None:
@@ -163,7 +163,7 @@ class TestMemory:
         message = str(raised.value)
         assert f"this needs {need} on the device, {need} of it in one piece" in message
         assert f"at most {limit / 2**30:.2f} GiB in one piece" in message
-        assert "Use a smaller --grid" in message
+        assert "Use a smaller `edge`" in message
         with pytest.raises(DeviceError, match=r"Use --grid 64\."):
             device.require(2**20, device.memory + 1, hint="--grid 64")
 
@@ -174,7 +174,7 @@ class TestMemory:
         monkeypatch.setattr(cla, "empty", full)
         monkeypatch.setattr(cla, "to_device", full)
         for call in (lambda: device.empty((16,)), lambda: device.to_device(np.zeros(16, np.float32))):
-            with pytest.raises(DeviceError, match=r"no memory or other resources left .*_FAILURE.*smaller --grid"):
+            with pytest.raises(DeviceError, match=r"no memory or other resources left .*_FAILURE.*smaller `edge`"):
                 call()
 
 
@@ -216,5 +216,5 @@ class TestPrograms:
 )
 def test_the_line_that_tells_is_found_in_a_build_log(log: str, line: str) -> None:
     text = f"clBuildProgram failed: INVALID_BUILD_OPTIONS\n\nBuild on <pyopencl.Device 'x'>:\n\n{log}\n(options: -I /a)"
-    assert telling_line(text) == line
-    assert telling_line(f"{text}\n(source saved as /tmp/x.cl)") == line
+    assert informative_line(text) == line
+    assert informative_line(f"{text}\n(source saved as /tmp/x.cl)") == line

@@ -78,7 +78,7 @@ def test_halves_of_a_stack_of_images_suit_every_alignment(device, edge):
 def test_a_slice_off_the_alignment_is_refused(device):
     strict = limited(device, mem_base_addr_align=4096)
     wide = strict.to_device(np.zeros((16, 8), np.float32))
-    with pytest.raises(InputError, match=r"begins 32 bytes into it; .* wants a multiple of 512"):
+    with pytest.raises(InputError, match=r"begins 32 bytes into it; .* needs a multiple of 512"):
         launch(strict, "pomf/peak", "gather_rows", (1,), wide[1:], wide, wide, LENGTH=8)
 
 
@@ -128,7 +128,7 @@ class TestFull:
             lambda: launch(device, "pomf/peak", "gather_rows", (1,), volume, volume, volume, LENGTH=8),
         )
         for call in calls:
-            with pytest.raises(DeviceError, match=r"no memory .*left for this .*FULL.*Use a smaller --grid"):
+            with pytest.raises(DeviceError, match=r"no memory .*left for this .*FULL.*Use a smaller `edge`"):
                 call()
 
     def test_device_is_not_blamed_for_other_errors(self, device, monkeypatch):
@@ -147,7 +147,7 @@ class TestSmallWorkGroups:
         ("limits", "message"),
         [
             ({"local_mem_size": 2**14}, "512 points needs work-groups of 256 and 32 KiB .* 16 KiB. .*: 256 points"),
-            ({"max_work_group_size": 64}, "512 points needs work-groups of 256 .* has 64 and .*--grid: 64 points"),
+            ({"max_work_group_size": 64}, "512 points needs work-groups of 256 .* has 64 and .*`edge`: 64 points"),
             ({"max_work_item_sizes": [32, 1, 1]}, "512 points .* has 32 and .* 32 points would do"),
             ({"max_work_group_size": 16}, "512 points .* has 16 and .* Use another device"),
         ],

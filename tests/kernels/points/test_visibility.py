@@ -64,9 +64,9 @@ class TestCells:
 
     def test_refuses_what_it_cannot_use(self):
         for bad in (np.zeros(3), np.zeros((2, 4)), np.array([[0, np.nan, 1.0]])):
-            with pytest.raises(InputError, match="directions have shape"):
+            with pytest.raises(InputError, match="`directions` have shape"):
                 octahedral_cells(bad, 16)
-        with pytest.raises(InputError, match="0 cells per edge"):
+        with pytest.raises(InputError, match="`edge=0` cells"):
             octahedral_cells(np.ones((1, 3)), 0)
 
 
@@ -179,16 +179,16 @@ class TestAgreement:
     def test_refuses_what_it_cannot_use(self, device):
         view, points = device.to_device(random_view(16, 13)), upload_points(device, on_the_sphere(9, 14))
         R, t = random_poses(2, 15)
-        with pytest.raises(InputError, match="poses have shapes"):
+        with pytest.raises(InputError, match="`R` and `t` have shapes"):
             agreement(device, view, points, R, t[:1], 1, 0)
-        with pytest.raises(InputError, match="reach is -1"):
+        with pytest.raises(InputError, match="`reach=-1`"):
             agreement(device, view, points, R, t, -1, 0)
         with pytest.raises(InputError, match="finite"):
             agreement(device, view, points, R, t * np.nan, 1, 0)
         with pytest.raises(InputError, match="16 x 8 cells"):
             agreement(device, device.to_device(np.zeros((16, 8, 2), np.float32)), points, R, t, 1, 0)
-        with pytest.raises(InputError, match="99 of 16 points"):
+        with pytest.raises(InputError, match="99 of 16"):
             agreement(device, view, (points[0], 99), R, t, 1, 0)
         for bad in (np.zeros((3, 2)), np.array([[1, 2, np.inf]])):
-            with pytest.raises(InputError, match="points have shape"):
+            with pytest.raises(InputError, match="`points` have shape"):
                 upload_points(device, bad)

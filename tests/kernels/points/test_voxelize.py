@@ -63,11 +63,11 @@ def test_no_points_give_an_empty_volume(device):
 
 def test_refuses_what_it_cannot_use(device):
     points = device.empty((5, 4))
-    with pytest.raises(InputError, match="points is float32 of shape"):
+    with pytest.raises(InputError, match="`points` is float32 of shape"):
         voxelize(device, device.empty((5, 3)), 16)
     with pytest.raises(InputError, match="rotation"):
         voxelize(device, points, 16, R=np.ones((3, 3)))
     with pytest.raises(InputError, match="even"):
         voxelize(device, points, 15)
-    with pytest.raises(InputError, match="out is float32"):
+    with pytest.raises(InputError, match="`out` is float32"):
         voxelize(device, points, 16, out=device.empty((16, 16, 8)))

@@ -122,5 +122,5 @@ def test_refuses_what_it_cannot_use(device):
         find_peaks(device, good, 0)
     with pytest.raises(InputError, match="limits"):
         find_peaks(device, good, limits=(1, -1, None))
-    with pytest.raises(InputError, match="correlation is float64"):
+    with pytest.raises(InputError, match="`correlation` is float64"):
         find_peaks(device, device.to_device(np.zeros((4, 4, 4))))

@@ -99,7 +99,7 @@ class TestSegmentPeaks:
 
     @pytest.mark.parametrize("segments", [0, 3, 32])
     def test_refuses_segments_that_do_not_fit(self, device, segments):
-        with pytest.raises(InputError, match="equal segments"):
+        with pytest.raises(InputError, match="do not divide rows"):
             segment_peaks(device, device.to_device(noise((4, 4, 16), 1)), segments)
 
 

@@ -121,13 +121,13 @@ def test_pomf_of_batches_and_their_sum(device):
 
 def test_refuses_what_it_cannot_use(device):
     spectrum = device.empty((16, 16, 16), np.complex64)
-    with pytest.raises(InputError, match="spectrum is complex64"):
+    with pytest.raises(InputError, match="`spectrum` is complex64"):
         magnitude(device, spectrum, 32)
     with pytest.raises(InputError, match="wanted complex64"):
         whiten(device, device.empty((16, 16, 16)))
     with pytest.raises(InputError, match="multiple of 8"):
         whiten(device, device.empty((16, 9), np.complex64))
-    with pytest.raises(InputError, match="source is"):
+    with pytest.raises(InputError, match="`source` is"):
         cross_power(device, spectrum, device.empty((8, 16, 16), np.complex64), (16, 16, 16))
     with pytest.raises(InputError, match="blur"):
         cross_power(device, spectrum, spectrum, (16, 16, 16), blur=-1)

@@ -57,7 +57,7 @@ def test_refuses_what_it_cannot_use(device):
     stack = device.empty((2, 8, 8))
     with pytest.raises(InputError, match="multiple of 8"):
         normalize_layers(device, device.empty((2, 8, 9)), None)
-    with pytest.raises(InputError, match="window is"):
+    with pytest.raises(InputError, match="`window` is"):
         normalize_layers(device, stack, device.empty((8, 16)))
-    with pytest.raises(InputError, match="mask is"):
+    with pytest.raises(InputError, match="`mask` is"):
         normalize_layers(device, stack, None, device.empty((8, 8), np.int32))

@@ -57,5 +57,5 @@ def test_refuses_what_it_cannot_use(device):
         polar_magnitude(device, spectrum, (16, 16), np.array([7.0]), angles)
     with pytest.raises(InputError, match="multiple of 8"):
         polar_magnitude(device, spectrum, (16, 16), np.array([3.0]), angles[:7])
-    with pytest.raises(InputError, match="spectrum is"):
+    with pytest.raises(InputError, match="`spectrum` is"):
         polar_magnitude(device, spectrum, (16, 32), np.array([3.0]), angles)

@@ -147,9 +147,9 @@ def test_refuses_what_it_cannot_use(device):
         sample(device, magnitude, directions, np.array([3.0, 7.0]))
     with pytest.raises(InputError, match="below 7 bins"):
         sample(device, magnitude, directions, np.array([]))
-    with pytest.raises(InputError, match="magnitude is"):
+    with pytest.raises(InputError, match="`magnitude` is"):
         sample(device, device.empty((16, 16, 16)), directions, np.array([3.0]))
     with pytest.raises(InputError, match="unit vectors"):
         upload_directions(device, 2 * rectangular_unwrap(16, "x"))
-    with pytest.raises(InputError, match="axis 'x' or 'y'"):
+    with pytest.raises(InputError, match="on 'x' or 'y'"):
         rectangular_unwrap(16, "z")

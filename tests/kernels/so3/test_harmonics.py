@@ -79,7 +79,7 @@ class TestAnalyze:
     def test_refuses_what_is_not_finite(self, bad):
         layers = np.zeros((2, 8, 16), np.float32)
         layers[1, 3, 4] = bad
-        with pytest.raises(InputError, match="layers hold numbers that are not finite"):
+        with pytest.raises(InputError, match="`layers` hold numbers that are not finite"):
             Harmonics(8, 8, 16).analyze(layers)
 
     def test_refuses_other_layers(self):
@@ -90,7 +90,7 @@ class TestAnalyze:
 
     @pytest.mark.parametrize("numbers", [(0, 8, 16), (7, 8, 16), (8, 3, 16), (8, 8, 15)])
     def test_refuses_grids_that_do_not_fit(self, numbers):
-        with pytest.raises(InputError, match=f"bandwidth {numbers[0]} with"):
+        with pytest.raises(InputError, match=f"`bandwidth={numbers[0]}` with"):
             Harmonics(*numbers)
 
 
@@ -163,5 +163,5 @@ class TestEqualize:
         with pytest.raises(InputError, match="wanted \\(degrees, L, 4 degrees - 1\\)"):
             equalize(good[1:], 0.4)
         good[1, 2, 7] = np.nan
-        with pytest.raises(InputError, match="coefficients hold numbers that are not finite"):
+        with pytest.raises(InputError, match="`coefficients` hold numbers that are not finite"):
             equalize(good, 0.4)

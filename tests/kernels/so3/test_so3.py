@@ -115,7 +115,7 @@ class TestCorrelation:
         good = random_coefficients(8, 2, 10)
         others = good[:, :1], good[:2], good[:, 0], good[..., 1:]
         for target, source in [(good[:, :0], good[:, :0]), (others[1], good), *((good, other) for other in others)]:
-            with pytest.raises(InputError, match="coefficients have shapes"):
+            with pytest.raises(InputError, match="`target` and `source` have shapes"):
                 correlation.correlate(target, source)
         bad = good.copy()
         bad[1, 1, 7] = np.inf
@@ -125,7 +125,7 @@ class TestCorrelation:
 
     @pytest.mark.parametrize("bandwidth", [0, 4, 12, 264])
     def test_refuses_other_bandwidths(self, device, bandwidth):
-        with pytest.raises(InputError, match=f"bandwidth {bandwidth} up to"):
+        with pytest.raises(InputError, match=f"`bandwidth={bandwidth}`, `largest`"):
             RotationCorrelation(device, bandwidth)
 
     @pytest.mark.parametrize("largest", [0.0, -1.0, 3.2, np.nan])
@@ -136,7 +136,7 @@ class TestCorrelation:
     def test_refuses_tables_beyond_the_device_before_it_computes_them(self, device, monkeypatch):
         monkeypatch.setattr("kernels.so3.correlation.wigner_d", lambda *_: pytest.fail("computed"))
         monkeypatch.setattr(type(device), "memory", 2**20)
-        with pytest.raises(DeviceError, match="a smaller bandwidth"):
+        with pytest.raises(DeviceError, match="a smaller `bandwidth`"):
             RotationCorrelation(device, 48)
 
 

@@ -156,7 +156,7 @@ class TestCommand:
     @pytest.mark.parametrize(
         ("arguments", "words"),
         [
-            (["--grid", "100"], "--grid 100: wanted a power of two"),
+            (["--grid", "100"], "--grid 100 is not a power of two"),
             (["--no-kernels", "--pairs", "0"], "nothing to measure"),
             (["--device", "abacus"], "no OpenCL device matches 'abacus'"),
             (["--repeats", "0"], "--repeats"),

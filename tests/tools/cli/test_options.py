@@ -82,10 +82,10 @@ class TestSharedOptions:
     @pytest.mark.parametrize(
         ("arguments", "words"),
         [
-            ("--grid 100", ["100: wanted", "power of two from 16 to 512", "try --grid 128"]),
-            ("--grid 8", ["8: wanted", "try --grid 16"]),
-            ("--grid 1024", ["1024: wanted", "try --grid 512"]),
-            ("--grid -4", ["-4: wanted", "try --grid 16"]),
+            ("--grid 100", ["--grid 100 is not a power of two from 16 to 512", "try --grid 128"]),
+            ("--grid 8", ["--grid 8 is not", "try --grid 16"]),
+            ("--grid 1024", ["--grid 1024 is not", "try --grid 512"]),
+            ("--grid -4", ["--grid -4 is not", "try --grid 16"]),
             ("--grid many", ["--grid", "integer"]),
             ("--voxel 0", ["0.0 m", "above 0", "--voxel 0.5"]),
             ("--voxel nan", ["nan m", "above 0"]),

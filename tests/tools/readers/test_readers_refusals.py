@@ -131,7 +131,7 @@ def test_a_negative_count_is_refused(tmp_path, sample):
         (".npy", npy(np.array([[1, 2, None]], object)), "array of objects.*unpickled"),
         (".npy", npy(np.zeros(3, [("x", "f4"), ("y", "f4"), ("z", "f4")])), "array of fields"),
         (".npz", npz(points=np.array([[1, 2, None]], object)), "array of objects.*unpickled"),
-        (".npz", npz(points=POINTS, strength=STRENGTH[:4]), r"strength has shape \(4,\); wanted \(5,\)"),
+        (".npz", npz(points=POINTS, strength=STRENGTH[:4]), r"`strength` has shape \(4,\); wanted \(5,\)"),
         (".npz", npz(points=POINTS, stamp=np.array([1.0, 2.0])), "stamp has shape"),
         (".npz", npz(points=POINTS, stamp=np.array(np.nan)), "stamp"),
         (".npz", npz(a=POINTS, b=STRENGTH), "its arrays are a, b; wanted 'points'"),
