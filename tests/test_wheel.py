@@ -1,9 +1,14 @@
 """The wheel: what is in it, and that it works in an environment of its own."""
 
+import ast
 import os
+import re
 import shutil
 import subprocess
 import sys
+import tomllib
+from importlib.metadata import packages_distributions
+from itertools import chain
 from pathlib import Path
 from zipfile import ZipFile
 
@@ -45,6 +50,31 @@ def test_the_command_is_the_top_level_modules(wheel: Path) -> None:
     with ZipFile(wheel) as archive:
         entry_points = next(name for name in archive.namelist() if name.endswith("entry_points.txt"))
         assert archive.read(entry_points).decode().split("\n")[:2] == ["[console_scripts]", "sonarmap = sonarmap:main"]
+
+
+def test_every_imported_library_is_a_dependency() -> None:
+    project = tomllib.loads((ROOT / "pyproject.toml").read_text())["project"]
+    requirements = [*project["dependencies"], *chain.from_iterable(project["optional-dependencies"].values())]
+    declared = {re.split(r"[\[>=]", requirement)[0].replace("_", "-") for requirement in requirements}
+    distributions = packages_distributions()
+    missing = set()
+    for library in imported_libraries():
+        names = {name.replace("_", "-") for name in distributions.get(library, [library])}
+        if not names & declared:
+            missing.add(library)
+    assert not missing
+
+
+def imported_libraries() -> set[str]:
+    """The top-level modules that the product imports and that neither it nor Python has."""
+    libraries: set[str] = set()
+    for path in (path for package in PACKAGES for path in (ROOT / package).rglob("*.py")):
+        for node in ast.walk(ast.parse(path.read_text())):
+            if isinstance(node, ast.Import):
+                libraries.update(alias.name.split(".")[0] for alias in node.names)
+            elif isinstance(node, ast.ImportFrom) and node.module:
+                libraries.add(node.module.split(".")[0])
+    return libraries - {*PACKAGES, *sys.stdlib_module_names}
 
 
 @pytest.mark.slow
