@@ -1,8 +1,8 @@
 #!/usr/bin/env bash
 # Make .venv at the root and install sonarmap in it, with the system libraries that it needs.
 #
-# Run again, it looks whether all is there and ends within a second. A run that was cut short leaves a mark, and the
-# next one starts over. PYTHON names another interpreter than the first python3 that is new enough.
+# If everything is installed already, this ends within a second. After an interrupted run the next one starts over.
+# PYTHON=/path/to/python3 chooses the interpreter; by default it is the first python3 that is new enough.
 set -euo pipefail
 cd "$(dirname "${BASH_SOURCE[0]}")/.."
 readonly mark=.venv/.sonarmap-setup
@@ -22,17 +22,17 @@ stage() {
     awk -v a="$start" -v b="$EPOCHREALTIME" 'BEGIN { printf "setup: done in %.1f s\n", b - a }'
 }
 
-# The interpreter to build on, and not one of an environment that happens to be active.
+# The interpreter to build on: the system's, even if a virtual environment is active.
 find_python() {
     local candidate base='import sys; sys.version_info < (3, 11) and sys.exit(1); print(sys._base_executable)'
     for candidate in ${PYTHON:-python3 python3.13 python3.12 python3.11}; do
         "$candidate" -c "$base" 2>/dev/null && return
     done
-    fail "no Python of at least 3.11 was found; install one, or name one as in PYTHON=/path/to/python3 $0"
+    fail "no Python of at least 3.11 was found; install one, or name one: PYTHON=/path/to/python3 $0"
 }
 
-# The Debian packages of the libraries that open3d loads and of an OpenCL for the CPU, where they are missing. The PoCL
-# that pip brings builds nothing on processors newer than itself, so the system's is wanted beside it.
+# The missing ones of the Debian packages that open3d and OpenCL on the CPU need. The PoCL that pip installs cannot
+# compile for processors newer than itself, so the system's PoCL is installed beside it.
 missing_packages() {
     "$python" - <<'PYTHON'
 import ctypes
@@ -66,7 +66,7 @@ can_install() {
 }
 
 install_packages() {
-    as_root env DEBIAN_FRONTEND=noninteractive apt-get update -qq </dev/null || echo "setup: no fresh package lists" >&2
+    as_root env DEBIAN_FRONTEND=noninteractive apt-get update -qq </dev/null || echo "setup: could not update the package lists" >&2
     as_root env DEBIAN_FRONTEND=noninteractive \
         apt-get install -y -qq --no-install-recommends "$@" </dev/null >/dev/null
 }
@@ -78,12 +78,12 @@ system_libraries() {
     if can_install; then
         stage "installing system packages: ${packages[*]}" install_packages "${packages[@]}"
     else
-        echo "setup: these system packages are missing and cannot be installed from here; what needs them will say so:" >&2
+        echo "setup: these system packages are missing, and this user cannot install them; without them some commands fail:" >&2
         echo "setup:     sudo apt-get install ${packages[*]}" >&2
     fi
 }
 
-# What the environment is made for; another answer later means that it has to be brought up to date.
+# What the environment depends on. If this differs from what the mark in .venv says, the environment is out of date.
 wanted_state() {
     { pwd -P; version_of "$python"; cat pyproject.toml constraints.txt; } | sha256sum
 }
@@ -92,7 +92,7 @@ version_of() {
     "$1" -c 'import sys; print(sys.version)' 2>/dev/null
 }
 
-# An environment that a run was cut short in is made anew, and so is one whose interpreter is gone or was replaced.
+# Make the environment, anew if an earlier run was interrupted or its interpreter is gone or was replaced.
 make_environment() {
     if [ "$(cat $mark 2>/dev/null)" = unfinished ] || ! version_of .venv/bin/python >/dev/null ||
         { [ -e $mark ] && [ "$(version_of .venv/bin/python)" != "$(version_of "$python")" ]; }; then
@@ -101,7 +101,7 @@ make_environment() {
     mkdir -p .venv
     echo unfinished >$mark
     [ -x .venv/bin/python ] || "$python" -m venv --without-pip .venv
-    # Debian without python3-venv has no ensurepip, but its own pip can install another into the environment.
+    # Debian without python3-venv has no ensurepip, but its own pip can install a pip into the environment.
     .venv/bin/python -m pip --version >/dev/null 2>&1 ||
         .venv/bin/python -m ensurepip --default-pip >/dev/null 2>&1 ||
         "$python" -m pip --python .venv/bin/python install -q pip ||
@@ -115,7 +115,7 @@ install_sonarmap() {
 }
 
 exec 9<tools/setup.sh
-flock 9 || fail "cannot lock tools/setup.sh" # two at once would spoil the environment for each other
+flock 9 || fail "cannot lock tools/setup.sh" # two runs at once would break the environment
 
 python=$(find_python)
 system_libraries
