@@ -1,11 +1,12 @@
-"""The errors that a user can mend; the command line shows them without a traceback and exits with 2."""
+# pyright: strict
+"""The errors that a user can fix; the command line shows them without a traceback and exits with 2."""
 
 
 class SonarmapError(Exception):
-    """What was given, what was wanted and what to do about it, in one message.
+    """Its message says what was given, what was expected and what to do.
 
-    Every error that a user's input, files, options or machine can cause derives from this class. Anything
-    else that escapes is a defect of the program.
+    Every error that a user's input, files, options or machine can cause derives from this class; any
+    other exception is a defect of the program. Arguments are named in backticks.
     """
 
 
@@ -14,4 +15,4 @@ class InputError(SonarmapError, ValueError):
 
 
 class DeviceError(SonarmapError, RuntimeError):
-    """No OpenCL device, one that does not work, or one too small for what was asked."""
+    """No OpenCL device, one that does not work, or one that is too small for the task."""

@@ -1,1 +1,11 @@
-"""Two scans in, one 6-DoF registration with its uncertainty out."""
+"""Two scans in, one 6-DoF registration with its uncertainty out.
+
+`registration.py` is the method, its steps in order: `prepare/` is what one scan contributes to every pair, `so3.py`
+finds rotations, `translation.py` shifts, and `verify/` tests the hypotheses that they make. `hemisphere/` is the
+paper's own chain. A method of registration is any object with `prepare(scan)` and `register(target, source)`: see
+`result.Registrar`.
+"""
+
+import lazy_loader
+
+__getattr__, __dir__, __all__ = lazy_loader.attach_stub(__name__, __file__)

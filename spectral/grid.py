@@ -1,3 +1,4 @@
+# pyright: strict
 """The voxel grid that a set of scans shares, and where each scan lies in it."""
 
 from __future__ import annotations
@@ -18,7 +19,8 @@ _TRIM = 0.01
 
 _FARTHEST = 1e6  # [voxels]
 
-# Free space around the largest scan, as a factor on its box: what the periodic shift needs to tell left from right.
+# Free space around the largest scan, as a factor on its box: a periodic shift needs it to distinguish left
+# from right.
 _MARGIN = 1.2
 
 
@@ -73,6 +75,11 @@ def scan_center(scan: Scan) -> np.ndarray:
 
 def choose_grid(scans: Iterable[Scan], edge: int = 128, voxel: float | None = None) -> Grid:
     """The grid for a set of scans: the voxel as given, or so large that the largest scan fits with a margin.
+
+    Args:
+        scans: that share the grid.
+        edge: voxels per edge, a power of two from 16 to 512.
+        voxel: edge of a voxel [m]; None to choose it.
 
     Raises:
         InputError: a voxel is not given and no scan has an extent (all points of each in one place).

@@ -1,4 +1,4 @@
-"""What registrations need on the device, known before anything is allocated: by either registrar."""
+"""How much device memory a registration needs, by either method, known before anything is allocated."""
 
 from kernels.errors import DeviceError
 from kernels.opencl.device import Device
@@ -7,9 +7,9 @@ from spectral.grid import EDGES
 # Tables and correlations over all rotations, of any tilt: the same on every grid.
 _ROTATIONS = 64 * 2**20
 _LARGEST_TABLE = 42 * 2**20
-# Points of a scan, on two grids: so many, at 16 bytes, are reckoned with.
+# Points of a scan on two grids: up to 200,000 of 16 bytes are assumed.
 _POINTS = 2 * 16 * 200_000
-# The range image of a scan, and the points that are put into those of others.
+# The range image of a scan, and the sample of points that is compared with others'.
 _VIEW = 2**18
 
 

@@ -1,3 +1,5 @@
+# pyright: strict, reportMissingTypeStubs=false, reportUnknownMemberType=false
+# pyright: reportUnknownVariableType=false, reportUnknownArgumentType=false
 """What the priors of two scans say about their relative pose: which rotations and shifts they allow."""
 
 from dataclasses import dataclass
@@ -11,7 +13,7 @@ from spectral.scan import PosePrior
 _ALLOWED_SIGMAS = 4.0
 # Largest roll and pitch of a scan whose attitude is not measured [rad], the paper's range (Sect. 2.7)
 UNMEASURED_TILT = np.deg2rad(35.0)
-# What these can add to the turn of one scan about the vertical [rad], beyond the yaw of R = Rz(yaw) Ry(pitch) Rx(roll)
+# What roll and pitch can add to the turn of one scan about the vertical [rad], beyond yaw in Rz(yaw) Ry(pitch) Rx(roll)
 _ONE_UNMEASURED = 2 * np.arctan(np.tan(UNMEASURED_TILT / 2) ** 2)
 # and to the turn between two such scans: two tilts after each other turn about the vertical besides
 _TILT = np.arccos(np.cos(UNMEASURED_TILT) ** 2)
@@ -24,7 +26,7 @@ class RelativePrior:
 
     With both attitudes the relative rotation is known but for a turn about the world's vertical,
     `R_target_source = R_world_target^-1 Rz(any) R_world_source`, with both headings wholly. A heading without an
-    attitude bounds the yaw alone, and as widely as roll and pitch up to `UNMEASURED_TILT` want it. The shift is bounded
+    attitude bounds the yaw alone, and as widely as roll and pitch up to `UNMEASURED_TILT` require. The shift is bounded
     in the world's axes. Which way these point in the target's frame is known from the target's prior, or, where the
     source's knows more, from that and R_target_source. Without any attitude only the length of the shift is bounded.
 
@@ -90,8 +92,8 @@ class RelativePrior:
 
         Args:
             t: (3,) or (N, 3) [m], T_target_source.translation: the source's origin in the target's frame.
-            R_target_source: one rotation, or a stack of N; heeded where the source tells better which way is up, or
-                north, than the target.
+            R_target_source: one rotation, or a stack of N; used only where the source knows better than the target
+                which way is up, or north.
             slack: what the translation may be off by besides [m]: in height, and again horizontally.
 
         Returns:
@@ -218,8 +220,9 @@ def relative_prior(target: PosePrior | None, source: PosePrior | None) -> Relati
     """
     if target is None or source is None:
         return None
-    one = RelativePrior(target, source)
-    return one if one.knows_tilt or one.knows_heading or one.knows_position or one.knows_depth else None
+    prior = RelativePrior(target, source)
+    known = prior.knows_tilt or prior.knows_heading or prior.knows_position or prior.knows_depth
+    return prior if known else None
 
 
 def measured_rotation(prior: PosePrior) -> Rotation:

@@ -1,4 +1,5 @@
-"""What a registration says: the transform, how sure it is, and whether to believe it."""
+# pyright: strict, reportMissingTypeStubs=false
+"""The result of a registration, and what a method of registration is."""
 
 from __future__ import annotations
 
@@ -13,7 +14,7 @@ from spectral.scan import Scan
 
 @dataclass(frozen=True, slots=True)
 class Registration:
-    """One scan registered to another.
+    """One scan registered to another: the transform, how sure it is, and whether to believe it.
 
     Attributes:
         T_target_source: p_target = T_target_source p_source, both in their sensor frames [m].
@@ -43,12 +44,20 @@ class Registration:
 
 
 class Registrar(Protocol):
-    """A method of registration: spectral, or any baseline. The mapper knows no more than this."""
+    """A method of registration: spectral, or any other. The mapper uses nothing else of it."""
 
     def prepare(self, scan: Scan) -> Any:
-        """What one scan contributes to every pair, computed once."""
+        """What one scan contributes to every pair, computed once; only `register` looks into it.
+
+        Raises:
+            InputError: the scan cannot be registered, as it shows too little structure.
+        """
         ...
 
     def register(self, target: Any, source: Any) -> Registration:
-        """Register two prepared scans."""
+        """T_target_source of two prepared scans, its covariance, and whether to believe it.
+
+        Args:
+            target, source: from `prepare`.
+        """
         ...

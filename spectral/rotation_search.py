@@ -29,14 +29,15 @@ def search_rotation(
     Args:
         R_target_source: where to begin.
         peak: of the translation, under this rotation.
-        stay: whether to follow this peak, step by step, and not the highest: for one that is known to be meant.
+        stay: whether to follow the given peak, step by step, instead of the highest: where it is known to be
+            the right one.
 
     Returns:
         The best rotation that was tried and its peak.
     """
     R = R_target_source
 
-    def found(turned: Rotation) -> Peak:
+    def peak_under(turned: Rotation) -> Peak:
         if stay:
             return translation.find_at(target, source, turned, peak.shift)
         return translation.find(target, source, turned)
@@ -46,11 +47,11 @@ def search_rotation(
         top = np.zeros(3)
         for axis in range(3):
             turn = Rotation.from_rotvec(step * np.eye(3)[axis])
-            pair = [(side * R, found(side * R)) for side in (turn.inv(), turn)]
+            pair = [(side * R, peak_under(side * R)) for side in (turn.inv(), turn)]
             tried += pair
             top[axis] = step * _parabola_top(pair[0][1].psr, peak.psr, pair[1][1].psr)
         combined = Rotation.from_rotvec(top) * R
-        tried.append((combined, found(combined)))
+        tried.append((combined, peak_under(combined)))
         R, peak = max(tried, key=lambda entry: entry[1].psr)
     return R, peak
 

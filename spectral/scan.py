@@ -1,3 +1,4 @@
+# pyright: strict, reportMissingTypeStubs=false
 """One scan: the points that a sensor saw from one pose."""
 
 from dataclasses import dataclass
@@ -25,7 +26,7 @@ class PosePrior:
 
     Attributes:
         T_world_sensor: the measured pose (world East-North-Up, sensor x forward, y left, z up); what was not measured
-            is not heeded, and best left at 0.
+            is not used, and best left at 0.
         sigmas: (6,) float64 standard deviations, rotation first: roll, pitch, heading [rad], then East, North, Up [m];
             inf where not measured. Roll and pitch are known both or neither, East and North likewise.
 
@@ -41,7 +42,7 @@ class PosePrior:
         if not self.T_world_sensor.single or not np.isfinite(self.T_world_sensor.as_matrix()).all():
             raise InputError("`T_world_sensor` is not one finite pose; give what is not measured the value 0")
         sigmas = self.sigmas
-        if not isinstance(sigmas, np.ndarray) or sigmas.shape != (6,) or sigmas.dtype != np.float64:
+        if not isinstance(sigmas, np.ndarray) or sigmas.shape != (6,) or sigmas.dtype != np.float64:  # pyright: ignore[reportUnnecessaryIsInstance]
             raise InputError(
                 f"`sigmas` are {sigmas!r}; wanted float64 of shape (6,): roll, pitch, heading [rad], "
                 "East, North, Up [m]"

@@ -18,10 +18,10 @@ _BANDWIDTH = 48
 _LAYERS, _COUNT = (0.2, 0.8), 20
 # How far the filter goes from plain correlation, 0, to phase only, 1.
 _EQUALIZED = 0.4
-# Two rotations nearer than this are one [rad].
+# Two rotations nearer than this are the same [rad].
 _SEPARATION = float(np.deg2rad(7.0))
-# Peaks of which the distinct ones are taken: along the ridge where only the sum of two angles matters they swarm.
-_LOOKED_AT = 600
+# The distinct ones are chosen among so many peaks: where only the sum of two angles matters there is a ridge of them.
+_EXAMINED = 600
 
 
 @dataclass(frozen=True, slots=True)
@@ -79,13 +79,13 @@ class So3:
 
         Args:
             target, source: from `prepare`.
-            allowed: of rotations (n,), which (n,) bool may be meant.
+            allowed: which (n,) bool of n rotations are possible.
         """
         correlation = self.correlate(target, source)
         index, _ = segment_peaks(self.device, correlation)
         index = index[index[:, 0] < len(self._correlation.betas)]
         R = self._correlation.rotations(index)
-        index = index[allowed(R)][:_LOOKED_AT]
+        index = index[allowed(R)][:_EXAMINED]
         if not len(index):
             return RotationPeaks(R[:0], np.empty(0))
         index, values = _refined(correlation.get(), index)

@@ -1,3 +1,4 @@
+# pyright: strict
 """Emit the Fourier transform for a processor: one work-item per plane, 8 lanes in explicit vectors.
 
 A work-item takes 8 lines at a time as real and imaginary `float8` in private arrays, which stay in the cache.
@@ -17,7 +18,7 @@ _ARGUMENTS = "__global float* volume, __global float* spectrum"
 def emit(layout: Layout, inverse: bool) -> Plan:
     """The program of a transform and its launches; see `Plan`."""
     n0, n1, _ = layout.shape
-    edges = {layout.row_points, n1} | (set() if layout.batched else {n0})
+    edges = {layout.row_points, n1, *(() if layout.batched else (n0,))}
     parts = ['#include "opencl/complex.cl"', *(twiddles(n) for n in sorted(edges))]
     parts.append(_columns("columns_1", n1, 2 * layout.pitch, 1, inverse))
     parts.append(real_rows(layout, inverse))

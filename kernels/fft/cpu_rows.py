@@ -1,3 +1,4 @@
+# pyright: strict
 """Emit the last axis of a Fourier transform for a processor: 8 rows at a time, transposed in registers."""
 
 from kernels.fft.plan import RADICES, Layout
@@ -86,7 +87,7 @@ def _untangle_tiles() -> str:
 def _tile_to_arrays(at: str, n: int, re: str, im: str, tile: str, shift: int = 0) -> str:
     """Put consecutive numbers in the digit-reversed order; the first has the position `at`, less `shift`."""
     step = n // RADICES[n][-1]
-    lines = []
+    lines: list[str] = []
     for j in range(4 - shift):
         to = f"{at} + {(j + shift) * step}"
         lines.append(f"{re}[{to}] = {tile}[{2 * j}]; {im}[{to}] = {tile}[{2 * j + 1}];")

@@ -1,3 +1,4 @@
+# pyright: strict
 """Emit the Fourier transform for a graphics processor: one work-group per 8 lines, in local memory.
 
 Every axis is a kernel. A work-group brings 8 lines into local memory in their digit-reversed order, does the
@@ -64,7 +65,7 @@ def _each(n: int, count: int, body: list[str]) -> list[str]:
 
 
 def _stages(n: int) -> list[str]:
-    lines = []
+    lines: list[str] = []
     for index, radix in enumerate(RADICES[n]):
         before = prod(RADICES[n][:index])
         body = stage(n, index, "float", _get, _put)

@@ -1,3 +1,4 @@
+# pyright: strict
 """Plan a Fourier transform: the layout of its array, the radices of an edge, the launches that make it."""
 
 from dataclasses import dataclass

@@ -1,3 +1,4 @@
+# pyright: strict
 """Write the stages of a Fourier transform as OpenCL C.
 
 An edge of N = r1 r2 ... points is transformed by decimation in time: its elements are put in the
@@ -25,7 +26,7 @@ class Butterfly:
     """Writes a small transform as straight-line code; values are pairs of expressions, (real, imaginary)."""
 
     scalar: str
-    lines: list[str] = field(default_factory=list)
+    lines: list[str] = field(default_factory=list[str])
 
     def let(self, real: str, imag: str) -> tuple[str, str]:
         """Name a complex value."""
@@ -111,7 +112,7 @@ def stage(n: int, index: int, scalar: str, load: Access, store: Access) -> list[
 
 def private_stages(n: int, begin: int, end: int, wide: int = 1) -> str:
     """Stages of `wide` edges, one behind the other in the private arrays re and im, eight lanes each."""
-    lines = []
+    lines: list[str] = []
     for index in range(begin, end):
         radix, before = RADICES[n][index], prod(RADICES[n][:index])
         lines += [
@@ -142,7 +143,7 @@ def block(lines: list[str]) -> str:
 
 def twiddles(n: int) -> str:
     """The tables of an edge's stages: exp(-2 pi i k q / L), k < L / r, 0 < q < r, L the length it makes."""
-    tables = []
+    tables: list[str] = []
     for index in range(1, len(RADICES[n])):
         radix, before = RADICES[n][index], prod(RADICES[n][:index])
         turns = np.outer(np.arange(before), np.arange(1, radix)) / (before * radix)
@@ -158,7 +159,8 @@ def constants(name: str, values: np.ndarray) -> str:
 
 def scatter(n: int, index: str) -> str:
     """The expression of the position that element `index` of an edge takes before the first stage."""
-    terms, weight, shift = [], n, 0
+    terms: list[str] = []
+    weight, shift = n, 0
     for radix in reversed(RADICES[n]):
         weight //= radix
         terms.append(f"(({index}) >> {shift} & {radix - 1}) * {weight}")

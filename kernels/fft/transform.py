@@ -1,6 +1,7 @@
+# pyright: strict
 """Fourier transforms of three-dimensional arrays on a device, in single precision."""
 
-from typing import Literal
+from typing import Any, Literal
 
 import numpy as np
 import pyopencl as cl
@@ -32,7 +33,7 @@ class _Transform:
         ]
 
     def __call__(self, *arrays: cla.Array) -> None:
-        buffers: list = [buffer_of(self._device, array) for array in arrays]
+        buffers: list[Any] = [buffer_of(self._device, array) for array in arrays]
         with self._device.explain_full_memory():
             for kernel, size, group in self._launches:
                 kernel.set_args(*buffers)

@@ -1,3 +1,4 @@
+# pyright: strict
 """Choose and list OpenCL devices, build programs once, check memory before it is taken.
 
 An OpenCL context must never be inherited by a forked process: spawn workers, and let each make its own `Device`.
@@ -5,7 +6,7 @@ An OpenCL context must never be inherited by a forked process: spawn workers, an
 
 import os
 import warnings
-from collections.abc import Iterator
+from collections.abc import Generator
 from contextlib import contextmanager
 from dataclasses import dataclass
 from functools import cached_property
@@ -124,7 +125,7 @@ class Device:
             return cla.to_device(self.queue, np.ascontiguousarray(host))
 
     @contextmanager
-    def explain_full_memory(self) -> Iterator[None]:
+    def explain_full_memory(self) -> Generator[None]:
         """Raise an error that says what to do where the driver has no memory left.
 
         Other programs use the device's memory too, and many drivers take it at the first launch that needs it: an
@@ -168,7 +169,7 @@ def list_devices() -> list[DeviceInfo]:
 
 
 def choose_device(selector: str | None = None) -> Device:
-    """The device to work on, of those meant the most preferred that works: GPUs come before CPUs.
+    """The first device in order of preference that matches and works: GPUs come before CPUs.
 
     Args:
         selector: "platform:device" as `list_devices` gives them, each a number or a part of a name ("0:0",
@@ -183,7 +184,7 @@ def choose_device(selector: str | None = None) -> Device:
         DeviceError: nothing matches, or nothing that matches works; the message lists what is there.
     """
     wanted = selector or os.environ.get("PYOPENCL_CTX") or ""
-    faults = []
+    faults: list[str] = []
     for label, device in by_preference(matching(wanted, _devices())):
         fault = _fault(device)
         if not fault:

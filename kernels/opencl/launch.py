@@ -1,4 +1,4 @@
-"""Launch kernels and check their arrays: what every kernel's Python face does in the same way."""
+"""Launch kernels and check their arrays: what every kernel's Python function does in the same way."""
 
 from typing import cast
 from weakref import WeakKeyDictionary
@@ -31,7 +31,7 @@ def launch(
 
     Args:
         size: number of work-items along each dimension.
-        arguments: device arrays (a slice along the first axis will do) and NumPy scalars.
+        arguments: device arrays (or slices of them along the first axis) and NumPy scalars.
         group: work-group size. None: one item on a CPU, where an item is a row and its loop is what is
             vectorized; what the driver chooses elsewhere.
         defines: macros of the program.

@@ -1,3 +1,4 @@
+# pyright: strict, reportUnknownVariableType=false, reportUnknownMemberType=false, reportUnknownArgumentType=false
 """Points under many poses against a range image: which agree with it, and which stand where its beams went through."""
 
 import numpy as np
@@ -18,7 +19,7 @@ def octahedral_cells(directions: np.ndarray, edge: int) -> np.ndarray:
     VMV 2008): no poles, and cells whose sizes differ by no more than a factor of 5.2.
 
     Args:
-        directions: (n, 3), of any length; that of no length is taken for +z.
+        directions: (n, 3), of any length; a zero vector counts as +z.
         edge: cells along each side of the square.
 
     Returns:

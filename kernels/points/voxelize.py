@@ -1,3 +1,4 @@
+# pyright: strict
 """Points to a volume: each voxel holds the largest weight of its points."""
 
 import numpy as np

@@ -1,3 +1,4 @@
+# pyright: strict, reportUnknownMemberType=false
 """The highest peaks of a correlation, their neighborhoods, and how far they stand above the rest."""
 
 from typing import Any
@@ -67,7 +68,7 @@ def peak_at(device: Device, correlation: cla.Array, index: np.ndarray) -> Peak:
 
     Args:
         correlation: (n0, n1, n2) float32.
-        index: int64, of any sign.
+        index: (3,) int64, of any sign.
 
     Raises:
         InputError: an argument is not as above, or the correlation is not finite.

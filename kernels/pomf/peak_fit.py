@@ -1,4 +1,5 @@
-"""A peak of a correlation, with the Gaussian that tells its place and height between the voxels."""
+# pyright: strict
+"""A peak of a correlation, with its place and height between the voxels, by a Gaussian."""
 
 from dataclasses import dataclass
 
@@ -14,12 +15,12 @@ class Peak:
     Attributes:
         index: (3,) int64, the voxel.
         shift: (3,) float64, cyclic and signed [voxels]: index (as -n/2..n/2) plus the sub-voxel offset.
-        value: the correlation at the voxel.
-        top: its height at the shift, between the voxels: that of the Gaussian that gave the sub-voxel offset. The
-            same peak half a voxel off along all axes has half the value, and still its top.
+        value: the correlation at the voxel, without a unit.
+        top: its height at the shift, between the voxels, without a unit: that of the Gaussian that gave the sub-voxel
+            offset. The same peak half a voxel off along all axes has half the value, and still its top.
         psr: peak-to-sidelobe ratio, (top - mean) / std; 0 where std is 0.
         neighborhood: (3, 3, 3) float32, the correlation around the voxel, cyclic.
-        mean, std: of the whole correlation.
+        mean, std: of the whole correlation, without a unit.
     """
 
     index: np.ndarray
@@ -38,7 +39,7 @@ def fit_peaks(index: np.ndarray, cubes: np.ndarray, shape: tuple[int, ...], mean
     Args:
         cubes: (m, 3, 3, 3) float32, their neighborhoods.
         shape: of the correlation.
-        mean, std: of the whole correlation.
+        mean, std: of the whole correlation, without a unit.
     """
     values = cubes[:, 1, 1, 1].astype(np.float64)
     lines = np.stack([cubes[:, :, 1, 1], cubes[:, 1, :, 1], cubes[:, 1, 1, :]], axis=1)

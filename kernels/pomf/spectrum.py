@@ -1,3 +1,4 @@
+# pyright: strict, reportUnknownMemberType=false
 """Half spectra of real volumes: magnitude, whitening, cross-power.
 
 The arrays are half spectra as `kernels.fft.transform` makes them: complex64 (n0, n1, n2/2 + 8), of which the last axis

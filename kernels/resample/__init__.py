@@ -1,0 +1,6 @@
+# pyright: strict
+"""Magnitude spectra sampled on other coordinates, where a rotation is a shift.
+
+In: centered magnitude spectra on the device. Out: layers of images over directions (`sphere.py`) or over radius and
+angle (`polar.py`), normalized by `layers.py`.
+"""

@@ -1,3 +1,4 @@
+# pyright: strict
 """Layers of samples brought to zero mean and unit variance, so that each counts alike, then windowed."""
 
 import numpy as np

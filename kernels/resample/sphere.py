@@ -1,3 +1,4 @@
+# pyright: strict
 """A magnitude spectrum sampled along directions and radii: the unwraps of the paper, and latitude-longitude.
 
 A table of directions is float32 (H, W, 3): unit vectors (x, y, z) of the upper hemisphere, one per pixel, or
@@ -24,6 +25,9 @@ def rotational_unwrap(edge: int) -> np.ndarray:
     |v| / (edge/2) * pi/2 from +z. Pixels beyond pi/2 are zero vectors.
     With R = Rz(psi): I_R(v) = I(Rz(psi) v), the image turned by -psi.
 
+    Args:
+        edge: of the image [pixels].
+
     Returns:
         (edge, edge, 3) float32.
     """
@@ -46,6 +50,10 @@ def rectangular_unwrap(edge: int, axis: str) -> np.ndarray:
     With R = Rx(roll), on "x" exactly and near the center of "y": I_R[j] = I[j - roll edge/pi].
     So with target I and source I_R, a `Pomf` peaks at (+pitch, -roll) edge/pi on both. Past the end of its
     exact axis an image goes on as itself with the other axis mirrored (k and -k are alike), not cyclically.
+
+    Args:
+        edge: of the image [pixels].
+        axis: "x" or "y", on which the poles lie.
 
     Returns:
         (edge, edge, 3) float32.
@@ -73,6 +81,10 @@ def latitude_longitude(height: int, width: int) -> np.ndarray:
     With R = Rz(psi): I_R[j] = I[j + psi width / (2 pi)]; a `Pomf` of target I and source I_R peaks at
     +psi width / (2 pi).
 
+    Args:
+        height: of the image, from the plane to the pole [pixels].
+        width: of the image, the full circle [pixels].
+
     Returns:
         (height, width, 3) float32.
     """
@@ -88,7 +100,10 @@ def valid_pixels(directions: np.ndarray) -> np.ndarray:
 
 
 def upload_directions(device: Device, directions: np.ndarray) -> cla.Array:
-    """A table of directions (H, W, 3) on the device, for `sample`; H W is a multiple of 8.
+    """A table of directions on the device, for `sample`.
+
+    Args:
+        directions: (H, W, 3), unit vectors or zero; H W is a multiple of 8.
 
     Returns:
         (3, H, W) float32.

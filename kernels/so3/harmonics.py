@@ -29,7 +29,7 @@ class Harmonics:
         Args:
             bandwidth: even, at least 2.
             latitudes: of the upper hemisphere; at least half the bandwidth, more where layers hold finer structure,
-                which would otherwise be taken for coarse.
+                which would otherwise alias into coarse structure.
             longitudes: at least twice the bandwidth. `sphere.upload_directions` takes the directions where the product
                 with the latitudes is a multiple of 8.
 
@@ -97,7 +97,7 @@ def equalize(coefficients: np.ndarray, power: float) -> np.ndarray:
 
     Args:
         coefficients: (degrees, L, orders) complex64, of real layers, from `Harmonics.analyze`.
-        power: 0 leaves all degrees but 0 as they are, 1 is phase only, which lifts what is mere noise.
+        power: 0..1; 0 leaves all degrees but 0 as they are, 1 is phase only, which lifts what is mere noise.
 
     Returns:
         (degrees, L, orders) complex64.

@@ -36,10 +36,10 @@ _HEADING_BLUR = 0.7
 _TILT_BLUR = 1.5
 _YAW_BLUR = 1.5
 _YAW_BLUR_ANGLE = np.deg2rad(1.0)  # and at least so much: distortion is an angle, whatever the bins
-# Two yaw peaks nearer than this are one [rad].
+# Two yaw peaks nearer than this are the same [rad].
 _YAW_SEPARATION = np.deg2rad(5.0)
 _LARGEST_IMAGE = 512
-# How many peaks of roll and pitch are looked at for one that is allowed, and how far apart these are [bins].
+# How many peaks of roll and pitch are searched for a possible rotation, and how far apart these are [bins].
 _TILT_PEAKS, _TILT_SEPARATION = 4, 3.0
 
 
@@ -164,7 +164,7 @@ class Hemisphere:
         treats both axes alike. It is about the target's axes, each part within `limit` [rad].
 
         Args:
-            allowed: whether a rotation R R_known may be meant; of the highest peaks the first that may is taken.
+            allowed: whether a rotation R R_known is possible; the highest peak that is possible is taken.
 
         Returns:
             None where the correlation has no such peak.

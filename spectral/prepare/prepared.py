@@ -1,4 +1,4 @@
-"""What one scan contributes to every pair, computed once."""
+"""A scan on the grid: its voxels and its spectra, computed once for all its pairs."""
 
 from dataclasses import dataclass
 
@@ -15,7 +15,7 @@ from spectral.scan import Scan
 
 # Below so many occupied voxels there is no structure to register.
 _FEWEST_VOXELS = 20
-# A grid that holds a smaller share of a scan's points shows another scan than the one that was given.
+# A grid that holds a smaller share of a scan's points does not show that scan.
 _LEAST_INSIDE = 0.5
 # A scan whose points deviate less than this from their best plane shows nothing but the plane [voxels, deviation].
 _FLATTEST = 0.3
@@ -45,7 +45,7 @@ class Prepared:
 
 
 class Preparer:
-    """Scans to what pairs need, on one device and grid."""
+    """Turns scans into `Prepared`, on one device and grid."""
 
     def __init__(self, device: Device, grid: Grid, use_strength: bool, centered: bool = True) -> None:
         """Plan the volume and its transform."""

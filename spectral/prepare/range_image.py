@@ -1,4 +1,4 @@
-"""What a scan saw from its one viewpoint, as ranges over directions: points before its surface contradict it."""
+"""What a scan saw from its viewpoint, as ranges over directions: points before its surface contradict it."""
 
 from dataclasses import dataclass
 
@@ -10,24 +10,27 @@ from kernels.points.visibility import agreement, octahedral_cells, upload_points
 
 # Cells along an edge of the map: 1.6 degrees, a voxel at 36 voxels' distance. Finer cells stay empty between beams.
 _EDGE = 128
-# Of a cell's ranges these quantiles are taken for its nearest and farthest: a wild echo among them is left out.
+# The nearest and the farthest range of a cell are these quantiles: a stray echo among them is left out.
 _NEAR, _FAR = 0.15, 0.85
-# A scan has one viewpoint if so many of its points lie so near the median of their cell [share; voxels; of the range].
+# A scan has a single viewpoint if this share of its points lies this near to the median of their cell [share; voxels;
+# of the range].
 _SINGLE, _SPREAD, _SLOPE = 0.8, 2.0, 0.03
-# So many points of a scan tell whether they fit another's view.
+# Points of a scan that are compared with another's view.
 _SAMPLE = 1500
+# How far from the surface a point may lie, while the rotation is 2 degrees off and once refined [voxels; of the range].
+COARSE, FINE = (1.5, 0.03), (1.0, 0.01)
 
 
 @dataclass(frozen=True, slots=True)
 class RangeImage:
-    """One scan's view, and a sample of its points to be put into others' views.
+    """One scan's view, and a sample of its points to compare with others' views.
 
     Attributes:
         viewpoint: (3,) float64, the sensor, from the grid's center [voxels].
         view: device (_EDGE, _EDGE, 2) float32, nearest and farthest range of each cell of an octahedral map [voxels].
         sample: points about the grid's center, on the device [voxels].
-        count: how many these are.
-        single: whether the scan was seen from the viewpoint: not so a map, or a sweep that was put together.
+        count: number of points in the sample.
+        single: whether the scan was seen from that one viewpoint, unlike a map or a sweep put together from several.
     """
 
     viewpoint: np.ndarray
@@ -57,7 +60,7 @@ def range_image(device: Device, points: np.ndarray, surface: np.ndarray, viewpoi
     view[seen, 1] = ranges[first + np.ceil(_FAR * (count - 1)).astype(np.int64)]
     median = np.repeat(ranges[first + count // 2], count)
     agreeing = np.abs(ranges - median) <= _SPREAD + _SLOPE * ranges
-    # a point alone in its cell agrees with itself, and tells nothing
+    # a point alone in its cell agrees with itself, which is no evidence
     shared = np.repeat(count > 1, count)
     sample = surface[:: max(1, len(surface) // _SAMPLE)]
     return RangeImage(
@@ -103,12 +106,12 @@ def visibility(
     R = R_target_source.as_matrix()
     shares = []
     if target.single:
-        found = agreement(device, target.view, source.sample, R, shifts - target.viewpoint, reach, slope)
-        shares.append(found / source.count)
+        counts = agreement(device, target.view, source.sample, R, shifts - target.viewpoint, reach, slope)
+        shares.append(counts / source.count)
     if source.single:
         back = R.transpose(0, 2, 1)
         origin = -np.einsum("nij,nj->ni", back, shifts) - source.viewpoint
-        found = agreement(device, source.view, target.sample, back, origin, reach, slope)
-        shares.append(found / target.count)
+        counts = agreement(device, source.view, target.sample, back, origin, reach, slope)
+        shares.append(counts / target.count)
     mean = np.mean(shares, axis=0) if shares else np.full((len(R), 3), np.nan)
     return Visibility(mean[:, 0], mean[:, 1], mean[:, 2])

@@ -18,13 +18,13 @@ _LAYERS = slice(0, 12, 2)
 def signature(coefficients: np.ndarray) -> np.ndarray:
     """What layers have in common with each other and with themselves, degree by degree.
 
-    With e[l, r] the energy of degree l as a share of its layer's, a share as a layer's loudness tells how much was seen
-    rather than what, and c[l, r, s] the correlation of the orders of two layers, -1..1:
+    With e[l, r] the energy of degree l as a share of its layer's, a share since the magnitude of a layer depends on how
+    much was seen rather than on what, and c[l, r, s] the correlation of the orders of two layers, -1..1:
 
         signature[l, r, s] = c[l, r, s] (e[l, r] e[l, s])^(1/4),  r <= s.
 
-    Where r = s these are the roots of the shares, between which the distance is Hellinger's: it hears the fine degrees,
-    too, which are weak.
+    Where r = s these are the roots of the shares, between which the distance is Hellinger's: fine degrees, which
+    are weak, count in it too.
 
     Args:
         coefficients: (degrees, L, orders) complex64 of the layers, from `Harmonics.analyze`, before they are equalized;

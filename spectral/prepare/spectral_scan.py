@@ -1,4 +1,4 @@
-"""What one scan contributes to every pair of the spectral registration."""
+"""A scan prepared for the spectral registration."""
 
 from dataclasses import dataclass
 
@@ -21,15 +21,15 @@ class CoarseVolume:
 
 @dataclass(frozen=True, slots=True)
 class SpectralScan:
-    """What one scan contributes to every pair; it lives on the device that prepared it.
+    """What one scan contributes to every pair; its arrays are on the device that prepared it.
 
     Attributes:
-        volume: on the whole grid.
-        coarse: on the coarse one.
-        coefficients: of its layers, from `So3.prepare`.
-        signature: (K,) float32, what it looks like however turned and moved, from `signature`.
-        surface: to refine with.
-        image: what it saw.
+        volume: voxels and spectra on the whole grid.
+        coarse: the same on the coarse grid.
+        coefficients: (degrees, layers, orders) complex64 of its layers, from `So3.prepare`.
+        signature: (K,) float32, nearly the same however the scan is turned and moved, from `signature`.
+        surface: points and normals, for the refinement.
+        image: what the sensor saw.
         prior: what other instruments say about its pose, or None.
     """
 

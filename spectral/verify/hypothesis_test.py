@@ -8,6 +8,7 @@ import numpy as np
 from scipy.spatial.transform import RigidTransform, Rotation
 
 from spectral.grid import Grid
+from spectral.prepare.range_image import FINE
 from spectral.prepare.spectral_scan import SpectralScan
 from spectral.rotation_search import search_rotation
 from spectral.so3 import RotationPeaks
@@ -15,7 +16,7 @@ from spectral.verify.bounds import Bounds
 from spectral.verify.candidates import Candidates
 from spectral.verify.hypothesis import SAME_REFINED_SHIFT, Hypothesis, alike
 from spectral.verify.icp import Fit, refine
-from spectral.verify.verifier import FINE, Verifier
+from spectral.verify.verifier import Verifier
 
 # Reaches of the refinement's steps [voxels] and its points: out of a candidate's error; until hypotheses can be
 # compared; and, for the best alone, on to the end.

@@ -1,7 +1,7 @@
 """Point-to-plane refinement of a registration, both ways, on smoothed surfaces: sub-voxel, sub-bin.
 
 The iterative closest point of Chen and Medioni (1992, DOI 10.1016/0262-8856(92)90066-C) with the weights of Geman and
-McClure, which leave out what only one scan shows. It only polishes: the spectra have to find the place.
+McClure, which leave out what only one scan shows. It refines a pose that the spectra found; it does not find one.
 """
 
 from dataclasses import dataclass
@@ -27,7 +27,7 @@ class Fit:
             distances [voxels^2], rotation first, of a turn of the target's axes about the source's grid center and a
             shift along them. Where nothing is fixed its eigenvalues may fall a little below 0.
         residual: weighted root mean square distance to the planes [voxels].
-        pairs: how many pairs of points took part, weighted.
+        pairs: number of pairs of points, weighted.
     """
 
     R: Rotation
@@ -44,8 +44,8 @@ def refine(
 
     Args:
         R, shift: p_target = R p_source + shift about the grid centers [voxels].
-        reaches: how far apart points may be that are taken for the same, step by step [voxels].
-        most: points of each scan that take part.
+        reaches: how far apart points of a pair may be, step by step [voxels].
+        most: how many points of each scan are used.
     """
     source_points, source_normals = _thin(source, most)
     target_points, target_normals = _thin(target, most)
@@ -70,7 +70,7 @@ def refine(
 
 @dataclass(frozen=True, slots=True)
 class _Pairs:
-    """Points of both scans that are taken for the same, n of them, in the target's axes.
+    """n pairs of nearest points of both scans, in the target's axes.
 
     Attributes:
         places: (n, 3) of the source's points [voxels].

@@ -1,8 +1,8 @@
 """Where would the scan lie under each rotation, and do the two scans then agree with what they saw?
 
 Coarse to fine. On a grid of half the edge every rotation gets its translation correlation, of which several peaks are
-taken, each with what its periodic shift may mean; points before the other scan's surface contradict. The best few
-distinct answers are refined and compared on the whole grid. docs/registration.md has the figures.
+taken, each with all shifts that a cyclic one stands for; points before the other scan's surface contradict. The best
+few distinct ones are refined and compared on the whole grid. docs/registration.md has the figures.
 """
 
 from collections.abc import Sequence
@@ -14,7 +14,7 @@ from scipy.spatial.transform import Rotation
 
 from kernels.opencl.device import Device
 from spectral.overlap import share_near
-from spectral.prepare.range_image import visibility
+from spectral.prepare.range_image import COARSE, FINE, visibility
 from spectral.prepare.spectral_scan import SpectralScan
 from spectral.so3 import RotationPeaks
 from spectral.translation import SAME_SHIFT, Translation, Volume
@@ -26,8 +26,6 @@ from spectral.verify.icp import Fit
 _PEAKS, _SEPARATION = 8, 2.0
 # A shift longer than this along an axis leaves the scans nothing in common [share of the grid's edge].
 _FARTHEST = 0.92
-# How far from the surface a point may lie, while the rotation is 2 degrees off and once refined [voxels; of the range].
-COARSE, FINE = (1.5, 0.03), (1.0, 0.01)
 # Candidates nearer than this to each other are the same [rad].
 _SAME_ROTATION = float(np.deg2rad(5.0))
 # Of scans without a viewpoint so many candidates, those with the highest peaks, are scored by their points in common.
@@ -39,15 +37,15 @@ _WEIGHT, _LEAST = 4.0, 0.05
 
 
 def consistency(agree: np.ndarray | float, contradict: np.ndarray | float) -> np.ndarray | float:
-    """What share of the points that can tell agrees, 0..1, a contradiction weighing as several agreements.
+    """The share of agreeing points among those that agree or contradict, 0..1; a contradiction counts several times.
 
-    A share of what is seen, not of all: where scans have little in common few points can agree, and few can contradict.
+    Not a share of all points: where scans have little in common few can agree, and few can contradict.
     """
     return agree / (agree + _WEIGHT * contradict + _LEAST)
 
 
 class Verifier:
-    """Hypotheses from rotations, on one device and grid."""
+    """Finds candidates for rotations and measures hypotheses, on one device and grid."""
 
     def __init__(self, device: Device, edge: int) -> None:
         """Plan the correlations of both grids."""
@@ -57,12 +55,12 @@ class Verifier:
         self._coarse = Translation(device, self.coarse_edge)
 
     def candidates(self, target: SpectralScan, source: SpectralScan, rotations: RotationPeaks) -> Candidates:
-        """Several shifts for each rotation, from the coarse grid, with what each may mean on a periodic one."""
+        """Several shifts for each rotation, from the coarse grid, each with all shifts that a cyclic one stands for."""
         scale = self.edge / self.coarse_edge
         return self._candidates(self._coarse, target.coarse, source.coarse, rotations, scale)
 
     def fine_candidates(self, target: SpectralScan, source: SpectralScan, rotations: RotationPeaks) -> Candidates:
-        """As `candidates`, from the whole grid: once a rotation is refined its peaks are higher, and others."""
+        """As `candidates`, from the whole grid: under a refined rotation there are higher peaks, and others."""
         return self._candidates(self.translation, target.volume, source.volume, rotations, 1.0)
 
     def _candidates(
@@ -72,19 +70,19 @@ class Verifier:
         shifts, ratios = [np.empty((0, 3))], []
         for index, R in enumerate(rotations.R):
             for peak in translation.find_all(target, source, R, _PEAKS, _SEPARATION):
-                meanings = self._meanings(peak.shift * scale)
-                shifts.append(meanings)
-                indices += [index] * len(meanings)
-                ratios += [peak.psr] * len(meanings)
+                unwrapped = self._unwrapped(peak.shift * scale)
+                shifts.append(unwrapped)
+                indices += [index] * len(unwrapped)
+                ratios += [peak.psr] * len(unwrapped)
         rotation = np.array(indices, dtype=np.int64)
         R = rotations.R[rotation]  # pyright: ignore[reportArgumentType]
         return Candidates(rotation, R, np.concatenate(shifts), np.array(ratios), rotations.scores[rotation])
 
-    def _meanings(self, shift: np.ndarray) -> np.ndarray:
-        """(n, 3): the shifts that a cyclic one means and that leave the scans something in common."""
+    def _unwrapped(self, shift: np.ndarray) -> np.ndarray:
+        """(n, 3): the shifts that a cyclic one stands for and that leave the scans something in common."""
         wrapped = shift - np.copysign(self.edge, shift)
-        meanings = np.array(list(product(*zip(shift, wrapped, strict=True))))
-        return meanings[(np.abs(meanings) <= _FARTHEST * self.edge).all(axis=1)]
+        unwrapped = np.array(list(product(*zip(shift, wrapped, strict=True))))
+        return unwrapped[(np.abs(unwrapped) <= _FARTHEST * self.edge).all(axis=1)]
 
     def best(
         self,

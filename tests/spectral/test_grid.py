@@ -23,7 +23,7 @@ def test_refuses_an_edge_that_is_no_power_of_two_and_says_which_is_near(edge: in
 
 @pytest.mark.parametrize("voxel", [0.0, -1.0, float("nan"), float("inf")])
 def test_refuses_a_voxel_without_size(voxel: float) -> None:
-    with pytest.raises(InputError, match="`voxel=0.5`"):
+    with pytest.raises(InputError, match=r"`voxel=0\.5`"):
         Grid(64, voxel)
 
 

@@ -263,12 +263,12 @@ class TestBounds:
         ("changes", "words"),
         [
             ({"hypotheses": 0}, "`hypotheses=0`"),
-            ({"shortlist": 0}, "shortlist 0"),
-            ({"finalists": 0}, "finalists 0"),
-            ({"max_tilt": 0.0}, "--max-tilt 0"),
-            ({"max_tilt": 3.2}, "--max-tilt 183"),
-            ({"refinement": "ICP"}, "'ICP'"),
-            ({"least_probability": 1.0}, "least_probability is 1.0"),
+            ({"shortlist": 0}, "`shortlist=0`"),
+            ({"finalists": 0}, "`finalists=0`"),
+            ({"max_tilt": 0.0}, "`max_tilt` is 0 degrees"),
+            ({"max_tilt": 3.2}, "`max_tilt` is 183"),
+            ({"refinement": "ICP"}, "`refinement=ICP`"),
+            ({"least_probability": 1.0}, r"`least_probability=1\.0`"),
         ],
     )
     def test_config_refuses_what_makes_no_sense(self, changes: dict, words: str) -> None:

@@ -13,7 +13,8 @@ from scipy.spatial.transform import RigidTransform
 from kernels.errors import DeviceError, SonarmapError
 from kernels.opencl.device import choose_device
 from spectral.grid import Grid, choose_grid
-from spectral.registration import SpectralConfig, SpectralRegistrar, SpectralScan
+from spectral.prepare.spectral_scan import SpectralScan
+from spectral.registration import SpectralConfig, SpectralRegistrar
 from spectral.result import Registration
 from spectral.scan import Scan
 from tools.bench.machine import peak_memory
@@ -57,7 +58,7 @@ def measure_pairs(
     context = multiprocessing.get_context("spawn")
     receiver, sender = context.Pipe(duplex=False)
     process = context.Process(target=_work, args=(sender, pairs, grid, selector), daemon=True)
-    with _interrupts_left_to_the_parent():
+    with _interrupts_ignored():
         process.start()
     sender.close()
     try:
@@ -86,8 +87,8 @@ def _receive(receiver: Connection, process: BaseProcess) -> object:
 
 
 @contextmanager
-def _interrupts_left_to_the_parent() -> Iterator[None]:
-    """What is started within ignores Ctrl-C, so that one process alone says that it was stopped."""
+def _interrupts_ignored() -> Iterator[None]:
+    """A process started within ignores Ctrl-C, so that only the parent reports that it was stopped."""
     if threading.current_thread() is not threading.main_thread():
         yield
         return
@@ -144,6 +145,6 @@ def _measure_pair(registrar: SpectralRegistrar, target: Scan, source: Scan) -> t
     return [target_seconds, source_seconds], seconds, registration
 
 
-def is_right(found: RigidTransform, truth: RigidTransform, voxel: float) -> bool:
+def is_right(T_target_source: RigidTransform, truth: RigidTransform, voxel: float) -> bool:
     """Whether a registration is within RIGHT_DEG and RIGHT_VOXELS of the truth."""
-    return pair_error(found, truth).within(RIGHT_DEG, RIGHT_VOXELS * voxel)
+    return pair_error(T_target_source, truth).within(RIGHT_DEG, RIGHT_VOXELS * voxel)

@@ -1,4 +1,4 @@
-"""What a benchmark says, and its form in JSON."""
+"""The result of a benchmark, and its form in JSON."""
 
 from dataclasses import dataclass
 from typing import Any

@@ -35,7 +35,7 @@ def run_bench(
         pairs: how many simulated pairs to register on each edge; 0 for none.
         kernels: whether to time the kernels.
         seed: of all input.
-        follow: how to tell of the progress.
+        follow: reports the progress.
 
     Raises:
         InputError: an edge is not a grid's, or nothing is left to measure.

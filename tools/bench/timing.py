@@ -17,7 +17,7 @@ _FEWEST = 3
 
 @dataclass(frozen=True, slots=True)
 class Times:
-    """What is told of repeated measurements of one duration [s]."""
+    """Median, quartiles and ends of repeated measurements of one duration [s]."""
 
     count: int
     median: float

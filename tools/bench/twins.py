@@ -137,9 +137,9 @@ def segment_peaks(correlation: np.ndarray, segments: int) -> np.ndarray:
     values = np.where(correlation == maximum_filter(correlation, 3, mode="wrap"), correlation, -np.inf)
     parts = values.reshape(*correlation.shape[:2], segments, -1)
     columns = parts.argmax(axis=3)
-    found = np.take_along_axis(parts, columns[..., None], axis=3)[..., 0]
-    i, j, part = np.nonzero(found > -np.inf)
-    rows = np.column_stack([i, j, part * parts.shape[3] + columns[i, j, part], found[i, j, part]])
+    highest = np.take_along_axis(parts, columns[..., None], axis=3)[..., 0]
+    i, j, part = np.nonzero(highest > -np.inf)
+    rows = np.column_stack([i, j, part * parts.shape[3] + columns[i, j, part], highest[i, j, part]])
     return rows[np.argsort(-rows[:, 3], kind="stable")]
 
 

@@ -118,7 +118,7 @@ class Workload:
         return self.device.to_device(array)
 
     def upload_half(self, spectrum: np.ndarray) -> Any:
-        """A half spectrum (..., N/2 + 1) on the device, as the kernels want it."""
+        """A half spectrum (..., N/2 + 1) on the device, with the kernels' padding."""
         return self.upload(self.pad(spectrum))
 
     @staticmethod

@@ -14,7 +14,7 @@ from tools.report.small_png import save_small
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
 
-_KEPT, _REFUSED, _WAY = "tab:green", "tab:red", "tab:blue"
+_KEPT, _REFUSED, _TRAJECTORY = "tab:green", "tab:red", "tab:blue"
 _GRAYS = 0.25, 0.95  # of the gray color map, from low to high: the lines upon it have the colors
 _INK = 100  # loops that are drawn in full width; more are drawn thinner, so that the map is seen between them
 _MARGIN = 0.03  # around the points [longer side]
@@ -45,7 +45,8 @@ def draw_loops(
     from matplotlib.figure import Figure
 
     both = (chained, optimized)
-    lower, upper = _extent([trusted(one) for one, _ in both] + [way.T_world_sensor.translation for _, way in both])
+    clouds = [trusted(point_map) for point_map, _ in both]
+    lower, upper = _extent(clouds + [trajectory.T_world_sensor.translation for _, trajectory in both])
     heights = heights_of(trusted(optimized[0]))
     grays = ListedColormap(colormaps["Greys"](np.linspace(*_GRAYS, 256)))
     width, height = (upper - lower).tolist()
@@ -68,11 +69,11 @@ def draw_loops(
 def _draw_loops(
     axes: "Axes", trajectory: Trajectory, kept: Sequence[tuple[int, int]], refused: Sequence[tuple[int, int]]
 ) -> None:
-    """The way, and a line between the scans of every loop."""
+    """The trajectory, and a line between the scans of every loop."""
     from matplotlib.collections import LineCollection
 
     places = trajectory.T_world_sensor.translation[:, :2]
-    axes.plot(*places.T, "-", color=_WAY, linewidth=1.0, marker="o", markersize=2.0, label="sensor", zorder=4)
+    axes.plot(*places.T, "-", color=_TRAJECTORY, linewidth=1.0, marker="o", markersize=2.0, label="sensor", zorder=4)
     width = float(np.clip(_INK / max(1, len(kept) + len(refused)), 0.4, 1.0))
     for pairs, color, style, name in ((kept, _KEPT, "-", "kept"), (refused, _REFUSED, (0, (4, 3)), "refused")):
         ends = [places[list(pair)] for pair in pairs]

@@ -51,7 +51,7 @@ def draw_map(path: Path, point_map: PointMap, trajectory: Trajectory, names: Seq
     axes.legend(loc="best")
     figure.colorbar(dots, ax=axes, label="height z [m]", shrink=0.8)
     with atomic_path(path) as temporary, warnings.catch_warnings():
-        warnings.filterwarnings("ignore", message="Glyph .* missing")  # of names in other scripts: boxes will do
+        warnings.filterwarnings("ignore", message="Glyph .* missing")  # names in other scripts are drawn as boxes
         figure.savefig(temporary, format="png")
 
 
@@ -62,7 +62,7 @@ def trusted(point_map: PointMap) -> np.ndarray:
 
 
 def heights_of(points: np.ndarray) -> tuple[float, float]:
-    """The lowest and the highest z of points (n, 3) that want a color of their own [m]."""
+    """The lowest and the highest z of points (n, 3) between which the colors change [m]."""
     low, high = np.quantile(points[:, 2], [0.01, 0.99]).tolist()
     return low, high
 

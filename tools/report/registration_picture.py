@@ -31,7 +31,7 @@ def draw_registration(path: Path, view: RegistrationView) -> None:
         InputError: the file cannot be written.
     """
     with warnings.catch_warnings():
-        warnings.filterwarnings("ignore", message="Glyph .* missing")  # of names in other scripts: boxes will do
+        warnings.filterwarnings("ignore", message="Glyph .* missing")  # names in other scripts are drawn as boxes
         save_small(registration_figure(view), path)
 
 
@@ -56,7 +56,7 @@ def registration_figure(view: RegistrationView) -> "Figure":
 
 
 def _headline(registration: Registration) -> str:
-    """The result and why it is believed or not, in words; the reason tells the probability."""
+    """The result and why it is believed or not, in words; the reason holds the probability."""
     yaw, pitch, roll = registration.T_target_source.rotation.as_euler("ZYX", degrees=True)
     x, y, z = registration.T_target_source.translation
     verdict = "Accepted" if registration.accepted else "NOT accepted"

@@ -7,12 +7,11 @@ from scipy.spatial.transform import RigidTransform, Rotation
 
 from kernels.points.visibility import octahedral_cells
 from kernels.resample.sphere import rotational_unwrap, sample, upload_directions
-from spectral.prepare.range_image import RangeImage
+from spectral.prepare.range_image import FINE, RangeImage
 from spectral.prepare.spectral_scan import SpectralScan
 from spectral.registration import SpectralRegistrar
 from spectral.result import Registration
 from spectral.translation import Translation
-from spectral.verify.verifier import FINE
 from tools.report.rotation_map import RotationMap, map_rotations
 from tools.report.translation_slice import TranslationSlice, slice_translation
 

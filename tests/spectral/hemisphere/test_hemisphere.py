@@ -142,7 +142,7 @@ def test_a_stray_point_outside_the_grid_changes_nothing(room: Room) -> None:
 def test_a_grid_that_holds_less_than_half_of_a_scan_is_refused() -> None:
     device = choose_device()
     preparer = Preparer(device, Grid(EDGE, 0.1), use_strength=False)
-    with pytest.raises(InputError, match=r"holds \d+\.\d% of its points.*larger voxels"):
+    with pytest.raises(InputError, match=r"holds \d+\.\d% of its points.*larger `voxel`"):
         preparer.prepare(Scan(structure(2)))
 
 
@@ -151,7 +151,7 @@ def test_a_tiny_voxel_is_refused_without_a_warning() -> None:
     preparer = Preparer(device, Grid(EDGE, 1e-40), use_strength=False)
     with warnings.catch_warnings():
         warnings.simplefilter("error")
-        with pytest.raises(InputError, match="larger voxels"):
+        with pytest.raises(InputError, match="larger `voxel`"):
             preparer.prepare(Scan(structure(2)))
 
 

@@ -127,7 +127,7 @@ def test_refuses_scans_without_structure(registrar: HemisphereRegistrar, points:
 def test_config_refuses_what_makes_no_sense() -> None:
     with pytest.raises(InputError, match="yaw_peaks"):
         HemisphereConfig(yaw_peaks=0)
-    with pytest.raises(InputError, match="--max-tilt"):
+    with pytest.raises(InputError, match="`max_tilt`"):
         HemisphereConfig(max_tilt=-1.0)
     with pytest.raises(TypeError):
         HemisphereConfig(peaks=3)  # pyright: ignore[reportCallIssue]

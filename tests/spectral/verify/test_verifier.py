@@ -80,11 +80,11 @@ class TestCandidates:
         off = np.linalg.norm(found.shifts - shift_of(pair), axis=1)
         assert off[found.psr == found.psr[highest]].min() < 1.0
 
-    def test_a_shift_stands_for_all_that_it_may_mean(self, verifier) -> None:
+    def test_a_cyclic_shift_stands_for_several(self, verifier) -> None:
         """-3 is also 61, and 1 also -63, but these leave nothing in common of 64 voxels; 20 is also -44."""
-        found = {tuple(meaning) for meaning in verifier._meanings(np.array([20.0, -3.0, 1.0]))}
+        found = {tuple(meaning) for meaning in verifier._unwrapped(np.array([20.0, -3.0, 1.0]))}
         assert found == {(20.0, -3.0, 1.0), (-44.0, -3.0, 1.0)}
-        assert len(verifier._meanings(np.array([20.0, -30.0, 31.5]))) == 8
+        assert len(verifier._unwrapped(np.array([20.0, -30.0, 31.5]))) == 8
 
     def test_those_that_are_wanted_are_kept_in_order(self) -> None:
         R = Rotation.from_euler("Z", [[0], [10], [20], [30]], degrees=True)

@@ -24,10 +24,10 @@ def correlate_rotations_case(w: Workload) -> Case:
     images, degrees = len(correlation.betas) + 1, np.arange(0, BANDWIDTH, 2)
     table = 4 * len(correlation.betas) * int(((2 * degrees + 1) * (degrees + 1)).sum())
     half, volume = 8 * images * edge * (edge // 2 + 1), 4 * images * edge**2
-    found = []
+    result = []
 
     def run() -> None:
-        found[:] = [correlation.correlate(target, source)]
+        result[:] = [correlation.correlate(target, source)]
 
     return Case(
         "RotationCorrelation",
@@ -35,7 +35,7 @@ def correlate_rotations_case(w: Workload) -> Case:
         2 * target.nbytes + table + 4 * half + volume,
         1e-5,
         run=run,
-        read=lambda: found[0].get(),
+        read=lambda: result[0].get(),
         twin=lambda: twins.correlate_rotations(target, source, wigner, edge, w.cores),
     )
 
@@ -44,10 +44,10 @@ def segment_peaks_case(w: Workload) -> Case:
     betas = RotationCorrelation(w.device, BANDWIDTH, _LARGEST).betas
     host = twins.correlate_rotations(*w.coefficients, wigner_table(betas), 128, w.cores)
     correlation = w.upload(host)
-    found = []
+    peaks = []
 
     def run() -> None:
-        found[:] = segment_peaks(w.device, correlation, _SEGMENTS)
+        peaks[:] = segment_peaks(w.device, correlation, _SEGMENTS)
 
     return Case(
         "segment_peaks",
@@ -55,17 +55,17 @@ def segment_peaks_case(w: Workload) -> Case:
         host.nbytes,
         0.0,
         run=run,
-        read=lambda: np.column_stack(found),
+        read=lambda: np.column_stack(peaks),
         twin=lambda: twins.segment_peaks(host, _SEGMENTS),
     )
 
 
 def agreement_case(w: Workload) -> Case:
     view, points = w.upload(w.view), upload_points(w.device, w.seen)
-    found = []
+    counts = []
 
     def run() -> None:
-        found[:] = [agreement(w.device, view, points, *w.poses, _REACH, _SLOPE)]
+        counts[:] = [agreement(w.device, view, points, *w.poses, _REACH, _SLOPE)]
 
     return Case(
         "agreement",
@@ -73,7 +73,7 @@ def agreement_case(w: Workload) -> Case:
         w.view.nbytes + w.seen.nbytes + len(w.poses[0]) * (16 + 3) * 4,
         _BORDERS,
         run=run,
-        read=lambda: found[0],
+        read=lambda: counts[0],
         twin=lambda: twins.agreement(w.view, w.seen, *w.poses, _REACH, _SLOPE),
     )
 

@@ -82,13 +82,13 @@ def correlate_case(w: Workload) -> Case:
 def find_peaks_case(w: Workload) -> Case:
     host = twins.correlate(*w.whitened, BLUR, np.empty_like(w.spectrum), w.cores)
     correlation = w.upload(host)
-    found = []
+    peaks = []
 
     def run() -> None:
-        found[:] = find_peaks(w.device, correlation)
+        peaks[:] = find_peaks(w.device, correlation)
 
     def read() -> np.ndarray:
-        peak = found[0]
+        peak = peaks[0]
         return np.concatenate(
             [peak.index, [peak.value, (peak.value - peak.mean) / peak.std], peak.neighborhood.ravel()]
         )

@@ -1,0 +1,55 @@
+from .errors import DeviceError as DeviceError
+from .errors import InputError as InputError
+from .errors import SonarmapError as SonarmapError
+from .fft.transform import RealFFT as RealFFT
+from .opencl.device import Array as Array
+from .opencl.device import Device as Device
+from .opencl.device import DeviceInfo as DeviceInfo
+from .opencl.device import choose_device as choose_device
+from .opencl.device import list_devices as list_devices
+from .points.voxelize import voxelize as voxelize
+from .pomf.peak import find_peaks as find_peaks
+from .pomf.peak import peak_at as peak_at
+from .pomf.peak_fit import Peak as Peak
+from .pomf.spectrum import Pomf as Pomf
+from .pomf.spectrum import magnitude as magnitude
+from .pomf.spectrum import whiten as whiten
+from .resample.layers import normalize_layers as normalize_layers
+from .resample.polar import polar_magnitude as polar_magnitude
+from .resample.sphere import latitude_longitude as latitude_longitude
+from .resample.sphere import rectangular_unwrap as rectangular_unwrap
+from .resample.sphere import rotational_unwrap as rotational_unwrap
+from .resample.sphere import sample as sample
+from .resample.sphere import upload_directions as upload_directions
+from .so3.correlation import RotationCorrelation as RotationCorrelation
+from .so3.harmonics import Harmonics as Harmonics
+from .so3.harmonics import equalize as equalize
+
+__all__ = [
+    "Array",
+    "Device",
+    "DeviceError",
+    "DeviceInfo",
+    "Harmonics",
+    "InputError",
+    "Peak",
+    "Pomf",
+    "RealFFT",
+    "RotationCorrelation",
+    "SonarmapError",
+    "choose_device",
+    "equalize",
+    "find_peaks",
+    "latitude_longitude",
+    "list_devices",
+    "magnitude",
+    "normalize_layers",
+    "peak_at",
+    "polar_magnitude",
+    "rectangular_unwrap",
+    "rotational_unwrap",
+    "sample",
+    "upload_directions",
+    "voxelize",
+    "whiten",
+]
