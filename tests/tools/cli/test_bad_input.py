@@ -40,7 +40,7 @@ NOT_SCANS = {
     "10^12 promised": ("bad.ply", ply(10**12, plane()), ["bad.ply", "promises 1,000,000,000,000"]),
     "text": ("bad.ply", b"These are notes.\n", ["bad.ply", "holds text", "wanted a PLY file"]),
     "picture": ("bad.ply", b"\x89PNG\r\n\x1a\n\x00", ["bad.ply", "wanted a PLY file"]),
-    "unknown format": ("bad.las", b"LASF", ["bad.las", "unknown format '.las'", ".ply, .pcd, .xyz"]),
+    "unknown format": ("bad.las", b"LASF", ["bad.las", "unknown format '.las'", ".ply, .pcd, .npy"]),
     "no suffix": ("bad", b"1 2 3\n", ["bad", "unknown format", "known formats are"]),
     "map coordinates": ("bad.ply", ply(2000, plane() + 5e5), ["bad.ply", "map coordinates", "subtract"]),
 }
@@ -186,7 +186,7 @@ def test_options_that_make_no_sense_are_refused(
     assert not (tmp_path / "out").exists()
 
 
-@pytest.mark.parametrize(("voxel", "words"), [("1e-6", "Give larger voxels"), ("1e6", "wanted at least 20")])
+@pytest.mark.parametrize(("voxel", "words"), [("1e-6", "Give a larger --voxel"), ("1e6", "wanted at least 20")])
 def test_voxels_far_too_small_or_too_large_are_an_error(tmp_path: Path, voxel: str, words: str) -> None:
     result = sonarmap("register", *write(tmp_path, a=scan(0), b=scan(1)), *GRID, "--voxel", voxel, "--json")
     assert (result.exit_code, result.stdout) == (2, "")
