@@ -11,11 +11,10 @@ from scipy.spatial.transform import RigidTransform
 
 from spectral.result import Registration
 from spectral.scan import Scan
-from tools.baselines.acceptance import judge_matches
 from tools.baselines.cloud import Cloud, thin, to_open3d
-from tools.baselines.conclusion import conclude
 from tools.baselines.icp import iterate
-from tools.baselines.quiet import one_thread, quiet
+from tools.baselines.packages import one_thread, quiet
+from tools.baselines.result import conclude, judge_matches
 
 Solver = Literal["ransac", "fgr"]
 

@@ -9,12 +9,10 @@ from scipy.spatial.transform import RigidTransform
 
 from spectral.result import Registration
 from spectral.scan import Scan
-from tools.baselines.acceptance import judge_fit
 from tools.baselines.cloud import Cloud, thin
-from tools.baselines.conclusion import conclude
 from tools.baselines.icp import DISTANCES
-from tools.baselines.peers import peer
-from tools.baselines.quiet import silent
+from tools.baselines.packages import peer, silent
+from tools.baselines.result import conclude, judge_fit
 
 _NEIGHBORS = 20  # of which a point's covariance is taken
 _STEPS = 100

@@ -10,10 +10,9 @@ from scipy.spatial.transform import RigidTransform
 
 from spectral.result import Registration
 from spectral.scan import Scan
-from tools.baselines.acceptance import judge_fit
 from tools.baselines.cloud import Cloud, thin, to_open3d
-from tools.baselines.conclusion import conclude
-from tools.baselines.quiet import one_thread, quiet
+from tools.baselines.packages import one_thread, quiet
+from tools.baselines.result import conclude, judge_fit
 
 Kind = Literal["point", "plane"]
 

@@ -7,13 +7,11 @@ from scipy.spatial.transform import RigidTransform, Rotation
 
 from spectral.result import Registration
 from spectral.scan import Scan
-from tools.baselines.acceptance import judge_matches
 from tools.baselines.cloud import Cloud, thin
-from tools.baselines.conclusion import conclude
 from tools.baselines.features import REFINE
 from tools.baselines.icp import iterate
-from tools.baselines.peers import peer
-from tools.baselines.quiet import silent
+from tools.baselines.packages import peer, silent
+from tools.baselines.result import conclude, judge_matches
 
 # Matches that survive both prunings: 14..53 where right, 0 or 1 where wrong; its authors' examples want 5.
 _LEAST_INLIERS = 10

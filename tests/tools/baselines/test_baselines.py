@@ -12,8 +12,7 @@ from kernels.errors import InputError
 from spectral.grid import Grid
 from spectral.result import Registration
 from spectral.scan import Scan
-from tools.baselines.peers import peer
-from tools.baselines.quiet import silent
+from tools.baselines.packages import peer, silent
 from tools.evaluate.trajectory import pair_error
 from tools.methods.registry import METHODS, build
 from tools.simulate.pairs.random_pairs import random_pair

@@ -4,9 +4,9 @@ import numpy as np
 from scipy.spatial.transform import RigidTransform, Rotation
 
 from spectral.scan import Scan
-from tools.baselines.agreement import covariance, overlap
 from tools.baselines.cloud import thin
 from tools.baselines.icp import iterate
+from tools.baselines.result import covariance, overlap
 
 VOXEL = 0.5
 # p_target = T p_source: a quarter turn and more, so that the axes of both sides differ

@@ -9,7 +9,7 @@ from numpy.testing import assert_array_equal
 
 from kernels.errors import InputError
 from spectral.scan import Scan
-from tools.baselines.peers import peer
+from tools.baselines.packages import peer
 from tools.baselines.surveys import kiss_slam
 from tools.baselines.surveys.multiway import run_multiway
 from tools.evaluate.pairs import CHAIN, score_pairs

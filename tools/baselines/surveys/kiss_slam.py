@@ -14,8 +14,7 @@ from scipy.spatial.transform import RigidTransform
 
 from slam.graph.trajectory import Trajectory
 from spectral.scan import Scan
-from tools.baselines.peers import peer
-from tools.baselines.quiet import one_thread, silent
+from tools.baselines.packages import one_thread, peer, silent
 from tools.baselines.surveys.slam_run import SlamRun
 
 # Its defaults are for a reach of 100 m and voxels of 1 m; lengths that belong to the voxel are kept in that proportion.

@@ -14,7 +14,7 @@ from slam.graph.trajectory import Trajectory
 from spectral.scan import Scan
 from tools.baselines.cloud import to_open3d
 from tools.baselines.features import MATCH_REACH, Described, FeatureRegistrar
-from tools.baselines.quiet import one_thread
+from tools.baselines.packages import one_thread
 from tools.baselines.surveys.slam_run import SlamRun
 from tools.evaluate.pairs import CHAIN, TriedPair
 
