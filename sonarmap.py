@@ -1,12 +1,48 @@
-"""The top-level module of sonarmap: the `sonarmap` command."""
+# pyright: strict
+"""Noisy 3D sonar scans in, a consistent map out: the names that a program needs, and the `sonarmap` command.
+
+    import sonarmap
+    registration = sonarmap.register(target, source)  # two (N, 3) arrays of points [m]
+    result = sonarmap.map_scans("scans/")
+
+Names only: the functions are in tools/api.py, the classes in kernels/, spectral/ and slam/. Each is loaded when it is
+first used, so that the command starts at once.
+"""
 
 import os
 import sys
+from importlib import import_module
 from importlib.util import find_spec
 from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+if TYPE_CHECKING:
+    from kernels import *  # noqa: F403
+    from slam import *  # noqa: F403
+    from spectral import *  # noqa: F403
+    from tools.api import *  # noqa: F403
 
 _HOME = Path(__file__).resolve().parent
 _PACKAGES = ("kernels", "spectral", "slam", "tools")  # common names, which another project may use too
+_PUBLIC = ("tools.api", "slam", "spectral", "kernels")  # modules whose `__all__` is sonarmap's
+
+
+def __getattr__(name: str) -> Any:
+    """The public name, from the module that has it."""
+    if name.startswith("_") and name != "__all__":
+        raise AttributeError(name)
+    if problem := _foreign_package():
+        raise ImportError(problem)
+    if name == "__all__":
+        return sorted({public for module in _PUBLIC for public in import_module(module).__all__})
+    for module in _PUBLIC:
+        if name in import_module(module).__all__:
+            return getattr(import_module(module), name)
+    raise AttributeError(f"sonarmap has no {name!r}; dir(sonarmap) lists its names")
+
+
+def __dir__() -> list[str]:
+    return sorted({"main", *(public for module in _PUBLIC for public in import_module(module).__all__)})
 
 
 def main() -> None:

@@ -1,6 +1,9 @@
 from .graph.edge import Edge as Edge
+from .graph.gtsam_poses import to_transforms as to_transforms
+from .graph.gtsam_poses import to_values as to_values
 from .graph.pose_graph import PoseGraph as PoseGraph
 from .graph.pose_graph import Solution as Solution
+from .graph.pose_graph import factors_of as factors_of
 from .graph.trajectory import Trajectory as Trajectory
 from .loops.candidates import LoopSettings as LoopSettings
 from .map.point_map import PointMap as PointMap
@@ -22,4 +25,7 @@ __all__ = [
     "Solution",
     "SurveyResult",
     "Trajectory",
+    "factors_of",
+    "to_transforms",
+    "to_values",
 ]

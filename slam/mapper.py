@@ -1,3 +1,4 @@
+# pyright: strict, reportMissingTypeStubs=false, reportUnknownMemberType=false
 """The mapper: scans in, one consistent map out, on one screen."""
 
 from collections.abc import Sequence
@@ -9,6 +10,7 @@ from scipy.cluster.hierarchy import DisjointSet
 from kernels.errors import InputError
 from slam.decide.decision import Decision, decide
 from slam.execute.runner import Execution, PairRunner, Progress
+from slam.execute.worker import prepared_limit
 from slam.graph.edge import Edge
 from slam.graph.pose_covariance import pose_covariances
 from slam.graph.pose_graph import Solution
@@ -29,20 +31,21 @@ class MapperSettings:
     Attributes:
         loops: which extra pairs are tried and kept.
         bridge: over a gap, pairs up to this many scans apart are tried; 1 tries none.
-        prepared: number of prepared scans kept at a time; each holds device memory.
+        prepared: number of prepared scans kept at a time, each of which holds device memory; None for as many as are
+            useful and fit.
         map_voxel: edge of the fused map's voxels [m]; None is the survey's voxel.
     """
 
     loops: LoopSettings = field(default_factory=LoopSettings)
     bridge: int = 3
-    prepared: int = 4
+    prepared: int | None = None
     map_voxel: float | None = None
 
     def __post_init__(self) -> None:
-        if self.bridge < 1 or self.prepared < 2:
-            raise InputError(
-                f"bridge is {self.bridge} and prepared is {self.prepared}; wanted at least 1 and at least 2"
-            )
+        if self.bridge < 1:
+            raise InputError(f"`bridge={self.bridge}`: wanted at least 1")
+        if self.prepared is not None and self.prepared < 2:
+            raise InputError(f"`prepared={self.prepared}`: wanted at least 2")
         if self.map_voxel is not None and not (np.isfinite(self.map_voxel) and self.map_voxel > 0):
             raise InputError(f"the map's voxel is {self.map_voxel} m; wanted a positive length")
 
@@ -122,7 +125,7 @@ class Mapper:
         self.registrar = registrar
         self.voxel = voxel
         self.settings = settings or MapperSettings()
-        self.execution = execution or Execution.here(registrar, self.settings.prepared)
+        self.execution = execution or Execution.here(registrar, self.settings.prepared or prepared_limit(registrar))
 
     def run(
         self, scans: Sequence[Scan], progress: Progress | None = None, surveys: Sequence[int] | None = None

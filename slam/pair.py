@@ -1,3 +1,4 @@
+# pyright: strict
 """Two scans of a survey, from the candidate to the verdict."""
 
 from collections.abc import Sequence
@@ -19,14 +20,14 @@ class Pair:
         i, j: target and source, i < j.
         role: "sequential" (consecutive), "bridge" (over a gap) or "loop" (any others).
         predicted_overlap: expected before it was registered, 0..1; NaN where no estimate exists.
-        alike: distance of the scans' signatures; NaN where these were not compared.
+        alike: distance of the scans' signatures, without a unit; NaN where these were not compared.
         registration: the result; None before, and where the pair could not be registered.
         failure: why it could not.
         edge: what it contributes to the graph, of the registration or of one of its alternatives; None where it was
             not kept.
         reason: in words, why it was kept or not.
         agreeing: how many other pairs close a cycle with it, and agree.
-        sigmas_from_estimate: its distance from the chain, before loops (Mahalanobis); NaN where it has none.
+        sigmas_from_estimate: its distance from the chain, before loops [sigmas]; NaN where it has none.
         residual: its distance from the final poses [sigmas]: of a kept pair under its own covariance, of another also
             under the poses'; NaN where it has none.
     """

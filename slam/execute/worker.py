@@ -13,7 +13,21 @@ from threadpoolctl import ThreadpoolController
 from kernels.errors import InputError
 from slam.execute.pair_text import signature_to_text, to_text
 from slam.execute.scan_key import KeyedScan
+from spectral.memory import scans_that_fit
 from spectral.result import Registrar
+
+MOST_PREPARED = 8  # loops seldom come back to a scan that was used longer ago
+
+
+def prepared_limit(registrar: Registrar) -> int:
+    """How many prepared scans to keep: as many as are useful and fit, with one more while the next is prepared.
+
+    Args:
+        registrar: its `device` and `grid`, where it has them, say how much memory a prepared scan takes.
+    """
+    device, grid = getattr(registrar, "device", None), getattr(registrar, "grid", None)
+    fitting = scans_that_fit(device, grid.edge) - 1 if device and grid else MOST_PREPARED
+    return min(MOST_PREPARED, max(2, fitting))
 
 
 @dataclass(frozen=True, slots=True)

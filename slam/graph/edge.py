@@ -1,3 +1,4 @@
+# pyright: strict, reportMissingTypeStubs=false, reportUnknownMemberType=false, reportUnknownVariableType=false, reportUnknownArgumentType=false
 """One measurement between two poses, and which poses a set of them joins."""
 
 from collections.abc import Sequence
@@ -73,7 +74,7 @@ def check_definite(matrix: np.ndarray, name: str) -> None:
 
 def inverse_definite(matrix: np.ndarray) -> np.ndarray:
     """The inverse of a symmetric positive definite matrix, itself symmetric: information or covariance."""
-    inverse = cho_solve(cho_factor(matrix, lower=True), np.eye(len(matrix)))
+    inverse: np.ndarray = cho_solve(cho_factor(matrix, lower=True), np.eye(len(matrix)))
     return (inverse + inverse.T) / 2
 
 

@@ -1,3 +1,4 @@
+# pyright: strict, reportMissingTypeStubs=false, reportUnknownMemberType=false, reportUnknownVariableType=false, reportUnknownArgumentType=false
 """Poses to GTSAM and back, and where relative rotations alone say that poses are."""
 
 from collections.abc import Iterable
@@ -17,7 +18,12 @@ def to_pose3(T: RigidTransform) -> gtsam.Pose3:
 
 
 def to_values(T: RigidTransform, keys: Iterable[int] | None = None) -> gtsam.Values:
-    """N transforms under N keys; under 0..N-1 where none are given."""
+    """N transforms as GTSAM's values.
+
+    Args:
+        T: N transforms.
+        keys: N keys; 0..N-1 where none are given.
+    """
     values = gtsam.Values()
     for key, matrix in zip(range(len(T)) if keys is None else keys, T.as_matrix(), strict=True):
         values.insert(key, gtsam.Pose3(matrix))
@@ -25,7 +31,12 @@ def to_values(T: RigidTransform, keys: Iterable[int] | None = None) -> gtsam.Val
 
 
 def to_transforms(values: gtsam.Values, count: int) -> RigidTransform:
-    """The transforms under the keys 0..count-1."""
+    """The transforms under the keys 0..count-1.
+
+    Args:
+        values: with a Pose3 under each of these keys.
+        count: how many.
+    """
     return RigidTransform.from_matrix(np.stack([values.atPose3(key).matrix() for key in range(count)]))
 
 

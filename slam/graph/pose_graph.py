@@ -1,3 +1,4 @@
+# pyright: strict, reportMissingTypeStubs=false, reportUnknownMemberType=false, reportUnknownVariableType=false
 """Poses and the edges between them, optimized by GTSAM.
 
 Conventions are GTSAM's own (docs/conventions.md): tangents rotation first, perturbations on the right, so
@@ -114,7 +115,9 @@ class PoseGraph:
         for members in self.components:
             inside = sorted(set(anchors).intersection(members)) or sorted(set(priors).intersection(members))[:1]
             if inside:
-                moved = initial[inside[0]] * T_world_sensor[inside[0]].inv() * T_world_sensor[list(members)]
+                moved: RigidTransform = (
+                    initial[inside[0]] * T_world_sensor[inside[0]].inv() * T_world_sensor[list(members)]
+                )
                 matrices[list(members)] = moved.as_matrix()
                 matrices[inside] = initial[inside].as_matrix()
         return self.at(RigidTransform.from_matrix(matrices))
@@ -211,7 +214,7 @@ class Solution:
     def distance(self, i: int, j: int, registration: Registration) -> float:
         """How far a registration that is no edge is from the poses [sigmas], under its covariance and theirs."""
         T_i_j, covariance = self.relative(i, j)
-        xi = (T_i_j.inv() * registration.T_target_source).as_exp_coords()
+        xi: np.ndarray = (T_i_j.inv() * registration.T_target_source).as_exp_coords()
         return float(np.sqrt(xi @ np.linalg.solve(covariance + registration.covariance, xi)))
 
 
@@ -221,7 +224,12 @@ def _residuals(factors: gtsam.NonlinearFactorGraph, values: gtsam.Values, count:
 
 
 def factors_of(graph: PoseGraph, gauge_sigma: float = GAUGE_SIGMA) -> gtsam.NonlinearFactorGraph:
-    """One factor per edge, in their order, then those of the anchors and priors."""
+    """The graph as GTSAM's factors: one for each edge, in their order, then those of the anchors and priors.
+
+    Args:
+        graph: its poses are keys 0..N-1.
+        gauge_sigma: standard deviation with which anchors are held [rad, m].
+    """
     factors = gtsam.NonlinearFactorGraph()
     for edge in graph.edges:
         factors.add(edge_factor(edge))

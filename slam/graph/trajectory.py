@@ -1,3 +1,4 @@
+# pyright: strict, reportMissingTypeStubs=false, reportUnknownMemberType=false
 """Stamped poses."""
 
 from collections import defaultdict, deque

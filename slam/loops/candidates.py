@@ -1,3 +1,4 @@
+# pyright: strict, reportMissingTypeStubs=false, reportUnknownMemberType=false
 """Candidates for loop closures: by the estimate and its uncertainty, or by what the scans look like."""
 
 from collections import defaultdict
@@ -92,7 +93,7 @@ def find_candidates(
     new = [pair for pair in ranked if pair.j - pair.i > 1 and pair.scans not in tried]
     # the most that can be taken, and as many again for those that prove uncertain
     likely = within_limits(sorted(new, key=_by_overlap), 2 * settings.per_scan, settings.spread)
-    expected = []
+    expected: list[Pair] = []
     for pair in likely:
         share = certainty(outlines[pair.i], outlines[pair.j], *solution.relative(pair.i, pair.j), cell)
         expected.append(replace(pair, predicted_overlap=pair.predicted_overlap * share))
@@ -129,7 +130,7 @@ def find_lookalikes(
 def within_limits(ranked: Sequence[Pair], per_scan: int, spread: int) -> list[Pair]:
     """The first of these, so that a scan has no more than `per_scan` partners, more than `spread` scans apart."""
     partners: dict[int, list[int]] = defaultdict(list)
-    kept = []
+    kept: list[Pair] = []
     for pair in ranked:
         i, j = pair.scans
         full = max(len(partners[i]), len(partners[j])) >= per_scan

@@ -1,3 +1,4 @@
+# pyright: strict, reportMissingTypeStubs=false, reportUnknownMemberType=false
 """The points of all scans in one frame, one per voxel, each with its uncertainty."""
 
 from __future__ import annotations
@@ -92,7 +93,8 @@ def fuse(
     _check(scans, T_world_sensor, voxel, {"covariances": covariances, "surveys": surveys, "beams": beams})
     origin = lattice_origin(T_world_sensor[0].apply(scans[0].points.astype(np.float64)), voxel)
     names = list(range(len(scans)) if indices is None else indices)
-    table, waiting = None, []
+    table: _Cells | None = None
+    waiting: list[_Cells] = []
     for k, scan in enumerate(scans):
         covariance = np.zeros((6, 6)) if covariances is None else covariances[k]
         scan_beams = beams_of(scan.points, voxel) if beams is None else beams[k]

@@ -1,3 +1,4 @@
+# pyright: strict, reportMissingTypeStubs=false, reportUnknownMemberType=false, reportUnknownVariableType=false, reportUnknownArgumentType=false
 """A pose graph from a file, optimized and judged: what `sonarmap optimize` tells."""
 
 import time
@@ -48,8 +49,8 @@ class Optimized:
         graph: the accepted edges with the optimized poses.
         residuals_before, residuals_after: (E,) float64, every given edge's, rejected ones' too, at the given and at the
             optimized poses, in sigmas of its whole covariance.
-        cost_before, cost_after: of the accepted edges at the given and at the optimized poses: F of the isotropic
-            objective (`slam.optimize.chordal`), half of chi-squared of the full one.
+        cost_before, cost_after: of the accepted edges at the given and at the optimized poses, without a unit: F of the
+            isotropic objective (`slam.optimize.chordal`), half of chi-squared of the full one.
         iterations, converged: of the optimizer, and whether it came to rest.
         certificate: of the isotropic objective; None of the full one, for which there is none.
         seconds: of every part [s].
@@ -68,7 +69,7 @@ class Optimized:
     iterations: int
     converged: bool
     certificate: Certificate | None
-    seconds: dict[str, float] = field(default_factory=dict)
+    seconds: dict[str, float] = field(default_factory=dict[str, float])
 
     @property
     def chi_squared(self) -> tuple[float, float]:
@@ -104,7 +105,7 @@ class Optimized:
         """Every loop, and whatever else was rejected, by the vertices' ids."""
         ids = self.given.trajectory.stamps.astype(np.int64).tolist()
         residuals = self.residuals_after.tolist()
-        rows = []
+        rows: list[dict[str, Any]] = []
         for k, edge in enumerate(self.given.edges):
             if edge.kind == "loop" or not self.accepted[k]:
                 verdict = "accepted" if self.accepted[k] else "rejected"
@@ -186,7 +187,7 @@ def _isotropic(graph: PoseGraph, start: Start) -> _Solved:
     problem, T = ChordalProblem.of(len(graph.trajectory), graph.edges), graph.trajectory.T_world_sensor
     solution = optimize_isotropic(problem, _start(graph, start), "chordal" if start == "chordal" else "given")
     held = graph.fixed[0] if graph.fixed else 0
-    moved = T[held] * solution.T[held].inv() * solution.T
+    moved: RigidTransform = T[held] * solution.T[held].inv() * solution.T
     return graph.at(moved), problem.cost(T), solution.cost_after, solution.iterations, solution.converged
 
 

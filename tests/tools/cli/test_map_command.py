@@ -3,7 +3,6 @@
 import json
 from dataclasses import replace
 from pathlib import Path
-from types import SimpleNamespace
 
 import gtsam
 import numpy as np
@@ -16,7 +15,6 @@ from tests.samples.clutter_scans import T_WORLD_SENSOR, clutter, files_in, said,
 from tests.samples.surveys import KnowingRegistrar, ring_poses, scans_of
 from tools.cli.survey_text import warn_of_faults
 from tools.evaluate.trajectory import evaluate
-from tools.prepared import prepared_scans
 from tools.readers.poses.kitti import read_kitti
 from tools.readers.poses.tum import read_tum
 from tools.readers.scans import read_scan
@@ -232,12 +230,6 @@ def test_a_gap_that_is_bridged_is_told(tmp_path: Path) -> None:
         patch.setattr("tools.cli.survey_text.warn", told.append)
         warn_of_faults(survey, ["a", "b", "c", "d"], tmp_path)
     assert told == ["gap between b and c, bridged by other pairs: refused by the registration: too weak"]
-
-
-@pytest.mark.parametrize(("memory", "prepared"), [(2**40, 8), (2**26, 2)])
-def test_as_many_scans_stay_prepared_as_fit(memory: int, prepared: int) -> None:
-    device = SimpleNamespace(memory=memory)
-    assert prepared_scans(device, 128) == prepared  # pyright: ignore[reportArgumentType]
 
 
 def test_an_order_that_is_not_the_given_one_is_told(tmp_path: Path) -> None:

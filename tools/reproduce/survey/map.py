@@ -106,7 +106,7 @@ def map_survey(system: str, scans: Sequence[Scan], surveys: Sequence[int], grid:
 
 def installed(system: str) -> bool:
     """Whether a system's package is there, where it wants one."""
-    from tools.baselines.peers import peer
+    from tools.baselines.packages import peer
 
     if system != "kiss-slam":
         return True
@@ -144,19 +144,17 @@ def _ours(scans: Sequence[Scan], surveys: Sequence[int], grid: "Grid", device: s
     """As `sonarmap map` does it with nothing but defaults, in this process."""
     from kernels.opencl.device import choose_device
     from slam.execute.runner import Execution
-    from slam.execute.worker import Worker
-    from slam.mapper import Mapper, MapperSettings
+    from slam.execute.worker import Worker, prepared_limit
+    from slam.mapper import Mapper
     from spectral.registration import SpectralRegistrar
     from tools.bench.machine import peak_memory
-    from tools.prepared import prepared_scans
 
     opened = choose_device(device)
     registrar = SpectralRegistrar(opened, grid)
-    settings = MapperSettings(prepared=prepared_scans(opened, grid.edge))
-    clocked = _Clocked(Worker(registrar, settings.prepared))
+    clocked = _Clocked(Worker(registrar, prepared_limit(registrar)))
     execution = Execution(clocked)
     start = perf_counter()
-    result = Mapper(registrar, grid.voxel, settings, execution).run(scans, surveys=surveys)
+    result = Mapper(registrar, grid.voxel, execution=execution).run(scans, surveys=surveys)
     took = _took(perf_counter() - start, execution.timings.stages["map fused"], clocked, result, peak_memory())
     return _mapped(result, took, _signatures(registrar, scans))
 

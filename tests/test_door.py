@@ -1,0 +1,186 @@
+"""The public door: `import sonarmap` offers what the rooms declare, documented, and loads nothing before it is used."""
+
+import inspect
+import re
+import subprocess
+import sys
+from dataclasses import fields, is_dataclass
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pytest
+from scipy.spatial.transform import RigidTransform
+
+import sonarmap
+from tests.samples.surveys import KnowingRegistrar, ring_poses, scans_of
+
+ROOT = Path(__file__).parents[1]
+NAMES = [name for name in dir(sonarmap) if name != "main"]
+VALUES = {name: getattr(sonarmap, name) for name in NAMES}
+DATA = [name for name, value in VALUES.items() if is_dataclass(value)]
+CALLS = [name for name, value in VALUES.items() if inspect.isfunction(value)]
+SHAPE = re.compile(r"\([^()]*[,N\d][^()]*\)|\bshape\b|\bas\b|`\w+`")
+UNIT = re.compile(r"\[[^\]]+\]|0\.\.1|share|ratio|probability|standard deviations|sigmas|without a unit|as of `")
+
+
+def documented(value: Any) -> str:
+    return inspect.getdoc(value) or ""
+
+
+def annotations(value: Any) -> dict[str, str]:
+    """The arguments of a function, or the public fields of a dataclass, with their types as written."""
+    if is_dataclass(value):
+        return {field.name: str(field.type) for field in fields(value) if not field.name.startswith("_")}
+    arguments = inspect.signature(value).parameters.values()
+    return {argument.name: str(argument.annotation) for argument in arguments if argument.name != "device"}
+
+
+def descriptions(docstring: str) -> dict[str, str]:
+    """What the sections Args and Attributes say of each name; a line may describe several, as in "i, j: ..."."""
+    found: dict[str, str] = {}
+    for section in re.findall(r"(?:Args|Attributes):\n((?:    .*\n?|\n)+)", docstring + "\n"):
+        for names, text in re.findall(r"^    ([\w, ]+): ((?:.*\n?)(?:^ {8}.*\n?)*)", section, re.MULTILINE):
+            found |= {name.strip(): text for name in names.split(",")}
+    return found
+
+
+class TestNames:
+    def test_they_are_those_of_the_rooms(self) -> None:
+        import kernels
+        import slam
+        import spectral
+        import tools.api
+
+        assert set(NAMES) == {*kernels.__all__, *spectral.__all__, *slam.__all__, *tools.api.__all__}
+        assert all(getattr(sonarmap, name) is not None for name in NAMES)
+
+    def test_it_is_short_and_holds_no_more_than_names(self) -> None:
+        assert len((ROOT / "sonarmap.py").read_text().splitlines()) < 100
+
+    def test_an_unknown_name_is_an_attribute_error(self) -> None:
+        with pytest.raises(AttributeError, match="sonarmap has no 'registre'"):
+            _ = sonarmap.registre
+
+    def test_a_star_import_brings_all(self) -> None:
+        names: dict[str, object] = {}
+        exec("from sonarmap import *", names)
+        assert set(NAMES) <= set(names)
+
+    def test_importing_it_loads_no_library(self) -> None:
+        program = (
+            "import sys, sonarmap; print([m for m in ('numpy', 'scipy', 'gtsam', 'pyopencl') if m in sys.modules])"
+        )
+        shown = subprocess.run([sys.executable, "-c", program], cwd=ROOT, capture_output=True, text=True)
+        assert shown.stdout.strip() == "[]", shown.stderr
+
+
+class TestDocumentation:
+    @pytest.mark.parametrize("name", NAMES)
+    def test_every_name_has_a_docstring(self, name: str) -> None:
+        assert len(documented(getattr(sonarmap, name))) > 15
+
+    @pytest.mark.parametrize("name", [*DATA, *CALLS])
+    def test_every_argument_and_field_is_described(self, name: str) -> None:
+        described = descriptions(documented(VALUES[name]))
+        missing = [argument for argument in annotations(VALUES[name]) if argument not in described]
+        assert not missing, f"{name} does not describe {missing}"
+
+    @pytest.mark.parametrize("name", [*DATA, *CALLS])
+    def test_arrays_have_shapes_and_numbers_have_units(self, name: str) -> None:
+        described = descriptions(documented(VALUES[name]))
+        for argument, annotation in annotations(VALUES[name]).items():
+            if re.search(r"ndarray|NDArray|\bArray\b", annotation):
+                assert SHAPE.search(described[argument]), f"{name}.{argument}: {described[argument]} has no shape"
+            elif re.search(r"\bfloat\b", annotation):
+                assert UNIT.search(described[argument]), f"{name}.{argument}: {described[argument]} has no unit"
+
+    @pytest.mark.parametrize("name", CALLS)
+    def test_errors_are_said_where_they_are_raised(self, name: str) -> None:
+        """A function whose own lines raise says what; the same goes for the checks of a dataclass."""
+        call = getattr(sonarmap, name)
+        if "raise " in inspect.getsource(call):
+            assert "Raises:" in documented(call), name
+
+
+def points(seed: int, dtype: type = np.float64) -> np.ndarray:
+    """A rough bed under a sensor, with blocks on it."""
+    rng = np.random.default_rng(seed)
+    xy = rng.uniform(-20, 20, (8000, 2))
+    z = 0.5 * np.sin(xy[:, 0] / 3) - 8 + 3.0 * ((abs(xy[:, 0] - 5) < 3) & (abs(xy[:, 1] + 4) < 2))
+    z += 5.0 * ((abs(xy[:, 0] + 7) < 2) & (abs(xy[:, 1] - 6) < 4))
+    return np.column_stack([xy, z]).astype(dtype)
+
+
+T_TARGET_SOURCE = RigidTransform.from_exp_coords([0.02, -0.03, 0.4, 2.0, -1.5, 0.3])
+
+
+class TestRegister:
+    @pytest.mark.parametrize("dtype", [np.float16, np.float32, np.float64])
+    def test_two_arrays_of_any_float_type(self, dtype: type) -> None:
+        target = points(1, dtype)
+        source = T_TARGET_SOURCE.inv().apply(points(2)).astype(dtype)
+        found = sonarmap.register(target, source, edge=64)
+        error = T_TARGET_SOURCE.inv() * found.T_target_source
+        assert np.linalg.norm(error.translation) < 0.5
+        assert error.rotation.magnitude() < 0.02
+
+    def test_prepared_scans_give_the_same(self) -> None:
+        source = T_TARGET_SOURCE.inv().apply(points(2))
+        a, b = sonarmap.prepare([points(1), source], edge=32)
+        again, once = sonarmap.register(a, b), sonarmap.register(points(1), source, edge=32)
+        np.testing.assert_array_equal(again.T_target_source.as_matrix(), once.T_target_source.as_matrix())
+
+    def test_paths_and_scans(self, tmp_path: Path) -> None:
+        np.save(tmp_path / "target.npy", points(1))
+        source = sonarmap.Scan(T_TARGET_SOURCE.inv().apply(points(2)).astype(np.float32))
+        found = sonarmap.register(tmp_path / "target.npy", source, method="planes")
+        assert found.T_target_source is not None
+
+    @pytest.mark.parametrize(
+        ("target", "options", "message"),
+        [
+            (np.zeros((5, 2)), {}, r"scan 0 is float64 of shape \(5, 2\); wanted points of shape \(N, 3\)"),
+            (np.full((50, 3), np.nan), {}, "NaN or infinite"),
+            (np.array([["a", "b", "c"]]), {}, "wanted points"),
+            (points(1), {"method": "magic"}, "no method is called 'magic'"),
+            (points(1), {"edge": 100}, "`edge=100`"),
+            (points(1), {"voxel": -1.0}, "voxel"),
+            ("nowhere.ply", {}, "nowhere.ply"),
+        ],
+    )
+    def test_what_cannot_be_used_is_refused(self, target: Any, options: dict[str, Any], message: str) -> None:
+        with pytest.raises(sonarmap.InputError, match=message) as refused:
+            sonarmap.register(target, points(2), **options)
+        assert "--" not in str(refused.value)  # arguments, not options of the command line
+
+    def test_prepared_by_two_calls_or_half_prepared_is_refused(self) -> None:
+        (a,), (b,) = (sonarmap.prepare([points(1)], method="planes") for _ in range(2))
+        with pytest.raises(sonarmap.InputError, match="one call of prepare"):
+            sonarmap.register(a, b)
+        with pytest.raises(sonarmap.InputError, match="only one of the two"):
+            sonarmap.register(a, points(2))
+
+
+class TestOtherDoors:
+    def test_a_method_of_ones_own_in_the_mapper(self) -> None:
+        truth = ring_poses(6, turns=0.3)
+        result = sonarmap.map_scans(scans_of(truth), method=KnowingRegistrar(truth, 1e-4 * np.eye(6)), voxel=0.5)
+        assert result.components == (tuple(range(6)),)
+        assert np.abs(result.trajectory.T_world_sensor.translation - truth.translation).max() < 0.2
+
+    def test_a_graph_and_its_file(self, tmp_path: Path) -> None:
+        from tools.writers.g2o import write_g2o
+
+        truth = ring_poses(5)
+        result = sonarmap.map_scans(scans_of(truth), method=KnowingRegistrar(truth, 1e-4 * np.eye(6)), voxel=0.5)
+        graph = sonarmap.PoseGraph(result.trajectory, result.edges)
+        write_g2o(tmp_path / "graph.g2o", graph)
+        of_graph, of_file = sonarmap.optimize(graph), sonarmap.optimize(tmp_path / "graph.g2o")
+        T, again = (solved.graph.trajectory.T_world_sensor for solved in (of_graph, of_file))
+        np.testing.assert_allclose(T.as_matrix(), again.as_matrix(), atol=1e-6)
+
+    def test_scans_of_a_folder(self, tmp_path: Path) -> None:
+        for k in (10, 9):
+            np.save(tmp_path / f"scan_{k}.npy", points(k))
+        assert [scan.name for scan in sonarmap.read_scans(tmp_path)] == ["scan_9", "scan_10"]

@@ -1,0 +1,65 @@
+"""The examples of docs/examples/ run, and say what their readers will see."""
+
+import os
+import subprocess
+import sys
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from tests.samples.clutter_scans import scan
+
+ROOT = Path(__file__).parents[1]
+EXAMPLES = ROOT / "docs" / "examples"
+
+
+def run(name: str, *arguments: object) -> str:
+    """What the example prints."""
+    command = [sys.executable, str(EXAMPLES / name), *map(str, arguments)]
+    ended = subprocess.run(
+        command, capture_output=True, text=True, env=os.environ | {"PYTHONPATH": str(ROOT)}, timeout=120
+    )
+    assert ended.returncode == 0, ended.stderr
+    return ended.stdout
+
+
+@pytest.fixture(scope="module")
+def survey(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    """Four scans of boxes strewn about, a few meters and some degrees apart."""
+    folder = tmp_path_factory.mktemp("survey")
+    for k in range(4):
+        np.save(folder / f"scan_{k}.npy", scan(k))
+    return folder
+
+
+def test_every_example_is_run_here() -> None:
+    assert [path.name[:2] for path in sorted(EXAMPLES.glob("*.py"))] == ["01", "02", "03", "04", "05"]
+
+
+def test_two_arrays() -> None:
+    shown = run("01_register_two_arrays.py")
+    assert "accepted: True" in shown
+    meters, degrees = (float(word) for word in shown.split("off by ")[1].replace("m,", "").split()[:2])
+    assert meters < 0.2
+    assert degrees < 0.5
+
+
+def test_a_folder_to_a_map(survey: Path, tmp_path: Path) -> None:
+    shown = run("02_folder_to_map.py", survey, tmp_path / "map.ply")
+    assert shown.count("sequential: kept") == 3
+    assert (tmp_path / "map.ply").stat().st_size > 10_000
+
+
+def test_own_factors() -> None:
+    assert "with it [39.6" in run("03_own_gtsam_factors.py")
+
+
+def test_an_own_method(survey: Path) -> None:
+    shown = run("04_own_method.py", survey)
+    assert "pairs kept" in shown
+    assert not shown.startswith("0 of")
+
+
+def test_one_kernel() -> None:
+    assert "shifted by [  5. -12.  20.]" in run("05_one_kernel.py")

@@ -1,0 +1,224 @@
+# pyright: strict
+"""What `import sonarmap` offers beside the classes of the rooms: registration, mapping, optimizing and reading.
+
+In: arrays, scans or paths. Out: the same results as the command line's, as objects.
+"""
+
+import os
+from collections.abc import Iterable, Sequence
+from dataclasses import dataclass
+from typing import TYPE_CHECKING, Any, TypeAlias
+
+import numpy as np
+from numpy.typing import NDArray
+
+from kernels.errors import InputError
+from spectral.grid import Grid, choose_grid
+from spectral.result import Registrar, Registration
+from spectral.scan import Scan
+
+if TYPE_CHECKING:
+    from slam.execute.runner import Progress
+    from slam.graph.pose_graph import PoseGraph
+    from slam.mapper import MapperSettings, SurveyResult
+    from slam.optimize.solve import Objective, Optimized, Start
+
+__all__ = ["PreparedScan", "map_scans", "optimize", "prepare", "read_scans", "register"]
+
+ScanLike: TypeAlias = Scan | NDArray[Any] | str | os.PathLike[str]
+
+_MAX_TILT = float(np.deg2rad(35.0))  # the paper's range of roll and pitch (Sect. 2.7)
+_EDGE = 128
+
+
+@dataclass(frozen=True, slots=True)
+class PreparedScan:
+    """A scan with everything that every pair of it needs, computed once by `prepare`; it may hold device memory.
+
+    Attributes:
+        scan: the scan.
+        registrar: the method that prepared it; only scans of the same `prepare` can be registered to each other.
+        content: what the method made of it.
+    """
+
+    scan: Scan
+    registrar: Registrar
+    content: Any
+
+
+def register(
+    target: ScanLike | PreparedScan,
+    source: ScanLike | PreparedScan,
+    *,
+    method: str = "spectral",
+    voxel: float | None = None,
+    edge: int = _EDGE,
+    max_tilt: float = _MAX_TILT,
+    device: str | None = None,
+    seed: int = 0,
+) -> Registration:
+    """Register two scans without an initial guess: `T_target_source`, its covariance, and whether to accept it.
+
+    Args:
+        target, source: each (N, 3) points of any float type [m, sensor frame: x forward, y left, z up], a `Scan`, or
+            the path of a file with one scan; or two scans of one `prepare`, which then decides about the arguments below.
+        method: its name, as `sonarmap register --method` takes it.
+        voxel: edge of a voxel [m]; None for the one with which the larger scan fills the grid.
+        edge: voxels per edge of the grid, a power of two from 16 to 512.
+        max_tilt: largest roll and pitch between the scans [rad]; pi for any.
+        device: the OpenCL device as `sonarmap devices` lists it, "cpu" or "gpu"; None chooses one.
+        seed: of methods that draw at random.
+
+    Returns:
+        p_target = T_target_source p_source [m]; the covariance is (6, 6), rotation first [rad, m], in the body tangent
+        of the source (docs/conventions.md).
+
+    Raises:
+        InputError: a scan, a file or an argument cannot be used.
+        DeviceError: no OpenCL device works, or it is too small for the grid.
+    """
+    if isinstance(target, PreparedScan) and isinstance(source, PreparedScan):
+        if target.registrar is not source.registrar:
+            raise InputError("the two scans were prepared by different calls; give both to one call of prepare")
+        return target.registrar.register(target.content, source.content)
+    if isinstance(target, PreparedScan) or isinstance(source, PreparedScan):
+        raise InputError("only one of the two scans is prepared; prepare both in one call, or none")
+    prepared = prepare(
+        [target, source], method=method, voxel=voxel, edge=edge, max_tilt=max_tilt, device=device, seed=seed
+    )
+    return register(*prepared)
+
+
+def prepare(
+    scans: Iterable[ScanLike],
+    *,
+    method: str = "spectral",
+    voxel: float | None = None,
+    edge: int = _EDGE,
+    max_tilt: float = _MAX_TILT,
+    device: str | None = None,
+    seed: int = 0,
+) -> list[PreparedScan]:
+    """Prepare scans once, to register any two of them with `register`; they share one grid.
+
+    Args:
+        scans: each as `register` takes it.
+        method, voxel, edge, max_tilt, device, seed: as of `register`; the voxel is chosen for the largest scan.
+
+    Raises:
+        InputError: a scan, a file or an argument cannot be used.
+        DeviceError: no OpenCL device works, or it is too small for the grid.
+    """
+    points = [_as_scan(scan, f"scan {k}") for k, scan in enumerate(scans)]
+    registrar = _registrar(method, choose_grid(points, edge, voxel), max_tilt, device, seed)
+    return [PreparedScan(scan, registrar, registrar.prepare(scan)) for scan in points]
+
+
+def map_scans(
+    scans: Iterable[ScanLike] | str | os.PathLike[str],
+    *,
+    method: str | Registrar = "spectral",
+    voxel: float | None = None,
+    edge: int = _EDGE,
+    max_tilt: float = _MAX_TILT,
+    device: str | None = None,
+    seed: int = 0,
+    settings: "MapperSettings | None" = None,
+    surveys: Sequence[int] | None = None,
+    progress: "Progress | None" = None,
+) -> "SurveyResult":
+    """Map a survey: poses with covariances, the pose graph, every pair with its verdict, and the fused maps.
+
+    Args:
+        scans: at least two, in the order in which they were taken, each as `register` takes it; or a folder, a file
+            with several scans, or a pattern.
+        method: the name of a method, or a `Registrar` of your own (`prepare(scan)`, `register(target, source)`).
+        voxel, edge, max_tilt, device, seed: as of `register`. With a method of your own `voxel` is the map's and sets
+            the tolerances, and the others are ignored.
+        settings: of loops, bridges and the map.
+        surveys: the number of each scan's survey, ascending; all are of one by default.
+        progress: called with (steps done, steps planned so far, text) after each step.
+
+    Raises:
+        InputError: fewer than two scans, or a scan, a file or an argument that cannot be used.
+        DeviceError: no OpenCL device works, or it is too small for the grid.
+    """
+    from slam.mapper import Mapper
+
+    if isinstance(scans, str | os.PathLike):
+        survey = read_scans(scans)
+    else:
+        survey = [_as_scan(scan, f"scan {k}", k) for k, scan in enumerate(scans)]
+    grid = choose_grid(survey, edge, voxel)
+    registrar = _registrar(method, grid, max_tilt, device, seed) if isinstance(method, str) else method
+    return Mapper(registrar, grid.voxel, settings).run(survey, progress, surveys)
+
+
+def optimize(
+    graph: "PoseGraph | str | os.PathLike[str]",
+    *,
+    objective: "Objective" = "full",
+    start: "Start" = "chordal",
+    robust: bool = False,
+) -> "Optimized":
+    """The poses that agree best with the edges of a pose graph.
+
+    Args:
+        graph: connected, or the path of a g2o file.
+        objective: "full", chi-squared with the edges' whole information; "isotropic", one weight for an edge's rotation
+            and one for its translation, whose optimum a certificate judges.
+        start: "chordal", from the edges alone; "given", from the graph's poses; "incremental", from iSAM2's.
+        robust: whether to look for wrong edges first, and leave them out.
+
+    Raises:
+        InputError: the file or the graph cannot be used, or the equations have no unique solution.
+    """
+    from pathlib import Path
+
+    from slam.graph.pose_graph import PoseGraph
+    from slam.optimize.solve import optimize as optimize_graph
+    from tools.readers.poses.g2o import read_g2o, require_connected
+
+    if not isinstance(graph, PoseGraph):
+        path = Path(graph)
+        graph = read_g2o(path)
+        require_connected(path, graph)
+    return optimize_graph(graph, objective, start, robust)
+
+
+def read_scans(*paths: str | os.PathLike[str]) -> list[Scan]:
+    """Every scan of the files, folders and patterns, in natural order of their names.
+
+    Args:
+        paths: PLY, PCD, XYZ/TXT/CSV, NPY, NPZ and .sonar files, folders and patterns; `recording.sonar#3` is one scan
+            of a file with several.
+
+    Raises:
+        InputError: naming the file and, where it applies, its line or packet.
+    """
+    from tools.readers.scans import read_scans as read
+
+    return list(read([os.fspath(path) for path in paths]).scans)
+
+
+def _registrar(method: str, grid: Grid, max_tilt: float, device: str | None, seed: int) -> Registrar:
+    from tools.methods.registry import Setup, find_method
+
+    found = find_method(method)
+    changes = {"max_tilt": max_tilt} if "max_tilt" in found.hears else {}
+    return found.make(Setup(grid, device, seed, changes))
+
+
+def _as_scan(scan: ScanLike, name: str, stamp: float = 0.0) -> Scan:
+    """A scan, the points of one, or the only scan of a file."""
+    if isinstance(scan, Scan):
+        return scan
+    if isinstance(scan, str | os.PathLike):
+        from tools.readers.scans import only_scan
+        from tools.readers.scans import read_scans as read
+
+        return only_scan(os.fspath(scan), read([os.fspath(scan)]))
+    points = np.asarray(scan)
+    if points.ndim != 2 or points.shape[1] != 3 or points.dtype.kind not in "fiu":
+        raise InputError(f"{name} is {points.dtype} of shape {points.shape}; wanted points of shape (N, 3) in meters")
+    return Scan(points.astype(np.float32), stamp=stamp, name=name)
