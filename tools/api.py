@@ -61,7 +61,7 @@ def register(
 
     Args:
         target, source: each (N, 3) points of any float type [m, sensor frame: x forward, y left, z up], a `Scan`, or
-            the path of a file with one scan; or two scans of one `prepare`, which then decides about the arguments below.
+            the path of a file with one scan; or two scans of one `prepare`, whose arguments then count.
         method: its name, as `sonarmap register --method` takes it.
         voxel: edge of a voxel [m]; None for the one with which the larger scan fills the grid.
         edge: voxels per edge of the grid, a power of two from 16 to 512.
