@@ -1,0 +1,142 @@
+"""The rooms of the house: who may import whom, what loads late, how long a file and how full a folder may grow."""
+
+import ast
+import subprocess
+import sys
+from collections.abc import Iterator
+from graphlib import CycleError, TopologicalSorter
+from pathlib import Path
+
+import pytest
+
+ROOT = Path(__file__).parents[1]
+ROOMS = ("kernels", "spectral", "slam", "tools")  # imports point left only
+FILES = sorted(path for room in ROOMS for path in (ROOT / room).rglob("*.py"))
+OWNERS = {  # a library, and the one room that may import it
+    "pyopencl": "kernels",
+    "gtsam": "slam",
+    "open3d": "tools",
+    "matplotlib": "tools",
+    "pyproj": "tools",
+    "plyfile": "tools",
+    "wlsonar": "tools",
+    "typer": "tools",
+    "rich": "tools",
+}
+LATE = {"open3d", "matplotlib", "pyproj"}  # slow to load: inside the function that uses them
+SLOW_TO_LOAD = {"pyopencl", "scipy", "open3d", "gtsam", "matplotlib", "pyproj"}
+MOST_LINES = 400
+MOST_FILES = 18  # directly in a folder: beyond about 15 it wants to be divided by meaning
+MOST_DOCSTRING_LINES = 10  # of a room
+
+
+def room_of(path: Path) -> str:
+    return path.relative_to(ROOT).parts[0]
+
+
+def imported(tree: ast.AST) -> Iterator[str]:
+    """The top-level packages that any statement under a node imports."""
+    for node in ast.walk(tree):
+        if isinstance(node, ast.Import):
+            yield from (alias.name.split(".")[0] for alias in node.names)
+        elif isinstance(node, ast.ImportFrom):
+            assert node.level == 0, f"line {node.lineno}: a relative import hides its room"
+            yield (node.module or "").split(".")[0]
+
+
+def imported_at_load(tree: ast.Module) -> set[str]:
+    """What loading the module imports: its statements outside functions and `if TYPE_CHECKING`."""
+    found: set[str] = set()
+    waiting: list[ast.AST] = list(tree.body)
+    while waiting:
+        node = waiting.pop()
+        if isinstance(node, ast.Import | ast.ImportFrom):
+            found.update(imported(node))
+        elif isinstance(node, ast.If) and ast.unparse(node.test) == "TYPE_CHECKING":
+            waiting += node.orelse
+        elif not isinstance(node, ast.FunctionDef | ast.AsyncFunctionDef):
+            waiting += ast.iter_child_nodes(node)
+    return found
+
+
+def parse(path: Path) -> ast.Module:
+    return ast.parse(path.read_text(), str(path))
+
+
+def named(path: Path) -> str:
+    return path.relative_to(ROOT).as_posix()
+
+
+def test_imports_point_left() -> None:
+    faults = []
+    for path in FILES:
+        room = room_of(path)
+        to_the_right = ROOMS[ROOMS.index(room) + 1 :]
+        for package in imported(parse(path)):
+            if package in to_the_right:
+                faults.append(f"{named(path)} imports {package}/, which lies to the right of {room}/")
+            if OWNERS.get(package, room) != room:
+                faults.append(f"{named(path)} imports {package}, which belongs to {OWNERS[package]}/ alone")
+    assert not faults
+
+
+def test_slow_libraries_load_late() -> None:
+    """Inside the function that uses them."""
+    early = {named(path): imported_at_load(parse(path)) & LATE for path in FILES}
+    assert not {name: libraries for name, libraries in early.items() if libraries}
+
+
+def test_files_stay_short() -> None:
+    lines = {named(path): len(path.read_text().splitlines()) for path in FILES}
+    assert not {name: count for name, count in lines.items() if count > MOST_LINES}
+
+
+def test_the_command_line_starts_without_the_slow_libraries() -> None:
+    program = f"import sys, tools.cli.main; print(*({SLOW_TO_LOAD!r} & set(sys.modules)))"
+    loaded = subprocess.run([sys.executable, "-c", program], cwd=ROOT, capture_output=True, text=True)
+    assert (loaded.stdout.split(), loaded.stderr) == ([], "")
+
+
+def test_the_rooms_are_there() -> None:
+    assert {room_of(path) for path in FILES} == set(ROOMS)
+
+
+FOLDERS = sorted({path.parent for path in FILES})
+
+
+def test_folders_stay_small() -> None:
+    counts = {named(folder): len(list(folder.glob("*.py"))) for folder in FOLDERS}
+    assert not {name: count for name, count in counts.items() if count > MOST_FILES}
+
+
+def test_every_room_says_what_lives_in_it_and_holds_no_code_in_its_init() -> None:
+    faults = []
+    for folder in FOLDERS:
+        tree = parse(folder / "__init__.py")
+        docstring = ast.get_docstring(tree)
+        if not docstring or len(docstring.splitlines()) > MOST_DOCSTRING_LINES:
+            faults.append(f"{named(folder)}: wanted a docstring of 1 to {MOST_DOCSTRING_LINES} lines")
+        kinds = {type(node) for node in tree.body[1:]}
+        if not kinds <= {ast.Import, ast.ImportFrom, ast.Assign}:  # of the public names, which are loaded lazily
+            faults.append(f"{named(folder)}: code in __init__.py")
+    assert not faults
+
+
+def modules_of(node: ast.AST) -> Iterator[str]:
+    """The modules that statements under a node import, in full."""
+    for part in ast.walk(node):
+        if isinstance(part, ast.Import):
+            yield from (alias.name for alias in part.names)
+        elif isinstance(part, ast.ImportFrom) and part.module:
+            yield part.module
+            yield from (f"{part.module}.{alias.name}" for alias in part.names)
+
+
+def test_no_import_circle() -> None:
+    """Neither at load nor inside functions: what two files need of each other belongs into a third."""
+    names = {".".join(path.relative_to(ROOT).with_suffix("").parts): path for path in FILES}
+    graph = {name: {module for module in modules_of(parse(path)) if module in names} for name, path in names.items()}
+    try:
+        list(TopologicalSorter(graph).static_order())
+    except CycleError as error:
+        pytest.fail(f"import circle: {' -> '.join(error.args[1])}")
