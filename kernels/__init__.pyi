@@ -2,7 +2,6 @@ from .errors import DeviceError as DeviceError
 from .errors import InputError as InputError
 from .errors import SonarmapError as SonarmapError
 from .fft.transform import RealFFT as RealFFT
-from .opencl.device import Array as Array
 from .opencl.device import Device as Device
 from .opencl.device import DeviceInfo as DeviceInfo
 from .opencl.device import choose_device as choose_device
@@ -26,7 +25,6 @@ from .so3.harmonics import Harmonics as Harmonics
 from .so3.harmonics import equalize as equalize
 
 __all__ = [
-    "Array",
     "Device",
     "DeviceError",
     "DeviceInfo",

@@ -31,6 +31,9 @@ class Grid:
     Attributes:
         edge: voxels per edge, a power of two 16..512.
         voxel: edge of a voxel [m].
+
+    Raises:
+        InputError: another edge, or a voxel that is no length above 0.
     """
 
     edge: int

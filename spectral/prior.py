@@ -213,10 +213,13 @@ class RelativePrior:
 
 
 def relative_prior(target: PosePrior | None, source: PosePrior | None) -> RelativePrior | None:
-    """What two scans' priors say about T_target_source; None where they bound nothing of it.
+    """What two scans' priors say about T_target_source.
 
     Args:
         target, source: the scans' `prior`, None where they have none.
+
+    Returns:
+        None where the priors bound nothing.
     """
     if target is None or source is None:
         return None

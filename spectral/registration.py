@@ -39,17 +39,20 @@ _POSSIBLE = 0.01
 
 @dataclass(frozen=True, slots=True)
 class SpectralConfig:
-    """How to register.
+    """How to register two scans by `SpectralRegistrar`.
 
     Attributes:
         max_tilt: largest roll and largest pitch between two scans [rad] (Sect. 2.7); pi for any.
         hypotheses: how many distinct rotations are followed.
         shortlist: how many of the poses that these lead to are refined.
-        finalists: how many of them are compared on the whole grid, with as many that are found there.
+        finalists: how many of them are compared on the whole grid, with as many others that only it shows.
         refinement: what makes the result finer than voxels and bins: "icp", point to plane on the surfaces, or
             "spectral", the translation's peak, which is climbed over the rotation.
-        least_probability: what makes a registration believed.
+        least_probability: from which probability on a registration is accepted.
         use_strength: whether voxels hold the echo strength instead of the paper's occupancy.
+
+    Raises:
+        InputError: a count below 1, an angle or a probability out of its range, or an unknown refinement.
     """
 
     max_tilt: float = float(np.deg2rad(35.0))
@@ -77,6 +80,11 @@ class SpectralRegistrar:
 
     def __init__(self, device: Device, grid: Grid, config: SpectralConfig | None = None) -> None:
         """Plan everything that does not depend on the scans.
+
+        Args:
+            device: what to compute on.
+            grid: that all scans share; `choose_grid` makes it.
+            config: None for the defaults.
 
         Raises:
             DeviceError: the device cannot hold what the grid needs.
@@ -117,7 +125,15 @@ class SpectralRegistrar:
         return prepared
 
     def register(self, target: SpectralScan, source: SpectralScan) -> Registration:
-        """Find T_target_source; `probability` says how sure it is the right one, `accepted` whether to believe it."""
+        """Find T_target_source.
+
+        Args:
+            target, source: from `prepare` of this registrar.
+
+        Returns:
+            Its `probability` is that the transform is right, its `accepted` whether to believe it. Where the bound on
+            tilt and the priors leave no candidate, the identity with unknown covariance, not accepted.
+        """
         start = perf_counter()
         bounds = self._bounds(target, source)
         test = HypothesisTest(self._verifier, self._pool, self.grid, target, source, bounds)

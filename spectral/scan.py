@@ -89,6 +89,9 @@ class Scan:
         stamp: time of the scan [s, UTC]; a counter where the files carry no time.
         prior: what other instruments say about the pose, or None.
         name: what to call the scan in messages and tables.
+
+    Raises:
+        InputError: points or strength of another shape or dtype, no points, or points that are not finite.
     """
 
     points: np.ndarray

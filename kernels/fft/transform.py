@@ -101,6 +101,9 @@ class RealFFT:
             out: complex64 of `half_shape` to write to; None: a new one, whose first touch can take
                 longer than the transform.
 
+        Returns:
+            complex64 of `half_shape`.
+
         Raises:
             InputError: an array is not of that shape and type, or not in C order.
             DeviceError: the device cannot hold the result.
@@ -116,6 +119,9 @@ class RealFFT:
         Args:
             spectrum: complex64 of `half_shape`.
             out: float32 of `shape` to write to; None: a new one, as in `forward`.
+
+        Returns:
+            float32 of `shape`.
 
         Raises:
             InputError: an array is not of that shape and type, or not in C order.

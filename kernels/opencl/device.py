@@ -91,14 +91,24 @@ class Device:
         return bool(self.cl_device.type & cl.device_type.CPU)
 
     def program(self, name: str, **defines: int | float) -> cl.Program:
-        """The program of `kernels/<name>.cl`, built once per context and set of macro definitions."""
+        """The program of `kernels/<name>.cl`, built once per context and set of macro definitions.
+
+        Raises:
+            DeviceError: it does not build; the build log is in the message.
+        """
         options = tuple(f"-D{key}={literal(value)}" for key, value in sorted(defines.items()))
         return self.build((KERNEL_FOLDER / f"{name}.cl").read_text(encoding="utf-8"), options, name)
 
     def build(self, source: str, options: tuple[str, ...] = (), name: str = "generated") -> cl.Program:
-        """Build OpenCL C source, once per context; the build log is in the error.
+        """Build OpenCL C source, once per context.
 
-        Sources can include the files of this folder by name, as in `#include "opencl/complex.cl"`.
+        Args:
+            source: it can include files of kernels/ by name, as in `#include "opencl/complex.cl"`.
+            options: of the compiler.
+            name: what to call the program in an error.
+
+        Raises:
+            DeviceError: it does not build; the build log is in the message.
         """
         key = (source, options)
         if key not in self._programs:
@@ -113,13 +123,21 @@ class Device:
         return self._programs[key]
 
     def empty(self, shape: tuple[int, ...], dtype: type | np.dtype = np.float32) -> cla.Array:
-        """An uninitialized array on the device; its size is checked first."""
+        """An uninitialized array on the device.
+
+        Raises:
+            DeviceError: the device cannot hold it.
+        """
         self.require(int(np.prod(shape, dtype=np.int64)) * np.dtype(dtype).itemsize)
         with self.explain_full_memory():
             return cla.empty(self.queue, shape, dtype)
 
     def to_device(self, host: np.ndarray) -> cla.Array:
-        """A copy of a host array on the device; its size is checked first."""
+        """A copy of a host array on the device, in C order.
+
+        Raises:
+            DeviceError: the device cannot hold it.
+        """
         self.require(host.nbytes)
         with self.explain_full_memory():
             return cla.to_device(self.queue, np.ascontiguousarray(host))
@@ -164,7 +182,14 @@ class Device:
 
 
 def list_devices() -> list[DeviceInfo]:
-    """Every OpenCL device, each tried with a small kernel. Raises DeviceError where there is no platform."""
+    """Every OpenCL device, each tried with a small kernel.
+
+    Returns:
+        In the order of the platforms; a device that does not work says why in its `fault`.
+
+    Raises:
+        DeviceError: there is no OpenCL platform.
+    """
     return [_describe(selector, device) for selector, device in _devices()]
 
 

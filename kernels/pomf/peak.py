@@ -70,6 +70,9 @@ def peak_at(device: Device, correlation: cla.Array, index: np.ndarray) -> Peak:
         correlation: (n0, n1, n2) float32.
         index: (3,) int64, of any sign.
 
+    Returns:
+        The voxel with its neighborhood, its sub-voxel shift and its height over the whole correlation.
+
     Raises:
         InputError: an argument is not as above, or the correlation is not finite.
     """

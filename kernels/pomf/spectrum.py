@@ -47,6 +47,9 @@ def whiten(device: Device, spectrum: cla.Array, out: cla.Array | None = None) ->
         spectrum: complex64 of any shape whose last axis is a multiple of 8.
         out: the same shape, to write to; may be the spectrum itself.
 
+    Returns:
+        Complex64 of the same shape.
+
     Raises:
         InputError: the dtype, the order or the last axis is another.
     """
@@ -171,15 +174,34 @@ class Pomf:
         self._scratch: cla.Array | None = None
 
     def prepare(self, volume: cla.Array, out: cla.Array | None = None) -> cla.Array:
-        """The whitened half spectrum (n0, n1, n2/2 + 8), complex64, of a float32 volume.
+        """The whitened half spectrum of a volume.
 
-        An array to write to saves a fresh one's page faults, which cost as much as the transform.
+        Args:
+            volume: (n0, n1, n2) float32.
+            out: (n0, n1, n2/2 + 8) complex64 to write to; a new one costs page faults, as much time as the transform.
+
+        Returns:
+            (n0, n1, n2/2 + 8) complex64.
+
+        Raises:
+            InputError: an array has another shape or dtype.
         """
         spectrum = self._fft.forward(volume, out=out)
         return whiten(self.device, spectrum, out=spectrum)
 
     def correlate(self, target: cla.Array, source: cla.Array, out: cla.Array | None = None) -> cla.Array:
-        """The correlation (n0, n1, n2), float32, of two prepared volumes (batched: image by image)."""
+        """The correlation of two prepared volumes; batched: image by image.
+
+        Args:
+            target, source: (n0, n1, n2/2 + 8) complex64, from `prepare`.
+            out: (n0, n1, n2) float32 to write to.
+
+        Returns:
+            (n0, n1, n2) float32.
+
+        Raises:
+            InputError: an array has another shape or dtype.
+        """
         self._scratch = cross_power(self.device, target, source, self.shape, self.blur, self.batched, out=self._scratch)
         return self._fft.inverse(self._scratch, out=out)
 

@@ -128,7 +128,7 @@ def wigner_d(degree: int, betas: np.ndarray) -> np.ndarray:
 
 
 def _half_wigner(bandwidth: int, betas: np.ndarray) -> np.ndarray:
-    """(orders, betas, bandwidth / 8, degrees, 8) float32, as so3.cl has it."""
+    """(orders, betas, bandwidth / 8, degrees, 8) float32, as correlation.cl reads it."""
     table = np.zeros((2 * bandwidth - 1, len(betas), bandwidth // 8, bandwidth // 2, 8), np.float32)
     for half in range(bandwidth // 2):
         degree = 2 * half

@@ -26,7 +26,7 @@ from spectral.translation import SAME_SHIFT, Translation
 
 @dataclass(frozen=True, slots=True)
 class HemisphereConfig:
-    """How to register.
+    """How to register two scans by `HemisphereRegistrar`.
 
     Attributes:
         yaw_peaks: how many yaw peaks are followed, each with its + 180 degrees; 1 is the paper.
@@ -40,7 +40,10 @@ class HemisphereConfig:
         use_strength: whether voxels hold the echo strength instead of the paper's occupancy.
         centered: whether each scan's grid is centered on its points; else on the origin of its frame, and what lies
             outside is lost, as where volumes are shifted out of their frame in the paper's Sect. 3.
-        acceptance: what makes a registration believed.
+        acceptance: the thresholds from which on a registration is accepted.
+
+    Raises:
+        InputError: a count or an angle out of its range.
     """
 
     yaw_peaks: int = 6
@@ -92,6 +95,11 @@ class HemisphereRegistrar:
     def __init__(self, device: Device, grid: Grid, config: HemisphereConfig | None = None) -> None:
         """Plan everything that does not depend on the scans.
 
+        Args:
+            device: what to compute on.
+            grid: that all scans share; `choose_grid` makes it.
+            config: None for the defaults.
+
         Raises:
             DeviceError: the device cannot hold what the grid needs.
         """
@@ -124,7 +132,14 @@ class HemisphereRegistrar:
         self._warm = True
 
     def register(self, target: LayeredScan, source: LayeredScan) -> Registration:
-        """Find T_target_source; `accepted` says whether to believe it."""
+        """Find T_target_source.
+
+        Args:
+            target, source: from `prepare` of this registrar.
+
+        Returns:
+            Its `accepted` says whether to believe it; this method gives no probability.
+        """
         start = perf_counter()
         matches = sorted(self._matches(target, source), key=by_peak)
         first = matches[0]
