@@ -5,9 +5,9 @@ import pytest
 from scipy.spatial.transform import RigidTransform
 
 from slam.map.beams import beams_of
+from slam.map.component_maps import cleared_map, survey_layers
 from slam.map.free_space import clear, votes
 from slam.map.point_map import PointMap, fuse
-from slam.map.trusted_map import survey_layers, trusted_map
 from spectral.scan import Scan
 from tests.samples.room_scans import RADIUS, look, pole_distance, room_distance, room_poses
 
@@ -74,18 +74,18 @@ def test_an_unsure_point_close_by_is_left_alone() -> None:
     T = room_poses(COUNT)
     scans = scans_at(T, 0.02)
     vague = np.tile(np.diag(np.repeat([0.2, 2.0], 3) ** 2), (COUNT, 1, 1))
-    assert trusted_map(scans, T, VOXEL, covariances=vague).removed == 0
+    assert cleared_map(scans, T, VOXEL, covariances=vague).removed == 0
 
 
 def test_the_same_to_the_byte_and_moved_with_the_world() -> None:
     T = room_poses(COUNT)
     scans = scans_at(T, 0.02)
-    first, second = trusted_map(scans, T, VOXEL), trusted_map(scans, T, VOXEL)
+    first, second = cleared_map(scans, T, VOXEL), cleared_map(scans, T, VOXEL)
     assert first.removed > 100
     for name in ("points", "sigma", "scan", "seen", "count", "survey"):
         assert getattr(first, name).tobytes() == getattr(second, name).tobytes()
     shift = RigidTransform.from_translation(VOXEL * np.array([40.0, -7.0, 11.0]))
-    moved = trusted_map(scans, shift * T, VOXEL)
+    moved = cleared_map(scans, shift * T, VOXEL)
     assert abs(moved.removed - first.removed) <= 2  # rounding may move a point over a cell's rim
     assert abs(len(moved.points) - len(first.points)) <= 2
 
@@ -111,6 +111,6 @@ def test_layers_hold_each_survey_s_own_scans_and_views() -> None:
     def blocks(point_map: PointMap) -> int:
         return int((np.abs(point_map.points - place) < 0.4).all(axis=1).sum())
 
-    together = trusted_map(changed, T, VOXEL, surveys=surveys)
+    together = cleared_map(changed, T, VOXEL, surveys=surveys)
     assert blocks(layers[0]) > 2 * blocks(together)
     assert blocks(layers[1]) == 0
