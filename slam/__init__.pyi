@@ -5,7 +5,7 @@ from .graph.pose_graph import PoseGraph as PoseGraph
 from .graph.pose_graph import Solution as Solution
 from .graph.pose_graph import factors_of as factors_of
 from .graph.trajectory import Trajectory as Trajectory
-from .loops.candidates import LoopSettings as LoopSettings
+from .loops.settings import LoopSettings as LoopSettings
 from .map.point_map import PointMap as PointMap
 from .mapper import Mapper as Mapper
 from .mapper import MapperSettings as MapperSettings

@@ -15,7 +15,8 @@ from slam.graph.edge import Edge
 from slam.graph.pose_covariance import pose_covariances
 from slam.graph.pose_graph import Solution
 from slam.graph.trajectory import Trajectory
-from slam.loops.candidates import LoopSettings, find_candidates, find_lookalikes
+from slam.loops.candidates import find_candidates, find_lookalikes
+from slam.loops.settings import LoopSettings
 from slam.map.component_maps import ComponentMaps, component_maps
 from slam.map.point_map import PointMap
 from slam.map.shared_cells import outline

@@ -14,7 +14,7 @@ from slam.graph.edge import Edge, components, spanning_tree
 from slam.graph.pose_graph import PoseGraph, Solution
 from slam.graph.trajectory import Trajectory, chain
 from slam.graph.world import place_in_world
-from slam.loops.candidates import LoopSettings
+from slam.loops.settings import LoopSettings
 from slam.pair import Pair
 from spectral.scan import PosePrior
 

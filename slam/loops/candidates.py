@@ -3,60 +3,19 @@
 
 from collections import defaultdict
 from collections.abc import Sequence, Set
-from dataclasses import dataclass, replace
+from dataclasses import replace
 
 import numpy as np
 
-from kernels.errors import InputError
 from slam.graph.pose_graph import Solution
 from slam.loops.forecast import certainty
 from slam.loops.places import PlaceIndex
+from slam.loops.settings import LoopSettings
 from slam.map.shared_cells import predict_overlap
 from slam.pair import Pair
 
 # So many times the wanted number of lookalikes are looked up, as neighbors show the same place.
 _LOOKALIKES = 3
-
-
-@dataclass(frozen=True, slots=True)
-class LoopSettings:
-    """How many loops are searched for, and how strictly they are judged.
-
-    Attributes:
-        per_scan: most loops of a round that one scan takes part in; 0 searches none.
-        rounds: how often loops are searched for; later rounds use the estimate that earlier loops have improved.
-        min_overlap: expected overlap that makes a pair a candidate, 0..1.
-        cell_voxels: edge of the cells in which overlap is predicted [voxels]: coarse, as the estimate has
-            drifted.
-        spread: a scan's loops lead to scans more than this apart, so that its neighbors do not take them all.
-        bound: largest distance of two answers that agree [sigmas]; 4.74 holds 99.9 % of right ones (six degrees of
-            freedom).
-        floor_rotation, floor_voxels: an uncertainty that every answer is granted, added in quadrature [rad,
-            voxels].
-    """
-
-    per_scan: int = 2
-    rounds: int = 2
-    min_overlap: float = 0.3
-    cell_voxels: float = 4.0
-    spread: int = 2
-    bound: float = 4.74
-    floor_rotation: float = float(np.radians(1.0))
-    floor_voxels: float = 1.0
-
-    def __post_init__(self) -> None:
-        if min(self.per_scan, self.spread, self.rounds) < 0:
-            raise InputError(
-                f"per_scan {self.per_scan}, rounds {self.rounds} and spread {self.spread}: wanted 0 or more of each"
-            )
-        if not 0 < self.min_overlap <= 1:
-            raise InputError(f"min_overlap is {self.min_overlap}; wanted more than 0 and at most 1")
-        if min(self.cell_voxels, self.bound) <= 0 or min(self.floor_rotation, self.floor_voxels) < 0:
-            raise InputError("cell_voxels and bound have to be positive, the floors not negative")
-
-    def floor(self, voxel: float) -> np.ndarray:
-        """(6,) standard deviations that every answer is granted [rad, m]."""
-        return np.repeat([self.floor_rotation, self.floor_voxels * voxel], 3)
 
 
 def find_candidates(

@@ -8,7 +8,8 @@ from scipy.spatial.transform import RigidTransform
 
 from kernels.errors import DeviceError, InputError
 from slam.graph.trajectory import chain
-from slam.loops.candidates import LoopSettings, find_candidates
+from slam.loops.candidates import find_candidates
+from slam.loops.settings import LoopSettings
 from slam.map.shared_cells import outline
 from slam.mapper import Mapper, MapperSettings, SurveyResult
 from slam.pair import Pair

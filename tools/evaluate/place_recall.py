@@ -5,7 +5,7 @@ from collections.abc import Sequence
 import numpy as np
 from scipy.spatial.transform import RigidTransform
 
-from slam.loops.candidates import LoopSettings
+from slam.loops.settings import LoopSettings
 from slam.map.shared_cells import outline, predict_overlap
 from spectral.scan import Scan
 

@@ -7,7 +7,7 @@ import pytest
 from scipy.spatial.transform import RigidTransform
 
 from slam.decide.decision import Decision, decide
-from slam.loops.candidates import LoopSettings
+from slam.loops.settings import LoopSettings
 from slam.pair import Pair, Role
 from spectral.result import Registration
 from tests.samples.surveys import random_covariance, registration, ring_poses

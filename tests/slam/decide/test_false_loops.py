@@ -18,7 +18,7 @@ from slam.decide.robust import robust_optimize
 from slam.graph.edge import Edge
 from slam.graph.pose_graph import PoseGraph
 from slam.graph.trajectory import chain
-from slam.loops.candidates import LoopSettings
+from slam.loops.settings import LoopSettings
 from slam.pair import Pair
 from tests.samples.surveys import edge
 from tests.samples.wrong_loops import aliased, scattered
