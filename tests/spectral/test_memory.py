@@ -27,7 +27,7 @@ MAKERS: dict[str, Callable[[Device, Grid], Registrar]] = {
 }
 
 
-class Account:
+class Usage:
     """Bytes on the device: now, and at most."""
 
     def __init__(self) -> None:
@@ -46,21 +46,21 @@ class Watched(cl.Buffer):
 
 
 @pytest.fixture
-def account(monkeypatch: pytest.MonkeyPatch) -> Iterator[tuple[Device, Account]]:
+def watched(monkeypatch: pytest.MonkeyPatch) -> Iterator[tuple[Device, Usage]]:
     """A device of its own, without tables kept from other tests, and what is allocated on it."""
-    first, told = choose_device(), Account()
+    first, usage = choose_device(), Usage()
     device = Device(first.cl_device, first.selector)
     empty, upload = cla.empty, cla.to_device
 
     def allocate(size: int) -> cl.Buffer:
         buffer = Watched(device.context, cl.mem_flags.READ_WRITE, size)
-        told.give(size)
-        weakref.finalize(buffer, told.take, size)
+        usage.give(size)
+        weakref.finalize(buffer, usage.take, size)
         return buffer
 
     monkeypatch.setattr(cla, "empty", lambda queue, shape, dtype: empty(queue, shape, dtype, allocator=allocate))
     monkeypatch.setattr(cla, "to_device", lambda queue, host: upload(queue, host, allocator=allocate))
-    yield device, told
+    yield device, usage
     gc.collect()
 
 
@@ -72,32 +72,32 @@ def account(monkeypatch: pytest.MonkeyPatch) -> Iterator[tuple[Device, Account]]
         *(pytest.param(maker, edge, marks=pytest.mark.slow) for maker in MAKERS for edge in (32, 128)),
     ],
 )
-def test_a_registration_takes_no_more_than_was_reckoned(account: tuple[Device, Account], maker: str, edge: int) -> None:
-    device, told = account
+def test_a_registration_takes_no_more_than_expected(watched: tuple[Device, Usage], maker: str, edge: int) -> None:
+    device, usage = watched
     registrar = MAKERS[maker](device, Grid(edge, 25.6 / edge))
     first, second = (registrar.prepare(Scan(structure(seed, 8000))) for seed in (1, 2))
     registrar.register(first, second)
     gc.collect()
-    before = told.now
+    before = usage.now
     third = registrar.prepare(Scan(structure(3, 8000)))
     gc.collect()
-    assert 0 < told.now - before <= prepared_memory(edge)
+    assert 0 < usage.now - before <= prepared_memory(edge)
     registrar.register(first, third)
     largest, total = needed_memory(edge)
-    assert told.largest <= largest
-    assert told.most - (told.now - before) <= total
+    assert usage.largest <= largest
+    assert usage.most - (usage.now - before) <= total
 
 
 @pytest.mark.slow
 @pytest.mark.parametrize("maker", ["any rotation", "hemisphere"])
-def test_not_much_more_is_reckoned_than_is_taken(account: tuple[Device, Account], maker: str) -> None:
+def test_not_much_more_is_expected_than_is_taken(watched: tuple[Device, Usage], maker: str) -> None:
     """On a grid whose volumes outweigh the tables; a device that could do it must not be refused."""
-    device, told = account
+    device, usage = watched
     registrar = MAKERS[maker](device, Grid(256, 0.1))
     prepared = [registrar.prepare(Scan(structure(seed, 8000))) for seed in (1, 2)]
     registrar.register(*prepared)
     _, total = needed_memory(256)
-    assert 0.6 * total < told.most <= total
+    assert 0.6 * total < usage.most <= total
 
 
 def test_larger_grids_need_more_and_leave_room_for_fewer_scans() -> None:

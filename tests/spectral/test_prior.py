@@ -45,7 +45,7 @@ class TestWhichSayAnything:
         relative = relative_prior(prior(T_TARGET, kind), prior(T_SOURCE, kind))
         assert relative is not None
         known = (relative.knows_tilt, relative.knows_heading, relative.knows_position, relative.knows_depth)
-        assert known == tuple(kind == one for one in ALL)
+        assert known == tuple(kind == known_kind for known_kind in ALL)
 
     def test_the_measured_rotation(self) -> None:
         measured = pair(ATTITUDE, HEADING).R_target_source
@@ -124,7 +124,7 @@ class TestRotations:
         """4 sigmas leave out 1 in 3000 of two dimensions and 1 in 16000 of one."""
         rng = np.random.default_rng(4)
         draws = [RelativePrior(unexact(T_TARGET, rng), unexact(T_SOURCE, rng)) for _ in range(300)]
-        assert sum(not one.allows(T_TRUE.rotation) for one in draws) <= 2
+        assert sum(not relative.allows(T_TRUE.rotation) for relative in draws) <= 2
 
 
 class TestHeadingsWithoutAttitude:
@@ -138,9 +138,9 @@ class TestHeadingsWithoutAttitude:
             priors = []
             for name, yaw, rotation in zip(("target", "source"), yaws[:, k], R, strict=True):
                 known = name in attitudes
-                told = rotation if known else Rotation.from_euler("Z", yaw)
+                R_measured = rotation if known else Rotation.from_euler("Z", yaw)
                 kinds = (ATTITUDE, HEADING) if known else (HEADING,)
-                measured = RigidTransform.from_rotation(told)
+                measured = RigidTransform.from_rotation(R_measured)
                 priors.append(prior(measured, *kinds, sigmas=np.full(6, 1e-6)))
             assert RelativePrior(*priors).allows(R[0].inv() * R[1])
 
@@ -299,7 +299,7 @@ class TestPosePrior:
         with pytest.raises(InputError, match=words):
             PosePrior(RigidTransform.identity(), sigmas)
 
-    def test_poses_that_will_not_do(self) -> None:
+    def test_poses_that_are_refused(self) -> None:
         stack = RigidTransform.concatenate([T_TARGET, T_SOURCE])
         for T in (stack, RigidTransform.from_translation([0, np.nan, 0]), RigidTransform.from_translation([INF, 0, 0])):
             with pytest.raises(InputError, match="finite"):
@@ -307,6 +307,6 @@ class TestPosePrior:
 
     @pytest.mark.parametrize("kind", ALL)
     def test_what_is_known(self, kind: slice) -> None:
-        one = prior(T_TARGET, kind)
-        known = (one.knows_attitude, one.knows_heading, one.knows_position, one.knows_depth)
-        assert known == tuple(kind == other for other in ALL)
+        measured = prior(T_TARGET, kind)
+        known = (measured.knows_attitude, measured.knows_heading, measured.knows_position, measured.knows_depth)
+        assert known == tuple(kind == known_kind for known_kind in ALL)

@@ -17,7 +17,7 @@ def imported(path: Path) -> set[str]:
 
 @pytest.mark.parametrize("path", FILES, ids=lambda path: str(path.relative_to(SPECTRAL)))
 def test_only_the_registration_tests_hypotheses(path: Path) -> None:
-    if path.parent.name != "verify" and path.name != "registration.py" or path.parent.name == "hemisphere":
+    if (path.parent.name != "verify" and path.name != "registration.py") or path.parent.name == "hemisphere":
         assert not any(module.startswith("spectral.verify") for module in imported(path))
 
 

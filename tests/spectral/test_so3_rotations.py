@@ -44,8 +44,8 @@ def everything(R: Rotation) -> np.ndarray:
     return np.ones(len(R), dtype=bool)
 
 
-def errors(found: RotationPeaks, true: Rotation) -> np.ndarray:
-    return np.rad2deg((found.R * true.inv()).magnitude())
+def errors(peaks: RotationPeaks, true: Rotation) -> np.ndarray:
+    return np.rad2deg((peaks.R * true.inv()).magnitude())
 
 
 ANY = [(2.5, -1.0, 0.7), (0.0, 3.1, 0.0), (0.0, 0.0, 0.01), (0.0, 0.0, -2.0), (-1.6, 0.1, 0.2), (0.3, 1.5, -2.4)]
@@ -56,9 +56,9 @@ def test_the_true_rotation_is_the_highest_between_samples_too(
     spectra: Spectra, target: np.ndarray, rotvec: tuple[float, ...]
 ) -> None:
     true = Rotation.from_rotvec(rotvec)
-    found = spectra.so3.candidates(target, spectra.of(turned(true)), 4, everything)
-    assert errors(found, true)[0] < 1.4  # samples are 1.9 and 2.8 degrees apart
-    assert found.scores[0] > found.scores[1]
+    peaks = spectra.so3.candidates(target, spectra.of(turned(true)), 4, everything)
+    assert errors(peaks, true)[0] < 1.4  # samples are 1.9 and 2.8 degrees apart
+    assert peaks.scores[0] > peaks.scores[1]
 
 
 def test_where_a_scan_lies_does_not_matter(spectra: Spectra, target: np.ndarray) -> None:
@@ -70,9 +70,9 @@ def test_where_a_scan_lies_does_not_matter(spectra: Spectra, target: np.ndarray)
 
 def test_equal_scans_score_one(spectra: Spectra, target: np.ndarray) -> None:
     assert np.linalg.norm(target) == pytest.approx(1.0, abs=1e-5)
-    found = spectra.so3.candidates(target, target, 3, everything)
-    assert 0.9 < found.scores[0] <= 1.0 + 1e-4
-    assert errors(found, Rotation.identity())[0] < 1.0
+    peaks = spectra.so3.candidates(target, target, 3, everything)
+    assert 0.9 < peaks.scores[0] <= 1.0 + 1e-4
+    assert errors(peaks, Rotation.identity())[0] < 1.0
 
 
 def test_the_other_way_round_is_the_inverse(spectra: Spectra, target: np.ndarray) -> None:
@@ -85,10 +85,10 @@ def test_the_other_way_round_is_the_inverse(spectra: Spectra, target: np.ndarray
 
 
 def test_rotations_are_distinct_and_the_best_first(spectra: Spectra, target: np.ndarray) -> None:
-    found = spectra.so3.candidates(target, spectra.of(structure(3)), 12, everything)
-    assert len(found.scores) == len(found.R) == 12
-    assert (np.diff(found.scores) <= 0).all()
-    between = [(a.inv() * b).magnitude() for n, a in enumerate(found.R) for b in found.R[:n]]
+    peaks = spectra.so3.candidates(target, spectra.of(structure(3)), 12, everything)
+    assert len(peaks.scores) == len(peaks.R) == 12
+    assert (np.diff(peaks.scores) <= 0).all()
+    between = [(a.inv() * b).magnitude() for n, a in enumerate(peaks.R) for b in peaks.R[:n]]
     assert np.rad2deg(min(between)) >= 6.99
 
 
@@ -98,9 +98,9 @@ def test_only_what_is_allowed_is_told(spectra: Spectra, target: np.ndarray) -> N
     def upside_down(R: Rotation) -> np.ndarray:
         return R.apply([0, 0, 1])[:, 2] < 0
 
-    found = spectra.so3.candidates(target, source, 5, upside_down)
-    assert len(found.R) == 5
-    assert upside_down(found.R).all()
+    peaks = spectra.so3.candidates(target, source, 5, upside_down)
+    assert len(peaks.R) == 5
+    assert upside_down(peaks.R).all()
     nothing = spectra.so3.candidates(target, source, 5, lambda R: np.zeros(len(R), dtype=bool))
     assert (len(nothing.R), len(nothing.scores)) == (0, 0)
 
@@ -110,8 +110,8 @@ def test_a_bound_on_tilt_keeps_the_vertical_near(target: np.ndarray) -> None:
     bounded = Spectra(float(np.deg2rad(20.0)))
     away = np.arccos(np.cos(np.deg2rad(20.0)) ** 2)
     source = bounded.of(structure(5))
-    found = bounded.so3.candidates(target, source, 40, everything)
-    tilts = np.arccos(found.R.apply([0, 0, 1])[:, 2])
+    peaks = bounded.so3.candidates(target, source, 40, everything)
+    tilts = np.arccos(peaks.R.apply([0, 0, 1])[:, 2])
     assert tilts.max() < away + np.deg2rad(4.0)
     true = Rotation.from_euler("ZYX", [130, 19.5, -19.5], degrees=True)
     assert errors(bounded.so3.candidates(target, bounded.of(turned(true)), 1, everything), true)[0] < 1.5
@@ -121,8 +121,8 @@ def test_a_bound_on_tilt_keeps_the_vertical_near(target: np.ndarray) -> None:
 def test_scans_that_share_a_part_have_it_among_the_best(spectra: Spectra, seed: int) -> None:
     here, there = above(0, 0, 12), above(3, -2, 13, 25, 4, -7)
     target, source = (spectra.of(seen(relief(seed), T)) for T in (here, there))
-    found = spectra.so3.candidates(target, source, 12, everything)
-    assert errors(found, (here.inv() * there).rotation).min() < 4.0
+    peaks = spectra.so3.candidates(target, source, 12, everything)
+    assert errors(peaks, (here.inv() * there).rotation).min() < 4.0
 
 
 def test_twice_is_the_same(spectra: Spectra, target: np.ndarray) -> None:

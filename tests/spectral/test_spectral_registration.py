@@ -53,8 +53,8 @@ def register(registrar: SpectralRegistrar, target: np.ndarray, source: np.ndarra
 
 
 # A tenth of a rotation's bin and a fifth of a voxel.
-def assert_near(found: RigidTransform, truth: RigidTransform, degrees: float = 0.3, meters: float = 0.1) -> None:
-    angle, distance = difference(found, truth)
+def assert_near(T: RigidTransform, truth: RigidTransform, degrees: float = 0.3, meters: float = 0.1) -> None:
+    angle, distance = difference(T, truth)
     assert angle < degrees
     assert distance < meters
 
@@ -62,29 +62,29 @@ def assert_near(found: RigidTransform, truth: RigidTransform, degrees: float = 0
 class TestLaws:
     def test_a_scan_registers_to_itself(self, registrar: SpectralRegistrar) -> None:
         points = seen(relief(1), THERE)
-        found = register(registrar, points, points)
-        assert_near(found.T_target_source, RigidTransform.identity(), 0.01, 0.001)
-        assert found.overlap == 1.0
+        registration = register(registrar, points, points)
+        assert_near(registration.T_target_source, RigidTransform.identity(), 0.01, 0.001)
+        assert registration.overlap == 1.0
 
     @pytest.mark.parametrize("seed", [1, 2, 3])
     def test_finds_a_known_transform(self, registrar: SpectralRegistrar, seed: int) -> None:
-        found = register(registrar, seen(relief(seed), HERE), seen(relief(seed), THERE))
-        assert_near(found.T_target_source, T_TRUE)
-        assert 0.7 < found.overlap < 0.95
+        registration = register(registrar, seen(relief(seed), HERE), seen(relief(seed), THERE))
+        assert_near(registration.T_target_source, T_TRUE)
+        assert 0.7 < registration.overlap < 0.95
 
     @pytest.mark.parametrize("yaw", [-170.0, -95.0, 100.0, 180.0])
     def test_yaw_covers_the_circle(self, registrar: SpectralRegistrar, yaw: float) -> None:
         turned = above(3, -2, 13, yaw, 4, -7)
-        found = register(registrar, seen(relief(4), HERE), seen(relief(4), turned))
-        assert_near(found.T_target_source, HERE.inv() * turned)
+        registration = register(registrar, seen(relief(4), HERE), seen(relief(4), turned))
+        assert_near(registration.T_target_source, HERE.inv() * turned)
 
     @pytest.mark.parametrize("rotvec", [(2.5, -1.0, 0.7), (0.0, 3.1, 0.0), (-1.6, 0.1, 0.2), (0.3, 1.5, -2.4)])
     def test_any_rotation_is_found_where_none_is_excluded(
         self, of_any_rotation: SpectralRegistrar, rotvec: tuple[float, ...]
     ) -> None:
         Q = RigidTransform.from_components([2, -3, 1], Rotation.from_rotvec(rotvec))
-        found = register(of_any_rotation, seen(relief(2), HERE), moved(seen(relief(2), THERE), Q))
-        assert_near(found.T_target_source, T_TRUE * Q.inv(), 1.0, 0.25)
+        registration = register(of_any_rotation, seen(relief(2), HERE), moved(seen(relief(2), THERE), Q))
+        assert_near(registration.T_target_source, T_TRUE * Q.inv(), 1.0, 0.25)
 
     def test_the_other_way_round_is_the_inverse(self, registrar: SpectralRegistrar) -> None:
         target, source = seen(relief(5), HERE), seen(relief(5), THERE)
@@ -108,16 +108,16 @@ class TestLaws:
     def test_the_translations_peak_refines_to_within_a_voxel(self) -> None:
         registrar = SpectralRegistrar(choose_device(), Grid(EDGE, VOXEL), SpectralConfig(refinement="spectral"))
         for seed in (1, 2):
-            found = register(registrar, seen(relief(seed), HERE), seen(relief(seed), THERE))
-            assert_near(found.T_target_source, T_TRUE, 2.0, VOXEL)
+            registration = register(registrar, seen(relief(seed), HERE), seen(relief(seed), THERE))
+            assert_near(registration.T_target_source, T_TRUE, 2.0, VOXEL)
 
     def test_says_the_ratio_of_every_step(self, registrar: SpectralRegistrar) -> None:
-        found = register(registrar, seen(relief(8), HERE), seen(relief(8), THERE))
-        steps = dict(found.step_psr)
+        registration = register(registrar, seen(relief(8), HERE), seen(relief(8), THERE))
+        steps = dict(registration.step_psr)
         assert list(steps) == ["rotation", "candidate", "translation"]
         assert 0 < steps["rotation"] <= 1
-        assert steps["translation"] == found.psr > steps["candidate"] > 10
-        assert found.seconds > 0
+        assert steps["translation"] == registration.psr > steps["candidate"] > 10
+        assert registration.seconds > 0
 
 
 class TestViews:
@@ -127,8 +127,8 @@ class TestViews:
     ) -> None:
         """The grid is 32 m wide: 17.5 m look like -14.5 m to a periodic correlation."""
         here, there = above(-x / 2, -y / 2, 12), above(x / 2, y / 2, 13, 15, 3, -5)
-        found = register(registrar, seen(relief(1), here, 15.0), seen(relief(1), there, 15.0))
-        assert_near(found.T_target_source, here.inv() * there)
+        registration = register(registrar, seen(relief(1), here, 15.0), seen(relief(1), there, 15.0))
+        assert_near(registration.T_target_source, here.inv() * there)
         assert max(abs(x), abs(y)) > EDGE * VOXEL / 2
 
     def test_scans_that_no_one_viewpoint_explains_register_by_their_points(self, registrar: SpectralRegistrar) -> None:
@@ -138,8 +138,8 @@ class TestViews:
         target, source = (registrar.prepare(Scan(seen(both, T))) for T in (here, there))
         assert not target.image.single
         assert not source.image.single
-        found = registrar.register(target, source)
-        assert_near(found.T_target_source, here.inv() * there)
+        registration = registrar.register(target, source)
+        assert_near(registration.T_target_source, here.inv() * there)
         ground = registrar.prepare(Scan(seen(relief(4), there)))
         assert ground.image.single
         assert_near(registrar.register(target, ground).T_target_source, here.inv() * there)
@@ -154,12 +154,12 @@ class TestViews:
         here, there = above(0, -45, 3), above(side * 40, 1, 0)
         place = np.vstack([sail(1) + twins[-1], sail(1) + twins[1]])
         source = there.inv().apply(sail(2) + twins[side]).astype(np.float32)
-        found = register(of_either, here.inv().apply(place).astype(np.float32), source)
-        assert_near(found.T_target_source, here.inv() * there, 2.0, 1.0)
-        assert found.overlap == pytest.approx(0.5, abs=0.03)
+        registration = register(of_either, here.inv().apply(place).astype(np.float32), source)
+        assert_near(registration.T_target_source, here.inv() * there, 2.0, 1.0)
+        assert registration.overlap == pytest.approx(0.5, abs=0.03)
         # the other one fits the points just as well, and is excluded by the views alone
-        assert found.accepted
-        assert not found.alternatives
+        assert registration.accepted
+        assert not registration.alternatives
 
 
 def sail(seed: int, count: int = 6000) -> np.ndarray:
@@ -172,7 +172,7 @@ class TestPriors:
     """Attitude, heading, depth and position of both scans, of which one is told wrong."""
 
     @staticmethod
-    def told(
+    def with_prior(
         scan: SpectralScan,
         T_world_sensor: RigidTransform,
         heading: float = 2.0,
@@ -187,11 +187,11 @@ class TestPriors:
         self, registrar: SpectralRegistrar, target: SpectralScan, source: SpectralScan
     ) -> None:
         plain = registrar.register(target, source)
-        found = registrar.register(
-            self.told(target, HERE, depth=0.1, xy=0.5), self.told(source, THERE, depth=0.1, xy=0.5)
+        registration = registrar.register(
+            self.with_prior(target, HERE, depth=0.1, xy=0.5), self.with_prior(source, THERE, depth=0.1, xy=0.5)
         )
-        assert_near(found.T_target_source, plain.T_target_source, 0.01, 0.01)
-        assert found.accepted
+        assert_near(registration.T_target_source, plain.T_target_source, 0.01, 0.01)
+        assert registration.accepted
 
     def test_a_place_that_repeats_is_told_by_the_heading(self, registrar: SpectralRegistrar) -> None:
         """A ground that is the same after half a turn: two answers, of which the heading allows one."""
@@ -202,8 +202,8 @@ class TestPriors:
         for yaw in (20.0, -160.0):
             there = above(0, 0, 12.5, yaw)
             source = registrar.prepare(Scan(seen(ground, there)))
-            found = registrar.register(self.told(target, HERE, 5.0), self.told(source, there, 5.0))
-            assert_near(found.T_target_source, HERE.inv() * there)
+            registration = registrar.register(self.with_prior(target, HERE, 5.0), self.with_prior(source, there, 5.0))
+            assert_near(registration.T_target_source, HERE.inv() * there)
             alone = registrar.register(target, source)
             right += difference(alone.T_target_source, HERE.inv() * there)[0] < 1.0
         assert right == 1
@@ -225,37 +225,41 @@ class TestPriors:
         wrong: RigidTransform,
         bounds: dict[str, float],
     ) -> None:
-        found = registrar.register(self.told(target, HERE, **bounds), self.told(source, wrong, **bounds))
-        assert not found.accepted
-        assert "the scans' priors" in found.reason
-        assert found.probability == 0
-        assert np.linalg.eigvalsh(found.covariance).min() >= min(np.pi, EDGE * VOXEL) ** 2 * 0.99
+        registration = registrar.register(
+            self.with_prior(target, HERE, **bounds), self.with_prior(source, wrong, **bounds)
+        )
+        assert not registration.accepted
+        assert "the scans' priors" in registration.reason
+        assert registration.probability == 0
+        assert np.linalg.eigvalsh(registration.covariance).min() >= min(np.pi, EDGE * VOXEL) ** 2 * 0.99
 
     def test_a_wrong_heading_keeps_the_right_rotation_out(
         self, registrar: SpectralRegistrar, target: SpectralScan, source: SpectralScan
     ) -> None:
         wrong = above(3, -2, 13, 115, 4, -7)
-        found = registrar.register(self.told(target, HERE), self.told(source, wrong))
-        assert not found.accepted
-        assert difference(found.T_target_source, T_TRUE)[0] > 60
+        registration = registrar.register(self.with_prior(target, HERE), self.with_prior(source, wrong))
+        assert not registration.accepted
+        assert difference(registration.T_target_source, T_TRUE)[0] > 60
 
     def test_one_scan_alone_bounds_nothing(
         self, registrar: SpectralRegistrar, target: SpectralScan, source: SpectralScan
     ) -> None:
-        found = registrar.register(target, self.told(source, above(50, 50, 90, 115, 40, -7), depth=0.1, xy=0.1))
-        assert_near(found.T_target_source, T_TRUE)
+        registration = registrar.register(
+            target, self.with_prior(source, above(50, 50, 90, 115, 40, -7), depth=0.1, xy=0.1)
+        )
+        assert_near(registration.T_target_source, T_TRUE)
 
 
 class TestBounds:
-    @pytest.mark.parametrize(("bound", "found"), [(5.0, False), (20.0, True)])
-    def test_max_tilt_bounds_the_answer(self, bound: float, found: bool) -> None:
+    @pytest.mark.parametrize(("bound", "within"), [(5.0, False), (20.0, True)])
+    def test_max_tilt_bounds_the_answer(self, bound: float, within: bool) -> None:
         rolled = above(3, -2, 13, 25, 4, 15)
         registrar = SpectralRegistrar(
             choose_device(), Grid(EDGE, VOXEL), SpectralConfig(max_tilt=float(np.deg2rad(bound)))
         )
         answer = register(registrar, seen(relief(1), HERE), seen(relief(1), rolled))
-        assert (difference(answer.T_target_source, HERE.inv() * rolled)[0] < 0.3) == found
-        if not found:
+        assert (difference(answer.T_target_source, HERE.inv() * rolled)[0] < 0.3) == within
+        if not within:
             assert not answer.accepted
             assert "tilt" in answer.reason
 

@@ -84,8 +84,8 @@ class TestSelection:
 
     @pytest.mark.parametrize("wanted", ["2:0,1", "nvidia:0, 1", "0:0,1,2"])
     def test_wants_one_device(self, wanted: str) -> None:
-        one = wanted.partition(",")[0]
-        with pytest.raises(DeviceError, match=f"'{wanted}' names several .* choose one, as in '{one}'.*2:1 GeForce"):
+        first = wanted.partition(",")[0]
+        with pytest.raises(DeviceError, match=f"'{wanted}' names several .* choose one, as in '{first}'.*2:1 GeForce"):
             matching(wanted, MACHINE)
 
     def test_prefers_the_larger_gpu_and_the_newer_driver(self) -> None:
@@ -129,8 +129,8 @@ class TestChoice:
         monkeypatch.setattr(kernels.opencl.device, "_fault", lambda _: faults.pop(0))
         chosen = choose_device()
         name = actual.name.strip()
-        told = f"0:0 {name} does not work: error: unknown target. 0:1 {name} is used instead."
-        assert (chosen.selector, chosen.notes) == ("0:1", (told,))
+        note = f"0:0 {name} does not work: error: unknown target. 0:1 {name} is used instead."
+        assert (chosen.selector, chosen.notes) == ("0:1", (note,))
 
     def test_refuses_where_none_works(self, actual: cl.Device, monkeypatch: pytest.MonkeyPatch) -> None:
         monkeypatch.setattr(kernels.opencl.device, "_fault", lambda _: "it smokes")

@@ -86,8 +86,8 @@ def test_a_transform_takes_a_slice(device):
     volumes = np.random.default_rng(3).normal(size=(32, 16, 32)).astype(np.float32)
     fft = RealFFT(device, (16, 16, 32))
     given = device.to_device(volumes)
-    found = fft.forward(given[16:]).get()
-    assert np.array_equal(found[..., :17], fft.forward(device.to_device(volumes[16:])).get()[..., :17])
+    spectrum = fft.forward(given[16:]).get()
+    assert np.array_equal(spectrum[..., :17], fft.forward(device.to_device(volumes[16:])).get()[..., :17])
 
 
 @pytest.mark.parametrize("shape", [(1, 3), (2, 512), (3, 1024), (4, 999), (5, 16, 64)])

@@ -91,8 +91,8 @@ def test_two_peaks_in_one_row_and_a_shoulder_that_is_none(device):
 def test_the_separation_is_cyclic(device):
     volume = np.zeros((16, 16, 16), np.float32)
     volume[0, 0, 0], volume[14, 15, 0], volume[8, 8, 8] = 3, 2, 1
-    found = [tuple(peak.index) for peak in find_peaks(device, device.to_device(volume), 2, separation=2)]
-    assert found == [(0, 0, 0), (8, 8, 8)]
+    indices = [tuple(peak.index) for peak in find_peaks(device, device.to_device(volume), 2, separation=2)]
+    assert indices == [(0, 0, 0), (8, 8, 8)]
 
 
 def test_a_slope_into_the_limits_is_no_peak(device):

@@ -14,14 +14,14 @@ def segments_twin(volume, segments):
     """The first of the highest maxima of each segment; segments highest first, then in C order."""
     is_peak = volume == maximum_filter(volume, 3, mode="wrap")
     width = volume.shape[2] // segments
-    found = []
+    maxima = []
     for place in np.ndindex(*volume.shape[:2], segments):
         part = slice(place[2] * width, (place[2] + 1) * width)
         values = np.where(is_peak[place[0], place[1], part], volume[place[0], place[1], part], -np.inf)
         if values.max() > -np.inf:
-            found.append((-values.max(), *place[:2], place[2] * width + int(values.argmax())))
-    found.sort(key=lambda one: one[0])  # stable
-    return np.array([one[1:] for one in found]), np.array([-one[0] for one in found])
+            maxima.append((-values.max(), *place[:2], place[2] * width + int(values.argmax())))
+    maxima.sort(key=lambda maximum: maximum[0])  # stable
+    return np.array([maximum[1:] for maximum in maxima]), np.array([-maximum[0] for maximum in maxima])
 
 
 def noise(shape, seed, levels=None):
@@ -124,10 +124,10 @@ class TestPeakAt:
 
     def test_at_a_peak_it_is_that_of_find_peaks(self, device):
         correlation = device.to_device(noise((16, 16, 16), 9))
-        for found in find_peaks(device, correlation, 3):
-            here = peak_at(device, correlation, found.index + np.array([1, -1, 0]))
-            np.testing.assert_array_equal(here.shift, found.shift)
-            assert (here.value, here.top, here.psr) == (found.value, found.top, found.psr)
+        for peak in find_peaks(device, correlation, 3):
+            here = peak_at(device, correlation, peak.index + np.array([1, -1, 0]))
+            np.testing.assert_array_equal(here.shift, peak.shift)
+            assert (here.value, here.top, here.psr) == (peak.value, peak.top, peak.psr)
 
     def test_on_a_slope_it_stays_within_a_voxel(self, device):
         ramp = np.broadcast_to(np.arange(16, dtype=np.float32), (8, 8, 16)).copy()

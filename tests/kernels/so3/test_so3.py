@@ -201,9 +201,9 @@ class TestRotationsFoundAgain:
     @pytest.mark.parametrize("R", TURNS)
     def test_a_turned_source_peaks_at_its_rotation(self, correlation, layers, R):
         source = turned(layers, R)
-        found, value = self.peak(correlation, layers, source)
+        peak_R, value = self.peak(correlation, layers, source)
         # a sample is half a step from its neighbors' border along each of three angles, of 5.6 and 11.25 degrees
-        assert (found * R.inv()).magnitude() < np.deg2rad(10)
+        assert (peak_R * R.inv()).magnitude() < np.deg2rad(10)
         energy = np.linalg.norm(layers) ** 2
         assert 0.5 * energy < value <= energy * (1 + 1e-5)
         back, _ = self.peak(correlation, source, layers)

@@ -65,24 +65,24 @@ def test_yaw_is_among_the_candidates_with_its_half_turn(room: Room, yaw: float) 
 def test_tilt_is_found_once_yaw_is_known(room: Room, roll: float, pitch: float) -> None:
     tilt, yaw = Rotation.from_euler("YX", [pitch, roll], degrees=True), Rotation.from_euler("Z", 40, degrees=True)
     source = room.turned(tilt * yaw)
-    found = room.hemisphere.tilt(room.layers, source.magnitude, yaw, np.deg2rad(35))
-    assert found is not None
-    assert degrees(found.R * tilt.inv()) < 4.0
+    estimate = room.hemisphere.tilt(room.layers, source.magnitude, yaw, np.deg2rad(35))
+    assert estimate is not None
+    assert degrees(estimate.R * tilt.inv()) < 4.0
 
 
 def test_tilt_keeps_to_its_limit(room: Room) -> None:
     source = room.turned(Rotation.from_euler("X", 30, degrees=True))
-    found = room.hemisphere.tilt(room.layers, source.magnitude, Rotation.identity(), np.deg2rad(10))
-    assert found is None or degrees(found.R) < 10 * np.sqrt(2) + 3
+    estimate = room.hemisphere.tilt(room.layers, source.magnitude, Rotation.identity(), np.deg2rad(10))
+    assert estimate is None or degrees(estimate.R) < 10 * np.sqrt(2) + 3
 
 
 @pytest.mark.parametrize("left", [-16.0, -3.0, 5.0, 18.0])
 def test_heading_finds_the_yaw_that_is_left(room: Room, left: float) -> None:
     true = Rotation.from_euler("ZYX", [70.0, 6.0, -9.0], degrees=True)
     known = Rotation.from_euler("Z", -left, degrees=True) * true
-    found = room.hemisphere.heading(room.layers, room.turned(true).magnitude, known, np.deg2rad(20))
-    assert found is not None
-    assert degrees(found.R * known * true.inv()) < 0.7
+    estimate = room.hemisphere.heading(room.layers, room.turned(true).magnitude, known, np.deg2rad(20))
+    assert estimate is not None
+    assert degrees(estimate.R * known * true.inv()) < 0.7
 
 
 def test_translation_has_the_sign_and_unit_of_the_conventions(room: Room) -> None:
@@ -128,8 +128,8 @@ def test_a_shift_over_half_the_grid_is_told_from_its_wrapped_twin(room: Room, tr
     source = room.preparer.prepare(Scan(place[high]))
     shift = (source.center - target.center) / VOXEL
     cyclic = (shift + EDGE / 2) % EDGE - EDGE / 2
-    found = unwrap(target, source, Rotation.identity(), cyclic, EDGE)
-    np.testing.assert_allclose(found, shift, atol=1e-9)
+    unwrapped = unwrap(target, source, Rotation.identity(), cyclic, EDGE)
+    np.testing.assert_allclose(unwrapped, shift, atol=1e-9)
 
 
 def test_a_stray_point_outside_the_grid_changes_nothing(room: Room) -> None:

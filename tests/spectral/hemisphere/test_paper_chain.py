@@ -25,14 +25,14 @@ def points() -> np.ndarray:
     return surface_points(build_scene("clutter", 5).mesh, 2.0).astype(np.float64)
 
 
-def found(registrar: HemisphereRegistrar, points: np.ndarray, T_target_source: RigidTransform) -> RigidTransform:
+def register(registrar: HemisphereRegistrar, points: np.ndarray, T_target_source: RigidTransform) -> RigidTransform:
     moved, still = (voxel_scan(occupy(p, GRID), GRID, "s") for p in (T_target_source.apply(points), points))
     return registrar.register(registrar.prepare(moved), registrar.prepare(still)).T_target_source
 
 
 @pytest.mark.parametrize("shift", [(8.0, -16.0, 24.0), (40.0, 80.0, 12.0)])
 def test_a_shift_is_exact(registrar: HemisphereRegistrar, points: np.ndarray, shift: tuple[float, ...]) -> None:
-    T = found(registrar, points, RigidTransform.from_translation(shift))
+    T = register(registrar, points, RigidTransform.from_translation(shift))
     assert np.linalg.norm(T.translation - shift) < 0.2 * GRID.voxel
     assert np.rad2deg(T.rotation.magnitude()) < 0.5
 
@@ -43,7 +43,7 @@ def test_yaw_under_tilt_keeps_to_what_the_paper_shows(
 ) -> None:
     """Figs. 16 and 17: 10 degrees of roll and of pitch."""
     R = Rotation.from_euler("ZYX", [yaw, 10, 10], degrees=True)
-    off = found(registrar, points, RigidTransform.from_rotation(R)).rotation.as_euler("ZYX", degrees=True)
+    off = register(registrar, points, RigidTransform.from_rotation(R)).rotation.as_euler("ZYX", degrees=True)
     assert np.abs(off - [yaw, 10, 10])[0] < 5
     assert np.abs(off - [yaw, 10, 10])[1:].max() < 3
 

@@ -70,8 +70,8 @@ class TestVisibility:
         target = image(device, shell(20.0, 1))
         source = image(device, np.vstack([shell(radius, 3, cone=0.5), shell(9.0, 4, cone=0.5)]))
         assert not source.single
-        found = visibility(device, target, source, STILL, np.zeros((1, 3)), reach, slope)
-        return np.array([found.agree[0], found.contradict[0], found.seen[0]])
+        shares = visibility(device, target, source, STILL, np.zeros((1, 3)), reach, slope)
+        return np.array([shares.agree[0], shares.contradict[0], shares.seen[0]])
 
     def test_points_on_the_surface_agree_and_those_before_it_contradict(self, device: Device) -> None:
         agree, contradict, seen = self.seen(device, 20.0)
@@ -93,9 +93,9 @@ class TestVisibility:
 def test_both_views_are_asked_and_their_mean_told(device: Device) -> None:
     """The target's sensor saw through to 30 voxels, the source's to 20 in the same direction."""
     far, near = image(device, shell(30.0, 1)), image(device, shell(20.0, 2))
-    found = visibility(device, far, near, STILL, np.zeros((1, 3)), 1.0, 0.0)
-    assert found.contradict[0] == pytest.approx(0.5, abs=0.05)
-    assert found.agree[0] == 0
+    shares = visibility(device, far, near, STILL, np.zeros((1, 3)), 1.0, 0.0)
+    assert shares.contradict[0] == pytest.approx(0.5, abs=0.05)
+    assert shares.agree[0] == 0
 
 
 def test_the_other_way_round_says_the_same(device: Device) -> None:
@@ -117,5 +117,5 @@ def test_the_other_way_round_says_the_same(device: Device) -> None:
 
 def test_without_any_view_nothing_is_known(device: Device) -> None:
     blind = image(device, np.vstack([shell(20.0, 1), shell(12.0, 2)]))
-    found = visibility(device, blind, blind, STILL, np.zeros((1, 3)), 1.0, 0.0)
-    assert np.isnan([found.agree, found.contradict, found.seen]).all()
+    shares = visibility(device, blind, blind, STILL, np.zeros((1, 3)), 1.0, 0.0)
+    assert np.isnan([shares.agree, shares.contradict, shares.seen]).all()

@@ -49,9 +49,9 @@ class TestSignature:
 
     def test_layers_turned_against_each_other_change_it(self):
         given = coefficients()
-        one = given.copy()
-        one[:, 2] = turned(given.astype(np.complex128), Rotation.from_rotvec([0.3, -0.5, 0.8]))[:, 2]
-        assert np.linalg.norm(signature(one) - signature(given)) > 0.2
+        changed = given.copy()
+        changed[:, 2] = turned(given.astype(np.complex128), Rotation.from_rotvec([0.3, -0.5, 0.8]))[:, 2]
+        assert np.linalg.norm(signature(changed) - signature(given)) > 0.2
 
     def test_neither_does_the_loudness_of_a_layer_nor_its_mean(self):
         given = coefficients()

@@ -21,17 +21,17 @@ def smoothed(points: np.ndarray) -> Surface:
 
 
 def test_noise_along_the_normal_is_averaged() -> None:
-    found = smoothed(noisy_plane())
-    assert found.points[:, 2].std() < 0.5 * noisy_plane()[:, 2].std()
-    np.testing.assert_allclose(np.linalg.norm(found.normals, axis=1), 1, atol=1e-12)
-    assert np.median(np.abs(found.normals[:, 2])) > np.cos(np.deg2rad(12))
+    surface = smoothed(noisy_plane())
+    assert surface.points[:, 2].std() < 0.5 * noisy_plane()[:, 2].std()
+    np.testing.assert_allclose(np.linalg.norm(surface.normals, axis=1), 1, atol=1e-12)
+    assert np.median(np.abs(surface.normals[:, 2])) > np.cos(np.deg2rad(12))
 
 
 def test_points_on_a_plane_stay_on_it() -> None:
     plane = TURN.apply(noisy_plane(0.0)) + np.array([3.0, -7.0, 2.0])
-    found = smoothed(plane)
-    np.testing.assert_allclose(found.points, plane, atol=1e-9)
-    np.testing.assert_allclose(np.abs(found.normals @ TURN.apply([0, 0, 1])), 1, atol=1e-9)
+    surface = smoothed(plane)
+    np.testing.assert_allclose(surface.points, plane, atol=1e-9)
+    np.testing.assert_allclose(np.abs(surface.normals @ TURN.apply([0, 0, 1])), 1, atol=1e-9)
 
 
 def test_turning_the_points_turns_the_surface() -> None:
@@ -49,10 +49,10 @@ def test_a_point_far_off_its_neighbors_plane_stays(height: float, moves: bool) -
 
 
 def test_few_points_will_do() -> None:
-    found = smoothed(np.array([[0.0, 0, 1], [2, 0, 1], [0, 3, 1]]))
-    np.testing.assert_allclose(np.abs(found.normals[:, 2]), 1)
+    surface = smoothed(np.array([[0.0, 0, 1], [2, 0, 1], [0, 3, 1]]))
+    np.testing.assert_allclose(np.abs(surface.normals[:, 2]), 1)
 
 
 def test_the_tree_is_of_the_smoothed_points() -> None:
-    found = smoothed(noisy_plane())
-    np.testing.assert_array_equal(found.tree.data, found.points)
+    surface = smoothed(noisy_plane())
+    np.testing.assert_array_equal(surface.tree.data, surface.points)

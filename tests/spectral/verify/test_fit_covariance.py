@@ -112,10 +112,10 @@ def test_errors_are_as_large_as_it_says() -> None:
         target, source, truth = evaluation_pair(number, 4242, "yaw").scans()
         grid = choose_grid((target, source))
         registrar = SpectralRegistrar(choose_device(None), grid)
-        found = registrar.register(registrar.prepare(target), registrar.prepare(source))
-        if pair_error(found.T_target_source, truth).within(RIGHT_DEG, RIGHT_VOXELS * grid.voxel):
-            error = (found.T_target_source.inv() * truth).as_exp_coords()
-            squared.append(float(error @ np.linalg.solve(found.covariance, error)))
+        registration = registrar.register(registrar.prepare(target), registrar.prepare(source))
+        if pair_error(registration.T_target_source, truth).within(RIGHT_DEG, RIGHT_VOXELS * grid.voxel):
+            error = (registration.T_target_source.inv() * truth).as_exp_coords()
+            squared.append(float(error @ np.linalg.solve(registration.covariance, error)))
     mean, within = np.mean(squared), np.mean(np.array(squared) < chi2.ppf(0.95, 6))
     print(f"{len(squared)} right, mean {mean:.2f}, within 95 %: {within:.2f}")
     assert len(squared) > 30

@@ -67,23 +67,23 @@ class TestConsistency:
 
 class TestCandidates:
     def test_the_true_shift_is_named_under_the_true_rotation(self, verifier, pair) -> None:
-        found = verifier.candidates(*pair, peaks(WRONG, TRUE.rotation))
-        off = np.linalg.norm(found.shifts - shift_of(pair), axis=1)
+        candidates = verifier.candidates(*pair, peaks(WRONG, TRUE.rotation))
+        off = np.linalg.norm(candidates.shifts - shift_of(pair), axis=1)
         right = np.flatnonzero(off < 2.0)
-        assert (found.rotation[right] == 1).all()
-        assert found.psr[right].max() > 1.5 * found.psr[found.rotation == 0].max()
-        np.testing.assert_allclose((found.R[int(right[0])] * TRUE.rotation.inv()).magnitude(), 0, atol=1e-9)
+        assert (candidates.rotation[right] == 1).all()
+        assert candidates.psr[right].max() > 1.5 * candidates.psr[candidates.rotation == 0].max()
+        np.testing.assert_allclose((candidates.R[int(right[0])] * TRUE.rotation.inv()).magnitude(), 0, atol=1e-9)
 
     def test_the_whole_grid_names_it_to_a_voxel(self, verifier, pair) -> None:
-        found = verifier.fine_candidates(*pair, peaks(TRUE.rotation))
-        highest = np.argmax(found.psr)
-        off = np.linalg.norm(found.shifts - shift_of(pair), axis=1)
-        assert off[found.psr == found.psr[highest]].min() < 1.0
+        candidates = verifier.fine_candidates(*pair, peaks(TRUE.rotation))
+        highest = np.argmax(candidates.psr)
+        off = np.linalg.norm(candidates.shifts - shift_of(pair), axis=1)
+        assert off[candidates.psr == candidates.psr[highest]].min() < 1.0
 
     def test_a_cyclic_shift_stands_for_several(self, verifier) -> None:
         """-3 is also 61, and 1 also -63, but these leave nothing in common of 64 voxels; 20 is also -44."""
-        found = {tuple(meaning) for meaning in verifier._unwrapped(np.array([20.0, -3.0, 1.0]))}
-        assert found == {(20.0, -3.0, 1.0), (-44.0, -3.0, 1.0)}
+        unwrapped = {tuple(shift) for shift in verifier._unwrapped(np.array([20.0, -3.0, 1.0]))}
+        assert unwrapped == {(20.0, -3.0, 1.0), (-44.0, -3.0, 1.0)}
         assert len(verifier._unwrapped(np.array([20.0, -30.0, 31.5]))) == 8
 
     def test_those_that_are_wanted_are_kept_in_order(self) -> None:
@@ -102,15 +102,15 @@ class TestCandidates:
 
     def test_the_best_is_the_true_one_and_none_comes_twice(self, verifier, pair) -> None:
         nearby = Rotation.from_rotvec([0, 0, 0.03]) * TRUE.rotation
-        found = verifier.candidates(*pair, peaks(WRONG, nearby, TRUE.rotation))
-        best = verifier.best(*pair, found, 5)
+        candidates = verifier.candidates(*pair, peaks(WRONG, nearby, TRUE.rotation))
+        best = verifier.best(*pair, candidates, 5)
         assert len(best) == 5
-        first = found.select(np.arange(len(found.psr)) == best[0])
+        first = candidates.select(np.arange(len(candidates.psr)) == best[0])
         assert np.linalg.norm(first.shifts[0] - shift_of(pair)) < 3.0
         for n, index in enumerate(best):
             for better in best[:n]:
-                apart = np.linalg.norm(found.shifts[index] - found.shifts[better])
-                turned = (found.R[int(index)].inv() * found.R[int(better)]).magnitude()
+                apart = np.linalg.norm(candidates.shifts[index] - candidates.shifts[better])
+                turned = (candidates.R[int(index)].inv() * candidates.R[int(better)]).magnitude()
                 assert apart > 6.0 or turned > np.deg2rad(4.99)
 
 
@@ -148,6 +148,6 @@ class TestEvidence:
         (without_view,), (with_view,) = verifier.rank(*blind, [true]), verifier.rank(*pair, [true])
         assert without_view.consistency == verifier.overlap(*pair, true.fit)
         assert without_view.consistency != with_view.consistency
-        found = verifier.candidates(*blind, peaks(WRONG, TRUE.rotation))
-        best = verifier.best(*blind, found, 1)
-        assert np.linalg.norm(found.shifts[best[0]] - shift_of(pair)) < 3.0
+        candidates = verifier.candidates(*blind, peaks(WRONG, TRUE.rotation))
+        best = verifier.best(*blind, candidates, 1)
+        assert np.linalg.norm(candidates.shifts[best[0]] - shift_of(pair)) < 3.0

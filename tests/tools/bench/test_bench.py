@@ -126,13 +126,13 @@ class TestCommand:
     def test_json_is_one_object(self) -> None:
         result = CliRunner().invoke(app, [*QUICK, "--pairs", "0", "--json"])
         assert (result.exit_code, result.stderr) == (0, "")
-        told = json.loads(result.stdout)
-        assert len(told["kernels"]) == len(CASES)
-        assert told["pairs"] == []
-        assert told["copy_rate"] > 1e8
-        assert told["versions"]["numpy"] == np.__version__
-        assert len(told["load_average"]) == 2
-        row = next(row for row in told["kernels"] if row["kernel"] == "RealFFT.forward")
+        printed = json.loads(result.stdout)
+        assert len(printed["kernels"]) == len(CASES)
+        assert printed["pairs"] == []
+        assert printed["copy_rate"] > 1e8
+        assert printed["versions"]["numpy"] == np.__version__
+        assert len(printed["load_average"]) == 2
+        row = next(row for row in printed["kernels"] if row["kernel"] == "RealFFT.forward")
         assert row["right"]
         assert row["ratio"] == pytest.approx(row["twin_seconds"]["median"] / row["device_seconds"]["median"])
 
