@@ -12,6 +12,7 @@ PAGES = [ROOT / "README.md", ROOT / "CHANGELOG.md", *sorted((ROOT / "docs").glob
 PATHS = re.compile(r"`((?:kernels|spectral|slam|tools|tests|docs|\.ci)/[\w./-]*|[\w-]+\.(?:py|toml|sh))`")
 FILES = re.compile(r"\b(?:kernels|spectral|slam|tools|tests)/[\w./-]+\.(?:py|cl|sh)\b")
 LINKS = re.compile(r"\]\((?!https?:)([^)\s]+)\)")
+IN_FILE = re.compile(r"`(\w+)` (?:in |\()`([\w/.-]+\.py)`")
 PLACEHOLDER = re.compile(r"NAME|ROOM")  # of a file that the reader is to make
 MODULES = re.compile(r"`((?:kernels|spectral|slam|tools)\.[\w.]+)")
 CLASSES = re.compile(r"`([A-Z][a-z]+[A-Z]\w*|[A-Z][a-z]+(?=\.))(?:\.(\w+))?[`(]")
@@ -25,6 +26,17 @@ def test_named_paths_exist(page: Path) -> None:
     text = page.read_text()
     named = {path for path in PATHS.findall(text) + FILES.findall(text) if not PLACEHOLDER.search(path)}
     assert not [path for path in sorted(named) if not (ROOT / path).exists()]
+
+
+@pytest.mark.parametrize("page", PAGES, ids=lambda page: page.name)
+def test_names_are_in_the_files_that_are_named(page: Path) -> None:
+    """`FORMATS` in `tools/readers/file.py`, and `Pair` (`slam/pair.py`)."""
+    missing = []
+    for name, file in IN_FILE.findall(page.read_text()):
+        definition = rf"^(class|def) {name}\b|^{name}\b.* ="
+        if not re.search(definition, (ROOT / file).read_text(), re.MULTILINE):
+            missing.append(f"{name} in {file}")
+    assert not missing
 
 
 @pytest.mark.parametrize("page", PAGES, ids=lambda page: page.name)
