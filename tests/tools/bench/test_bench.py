@@ -151,7 +151,7 @@ class TestCommand:
         result = CliRunner().invoke(app, [*QUICK, "--pairs", "0"])
         assert result.exit_code == 3
         assert "WRONG" in result.stdout
-        assert "error: not what the twin gives: magnitude at 16^3" in result.stderr
+        assert "error: the result differs from NumPy's or SciPy's: magnitude at 16^3" in result.stderr
 
     @pytest.mark.parametrize(
         ("arguments", "words"),

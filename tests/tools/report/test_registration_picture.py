@@ -192,7 +192,7 @@ class TestOption:
     def test_another_method_is_refused_before_the_scans_are_read(self, tmp_path: Path, method: str) -> None:
         result = sonarmap("register", "no.ply", "none.ply", "--method", method, "--picture", tmp_path / "pair.png")
         assert (result.exit_code, result.stdout) == (2, "")
-        said(result, f"--method {method} takes others", "use --method spectral")
+        said(result, f"--method {method} has other steps", "use --method spectral")
         assert not list(tmp_path.iterdir())
 
     def test_bad_places_are_refused(self, tmp_path: Path) -> None:
