@@ -54,8 +54,8 @@ def print_trajectory(result: "Evaluation") -> None:
 def print_map(error: "MapError", alignment: str) -> None:
     """The distances of the map's points from the true surface."""
     typer.echo(
-        f"map: {len(error.distance_m)} points compared with {printable(error.reference)}, aligned like the trajectory by "
-        f"{ALIGNMENTS[alignment]}: median {error.median_m:.3f} m off, 90 % within {error.p90_m:.3f} m, "
+        f"map: {len(error.distance_m)} points compared with {printable(error.reference)}, aligned like the trajectory "
+        f"by {ALIGNMENTS[alignment]}: median {error.median_m:.3f} m off, 90 % within {error.p90_m:.3f} m, "
         f"{100 * error.within_voxel:.1f} % within one voxel ({error.voxel:.3g} m)"
     )
 

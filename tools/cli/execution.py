@@ -9,7 +9,7 @@ from pathlib import Path
 from types import FrameType
 from typing import TYPE_CHECKING
 
-from tools.cli.method import Chosen
+from tools.cli.method import ConfiguredMethod
 from tools.cli.terminal import say
 
 if TYPE_CHECKING:
@@ -40,12 +40,12 @@ class ExecutionOptions:
 
 @contextmanager
 def open_execution(
-    chosen: Chosen, prepared: int, options: ExecutionOptions, journal: Path, quiet: bool
+    method: ConfiguredMethod, prepared: int, options: ExecutionOptions, journal: Path, quiet: bool
 ) -> Iterator["Execution"]:
     """Workers and a journal, for as long as the block lasts.
 
     Args:
-        chosen: the method.
+        method: that registers them.
         prepared: how many prepared scans a worker keeps.
         options: where pairs are registered.
         journal: the file.
@@ -58,11 +58,11 @@ def open_execution(
     from slam.execute.runner import Execution
     from tools.methods.key import method_key
 
-    key = method_key(chosen.name, chosen.setup, chosen.registrar)
+    key = method_key(method.name, method.setup, method.registrar)
     with (
         _terminated_as_interrupted(),
         Journal(journal, options.fresh) as opened,
-        _workers(chosen, prepared, options) as (worker, executor),
+        _workers(method, prepared, options) as (worker, executor),
     ):
         held = opened.count()
         execution = Execution(worker, executor, opened, key)
@@ -75,22 +75,24 @@ def open_execution(
 
 
 @contextmanager
-def _workers(chosen: Chosen, prepared: int, options: ExecutionOptions) -> "Iterator[tuple[PairWorker, Executor]]":
+def _workers(
+    method: ConfiguredMethod, prepared: int, options: ExecutionOptions
+) -> "Iterator[tuple[PairWorker, Executor]]":
     from slam.execute.executor import cluster, processes, this_process
     from slam.execute.worker import Worker, release_worker
     from tools.methods.key import checked_worker_spec, worker_spec
 
-    method = (chosen.name, chosen.setup, chosen.registrar, prepared)
+    recipe = (method.name, method.setup, method.registrar, prepared)
     if options.scheduler:
-        spec = checked_worker_spec(*method)
+        spec = checked_worker_spec(*recipe)
         with cluster(options.scheduler, at_end=release_worker) as executor:
             yield spec, executor
     elif options.workers > 1:
-        spec = worker_spec(*method)
+        spec = worker_spec(*recipe)
         with processes(options.workers) as executor:
             yield spec, executor
     else:
-        yield Worker(chosen.registrar, prepared), this_process()
+        yield Worker(method.registrar, prepared), this_process()
 
 
 @contextmanager

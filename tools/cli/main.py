@@ -1,4 +1,4 @@
-"""The `sonarmap` command: its verbs, and what becomes of the errors that they raise."""
+"""The `sonarmap` command: its verbs, and how their errors become messages and exit codes."""
 
 import errno
 import functools
@@ -16,10 +16,11 @@ from typing import Annotated, Any
 import typer
 
 from kernels.errors import SonarmapError
+from tools.cli.arguments import as_options
 from tools.cli.terminal import say
 
-# A verb is the function `command` of tools/cli/verbs/<verb>.py, its help that function's docstring.
-# A new verb is a new line here, in the order in which the help lists them.
+# A verb is the function `command` in tools/cli/verbs/<verb>.py; its docstring is the help.
+# A new verb is a new line here; the help lists them in this order.
 VERBS = [
     "register",
     "map",
@@ -31,11 +32,11 @@ VERBS = [
     "devices",
 ]
 
-MISUSE = 2  # also for options that typer refuses
+MISUSE = 2  # as typer's own for options that it refuses
 DEFECT = 1
 INTERRUPTED = 128 + 2  # as a shell reports SIGINT
 PIPE_CLOSED = 128 + 13  # as a shell reports SIGPIPE
-FULL = (errno.ENOSPC, errno.EDQUOT, errno.EFBIG, errno.EIO)  # what a disk says that takes no more
+FULL = (errno.ENOSPC, errno.EDQUOT, errno.EFBIG, errno.EIO)  # a disk that takes no more
 
 app = typer.Typer(
     name="sonarmap",
@@ -50,15 +51,15 @@ app = typer.Typer(
 def run() -> None:
     """The entry point.
 
-    Exit codes: 0 done, 1 a defect of the program, 2 something that the user can mend, 3 a result not to be
-    trusted, 130 interrupted, 141 nobody reads the output any more.
+    Exit codes: 0 done, 1 a defect of the program, 2 something that the user can fix, 3 a result that is incomplete or
+    not to be trusted, 130 interrupted, 141 nobody reads the output any more.
     """
     _open_missing_streams()
     try:
         try:
             app()
         finally:
-            sys.stdout.flush()  # here, where a closed pipe can still be told from a defect
+            sys.stdout.flush()  # here, where a closed pipe can still be told apart from a defect
     except KeyboardInterrupt:
         sys.exit(_stopped())
     except BrokenPipeError:
@@ -84,7 +85,7 @@ def guarded(command: Callable[..., Any]) -> Callable[..., Any]:
             code = _pipe_closed()
         except OSError as error:
             code = _output_lost(error) if error.errno in FULL else _defect(error)
-        except Exception as error:  # noqa: BLE001 - the last place where a defect can be told as one
+        except Exception as error:  # noqa: BLE001 - the last place where a defect can be reported
             code = _defect(error)
         raise typer.Exit(code)
 
@@ -94,7 +95,7 @@ def guarded(command: Callable[..., Any]) -> Callable[..., Any]:
 def _misuse(error: SonarmapError) -> int:
     if _debugging():
         traceback.print_exception(error)
-    say(str(error), "error: ", "bold red")
+    say(as_options(str(error)), "error: ", "bold red")
     return MISUSE
 
 
@@ -102,9 +103,9 @@ def _defect(error: Exception) -> int:
     if _debugging():
         traceback.print_exception(error)
     frame = traceback.extract_tb(error.__traceback__)[-1]
-    what = " ".join(f"{type(error).__name__}: {error}".split())
+    description = " ".join(f"{type(error).__name__}: {error}".split())
     say(
-        f"this is a defect of sonarmap {metadata.version('sonarmap')}: {what} "
+        f"this is a defect of sonarmap {metadata.version('sonarmap')}: {description} "
         f"({Path(frame.filename).name}, line {frame.lineno}). Please report it in the project's issues, "
         "with what the same command prints under SONARMAP_DEBUG=1.",
         "error: ",
@@ -119,28 +120,29 @@ def _stopped() -> int:
 
 
 def _pipe_closed() -> int:
-    """The reader has left: no reason to complain."""
+    """The reader has left, as `head` does: no error to report."""
     _discard_output()
     return PIPE_CLOSED
 
 
 def _output_lost(error: OSError) -> int:
-    """What was printed could not be kept: a file behind stdout or stderr, on a disk that is full."""
+    """stdout or stderr goes to a file on a full disk."""
     _discard_output()
-    message = f"cannot write the output: {error.strerror or error}. Make room, or send it elsewhere, and run it again."
+    reason = error.strerror or error
+    message = f"cannot write the output: {reason}. Make room, or redirect it elsewhere, and run the command again."
     with suppress(OSError):  # stderr itself may be what is full
         say(message, "error: ", "bold red")
     return MISUSE
 
 
 def _discard_output() -> None:
-    """Let what is still buffered go nowhere, lest the interpreter complain of it at its end."""
+    """Send what is still buffered nowhere, or the interpreter reports it as an error when it ends."""
     os.dup2(os.open(os.devnull, os.O_WRONLY), sys.stdout.fileno())
 
 
 def _open_missing_streams() -> None:
-    """Where the caller closed stdin, stdout or stderr, put nothing there: else the next file opened would take its
-    number, and what is printed would land in it."""
+    """Open /dev/null for each of stdin, stdout and stderr that the caller closed: otherwise the next opened file
+    would take its number, and what is printed would land in that file."""
     for number, name, mode in ((0, "stdin", "r"), (1, "stdout", "w"), (2, "stderr", "w")):
         try:
             os.fstat(number)
@@ -154,8 +156,8 @@ def _debugging() -> bool:
     return os.environ.get("SONARMAP_DEBUG", "0").lower() not in ("", "0", "false", "no", "off")
 
 
-def _version(wanted: bool) -> None:
-    if wanted:
+def _version(print_it: bool) -> None:
+    if print_it:
         typer.echo(f"sonarmap {metadata.version('sonarmap')}")
         raise typer.Exit
 
@@ -173,7 +175,7 @@ def _options(
 
 
 def _flowing(docstring: str) -> str:
-    """Its paragraphs without their line breaks, which the help would keep beside its own."""
+    """The docstring without line breaks within its paragraphs, which the help would keep."""
     return re.sub(r"(?<!\n)\n(?!\n)", " ", inspect.cleandoc(docstring))
 
 

@@ -1,4 +1,4 @@
-"""From the options that verbs share to a method of registration."""
+"""The registration method that the shared options describe, configured for the scans."""
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
@@ -30,22 +30,22 @@ if TYPE_CHECKING:
 
 
 @dataclass(frozen=True, slots=True)
-class Method:
-    """How to register, as the options say it.
+class MethodOptions:
+    """How to register, as the options say.
 
     Attributes:
         name: a key of METHODS.
-        grid: voxels per edge; None for 128.
+        grid: voxels per edge; None for the default, 128.
         voxel: edge of a voxel [m]; None for the one in which the largest scan fits.
         max_tilt: largest roll and pitch between two scans [deg].
-        hypotheses: how many rotations are followed.
-        refine: what makes the answer finer than voxels, "icp" or "spectral".
-        yaw_peaks: how many yaw peaks are followed.
-        strength: whether voxels are weighed by their echo strength.
+        hypotheses: how many rotations to try.
+        refine: how to refine the result below the voxel size, "icp" or "spectral".
+        yaw_peaks: how many yaw peaks to try.
+        strength: whether voxels are weighted by their echo strength.
         device: as `choose_device` takes it.
-        seed: of the methods that draw at random.
-        priors: a CSV file of what else is known of the scans' poses.
-        given: the options that the user gave, by the names of METHODS' `hears`.
+        seed: for methods that use random numbers.
+        priors: a CSV file of measurements of the scans' poses.
+        given: the options that the user gave, by their parameters' names.
     """
 
     name: str = DEFAULT_METHOD
@@ -63,16 +63,16 @@ class Method:
 
 
 @dataclass(frozen=True, slots=True)
-class Chosen:
+class ConfiguredMethod:
     """A method that is ready to register.
 
     Attributes:
         name: a key of METHODS.
-        registrar: the method.
-        grid: that the scans share; what is no spectral method knows its voxel alone.
+        registrar: the method itself.
+        grid: shared by the scans; a method that is not spectral uses only its voxel.
         setup: what the registrar was made from.
         config, device: of a method that runs on a device; None for others.
-        seed: of a method that draws at random; None for others.
+        seed: of a method that uses random numbers; None for others.
     """
 
     name: str
@@ -85,92 +85,92 @@ class Chosen:
 
     @property
     def edge(self) -> int | None:
-        """Voxels per edge of the grid; None where the method has none."""
+        """Voxels per edge of the grid; None for a method without a grid."""
         return self.grid.edge if self.config else None
 
     @property
     def settings(self) -> Mapping[str, Any]:
-        """What a summary tells of it."""
-        seeded = {} if self.seed is None else {"seed": self.seed}
+        """The method's part of a summary."""
+        seed = {} if self.seed is None else {"seed": self.seed}
         grid = {"edge": self.edge, "voxel": self.grid.voxel}
-        return {"method": self.name, "grid": grid, "spectral": self.config, **seeded}
+        return {"method": self.name, "grid": grid, "spectral": self.config, **seed}
 
 
-def method_of(context: typer.Context) -> Method:
-    """The method that a verb's options ask for.
+def method_options(context: typer.Context) -> MethodOptions:
+    """The options of the verb that say how to register.
 
     Raises:
-        InputError: options that the method does not hear.
+        InputError: options that have no effect with the method.
     """
-    options = context.params
-    names = [name for name in Method.__dataclass_fields__ if name not in ("name", "given")]
+    values = context.params
+    names = [name for name in MethodOptions.__dataclass_fields__ if name not in ("name", "given")]
     given = {name for name in names if (source := context.get_parameter_source(name)) and source.name == "COMMANDLINE"}
-    method = Method(options["method"], given=frozenset(given), **{name: options[name] for name in names})
-    _refuse_unheard(method)
-    return method
+    options = MethodOptions(values["method"], given=frozenset(given), **{name: values[name] for name in names})
+    _refuse_without_effect(options)
+    return options
 
 
-def build_registrar(scans: "Sequence[Scan]", method: Method) -> Chosen:
-    """The method on the grid that was asked for or that suits the scans.
+def configure_method(scans: "Sequence[Scan]", options: MethodOptions) -> ConfiguredMethod:
+    """The method on the grid that the options ask for, or that suits the scans.
 
     Raises:
-        InputError, DeviceError: the method, the grid, the scans or the device will not do.
+        InputError, DeviceError: the method, the grid, the scans or the device cannot be used.
     """
     from spectral.grid import choose_grid
     from spectral.hemisphere.registration import HemisphereRegistrar
     from spectral.registration import SpectralRegistrar
 
-    if method.strength:
-        _look_for_strength(scans)
-    grid = choose_grid(scans, method.grid or DEFAULT_EDGE, method.voxel)
-    found = find_method(method.name)
-    setup = Setup(grid, method.device, method.seed, _changes(method))
-    registrar = found.make(setup)
+    if options.strength:
+        _require_strength(scans)
+    grid = choose_grid(scans, options.grid or DEFAULT_EDGE, options.voxel)
+    method = find_method(options.name)
+    setup = Setup(grid, options.device, options.seed, _config_changes(options))
+    registrar = method.make(setup)
     if isinstance(registrar, SpectralRegistrar | HemisphereRegistrar):
         for note in registrar.device.notes:
             say(note)
-        return Chosen(method.name, registrar, grid, setup, registrar.config, registrar.device)
-    return Chosen(method.name, registrar, grid, setup, seed=method.seed if "seed" in found.hears else None)
+        return ConfiguredMethod(options.name, registrar, grid, setup, registrar.config, registrar.device)
+    seed = options.seed if "seed" in method.hears else None
+    return ConfiguredMethod(options.name, registrar, grid, setup, seed=seed)
 
 
-def _changes(method: Method) -> dict[str, Any]:
-    """What the user's own options change in a spectral method's configuration."""
+def _config_changes(options: MethodOptions) -> dict[str, Any]:
+    """The fields of a spectral method's configuration that the user's options change."""
     values = {
-        "max_tilt": ("max_tilt", float(np.deg2rad(method.max_tilt))),
-        "hypotheses": ("hypotheses", method.hypotheses),
-        "refine": ("refinement", method.refine),
-        "yaw_peaks": ("yaw_peaks", method.yaw_peaks),
-        "strength": ("use_strength", method.strength),
+        "max_tilt": ("max_tilt", float(np.deg2rad(options.max_tilt))),
+        "hypotheses": ("hypotheses", options.hypotheses),
+        "refine": ("refinement", options.refine),
+        "yaw_peaks": ("yaw_peaks", options.yaw_peaks),
+        "strength": ("use_strength", options.strength),
     }
-    return dict(values[option] for option in sorted(method.given & values.keys()))
+    return dict(values[option] for option in sorted(options.given & values.keys()))
 
 
-def _refuse_unheard(method: Method) -> None:
+def _refuse_without_effect(options: MethodOptions) -> None:
     """Refuse options that would make no difference.
 
     Raises:
-        InputError: naming them and the methods that hear them.
+        InputError: naming them, and the methods that use them.
     """
-    hears = find_method(method.name).hears
+    uses = find_method(options.name).hears
     # without a voxel the grid's edge decides how large one is, whatever the method
-    always = {"voxel"} if "voxel" in method.given else {"voxel", "grid"}
-    unheard = sorted(method.given - hears - always)
-    if not unheard:
+    always = {"voxel"} if "voxel" in options.given else {"voxel", "grid"}
+    idle = sorted(options.given - uses - always)
+    if not idle:
         return
-    flags = [f"--{name.replace('_', '-')}" for name in unheard]
-    others = [name for name, other in METHODS.items() if set(unheard) <= other.hears | always]
-    instead = f", or use --method {' or '.join(others)}" if others else ""
-    beside = " beside --voxel" if unheard == ["grid"] else ""
-    raise InputError(f"--method {method.name} does not hear {' and '.join(flags)}{beside}; drop it{instead}")
+    flags = " and ".join(f"--{name.replace('_', '-')}" for name in idle)
+    verb, pronoun = ("has", "it") if len(idle) == 1 else ("have", "them")
+    condition = " and --voxel" if idle == ["grid"] else ""
+    users = [name for name, method in METHODS.items() if set(idle) <= method.hears | always]
+    instead = f", or use --method {' or '.join(users)}" if users else ""
+    raise InputError(f"{flags} {verb} no effect with --method {options.name}{condition}; leave {pronoun} out{instead}")
 
 
-def _look_for_strength(scans: "Sequence[Scan]") -> None:
+def _require_strength(scans: "Sequence[Scan]") -> None:
     bare = [scan.name for scan in scans if scan.strength is None]
     if len(bare) == len(scans):
         raise InputError(
-            "--strength: no scan holds echo strengths. Leave it out, or give files with a column intensity or strength."
+            "--strength: no scan has echo strengths. Leave it out, or give files with a column intensity or strength."
         )
     if bare:
-        say(
-            f"{len(bare)} of {len(scans)} scans hold no echo strength and are taken by their shape alone: {bare[0]} ..."
-        )
+        say(f"{len(bare)} of {len(scans)} scans have no echo strength; only their shape is used: {bare[0]} ...")

@@ -1,4 +1,4 @@
-"""Options that several verbs share, each with its check; a verb takes one as `grid: GridOption = None`."""
+"""Options that several verbs share, each with its check; a verb declares one as `grid: GridOption = None`."""
 
 import math
 from pathlib import Path
@@ -7,6 +7,7 @@ from typing import Annotated
 import typer
 
 from kernels.errors import InputError
+from tools.cli.arguments import as_options
 from tools.methods.registry import METHODS, find_method
 
 DEFAULT_EDGE = 128
@@ -21,20 +22,20 @@ DEFAULT_MAX_TILT = 35.0  # [deg], the paper's range of roll and pitch (Sect. 2.7
 def _check_edge(edge: int | None) -> int | None:
     if edge is None:
         return None
-    from spectral.grid import Grid  # here, as it brings SciPy, which the help does without
+    from spectral.grid import Grid  # imports SciPy, which the help can do without
 
     try:
         return Grid(edge, 1.0).edge
     except InputError as error:
-        raise typer.BadParameter(f"{error}, or leave it out for {DEFAULT_EDGE}.") from error
+        raise typer.BadParameter(f"{as_options(str(error))}, or leave it out for {DEFAULT_EDGE}.") from error
 
 
 def _check_voxel(voxel: float | None) -> float | None:
     if voxel is None or (math.isfinite(voxel) and voxel > 0):
         return voxel
     raise typer.BadParameter(
-        f"{voxel} m; wanted a length above 0. Use about the size of the noise, as in --voxel 0.5, or leave "
-        "it out to have it chosen from the scans' extents."
+        f"{voxel} m; give a length above 0, about the size of the noise, as in --voxel 0.5, or leave it out to have it "
+        "chosen from the extents of the scans."
     )
 
 
@@ -42,8 +43,8 @@ def _check_tilt(tilt: float) -> float:
     if 0 < tilt <= 180:
         return tilt
     raise typer.BadParameter(
-        f"{tilt} degrees; wanted more than 0 and at most 180 (no bound). Use what the vehicle can roll and pitch, "
-        f"or leave it out for {DEFAULT_MAX_TILT:g}."
+        f"{tilt} degrees; give more than 0 and at most 180 (no limit): how far the vehicle can roll and pitch. Leave "
+        f"it out for {DEFAULT_MAX_TILT:g}."
     )
 
 
@@ -51,22 +52,22 @@ def _check_hypotheses(count: int) -> int:
     if 1 <= count <= MOST_HYPOTHESES:
         return count
     raise typer.BadParameter(
-        f"{count} rotations; wanted from 1 to {MOST_HYPOTHESES}. Use --hypotheses {DEFAULT_HYPOTHESES}, or more where "
-        "scans have little in common."
+        f"{count} rotations; give 1 to {MOST_HYPOTHESES}. Use --hypotheses {DEFAULT_HYPOTHESES}, or more if the scans "
+        "have little in common."
     )
 
 
 def _check_refinement(name: str) -> str:
     if name in REFINEMENTS:
         return name
-    raise typer.BadParameter(f"{name!r}; wanted {' or '.join(REFINEMENTS)}. Leave it out for {DEFAULT_REFINEMENT}.")
+    raise typer.BadParameter(f"{name!r}; choose {' or '.join(REFINEMENTS)}. Leave it out for {DEFAULT_REFINEMENT}.")
 
 
 def _check_yaw_peaks(count: int) -> int:
     if 1 <= count <= MOST_YAW_PEAKS:
         return count
     raise typer.BadParameter(
-        f"{count} peaks; wanted from 1 to {MOST_YAW_PEAKS}. Use --yaw-peaks 6, or leave it out for the paper's "
+        f"{count} peaks; give 1 to {MOST_YAW_PEAKS}. Use --yaw-peaks 6, or leave it out for the paper's "
         f"{DEFAULT_YAW_PEAKS}."
     )
 
@@ -75,15 +76,15 @@ def _check_method(name: str) -> str:
     try:
         find_method(name)
     except InputError as error:
-        raise typer.BadParameter(str(error)) from error
+        raise typer.BadParameter(as_options(str(error))) from error
     return name
 
 
 def parse_prior_sigmas(text: str) -> dict[str, float]:
-    """Standard deviations by the columns of a file of priors, from "attitude,heading,depth,position" [deg, m].
+    """Standard deviations for the columns of a priors file, from "attitude,heading,depth,position" [deg, m].
 
     Raises:
-        InputError: other than four numbers above 0.
+        InputError: not four numbers above 0.
     """
     from tools.readers.instruments import COLUMNS
 
@@ -94,8 +95,8 @@ def parse_prior_sigmas(text: str) -> dict[str, float]:
     sigmas = (attitude, attitude, heading, position, position, depth)
     if not all(0 < sigma < math.inf for sigma in sigmas):
         raise InputError(
-            f"--prior-sigmas is {text!r}; wanted four numbers above 0: of roll and pitch [deg], heading [deg], depth "
-            "[m], x and y [m], as in --prior-sigmas 0.5,3,0.1,3"
+            f"--prior-sigmas is {text!r}; give four numbers above 0, separated by commas: for roll and pitch [deg], "
+            "heading [deg], depth [m], x and y [m], as in --prior-sigmas 0.5,3,0.1,3"
         )
     return dict(zip(COLUMNS, sigmas, strict=True))
 
@@ -111,22 +112,24 @@ def _check_prior_sigmas(text: str | None) -> str | None:
 
 
 def check_seed(seed: int | None) -> int | None:
-    """The seed, if there is one, where every random generator takes it."""
+    """The seed, if there is one and every random generator can use it."""
     if seed is None or 0 <= seed < 2**63:
         return seed
-    raise typer.BadParameter(f"{seed}; wanted a whole number from 0 to 2^63 - 1. Use --seed 1.")
+    raise typer.BadParameter(f"{seed}; give a whole number from 0 to 2^63 - 1, as in --seed 1.")
 
 
 MethodOption = Annotated[
     str,
-    typer.Option("--method", metavar="NAME", help=f"How to register: {', '.join(METHODS)}.", callback=_check_method),
+    typer.Option(
+        "--method", metavar="NAME", help=f"Registration method: {', '.join(METHODS)}.", callback=_check_method
+    ),
 ]
 GridOption = Annotated[
     int | None,
     typer.Option(
         "--grid",
         metavar="N",
-        help=f"Voxels per edge, a power of 2, 16..512; {DEFAULT_EDGE} if left out.",
+        help=f"Voxels along each edge of the grid: a power of 2, 16..512. \\[{DEFAULT_EDGE}]",
         callback=_check_edge,
     ),
 ]
@@ -135,7 +138,7 @@ VoxelOption = Annotated[
     typer.Option(
         "--voxel",
         metavar="M",
-        help="Edge of a voxel \\[m]; chosen from the scans' extents if left out.",
+        help="Edge length of a voxel \\[m]. \\[chosen from the extents of the scans]",
         callback=_check_voxel,
     ),
 ]
@@ -144,7 +147,7 @@ MaxTiltOption = Annotated[
     typer.Option(
         "--max-tilt",
         metavar="DEG",
-        help="Largest roll and pitch of a pair \\[deg], up to 180 (no bound); answers beyond it are refused. "
+        help="Largest roll and pitch between two scans \\[deg], up to 180 (no limit); larger results are rejected. "
         "--method hemisphere searches up to 85.",
         callback=_check_tilt,
     ),
@@ -154,7 +157,7 @@ HypothesesOption = Annotated[
     typer.Option(
         "--hypotheses",
         metavar="K",
-        help=f"How many rotations are followed to where the scan would lie, 1..{MOST_HYPOTHESES}.",
+        help=f"How many candidate rotations to try, 1..{MOST_HYPOTHESES}; more help where scans have little in common.",
         callback=_check_hypotheses,
     ),
 ]
@@ -163,7 +166,7 @@ RefineOption = Annotated[
     typer.Option(
         "--refine",
         metavar="HOW",
-        help="What makes the answer finer than voxels: icp, point to plane, or spectral, the translation's peak.",
+        help="How to refine the result below the voxel size: icp (point to plane) or spectral (the translation peak).",
         callback=_check_refinement,
     ),
 ]
@@ -172,7 +175,7 @@ YawPeaksOption = Annotated[
     typer.Option(
         "--yaw-peaks",
         metavar="K",
-        help="Of --method hemisphere: how many yaw peaks are followed to the end; 1 is the paper.",
+        help=f"For --method hemisphere: how many yaw peaks to try, 1..{MOST_YAW_PEAKS}; the paper tries 1.",
         callback=_check_yaw_peaks,
     ),
 ]
@@ -180,7 +183,7 @@ StrengthOption = Annotated[
     bool,
     typer.Option(
         "--strength/--no-strength",
-        help="Weigh voxels by their echo strength; else, as in the paper, all alike.",
+        help="Weight voxels by their echo strength; otherwise, as in the paper, all count the same.",
     ),
 ]
 DeviceOption = Annotated[
@@ -188,7 +191,7 @@ DeviceOption = Annotated[
     typer.Option(
         "--device",
         metavar="DEVICE",
-        help="OpenCL device: platform:device, cpu, gpu, or a part of its name; see 'sonarmap devices'.",
+        help="OpenCL device: platform:device, cpu, gpu, or part of its name; 'sonarmap devices' lists them.",
     ),
 ]
 PriorsOption = Annotated[
@@ -196,8 +199,8 @@ PriorsOption = Annotated[
     typer.Option(
         "--priors",
         metavar="FILE",
-        help="CSV of what the vehicle measured, a row per scan: name or stamp; roll_deg, pitch_deg, heading_deg, x_m, "
-        "y_m, depth_m; roll_sigma_deg and so on.",
+        help="CSV file of the vehicle's measurements, one row per scan: name or stamp; roll_deg, pitch_deg, "
+        "heading_deg, x_m, y_m, depth_m; roll_sigma_deg and so on.",
     ),
 ]
 PriorSigmasOption = Annotated[
@@ -205,10 +208,18 @@ PriorSigmasOption = Annotated[
     typer.Option(
         "--prior-sigmas",
         metavar="A,H,D,P",
-        help="Standard deviations where the priors have none: attitude, heading \\[deg], depth, position \\[m].",
+        help="Standard deviations where the priors file has none: attitude, heading \\[deg], depth, position \\[m].",
         callback=_check_prior_sigmas,
     ),
 ]
-SeedOption = Annotated[int, typer.Option("--seed", metavar="S", help="Same seed, same result.", callback=check_seed)]
-JsonOption = Annotated[bool, typer.Option("--json", help="Print the result as JSON, and no progress.")]
-QuietOption = Annotated[bool, typer.Option("--quiet", "-q", help="No progress.")]
+SeedOption = Annotated[
+    int,
+    typer.Option(
+        "--seed",
+        metavar="S",
+        help="Seed for methods that use random numbers: the same seed gives the same result.",
+        callback=check_seed,
+    ),
+]
+JsonOption = Annotated[bool, typer.Option("--json", help="Print the result as JSON, without progress.")]
+QuietOption = Annotated[bool, typer.Option("--quiet", "-q", help="Do not print progress.")]

@@ -1,4 +1,4 @@
-"""The option that draws what a registration saw."""
+"""The option --picture, which draws a registration."""
 
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated
@@ -16,7 +16,9 @@ if TYPE_CHECKING:
 def _check_name(path: Path | None) -> Path | None:
     if path is None or path.suffix.lower() == ".png":
         return path
-    raise typer.BadParameter(f"{path}; the picture is a PNG. Give a name that ends in .png, as --picture pair.png.")
+    raise typer.BadParameter(
+        f"{path}; the picture is a PNG file. Give a name that ends in .png, as in --picture pair.png."
+    )
 
 
 PictureOption = Annotated[
@@ -24,22 +26,22 @@ PictureOption = Annotated[
     typer.Option(
         "--picture",
         metavar="FILE.png",
-        help=f"Draw what the registration saw, step by step; of --method {DEFAULT_METHOD}.",
+        help=f"Draw the registration step by step; only with --method {DEFAULT_METHOD}.",
         callback=_check_name,
     ),
 ]
 
 
 def require_steps(picture: Path | None, method: str) -> None:
-    """Refuse a picture of a method that has no such steps.
+    """Refuse a picture of another method than DEFAULT_METHOD.
 
     Raises:
-        InputError: saying so.
+        InputError: there is a picture to draw, and the method is another.
     """
     if picture is not None and method != DEFAULT_METHOD:
         raise InputError(
-            f"--picture shows the steps of --method {DEFAULT_METHOD}, and --method {method} takes others; drop "
-            f"--picture, or use --method {DEFAULT_METHOD}"
+            f"--picture draws the steps of --method {DEFAULT_METHOD}, and --method {method} has other steps; leave "
+            f"--picture out, or use --method {DEFAULT_METHOD}"
         )
 
 
@@ -49,13 +51,13 @@ def draw_picture(
     """Draw a registration of DEFAULT_METHOD.
 
     Raises:
-        InputError: the file cannot be written, or the registrar is of another method.
-        DeviceError: the device cannot hold one correlation more.
+        InputError: the file cannot be written, or the registrar is another.
+        DeviceError: the device cannot hold one more correlation.
     """
     from spectral.registration import SpectralRegistrar
     from tools.report.registration_picture import draw_registration
     from tools.report.registration_view import view_registration
 
     if not isinstance(registrar, SpectralRegistrar):
-        raise InputError(f"a picture is of a SpectralRegistrar; this is a {type(registrar).__name__}")
+        raise InputError(f"only a SpectralRegistrar can be drawn; this is a {type(registrar).__name__}")
     draw_registration(path, view_registration(registrar, target, source, registration))

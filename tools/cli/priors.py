@@ -1,4 +1,4 @@
-"""The options --priors and --prior-sigmas: scans with what else is known of their poses."""
+"""The options --priors and --prior-sigmas: scans with what the vehicle measured of their poses."""
 
 from collections.abc import Sequence
 from pathlib import Path
@@ -12,28 +12,28 @@ if TYPE_CHECKING:
     from spectral.scan import Scan
 
 
-def told_priors(
-    scans: "Sequence[Scan]", priors: Path | None, prior_sigmas: str | None, strangers: bool
+def scans_with_priors(
+    scans: "Sequence[Scan]", priors: Path | None, prior_sigmas: str | None, allow_unknown: bool
 ) -> "Sequence[Scan]":
-    """The scans with the priors of the file, and a note where some have none; as they are without a file.
+    """The scans with the priors of the file, and a note if some have none; without a file, the scans as they are.
 
     Args:
         scans: as they were read.
         priors, prior_sigmas: the options.
-        strangers: whether the file may tell of other scans too.
+        allow_unknown: whether the file may have rows for other scans.
 
     Raises:
-        InputError: the file cannot be used, or there is none that --prior-sigmas could be of.
+        InputError: the file cannot be used, or there are --prior-sigmas without a file.
     """
     if priors is None:
         if prior_sigmas is not None:
-            raise InputError("--prior-sigmas is of the file that --priors names; give that too, or drop it")
+            raise InputError("--prior-sigmas has no effect without --priors; give --priors too, or leave it out")
         return scans
     from tools.readers.priors import with_priors
 
     sigmas = parse_prior_sigmas(prior_sigmas) if prior_sigmas else {}
-    told = with_priors(scans, priors, sigmas, strangers)
-    bare = [scan.name for scan in told if scan.prior is None]
+    scans = with_priors(scans, priors, sigmas, allow_unknown)
+    bare = [scan.name for scan in scans if scan.prior is None]
     if bare:
-        say(f"{len(bare)} of {len(told)} scans have no prior in {priors}: {bare[0]}{' ...' if len(bare) > 1 else ''}")
-    return told
+        say(f"{len(bare)} of {len(scans)} scans have no prior in {priors}: {bare[0]}{' ...' if len(bare) > 1 else ''}")
+    return scans

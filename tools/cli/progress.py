@@ -1,4 +1,4 @@
-"""Progress on stderr: a bar with the time left on a terminal, now and then a line elsewhere."""
+"""Progress on stderr: on a terminal a bar with the time left, elsewhere a line every few seconds."""
 
 import time
 from collections.abc import Callable, Iterator
@@ -23,15 +23,15 @@ Step = Callable[[int, int, str], None]
 
 @contextmanager
 def progress(label: str, total: int, quiet: bool = False) -> Iterator[Callable[[str], None]]:
-    """Count `total` pieces of work; the block calls what it is given once after each.
+    """Count `total` pieces of work; the block calls the function that it gets after each of them.
 
     Args:
         label: what is being done, as in "registering pairs".
         total: number of pieces.
-        quiet: say nothing at all (--quiet, --json).
+        quiet: print nothing (--quiet, --json).
 
     Yields:
-        A function to call after every piece, with a few words about it or "".
+        A function to call after every piece of work, with a few words about it or "".
     """
     done = 0
     with growing_progress(label, quiet) as step:
@@ -47,11 +47,11 @@ def progress(label: str, total: int, quiet: bool = False) -> Iterator[Callable[[
 
 @contextmanager
 def growing_progress(label: str, quiet: bool = False) -> Iterator[Step]:
-    """Follow work whose end moves while it is done.
+    """Follow work whose total changes while it is done.
 
     Args:
         label: what is being done, as in "mapping".
-        quiet: say nothing at all (--quiet, --json).
+        quiet: print nothing (--quiet, --json).
 
     Yields:
         A function to call as step(pieces done, pieces planned so far, words about the last one).
@@ -83,23 +83,23 @@ def _bar(console: Console) -> Progress:
 
 
 class _Lines:
-    """Says how far it is, at most every few seconds and at the end."""
+    """Prints how far the work is, at most every few seconds and at the end."""
 
     def __init__(self, label: str) -> None:
         self.label = label
-        self.start = self.said = time.monotonic()
-        self.unsaid = ""
+        self.start = self.printed_at = time.monotonic()
+        self.pending = ""
 
     def step(self, done: int, planned: int, note: str) -> None:
         now = time.monotonic()
         elapsed = now - self.start
         left = f", about {elapsed / done * (planned - done):.0f} s left" if 0 < done < planned else ""
-        self.unsaid = f"{self.label}: {done} of {planned}, {elapsed:.1f} s{left}" + (f" ({note})" if note else "")
-        if now - self.said >= SECONDS_BETWEEN_LINES:
-            self.said = now
+        self.pending = f"{self.label}: {done} of {planned}, {elapsed:.1f} s{left}" + (f" ({note})" if note else "")
+        if now - self.printed_at >= SECONDS_BETWEEN_LINES:
+            self.printed_at = now
             self.end()
 
     def end(self) -> None:
-        if self.unsaid:
-            say(self.unsaid)
-            self.unsaid = ""
+        if self.pending:
+            say(self.pending)
+            self.pending = ""

@@ -1,4 +1,4 @@
-"""What came of a survey, in words and in a table."""
+"""The result of a survey as a table, a few sentences, and warnings."""
 
 import math
 from collections.abc import Sequence
@@ -7,6 +7,7 @@ from typing import TYPE_CHECKING
 
 import typer
 
+from tools.cli.arguments import as_options
 from tools.cli.terminal import printable, result_console, say
 from tools.project.parts import placed, unplaced
 
@@ -18,48 +19,48 @@ if TYPE_CHECKING:
 
 PEAK_EXPLAINED = "peak: how high the correlation stands above its surroundings, in their standard deviations"
 SIGMAS_EXPLAINED = "sigmas: how far the pair is from the final poses, in standard deviations"
-IDLE = 0.001  # voxels
-LISTED = 10  # scans by name in a warning; summary.json names them all
+UNMOVED = 0.001  # poses moved by less than this were not moved [voxels]
+LISTED = 10  # names of scans in a warning; summary.json lists all
 
 
 def warn(message: str) -> None:
-    """Tell on stderr what the user should look at."""
+    """Print on stderr what the user should look at."""
     say(message, "warning: ", "bold yellow")
 
 
 def warn_of_faults(result: "SurveyResult", names: Sequence[str], out: Path) -> None:
-    """Tell stray points, every gap with its reason, and what became of the parts."""
-    strays = sum(point_map.left_out for point_map in result.maps)
-    if strays:
-        warn(f"{strays:,} points lie too far from the others for the map's voxels and are left out of it")
-    _warn_of_idle_loops(result)
+    """Warn of stray points, of loops without effect, of every gap with its reason, and of several parts."""
+    stray = sum(point_map.left_out for point_map in result.maps)
+    if stray:
+        warn(f"{stray:,} points lie too far from the others for the map's voxels and are left out of the map")
+    _warn_of_loops_without_effect(result)
     part = {scan: c for c, members in enumerate(result.components) for scan in members}
     for pair in result.pairs:
         if pair.role == "sequential" and not pair.kept:
             bridged = ", bridged by other pairs" if part[pair.i] == part[pair.j] else ""
-            warn(f"gap between {names[pair.i]} and {names[pair.j]}{bridged}: {pair.reason}")
+            warn(f"gap between {names[pair.i]} and {names[pair.j]}{bridged}: {as_options(pair.reason)}")
     maps, lone = placed(result.components), unplaced(result.components)
     if len(maps) > 1:
         warn(
-            f"the scans fall into {len(maps)} parts that no reliable registration joins; each has its own "
-            f"map in {out}, the largest in map.ply"
+            f"no reliable registration joins all the scans: there are {len(maps)} separate parts, each with its own "
+            f"map in {out}; the largest is map.ply"
         )
     if lone:
         listed = ", ".join(names[k] for k in lone[:LISTED]) + (", ..." if len(lone) > LISTED else "")
-        warn(f"no reliable registration joins these scans to others, {len(lone)} in no map: {listed}")
+        warn(f"{len(lone)} of {len(names)} scans are in no map, as no reliable registration joins them to the others: {listed}")
 
 
-def _warn_of_idle_loops(result: "SurveyResult") -> None:
+def _warn_of_loops_without_effect(result: "SurveyResult") -> None:
     loops = sum(pair.kept and pair.role == "loop" for pair in result.pairs)
-    if loops and result.moved < IDLE * result.voxel:
+    if loops and result.moved < UNMOVED * result.voxel:
         warn(
-            f"{loops} loops were kept, and no pose moved by more than {IDLE:g} voxels: they say no more than the chain "
-            "does, as where all join scans that follow each other closely"
+            f"{loops} loops were kept, but no pose moved by more than {UNMOVED:g} voxels: they add nothing to the "
+            "chain of consecutive scans, as when they only join scans that follow each other closely"
         )
 
 
 def print_survey(result: "SurveyResult", names: Sequence[str], out: Path, also: Sequence[str]) -> None:
-    """Print every pair, the sizes of the maps, and the files."""
+    """Print every pair, the sizes of the maps, and the names of the files."""
     from rich.table import Table
 
     table = Table(box=None, pad_edge=False, collapse_padding=True)
@@ -68,7 +69,7 @@ def print_survey(result: "SurveyResult", names: Sequence[str], out: Path, also: 
         table.add_column(name, no_wrap=True)
     for name in ("peak", "overlap", "yaw", "distance", "sigmas", "seconds"):
         table.add_column(name, justify="right", no_wrap=True)
-    table.add_column("why not", overflow="fold", ratio=1)
+    table.add_column("reason", overflow="fold", ratio=1)
     for pair in result.pairs:
         table.add_row(*_cells(pair, names))
     result_console().print(table)
@@ -93,9 +94,9 @@ def _cells(pair: "Pair", names: Sequence[str]) -> "list[str | Text]":
     from rich.text import Text
 
     label = Text(printable(f"{names[pair.i]} - {names[pair.j]}").replace("\n", "\\n"))
-    verdict = Text("kept", "green") if pair.kept else Text("refused", "red")
+    verdict = Text("kept", "green") if pair.kept else Text("rejected", "red")
     if pair.registration is None:
-        return [label, pair.role, verdict, "", "", "", "", "", "", printable(pair.reason)]
+        return [label, pair.role, verdict, "", "", "", "", "", "", printable(as_options(pair.reason))]
     registration = pair.registration
     T = registration.T_target_source
     return [
@@ -108,7 +109,7 @@ def _cells(pair: "Pair", names: Sequence[str]) -> "list[str | Text]":
         f"{float((T.translation**2).sum() ** 0.5):.2f} m",
         f"{pair.residual:.1f}" if math.isfinite(pair.residual) else "",
         f"{registration.seconds:.2f}",
-        "" if pair.kept else printable(pair.reason),
+        "" if pair.kept else printable(as_options(pair.reason)),
     ]
 
 
@@ -121,4 +122,4 @@ def _files(result: "SurveyResult", also: Sequence[str]) -> str:
     if parts == 1:
         return listed
     last = f" to map_{parts}.ply" if parts > 2 else ""
-    return f"{listed}; the other parts in map_2.ply{last}, with their pictures and trajectories"
+    return f"{listed}; the other parts are in map_2.ply{last}, with their pictures and trajectories"

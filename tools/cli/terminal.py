@@ -1,16 +1,16 @@
-"""What the command line says to the person in front of it: on stderr, so that stdout stays for results."""
+"""Messages to the user, on stderr, so that stdout is for results alone."""
 
 import sys
 
 from rich.console import Console
 from rich.text import Text
 
-_WIDTH_OF_FILES = 200  # a table that is not for a terminal need not be folded
+_WIDTH_OF_FILES = 200  # a table in a file need not be folded
 
 
 class _Console(Console):
     def on_broken_pipe(self) -> None:
-        """Leave the end to the entry point, which knows the exit code."""
+        """Leave it to the entry point, which knows the exit code."""
         raise BrokenPipeError
 
 
@@ -20,16 +20,16 @@ def error_console() -> Console:
 
 
 def result_console() -> Console:
-    """A console on stdout for tables: as wide as the terminal, and wide where there is none."""
+    """A console on stdout for tables: as wide as the terminal, or wide if there is none."""
     return _Console(width=None if sys.stdout.isatty() else _WIDTH_OF_FILES, highlight=False)
 
 
 def say(message: str, label: str = "", style: str = "") -> None:
-    """Print a message on stderr, wrapped by words on a terminal and in one piece elsewhere.
+    """Print a message on stderr, wrapped on a terminal and on one line elsewhere.
 
     Args:
-        message: plain text: brackets are no markup, and what could steer a terminal is shown escaped.
-        label: what stands in front, as in "error: ".
+        message: plain text: brackets are not markup, and control characters are shown escaped.
+        label: printed before it, as "error: ".
         style: the label's color, in rich's words.
     """
     console = error_console()

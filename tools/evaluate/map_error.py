@@ -10,7 +10,7 @@ from scipy.spatial import KDTree
 
 from kernels.errors import InputError
 from tools.readers.file import FORMATS, read_file
-from tools.readers.selection import Selected
+from tools.readers.selection import SelectedFile
 
 Nearest = Literal["surface", "point"]
 
@@ -117,7 +117,7 @@ def read_points(path: Path) -> np.ndarray:
     Raises:
         InputError: naming the file, see `tools.readers.file.read_file`.
     """
-    found, _ = read_file(Selected(path))
+    found, _ = read_file(SelectedFile(path))
     points = np.concatenate([np.asarray(one.cloud.points, np.float64) for one in found])
     points = points[np.isfinite(points).all(axis=1)]
     if len(points) == 0:

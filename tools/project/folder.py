@@ -14,6 +14,7 @@ from kernels.opencl.device import Device
 from slam.graph.pose_graph import PoseGraph
 from slam.map.point_map import PointMap
 from slam.mapper import SurveyResult
+from tools.project.exports import EXPORTS
 from tools.project.parts import placed
 from tools.project.summary import survey_summary
 from tools.readers.scans import Unread
@@ -22,30 +23,29 @@ from tools.report.map_picture import draw_map
 from tools.writers.atomic import all_or_none
 from tools.writers.g2o import write_g2o
 from tools.writers.json_text import write_json
-from tools.writers.kitti import write_kitti
-from tools.writers.points import write_points
-from tools.writers.tum import write_tum
+from tools.writers.points import WRITERS, write_points
+from tools.writers.trajectory import TRAJECTORY_WRITERS, write_trajectory
 
 GRAPH, SUMMARY, TIMES, JOURNAL = "graph.g2o", "summary.json", "times.json", "journal.sqlite"
-_ALSO = {"pcd": "map{}.pcd", "kitti": "trajectory{}.kitti"}
-_MAP = re.compile(r"map(_\d+)?(_survey_\d+)?\.(ply|pcd)")
+_MAP_SUFFIXES, _TRAJECTORY_SUFFIXES = ("|".join(map(re.escape, known)) for known in (WRITERS, TRAJECTORY_WRITERS))
+_MAP = re.compile(rf"map(_\d+)?(_survey_\d+)?({_MAP_SUFFIXES})")
 _LAYER = re.compile(r"_survey_(\d+)$")
-_OF_PART = re.compile(_MAP.pattern + r"|(map|loops)(_\d+)?\.png|trajectory(_\d+)?\.(tum|kitti)")
+_OF_PART = re.compile(_MAP.pattern + rf"|(map|loops)(_\d+)?\.png|trajectory(_\d+)?({_TRAJECTORY_SUFFIXES})")
 
 
 def part_files(result: SurveyResult, rank: int, also: Iterable[str] = ()) -> list[str]:
-    """The files of a component that is a map, 1 for the largest, with those of further formats ("pcd", "kitti")."""
+    """The files of the component that is map number `rank`, 1 for the largest; `also` as for `write_survey`."""
     c = placed(result.components)[rank - 1]
-    names = ["map{}.ply", "map{}.png", "trajectory{}.tum", *(_ALSO[name] for name in also)]
-    kinds = ("ply", "pcd") if "pcd" in also else ("ply",)
-    names += [f"map{{}}_survey_{number}.{kind}" for number in result.parts[c].layers for kind in kinds]
+    names = ["map{}.ply", "map{}.png", "trajectory{}.tum", *(EXPORTS[name] for name in also)]
+    suffixes = [".ply", *(f".{name}" for name in also if f".{name}" in WRITERS)]
+    names += [f"map{{}}_survey_{number}{suffix}" for number in result.parts[c].layers for suffix in suffixes]
     if any(_loops(result, c)):
         names.append("loops{}.png")
     return [name.format("" if rank == 1 else f"_{rank}") for name in names]
 
 
 def require_apart(folder: Path, files: Iterable[Path]) -> None:
-    """Refuse to take for a scan what an earlier run wrote to `folder`, or to write over a scan.
+    """Refuse scans that are the map of an earlier run, or would be overwritten by the new map.
 
     Raises:
         InputError: naming the file.
@@ -53,8 +53,8 @@ def require_apart(folder: Path, files: Iterable[Path]) -> None:
     for path in files:
         if _MAP.fullmatch(path.name) and path.parent.resolve() == folder.resolve():
             raise InputError(
-                f"{path} is among the scans, and {folder} is where the map is written: it would be written over, or "
-                "is the map of an earlier run. Leave it out, or choose another output folder."
+                f"{path} is among the scans, but the map is written to {folder}: the file is the map of an earlier "
+                "run, or would be overwritten. Leave it out, or choose another output folder."
             )
 
 
@@ -81,8 +81,8 @@ def write_survey(
         result: the survey, of the scans with these `names`.
         settings, unread: for the summary.
         device: what it ran on; None for a method that takes none.
-        also: "pcd" for maps in that format too, "kitti" for trajectories.
-        times: what the run took, for times.json, which is not named in the summary; None for no such file.
+        also: names of EXPORTS: further formats to write.
+        times: how long the run took, for times.json; None for no such file.
 
     Returns:
         The path of summary.json, which is written last.
@@ -90,7 +90,7 @@ def write_survey(
     Raises:
         InputError: a file cannot be written.
     """
-    former = _files_before(folder)
+    earlier = _earlier_files(folder)
     files = [part_files(result, rank, also) for rank in range(1, len(placed(result.components)) + 1)]
     description = {"name": device.name, "platform": device.platform} if device else None
     summary = survey_summary(result, list(names), settings, description, unread)
@@ -99,22 +99,22 @@ def write_survey(
         write_json(folder / SUMMARY, summary | {"files": [*chain.from_iterable(files), GRAPH, SUMMARY]})
         if times is not None:
             write_json(folder / TIMES, times)
-    for name in former.difference(*files):
+    for name in earlier.difference(*files):
         (folder / name).unlink(missing_ok=True)
     return folder / SUMMARY
 
 
-def _files_before(folder: Path) -> set[str]:
-    """The components' files of the folder's earlier run, by its summary; none where there is none to be read."""
+def _earlier_files(folder: Path) -> set[str]:
+    """The components' files of an earlier run in the folder, as its summary lists them; none without a summary."""
     try:
         names = json.loads((folder / SUMMARY).read_text(encoding="utf-8"))["files"]
         return {name for name in names if _OF_PART.fullmatch(name)}
-    except (OSError, ValueError, LookupError, TypeError):  # not there, or not ours: then nothing of it is removed
+    except (OSError, ValueError, LookupError, TypeError):  # missing, or not ours: nothing is removed
         return set()
 
 
 def _write_files(folder: Path, result: SurveyResult, names: Sequence[str], files: Sequence[Sequence[str]]) -> None:
-    """Write the graph, and every component that is a map as its `files` name it."""
+    """Write the graph, and the `files` of every component that is a map."""
     for c, listed in zip(placed(result.components), files, strict=True):
         for name in listed:
             _write_part(folder / name, result, c, [names[k] for k in result.components[c]])
@@ -127,10 +127,8 @@ def _write_part(path: Path, result: SurveyResult, c: int, names: Sequence[str]) 
     layer = _LAYER.search(path.stem)
     point_map = maps.layers[int(layer[1])] if layer else maps.optimized
     match path.suffix:
-        case ".tum":
-            write_tum(path, trajectory)
-        case ".kitti":
-            write_kitti(path, trajectory)
+        case suffix if suffix in TRAJECTORY_WRITERS:
+            write_trajectory(path, trajectory)
         case ".png" if path.stem.startswith("loops"):
             draw_loops(path, (maps.chained, maps.chained_poses), (point_map, trajectory), *_loops(result, c))
         case ".png":
@@ -142,15 +140,15 @@ def _write_part(path: Path, result: SurveyResult, c: int, names: Sequence[str]) 
 
 
 def _loops(result: SurveyResult, c: int) -> tuple[list[tuple[int, int]], list[tuple[int, int]]]:
-    """The loops within a component that were kept, and those that were not, as places among its scans."""
-    place = {scan: k for k, scan in enumerate(result.components[c])}
-    tried = [p for p in result.pairs if p.role == "loop" and p.i in place and p.j in place]
-    kept, refused = ([(place[p.i], place[p.j]) for p in tried if p.kept == wanted] for wanted in (True, False))
-    return kept, refused
+    """The loops within a component that were kept and those that were not, as indices into its scans."""
+    index = {scan: k for k, scan in enumerate(result.components[c])}
+    loops = [pair for pair in result.pairs if pair.role == "loop" and pair.i in index and pair.j in index]
+    kept, rejected = ([(index[p.i], index[p.j]) for p in loops if p.kept == keep] for keep in (True, False))
+    return kept, rejected
 
 
 def _columns(point_map: PointMap) -> dict[str, np.ndarray]:
-    """What a map's file tells of every point beside its place."""
+    """The columns of a map's file besides the coordinates."""
     names = ("count", "seen", "sigma", "scan", "survey")
     echo = {} if point_map.strength is None else {"intensity": point_map.strength}
     return {name: getattr(point_map, name) for name in names} | echo

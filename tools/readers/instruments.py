@@ -1,10 +1,10 @@
-"""What a vehicle's instruments say of a scan's pose, in the columns of an operator's file, and as a PosePrior.
+"""What a vehicle's instruments measure of a scan's pose: columns of an operator's file to a PosePrior and back.
 
 In the file, as on a vehicle's displays: `roll_deg` is positive with the starboard (right) side down, `pitch_deg` with
 the nose up, `heading_deg` runs clockwise from true North, of the sensor's forward axis (the aerospace order: heading,
 then pitch, then roll; axes forward, right, down, in a world North, East, Down). `x_m` is East and `y_m` North of any
 origin that the file's rows share, `depth_m` is positive down. The standard deviation of a column is in its unit, in
-`roll_sigma_deg`, `depth_sigma_m` and so on. All of it is of the sensor: a mounting on the vehicle is reckoned before.
+`roll_sigma_deg`, `depth_sigma_m` and so on. All of it is for the sensor: correct for its mounting on the vehicle first.
 """
 
 import numpy as np
@@ -25,7 +25,7 @@ def prior_of(values: np.ndarray, sigmas: np.ndarray) -> PosePrior:
 
     Args:
         values: (6,) in the columns' order and units; NaN where not measured.
-        sigmas: (6,) standard deviations in the same; of no meaning where the value is NaN.
+        sigmas: (6,) standard deviations in the same units; ignored where the value is NaN.
 
     Raises:
         InputError: sigmas that are not above 0, or one of roll and pitch, or of x and y, without the other.

@@ -1,4 +1,4 @@
-"""Which scan a row of a CSV file of priors is of."""
+"""Finds the scan that a row of a priors file belongs to."""
 
 import re
 from collections.abc import Sequence
@@ -12,32 +12,32 @@ SAME_STAMP = 1e-3  # seconds: files carry stamps with other numbers of digits
 _SUFFIX = re.compile(rf"(.+)({'|'.join(map(re.escape, FORMATS))})(#\d+)?", re.IGNORECASE | re.DOTALL)
 
 
-def find_scan(scans: Sequence[Scan], by: str, key: str, where: str, strangers: bool) -> int | None:
-    """The index of the scan that a row's name or stamp means; None where it is a stranger's, if these may be.
+def find_scan(scans: Sequence[Scan], by: str, key: str, where: str, allow_unknown: bool) -> int | None:
+    """The index of the scan with a row's name or stamp; None if there is none and `allow_unknown`.
 
     Args:
         scans: as the readers name and stamp them.
-        by: "name" (with the suffix of a scan's file or without, as `recording.sonar#3`) or "stamp" [s].
-        key: as the row has it.
+        by: "name" (with or without the suffix of the scan's file, as `recording.sonar#3`) or "stamp" [s].
+        key: the name or stamp as it stands in the row.
         where: the file and line, for messages.
-        strangers: whether a row may be of no scan.
+        allow_unknown: whether a row may belong to none of the scans.
 
     Raises:
-        InputError: a stamp that is no number, a row that fits several scans, or none.
+        InputError: a stamp that is not a number, or a row that fits several scans or none.
     """
-    found = _by_name(scans, key) if by == "name" else _by_stamp(scans, key, where)
-    if len(found) > 1:
-        both = " and ".join(scans[index].name for index in found[:2])
+    indices = _by_name(scans, key) if by == "name" else _by_stamp(scans, key, where)
+    if len(indices) > 1:
+        both = " and ".join(scans[index].name for index in indices[:2])
         raise InputError(
-            f"{where}: the {by} {key!r} fits {len(found)} scans, among them {both}; call their files differently, and "
-            "tell them apart by name"
+            f"{where}: the {by} {key!r} fits {len(indices)} scans, among them {both}; rename their files, and use "
+            "their names"
         )
-    if not found and not strangers:
+    if not indices and not allow_unknown:
         raise InputError(
-            f"{where}: no scan has the {by} {key!r}; the first is called {scans[0].name!r} and has the stamp "
-            f"{scans[0].stamp!r}. Mend the {by} or drop the line"
+            f"{where}: no scan has the {by} {key!r}; the first scan is called {scans[0].name!r} and has the stamp "
+            f"{scans[0].stamp!r}. Fix the {by} or delete the line"
         )
-    return found[0] if found else None
+    return indices[0] if indices else None
 
 
 def _by_name(scans: Sequence[Scan], name: str) -> list[int]:
@@ -55,5 +55,5 @@ def _by_stamp(scans: Sequence[Scan], text: str, where: str) -> list[int]:
     except ValueError:
         stamp = float("nan")
     if not abs(stamp) < float("inf"):
-        raise InputError(f"{where}: the stamp is {text[:40]!r}; wanted finite seconds. Mend that line")
+        raise InputError(f"{where}: the stamp is {text[:40]!r}; wanted finite seconds; fix that line")
     return [index for index, scan in enumerate(scans) if abs(scan.stamp - stamp) <= SAME_STAMP]

@@ -35,45 +35,45 @@ class PriorRow:
 
 
 def with_priors(
-    scans: Sequence[Scan], path: Path, sigmas: Mapping[str, float] = NO_DEFAULTS, strangers: bool = False
+    scans: Sequence[Scan], path: Path, sigmas: Mapping[str, float] = NO_DEFAULTS, allow_unknown: bool = False
 ) -> tuple[Scan, ...]:
-    """The scans with the priors that the file has for them; those without a row, or with an empty one, have none.
+    """The scans with their priors from the file; a scan without a row, or with an empty one, has none.
 
     Args:
         scans: as the readers name and stamp them.
         path: of the CSV file.
-        sigmas: {column of COLUMNS: standard deviation in its unit} for where the file gives none.
-        strangers: whether rows may be of scans that are not among these.
+        sigmas: {column of COLUMNS: standard deviation in its unit}, used where the file has none.
+        allow_unknown: whether rows may belong to scans that are not among these.
 
     Raises:
         InputError: naming the file and the line: a column or cell that cannot be used, two rows for one scan, a row
             that fits no scan or several, or not one that fits any.
     """
     key, rows = read_prior_rows(path, sigmas)
-    found: dict[int, int] = {}
+    lines: dict[int, int] = {}  # of each scan, in the file
     changed = list(scans)
     for row in rows:
-        index = find_scan(scans, key, row.key, f"{path}: line {row.line}", strangers)
+        index = find_scan(scans, key, row.key, f"{path}: line {row.line}", allow_unknown)
         if index is None:
             continue
-        if index in found:
+        if index in lines:
             raise InputError(
-                f"{path}: lines {found[index]} and {row.line} are both of the scan {scans[index].name}; drop one"
+                f"{path}: lines {lines[index]} and {row.line} are both for the scan {scans[index].name}; delete one"
             )
-        found[index] = row.line
+        lines[index] = row.line
         changed[index] = replace(scans[index], prior=row.prior)
-    if not found:
+    if not lines:
         raise InputError(
-            f"{path}: no row is of any of the scans: {_some([scan.name for scan in scans])}; wanted theirs"
+            f"{path}: no row belongs to any of the scans, which are {_some([scan.name for scan in scans])}"
         )
     return tuple(changed)
 
 
 def read_prior_rows(path: Path, sigmas: Mapping[str, float] = NO_DEFAULTS) -> tuple[str, list[PriorRow]]:
-    """What tells the scans apart, "name" or "stamp", and every row.
+    """The column that identifies the scans, "name" or "stamp", and every row.
 
     Raises:
-        InputError: as `with_priors`, but for what has to do with the scans.
+        InputError: a column or cell that cannot be used.
     """
     lines = read_lines(path)
     header = [cell.strip() for cell in _cells(path, *lines[0])]
@@ -82,14 +82,14 @@ def read_prior_rows(path: Path, sigmas: Mapping[str, float] = NO_DEFAULTS) -> tu
     except InputError as error:
         raise InputError(f"{path}: line {lines[0][0]}: {error}") from error
     if len(lines) == 1:
-        raise InputError(f"{path} has no row beneath its heading; wanted one per scan")
+        raise InputError(f"{path} has no row below its heading; wanted one per scan")
     rows = []
     for number, line in lines[1:]:
         cells = _cells(path, number, line)
         try:
             rows.append(_row(number, header, cells, sigmas))
         except InputError as error:
-            raise InputError(f"{path}: line {number}: {error}; mend that line") from error
+            raise InputError(f"{path}: line {number}: {error}; fix that line") from error
     return next(key for key in KEYS if key in header), rows
 
 
@@ -98,26 +98,26 @@ def _cells(path: Path, number: int, line: bytes) -> list[str]:
         return next(csv.reader([line.decode("utf-8-sig")], strict=True))
     except (UnicodeDecodeError, csv.Error) as error:
         raise InputError(
-            f"{path}: line {number} is no line of a CSV file in UTF-8: {error}; save it as such"
+            f"{path}: line {number} is not a CSV line in UTF-8: {error}; save the file as CSV in UTF-8"
         ) from error
 
 
 def _check_header(header: list[str], sigmas: Mapping[str, float]) -> None:
     known = (*KEYS, *COLUMNS, *SIGMA_COLUMNS)
-    if strange := [name for name in header if name not in known]:
-        raise InputError(f"no column is called {_some(strange)}; wanted of {', '.join(known)}, parted by commas")
+    if unknown := [name for name in header if name not in known]:
+        raise InputError(f"unknown column {_some(unknown)}; known are {', '.join(known)}, separated by commas")
     if twice := [name for name in known if header.count(name) > 1]:
-        raise InputError(f"the column {twice[0]} is there {header.count(twice[0])} times; drop all but one")
+        raise InputError(f"the column {twice[0]} is there {header.count(twice[0])} times; delete all but one")
     if sum(key in header for key in KEYS) != 1:
-        raise InputError("wanted either a column name or a column stamp, to tell which scan a row is of")
+        raise InputError("wanted either a column name or a column stamp, which says which scan a row is for")
     if not any(column in header for column in COLUMNS):
-        raise InputError(f"nothing is measured; wanted some of {', '.join(COLUMNS)}")
+        raise InputError(f"there is no column of measurements; wanted one or more of {', '.join(COLUMNS)}")
     for first, second in PAIRS:
         if (first in header) != (second in header):
-            raise InputError(f"{first} and {second} are of use only together; give both or neither")
+            raise InputError(f"{first} and {second} can only be used together; give both or neither")
     for column, sigma in zip(COLUMNS, SIGMA_COLUMNS, strict=True):
         if sigma in header and column not in header:
-            raise InputError(f"there is a column {sigma} but no {column}; drop it, or give that too")
+            raise InputError(f"there is a column {sigma} but no {column}; delete it, or add {column}")
         if column in header and sigma not in header and column not in sigmas:
             raise InputError(f"{column} has no standard deviation; add a column {sigma}, or give --prior-sigmas")
 
@@ -130,16 +130,16 @@ def _row(number: int, header: list[str], cells: list[str], sigmas: Mapping[str, 
     if not key:
         raise InputError(f"its {'name' if 'name' in row else 'stamp'} is empty")
     values = np.array([_number(column, row.get(column, "")) for column in COLUMNS])
-    spread = np.array([_number(sigma, row.get(sigma, "")) for sigma in SIGMA_COLUMNS])
-    spread = np.where(np.isnan(spread), [sigmas.get(column, np.nan) for column in COLUMNS], spread)
+    deviations = np.array([_number(sigma, row.get(sigma, "")) for sigma in SIGMA_COLUMNS])
+    deviations = np.where(np.isnan(deviations), [sigmas.get(column, np.nan) for column in COLUMNS], deviations)
     measured = np.isfinite(values)
-    for column, sigma, needed, one in zip(COLUMNS, SIGMA_COLUMNS, measured, spread, strict=True):
-        if needed and np.isnan(one):
+    for column, sigma, needed, deviation in zip(COLUMNS, SIGMA_COLUMNS, measured, deviations, strict=True):
+        if needed and np.isnan(deviation):
             raise InputError(f"{column} has no standard deviation; fill in {sigma}, or give --prior-sigmas")
     for first, second in PAIRS:
         if measured[COLUMNS.index(first)] != measured[COLUMNS.index(second)]:
-            raise InputError(f"{first} and {second} are of use only together, and one is empty")
-    return PriorRow(number, key, prior_of(values, spread) if measured.any() else None)
+            raise InputError(f"{first} and {second} can only be used together, and one is empty")
+    return PriorRow(number, key, prior_of(values, deviations) if measured.any() else None)
 
 
 def _number(column: str, cell: str) -> float:

@@ -8,7 +8,7 @@ from pathlib import Path
 from kernels.errors import InputError
 from spectral.scan import Scan
 from tools.readers.clouds.cloud import scan_of_cloud
-from tools.readers.file import FORMATS, Found, read_file
+from tools.readers.file import FORMATS, NamedCloud, read_file
 from tools.readers.selection import select_files
 
 
@@ -19,7 +19,7 @@ class Unread:
     Attributes:
         where: the file, with #3 for one scan of several.
         reason: what is wrong with it and what to do, in words, the file named.
-        before: index of the scan that follows it, the number of scans where it is the last.
+        before: index of the scan that follows it; the number of scans if none does.
     """
 
     where: str
@@ -29,15 +29,15 @@ class Unread:
 
 @dataclass(frozen=True, slots=True)
 class ReadScans:
-    """What was read.
+    """The scans that were read, and the files that could not be.
 
     Attributes:
-        scans: in natural order of the files, and within a file in its own.
-        notes: what the user should know about the files, in words: points dropped, strengths mended.
-        files: all files that were meant, in their order.
+        scans: in natural order of the files, and within a file in its own order.
+        notes: what the user should know about the files, in words: dropped points, corrected strengths.
+        files: all files that the paths name, in order.
         unread: what could not be read, in the same order.
-        surveys: the number of each scan's survey, 0, 1, ...: the scans of one folder are of one survey; where each has
-            a folder of its own all are of one.
+        surveys: the number of each scan's survey, 0, 1, ...: the scans of a folder are one survey; if each scan has a
+            folder of its own, all of them are one.
     """
 
     scans: tuple[Scan, ...]
@@ -50,7 +50,7 @@ class ReadScans:
 def read_scans(paths: Sequence[str | Path]) -> ReadScans:
     """Every scan of the files, folders and patterns in `paths`, in natural order.
 
-    As `read_survey`, but all of them have to be readable.
+    Like `read_survey`, but all of them have to be readable.
 
     Raises:
         InputError: naming the file and, where it applies, its line or packet.
@@ -61,34 +61,34 @@ def read_scans(paths: Sequence[str | Path]) -> ReadScans:
     return read
 
 
-def read_survey(paths: Sequence[str | Path], beside: Collection[Path] = ()) -> ReadScans:
+def read_survey(paths: Sequence[str | Path], not_scans: Collection[Path] = ()) -> ReadScans:
     """Every scan of the files, folders and patterns in `paths` that can be read, in natural order.
 
-    `recording.sonar#3` is one scan of a file that holds several, counted from 0. Stamps are those of the
-    files where all of them carry one, else 0, 1, 2, ... over the whole input, unreadable ones counted. A scan is
-    named after its file, and `recording#3` where the file holds several; files of one name in several folders keep
-    their paths. A folder's or pattern's priors.csv, and files `beside` the scans, are passed over.
+    `recording.sonar#3` is one scan of a file that holds several, counted from 0. Stamps are those of the files if all
+    of them have one, otherwise 0, 1, 2, ... over the whole input, unreadable scans counted. A scan is named after its
+    file, and `recording#3` if the file holds several; files of the same name in several folders keep their paths. The
+    priors.csv of a folder or pattern is skipped, and so are the files in `not_scans`.
 
     Raises:
         InputError: a path that does not exist, or no path at all.
     """
     notes: list[str] = []
-    selection = select_files(paths, FORMATS, beside)
+    selection = select_files(paths, FORMATS, not_scans)
     if selection.reordered:
         notes.append("the scans are taken in the natural order of their names, not the order in which they were given")
     files = tuple(dict.fromkeys(selected.path for selected in selection.files))
     stems = Counter(path.stem for path in files)
-    found: list[Found | _Faulty] = []
+    entries: list[NamedCloud | _UnreadableFile] = []
     for selected in selection.files:
         try:
-            clouds, told = read_file(selected)
+            clouds, file_notes = read_file(selected)
         except InputError as error:
-            found.append(_Faulty(str(selected.path), str(error)))
+            entries.append(_UnreadableFile(str(selected.path), str(error)))
             continue
-        found += [_called_by_path(cloud) for cloud in clouds] if stems[selected.path.stem] > 1 else clouds
-        notes += told
-    stamps, told = _stamps_of(found)
-    return _checked(found, stamps, notes + told, files)
+        entries += [_named_by_path(cloud) for cloud in clouds] if stems[selected.path.stem] > 1 else clouds
+        notes += file_notes
+    stamps, stamp_notes = _stamps_of(entries)
+    return _checked(entries, stamps, notes + stamp_notes, files)
 
 
 def read_scan(path: str | Path) -> Scan:
@@ -105,55 +105,59 @@ def only_scan(path: str | Path, read: ReadScans) -> Scan:
     scans = read.scans
     if len(scans) != 1:
         raise InputError(
-            f"{path} holds {len(scans)} scans ({scans[0].name} to {scans[-1].name}) and one is wanted here: "
-            "choose one of a recording as in file.sonar#3, or chain them all with `sonarmap map`"
+            f"{path} holds {len(scans)} scans ({scans[0].name} to {scans[-1].name}), and one is needed here: "
+            "choose one, as in file.sonar#3, or map them all with `sonarmap map`"
         )
     return scans[0]
 
 
 @dataclass(frozen=True, slots=True)
-class _Faulty:
-    """What stands in the place of a file that could not be read."""
+class _UnreadableFile:
+    """Holds the place of a file that could not be read."""
 
     where: str
     reason: str
 
 
 def _checked(
-    found: Sequence[Found | _Faulty], stamps: Sequence[float], notes: Sequence[str], files: tuple[Path, ...]
+    entries: Sequence[NamedCloud | _UnreadableFile],
+    stamps: Sequence[float],
+    notes: Sequence[str],
+    files: tuple[Path, ...],
 ) -> ReadScans:
     """The scans of the clouds that have usable points."""
     scans: list[Scan] = []
     unread: list[Unread] = []
-    told = list(notes)
+    all_notes = list(notes)
     folders: dict[Path, int] = {}
     surveys: list[int] = []
-    for one, stamp in zip(found, stamps, strict=True):
-        if isinstance(one, _Faulty):
-            unread.append(Unread(one.where, one.reason, len(scans)))
+    for entry, stamp in zip(entries, stamps, strict=True):
+        if isinstance(entry, _UnreadableFile):
+            unread.append(Unread(entry.where, entry.reason, len(scans)))
             continue
         try:
-            scan, mended = scan_of_cloud(one.cloud, one.name, stamp)
+            scan, scan_notes = scan_of_cloud(entry.cloud, entry.name, stamp)
         except InputError as error:
-            unread.append(Unread(one.where, f"{one.where}: {error}", len(scans)))
+            unread.append(Unread(entry.where, f"{entry.where}: {error}", len(scans)))
             continue
         scans.append(scan)
-        surveys.append(folders.setdefault(Path(one.where).parent, len(folders)))
-        told += [f"{one.name if one.name == one.where else Path(one.where).name}: {note}" for note in mended]
+        surveys.append(folders.setdefault(Path(entry.where).parent, len(folders)))
+        label = entry.name if entry.name == entry.where else Path(entry.where).name
+        all_notes += [f"{label}: {note}" for note in scan_notes]
     if len(folders) == len(scans):
         surveys = [0] * len(scans)
-    return ReadScans(tuple(scans), tuple(told), files, tuple(unread), tuple(surveys))
+    return ReadScans(tuple(scans), tuple(all_notes), files, tuple(unread), tuple(surveys))
 
 
-def _stamps_of(found: Sequence[Found | _Faulty]) -> tuple[list[float], list[str]]:
-    """The clouds' own stamps where all of them carry one, else their places; and what to tell of it."""
-    own = [one.cloud.stamp for one in found if isinstance(one, Found)]
-    untimed = own.count(None)
-    if untimed == 0:
-        return [(one.cloud.stamp or 0.0) if isinstance(one, Found) else 0.0 for one in found], []
-    mixed = f"{untimed} of {len(own)} scans carry no time: all are stamped 0, 1, 2, ..."
-    return [float(place) for place in range(len(found))], [mixed] if untimed < len(own) else []
+def _stamps_of(entries: Sequence[NamedCloud | _UnreadableFile]) -> tuple[list[float], list[str]]:
+    """The clouds' own stamps if all of them have one, otherwise their positions in the input; and a note about it."""
+    stamps = [entry.cloud.stamp for entry in entries if isinstance(entry, NamedCloud)]
+    without = stamps.count(None)
+    if without == 0:
+        return [(entry.cloud.stamp or 0.0) if isinstance(entry, NamedCloud) else 0.0 for entry in entries], []
+    note = f"{without} of {len(stamps)} scans have no time: all are stamped 0, 1, 2, ..."
+    return [float(position) for position in range(len(entries))], [note] if without < len(stamps) else []
 
 
-def _called_by_path(found: Found) -> Found:
-    return replace(found, name=found.where)
+def _named_by_path(cloud: NamedCloud) -> NamedCloud:
+    return replace(cloud, name=cloud.where)

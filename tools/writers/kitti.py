@@ -1,12 +1,15 @@
 """KITTI trajectories: one pose per line, the upper 3 x 4 of its matrix row by row; no stamps."""
 
 from pathlib import Path
+from typing import TYPE_CHECKING
 
-from slam.graph.trajectory import Trajectory
 from tools.writers.atomic import atomic_path
 
+if TYPE_CHECKING:
+    from slam.graph.trajectory import Trajectory
 
-def write_kitti(path: Path, trajectory: Trajectory) -> None:
+
+def write_kitti(path: Path, trajectory: "Trajectory") -> None:
     """Write T_world_sensor with every digit that float64 has; the format has no place for stamps.
 
     Raises:

@@ -1,17 +1,21 @@
 """TUM trajectories: one pose per line, `stamp tx ty tz qx qy qz qw`."""
 
 from pathlib import Path
+from typing import TYPE_CHECKING
 
 import numpy as np
-from scipy.spatial.transform import RigidTransform
 
-from slam.graph.trajectory import Trajectory
 from tools.writers.atomic import atomic_path
+
+if TYPE_CHECKING:
+    from scipy.spatial.transform import RigidTransform
+
+    from slam.graph.trajectory import Trajectory
 
 HEADER = "# stamp [s] tx ty tz [m] qx qy qz qw: T_world_sensor\n"
 
 
-def write_tum(path: Path, trajectory: Trajectory) -> None:
+def write_tum(path: Path, trajectory: "Trajectory") -> None:
     """Write every digit that float64 has: microseconds of today's epoch seconds survive.
 
     Raises:
@@ -29,6 +33,6 @@ def write_tum(path: Path, trajectory: Trajectory) -> None:
         )
 
 
-def pose_numbers(T: RigidTransform) -> np.ndarray:
+def pose_numbers(T: "RigidTransform") -> np.ndarray:
     """(N, 7) float64: x y z [m] and the quaternion x y z w, w >= 0, of N transforms."""
     return np.hstack([T.translation, T.rotation.as_quat(canonical=True)])

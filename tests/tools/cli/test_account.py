@@ -28,7 +28,7 @@ def test_loops_that_change_nothing_are_told(monkeypatch: pytest.MonkeyPatch, tmp
     moved, told = warnings(monkeypatch, 1e-8 * covariance, tmp_path)
     assert moved < 1e-4
     assert len(told) == 1
-    assert "loops were kept, and no pose moved by more than 0.001 voxels" in told[0]
+    assert "loops were kept, but no pose moved by more than 0.001 voxels" in told[0]
     moved, told = warnings(monkeypatch, covariance, tmp_path)
     assert moved > 0.05
     assert told == []

@@ -119,7 +119,7 @@ def test_a_bad_scan_leaves_a_gap_and_the_rest_goes_on(tmp_path: Path, bad: str, 
     assert len(summary["gaps"]) == (2 if bad == "b" else 1)
     assert {"map.ply", "trajectory.tum"} <= set(files_in(tmp_path / "out"))
     assert "map_2.ply" not in files_in(tmp_path / "out")
-    said(result, "gap between", f"{bad}: ", "more structure", f"1 in no map: {bad}")
+    said(result, "gap between", f"{bad}: ", "more structure", "1 of 3 scans are in no map", f"others: {bad}")
 
 
 def test_scans_that_do_not_overlap_are_two_maps(tmp_path: Path) -> None:
@@ -130,7 +130,7 @@ def test_scans_that_do_not_overlap_are_two_maps(tmp_path: Path) -> None:
     assert [part["scans"] for part in summary["components"]] == [[0, 1], [2, 3]]
     assert summary["gaps"] == [[1, 2]]
     assert not any(pair["kept"] for pair in summary["pairs"] if pair["target"] < 2 <= pair["source"])
-    said(result, "gap between b and c: refused by the registration", "2 parts")
+    said(result, "gap between b and c: refused by the registration", "2 separate parts")
     told = sonarmap("map", *paths, "-o", tmp_path / "out", *GRID)
     assert told.exit_code == 3
     assert "2 maps of " in told.stdout
@@ -140,7 +140,7 @@ def test_where_nothing_joins_any_two_scans_the_first_is_the_map(tmp_path: Path) 
     paths = write(tmp_path, a=scan(0), b=scan(1, scene=2))
     result = sonarmap("map", *paths, "-o", tmp_path / "out", *GRID)
     assert result.exit_code == 3
-    said(result, "gap between a and b", "1 in no map: b")
+    said(result, "gap between a and b", "1 of 2 scans are in no map", "others: b")
     part, run = {"map.ply", "map.png", "trajectory.tum"}, {"graph.g2o", "summary.json", "times.json", "journal.sqlite"}
     assert set(files_in(tmp_path / "out")) == part | run
     summary = json.loads((tmp_path / "out" / "summary.json").read_text())
@@ -170,7 +170,7 @@ def test_a_survey_without_a_single_usable_pair_is_an_error(tmp_path: Path) -> No
         (["--max-tilt", "0"], ["more than 0"]),
         (["--max-tilt", "181"], ["at most"]),
         (["--max-tilt", "nan"], ["nan degrees"]),
-        (["--yaw-peaks", "0"], ["from 1 to"]),
+        (["--yaw-peaks", "0"], ["give 1 to 32"]),
         (["--device", "abacus"], ["no OpenCL device matches 'abacus'", "There are: "]),
     ],
 )
@@ -247,7 +247,7 @@ def test_a_bad_file_leaves_a_gap_and_the_rest_goes_on(tmp_path: Path, bad: str, 
     (folder / f"{bad}.ply").write_bytes(NOT_SCANS[case][1])
     result = sonarmap("map", folder, "-o", tmp_path / "out", *GRID, "--json")
     assert result.exit_code == 3
-    said(result, "warning: passed over", f"{bad}.ply: ", *NOT_SCANS[case][2][1:])
+    said(result, "warning: skipped", f"{bad}.ply: ", *NOT_SCANS[case][2][1:])
     summary = json.loads(result.stdout)
     assert [one["name"] for one in summary["scans"]] == [name for name in "abcd" if name != bad]
     assert [one["stamp"] for one in summary["scans"]] == ["abcd".index(name) for name in "abcd" if name != bad]
@@ -265,5 +265,5 @@ def test_fewer_than_two_scans_that_can_be_read_are_an_error(good: str, tmp_path:
     for inputs, left in (([good, tmp_path / "bad.ply"], "1 of 2"), ([tmp_path / "bad.ply"], "0 of 1")):
         result = sonarmap("map", *inputs, "-o", tmp_path / "out", *GRID)
         assert (result.exit_code, result.stdout) == (2, "")
-        said(result, "error: ", "bad.ply: the file is empty", f"{left} scans can be read; a map wants at least two")
+        said(result, "error: ", "bad.ply: the file is empty", f"{left} scans can be read; a map needs at least two")
     assert not (tmp_path / "out").exists()

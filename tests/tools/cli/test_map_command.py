@@ -205,7 +205,7 @@ def test_further_formats_are_written_and_go_with_their_run(tmp_path: Path) -> No
     more = {"map.pcd", "map_2.pcd", "trajectory.kitti", "trajectory_2.kitti"}
     assert set(files_in(out)) == RESULTS | more | {"map_2.ply", "map_2.png", "trajectory_2.tum"}
     assert "map.pcd, trajectory.kitti" in result.stdout
-    assert "the other parts in map_2.ply" in result.stdout
+    assert "the other parts are in map_2.ply" in result.stdout
     np.testing.assert_array_equal(read_scan(out / "map.pcd").points, read_scan(out / "map.ply").points)
     poses = [read(out / f"trajectory.{kind}") for kind, read in (("tum", read_tum), ("kitti", read_kitti))]
     first, second = (trajectory.T_world_sensor.as_matrix() for trajectory in poses)
@@ -214,7 +214,7 @@ def test_further_formats_are_written_and_go_with_their_run(tmp_path: Path) -> No
     assert set(files_in(out)) == RESULTS
     refused = sonarmap("map", *paths[:2], "-o", out, "--also", "las")
     assert refused.exit_code == 2
-    said(refused, "las", "wanted one of pcd, kitti")
+    said(refused, "las", "choose one of pcd, kitti")
 
 
 def test_a_gap_that_is_bridged_is_told(tmp_path: Path) -> None:

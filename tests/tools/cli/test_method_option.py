@@ -82,24 +82,30 @@ def test_the_voxel_is_chosen_as_for_the_spectral_method(pair: list[str]) -> None
 @pytest.mark.parametrize(
     ("arguments", "words"),
     [
-        ("--method icp --yaw-peaks 6", ["--method icp does not hear --yaw-peaks; drop it, or use --method hemisphere"]),
-        ("--yaw-peaks 3", ["--method spectral does not hear --yaw-peaks; drop it, or use --method hemisphere"]),
-        ("--method hemisphere --hypotheses 12", ["does not hear --hypotheses; drop it, or use --method spectral"]),
-        ("--method hemisphere --refine icp", ["does not hear --refine; drop it, or use --method spectral"]),
-        ("--method hemisphere --priors nav.csv", ["does not hear --priors; drop it, or use --method spectral"]),
+        (
+            "--method icp --yaw-peaks 6",
+            ["--yaw-peaks has no effect with --method icp; leave it out, or use --method hem"],
+        ),
+        (
+            "--yaw-peaks 3",
+            ["--yaw-peaks has no effect with --method spectral; leave it out, or use --method hemisphere"],
+        ),
+        ("--method hemisphere --hypotheses 12", ["--hypotheses has no effect", "or use --method spectral"]),
+        ("--method hemisphere --refine icp", ["--refine has no effect", "or use --method spectral"]),
+        ("--method hemisphere --priors nav.csv", ["--priors has no effect", "or use --method spectral"]),
         (
             "--method icp --max-tilt 35 --device cpu",
-            ["does not hear --device and --max-tilt", "spectral or hemisphere"],
+            ["--device and --max-tilt have no effect", "leave them out", "spectral or hemisphere"],
         ),
-        ("--method kiss --no-strength", ["does not hear --strength"]),
-        ("--method icp --seed 0", ["does not hear --seed", "fpfh-ransac or fpfh-fgr"]),
-        ("--seed 3", ["--method spectral does not hear --seed"]),
-        ("--method icp --grid 64 --voxel 0.4", ["does not hear --grid beside --voxel"]),
+        ("--method kiss --no-strength", ["--strength has no effect"]),
+        ("--method icp --seed 0", ["--seed has no effect", "fpfh-ransac or fpfh-fgr"]),
+        ("--seed 3", ["--seed has no effect with --method spectral"]),
+        ("--method icp --grid 64 --voxel 0.4", ["--grid has no effect with --method icp and --voxel"]),
         ("--method ipc", ["no method is called 'ipc'", *METHODS]),
     ],
 )
 @pytest.mark.parametrize("verb", ["register", "map"])
-def test_what_would_go_unheard_is_refused(
+def test_an_option_without_effect_is_refused(
     pair: list[str], tmp_path: Path, verb: str, arguments: str, words: list[str]
 ) -> None:
     out = ("-o", tmp_path / "out") if verb == "map" else ()

@@ -142,9 +142,9 @@ def test_parts_are_named_by_line_and_vertices(tmp_path: Path) -> None:
 @pytest.mark.parametrize(
     ("options", "words"),
     [
-        (("-o", "in.g2o"), "is the input too"),
-        (("-o", "out.g2o", "--objective", "chordal"), "wanted one of full, isotropic"),
-        (("-o", "out.g2o", "--start", "random"), "wanted one of chordal, given, incremental"),
+        (("-o", "in.g2o"), "is also the input"),
+        (("-o", "out.g2o", "--objective", "chordal"), "choose one of full, isotropic"),
+        (("-o", "out.g2o", "--start", "random"), "choose one of chordal, given, incremental"),
     ],
 )
 def test_bad_options(source: Path, options: tuple[str, ...], words: str, monkeypatch: pytest.MonkeyPatch) -> None:
@@ -169,7 +169,7 @@ def test_an_optimizer_that_does_not_come_to_rest_says_so(source: Path, monkeypat
     out = source.parent / "out.g2o"
     result = sonarmap("optimize", source, "-o", out, "--objective", "isotropic", "--start", "given")
     assert result.exit_code == 3
-    said(result, "not come to rest after 1 iterations")
+    said(result, "did not converge in 1 iterations")
     assert len(read_g2o(out).trajectory) == 12
 
 

@@ -93,11 +93,11 @@ class TestSharedOptions:
             ("--max-tilt -5", ["-5.0 degrees", "more than 0 and at most 180"]),
             ("--max-tilt nan", ["nan degrees"]),
             ("--max-tilt 181", ["181.0 degrees"]),
-            ("--hypotheses 0", ["0 rotations", "from 1 to 64", "--hypotheses 12"]),
+            ("--hypotheses 0", ["0 rotations", "give 1 to 64", "--hypotheses 12"]),
             ("--hypotheses 65", ["65 rotations"]),
             ("--refine ICP", ["'ICP'", "icp or spectral"]),
-            ("--yaw-peaks 0", ["0 peaks", "from 1 to 32", "--yaw-peaks 6"]),
-            ("--seed -1", ["-1", "whole number", "Use --seed 1"]),
+            ("--yaw-peaks 0", ["0 peaks", "give 1 to 32", "--yaw-peaks 6"]),
+            ("--seed -1", ["-1", "whole number", "as in --seed 1"]),
         ],
     )
     def test_refusals(self, verb: typer.Typer, arguments: str, words: list[str]) -> None:

@@ -12,7 +12,7 @@ from spectral.grid import Grid
 from spectral.result import Registration
 from tests.samples.clutter_scans import T_WORLD_SENSOR, said, scan, sonarmap, write
 from tests.samples.surveys import KnowingRegistrar
-from tools.cli.method import Chosen
+from tools.cli.method import ConfiguredMethod
 from tools.cli.verbs.register import _as_json, _print
 from tools.methods.registry import Setup
 from tools.writers.points import write_ply
@@ -63,14 +63,18 @@ def test_alternatives_are_told(capsys: pytest.CaptureFixture[str]) -> None:
         T = RigidTransform.from_translation([x, 0, 0])
         return Registration(T, np.eye(6), 50.0, 0.5, True, 0.1, "so", probability, alternatives=others)
 
-    chosen = Chosen("spectral", KnowingRegistrar(T_WORLD_SENSOR, np.eye(6)), CUBE, Setup(CUBE))
+    chosen = ConfiguredMethod("spectral", KnowingRegistrar(T_WORLD_SENSOR, np.eye(6)), CUBE, Setup(CUBE))
     found = one(1, 0.934, one(2, 0.05), one(3, float("nan")))
     printed = _as_json(found, chosen)
     assert printed["probability"] == 0.934
     others = printed["alternatives"]
     assert isinstance(others, list)
     assert [(other["T_target_source"][0][3], other["probability"]) for other in others] == [(2, 0.05), (3, None)]
-    told = {2: "2 other answers could not be excluded", 1: "1 other answer could", 0: "every other answer could be"}
+    told = {
+        2: "2 other transforms could not be excluded",
+        1: "1 other transform could",
+        0: "every other transform could be",
+    }
     for count, words in told.items():
         _print(replace(found, alternatives=found.alternatives[:count]), chosen)
         printed = " ".join(capsys.readouterr().out.split())
@@ -152,7 +156,7 @@ def test_the_uncertainty_is_along_the_worst_direction_whatever_the_axes(capsys: 
     covariance[:3, :3] = turn @ np.diag(np.deg2rad([2.0, 0.5, 0.5]) ** 2) @ turn.T
     covariance[3:, 3:] = turn @ np.diag([0.3, 0.1, 0.1]) ** 2 @ turn.T
     found = Registration(RigidTransform.identity(), covariance, psr=50.0, overlap=0.5, accepted=True, seconds=0.1)
-    _print(found, Chosen("spectral", KnowingRegistrar(T_WORLD_SENSOR, covariance), CUBE, Setup(CUBE)))
+    _print(found, ConfiguredMethod("spectral", KnowingRegistrar(T_WORLD_SENSOR, covariance), CUBE, Setup(CUBE)))
     assert "2.00 degrees, 0.300 m" in capsys.readouterr().out
 
 
@@ -173,8 +177,8 @@ def test_echo_strengths_weigh_the_voxels_where_wanted(tmp_path: Path) -> None:
 def test_strengths_that_are_not_there_are_told(pair: list[str], tmp_path: Path) -> None:
     refused = sonarmap("register", *pair, *GRID, "--strength")
     assert (refused.exit_code, refused.stdout) == (2, "")
-    said(refused, "no scan holds echo strengths", "Leave it out")
+    said(refused, "no scan has echo strengths", "Leave it out")
     write_ply(tmp_path / "strong.ply", scan(1), {"intensity": np.linspace(0, 1, 7200)})
     mixed = sonarmap("register", pair[0], tmp_path / "strong.ply", *GRID, "--strength")
     assert mixed.exit_code == 0
-    said(mixed, "1 of 2 scans hold no echo strength")
+    said(mixed, "1 of 2 scans have no echo strength")

@@ -157,7 +157,9 @@ def test_one_more_scan_costs_its_own_pairs(scans: Path, undisturbed: Path, tmp_p
     run(fewer, tmp_path / "out")
     counts = computed(tmp_path / "out")
     assert max(counts) == 1
-    new = [pair for pair in json.loads((tmp_path / "out" / "times.json").read_text())["pairs"] if not pair["from_journal"]]
+    new = [
+        pair for pair in json.loads((tmp_path / "out" / "times.json").read_text())["pairs"] if not pair["from_journal"]
+    ]
     assert len(new) == len(counts) - before
     # another scan can change which loops are tried
     assert sum(11 in (pair["target"], pair["source"]) for pair in new) >= len(new) // 2

@@ -135,21 +135,21 @@ class TestRows:
         assert told(read(path, text)[0]).knows_depth
 
     def test_rows_of_other_scans_are_passed_over_where_these_may_be(self, path: Path) -> None:
-        scans = read(path, FIRST + "else,1,1,1,1\nfirst,1,1,1,1\n", strangers=True)
+        scans = read(path, FIRST + "else,1,1,1,1\nfirst,1,1,1,1\n", allow_unknown=True)
         assert [scan.prior is None for scan in scans] == [False, True, True]
-        refused(path, FIRST + "else,1,1,1,1\n", "no row is of any of the scans", "'first'", strangers=True)
+        refused(path, FIRST + "else,1,1,1,1\n", "no row belongs to any of the scans", "'first'", allow_unknown=True)
 
 
 class TestRefusals:
     @pytest.mark.parametrize(
         ("header", "words"),
         [
-            ("name,hedding_deg", ["no column is called 'hedding_deg'", "heading_deg"]),
-            ("name;depth_m;depth_sigma_m", ["no column is called", "parted by commas"]),
+            ("name,hedding_deg", ["unknown column 'hedding_deg'", "heading_deg"]),
+            ("name;depth_m;depth_sigma_m", ["unknown column", "separated by commas"]),
             ("name,depth_m,depth_m,depth_sigma_m", ["depth_m is there 2 times"]),
             ("depth_m,depth_sigma_m", ["either a column name or a column stamp"]),
             ("name,stamp,depth_m,depth_sigma_m", ["either a column name or a column stamp"]),
-            ("name", ["nothing is measured", "depth_m"]),
+            ("name", ["no column of measurements", "depth_m"]),
             ("name,roll_deg,roll_sigma_deg", ["roll_deg and pitch_deg", "both or neither"]),
             ("name,y_m,y_sigma_m", ["x_m and y_m", "both or neither"]),
             ("name,depth_m", ["depth_m has no standard deviation", "depth_sigma_m", "--prior-sigmas"]),
@@ -174,7 +174,7 @@ class TestRefusals:
             ("first,1,inf,1,1", ["heading_sigma_deg is 'inf'", "finite"]),
             ("first,1,,1,1", ["heading_deg has no standard deviation", "fill in heading_sigma_deg"]),
             ("first,361,1,1,1", ["heading_deg is 361", "within 360"]),
-            ("frist,1,1,1,1", ["no scan has the name 'frist'", "'first'", "drop the line"]),
+            ("frist,1,1,1,1", ["no scan has the name 'frist'", "'first'", "delete the line"]),
             ("rec,1,1,1,1", ["no scan has the name 'rec'"]),
             ('"first,1,1,1,1', ["CSV"]),
         ],
@@ -182,13 +182,13 @@ class TestRefusals:
     def test_rows(self, path: Path, row: str, words: list[str]) -> None:
         refused(path, FIRST + "rec#3,1,1,1,1\n" + row + "\n", "line 3", *words)
 
-    @pytest.mark.parametrize(("roll", "pitch", "words"), [("1", "", "only together"), ("9", "91", "within 90")])
+    @pytest.mark.parametrize(("roll", "pitch", "words"), [("1", "", "only be used together"), ("9", "91", "within 90")])
     def test_attitudes(self, path: Path, roll: str, pitch: str, words: str) -> None:
         refused(path, f"name,{ATTITUDE}\nfirst,{roll},{pitch},1,1\n", "line 2", words)
 
     @pytest.mark.parametrize(("one", "other"), [("first", "first"), ("first", "first.ply"), ("a.ply", "a.ply.ply")])
     def test_two_rows_for_one_scan(self, path: Path, one: str, other: str) -> None:
-        refused(path, FIRST + f"{one},1,1,1,1\nrec#3,1,1,1,1\n{other},1,1,1,1\n", "lines 2 and 4", "drop one")
+        refused(path, FIRST + f"{one},1,1,1,1\nrec#3,1,1,1,1\n{other},1,1,1,1\n", "lines 2 and 4", "delete one")
 
     def test_two_scans_for_one_row(self, path: Path) -> None:
         path.write_text("stamp,depth_m,depth_sigma_m\n0,1,1\n")
@@ -203,7 +203,7 @@ class TestRefusals:
     def test_files(self, path: Path, tmp_path: Path) -> None:
         with pytest.raises(InputError, match="cannot read"):
             with_priors(SCANS, tmp_path / "missing.csv")
-        refused(path, FIRST, "no row beneath its heading")
+        refused(path, FIRST, "no row below its heading")
         refused(path, FIRST + "first,1,1,1,1", "line break")
         path.write_bytes(FIRST.encode() + b"f\xffrst,1,1,1,1\n")
         with pytest.raises(InputError, match=r"line 2 .* UTF-8"):

@@ -81,7 +81,7 @@ def test_stamps_are_the_files_own_where_all_have_one(tmp_path):
     put(tmp_path / "c.npz", npz(points=POINTS))
     read = read_scans([tmp_path])
     assert [scan.stamp for scan in read.scans] == [0, 1, 2]
-    assert read.notes == ("1 of 3 scans carry no time: all are stamped 0, 1, 2, ...",)
+    assert read.notes == ("1 of 3 scans have no time: all are stamped 0, 1, 2, ...",)
 
 
 def test_read_scan_wants_one(tmp_path):
@@ -124,7 +124,7 @@ def test_no_path_at_all_is_refused():
 
 def test_what_is_no_regular_file_is_refused(tmp_path):
     os.mkfifo(tmp_path / "pipe.ply")
-    with pytest.raises(InputError, match="no regular file"):
+    with pytest.raises(InputError, match="not a regular file"):
         read_scans([tmp_path / "pipe.ply"])
 
 

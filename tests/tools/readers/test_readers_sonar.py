@@ -110,8 +110,8 @@ def test_a_frame_without_strength_or_echo_is_told(tmp_path):
     read = read_scans([tmp_path / "dive.sonar"])
     assert [scan.name for scan in read.scans] == ["dive#0", "dive#2"]
     assert read.notes == (
-        "dive.sonar#1: passed over, it holds no point",
-        "dive.sonar#2: no strength image of this frame, unlike of others",
+        "dive.sonar#1: skipped, it has no points",
+        "dive.sonar#2: this frame has no strength image, other frames have one",
     )
     (tmp_path / "void.sonar").write_bytes(empty)
     with pytest.raises(InputError, match=r"void\.sonar: no points"):

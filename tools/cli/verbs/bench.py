@@ -1,4 +1,4 @@
-"""`sonarmap bench`: how fast the kernels and a prepared pair are here."""
+"""`sonarmap bench`: how fast the kernels and the registration of a prepared pair are on this machine."""
 
 import json
 import sys
@@ -18,21 +18,25 @@ def command(
     grid: Annotated[
         list[int] | None,
         typer.Option(
-            "--grid", metavar="N", help="Voxels per edge, a power of 2, 16..512; may be repeated. [128 and 256]"
+            "--grid",
+            metavar="N",
+            help="Voxels along each edge of the grid: a power of 2, 16..512; may be repeated. \\[128 and 256]",
         ),
     ] = None,
-    repeats: Annotated[int, typer.Option("--repeats", metavar="R", help="Timed runs of each kernel.", min=1)] = 15,
+    repeats: Annotated[
+        int, typer.Option("--repeats", metavar="R", help="Number of timed runs of each kernel.", min=1)
+    ] = 15,
     pairs: Annotated[
-        int, typer.Option("--pairs", metavar="P", help="Simulated pairs to register; 0 for none.", min=0)
+        int, typer.Option("--pairs", metavar="P", help="Number of simulated pairs to register; 0 for none.", min=0)
     ] = 20,
     kernels: Annotated[bool, typer.Option("--kernels/--no-kernels", help="Time the kernels.")] = True,
     device: DeviceOption = None,
     seed: SeedOption = 0,
     as_json: JsonOption = False,
 ) -> None:
-    """Time each kernel beside its NumPy or SciPy twin, and the registration of prepared pairs.
+    """Time each kernel and its NumPy or SciPy equivalent, and the registration of prepared pairs.
 
-    A kernel whose result is not its twin's is marked WRONG, and the exit code is 3.
+    A kernel whose result differs from the equivalent's is marked WRONG, and the exit code is 3.
     """
     from rich.console import Console
 
@@ -55,5 +59,5 @@ def command(
         Console(width=None if sys.stdout.isatty() else 160).print(describe(result))
     if result.wrong:
         names = ", ".join(f"{kernel.name} at {kernel.edge}^3" for kernel in result.wrong)
-        say(f"not what the twin gives: {names}; these figures mean nothing", "error: ", "bold red")
+        say(f"the result differs from NumPy's or SciPy's: {names}; these times mean nothing", "error: ", "bold red")
         raise typer.Exit(UNRELIABLE)

@@ -1,4 +1,4 @@
-"""`sonarmap devices`: what OpenCL offers here, and what would be chosen."""
+"""`sonarmap devices`: the OpenCL devices of this machine, and the one that would be used."""
 
 import json
 from dataclasses import asdict
@@ -15,9 +15,9 @@ if TYPE_CHECKING:
 
 
 def command(device: DeviceOption = None, as_json: JsonOption = False) -> None:
-    """List the OpenCL devices, each tried with a small kernel, and mark the one that would be chosen.
+    """List the OpenCL devices, try each with a small kernel, and mark the one that would be used.
 
-    Ends with exit code 2 where none works.
+    The exit code is 2 if none works.
     """
     from kernels.opencl.device import choose_device, list_devices
 
@@ -52,4 +52,4 @@ def _print_table(infos: "list[DeviceInfo]", chosen: str | None) -> None:
         table.add_row(mark, info.selector, info.kind, str(info.compute_units), memory, name, platform, state)
     result_console().print(table)
     if chosen:
-        say(f"{chosen} would be chosen; --device or PYOPENCL_CTX choose another")
+        say(f"{chosen} would be used; --device or PYOPENCL_CTX selects another")

@@ -1,4 +1,4 @@
-"""`sonarmap optimize`: a pose graph in, the same one optimized out."""
+"""`sonarmap optimize`: optimize a pose graph."""
 
 import json
 import time
@@ -8,6 +8,7 @@ from typing import TYPE_CHECKING, Annotated, Any, cast
 import typer
 
 from kernels.errors import InputError
+from tools.cli.arguments import as_options
 from tools.cli.options import JsonOption, QuietOption
 from tools.cli.progress import progress
 from tools.cli.survey_text import warn
@@ -16,35 +17,35 @@ from tools.cli.terminal import printable, result_console
 if TYPE_CHECKING:
     from slam.optimize.solve import Objective, Start
 
-UNSETTLED = 3
+NOT_CONVERGED = 3
 OBJECTIVES, STARTS = ("full", "isotropic"), ("chordal", "given", "incremental")
 MOST_REJECTED = 20  # rows that the table lists
 
 
 def _check_objective(name: str) -> str:
-    return _one_of(name, OBJECTIVES)
+    return _check_choice(name, OBJECTIVES)
 
 
 def _check_start(name: str) -> str:
-    return _one_of(name, STARTS)
+    return _check_choice(name, STARTS)
 
 
-def _one_of(name: str, choices: tuple[str, ...]) -> str:
+def _check_choice(name: str, choices: tuple[str, ...]) -> str:
     if name in choices:
         return name
-    raise typer.BadParameter(f"{name!r}; wanted one of {', '.join(choices)}. Leave it out for {choices[0]}.")
+    raise typer.BadParameter(f"{name!r}; choose one of {', '.join(choices)}. Leave it out for {choices[0]}.")
 
 
 def command(
-    source: Annotated[Path, typer.Argument(help="A pose graph.", metavar="IN.g2o")],
-    out: Annotated[Path, typer.Option("-o", "--out", help="Where to write it, optimized.", metavar="OUT.g2o")],
+    source: Annotated[Path, typer.Argument(help="Pose graph to optimize.", metavar="IN.g2o")],
+    out: Annotated[Path, typer.Option("-o", "--out", help="The optimized pose graph.", metavar="OUT.g2o")],
     objective: Annotated[
         str,
         typer.Option(
             "--objective",
             metavar="NAME",
-            help="full, with the edges' whole information matrices; isotropic, with one weight for an edge's rotation "
-            "and one for its translation, whose optimum can be certified.",
+            help="full: the whole information matrix of every edge; isotropic: one weight for the rotation and one for "
+            "the translation of an edge, so that the optimum can be certified. \\[full]",
             callback=_check_objective,
         ),
     ] = OBJECTIVES[0],
@@ -53,27 +54,27 @@ def command(
         typer.Option(
             "--start",
             metavar="NAME",
-            help="Where to begin: chordal, at what the edges alone say; given, at the file's poses; incremental, where "
-            "iSAM2 has the poses when they come one by one.",
+            help="Initial poses: chordal: computed from the edges alone; given: the poses in the file; incremental: "
+            "from iSAM2, which adds the poses one by one. \\[chordal]",
             callback=_check_start,
         ),
     ] = STARTS[0],
     robust: Annotated[
-        bool, typer.Option("--robust", help="Look for wrong edges, and leave them out of OUT.g2o.")
+        bool, typer.Option("--robust", help="Reject wrong edges, and leave them out of OUT.g2o.")
     ] = False,
     compare: Annotated[
         bool,
         typer.Option(
-            "--compare/--no-compare", help="Find the other objective's solution too, and tell how far away it lies."
+            "--compare/--no-compare", help="Also solve the other objective, and print how far its solution is."
         ),
     ] = True,
     as_json: JsonOption = False,
     quiet: QuietOption = False,
 ) -> None:
-    """Find the poses that agree best with the edges of a pose graph.
+    """Find the poses that fit the edges of a pose graph best.
 
-    OUT.g2o is IN.g2o with other poses; ids, FIX, comments and the edges' numbers stay as they are. The exit code is 3
-    where the optimizer did not come to rest; the file is written all the same.
+    OUT.g2o is IN.g2o with new poses; ids, FIX, comments and edges stay as they are. The exit code is 3 if the optimizer
+    did not converge; the file is written all the same.
     """
     import numpy as np
 
@@ -83,67 +84,67 @@ def command(
     from tools.writers.g2o import rewrite_g2o
 
     if out.resolve() == source.resolve():
-        raise InputError(f"{out} is the input too; choose another name for the output")
-    begun = time.perf_counter()
+        raise InputError(f"{out} is also the input; choose another name for the output")
+    start_time = time.perf_counter()
     with progress("optimizing", 3 + compare, quiet or as_json) as advance:
         graph = read_g2o(source)
         require_connected(source, graph)
         require_writable(out.parent)
-        seconds = {"read": time.perf_counter() - begun}
+        seconds = {"read": time.perf_counter() - start_time}
         advance("read")
-        found = optimize(graph, cast("Objective", objective), cast("Start", start), robust)
+        optimized = optimize(graph, cast("Objective", objective), cast("Start", start), robust)
         advance("optimized")
-        told: dict[str, Any] = found.to_json() | {"distance": None}
+        report: dict[str, Any] = optimized.to_json() | {"distance": None}
         if compare:
-            since = time.perf_counter()
-            told["distance"] = distance_to_other(found)
-            seconds["compare"] = time.perf_counter() - since
+            compare_time = time.perf_counter()
+            report["distance"] = distance_to_other(optimized)
+            seconds["compare"] = time.perf_counter() - compare_time
             advance("compared")
-        rewrite_g2o(out, source, found.graph.trajectory, set(np.flatnonzero(~found.accepted).tolist()))
+        rewrite_g2o(out, source, optimized.graph.trajectory, set(np.flatnonzero(~optimized.accepted).tolist()))
         advance("written")
-    told["seconds"] = seconds | found.seconds | {"total": time.perf_counter() - begun}
-    typer.echo(json.dumps(told)) if as_json else _print(told, robust, out)
-    if nothing := without_effect(found):
-        warn(nothing)
-    if not found.converged:
-        warn(f"the optimizer had not come to rest after {found.iterations} iterations")
-        raise typer.Exit(UNSETTLED)
+    report["seconds"] = seconds | optimized.seconds | {"total": time.perf_counter() - start_time}
+    typer.echo(json.dumps(report)) if as_json else _print(report, robust, out)
+    if warning := without_effect(optimized):
+        warn(as_options(warning))
+    if not optimized.converged:
+        warn(f"the optimizer did not converge in {optimized.iterations} iterations")
+        raise typer.Exit(NOT_CONVERGED)
 
 
-def _print(told: dict[str, Any], robust: bool, out: Path) -> None:
-    rejected = [loop for loop in told["loops"] if loop["verdict"] == "rejected"]
+def _print(report: dict[str, Any], robust: bool, out: Path) -> None:
+    rejected = [loop for loop in report["loops"] if loop["verdict"] == "rejected"]
     if rejected:
         _print_rejected(rejected)
-    loops = sum(loop["kind"] == "loop" for loop in told["loops"])
-    typer.echo(f"{told['poses']} poses, {told['edges']} edges, {loops} of them loops")
+    loops = sum(loop["kind"] == "loop" for loop in report["loops"])
+    typer.echo(f"{report['poses']} poses, {report['edges']} edges, {loops} of them loops")
     if robust:
         typer.echo(f"{len(rejected)} edges rejected and left out")
     typer.echo(
-        f"{told['objective']} cost {told['cost_before']:.6g} before, {told['cost_after']:.9g} after "
-        f"{told['iterations']} iterations from the {told['start']} start"
+        f"{report['objective']} cost {report['cost_before']:.6g} before, {report['cost_after']:.9g} after "
+        f"{report['iterations']} iterations from the {report['start']} start"
     )
     typer.echo(
-        f"chi-squared {told['chi_squared_before']:.6g} before, {told['chi_squared_after']:.6g} after; of a good graph "
-        f"about {told['degrees_of_freedom']}, its degrees of freedom"
+        f"chi-squared {report['chi_squared_before']:.6g} before, {report['chi_squared_after']:.6g} after; a consistent "
+        f"graph has about {report['degrees_of_freedom']}, its degrees of freedom"
     )
-    typer.echo(_judged(told["certificate"]))
-    if told["distance"]:
-        typer.echo(_apart(told["distance"]))
+    typer.echo(_certificate_text(report["certificate"]))
+    if report["distance"]:
+        typer.echo(_distance_text(report["distance"]))
     typer.echo(f"written to {printable(str(out))}")
 
 
-def _judged(certificate: dict[str, Any]) -> str:
+def _certificate_text(certificate: dict[str, Any]) -> str:
     gap = f" (gap {certificate['gap']:.2g})" if certificate["gap"] is not None else ""
     return (
         f"no certificate: {certificate['reason']}" if certificate["verdict"] == "none" else certificate["reason"] + gap
     )
 
 
-def _apart(distance: dict[str, Any]) -> str:
+def _distance_text(distance: dict[str, Any]) -> str:
     if "reason" in distance:
         return f"not compared with the {distance['to']} objective: {distance['reason']}"
     return (
-        f"the {distance['to']} objective's solution lies {distance['translation_rms_m']:.3g} m and "
+        f"the solution of the {distance['to']} objective is {distance['translation_rms_m']:.3g} m and "
         f"{distance['rotation_rms_deg']:.3g} degrees away (root mean square; at most "
         f"{distance['translation_max_m']:.3g} m and {distance['rotation_max_deg']:.3g} degrees)"
     )
@@ -153,7 +154,7 @@ def _print_rejected(rejected: list[dict[str, Any]]) -> None:
     from rich.table import Table
 
     table = Table("rejected edge", "kind", "sigmas", "reason", box=None, pad_edge=False)
-    for loop in sorted(rejected, key=lambda one: -one["sigmas"])[:MOST_REJECTED]:
+    for loop in sorted(rejected, key=lambda loop: -loop["sigmas"])[:MOST_REJECTED]:
         table.add_row(f"{loop['i']} - {loop['j']}", loop["kind"], f"{loop['sigmas']:.1f}", loop["reason"])
     result_console().print(table)
     if len(rejected) > MOST_REJECTED:

@@ -1,4 +1,4 @@
-"""`sonarmap register`: one scan registered to another."""
+"""`sonarmap register`: register one scan to another."""
 
 import json
 import math
@@ -6,7 +6,8 @@ from typing import TYPE_CHECKING, Annotated
 
 import typer
 
-from tools.cli.method import Chosen, build_registrar, method_of
+from tools.cli.arguments import as_options
+from tools.cli.method import ConfiguredMethod, configure_method, method_options
 from tools.cli.options import (
     DEFAULT_HYPOTHESES,
     DEFAULT_MAX_TILT,
@@ -28,7 +29,7 @@ from tools.cli.options import (
     YawPeaksOption,
 )
 from tools.cli.picture import PictureOption, draw_picture, require_steps
-from tools.cli.priors import told_priors
+from tools.cli.priors import scans_with_priors
 from tools.cli.terminal import printable, result_console, say
 from tools.methods.registry import DEFAULT_METHOD
 
@@ -41,8 +42,8 @@ UNRELIABLE = 3
 
 def command(
     context: typer.Context,
-    target: Annotated[str, typer.Argument(help="The scan that stays.", metavar="TARGET")],
-    source: Annotated[str, typer.Argument(help="The scan that is moved onto it.", metavar="SOURCE")],
+    target: Annotated[str, typer.Argument(help="The scan that stays where it is.", metavar="TARGET")],
+    source: Annotated[str, typer.Argument(help="The scan that is moved onto the target.", metavar="SOURCE")],
     method: MethodOption = DEFAULT_METHOD,
     grid: GridOption = None,
     voxel: VoxelOption = None,
@@ -58,23 +59,23 @@ def command(
     picture: PictureOption = None,
     as_json: JsonOption = False,
 ) -> None:
-    """Register SOURCE to TARGET: the transform between two scans, its uncertainty, and whether to believe it.
+    """Register SOURCE to TARGET: print the transform between two scans, its uncertainty, and whether it is reliable.
 
-    p_target = T_target_source p_source, in meters. Ends with exit code 0 if the registration is reliable, 3 if
-    not, 2 on bad input.
+    p_target = T_target_source p_source, in meters. The exit code is 0 if the registration is reliable, 3 if it is not,
+    2 for bad input.
     """
-    wanted = method_of(context)
-    require_steps(picture, wanted.name)
-    scans = told_priors([_read(target), _read(source)], priors, prior_sigmas, strangers=True)
-    chosen = build_registrar(scans, wanted)
-    onto, moved = (chosen.registrar.prepare(scan) for scan in scans)
-    registration = chosen.registrar.register(onto, moved)
+    options = method_options(context)
+    require_steps(picture, options.name)
+    scans = scans_with_priors([_read(target), _read(source)], priors, prior_sigmas, allow_unknown=True)
+    configured = configure_method(scans, options)
+    prepared_target, prepared_source = (configured.registrar.prepare(scan) for scan in scans)
+    registration = configured.registrar.register(prepared_target, prepared_source)
     if picture is not None:
-        draw_picture(picture, chosen.registrar, onto, moved, registration)
+        draw_picture(picture, configured.registrar, prepared_target, prepared_source, registration)
     if as_json:
-        typer.echo(json.dumps(_as_json(registration, chosen), allow_nan=False))
+        typer.echo(json.dumps(_as_json(registration, configured), allow_nan=False))
     else:
-        _print(registration, chosen)
+        _print(registration, configured)
     if not registration.accepted:
         raise typer.Exit(UNRELIABLE)
 
@@ -88,8 +89,8 @@ def _read(path: str) -> "Scan":
     return only_scan(path, read)
 
 
-def _as_json(registration: "Registration", chosen: Chosen) -> dict[str, object]:
-    """The contract's fields, and what else is known; null where a method has no such thing as a peak or a grid."""
+def _as_json(registration: "Registration", method: ConfiguredMethod) -> dict[str, object]:
+    """The registration as JSON; null for what the method does not have, such as a peak or a grid."""
     return {
         "T_target_source": registration.T_target_source.as_matrix().tolist(),
         "covariance": registration.covariance.tolist(),
@@ -100,33 +101,33 @@ def _as_json(registration: "Registration", chosen: Chosen) -> dict[str, object]:
         "seconds": registration.seconds,
         "reason": registration.reason,
         "step_psr": dict(registration.step_psr),
-        "alternatives": [_alternative(one) for one in registration.alternatives],
-        "method": chosen.name,
-        "grid": chosen.edge,
-        "voxel": chosen.grid.voxel,
+        "alternatives": [_alternative(hypothesis) for hypothesis in registration.alternatives],
+        "method": method.name,
+        "grid": method.edge,
+        "voxel": method.grid.voxel,
     }
 
 
 def _doubts(registration: "Registration") -> dict[str, str]:
-    """How probable the answer is and how many others may be meant, of a method that knows."""
+    """How probable the transform is and how many others are possible, if the method says so."""
     if not math.isfinite(registration.probability):
         return {}
     count = len(registration.alternatives)
-    others = f"{count} other {'answer' if count == 1 else 'answers'} could not be excluded"
+    others = f"{count} other {'transform' if count == 1 else 'transforms'} could not be excluded"
     return {
         "probability": f"{registration.probability:.1%} that this transform is right",
-        "alternatives": others if count else "every other answer could be excluded",
+        "alternatives": others if count else "every other transform could be excluded",
     }
 
 
-def _alternative(one: "Registration") -> dict[str, object]:
+def _alternative(hypothesis: "Registration") -> dict[str, object]:
     """Another hypothesis that could not be excluded."""
     return {
-        "T_target_source": one.T_target_source.as_matrix().tolist(),
-        "covariance": one.covariance.tolist(),
-        "probability": _or_null(one.probability),
-        "psr": _or_null(one.psr),
-        "overlap": one.overlap,
+        "T_target_source": hypothesis.T_target_source.as_matrix().tolist(),
+        "covariance": hypothesis.covariance.tolist(),
+        "probability": _or_null(hypothesis.probability),
+        "psr": _or_null(hypothesis.psr),
+        "overlap": hypothesis.overlap,
     }
 
 
@@ -134,7 +135,7 @@ def _or_null(number: float) -> float | None:
     return number if math.isfinite(number) else None
 
 
-def _print(registration: "Registration", chosen: Chosen) -> None:
+def _print(registration: "Registration", method: ConfiguredMethod) -> None:
     import numpy as np
     from rich.table import Table
     from rich.text import Text
@@ -145,18 +146,18 @@ def _print(registration: "Registration", chosen: Chosen) -> None:
     yaw, pitch, roll = T.rotation.as_euler("ZYX", degrees=True)
     rotation, translation = worst_sigmas(registration.covariance)
     shift = "  ".join(f"{axis} {v:+.3f}" for axis, v in zip("xyz", T.translation, strict=True))
-    cube = f"{chosen.edge} x {chosen.edge} x {chosen.edge} " if chosen.edge else ""
+    cube = f"{method.edge} x {method.edge} x {method.edge} " if method.edge else ""
     rows = {
-        "because": registration.reason,
+        "because": as_options(registration.reason),
         **_doubts(registration),
         "translation": f"{shift}  m",
         "rotation": f"yaw {yaw:+.2f}  roll {roll:+.2f}  pitch {pitch:+.2f}  degrees",
         "uncertainty": f"{np.rad2deg(rotation):.2f} degrees, {translation:.3f} m "
-        "(one standard deviation, along the worst direction)",
-        "overlap": f"{registration.overlap:.0%} of the points have a counterpart in the other scan",
-        "method": chosen.name,
-        "grid": f"{cube}voxels of {chosen.grid.voxel:.3g} m",
-        "time": f"{registration.seconds:.2f} s, without reading and preparing the scans",
+        "(one standard deviation, in the worst direction)",
+        "overlap": f"{registration.overlap:.0%} of the points lie close to a point of the other scan",
+        "method": method.name,
+        "grid": f"{cube}voxels of {method.grid.voxel:.3g} m",
+        "time": f"{registration.seconds:.2f} s, not counting reading and preparing the scans",
     }
     table = Table(box=None, pad_edge=False, show_header=False)
     for name, value in rows.items():

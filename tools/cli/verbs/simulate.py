@@ -1,4 +1,4 @@
-"""`sonarmap simulate`: scans of a scene that is known, with their true poses."""
+"""`sonarmap simulate`: scans of a known scene, with their true poses."""
 
 from dataclasses import replace
 from pathlib import Path
@@ -25,46 +25,53 @@ def _listed(kinds: dict[str, str]) -> str:
 
 SCENE_HELP = _listed({name: kind.summary for name, kind in SCENE_KINDS.items()})
 TRAJECTORY_HELP = _listed(dict(TRAJECTORY_KINDS))
-SENSOR_HELP = f"{', '.join(SENSOR_NAMES)}; not with table1, which has its own."
+SENSOR_HELP = f"{', '.join(SENSOR_NAMES)}; table1 has its own sensor."
 
 
 SpacingOption = Annotated[
     float | None,
-    typer.Option(help="Of a survey's or lawnmower's scans along their path \\[m]. \\[as the scene]", metavar="M"),
+    typer.Option(help="Distance between the scans of a survey or lawnmower \\[m]. \\[suits the scene]", metavar="M"),
 ]
 GhostsOption = Annotated[
     float | None,
-    typer.Option(help="Share of beams that tell what they see mirrored in water or wall, 0..1.", metavar="P"),
+    typer.Option(
+        help="Share of beams with a multipath echo, mirrored at the water surface or a wall, 0..1.", metavar="P"
+    ),
 ]
 ThresholdOption = Annotated[
     float | None,
-    typer.Option(help="Discard weaker echoes, linear, 0 none. \\[as the sensor; eclipse 0.002]", metavar="V"),
+    typer.Option(
+        help="Discard echoes weaker than this, linear; 0 keeps all. \\[suits the sensor; eclipse 0.002]", metavar="V"
+    ),
 ]
 LikeOption = Annotated[
     Path | None,
-    typer.Option(help="A description.json: the same scans, but for noise, threshold, number and dive.", metavar="FILE"),
+    typer.Option(
+        help="Simulate the same scans as a description.json; only noise, threshold, number and dive can be changed.",
+        metavar="FILE",
+    ),
 ]
 PriorsOption = Annotated[
     str | None,
     typer.Option(
         metavar="KINDS",
-        help="Write priors.csv too: what instruments say of the poses, some of attitude,heading,depth,position.",
+        help="Also write priors.csv, measurements of instruments: one or more of attitude,heading,depth,position.",
     ),
 ]
 DiveOption = Annotated[
     int | None,
     typer.Option(
-        help="Another pass over the same scene, begun farther on, with other waves and noise: 2, 3, ... \\[1]",
+        help="Another pass over the same scene, from another start, with other waves and noise: 2, 3, ... \\[1]",
         metavar="N",
     ),
 ]
 UnusableOption = Annotated[
     float | None,
-    typer.Option(help="Share of the scans that are nearly empty or nothing but noise, 0..1.", metavar="P"),
+    typer.Option(help="Share of scans that are nearly empty or pure noise, 0..1.", metavar="P"),
 ]
 OwnSeedOption = Annotated[
     int | None,
-    typer.Option(metavar="S", help=f"Same seed, same result. \\[{DEFAULT_SEED}]", callback=check_seed),
+    typer.Option(metavar="S", help=f"The same seed gives the same scans. \\[{DEFAULT_SEED}]", callback=check_seed),
 ]
 
 
@@ -76,12 +83,12 @@ def command(
         typer.Option(help=f"{TRAJECTORY_HELP}. \\[{DEFAULT_TRAJECTORY}]", metavar="NAME"),
     ] = None,
     scans: Annotated[
-        int | None, typer.Option(help="How many scans; a survey has 12, a lawnmower 200.", metavar="N", min=1)
+        int | None, typer.Option(help="Number of scans. \\[survey 12, lawnmower 200]", metavar="N", min=1)
     ] = None,
     spacing: SpacingOption = None,
     sensor: Annotated[
         str | None,
-        typer.Option(help=f"{SENSOR_HELP} \\[as the scene]", metavar="NAME"),
+        typer.Option(help=f"{SENSOR_HELP} \\[suits the scene]", metavar="NAME"),
     ] = None,
     sigma2: Annotated[
         float | None, typer.Option(help="Variance of the range noise at the largest range \\[m^2].", metavar="V")
@@ -90,7 +97,7 @@ def command(
     dropouts: Annotated[float | None, typer.Option(help="Share of lost echoes, 0..1.", metavar="P")] = None,
     ghosts: GhostsOption = None,
     speckle: Annotated[
-        float | None, typer.Option(help="Share of the echo strength that fluctuates, 0..1.", metavar="P")
+        float | None, typer.Option(help="Share of the echo strength that fluctuates as speckle, 0..1.", metavar="P")
     ] = None,
     threshold: ThresholdOption = None,
     unusable: UnusableOption = None,
@@ -100,9 +107,9 @@ def command(
     seed: OwnSeedOption = None,
     quiet: QuietOption = False,
 ) -> None:
-    """Simulate sonar scans of a scene: scan_000.ply and so on, truth.tum and description.json in DIR.
+    """Simulate sonar scans of a scene: DIR gets scan_000.ply and so on, truth.tum and description.json.
 
-    The same settings give the same files; `--like description.json` takes them all from an earlier run.
+    The same settings give the same files; --like description.json takes them from an earlier run.
     """
     from tools.simulate.folder import write_simulation
     from tools.simulate.plan import SPACED
@@ -114,7 +121,8 @@ def command(
     instruments = None if priors is None else instruments_for([kind.strip() for kind in priors.split(",")])
     if spacing is not None and settings.trajectory not in SPACED:
         raise InputError(
-            f"--spacing is of a {' or a '.join(SPACED)}, and the trajectory is {settings.trajectory}; drop --spacing"
+            f"--spacing has no effect with --trajectory {settings.trajectory}, only with {' or '.join(SPACED)}; leave "
+            "it out"
         )
     noise = {"sigma2": sigma2, "outliers": outliers, "dropouts": dropouts, "ghosts": ghosts, "speckle": speckle}
     settings = replace(settings, noise=replace(settings.noise, **_given(noise)))
@@ -130,20 +138,22 @@ def command(
 def _settings(
     like: Path | None, scene: str | None, trajectory: str | None, sensor: str | None, seed: int | None
 ) -> "SimulationSettings":
-    """The settings but for noise and number; options that would go unheard are refused."""
+    """The settings except noise and number of scans; options without effect are refused."""
     from tools.simulate.folder import read_settings
     from tools.simulate.plan import plan
 
     if like is not None:
-        given = _given({"scene": scene, "trajectory": trajectory, "sensor": sensor, "seed": seed})
-        if given:
-            dropped = ", ".join(f"--{name}" for name in given)
-            raise InputError(f"--like takes the scene, path, sensor and seed from {like}; drop {dropped}, or --like")
+        conflicting = _given({"scene": scene, "trajectory": trajectory, "sensor": sensor, "seed": seed})
+        if conflicting:
+            flags = ", ".join(f"--{name}" for name in conflicting)
+            raise InputError(
+                f"--like takes scene, trajectory, sensor and seed from {like}; leave out {flags}, or leave out --like"
+            )
         return read_settings(like)
     if trajectory == "table1" and sensor is not None:
-        raise InputError("--trajectory table1 has the paper's sensor, tilted as there; drop --sensor")
-    chosen = DEFAULT_SEED if seed is None else seed
-    return plan(scene or DEFAULT_SCENE, trajectory or DEFAULT_TRAJECTORY, sensor, chosen)
+        raise InputError("--sensor has no effect with --trajectory table1, which has the paper's sensor; leave it out")
+    seed = DEFAULT_SEED if seed is None else seed
+    return plan(scene or DEFAULT_SCENE, trajectory or DEFAULT_TRAJECTORY, sensor, seed)
 
 
 def _given(options: dict[str, Any]) -> dict[str, Any]:

@@ -1,4 +1,4 @@
-"""What a point cloud file says, and the scan that is left once its points are checked."""
+"""The content of a point cloud file, and the scan of its usable points."""
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
@@ -34,7 +34,7 @@ class Cloud:
 def column_roles(names: Sequence[str]) -> dict[str, int]:
     """Which columns are x, y, z and, where there is one, strength: {role: index}.
 
-    Upper and lower case are one, and CloudCompare's prefix `scalar_` is skipped.
+    Upper and lower case are the same, and CloudCompare's prefix `scalar_` is ignored.
 
     Raises:
         InputError: when a coordinate has no column.
@@ -59,7 +59,7 @@ def cloud_of_columns(columns: Mapping[str, np.ndarray], notes: Sequence[str] = (
 
 
 def scan_of_cloud(cloud: Cloud, name: str, stamp: float) -> tuple[Scan, list[str]]:
-    """The usable points of `cloud` as a scan, and what was dropped or mended, in words.
+    """The usable points of `cloud` as a scan, and notes about what was dropped or corrected.
 
     Points that are NaN or infinite are dropped; strengths that are negative, NaN or infinite become 0.
 
@@ -82,9 +82,9 @@ def scan_of_cloud(cloud: Cloud, name: str, stamp: float) -> tuple[Scan, list[str
     _refuse_map_coordinates(points)
     strength = None
     if cloud.strength is not None:
-        strength, mended = _usable_strength(cloud.strength[finite])
-        if mended:
-            notes.append(f"set {mended:,} of {len(strength):,} strengths that are negative or not finite to 0")
+        strength, corrected = _usable_strength(cloud.strength[finite])
+        if corrected:
+            notes.append(f"set {corrected:,} of {len(strength):,} strengths that are negative or not finite to 0")
     return Scan(points.astype(np.float32), strength, stamp=stamp, name=name), notes
 
 
@@ -94,8 +94,8 @@ def _refuse_map_coordinates(points: np.ndarray) -> None:
         raise InputError(
             f"{far:,} of {len(points):,} points lie beyond {COORDINATE_LIMIT / 1000:g} km "
             f"(largest coordinate {np.abs(points).max():.6g} m): these look like map coordinates (UTM and "
-            "the like) or another unit; scans are wanted in meters in the sensor's own frame: subtract the "
-            "sensor's position from the points of each scan"
+            "the like) or another unit; give scans in meters in the sensor's own frame: subtract the sensor's "
+            "position from the points of each scan"
         )
 
 

@@ -11,7 +11,7 @@ from kernels.errors import InputError
 from tools.readers.clouds.cloud import Cloud
 from tools.readers.clouds.npy import cloud_of_array, parse_npy
 
-# Real points shrink by a few times, an array of one value by up to 1030: no cause to refuse a small one.
+# Real points shrink a few times, an array of one value up to 1030 times: a small one is not refused for that.
 _SMALL = 64 << 20
 _BELIEVABLE_RATIO = 100
 _DAMAGE = (
@@ -28,9 +28,9 @@ def read_npz(content: bytes) -> list[Cloud]:
     """
     try:
         archive = zipfile.ZipFile(io.BytesIO(content))
-        members = {one.filename.removesuffix(".npy"): one for one in archive.infolist()}
+        members = {member.filename.removesuffix(".npy"): member for member in archive.infolist()}
     except _DAMAGE as error:
-        raise InputError(f"it is no whole zip archive ({error}); save or copy it again") from error
+        raise InputError(f"it is not a whole zip archive ({error}); save or copy it again") from error
     if "points" not in members and len(members) != 1:
         raise InputError(
             f"its arrays are {', '.join(sorted(members)) or '(none)'}; wanted 'points' of shape (N, 3) and "

@@ -14,7 +14,7 @@ def whole_lines(text: bytes, first: int) -> list[Line]:
     """The lines of `text` that are not blank, numbered from `first`.
 
     Raises:
-        InputError: the last line has no end: nobody can tell 3.1 from a 3.14159 that was cut.
+        InputError: the last line has no line break: 3.1 could be a 3.14159 that was cut.
     """
     if text and not text.endswith((b"\n", b"\r")):
         raise InputError(
@@ -34,11 +34,11 @@ def parse_rows(lines: Iterable[Line], columns: int, separator: bytes | None = No
     for number, line in lines:
         tokens = line.split(separator)
         if len(tokens) != columns:
-            raise InputError(f"line {number} has {len(tokens)} columns where {columns} are wanted; mend that line")
+            raise InputError(f"line {number} has {len(tokens)} columns; wanted {columns}; fix that line")
         try:
             numbers.extend(map(_number, tokens))
         except ValueError as error:
-            raise InputError(f"line {number}: {error}; mend that line") from error
+            raise InputError(f"line {number}: {error}; fix that line") from error
     return np.frombuffer(numbers, np.float64).reshape(-1, columns)
 
 
@@ -61,7 +61,7 @@ def _number(token: bytes) -> float:
 
 
 def shown(token: bytes) -> str:
-    """A piece of a file, fit for a message."""
+    """A piece of a file, for a message."""
     text = token[:40].decode("utf-8", "replace").strip()
     return repr(text + "..." if len(token) > 40 else text)
 
@@ -75,7 +75,7 @@ def unpack_records(
         columns: {name: (dtype, offset of the column within a record)}.
 
     Raises:
-        InputError: the content is shorter than that, told before anything is allocated.
+        InputError: the content is shorter than that; nothing is allocated before this is known.
     """
     require_bytes(f"{count:,} points of {stride} bytes", count * stride, len(content) - start)
     layout = np.dtype(
@@ -100,5 +100,5 @@ def require_bytes(what: str, needed: int, held: int) -> None:
 
 
 def surplus_note(count: int, what: str, last: str) -> list[str]:
-    """What to tell of `count` lines or bytes behind the last point or element; nothing where there is none."""
+    """A note about `count` lines or bytes after the last point or element; none if there are none."""
     return [f"ignored {count:,} {what} after the last {last}"] if count else []

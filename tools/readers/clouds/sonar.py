@@ -60,13 +60,13 @@ def read_sonar(content: bytes) -> list[Cloud]:
             raise InputError(f"packet {number}: {error}") from error
     if not frames:
         raise InputError("no range image among its packets; record with range images enabled")
-    return [_told_if_bare(frame.cloud, any_strength=len(bare) < len(frames)) for frame in frames]
+    return [_noted_if_bare(frame.cloud, any_strength=len(bare) < len(frames)) for frame in frames]
 
 
-def _told_if_bare(cloud: Cloud, any_strength: bool) -> Cloud:
+def _noted_if_bare(cloud: Cloud, any_strength: bool) -> Cloud:
     if cloud.strength is not None or not any_strength:
         return cloud
-    return replace(cloud, notes=("no strength image of this frame, unlike of others",))
+    return replace(cloud, notes=("this frame has no strength image, other frames have one",))
 
 
 def _messages(content: bytes) -> Iterator[tuple[int, Message]]:
