@@ -140,11 +140,11 @@ class SpectralRegistrar:
         # 1. rotations under which the magnitude spectra are alike
         rotations = self.rotations(target, source)
         if not len(rotations.scores):
-            return self._nothing(start)
+            return self._no_candidates(start)
         # 2. places where the scan would lie under each
         candidates = test.find_candidates(rotations)
         if not len(candidates.psr):
-            return self._nothing(start)
+            return self._no_candidates(start)
         # 3. the best of these by what the scans saw, refined, and others that the whole grid names
         finalists = test.refine_candidates(candidates, self.config.shortlist)[: self.config.finalists]
         hypotheses = finalists + test.find_missed(finalists)
@@ -204,7 +204,7 @@ class SpectralRegistrar:
             ),
         )
 
-    def _nothing(self, start: float) -> Registration:
+    def _no_candidates(self, start: float) -> Registration:
         """The answer where priors leave no candidate: none, and nothing known."""
         unknown = np.diag(np.repeat([np.pi, self.grid.extent], 3) ** 2)
         return Registration(
