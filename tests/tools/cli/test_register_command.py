@@ -80,8 +80,10 @@ def test_alternatives_are_told(capsys: pytest.CaptureFixture[str]) -> None:
         printed = " ".join(capsys.readouterr().out.split())
         assert "93.4%" in printed
         assert words in printed
-    _print(replace(found, probability=float("nan")), chosen)
-    assert "probab" not in capsys.readouterr().out
+    _print(replace(found, probability=float("nan"), accepted=False), chosen)
+    printed = capsys.readouterr().out
+    assert "probab" not in printed
+    assert printed.startswith("NO RELIABLE REGISTRATION; do not use this transform\n")
 
 
 def test_how_many_rotations_are_followed_and_how_they_are_refined(pair: list[str]) -> None:
@@ -110,9 +112,6 @@ def test_two_scans_of_different_places_are_refused(tmp_path: Path) -> None:
     printed = json.loads(result.stdout)
     assert printed["accepted"] is False
     assert printed["reason"]
-    in_words = sonarmap("register", *pair, *GRID)
-    assert in_words.exit_code == 3
-    assert in_words.stdout.startswith("NO RELIABLE REGISTRATION; do not use this transform\n")
 
 
 @pytest.mark.slow
@@ -143,7 +142,7 @@ def test_points_that_are_not_finite_are_dropped_and_told_beside_the_json(tmp_pat
     said(result, "source.ply", f"dropped {bad:,} of 7,200 points that are NaN or infinite")
 
 
-@pytest.mark.parametrize("name", ["a scan", "scan [1]*", "Wehr-Süd 深い $1$", "line\nbreak", "scan\udcff"])
+@pytest.mark.parametrize("name", ["a scan [1]*", "Wehr-Süd 深い $1$ line\nbreak \udcff"])
 def test_any_file_name_will_do(tmp_path: Path, name: str) -> None:
     pair = write(tmp_path, target=scan(0), **{name: scan(1)})
     assert sonarmap("register", *pair, *GRID).exit_code == 0
@@ -165,13 +164,12 @@ def test_echo_strengths_weigh_the_voxels_where_wanted(tmp_path: Path) -> None:
     paths = [tmp_path / "target.ply", tmp_path / "source.ply"]
     for k, path in enumerate(paths):
         write_ply(path, scan(k), {"intensity": strengths})
-    by_shape, weighed, spelled = (
-        json.loads(sonarmap("register", *paths, *GRID, "--json", *options).stdout)
-        for options in ((), ("--strength",), ("--no-strength",))
+    weighted, by_shape, default = (
+        json.loads(sonarmap("register", *paths, "--grid", "32", "--json", *options).stdout)
+        for options in (("--strength",), ("--no-strength",), ())
     )
-    check_transform(weighed)
-    assert weighed["psr"] != by_shape["psr"]
-    assert spelled["psr"] == by_shape["psr"]
+    assert weighted["psr"] != by_shape["psr"]
+    assert default["psr"] == by_shape["psr"]
 
 
 def test_strengths_that_are_not_there_are_told(pair: list[str], tmp_path: Path) -> None:

@@ -14,12 +14,13 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from tests.samples.clutter_scans import files_in
+from tests.samples.clutter_scans import files_in, scan, sonarmap, write
 from tests.samples.command_line import ROOT, SONARMAP
 from tools.simulate.folder import write_simulation
 from tools.simulate.simulation import SimulationSettings, simulate
 
 KILLS, SEED = 20, 7
+CLUTTER = ("--grid", "64", "--voxel", "0.35")
 GRID = ("--grid", "64", "--voxel", "1.5")
 VARYING = {"times.json", "journal.sqlite", "journal.sqlite-journal"}
 
@@ -48,9 +49,18 @@ def results(out: Path) -> dict[str, bytes]:
 def computed(out: Path) -> list[int]:
     """Of every pair that the journal holds, how many times it was registered."""
     with sqlite3.connect(out / "journal.sqlite") as database:
-        counts = [count for (count,) in database.execute("SELECT computed FROM pair")]
+        counts = [count for (count,) in database.execute("SELECT computed FROM entry")]
     database.close()
     return counts
+
+
+def entries(out: Path) -> int:
+    """How many results the journal of a run that is still going holds; it is locked, but can be read."""
+    try:
+        with sqlite3.connect(f"file:{out / 'journal.sqlite'}?mode=ro&immutable=1", uri=True) as database:
+            return database.execute("SELECT count(*) FROM entry").fetchone()[0]
+    except sqlite3.DatabaseError:  # not there yet, or just being written
+        return 0
 
 
 def seconds_of_pairs(out: Path) -> float:
@@ -72,9 +82,39 @@ def undisturbed(scans: Path, tmp_path_factory: pytest.TempPathFactory) -> Path:
     return out
 
 
-pytestmark = [pytest.mark.slow, pytest.mark.timeout(3000)]
+pytestmark = pytest.mark.timeout(3000)
 
 
+@pytest.fixture(scope="module")
+def clutter(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    """Four small scans, and in out/ what an undisturbed run made of them."""
+    folder = tmp_path_factory.mktemp("clutter")
+    write(folder, **{f"scan_{k}": scan(k) for k in range(4)})
+    assert sonarmap("map", folder, "-o", folder / "out", *CLUTTER).exit_code == 0
+    return folder
+
+
+def test_killed_it_goes_on_and_ends_with_the_same_bytes(clutter: Path, tmp_path: Path) -> None:
+    mapping = start(clutter, tmp_path, *CLUTTER)
+    while not entries(tmp_path):
+        time.sleep(0.02)
+        assert mapping.poll() is None
+    os.killpg(mapping.pid, signal.SIGKILL)
+    mapping.communicate()
+    before = entries(tmp_path)
+    assert sonarmap("map", clutter, "-o", tmp_path, *CLUTTER).exit_code == 0
+    assert results(tmp_path) == results(clutter / "out")
+    assert set(computed(tmp_path)) == {1}
+    assert json.loads((tmp_path / "times.json").read_text())["pairs_from_journal"] >= before
+
+
+def test_two_workers_give_the_same_bytes(clutter: Path, tmp_path: Path) -> None:
+    assert sonarmap("map", clutter, "-o", tmp_path, *CLUTTER, "--workers", "2").exit_code == 0
+    assert results(tmp_path) == results(clutter / "out")
+    assert json.loads((tmp_path / "times.json").read_text())["workers"] == 2
+
+
+@pytest.mark.slow
 def test_killed_at_random_moments_it_ends_with_the_same_bytes(
     scans: Path, undisturbed: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:
@@ -111,13 +151,14 @@ def test_killed_at_random_moments_it_ends_with_the_same_bytes(
         )
 
 
+@pytest.mark.slow
 def test_any_number_of_workers_gives_the_same_bytes(
     scans: Path, undisturbed: Path, tmp_path: Path, address: str, capsys: pytest.CaptureFixture[str]
 ) -> None:
     expected = results(undisturbed)
-    ways = {"this process": (), "--workers 2": ("--workers", "2"), "Dask, 2 workers": ("--scheduler", address)}
+    places = {"this process": (), "--workers 2": ("--workers", "2"), "Dask, 2 workers": ("--scheduler", address)}
     lines = []
-    for name, options in ways.items():
+    for name, options in places.items():
         written, seconds = run(scans, tmp_path / name, *options)
         assert written == expected, name
         lines.append(f"{name}: {seconds:.1f} s, of which pairs {seconds_of_pairs(tmp_path / name):.1f} s")
@@ -146,6 +187,7 @@ def address(tmp_path_factory: pytest.TempPathFactory) -> Iterator[str]:
         process.wait()
 
 
+@pytest.mark.slow
 def test_one_more_scan_costs_its_own_pairs(scans: Path, undisturbed: Path, tmp_path: Path) -> None:
     fewer = tmp_path / "fewer"
     fewer.mkdir()
@@ -166,6 +208,7 @@ def test_one_more_scan_costs_its_own_pairs(scans: Path, undisturbed: Path, tmp_p
     assert (tmp_path / "out" / "map.ply").read_bytes() == (undisturbed / "map.ply").read_bytes()
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("sent", [signal.SIGINT, signal.SIGTERM])
 @pytest.mark.parametrize("workers", ["1", "2"])
 def test_stopped_it_ends_its_workers_and_goes_on(
