@@ -205,7 +205,7 @@ def _registrar(method: str, grid: Grid, max_tilt: float, device: str | None, see
     from tools.methods.registry import Setup, find_method
 
     found = find_method(method)
-    changes = {"max_tilt": max_tilt} if "max_tilt" in found.hears else {}
+    changes = {"max_tilt": max_tilt} if "max_tilt" in found.options else {}
     return found.make(Setup(grid, device, seed, changes))
 
 

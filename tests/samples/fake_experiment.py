@@ -11,8 +11,8 @@ import numpy as np
 
 from tools.reproduce.experiment import Outcome, Section
 from tools.reproduce.experiments import Request
-from tools.reproduce.pages.table import Table
 from tools.reproduce.provenance import Provenance
+from tools.reproduce.table import Table
 
 JOBS = ("a", "b", "c", "d", "e")
 
@@ -27,6 +27,7 @@ class Fake:
     """Counts what it does; where `stop` names a job, that job ends as `by` says."""
 
     name: ClassVar[str] = "fake"
+    sources: ClassVar[tuple[str, ...]] = ()
 
     def __init__(self, settings: FakeSettings | None = None, stop: str = "", by: str = "interrupt") -> None:
         self.settings = settings or FakeSettings()

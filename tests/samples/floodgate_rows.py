@@ -6,7 +6,7 @@ from scipy.spatial.transform import RigidTransform, Rotation
 from spectral.scan import Scan
 from tools.reproduce.experiment import Outcome, Row
 from tools.reproduce.floodgate.chain import PAIR, POSE, pair_row, pose_rows
-from tools.reproduce.floodgate.lineup import TRUTH
+from tools.reproduce.floodgate.methods import TRUTH
 from tools.reproduce.floodgate.run import MAP
 from tools.reproduce.floodgate.survey import Survey
 from tools.simulate.shapes.solids import box, merge

@@ -56,7 +56,7 @@ def open_execution(
     """
     from slam.execute.journal import Journal
     from slam.execute.runner import Execution
-    from tools.methods.key import method_key
+    from tools.methods.fingerprint import method_key
 
     key = method_key(method.name, method.setup, method.registrar)
     with (
@@ -80,7 +80,7 @@ def _workers(
 ) -> "Iterator[tuple[PairWorker, Executor]]":
     from slam.execute.executor import cluster, processes, this_process
     from slam.execute.worker import Worker, release_worker
-    from tools.methods.key import checked_worker_spec, worker_spec
+    from tools.methods.worker_spec import checked_worker_spec, worker_spec
 
     recipe = (method.name, method.setup, method.registrar, prepared)
     if options.scheduler:

@@ -130,7 +130,7 @@ def configure_method(scans: "Sequence[Scan]", options: MethodOptions) -> Configu
         for note in registrar.device.notes:
             say(note)
         return ConfiguredMethod(options.name, registrar, grid, setup, registrar.config, registrar.device)
-    seed = options.seed if "seed" in method.hears else None
+    seed = options.seed if "seed" in method.options else None
     return ConfiguredMethod(options.name, registrar, grid, setup, seed=seed)
 
 
@@ -152,7 +152,7 @@ def _refuse_without_effect(options: MethodOptions) -> None:
     Raises:
         InputError: naming them, and the methods that use them.
     """
-    uses = find_method(options.name).hears
+    uses = find_method(options.name).options
     # without a voxel the grid's edge decides how large one is, whatever the method
     always = {"voxel"} if "voxel" in options.given else {"voxel", "grid"}
     idle = sorted(options.given - uses - always)
@@ -161,7 +161,7 @@ def _refuse_without_effect(options: MethodOptions) -> None:
     flags = " and ".join(f"--{name.replace('_', '-')}" for name in idle)
     verb, pronoun = ("has", "it") if len(idle) == 1 else ("have", "them")
     condition = " and --voxel" if idle == ["grid"] else ""
-    users = [name for name, method in METHODS.items() if set(idle) <= method.hears | always]
+    users = [name for name, method in METHODS.items() if set(idle) <= method.options | always]
     instead = f", or use --method {' or '.join(users)}" if users else ""
     raise InputError(f"{flags} {verb} no effect with --method {options.name}{condition}; leave {pronoun} out{instead}")
 

@@ -1,4 +1,4 @@
-"""Every method of registration by its name: the one place that knows them all. A new one is a row of METHODS."""
+"""Every method of registration by its name. A new one is a function that builds it and a row of METHODS."""
 
 from __future__ import annotations
 
@@ -20,16 +20,25 @@ _SPECTRAL = _ON_DEVICE | {"hypotheses", "refine", "priors"}
 _HEMISPHERE = _ON_DEVICE | {"yaw_peaks"}
 _SEEDED = frozenset(("seed",))
 
+# What decides the results of methods, as `tools.methods.fingerprint.source_digest` takes it
+_DEVICE_SOURCES = ("kernels", "spectral")
+_POINT_SOURCES = tuple(f"tools/baselines/{name}.py" for name in ("cloud", "result", "packages", "icp"))
+_FEATURE_SOURCES = (*_POINT_SOURCES, "tools/baselines/features.py")
+_KISS_SOURCES = (*_FEATURE_SOURCES, "tools/baselines/kiss.py")
+_GICP_SOURCES = (*_POINT_SOURCES, "tools/baselines/gicp.py")
+_PLANE_SOURCES = (*_POINT_SOURCES, "tools/baselines/planes", "slam/map/cell.py")
+ALL_METHODS = (*_DEVICE_SOURCES, "tools/baselines", "tools/methods/registry.py", "slam/map/cell.py")
+
 
 @dataclass(frozen=True, slots=True)
 class Setup:
-    """What a method is built from; each takes of it what it knows.
+    """What a method is built from; each uses the fields that mean something to it.
 
     Attributes:
-        grid: that the scans share. Methods that work on points thin them to one per voxel of its size.
+        grid: which the scans share. Methods that work on points thin them to one per voxel of its size.
         device: of the spectral methods, as `choose_device` takes it.
         seed: of the methods that draw at random.
-        changes: of the SpectralConfig or HemisphereConfig of these, field by field.
+        changes: fields of the SpectralConfig or HemisphereConfig that are not at their defaults, with their values.
     """
 
     grid: Grid
@@ -40,18 +49,20 @@ class Setup:
 
 @dataclass(frozen=True, slots=True)
 class Method:
-    """One way to register.
+    """A method of registration.
 
     Attributes:
         title: what it is, in words.
-        make: the registrar.
-        hears: the options that mean something to it, by their parameters' names, beside the voxel.
+        make: builds the registrar.
+        sources: folders and files whose code decides its results.
+        options: the command line's options that change its results, by their parameters' names, beside the voxel.
         package: what pip has to install beyond sonarmap's own; "" for nothing.
     """
 
     title: str
     make: Callable[[Setup], Registrar]
-    hears: frozenset[str] = frozenset()
+    sources: tuple[str, ...]
+    options: frozenset[str] = frozenset()
     package: str = ""
 
 
@@ -60,12 +71,12 @@ def build(name: str, grid: Grid, device: str | None = None, seed: int = 0) -> Re
 
     Args:
         name: a key of METHODS.
-        grid: that the scans share.
-        device: of the spectral methods, as `choose_device` takes it; the others choose none.
+        grid: which the scans share.
+        device: of the spectral methods, as `choose_device` takes it; the others use none.
         seed: of the methods that draw at random.
 
     Raises:
-        InputError: there is no such method, or the package that it wants is not installed.
+        InputError: there is no such method, or the package that it needs is not installed.
         DeviceError: there is no such device, or it is too small.
     """
     return find_method(name).make(Setup(grid, device, seed))
@@ -80,6 +91,19 @@ def find_method(name: str) -> Method:
     if name not in METHODS:
         raise InputError(f"no method is called {name!r}; wanted one of {', '.join(METHODS)}")
     return METHODS[name]
+
+
+def is_installed(name: str) -> bool:
+    """Whether the package that a method needs is there; true for a method that needs none."""
+    from spectral.grid import Grid
+
+    if not find_method(name).package:
+        return True
+    try:
+        build(name, Grid(16, 1.0))
+    except InputError:
+        return False
+    return True
 
 
 def _spectral(setup: Setup) -> Registrar:
@@ -142,14 +166,20 @@ def _gicp(setup: Setup) -> Registrar:
 # Name, as --method takes it -> method
 METHODS: Mapping[str, Method] = MappingProxyType(
     {
-        DEFAULT_METHOD: Method("rotations from all of SO(3), verified by what the scans saw", _spectral, _SPECTRAL),
-        "hemisphere": Method("the paper's chain: one yaw peak, no refinement", _hemisphere, _HEMISPHERE),
-        "planes": Method("plane patches, matched (Pathak et al. 2010)", _planes),
-        "icp": Method("ICP point to point from the identity (Open3D)", _icp),
-        "icp-plane": Method("ICP point to plane from the identity (Open3D)", _icp_plane),
-        "fpfh-ransac": Method("FPFH features, RANSAC, then ICP (Open3D)", _fpfh_ransac, _SEEDED),
-        "fpfh-fgr": Method("FPFH features, fast global registration, then ICP (Open3D)", _fpfh_fgr, _SEEDED),
-        "kiss": Method("KISS-Matcher, then ICP", _kiss, package="kiss-matcher"),
-        "gicp": Method("generalized ICP from the identity (small_gicp)", _gicp, package="small_gicp"),
+        DEFAULT_METHOD: Method(
+            "rotations from all of SO(3), verified by what the scans saw", _spectral, _DEVICE_SOURCES, _SPECTRAL
+        ),
+        "hemisphere": Method(
+            "the paper's chain: one yaw peak, no refinement", _hemisphere, _DEVICE_SOURCES, _HEMISPHERE
+        ),
+        "planes": Method("plane patches, matched (Pathak et al. 2010)", _planes, _PLANE_SOURCES),
+        "icp": Method("ICP point to point from the identity (Open3D)", _icp, _POINT_SOURCES),
+        "icp-plane": Method("ICP point to plane from the identity (Open3D)", _icp_plane, _POINT_SOURCES),
+        "fpfh-ransac": Method("FPFH features, RANSAC, then ICP (Open3D)", _fpfh_ransac, _FEATURE_SOURCES, _SEEDED),
+        "fpfh-fgr": Method(
+            "FPFH features, fast global registration, then ICP (Open3D)", _fpfh_fgr, _FEATURE_SOURCES, _SEEDED
+        ),
+        "kiss": Method("KISS-Matcher, then ICP", _kiss, _KISS_SOURCES, package="kiss-matcher"),
+        "gicp": Method("generalized ICP from the identity (small_gicp)", _gicp, _GICP_SOURCES, package="small_gicp"),
     }
 )

@@ -5,7 +5,7 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import Any, ClassVar, Protocol, runtime_checkable
 
-from tools.reproduce.pages.table import Table
+from tools.reproduce.table import Table
 
 Value = str | int | float | bool
 Row = Mapping[str, Value]
@@ -52,6 +52,7 @@ class Experiment(Protocol):
     """
 
     name: ClassVar[str]
+    sources: ClassVar[tuple[str, ...]]  # folders and files whose code decides rows, beside the experiment's own
     settings: Any  # a frozen dataclass of JSON's types: with the sources it decides all rows
 
     def jobs(self) -> Sequence[str]:

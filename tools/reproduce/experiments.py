@@ -5,8 +5,9 @@ To add one: write a module with a class that is an `Experiment` (tools/reproduce
     def create(request: Request) -> Experiment:
 
 that makes it from the options (None: the option was not given, so the experiment's own value holds), and add a row to
-EXPERIMENTS. Modules of tools/reproduce whose names end with a word of `provenance.SHOWING`, as in rotation_figure.py,
-only show rows: changing them does not make jobs run again; changing any other module that the experiment imports does.
+EXPERIMENTS. Its settings, which the section shows too, stand in a file of their own. Files that `provenance.SHOWING`
+names, as section.py and figure.py, only show rows: changing them does not make jobs run again; changing any other file
+of the experiment's folder, or of the folders that its `sources` name, does.
 """
 
 from collections.abc import Mapping
@@ -61,7 +62,7 @@ class Request:
 
     @property
     def given(self) -> dict[str, tuple[object, ...]]:
-        """The options that were given, without those that every experiment hears, with their values."""
+        """The options of OPTIONS that were given, with their values."""
         values = {name: getattr(self, name) for name in OPTIONS}
         return {name: _as_tuple(value) for name, value in values.items() if value is not None}
 
@@ -71,58 +72,62 @@ class Request:
         return " ".join(["sonarmap reproduce", name, *(["--quick"] if self.quick else []), *options])
 
 
-# The options that an experiment may hear, in the order in which they are told.
+# The options that not every experiment has, in the order in which a command line shows them
 OPTIONS = ("scene", "grid", "sigma2", "seeds", "pairs", "seed", "method")
 _STRUCTURE_OPTIONS = ("scene", "grid", "seeds", "seed")
 _PAIR_OPTIONS = ("grid", "pairs", "seed", "method")
 
 
 @dataclass(frozen=True, slots=True)
-class Entry:
+class ExperimentEntry:
     """One experiment of the table.
 
     Attributes:
         shows: which of the paper's figures and tables, or what is looked at.
         module: where its `create` is; it is imported when the experiment is asked for.
-        hears: those of OPTIONS that mean something to it.
-        group: the name for it and others together.
-        timed: whether it is about times, so that its jobs are done one by one.
+        options: those of OPTIONS that change its rows.
+        group: that it belongs to.
+        timed: whether it measures times, so that its jobs are run one by one.
     """
 
     shows: str
     module: str
-    hears: tuple[str, ...]
+    options: tuple[str, ...]
     group: str = ALL
     timed: bool = False
 
 
 # Name on the command line -> experiment, in the order in which a group runs them and its page shows them.
-EXPERIMENTS: Mapping[str, Entry] = MappingProxyType(
+EXPERIMENTS: Mapping[str, ExperimentEntry] = MappingProxyType(
     {
-        "translation": Entry("Figs. 12, 14, 15", "tools.reproduce.translation.run", _STRUCTURE_OPTIONS),
-        "rotation": Entry("Figs. 16, 17", "tools.reproduce.rotation.run", _STRUCTURE_OPTIONS),
-        "limits": Entry("Figs. 7 to 9", "tools.reproduce.limits.run", _STRUCTURE_OPTIONS),
-        "gaussian": Entry(
+        "translation": ExperimentEntry("Figs. 12, 14, 15", "tools.reproduce.translation.run", _STRUCTURE_OPTIONS),
+        "rotation": ExperimentEntry("Figs. 16, 17", "tools.reproduce.rotation.run", _STRUCTURE_OPTIONS),
+        "limits": ExperimentEntry("Figs. 7 to 9", "tools.reproduce.limits.run", _STRUCTURE_OPTIONS),
+        "gaussian": ExperimentEntry(
             "Table 1, Figs. 20, 21", "tools.reproduce.gaussian.run", ("scene", "grid", "sigma2", "seeds", "seed")
         ),
-        "floodgate": Entry(
+        "floodgate": ExperimentEntry(
             "Sect. 4, Table 2, Figs. 22 to 31", "tools.reproduce.floodgate.run", ("grid", "seeds", "seed")
         ),
-        "steps": Entry(
+        "steps": ExperimentEntry(
             "Table 1 to S12 on four scenes",
             "tools.reproduce.steps.run",
             ("scene", "grid", "sigma2", "seeds", "seed", "method"),
             EVALUATION,
         ),
-        "pairs": Entry("pairs of every overlap", "tools.reproduce.pairs.run", _PAIR_OPTIONS, EVALUATION),
-        "unrelated": Entry("pairs that share nothing", "tools.reproduce.unrelated.run", _PAIR_OPTIONS, EVALUATION),
-        "speed": Entry("times of a pair", "tools.reproduce.speed.run", _PAIR_OPTIONS, EVALUATION, timed=True),
-        "survey": Entry("whole surveys, mapped", "tools.reproduce.survey.run", _STRUCTURE_OPTIONS, SLAM, timed=True),
+        "pairs": ExperimentEntry("pairs of every overlap", "tools.reproduce.pairs.run", _PAIR_OPTIONS, EVALUATION),
+        "unrelated": ExperimentEntry(
+            "pairs that share nothing", "tools.reproduce.unrelated.run", _PAIR_OPTIONS, EVALUATION
+        ),
+        "speed": ExperimentEntry("times of a pair", "tools.reproduce.speed.run", _PAIR_OPTIONS, EVALUATION, timed=True),
+        "survey": ExperimentEntry(
+            "whole surveys, mapped", "tools.reproduce.survey.run", _STRUCTURE_OPTIONS, SLAM, timed=True
+        ),
     }
 )
 
 
-def entry_of(name: str) -> Entry:
+def entry_of(name: str) -> ExperimentEntry:
     """The experiment of that name."""
     return EXPERIMENTS[name]
 
@@ -143,21 +148,22 @@ def members(group: str) -> tuple[str, ...]:
 
 
 def chosen(name: str, request: Request) -> tuple[str, ...]:
-    """The names of the experiments that are meant: one, or with a group's name every one of it.
+    """The names of the experiments that a name means: itself, or all of a group.
 
     Raises:
-        InputError: there is no such experiment, or it does not hear an option that was given.
+        InputError: there is no such experiment, or an option that was given has no effect on it.
     """
     if name not in (*EXPERIMENTS, *groups()):
         raise InputError(f"no experiment is called {name!r}; there are {', '.join((*EXPERIMENTS, *groups()))}")
     names = (name,) if name in EXPERIMENTS else members(name)
-    hears = [option for option in OPTIONS if all(option in EXPERIMENTS[one].hears for one in names)]
-    deaf = [f"--{option}" for option in request.given if option not in hears]
-    if deaf:
-        known = ", ".join(f"--{option}" for option in hears)
+    options = [option for option in OPTIONS if all(option in EXPERIMENTS[member].options for member in names)]
+    idle = [f"--{option}" for option in request.given if option not in options]
+    if idle:
+        known = ", ".join(f"--{option}" for option in options)
+        verb, pronoun = ("has", "it") if len(idle) == 1 else ("have", "them")
         raise InputError(
-            f"reproduce {name} has no use for {' and '.join(deaf)}; "
-            + (f"it takes {known}" if known else "leave it out")
+            f"{' and '.join(idle)} {verb} no effect on reproduce {name}; leave {pronoun} out"
+            + (f". It takes {known}" if known else "")
         )
     return names
 
@@ -174,4 +180,4 @@ def create(name: str, request: Request) -> "Experiment":
 def _as_tuple(value: object) -> tuple[object, ...]:
     if not isinstance(value, tuple):
         return (value,)
-    return tuple(f"{one:g}" if isinstance(one, float) else one for one in value)
+    return tuple(f"{item:g}" if isinstance(item, float) else item for item in value)

@@ -1,19 +1,21 @@
 """Where an experiment's rows come from: its settings, the code, the device, and what is installed."""
 
-import hashlib
 import inspect
-import json
 from collections.abc import Mapping
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any
 
 from kernels.opencl.device import Device
 from tools.bench.machine import describe_machine
-from tools.methods.sources import ROOT, digest_of, imported, programs
-from tools.reproduce.experiment import Experiment
+from tools.methods.fingerprint import ROOT, fingerprint, method_sources, method_versions, source_digest
+from tools.methods.registry import find_method
+from tools.reproduce.experiment import ByMethod, Experiment
 from tools.versions import package_versions
 from tools.writers.json_text import to_json
+
+# Files that only show rows: changing them does not make jobs run again.
+SHOWING = ("section.py", "remarks.py", "introduction.py", "*figure.py", "*table.py", "*tables.py", "*summary.py")
 
 
 @dataclass(frozen=True, slots=True)
@@ -27,6 +29,7 @@ class Provenance:
         device, platform: the OpenCL device and its driver.
         versions: of Python, the system and the packages.
         processor, cores: the host's; they decide nothing.
+        methods: where jobs are of one method each, a digest of all that decides the rows of each, by its name.
     """
 
     name: str
@@ -37,12 +40,12 @@ class Provenance:
     versions: Mapping[str, str | None]
     processor: str
     cores: int
+    methods: Mapping[str, str] = field(default_factory=dict)
 
-    @property
-    def fingerprint(self) -> str:
-        """A digest of all that decides rows, 16 hexadecimal digits."""
-        deciding = [self.name, self.settings, self.sources, self.device, self.platform, self.versions]
-        return hashlib.sha256(json.dumps(to_json(deciding), sort_keys=True).encode()).hexdigest()[:16]
+    def key(self, job: str) -> str:
+        """A digest of all that decides the rows of a job; of a method's jobs without what decides others alone."""
+        whole = [self.settings, self.sources, self.device, self.platform, self.versions]
+        return fingerprint([self.name, self.methods.get(job.rpartition("/")[2], whole), job])
 
     @property
     def place(self) -> str:
@@ -53,30 +56,28 @@ class Provenance:
 
 
 def provenance(experiment: Experiment, device: Device) -> Provenance:
-    """Of an experiment on a device, with the code as it is on disk now."""
+    """Of an experiment on a device, with the code that runs now."""
     machine = describe_machine(device)
+    own = Path(inspect.getfile(type(experiment))).resolve().parent
+    places = (*experiment.sources, own.relative_to(ROOT).as_posix())
+    sources = source_digest(places, SHOWING)
+    methods = {}
+    if isinstance(experiment, ByMethod):
+        methods = {name: _method_fingerprint(experiment, name, sources, device) for name in experiment.methods}
     return Provenance(
         name=experiment.name,
         settings=to_json(experiment.settings),
-        sources=source_digest(source_of(experiment)),
+        sources=sources,
         device=device.name,
         platform=device.platform,
         versions=package_versions(),
         processor=machine.processor,
         cores=machine.cores,
+        methods=methods,
     )
 
 
-def source_digest(module: Path, root: Path = ROOT) -> str:
-    """A digest of the names and contents of all files that decide the rows of the experiment in `module`.
-
-    Args:
-        module: a Python file; what it imports counts, and what that imports, and every OpenCL program.
-        root: of the project.
-    """
-    return digest_of({*programs(root), *imported([module.resolve()], root)}, root)
-
-
-def source_of(experiment: Experiment) -> Path:
-    """The file with the experiment's class."""
-    return Path(inspect.getfile(type(experiment)))
+def _method_fingerprint(experiment: ByMethod, name: str, sources: str, device: Device) -> str:
+    """Of one method's rows; a method that uses no device has the same rows with every one."""
+    used = [device.name, device.platform] if "device" in find_method(name).options else None
+    return fingerprint([experiment.deciding, sources, method_sources(name), method_versions(name), used])

@@ -1,16 +1,24 @@
 """An experiment from its first job to its last, going on where an earlier run was stopped."""
 
+import json
+import math
 from collections.abc import Callable, Generator, Mapping, Sequence
-from contextlib import closing
-from dataclasses import dataclass, field
+from contextlib import closing, contextmanager
+from dataclasses import dataclass
+from functools import partial
 from pathlib import Path
-from time import perf_counter
+from typing import Any
 
+from kernels.errors import InputError
+from slam.execute.executor import Executor, processes, this_process
+from slam.execute.journal import Journal, JournalEntry
 from tools.progress import Follow
-from tools.reproduce.crew import Crew, Work
-from tools.reproduce.experiment import Experiment, Outcome
-from tools.reproduce.journal import Done, Journal
+from tools.reproduce.experiment import Experiment, Outcome, Row
 from tools.reproduce.provenance import Provenance
+from tools.reproduce.worker import JobResult, WorkerProcesses, begin, run_in_worker, run_jobs
+from tools.writers.json_text import to_json
+
+JOURNAL = "journal.sqlite"
 
 
 @dataclass(frozen=True, slots=True)
@@ -19,31 +27,29 @@ class Result:
 
     Attributes:
         outcomes: by job, in the order of the experiment's jobs.
-        took: the seconds of every job, in the same order; jobs of earlier runs took theirs then [s].
+        job_seconds: how long every job took when it was run, in the same order [s].
     """
 
     outcomes: Mapping[str, Outcome]
-    took: Mapping[str, float]
+    job_seconds: Mapping[str, float]
 
     @property
     def seconds(self) -> float:
-        """Of all jobs together, whenever they were done [s]."""
-        return sum(self.took.values())
+        """Of all jobs together, whenever they were run [s]."""
+        return sum(self.job_seconds.values())
 
 
 @dataclass(frozen=True, slots=True)
-class Way:
-    """How to run.
+class RunOptions:
+    """How to run an experiment.
 
     Attributes:
-        fresh: do every job, whatever the journals have.
-        crew: does the jobs; None: this process.
-        methods: by method, where its rows come from: its jobs have a journal of their own.
+        fresh: run every job, whatever the journal holds.
+        workers: processes that share the jobs; None for this process alone.
     """
 
     fresh: bool = False
-    crew: Crew | None = None
-    methods: Mapping[str, Provenance] = field(default_factory=dict)
+    workers: WorkerProcesses | None = None
 
 
 def run(
@@ -51,62 +57,102 @@ def run(
     provenance: Provenance,
     folder: Path,
     follow: Follow,
-    way: Way | None = None,
-    tell: Callable[[str], None] = lambda _: None,
+    options: RunOptions | None = None,
+    say: Callable[[str], None] = lambda _: None,
 ) -> Result:
-    """Do the jobs that are not yet done; stopping it at any moment loses no more than the jobs under way.
+    """Run the jobs that are not in the journal; a run that is stopped loses only the jobs that are being run.
+
+    Every outcome goes through the journal's text, so that results are the same whether a run was stopped or not.
 
     Args:
-        experiment: what to do.
-        provenance: of it, which says whose rows may be taken over.
-        folder: where the journals are.
-        follow: how to tell of the progress.
-        way: how to run.
-        tell: takes a sentence about jobs that were done before.
+        experiment: what to run.
+        provenance: of its rows; jobs of another one are run again.
+        folder: where the journal is.
+        follow: how to show the progress.
+        options: how to run.
+        say: takes a sentence about jobs that the journal held.
 
     Raises:
-        InputError, DeviceError: from a job, or a journal cannot be written.
+        InputError, DeviceError: from a job, or the journal cannot be used.
     """
-    way = way or Way()
+    options = options or RunOptions()
     jobs = list(dict.fromkeys(experiment.jobs()))
-    journals = _journals(jobs, provenance, folder, way)
-    waiting = [job for job in jobs if job not in journals[job].done]
-    if len(waiting) < len(jobs):
-        before = f"{len(jobs) - len(waiting)} of {len(jobs)} jobs were done"
-        tell(f"{experiment.name}: going on: {before}" if waiting else f"{experiment.name}: {before} before")
-    if waiting:
-        with follow(experiment.name, len(waiting)) as step, closing(_work(experiment, waiting, way.crew)) as work:
-            for job, outcome, seconds in work:
-                journals[job].add(job, outcome, seconds)
-                step(job)
-    done: dict[str, Done] = {job: journals[job].done[job] for job in jobs}
-    return Result({job: one.outcome for job, one in done.items()}, {job: one.seconds for job, one in done.items()})
+    _make_folder(folder)
+    with Journal(folder / JOURNAL) as journal:
+        keys = {job: provenance.key(job) for job in jobs}
+        missing = [job for job in jobs if options.fresh or journal.entry(keys[job]) is None]
+        if len(missing) < len(jobs):
+            done = f"{len(jobs) - len(missing)} of {len(jobs)} jobs were done"
+            say(f"{experiment.name}: going on: {done}" if missing else f"{experiment.name}: {done} before")
+        if missing:
+            with follow(experiment.name, len(missing)) as step, _running(experiment, missing, options) as groups:
+                for results in groups:
+                    journal.add([_entry(keys[result.job], experiment.name, result) for result in results])
+                    for result in results:
+                        step(result.job)
+        entries = {job: _kept(journal, key) for job, key in keys.items()}
+        return Result(
+            {job: _outcome(journal, entry) for job, entry in entries.items()},
+            {job: entry.seconds for job, entry in entries.items()},
+        )
 
 
-def _journals(jobs: Sequence[str], provenance: Provenance, folder: Path, way: Way) -> dict[str, Journal]:
-    """By job: its method's, or one for all."""
-    kept: dict[str, Journal] = {}
-    for name in dict.fromkeys(_method(job, way) for job in jobs):
-        kept[name] = Journal(folder, way.methods.get(name, provenance), way.fresh)
-    return {job: kept[_method(job, way)] for job in jobs}
-
-
-def _method(job: str, way: Way) -> str:
-    last = job.rpartition("/")[2]
-    return last if last in way.methods else ""
-
-
-def _work(experiment: Experiment, jobs: Sequence[str], crew: Crew | None) -> Generator[Work]:
-    """Each job as it gets done; by a crew in no certain order."""
-    if crew is not None:
-        groups: dict[str, list[str]] = {}
-        for job in jobs:
-            groups.setdefault(job.rpartition("/")[0] or job, []).append(job)
-        with closing(crew.do(list(groups.values()))) as batches:
-            for batch in batches:
-                yield from batch
+@contextmanager
+def _running(
+    experiment: Experiment, jobs: Sequence[str], options: RunOptions
+) -> Generator[Generator[Sequence[JobResult]]]:
+    """Groups of results, as soon as each group is done; by workers in no certain order."""
+    if options.workers is None:
+        single = [(job,) for job in jobs]
+        with closing(_groups(this_process(), partial(run_jobs, experiment), single)) as groups:
+            yield groups
         return
-    for job in jobs:
-        start = perf_counter()
-        outcome = experiment.run(job)
-        yield job, outcome, perf_counter() - start
+    batches: dict[str, list[str]] = {}
+    for job in jobs:  # those that differ in their last part alone share work
+        batches.setdefault(job.rpartition("/")[0] or job, []).append(job)
+    with (
+        processes(options.workers.count, begin, options.workers) as executor,
+        closing(_groups(executor, run_in_worker, list(batches.values()))) as groups,
+    ):
+        yield groups
+
+
+def _groups(
+    executor: Executor, task: Callable[[Sequence[Sequence[str]]], list[list[JobResult]]], jobs: Sequence[Sequence[str]]
+) -> Generator[Sequence[JobResult]]:
+    with closing(executor.run(task, jobs, together=1)) as pieces:
+        for _, results in pieces:
+            yield from results
+
+
+def _make_folder(folder: Path) -> None:
+    try:
+        folder.mkdir(parents=True, exist_ok=True)
+    except OSError as error:
+        raise InputError(f"cannot write {folder}: {error.strerror or error}; choose another output folder") from error
+
+
+def _entry(key: str, name: str, result: JobResult) -> JournalEntry:
+    content = {"rows": result.outcome.rows, "seconds": result.outcome.seconds}
+    return JournalEntry(key, f"{name} {result.job}", json.dumps(to_json(content), allow_nan=False), result.seconds)
+
+
+def _kept(journal: Journal, key: str) -> JournalEntry:
+    entry = journal.entry(key)
+    if entry is None:
+        raise journal.unusable("an entry that was written is gone")
+    return entry
+
+
+def _outcome(journal: Journal, entry: JournalEntry) -> Outcome:
+    """What an entry holds; numbers come back bit by bit, and what is no finite number comes back as NaN."""
+    try:
+        content: dict[str, Any] = json.loads(entry.content)
+        rows, seconds = (tuple(_row(row) for row in content[part]) for part in ("rows", "seconds"))
+    except (ValueError, LookupError, TypeError, AttributeError) as error:
+        raise journal.unusable(str(error)) from error
+    return Outcome(rows, seconds)
+
+
+def _row(row: Mapping[str, Any]) -> Row:
+    return {name: math.nan if value is None else value for name, value in row.items()}

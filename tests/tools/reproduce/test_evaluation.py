@@ -11,20 +11,22 @@ import pytest
 
 from kernels.errors import InputError
 from kernels.opencl.device import Device
-from tests.tools.reproduce.test_reproduce_journal import silence
-from tools.reproduce.crew import Crew
-from tools.reproduce.evaluation import lineup as lineups
-from tools.reproduce.evaluation.lineup import EVALUATED, Lineup, lineup
+from tests.tools.reproduce.test_run import silence
+from tools.reproduce.evaluation import methods
+from tools.reproduce.evaluation.methods import EVALUATED, ComparedMethods, compared_methods
 from tools.reproduce.evaluation.set_pairs import related, unrelated
-from tools.reproduce.experiment import ByMethod, Experiment, Outcome, Row
+from tools.reproduce.evaluation.settings import PairSetSettings
+from tools.reproduce.experiment import Experiment, Outcome, Row
 from tools.reproduce.experiments import EVALUATION, EXPERIMENTS, Request, chosen, create, members
-from tools.reproduce.method_source import method_provenances
 from tools.reproduce.pages.section_text import section_text, verdicts
-from tools.reproduce.pairs.run import Pairs, PairsSettings
+from tools.reproduce.pairs.run import Pairs
+from tools.reproduce.pairs.settings import PairsSettings
 from tools.reproduce.provenance import provenance
-from tools.reproduce.run import Way, run
-from tools.reproduce.speed.run import Speed, SpeedSettings
-from tools.reproduce.steps.run import Steps, StepsSettings
+from tools.reproduce.run import RunOptions, run
+from tools.reproduce.speed.run import Speed
+from tools.reproduce.steps.run import Steps
+from tools.reproduce.steps.settings import StepsSettings
+from tools.reproduce.worker import WorkerProcesses
 
 FEW = ("hemisphere", "planes")
 NAMES = ("steps", "pairs", "unrelated", "speed")
@@ -41,40 +43,40 @@ class TestGroup:
         assert chosen("evaluation", Request(method=("kiss",), grid=64)) == NAMES
         assert [name for name in EXPERIMENTS if EXPERIMENTS[name].timed] == ["speed", "survey"]
 
-    def test_options_are_heard_where_they_mean_something(self) -> None:
-        with pytest.raises(InputError, match="no use for --scene"):
+    def test_options_without_effect_are_refused(self) -> None:
+        with pytest.raises(InputError, match="--scene has no effect"):
             chosen("evaluation", Request(scene="harbor"))
-        with pytest.raises(InputError, match="no use for --method"):
+        with pytest.raises(InputError, match="--method has no effect"):
             chosen("gaussian", Request(method=("kiss",)))
         assert Request(method=("kiss", "icp"), pairs=7).command("pairs") == (
             "sonarmap reproduce pairs --pairs 7 --method kiss --method icp"
         )
 
 
-class TestLineup:
+class TestComparedMethods:
     def test_what_is_not_installed_is_left_out_and_said(self, monkeypatch: pytest.MonkeyPatch) -> None:
-        build = lineups.registrar
+        monkeypatch.setattr(methods, "is_installed", lambda name: name != "kiss")
+        compared = compared_methods(Request())
+        assert compared == ComparedMethods(tuple(name for name in EVALUATED if name != "kiss"), ("kiss",))
+        assert "Left out, as their packages are not installed: `kiss`" in compared.words
 
-        def without_kiss(name: str, *rest: object) -> object:
-            if name == "kiss":
-                raise InputError("the method kiss wants the package kiss-matcher")
-            return build(name, *rest)  # pyright: ignore[reportArgumentType]
+    def test_a_method_that_is_asked_for_and_not_installed_is_refused(self, monkeypatch: pytest.MonkeyPatch) -> None:
+        def missing(*_: object) -> None:
+            raise InputError("the method kiss needs the package kiss-matcher")
 
-        monkeypatch.setattr(lineups, "registrar", without_kiss)
-        found = lineup(Request())
-        assert found == Lineup(tuple(name for name in EVALUATED if name != "kiss"), ("kiss",))
-        assert "Left out, as their packages are not installed: `kiss`" in found.words
+        monkeypatch.setattr(methods, "is_installed", lambda name: name != "kiss")
+        monkeypatch.setattr(methods, "registrar", missing)
         with pytest.raises(InputError, match="kiss-matcher"):
-            lineup(Request(method=("kiss",)))
+            compared_methods(Request(method=("kiss",)))
 
     def test_the_bound_on_tilt_is_lifted_where_there_is_one(self, device: Device) -> None:
         from spectral.grid import Grid
 
         bounded, free = (
-            lineups.registrar("hemisphere", Grid(16, 1.0), device.selector, any_tilt=lifted) for lifted in (False, True)
+            methods.registrar("hemisphere", Grid(16, 1.0), device.selector, any_tilt=lifted) for lifted in (False, True)
         )
         assert (bounded.config.max_tilt, free.config.max_tilt) == (math.radians(35), math.pi)  # pyright: ignore
-        lineups.registrar("planes", Grid(16, 1.0), None, any_tilt=True)
+        methods.registrar("planes", Grid(16, 1.0), None, any_tilt=True)
 
 
 class TestPairs:
@@ -106,7 +108,9 @@ class TestPairs:
         assert few.deciding == many.deciding
 
     def test_other_methods_register_the_first_of_the_pairs(self) -> None:
-        settings = PairsSettings(yaw=15, any=10, peers={"yaw": 6, "any": 40}, lineup=Lineup(("spectral", "kiss")))
+        settings = PairsSettings(
+            yaw=15, any=10, peers={"yaw": 6, "any": 40}, compared=ComparedMethods(("spectral", "kiss"))
+        )
         jobs = Pairs(settings, None).jobs()
         assert [job for job in jobs if job.endswith("spectral")] == [
             *(f"yaw/00{k}/spectral" for k in range(3)),
@@ -120,11 +124,13 @@ class TestPairs:
         ]
 
     def test_speed_leaves_out_what_shares_little(self) -> None:
-        numbers = [int(job) for job in Speed(SpeedSettings(pairs=9), None).jobs()]
+        numbers = [int(job) for job in Speed(PairSetSettings(pairs=9), None).jobs()]
         assert numbers == [1, 2, 3, 4, 6, 7, 8, 9, 11]
 
     def test_seeds_go_round_over_the_scenes(self) -> None:
-        settings = StepsSettings(("harbor", "pool"), (1.0, 2.0), seeds=3, first_seed=7, lineup=Lineup(("kiss",)))
+        settings = StepsSettings(
+            ("harbor", "pool"), (1.0, 2.0), seeds=3, first_seed=7, compared=ComparedMethods(("kiss",))
+        )
         assert list(Steps(settings, None).jobs()) == [
             "harbor/7/1.0/kiss",
             "harbor/7/2.0/kiss",
@@ -137,7 +143,7 @@ class TestPairs:
 
     def test_other_methods_have_the_first_of_the_seeds(self) -> None:
         settings = StepsSettings(
-            ("harbor",), (1.0,), seeds=3, peers=1, first_seed=7, lineup=Lineup(("spectral", "kiss"))
+            ("harbor",), (1.0,), seeds=3, peers=1, first_seed=7, compared=ComparedMethods(("spectral", "kiss"))
         )
         assert list(Steps(settings, None).jobs()) == [
             "harbor/7/1.0/spectral",
@@ -172,7 +178,7 @@ class TestRuns:
         experiment, found = tiny(name, device), outcomes(name, device)
         section = experiment.section(found)
         verdicts(section)
-        assert f"Methods: {', '.join(f'`{one}`' for one in experiment.settings.lineup.methods)}." in section_text(
+        assert f"Methods: {', '.join(f'`{one}`' for one in experiment.settings.compared.methods)}." in section_text(
             section, 1
         )
         experiment.draw(tmp_path, found)
@@ -200,22 +206,19 @@ class TestRuns:
         found = []
         for workers in (None, 2):
             experiment = create("unrelated", asked)
-            assert isinstance(experiment, ByMethod)
             module, selector = EXPERIMENTS["unrelated"].module, device.selector
-            crew = Crew(workers, module, replace(asked, device=None), selector) if workers else None
-            way = Way(crew=crew, methods=method_provenances(experiment, device))
+            shared = WorkerProcesses(workers, module, replace(asked, device=None), selector) if workers else None
+            options = RunOptions(workers=shared)
             found.append(
-                run(experiment, provenance(experiment, device), tmp_path / str(workers), silence, way).outcomes
+                run(experiment, provenance(experiment, device), tmp_path / str(workers), silence, options).outcomes
             )
         assert list(found[0]) == list(found[1]) == ["000/hemisphere", "000/planes", "001/hemisphere", "001/planes"]
         assert str(found[0]) == str(found[1])
 
-    def test_journals_are_of_methods_and_peers_of_no_device(self, device: Device) -> None:
-        experiment = create("pairs", request(device))
-        ours, peer = (method_provenances(experiment, device)[name] for name in FEW)
-        assert (ours.name, peer.name) == ("pairs-hemisphere", "pairs-planes")
-        assert (ours.device, peer.device) == (device.name, "")
-        assert ours.settings == peer.settings == {"edge": 32, "seed": 20110}
-        assert "pyopencl" in ours.versions
-        assert not {"pyopencl", "sonarmap"} & peer.versions.keys()
-        assert method_provenances(create("speed", request(device, pairs=1)), device) == {}
+    def test_rows_of_a_method_are_used_whatever_other_pairs_and_methods_are_asked_for(self, device: Device) -> None:
+        few = provenance(create("pairs", request(device, pairs=5)), device)
+        more = provenance(create("pairs", request(device, method=FEW[1:], pairs=10)), device)
+        assert few.key("yaw/000/planes") == more.key("yaw/000/planes")
+        assert few.methods["planes"] == more.methods["planes"]
+        assert set(few.methods) == set(FEW)
+        assert provenance(create("speed", request(device, pairs=1)), device).methods == {}

@@ -12,8 +12,8 @@ from tests.samples.floodgate_rows import flat_survey, outcomes
 from tools.reproduce.experiment import Outcome
 from tools.reproduce.experiments import Request
 from tools.reproduce.floodgate.chain import Chain, chains
-from tools.reproduce.floodgate.lineup import TRUTH, runs
-from tools.reproduce.floodgate.remarks_text import remarks
+from tools.reproduce.floodgate.methods import TRUTH, runs
+from tools.reproduce.floodgate.remarks import remarks
 from tools.reproduce.floodgate.run import OTHER_METHODS, PAPER_METHODS, Floodgate, FloodgateSettings, create
 from tools.reproduce.floodgate.survey import Survey
 from tools.reproduce.floodgate.tables import ate_m, by_seed, map_90, map_table, pair_table, pose_table

@@ -1,4 +1,4 @@
-"""`sonarmap reproduce`: the paper's experiments on simulated scans, and an evaluation on unseen ones."""
+"""`sonarmap reproduce`: the paper's experiments on simulated scans, evaluations on unseen pairs, whole surveys."""
 
 import json
 from collections.abc import Sequence
@@ -18,11 +18,11 @@ from tools.reproduce.experiments import ALL, EXPERIMENTS, Request, chosen, creat
 from tools.simulate.scenes.catalog import SCENE_KINDS
 
 if TYPE_CHECKING:
-    from tools.reproduce.crew import Crew
     from tools.reproduce.pages.folder import Record
+    from tools.reproduce.worker import WorkerProcesses
 
-_SHOWN = "; ".join(
-    f"{group}: each in turn of {', '.join(f'{name} ({EXPERIMENTS[name].shows})' for name in members(group))}"
+_NAMES = "; ".join(
+    f"{group} for all of {', '.join(f'{name} ({EXPERIMENTS[name].shows})' for name in members(group))}"
     for group in groups()
 )
 
@@ -36,13 +36,15 @@ def _check_scene(scene: str | None) -> str | None:
     raise typer.BadParameter(f"{scene}; wanted a scene as large as the paper's, {', '.join(SCENES)}")
 
 
-SceneOption = Annotated[str | None, typer.Option(help=f"{', '.join(SCENES)}.", metavar="SCENE", callback=_check_scene)]
+SceneOption = Annotated[
+    str | None, typer.Option(help=f"The scene: {', '.join(SCENES)}.", metavar="SCENE", callback=_check_scene)
+]
 PageOption = Annotated[
     Path | None,
     typer.Option(
         "--page",
         metavar="FILE",
-        help="Then write a page on all experiments of the group in OUT, as in docs/reproduction.md.",
+        help="Also write a page on all experiments of the group whose results are in OUT, as docs/reproduction.md.",
     ),
 ]
 NoisesOption = Annotated[
@@ -54,7 +56,7 @@ OwnGridOption = Annotated[
     typer.Option(
         "--grid",
         metavar="N",
-        help="Voxels per edge, a power of 2, 16..512; the experiment's own if left out.",
+        help="Voxels per edge, a power of 2 from 16 to 512. Default: the experiment's own.",
     ),
 ]
 
@@ -73,34 +75,48 @@ MethodsOption = Annotated[
     typer.Option(
         "--method",
         metavar="NAME",
-        help=f"Of the evaluation: a method, {', '.join(METHODS)}; may be repeated.",
+        help=f"A method to evaluate: {', '.join(METHODS)}; may be repeated. Default: all that are compared.",
         callback=_check_methods,
     ),
 ]
 WorkersOption = Annotated[
     int,
-    typer.Option("--workers", metavar="N", min=1, help="Processes that share the jobs; the results stay the same."),
+    typer.Option(
+        "--workers", metavar="N", min=1, help="Number of processes that share the jobs; the results are the same."
+    ),
 ]
 FirstSeedOption = Annotated[
     int | None,
-    typer.Option("--seed", metavar="S", help="The first of them; same seed, same result.", callback=check_seed),
+    typer.Option(
+        "--seed",
+        metavar="S",
+        help="The first seed, or the seed of the pairs; the same seed gives the same results.",
+        callback=check_seed,
+    ),
 ]
 
 
 def command(
-    name: Annotated[str, typer.Argument(help=f"{_SHOWN}.", metavar="NAME")],
+    name: Annotated[str, typer.Argument(help=f"An experiment or a group of them: {_NAMES}.", metavar="NAME")],
     out: Annotated[
-        Path, typer.Option("-o", "--out", help="Folder for the results, and to go on from.", metavar="OUT")
+        Path,
+        typer.Option(
+            "-o", "--out", help="Folder for the results; a stopped run goes on from what is there.", metavar="OUT"
+        ),
     ] = Path("reproduction"),
     quick: Annotated[
-        bool, typer.Option("--quick", help="A minute each, with less of everything that no option sets.")
+        bool,
+        typer.Option(
+            "--quick",
+            help="At most a minute for each experiment: fewer scenes, seeds, pairs, voxels, where no option sets them.",
+        ),
     ] = False,
-    fresh: Annotated[bool, typer.Option("--fresh", help="Do again what an earlier run has done.")] = False,
+    fresh: Annotated[bool, typer.Option("--fresh", help="Run all jobs again, those of an earlier run too.")] = False,
     page: PageOption = None,
     scene: SceneOption = None,
     sigma2: NoisesOption = None,
-    seeds: Annotated[int | None, typer.Option(metavar="N", help="How many seeds.", min=1)] = None,
-    pairs: Annotated[int | None, typer.Option(metavar="N", help="How many pairs.", min=1)] = None,
+    seeds: Annotated[int | None, typer.Option(metavar="N", help="Number of seeds.", min=1)] = None,
+    pairs: Annotated[int | None, typer.Option(metavar="N", help="Number of pairs.", min=1)] = None,
     seed: FirstSeedOption = None,
     method: MethodsOption = None,
     grid: OwnGridOption = None,
@@ -109,12 +125,12 @@ def command(
     as_json: JsonOption = False,
     quiet: QuietOption = False,
 ) -> None:
-    """Repeat an experiment of the paper on simulated scans, and show its numbers beside the paper's; or one of the
-    evaluation, beside other methods.
+    """Run an experiment on simulated scans: one of the paper's, and show its numbers beside the paper's; or one of this
+    project's evaluations, beside other methods.
 
-    OUT gets NAME.csv with every row, NAME.md with the tables, NAME*.png with figures like the paper's, and the times in
-    NAME-seconds.csv, NAME-times.md and NAME.json. A run that was stopped goes on where it was when the same command is
-    given again.
+    OUT gets NAME.csv with every row, NAME.md with the tables, NAME*.png with the figures, and the times in
+    NAME-seconds.csv, NAME-times.md and NAME.json. If a run is stopped, the same command goes on where it was; jobs that
+    are done are kept in OUT/journal.sqlite.
     """
     from kernels.opencl.device import choose_device
     from spectral.grid import Grid
@@ -131,8 +147,8 @@ def command(
     opened = choose_device(device)
     for note in opened.notes:
         say(note)
-    run = Run(replace(asked, device=opened), out, fresh, workers, silent)
-    records = [_reproduce(one, run, printed=not as_json) for one in names]
+    options = Options(replace(asked, device=opened), out, fresh, workers, silent)
+    records = [_reproduce(experiment, options, printed=not as_json) for experiment in names]
     group = group_of(name)
     written = write_page(page, out, members(group), FRAMES.get(group, FRAMES[ALL])) if page else []
     if as_json:
@@ -142,15 +158,15 @@ def command(
 
 
 @dataclass(frozen=True, slots=True)
-class Run:
-    """How to run each of the experiments that are asked for.
+class Options:
+    """How to run the experiments that are asked for.
 
     Attributes:
         request: what is asked of them, with the device.
         out: folder for the results.
-        fresh: do every job again.
+        fresh: run every job again.
         workers: how many processes share the jobs.
-        silent: tell nothing of the progress.
+        silent: say nothing of the progress.
     """
 
     request: Request
@@ -159,45 +175,45 @@ class Run:
     workers: int
     silent: bool
 
-    def crew(self, name: str) -> "Crew | None":
-        """The processes for an experiment; None for this process alone."""
-        from tools.reproduce.crew import Crew
-
-        entry = entry_of(name)
-        if self.workers == 1:
-            return None
-        if entry.timed:
-            self.tell(f"{name}: measures times, so --workers does not count: one process does its jobs")
-            return None
-        return Crew(self.workers, entry.module, replace(self.request, device=None), self.request.opened.selector)
-
-    def tell(self, words: str) -> None:
-        """Say it, if anything is to be said."""
+    def say(self, text: str) -> None:
+        """Say it, unless nothing is to be said."""
         if not self.silent:
-            say(words)
+            say(text)
 
 
-def _reproduce(name: str, wanted: Run, printed: bool) -> "Record":
+def _reproduce(name: str, options: Options, printed: bool) -> "Record":
     """Run one experiment and write its files; what it holds on the device is let go before the next."""
-    from tools.reproduce.method_source import method_provenances
     from tools.reproduce.pages.folder import write_experiment
     from tools.reproduce.provenance import provenance
-    from tools.reproduce.run import Way, run
+    from tools.reproduce.run import RunOptions, run
 
-    request, out = wanted.request, wanted.out
+    request, out = options.request, options.out
     experiment = create(name, request)
     origin = provenance(experiment, request.opened)
-    way = Way(wanted.fresh, wanted.crew(name), method_provenances(experiment, request.opened))
-    follow = partial(progress, quiet=wanted.silent)
+    follow = partial(progress, quiet=options.silent)
     try:
-        result = run(experiment, origin, out, follow, way, wanted.tell)
+        result = run(experiment, origin, out, follow, RunOptions(options.fresh, _workers(name, options)), options.say)
     except KeyboardInterrupt:
-        wanted.tell("the jobs that were done are kept; the same command without --fresh goes on from there")
+        options.say("the jobs that were done are kept; the same command without --fresh goes on from there")
         raise
     record = write_experiment(out, experiment, result, origin, request.command(name))
     if printed:
         _print(record, out)
     return record
+
+
+def _workers(name: str, options: Options) -> "WorkerProcesses | None":
+    """The processes for an experiment; None for this process alone."""
+    from tools.reproduce.worker import WorkerProcesses
+
+    entry = entry_of(name)
+    if options.workers == 1:
+        return None
+    if entry.timed:
+        options.say(f"{name}: measures times, so --workers has no effect on it: one process runs its jobs")
+        return None
+    request = replace(options.request, device=None)
+    return WorkerProcesses(options.workers, entry.module, request, options.request.opened.selector)
 
 
 def _print(record: "Record", out: Path) -> None:

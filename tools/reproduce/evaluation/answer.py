@@ -94,3 +94,10 @@ def _sigmas(covariance: Any) -> tuple[float, float]:
         float(np.sqrt(max(np.linalg.eigvalsh(block)[-1], 0.0))) for block in (covariance[:3, :3], covariance[3:, 3:])
     )
     return float(np.rad2deg(rotation)), translation
+
+
+def finish_device(registrar: Registrar) -> None:
+    """Wait for the device of a method that has one, so that what follows is timed alone."""
+    device = getattr(registrar, "device", None)
+    if device is not None:
+        device.queue.finish()

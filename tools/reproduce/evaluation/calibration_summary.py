@@ -9,7 +9,7 @@ from statistics import median
 from scipy.stats import chi2
 
 from tools.reproduce.experiment import Row
-from tools.reproduce.pages.wilson import Rate, wilson
+from tools.reproduce.rate import Rate, wilson
 
 FREEDOM = 6  # degrees of it, of a transform
 CONFIDENCE = 0.95

@@ -3,10 +3,11 @@
 from collections.abc import Sequence
 
 from tools.reproduce.evaluation.calibration_summary import calibration, reliability
-from tools.reproduce.evaluation.lineup import OURS
-from tools.reproduce.evaluation.summary import NOTHING, OVERLAPS, right, shared, where
+from tools.reproduce.evaluation.methods import OURS
+from tools.reproduce.evaluation.summary import NOTHING, OVERLAPS, right, shared
 from tools.reproduce.experiment import Row
-from tools.reproduce.pages.table import Table
+from tools.reproduce.rows import where
+from tools.reproduce.table import Table
 
 
 def calibration_table(yaw: Sequence[Row], free: Sequence[Row], methods: Sequence[str]) -> Table:

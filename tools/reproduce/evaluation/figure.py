@@ -1,14 +1,12 @@
 """What the figures of the evaluation share: a color per method, and curves of rates."""
 
 from collections.abc import Sequence
-from pathlib import Path
 from typing import Any
 
 import numpy as np
 
-from tools.reproduce.evaluation.lineup import EVALUATED, OURS
-from tools.reproduce.pages.wilson import Rate
-from tools.writers.atomic import atomic_path
+from tools.reproduce.evaluation.methods import EVALUATED, OURS
+from tools.reproduce.rate import Rate
 
 DPI = 100
 
@@ -27,13 +25,3 @@ def draw_rates(axes: Any, places: Sequence[float], rates: Sequence[Rate], method
     if method == OURS:
         low, high = np.array([one.low for one in rates]), np.array([one.high for one in rates])
         axes.fill_between(places, low, high, color=look["color"], alpha=0.22, linewidth=0)
-
-
-def save(path: Path, figure: Any) -> None:
-    """Write a PNG.
-
-    Raises:
-        InputError: the file cannot be written.
-    """
-    with atomic_path(path) as temporary:
-        figure.savefig(temporary, format="png")

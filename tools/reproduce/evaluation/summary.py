@@ -4,17 +4,12 @@ from collections.abc import Iterable, Sequence
 from statistics import median
 
 from tools.reproduce.experiment import Row
-from tools.reproduce.pages.wilson import wilson
+from tools.reproduce.rate import wilson
 
 NOTHING = "–"
 
 # Shares of the points in common between which pairs are drawn (from 5 % on), and shown
 OVERLAPS = ((0.0, 0.2), (0.2, 0.4), (0.4, 0.6), (0.6, 0.8), (0.8, 1.0))
-
-
-def where(rows: Iterable[Row], **values: object) -> list[Row]:
-    """The rows that hold these values."""
-    return [row for row in rows if all(row[name] == value for name, value in values.items())]
 
 
 def shared(rows: Iterable[Row], low: float, high: float = 1.0) -> list[Row]:

@@ -9,6 +9,7 @@ from scipy.spatial.transform import RigidTransform, Rotation
 from tools.evaluate.trajectory import RIGHT_DEG, pair_error
 from tools.reproduce.experiment import Outcome, Row, Value
 from tools.reproduce.floodgate.survey import Survey
+from tools.reproduce.rows import all_rows
 from tools.simulate.shapes.surface import surface_distance
 
 RIGHT_M = 6.0  # three voxels of the paper's coarser grid [m]; one bar for all methods, whatever their voxels
@@ -125,7 +126,7 @@ def transform(row: Row, which: str) -> RigidTransform:
 
 def chains(outcomes: Mapping[str, Outcome]) -> dict[tuple[int, str, int], Chain]:
     """The chains of all outcomes, by seed, method and grid (0: none), in the order of the outcomes."""
-    rows = [row for outcome in outcomes.values() for row in outcome.rows]
+    rows = all_rows(outcomes)
     keys = dict.fromkeys(_key(row) for row in rows)
     return {key: Chain(_of(rows, key, PAIR), _of(rows, key, POSE)) for key in keys}
 

@@ -11,7 +11,7 @@ from scipy.spatial.transform import RigidTransform
 from tools.report.plan import Plan, plan
 from tools.report.plan_picture import draw_plan, from_above
 from tools.report.small_png import save_small
-from tools.reproduce.floodgate.lineup import TRUTH, label
+from tools.reproduce.floodgate.methods import TRUTH, label
 from tools.reproduce.floodgate.survey import Survey
 from tools.reproduce.floodgate.tables import Chain, Chains, map_90, runs_of, shown
 from tools.simulate.shapes.surface import surface_distance

@@ -8,7 +8,7 @@ import numpy as np
 from tools.report.small_png import save_small
 from tools.reproduce.experiment import Row
 from tools.reproduce.floodgate.chain import MAP_90, PARAMETERS
-from tools.reproduce.floodgate.lineup import LINEUP, TRUTH, label
+from tools.reproduce.floodgate.methods import COMPARED, TRUTH, label
 from tools.reproduce.floodgate.tables import Chains, Run, runs_of, shown
 
 if TYPE_CHECKING:
@@ -93,11 +93,11 @@ def _legend(figure: "Figure", axes: "Axes") -> None:
 def _style(run: Run) -> dict[str, Any]:
     """Every method in its color; on the coarser of the paper's grids with open marks."""
     method, edge = run
-    entrant, coarse = LINEUP[method], edge == _COARSE
+    compared, coarse = COMPARED[method], edge == _COARSE
     return {
-        "color": entrant.color,
-        "marker": entrant.mark,
+        "color": compared.color,
+        "marker": compared.mark,
         "markersize": 7 if coarse else 5,
-        "markerfacecolor": "none" if coarse else entrant.color,
+        "markerfacecolor": "none" if coarse else compared.color,
         "label": label(*run),
     }

@@ -11,15 +11,14 @@ from scipy.spatial.transform import RigidTransform
 from kernels.errors import InputError
 from kernels.opencl.device import Device
 from spectral.grid import Grid
-from spectral.hemisphere.registration import HemisphereRegistrar
-from spectral.registration import SpectralRegistrar
 from spectral.result import Registrar
-from tools.methods.registry import METHODS, build
+from tools.methods.registry import ALL_METHODS, build, is_installed
+from tools.reproduce.evaluation.answer import finish_device
 from tools.reproduce.experiment import Outcome, Section, Value
 from tools.reproduce.experiments import Request
 from tools.reproduce.floodgate.chain import PAIR, POSE, chains, pair_row, pose_rows
 from tools.reproduce.floodgate.figure import draw_floodgate
-from tools.reproduce.floodgate.lineup import EXTENT, LINEUP, TRUTH, VOXEL, runs
+from tools.reproduce.floodgate.methods import COMPARED, EXTENT, TRUTH, VOXEL, runs
 from tools.reproduce.floodgate.section import floodgate_section
 from tools.reproduce.floodgate.survey import SCANS, survey
 
@@ -36,7 +35,7 @@ class FloodgateSettings:
     """What is run.
 
     Attributes:
-        methods: keys of LINEUP.
+        methods: keys of COMPARED.
         edges: voxels per edge of the grids, for the methods that have one.
         seeds: how many surveys, each with a bed, a sea and a noise of its own, counted from `first_seed`.
         first_seed: >= 0.
@@ -52,9 +51,9 @@ class FloodgateSettings:
     left_out: tuple[str, ...] = ()
 
     def __post_init__(self) -> None:
-        unknown = [name for name in self.methods if name not in LINEUP]
+        unknown = [name for name in self.methods if name not in COMPARED]
         if unknown or not self.methods:
-            raise InputError(f"no method is called {', '.join(unknown) or 'nothing'}; there are {', '.join(LINEUP)}")
+            raise InputError(f"no method is called {', '.join(unknown) or 'nothing'}; there are {', '.join(COMPARED)}")
         if self.seeds < 1 or self.first_seed < 0:
             raise InputError(f"{self.seeds} seeds from {self.first_seed} on; wanted at least one, and none below 0")
         if not 2 <= self.scans <= SCANS:
@@ -82,12 +81,13 @@ class Floodgate:
     """Every method registers every scan to the one before it; a map is what chaining these makes."""
 
     name: ClassVar[str] = "floodgate"
+    sources: ClassVar[tuple[str, ...]] = ("tools/simulate", "tools/evaluate", *ALL_METHODS)
 
     def __init__(self, settings: FloodgateSettings, device: Device | None = None) -> None:
         """`device` is needed to run jobs, not to show what they found."""
         self.settings: Any = settings
         self._device = device
-        self._bench: tuple[tuple[int, str, int], Registrar, dict[int, Any]] | None = None
+        self._current: tuple[tuple[int, str, int], Registrar, dict[int, Any]] | None = None
         self._steps: dict[tuple[int, str, int, int], _Step] = {}
 
     def jobs(self) -> Sequence[str]:
@@ -141,10 +141,10 @@ class Floodgate:
         scans = survey(seed, self.settings.scans).scans
         if source - 1 not in prepared:
             prepared[source - 1] = registrar.prepare(scans[source - 1])
-            _finish(registrar)
+            finish_device(registrar)
         start = perf_counter()
         prepared[source] = registrar.prepare(scans[source])
-        _finish(registrar)
+        finish_device(registrar)
         middle = perf_counter()
         result = registrar.register(prepared[source - 1], prepared[source])
         end = perf_counter()
@@ -158,27 +158,21 @@ class Floodgate:
         A new one first registers a scan to itself, untimed: kernels are compiled and packages imported then.
         """
         key = (seed, method, edge)
-        if self._bench is None or self._bench[0] != key:
-            self._bench = None
+        if self._current is None or self._current[0] != key:
+            self._current = None
             grid = Grid(edge, EXTENT / edge) if edge else Grid(round(EXTENT / VOXEL), VOXEL)
             registrar = build(method, grid, self._device.selector if self._device else None, seed)
             scan = registrar.prepare(survey(seed, self.settings.scans).scans[0])
             registrar.register(scan, scan)
-            self._bench = (key, registrar, {})
-        return self._bench[1], self._bench[2]
-
-
-def _finish(registrar: Registrar) -> None:
-    """Wait for the device, so that what follows is timed alone."""
-    if isinstance(registrar, SpectralRegistrar | HemisphereRegistrar):
-        registrar.device.queue.finish()
+            self._current = (key, registrar, {})
+        return self._current[1], self._current[2]
 
 
 def create(request: Request) -> Floodgate:
     """The experiment as the command line asks for it: `quick` is one survey by the paper's methods, on one grid."""
     usual = FloodgateSettings()
     methods = PAPER_METHODS if request.quick else usual.methods
-    left_out = tuple(name for name in methods if not _installed(name))
+    left_out = tuple(name for name in methods if not is_installed(name))
     settings = FloodgateSettings(
         methods=tuple(name for name in methods if name not in left_out),
         edges=(request.grid,) if request.grid else (usual.edges[:1] if request.quick else usual.edges),
@@ -187,14 +181,3 @@ def create(request: Request) -> Floodgate:
         left_out=left_out,
     )
     return Floodgate(settings, request.device)
-
-
-def _installed(method: str) -> bool:
-    """Whether a method's package is there, where it wants one."""
-    if not METHODS[method].package:
-        return True
-    try:
-        build(method, Grid(round(EXTENT / VOXEL), VOXEL))
-    except InputError:
-        return False
-    return True

@@ -6,8 +6,8 @@ from tools.evaluate.trajectory import RIGHT_DEG
 from tools.reproduce.experiment import Outcome, Section
 from tools.reproduce.floodgate.chain import RIGHT_M, chains
 from tools.reproduce.floodgate.figure import PICTURES
-from tools.reproduce.floodgate.lineup import EXTENT, LINEUP, VOXEL
-from tools.reproduce.floodgate.remarks_text import remarks
+from tools.reproduce.floodgate.methods import COMPARED, EXTENT, VOXEL
+from tools.reproduce.floodgate.remarks import remarks
 from tools.reproduce.floodgate.tables import map_table, pair_table, pose_table, seeds_of
 from tools.reproduce.floodgate.times_table import times_tables
 from tools.reproduce.floodgate.verdict_table import AS_GOOD, CLEARLY, GOOD_M, verdict_table
@@ -19,7 +19,7 @@ def floodgate_section(
     """The section, from the rows of all jobs.
 
     Args:
-        methods: keys of LINEUP that ran.
+        methods: keys of COMPARED that ran.
         missing: those that were left out because their packages are not installed.
         edges: voxels per edge of the grids.
         outcomes: of all jobs.
@@ -37,7 +37,7 @@ def floodgate_section(
 
 def _introduction(methods: Sequence[str], missing: Sequence[str], edges: Sequence[int], seeds: Sequence[int]) -> str:
     grids = " and ".join(f"{edge}³ ({EXTENT / edge:g} m)" for edge in edges)
-    listed = "\n".join(f"- **{name}**: {LINEUP[name].title}" for name in LINEUP if name in methods)
+    listed = "\n".join(f"- **{name}**: {COMPARED[name].title}" for name in COMPARED if name in methods)
     absent = f"\n\nNot installed, so left out: {', '.join(missing)}." if missing else ""
     named = ", ".join(map(str, seeds))
     return f"""The paper's scans of the Lesumer Sperrwerk are not public. Ours are simulated: a flood gate of the same

@@ -9,8 +9,8 @@ from slam.graph.trajectory import Trajectory
 from tools.evaluate.trajectory import evaluate
 from tools.reproduce.experiment import Row
 from tools.reproduce.floodgate.chain import DISPLACED_90, MAP_90, MAP_MEDIAN, RIGHT_M, Chain
-from tools.reproduce.floodgate.lineup import LINEUP, TRUTH, label
-from tools.reproduce.pages.table import Table
+from tools.reproduce.floodgate.methods import COMPARED, TRUTH, label
+from tools.reproduce.table import Table
 
 Chains = Mapping[tuple[int, str, int], Chain]
 Run = tuple[str, int]
@@ -29,7 +29,7 @@ def runs_of(chains: Chains) -> list[Run]:
 
 def shown(runs: Sequence[Run]) -> list[Run]:
     """What the figures show: the methods that are about the paper's, each on its finest grid."""
-    paper = [run for run in runs if LINEUP[run[0]].in_figures] or list(runs)
+    paper = [run for run in runs if COMPARED[run[0]].in_figures] or list(runs)
     return [run for run in paper if run == max(one for one in paper if one[0] == run[0])]
 
 

@@ -5,9 +5,10 @@ from dataclasses import dataclass
 from statistics import mean, median
 
 from tools.reproduce.experiment import Outcome, Row
-from tools.reproduce.floodgate.lineup import label
+from tools.reproduce.floodgate.methods import label
 from tools.reproduce.floodgate.tables import Run
-from tools.reproduce.pages.table import Table
+from tools.reproduce.rows import all_seconds
+from tools.reproduce.table import Table
 
 # The pairs 0 -> 1 to 16 -> 17 by ICP (Table 2) [s], a Core 2 Duo of 1.8 GHz, C++. Their mean is 21.346; printed is
 # 21.403.
@@ -38,7 +39,7 @@ _PAPER: Mapping[Run, PaperTime] = {
 
 def times_tables(outcomes: Mapping[str, Outcome]) -> tuple[Table, ...]:
     """Times by method, then by pair; of all surveys."""
-    rows = [row for outcome in outcomes.values() for row in outcome.seconds]
+    rows = all_seconds(outcomes)
     if not rows:
         return ()
     runs = {run: [row for row in rows if _run(row) == run] for run in dict.fromkeys(_run(row) for row in rows)}

@@ -2,9 +2,9 @@
 
 from collections.abc import Callable
 
-from tools.reproduce.floodgate.lineup import TRUTH, label
+from tools.reproduce.floodgate.methods import TRUTH, label
 from tools.reproduce.floodgate.tables import Chains, Run, by_seed, listed, map_90, runs_of
-from tools.reproduce.pages.table import Table
+from tools.reproduce.table import Table
 
 # A map corresponds to the truth if 90 % of its points lie at most this farther from it than with true poses: the
 # paper's finer voxel [m].

@@ -6,9 +6,9 @@ from typing import Any
 
 import numpy as np
 
+from tools.reproduce.figure import save_figure
 from tools.reproduce.gaussian.row import GaussianRow
-from tools.reproduce.pages.wilson import wilson
-from tools.writers.atomic import atomic_path
+from tools.reproduce.rate import wilson
 
 TRANSLATION, ROTATION = ("x", "y", "z"), ("yaw", "roll", "pitch")
 _COLORS = ("tab:blue", "tab:orange", "tab:green")
@@ -46,7 +46,7 @@ def draw_parameters(path: Path, rows: Sequence[GaussianRow]) -> None:
         f"Table 1 on {one.scene}, {one.grid}³ voxels of {one.voxel_m:g} m, seed {one.seed}: "
         "lines true, marks estimated, gray wrong"
     )
-    _save(path, figure)
+    save_figure(figure, path)
 
 
 def draw_rates(path: Path, rows: Sequence[GaussianRow]) -> None:
@@ -66,7 +66,7 @@ def draw_rates(path: Path, rows: Sequence[GaussianRow]) -> None:
     axes[0].set_ylabel("share of seeds that are right")
     axes[-1].legend(loc="center left", bbox_to_anchor=(1.0, 0.5), fontsize=8, frameon=False)
     _name_scans(axes, rows)
-    _save(path, figure)
+    save_figure(figure, path)
 
 
 def _draw_parameters(axes: Any, rows: Sequence[GaussianRow], which: slice, names: tuple[str, ...]) -> None:
@@ -121,8 +121,3 @@ def _methods(rows: Sequence[GaussianRow]) -> list[str]:
 
 def _noises(rows: Sequence[GaussianRow]) -> list[float]:
     return list(dict.fromkeys(row.sigma2 for row in rows))
-
-
-def _save(path: Path, figure: Any) -> None:
-    with atomic_path(path) as temporary:
-        figure.savefig(temporary, format="png")

@@ -8,7 +8,7 @@ import numpy as np
 from scipy.spatial.transform import RigidTransform, Rotation
 
 from tools.reproduce.experiment import Row, Value
-from tools.reproduce.gaussian.trial import Trial
+from tools.reproduce.gaussian.scored import ScoredRegistration
 from tools.simulate.paths.trajectories import TABLE1_RIG
 
 RANKED = 12  # so many yaw peaks are looked at
@@ -24,8 +24,8 @@ class GaussianRow:
         scene: a key of SCENE_KINDS.
         grid, voxel_m: voxels per edge, and the edge of one [m].
         sigma2, seed, scan: which pair, see `table1_pair`.
-        method: a key of METHODS.
-        right, wrong_step, right_at_center: see `Trial`.
+        method: a key of VARIANTS.
+        right, wrong_step, right_at_center: see `ScoredRegistration`.
         rotation_deg, translation_m, translation_voxels: errors of T_target_source between the sensor frames.
         center_m: the translation's error at the center of the scan's grid [m].
         yaw_rank: the place of the right yaw among the RANKED highest yaw peaks of the first step, 1 for the highest;
@@ -137,28 +137,30 @@ class GaussianTime:
         return asdict(self)
 
 
-def row_of(trial: Trial, pair: tuple[str, float, int, int], method: str, edge: int, yaw_rank: int = 0) -> GaussianRow:
-    """The row of a trial.
+def row_of(
+    scored: ScoredRegistration, pair: tuple[str, float, int, int], method: str, edge: int, yaw_rank: int = 0
+) -> GaussianRow:
+    """The row of a scored registration.
 
     Args:
-        trial: a registration beside its truth.
+        scored: a registration beside its truth.
         pair: scene, variance of the noise [m^2], seed and number of the scan.
-        method: a key of METHODS.
+        method: a key of VARIANTS.
         edge: voxels per edge.
         yaw_rank: see `GaussianRow`.
     """
     scene, sigma2, seed, scan = pair
-    registration, error, steps = trial.registration, trial.error, dict(trial.registration.step_psr)
-    cells: dict[str, Value] = {"scene": scene, "grid": edge, "voxel_m": trial.voxel}
+    registration, error, steps = scored.registration, scored.error, dict(scored.registration.step_psr)
+    cells: dict[str, Value] = {"scene": scene, "grid": edge, "voxel_m": scored.voxel}
     cells |= {"sigma2": sigma2, "seed": seed, "scan": scan, "method": method}
-    cells |= {"right": trial.right, "wrong_step": trial.wrong_step, "right_at_center": trial.right_at_center}
+    cells |= {"right": scored.right, "wrong_step": scored.wrong_step, "right_at_center": scored.right_at_center}
     cells |= {"yaw_rank": yaw_rank}
     cells |= {"rotation_deg": error.rotation_deg, "translation_m": error.translation_m}
-    cells |= {"translation_voxels": error.translation_m / trial.voxel, "center_m": trial.center_m}
+    cells |= {"translation_voxels": error.translation_m / scored.voxel, "center_m": scored.center_m}
     cells |= {"accepted": bool(registration.accepted), "overlap": float(registration.overlap)}
     cells |= {"psr": float(registration.psr), "rival_psr": float(steps["rival"])}
     cells |= {"yaw_psr": float(steps["yaw"]), "tilt_psr": float(steps["tilt"])}
-    for which, T in (("found", registration.T_target_source), ("true", trial.truth)):
+    for which, T in (("found", registration.T_target_source), ("true", scored.truth)):
         cells |= zip((f"{which}_{name}" for name in _PARAMETERS), parameters(T).tolist(), strict=True)
     return GaussianRow.of(cells)
 

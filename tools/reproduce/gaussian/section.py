@@ -5,12 +5,12 @@ from statistics import median
 
 from tools.evaluate.trajectory import RIGHT_DEG, RIGHT_VOXELS
 from tools.reproduce.experiment import Section
-from tools.reproduce.gaussian.methods import METHODS
-from tools.reproduce.gaussian.remarks_text import remarks
+from tools.reproduce.gaussian.remarks import remarks
 from tools.reproduce.gaussian.row import RANKED, GaussianRow, GaussianTime
 from tools.reproduce.gaussian.summary import FEW, Summary, summarize
-from tools.reproduce.pages.table import Table
-from tools.reproduce.pages.wilson import wilson
+from tools.reproduce.gaussian.variants import VARIANTS
+from tools.reproduce.rate import wilson
+from tools.reproduce.table import Table
 
 # Voxels per edge -> seconds of a registration from the raw scans (Sect. 4.4; MATLAB, 2010)
 _PAPER_SECONDS = {128: 10.5, 256: 60.6}
@@ -63,7 +63,7 @@ def describe_right(rows: Sequence[GaussianRow]) -> str:
 
 def _introduction(scene: str, extent: float, rows: Sequence[GaussianRow]) -> str:
     grids = " and ".join(dict.fromkeys(f"{row.grid}³ voxels of {row.voxel_m:g} m" for row in rows))
-    methods = "\n".join(f"- **{name}**: {method.title}" for name, method in METHODS.items())
+    methods = "\n".join(f"- **{name}**: {method.title}" for name, method in VARIANTS.items())
     return f"""Scans S0 to S9 of the scene `{scene}`, step by step farther from the reference scan, by (4, 8, 12) m and
 by 6, 2 and 1 degrees of yaw, roll and pitch, are registered to it. The variance of the noise grows along the beam to σ²
 at the largest range. Grids: {grids}, {extent:g} m on an edge as the paper's 256 voxels. Seeds: {_seeds(rows)}; each has

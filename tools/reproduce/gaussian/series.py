@@ -11,9 +11,9 @@ from spectral.grid import Grid
 from spectral.hemisphere.registration import HemisphereConfig, HemisphereRegistrar, LayeredScan
 from spectral.scan import Scan
 from tools.evaluate.trajectory import RIGHT_DEG
-from tools.reproduce.gaussian.methods import METHODS
 from tools.reproduce.gaussian.row import RANKED, GaussianRow, GaussianTime, row_of
-from tools.reproduce.gaussian.trial import Trial
+from tools.reproduce.gaussian.scored import ScoredRegistration
+from tools.reproduce.gaussian.variants import VARIANTS
 from tools.simulate.pairs.table1 import table1_pair
 
 # What a config says of pairs alone; two that differ in nothing else prepare a scan alike.
@@ -34,7 +34,7 @@ class Series:
             DeviceError: the device cannot hold what the grid needs.
         """
         self.device, self.grid, self.scene = device, grid, scene
-        self._registrars = {name: HemisphereRegistrar(device, grid, method.config) for name, method in METHODS.items()}
+        self._registrars = {name: HemisphereRegistrar(device, grid, method.config) for name, method in VARIANTS.items()}
         self._reference: tuple[tuple[int, float], dict[str, LayeredScan]] | None = None
 
     def register(self, index: int, seed: int, sigma2: float) -> list[tuple[GaussianRow, GaussianTime]]:
@@ -49,9 +49,9 @@ class Series:
         found = []
         for name, (candidate, seconds) in self._prepare(source).items():
             registration = self._registrars[name].register(self._reference[1][name], candidate)
-            trial = Trial(registration, truth, candidate.volume.center, self.grid.voxel)
+            scored = ScoredRegistration(registration, truth, candidate.volume.center, self.grid.voxel)
             rank = yaw_rank(self._registrars[name], self._reference[1][name], candidate, truth)
-            row = row_of(trial, (self.scene, sigma2, seed, index), name, self.grid.edge, rank)
+            row = row_of(scored, (self.scene, sigma2, seed, index), name, self.grid.edge, rank)
             time = GaussianTime(self.grid.edge, sigma2, seed, index, name, seconds, registration.seconds)
             found.append((row, time))
         return found

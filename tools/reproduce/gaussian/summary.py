@@ -8,7 +8,7 @@ from types import MappingProxyType
 
 from spectral.hemisphere.registration import HemisphereConfig
 from tools.reproduce.gaussian.row import RANKED, GaussianRow
-from tools.reproduce.pages.wilson import Rate, wilson
+from tools.reproduce.rate import Rate, wilson
 
 # sigma^2 [m^2] -> the last scan up to which the paper's registrations succeed (Figs. 20, 21)
 PAPER_LAST: Mapping[float, int] = MappingProxyType({1.0: 8, 2.0: 6})
@@ -23,7 +23,7 @@ class Summary:
     Attributes:
         grid: voxels per edge.
         sigma2: variance of the range noise at the largest range [m^2].
-        method: a key of METHODS.
+        method: a key of VARIANTS.
         paper: the last scan that succeeds in the paper; None for a noise that it does not have.
         last: per seed, the last scan that succeeds, all before it too; -1 where S0 fails.
         right: how many registrations are right.

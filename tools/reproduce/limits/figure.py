@@ -7,8 +7,8 @@ from pathlib import Path
 import numpy as np
 
 from tools.reproduce.experiment import Row
-from tools.reproduce.structures.voxel_series import picked
-from tools.writers.atomic import atomic_path
+from tools.reproduce.figure import save_figure
+from tools.reproduce.rows import where
 
 PEAKS, DEVIATIONS = "limits-peaks.png", "limits.png"
 _SHOWN_DEG = 45.0  # of the tilt's correlation, either way
@@ -54,7 +54,7 @@ def draw_peaks(path: Path, peaks: Sequence[Peaks]) -> None:
         lower.set(xlim=(0, 180), xlabel="yaw [degrees]")
     axes[0, 0].set_ylabel("pitch [degrees]")
     axes[1, 0].set_ylabel("standard deviations")
-    _save(figure, path)
+    save_figure(figure, path)
 
 
 def draw_deviations(path: Path, rows: Sequence[Row]) -> None:
@@ -66,16 +66,11 @@ def draw_deviations(path: Path, rows: Sequence[Row]) -> None:
     titles = {"yaw": "yaw, as its peak says it", "roll": "roll, yaw given", "pitch": "pitch, yaw given"}
     for axes, (name, title) in zip(figure.subplots(1, 3), titles.items(), strict=True):
         for number, (kind, color) in enumerate(kinds.items()):
-            some = picked(rows, tilted=kind)
+            some = where(rows, tilted=kind)
             tilt = [float(row["tilt_deg"]) + _JITTER * (number - 1) for row in some]
             off = [float(row[f"{name}_off_deg"]) for row in some]
             axes.plot(tilt, off, ".", color=color, markersize=5, label=f"{kind} tilted", alpha=0.7)
         axes.set(title=title, xlabel="tilt [degrees]", ylabel="estimated - true [degrees]")
         axes.grid(alpha=0.3)
     figure.axes[0].legend(fontsize=8, frameon=False)
-    _save(figure, path)
-
-
-def _save(figure, path: Path) -> None:
-    with atomic_path(path) as temporary:
-        figure.savefig(temporary, format="png")
+    save_figure(figure, path)

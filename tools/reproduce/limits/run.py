@@ -1,7 +1,6 @@
 """How far roll, pitch and yaw carry: what the resampling is off by under tilt (Sect. 2.7, Figs. 7 to 9)."""
 
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass
 from pathlib import Path
 from time import perf_counter
 from typing import ClassVar, Literal
@@ -9,15 +8,16 @@ from typing import ClassVar, Literal
 import numpy as np
 from scipy.spatial.transform import Rotation
 
-from kernels.errors import InputError
 from kernels.opencl.device import Device
 from spectral.hemisphere.registration import LayeredScan
 from tools.reproduce.experiment import Outcome, Section
 from tools.reproduce.experiments import Request
 from tools.reproduce.limits.figure import DEVIATIONS, PEAKS, Peaks, draw_deviations, draw_peaks
 from tools.reproduce.limits.section import limits_section
-from tools.reproduce.structures.settings import StructureSettings, as_asked
-from tools.reproduce.structures.voxel_series import VoxelSeries, all_rows
+from tools.reproduce.limits.settings import LimitsSettings
+from tools.reproduce.rows import all_rows
+from tools.reproduce.structures.settings import SOURCES, as_asked
+from tools.reproduce.structures.voxel_series import VoxelSeries
 
 Kind = Literal["none", "roll", "pitch", "both"]
 KINDS: tuple[Kind, ...] = ("none", "roll", "pitch", "both")
@@ -25,31 +25,11 @@ _FARTHEST = np.deg2rad(60.0)  # how far roll and pitch are looked for, so that a
 _SHOWN_YAW = 40.0  # of the correlations that are drawn [degrees]
 
 
-@dataclass(frozen=True, slots=True)
-class LimitsSettings(StructureSettings):
-    """What is run.
-
-    Attributes:
-        tilts_deg: of roll, of pitch, and of both at once [degrees], ascending, above 0.
-        yaws_deg: under each tilt and without [degrees], ascending, above -90 and below 90.
-    """
-
-    noises: tuple[str, ...] = ("D0",)
-    edge: int = 128
-    tilts_deg: tuple[float, ...] = (5, 10, 15, 20, 25, 30, 35)
-    yaws_deg: tuple[float, ...] = (-80, -40, 0, 40, 80)
-
-    def __post_init__(self) -> None:
-        StructureSettings.__post_init__(self)
-        for name, angles, low in (("tilts_deg", self.tilts_deg, 0), ("yaws_deg", self.yaws_deg, -90)):
-            if not angles or list(angles) != sorted(set(angles)) or not low < angles[0] <= angles[-1] < 90:
-                raise InputError(f"{name} are {angles}; wanted some, ascending, above {low} and below 90 degrees")
-
-
 class Limits:
     """The experiment: one job per scene, seed, and what is tilted."""
 
     name: ClassVar[str] = "limits"
+    sources: ClassVar[tuple[str, ...]] = SOURCES
 
     def __init__(self, settings: LimitsSettings, device: Device) -> None:
         """Nothing is planned on the device before a job is run."""

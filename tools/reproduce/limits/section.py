@@ -1,19 +1,16 @@
 """What the paper says of the limits of roll, pitch and yaw, beside what is found."""
 
 from collections.abc import Sequence
-from typing import TYPE_CHECKING
 
 import numpy as np
 
 from spectral.grid import Grid
 from tools.reproduce.experiment import Row, Section
 from tools.reproduce.limits.figure import DEVIATIONS, PEAKS
-from tools.reproduce.pages.table import Table
-from tools.reproduce.pages.wilson import wilson
-from tools.reproduce.structures.voxel_series import picked
-
-if TYPE_CHECKING:
-    from tools.reproduce.limits.run import LimitsSettings
+from tools.reproduce.limits.settings import LimitsSettings
+from tools.reproduce.rate import wilson
+from tools.reproduce.rows import where
+from tools.reproduce.table import Table
 
 # "Neglectable" (Sect. 2.7) is taken as up to so much [degrees]
 _NEGLIGIBLE = 2.0
@@ -21,7 +18,7 @@ _SMALL_TILT = 15.0  # [degrees], below which the paper calls the distortions neg
 _CHAIN_DEG, _CHAIN_VOXELS = 6.0, 3.0  # the whole chain is right within these
 
 
-def limits_section(rows: Sequence[Row], settings: "LimitsSettings", grid: Grid) -> Section:
+def limits_section(rows: Sequence[Row], settings: LimitsSettings, grid: Grid) -> Section:
     """What the paper says of the limits beside what is found."""
     return Section(
         title="The limits of the resampling: Figs. 7, 8, 9",
@@ -38,7 +35,7 @@ def limits_section(rows: Sequence[Row], settings: "LimitsSettings", grid: Grid) 
 
 def deviation_table(rows: Sequence[Row]) -> Table:
     """The paper's sentences, ours, and the verdict."""
-    both = picked(rows, tilted="both")
+    both = where(rows, tilted="both")
     single = [row for row in rows if row["tilted"] != "both"]
     small = [row for row in rows if float(row["tilt_deg"]) <= _SMALL_TILT]
     farthest = max(float(row["tilt_deg"]) for row in rows)
@@ -66,8 +63,8 @@ def step_table(rows: Sequence[Row]) -> Table:
     """Median and largest deviations by tilt, and the chain's success."""
     lines = []
     for tilted in ("none", "roll", "pitch", "both"):
-        for tilt in sorted({float(row["tilt_deg"]) for row in picked(rows, tilted=tilted)}):
-            some = picked(rows, tilted=tilted, tilt_deg=tilt)
+        for tilt in sorted({float(row["tilt_deg"]) for row in where(rows, tilted=tilted)}):
+            some = where(rows, tilted=tilted, tilt_deg=tilt)
             cells = [
                 f"{np.median(_sizes(some, name)):.1f} / {_sizes(some, name).max():.1f}"
                 for name in ("yaw_off_deg", "roll_off_deg", "pitch_off_deg", "chain_off_deg")
@@ -87,7 +84,7 @@ def _offset_line(both: Sequence[Row]) -> tuple[str, str, str, str]:
     tilts = sorted({float(row["tilt_deg"]) for row in both})
     ours, medians = [], []
     for tilt in (tilts[0], tilts[len(tilts) // 2], tilts[-1]):
-        off = np.array([float(row["yaw_off_deg"]) for row in picked(both, tilt_deg=tilt)])
+        off = np.array([float(row["yaw_off_deg"]) for row in where(both, tilt_deg=tilt)])
         medians.append(abs(float(np.median(off))))
         ours.append(f"{np.median(off):+.1f}° ({off.min():+.1f}..{off.max():+.1f}) at {tilt:g}°")
     grows = "grows" if medians == sorted(medians) and medians[-1] > medians[0] else "does not grow"
@@ -107,7 +104,7 @@ def _sizes(rows: Sequence[Row], name: str) -> np.ndarray:
     return np.abs([float(row[name]) for row in rows])
 
 
-def _introduction(settings: "LimitsSettings", grid: Grid) -> str:
+def _introduction(settings: LimitsSettings, grid: Grid) -> str:
     return (
         "Structures as in the rotation experiment, without noise, turned by roll, by pitch, or by both alike, "
         f"up to {settings.tilts_deg[-1]:g} degrees, under yaws from {settings.yaws_deg[0]:g} to "

@@ -9,9 +9,9 @@ from typing import Any
 
 from tools.reproduce.experiment import Experiment, Row, Section
 from tools.reproduce.pages.section_text import duration, section_from_json, section_text, verdicts
-from tools.reproduce.pages.table import write_csv
 from tools.reproduce.provenance import Provenance
 from tools.reproduce.run import Result
+from tools.reproduce.table import write_csv
 from tools.writers.atomic import all_or_none, atomic_path
 from tools.writers.json_text import to_json, write_json
 
@@ -66,7 +66,7 @@ def write_experiment(
                 write_rows(folder / f"{name}-seconds.csv", seconds)
             _write_text(folder / f"{name}.md", _page(record))
             _write_text(folder / f"{name}-times.md", f"# {section.title}: times\n\n{times_text(record)}")
-            write_json(folder / f"{name}.json", to_json(record) | {"took": result.took})
+            write_json(folder / f"{name}.json", to_json(record) | {"job_seconds": result.job_seconds})
     for old in set(former.files if former else ()).difference(files):
         (folder / Path(old).name).unlink(missing_ok=True)
     return record

@@ -6,28 +6,12 @@ from pathlib import Path
 from types import MappingProxyType
 
 from kernels.errors import InputError
-from tools.reproduce.evaluation.introduction import EVALUATION_INTRODUCTION
 from tools.reproduce.experiments import ALL, EVALUATION, SLAM
 from tools.reproduce.pages.folder import Record, read_record, times_text
+from tools.reproduce.pages.introductions import EVALUATION_INTRODUCTION, PAPER_INTRODUCTION, SLAM_INTRODUCTION
 from tools.reproduce.pages.section_text import duration, section_text, verdicts
-from tools.reproduce.pages.table import Table
-from tools.reproduce.survey.introduction import SLAM_INTRODUCTION
+from tools.reproduce.table import Table
 from tools.writers.atomic import all_or_none, atomic_path
-
-_INTRODUCTION = """# The paper's experiments, reproduced
-
-Bülow and Birk, "Spectral registration of noisy sonar data for underwater 3D mapping", Autonomous Robots 30, 2011, doi
-10.1007/s10514-011-9221-8. The paper tests translation, rotation and both together on a simulated scene with four kinds
-of noise (Sect. 3), and makes a map of eighteen scans of the Lesumer Sperrwerk, a flood gate near Bremen, taken with a
-Tritech Eclipse sonar (Sect. 4). It gives neither the scene nor the scans. So all scans here are simulated, those of
-Sect. 4 too: of a flood gate and of clutter (`sonarmap simulate`; `--scene` takes others), with the paper's field of
-view, steps and noise, and with a truth for every pose. What the paper reports on its scans stands beside what this
-project finds on these: claims can be reproduced so, single numbers cannot.
-
-This page and its pictures are made by the commands below, each of which goes on where it was stopped; `--page FILE`
-writes the page from what is found in the folder of results. With the same seeds, code, device and versions the rows,
-tables and pictures come out the same byte by byte; only the times differ. Rates have Wilson's 95 % intervals.
-"""
 
 
 @dataclass(frozen=True, slots=True)
@@ -45,7 +29,7 @@ class Frame:
 
 FRAMES: Mapping[str, Frame] = MappingProxyType(
     {
-        ALL: Frame(_INTRODUCTION, "paper"),
+        ALL: Frame(PAPER_INTRODUCTION, "paper"),
         EVALUATION: Frame(EVALUATION_INTRODUCTION, "wanted"),
         SLAM: Frame(SLAM_INTRODUCTION, "wanted"),
     }
@@ -103,9 +87,9 @@ def _verdict_table(records: Sequence[Record], beside: str) -> Table:
         "All verdicts",
         ("experiment", "claim", beside, "ours", "verdict"),
         tuple(
-            (record.name, one.claim, one.paper, one.ours, one.verdict)
+            (record.name, verdict.claim, verdict.paper, verdict.ours, verdict.verdict)
             for record in records
-            for one in verdicts(record.section)
+            for verdict in verdicts(record.section)
         ),
     )
 

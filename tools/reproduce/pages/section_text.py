@@ -5,7 +5,7 @@ from dataclasses import dataclass
 from typing import Any
 
 from tools.reproduce.experiment import Section
-from tools.reproduce.pages.table import Table
+from tools.reproduce.table import Table
 
 
 @dataclass(frozen=True, slots=True)

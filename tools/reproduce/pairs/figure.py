@@ -9,11 +9,13 @@ import numpy as np
 from scipy.stats import chi2
 
 from tools.reproduce.evaluation.calibration_summary import FREEDOM, calibration, reliability
-from tools.reproduce.evaluation.figure import DPI, draw_rates, save
-from tools.reproduce.evaluation.lineup import OURS
-from tools.reproduce.evaluation.summary import right, shared, where
+from tools.reproduce.evaluation.figure import DPI, draw_rates
+from tools.reproduce.evaluation.methods import OURS
+from tools.reproduce.evaluation.summary import right, shared
 from tools.reproduce.experiment import Row
-from tools.reproduce.pages.wilson import wilson
+from tools.reproduce.figure import save_figure
+from tools.reproduce.rate import wilson
+from tools.reproduce.rows import where
 
 OVERLAP, NEES, PROBABILITY = "pairs-overlap.png", "pairs-nees.png", "pairs-probability.png"
 _TURNS = {"yaw": "any yaw, tilt up to 35°", "any": "any rotation"}
@@ -49,7 +51,7 @@ def draw_overlap(path: Path, rows: Sequence[Row], methods: Sequence[str]) -> Non
         axes.grid(alpha=0.3)
     panels[0].set_ylabel("share of pairs that are right")
     panels[-1].legend(loc="center left", bbox_to_anchor=(1.0, 0.5), fontsize=8, frameon=False)
-    save(path, figure)
+    save_figure(figure, path)
 
 
 def draw_nees(path: Path, rows: Sequence[Row]) -> None:
@@ -68,7 +70,7 @@ def draw_nees(path: Path, rows: Sequence[Row]) -> None:
     axes.plot(x, chi2.pdf(x, FREEDOM), "k-", linewidth=1.2, label=f"chi-squared({FREEDOM})")
     axes.set(xlabel=f"normalized squared error; all above {_FARTHEST:g} in the last bar", ylabel="density")
     axes.legend(fontsize=8, frameon=False)
-    save(path, figure)
+    save_figure(figure, path)
 
 
 def draw_probability(path: Path, rows: Sequence[Row]) -> None:
@@ -90,4 +92,4 @@ def draw_probability(path: Path, rows: Sequence[Row]) -> None:
     axes.set(xlabel="probability told (mean of a bin)", ylabel="share that is right", xlim=(0, 1), ylim=(-0.03, 1.03))
     axes.grid(alpha=0.3)
     axes.legend(fontsize=8, frameon=False)
-    save(path, figure)
+    save_figure(figure, path)

@@ -1,24 +1,21 @@
 """The pair set in words."""
 
 from collections.abc import Sequence
-from typing import TYPE_CHECKING
 
 from tools.evaluate.trajectory import RIGHT_DEG, RIGHT_VOXELS
 from tools.reproduce.evaluation.calibration_tables import calibration_table, reliability_table
-from tools.reproduce.evaluation.lineup import OURS
-from tools.reproduce.evaluation.summary import where
+from tools.reproduce.evaluation.methods import OURS
 from tools.reproduce.experiment import Row, Section
 from tools.reproduce.pairs.figure import NEES, OVERLAP, PROBABILITY
+from tools.reproduce.pairs.settings import PairsSettings
 from tools.reproduce.pairs.tables import accuracy_table, overlap_table, scene_table, trust_table
 from tools.reproduce.pairs.verdict_table import verdict_table
-
-if TYPE_CHECKING:
-    from tools.reproduce.pairs.run import PairsSettings
+from tools.reproduce.rows import where
 
 
-def pairs_section(rows: Sequence[Row], settings: "PairsSettings") -> Section:
+def pairs_section(rows: Sequence[Row], settings: PairsSettings) -> Section:
     """What is wanted of ours, then every method's success and trust, then how honest ours is."""
-    methods = settings.lineup.methods
+    methods = settings.compared.methods
     yaw, free = where(rows, turn="yaw"), where(rows, turn="any")
     tables = [
         verdict_table(yaw, free),
@@ -46,12 +43,12 @@ def pairs_section(rows: Sequence[Row], settings: "PairsSettings") -> Section:
     )
 
 
-def _introduction(rows: Sequence[Row], settings: "PairsSettings") -> str:
+def _introduction(rows: Sequence[Row], settings: PairsSettings) -> str:
     laid = {turn: len({row["number"] for row in where(rows, turn=turn)}) for turn in settings.counts}
     short = [
         f"{count - laid[turn]} of {count} ({turn})" for turn, count in settings.counts.items() if laid[turn] < count
     ]
-    peers = {min(settings.registers(method, turn) for method in settings.lineup.methods) for turn in settings.counts}
+    peers = {min(settings.registers(method, turn) for method in settings.compared.methods) for turn in settings.counts}
     fewer = ""
     if min(peers) < min(settings.counts.values()):
         told = " and ".join(str(n) for n in sorted(peers, reverse=True))
@@ -64,6 +61,6 @@ def _introduction(rows: Sequence[Row], settings: "PairsSettings") -> str:
         "5 to 100 % of their points, as many pairs in each fifth; the range noise is 0, 1 or 2 m² at the largest range "
         "of a scene of 256 m, smaller in smaller scenes, with outliers, dropouts, ghosts and speckle. The grid has "
         f"{settings.edge} voxels an edge, their size chosen from the two scans; right is within {RIGHT_DEG:g} degrees "
-        f"and {RIGHT_VOXELS:g} voxels. {settings.lineup.words}{fewer}"
+        f"and {RIGHT_VOXELS:g} voxels. {settings.compared.words}{fewer}"
         + (f" Pairs that their scenes do not have are left out: {', '.join(short)}." if short else "")
     )

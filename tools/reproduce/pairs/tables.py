@@ -12,11 +12,11 @@ from tools.reproduce.evaluation.summary import (
     refused,
     right,
     shared,
-    where,
     wrong,
 )
 from tools.reproduce.experiment import Row
-from tools.reproduce.pages.table import Table
+from tools.reproduce.rows import where
+from tools.reproduce.table import Table
 
 CLEAR = 0.4  # of the points in common: more is to be believed
 

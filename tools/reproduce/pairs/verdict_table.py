@@ -3,11 +3,12 @@
 from collections.abc import Sequence
 
 from tools.reproduce.evaluation.calibration_summary import calibration
-from tools.reproduce.evaluation.lineup import OURS
-from tools.reproduce.evaluation.summary import accepted, accurate, middle, rate, refused, shared, where, wrong
+from tools.reproduce.evaluation.methods import OURS
+from tools.reproduce.evaluation.summary import accepted, accurate, middle, rate, refused, shared, wrong
 from tools.reproduce.experiment import Row
-from tools.reproduce.pages.table import Table
 from tools.reproduce.pairs.tables import CLEAR
+from tools.reproduce.rows import where
+from tools.reproduce.table import Table
 
 MOST_WRONG = 0.002  # of all pairs
 MOST_REFUSED = 0.05  # of the pairs that share more than CLEAR

@@ -1,40 +1,19 @@
 """Whole structures turned under noise of the voxels (Sect. 3, Figs. 16, 17)."""
 
 from collections.abc import Mapping
-from dataclasses import dataclass
 from pathlib import Path
 from typing import ClassVar
 
 from scipy.spatial.transform import RigidTransform, Rotation
 
-from kernels.errors import InputError
 from kernels.opencl.device import Device
 from tools.reproduce.experiment import Outcome, Section
 from tools.reproduce.experiments import Request
 from tools.reproduce.rotation.section import PICTURE, rotation_section
+from tools.reproduce.rotation.settings import RotationSettings
+from tools.reproduce.rows import all_rows, where
 from tools.reproduce.structures.figure import draw_series
-from tools.reproduce.structures.settings import Structures, StructureSettings, as_asked
-from tools.reproduce.structures.voxel_series import all_rows, picked
-
-
-@dataclass(frozen=True, slots=True)
-class RotationSettings(StructureSettings):
-    """What is run.
-
-    Attributes:
-        tilt_deg: roll and pitch, both [degrees].
-        yaws_deg: [degrees], ascending, above -90 and below 90.
-    """
-
-    noises: tuple[str, ...] = ("D0", "D2", "D4", "D6")
-    tilt_deg: float = 10.0
-    yaws_deg: tuple[float, ...] = tuple(range(8, 89, 8))
-
-    def __post_init__(self) -> None:
-        StructureSettings.__post_init__(self)
-        yaws = list(self.yaws_deg)
-        if not yaws or yaws != sorted(set(yaws)) or not -90 < yaws[0] <= yaws[-1] < 90:
-            raise InputError(f"yaws_deg are {self.yaws_deg}; wanted some, ascending, above -90 and below 90 degrees")
+from tools.reproduce.structures.settings import Structures, as_asked
 
 
 class Turns(Structures):
@@ -55,7 +34,7 @@ class Turns(Structures):
 
     def draw(self, folder: Path, outcomes: Mapping[str, Outcome]) -> None:
         """The first seed of the first scene, as the paper's figures show it."""
-        first = picked(all_rows(outcomes), scene=self.settings.scenes[0], seed=self.settings.first_seed)
+        first = where(all_rows(outcomes), scene=self.settings.scenes[0], seed=self.settings.first_seed)
         draw_series(folder / PICTURE, first, self.settings.noises, "true_yaw_deg", "true yaw [degrees]")
 
 

@@ -2,18 +2,16 @@
 
 from collections.abc import Sequence
 from types import MappingProxyType
-from typing import TYPE_CHECKING
 
 import numpy as np
 
 from spectral.grid import Grid
 from tools.reproduce.experiment import Row, Section
-from tools.reproduce.pages.table import Table
-from tools.reproduce.pages.wilson import wilson
-from tools.reproduce.structures.voxel_series import ROTATION, picked
-
-if TYPE_CHECKING:
-    from tools.reproduce.rotation.run import RotationSettings
+from tools.reproduce.rate import wilson
+from tools.reproduce.rotation.settings import RotationSettings
+from tools.reproduce.rows import where
+from tools.reproduce.structures.voxel_series import ROTATION
+from tools.reproduce.table import Table
 
 # What the paper's Figs. 16 and 17 show: how far estimated angles lie from the true ones [degrees]
 PAPER_DEVIATION: MappingProxyType[str, float] = MappingProxyType({"yaw": 5.0, "roll": 3.0, "pitch": 3.0})
@@ -21,7 +19,7 @@ PICTURE = "rotation.png"
 _SHIFT_VOXELS = 2.0
 
 
-def rotation_section(rows: Sequence[Row], settings: "RotationSettings", grid: Grid) -> Section:
+def rotation_section(rows: Sequence[Row], settings: RotationSettings, grid: Grid) -> Section:
     """The deviations of every noise beside the paper's."""
     first = f"The first seed of `{settings.scenes[0]}`, as Figs. 16 and 17: lines true, crosses estimated, gray wrong"
     return Section(
@@ -46,10 +44,10 @@ def keeps(row: Row) -> bool:
     return turned and float(row["translation_voxels"]) <= _SHIFT_VOXELS
 
 
-def _deviation_table(rows: Sequence[Row], settings: "RotationSettings") -> Table:
+def _deviation_table(rows: Sequence[Row], settings: RotationSettings) -> Table:
     lines = []
     for noise in settings.noises:
-        some = picked(rows, noise=noise)
+        some = where(rows, noise=noise)
         kept = wilson(sum(map(keeps, some)), len(some))
         worst = [max((abs(deviation(row, name)) for row in some), default=float("nan")) for name in ROTATION]
         typical = float(np.median([float(row["rotation_deg"]) for row in some]))
@@ -92,7 +90,7 @@ def _remarks(rows: Sequence[Row]) -> str:
     return f"Beyond the bounds: {named}. {sum(bool(row['accepted']) for row in beyond)} of these were accepted."
 
 
-def _introduction(settings: "RotationSettings", grid: Grid) -> str:
+def _introduction(settings: RotationSettings, grid: Grid) -> str:
     yaws = settings.yaws_deg
     bounds = PAPER_DEVIATION
     return (

@@ -3,25 +3,23 @@
 import math
 from collections.abc import Iterable, Sequence
 from statistics import median
-from typing import TYPE_CHECKING
 
 import numpy as np
 
-from tools.reproduce.evaluation.lineup import OURS
-from tools.reproduce.evaluation.summary import NOTHING, accepted, rate, right, where
+from tools.reproduce.evaluation.methods import OURS
+from tools.reproduce.evaluation.settings import PairSetSettings
+from tools.reproduce.evaluation.summary import NOTHING, accepted, rate, right
 from tools.reproduce.experiment import Row, Section
-from tools.reproduce.pages.table import Table
-
-if TYPE_CHECKING:
-    from tools.reproduce.speed.run import SpeedSettings
+from tools.reproduce.rows import where
+from tools.reproduce.table import Table
 
 PEER = "kiss"
 NINETY_NINE = 99.0  # percentile
 
 
-def speed_section(rows: Sequence[Row], seconds: Sequence[Row], settings: "SpeedSettings") -> Section:
+def speed_section(rows: Sequence[Row], seconds: Sequence[Row], settings: PairSetSettings) -> Section:
     """All tables of times stand among the times, which may differ between runs."""
-    methods = settings.lineup.methods
+    methods = settings.compared.methods
     laid = len({row["number"] for row in rows})
     return Section(
         title="Times of a pair",
@@ -29,7 +27,7 @@ def speed_section(rows: Sequence[Row], seconds: Sequence[Row], settings: "SpeedS
             f"{laid} pairs of the set {settings.seed} that share more than 20 % of their points, any yaw, tilt up to "
             f"35 degrees, on grids of {settings.edge} voxels an edge. Both scans are prepared before and the pair is "
             "registered once, untimed; then the methods register it in turn, three times over, and the fastest of the "
-            f"three counts. One process, one pair at a time. {settings.lineup.words}"
+            f"three counts. One process, one pair at a time. {settings.compared.words}"
         ),
         tables=(),
         times=(time_table(seconds, methods), spread_table(seconds), _right_table(rows, methods)),

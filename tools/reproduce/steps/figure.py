@@ -3,10 +3,12 @@
 from collections.abc import Sequence
 from pathlib import Path
 
-from tools.reproduce.evaluation.figure import DPI, draw_rates, save
-from tools.reproduce.evaluation.summary import right, where
+from tools.reproduce.evaluation.figure import DPI, draw_rates
+from tools.reproduce.evaluation.summary import right
 from tools.reproduce.experiment import Row
-from tools.reproduce.pages.wilson import wilson
+from tools.reproduce.figure import save_figure
+from tools.reproduce.rate import wilson
+from tools.reproduce.rows import where
 
 
 def draw_steps(path: Path, rows: Sequence[Row], methods: Sequence[str]) -> None:
@@ -31,4 +33,4 @@ def draw_steps(path: Path, rows: Sequence[Row], methods: Sequence[str]) -> None:
         axes.grid(alpha=0.3)
     panels[0].set_ylabel("share of seeds that are right")
     panels[-1].legend(loc="center left", bbox_to_anchor=(1.0, 0.5), fontsize=8, frameon=False)
-    save(path, figure)
+    save_figure(figure, path)

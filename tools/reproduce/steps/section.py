@@ -2,17 +2,15 @@
 
 from collections.abc import Sequence
 from statistics import median_low
-from typing import TYPE_CHECKING
 
 from tools.evaluate.trajectory import RIGHT_DEG, RIGHT_VOXELS
-from tools.reproduce.evaluation.lineup import OURS
-from tools.reproduce.evaluation.summary import accepted, last_right, rate, right, where, wrong
+from tools.reproduce.evaluation.methods import OURS
+from tools.reproduce.evaluation.summary import accepted, last_right, rate, right, wrong
 from tools.reproduce.experiment import Row, Section
-from tools.reproduce.pages.table import Table
+from tools.reproduce.rows import where
+from tools.reproduce.steps.settings import StepsSettings
+from tools.reproduce.table import Table
 from tools.simulate.paths.trajectories import TABLE1_COUNT, TABLE1_MOST
-
-if TYPE_CHECKING:
-    from tools.reproduce.steps.run import StepsSettings
 
 PICTURE = "steps.png"
 
@@ -20,7 +18,7 @@ PICTURE = "steps.png"
 WANTED, ROUGH, WANTED_ROUGH = 0.95, 2.0, 0.9
 
 
-def steps_section(rows: Sequence[Row], settings: "StepsSettings") -> Section:
+def steps_section(rows: Sequence[Row], settings: StepsSettings) -> Section:
     """What is wanted of ours, then every method's success, step by step and in all."""
     tables = [_wanted(rows, settings), _reach(rows, settings)]
     tables += [_by_step(where(rows, sigma2=sigma2), settings, sigma2) for sigma2 in settings.sigma2]
@@ -33,7 +31,7 @@ def steps_section(rows: Sequence[Row], settings: "StepsSettings") -> Section:
     )
 
 
-def _wanted(rows: Sequence[Row], settings: "StepsSettings") -> Table:
+def _wanted(rows: Sequence[Row], settings: StepsSettings) -> Table:
     lines = []
     for sigma2 in settings.sigma2:
         ours = where(rows, sigma2=sigma2, method=OURS)
@@ -52,10 +50,10 @@ def _wanted(rows: Sequence[Row], settings: "StepsSettings") -> Table:
     return Table("What is wanted", ("what", "wanted", "ours", "verdict"), tuple(lines))
 
 
-def _reach(rows: Sequence[Row], settings: "StepsSettings") -> Table:
+def _reach(rows: Sequence[Row], settings: StepsSettings) -> Table:
     lines = []
     for sigma2 in settings.sigma2:
-        for method in settings.lineup.methods:
+        for method in settings.compared.methods:
             some = where(rows, sigma2=sigma2, method=method)
             ends, beyond = last_right(some), [row for row in some if int(row["step"]) >= TABLE1_COUNT]
             lines.append(
@@ -80,19 +78,19 @@ def _reach(rows: Sequence[Row], settings: "StepsSettings") -> Table:
     )
 
 
-def _by_step(rows: Sequence[Row], settings: "StepsSettings", sigma2: float) -> Table:
+def _by_step(rows: Sequence[Row], settings: StepsSettings, sigma2: float) -> Table:
     steps = range(TABLE1_MOST)
     lines = []
-    for method in settings.lineup.methods:
+    for method in settings.compared.methods:
         some = [where(rows, method=method, step=step) for step in steps]
         lines.append((method, *(f"{len(right(one))}/{len(one)}" for one in some)))
     title = f"Right at σ² = {sigma2:g} m², step by step"
     return Table(title, ("method", *(_step(step) for step in steps)), tuple(lines))
 
 
-def _by_scene(rows: Sequence[Row], settings: "StepsSettings") -> Table:
+def _by_scene(rows: Sequence[Row], settings: StepsSettings) -> Table:
     lines = []
-    for method in settings.lineup.methods:
+    for method in settings.compared.methods:
         some = [_through(where(rows, method=method, scene=scene)) for scene in settings.scenes]
         lines.append((method, *(rate(right(one), one) for one in some)))
     return Table("Right, S0 to S9, all noises, by scene", ("method", *settings.scenes), tuple(lines))
@@ -107,9 +105,9 @@ def _step(step: int) -> str:
     return f"S{step}" if step >= 0 else "none"
 
 
-def _introduction(settings: "StepsSettings") -> str:
+def _introduction(settings: StepsSettings) -> str:
     first, last = settings.first_seed, settings.first_seed + settings.seeds - 1
-    others = settings.lineup.methods != (OURS,)
+    others = settings.compared.methods != (OURS,)
     fewer = (
         f" Those beside `{OURS}` have the first {settings.peers}." if settings.peers < settings.seeds and others else ""
     )
@@ -119,5 +117,5 @@ def _introduction(settings: "StepsSettings") -> str:
         "with the same steps, with Gaussian noise along the beams (its Sect. 3; σ² is the variance at the largest "
         f"range). {seeds} on {', '.join(settings.scenes)}. The grid "
         f"has {settings.edge} voxels of {settings.grid.voxel:g} m an edge; right is within {RIGHT_DEG:g} degrees and "
-        f"{RIGHT_VOXELS:g} voxels between the sensors' frames. {settings.lineup.words}{fewer}"
+        f"{RIGHT_VOXELS:g} voxels between the sensors' frames. {settings.compared.words}{fewer}"
     )

@@ -7,8 +7,9 @@ from typing import Any
 import numpy as np
 
 from tools.reproduce.experiment import Row
-from tools.reproduce.structures.voxel_series import ROTATION, TRANSLATION, picked
-from tools.writers.atomic import atomic_path
+from tools.reproduce.figure import save_figure
+from tools.reproduce.rows import where
+from tools.reproduce.structures.voxel_series import ROTATION, TRANSLATION
 
 _COLORS = ("tab:blue", "tab:orange", "tab:green")
 _WRONG = "0.88"
@@ -28,15 +29,14 @@ def draw_series(path: Path, rows: Sequence[Row], noises: Sequence[str], over: st
     figure = Figure(figsize=(10, 2.8 * len(noises) + 0.3), dpi=90, layout="constrained")
     axes = figure.subplots(len(noises), 2, squeeze=False, sharex=True)
     for (left, right), noise in zip(axes, noises, strict=True):
-        some = picked(rows, noise=noise)
+        some = where(rows, noise=noise)
         _draw(left, some, over, ROTATION, "deg")
         _draw(right, some, over, TRANSLATION, "m")
         left.set(title=f"{noise}: rotation", ylabel="estimated [degrees]")
         right.set(title=f"{noise}: translation", ylabel="estimated [m]")
     for one in axes[-1]:
         one.set_xlabel(label)
-    with atomic_path(path) as temporary:
-        figure.savefig(temporary, format="png")
+    save_figure(figure, path)
 
 
 def _draw(axes: Any, rows: Sequence[Row], over: str, names: Sequence[str], unit: str) -> None:

@@ -2,7 +2,7 @@
 
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
-from typing import Any, TypeVar
+from typing import Any, ClassVar, TypeVar
 
 from scipy.spatial.transform import RigidTransform
 
@@ -13,6 +13,8 @@ from tools.reproduce.experiments import Request
 from tools.reproduce.structures.voxel_series import Case, VoxelSeries
 from tools.simulate.scenes.catalog import SCENE_KINDS
 from tools.simulate.shapes.voxel_noise import NOISES
+
+SOURCES = ("kernels", "spectral", "tools/simulate", "tools/evaluate", "tools/reproduce/structures")
 
 
 @dataclass(frozen=True, slots=True)
@@ -75,6 +77,8 @@ def as_asked(settings: Settings, quick: dict[str, Any], request: Request) -> Set
 
 class Structures:
     """An experiment that moves structures in one way, under noise: one job per scene, seed and noise."""
+
+    sources: ClassVar[tuple[str, ...]] = SOURCES
 
     def __init__(self, settings: StructureSettings, motions: Sequence[RigidTransform], device: Device) -> None:
         """Nothing is planned on the device before a job is run.

@@ -1,6 +1,6 @@
 """What the experiments on whole structures share: a volume and the same one moved, each with noise of its own."""
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Sequence
 from dataclasses import dataclass
 from functools import cached_property, lru_cache
 from time import perf_counter
@@ -13,7 +13,7 @@ from spectral.grid import Grid
 from spectral.hemisphere.registration import HemisphereConfig, HemisphereRegistrar, LayeredScan
 from spectral.result import Registration
 from tools.evaluate.trajectory import pair_error
-from tools.reproduce.experiment import Outcome, Row
+from tools.reproduce.experiment import Outcome
 from tools.simulate.scenes.scene import build_scene
 from tools.simulate.shapes.structure import occupy, surface_points, voxel_scan
 from tools.simulate.shapes.voxel_noise import NOISES, swap
@@ -121,16 +121,6 @@ def _row(case: Case, number: int, truth: RigidTransform, registration: Registrat
         "accepted": registration.accepted,
         **{"psr": registration.psr, "yaw_psr": steps["yaw"], "tilt_psr": steps["tilt"]},
     }
-
-
-def all_rows(outcomes: Mapping[str, Outcome]) -> list[Row]:
-    """The rows of all jobs, in order."""
-    return [row for outcome in outcomes.values() for row in outcome.rows]
-
-
-def picked(rows: Sequence[Row], **values: object) -> list[Row]:
-    """The rows that hold these values."""
-    return [row for row in rows if all(row[name] == value for name, value in values.items())]
 
 
 @lru_cache(maxsize=1)

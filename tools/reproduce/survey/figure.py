@@ -9,8 +9,8 @@ import numpy as np
 from tools.report.plan import plan
 from tools.report.plan_picture import draw_plan
 from tools.report.small_png import save_small
-from tools.reproduce.evaluation.summary import where
 from tools.reproduce.experiment import Row
+from tools.reproduce.rows import where
 from tools.reproduce.survey.row import MAP, POSE
 from tools.simulate.scenes.scene import build_scene
 
@@ -26,7 +26,7 @@ _WAYS: dict[str, dict[str, Any]] = {
 
 
 def draw_ways(path: Path, rows: Sequence[Row], scene: str, seed: int, survey: str) -> None:
-    """Write a PNG of one survey, each way laid over the true one.
+    """Write a PNG of one survey, each way survey over the true one.
 
     Raises:
         InputError: the file cannot be written.

@@ -9,8 +9,8 @@ from tools.evaluate.place_recall import AMONG, GAP, recall, revisits
 from tools.evaluate.pose_calibration import calibrate_poses
 from tools.evaluate.trajectory import Evaluation, evaluate
 from tools.reproduce.experiment import Row, Value
-from tools.reproduce.survey.map import Mapped
-from tools.reproduce.survey.scans import Laid
+from tools.reproduce.survey.mapped import MappedSurvey
+from tools.reproduce.survey.simulated import SimulatedSurvey
 from tools.simulate.shapes.surface import surface_distance
 
 MAP, POSE = "map", "pose"  # of the column "row"
@@ -19,30 +19,30 @@ BETWEEN = "between"  # pairs of different dives, whatever their role
 _NAN = float("nan")
 
 
-def survey_rows(laid: Laid, mapped: Mapped, voxel: float) -> tuple[Row, ...]:
+def survey_rows(survey: SimulatedSurvey, mapped: MappedSurvey, voxel: float) -> tuple[Row, ...]:
     """All rows of one system on one survey.
 
     Trajectories are aligned over the placed scans that are usable; a system that places others too is not told off for
     them here, but its map holds them.
 
     Args:
-        laid: the survey.
+        survey: its scans and their truth.
         mapped: what the system made of it.
         voxel: edge of the survey's voxels [m].
     """
-    usable = [place for place, scan in enumerate(mapped.placed) if scan not in laid.unusable]
-    after = evaluate(mapped.trajectory.take(usable), laid.truth)
-    before = None if mapped.chained is None else evaluate(mapped.chained.take(usable), laid.truth)
-    row: dict[str, Value] = {"row": MAP} | _placed(laid, mapped, len(usable)) | {"voxel_m": voxel}
-    row |= _errors(before, after, voxel) | _calibration(laid, mapped) | _pairs(laid, mapped, voxel)
-    row |= _map(laid, mapped, after, voxel) | _recall(laid, mapped, voxel)
+    usable = [place for place, scan in enumerate(mapped.placed) if scan not in survey.unusable]
+    after = evaluate(mapped.trajectory.take(usable), survey.truth)
+    before = None if mapped.chained is None else evaluate(mapped.chained.take(usable), survey.truth)
+    row: dict[str, Value] = {"row": MAP} | _placed(survey, mapped, len(usable)) | {"voxel_m": voxel}
+    row |= _errors(before, after, voxel) | _calibration(survey, mapped) | _pairs(survey, mapped, voxel)
+    row |= _map(survey, mapped, after, voxel) | _recall(survey, mapped, voxel)
     return (row, *_poses(before, after))
 
 
-def _placed(laid: Laid, mapped: Mapped, usable: int) -> dict[str, Value]:
+def _placed(survey: SimulatedSurvey, mapped: MappedSurvey, usable: int) -> dict[str, Value]:
     return {
-        "scans": len(laid.scans),
-        "unusable": len(laid.unusable),
+        "scans": len(survey.scans),
+        "unusable": len(survey.unusable),
         "placed": usable,
         "placed_unusable": len(mapped.placed) - usable,
         "components": mapped.components,
@@ -58,22 +58,22 @@ def _errors(before: Evaluation | None, after: Evaluation, voxel: float) -> dict[
     }
 
 
-def _calibration(laid: Laid, mapped: Mapped) -> dict[str, Value]:
+def _calibration(survey: SimulatedSurvey, mapped: MappedSurvey) -> dict[str, Value]:
     keys = ("within_95", "position_within_95", "nees_mean", "position_nees_mean")
     found = None
     if mapped.covariances is not None:
-        truth = laid.truth.T_world_sensor[list(mapped.placed)]
+        truth = survey.truth.T_world_sensor[list(mapped.placed)]
         found = calibrate_poses(mapped.trajectory.T_world_sensor, truth, mapped.covariances)
     told = found.to_json() if found else dict.fromkeys(keys, _NAN)
     return {key: told[key] for key in keys}
 
 
-def _pairs(laid: Laid, mapped: Mapped, voxel: float) -> dict[str, Value]:
-    usable = [k for k in range(len(laid.scans)) if k not in laid.unusable]
-    truth = {k: laid.truth.T_world_sensor[k] for k in usable}
-    unusable = [pair for pair in mapped.pairs if laid.unusable & {pair.target, pair.source}]
+def _pairs(survey: SimulatedSurvey, mapped: MappedSurvey, voxel: float) -> dict[str, Value]:
+    usable = [k for k in range(len(survey.scans)) if k not in survey.unusable]
+    truth = {k: survey.truth.T_world_sensor[k] for k in usable}
+    unusable = [pair for pair in mapped.pairs if survey.unusable & {pair.target, pair.source}]
     chosen = {role: [pair for pair in mapped.pairs if pair.role == role] for role in ROLES}
-    chosen[BETWEEN] = [pair for pair in mapped.pairs if laid.dives[pair.target] != laid.dives[pair.source]]
+    chosen[BETWEEN] = [pair for pair in mapped.pairs if survey.dives[pair.target] != survey.dives[pair.source]]
     cells: dict[str, Value] = {}
     for name, pairs in chosen.items():
         cells |= _counts(name, score_pairs(pairs, truth, voxel))
@@ -94,9 +94,9 @@ def _kept(pairs: list[TriedPair]) -> int:
     return sum(pair.kept for pair in pairs)
 
 
-def _map(laid: Laid, mapped: Mapped, after: Evaluation, voxel: float) -> dict[str, Value]:
+def _map(survey: SimulatedSurvey, mapped: MappedSurvey, after: Evaluation, voxel: float) -> dict[str, Value]:
     """Of all points, and of those that two scans or more saw: stray echoes are seen once."""
-    surface = Reference("the true surface", "surface", lambda points: surface_distance(laid.mesh, points))
+    surface = Reference("the true surface", "surface", lambda points: surface_distance(survey.mesh, points))
     cells: dict[str, Value] = {}
     for name, points in (("map", mapped.points), ("map_twice", mapped.points[mapped.seen >= 2])):
         error = map_error(after.T_truth_estimate.apply(points), surface, voxel) if len(points) else None
@@ -112,13 +112,13 @@ def _map(laid: Laid, mapped: Mapped, after: Evaluation, voxel: float) -> dict[st
     }
 
 
-def _recall(laid: Laid, mapped: Mapped, voxel: float) -> dict[str, Value]:
+def _recall(survey: SimulatedSurvey, mapped: MappedSurvey, voxel: float) -> dict[str, Value]:
     """Of the scans that have a signature; those without can neither be found nor find."""
     signed = sorted(mapped.signatures)
     shares, count = [_NAN] * len(AMONG), 0
     if signed:
-        places = PlaceIndex(np.stack([mapped.signatures[k] for k in signed]), laid.dives[signed])
-        again = revisits([laid.scans[k] for k in signed], laid.truth.T_world_sensor[signed], voxel)
+        places = PlaceIndex(np.stack([mapped.signatures[k] for k in signed]), survey.dives[signed])
+        again = revisits([survey.scans[k] for k in signed], survey.truth.T_world_sensor[signed], voxel)
         index, _ = places.nearest(AMONG[-1], GAP)
         shares, count = recall(index, again), int(again.any(axis=1).sum())
     return {"revisited": count, **{f"recall_{k}": share for k, share in zip(AMONG, shares, strict=True)}}

@@ -1,71 +1,41 @@
 """Whole surveys, mapped: how far off poses and maps are, what became of right and wrong pairs, and what it takes."""
 
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass
 from pathlib import Path
 from typing import Any, ClassVar
 
-from kernels.errors import InputError
-from spectral.grid import Grid, choose_grid
+from spectral.grid import choose_grid
+from tools.methods.registry import ALL_METHODS
 from tools.reproduce.experiment import Outcome, Section, Value
 from tools.reproduce.experiments import Request
+from tools.reproduce.rows import all_rows, all_seconds
 from tools.reproduce.survey.figure import draw_ways
-from tools.reproduce.survey.map import OURS, PEERS, SYSTEMS, Took, installed, map_survey
+from tools.reproduce.survey.mapped import OURS, PEERS, SYSTEMS, MappingTime, installed, map_survey
 from tools.reproduce.survey.row import survey_rows
-from tools.reproduce.survey.scans import Laid, lay
 from tools.reproduce.survey.section import PICTURE, survey_section
-from tools.simulate.scenes.catalog import SCENE_KINDS
+from tools.reproduce.survey.settings import DIVES, SurveySettings
+from tools.reproduce.survey.simulated import SimulatedSurvey, simulate_survey
 
-DIVES = "dives"
 _ORDER = (2, 1)  # of the dives, as they are given to the mapper
-
-
-@dataclass(frozen=True, slots=True)
-class SurveySettings:
-    """What is run.
-
-    Attributes:
-        scene: a key of SCENE_KINDS.
-        seeds: how many surveys, each with a scene, a sea and a noise of its own, counted from `first_seed`.
-        first_seed: >= 0.
-        counts: of the scans of a survey; the peers map the longest alone.
-        dive: scans of each of two dives over one place; 0 for none.
-        unusable: share of the scans that show nothing of the scene.
-        edge: voxels per edge; their size is chosen for the survey, as `sonarmap map` does.
-        systems: of SYSTEMS.
-        left_out: systems that would have run were their packages installed.
-    """
-
-    scene: str = "floodgate"
-    seeds: int = 1
-    first_seed: int = 5
-    counts: tuple[int, ...] = (50, 100, 200)
-    dive: int = 60
-    unusable: float = 0.03
-    edge: int = 128
-    systems: tuple[str, ...] = SYSTEMS
-    left_out: tuple[str, ...] = ()
-
-    def __post_init__(self) -> None:
-        Grid(self.edge, 1.0)
-        if self.scene not in SCENE_KINDS:
-            raise InputError(f"no scene is called {self.scene!r}; there are {', '.join(SCENE_KINDS)}")
-        if self.seeds < 1 or self.first_seed < 0:
-            raise InputError(f"{self.seeds} seeds from {self.first_seed} on; wanted at least one, and none below 0")
-        if not self.counts or min(self.counts) < 2 or self.dive < 0:
-            raise InputError(f"{self.counts} scans and dives of {self.dive}; wanted surveys of 2 or more")
 
 
 class Survey:
     """Maps simulated surveys by this project's mapper and by others."""
 
     name: ClassVar[str] = "survey"
+    sources: ClassVar[tuple[str, ...]] = (
+        "slam",
+        "tools/simulate",
+        "tools/evaluate",
+        "tools/project",
+        *ALL_METHODS,
+    )
 
     def __init__(self, settings: SurveySettings, device: str | None) -> None:
         """`device` as `choose_device` takes it."""
         self.settings: Any = settings
         self._device = device
-        self._laid: tuple[str, Laid] | None = None
+        self._simulated: tuple[str, SimulatedSurvey] | None = None
 
     def jobs(self) -> Sequence[str]:
         """scene-seed/scans/system, and scene-seed/dives."""
@@ -91,33 +61,33 @@ class Survey:
         kind, _, system = job.rpartition("/")
         if system == DIVES:
             kind, system = job, OURS
-        laid = self._survey(kind)
-        grid = choose_grid(laid.scans, self.settings.edge)
-        mapped = map_survey(system, laid.scans, laid.dives.tolist(), grid, self._device)
+        survey = self._survey(kind)
+        grid = choose_grid(survey.scans, self.settings.edge)
+        mapped = map_survey(system, survey.scans, survey.dives.tolist(), grid, self._device)
         begin = _named(kind) | {"system": system}
-        rows = tuple({**begin, **row} for row in survey_rows(laid, mapped, grid.voxel))
-        return Outcome(rows, (begin | _seconds(mapped.took, len(laid.scans)),))
+        rows = tuple({**begin, **row} for row in survey_rows(survey, mapped, grid.voxel))
+        return Outcome(rows, (begin | _seconds(mapped.time, len(survey.scans)),))
 
     def section(self, outcomes: Mapping[str, Outcome]) -> Section:
         """Errors side by side, growth with the number of scans, and two dives."""
-        rows = [row for one in outcomes.values() for row in one.rows]
-        return survey_section(rows, [row for one in outcomes.values() for row in one.seconds], self.settings)
+        rows = all_rows(outcomes)
+        return survey_section(rows, all_seconds(outcomes), self.settings)
 
     def draw(self, folder: Path, outcomes: Mapping[str, Outcome]) -> None:
         """The ways found on the longest survey of the first seed."""
         settings: SurveySettings = self.settings
-        rows = [row for one in outcomes.values() for row in one.rows]
+        rows = all_rows(outcomes)
         draw_ways(folder / PICTURE, rows, settings.scene, settings.first_seed, f"{max(settings.counts)}")
 
-    def _survey(self, kind: str) -> Laid:
+    def _survey(self, kind: str) -> SimulatedSurvey:
         """The scans of a kind of job; kept for the next system."""
-        if self._laid is None or self._laid[0] != kind:
+        if self._simulated is None or self._simulated[0] != kind:
             settings: SurveySettings = self.settings
             named = _named(kind)
             dives = _ORDER if named["survey"] == DIVES else (1,)
             count = settings.dive if named["survey"] == DIVES else int(named["survey"])
-            self._laid = kind, lay(settings.scene, int(named["seed"]), count, settings.unusable, dives)
-        return self._laid[1]
+            self._simulated = kind, simulate_survey(settings.scene, int(named["seed"]), count, settings.unusable, dives)
+        return self._simulated[1]
 
 
 def _named(kind: str) -> dict[str, Value]:
@@ -127,16 +97,16 @@ def _named(kind: str) -> dict[str, Value]:
     return {"scene": scene, "seed": int(seed), "survey": survey}
 
 
-def _seconds(took: Took, scans: int) -> dict[str, Value]:
+def _seconds(time: MappingTime, scans: int) -> dict[str, Value]:
     return {
         "scans": scans,
-        "total_s": took.total,
-        "per_scan_s": took.total / scans,
-        "registering_s": took.registering,
-        "signing_s": took.signing,
-        "optimizing_s": took.optimizing,
-        "fusing_s": took.fusing,
-        "peak_memory_mib": took.memory / 2**20,
+        "total_s": time.total,
+        "per_scan_s": time.total / scans,
+        "registering_s": time.registering,
+        "signing_s": time.signing,
+        "optimizing_s": time.optimizing,
+        "fusing_s": time.fusing,
+        "peak_memory_mib": time.memory / 2**20,
     }
 
 

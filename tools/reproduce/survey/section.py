@@ -1,20 +1,18 @@
-"""Mapped surveys, in words and tables."""
+"""MappedSurvey surveys, in words and tables."""
 
 import math
 from collections.abc import Sequence
 from statistics import median
-from typing import TYPE_CHECKING
 
 from tools.evaluate.place_recall import AMONG, GAP, OVERLAP
 from tools.evaluate.trajectory import RIGHT_DEG, RIGHT_VOXELS
-from tools.reproduce.evaluation.summary import NOTHING, where
+from tools.reproduce.evaluation.summary import NOTHING
 from tools.reproduce.experiment import Row, Section
-from tools.reproduce.pages.table import Table
-from tools.reproduce.survey.map import OURS
+from tools.reproduce.rows import where
+from tools.reproduce.survey.mapped import OURS
 from tools.reproduce.survey.row import BETWEEN, MAP, ROLES
-
-if TYPE_CHECKING:
-    from tools.reproduce.survey.run import SurveySettings
+from tools.reproduce.survey.settings import SurveySettings
+from tools.reproduce.table import Table
 
 PICTURE = "survey.png"
 _DIVES = "dives"
@@ -23,7 +21,7 @@ _ATE = 1.0  # wanted of poses at most [voxels]
 _WITHIN = 0.9  # wanted in the 95 % ellipsoids, at least: poses of one graph err together
 
 
-def survey_section(rows: Sequence[Row], seconds: Sequence[Row], settings: "SurveySettings") -> Section:
+def survey_section(rows: Sequence[Row], seconds: Sequence[Row], settings: SurveySettings) -> Section:
     """Times and memory stand among the times, which may differ between runs."""
     maps = where(rows, row=MAP)
     ours = where(maps, system=OURS)
@@ -38,7 +36,7 @@ def survey_section(rows: Sequence[Row], seconds: Sequence[Row], settings: "Surve
     )
 
 
-def _introduction(maps: Sequence[Row], settings: "SurveySettings") -> str:
+def _introduction(maps: Sequence[Row], settings: SurveySettings) -> str:
     voxels = sorted({f"{float(row['voxel_m']):.2f}" for row in maps})
     left_out = ", ".join(f"`{system}`" for system in settings.left_out)
     dives = (

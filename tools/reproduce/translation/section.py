@@ -2,16 +2,14 @@
 
 from collections.abc import Sequence
 from types import MappingProxyType
-from typing import TYPE_CHECKING
 
 from spectral.grid import Grid
 from tools.reproduce.experiment import Row, Section
-from tools.reproduce.pages.table import Table
-from tools.reproduce.pages.wilson import wilson
-from tools.reproduce.structures.voxel_series import RIGHT_DEG, RIGHT_VOXELS, Case, picked
-
-if TYPE_CHECKING:
-    from tools.reproduce.translation.run import TranslationSettings
+from tools.reproduce.rate import wilson
+from tools.reproduce.rows import where
+from tools.reproduce.structures.voxel_series import RIGHT_DEG, RIGHT_VOXELS, Case
+from tools.reproduce.table import Table
+from tools.reproduce.translation.settings import TranslationSettings
 
 # The distance up to which the paper says or shows that registrations succeed [voxels of 1 m] (Figs. 12, 14, 15)
 PAPER_REACH: MappingProxyType[str, float] = MappingProxyType(
@@ -28,7 +26,7 @@ PICTURES: MappingProxyType[str, tuple[str, tuple[str, ...]]] = MappingProxyType(
 _ROUNDING = 0.5  # [m]: 40 steps are 149.7 m and count as the paper's 150
 
 
-def translation_section(rows: Sequence[Row], settings: "TranslationSettings", grid: Grid) -> Section:
+def translation_section(rows: Sequence[Row], settings: TranslationSettings, grid: Grid) -> Section:
     """The reach of every noise beside the paper's."""
     shown = {name: caption for name, (caption, noises) in PICTURES.items() if set(noises) & set(settings.noises)}
     return Section(
@@ -51,17 +49,17 @@ def reach(rows: Sequence[Row]) -> float:
     return far
 
 
-def _reach_table(rows: Sequence[Row], settings: "TranslationSettings") -> Table:
+def _reach_table(rows: Sequence[Row], settings: TranslationSettings) -> Table:
     farthest = max(float(row["distance_m"]) for row in rows)
     lines = []
     for noise in settings.noises:
         paper = PAPER_REACH[noise]
-        series = [picked(rows, scene=c.scene, noise=noise, seed=c.seed) for c in _series_of(settings, noise)]
+        series = [where(rows, scene=c.scene, noise=noise, seed=c.seed) for c in _series_of(settings, noise)]
         worst = min(series, key=reach)
         verdict = "reached" if reach(worst) >= min(paper, farthest) - _ROUNDING else "not reached"
         if verdict == "reached" and farthest < paper - _ROUNDING:
             verdict = f"reached as far as tried ({farthest:.0f} m)"
-        within = [row for row in picked(rows, noise=noise) if float(row["distance_m"]) <= paper + _ROUNDING]
+        within = [row for row in where(rows, noise=noise) if float(row["distance_m"]) <= paper + _ROUNDING]
         rate = str(wilson(sum(bool(row["right"]) for row in within), len(within)))
         lines.append(
             (f"{noise}: right up to [m]", f"{paper:.0f}", _shown(worst), verdict, " ".join(map(_shown, series)), rate)
@@ -78,11 +76,11 @@ def _shown(series: Sequence[Row]) -> str:
     return f"{'≥' if all(row['right'] for row in series) else ''}{reach(series):.0f}"
 
 
-def _quality_table(rows: Sequence[Row], settings: "TranslationSettings") -> Table:
+def _quality_table(rows: Sequence[Row], settings: TranslationSettings) -> Table:
     lines = []
     for noise in settings.noises:
-        right = [row for row in picked(rows, noise=noise) if row["right"]]
-        every = picked(rows, noise=noise)
+        right = [row for row in where(rows, noise=noise) if row["right"]]
+        every = where(rows, noise=noise)
         wrong = [row for row in every if not row["right"]]
         worst = [max((float(row[name]) for row in right), default=float("nan")) for name in _ERRORS]
         lines.append(
@@ -110,8 +108,8 @@ def _quality_table(rows: Sequence[Row], settings: "TranslationSettings") -> Tabl
 _ERRORS = ("rotation_deg", "translation_voxels")
 
 
-def _remarks(rows: Sequence[Row], settings: "TranslationSettings") -> str:
-    left = {scene: min(float(row["common"]) for row in picked(rows, scene=scene)) for scene in settings.scenes}
+def _remarks(rows: Sequence[Row], settings: TranslationSettings) -> str:
+    left = {scene: min(float(row["common"]) for row in where(rows, scene=scene)) for scene in settings.scenes}
     shares = ", ".join(f"{share:.0%} of `{scene}`" for scene, share in left.items())
     wrong = [row for row in rows if not row["right"]]
     turned = sum(float(row["rotation_deg"]) > RIGHT_DEG for row in wrong)
@@ -119,11 +117,11 @@ def _remarks(rows: Sequence[Row], settings: "TranslationSettings") -> str:
     return f"At the farthest shift that leaves something in the frame {shares} is left (the least of all seeds).{why}"
 
 
-def _series_of(settings: "TranslationSettings", noise: str) -> list[Case]:
+def _series_of(settings: TranslationSettings, noise: str) -> list[Case]:
     return [case for case in settings.cases if case.noise == noise]
 
 
-def _introduction(settings: "TranslationSettings", grid: Grid) -> str:
+def _introduction(settings: TranslationSettings, grid: Grid) -> str:
     scenes = " and of ".join(f"`{scene}`" for scene in settings.scenes)
     return (
         f"A whole structure (all surfaces of {scenes}, not what a sensor sees of them) is put into a grid of "

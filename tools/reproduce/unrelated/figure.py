@@ -6,9 +6,10 @@ from pathlib import Path
 
 import numpy as np
 
-from tools.reproduce.evaluation.figure import DPI, save, style
-from tools.reproduce.evaluation.summary import where
+from tools.reproduce.evaluation.figure import DPI, style
 from tools.reproduce.experiment import Row
+from tools.reproduce.figure import save_figure
+from tools.reproduce.rows import where
 
 _MARKS = {"psr": "peak-to-sidelobe ratio", "probability": "probability told", "overlap": "overlap found"}
 
@@ -37,4 +38,4 @@ def draw_unrelated(path: Path, rows: Sequence[Row]) -> None:
         axes.set_xticks(range(len(methods)), methods, rotation=40, ha="right", fontsize=8)
         axes.set_title(label if methods else f"{label}: by no method", fontsize=10)
         axes.grid(alpha=0.3)
-    save(path, figure)
+    save_figure(figure, path)

@@ -2,22 +2,20 @@
 
 import math
 from collections.abc import Sequence
-from typing import TYPE_CHECKING
 
-from tools.reproduce.evaluation.lineup import OURS
-from tools.reproduce.evaluation.summary import NOTHING, accepted, rate, where
+from tools.reproduce.evaluation.methods import OURS
+from tools.reproduce.evaluation.settings import PairSetSettings
+from tools.reproduce.evaluation.summary import NOTHING, accepted, rate
 from tools.reproduce.experiment import Row, Section
-from tools.reproduce.pages.table import Table
-
-if TYPE_CHECKING:
-    from tools.reproduce.unrelated.run import UnrelatedSettings
+from tools.reproduce.rows import where
+from tools.reproduce.table import Table
 
 PICTURE = "unrelated.png"
 
 
-def unrelated_section(rows: Sequence[Row], settings: "UnrelatedSettings") -> Section:
+def unrelated_section(rows: Sequence[Row], settings: PairSetSettings) -> Section:
     """What ours believes, then every method, then ours by scene."""
-    ours, methods = where(rows, method=OURS), settings.lineup.methods
+    ours, methods = where(rows, method=OURS), settings.compared.methods
     false = accepted(ours)
     wanted = ((f"accepted by `{OURS}`", "none", rate(false, ours), "holds" if not false else "does not hold"),)
     tables = [
@@ -57,11 +55,11 @@ def _by_scene(rows: Sequence[Row], methods: Sequence[str]) -> Table:
     return Table("Accepted by the target's scene", ("method", *scenes), tuple(lines))
 
 
-def _introduction(rows: Sequence[Row], settings: "UnrelatedSettings") -> str:
+def _introduction(rows: Sequence[Row], settings: PairSetSettings) -> str:
     laid = len({row["number"] for row in rows})
     return (
         f"{laid} pairs of scans that share nothing: of scenes of different kinds, or of one kind whose plan is drawn "
         f"anew, seen with the same sensor, with the noise of the related pairs (set {settings.seed}). The grid has "
         f"{settings.edge} voxels an edge, their size chosen from the two scans. No answer is right. "
-        f"{settings.lineup.words}"
+        f"{settings.compared.words}"
     )

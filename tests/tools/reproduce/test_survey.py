@@ -20,11 +20,12 @@ from tools.reproduce.experiment import Outcome, Row
 from tools.reproduce.experiments import EXPERIMENTS, SLAM, Request, create, members
 from tools.reproduce.pages.section_text import section_text, verdicts
 from tools.reproduce.survey import run as surveys
-from tools.reproduce.survey import scans as survey_scans
-from tools.reproduce.survey.map import Crossings, Mapped, Took
+from tools.reproduce.survey import simulated
+from tools.reproduce.survey.mapped import Crossings, MappedSurvey, MappingTime
 from tools.reproduce.survey.row import MAP, POSE, survey_rows
-from tools.reproduce.survey.run import Survey, SurveySettings
-from tools.reproduce.survey.scans import Laid, lay
+from tools.reproduce.survey.run import Survey
+from tools.reproduce.survey.settings import SurveySettings
+from tools.reproduce.survey.simulated import SimulatedSurvey, simulate_survey
 from tools.simulate.plan import plan
 from tools.simulate.shapes.solids import Mesh
 
@@ -35,17 +36,17 @@ ASIDE = RigidTransform.from_exp_coords([0.0, 0, 0.2, 3, 0, 1])
 T_TRUTH_ESTIMATE = RigidTransform.from_exp_coords([0.3, -0.2, 1.0, 5, -2, 3])
 
 
-def told() -> Laid:
+def told() -> SimulatedSurvey:
     """Poses on a ring over a floor, in two dives of four."""
     truth = Trajectory(np.arange(float(COUNT)), ring_poses(COUNT))
     scans = tuple(Scan(np.zeros((1, 3), np.float32), stamp=float(k), name=str(k)) for k in range(COUNT))
-    return Laid(scans, truth, np.repeat([0, 1], COUNT // 2), frozenset([UNUSABLE]), FLOOR)
+    return SimulatedSurvey(scans, truth, np.repeat([0, 1], COUNT // 2), frozenset([UNUSABLE]), FLOOR)
 
 
-def mapped(laid: Laid, height: float = 0.0) -> Mapped:
+def mapped(survey: SimulatedSurvey, height: float = 0.0) -> MappedSurvey:
     """Everything as it truly is, in another frame, but two wrong pairs; the map lies `height` above the floor [m]."""
     placed = [k for k in range(COUNT) if k != UNUSABLE]
-    T = laid.truth.T_world_sensor
+    T = survey.truth.T_world_sensor
     pairs = (
         TriedPair(0, 1, "sequential", True, T[0].inv() * T[1]),
         TriedPair(1, 2, "sequential", False, T[1].inv() * T[2] * ASIDE),
@@ -54,10 +55,10 @@ def mapped(laid: Laid, height: float = 0.0) -> Mapped:
         TriedPair(4, UNUSABLE, "sequential", True, T[4].inv() * T[UNUSABLE]),
     )
     points = np.array([[0.0, 0, height], [1, 2, height], [2, -3, height + 4]])
-    return Mapped(
+    return MappedSurvey(
         placed=tuple(placed),
         components=1,
-        trajectory=Trajectory(laid.truth.stamps[placed], T_TRUTH_ESTIMATE.inv() * T[placed]),
+        trajectory=Trajectory(survey.truth.stamps[placed], T_TRUTH_ESTIMATE.inv() * T[placed]),
         chained=None,
         covariances=np.stack([np.eye(6) * 1e-12, *[np.eye(6) * 1e-4] * (len(placed) - 1)]),
         pairs=pairs,
@@ -65,7 +66,7 @@ def mapped(laid: Laid, height: float = 0.0) -> Mapped:
         seen=np.array([2, 3, 1]),
         crossings=Crossings(0.5, 0.25),
         signatures={},
-        took=Took(1.0, 2**20),
+        time=MappingTime(1.0, 2**20),
     )
 
 
@@ -82,11 +83,11 @@ class TestRows:
             )
 
     def test_a_pose_that_is_off(self) -> None:
-        laid, one = told(), mapped(told())
+        survey, one = told(), mapped(told())
         T = one.trajectory.T_world_sensor.as_matrix()
         T[3, :3, 3] += [0.0, 0.7, 0.0]
         off = replace(one, trajectory=Trajectory(one.trajectory.stamps, RigidTransform.from_matrix(T)))
-        row = survey_rows(laid, off, VOXEL)[0]
+        row = survey_rows(survey, off, VOXEL)[0]
         assert 0.7 / np.sqrt(7) * 0.7 < float(row["ate_after_m"]) < 0.7 / np.sqrt(7)
         assert float(row["ate_after_voxels"]) == pytest.approx(float(row["ate_after_m"]) / VOXEL)
         assert row["within_95"] == pytest.approx(5 / 6)
@@ -142,8 +143,8 @@ class TestJobs:
 
 def test_two_dives_follow_each_other_and_keep_their_own_numbers(monkeypatch: pytest.MonkeyPatch) -> None:
     coarse = lambda *given: replace(plan(*given), sensor=COARSE, noise=QUIET)  # noqa: E731
-    monkeypatch.setattr(survey_scans, "plan", coarse)
-    both, second, first = (lay("floodgate", 3, 4, 0.25, dives) for dives in ((2, 1), (2,), (1,)))
+    monkeypatch.setattr(simulated, "plan", coarse)
+    both, second, first = (simulate_survey("floodgate", 3, 4, 0.25, dives) for dives in ((2, 1), (2,), (1,)))
     assert [scan.stamp for scan in both.scans] == both.truth.stamps.tolist() == [*map(float, range(8))]
     assert both.dives.tolist() == [0, 0, 0, 0, 1, 1, 1, 1]
     assert both.unusable == second.unusable | {k + 4 for k in first.unusable}

@@ -36,8 +36,8 @@ class Crossings:
 
 
 @dataclass(frozen=True, slots=True)
-class Took:
-    """What a system took.
+class MappingTime:
+    """How long a system took, and its memory.
 
     Attributes:
         total: wall time from the first scan to the last result [s].
@@ -54,7 +54,7 @@ class Took:
 
 
 @dataclass(frozen=True, slots=True)
-class Mapped:
+class MappedSurvey:
     """What a system made of a survey.
 
     Attributes:
@@ -69,7 +69,7 @@ class Mapped:
         seen: (M,) int, how many scans saw each.
         crossings: of the passes.
         signatures: by scan, of those that have one.
-        took: time and memory.
+        time: time and memory.
     """
 
     placed: tuple[int, ...]
@@ -82,10 +82,12 @@ class Mapped:
     seen: np.ndarray
     crossings: Crossings
     signatures: dict[int, np.ndarray]
-    took: Took
+    time: MappingTime
 
 
-def map_survey(system: str, scans: Sequence[Scan], surveys: Sequence[int], grid: "Grid", device: str | None) -> Mapped:
+def map_survey(
+    system: str, scans: Sequence[Scan], surveys: Sequence[int], grid: "Grid", device: str | None
+) -> MappedSurvey:
     """Map a survey in a new process.
 
     Args:
@@ -117,7 +119,7 @@ def installed(system: str) -> bool:
     return True
 
 
-class _Clocked:
+class _TimedWorker:
     """A worker whose time is taken [s]."""
 
     def __init__(self, worker: "Worker") -> None:
@@ -140,7 +142,7 @@ class _Clocked:
         self._worker.release()
 
 
-def _ours(scans: Sequence[Scan], surveys: Sequence[int], grid: "Grid", device: str | None) -> Mapped:
+def _ours(scans: Sequence[Scan], surveys: Sequence[int], grid: "Grid", device: str | None) -> MappedSurvey:
     """As `sonarmap map` does it with nothing but defaults, in this process."""
     from kernels.opencl.device import choose_device
     from slam.execute.runner import Execution
@@ -151,32 +153,32 @@ def _ours(scans: Sequence[Scan], surveys: Sequence[int], grid: "Grid", device: s
 
     opened = choose_device(device)
     registrar = SpectralRegistrar(opened, grid)
-    clocked = _Clocked(Worker(registrar, prepared_limit(registrar)))
-    execution = Execution(clocked)
+    worker = _TimedWorker(Worker(registrar, prepared_limit(registrar)))
+    execution = Execution(worker)
     start = perf_counter()
     result = Mapper(registrar, grid.voxel, execution=execution).run(scans, surveys=surveys)
-    took = _took(perf_counter() - start, execution.timings.stages["map fused"], clocked, result, peak_memory())
-    return _mapped(result, took, _signatures(registrar, scans))
+    time = _took(perf_counter() - start, execution.timings.stages["map fused"], worker, result, peak_memory())
+    return _mapped(result, time, _signatures(registrar, scans))
 
 
-def _took(total: float, fused: float, clocked: _Clocked, result: "SurveyResult", memory: int) -> Took:
+def _took(total: float, fused: float, worker: _TimedWorker, result: "SurveyResult", memory: int) -> MappingTime:
     """The stage of fusing computes the poses' covariances too, which are the optimizer's work and timed anew here."""
     from slam.graph.pose_covariance import pose_covariances
 
     start = perf_counter()
     pose_covariances(result.solution)
     fusing = max(0.0, fused - (perf_counter() - start))
-    rest = total - clocked.registering - clocked.signing - fusing
-    return Took(total, memory, clocked.registering, clocked.signing, rest, fusing)
+    rest = total - worker.registering - worker.signing - fusing
+    return MappingTime(total, memory, worker.registering, worker.signing, rest, fusing)
 
 
-def _mapped(result: "SurveyResult", took: Took, signatures: dict[int, np.ndarray]) -> Mapped:
+def _mapped(result: "SurveyResult", time: MappingTime, signatures: dict[int, np.ndarray]) -> MappedSurvey:
     from tools.project.parts import placed
 
     largest = placed(result.components)[0]
     members, part = list(result.components[largest]), result.parts[largest]
     before, after = part.crossings.before, part.crossings.after
-    return Mapped(
+    return MappedSurvey(
         placed=tuple(members),
         components=sum(len(one) > 1 for one in result.components),
         trajectory=result.trajectory.take(members),
@@ -187,7 +189,7 @@ def _mapped(result: "SurveyResult", took: Took, signatures: dict[int, np.ndarray
         seen=part.optimized.seen,
         crossings=Crossings(before.median, after.median) if before and after else Crossings(),
         signatures=signatures,
-        took=took,
+        time=time,
     )
 
 
@@ -208,16 +210,16 @@ def _signatures(registrar: "SpectralRegistrar", scans: Sequence[Scan]) -> dict[i
     return found
 
 
-def _peer(system: str, scans: Sequence[Scan], grid: "Grid") -> Mapped:
+def _peer(system: str, scans: Sequence[Scan], grid: "Grid") -> MappedSurvey:
     """Another system's poses, and the map that this project's fusing makes with them."""
     from slam.map.component_maps import cleared_map
     from tools.bench.machine import peak_memory
 
     run = _run_peer(system, scans, grid.voxel)
-    took = Took(run.seconds, peak_memory())
+    time = MappingTime(run.seconds, peak_memory())
     placed = run.trajectory.stamps.astype(int).tolist()
     fused = cleared_map([scans[k] for k in placed], run.trajectory.T_world_sensor, grid.voxel, placed)
-    return Mapped(
+    return MappedSurvey(
         placed=tuple(placed),
         components=1,
         trajectory=run.trajectory,
@@ -228,7 +230,7 @@ def _peer(system: str, scans: Sequence[Scan], grid: "Grid") -> Mapped:
         seen=fused.seen,
         crossings=Crossings(),
         signatures={},
-        took=took,
+        time=time,
     )
 
 

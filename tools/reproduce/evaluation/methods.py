@@ -3,10 +3,9 @@
 import math
 from dataclasses import dataclass
 
-from kernels.errors import InputError
 from spectral.grid import Grid
 from spectral.result import Registrar
-from tools.methods.registry import Setup, find_method
+from tools.methods.registry import Setup, find_method, is_installed
 from tools.reproduce.experiments import Request
 
 OURS = "spectral"
@@ -14,12 +13,12 @@ EVALUATED = (OURS, "hemisphere", "kiss", "fpfh-ransac", "fpfh-fgr", "icp", "icp-
 
 
 @dataclass(frozen=True, slots=True)
-class Lineup:
-    """Who takes part.
+class ComparedMethods:
+    """The methods of an experiment.
 
     Attributes:
         methods: keys of METHODS, in the order in which they are shown.
-        left_out: methods that would have taken part were their packages installed.
+        left_out: methods whose packages are not installed.
     """
 
     methods: tuple[str, ...] = EVALUATED
@@ -35,7 +34,7 @@ class Lineup:
         )
 
 
-def lineup(request: Request) -> Lineup:
+def compared_methods(request: Request) -> ComparedMethods:
     """The methods that were asked for, or all that are installed.
 
     Raises:
@@ -43,10 +42,11 @@ def lineup(request: Request) -> Lineup:
     """
     if request.method:
         for name in request.method:
-            registrar(name, _ANY_GRID, None)
-        return Lineup(request.method)
-    left_out = tuple(name for name in EVALUATED if not _installed(name))
-    return Lineup(tuple(name for name in EVALUATED if name not in left_out), left_out)
+            if not is_installed(name):
+                registrar(name, Grid(16, 1.0), None)  # its error says what to install
+        return ComparedMethods(request.method)
+    left_out = tuple(name for name in EVALUATED if not is_installed(name))
+    return ComparedMethods(tuple(name for name in EVALUATED if name not in left_out), left_out)
 
 
 def registrar(name: str, grid: Grid, device: str | None, any_tilt: bool = False) -> Registrar:
@@ -63,19 +63,5 @@ def registrar(name: str, grid: Grid, device: str | None, any_tilt: bool = False)
         DeviceError: the device is too small.
     """
     method = find_method(name)
-    changes = {"max_tilt": math.pi} if any_tilt and "max_tilt" in method.hears else {}
+    changes = {"max_tilt": math.pi} if any_tilt and "max_tilt" in method.options else {}
     return method.make(Setup(grid, device, changes=changes))
-
-
-_ANY_GRID = Grid(16, 1.0)
-
-
-def _installed(name: str) -> bool:
-    """Whether a method's package is there, where it wants one."""
-    if not find_method(name).package:
-        return True
-    try:
-        registrar(name, _ANY_GRID, None)
-    except InputError:
-        return False
-    return True

@@ -10,23 +10,23 @@ from typer.testing import CliRunner
 
 from kernels.errors import InputError
 from tests.samples.fake_experiment import JOBS, Fake, origin
-from tests.tools.reproduce.test_reproduce_journal import ALIKE, bytes_of, complete, silence
+from tests.tools.reproduce.test_run import ALIKE, bytes_of, complete, silence
 from tools.cli.main import app
 from tools.reproduce import experiments
-from tools.reproduce.experiments import ALL, EVALUATION, EXPERIMENTS, OPTIONS, Entry, Request, chosen, create
+from tools.reproduce.experiments import ALL, EVALUATION, EXPERIMENTS, OPTIONS, ExperimentEntry, Request, chosen, create
 from tools.reproduce.pages.folder import read_record, write_experiment
 from tools.reproduce.pages.page import FRAMES, write_page
 from tools.reproduce.pages.section_text import Verdict, duration, section_text, verdicts
-from tools.reproduce.pages.table import Table
-from tools.reproduce.run import run
+from tools.reproduce.run import JOURNAL, run
+from tools.reproduce.table import Table
 
 FILES = {*ALIKE, "fake-seconds.csv", "fake-times.md", "fake.json"}
 
-FAKE = Entry("Fig. 0", "tests.samples.fake_experiment", ("seed",))
+FAKE = ExperimentEntry("Fig. 0", "tests.samples.fake_experiment", ("seed",))
 
 
 def files_in(folder: Path) -> set[str]:
-    return {path.name for path in folder.iterdir() if path.name != ".journal"}
+    return {path.name for path in folder.iterdir() if path.name != JOURNAL}
 
 
 class TestFolder:
@@ -171,21 +171,25 @@ class TestOptions:
 
         for entry in EXPERIMENTS.values():
             assert callable(import_module(entry.module).create)
-            assert set(entry.hears) <= set(OPTIONS)
+            assert set(entry.options) <= set(OPTIONS)
 
-    def test_what_an_experiment_does_not_hear_is_refused(self, monkeypatch: pytest.MonkeyPatch) -> None:
-        table = {"deaf": Entry("", "m", ()), "fine": Entry("", "m", ("grid", "seed")), "keen": Entry("", "m", OPTIONS)}
+    def test_options_without_effect_are_refused(self, monkeypatch: pytest.MonkeyPatch) -> None:
+        table = {
+            "none": ExperimentEntry("", "m", ()),
+            "some": ExperimentEntry("", "m", ("grid", "seed")),
+            "every": ExperimentEntry("", "m", OPTIONS),
+        }
         monkeypatch.setattr(experiments, "EXPERIMENTS", table)
-        assert chosen("fine", Request(grid=64, seed=0)) == ("fine",)
-        assert chosen("keen", Request(sigma2=(1.0,), scene="x")) == ("keen",)
-        assert chosen(ALL, Request(quick=True)) == ("deaf", "fine", "keen")
-        with pytest.raises(InputError, match=r"reproduce fine has no use for --sigma2.* takes --grid, --seed"):
-            chosen("fine", Request(grid=64, sigma2=(1.0,)))
-        with pytest.raises(InputError, match="has no use for --seed; leave it out"):
-            chosen("deaf", Request(seed=0))
-        del table["deaf"]
-        assert chosen(ALL, Request(seed=0)) == ("fine", "keen")
-        with pytest.raises(InputError, match="reproduce all has no use for --scene and --sigma2"):
+        assert chosen("some", Request(grid=64, seed=0)) == ("some",)
+        assert chosen("every", Request(sigma2=(1.0,), scene="x")) == ("every",)
+        assert chosen(ALL, Request(quick=True)) == ("none", "some", "every")
+        with pytest.raises(InputError, match=r"--sigma2 has no effect on reproduce some.* takes --grid, --seed"):
+            chosen("some", Request(grid=64, sigma2=(1.0,)))
+        with pytest.raises(InputError, match="--seed has no effect on reproduce none; leave it out"):
+            chosen("none", Request(seed=0))
+        del table["none"]
+        assert chosen(ALL, Request(seed=0)) == ("some", "every")
+        with pytest.raises(InputError, match="--scene and --sigma2 have no effect on reproduce all"):
             chosen(ALL, Request(scene="x", sigma2=(2.0,)))
 
     def test_the_command_that_asks_for_the_same(self) -> None:
@@ -230,12 +234,12 @@ class TestCommand:
         assert (shown.exit_code, shown.exception) == (0, None)
         complete(tmp_path / "one")
         assert (tmp_path / "two/fake.csv").read_bytes() == (tmp_path / "one/fake.csv").read_bytes()
-        timed = Entry("Fig. 0", "no_such_module_in_a_process", ("seed",), timed=True)
+        timed = ExperimentEntry("Fig. 0", "no_such_module_in_a_process", ("seed",), timed=True)
         monkeypatch.setattr("tools.cli.verbs.reproduce.create", lambda *_: Fake())
         monkeypatch.setattr(experiments, "EXPERIMENTS", {"fake": timed})
         shown = CliRunner().invoke(app, ["reproduce", "fake", "-o", str(tmp_path / "timed"), "--workers", "2"])
         assert shown.exit_code == 0
-        assert "fake: measures times, so --workers does not count" in shown.stderr
+        assert "fake: measures times, so --workers has no effect" in shown.stderr
 
     def test_a_method_that_there_is_not(self, tmp_path: Path) -> None:
         shown = CliRunner().invoke(app, ["reproduce", "fake", "-o", str(tmp_path), "--method", "alchemy"])
@@ -257,8 +261,8 @@ class TestCommand:
         ("arguments", "words"),
         [
             (["alchemy"], "no experiment is called 'alchemy'; there are fake, all"),
-            (["fake", "--grid", "64"], "has no use for --grid; it takes --seed"),
-            (["all", "--scene", "harbor"], "has no use for --scene"),
+            (["fake", "--grid", "64"], "--grid has no effect on reproduce fake; leave it out. It takes --seed"),
+            (["all", "--scene", "harbor"], "--scene has no effect on reproduce all"),
             (["fake", "--seed", "-1"], "--seed"),
             (["fake", "--grid", "100"], "--grid 100"),
             (["fake", "--device", "abacus"], "abacus"),

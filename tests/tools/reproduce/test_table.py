@@ -7,10 +7,10 @@ import pytest
 from rich.console import Console
 from typer.testing import CliRunner
 
-from tests.samples.registrations import CENTER, trial
+from tests.samples.registrations import CENTER, scored
 from tools.cli.main import app
-from tools.reproduce.pages.table import Table, write_csv
-from tools.reproduce.pages.wilson import wilson
+from tools.reproduce.rate import wilson
+from tools.reproduce.table import Table, write_csv
 
 
 class TestWilson:
@@ -27,18 +27,18 @@ class TestWilson:
         assert str(wilson(7, 10)) == "7/10 [0.40..0.89]"
 
 
-class TestTrial:
+class TestScoredRegistration:
     def test_the_bounds(self) -> None:
-        assert trial().right
-        assert trial(shift=5.99).right
-        assert not trial(shift=6.01).right
-        assert trial(shift=2.9, voxel=1.0).right
-        assert not trial(shift=3.1, voxel=1.0).right
-        assert not trial(yaw=6.1).right
+        assert scored().right
+        assert scored(shift=5.99).right
+        assert not scored(shift=6.01).right
+        assert scored(shift=2.9, voxel=1.0).right
+        assert not scored(shift=3.1, voxel=1.0).right
+        assert not scored(yaw=6.1).right
 
     def test_the_sensor_decides_and_the_center_is_told(self) -> None:
         """Turned about the scan's center by 5.9 degrees, the sensor is off by what 43 m of lever make of it."""
-        turned = trial(yaw=5.9, voxel=1.0)
+        turned = scored(yaw=5.9, voxel=1.0)
         lever = np.linalg.norm(CENTER[:2])
         assert turned.center_m == pytest.approx(0, abs=1e-12)
         assert turned.error.translation_m == pytest.approx(2 * lever * np.sin(np.deg2rad(5.9 / 2)), rel=0.05)
@@ -57,7 +57,7 @@ class TestTrial:
         ],
     )
     def test_the_first_wrong_step(self, off: dict[str, float], step: str) -> None:
-        assert trial(**off).wrong_step == step
+        assert scored(**off).wrong_step == step
 
 
 class TestTables:

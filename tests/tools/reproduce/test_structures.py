@@ -15,7 +15,8 @@ from tools.reproduce.limits.run import KINDS, Limits, LimitsSettings
 from tools.reproduce.limits.section import deviation_table
 from tools.reproduce.rotation.run import RotationSettings, Turns
 from tools.reproduce.rotation.section import deviation, keeps, rotation_section
-from tools.reproduce.structures.voxel_series import Case, VoxelSeries, all_rows, parameters
+from tools.reproduce.rows import all_rows
+from tools.reproduce.structures.voxel_series import Case, VoxelSeries, parameters
 from tools.reproduce.translation.run import Translation, TranslationSettings
 from tools.reproduce.translation.section import reach, translation_section
 

@@ -1,4 +1,4 @@
-"""One registration beside its truth, and what counts as right: the same for every experiment."""
+"""A registration beside its truth: its errors, whether it is right, and which step is wrong first."""
 
 from dataclasses import dataclass
 from typing import Literal
@@ -13,11 +13,11 @@ Step = Literal["", "yaw", "tilt", "translation"]
 
 
 @dataclass(frozen=True, slots=True)
-class Trial:
-    """One registration beside its truth.
+class ScoredRegistration:
+    """A registration beside its truth.
 
     Attributes:
-        registration: what was found.
+        registration: of the pair.
         truth: the true T_target_source, between the sensor frames.
         center: (3,) [m, sensor frame of the source], where the scan's grid was centered.
         voxel: of the grid [m].

@@ -1,4 +1,4 @@
-"""Who makes maps of the flood gate: the paper's three methods, this project's, and what else is at hand."""
+"""The methods that make maps of the flood gate: the paper's three, this project's, and others of today."""
 
 from collections.abc import Iterable
 from dataclasses import dataclass
@@ -9,7 +9,7 @@ VOXEL = 2.0  # of methods without a grid of their own [m]
 
 
 @dataclass(frozen=True, slots=True)
-class Entrant:
+class FloodgateMethod:
     """A method of the comparison.
 
     Attributes:
@@ -29,16 +29,16 @@ class Entrant:
 
 TRUTH = "true poses"
 
-# Name, as `build` of tools/methods/registry.py knows it -> entrant, in the order of tables and figures
-LINEUP: MappingProxyType[str, Entrant] = MappingProxyType(
+# Name, as `build` of tools/methods/registry.py knows it -> compared, in the order of tables and figures
+COMPARED: MappingProxyType[str, FloodgateMethod] = MappingProxyType(
     {
-        "icp": Entrant("ICP, point to point, from the identity, as in Sect. 4.2", False, "tab:red", "x"),
-        "icp-plane": Entrant("ICP, point to plane, from the identity", False, "tab:brown", "+", False),
-        "planes": Entrant("planes and their consensus, as in Sect. 4.3", False, "tab:orange", "s"),
-        "fpfh-ransac": Entrant("features (FPFH) and RANSAC, then ICP", False, "tab:pink", "v", False),
-        "kiss": Entrant("KISS-Matcher, then ICP", False, "tab:olive", "^", False),
-        "hemisphere": Entrant("the paper's spectral chain, as in Sect. 4.4", True, "tab:green", "o"),
-        "spectral": Entrant("spectral, this project's default", True, "tab:blue", "D"),
+        "icp": FloodgateMethod("ICP, point to point, from the identity, as in Sect. 4.2", False, "tab:red", "x"),
+        "icp-plane": FloodgateMethod("ICP, point to plane, from the identity", False, "tab:brown", "+", False),
+        "planes": FloodgateMethod("planes and their consensus, as in Sect. 4.3", False, "tab:orange", "s"),
+        "fpfh-ransac": FloodgateMethod("features (FPFH) and RANSAC, then ICP", False, "tab:pink", "v", False),
+        "kiss": FloodgateMethod("KISS-Matcher, then ICP", False, "tab:olive", "^", False),
+        "hemisphere": FloodgateMethod("the paper's spectral chain, as in Sect. 4.4", True, "tab:green", "o"),
+        "spectral": FloodgateMethod("spectral, this project's default", True, "tab:blue", "D"),
     }
 )
 
@@ -53,7 +53,7 @@ def runs(methods: Iterable[str], edges: Iterable[int]) -> tuple[tuple[str, int],
     chosen, grids = set(methods), tuple(edges)
     return tuple(
         (name, edge)
-        for name, entrant in LINEUP.items()
+        for name, compared in COMPARED.items()
         if name in chosen
-        for edge in (grids if entrant.on_grids else (0,))
+        for edge in (grids if compared.on_grids else (0,))
     )

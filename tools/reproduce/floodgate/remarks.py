@@ -4,9 +4,9 @@ from collections.abc import Iterable
 from statistics import median
 
 from tools.reproduce.floodgate.chain import Chain
-from tools.reproduce.floodgate.lineup import TRUTH, label
+from tools.reproduce.floodgate.methods import TRUTH, label
 from tools.reproduce.floodgate.tables import Chains, Run, by_seed, map_90, runs_of, seeds_of
-from tools.reproduce.pages.wilson import wilson
+from tools.reproduce.rate import wilson
 
 
 def remarks(chains: Chains) -> str:

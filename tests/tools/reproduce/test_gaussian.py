@@ -14,22 +14,24 @@ from typer.testing import CliRunner
 
 from kernels.errors import InputError
 from kernels.opencl.device import Device
+from slam.execute.journal import Journal
 from spectral.hemisphere.layers import AngleEstimate
 from spectral.hemisphere.registration import HemisphereConfig, HemisphereRegistrar
-from tests.samples.registrations import trial
+from tests.samples.registrations import scored
 from tools.cli.main import app
 from tools.reproduce.experiments import Request
 from tools.reproduce.gaussian.figure import draw_parameters, draw_rates
-from tools.reproduce.gaussian.methods import METHODS
-from tools.reproduce.gaussian.remarks_text import remarks
+from tools.reproduce.gaussian.remarks import remarks
 from tools.reproduce.gaussian.row import GaussianRow, GaussianTime, about_center, parameters, row_of
-from tools.reproduce.gaussian.run import Gaussian, GaussianSettings, create, grid_of
+from tools.reproduce.gaussian.run import Gaussian, create
 from tools.reproduce.gaussian.section import section
 from tools.reproduce.gaussian.series import Series, preparation_of, yaw_rank
+from tools.reproduce.gaussian.settings import GaussianSettings, grid_of
 from tools.reproduce.gaussian.summary import last_right, summarize
-from tools.reproduce.journal import Journal
+from tools.reproduce.gaussian.variants import VARIANTS
 from tools.reproduce.pages.section_text import section_text, verdicts
 from tools.reproduce.provenance import provenance
+from tools.reproduce.run import JOURNAL
 from tools.simulate.pairs.table1 import table1_pair
 from tools.simulate.paths.trajectories import TABLE1_COUNT, table1_transform
 
@@ -42,10 +44,10 @@ def rows_of(
 ) -> list[GaussianRow]:
     """All methods alike; `wrong` says per seed which scans fail, in their translation."""
     return [
-        row_of(trial(shift=99.0 if index in wrong[k] else 0.5), ("floodgate", sigma2, seed + k, index), method, grid)
+        row_of(scored(shift=99.0 if index in wrong[k] else 0.5), ("floodgate", sigma2, seed + k, index), method, grid)
         for k in wrong
         for index in range(TABLE1_COUNT)
-        for method in METHODS
+        for method in VARIANTS
     ]
 
 
@@ -78,7 +80,7 @@ class TestRow:
     def test_yaw_and_tilt_apart(self, found: list[float], yaw: float, tilt: float) -> None:
         """The truth is yaw 170, pitch 4, roll -9; a roll turns the vertical less where it is pitched."""
         R = Rotation.from_euler("ZYX", found, degrees=True)
-        one = trial()
+        one = scored()
         registration = replace(one.registration, T_target_source=RigidTransform.from_rotation(R))
         row = row_of(replace(one, registration=registration), ("floodgate", 1.0, 1, 0), "paper", GRID)
         assert row.yaw_error_deg == pytest.approx(yaw, abs=1e-9)
@@ -106,7 +108,7 @@ class TestSummary:
     ) -> None:
         summaries = summarize(rows_of(wrong, sigma2))
         assert {(summary.verdict, summary.median_last) for summary in summaries} == {(verdict, middle)}
-        assert [summary.method for summary in summaries] == list(METHODS)
+        assert [summary.method for summary in summaries] == list(VARIANTS)
 
     def test_grids_and_noises_are_apart(self) -> None:
         rows = [*rows_of({0: [3]}), *rows_of({0: [5]}, grid=256), *rows_of({0: [7]}, 2.0)]
@@ -234,17 +236,17 @@ class TestYawRank:
 
 class TestPreparation:
     def test_what_pairs_alone_need_is_prepared_once(self) -> None:
-        one, six = (METHODS[name].config for name in ("one peak", "six peaks"))
+        one, six = (VARIANTS[name].config for name in ("one peak", "six peaks"))
         assert one != six
         assert preparation_of(one) == preparation_of(six) == HemisphereConfig()
-        assert preparation_of(METHODS["paper"].config) != HemisphereConfig()
+        assert preparation_of(VARIANTS["paper"].config) != HemisphereConfig()
         assert preparation_of(HemisphereConfig(use_strength=True)) != HemisphereConfig()
 
     def test_shared_or_not_the_rows_are_the_same(self, device: Device) -> None:
         series = Series(device, grid_of(32), "floodgate")
         found = {row.method: row for row, _ in series.register(2, 1, 1.0)}
         target, source, truth = table1_pair(2, 1, 1.0)
-        for name, method in METHODS.items():
+        for name, method in VARIANTS.items():
             alone = HemisphereRegistrar(device, grid_of(32), method.config)
             registration = alone.register(alone.prepare(target), alone.prepare(source))
             assert found[name].found == pytest.approx(parameters(registration.T_target_source), abs=1e-9)
@@ -261,16 +263,20 @@ class TestCommand:
         with (tmp_path / "gaussian.csv").open(newline="") as file:
             rows = list(csv.DictReader(file))
         assert [(row["scan"], row["method"]) for row in rows] == [
-            (str(index), method) for index in range(TABLE1_COUNT) for method in METHODS
+            (str(index), method) for index in range(TABLE1_COUNT) for method in VARIANTS
         ]
         record = json.loads(shown.stdout)["experiments"][0]
         assert record["command"] == "sonarmap reproduce gaussian --quick --grid 32 --seed 2"
         assert len((tmp_path / "gaussian-seconds.csv").read_text().splitlines()) == 1 + len(rows)
         again = create(Request(device, quick=True, grid=32, seed=2))
-        done = Journal(tmp_path, provenance(again, device)).done
-        assert list(done) == list(again.jobs())
+        origin = provenance(again, device)
+        with Journal(tmp_path / JOURNAL) as journal:
+            kept = {job: journal.entry(origin.key(job)) for job in again.jobs()}
+        assert None not in kept.values()
         for job in ("32/1.0/2/S4", "32/1.0/2/S1"):
-            assert again.run(job).rows == done[job].outcome.rows
+            entry = kept[job]
+            assert entry is not None
+            assert list(again.run(job).rows) == json.loads(entry.content)["rows"]
 
 
 def test_one_grid_is_planned_at_a_time(device: Device) -> None:
@@ -278,4 +284,4 @@ def test_one_grid_is_planned_at_a_time(device: Device) -> None:
     edges = []
     for job in ("32/0.0/11/S0", "16/0.0/11/S0", "32/0.0/11/S1"):
         edges.append([row["grid"] for row in experiment.run(job).rows])
-    assert edges == [[32] * len(METHODS), [16] * len(METHODS), [32] * len(METHODS)]
+    assert edges == [[32] * len(VARIANTS), [16] * len(VARIANTS), [32] * len(VARIANTS)]

@@ -15,7 +15,7 @@ from tools.simulate.simulation import Simulation, simulate
 
 
 @dataclass(frozen=True, slots=True)
-class Laid:
+class SimulatedSurvey:
     """N scans, and what is true of them.
 
     Attributes:
@@ -33,7 +33,7 @@ class Laid:
     mesh: Mesh
 
 
-def lay(scene: str, seed: int, count: int, unusable: float, dives: Sequence[int] = (1,)) -> Laid:
+def simulate_survey(scene: str, seed: int, count: int, unusable: float, dives: Sequence[int] = (1,)) -> SimulatedSurvey:
     """Simulate `count` scans of each of the dives, in their order; how these lie to each other nothing tells.
 
     Args:
@@ -47,7 +47,7 @@ def lay(scene: str, seed: int, count: int, unusable: float, dives: Sequence[int]
     done = [simulate(replace(settings, dive=dive)) for dive in dives]
     scans = [scan for one in done for scan in one.scans]
     poses = RigidTransform.concatenate([one.truth.T_world_sensor for one in done])
-    return Laid(
+    return SimulatedSurvey(
         scans=tuple(replace(scan, stamp=float(k), name=f"scan_{k:03d}") for k, scan in enumerate(scans)),
         truth=Trajectory(np.arange(len(scans), dtype=np.float64), poses),
         dives=np.repeat(np.arange(len(done)), count),

@@ -1,0 +1,96 @@
+"""The fingerprint of what decides a method's results, and what workers make the method from."""
+
+import pickle
+from dataclasses import replace
+from pathlib import Path
+
+import pytest
+
+import tools.methods.fingerprint
+from kernels.errors import InputError
+from kernels.opencl.device import Device
+from spectral.grid import Grid
+from tools.baselines.planes.registrar import PlaneRegistrar
+from tools.methods.fingerprint import method_key, method_sources, source_digest
+from tools.methods.registry import METHODS, Setup, find_method
+from tools.methods.worker_spec import checked_worker_spec, worker_spec
+
+SETUP = Setup(Grid(32, 0.5))
+
+
+def key(name: str, setup: Setup = SETUP) -> str:
+    return method_key(name, setup, find_method(name).make(setup))
+
+
+class TestMethodKey:
+    def test_settings_decide(self, device: Device) -> None:
+        setups = [SETUP, replace(SETUP, grid=Grid(32, 0.4)), replace(SETUP, changes={"hypotheses": 5})]
+        assert len({key("spectral", setup) for setup in setups} | {key("planes"), key("hemisphere")}) == 5
+        assert key("spectral", replace(SETUP, changes={"hypotheses": 12})) == key("spectral")  # the default
+
+    def test_a_seed_decides_where_a_method_draws_at_random(self) -> None:
+        seeded = replace(SETUP, seed=4)
+        assert key("planes", seeded) == key("planes")
+        assert key("fpfh-ransac", seeded) != key("fpfh-ransac")
+
+    def test_methods_that_differ_in_their_arguments_alone_differ(self) -> None:
+        assert method_sources("icp") != method_sources("icp-plane")
+
+
+class TestWorkerSpec:
+    def test_a_worker_makes_what_this_process_has(self) -> None:
+        for make in (worker_spec, checked_worker_spec):
+            spec = pickle.loads(pickle.dumps(make("planes", SETUP, PlaneRegistrar(0.5), 3)))
+            assert isinstance(spec.make(), PlaneRegistrar)
+            assert (spec.key, spec.prepared) == (key("planes"), 3)
+
+    @pytest.mark.parametrize("part", ["method_sources", "package_versions"])
+    def test_a_worker_with_other_code_or_versions_refuses(self, monkeypatch: pytest.MonkeyPatch, part: str) -> None:
+        before = key("planes")
+        spec = checked_worker_spec("planes", SETUP, PlaneRegistrar(0.5), 3)
+        monkeypatch.setattr(tools.methods.fingerprint, part, lambda *_: {"numpy": "0.1"})
+        assert key("planes") != before
+        with pytest.raises(InputError, match=r"a worker of the cluster would not get .* Install the same there"):
+            spec.make()
+
+
+class TestSources:
+    @pytest.fixture
+    def project(self, tmp_path: Path) -> Path:
+        for name in ("kernels/fft.cl", "kernels/fft.py", "tools/one.py", "tools/one_figure.py", "tools/notes.md"):
+            (tmp_path / name).parent.mkdir(parents=True, exist_ok=True)
+            (tmp_path / name).write_text("x = 1\n")
+        return tmp_path
+
+    @pytest.mark.parametrize(
+        ("name", "decides"),
+        [
+            ("kernels/fft.cl", True),
+            ("kernels/new.cl", True),
+            ("tools/one.py", True),
+            ("tools/one_figure.py", False),
+            ("tools/notes.md", False),
+        ],
+    )
+    def test_which_files_decide(self, project: Path, name: str, decides: bool) -> None:
+        def digest() -> str:
+            source_digest.cache_clear()
+            return source_digest(("kernels", "tools"), ("*figure.py",), project)
+
+        before = digest()
+        assert digest() == before
+        (project / name).write_text("x = 2\n")
+        assert (digest() != before) is decides
+
+    def test_a_place_that_does_not_exist_is_an_error(self, project: Path) -> None:
+        with pytest.raises(FileNotFoundError, match="tools/two"):
+            source_digest(("tools/two",), (), project)
+
+    def test_every_method_has_sources_and_other_methods_files_are_not_among_them(self) -> None:
+        own = {"kiss": "kiss", "gicp": "gicp", "fpfh-ransac": "features", "planes": "planes"}
+        for name, method in METHODS.items():
+            assert source_digest(method.sources)
+            assert ("kernels" in method.sources) is ("device" in method.options)
+            strange = {file for other, file in own.items() if other != name} - {own.get(name)}
+            if name in ("icp", "icp-plane", "gicp", "planes"):
+                assert not any(file in place for file in strange for place in method.sources), name

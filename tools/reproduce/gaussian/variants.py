@@ -1,0 +1,32 @@
+"""The variants of the paper's chain that the experiment compares. A new one is a row of VARIANTS."""
+
+from dataclasses import dataclass
+from types import MappingProxyType
+
+from spectral.hemisphere.registration import HemisphereConfig
+
+
+@dataclass(frozen=True, slots=True)
+class ChainVariant:
+    """A configuration of the paper's chain.
+
+    Attributes:
+        title: what it does, in words.
+        config: of the spectral registration.
+    """
+
+    title: str
+    config: HemisphereConfig
+
+
+# Name in tables and files -> variant
+VARIANTS: MappingProxyType[str, ChainVariant] = MappingProxyType(
+    {
+        "paper": ChainVariant(
+            "the paper's chain: the steps of Sect. 2.11 once, with its windows, along the highest yaw peak",
+            HemisphereConfig.paper(),
+        ),
+        "one peak": ChainVariant("one yaw peak, the rotation refined", HemisphereConfig(yaw_peaks=1)),
+        "six peaks": ChainVariant("six yaw peaks, the rotation refined", HemisphereConfig(yaw_peaks=6)),
+    }
+)

@@ -1,0 +1,49 @@
+"""What the experiment on pairs of every overlap runs."""
+
+from collections.abc import Mapping
+from dataclasses import dataclass, field
+from types import MappingProxyType
+
+from kernels.errors import InputError
+from spectral.grid import Grid
+from tools.reproduce.evaluation.methods import OURS, ComparedMethods
+from tools.reproduce.evaluation.set_pairs import BATCH, SET_SEED, batches
+from tools.simulate.pairs.turns import Turn
+
+ANY_SHARE = 5  # for so many pairs with the turn "yaw" one with the turn "any"
+
+
+@dataclass(frozen=True, slots=True)
+class PairsSettings:
+    """What is run.
+
+    Attributes:
+        yaw, any: how many pairs of each turn, rounded up to whole batches; those of "any" are others.
+        peers: how many of each turn the methods beside ours register, as they take ten times as long: the first, which
+            are as even a set as all.
+        seed: of the set.
+        edge: voxels per edge; their size is chosen for each pair.
+        compared: the methods.
+    """
+
+    yaw: int = 1000
+    any: int = 1000 // ANY_SHARE
+    peers: Mapping[Turn, int] = field(default_factory=lambda: MappingProxyType({"yaw": 300, "any": 300 // ANY_SHARE}))
+    seed: int = SET_SEED
+    edge: int = 128
+    compared: ComparedMethods = field(default_factory=ComparedMethods)
+
+    def __post_init__(self) -> None:
+        Grid(self.edge, 1.0)
+        if self.yaw < 1 or self.any < 1 or self.seed < 0:
+            raise InputError(f"{self.yaw} and {self.any} pairs of the set {self.seed}; wanted 1 or more, of one >= 0")
+
+    @property
+    def counts(self) -> dict[Turn, int]:
+        """Pairs of each turn."""
+        return {"yaw": batches(self.yaw) * BATCH, "any": batches(self.any) * BATCH}
+
+    def registers(self, method: str, turn: Turn) -> int:
+        """How many pairs of a turn a method registers."""
+        count = self.counts[turn]
+        return count if method == OURS else min(count, batches(self.peers[turn]) * BATCH)
