@@ -47,7 +47,10 @@ def warn_of_faults(result: "SurveyResult", names: Sequence[str], out: Path) -> N
         )
     if lone:
         listed = ", ".join(names[k] for k in lone[:LISTED]) + (", ..." if len(lone) > LISTED else "")
-        warn(f"{len(lone)} of {len(names)} scans are in no map, as no reliable registration joins them to the others: {listed}")
+        warn(
+            f"{len(lone)} of {len(names)} scans are in no map, as no reliable registration joins them to the others: "
+            f"{listed}"
+        )
 
 
 def _warn_of_loops_without_effect(result: "SurveyResult") -> None:

@@ -1,4 +1,4 @@
-"""How far a map's points lie from what is truly there, and how a reference for that is had."""
+"""How far a map's points lie from the true surface, and where that surface comes from."""
 
 from collections.abc import Callable
 from dataclasses import dataclass
@@ -17,7 +17,7 @@ Nearest = Literal["surface", "point"]
 
 @dataclass(frozen=True, slots=True)
 class Reference:
-    """What a map is held against, in the frame of the true trajectory.
+    """What a map is compared with, in the frame of the true trajectory.
 
     Attributes:
         name: in words.
@@ -32,11 +32,11 @@ class Reference:
 
 @dataclass(frozen=True, slots=True)
 class MapError:
-    """Of a map of M points.
+    """The distances of a map's M points from a reference.
 
     Attributes:
         reference: in words.
-        nearest: what the distances lead to, see Reference.
+        nearest: what the distances are measured to, see Reference.
         distance_m: (M,) float64 [m].
         voxel: edge of the map's voxels [m].
     """
@@ -62,7 +62,7 @@ class MapError:
         return float((self.distance_m <= self.voxel).mean())
 
     def to_json(self) -> dict[str, Any]:
-        """The three measures, and what they are of."""
+        """The three measures and what they describe."""
         return {
             "reference": self.reference,
             "nearest": self.nearest,
@@ -75,10 +75,10 @@ class MapError:
 
 
 def map_error(points: np.ndarray, reference: Reference, voxel: float) -> MapError:
-    """The distance of every point of a map to what it is held against.
+    """The distance of every point of a map from its reference.
 
     Args:
-        points: (M, 3) [m], laid over the truth already.
+        points: (M, 3) [m], already aligned with the truth.
         reference: see `reference_of`.
         voxel: edge of the map's voxels [m].
     """
@@ -104,8 +104,8 @@ def reference_of(path: Path) -> Reference:
         return Reference(name, "surface", lambda points: surface_distance(mesh, points))
     if path.suffix.lower() not in FORMATS:
         raise InputError(
-            f"{path} is no surface to hold a map against; wanted a simulation's folder or description.json, or points "
-            f"in {', '.join(FORMATS)}"
+            f"{path} cannot be compared with a map; wanted a simulation's folder or description.json, or points in "
+            f"{', '.join(FORMATS)}"
         )
     tree = KDTree(read_points(path))
     return Reference(f"the {tree.n} points of {path.name}", "point", lambda points: tree.query(points)[0])
@@ -117,8 +117,8 @@ def read_points(path: Path) -> np.ndarray:
     Raises:
         InputError: naming the file, see `tools.readers.file.read_file`.
     """
-    found, _ = read_file(SelectedFile(path))
-    points = np.concatenate([np.asarray(one.cloud.points, np.float64) for one in found])
+    clouds, _ = read_file(SelectedFile(path))
+    points = np.concatenate([np.asarray(named.cloud.points, np.float64) for named in clouds])
     points = points[np.isfinite(points).all(axis=1)]
     if len(points) == 0:
         raise InputError(f"{path}: none of its points is finite; give a map with points")

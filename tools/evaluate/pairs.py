@@ -18,8 +18,8 @@ class TriedPair:
     Attributes:
         target, source: indices of its scans.
         role: what it was for, CHAIN or any other.
-        kept: whether it had a part in the estimate.
-        T_target_source: what was measured; None where the registration failed.
+        kept: whether the estimate uses it.
+        T_target_source: the registration's transform; None where it failed.
     """
 
     target: int
@@ -34,9 +34,9 @@ class PairScore:
     """How many pairs were kept or rejected, and were right or wrong.
 
     Attributes:
-        kept_right, kept_wrong, rejected_right, rejected_wrong: numbers of pairs that measured something.
-        failed: pairs of which nothing was measured.
-        unjudged: pairs of which a scan has no truth.
+        kept_right, kept_wrong, rejected_right, rejected_wrong: numbers of pairs whose registration did not fail.
+        failed: pairs whose registration failed.
+        unjudged: pairs with a scan that has no true pose.
     """
 
     kept_right: int
@@ -83,7 +83,7 @@ class PairScore:
 
 
 def score_pairs(pairs: Sequence[TriedPair], truth: Mapping[int, RigidTransform], voxel: float) -> PairScore:
-    """Judge pairs against the truth: right is within RIGHT_DEG and RIGHT_VOXELS voxels.
+    """Compare pairs with the truth: right is within RIGHT_DEG and RIGHT_VOXELS voxels.
 
     Recall is among the pairs that were tried: a place that was revisited and never tried is not missed here.
 
@@ -112,5 +112,5 @@ def score_pairs(pairs: Sequence[TriedPair], truth: Mapping[int, RigidTransform],
     )
 
 
-def _share(these: int, others: int) -> float | None:
-    return these / (these + others) if these + others else None
+def _share(part: int, rest: int) -> float | None:
+    return part / (part + rest) if part + rest else None

@@ -1,4 +1,4 @@
-"""How often a place that is seen again is found by what scans look like alone."""
+"""How often a revisited place is found by what scans look like alone."""
 
 from collections.abc import Sequence
 

@@ -13,11 +13,11 @@ FIXED = 1e-3  # an anchor's largest sigma [rad, m]: a graph's gauge is far below
 
 @dataclass(frozen=True, slots=True)
 class PoseCalibration:
-    """N poses beside their covariances. Poses of one graph err together: N is more than what is independent of them.
+    """The errors of N poses compared with their covariances. Poses of one graph err together, not independently.
 
     Attributes:
-        anchor: "first": errors are against the first pose, which is laid upon its truth and left out; "world": that
-            pose is itself uncertain, as with priors, so that nothing is aligned and both worlds are taken for one.
+        anchor: "first": errors are relative to the first pose, which is left out; "world": the first pose is itself
+            uncertain, as with priors, so nothing is aligned and both world frames are taken to be the same.
         nees: (N,) squared Mahalanobis distance of the truth, 6 on average where the covariance is right.
         position_nees: (N,) the same of the position alone, 3 on average.
     """
@@ -51,13 +51,13 @@ class PoseCalibration:
 def calibrate_poses(
     T_world_sensor: RigidTransform, truth: RigidTransform, covariances: np.ndarray
 ) -> PoseCalibration | None:
-    """Hold the errors of N poses against their covariances; None where no pose is left beside the anchor.
+    """Compare the errors of N poses with their covariances; None if there is no pose but the anchor.
 
     Args:
         T_world_sensor: N estimated poses, the first of them the anchor.
         truth: their N true poses.
-        covariances: (N, 6, 6), rotation first [rad, m], body tangent: T_true = T_estimate Exp(xi), against the anchor,
-            whose own is then next to zero.
+        covariances: (N, 6, 6), rotation first [rad, m], body tangent: T_true = T_estimate Exp(xi), relative to the
+            anchor, whose own covariance is then close to zero.
 
     The tangent is the full one of SE(3), as GTSAM's.
     """

@@ -1,6 +1,6 @@
 """Estimates against the truth: errors of a pair, of every pose, of a whole trajectory. Pure functions.
 
-Angles of results are in degrees, as people compare them, and say so in their names.
+Angles in results are in degrees, and their names say so.
 """
 
 from dataclasses import dataclass
@@ -41,10 +41,10 @@ class PairError:
 
 @dataclass(frozen=True, slots=True)
 class Evaluation:
-    """A trajectory beside the truth, N poses with a stamp in common.
+    """A trajectory compared with the truth: N poses with a stamp in common.
 
     Attributes:
-        alignment: how the estimate was laid over the truth: "poses", "positions" or "first".
+        alignment: how the estimate was aligned with the truth: "poses", "positions" or "first".
         T_truth_estimate: the alignment, from the estimate's world to the truth's.
         stamps: (N,) [s], the estimate's, in time.
         T_aligned: N poses of the estimate after alignment, T_truth_sensor.
@@ -53,8 +53,8 @@ class Evaluation:
         translation_m: (N,) the same of its position [m]; the ATE is their root mean square.
         step_rotation_deg: (N - 1,) RPE: error of the motion between consecutive common poses [degrees].
         step_translation_m: (N - 1,) the same of its translation [m].
-        unmatched_estimates: poses of the estimate that no stamp of the truth meets.
-        unmatched_truths: poses of the truth that no stamp of the estimate meets.
+        unmatched_estimates: number of poses of the estimate without a pose of the truth.
+        unmatched_truths: number of poses of the truth without a pose of the estimate.
     """
 
     alignment: Alignment
@@ -133,35 +133,36 @@ def evaluate(
         estimate: poses in a world of their own.
         truth: the true poses.
         alignment: "poses", least squares over all common poses, see `align_poses`; "positions", the same without
-            the orientations (Umeyama, DOI 10.1109/34.88573); or "first", the first common pose laid upon its truth.
+            the orientations (Umeyama, DOI 10.1109/34.88573); or "first", the first common pose onto its truth.
         tolerance: largest difference of the stamps of one pose [s].
 
     Raises:
         InputError: no stamp in common; with "positions" also where these are too few or lie on one line.
     """
-    mine, true = associate(estimate.stamps, truth.stamps, tolerance)
-    found, wanted = estimate.T_world_sensor[mine], truth.T_world_sensor[true]
+    estimate_rows, truth_rows = associate(estimate.stamps, truth.stamps, tolerance)
+    estimated, true = estimate.T_world_sensor[estimate_rows], truth.T_world_sensor[truth_rows]
     if alignment == "poses":
-        T_truth_estimate = align_poses(found, wanted)
+        T_truth_estimate = align_poses(estimated, true)
     elif alignment == "positions":
-        T_truth_estimate = align_positions(found.translation, wanted.translation)
+        T_truth_estimate = align_positions(estimated.translation, true.translation)
     else:
-        T_truth_estimate = wanted[0] * found[0].inv()
-    aligned = T_truth_estimate * found
-    off = wanted.inv() * aligned
-    steps = (wanted[:-1].inv() * wanted[1:]).inv() * (found[:-1].inv() * found[1:]) if len(mine) > 1 else None
+        T_truth_estimate = true[0] * estimated[0].inv()
+    aligned = T_truth_estimate * estimated
+    error = true.inv() * aligned
+    several = len(estimate_rows) > 1
+    steps = (true[:-1].inv() * true[1:]).inv() * (estimated[:-1].inv() * estimated[1:]) if several else None
     return Evaluation(
         alignment=alignment,
         T_truth_estimate=T_truth_estimate,
-        stamps=estimate.stamps[mine],
+        stamps=estimate.stamps[estimate_rows],
         T_aligned=aligned,
-        T_true=wanted,
-        rotation_deg=np.rad2deg(off.rotation.magnitude()),
-        translation_m=np.linalg.norm(off.translation, axis=1),
+        T_true=true,
+        rotation_deg=np.rad2deg(error.rotation.magnitude()),
+        translation_m=np.linalg.norm(error.translation, axis=1),
         step_rotation_deg=np.empty(0) if steps is None else np.rad2deg(steps.rotation.magnitude()),
         step_translation_m=np.empty(0) if steps is None else np.linalg.norm(steps.translation, axis=1),
-        unmatched_estimates=len(estimate) - len(mine),
-        unmatched_truths=len(truth) - len(true),
+        unmatched_estimates=len(estimate) - len(estimate_rows),
+        unmatched_truths=len(truth) - len(truth_rows),
     )
 
 
@@ -201,7 +202,9 @@ def _near(estimate: np.ndarray, truth: np.ndarray, tolerance: float) -> tuple[np
     """All pairs of stamps within the tolerance, as indices, by the estimate's and then by the truth's."""
     order = np.argsort(truth, kind="stable")
     ordered = truth[order]
-    reach = tolerance + 4 * np.spacing(np.abs(estimate) + tolerance)  # the search rounds; what it finds is judged below
+    reach = tolerance + 4 * np.spacing(
+        np.abs(estimate) + tolerance
+    )  # the search rounds; the tolerance itself is applied below
     low = np.searchsorted(ordered, estimate - reach, "left")
     count = np.searchsorted(ordered, estimate + reach, "right") - low
     mine = np.repeat(np.arange(len(estimate)), count)

@@ -20,18 +20,18 @@ from tools.versions import package_versions
 def survey_summary(
     result: SurveyResult, names: list[str], settings: Mapping[str, Any], device: Any, unread: Sequence[Unread] = ()
 ) -> dict[str, Any]:
-    """What `sonarmap map` tells about a survey.
+    """The content of a survey's summary.json.
 
     Args:
         result: the survey.
         names: of its scans, in their order.
         settings: as the user gave them or as they were chosen; dataclasses are fine as values.
-        device: what it ran on, any value that `to_json` takes, as a `DeviceInfo`.
-        unread: scans that could not be read. Each is listed with its reason and its gap, the indices of the scans
-            before and after it (null where there is none); "gaps" holds these beside the pairs that failed.
+        device: what it ran on: any value that `to_json` takes.
+        unread: scans that could not be read. Each is listed with its reason and its gap, the indices of the
+            scans before and after it (null if there is none); "gaps" lists these after the pairs that failed.
     """
     solution, graph = result.solution, result.solution.graph
-    places = [_place(one.before, len(names)) for one in unread]
+    gaps = [_gap(scan.before, len(names)) for scan in unread]
     return {
         "versions": package_versions(),
         "device": device,
@@ -50,9 +50,9 @@ def survey_summary(
             )
         ],
         "pairs": [pair_row(pair) for pair in result.pairs],
-        "gaps": list(dict.fromkeys([*result.gaps, *places])),
+        "gaps": list(dict.fromkeys([*result.gaps, *gaps])),
         "unread": [
-            {"name": one.where, "reason": one.reason, "gap": place} for one, place in zip(unread, places, strict=True)
+            {"name": scan.where, "reason": scan.reason, "gap": gap} for scan, gap in zip(unread, gaps, strict=True)
         ],
         "components": [_component_row(result, c) for c in placed(result.components)],
         "unplaced": unplaced(result.components),
@@ -70,8 +70,8 @@ def survey_summary(
     }
 
 
-def _place(before: int, count: int) -> tuple[int | None, int | None]:
-    """The scans before and after one that is missing."""
+def _gap(before: int, count: int) -> tuple[int | None, int | None]:
+    """The scans before and after one that could not be read."""
     return before - 1 if before > 0 else None, before if before < count else None
 
 
@@ -91,9 +91,9 @@ def pair_row(pair: Pair) -> dict[str, Any]:
     }
     if pair.registration is None:
         return row
-    told = registration_row(pair.edge.registration if pair.edge else pair.registration)
-    del told["seconds"]  # which differ from run to run: times.json has them
-    return row | told
+    registration = registration_row(pair.edge.registration if pair.edge else pair.registration)
+    del registration["seconds"]  # which differ from run to run: times.json has them
+    return row | registration
 
 
 def registration_row(registration: Registration) -> dict[str, Any]:

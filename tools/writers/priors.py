@@ -25,6 +25,6 @@ def write_priors(path: Path, names: Sequence[str], priors: Sequence[PosePrior]) 
         writer = csv.writer(file, lineterminator="\n")
         writer.writerow(["name", *(COLUMNS[k] for k in columns), *(SIGMA_COLUMNS[k] for k in columns)])
         for row, name in enumerate(names):
-            told = [f"{values[row, k]:z.6f}" if known[row, k] else "" for k in columns]
-            spread = [f"{sigmas[row, k]:.6g}" if known[row, k] else "" for k in columns]
-            writer.writerow([name, *told, *spread])
+            measured = [f"{values[row, k]:z.6f}" if known[row, k] else "" for k in columns]
+            deviations = [f"{sigmas[row, k]:.6g}" if known[row, k] else "" for k in columns]
+            writer.writerow([name, *measured, *deviations])

@@ -1,42 +1,64 @@
 """Real scans, where the folder of shared data lies beside the checkout: RGB-D fragments with truth, a real sonar."""
 
-import json
+from dataclasses import dataclass
 from itertools import combinations, pairwise
 from pathlib import Path
 
 import numpy as np
 import pytest
 from scipy.spatial.transform import RigidTransform
-from typer.testing import CliRunner
 
 from slam.map.crossing import crossing_error
 from slam.mapper import Mapper, SurveyResult
-from spectral.grid import Grid, choose_grid
+from spectral.grid import choose_grid
 from spectral.result import Registration
 from spectral.scan import Scan
 from tests.samples.structures import difference
-from tools.cli.main import app
 from tools.methods.registry import build
-from tools.readers.poses.tum import read_tum
 from tools.readers.scans import read_scans
 
 SHARED = Path(__file__).parents[4] / "shared" / "data"
 KITCHEN, SHIP = SHARED / "redkitchen", SHARED / "sonar3d15" / "ship_short.sonar"
 
 
-def survey(out: Path, *inputs: Path) -> tuple[dict, list[RigidTransform]]:
-    """The summary of `sonarmap map` and T_world_sensor of every scan."""
-    result = CliRunner().invoke(app, ["map", *map(str, inputs), "-o", str(out), "--quiet"])
-    assert result.exit_code == 0, result.output
-    return json.loads((out / "summary.json").read_text()), list(read_tum(out / "trajectory.tum").T_world_sensor)
+@dataclass(frozen=True, slots=True)
+class Mapped:
+    """Scans as one survey with loops, by the default method, with nothing but its defaults."""
+
+    scans: tuple[Scan, ...]
+    voxel: float
+    result: SurveyResult
+
+    @property
+    def poses(self) -> RigidTransform:
+        return self.result.trajectory.T_world_sensor
+
+    @property
+    def registrations(self) -> dict[tuple[int, int], Registration]:
+        """Of every pair that was registered, by its scans."""
+        return {(pair.i, pair.j): pair.registration for pair in self.result.pairs if pair.registration}
 
 
-def registered(summary: dict) -> dict[tuple[int, int], RigidTransform]:
-    """T_target_source of every pair, by its scans."""
-    return {
-        (row["target"], row["source"]): RigidTransform.from_matrix(np.array(row["T_target_source"]))
-        for row in summary["pairs"]
-    }
+def mapped(*inputs: Path) -> Mapped:
+    scans = read_scans(inputs).scans
+    grid = choose_grid(scans)
+    return Mapped(scans, grid.voxel, Mapper(build("spectral", grid), grid.voxel).run(scans))
+
+
+@pytest.fixture(scope="module")
+def kitchen() -> Mapped:
+    """Three fragments of a kitchen."""
+    if not KITCHEN.is_dir():
+        pytest.skip("shared/data/redkitchen is not beside the checkout")
+    return mapped(*sorted(KITCHEN.glob("*.ply")))
+
+
+@pytest.fixture(scope="module")
+def ship() -> Mapped:
+    """Six frames of a sonar before a ship."""
+    if not SHIP.is_file():
+        pytest.skip("shared/data/sonar3d15 is not beside the checkout")
+    return mapped(SHIP)
 
 
 def true_transforms() -> dict[tuple[int, int], RigidTransform]:
@@ -48,98 +70,85 @@ def true_transforms() -> dict[tuple[int, int], RigidTransform]:
     }
 
 
-def registrations(*inputs: Path) -> tuple[tuple[Scan, ...], Grid, dict[tuple[int, int], Registration]]:
-    """Every pair of the scans by the default method, with nothing but its defaults."""
-    scans = read_scans(inputs).scans
-    grid = choose_grid(scans)
-    registrar = build("spectral", grid)
-    prepared = [registrar.prepare(scan) for scan in scans]
-    pairs = combinations(range(len(scans)), 2)
-    return scans, grid, {(i, j): registrar.register(prepared[i], prepared[j]) for i, j in pairs}
-
-
-def mapped(*inputs: Path) -> tuple[tuple[Scan, ...], float, SurveyResult]:
-    """The scans as one survey with loops, by the default method, with nothing but its defaults; the voxel [m]."""
-    scans = read_scans(inputs).scans
-    grid = choose_grid(scans)
-    return scans, grid.voxel, Mapper(build("spectral", grid), grid.voxel).run(scans)
-
-
-def tell_pairs(result: SurveyResult) -> None:
+def print_pairs(result: SurveyResult) -> None:
     """Print what became of every pair."""
     for pair in result.pairs:
         print(f"{pair.i}, {pair.j} {pair.role}: {pair.residual:.2f} sigmas; {pair.reason}")
 
 
-def crossings(scans: tuple[Scan, ...], voxel: float, result: SurveyResult) -> tuple[float, float]:
+def crossings(survey: Mapped) -> tuple[float, float]:
     """The median crossing error before the loops and after [m], every scan taken for a pass of its own; printed."""
-    before, after = result.chained.T_world_sensor, result.trajectory.T_world_sensor
-    error = crossing_error(scans, before, after, voxel, surveys=range(len(scans)))
+    before, scans = survey.result.chained.T_world_sensor, survey.scans
+    error = crossing_error(scans, before, survey.poses, survey.voxel, surveys=range(len(scans)))
     assert error.before is not None
     assert error.after is not None
     print(
         f"{len(error.crossings)} crossings: median {100 * error.before.median:.2f} cm before the loops, "
         f"{100 * error.after.median:.2f} after; 90 % within {100 * error.before.most:.2f} and "
-        f"{100 * error.after.most:.2f}; the voxel is {100 * voxel:.2f}"
+        f"{100 * error.after.most:.2f}; the voxel is {100 * survey.voxel:.2f}"
     )
     return error.before.median, error.after.median
 
 
-@pytest.mark.skipif(not KITCHEN.is_dir(), reason="shared/data/redkitchen is not beside the checkout")
-def test_kitchen_fragments_are_registered_as_the_truth_has_them() -> None:
+def test_kitchen_fragments_are_registered_as_the_truth_has_them(kitchen: Mapped) -> None:
     """All pairs within 3 degrees, and within a voxel at the middle of the source's points; all believed.
 
     The fragments lie 1 to 4 m before their origin, so that a degree moves the origin by a voxel or two.
     """
-    scans, grid, found = registrations(*sorted(KITCHEN.glob("*.ply")))
-    truth = true_transforms()
-    for (i, j), registration in found.items():
+    scans, voxel, truth = kitchen.scans, kitchen.voxel, true_transforms()
+    assert kitchen.registrations.keys() == {(0, 1), (1, 2), (0, 2)}
+    for (i, j), registration in kitchen.registrations.items():
         T = registration.T_target_source
         middle = scans[j].points.mean(axis=0)
         angle, origin = difference(T, truth[i, j])
         off = float(np.linalg.norm(T.apply(middle) - truth[i, j].apply(middle)))
         print(
-            f"fragments {i}, {j}: {angle:.2f} degrees, {off / grid.voxel:.2f} voxels of {grid.voxel:.4f} m, "
-            f"{origin / grid.voxel:.2f} at the origin; probability {registration.probability:.4f}"
+            f"fragments {i}, {j}: {angle:.2f} degrees, {off / voxel:.2f} voxels of {voxel:.4f} m, "
+            f"{origin / voxel:.2f} at the origin; probability {registration.probability:.4f}"
         )
         assert registration.accepted
         assert angle < 3
-        assert off < grid.voxel
+        assert off < voxel
 
 
-@pytest.mark.skipif(not SHIP.is_file(), reason="shared/data/sonar3d15 is not beside the checkout")
-def test_frames_of_a_sonar_agree_with_their_mean_chain(tmp_path: Path) -> None:
+def test_frames_of_a_sonar_agree_with_their_mean_chain(ship: Mapped) -> None:
     """Each of the 15 pairs of six frames within 1 degree and 3 cm of what the optimized chain says; all believed."""
-    _, _, found = registrations(SHIP)
-    _, poses = survey(tmp_path, SHIP)
-    differences = [difference(found[i, j].T_target_source, poses[i].inv() * poses[j]) for i, j in found]
+    registrar, poses = build("spectral", choose_grid(ship.scans)), ship.poses
+    prepared = [registrar.prepare(scan) for scan in ship.scans]
+    registrations = ship.registrations
+    for i, j in set(combinations(range(6), 2)) - registrations.keys():
+        registrations[i, j] = registrar.register(prepared[i], prepared[j])
+    differences = [
+        difference(registration.T_target_source, poses[i].inv() * poses[j])
+        for (i, j), registration in registrations.items()
+    ]
     angle, distance = np.max(differences, axis=0)
     print(f"{len(differences)} pairs, at most {angle:.2f} degrees and {100 * distance:.1f} cm from the mean chain")
-    assert all(registration.accepted for registration in found.values())
+    assert all(registration.accepted for registration in registrations.values())
     assert len(differences) == 15
     assert angle < 1
     assert distance < 0.03
 
 
-@pytest.mark.skipif(not KITCHEN.is_dir(), reason="shared/data/redkitchen is not beside the checkout")
-def test_kitchen_fragments_come_out_as_the_truth_has_them(tmp_path: Path) -> None:
+def test_kitchen_fragments_come_out_as_the_truth_has_them(kitchen: Mapped) -> None:
     """Within 6 degrees and 2 voxels, before the graph and after it."""
-    summary, poses = survey(tmp_path, *sorted(KITCHEN.glob("*.ply")))
-    voxel, truth = summary["settings"]["grid"]["voxel"], true_transforms()
+    voxel, poses, truth = kitchen.voxel, kitchen.poses, true_transforms()
     for i, j in pairwise(range(3)):
-        for what, T in (("registered", registered(summary)[i, j]), ("optimized", poses[i].inv() * poses[j])):
+        for what, T in (
+            ("registered", kitchen.registrations[i, j].T_target_source),
+            ("optimized", poses[i].inv() * poses[j]),
+        ):
             angle, distance = difference(T, truth[i, j])
             print(f"fragments {i}, {j} {what}: {angle:.2f} degrees, {distance / voxel:.2f} voxels of {voxel:.4f} m")
             assert angle < 6
             assert distance < 2 * voxel
 
 
-@pytest.mark.skipif(not SHIP.is_file(), reason="shared/data/sonar3d15 is not beside the checkout")
-def test_a_sonar_that_hardly_moves_is_told_to_hardly_move(tmp_path: Path) -> None:
+def test_a_sonar_that_hardly_moves_is_found_to_hardly_move(ship: Mapped) -> None:
     """Six frames within a second: steps under 3 degrees and 0.15 m, the whole way under 0.3 m."""
-    summary, poses = survey(tmp_path, SHIP)
+    poses = ship.poses
     assert len(poses) == 6
-    steps = [registered(summary)[k, k + 1] for k in range(5)]
+    steps = [ship.registrations[k, k + 1].T_target_source for k in range(5)]
     chained = np.prod(np.array(steps, dtype=object))
     for k, step in enumerate(steps):
         angle, distance = difference(RigidTransform.identity(), step)
@@ -152,16 +161,15 @@ def test_a_sonar_that_hardly_moves_is_told_to_hardly_move(tmp_path: Path) -> Non
         assert distance < 0.3
 
 
-@pytest.mark.skipif(not KITCHEN.is_dir(), reason="shared/data/redkitchen is not beside the checkout")
-def test_the_kitchen_is_a_survey_whose_loop_is_found() -> None:
+def test_the_kitchen_is_a_survey_whose_loop_is_found(kitchen: Mapped) -> None:
     """The loop of the first and last fragment is tried and kept; poses within 3 degrees, and a voxel at the points.
 
     The places are those of the middle of a fragment's points, in the frame of the first. The fragments are themselves
     put together from many images and bent, by more than covariances that were calibrated on single scans hold.
     """
-    scans, voxel, result = mapped(*sorted(KITCHEN.glob("*.ply")))
+    scans, voxel, result = kitchen.scans, kitchen.voxel, kitchen.result
     truth = true_transforms()
-    tell_pairs(result)
+    print_pairs(result)
     for what, poses in (("before the loop", result.chained), ("after it", result.trajectory)):
         for k in (1, 2):
             T, middle = poses.T_world_sensor[0].inv() * poses.T_world_sensor[k], scans[k].points.mean(axis=0)
@@ -178,19 +186,18 @@ def test_the_kitchen_is_a_survey_whose_loop_is_found() -> None:
     print(f"the loop's own registration: {angle:.2f} degrees off")
     assert angle < 3
     assert all(pair.kept for pair in result.pairs if pair.role == "sequential")
-    before, after = crossings(scans, voxel, result)
+    before, after = crossings(kitchen)
     assert after < max(1.1 * before, 0.5 * voxel)
 
 
-@pytest.mark.skipif(not SHIP.is_file(), reason="shared/data/sonar3d15 is not beside the checkout")
-def test_frames_of_a_sonar_are_a_survey_whose_loops_agree() -> None:
+def test_frames_of_a_sonar_are_a_survey_whose_loops_agree(ship: Mapped) -> None:
     """Six frames that show one place: every loop that is tried is kept, and no pass lies a voxel from another."""
-    scans, voxel, result = mapped(SHIP)
-    tell_pairs(result)
+    voxel, result = ship.voxel, ship.result
+    print_pairs(result)
     loops = [pair for pair in result.pairs if pair.role == "loop"]
     assert len(result.components) == 1
     assert len(loops) >= 3
     assert all(pair.kept for pair in result.pairs)
     assert max(pair.residual for pair in result.pairs) < 4.74
-    before, after = crossings(scans, voxel, result)
+    before, after = crossings(ship)
     assert after < max(1.1 * before, 0.5 * voxel)

@@ -148,8 +148,8 @@ def command(
 def _check_together(map_file: Path | None, surface: Path | None, voxel: float | None, summary: Path | None) -> None:
     """Refuse options that need another one, or have no effect without it."""
     if (map_file is None) != (surface is None):
-        given, missing = ("--map", "--surface") if surface is None else ("--surface", "--map")
-        raise InputError(f"{given} needs {missing}: the map is compared with the surface; give both, or neither")
+        option, missing = ("--map", "--surface") if surface is None else ("--surface", "--map")
+        raise InputError(f"{option} needs {missing}: the map is compared with the surface; give both, or neither")
     if map_file is None and voxel is not None:
         raise InputError("--voxel has no effect without --map and --surface; give them, or leave --voxel out")
     if map_file is not None and voxel is None and summary is None:

@@ -36,9 +36,9 @@ def read_npz(content: bytes) -> list[Cloud]:
             f"its arrays are {', '.join(sorted(members)) or '(none)'}; wanted 'points' of shape (N, 3) and "
             "perhaps 'strength' and 'stamp', or one single array"
         )
-    wanted = ("points", "strength", "stamp") if "points" in members else tuple(members)
-    arrays = {name: _read_member(archive, members[name]) for name in wanted if name in members}
-    return [cloud_of_array(arrays[wanted[0]], arrays.get("strength"), _stamp_of(arrays.get("stamp")))]
+    names = ("points", "strength", "stamp") if "points" in members else tuple(members)
+    arrays = {name: _read_member(archive, members[name]) for name in names if name in members}
+    return [cloud_of_array(arrays[names[0]], arrays.get("strength"), _stamp_of(arrays.get("stamp")))]
 
 
 def _stamp_of(stamp: np.ndarray | None) -> float | None:

@@ -152,10 +152,10 @@ def _read_compressed(
     require_bytes("two sizes", 8, len(content) - start)
     packed, unpacked = struct.unpack_from("<II", content, start)
     require_bytes("compressed points", packed, len(content) - start - 8)
-    wanted = prod((header.points, sum(header.sizes)))
-    if unpacked != wanted or unpacked > packed * _LZF_RATIO:
+    needed = prod((header.points, sum(header.sizes)))
+    if unpacked != needed or unpacked > packed * _LZF_RATIO:
         raise InputError(
-            f"the header promises {header.points:,} points, {wanted:,} bytes, and the compressed block is "
+            f"the header promises {header.points:,} points, {needed:,} bytes, and the compressed block is "
             f"{packed:,} bytes that claim to hold {unpacked:,}: the file is damaged; write or copy it again"
         )
     try:

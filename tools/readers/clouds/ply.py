@@ -111,15 +111,15 @@ def _read_ascii(
     body: bytes, first_line: int, elements: list[_Element], vertex: _Element, roles: dict[str, int]
 ) -> Cloud:
     lines = whole_lines(body, first_line)
-    wanted = sum(element.count for element in elements)
-    if len(lines) < wanted:
+    needed = sum(element.count for element in elements)
+    if len(lines) < needed:
         raise InputError(
-            f"the header promises {wanted:,} lines of points and the like and {len(lines):,} follow: "
+            f"the header promises {needed:,} lines of points and the like and {len(lines):,} follow: "
             "the file is cut or its header is wrong; write or copy it again"
         )
     start = sum(element.count for element in elements[: elements.index(vertex)])
     rows = parse_rows(lines[start : start + vertex.count], len(vertex.properties))
-    notes = surplus_note(len(lines) - wanted, "lines", "element")
+    notes = surplus_note(len(lines) - needed, "lines", "element")
     return cloud_of_columns({role: rows[:, column] for role, column in roles.items()}, notes)
 
 

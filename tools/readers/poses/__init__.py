@@ -1,0 +1,1 @@
+"""Files of poses: TUM and KITTI trajectories, g2o pose graphs."""

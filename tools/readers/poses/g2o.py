@@ -44,7 +44,7 @@ def read_g2o(path: Path) -> PoseGraph:
     """
     lines = _by_tag(path)
     if not lines[VERTEX]:
-        raise InputError(f"{path} holds no {VERTEX}; a pose graph wants at least one")
+        raise InputError(f"{path} holds no {VERTEX}; a pose graph needs at least one")
     rows = finite_rows(path, lines[VERTEX], _VERTEX_LAYOUT)
     ids = _ids(path, lines[VERTEX], rows[:, :1])[:, 0]
     order = np.argsort(ids, kind="stable")
@@ -76,11 +76,11 @@ def require_connected(path: Path, graph: PoseGraph) -> None:
     ids = graph.trajectory.stamps.astype(np.int64)
     second = ids[parts[1][0]]
     number = next(n for n, line in _by_tag(path)[VERTEX] if int(float(line.split(maxsplit=1)[0])) == second)
-    told = "; ".join(_listed(ids[list(part)]) for part in parts[:_MOST_PARTS])
-    told += "; ..." if len(parts) > _MOST_PARTS else ""
+    listed = "; ".join(_listed(ids[list(part)]) for part in parts[:_MOST_PARTS])
+    listed += "; ..." if len(parts) > _MOST_PARTS else ""
     raise InputError(
-        f"{path}: line {number}: no edges join vertex {second} to vertex {ids[parts[0][0]]}: the graph is in "
-        f"{len(parts)} parts, of the vertices {told}. Add an edge that joins them, or give each part a file of its own"
+        f"{path}: line {number}: no edges join vertex {second} to vertex {ids[parts[0][0]]}: the "
+        f"graph is in {len(parts)} parts, of the vertices {listed}. Add an edge that joins them, or give each part a file of its own"
     )
 
 
@@ -93,17 +93,17 @@ def _listed(ids: np.ndarray) -> str:
 
 def _by_tag(path: Path) -> dict[str, list[Line]]:
     """The lines of every tag, without it."""
-    found: dict[str, list[Line]] = defaultdict(list)
+    lines: dict[str, list[Line]] = defaultdict(list)
     for number, line in read_lines(path):
         tag, *rest = line.split(maxsplit=1)
         name = tag.decode("utf-8", "replace")
         if name not in KNOWN:
             raise InputError(
                 f"{path}: line {number} begins with {shown(tag)}; known are {', '.join(KNOWN)}. Convert the "
-                "file, or leave out what is not a 3D pose graph"
+                "file, or delete what is not part of a 3D pose graph"
             )
-        found[name].append((number, rest[0] if rest else b""))
-    return found
+        lines[name].append((number, rest[0] if rest else b""))
+    return lines
 
 
 def _ids(path: Path, lines: list[Line], numbers: np.ndarray) -> np.ndarray:
@@ -164,5 +164,5 @@ def _fixed(path: Path, lines: list[Line], index: dict[int, int]) -> tuple[int, .
 
 def _known(index: dict[int, int], vertex: int, where: str) -> int:
     if vertex not in index:
-        raise InputError(f"{where} names vertex {vertex}, which the file does not define; add it or drop the line")
+        raise InputError(f"{where} names vertex {vertex}, which the file does not define; add it, or delete the line")
     return index[vertex]

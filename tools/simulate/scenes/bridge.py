@@ -122,9 +122,13 @@ def _abutments(layout: BridgeLayout) -> list[Mesh]:
         y = bank + side * 6.0
         x = layout.axis_x(y)
         parts.append(box((x, y, (underside + FOOT) / 2), (7.0, width + 2, underside - FOOT), turn))
-        for way in (-1, 1):
-            start = np.array((x + way * (width / 2 + 1), y - side * 2))
-            corners = [start, start + np.array((way * 9.0, side * 3.0)), start + np.array((way * 16.0, side * 11.0))]
+        for along in (-1, 1):
+            start = np.array((x + along * (width / 2 + 1), y - side * 2))
+            corners = [
+                start,
+                start + np.array((along * 9.0, side * 3.0)),
+                start + np.array((along * 16.0, side * 11.0)),
+            ]
             parts.append(wall(corners, 1.4, FOOT, underside - 2.5))
     return parts
 

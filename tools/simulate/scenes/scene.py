@@ -55,9 +55,9 @@ class Scene:
         import open3d as o3d
 
         rays = np.concatenate([origins, directions], axis=1).astype(np.float32)
-        found = self._caster.cast_rays(o3d.core.Tensor.from_numpy(rays))["primitive_ids"].numpy()
-        met = np.flatnonzero(found != o3d.t.geometry.RaycastingScene.INVALID_ID)
-        corner, normal = self._planes(found[met].astype(np.int64))
+        hits = self._caster.cast_rays(o3d.core.Tensor.from_numpy(rays))["primitive_ids"].numpy()
+        met = np.flatnonzero(hits != o3d.t.geometry.RaycastingScene.INVALID_ID)
+        corner, normal = self._planes(hits[met].astype(np.int64))
         closing = np.einsum("ij,ij->i", normal, directions[met])
         distance = np.einsum("ij,ij->i", normal, corner[:, 0] - origins[met])
         ranges, normals = np.full(len(origins), np.inf), np.zeros((len(origins), 3))

@@ -82,7 +82,7 @@ class Sensor:
 
 
 def bare(sensor: Sensor) -> Sensor:
-    """Its fan alone: it hears all directions alike and every echo, and tells ranges as they are."""
+    """The sensor's fan alone: equally sensitive in all directions, without a threshold, and with exact ranges."""
     return replace(sensor, edge_loss=0.0, threshold=0.0, resolution=0.0)
 
 
@@ -105,7 +105,7 @@ ECLIPSE = Sensor(
 )
 # The paper's simulated sensor (Sect. 3): the same fan, its range as long as the 256 m grid
 PAPER = Sensor("paper", math.radians(120), math.radians(90), 256, 192, 0.4, 256.0)
-# The Water Linked Sonar 3D-15: its fan and reach. Its maker tells no beam pattern: it hears all directions alike
+# The Water Linked Sonar 3D-15: its fan and reach. Its maker gives no beam pattern: all directions count alike
 SONAR_3D15 = Sensor("sonar3d15", math.radians(90), math.radians(40), 256, 64, 0.2, 15.0)
 SENSORS = MappingProxyType({sensor.name: sensor for sensor in (ECLIPSE, PAPER, SONAR_3D15)})
 
@@ -151,7 +151,7 @@ def echoes_of(sensor: Sensor, ranges: np.ndarray, sine_grazing: np.ndarray) -> E
         sine_grazing: (rows * columns,) sines of grazing angles, 0..1.
     """
     seen = (ranges >= sensor.min_range) & (ranges <= sensor.max_range)
-    way = np.where(seen, ranges, 0.0)
-    lost = 10 ** (-2 * sensor.absorption * way / 10)
+    distance = np.where(seen, ranges, 0.0)
+    lost = 10 ** (-2 * sensor.absorption * distance / 10)
     strengths = np.where(seen, sine_grazing**2 * lost, 0.0).reshape(sensor.rows, sensor.columns)
     return Echoes(np.where(seen, ranges, np.inf).reshape(strengths.shape), strengths * sensor.pattern())

@@ -55,11 +55,11 @@ def choose_unusable(share: float, count: int, seed: int, dive: int = 1) -> Unusa
     """
     if not 0 <= share < 1:
         raise InputError(f"unusable is {share}; wanted a share of the scans, 0 <= share < 1")
-    wanted = round(share * count)
-    if wanted > max(count - 2, 0):
-        raise InputError(f"unusable is {share}: {wanted} of {count} scans, which leaves no two; wanted a smaller share")
+    number = round(share * count)
+    if number > max(count - 2, 0):
+        raise InputError(f"unusable is {share}: {number} of {count} scans, which leaves no two; wanted a smaller share")
     rng = np.random.default_rng(_stream(seed, dive))
-    chosen = 1 + np.argsort(rng.random(max(count - 1, 0)), kind="stable")[:wanted]
+    chosen = 1 + np.argsort(rng.random(max(count - 1, 0)), kind="stable")[:number]
     kinds = get_args(Fault)
     return UnusableScans({int(k): kinds[place % len(kinds)] for place, k in enumerate(chosen)}, seed, dive)
 

@@ -1,0 +1,1 @@
+"""Triangle meshes and voxel structures: solids to build scenes from, distances to surfaces, noise on voxels."""
