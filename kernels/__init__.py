@@ -1,6 +1,6 @@
 """OpenCL kernels and the Python functions that launch them; nothing here knows what a sonar is.
 
-In: device arrays and NumPy arrays. Out: device arrays, and peaks as NumPy numbers. `opencl/` finds devices and launches
+In: device arrays and NumPy arrays. Out: device arrays, and peaks as NumPy numbers. `device/` finds devices and launches
 programs, `fft/` transforms volumes, `points/` puts points into voxels and views, `pomf/` correlates spectra and finds
 peaks, `resample/` samples spectra on layers, `so3/` correlates layers over all rotations. Every kernel is compared with
 NumPy or SciPy in its test.

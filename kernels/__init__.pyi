@@ -1,11 +1,11 @@
+from .device.device import Device as Device
+from .device.device import DeviceInfo as DeviceInfo
+from .device.device import choose_device as choose_device
+from .device.device import list_devices as list_devices
 from .errors import DeviceError as DeviceError
 from .errors import InputError as InputError
 from .errors import SonarmapError as SonarmapError
 from .fft.transform import RealFFT as RealFFT
-from .opencl.device import Device as Device
-from .opencl.device import DeviceInfo as DeviceInfo
-from .opencl.device import choose_device as choose_device
-from .opencl.device import list_devices as list_devices
 from .points.voxelize import voxelize as voxelize
 from .pomf.peak import find_peaks as find_peaks
 from .pomf.peak import peak_at as peak_at

@@ -1,7 +1,7 @@
 """How much device memory a registration needs, by either method, known before anything is allocated."""
 
+from kernels.device.device import Device
 from kernels.errors import DeviceError
-from kernels.opencl.device import Device
 from spectral.grid import EDGES
 
 # Tables and correlations over all rotations, of any tilt: the same on every grid.

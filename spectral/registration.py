@@ -10,8 +10,8 @@ from typing import Literal
 import numpy as np
 from scipy.spatial.transform import RigidTransform, Rotation
 
+from kernels.device.device import Device
 from kernels.errors import InputError
-from kernels.opencl.device import Device
 from kernels.points.voxelize import voxelize
 from kernels.pomf.spectrum import Pomf
 from spectral.grid import Grid

@@ -6,7 +6,7 @@ from dataclasses import dataclass
 import numpy as np
 from scipy.spatial.transform import Rotation
 
-from kernels.opencl.device import Array, Device
+from kernels.device.device import Array, Device
 from kernels.pomf.peak import segment_peaks
 from kernels.resample.sphere import sample, upload_directions
 from kernels.so3.correlation import RotationCorrelation

@@ -5,7 +5,7 @@ from typing import Protocol
 import numpy as np
 from scipy.spatial.transform import Rotation
 
-from kernels.opencl.device import Array, Device
+from kernels.device.device import Array, Device
 from kernels.points.voxelize import voxelize
 from kernels.pomf.peak import Peak, find_peaks, peak_at
 from kernels.pomf.spectrum import Pomf

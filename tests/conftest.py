@@ -5,8 +5,8 @@ from functools import cache
 
 import pytest
 
+from kernels.device.device import Device, choose_device, list_devices
 from kernels.errors import DeviceError
-from kernels.opencl.device import Device, choose_device, list_devices
 
 
 @cache

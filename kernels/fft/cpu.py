@@ -19,7 +19,7 @@ def emit(layout: Layout, inverse: bool) -> Plan:
     """The program of a transform and its launches; see `Plan`."""
     n0, n1, _ = layout.shape
     edges = {layout.row_points, n1, *(() if layout.batched else (n0,))}
-    parts = ['#include "opencl/complex.cl"', *(twiddles(n) for n in sorted(edges))]
+    parts = ['#include "device/complex.cl"', *(twiddles(n) for n in sorted(edges))]
     parts.append(_columns("columns_1", n1, 2 * layout.pitch, 1, inverse))
     parts.append(real_rows(layout, inverse))
     parts.append(_planes(layout, inverse))

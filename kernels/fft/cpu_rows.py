@@ -1,9 +1,9 @@
 # pyright: strict
 """Emit the last axis of a Fourier transform for a processor: 8 rows at a time, transposed in registers."""
 
+from kernels.device.source import literal
 from kernels.fft.plan import RADICES, Layout
 from kernels.fft.stage import KEEP, block, private_stages, scatter, untangle
-from kernels.opencl.source import literal
 
 
 def real_rows(layout: Layout, inverse: bool) -> str:

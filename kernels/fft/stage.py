@@ -13,8 +13,8 @@ from math import prod
 
 import numpy as np
 
+from kernels.device.source import literal
 from kernels.fft.plan import RADICES
-from kernels.opencl.source import literal
 
 KEEP = "__attribute__((opencl_unroll_hint(1)))"  # an unrolled stage does not fit the instruction cache
 

@@ -7,12 +7,12 @@ import numpy as np
 import pyopencl as cl
 import pyopencl.array as cla
 
+from kernels.device.device import Device
+from kernels.device.launch import buffer_of, output, require_array
 from kernels.errors import DeviceError
 from kernels.fft import cpu as fft_cpu
 from kernels.fft import gpu as fft_gpu
 from kernels.fft.plan import EDGES, Layout
-from kernels.opencl.device import Device
-from kernels.opencl.launch import buffer_of, output, require_array
 
 Flavor = Literal["cpu", "gpu"]
 

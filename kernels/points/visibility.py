@@ -4,9 +4,9 @@
 import numpy as np
 import pyopencl.array as cla
 
+from kernels.device.device import Device
+from kernels.device.launch import launch, require_array
 from kernels.errors import InputError
-from kernels.opencl.device import Device
-from kernels.opencl.launch import launch, require_array
 
 _LANES = 8
 _PART = 256  # points of one work-item

@@ -4,9 +4,9 @@
 import numpy as np
 import pyopencl.array as cla
 
+from kernels.device.device import Device
+from kernels.device.launch import affine, launch, output, require_array, zero
 from kernels.errors import InputError
-from kernels.opencl.device import Device
-from kernels.opencl.launch import affine, launch, output, require_array, zero
 
 _GROUP = 256
 

@@ -7,9 +7,9 @@ import numpy as np
 import pyopencl as cl
 import pyopencl.array as cla
 
+from kernels.device.device import Device
+from kernels.device.launch import launch, require_array
 from kernels.errors import InputError
-from kernels.opencl.device import Device
-from kernels.opencl.launch import launch, require_array
 from kernels.pomf.peak_fit import Peak, fit_peaks, signed
 
 __all__ = ["Peak", "find_peaks", "peak_at", "segment_peaks"]

@@ -8,10 +8,10 @@ is valid up to n2/2 (docs/conventions.md).
 import numpy as np
 import pyopencl.array as cla
 
+from kernels.device.device import Device
+from kernels.device.launch import launch, output, require_array, table
 from kernels.errors import InputError
 from kernels.fft.transform import RealFFT
-from kernels.opencl.device import Device
-from kernels.opencl.launch import launch, output, require_array, table
 
 _WHITEN_AT_ONCE = 8
 _ROWS_AT_ONCE = 8

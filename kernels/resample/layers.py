@@ -4,9 +4,9 @@
 import numpy as np
 import pyopencl.array as cla
 
+from kernels.device.device import Device
+from kernels.device.launch import launch, output, require_array, table
 from kernels.errors import InputError
-from kernels.opencl.device import Device
-from kernels.opencl.launch import launch, output, require_array, table
 
 
 def normalize_layers(

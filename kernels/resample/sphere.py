@@ -11,9 +11,9 @@ Shifts: sampling with R shows I_R(d) = |F|(R d). The spectrum of a source b(x) =
 import numpy as np
 import pyopencl.array as cla
 
+from kernels.device.device import Device
+from kernels.device.launch import affine, launch, output, require_array, table
 from kernels.errors import InputError
-from kernels.opencl.device import Device
-from kernels.opencl.launch import affine, launch, output, require_array, table
 
 _PIXELS_AT_ONCE = 8
 

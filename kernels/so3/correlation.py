@@ -14,10 +14,10 @@ import numpy as np
 import pyopencl.array as cla
 from scipy.spatial.transform import Rotation
 
+from kernels.device.device import Device
+from kernels.device.launch import launch
 from kernels.errors import InputError
 from kernels.fft.transform import RealFFT
-from kernels.opencl.device import Device
-from kernels.opencl.launch import launch
 
 
 class RotationCorrelation:

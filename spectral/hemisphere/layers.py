@@ -11,8 +11,8 @@ import numpy as np
 from scipy.ndimage import maximum_filter1d
 from scipy.spatial.transform import Rotation
 
+from kernels.device.device import Array, Device
 from kernels.fft.transform import RealFFT
-from kernels.opencl.device import Array, Device
 from kernels.pomf.peak import find_peaks
 from kernels.pomf.spectrum import Pomf
 from kernels.resample.layers import normalize_layers

@@ -7,8 +7,8 @@ from time import perf_counter
 import numpy as np
 from scipy.spatial.transform import RigidTransform, Rotation
 
+from kernels.device.device import Array, Device
 from kernels.errors import InputError
-from kernels.opencl.device import Array, Device
 from spectral.grid import Grid
 from spectral.hemisphere.acceptance import Acceptance, assess
 from spectral.hemisphere.covariance import peak_covariance

@@ -5,9 +5,9 @@ from dataclasses import dataclass
 import numpy as np
 from scipy.spatial import KDTree
 
+from kernels.device.device import Array, Device
 from kernels.errors import InputError
 from kernels.fft.transform import RealFFT
-from kernels.opencl.device import Array, Device
 from kernels.points.voxelize import voxelize
 from kernels.pomf.spectrum import magnitude, whiten
 from spectral.grid import Grid, scan_center

@@ -5,7 +5,7 @@ from dataclasses import dataclass
 import numpy as np
 from scipy.spatial.transform import Rotation
 
-from kernels.opencl.device import Array, Device
+from kernels.device.device import Array, Device
 from kernels.points.visibility import agreement, octahedral_cells, upload_points
 
 # Cells along an edge of the map: 1.6 degrees, a voxel at 36 voxels' distance. Finer cells stay empty between beams.

@@ -4,7 +4,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from kernels.opencl.device import Array
+from kernels.device.device import Array
 from spectral.prepare.prepared import Prepared
 from spectral.prepare.range_image import RangeImage
 from spectral.prepare.surface import Surface

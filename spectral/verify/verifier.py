@@ -12,7 +12,7 @@ from itertools import product
 import numpy as np
 from scipy.spatial.transform import Rotation
 
-from kernels.opencl.device import Device
+from kernels.device.device import Device
 from spectral.overlap import share_near
 from spectral.prepare.range_image import COARSE, FINE, visibility
 from spectral.prepare.spectral_scan import SpectralScan

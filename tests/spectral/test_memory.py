@@ -9,8 +9,8 @@ import pyopencl as cl
 import pyopencl.array as cla
 import pytest
 
+from kernels.device.device import Device, choose_device
 from kernels.errors import DeviceError
-from kernels.opencl.device import Device, choose_device
 from spectral.grid import Grid
 from spectral.hemisphere.registration import HemisphereConfig, HemisphereRegistrar
 from spectral.memory import needed_memory, prepared_memory, require_memory, scans_that_fit

@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 from scipy.spatial.transform import Rotation
 
-from kernels.opencl.device import choose_device
+from kernels.device.device import choose_device
 from spectral.grid import Grid
 from spectral.prepare.prepared import Preparer
 from spectral.scan import Scan

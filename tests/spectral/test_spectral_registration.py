@@ -6,8 +6,8 @@ import numpy as np
 import pytest
 from scipy.spatial.transform import RigidTransform, Rotation
 
+from kernels.device.device import choose_device
 from kernels.errors import InputError
-from kernels.opencl.device import choose_device
 from spectral.grid import Grid
 from spectral.prepare.spectral_scan import SpectralScan
 from spectral.registration import SpectralConfig, SpectralRegistrar

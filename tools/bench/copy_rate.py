@@ -6,7 +6,7 @@ from typing import Any
 
 import numpy as np
 
-from kernels.opencl.device import Device
+from kernels.device.device import Device
 from tools.bench.timing import timed
 
 _LANES, _GROUP = 4, 256

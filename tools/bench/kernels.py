@@ -4,7 +4,7 @@ from collections.abc import Callable, Iterator, Sequence
 
 import numpy as np
 
-from kernels.opencl.device import Device
+from kernels.device.device import Device
 from tools.bench.case import Case
 from tools.bench.cases.all_cases import CASES
 from tools.bench.result import KernelResult

@@ -4,7 +4,7 @@ import os
 from dataclasses import dataclass
 from pathlib import Path
 
-from kernels.opencl.device import Device
+from kernels.device.device import Device
 
 
 @dataclass(frozen=True, slots=True)

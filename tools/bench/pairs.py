@@ -10,8 +10,8 @@ from multiprocessing.process import BaseProcess
 
 from scipy.spatial.transform import RigidTransform
 
+from kernels.device.device import choose_device
 from kernels.errors import DeviceError, SonarmapError
-from kernels.opencl.device import choose_device
 from spectral.grid import Grid, choose_grid
 from spectral.prepare.spectral_scan import SpectralScan
 from spectral.registration import SpectralConfig, SpectralRegistrar

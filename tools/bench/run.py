@@ -4,8 +4,8 @@ from collections.abc import Sequence
 
 import numpy as np
 
+from kernels.device.device import Device, choose_device
 from kernels.errors import InputError
-from kernels.opencl.device import Device, choose_device
 from spectral.grid import Grid
 from tools.bench.cases.all_cases import CASES
 from tools.bench.copy_rate import measure_copy

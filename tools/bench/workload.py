@@ -6,7 +6,7 @@ from typing import Any
 import numpy as np
 from scipy.spatial.transform import Rotation
 
-from kernels.opencl.device import Device
+from kernels.device.device import Device
 from tools.bench import twins
 
 # A rotation about no axis of the grid.

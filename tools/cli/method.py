@@ -21,7 +21,7 @@ from tools.cli.terminal import say
 from tools.methods.registry import DEFAULT_METHOD, METHODS, Setup, find_method
 
 if TYPE_CHECKING:
-    from kernels.opencl.device import Device
+    from kernels.device.device import Device
     from spectral.grid import Grid
     from spectral.hemisphere.registration import HemisphereConfig
     from spectral.registration import SpectralConfig

@@ -107,14 +107,14 @@ def is_installed(name: str) -> bool:
 
 
 def _spectral(setup: Setup) -> Registrar:
-    from kernels.opencl.device import choose_device
+    from kernels.device.device import choose_device
     from spectral.registration import SpectralConfig, SpectralRegistrar
 
     return SpectralRegistrar(choose_device(setup.device), setup.grid, SpectralConfig(**setup.changes))
 
 
 def _hemisphere(setup: Setup) -> Registrar:
-    from kernels.opencl.device import choose_device
+    from kernels.device.device import choose_device
     from spectral.hemisphere.registration import HemisphereConfig, HemisphereRegistrar
 
     config = replace(HemisphereConfig.paper(), **setup.changes)

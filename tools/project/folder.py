@@ -9,8 +9,8 @@ from typing import Any
 
 import numpy as np
 
+from kernels.device.device import Device
 from kernels.errors import InputError
-from kernels.opencl.device import Device
 from slam.graph.pose_graph import PoseGraph
 from slam.map.point_map import PointMap
 from slam.mapper import SurveyResult

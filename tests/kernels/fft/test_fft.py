@@ -6,9 +6,9 @@ The flavor for graphics processors runs on every device, the one for processors 
 import numpy as np
 import pytest
 
+from kernels.device.device import Device
 from kernels.errors import DeviceError, InputError
 from kernels.fft.transform import Flavor, RealFFT
-from kernels.opencl.device import Device
 
 TOLERANCE = 3e-7  # relative, in the 2-norm
 

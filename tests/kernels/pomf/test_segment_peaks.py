@@ -4,9 +4,9 @@ import numpy as np
 import pytest
 from scipy.ndimage import maximum_filter
 
+from kernels.device.device import Device
+from kernels.device.launch import zero
 from kernels.errors import InputError
-from kernels.opencl.device import Device
-from kernels.opencl.launch import zero
 from kernels.pomf.peak import find_peaks, peak_at, segment_peaks
 
 

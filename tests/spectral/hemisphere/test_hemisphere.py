@@ -7,8 +7,8 @@ import numpy as np
 import pytest
 from scipy.spatial.transform import RigidTransform, Rotation
 
+from kernels.device.device import Device, choose_device
 from kernels.errors import InputError
-from kernels.opencl.device import Device, choose_device
 from spectral.grid import Grid
 from spectral.hemisphere.layers import Hemisphere
 from spectral.hemisphere.match import Match, differ

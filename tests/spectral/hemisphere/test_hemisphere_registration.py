@@ -4,8 +4,8 @@ import numpy as np
 import pytest
 from scipy.spatial.transform import RigidTransform, Rotation
 
+from kernels.device.device import choose_device
 from kernels.errors import InputError
-from kernels.opencl.device import choose_device
 from spectral.grid import Grid, choose_grid
 from spectral.hemisphere.registration import HemisphereConfig, HemisphereRegistrar
 from spectral.result import Registration

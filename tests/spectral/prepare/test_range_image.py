@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 from scipy.spatial.transform import Rotation
 
-from kernels.opencl.device import Device, choose_device
+from kernels.device.device import Device, choose_device
 from spectral.prepare.range_image import RangeImage, range_image, visibility
 
 VIEWPOINT = np.array([3.0, -2.0, 1.0])

@@ -5,7 +5,7 @@ import pytest
 from scipy.spatial.transform import RigidTransform, Rotation
 from scipy.stats import chi2
 
-from kernels.opencl.device import choose_device
+from kernels.device.device import choose_device
 from spectral.grid import Grid, choose_grid
 from spectral.registration import SpectralRegistrar
 from spectral.result import Registration

@@ -7,7 +7,7 @@ import numpy as np
 import pytest
 from scipy.spatial.transform import RigidTransform, Rotation
 
-from kernels.opencl.device import choose_device
+from kernels.device.device import choose_device
 from spectral.grid import Grid, choose_grid
 from spectral.registration import SpectralRegistrar
 from spectral.scan import Scan

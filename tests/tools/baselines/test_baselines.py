@@ -169,7 +169,7 @@ def test_no_device_is_chosen(name: str, monkeypatch: pytest.MonkeyPatch) -> None
     def never(*_: object) -> None:
         raise AssertionError("a device was chosen")
 
-    monkeypatch.setattr("kernels.opencl.device.choose_device", never)
+    monkeypatch.setattr("kernels.device.device.choose_device", never)
     build(name, GRID)
     with pytest.raises(AssertionError, match="a device was chosen"):
         build("spectral", GRID)

@@ -15,8 +15,8 @@ import pytest
 from scipy.spatial.transform import RigidTransform, Rotation
 from typer.testing import CliRunner
 
+from kernels.device.device import Device
 from kernels.errors import DeviceError
-from kernels.opencl.device import Device
 from tools.bench import twins
 from tools.bench.cases.all_cases import CASES
 from tools.bench.cases.transforms import real_forward_case

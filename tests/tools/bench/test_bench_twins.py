@@ -5,7 +5,7 @@ import pytest
 from scipy.ndimage import map_coordinates
 from scipy.spatial.transform import Rotation
 
-from kernels.opencl.device import Device
+from kernels.device.device import Device
 from kernels.resample.sphere import rectangular_unwrap
 from kernels.so3.correlation import wigner_d
 from tools.bench import twins

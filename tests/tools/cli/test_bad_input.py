@@ -8,8 +8,8 @@ from time import perf_counter
 import numpy as np
 import pytest
 
-import kernels.opencl.device
-from kernels.opencl.device import Device, choose_device
+import kernels.device.device
+from kernels.device.device import Device, choose_device
 from tests.samples.cloud_files import SAMPLES
 from tests.samples.clutter_scans import clutter, files_in, plane, said, scan, sonarmap, write
 from tools.readers.scans import read_survey
@@ -207,7 +207,7 @@ def test_a_grid_that_the_device_cannot_hold(
         device.cl_device = SmallDevice(device.cl_device, memory)  # pyright: ignore[reportAttributeAccessIssue]
         return device
 
-    monkeypatch.setattr(kernels.opencl.device, "choose_device", choose_small)
+    monkeypatch.setattr(kernels.device.device, "choose_device", choose_small)
     result = sonarmap("register", *write(tmp_path, a=scan(0), b=scan(1)), "--grid", "512", "--json")
     assert (result.exit_code, result.stdout) == (2, "")
     has = f"{memory / 2**30:.2f} GiB" if memory >= 2**30 else f"{memory / 2**20:.0f} MiB"

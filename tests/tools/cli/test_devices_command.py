@@ -5,8 +5,8 @@ import json
 import pytest
 from typer.testing import CliRunner
 
+from kernels.device.device import Device, choose_device
 from kernels.errors import DeviceError
-from kernels.opencl.device import Device, choose_device
 from tests.samples.command_line import sonarmap
 from tools.cli.main import app
 
@@ -40,9 +40,9 @@ class TestDevices:
         assert "no OpenCL device matches 'abacus'" in result.stderr
 
     def test_no_platform_names_the_package_that_brings_one(self, monkeypatch: pytest.MonkeyPatch) -> None:
-        import kernels.opencl.device
+        import kernels.device.device
 
-        monkeypatch.setattr(kernels.opencl.device.cl, "get_platforms", list)
+        monkeypatch.setattr(kernels.device.device.cl, "get_platforms", list)
         result = CliRunner().invoke(app, ["devices"])
         assert result.exit_code == 2
         assert "pocl-opencl-icd" in result.stderr
@@ -51,7 +51,7 @@ class TestDevices:
         def no_device(selector: str | None = None) -> Device:
             raise DeviceError("no OpenCL device works")
 
-        monkeypatch.setattr("kernels.opencl.device.choose_device", no_device)
+        monkeypatch.setattr("kernels.device.device.choose_device", no_device)
         result = CliRunner().invoke(app, ["devices", "--json"])
         assert result.exit_code == 2
         listed = json.loads(result.stdout)

@@ -5,7 +5,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from kernels.opencl.device import choose_device
+from kernels.device.device import choose_device
 from slam.loops.places import PlaceIndex
 from spectral.grid import choose_grid
 from spectral.registration import SpectralRegistrar

@@ -7,8 +7,8 @@ from pathlib import Path
 import pytest
 
 import tools.methods.fingerprint
+from kernels.device.device import Device
 from kernels.errors import InputError
-from kernels.opencl.device import Device
 from spectral.grid import Grid
 from tools.baselines.planes.registrar import PlaneRegistrar
 from tools.methods.fingerprint import method_key, method_sources, source_digest

@@ -8,8 +8,8 @@ import numpy as np
 import pytest
 from scipy.spatial.transform import RigidTransform, Rotation
 
+from kernels.device.device import Device, choose_device
 from kernels.errors import InputError
-from kernels.opencl.device import Device, choose_device
 from kernels.pomf.peak import find_peaks
 from spectral.grid import choose_grid
 from spectral.prepare.range_image import visibility

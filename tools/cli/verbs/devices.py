@@ -11,7 +11,7 @@ from tools.cli.options import DeviceOption, JsonOption
 from tools.cli.terminal import printable, result_console, say
 
 if TYPE_CHECKING:
-    from kernels.opencl.device import DeviceInfo
+    from kernels.device.device import DeviceInfo
 
 
 def command(device: DeviceOption = None, as_json: JsonOption = False) -> None:
@@ -19,7 +19,7 @@ def command(device: DeviceOption = None, as_json: JsonOption = False) -> None:
 
     The exit code is 2 if none works.
     """
-    from kernels.opencl.device import choose_device, list_devices
+    from kernels.device.device import choose_device, list_devices
 
     infos = list_devices()
     try:

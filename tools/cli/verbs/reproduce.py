@@ -132,7 +132,7 @@ def command(
     NAME-seconds.csv, NAME-times.md and NAME.json. If a run is stopped, the same command goes on where it was; jobs that
     are done are kept in OUT/journal.sqlite.
     """
-    from kernels.opencl.device import choose_device
+    from kernels.device.device import choose_device
     from spectral.grid import Grid
     from tools.reproduce.pages.page import FRAMES, write_page
     from tools.writers.atomic import require_writable

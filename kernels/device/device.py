@@ -16,9 +16,9 @@ import pyopencl as cl
 import pyopencl.array as cla
 from pyopencl.array import Array
 
+from kernels.device.selection import Entry, by_preference, kind, matching
+from kernels.device.source import KERNEL_FOLDER, informative_line, inline_includes, literal
 from kernels.errors import DeviceError
-from kernels.opencl.selection import Entry, by_preference, kind, matching
-from kernels.opencl.source import KERNEL_FOLDER, informative_line, inline_includes, literal
 
 __all__ = ["Array", "Device", "DeviceInfo", "choose_device", "list_devices"]
 
@@ -103,7 +103,7 @@ class Device:
         """Build OpenCL C source, once per context.
 
         Args:
-            source: it can include files of kernels/ by name, as in `#include "opencl/complex.cl"`.
+            source: it can include files of kernels/ by name, as in `#include "device/complex.cl"`.
             options: of the compiler.
             name: what to call the program in an error.
 
@@ -200,7 +200,7 @@ def choose_device(selector: str | None = None) -> Device:
         selector: "platform:device" as `list_devices` gives them, each a number or a part of a name ("0:0",
             "pocl:0"), a platform's number ("0", its first device), "cpu", "gpu", or a part of a device's or its
             platform's name or version ("3090", "pocl"). None: what the environment variable PYOPENCL_CTX says in
-            the same form, else any. `kernels.opencl.selection.by_preference` has the order.
+            the same form, else any. `kernels.device.selection.by_preference` has the order.
 
     Returns:
         The device; its `notes` say which ones were passed over, and why.

@@ -20,7 +20,7 @@ def kind(device: cl.Device) -> str:
 
 
 def matching(wanted: str, entries: list[Entry]) -> list[Entry]:
-    """The devices that a selector means; it is read as `kernels.opencl.device.choose_device` says.
+    """The devices that a selector means; it is read as `kernels.device.device.choose_device` says.
 
     Raises:
         DeviceError: it means none, or several at once; the message lists what there is.

@@ -12,11 +12,11 @@ import pyopencl as cl
 import pyopencl.array as cla
 import pytest
 
-import kernels.opencl.device
+import kernels.device.device
+from kernels.device.device import Device, choose_device, list_devices
+from kernels.device.selection import by_preference, matching
+from kernels.device.source import informative_line
 from kernels.errors import DeviceError
-from kernels.opencl.device import Device, choose_device, list_devices
-from kernels.opencl.selection import by_preference, matching
-from kernels.opencl.source import informative_line
 
 ROOT = Path(__file__).parents[3]
 
@@ -110,7 +110,7 @@ class TestChoice:
         """The device of the tests, listed twice, as two alike are."""
         monkeypatch.delenv("PYOPENCL_CTX", raising=False)
         twice = [("0:0", device.cl_device), ("0:1", device.cl_device)]
-        monkeypatch.setattr(kernels.opencl.device, "_devices", lambda: twice)
+        monkeypatch.setattr(kernels.device.device, "_devices", lambda: twice)
         return device.cl_device
 
     def test_tells_identical_devices_apart(self, actual: cl.Device, monkeypatch: pytest.MonkeyPatch) -> None:
@@ -126,14 +126,14 @@ class TestChoice:
         self, actual: cl.Device, monkeypatch: pytest.MonkeyPatch
     ) -> None:
         faults = ["error: unknown target", ""]
-        monkeypatch.setattr(kernels.opencl.device, "_fault", lambda _: faults.pop(0))
+        monkeypatch.setattr(kernels.device.device, "_fault", lambda _: faults.pop(0))
         chosen = choose_device()
         name = actual.name.strip()
         note = f"0:0 {name} does not work: error: unknown target. 0:1 {name} is used instead."
         assert (chosen.selector, chosen.notes) == ("0:1", (note,))
 
     def test_refuses_where_none_works(self, actual: cl.Device, monkeypatch: pytest.MonkeyPatch) -> None:
-        monkeypatch.setattr(kernels.opencl.device, "_fault", lambda _: "it smokes")
+        monkeypatch.setattr(kernels.device.device, "_fault", lambda _: "it smokes")
         with pytest.raises(DeviceError, match=r"no OpenCL device works\. 0:0 .*: it smokes; 0:1 .*: it smokes.*apt"):
             choose_device()
         with pytest.raises(DeviceError, match=r"no OpenCL device that matches '0:1' works. 0:1 "):
@@ -184,13 +184,13 @@ class TestPrograms:
         folder = tmp_path / "a folder, (copied)"
         shutil.copytree(ROOT / "kernels", folder / "kernels", ignore=shutil.ignore_patterns("__pycache__"))
         program = (
-            "import kernels.opencl.device; "
-            "source = '#include \"opencl/complex.cl\"\\n__kernel void f(__global float* x) {}'; "
-            "kernels.opencl.device.choose_device().build(source); "
-            "print(kernels.opencl.device.__file__)"
+            "import kernels.device.device; "
+            "source = '#include \"device/complex.cl\"\\n__kernel void f(__global float* x) {}'; "
+            "kernels.device.device.choose_device().build(source); "
+            "print(kernels.device.device.__file__)"
         )
         ended = subprocess.run([sys.executable, "-c", program], cwd=folder, capture_output=True, text=True)
-        assert (ended.returncode, ended.stdout.strip()) == (0, str(folder / "kernels" / "opencl" / "device.py")), (
+        assert (ended.returncode, ended.stdout.strip()) == (0, str(folder / "kernels" / "device" / "device.py")), (
             ended.stderr
         )
 

@@ -7,11 +7,11 @@ import pyopencl as cl
 import pytest
 from pyopencl._cl import _ErrorRecord
 
+from kernels.device.device import Device
+from kernels.device.launch import affine, launch, zero
+from kernels.device.source import literal
 from kernels.errors import DeviceError, InputError
 from kernels.fft.transform import RealFFT
-from kernels.opencl.device import Device
-from kernels.opencl.launch import affine, launch, zero
-from kernels.opencl.source import literal
 from kernels.resample.sphere import rectangular_unwrap, sample, upload_directions
 
 

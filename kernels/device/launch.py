@@ -8,8 +8,8 @@ import pyopencl as cl
 import pyopencl.array as cla
 from pyopencl import cltypes
 
+from kernels.device.device import Device
 from kernels.errors import InputError
-from kernels.opencl.device import Device
 
 # PyOpenCL makes a new kernel object at every `program.name`, and reading a source costs more than a launch.
 _KERNELS: WeakKeyDictionary[Device, dict[tuple, cl.Kernel]] = WeakKeyDictionary()
@@ -71,7 +71,7 @@ def buffer_of(device: Device, array: cla.Array) -> cl.Buffer:
 def zero(device: Device, array: cla.Array) -> None:
     """Fill an array with zero bytes (`Array.fill` is 50 times slower on PoCL, whose own fill has one thread)."""
     if device.is_cpu and array.nbytes % _CLEARED == 0:
-        launch(device, "opencl/clear", "clear", (array.nbytes // _CLEARED,), array, BYTES=_CLEARED)
+        launch(device, "device/clear", "clear", (array.nbytes // _CLEARED,), array, BYTES=_CLEARED)
         return
     pattern = np.zeros(1, np.float32)
     with device.explain_full_memory():
