@@ -19,7 +19,7 @@ from typing import TYPE_CHECKING
 from kernels.errors import InputError
 
 if TYPE_CHECKING:
-    from kernels.opencl.device import Device
+    from kernels.device.device import Device
     from tools.reproduce.experiment import Experiment
 
 # Groups of experiments

@@ -6,7 +6,7 @@ from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any
 
-from kernels.opencl.device import Device
+from kernels.device.device import Device
 from tools.bench.machine import describe_machine
 from tools.methods.fingerprint import ROOT, fingerprint, method_sources, method_versions, source_digest
 from tools.methods.registry import find_method

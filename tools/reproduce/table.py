@@ -43,6 +43,11 @@ class Table:
         return shown
 
 
+def verdict(holds: bool) -> str:
+    """What a table says of a claim."""
+    return "holds" if holds else "does not hold"
+
+
 def write_csv(path: Path, headings: Sequence[str], rows: Iterable[Sequence[object]]) -> None:
     """Write rows under their headings: floats with four decimals, truth values as 1 and 0, nothing for NaN.
 

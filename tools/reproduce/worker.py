@@ -45,7 +45,7 @@ def begin(processes: WorkerProcesses) -> None:
     """Make the experiment in a new process."""
     global _experiment
     os.environ.setdefault("OMP_NUM_THREADS", str(max(1, (os.cpu_count() or 1) // processes.count)))
-    from kernels.opencl.device import choose_device
+    from kernels.device.device import choose_device
 
     create: Any = import_module(processes.module).create
     _experiment = create(replace(processes.request, device=choose_device(processes.device)))

@@ -9,8 +9,8 @@ from pathlib import Path
 import numpy as np
 import pytest
 
+from kernels.device.device import Device
 from kernels.errors import InputError
-from kernels.opencl.device import Device
 from tests.tools.reproduce.test_run import silence
 from tools.reproduce.evaluation import methods
 from tools.reproduce.evaluation.methods import EVALUATED, ComparedMethods, compared_methods

@@ -9,11 +9,9 @@ from scipy.stats import chi2
 
 from spectral.result import Registration
 from tools.reproduce.evaluation.answer import claims, errors, nees, refused
-from tools.reproduce.evaluation.calibration_summary import calibration, reliability
-from tools.reproduce.evaluation.calibration_tables import calibration_table, reliability_table
+from tools.reproduce.evaluation.calibration_tables import calibration, calibration_table, reliability, reliability_table
 from tools.reproduce.evaluation.summary import last_right, percent, rate, shared
-from tools.reproduce.pairs.tables import accuracy_table, overlap_table, scene_table, trust_table
-from tools.reproduce.pairs.verdict_table import verdict_table
+from tools.reproduce.pairs.tables import accuracy_table, overlap_table, scene_table, trust_table, verdict_table
 from tools.reproduce.speed.section import spread_table, time_table
 
 TRUTH = RigidTransform.from_components([3.0, -1.0, 0.5], Rotation.from_euler("ZYX", [0.7, -0.2, 0.1]))

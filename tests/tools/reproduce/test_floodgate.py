@@ -6,8 +6,8 @@ from pathlib import Path
 import numpy as np
 import pytest
 
+from kernels.device.device import choose_device
 from kernels.errors import InputError
-from kernels.opencl.device import choose_device
 from tests.samples.floodgate_rows import flat_survey, outcomes
 from tools.reproduce.experiment import Outcome
 from tools.reproduce.experiments import Request

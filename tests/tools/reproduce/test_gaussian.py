@@ -12,8 +12,8 @@ import pytest
 from scipy.spatial.transform import RigidTransform, Rotation
 from typer.testing import CliRunner
 
+from kernels.device.device import Device
 from kernels.errors import InputError
-from kernels.opencl.device import Device
 from slam.execute.journal import Journal
 from spectral.hemisphere.layers import AngleEstimate
 from spectral.hemisphere.registration import HemisphereConfig, HemisphereRegistrar

@@ -2,7 +2,7 @@
 
 import pytest
 
-from kernels.opencl.device import Device
+from kernels.device.device import Device
 from tests.samples.fake_experiment import Fake, origin
 from tools.methods.fingerprint import source_digest
 from tools.reproduce.evaluation.methods import EVALUATED

@@ -7,8 +7,8 @@ import numpy as np
 import pytest
 from scipy.spatial.transform import RigidTransform, Rotation
 
+from kernels.device.device import choose_device
 from kernels.errors import InputError
-from kernels.opencl.device import choose_device
 from spectral.grid import Grid
 from tools.reproduce.experiment import Outcome
 from tools.reproduce.limits.run import KINDS, Limits, LimitsSettings

@@ -9,8 +9,8 @@ import numpy as np
 import pytest
 from scipy.spatial.transform import RigidTransform
 
+from kernels.device.device import Device
 from kernels.errors import InputError
-from kernels.opencl.device import Device
 from slam.graph.trajectory import Trajectory
 from spectral.scan import Scan
 from tests.samples.simulated import COARSE, QUIET

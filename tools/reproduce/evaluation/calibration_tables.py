@@ -1,13 +1,102 @@
-"""How honest covariances and probabilities are, in tables."""
+"""Whether covariances and probabilities are what they say: sums over rows, and tables of them."""
 
-from collections.abc import Sequence
+import math
+from collections.abc import Iterable, Sequence
+from dataclasses import dataclass
+from itertools import pairwise
+from statistics import median
 
-from tools.reproduce.evaluation.calibration_summary import calibration, reliability
+from scipy.stats import chi2
+
 from tools.reproduce.evaluation.methods import OURS
 from tools.reproduce.evaluation.summary import NOTHING, OVERLAPS, right, shared
 from tools.reproduce.experiment import Row
+from tools.reproduce.rate import Rate, wilson
 from tools.reproduce.rows import where
 from tools.reproduce.table import Table
+
+FREEDOM = 6  # degrees of it, of a transform
+CONFIDENCE = 0.95
+# Probabilities are looked at between these; the last holds both its ends.
+PROBABILITIES = (0.0, 0.05, 0.2, 0.4, 0.6, 0.8, 0.95, 0.99, 1.0)
+
+
+@dataclass(frozen=True, slots=True)
+class Calibration:
+    """Normalized squared errors beside chi-squared with six degrees of freedom.
+
+    Attributes:
+        mean: of the errors; 6 of an honest covariance, more of one that is too small.
+        median: of the errors; 5.35 of an honest covariance, and less moved by a few that are far off.
+        low, high: between which the mean of as many draws lies in 95 of 100 cases.
+        inside: how many lie in the covariance's own 95 % ellipsoid.
+    """
+
+    mean: float
+    median: float
+    low: float
+    high: float
+    inside: Rate
+
+    @property
+    def share(self) -> float:
+        """Of those in the ellipsoid, 0..1."""
+        return self.inside.successes / self.inside.trials
+
+    @property
+    def verdict(self) -> str:
+        """Of the mean."""
+        if self.low <= self.mean <= self.high:
+            return "within the interval"
+        return "the covariance is too small" if self.mean > self.high else "the covariance is too large"
+
+
+@dataclass(frozen=True, slots=True)
+class Reliability:
+    """Registrations whose probability lies between two values.
+
+    Attributes:
+        low, high: the two.
+        predicted: the mean of the probabilities.
+        right: how many of the registrations are right.
+    """
+
+    low: float
+    high: float
+    predicted: float
+    right: Rate
+
+    @property
+    def share(self) -> float:
+        """Of the registrations, that is right."""
+        return self.right.successes / self.right.trials
+
+
+def calibration(rows: Iterable[Row]) -> Calibration | None:
+    """Of the rows that have a normalized squared error; None where none has."""
+    nees = [float(row["nees"]) for row in rows if not math.isnan(float(row["nees"]))]
+    if not nees:
+        return None
+    tail = (1 - CONFIDENCE) / 2
+    low, high = (float(chi2.ppf(q, FREEDOM * len(nees)) / len(nees)) for q in (tail, 1 - tail))
+    bound = float(chi2.ppf(CONFIDENCE, FREEDOM))
+    inside = wilson(sum(value <= bound for value in nees), len(nees))
+    return Calibration(math.fsum(nees) / len(nees), median(nees), low, high, inside)
+
+
+def reliability(rows: Iterable[Row], bounds: Sequence[float] = PROBABILITIES) -> list[Reliability]:
+    """Of the rows that have a probability, between each two bounds that hold any."""
+    rated = [row for row in rows if not math.isnan(float(row["probability"]))]
+    found = []
+    for low, high in pairwise(bounds):
+        last = high == bounds[-1]
+        held = [
+            row for row in rated if low <= float(row["probability"]) < high or (last and row["probability"] == high)
+        ]
+        if held:
+            predicted = math.fsum(float(row["probability"]) for row in held) / len(held)
+            found.append(Reliability(low, high, predicted, wilson(sum(bool(row["right"]) for row in held), len(held))))
+    return found
 
 
 def calibration_table(yaw: Sequence[Row], free: Sequence[Row], methods: Sequence[str]) -> Table:

@@ -8,11 +8,12 @@ from typing import Any, ClassVar
 
 from scipy.spatial.transform import RigidTransform
 
+from kernels.device.device import Device
 from kernels.errors import InputError
-from kernels.opencl.device import Device
 from spectral.grid import Grid
 from spectral.result import Registrar
 from tools.methods.registry import ALL_METHODS, build, is_installed
+from tools.reproduce.checks import check_seeds
 from tools.reproduce.evaluation.answer import finish_device
 from tools.reproduce.experiment import Outcome, Section, Value
 from tools.reproduce.experiments import Request
@@ -54,8 +55,7 @@ class FloodgateSettings:
         unknown = [name for name in self.methods if name not in COMPARED]
         if unknown or not self.methods:
             raise InputError(f"no method is called {', '.join(unknown) or 'nothing'}; there are {', '.join(COMPARED)}")
-        if self.seeds < 1 or self.first_seed < 0:
-            raise InputError(f"{self.seeds} seeds from {self.first_seed} on; wanted at least one, and none below 0")
+        check_seeds(self.seeds, self.first_seed)
         if not 2 <= self.scans <= SCANS:
             raise InputError(f"{self.scans} scans; wanted 2 to {SCANS}")
         for edge in self.edges:

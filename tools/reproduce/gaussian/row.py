@@ -2,7 +2,7 @@
 
 from collections.abc import Mapping
 from dataclasses import asdict, dataclass
-from typing import Any
+from typing import Any, Self
 
 import numpy as np
 from scipy.spatial.transform import RigidTransform, Rotation
@@ -17,7 +17,22 @@ _PARAMETERS = ("x_m", "y_m", "z_m", "yaw_deg", "roll_deg", "pitch_deg")
 
 
 @dataclass(frozen=True, slots=True)
-class GaussianRow:
+class _Cells:
+    """A row whose columns are its fields."""
+
+    @classmethod
+    def of(cls, cells: Row) -> Self:
+        """From what `cells` gave."""
+        values: Mapping[str, Any] = cells
+        return cls(**values)
+
+    def cells(self) -> Row:
+        """As the CSV has it."""
+        return asdict(self)
+
+
+@dataclass(frozen=True, slots=True)
+class GaussianRow(_Cells):
     """S`scan` registered to the reference scan, by one method.
 
     Attributes:
@@ -68,16 +83,6 @@ class GaussianRow:
     true_roll_deg: float
     true_pitch_deg: float
 
-    @classmethod
-    def of(cls, cells: Row) -> "GaussianRow":
-        """From what `cells` gave."""
-        values: Mapping[str, Any] = cells
-        return cls(**values)
-
-    def cells(self) -> Row:
-        """As the CSV has it."""
-        return asdict(self)
-
     @property
     def pair(self) -> tuple[int, float, int, int]:
         """Grid, noise, seed and scan: what all methods have in common."""
@@ -109,7 +114,7 @@ class GaussianRow:
 
 
 @dataclass(frozen=True, slots=True)
-class GaussianTime:
+class GaussianTime(_Cells):
     """How long one registration took.
 
     Attributes:
@@ -125,16 +130,6 @@ class GaussianTime:
     method: str
     prepare_s: float
     register_s: float
-
-    @classmethod
-    def of(cls, cells: Row) -> "GaussianTime":
-        """From what `cells` gave."""
-        values: Mapping[str, Any] = cells
-        return cls(**values)
-
-    def cells(self) -> Row:
-        """As the CSV has it."""
-        return asdict(self)
 
 
 def row_of(

@@ -5,7 +5,7 @@ from itertools import product
 from pathlib import Path
 from typing import ClassVar
 
-from kernels.opencl.device import Device
+from kernels.device.device import Device
 from tools.reproduce.experiment import Outcome, Section
 from tools.reproduce.experiments import Request
 from tools.reproduce.gaussian.figure import draw_parameters, draw_rates

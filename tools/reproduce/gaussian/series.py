@@ -6,7 +6,7 @@ from time import perf_counter
 
 from scipy.spatial.transform import RigidTransform
 
-from kernels.opencl.device import Device
+from kernels.device.device import Device
 from spectral.grid import Grid
 from spectral.hemisphere.registration import HemisphereConfig, HemisphereRegistrar, LayeredScan
 from spectral.scan import Scan

@@ -2,10 +2,9 @@
 
 from dataclasses import dataclass
 
-import numpy as np
-
 from kernels.errors import InputError
 from spectral.grid import Grid
+from tools.reproduce.checks import check_seeds, check_variances
 from tools.simulate.scenes.catalog import SCENE_KINDS
 
 EXTENT = 256.0  # of the grid [m]; the paper has 256 voxels of about 1 m
@@ -36,14 +35,8 @@ class GaussianSettings:
     def __post_init__(self) -> None:
         if self.scene not in SCENE_KINDS:
             raise InputError(f"no scene is called {self.scene!r}; there are {', '.join(SCENE_KINDS)}")
-        if not self.sigma2 or not all(np.isfinite(v) and v >= 0 for v in self.sigma2):
-            given = ", ".join(f"{v:g}" for v in self.sigma2) or "no value"
-            raise InputError(f"--sigma2: {given}; wanted variances of 0 m^2 or more, as in --sigma2 1 --sigma2 2")
-        if self.seeds < 1 or self.first_seed < 0:
-            raise InputError(
-                f"{self.seeds} seeds from {self.first_seed} on; wanted at least one, and none below 0, "
-                "as in --seeds 3 --seed 1"
-            )
+        check_variances(self.sigma2)
+        check_seeds(self.seeds, self.first_seed)
         for edge in self.edges:
             grid_of(edge)
 

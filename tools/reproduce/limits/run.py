@@ -8,7 +8,7 @@ from typing import ClassVar, Literal
 import numpy as np
 from scipy.spatial.transform import Rotation
 
-from kernels.opencl.device import Device
+from kernels.device.device import Device
 from spectral.hemisphere.registration import LayeredScan
 from tools.reproduce.experiment import Outcome, Section
 from tools.reproduce.experiments import Request

@@ -8,7 +8,7 @@ from pathlib import Path
 import numpy as np
 from scipy.stats import chi2
 
-from tools.reproduce.evaluation.calibration_summary import FREEDOM, calibration, reliability
+from tools.reproduce.evaluation.calibration_tables import FREEDOM, calibration, reliability
 from tools.reproduce.evaluation.figure import DPI, draw_rates
 from tools.reproduce.evaluation.methods import OURS
 from tools.reproduce.evaluation.summary import right, shared

@@ -8,8 +8,7 @@ from tools.reproduce.evaluation.methods import OURS
 from tools.reproduce.experiment import Row, Section
 from tools.reproduce.pairs.figure import NEES, OVERLAP, PROBABILITY
 from tools.reproduce.pairs.settings import PairsSettings
-from tools.reproduce.pairs.tables import accuracy_table, overlap_table, scene_table, trust_table
-from tools.reproduce.pairs.verdict_table import verdict_table
+from tools.reproduce.pairs.tables import accuracy_table, overlap_table, scene_table, trust_table, verdict_table
 from tools.reproduce.rows import where
 
 

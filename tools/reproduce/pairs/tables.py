@@ -1,7 +1,9 @@
-"""The pair set in tables: success and trust of every method, and the accuracy of what is right."""
+"""The pair set in tables: what is wanted, success and acceptance of every method, and the accuracy of what is right."""
 
 from collections.abc import Sequence
 
+from tools.reproduce.evaluation.calibration_tables import calibration
+from tools.reproduce.evaluation.methods import OURS
 from tools.reproduce.evaluation.summary import (
     OVERLAPS,
     accepted,
@@ -16,7 +18,7 @@ from tools.reproduce.evaluation.summary import (
 )
 from tools.reproduce.experiment import Row
 from tools.reproduce.rows import where
-from tools.reproduce.table import Table
+from tools.reproduce.table import Table, verdict
 
 CLEAR = 0.4  # of the points in common: more is to be believed
 
@@ -80,3 +82,60 @@ def accuracy_table(rows: Sequence[Row], methods: Sequence[str]) -> Table:
             lines.append((method, str(len(some)), *errors, f"{middle(some, 'translation_m'):.3f}"))
     title = "Median errors of what is right, more than half shared, σ² up to 1 m²: any yaw, tilt up to 35 degrees"
     return Table(title, ("method", "registrations", "degrees", "voxels", "m"), tuple(lines))
+
+
+MOST_WRONG = 0.002  # of all pairs
+MOST_REFUSED = 0.05  # of the pairs that share more than CLEAR
+MEDIAN_DEG, MEDIAN_VOXELS = 0.3, 0.3
+INSIDE = (0.93, 0.97)
+
+_Line = tuple[str, str, str, str]
+
+
+def verdict_table(yaw: Sequence[Row], free: Sequence[Row]) -> Table:
+    """Empty where ours took no part."""
+    lines: list[_Line] = []
+    for words, rows in (("any yaw", where(yaw, method=OURS)), ("any rotation", where(free, method=OURS))):
+        if rows:
+            lines += [_believed(rows, words), _refused(rows, words)]
+    ours = where(yaw, method=OURS)
+    lines += [*_accuracy(accurate(ours)), *_calibration([row for row in ours if row["right"]])]
+    return Table(f"What is wanted of `{OURS}`", ("what", "wanted", "ours", "verdict"), tuple(lines))
+
+
+def _believed(rows: Sequence[Row], words: str) -> _Line:
+    false = wrong(accepted(rows))
+    holds = len(false) <= MOST_WRONG * len(rows)
+    shown = f"{rate(false, rows)}; {len(accepted(rows))} accepted"
+    return f"accepted yet wrong, {words}", f"at most {1000 * MOST_WRONG:g} of 1,000 pairs", shown, verdict(holds)
+
+
+def _refused(rows: Sequence[Row], words: str) -> _Line:
+    clear = shared(rows, CLEAR)
+    holds = len(refused(clear)) <= MOST_REFUSED * len(clear)
+    what = f"refused though more than {CLEAR:.0%} is shared, {words}"
+    return what, f"at most {MOST_REFUSED:.0%}", rate(refused(clear), clear), verdict(holds)
+
+
+def _accuracy(rows: Sequence[Row]) -> list[_Line]:
+    if not rows:
+        return []
+    what = "median error of what is right, more than half shared, σ² up to 1 m²"
+    degrees, voxels = middle(rows, "rotation_deg"), middle(rows, "translation_voxels")
+    return [
+        (f"{what} [°]", f"at most {MEDIAN_DEG:g}", f"{degrees:.3f}", verdict(degrees <= MEDIAN_DEG)),
+        (f"{what} [voxels]", f"at most {MEDIAN_VOXELS:g}", f"{voxels:.3f}", verdict(voxels <= MEDIAN_VOXELS)),
+    ]
+
+
+def _calibration(rows: Sequence[Row]) -> list[_Line]:
+    found = calibration(rows)
+    if found is None:
+        return []
+    low, high = INSIDE
+    mean = f"{found.mean:.2f}; 95 % of such means lie within {found.low:.2f}..{found.high:.2f}"
+    inside = f"{found.share:.1%} ({found.inside})"
+    return [
+        ("mean normalized squared error of what is right", "6", mean, found.verdict),
+        ("within the 95 % ellipsoid", f"{low:.0%} to {high:.0%}", inside, verdict(low <= found.share <= high)),
+    ]

@@ -1,0 +1,1 @@
+"""Structures turned under noise of the voxels (Sect. 3, Figs. 16, 17)."""

@@ -6,7 +6,7 @@ from typing import ClassVar
 
 from scipy.spatial.transform import RigidTransform, Rotation
 
-from kernels.opencl.device import Device
+from kernels.device.device import Device
 from tools.reproduce.experiment import Outcome, Section
 from tools.reproduce.experiments import Request
 from tools.reproduce.rotation.section import PICTURE, rotation_section

@@ -1,0 +1,1 @@
+"""How long a pair takes, by every method: the same pairs, in turn, in one process."""

@@ -9,7 +9,7 @@ from tools.reproduce.evaluation.summary import accepted, last_right, rate, right
 from tools.reproduce.experiment import Row, Section
 from tools.reproduce.rows import where
 from tools.reproduce.steps.settings import StepsSettings
-from tools.reproduce.table import Table
+from tools.reproduce.table import Table, verdict
 from tools.simulate.paths.trajectories import TABLE1_COUNT, TABLE1_MOST
 
 PICTURE = "steps.png"
@@ -44,9 +44,10 @@ def _wanted(rows: Sequence[Row], settings: StepsSettings) -> Table:
         least = WANTED if sigma2 <= ROUGH else WANTED_ROUGH
         through = _through(ours)
         enough = len(right(through)) >= least * len(through)
-        lines.append((f"{noise}: S0 to S9 right", f">= {least:.0%}", shown, "holds" if enough else "does not hold"))
-        verdict = "holds" if not believed else "does not hold"
-        lines.append((f"{noise}: accepted though wrong", "none", f"{rate(believed, accepted(ours))}", verdict))
+        lines.append((f"{noise}: S0 to S9 right", f">= {least:.0%}", shown, verdict(enough)))
+        lines.append(
+            (f"{noise}: accepted though wrong", "none", f"{rate(believed, accepted(ours))}", verdict(not believed))
+        )
     return Table("What is wanted", ("what", "wanted", "ours", "verdict"), tuple(lines))
 
 

@@ -6,8 +6,9 @@ from typing import Any, ClassVar, TypeVar
 
 from scipy.spatial.transform import RigidTransform
 
+from kernels.device.device import Device
 from kernels.errors import InputError
-from kernels.opencl.device import Device
+from tools.reproduce.checks import check_seeds
 from tools.reproduce.experiment import Outcome
 from tools.reproduce.experiments import Request
 from tools.reproduce.structures.voxel_series import Case, VoxelSeries
@@ -40,8 +41,7 @@ class StructureSettings:
             strange = [name for name in given if name not in known]
             if strange or not given:
                 raise InputError(f"{strange[0] if strange else 'nothing'}: wanted some of {', '.join(known)}")
-        if self.seeds < 1 or self.first_seed < 0:
-            raise InputError(f"{self.seeds} seeds from {self.first_seed} on; wanted at least one, and none below 0")
+        check_seeds(self.seeds, self.first_seed)
 
     @property
     def structures(self) -> list[tuple[str, int]]:

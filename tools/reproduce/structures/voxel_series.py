@@ -8,7 +8,7 @@ from time import perf_counter
 import numpy as np
 from scipy.spatial.transform import RigidTransform
 
-from kernels.opencl.device import Device
+from kernels.device.device import Device
 from spectral.grid import Grid
 from spectral.hemisphere.registration import HemisphereConfig, HemisphereRegistrar, LayeredScan
 from spectral.result import Registration

@@ -144,7 +144,7 @@ class _TimedWorker:
 
 def _ours(scans: Sequence[Scan], surveys: Sequence[int], grid: "Grid", device: str | None) -> MappedSurvey:
     """As `sonarmap map` does it with nothing but defaults, in this process."""
-    from kernels.opencl.device import choose_device
+    from kernels.device.device import choose_device
     from slam.execute.runner import Execution
     from slam.execute.worker import Worker, prepared_limit
     from slam.mapper import Mapper

@@ -12,7 +12,7 @@ from tools.reproduce.rows import where
 from tools.reproduce.survey.mapped import OURS
 from tools.reproduce.survey.row import BETWEEN, MAP, ROLES
 from tools.reproduce.survey.settings import SurveySettings
-from tools.reproduce.table import Table
+from tools.reproduce.table import Table, verdict
 
 PICTURE = "survey.png"
 _DIVES = "dives"
@@ -76,7 +76,7 @@ def _claims(row: Row) -> list[tuple[str, str, str, str, str]]:
     ]
     if row["survey"] == _DIVES:
         told.append(("maps, of two scans or more", "one", f"{row['components']}", row["components"] == 1))
-    return [(_called(row), *line, "holds" if good else "does not hold") for *line, good in told]  # pyright: ignore
+    return [(_called(row), *line, verdict(good)) for *line, good in told]  # pyright: ignore
 
 
 def _systems(maps: Sequence[Row]) -> Table:

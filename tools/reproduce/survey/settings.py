@@ -4,6 +4,7 @@ from dataclasses import dataclass
 
 from kernels.errors import InputError
 from spectral.grid import Grid
+from tools.reproduce.checks import check_seeds
 from tools.reproduce.survey.mapped import SYSTEMS
 from tools.simulate.scenes.catalog import SCENE_KINDS
 
@@ -40,7 +41,6 @@ class SurveySettings:
         Grid(self.edge, 1.0)
         if self.scene not in SCENE_KINDS:
             raise InputError(f"no scene is called {self.scene!r}; there are {', '.join(SCENE_KINDS)}")
-        if self.seeds < 1 or self.first_seed < 0:
-            raise InputError(f"{self.seeds} seeds from {self.first_seed} on; wanted at least one, and none below 0")
+        check_seeds(self.seeds, self.first_seed)
         if not self.counts or min(self.counts) < 2 or self.dive < 0:
             raise InputError(f"{self.counts} scans and dives of {self.dive}; wanted surveys of 2 or more")

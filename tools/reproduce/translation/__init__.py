@@ -1,0 +1,1 @@
+"""Structures shifted out of the frame under noise of the voxels (Sect. 3, Figs. 12, 14, 15)."""

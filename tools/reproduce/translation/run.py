@@ -7,7 +7,7 @@ from typing import ClassVar
 import numpy as np
 from scipy.spatial.transform import RigidTransform
 
-from kernels.opencl.device import Device
+from kernels.device.device import Device
 from tools.reproduce.experiment import Outcome, Section
 from tools.reproduce.experiments import Request
 from tools.reproduce.rows import all_rows, where

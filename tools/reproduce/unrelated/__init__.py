@@ -1,0 +1,1 @@
+"""Pairs that share nothing, by every method: what is accepted is wrong."""

@@ -8,7 +8,7 @@ from tools.reproduce.evaluation.settings import PairSetSettings
 from tools.reproduce.evaluation.summary import NOTHING, accepted, rate
 from tools.reproduce.experiment import Row, Section
 from tools.reproduce.rows import where
-from tools.reproduce.table import Table
+from tools.reproduce.table import Table, verdict
 
 PICTURE = "unrelated.png"
 
@@ -17,7 +17,7 @@ def unrelated_section(rows: Sequence[Row], settings: PairSetSettings) -> Section
     """What ours believes, then every method, then ours by scene."""
     ours, methods = where(rows, method=OURS), settings.compared.methods
     false = accepted(ours)
-    wanted = ((f"accepted by `{OURS}`", "none", rate(false, ours), "holds" if not false else "does not hold"),)
+    wanted = ((f"accepted by `{OURS}`", "none", rate(false, ours), verdict(not false)),)
     tables = [
         Table("What is wanted", ("what", "wanted", "ours", "verdict"), wanted if ours else ()),
         Table(
