@@ -2,6 +2,7 @@
 
 import os
 import resource
+import shutil
 import signal
 import subprocess
 import sys
@@ -25,6 +26,14 @@ RESULTS = {"map.ply", "map.png", "trajectory.tum", "graph.g2o", "summary.json", 
 @pytest.fixture(scope="module")
 def scans(tmp_path_factory: pytest.TempPathFactory) -> list[str]:
     return write(tmp_path_factory.mktemp("scans"), a=scan(0), b=scan(1), c=scan(2), d=scan(3))
+
+
+@pytest.fixture(scope="module")
+def mapped(scans: list[str], tmp_path_factory: pytest.TempPathFactory) -> Path:
+    """The map of two scans."""
+    folder = tmp_path_factory.mktemp("mapped")
+    assert sonarmap("map", *scans[:2], "-o", folder, *GRID).exit_code == 0
+    return folder
 
 
 @pytest.fixture
@@ -143,53 +152,50 @@ def test_stopped_while_it_maps(out: Path, scans: list[str]) -> None:
 
 
 @pytest.mark.parametrize("written", ["write_points", "draw_map", "write_g2o", "write_json"])
-def test_stopped_while_it_writes(out: Path, scans: list[str], written: str, monkeypatch: pytest.MonkeyPatch) -> None:
+def test_stopped_while_it_writes(
+    out: Path, scans: list[str], mapped: Path, written: str, monkeypatch: pytest.MonkeyPatch
+) -> None:
     before = files_in(out)
+    shutil.copy(mapped / "journal.sqlite", out)
 
     def stop(*_: object) -> None:
         raise KeyboardInterrupt
 
     monkeypatch.setattr(tools.project.folder, written, stop)
-    result = sonarmap("map", *scans[:2], "-o", out, "--grid", "32")
+    result = sonarmap("map", *scans[:2], "-o", out, *GRID)
     assert result.exit_code == 130
     assert results_in(out) == before
 
 
-@pytest.mark.parametrize("verb", ["register", "map"])
-def test_results_that_cannot_be_printed_are_an_error(tmp_path: Path, scans: list[str], verb: str) -> None:
-    arguments = [verb, *scans[:2], *GRID] + (["-o", str(tmp_path), "--quiet"] if verb == "map" else [])
+def test_results_that_cannot_be_printed_are_an_error(tmp_path: Path, scans: list[str]) -> None:
     with Path("/dev/full").open("w") as full:
-        ended = run(*arguments, stdout=full)
+        ended = run("map", *scans[:2], *GRID, "-o", tmp_path, "--quiet", stdout=full)
     assert ended.returncode == 2
     assert ended.stderr.startswith("error: cannot write the output: No space left on device.")
     assert ended.stderr.count("\n") == 1
-    if verb == "map":
-        assert set(results_in(tmp_path)) == RESULTS
+    assert set(results_in(tmp_path)) == RESULTS
 
 
-@pytest.mark.parametrize("verb", ["register", "map"])
-def test_a_reader_that_left_is_no_error(tmp_path: Path, scans: list[str], verb: str) -> None:
-    arguments = [verb, *scans[:2], *GRID] + (["-o", str(tmp_path), "--quiet"] if verb == "map" else [])
+def test_a_reader_that_left_is_no_error(scans: list[str]) -> None:
     reader, writer = os.pipe()
     os.close(reader)
     with os.fdopen(writer, "w") as closed:
-        ended = run(*arguments, stdout=closed)
+        ended = run("register", *scans[:2], *GRID, stdout=closed)
     assert (ended.returncode, ended.stderr) == (141, "")
 
 
 @pytest.mark.parametrize(
-    "closed", [*(pytest.param(one, marks=pytest.mark.slow) for one in ("<&-", ">&-", "2>&-")), "<&- >&- 2>&-"]
+    "closed", [*(pytest.param(stream, marks=pytest.mark.slow) for stream in ("<&-", ">&-", "2>&-")), "<&- >&- 2>&-"]
 )
 def test_closed_streams_are_no_error_and_no_file_takes_their_place(
-    tmp_path: Path, scans: list[str], closed: str
+    tmp_path: Path, scans: list[str], mapped: Path, closed: str
 ) -> None:
     out = tmp_path / "out"
     command = as_command("map", *scans[:2], "-o", out, *GRID)
     ended = subprocess.run(["sh", "-c", f'exec "$@" {closed}', "sh", *command], cwd=ROOT, capture_output=True)
     assert ended.returncode == 0
     assert b"Traceback" not in ended.stderr
-    assert sonarmap("map", *scans[:2], "-o", tmp_path / "again", *GRID).exit_code == 0
-    written, again = results_in(out), results_in(tmp_path / "again")
+    written, again = results_in(out), results_in(mapped)
     assert set(written) == RESULTS
     assert all(written[name] == again[name] for name in RESULTS - {"times.json"})
 

@@ -10,6 +10,7 @@ import pytest
 from slam.map.component_maps import component_maps
 from slam.mapper import Mapper, SurveyResult
 from spectral.result import Registration
+from spectral.scan import Scan
 from tests.samples.surveys import KnowingRegistrar, ring_poses, scans_of
 from tools.project.folder import write_survey
 from tools.project.parts import placed, unplaced
@@ -17,15 +18,21 @@ from tools.project.parts import placed, unplaced
 COUNT = 24
 
 
-def survey(several: bool) -> SurveyResult:
-    """Two rounds of a ring, the second another survey where there are `several`; each third loop is refused."""
+@pytest.fixture(scope="module")
+def mapped() -> tuple[list[Scan], SurveyResult]:
+    """Two rounds of a ring; each third loop is rejected."""
     truth = ring_poses(COUNT, turns=2)
     scans = scans_of(truth)
 
     def spoil(i: int, j: int, given: Registration) -> Registration:
         return replace(given, accepted=False, reason="spoiled") if j - i > 1 and j % 3 == 0 else given
 
-    result = Mapper(KnowingRegistrar(truth, 1e-4 * np.eye(6), spoil), 0.5).run(scans)
+    return scans, Mapper(KnowingRegistrar(truth, 1e-4 * np.eye(6), spoil), 0.5).run(scans)
+
+
+def as_surveys(mapped: tuple[list[Scan], SurveyResult], several: bool) -> SurveyResult:
+    """The result, the second round another survey where there are `several`."""
+    scans, result = mapped
     (part,) = result.parts
     again = component_maps(
         scans,
@@ -40,10 +47,10 @@ def survey(several: bool) -> SurveyResult:
 
 
 @pytest.fixture(scope="module")
-def folder(tmp_path_factory: pytest.TempPathFactory) -> Path:
+def folder(mapped: tuple[list[Scan], SurveyResult], tmp_path_factory: pytest.TempPathFactory) -> Path:
     """What two surveys in one frame become."""
     out = tmp_path_factory.mktemp("out")
-    write_survey(out, survey(several=True), [f"s{k}" for k in range(COUNT)], {}, None, also=["pcd"])
+    write_survey(out, as_surveys(mapped, several=True), [f"s{k}" for k in range(COUNT)], {}, None, also=["pcd"])
     return out
 
 
@@ -82,12 +89,14 @@ def test_the_summary_tells_what_crosses_and_what_was_removed(folder: Path) -> No
     assert summary["unplaced"] == []
 
 
-def test_the_same_result_gives_the_same_picture_and_one_survey_no_layers(folder: Path, tmp_path: Path) -> None:
-    write_survey(tmp_path, survey(several=True), [f"s{k}" for k in range(COUNT)], {}, None)
+def test_the_same_result_gives_the_same_picture_and_one_survey_no_layers(
+    mapped: tuple[list[Scan], SurveyResult], folder: Path, tmp_path: Path
+) -> None:
+    write_survey(tmp_path, as_surveys(mapped, several=True), [f"s{k}" for k in range(COUNT)], {}, None)
     picture = (tmp_path / "loops.png").read_bytes()
     assert picture.startswith(b"\x89PNG\r\n\x1a\n")
     assert picture == (folder / "loops.png").read_bytes()
-    write_survey(tmp_path, survey(several=False), [f"s{k}" for k in range(COUNT)], {}, None)
+    write_survey(tmp_path, as_surveys(mapped, several=False), [f"s{k}" for k in range(COUNT)], {}, None)
     assert not list(tmp_path.glob("map_survey*"))  # those of the run before are gone
 
 

@@ -79,8 +79,9 @@ def require_connected(path: Path, graph: PoseGraph) -> None:
     listed = "; ".join(_listed(ids[list(part)]) for part in parts[:_MOST_PARTS])
     listed += "; ..." if len(parts) > _MOST_PARTS else ""
     raise InputError(
-        f"{path}: line {number}: no edges join vertex {second} to vertex {ids[parts[0][0]]}: the "
-        f"graph is in {len(parts)} parts, of the vertices {listed}. Add an edge that joins them, or give each part a file of its own"
+        f"{path}: line {number}: no edges join vertex {second} to vertex {ids[parts[0][0]]}: the graph is in "
+        f"{len(parts)} parts, of the vertices {listed}. Add an edge that joins them, or write each part to a file of "
+        "its own"
     )
 
 
