@@ -1,4 +1,4 @@
-"""g2o pose graphs with 17 significant digits; their reader tells what the numbers mean."""
+"""g2o pose graphs with 17 significant digits; their reader says what the numbers mean."""
 
 from collections.abc import Container, Iterable
 from pathlib import Path

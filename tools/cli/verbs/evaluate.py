@@ -79,8 +79,8 @@ def command(
         typer.Option(
             "--align",
             metavar="HOW",
-            help="Align the estimate with the truth by all poses (positions and orientations), by all positions, or by "
-            "the first pose.",
+            help="How to align the estimate with the truth: poses (all positions and orientations), positions, or "
+            "first (the first pose).",
             callback=_check_alignment,
         ),
     ] = "poses",

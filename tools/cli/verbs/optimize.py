@@ -45,7 +45,7 @@ def command(
             "--objective",
             metavar="NAME",
             help="full: the whole information matrix of every edge; isotropic: one weight for the rotation and one for "
-            "the translation of an edge, so that the optimum can be certified. \\[full]",
+            "the translation of an edge, so that the optimum can be certified.",
             callback=_check_objective,
         ),
     ] = OBJECTIVES[0],
@@ -55,7 +55,7 @@ def command(
             "--start",
             metavar="NAME",
             help="Initial poses: chordal: computed from the edges alone; given: the poses in the file; incremental: "
-            "from iSAM2, which adds the poses one by one. \\[chordal]",
+            "from iSAM2, which adds the poses one by one.",
             callback=_check_start,
         ),
     ] = STARTS[0],

@@ -47,7 +47,7 @@ ThresholdOption = Annotated[
 LikeOption = Annotated[
     Path | None,
     typer.Option(
-        help="Simulate the same scans as a description.json; only noise, threshold, number and dive can be changed.",
+        help="Simulate the scans of a description.json again; noise, threshold, dive and number can be changed.",
         metavar="FILE",
     ),
 ]

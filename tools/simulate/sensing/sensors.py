@@ -89,7 +89,7 @@ def bare(sensor: Sensor) -> Sensor:
 # The Tritech Eclipse (paper Sect. 4.1: 240 kHz, 256 beams over 120 degrees, an effective angular resolution of 0.5
 # degrees, here the beams' spacing, ranges in steps of 2.5 cm, weak echoes discarded), mounted under a vessel and
 # tilted toward the bed. The paper gives neither beam pattern nor threshold: 12 dB each way at the edge, and echoes
-# of a 500th of a wall's close by, leave about 90 of the 120 degrees, as it tells
+# of a 500th of a wall's close by, leave about 90 of the 120 degrees, as it reports
 ECLIPSE = Sensor(
     "eclipse",
     math.radians(120),
