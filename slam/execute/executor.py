@@ -73,7 +73,7 @@ class Executor:
                 running[future] = piece
                 if future.done():  # in this process: the caller keeps the result before the next piece is begun
                     break
-            for future in self._finished(running):
+            for future in sorted(self._finished(running), key=_has_failed):  # results are kept before an error ends it
                 yield running.pop(future), future.result()
 
     def _finished(self, running: dict[Future[Any], range]) -> set[Future[Any]]:
@@ -178,6 +178,10 @@ def _pieces(jobs: int, workers: int, together: int) -> deque[range]:
     """The jobs in pieces of neighbors, small enough for every worker to get some."""
     size = min(together, max(1, jobs // (_QUEUED_PER_WORKER * max(1, workers))))
     return deque(range(start, min(start + size, jobs)) for start in range(0, jobs, size))
+
+
+def _has_failed(future: Future[Any]) -> bool:
+    return future.cancelled() or future.exception() is not None
 
 
 class _Immediate(Pool):

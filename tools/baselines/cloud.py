@@ -67,6 +67,6 @@ def to_open3d(cloud: Cloud) -> Any:
     """The same as Open3D's PointCloud."""
     import open3d as o3d
 
-    found = o3d.geometry.PointCloud(o3d.utility.Vector3dVector(cloud.points))
-    found.normals = o3d.utility.Vector3dVector(cloud.normals)
-    return found
+    converted = o3d.geometry.PointCloud(o3d.utility.Vector3dVector(cloud.points))
+    converted.normals = o3d.utility.Vector3dVector(cloud.normals)
+    return converted

@@ -84,8 +84,8 @@ class FeatureRegistrar:
         o3d.utility.random.seed(int(np.random.SeedSequence(self.seed).generate_state(1)[0] % 2**31))
         clouds = to_open3d(source.cloud), to_open3d(target.cloud)
         with one_thread():
-            found = {"ransac": self._ransac, "fgr": self._fgr}[self.solver](clouds, source.features, target.features)
-        return RigidTransform.from_matrix(np.asarray(found.transformation))
+            result = {"ransac": self._ransac, "fgr": self._fgr}[self.solver](clouds, source.features, target.features)
+        return RigidTransform.from_matrix(np.asarray(result.transformation))
 
     def _ransac(self, clouds: tuple[Any, Any], source: Any, target: Any) -> Any:
         import open3d as o3d

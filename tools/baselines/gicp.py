@@ -74,6 +74,6 @@ class GicpRegistrar:
                     num_threads=_THREADS,
                     max_iterations=_STEPS,
                 ).T_target_source
-        found = RigidTransform.from_matrix(T)
-        verdict = judge_fit(target.cloud, source.cloud, found, self.voxel)
-        return conclude(target.cloud, source.cloud, found, self.voxel, verdict, start)
+        T_target_source = RigidTransform.from_matrix(T)
+        verdict = judge_fit(target.cloud, source.cloud, T_target_source, self.voxel)
+        return conclude(target.cloud, source.cloud, T_target_source, self.voxel, verdict, start)

@@ -64,11 +64,11 @@ class KissRegistrar:
             moving, fixed = (np.array(one) for one in matcher.match(source.points.T, target.points.T))
             if len(moving) < _FEWEST_MATCHES:
                 return RigidTransform.identity(), 0, len(moving)
-            found = matcher.prune_and_solve(moving, fixed)
-        if not found.valid:
+            solution = matcher.prune_and_solve(moving, fixed)
+        if not solution.valid:
             return RigidTransform.identity(), 0, len(moving)
-        R = Rotation.from_matrix(np.asarray(found.rotation))
-        T = RigidTransform.from_components(np.asarray(found.translation).ravel(), R)
+        R = Rotation.from_matrix(np.asarray(solution.rotation))
+        T = RigidTransform.from_components(np.asarray(solution.translation).ravel(), R)
         return T, int(matcher.get_num_final_inliers()), len(moving)
 
     def _dense(self, cloud: Cloud) -> int:

@@ -119,5 +119,5 @@ def covariance(target: Cloud, source: Cloud, T_target_source: RigidTransform, vo
     about_middle = np.linalg.inv(J.T @ J / (variance * _ALIKE) + unknown)
     shift = np.eye(6)  # adjoint of the translation from the source's sensor to the middle
     shift[3:, :3] = np.cross(middle, np.eye(3)).T
-    found = shift @ about_middle @ shift.T
-    return (found + found.T) / 2
+    moved_covariance = shift @ about_middle @ shift.T
+    return (moved_covariance + moved_covariance.T) / 2

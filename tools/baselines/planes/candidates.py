@@ -80,8 +80,8 @@ def rotations(target: Patches, source: Patches, pairs: Candidates, max_tilt: flo
     smooth = gaussian_filter(around, 0.8, mode="constant")
     votes = smooth[_RIM:-_RIM]
     peaks = (votes == maximum_filter(smooth, 3, mode="constant")[_RIM:-_RIM]) & (votes > 0)
-    found = np.argwhere(peaks)
-    best = found[np.argsort(-votes[peaks], kind="stable")[:most]]
+    peaks_at = np.argwhere(peaks)
+    best = peaks_at[np.argsort(-votes[peaks], kind="stable")[:most]]
     return [Rotation.from_euler("ZYX", (place - (0, half, half)) * _BIN) for place in best]
 
 
@@ -219,9 +219,9 @@ def _distinct(t: np.ndarray, score: np.ndarray, apart: float, most: int) -> list
     """The highest scored t (k, 3) and their scores, no two nearer than `apart` [m]."""
     order = np.argsort(-score, kind="stable")
     t, score = t[order], score[order]
-    found: list[tuple[np.ndarray, float]] = []
-    while len(t) and len(found) < most:
-        found.append((t[0], float(score[0])))
+    distinct: list[tuple[np.ndarray, float]] = []
+    while len(t) and len(distinct) < most:
+        distinct.append((t[0], float(score[0])))
         other = np.linalg.norm(t - t[0], axis=1) > apart
         t, score = t[other], score[other]
-    return found
+    return distinct

@@ -71,21 +71,21 @@ class Matching:
         by the translation; of the largest sets that of the least uncertain transform wins. Unlike there the pairs'
         rotations are pooled first, so that a set is grown once for all pairs that would grow it.
         """
-        found = self._grown(self._starts()) or self._grown(self._parallel_starts())
-        if found:
-            good = [one for one in found if len(one) >= _AS_MANY * len(found[0])]
+        sets = self._grown(self._starts()) or self._grown(self._parallel_starts())
+        if sets:
+            good = [each for each in sets if len(each) >= _AS_MANY * len(sets[0])]
             best = min(good, key=_volume)
-            found = [self._settled(best), *(one for one in found if one is not best)]
-        return found
+            sets = [self._settled(best), *(each for each in sets if each is not best)]
+        return sets
 
-    def _settled(self, one: Consensus) -> Consensus:
-        planes = self.target.take(one.target), self.source.take(one.source)
-        return replace(one, pose=settle(*planes, one.pose.T_target_source, self.farthest, self._slack))
+    def _settled(self, consensus: Consensus) -> Consensus:
+        planes = self.target.take(consensus.target), self.source.take(consensus.source)
+        return replace(consensus, pose=settle(*planes, consensus.pose.T_target_source, self.farthest, self._slack))
 
     def _grown(self, starts: Iterable[RigidTransform]) -> list[Consensus]:
         """What grows from the starts, most planes first."""
         grown = [self._grow(start) for start in starts]
-        return sorted((one for one in grown if one is not None), key=lambda one: (-len(one), _volume(one)))
+        return sorted((each for each in grown if each is not None), key=lambda each: (-len(each), _volume(each)))
 
     def _starts(self) -> list[RigidTransform]:
         """Transforms that pairs and triples of planes give, those on which most agree."""
@@ -95,7 +95,7 @@ class Matching:
             bounds = (self.farthest, self.voxel)
             for t, score in translations(self.target, self.source, self._pairs, chosen, R, bounds):
                 scored.append((score, RigidTransform.from_components(t, R)))
-        scored.sort(key=lambda one: -one[0])
+        scored.sort(key=lambda start: -start[0])
         return [start for _, start in scored[:_MOST_STARTS]]
 
     def _parallel_starts(self) -> Iterator[RigidTransform]:

@@ -69,8 +69,8 @@ def extract_patches(points: np.ndarray, size: float) -> Patches:
     patches = [patch for index in _members(cells) if (patch := _patch(cells.points[index], size)) is not None]
     if not patches:
         return no_patches()
-    found = Patches(*(np.array(column) for column in zip(*patches, strict=True)))
-    return found.take(np.argsort(-found.area, kind="stable"))
+    all_patches = Patches(*(np.array(column) for column in zip(*patches, strict=True)))
+    return all_patches.take(np.argsort(-all_patches.area, kind="stable"))
 
 
 def _members(cells: Cells) -> list[np.ndarray]:

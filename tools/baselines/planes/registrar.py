@@ -98,12 +98,12 @@ class PlaneRegistrar:
         """
         start = perf_counter()
         farthest = max(target.extent, source.extent)
-        found: list[Consensus] = []
+        sets: list[Consensus] = []
         if len(target.patches) and len(source.patches):
-            found = Matching(target.patches, source.patches, self.voxel, self.max_tilt, farthest).find()
-        pose = found[0].pose if found else nothing_found(farthest)
+            sets = Matching(target.patches, source.patches, self.voxel, self.max_tilt, farthest).find()
+        pose = sets[0].pose if sets else nothing_found(farthest)
         share = self._overlap(target, source, pose.T_target_source)
-        verdict = judge(found, target.patches, source.patches, self.voxel, share)
+        verdict = judge(sets, target.patches, source.patches, self.voxel, share)
         return Registration(
             T_target_source=pose.T_target_source,
             covariance=pose.covariance,
@@ -123,7 +123,7 @@ def nothing_found(farthest: float) -> PlanePose:
     return PlanePose(RigidTransform.identity(), np.diag([LOOSE_ROTATION**2] * 3 + [farthest**2] * 3))
 
 
-def judge(found: Sequence[Consensus], target: Patches, source: Patches, voxel: float, overlap: float) -> Verdict:
+def judge(sets: Sequence[Consensus], target: Patches, source: Patches, voxel: float, overlap: float) -> Verdict:
     """Whether to believe the first consensus, and the reason in words.
 
     Args:
@@ -132,27 +132,27 @@ def judge(found: Sequence[Consensus], target: Patches, source: Patches, voxel: f
         voxel: edge of a voxel [m].
         overlap: the share of points in common under it, 0..1.
     """
-    if not found:
+    if not sets:
         return Verdict(False, f"no two of {len(target)} and {len(source)} planes agree on a transform")
-    best = found[0]
+    best = sets[0]
     open_ways = _open_ways(target.take(best.target), best.pose, voxel)
     if open_ways:
         return Verdict(False, f"{len(best)} planes agree, and {open_ways}")
-    rival = max((len(other) for other in found[1:] if _differ(best, other, voxel)), default=0)
+    rival = max((len(rival_set) for rival_set in sets[1:] if _differ(best, rival_set, voxel)), default=0)
     area = best.area / min(target.area.sum(), source.area.sum())
-    told = (
+    words = (
         f"{len(best)} planes agree, of the next answer {rival}; they are {area:.0%} of the planes' area; "
         f"{overlap:.0%} of the points are shared"
     )
     if len(best) < FEWEST_PLANES:
-        return Verdict(False, f"{told}; believed from {FEWEST_PLANES} planes on")
+        return Verdict(False, f"{words}; believed from {FEWEST_PLANES} planes on")
     if len(best) < LEAST_DISTINCTION * rival:
-        return Verdict(False, f"{told}; believed from {LEAST_DISTINCTION:g} times as many on")
+        return Verdict(False, f"{words}; believed from {LEAST_DISTINCTION:g} times as many on")
     if area < LEAST_AREA:
-        return Verdict(False, f"{told}; believed from {LEAST_AREA:.0%} of the area on")
+        return Verdict(False, f"{words}; believed from {LEAST_AREA:.0%} of the area on")
     if overlap < LEAST_OVERLAP:
-        return Verdict(False, f"{told}; believed from {LEAST_OVERLAP:.0%} of the points on")
-    return Verdict(True, told)
+        return Verdict(False, f"{words}; believed from {LEAST_OVERLAP:.0%} of the points on")
+    return Verdict(True, words)
 
 
 def _open_ways(planes: Patches, pose: PlanePose, voxel: float) -> str:

@@ -48,17 +48,17 @@ def run_multiway(scans: Sequence[Scan], voxel: float, seed: int = 0, key_every: 
         raise InputError(f"{len(usable)} of {len(scans)} scans show enough; multiway registration wants at least two")
     chain = list(pairwise(usable))
     loops = sorted(set(combinations(usable[::key_every], 2)) - set(chain))
-    found = {(i, j): registrar.register(described[i], described[j]).T_target_source for i, j in [*chain, *loops]}
+    registered = {(i, j): registrar.register(described[i], described[j]).T_target_source for i, j in [*chain, *loops]}
     reach = MATCH_REACH * voxel
     with one_thread():
-        information = {(i, j): _information(described[i], described[j], T, reach) for (i, j), T in found.items()}
+        information = {(i, j): _information(described[i], described[j], T, reach) for (i, j), T in registered.items()}
         overlapping = {pair for pair in loops if _overlap(described, pair, information[pair]) >= LEAST_OVERLAP}
-        poses, kept = _optimize(usable, chain, [p for p in loops if p in overlapping], found, information, reach)
+        poses, kept = _optimize(usable, chain, [p for p in loops if p in overlapping], registered, information, reach)
     roles = dict.fromkeys(chain, CHAIN) | dict.fromkeys(loops, "loop")
     stamps = np.array([scans[k].stamp for k in usable], np.float64)
     return SlamRun(
         trajectory=Trajectory(stamps, poses),
-        pairs=tuple(TriedPair(*pair, roles[pair], pair in kept, T) for pair, T in found.items()),
+        pairs=tuple(TriedPair(*pair, roles[pair], pair in kept, T) for pair, T in registered.items()),
         loops=sum(pair in kept for pair in loops),
         seconds=perf_counter() - start,
     )
@@ -94,7 +94,7 @@ def _optimize(
     usable: Sequence[int],
     chain: Sequence[tuple[int, int]],
     loops: Sequence[tuple[int, int]],
-    found: dict[tuple[int, int], RigidTransform],
+    registered: dict[tuple[int, int], RigidTransform],
     information: dict[tuple[int, int], np.ndarray],
     reach: float,
 ) -> tuple[RigidTransform, set[tuple[int, int]]]:
@@ -106,11 +106,11 @@ def _optimize(
     graph, pose = r.PoseGraph(), RigidTransform.identity()
     graph.nodes.append(r.PoseGraphNode(pose.as_matrix()))
     for pair in chain:
-        pose = pose * found[pair]
+        pose = pose * registered[pair]
         graph.nodes.append(r.PoseGraphNode(pose.as_matrix()))
     for pairs, uncertain in ((chain, False), (loops, True)):
         for i, j in pairs:
-            T = found[i, j].as_matrix()
+            T = registered[i, j].as_matrix()
             graph.edges.append(r.PoseGraphEdge(node[j], node[i], T, information[i, j], uncertain=uncertain))
     r.global_optimization(
         graph,

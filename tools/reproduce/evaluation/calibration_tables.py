@@ -87,7 +87,7 @@ def calibration(rows: Iterable[Row]) -> Calibration | None:
 def reliability(rows: Iterable[Row], bounds: Sequence[float] = PROBABILITIES) -> list[Reliability]:
     """Of the rows that have a probability, between each two bounds that hold any."""
     rated = [row for row in rows if not math.isnan(float(row["probability"]))]
-    found = []
+    bins = []
     for low, high in pairwise(bounds):
         last = high == bounds[-1]
         held = [
@@ -95,8 +95,8 @@ def reliability(rows: Iterable[Row], bounds: Sequence[float] = PROBABILITIES) ->
         ]
         if held:
             predicted = math.fsum(float(row["probability"]) for row in held) / len(held)
-            found.append(Reliability(low, high, predicted, wilson(sum(bool(row["right"]) for row in held), len(held))))
-    return found
+            bins.append(Reliability(low, high, predicted, wilson(sum(bool(row["right"]) for row in held), len(held))))
+    return bins
 
 
 def calibration_table(yaw: Sequence[Row], free: Sequence[Row], methods: Sequence[str]) -> Table:
@@ -121,21 +121,29 @@ def reliability_table(yaw: Sequence[Row], free: Sequence[Row]) -> Table:
     """The probability that ours tells beside how often it is right."""
     cases = (("any yaw", where(yaw, method=OURS)), ("any rotation", where(free, method=OURS)))
     lines = [
-        (words, f"{one.low:g}..{one.high:g}", f"{one.predicted:.3f}", f"{one.share:.3f}", str(one.right))
+        (words, f"{rated.low:g}..{rated.high:g}", f"{rated.predicted:.3f}", f"{rated.share:.3f}", str(rated.right))
         for words, rows in cases
-        for one in reliability(rows)
+        for rated in reliability(rows)
     ]
     headings = ("pairs", "probability told", "its mean", "right", "right, with Wilson's interval")
     return Table(f"The probability that `{OURS}` tells", headings, tuple(lines))
 
 
 def _line(name: str, rows: Sequence[Row]) -> tuple[str, ...]:
-    found = calibration(rows)
-    if found is None:
+    calibrated = calibration(rows)
+    if calibrated is None:
         return (name, str(len(rows)), *[NOTHING] * 5)
-    inside = f"{found.share:.1%} [{found.inside.low:.1%}..{found.inside.high:.1%}]"
-    interval = f"{found.low:.2f}..{found.high:.2f}"
-    return (name, str(found.inside.trials), f"{found.mean:.2f}", interval, f"{found.median:.2f}", inside, found.verdict)
+    inside = f"{calibrated.share:.1%} [{calibrated.inside.low:.1%}..{calibrated.inside.high:.1%}]"
+    interval = f"{calibrated.low:.2f}..{calibrated.high:.2f}"
+    return (
+        name,
+        str(calibrated.inside.trials),
+        f"{calibrated.mean:.2f}",
+        interval,
+        f"{calibrated.median:.2f}",
+        inside,
+        calibrated.verdict,
+    )
 
 
 def _column(rows: Sequence[Row], key: str) -> list:

@@ -62,10 +62,10 @@ def chain_poses(first: RigidTransform, steps: Sequence[RigidTransform]) -> Rigid
     return RigidTransform.concatenate(poses)
 
 
-def pair_row(survey: Survey, source: int, found: RigidTransform, accepted: bool) -> dict[str, Value]:
+def pair_row(survey: Survey, source: int, estimated: RigidTransform, accepted: bool) -> dict[str, Value]:
     """The row of one registration of the scan `source` to the one before it, beside the truth."""
     truth = survey.step(source)
-    error = pair_error(found, truth)
+    error = pair_error(estimated, truth)
     return {
         "scan": source,
         "rotation_deg": error.rotation_deg,
@@ -74,7 +74,7 @@ def pair_row(survey: Survey, source: int, found: RigidTransform, accepted: bool)
         "accepted": accepted,
         "overlap": survey.overlap[source - 1],
         "shared": survey.shared[source - 1],
-        **_parameters(found, "found"),
+        **_parameters(estimated, "found"),
         **_parameters(truth, "true"),
     }
 

@@ -29,7 +29,7 @@ class FloodgateMethod:
 
 TRUTH = "true poses"
 
-# Name, as `build` of tools/methods/registry.py knows it -> compared, in the order of tables and figures
+# Name, as `build` of tools/methods/registry.py knows it -> method, in the order of tables and figures
 COMPARED: MappingProxyType[str, FloodgateMethod] = MappingProxyType(
     {
         "icp": FloodgateMethod("ICP, point to point, from the identity, as in Sect. 4.2", False, "tab:red", "x"),
@@ -49,11 +49,11 @@ def label(method: str, edge: int) -> str:
 
 
 def runs(methods: Iterable[str], edges: Iterable[int]) -> tuple[tuple[str, int], ...]:
-    """Method and voxels per edge of every run, in the lineup's order; 0 for a method without a grid."""
+    """Method and voxels per edge of every run, in the order of COMPARED; 0 for a method without a grid."""
     chosen, grids = set(methods), tuple(edges)
     return tuple(
         (name, edge)
-        for name, compared in COMPARED.items()
+        for name, method in COMPARED.items()
         if name in chosen
-        for edge in (grids if compared.on_grids else (0,))
+        for edge in (grids if method.on_grids else (0,))
     )

@@ -36,8 +36,8 @@ def draw_motion(path: Path, chains: Chains, seed: int) -> None:
         low, high = true.min() - room, true.max() + room
         axes.plot(source, true, "-", label="true", **_TRUE)
         for run, rows in runs.items():
-            found = _values(rows, f"found_{parameter}").clip(low, high)
-            axes.plot(source, found, linestyle="none", clip_on=False, zorder=3, **_style(run))
+            estimated = _values(rows, f"found_{parameter}").clip(low, high)
+            axes.plot(source, estimated, linestyle="none", clip_on=False, zorder=3, **_style(run))
         axes.set(ylabel=name, ylim=(low, high))
         axes.grid(alpha=0.3)
         axes.set_xticks(source, [f"{k - 1}→{k}" for k in source], rotation=90, fontsize=8)
@@ -93,11 +93,11 @@ def _legend(figure: "Figure", axes: "Axes") -> None:
 def _style(run: Run) -> dict[str, Any]:
     """Every method in its color; on the coarser of the paper's grids with open marks."""
     method, edge = run
-    compared, coarse = COMPARED[method], edge == _COARSE
+    shown_method, coarse = COMPARED[method], edge == _COARSE
     return {
-        "color": compared.color,
-        "marker": compared.mark,
+        "color": shown_method.color,
+        "marker": shown_method.mark,
         "markersize": 7 if coarse else 5,
-        "markerfacecolor": "none" if coarse else compared.color,
+        "markerfacecolor": "none" if coarse else shown_method.color,
         "label": label(*run),
     }

@@ -41,9 +41,9 @@ def draw_parameters(path: Path, rows: Sequence[GaussianRow]) -> None:
         for axis in axes[2 * line : 2 * line + 2, -1]:
             axis.legend(loc="center left", bbox_to_anchor=(1.0, 0.5), fontsize=8, frameon=False)
     _name_scans(axes[-1], rows)
-    one = rows[0]
+    row = rows[0]
     figure.suptitle(
-        f"Table 1 on {one.scene}, {one.grid}³ voxels of {one.voxel_m:g} m, seed {one.seed}: "
+        f"Table 1 on {row.scene}, {row.grid}³ voxels of {row.voxel_m:g} m, seed {row.seed}: "
         "lines true, marks estimated, gray wrong"
     )
     save_figure(figure, path)
@@ -72,13 +72,15 @@ def draw_rates(path: Path, rows: Sequence[GaussianRow]) -> None:
 def _draw_parameters(axes: Any, rows: Sequence[GaussianRow], which: slice, names: tuple[str, ...]) -> None:
     """Three parameters: a line of true values and a mark for each estimate."""
     index = [row.scan for row in rows]
-    found, true = np.array([row.found[which] for row in rows]), np.array([row.true[which] for row in rows])
+    estimated, true = np.array([row.found[which] for row in rows]), np.array([row.true[which] for row in rows])
     for row in rows:
         if not row.right:
             axes.axvspan(row.scan - 0.5, row.scan + 0.5, color=_WRONG, linewidth=0)
     for k, (name, color) in enumerate(zip(names, _COLORS, strict=True)):
         axes.plot(index, true[:, k], "-", color=color, linewidth=1.2, label=f"{name} true")
-        axes.plot(index, found[:, k], "x", color=color, markersize=6, markeredgewidth=1.6, label=f"{name} estimated")
+        axes.plot(
+            index, estimated[:, k], "x", color=color, markersize=6, markeredgewidth=1.6, label=f"{name} estimated"
+        )
     axes.set_xlim(min(index) - 0.5, max(index) + 0.5)
     axes.grid(alpha=0.3)
 

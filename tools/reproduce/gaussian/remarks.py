@@ -23,11 +23,11 @@ def remarks(rows: Sequence[GaussianRow]) -> str:
 def _paragraph(grid: int, method: str, rows: Sequence[GaussianRow]) -> str:
     mine = [row for row in rows if (row.grid, row.method) == (grid, method)]
     steps = {step: [row for row in mine if row.wrong_step == step] for step in ("yaw", "tilt", "translation")}
-    wrong = sum(len(found) for found in steps.values())
+    wrong = sum(len(rows_of_step) for rows_of_step in steps.values())
     where = f"**{grid}³, {method}**: "
     if not wrong:
         return f"{where}all {len(mine)} registrations are right."
-    counts = ", ".join(f"{step} in {len(found)}" for step, found in steps.items() if found)
+    counts = ", ".join(f"{step} in {len(rows_of_step)}" for step, rows_of_step in steps.items() if rows_of_step)
     sentences = [f"{where}{wrong} of {len(mine)} registrations are wrong; what is wrong first is {counts}."]
     if steps["yaw"]:
         sentences += [_on_yaw(steps["yaw"]), *_on_near(steps["yaw"]), *_on_others(steps["yaw"], rows)]
@@ -74,8 +74,8 @@ def _on_others(wrong: Sequence[GaussianRow], rows: Sequence[GaussianRow]) -> lis
     pairs = {row.pair for row in wrong}
     sentences = []
     for other in dict.fromkeys(row.method for row in rows if row.method != method):
-        found = sum(row.pair in pairs and row.method == other and row.yaw_error_deg <= RIGHT_DEG for row in rows)
-        sentences.append(f"*{other}* has the right yaw in {found} of these {len(pairs)}.")
+        count = sum(row.pair in pairs and row.method == other and row.yaw_error_deg <= RIGHT_DEG for row in rows)
+        sentences.append(f"*{other}* has the right yaw in {count} of these {len(pairs)}.")
     return sentences
 
 

@@ -50,8 +50,8 @@ class Gaussian:
         if self._series is None or self._series.grid.edge != edge:
             self._series = None  # what it holds on the device goes before the next is made
             self._series = Series(self._device, grid_of(edge), self.settings.scene)
-        found = self._series.register(index, seed, sigma2)
-        return Outcome(tuple(row.cells() for row, _ in found), tuple(time.cells() for _, time in found))
+        registered = self._series.register(index, seed, sigma2)
+        return Outcome(tuple(row.cells() for row, _ in registered), tuple(time.cells() for _, time in registered))
 
     def section(self, outcomes: Mapping[str, Outcome]) -> Section:
         """The tables beside the paper's, and which step fails."""

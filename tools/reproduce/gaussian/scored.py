@@ -39,8 +39,8 @@ class ScoredRegistration:
 
         A scan's center is far from its sensor; what the rotation lacks moves one of them more than the other.
         """
-        found = self.registration.T_target_source.apply(self.center)
-        return float(np.linalg.norm(found - self.truth.apply(self.center)))
+        estimated = self.registration.T_target_source.apply(self.center)
+        return float(np.linalg.norm(estimated - self.truth.apply(self.center)))
 
     @property
     def right(self) -> bool:
@@ -59,8 +59,8 @@ class ScoredRegistration:
             return ""
         if self.error.rotation_deg <= RIGHT_DEG:
             return "translation"
-        found, true = (T.rotation.as_euler("ZYX", degrees=True) for T in (self._found, self.truth))
-        yaw = (found[0] - true[0] + 180) % 360 - 180
+        estimated, true = (T.rotation.as_euler("ZYX", degrees=True) for T in (self._found, self.truth))
+        yaw = (estimated[0] - true[0] + 180) % 360 - 180
         return "yaw" if abs(yaw) > RIGHT_DEG else "tilt"
 
     @property

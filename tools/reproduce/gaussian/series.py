@@ -45,21 +45,21 @@ class Series:
         """
         target, source, truth = table1_pair(index, seed, sigma2, self.scene)
         if self._reference is None or self._reference[0] != (seed, sigma2):
-            self._reference = (seed, sigma2), {name: one for name, (one, _) in self._prepare(target).items()}
-        found = []
+            self._reference = (seed, sigma2), {name: prepared for name, (prepared, _) in self._prepare(target).items()}
+        rows = []
         for name, (candidate, seconds) in self._prepare(source).items():
             registration = self._registrars[name].register(self._reference[1][name], candidate)
             scored = ScoredRegistration(registration, truth, candidate.volume.center, self.grid.voxel)
             rank = yaw_rank(self._registrars[name], self._reference[1][name], candidate, truth)
             row = row_of(scored, (self.scene, sigma2, seed, index), name, self.grid.edge, rank)
             time = GaussianTime(self.grid.edge, sigma2, seed, index, name, seconds, registration.seconds)
-            found.append((row, time))
-        return found
+            rows.append((row, time))
+        return rows
 
     def _prepare(self, scan: Scan) -> dict[str, tuple[LayeredScan, float]]:
         """The scan as every method needs it, by the method's name, and the seconds that took."""
         shared: list[tuple[HemisphereConfig, tuple[LayeredScan, float]]] = []
-        found = {}
+        prepared_by_name = {}
         for name, registrar in self._registrars.items():
             preparation = preparation_of(registrar.config)
             known = _find(shared, preparation)
@@ -69,8 +69,8 @@ class Series:
                 self.device.queue.finish()  # so that the registration's seconds are its own
                 known = prepared, perf_counter() - start
                 shared.append((preparation, known))
-            found[name] = known
-        return found
+            prepared_by_name[name] = known
+        return prepared_by_name
 
 
 def yaw_rank(registrar: HemisphereRegistrar, target: LayeredScan, source: LayeredScan, truth: RigidTransform) -> int:

@@ -41,16 +41,16 @@ def draw_peaks(path: Path, peaks: Sequence[Peaks]) -> None:
 
     figure = Figure(figsize=(3.1 * len(peaks), 5.6), dpi=90, layout="constrained")
     axes = figure.subplots(2, len(peaks), squeeze=False, sharey="row", height_ratios=(3, 2))
-    for column, one in enumerate(peaks):
+    for column, peak in enumerate(peaks):
         upper, lower = axes[0, column], axes[1, column]
-        half = one.image_bin_deg * len(one.image) / 2
+        half = peak.image_bin_deg * len(peak.image) / 2
         # axis 0 is pitch, axis 1 is -roll: shown with roll to the right and pitch upward
-        upper.imshow(one.image[:, ::-1], origin="lower", extent=(-half, half, -half, half), cmap="magma")
-        upper.plot(one.tilt_deg, one.tilt_deg, "o", markersize=16, markerfacecolor="none", markeredgecolor="cyan")
+        upper.imshow(peak.image[:, ::-1], origin="lower", extent=(-half, half, -half, half), cmap="magma")
+        upper.plot(peak.tilt_deg, peak.tilt_deg, "o", markersize=16, markerfacecolor="none", markeredgecolor="cyan")
         upper.set(xlim=(-_SHOWN_DEG, _SHOWN_DEG), ylim=(-_SHOWN_DEG, _SHOWN_DEG), xlabel="roll [degrees]")
-        upper.set_title(f"roll = pitch = {one.tilt_deg:g}°", fontsize=10)
-        lower.plot(np.arange(len(one.row)) * one.row_bin_deg, one.row, linewidth=0.8)
-        lower.axvline(one.yaw_deg, color="black", linestyle=":")
+        upper.set_title(f"roll = pitch = {peak.tilt_deg:g}°", fontsize=10)
+        lower.plot(np.arange(len(peak.row)) * peak.row_bin_deg, peak.row, linewidth=0.8)
+        lower.axvline(peak.yaw_deg, color="black", linestyle=":")
         lower.set(xlim=(0, 180), xlabel="yaw [degrees]")
     axes[0, 0].set_ylabel("pitch [degrees]")
     axes[1, 0].set_ylabel("standard deviations")

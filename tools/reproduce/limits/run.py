@@ -50,9 +50,9 @@ class Limits:
             for yaw in self.settings.yaws_deg:
                 start = perf_counter()
                 truth = _turn(kind, tilt, yaw)
-                found = self._steps(self._prepare(points, truth), still, truth)
+                deviations = self._steps(self._prepare(points, truth), still, truth)
                 rows.append(
-                    {"scene": scene, "seed": int(seed), "tilted": kind, "tilt_deg": tilt, "yaw_deg": yaw} | found
+                    {"scene": scene, "seed": int(seed), "tilted": kind, "tilt_deg": tilt, "yaw_deg": yaw} | deviations
                 )
                 seconds.append({"job": job, "tilt_deg": tilt, "yaw_deg": yaw, "seconds": perf_counter() - start})
         return Outcome(tuple(rows), tuple(seconds))

@@ -41,12 +41,12 @@ def deviation_table(rows: Sequence[Row]) -> Table:
     farthest = max(float(row["tilt_deg"]) for row in rows)
     end = [row for row in rows if row["tilt_deg"] == farthest]
     right = sum(chain_right(row) for row in end)
-    told = [
+    claims = [
         ("yaw, with no more than one of roll and pitch", "exact", single, "yaw"),
         (f"roll, yaw given, up to {_SMALL_TILT:g}° of tilt", "negligible", small, "roll"),
         (f"pitch, yaw given, up to {_SMALL_TILT:g}° of tilt", "negligible", small, "pitch"),
     ]
-    lines = [(what, paper, *_found(some, f"{name}_off_deg")) for what, paper, some, name in told]
+    lines = [(what, paper, *_ours_and_verdict(some, f"{name}_off_deg")) for what, paper, some, name in claims]
     lines.insert(1, _offset_line(both))
     lines.append(
         (
@@ -92,7 +92,7 @@ def _offset_line(both: Sequence[Row]) -> tuple[str, str, str, str]:
     return "yaw's offset under roll and pitch alike, median (range)", words, ", ".join(ours), f"{grows} with the tilt"
 
 
-def _found(rows: Sequence[Row], name: str) -> tuple[str, str]:
+def _ours_and_verdict(rows: Sequence[Row], name: str) -> tuple[str, str]:
     """Ours, and the verdict."""
     sizes = _sizes(rows, name)
     small = int((sizes <= _NEGLIGIBLE).sum())

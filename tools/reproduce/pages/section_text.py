@@ -82,7 +82,7 @@ def _table(content: dict[str, Any]) -> Table:
 
 def _column(table: Table, word: str) -> int:
     """The first column whose heading begins with the word, whatever follows it, as in "ours, worst series"."""
-    found = [k for k, heading in enumerate(table.headings) if re.match(rf"({word})\b", heading)]
-    if not found:
+    columns = [k for k, heading in enumerate(table.headings) if re.match(rf"({word})\b", heading)]
+    if not columns:
         raise ValueError(f"no heading of {table.title!r} begins with the word {word!r}: {table.headings}")
-    return found[0]
+    return columns[0]

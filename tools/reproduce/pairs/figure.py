@@ -61,11 +61,11 @@ def draw_nees(path: Path, rows: Sequence[Row]) -> None:
     figure = Figure(figsize=(6.4, 3.8), dpi=DPI, layout="constrained")
     axes = figure.subplots()
     nees = [float(row["nees"]) for row in rows if not math.isnan(float(row["nees"]))]
-    found = calibration(rows)
+    calibrated = calibration(rows)
     bars = np.linspace(0, _FARTHEST, 31).tolist()
-    if found is not None:
+    if calibrated is not None:
         axes.hist(np.clip(nees, 0, _FARTHEST), bins=bars, density=True, color="C0", alpha=0.5, label=OURS)
-        axes.axvline(found.mean, color="C0", linewidth=1.5, label=f"its mean, {found.mean:.2f}")
+        axes.axvline(calibrated.mean, color="C0", linewidth=1.5, label=f"its mean, {calibrated.mean:.2f}")
     x = np.linspace(0, _FARTHEST, 301)
     axes.plot(x, chi2.pdf(x, FREEDOM), "k-", linewidth=1.2, label=f"chi-squared({FREEDOM})")
     axes.set(xlabel=f"normalized squared error; all above {_FARTHEST:g} in the last bar", ylabel="density")
@@ -80,12 +80,12 @@ def draw_probability(path: Path, rows: Sequence[Row]) -> None:
     figure = Figure(figsize=(4.6, 4.4), dpi=DPI, layout="constrained")
     axes = figure.subplots()
     axes.plot([0, 1], [0, 1], "k--", linewidth=0.9, label="honest")
-    found = reliability(rows)
-    if found:
-        draw_rates(axes, [one.predicted for one in found], [one.right for one in found], OURS)
-        for one in found:
+    bins = reliability(rows)
+    if bins:
+        draw_rates(axes, [rated.predicted for rated in bins], [rated.right for rated in bins], OURS)
+        for rated in bins:
             axes.annotate(
-                str(one.right.trials), (one.predicted, one.share), (5, -9), textcoords="offset points", fontsize=7
+                str(rated.right.trials), (rated.predicted, rated.share), (5, -9), textcoords="offset points", fontsize=7
             )
     else:
         axes.set_title(f"{OURS} tells no probability", fontsize=10)

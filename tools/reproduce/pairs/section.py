@@ -43,22 +43,24 @@ def pairs_section(rows: Sequence[Row], settings: PairsSettings) -> Section:
 
 
 def _introduction(rows: Sequence[Row], settings: PairsSettings) -> str:
-    laid = {turn: len({row["number"] for row in where(rows, turn=turn)}) for turn in settings.counts}
+    available = {turn: len({row["number"] for row in where(rows, turn=turn)}) for turn in settings.counts}
     short = [
-        f"{count - laid[turn]} of {count} ({turn})" for turn, count in settings.counts.items() if laid[turn] < count
+        f"{count - available[turn]} of {count} ({turn})"
+        for turn, count in settings.counts.items()
+        if available[turn] < count
     ]
     peers = {min(settings.registers(method, turn) for method in settings.compared.methods) for turn in settings.counts}
     fewer = ""
     if min(peers) < min(settings.counts.values()):
-        told = " and ".join(str(n) for n in sorted(peers, reverse=True))
-        fewer = f" Those beside `{OURS}` register the first {told} of them."
+        numbers = " and ".join(str(n) for n in sorted(peers, reverse=True))
+        fewer = f" Those beside `{OURS}` register the first {numbers} of them."
     scenes = ", ".join(f"`{scene}`" for scene in dict.fromkeys(row["scene"] for row in rows))
     return (
-        f"{laid['yaw']} pairs whose source is turned by any yaw and tilted by up to 35 degrees of roll and pitch, and "
-        f"{laid['any']} others turned by any rotation ({OURS} with its bound on roll and pitch lifted, the other "
-        f"methods as they are), from scenes of {scenes}, each with a seed of its own (set {settings.seed}). They share "
-        "5 to 100 % of their points, as many pairs in each fifth; the range noise is 0, 1 or 2 m² at the largest range "
-        "of a scene of 256 m, smaller in smaller scenes, with outliers, dropouts, ghosts and speckle. The grid has "
+        f"{available['yaw']} pairs whose source is turned by any yaw and tilted by up to 35 degrees of roll and pitch, "
+        f"and {available['any']} others turned by any rotation ({OURS} with its bound on roll and pitch lifted, the "
+        f"other methods as they are), from scenes of {scenes}, each with a seed of its own (set {settings.seed}). They "
+        "share 5 to 100 % of their points, as many pairs in each fifth; the range noise is 0, 1 or 2 m² at the largest "
+        "range of a scene of 256 m, smaller in smaller scenes, with outliers, dropouts, ghosts and speckle. The grid has "
         f"{settings.edge} voxels an edge, their size chosen from the two scans; right is within {RIGHT_DEG:g} degrees "
         f"and {RIGHT_VOXELS:g} voxels. {settings.compared.words}{fewer}"
         + (f" Pairs that their scenes do not have are left out: {', '.join(short)}." if short else "")

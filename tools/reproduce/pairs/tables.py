@@ -129,13 +129,13 @@ def _accuracy(rows: Sequence[Row]) -> list[_Line]:
 
 
 def _calibration(rows: Sequence[Row]) -> list[_Line]:
-    found = calibration(rows)
-    if found is None:
+    ours = calibration(rows)
+    if ours is None:
         return []
     low, high = INSIDE
-    mean = f"{found.mean:.2f}; 95 % of such means lie within {found.low:.2f}..{found.high:.2f}"
-    inside = f"{found.share:.1%} ({found.inside})"
+    mean = f"{ours.mean:.2f}; 95 % of such means lie within {ours.low:.2f}..{ours.high:.2f}"
+    inside = f"{ours.share:.1%} ({ours.inside})"
     return [
-        ("mean normalized squared error of what is right", "6", mean, found.verdict),
-        ("within the 95 % ellipsoid", f"{low:.0%} to {high:.0%}", inside, verdict(low <= found.share <= high)),
+        ("mean normalized squared error of what is right", "6", mean, ours.verdict),
+        ("within the 95 % ellipsoid", f"{low:.0%} to {high:.0%}", inside, verdict(low <= ours.share <= high)),
     ]

@@ -20,11 +20,11 @@ NINETY_NINE = 99.0  # percentile
 def speed_section(rows: Sequence[Row], seconds: Sequence[Row], settings: PairSetSettings) -> Section:
     """All tables of times stand among the times, which may differ between runs."""
     methods = settings.compared.methods
-    laid = len({row["number"] for row in rows})
+    count = len({row["number"] for row in rows})
     return Section(
         title="Times of a pair",
         introduction=(
-            f"{laid} pairs of the set {settings.seed} that share more than 20 % of their points, any yaw, tilt up to "
+            f"{count} pairs of the set {settings.seed} that share more than 20 % of their points, any yaw, tilt up to "
             f"35 degrees, on grids of {settings.edge} voxels an edge. Both scans are prepared before and the pair is "
             "registered once, untimed; then the methods register it in turn, three times over, and the fastest of the "
             f"three counts. One process, one pair at a time. {settings.compared.words}"

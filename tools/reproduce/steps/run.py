@@ -56,8 +56,8 @@ class Steps:
         begin = {"scene": scene, "seed": int(seed), "sigma2": float(sigma2), "method": method}
         rows: list[Row] = []
         for step, (target, source, truth) in enumerate(self._pairs(series)):
-            found = answer(self._registrars[method], target, source)
-            rows.append(begin | {"step": step} | errors(found, truth, self._grid.voxel) | claims(found))
+            registration = answer(self._registrars[method], target, source)
+            rows.append(begin | {"step": step} | errors(registration, truth, self._grid.voxel) | claims(registration))
         return Outcome(tuple(rows))
 
     def section(self, outcomes: Mapping[str, Outcome]) -> Section:

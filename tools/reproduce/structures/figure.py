@@ -34,8 +34,8 @@ def draw_series(path: Path, rows: Sequence[Row], noises: Sequence[str], over: st
         _draw(right, some, over, TRANSLATION, "m")
         left.set(title=f"{noise}: rotation", ylabel="estimated [degrees]")
         right.set(title=f"{noise}: translation", ylabel="estimated [m]")
-    for one in axes[-1]:
-        one.set_xlabel(label)
+    for panel in axes[-1]:
+        panel.set_xlabel(label)
     save_figure(figure, path)
 
 

@@ -106,14 +106,14 @@ def parameters(T: RigidTransform) -> np.ndarray:
 
 
 def _row(case: Case, number: int, truth: RigidTransform, registration: Registration, grid: Grid) -> dict:
-    found = registration.T_target_source
-    error = pair_error(found, truth)
+    estimated = registration.T_target_source
+    error = pair_error(estimated, truth)
     steps = dict(registration.step_psr)
     names = (*(f"{name}_m" for name in TRANSLATION), *(f"{name}_deg" for name in ROTATION))
     return {
         **{"scene": case.scene, "noise": case.noise, "seed": case.seed, "number": number},
         **{f"true_{name}": value for name, value in zip(names, parameters(truth).tolist(), strict=True)},
-        **{f"found_{name}": value for name, value in zip(names, parameters(found).tolist(), strict=True)},
+        **{f"found_{name}": value for name, value in zip(names, parameters(estimated).tolist(), strict=True)},
         "distance_m": float(np.linalg.norm(truth.translation)),
         "rotation_deg": error.rotation_deg,
         "translation_voxels": error.translation_m / grid.voxel,

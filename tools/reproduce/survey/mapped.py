@@ -201,13 +201,13 @@ def _tried(pair: "Pair") -> TriedPair:
 
 def _signatures(registrar: "SpectralRegistrar", scans: Sequence[Scan]) -> dict[int, np.ndarray]:
     """Of the scans that show enough, by their number."""
-    found = {}
+    signatures = {}
     for k, scan in enumerate(scans):
         try:
-            found[k] = registrar.signature(registrar.prepare(scan))
+            signatures[k] = registrar.signature(registrar.prepare(scan))
         except InputError:
             continue
-    return found
+    return signatures
 
 
 def _peer(system: str, scans: Sequence[Scan], grid: "Grid") -> MappedSurvey:

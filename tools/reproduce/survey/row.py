@@ -60,12 +60,12 @@ def _errors(before: Evaluation | None, after: Evaluation, voxel: float) -> dict[
 
 def _calibration(survey: SimulatedSurvey, mapped: MappedSurvey) -> dict[str, Value]:
     keys = ("within_95", "position_within_95", "nees_mean", "position_nees_mean")
-    found = None
+    calibration = None
     if mapped.covariances is not None:
         truth = survey.truth.T_world_sensor[list(mapped.placed)]
-        found = calibrate_poses(mapped.trajectory.T_world_sensor, truth, mapped.covariances)
-    told = found.to_json() if found else dict.fromkeys(keys, _NAN)
-    return {key: told[key] for key in keys}
+        calibration = calibrate_poses(mapped.trajectory.T_world_sensor, truth, mapped.covariances)
+    cells = calibration.to_json() if calibration else dict.fromkeys(keys, _NAN)
+    return {key: cells[key] for key in keys}
 
 
 def _pairs(survey: SimulatedSurvey, mapped: MappedSurvey, voxel: float) -> dict[str, Value]:

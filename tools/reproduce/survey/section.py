@@ -67,7 +67,7 @@ def _claims(row: Row) -> list[tuple[str, str, str, str, str]]:
     usable = int(row["scans"]) - int(row["unusable"])
     wrong, within = _wrong(row, ROLES), float(row["within_95"])
     ate = float(row["ate_after_voxels"])
-    told = [
+    claims = [
         ("usable scans in one map", "all", f"{row['placed']} of {usable}", row["placed"] == usable),
         ("unusable scans in it", "none", f"{row['placed_unusable']} of {row['unusable']}", not row["placed_unusable"]),
         ("wrong pairs kept", "none", f"{wrong}", not wrong),
@@ -75,8 +75,8 @@ def _claims(row: Row) -> list[tuple[str, str, str, str, str]]:
         ("poses within their 95 % ellipsoids", f"at least {_WITHIN:g}", _number(within, 2), within >= _WITHIN),
     ]
     if row["survey"] == _DIVES:
-        told.append(("maps, of two scans or more", "one", f"{row['components']}", row["components"] == 1))
-    return [(_called(row), *line, verdict(good)) for *line, good in told]  # pyright: ignore
+        claims.append(("maps, of two scans or more", "one", f"{row['components']}", row["components"] == 1))
+    return [(_called(row), *line, verdict(good)) for *line, good in claims]  # pyright: ignore
 
 
 def _systems(maps: Sequence[Row]) -> Table:

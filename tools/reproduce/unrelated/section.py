@@ -56,9 +56,9 @@ def _by_scene(rows: Sequence[Row], methods: Sequence[str]) -> Table:
 
 
 def _introduction(rows: Sequence[Row], settings: PairSetSettings) -> str:
-    laid = len({row["number"] for row in rows})
+    count = len({row["number"] for row in rows})
     return (
-        f"{laid} pairs of scans that share nothing: of scenes of different kinds, or of one kind whose plan is drawn "
+        f"{count} pairs of scans that share nothing: of scenes of different kinds, or of one kind whose plan is drawn "
         f"anew, seen with the same sensor, with the noise of the related pairs (set {settings.seed}). The grid has "
         f"{settings.edge} voxels an edge, their size chosen from the two scans. No answer is right. "
         f"{settings.compared.words}"
