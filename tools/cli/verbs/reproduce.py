@@ -22,7 +22,7 @@ if TYPE_CHECKING:
     from tools.reproduce.worker import WorkerProcesses
 
 _NAMES = "; ".join(
-    f"{group} for all of {', '.join(f'{name} ({EXPERIMENTS[name].shows})' for name in members(group))}"
+    f"'{group}' runs {', '.join(f'{name} ({EXPERIMENTS[name].shows})' for name in members(group))}"
     for group in groups()
 )
 
@@ -97,7 +97,7 @@ FirstSeedOption = Annotated[
 
 
 def command(
-    name: Annotated[str, typer.Argument(help=f"An experiment or a group of them: {_NAMES}.", metavar="NAME")],
+    name: Annotated[str, typer.Argument(help=f"An experiment, or a group of them: {_NAMES}.", metavar="NAME")],
     out: Annotated[
         Path,
         typer.Option(

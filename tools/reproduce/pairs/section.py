@@ -60,8 +60,8 @@ def _introduction(rows: Sequence[Row], settings: PairsSettings) -> str:
         f"and {available['any']} others turned by any rotation ({OURS} with its bound on roll and pitch lifted, the "
         f"other methods as they are), from scenes of {scenes}, each with a seed of its own (set {settings.seed}). They "
         "share 5 to 100 % of their points, as many pairs in each fifth; the range noise is 0, 1 or 2 m² at the largest "
-        "range of a scene of 256 m, smaller in smaller scenes, with outliers, dropouts, ghosts and speckle. The grid has "
-        f"{settings.edge} voxels an edge, their size chosen from the two scans; right is within {RIGHT_DEG:g} degrees "
-        f"and {RIGHT_VOXELS:g} voxels. {settings.compared.words}{fewer}"
+        "range of a scene of 256 m, smaller in smaller scenes, with outliers, dropouts, ghosts and speckle. The grid "
+        f"has {settings.edge} voxels an edge, their size chosen from the two scans; right is within {RIGHT_DEG:g} "
+        f"degrees and {RIGHT_VOXELS:g} voxels. {settings.compared.words}{fewer}"
         + (f" Pairs that their scenes do not have are left out: {', '.join(short)}." if short else "")
     )
