@@ -55,7 +55,7 @@ def computed(out: Path) -> list[int]:
 
 
 def entries(out: Path) -> int:
-    """How many results the journal of a run that is still going holds; it is locked, but can be read."""
+    """How many results the locked journal of a run holds; the last may be written, but not yet committed."""
     try:
         with sqlite3.connect(f"file:{out / 'journal.sqlite'}?mode=ro&immutable=1", uri=True) as database:
             return database.execute("SELECT count(*) FROM entry").fetchone()[0]
@@ -96,7 +96,7 @@ def clutter(tmp_path_factory: pytest.TempPathFactory) -> Path:
 
 def test_killed_it_goes_on_and_ends_with_the_same_bytes(clutter: Path, tmp_path: Path) -> None:
     mapping = start(clutter, tmp_path, *CLUTTER)
-    while not entries(tmp_path):
+    while entries(tmp_path) < 2:
         time.sleep(0.02)
         assert mapping.poll() is None
     os.killpg(mapping.pid, signal.SIGKILL)
@@ -105,7 +105,7 @@ def test_killed_it_goes_on_and_ends_with_the_same_bytes(clutter: Path, tmp_path:
     assert sonarmap("map", clutter, "-o", tmp_path, *CLUTTER).exit_code == 0
     assert results(tmp_path) == results(clutter / "out")
     assert set(computed(tmp_path)) == {1}
-    assert json.loads((tmp_path / "times.json").read_text())["pairs_from_journal"] >= before
+    assert json.loads((tmp_path / "times.json").read_text())["pairs_from_journal"] >= before - 1
 
 
 def test_two_workers_give_the_same_bytes(clutter: Path, tmp_path: Path) -> None:
