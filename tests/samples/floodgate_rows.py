@@ -8,7 +8,7 @@ from tools.reproduce.experiment import Outcome, Row
 from tools.reproduce.floodgate.chain import PAIR, POSE, pair_row, pose_rows
 from tools.reproduce.floodgate.methods import TRUTH
 from tools.reproduce.floodgate.run import MAP
-from tools.reproduce.floodgate.survey import Survey
+from tools.reproduce.floodgate.survey import FloodgateSurvey
 from tools.simulate.shapes.solids import box, merge
 
 SCANS = 5
@@ -28,7 +28,7 @@ POSES = RigidTransform.concatenate(
 STEPS = [POSES[k - 1].inv() * POSES[k] for k in range(1, SCANS)]
 
 
-def flat_survey() -> Survey:
+def flat_survey() -> FloodgateSurvey:
     """Five scans of two boxes whose points lie exactly on the surface, the first scan's 0.25 m beside it."""
     rng = np.random.default_rng(7)
     places = rng.uniform(-20, 20, (SCANS, 400, 3)) * [1, 1, 0] + [0, 0, 2]  # on the lid of a flat box
@@ -37,7 +37,7 @@ def flat_survey() -> Survey:
     scans = [
         Scan(POSES[k].inv().apply(places[k]).astype(np.float32), stamp=float(k), name=f"s{k}") for k in range(SCANS)
     ]
-    return Survey(tuple(scans), POSES, mesh, overlap=(0.6, 0.7, 0.8, 0.9), shared=(0.9, 0.8, 0.7, 0.6))
+    return FloodgateSurvey(tuple(scans), POSES, mesh, overlap=(0.6, 0.7, 0.8, 0.9), shared=(0.9, 0.8, 0.7, 0.6))
 
 
 def off(meters: float) -> list[RigidTransform]:
@@ -45,7 +45,9 @@ def off(meters: float) -> list[RigidTransform]:
     return [step * RigidTransform.from_translation([0, 0, meters * (k == 1)]) for k, step in enumerate(STEPS)]
 
 
-def outcomes(now: Survey, errors: dict[str, float], seeds: int = 1, seconds: float = 2.0) -> dict[str, Outcome]:
+def outcomes(
+    now: FloodgateSurvey, errors: dict[str, float], seeds: int = 1, seconds: float = 2.0
+) -> dict[str, Outcome]:
     """Of methods that make one error each [m], the same in every survey; "hemisphere" and "spectral" at 256."""
     found: dict[str, Outcome] = {}
     for seed in range(1, 1 + seeds):

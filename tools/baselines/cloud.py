@@ -17,7 +17,7 @@ NORMAL_NEIGHBORS = 30
 
 
 @dataclass(frozen=True, slots=True)
-class Cloud:
+class ThinnedCloud:
     """A scan's points, thinned.
 
     Attributes:
@@ -33,7 +33,7 @@ class Cloud:
     tree: KDTree
 
 
-def thin(scan: Scan, voxel: float) -> Cloud:
+def thin(scan: Scan, voxel: float) -> ThinnedCloud:
     """One point per voxel, with its normal.
 
     Args:
@@ -60,10 +60,10 @@ def thin(scan: Scan, voxel: float) -> Cloud:
     cloud.estimate_normals(o3d.geometry.KDTreeSearchParamHybrid(NORMAL_REACH * voxel, NORMAL_NEIGHBORS))
     cloud.orient_normals_towards_camera_location(np.zeros(3))
     points = np.asarray(cloud.points)
-    return Cloud(scan.name, points, np.asarray(cloud.normals), KDTree(points))
+    return ThinnedCloud(scan.name, points, np.asarray(cloud.normals), KDTree(points))
 
 
-def to_open3d(cloud: Cloud) -> Any:
+def to_open3d(cloud: ThinnedCloud) -> Any:
     """The same as Open3D's PointCloud."""
     import open3d as o3d
 

@@ -11,7 +11,7 @@ from scipy.spatial.transform import RigidTransform
 
 from spectral.result import Registration
 from spectral.scan import Scan
-from tools.baselines.cloud import Cloud, thin, to_open3d
+from tools.baselines.cloud import ThinnedCloud, thin, to_open3d
 from tools.baselines.icp import iterate
 from tools.baselines.packages import one_thread, quiet
 from tools.baselines.result import conclude, judge_matches
@@ -37,7 +37,7 @@ class Described:
         features: Open3D's Feature, 33 numbers per point.
     """
 
-    cloud: Cloud
+    cloud: ThinnedCloud
     features: Any
 
 

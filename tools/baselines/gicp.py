@@ -9,7 +9,7 @@ from scipy.spatial.transform import RigidTransform
 
 from spectral.result import Registration
 from spectral.scan import Scan
-from tools.baselines.cloud import Cloud, thin
+from tools.baselines.cloud import ThinnedCloud, thin
 from tools.baselines.icp import DISTANCES
 from tools.baselines.packages import peer, silent
 from tools.baselines.result import conclude, judge_fit
@@ -28,7 +28,7 @@ class Shaped:
         points, tree: small_gicp's PointCloud and KdTree.
     """
 
-    cloud: Cloud
+    cloud: ThinnedCloud
     points: Any
     tree: Any
 

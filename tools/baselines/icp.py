@@ -10,7 +10,7 @@ from scipy.spatial.transform import RigidTransform
 
 from spectral.result import Registration
 from spectral.scan import Scan
-from tools.baselines.cloud import Cloud, thin, to_open3d
+from tools.baselines.cloud import ThinnedCloud, thin, to_open3d
 from tools.baselines.packages import one_thread, quiet
 from tools.baselines.result import conclude, judge_fit
 
@@ -36,7 +36,7 @@ class IcpRegistrar:
         self.voxel = voxel
         self.kind: Kind = kind
 
-    def prepare(self, scan: Scan) -> Cloud:
+    def prepare(self, scan: Scan) -> ThinnedCloud:
         """The scan's points, one per voxel.
 
         Raises:
@@ -44,7 +44,7 @@ class IcpRegistrar:
         """
         return thin(scan, self.voxel)
 
-    def register(self, target: Cloud, source: Cloud) -> Registration:
+    def register(self, target: ThinnedCloud, source: ThinnedCloud) -> Registration:
         """Find T_target_source from the identity; `accepted` by the share of points in common."""
         start = perf_counter()
         T = iterate(target, source, RigidTransform.identity(), [self.voxel * d for d in DISTANCES], self.kind)
@@ -52,7 +52,7 @@ class IcpRegistrar:
 
 
 def iterate(
-    target: Cloud, source: Cloud, T_target_source: RigidTransform, distances: Sequence[float], kind: Kind
+    target: ThinnedCloud, source: ThinnedCloud, T_target_source: RigidTransform, distances: Sequence[float], kind: Kind
 ) -> RigidTransform:
     """The T_target_source to which ICP leads from the given one, one round for each correspondence distance [m].
 

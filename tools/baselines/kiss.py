@@ -7,7 +7,7 @@ from scipy.spatial.transform import RigidTransform, Rotation
 
 from spectral.result import Registration
 from spectral.scan import Scan
-from tools.baselines.cloud import Cloud, thin
+from tools.baselines.cloud import ThinnedCloud, thin
 from tools.baselines.features import REFINE
 from tools.baselines.icp import iterate
 from tools.baselines.packages import peer, silent
@@ -37,7 +37,7 @@ class KissRegistrar:
         self.voxel = voxel
         self._kiss = peer("kiss_matcher", "kiss-matcher", "kiss")
 
-    def prepare(self, scan: Scan) -> Cloud:
+    def prepare(self, scan: Scan) -> ThinnedCloud:
         """The scan's points, one per voxel: the package's own thinning orders them by chance.
 
         Raises:
@@ -45,14 +45,14 @@ class KissRegistrar:
         """
         return thin(scan, self.voxel)
 
-    def register(self, target: Cloud, source: Cloud) -> Registration:
+    def register(self, target: ThinnedCloud, source: ThinnedCloud) -> Registration:
         """Find T_target_source, from anywhere; `accepted` by how many matches were left."""
         start = perf_counter()
         T, inliers, matches = self._solve(target, source)
         T = iterate(target, source, T, [self.voxel * d for d in REFINE], "plane")
         return conclude(target, source, T, self.voxel, judge_matches(inliers, matches, _LEAST_INLIERS), start)
 
-    def _solve(self, target: Cloud, source: Cloud) -> tuple[RigidTransform, int, int]:
+    def _solve(self, target: ThinnedCloud, source: ThinnedCloud) -> tuple[RigidTransform, int, int]:
         """The transform, how many matches agree with it, how many there were."""
         if min(self._dense(target), self._dense(source)) < _FEWEST_POINTS:
             return RigidTransform.identity(), 0, 0
@@ -71,7 +71,7 @@ class KissRegistrar:
         T = RigidTransform.from_components(np.asarray(solution.translation).ravel(), R)
         return T, int(matcher.get_num_final_inliers()), len(moving)
 
-    def _dense(self, cloud: Cloud) -> int:
+    def _dense(self, cloud: ThinnedCloud) -> int:
         """How many points have neighbors enough for a feature."""
         distance, _ = cloud.tree.query(cloud.points, k=[_NEIGHBORS + 1], workers=-1)  # a point is its own first
         return int((distance <= _NEIGHBOR_REACH * self.voxel).sum())

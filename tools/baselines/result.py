@@ -12,7 +12,7 @@ import numpy as np
 from scipy.spatial.transform import RigidTransform
 
 from spectral.result import Registration
-from tools.baselines.cloud import NORMAL_REACH, Cloud
+from tools.baselines.cloud import NORMAL_REACH, ThinnedCloud
 
 # A point has a counterpart within this distance, as in spectral/overlap.py [voxels].
 REACH = 2.0
@@ -36,7 +36,7 @@ NO_PEAK = float("nan")  # what a method that correlates nothing has for a peak-t
 
 
 @dataclass(frozen=True, slots=True)
-class Verdict:
+class MethodVerdict:
     """Whether a method believes its result, and why, in words."""
 
     accepted: bool
@@ -44,7 +44,12 @@ class Verdict:
 
 
 def conclude(
-    target: Cloud, source: Cloud, T_target_source: RigidTransform, voxel: float, verdict: Verdict, start: float
+    target: ThinnedCloud,
+    source: ThinnedCloud,
+    T_target_source: RigidTransform,
+    voxel: float,
+    verdict: MethodVerdict,
+    start: float,
 ) -> Registration:
     """The result of a pair that was begun at `start` (perf_counter)."""
     return Registration(
@@ -58,38 +63,42 @@ def conclude(
     )
 
 
-def judge_fit(target: Cloud, source: Cloud, T_target_source: RigidTransform, voxel: float) -> Verdict:
+def judge_fit(
+    target: ThinnedCloud, source: ThinnedCloud, T_target_source: RigidTransform, voxel: float
+) -> MethodVerdict:
     """By the share of points in common, and by how close these are: ICP's fitness and inlier distance."""
     fitness, near = (overlap(target, source, T_target_source, reach * voxel) for reach in (REACH, REACH / 2))
     close = near / fitness if fitness > 0 else 0.0
     far = REACH * voxel
     words = f"{fitness:.0%} of the points are within {far:.3g} m of the other scan, {close:.0%} of these within half"
     if fitness < _LEAST_FITNESS:
-        return Verdict(False, f"{words}; believed from {_LEAST_FITNESS:.0%} on")
+        return MethodVerdict(False, f"{words}; believed from {_LEAST_FITNESS:.0%} on")
     if close < _LEAST_CLOSE:
-        return Verdict(False, f"{words}; believed from {_LEAST_CLOSE:.0%} of these on")
-    return Verdict(True, words)
+        return MethodVerdict(False, f"{words}; believed from {_LEAST_CLOSE:.0%} of these on")
+    return MethodVerdict(True, words)
 
 
-def judge_matches(agreeing: int, matches: int, least: int = _LEAST_MATCHES) -> Verdict:
+def judge_matches(agreeing: int, matches: int, least: int = _LEAST_MATCHES) -> MethodVerdict:
     """By the number of matched features that agree with the transform."""
     words = f"{agreeing} of {matches} matched features agree"
-    return Verdict(True, words) if agreeing >= least else Verdict(False, f"{words}; believed from {least} on")
+    return (
+        MethodVerdict(True, words) if agreeing >= least else MethodVerdict(False, f"{words}; believed from {least} on")
+    )
 
 
-def overlap(target: Cloud, source: Cloud, T_target_source: RigidTransform, reach: float) -> float:
+def overlap(target: ThinnedCloud, source: ThinnedCloud, T_target_source: RigidTransform, reach: float) -> float:
     """The share of points, one per voxel, with a counterpart within `reach` [m]; the smaller of both ways, 0..1."""
     moved = T_target_source.apply(source.points)
     back = T_target_source.inv().apply(target.points)
     return min(_share(target, moved, reach), _share(source, back, reach))
 
 
-def _share(cloud: Cloud, points: np.ndarray, reach: float) -> float:
+def _share(cloud: ThinnedCloud, points: np.ndarray, reach: float) -> float:
     distance, _ = cloud.tree.query(points, distance_upper_bound=reach, workers=-1)
     return float(np.isfinite(distance).mean())
 
 
-def covariance(target: Cloud, source: Cloud, T_target_source: RigidTransform, voxel: float) -> np.ndarray:
+def covariance(target: ThinnedCloud, source: ThinnedCloud, T_target_source: RigidTransform, voxel: float) -> np.ndarray:
     """The 6x6 covariance of T_target_source, rotation first, body tangent of the source's sensor frame [rad, m].
 
     It is the inverse of the Gauss-Newton Hessian of the distances between the source's points and the target's

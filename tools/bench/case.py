@@ -19,7 +19,7 @@ BLUR = 0.7
 
 
 @dataclass(frozen=True, slots=True)
-class Case:
+class KernelCase:
     """One kernel on one input, and the same by NumPy and SciPy.
 
     Attributes:

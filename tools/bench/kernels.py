@@ -5,7 +5,7 @@ from collections.abc import Callable, Iterator, Sequence
 import numpy as np
 
 from kernels.device.device import Device
-from tools.bench.case import Case
+from tools.bench.case import KernelCase
 from tools.bench.cases.all_cases import CASES
 from tools.bench.result import KernelResult
 from tools.bench.timing import interleave
@@ -36,7 +36,7 @@ def measure_kernels(
             yield result
 
 
-def measure_case(case: Case, device: Device, edge: int, repeats: int) -> KernelResult:
+def measure_case(case: KernelCase, device: Device, edge: int, repeats: int) -> KernelResult:
     """Time one kernel and its twin in turns, then compare what they made in one more round."""
 
     def run() -> None:

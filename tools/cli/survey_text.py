@@ -9,7 +9,7 @@ import typer
 
 from tools.cli.arguments import as_options
 from tools.cli.terminal import printable, result_console, say
-from tools.project.parts import placed, unplaced
+from tools.output.parts import placed, unplaced
 
 if TYPE_CHECKING:
     from rich.text import Text
@@ -118,7 +118,7 @@ def _cells(pair: "Pair", names: Sequence[str]) -> "list[str | Text]":
 
 def _files(result: "SurveyResult", also: Sequence[str]) -> str:
     """The names of what was written."""
-    from tools.project.folder import part_files
+    from tools.output.folder import part_files
 
     listed = ", ".join([*part_files(result, 1, also), "graph.g2o", "summary.json", "times.json", "journal.sqlite"])
     parts = len(placed(result.components))

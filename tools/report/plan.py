@@ -12,7 +12,7 @@ CELL = 0.5  # of the raster [m]
 
 
 @dataclass(frozen=True, slots=True)
-class Plan:
+class SectionPlan:
     """A horizontal section.
 
     Attributes:
@@ -28,9 +28,9 @@ class Plan:
     edge: float
 
 
-def plan(mesh: Mesh, height: float) -> Plan:
+def plan(mesh: Mesh, height: float) -> SectionPlan:
     """The section of a closed or bottomless scene at a height [m]."""
-    return Plan(height, outlines(mesh, height), solid(mesh, height), SCENE_EDGE)
+    return SectionPlan(height, outlines(mesh, height), solid(mesh, height), SCENE_EDGE)
 
 
 def outlines(mesh: Mesh, height: float) -> np.ndarray:

@@ -4,7 +4,7 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from tools.report.plan import Plan
+from tools.report.plan import SectionPlan
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
@@ -12,7 +12,9 @@ if TYPE_CHECKING:
 _SOLID = "0.72"
 
 
-def draw_plan(axes: "Axes", plan: Plan, *, filled: bool = True, color: str = "black", width: float = 0.6) -> None:
+def draw_plan(
+    axes: "Axes", plan: SectionPlan, *, filled: bool = True, color: str = "black", width: float = 0.6
+) -> None:
     """The plan's solids in gray where `filled`, and its outlines over whatever was drawn before."""
     from matplotlib.collections import LineCollection
     from matplotlib.colors import ListedColormap

@@ -23,7 +23,7 @@ _LYING = 0.8
 
 
 @dataclass(frozen=True, slots=True)
-class Cloud:
+class ScanView:
     """One scan's surface.
 
     Attributes:
@@ -61,8 +61,8 @@ class RegistrationView:
     """
 
     registration: Registration
-    target: Cloud
-    source: Cloud
+    target: ScanView
+    source: ScanView
     spectrum: np.ndarray
     frequency: float
     layers: np.ndarray
@@ -96,10 +96,10 @@ def view_registration(
     )
 
 
-def _cloud(scan: SpectralScan, other: SpectralScan, T_other_scan: RigidTransform, voxel: float) -> Cloud:
+def _cloud(scan: SpectralScan, other: SpectralScan, T_other_scan: RigidTransform, voxel: float) -> ScanView:
     points = scan.volume.center + voxel * scan.volume.surface
     across = (T_other_scan.apply(points) - other.volume.center) / voxel
-    return Cloud(scan.volume.name, points, scan.surface.normals, contradicting(other.image, across))
+    return ScanView(scan.volume.name, points, scan.surface.normals, contradicting(other.image, across))
 
 
 def contradicting(image: RangeImage, points: np.ndarray) -> np.ndarray:

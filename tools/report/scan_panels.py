@@ -5,7 +5,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 from scipy.spatial.transform import RigidTransform, Rotation
 
-from tools.report.registration_view import Cloud, RegistrationView
+from tools.report.registration_view import RegistrationView, ScanView
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
@@ -61,7 +61,7 @@ def _draw_both(axes: "Axes", view: RegistrationView, T_target_source: RigidTrans
     axes.grid(alpha=0.25)
 
 
-def _draw(axes: "Axes", cloud: Cloud, points: np.ndarray, R: Rotation, color: str, label: str) -> None:
+def _draw(axes: "Axes", cloud: ScanView, points: np.ndarray, R: Rotation, color: str, label: str) -> None:
     """One scan; what lies, as the bed, is pale, so that what stands upon it is seen."""
     lying = cloud.lying(R)
     look: dict[str, Any] = {"color": color, "markersize": 1.6, "markeredgewidth": 0}

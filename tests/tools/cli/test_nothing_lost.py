@@ -13,7 +13,7 @@ from pathlib import Path
 
 import pytest
 
-import tools.project.folder
+import tools.output.folder
 from tests.samples.clutter_scans import files_in, said, scan, sonarmap, write
 
 ROOT = Path(__file__).parents[3]
@@ -96,7 +96,7 @@ def small_files() -> Iterator[None]:
         resource.setrlimit(resource.RLIMIT_FSIZE, (soft, hard))
 
 
-@pytest.mark.parametrize(("verb", "module"), [("map", "tools.project.folder"), ("simulate", "tools.simulate.folder")])
+@pytest.mark.parametrize(("verb", "module"), [("map", "tools.output.folder"), ("simulate", "tools.simulate.folder")])
 def test_a_file_that_grows_too_large_leaves_earlier_results(
     out: Path, scans: list[str], verb: str, module: str, monkeypatch: pytest.MonkeyPatch
 ) -> None:
@@ -161,7 +161,7 @@ def test_stopped_while_it_writes(
     def stop(*_: object) -> None:
         raise KeyboardInterrupt
 
-    monkeypatch.setattr(tools.project.folder, written, stop)
+    monkeypatch.setattr(tools.output.folder, written, stop)
     result = sonarmap("map", *scans[:2], "-o", out, *GRID)
     assert result.exit_code == 130
     assert results_in(out) == before

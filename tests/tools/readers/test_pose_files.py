@@ -12,7 +12,7 @@ from kernels.errors import InputError
 from slam.graph.trajectory import Trajectory
 from slam.mapper import Mapper
 from tests.samples.surveys import KnowingRegistrar, random_transforms, ring_poses, scans_of
-from tools.project.summary import survey_summary
+from tools.output.summary import survey_summary
 from tools.readers.poses.kitti import read_kitti
 from tools.readers.poses.tum import read_tum
 from tools.writers.json_text import to_json, write_json

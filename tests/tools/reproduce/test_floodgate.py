@@ -15,7 +15,7 @@ from tools.reproduce.floodgate.chain import Chain, chains
 from tools.reproduce.floodgate.methods import TRUTH, runs
 from tools.reproduce.floodgate.remarks import remarks
 from tools.reproduce.floodgate.run import OTHER_METHODS, PAPER_METHODS, Floodgate, FloodgateSettings, create
-from tools.reproduce.floodgate.survey import Survey
+from tools.reproduce.floodgate.survey import FloodgateSurvey
 from tools.reproduce.floodgate.tables import ate_m, by_seed, map_90, map_table, pair_table, pose_table
 from tools.reproduce.floodgate.times_table import PAPER_ICP, times_tables
 from tools.reproduce.floodgate.verdict_table import verdict_table
@@ -23,7 +23,7 @@ from tools.reproduce.pages.section_text import verdicts
 
 
 @pytest.fixture(scope="module")
-def now() -> Survey:
+def now() -> FloodgateSurvey:
     return flat_survey()
 
 
@@ -31,7 +31,7 @@ Chains = dict[tuple[int, str, int], Chain]
 
 
 @pytest.fixture(scope="module")
-def made(now: Survey) -> Chains:
+def made(now: FloodgateSurvey) -> Chains:
     """Two surveys alike, with every method's one error."""
     return chains(outcomes(now, {"icp": 9.0, "planes": 0.8, "hemisphere": 4.0, "spectral": 0.4}, seeds=2))
 
@@ -56,7 +56,7 @@ class TestTables:
         assert rows[0][3] == "0.0°, 0.00 m"
         assert [row[1] for row in pose_table(made).rows] == ["0.0°, 0.00 m", *["0.0°, 9.00 m"] * 3]
 
-    def test_the_verdicts_follow_the_maps(self, now: Survey) -> None:
+    def test_the_verdicts_follow_the_maps(self, now: FloodgateSurvey) -> None:
         """Maps so good, or so bad, as their errors say; the same rows with the names exchanged say the opposite."""
 
         def said(errors: dict[str, float]) -> dict[str, str]:
@@ -69,7 +69,7 @@ class TestTables:
         assert bad["the map by planes"] == "holds"
         assert {claim for claim, word in bad.items() if word == "does not hold"} == bad.keys() - {"the map by planes"}
 
-    def test_a_verdict_in_some_surveys(self, now: Survey) -> None:
+    def test_a_verdict_in_some_surveys(self, now: FloodgateSurvey) -> None:
         first = outcomes(now, {"planes": 0.1})
         second = {
             f"2{job[1:]}": Outcome(tuple({**row, "seed": 2} for row in one.rows))
@@ -78,7 +78,7 @@ class TestTables:
         (row,) = verdict_table(chains(first | second)).rows
         assert row[-1] == "holds in 1 of 2 surveys"
 
-    def test_two_grids_are_compared(self, now: Survey) -> None:
+    def test_two_grids_are_compared(self, now: FloodgateSurvey) -> None:
         fine = outcomes(now, {"spectral": 0.1})
         coarse = {
             job.replace("256", "128"): Outcome(tuple({**row, "grid": 128} for row in one.rows))
@@ -109,7 +109,7 @@ class TestTimes:
         assert (min(PAPER_ICP), max(PAPER_ICP)) == (1.27, 47.36)
         assert sum(PAPER_ICP) / 17 == pytest.approx(21.346, abs=5e-4)
 
-    def test_ours_beside_it(self, now: Survey) -> None:
+    def test_ours_beside_it(self, now: FloodgateSurvey) -> None:
         summary, pairs = times_tables(outcomes(now, {"icp": 9.0, "spectral": 0.1}))
         # 2, 3, 6, 11 s
         assert summary.rows[0] == (
@@ -163,7 +163,7 @@ class TestExperiment:
         asked = create(Request(seeds=2, seed=0, grid=64)).settings
         assert (asked.edges, asked.all_seeds) == ((64,), range(0, 2))
 
-    def test_what_is_not_installed_is_told(self, now: Survey, monkeypatch: pytest.MonkeyPatch) -> None:
+    def test_what_is_not_installed_is_told(self, now: FloodgateSurvey, monkeypatch: pytest.MonkeyPatch) -> None:
         def absent(name: str, *_: object) -> None:
             raise InputError(f"{name} wants a package")
 

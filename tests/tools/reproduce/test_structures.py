@@ -16,8 +16,8 @@ from tools.reproduce.limits.section import deviation_table
 from tools.reproduce.rotation.run import RotationSettings, Turns
 from tools.reproduce.rotation.section import deviation, keeps, rotation_section
 from tools.reproduce.rows import all_rows
-from tools.reproduce.structures.voxel_series import Case, VoxelSeries, parameters
-from tools.reproduce.translation.run import Translation, TranslationSettings
+from tools.reproduce.structures.voxel_series import MovedStructure, VoxelSeries, parameters
+from tools.reproduce.translation.run import TranslationExperiment, TranslationSettings
 from tools.reproduce.translation.section import reach, translation_section
 
 ONE = TranslationSettings(scenes=("clutter",), noises=("D0", "D6"), seeds=1, first_seed=3, edge=64, steps=(8, 16, 40))
@@ -118,12 +118,12 @@ class TestSettings:
 
     def test_a_case_is_found_again_from_its_key(self) -> None:
         for case in ONE.cases:
-            assert Case.of(case.key) == case
+            assert MovedStructure.of(case.key) == case
 
 
 class TestRun:
     def test_rows_hold_the_truth_and_are_right(self) -> None:
-        outcome = Translation(ONE, choose_device()).run("clutter/D6/3")
+        outcome = TranslationExperiment(ONE, choose_device()).run("clutter/D6/3")
         assert [row["distance_m"] for row in outcome.rows] == pytest.approx([8 * 14**0.5, 16 * 14**0.5, 40 * 14**0.5])
         assert [row["true_y_m"] for row in outcome.rows] == [16, 32, 80]
         assert outcome.rows[0]["right"]
@@ -132,11 +132,11 @@ class TestRun:
         assert 0 < common[2] < common[1] < common[0] < 1
 
     def test_shifts_that_leave_nothing_in_the_frame_are_passed_over(self) -> None:
-        outcome = Translation(replace(ONE, steps=(8, 200)), choose_device()).run("clutter/D6/3")
+        outcome = TranslationExperiment(replace(ONE, steps=(8, 200)), choose_device()).run("clutter/D6/3")
         assert [row["number"] for row in outcome.rows] == [0]
 
     def test_two_runs_give_the_same_rows_whatever_came_before(self) -> None:
-        first, second = Translation(ONE, choose_device()), Translation(ONE, choose_device())
+        first, second = TranslationExperiment(ONE, choose_device()), TranslationExperiment(ONE, choose_device())
         second.run("clutter/D0/3")
         assert first.run("clutter/D6/3").rows == second.run("clutter/D6/3").rows
 

@@ -23,7 +23,7 @@ from tools.reproduce.survey import run as surveys
 from tools.reproduce.survey import simulated
 from tools.reproduce.survey.mapped import Crossings, MappedSurvey, MappingTime
 from tools.reproduce.survey.row import MAP, POSE, survey_rows
-from tools.reproduce.survey.run import Survey
+from tools.reproduce.survey.run import SurveyExperiment
 from tools.reproduce.survey.settings import SurveySettings
 from tools.reproduce.survey.simulated import SimulatedSurvey, simulate_survey
 from tools.simulate.plan import plan
@@ -118,7 +118,7 @@ class TestRows:
 class TestJobs:
     def test_peers_map_the_longest_alone(self) -> None:
         settings = SurveySettings("harbor", 2, 7, (20, 30), dive=10, systems=("sonarmap", "multiway"))
-        assert list(Survey(settings, None).jobs()) == [
+        assert list(SurveyExperiment(settings, None).jobs()) == [
             *("harbor-7/20/sonarmap", "harbor-7/30/sonarmap", "harbor-7/30/multiway", "harbor-7/dives"),
             *("harbor-8/20/sonarmap", "harbor-8/30/sonarmap", "harbor-8/30/multiway", "harbor-8/dives"),
         ]
@@ -160,9 +160,9 @@ def outcomes(device: Device, dive: int = 0) -> Mapping[str, Outcome]:
     return {job: experiment.run(job) for job in experiment.jobs()}
 
 
-def tiny(device: Device, dive: int = 0) -> Survey:
+def tiny(device: Device, dive: int = 0) -> SurveyExperiment:
     settings = SurveySettings(first_seed=3, counts=(5,), dive=dive, unusable=0.2, edge=64, systems=("sonarmap",))
-    return Survey(settings, device.selector)
+    return SurveyExperiment(settings, device.selector)
 
 
 def rows_of(found: Mapping[str, Outcome]) -> list[Row]:

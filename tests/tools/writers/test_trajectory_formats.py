@@ -8,7 +8,7 @@ import pytest
 from kernels.errors import InputError
 from slam.graph.trajectory import Trajectory
 from tests.samples.surveys import random_transforms
-from tools.project.exports import EXPORTS
+from tools.output.exports import EXPORTS
 from tools.readers.poses.kitti import read_kitti
 from tools.readers.poses.tum import read_tum
 from tools.writers.trajectory import TRAJECTORY_WRITERS, write_trajectory

@@ -27,7 +27,7 @@ _MOST_EACH = 5
 
 
 @dataclass(frozen=True, slots=True)
-class Candidates:
+class PoseCandidates:
     """M pairs of planes that may be one.
 
     Attributes:
@@ -45,7 +45,7 @@ class Candidates:
         return len(self.area)
 
 
-def candidates(target: Patches, source: Patches, max_tilt: float) -> Candidates:
+def candidates(target: Patches, source: Patches, max_tilt: float) -> PoseCandidates:
     """All pairs of like size whose normals a rotation with roll and pitch up to max_tilt [rad] can bring together."""
     ratio = target.area[:, None] / source.area[None, :]
     # Rz Ry(pitch) Rx(roll) changes the angle with the vertical by no more than |pitch| + |roll|
@@ -56,10 +56,10 @@ def candidates(target: Patches, source: Patches, max_tilt: float) -> Candidates:
     order = np.argsort(-area, kind="stable")
     i, j, area = i[order], j[order], area[order]
     variance = _turn_variance(target)[i] + _turn_variance(source)[j] + NORMAL_SLACK**2
-    return Candidates(i, j, area, np.sqrt(variance))
+    return PoseCandidates(i, j, area, np.sqrt(variance))
 
 
-def rotations(target: Patches, source: Patches, pairs: Candidates, max_tilt: float, most: int) -> list[Rotation]:
+def rotations(target: Patches, source: Patches, pairs: PoseCandidates, max_tilt: float, most: int) -> list[Rotation]:
     """The rotations R_target_source that most pairs of candidates agree on, best first.
 
     Any two candidates whose normals enclose the same angle in both scans give a rotation. Each votes for it with
@@ -85,14 +85,19 @@ def rotations(target: Patches, source: Patches, pairs: Candidates, max_tilt: flo
     return [Rotation.from_euler("ZYX", (place - (0, half, half)) * _BIN) for place in best]
 
 
-def consistent(target: Patches, source: Patches, pairs: Candidates, R: Rotation, slack: float) -> np.ndarray:
+def consistent(target: Patches, source: Patches, pairs: PoseCandidates, R: Rotation, slack: float) -> np.ndarray:
     """(n,) the candidates whose normals R brings within 3 sigma and `slack` [rad] of each other, largest first."""
     cosine = np.einsum("mi,mi->m", target.normal[pairs.target], R.apply(source.normal[pairs.source]))
     return np.flatnonzero(np.arccos(np.clip(cosine, -1, 1)) <= _SIGMAS * pairs.angle_sigma + slack)
 
 
 def translations(
-    target: Patches, source: Patches, pairs: Candidates, chosen: np.ndarray, R: Rotation, bounds: tuple[float, float]
+    target: Patches,
+    source: Patches,
+    pairs: PoseCandidates,
+    chosen: np.ndarray,
+    R: Rotation,
+    bounds: tuple[float, float],
 ) -> list[tuple[np.ndarray, float]]:
     """The translations (3,) [m] that most of the chosen candidates agree on under R, with their scores, best first.
 
@@ -139,7 +144,7 @@ def _radius(patches: Patches) -> np.ndarray:
     return 2 * np.sqrt(np.linalg.eigvalsh(patches.spread)[:, 2])
 
 
-def _compatible(target: Patches, source: Patches, pairs: Candidates) -> tuple[np.ndarray, np.ndarray]:
+def _compatible(target: Patches, source: Patches, pairs: PoseCandidates) -> tuple[np.ndarray, np.ndarray]:
     """The pairs (a, b) of candidates, a < b, of which either scan's normals enclose the same angle."""
     angles = [np.arccos(np.clip(patches.normal @ patches.normal.T, -1, 1)) for patches in (target, source)]
     i, j = pairs.target, pairs.source
@@ -151,7 +156,7 @@ def _compatible(target: Patches, source: Patches, pairs: Candidates) -> tuple[np
     return a, b
 
 
-def _triads(target: Patches, source: Patches, pairs: Candidates, a: np.ndarray, b: np.ndarray) -> Rotation:
+def _triads(target: Patches, source: Patches, pairs: PoseCandidates, a: np.ndarray, b: np.ndarray) -> Rotation:
     """The rotations (n) that two pairs of normals give: the same frame built on either side."""
 
     def frames(normal: np.ndarray, first: np.ndarray, second: np.ndarray) -> np.ndarray:

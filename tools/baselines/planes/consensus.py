@@ -10,7 +10,14 @@ from dataclasses import dataclass, replace
 import numpy as np
 from scipy.spatial.transform import RigidTransform
 
-from tools.baselines.planes.candidates import NORMAL_SLACK, Candidates, candidates, consistent, rotations, translations
+from tools.baselines.planes.candidates import (
+    NORMAL_SLACK,
+    PoseCandidates,
+    candidates,
+    consistent,
+    rotations,
+    translations,
+)
 from tools.baselines.planes.patch import Patches
 from tools.baselines.planes.pose import PlanePose, Slack, closed_form, compare, refine, settle
 
@@ -139,7 +146,7 @@ class Matching:
         return index[_each_once(self._pairs, index)]
 
 
-def _each_once(pairs: Candidates, index: np.ndarray) -> list[int]:
+def _each_once(pairs: PoseCandidates, index: np.ndarray) -> list[int]:
     """Which of `index` remain if every patch may be in one pair, the first."""
     kept: list[int] = []
     mine: set[int] = set()

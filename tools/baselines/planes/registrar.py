@@ -15,12 +15,12 @@ from scipy.spatial.transform import RigidTransform
 from kernels.errors import InputError
 from spectral.result import Registration
 from spectral.scan import Scan
-from tools.baselines.cloud import Cloud, thin
+from tools.baselines.cloud import ThinnedCloud, thin
 from tools.baselines.planes.consensus import Consensus, Matching
 from tools.baselines.planes.extraction import extract_patches
 from tools.baselines.planes.patch import Patches
 from tools.baselines.planes.pose import LOOSE_ROTATION, PlanePose, fixed_and_open
-from tools.baselines.result import NO_PEAK, REACH, Verdict, overlap
+from tools.baselines.result import NO_PEAK, REACH, MethodVerdict, overlap
 
 # The paper's bound on roll and pitch between two scans (Sect. 2.7), as the spectral registration has it [rad].
 MAX_TILT = float(np.deg2rad(35.0))
@@ -53,7 +53,7 @@ class Planes:
     """
 
     patches: Patches
-    cloud: Cloud
+    cloud: ThinnedCloud
     extent: float
 
 
@@ -123,7 +123,7 @@ def nothing_found(farthest: float) -> PlanePose:
     return PlanePose(RigidTransform.identity(), np.diag([LOOSE_ROTATION**2] * 3 + [farthest**2] * 3))
 
 
-def judge(sets: Sequence[Consensus], target: Patches, source: Patches, voxel: float, overlap: float) -> Verdict:
+def judge(sets: Sequence[Consensus], target: Patches, source: Patches, voxel: float, overlap: float) -> MethodVerdict:
     """Whether to believe the first consensus, and the reason in words.
 
     Args:
@@ -133,11 +133,11 @@ def judge(sets: Sequence[Consensus], target: Patches, source: Patches, voxel: fl
         overlap: the share of points in common under it, 0..1.
     """
     if not sets:
-        return Verdict(False, f"no two of {len(target)} and {len(source)} planes agree on a transform")
+        return MethodVerdict(False, f"no two of {len(target)} and {len(source)} planes agree on a transform")
     best = sets[0]
     open_ways = _open_ways(target.take(best.target), best.pose, voxel)
     if open_ways:
-        return Verdict(False, f"{len(best)} planes agree, and {open_ways}")
+        return MethodVerdict(False, f"{len(best)} planes agree, and {open_ways}")
     rival = max((len(rival_set) for rival_set in sets[1:] if _differ(best, rival_set, voxel)), default=0)
     area = best.area / min(target.area.sum(), source.area.sum())
     words = (
@@ -145,14 +145,14 @@ def judge(sets: Sequence[Consensus], target: Patches, source: Patches, voxel: fl
         f"{overlap:.0%} of the points are shared"
     )
     if len(best) < FEWEST_PLANES:
-        return Verdict(False, f"{words}; believed from {FEWEST_PLANES} planes on")
+        return MethodVerdict(False, f"{words}; believed from {FEWEST_PLANES} planes on")
     if len(best) < LEAST_DISTINCTION * rival:
-        return Verdict(False, f"{words}; believed from {LEAST_DISTINCTION:g} times as many on")
+        return MethodVerdict(False, f"{words}; believed from {LEAST_DISTINCTION:g} times as many on")
     if area < LEAST_AREA:
-        return Verdict(False, f"{words}; believed from {LEAST_AREA:.0%} of the area on")
+        return MethodVerdict(False, f"{words}; believed from {LEAST_AREA:.0%} of the area on")
     if overlap < LEAST_OVERLAP:
-        return Verdict(False, f"{words}; believed from {LEAST_OVERLAP:.0%} of the points on")
-    return Verdict(True, words)
+        return MethodVerdict(False, f"{words}; believed from {LEAST_OVERLAP:.0%} of the points on")
+    return MethodVerdict(True, words)
 
 
 def _open_ways(planes: Patches, pose: PlanePose, voxel: float) -> str:

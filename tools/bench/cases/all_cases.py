@@ -2,11 +2,11 @@
 
 from collections.abc import Callable
 
-from tools.bench.case import Case
+from tools.bench.case import KernelCase
 from tools.bench.cases import resampling, rotations, spectra, transforms
 from tools.bench.workload import Workload
 
-CASES: tuple[Callable[[Workload], Case], ...] = (
+CASES: tuple[Callable[[Workload], KernelCase], ...] = (
     transforms.copy_case,
     transforms.real_forward_case,
     transforms.real_inverse_case,

@@ -14,14 +14,14 @@ from kernels.resample.sphere import (
     valid_pixels,
 )
 from tools.bench import twins
-from tools.bench.case import RESAMPLED, Case, volume_bytes
+from tools.bench.case import RESAMPLED, KernelCase, volume_bytes
 from tools.bench.workload import R, Workload
 
 
-def voxelize_case(w: Workload) -> Case:
+def voxelize_case(w: Workload) -> KernelCase:
     points, out = w.upload(w.points), w.device.empty((w.edge,) * 3)
     volume = np.empty((w.edge,) * 3, np.float32)
-    return Case(
+    return KernelCase(
         "voxelize",
         "np.maximum.at",
         volume_bytes(w) + w.points.nbytes + 8 * len(w.points),
@@ -32,13 +32,13 @@ def voxelize_case(w: Workload) -> Case:
     )
 
 
-def sample_case(w: Workload) -> Case:
+def sample_case(w: Workload) -> KernelCase:
     directions = rectangular_unwrap(w.edge, "y")
     volume, table = w.upload(w.magnitude), upload_directions(w.device, directions)
     out = w.device.empty((len(w.radii), w.edge, w.edge))
     first, last = float(w.radii[0]), float(w.radii[-1])
     shell = 4 * round(2 / 3 * np.pi * (last**3 - first**3))
-    return Case(
+    return KernelCase(
         "sample",
         "map_coordinates",
         shell + directions.nbytes + out.nbytes,
@@ -49,12 +49,12 @@ def sample_case(w: Workload) -> Case:
     )
 
 
-def normalize_layers_case(w: Workload) -> Case:
+def normalize_layers_case(w: Workload) -> KernelCase:
     mask = valid_pixels(rotational_unwrap(w.edge))
     window = np.outer(np.hanning(w.edge), np.hanning(w.edge)).astype(np.float32)
     stack, device_window, device_mask = w.upload(w.layers), w.upload(window), w.upload(mask)
     out = w.device.empty(w.layers.shape)
-    return Case(
+    return KernelCase(
         "normalize_layers",
         "NumPy mean, std",
         3 * w.layers.nbytes,
@@ -65,14 +65,14 @@ def normalize_layers_case(w: Workload) -> Case:
     )
 
 
-def polar_magnitude_case(w: Workload) -> Case:
+def polar_magnitude_case(w: Workload) -> KernelCase:
     host = np.asarray(scipy.fft.rfft2(w.layers, workers=w.cores))
     spectrum = w.upload_half(host)
     radii = np.linspace(0.11, 0.45, w.edge // 2) * (w.edge / 2)
     angles = np.arange(min(2 * w.edge, 512)) * (np.pi / min(2 * w.edge, 512))
     out = w.device.empty((len(host), len(radii), len(angles)))
     ring = 8 * round(np.pi / 2 * (radii[-1] ** 2 - radii[0] ** 2))
-    return Case(
+    return KernelCase(
         "polar_magnitude",
         "np.abs, map_coordinates",
         ring * len(host) + out.nbytes,

@@ -6,7 +6,7 @@ from kernels.points.visibility import agreement, upload_points
 from kernels.pomf.peak import segment_peaks
 from kernels.so3.correlation import RotationCorrelation, wigner_d
 from tools.bench import twins
-from tools.bench.case import Case
+from tools.bench.case import KernelCase
 from tools.bench.workload import BANDWIDTH, Workload
 
 # How far roll and pitch of 35 degrees carry the z axis.
@@ -17,7 +17,7 @@ _REACH, _SLOPE = 1.5, 0.03
 _BORDERS = 1e-3
 
 
-def correlate_rotations_case(w: Workload) -> Case:
+def correlate_rotations_case(w: Workload) -> KernelCase:
     correlation = RotationCorrelation(w.device, BANDWIDTH, _LARGEST)
     wigner, edge = wigner_table(correlation.betas), correlation.edge
     target, source = w.coefficients
@@ -29,7 +29,7 @@ def correlate_rotations_case(w: Workload) -> Case:
     def run() -> None:
         result[:] = [correlation.correlate(target, source)]
 
-    return Case(
+    return KernelCase(
         "RotationCorrelation",
         "matmul, einsum, irfft2",
         2 * target.nbytes + table + 4 * half + volume,
@@ -40,7 +40,7 @@ def correlate_rotations_case(w: Workload) -> Case:
     )
 
 
-def segment_peaks_case(w: Workload) -> Case:
+def segment_peaks_case(w: Workload) -> KernelCase:
     betas = RotationCorrelation(w.device, BANDWIDTH, _LARGEST).betas
     host = twins.correlate_rotations(*w.coefficients, wigner_table(betas), 128, w.cores)
     correlation = w.upload(host)
@@ -49,7 +49,7 @@ def segment_peaks_case(w: Workload) -> Case:
     def run() -> None:
         peaks[:] = segment_peaks(w.device, correlation, _SEGMENTS)
 
-    return Case(
+    return KernelCase(
         "segment_peaks",
         "maximum_filter, np.argmax",
         host.nbytes,
@@ -60,14 +60,14 @@ def segment_peaks_case(w: Workload) -> Case:
     )
 
 
-def agreement_case(w: Workload) -> Case:
+def agreement_case(w: Workload) -> KernelCase:
     view, points = w.upload(w.view), upload_points(w.device, w.seen)
     counts = []
 
     def run() -> None:
         counts[:] = [agreement(w.device, view, points, *w.poses, _REACH, _SLOPE)]
 
-    return Case(
+    return KernelCase(
         "agreement",
         "NumPy, a pose at a time",
         w.view.nbytes + w.seen.nbytes + len(w.poses[0]) * (16 + 3) * 4,

@@ -5,13 +5,13 @@ import numpy as np
 from kernels.pomf.peak import find_peaks
 from kernels.pomf.spectrum import Pomf, cross_power, magnitude, whiten
 from tools.bench import twins
-from tools.bench.case import BLUR, ELEMENTWISE, WHITENED, Case, half_bytes, transform_bytes, valid
+from tools.bench.case import BLUR, ELEMENTWISE, WHITENED, KernelCase, half_bytes, transform_bytes, valid
 from tools.bench.workload import Workload
 
 
-def magnitude_case(w: Workload) -> Case:
+def magnitude_case(w: Workload) -> KernelCase:
     spectrum, out = w.upload_half(w.spectrum), w.device.empty((w.edge, w.edge, w.edge // 2 + 1))
-    return Case(
+    return KernelCase(
         "magnitude",
         "np.abs, fftshift",
         half_bytes(w) * 3 // 2,
@@ -22,10 +22,10 @@ def magnitude_case(w: Workload) -> Case:
     )
 
 
-def whiten_case(w: Workload) -> Case:
+def whiten_case(w: Workload) -> KernelCase:
     spectrum = w.upload_half(w.spectrum)
     out, host = w.device.empty(spectrum.shape, np.complex64), np.empty_like(w.spectrum)
-    return Case(
+    return KernelCase(
         "whiten",
         "np.abs, np.divide",
         2 * half_bytes(w),
@@ -36,10 +36,10 @@ def whiten_case(w: Workload) -> Case:
     )
 
 
-def cross_power_case(w: Workload) -> Case:
+def cross_power_case(w: Workload) -> KernelCase:
     target, source = (w.upload_half(spectrum) for spectrum in w.whitened)
     out, host = w.device.empty(target.shape, np.complex64), np.empty_like(w.spectrum)
-    return Case(
+    return KernelCase(
         "cross_power",
         "NumPy products",
         3 * half_bytes(w),
@@ -50,10 +50,10 @@ def cross_power_case(w: Workload) -> Case:
     )
 
 
-def prepare_case(w: Workload) -> Case:
+def prepare_case(w: Workload) -> KernelCase:
     pomf = Pomf(w.device, w.volume.shape, BLUR)
     volume, out = w.upload(w.volume), w.upload_half(w.spectrum)
-    return Case(
+    return KernelCase(
         "Pomf.prepare",
         "scipy.fft.rfftn, NumPy",
         transform_bytes(w) + 2 * half_bytes(w),
@@ -64,11 +64,11 @@ def prepare_case(w: Workload) -> Case:
     )
 
 
-def correlate_case(w: Workload) -> Case:
+def correlate_case(w: Workload) -> KernelCase:
     pomf = Pomf(w.device, w.volume.shape, BLUR)
     target, source = (w.upload_half(spectrum) for spectrum in w.whitened)
     out, scratch = w.device.empty(w.volume.shape), np.empty_like(w.spectrum)
-    return Case(
+    return KernelCase(
         "Pomf.correlate",
         "NumPy, scipy.fft.irfftn",
         3 * half_bytes(w) + transform_bytes(w),
@@ -79,7 +79,7 @@ def correlate_case(w: Workload) -> Case:
     )
 
 
-def find_peaks_case(w: Workload) -> Case:
+def find_peaks_case(w: Workload) -> KernelCase:
     host = twins.correlate(*w.whitened, BLUR, np.empty_like(w.spectrum), w.cores)
     correlation = w.upload(host)
     peaks = []
@@ -93,4 +93,4 @@ def find_peaks_case(w: Workload) -> Case:
             [peak.index, [peak.value, (peak.value - peak.mean) / peak.std], peak.neighborhood.ravel()]
         )
 
-    return Case("find_peaks", "np.argmax, mean, std", host.nbytes, 1e-5, run, read, lambda: twins.peak(host))
+    return KernelCase("find_peaks", "np.argmax, mean, std", host.nbytes, 1e-5, run, read, lambda: twins.peak(host))

@@ -4,12 +4,12 @@ import numpy as np
 
 from kernels.fft.transform import RealFFT
 from tools.bench import twins
-from tools.bench.case import FFT, Case, transform_bytes, valid, volume_bytes
+from tools.bench.case import FFT, KernelCase, transform_bytes, valid, volume_bytes
 from tools.bench.copy_rate import copier
 from tools.bench.workload import Workload
 
 
-def copy_case(w: Workload) -> Case:
+def copy_case(w: Workload) -> KernelCase:
     run, read = copier(w.device, w.volume)
     out = np.empty_like(w.volume)
 
@@ -17,13 +17,13 @@ def copy_case(w: Workload) -> Case:
         np.copyto(out, w.volume)
         return out
 
-    return Case("copy", "np.copyto", 2 * volume_bytes(w), 0.0, run, read, twin)
+    return KernelCase("copy", "np.copyto", 2 * volume_bytes(w), 0.0, run, read, twin)
 
 
-def real_forward_case(w: Workload) -> Case:
+def real_forward_case(w: Workload) -> KernelCase:
     fft = RealFFT(w.device, w.volume.shape)
     volume, out = w.upload(w.volume), w.device.empty(fft.half_shape, np.complex64)
-    return Case(
+    return KernelCase(
         "RealFFT.forward",
         "scipy.fft.rfftn",
         transform_bytes(w),
@@ -34,12 +34,12 @@ def real_forward_case(w: Workload) -> Case:
     )
 
 
-def real_inverse_case(w: Workload) -> Case:
+def real_inverse_case(w: Workload) -> KernelCase:
     fft = RealFFT(w.device, w.volume.shape)
     padded = w.pad(w.spectrum)
     spectrum = w.upload(padded)
     out = w.device.empty(fft.shape)
-    return Case(
+    return KernelCase(
         "RealFFT.inverse",
         "scipy.fft.irfftn",
         transform_bytes(w),

@@ -35,7 +35,7 @@ from tools.cli.progress import growing_progress
 from tools.cli.survey_text import print_survey, warn, warn_of_faults
 from tools.cli.terminal import say
 from tools.methods.registry import DEFAULT_METHOD
-from tools.project.exports import EXPORTS
+from tools.output.exports import EXPORTS
 
 if TYPE_CHECKING:
     from tools.readers.scans import ReadScans
@@ -115,8 +115,8 @@ def command(
     """
     from slam.execute.worker import prepared_limit
     from slam.mapper import Mapper, MapperSettings
-    from tools.project.folder import JOURNAL, require_apart, write_survey
-    from tools.project.times import survey_times
+    from tools.output.folder import JOURNAL, require_apart, write_survey
+    from tools.output.times import survey_times
     from tools.writers.atomic import clear_leftovers, require_writable
 
     options, execution_options = method_options(context), _execution_options(workers, scheduler, fresh)

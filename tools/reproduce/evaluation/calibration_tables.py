@@ -22,7 +22,7 @@ PROBABILITIES = (0.0, 0.05, 0.2, 0.4, 0.6, 0.8, 0.95, 0.99, 1.0)
 
 
 @dataclass(frozen=True, slots=True)
-class Calibration:
+class CovarianceCheck:
     """Normalized squared errors beside chi-squared with six degrees of freedom.
 
     Attributes:
@@ -72,7 +72,7 @@ class Reliability:
         return self.right.successes / self.right.trials
 
 
-def calibration(rows: Iterable[Row]) -> Calibration | None:
+def calibration(rows: Iterable[Row]) -> CovarianceCheck | None:
     """Of the rows that have a normalized squared error; None where none has."""
     nees = [float(row["nees"]) for row in rows if not math.isnan(float(row["nees"]))]
     if not nees:
@@ -81,7 +81,7 @@ def calibration(rows: Iterable[Row]) -> Calibration | None:
     low, high = (float(chi2.ppf(q, FREEDOM * len(nees)) / len(nees)) for q in (tail, 1 - tail))
     bound = float(chi2.ppf(CONFIDENCE, FREEDOM))
     inside = wilson(sum(value <= bound for value in nees), len(nees))
-    return Calibration(math.fsum(nees) / len(nees), median(nees), low, high, inside)
+    return CovarianceCheck(math.fsum(nees) / len(nees), median(nees), low, high, inside)
 
 
 def reliability(rows: Iterable[Row], bounds: Sequence[float] = PROBABILITIES) -> list[Reliability]:

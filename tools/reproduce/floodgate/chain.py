@@ -8,7 +8,7 @@ from scipy.spatial.transform import RigidTransform, Rotation
 
 from tools.evaluate.trajectory import RIGHT_DEG, pair_error
 from tools.reproduce.experiment import Outcome, Row, Value
-from tools.reproduce.floodgate.survey import Survey
+from tools.reproduce.floodgate.survey import FloodgateSurvey
 from tools.reproduce.rows import all_rows
 from tools.simulate.shapes.surface import surface_distance
 
@@ -62,7 +62,7 @@ def chain_poses(first: RigidTransform, steps: Sequence[RigidTransform]) -> Rigid
     return RigidTransform.concatenate(poses)
 
 
-def pair_row(survey: Survey, source: int, estimated: RigidTransform, accepted: bool) -> dict[str, Value]:
+def pair_row(survey: FloodgateSurvey, source: int, estimated: RigidTransform, accepted: bool) -> dict[str, Value]:
     """The row of one registration of the scan `source` to the one before it, beside the truth."""
     truth = survey.step(source)
     error = pair_error(estimated, truth)
@@ -79,7 +79,7 @@ def pair_row(survey: Survey, source: int, estimated: RigidTransform, accepted: b
     }
 
 
-def pose_rows(survey: Survey, steps: Sequence[RigidTransform] | None) -> list[dict[str, Value]]:
+def pose_rows(survey: FloodgateSurvey, steps: Sequence[RigidTransform] | None) -> list[dict[str, Value]]:
     """The rows of all poses that the steps chain from the first true one, with the map of the scans so far.
 
     Args:
@@ -112,7 +112,7 @@ def pose_rows(survey: Survey, steps: Sequence[RigidTransform] | None) -> list[di
     return rows
 
 
-def _placed(survey: Survey, T_world_sensor: RigidTransform) -> np.ndarray:
+def _placed(survey: FloodgateSurvey, T_world_sensor: RigidTransform) -> np.ndarray:
     """The points of all scans at these poses, (P, 3) [m, world]."""
     scans = zip(T_world_sensor, survey.scans, strict=True)
     return np.concatenate([T.apply(scan.points.astype(np.float64)) for T, scan in scans])

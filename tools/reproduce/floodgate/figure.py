@@ -10,13 +10,13 @@ import numpy as np
 from tools.report.small_png import save_small
 from tools.reproduce.floodgate.maps_figure import draw_maps
 from tools.reproduce.floodgate.motion_figure import draw_motion, draw_poses
-from tools.reproduce.floodgate.survey import Survey, survey
+from tools.reproduce.floodgate.survey import FloodgateSurvey, survey
 from tools.reproduce.floodgate.tables import Chains
 
 _STRAY = 0.004  # share of the echoes that is left out at either end of each axis, so that the rest is seen
 
 
-def draw_scans(path: Path, now: Survey) -> None:
+def draw_scans(path: Path, now: FloodgateSurvey) -> None:
     """Write the scans at a quarter and at three quarters of the survey in perspective, colored by depth."""
     from matplotlib.figure import Figure
 

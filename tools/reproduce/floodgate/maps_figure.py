@@ -8,11 +8,11 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 from scipy.spatial.transform import RigidTransform
 
-from tools.report.plan import Plan, plan
+from tools.report.plan import SectionPlan, plan
 from tools.report.plan_picture import draw_plan, from_above
 from tools.report.small_png import save_small
 from tools.reproduce.floodgate.methods import TRUTH, label
-from tools.reproduce.floodgate.survey import Survey
+from tools.reproduce.floodgate.survey import FloodgateSurvey
 from tools.reproduce.floodgate.tables import Chain, Chains, map_90, runs_of, shown
 from tools.simulate.shapes.surface import surface_distance
 
@@ -41,7 +41,7 @@ class _Panel:
     poses: RigidTransform
 
 
-def draw_maps(heights: Path, errors: Path, now: Survey, chains: Chains, seed: int) -> None:
+def draw_maps(heights: Path, errors: Path, now: FloodgateSurvey, chains: Chains, seed: int) -> None:
     """Write both pictures of one survey: the plan with the true poses, then one panel for each map."""
     section = plan(now.mesh, PLAN_HEIGHT)
     panels = [_panel(now, TRUTH, now.T_world_sensor, chains[seed, TRUTH, 0])]
@@ -52,13 +52,13 @@ def draw_maps(heights: Path, errors: Path, now: Survey, chains: Chains, seed: in
     _draw_errors(errors, section, panels, now)
 
 
-def _panel(now: Survey, name: str, poses: RigidTransform, chain: Chain) -> _Panel:
+def _panel(now: FloodgateSurvey, name: str, poses: RigidTransform, chain: Chain) -> _Panel:
     points = np.concatenate([T.apply(s.points.astype(np.float64)) for T, s in zip(poses, now.scans, strict=True)])
     title = f"{name}: 90 % within {map_90(chain):.1f} m"
     return _Panel(title, points, surface_distance(now.mesh, points), poses)
 
 
-def _draw_heights(path: Path, section: Plan, panels: Sequence[_Panel], now: Survey) -> None:
+def _draw_heights(path: Path, section: SectionPlan, panels: Sequence[_Panel], now: FloodgateSurvey) -> None:
     low, high = np.quantile(panels[0].points[:, 2], [0.01, 0.995])
     figure, grid = _grid(len(panels))
     image: Any = None
@@ -81,7 +81,7 @@ def _draw_heights(path: Path, section: Plan, panels: Sequence[_Panel], now: Surv
     save_small(figure, path)
 
 
-def _draw_errors(path: Path, section: Plan, panels: Sequence[_Panel], now: Survey) -> None:
+def _draw_errors(path: Path, section: SectionPlan, panels: Sequence[_Panel], now: FloodgateSurvey) -> None:
     from matplotlib.colors import ListedColormap
     from matplotlib.patches import Patch
 
@@ -133,7 +133,7 @@ def _grid(count: int) -> tuple["Figure", Any]:
     return figure, grid
 
 
-def _finish(axes: "Axes", panel: _Panel, now: Survey, section: Plan) -> None:
+def _finish(axes: "Axes", panel: _Panel, now: FloodgateSurvey, section: SectionPlan) -> None:
     """The way that was found, and the true one."""
     half = section.edge / 2
     axes.plot(*now.T_world_sensor.translation[:, :2].T, **_TRUE)

@@ -17,7 +17,7 @@ SCANS = PAPER_COUNT
 
 
 @dataclass(frozen=True, slots=True)
-class Survey:
+class FloodgateSurvey:
     """N scans of one scene, in the order in which they were taken.
 
     Attributes:
@@ -41,12 +41,12 @@ class Survey:
 
 
 @lru_cache(maxsize=1)
-def survey(seed: int, count: int = SCANS) -> Survey:
+def survey(seed: int, count: int = SCANS) -> FloodgateSurvey:
     """The survey from `seed`: the same seed, the same scans."""
     simulation = simulate(SimulationSettings(scene=SCENE, trajectory="paper18", count=count, seed=seed))
     poses = simulation.truth.T_world_sensor
     pairs = range(1, count)
-    return Survey(
+    return FloodgateSurvey(
         scans=simulation.scans,
         T_world_sensor=poses,
         mesh=build_scene(SCENE, seed).mesh,

@@ -1,4 +1,4 @@
-"""One page on all experiments of a group, pictures included: docs/reproduction.md, docs/evaluation.md, docs/slam.md."""
+"""One page on all experiments of a group, with pictures, such as docs/reproduction.md and docs/evaluation.md."""
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass

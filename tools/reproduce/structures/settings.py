@@ -11,7 +11,7 @@ from kernels.errors import InputError
 from tools.reproduce.checks import check_seeds
 from tools.reproduce.experiment import Outcome
 from tools.reproduce.experiments import Request
-from tools.reproduce.structures.voxel_series import Case, VoxelSeries
+from tools.reproduce.structures.voxel_series import MovedStructure, VoxelSeries
 from tools.simulate.scenes.catalog import SCENE_KINDS
 from tools.simulate.shapes.voxel_noise import NOISES
 
@@ -50,9 +50,9 @@ class StructureSettings:
         return [(scene, seed) for scene in self.scenes for seed in seeds]
 
     @property
-    def cases(self) -> list[Case]:
+    def cases(self) -> list[MovedStructure]:
         """Every structure under every noise."""
-        return [Case(scene, noise, seed) for scene, seed in self.structures for noise in self.noises]
+        return [MovedStructure(scene, noise, seed) for scene, seed in self.structures for noise in self.noises]
 
 
 Settings = TypeVar("Settings", bound=StructureSettings)
@@ -97,4 +97,4 @@ class Structures:
 
     def run(self, job: str) -> Outcome:
         """All motions of one series."""
-        return self.series.run(Case.of(job), self._motions)
+        return self.series.run(MovedStructure.of(job), self._motions)

@@ -26,7 +26,7 @@ _LEAST_COMMON = 0.01  # share of the structure's voxels that has to be left in t
 
 
 @dataclass(frozen=True, slots=True)
-class Case:
+class MovedStructure:
     """One series: a scene, a noise, a seed. Its key is a job's.
 
     Attributes:
@@ -45,7 +45,7 @@ class Case:
         return f"{self.scene}/{self.noise}/{self.seed}"
 
     @classmethod
-    def of(cls, key: str) -> "Case":
+    def of(cls, key: str) -> "MovedStructure":
         """The case with this key."""
         scene, noise, seed = key.split("/")
         return cls(scene, noise, int(seed))
@@ -73,7 +73,7 @@ class VoxelSeries:
         occupied = swap(occupy(points, self.grid), NOISES[noise], rng)
         return self.registrar.prepare(voxel_scan(occupied, self.grid, noise))
 
-    def run(self, case: Case, motions: Sequence[RigidTransform]) -> Outcome:
+    def run(self, case: MovedStructure, motions: Sequence[RigidTransform]) -> Outcome:
         """Register the structure at rest (source) to the same one moved (target), one motion after the other.
 
         A motion that carries it out of the frame, but for a hundredth, is passed over: nothing is left to register.
@@ -105,7 +105,7 @@ def parameters(T: RigidTransform) -> np.ndarray:
     return np.array([*T.translation, yaw, roll, pitch])
 
 
-def _row(case: Case, number: int, truth: RigidTransform, registration: Registration, grid: Grid) -> dict:
+def _row(case: MovedStructure, number: int, truth: RigidTransform, registration: Registration, grid: Grid) -> dict:
     estimated = registration.T_target_source
     error = pair_error(estimated, truth)
     steps = dict(registration.step_psr)

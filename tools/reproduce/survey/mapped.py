@@ -173,7 +173,7 @@ def _took(total: float, fused: float, worker: _TimedWorker, result: "SurveyResul
 
 
 def _mapped(result: "SurveyResult", time: MappingTime, signatures: dict[int, np.ndarray]) -> MappedSurvey:
-    from tools.project.parts import placed
+    from tools.output.parts import placed
 
     largest = placed(result.components)[0]
     members, part = list(result.components[largest]), result.parts[largest]

@@ -19,7 +19,7 @@ from tools.reproduce.survey.simulated import SimulatedSurvey, simulate_survey
 _ORDER = (2, 1)  # of the dives, as they are given to the mapper
 
 
-class Survey:
+class SurveyExperiment:
     """Maps simulated surveys by this project's mapper and by others."""
 
     name: ClassVar[str] = "survey"
@@ -27,7 +27,7 @@ class Survey:
         "slam",
         "tools/simulate",
         "tools/evaluate",
-        "tools/project",
+        "tools/output",
         *ALL_METHODS,
     )
 
@@ -110,7 +110,7 @@ def _seconds(time: MappingTime, scans: int) -> dict[str, Value]:
     }
 
 
-def create(request: Request) -> Survey:
+def create(request: Request) -> SurveyExperiment:
     """The experiment as the command line asks for it; `quick` is twelve scans on half the voxels, without peers.
 
     Raises:
@@ -128,4 +128,4 @@ def create(request: Request) -> Survey:
         systems=(OURS,) if quick else tuple(system for system in SYSTEMS if system not in left_out),
         left_out=left_out,
     )
-    return Survey(settings, request.opened.selector)
+    return SurveyExperiment(settings, request.opened.selector)

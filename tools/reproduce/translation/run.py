@@ -19,7 +19,7 @@ from tools.reproduce.translation.settings import TranslationSettings
 _DIRECTION = np.array([1.0, 2.0, 3.0])  # of every shift, x, y, z: a step is one such vector [m]
 
 
-class Translation(Structures):
+class TranslationExperiment(Structures):
     """The experiment."""
 
     name: ClassVar[str] = "translation"
@@ -42,7 +42,7 @@ class Translation(Structures):
                 draw_series(folder / name, first, drawn, "distance_m", "true distance [m]")
 
 
-def create(request: Request) -> Translation:
+def create(request: Request) -> TranslationExperiment:
     """The experiment as the command line asks for it."""
     quick = {"noises": ("D0", "D4", "D6"), "steps": (16, 30, 40)}
-    return Translation(as_asked(TranslationSettings(), quick, request), request.opened)
+    return TranslationExperiment(as_asked(TranslationSettings(), quick, request), request.opened)

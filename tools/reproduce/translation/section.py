@@ -7,7 +7,7 @@ from spectral.grid import Grid
 from tools.reproduce.experiment import Row, Section
 from tools.reproduce.rate import wilson
 from tools.reproduce.rows import where
-from tools.reproduce.structures.voxel_series import RIGHT_DEG, RIGHT_VOXELS, Case
+from tools.reproduce.structures.voxel_series import RIGHT_DEG, RIGHT_VOXELS, MovedStructure
 from tools.reproduce.table import Table
 from tools.reproduce.translation.settings import TranslationSettings
 
@@ -117,7 +117,7 @@ def _remarks(rows: Sequence[Row], settings: TranslationSettings) -> str:
     return f"At the farthest shift that leaves something in the frame {shares} is left (the least of all seeds).{why}"
 
 
-def _series_of(settings: TranslationSettings, noise: str) -> list[Case]:
+def _series_of(settings: TranslationSettings, noise: str) -> list[MovedStructure]:
     return [case for case in settings.cases if case.noise == noise]
 
 

@@ -12,7 +12,7 @@ from slam.map.point_map import PointMap
 from slam.mapper import SurveyResult
 from slam.pair import Pair
 from spectral.result import Registration
-from tools.project.parts import placed, unplaced
+from tools.output.parts import placed, unplaced
 from tools.readers.scans import Unread
 from tools.versions import package_versions
 

@@ -14,9 +14,9 @@ from kernels.errors import InputError
 from slam.graph.pose_graph import PoseGraph
 from slam.map.point_map import PointMap
 from slam.mapper import SurveyResult
-from tools.project.exports import EXPORTS
-from tools.project.parts import placed
-from tools.project.summary import survey_summary
+from tools.output.exports import EXPORTS
+from tools.output.parts import placed
+from tools.output.summary import survey_summary
 from tools.readers.scans import Unread
 from tools.report.loops_picture import draw_loops
 from tools.report.map_picture import draw_map

@@ -12,8 +12,8 @@ from slam.mapper import Mapper, SurveyResult
 from spectral.result import Registration
 from spectral.scan import Scan
 from tests.samples.surveys import KnowingRegistrar, ring_poses, scans_of
-from tools.project.folder import write_survey
-from tools.project.parts import placed, unplaced
+from tools.output.folder import write_survey
+from tools.output.parts import placed, unplaced
 
 COUNT = 24
 
