@@ -24,7 +24,7 @@ if TYPE_CHECKING:
 
 # Groups of experiments
 ALL = "all"  # the paper's
-EVALUATION = "evaluation"  # on pairs that nothing was chosen on
+EVALUATION = "evaluation"  # on pairs that had no part in development
 SLAM = "slam"  # of whole surveys
 
 
@@ -110,7 +110,7 @@ EXPERIMENTS: Mapping[str, ExperimentEntry] = MappingProxyType(
             "Sect. 4, Table 2, Figs. 22 to 31", "tools.reproduce.floodgate.run", ("grid", "seeds", "seed")
         ),
         "steps": ExperimentEntry(
-            "Table 1 to S12 on four scenes",
+            "Table 1, extended to S12, on four scenes",
             "tools.reproduce.steps.run",
             ("scene", "grid", "sigma2", "seeds", "seed", "method"),
             EVALUATION,
@@ -119,9 +119,11 @@ EXPERIMENTS: Mapping[str, ExperimentEntry] = MappingProxyType(
         "unrelated": ExperimentEntry(
             "pairs that share nothing", "tools.reproduce.unrelated.run", _PAIR_OPTIONS, EVALUATION
         ),
-        "speed": ExperimentEntry("times of a pair", "tools.reproduce.speed.run", _PAIR_OPTIONS, EVALUATION, timed=True),
+        "speed": ExperimentEntry(
+            "time to register a pair", "tools.reproduce.speed.run", _PAIR_OPTIONS, EVALUATION, timed=True
+        ),
         "survey": ExperimentEntry(
-            "whole surveys, mapped", "tools.reproduce.survey.run", _STRUCTURE_OPTIONS, SLAM, timed=True
+            "maps of whole surveys", "tools.reproduce.survey.run", _STRUCTURE_OPTIONS, SLAM, timed=True
         ),
     }
 )

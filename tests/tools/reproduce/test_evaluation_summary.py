@@ -122,7 +122,8 @@ class TestTables:
 
     def test_success_by_overlap(self) -> None:
         table = overlap_table(self.ROWS, ("spectral", "kiss"), "t")
-        assert table.headings[1:] == ("0%..20%: 1", "20%..40%: 1", "40%..60%: 1", "60%..80%: 1", "80%..100%: 2", "all")
+        spans = ("0%..20% (1 pairs)", "20%..40% (1 pairs)", "40%..60% (1 pairs)", "60%..80% (1 pairs)")
+        assert table.headings == ("method", *spans, "80%..100% (2 pairs)", "all")
         assert [cell.split()[0] for cell in table.rows[0][1:]] == ["0", "0", "100", "100", "100", "4/6"]
         assert [cell.split()[0] for cell in table.rows[1][1:]] == ["–", "–", "–", "–", "0", "0/1"]
 
@@ -142,7 +143,7 @@ class TestTables:
     def test_verdicts(self) -> None:
         lines = verdict_table(self.ROWS, ()).rows
         assert [line[3] for line in lines] == [
-            "does not hold",  # 1 of 6 believed wrongly
+            "does not hold",  # 1 of 6 accepted though wrong
             "does not hold",  # 1 of 4 refused
             "holds",
             "holds",

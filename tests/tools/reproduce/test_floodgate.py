@@ -93,10 +93,10 @@ class TestTables:
     def test_remarks_name_the_wrong_pairs_and_the_order(self, made: Chains) -> None:
         text = remarks(made)
         assert "**icp**: 6/8" in text
-        assert "wrong are 1 → 2 of seed 1 (80 % shared view)" in text
-        assert "has 60 to 90 % in view" in text
-        assert "2 of 2 of them believed" in text
-        order = text[text.index("from the best") :]
+        assert "Wrong: 1 → 2 of seed 1 (80 % shared view)" in text
+        assert "Of what a scan shows, 60 to 90 % is in view" in text
+        assert "accepted, of these: 2." in text
+        order = text[text.index("best first") :]
         named = [order.index(name) for name in ("spectral 256³", "planes", "hemisphere 256³", "icp")]
         assert named == sorted(named)
         assert map_90(made[1, "spectral", 256]) < map_90(made[1, "icp", 0])
@@ -171,8 +171,8 @@ class TestExperiment:
         experiment = create(Request())
         assert experiment.settings.left_out == ("kiss",)
         assert "kiss" not in experiment.settings.methods
-        told = experiment.section(outcomes(now, {"icp": 9.0})).introduction
-        assert "Not installed, so left out: kiss." in told
+        introduction = experiment.section(outcomes(now, {"icp": 9.0})).introduction
+        assert "Not installed, so left out: kiss." in introduction
 
     @pytest.mark.slow
     def test_two_runs_give_the_same_rows_and_pictures_whatever_they_took(self, tmp_path: Path) -> None:

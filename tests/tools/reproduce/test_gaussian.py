@@ -133,15 +133,15 @@ class TestWords:
     def test_the_section_states_its_bounds_and_verdicts(self) -> None:
         rows = [*rows_of({0: [8], 1: [9]}), *rows_of({0: [], 1: []}, grid=256)]
         times = [GaussianTime(GRID, 1.0, 4, 0, "paper", 0.25, 1.0), GaussianTime(GRID, 1.0, 4, 1, "paper", 0.5, 9.0)]
-        told = section("floodgate", 256.0, rows, times)
-        text = section_text(told, 1)
-        assert "within 6 degrees and 3 voxels of the grid used (6 m at 128³" in text
+        shown = section("floodgate", 256.0, rows, times)
+        text = section_text(shown, 1)
+        assert "within 6 degrees and 3 voxels of the truth (6 m at 128³" in text
         assert (
             "| 128³ | σ² = 1 m² | paper | S8 | S7 (S7 S8) | reached by 1 of 2 seeds | 18/20 [0.70..0.97] | 2 |" in text
         )
-        assert [one.verdict for one in verdicts(told)] == ["reached by 1 of 2 seeds"] * 3 + ["reached"] * 3
-        assert set(told.pictures) == {"gaussian-128.png", "gaussian-256.png", "gaussian-rates.png"}
-        assert told.times[0].rows == (("128³", "paper", "10.5 s", "5.75 s", "0.38 s", "5.00 s"),)
+        assert [verdict.verdict for verdict in verdicts(shown)] == ["reached by 1 of 2 seeds"] * 3 + ["reached"] * 3
+        assert set(shown.pictures) == {"gaussian-128.png", "gaussian-256.png", "gaussian-rates.png"}
+        assert shown.times[0].rows == (("128³", "paper", "10.5 s", "5.75 s", "0.38 s", "5.00 s"),)
 
     def test_why_the_yaw_fails(self) -> None:
         """S6 by 'paper' alone: one yaw a quarter turn from nothing, one turned about, roll and pitch right."""
@@ -156,10 +156,14 @@ class TestWords:
                 yaw_rank=rank,
             )
         first, second, third = remarks(rows).splitlines()
-        assert "2 of 20 registrations are wrong; what is wrong first is yaw in 2." in first
-        assert "Of these 2 yaws 0 are off by at most 15 degrees, 1 are turned about (within 15 of 180)" in first
-        assert "1 are elsewhere; roll and pitch are right beside 2 of them. 1 lie within 6 degrees of 0" in first
-        assert "the first step's highest peak in 1 of these, among its 6 highest in 1 and among 12 in 2." in first
+        assert "2 of 20 registrations are wrong. The first wrong step is yaw in 2." in first
+        assert (
+            "Of these 2 yaws, 0 are off by at most 15 degrees, 1 by 180 degrees (to within 15) and 1 by another"
+            in first
+        )
+        assert "roll and pitch are right in 2 of them. The number within 6 degrees of 0" in first
+        assert "has its peaks, is 1 (by chance: 13%)" in first
+        assert "highest peak of the first step in 1, among its 6 highest in 1 and among its 12 highest in 2." in first
         assert "*six peaks* has the right yaw in 2 of these 2." in first
         assert second.endswith("**128³, one peak**: all 20 registrations are right.")
         assert third.startswith("- **128³, six peaks**")
@@ -170,13 +174,14 @@ class TestWords:
         rows = changed(rows_of({0: []}), lambda row: row.scan == 3, right=False, wrong_step="yaw", found_yaw_deg=yaw)
         error = 10 if small else 12
         words = (
-            f"The 1 that are nearly right are too small in {small}, by a median of {error} degrees, under true rolls"
+            f"off by at most 15 degrees are too small in {small} of 1 cases; their median error is {error} degrees, "
+            "under true rolls"
         )
         assert f"{words} of 9 to 9 degrees." in remarks(rows)
 
     def test_why_the_translation_fails(self) -> None:
         text = remarks(changed(rows_of({0: [9]}), lambda row: row.scan == 9, right_at_center=True))
-        assert "the rotation is off by a median of 0.0 degrees and the translation by 99.0 m; 1 of 1 would be" in text
+        assert "the median errors are 0.0 degrees and 99.0 m. Measured at the scan's center, 1 of 1 would be" in text
 
     def test_pictures_are_small_and_the_same_from_the_same_rows(self, tmp_path: Path) -> None:
         rows = [*rows_of({0: [3]}), *rows_of({0: [7]}, 2.0)]

@@ -106,8 +106,8 @@ class TestVerdicts:
         found = verdicts(section)[0]
         assert (found.claim, found.paper, found.ours, found.verdict) == ("128, 2", "S8", "S7", "no")
 
-    def test_what_is_wanted_stands_for_the_paper_and_no_table_claims_nothing(self) -> None:
-        table = Table("t", ("what", "wanted", "ours", "verdict"), (("it", "all", "none", "no"),))
+    def test_required_values_replace_the_papers_and_no_table_has_no_claims(self) -> None:
+        table = Table("t", ("measure", "required", "ours", "verdict"), (("it", "all", "none", "no"),))
         section = replace(Fake().section({"a": Fake().run("a")}), tables=(table,))
         assert verdicts(section)[0] == Verdict("it", "all", "none", "no")
         assert verdicts(replace(section, tables=())) == ()
@@ -152,12 +152,12 @@ class TestPage:
         assert "| fake | 5 | 0 s | a device (OpenCL 3.0 X; a processor, 2 cores) | `sonarmap reproduce fake` |" in text
         assert text.index("**All verdicts**") < text.index("## A fake, Fig. 0") < text.index("**Times**")
 
-    def test_the_evaluation_stands_beside_what_is_wanted(self, tmp_path: Path) -> None:
+    def test_the_evaluation_shows_required_values(self, tmp_path: Path) -> None:
         complete(tmp_path)
         write_page(tmp_path / "p.md", tmp_path, ["fake"], FRAMES[EVALUATION])
         text = (tmp_path / "p.md").read_text()
         assert text.startswith("# Evaluation on unseen pairs\n")
-        assert "| experiment | claim | wanted | ours | verdict |" in text
+        assert "| experiment | claim | required | ours | verdict |" in text
 
     def test_nothing_to_show(self, tmp_path: Path) -> None:
         with pytest.raises(InputError, match="no complete experiment"):

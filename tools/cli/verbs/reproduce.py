@@ -30,10 +30,10 @@ SCENES = [name for name, kind in SCENE_KINDS.items() if kind.scale == 1.0]
 
 
 def _check_scene(scene: str | None) -> str | None:
-    """The experiments' steps and noise are of the paper's 256 m: a pool would vanish in them."""
+    """Steps and noise of the experiments fit the paper's 256 m and are too large for a small scene."""
     if scene is None or scene in SCENES:
         return scene
-    raise typer.BadParameter(f"{scene}; wanted a scene as large as the paper's, {', '.join(SCENES)}")
+    raise typer.BadParameter(f"{scene} is not a scene as large as the paper's; choose {', '.join(SCENES)}")
 
 
 SceneOption = Annotated[
@@ -44,7 +44,7 @@ PageOption = Annotated[
     typer.Option(
         "--page",
         metavar="FILE",
-        help="Also write a page on all experiments of the group whose results are in OUT, as docs/reproduction.md.",
+        help="Also write a page, such as docs/reproduction.md, on all experiments of the group with results in OUT.",
     ),
 ]
 NoisesOption = Annotated[
@@ -56,7 +56,7 @@ OwnGridOption = Annotated[
     typer.Option(
         "--grid",
         metavar="N",
-        help="Voxels per edge, a power of 2 from 16 to 512. Default: the experiment's own.",
+        help="Voxels per edge, a power of 2 from 16 to 512. Default: depends on the experiment.",
     ),
 ]
 
@@ -75,7 +75,7 @@ MethodsOption = Annotated[
     typer.Option(
         "--method",
         metavar="NAME",
-        help=f"A method to evaluate: {', '.join(METHODS)}; may be repeated. Default: all that are compared.",
+        help=f"A method to evaluate: {', '.join(METHODS)}; may be repeated. Default: all that the experiment compares.",
         callback=_check_methods,
     ),
 ]
@@ -101,17 +101,19 @@ def command(
     out: Annotated[
         Path,
         typer.Option(
-            "-o", "--out", help="Folder for the results; a stopped run goes on from what is there.", metavar="OUT"
+            "-o", "--out", help="Folder for the results; a stopped run continues from what is there.", metavar="OUT"
         ),
     ] = Path("reproduction"),
     quick: Annotated[
         bool,
         typer.Option(
             "--quick",
-            help="At most a minute for each experiment: fewer scenes, seeds, pairs, voxels, where no option sets them.",
+            help="Take at most a minute for each experiment: fewer scenes, seeds, pairs and voxels, unless given.",
         ),
     ] = False,
-    fresh: Annotated[bool, typer.Option("--fresh", help="Run all jobs again, those of an earlier run too.")] = False,
+    fresh: Annotated[
+        bool, typer.Option("--fresh", help="Run all jobs again, also those that an earlier run finished.")
+    ] = False,
     page: PageOption = None,
     scene: SceneOption = None,
     sigma2: NoisesOption = None,
@@ -125,12 +127,12 @@ def command(
     as_json: JsonOption = False,
     quiet: QuietOption = False,
 ) -> None:
-    """Run an experiment on simulated scans: one of the paper's, and show its numbers beside the paper's; or one of this
-    project's evaluations, beside other methods.
+    """Run an experiment on simulated scans: one of the paper's, to compare our numbers with the paper's, or one of this
+    project's evaluations, to compare methods.
 
     OUT gets NAME.csv with every row, NAME.md with the tables, NAME*.png with the figures, and the times in
-    NAME-seconds.csv, NAME-times.md and NAME.json. If a run is stopped, the same command goes on where it was; jobs that
-    are done are kept in OUT/journal.sqlite.
+    NAME-seconds.csv, NAME-times.md and NAME.json. If a run is stopped, the same command continues where it stopped;
+    finished jobs are kept in OUT/journal.sqlite.
     """
     from kernels.device.device import choose_device
     from spectral.grid import Grid
@@ -166,7 +168,7 @@ class Options:
         out: folder for the results.
         fresh: run every job again.
         workers: how many processes share the jobs.
-        silent: say nothing of the progress.
+        silent: print no progress.
     """
 
     request: Request
@@ -176,13 +178,13 @@ class Options:
     silent: bool
 
     def say(self, text: str) -> None:
-        """Say it, unless nothing is to be said."""
+        """Print the text, unless silent."""
         if not self.silent:
             say(text)
 
 
 def _reproduce(name: str, options: Options, printed: bool) -> "Record":
-    """Run one experiment and write its files; what it holds on the device is let go before the next."""
+    """Run one experiment and write its files; its memory on the device is freed before the next."""
     from tools.reproduce.pages.folder import write_experiment
     from tools.reproduce.provenance import provenance
     from tools.reproduce.run import RunOptions, run
@@ -194,7 +196,7 @@ def _reproduce(name: str, options: Options, printed: bool) -> "Record":
     try:
         result = run(experiment, origin, out, follow, RunOptions(options.fresh, _workers(name, options)), options.say)
     except KeyboardInterrupt:
-        options.say("the jobs that were done are kept; the same command without --fresh goes on from there")
+        options.say("finished jobs are kept; the same command without --fresh continues from there")
         raise
     record = write_experiment(out, experiment, result, origin, request.command(name))
     if printed:
@@ -210,7 +212,7 @@ def _workers(name: str, options: Options) -> "WorkerProcesses | None":
     if options.workers == 1:
         return None
     if entry.timed:
-        options.say(f"{name}: measures times, so --workers has no effect on it: one process runs its jobs")
+        options.say(f"{name}: measures times, so --workers has no effect; one process runs its jobs")
         return None
     request = replace(options.request, device=None)
     return WorkerProcesses(options.workers, entry.module, request, options.request.opened.selector)

@@ -1,4 +1,4 @@
-"""Whether covariances and probabilities are what they say: sums over rows, and tables of them."""
+"""Whether covariances and probabilities match the errors: sums over rows, and tables of them."""
 
 import math
 from collections.abc import Iterable, Sequence
@@ -26,8 +26,8 @@ class CovarianceCheck:
     """Normalized squared errors beside chi-squared with six degrees of freedom.
 
     Attributes:
-        mean: of the errors; 6 of an honest covariance, more of one that is too small.
-        median: of the errors; 5.35 of an honest covariance, and less moved by a few that are far off.
+        mean: of the errors; 6 with a calibrated covariance, more with one that is too small.
+        median: of the errors; 5.35 with a calibrated covariance; a few large errors move it less than the mean.
         low, high: between which the mean of as many draws lies in 95 of 100 cases.
         inside: how many lie in the covariance's own 95 % ellipsoid.
     """
@@ -111,22 +111,25 @@ def calibration_table(yaw: Sequence[Row], free: Sequence[Row], methods: Sequence
         cases += [(f"{OURS}, any rotation", right(where(free, method=OURS)))]
     cases += [(f"{name}, any yaw", right(where(yaw, method=name))) for name in methods if name != OURS]
     return Table(
-        "Normalized squared errors of what is right (an honest covariance: mean 6, median 5.35, 95 % inside)",
-        ("of", "registrations", "mean", "95 % of such means", "median", "in the 95 % ellipsoid", "the mean is"),
+        "Normalized squared errors of right registrations (calibrated covariance: mean 6, median 5.35, 95 % inside)",
+        (
+            *("registrations of", "number", "mean", "95 % interval of a calibrated mean", "median"),
+            *("in the 95 % ellipsoid", "verdict on the mean"),
+        ),
         tuple(_line(name, rows) for name, rows in cases if rows),
     )
 
 
 def reliability_table(yaw: Sequence[Row], free: Sequence[Row]) -> Table:
-    """The probability that ours tells beside how often it is right."""
+    """The probability that ours reports, next to how often it is right."""
     cases = (("any yaw", where(yaw, method=OURS)), ("any rotation", where(free, method=OURS)))
     lines = [
         (words, f"{rated.low:g}..{rated.high:g}", f"{rated.predicted:.3f}", f"{rated.share:.3f}", str(rated.right))
         for words, rows in cases
         for rated in reliability(rows)
     ]
-    headings = ("pairs", "probability told", "its mean", "right", "right, with Wilson's interval")
-    return Table(f"The probability that `{OURS}` tells", headings, tuple(lines))
+    headings = ("pairs", "reported probability", "mean of these", "share right", "right, with 95 % interval")
+    return Table(f"The probability that `{OURS}` reports, and how often it is right", headings, tuple(lines))
 
 
 def _line(name: str, rows: Sequence[Row]) -> tuple[str, ...]:

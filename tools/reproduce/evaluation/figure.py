@@ -19,9 +19,9 @@ def style(method: str) -> dict[str, Any]:
 
 def draw_rates(axes: Any, places: Sequence[float], rates: Sequence[Rate], method: str, mark: str = "o") -> None:
     """A curve of rates over the places; ours with the band of their intervals."""
-    share = np.array([one.successes / one.trials for one in rates])
+    share = np.array([rate.successes / rate.trials for rate in rates])
     look = style(method)
     axes.plot(places, share, f"{mark}-", markersize=4, label=method, **look)
     if method == OURS:
-        low, high = np.array([one.low for one in rates]), np.array([one.high for one in rates])
+        low, high = np.array([rate.low for rate in rates]), np.array([rate.high for rate in rates])
         axes.fill_between(places, low, high, color=look["color"], alpha=0.22, linewidth=0)

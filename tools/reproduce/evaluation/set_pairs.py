@@ -14,7 +14,7 @@ from tools.simulate.scenes.catalog import SCENE_KINDS
 from tools.simulate.sensing.noise import Noise
 from tools.simulate.sensing.overlap import OVERLAP_RADIUS, mutual_overlap
 
-SET_SEED = 20110  # nothing was chosen on pairs of this set
+SET_SEED = 20110  # neither development nor the tests use pairs of this set
 BATCH = 5  # pairs of a job: one of every range of overlap
 
 
@@ -48,10 +48,10 @@ def related(number: int, seed: int, turn: Turn, edge: int) -> SetPair | None:
     scale = SCENE_KINDS[pair.scene].scale
     try:
         target, source, truth = pair.scans()
-        bare, other, _ = replace(pair, noise=Noise()).scans()
+        bare_target, bare_source, _ = replace(pair, noise=Noise()).scans()
     except InputError:
         return None
-    shared = mutual_overlap(bare.points, other.points, truth, OVERLAP_RADIUS * scale)
+    shared = mutual_overlap(bare_target.points, bare_source.points, truth, OVERLAP_RADIUS * scale)
     grid = choose_grid((target, source), edge)
     cells = _cells(turn, number, pair.scene, pair.noise, shared, grid)
     return SetPair(cells, target, source, truth, grid)

@@ -28,7 +28,7 @@ class PairSetSettings:
     def __post_init__(self) -> None:
         Grid(self.edge, 1.0)
         if self.pairs < 1 or self.seed < 0:
-            raise InputError(f"{self.pairs} pairs of the set {self.seed}; wanted 1 or more, of one >= 0")
+            raise InputError(f"{self.pairs} pairs of the set {self.seed}; there must be 1 or more, and the seed >= 0")
 
 
 def pair_set_settings(request: Request, pairs: int, quick_pairs: int) -> PairSetSettings:

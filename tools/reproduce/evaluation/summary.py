@@ -26,8 +26,8 @@ def percent(hits: Sequence[Row], rows: Sequence[Row]) -> str:
     """The same in percent, with Wilson's interval, as in "75 % [30..95]"."""
     if not rows:
         return NOTHING
-    one = wilson(len(hits), len(rows))
-    return f"{one.successes / one.trials:.0%} [{100 * one.low:.0f}..{100 * one.high:.0f}]".replace("%", " %")
+    share = wilson(len(hits), len(rows))
+    return f"{share.successes / share.trials:.0%} [{100 * share.low:.0f}..{100 * share.high:.0f}]".replace("%", " %")
 
 
 def right(rows: Iterable[Row]) -> list[Row]:

@@ -41,15 +41,15 @@ def draw_scans(path: Path, now: FloodgateSurvey) -> None:
 PICTURES: Mapping[str, str] = MappingProxyType(
     {
         "floodgate-maps.png": "The maps from above, as Figs. 25, 28 and 30, colored by the height of the highest "
-        "point. Over them the true plan: outlines of what is solid 4 m below the water's surface. Black the true "
-        "way, magenta the one that was found; both begin at the same pose.",
-        "floodgate-errors.png": "The same maps, colored by how far each point lies from the true surface, what is "
-        "wrong over what is right. Gray is solid.",
-        "floodgate-motion.png": "Motion estimates, as Fig. 31: from each scan to the next, by every method, beside the "
-        "true ones. Marks at the rim lie beyond it.",
-        "floodgate-poses.png": "How the errors grow along the chain.",
-        "floodgate-scans.png": "Two of the scans, as Fig. 24, colored by height, without the few echoes that lie far "
-        "off. The sensor is magenta.",
+        "point. Thin black outlines show what is solid 4 m below the water's surface. The true path is black, the "
+        "estimated path magenta; both start at the same pose.",
+        "floodgate-errors.png": "The same maps, colored by the distance of each point from the true surface; points "
+        "with larger errors are drawn on top. Gray is solid.",
+        "floodgate-motion.png": "Motion estimates, as Fig. 31, from each scan to the next, with the true motion. Marks "
+        "at the edge of a plot stand for values beyond it.",
+        "floodgate-poses.png": "Growth of the errors along the chain.",
+        "floodgate-scans.png": "Two of the scans, as Fig. 24, colored by height; the few echoes far from the rest are "
+        "left out. The sensor is magenta.",
     }
 )
 

@@ -28,7 +28,7 @@ _COLUMNS = 3
 
 _PLAN: dict[str, Any] = {"color": "black", "linewidth": 0.6}
 _TRUE: dict[str, Any] = {"color": "black", "linewidth": 2.4}
-_FOUND: dict[str, Any] = {"color": "magenta", "linewidth": 1.2, "marker": "o", "markersize": 2.5}
+_ESTIMATED: dict[str, Any] = {"color": "magenta", "linewidth": 1.2, "marker": "o", "markersize": 2.5}
 
 
 @dataclass(frozen=True, slots=True)
@@ -114,8 +114,8 @@ def _legend(figure: "Figure", patches: Sequence["Patch"]) -> None:
 
     lines = [
         Line2D([], [], label=f"true plan at z = {PLAN_HEIGHT:g} m", **_PLAN),
-        Line2D([], [], label="true way", **_TRUE),
-        Line2D([], [], label="way found", **_FOUND),
+        Line2D([], [], label="true path", **_TRUE),
+        Line2D([], [], label="estimated path", **_ESTIMATED),
     ]
     handles = [*patches, *lines]
     figure.legend(handles=handles, loc="outside lower center", ncols=len(handles), frameon=False)
@@ -134,10 +134,10 @@ def _grid(count: int) -> tuple["Figure", Any]:
 
 
 def _finish(axes: "Axes", panel: _Panel, now: FloodgateSurvey, section: SectionPlan) -> None:
-    """The way that was found, and the true one."""
+    """Draw the estimated path and the true one, and finish the panel."""
     half = section.edge / 2
     axes.plot(*now.T_world_sensor.translation[:, :2].T, **_TRUE)
-    axes.plot(*panel.poses.translation[:, :2].T, **_FOUND)
+    axes.plot(*panel.poses.translation[:, :2].T, **_ESTIMATED)
     axes.set(xlim=(-half, half), ylim=(-half, half), aspect="equal")
     axes.set_title(panel.title, fontsize=11)
     axes.tick_params(labelsize=8)

@@ -1,4 +1,4 @@
-"""The methods that make maps of the flood gate: the paper's three, this project's, and others of today."""
+"""The methods that map the flood gate: the paper's three, this project's, and more recent ones."""
 
 from collections.abc import Iterable
 from dataclasses import dataclass
@@ -32,13 +32,13 @@ TRUTH = "true poses"
 # Name, as `build` of tools/methods/registry.py knows it -> method, in the order of tables and figures
 COMPARED: MappingProxyType[str, FloodgateMethod] = MappingProxyType(
     {
-        "icp": FloodgateMethod("ICP, point to point, from the identity, as in Sect. 4.2", False, "tab:red", "x"),
-        "icp-plane": FloodgateMethod("ICP, point to plane, from the identity", False, "tab:brown", "+", False),
-        "planes": FloodgateMethod("planes and their consensus, as in Sect. 4.3", False, "tab:orange", "s"),
-        "fpfh-ransac": FloodgateMethod("features (FPFH) and RANSAC, then ICP", False, "tab:pink", "v", False),
+        "icp": FloodgateMethod("ICP, point to point, started at the identity, as in Sect. 4.2", False, "tab:red", "x"),
+        "icp-plane": FloodgateMethod("ICP, point to plane, started at the identity", False, "tab:brown", "+", False),
+        "planes": FloodgateMethod("registration of planes by consensus, as in Sect. 4.3", False, "tab:orange", "s"),
+        "fpfh-ransac": FloodgateMethod("FPFH features and RANSAC, then ICP", False, "tab:pink", "v", False),
         "kiss": FloodgateMethod("KISS-Matcher, then ICP", False, "tab:olive", "^", False),
         "hemisphere": FloodgateMethod("the paper's spectral chain, as in Sect. 4.4", True, "tab:green", "o"),
-        "spectral": FloodgateMethod("spectral, this project's default", True, "tab:blue", "D"),
+        "spectral": FloodgateMethod("this project's default method", True, "tab:blue", "D"),
     }
 )
 

@@ -22,7 +22,7 @@ _TRUE: dict[str, Any] = {"color": "black", "linewidth": 1.6}
 
 
 def draw_motion(path: Path, chains: Chains, seed: int) -> None:
-    """Write x, y, z and yaw, roll, pitch between consecutive scans of one survey: true as a line, found as marks."""
+    """Write x, y, z, yaw, roll and pitch between consecutive scans of one survey: true lines, estimated marks."""
     from matplotlib.figure import Figure
 
     figure = Figure(figsize=(15, 8.2), dpi=110, layout="constrained")

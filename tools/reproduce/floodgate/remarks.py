@@ -1,4 +1,4 @@
-"""What the rows of the flood gate come to, in sentences that are made of them."""
+"""Sentences on the results of the flood gate, computed from its rows."""
 
 from collections.abc import Iterable
 from statistics import median
@@ -16,10 +16,11 @@ def remarks(chains: Chains) -> str:
     )
 
 
-# true of any rows: what is not compared
+# What is not compared, whatever the rows
 _PLANES = (
-    "The paper shows the map by planes as patches, in which the three gates are sparse and the poles before them "
-    "missing (Figs. 28, 29): that is how the map is kept, not how scans are registered. All maps here are of points."
+    "The paper draws the map by planes as patches, in which the three gates are sparse and the poles in front of them "
+    "are missing (Figs. 28, 29). This is due to how that map is stored, not to the registration. All maps here consist "
+    "of points."
 )
 
 
@@ -28,8 +29,8 @@ def _overlap(chains: Chains) -> str:
     rows = [row for seed in seeds_of(chains) for row in chains[seed, *first].pairs]
     shared, overlap = (_range([float(row[name]) for row in rows]) for name in ("shared", "overlap"))
     return (
-        f"Of what one of two consecutive scans shows, the other has {shared} in view (the paper: an overlap of about "
-        f"90 to 50 %); with noise and between few beams, {overlap} of the points have a counterpart within 2 m."
+        f"Of what a scan shows, {shared} is in view of the next or previous scan (the paper: an overlap of about 90 to "
+        f"50 %). With noise and few beams, {overlap} of the points have a counterpart within 2 m in the other scan."
     )
 
 
@@ -41,29 +42,29 @@ def _run(chains: Chains, run: Run) -> str:
     made = [chains[seed, *run] for seed in seeds_of(chains)]
     rows = [row for chain in made for row in chain.pairs]
     right = [row for row in rows if row["right"]]
-    text = f"**{label(*run)}**: {wilson(len(right), len(rows))} pairs right"
+    text = f"**{label(*run)}**: {wilson(len(right), len(rows))} pairs are right"
     if right:
         rotation, translation = (median(float(row[key]) for row in right) for key in ("rotation_deg", "translation_m"))
-        text += f", these within {rotation:.2f}° and {translation:.2f} m in the median"
-    return f"{text}; the last pose of the chain is off by {_listed(_last(made))}; {_wrong(chains, run)}."
+        text += f", with median errors of {rotation:.2f}° and {translation:.2f} m"
+    return f"{text}. The last pose of the chain is off by {_listed(_last(made))}. {_wrong(chains, run)}."
 
 
 def _last(made: Iterable[Chain]) -> list[str]:
-    return [f"{float(c.poses[-1]['translation_m']):.2f} m and {float(c.poses[-1]['rotation_deg']):.1f}°" for c in made]
+    return [f"{float(c.poses[-1]['translation_m']):.2f} m / {float(c.poses[-1]['rotation_deg']):.1f}°" for c in made]
 
 
 def _wrong(chains: Chains, run: Run) -> str:
-    """The wrong pairs by name, with their overlap, and how many of them were believed."""
+    """The wrong pairs by name, with their overlap, and how many of them were accepted."""
     wrong = [(seed, row) for seed in seeds_of(chains) for row in chains[seed, *run].pairs if not row["right"]]
     if not wrong:
-        return "no pair is wrong"
+        return "No pair is wrong"
     shown = [
         f"{int(row['scan']) - 1} → {row['scan']} of seed {seed} ({100 * float(row['shared']):.0f} % shared view)"
         for seed, row in wrong[:6]
     ]
     more = f" and {len(wrong) - 6} more" if len(wrong) > 6 else ""
-    believed = sum(bool(row["accepted"]) for _, row in wrong)
-    return f"wrong are {_listed(shown)}{more}, {believed} of {len(wrong)} of them believed"
+    accepted = sum(bool(row["accepted"]) for _, row in wrong)
+    return f"Wrong: {_listed(shown)}{more}; accepted, of these: {accepted}"
 
 
 def _order(chains: Chains) -> str:
@@ -73,7 +74,7 @@ def _order(chains: Chains) -> str:
     best = sorted(distance, key=lambda run: distance[run])
     listed = [f"{label(*run)} ({distance[run]:.2f} m)" for run in best]
     return (
-        f"By the distance within which 90 % of the map's points lie, from the best: {_listed(listed)}; "
+        f"Methods by the distance within which 90 % of the map's points lie, best first: {_listed(listed)}; "
         f"with true poses {floor:.2f} m."
     )
 

@@ -1,4 +1,4 @@
-"""What the flood gate's maps say to people."""
+"""The flood gate's maps in words and tables."""
 
 from collections.abc import Mapping, Sequence
 
@@ -41,18 +41,19 @@ def _introduction(methods: Sequence[str], missing: Sequence[str], edges: Sequenc
     absent = f"\n\nNot installed, so left out: {', '.join(missing)}." if missing else ""
     named = ", ".join(map(str, seeds))
     return f"""The paper's scans of the Lesumer Sperrwerk are not public. Ours are simulated: a flood gate of the same
-kind, seen by a sensor like the Tritech Eclipse on a way before the gate, with a true pose for every scan and a true
-surface for every point. Every scan is registered to the one before it by every method, none of them told anything of
-the motion; a map is what chaining these makes, each registration taken as it is, whether its method believes it or
-not, and the first scan lies where it truly was. There is no loop closure and no SLAM, as in the paper. Surveys: seeds
-{named}; each has a bed, a sea and a noise of its own.
+kind, seen by a sensor like the Tritech Eclipse on a path in front of the gate. The true pose of every scan and the true
+surface are known. Every method registers every scan to the one before it and knows nothing about the motion. A map is
+made by chaining these registrations, starting from the true pose of the first scan; every registration is used, whether
+its method accepts it or not. There is no loop closure and no SLAM, as in the paper. Surveys: seeds {named}; each has
+its own sea bed, waves and noise.
 
-A pair is right within {RIGHT_DEG:g}° and {RIGHT_M:g} m at the sensor, for every method alike. A map is judged by the
-distances of its points, all of them, to the true surface (point to triangle, exact), beside those of the map with true
-poses, which only the noise makes. It corresponds to the truth where 90 % of its points lie at most {GOOD_M:g} m, the
-paper's finer voxel, farther from it than with true poses; it is at least as good as another where that distance is at
-most {AS_GOOD:g} times the other's, and clearly better at {CLEARLY:g} times. The bars were set before any run. What is
-moved along the bed still lies on it: how far points are displaced from their own places stands in the table. Grids
-span {EXTENT:g} m: {grids}; methods without a grid thin the scans to {VOXEL:g} m.
+A pair is right if it is within {RIGHT_DEG:g}° and {RIGHT_M:g} m of the truth at the sensor, for every method. A map is
+measured by the distances of all its points to the true surface (point to triangle, exact), and compared with the map
+made with true poses, whose distances come from noise alone. A map corresponds to the truth if the distance within which
+90 % of its points lie is at most {GOOD_M:g} m, the paper's finer voxel, larger than with true poses. A map is at least
+as good as another if that distance is at most {AS_GOOD:g} times the other's, and clearly better if it is at most
+{CLEARLY:g} times the other's. These thresholds were set before any run. Points that are displaced along the sea bed
+still lie on it, so the table also shows how far points are displaced from their own true places. Grids span
+{EXTENT:g} m: {grids}; methods without a grid thin the scans to {VOXEL:g} m.
 
 {listed}{absent}"""

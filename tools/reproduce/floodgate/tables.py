@@ -30,7 +30,7 @@ def runs_of(chains: Chains) -> list[Run]:
 def shown(runs: Sequence[Run]) -> list[Run]:
     """What the figures show: the methods that are about the paper's, each on its finest grid."""
     paper = [run for run in runs if COMPARED[run[0]].in_figures] or list(runs)
-    return [run for run in paper if run == max(one for one in paper if one[0] == run[0])]
+    return [run for run in paper if run == max(grid_run for grid_run in paper if grid_run[0] == run[0])]
 
 
 def by_seed(chains: Chains, run: Run, value: Callable[[Chain], float]) -> list[float]:
@@ -72,15 +72,15 @@ def map_table(chains: Chains) -> Table:
         "Maps and poses, survey by survey",
         (
             "method",
-            f"right of {pairs} pairs",
+            f"right, of {pairs} pairs",
             f"of these within {CLOSE_M:g} m",
-            "believed, wrong",
+            "accepted though wrong",
             "half of the map's points within [m]",
-            "90 % within [m]",
+            "90 % of the map's points within [m]",
             "90 % displaced by at most [m]",
             "ATE [m]",
             "largest pose error [m]",
-            "[degrees]",
+            "largest pose error [degrees]",
         ),
         ((TRUTH, "", "", "", *truth, "", "", "", ""), *(_map_line(chains, run) for run in runs_of(chains))),
     )
@@ -112,7 +112,7 @@ def pair_table(chains: Chains) -> Table:
         shares = (_percent([float(row[name]) for row in rows[first]]) for name in ("shared", "overlap"))
         lines.append((f"{source - 1} → {source}", *shares, *(_error(of) for of in rows.values())))
     return Table(
-        f"Every pair: error of the registration{_medians(chains)}; in brackets how many are wrong "
+        f"Every pair: error of the registration{_medians(chains)}; in brackets: how many are wrong "
         f"(beyond 6° or {RIGHT_M:g} m)",
         ("pair", "shared view", "overlap", *(label(*run) for run in runs_of(chains))),
         tuple(lines),
@@ -120,10 +120,10 @@ def pair_table(chains: Chains) -> Table:
 
 
 def pose_table(chains: Chains) -> Table:
-    """Every scan: how far off its chained pose is, the first lying on the truth; medians over the surveys."""
+    """Every scan: the error of its pose in the chain, which starts at the truth; medians over the surveys."""
     scans = range(1, len(next(iter(chains.values())).poses))
     return Table(
-        f"Every pose after chaining, the first one true: error{_medians(chains)}",
+        f"Every pose of the chain, which starts at the true first pose: error{_medians(chains)}",
         ("scan", *(label(*run) for run in runs_of(chains))),
         tuple(
             (
@@ -136,7 +136,7 @@ def pose_table(chains: Chains) -> Table:
 
 
 def _error(rows: list[Row]) -> str:
-    """Medians of rotation and translation; how many are not right, where that is said."""
+    """Medians of rotation and translation, and how many are wrong, if the rows say so."""
     rotation, translation = (median(float(row[name]) for row in rows) for name in ("rotation_deg", "translation_m"))
     wrong = sum(not row.get("right", True) for row in rows)
     return f"{rotation:.1f}°, {translation:.2f} m" + (f" [{wrong}]" if wrong else "")

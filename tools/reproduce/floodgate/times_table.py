@@ -54,19 +54,11 @@ def _summary(runs: Mapping[Run, list[Row]]) -> Table:
         ours = (mean(float(row["prepare_s"]) for row in rows), min(seconds), mean(seconds), median(seconds))
         lines.append((label(*run), *_paper(run), *(f"{value:.2f}" for value in (*ours, max(seconds), spread))))
     return Table(
-        "Seconds a registration, preparing a scan apart; the paper says that spectral's are fixed and the others' vary",
+        "Seconds per registration, without preparing the scans; the paper: fixed for spectral, varying for the others",
         (
             "method",
-            "paper: preparing",
-            "min",
-            "mean",
-            "max",
-            "ours: preparing, mean",
-            "min",
-            "mean",
-            "median",
-            "max",
-            "max / median",
+            *("paper: preparing", "paper: min", "paper: mean", "paper: max"),
+            *("ours: preparing, mean", "ours: min", "ours: mean", "ours: median", "ours: max", "ours: max / median"),
         ),
         tuple(lines),
     )

@@ -1,4 +1,4 @@
-"""The paper's statements on its three maps, and whether they hold for ours. The bars were set before any run."""
+"""The paper's statements on its three maps, and whether they hold for ours; thresholds were set before any run."""
 
 from collections.abc import Callable
 
@@ -27,12 +27,12 @@ def verdict_table(chains: Chains) -> Table:
     runs = runs_of(chains)
     lines = [_map_line(chains, run) for run in runs if run[0] in ("icp", "planes", *SPECTRAL)]
     for spectral in _finest(runs):
-        lines += [_against(chains, spectral, other) for other in (("planes", 0), ("icp", 0)) if other in runs]
+        lines += [_against(chains, spectral, rival) for rival in (("planes", 0), ("icp", 0)) if rival in runs]
     for method in SPECTRAL:
         grids = sorted(edge for name, edge in runs if name == method)
         if len(grids) > 1:
             lines.append(_grids(chains, (method, grids[0]), (method, grids[-1])))
-    return Table("What the paper says of the maps", ("claim", "paper", "ours", "verdict"), tuple(lines))
+    return Table("What the paper says about the maps", ("claim", "paper", "ours", "verdict"), tuple(lines))
 
 
 def verdict(held: list[bool]) -> str:
@@ -50,17 +50,17 @@ def good(chains: Chains, run: Run) -> list[bool]:
 
 def _map_line(chains: Chains, run: Run) -> tuple[str, ...]:
     said = _MAPS["spectral" if run[0] in SPECTRAL else run[0]]
-    held = [not one for one in good(chains, run)] if run[0] == "icp" else good(chains, run)
+    held = [not corresponds for corresponds in good(chains, run)] if run[0] == "icp" else good(chains, run)
     floor = listed(by_seed(chains, (TRUTH, 0), map_90))
     ours = f"90 % of its points within {listed(by_seed(chains, run, map_90))} m of the truth; with true poses {floor} m"
     return (f"the map by {label(*run)}", said, ours, verdict(held))
 
 
-def _against(chains: Chains, spectral: Run, other: Run) -> tuple[str, ...]:
-    mine, theirs = (by_seed(chains, run, map_90) for run in (spectral, other))
-    share, said = (AS_GOOD, "at least as good") if other[0] == "planes" else (CLEARLY, "clearly better")
+def _against(chains: Chains, spectral: Run, rival: Run) -> tuple[str, ...]:
+    mine, theirs = (by_seed(chains, run, map_90) for run in (spectral, rival))
+    share, said = (AS_GOOD, "at least as good") if rival[0] == "planes" else (CLEARLY, "clearly better")
     return (
-        f"{label(*spectral)} beside {label(*other)}",
+        f"{label(*spectral)} beside {label(*rival)}",
         f"{said} (Sect. 4.4)",
         f"90 % within {listed(mine)} m beside {listed(theirs)} m",
         verdict(_each(mine, theirs, lambda a, b: a <= share * b)),

@@ -44,7 +44,7 @@ def draw_parameters(path: Path, rows: Sequence[GaussianRow]) -> None:
     row = rows[0]
     figure.suptitle(
         f"Table 1 on {row.scene}, {row.grid}³ voxels of {row.voxel_m:g} m, seed {row.seed}: "
-        "lines true, marks estimated, gray wrong"
+        "lines true, crosses estimated, gray wrong"
     )
     save_figure(figure, path)
 

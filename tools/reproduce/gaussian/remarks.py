@@ -1,4 +1,4 @@
-"""Which step of Table 1's registrations fails first, and what the rows say about why."""
+"""Which step of Table 1's registrations fails first, and what the rows show about the reason."""
 
 from collections.abc import Sequence
 from statistics import median
@@ -7,7 +7,7 @@ from tools.evaluate.trajectory import RIGHT_DEG
 from tools.reproduce.gaussian.row import RANKED, GaussianRow
 from tools.reproduce.gaussian.summary import FEW, among
 
-# Where false yaw peaks of structure that stands with the sensor or the grid lie: turned by a quarter or not at all.
+# Structure fixed to the sensor or to the grid has its false yaw peaks at multiples of a quarter turn.
 _QUARTERS = 4
 _NEAR_DEG = 15.0
 _BY_CHANCE = _QUARTERS * 2 * RIGHT_DEG / 360
@@ -28,42 +28,44 @@ def _paragraph(grid: int, method: str, rows: Sequence[GaussianRow]) -> str:
     if not wrong:
         return f"{where}all {len(mine)} registrations are right."
     counts = ", ".join(f"{step} in {len(rows_of_step)}" for step, rows_of_step in steps.items() if rows_of_step)
-    sentences = [f"{where}{wrong} of {len(mine)} registrations are wrong; what is wrong first is {counts}."]
+    sentences = [f"{where}{wrong} of {len(mine)} registrations are wrong. The first wrong step is {counts}."]
     if steps["yaw"]:
         sentences += [_on_yaw(steps["yaw"]), *_on_near(steps["yaw"]), *_on_others(steps["yaw"], rows)]
     if steps["tilt"]:
-        sentences.append(f"Where roll and pitch are, the vertical is off by a median of {_median(steps['tilt'])}.")
+        sentences.append(
+            f"Where roll and pitch are wrong first, the vertical is off by a median of {_median(steps['tilt'])}."
+        )
     if steps["translation"]:
         sentences.append(_on_translation(steps["translation"]))
     return " ".join(sentences)
 
 
 def _on_yaw(wrong: Sequence[GaussianRow]) -> str:
-    """How the yaw is wrong, how roll and pitch are there, and whether the false peak stands with the sensor."""
+    """How the yaw is wrong, whether roll and pitch are right, and whether the false peak is fixed to the sensor."""
     errors = [row.yaw_error_deg for row in wrong]
     near, about = sum(error <= _NEAR_DEG for error in errors), sum(error >= 180 - _NEAR_DEG for error in errors)
     upright = sum(row.tilt_error_deg <= RIGHT_DEG for row in wrong)
     quarters = sum(_from_quarter(row.found_yaw_deg) <= RIGHT_DEG for row in wrong)
     return (
-        f"Of these {len(wrong)} yaws {near} are off by at most {_NEAR_DEG:g} degrees, {about} are turned about (within "
-        f"{_NEAR_DEG:g} of 180) and {len(wrong) - near - about} are elsewhere; roll and pitch are right beside "
-        f"{upright} of them. {quarters} lie within {RIGHT_DEG:g} degrees of 0, 90, 180 or 270, where what stands with "
-        f"the sensor or the grid has its peaks (chance: {_BY_CHANCE:.0%}). The right yaw is the first step's highest "
-        f"peak in {among(wrong, 1)} of these, among its {FEW} highest in {among(wrong, FEW)} and among {RANKED} in "
-        f"{among(wrong, RANKED)}."
+        f"Of these {len(wrong)} yaws, {near} are off by at most {_NEAR_DEG:g} degrees, {about} by 180 degrees (to "
+        f"within {_NEAR_DEG:g}) and {len(wrong) - near - about} by another angle; roll and pitch are right in "
+        f"{upright} of them. The number within {RIGHT_DEG:g} degrees of 0, 90, 180 or 270, where structure fixed to "
+        f"the sensor or to the grid has its peaks, is {quarters} (by chance: {_BY_CHANCE:.0%}). The right yaw is the "
+        f"highest peak of the first step in {among(wrong, 1)}, among its {FEW} highest in {among(wrong, FEW)} and "
+        f"among its {RANKED} highest in {among(wrong, RANKED)}."
     )
 
 
 def _on_near(wrong: Sequence[GaussianRow]) -> list[str]:
-    """Whether yaws that are nearly right err to one side, and how much the scans are tilted there."""
+    """Whether yaws that are nearly right err to one side, and by how much these scans are tilted."""
     near = [row for row in wrong if row.yaw_error_deg <= _NEAR_DEG]
     if not near:
         return []
     small = sum((row.found_yaw_deg - row.true_yaw_deg + 180) % 360 < 180 for row in near)
     rolls = [abs(row.true_roll_deg) for row in near]
     return [
-        f"The {len(near)} that are nearly right are too small in {small}, by a median of "
-        f"{median(row.yaw_error_deg for row in near):.0f} degrees, under true rolls of {min(rolls):.0f} to "
+        f"Yaws off by at most {_NEAR_DEG:g} degrees are too small in {small} of {len(near)} cases; their median error "
+        f"is {median(row.yaw_error_deg for row in near):.0f} degrees, under true rolls of {min(rolls):.0f} to "
         f"{max(rolls):.0f} degrees."
     ]
 
@@ -73,9 +75,9 @@ def _on_others(wrong: Sequence[GaussianRow], rows: Sequence[GaussianRow]) -> lis
     method = wrong[0].method
     pairs = {row.pair for row in wrong}
     sentences = []
-    for other in dict.fromkeys(row.method for row in rows if row.method != method):
-        count = sum(row.pair in pairs and row.method == other and row.yaw_error_deg <= RIGHT_DEG for row in rows)
-        sentences.append(f"*{other}* has the right yaw in {count} of these {len(pairs)}.")
+    for name in dict.fromkeys(row.method for row in rows if row.method != method):
+        count = sum(row.pair in pairs and row.method == name and row.yaw_error_deg <= RIGHT_DEG for row in rows)
+        sentences.append(f"*{name}* has the right yaw in {count} of these {len(pairs)}.")
     return sentences
 
 
@@ -84,9 +86,9 @@ def _on_translation(wrong: Sequence[GaussianRow]) -> str:
     distance = median(row.translation_m for row in wrong)
     near = sum(row.right_at_center for row in wrong)
     return (
-        f"Where only the translation is wrong the rotation is off by a median of {rotation:.1f} degrees and the "
-        f"translation by {distance:.1f} m; {near} of {len(wrong)} would be right at the scan's center, so that it is "
-        "the rotation's rest over the lever to the sensor that is missing there."
+        f"Where only the translation is wrong, the median errors are {rotation:.1f} degrees and {distance:.1f} m. "
+        f"Measured at the scan's center, {near} of {len(wrong)} would be right; in these, the translation at the "
+        "sensor is wrong because the sensor is far from the scan's center and the rotation is slightly off."
     )
 
 

@@ -1,4 +1,4 @@
-"""Table 1 for people: the words and the tables."""
+"""Table 1 in words and tables."""
 
 from collections.abc import Sequence
 from statistics import median
@@ -17,7 +17,7 @@ _PAPER_SECONDS = {128: 10.5, 256: 60.6}
 
 
 def section(scene: str, extent: float, rows: Sequence[GaussianRow], times: Sequence[GaussianTime]) -> Section:
-    """All that is told.
+    """The section, from the rows and times of all registrations.
 
     Args:
         scene: a key of SCENE_KINDS.
@@ -55,19 +55,19 @@ def describe_right(rows: Sequence[GaussianRow]) -> str:
     voxels = dict.fromkeys((row.grid, row.voxel_m) for row in rows)
     meters = ", ".join(f"{RIGHT_VOXELS * voxel:g} m at {grid}³" for grid, voxel in voxels)
     return (
-        f"Right is within {RIGHT_DEG:g} degrees and {RIGHT_VOXELS:g} voxels of the grid used ({meters}): the "
-        "translation of T_target_source between the sensor frames decides. The paper shows curves and says up to "
-        "which scan they succeed, without a bound."
+        f"A registration is right if T_target_source, between the sensor frames, is within {RIGHT_DEG:g} degrees and "
+        f"{RIGHT_VOXELS:g} voxels of the truth ({meters}). The paper shows curves and says up to which scan its "
+        "registrations succeed, but gives no error bound."
     )
 
 
 def _introduction(scene: str, extent: float, rows: Sequence[GaussianRow]) -> str:
     grids = " and ".join(dict.fromkeys(f"{row.grid}³ voxels of {row.voxel_m:g} m" for row in rows))
     methods = "\n".join(f"- **{name}**: {method.title}" for name, method in VARIANTS.items())
-    return f"""Scans S0 to S9 of the scene `{scene}`, step by step farther from the reference scan, by (4, 8, 12) m and
-by 6, 2 and 1 degrees of yaw, roll and pitch, are registered to it. The variance of the noise grows along the beam to σ²
-at the largest range. Grids: {grids}, {extent:g} m on an edge as the paper's 256 voxels. Seeds: {_seeds(rows)}; each has
-a scene and noise of its own. Rates with Wilson's 95 % intervals.
+    return f"""Scans S0 to S9 of the scene `{scene}` are registered to a reference scan. Each is farther from it than
+the one before, by (4, 8, 12) m and by 6, 2 and 1 degrees of yaw, roll and pitch. The variance of the noise grows along
+the beam, to σ² at the largest range. Grids: {grids}, {extent:g} m along each edge, as the paper's 256 voxels. Seeds:
+{_seeds(rows)}; each has a scene and noise of its own. Rates have Wilson's 95 % intervals.
 
 {describe_right(rows)}
 
@@ -82,8 +82,8 @@ def _seeds(rows: Sequence[GaussianRow]) -> str:
 def _pictures(rows: Sequence[GaussianRow]) -> dict[str, str]:
     seed = min(row.seed for row in rows)
     captions = {
-        parameters_picture(row.grid): f"After Figs. 20 and 21, {row.grid}³ voxels, seed {seed}: lines true, marks "
-        "estimated, gray where wrong."
+        parameters_picture(row.grid): f"As Figs. 20 and 21, {row.grid}³ voxels, seed {seed}. Lines are true values, "
+        "crosses are estimates; gray marks wrong registrations."
         for row in rows
     }
     return captions | {rates_picture(): "The share of seeds that are right at each scan, with 95 % intervals."}
@@ -91,46 +91,47 @@ def _pictures(rows: Sequence[GaussianRow]) -> dict[str, str]:
 
 def _verdict_table(summaries: Sequence[Summary]) -> Table:
     return Table(
-        "The last scan that succeeds, all before it too",
+        "The last scan before the first failure",
         (
             *("grid", "σ²", "method", "paper", "ours, median (each seed)", "verdict", "right"),
-            *("accepted, wrong", "refused, right"),
+            *("accepted though wrong", "refused though right"),
         ),
         tuple(
             (
-                *_case(one),
-                "" if one.paper is None else f"S{one.paper}",
-                f"{_scan(one.median_last)} ({' '.join(_scan(last) for last in one.last)})",
-                one.verdict,
-                str(one.right),
-                str(one.accepted_wrong),
-                str(one.refused_right),
+                *_case(summary),
+                "" if summary.paper is None else f"S{summary.paper}",
+                f"{_scan(summary.median_last)} ({' '.join(_scan(last) for last in summary.last)})",
+                summary.verdict,
+                str(summary.right),
+                str(summary.accepted_wrong),
+                str(summary.refused_right),
             )
-            for one in summaries
+            for summary in summaries
         ),
     )
 
 
 def _detail_table(summaries: Sequence[Summary]) -> Table:
     return Table(
-        "Which step fails, and how exact the rest is",
+        "Which step fails first, and how accurate the right registrations are",
         (
-            *("grid", "σ²", "method", "wrong first in yaw / tilt / translation", "series ended by these"),
-            f"right yaw the highest peak / among {FEW} / among {RANKED}",
-            *("right", "with the translation at the scan's center", "also within 3 m", "median error where right"),
+            *("grid", "σ²", "method", "first wrong: yaw / tilt / translation", "series ended by each of these"),
+            f"right yaw is the highest peak / among the {FEW} highest / among the {RANKED} highest",
+            *("right", "right with the translation at the scan's center", "right and within 3 m"),
+            "median error where right",
         ),
         tuple(
             (
-                *_case(one),
-                " / ".join(str(count) for count in one.wrong_steps.values()),
-                " / ".join(str(count) for count in one.ended_by.values()),
-                " / ".join(str(count) for count in one.yaw_peaks),
-                str(one.right.successes),
-                str(one.right_at_center),
-                str(one.right_within_3m),
-                "" if one.rotation_deg is None else f"{one.rotation_deg:.2f}°, {one.translation_m:.2f} m",
+                *_case(summary),
+                " / ".join(str(count) for count in summary.wrong_steps.values()),
+                " / ".join(str(count) for count in summary.ended_by.values()),
+                " / ".join(str(count) for count in summary.yaw_peaks),
+                str(summary.right.successes),
+                str(summary.right_at_center),
+                str(summary.right_within_3m),
+                "" if summary.rotation_deg is None else f"{summary.rotation_deg:.2f}°, {summary.translation_m:.2f} m",
             )
-            for one in summaries
+            for summary in summaries
         ),
     )
 
@@ -159,7 +160,7 @@ def _time_table(times: Sequence[GaussianTime]) -> Table:
         cells = (f"{2 * prepare + register:.2f} s", f"{prepare:.2f} s", f"{register:.2f} s")
         lines.append((f"{grid}³", method, paper, *cells))
     headings = ("grid", "method", "paper, from raw scans", "two preparations and one registration")
-    return Table("Medians of run times", (*headings, "a preparation", "a registration"), tuple(lines))
+    return Table("Median run times", (*headings, "one preparation", "one registration"), tuple(lines))
 
 
 def _case(summary: Summary) -> tuple[str, str, str]:

@@ -94,4 +94,4 @@ def preparation_of(config: HemisphereConfig) -> HemisphereConfig:
 def _find(
     shared: Sequence[tuple[HemisphereConfig, tuple[LayeredScan, float]]], preparation: HemisphereConfig
 ) -> tuple[LayeredScan, float] | None:
-    return next((known for one, known in shared if one == preparation), None)
+    return next((known for earlier, known in shared if earlier == preparation), None)

@@ -23,10 +23,16 @@ class ChainVariant:
 VARIANTS: MappingProxyType[str, ChainVariant] = MappingProxyType(
     {
         "paper": ChainVariant(
-            "the paper's chain: the steps of Sect. 2.11 once, with its windows, along the highest yaw peak",
+            "the paper's chain: the steps of Sect. 2.11 once, with the paper's windows, along the highest yaw peak",
             HemisphereConfig.paper(),
         ),
-        "one peak": ChainVariant("one yaw peak, the rotation refined", HemisphereConfig(yaw_peaks=1)),
-        "six peaks": ChainVariant("six yaw peaks, the rotation refined", HemisphereConfig(yaw_peaks=6)),
+        "one peak": ChainVariant(
+            "the chain along the highest yaw peak, with the rotation refined", HemisphereConfig(yaw_peaks=1)
+        ),
+        "six peaks": ChainVariant(
+            "the chain along the six highest yaw peaks, with the rotation refined; these are the defaults of the "
+            "method `hemisphere`",
+            HemisphereConfig(yaw_peaks=6),
+        ),
     }
 )

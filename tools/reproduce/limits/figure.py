@@ -1,4 +1,4 @@
-"""Correlation peaks that tilt broadens, and what the estimates are off by: after the paper's Figs. 7 to 9."""
+"""Correlation peaks that tilt broadens, and the errors of the estimates: as the paper's Figs. 7 to 9."""
 
 from collections.abc import Sequence
 from dataclasses import dataclass
@@ -63,7 +63,7 @@ def draw_deviations(path: Path, rows: Sequence[Row]) -> None:
 
     figure = Figure(figsize=(12, 3.6), dpi=90, layout="constrained")
     kinds = {"roll": "tab:orange", "pitch": "tab:green", "both": "tab:red", "none": "tab:blue"}
-    titles = {"yaw": "yaw, as its peak says it", "roll": "roll, yaw given", "pitch": "pitch, yaw given"}
+    titles = {"yaw": "yaw, from its highest peak", "roll": "roll, yaw given", "pitch": "pitch, yaw given"}
     for axes, (name, title) in zip(figure.subplots(1, 3), titles.items(), strict=True):
         for number, (kind, color) in enumerate(kinds.items()):
             some = where(rows, tilted=kind)

@@ -1,4 +1,4 @@
-"""What the paper says of the limits of roll, pitch and yaw, beside what is found."""
+"""What the paper says about the limits of roll, pitch and yaw, next to our results."""
 
 from collections.abc import Sequence
 
@@ -19,22 +19,22 @@ _CHAIN_DEG, _CHAIN_VOXELS = 6.0, 3.0  # the whole chain is right within these
 
 
 def limits_section(rows: Sequence[Row], settings: LimitsSettings, grid: Grid) -> Section:
-    """What the paper says of the limits beside what is found."""
+    """What the paper says about the limits, next to our results."""
     return Section(
         title="The limits of the resampling: Figs. 7, 8, 9",
         introduction=_introduction(settings, grid),
         tables=(deviation_table(rows), step_table(rows)),
         times=(),
         pictures={
-            PEAKS: "The correlations of both steps under ever more roll and pitch, as Figs. 7 and 8; circles and "
-            "dotted lines are true",
-            DEVIATIONS: "Deviations of the estimates over the tilt, as Fig. 9; each dot is one registration",
+            PEAKS: "The correlations of both steps as roll and pitch grow, as Figs. 7 and 8. Circles and dotted lines "
+            "mark the true values.",
+            DEVIATIONS: "Errors of the estimates against the tilt, as Fig. 9. Each dot is one registration.",
         },
     )
 
 
 def deviation_table(rows: Sequence[Row]) -> Table:
-    """The paper's sentences, ours, and the verdict."""
+    """The paper's statements, our results, and the verdicts."""
     both = where(rows, tilted="both")
     single = [row for row in rows if row["tilted"] != "both"]
     small = [row for row in rows if float(row["tilt_deg"]) <= _SMALL_TILT]
@@ -56,11 +56,11 @@ def deviation_table(rows: Sequence[Row]) -> Table:
             "reached" if right == len(end) else f"{len(end) - right} of {len(end)} fail",
         )
     )
-    return Table("What is told, and what is found", ("what", "paper", "ours", "verdict"), tuple(lines))
+    return Table("What the paper says, and our results", ("quantity", "paper", "ours", "verdict"), tuple(lines))
 
 
 def step_table(rows: Sequence[Row]) -> Table:
-    """Median and largest deviations by tilt, and the chain's success."""
+    """Median and largest errors by tilt, and the chain's success."""
     lines = []
     for tilted in ("none", "roll", "pitch", "both"):
         for tilt in sorted({float(row["tilt_deg"]) for row in where(rows, tilted=tilted)}):
@@ -70,8 +70,16 @@ def step_table(rows: Sequence[Row]) -> Table:
                 for name in ("yaw_off_deg", "roll_off_deg", "pitch_off_deg", "chain_off_deg")
             ]
             lines.append((tilted, f"{tilt:g}", *cells, str(wilson(sum(map(chain_right, some)), len(some)))))
-    headings = ("tilted", "by [degrees]", "yaw off", "roll off", "pitch off", "chain off", "chain right")
-    return Table("Deviations [degrees], median / largest", headings, tuple(lines))
+    headings = (
+        "tilted in",
+        "tilt [°]",
+        "yaw error",
+        "roll error",
+        "pitch error",
+        "error of the whole chain",
+        "chain right",
+    )
+    return Table("Errors [degrees], median / largest", headings, tuple(lines))
 
 
 def chain_right(row: Row) -> bool:
@@ -93,7 +101,7 @@ def _offset_line(both: Sequence[Row]) -> tuple[str, str, str, str]:
 
 
 def _ours_and_verdict(rows: Sequence[Row], name: str) -> tuple[str, str]:
-    """Ours, and the verdict."""
+    """Our median and largest errors, and the verdict."""
     sizes = _sizes(rows, name)
     small = int((sizes <= _NEGLIGIBLE).sum())
     verdict = "confirmed" if small == len(sizes) else f"{small} of {len(sizes)}"
@@ -106,10 +114,10 @@ def _sizes(rows: Sequence[Row], name: str) -> np.ndarray:
 
 def _introduction(settings: LimitsSettings, grid: Grid) -> str:
     return (
-        "Structures as in the rotation experiment, without noise, turned by roll, by pitch, or by both alike, "
-        f"up to {settings.tilts_deg[-1]:g} degrees, under yaws from {settings.yaws_deg[0]:g} to "
-        f"{settings.yaws_deg[-1]:g}. Grid: {grid.edge} voxels of {grid.voxel:g} m. Each of the paper's steps is "
-        "looked at for itself: yaw as its highest peak says it, roll and pitch with the true yaw given, and the "
-        "whole chain. What one step leaves over is what the resampling cannot tell. Seeds per scene: "
+        "The structures of the rotation experiment, without noise, are turned by roll, by pitch, or by both through "
+        f"the same angle, up to {settings.tilts_deg[-1]:g} degrees, and by yaws from {settings.yaws_deg[0]:g} to "
+        f"{settings.yaws_deg[-1]:g} degrees. Grid: {grid.edge} voxels of {grid.voxel:g} m. The paper's steps are "
+        "tested one at a time: first yaw, from its highest peak; then roll and pitch, with the true yaw given; then "
+        "the whole chain. As there is no noise, the errors that remain come from the resampling. Seeds per scene: "
         f"{settings.seeds}, from {settings.first_seed} on."
     )

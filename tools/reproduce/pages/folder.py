@@ -117,11 +117,12 @@ def _page(record: Record) -> str:
 
 def _copy_pictures(drawn: Path, folder: Path, name: str, section: Section) -> None:
     names = sorted(path.name for path in drawn.iterdir())
-    if names != sorted(section.pictures) or not all(one.startswith(name) and one.endswith(".png") for one in names):
-        raise ValueError(f"{name} drew {names}; wanted what its section shows, {name}*.png: {[*section.pictures]}")
-    for one in names:
-        with atomic_path(folder / one) as temporary:
-            temporary.write_bytes((drawn / one).read_bytes())
+    well_named = all(picture.startswith(name) and picture.endswith(".png") for picture in names)
+    if names != sorted(section.pictures) or not well_named:
+        raise ValueError(f"{name} drew {names}, but its section needs {name}*.png: {[*section.pictures]}")
+    for picture in names:
+        with atomic_path(folder / picture) as temporary:
+            temporary.write_bytes((drawn / picture).read_bytes())
 
 
 def _write_text(path: Path, text: str) -> None:

@@ -4,36 +4,40 @@ PAPER_INTRODUCTION = """# The paper's experiments, reproduced
 
 Bülow and Birk, "Spectral registration of noisy sonar data for underwater 3D mapping", Autonomous Robots 30, 2011, doi
 10.1007/s10514-011-9221-8. The paper tests translation, rotation and both together on a simulated scene with four kinds
-of noise (Sect. 3), and makes a map of eighteen scans of the Lesumer Sperrwerk, a flood gate near Bremen, taken with a
-Tritech Eclipse sonar (Sect. 4). It gives neither the scene nor the scans. So all scans here are simulated, those of
-Sect. 4 too: of a flood gate and of clutter (`sonarmap simulate`; `--scene` takes others), with the paper's field of
-view, steps and noise, and with a truth for every pose. What the paper reports on its scans stands beside what this
-project finds on these: claims can be reproduced so, single numbers cannot.
+of noise (Sect. 3), and builds a map from eighteen scans of the Lesumer Sperrwerk, a flood gate near Bremen, taken with
+a Tritech Eclipse sonar (Sect. 4). Neither the scene nor the scans are published. So all scans here are simulated, those
+of Sect. 4 too, in a scene with a flood gate and in one with clutter (`sonarmap simulate`; `--scene` chooses another).
+Field of view, steps and noise are the paper's, and the true pose of every scan is known. The tables show what the paper
+reports on its scans next to what this project measures on the simulated ones. This can confirm or refute the paper's
+claims, but it cannot reproduce single numbers.
 
-This page and its pictures are made by the commands below, each of which goes on where it was stopped; `--page FILE`
-writes the page from what is found in the folder of results. With the same seeds, code, device and versions the rows,
-tables and pictures come out the same byte by byte; only the times differ. Rates have Wilson's 95 % intervals.
+The commands below made this page and its pictures. A command that was stopped continues where it stopped when it is
+run again; `--page FILE` writes the page from the results in the output folder. The same seeds, code, device and package
+versions give the same rows, tables and pictures, byte for byte; only the times differ. The brackets after a rate hold
+its 95 % confidence interval (Wilson's).
 """
 
 EVALUATION_INTRODUCTION = """# Evaluation on unseen pairs
 
-How the registration does on pairs that nothing was chosen on: the scenes, poses and noises come from seeds that neither
-development nor the tests use, so that what is found here is what a new pair may expect, as far as simulated scans can
-tell. The same pairs, grids and criteria hold for every method; each has its defaults. All scans are simulated
-(`sonarmap simulate`), with a truth for every pair.
+How well the registration works on pairs that had no part in its development: the scenes, poses and noise come from
+seeds that neither development nor the tests use. The results show what to expect on a new pair, as far as simulated
+scans can show it. All methods are compared on the same pairs and grids, by the same criteria, each with its default
+settings. All scans are simulated (`sonarmap simulate`), so the truth is known for every pair.
 
-This page and its pictures are made by the commands below, each of which goes on where it was stopped and does anew only
-what a change of the code has touched; `--page FILE` writes the page from what is found in the folder of results. With
-the same seeds, code, device and versions the rows, tables and pictures come out the same byte by byte, however many
-`--workers` share the jobs; only the times differ. Rates have Wilson's 95 % intervals.
+The commands below made this page and its pictures. A command that was stopped continues where it stopped when it is
+run again; after a change of the code it repeats only the jobs that the change affects. `--page FILE` writes the page
+from the results in the output folder. The same seeds, code, device and package versions give the same rows, tables and
+pictures, byte for byte, however many `--workers` share the jobs; only the times differ. The brackets after a rate hold
+its 95 % confidence interval (Wilson's).
 """
 
 SLAM_INTRODUCTION = """# Mapping whole surveys
 
-How mapping does, from scans to one map, beside other systems: simulated surveys (`sonarmap simulate`), with a truth for
-every pose and every surface. All systems are given the same scans, and each has its defaults.
+How well mapping works, from scans to one map, compared with other systems. The surveys are simulated
+(`sonarmap simulate`), so the truth is known for every pose and every surface. All systems get the same scans, and each
+runs with its default settings.
 
-This page and its pictures are made by the commands below, each of which goes on where it was stopped; `--page FILE`
-writes the page from what is found in the folder of results. With the same seeds, code, device and versions the rows,
-tables and pictures come out the same byte by byte; only times and memory differ.
+The commands below made this page and its pictures. A command that was stopped continues where it stopped when it is
+run again; `--page FILE` writes the page from the results in the output folder. The same seeds, code, device and package
+versions give the same rows, tables and pictures, byte for byte; only times and memory differ.
 """

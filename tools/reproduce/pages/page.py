@@ -16,11 +16,11 @@ from tools.writers.atomic import all_or_none, atomic_path
 
 @dataclass(frozen=True, slots=True)
 class Frame:
-    """What a page says besides its experiments.
+    """The text of a page around its experiments.
 
     Attributes:
         introduction: Markdown, with the page's title.
-        beside: whose values stand beside ours.
+        beside: heading of the values next to ours: the paper's, or the required ones.
     """
 
     introduction: str
@@ -30,8 +30,8 @@ class Frame:
 FRAMES: Mapping[str, Frame] = MappingProxyType(
     {
         ALL: Frame(PAPER_INTRODUCTION, "paper"),
-        EVALUATION: Frame(EVALUATION_INTRODUCTION, "wanted"),
-        SLAM: Frame(SLAM_INTRODUCTION, "wanted"),
+        EVALUATION: Frame(EVALUATION_INTRODUCTION, "required"),
+        SLAM: Frame(SLAM_INTRODUCTION, "required"),
     }
 )
 
@@ -96,8 +96,8 @@ def _verdict_table(records: Sequence[Record], beside: str) -> Table:
 
 def _run_table(records: Sequence[Record]) -> Table:
     return Table(
-        "On what machine, and in what time",
-        ("experiment", "jobs", "time", "machine", "made by"),
+        "Machines and times",
+        ("experiment", "jobs", "time", "machine", "command"),
         tuple(
             (
                 record.name,

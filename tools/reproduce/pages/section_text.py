@@ -1,4 +1,4 @@
-"""A section as Markdown, and what its first table says of the paper's claims."""
+"""A section as Markdown, and the claims and verdicts in its first table."""
 
 import re
 from dataclasses import dataclass
@@ -10,7 +10,7 @@ from tools.reproduce.table import Table
 
 @dataclass(frozen=True, slots=True)
 class Verdict:
-    """One claim: what the paper says of it, or what is wanted; what we find, and what to make of it."""
+    """One claim: the paper's value or the required one, ours, and the verdict."""
 
     claim: str
     paper: str
@@ -21,16 +21,16 @@ class Verdict:
 def verdicts(section: Section) -> tuple[Verdict, ...]:
     """The rows of the section's first table.
 
-    It has columns whose headings begin with paper or wanted, ours, and verdict; what stands left of them says what the
-    claim is about. A section without a table claims nothing.
+    It has columns whose headings begin with paper or required, ours, and verdict; the cells left of them name the
+    claim. A section without a table has no claims.
 
     Raises:
-        ValueError: it has not.
+        ValueError: the table lacks one of these columns.
     """
     if not section.tables:
         return ()
     table = section.tables[0]
-    columns = [_column(table, word) for word in ("paper|wanted", "ours", "verdict")]
+    columns = [_column(table, word) for word in ("paper|required", "ours", "verdict")]
     before = min(columns)
     return tuple(
         Verdict(", ".join(cell for cell in row[:before] if cell), *(row[k] for k in columns)) for row in table.rows
@@ -41,7 +41,7 @@ def section_text(section: Section, level: int, pictures: str = "") -> str:
     """Markdown of a section, without its times.
 
     Args:
-        section: what to tell.
+        section: its title, text, tables and pictures.
         level: of its heading, 1 for a page of its own.
         pictures: what to put before the pictures' file names, as in "reproduction/".
     """

@@ -1,4 +1,4 @@
-"""Success against overlap, and how well errors and probabilities are foretold."""
+"""Success against overlap, and how well covariances and probabilities predict errors and success."""
 
 import math
 from collections.abc import Sequence
@@ -36,7 +36,7 @@ def draw_pairs(folder: Path, rows: Sequence[Row], methods: Sequence[str]) -> Non
 
 
 def draw_overlap(path: Path, rows: Sequence[Row], methods: Sequence[str]) -> None:
-    """The share of right registrations over the share that the scans have in common."""
+    """The share of right registrations against the overlap of the scans."""
     from matplotlib.figure import Figure
 
     figure = Figure(figsize=(10.6, 4.2), dpi=DPI, layout="constrained")
@@ -44,9 +44,9 @@ def draw_overlap(path: Path, rows: Sequence[Row], methods: Sequence[str]) -> Non
     for axes, (turn, words) in zip(panels, _TURNS.items(), strict=True):
         for method in methods:
             some = where(rows, turn=turn, method=method)
-            held = [one for low, high in pairwise(_TENTHS) if (one := shared(some, low, high))]
-            places = [float(np.mean([float(row["shared"]) for row in one])) for one in held]
-            draw_rates(axes, places, [wilson(len(right(one)), len(one)) for one in held], method)
+            tenths = [pairs for low, high in pairwise(_TENTHS) if (pairs := shared(some, low, high))]
+            places = [float(np.mean([float(row["shared"]) for row in pairs])) for pairs in tenths]
+            draw_rates(axes, places, [wilson(len(right(pairs)), len(pairs)) for pairs in tenths], method)
         axes.set(title=words, xlabel="share of the points in common", xlim=(0, 1), ylim=(-0.03, 1.03))
         axes.grid(alpha=0.3)
     panels[0].set_ylabel("share of pairs that are right")
@@ -74,12 +74,12 @@ def draw_nees(path: Path, rows: Sequence[Row]) -> None:
 
 
 def draw_probability(path: Path, rows: Sequence[Row]) -> None:
-    """The share of right registrations over the probability that was told."""
+    """The share of right registrations against the reported probability."""
     from matplotlib.figure import Figure
 
     figure = Figure(figsize=(4.6, 4.4), dpi=DPI, layout="constrained")
     axes = figure.subplots()
-    axes.plot([0, 1], [0, 1], "k--", linewidth=0.9, label="honest")
+    axes.plot([0, 1], [0, 1], "k--", linewidth=0.9, label="calibrated")
     bins = reliability(rows)
     if bins:
         draw_rates(axes, [rated.predicted for rated in bins], [rated.right for rated in bins], OURS)
@@ -88,8 +88,10 @@ def draw_probability(path: Path, rows: Sequence[Row]) -> None:
                 str(rated.right.trials), (rated.predicted, rated.share), (5, -9), textcoords="offset points", fontsize=7
             )
     else:
-        axes.set_title(f"{OURS} tells no probability", fontsize=10)
-    axes.set(xlabel="probability told (mean of a bin)", ylabel="share that is right", xlim=(0, 1), ylim=(-0.03, 1.03))
+        axes.set_title(f"{OURS} reports no probability", fontsize=10)
+    axes.set(
+        xlabel="reported probability (mean of a bin)", ylabel="share that is right", xlim=(0, 1), ylim=(-0.03, 1.03)
+    )
     axes.grid(alpha=0.3)
     axes.legend(fontsize=8, frameon=False)
     save_figure(figure, path)

@@ -13,25 +13,28 @@ from tools.reproduce.rows import where
 
 
 def pairs_section(rows: Sequence[Row], settings: PairsSettings) -> Section:
-    """What is wanted of ours, then every method's success and trust, then how honest ours is."""
+    """The requirements on ours, then every method's success and acceptance, then the calibration of ours."""
     methods = settings.compared.methods
     yaw, free = where(rows, turn="yaw"), where(rows, turn="any")
     tables = [
         verdict_table(yaw, free),
-        overlap_table(yaw, methods, "Right by overlap: any yaw, tilt up to 35 degrees"),
-        overlap_table(free, methods, "Right by overlap: any rotation"),
-        trust_table(yaw, methods, "What each method believes: any yaw, tilt up to 35 degrees"),
-        trust_table(free, methods, "What each method believes: any rotation"),
+        overlap_table(yaw, methods, "Right registrations by overlap: any yaw, tilt up to 35 degrees"),
+        overlap_table(free, methods, "Right registrations by overlap: any rotation"),
+        trust_table(yaw, methods, "What each method accepts: any yaw, tilt up to 35 degrees"),
+        trust_table(free, methods, "What each method accepts: any rotation"),
         scene_table(yaw, methods),
         accuracy_table(yaw, methods),
         calibration_table(yaw, free, methods),
         reliability_table(yaw, free),
     ]
-    pictures = {OVERLAP: f"Share of right registrations over the share in common; of `{OURS}` with Wilson's 95 % band."}
+    pictures = {
+        OVERLAP: f"Share of right registrations against the overlap. The band is the 95 % interval of `{OURS}`."
+    }
     if OURS in methods:
         pictures |= {
-            NEES: f"Normalized squared errors of the right registrations of `{OURS}` beside chi-squared.",
-            PROBABILITY: f"How often `{OURS}` is right, over the probability that it tells; numbers of registrations.",
+            NEES: f"Normalized squared errors of the right registrations of `{OURS}`, and the chi-squared density.",
+            PROBABILITY: f"How often `{OURS}` is right against the probability it reports. The numbers are counts of "
+            "registrations.",
         }
     return Section(
         title="Pairs of every overlap",
@@ -53,15 +56,16 @@ def _introduction(rows: Sequence[Row], settings: PairsSettings) -> str:
     fewer = ""
     if min(peers) < min(settings.counts.values()):
         numbers = " and ".join(str(n) for n in sorted(peers, reverse=True))
-        fewer = f" Those beside `{OURS}` register the first {numbers} of them."
+        fewer = f" The methods other than `{OURS}` register only the first {numbers} of these pairs."
     scenes = ", ".join(f"`{scene}`" for scene in dict.fromkeys(row["scene"] for row in rows))
     return (
         f"{available['yaw']} pairs whose source is turned by any yaw and tilted by up to 35 degrees of roll and pitch, "
-        f"and {available['any']} others turned by any rotation ({OURS} with its bound on roll and pitch lifted, the "
-        f"other methods as they are), from scenes of {scenes}, each with a seed of its own (set {settings.seed}). They "
-        "share 5 to 100 % of their points, as many pairs in each fifth; the range noise is 0, 1 or 2 m² at the largest "
-        "range of a scene of 256 m, smaller in smaller scenes, with outliers, dropouts, ghosts and speckle. The grid "
-        f"has {settings.edge} voxels an edge, their size chosen from the two scans; right is within {RIGHT_DEG:g} "
-        f"degrees and {RIGHT_VOXELS:g} voxels. {settings.compared.words}{fewer}"
-        + (f" Pairs that their scenes do not have are left out: {', '.join(short)}." if short else "")
+        f"and {available['any']} pairs whose source is turned by any rotation (for these, `{OURS}` runs without its "
+        f"limit on roll and pitch; the other methods run unchanged). The scenes are {scenes}; each pair has a "
+        f"scene seed of its own (set {settings.seed}). The scans of a pair share 5 to 100 % of their points, with equally many "
+        "pairs in each fifth of 0 to 100 %. The variance of the range noise is 0, 1 or 2 m² at the largest range of a "
+        "scene of 256 m, and less in smaller scenes; there are also outliers, dropouts, ghosts and speckle. The grid "
+        f"has {settings.edge} voxels along each edge; their size is chosen from the two scans. A registration is right "
+        f"if it is within {RIGHT_DEG:g} degrees and {RIGHT_VOXELS:g} voxels of the truth. {settings.compared.words}"
+        f"{fewer}" + (f" Left out, because the scene has no such pair: {', '.join(short)}." if short else "")
     )

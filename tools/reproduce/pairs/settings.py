@@ -36,7 +36,9 @@ class PairsSettings:
     def __post_init__(self) -> None:
         Grid(self.edge, 1.0)
         if self.yaw < 1 or self.any < 1 or self.seed < 0:
-            raise InputError(f"{self.yaw} and {self.any} pairs of the set {self.seed}; wanted 1 or more, of one >= 0")
+            raise InputError(
+                f"{self.yaw} and {self.any} pairs of the set {self.seed}; each must be 1 or more, and the seed >= 0"
+            )
 
     @property
     def counts(self) -> dict[Turn, int]:

@@ -1,4 +1,4 @@
-"""The pair set in tables: what is wanted, success and acceptance of every method, and the accuracy of what is right."""
+"""The pair set in tables: requirements, success and acceptance of every method, accuracy of right registrations."""
 
 from collections.abc import Sequence
 
@@ -20,23 +20,24 @@ from tools.reproduce.experiment import Row
 from tools.reproduce.rows import where
 from tools.reproduce.table import Table, verdict
 
-CLEAR = 0.4  # of the points in common: more is to be believed
+CLEAR = 0.4  # of the points in common: pairs that share more should be accepted
 
 
 def overlap_table(rows: Sequence[Row], methods: Sequence[str], title: str) -> Table:
-    """Right registrations by method and share in common, whether believed or not."""
+    """Right registrations by method and overlap, whether accepted or not."""
     lines = []
     for method in methods:
         some = where(rows, method=method)
-        held = [shared(some, low, high) for low, high in OVERLAPS]
-        lines.append((method, *(percent(right(one), one) for one in held), rate(right(some), some)))
+        by_overlap = [shared(some, low, high) for low, high in OVERLAPS]
+        lines.append((method, *(percent(right(pairs), pairs) for pairs in by_overlap), rate(right(some), some)))
     count = [len(shared(where(rows, method=methods[0]), low, high)) for low, high in OVERLAPS]
-    spans = (f"{low:.0%}..{high:.0%}: {n}" for (low, high), n in zip(OVERLAPS, count, strict=True))
-    return Table(f"{title} (in the head: how many pairs)", ("method", *spans, "all"), tuple(lines) if rows else ())
+    spans = (f"{low:.0%}..{high:.0%} ({n} pairs)" for (low, high), n in zip(OVERLAPS, count, strict=True))
+    title = f"{title}. The headings say how many pairs `{methods[0]}` registers"
+    return Table(title, ("method", *spans, "all"), tuple(lines) if rows else ())
 
 
 def trust_table(rows: Sequence[Row], methods: Sequence[str], title: str) -> Table:
-    """What is accepted and what is refused, rightly or not."""
+    """How many registrations are accepted and refused, rightly or not."""
     lines = []
     for method in methods:
         some = where(rows, method=method)
@@ -54,21 +55,23 @@ def trust_table(rows: Sequence[Row], methods: Sequence[str], title: str) -> Tabl
     headings = (
         "method",
         "accepted",
-        "accepted yet wrong, of all",
-        "of accepted",
-        f"refused though > {CLEAR:.0%} shared",
+        "accepted though wrong, of all",
+        "accepted though wrong, of the accepted",
+        f"refused, of those that share > {CLEAR:.0%}",
+        "refused though right, of the right",
     )
-    return Table(title, (*headings, "refused though right, of right"), tuple(lines) if rows else ())
+    return Table(title, headings, tuple(lines) if rows else ())
 
 
 def scene_table(rows: Sequence[Row], methods: Sequence[str]) -> Table:
-    """Right registrations by method and scene, and how often they are believed wrongly."""
+    """Right registrations by method and scene, and how many are accepted though wrong."""
     scenes = list(dict.fromkeys(str(row["scene"]) for row in rows))
     lines = []
     for method in methods:
-        some = [where(rows, method=method, scene=scene) for scene in scenes]
-        lines.append((method, *(f"{percent(right(one), one)}, {len(wrong(accepted(one)))}" for one in some)))
-    title = "Right by scene, and how many are accepted though wrong: any yaw, tilt up to 35 degrees"
+        by_scene = [where(rows, method=method, scene=scene) for scene in scenes]
+        cells = (f"{percent(right(pairs), pairs)}, {len(wrong(accepted(pairs)))}" for pairs in by_scene)
+        lines.append((method, *cells))
+    title = "Right registrations by scene, then how many are accepted though wrong: any yaw, tilt up to 35 degrees"
     return Table(title, ("method", *scenes), tuple(lines) if rows else ())
 
 
@@ -80,8 +83,9 @@ def accuracy_table(rows: Sequence[Row], methods: Sequence[str]) -> Table:
         if some:
             errors = (f"{middle(some, 'rotation_deg'):.3f}", f"{middle(some, 'translation_voxels'):.3f}")
             lines.append((method, str(len(some)), *errors, f"{middle(some, 'translation_m'):.3f}"))
-    title = "Median errors of what is right, more than half shared, σ² up to 1 m²: any yaw, tilt up to 35 degrees"
-    return Table(title, ("method", "registrations", "degrees", "voxels", "m"), tuple(lines))
+    title = "Median errors of right registrations, more than half shared, σ² up to 1 m²: any yaw, tilt up to 35 degrees"
+    headings = ("method", "registrations", "rotation [°]", "translation [voxels]", "translation [m]")
+    return Table(title, headings, tuple(lines))
 
 
 MOST_WRONG = 0.002  # of all pairs
@@ -93,14 +97,14 @@ _Line = tuple[str, str, str, str]
 
 
 def verdict_table(yaw: Sequence[Row], free: Sequence[Row]) -> Table:
-    """Empty where ours took no part."""
+    """The requirements; no rows where ours did not run."""
     lines: list[_Line] = []
     for words, rows in (("any yaw", where(yaw, method=OURS)), ("any rotation", where(free, method=OURS))):
         if rows:
             lines += [_believed(rows, words), _refused(rows, words)]
     ours = where(yaw, method=OURS)
     lines += [*_accuracy(accurate(ours)), *_calibration([row for row in ours if row["right"]])]
-    return Table(f"What is wanted of `{OURS}`", ("what", "wanted", "ours", "verdict"), tuple(lines))
+    return Table(f"Requirements on `{OURS}`", ("measure", "required", "ours", "verdict"), tuple(lines))
 
 
 def _believed(rows: Sequence[Row], words: str) -> _Line:

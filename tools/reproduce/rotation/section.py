@@ -1,4 +1,4 @@
-"""Turned structures for people: how far estimated angles deviate, beside what the paper's figures show."""
+"""Turned structures in words and tables: errors of the angles, next to what the paper's figures show."""
 
 from collections.abc import Sequence
 from types import MappingProxyType
@@ -20,14 +20,17 @@ _SHIFT_VOXELS = 2.0
 
 
 def rotation_section(rows: Sequence[Row], settings: RotationSettings, grid: Grid) -> Section:
-    """The deviations of every noise beside the paper's."""
-    first = f"The first seed of `{settings.scenes[0]}`, as Figs. 16 and 17: lines true, crosses estimated, gray wrong"
+    """The deviations under every noise, next to the paper's."""
+    caption = (
+        f"The first seed of `{settings.scenes[0]}`, as Figs. 16 and 17. Lines are true values, crosses are estimates; "
+        "gray marks wrong registrations."
+    )
     return Section(
         title="Rotation under noise of the voxels: Figs. 16, 17",
         introduction=_introduction(settings, grid),
         tables=(_deviation_table(rows, settings),),
         times=(),
-        pictures={PICTURE: first},
+        pictures={PICTURE: caption},
         remarks=_remarks(rows),
     )
 
@@ -39,7 +42,7 @@ def deviation(row: Row, name: str) -> float:
 
 
 def keeps(row: Row) -> bool:
-    """Whether a registration keeps to what the paper's figures show, and does not shift."""
+    """Whether the angles deviate no more than in the paper's figures, and the shift is close to zero."""
     turned = all(abs(deviation(row, name)) <= most for name, most in PAPER_DEVIATION.items())
     return turned and float(row["translation_voxels"]) <= _SHIFT_VOXELS
 
@@ -74,7 +77,7 @@ def _deviation_table(rows: Sequence[Row], settings: RotationSettings) -> Table:
             "within",
             "median error",
         ),
-        *("largest shift [voxels]", "least PSR"),
+        *("largest shift [voxels]", "lowest PSR"),
     )
     return Table("Deviations from the true angles [degrees]", headings, tuple(lines))
 
@@ -82,23 +85,24 @@ def _deviation_table(rows: Sequence[Row], settings: RotationSettings) -> Table:
 def _remarks(rows: Sequence[Row]) -> str:
     beyond = [row for row in rows if not keeps(row)]
     if not beyond:
-        return "None of the registrations deviates more."
+        return "All registrations are within the limits."
     named = ", ".join(
         f"`{row['scene']}` {row['noise']} seed {row['seed']} at {float(row['true_yaw_deg']):.0f}° of yaw"
         for row in beyond
     )
-    return f"Beyond the bounds: {named}. {sum(bool(row['accepted']) for row in beyond)} of these were accepted."
+    return f"Beyond the limits: {named}. {sum(bool(row['accepted']) for row in beyond)} of these were accepted."
 
 
 def _introduction(settings: RotationSettings, grid: Grid) -> str:
     yaws = settings.yaws_deg
     bounds = PAPER_DEVIATION
     return (
-        "The structures of the translation experiment, turned about the grid's middle by R = Rz(yaw) Ry(pitch) "
-        f"Rx(roll) with roll and pitch of {settings.tilt_deg:g} degrees and yaw from {yaws[0]:g} to {yaws[-1]:g} "
-        f"degrees, and put into the {grid.edge} voxels of {grid.voxel:g} m anew; what leaves the frame is lost. "
-        "Noise as there, independent in both volumes. The paper's method, one yaw peak.\n\nThe paper tells no "
-        f"numbers; what its figures show is taken as up to {bounds['yaw']:g} degrees of deviation in yaw and "
-        f"{bounds['roll']:g} in roll and pitch. A registration keeps to it if its shift, zero in truth, is "
-        f"within {_SHIFT_VOXELS:g} voxels too. Seeds per scene: {settings.seeds}, from {settings.first_seed} on."
+        "The structures of the translation experiment are turned about the middle of the grid by R = Rz(yaw) Ry(pitch) "
+        f"Rx(roll), with roll and pitch of {settings.tilt_deg:g} degrees and yaw from {yaws[0]:g} to {yaws[-1]:g} "
+        f"degrees, and put into the grid of {grid.edge} voxels of {grid.voxel:g} m again; what leaves the grid is "
+        "lost. The noise is that of the translation experiment, independent in both volumes. The method is the "
+        "paper's, with one yaw peak.\n\nThe paper gives no numbers. Its figures show deviations of up to about "
+        f"{bounds['yaw']:g} degrees in yaw and {bounds['roll']:g} degrees in roll and pitch; these are the limits "
+        "here. A registration is within the limits only if its shift, which is zero in truth, is also within "
+        f"{_SHIFT_VOXELS:g} voxels. Seeds per scene: {settings.seeds}, from {settings.first_seed} on."
     )

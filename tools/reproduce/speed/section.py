@@ -1,4 +1,4 @@
-"""Times of a pair, in words and tables."""
+"""The time to register a pair, in words and tables."""
 
 import math
 from collections.abc import Iterable, Sequence
@@ -18,16 +18,17 @@ NINETY_NINE = 99.0  # percentile
 
 
 def speed_section(rows: Sequence[Row], seconds: Sequence[Row], settings: PairSetSettings) -> Section:
-    """All tables of times stand among the times, which may differ between runs."""
+    """All tables are times, which may differ between runs."""
     methods = settings.compared.methods
     count = len({row["number"] for row in rows})
     return Section(
-        title="Times of a pair",
+        title="Time to register a pair",
         introduction=(
             f"{count} pairs of the set {settings.seed} that share more than 20 % of their points, any yaw, tilt up to "
-            f"35 degrees, on grids of {settings.edge} voxels an edge. Both scans are prepared before and the pair is "
-            "registered once, untimed; then the methods register it in turn, three times over, and the fastest of the "
-            f"three counts. One process, one pair at a time. {settings.compared.words}"
+            f"35 degrees, on grids of {settings.edge} voxels along each edge. Both scans are prepared first, and the "
+            "pair is registered once without being timed. Then the methods take turns to register it, three times "
+            "each; the fastest of the three counts. One process registers one pair at a time. "
+            f"{settings.compared.words}"
         ),
         tables=(),
         times=(time_table(seconds, methods), spread_table(seconds), _right_table(rows, methods)),
@@ -36,7 +37,7 @@ def speed_section(rows: Sequence[Row], seconds: Sequence[Row], settings: PairSet
 
 
 def time_table(seconds: Sequence[Row], methods: Sequence[str]) -> Table:
-    """Each method's times, and beside ours pair by pair."""
+    """The times of each method, and the ratio of ours to them, pair by pair."""
     ours = _times(seconds, OURS)
     lines = []
     for method in methods:
@@ -55,13 +56,13 @@ def time_table(seconds: Sequence[Row], methods: Sequence[str]) -> Table:
                 f"{median(value for value in prepare if not math.isnan(value)):.3f}",
             )
         )
-    headings = ("method", "pairs", "least [s]", "median [s]", "99th percentile [s]", "most [s]")
-    beside = f"{OURS} takes times as long: median over the pairs"
-    return Table("Registering a pair", (*headings, beside, "preparing a scan, median [s]"), tuple(lines))
+    headings = ("method", "pairs", "min [s]", "median [s]", "99th percentile [s]", "max [s]")
+    ratio = f"time of {OURS} / time of the method, median over the pairs"
+    return Table("Registering a pair", (*headings, ratio, "preparing a scan, median [s]"), tuple(lines))
 
 
 def spread_table(seconds: Sequence[Row]) -> Table:
-    """What is said of ours: how even its times are, and how they compare to the peer's."""
+    """How much the times of ours vary, and how they compare with the peer's."""
     ours, peer = _times(seconds, OURS), _times(seconds, PEER)
     lines = []
     if ours:
@@ -69,7 +70,7 @@ def spread_table(seconds: Sequence[Row]) -> Table:
     both = [ours[number] / peer[number] for number in ours if number in peer]
     if both:
         lines.append((f"{OURS} / {PEER}, pair by pair, median", f"{median(both):.2f}"))
-    return Table(f"The times of `{OURS}`", ("what", "ratio"), tuple(lines))
+    return Table(f"Ratios of the times of `{OURS}`", ("ratio of", "value"), tuple(lines))
 
 
 def _right_table(rows: Sequence[Row], methods: Sequence[str]) -> Table:
@@ -77,7 +78,7 @@ def _right_table(rows: Sequence[Row], methods: Sequence[str]) -> Table:
     for method in methods:
         some = where(rows, method=method)
         lines.append((method, rate(right(some), some), rate(accepted(some), some)))
-    return Table("The pairs that were timed", ("method", "right", "accepted"), tuple(lines))
+    return Table("Success on the timed pairs", ("method", "right", "accepted"), tuple(lines))
 
 
 def _times(seconds: Sequence[Row], method: str) -> dict[object, float]:

@@ -25,8 +25,8 @@ def draw_steps(path: Path, rows: Sequence[Row], methods: Sequence[str]) -> None:
     panels = figure.subplots(1, len(noises), squeeze=False, sharey=True)[0]
     for axes, sigma2 in zip(panels, noises, strict=True):
         for method in methods:
-            some = [where(rows, sigma2=sigma2, method=method, step=step) for step in steps]
-            draw_rates(axes, steps, [wilson(len(right(one)), len(one)) for one in some], method)
+            by_step = [where(rows, sigma2=sigma2, method=method, step=step) for step in steps]
+            draw_rates(axes, steps, [wilson(len(right(trials)), len(trials)) for trials in by_step], method)
         axes.set_title(f"σ² = {sigma2:g} m²", fontsize=11)
         axes.set_xticks(steps, [f"S{step}" for step in steps], fontsize=8)
         axes.set_ylim(-0.03, 1.03)

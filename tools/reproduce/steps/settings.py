@@ -14,7 +14,7 @@ EXTENT = 256.0  # of the grid [m], as large as the paper's
 STEPS_SCENES = ("floodgate", "harbor", "bridge", "wreck")
 
 
-FIRST_SEED = 101  # nothing was chosen on scenes and noises of these seeds
+FIRST_SEED = 101  # neither development nor the tests use scenes and noise of these seeds
 
 
 @dataclass(frozen=True, slots=True)

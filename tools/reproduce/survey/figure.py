@@ -1,4 +1,4 @@
-"""The ways that systems found over a scene's true plan: a panel for each, before and after its loops."""
+"""The estimated paths of every system over the true plan of the scene, before and after its loops."""
 
 from collections.abc import Sequence
 from pathlib import Path
@@ -21,7 +21,7 @@ PLAN_HEIGHT = -4.0  # of the section through the scene: the water's surface is a
 _WAYS: dict[str, dict[str, Any]] = {
     "true": {"color": "black", "linewidth": 2.4, "label": "true"},
     "before": {"color": "tab:orange", "linewidth": 1.0, "label": "before loops"},
-    "after": {"color": "magenta", "linewidth": 1.2, "marker": "o", "markersize": 2.0, "label": "found"},
+    "after": {"color": "magenta", "linewidth": 1.2, "marker": "o", "markersize": 2.0, "label": "estimated"},
 }
 
 
@@ -38,14 +38,14 @@ def draw_ways(path: Path, rows: Sequence[Row], scene: str, seed: int, survey: st
     section = plan(build_scene(scene, seed).mesh, PLAN_HEIGHT)
     figure = Figure(figsize=(5.2 * len(maps) + 0.4, 5.8), dpi=110, layout="constrained")
     panels = figure.subplots(1, len(maps), squeeze=False)[0]
-    for axes, one in zip(panels, maps, strict=True):
+    for axes, mapped in zip(panels, maps, strict=True):
         draw_plan(axes, section)
-        poses = where(chosen, row=POSE, system=one["system"])
+        poses = where(chosen, row=POSE, system=mapped["system"])
         for name, style in _WAYS.items():
             _draw_way(axes, poses, name, style)
         half = section.edge / 2
         axes.set(xlim=(-half, half), ylim=(-half, half), aspect="equal", xlabel="x [m]")
-        axes.set_title(f"{one['system']}: {float(one['ate_after_voxels']):.2f} voxels off", fontsize=11)
+        axes.set_title(f"{mapped['system']}: {float(mapped['ate_after_voxels']):.2f} voxels off", fontsize=11)
     panels[0].set_ylabel("y [m]")
     handles, labels = panels[0].get_legend_handles_labels()
     figure.legend(handles, labels, loc="outside lower center", ncols=len(labels), frameon=False)

@@ -1,4 +1,4 @@
-"""MappedSurvey surveys, in words and tables."""
+"""Mapped surveys, in words and tables."""
 
 import math
 from collections.abc import Sequence
@@ -17,22 +17,22 @@ from tools.reproduce.table import Table, verdict
 PICTURE = "survey.png"
 _DIVES = "dives"
 _FATES = ("kept_right", "kept_wrong", "refused_right", "refused_wrong")
-_ATE = 1.0  # wanted of poses at most [voxels]
-_WITHIN = 0.9  # wanted in the 95 % ellipsoids, at least: poses of one graph err together
+_ATE = 1.0  # required of poses, at most [voxels]
+_WITHIN = 0.9  # required in the 95 % ellipsoids, at least: the errors of poses of one graph are correlated
 
 
 def survey_section(rows: Sequence[Row], seconds: Sequence[Row], settings: SurveySettings) -> Section:
-    """Times and memory stand among the times, which may differ between runs."""
+    """Tables of times and memory, which may differ between runs, are apart from the others."""
     maps = where(rows, row=MAP)
     ours = where(maps, system=OURS)
     longest = f"{max(settings.counts)}"
     tables = [_verdicts(ours), _systems(where(maps, survey=longest)), _growth(ours), _pairs(maps), _places(ours)]
     return Section(
-        title="Whole surveys, mapped",
+        title="Maps of whole surveys",
         introduction=_introduction(maps, settings),
         tables=tuple(tables),
         times=(_growth_times(where(seconds, system=OURS)), _system_times(where(seconds, survey=longest))),
-        pictures={PICTURE: f"The ways found on the survey of {longest} scans, over the true plan"},
+        pictures={PICTURE: f"Estimated paths on the survey of {longest} scans, over the true plan"},
     )
 
 
@@ -41,18 +41,19 @@ def _introduction(maps: Sequence[Row], settings: SurveySettings) -> str:
     left_out = ", ".join(f"`{system}`" for system in settings.left_out)
     dives = (
         f" Two dives of {settings.dive} scans each over one place are given to the mapper as two surveys, the later "
-        "first; nothing tells how they lie to each other."
+        "first; their relative pose is not given."
         if settings.dive
         else ""
     )
     return (
-        f"A sonar goes to and fro over {settings.scene} in lanes, a scan every 9 m, with speckle, ghosts, outliers and "
-        f"dropouts; {settings.unusable:.0%} of the scans show nothing of the scene. ".replace("%", " %")
-        + f"Seeds: {settings.seeds}, from {settings.first_seed} on. Grids of {settings.edge} voxels an edge, of "
-        f"{' or '.join(voxels)} m, as `sonarmap map` chooses them; `sonarmap` is what it does with nothing but "
-        "defaults. Poses and maps are laid over the truth by all usable poses of the largest component. A pair is "
-        f"right within {RIGHT_DEG:g} degrees and {RIGHT_VOXELS:g} voxels. The map of another system is fused from its "
-        "poses as ours is; its error is the distance of its points to the true surface, noise included."
+        f"A sonar moves to and fro over {settings.scene} in lanes and takes a scan every 9 m, with speckle, ghosts, "
+        f"outliers and dropouts; {settings.unusable:.0%} of the scans show nothing of the scene. ".replace("%", " %")
+        + f"Seeds: {settings.seeds}, from {settings.first_seed} on. Grids of {settings.edge} voxels along each edge, "
+        f"of {' or '.join(voxels)} m, as `sonarmap map` chooses them; the system `sonarmap` is this command with its "
+        "default settings. Poses and maps are aligned with the truth by all usable poses of the largest component. A "
+        f"pair is right if it is within {RIGHT_DEG:g} degrees and {RIGHT_VOXELS:g} voxels of the truth. The maps of "
+        "the other systems are fused from their poses in the same way as ours. The error of a map is the distance of "
+        "its points to the true surface, noise included."
         + dives
         + (f" Left out, as their packages are not installed: {left_out}." if left_out else "")
     )
@@ -60,7 +61,7 @@ def _introduction(maps: Sequence[Row], settings: SurveySettings) -> str:
 
 def _verdicts(ours: Sequence[Row]) -> Table:
     lines = [line for row in ours for line in _claims(row)]
-    return Table("What is wanted of a survey", ("survey", "what", "wanted", "ours", "verdict"), tuple(lines))
+    return Table("Requirements on a survey", ("survey", "measure", "required", "ours", "verdict"), tuple(lines))
 
 
 def _claims(row: Row) -> list[tuple[str, str, str, str, str]]:
@@ -102,7 +103,7 @@ def _systems(maps: Sequence[Row]) -> Table:
 
 
 def _growth(ours: Sequence[Row]) -> Table:
-    """What the loops do, survey by survey."""
+    """The poses and the map before and after the loops, survey by survey."""
     columns = {
         "placed": ("placed", 0),
         "maps": ("components", 0),
@@ -133,14 +134,14 @@ def _pairs(maps: Sequence[Row]) -> Table:
                 shown = "between the dives" if kind == BETWEEN else kind
                 lines.append((_called(row), str(row["system"]), shown, *map(str, counts)))
     headings = ("survey", "system", "pairs", "kept right", "kept wrong", "refused right", "refused wrong")
-    return Table("Pairs that were tried", headings, tuple(lines))
+    return Table("Registered pairs, by kind and outcome", headings, tuple(lines))
 
 
 def _places(ours: Sequence[Row]) -> Table:
     lines = [
         (_called(row), str(row["revisited"]), *(_number(float(row[f"recall_{k}"]), 2) for k in AMONG)) for row in ours
     ]
-    title = f"Revisits (overlap {OVERLAP:g} or more, over {GAP} scans apart) found by signatures alone: recall"
+    title = f"Recall of revisits by signatures alone (overlap {OVERLAP:g} or more, over {GAP} scans apart)"
     return Table(title, ("survey", "scans with a revisit", *(f"among {k}" for k in AMONG)), tuple(lines))
 
 
@@ -155,7 +156,7 @@ def _system_times(seconds: Sequence[Row]) -> Table:
     keys = ("total_s", "per_scan_s", "peak_memory_mib")
     lines = [(str(row["system"]), *(_number(float(row[key]), 1) for key in keys)) for row in seconds]
     headings = ("system", "total [s]", "per scan [s]", "peak memory [MiB]")
-    return Table("The longest survey, by every system; of ours the map too", headings, tuple(lines))
+    return Table("The longest survey, by every system; the times of `sonarmap` include the map", headings, tuple(lines))
 
 
 def _called(row: Row) -> str:

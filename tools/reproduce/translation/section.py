@@ -1,4 +1,4 @@
-"""Shifted structures for people: how far each noise lets registrations reach, beside the paper."""
+"""Shifted structures in words and tables: how far registration reaches under each noise, next to the paper."""
 
 from collections.abc import Sequence
 from types import MappingProxyType
@@ -15,19 +15,20 @@ from tools.reproduce.translation.settings import TranslationSettings
 PAPER_REACH: MappingProxyType[str, float] = MappingProxyType(
     {"D0": 150.0, "D1": 140.0, "D2": 140.0, "D3": 140.0, "D4": 140.0, "D5": 120.0, "D6": 110.0}
 )
+_LEGEND = "{}. Lines are true values, crosses are estimates; gray marks wrong registrations."
 # File name -> caption, and the noises in it
 PICTURES: MappingProxyType[str, tuple[str, tuple[str, ...]]] = MappingProxyType(
     {
-        "translation-D0.png": ("Without noise, as Fig. 12: lines true, crosses estimated, gray wrong", ("D0",)),
-        "translation-100.png": ("Swap ratio 1/100, as Fig. 14, drawn alike", ("D1", "D3", "D5")),
-        "translation-25.png": ("Swap ratio 1/25, as Fig. 15, drawn alike", ("D2", "D4", "D6")),
+        "translation-D0.png": (_LEGEND.format("Without noise, as Fig. 12"), ("D0",)),
+        "translation-100.png": (_LEGEND.format("Swap ratio 1/100, as Fig. 14"), ("D1", "D3", "D5")),
+        "translation-25.png": (_LEGEND.format("Swap ratio 1/25, as Fig. 15"), ("D2", "D4", "D6")),
     }
 )
 _ROUNDING = 0.5  # [m]: 40 steps are 149.7 m and count as the paper's 150
 
 
 def translation_section(rows: Sequence[Row], settings: TranslationSettings, grid: Grid) -> Section:
-    """The reach of every noise beside the paper's."""
+    """The reach under every noise, next to the paper's."""
     shown = {name: caption for name, (caption, noises) in PICTURES.items() if set(noises) & set(settings.noises)}
     return Section(
         title="Translation under noise of the voxels: Figs. 12, 14, 15",
@@ -65,14 +66,14 @@ def _reach_table(rows: Sequence[Row], settings: TranslationSettings) -> Table:
             (f"{noise}: right up to [m]", f"{paper:.0f}", _shown(worst), verdict, " ".join(map(_shown, series)), rate)
         )
     return Table(
-        "Right up to which distance [m, one of the paper's voxels]; ≥: the farthest that leaves something in the frame",
+        "Largest shift up to which all registrations are right [m]; ≥: right at every shift that was tried",
         ("noise", "paper", "ours, worst series", "verdict", "ours, every series", "right within the paper's range"),
         tuple(lines),
     )
 
 
 def _shown(series: Sequence[Row]) -> str:
-    """How far one series reaches, and whether that is all that was tried."""
+    """How far one series reaches, with a sign where every shift that was tried is right."""
     return f"{'≥' if all(row['right'] for row in series) else ''}{reach(series):.0f}"
 
 
@@ -93,13 +94,13 @@ def _quality_table(rows: Sequence[Row], settings: TranslationSettings) -> Table:
             )
         )
     return Table(
-        "Where it is right, and where not",
+        "Errors, and peak-to-sidelobe ratios (PSR) of right and wrong registrations",
         (
             "noise",
             "largest error where right [°, voxels]",
-            "least PSR where right",
-            "highest where wrong",
-            "wrong, accepted",
+            "lowest PSR where right",
+            "highest PSR where wrong",
+            "accepted, of the wrong",
         ),
         tuple(lines),
     )
@@ -113,8 +114,8 @@ def _remarks(rows: Sequence[Row], settings: TranslationSettings) -> str:
     shares = ", ".join(f"{share:.0%} of `{scene}`" for scene, share in left.items())
     wrong = [row for row in rows if not row["right"]]
     turned = sum(float(row["rotation_deg"]) > RIGHT_DEG for row in wrong)
-    why = f" Of the {len(wrong)} that are wrong, {turned} are so in the rotation already." if wrong else ""
-    return f"At the farthest shift that leaves something in the frame {shares} is left (the least of all seeds).{why}"
+    why = f" Of the {len(wrong)} wrong registrations, {turned} have a wrong rotation." if wrong else ""
+    return f"At the farthest shift, the share of the structure left in the grid is {shares} (lowest of all seeds).{why}"
 
 
 def _series_of(settings: TranslationSettings, noise: str) -> list[MovedStructure]:
@@ -124,13 +125,15 @@ def _series_of(settings: TranslationSettings, noise: str) -> list[MovedStructure
 def _introduction(settings: TranslationSettings, grid: Grid) -> str:
     scenes = " and of ".join(f"`{scene}`" for scene in settings.scenes)
     return (
-        f"A whole structure (all surfaces of {scenes}, not what a sensor sees of them) is put into a grid of "
-        f"{grid.edge} voxels of {grid.voxel:g} m, its height in the middle, and shifted by {settings.steps[0]} "
-        f"to {settings.steps[-1]} steps of (1, 2, 3) m, so that more and more of it leaves the frame. As in the "
-        "paper's Sect. 3 a share of the voxels is swapped between occupied and void, independently in both "
-        "volumes: none (D0), 1/100 or 1/25 of those within 5 (D1, D2) or 10 (D3, D4) voxels of the structure, "
-        "or of all (D5, D6).\n\nThe paper's method registers them: all six parameters are searched, from one "
-        f"yaw peak. Right is within {RIGHT_VOXELS:g} voxels and {RIGHT_DEG:g} degrees. Seeds per scene: "
-        f"{settings.seeds}, from {settings.first_seed} on. On 256 voxels shifts are whole voxels, as in the "
-        "paper, so that without noise what is left of the structure is the same in both volumes, voxel by voxel."
+        f"A whole structure (all surfaces of {scenes}, not only what a sensor sees of them) is put into a grid of "
+        f"{grid.edge} voxels of {grid.voxel:g} m, with the middle of its height in the middle of the grid. It is then "
+        f"shifted by {settings.steps[0]} to {settings.steps[-1]} steps of (1, 2, 3) m, so that more and more of it "
+        "leaves the grid. As in Sect. 3 of the paper, a share of the voxels is swapped between occupied and empty, "
+        "independently in both volumes: none in D0; 1/100 in D1, D3 and D5; 1/25 in D2, D4 and D6. D1 and D2 swap only "
+        "among voxels within 5 voxels of the structure, D3 and D4 within 10 voxels, D5 and D6 among all voxels.\n\n"
+        "The paper's method registers the two volumes. It searches all six parameters, starting from one yaw peak. A "
+        f"registration is right if it is within {RIGHT_VOXELS:g} voxels and {RIGHT_DEG:g} degrees of the truth. Seeds "
+        f"per scene: {settings.seeds}, from {settings.first_seed} on. In a grid of 256 voxels the shifts are whole "
+        "voxels, as in the paper; so without noise, the part of the structure that is left in the grid is the same in "
+        "both volumes, voxel by voxel."
     )

@@ -1,4 +1,4 @@
-"""What the methods say of pairs that share nothing."""
+"""What the methods report for pairs that share nothing."""
 
 import math
 from collections.abc import Sequence
@@ -11,7 +11,7 @@ from tools.reproduce.experiment import Row
 from tools.reproduce.figure import save_figure
 from tools.reproduce.rows import where
 
-_MARKS = {"psr": "peak-to-sidelobe ratio", "probability": "probability told", "overlap": "overlap found"}
+_MARKS = {"psr": "peak-to-sidelobe ratio", "probability": "reported probability", "overlap": "estimated overlap"}
 
 
 def draw_unrelated(path: Path, rows: Sequence[Row]) -> None:

@@ -14,14 +14,14 @@ PICTURE = "unrelated.png"
 
 
 def unrelated_section(rows: Sequence[Row], settings: PairSetSettings) -> Section:
-    """What ours believes, then every method, then ours by scene."""
+    """The requirement on ours, then what every method accepts, in all and by scene."""
     ours, methods = where(rows, method=OURS), settings.compared.methods
     false = accepted(ours)
-    wanted = ((f"accepted by `{OURS}`", "none", rate(false, ours), verdict(not false)),)
+    required = ((f"accepted by `{OURS}`", "none", rate(false, ours), verdict(not false)),)
     tables = [
-        Table("What is wanted", ("what", "wanted", "ours", "verdict"), wanted if ours else ()),
+        Table("Requirements", ("measure", "required", "ours", "verdict"), required if ours else ()),
         Table(
-            "What each method believes, and the most that it says for a pair that shares nothing",
+            "What each method accepts, and the highest values it reports for any of the pairs",
             ("method", "accepted", "highest probability", "highest PSR", "largest overlap"),
             tuple(_line(method, where(rows, method=method)) for method in methods),
         ),
@@ -32,7 +32,7 @@ def unrelated_section(rows: Sequence[Row], settings: PairSetSettings) -> Section
         introduction=_introduction(rows, settings),
         tables=tuple(tables),
         times=(),
-        pictures={PICTURE: "What the methods say of pairs that share nothing; accepted ones are crosses."},
+        pictures={PICTURE: "What the methods report for pairs that share nothing. Crosses are accepted registrations."},
     )
 
 
@@ -50,16 +50,16 @@ def _by_scene(rows: Sequence[Row], methods: Sequence[str]) -> Table:
     scenes = list(dict.fromkeys(str(row["scene"]) for row in rows))
     lines = []
     for method in methods:
-        some = [where(rows, method=method, scene=scene) for scene in scenes]
-        lines.append((method, *(f"{len(accepted(one))}/{len(one)}" for one in some)))
-    return Table("Accepted by the target's scene", ("method", *scenes), tuple(lines))
+        by_scene = [where(rows, method=method, scene=scene) for scene in scenes]
+        lines.append((method, *(f"{len(accepted(pairs))}/{len(pairs)}" for pairs in by_scene)))
+    return Table("Accepted registrations, by the scene of the target", ("method", *scenes), tuple(lines))
 
 
 def _introduction(rows: Sequence[Row], settings: PairSetSettings) -> str:
     count = len({row["number"] for row in rows})
     return (
-        f"{count} pairs of scans that share nothing: of scenes of different kinds, or of one kind whose plan is drawn "
-        f"anew, seen with the same sensor, with the noise of the related pairs (set {settings.seed}). The grid has "
-        f"{settings.edge} voxels an edge, their size chosen from the two scans. No answer is right. "
-        f"{settings.compared.words}"
+        f"{count} pairs of scans that share nothing: their scenes are of different kinds, or of the same kind with "
+        "different random plans. Both scans of a pair come from the same sensor, and the noise is that of the pairs "
+        f"that overlap (set {settings.seed}). The grid has {settings.edge} voxels along each edge; their size is "
+        f"chosen from the two scans. Every registration is wrong, so none should be accepted. {settings.compared.words}"
     )
