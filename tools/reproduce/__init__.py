@@ -1,4 +1,4 @@
-"""The paper's experiments on simulated scans, and evaluations beside other methods.
+"""The paper's experiments on simulated scans, and evaluations that compare methods.
 
 In: an experiment's name and options (`experiments.py` has the table). Out: rows, tables, figures and pages in a folder.
 `experiment.py` says what an experiment is: jobs that can be run one by one, and a section made of their rows. `run.py`

@@ -15,7 +15,7 @@ def check_seeds(seeds: int, first_seed: int) -> None:
     """
     if seeds < 1 or first_seed < 0:
         raise InputError(
-            f"{seeds} seeds from {first_seed} on; wanted at least one, and none below 0, as in --seeds 3 --seed 1"
+            f"{seeds} seeds from {first_seed} on; at least one is needed, and none below 0, as in --seeds 3 --seed 1"
         )
 
 
@@ -27,4 +27,4 @@ def check_variances(sigma2: Sequence[float]) -> None:
     """
     if not sigma2 or not all(np.isfinite(variance) and variance >= 0 for variance in sigma2):
         given = ", ".join(f"{variance:g}" for variance in sigma2) or "no value"
-        raise InputError(f"--sigma2: {given}; wanted variances of 0 m^2 or more, as in --sigma2 1 --sigma2 2")
+        raise InputError(f"--sigma2: {given}; variances must be 0 m^2 or more, as in --sigma2 1 --sigma2 2")

@@ -13,7 +13,7 @@ Row = Mapping[str, Value]
 
 @dataclass(frozen=True, slots=True)
 class Outcome:
-    """What one job found.
+    """The results of one job.
 
     Attributes:
         rows: the same on every run, key by key: they become NAME.csv.
@@ -26,12 +26,12 @@ class Outcome:
 
 @dataclass(frozen=True, slots=True)
 class Section:
-    """What an experiment says to people.
+    """The text, tables and pictures of an experiment, for its page.
 
     Attributes:
         title: a heading, with the paper's figures and tables in it.
         introduction: Markdown: what was done, what counts as right.
-        tables: the paper's (or the wanted) value, ours, and the verdict side by side, the first the one that matters.
+        tables: the first has the paper's (or the required) values, ours, and the verdicts side by side.
         times: tables of run times; they differ between runs and stand in a file of their own.
         pictures: file names of the figures -> captions, in order; `draw` writes them.
         remarks: Markdown: what the figures show, computed from the rows.
@@ -52,7 +52,7 @@ class Experiment(Protocol):
     """
 
     name: ClassVar[str]
-    sources: ClassVar[tuple[str, ...]]  # folders and files whose code decides rows, beside the experiment's own
+    sources: ClassVar[tuple[str, ...]]  # folders and files whose code decides rows, with the experiment's own
     settings: Any  # a frozen dataclass of JSON's types: with the sources it decides all rows
 
     def jobs(self) -> Sequence[str]:

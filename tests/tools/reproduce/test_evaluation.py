@@ -81,8 +81,8 @@ class TestComparedMethods:
 
 class TestPairs:
     def test_the_overlap_is_that_without_noise(self) -> None:
-        found = [related(number, 3, "yaw", 32) for number in (0, 2, 4)]
-        shared = [float(pair.cells["shared"]) for pair in found if pair is not None]
+        pairs = [related(number, 3, "yaw", 32) for number in (0, 2, 4)]
+        shared = [float(pair.cells["shared"]) for pair in pairs if pair is not None]
         for share, low in zip(shared, (0.05, 0.4, 0.8), strict=True):
             assert low - 1e-4 <= share <= low + 0.2001
 
@@ -165,8 +165,8 @@ def tiny(name: str, device: Device) -> Experiment:
     return create(name, request(device, method=methods, pairs=None if name == "steps" else 1))
 
 
-def rows_of(found: Mapping[str, Outcome]) -> list[Row]:
-    return [row for one in found.values() for row in one.rows]
+def rows_of(done: Mapping[str, Outcome]) -> list[Row]:
+    return [row for outcome in done.values() for row in outcome.rows]
 
 
 SLOW_AND_QUICK = [*(pytest.param(name, marks=pytest.mark.slow) for name in ("steps", "pairs")), "unrelated", "speed"]
@@ -175,19 +175,19 @@ SLOW_AND_QUICK = [*(pytest.param(name, marks=pytest.mark.slow) for name in ("ste
 class TestRuns:
     @pytest.mark.parametrize("name", SLOW_AND_QUICK)
     def test_a_section_its_pictures_and_no_times_in_rows(self, name: str, device: Device, tmp_path: Path) -> None:
-        experiment, found = tiny(name, device), outcomes(name, device)
-        section = experiment.section(found)
+        experiment, done = tiny(name, device), outcomes(name, device)
+        section = experiment.section(done)
         verdicts(section)
-        assert f"Methods: {', '.join(f'`{one}`' for one in experiment.settings.compared.methods)}." in section_text(
+        assert f"Methods: {', '.join(f'`{name}`' for name in experiment.settings.compared.methods)}." in section_text(
             section, 1
         )
-        experiment.draw(tmp_path, found)
+        experiment.draw(tmp_path, done)
         assert {path.name for path in tmp_path.iterdir()} == set(section.pictures)
-        assert rows_of(found)
-        assert not any(key.endswith("_s") or key == "seconds" for row in rows_of(found) for key in row)
+        assert rows_of(done)
+        assert not any(key.endswith("_s") or key == "seconds" for row in rows_of(done) for key in row)
 
     def test_speed_keeps_times_apart(self, device: Device) -> None:
-        seconds = [row for one in outcomes("speed", device).values() for row in one.seconds]
+        seconds = [row for outcome in outcomes("speed", device).values() for row in outcome.seconds]
         assert len(seconds) == len(FEW)
         assert all(float(row["register_s"]) > 0 and float(row["prepare_s"]) > 0 for row in seconds)
 
@@ -203,17 +203,17 @@ class TestRuns:
     @pytest.mark.slow
     def test_rows_are_the_same_whatever_the_number_of_workers(self, device: Device, tmp_path: Path) -> None:
         asked = request(device, pairs=10)
-        found = []
+        runs = []
         for workers in (None, 2):
             experiment = create("unrelated", asked)
             module, selector = EXPERIMENTS["unrelated"].module, device.selector
             shared = WorkerProcesses(workers, module, replace(asked, device=None), selector) if workers else None
             options = RunOptions(workers=shared)
-            found.append(
+            runs.append(
                 run(experiment, provenance(experiment, device), tmp_path / str(workers), silence, options).outcomes
             )
-        assert list(found[0]) == list(found[1]) == ["000/hemisphere", "000/planes", "001/hemisphere", "001/planes"]
-        assert str(found[0]) == str(found[1])
+        assert list(runs[0]) == list(runs[1]) == ["000/hemisphere", "000/planes", "001/hemisphere", "001/planes"]
+        assert str(runs[0]) == str(runs[1])
 
     def test_rows_of_a_method_are_used_whatever_other_pairs_and_methods_are_asked_for(self, device: Device) -> None:
         few = provenance(create("pairs", request(device, pairs=5)), device)

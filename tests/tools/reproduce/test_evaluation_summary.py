@@ -21,8 +21,14 @@ COVARIANCE = np.diag(np.array([0.01, 0.02, 0.03, 0.1, 0.2, 0.4]) ** 2)
 def row(**cells: object) -> dict:
     """A right, believed registration by ours, but for what is told."""
     usual = {"turn": "yaw", "number": 0, "scene": "harbor", "sigma2": 1.0, "shared": 0.7, "method": "spectral"}
-    found = {"right": True, "accepted": True, "rotation_deg": 0.2, "translation_voxels": 0.4, "translation_m": 0.5}
-    return usual | found | {"nees": 5.0, "probability": 0.97} | cells
+    registration = {
+        "right": True,
+        "accepted": True,
+        "rotation_deg": 0.2,
+        "translation_voxels": 0.4,
+        "translation_m": 0.5,
+    }
+    return usual | registration | {"nees": 5.0, "probability": 0.97} | cells
 
 
 class TestNees:
@@ -40,14 +46,14 @@ class TestNees:
         covariance = 1e-2 * mixed @ mixed.T / 6 + 1e-4 * np.eye(6)
         draws = rng.multivariate_normal(np.zeros(6), covariance, 400)
         estimates = [TRUTH * RigidTransform.from_exp_coords(xi).inv() for xi in draws]
-        found = calibration([row(nees=nees(one, covariance, TRUTH)) for one in estimates])
-        small = calibration([row(nees=nees(one, covariance / 2, TRUTH)) for one in estimates])
-        assert found is not None
+        calibrated = calibration([row(nees=nees(T, covariance, TRUTH)) for T in estimates])
+        small = calibration([row(nees=nees(T, covariance / 2, TRUTH)) for T in estimates])
+        assert calibrated is not None
         assert small is not None
-        assert found.verdict == "within the interval"
-        assert found.inside.low < 0.95 < found.inside.high
+        assert calibrated.verdict == "within the interval"
+        assert calibrated.inside.low < 0.95 < calibrated.inside.high
         assert small.verdict == "the covariance is too small"
-        assert small.mean == pytest.approx(2 * found.mean)
+        assert small.mean == pytest.approx(2 * calibrated.mean)
 
     def test_no_covariance_no_number(self) -> None:
         assert math.isnan(nees(TRUTH, np.full((6, 6), np.nan), TRUTH))
@@ -74,23 +80,23 @@ class TestAnswer:
 
 class TestArithmetic:
     def test_calibration_of_hand_made_errors(self) -> None:
-        found = calibration([row(nees=value) for value in (1.0, 2.0, 12.5, 12.6, math.nan)])
-        assert found is not None
-        assert (found.mean, found.median) == (pytest.approx(28.1 / 4), 7.25)
-        assert (found.low, found.high) == pytest.approx(chi2.ppf([0.025, 0.975], 24) / 4)
-        assert (found.inside.successes, found.inside.trials) == (3, 4)  # the 95 % quantile is 12.59
+        calibrated = calibration([row(nees=value) for value in (1.0, 2.0, 12.5, 12.6, math.nan)])
+        assert calibrated is not None
+        assert (calibrated.mean, calibrated.median) == (pytest.approx(28.1 / 4), 7.25)
+        assert (calibrated.low, calibrated.high) == pytest.approx(chi2.ppf([0.025, 0.975], 24) / 4)
+        assert (calibrated.inside.successes, calibrated.inside.trials) == (3, 4)  # the 95 % quantile is 12.59
         assert calibration([row(nees=math.nan)]) is None
 
     def test_reliability_counts_each_row_once(self) -> None:
-        told = (0.0, 0.1, 0.1, 0.995, 1.0, math.nan)
+        probabilities = (0.0, 0.1, 0.1, 0.995, 1.0, math.nan)
         right = (False, False, True, True, True, True)
-        found = reliability([row(probability=p, right=r) for p, r in zip(told, right, strict=True)])
-        assert [(one.low, one.high, one.right.successes, one.right.trials) for one in found] == [
+        bins = reliability([row(probability=p, right=r) for p, r in zip(probabilities, right, strict=True)])
+        assert [(rated.low, rated.high, rated.right.successes, rated.right.trials) for rated in bins] == [
             (0.0, 0.05, 0, 1),
             (0.05, 0.2, 1, 2),
             (0.99, 1.0, 2, 2),
         ]
-        assert [one.predicted for one in found] == pytest.approx([0.0, 0.1, 0.9975])
+        assert [rated.predicted for rated in bins] == pytest.approx([0.0, 0.1, 0.9975])
 
     def test_shares_of_the_points_in_common(self) -> None:
         rows = [row(shared=value) for value in (0.2, 0.4, 0.41, 1.0)]

@@ -72,8 +72,8 @@ class TestTables:
     def test_a_verdict_in_some_surveys(self, now: FloodgateSurvey) -> None:
         first = outcomes(now, {"planes": 0.1})
         second = {
-            f"2{job[1:]}": Outcome(tuple({**row, "seed": 2} for row in one.rows))
-            for job, one in outcomes(now, {"planes": 9.0}).items()
+            f"2{job[1:]}": Outcome(tuple({**row, "seed": 2} for row in outcome.rows))
+            for job, outcome in outcomes(now, {"planes": 9.0}).items()
         }
         (row,) = verdict_table(chains(first | second)).rows
         assert row[-1] == "holds in 1 of 2 surveys"
@@ -81,8 +81,8 @@ class TestTables:
     def test_two_grids_are_compared(self, now: FloodgateSurvey) -> None:
         fine = outcomes(now, {"spectral": 0.1})
         coarse = {
-            job.replace("256", "128"): Outcome(tuple({**row, "grid": 128} for row in one.rows))
-            for job, one in outcomes(now, {"spectral": 8.0}).items()
+            job.replace("256", "128"): Outcome(tuple({**row, "grid": 128} for row in outcome.rows))
+            for job, outcome in outcomes(now, {"spectral": 8.0}).items()
             if "spectral" in job
         }
         rows = {row[0]: row[-1] for row in verdict_table(chains(fine | coarse)).rows}
@@ -95,7 +95,7 @@ class TestTables:
         assert "**icp**: 6/8" in text
         assert "Wrong: 1 → 2 of seed 1 (80 % shared view)" in text
         assert "Of what a scan shows, 60 to 90 % is in view" in text
-        assert "accepted, of these: 2." in text
+        assert "Accepted though wrong: 2 of 2." in text
         order = text[text.index("best first") :]
         named = [order.index(name) for name in ("spectral 256³", "planes", "hemisphere 256³", "icp")]
         assert named == sorted(named)
@@ -181,12 +181,12 @@ class TestExperiment:
         made: list[tuple[dict[str, Outcome], dict[str, bytes]]] = []
         for name, times in (("a", 1.0), ("b", 100.0)):
             experiment, device = Floodgate(settings, choose_device(None)), choose_device(None)
-            found = {job: experiment.run(job) for job in experiment.jobs()}
+            done = {job: experiment.run(job) for job in experiment.jobs()}
             alone = "3/hemisphere/32/map"
-            assert Floodgate(settings, device).run(alone) == found[alone]
+            assert Floodgate(settings, device).run(alone) == done[alone]
             slower = {
-                job: replace(one, seconds=tuple({**row, "register_s": times} for row in one.seconds))
-                for job, one in found.items()
+                job: replace(outcome, seconds=tuple({**row, "register_s": times} for row in outcome.seconds))
+                for job, outcome in done.items()
             }
             (tmp_path / name).mkdir()
             experiment.draw(tmp_path / name, slower)
@@ -195,5 +195,5 @@ class TestExperiment:
             assert {path.name for path in (tmp_path / name).iterdir()} == set(section.pictures)
             pictures = {path.name: path.read_bytes() for path in (tmp_path / name).iterdir()}
             assert all(len(content) < 300_000 for content in pictures.values())
-            made.append(({job: replace(one, seconds=()) for job, one in found.items()}, pictures))
+            made.append(({job: replace(outcome, seconds=()) for job, outcome in done.items()}, pictures))
         assert made[0] == made[1]

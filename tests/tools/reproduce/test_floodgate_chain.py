@@ -32,8 +32,8 @@ class TestChain:
 
     def test_one_wrong_step_moves_all_that_follow_alike(self, now: FloodgateSurvey) -> None:
         """The true motion after it hides nothing: each later pose is off by the same motion of the world."""
-        found = chain_poses(POSES[0], off(9.0))
-        moved = found * POSES.inv()
+        chained = chain_poses(POSES[0], off(9.0))
+        moved = chained * POSES.inv()
         assert np.allclose(moved[:2].as_matrix(), np.eye(4), atol=1e-12)
         assert np.allclose(moved[2:].as_matrix(), moved[2].as_matrix(), atol=1e-12)
         rows = pose_rows(now, off(9.0))
@@ -41,8 +41,8 @@ class TestChain:
 
     def test_a_rows_parameters_are_its_transform(self, now: FloodgateSurvey) -> None:
         row = pair_row(now, 3, STEPS[2] * RigidTransform.from_components([1, -2, 0.5], turn(3, -7, 5)), accepted=False)
-        wanted = STEPS[2] * RigidTransform.from_components([1, -2, 0.5], turn(3, -7, 5))
-        assert np.allclose(transform(row, "found").as_matrix(), wanted.as_matrix(), atol=1e-12)
+        expected = STEPS[2] * RigidTransform.from_components([1, -2, 0.5], turn(3, -7, 5))
+        assert np.allclose(transform(row, "found").as_matrix(), expected.as_matrix(), atol=1e-12)
         assert np.allclose(transform(row, "true").as_matrix(), STEPS[2].as_matrix(), atol=1e-12)
         assert row["translation_m"] == pytest.approx(np.sqrt(1 + 4 + 0.25))
         assert (row["right"], row["accepted"]) == (False, False)
@@ -54,8 +54,8 @@ class TestChain:
 
     def test_rows_come_back_as_poses(self, now: FloodgateSurvey) -> None:
         chain = chains(outcomes(now, {"icp": 9.0}))[1, "icp", 0]
-        wanted = POSES[0].inv() * chain_poses(POSES[0], off(9.0))
-        assert np.allclose(chain.found.as_matrix(), wanted.as_matrix(), atol=1e-9)
+        expected = POSES[0].inv() * chain_poses(POSES[0], off(9.0))
+        assert np.allclose(chain.found.as_matrix(), expected.as_matrix(), atol=1e-9)
         assert np.allclose(chain.true.as_matrix(), (POSES[0].inv() * POSES).as_matrix(), atol=1e-9)
         assert chain.right == SCANS - 2
 

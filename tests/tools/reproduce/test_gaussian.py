@@ -69,7 +69,7 @@ class TestRow:
         assert np.allclose(about_center(truth).as_matrix(), table1_transform(8).as_matrix())
 
     @pytest.mark.parametrize(
-        ("found", "yaw", "tilt"),
+        ("angles", "yaw", "tilt"),
         [
             ([170, 4, -9], 0, 0),
             ([-170, 4, -9], 20, 0),
@@ -77,12 +77,12 @@ class TestRow:
             ([30, 11, -9], 140, 7),
         ],
     )
-    def test_yaw_and_tilt_apart(self, found: list[float], yaw: float, tilt: float) -> None:
+    def test_yaw_and_tilt_apart(self, angles: list[float], yaw: float, tilt: float) -> None:
         """The truth is yaw 170, pitch 4, roll -9; a roll turns the vertical less where it is pitched."""
-        R = Rotation.from_euler("ZYX", found, degrees=True)
-        one = scored()
-        registration = replace(one.registration, T_target_source=RigidTransform.from_rotation(R))
-        row = row_of(replace(one, registration=registration), ("floodgate", 1.0, 1, 0), "paper", GRID)
+        R = Rotation.from_euler("ZYX", angles, degrees=True)
+        original = scored()
+        registration = replace(original.registration, T_target_source=RigidTransform.from_rotation(R))
+        row = row_of(replace(original, registration=registration), ("floodgate", 1.0, 1, 0), "paper", GRID)
         assert row.yaw_error_deg == pytest.approx(yaw, abs=1e-9)
         assert row.tilt_error_deg == pytest.approx(tilt, abs=1e-9)
 
@@ -112,8 +112,8 @@ class TestSummary:
 
     def test_grids_and_noises_are_apart(self) -> None:
         rows = [*rows_of({0: [3]}), *rows_of({0: [5]}, grid=256), *rows_of({0: [7]}, 2.0)]
-        found = {(one.grid, one.sigma2): one.last for one in summarize(rows)}
-        assert found == {(128, 1.0): (2,), (256, 1.0): (4,), (128, 2.0): (6,)}
+        last = {(summary.grid, summary.sigma2): summary.last for summary in summarize(rows)}
+        assert last == {(128, 1.0): (2,), (256, 1.0): (4,), (128, 2.0): (6,)}
 
     def test_what_was_believed_wrongly_is_counted(self) -> None:
         rows = changed(rows_of({0: [8, 9]}), lambda row: row.scan in (0, 9), accepted=False)
@@ -189,10 +189,10 @@ class TestWords:
             draw_parameters(tmp_path / f"{name}.png", rows)
             draw_rates(tmp_path / f"{name}-rates.png", rows)
         for suffix in (".png", "-rates.png"):
-            one, other = ((tmp_path / f"{name}{suffix}").read_bytes() for name in "ab")
-            assert one == other
-            assert one.startswith(b"\x89PNG")
-            assert len(one) < 300_000
+            first, second = ((tmp_path / f"{name}{suffix}").read_bytes() for name in "ab")
+            assert first == second
+            assert first.startswith(b"\x89PNG")
+            assert len(first) < 300_000
 
 
 class TestSettings:
@@ -249,14 +249,14 @@ class TestPreparation:
 
     def test_shared_or_not_the_rows_are_the_same(self, device: Device) -> None:
         series = Series(device, grid_of(32), "floodgate")
-        found = {row.method: row for row, _ in series.register(2, 1, 1.0)}
+        by_method = {row.method: row for row, _ in series.register(2, 1, 1.0)}
         target, source, truth = table1_pair(2, 1, 1.0)
         for name, method in VARIANTS.items():
             alone = HemisphereRegistrar(device, grid_of(32), method.config)
             registration = alone.register(alone.prepare(target), alone.prepare(source))
-            assert found[name].found == pytest.approx(parameters(registration.T_target_source), abs=1e-9)
-            assert found[name].psr == registration.psr
-            assert found[name].true == pytest.approx(parameters(truth))
+            assert by_method[name].found == pytest.approx(parameters(registration.T_target_source), abs=1e-9)
+            assert by_method[name].psr == registration.psr
+            assert by_method[name].true == pytest.approx(parameters(truth))
 
 
 class TestCommand:

@@ -103,8 +103,8 @@ class TestVerdicts:
         headings = ("grid", "noise", "paper: yaw", "ours, worst", "verdict", "ours, all", "right")
         table = Table("t", headings, (("128", "2", "S8", "S7", "no", "S9", "1/2"),))
         section = replace(Fake().section({"a": Fake().run("a")}), tables=(table,))
-        found = verdicts(section)[0]
-        assert (found.claim, found.paper, found.ours, found.verdict) == ("128, 2", "S8", "S7", "no")
+        verdict = verdicts(section)[0]
+        assert (verdict.claim, verdict.paper, verdict.ours, verdict.verdict) == ("128, 2", "S8", "S7", "no")
 
     def test_required_values_replace_the_papers_and_no_table_has_no_claims(self) -> None:
         table = Table("t", ("measure", "required", "ours", "verdict"), (("it", "all", "none", "no"),))

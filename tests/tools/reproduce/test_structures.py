@@ -14,7 +14,7 @@ from tools.reproduce.experiment import Outcome
 from tools.reproduce.limits.run import KINDS, Limits, LimitsSettings
 from tools.reproduce.limits.section import deviation_table
 from tools.reproduce.rotation.run import RotationSettings, Turns
-from tools.reproduce.rotation.section import deviation, keeps, rotation_section
+from tools.reproduce.rotation.section import deviation, rotation_section, within_limits
 from tools.reproduce.rows import all_rows
 from tools.reproduce.structures.voxel_series import MovedStructure, VoxelSeries, parameters
 from tools.reproduce.translation.run import TranslationExperiment, TranslationSettings
@@ -31,10 +31,10 @@ def shifted(distance: float, right: bool, noise: str = "D0", scene: str = "clutt
     }
 
 
-def turned(yaw: float, found: float, roll: float = 10.0, shift: float = 0.1) -> dict:
+def turned(yaw: float, estimated: float, roll: float = 10.0, shift: float = 0.1) -> dict:
     """A row of the rotation experiment."""
     true = {"true_yaw_deg": yaw, "true_roll_deg": 10.0, "true_pitch_deg": 10.0}
-    angles = {"found_yaw_deg": found, "found_roll_deg": roll, "found_pitch_deg": 10.0}
+    angles = {"found_yaw_deg": estimated, "found_roll_deg": roll, "found_pitch_deg": 10.0}
     place = {"scene": "clutter", "noise": "D0", "seed": 3}
     return {**true, **angles, **place, "translation_voxels": shift, "rotation_deg": 0.5, "psr": 80.0, "accepted": True}
 
@@ -64,10 +64,10 @@ class TestDeviation:
         assert deviation(turned(-80, 275), "yaw") == pytest.approx(-5)
 
     def test_every_bound_counts(self) -> None:
-        assert keeps(turned(40, 44.9))
-        assert not keeps(turned(40, 45.1))
-        assert not keeps(turned(40, 40, roll=13.1))
-        assert not keeps(turned(40, 40, shift=2.1))
+        assert within_limits(turned(40, 44.9))
+        assert not within_limits(turned(40, 45.1))
+        assert not within_limits(turned(40, 40, roll=13.1))
+        assert not within_limits(turned(40, 40, shift=2.1))
 
     def test_what_deviates_is_named(self) -> None:
         settings = RotationSettings(scenes=("clutter",), noises=("D0",), seeds=1, first_seed=3)
@@ -146,7 +146,7 @@ class TestRun:
         )
         experiment = Turns(settings, choose_device())
         outcomes = {job: experiment.run(job) for job in experiment.jobs()}
-        assert all(keeps(row) for row in all_rows(outcomes))
+        assert all(within_limits(row) for row in all_rows(outcomes))
         experiment.draw(tmp_path, outcomes)
         assert [path.name for path in tmp_path.iterdir()] == list(experiment.section(outcomes).pictures)
 

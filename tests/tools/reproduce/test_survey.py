@@ -1,4 +1,4 @@
-"""Mapped surveys: what is counted, on a survey whose poses and pairs are told, and on a tiny one that is mapped."""
+"""Mapped surveys: what is counted, on a survey whose poses and pairs are given, and on a tiny one that is mapped."""
 
 from collections.abc import Mapping
 from dataclasses import replace
@@ -36,7 +36,7 @@ ASIDE = RigidTransform.from_exp_coords([0.0, 0, 0.2, 3, 0, 1])
 T_TRUTH_ESTIMATE = RigidTransform.from_exp_coords([0.3, -0.2, 1.0, 5, -2, 3])
 
 
-def told() -> SimulatedSurvey:
+def ring_survey() -> SimulatedSurvey:
     """Poses on a ring over a floor, in two dives of four."""
     truth = Trajectory(np.arange(float(COUNT)), ring_poses(COUNT))
     scans = tuple(Scan(np.zeros((1, 3), np.float32), stamp=float(k), name=str(k)) for k in range(COUNT))
@@ -72,7 +72,7 @@ def mapped(survey: SimulatedSurvey, height: float = 0.0) -> MappedSurvey:
 
 class TestRows:
     def test_a_perfect_survey_in_another_frame_has_no_error(self) -> None:
-        row, *poses = survey_rows(told(), mapped(told()), VOXEL)
+        row, *poses = survey_rows(ring_survey(), mapped(ring_survey()), VOXEL)
         assert row["ate_after_m"] == pytest.approx(0, abs=1e-9)
         assert np.isnan(float(row["ate_before_m"]))
         assert (row["within_95"], row["placed"], row["unusable"], row["placed_unusable"]) == (1.0, 7, 1, 0)
@@ -83,10 +83,10 @@ class TestRows:
             )
 
     def test_a_pose_that_is_off(self) -> None:
-        survey, one = told(), mapped(told())
-        T = one.trajectory.T_world_sensor.as_matrix()
+        survey, result = ring_survey(), mapped(ring_survey())
+        T = result.trajectory.T_world_sensor.as_matrix()
         T[3, :3, 3] += [0.0, 0.7, 0.0]
-        off = replace(one, trajectory=Trajectory(one.trajectory.stamps, RigidTransform.from_matrix(T)))
+        off = replace(result, trajectory=Trajectory(result.trajectory.stamps, RigidTransform.from_matrix(T)))
         row = survey_rows(survey, off, VOXEL)[0]
         assert 0.7 / np.sqrt(7) * 0.7 < float(row["ate_after_m"]) < 0.7 / np.sqrt(7)
         assert float(row["ate_after_voxels"]) == pytest.approx(float(row["ate_after_m"]) / VOXEL)
@@ -94,7 +94,7 @@ class TestRows:
         assert row["nees_mean"] == pytest.approx(0.7**2 / 1e-4 / 6)
 
     def test_pairs_by_role_and_between_dives(self) -> None:
-        row = survey_rows(told(), mapped(told()), VOXEL)[0]
+        row = survey_rows(ring_survey(), mapped(ring_survey()), VOXEL)[0]
         fates = ("kept_right", "kept_wrong", "refused_right", "refused_wrong")
         counts = {
             kind: [row[f"{kind}_{fate}"] for fate in fates] for kind in ("sequential", "bridge", "loop", "between")
@@ -108,7 +108,7 @@ class TestRows:
         assert (row["pairs"], row["unusable_kept"]) == (5, 1)
 
     def test_the_map_is_held_against_the_surface(self) -> None:
-        row = survey_rows(told(), mapped(told(), 0.3), VOXEL)[0]
+        row = survey_rows(ring_survey(), mapped(ring_survey(), 0.3), VOXEL)[0]
         assert row["map_median_m"] == pytest.approx(0.3, abs=1e-6)
         assert row["map_within_voxel"] == pytest.approx(2 / 3)
         assert (row["map_twice_points"], row["map_twice_within_voxel"]) == (2, 1.0)
@@ -165,19 +165,19 @@ def tiny(device: Device, dive: int = 0) -> SurveyExperiment:
     return SurveyExperiment(settings, device.selector)
 
 
-def rows_of(found: Mapping[str, Outcome]) -> list[Row]:
-    return [row for one in found.values() for row in one.rows]
+def rows_of(done: Mapping[str, Outcome]) -> list[Row]:
+    return [row for outcome in done.values() for row in outcome.rows]
 
 
 class TestRun:
     def test_a_section_its_picture_and_no_times_in_rows(self, device: Device, tmp_path: Path) -> None:
-        experiment, found = tiny(device), outcomes(device)
-        section = experiment.section(found)
-        assert {one.claim.split(", ")[1] for one in verdicts(section)} == {"5 scans"}
+        experiment, done = tiny(device), outcomes(device)
+        section = experiment.section(done)
+        assert {verdict.claim.split(", ")[1] for verdict in verdicts(section)} == {"5 scans"}
         assert "20 % of the scans show nothing" in section_text(section, 1)
-        experiment.draw(tmp_path, found)
+        experiment.draw(tmp_path, done)
         assert {path.name for path in tmp_path.iterdir()} == set(section.pictures)
-        assert not any(key.endswith("_s") or "memory" in key for row in rows_of(found) for key in row)
+        assert not any(key.endswith("_s") or "memory" in key for row in rows_of(done) for key in row)
 
     def test_what_was_mapped(self, device: Device) -> None:
         row, *poses = rows_of(outcomes(device))
@@ -194,8 +194,8 @@ class TestRun:
 
     @pytest.mark.slow
     def test_rows_are_the_same_again_those_of_dives_too(self, device: Device) -> None:
-        experiment, found = tiny(device, 4), outcomes(device, 4)
-        assert list(found) == ["floodgate-3/5/sonarmap", "floodgate-3/dives"]
-        assert str([row for job in experiment.jobs() for row in experiment.run(job).rows]) == str(rows_of(found))
-        section = experiment.section(found)
-        assert {one.claim.split(", ")[1] for one in verdicts(section)} == {"5 scans", "2 dives of 4"}
+        experiment, done = tiny(device, 4), outcomes(device, 4)
+        assert list(done) == ["floodgate-3/5/sonarmap", "floodgate-3/dives"]
+        assert str([row for job in experiment.jobs() for row in experiment.run(job).rows]) == str(rows_of(done))
+        section = experiment.section(done)
+        assert {verdict.claim.split(", ")[1] for verdict in verdicts(section)} == {"5 scans", "2 dives of 4"}

@@ -1,4 +1,4 @@
-"""What one method answers for one pair, as the cells of a row: beside the truth, and what it says of itself."""
+"""The registration of one pair by one method as cells of a row: its errors, and what the method reports."""
 
 from typing import Any
 
@@ -13,7 +13,7 @@ from tools.reproduce.experiment import Value
 
 
 def answer(registrar: Registrar, target: Scan, source: Scan) -> Registration:
-    """Prepare and register two scans; what a method will not take counts as refused, with the identity."""
+    """Prepare and register two scans; where a method raises InputError, the identity counts as refused."""
     try:
         return registrar.register(registrar.prepare(target), registrar.prepare(source))
     except InputError as error:
@@ -21,16 +21,16 @@ def answer(registrar: Registrar, target: Scan, source: Scan) -> Registration:
 
 
 def refused(reason: str) -> Registration:
-    """A registration that says nothing."""
+    """A refused registration: the identity, without a covariance."""
     nothing = np.full((6, 6), np.nan)
     return Registration(RigidTransform.identity(), nothing, float("nan"), 0.0, False, 0.0, reason)
 
 
 def claims(registration: Registration) -> dict[str, Value]:
-    """What a registration says of itself.
+    """What a registration reports about itself.
 
-    The cells: accepted; probability that it is right, psr (both NaN from methods that have none); overlap that it
-    found; sigma_deg and sigma_m, standard deviations along the worst direction; its reason.
+    The cells: accepted; probability that it is right, psr (both NaN from methods that have none); its estimated
+    overlap; sigma_deg and sigma_m, standard deviations along the worst direction; its reason.
     """
     sigma_deg, sigma_m = _sigmas(registration.covariance)
     return {
@@ -45,12 +45,12 @@ def claims(registration: Registration) -> dict[str, Value]:
 
 
 def errors(registration: Registration, truth: RigidTransform, voxel: float) -> dict[str, Value]:
-    """A registration beside the true T_target_source, between the scans' frames.
+    """The errors of a registration against the true T_target_source, between the scans' frames.
 
     The cells: right (within RIGHT_DEG and RIGHT_VOXELS); rotation_deg, translation_m, translation_voxels; nees.
 
     Args:
-        registration: what was found.
+        registration: the estimate.
         truth: the true T_target_source.
         voxel: of the grid [m].
     """
@@ -67,16 +67,17 @@ def errors(registration: Registration, truth: RigidTransform, voxel: float) -> d
 def nees(T_estimate: RigidTransform, covariance: np.ndarray, truth: RigidTransform) -> float:
     """The normalized estimation error squared: xi' covariance^-1 xi with truth = T_estimate Exp(xi).
 
-    Of errors as the covariance has them it is distributed as chi-squared with six degrees of freedom (Bar-Shalom, Li
-    and Kirubarajan, Estimation with Applications to Tracking and Navigation, 2001, Sect. 5.4, doi 10.1002/0471221279).
+    If the covariance is that of the errors, it is distributed as chi-squared with six degrees of freedom (Bar-Shalom,
+    Li and Kirubarajan, Estimation with Applications to Tracking and Navigation, 2001, Sect. 5.4, doi
+    10.1002/0471221279).
 
     Args:
-        T_estimate: T_target_source as found.
+        T_estimate: the estimated T_target_source.
         covariance: (6, 6), rotation first [rad, m], of xi.
         truth: T_target_source.
 
     Returns:
-        NaN where the covariance is none.
+        NaN where the covariance is not positive definite.
     """
     xi = (T_estimate.inv() * truth).as_exp_coords()
     try:

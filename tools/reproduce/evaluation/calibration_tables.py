@@ -23,7 +23,7 @@ PROBABILITIES = (0.0, 0.05, 0.2, 0.4, 0.6, 0.8, 0.95, 0.99, 1.0)
 
 @dataclass(frozen=True, slots=True)
 class CovarianceCheck:
-    """Normalized squared errors beside chi-squared with six degrees of freedom.
+    """Normalized squared errors compared with chi-squared with six degrees of freedom.
 
     Attributes:
         mean: of the errors; 6 with a calibrated covariance, more with one that is too small.

@@ -1,4 +1,4 @@
-"""What rows of the evaluation come to: shares, and medians over some of them."""
+"""Shares and medians over rows of the evaluation."""
 
 from collections.abc import Iterable, Sequence
 from statistics import median
@@ -36,7 +36,7 @@ def right(rows: Iterable[Row]) -> list[Row]:
 
 
 def accepted(rows: Iterable[Row]) -> list[Row]:
-    """Those that the method believes."""
+    """Those that the method accepts."""
     return [row for row in rows if row["accepted"]]
 
 
@@ -46,7 +46,7 @@ def wrong(rows: Iterable[Row]) -> list[Row]:
 
 
 def refused(rows: Iterable[Row]) -> list[Row]:
-    """Those that the method does not believe."""
+    """Those that the method refuses."""
     return [row for row in rows if not row["accepted"]]
 
 

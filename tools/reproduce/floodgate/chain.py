@@ -55,7 +55,7 @@ class Chain:
 
 
 def chain_poses(first: RigidTransform, steps: Sequence[RigidTransform]) -> RigidTransform:
-    """Pose k is pose k - 1 times the step T_{k-1}_k, whether it was believed or not; pose 0 is `first`."""
+    """Pose k is pose k - 1 times the step T_{k-1}_k, whether it was accepted or not; pose 0 is `first`."""
     poses = [first]
     for step in steps:
         poses.append(poses[-1] * step)
@@ -63,7 +63,7 @@ def chain_poses(first: RigidTransform, steps: Sequence[RigidTransform]) -> Rigid
 
 
 def pair_row(survey: FloodgateSurvey, source: int, estimated: RigidTransform, accepted: bool) -> dict[str, Value]:
-    """The row of one registration of the scan `source` to the one before it, beside the truth."""
+    """The row of one registration of the scan `source` to the one before it, with the truth."""
     truth = survey.step(source)
     error = pair_error(estimated, truth)
     return {
@@ -92,8 +92,8 @@ def pose_rows(survey: FloodgateSurvey, steps: Sequence[RigidTransform] | None) -
     """
     true = survey.T_world_sensor
     poses = true if steps is None else chain_poses(true[0], steps)
-    points, wanted = (_placed(survey, T_world_sensor) for T_world_sensor in (poses, true))
-    distance, displaced = surface_distance(survey.mesh, points), np.linalg.norm(points - wanted, axis=1)
+    points, true_points = (_placed(survey, T_world_sensor) for T_world_sensor in (poses, true))
+    distance, displaced = surface_distance(survey.mesh, points), np.linalg.norm(points - true_points, axis=1)
     ends = np.cumsum([len(scan.points) for scan in survey.scans])
     rows: list[dict[str, Value]] = []
     for scan, end in enumerate(ends):

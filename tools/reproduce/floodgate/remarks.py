@@ -64,7 +64,7 @@ def _wrong(chains: Chains, run: Run) -> str:
     ]
     more = f" and {len(wrong) - 6} more" if len(wrong) > 6 else ""
     accepted = sum(bool(row["accepted"]) for _, row in wrong)
-    return f"Wrong: {_listed(shown)}{more}; accepted, of these: {accepted}"
+    return f"Wrong: {_listed(shown)}{more}. Accepted though wrong: {accepted} of {len(wrong)}"
 
 
 def _order(chains: Chains) -> str:

@@ -57,7 +57,7 @@ class FloodgateSettings:
             raise InputError(f"no method is called {', '.join(unknown) or 'nothing'}; there are {', '.join(COMPARED)}")
         check_seeds(self.seeds, self.first_seed)
         if not 2 <= self.scans <= SCANS:
-            raise InputError(f"{self.scans} scans; wanted 2 to {SCANS}")
+            raise InputError(f"{self.scans} scans; there must be 2 to {SCANS}")
         for edge in self.edges:
             Grid(edge, 1.0)
 
@@ -69,7 +69,7 @@ class FloodgateSettings:
 
 @dataclass(frozen=True, slots=True)
 class _Step:
-    """One registration: what was found, whether it was believed, and how long it took [s]."""
+    """One registration: the estimate, whether it was accepted, and how long it took [s]."""
 
     found: RigidTransform
     accepted: bool
@@ -121,7 +121,7 @@ class Floodgate:
         return Outcome(rows, ({key: begin[key] for key in ("seed", "method", "grid")} | seconds,))
 
     def section(self, outcomes: Mapping[str, Outcome]) -> Section:
-        """The paper's statements beside what the maps show, errors, and Table 2."""
+        """The paper's statements next to our results, errors, and Table 2."""
         settings: FloodgateSettings = self.settings
         return floodgate_section(settings.methods, settings.left_out, settings.edges, outcomes)
 

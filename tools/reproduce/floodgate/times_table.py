@@ -1,4 +1,4 @@
-"""Table 2 of the paper: seconds of every registration, beside ours."""
+"""Table 2 of the paper: seconds of every registration, next to ours."""
 
 from collections.abc import Iterable, Mapping
 from dataclasses import dataclass
@@ -72,7 +72,7 @@ def _paper(run: Run) -> tuple[str, ...]:
 
 
 def _pairs(runs: Mapping[Run, list[Row]]) -> Table:
-    """Table 2 as printed, and our medians over the surveys beside it."""
+    """Table 2 as printed, and our medians over the surveys next to it."""
     sources = sorted({int(row["scan"]) for rows in runs.values() for row in rows})
     lines = [
         (

@@ -138,7 +138,7 @@ def row_of(
     """The row of a scored registration.
 
     Args:
-        scored: a registration beside its truth.
+        scored: a registration with its truth.
         pair: scene, variance of the noise [m^2], seed and number of the scan.
         method: a key of VARIANTS.
         edge: voxels per edge.

@@ -54,7 +54,7 @@ class Gaussian:
         return Outcome(tuple(row.cells() for row, _ in registered), tuple(time.cells() for _, time in registered))
 
     def section(self, outcomes: Mapping[str, Outcome]) -> Section:
-        """The tables beside the paper's, and which step fails."""
+        """Our results next to the paper's, and which step fails first."""
         rows, times = (
             _rows(outcomes),
             [GaussianTime.of(cells) for outcome in outcomes.values() for cells in outcome.seconds],

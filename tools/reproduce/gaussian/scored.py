@@ -1,4 +1,4 @@
-"""A registration beside its truth: its errors, whether it is right, and which step is wrong first."""
+"""A registration with its truth: its errors, whether it is right, and which step is wrong first."""
 
 from dataclasses import dataclass
 from typing import Literal
@@ -14,7 +14,7 @@ Step = Literal["", "yaw", "tilt", "translation"]
 
 @dataclass(frozen=True, slots=True)
 class ScoredRegistration:
-    """A registration beside its truth.
+    """A registration with its truth.
 
     Attributes:
         registration: of the pair.

@@ -1,4 +1,4 @@
-"""What the registrations of Table 1 come to, per grid, noise and method, beside what the paper reports."""
+"""Summaries of the registrations of Table 1 by grid, noise and method, next to what the paper reports."""
 
 from collections import Counter
 from collections.abc import Iterable, Mapping, Sequence
@@ -29,8 +29,8 @@ class Summary:
         right: how many registrations are right.
         right_at_center: how many would be, were the translation taken at the scan's center.
         right_within_3m: how many are also within 3 m, three of the paper's voxels.
-        accepted_wrong: how many were believed and are wrong.
-        refused_right: how many were not believed and are right.
+        accepted_wrong: how many were accepted and are wrong.
+        refused_right: how many were refused and are right.
         yaw_peaks: in how many the right yaw is the highest peak, among the FEW highest, among the RANKED highest.
         wrong_steps: how many are wrong by the first step that is.
         ended_by: how many seeds end (the scan after `last` is wrong) by the first step that is wrong there.

@@ -58,7 +58,7 @@ class Limits:
         return Outcome(tuple(rows), tuple(seconds))
 
     def section(self, outcomes: Mapping[str, Outcome]) -> Section:
-        """What the paper says of the limits beside what is found."""
+        """What the paper says about the limits, next to our results."""
         return limits_section(all_rows(outcomes), self.settings, self._series.grid)
 
     def draw(self, folder: Path, outcomes: Mapping[str, Outcome]) -> None:

@@ -24,4 +24,6 @@ class LimitsSettings(StructureSettings):
         StructureSettings.__post_init__(self)
         for name, angles, low in (("tilts_deg", self.tilts_deg, 0), ("yaws_deg", self.yaws_deg, -90)):
             if not angles or list(angles) != sorted(set(angles)) or not low < angles[0] <= angles[-1] < 90:
-                raise InputError(f"{name} are {angles}; wanted some, ascending, above {low} and below 90 degrees")
+                raise InputError(
+                    f"{name} are {angles}; there must be at least one, ascending, above {low} and below 90 degrees"
+                )

@@ -55,7 +55,7 @@ def draw_overlap(path: Path, rows: Sequence[Row], methods: Sequence[str]) -> Non
 
 
 def draw_nees(path: Path, rows: Sequence[Row]) -> None:
-    """The normalized squared errors of right registrations beside chi-squared."""
+    """The normalized squared errors of right registrations, and the chi-squared density."""
     from matplotlib.figure import Figure
 
     figure = Figure(figsize=(6.4, 3.8), dpi=DPI, layout="constrained")

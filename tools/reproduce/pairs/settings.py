@@ -19,8 +19,8 @@ class PairsSettings:
 
     Attributes:
         yaw, any: how many pairs of each turn, rounded up to whole batches; those of "any" are others.
-        peers: how many of each turn the methods beside ours register, as they take ten times as long: the first, which
-            are as even a set as all.
+        peers: how many pairs of each turn, from the first, the methods other than ours register, as they take ten times
+            as long; they are spread over the overlaps as evenly as the whole set.
         seed: of the set.
         edge: voxels per edge; their size is chosen for each pair.
         compared: the methods.

@@ -101,13 +101,13 @@ def verdict_table(yaw: Sequence[Row], free: Sequence[Row]) -> Table:
     lines: list[_Line] = []
     for words, rows in (("any yaw", where(yaw, method=OURS)), ("any rotation", where(free, method=OURS))):
         if rows:
-            lines += [_believed(rows, words), _refused(rows, words)]
+            lines += [_accepted_wrong(rows, words), _refused(rows, words)]
     ours = where(yaw, method=OURS)
     lines += [*_accuracy(accurate(ours)), *_calibration([row for row in ours if row["right"]])]
     return Table(f"Requirements on `{OURS}`", ("measure", "required", "ours", "verdict"), tuple(lines))
 
 
-def _believed(rows: Sequence[Row], words: str) -> _Line:
+def _accepted_wrong(rows: Sequence[Row], words: str) -> _Line:
     false = wrong(accepted(rows))
     holds = len(false) <= MOST_WRONG * len(rows)
     shown = f"{rate(false, rows)}; {len(accepted(rows))} accepted"

@@ -29,7 +29,7 @@ class Turns(Structures):
         super().__init__(settings, turns, device)
 
     def section(self, outcomes: Mapping[str, Outcome]) -> Section:
-        """The deviations of every noise beside the paper's."""
+        """The deviations under every noise, next to the paper's."""
         return rotation_section(all_rows(outcomes), self.settings, self.series.grid)
 
     def draw(self, folder: Path, outcomes: Mapping[str, Outcome]) -> None:

@@ -41,7 +41,7 @@ def deviation(row: Row, name: str) -> float:
     return (off + 180) % 360 - 180
 
 
-def keeps(row: Row) -> bool:
+def within_limits(row: Row) -> bool:
     """Whether the angles deviate no more than in the paper's figures, and the shift is close to zero."""
     turned = all(abs(deviation(row, name)) <= most for name, most in PAPER_DEVIATION.items())
     return turned and float(row["translation_voxels"]) <= _SHIFT_VOXELS
@@ -51,18 +51,18 @@ def _deviation_table(rows: Sequence[Row], settings: RotationSettings) -> Table:
     lines = []
     for noise in settings.noises:
         some = where(rows, noise=noise)
-        kept = wilson(sum(map(keeps, some)), len(some))
+        within = wilson(sum(map(within_limits, some)), len(some))
         worst = [max((abs(deviation(row, name)) for row in some), default=float("nan")) for name in ROTATION]
         typical = float(np.median([float(row["rotation_deg"]) for row in some]))
         shift = max(float(row["translation_voxels"]) for row in some)
-        verdict = "within" if kept.successes == kept.trials else f"{kept.trials - kept.successes} beyond"
+        verdict = "within" if within.successes == within.trials else f"{within.trials - within.successes} beyond"
         lines.append(
             (
                 f"{noise}: largest deviations [°]",
                 " / ".join(f"{PAPER_DEVIATION[name]:g}" for name in ROTATION),
                 " / ".join(f"{value:.1f}" for value in worst),
                 verdict,
-                str(kept),
+                str(within),
                 f"{typical:.2f}°",
                 f"{shift:.1f}",
                 f"{min(float(row['psr']) for row in some):.0f}",
@@ -83,7 +83,7 @@ def _deviation_table(rows: Sequence[Row], settings: RotationSettings) -> Table:
 
 
 def _remarks(rows: Sequence[Row]) -> str:
-    beyond = [row for row in rows if not keeps(row)]
+    beyond = [row for row in rows if not within_limits(row)]
     if not beyond:
         return "All registrations are within the limits."
     named = ", ".join(

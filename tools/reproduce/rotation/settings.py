@@ -23,4 +23,6 @@ class RotationSettings(StructureSettings):
         StructureSettings.__post_init__(self)
         yaws = list(self.yaws_deg)
         if not yaws or yaws != sorted(set(yaws)) or not -90 < yaws[0] <= yaws[-1] < 90:
-            raise InputError(f"yaws_deg are {self.yaws_deg}; wanted some, ascending, above -90 and below 90 degrees")
+            raise InputError(
+                f"yaws_deg are {self.yaws_deg}; there must be at least one, ascending, above -90 and below 90 degrees"
+            )

@@ -40,7 +40,7 @@ def _required(rows: Sequence[Row], settings: StepsSettings) -> Table:
         ours = where(rows, sigma2=sigma2, method=OURS)
         if not ours:
             continue
-        ends, believed = last_right(ours), wrong(accepted(ours))
+        ends, accepted_wrong = last_right(ours), wrong(accepted(ours))
         reached = sum(end >= TABLE1_COUNT - 1 for end in ends)
         shown = f"{rate(right(_through(ours)), _through(ours))}; every step to S9 with {reached} of {len(ends)} seeds"
         noise = f"{OURS}, σ² = {sigma2:g} m²"
@@ -49,7 +49,12 @@ def _required(rows: Sequence[Row], settings: StepsSettings) -> Table:
         enough = len(right(through)) >= least * len(through)
         lines.append((f"{noise}: S0 to S9 right", f">= {least:.0%}", shown, verdict(enough)))
         lines.append(
-            (f"{noise}: accepted though wrong", "none", f"{rate(believed, accepted(ours))}", verdict(not believed))
+            (
+                f"{noise}: accepted though wrong",
+                "none",
+                f"{rate(accepted_wrong, accepted(ours))}",
+                verdict(not accepted_wrong),
+            )
         )
     return Table("Requirements", ("measure", "required", "ours", "verdict"), tuple(lines))
 

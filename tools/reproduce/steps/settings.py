@@ -25,7 +25,7 @@ class StepsSettings:
         scenes: keys of SCENE_KINDS; the seeds go round over them.
         sigma2: variances of the range noise at the largest range [m^2], each.
         seeds: how many scenes and noises, counted from `first_seed`.
-        peers: how many of them, the first, the methods beside ours register, as they take ten times as long.
+        peers: how many of them, from the first, the methods other than ours register, as they take ten times as long.
         first_seed: >= 0.
         edge: voxels per edge; the grid is as large as the paper's, whatever their number.
         compared: the methods.

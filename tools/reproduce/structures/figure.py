@@ -1,4 +1,4 @@
-"""Moved structures as the paper draws them: estimated beside true parameters, a line of axes per noise."""
+"""Moved structures as the paper draws them: estimated and true parameters, a line of axes per noise."""
 
 from collections.abc import Sequence
 from pathlib import Path

@@ -40,7 +40,7 @@ class StructureSettings:
         for given, known in ((self.scenes, SCENE_KINDS), (self.noises, NOISES)):
             strange = [name for name in given if name not in known]
             if strange or not given:
-                raise InputError(f"{strange[0] if strange else 'nothing'}: wanted some of {', '.join(known)}")
+                raise InputError(f"{strange[0] if strange else 'nothing'}: choose from {', '.join(known)}")
         check_seeds(self.seeds, self.first_seed)
 
     @property

@@ -180,7 +180,7 @@ def _mapped(result: "SurveyResult", time: MappingTime, signatures: dict[int, np.
     before, after = part.crossings.before, part.crossings.after
     return MappedSurvey(
         placed=tuple(members),
-        components=sum(len(one) > 1 for one in result.components),
+        components=sum(len(component) > 1 for component in result.components),
         trajectory=result.trajectory.take(members),
         chained=part.chained_poses,
         covariances=result.covariances[members],

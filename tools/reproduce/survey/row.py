@@ -1,4 +1,4 @@
-"""What a system made of a survey, beside the truth: one row of numbers, and one for each pose."""
+"""The result of a system on a survey against the truth: one row of numbers, and one for each pose."""
 
 import numpy as np
 
@@ -22,8 +22,8 @@ _NAN = float("nan")
 def survey_rows(survey: SimulatedSurvey, mapped: MappedSurvey, voxel: float) -> tuple[Row, ...]:
     """All rows of one system on one survey.
 
-    Trajectories are aligned over the placed scans that are usable; a system that places others too is not told off for
-    them here, but its map holds them.
+    Trajectories are aligned over the placed scans that are usable; other scans that a system places are
+    ignored here, but its map contains them.
 
     Args:
         survey: its scans and their truth.

@@ -43,4 +43,4 @@ class SurveySettings:
             raise InputError(f"no scene is called {self.scene!r}; there are {', '.join(SCENE_KINDS)}")
         check_seeds(self.seeds, self.first_seed)
         if not self.counts or min(self.counts) < 2 or self.dive < 0:
-            raise InputError(f"{self.counts} scans and dives of {self.dive}; wanted surveys of 2 or more")
+            raise InputError(f"{self.counts} scans and dives of {self.dive}; a survey needs 2 scans or more")

@@ -21,7 +21,7 @@ class SimulatedSurvey:
     Attributes:
         scans: one dive's after another's; their stamps count them from 0.
         truth: their poses; the world is the scene's frame, East-North-Up.
-        dives: (N,) int, the number of the survey that each is of, as the mapper is told it.
+        dives: (N,) int, the number of the survey of each scan, as given to the mapper.
         unusable: the scans that show nothing of the scene.
         mesh: the scene's true surface [m, world].
     """
@@ -34,7 +34,7 @@ class SimulatedSurvey:
 
 
 def simulate_survey(scene: str, seed: int, count: int, unusable: float, dives: Sequence[int] = (1,)) -> SimulatedSurvey:
-    """Simulate `count` scans of each of the dives, in their order; how these lie to each other nothing tells.
+    """Simulate `count` scans of each of the dives, in their order; their relative pose is given nowhere.
 
     Args:
         scene: a key of SCENE_KINDS.
@@ -45,8 +45,8 @@ def simulate_survey(scene: str, seed: int, count: int, unusable: float, dives: S
     """
     settings = replace(plan(scene, "lawnmower", None, seed), count=count, unusable=unusable)
     done = [simulate(replace(settings, dive=dive)) for dive in dives]
-    scans = [scan for one in done for scan in one.scans]
-    poses = RigidTransform.concatenate([one.truth.T_world_sensor for one in done])
+    scans = [scan for simulation in done for scan in simulation.scans]
+    poses = RigidTransform.concatenate([simulation.truth.T_world_sensor for simulation in done])
     return SimulatedSurvey(
         scans=tuple(replace(scan, stamp=float(k), name=f"scan_{k:03d}") for k, scan in enumerate(scans)),
         truth=Trajectory(np.arange(len(scans), dtype=np.float64), poses),
@@ -57,4 +57,4 @@ def simulate_survey(scene: str, seed: int, count: int, unusable: float, dives: S
 
 
 def _faults(done: Sequence[Simulation], count: int) -> frozenset[int]:
-    return frozenset(number + place * count for place, one in enumerate(done) for number in one.faults)
+    return frozenset(number + k * count for k, simulation in enumerate(done) for number in simulation.faults)

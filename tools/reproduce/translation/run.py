@@ -31,7 +31,7 @@ class TranslationExperiment(Structures):
         super().__init__(settings, shifts, device)
 
     def section(self, outcomes: Mapping[str, Outcome]) -> Section:
-        """The reach of every noise beside the paper's."""
+        """The reach under every noise, next to the paper's."""
         return translation_section(all_rows(outcomes), self.settings, self.series.grid)
 
     def draw(self, folder: Path, outcomes: Mapping[str, Outcome]) -> None:

@@ -19,4 +19,4 @@ class TranslationSettings(StructureSettings):
     def __post_init__(self) -> None:
         StructureSettings.__post_init__(self)
         if not self.steps or min(self.steps) < 0 or list(self.steps) != sorted(set(self.steps)):
-            raise InputError(f"steps are {self.steps}; wanted some, each farther than the one before")
+            raise InputError(f"steps are {self.steps}; there must be at least one, each farther than the one before")

@@ -29,9 +29,11 @@ def draw_unrelated(path: Path, rows: Sequence[Row]) -> None:
         for column, method in enumerate(methods):
             some = where(rated, method=method)
             beside = 0.3 * np.linspace(-1, 1, len(some))  # in the order of the pairs, so that all are seen
-            for believed, mark, size in ((False, ".", 3), (True, "x", 7)):
+            for is_accepted, mark, size in ((False, ".", 3), (True, "x", 7)):
                 held = [
-                    (column + x, row[key]) for x, row in zip(beside, some, strict=True) if row["accepted"] is believed
+                    (column + x, row[key])
+                    for x, row in zip(beside, some, strict=True)
+                    if row["accepted"] is is_accepted
                 ]
                 look = style(method) | {"linewidth": 0}
                 axes.plot(*np.array(held, float).reshape(-1, 2).T, mark, markersize=size, **look)
