@@ -146,7 +146,7 @@ class Mapper:
             InputError: fewer than two scans, or not one pair that could be tried.
         """
         if len(scans) < 2:
-            raise InputError(f"{len(scans)} scan given; a map wants at least two that overlap")
+            raise InputError(f"{len(scans)} scan given; a map needs at least two that overlap")
         survey = np.zeros(len(scans), np.intp) if surveys is None else np.asarray(surveys, np.intp)
         runner = PairRunner(self.execution, scans, 2, progress)
 

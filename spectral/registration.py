@@ -28,7 +28,7 @@ from spectral.so3 import RotationPeaks, So3
 from spectral.verify.bounds import Bounds
 from spectral.verify.covariance import fit_covariance
 from spectral.verify.hypothesis import Hypothesis
-from spectral.verify.hypothesis_test import HypothesisTest
+from spectral.verify.hypothesis_testing import HypothesisTest
 from spectral.verify.probability import explain, hypothesis_probabilities, tolerance_probability
 from spectral.verify.verifier import Verifier
 

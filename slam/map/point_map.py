@@ -1,5 +1,13 @@
 # pyright: strict, reportMissingTypeStubs=false, reportUnknownMemberType=false
-"""The points of all scans in one frame, one per voxel, each with its uncertainty."""
+"""The points of all scans in one frame, one per voxel, each with its uncertainty.
+
+In a voxel the points of each scan are averaged, and these means by the inverse of their variances. A mean's variance
+is what the scan's pose leaves open there, and the scatter of its ranges over the number of its points. Both are mean
+squares of the three coordinates (a third of the covariance's trace: unlike its largest eigenvalue that adds up
+exactly, whatever the directions). `PointMap.sigma` averages the scatter away but not the poses' part: all points of a
+scan share its pose's error, and neighboring poses share most of theirs, so the poses' standard deviations are
+averaged as they are. Were the poses independent, sigma would be up to sqrt(seen) too large.
+"""
 
 from __future__ import annotations
 
@@ -65,13 +73,6 @@ def fuse(
     beams: Sequence[Beams] | None = None,
 ) -> PointMap:
     """Bring every scan's points into the world and keep one per voxel.
-
-    In a voxel the points of each scan are averaged, and these means by the inverse of their variances. A mean's
-    variance is what the scan's pose leaves open there, and the scatter of its ranges over the number of its points.
-    Both are mean squares of the three coordinates (a third of the covariance's trace: unlike its largest eigenvalue
-    that adds up exactly, whatever the directions). `PointMap.sigma` averages the scatter away but not the poses' part:
-    all points of a scan share its pose's error, and neighboring poses share most of theirs, so the poses' standard
-    deviations are averaged as they are. Were the poses independent, sigma would be up to sqrt(seen) too large.
 
     The same input gives the same bytes. Scans are thinned one by one before they are merged, so that memory
     grows with the map, not with the number of points. Points more than a million voxels from the middle of the first

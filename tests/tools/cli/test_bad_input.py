@@ -95,7 +95,7 @@ def test_one_scan_alone_is_no_map(good: str, tmp_path: Path) -> None:
     for inputs in ([good], [good, good], [tmp_path]):
         result = sonarmap("map", *inputs, "-o", tmp_path / "out", *GRID)
         assert (result.exit_code, result.stdout) == (2, "")
-        said(result, "1 scan given; a map wants at least two")
+        said(result, "1 scan given; a map needs at least two")
 
 
 @pytest.mark.parametrize(

@@ -13,7 +13,7 @@ from spectral.registration import SpectralRegistrar
 from spectral.scan import Scan
 from spectral.verify.bounds import Bounds
 from spectral.verify.hypothesis import Hypothesis
-from spectral.verify.hypothesis_test import HypothesisTest
+from spectral.verify.hypothesis_testing import HypothesisTest
 from spectral.verify.icp import Fit
 from spectral.verify.verifier import Verifier
 from tests.samples.reliefs import above, relief, seen
