@@ -31,7 +31,7 @@ class Trajectory:
 
     def __post_init__(self) -> None:
         if self.T_world_sensor.single or len(self.T_world_sensor) == 0:
-            raise InputError("a trajectory wants a stack of at least one pose; give RigidTransform of shape (N,)")
+            raise InputError("a trajectory needs a stack of at least one pose; give RigidTransform of shape (N,)")
         if self.stamps.dtype != np.float64 or self.stamps.shape != (len(self.T_world_sensor),):
             raise InputError(
                 f"stamps are {self.stamps.dtype} of shape {self.stamps.shape}; wanted float64 of shape "

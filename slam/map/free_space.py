@@ -124,7 +124,7 @@ def _view(scan: Scan, beams: Beams) -> _View:
 
 
 def _spread(near: np.ndarray) -> np.ndarray:
-    """(edge, edge) the nearest of each cell's nine; nothing is told along the rim, where the map's seams are."""
+    """(edge, edge) the nearest of each cell's nine; nothing is known along the rim, where the map's seams are."""
     edge = len(near)
     nearest = np.full((edge, edge), np.nan)
     nine = np.stack([near[i : edge - 2 + i, j : edge - 2 + j] for i in range(3) for j in range(3)])

@@ -85,8 +85,8 @@ def _multipliers(problem: ChordalProblem, X: np.ndarray) -> tuple[np.ndarray, np
 def _lowest(dual: sparse.csc_array, weights: sparse.csc_array, scale: float, tolerance: float) -> float:
     """The lowest eigenvalue of dual x = lambda weights x.
 
-    Three are 0, those of the poses themselves. How many lie below a shift is told by the signs of the pivots of the
-    shifted matrix (Sylvester), so that none is missed; the lowest is then sought where there is one.
+    Three are 0, those of the poses themselves. As many lie below a shift as pivots of the shifted matrix are negative
+    (Sylvester), so that none is missed; where there is one below, the lowest is then searched for.
     """
     shift = -max(tolerance, 1e-12 * scale)
     below = _negative_pivots(dual, weights, shift)

@@ -9,7 +9,7 @@ from scipy.spatial import KDTree
 from kernels.errors import InputError
 from spectral.scan import Scan
 
-FEWEST_POINTS = 20  # as the spectral registration wants occupied voxels
+FEWEST_POINTS = 20  # as many as the spectral registration needs occupied voxels
 
 # Where normals are estimated: all within this distance [voxels], the nearest so many at most (Open3D's example).
 NORMAL_REACH = 2.0

@@ -27,7 +27,7 @@ def peer(module: str, package: str, method: str, extra: str = "peers") -> Module
         return import_module(module)
     except ImportError as error:
         raise InputError(
-            f"the method {method} wants the package {package}, which does not load here ({error}). Install it with "
+            f"the method {method} needs the package {package}, which does not load here ({error}). Install it with "
             f"pip install 'sonarmap[{extra}]', or pip install {package} alone."
         ) from error
 

@@ -155,7 +155,7 @@ def test_silence_is_of_c_and_of_python_and_ends(capfd: pytest.CaptureFixture[str
 
 
 def test_a_missing_package_is_told() -> None:
-    with pytest.raises(InputError, match=r"the method kiss wants the package no-such-thing.*sonarmap\[peers\]"):
+    with pytest.raises(InputError, match=r"the method kiss needs the package no-such-thing.*sonarmap\[peers\]"):
         peer("no_such_thing", "no-such-thing", "kiss")
 
 

@@ -123,7 +123,7 @@ def test_a_missing_package_is_told_with_the_command(
     monkeypatch.setitem(sys.modules, module, None)
     result = sonarmap("register", *pair, "--method", method, *VOXEL, "--json")
     assert (result.exit_code, result.stdout) == (2, "")
-    said(result, f"the method {method} wants the package {METHODS[method].package}", "pip install 'sonarmap[peers]'")
+    said(result, f"the method {method} needs the package {METHODS[method].package}", "pip install 'sonarmap[peers]'")
 
 
 @pytest.mark.parametrize("method", [name for name, one in METHODS.items() if one.package])

@@ -40,7 +40,7 @@ def fit_plane(points: np.ndarray, block: np.ndarray) -> PlaneFit:
 
     The variance of a range grows in proportion to it, by a factor that the points' own deviations tell; a range
     error moves a point off the plane by the sine of the beam's angle with it. A surface that is not quite plane
-    deviates from it for whole blocks of points at once: how much is told by the blocks' means, and the weight of
+    deviates from it for whole blocks of points at once: how much is known from the blocks' means, and the weight of
     a block is then that of one point with this deviation, however many points it holds.
 
     Args:

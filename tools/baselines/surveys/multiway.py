@@ -45,7 +45,7 @@ def run_multiway(scans: Sequence[Scan], voxel: float, seed: int = 0, key_every: 
     described = _describe(registrar, scans)
     usable = list(described)
     if len(usable) < 2:
-        raise InputError(f"{len(usable)} of {len(scans)} scans show enough; multiway registration wants at least two")
+        raise InputError(f"{len(usable)} of {len(scans)} scans show enough; multiway registration needs at least two")
     chain = list(pairwise(usable))
     loops = sorted(set(combinations(usable[::key_every], 2)) - set(chain))
     registered = {(i, j): registrar.register(described[i], described[j]).T_target_source for i, j in [*chain, *loops]}

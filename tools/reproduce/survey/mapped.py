@@ -107,7 +107,7 @@ def map_survey(
 
 
 def installed(system: str) -> bool:
-    """Whether a system's package is there, where it wants one."""
+    """Whether a system's package is there, where it needs one."""
     from tools.baselines.packages import peer
 
     if system != "kiss-slam":
