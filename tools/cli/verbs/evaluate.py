@@ -45,6 +45,30 @@ def _check_length(length: float | None) -> float | None:
     raise typer.BadParameter(f"{length}; give a length above 0")
 
 
+TruthArgument = Annotated[
+    list[Path],
+    typer.Argument(
+        help="True trajectory in the same format; for several dives, one file per dive.", metavar="TRUTH..."
+    ),
+]
+AlignOption = Annotated[
+    str,
+    typer.Option(
+        "--align",
+        metavar="HOW",
+        help="How to align the estimate with the truth: poses (all positions and orientations), positions, or "
+        "first (the first pose).",
+        callback=_check_alignment,
+    ),
+]
+MaxErrorOption = Annotated[
+    float | None,
+    typer.Option(metavar="M", help="Exit with code 3 if a position error is larger \\[m].", callback=_check_limit),
+]
+MaxTurnOption = Annotated[
+    float | None,
+    typer.Option(metavar="DEG", help="Exit with code 3 if a rotation error is larger \\[deg].", callback=_check_limit),
+]
 MapOption = Annotated[
     Path | None,
     typer.Option("--map", metavar="FILE", help="The estimate's map, to compare with --surface."),
@@ -68,32 +92,10 @@ SummaryOption = Annotated[
 
 def command(
     estimate: Annotated[Path, typer.Argument(help="Estimated trajectory, TUM or KITTI format.", metavar="ESTIMATE")],
-    truth: Annotated[
-        list[Path],
-        typer.Argument(
-            help="True trajectory in the same format; for several dives, one file per dive.", metavar="TRUTH..."
-        ),
-    ],
-    align: Annotated[
-        str,
-        typer.Option(
-            "--align",
-            metavar="HOW",
-            help="How to align the estimate with the truth: poses (all positions and orientations), positions, or "
-            "first (the first pose).",
-            callback=_check_alignment,
-        ),
-    ] = "poses",
-    max_error_m: Annotated[
-        float | None,
-        typer.Option(metavar="M", help="Exit with code 3 if a position error is larger \\[m].", callback=_check_limit),
-    ] = None,
-    max_error_deg: Annotated[
-        float | None,
-        typer.Option(
-            metavar="DEG", help="Exit with code 3 if a rotation error is larger \\[deg].", callback=_check_limit
-        ),
-    ] = None,
+    truth: TruthArgument,
+    align: AlignOption = "poses",
+    max_error_m: MaxErrorOption = None,
+    max_error_deg: MaxTurnOption = None,
     map_file: MapOption = None,
     surface: SurfaceOption = None,
     voxel: MapVoxelOption = None,

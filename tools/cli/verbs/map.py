@@ -51,14 +51,42 @@ def _check_also(formats: list[str]) -> list[str]:
     return list(dict.fromkeys(formats))
 
 
+InputsArgument = Annotated[
+    list[str],
+    typer.Argument(
+        help="Scans: files, folders or patterns; taken in natural order (scan2 before scan10).", metavar="INPUT..."
+    ),
+]
+AlsoOption = Annotated[
+    list[str],
+    typer.Option("--also", metavar="FORMAT", help=f"Also write {_EXPORTS}; may be repeated.", callback=_check_also),
+]
+WorkersOption = Annotated[
+    int | None,
+    typer.Option(
+        "--workers",
+        metavar="N",
+        min=1,
+        help="Register pairs in N processes, each with its own device context; the results are the same. \\[1, "
+        "this process]",
+    ),
+]
+SchedulerOption = Annotated[
+    str | None,
+    typer.Option(
+        "--scheduler",
+        metavar="ADDRESS",
+        help="Register pairs on a Dask cluster, as tcp://10.0.0.5:8786; needs pip install 'sonarmap\\[cluster]'.",
+    ),
+]
+FreshOption = Annotated[
+    bool, typer.Option("--fresh", help="Discard the results that an earlier run left in OUT/journal.sqlite.")
+]
+
+
 def command(
     context: typer.Context,
-    inputs: Annotated[
-        list[str],
-        typer.Argument(
-            help="Scans: files, folders or patterns; taken in natural order (scan2 before scan10).", metavar="INPUT..."
-        ),
-    ],
+    inputs: InputsArgument,
     out: Annotated[Path, typer.Option("-o", "--out", help="Folder for the results.", metavar="OUT")],
     method: MethodOption = DEFAULT_METHOD,
     grid: GridOption = None,
@@ -70,32 +98,11 @@ def command(
     strength: StrengthOption = False,
     priors: PriorsOption = None,
     prior_sigmas: PriorSigmasOption = None,
-    also: Annotated[
-        list[str],
-        typer.Option("--also", metavar="FORMAT", help=f"Also write {_EXPORTS}; may be repeated.", callback=_check_also),
-    ] = [],  # noqa: B006 - typer's way to say none
+    also: AlsoOption = [],  # noqa: B006 - typer's way to say none
     device: DeviceOption = None,
-    workers: Annotated[
-        int | None,
-        typer.Option(
-            "--workers",
-            metavar="N",
-            min=1,
-            help="Register pairs in N processes, each with its own device context; the results are the same. \\[1, "
-            "this process]",
-        ),
-    ] = None,
-    scheduler: Annotated[
-        str | None,
-        typer.Option(
-            "--scheduler",
-            metavar="ADDRESS",
-            help="Register pairs on a Dask cluster, as tcp://10.0.0.5:8786; needs pip install 'sonarmap\\[cluster]'.",
-        ),
-    ] = None,
-    fresh: Annotated[
-        bool, typer.Option("--fresh", help="Discard the results that an earlier run left in OUT/journal.sqlite.")
-    ] = False,
+    workers: WorkersOption = None,
+    scheduler: SchedulerOption = None,
+    fresh: FreshOption = False,
     seed: SeedOption = DEFAULT_SEED,
     as_json: JsonOption = False,
     quiet: QuietOption = False,

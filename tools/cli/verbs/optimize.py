@@ -36,38 +36,40 @@ def _check_choice(name: str, choices: tuple[str, ...]) -> str:
     raise typer.BadParameter(f"{name!r}; choose one of {', '.join(choices)}. Leave it out for {choices[0]}.")
 
 
+ObjectiveOption = Annotated[
+    str,
+    typer.Option(
+        "--objective",
+        metavar="NAME",
+        help="full: the whole information matrix of every edge; isotropic: one weight for the rotation and one for "
+        "the translation of an edge, so that the optimum can be certified.",
+        callback=_check_objective,
+    ),
+]
+StartOption = Annotated[
+    str,
+    typer.Option(
+        "--start",
+        metavar="NAME",
+        help="Initial poses: chordal: computed from the edges alone; given: the poses in the file; incremental: "
+        "from iSAM2, which adds the poses one by one.",
+        callback=_check_start,
+    ),
+]
+RobustOption = Annotated[bool, typer.Option("--robust", help="Reject wrong edges, and leave them out of OUT.g2o.")]
+CompareOption = Annotated[
+    bool,
+    typer.Option("--compare/--no-compare", help="Also solve the other objective, and print how far its solution is."),
+]
+
+
 def command(
     source: Annotated[Path, typer.Argument(help="Pose graph to optimize.", metavar="IN.g2o")],
     out: Annotated[Path, typer.Option("-o", "--out", help="The optimized pose graph.", metavar="OUT.g2o")],
-    objective: Annotated[
-        str,
-        typer.Option(
-            "--objective",
-            metavar="NAME",
-            help="full: the whole information matrix of every edge; isotropic: one weight for the rotation and one for "
-            "the translation of an edge, so that the optimum can be certified.",
-            callback=_check_objective,
-        ),
-    ] = OBJECTIVES[0],
-    start: Annotated[
-        str,
-        typer.Option(
-            "--start",
-            metavar="NAME",
-            help="Initial poses: chordal: computed from the edges alone; given: the poses in the file; incremental: "
-            "from iSAM2, which adds the poses one by one.",
-            callback=_check_start,
-        ),
-    ] = STARTS[0],
-    robust: Annotated[
-        bool, typer.Option("--robust", help="Reject wrong edges, and leave them out of OUT.g2o.")
-    ] = False,
-    compare: Annotated[
-        bool,
-        typer.Option(
-            "--compare/--no-compare", help="Also solve the other objective, and print how far its solution is."
-        ),
-    ] = True,
+    objective: ObjectiveOption = OBJECTIVES[0],
+    start: StartOption = STARTS[0],
+    robust: RobustOption = False,
+    compare: CompareOption = True,
     as_json: JsonOption = False,
     quiet: QuietOption = False,
 ) -> None:

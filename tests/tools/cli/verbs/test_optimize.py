@@ -15,7 +15,7 @@ from tests.samples.surveys import edge, random_covariance, ring_poses
 from tools.readers.poses.g2o import read_g2o
 from tools.writers.g2o import write_g2o
 
-GRAPHS = Path(__file__).parents[4] / "shared" / "data" / "graphs"
+GRAPHS = Path(__file__).parents[5] / "shared" / "data" / "graphs"
 # The best known values of F: those of the benchmark's FSTAR.txt
 BEST = {"tinyGrid3D": 18.5193664, "smallGrid3D": 1025.39806, "parking-garage": 1.26252443, "sphere2500": 1687.00581}
 needs_graphs = pytest.mark.skipif(not GRAPHS.is_dir(), reason=f"the benchmark graphs are not at {GRAPHS}")
