@@ -5,6 +5,8 @@ from dataclasses import dataclass
 import numpy as np
 from scipy.spatial import KDTree
 
+from spectral.nearest import query_on_all_cores
+
 # So many neighbors make a plane: enough to average noise of a voxel's size, few enough to keep edges.
 _NEIGHBORS = 16
 # A point farther than this from its neighbors' plane is no point of it, and stays [voxels].
@@ -35,7 +37,7 @@ def smooth_surface(points: np.ndarray, tree: KDTree) -> Surface:
         points: at least 3.
         tree: of the same points.
     """
-    _, nearest = tree.query(points, k=min(_NEIGHBORS, len(points)), workers=-1)
+    _, nearest = query_on_all_cores(tree, points, min(_NEIGHBORS, len(points)))
     around = points[nearest]
     middle = around.mean(axis=1)
     spread = around - middle[:, None]

@@ -9,6 +9,7 @@ from dataclasses import dataclass
 import numpy as np
 from scipy.spatial.transform import Rotation
 
+from spectral.nearest import query_on_all_cores
 from spectral.prepare.surface import Surface
 
 # The width of the weights' bell, as a share of how far apart points may be.
@@ -96,8 +97,10 @@ class _Pairs:
 
 def _nearest(surface: Surface, points: np.ndarray, reach: float) -> tuple[np.ndarray, np.ndarray]:
     """Which points (n,) bool have a point of the surface within reach, and which it is, for those."""
-    workers = -1 if len(points) > _MANY else 1
-    distance, index = surface.tree.query(points, distance_upper_bound=reach, workers=workers)
+    if len(points) > _MANY:
+        distance, index = query_on_all_cores(surface.tree, points, reach=reach)
+    else:
+        distance, index = surface.tree.query(points, distance_upper_bound=reach)
     near = np.isfinite(distance)
     return near, index[near]
 

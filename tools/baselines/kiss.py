@@ -5,6 +5,7 @@ from time import perf_counter
 import numpy as np
 from scipy.spatial.transform import RigidTransform, Rotation
 
+from spectral.nearest import query_on_all_cores
 from spectral.result import Registration
 from spectral.scan import Scan
 from tools.baselines.cloud import ThinnedCloud, thin
@@ -73,5 +74,5 @@ class KissRegistrar:
 
     def _dense(self, cloud: ThinnedCloud) -> int:
         """How many points have neighbors enough for a feature."""
-        distance, _ = cloud.tree.query(cloud.points, k=[_NEIGHBORS + 1], workers=-1)  # a point is its own first
+        distance, _ = query_on_all_cores(cloud.tree, cloud.points, [_NEIGHBORS + 1])  # a point is its own first
         return int((distance <= _NEIGHBOR_REACH * self.voxel).sum())

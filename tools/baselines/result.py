@@ -11,6 +11,7 @@ from time import perf_counter
 import numpy as np
 from scipy.spatial.transform import RigidTransform
 
+from spectral.nearest import query_on_all_cores
 from spectral.result import Registration
 from tools.baselines.cloud import NORMAL_REACH, ThinnedCloud
 
@@ -94,7 +95,7 @@ def overlap(target: ThinnedCloud, source: ThinnedCloud, T_target_source: RigidTr
 
 
 def _share(cloud: ThinnedCloud, points: np.ndarray, reach: float) -> float:
-    distance, _ = cloud.tree.query(points, distance_upper_bound=reach, workers=-1)
+    distance, _ = query_on_all_cores(cloud.tree, points, reach=reach)
     return float(np.isfinite(distance).mean())
 
 
@@ -114,7 +115,7 @@ def covariance(target: ThinnedCloud, source: ThinnedCloud, T_target_source: Rigi
         voxel: edge of a voxel [m].
     """
     moved = T_target_source.apply(source.points)
-    distance, nearest = target.tree.query(moved, distance_upper_bound=REACH * voxel, workers=-1)
+    distance, nearest = query_on_all_cores(target.tree, moved, reach=REACH * voxel)
     near = np.isfinite(distance)
     normals = target.normals[nearest[near]]
     off = np.sum(normals * (moved[near] - target.points[nearest[near]]), axis=1)
