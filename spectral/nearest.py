@@ -1,15 +1,11 @@
 """Nearest neighbors on all cores, in a way that an interrupt cannot crash."""
 
-from concurrent.futures import ThreadPoolExecutor
+from concurrent.futures import Future
+from threading import Thread
 from typing import Any
 
 import numpy as np
 from scipy.spatial import KDTree
-
-# SciPy's own threads read the caller's arrays. Were the main thread interrupted while it waits for them, the arrays
-# would be freed under them and the process would crash (SciPy 1.17). An interrupt reaches the main thread alone, so
-# another thread makes the call: it keeps the arrays until SciPy is done.
-_CALLER = ThreadPoolExecutor(1, "nearest neighbors")
 
 
 def query_on_all_cores(
@@ -17,11 +13,25 @@ def query_on_all_cores(
 ) -> tuple[np.ndarray, np.ndarray]:
     """Distances and indices of the nearest points of a tree, as `KDTree.query` gives them.
 
+    SciPy's own threads read the caller's arrays. Were the main thread interrupted while it waits for them, the arrays
+    would be freed under them and the process would crash (SciPy 1.17). An interrupt reaches the main thread alone, so
+    another thread makes the call: it keeps the arrays until SciPy is done. It is a new one each time, as a pool whose
+    first thread is interrupted while it starts would never end.
+
     Args:
         tree: M points (M, D).
         points: (N, D), in the tree's unit.
         k: how many neighbors, or a list of which, counted from 1.
         reach: neighbors farther away are left out: infinite distance and index M [the tree's unit].
     """
-    distance, index = _CALLER.submit(tree.query, points, k, distance_upper_bound=reach, workers=-1).result()
+    answer: Future[tuple[Any, Any]] = Future()
+
+    def query() -> None:
+        try:
+            answer.set_result(tree.query(points, k, distance_upper_bound=reach, workers=-1))
+        except BaseException as error:  # noqa: BLE001 - the caller raises it
+            answer.set_exception(error)
+
+    Thread(target=query, name="nearest neighbors").start()
+    distance, index = answer.result()
     return np.asarray(distance), np.asarray(index)

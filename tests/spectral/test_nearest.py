@@ -18,14 +18,18 @@ import numpy as np
 from scipy.spatial import KDTree
 from spectral.nearest import query_on_all_cores
 
-points = np.random.default_rng(1).random((200_000, 3))
+rng = np.random.default_rng(1)
+points = rng.random((POINTS, 3))
 tree = KDTree(points)
-threading.Timer(0.05, lambda: os.kill(os.getpid(), signal.SIGINT)).start()
-try:
-    for _ in range(100):
-        query_on_all_cores(tree, points + 0.001, 8)
-except KeyboardInterrupt:
-    print("interrupted")
+interrupts = 0
+for delay in rng.uniform(0, MOST, TIMES):
+    try:
+        threading.Timer(delay, lambda: os.kill(os.getpid(), signal.SIGINT)).start()
+        while True:
+            query_on_all_cores(tree, points + 0.001, 8)
+    except KeyboardInterrupt:
+        interrupts += 1
+print(interrupts)
 """
 
 
@@ -39,6 +43,16 @@ def test_it_is_scipys(k: Any, reach: float) -> None:
     np.testing.assert_array_equal(index, wanted[1])
 
 
-def test_an_interrupt_is_raised_and_crashes_nothing() -> None:
-    ended = subprocess.run([sys.executable, "-c", INTERRUPTED], cwd=ROOT, capture_output=True, text=True, timeout=60)
-    assert (ended.returncode, ended.stdout.strip()) == (0, "interrupted"), ended.stderr
+@pytest.mark.parametrize(
+    ("points", "most", "times"), [(200_000, 0.2, 5), (20, 0.002, 200)], ids=["in SciPy's threads", "as a thread starts"]
+)
+def test_an_interrupt_is_raised_and_neither_crashes_nor_hangs(points: int, most: float, times: int) -> None:
+    values = {"POINTS": points, "MOST": most, "TIMES": times}
+    program = "".join(f"{name} = {value}\n" for name, value in values.items()) + INTERRUPTED
+    ended = subprocess.run([sys.executable, "-c", program], cwd=ROOT, capture_output=True, text=True, timeout=200)
+    assert (ended.returncode, ended.stdout.strip()) == (0, str(times)), ended.stderr
+
+
+def test_what_scipy_refuses_is_raised() -> None:
+    with pytest.raises(ValueError, match="3"):
+        query_on_all_cores(KDTree(np.zeros((4, 3))), np.zeros((2, 2)))
