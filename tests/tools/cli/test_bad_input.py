@@ -74,7 +74,7 @@ def test_a_header_that_lies_takes_no_memory_and_no_time(good: str, tmp_path: Pat
     tracemalloc.start()
     start = perf_counter()
     assert sonarmap("register", tmp_path / "bad.ply", good).exit_code == 2
-    assert perf_counter() - start < 1.0
+    assert perf_counter() - start < 10.0  # on a busy machine; 10^12 points would take hours
     assert tracemalloc.get_traced_memory()[1] < 10e6
     tracemalloc.stop()
 

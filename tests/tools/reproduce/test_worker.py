@@ -33,8 +33,10 @@ class TestWorkers:
         with pytest.raises(KeyboardInterrupt):
             run(Fake(), origin(Fake()), tmp_path, silence, workers(1, scene="c"))
         again = Fake()
-        run(again, origin(again), tmp_path, silence)
-        assert again.ran == ["c", "d", "e"]
+        result = run(again, origin(again), tmp_path, silence)
+        # "d" was queued behind "c", and is kept if the worker was done with it before this process saw the interrupt
+        assert again.ran in (["c", "d", "e"], ["c", "e"])
+        assert list(result.outcomes) == list(JOBS)
 
     def test_the_error_of_a_job_is_raised(self, tmp_path: Path) -> None:
         with pytest.raises(InputError, match="no scene is called 'b'"):

@@ -96,9 +96,9 @@ def clutter(tmp_path_factory: pytest.TempPathFactory) -> Path:
 
 def test_killed_it_goes_on_and_ends_with_the_same_bytes(clutter: Path, tmp_path: Path) -> None:
     mapping = start(clutter, tmp_path, *CLUTTER)
-    while entries(tmp_path) < 2:
+    while entries(tmp_path) < 2 and mapping.poll() is None:
         time.sleep(0.02)
-        assert mapping.poll() is None
+    assert mapping.returncode in (None, 0)  # 0 where the machine was so busy that it was done before this looked again
     os.killpg(mapping.pid, signal.SIGKILL)
     mapping.communicate()
     before = entries(tmp_path)
