@@ -1,14 +1,16 @@
 """`sonarmap map`: scans in, a map out."""
 
 import json
+from collections.abc import Mapping
+from dataclasses import replace
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated
+from typing import TYPE_CHECKING, Annotated, Any
 
 import typer
 
 from kernels.errors import InputError
 from tools.cli.execution import ExecutionOptions, open_execution
-from tools.cli.method import configure_method, method_options
+from tools.cli.method import ConfiguredMethod, configure_method, method_options
 from tools.cli.options import (
     DEFAULT_HYPOTHESES,
     DEFAULT_MAX_TILT,
@@ -38,6 +40,7 @@ from tools.methods.registry import DEFAULT_METHOD
 from tools.output.exports import EXPORTS
 
 if TYPE_CHECKING:
+    from slam.mapper import SurveyResult
     from tools.readers.scans import ReadScans
 
 INCOMPLETE = 3
@@ -120,36 +123,13 @@ def command(
     Every finished pair is stored in OUT/journal.sqlite: the same command continues a run that was stopped, and if scans
     were added it registers only the new pairs. times.json says how long the run took.
     """
-    from slam.execute.worker import prepared_limit
-    from slam.mapper import Mapper, MapperSettings
-    from tools.output.folder import JOURNAL, require_apart, write_survey
-    from tools.output.times import survey_times
-    from tools.writers.atomic import clear_leftovers, require_writable
-
     options, execution_options = method_options(context), _execution_options(workers, scheduler, fresh)
-    read = _read(inputs, [priors] if priors else [])
-    require_apart(out, read.files)
-    scans = scans_with_priors(read.scans, priors, prior_sigmas, allow_unknown=bool(read.unread))
-    configured = configure_method(scans, options)
-    prepared = prepared_limit(configured.registrar)
-    mapping = MapperSettings(prepared=prepared)
+    read = _read(inputs, priors, prior_sigmas, out)
+    configured = configure_method(read.scans, options)
     prior_settings = {"priors": str(priors), "prior_sigmas": prior_sigmas} if priors else {}
-    settings = {"inputs": inputs, **prior_settings, **configured.settings, "mapper": mapping}
-    names = [scan.name for scan in scans]
-    require_writable(out)
-    with open_execution(configured, prepared, execution_options, out / JOURNAL, quiet or as_json) as execution:
-        clear_leftovers(out)  # the journal is locked: no other run writes here
-        mapper = Mapper(configured.registrar, configured.grid.voxel, mapping, execution)
-        with growing_progress("mapping", quiet or as_json) as step:
-            step(0, len(scans), "preparing the first scans")
-            result = mapper.run(scans, step, read.surveys)
-        times = survey_times(execution.timings, execution_options.place)
-        summary = write_survey(out, result, names, settings, configured.device, read.unread, also, times)
-    if as_json:
-        typer.echo(json.dumps(json.loads(summary.read_text(encoding="utf-8"))))
-    else:
-        print_survey(result, names, out, also)
-    warn_of_faults(result, names, out)
+    settings = {"inputs": inputs, **prior_settings, **configured.settings}
+    result = _map(read, configured, execution_options, settings, out, also, quiet or as_json)
+    _show(result, [scan.name for scan in read.scans], out, also, as_json)
     if len(result.components) > 1 or read.unread:
         raise typer.Exit(INCOMPLETE)
 
@@ -162,11 +142,12 @@ def _execution_options(workers: int | None, scheduler: str | None, fresh: bool) 
     return ExecutionOptions(workers or 1, scheduler, fresh)
 
 
-def _read(inputs: list[str], not_scans: list[Path]) -> "ReadScans":
-    """The scans that can be read, with a warning for each that cannot."""
+def _read(inputs: list[str], priors: Path | None, prior_sigmas: str | None, out: Path) -> "ReadScans":
+    """The scans that can be read, with their priors, and a warning for each that cannot."""
+    from tools.output.folder import require_apart
     from tools.readers.scans import read_survey
 
-    read = read_survey(inputs, not_scans)
+    read = read_survey(inputs, [priors] if priors else [])
     for note in read.notes:
         say(note)
     if read.unread and len(read.scans) < 2:
@@ -174,4 +155,50 @@ def _read(inputs: list[str], not_scans: list[Path]) -> "ReadScans":
         raise InputError(f"{read.unread[0].reason} ({count}; a map needs at least two)")
     for unread in read.unread:
         warn(f"skipped, which leaves a gap: {unread.reason}")
-    return read
+    require_apart(out, read.files)
+    return replace(
+        read, scans=tuple(scans_with_priors(read.scans, priors, prior_sigmas, allow_unknown=bool(read.unread)))
+    )
+
+
+def _map(
+    read: "ReadScans",
+    configured: ConfiguredMethod,
+    options: ExecutionOptions,
+    settings: Mapping[str, Any],
+    out: Path,
+    also: list[str],
+    quiet: bool,
+) -> "SurveyResult":
+    """Map the survey, and write its folder."""
+    from slam.execute.worker import prepared_limit
+    from slam.mapper import Mapper, MapperSettings
+    from tools.output.folder import JOURNAL, write_survey
+    from tools.output.times import survey_times
+    from tools.writers.atomic import clear_leftovers, require_writable
+
+    prepared = prepared_limit(configured.registrar)
+    mapping = MapperSettings(prepared=prepared)
+    names = [scan.name for scan in read.scans]
+    require_writable(out)
+    with open_execution(configured, prepared, options, out / JOURNAL, quiet) as execution:
+        clear_leftovers(out)  # the journal is locked: no other run writes here
+        mapper = Mapper(configured.registrar, configured.grid.voxel, mapping, execution)
+        with growing_progress("mapping", quiet) as step:
+            step(0, len(read.scans), "preparing the first scans")
+            result = mapper.run(read.scans, step, read.surveys)
+        times = survey_times(execution.timings, options.place)
+        settings = {**settings, "mapper": mapping}
+        write_survey(out, result, names, settings, configured.device, read.unread, also, times)
+    return result
+
+
+def _show(result: "SurveyResult", names: list[str], out: Path, also: list[str], as_json: bool) -> None:
+    """Print the summary as JSON, or the result in words; what the user should look at is a warning either way."""
+    from tools.output.folder import SUMMARY
+
+    if as_json:
+        typer.echo(json.dumps(json.loads((out / SUMMARY).read_text(encoding="utf-8"))))
+    else:
+        print_survey(result, names, out, also)
+    warn_of_faults(result, names, out)
