@@ -10,6 +10,7 @@ from scipy.spatial.transform import RigidTransform, Rotation
 from kernels.device.device import choose_device
 from spectral.grid import Grid, choose_grid
 from spectral.registration import SpectralRegistrar
+from spectral.result import Registration
 from spectral.scan import Scan
 from spectral.verify.hypothesis import Hypothesis
 from spectral.verify.icp import Fit
@@ -98,12 +99,17 @@ def room(rng: np.random.Generator, marked: bool) -> np.ndarray:
     return np.vstack(sides) + rng.normal(0, 0.15, (sum(map(len, sides)), 3))
 
 
-def test_a_room_alike_from_both_ends_is_refused_and_both_answers_are_kept() -> None:
+def registered_room(marked: bool) -> tuple[Registration, RigidTransform]:
+    """Two scans of a room, registered, and the true T_target_source."""
     rng = np.random.default_rng(7)
     T = RigidTransform.from_components([2.0, -1.0, 0.5], Rotation.from_euler("ZYX", [25, 3, -4], degrees=True))
     registrar = SpectralRegistrar(choose_device(None), Grid(128, 0.6))
-    scans = [Scan(room(rng, False).astype(np.float32)), Scan(T.inv().apply(room(rng, False)).astype(np.float32))]
-    registration = registrar.register(*(registrar.prepare(scan) for scan in scans))
+    scans = [Scan(room(rng, marked).astype(np.float32)), Scan(T.inv().apply(room(rng, marked)).astype(np.float32))]
+    return registrar.register(*(registrar.prepare(scan) for scan in scans)), T
+
+
+def test_a_room_alike_from_both_ends_is_refused_and_both_answers_are_kept() -> None:
+    registration, T = registered_room(marked=False)
     assert not registration.accepted
     answers = [registration, *registration.alternatives]
     turns = [np.rad2deg((answer.T_target_source.rotation * T.rotation.inv()).magnitude()) for answer in answers]
@@ -114,11 +120,7 @@ def test_a_room_alike_from_both_ends_is_refused_and_both_answers_are_kept() -> N
 
 
 def test_the_same_room_with_a_block_in_a_corner_is_believed() -> None:
-    rng = np.random.default_rng(7)
-    T = RigidTransform.from_components([2.0, -1.0, 0.5], Rotation.from_euler("ZYX", [25, 3, -4], degrees=True))
-    registrar = SpectralRegistrar(choose_device(None), Grid(128, 0.6))
-    scans = [Scan(room(rng, True).astype(np.float32)), Scan(T.inv().apply(room(rng, True)).astype(np.float32))]
-    registration = registrar.register(*(registrar.prepare(scan) for scan in scans))
+    registration, T = registered_room(marked=True)
     assert registration.accepted
     assert np.rad2deg((registration.T_target_source.rotation * T.rotation.inv()).magnitude()) < 1
 
