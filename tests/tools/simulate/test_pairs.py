@@ -23,7 +23,14 @@ from tools.simulate.pairs.pair_set import (
     evaluation_pair,
     evaluation_unrelated,
 )
-from tools.simulate.pairs.random_pairs import DRAWN, random_pair, unrelated_pair, unrelated_scenes
+from tools.simulate.pairs.random_pairs import (
+    DRAWN,
+    STRANGERS,
+    draw_strangers,
+    random_pair,
+    unrelated_pair,
+    unrelated_scenes,
+)
 from tools.simulate.pairs.turns import Turn, draw_turn
 from tools.simulate.scenes.catalog import SCENE_KINDS
 from tools.simulate.sensing.noise import Noise
@@ -144,13 +151,28 @@ def test_an_overlap_that_cannot_be_is_refused(monkeypatch: pytest.MonkeyPatch):
 def test_strangers_are_of_one_size_and_never_the_same_place():
     assert unrelated_scenes("pool") == ("manifold",)
     assert unrelated_scenes("manifold") == ("pool",)
-    for name in set(SCENE_KINDS) - {"pool", "manifold"}:
+    assert unrelated_scenes("shallow") == ("pool", "manifold")
+    assert unrelated_scenes("floodgate") == ("harbor", "clutter", "ship", "bridge", "wreck")
+    for name in set(STRANGERS) - {"pool", "manifold"}:
         others = set(unrelated_scenes(name))
         assert {"harbor", "ship", "clutter"} - {name} <= others
         assert (name in others) == (name in DRAWN)
         assert {SCENE_KINDS[other].scale for other in others} == {1.0}
     with pytest.raises(InputError, match="moon"):
         unrelated_scenes("moon")
+
+
+def test_a_new_scene_does_not_change_which_strangers_a_seed_draws():
+    """Drawn when there were eight scenes."""
+    generators = [np.random.default_rng(np.random.SeedSequence([seed, 18]).spawn(3)[2]) for seed in range(6)]
+    assert [draw_strangers(None, rng) for rng in generators] == [
+        ("clutter", "ship"),
+        ("pool", "manifold"),
+        ("harbor", "clutter"),
+        ("pool", "manifold"),
+        ("manifold", "pool"),
+        ("clutter", "ship"),
+    ]
 
 
 def test_an_unrelated_pair_is_its_seed_in_a_turned_frame():

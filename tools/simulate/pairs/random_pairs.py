@@ -21,11 +21,11 @@ from tools.simulate.sensing.sensors import SENSORS, Sensor, bare
 NOISELESS = Noise()
 PLACES = 8  # of the target, before a pair is given up
 POSE_TILT = math.radians(10.0)  # of a vessel, largest roll and pitch
-DRAWN = (
-    "clutter",
-    "bridge",
-    "wreck",
-)  # the scenes whose plan another seed draws anew, so that two of them have nothing in common
+# The scenes that unrelated pairs are drawn from, in this order: it decides which pair a seed is. Open beds are not
+# among them: two of them look alike whatever their seeds
+STRANGERS = ("floodgate", "harbor", "clutter", "ship", "pool", "manifold", "bridge", "wreck")
+# Those of them whose plan another seed draws anew, so that two of them have nothing in common
+DRAWN = ("clutter", "bridge", "wreck")
 
 # Of a nearby source, from the target, in shares of the sensor's maximum range
 REACH = (1 / 3, 1 / 3, 1 / 24)
@@ -106,8 +106,8 @@ def unrelated_pair(
     """
     *view_seeds, draw_seed = np.random.SeedSequence([seed, 18]).spawn(3)
     rng = np.random.default_rng(draw_seed)
-    name = str(rng.choice(list(SCENE_KINDS))) if scene is None else scene
-    observers = _observer(name, seed), _observer(str(rng.choice(unrelated_scenes(name))), seed + 1)
+    name, other = draw_strangers(scene, rng)
+    observers = _observer(name, seed), _observer(other, seed + 1)
     frame = draw_turn("yaw", max_tilt, rng)
     target, source = (first_view(observer, POSE_TILT, rng) for observer in observers)
     R_target_sensor = target.T_world_sensor.rotation.inv() * source.T_world_sensor.rotation
@@ -118,8 +118,18 @@ def unrelated_pair(
     )
 
 
+def draw_strangers(scene: str | None, rng: np.random.Generator) -> tuple[str, str]:
+    """The scenes of an unrelated pair's target, any of STRANGERS if left out, and of its source.
+
+    Raises:
+        InputError: no scene of that name.
+    """
+    name = str(rng.choice(STRANGERS)) if scene is None else scene
+    return name, str(rng.choice(unrelated_scenes(name)))
+
+
 def unrelated_scenes(scene: str) -> tuple[str, ...]:
-    """The scenes of about the size of `scene` that, built from another seed, have nothing in common with it.
+    """Those of STRANGERS of about the size of `scene` that, built from another seed, have nothing in common with it.
 
     Raises:
         InputError: no scene of that name.
@@ -127,9 +137,7 @@ def unrelated_scenes(scene: str) -> tuple[str, ...]:
     if scene not in SCENE_KINDS:
         raise InputError(f"no scene is called {scene!r}; there are {', '.join(SCENE_KINDS)}")
     sensor = SCENE_KINDS[scene].sensor
-    return tuple(
-        name for name, kind in SCENE_KINDS.items() if kind.sensor == sensor and (name != scene or name in DRAWN)
-    )
+    return tuple(name for name in STRANGERS if SCENE_KINDS[name].sensor == sensor and (name != scene or name in DRAWN))
 
 
 def _observer(scene: str, seed: int, sensor: Sensor | None = None) -> Observer:
@@ -189,4 +197,8 @@ def _scan(observer: Observer, view: View, noise: Noise, seed: np.random.SeedSequ
 
 def _reframed(scan: Scan, R_sensor_frame: Rotation) -> Scan:
     """The scan with its points in a turned frame of the same origin."""
-    return replace(scan, points=R_sensor_frame.inv().apply(scan.points).astype(np.float32))
+    R_frame_sensor = R_sensor_frame.inv()
+    points = R_frame_sensor.apply(scan.points).astype(np.float32)
+    if scan.viewpoints is None:
+        return replace(scan, points=points)
+    return replace(scan, points=points, viewpoints=R_frame_sensor.apply(scan.viewpoints).astype(np.float32))

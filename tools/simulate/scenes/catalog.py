@@ -57,6 +57,15 @@ def _full(builder: str, summary: str) -> SceneKind:
     return SceneKind(builder, summary, "eclipse", (edge, edge), (-reach, -reach, -far), (reach, reach, far))
 
 
+def _bed(name: str, summary: str, edge: float) -> SceneKind:
+    """An open bed, square, its water as deep as 22 m at 256 m; pairs are seen from the water above it."""
+    scale = edge / FULL_EDGE
+    sensor = "eclipse" if scale == 1.0 else "sonar3d15"
+    low, high = ((-80.0, -80.0, -20.0), (80.0, 80.0, -1.0))
+    lowest, highest = ((scale * x, scale * y, scale * z) for x, y, z in (low, high))
+    return SceneKind(f"tools.simulate.scenes.open_bed:{name}", summary, sensor, (edge, edge), lowest, highest)
+
+
 SCENE_KINDS: MappingProxyType[str, SceneKind] = MappingProxyType(
     {
         "floodgate": _full(
@@ -102,6 +111,10 @@ SCENE_KINDS: MappingProxyType[str, SceneKind] = MappingProxyType(
             (80.0, 80.0, -3.0),
             inward=True,
         ),
+        "flatbed": _bed("flatbed", "a bed of sand, flat to a few centimeters", FULL_EDGE),
+        "sandflat": _bed("sandflat", "the same, 40 m on a side", 40.0),
+        "seabed": _bed("seabed", "a bed with dunes, scours and a few rocks, 0.5 to 2 m high", FULL_EDGE),
+        "shallow": _bed("shallow", "the same made smaller, 40 m on a side", 40.0),
     }
 )
 
