@@ -89,9 +89,13 @@ class Scan:
         stamp: time of the scan [s, UTC]; a counter where the files carry no time.
         prior: what other instruments say about the pose, or None.
         name: what to call the scan in messages and tables.
+        viewpoints: (N, 3) float32 [m], where the sensor was when it saw each point, in the same frame as the points,
+            all finite. None: it stood at the frame's origin for all of them, or, for a patch put together from several
+            views, it is not known; which of the two, the points tell.
 
     Raises:
-        InputError: points or strength of another shape or dtype, no points, or points that are not finite.
+        InputError: points, strength or viewpoints of another shape or dtype, no points, or points or viewpoints that
+            are not finite.
     """
 
     points: np.ndarray
@@ -99,6 +103,7 @@ class Scan:
     stamp: float = 0.0
     prior: PosePrior | None = None
     name: str = "scan"
+    viewpoints: np.ndarray | None = None
 
     def __post_init__(self) -> None:
         points = self.points
@@ -114,4 +119,19 @@ class Scan:
         if self.strength is not None and self.strength.shape != (len(points),):
             raise InputError(
                 f"{self.name}: `strength` has shape {self.strength.shape}; wanted ({len(points)},), one per point"
+            )
+        if self.viewpoints is not None:
+            self._check_viewpoints(self.viewpoints)
+
+    def _check_viewpoints(self, viewpoints: np.ndarray) -> None:
+        if viewpoints.shape != self.points.shape or viewpoints.dtype != np.float32:
+            raise InputError(
+                f"{self.name}: `viewpoints` are {viewpoints.dtype} of shape {viewpoints.shape}; wanted float32 of "
+                f"shape {self.points.shape}, one per point"
+            )
+        bad = int((~np.isfinite(viewpoints).all(axis=1)).sum())
+        if bad:
+            raise InputError(
+                f"{self.name}: {bad} of {len(viewpoints)} `viewpoints` are NaN or infinite; give every point one, or "
+                "leave them out"
             )

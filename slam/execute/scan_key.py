@@ -29,9 +29,10 @@ def keyed(scan: Scan) -> KeyedScan:
 
 
 def content_key(scan: Scan) -> str:
-    """A digest of the points, strengths and prior of a scan; its stamp and its name decide nothing."""
+    """A digest of the points, strengths, viewpoints and prior of a scan; its stamp and its name decide nothing."""
     prior = scan.prior
-    parts = [scan.points, scan.strength, prior and prior.T_world_sensor.as_matrix(), prior and prior.sigmas]
+    pose = prior and prior.T_world_sensor.as_matrix()
+    parts = [scan.points, scan.strength, scan.viewpoints, pose, prior and prior.sigmas]
     digest = hashlib.sha256()
     for part in parts:
         digest.update(b"none;" if part is None else f"{part.dtype.str}{part.shape};".encode())

@@ -23,7 +23,7 @@ class ThinnedCloud:
     Attributes:
         name: the scan's.
         points: (m, 3) float64 [m, sensor frame], the mean of the points of every occupied voxel.
-        normals: (m, 3) float64, of unit length, on the side where the sensor is.
+        normals: (m, 3) float64, of unit length, on the side where the sensor was.
         tree: to search among the points.
     """
 
@@ -59,8 +59,12 @@ def thin(scan: Scan, voxel: float) -> ThinnedCloud:
         )
     cloud.estimate_normals(o3d.geometry.KDTreeSearchParamHybrid(NORMAL_REACH * voxel, NORMAL_NEIGHBORS))
     cloud.orient_normals_towards_camera_location(np.zeros(3))
-    points = np.asarray(cloud.points)
-    return ThinnedCloud(scan.name, points, np.asarray(cloud.normals), KDTree(points))
+    points, normals = np.asarray(cloud.points), np.asarray(cloud.normals)
+    if scan.viewpoints is not None:
+        _, nearest = KDTree(scan.points).query(points)
+        away = np.sum(normals * (scan.viewpoints[nearest] - points), axis=1) < 0
+        normals = np.where(away[:, None], -normals, normals)
+    return ThinnedCloud(scan.name, points, normals, KDTree(points))
 
 
 def to_open3d(cloud: ThinnedCloud) -> Any:

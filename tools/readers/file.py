@@ -13,6 +13,7 @@ from tools.readers.clouds.pcd import read_pcd
 from tools.readers.clouds.ply import read_ply
 from tools.readers.clouds.text import read_text
 from tools.readers.selection import SelectedFile
+from tools.readers.trajectory_beside import TRAJECTORY, with_viewpoints
 
 _HEAD = 4096  # bytes that are looked at to recognize a format
 
@@ -65,12 +66,17 @@ class NamedCloud:
 def read_file(selected: SelectedFile) -> tuple[list[NamedCloud], list[str]]:
     """The clouds of one file that hold points, and notes about those that do not.
 
+    A trajectory NAME.tum beside NAME.ply, or whatever its suffix, says where the sensor was at each point's time.
+
     Raises:
         InputError: naming the file and, where it applies, its line or packet.
     """
     path = selected.path
     try:
         clouds = _format_of(path).read(_content_of(path))
+        beside = path.with_suffix(TRAJECTORY)
+        if beside.is_file():
+            clouds = [with_viewpoints(cloud, beside) for cloud in clouds]
     except InputError as error:
         raise InputError(f"{path}: {error}") from error
     except MemoryError as error:

@@ -12,6 +12,7 @@ from tools.writers.atomic import all_or_none
 from tools.writers.json_text import write_json
 from tools.writers.points import write_ply
 from tools.writers.priors import write_priors
+from tools.writers.scan_columns import columns_of
 from tools.writers.tum import write_tum
 
 TRUTH = "truth.tum"
@@ -56,8 +57,7 @@ def write_simulation(simulation: Simulation, folder: Path, instruments: Instrume
 
 def _write_files(simulation: Simulation, folder: Path, paths: list[Path]) -> None:
     for path, scan in zip(paths, simulation.scans, strict=True):
-        columns = {} if scan.strength is None else {"intensity": scan.strength}
-        write_ply(path, scan.points, columns)
+        write_ply(path, scan.points, columns_of(scan))
     write_tum(folder / TRUTH, simulation.truth)
     content = {
         "settings": simulation.settings,

@@ -19,7 +19,7 @@ class TestKeys:
     def test_names_stamps_and_layout_decide_nothing(self, change: dict) -> None:
         assert content_key(replace(A.scan, **change)) == A.key
 
-    def test_points_strengths_and_priors_decide(self) -> None:
+    def test_points_strengths_viewpoints_and_priors_decide(self) -> None:
         T = RigidTransform.from_translation([1, 2, 3])
         known = PosePrior(T, knowing(slice(2), slice(2, 3)))
         changed = POINTS.copy()
@@ -30,6 +30,8 @@ class TestKeys:
             Scan(POINTS[::-1]),
             Scan(POINTS, np.ones(30, np.float32)),
             Scan(POINTS, np.zeros(30, np.float32)),
+            Scan(POINTS, viewpoints=POINTS),
+            Scan(POINTS, viewpoints=changed),
             Scan(POINTS, prior=known),
             Scan(POINTS, prior=PosePrior(T, knowing(slice(2)))),
             Scan(POINTS, prior=PosePrior(RigidTransform.identity(), known.sigmas)),

@@ -12,6 +12,7 @@ from kernels.errors import InputError
 from spectral.grid import Grid
 from spectral.result import Registration
 from spectral.scan import Scan
+from tools.baselines.cloud import thin
 from tools.baselines.packages import peer, silent
 from tools.evaluate.trajectory import pair_error
 from tools.methods.registry import METHODS, build
@@ -173,3 +174,13 @@ def test_no_device_is_chosen(name: str, monkeypatch: pytest.MonkeyPatch) -> None
     build(name, GRID)
     with pytest.raises(AssertionError, match="a device was chosen"):
         build("spectral", GRID)
+
+
+def test_normals_are_on_the_side_where_the_sensor_was() -> None:
+    x, y = np.meshgrid(np.arange(0, 20, 0.5), np.arange(0, 20, 0.5))
+    points = np.column_stack([x.ravel(), y.ravel(), np.full(x.size, -5)]).astype(np.float32)
+    side = np.where(points[:, :1] < 10, [0, 0, 10], [0, 0, -10])
+    for viewpoints, up in ((None, np.ones(40)), ((points + side).astype(np.float32), np.repeat([1, -1], 20))):
+        cloud = thin(Scan(points, viewpoints=viewpoints), 0.5)
+        order = np.lexsort((cloud.points[:, 0], cloud.points[:, 1]))
+        np.testing.assert_allclose(cloud.normals[order][:, 2].reshape(-1, 40), np.tile(up, (40, 1)), atol=1e-9)

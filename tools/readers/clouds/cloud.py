@@ -9,6 +9,8 @@ from kernels.errors import InputError
 from spectral.scan import Scan
 
 STRENGTH_NAMES = ("strength", "intensity", "amplitude", "reflectivity", "i")
+VIEWPOINT_NAMES = ("vp_x", "vp_y", "vp_z")  # as of PCL's PointWithViewpoint
+TIME_NAMES = ("gps_time", "gpstime", "timestamp", "time", "t")
 
 # Sensors see hundreds of meters; beyond this it is a map coordinate, and float32 loses its centimeters.
 COORDINATE_LIMIT = 1e5
@@ -23,21 +25,25 @@ class Cloud:
         strength: (N,), integer or floating, linear, or None.
         stamp: time [s, UTC], or None where the file carries none.
         notes: what the user should know about this cloud, in words.
+        viewpoints: (N, 3), where the sensor was when it saw each point [m], in the points' frame, or None.
+        times: (N,), when each point was seen [s], or None.
     """
 
     points: np.ndarray
     strength: np.ndarray | None = None
     stamp: float | None = None
     notes: tuple[str, ...] = field(default=())
+    viewpoints: np.ndarray | None = None
+    times: np.ndarray | None = None
 
 
 def column_roles(names: Sequence[str]) -> dict[str, int]:
-    """Which columns are x, y, z and, where there is one, strength: {role: index}.
+    """Which columns are x, y, z and, where there are such, strength, vp_x, vp_y, vp_z and time: {role: index}.
 
     Upper and lower case are the same, and CloudCompare's prefix `scalar_` is ignored.
 
     Raises:
-        InputError: when a coordinate has no column.
+        InputError: when a coordinate, of the points or of the viewpoints, has no column.
     """
     plain = [name.lower().removeprefix("scalar_") for name in names]
     missing = [axis for axis in "xyz" if axis not in plain]
@@ -47,15 +53,27 @@ def column_roles(names: Sequence[str]) -> dict[str, int]:
             "name the coordinates x, y and z"
         )
     roles = {axis: plain.index(axis) for axis in "xyz"}
-    strength = next((name for name in STRENGTH_NAMES if name in plain), None)
-    return roles if strength is None else roles | {"strength": plain.index(strength)}
+    seen_from = [name for name in VIEWPOINT_NAMES if name in plain]
+    if 0 < len(seen_from) < 3:
+        raise InputError(
+            f"of the columns {', '.join(VIEWPOINT_NAMES)} there is only {' and '.join(seen_from)}; a viewpoint needs "
+            "all three, or leave them out"
+        )
+    roles |= {name: plain.index(name) for name in seen_from}
+    for role, known in (("strength", STRENGTH_NAMES), ("time", TIME_NAMES)):
+        name = next((name for name in known if name in plain), None)
+        roles |= {} if name is None else {role: plain.index(name)}
+    return roles
 
 
 def cloud_of_columns(columns: Mapping[str, np.ndarray], notes: Sequence[str] = ()) -> Cloud:
-    """The cloud of columns x, y, z and perhaps strength, each (N,), whatever else there is."""
+    """The cloud of columns as `column_roles` calls them, each (N,), whatever else there is."""
     with np.errstate(invalid="ignore"):  # a signaling NaN is dropped later like any other
         points = np.stack([columns[axis] for axis in "xyz"], axis=1)
-    return Cloud(points, columns.get("strength"), notes=tuple(notes))
+    viewpoints = None
+    if VIEWPOINT_NAMES[0] in columns:
+        viewpoints = np.stack([columns[name] for name in VIEWPOINT_NAMES], axis=1)
+    return Cloud(points, columns.get("strength"), notes=tuple(notes), viewpoints=viewpoints, times=columns.get("time"))
 
 
 def scan_of_cloud(cloud: Cloud, name: str, stamp: float) -> tuple[Scan, list[str]]:
@@ -64,7 +82,8 @@ def scan_of_cloud(cloud: Cloud, name: str, stamp: float) -> tuple[Scan, list[str
     Points that are NaN or infinite are dropped; strengths that are negative, NaN or infinite become 0.
 
     Raises:
-        InputError: no point at all, none of them finite, or one further than COORDINATE_LIMIT off.
+        InputError: no point at all, none of them finite, one further than COORDINATE_LIMIT off, or one whose viewpoint
+            is, or is not finite.
     """
     notes = list(cloud.notes)
     total = len(cloud.points)
@@ -85,18 +104,33 @@ def scan_of_cloud(cloud: Cloud, name: str, stamp: float) -> tuple[Scan, list[str
         strength, corrected = _usable_strength(cloud.strength[finite])
         if corrected:
             notes.append(f"set {corrected:,} of {len(strength):,} strengths that are negative or not finite to 0")
-    return Scan(points.astype(np.float32), strength, stamp=stamp, name=name), notes
+    viewpoints = None if cloud.viewpoints is None else _usable_viewpoints(cloud.viewpoints[finite])
+    return Scan(points.astype(np.float32), strength, stamp=stamp, name=name, viewpoints=viewpoints), notes
 
 
-def _refuse_map_coordinates(points: np.ndarray) -> None:
+def _refuse_map_coordinates(points: np.ndarray, what: str = "points") -> None:
     far = int((np.abs(points) > COORDINATE_LIMIT).any(axis=1).sum())
     if far:
         raise InputError(
-            f"{far:,} of {len(points):,} points lie beyond {COORDINATE_LIMIT / 1000:g} km "
+            f"{far:,} of {len(points):,} {what} lie beyond {COORDINATE_LIMIT / 1000:g} km "
             f"(largest coordinate {np.abs(points).max():.6g} m): these look like map coordinates (UTM and "
             "the like) or another unit; give scans in meters in the sensor's own frame: subtract the sensor's "
             "position from the points of each scan"
         )
+
+
+def _usable_viewpoints(viewpoints: np.ndarray) -> np.ndarray:
+    """(N, 3) float32."""
+    with np.errstate(invalid="ignore"):
+        places = viewpoints.astype(np.float64)
+    bad = int((~np.isfinite(places).all(axis=1)).sum())
+    if bad:
+        raise InputError(
+            f"the viewpoints of {bad:,} of {len(places):,} points are NaN or infinite; give every point one, or leave "
+            f"{', '.join(VIEWPOINT_NAMES)} out"
+        )
+    _refuse_map_coordinates(places, "viewpoints")
+    return places.astype(np.float32)
 
 
 def _usable_strength(strength: np.ndarray) -> tuple[np.ndarray, int]:

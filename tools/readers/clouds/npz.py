@@ -4,6 +4,7 @@ import io
 import struct
 import zipfile
 import zlib
+from dataclasses import replace
 
 import numpy as np
 
@@ -14,6 +15,7 @@ from tools.readers.clouds.npy import cloud_of_array, parse_npy
 # Real points shrink a few times, an array of one value up to 1030 times: a small one is not refused for that.
 _SMALL = 64 << 20
 _BELIEVABLE_RATIO = 100
+_OPTIONAL = ("strength", "stamp", "viewpoints", "times")
 _DAMAGE = (
     zipfile.BadZipFile, zlib.error, struct.error, EOFError, OSError, NotImplementedError, RuntimeError,
     ValueError, IndexError, KeyError, OverflowError,
@@ -21,7 +23,7 @@ _DAMAGE = (
 
 
 def read_npz(content: bytes) -> list[Cloud]:
-    """The points of a .npz file: array `points`, perhaps `strength` and `stamp`; or the only array there is.
+    """The points of a .npz file: `points`, perhaps `strength`, `stamp`, `viewpoints`, `times`; or its only array.
 
     Raises:
         InputError: damage, arrays of objects, other names or shapes, an unbelievable compression.
@@ -34,11 +36,16 @@ def read_npz(content: bytes) -> list[Cloud]:
     if "points" not in members and len(members) != 1:
         raise InputError(
             f"its arrays are {', '.join(sorted(members)) or '(none)'}; wanted 'points' of shape (N, 3) and "
-            "perhaps 'strength' and 'stamp', or one single array"
+            f"perhaps {', '.join(map(repr, _OPTIONAL))}, or one single array"
         )
-    names = ("points", "strength", "stamp") if "points" in members else tuple(members)
+    names = ("points", *_OPTIONAL) if "points" in members else tuple(members)
     arrays = {name: _read_member(archive, members[name]) for name in names if name in members}
-    return [cloud_of_array(arrays[names[0]], arrays.get("strength"), _stamp_of(arrays.get("stamp")))]
+    cloud = cloud_of_array(arrays[names[0]], arrays.get("strength"), _stamp_of(arrays.get("stamp")))
+    count = len(cloud.points)
+    for name, shape in (("viewpoints", (count, 3)), ("times", (count,))):
+        if name in arrays and arrays[name].shape != shape:
+            raise InputError(f"{name} has shape {arrays[name].shape}; wanted {shape}, one per point")
+    return [replace(cloud, viewpoints=arrays.get("viewpoints"), times=arrays.get("times"))]
 
 
 def _stamp_of(stamp: np.ndarray | None) -> float | None:
