@@ -16,6 +16,7 @@ RELIEF_OF: MappingProxyType[str, Relief] = MappingProxyType(
         "wreck": "rich",
         "bridge": "rich",
         "clutter": "rich",
+        "rubble": "rich",
         "ship": "twins",
         "manifold": "twins",
         "pool": "twins",

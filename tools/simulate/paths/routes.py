@@ -7,7 +7,7 @@ from types import MappingProxyType
 import numpy as np
 
 from kernels.errors import InputError
-from tools.simulate.paths.open_beds import OPEN_BEDS, over_the_bed, round_the_bed
+from tools.simulate.paths.beds import BEDS, over_the_bed, round_the_bed
 from tools.simulate.paths.passages import bridge_lawnmower, under_the_bridge
 from tools.simulate.paths.smooth_path import Path, lane_path, lanes, spline_path
 from tools.simulate.scenes.manifold import manifold_layout
@@ -200,7 +200,7 @@ def _wreck_lawnmower(seed: int) -> Path:
 
 SURVEY_PATHS: MappingProxyType[str, Callable[[int], Path]] = MappingProxyType(
     {
-        **{name: partial(round_the_bed, name) for name in OPEN_BEDS},
+        **{name: partial(round_the_bed, name) for name in BEDS},
         "ship": _around_the_ship,
         "manifold": _around_the_manifold,
         "bridge": under_the_bridge,
@@ -209,7 +209,7 @@ SURVEY_PATHS: MappingProxyType[str, Callable[[int], Path]] = MappingProxyType(
 )
 LAWNMOWER_PATHS: MappingProxyType[str, Callable[[int], Path]] = MappingProxyType(
     {
-        **{name: partial(over_the_bed, name) for name in OPEN_BEDS},
+        **{name: partial(over_the_bed, name) for name in BEDS},
         "floodgate": _gate_lawnmower,
         "harbor": _harbor_lawnmower,
         "clutter": _clutter_lawnmower,

@@ -115,6 +115,14 @@ SCENE_KINDS: MappingProxyType[str, SceneKind] = MappingProxyType(
         "sandflat": _bed("sandflat", "the same, 40 m on a side", 40.0),
         "seabed": _bed("seabed", "a bed with dunes, scours and a few rocks, 0.5 to 2 m high", FULL_EDGE),
         "shallow": _bed("shallow", "the same made smaller, 40 m on a side", 40.0),
+        "rubble": SceneKind(
+            "tools.simulate.scenes.clutter:rubble",
+            "the clutter made smaller, 40 m on a side",
+            "sonar3d15",
+            (40.0, 40.0),
+            (-12.5, -12.5, -9.0),
+            (12.5, 12.5, -0.3),
+        ),
     }
 )
 

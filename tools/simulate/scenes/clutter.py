@@ -4,10 +4,12 @@ import numpy as np
 from scipy.spatial.transform import Rotation
 
 from tools.simulate.scenes.bed import SCENE_EDGE, boulders, height_at, raster, relief
+from tools.simulate.scenes.catalog import SCENE_KINDS
 from tools.simulate.shapes.solids import Mesh, box, cylinder, ellipsoid, height_field, merge, wall
 
 BED_DEPTH = -18.0
 SOLIDS = 60
+RUBBLE_DEPTH = -9.0  # of the bed of the scene made smaller [m]
 
 
 def clutter(seed: int) -> Mesh:
@@ -18,6 +20,12 @@ def clutter(seed: int) -> Mesh:
     height = BED_DEPTH + slope[0] * x + slope[1] * y + 1.8 * relief(rng)
     solids = [_solid(height, rng) for _ in range(SOLIDS)]
     return merge([height_field(raster(), raster(), height), *solids, *boulders(height, 70, rng)])
+
+
+def rubble(seed: int) -> Mesh:
+    """The same kind of scene made smaller in all three directions, 40 m on a side, 9 m under the water."""
+    large, scale = clutter(seed), SCENE_KINDS["rubble"].scale
+    return Mesh(scale * (large.vertices - (0.0, 0.0, BED_DEPTH)) + (0.0, 0.0, RUBBLE_DEPTH), large.triangles)
 
 
 def _solid(height: np.ndarray, rng: np.random.Generator) -> Mesh:
