@@ -11,7 +11,7 @@ from scipy.spatial.transform import RigidTransform, Rotation
 from kernels.errors import InputError
 from spectral.scan import Scan
 from tools.simulate.pairs.turns import FrameTurn, Turn, draw_turn
-from tools.simulate.pairs.viewpoints import TRIES, Observer, View, attitude, first_view
+from tools.simulate.pairs.viewpoints import TRIES, Observer, View, aside, attitude, first_view
 from tools.simulate.scenes.catalog import SCENE_KINDS
 from tools.simulate.scenes.scene import build_scene
 from tools.simulate.sensing.ghosts import reflect
@@ -29,9 +29,6 @@ DRAWN = ("clutter", "bridge", "wreck")
 
 # Of a nearby source, from the target, in shares of the sensor's maximum range
 REACH = (1 / 3, 1 / 3, 1 / 24)
-# Of one that would share nothing, and by how much it is turned aside, in shares of the fan's width
-FAR = (2 / 3, 2 / 3, 1 / 8)
-FAR_TURN = 1.0
 
 
 def random_pair(
@@ -178,13 +175,7 @@ def _aside(
     observer: Observer, target: View, overlaps: tuple[float, float], frame: FrameTurn, rng: np.random.Generator
 ) -> RigidTransform:
     """T_world_sensor moved and turned aside, the farther the less is to be shared; within the scene."""
-    far = 1 - rng.uniform(*overlaps)
-    here, edge = target.T_world_sensor.translation, np.array(observer.world.kind.size) / 2
-    while True:
-        place = here + far * observer.sensor.max_range * rng.uniform(-1, 1, 3) * FAR
-        if (np.abs(place[:2]) < edge).all():
-            break
-    turned = far * FAR_TURN * observer.sensor.horizontal * rng.uniform(-1, 1)
+    place, turned = aside(observer, target, overlaps, rng)
     R_target_sensor = frame.R_target_sensor(turned, rng.random())
     return RigidTransform.from_components(place, target.T_world_sensor.rotation * R_target_sensor)
 

@@ -23,6 +23,11 @@ CLEARANCE = 1 / 20  # nothing nearer before the sensor
 HEIGHT = (0.1, 0.25)  # above what stands below the target's place
 SEEN_LEAST = 0.25  # of the beams
 
+# Of a place that would share nothing, from the target, in shares of the sensor's maximum range, and by how much its view
+# is turned aside, in shares of the fan's width
+FAR = (2 / 3, 2 / 3, 1 / 8)
+FAR_TURN = 1.0
+
 THIN = 8  # the coarse search takes at most every THIN-th beam of a row and of a column,
 COARSE_BEAMS = 768  # and at least this many beams in all
 DOUBT = 0.1  # an overlap by the coarse points is at most this far from the one by all beams
@@ -139,6 +144,22 @@ def first_view(observer: Observer, max_tilt: float, rng: np.random.Generator) ->
         if view is not None:
             return view
     raise InputError(f"{world.name} has no clear place for the sensor {sensor.name}; take another scene or seed")
+
+
+def aside(
+    observer: Observer, target: View, overlaps: tuple[float, float], rng: np.random.Generator
+) -> tuple[np.ndarray, float]:
+    """A place (3,) [m, world] beside the target's, within the scene, and by how much its view is turned [rad].
+
+    The less is to be shared, the farther away and the more turned.
+    """
+    far = 1 - rng.uniform(*overlaps)
+    here, edge = target.T_world_sensor.translation, np.array(observer.world.kind.size) / 2
+    while True:
+        place = here + far * observer.sensor.max_range * rng.uniform(-1, 1, 3) * FAR
+        if (np.abs(place[:2]) < edge).all():
+            break
+    return place, far * FAR_TURN * observer.sensor.horizontal * rng.uniform(-1, 1)
 
 
 def attitude(yaw: float, max_tilt: float, rng: np.random.Generator) -> Rotation:

@@ -24,12 +24,20 @@ def reflect(scene: Scene, sensor: Sensor, T_world_sensor: RigidTransform) -> Ech
         ranges are the lengths of the whole paths [m], inf where there is no second surface within the sensor's ranges.
     """
     origin, directions = beams(sensor, T_world_sensor)
-    distances, normals = scene.intersect_with_normals(np.broadcast_to(origin, directions.shape), directions)
-    under_water = bool(origin[2] < 0)
+    return reflect_beams(scene, sensor, np.broadcast_to(origin, directions.shape), directions)
+
+
+def reflect_beams(scene: Scene, sensor: Sensor, origins: np.ndarray, directions: np.ndarray) -> Echoes:
+    """As `reflect`, every beam from a place of its own: origins [m] and unit vectors, both (rows * columns, 3), world.
+
+    All places are taken to be under water, or all above it, as the first is.
+    """
+    distances, normals = scene.intersect_with_normals(origins, directions)
+    under_water = bool(origins[0, 2] < 0)
     if under_water:
-        distances, normals = _meet_water(origin, directions, distances, normals)
+        distances, normals = _meet_water(origins, directions, distances, normals)
     met = np.flatnonzero(np.isfinite(distances) & (distances > 0))
-    mirrors = origin + distances[met, None] * directions[met]
+    mirrors = origins[met] + distances[met, None] * directions[met]
     onward, sines = _go_on(scene, mirrors, directions[met], normals[met], under_water)
     ranges, sine_grazing = np.full(len(directions), np.inf), np.zeros(len(directions))
     ranges[met] = distances[met] + onward
@@ -58,11 +66,11 @@ def _go_on(
 
 
 def _meet_water(
-    origin: np.ndarray, directions: np.ndarray, distances: np.ndarray, normals: np.ndarray
+    origins: np.ndarray, directions: np.ndarray, distances: np.ndarray, normals: np.ndarray
 ) -> tuple[np.ndarray, np.ndarray]:
     """Distances and normals with the water's surface in them, where a beam from below meets it first."""
     rising = directions[:, 2] > 0
     to_water = np.full(len(directions), np.inf)
-    to_water[rising] = -origin[2] / directions[rising, 2]
+    to_water[rising] = -origins[rising, 2] / directions[rising, 2]
     first = to_water < distances
     return np.where(first, to_water, distances), np.where(first[:, None], (0.0, 0.0, 1.0), normals)

@@ -126,7 +126,12 @@ class Echoes:
 def cast(scene: Scene, sensor: Sensor, T_world_sensor: RigidTransform) -> Echoes:
     """The nearest surface along every beam, as seen from one pose; also echoes too weak for the sensor's threshold."""
     origin, directions = beams(sensor, T_world_sensor)
-    ranges, sine_grazing = scene.intersect(np.broadcast_to(origin, directions.shape), directions)
+    return cast_beams(scene, sensor, np.broadcast_to(origin, directions.shape), directions)
+
+
+def cast_beams(scene: Scene, sensor: Sensor, origins: np.ndarray, directions: np.ndarray) -> Echoes:
+    """As `cast`, every beam from a place of its own: origins [m] and unit vectors, both (rows * columns, 3), world."""
+    ranges, sine_grazing = scene.intersect(origins, directions)
     return echoes_of(sensor, ranges, sine_grazing)
 
 
