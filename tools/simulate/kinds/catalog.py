@@ -31,7 +31,84 @@ class ScanKind:
     scenes: tuple[str, ...]
 
 
-SCAN_KINDS: MappingProxyType[str, ScanKind] = MappingProxyType({})
+# One flat, two weak, five rich ones, three with twins; an odd number, so that what alternates with the pairs' numbers
+# does so over every scene
+LARGE_AND_SMALL = (
+    "flatbed",
+    "floodgate",
+    "seabed",
+    "ship",
+    "bridge",
+    "shallow",
+    "manifold",
+    "wreck",
+    "harbor",
+    "pool",
+    "clutter",
+)
+
+# One flat, one weak, one rich one, two with twins
+SMALL = ("pool", "rubble", "shallow", "manifold", "sandflat")
+
+# For what looks down, or about from above the bed: without a ship's underside
+FROM_ABOVE = (
+    "flatbed",
+    "floodgate",
+    "seabed",
+    "pool",
+    "bridge",
+    "shallow",
+    "manifold",
+    "wreck",
+    "harbor",
+    "rubble",
+    "clutter",
+)
+
+SCAN_KINDS: MappingProxyType[str, ScanKind] = MappingProxyType(
+    {
+        "patch": ScanKind(
+            "a patch merged from 4 to 10 views along a path, placed by odometry",
+            "tools.simulate.kinds.views.patch:patch_pair",
+            LARGE_AND_SMALL,
+        ),
+        "sonar3d15": ScanKind(
+            "a view with the density and the dropouts of a real Sonar 3D-15",
+            "tools.simulate.kinds.views.sonar3d15:sonar3d15_pair",
+            SMALL,
+        ),
+        "sound_speed": ScanKind(
+            "a view measured with a sound speed off by up to 2 %",
+            "tools.simulate.kinds.views.wrong_ranges:sound_speed_pair",
+            LARGE_AND_SMALL,
+        ),
+        "range_bias": ScanKind(
+            "a view whose ranges are all off by up to 1 % of the greatest",
+            "tools.simulate.kinds.views.wrong_ranges:range_bias_pair",
+            LARGE_AND_SMALL,
+        ),
+        "moving": ScanKind(
+            "a view measured row by row by a sensor that moves meanwhile",
+            "tools.simulate.kinds.views.moving:moving_pair",
+            LARGE_AND_SMALL,
+        ),
+        "swath": ScanKind(
+            "a swath of a multibeam echo sounder on a moving vessel",
+            "tools.simulate.kinds.sweeps.swath:swath_pair",
+            FROM_ABOVE,
+        ),
+        "imaging": ScanKind(
+            "a stack of an imaging sonar's images, the elevation of echoes guessed",
+            "tools.simulate.kinds.sweeps.imaging:imaging_pair",
+            FROM_ABOVE,
+        ),
+        "profiler": ScanKind(
+            "a sweep of a rotating profiler that is panned for minutes",
+            "tools.simulate.kinds.sweeps.profiler:profiler_pair",
+            LARGE_AND_SMALL,
+        ),
+    }
+)
 
 
 def scan_kind(name: str) -> ScanKind:

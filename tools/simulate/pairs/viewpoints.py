@@ -23,8 +23,8 @@ CLEARANCE = 1 / 20  # nothing nearer before the sensor
 HEIGHT = (0.1, 0.25)  # above what stands below the target's place
 SEEN_LEAST = 0.25  # of the beams
 
-# Of a place that would share nothing, from the target, in shares of the sensor's maximum range, and by how much its view
-# is turned aside, in shares of the fan's width
+# Of a place that would share nothing, from the target, in shares of the sensor's maximum range, and by how much the
+# view from there is turned aside, in shares of the fan's width
 FAR = (2 / 3, 2 / 3, 1 / 8)
 FAR_TURN = 1.0
 
@@ -66,7 +66,7 @@ class Observer:
 
     def view(self, pose: RigidTransform) -> View | None:
         """What all beams show from T_world_sensor; None where the sensor would be in a solid or too close to one."""
-        if not self.is_free(pose) or self._coarse_points(pose) is None:
+        if not self.is_free(pose) or self.coarse_points(pose) is None:
             return None
         echoes = cast(self.world, self.sensor, pose)
         if not self._is_clear(echoes.ranges, SEEN_LEAST):
@@ -95,7 +95,7 @@ class Observer:
             if not self.is_free(pose):
                 continue
             T_target_source = target.T_world_sensor.inv() * pose
-            coarse = self._coarse_points(pose)
+            coarse = self.coarse_points(pose)
             if coarse is None:
                 continue
             there = _share(known, T_target_source.apply(coarse), radius)
@@ -109,7 +109,7 @@ class Observer:
                 return seen
         return None
 
-    def _coarse_points(self, pose: RigidTransform) -> np.ndarray | None:
+    def coarse_points(self, pose: RigidTransform) -> np.ndarray | None:
         """Points (K, 3) [m, sensor frame] of a few beams; None where these already show that the view will not do."""
         few = self._directions[:: self._stride, :: self._stride].reshape(-1, 3)
         origins = np.broadcast_to(pose.translation, few.shape)

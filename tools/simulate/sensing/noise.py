@@ -106,17 +106,25 @@ def measure(
     Raises:
         InputError: no beam brings an echo back, or noise with ghosts, and none given.
     """
-    noisy = disturb(echoes, sensor, noise, rng, ghosts)
-    kept = np.isfinite(noisy.ranges)
+    return scan_of(disturb(echoes, sensor, noise, rng, ghosts), sensor, stamp=stamp, name=name)
+
+
+def scan_of(echoes: Echoes, sensor: Sensor, *, stamp: float = 0.0, name: str = "scan") -> Scan:
+    """The scan of measured echoes: points in the sensor frame, without the empty beams.
+
+    Raises:
+        InputError: no beam brings an echo back.
+    """
+    kept = np.isfinite(echoes.ranges)
     if not kept.any():
         raise InputError(
             f"{name}: the simulated sensor sees nothing from its pose; place it within "
             f"{sensor.max_range:g} m of a surface and turn it there, or lower its threshold of {sensor.threshold:g}"
         )
-    points = sensor.directions()[kept] * noisy.ranges[kept][:, None]
+    points = sensor.directions()[kept] * echoes.ranges[kept][:, None]
     return Scan(
         points=points.astype(np.float32),
-        strength=noisy.strengths[kept].astype(np.float32),
+        strength=echoes.strengths[kept].astype(np.float32),
         stamp=stamp,
         name=name,
     )
