@@ -8,9 +8,12 @@ from kernels.errors import InputError
 from tools.simulate.kinds.catalog import SCAN_KINDS, kind_pair, scan_kind
 from tools.simulate.kinds.kind import OVERLAPS, RELIEFS, KindPair
 from tools.simulate.kinds.reliefs import RELIEF_OF, relief_of
+from tools.simulate.kinds.views.draws import pair_draws
 from tools.simulate.pairs import viewpoints
 from tools.simulate.scenes.catalog import SCENE_KINDS
+from tools.simulate.scenes.scene import build_scene
 from tools.simulate.sensing.priors import Instruments, instruments_for
+from tools.simulate.shapes.surface import surface_distance
 
 VIEWS = ("patch", "sonar3d15", "sound_speed", "range_bias", "moving")
 
@@ -41,6 +44,22 @@ def test_a_pair_is_as_its_number_says(kind: str, turn: int):
     # vehicles float level, within 10 degrees
     for pose in (pair.T_world_target, pair.T_world_source):
         assert np.abs(pose.rotation.as_euler("ZYX")[1:]).max() <= np.deg2rad(10.0)
+
+
+@pytest.mark.parametrize("kind", VIEWS)
+def test_both_scans_lie_on_the_scene_where_the_truth_says(kind: str):
+    """But for noise and distortion; at the other's place they do not."""
+    number = SCAN_KINDS[kind].scenes.index("manifold")
+    pair = kind_pair(kind, number, 12)
+    mesh = build_scene("manifold", pair_draws(kind, number, 12).scene).mesh
+    target, source = (points.astype(np.float64) for points in _points(pair))
+    for right, wrong, points in (
+        (pair.T_world_target, pair.T_world_source, target),
+        (pair.T_world_target * pair.T_target_source, pair.T_world_target, source),
+    ):
+        off = np.median(surface_distance(mesh, right.apply(points)))
+        assert 0.001 < off < 0.1
+        assert np.median(surface_distance(mesh, wrong.apply(points))) > 3 * off
 
 
 @pytest.mark.parametrize("kind", VIEWS)
