@@ -39,7 +39,8 @@ def _check_voxel(voxel: float | None) -> float | None:
     )
 
 
-def _check_tilt(tilt: float) -> float:
+def check_tilt(tilt: float) -> float:
+    """The angle, if it can bound roll and pitch [degrees]."""
     if 0 < tilt <= 180:
         return tilt
     raise typer.BadParameter(
@@ -149,7 +150,7 @@ MaxTiltOption = Annotated[
         metavar="DEG",
         help="Largest roll and pitch between two scans \\[deg], up to 180 (no limit); larger results are rejected. "
         "--method hemisphere searches up to 85.",
-        callback=_check_tilt,
+        callback=check_tilt,
     ),
 ]
 HypothesesOption = Annotated[

@@ -13,6 +13,7 @@ of the experiment's folder, or of the folders that its `sources` name, does.
 from collections.abc import Mapping
 from dataclasses import dataclass
 from importlib import import_module
+from pathlib import Path
 from types import MappingProxyType
 from typing import TYPE_CHECKING
 
@@ -26,6 +27,7 @@ if TYPE_CHECKING:
 ALL = "all"  # the paper's
 EVALUATION = "evaluation"  # on pairs that had no part in development
 SLAM = "slam"  # of whole surveys
+REAL = "real"  # on scans of a folder
 
 
 @dataclass(frozen=True, slots=True)
@@ -41,6 +43,11 @@ class Request:
         sigma2: variances of the range noise at the largest range [m^2].
         pairs: how many.
         method: keys of METHODS.
+        folder: of scans, for an experiment that takes one.
+        voxel: size of a voxel [m].
+        max_tilt: largest roll and pitch between two scans [degrees].
+        known: instruments, separated by commas, whose measurements are drawn about the truth.
+        known_sigmas: their standard deviations, as the option is written.
     """
 
     device: "Device | None" = None
@@ -52,6 +59,11 @@ class Request:
     sigma2: tuple[float, ...] | None = None
     pairs: int | None = None
     method: tuple[str, ...] | None = None
+    folder: Path | None = None
+    voxel: float | None = None
+    max_tilt: float | None = None
+    known: str | None = None
+    known_sigmas: str | None = None
 
     @property
     def opened(self) -> "Device":
@@ -67,14 +79,18 @@ class Request:
         return {name: _as_tuple(value) for name, value in values.items() if value is not None}
 
     def command(self, name: str) -> str:
-        """The command line that asks for the same of one experiment."""
-        options = [f"--{option} {value}" for option, values in self.given.items() for value in values]
-        return " ".join(["sonarmap reproduce", name, *(["--quick"] if self.quick else []), *options])
+        """The command line that asks for the same of one experiment; where the folder lies is nobody's business."""
+        options = [f"{_flag(option)} {value}" for option, values in self.given.items() for value in values]
+        folder = ["DIR"] if self.folder is not None else []
+        return " ".join(["sonarmap reproduce", name, *folder, *(["--quick"] if self.quick else []), *options])
 
 
 # The options that not every experiment has, in the order in which a command line shows them
-OPTIONS = ("scene", "grid", "sigma2", "seeds", "pairs", "seed", "method")
+OPTIONS = (
+    "scene", "grid", "voxel", "max_tilt", "known", "known_sigmas", "sigma2", "seeds", "pairs", "seed", "method",
+)  # fmt: skip
 _STRUCTURE_OPTIONS = ("scene", "grid", "seeds", "seed")
+_REAL_OPTIONS = ("grid", "voxel", "max_tilt", "known", "known_sigmas", "seeds", "seed", "method")
 _PAIR_OPTIONS = ("grid", "pairs", "seed", "method")
 
 
@@ -88,6 +104,7 @@ class ExperimentEntry:
         options: those of OPTIONS that change its rows.
         group: that it belongs to.
         timed: whether it measures times, so that its jobs are run one by one.
+        on_folder: whether it takes a folder of scans.
     """
 
     shows: str
@@ -95,6 +112,7 @@ class ExperimentEntry:
     options: tuple[str, ...]
     group: str = ALL
     timed: bool = False
+    on_folder: bool = False
 
 
 # Name on the command line -> experiment, in the order in which a group runs them and its page shows them.
@@ -125,6 +143,9 @@ EXPERIMENTS: Mapping[str, ExperimentEntry] = MappingProxyType(
         "survey": ExperimentEntry(
             "maps of whole surveys", "tools.reproduce.survey.run", _STRUCTURE_OPTIONS, SLAM, timed=True
         ),
+        "real": ExperimentEntry(
+            "pairs of real scans in a folder DIR", "tools.reproduce.real.run", _REAL_OPTIONS, REAL, on_folder=True
+        ),
     }
 )
 
@@ -153,15 +174,17 @@ def chosen(name: str, request: Request) -> tuple[str, ...]:
     """The names of the experiments that a name means: itself, or all of a group.
 
     Raises:
-        InputError: there is no such experiment, or an option that was given has no effect on it.
+        InputError: there is no such experiment, an option or a folder that was given has no effect on it, or it needs a
+            folder and none was given.
     """
     if name not in (*EXPERIMENTS, *groups()):
         raise InputError(f"no experiment is called {name!r}; there are {', '.join((*EXPERIMENTS, *groups()))}")
     names = (name,) if name in EXPERIMENTS else members(name)
+    _check_folder(name, names, request.folder)
     options = [option for option in OPTIONS if all(option in EXPERIMENTS[member].options for member in names)]
-    idle = [f"--{option}" for option in request.given if option not in options]
+    idle = [_flag(option) for option in request.given if option not in options]
     if idle:
-        known = ", ".join(f"--{option}" for option in options)
+        known = ", ".join(_flag(option) for option in options)
         verb, pronoun = ("has", "it") if len(idle) == 1 else ("have", "them")
         raise InputError(
             f"{' and '.join(idle)} {verb} no effect on reproduce {name}; leave {pronoun} out"
@@ -177,6 +200,34 @@ def create(name: str, request: Request) -> "Experiment":
         InputError: an option's value will not do.
     """
     return import_module(EXPERIMENTS[name].module).create(request)
+
+
+def folder_of(request: Request) -> Path:
+    """The folder that was given.
+
+    Raises:
+        InputError: none was.
+    """
+    if request.folder is None:
+        raise InputError(
+            "reproduce real needs the folder of the scans: sonarmap reproduce real DIR; DIR, or each of several "
+            "folders in it, holds scans whose names end in a number and a gt.log"
+        )
+    return request.folder
+
+
+def _check_folder(name: str, names: tuple[str, ...], folder: Path | None) -> None:
+    if any(EXPERIMENTS[member].on_folder for member in names):
+        folder_of(Request(folder=folder))
+    elif folder is not None:
+        raise InputError(
+            f"reproduce {name} simulates its scans, so the folder {folder} has no effect on it; leave it out, or give "
+            "-o before it if the results are to go there"
+        )
+
+
+def _flag(option: str) -> str:
+    return f"--{option.replace('_', '-')}"
 
 
 def _as_tuple(value: object) -> tuple[object, ...]:

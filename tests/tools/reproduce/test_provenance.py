@@ -1,9 +1,12 @@
 """Rows of other code, settings, devices or versions are never used; the machine is told in words."""
 
+from pathlib import Path
+
 import pytest
 
 from kernels.device.device import Device
 from tests.samples.fake_experiment import Fake, origin
+from tests.samples.real_folders import put
 from tools.methods.fingerprint import source_digest
 from tools.reproduce.evaluation.methods import EVALUATED
 from tools.reproduce.experiments import EXPERIMENTS, Request, create
@@ -46,12 +49,13 @@ def test_it_survives_json() -> None:
 
 
 @pytest.mark.parametrize("name", EXPERIMENTS)
-def test_every_experiment_names_its_sources(name: str, device: Device) -> None:
-    experiment = create(name, Request(device=device, quick=True))
+def test_every_experiment_names_its_sources(name: str, device: Device, tmp_path: Path) -> None:
+    folder = put(tmp_path) if EXPERIMENTS[name].on_folder else None
+    experiment = create(name, Request(device=device, quick=True, folder=folder))
     origin = provenance(experiment, device)
     assert source_digest(experiment.sources)
     methods = [method for method in EVALUATED if method in origin.methods]
-    assert bool(methods) is (name in ("steps", "pairs", "unrelated"))
+    assert bool(methods) is (name in ("steps", "pairs", "unrelated", "real"))
     assert len(set(origin.methods.values())) == len(origin.methods)
 
 

@@ -9,95 +9,33 @@ from typing import TYPE_CHECKING, Annotated
 
 import typer
 
-from kernels.errors import InputError
-from tools.cli.options import DeviceOption, JsonOption, QuietOption, check_seed
+from tools.cli.experiment_options import (
+    FirstSeedOption,
+    FolderArgument,
+    KnownOption,
+    KnownSigmasOption,
+    MethodsOption,
+    NameArgument,
+    NoisesOption,
+    OwnGridOption,
+    OwnTiltOption,
+    PageOption,
+    SceneOption,
+    WorkersOption,
+)
+from tools.cli.options import DeviceOption, JsonOption, QuietOption, VoxelOption
 from tools.cli.progress import progress
 from tools.cli.terminal import printable, result_console, say
-from tools.methods.registry import METHODS, find_method
-from tools.reproduce.experiments import ALL, EXPERIMENTS, Request, chosen, create, entry_of, group_of, groups, members
-from tools.simulate.scenes.catalog import SCENE_KINDS
+from tools.reproduce.experiments import ALL, Request, chosen, create, entry_of, group_of, members
 
 if TYPE_CHECKING:
     from tools.reproduce.pages.folder import Record
     from tools.reproduce.worker import WorkerProcesses
 
-_NAMES = "; ".join(
-    f"'{group}' runs {', '.join(f'{name} ({EXPERIMENTS[name].shows})' for name in members(group))}"
-    for group in groups()
-)
-
-SCENES = [name for name, kind in SCENE_KINDS.items() if kind.scale == 1.0]
-
-
-def _check_scene(scene: str | None) -> str | None:
-    """Steps and noise of the experiments fit the paper's 256 m and are too large for a small scene."""
-    if scene is None or scene in SCENES:
-        return scene
-    raise typer.BadParameter(f"{scene} is not a scene as large as the paper's; choose {', '.join(SCENES)}")
-
-
-SceneOption = Annotated[
-    str | None, typer.Option(help=f"The scene: {', '.join(SCENES)}.", metavar="SCENE", callback=_check_scene)
-]
-PageOption = Annotated[
-    Path | None,
-    typer.Option(
-        "--page",
-        metavar="FILE",
-        help="Also write a page, such as docs/reproduction.md, on all experiments of the group with results in OUT.",
-    ),
-]
-NoisesOption = Annotated[
-    list[float] | None,
-    typer.Option(metavar="V", help="Variance of the range noise at the largest range \\[m^2]; may be repeated."),
-]
-OwnGridOption = Annotated[
-    int | None,
-    typer.Option(
-        "--grid",
-        metavar="N",
-        help="Voxels per edge, a power of 2 from 16 to 512. Default: depends on the experiment.",
-    ),
-]
-
-
-def _check_methods(names: list[str] | None) -> list[str] | None:
-    for name in names or ():
-        try:
-            find_method(name)
-        except InputError as error:
-            raise typer.BadParameter(str(error)) from error
-    return names
-
-
-MethodsOption = Annotated[
-    list[str] | None,
-    typer.Option(
-        "--method",
-        metavar="NAME",
-        help=f"A method to evaluate: {', '.join(METHODS)}; may be repeated. Default: all that the experiment compares.",
-        callback=_check_methods,
-    ),
-]
-WorkersOption = Annotated[
-    int,
-    typer.Option(
-        "--workers", metavar="N", min=1, help="Number of processes that share the jobs; the results are the same."
-    ),
-]
-FirstSeedOption = Annotated[
-    int | None,
-    typer.Option(
-        "--seed",
-        metavar="S",
-        help="The first seed, or the seed of the pairs; the same seed gives the same results.",
-        callback=check_seed,
-    ),
-]
-
 
 def command(
-    name: Annotated[str, typer.Argument(help=f"An experiment, or a group of them: {_NAMES}.", metavar="NAME")],
+    name: NameArgument,
+    folder: FolderArgument = None,
     out: Annotated[
         Path,
         typer.Option(
@@ -122,13 +60,17 @@ def command(
     seed: FirstSeedOption = None,
     method: MethodsOption = None,
     grid: OwnGridOption = None,
+    voxel: VoxelOption = None,
+    max_tilt: OwnTiltOption = None,
+    known: KnownOption = None,
+    known_sigmas: KnownSigmasOption = None,
     workers: WorkersOption = 1,
     device: DeviceOption = None,
     as_json: JsonOption = False,
     quiet: QuietOption = False,
 ) -> None:
     """Run an experiment on simulated scans: one of the paper's, to compare our numbers with the paper's, or one of this
-    project's evaluations, to compare methods.
+    project's evaluations, to compare methods. Or compare methods on your own scans: 'reproduce real DIR'.
 
     OUT gets NAME.csv with every row, NAME.md with the tables, NAME*.png with the figures, and the times in
     NAME-seconds.csv, NAME-times.md and NAME.json. If a run is stopped, the same command continues where it stopped;
@@ -142,8 +84,11 @@ def command(
     if grid is not None:
         Grid(grid, 1.0)
     silent = quiet or as_json
-    noises, methods = (tuple(dict.fromkeys(given)) if given else None for given in (sigma2, method))
-    asked = Request(None, quick, seeds, seed, grid, scene, noises, pairs, methods)  # pyright: ignore[reportArgumentType]
+    noises = tuple(dict.fromkeys(sigma2)) if sigma2 else None
+    methods = tuple(dict.fromkeys(method)) if method else None
+    asked = Request(
+        None, quick, seeds, seed, grid, scene, noises, pairs, methods, folder, voxel, max_tilt, known, known_sigmas
+    )
     names = chosen(name, asked)
     require_writable(out)
     opened = choose_device(device)

@@ -41,3 +41,31 @@ The commands below made this page and its pictures. A command that was stopped c
 run again; `--page FILE` writes the page from the results in the output folder. The same seeds, code, device and package
 versions give the same rows, tables and pictures, byte for byte; only times and memory differ.
 """
+
+REAL_INTRODUCTION = """# Real scans
+
+How well the registration works on scans that nobody simulated, compared with other methods on the same points and
+grids, each with its default settings.
+
+    sonarmap reproduce real DIR -o OUT
+
+registers every pair whose true transform is known. DIR, or each of several folders in it, is a set: scans in any
+format that `sonarmap register` reads, whose names end in a number (`7.npy`, `cloud_bin_7.ply`), and a file `gt.log`
+with five lines for every pair: the numbers `i j` of the target and the source (or `i j n`; n is not used), then the
+four rows of the matrix T with p_i = T p_j, in meters. A `priors.csv` beside them, as `sonarmap register --priors`
+reads it, is used: the methods that use priors then register every pair with it and without. `--known attitude,depth`
+does the same with measurements that are drawn about the truth, where a set comes without the instruments'
+measurements.
+
+The page's commands continue where they stopped when they are run again, and register again only what changed files,
+code or options affect. The same files, code, device and package versions give the same rows, tables and pictures, byte
+for byte; only the times differ.
+
+## What was used to choose anything
+
+The sets `kitti07` (LiDAR patches, each merged from many sweeps along a street), `outdoor` and `room` (single LiDAR
+scans), `kitchen` (RGB-D fragments, each merged from many images) and `pool` (a stacked imaging sonar; its truth is
+known to 2.5 degrees and 0.15 m) are development data: methods, thresholds and defaults were chosen with them in view,
+so what the tables show of them is no measure of what to expect on a new scan. No other real scans were used to choose
+anything.
+"""

@@ -6,9 +6,14 @@ from pathlib import Path
 from types import MappingProxyType
 
 from kernels.errors import InputError
-from tools.reproduce.experiments import ALL, EVALUATION, SLAM
+from tools.reproduce.experiments import ALL, EVALUATION, REAL, SLAM
 from tools.reproduce.pages.folder import Record, read_record, times_text
-from tools.reproduce.pages.introductions import EVALUATION_INTRODUCTION, PAPER_INTRODUCTION, SLAM_INTRODUCTION
+from tools.reproduce.pages.introductions import (
+    EVALUATION_INTRODUCTION,
+    PAPER_INTRODUCTION,
+    REAL_INTRODUCTION,
+    SLAM_INTRODUCTION,
+)
 from tools.reproduce.pages.section_text import duration, section_text, verdicts
 from tools.reproduce.table import Table
 from tools.writers.atomic import all_or_none, atomic_path
@@ -32,6 +37,7 @@ FRAMES: Mapping[str, Frame] = MappingProxyType(
         ALL: Frame(PAPER_INTRODUCTION, "paper"),
         EVALUATION: Frame(EVALUATION_INTRODUCTION, "required"),
         SLAM: Frame(SLAM_INTRODUCTION, "required"),
+        REAL: Frame(REAL_INTRODUCTION, "required"),
     }
 )
 

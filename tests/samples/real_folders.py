@@ -1,0 +1,43 @@
+"""Folders as of real scans, with a gt.log, of two scans that the simulator made."""
+
+from functools import cache
+from pathlib import Path
+
+import numpy as np
+from scipy.spatial.transform import RigidTransform
+
+from kernels.device.device import Device
+from spectral.scan import Scan
+from tools.reproduce.experiments import Request
+from tools.simulate.pairs.random_pairs import random_pair
+from tools.writers.points import write_points
+
+FEW = ("hemisphere", "planes")
+
+
+@cache
+def simulated() -> tuple[Scan, Scan, RigidTransform]:
+    return random_pair(3, (0.7, 0.9), scene="clutter")
+
+
+def gt_log(i: int, j: int, T: RigidTransform) -> str:
+    rows = "\n".join(" ".join(f"{value:.9f}" for value in row) for row in T.as_matrix())
+    return f"{i} {j}\n{rows}\n"
+
+
+def put(folder: Path, names: tuple[str, str] = ("0.npy", "cloud_bin_1.ply")) -> Path:
+    """A set of one pair."""
+    folder.mkdir(parents=True, exist_ok=True)
+    target, source, T = simulated()
+    for name, scan in zip(names, (target, source), strict=True):
+        if name.endswith("npy"):
+            np.save(folder / name, scan.points)
+        else:
+            write_points(folder / name, scan.points)
+    (folder / "gt.log").write_text(gt_log(0, 1, T))
+    return folder
+
+
+def asked(folder: Path, device: Device | None = None, **changes: object) -> Request:
+    given = {"grid": 32, "method": FEW, "folder": folder, **changes}
+    return Request(device, **given)  # pyright: ignore[reportArgumentType]

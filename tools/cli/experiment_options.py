@@ -1,0 +1,132 @@
+"""The options of `sonarmap reproduce`, each with its check."""
+
+from pathlib import Path
+from typing import Annotated
+
+import typer
+
+from kernels.errors import InputError
+from tools.cli.options import check_seed, check_tilt
+from tools.methods.registry import METHODS, find_method
+from tools.reproduce.experiments import EXPERIMENTS, groups, members
+from tools.simulate.scenes.catalog import SCENE_KINDS
+
+_NAMES = "; ".join(
+    f"'{group}' runs {', '.join(f'{name} ({EXPERIMENTS[name].shows})' for name in members(group))}"
+    for group in groups()
+    if members(group) != (group,)
+)
+
+NameArgument = Annotated[
+    str,
+    typer.Argument(
+        help=f"An experiment, or a group of them: {_NAMES}; real ({EXPERIMENTS['real'].shows}).", metavar="NAME"
+    ),
+]
+SCENES = [name for name, kind in SCENE_KINDS.items() if kind.scale == 1.0]
+
+
+def _check_scene(scene: str | None) -> str | None:
+    """Steps and noise of the experiments fit the paper's 256 m and are too large for a small scene."""
+    if scene is None or scene in SCENES:
+        return scene
+    raise typer.BadParameter(f"{scene} is not a scene as large as the paper's; choose {', '.join(SCENES)}")
+
+
+SceneOption = Annotated[
+    str | None, typer.Option(help=f"The scene: {', '.join(SCENES)}.", metavar="SCENE", callback=_check_scene)
+]
+PageOption = Annotated[
+    Path | None,
+    typer.Option(
+        "--page",
+        metavar="FILE",
+        help="Also write a page, such as docs/reproduction.md, on all experiments of the group with results in OUT.",
+    ),
+]
+NoisesOption = Annotated[
+    list[float] | None,
+    typer.Option(metavar="V", help="Variance of the range noise at the largest range \\[m^2]; may be repeated."),
+]
+OwnGridOption = Annotated[
+    int | None,
+    typer.Option(
+        "--grid",
+        metavar="N",
+        help="Voxels per edge, a power of 2 from 16 to 512. Default: depends on the experiment.",
+    ),
+]
+
+
+def _check_own_tilt(tilt: float | None) -> float | None:
+    return None if tilt is None else check_tilt(tilt)
+
+
+def _check_methods(names: list[str] | None) -> list[str] | None:
+    for name in names or ():
+        try:
+            find_method(name)
+        except InputError as error:
+            raise typer.BadParameter(str(error)) from error
+    return names
+
+
+MethodsOption = Annotated[
+    list[str] | None,
+    typer.Option(
+        "--method",
+        metavar="NAME",
+        help=f"A method to evaluate: {', '.join(METHODS)}; may be repeated. Default: all that the experiment compares.",
+        callback=_check_methods,
+    ),
+]
+WorkersOption = Annotated[
+    int,
+    typer.Option(
+        "--workers", metavar="N", min=1, help="Number of processes that share the jobs; the results are the same."
+    ),
+]
+FirstSeedOption = Annotated[
+    int | None,
+    typer.Option(
+        "--seed",
+        metavar="S",
+        help="The first seed, or the seed of the pairs; the same seed gives the same results.",
+        callback=check_seed,
+    ),
+]
+FolderArgument = Annotated[
+    Path | None,
+    typer.Argument(
+        help="For real: a folder with scans and a gt.log, or a folder of such folders.",
+        metavar="\\[DIR]",
+        show_default=False,
+    ),
+]
+OwnTiltOption = Annotated[
+    float | None,
+    typer.Option(
+        "--max-tilt",
+        metavar="DEG",
+        help="For real: largest roll and pitch between two scans \\[deg], up to 180 (no limit). Default: 35.",
+        callback=_check_own_tilt,
+    ),
+]
+KnownOption = Annotated[
+    str | None,
+    typer.Option(
+        "--known",
+        metavar="WHAT",
+        help="For real: also register every pair with measurements of WHAT, drawn about the truth: "
+        "attitude,heading,depth,position, or some of them.",
+    ),
+]
+KnownSigmasOption = Annotated[
+    str | None,
+    typer.Option(
+        "--known-sigmas",
+        metavar="A,H,D,P",
+        help="Standard deviations for --known: attitude, heading \\[deg], depth, position \\[m]. Default: "
+        "1.5,3,0.15,3.",
+    ),
+]
