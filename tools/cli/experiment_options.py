@@ -99,7 +99,7 @@ FolderArgument = Annotated[
     Path | None,
     typer.Argument(
         help="For real: a folder with scans and a gt.log, or a folder of such folders.",
-        metavar="\\[DIR]",
+        metavar="DIR",
         show_default=False,
     ),
 ]

@@ -10,7 +10,7 @@ from scipy.spatial.transform import RigidTransform
 from kernels.errors import InputError
 from tests.samples.real_folders import asked, gt_log, put, simulated
 from tools.reproduce.experiments import Request, chosen
-from tools.reproduce.real.real_set import read_sets
+from tools.reproduce.real.real_set import read_sets, without_truth
 from tools.reproduce.real.run import Real
 from tools.reproduce.real.settings import RealSettings, real_settings
 from tools.simulate.sensing.priors import KINDS
@@ -33,6 +33,8 @@ class TestSets:
         (tmp_path / "all" / "a_link").symlink_to(tmp_path / "elsewhere")
         (tmp_path / "all" / "without").mkdir()
         assert [real_set.name for real_set in read_sets(tmp_path / "all")] == ["a_link", "set2", "set10"]
+        assert without_truth(tmp_path / "all") == ("without",)
+        assert without_truth(tmp_path / "elsewhere") == ()
 
     def test_the_digest_is_of_all_that_decides_and_of_nothing_else(self, tmp_path: Path) -> None:
         def digest() -> str:

@@ -135,11 +135,11 @@ class TestTables:
         assert verdict_table(self.ROWS[1:2]).rows == ()
 
     def test_the_section_says_what_was_known(self) -> None:
-        settings = RealSettings({"a": "", "b": ""}, known=("attitude", "depth"), seeds=2, seed=4)
+        settings = RealSettings({"a": "", "b": ""}, known=("attitude", "depth"), seeds=2, seed=4, left_out=("c",))
         outcomes = {str(k): Outcome((line,), (line | {"seconds": 0.5},)) for k, line in enumerate(self.ROWS)}
         section = Real((), settings, None).section(outcomes)
         text = section_text(section, 1)
-        assert "Sets: `a` (2 pairs), `b` (1 pair)." in text
+        assert "Sets: `a` (2 pairs), `b` (1 pair). Left out, as they have no gt.log: `c`." in text
         assert "deviations attitude 1.5 degrees, depth 0.15 m (seeds 4 to 5" in text
         assert len(verdicts(section)) == 4
         assert section.times[0].rows[0] == ("a", "spectral", "nothing", "2", "0.50", "0.50")

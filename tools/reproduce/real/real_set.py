@@ -80,6 +80,14 @@ def read_sets(folder: Path) -> tuple[RealSet, ...]:
     return tuple(_read_set(path) for path in inside)
 
 
+def without_truth(folder: Path) -> tuple[str, ...]:
+    """The names of the folders in `folder` that `read_sets` leaves out, as they have no gt.log."""
+    if (folder / GT_LOG).is_file():
+        return ()
+    inside = [path for path in folder.iterdir() if path.is_dir() and not path.name.startswith(".")]
+    return tuple(sorted(path.name for path in inside if not (path / GT_LOG).is_file()))
+
+
 def _read_set(folder: Path) -> RealSet:
     path = folder / GT_LOG
     name = folder.name if folder.name.strip(".") else folder.resolve().name  # of a link its own, of . the folder's

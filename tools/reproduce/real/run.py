@@ -21,7 +21,7 @@ from tools.reproduce.evaluation.answer import answer, claims, errors, finish_dev
 from tools.reproduce.experiment import Outcome, Section
 from tools.reproduce.experiments import Request, folder_of
 from tools.reproduce.real.figure import draw_real
-from tools.reproduce.real.real_set import RealPair, RealSet, read_sets
+from tools.reproduce.real.real_set import RealPair, RealSet, read_sets, without_truth
 from tools.reproduce.real.section import real_section
 from tools.reproduce.real.settings import RealSettings, real_settings
 from tools.reproduce.rows import all_rows, all_seconds
@@ -149,6 +149,7 @@ def create(request: Request) -> Real:
     Raises:
         InputError: the folder, a gt.log in it, or an option's value will not do.
     """
-    sets = read_sets(folder_of(request))
-    settings = real_settings(request, {real_set.name: real_set.digest for real_set in sets})
+    folder = folder_of(request)
+    sets = read_sets(folder)
+    settings = real_settings(request, {real_set.name: real_set.digest for real_set in sets}, without_truth(folder))
     return Real(sets, settings, request.opened.selector)

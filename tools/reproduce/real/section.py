@@ -28,12 +28,14 @@ def real_section(rows: Sequence[Row], seconds: Sequence[Row], settings: RealSett
 def _introduction(rows: Sequence[Row], settings: RealSettings) -> str:
     counts = {name: len({row["pair"] for row in rows if row["set"] == name}) for name in settings.sets}
     sets = ", ".join(f"`{name}` ({count} {'pair' if count == 1 else 'pairs'})" for name, count in counts.items())
+    names = ", ".join(f"`{name}`" for name in settings.left_out)
+    left_out = f" Left out, as they have no gt.log: {names}." if names else ""
     size = "their size is chosen from the two scans" if settings.voxel is None else f"each of {settings.voxel:g} m"
     return (
-        f"Sets: {sets}. The grid has {settings.edge} voxels along each edge; {size}. Methods that bound roll and "
-        f"pitch between two scans search up to {settings.max_tilt:g} degrees. A registration is right if it is within "
-        f"{RIGHT_DEG:g} degrees and {RIGHT_VOXELS:g} voxels of the truth in gt.log, between the scans' frames. It is "
-        "believed if the method itself accepts it. The column *known* says what the method was given besides the "
+        f"Sets: {sets}.{left_out} The grid has {settings.edge} voxels along each edge; {size}. Methods that bound roll "
+        f"and pitch between two scans search up to {settings.max_tilt:g} degrees. A registration is right if it is "
+        f"within {RIGHT_DEG:g} degrees and {RIGHT_VOXELS:g} voxels of the truth in gt.log, between the scans' frames. "
+        "It is believed if the method itself accepts it. The column *known* says what the method was given besides the "
         f"points.{_known(settings)} Wrong answers have no part in the median errors. {settings.compared.words}"
     )
 

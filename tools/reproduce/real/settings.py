@@ -32,6 +32,7 @@ class RealSettings:
         seeds, seed: how many times these errors are drawn for each pair, and the first seed, >= 0.
         first_only: whether to register only the first pair of every set.
         compared: the methods.
+        left_out: folders beside the sets that have no gt.log.
     """
 
     sets: Mapping[str, str]
@@ -44,6 +45,7 @@ class RealSettings:
     seed: int = 0
     first_only: bool = False
     compared: ComparedMethods = field(default_factory=ComparedMethods)
+    left_out: tuple[str, ...] = ()
 
     def __post_init__(self) -> None:
         Grid(self.edge, 1.0 if self.voxel is None else self.voxel)
@@ -78,7 +80,7 @@ class RealSettings:
         return {f"{words},seed={seed}": seed for seed in seeds}
 
 
-def real_settings(request: Request, sets: Mapping[str, str]) -> RealSettings:
+def real_settings(request: Request, sets: Mapping[str, str], left_out: tuple[str, ...] = ()) -> RealSettings:
     """As the command line asks for it; `quick` is the first pair of every set on half the voxels.
 
     Raises:
@@ -100,6 +102,7 @@ def real_settings(request: Request, sets: Mapping[str, str]) -> RealSettings:
         seed=request.seed or 0,
         first_only=request.quick,
         compared=compared_methods(request),
+        left_out=left_out,
     )
 
 
