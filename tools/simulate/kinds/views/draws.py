@@ -6,6 +6,7 @@ from zlib import crc32
 import numpy as np
 
 from tools.simulate.kinds.catalog import scan_kind
+from tools.simulate.kinds.reliefs import relief_of
 from tools.simulate.pairs.pair_set import DROPOUTS, GHOSTS, OUTLIERS, SPECKLE
 from tools.simulate.pairs.viewpoints import Observer
 from tools.simulate.scenes.catalog import SCENE_KINDS
@@ -14,6 +15,8 @@ from tools.simulate.sensing.noise import Noise
 from tools.simulate.sensing.sensors import SENSORS, bare
 
 SIGMA2 = (0.25, 1.0, 4.0)  # of the range at the sensor's maximum range in a scene of 256 m [m^2], in turns
+# On an open bed noise as large as its relief would leave nothing to register: a quarter of the standard deviation
+OPEN_BED = 1 / 16
 # By how much a level fan is mounted nose down over an open bed, of which it would see little else [rad]
 MOUNTED = np.deg2rad(30.0)
 OPEN = ("sandflat", "shallow", "rubble")
@@ -48,6 +51,8 @@ def noise_of(kind: str, number: int, scene: str) -> Noise:
     """The noise of pair `number`: every scene meets every overlap with every variance within nine of its turns."""
     turn = number // len(scan_kind(kind).scenes)
     sigma2 = SIGMA2[(number + turn + turn // len(SIGMA2)) % len(SIGMA2)] * SCENE_KINDS[scene].scale ** 2
+    if relief_of(scene) in ("flat", "weak"):
+        sigma2 *= OPEN_BED
     return Noise(sigma2, OUTLIERS, DROPOUTS, GHOSTS, SPECKLE)
 
 
