@@ -120,9 +120,10 @@ def test_motions_stay_below_their_bounds_and_come_near_them():
 def test_every_scene_meets_every_overlap_with_every_noise():
     for kind, count in (("moving", 11), ("sonar3d15", 5)):
         met = {
-            (number % count, number // count % 3, noise_of(kind, number, "flatbed").sigma2)
+            (number % count, number // count % 3, noise_of(kind, number, "harbor").sigma2)
             for number in range(9 * count)
         }
         assert len(met) == 9 * count
         assert {sigma2 for _, _, sigma2 in met} == set(SIGMA2)
-    assert_allclose(noise_of("moving", 0, "shallow").sigma2, 0.25 * (40 / 256) ** 2)
+    assert_allclose(noise_of("moving", 0, "rubble").sigma2, 0.25 * (40 / 256) ** 2)
+    assert_allclose(noise_of("moving", 0, "shallow").sigma2, 0.25 / 16 * (40 / 256) ** 2)
