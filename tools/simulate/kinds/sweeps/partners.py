@@ -1,7 +1,7 @@
 """Two sweeps of one scene with a wanted overlap: searched with few rays, decided with all."""
 
 from collections.abc import Callable
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import Protocol
 
 import numpy as np
@@ -13,9 +13,8 @@ from tools.simulate.kinds.kind import KindPair
 from tools.simulate.kinds.reliefs import relief_of
 from tools.simulate.kinds.sweeps.sweep import Fan, Returns, Sweep, meet, pick, true_points, write_scan
 from tools.simulate.kinds.sweeps.water import Water
-from tools.simulate.pairs.pair_set import DROPOUTS, OUTLIERS, SPECKLE
+from tools.simulate.kinds.views.draws import noise_of, pair_draws
 from tools.simulate.scenes.scene import build_scene
-from tools.simulate.sensing.noise import Noise
 from tools.simulate.sensing.overlap import OVERLAP_RADIUS, mutual_overlap
 
 PLACES, TRIES = 6, 60  # of the target, and of either sweep at each place, before a pair is given up
@@ -25,7 +24,6 @@ SEEN_LEAST = 0.2  # of the beams
 STRUCTURED = ("rich", "twins")  # scenes of these reliefs show a scan more than their bed:
 STRUCTURE = 0.1  # least share of its points that lie off the plane that fits it best,
 BED_RELIEF = 0.015  # by this share of the maximum range
-SIGMA2 = (0.25, 1.0, 4.0)  # of the range at the maximum range in a scene of 256 m [m^2]
 
 
 class Instrument(Protocol):
@@ -77,20 +75,17 @@ def sweep_pair(
     Raises:
         InputError: no such pair was found.
     """
-    stream = np.random.SeedSequence([seed, number, *kind.encode()])
-    scene_seed = int(stream.generate_state(1)[0])
-    pose_seed, *scan_seeds = stream.spawn(3)
-    rng = np.random.default_rng(pose_seed)
-    water = Water(build_scene(scene, scene_seed))
-    instrument = equip(water, rng)
-    scale, gate = water.scale, instrument.fan.sensor.max_range / water.sensor.max_range
-    noise = Noise(SIGMA2[rng.integers(len(SIGMA2))] * scale**2 * gate, OUTLIERS, DROPOUTS, speckle=SPECKLE)
-    target, source, shared = _search(water, instrument, overlaps, OVERLAP_RADIUS * scale, rng)
+    draws = pair_draws(kind, number, seed)
+    water = Water(build_scene(scene, draws.scene))
+    instrument = equip(water, draws.poses)
+    target, source, shared = _search(water, instrument, overlaps, OVERLAP_RADIUS * water.scale, draws.poses)
+    noise = noise_of(kind, number, scene)
+    gate = instrument.fan.sensor.max_range / water.sensor.max_range
+    noise = replace(noise, sigma2=noise.sigma2 * gate, ghosts=0.0)
 
-    def scan_of(seen: Seen, name: str, scan_seed: np.random.SeedSequence) -> Scan:
-        draws = np.random.default_rng(scan_seed)
-        returns = instrument.returns(seen.ranges, seen.strengths, seen.sweep, draws)
-        return write_scan(instrument.fan, seen.sweep, returns, noise, draws, name, viewpoints=number % 2 == 0)
+    def scan_of(seen: Seen, name: str, rng: np.random.Generator) -> Scan:
+        returns = instrument.returns(seen.ranges, seen.strengths, seen.sweep, rng)
+        return write_scan(instrument.fan, seen.sweep, returns, noise, rng, name, viewpoints=number % 2 == 0)
 
     return KindPair(
         kind=kind,
@@ -98,8 +93,8 @@ def sweep_pair(
         seed=seed,
         scene=scene,
         relief=relief_of(scene),
-        target=scan_of(target, "target", scan_seeds[0]),
-        source=scan_of(source, "source", scan_seeds[1]),
+        target=scan_of(target, "target", draws.target),
+        source=scan_of(source, "source", draws.source),
         T_world_target=target.sweep.T_world_frame,
         T_world_source=source.sweep.T_world_frame,
         shared=shared,
