@@ -1,11 +1,11 @@
 """A stacked imaging sonar: images of range and azimuth, taken at many depths or tilts, the elevation of echoes guessed.
 
 The sonar is wide in elevation and tells nothing of it: every echo is placed in the middle of its beam. The beams are
-those of a Blueprint Oculus M750d (data sheet: 130 degrees of 256 beams, evenly spaced in the sine of azimuth, 20
-degrees high), which real stacks of a swimming pool show too (256 azimuths, 0.4 degrees apart ahead and 0.95 at 65).
-Of those stacks the sizes below are taken: 120 to 370 images of which a quarter to a half hang at the lowest depth, one
-echo a beam; walls shift by 0.4 to 0.6 m over 4.5 m of depth and are 0.1 to 0.45 m thick at one; 2 to 8 % of the points
-lie 0.5 m behind their wall, and 1 to 2.5 % farther than 1.5 m, at 1.5 to 2.7 times its range.
+those of a Blueprint Oculus (user manual: up to 130 degrees wide and 20 high) as real stacks of a swimming pool show
+them: 256 azimuths, evenly spaced in their sine, 0.4 degrees apart ahead and 0.95 at 65. Of these stacks the sizes
+below are taken: 120 to 370 images of which a quarter to a half hang at the lowest depth, one echo a beam; walls shift
+by 0.4 to 0.6 m over 4.5 m of depth and are 0.1 to 0.45 m thick at one; 2 to 8 % of the points lie 0.5 m behind their
+wall, and 1 to 2.5 % farther than 1.5 m, at 1.5 to 2.7 times its range.
 """
 
 import math
@@ -24,12 +24,13 @@ from tools.simulate.sensing.sensors import Sensor
 BEAMS, RAYS = 256, 11
 AZIMUTHS = math.radians(130)
 APERTURES = (math.radians(15), math.radians(25))  # of a beam in elevation, least and greatest
-TILTED_APERTURE = math.radians(12)  # of a stack of tilts: the narrow beam of a higher frequency (Oculus M1200d)
+TILTED_APERTURE = math.radians(12)  # of a stack of tilts: the narrow beam of a higher frequency
 IMAGES = (90, 150)
 HOVERING = (0.2, 0.45)  # share of the images of a stack of depths at its lowest
 TILTS = (math.radians(8), math.radians(58))  # of the beam's middle below the horizontal, first and last
 ABOVE = (0.06, 0.16)  # of a stack of tilts above the ground, in shares of the maximum range
 WALLED = ("floodgate", "harbor", "bridge", "pool")  # scenes with walls to see from beside them
+STACKED_BY_DEPTH = 2 / 3  # share of the stacks there
 THRESHOLD = 0.005  # of an echo against a wall's close by
 CELL = 1 / 400  # length of the pulse, in shares of the maximum range
 DETECTORS = (0.25, 1.0)  # an echo is the first of this share of the strongest's energy
@@ -160,7 +161,7 @@ class Imager:
 
 def imager(water: Water, rng: np.random.Generator) -> Imager:
     """A sonar whose middle beam looks along x. Where no walls stand, images are stacked over tilts."""
-    by_depth = water.scene.name in WALLED and bool(rng.random() < 0.5)
+    by_depth = water.scene.name in WALLED and bool(rng.random() < STACKED_BY_DEPTH)
     aperture = rng.uniform(*APERTURES) if by_depth else TILTED_APERTURE
     suits = water.sensor
     sensor = Sensor("imaging", AZIMUTHS, aperture, BEAMS, RAYS, suits.min_range, suits.max_range, threshold=THRESHOLD)

@@ -1,9 +1,8 @@
 """Sweeps of a rotating profiler: one narrow beam that steps around a profile while it is panned, or its vehicle turns.
 
-Beam and steps are those of small mechanical profilers (Imagenex 881A: 1.7 degrees or more, steps of 0.9 or 1.8 degrees,
-data sheet; Tritech SeaKing likewise). A sweep takes minutes: the vehicle drifts while the profiles follow one
-another, and knows of it only in part. Within a profile it is taken to stand still. An echo is the strongest of seven
-rays in the beam.
+Beam and steps are about those of small mechanical profilers, whose motors step by 0.9 or 1.8 degrees. A sweep takes
+minutes: the vehicle drifts while the profiles follow one another, and knows of it only in part. Within a profile it is
+taken to stand still. An echo is the strongest of seven rays in the beam.
 """
 
 import math

@@ -1,10 +1,11 @@
 """Swaths of a multibeam echo sounder: a fan across the track of a vessel that moves while it measures.
 
 The fan is that of usual shallow-water sounders (256 beams over 120 to 150 degrees, 1 degree along track: R2Sonic 2022,
-Norbit iWBMS, data sheets). An echo is the strongest of three rays in the footprint. The sounder's own motion is
-measured and compensated but for small errors, those of a surveyor's error budget (R. Hare, Depth and position error
-budgets for multibeam echosounding, International Hydrographic Review 72(2), 1995): roll and pitch to about 0.1 degrees,
-heave to 5 cm; navigation drifts within a line by decimeters, as that of an underwater vehicle between fixes does.
+data sheet). An echo is the strongest of three rays in the footprint. The sounder's own motion is measured and
+compensated but for small errors, those of a surveyor's error budget (R. Hare, Depth and position error budgets for
+multibeam echosounding, International Hydrographic Review 72(2), 1995): roll and pitch to about 0.1 degrees, heave to 5
+cm; navigation drifts by decimeters within a line, as dead reckoning with a Doppler log does (1 to 2 thousandths of the
+way: K. Tang et al., Sensors 13, 2013, doi 10.3390/s131114583).
 """
 
 import math
