@@ -183,4 +183,4 @@ def imaging_pair(number: int, seed: int, scene: str, overlaps: tuple[float, floa
     Raises:
         InputError: no such pair was found.
     """
-    return sweep_pair("imaging", number, seed, scene, overlaps, imager)
+    return sweep_pair("imaging", number, seed, scene, overlaps, imager, viewpoints=False)

@@ -22,7 +22,7 @@ THIN = 8  # the coarse search takes every THIN-th ping and beam
 DOUBT = 0.12  # an overlap by the coarse points is at most this far from the one by all
 SEEN_LEAST = 0.2  # of the beams
 STRUCTURED = ("rich", "twins")  # scenes of these reliefs show a scan more than their bed:
-STRUCTURE = 0.1  # least share of its points that lie off the plane that fits it best,
+STRUCTURE = 0.05  # least share of its points that lie off the plane that fits it best,
 BED_RELIEF = 0.015  # by this share of the maximum range
 
 
@@ -64,13 +64,16 @@ def sweep_pair(
     scene: str,
     overlaps: tuple[float, float],
     equip: Callable[[Water, np.random.Generator], Instrument],
+    *,
+    viewpoints: bool,
 ) -> KindPair:
     """Pair `number` of the set `seed`: two sweeps of an instrument through one scene.
 
     Args:
         kind: a key of SCAN_KINDS.
-        number, seed, scene, overlaps: as `kind_pair` takes them. Points on even numbers say where they were seen from.
+        number, seed, scene, overlaps: as `kind_pair` takes them.
         equip: draws the instrument.
+        viewpoints: whether the scans say where each point was seen from.
 
     Raises:
         InputError: no such pair was found.
@@ -85,7 +88,7 @@ def sweep_pair(
 
     def scan_of(seen: Seen, name: str, rng: np.random.Generator) -> Scan:
         returns = instrument.returns(seen.ranges, seen.strengths, seen.sweep, rng)
-        return write_scan(instrument.fan, seen.sweep, returns, noise, rng, name, viewpoints=number % 2 == 0)
+        return write_scan(instrument.fan, seen.sweep, returns, noise, rng, name, viewpoints=viewpoints)
 
     return KindPair(
         kind=kind,

@@ -114,9 +114,9 @@ def profiler(water: Water, rng: np.random.Generator) -> Profiler:
 
 
 def profiler_pair(number: int, seed: int, scene: str, overlaps: tuple[float, float]) -> KindPair:
-    """A builder of SCAN_KINDS.
+    """A builder of SCAN_KINDS; points of even numbers say where they were seen from.
 
     Raises:
         InputError: no such pair was found.
     """
-    return sweep_pair("profiler", number, seed, scene, overlaps, profiler)
+    return sweep_pair("profiler", number, seed, scene, overlaps, profiler, viewpoints=number % 2 == 0)

@@ -126,9 +126,9 @@ def sounder(water: Water, rng: np.random.Generator) -> Sounder:
 
 
 def swath_pair(number: int, seed: int, scene: str, overlaps: tuple[float, float]) -> KindPair:
-    """A builder of SCAN_KINDS.
+    """A builder of SCAN_KINDS; points of even numbers say where they were seen from.
 
     Raises:
         InputError: no such pair was found.
     """
-    return sweep_pair("swath", number, seed, scene, overlaps, sounder)
+    return sweep_pair("swath", number, seed, scene, overlaps, sounder, viewpoints=number % 2 == 0)
