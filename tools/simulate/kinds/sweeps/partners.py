@@ -15,6 +15,7 @@ from tools.simulate.kinds.sweeps.sweep import Fan, Returns, Sweep, meet, pick, t
 from tools.simulate.kinds.sweeps.water import Water
 from tools.simulate.kinds.views.draws import noise_of, pair_draws
 from tools.simulate.scenes.scene import build_scene
+from tools.simulate.sensing.noise import Noise
 from tools.simulate.sensing.overlap import OVERLAP_RADIUS, mutual_overlap
 
 PLACES, TRIES = 6, 60  # of the target, and of either sweep at each place, before a pair is given up
@@ -82,26 +83,20 @@ def sweep_pair(
     water = Water(build_scene(scene, draws.scene))
     instrument = equip(water, draws.poses)
     target, source, shared = _search(water, instrument, overlaps, OVERLAP_RADIUS * water.scale, draws.poses)
-    noise = noise_of(kind, number, scene)
-    gate = instrument.fan.sensor.max_range / water.sensor.max_range
-    noise = replace(noise, sigma2=noise.sigma2 * gate, ghosts=0.0)
+    noise = _noise_within(noise_of(kind, number, scene), instrument.fan.sensor.max_range / water.sensor.max_range)
 
     def scan_of(seen: Seen, name: str, rng: np.random.Generator) -> Scan:
         returns = instrument.returns(seen.ranges, seen.strengths, seen.sweep, rng)
         return write_scan(instrument.fan, seen.sweep, returns, noise, rng, name, viewpoints=viewpoints)
 
-    return KindPair(
-        kind=kind,
-        number=number,
-        seed=seed,
-        scene=scene,
-        relief=relief_of(scene),
-        target=scan_of(target, "target", draws.target),
-        source=scan_of(source, "source", draws.source),
-        T_world_target=target.sweep.T_world_frame,
-        T_world_source=source.sweep.T_world_frame,
-        shared=shared,
-    )
+    scans = scan_of(target, "target", draws.target), scan_of(source, "source", draws.source)
+    poses = target.sweep.T_world_frame, source.sweep.T_world_frame
+    return KindPair(kind, number, seed, scene, relief_of(scene), *scans, *poses, shared=shared)
+
+
+def _noise_within(noise: Noise, gate: float) -> Noise:
+    """The noise of a sonar that listens up to a share `gate` of the range that `noise` is of; without ghosts."""
+    return replace(noise, sigma2=noise.sigma2 * gate, ghosts=0.0)
 
 
 def _search(
@@ -148,7 +143,7 @@ def _look(water: Water, instrument: Instrument, sweep: Sweep) -> Seen | None:
     """What all rays show; None where the way is blocked or too little is seen."""
     ranges, strengths = meet(water.scene, instrument.fan, sweep.T_world_ping)
     returns = instrument.returns(ranges, strengths, sweep, None)
-    if not water.is_clear(instrument.fan, returns.ranges, SEEN_LEAST):
+    if not water.is_clear(returns.ranges, SEEN_LEAST):
         return None
     if not water.is_way_free(sweep.T_world_ping.translation):
         return None
@@ -165,7 +160,7 @@ def _coarse(water: Water, fan: Fan, sweep: Sweep) -> np.ndarray | None:
     if not water.is_free(T_world_ping.translation):
         return None
     returns = pick(few, *meet(water.scene, few, T_world_ping))
-    if not water.is_clear(few, returns.ranges, SEEN_LEAST) or water.ends(few, T_world_ping, returns.ranges):
+    if not water.is_clear(returns.ranges, SEEN_LEAST) or water.ends(few, T_world_ping, returns.ranges):
         return None
     points = true_points(few, pings, returns)
     return points if _shows_structure(water, points, STRUCTURE / 2) else None

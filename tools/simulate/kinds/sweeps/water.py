@@ -87,7 +87,7 @@ class Water:
         ranges, _ = self.scene.intersect(places[:-1][moved], steps[moved] / lengths[moved, None])
         return bool((ranges > lengths[moved]).all())
 
-    def is_clear(self, fan: Fan, ranges: np.ndarray, least: float) -> bool:
+    def is_clear(self, ranges: np.ndarray, least: float) -> bool:
         """Whether nothing is too near and a share `least` of the beams meets something."""
         return bool(np.isfinite(ranges).mean() >= least and ranges.min() >= CLEARANCE * self.sensor.max_range)
 
