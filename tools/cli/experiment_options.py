@@ -16,12 +16,11 @@ _NAMES = "; ".join(
     for group in groups()
     if members(group) != (group,)
 )
+_ALONE = "; ".join(f"{group} ({EXPERIMENTS[group].shows})" for group in groups() if members(group) == (group,))
 
 NameArgument = Annotated[
     str,
-    typer.Argument(
-        help=f"An experiment, or a group of them: {_NAMES}; real ({EXPERIMENTS['real'].shows}).", metavar="NAME"
-    ),
+    typer.Argument(help=f"An experiment, or a group of them: {_NAMES}; {_ALONE}.", metavar="NAME"),
 ]
 SCENES = [name for name, kind in SCENE_KINDS.items() if kind.scale == 1.0]
 

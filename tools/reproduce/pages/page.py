@@ -6,10 +6,11 @@ from pathlib import Path
 from types import MappingProxyType
 
 from kernels.errors import InputError
-from tools.reproduce.experiments import ALL, EVALUATION, REAL, SLAM
+from tools.reproduce.experiments import ALL, EVALUATION, KINDS, REAL, SLAM
 from tools.reproduce.pages.folder import Record, read_record, times_text
 from tools.reproduce.pages.introductions import (
     EVALUATION_INTRODUCTION,
+    KINDS_INTRODUCTION,
     PAPER_INTRODUCTION,
     REAL_INTRODUCTION,
     SLAM_INTRODUCTION,
@@ -38,6 +39,7 @@ FRAMES: Mapping[str, Frame] = MappingProxyType(
         EVALUATION: Frame(EVALUATION_INTRODUCTION, "required"),
         SLAM: Frame(SLAM_INTRODUCTION, "required"),
         REAL: Frame(REAL_INTRODUCTION, "required"),
+        KINDS: Frame(KINDS_INTRODUCTION, "required"),
     }
 )
 
