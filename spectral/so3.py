@@ -58,10 +58,8 @@ class So3:
             magnitude: (edge, edge, edge/2 + 1), as `spectrum.magnitude` gives it.
         """
         layers = sample(self.device, magnitude, self._directions, self._radii).get()
-        # each layer counts alike (Sect. 2.8); the mean is degree 0, which is left out
-        layers -= layers.mean(axis=(1, 2), keepdims=True)
-        layers /= np.maximum(layers.std(axis=(1, 2), keepdims=True), 1e-30)
-        return self._harmonics.analyze(layers)
+        # each layer counts alike (Sect. 2.8)
+        return self._harmonics.analyze(self._harmonics.standardize(layers))
 
     def prepare(self, coefficients: np.ndarray) -> np.ndarray:
         """The coefficients of `analyze` equalized, whose norm is 1, complex64 (degrees, layers, orders)."""

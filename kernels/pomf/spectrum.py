@@ -40,19 +40,22 @@ def magnitude(device: Device, spectrum: cla.Array, edge: int, out: cla.Array | N
     return result
 
 
-def whiten(device: Device, spectrum: cla.Array, out: cla.Array | None = None) -> cla.Array:
-    """F / |F|, and 0 where |F| is below 1e-9, infinite or not a number.
+def whiten(device: Device, spectrum: cla.Array, exponent: float = 1.0, out: cla.Array | None = None) -> cla.Array:
+    """F / |F|^exponent, and 0 where |F| is below 1e-9, infinite or not a number.
 
     Args:
         spectrum: complex64 of any shape whose last axis is a multiple of 8.
+        exponent: a number without a unit. 1 leaves the phase alone, as phase-only matched filtering does; 0 leaves the
+            spectrum as it is, as plain correlation does; between, strong frequencies keep a part of their weight.
         out: the same shape, to write to; may be the spectrum itself.
 
     Returns:
         Complex64 of the same shape.
 
     Raises:
-        InputError: the dtype, the order or the last axis is another.
+        InputError: the dtype, the order or the last axis is another, or the exponent is not from 0 to 1.
     """
+    _require_exponent(exponent)
     shape = require_array(spectrum, "spectrum", (None,) * spectrum.ndim, np.complex64)
     if shape[-1] % _WHITEN_AT_ONCE:
         raise InputError(
@@ -60,7 +63,8 @@ def whiten(device: Device, spectrum: cla.Array, out: cla.Array | None = None) ->
         )
     result = output(device, out, "out", shape, np.complex64)
     group = (32,) if (spectrum.size // _WHITEN_AT_ONCE) % 32 == 0 else None
-    launch(device, "pomf/spectrum", "whiten", (spectrum.size // _WHITEN_AT_ONCE,), spectrum, result, group=group)
+    arguments = spectrum, result, np.float32(exponent)
+    launch(device, "pomf/spectrum", "whiten", (spectrum.size // _WHITEN_AT_ONCE,), *arguments, group=group)
     return result
 
 
@@ -120,6 +124,11 @@ def sum_layers(
     return result
 
 
+def _require_exponent(exponent: float) -> None:
+    if not 0 <= exponent <= 1:
+        raise InputError(f"`exponent={exponent}` is out of range; give 0, plain correlation, to 1, phase only")
+
+
 def _require_edges(*edges: int) -> None:
     if any(edge < 16 or edge % 16 for edge in edges):
         raise InputError(f"transformed axes have {edges} voxels; wanted multiples of 16, as powers of two are")
@@ -155,7 +164,13 @@ class Pomf:
     target(x) = source(x - s): the source has to move by +s.
     """
 
-    def __init__(self, device: Device, shape: tuple[int, int, int], blur: float = 0.0, batched: bool = False) -> None:
+    def __init__(
+        self,
+        device: Device,
+        shape: tuple[int, int, int],
+        blur: float = 0.0,
+        batched: bool = False,
+    ) -> None:
         """Plan the transforms.
 
         Args:
@@ -173,6 +188,10 @@ class Pomf:
         self._image_fft = RealFFT(device, image, batched=True) if batched else None
         self._scratch: cla.Array | None = None
 
+    def transform(self, volume: cla.Array, out: cla.Array | None = None) -> cla.Array:
+        """The half spectrum of a volume as it is; arguments, result and errors as in `prepare`."""
+        return self._fft.forward(volume, out=out)
+
     def prepare(self, volume: cla.Array, out: cla.Array | None = None) -> cla.Array:
         """The whitened half spectrum of a volume.
 
@@ -186,7 +205,7 @@ class Pomf:
         Raises:
             InputError: an array has another shape or dtype.
         """
-        spectrum = self._fft.forward(volume, out=out)
+        spectrum = self.transform(volume, out=out)
         return whiten(self.device, spectrum, out=spectrum)
 
     def correlate(self, target: cla.Array, source: cla.Array, out: cla.Array | None = None) -> cla.Array:

@@ -58,6 +58,17 @@ class Harmonics:
         values = np.real(sph_harm_y(degrees[:, None], order, polar[None, :], 0.0))
         return (values * self._weights * scale).astype(np.float32)
 
+    def standardize(self, layers: np.ndarray) -> np.ndarray:
+        """Layers (L, latitudes, longitudes) of mean 0 and variance 1 over the sphere: by the quadrature's weights.
+
+        Rows near the pole hold as many samples as rows near the equator, of less of the sphere: a plain mean would
+        change with a rotation. A layer without a variance becomes 0.
+        """
+        weights = (self._weights / self._weights.sum()).astype(np.float32)
+        centered = layers - (layers.mean(axis=2) @ weights)[:, None, None]
+        variance = np.square(centered).mean(axis=2) @ weights
+        return centered / np.sqrt(np.maximum(variance, np.float32(1e-30)))[:, None, None]
+
     def analyze(self, layers: np.ndarray) -> np.ndarray:
         """The coefficients of real layers (L, latitudes, longitudes), each its own.
 

@@ -40,16 +40,29 @@ def test_magnitude(device, edge):
 
 
 @pytest.mark.parametrize("shape", SHAPES)
-def test_whiten(device, shape):
+@pytest.mark.parametrize("exponent", [1.0, 0.5, 0.7, 0.25, 0.0])
+def test_whiten(device, shape, exponent):
     spectrum = random_spectrum(np.random.default_rng(1), shape)
     valid = shape[2] // 2 + 1
     spectrum[1, 2, 3], spectrum[2, 0, 1], spectrum[0, 0, 5] = 0, np.inf, complex(np.nan, 1)
-    got = whiten(device, device.to_device(spectrum)).get()
+    got = whiten(device, device.to_device(spectrum), exponent).get()
     assert (got[1, 2, 3], got[2, 0, 1], got[0, 0, 5]) == (0, 0, 0)
     assert np.isfinite(got).all()
     rest = np.isfinite(spectrum) & (spectrum != 0)
     rest[..., valid:] = False
-    assert error(got[rest], white(spectrum[rest].astype(np.complex128))) < 1e-6
+    values = spectrum[rest].astype(np.complex128)
+    assert error(got[rest], white(values) * np.abs(values) ** (1 - exponent)) < 1e-6
+
+
+def test_half_whitened_spectra_correlate_as_their_amplitudes_say(device):
+    """Half of the exponent on both sides: the correlation's spectrum has the magnitude of one of them."""
+    shape = (16, 32, 16)
+    volume = device.to_device(np.random.default_rng(9).normal(size=shape).astype(np.float32))
+    pomf = Pomf(device, shape)
+    half = whiten(device, pomf.transform(volume), 0.5)
+    correlation = pomf.correlate(half, half).get()
+    want = np.fft.irfftn(np.abs(np.fft.rfftn(volume.get())), shape, axes=(0, 1, 2))
+    assert error(correlation, want) < 1e-5
 
 
 @pytest.mark.parametrize("shape", SHAPES)
@@ -127,6 +140,9 @@ def test_refuses_what_it_cannot_use(device):
         whiten(device, device.empty((16, 16, 16)))
     with pytest.raises(InputError, match="multiple of 8"):
         whiten(device, device.empty((16, 9), np.complex64))
+    for exponent in (-0.1, 1.5, float("nan")):
+        with pytest.raises(InputError, match="`exponent=.*give 0, plain correlation, to 1, phase only"):
+            whiten(device, spectrum, exponent)
     with pytest.raises(InputError, match="`source` is"):
         cross_power(device, spectrum, device.empty((8, 16, 16), np.complex64), (16, 16, 16))
     with pytest.raises(InputError, match="blur"):

@@ -58,6 +58,23 @@ class TestAnalyze:
         np.testing.assert_allclose(got, energy, rtol=1e-5)
         np.testing.assert_allclose(heights[12:], harmonics.directions[:, 0, 2], atol=1e-6)
 
+    def test_standardized_layers_have_mean_0_and_variance_1_over_the_sphere(self):
+        """However a layer is turned: a plain mean over the samples would weigh the pole more than the equator."""
+        coefficients = random_coefficients(12, 3, seed=5)
+        harmonics = Harmonics(12, 16, 40)
+        R = Rotation.from_euler("ZYX", (0.4, 1.1, -0.7))
+        straight, leaning = (
+            harmonics.standardize(5.0 + 3.0 * evaluate(layers, harmonics.directions.astype(np.float64)))
+            for layers in (coefficients, turned(coefficients, R))
+        )
+        energies = [np.square(np.abs(harmonics.analyze(layers))) for layers in (straight, leaning)]
+        for energy in energies:
+            np.testing.assert_allclose(energy.sum(axis=(0, 2)), 4 * np.pi, rtol=1e-4)
+            np.testing.assert_allclose(energy[0], 0, atol=1e-8)
+        # a turn mixes the orders of a degree, and leaves its energy
+        np.testing.assert_allclose(energies[0].sum(axis=2), energies[1].sum(axis=2), rtol=1e-3, atol=1e-6)
+        assert np.isfinite(harmonics.standardize(np.full((1, 16, 40), 7.0, np.float32))).all()
+
     def test_finer_structure_is_not_taken_for_coarse(self):
         fine = random_coefficients(24, 2, seed=5)
         fine[:8] = 0  # nothing below degree 16
