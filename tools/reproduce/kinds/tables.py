@@ -1,6 +1,8 @@
 """What is right, believed, and wrong and believed: of ours against what is required, and of every method."""
 
-from collections.abc import Sequence
+import math
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass
 
 from tools.reproduce.evaluation.methods import OURS
 from tools.reproduce.evaluation.summary import accepted, percent, right, wrong
@@ -28,33 +30,63 @@ FALSE = 0.01  # greatest share of all pairs of a kind that is wrong and believed
 Line = tuple[str, str, str, str]
 
 
+@dataclass(frozen=True, slots=True)
+class Requirement:
+    """A share of registrations that every kind has to reach, or not to exceed.
+
+    Attributes:
+        measure: in words.
+        chosen: of rows of one kind the hits, and the rows that they are a share of.
+        bound: of the share.
+        is_most: whether the share may not exceed the bound, rather than reach it.
+    """
+
+    measure: str
+    chosen: Callable[[Sequence[Row]], tuple[Sequence[Row], Sequence[Row]]]
+    bound: float
+    is_most: bool = False
+
+    @property
+    def words(self) -> str:
+        """As a table says it."""
+        return f"{'at most' if self.is_most else 'at least'} {100 * self.bound:.0f} % of each kind"
+
+    def margin(self, rows: Sequence[Row]) -> float:
+        """How far the share of one kind's rows is on the good side; inf where there is nothing to take a share of."""
+        hits, of = self.chosen(rows)
+        if not of:
+            return math.inf
+        margin = len(hits) / len(of) - self.bound
+        return -margin if self.is_most else margin
+
+
+def requirements_with(known: str) -> tuple[Requirement, ...]:
+    """What is required with this knowledge, a key of RIGHT; only what is wrong and believed is a share of all pairs."""
+    return (
+        Requirement("right", lambda rows: (right(tried(rows)), tried(rows)), RIGHT[known]),
+        Requirement(
+            "believed, of the right", lambda rows: (accepted(right(tried(rows))), right(tried(rows))), BELIEVED
+        ),
+        Requirement("wrong and believed", lambda rows: (accepted(wrong(rows)), rows), FALSE, is_most=True),
+    )
+
+
 def requirements(rows: Sequence[Row]) -> list[Line]:
     """What each kind has to reach, as measure, required, ours, verdict: how many kinds do, and the worst of them."""
     lines: list[Line] = []
-    for known, least in RIGHT.items():
+    for known in RIGHT:
         ours = where(rows, method=OURS, priors=known)
-        measures = (
-            ("right", f"at least {_percent(least)}", lambda some: _share(right(tried(some)), tried(some)), least),
-            (
-                "believed, of the right",
-                f"at least {_percent(BELIEVED)}",
-                lambda some: _share(accepted(right(tried(some))), right(tried(some))),
-                BELIEVED,
-            ),
-            (
-                "wrong and believed",
-                f"at most {_percent(FALSE)}",
-                lambda some: -_share(accepted(wrong(some)), some, 0.0),
-                -FALSE,
-            ),
-        )
-        for measure, required, score, bound in measures if ours else ():
-            scores = {kind: score(where(ours, kind=kind)) for kind in distinct(ours, "kind")}
-            worst = min(scores, key=lambda kind: scores[kind])
-            good = sum(value >= bound for value in scores.values())
-            shown = f"{good} of {len(scores)} kinds; worst: {worst} {_percent(abs(scores[worst]))}"
-            what = f"{measure}, in each kind, known: {WORDS[known]}"
-            lines.append((what, f"{required} of each kind", shown, verdict(good == len(scores))))
+        kinds = {kind: where(ours, kind=kind) for kind in distinct(ours, "kind")}
+        for requirement in requirements_with(known):
+            margins = {kind: requirement.margin(some) for kind, some in kinds.items()}
+            margins = {kind: margin for kind, margin in margins.items() if margin < math.inf}
+            if not margins:
+                continue
+            worst = min(margins, key=lambda kind: margins[kind])
+            good = sum(margin >= 0 for margin in margins.values())
+            shown = f"{good} of {len(margins)} kinds; worst: {worst} {percent(*requirement.chosen(kinds[worst]))}"
+            what = f"{requirement.measure}, known: {WORDS[known]}"
+            lines.append((what, requirement.words, shown, verdict(good == len(margins))))
     return lines
 
 
@@ -62,19 +94,13 @@ def kind_table(rows: Sequence[Row]) -> Table:
     """Ours by kind, the worst first, against what is required."""
     lines = []
     for kind in worst_first(rows):
-        for known, least in RIGHT.items():
+        for known in RIGHT:
             some = where(rows, method=OURS, kind=kind, priors=known)
-            if not some:
-                continue
-            firm = tried(some)
-            good, false = right(firm), accepted(wrong(some))
-            holds = (
-                _share(good, firm) >= least
-                and _share(accepted(good), good) >= BELIEVED
-                and len(false) <= FALSE * len(some)
-            )
-            cells = (percent(good, firm), percent(accepted(good), good), percent(false, some), verdict(holds))
-            lines.append((kind, WORDS[known], str(len(firm)), *cells))
+            required = requirements_with(known)
+            if some:
+                shares = (percent(*requirement.chosen(some)) for requirement in required)
+                holds = all(requirement.margin(some) >= 0 for requirement in required)
+                lines.append((kind, WORDS[known], str(len(tried(some))), *shares, verdict(holds)))
     headings = ("kind", "known", "pairs", "right", "believed, of the right", "wrong and believed, of all", "verdict")
     title = f"`{OURS}` by kind, the worst first (the flat scenes count in the last share alone)"
     return Table(title, headings, tuple(lines))
@@ -106,11 +132,3 @@ def _by_method(
         cells = (outcome(where(some, method=method, priors=known)) for method, known in columns)
         lines.append((name, str(pairs), *cells))
     return Table(title, (heading, "pairs", *(variant_words(*column) for column in columns)), tuple(lines))
-
-
-def _share(hits: Sequence[Row], rows: Sequence[Row], empty: float = 1.0) -> float:
-    return len(hits) / len(rows) if rows else empty
-
-
-def _percent(share: float) -> str:
-    return f"{100 * share:.0f} %"

@@ -33,19 +33,27 @@ ROWS = (
 
 class TestTables:
     def test_requirements_name_the_worst_kind(self) -> None:
-        lines = {line[0].replace(", in each kind", ""): line[1:] for line in requirements(ROWS)}
+        lines = {line[0]: line[1:] for line in requirements(ROWS)}
         assert lines["right, known: nothing"] == (
             "at least 80 % of each kind",
-            "1 of 2 kinds; worst: swath 75 %",
+            "1 of 2 kinds; worst: swath 75 % [41..93]",
             "does not hold",
         )
         assert lines["believed, of the right, known: nothing"][1:] == (
-            "1 of 2 kinds; worst: swath 67 %",
+            "1 of 2 kinds; worst: swath 67 % [30..90]",
             "does not hold",
         )
-        assert lines["wrong and believed, known: nothing"][1:] == ("1 of 2 kinds; worst: patch 9 %", "does not hold")
-        assert lines["right, known: attitude, depth"][1:] == ("1 of 1 kinds; worst: patch 100 %", "holds")
+        assert lines["wrong and believed, known: nothing"] == (
+            "at most 1 % of each kind",
+            "1 of 2 kinds; worst: patch 9 % [2..38]",
+            "does not hold",
+        )
+        assert lines["right, known: attitude, depth"][1:] == ("1 of 1 kinds; worst: patch 100 % [51..100]", "holds")
         assert lines["believed, of the right, known: attitude, depth"][2] == "does not hold"
+        assert [line[0] for line in requirements([row(right=False)])] == [
+            "right, known: nothing",
+            "wrong and believed, known: nothing",
+        ]
         assert requirements(ROWS[-1:]) == []
 
     def test_a_hundred_pairs_may_have_one_wrong_and_believed(self) -> None:
@@ -131,7 +139,7 @@ class TestSection:
         section = experiment.section(outcomes)
         assert len(verdicts(section)) == 6 + 2 + 2
         text = section_text(section, 1)
-        assert "15 pairs of each kind (set 77013): `patch`, a patch merged" in text
+        assert "15 pairs of each kind (set 77014): `patch`, a patch merged" in text
         assert "Left out, because the scene has no such pair: 4 of `patch`, 7 of `swath`." in text
         assert "share 5 to 40 % and are registered with navigation" in text
         experiment.draw(tmp_path, outcomes)
