@@ -56,7 +56,8 @@ def draw_outcomes(path: Path, rows: Sequence[Row]) -> None:
             left += shares
         axes.set_title(variant_words(method, known).replace(", known", ",\nknown"), fontsize=9)
         axes.set_xlim(0, 1)
-    panels[0].set_yticks(places, kinds, fontsize=8)
+        axes.tick_params(labelsize=8)
+    panels[0].set_yticks(places, kinds)
     panels[0].invert_yaxis()
     for axes in panels[len(columns) :]:
         axes.set_axis_off()

@@ -24,12 +24,13 @@ COVERED = 0.88  # least share of the errors within them
 
 def navigation_requirements(rows: Sequence[Row]) -> list[Line]:
     """Along the directions that the covariance calls fixed: measure, required, ours, verdict."""
-    fixed = _fixed(tried(where(rows, method=OURS, priors=NAVIGATION)))
+    rows = tried(where(rows, method=OURS, priors=NAVIGATION))
+    fixed = _fixed(rows)
+    words = "swaths with navigation, directions that the covariance calls fixed"
     if not fixed:
-        return []
+        return [(words, "some", f"none in {len(rows)} pairs", verdict(False))] if rows else []
     ours, navigation = _median(fixed, "error"), _median(fixed, "navigation_error")
     covered = _covered(fixed)
-    words = "swaths with navigation, directions that the covariance calls fixed"
     return [
         (
             f"{words}: median error",

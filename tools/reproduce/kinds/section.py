@@ -17,6 +17,12 @@ from tools.simulate.kinds.catalog import SCAN_KINDS
 from tools.simulate.kinds.kind import OVERLAPS
 
 
+_REMARKS = (
+    "The expected calibration error is a mean of absolute differences, so an exact probability has one too: the fewer "
+    "the registrations, and the more probabilities lie in the middle, the larger. The tables show how large on average."
+)
+
+
 def kinds_section(rows: Sequence[Row], settings: KindsSettings) -> Section:
     """What is required of ours, then every method by kind and relief, then calibration and navigation of ours."""
     lines = [*requirements(rows), *calibration_requirements(rows), *navigation_requirements(rows)]
@@ -39,6 +45,7 @@ def kinds_section(rows: Sequence[Row], settings: KindsSettings) -> Section:
         tables=(verdicts, *(table for table in tables if table.rows)),
         times=(),
         pictures=pictures,
+        remarks=_REMARKS if RELIABILITY in pictures else "",
     )
 
 

@@ -117,4 +117,5 @@ class TestTable:
         error, covered = navigation_requirements(self.ROWS)
         assert error[2:] == ("0.30 m; navigation's 1.20 m", "holds")
         assert covered[2:] == ("2/3 [0.21..0.94]", "does not hold")
-        assert navigation_requirements(self.ROWS[2:]) == []
+        assert navigation_requirements(self.ROWS[2:])[0][2:] == ("none in 1 pairs", "does not hold")
+        assert navigation_requirements([self.ROWS[2], self.ROWS[4]]) == []

@@ -12,6 +12,7 @@ from tools.reproduce.kinds.calibration_tables import (
     expected_error,
     left_out_table,
     reported_table,
+    usual_error,
 )
 from tools.reproduce.kinds.kind_summary import outcome, variants, worst_first
 from tools.reproduce.kinds.run import Kinds
@@ -99,12 +100,22 @@ class TestCalibration:
         assert expected_error(rows) == pytest.approx(top + 0.25 / 4)
         assert math.isnan(expected_error([row(probability=math.nan)]))
 
+    def test_what_an_exact_probability_leaves_shrinks_with_the_number_and_away_from_the_middle(self) -> None:
+        def left(p: float, count: int) -> float:
+            return usual_error([row(probability=p)] * count)
+
+        for p in (0.5, 0.9):  # the mean of a normal deviation is 0.8 of its standard deviation
+            assert left(p, 400) == pytest.approx(0.8 * math.sqrt(p * (1 - p) / 400), rel=0.06)
+        assert left(0.0, 9) == left(1.0, 9) == 0.0
+        assert usual_error([*[row(probability=0.55)] * 50, *[row(probability=0.45)] * 50]) > 1.3 * left(0.55, 100)
+        assert math.isnan(usual_error([row(probability=math.nan)]))
+
     def test_by_kind_and_by_what_is_known(self) -> None:
         lines = {line[0]: line[1:] for line in reported_table(ROWS).rows}
         assert list(lines)[:2] == ["swath", "patch"]
-        assert lines["swath"][2:4] == ("6", "100.0 % [61.0 %..100.0 %]")
+        assert lines["swath"][3:5] == ("6", "100.0 % [61.0 %..100.0 %]")
         assert lines["all kinds, known: attitude, depth"][:2] == ("4", "0.050")
-        assert lines["swath, known: navigation"][:3] == ("1", "0.950", "0")
+        assert lines["swath, known: navigation"][:4] == ("1", "0.950", "0.093", "0")
         lines = {line[0]: line[1:] for line in calibration_requirements(ROWS)}
         assert (
             lines["expected calibration error of the probability, as reported"][1] == "1 of 2 kinds; worst: swath 0.200"
@@ -123,7 +134,7 @@ class TestCalibration:
             ("patch", "30"),
             ("all kinds", "60"),
         ]
-        assert [line[3] for line in left_out_table(rows).rows] == ["20", "20", "40"]
+        assert [line[4] for line in left_out_table(rows).rows] == ["20", "20", "40"]
         words = [line[0] for line in calibration_requirements(rows)]
         assert [word.rpartition(", ")[2] for word in words] == ["as reported"] * 2 + [
             "fitted to the other kinds alone"
