@@ -16,7 +16,6 @@ from tools.reproduce.table import Table
 from tools.simulate.kinds.catalog import SCAN_KINDS
 from tools.simulate.kinds.kind import OVERLAPS
 
-
 _REMARKS = (
     "The expected calibration error is a mean of absolute differences, so an exact probability has one too: the fewer "
     "the registrations, and the more probabilities lie in the middle, the larger. The tables show how large on average."
