@@ -4,6 +4,7 @@ from collections.abc import Callable
 from dataclasses import dataclass
 
 import numpy as np
+from scipy.ndimage import map_coordinates
 from scipy.spatial.transform import Rotation
 
 from kernels.device.device import Array, Device
@@ -90,6 +91,21 @@ class So3:
         R = self._correlation.rotations(index)
         kept = _distinct(R, np.flatnonzero(allowed(R)), count)
         return RotationPeaks(R[kept], values[kept])  # pyright: ignore[reportArgumentType]
+
+    def best_of(self, target: np.ndarray, source: np.ndarray, R: Rotation, each: int, count: int) -> RotationPeaks:
+        """The `count` best groups of rotations, best first, each by its best rotation.
+
+        Args:
+            target, source: from `prepare`.
+            R: rotations, group by group.
+            each: how many make a group.
+        """
+        correlation = self.correlate(target, source).get()[: len(self._correlation.betas)]
+        around = np.pad(correlation, ((0, 0), (0, 1), (0, 1)), mode="wrap")
+        values = map_coordinates(around, self._correlation.places(R).T, order=1, mode="nearest").reshape(-1, each)
+        best = np.arange(len(values)) * each + values.argmax(axis=1)
+        kept = best[np.argsort(-values.max(axis=1), kind="stable")[:count]]
+        return RotationPeaks(R[kept], values.ravel()[kept].astype(np.float64))  # pyright: ignore[reportArgumentType]
 
 
 def _refined(correlation: np.ndarray, index: np.ndarray) -> tuple[np.ndarray, np.ndarray]:

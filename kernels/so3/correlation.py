@@ -107,6 +107,28 @@ class RotationCorrelation:
         angles = np.stack([index[..., 1] * turn, (index[..., 0] + 0.5) * self._step, index[..., 2] * turn], axis=-1)
         return Rotation.from_euler("ZYZ", angles)
 
+    def places(self, R: Rotation) -> np.ndarray:
+        """(n, 3) places of n rotations in the correlation, between samples: the inverse of `rotations`.
+
+        The first is at least 0; where it would be less, near a turn about z alone, the other two act as their sum.
+        """
+        turn = 2 * np.pi / self.edge
+        matrices = R.as_matrix()
+        along = np.hypot(matrices[:, 0, 2], matrices[:, 1, 2])
+        second = np.arctan2(along, matrices[:, 2, 2])
+        upright = along < 1e-6
+        first = np.where(
+            upright, np.arctan2(-matrices[:, 0, 1], matrices[:, 1, 1]), np.arctan2(*matrices[:, 1::-1, 2].T)
+        )
+        third = np.where(upright, 0.0, np.arctan2(matrices[:, 2, 1], -matrices[:, 2, 0]))
+        return np.column_stack(
+            [
+                np.clip(second / self._step - 0.5, 0, len(self.betas) - 1),
+                first / turn % self.edge,
+                third / turn % self.edge,
+            ]
+        )
+
 
 def wigner_d(degree: int, betas: np.ndarray) -> np.ndarray:
     """Wigner's small d-matrices d[m, n](beta) = <l m| exp(-i beta J_y) |l n>.

@@ -141,7 +141,7 @@ def test_refuses_what_it_cannot_use(device):
     with pytest.raises(InputError, match="multiple of 8"):
         whiten(device, device.empty((16, 9), np.complex64))
     for exponent in (-0.1, 1.5, float("nan")):
-        with pytest.raises(InputError, match="`exponent=.*give 0, plain correlation, to 1, phase only"):
+        with pytest.raises(InputError, match=r"`exponent=.*give 0, plain correlation, to 1, phase only"):
             whiten(device, spectrum, exponent)
     with pytest.raises(InputError, match="`source` is"):
         cross_power(device, spectrum, device.empty((8, 16, 16), np.complex64), (16, 16, 16))

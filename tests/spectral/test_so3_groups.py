@@ -1,0 +1,91 @@
+"""The best of given rotations between two spectra, group by group."""
+
+import numpy as np
+import pytest
+from scipy.spatial.transform import Rotation
+
+from kernels.device.device import choose_device
+from spectral.grid import Grid
+from spectral.prepare.prepared import Preparer
+from spectral.scan import Scan
+from spectral.so3 import So3
+from tests.samples.structures import structure
+
+EDGE = 32
+TILTS = Rotation.from_rotvec(np.deg2rad([[0, 0, 0], [5, 0, 0], [0, 5, 0], [-5, 0, 0], [0, -5, 0]]))
+EACH = len(TILTS)
+TURNS = np.arange(-180.0, 180.0, 6.0)
+# group by group: all tilts of a turn
+SWEEP = Rotation.concatenate([TILTS * Rotation.from_euler("Z", turn, degrees=True) for turn in TURNS])
+# a turn between two of the groups, nearer to 48 degrees than to 42, and a tilt near the third, about y
+TRUE = Rotation.from_rotvec(np.deg2rad([1, 4.5, 0])) * Rotation.from_euler("Z", 46.5, degrees=True)
+GROUP, TILT = int(np.flatnonzero(TURNS == 48)[0]), 2
+
+
+class Spectra:
+    """Coefficients of a scan on one grid, turned."""
+
+    def __init__(self, max_tilt: float) -> None:
+        device = choose_device()
+        self.so3, self._preparer = So3(device, EDGE, max_tilt), Preparer(device, Grid(EDGE, 0.8), use_strength=False)
+
+    def of(self, R_target_source: Rotation) -> np.ndarray:
+        points = R_target_source.inv().apply(structure(2)).astype(np.float32)
+        return self.so3.prepare(self.so3.analyze(self._preparer.prepare(Scan(points)).magnitude))
+
+
+@pytest.fixture(scope="module")
+def spectra() -> Spectra:
+    return Spectra(np.deg2rad(20.0))
+
+
+@pytest.fixture(scope="module")
+def scans(spectra: Spectra) -> tuple[np.ndarray, np.ndarray]:
+    return spectra.of(Rotation.identity()), spectra.of(TRUE)
+
+
+def indices(R: Rotation) -> np.ndarray:
+    """Where rotations are in the sweep, (n,)."""
+    alike = np.abs(R.as_quat() @ SWEEP.as_quat().T)
+    assert (alike.max(axis=1) > 1 - 1e-12).all()
+    return alike.argmax(axis=1)
+
+
+def test_the_best_is_the_nearest_tilt_of_the_nearest_turn(
+    spectra: Spectra, scans: tuple[np.ndarray, np.ndarray]
+) -> None:
+    best = spectra.so3.best_of(*scans, SWEEP, EACH, 5)
+    assert indices(best.R)[0] == GROUP * EACH + TILT
+    assert best.scores[0] > best.scores[1]
+
+
+def test_groups_come_once_and_the_best_first(spectra: Spectra, scans: tuple[np.ndarray, np.ndarray]) -> None:
+    best = spectra.so3.best_of(*scans, SWEEP, EACH, 20)
+    assert len(best.R) == len(best.scores) == 20
+    assert best.scores.dtype == np.float64
+    assert (np.diff(best.scores) <= 0).all()
+    assert len(set(indices(best.R) // EACH)) == 20
+
+
+def test_there_are_no_more_than_there_are(spectra: Spectra, scans: tuple[np.ndarray, np.ndarray]) -> None:
+    every = spectra.so3.best_of(*scans, SWEEP, EACH, 1000)
+    assert sorted(indices(every.R) // EACH) == list(range(len(TURNS)))
+    (only,) = spectra.so3.best_of(*scans, SWEEP[:EACH], EACH, 3).scores
+    assert only in every.scores
+
+
+def test_each_stands_for_its_group_by_its_highest(spectra: Spectra, scans: tuple[np.ndarray, np.ndarray]) -> None:
+    """In groups of one, all rotations show their values."""
+    every = spectra.so3.best_of(*scans, SWEEP, 1, len(SWEEP))
+    values = np.empty(len(SWEEP))
+    values[indices(every.R)] = every.scores
+    groups = values.reshape(-1, EACH)
+    best = spectra.so3.best_of(*scans, SWEEP, EACH, len(TURNS))
+    np.testing.assert_array_equal(best.scores, -np.sort(-groups.max(axis=1), kind="stable"))
+    np.testing.assert_array_equal(values[indices(best.R)], best.scores)
+
+
+def test_the_value_at_a_peak_is_the_peaks(spectra: Spectra, scans: tuple[np.ndarray, np.ndarray]) -> None:
+    peaks = spectra.so3.candidates(*scans, 3, lambda R: np.ones(len(R), dtype=bool))
+    values = spectra.so3.best_of(*scans, peaks.R, 1, 3).scores
+    np.testing.assert_allclose(values, peaks.scores, rtol=0.05)
