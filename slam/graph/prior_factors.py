@@ -6,7 +6,7 @@ import gtsam
 import numpy as np
 from scipy.spatial.transform import RigidTransform, Rotation
 
-from spectral.prior import measured_rotation, twist
+from spectral.measured import measured_rotation, twist
 from spectral.scan import PosePrior
 
 # Of a pose that ties a component to the world [rad, m]: far below any registration's.

@@ -6,7 +6,7 @@ import numpy as np
 from scipy.spatial.transform import RigidTransform, Rotation
 
 from slam.graph.trajectory import Trajectory
-from spectral.prior import measured_rotation, twist
+from spectral.measured import measured_rotation, twist
 from spectral.scan import PosePrior
 
 

@@ -8,7 +8,7 @@ from slam.graph.edge import Edge
 from slam.graph.pose_graph import PoseGraph
 from slam.graph.trajectory import Trajectory, chain
 from slam.graph.world import place_in_world
-from spectral.prior import twist
+from spectral.measured import twist
 from spectral.scan import PosePrior
 from tests.samples.surveys import edge, random_covariance, ring_poses
 

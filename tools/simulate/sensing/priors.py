@@ -7,7 +7,7 @@ import numpy as np
 from scipy.spatial.transform import RigidTransform, Rotation
 
 from kernels.errors import InputError
-from spectral.prior import twist
+from spectral.measured import twist
 from spectral.scan import PosePrior
 from tools.simulate.sensing.dive_seed import entropy_of
 

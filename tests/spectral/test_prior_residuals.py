@@ -1,0 +1,179 @@
+"""Priors as measurements: what a pose differs by from them, to first order, and how sure that is."""
+
+from itertools import product
+
+import numpy as np
+import pytest
+from scipy.spatial.transform import RigidTransform, Rotation
+
+from spectral.prior import RelativePrior
+from spectral.scan import PosePrior
+from tests.samples.relative_priors import (
+    ALL,
+    ATTITUDE,
+    DEPTH,
+    HEADING,
+    POSITION,
+    T_SOURCE,
+    T_TARGET,
+    T_TRUE,
+    about_vertical,
+    knowing,
+    pair,
+    prior,
+    unexact,
+)
+
+Kinds = tuple[slice, ...]
+EVERY: list[Kinds] = [
+    tuple(kind for kind, known in zip(ALL, knows, strict=True) if known) for knows in product([True, False], repeat=4)
+]
+# of the attitude and heading, levers of 15 m make as much as depth and position have themselves
+SURE = np.array([0.004, 0.008, 0.02, 0.1, 0.2, 0.03])
+
+
+def of(target: Kinds, source: Kinds, sigmas: np.ndarray = SURE) -> RelativePrior:
+    return RelativePrior(prior(T_TARGET, *target, sigmas=sigmas), prior(T_SOURCE, *source, sigmas=sigmas))
+
+
+def known(target: Kinds, source: Kinds) -> list[bool]:
+    """Of tilt, tilt, turn, East, North and Up, those that instruments measure in full."""
+    both = [kind in target and kind in source for kind in ALL]
+    attitude, heading, position, depth = both
+    leveled = ATTITUDE in target or ATTITUDE in source
+    headed = any(ATTITUDE in kinds and HEADING in kinds for kinds in (target, source))
+    return [attitude, attitude, attitude and heading, position and headed, position and headed, depth and leveled]
+
+
+def name(kinds: Kinds) -> str:
+    names = {0: "attitude", 2: "heading", 3: "position", 5: "depth"}
+    return "+".join(names[kind.start] for kind in kinds) or "nothing"
+
+
+def stack(T: RigidTransform) -> RigidTransform:
+    return RigidTransform.concatenate([T])
+
+
+def perturbed(T: RigidTransform, tangent: np.ndarray) -> RigidTransform:
+    """R <- Exp(w) R, t <- t + s of (n, 6) tangents."""
+    R = Rotation.from_rotvec(tangent[:, :3]) * T.rotation
+    return RigidTransform.from_components(T.translation + tangent[:, 3:], R)
+
+
+def differences(relative: RelativePrior, T: RigidTransform, step: float = 1e-5) -> np.ndarray:
+    """The jacobian of the residuals by central differences, (k, 6)."""
+    ahead, behind = (relative.residuals(perturbed(T, sign * step * np.eye(6))) for sign in (1, -1))
+    return (ahead - behind).T / (2 * step)
+
+
+def tilted(tilt: tuple[float, float], turn: float) -> RigidTransform:
+    """The true pose with its tilt and turn in the world off by these [rad], and its shift off."""
+    off = Rotation.from_rotvec([*tilt, 0]) * Rotation.from_euler("Z", turn)
+    R = T_TARGET.rotation.inv() * off * T_SOURCE.rotation
+    return RigidTransform.from_components(T_TRUE.translation + np.array([0.7, -0.4, 0.3]), R)
+
+
+@pytest.mark.parametrize("target", EVERY, ids=name)
+class TestWhateverIsKnown:
+    def test_the_measured_pose_has_no_residuals(self, target: Kinds) -> None:
+        for source in EVERY:
+            residuals = of(target, source).residuals(stack(T_TRUE))
+            assert residuals.shape == (1, sum(known(target, source)))
+            np.testing.assert_allclose(residuals, 0, atol=1e-12)
+
+    def test_the_jacobian_is_exact_where_no_tilt_is_left(self, target: Kinds) -> None:
+        for source in EVERY:
+            relative, T = of(target, source), tilted((0.0, 0.0), 0.3)
+            np.testing.assert_allclose(relative.residual_jacobian(T), differences(relative, T), atol=1e-6)
+
+    def test_and_nearly_where_a_little_is(self, target: Kinds) -> None:
+        """Of turns and shifts in units that count alike: a radian's turn moves by the scans' distance."""
+        far = float(np.linalg.norm(T_TRUE.translation))
+        units = np.repeat([1.0, 1 / far], 3)
+        for source in EVERY:
+            relative, T = of(target, source), tilted((0.02, -0.015), -0.4)
+            rows = units[known(target, source), None]
+            off = rows * (relative.residual_jacobian(T) - differences(relative, T)) / units
+            assert np.abs(off).max(initial=0) < 0.02 * np.sqrt(2)
+
+    def test_the_covariance_is_of_the_residuals(self, target: Kinds) -> None:
+        for source in EVERY:
+            count = sum(known(target, source))
+            covariance = of(target, source).residual_covariance(T_TRUE)
+            assert covariance.shape == (count, count)
+            np.testing.assert_allclose(covariance, covariance.T, atol=1e-15)
+            assert (np.linalg.eigvalsh(covariance) > 0).all()
+
+
+class TestResiduals:
+    def test_they_are_the_tilts_the_turn_and_the_shift_in_the_world_in_this_order(self) -> None:
+        tilt, turn, shift = (0.03, -0.05), 0.2, np.array([1.0, 2.0, -3.0])
+        T = tilted(tilt, turn)
+        t = T_TRUE.translation + T_TARGET.rotation.inv().apply(shift)
+        residuals = pair(*ALL).residuals(stack(RigidTransform.from_components(t, T.rotation)))
+        np.testing.assert_allclose(residuals, [[*tilt, turn, *shift]], atol=1e-12)
+
+    def test_of_the_sources_reference_they_are_those_of_the_inverse(self) -> None:
+        """The source alone knows its heading: the world's axes are by its instruments."""
+        relative = of((ATTITUDE, POSITION, DEPTH), ALL)
+        shift = np.array([1.0, 2.0, -3.0])
+        moved = RigidTransform.from_components(T_SOURCE.translation - shift, T_SOURCE.rotation)
+        residuals = relative.residuals(stack(T_TARGET.inv() * moved))
+        np.testing.assert_allclose(residuals, [[0, 0, *shift]], atol=1e-12)
+
+    @pytest.mark.parametrize("source", [ALL, (ATTITUDE, DEPTH), (HEADING, POSITION)], ids=name)
+    @pytest.mark.parametrize("target", [ALL, (ATTITUDE, POSITION, DEPTH)], ids=name)
+    def test_a_stack_is_its_poses_one_by_one(self, target: Kinds, source: Kinds) -> None:
+        relative = of(target, source)
+        poses = perturbed(T_TRUE, np.random.default_rng(1).normal(scale=0.3, size=(7, 6)))
+        residuals = relative.residuals(poses)
+        assert residuals.shape == (7, sum(known(target, source)))
+        for n in range(7):
+            np.testing.assert_allclose(relative.residuals(poses[n : n + 1])[0], residuals[n], atol=1e-14)
+
+    def test_chi_squared_is_theirs(self) -> None:
+        relative, T = pair(*ALL), tilted((0.01, -0.02), 0.1)
+        residual, covariance = relative.residuals(stack(T))[0], relative.residual_covariance(T)
+        assert relative.normalized(T) == (pytest.approx(residual @ np.linalg.inv(covariance) @ residual), 6)
+
+
+DRAWS = 800
+
+
+@pytest.fixture(scope="module")
+def draws() -> list[tuple[PosePrior, PosePrior]]:
+    """Measurements of the true poses, with the instruments' errors."""
+    rng = np.random.default_rng(7)
+    return [(unexact(T_TARGET, rng, SURE), unexact(T_SOURCE, rng, SURE)) for _ in range(DRAWS)]
+
+
+def redrawn(draw: tuple[PosePrior, PosePrior], target: Kinds, source: Kinds) -> RelativePrior:
+    """As drawn, knowing only some of it; a heading that is not known is written down as another."""
+    priors = []
+    for measured, kinds, turn in zip(draw, (target, source), (0.0, 1.3), strict=True):
+        T = measured.T_world_sensor if HEADING in kinds else about_vertical(turn) * measured.T_world_sensor
+        priors.append(PosePrior(T, knowing(*kinds, sigmas=SURE)))
+    return RelativePrior(*priors)
+
+
+@pytest.mark.parametrize(
+    ("target", "source"),
+    [
+        (ALL, ALL),
+        ((ATTITUDE, DEPTH), (ATTITUDE, DEPTH)),
+        ((ATTITUDE, POSITION, DEPTH), ALL),
+        ((HEADING, DEPTH), (ATTITUDE, DEPTH)),
+    ],
+    ids=name,
+)
+def test_the_covariance_is_that_of_the_instruments_errors(
+    draws: list[tuple[PosePrior, PosePrior]], target: Kinds, source: Kinds
+) -> None:
+    """Of 800 draws a whitened variance is within 4 standard deviations of 1, 20 %, and the means are 0."""
+    true = stack(T_TRUE)
+    residuals = np.array([redrawn(draw, target, source).residuals(true)[0] for draw in draws])
+    exact = redrawn((PosePrior(T_TARGET, SURE), PosePrior(T_SOURCE, SURE)), target, source)
+    whitening = np.linalg.inv(np.linalg.cholesky(exact.residual_covariance(T_TRUE)))
+    white = residuals @ whitening.T
+    np.testing.assert_allclose(white.T @ white / DRAWS, np.eye(white.shape[1]), atol=4 * np.sqrt(2 / DRAWS))
+    np.testing.assert_allclose(white.mean(axis=0), 0, atol=4 / np.sqrt(DRAWS))
