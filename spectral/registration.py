@@ -13,23 +13,24 @@ from scipy.spatial.transform import RigidTransform, Rotation
 from kernels.device.device import Device
 from kernels.errors import InputError
 from kernels.points.voxelize import voxelize
-from kernels.pomf.spectrum import Pomf
+from kernels.pomf.spectrum import Pomf, whiten
 from spectral.grid import Grid
 from spectral.memory import require_memory
 from spectral.prepare.prepared import Prepared, Preparer
-from spectral.prepare.range_image import range_image
+from spectral.prepare.range_image import scan_view
 from spectral.prepare.signature import signature
-from spectral.prepare.spectral_scan import CoarseVolume, SpectralScan
+from spectral.prepare.spectral_scan import WHITENINGS, CoarseVolume, SpectralScan
 from spectral.prepare.surface import smooth_surface
 from spectral.prior import relative_prior
 from spectral.result import Registration
 from spectral.scan import Scan
 from spectral.so3 import RotationPeaks, So3
 from spectral.verify.bounds import Bounds
+from spectral.verify.calibration import CALIBRATION
 from spectral.verify.covariance import fit_covariance
 from spectral.verify.hypothesis import Hypothesis
 from spectral.verify.hypothesis_testing import HypothesisTest
-from spectral.verify.probability import explain, hypothesis_probabilities, tolerance_probability
+from spectral.verify.probability import Clues, clues, explain, hypothesis_probabilities, tolerance_probability
 from spectral.verify.verifier import Verifier
 
 Refinement = Literal["icp", "spectral"]
@@ -57,7 +58,7 @@ class SpectralConfig:
 
     max_tilt: float = float(np.deg2rad(35.0))
     hypotheses: int = 12
-    shortlist: int = 6
+    shortlist: int = 24
     finalists: int = 3
     refinement: Refinement = "icp"
     least_probability: float = 0.85
@@ -93,11 +94,11 @@ class SpectralRegistrar:
         require_memory(device, grid.edge)
         self.so3 = So3(device, grid.edge, self.config.max_tilt)
         self._preparer = Preparer(device, grid, self.config.use_strength)
-        self._verifier = Verifier(device, grid.edge)
+        self._pool = ThreadPoolExecutor(os.cpu_count())
+        self._verifier = Verifier(device, grid.edge, self._pool)
         edge = self._verifier.coarse_edge
         self._coarse_pomf = Pomf(device, (edge, edge, edge))
         self._coarse_volume = device.empty((edge, edge, edge))
-        self._pool = ThreadPoolExecutor(os.cpu_count())
         self._warm = False
 
     def prepare(self, scan: Scan) -> SpectralScan:
@@ -108,6 +109,8 @@ class SpectralRegistrar:
         """
         volume = self._preparer.prepare(scan)
         points = self.grid.to_voxels(scan.points, volume.center)
+        places = np.zeros(3) if scan.viewpoints is None else scan.viewpoints
+        viewpoints = self.grid.to_voxels(places, volume.center)
         coefficients = self.so3.analyze(volume.magnitude)
         prepared = SpectralScan(
             volume=volume,
@@ -115,7 +118,7 @@ class SpectralRegistrar:
             coefficients=self.so3.prepare(coefficients),
             signature=signature(coefficients),
             surface=smooth_surface(volume.surface, volume.tree),
-            image=range_image(self.device, points, volume.surface, -volume.center / self.grid.voxel),
+            view=scan_view(self.device, points, volume.surface, viewpoints),
             prior=scan.prior,
         )
         if not self._warm:
@@ -159,9 +162,16 @@ class SpectralRegistrar:
         return prepared.signature
 
     def rotations(self, target: SpectralScan, source: SpectralScan) -> RotationPeaks:
-        """Those that `register` follows: the best that are possible, and the one that the instruments measured."""
-        bounds = self._bounds(target, source)
-        count = self.config.hypotheses
+        """Those that `register` follows.
+
+        Where instruments know which way is up in both scans, turns about the vertical at that tilt: those under which
+        the spectra are most alike, or all where the headings leave few. Else those of all rotations under which the
+        spectra are most alike, and the measured one, if there is one.
+        """
+        bounds, count = self._bounds(target, source), self.config.hypotheses
+        sweep = bounds.sweep
+        if sweep is not None:
+            return self.so3.best_of(target.coefficients, source.coefficients, sweep, bounds.tilts, 2 * count)
         peaks = self.so3.candidates(target.coefficients, source.coefficients, count, bounds.allow_rotations)
         measured = bounds.measured
         if measured is None:
@@ -173,35 +183,43 @@ class SpectralRegistrar:
 
     def _conclude(self, test: HypothesisTest, hypotheses: list[Hypothesis], start: float) -> Registration:
         """The result: the best hypothesis, and beside it every other that cannot be excluded."""
-        probabilities = hypothesis_probabilities(hypotheses, self.grid.edge)
+        search = test.bounds.search(self.grid.extent)
+        probabilities = hypothesis_probabilities(hypotheses, self.grid.edge, search)
         best, *others = [
-            self._registration(test, hypothesis, probability)
+            self._registration(test, hypothesis, probability, clues(hypothesis, hypotheses, self.grid.edge, search))
             for n, (hypothesis, probability) in enumerate(zip(hypotheses, probabilities, strict=True))
             if n == 0 or probability >= _POSSIBLE
         ]
         return replace(best, alternatives=tuple(others), seconds=perf_counter() - start)
 
-    def _registration(self, test: HypothesisTest, hypothesis: Hypothesis, probability: float) -> Registration:
+    def _registration(
+        self, test: HypothesisTest, hypothesis: Hypothesis, probability: float, speaking: Clues
+    ) -> Registration:
         """One hypothesis, right with this probability, as a registration between the sensor frames."""
-        T = test.transform(hypothesis.fit)
+        T, evidence = test.transform(hypothesis.fit), hypothesis.evidence
         refusal = test.bounds.refusal(T)
-        covariance = fit_covariance(hypothesis, test.source.volume.center, self.grid)
-        probability *= tolerance_probability(covariance, self.grid.voxel)
+        centers = test.target.volume.center, test.source.volume.center
+        covariance = fit_covariance(hypothesis, centers, self.grid)
+        probability *= tolerance_probability(covariance.posterior, self.grid.voxel, covariance.by_instruments)
+        measured, by_scans = hypothesis.fit.prior is not None, test.transform(hypothesis.fit.by_scans)
         least = self.config.least_probability
         return Registration(
             T_target_source=T,
-            covariance=covariance,
-            psr=hypothesis.psr,
-            overlap=hypothesis.overlap,
+            covariance=covariance.posterior,
+            psr=evidence.psr,
+            overlap=evidence.overlap,
             accepted=probability >= least and not refusal,
             seconds=0.0,
-            reason=refusal or explain(hypothesis, probability, least),
+            reason=refusal or explain(hypothesis, probability, least) + test.bounds.contradiction(by_scans),
             probability=0.0 if refusal else probability,
             step_psr=(
                 ("rotation", hypothesis.rotation_score),
                 ("candidate", hypothesis.candidate_psr),
-                ("translation", hypothesis.psr),
+                ("translation", evidence.psr),
             ),
+            T_by_scans=by_scans if measured else None,
+            covariance_by_scans=covariance.by_scans if measured else None,
+            evidence=(*speaking.numbers(), *CALIBRATION.numbers(hypothesis.fit.width, evidence.psr)),
         )
 
     def _no_candidates(self, start: float) -> Registration:
@@ -224,4 +242,5 @@ class SpectralRegistrar:
         scale = np.array([edge / self.grid.edge] * 3 + [1.0], np.float32)
         points = self.device.to_device(volume.points.get() * scale)
         voxelize(self.device, points, edge, out=self._coarse_volume)
-        return CoarseVolume(points, self._coarse_pomf.prepare(self._coarse_volume))
+        spectrum = self._coarse_pomf.transform(self._coarse_volume)
+        return CoarseVolume(points, tuple(whiten(self.device, spectrum, exponent) for exponent in WHITENINGS))

@@ -3,7 +3,7 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import Any, Protocol
 
 import numpy as np
@@ -29,6 +29,10 @@ class Registration:
         probability: that the transform is right, 0..1; NaN from methods that give none.
         step_psr: the peak-to-sidelobe ratio of every step, by the step's name.
         alternatives: other hypotheses that could not be excluded, best first.
+        T_by_scans, covariance_by_scans: what the scans alone say, where instruments took part in T_target_source; in
+            the same units, None where they did not. A graph that holds the instruments' measurements as well would
+            otherwise count them twice: `by_scans` is for it.
+        evidence: what speaks for the transform, as numbers by name; docs/registration.md explains them.
     """
 
     T_target_source: RigidTransform
@@ -41,6 +45,23 @@ class Registration:
     probability: float = float("nan")
     step_psr: tuple[tuple[str, float], ...] = ()
     alternatives: tuple[Registration, ...] = ()
+    T_by_scans: RigidTransform | None = None
+    covariance_by_scans: np.ndarray | None = None
+    evidence: tuple[tuple[str, float], ...] = ()
+
+    @property
+    def by_scans(self) -> Registration:
+        """The same registration without what instruments said of the pose; they still found it and judged it."""
+        if self.T_by_scans is None or self.covariance_by_scans is None:
+            return self
+        return replace(
+            self,
+            T_target_source=self.T_by_scans,
+            covariance=self.covariance_by_scans,
+            alternatives=tuple(alternative.by_scans for alternative in self.alternatives),
+            T_by_scans=None,
+            covariance_by_scans=None,
+        )
 
 
 class Registrar(Protocol):

@@ -74,6 +74,11 @@ class PosePrior:
         return bool(np.isfinite(self.sigmas[3:5]).all())
 
     @property
+    def is_complete(self) -> bool:
+        """Whether attitude, heading, depth and position are all measured."""
+        return bool(np.isfinite(self.sigmas).all())
+
+    @property
     def knows_depth(self) -> bool:
         """Whether the height, minus the depth, is measured."""
         return bool(np.isfinite(self.sigmas[5]))

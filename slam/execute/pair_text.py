@@ -62,6 +62,7 @@ def _to_json(registration: Registration) -> dict[str, Any]:
         "reason": registration.reason,
         "probability": float(registration.probability),
         "step_psr": [(name, float(psr)) for name, psr in registration.step_psr],
+        "evidence": [(name, float(value)) for name, value in registration.evidence],
         "alternatives": [_to_json(alternative) for alternative in registration.alternatives],
     }
 
@@ -74,6 +75,7 @@ def _from_json(content: dict[str, Any]) -> Registration:
             "T_target_source": RigidTransform(np.array(content["T_target_source"]), normalize=False),
             "covariance": np.array(content["covariance"], np.float64),
             "step_psr": tuple((name, psr) for name, psr in content["step_psr"]),
+            "evidence": tuple((name, value) for name, value in content["evidence"]),
             "alternatives": tuple(_from_json(alternative) for alternative in content["alternatives"]),
         }
     )

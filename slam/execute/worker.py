@@ -101,7 +101,9 @@ class Worker:
     def _register(self, target: KeyedScan, source: KeyedScan) -> TimedText:
         start = perf_counter()
         try:
-            content = to_text(self._registrar.register(self._prepare(target), self._prepare(source)))
+            registration = self._registrar.register(self._prepare(target), self._prepare(source))
+            # the graph holds the instruments' measurements itself
+            content = to_text(registration.by_scans)
         except InputError as error:
             content = to_text(None, str(error))
         return TimedText(content, perf_counter() - start)

@@ -32,7 +32,7 @@ class Prepared:
         surface: (m, 3) float64 [voxels from the center], one point per occupied voxel, also outside the grid.
         tree: to search among them.
         magnitude: device (N, N, N/2 + 1) float32, centered magnitude spectrum.
-        spectrum: device (N, N, N/2 + 8) complex64, whitened spectrum of the volume.
+        spectrum: device (N, N, N/2 + 8) complex64, spectrum of the volume, phase only.
     """
 
     name: str
@@ -42,6 +42,11 @@ class Prepared:
     tree: KDTree
     magnitude: Array
     spectrum: Array
+
+    @property
+    def spectra(self) -> tuple[Array, ...]:
+        """The spectrum, as `Translation` takes it."""
+        return (self.spectrum,)
 
 
 class Preparer:
@@ -68,7 +73,9 @@ class Preparer:
         inside: np.ndarray = np.all((cells >= 0) & (cells < edge), axis=1)
         self._require_inside(scan.name, float(inside.mean()))
         surface = _one_per_voxel(voxels, cells)
-        self._require_structure(scan.name, surface)
+        # of a plane whose place is measured, height and tilt can still be made finer
+        placed = scan.prior is not None and scan.prior.is_complete
+        self._require_structure(scan.name, surface, plane_allowed=placed)
         points = self.device.to_device(self._weighted(scan, voxels, inside))
         voxelize(self.device, points, edge, out=self._volume)
         spectrum = self._fft.forward(self._volume)
@@ -100,7 +107,7 @@ class Preparer:
                 "`edge`, or leave `voxel` out to have it chosen."
             )
 
-    def _require_structure(self, name: str, surface: np.ndarray) -> None:
+    def _require_structure(self, name: str, surface: np.ndarray, plane_allowed: bool) -> None:
         size = f"grid of {self.grid.edge} voxels of {self.grid.voxel:.3g} m"
         if len(surface) < _FEWEST_VOXELS:
             raise InputError(
@@ -108,11 +115,11 @@ class Preparer:
                 "Give a scan with more structure, or a smaller `voxel`."
             )
         spread = np.linalg.svd(surface - surface.mean(axis=0), compute_uv=False)[-1] / np.sqrt(len(surface))
-        if spread < _FLATTEST:
+        if spread < _FLATTEST and not plane_allowed:
             raise InputError(
                 f"{name}: all its points lie in one plane (they deviate {spread * self.grid.voxel:.2g} m from it, "
-                f"on a {size}): a shift along it cannot be seen. Give a scan with more structure, or "
-                "a smaller `voxel`, in which a low relief shows."
+                f"on a {size}): a shift along it cannot be seen. Give a scan with more structure, a smaller `voxel`, "
+                "in which a low relief shows, or a prior with attitude, heading, depth and position."
             )
 
 

@@ -15,6 +15,8 @@ _NEAR, _FAR = 0.15, 0.85
 # A scan has a single viewpoint if this share of its points lies this near to the median of their cell [share; voxels;
 # of the range].
 _SINGLE, _SPREAD, _SLOPE = 0.8, 2.0, 0.03
+# Of a scan seen from many places so many take part.
+_PLACES = 12
 # Points of a scan that are compared with another's view.
 _SAMPLE = 1500
 # How far from the surface a point may lie, while the rotation is 2 degrees off and once refined [voxels; of the range].
@@ -23,53 +25,104 @@ COARSE, FINE = (1.5, 0.03), (1.0, 0.01)
 
 @dataclass(frozen=True, slots=True)
 class RangeImage:
-    """One scan's view, and a sample of its points to compare with others' views.
+    """What a scan saw from one place.
 
     Attributes:
         viewpoint: (3,) float64, the sensor, from the grid's center [voxels].
         view: device (_EDGE, _EDGE, 2) float32, nearest and farthest range of each cell of an octahedral map [voxels].
-        sample: points about the grid's center, on the device [voxels].
-        count: number of points in the sample.
-        single: whether the scan was seen from that one viewpoint, unlike a map or a sweep put together from several.
     """
 
     viewpoint: np.ndarray
     view: Array
+
+
+@dataclass(frozen=True, slots=True)
+class View:
+    """All that a scan saw, and a sample of its points to compare with others' views.
+
+    Attributes:
+        images: from each place where its sensor is known to have been; none for a scan put together from places that
+            are not known.
+        repeats: in how many of the images a point of the scan is seen, on the average.
+        sample: points about the grid's center, on the device [voxels].
+        count: number of points in the sample.
+    """
+
+    images: tuple[RangeImage, ...]
+    repeats: float
     sample: tuple[Array, int]
     count: int
-    single: bool
 
 
-def range_image(device: Device, points: np.ndarray, surface: np.ndarray, viewpoint: np.ndarray) -> RangeImage:
-    """The view of one scan.
+def scan_view(device: Device, points: np.ndarray, surface: np.ndarray, viewpoints: np.ndarray) -> View:
+    """What a scan saw.
 
     Args:
         points: (n, 3) all points, about the grid's center [voxels].
         surface: (m, 3) one point a voxel [voxels].
-        viewpoint: (3,) the sensor's place [voxels].
+        viewpoints: (3,) the sensor's place for all points, which is examined: a scan whose points do not form a single
+            layer as seen from there was put together from several places. Or (n, 3), for each point the sensor's
+            place when it saw it [voxels].
     """
-    beams = points - viewpoint
-    ranges = np.linalg.norm(beams, axis=1)
-    cells = octahedral_cells(beams, _EDGE)
-    order = np.lexsort((ranges, cells))
-    cells, ranges = cells[order], ranges[order]
-    seen, first, count = np.unique(cells, return_index=True, return_counts=True)
-    view = np.empty((_EDGE * _EDGE, 2), np.float32)
-    view[:] = np.inf, -np.inf
-    view[seen, 0] = ranges[first + np.floor(_NEAR * (count - 1)).astype(np.int64)]
-    view[seen, 1] = ranges[first + np.ceil(_FAR * (count - 1)).astype(np.int64)]
-    median = np.repeat(ranges[first + count // 2], count)
-    agreeing = np.abs(ranges - median) <= _SPREAD + _SLOPE * ranges
-    # a point alone in its cell agrees with itself, which is no evidence
-    shared = np.repeat(count > 1, count)
+    if viewpoints.ndim == 1:
+        ranges = _Ranges.of(points - viewpoints)
+        images = (RangeImage(viewpoints, ranges.upload(device)),) if ranges.are_single else ()
+        repeats = 1.0
+    else:
+        images, repeats = _images(device, points, viewpoints)
     sample = surface[:: max(1, len(surface) // _SAMPLE)]
-    return RangeImage(
-        viewpoint=viewpoint,
-        view=device.to_device(view.reshape(_EDGE, _EDGE, 2)),
-        sample=upload_points(device, sample),
-        count=len(sample),
-        single=not shared.any() or bool(agreeing[shared].mean() >= _SINGLE),
-    )
+    return View(images=images, repeats=repeats, sample=upload_points(device, sample), count=len(sample))
+
+
+def _images(device: Device, points: np.ndarray, viewpoints: np.ndarray) -> tuple[tuple[RangeImage, ...], float]:
+    """Images from a few of many places, evenly along the way, and in how many of them a point is seen."""
+    cells = np.floor(viewpoints).astype(np.int64)
+    _, first, place = np.unique(cells, axis=0, return_index=True, return_inverse=True)
+    along = np.argsort(first, kind="stable")
+    chosen = along[np.linspace(0, len(along) - 1, min(len(along), _PLACES)).round().astype(np.int64)]
+    images, seen = [], 0.0
+    for number in chosen:
+        from_here = place.ravel() == number
+        viewpoint = viewpoints[from_here].mean(axis=0)
+        ranges = _Ranges.of(points[from_here] - viewpoint)
+        images.append(RangeImage(viewpoint, ranges.upload(device)))
+        filled = np.zeros(_EDGE * _EDGE, dtype=bool)
+        filled[ranges.cells] = True
+        seen += float(filled[octahedral_cells(points - viewpoint, _EDGE)].mean())
+    return tuple(images), max(seen, 1e-3)
+
+
+@dataclass(frozen=True, slots=True)
+class _Ranges:
+    """The ranges of beams by cells: nearest and farthest of (k,) cells, and whether they form a single layer."""
+
+    cells: np.ndarray
+    near: np.ndarray
+    far: np.ndarray
+    are_single: bool
+
+    @classmethod
+    def of(cls, beams: np.ndarray) -> "_Ranges":
+        """Of beams (n, 3) [voxels]."""
+        ranges = np.linalg.norm(beams, axis=1)
+        cells = octahedral_cells(beams, _EDGE)
+        order = np.lexsort((ranges, cells))
+        cells, ranges = cells[order], ranges[order]
+        seen, first, count = np.unique(cells, return_index=True, return_counts=True)
+        near = ranges[first + np.floor(_NEAR * (count - 1)).astype(np.int64)]
+        far = ranges[first + np.ceil(_FAR * (count - 1)).astype(np.int64)]
+        median = np.repeat(ranges[first + count // 2], count)
+        agreeing = np.abs(ranges - median) <= _SPREAD + _SLOPE * ranges
+        # a point alone in its cell agrees with itself, which is no evidence
+        shared = np.repeat(count > 1, count)
+        return cls(seen, near, far, not shared.any() or bool(agreeing[shared].mean() >= _SINGLE))
+
+    def upload(self, device: Device) -> Array:
+        """(_EDGE, _EDGE, 2) on the device, (inf, -inf) in cells that saw nothing."""
+        view = np.empty((_EDGE * _EDGE, 2), np.float32)
+        view[:] = np.inf, -np.inf
+        view[self.cells] = np.column_stack([self.near, self.far])
+        return device.to_device(view.reshape(_EDGE, _EDGE, 2))
 
 
 @dataclass(frozen=True, slots=True)
@@ -89,8 +142,8 @@ class Visibility:
 
 def visibility(
     device: Device,
-    target: RangeImage,
-    source: RangeImage,
+    target: View,
+    source: View,
     R_target_source: Rotation,
     shifts: np.ndarray,
     reach: float,
@@ -104,14 +157,23 @@ def visibility(
         reach, slope: a range within reach [voxels] + slope * range of the surface agrees.
     """
     R = R_target_source.as_matrix()
-    shares = []
-    if target.single:
-        counts = agreement(device, target.view, source.sample, R, shifts - target.viewpoint, reach, slope)
-        shares.append(counts / source.count)
-    if source.single:
-        back = R.transpose(0, 2, 1)
-        origin = -np.einsum("nij,nj->ni", back, shifts) - source.viewpoint
-        counts = agreement(device, source.view, target.sample, back, origin, reach, slope)
-        shares.append(counts / target.count)
-    mean = np.mean(shares, axis=0) if shares else np.full((len(R), 3), np.nan)
+    back = R.transpose(0, 2, 1)
+    shares = [
+        _agreement(device, target, source, R, shifts, reach, slope),
+        _agreement(device, source, target, back, -np.einsum("nij,nj->ni", back, shifts), reach, slope),
+    ]
+    known = [share for share in shares if share is not None]
+    mean = np.mean(known, axis=0) if known else np.full((len(R), 3), np.nan)
     return Visibility(mean[:, 0], mean[:, 1], mean[:, 2])
+
+
+def _agreement(
+    device: Device, view: View, other: View, R: np.ndarray, shifts: np.ndarray, reach: float, slope: float
+) -> np.ndarray | None:
+    """(n, 3) shares of the other's points that agree, contradict and are seen; None where the view has no image."""
+    if not view.images:
+        return None
+    counts = [
+        agreement(device, image.view, other.sample, R, shifts - image.viewpoint, reach, slope) for image in view.images
+    ]
+    return np.sum(counts, axis=0) / (other.count * view.repeats)

@@ -6,17 +6,21 @@ import numpy as np
 
 from kernels.device.device import Array
 from spectral.prepare.prepared import Prepared
-from spectral.prepare.range_image import RangeImage
+from spectral.prepare.range_image import View
 from spectral.prepare.surface import Surface
 from spectral.scan import PosePrior
+
+# The exponents that the coarse volumes are whitened with: 1, phase only, weighs all frequencies alike; 0.5 leaves more
+# to those that hold much of the scan, which noise, distortion and an uncertain rotation disturb least.
+WHITENINGS = (1.0, 0.5)
 
 
 @dataclass(frozen=True, slots=True)
 class CoarseVolume:
-    """A scan on a grid of half as many, twice as large voxels."""
+    """A scan on a grid of half as many, twice as large voxels, its spectrum whitened with each of WHITENINGS."""
 
     points: Array
-    spectrum: Array
+    spectra: tuple[Array, ...]
 
 
 @dataclass(frozen=True, slots=True)
@@ -29,7 +33,7 @@ class SpectralScan:
         coefficients: (degrees, layers, orders) complex64 of its layers, from `So3.prepare`.
         signature: (K,) float32, nearly the same however the scan is turned and moved, from `signature`.
         surface: points and normals, for the refinement.
-        image: what the sensor saw.
+        view: what the sensor saw.
         prior: what other instruments say about its pose, or None.
     """
 
@@ -38,5 +42,5 @@ class SpectralScan:
     coefficients: np.ndarray
     signature: np.ndarray
     surface: Surface
-    image: RangeImage
+    view: View
     prior: PosePrior | None

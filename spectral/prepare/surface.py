@@ -11,6 +11,20 @@ from spectral.nearest import query_on_all_cores
 _NEIGHBORS = 16
 # A point farther than this from its neighbors' plane is no point of it, and stays [voxels].
 _FARTHEST = 3.0
+# A direction of normals that holds a smaller share of the points than this counts less than the others.
+_RARE = 0.05
+
+
+def _hemisphere(count: int) -> np.ndarray:
+    """(count, 3) unit vectors of z above 0, about evenly apart: a spiral of golden angles."""
+    k = np.arange(count)
+    z = (k + 0.5) / count
+    angle = k * np.pi * (3 - np.sqrt(5))
+    return np.column_stack([np.sqrt(1 - z**2) * np.cos(angle), np.sqrt(1 - z**2) * np.sin(angle), z])
+
+
+# Normals are counted by the nearest of these, of either sign: some 25 degrees apart.
+_DIRECTIONS = _hemisphere(26)
 
 
 @dataclass(frozen=True, slots=True)
@@ -21,11 +35,14 @@ class Surface:
         points: (m, 3) float64 [voxels].
         normals: (m, 3) float64, unit, of either sign.
         tree: to search among the points.
+        weights: (m,) float64, of mean 1: the less of the surface faces a point's direction, the more it counts. On a
+            wide bed a few walls fix where a scan lies.
     """
 
     points: np.ndarray
     normals: np.ndarray
     tree: KDTree
+    weights: np.ndarray
 
 
 def smooth_surface(points: np.ndarray, tree: KDTree) -> Surface:
@@ -46,4 +63,12 @@ def smooth_surface(points: np.ndarray, tree: KDTree) -> Surface:
     height = np.einsum("ni,ni->n", points - middle, normals)
     height[np.abs(height) > _FARTHEST] = 0.0
     smooth = points - height[:, None] * normals
-    return Surface(smooth, normals, KDTree(smooth))
+    return Surface(smooth, normals, KDTree(smooth), _balanced(normals))
+
+
+def _balanced(normals: np.ndarray) -> np.ndarray:
+    """(m,) weights of mean 1 under which all directions of normals count alike, but for rare ones."""
+    direction = np.abs(normals @ _DIRECTIONS.T).argmax(axis=1)
+    share = np.bincount(direction, minlength=len(_DIRECTIONS)) / len(normals)
+    weights = 1.0 / (share[direction] + _RARE)
+    return weights / weights.mean()

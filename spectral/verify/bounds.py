@@ -8,6 +8,17 @@ from scipy.spatial.transform import RigidTransform, Rotation
 from spectral.prior import RelativePrior
 from spectral.tilt import tilt_allowed, tilt_refusal
 
+# Instruments that leave a tilt less sure than this are left to the correlation of the spectra [rad]: a rotation that is
+# 4 degrees off has hardly a peak.
+_SUREST_TILT = float(np.deg2rad(3.0))
+# Turns about the vertical that are tried, where the tilt is known, are so far apart [rad].
+_TURN_STEP = float(np.deg2rad(4.0))
+# The tilts that are tried [standard deviations].
+_TILTS = np.array([[0, 0], [1.5, 0], [0.75, 1.3], [-0.75, 1.3], [-1.5, 0], [-0.75, -1.3], [0.75, -1.3]])
+# From so many standard deviations on scans contradict instruments.
+_CONTRADICTION = 4.0
+# A tilt known to a few degrees, as a share of all that are searched without; logarithm, base 10.
+_KNOWN_TILT = -2.5
 # What a rotation of the correlation, and a shift of the coarse grid, may be off by, not being refined [rad; voxels].
 _ROTATION_SLACK, _SHIFT_SLACK = float(np.deg2rad(6.0)), 6.0
 
@@ -31,6 +42,47 @@ class Bounds:
         """R_target_source where both priors measure it in full, else None."""
         return None if self.prior is None else self.prior.R_target_source
 
+    @property
+    def sweep(self) -> Rotation | None:
+        """R_target_source that attitudes and headings leave; None without sure attitudes.
+
+        All turns about the vertical, 4 degrees apart, each with the measured tilt, and with tilts as far from it as
+        the measurements usually are.
+        """
+        prior = self.prior
+        if prior is None or not prior.knows_tilt or prior.tilt_sigma > _SUREST_TILT:
+            return None
+        reach = min(prior.turn_reach, np.pi * (1 - 1e-9))
+        count = 2 * int(np.ceil(reach / _TURN_STEP)) + 1
+        turns = np.linspace(-reach, reach, count) if reach < np.pi - _TURN_STEP else np.arange(0, 2 * np.pi, _TURN_STEP)
+        return prior.turned(turns, prior.tilt_sigma * _TILTS)
+
+    @property
+    def tilts(self) -> int:
+        """How many rotations of the sweep have the same turn."""
+        return len(_TILTS)
+
+    def shift_box(self, R_target_source: Rotation) -> tuple[np.ndarray, np.ndarray] | None:
+        """Center (3,) and half widths (3,) [m] of the places of the source's sensor, in the target's axes.
+
+        None where position and depth do not bound all three.
+        """
+        box = None if self.prior is None else self.prior.shift_box(R_target_source)
+        return None if box is None else (box[0], box[1] + _SHIFT_SLACK * self.voxel)
+
+    def search(self, extent: float) -> float:
+        """The logarithm, base 10, of the share of all poses that instruments leave; at most 0.
+
+        Args:
+            extent: edge of the grid [m].
+        """
+        prior = self.prior
+        if prior is None:
+            return 0.0
+        share = _KNOWN_TILT + float(np.log10(prior.turn_reach / np.pi)) if prior.knows_tilt else 0.0
+        reach = prior.shift_reach + _SHIFT_SLACK * self.voxel
+        return share + float(np.log10(np.minimum(reach / extent, 1.0)).sum())
+
     def allow_rotations(self, R_target_source: Rotation) -> np.ndarray:
         """Which of n rotations are possible, (n,) bool."""
         allowed = tilt_allowed(R_target_source, self.max_tilt)
@@ -50,3 +102,12 @@ class Bounds:
         if not (self.allow_rotations(R) and self.allow_shifts(R, t[None])[0]):
             return "it contradicts the scans' priors by more than four standard deviations"
         return ""
+
+    def contradiction(self, T_target_source: RigidTransform) -> str:
+        """That a pose by the scans alone contradicts the instruments, in words; "" where it does not."""
+        if self.prior is None:
+            return ""
+        squared, count = self.prior.normalized(T_target_source)
+        if squared <= _CONTRADICTION**2 + count:
+            return ""
+        return "; by themselves the scans would contradict the scans' priors"

@@ -12,17 +12,23 @@ from spectral.prepare.range_image import FINE
 from spectral.prepare.spectral_scan import SpectralScan
 from spectral.rotation_search import search_rotation
 from spectral.so3 import RotationPeaks
+from spectral.translation import Box
 from spectral.verify.bounds import Bounds
+from spectral.verify.calibration import CALIBRATION
 from spectral.verify.candidates import Candidates
 from spectral.verify.hypothesis import SAME_REFINED_SHIFT, Hypothesis, alike
 from spectral.verify.icp import Fit, refine
+from spectral.verify.prior_term import PriorTerm
 from spectral.verify.verifier import Verifier
 
-# Reaches of the refinement's steps [voxels] and its points: out of a candidate's error; until hypotheses can be
-# compared; and, for the best alone, on to the end.
-_ROUGH, _ROUGH_POINTS = (4.0, 3.0, 3.0, 2.0, 2.0, 2.0), 500
-_CLOSE, _CLOSE_POINTS = (3.0, 2.0, 2.0) + (1.5,) * 6, 1000
+# Reaches of the refinement's steps [voxels] and its points: until it shows which candidates are worth more; out of a
+# candidate's error; until hypotheses can be compared; and, for the best alone, on to the end.
+_QUICK, _QUICK_POINTS = (4.0, 3.0, 2.0), 250
+_ROUGH, _ROUGH_POINTS = (4.0, 4.0, 3.0, 2.0, 2.0, 2.0), 500
+_CLOSE, _CLOSE_POINTS = (4.0, 2.0, 2.0) + (1.5,) * 6, 1000
 _FINAL, _FINAL_POINTS = (1.5,) * 8, 3000
+# So many of the candidates refined in few steps are refined in more.
+_SURVIVORS = 6
 # Refined rotations nearer than this have the same correlation on the whole grid [rad].
 _SAME_ROTATION = float(np.deg2rad(1.0))
 
@@ -48,12 +54,20 @@ class HypothesisTest:
 
     def find_candidates(self, rotations: RotationPeaks) -> Candidates:
         """Where the scan would lie under each of the rotations, by the coarse grid; possible places only."""
-        return self._within_bounds(self.verifier.candidates(self.target, self.source, rotations))
+        boxes = [self._box(R) for R in rotations.R]
+        return self._within_bounds(self.verifier.candidates(self.target, self.source, rotations, boxes))
 
     def refine_candidates(self, candidates: Candidates, count: int) -> list[Hypothesis]:
-        """The `count` best candidates, refined roughly, best first; impossible ones only where there are no others."""
+        """The best of the `count` best candidates, refined roughly, best first.
+
+        Surfaces of little relief agree nearly as well at wrong places, until a candidate is refined: so many are
+        refined in few steps, and the best of these in more. Impossible ones are kept only where there are no others.
+        """
         best = self.verifier.best(self.target, self.source, candidates, count)
-        hypotheses = self._rank(self._refine_roughly(candidates, best))
+        quick = self._refine_candidates(candidates, best, _QUICK, _QUICK_POINTS)
+        hypotheses = self.verifier.rank(self.target, self.source, quick, _QUICK_POINTS)
+        hypotheses = (self._possible(hypotheses) or hypotheses)[:_SURVIVORS]
+        hypotheses = self._rank(self._refine_all(hypotheses, _ROUGH, _ROUGH_POINTS))
         return self._possible(hypotheses) or hypotheses
 
     def find_missed(self, finalists: list[Hypothesis]) -> list[Hypothesis]:
@@ -68,10 +82,11 @@ class HypothesisTest:
                 distinct.append(finalist)
         R = Rotation.concatenate([finalist.fit.R for finalist in distinct])
         rotations = RotationPeaks(R, np.array([finalist.rotation_score for finalist in distinct]))
-        candidates = self._within_bounds(self.verifier.fine_candidates(self.target, self.source, rotations))
+        boxes = [self._box(finalist.fit.R) for finalist in distinct]
+        candidates = self._within_bounds(self.verifier.fine_candidates(self.target, self.source, rotations, boxes))
         count = 2 * len(finalists)
         best = self.verifier.best(self.target, self.source, candidates, count, FINE, SAME_REFINED_SHIFT)
-        hypotheses = self._refine_roughly(candidates, best)
+        hypotheses = self._refine_candidates(candidates, best, _ROUGH, _ROUGH_POINTS)
         missed = [new for new in hypotheses if not any(alike(new.fit, finalist.fit) for finalist in finalists)]
         return self._possible(self._rank(missed))[: len(finalists)] if missed else []
 
@@ -80,12 +95,7 @@ class HypothesisTest:
 
         Of those that came out at the same pose the best alone is kept.
         """
-
-        def refine_closely(hypothesis: Hypothesis) -> Hypothesis:
-            fit = self._refine(hypothesis.fit.R, hypothesis.fit.shift, _CLOSE, _CLOSE_POINTS)
-            return replace(hypothesis, fit=fit)
-
-        return self._measure(self.pool.map(refine_closely, hypotheses))
+        return self._measure(self._refine_all(hypotheses, _CLOSE, _CLOSE_POINTS))
 
     def finish(self, hypotheses: list[Hypothesis], spectral: bool) -> list[Hypothesis]:
         """The best hypothesis refined to the end, and the others that are not now where it is.
@@ -102,7 +112,7 @@ class HypothesisTest:
         return RigidTransform.from_components(self._sensor_shift(fit.R, fit.shift), fit.R)
 
     def _finish_best(self, best: Hypothesis, spectral: bool) -> Hypothesis:
-        fit = self._refine(best.fit.R, best.fit.shift, _FINAL, _FINAL_POINTS)
+        fit = self._refine(best.fit.R, best.fit.shift, _FINAL, _FINAL_POINTS, best.fit.width)
         if spectral:
             translation, target, source = self.verifier.translation, self.target.volume, self.source.volume
             peak = translation.find_at(target, source, best.fit.R, best.fit.shift)
@@ -114,6 +124,14 @@ class HypothesisTest:
     def _sensor_shift(self, R: Rotation, shift: np.ndarray) -> np.ndarray:
         """Where the source's sensor is in the target's frame (..., 3) [m], from shifts between the grids [voxels]."""
         return self.target.volume.center + shift * self.grid.voxel - R.apply(self.source.volume.center)
+
+    def _box(self, R: Rotation) -> Box | None:
+        """The shifts between the grids' centers that position and depth leave [voxels]; None for all."""
+        box = self.bounds.shift_box(R)
+        if box is None:
+            return None
+        center = (box[0] - self.target.volume.center + R.apply(self.source.volume.center)) / self.grid.voxel
+        return Box(np.rint(center), box[1] / self.grid.voxel)
 
     def _within_bounds(self, candidates: Candidates) -> Candidates:
         """Those whose shift is possible."""
@@ -132,20 +150,58 @@ class HypothesisTest:
 
     def _measure(self, hypotheses: Iterable[Hypothesis]) -> list[Hypothesis]:
         """Distinct hypotheses with all their evidence, best first."""
-        target, source, ranked = self.target, self.source, self._rank(hypotheses)
-        # the threads count points while the device correlates
-        overlaps = self.pool.map(lambda hypothesis: self.verifier.overlap(target, source, hypothesis.fit), ranked)
-        measured = [self.verifier.measure(target, source, *pair) for pair in zip(ranked, overlaps, strict=True)]
+        ranked = self._rank(hypotheses)
+        measured = [self.verifier.measure(self.target, self.source, hypothesis) for hypothesis in ranked]
         return sorted(measured, key=lambda hypothesis: -hypothesis.score)
 
-    def _refine_roughly(self, candidates: Candidates, chosen: np.ndarray) -> list[Hypothesis]:
+    def _refine_candidates(
+        self, candidates: Candidates, chosen: np.ndarray, reaches: tuple[float, ...], points: int
+    ) -> list[Hypothesis]:
         """The chosen candidates, refined."""
 
         def refine_candidate(n: int) -> Hypothesis:
-            fit = self._refine(candidates.R[n], candidates.shifts[n], _ROUGH, _ROUGH_POINTS)
+            fit = self._refine(candidates.R[n], candidates.shifts[n], reaches, points)
             return Hypothesis(fit, float(candidates.rotation_scores[n]), float(candidates.psr[n]))
 
         return list(self.pool.map(refine_candidate, chosen.tolist()))
 
-    def _refine(self, R: Rotation, shift: np.ndarray, reaches: tuple[float, ...], points: int) -> Fit:
-        return refine(self.target.surface, self.source.surface, R, shift, reaches, points)
+    def _refine_all(
+        self, hypotheses: Iterable[Hypothesis], reaches: tuple[float, ...], points: int
+    ) -> list[Hypothesis]:
+        """The hypotheses, refined further."""
+
+        def refine_hypothesis(hypothesis: Hypothesis) -> Hypothesis:
+            rough = hypothesis.fit
+            return replace(hypothesis, fit=self._refine(rough.R, rough.shift, reaches, points, rough.width))
+
+        return list(self.pool.map(refine_hypothesis, hypotheses))
+
+    def _refine(
+        self, R: Rotation, shift: np.ndarray, reaches: tuple[float, ...], points: int, width: float = 0.0
+    ) -> Fit:
+        prior = self._prior_at(R, shift)
+        return refine(self.target.surface, self.source.surface, R, shift, reaches, points, width, prior)
+
+    def _prior_at(self, R: Rotation, shift: np.ndarray) -> PriorTerm | None:
+        """What instruments measured of this pose, and how a turn and a shift between the grids change it."""
+        prior = self.bounds.prior
+        if prior is None:
+            return None
+        T = RigidTransform.from_components(self._sensor_shift(R, shift), R)
+        residual = prior.residuals(RigidTransform.concatenate([T]))[0]
+        if not len(residual):
+            return None
+        x, y, z = R.apply(self.source.volume.center)
+        # a turn about the grid's center moves the sensor
+        sensor = np.eye(6)
+        sensor[3:, :3] = [[0, -z, y], [z, 0, -x], [-y, x, 0]]
+        sensor[3:, 3:] *= self.grid.voxel
+        voxel = self.grid.voxel
+        away = self.target.volume.center / voxel + shift, np.array([x, y, z]) / voxel
+        lever = float(np.sqrt((self.source.surface.points**2).sum(axis=1).mean()))
+        return PriorTerm(
+            residual=residual,
+            jacobian=prior.residual_jacobian(T) @ sensor,
+            covariance=prior.residual_covariance(T),
+            systematic=CALIBRATION.systematic(*away, lever),
+        )

@@ -1,7 +1,7 @@
 """How probable it is that a hypothesis is right."""
 
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import asdict, dataclass
 from math import erf, exp, log, sqrt
 
 import numpy as np
@@ -11,52 +11,107 @@ from spectral.verify.hypothesis import Hypothesis
 # A registration is right within these of the truth [rad; voxels].
 _RIGHT_TURN, _RIGHT_SHIFT = float(np.deg2rad(6.0)), 3.0
 
+# Instruments bound a direction if they know it better than this [rad; voxels].
+_KNOWN_TURN, _KNOWN_SHIFT = float(np.deg2rad(20.0)), 16.0
+# The lead of a hypothesis without rivals, and the most that any has.
+_ALONE = 4.0
+
+
+@dataclass(frozen=True, slots=True)
+class Clues:
+    """What the probability of one hypothesis is made of: logarithms, near 0 for a usual right one.
+
+    Attributes:
+        psr: of the translation's peak, as on a grid of 128 voxels: false peaks stand higher on larger grids.
+        view: of the consistency of the views; of the surfaces where there is no view.
+        surface: of the consistency of the surfaces.
+        sharpness: of the inverse of how far the surfaces are apart.
+        firmness: of how firmly the planes hold the pose.
+        lead: of its score over the best of the others; negative for others than the best.
+        search: how few poses the instruments leave, squared, so that a chance agreement is rarer; 0 without them.
+    """
+
+    psr: float
+    view: float
+    surface: float
+    sharpness: float
+    firmness: float
+    lead: float
+    search: float
+
+    def numbers(self) -> tuple[tuple[str, float], ...]:
+        """By name, each after "p_"."""
+        return tuple((f"p_{name}", float(value)) for name, value in asdict(self).items())
+
 
 @dataclass(frozen=True, slots=True)
 class Logistic:
     """The probability that a hypothesis is right: that the scans show one place so clearly, times that it is this one.
 
-    Each is logistic in logarithms of the evidence. The second is 1/2 for a hypothesis and its exact twin,
-    however high their peaks stand, as between the two ends of a room. By maximum likelihood on simulated pairs, related
-    and unrelated; docs/registration.md names them, and how it did on others.
+    Each is logistic in the clues. The second is 1/2 for a hypothesis and its exact twin, however high their peaks
+    stand, as between the two ends of a room. By maximum likelihood on simulated pairs of every kind, related and
+    unrelated; docs/registration.md names them, and how it did on kinds that were left out.
 
     Attributes:
-        odds: logarithm of the first's odds at 1 of everything below.
-        psr: power of the translation's peak-to-sidelobe ratio in these odds.
-        consistency: of how the views agree.
-        clearness: of its score over that of the next best.
-        distinction: power of the same in the second's odds.
-        rival: of its consistency over that of the most consistent other answer.
+        odds: logarithm of the first's odds where all clues are 0.
+        psr, view, surface, sharpness, firmness, lead, search: weights of the clues in it.
+        twin: weight of the lead in the logarithm of the second's odds.
     """
 
-    odds: float = -11.149
-    psr: float = 3.309
-    consistency: float = 4.637
-    clearness: float = 4.967
-    distinction: float = 5.976
-    rival: float = 5.430
+    odds: float = -0.78
+    psr: float = 0.69
+    view: float = 0.57
+    surface: float = 0.68
+    sharpness: float = 0.99
+    firmness: float = 1.52
+    lead: float = 0.72
+    search: float = 1.01
+    twin: float = 3.0
 
-    def probability(self, psr: float, consistency: float, distinction: float, rival: float) -> float:
-        """From the plain numbers."""
-        clear = (
-            self.odds + self.psr * log(psr) + self.consistency * log(consistency) + self.clearness * log(distinction)
-        )
-        this = self.distinction * log(distinction) + self.rival * log(rival)
-        return _logistic(clear) * _logistic(this)
+    def probability(self, clues: Clues) -> float:
+        """From the clues."""
+        clear = self.odds + sum(getattr(self, name) * value for name, value in asdict(clues).items())
+        return _logistic(clear) * _logistic(self.twin * clues.lead)
 
 
 LOGISTIC = Logistic()
 
 
-def hypothesis_probabilities(hypotheses: Sequence[Hypothesis], edge: int, logistic: Logistic = LOGISTIC) -> list[float]:
+def clues(hypothesis: Hypothesis, hypotheses: Sequence[Hypothesis], edge: int, search: float = 0.0) -> Clues:
+    """What speaks for a hypothesis in the light of the others.
+
+    Args:
+        hypothesis: measured on the whole grid.
+        hypotheses: all of the pair, this one among them.
+        edge: voxels per edge of the grid.
+        search: logarithm, base 10, of the share of all poses that instruments leave, as `Bounds` has it.
+    """
+    evidence = hypothesis.evidence
+    rivals = [rival.score for rival in hypotheses if rival is not hypothesis]
+    lead = hypothesis.score - max(rivals) if rivals else _ALONE
+    return Clues(
+        psr=log(max(evidence.psr / max(1.0, edge / 128) ** 0.75, 3.0)) - 3,
+        view=log(max(evidence.consistency, 0.02)),
+        surface=log(max(evidence.surface, 0.02)),
+        sharpness=-log(max(evidence.width, 0.03)) - 1.5,
+        firmness=log(max(evidence.firmness, 1e-4)) + 3,
+        lead=min(max(lead, -_ALONE), _ALONE),
+        search=(search / 3) ** 2,
+    )
+
+
+def hypothesis_probabilities(
+    hypotheses: Sequence[Hypothesis], edge: int, search: float = 0.0, logistic: Logistic = LOGISTIC
+) -> list[float]:
     """That each hypothesis names the right place, 0..1, in the light of the others; their sum is at most 1.
 
     Args:
         hypotheses: measured on the whole grid, the best first.
-        edge: voxels per edge of the grid. On larger ones false peaks stand higher above the rest.
+        edge, search: as `clues` takes them.
         logistic: the calibration.
     """
-    probabilities = np.array([_probability(hypothesis, hypotheses, edge, logistic) for hypothesis in hypotheses])
+    weighed = [clues(hypothesis, hypotheses, edge, search) for hypothesis in hypotheses]
+    probabilities = np.array([logistic.probability(each) for each in weighed])
     # one answer at most is right: what the best leaves is all that the others can have
     left, others = 1 - probabilities[0], probabilities[1:].sum()
     if others > left:
@@ -64,18 +119,28 @@ def hypothesis_probabilities(hypotheses: Sequence[Hypothesis], edge: int, logist
     return probabilities.tolist()
 
 
-def tolerance_probability(covariance: np.ndarray, voxel: float) -> float:
+def tolerance_probability(covariance: np.ndarray, voxel: float, instruments: np.ndarray | None = None) -> float:
     """That a pose is within 6 degrees and 3 voxels of the truth, 0..1, where its hypothesis is the right one.
 
     The right hypothesis may still leave the pose open, as along a wall. Turn and shift are each taken along their
-    least sure direction.
+    least sure direction. Where instruments bound that direction, as navigation does over a flat bed, an error of three
+    of their standard deviations is none either.
 
     Args:
         covariance: (6, 6) of the pose, rotation first [rad, m].
         voxel: [m].
+        instruments: (6, 6) of the pose by instruments alone; None without.
     """
-    turn, shift = (sqrt(np.linalg.eigvalsh(part)[-1]) for part in (covariance[:3, :3], covariance[3:, 3:]))
-    return erf(_RIGHT_TURN / (sqrt(2) * turn)) * erf(_RIGHT_SHIFT * voxel / (sqrt(2) * shift))
+    probability = 1.0
+    turn = (slice(0, 3), _RIGHT_TURN, _KNOWN_TURN)
+    shift = (slice(3, 6), _RIGHT_SHIFT * voxel, _KNOWN_SHIFT * voxel)
+    for block, allowed, known in (turn, shift):
+        variances, axes = np.linalg.eigh(covariance[block, block])
+        if instruments is not None:
+            measured = sqrt(axes[:, -1] @ instruments[block, block] @ axes[:, -1])
+            allowed = max(allowed, 3 * measured) if measured < known else allowed
+        probability *= erf(allowed / sqrt(2 * variances[-1]))
+    return probability
 
 
 def explain(hypothesis: Hypothesis, probability: float, least: float) -> str:
@@ -83,20 +148,8 @@ def explain(hypothesis: Hypothesis, probability: float, least: float) -> str:
     threshold = "" if probability >= least else f"; believed from {least:.0%} on"
     return (
         f"it is right with a probability of {probability:.1%}{threshold}: the translation's peak is "
-        f"{hypothesis.psr:.1f} standard deviations high, the views agree to {hypothesis.consistency:.0%}, "
-        f"{hypothesis.overlap:.0%} of the points are shared"
-    )
-
-
-def _probability(hypothesis: Hypothesis, hypotheses: Sequence[Hypothesis], edge: int, logistic: Logistic) -> float:
-    """That this hypothesis is right, each other being its rival."""
-    rivals = [rival for rival in hypotheses if rival is not hypothesis]
-    consistency = max(hypothesis.consistency, 0.02)
-    return logistic.probability(
-        psr=max(hypothesis.psr / max(1.0, edge / 128) ** 0.75, 3.0),
-        consistency=consistency,
-        distinction=max(hypothesis.score, 0.3) / max([*(rival.score for rival in rivals), 0.3]),
-        rival=consistency / max([*(rival.consistency for rival in rivals), 0.02]),
+        f"{hypothesis.evidence.psr:.1f} standard deviations high, the views agree to "
+        f"{hypothesis.evidence.consistency:.0%}, {hypothesis.evidence.overlap:.0%} of the points are shared"
     )
 
 

@@ -6,6 +6,7 @@ few distinct ones are refined and compared on the whole grid. docs/registration.
 """
 
 from collections.abc import Sequence
+from concurrent.futures import Executor
 from dataclasses import replace
 from itertools import product
 
@@ -13,25 +14,24 @@ import numpy as np
 from scipy.spatial.transform import Rotation
 
 from kernels.device.device import Device
-from spectral.overlap import share_near
 from spectral.prepare.range_image import COARSE, FINE, visibility
-from spectral.prepare.spectral_scan import SpectralScan
+from spectral.prepare.spectral_scan import WHITENINGS, SpectralScan
 from spectral.so3 import RotationPeaks
-from spectral.translation import SAME_SHIFT, Translation, Volume
+from spectral.translation import SAME_SHIFT, Box, Translation, Volume
 from spectral.verify.candidates import Candidates
-from spectral.verify.hypothesis import Hypothesis, alike
-from spectral.verify.icp import Fit
+from spectral.verify.hypothesis import Evidence, Hypothesis, alike
+from spectral.verify.shared_surface import SharedSurface, shared_surface
 
 # Peaks of a rotation's translation that are looked at, and how far apart they are [coarse voxels].
 _PEAKS, _SEPARATION = 8, 2.0
 # A shift longer than this along an axis leaves the scans nothing in common [share of the grid's edge].
 _FARTHEST = 0.92
 # Candidates nearer than this to each other are the same [rad].
-_SAME_ROTATION = float(np.deg2rad(5.0))
+_SAME_ROTATION = float(np.deg2rad(9.0))
 # Of scans without a viewpoint so many candidates, those with the highest peaks, are scored by their points in common.
 _BY_POINTS, _POINTS = 60, 400
-# Points by which a refined hypothesis' overlap is measured.
-_OVERLAP_POINTS = 2000
+# Points by which a refined hypothesis' shared surface is measured.
+_SURFACE_POINTS = 1500
 # A contradiction weighs as so many agreements; a share of points that is small beside the least hardly counts.
 _WEIGHT, _LEAST = 4.0, 0.05
 
@@ -47,36 +47,56 @@ def consistency(agree: np.ndarray | float, contradict: np.ndarray | float) -> np
 class Verifier:
     """Finds candidates for rotations and measures hypotheses, on one device and grid."""
 
-    def __init__(self, device: Device, edge: int) -> None:
-        """Plan the correlations of both grids."""
+    def __init__(self, device: Device, edge: int, pool: Executor) -> None:
+        """Plan the correlations of both grids; the pool's threads count points side by side."""
+        self._pool = pool
         self.device, self.edge = device, edge
         self.coarse_edge = max(edge // 2, 16)
         self.translation = Translation(device, edge)
-        self._coarse = Translation(device, self.coarse_edge)
+        self._coarse = Translation(device, self.coarse_edge, WHITENINGS)
 
-    def candidates(self, target: SpectralScan, source: SpectralScan, rotations: RotationPeaks) -> Candidates:
-        """Several shifts for each rotation, from the coarse grid, each with all shifts that a cyclic one stands for."""
+    def candidates(
+        self, target: SpectralScan, source: SpectralScan, rotations: RotationPeaks, boxes: Sequence[Box | None]
+    ) -> Candidates:
+        """Several shifts for each rotation, from the coarse grid, each with all shifts that a cyclic one stands for.
+
+        Both whitenings name candidates. What a peak is worth is its height beside the usual highest one of its
+        whitening, over all rotations: so the two can be compared.
+
+        Args:
+            boxes: of each rotation, the shifts that are possible [voxels of the whole grid]; None for all.
+        """
         scale = self.edge / self.coarse_edge
-        return self._candidates(self._coarse, target.coarse, source.coarse, rotations, scale)
+        coarse_boxes = [None if box is None else Box(np.rint(box.center / scale), box.half / scale) for box in boxes]
+        found = self._candidates(self._coarse, target.coarse, source.coarse, rotations, coarse_boxes, scale)
+        usual = [each.usual_height() for each in found]
+        return Candidates.joined([each.raised(usual[0] / height) for each, height in zip(found, usual, strict=True)])
 
-    def fine_candidates(self, target: SpectralScan, source: SpectralScan, rotations: RotationPeaks) -> Candidates:
+    def fine_candidates(
+        self, target: SpectralScan, source: SpectralScan, rotations: RotationPeaks, boxes: Sequence[Box | None]
+    ) -> Candidates:
         """As `candidates`, from the whole grid: under a refined rotation there are higher peaks, and others."""
-        return self._candidates(self.translation, target.volume, source.volume, rotations, 1.0)
+        return self._candidates(self.translation, target.volume, source.volume, rotations, boxes, 1.0)[0]
 
     def _candidates(
-        self, translation: Translation, target: Volume, source: Volume, rotations: RotationPeaks, scale: float
-    ) -> Candidates:
-        indices: list[int] = []
-        shifts, ratios = [np.empty((0, 3))], []
-        for index, R in enumerate(rotations.R):
-            for peak in translation.find_all(target, source, R, _PEAKS, _SEPARATION):
-                unwrapped = self._unwrapped(peak.shift * scale)
-                shifts.append(unwrapped)
-                indices += [index] * len(unwrapped)
-                ratios += [peak.psr] * len(unwrapped)
-        rotation = np.array(indices, dtype=np.int64)
-        R = rotations.R[rotation]  # pyright: ignore[reportArgumentType]
-        return Candidates(rotation, R, np.concatenate(shifts), np.array(ratios), rotations.scores[rotation])
+        self,
+        translation: Translation,
+        target: Volume,
+        source: Volume,
+        rotations: RotationPeaks,
+        boxes: Sequence[Box | None],
+        scale: float,
+    ) -> list[Candidates]:
+        """For each exponent, with all shifts that a cyclic one stands for where no box bounds them."""
+        found: list[list[tuple[int, np.ndarray, float]]] = [[] for _ in translation.exponents]
+        for index, (R, box) in enumerate(zip(rotations.R, boxes, strict=True)):
+            by_exponent = translation.find_within(target, source, R, box, _PEAKS, _SEPARATION)
+            for places, peaks in zip(found, by_exponent, strict=True):
+                for peak in peaks:
+                    shift = peak.shift * scale
+                    unwrapped = shift[None] if translation.is_bounded(box) else self._unwrapped(shift)
+                    places += [(index, place, peak.psr) for place in unwrapped]
+        return [_gathered(rotations, places) for places in found]
 
     def _unwrapped(self, shift: np.ndarray) -> np.ndarray:
         """(n, 3): the shifts that a cyclic one stands for and that leave the scans something in common."""
@@ -111,57 +131,86 @@ class Verifier:
                 break
         return np.array(kept, dtype=np.int64)
 
-    def rank(self, target: SpectralScan, source: SpectralScan, hypotheses: Sequence[Hypothesis]) -> list[Hypothesis]:
-        """The hypotheses with their consistency, best first; of those at the same pose the best alone."""
-        if target.image.single or source.image.single:
-            R = Rotation.concatenate([hypothesis.fit.R for hypothesis in hypotheses])
-            shifts = np.array([hypothesis.fit.shift for hypothesis in hypotheses])
-            seen = visibility(self.device, target.image, source.image, R, shifts, *FINE)
-            agreement = np.asarray(consistency(seen.agree, seen.contradict)).tolist()
-        else:
-            agreement = [self.overlap(target, source, hypothesis.fit) for hypothesis in hypotheses]
-        viewed = [replace(hypothesis, consistency=c) for hypothesis, c in zip(hypotheses, agreement, strict=True)]
+    def look(
+        self, target: SpectralScan, source: SpectralScan, hypotheses: Sequence[Hypothesis], points: int
+    ) -> list[Evidence]:
+        """What the scans' views and so many points of their surfaces say of each."""
+        R = Rotation.concatenate([hypothesis.fit.R for hypothesis in hypotheses])
+        shifts = np.array([hypothesis.fit.shift for hypothesis in hypotheses])
+        fine, coarse = (
+            visibility(self.device, target.view, source.view, R, shifts, *tolerance) for tolerance in (FINE, COARSE)
+        )
+        views = np.asarray(consistency(fine.agree, fine.contradict)).tolist()
+        coarse_views = np.asarray(consistency(coarse.agree, coarse.contradict)).tolist()
+
+        def surfaces(hypothesis: Hypothesis) -> SharedSurface:
+            fit = hypothesis.fit
+            return shared_surface(target.surface, source.surface, fit.R, fit.shift, points)
+
+        shared = list(self._pool.map(surfaces, hypotheses))
+        return [
+            replace(
+                hypothesis.evidence,
+                view=view,
+                coarse_view=coarse_view,
+                surface=surface.consistency,
+                overlap=surface.overlap,
+                residual=hypothesis.fit.residual,
+                width=hypothesis.fit.width,
+                firmness=hypothesis.fit.firmness,
+            )
+            for hypothesis, view, coarse_view, surface in zip(hypotheses, views, coarse_views, shared, strict=True)
+        ]
+
+    def rank(
+        self,
+        target: SpectralScan,
+        source: SpectralScan,
+        hypotheses: Sequence[Hypothesis],
+        points: int = _SURFACE_POINTS,
+    ) -> list[Hypothesis]:
+        """The hypotheses with what the scans saw, best first; of those at the same pose the best alone."""
+        looks = self.look(target, source, hypotheses, points)
+        viewed = [replace(hypothesis, evidence=e) for hypothesis, e in zip(hypotheses, looks, strict=True)]
         distinct: list[Hypothesis] = []
         for hypothesis in sorted(viewed, key=lambda hypothesis: -hypothesis.candidate_score):
             if not any(alike(hypothesis.fit, kept.fit) for kept in distinct):
                 distinct.append(hypothesis)
         return distinct
 
-    def overlap(self, target: SpectralScan, source: SpectralScan, fit: Fit) -> float:
-        """The share of points in common, the smaller of both ways."""
-        return self._overlap(target, source, fit.R, fit.shift, _OVERLAP_POINTS)
-
-    def measure(self, target: SpectralScan, source: SpectralScan, hypothesis: Hypothesis, overlap: float) -> Hypothesis:
-        """The hypothesis with the points in common and the translation's correlation on both grids."""
+    def measure(self, target: SpectralScan, source: SpectralScan, hypothesis: Hypothesis) -> Hypothesis:
+        """The hypothesis with the translation's correlation at its pose, on both grids."""
         R, shift = hypothesis.fit.R, hypothesis.fit.shift
         coarse = shift * self.coarse_edge / self.edge
-        return replace(
-            hypothesis,
+        evidence = replace(
+            hypothesis.evidence,
             psr=self.translation.find_at(target.volume, source.volume, R, shift).psr,
             coarse_psr=self._coarse.find_at(target.coarse, source.coarse, R, coarse).psr,
-            overlap=overlap,
         )
+        return replace(hypothesis, evidence=evidence)
 
     def _scores(
         self, target: SpectralScan, source: SpectralScan, candidates: Candidates, tolerance: tuple[float, float]
     ) -> np.ndarray:
         """(n,) consistency times the peak's height."""
-        if target.image.single or source.image.single:
-            seen = visibility(self.device, target.image, source.image, candidates.R, candidates.shifts, *tolerance)
+        if target.view.images or source.view.images:
+            seen = visibility(self.device, target.view, source.view, candidates.R, candidates.shifts, *tolerance)
             agreement = np.asarray(consistency(seen.agree, seen.contradict))
         else:
             agreement = np.zeros(len(candidates.psr))
             for n in np.argsort(-candidates.psr, kind="stable")[:_BY_POINTS]:
                 R, shift = candidates.R[int(n)], candidates.shifts[n]
-                agreement[n] = self._overlap(target, source, R, shift, _POINTS)
+                agreement[n] = shared_surface(target.surface, source.surface, R, shift, _POINTS).consistency
         return agreement * np.maximum(candidates.psr, 0.0)
 
-    @staticmethod
-    def _overlap(target: SpectralScan, source: SpectralScan, R: Rotation, shift: np.ndarray, most: int) -> float:
-        moved = R.apply(_sample(source.volume.surface, most)) + shift
-        back = R.inv().apply(_sample(target.volume.surface, most) - shift)
-        return min(share_near(target.volume, moved), share_near(source.volume, back))
 
-
-def _sample(points: np.ndarray, most: int) -> np.ndarray:
-    return points[:: max(1, -(-len(points) // most))]
+def _gathered(rotations: RotationPeaks, places: Sequence[tuple[int, np.ndarray, float]]) -> Candidates:
+    """Candidates of rotations by number, shift and height of the peak."""
+    rotation = np.array([number for number, _, _ in places], dtype=np.int64)
+    return Candidates(
+        rotation=rotation,
+        R=rotations.R[rotation],  # pyright: ignore[reportArgumentType]
+        shifts=np.array([shift for _, shift, _ in places]).reshape(-1, 3),
+        psr=np.array([psr for _, _, psr in places]),
+        rotation_scores=rotations.scores[rotation],
+    )

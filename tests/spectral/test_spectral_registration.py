@@ -136,12 +136,12 @@ class TestViews:
         both = np.vstack([relief(4), relief(54) + np.array([0, 0, 7.0])])
         here, there = above(0, 0, 14), above(3, -2, 15, 25, 4, -7)
         target, source = (registrar.prepare(Scan(seen(both, T))) for T in (here, there))
-        assert not target.image.single
-        assert not source.image.single
+        assert not target.view.images
+        assert not source.view.images
         registration = registrar.register(target, source)
         assert_near(registration.T_target_source, here.inv() * there)
         ground = registrar.prepare(Scan(seen(relief(4), there)))
-        assert ground.image.single
+        assert ground.view.images
         assert_near(registrar.register(target, ground).T_target_source, here.inv() * there)
 
     @pytest.mark.parametrize("side", [-1, 1])
@@ -157,9 +157,9 @@ class TestViews:
         registration = register(of_either, here.inv().apply(place).astype(np.float32), source)
         assert_near(registration.T_target_source, here.inv() * there, 2.0, 1.0)
         assert registration.overlap == pytest.approx(0.5, abs=0.03)
-        # the other one fits the points just as well, and is excluded by the views alone
+        # the other one fits the points just as well, and is made improbable by the views alone
         assert registration.accepted
-        assert not registration.alternatives
+        assert all(alternative.probability < 0.2 for alternative in registration.alternatives)
 
 
 def sail(seed: int, count: int = 6000) -> np.ndarray:
@@ -217,7 +217,7 @@ class TestPriors:
         ],
         ids=["attitude", "depth", "position"],
     )
-    def test_one_that_contradicts_refuses_and_says_why(
+    def test_one_that_contradicts_the_scans_keeps_them_from_being_believed(
         self,
         registrar: SpectralRegistrar,
         target: SpectralScan,
@@ -229,9 +229,7 @@ class TestPriors:
             self.with_prior(target, HERE, **bounds), self.with_prior(source, wrong, **bounds)
         )
         assert not registration.accepted
-        assert "the scans' priors" in registration.reason
-        assert registration.probability == 0
-        assert np.linalg.eigvalsh(registration.covariance).min() >= min(np.pi, EDGE * VOXEL) ** 2 * 0.99
+        assert registration.probability < 0.1
 
     def test_a_wrong_heading_keeps_the_right_rotation_out(
         self, registrar: SpectralRegistrar, target: SpectralScan, source: SpectralScan

@@ -7,7 +7,7 @@ from scipy.spatial.transform import RigidTransform, Rotation
 
 from kernels.points.visibility import octahedral_cells
 from kernels.resample.sphere import rotational_unwrap, sample, upload_directions
-from spectral.prepare.range_image import FINE, RangeImage
+from spectral.prepare.range_image import FINE, View
 from spectral.prepare.spectral_scan import SpectralScan
 from spectral.registration import SpectralRegistrar
 from spectral.result import Registration
@@ -99,22 +99,23 @@ def view_registration(
 def _cloud(scan: SpectralScan, other: SpectralScan, T_other_scan: RigidTransform, voxel: float) -> ScanView:
     points = scan.volume.center + voxel * scan.volume.surface
     across = (T_other_scan.apply(points) - other.volume.center) / voxel
-    return ScanView(scan.volume.name, points, scan.surface.normals, contradicting(other.image, across))
+    return ScanView(scan.volume.name, points, scan.surface.normals, contradicting(other.view, across))
 
 
-def contradicting(image: RangeImage, points: np.ndarray) -> np.ndarray:
-    """(n,) bool: which points (n, 3), about the image's grid center [voxels], stand before what that scan saw.
+def contradicting(view: View, points: np.ndarray) -> np.ndarray:
+    """(n,) bool: which points (n, 3), about the scan's grid center [voxels], stand before what that scan saw.
 
     None where the scan has no viewpoint.
     """
-    if not image.single:
-        return np.zeros(len(points), dtype=bool)
-    beams = points - image.viewpoint
-    ranges = np.linalg.norm(beams, axis=1)
-    view = image.view.get()
-    nearest, farthest = view.reshape(-1, 2)[octahedral_cells(beams, len(view))].T
+    contradicted = np.zeros(len(points), dtype=bool)
     reach, slope = FINE
-    return (farthest >= 0) & (ranges < nearest - (reach + slope * ranges))
+    for image in view.images:
+        beams = points - image.viewpoint
+        ranges = np.linalg.norm(beams, axis=1)
+        cells = image.view.get()
+        nearest, farthest = cells.reshape(-1, 2)[octahedral_cells(beams, len(cells))].T
+        contradicted |= (farthest >= 0) & (ranges < nearest - (reach + slope * ranges))
+    return contradicted
 
 
 def _layer(registrar: SpectralRegistrar, scan: SpectralScan) -> np.ndarray:

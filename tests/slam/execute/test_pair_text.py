@@ -1,5 +1,6 @@
 """The result of a pair, and a signature, as text: they come back bit by bit."""
 
+from dataclasses import replace
 from typing import Any
 
 import numpy as np
@@ -29,6 +30,7 @@ def registrations(seed: int, depth: int = 2) -> Registration:
         probability=probability,
         step_psr=(("rotation", float(rng.normal())), ("translation", float("nan"))),
         alternatives=tuple(registrations(seed + k, depth - 1) for k in (1, 2)) if depth else (),
+        evidence=(("view", float(rng.choice(ODD))), ("p_psr", float(rng.normal())))[: seed % 3],
     )
 
 
@@ -41,6 +43,7 @@ def bits(registration: Registration) -> list[object]:
         np.array(numbers).tobytes(),
         (registration.accepted, registration.reason),
         [(name, np.float64(psr).tobytes()) for name, psr in registration.step_psr],
+        [(name, np.float64(value).tobytes()) for name, value in registration.evidence],
         [bits(other) for other in registration.alternatives],
     ]
 
@@ -70,9 +73,10 @@ def test_numbers_of_numpy_are_taken() -> None:
     psr: Any = np.float32(0.1)
     accepted: Any = np.bool_(True)
     given = Registration(RigidTransform.identity(), np.eye(6), psr, 0.2, accepted, 0.1, step_psr=(("a", psr),))
-    found, _ = from_text(to_text(given))
+    found, _ = from_text(to_text(replace(given, evidence=(("b", psr),))))
     assert found is not None
     assert (found.psr, found.accepted, found.step_psr) == (float(psr), True, (("a", float(psr)),))
+    assert found.evidence == (("b", float(psr)),)
 
 
 def test_a_failure_comes_back() -> None:

@@ -1,11 +1,18 @@
-"""How many prepared scans a worker keeps."""
+"""How many prepared scans a worker keeps, and what it hands on."""
 
+from dataclasses import replace
 from types import SimpleNamespace
 from typing import Any
 
+import numpy as np
 import pytest
+from scipy.spatial.transform import RigidTransform
 
-from slam.execute.worker import prepared_limit
+from slam.execute.pair_text import from_text
+from slam.execute.scan_key import keyed
+from slam.execute.worker import Worker, prepared_limit
+from spectral.result import Registration
+from tests.samples.surveys import KnowingRegistrar, random_covariance, ring_poses, scans_of
 
 
 @pytest.mark.parametrize(("memory", "prepared"), [(2**40, 8), (2**26, 2)])
@@ -17,3 +24,31 @@ def test_as_many_scans_stay_prepared_as_fit(memory: int, prepared: int) -> None:
 def test_a_method_without_a_device_keeps_the_most() -> None:
     registrar: Any = SimpleNamespace()
     assert prepared_limit(registrar) == 8
+
+
+class Instruments(KnowingRegistrar):
+    """What instruments said is in its registrations, and beside it what the scans alone say."""
+
+    def register(self, target: Any, source: Any) -> Registration:
+        alone = super().register(target, source)
+        return replace(
+            alone,
+            T_target_source=RigidTransform.identity(),
+            covariance=np.eye(6),
+            T_by_scans=alone.T_target_source,
+            covariance_by_scans=alone.covariance,
+        )
+
+
+def test_a_worker_hands_on_what_the_scans_alone_say() -> None:
+    """The graph holds the instruments' measurements: it would count them twice."""
+    poses, covariance = ring_poses(4), random_covariance(np.random.default_rng(2))
+    scans = [keyed(scan) for scan in scans_of(poses)]
+    pairs = [(scans[0], scans[1]), (scans[3], scans[1])]
+    with_them, without = (Worker(of(poses, covariance), 2).register(pairs) for of in (Instruments, KnowingRegistrar))
+    assert [text.content for text in with_them] == [text.content for text in without]
+    registration, failure = from_text(with_them[1].content)
+    assert registration is not None
+    assert failure == ""
+    np.testing.assert_array_equal(registration.covariance, covariance)
+    assert registration.T_by_scans is None

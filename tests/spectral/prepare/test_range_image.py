@@ -1,11 +1,13 @@
 """What a scan saw: ranges over directions, and points that agree with them, contradict them or are hidden."""
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 from scipy.spatial.transform import Rotation
 
 from kernels.device.device import Device, choose_device
-from spectral.prepare.range_image import RangeImage, range_image, visibility
+from spectral.prepare.range_image import View, scan_view, visibility
 
 VIEWPOINT = np.array([3.0, -2.0, 1.0])
 STILL = Rotation.from_quat(np.array([[0.0, 0.0, 0.0, 1.0]]))
@@ -23,12 +25,18 @@ def shell(radius: float, seed: int = 1, count: int = 60_000, cone: float = -1.0)
     return VIEWPOINT + radius * directions[directions[:, 0] > cone]
 
 
-def image(device: Device, points: np.ndarray, viewpoint: np.ndarray = VIEWPOINT) -> RangeImage:
-    return range_image(device, points.astype(np.float32), points, viewpoint)
+def view_of(device: Device, points: np.ndarray, viewpoints: np.ndarray = VIEWPOINT) -> View:
+    return scan_view(device, points.astype(np.float32), points, viewpoints)
+
+
+def cells_of(view: View) -> np.ndarray:
+    """(edge, edge, 2) of its only image."""
+    (image,) = view.images
+    return image.view.get()
 
 
 def test_cells_hold_the_ranges_of_their_points(device: Device) -> None:
-    view = image(device, shell(20.0)).view.get()
+    view = cells_of(view_of(device, shell(20.0)))
     seen = np.isfinite(view[..., 0])
     assert seen.mean() > 0.9
     np.testing.assert_allclose(view[seen], 20.0, rtol=1e-5)
@@ -39,7 +47,7 @@ def test_a_wild_echo_among_many_changes_no_cell(device: Device) -> None:
     """A hundred points in one direction, at ranges of 20 to 21, and one at 5 and one at 60."""
     along = np.array([0.6, 0.64, 0.48])
     ranges = np.concatenate([np.linspace(20, 21, 100), [5.0, 60.0]])
-    view = image(device, VIEWPOINT + ranges[:, None] * along).view.get()
+    view = cells_of(view_of(device, VIEWPOINT + ranges[:, None] * along))
     near, far = view[np.isfinite(view[..., 0])].T
     assert (near >= 19.99).all()
     assert (far <= 21.01).all()
@@ -50,15 +58,15 @@ def test_a_wild_echo_among_many_changes_no_cell(device: Device) -> None:
 @pytest.mark.parametrize(("inner", "single"), [(0, True), (6000, True), (30_000, False)])
 def test_a_second_surface_behind_the_first_is_no_view(device: Device, inner: int, single: bool) -> None:
     points = np.vstack([shell(20.0, 1), shell(12.0, 2)[:inner]])
-    assert image(device, points).single is single
+    assert bool(view_of(device, points).images) is single
 
 
 @pytest.mark.parametrize("count", [1500, 6000])
 def test_two_sparse_surfaces_are_no_view_either(device: Device, count: int) -> None:
     """Most points are alone in their cells, and would agree with themselves."""
     points = np.vstack([shell(20.0, 1, count), shell(12.0, 2, count)])
-    assert not image(device, points).single
-    assert image(device, shell(20.0, 1, count)).single
+    assert not view_of(device, points).images
+    assert view_of(device, shell(20.0, 1, count)).images
 
 
 class TestVisibility:
@@ -67,9 +75,9 @@ class TestVisibility:
     @staticmethod
     def seen(device: Device, radius: float, reach: float = 1.0, slope: float = 0.0) -> np.ndarray:
         """Shares that agree, contradict, and are seen, of the source's points alone."""
-        target = image(device, shell(20.0, 1))
-        source = image(device, np.vstack([shell(radius, 3, cone=0.5), shell(9.0, 4, cone=0.5)]))
-        assert not source.single
+        target = view_of(device, shell(20.0, 1))
+        source = view_of(device, np.vstack([shell(radius, 3, cone=0.5), shell(9.0, 4, cone=0.5)]))
+        assert not source.images
         shares = visibility(device, target, source, STILL, np.zeros((1, 3)), reach, slope)
         return np.array([shares.agree[0], shares.contradict[0], shares.seen[0]])
 
@@ -92,7 +100,7 @@ class TestVisibility:
 
 def test_both_views_are_asked_and_their_mean_told(device: Device) -> None:
     """The target's sensor saw through to 30 voxels, the source's to 20 in the same direction."""
-    far, near = image(device, shell(30.0, 1)), image(device, shell(20.0, 2))
+    far, near = view_of(device, shell(30.0, 1)), view_of(device, shell(20.0, 2))
     shares = visibility(device, far, near, STILL, np.zeros((1, 3)), 1.0, 0.0)
     assert shares.contradict[0] == pytest.approx(0.5, abs=0.05)
     assert shares.agree[0] == 0
@@ -104,8 +112,8 @@ def test_the_other_way_round_says_the_same(device: Device) -> None:
     wall = np.column_stack([np.full(9000, 18.0), rng.uniform(-15, 15, 9000), rng.uniform(-9, 9, 9000)])
     R = Rotation.from_euler("ZYX", [[20, -5, 8], [18, -4, 9], [-40, 10, 0]], degrees=True)
     shifts = np.array([[2.0, -3.0, 1.0], [2.5, -2.0, 0.0], [9.0, 1.0, 1.0]])
-    target = image(device, wall, np.array([-5.0, 2.0, 1.0]))
-    source = image(device, R[0].inv().apply(wall - shifts[0]), np.array([-7.0, 1.0, 0.0]))
+    target = view_of(device, wall, np.array([-5.0, 2.0, 1.0]))
+    source = view_of(device, R[0].inv().apply(wall - shifts[0]), np.array([-7.0, 1.0, 0.0]))
     there = visibility(device, target, source, R, shifts, 1.0, 0.01)
     back = visibility(device, source, target, R.inv(), -R.inv().apply(shifts), 1.0, 0.01)
     np.testing.assert_allclose(back.agree, there.agree, atol=0.002)
@@ -116,6 +124,61 @@ def test_the_other_way_round_says_the_same(device: Device) -> None:
 
 
 def test_without_any_view_nothing_is_known(device: Device) -> None:
-    blind = image(device, np.vstack([shell(20.0, 1), shell(12.0, 2)]))
+    blind = view_of(device, np.vstack([shell(20.0, 1), shell(12.0, 2)]))
     shares = visibility(device, blind, blind, STILL, np.zeros((1, 3)), 1.0, 0.0)
     assert np.isnan([shares.agree, shares.contradict, shares.seen]).all()
+
+
+class TestManyViewpoints:
+    """A wall at x = 20, seen in two halves from two places; in front of the far half stands what only one could see."""
+
+    PLACES = np.array([[0.0, -12.0, 1.0], [0.0, 12.0, -1.0]])
+
+    def wall(self, seed: int) -> tuple[np.ndarray, np.ndarray]:
+        """Points and the place that each was seen from."""
+        rng = np.random.default_rng(seed)
+        points = np.column_stack([np.full(16_000, 20.0), rng.uniform(-20, 20, 16_000), rng.uniform(-8, 8, 16_000)])
+        return points, self.PLACES[(points[:, 1] > 0).astype(int)]
+
+    def test_every_place_has_an_image_of_what_was_seen_from_there(self, device: Device) -> None:
+        points, places = self.wall(1)
+        view = view_of(device, points, places)
+        assert len(view.images) == 2
+        for image in view.images:
+            (place,) = [place for place in self.PLACES if np.allclose(place, image.viewpoint)]
+            near = image.view.get()[..., 0]
+            half = points[np.sign(points[:, 1]) == np.sign(place[1])]
+            ranges = np.linalg.norm(half - place, axis=1)
+            assert ranges.min() - 0.01 <= near[np.isfinite(near)].min()
+            assert near[np.isfinite(near)].max() <= ranges.max()
+
+    def test_a_point_on_the_wall_agrees_and_one_before_it_contradicts(self, device: Device) -> None:
+        points, places = self.wall(1)
+        target = view_of(device, points, places)
+        shares = []
+        for before in (0.0, 6.0):
+            there = self.wall(2)[0] - [before, 0, 0]
+            blind = replace(view_of(device, there), images=())
+            shares.append(visibility(device, target, blind, STILL, np.zeros((1, 3)), 1.0, 0.0))
+        assert shares[0].agree[0] > 0.85
+        assert shares[0].contradict[0] < 0.02
+        assert shares[1].agree[0] < 0.02
+        assert shares[1].contradict[0] > 0.4
+
+    def test_one_place_for_all_points_is_a_single_view(self, device: Device) -> None:
+        points = shell(20.0)
+        given = view_of(device, points, np.tile(VIEWPOINT, (len(points), 1)))
+        np.testing.assert_array_equal(cells_of(given), cells_of(view_of(device, points)))
+        assert given.repeats == pytest.approx(1.0)
+
+    def test_of_very_many_places_some_take_part(self, device: Device) -> None:
+        """A line flown over a bed: 300 pings from 300 places."""
+        along = np.repeat(np.arange(300.0), 40)
+        across = np.tile(np.linspace(-15, 15, 40), 300)
+        points = np.column_stack([along, across, np.full(12_000, -12.0)])
+        places = np.column_stack([along, 0 * along, 0 * along])
+        view = view_of(device, points, places)
+        assert len(view.images) == 12
+        stations = np.array([image.viewpoint[0] for image in view.images])
+        assert stations.min() < 10
+        assert stations.max() > 290

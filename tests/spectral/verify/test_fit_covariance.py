@@ -67,7 +67,7 @@ def test_a_plane_leaves_three_directions_open() -> None:
     covariance = about(register(plane(rng, 0.35), source).covariance, source.mean(axis=0))
     turns, shifts = np.sqrt(np.linalg.eigvalsh(covariance[:3, :3])), np.sqrt(np.linalg.eigvalsh(covariance[3:, 3:]))
     assert turns[2] > 10 * turns[1]
-    assert shifts[1] > 10 * shifts[0]
+    assert shifts[1] > 5 * shifts[0]
 
 
 def corner(rng: np.random.Generator) -> np.ndarray:

@@ -30,9 +30,8 @@ def pair_test() -> HypothesisTest:
     device, grid = choose_device(), Grid(EDGE, VOXEL)
     registrar = SpectralRegistrar(device, grid)
     target, source = (registrar.prepare(Scan(seen(relief(1), T, 15.0))) for T in (HERE, THERE))
-    return HypothesisTest(
-        Verifier(device, EDGE), ThreadPoolExecutor(2), grid, target, source, Bounds(np.pi, None, VOXEL)
-    )
+    pool = ThreadPoolExecutor(2)
+    return HypothesisTest(Verifier(device, EDGE, pool), pool, grid, target, source, Bounds(np.pi, None, VOXEL))
 
 
 def true_shift(pair_test: HypothesisTest) -> np.ndarray:
@@ -41,7 +40,7 @@ def true_shift(pair_test: HypothesisTest) -> np.ndarray:
 
 
 def refined(R: Rotation, shift: np.ndarray) -> Hypothesis:
-    return Hypothesis(Fit(R, shift, np.eye(6), 0.1, 100.0), 0.5, 20.0, 0.5)
+    return Hypothesis(Fit(R, shift, np.eye(6), 0.1, 100.0), 0.5, 20.0)
 
 
 def off(pair_test: HypothesisTest, hypothesis: Hypothesis) -> float:
@@ -92,7 +91,7 @@ def test_any_number_of_threads_finds_the_same(pair_test: HypothesisTest) -> None
 def test_the_best_ends_nearer_and_stands_once(pair_test: HypothesisTest) -> None:
     rough = refined(Rotation.from_rotvec([0, 0, 0.01]) * TRUE.rotation, true_shift(pair_test) + 0.8)
     first = pair_test.compare([rough])[0]
-    best, *others = pair_test.finish([first, replace(first, psr=first.psr / 2)], spectral=False)
+    best, *others = pair_test.finish([first, replace(first, candidate_psr=first.candidate_psr / 2)], spectral=False)
     assert others == []
     assert off(pair_test, best) < min(0.3, off(pair_test, rough))
     T = pair_test.transform(best.fit)

@@ -110,3 +110,44 @@ def test_twice_is_the_same(pair: tuple[Surface, Surface]) -> None:
     first, second = (refine(*pair, R_TRUE, SHIFT_TRUE + 0.5, REACHES, 500) for _ in range(2))
     np.testing.assert_array_equal(first.information, second.information)
     np.testing.assert_array_equal(first.shift, second.shift)
+
+
+def thick_corner(seed: int, noise: float) -> np.ndarray:
+    """Points of three walls at right angles, `noise` voxels (rms) off them, one for each voxel that they fill."""
+    rng = np.random.default_rng(seed)
+    u, off = rng.uniform(-1, 1, (13_000, 6)), rng.normal(0, noise, (3, 13_000))
+    floor = np.column_stack([56 * u[:, 0], 36 * u[:, 1], off[0] - 24])
+    side = np.column_stack([56 + off[1], 36 * u[:, 2], 24 * u[:, 3]])
+    back = np.column_stack([56 * u[:, 4], 36 + off[2], 24 * u[:, 5]])
+    points = np.vstack([floor, side, back])
+    return points[np.unique(np.floor(points), axis=0, return_index=True)[1]]
+
+
+def test_noise_of_a_quarter_to_four_voxels_tells_itself_apart() -> None:
+    """The residual alone, within a fixed reach, is the same for a voxel of noise and for four."""
+    widths = []
+    for noise in (0.25, 0.5, 1.0, 2.0, 4.0):
+        target, source = (surface(thick_corner(seed, noise)) for seed in (1, 2))
+        rough = refine(target, source, Rotation.identity(), np.zeros(3), (4.0, 4.0, 3.0), 800)
+        fit = refine(target, source, rough.R, rough.shift, (4.0, 2.0, 1.5, 1.5), 800, rough.width)
+        widths.append(fit.width)
+        assert np.linalg.norm(fit.shift) < 0.3 * max(noise, 0.5)
+    assert (np.diff(widths) > 0.12 * np.array(widths[:-1])).all()
+    assert widths[-1] > 5 * widths[0]
+
+
+def test_wide_scans_are_brought_together_as_a_whole() -> None:
+    """Two layers 3 voxels apart on either side: a narrow bell would stop where one layer of each meets."""
+    floor = np.column_stack([np.random.default_rng(3).uniform(-40, 40, (6000, 2)), np.zeros(6000)])
+    layers = np.vstack([floor[:3000], floor[3000:] + np.array([0, 0, 3.0])])
+    target, source = surface(layers), surface(layers[::-1] * np.array([1, -1, 1.0]))
+    narrow = refine(target, source, Rotation.identity(), np.array([0, 0, 2.6]), (1.5,) * 10, 3000)
+    wide = refine(target, source, Rotation.identity(), np.array([0, 0, 2.6]), (1.5,) * 10, 3000, width=2.0)
+    assert narrow.shift[2] > 2.5
+    assert abs(wide.shift[2]) < narrow.shift[2] - 0.5
+
+
+def test_information_does_not_depend_on_how_many_points_took_part(pair: tuple[Surface, Surface]) -> None:
+    few, many = (refine(*pair, R_TRUE, SHIFT_TRUE, REACHES, most) for most in (500, 3000))
+    assert few.pairs == pytest.approx(many.pairs, rel=0.1)
+    np.testing.assert_allclose(np.diag(few.information), np.diag(many.information), rtol=0.25)

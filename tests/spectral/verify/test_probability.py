@@ -1,6 +1,6 @@
 """The probability of hypotheses: what it falls with, and the answers that cannot be excluded."""
 
-from dataclasses import replace
+from dataclasses import fields, replace
 from math import erf
 
 import numpy as np
@@ -12,34 +12,59 @@ from spectral.grid import Grid, choose_grid
 from spectral.registration import SpectralRegistrar
 from spectral.result import Registration
 from spectral.scan import Scan
-from spectral.verify.hypothesis import Hypothesis
+from spectral.verify.hypothesis import Evidence, Hypothesis
 from spectral.verify.icp import Fit
 from spectral.verify.probability import (
     LOGISTIC,
+    Clues,
+    clues,
     explain,
     hypothesis_probabilities,
     tolerance_probability,
 )
 from tools.simulate.pairs.pair_set import evaluation_unrelated
 
-CLEAR = {"psr": 80.0, "distinction": 10.0, "consistency": 0.8, "rival": 1.5}
+CLEAR = Clues(psr=1.4, view=-0.2, surface=-0.4, sharpness=0.5, firmness=0.8, lead=3.0, search=0.0)
 
 
-def hypothesis(psr: float, consistency: float) -> Hypothesis:
+def hypothesis(psr: float, view: float, width: float = 0.15) -> Hypothesis:
     """With this evidence."""
     fit = Fit(Rotation.identity(), np.zeros(3), np.eye(6), 0.1, 1000.0)
-    return Hypothesis(fit, 0.4, 20.0, consistency, psr, psr, 0.5)
+    evidence = Evidence(view, view, 0.6, 0.5, 0.1, width, 0.12, psr, psr)
+    return Hypothesis(fit, 0.4, 20.0, evidence)
 
 
-def probabilities(*hypotheses: Hypothesis, edge: int = 128) -> list[float]:
-    return hypothesis_probabilities(hypotheses, edge)
+def probabilities(*hypotheses: Hypothesis, edge: int = 128, search: float = 0.0) -> list[float]:
+    return hypothesis_probabilities(hypotheses, edge, search)
 
 
-@pytest.mark.parametrize("evidence", CLEAR)
-def test_the_probability_falls_with_all_evidence(evidence: str) -> None:
-    clear = LOGISTIC.probability(**CLEAR)
-    assert 0.99 < clear < 1
-    assert LOGISTIC.probability(**{**CLEAR, evidence: CLEAR[evidence] / 2}) < clear
+@pytest.mark.parametrize("clue", [field.name for field in fields(Clues)])
+def test_the_probability_grows_with_every_clue(clue: str) -> None:
+    clear = LOGISTIC.probability(CLEAR)
+    assert 0.9 < clear < 1
+    assert LOGISTIC.probability(replace(CLEAR, **{clue: getattr(CLEAR, clue) - 1.0})) < clear
+
+
+def test_clues_are_logarithms_of_the_evidence() -> None:
+    best, rival = hypothesis(60.0, 0.8, 0.05), hypothesis(30.0, 0.5, 0.15)
+    found = clues(best, [best, rival], 128, -3.0)
+    assert found.psr == pytest.approx(np.log(60) - 3)
+    assert found.view == pytest.approx(np.log(0.8))
+    assert found.surface == pytest.approx(np.log(0.6))
+    assert found.sharpness == pytest.approx(-np.log(0.05) - 1.5)
+    assert found.firmness == pytest.approx(np.log(0.12) + 3)
+    assert found.lead == pytest.approx(min(best.score - rival.score, 4.0))
+    assert found.search == 1.0
+    assert dict(found.numbers())["p_lead"] == found.lead
+    assert clues(rival, [best, rival], 128).lead == -found.lead
+    assert clues(best, [best], 128).lead == 4.0
+
+
+def test_few_poses_to_search_make_chance_agreement_rarer() -> None:
+    wide, narrow = (
+        probabilities(hypothesis(15, 0.6), hypothesis(12, 0.55), search=search)[0] for search in (0.0, -6.0)
+    )
+    assert narrow > wide
 
 
 def test_a_pose_that_is_left_open_is_less_probable() -> None:
@@ -49,6 +74,16 @@ def test_a_pose_that_is_left_open_is_less_probable() -> None:
     turn = {sigma: erf(np.deg2rad(6) / sigma / np.sqrt(2)) for sigma in (1.5, 0.75)}
     assert one_sigma == pytest.approx(0.6827 * turn[1.5], rel=1e-3)
     assert two_sigma == pytest.approx(0.9545 * turn[0.75], rel=1e-3)
+
+
+def test_where_instruments_bound_a_direction_their_errors_are_allowed() -> None:
+    """Navigation knows the shift to 1.4 m, the scans leave it open: three standard deviations are no error."""
+    open_shift = np.diag([1e-6] * 3 + [2.0, 0.01, 0.01])
+    instruments = np.diag([1e-3] * 3 + [2.0, 2.0, 0.1])
+    assert tolerance_probability(open_shift, 0.2) < 0.4
+    assert tolerance_probability(open_shift, 0.2, instruments) > 0.99
+    unknown = np.diag([1e-3] * 3 + [900.0, 900.0, 0.1])
+    assert tolerance_probability(open_shift, 0.2, unknown) == tolerance_probability(open_shift, 0.2)
 
 
 def test_a_rival_makes_both_doubtful() -> None:
@@ -72,7 +107,7 @@ def test_several_answers_are_never_more_probable_than_one() -> None:
 
 def test_a_rival_that_the_views_like_better_counts_even_where_its_peak_is_low() -> None:
     best = hypothesis(60, 0.6)
-    assert probabilities(best, hypothesis(5, 0.9))[0] < probabilities(best, hypothesis(5, 0.5))[0]
+    assert probabilities(best, hypothesis(5, 0.9))[0] < probabilities(best, hypothesis(5, 0.3))[0]
 
 
 def test_a_large_grid_asks_for_higher_peaks() -> None:
@@ -95,7 +130,11 @@ def room(rng: np.random.Generator, marked: bool) -> np.ndarray:
             points[:, axis] = side * half[axis]
             sides.append(points)
     if marked:
-        sides.append(rng.uniform([12.0, 3.0, -9.0], [26.0, 14.0, 2.0], (2 * n, 3)))
+        low, high = np.array([12.0, 3.0, -9.0]), np.array([26.0, 14.0, 2.0])
+        faces = rng.uniform(low, high, (2 * n, 3))
+        axis, upper = rng.integers(3, size=2 * n), rng.random(2 * n) < 0.5
+        faces[np.arange(2 * n), axis] = np.where(upper, high[axis], low[axis])
+        sides.append(faces)
     return np.vstack(sides) + rng.normal(0, 0.15, (sum(map(len, sides)), 3))
 
 

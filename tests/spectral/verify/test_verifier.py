@@ -1,5 +1,6 @@
 """Candidates under each rotation: shifts and what they mean, which are distinct, the evidence for and against."""
 
+from concurrent.futures import ThreadPoolExecutor
 from dataclasses import replace
 
 import numpy as np
@@ -12,6 +13,7 @@ from spectral.prepare.spectral_scan import SpectralScan
 from spectral.registration import SpectralRegistrar
 from spectral.scan import Scan
 from spectral.so3 import RotationPeaks
+from spectral.translation import Box
 from spectral.verify.candidates import Candidates
 from spectral.verify.hypothesis import Hypothesis
 from spectral.verify.icp import Fit
@@ -21,12 +23,13 @@ from tests.samples.reliefs import above, relief, seen
 EDGE, VOXEL = 64, 0.5
 HERE, THERE = above(-5, 3, 12), above(4.0, -6.0, 13, 25, 4, -7)
 TRUE = HERE.inv() * THERE
+ANYWHERE: list[Box | None] = [None]
 WRONG = Rotation.from_euler("Z", 90, degrees=True) * TRUE.rotation
 
 
 @pytest.fixture(scope="module")
 def verifier() -> Verifier:
-    return Verifier(choose_device(), EDGE)
+    return Verifier(choose_device(), EDGE, ThreadPoolExecutor(2))
 
 
 @pytest.fixture(scope="module")
@@ -67,7 +70,7 @@ class TestConsistency:
 
 class TestCandidates:
     def test_the_true_shift_is_named_under_the_true_rotation(self, verifier, pair) -> None:
-        candidates = verifier.candidates(*pair, peaks(WRONG, TRUE.rotation))
+        candidates = verifier.candidates(*pair, peaks(WRONG, TRUE.rotation), ANYWHERE * 2)
         off = np.linalg.norm(candidates.shifts - shift_of(pair), axis=1)
         right = np.flatnonzero(off < 2.0)
         assert (candidates.rotation[right] == 1).all()
@@ -75,7 +78,7 @@ class TestCandidates:
         np.testing.assert_allclose((candidates.R[int(right[0])] * TRUE.rotation.inv()).magnitude(), 0, atol=1e-9)
 
     def test_the_whole_grid_names_it_to_a_voxel(self, verifier, pair) -> None:
-        candidates = verifier.fine_candidates(*pair, peaks(TRUE.rotation))
+        candidates = verifier.fine_candidates(*pair, peaks(TRUE.rotation), ANYWHERE)
         highest = np.argmax(candidates.psr)
         off = np.linalg.norm(candidates.shifts - shift_of(pair), axis=1)
         assert off[candidates.psr == candidates.psr[highest]].min() < 1.0
@@ -102,7 +105,7 @@ class TestCandidates:
 
     def test_the_best_is_the_true_one_and_none_comes_twice(self, verifier, pair) -> None:
         nearby = Rotation.from_rotvec([0, 0, 0.03]) * TRUE.rotation
-        candidates = verifier.candidates(*pair, peaks(WRONG, nearby, TRUE.rotation))
+        candidates = verifier.candidates(*pair, peaks(WRONG, nearby, TRUE.rotation), ANYWHERE * 3)
         best = verifier.best(*pair, candidates, 5)
         assert len(best) == 5
         first = candidates.select(np.arange(len(candidates.psr)) == best[0])
@@ -113,15 +116,47 @@ class TestCandidates:
                 turned = (candidates.R[int(index)].inv() * candidates.R[int(better)]).magnitude()
                 assert apart > 6.0 or turned > np.deg2rad(4.99)
 
+    def test_both_whitenings_name_candidates_on_one_scale(self, verifier, pair) -> None:
+        """The usual highest peak of either stands for the same height."""
+        candidates = verifier.candidates(*pair, peaks(WRONG, TRUE.rotation), ANYWHERE * 2)
+        half = len(candidates.psr) // 2
+        assert sorted(set(candidates.rotation.tolist())) == [0, 1]
+        off = np.linalg.norm(candidates.shifts - shift_of(pair), axis=1)
+        heights = np.unique(candidates.psr[off < 2.0].round(6))
+        assert len(heights) >= 2
+        assert heights.max() < 2 * heights.min()
+        assert half > 0
+
+    def test_a_box_bounds_the_shifts_and_says_which_is_meant(self, verifier, pair) -> None:
+        center = np.rint(shift_of(pair)) + np.array([2, -3, 1])
+        box = Box(center, np.array([6.0, 6.0, 6.0]))
+        for named in (verifier.candidates, verifier.fine_candidates):
+            candidates = named(*pair, peaks(TRUE.rotation), [box])
+            # a whole number of voxels of the coarse grid, and half a one besides
+            assert (np.abs(candidates.shifts - center) <= 6.0 + 2.0).all()
+            highest = candidates.shifts[np.argmax(candidates.psr)]
+            assert np.linalg.norm(highest - shift_of(pair)) < 2.0
+
+    def test_heights_are_those_of_the_highest_peaks_of_rotations(self) -> None:
+        R = Rotation.identity(5)
+        given = Candidates(np.array([0, 0, 1, 1, 2]), R, np.zeros((5, 3)), np.array([9.0, 4, 8, 2, 20]), np.zeros(5))
+        assert given.usual_height() == 9.0
+        assert given.raised(2.0).psr.tolist() == [18, 8, 16, 4, 40]
+        assert Candidates.joined([given, given.raised(0.5)]).psr.tolist() == [9, 4, 8, 2, 20, 4.5, 2, 4, 1, 10]
+        assert given.select(np.zeros(5, dtype=bool)).usual_height() == 1.0
+
 
 class TestEvidence:
     def test_the_true_pose_is_told_from_one_that_is_off(self, verifier, pair) -> None:
         above_true = hypothesis(TRUE.rotation, shift_of(pair) + np.array([0, 0, 6.0]), 0.1)
         true = hypothesis(TRUE.rotation, shift_of(pair), 0.9)
         best, second = verifier.rank(*pair, [above_true, true])
-        assert best.consistency > 0.8 > 2 * second.consistency
-        assert best == replace(true, consistency=best.consistency)
-        assert np.isnan([best.psr, best.coarse_psr, best.overlap]).all()
+        assert best.evidence.view > 0.8 > 2 * second.evidence.view
+        assert best.evidence.coarse_view > 0.8
+        assert best.evidence.surface > 2 * second.evidence.surface
+        assert best == replace(true, evidence=best.evidence)
+        assert (best.evidence.residual, best.evidence.width) == (true.fit.residual, true.fit.width)
+        assert np.isnan([best.evidence.psr, best.evidence.coarse_psr]).all()
 
     def test_poses_that_came_out_at_one_place_are_the_same(self, verifier, pair) -> None:
         turned = Rotation.from_rotvec([0, 0, 0.02]) * TRUE.rotation
@@ -132,22 +167,20 @@ class TestEvidence:
 
     def test_on_the_whole_grid_only_the_true_pose_has_a_peak(self, verifier, pair) -> None:
         given = [hypothesis(TRUE.rotation, shift_of(pair)), hypothesis(WRONG, shift_of(pair))]
-        right, wrong = (
-            verifier.measure(*pair, ranked, verifier.overlap(*pair, ranked.fit))
-            for ranked in verifier.rank(*pair, given)
-        )
+        right, wrong = (verifier.measure(*pair, ranked) for ranked in verifier.rank(*pair, given))
         assert right.fit is given[0].fit
-        assert right.psr > 30 > 10 > wrong.psr
-        assert right.overlap > 0.35
-        assert right.coarse_psr > 2 * wrong.coarse_psr
-        assert right.score == pytest.approx(right.consistency**3 * np.sqrt(right.psr * right.coarse_psr))
+        assert right.evidence.psr > 30 > 10 > wrong.evidence.psr
+        assert right.evidence.overlap > 0.35
+        assert right.evidence.coarse_psr > 2 * wrong.evidence.coarse_psr
+        assert right.score > wrong.score + 1
 
-    def test_without_a_view_the_points_in_common_are_the_evidence(self, verifier, pair) -> None:
-        blind = tuple(replace(scan, image=replace(scan.image, single=False)) for scan in pair)
+    def test_without_a_view_the_surfaces_are_the_evidence(self, verifier, pair) -> None:
+        blind = tuple(replace(scan, view=replace(scan.view, images=())) for scan in pair)
         true = hypothesis(TRUE.rotation, shift_of(pair))
         (without_view,), (with_view,) = verifier.rank(*blind, [true]), verifier.rank(*pair, [true])
-        assert without_view.consistency == verifier.overlap(*pair, true.fit)
-        assert without_view.consistency != with_view.consistency
-        candidates = verifier.candidates(*blind, peaks(WRONG, TRUE.rotation))
+        assert np.isnan(without_view.evidence.view)
+        assert without_view.evidence.consistency == without_view.evidence.surface == with_view.evidence.surface
+        assert with_view.evidence.consistency == with_view.evidence.view
+        candidates = verifier.candidates(*blind, peaks(WRONG, TRUE.rotation), ANYWHERE * 2)
         best = verifier.best(*blind, candidates, 1)
         assert np.linalg.norm(candidates.shifts[best[0]] - shift_of(pair)) < 3.0

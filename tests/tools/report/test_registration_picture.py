@@ -118,13 +118,13 @@ class TestView:
         # turned aside, so that there are many
         R = Rotation.from_euler("z", 12, degrees=True) * T.rotation
         shift = (T.translation - a.volume.center + R.apply(b.volume.center)) / voxel
-        shares = visibility(registrar.device, a.image, b.image, Rotation.concatenate([R]), shift[None], 1.0, 0.01)
+        shares = visibility(registrar.device, a.view, b.view, Rotation.concatenate([R]), shift[None], 1.0, 0.01)
         every = [scan.volume.surface[:: max(1, len(scan.volume.surface) // 1500)] for scan in (a, b)]
-        forth = contradicting(a.image, R.apply(every[1]) + shift)
-        back = contradicting(b.image, R.inv().apply(every[0] - shift))
+        forth = contradicting(a.view, R.apply(every[1]) + shift)
+        back = contradicting(b.view, R.inv().apply(every[0] - shift))
         assert shares.contradict[0] > 0.02
         assert (forth.mean() + back.mean()) / 2 == pytest.approx(shares.contradict[0], abs=0.002)
-        assert not contradicting(replace(a.image, single=False), R.apply(every[1]) + shift).any()
+        assert not contradicting(replace(a.view, images=()), R.apply(every[1]) + shift).any()
 
 
 class TestPicture:

@@ -1,0 +1,80 @@
+"""What instruments measured of a pair, linear about a pose: a factor beside the planes of both scans."""
+
+from dataclasses import dataclass, replace
+
+import numpy as np
+from scipy.stats import chi2
+
+# Chi-squared of 1..6 numbers that is as rare as 3 and 4 standard deviations of one. See `PriorTerm.distortion`.
+_LIMITS = [(chi2.isf(chi2.sf(9.0, 1), k), chi2.isf(chi2.sf(16.0, 1), k)) for k in range(1, 7)]
+_UNKNOWN = 1e6
+# Information that keeps a pose in its place where neither scans nor instruments know anything.
+_STAY = 1e-6
+
+
+@dataclass(frozen=True, slots=True)
+class PriorTerm:
+    """Measurements of instruments, linear about a pose of k components.
+
+    Attributes:
+        residual: (k,) the pose less what was measured [rad, m].
+        jacobian: (k, 6) of the residual, by a turn of the target's axes about the source's grid center and a shift
+            along them, rotation first [rad, voxels].
+        covariance: (k, k) of the residual at the true pose.
+        systematic: (6, 6) the covariance of errors that all points of the scans share, as `Calibration` has it: it
+            decides, with that of the planes, how much the scans are worth beside the instruments.
+    """
+
+    residual: np.ndarray
+    jacobian: np.ndarray
+    covariance: np.ndarray
+    systematic: np.ndarray
+
+    def moved(self, step: np.ndarray) -> "PriorTerm":
+        """About the pose that lies a (6,) small step further, rotation first [rad, voxels]."""
+        return replace(self, residual=self.residual + self.jacobian @ step)
+
+    def information(self) -> np.ndarray:
+        """(6, 6) what the instruments know of the turn and shift."""
+        return self.jacobian.T @ np.linalg.solve(self.covariance, self.jacobian)
+
+    def distortion(self, covariance: np.ndarray, step: np.ndarray) -> np.ndarray:
+        """(6, 6) the covariance of the scans' distortion, as far as the instruments show it.
+
+        A sonar that guesses elevations shows walls that lean, a wrong speed of sound bends the bed. Two such scans fit
+        best where the vehicle was not. Where the best fit is as far from what was measured as 3 standard deviations of
+        a single number would be, the scans are believed less in that direction, and from 4 on only the instruments are.
+
+        Args:
+            covariance: (6, 6) of the pose, by the scans alone.
+            step: (6,) from the pose to where the scans alone would have it.
+        """
+        off = self.residual + self.jacobian @ step
+        together = self.jacobian @ covariance @ self.jacobian.T + self.covariance
+        believed, distorted = _LIMITS[len(off) - 1]
+        squared = float(off @ np.linalg.solve(together, off))
+        if squared <= believed:
+            return np.zeros((6, 6))
+        factor = (squared - believed) / max(distorted - squared, distorted / _UNKNOWN)
+        along = np.linalg.pinv(self.jacobian) @ off
+        return factor / squared * np.outer(along, along)
+
+
+def posterior_step(hessian: np.ndarray, gradient: np.ndarray, variance: float, term: PriorTerm | None) -> np.ndarray:
+    """(6,) the Gauss-Newton step, by the scans' planes and the instruments together.
+
+    Args:
+        hessian, gradient: (6, 6) and (6,) of half the squared distances to the planes.
+        variance: of these distances, as far as they are independent [voxels^2].
+        term: what the instruments measured; None for nothing.
+    """
+    # what nothing fixes stays where it is
+    damped = hessian + 1e-9 * (np.trace(hessian) + 1e-9) * np.eye(6)
+    step = -np.linalg.solve(damped, gradient)
+    if term is None:
+        return step
+    scans = np.linalg.inv(damped) * variance + term.systematic
+    information = np.linalg.inv(scans + term.distortion(scans, step))
+    pull = term.jacobian.T @ np.linalg.solve(term.covariance, term.residual)
+    total = information + term.information() + _STAY * np.eye(6)
+    return np.linalg.solve(total, information @ step - pull)

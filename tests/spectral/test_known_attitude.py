@@ -1,0 +1,210 @@
+"""Scans whose attitude instruments measured: found as before and surer, a flat bed too, and level where scans lean."""
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+from scipy.spatial.transform import RigidTransform, Rotation
+
+from kernels.device.device import choose_device
+from kernels.errors import InputError
+from spectral.grid import Grid
+from spectral.prepare.spectral_scan import SpectralScan
+from spectral.registration import SpectralRegistrar
+from spectral.result import Registration
+from spectral.scan import PosePrior, Scan
+from tests.samples.relative_priors import ALL, ATTITUDE, DEPTH, knowing, unexact
+from tests.samples.reliefs import above, relief, seen
+from tests.samples.structures import difference
+
+EDGE, VOXEL = 64, 0.5
+HERE, THERE = above(0, 0, 12), above(3, -2, 13, 25, 4, -7)
+T_TRUE = HERE.inv() * THERE
+SIGMAS = np.array([*np.deg2rad([1.0, 1.0, 3.0]), 1.0, 1.0, 0.15])
+RELATIVE = np.sqrt(2) * SIGMAS
+LEVEL = knowing(ATTITUDE, DEPTH, sigmas=SIGMAS)
+
+
+@pytest.fixture(scope="module")
+def registrar() -> SpectralRegistrar:
+    return SpectralRegistrar(choose_device(), Grid(EDGE, VOXEL))
+
+
+@pytest.fixture(scope="module")
+def scans(registrar: SpectralRegistrar) -> tuple[SpectralScan, SpectralScan]:
+    """Of a rich place, their attitude and depth measured without an error."""
+    target, source = (registrar.prepare(Scan(seen(relief(1), T), prior=PosePrior(T, LEVEL))) for T in (HERE, THERE))
+    return target, source
+
+
+@pytest.fixture(scope="module")
+def upright(registrar: SpectralRegistrar, scans: tuple[SpectralScan, SpectralScan]) -> Registration:
+    return registrar.register(*scans)
+
+
+def off(T_target_source: RigidTransform) -> np.ndarray:
+    """(6,) rotation vector and shift from the true pose, in the world's axes [rad, m]."""
+    turn = HERE.rotation * T_target_source.rotation * T_TRUE.rotation.inv() * HERE.rotation.inv()
+    shift = HERE.rotation.apply(T_target_source.translation - T_TRUE.translation)
+    return np.concatenate([turn.as_rotvec(), shift])
+
+
+def sigmas(covariance: np.ndarray) -> np.ndarray:
+    """(6,) of a registration's covariance, in the world's axes [rad, m]."""
+    to_world = np.kron(np.eye(2), THERE.rotation.as_matrix())
+    return np.sqrt(np.diag(to_world @ covariance @ to_world.T))
+
+
+def assert_not_larger(small: np.ndarray, large: np.ndarray) -> None:
+    least = np.linalg.eigvalsh(large - small)[0]
+    assert least > -1e-9 * np.linalg.eigvalsh(large)[-1]
+
+
+class TestRelief:
+    @pytest.mark.parametrize("seed", [1, 2])
+    def test_found_and_surer_than_by_the_scans_alone(
+        self, registrar: SpectralRegistrar, scans: tuple[SpectralScan, SpectralScan], seed: int
+    ) -> None:
+        rng = np.random.default_rng(seed)
+        measured = (unexact(T, rng, SIGMAS, most=1.5).T_world_sensor for T in (HERE, THERE))
+        pair = [replace(scan, prior=PosePrior(T, LEVEL)) for scan, T in zip(scans, measured, strict=True)]
+        registration = registrar.register(*pair)
+        angle, distance = difference(registration.T_target_source, T_TRUE)
+        assert angle < 0.4
+        assert distance < 0.15
+        assert registration.accepted
+        alone = registration.by_scans
+        assert_not_larger(registration.covariance, alone.covariance)
+        height = sigmas(registration.covariance)[5], sigmas(alone.covariance)[5]
+        assert height[0] < 0.95 * height[1]
+        # scans that show much are believed more than a degree's measurement
+        assert (sigmas(registration.covariance)[:2] < RELATIVE[:2] / 2).all()
+        assert (np.abs(off(registration.T_target_source)) < 4 * sigmas(registration.covariance)).all()
+
+    def test_without_instruments_there_is_nothing_else_by_the_scans(
+        self, registrar: SpectralRegistrar, scans: tuple[SpectralScan, SpectralScan]
+    ) -> None:
+        target, source = scans
+        registration = registrar.register(target, replace(source, prior=None))
+        assert registration.T_by_scans is None
+        assert registration.by_scans is registration
+
+    def test_exact_instruments_do_not_move_it(self, upright: Registration) -> None:
+        difference_by_scans = difference(upright.T_target_source, upright.by_scans.T_target_source)
+        assert difference_by_scans[0] < 0.1
+        assert difference_by_scans[1] < 0.1 * VOXEL
+
+    def test_the_rotations_that_are_followed_are_at_the_measured_tilt(
+        self, registrar: SpectralRegistrar, scans: tuple[SpectralScan, SpectralScan]
+    ) -> None:
+        rotations = registrar.rotations(*scans)
+        assert len(rotations.scores) <= 2 * registrar.config.hypotheses
+        assert (np.diff(rotations.scores) <= 0).all()
+        up = (HERE.rotation * rotations.R * THERE.rotation.inv()).apply([0, 0, 1])
+        assert np.arccos(np.clip(up[:, 2], -1, 1)).max() < 1.51 * RELATIVE[0]
+        assert (rotations.R.inv() * T_TRUE.rotation).magnitude().min() < np.deg2rad(4.0)
+
+
+def bed(seed: int) -> np.ndarray:
+    """Points of a flat ground at z = 0, (n, 3) [m]."""
+    rng = np.random.default_rng(seed)
+    return np.column_stack([rng.uniform(-32, 32, (60_000, 2)), rng.normal(0, 0.03, 60_000)])
+
+
+# what the source's instruments are off by: tilt, heading and shift in the world
+TILT, HEADING, SHIFT = np.deg2rad([0.9, 1.2]), np.deg2rad(2.0), np.array([0.9, -0.7, 0.15])
+
+
+@pytest.fixture(scope="module")
+def flat(registrar: SpectralRegistrar) -> tuple[SpectralScan, SpectralScan]:
+    """Of a flat bed, with all instruments."""
+    wrong = Rotation.from_rotvec([*TILT, 0]) * Rotation.from_euler("Z", HEADING)
+    measured = RigidTransform.from_components(THERE.translation + SHIFT, wrong * THERE.rotation)
+    target = registrar.prepare(Scan(seen(bed(1), HERE), prior=PosePrior(HERE, SIGMAS)))
+    source = registrar.prepare(Scan(seen(bed(2), THERE), prior=PosePrior(measured, SIGMAS)))
+    return target, source
+
+
+@pytest.fixture(scope="module")
+def of_flat(registrar: SpectralRegistrar, flat: tuple[SpectralScan, SpectralScan]) -> Registration:
+    return registrar.register(*flat)
+
+
+class TestFlatBed:
+    def test_it_is_an_answer(self, of_flat: Registration) -> None:
+        assert of_flat.accepted
+        assert 0.85 < of_flat.probability <= 1
+
+    def test_tilt_and_height_are_finer_than_the_instruments(self, of_flat: Registration) -> None:
+        error, sigma = off(of_flat.T_target_source), sigmas(of_flat.covariance)
+        assert np.linalg.norm(error[:2]) < np.linalg.norm(TILT) / 3
+        assert (sigma[:2] < RELATIVE[:2] / 2).all()
+        assert abs(error[5]) < 0.7 * SHIFT[2]
+        assert sigma[5] < 0.75 * RELATIVE[5]
+        assert (np.abs(error) < 3 * sigma).all()
+
+    def test_heading_and_horizontal_shift_are_as_the_instruments_say(self, of_flat: Registration) -> None:
+        error, sigma = off(of_flat.T_target_source), sigmas(of_flat.covariance)
+        assert error[2] == pytest.approx(HEADING, abs=np.deg2rad(0.3))
+        np.testing.assert_allclose(error[3:5], SHIFT[:2], atol=0.1)
+        np.testing.assert_allclose(sigma[2:5], RELATIVE[2:5], rtol=0.1)
+
+    def test_the_scans_alone_leave_these_open(self, of_flat: Registration) -> None:
+        alone = of_flat.by_scans
+        assert_not_larger(of_flat.covariance, alone.covariance)
+        sigma = sigmas(alone.covariance)
+        assert sigma[2] > np.deg2rad(30.0)
+        assert (sigma[3:5] > 10.0).all()
+        assert (sigma[:2] < RELATIVE[:2]).all()
+
+    @pytest.mark.parametrize("missing", [*ALL, None], ids=["attitude", "heading", "position", "depth", "all"])
+    def test_without_one_of_the_instruments_it_is_refused(
+        self, registrar: SpectralRegistrar, missing: slice | None
+    ) -> None:
+        known = knowing(*(kind for kind in ALL if kind != missing), sigmas=SIGMAS)
+        prior = None if missing is None else PosePrior(HERE, known)
+        with pytest.raises(InputError, match=r"all its points lie in one plane .* a prior with attitude, heading"):
+            registrar.prepare(Scan(seen(bed(1), HERE), prior=prior))
+
+    def test_without_the_others_prior_it_is_not_believed(
+        self, registrar: SpectralRegistrar, flat: tuple[SpectralScan, SpectralScan]
+    ) -> None:
+        target, source = flat
+        registration = registrar.register(target, replace(source, prior=None))
+        assert not registration.accepted
+        assert np.linalg.eigvalsh(registration.covariance)[-1] > 20.0**2
+
+    def test_a_rich_place_is_not_taken_for_it(
+        self,
+        registrar: SpectralRegistrar,
+        flat: tuple[SpectralScan, SpectralScan],
+        scans: tuple[SpectralScan, SpectralScan],
+    ) -> None:
+        for prior in (None, PosePrior(THERE, SIGMAS)):
+            assert not registrar.register(flat[0], replace(scans[1], prior=prior)).accepted
+
+
+@pytest.mark.parametrize(("degrees", "about"), [(9.0, 0.6), (9.0, 2.0), (5.5, 2.0)])
+def test_scans_that_lean_stay_level_and_are_believed_less(
+    registrar: SpectralRegistrar,
+    scans: tuple[SpectralScan, SpectralScan],
+    upright: Registration,
+    degrees: float,
+    about: float,
+) -> None:
+    """A sonar that guesses elevations shows all that stands leaning; both attitudes are measured within a degree.
+
+    Without instruments the scans fit best as they lean.
+    """
+    axis = np.array([np.cos(about), np.sin(about), 0])
+    lean = THERE.rotation.inv() * Rotation.from_rotvec(np.deg2rad(degrees) * axis) * THERE.rotation
+    points = lean.apply(seen(relief(1), THERE)).astype(np.float32)
+    source = registrar.prepare(Scan(points, prior=PosePrior(THERE, LEVEL)))
+    leaning = registrar.register(scans[0], replace(source, prior=None))
+    assert np.linalg.norm(off(leaning.T_target_source)[:2]) == pytest.approx(np.deg2rad(degrees), rel=0.05)
+    registration = registrar.register(scans[0], source)
+    assert np.linalg.norm(off(registration.T_target_source)[:2]) < np.deg2rad(4.0)
+    tilt, usual = (sigmas(each.by_scans.covariance)[:2] for each in (registration, upright))
+    assert (tilt > 3 * usual).all()
+    assert (np.abs(off(registration.by_scans.T_target_source)[:2]) < 3 * tilt).all()
+    assert_not_larger(registration.covariance, registration.by_scans.covariance)

@@ -1,0 +1,122 @@
+"""Which poses are tried where instruments know which way is up, and how far a shift may be off."""
+
+import numpy as np
+import pytest
+from scipy.spatial.transform import RigidTransform, Rotation
+
+from spectral.prior import RelativePrior
+from spectral.verify.bounds import Bounds
+from tests.samples.relative_priors import (
+    ALL,
+    ATTITUDE,
+    DEPTH,
+    HEADING,
+    POSITION,
+    SIGMAS,
+    T_SOURCE,
+    T_TARGET,
+    T_TRUE,
+    pair,
+    prior,
+    unexact,
+)
+
+SURE = np.deg2rad([1.0, 1.5, 5.0, 100, 100, 5])
+
+
+def bounds(prior: RelativePrior | None, voxel: float = 0.5) -> Bounds:
+    return Bounds(np.pi, prior, voxel)
+
+
+def world_turns(relative: RelativePrior, R: Rotation) -> np.ndarray:
+    """How far rotations are turned from the measured one, (n,) [rad]."""
+    return relative.residuals(RigidTransform.from_rotation(R))[:, 2]
+
+
+class TestSweep:
+    def test_there_is_none_without_priors_or_both_attitudes(self) -> None:
+        unsure_target = RelativePrior(prior(T_TARGET, HEADING, POSITION), prior(T_SOURCE, *ALL))
+        for relative in (None, pair(HEADING, POSITION, DEPTH), pair(DEPTH), unsure_target):
+            assert bounds(relative).sweep is None
+
+    def test_there_is_none_where_a_tilt_is_less_sure_than_three_degrees(self) -> None:
+        """Of both scans together, about the less sure axis."""
+        for degrees, swept in ((2.2, False), (2.1, True)):
+            sigmas = np.array([0.01, np.deg2rad(degrees), 0.1, 1, 1, 1])
+            assert (bounds(pair(ATTITUDE, sigmas=sigmas)).sweep is not None) is swept
+
+    @pytest.mark.parametrize("kinds", [(ATTITUDE,), (ATTITUDE, HEADING)])
+    def test_the_truth_lies_near_a_rotation_of_it(self, kinds: tuple[slice, ...]) -> None:
+        """Half of 4 degrees from the nearest turn, and of tilts within 2 sigmas a sigma from the nearest tilt."""
+        rng = np.random.default_rng(3)
+        tried = 0
+        for _ in range(150):
+            R_target, R_source = Rotation.random(2, rng=rng)
+            T_target, T_source = (RigidTransform.from_rotation(R) for R in (R_target, R_source))
+            measured = (unexact(T, rng, SURE, most=2.5) for T in (T_target, T_source))
+            relative = RelativePrior(*(prior(each.T_world_sensor, *kinds, sigmas=SURE) for each in measured))
+            true = R_target.inv() * R_source
+            tilt = relative.residuals(RigidTransform.concatenate([RigidTransform.from_rotation(true)]))[0, :2]
+            sweep = bounds(relative).sweep
+            assert sweep is not None
+            off = (sweep.inv() * true).magnitude().min()
+            if np.linalg.norm(tilt) < 2 * relative.tilt_sigma:
+                tried += 1
+                assert off < np.hypot(np.deg2rad(2.1), 1.1 * relative.tilt_sigma)
+        assert tried > 100
+
+    def test_without_headings_turns_go_all_around(self) -> None:
+        sweep = bounds(pair(ATTITUDE)).sweep
+        assert sweep is not None
+        turns = world_turns(pair(ATTITUDE, HEADING), sweep)
+        about = np.sort(turns[:: bounds(None).tilts] % (2 * np.pi))
+        gaps = np.diff(np.append(about, about[0] + 2 * np.pi))
+        assert np.rad2deg(gaps.max()) < 4.2
+        assert np.rad2deg(gaps.min()) > 3.5
+
+    def test_headings_bound_the_turns(self) -> None:
+        relative = pair(ATTITUDE, HEADING)
+        sweep = bounds(relative).sweep
+        assert sweep is not None
+        turns = np.unique(np.round(world_turns(relative, sweep), 9))
+        reach = 4 * np.sqrt(2) * SIGMAS[2]
+        assert turns.min() == pytest.approx(-reach)
+        assert turns.max() == pytest.approx(reach)
+        assert np.rad2deg(np.diff(turns).max()) < 4.01
+        assert 0.0 in turns
+
+    def test_unsure_headings_bound_no_turn(self) -> None:
+        sigmas = np.array([0.01, 0.02, 0.6, 1, 1, 1])
+        swept, all_around = (bounds(pair(*kinds, sigmas=sigmas)).sweep for kinds in ((ATTITUDE, HEADING), (ATTITUDE,)))
+        assert swept is not None
+        assert all_around is not None
+        assert len(swept) == len(all_around)
+
+    def test_a_turn_comes_with_all_its_tilts_the_measured_one_first(self) -> None:
+        relative = pair(ATTITUDE, HEADING)
+        swept = bounds(relative)
+        sweep, each = swept.sweep, swept.tilts
+        assert sweep is not None
+        assert len(sweep) % each == 0
+        residuals = relative.residuals(RigidTransform.from_rotation(sweep)).reshape(-1, each, 3)
+        np.testing.assert_allclose(residuals[:, :, 2], residuals[:, :1, 2] + np.zeros(each), atol=1e-9)
+        assert len(np.unique(np.round(residuals[:, 0, 2], 9))) == len(residuals)
+        tilts = residuals[:, :, :2] / relative.tilt_sigma
+        np.testing.assert_allclose(tilts[:, 0], 0, atol=1e-9)
+        np.testing.assert_allclose(np.linalg.norm(tilts[:, 1:], axis=2), 1.5, atol=0.02)
+        np.testing.assert_allclose(tilts.mean(axis=1), 0, atol=1e-9)
+
+
+class TestShiftBox:
+    def test_none_where_priors_do_not_bound_it(self) -> None:
+        for relative in (None, pair(ATTITUDE, HEADING, DEPTH), pair(HEADING, POSITION, DEPTH)):
+            assert bounds(relative).shift_box(T_TRUE.rotation) is None
+
+    @pytest.mark.parametrize("voxel", [0.25, 2.0])
+    def test_as_many_voxels_are_added_on_all_sides(self, voxel: float) -> None:
+        relative = pair(*ALL)
+        measured, box = relative.shift_box(T_TRUE.rotation), bounds(relative, voxel).shift_box(T_TRUE.rotation)
+        assert measured is not None
+        assert box is not None
+        np.testing.assert_array_equal(box[0], measured[0])
+        np.testing.assert_allclose(box[1] - measured[1], 6 * voxel)

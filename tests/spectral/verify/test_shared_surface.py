@@ -1,0 +1,87 @@
+"""Surfaces that two scans share: near, facing the same direction, all directions alike; no viewpoint takes part."""
+
+import numpy as np
+import pytest
+from scipy.spatial import KDTree
+from scipy.spatial.transform import Rotation
+
+from spectral.prepare.surface import Surface, smooth_surface
+from spectral.verify.shared_surface import shared_surface
+
+R, SHIFT = Rotation.from_euler("ZYX", [20, -6, 9], degrees=True), np.array([7.0, -3.5, 1.25])
+STILL, HERE = Rotation.identity(), np.zeros(3)
+ALL = 100_000
+
+
+def surface(points: np.ndarray) -> Surface:
+    return smooth_surface(points, KDTree(points))
+
+
+def bed(half: int = 30) -> np.ndarray:
+    """A point a voxel, level at z = 0."""
+    x, y = np.meshgrid(np.arange(-half, half), np.arange(-half, half))
+    return np.column_stack([x.ravel(), y.ravel(), np.zeros(x.size)]).astype(float)
+
+
+def wall(x: float) -> np.ndarray:
+    """Upright across x, above the bed."""
+    y, z = np.meshgrid(np.arange(-20, 20), np.arange(3, 13))
+    return np.column_stack([np.full(y.size, x), y.ravel(), z.ravel()])
+
+
+def moved(points: np.ndarray, x: float, y: float, z: float) -> np.ndarray:
+    return points + np.array([x, y, z])
+
+
+def shares(target: np.ndarray, source: np.ndarray, R: Rotation = STILL, shift: np.ndarray = HERE) -> tuple[float, ...]:
+    found = shared_surface(surface(target), surface(source), R, shift, ALL)
+    return found.agree, found.covered, found.overlap
+
+
+def test_a_scan_shares_all_with_itself_however_it_is_turned() -> None:
+    scene = np.vstack([bed(), wall(10.0)])
+    assert shares(scene, R.inv().apply(scene - SHIFT), R, SHIFT) == pytest.approx((1, 1, 1), abs=0.01)
+
+
+def test_the_two_ways_round_say_the_same() -> None:
+    a, b = np.vstack([bed(), wall(10.0)]), np.vstack([bed()[::2], wall(12.0)])
+    there = shares(a, R.inv().apply(b - SHIFT), R, SHIFT)
+    back = shares(R.inv().apply(b - SHIFT), a, R.inv(), -R.inv().apply(SHIFT))
+    np.testing.assert_allclose(there, back, rtol=1e-9)
+
+
+def test_a_wall_counts_as_much_as_the_wide_bed() -> None:
+    """The walls stand 8 voxels apart: the beds agree, nine points of ten, and half of all directions do not."""
+    agree, covered, overlap = shares(np.vstack([bed(), wall(10.0)]), np.vstack([bed(), wall(18.0)]))
+    assert overlap > 0.88
+    assert 0.4 < agree < 0.65
+    assert covered > agree
+
+
+def test_a_surface_that_crosses_another_does_not_agree_with_it() -> None:
+    """A ramp through the bed, 60 degrees steep: some of its points lie near the bed's, none faces up."""
+    ramp = Rotation.from_euler("x", 60, degrees=True).apply(bed(6))
+    agree, _, overlap = shares(bed(), ramp)
+    assert agree < 0.02
+    assert overlap > 0.01
+
+
+def test_what_the_other_scan_does_not_cover_is_not_missed() -> None:
+    """Half of the source lies beyond the target's edge: consistency is of the rest."""
+    found = shared_surface(surface(bed()), surface(moved(bed(), 30.0, 0, 0)), STILL, HERE, ALL)
+    assert found.overlap == pytest.approx(0.5, abs=0.06)
+    assert found.consistency > 0.75
+    above = shared_surface(surface(bed()), surface(moved(bed(), 0, 0, 4.0)), STILL, HERE, ALL)
+    assert above.covered > 0.9
+    assert above.consistency == 0
+
+
+def test_nothing_in_common_is_nothing() -> None:
+    assert shares(bed(), moved(bed(), 0, 0, 500.0)) == (0, 0, 0)
+
+
+def test_few_points_say_nearly_the_same() -> None:
+    target, source = surface(np.vstack([bed(), wall(10.0)])), surface(np.vstack([bed(), wall(11.0)]))
+    few, every = (shared_surface(target, source, STILL, HERE, most) for most in (400, ALL))
+    assert few.agree == pytest.approx(every.agree, abs=0.08)
+    assert few.overlap == pytest.approx(every.overlap, abs=0.08)
