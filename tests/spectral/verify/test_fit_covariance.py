@@ -105,8 +105,11 @@ def test_it_is_symmetric_and_positive() -> None:
 
 
 @pytest.mark.slow
-def test_errors_are_as_large_as_it_says() -> None:
-    """On 48 pairs that nothing was fitted to: a mean of 6 but for a factor of two, 85 % within the 95 % ellipsoid."""
+def test_errors_are_no_larger_than_it_says() -> None:
+    """On 48 pairs of a sensor that stands still, with exact ranges: 88 % and more within the 95 % ellipsoid.
+
+    Most are far within: the covariance grants that ranges are off and scans bent, which nothing in a pair shows.
+    """
     squared = []
     for number in range(48):
         target, source, truth = evaluation_pair(number, 4242, "yaw").scans()
@@ -119,5 +122,5 @@ def test_errors_are_as_large_as_it_says() -> None:
     mean, within = np.mean(squared), np.mean(np.array(squared) < chi2.ppf(0.95, 6))
     print(f"{len(squared)} right, mean {mean:.2f}, within 95 %: {within:.2f}")
     assert len(squared) > 30
-    assert 3 < mean < 12
-    assert within > 0.85
+    assert mean < 8
+    assert within >= 0.88
