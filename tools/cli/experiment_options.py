@@ -85,6 +85,24 @@ WorkersOption = Annotated[
         "--workers", metavar="N", min=1, help="Number of processes that share the jobs; the results are the same."
     ),
 ]
+OutOption = Annotated[
+    Path,
+    typer.Option(
+        "-o", "--out", help="Folder for the results; a stopped run continues from what is there.", metavar="OUT"
+    ),
+]
+QuickOption = Annotated[
+    bool,
+    typer.Option(
+        "--quick",
+        help="Take at most a minute for each experiment: fewer scenes, seeds, pairs and voxels, unless given.",
+    ),
+]
+FreshOption = Annotated[
+    bool, typer.Option("--fresh", help="Run all jobs again, also those that an earlier run finished.")
+]
+SeedsOption = Annotated[int | None, typer.Option(metavar="N", help="Number of seeds.", min=1)]
+PairsOption = Annotated[int | None, typer.Option(metavar="N", help="Number of pairs.", min=1)]
 FirstSeedOption = Annotated[
     int | None,
     typer.Option(

@@ -8,7 +8,7 @@ import pytest
 
 from kernels.device.device import choose_device
 from kernels.errors import InputError
-from tests.samples.floodgate_rows import flat_survey, outcomes
+from tests.samples.experiments.floodgate_rows import flat_survey, outcomes
 from tools.reproduce.experiment import Outcome
 from tools.reproduce.experiments import Request
 from tools.reproduce.floodgate.chain import Chain, chains

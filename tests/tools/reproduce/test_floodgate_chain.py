@@ -7,7 +7,7 @@ import pytest
 from scipy.spatial.transform import RigidTransform
 
 from spectral.scan import Scan
-from tests.samples.floodgate_rows import POSES, SCANS, STEPS, flat_survey, off, outcomes, turn
+from tests.samples.experiments.floodgate_rows import POSES, SCANS, STEPS, flat_survey, off, outcomes, turn
 from tools.reproduce.floodgate.chain import (
     DISPLACED_90,
     MAP_90,

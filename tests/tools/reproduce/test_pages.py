@@ -9,7 +9,7 @@ import pytest
 from typer.testing import CliRunner
 
 from kernels.errors import InputError
-from tests.samples.fake_experiment import JOBS, Fake, origin
+from tests.samples.experiments.fake_experiment import JOBS, Fake, origin
 from tests.tools.reproduce.test_run import ALIKE, bytes_of, complete, silence
 from tools.cli.main import app
 from tools.reproduce import experiments
@@ -22,7 +22,7 @@ from tools.reproduce.table import Table
 
 FILES = {*ALIKE, "fake-seconds.csv", "fake-times.md", "fake.json"}
 
-FAKE = ExperimentEntry("Fig. 0", "tests.samples.fake_experiment", ("seed",))
+FAKE = ExperimentEntry("Fig. 0", "tests.samples.experiments.fake_experiment", ("seed",))
 
 
 def files_in(folder: Path) -> set[str]:
@@ -247,7 +247,7 @@ class TestCommand:
         assert "no method is called 'alchemy'" in " ".join(shown.stderr.replace("│", " ").split())
 
     def test_interrupted_it_says_what_is_kept(self, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
-        monkeypatch.setattr("tests.samples.fake_experiment.create", lambda _: Fake(stop="d"))
+        monkeypatch.setattr("tests.samples.experiments.fake_experiment.create", lambda _: Fake(stop="d"))
         shown = CliRunner().invoke(app, ["reproduce", "fake", "-o", str(tmp_path)])
         assert shown.exit_code == 130
         assert "are kept; the same command" in shown.stderr

@@ -5,8 +5,8 @@ from pathlib import Path
 import pytest
 
 from kernels.device.device import Device
-from tests.samples.fake_experiment import Fake, origin
-from tests.samples.real_folders import put
+from tests.samples.experiments.fake_experiment import Fake, origin
+from tests.samples.experiments.real_folders import put
 from tools.methods.fingerprint import source_digest
 from tools.reproduce.evaluation.methods import EVALUATED
 from tools.reproduce.experiments import EXPERIMENTS, Request, create

@@ -8,7 +8,7 @@ import pytest
 from scipy.spatial.transform import RigidTransform
 
 from kernels.errors import InputError
-from tests.samples.real_folders import asked, gt_log, put, simulated
+from tests.samples.experiments.real_folders import asked, gt_log, put, simulated
 from tools.reproduce.experiments import Request, chosen
 from tools.reproduce.real.real_set import read_sets, without_truth
 from tools.reproduce.real.run import Real

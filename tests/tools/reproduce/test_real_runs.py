@@ -10,7 +10,7 @@ from scipy.spatial.transform import RigidTransform, Rotation
 from typer.testing import CliRunner
 
 from kernels.device.device import Device
-from tests.samples.real_folders import FEW, asked, gt_log, put, simulated
+from tests.samples.experiments.real_folders import FEW, asked, gt_log, put, simulated
 from tests.tools.reproduce.test_run import silence
 from tools.cli.main import app
 from tools.reproduce.experiment import Outcome

@@ -13,7 +13,7 @@ import pytest
 
 from kernels.errors import InputError
 from slam.execute.journal import Journal
-from tests.samples.fake_experiment import JOBS, Fake, FakeSettings, origin
+from tests.samples.experiments.fake_experiment import JOBS, Fake, FakeSettings, origin
 from tools.methods.fingerprint import ROOT
 from tools.reproduce.experiment import Outcome
 from tools.reproduce.pages.folder import write_experiment
@@ -24,7 +24,7 @@ KILLED = f"""
 import sys; sys.path.insert(0, {str(ROOT)!r})
 from contextlib import nullcontext
 from pathlib import Path
-from tests.samples.fake_experiment import Fake, origin
+from tests.samples.experiments.fake_experiment import Fake, origin
 from tools.reproduce.run import run
 fake = Fake(stop="d", by="kill")
 run(fake, origin(fake), Path(sys.argv[1]), lambda *_: nullcontext(lambda _: None))

@@ -6,7 +6,7 @@ from typing import ClassVar
 import pytest
 
 from kernels.errors import InputError
-from tests.samples.fake_experiment import JOBS, Fake, origin
+from tests.samples.experiments.fake_experiment import JOBS, Fake, origin
 from tests.tools.reproduce.test_run import silence
 from tools.reproduce.experiment import Outcome
 from tools.reproduce.experiments import Request
@@ -16,7 +16,7 @@ from tools.reproduce.worker import WorkerProcesses
 
 def workers(count: int, scene: str | None = None) -> RunOptions:
     return RunOptions(
-        workers=WorkerProcesses(count, "tests.samples.ending_experiment", Request(scene=scene), device=None)
+        workers=WorkerProcesses(count, "tests.samples.experiments.ending_experiment", Request(scene=scene), device=None)
     )
 
 

@@ -5,22 +5,27 @@ from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from functools import partial
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated
+from typing import TYPE_CHECKING
 
 import typer
 
 from tools.cli.experiment_options import (
     FirstSeedOption,
     FolderArgument,
+    FreshOption,
     KnownOption,
     KnownSigmasOption,
     MethodsOption,
     NameArgument,
     NoisesOption,
+    OutOption,
     OwnGridOption,
     OwnTiltOption,
     PageOption,
+    PairsOption,
+    QuickOption,
     SceneOption,
+    SeedsOption,
     WorkersOption,
 )
 from tools.cli.options import DeviceOption, JsonOption, QuietOption, VoxelOption
@@ -36,27 +41,14 @@ if TYPE_CHECKING:
 def command(
     name: NameArgument,
     folder: FolderArgument = None,
-    out: Annotated[
-        Path,
-        typer.Option(
-            "-o", "--out", help="Folder for the results; a stopped run continues from what is there.", metavar="OUT"
-        ),
-    ] = Path("reproduction"),
-    quick: Annotated[
-        bool,
-        typer.Option(
-            "--quick",
-            help="Take at most a minute for each experiment: fewer scenes, seeds, pairs and voxels, unless given.",
-        ),
-    ] = False,
-    fresh: Annotated[
-        bool, typer.Option("--fresh", help="Run all jobs again, also those that an earlier run finished.")
-    ] = False,
+    out: OutOption = Path("reproduction"),
+    quick: QuickOption = False,
+    fresh: FreshOption = False,
     page: PageOption = None,
     scene: SceneOption = None,
     sigma2: NoisesOption = None,
-    seeds: Annotated[int | None, typer.Option(metavar="N", help="Number of seeds.", min=1)] = None,
-    pairs: Annotated[int | None, typer.Option(metavar="N", help="Number of pairs.", min=1)] = None,
+    seeds: SeedsOption = None,
+    pairs: PairsOption = None,
     seed: FirstSeedOption = None,
     method: MethodsOption = None,
     grid: OwnGridOption = None,

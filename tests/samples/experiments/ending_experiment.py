@@ -4,7 +4,7 @@ import os
 import signal
 
 from kernels.errors import InputError
-from tests.samples.fake_experiment import Fake
+from tests.samples.experiments.fake_experiment import Fake
 from tools.reproduce.experiment import Outcome
 from tools.reproduce.experiments import Request
 
