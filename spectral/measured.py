@@ -30,10 +30,10 @@ def level_covariance(prior: PosePrior, turn: float | np.ndarray = 0.0) -> np.nda
     return axes * prior.sigmas[:2] ** 2 @ np.swapaxes(axes, -1, -2)
 
 
-def rotation_covariance(prior: PosePrior, turn: float = 0.0) -> np.ndarray:
-    """(3, 3) of all errors of rotation in the world [rad^2], 0 for what is not measured."""
-    covariance = np.zeros((3, 3))
+def rotation_covariance(prior: PosePrior, turn: float | np.ndarray = 0.0) -> np.ndarray:
+    """(3, 3), or (N, 3, 3) for N turns: of all errors of rotation in the world [rad^2], 0 for what is not measured."""
+    covariance = np.zeros((*np.shape(turn), 3, 3))
     if prior.knows_attitude:
-        covariance[:2, :2] = level_covariance(prior, turn)
-    covariance[2, 2] = prior.sigmas[2] ** 2 if prior.knows_heading else 0.0
+        covariance[..., :2, :2] = level_covariance(prior, turn)
+    covariance[..., 2, 2] = prior.sigmas[2] ** 2 if prior.knows_heading else 0.0
     return covariance

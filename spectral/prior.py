@@ -76,7 +76,8 @@ class RelativePrior(PriorPair):
             return None
         R_world_target = measured_rotation(self.target)
         t = R_world_target.inv().apply(self._shift)
-        covariance = self.residual_covariance(RigidTransform.from_components(t, R_target_source))[-3:, -3:]
+        T = RigidTransform.concatenate([RigidTransform.from_components(t, R_target_source)])
+        covariance = self.residual_covariance(T)[0, -3:, -3:]
         turn = R_world_target.as_matrix()
         return t, _ALLOWED_SIGMAS * np.sqrt(np.diag(turn.T @ covariance @ turn))
 

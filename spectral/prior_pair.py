@@ -49,13 +49,18 @@ class PriorPair:
             return None
         return self.target.T_world_sensor.rotation.inv() * self.source.T_world_sensor.rotation
 
+    @property
+    def measures(self) -> bool:
+        """Whether anything is measured in full, and `residuals` counts it."""
+        return bool(self._known(self.source if self._is_backward else self.target).any())
+
     def normalized(self, T_target_source: RigidTransform) -> tuple[float, int]:
         """How far a relative pose is from what was measured: chi-squared, and its degrees of freedom.
 
         Counted is what `residuals` has: (0.0, 0) where nothing is measured in full.
         """
-        residual = self.residuals(RigidTransform.concatenate([T_target_source]))[0]
-        covariance = self.residual_covariance(T_target_source)
+        one = RigidTransform.concatenate([T_target_source])
+        residual, covariance = self.residuals(one)[0], self.residual_covariance(one)[0]
         return float(residual @ np.linalg.solve(covariance, residual)), len(residual)
 
     def residuals(self, T_target_source: RigidTransform) -> np.ndarray:
@@ -78,40 +83,49 @@ class PriorPair:
         return residual[:, self._known(self.target)]
 
     def residual_covariance(self, T_target_source: RigidTransform) -> np.ndarray:
-        """The (k, k) covariance of one pose's `residuals`, if the pose is the true one.
+        """The covariance of relative poses' `residuals`, each as if it were the true pose.
 
         An error of the attitude that turns the scan and its shift alike is counted once.
+
+        Args:
+            T_target_source: a stack of N.
+
+        Returns:
+            (N, k, k).
         """
         if self._is_backward:
             return PriorPair(self.source, self.target).residual_covariance(T_target_source.inv())
         _, turn = self._turn(T_target_source.rotation)
         d = measured_rotation(self.target).apply(T_target_source.translation)
         # errors of the target's rotation turn the pose and, with a lever, the shift; the source's only the pose
-        x, y, z = self._lever(d, self.target)
-        jacobian = np.vstack([np.eye(3), [[0, z, -y], [-z, 0, x], [y, -x, 0]]])
-        covariance = jacobian @ rotation_covariance(self.target) @ jacobian.T
-        covariance[:3, :3] += rotation_covariance(self.source, turn[0])
+        jacobian = np.zeros((len(d), 6, 3))
+        jacobian[:, :3] = np.eye(3)
+        jacobian[:, 3:] = -cross_matrices(self._lever(d, self.target))
+        covariance = jacobian @ rotation_covariance(self.target) @ jacobian.transpose(0, 2, 1)
+        covariance[:, :3, :3] += rotation_covariance(self.source, turn)
         known = self._known(self.target)
-        covariance[3:, 3:] += np.diag(np.where(known[3:], self._sigmas[3:], 0.0) ** 2)
-        return covariance[np.ix_(known, known)]
+        covariance[:, 3:, 3:] += np.diag(np.where(known[3:], self._sigmas[3:], 0.0) ** 2)
+        return covariance[:, known][:, :, known]
 
     def residual_jacobian(self, T_target_source: RigidTransform) -> np.ndarray:
-        """(k, 6) how one pose's `residuals` change, to first order in what is left of its tilt.
+        """How relative poses' `residuals` change, to first order in what is left of their tilt.
 
         Of a turn w and a shift s in the target's axes, rotation first [rad, m]: R <- Exp(w) R, t <- t + s.
+
+        Args:
+            T_target_source: a stack of N.
+
+        Returns:
+            (N, k, 6).
         """
-        R_world_target = measured_rotation(self.target).as_matrix()
-        jacobian = np.zeros((6, 6))
+        jacobian = np.zeros((len(T_target_source), 6, 6))
         if self._is_backward:
             R_world_target = (measured_rotation(self.source) * T_target_source.rotation.inv()).as_matrix()
-            x, y, z = T_target_source.translation
-            jacobian[:3, :3] = jacobian[3:, 3:] = -R_world_target
-            jacobian[3:, :3] = -R_world_target @ [[0, -z, y], [z, 0, -x], [-y, x, 0]]
-            known = self._known(self.source)
-        else:
-            jacobian[:3, :3] = jacobian[3:, 3:] = R_world_target
-            known = self._known(self.target)
-        return jacobian[known]
+            jacobian[:, :3, :3] = jacobian[:, 3:, 3:] = -R_world_target
+            jacobian[:, 3:, :3] = -R_world_target @ cross_matrices(T_target_source.translation)
+            return jacobian[:, self._known(self.source)]
+        jacobian[:, :3, :3] = jacobian[:, 3:, 3:] = measured_rotation(self.target).as_matrix()
+        return jacobian[:, self._known(self.target)]
 
     @property
     def _is_backward(self) -> bool:
@@ -163,3 +177,10 @@ class PriorPair:
         """
         headed = self.knows_position and reference.knows_heading
         return np.where([headed, headed, self.knows_depth], (d + self._shift) / 2, d)
+
+
+def cross_matrices(vectors: np.ndarray) -> np.ndarray:
+    """(N, 3, 3) by which a vector is multiplied to get the cross product of each of (N, 3) with it."""
+    x, y, z = vectors.T
+    nothing = np.zeros_like(x)
+    return np.moveaxis(np.array([[nothing, -z, y], [z, nothing, -x], [-y, x, nothing]]), 2, 0)

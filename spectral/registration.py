@@ -1,8 +1,6 @@
 # pyright: strict, reportMissingTypeStubs=false, reportUnknownMemberType=false, reportUnknownArgumentType=false
 """The spectral registration of two scans: rotations from all of SO(3), each verified and refined; on one screen."""
 
-import os
-from concurrent.futures import ThreadPoolExecutor
 from dataclasses import dataclass, replace
 from time import perf_counter
 from typing import Literal
@@ -24,7 +22,7 @@ from spectral.prepare.surface import smooth_surface
 from spectral.prior import relative_prior
 from spectral.result import Registration
 from spectral.scan import Scan
-from spectral.so3 import RotationPeaks, So3
+from spectral.so3 import BANDS, RotationPeaks, So3, distinct_rotations
 from spectral.verify.bounds import Bounds
 from spectral.verify.calibration import CALIBRATION
 from spectral.verify.covariance import fit_covariance
@@ -44,7 +42,8 @@ class SpectralConfig:
 
     Attributes:
         max_tilt: largest roll and largest pitch between two scans [rad] (Sect. 2.7); pi for any.
-        hypotheses: how many distinct rotations are followed.
+        hypotheses: how many distinct rotations of each of three bands of layers are followed; where the attitude is
+            known four times as many turns.
         shortlist: how many of the poses that these lead to are refined.
         finalists: how many of them are compared on the whole grid, with as many others that only it shows.
         refinement: what makes the result finer than voxels and bins: "icp", point to plane on the surfaces, or
@@ -57,7 +56,7 @@ class SpectralConfig:
     """
 
     max_tilt: float = float(np.deg2rad(35.0))
-    hypotheses: int = 12
+    hypotheses: int = 6
     shortlist: int = 24
     finalists: int = 3
     refinement: Refinement = "icp"
@@ -94,8 +93,7 @@ class SpectralRegistrar:
         require_memory(device, grid.edge)
         self.so3 = So3(device, grid.edge, self.config.max_tilt)
         self._preparer = Preparer(device, grid, self.config.use_strength)
-        self._pool = ThreadPoolExecutor(os.cpu_count())
-        self._verifier = Verifier(device, grid.edge, self._pool)
+        self._verifier = Verifier(device, grid.edge)
         edge = self._verifier.coarse_edge
         self._coarse_pomf = Pomf(device, (edge, edge, edge))
         self._coarse_volume = device.empty((edge, edge, edge))
@@ -112,13 +110,16 @@ class SpectralRegistrar:
         places = np.zeros(3) if scan.viewpoints is None else scan.viewpoints
         viewpoints = self.grid.to_voxels(places, volume.center)
         coefficients = self.so3.analyze(volume.magnitude)
+        view = scan_view(self.device, points, volume.surface, viewpoints)
+        seen_from = [image.viewpoint for image in view.images]
         prepared = SpectralScan(
             volume=volume,
             coarse=self._coarsen(volume),
             coefficients=self.so3.prepare(coefficients),
+            bands=tuple(self.so3.prepare(coefficients, layers) for layers in BANDS),
             signature=signature(coefficients),
-            surface=smooth_surface(volume.surface, volume.tree),
-            view=scan_view(self.device, points, volume.surface, viewpoints),
+            surface=smooth_surface(volume.surface, volume.tree, seen_from),
+            view=view,
             prior=scan.prior,
         )
         if not self._warm:
@@ -139,7 +140,7 @@ class SpectralRegistrar:
         """
         start = perf_counter()
         bounds = self._bounds(target, source)
-        test = HypothesisTest(self._verifier, self._pool, self.grid, target, source, bounds)
+        test = HypothesisTest(self._verifier, self.grid, target, source, bounds)
         # 1. rotations under which the magnitude spectra are alike
         rotations = self.rotations(target, source)
         if not len(rotations.scores):
@@ -164,15 +165,16 @@ class SpectralRegistrar:
     def rotations(self, target: SpectralScan, source: SpectralScan) -> RotationPeaks:
         """Those that `register` follows.
 
-        Where instruments know which way is up in both scans, turns about the vertical at that tilt: those under which
-        the spectra are most alike, or all where the headings leave few. Else those of all rotations under which the
+        Where instruments know which way is up in both scans, turns about the vertical at that tilt under which the
+        spectra are most alike. Else those of all rotations under which the
         spectra are most alike, and the measured one, if there is one.
         """
         bounds, count = self._bounds(target, source), self.config.hypotheses
         sweep = bounds.sweep
         if sweep is not None:
-            return self.so3.best_of(target.coefficients, source.coefficients, sweep, bounds.tilts, 2 * count)
-        peaks = self.so3.candidates(target.coefficients, source.coefficients, count, bounds.allow_rotations)
+            return self.so3.best_of(target.coefficients, source.coefficients, sweep, 4 * count)
+        bands = zip(target.bands, source.bands, strict=True)
+        peaks = distinct_rotations([self.so3.candidates(*band, count, bounds.allow_rotations) for band in bands])
         measured = bounds.measured
         if measured is None:
             return peaks

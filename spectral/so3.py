@@ -1,6 +1,6 @@
 """Rotations between two scans from all of SO(3) at once: spherical harmonics of the layers, correlated."""
 
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 
 import numpy as np
@@ -17,6 +17,10 @@ from kernels.so3.harmonics import Harmonics, equalize
 _BANDWIDTH = 48
 # Sect. 2.8: radii of the layers, as shares of N/2; more layers than these did not do better.
 _LAYERS, _COUNT = (0.2, 0.8), 20
+ALL = slice(None)
+# Layers that name rotations by themselves: all but the outermost, which noise disturbs most; the outer half; and the
+# inner quarter, which say little and say it of the most disturbed scans too. What one band misses another may name.
+BANDS = (slice(14), slice(10, 20), slice(5))
 # How far the filter goes from plain correlation, 0, to phase only, 1.
 _EQUALIZED = 0.4
 # Two rotations nearer than this are the same [rad].
@@ -36,6 +40,29 @@ class RotationPeaks:
 
     R: Rotation
     scores: np.ndarray
+
+
+@dataclass(frozen=True, slots=True)
+class Sweep:
+    """Rotations to choose from: turns about an axis, each with several tilts.
+
+    Attributes:
+        R: turn by turn.
+        tilts: how many have the same turn.
+        apart: those chosen are farther apart than this [rad].
+    """
+
+    R: Rotation
+    tilts: int
+    apart: float
+
+
+def distinct_rotations(found: Sequence[RotationPeaks]) -> RotationPeaks:
+    """Those of all, one after the other, without those near one before them."""
+    R = Rotation.concatenate([peaks.R for peaks in found])
+    scores = np.concatenate([peaks.scores for peaks in found])
+    kept = _distinct(R, np.arange(len(scores)), len(scores))
+    return RotationPeaks(R[kept], scores[kept])  # pyright: ignore[reportArgumentType]
 
 
 class So3:
@@ -62,9 +89,13 @@ class So3:
         # each layer counts alike (Sect. 2.8)
         return self._harmonics.analyze(self._harmonics.standardize(layers))
 
-    def prepare(self, coefficients: np.ndarray) -> np.ndarray:
-        """The coefficients of `analyze` equalized, whose norm is 1, complex64 (degrees, layers, orders)."""
-        equalized = equalize(coefficients, _EQUALIZED)
+    def prepare(self, coefficients: np.ndarray, layers: slice = ALL) -> np.ndarray:
+        """The coefficients of `analyze` equalized, whose norm is 1, complex64 (degrees, layers, orders).
+
+        Args:
+            layers: those that take part.
+        """
+        equalized = equalize(coefficients[:, layers], _EQUALIZED)
         return equalized / np.float32(max(np.linalg.norm(equalized), 1e-30))
 
     def correlate(self, target: np.ndarray, source: np.ndarray) -> Array:
@@ -92,19 +123,21 @@ class So3:
         kept = _distinct(R, np.flatnonzero(allowed(R)), count)
         return RotationPeaks(R[kept], values[kept])  # pyright: ignore[reportArgumentType]
 
-    def best_of(self, target: np.ndarray, source: np.ndarray, R: Rotation, each: int, count: int) -> RotationPeaks:
-        """The `count` best groups of rotations, best first, each by its best rotation.
+    def best_of(self, target: np.ndarray, source: np.ndarray, sweep: Sweep, count: int) -> RotationPeaks:
+        """The `count` best turns of a sweep that are far enough apart, best first, each at its best tilt.
+
+        Not its peaks alone: where the tilt is off, or the scans share little, the true turn may be on a slope.
 
         Args:
             target, source: from `prepare`.
-            R: rotations, group by group.
-            each: how many make a group.
         """
+        R, each = sweep.R, sweep.tilts
         correlation = self.correlate(target, source).get()[: len(self._correlation.betas)]
         around = np.pad(correlation, ((0, 0), (0, 1), (0, 1)), mode="wrap")
         values = map_coordinates(around, self._correlation.places(R).T, order=1, mode="nearest").reshape(-1, each)
         best = np.arange(len(values)) * each + values.argmax(axis=1)
-        kept = best[np.argsort(-values.max(axis=1), kind="stable")[:count]]
+        order = np.argsort(-values.max(axis=1), kind="stable")
+        kept = best[_distinct(R[best], order, count, sweep.apart)]  # pyright: ignore[reportArgumentType]
         return RotationPeaks(R[kept], values.ravel()[kept].astype(np.float64))  # pyright: ignore[reportArgumentType]
 
 
@@ -132,10 +165,10 @@ def _refined(correlation: np.ndarray, index: np.ndarray) -> tuple[np.ndarray, np
     return index + offset, values[:, 13]
 
 
-def _distinct(R: Rotation, order: np.ndarray, count: int) -> np.ndarray:
-    """The first `count` of the given rotations, none within _SEPARATION of one before it."""
+def _distinct(R: Rotation, order: np.ndarray, count: int, apart: float = _SEPARATION) -> np.ndarray:
+    """The first `count` of the given rotations, none within `apart` [rad] of one before it."""
     quaternions = R.as_quat()
-    nearest = np.cos(_SEPARATION / 2)
+    nearest = np.cos(apart / 2)
     kept: list[int] = []
     for n in order:
         if not kept or np.abs(quaternions[kept] @ quaternions[n]).max() < nearest:

@@ -1,5 +1,6 @@
 """The surface that a scan shows: a point for each occupied voxel, on the plane of its neighbors, with its normal."""
 
+from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
@@ -13,6 +14,9 @@ _NEIGHBORS = 16
 _FARTHEST = 3.0
 # A direction of normals that holds a smaller share of the points than this counts less than the others.
 _RARE = 0.05
+
+# The tree's leaves, for the shortest queries: most points have their counterpart at hand.
+_LEAF = 32
 
 
 def _hemisphere(count: int) -> np.ndarray:
@@ -37,15 +41,17 @@ class Surface:
         tree: to search among the points.
         weights: (m,) float64, of mean 1: the less of the surface faces a point's direction, the more it counts. On a
             wide bed a few walls fix where a scan lies.
+        rays: (m, 3) float64, to each point from where the sensor saw it [voxels]; 0 where that is not known.
     """
 
     points: np.ndarray
     normals: np.ndarray
     tree: KDTree
     weights: np.ndarray
+    rays: np.ndarray
 
 
-def smooth_surface(points: np.ndarray, tree: KDTree) -> Surface:
+def smooth_surface(points: np.ndarray, tree: KDTree, viewpoints: Sequence[np.ndarray] = ()) -> Surface:
     """Points (m, 3) [voxels], one a voxel, moved along the normal onto the plane of their neighbors.
 
     Noise along the beams stands out of the surface; registered as it is, it draws the scans together or apart.
@@ -53,6 +59,7 @@ def smooth_surface(points: np.ndarray, tree: KDTree) -> Surface:
     Args:
         points: at least 3.
         tree: of the same points.
+        viewpoints: (3,) each, where the sensor was [voxels]: it saw a point from the nearest of them.
     """
     _, nearest = query_on_all_cores(tree, points, min(_NEIGHBORS, len(points)))
     around = points[nearest]
@@ -63,7 +70,13 @@ def smooth_surface(points: np.ndarray, tree: KDTree) -> Surface:
     height = np.einsum("ni,ni->n", points - middle, normals)
     height[np.abs(height) > _FARTHEST] = 0.0
     smooth = points - height[:, None] * normals
-    return Surface(smooth, normals, KDTree(smooth), _balanced(normals))
+    return Surface(
+        smooth,
+        normals,
+        KDTree(smooth, _LEAF, compact_nodes=False, balanced_tree=False),
+        _balanced(normals),
+        _rays(smooth, viewpoints),
+    )
 
 
 def _balanced(normals: np.ndarray) -> np.ndarray:
@@ -72,3 +85,12 @@ def _balanced(normals: np.ndarray) -> np.ndarray:
     share = np.bincount(direction, minlength=len(_DIRECTIONS)) / len(normals)
     weights = 1.0 / (share[direction] + _RARE)
     return weights / weights.mean()
+
+
+def _rays(points: np.ndarray, viewpoints: Sequence[np.ndarray]) -> np.ndarray:
+    """(m, 3) to the points from the nearest viewpoints; 0 without any."""
+    if not len(viewpoints):
+        return np.zeros_like(points)
+    places = np.array(viewpoints)
+    _, nearest = KDTree(places).query(points)
+    return points - places[nearest]

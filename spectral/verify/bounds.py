@@ -6,15 +6,26 @@ import numpy as np
 from scipy.spatial.transform import RigidTransform, Rotation
 
 from spectral.prior import RelativePrior
+from spectral.so3 import Sweep
 from spectral.tilt import tilt_allowed, tilt_refusal
 
 # Instruments that leave a tilt less sure than this are left to the correlation of the spectra [rad]: a rotation that is
 # 4 degrees off has hardly a peak.
 _SUREST_TILT = float(np.deg2rad(3.0))
 # Turns about the vertical that are tried, where the tilt is known, are so far apart [rad].
-_TURN_STEP = float(np.deg2rad(4.0))
+_TURN_STEP = float(np.deg2rad(2.0))
+# Those that are followed are farther apart than this; of few that headings leave, nearer ones too [rad].
+_APART, _NEAR = float(np.deg2rad(7.0)), float(np.deg2rad(3.0))
+
+
+def _ring(radius: float, begin: float) -> np.ndarray:
+    """(6, 2) around a circle."""
+    angle = begin + np.arange(6) * np.pi / 3
+    return radius * np.column_stack([np.cos(angle), np.sin(angle)])
+
+
 # The tilts that are tried [standard deviations].
-_TILTS = np.array([[0, 0], [1.5, 0], [0.75, 1.3], [-0.75, 1.3], [-1.5, 0], [-0.75, -1.3], [0.75, -1.3]])
+_TILTS = np.vstack([np.zeros((1, 2)), _ring(1.0, 0.0), _ring(2.0, np.pi / 6)])
 # From so many standard deviations on scans contradict instruments.
 _CONTRADICTION = 4.0
 # A tilt known to a few degrees, as a share of all that are searched without; logarithm, base 10.
@@ -43,24 +54,20 @@ class Bounds:
         return None if self.prior is None else self.prior.R_target_source
 
     @property
-    def sweep(self) -> Rotation | None:
+    def sweep(self) -> Sweep | None:
         """R_target_source that attitudes and headings leave; None without sure attitudes.
 
-        All turns about the vertical, 4 degrees apart, each with the measured tilt, and with tilts as far from it as
-        the measurements usually are.
+        All turns about the vertical, each with the measured tilt, and with tilts as far from it as the measurements
+        usually are.
         """
         prior = self.prior
         if prior is None or not prior.knows_tilt or prior.tilt_sigma > _SUREST_TILT:
             return None
         reach = min(prior.turn_reach, np.pi * (1 - 1e-9))
         count = 2 * int(np.ceil(reach / _TURN_STEP)) + 1
-        turns = np.linspace(-reach, reach, count) if reach < np.pi - _TURN_STEP else np.arange(0, 2 * np.pi, _TURN_STEP)
-        return prior.turned(turns, prior.tilt_sigma * _TILTS)
-
-    @property
-    def tilts(self) -> int:
-        """How many rotations of the sweep have the same turn."""
-        return len(_TILTS)
+        bounded = reach < np.pi - _TURN_STEP
+        turns = np.linspace(-reach, reach, count) if bounded else np.arange(0, 2 * np.pi, _TURN_STEP)
+        return Sweep(prior.turned(turns, prior.tilt_sigma * _TILTS), len(_TILTS), _NEAR if bounded else _APART)
 
     def shift_box(self, R_target_source: Rotation) -> tuple[np.ndarray, np.ndarray] | None:
         """Center (3,) and half widths (3,) [m] of the places of the source's sensor, in the target's axes.

@@ -25,34 +25,44 @@ class Calibration:
         bent: variance that is added in all directions [voxels^2], turns taken times their lever.
         stretched: share by which the ranges of a scan are off.
         usual_psr: stands for the ratio while it is not measured yet.
+        other_kinds: by which the variance is raised for kinds of scans that are not among those of the fit: what a kind
+            was off by that had been left out, beside what the others had said. Of the scans' part alone, and only
+            where it is stated; in the refinement the scans weigh as much as fitted.
     """
 
     scale: float = 6.4
-    width: float = 1.52
-    psr: float = -0.31
-    bent: float = 9e-3
-    stretched: float = 0.0086
+    width: float = 2.25
+    psr: float = -0.28
+    bent: float = 6.8e-3
+    stretched: float = 0.008
     usual_psr: float = 60.0
+    other_kinds: float = 2.0
 
-    def variance(self, width: float, psr: float | None = None) -> float:
-        """What the inverse of the information is multiplied by [voxels^2]."""
+    def variance(self, width: np.ndarray, psr: float | None = None) -> np.ndarray:
+        """What the inverse of the information is multiplied by [voxels^2], of any shape, as the widths."""
         ratio = self.usual_psr if psr is None else psr
-        return float(np.exp(self.scale) * max(width, _NARROWEST) ** self.width * max(ratio, 3.0) ** self.psr)
+        return np.exp(self.scale) * np.maximum(width, _NARROWEST) ** self.width * max(ratio, 3.0) ** self.psr
 
     def numbers(self, width: float, psr: float) -> tuple[tuple[str, float], ...]:
         """What the variance depends on, as logarithms by name, each after "c_"."""
         return ("c_width", float(np.log(max(width, _NARROWEST)))), ("c_psr", float(np.log(max(psr, 3.0))))
 
-    def systematic(self, from_target: np.ndarray, from_source: np.ndarray, lever: float) -> np.ndarray:
-        """(6, 6) the covariance of errors that all points share, of a turn and a shift [rad, voxels].
+    def systematic(
+        self, from_target: np.ndarray, from_source: np.ndarray, lever: np.ndarray, stretches: bool
+    ) -> np.ndarray:
+        """(..., 6, 6) the covariance of errors that all points share, of a turn and a shift [rad, voxels].
 
         Args:
-            from_target, from_source: (3,) from each sensor to the source's grid center, in one frame's axes [voxels].
-            lever: what a turn moves the points by [voxels].
+            from_target, from_source: (..., 3) from each sensor to the source's grid center, in one frame's axes
+                [voxels].
+            lever: (...) what a turn moves the points by [voxels].
+            stretches: whether the ranges' share is estimated with the pose, and so is no error that remains.
         """
-        covariance = self.bent * np.diag(np.repeat([max(lever, 1.0) ** -2, 1.0], 3))
-        for away in (from_target, from_source):
-            covariance[3:, 3:] += self.stretched**2 * np.outer(away, away)
+        per_voxel = np.maximum(lever, 1.0)[..., None] ** -2 * np.ones(3)
+        diagonal = self.bent * np.concatenate([per_voxel, np.ones_like(per_voxel)], axis=-1)
+        covariance = diagonal[..., None] * np.eye(6)
+        for away in () if stretches else (from_target, from_source):
+            covariance[..., 3:, 3:] += self.stretched**2 * away[..., :, None] * away[..., None, :]
         return covariance
 
 

@@ -45,7 +45,10 @@ def fit_covariance(
     fit = hypothesis.fit
     target_center, source_center = (center / grid.voxel for center in centers)
     away = target_center + fit.shift, fit.R.apply(source_center)
-    by_scans = _by_planes(hypothesis, calibration) + calibration.systematic(*away, fit.principal()[2])
+    by_scans = _by_planes(hypothesis, calibration) + calibration.systematic(
+        *away, np.array(fit.principal()[2]), fit.stretch is not None
+    )
+    by_scans *= calibration.other_kinds
     unknown = np.diag(np.repeat([np.pi, float(grid.edge)], 3) ** -2.0)
     by_scans = np.linalg.inv(np.linalg.inv(by_scans) + unknown)
     posterior, by_instruments = by_scans, None
@@ -71,7 +74,7 @@ def _by_planes(hypothesis: Hypothesis, calibration: Calibration) -> np.ndarray:
     """(6, 6) by the scans' planes, of a turn of the target's axes about the source's grid center and a shift."""
     fit = hypothesis.fit
     share, axes, lever = fit.principal()
-    variance = calibration.variance(fit.width, hypothesis.evidence.psr)
+    variance = float(calibration.variance(np.array(fit.width), hypothesis.evidence.psr))
     variances = variance / np.maximum(share * fit.pairs, _LEAST)
     units = np.repeat([1 / max(lever, 1e-6), 1.0], 3)
     return (axes * variances) @ axes.T * np.outer(units, units)

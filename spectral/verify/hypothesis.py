@@ -5,8 +5,10 @@ from math import isnan, log, nan
 
 import numpy as np
 
-from spectral.verify.icp import Fit
+from spectral.verify.fit import Fit
 
+# Farther from what instruments measured than this chi-squared is all alike: something is wrong with one or the other.
+_MOST_MEASURED = 30.0
 # Refined poses nearer than this to each other are the same hypothesis [rad; voxels].
 _SAME_ROTATION, SAME_REFINED_SHIFT = float(np.deg2rad(3.0)), 2.0
 
@@ -26,6 +28,7 @@ class Evidence:
         firmness: how firmly their planes hold the pose, 0..1, as `Fit` has it.
         psr: peak-to-sidelobe ratio of the translation at the pose, on the whole grid, phase only.
         coarse_psr: the same on the coarse grid.
+        measured: chi-squared of the pose by what instruments measured; 0 where they measured nothing.
     """
 
     view: float = nan
@@ -37,6 +40,7 @@ class Evidence:
     firmness: float = nan
     psr: float = nan
     coarse_psr: float = nan
+    measured: float = 0.0
 
     @property
     def consistency(self) -> float:
@@ -52,7 +56,8 @@ class Evidence:
             seen = RANKING.view * _log(self.view) + RANKING.coarse_view * _log(self.coarse_view)
             seen += RANKING.surface * _log(self.surface)
         blur = RANKING.residual * log(max(self.residual, 0.03)) + RANKING.width * log(max(self.width, 0.03))
-        return seen - blur + RANKING.firmness * log(max(self.firmness, 1e-4))
+        held = RANKING.firmness * log(max(self.firmness, 1e-4))
+        return seen - blur + held - RANKING.measured * min(self.measured, _MOST_MEASURED) / 2
 
     @property
     def score(self) -> float:
@@ -71,6 +76,7 @@ class Ranking:
     Attributes:
         view, coarse_view, surface, residual, width, firmness, psr, coarse_psr: of `Evidence`; of the inverse of the
             residual and of the width.
+        measured: of the likelihood of what instruments measured; scans that lean follow it less than its full weight.
         alone, overlap: of the surfaces and of the overlap, where there is no view.
     """
 
@@ -82,6 +88,7 @@ class Ranking:
     residual: float = 0.85
     width: float = 2.0
     firmness: float = 1.45
+    measured: float = 0.5
     psr: float = 0.5
     coarse_psr: float = 0.3
 

@@ -1,7 +1,6 @@
 """The hypotheses about one pair of scans: bounded, refined, compared, and the best refined to the end."""
 
-from collections.abc import Iterable
-from concurrent.futures import Executor
+from collections.abc import Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
@@ -10,25 +9,29 @@ from scipy.spatial.transform import RigidTransform, Rotation
 from spectral.grid import Grid
 from spectral.prepare.range_image import FINE
 from spectral.prepare.spectral_scan import SpectralScan
+from spectral.prior_pair import cross_matrices
 from spectral.rotation_search import search_rotation
 from spectral.so3 import RotationPeaks
 from spectral.translation import Box
 from spectral.verify.bounds import Bounds
 from spectral.verify.calibration import CALIBRATION
 from spectral.verify.candidates import Candidates
+from spectral.verify.fit import Fit
 from spectral.verify.hypothesis import SAME_REFINED_SHIFT, Hypothesis, alike
-from spectral.verify.icp import Fit, refine
+from spectral.verify.icp import Start, refine
 from spectral.verify.prior_term import PriorTerm
 from spectral.verify.verifier import Verifier
 
 # Reaches of the refinement's steps [voxels] and its points: until it shows which candidates are worth more; out of a
 # candidate's error; until hypotheses can be compared; and, for the best alone, on to the end.
 _QUICK, _QUICK_POINTS = (4.0, 3.0, 2.0), 250
-_ROUGH, _ROUGH_POINTS = (4.0, 4.0, 3.0, 2.0, 2.0, 2.0), 500
-_CLOSE, _CLOSE_POINTS = (4.0, 2.0, 2.0) + (1.5,) * 6, 1000
-_FINAL, _FINAL_POINTS = (1.5,) * 8, 3000
+_ROUGH, _ROUGH_POINTS = (4.0, 3.0, 2.0, 2.0), 500
+_CLOSE, _CLOSE_POINTS = (4.0, 2.0, 2.0, 1.5, 1.5, 1.5), 1000
+_FINAL, _FINAL_POINTS = (1.5,) * 3, 3000
 # So many of the candidates refined in few steps are refined in more.
 _SURVIVORS = 6
+# Hypotheses whose looks are less than the best's by more than this are out: no peak makes up for it.
+_HOPELESS = 3.5
 # Refined rotations nearer than this have the same correlation on the whole grid [rad].
 _SAME_ROTATION = float(np.deg2rad(1.0))
 
@@ -39,14 +42,12 @@ class HypothesisTest:
 
     Attributes:
         verifier: of the grid.
-        pool: threads that refine hypotheses side by side; the results are the same however many they are.
         grid: that both scans share.
         target, source: the scans.
         bounds: which poses are possible.
     """
 
     verifier: Verifier
-    pool: Executor
     grid: Grid
     target: SpectralScan
     source: SpectralScan
@@ -84,6 +85,8 @@ class HypothesisTest:
         rotations = RotationPeaks(R, np.array([finalist.rotation_score for finalist in distinct]))
         boxes = [self._box(finalist.fit.R) for finalist in distinct]
         candidates = self._within_bounds(self.verifier.fine_candidates(self.target, self.source, rotations, boxes))
+        if not len(candidates.psr):
+            return []
         count = 2 * len(finalists)
         best = self.verifier.best(self.target, self.source, candidates, count, FINE, SAME_REFINED_SHIFT)
         hypotheses = self._refine_candidates(candidates, best, _ROUGH, _ROUGH_POINTS)
@@ -95,7 +98,8 @@ class HypothesisTest:
 
         Of those that came out at the same pose the best alone is kept.
         """
-        return self._measure(self._refine_all(hypotheses, _CLOSE, _CLOSE_POINTS))
+        hopeful = _hopeful(hypotheses, 1.5 * _HOPELESS)
+        return self._measure(self._refine_all(hopeful, _CLOSE, _CLOSE_POINTS))
 
     def finish(self, hypotheses: list[Hypothesis], spectral: bool) -> list[Hypothesis]:
         """The best hypothesis refined to the end, and the others that are not now where it is.
@@ -112,14 +116,15 @@ class HypothesisTest:
         return RigidTransform.from_components(self._sensor_shift(fit.R, fit.shift), fit.R)
 
     def _finish_best(self, best: Hypothesis, spectral: bool) -> Hypothesis:
-        fit = self._refine(best.fit.R, best.fit.shift, _FINAL, _FINAL_POINTS, best.fit.width)
-        if spectral:
-            translation, target, source = self.verifier.translation, self.target.volume, self.source.volume
-            peak = translation.find_at(target, source, best.fit.R, best.fit.shift)
-            R, peak = search_rotation(translation, target, source, best.fit.R, peak, stay=True)
-            near = peak.shift + self.grid.edge * np.rint((best.fit.shift - peak.shift) / self.grid.edge)
-            fit = replace(fit, R=R, shift=near)
-        return self._measure([replace(best, fit=fit)])[0]
+        """Its evidence is of the scans as they are; its pose, by planes, is with their ranges set right."""
+        best = self._measure(self._refine_all([best], _FINAL, _FINAL_POINTS))[0]
+        if not spectral:
+            return self._refine_all([best], _FINAL, _FINAL_POINTS, stretches=True)[0]
+        translation, target, source = self.verifier.translation, self.target.volume, self.source.volume
+        peak = translation.find_at(target, source, best.fit.R, best.fit.shift)
+        R, peak = search_rotation(translation, target, source, best.fit.R, peak, stay=True)
+        near = peak.shift + self.grid.edge * np.rint((best.fit.shift - peak.shift) / self.grid.edge)
+        return self._measure([replace(best, fit=replace(best.fit, R=R, shift=near))])[0]
 
     def _sensor_shift(self, R: Rotation, shift: np.ndarray) -> np.ndarray:
         """Where the source's sensor is in the target's frame (..., 3) [m], from shifts between the grids [voxels]."""
@@ -145,63 +150,73 @@ class HypothesisTest:
     def _possible(self, hypotheses: list[Hypothesis]) -> list[Hypothesis]:
         return [hypothesis for hypothesis in hypotheses if not self.bounds.refusal(self.transform(hypothesis.fit))]
 
-    def _rank(self, hypotheses: Iterable[Hypothesis]) -> list[Hypothesis]:
-        return self.verifier.rank(self.target, self.source, list(hypotheses))
+    def _rank(self, hypotheses: Sequence[Hypothesis]) -> list[Hypothesis]:
+        return self.verifier.rank(self.target, self.source, hypotheses)
 
-    def _measure(self, hypotheses: Iterable[Hypothesis]) -> list[Hypothesis]:
+    def _measure(self, hypotheses: Sequence[Hypothesis]) -> list[Hypothesis]:
         """Distinct hypotheses with all their evidence, best first."""
-        ranked = self._rank(hypotheses)
-        measured = [self.verifier.measure(self.target, self.source, hypothesis) for hypothesis in ranked]
+        hopeful = _hopeful(self._rank(hypotheses), _HOPELESS)
+        measured = [self.verifier.measure(self.target, self.source, hypothesis) for hypothesis in hopeful]
         return sorted(measured, key=lambda hypothesis: -hypothesis.score)
 
     def _refine_candidates(
         self, candidates: Candidates, chosen: np.ndarray, reaches: tuple[float, ...], points: int
     ) -> list[Hypothesis]:
         """The chosen candidates, refined."""
-
-        def refine_candidate(n: int) -> Hypothesis:
-            fit = self._refine(candidates.R[n], candidates.shifts[n], reaches, points)
-            return Hypothesis(fit, float(candidates.rotation_scores[n]), float(candidates.psr[n]))
-
-        return list(self.pool.map(refine_candidate, chosen.tolist()))
+        R = candidates.R[chosen]  # pyright: ignore[reportArgumentType]
+        fits = self._refine(R, candidates.shifts[chosen], reaches, points)
+        scores, psr = candidates.rotation_scores[chosen].tolist(), candidates.psr[chosen].tolist()
+        return [Hypothesis(*each) for each in zip(fits, scores, psr, strict=True)]
 
     def _refine_all(
-        self, hypotheses: Iterable[Hypothesis], reaches: tuple[float, ...], points: int
+        self, hypotheses: Sequence[Hypothesis], reaches: tuple[float, ...], points: int, stretches: bool = False
     ) -> list[Hypothesis]:
         """The hypotheses, refined further."""
-
-        def refine_hypothesis(hypothesis: Hypothesis) -> Hypothesis:
-            rough = hypothesis.fit
-            return replace(hypothesis, fit=self._refine(rough.R, rough.shift, reaches, points, rough.width))
-
-        return list(self.pool.map(refine_hypothesis, hypotheses))
+        if not hypotheses:
+            return []
+        R = Rotation.concatenate([hypothesis.fit.R for hypothesis in hypotheses])
+        shifts = np.array([hypothesis.fit.shift for hypothesis in hypotheses])
+        widths = [hypothesis.fit.width for hypothesis in hypotheses]
+        fits = self._refine(R, shifts, reaches, points, widths, stretches)
+        return [replace(hypothesis, fit=fit) for hypothesis, fit in zip(hypotheses, fits, strict=True)]
 
     def _refine(
-        self, R: Rotation, shift: np.ndarray, reaches: tuple[float, ...], points: int, width: float = 0.0
-    ) -> Fit:
-        prior = self._prior_at(R, shift)
-        return refine(self.target.surface, self.source.surface, R, shift, reaches, points, width, prior)
+        self,
+        R: Rotation,
+        shifts: np.ndarray,
+        reaches: tuple[float, ...],
+        points: int,
+        widths: Sequence[float] | None = None,
+        stretches: bool = False,
+    ) -> list[Fit]:
+        """From each of the places, (k,) rotations and (k, 3) shifts."""
+        begin = Start(R, shifts, np.zeros(len(shifts)) if widths is None else np.array(widths))
+        prior = self._prior_at(R, shifts, stretches)
+        return refine(self.target.surface, self.source.surface, begin, reaches, points, prior, stretches)
 
-    def _prior_at(self, R: Rotation, shift: np.ndarray) -> PriorTerm | None:
-        """What instruments measured of this pose, and how a turn and a shift between the grids change it."""
+    def _prior_at(self, R: Rotation, shifts: np.ndarray, stretches: bool) -> PriorTerm | None:
+        """What instruments measured of k poses, and how a turn and a shift between the grids change it."""
         prior = self.bounds.prior
-        if prior is None:
+        if prior is None or not prior.measures:
             return None
-        T = RigidTransform.from_components(self._sensor_shift(R, shift), R)
-        residual = prior.residuals(RigidTransform.concatenate([T]))[0]
-        if not len(residual):
-            return None
-        x, y, z = R.apply(self.source.volume.center)
+        T = RigidTransform.from_components(self._sensor_shift(R, shifts), R)
+        centers = R.apply(self.source.volume.center)
         # a turn about the grid's center moves the sensor
-        sensor = np.eye(6)
-        sensor[3:, :3] = [[0, -z, y], [z, 0, -x], [-y, x, 0]]
-        sensor[3:, 3:] *= self.grid.voxel
+        sensor = np.zeros((len(shifts), 6, 6))
+        sensor[:] = np.diag(np.repeat([1.0, self.grid.voxel], 3))
+        sensor[:, 3:, :3] = cross_matrices(centers)
         voxel = self.grid.voxel
-        away = self.target.volume.center / voxel + shift, np.array([x, y, z]) / voxel
+        from_target = self.target.volume.center / voxel + shifts
         lever = float(np.sqrt((self.source.surface.points**2).sum(axis=1).mean()))
         return PriorTerm(
-            residual=residual,
+            residual=prior.residuals(T),
             jacobian=prior.residual_jacobian(T) @ sensor,
             covariance=prior.residual_covariance(T),
-            systematic=CALIBRATION.systematic(*away, lever),
+            systematic=CALIBRATION.systematic(from_target, centers / voxel, np.full(len(shifts), lever), stretches),
         )
+
+
+def _hopeful(hypotheses: Sequence[Hypothesis], margin: float) -> list[Hypothesis]:
+    """Those whose looks are not less than the best's by more than the margin."""
+    least = max(hypothesis.evidence.looks for hypothesis in hypotheses) - margin
+    return [hypothesis for hypothesis in hypotheses if hypothesis.evidence.looks >= least]

@@ -1,6 +1,7 @@
 """What instruments measured of a pair, linear about a pose: a factor beside the planes of both scans."""
 
 from dataclasses import dataclass, replace
+from typing import Any
 
 import numpy as np
 from scipy.stats import chi2
@@ -14,14 +15,14 @@ _STAY = 1e-6
 
 @dataclass(frozen=True, slots=True)
 class PriorTerm:
-    """Measurements of instruments, linear about a pose of k components.
+    """Measurements of instruments, linear about a pose of m components, or about n poses (...: none, or n).
 
     Attributes:
-        residual: (k,) the pose less what was measured [rad, m].
-        jacobian: (k, 6) of the residual, by a turn of the target's axes about the source's grid center and a shift
+        residual: (..., m) the pose less what was measured [rad, m].
+        jacobian: (..., m, 6) of the residual, by a turn of the target's axes about the source's grid center and a shift
             along them, rotation first [rad, voxels].
-        covariance: (k, k) of the residual at the true pose.
-        systematic: (6, 6) the covariance of errors that all points of the scans share, as `Calibration` has it: it
+        covariance: (..., m, m) of the residual at the true pose.
+        systematic: (..., 6, 6) the covariance of errors that all points of the scans share, as `Calibration` has it: it
             decides, with that of the planes, how much the scans are worth beside the instruments.
     """
 
@@ -30,51 +31,74 @@ class PriorTerm:
     covariance: np.ndarray
     systematic: np.ndarray
 
+    def of(self, n: int) -> "PriorTerm":
+        """Of one pose of several."""
+        return PriorTerm(self.residual[n], self.jacobian[n], self.covariance[n], self.systematic[n])
+
     def moved(self, step: np.ndarray) -> "PriorTerm":
-        """About the pose that lies a (6,) small step further, rotation first [rad, voxels]."""
-        return replace(self, residual=self.residual + self.jacobian @ step)
+        """About the pose that lies a (..., 6) small step further, rotation first [rad, voxels]."""
+        return replace(self, residual=self.residual + _times(self.jacobian, step))
 
     def information(self) -> np.ndarray:
-        """(6, 6) what the instruments know of the turn and shift."""
-        return self.jacobian.T @ np.linalg.solve(self.covariance, self.jacobian)
+        """(..., 6, 6) what the instruments know of the turn and shift."""
+        return _transposed(self.jacobian) @ np.linalg.solve(self.covariance, self.jacobian)
+
+    def pull(self) -> np.ndarray:
+        """(..., 6) the gradient of half the squared residuals in standard deviations."""
+        return _times(_transposed(self.jacobian), _solved(self.covariance, self.residual))
+
+    def squared(self) -> np.ndarray:
+        """(...) chi-squared of the pose."""
+        return (self.residual * _solved(self.covariance, self.residual)).sum(axis=-1)
 
     def distortion(self, covariance: np.ndarray, step: np.ndarray) -> np.ndarray:
-        """(6, 6) the covariance of the scans' distortion, as far as the instruments show it.
+        """(..., 6, 6) the covariance of the scans' distortion, as far as the instruments show it.
 
         A sonar that guesses elevations shows walls that lean, a wrong speed of sound bends the bed. Two such scans fit
         best where the vehicle was not. Where the best fit is as far from what was measured as 3 standard deviations of
         a single number would be, the scans are believed less in that direction, and from 4 on only the instruments are.
 
         Args:
-            covariance: (6, 6) of the pose, by the scans alone.
-            step: (6,) from the pose to where the scans alone would have it.
+            covariance: (..., 6, 6) of the pose, by the scans alone.
+            step: (..., 6) from the pose to where the scans alone would have it.
         """
-        off = self.residual + self.jacobian @ step
-        together = self.jacobian @ covariance @ self.jacobian.T + self.covariance
-        believed, distorted = _LIMITS[len(off) - 1]
-        squared = float(off @ np.linalg.solve(together, off))
-        if squared <= believed:
-            return np.zeros((6, 6))
-        factor = (squared - believed) / max(distorted - squared, distorted / _UNKNOWN)
-        along = np.linalg.pinv(self.jacobian) @ off
-        return factor / squared * np.outer(along, along)
+        off = self.residual + _times(self.jacobian, step)
+        together = self.jacobian @ covariance @ _transposed(self.jacobian) + self.covariance
+        believed, distorted = _LIMITS[off.shape[-1] - 1]
+        squared = (off * _solved(together, off)).sum(axis=-1)
+        factor = np.maximum(squared - believed, 0.0) / np.maximum(distorted - squared, distorted / _UNKNOWN)
+        along = _times(np.linalg.pinv(self.jacobian), off)
+        share = factor / np.maximum(squared, believed)
+        return share[..., None, None] * along[..., :, None] * along[..., None, :]
 
 
-def posterior_step(hessian: np.ndarray, gradient: np.ndarray, variance: float, term: PriorTerm | None) -> np.ndarray:
-    """(6,) the Gauss-Newton step, by the scans' planes and the instruments together.
+def posterior_step(hessian: np.ndarray, gradient: np.ndarray, variance: Any, term: PriorTerm | None) -> np.ndarray:
+    """(..., 6) the Gauss-Newton step, by the scans' planes and the instruments together.
 
     Args:
-        hessian, gradient: (6, 6) and (6,) of half the squared distances to the planes.
-        variance: of these distances, as far as they are independent [voxels^2].
+        hessian, gradient: (..., 6, 6) and (..., 6) of half the squared distances to the planes.
+        variance: (...) of these distances, as far as they are independent [voxels^2].
         term: what the instruments measured; None for nothing.
     """
     # what nothing fixes stays where it is
-    damped = hessian + 1e-9 * (np.trace(hessian) + 1e-9) * np.eye(6)
-    step = -np.linalg.solve(damped, gradient)
+    damping = 1e-9 * (np.trace(hessian, axis1=-2, axis2=-1) + 1e-9)
+    damped = hessian + damping[..., None, None] * np.eye(6)
+    step = -_solved(damped, gradient)
     if term is None:
         return step
-    scans = np.linalg.inv(damped) * variance + term.systematic
+    scans = np.linalg.inv(damped) * np.asarray(variance)[..., None, None] + term.systematic
     information = np.linalg.inv(scans + term.distortion(scans, step))
-    pull = term.jacobian.T @ np.linalg.solve(term.covariance, term.residual)
     total = information + term.information() + _STAY * np.eye(6)
-    return np.linalg.solve(total, information @ step - pull)
+    return _solved(total, _times(information, step) - term.pull())
+
+
+def _transposed(matrix: np.ndarray) -> np.ndarray:
+    return np.swapaxes(matrix, -1, -2)
+
+
+def _times(matrix: np.ndarray, vector: np.ndarray) -> np.ndarray:
+    return (matrix @ vector[..., None])[..., 0]
+
+
+def _solved(matrix: np.ndarray, vector: np.ndarray) -> np.ndarray:
+    return np.linalg.solve(matrix, vector[..., None])[..., 0]

@@ -28,7 +28,7 @@ class Clues:
         sharpness: of the inverse of how far the surfaces are apart.
         firmness: of how firmly the planes hold the pose.
         lead: of its score over the best of the others; negative for others than the best.
-        search: how few poses the instruments leave, squared, so that a chance agreement is rarer; 0 without them.
+        search: how few poses the instruments leave, so that a chance agreement is rarer; 0 without them.
     """
 
     psr: float
@@ -58,14 +58,14 @@ class Logistic:
         twin: weight of the lead in the logarithm of the second's odds.
     """
 
-    odds: float = -0.78
-    psr: float = 0.69
-    view: float = 0.57
-    surface: float = 0.68
-    sharpness: float = 0.99
-    firmness: float = 1.52
-    lead: float = 0.72
-    search: float = 1.01
+    odds: float = -0.19
+    psr: float = 0.72
+    view: float = 1.19
+    surface: float = 0.92
+    sharpness: float = 0.89
+    firmness: float = 1.19
+    lead: float = 0.85
+    search: float = 1.19
     twin: float = 3.0
 
     def probability(self, clues: Clues) -> float:
@@ -96,7 +96,7 @@ def clues(hypothesis: Hypothesis, hypotheses: Sequence[Hypothesis], edge: int, s
         sharpness=-log(max(evidence.width, 0.03)) - 1.5,
         firmness=log(max(evidence.firmness, 1e-4)) + 3,
         lead=min(max(lead, -_ALONE), _ALONE),
-        search=(search / 3) ** 2,
+        search=-search / 3,
     )
 
 

@@ -5,6 +5,7 @@ from dataclasses import dataclass
 import numpy as np
 from scipy.spatial.transform import Rotation
 
+from spectral.nearest import query_on_all_cores
 from spectral.prepare.surface import Surface
 
 # A point has a counterpart this near, if the normals there are within 37 degrees of each other [voxels; cosine].
@@ -36,28 +37,41 @@ class SharedSurface:
         return self.agree / (self.covered + _LEAST)
 
 
-def shared_surface(target: Surface, source: Surface, R: Rotation, shift: np.ndarray, most: int) -> SharedSurface:
-    """What the scans share under a pose.
+def shared_surfaces(
+    target: Surface, source: Surface, R: Rotation, shifts: np.ndarray, most: int
+) -> list[SharedSurface]:
+    """What the scans share under each of k poses.
 
     Args:
-        R, shift: p_target = R p_source + shift about the grid centers [voxels].
+        R: (k,) rotations.
+        shifts: (k, 3) p_target = R p_source + shift about the grid centers [voxels].
         most: how many points of each scan are looked at.
     """
-    turn = R.as_matrix()
-    onto_target = _shares(target, source, turn, shift, most)
-    onto_source = _shares(source, target, turn.T, -shift @ turn, most)
-    agree, covered, _ = (onto_target + onto_source) / 2
-    return SharedSurface(float(agree), float(covered), float(min(onto_target[2], onto_source[2])))
+    turns = R.as_matrix()
+    onto_target = _shares(target, source, turns, shifts, most)
+    onto_source = _shares(source, target, turns.transpose(0, 2, 1), -np.einsum("ki,kij->kj", shifts, turns), most)
+    agree, covered = ((onto_target + onto_source) / 2)[:, :2].T
+    overlap = np.minimum(onto_target[:, 2], onto_source[:, 2])
+    return [SharedSurface(*shares) for shares in np.column_stack([agree, covered, overlap]).tolist()]
 
 
-def _shares(surface: Surface, other: Surface, turn: np.ndarray, shift: np.ndarray, most: int) -> np.ndarray:
-    """(3,) of the other's points: those that agree with the surface, that lie where it is, and, unweighted, on it."""
+def _shares(surface: Surface, other: Surface, turns: np.ndarray, shifts: np.ndarray, most: int) -> np.ndarray:
+    """(k, 3) of the other's points: those that agree with the surface, that lie where it is, and, unweighted, on it."""
     step = max(1, -(-len(other.points) // most))
-    weights = other.weights[::step]
-    distance, index = surface.tree.query(other.points[::step] @ turn.T + shift, distance_upper_bound=_COVERED)
-    covered = np.isfinite(distance)
-    near = np.flatnonzero(distance <= _REACH)
-    facing = np.einsum("ni,ni->n", other.normals[::step][near] @ turn.T, surface.normals[index[near]])
-    agree = near[np.abs(facing) >= _ALIKE]
-    total = weights.sum()
-    return np.array([weights[agree].sum() / total, weights[covered].sum() / total, len(near) / len(weights)])
+    weights, forward = other.weights[::step], turns.transpose(0, 2, 1)
+    points = other.points[::step] @ forward + shifts[:, None]
+    distance, index = query_on_all_cores(surface.tree, points.reshape(-1, 3), reach=_COVERED)
+    distance = distance.reshape(points.shape[:2])
+    pose, near = np.nonzero(distance <= _REACH)
+    facing = np.einsum(
+        "ni,nij,nj->n",
+        other.normals[::step][near],
+        forward[pose],
+        surface.normals[index.reshape(distance.shape)[pose, near]],
+    )
+    agree = np.abs(facing) >= _ALIKE
+    count, total = len(turns), weights.sum()
+    agreeing = np.bincount(pose[agree], weights[near[agree]], count)
+    return np.column_stack(
+        [agreeing / total, np.isfinite(distance) @ weights / total, np.bincount(pose, minlength=count) / len(weights)]
+    )

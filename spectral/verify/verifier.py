@@ -6,7 +6,6 @@ few distinct ones are refined and compared on the whole grid. docs/registration.
 """
 
 from collections.abc import Sequence
-from concurrent.futures import Executor
 from dataclasses import replace
 from itertools import product
 
@@ -20,7 +19,7 @@ from spectral.so3 import RotationPeaks
 from spectral.translation import SAME_SHIFT, Box, Translation, Volume
 from spectral.verify.candidates import Candidates
 from spectral.verify.hypothesis import Evidence, Hypothesis, alike
-from spectral.verify.shared_surface import SharedSurface, shared_surface
+from spectral.verify.shared_surface import shared_surfaces
 
 # Peaks of a rotation's translation that are looked at, and how far apart they are [coarse voxels].
 _PEAKS, _SEPARATION = 8, 2.0
@@ -31,7 +30,7 @@ _SAME_ROTATION = float(np.deg2rad(9.0))
 # Of scans without a viewpoint so many candidates, those with the highest peaks, are scored by their points in common.
 _BY_POINTS, _POINTS = 60, 400
 # Points by which a refined hypothesis' shared surface is measured.
-_SURFACE_POINTS = 1500
+_SURFACE_POINTS = 1200
 # A contradiction weighs as so many agreements; a share of points that is small beside the least hardly counts.
 _WEIGHT, _LEAST = 4.0, 0.05
 
@@ -47,9 +46,8 @@ def consistency(agree: np.ndarray | float, contradict: np.ndarray | float) -> np
 class Verifier:
     """Finds candidates for rotations and measures hypotheses, on one device and grid."""
 
-    def __init__(self, device: Device, edge: int, pool: Executor) -> None:
-        """Plan the correlations of both grids; the pool's threads count points side by side."""
-        self._pool = pool
+    def __init__(self, device: Device, edge: int) -> None:
+        """Plan the correlations of both grids."""
         self.device, self.edge = device, edge
         self.coarse_edge = max(edge // 2, 16)
         self.translation = Translation(device, edge)
@@ -142,12 +140,7 @@ class Verifier:
         )
         views = np.asarray(consistency(fine.agree, fine.contradict)).tolist()
         coarse_views = np.asarray(consistency(coarse.agree, coarse.contradict)).tolist()
-
-        def surfaces(hypothesis: Hypothesis) -> SharedSurface:
-            fit = hypothesis.fit
-            return shared_surface(target.surface, source.surface, fit.R, fit.shift, points)
-
-        shared = list(self._pool.map(surfaces, hypotheses))
+        shared = shared_surfaces(target.surface, source.surface, R, shifts, points)
         return [
             replace(
                 hypothesis.evidence,
@@ -158,6 +151,7 @@ class Verifier:
                 residual=hypothesis.fit.residual,
                 width=hypothesis.fit.width,
                 firmness=hypothesis.fit.firmness,
+                measured=0.0 if hypothesis.fit.prior is None else float(hypothesis.fit.prior.squared()),
             )
             for hypothesis, view, coarse_view, surface in zip(hypotheses, views, coarse_views, shared, strict=True)
         ]
@@ -198,9 +192,10 @@ class Verifier:
             agreement = np.asarray(consistency(seen.agree, seen.contradict))
         else:
             agreement = np.zeros(len(candidates.psr))
-            for n in np.argsort(-candidates.psr, kind="stable")[:_BY_POINTS]:
-                R, shift = candidates.R[int(n)], candidates.shifts[n]
-                agreement[n] = shared_surface(target.surface, source.surface, R, shift, _POINTS).consistency
+            highest = np.argsort(-candidates.psr, kind="stable")[:_BY_POINTS]
+            R, shifts = candidates.R[highest], candidates.shifts[highest]  # pyright: ignore[reportArgumentType]
+            shared = shared_surfaces(target.surface, source.surface, R, shifts, _POINTS)
+            agreement[highest] = [each.consistency for each in shared]
         return agreement * np.maximum(candidates.psr, 0.0)
 
 

@@ -8,7 +8,7 @@ from kernels.device.device import choose_device
 from spectral.grid import Grid
 from spectral.prepare.prepared import Preparer
 from spectral.scan import Scan
-from spectral.so3 import So3
+from spectral.so3 import RotationPeaks, So3, Sweep, distinct_rotations
 from tests.samples.structures import structure
 
 EDGE = 32
@@ -51,16 +51,21 @@ def indices(R: Rotation) -> np.ndarray:
     return alike.argmax(axis=1)
 
 
+def swept(spectra: Spectra, scans: tuple[np.ndarray, np.ndarray], count: int, apart_deg: float = 0.0) -> RotationPeaks:
+    """The best turns of the sweep, farther apart than this."""
+    return spectra.so3.best_of(*scans, Sweep(SWEEP, EACH, np.deg2rad(apart_deg)), count)
+
+
 def test_the_best_is_the_nearest_tilt_of_the_nearest_turn(
     spectra: Spectra, scans: tuple[np.ndarray, np.ndarray]
 ) -> None:
-    best = spectra.so3.best_of(*scans, SWEEP, EACH, 5)
+    best = swept(spectra, scans, 5)
     assert indices(best.R)[0] == GROUP * EACH + TILT
     assert best.scores[0] > best.scores[1]
 
 
 def test_groups_come_once_and_the_best_first(spectra: Spectra, scans: tuple[np.ndarray, np.ndarray]) -> None:
-    best = spectra.so3.best_of(*scans, SWEEP, EACH, 20)
+    best = swept(spectra, scans, 20)
     assert len(best.R) == len(best.scores) == 20
     assert best.scores.dtype == np.float64
     assert (np.diff(best.scores) <= 0).all()
@@ -68,24 +73,45 @@ def test_groups_come_once_and_the_best_first(spectra: Spectra, scans: tuple[np.n
 
 
 def test_there_are_no_more_than_there_are(spectra: Spectra, scans: tuple[np.ndarray, np.ndarray]) -> None:
-    every = spectra.so3.best_of(*scans, SWEEP, EACH, 1000)
+    every = swept(spectra, scans, 1000)
     assert sorted(indices(every.R) // EACH) == list(range(len(TURNS)))
-    (only,) = spectra.so3.best_of(*scans, SWEEP[:EACH], EACH, 3).scores
+    one_group = Sweep(SWEEP[:EACH], EACH, 0.0)
+    (only,) = spectra.so3.best_of(*scans, one_group, 3).scores
     assert only in every.scores
 
 
 def test_each_stands_for_its_group_by_its_highest(spectra: Spectra, scans: tuple[np.ndarray, np.ndarray]) -> None:
     """In groups of one, all rotations show their values."""
-    every = spectra.so3.best_of(*scans, SWEEP, 1, len(SWEEP))
+    every = spectra.so3.best_of(*scans, Sweep(SWEEP, 1, 0.0), len(SWEEP))
     values = np.empty(len(SWEEP))
     values[indices(every.R)] = every.scores
     groups = values.reshape(-1, EACH)
-    best = spectra.so3.best_of(*scans, SWEEP, EACH, len(TURNS))
+    best = swept(spectra, scans, len(TURNS))
     np.testing.assert_array_equal(best.scores, -np.sort(-groups.max(axis=1), kind="stable"))
     np.testing.assert_array_equal(values[indices(best.R)], best.scores)
 
 
+def test_none_is_near_a_better_one(spectra: Spectra, scans: tuple[np.ndarray, np.ndarray]) -> None:
+    every, apart = swept(spectra, scans, len(TURNS)), swept(spectra, scans, len(TURNS), 20.0)
+    assert apart.scores[0] == every.scores[0]
+    assert 8 <= len(apart.R) < len(every.R) / 2
+    for n in range(1, len(apart.R)):
+        nearest = (apart.R[:n].inv() * apart.R[n]).magnitude().min()
+        assert np.rad2deg(nearest) > 20.0
+    left_out = [R for R in every.R if np.rad2deg((apart.R.inv() * R).magnitude().min()) > 20.0]
+    assert left_out == []
+
+
 def test_the_value_at_a_peak_is_the_peaks(spectra: Spectra, scans: tuple[np.ndarray, np.ndarray]) -> None:
     peaks = spectra.so3.candidates(*scans, 3, lambda R: np.ones(len(R), dtype=bool))
-    values = spectra.so3.best_of(*scans, peaks.R, 1, 3).scores
+    values = spectra.so3.best_of(*scans, Sweep(peaks.R, 1, 0.0), 3).scores
     np.testing.assert_allclose(values, peaks.scores, rtol=0.05)
+
+
+def test_distinct_rotations_are_those_of_all_in_their_order() -> None:
+    z = [Rotation.from_euler("Z", angle, degrees=True) for angle in (0.0, 40.0, 3.0, 80.0, 44.0)]
+    first = RotationPeaks(Rotation.concatenate(z[:2]), np.array([0.9, 0.5]))
+    second = RotationPeaks(Rotation.concatenate(z[2:]), np.array([0.8, 0.7, 0.6]))
+    found = distinct_rotations([first, second])
+    np.testing.assert_allclose(np.rad2deg(found.R.magnitude()), [0, 40, 80], atol=1e-9)
+    np.testing.assert_array_equal(found.scores, [0.9, 0.5, 0.7])

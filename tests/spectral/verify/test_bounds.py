@@ -59,30 +59,30 @@ class TestSweep:
             tilt = relative.residuals(RigidTransform.concatenate([RigidTransform.from_rotation(true)]))[0, :2]
             sweep = bounds(relative).sweep
             assert sweep is not None
-            off = (sweep.inv() * true).magnitude().min()
+            off = (sweep.R.inv() * true).magnitude().min()
             if np.linalg.norm(tilt) < 2 * relative.tilt_sigma:
                 tried += 1
-                assert off < np.hypot(np.deg2rad(2.1), 1.1 * relative.tilt_sigma)
+                assert off < np.hypot(np.deg2rad(1.1), 0.85 * relative.tilt_sigma)
         assert tried > 100
 
     def test_without_headings_turns_go_all_around(self) -> None:
         sweep = bounds(pair(ATTITUDE)).sweep
         assert sweep is not None
-        turns = world_turns(pair(ATTITUDE, HEADING), sweep)
-        about = np.sort(turns[:: bounds(None).tilts] % (2 * np.pi))
+        turns = world_turns(pair(ATTITUDE, HEADING), sweep.R)
+        about = np.sort(turns[:: sweep.tilts] % (2 * np.pi))
         gaps = np.diff(np.append(about, about[0] + 2 * np.pi))
-        assert np.rad2deg(gaps.max()) < 4.2
-        assert np.rad2deg(gaps.min()) > 3.5
+        assert np.rad2deg(gaps.max()) < 2.1
+        assert np.rad2deg(gaps.min()) > 1.75
 
     def test_headings_bound_the_turns(self) -> None:
         relative = pair(ATTITUDE, HEADING)
         sweep = bounds(relative).sweep
         assert sweep is not None
-        turns = np.unique(np.round(world_turns(relative, sweep), 9))
+        turns = np.unique(np.round(world_turns(relative, sweep.R), 9))
         reach = 4 * np.sqrt(2) * SIGMAS[2]
         assert turns.min() == pytest.approx(-reach)
         assert turns.max() == pytest.approx(reach)
-        assert np.rad2deg(np.diff(turns).max()) < 4.01
+        assert np.rad2deg(np.diff(turns).max()) < 2.01
         assert 0.0 in turns
 
     def test_unsure_headings_bound_no_turn(self) -> None:
@@ -90,20 +90,22 @@ class TestSweep:
         swept, all_around = (bounds(pair(*kinds, sigmas=sigmas)).sweep for kinds in ((ATTITUDE, HEADING), (ATTITUDE,)))
         assert swept is not None
         assert all_around is not None
-        assert len(swept) == len(all_around)
+        assert len(swept.R) == len(all_around.R)
+        assert swept.apart == all_around.apart
 
     def test_a_turn_comes_with_all_its_tilts_the_measured_one_first(self) -> None:
         relative = pair(ATTITUDE, HEADING)
-        swept = bounds(relative)
-        sweep, each = swept.sweep, swept.tilts
+        sweep = bounds(relative).sweep
         assert sweep is not None
-        assert len(sweep) % each == 0
-        residuals = relative.residuals(RigidTransform.from_rotation(sweep)).reshape(-1, each, 3)
+        each = sweep.tilts
+        assert len(sweep.R) % each == 0
+        residuals = relative.residuals(RigidTransform.from_rotation(sweep.R)).reshape(-1, each, 3)
         np.testing.assert_allclose(residuals[:, :, 2], residuals[:, :1, 2] + np.zeros(each), atol=1e-9)
         assert len(np.unique(np.round(residuals[:, 0, 2], 9))) == len(residuals)
         tilts = residuals[:, :, :2] / relative.tilt_sigma
         np.testing.assert_allclose(tilts[:, 0], 0, atol=1e-9)
-        np.testing.assert_allclose(np.linalg.norm(tilts[:, 1:], axis=2), 1.5, atol=0.02)
+        lengths = np.repeat([1.0, 2.0], 6) + np.zeros((len(tilts), 1))
+        np.testing.assert_allclose(np.linalg.norm(tilts[:, 1:], axis=2), lengths, atol=0.03)
         np.testing.assert_allclose(tilts.mean(axis=1), 0, atol=1e-9)
 
 

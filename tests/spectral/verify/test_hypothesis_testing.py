@@ -1,7 +1,7 @@
 """The hypotheses of a pair, compared: what the finalists lack, and how the best is refined to the end."""
 
-from concurrent.futures import ThreadPoolExecutor
 from dataclasses import replace
+from typing import Any
 
 import numpy as np
 import pytest
@@ -12,9 +12,9 @@ from spectral.grid import Grid
 from spectral.registration import SpectralRegistrar
 from spectral.scan import Scan
 from spectral.verify.bounds import Bounds
+from spectral.verify.fit import Fit
 from spectral.verify.hypothesis import Hypothesis
 from spectral.verify.hypothesis_testing import HypothesisTest
-from spectral.verify.icp import Fit
 from spectral.verify.verifier import Verifier
 from tests.samples.reliefs import above, relief, seen
 
@@ -30,8 +30,7 @@ def pair_test() -> HypothesisTest:
     device, grid = choose_device(), Grid(EDGE, VOXEL)
     registrar = SpectralRegistrar(device, grid)
     target, source = (registrar.prepare(Scan(seen(relief(1), T, 15.0))) for T in (HERE, THERE))
-    pool = ThreadPoolExecutor(2)
-    return HypothesisTest(Verifier(device, EDGE, pool), pool, grid, target, source, Bounds(np.pi, None, VOXEL))
+    return HypothesisTest(Verifier(device, EDGE), grid, target, source, Bounds(np.pi, None, VOXEL))
 
 
 def true_shift(pair_test: HypothesisTest) -> np.ndarray:
@@ -41,6 +40,12 @@ def true_shift(pair_test: HypothesisTest) -> np.ndarray:
 
 def refined(R: Rotation, shift: np.ndarray) -> Hypothesis:
     return Hypothesis(Fit(R, shift, np.eye(6), 0.1, 100.0), 0.5, 20.0)
+
+
+def looked_at(pair_test: HypothesisTest, hypotheses: list[Hypothesis]) -> list[Hypothesis]:
+    """The same with what the scans saw, in the same order."""
+    looks = pair_test.verifier.look(pair_test.target, pair_test.source, hypotheses, 500)
+    return [replace(hypothesis, evidence=e) for hypothesis, e in zip(hypotheses, looks, strict=True)]
 
 
 def off(pair_test: HypothesisTest, hypothesis: Hypothesis) -> float:
@@ -75,22 +80,34 @@ def test_the_true_place_wins_however_the_finalists_are_ordered(pair_test: Hypoth
         refined(TRUE.rotation, true_shift(pair_test) + 2 * ASIDE),
     )
     for both in ([true, beside], [beside, true]):
-        hypotheses = pair_test.compare(both)
+        hypotheses = pair_test.compare(looked_at(pair_test, both))
         assert off(pair_test, hypotheses[0]) < 1.0
-        assert hypotheses[0].score > hypotheses[-1].score
+        assert all(hypotheses[0].score > other.score for other in hypotheses[1:])
 
 
-def test_any_number_of_threads_finds_the_same(pair_test: HypothesisTest) -> None:
-    rough = [refined(TRUE.rotation, true_shift(pair_test) + offset) for offset in (0 * ASIDE, 0.2 * ASIDE, 2 * ASIDE)]
-    with_one, with_three = (replace(pair_test, pool=ThreadPoolExecutor(n)).compare(rough) for n in (1, 3))
-    assert [hypothesis.score for hypothesis in with_one] == [hypothesis.score for hypothesis in with_three]
-    for a, b in zip(with_one, with_three, strict=True):
-        np.testing.assert_array_equal(a.fit.shift, b.fit.shift)
+def test_what_looks_hopeless_is_not_compared(pair_test: HypothesisTest, monkeypatch: pytest.MonkeyPatch) -> None:
+    true, beside = looked_at(
+        pair_test,
+        [refined(TRUE.rotation, true_shift(pair_test)), refined(TRUE.rotation, true_shift(pair_test) + 2 * ASIDE)],
+    )
+    refined_again: list[int] = []
+    refine_all = HypothesisTest._refine_all
+
+    def counted(test: HypothesisTest, hypotheses: list[Hypothesis], *rest: Any) -> list[Hypothesis]:
+        refined_again.append(len(hypotheses))
+        return refine_all(test, hypotheses, *rest)
+
+    monkeypatch.setattr(HypothesisTest, "_refine_all", counted)
+    pair_test.compare([true, beside])
+    hopeless = replace(beside, evidence=replace(beside.evidence, width=50.0))
+    (only,) = pair_test.compare([hopeless, true])
+    assert refined_again == [2, 1]
+    assert off(pair_test, only) < 1.0
 
 
 def test_the_best_ends_nearer_and_stands_once(pair_test: HypothesisTest) -> None:
     rough = refined(Rotation.from_rotvec([0, 0, 0.01]) * TRUE.rotation, true_shift(pair_test) + 0.8)
-    first = pair_test.compare([rough])[0]
+    first = pair_test.compare(looked_at(pair_test, [rough]))[0]
     best, *others = pair_test.finish([first, replace(first, candidate_psr=first.candidate_psr / 2)], spectral=False)
     assert others == []
     assert off(pair_test, best) < min(0.3, off(pair_test, rough))

@@ -1,12 +1,15 @@
 """Point-to-plane refinement: a known pose found again from nearby, and what no surface fixes left alone."""
 
+from collections.abc import Sequence
+
 import numpy as np
 import pytest
 from scipy.spatial import KDTree
 from scipy.spatial.transform import Rotation
 
 from spectral.prepare.surface import Surface, smooth_surface
-from spectral.verify.icp import Fit, refine
+from spectral.verify.fit import Fit
+from spectral.verify.icp import Start, refine
 
 R_TRUE, SHIFT_TRUE = Rotation.from_euler("ZYX", [20, -6, 9], degrees=True), np.array([7.0, -3.5, 1.25])
 REACHES = (4.0, 3.0, 3.0, 2.0, 2.0, 2.0, 1.5, 1.5, 1.5, 1.5)
@@ -21,8 +24,24 @@ def corner(seed: int, count: int = 4000) -> np.ndarray:
     return np.vstack([floor, side, back])
 
 
-def surface(points: np.ndarray) -> Surface:
-    return smooth_surface(points, KDTree(points))
+def surface(points: np.ndarray, viewpoints: Sequence[np.ndarray] = ()) -> Surface:
+    return smooth_surface(points, KDTree(points), viewpoints)
+
+
+def refine_one(
+    target: Surface,
+    source: Surface,
+    R: Rotation,
+    shift: np.ndarray,
+    reaches: tuple[float, ...],
+    most: int,
+    width: float = 0.0,
+    stretches: bool = False,
+) -> Fit:
+    """From one place."""
+    start = Start(Rotation.concatenate([R]), shift[None], np.array([width]))
+    (fit,) = refine(target, source, start, reaches, most, stretches=stretches)
+    return fit
 
 
 def off(fit: Fit, R: Rotation, shift: np.ndarray) -> tuple[float, float]:
@@ -39,7 +58,7 @@ def pair() -> tuple[Surface, Surface]:
 @pytest.mark.parametrize("side", [-1, 1])
 def test_a_known_pose_is_found_from_nearby(pair: tuple[Surface, Surface], side: int) -> None:
     begin = Rotation.from_rotvec(side * np.deg2rad([1.5, -2.0, 1.0])) * R_TRUE
-    fit = refine(*pair, begin, SHIFT_TRUE + side * np.array([1.0, 0.7, -0.9]), REACHES, 3000)
+    fit = refine_one(*pair, begin, SHIFT_TRUE + side * np.array([1.0, 0.7, -0.9]), REACHES, 3000)
     angle, distance = off(fit, R_TRUE, SHIFT_TRUE)
     assert angle < 0.1
     assert distance < 0.05
@@ -48,8 +67,8 @@ def test_a_known_pose_is_found_from_nearby(pair: tuple[Surface, Surface], side: 
 
 def test_the_other_way_round_is_the_inverse(pair: tuple[Surface, Surface]) -> None:
     target, source = pair
-    there = refine(target, source, R_TRUE, SHIFT_TRUE + 0.5, REACHES, 3000)
-    back = refine(source, target, R_TRUE.inv(), -R_TRUE.inv().apply(SHIFT_TRUE) - 0.3, REACHES, 3000)
+    there = refine_one(target, source, R_TRUE, SHIFT_TRUE + 0.5, REACHES, 3000)
+    back = refine_one(source, target, R_TRUE.inv(), -R_TRUE.inv().apply(SHIFT_TRUE) - 0.3, REACHES, 3000)
     angle, distance = off(back, there.R.inv(), -there.R.inv().apply(there.shift))
     assert angle < 0.02
     assert distance < 0.02
@@ -61,7 +80,7 @@ def test_what_only_one_scan_shows_does_not_draw_it(pair: tuple[Surface, Surface]
     plate = np.column_stack([5 * u[:, 0], 4 * u[:, 1], 0.1 * 5 * u[:, 0] - 5.0])
     points = np.vstack([corner(2), plate])
     source = surface(R_TRUE.inv().apply(points - SHIFT_TRUE))
-    angle, distance = off(refine(pair[0], source, R_TRUE, SHIFT_TRUE, REACHES, 4000), R_TRUE, SHIFT_TRUE)
+    angle, distance = off(refine_one(pair[0], source, R_TRUE, SHIFT_TRUE, REACHES, 4000), R_TRUE, SHIFT_TRUE)
     assert angle < 0.15
     assert distance < 0.1
 
@@ -69,7 +88,7 @@ def test_what_only_one_scan_shows_does_not_draw_it(pair: tuple[Surface, Surface]
 def test_a_plane_alone_moves_along_its_normal_and_not_otherwise() -> None:
     x, y = np.meshgrid(np.arange(-12.0, 12.0), np.arange(-12.0, 12.0))
     plane = np.column_stack([x.ravel(), y.ravel(), np.zeros(x.size)])
-    fit = refine(surface(plane), surface(plane), Rotation.identity(), np.array([0.4, -0.3, 1.0]), REACHES, 3000)
+    fit = refine_one(surface(plane), surface(plane), Rotation.identity(), np.array([0.4, -0.3, 1.0]), REACHES, 3000)
     np.testing.assert_allclose(fit.shift, [0.4, -0.3, 0.0], atol=1e-5)
     assert fit.R.magnitude() < 1e-6
     strength = np.linalg.eigvalsh(fit.information) / np.trace(fit.information)
@@ -81,7 +100,7 @@ def test_points_that_lie_on_the_planes_count_in_full() -> None:
     """Normals are unit vectors: the information about the shift sums to the points that took part, of both scans."""
     x, y = np.meshgrid(np.arange(-12.0, 12.0), np.arange(-10.0, 10.0))
     plane = surface(np.column_stack([x.ravel(), y.ravel(), 0.2 * x.ravel()]))
-    fit = refine(plane, plane, Rotation.identity(), np.zeros(3), (2.0,), 10_000)
+    fit = refine_one(plane, plane, Rotation.identity(), np.zeros(3), (2.0,), 10_000)
     assert fit.pairs == pytest.approx(2 * 24 * 20)
     assert np.trace(fit.information[3:, 3:]) == pytest.approx(fit.pairs)
     np.testing.assert_allclose(fit.information, fit.information.T)
@@ -91,7 +110,7 @@ def test_turns_are_about_the_sources_grid_center() -> None:
     """About an axis through it along a wall's normal, points far out have the longest arms: sum of the squares."""
     x, y = np.meshgrid(np.arange(-12.0, 13.0), np.arange(-10.0, 11.0))
     plane = surface(np.column_stack([x.ravel(), y.ravel(), np.full(x.size, 4.0)]))
-    fit = refine(plane, plane, Rotation.identity(), np.zeros(3), (2.0,), 10_000)
+    fit = refine_one(plane, plane, Rotation.identity(), np.zeros(3), (2.0,), 10_000)
     # a turn about x lifts a point by y, one about y lowers it by x
     expected = 2 * np.array([np.sum(y**2), np.sum(x**2), 0])
     np.testing.assert_allclose(np.diag(fit.information)[:3], expected, rtol=1e-6, atol=1e-3)
@@ -99,7 +118,7 @@ def test_turns_are_about_the_sources_grid_center() -> None:
 
 def test_nothing_within_reach_moves_nothing(pair: tuple[Surface, Surface]) -> None:
     shift = np.array([500.0, -20, 3])
-    fit = refine(*pair, R_TRUE, shift, REACHES, 1000)
+    fit = refine_one(*pair, R_TRUE, shift, REACHES, 1000)
     assert fit.pairs == 0
     assert off(fit, R_TRUE, shift) == pytest.approx((0.0, 0.0), abs=1e-9)
     assert np.isfinite(fit.information).all()
@@ -107,7 +126,7 @@ def test_nothing_within_reach_moves_nothing(pair: tuple[Surface, Surface]) -> No
 
 
 def test_twice_is_the_same(pair: tuple[Surface, Surface]) -> None:
-    first, second = (refine(*pair, R_TRUE, SHIFT_TRUE + 0.5, REACHES, 500) for _ in range(2))
+    first, second = (refine_one(*pair, R_TRUE, SHIFT_TRUE + 0.5, REACHES, 500) for _ in range(2))
     np.testing.assert_array_equal(first.information, second.information)
     np.testing.assert_array_equal(first.shift, second.shift)
 
@@ -128,8 +147,8 @@ def test_noise_of_a_quarter_to_four_voxels_tells_itself_apart() -> None:
     widths = []
     for noise in (0.25, 0.5, 1.0, 2.0, 4.0):
         target, source = (surface(thick_corner(seed, noise)) for seed in (1, 2))
-        rough = refine(target, source, Rotation.identity(), np.zeros(3), (4.0, 4.0, 3.0), 800)
-        fit = refine(target, source, rough.R, rough.shift, (4.0, 2.0, 1.5, 1.5), 800, rough.width)
+        rough = refine_one(target, source, Rotation.identity(), np.zeros(3), (4.0, 4.0, 3.0), 800)
+        fit = refine_one(target, source, rough.R, rough.shift, (4.0, 2.0, 1.5, 1.5), 800, rough.width)
         widths.append(fit.width)
         assert np.linalg.norm(fit.shift) < 0.3 * max(noise, 0.5)
     assert (np.diff(widths) > 0.12 * np.array(widths[:-1])).all()
@@ -141,13 +160,97 @@ def test_wide_scans_are_brought_together_as_a_whole() -> None:
     floor = np.column_stack([np.random.default_rng(3).uniform(-40, 40, (6000, 2)), np.zeros(6000)])
     layers = np.vstack([floor[:3000], floor[3000:] + np.array([0, 0, 3.0])])
     target, source = surface(layers), surface(layers[::-1] * np.array([1, -1, 1.0]))
-    narrow = refine(target, source, Rotation.identity(), np.array([0, 0, 2.6]), (1.5,) * 10, 3000)
-    wide = refine(target, source, Rotation.identity(), np.array([0, 0, 2.6]), (1.5,) * 10, 3000, width=2.0)
+    narrow = refine_one(target, source, Rotation.identity(), np.array([0, 0, 2.6]), (1.5,) * 10, 3000)
+    wide = refine_one(target, source, Rotation.identity(), np.array([0, 0, 2.6]), (1.5,) * 10, 3000, width=2.0)
     assert narrow.shift[2] > 2.5
     assert abs(wide.shift[2]) < narrow.shift[2] - 0.5
 
 
 def test_information_does_not_depend_on_how_many_points_took_part(pair: tuple[Surface, Surface]) -> None:
-    few, many = (refine(*pair, R_TRUE, SHIFT_TRUE, REACHES, most) for most in (500, 3000))
+    few, many = (refine_one(*pair, R_TRUE, SHIFT_TRUE, REACHES, most) for most in (500, 3000))
     assert few.pairs == pytest.approx(many.pairs, rel=0.1)
     np.testing.assert_allclose(np.diag(few.information), np.diag(many.information), rtol=0.25)
+
+
+def test_several_places_are_refined_as_if_each_were_alone(pair: tuple[Surface, Surface]) -> None:
+    places = [(R_TRUE, SHIFT_TRUE + 0.5), (Rotation.identity(), np.zeros(3)), (R_TRUE, SHIFT_TRUE + 300.0)]
+    R = Rotation.concatenate([turn for turn, _ in places])
+    together = refine(
+        *pair, Start(R, np.array([shift for _, shift in places]), np.array([0.0, 0.3, 0.0])), REACHES, 800
+    )
+    for (turn, shift), width, fit in zip(places, (0.0, 0.3, 0.0), together, strict=True):
+        alone = refine_one(*pair, turn, shift, REACHES, 800, width)
+        np.testing.assert_allclose(fit.shift, alone.shift, atol=1e-9)
+        np.testing.assert_allclose(fit.R.as_matrix(), alone.R.as_matrix(), atol=1e-9)
+        np.testing.assert_allclose(fit.information, alone.information, atol=1e-6)
+        assert (fit.width, fit.pairs, fit.residual) == pytest.approx((alone.width, alone.pairs, alone.residual))
+    far = together[2]
+    assert far.pairs == 0
+    np.testing.assert_array_equal(far.shift, SHIFT_TRUE + 300.0)
+
+
+def room(seed: int) -> np.ndarray:
+    """The corner and a wall across the room: as far apart as the scan says, or not."""
+    u = np.random.default_rng(100 + seed).uniform(-1, 1, (2000, 4))
+    front = np.column_stack([12 * u[:, 0], -9 + 0.1 * 12 * u[:, 0], 6 * u[:, 1]])
+    other = np.column_stack([-14 + 0.5 * u[:, 2], 9 * u[:, 2], 6 * u[:, 3]])
+    return np.vstack([corner(seed), front, other])
+
+
+def stretch_of(fit: Fit) -> np.ndarray:
+    """(2,) where it was estimated."""
+    assert fit.stretch is not None
+    return fit.stretch
+
+
+class TestStretch:
+    """Ranges of the source that are too long by a share; each scan is seen from its own place in the room."""
+
+    TARGET_VIEW, SOURCE_VIEW = np.array([-6.0, -4.0, 2.0]), np.array([7.0, 3.0, 0.0])
+    STRETCH = 0.02
+
+    @pytest.fixture
+    def stretched(self) -> tuple[Surface, Surface]:
+        seen = self.SOURCE_VIEW + (1 + self.STRETCH) * (room(2) - self.SOURCE_VIEW)
+        return surface(room(1), [self.TARGET_VIEW]), surface(seen, [self.SOURCE_VIEW])
+
+    def test_it_is_estimated_with_the_pose(self, stretched: tuple[Surface, Surface]) -> None:
+        """Which of the scans is right cannot be told: each is taken to be off by half."""
+        nothing = Rotation.identity(), np.zeros(3)
+        rigid, estimated = (
+            refine_one(*stretched, *nothing, REACHES, 3000, stretches=stretches) for stretches in (False, True)
+        )
+        angles, distances = zip(*(off(fit, *nothing) for fit in (rigid, estimated)), strict=True)
+        assert angles[1] < 0.4 * angles[0]
+        assert distances[1] < distances[0]
+        assert estimated.pairs > 1.3 * rigid.pairs
+        assert rigid.stretch is None
+        np.testing.assert_allclose(
+            stretch_of(estimated), [-self.STRETCH / 2, self.STRETCH / 2], atol=0.15 * self.STRETCH
+        )
+
+    def test_what_both_scans_may_share_leaves_the_shift_less_sure(self, stretched: tuple[Surface, Surface]) -> None:
+        """Two scans stretched alike about places apart fit at a shift that is off by a share of their distance."""
+        nothing = Rotation.identity(), np.zeros(3)
+        rigid, estimated = (
+            refine_one(*stretched, *nothing, REACHES, 3000, stretches=stretches) for stretches in (False, True)
+        )
+        apart = self.SOURCE_VIEW - self.TARGET_VIEW
+        direction = np.concatenate([np.zeros(3), apart / np.linalg.norm(apart)])
+        variances = [direction @ np.linalg.solve(fit.information, direction) for fit in (rigid, estimated)]
+        assert variances[1] > 1.5 * variances[0]
+
+    def test_scans_of_unknown_viewpoints_are_taken_as_they_are(self, pair: tuple[Surface, Surface]) -> None:
+        rigid, estimated = (
+            refine_one(*pair, R_TRUE, SHIFT_TRUE + 0.5, REACHES, 2000, stretches=stretches)
+            for stretches in (False, True)
+        )
+        np.testing.assert_allclose(estimated.shift, rigid.shift, atol=1e-9)
+        np.testing.assert_allclose(estimated.information, rigid.information, rtol=1e-9)
+        np.testing.assert_array_equal(stretch_of(estimated), 0)
+
+    def test_a_scan_of_itself_is_not_stretched(self) -> None:
+        scan = surface(corner(1), [self.TARGET_VIEW])
+        fit = refine_one(scan, scan, Rotation.identity(), np.zeros(3), REACHES, 3000, stretches=True)
+        np.testing.assert_allclose(stretch_of(fit), 0, atol=1e-9)
+        np.testing.assert_allclose(fit.shift, 0, atol=1e-9)

@@ -28,7 +28,7 @@ def scan(center: np.ndarray) -> Any:
 def of(relative: RelativePrior | None) -> HypothesisTest:
     nothing: Any = None
     bounds = Bounds(np.pi, relative, VOXEL)
-    return HypothesisTest(nothing, nothing, Grid(64, VOXEL), scan(TARGET_CENTER), scan(SOURCE_CENTER), bounds)
+    return HypothesisTest(nothing, Grid(64, VOXEL), scan(TARGET_CENTER), scan(SOURCE_CENTER), bounds)
 
 
 def pose(T: RigidTransform) -> tuple[Rotation, np.ndarray]:
@@ -37,9 +37,10 @@ def pose(T: RigidTransform) -> tuple[Rotation, np.ndarray]:
 
 
 def term(relative: RelativePrior, T: RigidTransform) -> PriorTerm:
-    measured = of(relative)._prior_at(*pose(T))
+    turn, shift = pose(T)
+    measured = of(relative)._prior_at(Rotation.concatenate([turn]), shift[None], stretches=False)
     assert measured is not None
-    return measured
+    return measured.of(0)
 
 
 def moved(T: RigidTransform, step: np.ndarray) -> RigidTransform:
@@ -65,8 +66,9 @@ def test_the_jacobian_is_of_steps_of_the_refinement(relative: RelativePrior) -> 
 def test_residuals_and_covariance_are_of_the_sensors_pose(relative: RelativePrior) -> None:
     T = RigidTransform.from_translation([0.4, -0.3, 0.2]) * T_TRUE
     measured = term(relative, T)
-    np.testing.assert_allclose(measured.residual, relative.residuals(RigidTransform.concatenate([T]))[0], atol=1e-12)
-    np.testing.assert_allclose(measured.covariance, relative.residual_covariance(T), atol=1e-12)
+    one = RigidTransform.concatenate([T])
+    np.testing.assert_allclose(measured.residual, relative.residuals(one)[0], atol=1e-12)
+    np.testing.assert_allclose(measured.covariance, relative.residual_covariance(one)[0], atol=1e-12)
 
 
 def test_a_small_step_moves_the_residuals_as_far(relative: RelativePrior) -> None:
@@ -80,4 +82,5 @@ def test_a_small_step_moves_the_residuals_as_far(relative: RelativePrior) -> Non
 @pytest.mark.parametrize("kinds", [None, (POSITION, DEPTH), (HEADING,)])
 def test_none_where_nothing_is_measured_in_full(kinds: tuple[slice, ...] | None) -> None:
     known = None if kinds is None else RelativePrior(prior(T_TARGET, *kinds), prior(T_SOURCE, *kinds))
-    assert of(known)._prior_at(*pose(T_TRUE)) is None
+    turn, shift = pose(T_TRUE)
+    assert of(known)._prior_at(Rotation.concatenate([turn]), shift[None], stretches=False) is None

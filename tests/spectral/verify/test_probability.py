@@ -12,8 +12,8 @@ from spectral.grid import Grid, choose_grid
 from spectral.registration import SpectralRegistrar
 from spectral.result import Registration
 from spectral.scan import Scan
+from spectral.verify.fit import Fit
 from spectral.verify.hypothesis import Evidence, Hypothesis
-from spectral.verify.icp import Fit
 from spectral.verify.probability import (
     LOGISTIC,
     Clues,

@@ -1,12 +1,14 @@
 """Surfaces that two scans share: near, facing the same direction, all directions alike; no viewpoint takes part."""
 
+from dataclasses import astuple
+
 import numpy as np
 import pytest
 from scipy.spatial import KDTree
 from scipy.spatial.transform import Rotation
 
 from spectral.prepare.surface import Surface, smooth_surface
-from spectral.verify.shared_surface import shared_surface
+from spectral.verify.shared_surface import SharedSurface, shared_surfaces
 
 R, SHIFT = Rotation.from_euler("ZYX", [20, -6, 9], degrees=True), np.array([7.0, -3.5, 1.25])
 STILL, HERE = Rotation.identity(), np.zeros(3)
@@ -31,6 +33,12 @@ def wall(x: float) -> np.ndarray:
 
 def moved(points: np.ndarray, x: float, y: float, z: float) -> np.ndarray:
     return points + np.array([x, y, z])
+
+
+def shared_surface(target: Surface, source: Surface, R: Rotation, shift: np.ndarray, most: int) -> SharedSurface:
+    """Under one pose."""
+    (shared,) = shared_surfaces(target, source, Rotation.concatenate([R]), shift[None], most)
+    return shared
 
 
 def shares(target: np.ndarray, source: np.ndarray, R: Rotation = STILL, shift: np.ndarray = HERE) -> tuple[float, ...]:
@@ -85,3 +93,12 @@ def test_few_points_say_nearly_the_same() -> None:
     few, every = (shared_surface(target, source, STILL, HERE, most) for most in (400, ALL))
     assert few.agree == pytest.approx(every.agree, abs=0.08)
     assert few.overlap == pytest.approx(every.overlap, abs=0.08)
+
+
+def test_several_poses_are_looked_at_as_if_each_were_alone() -> None:
+    target, source = surface(np.vstack([bed(), wall(10.0)])), surface(np.vstack([bed(), wall(12.0)]))
+    turns, shifts = Rotation.concatenate([STILL, R, R.inv()]), np.array([HERE, SHIFT, SHIFT + 400.0])
+    together = shared_surfaces(target, source, turns, shifts, 500)
+    alone = [shared_surface(target, source, turn, shift, 500) for turn, shift in zip(turns, shifts, strict=True)]
+    for one, other in zip(together, alone, strict=True):
+        assert astuple(one) == pytest.approx(astuple(other), abs=1e-12)

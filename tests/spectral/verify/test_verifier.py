@@ -1,6 +1,5 @@
 """Candidates under each rotation: shifts and what they mean, which are distinct, the evidence for and against."""
 
-from concurrent.futures import ThreadPoolExecutor
 from dataclasses import replace
 
 import numpy as np
@@ -15,8 +14,8 @@ from spectral.scan import Scan
 from spectral.so3 import RotationPeaks
 from spectral.translation import Box
 from spectral.verify.candidates import Candidates
+from spectral.verify.fit import Fit
 from spectral.verify.hypothesis import Hypothesis
-from spectral.verify.icp import Fit
 from spectral.verify.verifier import Verifier, consistency
 from tests.samples.reliefs import above, relief, seen
 
@@ -29,7 +28,7 @@ WRONG = Rotation.from_euler("Z", 90, degrees=True) * TRUE.rotation
 
 @pytest.fixture(scope="module")
 def verifier() -> Verifier:
-    return Verifier(choose_device(), EDGE, ThreadPoolExecutor(2))
+    return Verifier(choose_device(), EDGE)
 
 
 @pytest.fixture(scope="module")

@@ -1,0 +1,65 @@
+"""Where a refinement ended: the pose, and how well the surfaces hold it."""
+
+from dataclasses import dataclass, field, replace
+
+import numpy as np
+from scipy.spatial.transform import Rotation
+
+from spectral.verify.prior_term import PriorTerm
+
+# A direction held by less than this share of the planes counts as held by so much.
+_LOOSEST = 1e-4
+
+
+@dataclass(frozen=True, slots=True)
+class Fit:
+    """Where the refinement ended.
+
+    Attributes:
+        R, shift: p_target = R p_source + shift about the grid centers [voxels].
+        information: (6, 6) how well the planes that both scans show fix the pose: the Hessian of the weighted squared
+            distances [voxels^2], rotation first, of a turn of the target's axes about the source's grid center and a
+            shift along them. Where nothing is fixed its eigenvalues may fall a little below 0.
+        residual: weighted root mean square distance to the planes [voxels].
+        pairs: number of pairs of points, weighted, as if 3000 points of each scan took part.
+        prior: what instruments measured, about the pose before the last step; None where nothing was.
+        width: median distance to the planes of all points within 3 voxels and more [voxels]: how far the surfaces are
+            apart, by noise, by distortion, or because they are not the same.
+        step: (6,) from there to where the scans alone would have it [rad, voxels].
+        stretch: (2,) by which shares the ranges of the source and of the target are taken to be too short; None where
+            the scans are taken as they are. The information then is what is left where these shares are not known.
+    """
+
+    R: Rotation
+    shift: np.ndarray
+    information: np.ndarray
+    residual: float
+    pairs: float
+    width: float = 0.0
+    prior: PriorTerm | None = None
+    step: np.ndarray = field(default_factory=lambda: np.zeros(6))
+    stretch: np.ndarray | None = None
+
+    def principal(self) -> tuple[np.ndarray, np.ndarray, float]:
+        """The information by directions: shares (6,) of a pair's, ascending, their axes (6, 6) in columns, and a lever.
+
+        Turns are taken times the lever [voxels], what they move the points by, so that directions can be compared.
+        """
+        lever = np.sqrt(max(float(np.trace(self.information[:3, :3])), 1e-12) / max(self.pairs, 1e-12))
+        units = np.repeat([lever, 1.0], 3)
+        share, axes = np.linalg.eigh(self.information / np.outer(units, units) / max(self.pairs, 1e-12))
+        return share, axes, lever
+
+    @property
+    def firmness(self) -> float:
+        """The geometric mean, over all directions, of how firmly the planes hold the pose; 0..1.
+
+        Two flat places fit anywhere: their planes hold three directions of six.
+        """
+        return float(np.exp(np.log(np.maximum(self.principal()[0], _LOOSEST)).mean()))
+
+    @property
+    def by_scans(self) -> "Fit":
+        """Where the scans alone would have the pose."""
+        turn, shift = self.step[:3], self.step[3:]
+        return replace(self, R=Rotation.from_rotvec(turn) * self.R, shift=self.shift + shift, prior=None)

@@ -1,0 +1,105 @@
+"""The normal equations of point-to-plane steps of several poses, with what instruments measured beside them."""
+
+from dataclasses import dataclass
+
+import numpy as np
+from scipy.spatial.transform import Rotation
+
+from spectral.verify.calibration import CALIBRATION
+from spectral.verify.pairs import Pairs, along
+from spectral.verify.prior_term import PriorTerm, posterior_step
+
+
+@dataclass(frozen=True, slots=True)
+class State:
+    """Where k refinements are: rotations (k, 3, 3), shifts (k, 3), widths (k,), stretches (k, 2); and priors there."""
+
+    turn: np.ndarray
+    shift: np.ndarray
+    width: np.ndarray
+    stretch: np.ndarray | None
+    prior: PriorTerm | None
+
+
+@dataclass(frozen=True, slots=True)
+class NormalEquations:
+    """Those of one Gauss-Newton step on the distances along the normals, of k poses; the stretches come last.
+
+    Attributes:
+        weights: (k, n) of the pairs.
+        jacobian: (k, n, 6 or 8) of the gaps.
+        gaps: (k, n) as the stretches leave them [voxels].
+        hessian, gradient: (k, 6 or 8, 6 or 8) and (k, 6 or 8), with what is known of the stretches before.
+        variance: (k,) of the gaps, as far as they are independent [voxels^2].
+    """
+
+    weights: np.ndarray
+    jacobian: np.ndarray
+    gaps: np.ndarray
+    hessian: np.ndarray
+    gradient: np.ndarray
+    variance: np.ndarray
+
+    @classmethod
+    def of(cls, pairs: Pairs, state: State, bell: np.ndarray, scale: float) -> "NormalEquations":
+        """With the weights of Geman and McClure, each pair for `scale` of them."""
+        gaps = pairs.gaps
+        if pairs.by_stretch is not None and state.stretch is not None:
+            gaps = gaps + (pairs.by_stretch @ state.stretch[:, :, None])[:, :, 0]
+        weights = np.where(pairs.near, scale / (1.0 + (gaps / bell[:, None]) ** 2) ** 2, 0.0)
+        jacobian = _jacobian(pairs, pairs.normals)
+        weighted = (jacobian * weights[:, :, None]).transpose(0, 2, 1)
+        hessian, gradient = weighted @ jacobian, (weighted @ gaps[:, :, None])[:, :, 0]
+        variance = CALIBRATION.variance(state.width)
+        if state.stretch is not None:
+            known = variance[:, None] / CALIBRATION.stretched**2
+            hessian[:, 6:, 6:] += known[:, None] * np.eye(2)
+            gradient[:, 6:] += known * state.stretch
+        return cls(weights, jacobian, gaps, hessian, gradient, variance)
+
+    def moved(self, state: State) -> tuple[State, np.ndarray]:
+        """Where the step leads, and (k, 6) where it would by the scans alone."""
+        hessian, gradient = _without_stretch(self.hessian, self.gradient)
+        alone = posterior_step(hessian, gradient, np.ones(len(gradient)), None)
+        step = alone if state.prior is None else posterior_step(hessian, gradient, self.variance, state.prior)
+        stretch = state.stretch
+        if stretch is not None:
+            rest = self.gradient[:, 6:] + (self.hessian[:, 6:, :6] @ step[:, :, None])[:, :, 0]
+            stretch = stretch - np.linalg.solve(self.hessian[:, 6:, 6:], rest[:, :, None])[:, :, 0]
+        moved = State(
+            turn=Rotation.from_rotvec(step[:, :3]).as_matrix() @ state.turn,
+            shift=state.shift + step[:, 3:],
+            width=state.width,
+            stretch=stretch,
+            prior=None if state.prior is None else state.prior.moved(step),
+        )
+        return moved, alone
+
+    def shared_information(self, pairs: Pairs) -> np.ndarray:
+        """(k, 6, 6) the Hessian from one scan's normals times the other's, whatever the stretches are.
+
+        Normals of noisy points point everywhere a little, and the sum of their squares finds information along a plane
+        that has none. The noise of two scans is independent: in products of both it averages out.
+        """
+        others = pairs.others * np.sign(along(pairs.normals, pairs.others))[:, :, None]
+        product = (self.jacobian * self.weights[:, :, None]).transpose(0, 2, 1) @ _jacobian(pairs, others)
+        information = (product + product.transpose(0, 2, 1)) / 2
+        if pairs.by_stretch is not None:
+            known = self.variance[:, None, None] / CALIBRATION.stretched**2
+            information[:, 6:, 6:] += known * np.eye(2)
+        return _without_stretch(information, self.gradient)[0]
+
+
+def _jacobian(pairs: Pairs, normals: np.ndarray) -> np.ndarray:
+    """(k, n, 6) of the gaps along the normals, by turn and shift; (k, n, 8) with the stretches."""
+    turn = np.cross(pairs.arms, normals)
+    columns = (turn, normals) if pairs.by_stretch is None else (turn, normals, pairs.by_stretch)
+    return np.concatenate(columns, axis=2)
+
+
+def _without_stretch(hessian: np.ndarray, gradient: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+    """Of the six components of the pose, whatever the stretches are: the Schur complement of the others."""
+    if hessian.shape[-1] == 6:
+        return hessian, gradient
+    across = hessian[:, :6, 6:] @ np.linalg.inv(hessian[:, 6:, 6:])
+    return hessian[:, :6, :6] - across @ hessian[:, 6:, :6], gradient[:, :6] - (across @ gradient[:, 6:, None])[:, :, 0]
