@@ -11,7 +11,7 @@ from tools.cli.arguments import as_options
 from tools.methods.registry import METHODS, find_method
 
 DEFAULT_EDGE = 128
-DEFAULT_HYPOTHESES, MOST_HYPOTHESES = 12, 64
+DEFAULT_HYPOTHESES, MOST_HYPOTHESES = 6, 64
 REFINEMENTS = ("icp", "spectral")
 DEFAULT_REFINEMENT = REFINEMENTS[0]
 DEFAULT_YAW_PEAKS, MOST_YAW_PEAKS = 1, 32
@@ -158,7 +158,8 @@ HypothesesOption = Annotated[
     typer.Option(
         "--hypotheses",
         metavar="K",
-        help=f"How many candidate rotations to try, 1..{MOST_HYPOTHESES}; more help where scans have little in common.",
+        help="How many candidate rotations to try of each of three frequency bands, "
+        f"1..{MOST_HYPOTHESES}; more help where scans have little in common.",
         callback=_check_hypotheses,
     ),
 ]

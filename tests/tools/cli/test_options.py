@@ -93,7 +93,7 @@ class TestSharedOptions:
             ("--max-tilt -5", ["-5.0 degrees", "more than 0 and at most 180"]),
             ("--max-tilt nan", ["nan degrees"]),
             ("--max-tilt 181", ["181.0 degrees"]),
-            ("--hypotheses 0", ["0 rotations", "give 1 to 64", "--hypotheses 12"]),
+            ("--hypotheses 0", ["0 rotations", "give 1 to 64", "--hypotheses 6"]),
             ("--hypotheses 65", ["65 rotations"]),
             ("--refine ICP", ["'ICP'", "icp or spectral"]),
             ("--yaw-peaks 0", ["0 peaks", "give 1 to 32", "--yaw-peaks 6"]),

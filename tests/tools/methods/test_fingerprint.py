@@ -26,7 +26,7 @@ class TestMethodKey:
     def test_settings_decide(self, device: Device) -> None:
         setups = [SETUP, replace(SETUP, grid=Grid(32, 0.4)), replace(SETUP, changes={"hypotheses": 5})]
         assert len({key("spectral", setup) for setup in setups} | {key("planes"), key("hemisphere")}) == 5
-        assert key("spectral", replace(SETUP, changes={"hypotheses": 12})) == key("spectral")  # the default
+        assert key("spectral", replace(SETUP, changes={"hypotheses": 6})) == key("spectral")  # the default
 
     def test_a_seed_decides_where_a_method_draws_at_random(self) -> None:
         seeded = replace(SETUP, seed=4)

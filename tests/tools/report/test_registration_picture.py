@@ -92,7 +92,8 @@ class TestView:
         # the translation's peak is within a voxel, along each axis, of the pose that was refined
         assert np.abs(view.shifts.place - T.translation[:2]).max() <= 1.5 * voxel
         assert abs(view.shifts.z - T.translation[2]) <= 1.5 * voxel
-        assert view.shifts.psr == pytest.approx(view.registration.psr, rel=1e-4)
+        # which is measured before the scans' stretch is set right
+        assert view.shifts.psr == pytest.approx(view.registration.psr, rel=0.05)
 
     def test_the_rotation_is_among_those_that_were_followed_and_high_on_the_map(self, seen: Seen) -> None:
         view, T_true, _, _, _ = seen
