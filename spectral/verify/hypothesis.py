@@ -133,5 +133,5 @@ def _peak(psr: float) -> float:
 
 def alike(a: Fit, b: Fit) -> bool:
     """Whether two refined poses are the same: within 3 degrees and 2 voxels of each other."""
-    turn = float((a.R.inv() * b.R).magnitude())
-    return turn <= _SAME_ROTATION and bool(np.linalg.norm(a.shift - b.shift) <= SAME_REFINED_SHIFT)
+    near = bool(np.linalg.norm(a.shift - b.shift) <= SAME_REFINED_SHIFT)
+    return near and float((a.R.inv() * b.R).magnitude()) <= _SAME_ROTATION

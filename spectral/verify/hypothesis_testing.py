@@ -147,8 +147,17 @@ class HypothesisTest:
             allowed[indices] = self.bounds.allow_shifts(R, self._sensor_shift(R, candidates.shifts[indices]))
         return candidates.select(allowed)
 
-    def _possible(self, hypotheses: list[Hypothesis]) -> list[Hypothesis]:
-        return [hypothesis for hypothesis in hypotheses if not self.bounds.refusal(self.transform(hypothesis.fit))]
+    def _possible(self, hypotheses: Sequence[Hypothesis]) -> list[Hypothesis]:
+        """Those within the bounds."""
+        if not hypotheses:
+            return []
+        fits = [hypothesis.fit for hypothesis in hypotheses]
+        allowed = self.bounds.allow_rotations(Rotation.concatenate([fit.R for fit in fits]))
+        return [
+            hypothesis
+            for hypothesis, fit, turned in zip(hypotheses, fits, allowed, strict=True)
+            if turned and self.bounds.allow_shifts(fit.R, self._sensor_shift(fit.R, fit.shift)[None])[0]
+        ]
 
     def _rank(self, hypotheses: Sequence[Hypothesis]) -> list[Hypothesis]:
         return self.verifier.rank(self.target, self.source, hypotheses)

@@ -98,9 +98,10 @@ def _finish(normal: NormalEquations, pairs: Pairs, state: State) -> list[Fit]:
     total = normal.weights.sum(axis=1)
     squares = (normal.weights * normal.gaps**2).sum(axis=1)
     residual = np.sqrt(squares / np.where(total > 0, total, 1.0))
+    R = Rotation.from_matrix(moved.turn)
     return [
         Fit(
-            R=Rotation.from_matrix(moved.turn[n]),
+            R=R[n],
             shift=moved.shift[n],
             information=information[n],
             residual=float(residual[n]),
