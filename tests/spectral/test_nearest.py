@@ -18,6 +18,8 @@ import numpy as np
 from scipy.spatial import KDTree
 from spectral.nearest import query_on_all_cores
 
+# a shell that starts the tests in the background has them ignore interrupts
+signal.signal(signal.SIGINT, signal.default_int_handler)
 rng = np.random.default_rng(1)
 points = rng.random((POINTS, 3))
 tree = KDTree(points)
