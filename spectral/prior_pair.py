@@ -7,6 +7,7 @@ from dataclasses import dataclass
 import numpy as np
 from scipy.spatial.transform import RigidTransform, Rotation
 
+from spectral.covariance import cross_matrices
 from spectral.measured import measured_rotation, rotation_covariance, twist
 from spectral.scan import PosePrior
 
@@ -177,10 +178,3 @@ class PriorPair:
         """
         headed = self.knows_position and reference.knows_heading
         return np.where([headed, headed, self.knows_depth], (d + self._shift) / 2, d)
-
-
-def cross_matrices(vectors: np.ndarray) -> np.ndarray:
-    """(N, 3, 3) by which a vector is multiplied to get the cross product of each of (N, 3) with it."""
-    x, y, z = vectors.T
-    nothing = np.zeros_like(x)
-    return np.moveaxis(np.array([[nothing, -z, y], [z, nothing, -x], [-y, x, nothing]]), 2, 0)

@@ -166,8 +166,8 @@ class SpectralRegistrar:
         """Those that `register` follows.
 
         Where instruments know which way is up in both scans, turns about the vertical at that tilt under which the
-        spectra are most alike. Else those of all rotations under which the
-        spectra are most alike, and the measured one, if there is one.
+        spectra are most alike. Else those of all rotations under which the spectra are most alike, and the measured
+        one, if there is one.
         """
         bounds, count = self._bounds(target, source), self.config.hypotheses
         sweep = bounds.sweep

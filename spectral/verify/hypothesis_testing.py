@@ -6,10 +6,10 @@ from dataclasses import dataclass, replace
 import numpy as np
 from scipy.spatial.transform import RigidTransform, Rotation
 
+from spectral.covariance import cross_matrices
 from spectral.grid import Grid
 from spectral.prepare.range_image import FINE
 from spectral.prepare.spectral_scan import SpectralScan
-from spectral.prior_pair import cross_matrices
 from spectral.rotation_search import search_rotation
 from spectral.so3 import RotationPeaks
 from spectral.translation import Box
@@ -117,9 +117,9 @@ class HypothesisTest:
 
     def _finish_best(self, best: Hypothesis, spectral: bool) -> Hypothesis:
         """Its evidence is of the scans as they are; its pose, by planes, is with their ranges set right."""
-        best = self._measure(self._refine_all([best], _FINAL, _FINAL_POINTS))[0]
+        best = self._refine_all([best], _FINAL, _FINAL_POINTS)[0]
         if not spectral:
-            return self._refine_all([best], _FINAL, _FINAL_POINTS, stretches=True)[0]
+            return self._refine_all(self._measure([best]), _FINAL, _FINAL_POINTS, stretches=True)[0]
         translation, target, source = self.verifier.translation, self.target.volume, self.source.volume
         peak = translation.find_at(target, source, best.fit.R, best.fit.shift)
         R, peak = search_rotation(translation, target, source, best.fit.R, peak, stay=True)

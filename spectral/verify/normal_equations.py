@@ -52,14 +52,14 @@ class NormalEquations:
         hessian, gradient = weighted @ jacobian, (weighted @ gaps[:, :, None])[:, :, 0]
         variance = CALIBRATION.variance(state.width)
         if state.stretch is not None:
-            known = variance[:, None] / CALIBRATION.stretched**2
-            hessian[:, 6:, 6:] += known[:, None] * np.eye(2)
-            gradient[:, 6:] += known * state.stretch
+            known = _known_stretch(variance)
+            hessian[:, 6:, 6:] += known
+            gradient[:, 6:] += (known @ state.stretch[:, :, None])[:, :, 0]
         return cls(weights, jacobian, gaps, hessian, gradient, variance)
 
     def moved(self, state: State) -> tuple[State, np.ndarray]:
         """Where the step leads, and (k, 6) where it would by the scans alone."""
-        hessian, gradient = _without_stretch(self.hessian, self.gradient)
+        hessian, gradient = _of_pose(self.hessian), self._pose_gradient()
         alone = posterior_step(hessian, gradient, np.ones(len(gradient)), None)
         step = alone if state.prior is None else posterior_step(hessian, gradient, self.variance, state.prior)
         stretch = state.stretch
@@ -75,6 +75,12 @@ class NormalEquations:
         )
         return moved, alone
 
+    def _pose_gradient(self) -> np.ndarray:
+        """(k, 6) of the pose, whatever the stretches are."""
+        across, stretch = self.hessian[:, 6:, :6], self.hessian[:, 6:, 6:]
+        rest = across.transpose(0, 2, 1) @ np.linalg.solve(stretch, self.gradient[:, 6:, None])
+        return self.gradient[:, :6] - rest[:, :, 0]
+
     def shared_information(self, pairs: Pairs) -> np.ndarray:
         """(k, 6, 6) the Hessian from one scan's normals times the other's, whatever the stretches are.
 
@@ -85,9 +91,8 @@ class NormalEquations:
         product = (self.jacobian * self.weights[:, :, None]).transpose(0, 2, 1) @ _jacobian(pairs, others)
         information = (product + product.transpose(0, 2, 1)) / 2
         if pairs.by_stretch is not None:
-            known = self.variance[:, None, None] / CALIBRATION.stretched**2
-            information[:, 6:, 6:] += known * np.eye(2)
-        return _without_stretch(information, self.gradient)[0]
+            information[:, 6:, 6:] += _known_stretch(self.variance)
+        return _of_pose(information)
 
 
 def _jacobian(pairs: Pairs, normals: np.ndarray) -> np.ndarray:
@@ -97,9 +102,12 @@ def _jacobian(pairs: Pairs, normals: np.ndarray) -> np.ndarray:
     return np.concatenate(columns, axis=2)
 
 
-def _without_stretch(hessian: np.ndarray, gradient: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-    """Of the six components of the pose, whatever the stretches are: the Schur complement of the others."""
-    if hessian.shape[-1] == 6:
-        return hessian, gradient
-    across = hessian[:, :6, 6:] @ np.linalg.inv(hessian[:, 6:, 6:])
-    return hessian[:, :6, :6] - across @ hessian[:, 6:, :6], gradient[:, :6] - (across @ gradient[:, 6:, None])[:, :, 0]
+def _known_stretch(variance: np.ndarray) -> np.ndarray:
+    """(k, 2, 2) what is known of both scans' stretches before, where gaps have the (k,) variances."""
+    return (variance / CALIBRATION.stretched**2)[:, None, None] * np.eye(2)
+
+
+def _of_pose(hessian: np.ndarray) -> np.ndarray:
+    """(k, 6, 6) of the pose, whatever the stretches are: the Schur complement."""
+    pose, across, stretch = hessian[:, :6, :6], hessian[:, 6:, :6], hessian[:, 6:, 6:]
+    return pose - across.transpose(0, 2, 1) @ np.linalg.solve(stretch, across)

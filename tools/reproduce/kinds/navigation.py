@@ -5,6 +5,7 @@ from dataclasses import dataclass
 import numpy as np
 from scipy.spatial.transform import RigidTransform
 
+from spectral.covariance import cross_matrices
 from spectral.result import Registration
 from spectral.scan import PosePrior
 from tools.reproduce.experiment import Row, Value
@@ -81,8 +82,8 @@ def navigation_covariance(target: PosePrior, source: PosePrior) -> np.ndarray:
 
     Both positions err, and so does the target's rotation, which turns the whole way to the source.
     """
-    x, y, z = source.T_world_sensor.translation - target.T_world_sensor.translation
-    lever = np.array([[0.0, -z, y], [z, 0.0, -x], [-y, x, 0.0]])
+    way = source.T_world_sensor.translation - target.T_world_sensor.translation
+    lever = cross_matrices(way[None])[0]
     world = np.diag(target.sigmas[3:] ** 2 + source.sigmas[3:] ** 2)
     world += lever @ np.diag(target.sigmas[:3] ** 2) @ lever.T
     R = target.T_world_sensor.rotation.as_matrix()
