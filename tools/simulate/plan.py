@@ -28,8 +28,9 @@ def plan(scene: str, trajectory: str = "survey", sensor: str | None = None, seed
         sensor: a key of SENSORS; the one that suits the scene if left out.
         seed: of the scene, the waves and the noise.
 
-    The spacing is 9 m in a scene of 256 m, and in proportion in a smaller one; the standard deviation of the range is
-    1 m at 120 m, and in proportion for a sensor of shorter range. A loop has as many scans as that spacing asks for.
+    The spacing is 9 m in a scene of 256 m, and in proportion in a smaller one or with a sensor that sees less far than
+    the scene's; the standard deviation of the range is 1 m at 120 m, and in proportion for a sensor of shorter range. A
+    loop has as many scans as that spacing asks for.
 
     Raises:
         InputError: an unknown name, or a sensor for Table 1, which has its own.
@@ -43,8 +44,8 @@ def plan(scene: str, trajectory: str = "survey", sensor: str | None = None, seed
     if chosen not in SENSORS:
         raise InputError(f"no sensor is called {chosen!r}; there are {', '.join(SENSORS)}")
     settings = SimulationSettings(scene=scene, trajectory=trajectory, sensor=SENSORS[chosen], seed=seed)
-    spacing = SPACING * kind.scale if trajectory in SPACED else settings.spacing
-    share = SENSORS[kind.sensor].max_range / ECLIPSE.max_range
+    spacing = _spacing(scene, settings.sensor) if trajectory in SPACED else settings.spacing
+    share = min(SENSORS[kind.sensor].max_range, settings.sensor.max_range) / ECLIPSE.max_range
     noise = replace(settings.noise, sigma2=settings.noise.sigma2 * share**2)
     return replace(settings, count=_count(settings), spacing=spacing, noise=noise)
 
@@ -61,9 +62,16 @@ def table1_settings(seed: int, sigma2: float, scene: str = "floodgate") -> Simul
     )
 
 
+def _spacing(scene: str, sensor: Sensor) -> float:
+    """Between scans [m]."""
+    kind = scene_kind(scene)
+    usual = SENSORS[kind.sensor].max_range
+    return SPACING * (kind.scale if sensor.max_range >= usual else min(kind.scale, sensor.max_range / usual))
+
+
 def _count(settings: SimulationSettings) -> int:
     """The default number of scans of the trajectory."""
     if settings.trajectory == "loop":
-        spacing = SPACING * scene_kind(settings.scene).scale
-        return math.ceil(survey_path(settings.scene, settings.seed).length / spacing)
+        path = survey_path(settings.scene, settings.seed, settings.sensor.max_range)
+        return math.ceil(path.length / _spacing(settings.scene, settings.sensor))
     return {"lawnmower": LAWNMOWER_COUNT, "paper18": PAPER_COUNT}.get(settings.trajectory, settings.count)

@@ -132,15 +132,29 @@ def settings_from_json(content: Any) -> SimulationSettings:
 
 
 def _survey(settings: SimulationSettings) -> Trajectory:
-    return survey(settings.scene, settings.count, settings.seed, settings.spacing, settings.dive)
+    return survey(
+        settings.scene,
+        settings.count,
+        settings.seed,
+        settings.spacing,
+        settings.dive,
+        settings.sensor.max_range,
+    )
 
 
 def _loop(settings: SimulationSettings) -> Trajectory:
-    return loop(settings.scene, settings.count, settings.seed, settings.dive)
+    return loop(settings.scene, settings.count, settings.seed, settings.dive, settings.sensor.max_range)
 
 
 def _lawnmower(settings: SimulationSettings) -> Trajectory:
-    return lawnmower(settings.scene, settings.count, settings.seed, settings.spacing, settings.dive)
+    return lawnmower(
+        settings.scene,
+        settings.count,
+        settings.seed,
+        settings.spacing,
+        settings.dive,
+        settings.sensor.max_range,
+    )
 
 
 def _paper18(settings: SimulationSettings) -> Trajectory:

@@ -17,7 +17,7 @@ from tools.simulate.scenes.catalog import SCENE_KINDS
 from tools.simulate.scenes.floodgate import PIERS
 from tools.simulate.scenes.scene import build_scene
 from tools.simulate.sensing.overlap import mutual_overlap, shared_view, visible_points
-from tools.simulate.sensing.sensors import ECLIPSE
+from tools.simulate.sensing.sensors import ECLIPSE, SONAR_3D15, cast
 from tools.simulate.simulation import TRAJECTORIES
 
 SPHERE = np.random.default_rng(0).standard_normal((300, 3))
@@ -42,6 +42,20 @@ def test_paths_keep_clear_of_everything(scene: str, seed: int):
     assert _clearance(scene, seed, lawnmower_path(scene, seed)) > least
     if scene == "floodgate":
         assert _clearance(scene, seed, gate_path()) > least
+
+
+@pytest.mark.parametrize("seed", [101, 202])
+@pytest.mark.parametrize("trajectory", ["survey", "lawnmower", "loop"])
+def test_a_sensor_of_short_range_is_carried_near_enough_to_the_ship(trajectory: str, seed: int):
+    settings = plan("ship", trajectory, "sonar3d15", seed)
+    assert trajectory == "loop" or settings.spacing < 1.2
+    assert settings.noise.sigma2 < 0.02
+    route = lawnmower_path if trajectory == "lawnmower" else survey_path
+    assert _clearance("ship", seed, route("ship", seed, SONAR_3D15.max_range)) > CLEARANCE
+    poses = TRAJECTORIES[trajectory](settings).T_world_sensor
+    scene = build_scene("ship", seed)
+    for T in poses[:: max(1, len(poses) // 30)]:
+        assert np.isfinite(cast(scene, SONAR_3D15, T).ranges).mean() > 0.05
 
 
 def test_lanes_look_where_they_go_and_close():

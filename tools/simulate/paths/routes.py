@@ -73,23 +73,35 @@ GATE_ROUTE = (
 )
 
 
-def survey_path(scene: str, seed: int) -> Path:
+# A sensor that sees less far than this is short of sight [m].
+FAR_SIGHTED = 30.0
+
+
+def survey_path(scene: str, seed: int, reach: float = np.inf) -> Path:
     """The closed path of `scene`; round the ship and the manifold it follows their layout.
+
+    Args:
+        scene, seed: as `build_scene` takes them.
+        reach: the sensor's greatest range [m]; a short one is carried nearer to the ship.
 
     Raises:
         InputError: a scene without a path.
     """
+    if scene == "ship" and reach < FAR_SIGHTED:
+        return _close_round_the_ship(seed)
     if scene in SURVEY_LOOPS:
         return spline_path(np.array(SURVEY_LOOPS[scene], float))
     return _path_of(SURVEY_PATHS, scene, "survey path")(seed)
 
 
-def lawnmower_path(scene: str, seed: int) -> Path:
-    """The closed path of lanes and tie lines over `scene`.
+def lawnmower_path(scene: str, seed: int, reach: float = np.inf) -> Path:
+    """The closed path of lanes and tie lines over `scene`; arguments as those of `survey_path`.
 
     Raises:
         InputError: a scene without lanes.
     """
+    if scene == "ship" and reach < FAR_SIGHTED:
+        return _under_the_hull(seed)
     return _path_of(LAWNMOWER_PATHS, scene, "lawnmower's path")(seed)
 
 
@@ -118,6 +130,22 @@ def _around_the_ship(seed: int) -> Path:
     ship = ship_layout(seed)
     corners = _round((ship.length / 2 + 24, ship.beam / 2 + 26), (-13.0, -7.0))
     return spline_path(_moved(corners, ship.heading, ship.middle))
+
+
+def _close_round_the_ship(seed: int) -> Path:
+    """Round the hull some 8 m off its sides, looking at them."""
+    ship = ship_layout(seed)
+    corners = _round((ship.length / 2 + 10, ship.beam / 2 + 8), (-0.8 * ship.draft, -0.4 * ship.draft))
+    return spline_path(_moved(corners, ship.heading, ship.middle))
+
+
+def _under_the_hull(seed: int) -> Path:
+    """Lanes 5 m under the bottom, looking up at it, where there is bottom ahead even in the turns."""
+    ship = ship_layout(seed)
+    x, y = 0.32 * ship.length, 0.2 * ship.beam
+    corners = lanes((-x, -y), (x, y), 4, 4, east=True)
+    placed = _moved(np.column_stack([corners, np.zeros((len(corners), 2))]), ship.heading, ship.middle)
+    return _lane_path(placed[:, :2], -ship.draft - 5.0, 1.0, -np.deg2rad(50))
 
 
 def _around_the_manifold(seed: int) -> Path:

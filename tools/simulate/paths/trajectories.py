@@ -28,20 +28,24 @@ WAVE_AMPLITUDE = (0.2, 1.2, 1.0, 1.6)
 WAVE_PERIODS = (3.7, 5.9, 11.3)  # in scans
 
 
-def survey(scene: str, count: int, seed: int, spacing: float = SPACING, dive: int = 1) -> Trajectory:
+def survey(
+    scene: str, count: int, seed: int, spacing: float = SPACING, dive: int = 1, reach: float = np.inf
+) -> Trajectory:
     """Poses every `spacing` meters along the scene's closed path, with the motion of a small vessel.
 
     Where the path ends it begins again: a long survey revisits its places. Roll, pitch, yaw and heave follow
     sums of sines whose phases come from `seed`. Stamps count the scans: 0, 1, 2, ... Of the `dive` see
-    tools/simulate/paths/dive.py.
+    tools/simulate/paths/dive.py, of the sensor's `reach` [m] `survey_path`.
 
     Raises:
         InputError: a scene without a path, no scan, or a spacing that is not positive.
     """
-    return _evenly(survey_path(scene, seed), "survey", scene, count, seed, spacing, dive)
+    return _evenly(survey_path(scene, seed, reach), "survey", scene, count, seed, spacing, dive)
 
 
-def lawnmower(scene: str, count: int, seed: int, spacing: float = SPACING, dive: int = 1) -> Trajectory:
+def lawnmower(
+    scene: str, count: int, seed: int, spacing: float = SPACING, dive: int = 1, reach: float = np.inf
+) -> Trajectory:
     """Poses every `spacing` meters along lanes over the scene and tie lines across them, moved as in `survey`.
 
     The sensor looks where it goes. Where the path ends it begins again; it crosses itself long before.
@@ -49,10 +53,10 @@ def lawnmower(scene: str, count: int, seed: int, spacing: float = SPACING, dive:
     Raises:
         InputError: a scene without lanes, no scan, or a spacing that is not positive.
     """
-    return _evenly(lawnmower_path(scene, seed), "lawnmower", scene, count, seed, spacing, dive)
+    return _evenly(lawnmower_path(scene, seed, reach), "lawnmower", scene, count, seed, spacing, dive)
 
 
-def loop(scene: str, count: int, seed: int, dive: int = 1) -> Trajectory:
+def loop(scene: str, count: int, seed: int, dive: int = 1, reach: float = np.inf) -> Trajectory:
     """Poses once round the scene's closed path, moved as in `survey`: the last is one step from the first.
 
     Raises:
@@ -60,7 +64,7 @@ def loop(scene: str, count: int, seed: int, dive: int = 1) -> Trajectory:
     """
     if count < LOOP_LEAST:
         raise InputError(f"a loop of {count} scans; wanted at least {LOOP_LEAST}, so that it goes round something")
-    path = survey_path(scene, seed)
+    path = survey_path(scene, seed, reach)
     return _evenly(path, "loop", scene, count, seed, path.length / count, dive)
 
 
