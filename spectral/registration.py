@@ -25,7 +25,7 @@ from spectral.scan import Scan
 from spectral.so3 import BANDS, RotationPeaks, So3, distinct_rotations
 from spectral.verify.bounds import Bounds
 from spectral.verify.calibration import CALIBRATION
-from spectral.verify.covariance import fit_covariance
+from spectral.verify.covariance import PoseCovariance, covers, fit_covariance
 from spectral.verify.hypothesis import Hypothesis
 from spectral.verify.hypothesis_testing import HypothesisTest
 from spectral.verify.probability import Clues, clues, explain, hypothesis_probabilities, tolerance_probability
@@ -57,7 +57,7 @@ class SpectralConfig:
 
     max_tilt: float = float(np.deg2rad(35.0))
     hypotheses: int = 6
-    shortlist: int = 24
+    shortlist: int = 72
     finalists: int = 3
     refinement: Refinement = "icp"
     least_probability: float = 0.85
@@ -184,7 +184,15 @@ class SpectralRegistrar:
         return Bounds(self.config.max_tilt, relative_prior(target.prior, source.prior), self.grid.voxel)
 
     def _conclude(self, test: HypothesisTest, hypotheses: list[Hypothesis], start: float) -> Registration:
-        """The result: the best hypothesis, and beside it every other that cannot be excluded."""
+        """The result: the best hypothesis, and beside it every other that cannot be excluded.
+
+        What lies within the uncertainty of the best is no other answer: along a bed that leaves a direction open, or
+        that instruments alone bound, the scans fit at many places.
+        """
+        T, covariance = test.transform(hypotheses[0].fit), self._covariance(test, hypotheses[0]).posterior
+        hypotheses = hypotheses[:1] + [
+            other for other in hypotheses[1:] if not covers(covariance, T, test.transform(other.fit))
+        ]
         search = test.bounds.search(self.grid.extent)
         probabilities = hypothesis_probabilities(hypotheses, self.grid.edge, search)
         best, *others = [
@@ -200,8 +208,7 @@ class SpectralRegistrar:
         """One hypothesis, right with this probability, as a registration between the sensor frames."""
         T, evidence = test.transform(hypothesis.fit), hypothesis.evidence
         refusal = test.bounds.refusal(T)
-        centers = test.target.volume.center, test.source.volume.center
-        covariance = fit_covariance(hypothesis, centers, self.grid)
+        covariance = self._covariance(test, hypothesis)
         probability *= tolerance_probability(covariance.posterior, self.grid.voxel, covariance.by_instruments)
         measured, by_scans = hypothesis.fit.prior is not None, test.transform(hypothesis.fit.by_scans)
         least = self.config.least_probability
@@ -223,6 +230,9 @@ class SpectralRegistrar:
             covariance_by_scans=covariance.by_scans if measured else None,
             evidence=(*speaking.numbers(), *CALIBRATION.numbers(hypothesis.fit.width, evidence.psr)),
         )
+
+    def _covariance(self, test: HypothesisTest, hypothesis: Hypothesis) -> PoseCovariance:
+        return fit_covariance(hypothesis, (test.target.volume.center, test.source.volume.center), self.grid)
 
     def _no_candidates(self, start: float) -> Registration:
         """The answer where priors leave no candidate: none, and nothing known."""

@@ -25,9 +25,12 @@ class Calibration:
         bent: variance that is added in all directions [voxels^2], turns taken times their lever.
         stretched: share by which the ranges of a scan are off.
         usual_psr: stands for the ratio while it is not measured yet.
+        usual: share of the variance that errors usually have, as it covers rare large ones too. In the refinement the
+            scans weigh as much as is usual, along directions that both fix: more doubt would draw good scans to
+            instruments that know less.
         other_kinds: by which the variance is raised for kinds of scans that are not among those of the fit: what a kind
             was off by that had been left out, beside what the others had said. Of the scans' part alone, and only
-            where it is stated; in the refinement the scans weigh as much as fitted.
+            where it is stated.
     """
 
     scale: float = 6.4
@@ -36,6 +39,7 @@ class Calibration:
     bent: float = 6.8e-3
     stretched: float = 0.008
     usual_psr: float = 60.0
+    usual: float = 0.1
     other_kinds: float = 2.0
 
     def variance(self, width: np.ndarray, psr: float | None = None) -> np.ndarray:

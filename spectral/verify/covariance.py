@@ -3,12 +3,15 @@
 from dataclasses import dataclass
 
 import numpy as np
+from scipy.spatial.transform import RigidTransform
 
 from spectral.covariance import covariance_at_sensor
 from spectral.grid import Grid
 from spectral.verify.calibration import CALIBRATION, Calibration
 from spectral.verify.hypothesis import Hypothesis
 
+# Of six normal numbers' chi-squared 95 % are less.
+_ELLIPSOID = 12.592
 # Planes hold no direction by less than so many points.
 _LEAST = 1e-9
 
@@ -68,6 +71,12 @@ def fit_covariance(
         by_scans=at_sensor(by_scans),
         by_instruments=None if by_instruments is None else at_sensor(by_instruments),
     )
+
+
+def covers(covariance: np.ndarray, T: RigidTransform, other: RigidTransform) -> bool:
+    """Whether another pose lies in the 95 % ellipsoid of one, by its (6, 6) covariance as `PoseCovariance` has it."""
+    away: np.ndarray = (T.inv() * other).as_exp_coords()
+    return float(away @ np.linalg.solve(covariance, away)) <= _ELLIPSOID
 
 
 def _by_planes(hypothesis: Hypothesis, calibration: Calibration) -> np.ndarray:

@@ -80,16 +80,16 @@ class Ranking:
         alone, overlap: of the surfaces and of the overlap, where there is no view.
     """
 
-    view: float = 2.5
+    view: float = 1.5
     coarse_view: float = 1.0
     surface: float = 0.05
     alone: float = 1.0
     overlap: float = 2.0
-    residual: float = 0.85
-    width: float = 2.0
-    firmness: float = 1.45
-    measured: float = 0.5
-    psr: float = 0.5
+    residual: float = 0.4
+    width: float = 3.0
+    firmness: float = 1.7
+    measured: float = 0.3
+    psr: float = 0.3
     coarse_psr: float = 0.3
 
 

@@ -20,16 +20,21 @@ from spectral.verify.fit import Fit
 from spectral.verify.hypothesis import SAME_REFINED_SHIFT, Hypothesis, alike
 from spectral.verify.icp import Start, refine
 from spectral.verify.prior_term import PriorTerm
-from spectral.verify.verifier import Verifier
+from spectral.verify.verifier import SURFACE_POINTS, Verifier
 
-# Reaches of the refinement's steps [voxels] and its points: until it shows which candidates are worth more; out of a
-# candidate's error; until hypotheses can be compared; and, for the best alone, on to the end.
+# Reaches of the refinement's steps [voxels] and its points: out of a candidate's error, which a coarse voxel and a
+# rotation 4 degrees off make; twice until it shows which candidates are worth more; until hypotheses can be compared;
+# and, for the best alone, on to the end.
+_FIRST, _FIRST_POINTS = (8.0, 5.0, 3.0), 100
 _QUICK, _QUICK_POINTS = (4.0, 3.0, 2.0), 250
 _ROUGH, _ROUGH_POINTS = (4.0, 3.0, 2.0, 2.0), 500
 _CLOSE, _CLOSE_POINTS = (4.0, 2.0, 2.0, 1.5, 1.5, 1.5), 1000
 _FINAL, _FINAL_POINTS = (1.5,) * 3, 3000
-# So many of the candidates refined in few steps are refined in more.
-_SURVIVORS = 6
+# Candidates that score less than this share of the best are not refined: of 115 right ones among the best 72 one scored
+# less than half.
+_PROMISING = 0.4
+# So many of the candidates are left after the first steps, and after the next.
+_LEFT, _SURVIVORS = 16, 6
 # Hypotheses whose looks are less than the best's by more than this are out: no peak makes up for it.
 _HOPELESS = 3.5
 # Refined rotations nearer than this have the same correlation on the whole grid [rad].
@@ -62,14 +67,13 @@ class HypothesisTest:
         """The best of the `count` best candidates, refined roughly, best first.
 
         Surfaces of little relief agree nearly as well at wrong places, until a candidate is refined: so many are
-        refined in few steps, and the best of these in more. Impossible ones are kept only where there are no others.
+        refined by few points, and the best of these by more. Impossible ones are kept only where there are no others.
         """
-        best = self.verifier.best(self.target, self.source, candidates, count)
-        quick = self._refine_candidates(candidates, best, _QUICK, _QUICK_POINTS)
-        hypotheses = self.verifier.rank(self.target, self.source, quick, _QUICK_POINTS)
-        hypotheses = (self._possible(hypotheses) or hypotheses)[:_SURVIVORS]
-        hypotheses = self._rank(self._refine_all(hypotheses, _ROUGH, _ROUGH_POINTS))
-        return self._possible(hypotheses) or hypotheses
+        best = self.verifier.best(self.target, self.source, candidates, count, share=_PROMISING)
+        hypotheses = self._ranked(self._refine_candidates(candidates, best, _FIRST, _FIRST_POINTS), _FIRST_POINTS)
+        quick = self._refine_all(hypotheses[:_LEFT], _QUICK, _QUICK_POINTS)
+        survivors = self._ranked(quick, _QUICK_POINTS)[:_SURVIVORS]
+        return self._ranked(self._refine_all(survivors, _ROUGH, _ROUGH_POINTS))
 
     def find_missed(self, finalists: list[Hypothesis]) -> list[Hypothesis]:
         """What the whole grid's correlations under the finalists' refined rotations name beside the finalists.
@@ -161,6 +165,11 @@ class HypothesisTest:
 
     def _rank(self, hypotheses: Sequence[Hypothesis]) -> list[Hypothesis]:
         return self.verifier.rank(self.target, self.source, hypotheses)
+
+    def _ranked(self, hypotheses: Sequence[Hypothesis], points: int = SURFACE_POINTS) -> list[Hypothesis]:
+        """The possible ones, best first, by so many points of their surfaces; all where none is possible."""
+        ranked = self.verifier.rank(self.target, self.source, hypotheses, points)
+        return self._possible(ranked) or ranked
 
     def _measure(self, hypotheses: Sequence[Hypothesis]) -> list[Hypothesis]:
         """Distinct hypotheses with all their evidence, best first."""

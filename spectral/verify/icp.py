@@ -67,8 +67,8 @@ def refine(
     state = State(begin.R.as_matrix(), begin.shifts, begin.widths, stretch, prior)
     *first, last = reaches
     for reach in first:
-        state, equations, _ = _prepare_step(target, source, few_target, few_source, state, reach, scale)
-        state, _ = equations.moved(state)
+        state, equations, pairs = _prepare_step(target, source, few_target, few_source, state, reach, scale)
+        state, _ = equations.moved(pairs, state)
     state, equations, pairs = _prepare_step(target, source, few_target, few_source, state, last, scale)
     return _finish(equations, pairs, state)
 
@@ -93,7 +93,7 @@ def _prepare_step(
 
 def _finish(normal: NormalEquations, pairs: Pairs, state: State) -> list[Fit]:
     """The last step, and what was measured before it."""
-    moved, alone = normal.moved(state)
+    moved, alone = normal.moved(pairs, state)
     information = normal.shared_information(pairs)
     total = normal.weights.sum(axis=1)
     squares = (normal.weights * normal.gaps**2).sum(axis=1)

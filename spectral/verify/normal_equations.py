@@ -9,6 +9,9 @@ from spectral.verify.calibration import CALIBRATION
 from spectral.verify.pairs import Pairs, along
 from spectral.verify.prior_term import PriorTerm, posterior_step
 
+# From this share of one scan's information on that of both scans' normals shows that it is not of noise.
+_AGREEING = 0.3
+
 
 @dataclass(frozen=True, slots=True)
 class State:
@@ -57,11 +60,13 @@ class NormalEquations:
             gradient[:, 6:] += (known @ state.stretch[:, :, None])[:, :, 0]
         return cls(weights, jacobian, gaps, hessian, gradient, variance)
 
-    def moved(self, state: State) -> tuple[State, np.ndarray]:
+    def moved(self, pairs: Pairs, state: State) -> tuple[State, np.ndarray]:
         """Where the step leads, and (k, 6) where it would by the scans alone."""
-        hessian, gradient = _of_pose(self.hessian), self._pose_gradient()
-        alone = posterior_step(hessian, gradient, np.ones(len(gradient)), None)
-        step = alone if state.prior is None else posterior_step(hessian, gradient, self.variance, state.prior)
+        hessian = _damped(_of_pose(self.hessian))
+        step = alone = -np.linalg.solve(hessian, self._pose_gradient()[:, :, None])[:, :, 0]
+        if state.prior is not None:
+            covariance = usual_covariance(hessian, self.shared_information(pairs), self.variance)
+            step = posterior_step(alone, covariance, state.prior)
         stretch = state.stretch
         if stretch is not None:
             rest = self.gradient[:, 6:] + (self.hessian[:, 6:, :6] @ step[:, :, None])[:, :, 0]
@@ -111,3 +116,25 @@ def _of_pose(hessian: np.ndarray) -> np.ndarray:
     """(k, 6, 6) of the pose, whatever the stretches are: the Schur complement."""
     pose, across, stretch = hessian[:, :6, :6], hessian[:, 6:, :6], hessian[:, 6:, 6:]
     return pose - across.transpose(0, 2, 1) @ np.linalg.solve(stretch, across)
+
+
+def _damped(hessian: np.ndarray) -> np.ndarray:
+    """(k, 6, 6) so that what nothing fixes stays where it is."""
+    damping = 1e-9 * (np.trace(hessian, axis1=1, axis2=2) + 1e-9)
+    return hessian + damping[:, None, None] * np.eye(6)
+
+
+def usual_covariance(hessian: np.ndarray, shared: np.ndarray, variance: np.ndarray) -> np.ndarray:
+    """(k, 6, 6) of where the planes have the pose, as errors usually are.
+
+    In directions that noise alone seems to fix the scans are worth a tenth as much as where both show the same planes.
+
+    Args:
+        hessian, shared: (k, 6, 6) by one scan's normals, and by those of both (`shared_information`).
+        variance: (k,) of the distances to the planes [voxels^2].
+    """
+    inverse = np.linalg.inv(np.linalg.cholesky(hessian))
+    share, axes = np.linalg.eigh(inverse @ shared @ inverse.transpose(0, 2, 1))
+    doubt = np.clip(CALIBRATION.usual * _AGREEING / np.maximum(share, 1e-9), CALIBRATION.usual, 1.0)
+    root = inverse.transpose(0, 2, 1) @ axes
+    return (root * (variance[:, None] * doubt)[:, None, :]) @ root.transpose(0, 2, 1)

@@ -1,7 +1,6 @@
 """What instruments measured of a pair, linear about a pose: a factor beside the planes of both scans."""
 
 from dataclasses import dataclass, replace
-from typing import Any
 
 import numpy as np
 from scipy.stats import chi2
@@ -72,21 +71,15 @@ class PriorTerm:
         return share[..., None, None] * along[..., :, None] * along[..., None, :]
 
 
-def posterior_step(hessian: np.ndarray, gradient: np.ndarray, variance: Any, term: PriorTerm | None) -> np.ndarray:
-    """(..., 6) the Gauss-Newton step, by the scans' planes and the instruments together.
+def posterior_step(step: np.ndarray, covariance: np.ndarray, term: PriorTerm) -> np.ndarray:
+    """(..., 6) the step by the scans and the instruments together.
 
     Args:
-        hessian, gradient: (..., 6, 6) and (..., 6) of half the squared distances to the planes.
-        variance: (...) of these distances, as far as they are independent [voxels^2].
-        term: what the instruments measured; None for nothing.
+        step: (..., 6) by the scans alone.
+        covariance: (..., 6, 6) of where it leads, as far as the scans' points err independently.
+        term: what the instruments measured.
     """
-    # what nothing fixes stays where it is
-    damping = 1e-9 * (np.trace(hessian, axis1=-2, axis2=-1) + 1e-9)
-    damped = hessian + damping[..., None, None] * np.eye(6)
-    step = -_solved(damped, gradient)
-    if term is None:
-        return step
-    scans = np.linalg.inv(damped) * np.asarray(variance)[..., None, None] + term.systematic
+    scans = covariance + term.systematic
     information = np.linalg.inv(scans + term.distortion(scans, step))
     total = information + term.information() + _STAY * np.eye(6)
     return _solved(total, _times(information, step) - term.pull())

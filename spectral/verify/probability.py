@@ -58,15 +58,15 @@ class Logistic:
         twin: weight of the lead in the logarithm of the second's odds.
     """
 
-    odds: float = -0.19
-    psr: float = 0.72
-    view: float = 1.19
+    odds: float = 1.4
+    psr: float = 0.8
+    view: float = 1.0
     surface: float = 0.92
-    sharpness: float = 0.89
-    firmness: float = 1.19
-    lead: float = 0.85
-    search: float = 1.19
-    twin: float = 3.0
+    sharpness: float = 0.66
+    firmness: float = 0.82
+    lead: float = 0.49
+    search: float = 1.0
+    twin: float = 5.0
 
     def probability(self, clues: Clues) -> float:
         """From the clues."""

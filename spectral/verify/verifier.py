@@ -30,7 +30,7 @@ _SAME_ROTATION = float(np.deg2rad(9.0))
 # Of scans without a viewpoint so many candidates, those with the highest peaks, are scored by their points in common.
 _BY_POINTS, _POINTS = 60, 400
 # Points by which a refined hypothesis' shared surface is measured.
-_SURFACE_POINTS = 1200
+SURFACE_POINTS = 1200
 # A contradiction weighs as so many agreements; a share of points that is small beside the least hardly counts.
 _WEIGHT, _LEAST = 4.0, 0.05
 
@@ -110,14 +110,18 @@ class Verifier:
         count: int,
         tolerance: tuple[float, float] = COARSE,
         apart: float = SAME_SHIFT,
+        share: float = 0.0,
     ) -> np.ndarray:
         """Indices of the `count` best distinct candidates, best first.
 
         Args:
             tolerance: how far from the surface a point may lie [voxels; of the range].
             apart: candidates of alike rotations that are no farther apart are the same [voxels].
+            share: those are left out whose score is less than this share of the best's.
         """
-        order = np.argsort(-self._scores(target, source, candidates, tolerance), kind="stable")
+        scores = self._scores(target, source, candidates, tolerance)
+        order = np.argsort(-scores, kind="stable")
+        order = order[scores[order] >= share * scores[order[0]]]
         quaternions, nearest = candidates.R.as_quat(), np.cos(_SAME_ROTATION / 2)
         kept: list[int] = []
         for n in order:
@@ -161,7 +165,7 @@ class Verifier:
         target: SpectralScan,
         source: SpectralScan,
         hypotheses: Sequence[Hypothesis],
-        points: int = _SURFACE_POINTS,
+        points: int = SURFACE_POINTS,
     ) -> list[Hypothesis]:
         """The hypotheses with what the scans saw, best first; of those at the same pose the best alone."""
         looks = self.look(target, source, hypotheses, points)

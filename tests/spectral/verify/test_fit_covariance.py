@@ -10,6 +10,7 @@ from spectral.grid import Grid, choose_grid
 from spectral.registration import SpectralRegistrar
 from spectral.result import Registration
 from spectral.scan import Scan
+from spectral.verify.covariance import covers
 from tools.evaluate.trajectory import RIGHT_DEG, RIGHT_VOXELS, pair_error
 from tools.simulate.pairs.pair_set import evaluation_pair
 
@@ -124,3 +125,13 @@ def test_errors_are_no_larger_than_it_says() -> None:
     assert len(squared) > 30
     assert mean < 8
     assert within >= 0.88
+
+
+def test_another_pose_is_covered_as_far_as_the_ellipsoid_reaches() -> None:
+    T = RigidTransform.from_components([3.0, -2.0, 1.0], Rotation.from_rotvec([0.2, 0.1, -0.9]))
+    sigmas = np.array([0.01, 0.02, 0.03, 0.1, 5.0, 0.2])
+    for axis in range(6):
+        for length, inside in ((0.99, True), (1.01, False)):
+            away = np.zeros(6)
+            away[axis] = length * np.sqrt(chi2.ppf(0.95, 6)) * sigmas[axis]
+            assert covers(np.diag(sigmas**2), T, T * RigidTransform.from_exp_coords(away)) == inside
