@@ -14,7 +14,8 @@ from scipy.spatial.transform import RigidTransform
 from kernels.errors import InputError
 from slam.graph.edge import Edge, components
 from slam.graph.gtsam_poses import START_SIGMA, chordal_start, to_pose3, to_transforms, to_values
-from slam.graph.prior_factors import GAUGE_SIGMA, gauge_factors, prior_factors, unmeasured
+from slam.graph.known_pose import GAUGE_SIGMA, KnownPose, undetermined
+from slam.graph.measured_poses import gauge, known_poses, unmeasured
 from slam.graph.trajectory import Trajectory
 from spectral.result import Registration
 from spectral.scan import PosePrior
@@ -29,6 +30,7 @@ class PoseGraph:
         edges: measurements; their covariances are used in full and as they are.
         fixed: poses held at their initial estimate.
         priors: (pose, what instruments measured of it); the trajectory is in their world (`place_in_world`).
+        known: what else is known of single poses, as a file says it.
 
     Every connected component needs a tie to the world: its fixed poses or its priors are that tie, and where it has
     neither, its first pose is held (`anchors`). What no instrument measures of any of its poses is held there too.
@@ -41,6 +43,7 @@ class PoseGraph:
     edges: tuple[Edge, ...]
     fixed: tuple[int, ...] = ()
     priors: tuple[tuple[int, PosePrior], ...] = ()
+    known: tuple[KnownPose, ...] = ()
 
     def __post_init__(self) -> None:
         count = len(self.trajectory)
@@ -49,7 +52,7 @@ class PoseGraph:
                 raise InputError(f"{edge.name} names a pose which is not among the {count} of the trajectory")
         if any(not 0 <= pose < count for pose in self.fixed):
             raise InputError(f"fixed poses {self.fixed}: wanted indices below {count}, the number of poses")
-        if any(not 0 <= pose < count for pose, _ in self.priors):
+        if any(not 0 <= pose < count for pose in self._measured):
             raise InputError(f"a prior names a pose which is not among the {count} of the trajectory")
 
     @property
@@ -60,7 +63,7 @@ class PoseGraph:
     @property
     def anchors(self) -> tuple[int, ...]:
         """The poses held where they are: the fixed, and the first of a component that nothing else holds."""
-        held = {edge.i for edge in self.edges if edge.kind == "prior"}.union(self.fixed, dict(self.priors))
+        held = {edge.i for edge in self.edges if edge.kind == "prior"}.union(self.fixed, self._measured)
         first = (members[0] for members in self.components if held.isdisjoint(members))
         return tuple(sorted({*self.fixed, *first}))
 
@@ -73,6 +76,37 @@ class PoseGraph:
             (members[0], unmeasured(members, priors)) for members in measured if set(priors).intersection(members)
         ]
         return [(pose, free) for pose, free in unheld if free.any()]
+
+    @property
+    def all_known(self) -> list[KnownPose]:
+        """All that is known of single poses but the anchors': `known`, the priors, and what is held beside these."""
+        T = self.trajectory.T_world_sensor
+        held = [gauge(pose, free, T[pose]) for pose, free in self.loose]
+        return [*self.known, *known_poses(dict(self.priors), T), *held, *self._undetermined]
+
+    @property
+    def degrees_of_freedom(self) -> int:
+        """Measured numbers less free ones."""
+        free = 6 * (len(self.trajectory) - len(self.anchors)) - sum(int(free.sum()) for _, free in self.loose)
+        measured = 6 * len(self.edges) + sum(int(np.isfinite(prior.sigmas).sum()) for _, prior in self.priors)
+        return measured + sum(known.rank for known in (*self.known, *self._undetermined)) - free
+
+    @property
+    def _measured(self) -> set[int]:
+        """The poses of which something is measured."""
+        return {*dict(self.priors), *(known.pose for known in self.known)}
+
+    @property
+    def _undetermined(self) -> list[KnownPose]:
+        """What holds components of which `known` tells something, but not all."""
+        held = []
+        for members in self.components if self.known else ():
+            inside = set(members)
+            known = [known for known in self.known if known.pose in inside]
+            if known and not inside.intersection(self.anchors, dict(self.priors)):
+                holds = undetermined(members, known, self.trajectory.T_world_sensor)
+                held += [] if holds is None else [holds]
+        return held
 
     @property
     def chi_squared(self) -> float:
@@ -100,7 +134,8 @@ class PoseGraph:
             InputError: the edges do not tell every pose.
         """
         try:
-            started = chordal_start(factors_of(self, START_SIGMA), len(self.trajectory))
+            edges_alone = replace(self, priors=(), known=())
+            started = chordal_start(factors_of(edges_alone, START_SIGMA), len(self.trajectory))
         except RuntimeError as error:
             raise self.unsolvable(error) from error
         return self.held(started)
@@ -111,9 +146,9 @@ class PoseGraph:
         One whose place is measured is moved so that its first measured pose is where it was.
         """
         initial, matrices = self.trajectory.T_world_sensor, T_world_sensor.as_matrix()
-        anchors, priors = self.anchors, dict(self.priors)
+        anchors, measured = self.anchors, self._measured
         for members in self.components:
-            inside = sorted(set(anchors).intersection(members)) or sorted(set(priors).intersection(members))[:1]
+            inside = sorted(set(anchors).intersection(members)) or sorted(measured.intersection(members))[:1]
             if inside:
                 moved: RigidTransform = (
                     initial[inside[0]] * T_world_sensor[inside[0]].inv() * T_world_sensor[list(members)]
@@ -147,13 +182,11 @@ class PoseGraph:
             marginals = gtsam.Marginals(factors, optimum)
         except RuntimeError as error:
             raise self.unsolvable(error) from error
-        unknowns = 6 * (len(self.trajectory) - len(self.anchors)) - sum(int(free.sum()) for _, free in self.loose)
-        measured = 6 * len(self.edges) + sum(int(np.isfinite(prior.sigmas).sum()) for _, prior in self.priors)
         return Solution(
             graph=self.at(to_transforms(optimum, len(self.trajectory))),
             chi_squared_before=2 * factors.error(initial),
             chi_squared_after=2 * factors.error(optimum),
-            degrees_of_freedom=measured - unknowns,
+            degrees_of_freedom=self.degrees_of_freedom,
             iterations=optimizer.iterations(),
             converged=optimizer.iterations() < max_iterations,
             residuals=_residuals(factors, optimum, len(self.edges)),
@@ -224,7 +257,7 @@ def _residuals(factors: gtsam.NonlinearFactorGraph, values: gtsam.Values, count:
 
 
 def factors_of(graph: PoseGraph, gauge_sigma: float = GAUGE_SIGMA) -> gtsam.NonlinearFactorGraph:
-    """The graph as GTSAM's factors: one for each edge, in their order, then those of the anchors and priors.
+    """The graph as GTSAM's factors: one for each edge, in their order, then those of the anchors and known poses.
 
     Args:
         graph: its poses are keys 0..N-1.
@@ -237,10 +270,8 @@ def factors_of(graph: PoseGraph, gauge_sigma: float = GAUGE_SIGMA) -> gtsam.Nonl
     T = graph.trajectory.T_world_sensor
     for pose in graph.anchors:
         factors.add(gtsam.PriorFactorPose3(pose, to_pose3(T[pose]), gauge))
-    for factor in prior_factors(dict(graph.priors), T):
-        factors.add(factor)
-    for pose, free in graph.loose:
-        for factor in gauge_factors(pose, free, T[pose]):
+    for known in graph.all_known:
+        for factor in known.factors():
             factors.add(factor)
     return factors
 

@@ -13,8 +13,8 @@ from scipy.spatial.transform import RigidTransform
 from kernels.errors import InputError
 from slam.graph.edge import Edge
 from slam.graph.gtsam_poses import to_pose3, to_transforms
+from slam.graph.known_pose import GAUGE_SIGMA
 from slam.graph.pose_graph import PoseGraph, edge_factor
-from slam.graph.prior_factors import GAUGE_SIGMA
 from slam.graph.tangent import adjoint
 from slam.graph.trajectory import Trajectory
 

@@ -9,7 +9,7 @@ from scipy.spatial.transform import RigidTransform
 
 from kernels.errors import InputError
 from slam.graph.gtsam_poses import START_SIGMA, chordal_start, to_pose3, to_transforms, to_values
-from slam.graph.prior_factors import GAUGE_SIGMA
+from slam.graph.known_pose import GAUGE_SIGMA
 from slam.optimize.chordal import ChordalProblem
 
 Start = Literal["chordal", "given"]

@@ -73,14 +73,13 @@ class Optimized:
 
     @property
     def chi_squared(self) -> tuple[float, float]:
-        """Of the accepted edges, at the given and at the optimized poses."""
-        before, after = (float((r[self.accepted] ** 2).sum()) for r in (self.residuals_before, self.residuals_after))
-        return before, after
+        """Of the accepted edges and all that is known of poses, at the given and at the optimized poses."""
+        return self.given.keep(self.accepted).chi_squared, self.graph.chi_squared
 
     @property
     def degrees_of_freedom(self) -> int:
         """Measured numbers less free ones."""
-        return 6 * (len(self.graph.edges) - len(self.graph.trajectory) + len(self.graph.anchors))
+        return self.graph.degrees_of_freedom
 
     def to_json(self) -> dict[str, Any]:
         """The same as JSON's types."""
@@ -179,6 +178,11 @@ def _start(graph: PoseGraph, start: Start) -> RigidTransform:
 
 
 def _isotropic(graph: PoseGraph, start: Start) -> _Solved:
+    if graph.known:
+        raise InputError(
+            "the file says what is known of single vertices, and the isotropic objective needs edges between them "
+            "alone; use `objective=full`"
+        )
     if len(graph.fixed) > 1:
         raise InputError(
             f"{len(graph.fixed)} vertices are fixed, and the isotropic objective can hold one; use `objective=full`, "

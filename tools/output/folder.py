@@ -11,7 +11,6 @@ import numpy as np
 
 from kernels.device.device import Device
 from kernels.errors import InputError
-from slam.graph.pose_graph import PoseGraph
 from slam.map.point_map import PointMap
 from slam.mapper import SurveyResult
 from tools.output.exports import EXPORTS
@@ -118,7 +117,8 @@ def _write_files(folder: Path, result: SurveyResult, names: Sequence[str], files
     for c, listed in zip(placed(result.components), files, strict=True):
         for name in listed:
             _write_part(folder / name, result, c, [names[k] for k in result.components[c]])
-    write_g2o(folder / GRAPH, PoseGraph(result.trajectory, result.edges))
+    mapped = {scan for c in placed(result.components) for scan in result.components[c]}
+    write_g2o(folder / GRAPH, result.solution.graph, set(range(len(result.trajectory))) - mapped)
 
 
 def _write_part(path: Path, result: SurveyResult, c: int, names: Sequence[str]) -> None:

@@ -1,6 +1,6 @@
 """g2o pose graphs with 17 significant digits; their reader says what the numbers mean."""
 
-from collections.abc import Container, Iterable
+from collections.abc import Container, Iterable, Sequence
 from pathlib import Path
 
 import numpy as np
@@ -8,34 +8,40 @@ from scipy.spatial.transform import RigidTransform
 
 from kernels.errors import InputError
 from slam.graph.edge import inverse_definite
+from slam.graph.known_pose import KnownPose
 from slam.graph.pose_graph import PoseGraph
 from slam.graph.trajectory import Trajectory
-from tools.readers.poses.g2o import EDGE, FIX, TRANSLATION_LAST, UPPER, VERTEX
+from tools.readers.poses.g2o import EDGE, FIX, OFFSET, PRIOR, TRANSLATION_LAST, UPPER, VERTEX
 from tools.writers.atomic import atomic_path
 from tools.writers.tum import pose_numbers
 
 
-def write_g2o(path: Path, graph: PoseGraph) -> None:
-    """Write poses, fixed poses and edges; vertex k is pose k.
+def write_g2o(path: Path, graph: PoseGraph, left_out: Container[int] = ()) -> None:
+    """Write poses, fixed poses, what is known of single ones, and edges; vertex k is pose k.
 
     Translations are kept to the last bit, quaternions to its rounding, covariances to that of inverting
     them. Stamps have no place in the format.
 
+    Args:
+        path: where to.
+        graph: its priors, and what is held beside them, become lines of EDGE_SE3_PRIOR.
+        left_out: poses that are no vertices: those that nothing places.
+
     Raises:
-        InputError: the graph holds a prior, which the format cannot say, or the file cannot be written.
+        InputError: the graph holds an edge of kind "prior", or the file cannot be written.
     """
     prior = next((edge for edge in graph.edges if edge.kind == "prior"), None)
     if prior is not None:
-        raise InputError(f"pose {prior.i} has a prior, and {EDGE} knows none; leave priors out of the g2o file")
+        raise InputError(f"edge {prior.name} is a prior, and {EDGE} knows none; give it as a `KnownPose`")
     poses = pose_numbers(graph.trajectory.T_world_sensor).tolist()
-    lines = [_line(f"{VERTEX} {k}", pose) for k, pose in enumerate(poses)]
+    lines = [_line(f"{VERTEX} {k}", pose) for k, pose in enumerate(poses) if k not in left_out]
     lines += [f"{FIX} {pose}\n" for pose in graph.fixed]
+    lines += _known_lines([known for known in graph.all_known if known.pose not in left_out])
     if graph.edges:
         stacked = RigidTransform.concatenate([edge.registration.T_target_source for edge in graph.edges])
         for edge, pose in zip(graph.edges, pose_numbers(stacked).tolist(), strict=True):
             information = inverse_definite(edge.registration.covariance)
-            upper = information[np.ix_(TRANSLATION_LAST, TRANSLATION_LAST)][UPPER]
-            lines.append(_line(f"{EDGE} {edge.i} {edge.j}", [*pose, *upper.tolist()]))
+            lines.append(_line(f"{EDGE} {edge.i} {edge.j}", [*pose, *_upper(information)]))
     with atomic_path(path) as temporary:
         temporary.write_text("".join(lines))
 
@@ -68,6 +74,22 @@ def rewrite_g2o(path: Path, source: Path, trajectory: Trajectory, left_out: Cont
         lines.append(line + b"\n")
     with atomic_path(path) as temporary:
         temporary.write_bytes(b"".join(lines))
+
+
+def _known_lines(known: Sequence[KnownPose]) -> list[str]:
+    """What is known of poses, and the sensor's place on the vehicle to which it refers: that of the vertex itself."""
+    if not known:
+        return []
+    poses = pose_numbers(RigidTransform.concatenate([each.T_world_pose for each in known])).tolist()
+    lines = [f"{OFFSET} 0 0 0 0 0 0 0 1\n"]
+    for each, pose in zip(known, poses, strict=True):
+        lines.append(_line(f"{PRIOR} {each.pose} 0", [*pose, *_upper(each.information)]))
+    return lines
+
+
+def _upper(information: np.ndarray) -> list[float]:
+    """The 21 numbers of a (6, 6) information in g2o's order."""
+    return information[np.ix_(TRANSLATION_LAST, TRANSLATION_LAST)][UPPER].tolist()
 
 
 def _line(head: str, numbers: Iterable[float]) -> str:

@@ -1,4 +1,7 @@
-"""g2o pose graphs: VERTEX_SE3:QUAT, EDGE_SE3:QUAT and FIX, read strictly.
+"""g2o pose graphs: VERTEX_SE3:QUAT, EDGE_SE3:QUAT, EDGE_SE3_PRIOR and FIX, read strictly.
+
+A prior's numbers are a pose in the world and its information, in the axes of that pose; directions that are not known
+have none. PARAMS_SE3OFFSET, a sensor's place on the vehicle to which priors refer, has to be the identity.
 
 The 21 numbers after an edge's quaternion are the upper triangle of its information matrix, translation
 first. Its rotational part is taken as that of a rotation vector [rad], which is what GTSAM, SE-Sync and the
@@ -14,6 +17,7 @@ import numpy as np
 
 from kernels.errors import InputError
 from slam.graph.edge import Edge, check_definite
+from slam.graph.known_pose import KnownPose
 from slam.graph.pose_graph import PoseGraph
 from slam.graph.trajectory import Trajectory
 from spectral.result import Registration
@@ -21,13 +25,15 @@ from tools.readers.clouds.rows import Line, shown
 from tools.readers.poses.pose_rows import finite_rows, read_lines, transforms
 
 VERTEX, EDGE, FIX = "VERTEX_SE3:QUAT", "EDGE_SE3:QUAT", "FIX"
-KNOWN = (VERTEX, EDGE, FIX)
+PRIOR, OFFSET = "EDGE_SE3_PRIOR", "PARAMS_SE3OFFSET"
+KNOWN = (VERTEX, EDGE, PRIOR, FIX, OFFSET)
 UPPER = np.triu_indices(6)
 TRANSLATION_LAST = np.array([3, 4, 5, 0, 1, 2])  # from g2o's order to ours, and back
 
 _POSE = "x y z qx qy qz qw"
 _VERTEX_LAYOUT = f"id {_POSE}"
 _EDGE_LAYOUT = f"id id {_POSE} " + " ".join(f"I{i + 1}{j + 1}" for i, j in zip(*UPPER, strict=True))
+_IDENTITY = np.array([0.0, 0, 0, 0, 0, 0, 1])
 _MOST_PARTS = 4  # that a message lists
 _LARGEST_ID = 2**53  # ids are read with the other numbers of their line, as float64
 
@@ -39,8 +45,9 @@ def read_g2o(path: Path) -> PoseGraph:
 
     Raises:
         InputError: naming the file and the line: an unknown tag, too few or too many numbers, NaN, infinity,
-            no number, an id that is not a whole number or stands twice, an edge or FIX without its vertex, an
-            information matrix that is not positive definite, a zero quaternion.
+            no number, an id that is not a whole number or stands twice, an edge, prior or FIX without its vertex, an
+            information matrix that is not positive definite, or of a prior indefinite, a zero quaternion, an offset
+            other than the identity.
     """
     lines = _by_tag(path)
     if not lines[VERTEX]:
@@ -61,6 +68,7 @@ def read_g2o(path: Path) -> PoseGraph:
         Trajectory(ids[order].astype(np.float64), poses),
         _edges(path, lines[EDGE], index),
         _fixed(path, lines[FIX], index),
+        known=_known_poses(path, lines, index),
     )
 
 
@@ -137,9 +145,7 @@ def _edges(path: Path, lines: list[Line], index: dict[int, int]) -> tuple[Edge, 
 
 def _covariances(path: Path, lines: list[Line], upper: np.ndarray) -> np.ndarray:
     """(m, 6, 6) in our order, from the (m, 21) numbers of the information matrices."""
-    information = np.zeros((len(upper), 6, 6))
-    information[:, *UPPER] = upper
-    information += np.triu(information, 1).transpose(0, 2, 1)
+    information = _symmetric(upper)
     try:
         np.linalg.cholesky(information)
         covariances = np.linalg.inv(information)
@@ -152,6 +158,43 @@ def _covariances(path: Path, lines: list[Line], upper: np.ndarray) -> np.ndarray
         raise
     covariances = covariances[:, *np.ix_(TRANSLATION_LAST, TRANSLATION_LAST)]
     return (covariances + covariances.transpose(0, 2, 1)) / 2
+
+
+def _symmetric(upper: np.ndarray) -> np.ndarray:
+    """(m, 6, 6) from the (m, 21) numbers of their upper triangles."""
+    information = np.zeros((len(upper), 6, 6))
+    information[:, *UPPER] = upper
+    return information + np.triu(information, 1).transpose(0, 2, 1)
+
+
+def _known_poses(path: Path, lines: dict[str, list[Line]], index: dict[int, int]) -> tuple[KnownPose, ...]:
+    """What the file says of single poses."""
+    if not lines[PRIOR]:
+        return ()
+    _require_no_offset(path, lines[OFFSET])
+    rows = finite_rows(path, lines[PRIOR], _EDGE_LAYOUT)
+    vertices = _ids(path, lines[PRIOR], rows[:, :2])[:, 0].tolist()
+    measured = transforms(path, lines[PRIOR], rows[:, 2:9])
+    informations = _symmetric(rows[:, 9:])[:, *np.ix_(TRANSLATION_LAST, TRANSLATION_LAST)]
+    known = []
+    for (number, _), vertex, T, information in zip(lines[PRIOR], vertices, measured, informations, strict=True):
+        where = f"{path}: line {number}"
+        pose = _known(index, vertex, where)
+        try:
+            known.append(KnownPose(pose, T, information))
+        except InputError as error:
+            raise InputError(f"{where}: {error}") from error
+    return tuple(known)
+
+
+def _require_no_offset(path: Path, lines: list[Line]) -> None:
+    for number, line in lines:
+        row = finite_rows(path, [(number, line)], f"id {_POSE}")[0]
+        if not np.allclose(row[1:], _IDENTITY):
+            raise InputError(
+                f"{path}: line {number}: priors of a sensor that is not where the vertex is are not read; give "
+                f"{OFFSET} as 0 0 0 0 0 0 1, and the poses of the vertices"
+            )
 
 
 def _fixed(path: Path, lines: list[Line], index: dict[int, int]) -> tuple[int, ...]:
