@@ -59,7 +59,7 @@ class SurveyResult:
         trajectory: N poses, each in the frame of its component, whose first pose is the identity; in the world
             (East-North-Up) where instruments measured any of its poses.
         chained: the same as they were before loops.
-        components: the sets of scans that kept edges join; one where there is no gap.
+        components: the sets of scans that share a frame, by kept edges or by instruments that place them in the world.
         surveys: the number of each scan's survey.
         covariances: (N, 6, 6), rotation first [rad, m], body tangent, against the component's first pose, or the world.
         solution: the optimized graph, with its chi-squared and residuals.
@@ -89,6 +89,12 @@ class SurveyResult:
             apart = (before[0].inv() * before).translation - (after[0].inv() * after).translation
             most = max(most, float(np.linalg.norm(apart, axis=1).max()))
         return most
+
+    @property
+    def by_navigation(self) -> tuple[int, ...]:
+        """The scans that no registration holds, and that lie in a map of several by navigation alone."""
+        held = {scan for edge in self.edges for scan in (edge.i, edge.j)}
+        return tuple(sorted(k for members in self.components if len(members) > 1 for k in members if k not in held))
 
     @property
     def maps(self) -> tuple[PointMap, ...]:

@@ -8,6 +8,7 @@ not contradict.
 
 from collections.abc import Iterable, Sequence
 from dataclasses import dataclass
+from itertools import pairwise
 
 import gtsam
 import numpy as np
@@ -94,7 +95,7 @@ def _chi_squared(probability: float, degrees: int) -> float:
 def _fixed_inliers(graph: PoseGraph, trusted: Iterable[int]) -> np.ndarray:
     """(E,) bool: inliers whatever the others say: priors, trusted edges, and the only ties between two parts."""
     fixed = np.array([edge.kind == "prior" for edge in graph.edges], bool)
-    fixed[[*trusted, *bridges(len(graph.trajectory), graph.edges)]] = True
+    fixed[[*trusted, *bridges(len(graph.trajectory), graph.edges, graph.in_world)]] = True
     return fixed
 
 
@@ -123,22 +124,25 @@ def _inliers(
     Where a wrong loop is far off, the least squares of everything, which graduated non-convexity begins with, tear the
     chain apart and it may end in a poor optimum. With the chain trusted it does not, but then a wrong edge of the chain
     cannot be found. Both are tried, and the one with the lower truncated cost is taken; an edge of the chain counts for
-    more.
+    more. What instruments measured is right in either, and counts as far as the poses contradict it.
     """
     sequential = np.array([edge.kind == "sequential" for edge in graph.edges], bool)
     if chain_worth is None:
         accepted = _graduated(graph, active, fixed | sequential, bound)
         return accepted, graph.keep(accepted).optimize()
     most = bound * np.where(sequential, chain_worth, 1)
+    measured = sum(known.rank for known in graph.all_known)
     best: tuple[float, np.ndarray, Solution] | None = None
     for trusted in (fixed | sequential, fixed):
         accepted = _graduated(graph, active, trusted, bound)
         solution = graph.keep(accepted).optimize()
         squared = graph.at(solution.trajectory.T_world_sensor).residuals() ** 2
-        cost = float(np.where(accepted, squared, most)[active].sum())
+        contradicted = solution.chi_squared_after - float(squared[accepted].sum())
+        cost = float(np.where(accepted, squared, most)[active].sum()) + contradicted
         if best is None or cost < best[0]:
             best = cost, accepted, solution
-        if (active & ~accepted).sum() <= chain_worth:  # then no edge of the chain can be worth less
+        agrees = not measured or contradicted <= _chi_squared(PROBABILITY, measured)
+        if agrees and (active & ~accepted).sum() <= chain_worth:  # then no edge of the chain can be worth less
             break
     assert best is not None
     return best[1:]
@@ -166,6 +170,8 @@ def _graduated(graph: PoseGraph, active: np.ndarray, fixed: np.ndarray, bound: f
 def _rejoined(graph: PoseGraph, accepted: np.ndarray, ranked: np.ndarray) -> np.ndarray:
     """With the best of the rejected edges added where the graph has fallen apart."""
     joined = DisjointSet(range(len(graph.trajectory)))
+    for one, other in pairwise(graph.in_world):
+        joined.merge(one, other)
     for k in np.flatnonzero(accepted):
         joined.merge(graph.edges[k].i, graph.edges[k].j)
     accepted = accepted.copy()

@@ -1,6 +1,7 @@
 """Paths through a pose graph: which edges no path can avoid, and the most certain path between two poses."""
 
 from collections.abc import Sequence
+from itertools import pairwise
 
 import numpy as np
 from scipy import sparse
@@ -11,9 +12,17 @@ from slam.graph.edge import Edge
 from slam.graph.tangent import carried
 
 
-def bridges(count: int, edges: Sequence[Edge]) -> set[int]:
-    """The edges, by index, without which a component of `count` poses would fall apart (Tarjan, IPL 1974)."""
+def bridges(count: int, edges: Sequence[Edge], in_world: Sequence[int] = ()) -> set[int]:
+    """The edges, by index, without which a component of `count` poses would fall apart (Tarjan, IPL 1974).
+
+    Poses `in_world` hold together without edges.
+    """
     neighbors: list[list[tuple[int, int]]] = [[] for _ in range(count)]
+    for number, (one, other) in enumerate(pairwise(in_world), len(edges)):
+        # twice, so that neither is necessary
+        for index in (number, number + count):
+            neighbors[one].append((other, index))
+            neighbors[other].append((one, index))
     for index, edge in enumerate(edges):
         if edge.kind != "prior":
             neighbors[edge.i].append((edge.j, index))

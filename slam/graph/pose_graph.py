@@ -57,8 +57,22 @@ class PoseGraph:
 
     @property
     def components(self) -> tuple[tuple[int, ...], ...]:
-        """The sets of poses that edges join, in the order of their first poses."""
-        return components(len(self.trajectory), self.edges)
+        """The sets of poses that share a frame, in the order of their first poses.
+
+        They are those that edges join; what instruments place wholly in the world shares the world.
+        """
+        parts = components(len(self.trajectory), self.edges)
+        placed = [part for part in parts if self._is_placed(part)]
+        if len(placed) < 2:
+            return parts
+        world = tuple(sorted(pose for part in placed for pose in part))
+        return tuple(sorted([world, *(part for part in parts if part not in placed)]))
+
+    @property
+    def in_world(self) -> list[int]:
+        """Poses of which instruments tell all six numbers, each by itself."""
+        complete = {pose for pose, prior in self.priors if prior.is_complete}
+        return sorted(complete.union(known.pose for known in self.known if known.rank == 6))
 
     @property
     def anchors(self) -> tuple[int, ...]:
@@ -90,6 +104,14 @@ class PoseGraph:
         free = 6 * (len(self.trajectory) - len(self.anchors)) - sum(int(free.sum()) for _, free in self.loose)
         measured = 6 * len(self.edges) + sum(int(np.isfinite(prior.sigmas).sum()) for _, prior in self.priors)
         return measured + sum(known.rank for known in (*self.known, *self._undetermined)) - free
+
+    def _is_placed(self, part: tuple[int, ...]) -> bool:
+        """Whether instruments tell all of where the poses lie that edges join."""
+        priors, inside = dict(self.priors), set(part)
+        if inside.intersection(priors) and not unmeasured(part, priors).any():
+            return True
+        known = [known for known in self.known if known.pose in inside]
+        return bool(known) and undetermined(part, known, self.trajectory.T_world_sensor) is None
 
     @property
     def _measured(self) -> set[int]:
@@ -141,13 +163,13 @@ class PoseGraph:
         return self.held(started)
 
     def held(self, T_world_sensor: RigidTransform) -> "PoseGraph":
-        """The same edges with these N poses, each component moved so that its anchors are where they were.
+        """The same edges with these N poses, what edges join moved as a whole, so that its anchors are where they were.
 
-        One whose place is measured is moved so that its first measured pose is where it was.
+        A part whose place is measured is moved so that its first measured pose is where it was.
         """
         initial, matrices = self.trajectory.T_world_sensor, T_world_sensor.as_matrix()
         anchors, measured = self.anchors, self._measured
-        for members in self.components:
+        for members in components(len(self.trajectory), self.edges):
             inside = sorted(set(anchors).intersection(members)) or sorted(measured.intersection(members))[:1]
             if inside:
                 moved: RigidTransform = (

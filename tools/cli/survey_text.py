@@ -30,14 +30,20 @@ def warn(message: str) -> None:
 
 def warn_of_faults(result: "SurveyResult", names: Sequence[str], out: Path) -> None:
     """Warn of stray points, of loops without effect, of every gap with its reason, and of several parts."""
+    from slam.graph.edge import components
+
     stray = sum(point_map.left_out for point_map in result.maps)
     if stray:
         warn(f"{stray:,} points lie too far from the others for the map's voxels and are left out of the map")
     _warn_of_loops_without_effect(result)
-    part = {scan: c for c, members in enumerate(result.components) for scan in members}
+    shared, joined = (
+        {scan: c for c, members in enumerate(parts) for scan in members}
+        for parts in (result.components, components(len(names), result.edges))
+    )
     for pair in result.pairs:
         if pair.role == "sequential" and not pair.kept:
-            bridged = ", bridged by other pairs" if part[pair.i] == part[pair.j] else ""
+            bridged = ", bridged by navigation" if shared[pair.i] == shared[pair.j] else ""
+            bridged = ", bridged by other pairs" if joined[pair.i] == joined[pair.j] else bridged
             warn(f"gap between {names[pair.i]} and {names[pair.j]}{bridged}: {as_options(pair.reason)}")
     maps, lone = placed(result.components), unplaced(result.components)
     if len(maps) > 1:
@@ -46,11 +52,20 @@ def warn_of_faults(result: "SurveyResult", names: Sequence[str], out: Path) -> N
             f"map in {out}; the largest is map.ply"
         )
     if lone:
-        listed = ", ".join(names[k] for k in lone[:LISTED]) + (", ..." if len(lone) > LISTED else "")
         warn(
             f"{len(lone)} of {len(names)} scans are in no map, as no reliable registration joins them to the others: "
-            f"{listed}"
+            f"{_listed(lone, names)}"
         )
+    if alone := result.by_navigation:
+        warn(
+            f"{len(alone)} of {len(names)} scans lie in the map by navigation alone, as no reliable registration joins "
+            f"them to the others: {_listed(alone, names)}"
+        )
+
+
+def _listed(scans: Sequence[int], names: Sequence[str]) -> str:
+    """The first of their names."""
+    return ", ".join(names[k] for k in scans[:LISTED]) + (", ..." if len(scans) > LISTED else "")
 
 
 def _warn_of_loops_without_effect(result: "SurveyResult") -> None:

@@ -56,6 +56,7 @@ def survey_summary(
         ],
         "components": [_component_row(result, c) for c in placed(result.components)],
         "unplaced": unplaced(result.components),
+        "by_navigation": result.by_navigation,
         "crossing_error_m": crossing_row(CrossingError.of(part.crossings for part in result.parts)),
         "graph": {
             "edges": len(graph.edges),
