@@ -30,6 +30,10 @@ def known_poses(priors: Mapping[int, PosePrior], T_world_sensor: RigidTransform)
     return known
 
 
+# What instruments may measure of a pose, in the order of `unmeasured`.
+MEASURED = ("tilt_x", "tilt_y", "heading", "east", "north", "up")
+
+
 def unmeasured(members: Sequence[int], priors: Mapping[int, PosePrior]) -> np.ndarray:
     """(6,) bool: which of tilt, tilt, heading, East, North and Up no instrument tells of any of a component's poses.
 

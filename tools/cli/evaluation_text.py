@@ -19,6 +19,7 @@ ALIGNMENTS = {"poses": "all poses", "positions": "all positions", "first": "the 
 ANCHORS = {
     "first": "relative to the first pose",
     "world": "without alignment, both in one world frame",
+    "partly": "in one world frame, aligned at the first pose in what no instrument measured",
 }
 _COUNTS = ("kept_right", "kept_wrong", "rejected_right", "rejected_wrong", "failed", "unjudged")
 

@@ -1,11 +1,14 @@
 """Whether poses are as uncertain as their covariances say."""
 
+from collections.abc import Collection
 from dataclasses import dataclass
 from typing import Any, Literal
 
 import numpy as np
-from scipy.spatial.transform import RigidTransform
+from scipy.spatial.transform import RigidTransform, Rotation
 from scipy.stats import chi2
+
+from spectral.measured import twist
 
 LEVEL = 0.95  # of the ellipsoids
 FIXED = 1e-3  # an anchor's largest sigma [rad, m]: a graph's gauge is far below it, any measured prior above
@@ -17,12 +20,13 @@ class PoseCalibration:
 
     Attributes:
         anchor: "first": errors are relative to the first pose, which is left out; "world": the first pose is itself
-            uncertain, as with priors, so nothing is aligned and both world frames are taken to be the same.
+            uncertain, as with priors, so nothing is aligned and both world frames are taken to be the same; "partly":
+            the same, but what no instrument measured is aligned at the first pose.
         nees: (N,) squared Mahalanobis distance of the truth, 6 on average where the covariance is right.
         position_nees: (N,) the same of the position alone, 3 on average.
     """
 
-    anchor: Literal["first", "world"]
+    anchor: Literal["first", "world", "partly"]
     nees: np.ndarray
     position_nees: np.ndarray
 
@@ -49,7 +53,10 @@ class PoseCalibration:
 
 
 def calibrate_poses(
-    T_world_sensor: RigidTransform, truth: RigidTransform, covariances: np.ndarray
+    T_world_sensor: RigidTransform,
+    truth: RigidTransform,
+    covariances: np.ndarray,
+    unmeasured: Collection[str] = (),
 ) -> PoseCalibration | None:
     """Compare the errors of N poses with their covariances; None if there is no pose but the anchor.
 
@@ -58,6 +65,7 @@ def calibrate_poses(
         truth: their N true poses.
         covariances: (N, 6, 6), rotation first [rad, m], body tangent: T_true = T_estimate Exp(xi), relative to the
             anchor, whose own covariance is then close to zero.
+        unmeasured: what instruments left open of the poses in the world (`slam.graph.measured_poses.MEASURED`).
 
     The tangent is the full one of SE(3), as GTSAM's.
     """
@@ -67,11 +75,32 @@ def calibrate_poses(
     if fixed:
         T_world_sensor, truth = (T[0].inv() * T[1:] for T in (T_world_sensor, truth))
         covariances = covariances[1:]
+    else:
+        T_world_sensor = _laid_on(truth[0], T_world_sensor, unmeasured)
     xi = (T_world_sensor.inv() * truth).as_exp_coords()
     return PoseCalibration(
-        anchor="first" if fixed else "world",
+        anchor="first" if fixed else "partly" if unmeasured else "world",
         nees=_squared(xi, covariances),
         position_nees=_squared(xi[:, 3:], covariances[:, 3:, 3:]),
+    )
+
+
+def _laid_on(first: RigidTransform, T_world_sensor: RigidTransform, unmeasured: Collection[str]) -> RigidTransform:
+    """Poses moved as a whole so that what is unmeasured of the first agrees with the true first one."""
+    off = first.rotation * T_world_sensor[0].rotation.inv()
+    turn = Rotation.identity()
+    if {"tilt_x", "tilt_y"} & set(unmeasured):
+        turn = off
+    elif "heading" in unmeasured:
+        turn = Rotation.from_euler("Z", twist(off))
+    place = T_world_sensor[0].translation
+    shift = np.where([name in unmeasured for name in ("east", "north", "up")], first.translation - place, 0.0)
+    about = RigidTransform.from_translation(place)
+    return (
+        RigidTransform.from_components(shift, Rotation.identity())
+        * about
+        * RigidTransform.from_rotation(turn)
+        * (about.inv() * T_world_sensor)
     )
 
 

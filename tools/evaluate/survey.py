@@ -40,7 +40,8 @@ def calibrate_survey(summary: SurveySummary, estimate: Trajectory, truth: Trajec
     estimate_rows = _by_scan(summary, estimate)
     truth_rows = _by_scan(summary, truth)
     first = min(estimate_rows)
-    members = next((list(component) for component in summary.components if first in component), [])
+    number = next((n for n, component in enumerate(summary.components) if first in component), None)
+    members = [] if number is None else list(summary.components[number])
     finite = set(np.flatnonzero(np.isfinite(summary.covariances).all(axis=(1, 2))).tolist())
     common = [scan for scan in members if scan in estimate_rows and scan in truth_rows and scan in finite]
     if not common or common[0] != members[0]:
@@ -53,6 +54,7 @@ def calibrate_survey(summary: SurveySummary, estimate: Trajectory, truth: Trajec
         estimate.T_world_sensor[[estimate_rows[scan] for scan in common]],
         truth.T_world_sensor[[truth_rows[scan] for scan in common]],
         summary.covariances[np.array(common)],
+        () if number is None else summary.unmeasured[number],
     )
 
 

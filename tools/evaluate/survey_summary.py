@@ -19,6 +19,8 @@ class SurveySummary:
     Attributes:
         stamps: (N,) float64 [s], of its scans.
         components: indices of each component's scans, ascending.
+        unmeasured: of each component that instruments place in the world, what none of them tells
+            (`slam.graph.measured_poses.MEASURED`); empty for the others.
         covariances: (N, 6, 6) of the poses relative to the first pose of their component, rotation first [rad, m], body
             tangent; None where a scan has none.
         pairs: all pairs that were tried.
@@ -28,6 +30,7 @@ class SurveySummary:
 
     stamps: np.ndarray
     components: tuple[tuple[int, ...], ...]
+    unmeasured: tuple[tuple[str, ...], ...]
     covariances: np.ndarray | None
     pairs: tuple[TriedPair, ...]
     voxel: float
@@ -56,6 +59,7 @@ class _Map(BaseModel):
 
 class _Component(BaseModel):
     scans: list[int]
+    unmeasured: list[str] = []
     map: _Map
 
 
@@ -95,6 +99,7 @@ def read_summary(path: Path) -> SurveySummary:
     return SurveySummary(
         stamps=np.array([scan.stamp for scan in summary.scans], np.float64),
         components=tuple(tuple(component.scans) for component in summary.components),
+        unmeasured=tuple(tuple(component.unmeasured) for component in summary.components),
         covariances=covariances,
         pairs=pairs,
         voxel=summary.settings.grid.voxel,

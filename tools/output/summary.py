@@ -6,6 +6,7 @@ from typing import Any
 
 import numpy as np
 
+from slam.graph.measured_poses import MEASURED
 from slam.graph.sigma import worst_sigmas
 from slam.map.crossing import CrossingError
 from slam.map.point_map import PointMap
@@ -127,7 +128,13 @@ def pose_sigmas(covariances: np.ndarray) -> list[dict[str, float]]:
 
 def _component_row(result: SurveyResult, c: int) -> dict[str, Any]:
     """A component that is a map, with the sizes of its layers by their surveys."""
-    row = {"scans": result.components[c], "map": map_statistics(result.maps[c])}
+    members = result.components[c]
+    free = next((free for pose, free in result.solution.graph.loose if pose in members), np.zeros(6, dtype=bool))
+    row = {
+        "scans": members,
+        "unmeasured": [name for name, held in zip(MEASURED, free, strict=True) if held],
+        "map": map_statistics(result.maps[c]),
+    }
     layers = {number: map_statistics(layer) for number, layer in result.parts[c].layers.items()}
     return row | ({"surveys": layers} if layers else {})
 

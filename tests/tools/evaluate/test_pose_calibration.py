@@ -5,7 +5,7 @@ import pytest
 from numpy.testing import assert_allclose
 from scipy.spatial.transform import RigidTransform, Rotation
 
-from tools.evaluate.pose_calibration import calibrate_poses
+from tools.evaluate.pose_calibration import PoseCalibration, calibrate_poses
 
 COUNT = 4000
 MOVE = RigidTransform.from_components((40.0, -7.0, 2.0), Rotation.from_euler("ZYX", (1.2, -0.3, 0.4)))
@@ -66,3 +66,34 @@ def test_a_known_error_has_its_known_distance() -> None:
     result = calibrate_poses(found, truth, np.stack([1e-12 * np.eye(6), sigmas]))
     assert result is not None
     assert_allclose([result.nees[0], result.position_nees[0]], [8, 4], rtol=1e-9)
+
+
+def calibrated(*arguments) -> PoseCalibration:
+    result = calibrate_poses(*arguments)
+    assert result is not None
+    return result
+
+
+@pytest.mark.parametrize(
+    ("unmeasured", "motion"),
+    [
+        (("heading", "east", "north"), (0.0, 0.0, 1.3, 40.0, -9.0, 0.0)),
+        (("heading",), (0.0, 0.0, -0.7, 0.0, 0.0, 0.0)),
+        (("tilt_x", "tilt_y", "up"), (0.4, -0.2, 0.3, 0.0, 0.0, 5.0)),
+        ((), (0.0,) * 6),
+    ],
+)
+def test_what_no_instrument_measured_is_aligned_at_the_first_pose(unmeasured, motion):
+    """The estimate is the truth moved about its first pose in just these directions; the rest may not be moved."""
+    truth = drawn()[1]
+    covariances = np.broadcast_to(np.diag([0.01**2] * 3 + [0.1**2] * 3), (len(truth), 6, 6))
+    place = RigidTransform.from_translation(truth[0].translation)
+    turn = RigidTransform.from_rotation(Rotation.from_rotvec(motion[:3]))
+    found = RigidTransform.from_translation(motion[3:]) * place * turn * place.inv() * truth
+    result = calibrated(found, truth, covariances, unmeasured)
+    assert result.anchor == ("partly" if unmeasured else "world")
+    np.testing.assert_allclose(result.nees, 0, atol=1e-12)
+    if unmeasured:
+        assert calibrated(found, truth, covariances).nees.max() > 100
+    raised = RigidTransform.from_translation([0.0, 0.0, 1.0]) * truth
+    assert calibrated(raised, truth, covariances, ("heading", "east", "north")).nees.min() > 50
