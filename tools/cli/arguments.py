@@ -12,6 +12,7 @@ OPTIONS = {
     "method": "--method",
     "objective": "--objective",
     "refinement": "--refine",
+    "repairs": "--repair",
     "scheduler": "--scheduler",
     "seed": "--seed",
     "start": "--start",
@@ -20,7 +21,7 @@ OPTIONS = {
     "workers": "--workers",
     "yaw_peaks": "--yaw-peaks",
 }
-FLAGS = {"--fresh", "--strength"}  # without a value
+FLAGS = {"--fresh", "--repair", "--strength"}  # without a value
 
 _ARGUMENT = re.compile(r"`(\w+)(?:=([^`]*))?`")
 

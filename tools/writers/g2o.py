@@ -1,19 +1,22 @@
 """g2o pose graphs with 17 significant digits; their reader says what the numbers mean."""
 
-from collections.abc import Container, Iterable, Sequence
+from collections.abc import Container, Iterable, Mapping, Sequence
 from pathlib import Path
+from types import MappingProxyType
 
 import numpy as np
 from scipy.spatial.transform import RigidTransform
 
 from kernels.errors import InputError
-from slam.graph.edge import inverse_definite
+from slam.graph.edge import Edge, inverse_definite
 from slam.graph.known_pose import KnownPose
 from slam.graph.pose_graph import PoseGraph
 from slam.graph.trajectory import Trajectory
 from tools.readers.poses.g2o import EDGE, FIX, OFFSET, PRIOR, TRANSLATION_LAST, UPPER, VERTEX
 from tools.writers.atomic import atomic_path
 from tools.writers.tum import pose_numbers
+
+_NONE: Mapping[int, Edge] = MappingProxyType({})
 
 
 def write_g2o(path: Path, graph: PoseGraph, left_out: Container[int] = ()) -> None:
@@ -46,7 +49,13 @@ def write_g2o(path: Path, graph: PoseGraph, left_out: Container[int] = ()) -> No
         temporary.write_text("".join(lines))
 
 
-def rewrite_g2o(path: Path, source: Path, trajectory: Trajectory, left_out: Container[int] = ()) -> None:
+def rewrite_g2o(
+    path: Path,
+    source: Path,
+    trajectory: Trajectory,
+    left_out: Container[int] = (),
+    repaired: Mapping[int, Edge] = _NONE,
+) -> None:
     """Write a file again with other poses; all else, comments and the edges' digits too, stays as it is.
 
     Args:
@@ -54,6 +63,7 @@ def rewrite_g2o(path: Path, source: Path, trajectory: Trajectory, left_out: Cont
         source: a file that `read_g2o` has read.
         trajectory: the poses of its vertices, each with its vertex's id for a stamp, as `read_g2o` gives them.
         left_out: edges to drop, counted from 0 in the file's order.
+        repaired: edges to write with the information that they have now, by the same numbers.
 
     Raises:
         InputError: the file cannot be written.
@@ -71,6 +81,9 @@ def rewrite_g2o(path: Path, source: Path, trajectory: Trajectory, left_out: Cont
             edges += 1
             if edges - 1 in left_out:
                 continue
+            if edges - 1 in repaired:
+                numbers = _upper(inverse_definite(repaired[edges - 1].registration.covariance))
+                line = b" ".join([*line.split()[:10], _line("", numbers).strip().encode()])
         lines.append(line + b"\n")
     with atomic_path(path) as temporary:
         temporary.write_bytes(b"".join(lines))

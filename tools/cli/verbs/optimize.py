@@ -20,6 +20,7 @@ if TYPE_CHECKING:
 NOT_CONVERGED = 3
 OBJECTIVES, STARTS = ("full", "isotropic"), ("chordal", "given", "incremental")
 MOST_REJECTED = 20  # rows that the table lists
+MOST_REPAIRED = 10  # edges that the warnings list
 
 
 def _check_objective(name: str) -> str:
@@ -57,6 +58,14 @@ StartOption = Annotated[
     ),
 ]
 RobustOption = Annotated[bool, typer.Option("--robust", help="Reject wrong edges, and leave them out of OUT.g2o.")]
+RepairOption = Annotated[
+    bool,
+    typer.Option(
+        "--repair",
+        help="Make information matrices of edges that are not positive definite so, and tell which: their eigenvalues "
+        "below a millionth of the largest are raised to it. OUT.g2o holds the repaired ones.",
+    ),
+]
 CompareOption = Annotated[
     bool,
     typer.Option("--compare/--no-compare", help="Also solve the other objective, and print how far its solution is."),
@@ -69,6 +78,7 @@ def command(
     objective: ObjectiveOption = OBJECTIVES[0],
     start: StartOption = STARTS[0],
     robust: RobustOption = False,
+    repair: RepairOption = False,
     compare: CompareOption = True,
     as_json: JsonOption = False,
     quiet: QuietOption = False,
@@ -81,7 +91,7 @@ def command(
     import numpy as np
 
     from slam.optimize.solve import distance_to_other, optimize, without_effect
-    from tools.readers.poses.g2o import read_g2o, require_connected
+    from tools.readers.poses.g2o import Repair, read_g2o, require_connected
     from tools.writers.atomic import require_writable
     from tools.writers.g2o import rewrite_g2o
 
@@ -89,7 +99,8 @@ def command(
         raise InputError(f"{out} is also the input; choose another name for the output")
     start_time = time.perf_counter()
     with progress("optimizing", 3 + compare, quiet or as_json) as advance:
-        graph = read_g2o(source)
+        repairs: list[Repair] = []
+        graph = read_g2o(source, repairs if repair else None)
         require_connected(source, graph)
         require_writable(out.parent)
         seconds = {"read": time.perf_counter() - start_time}
@@ -102,10 +113,17 @@ def command(
             report["distance"] = distance_to_other(optimized)
             seconds["compare"] = time.perf_counter() - compare_time
             advance("compared")
-        rewrite_g2o(out, source, optimized.graph.trajectory, set(np.flatnonzero(~optimized.accepted).tolist()))
+        rejected = set(np.flatnonzero(~optimized.accepted).tolist())
+        changed = {each.edge: graph.edges[each.edge] for each in repairs}
+        rewrite_g2o(out, source, optimized.graph.trajectory, rejected, changed)
+        report["repaired"] = [each.words for each in repairs]
         advance("written")
     report["seconds"] = seconds | optimized.seconds | {"total": time.perf_counter() - start_time}
     typer.echo(json.dumps(report)) if as_json else _print(report, robust, out)
+    for each in repairs[:MOST_REPAIRED]:
+        warn(f"repaired: {each.words}")
+    if len(repairs) > MOST_REPAIRED:
+        warn(f"{len(repairs)} edges repaired; --json lists all")
     if warning := without_effect(optimized):
         warn(as_options(warning))
     if not optimized.converged:

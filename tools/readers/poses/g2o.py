@@ -11,6 +11,7 @@ is followed.
 """
 
 from collections import defaultdict
+from dataclasses import dataclass
 from pathlib import Path
 
 import numpy as np
@@ -33,15 +34,37 @@ TRANSLATION_LAST = np.array([3, 4, 5, 0, 1, 2])  # from g2o's order to ours, and
 _POSE = "x y z qx qy qz qw"
 _VERTEX_LAYOUT = f"id {_POSE}"
 _EDGE_LAYOUT = f"id id {_POSE} " + " ".join(f"I{i + 1}{j + 1}" for i, j in zip(*UPPER, strict=True))
+# Least eigenvalue of a repaired information, as a share of its largest; what is less than a share of that is no more
+# than rounded, and needs the repair.
+_LEAST, _ROUNDED = 1e-6, 1e-8
 _IDENTITY = np.array([0.0, 0, 0, 0, 0, 0, 1])
 _MOST_PARTS = 4  # that a message lists
 _LARGEST_ID = 2**53  # ids are read with the other numbers of their line, as float64
 
 
-def read_g2o(path: Path) -> PoseGraph:
+@dataclass(frozen=True, slots=True)
+class Repair:
+    """An edge whose information matrix was not positive definite, and has been made so.
+
+    Attributes:
+        edge: its number, counted from 0 in the file's order.
+        words: its line, its vertices and what was changed.
+    """
+
+    edge: int
+    words: str
+
+
+def read_g2o(path: Path, repairs: list[Repair] | None = None) -> PoseGraph:
     """A pose graph; pose k is the vertex of k-th smallest id, and its stamp is that id.
 
     Edges between consecutive poses are "sequential", others "loop". Quaternions are normalized.
+
+    Args:
+        path: of the file.
+        repairs: where information matrices of edges that are not positive definite are to be made so: what was done is
+            added to it. Their eigenvalues below a millionth of the largest are raised to it: what the edge would push
+            away from, or does not know, is as good as unknown then. None refuses such edges.
 
     Raises:
         InputError: naming the file and the line: an unknown tag, too few or too many numbers, NaN, infinity,
@@ -66,7 +89,7 @@ def read_g2o(path: Path) -> PoseGraph:
     index = {vertex: k for k, vertex in enumerate(ids[order].tolist())}
     return PoseGraph(
         Trajectory(ids[order].astype(np.float64), poses),
-        _edges(path, lines[EDGE], index),
+        _edges(path, lines[EDGE], index, repairs),
         _fixed(path, lines[FIX], index),
         known=_known_poses(path, lines, index),
     )
@@ -122,13 +145,16 @@ def _ids(path: Path, lines: list[Line], numbers: np.ndarray) -> np.ndarray:
     return numbers.astype(np.int64)
 
 
-def _edges(path: Path, lines: list[Line], index: dict[int, int]) -> tuple[Edge, ...]:
+def _edges(path: Path, lines: list[Line], index: dict[int, int], repairs: list[Repair] | None) -> tuple[Edge, ...]:
     if not lines:
         return ()
     rows = finite_rows(path, lines, _EDGE_LAYOUT)
     ends = _ids(path, lines, rows[:, :2])
     measured = transforms(path, lines, rows[:, 2:9])
-    covariances = _covariances(path, lines, rows[:, 9:])
+    information = _symmetric(rows[:, 9:])
+    if repairs is not None:
+        information = _repaired(information, lines, ends, repairs)
+    covariances = _covariances(path, lines, information)
     edges = []
     for (number, _), pair, T_i_j, covariance in zip(lines, ends.tolist(), measured, covariances, strict=True):
         where = f"{path}: line {number}"
@@ -143,9 +169,26 @@ def _edges(path: Path, lines: list[Line], index: dict[int, int]) -> tuple[Edge, 
     return tuple(edges)
 
 
-def _covariances(path: Path, lines: list[Line], upper: np.ndarray) -> np.ndarray:
-    """(m, 6, 6) in our order, from the (m, 21) numbers of the information matrices."""
-    information = _symmetric(upper)
+def _repaired(information: np.ndarray, lines: list[Line], ends: np.ndarray, repairs: list[Repair]) -> np.ndarray:
+    """(m, 6, 6), of those that are not positive definite no eigenvalue below `_LEAST` of the largest; each is told."""
+    values, axes = np.linalg.eigh(information)
+    least = _LEAST * np.maximum(values[:, -1:], np.finfo(float).tiny)
+    information = information.copy()
+    for k in np.flatnonzero(values[:, 0] < _ROUNDED * least[:, 0]).tolist():
+        raised = np.maximum(values[k], least[k])
+        information[k] = (axes[k] * raised) @ axes[k].T
+        i, j = ends[k].tolist()
+        count = int((values[k] < least[k]).sum())
+        words = (
+            f"line {lines[k][0]}, edge {i} {j}: {count} of the 6 eigenvalues of its information raised, the lowest "
+            f"from {values[k, 0]:.3g} to {least[k, 0]:.3g}, a millionth of the largest"
+        )
+        repairs.append(Repair(k, words))
+    return information
+
+
+def _covariances(path: Path, lines: list[Line], information: np.ndarray) -> np.ndarray:
+    """(m, 6, 6) in our order, from the information matrices (m, 6, 6) in the file's."""
     try:
         np.linalg.cholesky(information)
         covariances = np.linalg.inv(information)
@@ -154,7 +197,7 @@ def _covariances(path: Path, lines: list[Line], upper: np.ndarray) -> np.ndarray
             try:
                 check_definite(matrix, "the information matrix")
             except InputError as error:
-                raise InputError(f"{path}: line {number}: {error}") from error
+                raise InputError(f"{path}: line {number}: {error}; or use `repairs`, which does") from error
         raise
     covariances = covariances[:, *np.ix_(TRANSLATION_LAST, TRANSLATION_LAST)]
     return (covariances + covariances.transpose(0, 2, 1)) / 2

@@ -23,6 +23,7 @@ needs_graphs = pytest.mark.skipif(not GRAPHS.is_dir(), reason=f"the benchmark gr
 KEYS = {
     "objective", "start", "poses", "edges", "components", "cost_before", "cost_after", "chi_squared_before",
     "chi_squared_after", "degrees_of_freedom", "iterations", "converged", "certificate", "loops", "seconds", "distance",
+    "repaired",
 }  # fmt: skip
 
 
@@ -67,6 +68,30 @@ def test_the_full_objective_tells_all(source: Path) -> None:
     written = read_g2o(source.parent / "out.g2o")
     assert written.chi_squared == pytest.approx(summary["chi_squared_after"], rel=1e-6)
     assert written.chi_squared == pytest.approx(read_g2o(source).optimize().chi_squared_after, rel=1e-6)
+
+
+def test_an_information_that_is_indefinite_is_repaired_and_told(source: Path) -> None:
+    lines = source.read_text().splitlines()
+    number = next(n for n, line in enumerate(lines) if line.startswith("EDGE_SE3:QUAT 2 8"))
+    fields = lines[number].split()
+    fields[10] = "-5"  # of the x direction
+    lines[number] = " ".join(fields)
+    source.write_text("\n".join(lines) + "\n")
+    out = source.parent / "out.g2o"
+    said(sonarmap("optimize", source, "-o", out), f"line {number + 1}", "not positive definite", "--repair")
+    assert not out.exists()
+    summary = told(source, "--repair")
+    (words,) = summary["repaired"]
+    assert f"line {number + 1}, edge 2 8: 1 of the 6 eigenvalues of its information raised" in words
+    again = read_g2o(out)  # which would refuse the edge
+    given, kept = (text.splitlines()[number].split() for text in (source.read_text(), out.read_text()))
+    assert kept[:10] == given[:10]
+    assert kept[10:] != given[10:]
+    information = np.linalg.inv(again.edges[12].registration.covariance)
+    values = np.linalg.eigvalsh(information)
+    assert values[0] == pytest.approx(1e-6 * values[-1], rel=1e-3)
+    others = [n for n in range(len(lines)) if lines[n].startswith("EDGE") and n != number]
+    assert all(out.read_text().splitlines()[n] == lines[n] for n in others)
 
 
 def test_the_isotropic_objective_is_certified_and_compared(source: Path) -> None:
