@@ -32,7 +32,10 @@ def scans_with_priors(
     from tools.readers.priors import with_priors
 
     sigmas = parse_prior_sigmas(prior_sigmas) if prior_sigmas else {}
-    scans = with_priors(scans, priors, sigmas, allow_unknown)
+    notes: list[str] = []
+    scans = with_priors(scans, priors, sigmas, allow_unknown, notes)
+    for note in notes:
+        say(note)
     bare = [scan.name for scan in scans if scan.prior is None]
     if bare:
         say(f"{len(bare)} of {len(scans)} scans have no prior in {priors}: {bare[0]}{' ...' if len(bare) > 1 else ''}")

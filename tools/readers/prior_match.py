@@ -2,6 +2,7 @@
 
 import re
 from collections.abc import Sequence
+from datetime import UTC, datetime
 
 from kernels.errors import InputError
 from spectral.scan import Scan
@@ -50,10 +51,23 @@ def _by_name(scans: Sequence[Scan], name: str) -> list[int]:
 
 
 def _by_stamp(scans: Sequence[Scan], text: str, where: str) -> list[int]:
-    try:
-        stamp = float(text) if "_" not in text else float("nan")
-    except ValueError:
-        stamp = float("nan")
+    stamp = _seconds(text)
     if not abs(stamp) < float("inf"):
-        raise InputError(f"{where}: the stamp is {text[:40]!r}; wanted finite seconds; fix that line")
+        raise InputError(
+            f"{where}: the stamp is {text[:40]!r}; wanted finite seconds, or a time as 2026-07-01T09:30:00Z; fix that "
+            "line"
+        )
     return [index for index, scan in enumerate(scans) if abs(scan.stamp - stamp) <= SAME_STAMP]
+
+
+def _seconds(text: str) -> float:
+    """Seconds, or the Unix time of an ISO 8601 time, UTC where it names no zone; NaN for anything else."""
+    try:
+        return float(text) if "_" not in text else float("nan")
+    except ValueError:
+        pass
+    try:
+        time = datetime.fromisoformat(text)
+    except ValueError:
+        return float("nan")
+    return (time if time.tzinfo else time.replace(tzinfo=UTC)).timestamp()

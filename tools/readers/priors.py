@@ -2,10 +2,9 @@
 
 The first row names the columns, in any order: `name` (of the scan's file, with its suffix or without) or `stamp` [s],
 then what was measured and its standard deviation (see `tools.readers.instruments`). An empty cell was not measured.
-Lines that begin with # are comments.
+Lines that begin with # are comments. Cells are parted by commas, semicolons or tabs (`tools.readers.csv_table`).
 """
 
-import csv
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
 from pathlib import Path
@@ -15,12 +14,13 @@ import numpy as np
 
 from kernels.errors import InputError
 from spectral.scan import PosePrior, Scan
+from tools.readers.csv_table import read_csv_table
 from tools.readers.instruments import COLUMNS, SIGMA_COLUMNS, prior_of
-from tools.readers.poses.pose_rows import read_lines
 from tools.readers.prior_match import find_scan
 
 KEYS = ("name", "stamp")
 LARGEST = {"roll_deg": 180.0, "pitch_deg": 90.0, "heading_deg": 360.0}
+ON_EARTH = ("lat", "lon", "lng")  # how columns of degrees on the Earth are called
 PAIRS = (("roll_deg", "pitch_deg"), ("x_m", "y_m"))
 NO_DEFAULTS: Mapping[str, float] = MappingProxyType({})
 
@@ -35,7 +35,11 @@ class PriorRow:
 
 
 def with_priors(
-    scans: Sequence[Scan], path: Path, sigmas: Mapping[str, float] = NO_DEFAULTS, allow_unknown: bool = False
+    scans: Sequence[Scan],
+    path: Path,
+    sigmas: Mapping[str, float] = NO_DEFAULTS,
+    allow_unknown: bool = False,
+    notes: list[str] | None = None,
 ) -> tuple[Scan, ...]:
     """The scans with their priors from the file; a scan without a row, or with an empty one, has none.
 
@@ -44,12 +48,13 @@ def with_priors(
         path: of the CSV file.
         sigmas: {column of COLUMNS: standard deviation in its unit}, used where the file has none.
         allow_unknown: whether rows may belong to scans that are not among these.
+        notes: what a user should know of the file is added to it.
 
     Raises:
         InputError: naming the file and the line: a column or cell that cannot be used, two rows for one scan, a row
             that fits no scan or several, or not one that fits any.
     """
-    key, rows = read_prior_rows(path, sigmas)
+    key, rows = read_prior_rows(path, sigmas, notes)
     lines: dict[int, int] = {}  # of each scan, in the file
     changed = list(scans)
     for row in rows:
@@ -69,41 +74,41 @@ def with_priors(
     return tuple(changed)
 
 
-def read_prior_rows(path: Path, sigmas: Mapping[str, float] = NO_DEFAULTS) -> tuple[str, list[PriorRow]]:
-    """The column that identifies the scans, "name" or "stamp", and every row.
+def read_prior_rows(
+    path: Path, sigmas: Mapping[str, float] = NO_DEFAULTS, notes: list[str] | None = None
+) -> tuple[str, list[PriorRow]]:
+    """The column that identifies the scans, "name" or "stamp", and every row; arguments as those of `with_priors`.
 
     Raises:
         InputError: a column or cell that cannot be used.
     """
-    lines = read_lines(path)
-    header = [cell.strip() for cell in _cells(path, *lines[0])]
+    table = read_csv_table(path)
+    header = table.heading.cells
     try:
         _check_header(header, sigmas)
     except InputError as error:
-        raise InputError(f"{path}: line {lines[0][0]}: {error}") from error
-    if len(lines) == 1:
+        raise InputError(f"{path}: line {table.heading.line}: {error}") from error
+    table.require_even(path)
+    if not table.rows:
         raise InputError(f"{path} has no row below its heading; wanted one per scan")
     rows = []
-    for number, line in lines[1:]:
-        cells = _cells(path, number, line)
+    for row in table.rows:
         try:
-            rows.append(_row(number, header, cells, sigmas))
+            rows.append(_row(row.line, header, row.cells, sigmas))
         except InputError as error:
-            raise InputError(f"{path}: line {number}: {error}; fix that line") from error
+            raise InputError(f"{path}: line {row.line}: {error}; fix that line") from error
+    if notes is not None:
+        notes += table.notes
     return next(key for key in KEYS if key in header), rows
-
-
-def _cells(path: Path, number: int, line: bytes) -> list[str]:
-    try:
-        return next(csv.reader([line.decode("utf-8-sig")], strict=True))
-    except (UnicodeDecodeError, csv.Error) as error:
-        raise InputError(
-            f"{path}: line {number} is not a CSV line in UTF-8: {error}; save the file as CSV in UTF-8"
-        ) from error
 
 
 def _check_header(header: list[str], sigmas: Mapping[str, float]) -> None:
     known = (*KEYS, *COLUMNS, *SIGMA_COLUMNS)
+    if on_earth := [name for name in header if name.lower().startswith(ON_EARTH)]:
+        raise InputError(
+            f"the columns {_some(on_earth)} are places on the Earth, which are not read; give East and North in meters "
+            "from any origin as x_m and y_m"
+        )
     if unknown := [name for name in header if name not in known]:
         raise InputError(f"unknown column {_some(unknown)}; known are {', '.join(known)}, separated by commas")
     if twice := [name for name in known if header.count(name) > 1]:
@@ -123,9 +128,7 @@ def _check_header(header: list[str], sigmas: Mapping[str, float]) -> None:
 
 
 def _row(number: int, header: list[str], cells: list[str], sigmas: Mapping[str, float]) -> PriorRow:
-    if len(cells) != len(header):
-        raise InputError(f"it has {len(cells)} cells where the heading has {len(header)}")
-    row = {name: cell.strip() for name, cell in zip(header, cells, strict=True)}
+    row = dict(zip(header, cells, strict=True))
     key = next(row[key] for key in KEYS if key in header)
     if not key:
         raise InputError(f"its {'name' if 'name' in row else 'stamp'} is empty")

@@ -145,7 +145,6 @@ class TestRefusals:
         ("header", "words"),
         [
             ("name,hedding_deg", ["unknown column 'hedding_deg'", "heading_deg"]),
-            ("name;depth_m;depth_sigma_m", ["unknown column", "separated by commas"]),
             ("name,depth_m,depth_m,depth_sigma_m", ["depth_m is there 2 times"]),
             ("depth_m,depth_sigma_m", ["either a column name or a column stamp"]),
             ("name,stamp,depth_m,depth_sigma_m", ["either a column name or a column stamp"]),
@@ -204,10 +203,58 @@ class TestRefusals:
         with pytest.raises(InputError, match="cannot read"):
             with_priors(SCANS, tmp_path / "missing.csv")
         refused(path, FIRST, "no row below its heading")
-        refused(path, FIRST + "first,1,1,1,1", "line break")
+        refused(path, FIRST + "rec#3,1,1,1,1\nfirst,1,1", "line 3", "3 cells", "may have been cut")
         path.write_bytes(FIRST.encode() + b"f\xffrst,1,1,1,1\n")
         with pytest.raises(InputError, match=r"line 2 .* UTF-8"):
             with_priors(SCANS, path)
+
+
+class TestOffices:
+    """The same table as other programs save it."""
+
+    TABLE = "name,heading_deg,heading_sigma_deg,depth_m,depth_sigma_m\nfirst,12.5,1.5,-3.25,0.1\nrec#3,200,2,4e-1,1\n"
+
+    @pytest.fixture
+    def wanted(self, path: Path) -> tuple[Scan, ...]:
+        path.write_text(self.TABLE)
+        return with_priors(SCANS, path)
+
+    @pytest.mark.parametrize("separator", [";", "\t"])
+    @pytest.mark.parametrize("point", [".", ","])
+    @pytest.mark.parametrize("encoding", ["utf-8", "utf-8-sig", "utf-16"])
+    def test_separators_decimal_commas_and_encodings(
+        self, wanted: tuple[Scan, ...], path: Path, separator: str, point: str, encoding: str
+    ) -> None:
+        text = self.TABLE.replace(",", separator).replace(".", point)
+        path.write_bytes(text.replace("\n", "\r\n").encode(encoding))
+        for one, other in zip(with_priors(SCANS, path), wanted, strict=True):
+            if other.prior is None:
+                assert one.prior is None
+                continue
+            np.testing.assert_array_equal(told(one).sigmas, other.prior.sigmas)
+            np.testing.assert_array_equal(told(one).T_world_sensor.as_matrix(), other.prior.T_world_sensor.as_matrix())
+
+    def test_blank_rows_are_left_out(self, wanted: tuple[Scan, ...], path: Path) -> None:
+        path.write_text(self.TABLE.replace("\nrec", "\n\n,,,,\n  \nrec"))
+        assert [scan.prior is None for scan in with_priors(SCANS, path)] == [scan.prior is None for scan in wanted]
+
+    def test_a_last_line_without_a_break_is_read_and_noted(self, path: Path) -> None:
+        path.write_text(self.TABLE.rstrip())
+        notes: list[str] = []
+        assert with_priors(SCANS, path, notes=notes)[0].prior is not None
+        assert len(notes) == 1
+        assert "no line break" in notes[0]
+
+    @pytest.mark.parametrize("column", ["lat", "Latitude", "lon_deg", "LON"])
+    def test_places_on_the_earth_are_named(self, path: Path, column: str) -> None:
+        refused(path, f"name,{column}\nfirst,1\n", "line 1", column, "places on the Earth", "x_m and y_m")
+
+    def test_times_of_iso_8601(self, path: Path) -> None:
+        scans = (Scan(POINTS, name="a", stamp=1782898200.0), Scan(POINTS, name="b", stamp=1782898205.5))
+        path.write_text("stamp;depth_m;depth_sigma_m\n2026-07-01T09:30:00Z;1;1\n2026-07-01T11:30:05.500+02:00;2;1\n")
+        first, second = with_priors(scans, path)
+        assert told(first).T_world_sensor.translation[2] == -1
+        assert told(second).T_world_sensor.translation[2] == -2
 
 
 def test_what_is_written_is_read(path: Path) -> None:
