@@ -2,6 +2,7 @@
 
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass, field
+from functools import partial
 from types import MappingProxyType
 from typing import Any, ClassVar
 
@@ -131,30 +132,14 @@ def settings_from_json(content: Any) -> SimulationSettings:
         raise InputError(f"the settings of the simulation cannot be used: {faults}") from error
 
 
-def _survey(settings: SimulationSettings) -> Trajectory:
-    return survey(
-        settings.scene,
-        settings.count,
-        settings.seed,
-        settings.spacing,
-        settings.dive,
-        settings.sensor.max_range,
-    )
+def _spaced(lay: Callable[..., Trajectory], settings: SimulationSettings) -> Trajectory:
+    """Of `survey` or `lawnmower`, which have a spacing."""
+    reach = settings.sensor.max_range
+    return lay(settings.scene, settings.count, settings.seed, settings.spacing, settings.dive, reach)
 
 
 def _loop(settings: SimulationSettings) -> Trajectory:
     return loop(settings.scene, settings.count, settings.seed, settings.dive, settings.sensor.max_range)
-
-
-def _lawnmower(settings: SimulationSettings) -> Trajectory:
-    return lawnmower(
-        settings.scene,
-        settings.count,
-        settings.seed,
-        settings.spacing,
-        settings.dive,
-        settings.sensor.max_range,
-    )
 
 
 def _paper18(settings: SimulationSettings) -> Trajectory:
@@ -172,5 +157,11 @@ def _table1(settings: SimulationSettings) -> Trajectory:
 
 
 TRAJECTORIES: MappingProxyType[str, Callable[[SimulationSettings], Trajectory]] = MappingProxyType(
-    {"survey": _survey, "loop": _loop, "lawnmower": _lawnmower, "paper18": _paper18, "table1": _table1}
+    {
+        "survey": partial(_spaced, survey),
+        "loop": _loop,
+        "lawnmower": partial(_spaced, lawnmower),
+        "paper18": _paper18,
+        "table1": _table1,
+    }
 )
