@@ -62,11 +62,12 @@ class PoseGraph:
         They are those that edges join; what instruments place wholly in the world shares the world.
         """
         parts = components(len(self.trajectory), self.edges)
-        placed = [part for part in parts if self._is_placed(part)]
-        if len(placed) < 2:
+        priors = dict(self.priors)
+        placed = [self._is_placed(part, priors) for part in parts] if self._measured else []
+        if sum(placed) < 2:
             return parts
-        world = tuple(sorted(pose for part in placed for pose in part))
-        return tuple(sorted([world, *(part for part in parts if part not in placed)]))
+        world = tuple(sorted(pose for part, known in zip(parts, placed, strict=True) if known for pose in part))
+        return tuple(sorted([world, *(part for part, known in zip(parts, placed, strict=True) if not known)]))
 
     @property
     def in_world(self) -> list[int]:
@@ -105,10 +106,10 @@ class PoseGraph:
         measured = 6 * len(self.edges) + sum(int(np.isfinite(prior.sigmas).sum()) for _, prior in self.priors)
         return measured + sum(known.rank for known in (*self.known, *self._undetermined)) - free
 
-    def _is_placed(self, part: tuple[int, ...]) -> bool:
+    def _is_placed(self, part: tuple[int, ...], priors: dict[int, PosePrior]) -> bool:
         """Whether instruments tell all of where the poses lie that edges join."""
-        priors, inside = dict(self.priors), set(part)
-        if inside.intersection(priors) and not unmeasured(part, priors).any():
+        inside = set(part)
+        if not inside.isdisjoint(priors) and not unmeasured(part, priors).any():
             return True
         known = [known for known in self.known if known.pose in inside]
         return bool(known) and undetermined(part, known, self.trajectory.T_world_sensor) is None
@@ -288,10 +289,10 @@ def factors_of(graph: PoseGraph, gauge_sigma: float = GAUGE_SIGMA) -> gtsam.Nonl
     factors = gtsam.NonlinearFactorGraph()
     for edge in graph.edges:
         factors.add(edge_factor(edge))
-    gauge = gtsam.noiseModel.Isotropic.Sigma(6, gauge_sigma)
+    held = gtsam.noiseModel.Isotropic.Sigma(6, gauge_sigma)
     T = graph.trajectory.T_world_sensor
     for pose in graph.anchors:
-        factors.add(gtsam.PriorFactorPose3(pose, to_pose3(T[pose]), gauge))
+        factors.add(gtsam.PriorFactorPose3(pose, to_pose3(T[pose]), held))
     for known in graph.all_known:
         for factor in known.factors():
             factors.add(factor)
