@@ -2,7 +2,7 @@
 
 The first row names the columns, in any order: `name` (of the scan's file, with its suffix or without) or `stamp` [s],
 then what was measured and its standard deviation (see `tools.readers.instruments`). An empty cell was not measured.
-Lines that begin with # are comments. Cells are parted by commas, semicolons or tabs (`tools.readers.csv_table`).
+Lines that begin with # are comments. Commas, semicolons or tabs separate the cells (`tools.readers.csv_table`).
 """
 
 from collections.abc import Mapping, Sequence
@@ -110,7 +110,9 @@ def _check_header(header: list[str], sigmas: Mapping[str, float]) -> None:
             "from any origin as x_m and y_m"
         )
     if unknown := [name for name in header if name not in known]:
-        raise InputError(f"unknown column {_some(unknown)}; known are {', '.join(known)}, separated by commas")
+        raise InputError(
+            f"unknown column {_some(unknown)}; known are {', '.join(known)}, separated by commas, semicolons or tabs"
+        )
     if twice := [name for name in known if header.count(name) > 1]:
         raise InputError(f"the column {twice[0]} is there {header.count(twice[0])} times; delete all but one")
     if sum(key in header for key in KEYS) != 1:
