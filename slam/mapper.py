@@ -5,7 +5,6 @@ from collections.abc import Sequence
 from dataclasses import dataclass, field
 
 import numpy as np
-from scipy.cluster.hierarchy import DisjointSet
 
 from kernels.errors import InputError
 from slam.decide.decision import Decision, decide
@@ -15,12 +14,12 @@ from slam.graph.edge import Edge
 from slam.graph.pose_covariance import pose_covariances
 from slam.graph.pose_graph import Solution
 from slam.graph.trajectory import Trajectory
-from slam.loops.candidates import find_candidates, find_lookalikes
 from slam.loops.settings import LoopSettings
 from slam.map.component_maps import ComponentMaps, component_maps
 from slam.map.point_map import PointMap
-from slam.map.shared_cells import outline
+from slam.motion.limits import MotionLimits
 from slam.pair import Pair, require_any_registered
+from slam.pair_search import PairSearch
 from spectral.result import Registrar
 from spectral.scan import Scan
 
@@ -31,6 +30,7 @@ class MapperSettings:
 
     Attributes:
         loops: which extra pairs are tried and kept.
+        limits: what the vehicle's motion cannot exceed.
         bridge: over a gap, pairs up to this many scans apart are tried; 1 tries none.
         prepared: number of prepared scans kept at a time, each of which holds device memory; None for as many as are
             useful and fit.
@@ -38,6 +38,7 @@ class MapperSettings:
     """
 
     loops: LoopSettings = field(default_factory=LoopSettings)
+    limits: MotionLimits = field(default_factory=MotionLimits)
     bridge: int = 3
     prepared: int | None = None
     map_voxel: float | None = None
@@ -156,17 +157,18 @@ class Mapper:
         survey = np.zeros(len(scans), np.intp) if surveys is None else np.asarray(surveys, np.intp)
         runner = PairRunner(self.execution, scans, 2, progress)
 
-        pairs = self._chain(runner, survey)
-        pairs += self._bridge(runner, pairs, survey)
+        search = PairSearch(
+            runner, scans, survey, self.registrar, self.voxel, self.settings.loops, self.settings.limits
+        )
+        pairs = search.steps()
+        pairs += search.bridges(pairs, self.settings.bridge)
         require_any_registered(pairs)
         decision = self._decide(runner, scans, pairs)
-        outlines = [outline(scan, self.settings.loops.cell_voxels * self.voxel) for scan in scans]
         for _ in range(self.settings.loops.rounds):
-            candidates = self._loop_candidates(runner, outlines, decision, pairs)
-            runner.end_stage("candidates sought")
-            if not candidates:
+            loops = search.loops(decision, pairs)
+            if not loops:
                 break
-            pairs += runner.register(candidates)
+            pairs += loops
             decision = self._decide(runner, scans, pairs)
         runner.release()
         runner.step_done("poses optimized")
@@ -174,46 +176,12 @@ class Mapper:
         runner.step_done("map fused")
         return result
 
-    def _chain(self, runner: PairRunner, survey: np.ndarray) -> list[Pair]:
-        """Register consecutive scans of each survey."""
-        steps = [k for k in range(len(survey) - 1) if survey[k] == survey[k + 1]]
-        return runner.register([Pair(k, k + 1, "sequential") for k in steps])
-
-    def _bridge(self, runner: PairRunner, chained: Sequence[Pair], survey: np.ndarray) -> list[Pair]:
-        """Try to join what gaps separate, the closest scans first, and no farther ones once a gap is bridged."""
-        joined = DisjointSet(range(len(survey)))
-        for pair in chained:
-            if pair.accepted:
-                joined.merge(*pair.scans)
-        gaps = [pair.i for pair in chained if not pair.accepted]
-        bridges: list[Pair] = []
-        for span in range(2, self.settings.bridge + 1):
-            across = dict.fromkeys(scans for gap in gaps for scans in _across(gap, span, survey))
-            candidates = [Pair(*scans, "bridge") for scans in across if not joined.connected(*scans)]
-            for pair in runner.register(candidates):
-                bridges.append(pair)
-                if pair.accepted:
-                    joined.merge(*pair.scans)
-        return bridges
-
     def _decide(self, runner: PairRunner, scans: Sequence[Scan], pairs: Sequence[Pair]) -> Decision:
         stamps = np.array([scan.stamp for scan in scans], dtype=np.float64)
         priors = {k: scan.prior for k, scan in enumerate(scans) if scan.prior is not None}
         decision = decide(pairs, stamps, priors, self.voxel, self.settings.loops)
         runner.end_stage("poses optimized")
         return decision
-
-    def _loop_candidates(
-        self, runner: PairRunner, outlines: Sequence[np.ndarray], decision: Decision, pairs: Sequence[Pair]
-    ) -> list[Pair]:
-        """Pairs to try next, in the order of the scans: neighbors in that order share prepared scans."""
-        tried, loops = {pair.scans for pair in pairs}, self.settings.loops
-        candidates = find_candidates(outlines, decision.solution, self.voxel, loops, tried)
-        components = decision.solution.graph.components
-        # between parts no estimate says which scans may overlap; their looks may
-        if len(components) > 1 and hasattr(self.registrar, "signature"):
-            candidates += find_lookalikes(runner.signatures(), components, loops, tried)
-        return sorted(candidates, key=lambda candidate: candidate.scans)
 
     def _fuse(self, scans: Sequence[Scan], survey: np.ndarray, decision: Decision) -> SurveyResult:
         solution, covariances = decision.solution, pose_covariances(decision.solution)
@@ -242,9 +210,3 @@ class Mapper:
             gaps=tuple((pair.i, pair.j) for pair in decision.pairs if pair.role == "sequential" and not pair.kept),
             voxel=self.voxel,
         )
-
-
-def _across(gap: int, span: int, survey: np.ndarray) -> list[tuple[int, int]]:
-    """Pairs of one survey, `span` scans apart, with the gap (gap, gap + 1) between them."""
-    firsts = [i for i in range(gap, gap - span, -1) if i >= 0 and i + span < len(survey)]
-    return [(i, i + span) for i in firsts if survey[i] == survey[i + span]]

@@ -7,6 +7,7 @@ from typing import Literal
 
 from kernels.errors import InputError
 from slam.graph.edge import Edge
+from spectral.expected import ExpectedPose
 from spectral.result import Registration
 
 Role = Literal["sequential", "bridge", "loop"]
@@ -20,6 +21,7 @@ class Pair:
         i, j: target and source, i < j.
         role: "sequential" (consecutive), "bridge" (over a gap) or "loop" (any others).
         predicted_overlap: expected before it was registered, 0..1; NaN where no estimate exists.
+        expected: where the motion expects it, which bounds its registration; None where nothing does.
         alike: distance of the scans' signatures, without a unit; NaN where these were not compared.
         registration: the result; None before, and where the pair could not be registered.
         failure: why it could not.
@@ -37,6 +39,7 @@ class Pair:
     role: Role
     predicted_overlap: float = float("nan")
     alike: float = float("nan")
+    expected: ExpectedPose | None = None
     registration: Registration | None = None
     failure: str = ""
     edge: Edge | None = None

@@ -12,6 +12,7 @@ from kernels.device.device import Device
 from kernels.errors import InputError
 from kernels.points.voxelize import voxelize
 from kernels.pomf.spectrum import Pomf, whiten
+from spectral.expected import ExpectedPose
 from spectral.grid import Grid
 from spectral.memory import require_memory
 from spectral.prepare.prepared import Prepared, Preparer
@@ -157,6 +158,16 @@ class SpectralRegistrar:
         # 5. how probable each is, and how sure its pose
         return self._conclude(test, hypotheses, start)
 
+    def register_expected(self, target: SpectralScan, source: SpectralScan, expected: ExpectedPose) -> Registration:
+        """Find T_target_source about where the vehicle's motion expects it, which counts as a measurement.
+
+        Args:
+            target, source: from `prepare` of this registrar; what their own instruments measured counts too.
+            expected: where.
+        """
+        ours, theirs = expected.priors(target.prior, source.prior)
+        return self.register(replace(target, prior=ours), replace(source, prior=theirs))
+
     @staticmethod
     def signature(prepared: SpectralScan) -> np.ndarray:
         """(K,) float32, nearly the same however the scan's points are turned and moved; for a `PlaceIndex`."""
@@ -206,11 +217,12 @@ class SpectralRegistrar:
         self, test: HypothesisTest, hypothesis: Hypothesis, probability: float, speaking: Clues
     ) -> Registration:
         """One hypothesis, right with this probability, as a registration between the sensor frames."""
-        T, evidence = test.transform(hypothesis.fit), hypothesis.evidence
+        fit, evidence = hypothesis.fit, hypothesis.evidence
+        T, measured = test.transform(fit), fit.prior is not None
         refusal = test.bounds.refusal(T)
         covariance = self._covariance(test, hypothesis)
+        by_scans = test.transform(fit.by_scans)
         probability *= tolerance_probability(covariance.posterior, self.grid.voxel, covariance.by_instruments)
-        measured, by_scans = hypothesis.fit.prior is not None, test.transform(hypothesis.fit.by_scans)
         least = self.config.least_probability
         return Registration(
             T_target_source=T,
@@ -226,9 +238,9 @@ class SpectralRegistrar:
                 ("candidate", hypothesis.candidate_psr),
                 ("translation", evidence.psr),
             ),
-            T_by_scans=by_scans if measured else None,
+            T_by_scans=test.transform(replace(fit, step=covariance.step).by_scans) if measured else None,
             covariance_by_scans=covariance.by_scans if measured else None,
-            evidence=(*speaking.numbers(), *CALIBRATION.numbers(hypothesis.fit.width, evidence.psr)),
+            evidence=(*speaking.numbers(), *CALIBRATION.numbers(fit.width, evidence.psr)),
         )
 
     def _covariance(self, test: HypothesisTest, hypothesis: Hypothesis) -> PoseCovariance:

@@ -61,6 +61,8 @@ def distinct_rotations(found: Sequence[RotationPeaks]) -> RotationPeaks:
     """Those of all, one after the other, without those near one before them."""
     R = Rotation.concatenate([peaks.R for peaks in found])
     scores = np.concatenate([peaks.scores for peaks in found])
+    if not len(scores):
+        return RotationPeaks(R, scores)
     kept = _distinct(R, np.arange(len(scores)), len(scores))
     return RotationPeaks(R[kept], scores[kept])  # pyright: ignore[reportArgumentType]
 

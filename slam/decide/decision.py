@@ -11,6 +11,7 @@ from slam.decide.possible_edge import PossibleEdge, possible_edges
 from slam.decide.robust import robust_optimize
 from slam.decide.verdict import with_verdicts
 from slam.graph.edge import Edge, components, spanning_tree
+from slam.graph.pose_covariance import edge_variances
 from slam.graph.pose_graph import PoseGraph, Solution
 from slam.graph.trajectory import Trajectory, chain
 from slam.graph.world import place_in_world
@@ -98,6 +99,7 @@ def _decide(
     granted = _GRAPH_FLOOR * (1 + beyond_chain / _HALVING_EDGES) ** -0.5 * floor
     robust = robust_optimize(_widened(graph, granted), chain_worth=_CHAIN_WORTH)
     kept_graph = graph.keep(robust.accepted)
+    kept_graph = kept_graph.scaled(edge_variances(kept_graph.at(robust.solution.trajectory.T_world_sensor)))
     solution = kept_graph.at(robust.solution.trajectory.T_world_sensor).optimize()
     for _ in range(_SETTLING if priors else 0):
         # what is not measured is taken from where the optimizer starts: let it be the optimum itself

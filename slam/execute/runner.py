@@ -11,7 +11,7 @@ from slam.execute.journal import Journal, JournalEntry, storable
 from slam.execute.pair_text import from_text, signature_from_text
 from slam.execute.scan_key import KeyedScan, joined_key, keyed
 from slam.execute.timings import PairTime, Timings
-from slam.execute.worker import PairWorker, TimedText, Worker
+from slam.execute.worker import PairJob, PairWorker, TimedText, Worker
 from slam.pair import Pair
 from spectral.result import Registrar, Registration
 from spectral.scan import Scan
@@ -82,16 +82,16 @@ class PairRunner:
             InputError, DeviceError: the machine or the workers failed, or the journal cannot be used.
         """
         self._planned += len(candidates)
-        scans = [(self._scans[pair.i], self._scans[pair.j]) for pair in candidates]
-        texts = [self._pair_in_journal(target, source) for target, source in scans]
+        all_jobs = [PairJob(self._scans[pair.i], self._scans[pair.j], pair.expected) for pair in candidates]
+        texts = [self._pair_in_journal(job) for job in all_jobs]
         pairs = list(candidates)
         for n, text in enumerate(texts):
             if text is not None:
                 pairs[n] = self._registered(candidates[n], text, from_journal=True)
         missing = [n for n, text in enumerate(texts) if text is None]
-        jobs = [scans[n] for n in missing]
+        jobs = [all_jobs[n] for n in missing]
         for indices, results in self._execution.executor.run(self._execution.worker.register, jobs):
-            self._keep([self._pair_entry(*jobs[k], text) for k, text in zip(indices, results, strict=True)])
+            self._keep([self._pair_entry(jobs[k], text) for k, text in zip(indices, results, strict=True)])
             for k, text in zip(indices, results, strict=True):
                 pairs[missing[k]] = self._registered(candidates[missing[k]], text, from_journal=False)
         self.end_stage("pairs registered")
@@ -137,19 +137,21 @@ class PairRunner:
     def _key(self, kind: str, scans: Sequence[KeyedScan]) -> str:
         return joined_key(kind, self._execution.method, *(scan.key for scan in scans))
 
-    def _pair_entry(self, target: KeyedScan, source: KeyedScan, text: TimedText) -> JournalEntry:
-        return JournalEntry(self._key("pair", (target, source)), _label(target, source), text.content, text.seconds)
+    def _pair_entry(self, job: PairJob, text: TimedText) -> JournalEntry:
+        scans = job.target, job.source
+        return JournalEntry(self._key(_kind(job), scans), _label(*scans), text.content, text.seconds)
 
     def _signature_entry(self, scan: KeyedScan, text: TimedText) -> JournalEntry:
         return JournalEntry(self._key("signature", (scan,)), _label(scan), text.content, text.seconds)
 
-    def _pair_in_journal(self, target: KeyedScan, source: KeyedScan) -> TimedText | None:
+    def _pair_in_journal(self, job: PairJob) -> TimedText | None:
         """A failure is taken over only where the scans have the same names, as these are in its words."""
-        entry = self._entry("pair", (target, source))
+        scans = job.target, job.source
+        entry = self._entry(_kind(job), scans)
         if entry is None:
             return None
         registration, _ = self._parsed(entry, from_text)
-        if registration is None and entry.label != storable(_label(target, source)):
+        if registration is None and entry.label != storable(_label(*scans)):
             return None
         return TimedText(entry.content, entry.seconds)
 
@@ -167,6 +169,15 @@ class PairRunner:
         except (ValueError, LookupError, TypeError) as error:
             assert self._execution.journal is not None
             raise self._execution.journal.unusable(str(error)) from error
+
+
+def _kind(job: PairJob) -> str:
+    """Of the journal's entry: what is expected of a pair decides its result."""
+    expected = job.expected
+    if expected is None:
+        return "pair"
+    numbers = np.concatenate([expected.rotation, expected.translation, expected.sigmas])
+    return f"pair expected at {numbers.tolist()}"
 
 
 def _label(*scans: KeyedScan) -> str:

@@ -13,6 +13,7 @@ from threadpoolctl import ThreadpoolController
 from kernels.errors import InputError
 from slam.execute.pair_text import signature_to_text, to_text
 from slam.execute.scan_key import KeyedScan
+from spectral.expected import ExpectedPose
 from spectral.memory import scans_that_fit
 from spectral.result import Registrar
 
@@ -43,11 +44,20 @@ class TimedText:
     seconds: float
 
 
+@dataclass(frozen=True, slots=True)
+class PairJob:
+    """Two scans to register, source to target, and where the motion expects them to lie; None where nothing does."""
+
+    target: KeyedScan
+    source: KeyedScan
+    expected: ExpectedPose | None = None
+
+
 class PairWorker(Protocol):
     """What an executor runs to register pairs."""
 
-    def register(self, pairs: Sequence[tuple[KeyedScan, KeyedScan]]) -> list[TimedText]:
-        """Register the second scan to the first of every pair."""
+    def register(self, pairs: Sequence[PairJob]) -> list[TimedText]:
+        """Register every pair."""
         ...
 
     def signatures(self, scans: Sequence[KeyedScan]) -> list[TimedText]:
@@ -80,14 +90,14 @@ class Worker:
         """Free the prepared scans."""
         self._prepare.cache_clear()
 
-    def register(self, pairs: Sequence[tuple[KeyedScan, KeyedScan]]) -> list[TimedText]:
-        """Register the second scan to the first of every pair. Where a pair fails, its text says why.
+    def register(self, pairs: Sequence[PairJob]) -> list[TimedText]:
+        """Register every pair. Where one fails, its text says why.
 
         Raises:
             DeviceError: the machine failed, not the pair.
         """
         with self._threads.limit(limits=1, user_api="blas"):
-            return [self._register(target, source) for target, source in pairs]
+            return [self._register(pair) for pair in pairs]
 
     def signatures(self, scans: Sequence[KeyedScan]) -> list[TimedText]:
         """The signature of every scan; none for a scan that cannot be prepared.
@@ -98,10 +108,14 @@ class Worker:
         with self._threads.limit(limits=1, user_api="blas"):
             return [self._signature(scan) for scan in scans]
 
-    def _register(self, target: KeyedScan, source: KeyedScan) -> TimedText:
+    def _register(self, pair: PairJob) -> TimedText:
         start = perf_counter()
         try:
-            registration = self._registrar.register(self._prepare(target), self._prepare(source))
+            scans = self._prepare(pair.target), self._prepare(pair.source)
+            if pair.expected is None:
+                registration = self._registrar.register(*scans)
+            else:
+                registration = self._registrar.register_expected(*scans, pair.expected)  # pyright: ignore[reportAttributeAccessIssue]
             # the graph holds the instruments' measurements itself
             content = to_text(registration.by_scans)
         except InputError as error:
@@ -130,7 +144,7 @@ class WorkerSpec:
     key: str
     prepared: int
 
-    def register(self, pairs: Sequence[tuple[KeyedScan, KeyedScan]]) -> list[TimedText]:
+    def register(self, pairs: Sequence[PairJob]) -> list[TimedText]:
         """As `Worker.register`, by the worker of the process that this is called in."""
         with _lock:
             return _worker_of_process(self).register(pairs)

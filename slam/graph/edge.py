@@ -2,7 +2,7 @@
 """One measurement between two poses, and which poses a set of them joins."""
 
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import Literal, get_args
 
 import numpy as np
@@ -48,6 +48,10 @@ class Edge:
         if not self.registration.T_target_source.single:
             raise InputError(f"{self.name} holds a stack of transforms; give every edge a single one")
         check_definite(self.registration.covariance, f"the covariance of {self.name}")
+
+    def scaled(self, factor: float) -> "Edge":
+        """The edge with its covariance multiplied."""
+        return replace(self, registration=replace(self.registration, covariance=factor * self.registration.covariance))
 
     @property
     def name(self) -> str:

@@ -1,52 +1,110 @@
-"""How sure the poses are when the registrations of one scan err alike.
+# pyright: strict, reportMissingTypeStubs=false, reportUnknownMemberType=false, reportUnknownVariableType=false
+"""How sure the poses are: what a survey's own registrations say of their errors, and what they cannot say.
 
-A registration's error comes from the noise of both scans, and every registration of a scan shares that scan's:
-registrations agree with one another better than with the truth, and more loops do not average out what they share. The
-marginals, which take them as independent, are too small, and chi-squared stays below its degrees of freedom, higher
-where the errors are larger. So the marginals are scaled by chi-squared, and each pose has a part of its own that no
-loop takes away. The two constants were found with the spectral registration on nine simulated surveys of six scenes;
-docs/slam.md has the figures.
+A registration's covariance has to hold for every sonar, and is too wide for most. How well a survey's registrations
+agree where they close cycles tells how large its errors are: chi-squared over its degrees of freedom. Errors that
+registrations share do not show there. All registrations of a scan share that scan's noise, and all of a survey lean a
+little toward no motion, as every scan has its own gaps, rims and shadows, which move with the sensor. So edges are less
+sure than their cycles say, poses less sure than marginals, which take edges as independent, and each pose has a part of
+its own that no loop takes away. What instruments measured of a pose is as sure as it was measured.
+The constants were found with the spectral registration on simulated surveys; docs/slam.md has the figures.
 """
 
 import numpy as np
 from scipy.linalg import block_diag
+from scipy.spatial.transform import RigidTransform
 
-from slam.graph.pose_graph import Solution
+from slam.graph.edge import inverse_definite
+from slam.graph.known_pose import KnownPose
+from slam.graph.pose_graph import PoseGraph, Solution
 from slam.graph.tangent import carried
 
-# What the marginals are multiplied by, as a multiple of chi-squared over its degrees of freedom; and a scan's own part,
-# as a share of the same multiple of its edges' covariance.
-_MARGINAL, _OWN = 5.0, 0.6
-# That quotient before a graph has loops enough to tell, and how many degrees of freedom the expectation is worth.
-_EXPECTED, _WORTH = 0.45, 60.0
+# The variance of an edge's error over what cycles say of it, and that of a pose's over its marginal.
+_OF_EDGES, _OF_POSES = 2.5, 1.6
+# A scan's own part, as a share of its edges' covariance.
+_OWN = 1.2
+# Degrees of freedom of the errors' tails, and how often edges are weighed anew.
+_TAILS, _REWEIGHTED = 4.0, 4
+# Chi-squared over its degrees of freedom before a graph has loops enough to tell, and how many these are worth.
+_EXPECTED, _WORTH = 0.15, 20.0
 
 
-def variance_factor(solution: Solution) -> float:
-    """What multiplies the marginals; where the degrees of freedom are few it is drawn toward what is expected."""
-    quotient = (solution.chi_squared_after + _WORTH * _EXPECTED) / (solution.degrees_of_freedom + _WORTH)
-    return _MARGINAL * quotient
+def edge_variances(graph: PoseGraph) -> np.ndarray:
+    """(E,) what the covariances of a graph's edges are to be multiplied by.
+
+    One factor for all, by how well cycles close; and more for an edge that the others contradict, as heavy tails would
+    have it: two scans that saw a place from opposite sides lean more than both their noise says. Student's t with 4
+    degrees of freedom, by reweighted least squares (Lange, Little and Taylor, DOI 10.2307/2290063).
+
+    Args:
+        graph: with its kept edges, about their optimum; instruments do not count, nor are priors among edges scaled.
+
+    Raises:
+        InputError: the equations have no unique or no finite solution.
+    """
+    alone = graph.edges_alone
+    weights, quotient = np.ones(len(alone.edges)), _EXPECTED
+    for _ in range(_REWEIGHTED if weights.size else 0):
+        solution = alone.scaled(1 / weights).optimize()
+        alone = alone.at(solution.trajectory.T_world_sensor)
+        squared = solution.residuals**2  # weighted
+        quotient = (squared.sum() + _WORTH * _EXPECTED) / (solution.degrees_of_freedom + _WORTH)
+        weights = np.minimum(1.0, (_TAILS + 6) / (_TAILS + squared / weights / quotient))
+    factors = np.ones(len(graph.edges))
+    factors[[edge.kind != "prior" for edge in graph.edges]] = _OF_EDGES * quotient / weights
+    return factors
 
 
 def pose_covariances(solution: Solution) -> np.ndarray:
-    """(N, 6, 6) of each pose, rotation first [rad, m], body tangent, against its component's anchor.
+    """(N, 6, 6) of each pose, rotation first [rad, m], body tangent, against its component's anchor, or the world.
 
-    Poses are relative to the anchor, so its own part is added to theirs; the anchor itself has none. Where
-    instruments tie the poses to the world there is no anchor.
+    Args:
+        solution: of a graph whose edges have been multiplied by their `edge_variances`.
     """
-    factor = variance_factor(solution)
-    own = _OWN * factor * _typical(solution)
-    T = solution.trajectory.T_world_sensor
-    result = factor * solution.covariances() + own
+    marginals, T = solution.covariances(), solution.trajectory.T_world_sensor
+    measured = np.zeros_like(marginals)
+    for known in solution.graph.all_known:
+        measured[known.pose] += _in_body(known, T[known.pose])
+    own, anchors = _own_parts(solution), solution.graph.anchors
     for members in solution.graph.components:
-        for anchor in set(solution.graph.anchors).intersection(members):
-            chosen = np.array(members)
-            result[chosen] += carried(T[chosen].inv() * T[anchor], own[anchor])
-            result[anchor] -= 2 * own[anchor]
-    return result
+        for anchor in set(anchors).intersection(members):
+            chosen = [k for k in members if k != anchor]
+            own[chosen] += carried(T[chosen].inv() * T[anchor], own[anchor])
+    result = np.empty_like(marginals)
+    for k, marginal in enumerate(marginals):
+        if k in anchors:
+            result[k] = marginal
+            continue
+        by_edges = _positive(inverse_definite(marginal) - measured[k]) / _OF_POSES
+        result[k] = np.linalg.inv(_widened(by_edges, own[k]) + measured[k])
+    return (result + result.swapaxes(1, 2)) / 2
 
 
-def _typical(solution: Solution) -> np.ndarray:
-    """(N, 6, 6) the mean covariance of each pose's edges, turned into its axes; 0 where it has none."""
+def _in_body(known: KnownPose, T_world_pose: RigidTransform) -> np.ndarray:
+    """(6, 6) the information about a pose's body tangent, where the estimate has it."""
+    turn = block_diag(np.eye(3), (known.T_world_pose.rotation.inv() * T_world_pose.rotation).as_matrix())
+    return turn.T @ known.information @ turn
+
+
+def _positive(information: np.ndarray) -> np.ndarray:
+    """Without what is negative by rounding, where instruments alone place a pose."""
+    values, axes = np.linalg.eigh((information + information.T) / 2)
+    return (axes * np.maximum(values, 0.0)) @ axes.T
+
+
+def _widened(information: np.ndarray, own: np.ndarray) -> np.ndarray:
+    """(6, 6) the information when a covariance is added; of the same rank."""
+    if not own.any():
+        return information
+    root = np.linalg.cholesky(own)
+    values, axes = np.linalg.eigh(root.T @ information @ root)
+    back = np.linalg.solve(root.T, axes)
+    values = np.maximum(values, 0.0)
+    return (back * (values / (1 + values))) @ back.T
+
+
+def _own_parts(solution: Solution) -> np.ndarray:
+    """(N, 6, 6) a share of the mean covariance of each pose's edges, turned into its axes; 0 where it has none."""
     count = len(solution.trajectory)
     total, edges = np.zeros((count, 6, 6)), np.zeros(count)
     for edge in solution.graph.edges:
@@ -57,4 +115,4 @@ def _typical(solution: Solution) -> np.ndarray:
                 total[pose] += covariance
                 edges[pose] += 1
     mean = total / np.maximum(edges, 1)[:, None, None]
-    return (mean + mean.swapaxes(1, 2)) / 2
+    return _OWN * (mean + mean.swapaxes(1, 2)) / 2

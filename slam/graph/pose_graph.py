@@ -145,6 +145,17 @@ class PoseGraph:
         kept = tuple(edge for edge, take in zip(self.edges, chosen, strict=True) if take)
         return replace(self, edges=kept)
 
+    @property
+    def edges_alone(self) -> "PoseGraph":
+        """The graph without what is known of single poses."""
+        between = tuple(edge for edge in self.edges if edge.kind != "prior")
+        return replace(self, edges=between, priors=(), known=())
+
+    def scaled(self, factors: np.ndarray) -> "PoseGraph":
+        """The graph with the covariances of its E edges multiplied by (E,) factors."""
+        edges = [edge.scaled(factor) for edge, factor in zip(self.edges, factors.tolist(), strict=True)]
+        return replace(self, edges=tuple(edges))
+
     def residuals(self) -> np.ndarray:
         """(E,) float64, each edge's residual at the trajectory as it is, in sigmas."""
         factors, values = factors_of(self), to_values(self.trajectory.T_world_sensor)
@@ -157,8 +168,8 @@ class PoseGraph:
             InputError: the edges do not tell every pose.
         """
         try:
-            edges_alone = replace(self, priors=(), known=())
-            started = chordal_start(factors_of(edges_alone, START_SIGMA), len(self.trajectory))
+            without = replace(self, priors=(), known=())
+            started = chordal_start(factors_of(without, START_SIGMA), len(self.trajectory))
         except RuntimeError as error:
             raise self.unsolvable(error) from error
         return self.held(started)

@@ -10,10 +10,13 @@ import numpy as np
 from slam.graph.pose_graph import Solution
 from slam.loops.forecast import certainty
 from slam.loops.places import PlaceIndex
+from slam.loops.separation import separations
 from slam.loops.settings import LoopSettings
 from slam.map.shared_cells import predict_overlap
 from slam.pair import Pair
 
+# The power of the overlap in a loop's worth: where scans share less, they see it from other sides, and err more.
+_OVERLAP = 2
 # So many times the wanted number of lookalikes are looked up, as neighbors show the same place.
 _LOOKALIKES = 3
 
@@ -27,7 +30,9 @@ def find_candidates(
 ) -> list[Pair]:
     """Candidates for loops that the estimate and its uncertainty expect to overlap, best first within the limits.
 
-    What counts is the expected overlap: that at the estimate, less what the joint marginal of both poses leaves open.
+    What counts is the expected overlap: that at the estimate, less what the joint marginal of both poses leaves open;
+    and how far apart the scans are along the edges that there are. Drift grows with that, so that loops between far
+    parts tell most, while those between neighbors repeat what the chain says.
     Only scans of one component are compared: between components there is no estimate.
 
     Args:
@@ -51,13 +56,13 @@ def find_candidates(
         ]
     new = [pair for pair in ranked if pair.j - pair.i > 1 and pair.scans not in tried]
     # the most that can be taken, and as many again for those that prove uncertain
-    likely = within_limits(sorted(new, key=_by_overlap), 2 * settings.per_scan, settings.spread)
+    likely = within_limits(_by_worth(new, solution), 2 * settings.per_scan, settings.spread)
     expected: list[Pair] = []
     for pair in likely:
         share = certainty(outlines[pair.i], outlines[pair.j], *solution.relative(pair.i, pair.j), cell)
         expected.append(replace(pair, predicted_overlap=pair.predicted_overlap * share))
     kept = [pair for pair in expected if pair.predicted_overlap >= settings.min_overlap]
-    return within_limits(sorted(kept, key=_by_overlap), settings.per_scan, settings.spread)
+    return within_limits(_by_worth(kept, solution), settings.per_scan, settings.spread)
 
 
 def find_lookalikes(
@@ -101,5 +106,13 @@ def within_limits(ranked: Sequence[Pair], per_scan: int, spread: int) -> list[Pa
     return kept
 
 
-def _by_overlap(pair: Pair) -> tuple[float, int, int]:
-    return -pair.predicted_overlap, *pair.scans
+def _by_worth(pairs: Sequence[Pair], solution: Solution) -> list[Pair]:
+    """Those first that are likely to succeed and tie far parts together."""
+    if not pairs:
+        return []
+    scans = np.array([pair.scans for pair in pairs])
+    apart = separations(len(solution.trajectory), solution.graph.edges, scans)
+    overlap = np.array([pair.predicted_overlap for pair in pairs])
+    # what instruments alone place is infinitely far along the edges
+    worth = overlap**_OVERLAP * np.log2(1 + np.minimum(apart, len(solution.trajectory)))
+    return [pairs[k] for k in np.lexsort((scans[:, 1], scans[:, 0], -worth))]

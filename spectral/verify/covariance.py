@@ -12,6 +12,11 @@ from spectral.verify.hypothesis import Hypothesis
 
 # Of six normal numbers' chi-squared 95 % are less.
 _ELLIPSOID = 12.592
+# Where scans know less than this share of what instruments know, they are taken to agree with these: where they would
+# have the pose alone, only their noise decides.
+_TELLING = 0.01
+# What planes are found to hold is nothing up to so many standard errors.
+_DOUBTS = 2.0
 # Planes hold no direction by less than so many points.
 _LEAST = 1e-9
 
@@ -24,11 +29,14 @@ class PoseCovariance:
         posterior: (6, 6), by the scans and by what instruments measured.
         by_scans: (6, 6), by the scans alone, with the distortion that the instruments show.
         by_instruments: (6, 6), by the instruments alone; None without.
+        step: (6,) from the refined pose to where the scans alone would have it, as `Fit.step`, but for directions that
+            they leave open beside the instruments.
     """
 
     posterior: np.ndarray
     by_scans: np.ndarray
     by_instruments: np.ndarray | None
+    step: np.ndarray
 
 
 def fit_covariance(
@@ -54,11 +62,13 @@ def fit_covariance(
     by_scans *= calibration.other_kinds
     unknown = np.diag(np.repeat([np.pi, float(grid.edge)], 3) ** -2.0)
     by_scans = np.linalg.inv(np.linalg.inv(by_scans) + unknown)
-    posterior, by_instruments = by_scans, None
+    posterior, by_instruments, step = by_scans, None, fit.step
     if fit.prior is not None:
         by_scans = by_scans + fit.prior.distortion(by_scans, fit.step)
-        posterior = np.linalg.inv(np.linalg.inv(by_scans) + fit.prior.information())
-        by_instruments = np.linalg.inv(fit.prior.information() + unknown)
+        information, measured = np.linalg.inv(by_scans), fit.prior.information()
+        posterior = np.linalg.inv(information + measured)
+        step = np.linalg.solve(information + _TELLING * measured, information @ fit.step)
+        by_instruments = np.linalg.inv(measured + unknown)
     # from a turn of the target's axes and a shift along them to the source's own
     back = np.kron(np.eye(2), fit.R.as_matrix().T)
     meters = np.outer(*[np.repeat([1.0, grid.voxel], 3)] * 2)
@@ -70,6 +80,7 @@ def fit_covariance(
         posterior=at_sensor(posterior),
         by_scans=at_sensor(by_scans),
         by_instruments=None if by_instruments is None else at_sensor(by_instruments),
+        step=step,
     )
 
 
@@ -84,6 +95,9 @@ def _by_planes(hypothesis: Hypothesis, calibration: Calibration) -> np.ndarray:
     fit = hypothesis.fit
     share, axes, lever = fit.principal()
     variance = float(calibration.variance(np.array(fit.width), hypothesis.evidence.psr))
-    variances = variance / np.maximum(share * fit.pairs, _LEAST)
+    # a share that is no more than its error may be nothing; one that is far above it is what it seems
+    share = np.maximum(share, _LEAST)
+    sure = 1 - (_DOUBTS * fit.doubt / share) ** 2
+    variances = variance / np.maximum(sure * share * fit.pairs, _LEAST)
     units = np.repeat([1 / max(lever, 1e-6), 1.0], 3)
     return (axes * variances) @ axes.T * np.outer(units, units)

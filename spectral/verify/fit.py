@@ -25,6 +25,7 @@ class Fit:
         prior: what instruments measured, about the pose before the last step; None where nothing was.
         width: median distance to the planes of all points within 3 voxels and more [voxels]: how far the surfaces are
             apart, by noise, by distortion, or because they are not the same.
+        doubt: (6,) standard errors of the shares that `principal` gives.
         step: (6,) from there to where the scans alone would have it [rad, voxels].
         stretch: (2,) by which shares the ranges of the source and of the target are taken to be too short; None where
             the scans are taken as they are. The information then is what is left where these shares are not known.
@@ -36,6 +37,7 @@ class Fit:
     residual: float
     pairs: float
     width: float = 0.0
+    doubt: np.ndarray = field(default_factory=lambda: np.zeros(6))
     prior: PriorTerm | None = None
     step: np.ndarray = field(default_factory=lambda: np.zeros(6))
     stretch: np.ndarray | None = None
@@ -45,10 +47,7 @@ class Fit:
 
         Turns are taken times the lever [voxels], what they move the points by, so that directions can be compared.
         """
-        lever = np.sqrt(max(float(np.trace(self.information[:3, :3])), 1e-12) / max(self.pairs, 1e-12))
-        units = np.repeat([lever, 1.0], 3)
-        share, axes = np.linalg.eigh(self.information / np.outer(units, units) / max(self.pairs, 1e-12))
-        return share, axes, lever
+        return principal_axes(self.information, self.pairs)
 
     @property
     def firmness(self) -> float:
@@ -63,3 +62,11 @@ class Fit:
         """Where the scans alone would have the pose."""
         turn, shift = self.step[:3], self.step[3:]
         return replace(self, R=Rotation.from_rotvec(turn) * self.R, shift=self.shift + shift, prior=None)
+
+
+def principal_axes(information: np.ndarray, pairs: float) -> tuple[np.ndarray, np.ndarray, float]:
+    """As `Fit.principal`, of (6, 6) information by so many pairs."""
+    lever = np.sqrt(max(float(np.trace(information[:3, :3])), 1e-12) / max(pairs, 1e-12))
+    units = np.repeat([lever, 1.0], 3)
+    share, axes = np.linalg.eigh(information / np.outer(units, units) / max(pairs, 1e-12))
+    return share, axes, lever

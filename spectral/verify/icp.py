@@ -10,7 +10,7 @@ import numpy as np
 from scipy.spatial.transform import Rotation
 
 from spectral.prepare.surface import Surface
-from spectral.verify.fit import Fit
+from spectral.verify.fit import Fit, principal_axes
 from spectral.verify.normal_equations import NormalEquations, State
 from spectral.verify.pairs import Pairs, Sample, find_pairs, medians, thin
 from spectral.verify.prior_term import PriorTerm
@@ -99,6 +99,10 @@ def _finish(normal: NormalEquations, pairs: Pairs, state: State) -> list[Fit]:
     squares = (normal.weights * normal.gaps**2).sum(axis=1)
     residual = np.sqrt(squares / np.where(total > 0, total, 1.0))
     R = Rotation.from_matrix(moved.turn)
+    principal = [principal_axes(*each) for each in zip(information, total.tolist(), strict=True)]
+    # a turn is taken times the lever, as there
+    axes = np.stack([axes / np.repeat([lever, 1.0], 3)[:, None] for _, axes, lever in principal])
+    doubt = normal.shared_doubt(pairs, axes) / np.where(total > 0, total, 1.0)[:, None]
     return [
         Fit(
             R=R[n],
@@ -107,6 +111,7 @@ def _finish(normal: NormalEquations, pairs: Pairs, state: State) -> list[Fit]:
             residual=float(residual[n]),
             pairs=float(total[n]),
             width=float(state.width[n]),
+            doubt=doubt[n],
             prior=None if state.prior is None else state.prior.of(n),
             step=alone[n],
             stretch=None if moved.stretch is None else moved.stretch[n],

@@ -92,12 +92,33 @@ class NormalEquations:
         Normals of noisy points point everywhere a little, and the sum of their squares finds information along a plane
         that has none. The noise of two scans is independent: in products of both it averages out.
         """
-        others = pairs.others * np.sign(along(pairs.normals, pairs.others))[:, :, None]
-        product = (self.jacobian * self.weights[:, :, None]).transpose(0, 2, 1) @ _jacobian(pairs, others)
+        return _of_pose(self._shared(pairs, _jacobian(pairs, _turned_alike(pairs))))
+
+    def shared_doubt(self, pairs: Pairs, axes: np.ndarray) -> np.ndarray:
+        """(k, 6) standard errors of the `shared_information` along axes, (k, 6, 6) in columns.
+
+        It is a sum over points; where few of them, or noise, make it up, it may as well be nothing.
+        """
+        ours, theirs = self.jacobian, _jacobian(pairs, _turned_alike(pairs))
+        if pairs.by_stretch is not None:
+            shared = self._shared(pairs, theirs)
+            stretched = np.linalg.solve(shared[:, 6:, 6:], shared[:, 6:, :6])
+            ours, theirs = (columns[:, :, :6] - columns[:, :, 6:] @ stretched for columns in (ours, theirs))
+        products = self.weights[:, :, None] * (ours @ axes) * (theirs @ axes)
+        return np.sqrt((products**2).sum(axis=1))
+
+    def _shared(self, pairs: Pairs, others: np.ndarray) -> np.ndarray:
+        """(k, 6 or 8, 6 or 8) the Hessian from the jacobian and that by the other scan's normals."""
+        product = (self.jacobian * self.weights[:, :, None]).transpose(0, 2, 1) @ others
         information = (product + product.transpose(0, 2, 1)) / 2
         if pairs.by_stretch is not None:
             information[:, 6:, 6:] += _known_stretch(self.variance)
-        return _of_pose(information)
+        return information
+
+
+def _turned_alike(pairs: Pairs) -> np.ndarray:
+    """(k, n, 3) the other scan's normals, each turned to the side of the first's."""
+    return pairs.others * np.sign(along(pairs.normals, pairs.others))[:, :, None]
 
 
 def _jacobian(pairs: Pairs, normals: np.ndarray) -> np.ndarray:

@@ -211,7 +211,8 @@ def test_candidates_spread_and_skip_what_is_joined():
     settings = LoopSettings(per_scan=3, min_overlap=0.2, spread=2)
     outlines = [outline(scan, settings.cell_voxels * VOXEL) for scan in scans]
     found = find_candidates(outlines, result.solution, VOXEL, settings)
-    assert [c.predicted_overlap for c in found] == sorted((c.predicted_overlap for c in found), reverse=True)
+    # half a ring apart along the chain, yet neighbors on its other side
+    assert found[0].j - found[0].i > 12
     for index in range(24):
         partners = sorted(c.i + c.j - index for c in found if index in (c.i, c.j))
         assert len(partners) <= 3

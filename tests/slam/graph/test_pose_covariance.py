@@ -1,20 +1,23 @@
 """How sure poses are said to be, when registrations of one scan share its error."""
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 from scipy.spatial.transform import RigidTransform
 
-from slam.graph.pose_covariance import pose_covariances, variance_factor
+from slam.graph.pose_covariance import edge_variances, pose_covariances
 from slam.graph.pose_graph import PoseGraph, Solution
 from slam.graph.tangent import carried
 from slam.graph.trajectory import chain
+from spectral.scan import PosePrior
 from tests.samples.surveys import edge, random_covariance, ring_poses
 
 COVARIANCE = random_covariance(np.random.default_rng(6), 0.004, 0.03)
 COUNT = 30
 
 
-def solved(seed: int, scale: float = 1.0, world: RigidTransform | None = None) -> tuple[RigidTransform, Solution]:
+def ring(seed: int, scale: float = 1.0, world: RigidTransform | None = None) -> tuple[RigidTransform, PoseGraph]:
     """A ring with loops, each scan with an error of its own that all its edges share."""
     rng = np.random.default_rng(seed)
     truth = ring_poses(COUNT)
@@ -29,7 +32,13 @@ def solved(seed: int, scale: float = 1.0, world: RigidTransform | None = None) -
     start = chain(edges, np.zeros(COUNT))
     if world is not None:
         start = type(start)(start.stamps, world * start.T_world_sensor)
-    return truth, PoseGraph(start, tuple(edges)).optimize()
+    return truth, PoseGraph(start, tuple(edges)).optimize().graph
+
+
+def told(graph: PoseGraph) -> tuple[Solution, np.ndarray]:
+    """The graph solved as the mapper does, and its poses' covariances."""
+    solution = graph.scaled(edge_variances(graph)).optimize()
+    return solution, pose_covariances(solution)
 
 
 def normalized(truth: RigidTransform, T: RigidTransform, covariances: np.ndarray) -> np.ndarray:
@@ -39,35 +48,85 @@ def normalized(truth: RigidTransform, T: RigidTransform, covariances: np.ndarray
 
 
 def test_errors_that_scans_share_are_within_what_is_told_and_not_within_the_marginals():
-    plain, told = [], []
+    plain, wide = [], []
     for seed in range(12):
-        truth, solution = solved(seed)
+        truth, graph = ring(seed)
+        solution, covariances = told(graph)
         T = solution.trajectory.T_world_sensor
         plain.append(normalized(truth, T, solution.covariances()))
-        told.append(normalized(truth, T, pose_covariances(solution)))
+        wide.append(normalized(truth, T, covariances))
     assert (np.concatenate(plain) <= 12.59).mean() < 0.8
-    assert (np.concatenate(told) <= 12.59).mean() >= 0.9
-    assert np.concatenate(told).mean() > 2
+    assert (np.concatenate(wide) <= 12.59).mean() >= 0.9
+    assert np.concatenate(wide).mean() > 2
 
 
 def test_larger_errors_are_told_by_chi_squared():
-    factors = [variance_factor(solved(3, scale)[1]) for scale in (0.5, 1.0, 2.0)]
+    factors = [np.median(edge_variances(ring(3, scale)[1])) for scale in (0.5, 1.0, 2.0)]
     assert factors[0] < factors[1] < factors[2]
+
+
+def test_how_wide_covariances_were_stated_does_not_matter_where_cycles_tell():
+    """One sonar's registrations are a third as far off as stated: with loops enough its poses are the surer."""
+    _, graph = ring(3)
+    first, second = (
+        np.diagonal(told(each)[1], axis1=1, axis2=2)[1:]
+        for each in (graph, graph.scaled(np.full(len(graph.edges), 10.0)))
+    )
+    assert (second < 1.5 * first).all()
+
+
+def test_an_edge_that_the_others_contradict_is_less_sure():
+    """It leans by four standard deviations: too little to be refused, too much to be believed like the others."""
+    _, graph = ring(3)
+    before = edge_variances(graph)
+    edges = list(graph.edges)
+    leaning = next(k for k, each in enumerate(edges) if (each.i, each.j) == (4, 11))
+    lean = RigidTransform.from_exp_coords(4 * np.sqrt(np.diag(COVARIANCE)) * [0, 0, 1, 1, 0, 0])
+    registration = edges[leaning].registration
+    turned_away = replace(registration, T_target_source=registration.T_target_source * lean)
+    edges[leaning] = replace(edges[leaning], registration=turned_away)
+    after = edge_variances(replace(graph, edges=tuple(edges)))
+    assert after[leaning] > 4 * before[leaning]
+    others = np.arange(len(edges)) != leaning
+    assert np.median(after[others] / before[others]) == pytest.approx(1.0, abs=0.1)
 
 
 def test_a_graph_without_loops_is_given_what_is_expected():
     truth = ring_poses(5)
     edges = tuple(edge(k, k + 1, truth[k].inv() * truth[k + 1], COVARIANCE) for k in range(4))
-    solution = PoseGraph(chain(edges, np.zeros(5)), edges).optimize()
-    factor = variance_factor(solution)
-    assert factor == pytest.approx(5 * 0.45)
-    covariances = pose_covariances(solution)
-    # the anchor is where it is; the next scan has its own part and the anchor's besides the one edge
-    np.testing.assert_allclose(covariances[0], factor * solution.covariances()[0], atol=1e-12)
+    graph = PoseGraph(chain(edges, np.zeros(5)), edges)
+    np.testing.assert_allclose(edge_variances(graph), 2.5 * 0.15)
+    _, covariances = told(graph)
+    # beside the one edge the scan has its own part, and the anchor's, which its edge shares
     T_0_1, T_1_2 = truth[0].inv() * truth[1], truth[1].inv() * truth[2]
-    own = 0.6 * factor * (COVARIANCE + turned(T_1_2, COVARIANCE)) / 2
-    anchors = carried(T_0_1.inv(), 0.6 * factor * turned(T_0_1, COVARIANCE))
-    np.testing.assert_allclose(covariances[1], factor * COVARIANCE + own + anchors, rtol=2e-3, atol=1e-9)
+    own = 1.2 * (COVARIANCE + turned(T_1_2, COVARIANCE)) / 2
+    anchors = carried(T_0_1.inv(), 1.2 * turned(T_0_1, COVARIANCE))
+    told_of_1 = 2.5 * 0.15 * (1.6 * COVARIANCE + own + anchors)
+    np.testing.assert_allclose(covariances[1], told_of_1, rtol=2e-3, atol=1e-9)
+
+
+def test_a_measured_fix_is_as_sure_as_it_was_measured():
+    """Positions of two centimeters beside registrations of a decimeter."""
+    truth, graph = ring(5)
+    sigmas = np.array([0.01, 0.01, 0.02, 0.02, 0.02, 0.02])
+    measured = tuple((k, PosePrior(truth[k], sigmas)) for k in range(COUNT))
+    _, covariances = told(replace(graph, priors=measured))
+    by_position = np.sqrt(np.diagonal(covariances[:, 3:, 3:], axis1=1, axis2=2))
+    assert by_position.max() < 0.0205
+    lone = PoseGraph(graph.trajectory, (), priors=measured)
+    alone = pose_covariances(lone.optimize())
+    np.testing.assert_allclose(np.diagonal(alone, axis1=1, axis2=2)[:, 3:], 0.02**2, rtol=0.02)
+
+
+def test_what_is_not_measured_is_as_sure_as_without_instruments():
+    truth, graph = ring(5)
+    depth = tuple((k, PosePrior(truth[k], np.array([np.inf] * 5 + [0.001]))) for k in range(COUNT))
+    _, without = told(graph)
+    solution, with_depth = told(replace(graph, priors=depth))
+    up = np.array([T.rotation.inv().apply([0, 0, 1.0]) for T in solution.trajectory.T_world_sensor])
+    variance = np.einsum("na,nab,nb->n", up, with_depth[:, 3:, 3:], up)
+    assert variance.max() < 1.1 * 0.001**2
+    assert np.trace(with_depth[-1, :3, :3]) > 0.1 * np.trace(without[-1, :3, :3])
 
 
 def turned(T: RigidTransform, covariance: np.ndarray) -> np.ndarray:
@@ -78,7 +137,7 @@ def turned(T: RigidTransform, covariance: np.ndarray) -> np.ndarray:
 
 def test_they_are_positive_definite_and_do_not_depend_on_where_the_world_is():
     world = RigidTransform.from_exp_coords([0.4, -0.2, 2.0, 30, -70, 5])
-    here, there = (pose_covariances(solved(4, world=T)[1]) for T in (None, world))
+    here, there = (told(ring(4, world=T)[1])[1] for T in (None, world))
     np.testing.assert_allclose(here[1:], there[1:], rtol=1e-2, atol=1e-8)
     assert (np.linalg.eigvalsh(here[1:]) > 0).all()
     np.testing.assert_allclose(here, here.swapaxes(1, 2), atol=1e-12)

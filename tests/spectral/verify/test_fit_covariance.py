@@ -1,5 +1,8 @@
 """The covariance of what was refined on the surfaces: what it leaves open, how it turns, and that it is honest."""
 
+from types import SimpleNamespace
+from typing import Any
+
 import numpy as np
 import pytest
 from scipy.spatial.transform import RigidTransform, Rotation
@@ -10,7 +13,8 @@ from spectral.grid import Grid, choose_grid
 from spectral.registration import SpectralRegistrar
 from spectral.result import Registration
 from spectral.scan import Scan
-from spectral.verify.covariance import covers
+from spectral.verify.covariance import covers, fit_covariance
+from spectral.verify.fit import Fit
 from tools.evaluate.trajectory import RIGHT_DEG, RIGHT_VOXELS, pair_error
 from tools.simulate.pairs.pair_set import evaluation_pair
 
@@ -135,3 +139,19 @@ def test_another_pose_is_covered_as_far_as_the_ellipsoid_reaches() -> None:
             away = np.zeros(6)
             away[axis] = length * np.sqrt(chi2.ppf(0.95, 6)) * sigmas[axis]
             assert covers(np.diag(sigmas**2), T, T * RigidTransform.from_exp_coords(away)) == inside
+
+
+def test_what_may_be_chance_holds_nothing() -> None:
+    """A direction that is held by no more than the error of what holds it is open, one far above it is not."""
+    share = np.array([1e-3, 0.02, 0.1, 0.2, 0.3, 0.4])
+
+    def sigmas(doubt: float) -> np.ndarray:
+        fit = Fit(Rotation.identity(), np.zeros(3), np.diag(share) * 3000, 0.1, 3000.0, 0.3, np.full(6, doubt))
+        evidence = SimpleNamespace(psr=60.0)
+        hypothesis: Any = SimpleNamespace(fit=fit, evidence=evidence)
+        found = fit_covariance(hypothesis, (np.zeros(3), np.zeros(3)), Grid(128, 0.5))
+        return np.sqrt(np.linalg.eigvalsh(found.by_scans[3:, 3:]))
+
+    np.testing.assert_allclose(sigmas(1e-5), sigmas(0.0), rtol=1e-2)
+    assert (sigmas(0.03) >= sigmas(0.0)).all()
+    assert sigmas(0.11)[-1] > 20 * sigmas(0.0)[-1]

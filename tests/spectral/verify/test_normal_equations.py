@@ -64,3 +64,49 @@ class TestStretch:
         np.testing.assert_allclose(alone, whole[:, :6], atol=1e-6)
         np.testing.assert_allclose(moved.stretch, whole[:, 6:], atol=1e-6)
         np.testing.assert_allclose(moved.shift, whole[:, 3:6], atol=1e-6)
+
+
+class TestDoubt:
+    """What noisy normals seem to hold along a plane: nothing, but for chance."""
+
+    @staticmethod
+    def of_a_plane(seed: int, tilt: float = 0.0) -> tuple[NormalEquations, Pairs]:
+        """Points of a level plane, some of which lean by `tilt`; normals of both scans are off independently."""
+        rng = np.random.default_rng(seed)
+        count = 400
+        true = np.tile([0.0, 0.0, 1.0], (count, 1))
+        true[::4] = [np.sin(tilt), 0.0, np.cos(tilt)]
+        normals, others = (true + 0.2 * rng.normal(size=(count, 3)) for _ in range(2))
+        pairs = Pairs(
+            near=np.ones((1, count), bool),
+            arms=np.zeros((1, count, 3)),
+            normals=normals[None],
+            others=others[None],
+            gaps=np.zeros((1, count)),
+            by_stretch=None,
+        )
+        begin = State(np.eye(3)[None], np.zeros((1, 3)), np.full(1, 0.3), None, None)
+        return NormalEquations.of(pairs, begin, np.full(1, 0.5), 1.0), pairs
+
+    def test_it_is_the_spread_of_what_chance_gives(self) -> None:
+        found, doubts = [], []
+        for seed in range(300):
+            equations, pairs = self.of_a_plane(seed)
+            found.append(equations.shared_information(pairs)[0, 3, 3])
+            doubts.append(equations.shared_doubt(pairs, np.eye(6)[None])[0, 3])
+        assert abs(np.mean(found)) < 3 * np.std(found) / np.sqrt(300)
+        assert np.mean(doubts) == pytest.approx(np.std(found), rel=0.1)
+
+    def test_what_planes_do_hold_is_far_above_it(self) -> None:
+        equations, pairs = self.of_a_plane(0, tilt=0.9)
+        held = equations.shared_information(pairs)[0, 3, 3]
+        assert held > 5 * equations.shared_doubt(pairs, np.eye(6)[None])[0, 3]
+
+    def test_it_is_along_the_axes_that_are_asked_for(self) -> None:
+        equations, pairs = self.of_a_plane(1)
+        turn = Rotation.from_rotvec([0.3, -0.5, 0.9]).as_matrix()
+        axes = np.kron(np.eye(2), turn)
+        turned = Pairs(pairs.near, pairs.arms, pairs.normals @ turn, pairs.others @ turn, pairs.gaps, None)
+        begin = State(np.eye(3)[None], np.zeros((1, 3)), np.full(1, 0.3), None, None)
+        same = NormalEquations.of(turned, begin, np.full(1, 0.5), 1.0).shared_doubt(turned, np.eye(6)[None])
+        np.testing.assert_allclose(equations.shared_doubt(pairs, axes[None])[0, 3:], same[0, 3:], rtol=1e-9)

@@ -34,57 +34,27 @@ from tools.cli.options import (
 )
 from tools.cli.priors import scans_with_priors
 from tools.cli.progress import growing_progress
+from tools.cli.survey_options import (
+    AlsoOption,
+    FreshOption,
+    InputsArgument,
+    LoopsOption,
+    MaxSpeedOption,
+    MaxStepOption,
+    MaxTurnRateOption,
+    SchedulerOption,
+    WorkersOption,
+    survey_settings,
+)
 from tools.cli.survey_text import print_survey, warn, warn_of_faults
 from tools.cli.terminal import say
 from tools.methods.registry import DEFAULT_METHOD
-from tools.output.exports import EXPORTS
 
 if TYPE_CHECKING:
-    from slam.mapper import SurveyResult
+    from slam.mapper import MapperSettings, SurveyResult
     from tools.readers.scans import ReadScans
 
 INCOMPLETE = 3
-_EXPORTS = " or ".join(f"{file.format('')} ({name})" for name, file in EXPORTS.items())
-
-
-def _check_also(formats: list[str]) -> list[str]:
-    unknown = [name for name in formats if name not in EXPORTS]
-    if unknown:
-        raise typer.BadParameter(f"{unknown[0]!r}; choose one of {', '.join(EXPORTS)}")
-    return list(dict.fromkeys(formats))
-
-
-InputsArgument = Annotated[
-    list[str],
-    typer.Argument(
-        help="Scans: files, folders or patterns; taken in natural order (scan2 before scan10).", metavar="INPUT..."
-    ),
-]
-AlsoOption = Annotated[
-    list[str],
-    typer.Option("--also", metavar="FORMAT", help=f"Also write {_EXPORTS}; may be repeated.", callback=_check_also),
-]
-WorkersOption = Annotated[
-    int | None,
-    typer.Option(
-        "--workers",
-        metavar="N",
-        min=1,
-        help="Register pairs in N processes, each with its own device context; the results are the same. \\[1, "
-        "this process]",
-    ),
-]
-SchedulerOption = Annotated[
-    str | None,
-    typer.Option(
-        "--scheduler",
-        metavar="ADDRESS",
-        help="Register pairs on a Dask cluster, as tcp://10.0.0.5:8786; needs pip install 'sonarmap\\[cluster]'.",
-    ),
-]
-FreshOption = Annotated[
-    bool, typer.Option("--fresh", help="Discard the results that an earlier run left in OUT/journal.sqlite.")
-]
 
 
 def command(
@@ -101,6 +71,10 @@ def command(
     strength: StrengthOption = False,
     priors: PriorsOption = None,
     prior_sigmas: PriorSigmasOption = None,
+    loops: LoopsOption = None,
+    max_speed: MaxSpeedOption = None,
+    max_turn_rate: MaxTurnRateOption = None,
+    max_step: MaxStepOption = None,
     also: AlsoOption = [],  # noqa: B006 - typer's way to say none
     device: DeviceOption = None,
     workers: WorkersOption = None,
@@ -124,11 +98,12 @@ def command(
     were added it registers only the new pairs. times.json says how long the run took.
     """
     options, execution_options = method_options(context), _execution_options(workers, scheduler, fresh)
+    mapping = survey_settings(loops, max_speed, max_turn_rate, max_step)
     read = _read(inputs, priors, prior_sigmas, out)
     configured = configure_method(read.scans, options)
     prior_settings = {"priors": str(priors), "prior_sigmas": prior_sigmas} if priors else {}
     settings = {"inputs": inputs, **prior_settings, **configured.settings}
-    result = _map(read, configured, execution_options, settings, out, also, quiet or as_json)
+    result = _map(read, configured, execution_options, mapping, settings, out, also, quiet or as_json)
     _show(result, [scan.name for scan in read.scans], out, also, as_json)
     if len(result.components) > 1 or read.unread:
         raise typer.Exit(INCOMPLETE)
@@ -165,6 +140,7 @@ def _map(
     read: "ReadScans",
     configured: ConfiguredMethod,
     options: ExecutionOptions,
+    mapping: "MapperSettings",
     settings: Mapping[str, Any],
     out: Path,
     also: list[str],
@@ -172,13 +148,13 @@ def _map(
 ) -> "SurveyResult":
     """Map the survey, and write its folder."""
     from slam.execute.worker import prepared_limit
-    from slam.mapper import Mapper, MapperSettings
+    from slam.mapper import Mapper
     from tools.output.folder import JOURNAL, write_survey
     from tools.output.times import survey_times
     from tools.writers.atomic import clear_leftovers, require_writable
 
     prepared = prepared_limit(configured.registrar)
-    mapping = MapperSettings(prepared=prepared)
+    mapping = replace(mapping, prepared=prepared)
     names = [scan.name for scan in read.scans]
     require_writable(out)
     with open_execution(configured, prepared, options, out / JOURNAL, quiet) as execution:

@@ -1,0 +1,145 @@
+# pyright: strict, reportMissingTypeStubs=false, reportUnknownMemberType=false
+"""Which pairs of a survey are registered, stage by stage, and how often: steps, bridges over gaps, loops."""
+
+from collections.abc import Sequence
+from dataclasses import replace
+
+import numpy as np
+from scipy.cluster.hierarchy import DisjointSet
+
+from slam.decide.decision import Decision
+from slam.execute.runner import PairRunner
+from slam.loops.candidates import find_candidates, find_lookalikes
+from slam.loops.settings import LoopSettings
+from slam.map.shared_cells import outline
+from slam.motion.limits import MotionLimits
+from slam.motion.motion import Motion
+from slam.motion.reconsider import expected_by, is_doubtful, with_both, with_motion, without_leaps
+from slam.pair import Pair
+from spectral.result import Registrar
+from spectral.scan import Scan
+
+
+class PairSearch:
+    """Registers the pairs of one survey, or of several of one place.
+
+    Every pair is registered by the scans alone first. What they cannot tell, or what the vehicle's motion contradicts,
+    is registered once more about where the motion, or the estimate, expects it: among places that look alike this
+    finds the one where the vehicle can be.
+
+    Args:
+        runner: of the scans.
+        scans: in their order.
+        survey: (N,) int, the number of each scan's survey.
+        registrar: the method; only one with `register_expected` takes a second look.
+        voxel: edge of the survey's voxels [m].
+        loops: which extra pairs are tried.
+        limits: what the vehicle's motion cannot exceed.
+    """
+
+    def __init__(
+        self,
+        runner: PairRunner,
+        scans: Sequence[Scan],
+        survey: np.ndarray,
+        registrar: Registrar,
+        voxel: float,
+        loops: LoopSettings,
+        limits: MotionLimits,
+    ) -> None:
+        self._runner, self._scans, self._survey, self._registrar = runner, scans, survey, registrar
+        self._voxel, self._settings, self._limits = voxel, loops, limits
+        self._floor = loops.floor(voxel)
+        self._motion: Motion | None = None
+        self._outlines: list[np.ndarray] = []
+
+    def steps(self) -> list[Pair]:
+        """Consecutive scans of each survey, from which the motion is learned."""
+        survey = self._survey
+        steps = [Pair(k, k + 1, "sequential") for k in range(len(survey) - 1) if survey[k] == survey[k + 1]]
+        pairs = self._runner.register(steps)
+        stamps = np.array([scan.stamp for scan in self._scans], dtype=np.float64)
+        self._motion = Motion.learn(pairs, stamps, survey, self._floor, self._limits)
+        return self._again(pairs)
+
+    def bridges(self, steps: Sequence[Pair], widest: int) -> list[Pair]:
+        """Pairs over what gaps separate, the closest scans first, and no farther ones once a gap is bridged.
+
+        Args:
+            steps: as registered.
+            widest: most scans that a pair is apart.
+        """
+        joined = DisjointSet(range(len(self._survey)))
+        for pair in steps:
+            if pair.accepted:
+                joined.merge(*pair.scans)
+        gaps = [pair.i for pair in steps if not pair.accepted]
+        bridges: list[Pair] = []
+        for span in range(2, widest + 1):
+            across = dict.fromkeys(scans for gap in gaps for scans in _across(gap, span, self._survey))
+            candidates = [Pair(*scans, "bridge") for scans in across if not joined.connected(*scans)]
+            for pair in self._again(self._runner.register(candidates)):
+                bridges.append(pair)
+                if pair.accepted:
+                    joined.merge(*pair.scans)
+        return bridges
+
+    def loops(self, decision: Decision, tried: Sequence[Pair]) -> list[Pair]:
+        """The next loops; none where no candidates are left.
+
+        Args:
+            decision: about the pairs so far.
+            tried: these pairs.
+        """
+        candidates = self._candidates(decision, {pair.scans for pair in tried})
+        self._runner.end_stage("candidates sought")
+        if not candidates:
+            return []
+        pairs = self._runner.register(candidates)
+        if self._motion is not None:
+            pairs = [without_leaps(pair, self._motion) if self._in_one_survey(pair) else pair for pair in pairs]
+        if not hasattr(self._registrar, "register_expected"):
+            return pairs
+        solution = decision.solution
+        part = {k: number for number, members in enumerate(solution.graph.components) for k in members}
+        doubtful = [pair for pair in pairs if part[pair.i] == part[pair.j] and pair.registration and not pair.accepted]
+        looks = [replace(_unregistered(pair), expected=expected_by(solution, pair, self._floor)) for pair in doubtful]
+        again = {pair.scans: pair for pair in self._runner.register(looks)}
+        return [with_both(pair, again[pair.scans]) if pair.scans in again else pair for pair in pairs]
+
+    def _again(self, pairs: Sequence[Pair]) -> list[Pair]:
+        """The pairs with what the motion says of them; those that are doubtful registered again about there."""
+        motion = self._motion
+        if motion is None:
+            return list(pairs)
+        again: dict[tuple[int, int], Pair] = {}
+        if hasattr(self._registrar, "register_expected"):
+            doubtful = [pair for pair in pairs if is_doubtful(pair, motion)]
+            looks = [replace(_unregistered(pair), expected=motion.expected(*pair.scans)) for pair in doubtful]
+            again = {pair.scans: pair for pair in self._runner.register(looks)}
+        both = [with_both(pair, again[pair.scans], motion) if pair.scans in again else pair for pair in pairs]
+        return [with_motion(pair, motion) for pair in both]
+
+    def _candidates(self, decision: Decision, tried: set[tuple[int, int]]) -> list[Pair]:
+        """Pairs to try next, in the order of the scans: neighbors in that order share prepared scans."""
+        if not self._outlines:
+            self._outlines = [outline(scan, self._settings.cell_voxels * self._voxel) for scan in self._scans]
+        candidates = find_candidates(self._outlines, decision.solution, self._voxel, self._settings, tried)
+        components = decision.solution.graph.components
+        # between parts no estimate says which scans may overlap; their looks may
+        if len(components) > 1 and hasattr(self._registrar, "signature"):
+            candidates += find_lookalikes(self._runner.signatures(), components, self._settings, tried)
+        return sorted(candidates, key=lambda candidate: candidate.scans)
+
+    def _in_one_survey(self, pair: Pair) -> bool:
+        return bool(self._survey[pair.i] == self._survey[pair.j])
+
+
+def _unregistered(pair: Pair) -> Pair:
+    return replace(pair, registration=None)
+
+
+def _across(gap: int, span: int, survey: np.ndarray) -> list[tuple[int, int]]:
+    """Pairs of one survey, `span` scans apart, with the gap (gap, gap + 1) between them."""
+    firsts = [i for i in range(gap, gap - span, -1) if i >= 0 and i + span < len(survey)]
+    return [(i, i + span) for i in firsts if survey[i] == survey[i + span]]

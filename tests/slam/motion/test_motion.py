@@ -1,0 +1,122 @@
+"""The usual motion: learned from steps that are sure, and what it expects and contradicts."""
+
+import numpy as np
+import pytest
+from scipy.spatial.transform import RigidTransform, Rotation
+
+from kernels.errors import InputError
+from slam.motion.limits import MotionLimits
+from slam.motion.motion import Motion
+from slam.pair import Pair
+from tests.samples.surveys import registration
+
+COVARIANCE = np.diag(np.repeat([0.001, 0.01], 3) ** 2)
+FLOOR = np.repeat([0.017, 0.1], 3)
+USUAL = np.array([0.01, -0.02, 0.15, 1.5, 0.2, -0.1])
+SPREAD = np.array([0.01, 0.01, 0.08, 0.2, 0.1, 0.05])
+
+
+def moved(x: np.ndarray) -> RigidTransform:
+    return RigidTransform.from_components(x[3:], Rotation.from_rotvec(x[:3]))
+
+
+def steps(count: int, wrong: int = 0, seed: int = 3, spans: np.ndarray | None = None) -> list[Pair]:
+    """Consecutive pairs, of which the first few are turned half around and far away."""
+    rng = np.random.default_rng(seed)
+    spans = np.ones(count) if spans is None else spans
+    pairs = []
+    for k in range(count):
+        x = (USUAL + SPREAD * rng.standard_normal(6)) * spans[k]
+        T = moved(x) if k >= wrong else moved(np.array([0.1, 0, 3.0, -18.0, 11.0, 0.5]))
+        pairs.append(Pair(k, k + 1, "sequential", registration=registration(T, COVARIANCE)))
+    return pairs
+
+
+def learned(pairs: list[Pair], stamps: np.ndarray | None = None) -> Motion:
+    count = len(pairs) + 1
+    stamps = np.arange(count, dtype=float) if stamps is None else stamps
+    motion = Motion.learn(pairs, stamps, np.zeros(count, int), FLOOR)
+    assert motion is not None
+    return motion
+
+
+@pytest.mark.parametrize("wrong", [0, 4])
+def test_it_is_learned_whatever_a_few_wrong_steps_say(wrong: int) -> None:
+    motion = learned(steps(40, wrong))
+    assert (np.abs(motion.usual - USUAL) < 4 * SPREAD / np.sqrt(36)).all()
+    deviation = np.sqrt(np.diag(motion.covariance))
+    assert (deviation[3:] > 0.6 * SPREAD[3:]).all()
+    assumed = np.sqrt(4 / 40) * np.repeat([np.radians(20.0), np.linalg.norm(USUAL[3:]) / np.sqrt(3)], 3)
+    assert (deviation < 1.3 * np.hypot(SPREAD, assumed)).all()
+
+
+def test_rare_turns_count() -> None:
+    """A lawnmower goes straight for long, and then turns: the turns are no errors."""
+    pairs = steps(40)
+    for k in (9, 10, 19, 20, 29, 30):
+        T = moved(USUAL * [1, 1, 5, 0.6, 1, 1])
+        pairs[k] = Pair(k, k + 1, "sequential", registration=registration(T, COVARIANCE))
+    motion = learned(pairs)
+    assert not motion.contradicts(9, 10, moved(USUAL * [1, 1, 5, 0.6, 1, 1]))
+    assert 4 * motion.expected(9, 10).sigmas[2] > 4 * USUAL[2]
+
+
+def test_what_no_vehicle_of_this_kind_does_is_contradicted() -> None:
+    motion = learned(steps(40, wrong=2))
+    for pair in steps(40, seed=4):
+        assert pair.registration is not None
+        assert not motion.contradicts(*pair.scans, pair.registration.T_target_source)
+    assert motion.contradicts(0, 1, moved(np.array([0.1, 0, 3.0, -18.0, 11.0, 0.5])))
+    assert motion.contradicts(0, 1, moved(USUAL * [1, 1, 1, -6, 1, 1]))
+
+
+def test_stamps_tell_how_far_a_step_leads() -> None:
+    spans = np.tile([1.0, 2.0, 0.5, 4.0], 10)
+    stamps = 1e9 + np.concatenate([[0.0], np.cumsum(spans)])
+    motion = learned(steps(40, spans=spans), stamps)
+    short, long = motion.expected(2, 3), motion.expected(3, 4)
+    np.testing.assert_allclose(long.translation, 8 * short.translation, rtol=1e-4)
+    assert (long.sigmas > short.sigmas).all()
+    over_a_gap = motion.expected(0, 4)
+    np.testing.assert_allclose(over_a_gap.translation, 7.5 * motion.usual[3:], atol=1e-5)
+
+
+def test_stamps_that_stand_still_tell_nothing() -> None:
+    at_once = learned(steps(20), np.full(21, 5.0))
+    counted = learned(steps(20))
+    np.testing.assert_array_equal(at_once.usual, counted.usual)
+
+
+def test_few_steps_tell_nothing() -> None:
+    assert Motion.learn(steps(3), np.arange(4.0), np.zeros(4, int), FLOOR) is None
+    refused = [
+        Pair(*pair.scans, "sequential", registration=registration(moved(USUAL), COVARIANCE, accepted=False))
+        for pair in steps(20)
+    ]
+    assert Motion.learn(refused, np.arange(21.0), np.zeros(21, int), FLOOR) is None
+
+
+def test_limits_bound_what_is_expected_and_believed() -> None:
+    limits = MotionLimits(step=1.0, turn_rate=0.3)
+    motion = Motion.learn([], np.arange(6.0), np.zeros(6, int), FLOOR, limits)
+    assert motion is not None
+    expected = motion.expected(0, 2)
+    np.testing.assert_array_equal(expected.translation, 0)
+    np.testing.assert_allclose(expected.sigmas[3:], np.hypot(2.0 / 3, FLOOR[3]), rtol=1e-4)
+    np.testing.assert_allclose(expected.sigmas[:3], np.hypot(0.6 / 3, FLOOR[0]), rtol=1e-4)
+    assert not motion.contradicts(0, 1, moved(np.array([0, 0, 0.2, 0.9, 0, 0])))
+    assert motion.contradicts(0, 1, moved(np.array([0, 0, 0.2, 1.6, 0, 0])))
+    assert motion.contradicts(0, 1, moved(np.array([0, 0, 0.6, 0.9, 0, 0])))
+
+
+def test_steps_beyond_the_limits_are_not_learned_from() -> None:
+    pairs = [*steps(6), *steps(40, wrong=12)[6:12]]
+    motion = Motion.learn(pairs, np.arange(13.0), np.zeros(13, int), FLOOR, MotionLimits(speed=4.0))
+    assert motion is not None
+    assert np.linalg.norm(motion.usual - USUAL) < 0.5
+
+
+@pytest.mark.parametrize("limits", [{"speed": 0.0}, {"turn_rate": -1.0}, {"step": float("nan")}])
+def test_limits_are_above_zero(limits: dict[str, float]) -> None:
+    with pytest.raises(InputError, match="more than 0"):
+        MotionLimits(**limits)

@@ -1,0 +1,120 @@
+"""Second looks: what scans alone cannot tell is found where the motion, or the estimate, expects it."""
+
+from collections.abc import Callable, Sequence
+from dataclasses import replace
+from typing import Any
+
+import numpy as np
+import pytest
+from scipy.spatial.transform import RigidTransform, Rotation
+
+from slam.loops.settings import LoopSettings
+from slam.mapper import Mapper, MapperSettings, SurveyResult
+from slam.motion.limits import MotionLimits
+from spectral.expected import ExpectedPose
+from spectral.result import Registration
+from tests.samples.surveys import KnowingRegistrar, random_covariance, ring_poses, scans_of
+
+VOXEL = 0.2
+COVARIANCE = random_covariance(np.random.default_rng(0), 0.004, 0.03)
+TWIN = RigidTransform.from_components([9.0, 3.0, 0.0], Rotation.from_euler("Z", np.pi))
+COUNT = 20
+POSES = ring_poses(COUNT)
+
+
+class Looking(KnowingRegistrar):
+    """Right where it is told where to look, and that is about where the truth is; else as it is spoiled."""
+
+    def __init__(self, *arguments: Any) -> None:
+        super().__init__(*arguments)
+        self.looks: list[tuple[int, int]] = []
+
+    def register_expected(self, target: Any, source: Any, expected: ExpectedPose) -> Registration:
+        i, j = target.index, source.index
+        self.looks.append((i, j))
+        truth = self.truth[i].inv() * self.truth[j]
+        away = expected.T_target_source.inv() * truth
+        near = np.linalg.norm(away.translation) < 4 * expected.sigmas[3:].max()
+        given = KnowingRegistrar(self.truth, self.covariance).register(target, source)
+        return replace(given, accepted=bool(near), probability=0.97 if near else 0.0)
+
+
+def mapped(
+    spoil: Callable[[int, int, Registration], Registration],
+    loops: int = 0,
+    kind: type[KnowingRegistrar] = Looking,
+    limits: MotionLimits | None = None,
+) -> tuple[SurveyResult, Any]:
+    registrar = kind(POSES, COVARIANCE, spoil)
+    settings = MapperSettings(LoopSettings(per_scan=loops), limits or MotionLimits())
+    return Mapper(registrar, VOXEL, settings).run(scans_of(POSES)), registrar
+
+
+def refused(given: Registration) -> Registration:
+    return replace(given, accepted=False, probability=0.1, covariance=np.eye(6))
+
+
+def twin(given: Registration) -> Registration:
+    return replace(given, T_target_source=given.T_target_source * TWIN, accepted=True, probability=0.95)
+
+
+def largest_step_error(result: SurveyResult, scans: Sequence[int] = range(COUNT)) -> float:
+    T, truth = result.trajectory.T_world_sensor[list(scans)], POSES[list(scans)]
+    away = (T[:-1].inv() * T[1:]).inv() * (truth[:-1].inv() * truth[1:])
+    return float(np.linalg.norm(away.translation, axis=1).max())
+
+
+def test_refused_steps_are_found_where_the_motion_expects_them() -> None:
+    unsure = {(4, 5), (5, 6), (12, 13)}
+    result, registrar = mapped(lambda i, j, given: refused(given) if (i, j) in unsure else given)
+    assert set(registrar.looks) == unsure
+    assert len(result.components) == 1
+    assert largest_step_error(result) < 0.3
+    assert all(pair.expected is not None for pair in result.pairs if pair.scans in unsure)
+
+
+def test_a_step_to_a_twin_is_taken_back() -> None:
+    result, registrar = mapped(lambda i, j, given: twin(given) if (i, j) == (7, 8) else given)
+    assert (7, 8) in registrar.looks
+    assert len(result.components) == 1
+    assert largest_step_error(result) < 0.3
+
+
+def test_without_a_second_look_a_refused_step_leaves_a_gap() -> None:
+    far = {(k, k + 1 + n) for k in range(5, 8) for n in range(3) if k <= 7 < k + 1 + n}
+    result, _ = mapped(lambda i, j, given: refused(given) if (i, j) in far else given, kind=KnowingRegistrar)
+    assert len(result.components) == 2
+
+
+def test_loops_are_looked_for_where_the_estimate_expects_them() -> None:
+    def spoil(i: int, j: int, given: Registration) -> Registration:
+        return refused(given) if j > i + 1 else given
+
+    result, registrar = mapped(spoil, loops=2)
+    assert registrar.looks
+    assert all(j > i + 1 for i, j in registrar.looks)
+    loops = [pair for pair in result.pairs if pair.role == "loop"]
+    assert sum(pair.kept for pair in loops) > 0.8 * len(loops)
+
+
+def test_limits_find_steps_where_nothing_could_be_learned() -> None:
+    def spoil(i: int, j: int, given: Registration) -> Registration:
+        return twin(given) if j == i + 1 else refused(given)
+
+    result, registrar = mapped(spoil, limits=MotionLimits(step=4.0, turn_rate=0.5))
+    assert len(registrar.looks) >= COUNT - 1
+    assert len(result.components) == 1
+    assert largest_step_error(result) < 0.5
+
+
+@pytest.mark.parametrize("wrong", [3, 7])
+def test_many_second_looks_do_not_hide_a_gap(wrong: int) -> None:
+    """Where not even the second look finds the step, the chain is as broken as it was."""
+
+    class Blind(Looking):
+        def register_expected(self, target: Any, source: Any, expected: ExpectedPose) -> Registration:
+            return refused(super().register_expected(target, source, expected))
+
+    across = {(i, j) for i in range(wrong + 1) for j in range(wrong + 1, COUNT)}
+    result, _ = mapped(lambda i, j, given: refused(given) if (i, j) in across else given, kind=Blind)
+    assert len(result.components) == 2

@@ -1,0 +1,87 @@
+"""Expected poses as priors of a pair: what they say, and where instruments are surer."""
+
+import numpy as np
+import pytest
+from scipy.spatial.transform import RigidTransform, Rotation
+
+from kernels.errors import InputError
+from spectral.expected import ExpectedPose
+from spectral.prior import relative_prior
+from spectral.scan import PosePrior
+
+R_EXPECTED = Rotation.from_euler("ZYX", [0.5, 0.1, -0.2])
+EXPECTED = ExpectedPose(R_EXPECTED.as_rotvec(), np.array([2.0, -0.7, 0.3]), np.array([0.02, 0.03, 0.2, 0.5, 0.7, 1.1]))
+T_TARGET = RigidTransform.from_components([100.0, 50.0, -9.0], Rotation.from_euler("ZYX", [1.1, 0.3, -0.4]))
+
+
+def measured(T: RigidTransform, *known: int, sigma: float = 0.01) -> PosePrior:
+    sigmas = np.full(6, np.inf)
+    sigmas[list(known)] = sigma
+    return PosePrior(T, sigmas)
+
+
+def test_without_instruments_it_is_what_was_expected() -> None:
+    target, source = EXPECTED.priors(None, None)
+    expected = target.T_world_sensor.inv() * source.T_world_sensor
+    np.testing.assert_allclose(expected.as_matrix(), EXPECTED.T_target_source.as_matrix(), atol=1e-12)
+    np.testing.assert_array_equal(source.sigmas, EXPECTED.sigmas)
+    assert target.sigmas.max() < 1e-3
+
+
+def test_the_expected_pose_fits_its_own_priors() -> None:
+    prior = relative_prior(*EXPECTED.priors(None, None))
+    assert prior is not None
+    squared, count = prior.normalized(EXPECTED.T_target_source)
+    assert squared < 1e-12
+    assert count == 6
+
+
+def test_a_measured_attitude_gives_the_tilt_and_the_motion_the_turn() -> None:
+    T_source = T_TARGET * EXPECTED.T_target_source
+    tilted = Rotation.from_euler("ZYX", [0.0, 0.05, 0.02]) * T_source.rotation
+    given = RigidTransform.from_components([0.0, 0.0, 0.0], Rotation.from_euler("Z", 2.0) * tilted)
+    target, source = EXPECTED.priors(measured(T_TARGET, 0, 1), measured(given, 0, 1))
+    np.testing.assert_allclose(source.sigmas[:2], 0.01)
+    up = [0.0, 0.0, 1.0]
+    np.testing.assert_allclose(
+        source.T_world_sensor.rotation.inv().apply(up), given.rotation.inv().apply(up), atol=1e-12
+    )
+    relative = target.T_world_sensor.inv() * source.T_world_sensor
+    np.testing.assert_allclose(relative.translation, EXPECTED.translation, atol=1e-12)
+    # the turn is the expected one, but for what the measured tilt takes away
+    assert (relative.rotation.inv() * R_EXPECTED).magnitude() < 0.06
+
+
+def test_sigmas_are_about_the_axes_of_the_world() -> None:
+    """The target lies on its side: what is forward in it is up in the world."""
+    on_end = RigidTransform.from_components(np.zeros(3), Rotation.from_euler("Y", -np.pi / 2))
+    straight = ExpectedPose(np.zeros(3), np.array([1.0, 0.0, 0.0]), EXPECTED.sigmas)
+    _, source = straight.priors(measured(on_end, 0, 1), measured(on_end, 0, 1))
+    np.testing.assert_allclose(source.T_world_sensor.translation, [0, 0, 1], atol=1e-12)
+    np.testing.assert_allclose(source.sigmas[3:], EXPECTED.sigmas[[5, 4, 3]])
+    assert source.sigmas[2] == pytest.approx(EXPECTED.sigmas[0])
+
+
+def test_what_instruments_know_better_counts() -> None:
+    T_source = T_TARGET * EXPECTED.T_target_source * RigidTransform.from_translation([0.4, 0.2, 0.1])
+    all_known = range(6)
+    target, source = EXPECTED.priors(measured(T_TARGET, *all_known), measured(T_source, *all_known))
+    relative = target.T_world_sensor.inv() * source.T_world_sensor
+    np.testing.assert_allclose(relative.as_matrix(), (T_TARGET.inv() * T_source).as_matrix(), atol=1e-9)
+    np.testing.assert_allclose(source.sigmas[3:], np.hypot(0.01, 0.01))
+
+
+def test_a_poor_position_does_not_replace_the_motion_but_a_depth_does() -> None:
+    T_source = T_TARGET * EXPECTED.T_target_source * RigidTransform.from_translation([9.0, 7.0, 5.0])
+    sigmas = np.array([0.01, 0.01, 0.01, 3.0, 3.0, 0.05])
+    target, source = EXPECTED.priors(PosePrior(T_TARGET, sigmas), PosePrior(T_source, sigmas))
+    shift = target.T_world_sensor.rotation.apply(EXPECTED.translation)
+    way = source.T_world_sensor.translation - target.T_world_sensor.translation
+    np.testing.assert_allclose(way[:2], shift[:2], atol=1e-9)
+    assert way[2] == pytest.approx((T_source.translation - T_TARGET.translation)[2])
+
+
+@pytest.mark.parametrize("sigmas", [np.zeros(6), np.full(6, np.nan), np.ones(3)])
+def test_bad_sigmas_are_refused(sigmas: np.ndarray) -> None:
+    with pytest.raises(InputError, match="sigmas"):
+        ExpectedPose(np.zeros(3), np.zeros(3), sigmas)

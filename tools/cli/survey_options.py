@@ -1,0 +1,112 @@
+"""The options of `sonarmap map` beside those that verbs share: scans, loops, motion, files, and who works."""
+
+import math
+from typing import TYPE_CHECKING, Annotated
+
+import typer
+
+from tools.output.exports import EXPORTS
+
+if TYPE_CHECKING:
+    from slam.mapper import MapperSettings
+
+_EXPORTS = " or ".join(f"{file.format('')} ({name})" for name, file in EXPORTS.items())
+
+
+def _check_limit(limit: float | None) -> float | None:
+    if limit is None or (math.isfinite(limit) and limit > 0):
+        return limit
+    raise typer.BadParameter(f"{limit}; give a number above 0, or leave it out where it is not known")
+
+
+def _check_also(formats: list[str]) -> list[str]:
+    unknown = [name for name in formats if name not in EXPORTS]
+    if unknown:
+        raise typer.BadParameter(f"{unknown[0]!r}; choose one of {', '.join(EXPORTS)}")
+    return list(dict.fromkeys(formats))
+
+
+InputsArgument = Annotated[
+    list[str],
+    typer.Argument(
+        help="Scans: files, folders or patterns; taken in natural order (scan2 before scan10).", metavar="INPUT..."
+    ),
+]
+AlsoOption = Annotated[
+    list[str],
+    typer.Option("--also", metavar="FORMAT", help=f"Also write {_EXPORTS}; may be repeated.", callback=_check_also),
+]
+WorkersOption = Annotated[
+    int | None,
+    typer.Option(
+        "--workers",
+        metavar="N",
+        min=1,
+        help="Register pairs in N processes, each with its own device context; the results are the same. \\[1, "
+        "this process]",
+    ),
+]
+SchedulerOption = Annotated[
+    str | None,
+    typer.Option(
+        "--scheduler",
+        metavar="ADDRESS",
+        help="Register pairs on a Dask cluster, as tcp://10.0.0.5:8786; needs pip install 'sonarmap\\[cluster]'.",
+    ),
+]
+FreshOption = Annotated[
+    bool, typer.Option("--fresh", help="Discard the results that an earlier run left in OUT/journal.sqlite.")
+]
+LoopsOption = Annotated[
+    int | None,
+    typer.Option(
+        "--loops",
+        metavar="N",
+        min=0,
+        help="Try up to N loops per scan in each of two rounds, those first that tie far parts together; 0 tries none. "
+        "\\[2]",
+    ),
+]
+MaxSpeedOption = Annotated[
+    float | None,
+    typer.Option(
+        "--max-speed",
+        metavar="M/S",
+        callback=_check_limit,
+        help="How fast the vehicle moves at most \\[m/s]; for scans whose stamps are times. \\[learned]",
+    ),
+]
+MaxTurnRateOption = Annotated[
+    float | None,
+    typer.Option(
+        "--max-turn-rate",
+        metavar="DEG/S",
+        callback=_check_limit,
+        help="How fast the vehicle turns at most \\[deg/s]; for scans whose stamps are times. \\[learned]",
+    ),
+]
+MaxStepOption = Annotated[
+    float | None,
+    typer.Option(
+        "--max-step",
+        metavar="M",
+        callback=_check_limit,
+        help="How far apart consecutive scans are at most \\[m]. \\[learned]",
+    ),
+]
+
+
+def survey_settings(
+    loops: int | None, max_speed: float | None, max_turn_rate: float | None, max_step: float | None
+) -> "MapperSettings":
+    """How the survey is put together, as the options say; None leaves the default."""
+    from slam.loops.settings import LoopSettings
+    from slam.mapper import MapperSettings
+    from slam.motion.limits import MotionLimits
+
+    limits = MotionLimits(
+        speed=math.inf if max_speed is None else max_speed,
+        turn_rate=math.inf if max_turn_rate is None else math.radians(max_turn_rate),
+        step=math.inf if max_step is None else max_step,
+    )
+    return MapperSettings(LoopSettings() if loops is None else LoopSettings(per_scan=loops), limits)
