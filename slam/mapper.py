@@ -8,6 +8,8 @@ import numpy as np
 
 from kernels.errors import InputError
 from slam.decide.decision import Decision, decide
+from slam.decide.navigation import Navigation
+from slam.decide.wrong_fixes import WrongFix
 from slam.execute.runner import Execution, PairRunner, Progress
 from slam.execute.worker import prepared_limit
 from slam.graph.edge import Edge
@@ -18,6 +20,7 @@ from slam.loops.settings import LoopSettings
 from slam.map.component_maps import ComponentMaps, component_maps
 from slam.map.point_map import PointMap
 from slam.motion.limits import MotionLimits
+from slam.motion.odometry import Odometry
 from slam.pair import Pair, require_any_registered
 from slam.pair_search import PairSearch
 from spectral.result import Registrar
@@ -62,6 +65,7 @@ class SurveyResult:
         chained: the same as they were before loops.
         components: the sets of scans that share a frame, by kept edges or by instruments that place them in the world.
         surveys: the number of each scan's survey.
+        wrong_fixes: what instruments measured and all others contradict; it was left out.
         covariances: (N, 6, 6), rotation first [rad, m], body tangent, against the component's first pose, or the world.
         solution: the optimized graph, with its chi-squared and residuals.
         parts: the maps of every component.
@@ -80,6 +84,7 @@ class SurveyResult:
     pairs: tuple[Pair, ...]
     gaps: tuple[tuple[int, int], ...]
     voxel: float
+    wrong_fixes: tuple[WrongFix, ...] = ()
 
     @property
     def moved(self) -> float:
@@ -104,8 +109,8 @@ class SurveyResult:
 
     @property
     def edges(self) -> tuple[Edge, ...]:
-        """What the graph was built from."""
-        return self.solution.graph.edges
+        """The registrations that the graph was built from."""
+        return tuple(edge for edge in self.solution.graph.edges if edge.is_registered)
 
 
 class Mapper:
@@ -136,7 +141,11 @@ class Mapper:
         self.execution = execution or Execution.here(registrar, self.settings.prepared or prepared_limit(registrar))
 
     def run(
-        self, scans: Sequence[Scan], progress: Progress | None = None, surveys: Sequence[int] | None = None
+        self,
+        scans: Sequence[Scan],
+        progress: Progress | None = None,
+        surveys: Sequence[int] | None = None,
+        odometry: Odometry | None = None,
     ) -> SurveyResult:
         """Map a survey, or several of one place.
 
@@ -148,6 +157,7 @@ class Mapper:
             progress: called as progress(steps done, steps planned so far, words); the plan grows as
                 candidates for bridges and loops are found.
             surveys: the number of each scan's survey, ascending; by default all are of one.
+            odometry: dead reckoning of these scans.
 
         Raises:
             InputError: fewer than two scans, or not one pair that could be tried.
@@ -155,31 +165,36 @@ class Mapper:
         if len(scans) < 2:
             raise InputError(f"{len(scans)} scan given; a map needs at least two that overlap")
         survey = np.zeros(len(scans), np.intp) if surveys is None else np.asarray(surveys, np.intp)
-        runner = PairRunner(self.execution, scans, 2, progress)
-
+        navigation = Navigation.of(scans, survey, odometry)
+        runner = PairRunner(self.execution, navigation.scans, 2, progress)
         search = PairSearch(
-            runner, scans, survey, self.registrar, self.voxel, self.settings.loops, self.settings.limits
+            runner,
+            navigation.scans,
+            survey,
+            self.registrar,
+            self.voxel,
+            self.settings.loops,
+            self.settings.limits,
+            odometry,
         )
         pairs = search.steps()
         pairs += search.bridges(pairs, self.settings.bridge)
         require_any_registered(pairs)
-        decision = self._decide(runner, scans, pairs)
+        decision = self._decide(runner, navigation, pairs)
         for _ in range(self.settings.loops.rounds):
             loops = search.loops(decision, pairs)
             if not loops:
                 break
             pairs += loops
-            decision = self._decide(runner, scans, pairs)
+            decision = self._decide(runner, navigation, pairs)
         runner.release()
         runner.step_done("poses optimized")
         result = self._fuse(scans, survey, decision)
         runner.step_done("map fused")
         return result
 
-    def _decide(self, runner: PairRunner, scans: Sequence[Scan], pairs: Sequence[Pair]) -> Decision:
-        stamps = np.array([scan.stamp for scan in scans], dtype=np.float64)
-        priors = {k: scan.prior for k, scan in enumerate(scans) if scan.prior is not None}
-        decision = decide(pairs, stamps, priors, self.voxel, self.settings.loops)
+    def _decide(self, runner: PairRunner, navigation: Navigation, pairs: Sequence[Pair]) -> Decision:
+        decision = decide(pairs, navigation, self.voxel, self.settings.loops)
         runner.end_stage("poses optimized")
         return decision
 
@@ -209,4 +224,5 @@ class Mapper:
             pairs=decision.pairs,
             gaps=tuple((pair.i, pair.j) for pair in decision.pairs if pair.role == "sequential" and not pair.kept),
             voxel=self.voxel,
+            wrong_fixes=decision.wrong_fixes,
         )

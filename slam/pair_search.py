@@ -13,7 +13,9 @@ from slam.loops.candidates import find_candidates, find_lookalikes
 from slam.loops.settings import LoopSettings
 from slam.map.shared_cells import outline
 from slam.motion.limits import MotionLimits
+from slam.motion.measured_motion import AnyMotion, MeasuredMotion
 from slam.motion.motion import Motion
+from slam.motion.odometry import Odometry
 from slam.motion.reconsider import expected_by, is_doubtful, with_both, with_motion, without_leaps
 from slam.pair import Pair
 from spectral.result import Registrar
@@ -35,6 +37,7 @@ class PairSearch:
         voxel: edge of the survey's voxels [m].
         loops: which extra pairs are tried.
         limits: what the vehicle's motion cannot exceed.
+        odometry: dead reckoning, which then says where a scan is expected; None without.
     """
 
     def __init__(
@@ -46,11 +49,12 @@ class PairSearch:
         voxel: float,
         loops: LoopSettings,
         limits: MotionLimits,
+        odometry: Odometry | None = None,
     ) -> None:
         self._runner, self._scans, self._survey, self._registrar = runner, scans, survey, registrar
-        self._voxel, self._settings, self._limits = voxel, loops, limits
+        self._voxel, self._settings, self._limits, self._odometry = voxel, loops, limits, odometry
         self._floor = loops.floor(voxel)
-        self._motion: Motion | None = None
+        self._motion: AnyMotion | None = None
         self._outlines: list[np.ndarray] = []
 
     def steps(self) -> list[Pair]:
@@ -59,7 +63,8 @@ class PairSearch:
         steps = [Pair(k, k + 1, "sequential") for k in range(len(survey) - 1) if survey[k] == survey[k + 1]]
         pairs = self._runner.register(steps)
         stamps = np.array([scan.stamp for scan in self._scans], dtype=np.float64)
-        self._motion = Motion.learn(pairs, stamps, survey, self._floor, self._limits)
+        motion = Motion.learn(pairs, stamps, survey, self._floor, self._limits)
+        self._motion = motion if self._odometry is None else MeasuredMotion(self._odometry, motion, self._floor)
         return self._again(pairs)
 
     def bridges(self, steps: Sequence[Pair], widest: int) -> list[Pair]:
@@ -118,7 +123,8 @@ class PairSearch:
             looks = [replace(_unregistered(pair), expected=motion.expected(*pair.scans)) for pair in doubtful]
             again = {pair.scans: pair for pair in self._runner.register(looks)}
         both = [with_both(pair, again[pair.scans], motion) if pair.scans in again else pair for pair in pairs]
-        return [with_motion(pair, motion) for pair in both]
+        # dead reckoning is in the graph itself
+        return [pair if motion.is_measured(*pair.scans) else with_motion(pair, motion) for pair in both]
 
     def _candidates(self, decision: Decision, tried: set[tuple[int, int]]) -> list[Pair]:
         """Pairs to try next, in the order of the scans: neighbors in that order share prepared scans."""

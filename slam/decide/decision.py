@@ -1,15 +1,17 @@
 """From everything that was registered to one estimate: which answers become edges, and why the others do not."""
 
-from collections.abc import Mapping, Sequence, Set
+from collections.abc import Sequence, Set
 from dataclasses import dataclass, replace
 
 import numpy as np
 
 from kernels.errors import InputError
 from slam.decide.consistency import chain_parts, find_support
+from slam.decide.navigation import Navigation
 from slam.decide.possible_edge import PossibleEdge, possible_edges
 from slam.decide.robust import robust_optimize
 from slam.decide.verdict import with_verdicts
+from slam.decide.wrong_fixes import WrongFix, without_wrong_fixes
 from slam.graph.edge import Edge, components, spanning_tree
 from slam.graph.pose_covariance import edge_variances
 from slam.graph.pose_graph import PoseGraph, Solution
@@ -17,7 +19,6 @@ from slam.graph.trajectory import Trajectory, chain
 from slam.graph.world import place_in_world
 from slam.loops.settings import LoopSettings
 from slam.pair import Pair
-from spectral.scan import PosePrior
 
 # Loops that a step of the chain outweighs: those that are given to the optimizer have been found consistent before.
 _CHAIN_WORTH = 2.0
@@ -37,17 +38,18 @@ class Decision:
         chained: N poses from the trusted edges alone, without a loop.
         solution: the optimized graph of the edges that were kept.
         pairs: every pair with its verdict, in the order in which they were given.
+        wrong_fixes: what instruments measured and all others contradict; it was left out.
     """
 
     chained: Trajectory
     solution: Solution
     pairs: tuple[Pair, ...]
+    wrong_fixes: tuple[WrongFix, ...] = ()
 
 
 def decide(
     pairs: Sequence[Pair],
-    stamps: np.ndarray,
-    priors: Mapping[int, PosePrior],
+    navigation: Navigation,
     voxel: float,
     settings: LoopSettings,
 ) -> Decision:
@@ -59,14 +61,13 @@ def decide(
 
     Args:
         pairs: every pair that was tried.
-        stamps: (N,) float64 [s], of the scans.
-        priors: what instruments say of the poses, by scan.
+        navigation: the scans, and what instruments say of their poses.
         voxel: edge of the survey's voxels [m].
         settings: how strictly answers are judged.
     """
     distrusted: set[tuple[int, int]] = set()
     while True:
-        decision, contradicted = _decide(pairs, stamps, priors, settings.floor(voxel), settings.bound, distrusted)
+        decision, contradicted = _decide(pairs, navigation, settings.floor(voxel), settings.bound, distrusted)
         if not contradicted:
             return decision
         distrusted |= contradicted
@@ -74,28 +75,30 @@ def decide(
 
 def _decide(
     pairs: Sequence[Pair],
-    stamps: np.ndarray,
-    priors: Mapping[int, PosePrior],
+    navigation: Navigation,
     floor: np.ndarray,
     bound: float,
     distrusted: Set[tuple[int, int]],
 ) -> tuple[Decision, set[tuple[int, int]]]:
     """As `decide` with `distrusted` pairs kept out of the chain; and which of the chain the graph contradicts."""
-    count = len(stamps)
+    count, stamps, odometry = len(navigation.scans), navigation.stamps, list(navigation.odometry)
     trusted = [edge for pair in pairs if pair.scans not in distrusted and (edge := _chain_edge(pair))]
     chain_scans = {(edge.i, edge.j) for edge in trusted}
     answers = [answer for pair in pairs if pair.scans not in chain_scans for answer in _answers(pair)]
     joins: list[Edge] = []
-    supported = find_support(chain_parts(count, trusted), answers, floor, bound)
-    while new_joins := _joins(count, [*trusted, *joins], supported):
+    supported = find_support(chain_parts(count, [*trusted, *odometry]), answers, floor, bound)
+    while new_joins := _joins(count, [*trusted, *odometry, *joins], supported):
         joins += new_joins
-        supported = find_support(chain_parts(count, [*trusted, *joins]), answers, floor, bound)
+        supported = find_support(chain_parts(count, [*trusted, *odometry, *joins]), answers, floor, bound)
     taken = _taken(supported)
-    edges = (*trusted, *(possible.edge() for possible in taken.values()))
-    parts = components(count, [*trusted, *joins])
-    chained = place_in_world(chain([*trusted, *joins], stamps), parts, priors)
+    edges = (*trusted, *(possible.edge() for possible in taken.values()), *odometry)
+    sure = [*trusted, *odometry, *joins]
+    parts = components(count, sure)
+    chained = place_in_world(chain(sure, stamps), parts, navigation.priors)
+    fixes = PoseGraph(chained, tuple(sure))
+    priors, wrong_fixes = without_wrong_fixes(_widened(fixes, _GRAPH_FLOOR * floor), navigation.priors)
     graph = PoseGraph(chained, edges, priors=tuple(sorted(priors.items())))
-    beyond_chain = len(edges) - (count - len(parts))
+    beyond_chain = len(edges) - len(odometry) - (count - len(parts))
     granted = _GRAPH_FLOOR * (1 + beyond_chain / _HALVING_EDGES) ** -0.5 * floor
     robust = robust_optimize(_widened(graph, granted), chain_worth=_CHAIN_WORTH)
     kept_graph = graph.keep(robust.accepted)
@@ -105,15 +108,19 @@ def _decide(
         # what is not measured is taken from where the optimizer starts: let it be the optimum itself
         solution = solution.graph.optimize()
     solution = replace(solution, chi_squared_before=kept_graph.chi_squared)  # of the chained poses
-    kept = {(edge.i, edge.j) for edge in solution.graph.edges}
-    decision = Decision(chained, solution, tuple(with_verdicts(pairs, supported, taken, solution)))
+    kept = {(edge.i, edge.j) for edge in solution.graph.edges if edge.is_registered}
+    wrong = (*navigation.wrong_fixes, *wrong_fixes)
+    decision = Decision(chained, solution, tuple(with_verdicts(pairs, supported, taken, solution)), wrong)
     return decision, chain_scans - kept
 
 
 def _widened(graph: PoseGraph, floor: np.ndarray) -> PoseGraph:
-    """The graph with (6,) standard deviations added to each edge's."""
-    edges = []
+    """The graph with (6,) standard deviations added to each registration's."""
+    edges: list[Edge] = []
     for edge in graph.edges:
+        if not edge.is_registered:
+            edges.append(edge)
+            continue
         covariance = edge.registration.covariance + np.diag(floor**2)
         edges.append(replace(edge, registration=replace(edge.registration, covariance=covariance)))
     return replace(graph, edges=tuple(edges))

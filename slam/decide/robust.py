@@ -93,8 +93,8 @@ def _chi_squared(probability: float, degrees: int) -> float:
 
 
 def _fixed_inliers(graph: PoseGraph, trusted: Iterable[int]) -> np.ndarray:
-    """(E,) bool: inliers whatever the others say: priors, trusted edges, and the only ties between two parts."""
-    fixed = np.array([edge.kind == "prior" for edge in graph.edges], bool)
+    """(E,) bool: inliers in any case: what instruments say, trusted edges, and the only ties between two parts."""
+    fixed = np.array([not edge.is_registered for edge in graph.edges], bool)
     fixed[[*trusted, *bridges(len(graph.trajectory), graph.edges, graph.in_world)]] = True
     return fixed
 

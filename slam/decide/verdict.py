@@ -23,7 +23,7 @@ def with_verdicts(
         taken: the answers that were given to the optimizer, by their scans.
         solution: the optimized graph; its edges are what was kept.
     """
-    kept = {(edge.i, edge.j): n for n, edge in enumerate(solution.graph.edges)}
+    kept = {(edge.i, edge.j): n for n, edge in enumerate(solution.graph.edges) if edge.is_registered}
     best = {possible.scans: possible for possible in reversed(supported)} | dict(taken)
     part = {pose: number for number, members in enumerate(solution.graph.components) for pose in members}
     decided = []

@@ -12,7 +12,7 @@ from scipy.linalg import cho_factor, cho_solve
 from kernels.errors import InputError
 from spectral.result import Registration
 
-Kind = Literal["sequential", "loop", "prior"]
+Kind = Literal["sequential", "odometry", "loop", "prior"]
 SYMMETRY = 1e-9  # largest asymmetry of a covariance or information, as a share of its largest element
 
 
@@ -24,8 +24,8 @@ class Edge:
         i, j: indices of the poses; equal for a prior, and only there.
         registration: `T_target_source` is T_i_j; for a prior it is T_world_i. The covariance is (6, 6),
             rotation first [rad, m], body tangent of j.
-        kind: "sequential" (consecutive scans), "loop" (any others) or "prior" (of one pose, against the
-            world).
+        kind: "sequential" (consecutive scans), "loop" (any others), "odometry" (by dead reckoning) or "prior" (of one
+            pose, against the world).
 
     Raises:
         InputError: an unknown kind, indices that do not suit it, or a covariance that is not symmetric
@@ -48,6 +48,11 @@ class Edge:
         if not self.registration.T_target_source.single:
             raise InputError(f"{self.name} holds a stack of transforms; give every edge a single one")
         check_definite(self.registration.covariance, f"the covariance of {self.name}")
+
+    @property
+    def is_registered(self) -> bool:
+        """Whether a registration says so; else instruments do."""
+        return self.kind in ("sequential", "loop")
 
     def scaled(self, factor: float) -> "Edge":
         """The edge with its covariance multiplied."""
@@ -83,10 +88,11 @@ def inverse_definite(matrix: np.ndarray) -> np.ndarray:
 
 
 def spanning_tree(count: int, edges: Sequence[Edge]) -> list[Edge]:
-    """Edges that join every component of `count` poses without a cycle, consecutive ones before loops."""
+    """Edges that join every component of `count` poses without a cycle: consecutive scans, odometry, then loops."""
     joined = DisjointSet(range(count))
     between = [edge for edge in edges if edge.kind != "prior"]
-    return [edge for edge in sorted(between, key=lambda e: e.kind == "loop") if joined.merge(edge.i, edge.j)]
+    order = get_args(Kind)
+    return [edge for edge in sorted(between, key=lambda e: order.index(e.kind)) if joined.merge(edge.i, edge.j)]
 
 
 def components(count: int, edges: Sequence[Edge]) -> tuple[tuple[int, ...], ...]:

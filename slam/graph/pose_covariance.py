@@ -37,12 +37,12 @@ def edge_variances(graph: PoseGraph) -> np.ndarray:
     degrees of freedom, by reweighted least squares (Lange, Little and Taylor, DOI 10.2307/2290063).
 
     Args:
-        graph: with its kept edges, about their optimum; instruments do not count, nor are priors among edges scaled.
+        graph: with its kept edges, about their optimum; what instruments say does not count, and is not scaled.
 
     Raises:
         InputError: the equations have no unique or no finite solution.
     """
-    alone = graph.edges_alone
+    alone = graph.registered_alone
     weights, quotient = np.ones(len(alone.edges)), _EXPECTED
     for _ in range(_REWEIGHTED if weights.size else 0):
         solution = alone.scaled(1 / weights).optimize()
@@ -51,7 +51,7 @@ def edge_variances(graph: PoseGraph) -> np.ndarray:
         quotient = (squared.sum() + _WORTH * _EXPECTED) / (solution.degrees_of_freedom + _WORTH)
         weights = np.minimum(1.0, (_TAILS + 6) / (_TAILS + squared / weights / quotient))
     factors = np.ones(len(graph.edges))
-    factors[[edge.kind != "prior" for edge in graph.edges]] = _OF_EDGES * quotient / weights
+    factors[[edge.is_registered for edge in graph.edges]] = _OF_EDGES * quotient / weights
     return factors
 
 
@@ -108,7 +108,7 @@ def _own_parts(solution: Solution) -> np.ndarray:
     count = len(solution.trajectory)
     total, edges = np.zeros((count, 6, 6)), np.zeros(count)
     for edge in solution.graph.edges:
-        if edge.kind != "prior":
+        if edge.is_registered:
             turn = block_diag(*[edge.registration.T_target_source.rotation.as_matrix()] * 2)
             of_j = edge.registration.covariance
             for pose, covariance in ((edge.j, of_j), (edge.i, turn @ of_j @ turn.T)):

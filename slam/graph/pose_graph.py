@@ -146,10 +146,9 @@ class PoseGraph:
         return replace(self, edges=kept)
 
     @property
-    def edges_alone(self) -> "PoseGraph":
-        """The graph without what is known of single poses."""
-        between = tuple(edge for edge in self.edges if edge.kind != "prior")
-        return replace(self, edges=between, priors=(), known=())
+    def registered_alone(self) -> "PoseGraph":
+        """The graph without what instruments say."""
+        return replace(self, edges=tuple(edge for edge in self.edges if edge.is_registered), priors=(), known=())
 
     def scaled(self, factors: np.ndarray) -> "PoseGraph":
         """The graph with the covariances of its E edges multiplied by (E,) factors."""
@@ -255,9 +254,13 @@ class Solution:
         """The optimized poses."""
         return self.graph.trajectory
 
+    def covariance(self, k: int) -> np.ndarray:
+        """(6, 6) of one pose, as `covariances`."""
+        return self._marginals.marginalCovariance(k)
+
     def covariances(self) -> np.ndarray:
         """(N, 6, 6): each pose's, rotation first [rad, m], body tangent, against its component's anchor."""
-        return np.stack([self._marginals.marginalCovariance(k) for k in range(len(self.trajectory))])
+        return np.stack([self.covariance(k) for k in range(len(self.trajectory))])
 
     def relative(self, i: int, j: int) -> tuple[RigidTransform, np.ndarray]:
         """T_i_j as the graph estimates it, and its (6, 6) covariance, from the joint marginal of both poses.

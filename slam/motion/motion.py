@@ -107,6 +107,10 @@ class Motion:
         scatter = self.covariance * span**2 * (_TAILS - 2) / _TAILS + np.diag(self.floor**2)
         return bool(_squared(x[None] - self.usual * span, scatter)[0] > _BEYOND)
 
+    def is_measured(self, i: int, j: int) -> bool:
+        """Never: it is learned."""
+        return False
+
     def is_beyond(self, i: int, j: int, T_i_j: RigidTransform) -> bool:
         """Whether the vehicle cannot have got from scan i to scan j of one survey: by the limits, or many times faster
         than it usually is."""

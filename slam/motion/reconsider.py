@@ -8,7 +8,7 @@ from scipy.spatial.transform import RigidTransform
 
 from slam.graph.edge import inverse_definite
 from slam.graph.pose_graph import Solution
-from slam.motion.motion import Motion
+from slam.motion.measured_motion import AnyMotion
 from slam.pair import Pair
 from spectral.expected import ExpectedPose
 from spectral.result import Registration
@@ -19,7 +19,7 @@ _UNSURE = 3.0
 _CONTRADICTED = 0.1
 
 
-def is_doubtful(pair: Pair, motion: Motion) -> bool:
+def is_doubtful(pair: Pair, motion: AnyMotion) -> bool:
     """Whether a pair is worth another look: it was not accepted, or the motion contradicts what was."""
     registration = pair.registration
     if registration is None:
@@ -27,7 +27,7 @@ def is_doubtful(pair: Pair, motion: Motion) -> bool:
     return not registration.accepted or motion.contradicts(pair.i, pair.j, registration.T_target_source)
 
 
-def with_both(first: Pair, second: Pair, motion: Motion | None = None) -> Pair:
+def with_both(first: Pair, second: Pair, motion: AnyMotion | None = None) -> Pair:
     """The pair with its second registration, and the first one's answers beside it.
 
     Args:
@@ -47,7 +47,7 @@ def with_both(first: Pair, second: Pair, motion: Motion | None = None) -> Pair:
     )
 
 
-def without_leaps(pair: Pair, motion: Motion) -> Pair:
+def without_leaps(pair: Pair, motion: AnyMotion) -> Pair:
     """The pair of one survey without answers that the vehicle cannot have reached meanwhile."""
     registration = pair.registration
     if registration is None:
@@ -71,7 +71,7 @@ def expected_by(solution: Solution, pair: Pair, floor: np.ndarray) -> ExpectedPo
     return ExpectedPose.of(T, np.sqrt(_UNSURE * np.concatenate(variances) + floor**2))
 
 
-def with_motion(pair: Pair, motion: Motion) -> Pair:
+def with_motion(pair: Pair, motion: AnyMotion) -> Pair:
     """The pair with what the motion says of its answers: where the scans leave a direction open, it holds the pose.
 
     Answers that the motion contradicts stay as they are.
@@ -101,7 +101,7 @@ def _fused(answer: Registration, expected: ExpectedPose) -> Registration:
     return replace(answer, T_target_source=T * RigidTransform.from_exp_coords(step), covariance=covariance)
 
 
-def _less(answer: Registration, left: float, pair: Pair, motion: Motion | None) -> Registration:
+def _less(answer: Registration, left: float, pair: Pair, motion: AnyMotion | None) -> Registration:
     """An answer beside a better one: less probable by what the other leaves, and where the motion contradicts it."""
     if motion is not None and motion.contradicts(pair.i, pair.j, answer.T_target_source):
         left *= _CONTRADICTED

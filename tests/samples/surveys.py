@@ -7,6 +7,7 @@ import numpy as np
 from scipy.spatial.transform import RigidTransform, Rotation
 
 from kernels.errors import InputError
+from slam.decide.navigation import Navigation
 from slam.graph.edge import Edge, Kind
 from spectral.result import Registration
 from spectral.scan import Scan
@@ -53,6 +54,11 @@ def scans_of(T_world_sensor: RigidTransform, reach: float = 6.0, seed: int = 0) 
         near = world[np.linalg.norm(world - T.translation, axis=1) < reach]
         scans.append(Scan(T.inv().apply(near).astype(np.float32), stamp=100.0 + k, name=f"scan{k}"))
     return scans
+
+
+def navigation_of(count: int) -> Navigation:
+    """Of scans that no instrument tells of, a second apart."""
+    return Navigation(tuple(Scan(np.zeros((1, 3), np.float32), stamp=float(k)) for k in range(count)))
 
 
 class KnowingRegistrar:

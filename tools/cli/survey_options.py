@@ -1,14 +1,20 @@
 """The options of `sonarmap map` beside those that verbs share: scans, loops, motion, files, and who works."""
 
 import math
+from collections.abc import Sequence
+from pathlib import Path
 from typing import TYPE_CHECKING, Annotated
 
 import typer
 
+from kernels.errors import InputError
+from tools.cli.terminal import say
 from tools.output.exports import EXPORTS
 
 if TYPE_CHECKING:
     from slam.mapper import MapperSettings
+    from slam.motion.odometry import Odometry
+    from spectral.scan import Scan
 
 _EXPORTS = " or ".join(f"{file.format('')} ({name})" for name, file in EXPORTS.items())
 
@@ -95,6 +101,24 @@ MaxStepOption = Annotated[
     ),
 ]
 
+OdometryOption = Annotated[
+    Path | None,
+    typer.Option(
+        "--odometry",
+        metavar="FILE",
+        help="Dead reckoning at times of its own: TUM, or CSV with stamp and all columns of a priors file.",
+    ),
+]
+OdometryDriftOption = Annotated[
+    str | None,
+    typer.Option(
+        "--odometry-drift",
+        metavar="P,D",
+        help="Its standard deviation: percent of the way, degrees per hour. \\[1,10]",
+    ),
+]
+DEFAULT_DRIFT = "1,10"
+
 
 def survey_settings(
     loops: int | None, max_speed: float | None, max_turn_rate: float | None, max_step: float | None
@@ -110,3 +134,22 @@ def survey_settings(
         step=math.inf if max_step is None else max_step,
     )
     return MapperSettings(LoopSettings() if loops is None else LoopSettings(per_scan=loops), limits)
+
+
+def odometry_of(scans: "Sequence[Scan]", path: Path | None, drift: str | None) -> "Odometry | None":
+    """The dead reckoning of --odometry at the scans' times; None without.
+
+    Raises:
+        InputError: the file cannot be used, or there is a drift without a file.
+    """
+    if path is None:
+        if drift is not None:
+            raise InputError("--odometry-drift has no effect without --odometry; give it too, or leave it out")
+        return None
+    from tools.readers.odometry import parse_drift, read_odometry
+
+    notes: list[str] = []
+    odometry = read_odometry(path, scans, *parse_drift(drift or DEFAULT_DRIFT), notes)
+    for note in notes:
+        say(note)
+    return odometry

@@ -56,6 +56,11 @@ def warn_of_faults(result: "SurveyResult", names: Sequence[str], out: Path) -> N
             f"{len(lone)} of {len(names)} scans are in no map, as no reliable registration joins them to the others: "
             f"{_listed(lone, names)}"
         )
+    for fix in result.wrong_fixes:
+        warn(
+            f"the {fix.kind} of {names[fix.scan]} is {fix.sigmas:.1f} standard deviations from what everything else "
+            "says; it is left out"
+        )
     if alone := result.by_navigation:
         warn(
             f"{len(alone)} of {len(names)} scans lie in the map by navigation alone, as no reliable registration joins "

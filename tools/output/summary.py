@@ -2,6 +2,7 @@
 
 import math
 from collections.abc import Mapping, Sequence
+from dataclasses import asdict
 from typing import Any
 
 import numpy as np
@@ -58,6 +59,7 @@ def survey_summary(
         "components": [_component_row(result, c) for c in placed(result.components)],
         "unplaced": unplaced(result.components),
         "by_navigation": result.by_navigation,
+        "wrong_fixes": [{"name": names[fix.scan], **asdict(fix)} for fix in result.wrong_fixes],
         "crossing_error_m": crossing_row(CrossingError.of(part.crossings for part in result.parts)),
         "graph": {
             "edges": len(graph.edges),

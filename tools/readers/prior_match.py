@@ -51,7 +51,7 @@ def _by_name(scans: Sequence[Scan], name: str) -> list[int]:
 
 
 def _by_stamp(scans: Sequence[Scan], text: str, where: str) -> list[int]:
-    stamp = _seconds(text)
+    stamp = seconds(text)
     if not abs(stamp) < float("inf"):
         raise InputError(
             f"{where}: the stamp is {text[:40]!r}; wanted finite seconds, or a time as 2026-07-01T09:30:00Z; fix that "
@@ -60,7 +60,7 @@ def _by_stamp(scans: Sequence[Scan], text: str, where: str) -> list[int]:
     return [index for index, scan in enumerate(scans) if abs(scan.stamp - stamp) <= SAME_STAMP]
 
 
-def _seconds(text: str) -> float:
+def seconds(text: str) -> float:
     """Seconds, or the Unix time of an ISO 8601 time, UTC where it names no zone; NaN for anything else."""
     try:
         return float(text) if "_" not in text else float("nan")

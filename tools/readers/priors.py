@@ -16,7 +16,8 @@ from kernels.errors import InputError
 from spectral.scan import PosePrior, Scan
 from tools.readers.csv_table import read_csv_table
 from tools.readers.instruments import COLUMNS, SIGMA_COLUMNS, prior_of
-from tools.readers.prior_match import find_scan
+from tools.readers.prior_match import SAME_STAMP, find_scan, seconds
+from tools.readers.prior_series import at_scans
 
 KEYS = ("name", "stamp")
 LARGEST = {"roll_deg": 180.0, "pitch_deg": 90.0, "heading_deg": 360.0}
@@ -55,6 +56,8 @@ def with_priors(
             that fits no scan or several, or not one that fits any.
     """
     key, rows = read_prior_rows(path, sigmas, notes)
+    if key == "stamp" and _is_series(scans, rows):
+        return _from_series(scans, path, rows, notes)
     lines: dict[int, int] = {}  # of each scan, in the file
     changed = list(scans)
     for row in rows:
@@ -72,6 +75,33 @@ def with_priors(
             f"{path}: no row belongs to any of the scans, which are {_some([scan.name for scan in scans])}"
         )
     return tuple(changed)
+
+
+def _is_series(scans: Sequence[Scan], rows: Sequence[PriorRow]) -> bool:
+    """Whether rows have times of their own: some that are no scan's, of more than half of the rows."""
+    stamps = np.array([scan.stamp for scan in scans])
+    times = np.array([seconds(row.key) for row in rows])
+    if not np.isfinite(times).all():
+        return False  # told row by row
+    lone = [np.abs(stamps - time).min() > SAME_STAMP for time in times.tolist()]
+    return sum(lone) > len(rows) / 2
+
+
+def _from_series(
+    scans: Sequence[Scan], path: Path, rows: Sequence[PriorRow], notes: list[str] | None
+) -> tuple[Scan, ...]:
+    told = [(seconds(row.key), row.prior) for row in rows if row.prior is not None]
+    times = np.array([time for time, _ in told])
+    priors = at_scans(scans, times, [prior for _, prior in told])
+    if all(prior is None for prior in priors):
+        stamps = [scan.stamp for scan in scans]
+        raise InputError(
+            f"{path}: no row is at the time of a scan, or near it: the rows run from {times.min():.3f} to "
+            f"{times.max():.3f} s, the scans from {min(stamps):.3f} to {max(stamps):.3f} s; wanted stamps of one clock"
+        )
+    if notes is not None:
+        notes.append(f"{path} has times of its own; it was interpolated to those of the scans")
+    return tuple(replace(scan, prior=prior) for scan, prior in zip(scans, priors, strict=True))
 
 
 def read_prior_rows(

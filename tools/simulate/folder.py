@@ -5,6 +5,7 @@ from pathlib import Path
 
 from kernels.errors import InputError
 from tools.readers.instruments import PRIORS
+from tools.simulate.sensing.navigation import Fixes, dead_reckoning
 from tools.simulate.sensing.priors import Instruments, measure_poses
 from tools.simulate.simulation import Simulation, SimulationSettings, settings_from_json
 from tools.versions import package_versions
@@ -17,9 +18,16 @@ from tools.writers.tum import write_tum
 
 TRUTH = "truth.tum"
 DESCRIPTION = "description.json"
+ODOMETRY = "odometry.tum"
 
 
-def write_simulation(simulation: Simulation, folder: Path, instruments: Instruments | None = None) -> list[Path]:
+def write_simulation(
+    simulation: Simulation,
+    folder: Path,
+    instruments: Instruments | None = None,
+    fixes: Fixes | None = None,
+    drift: tuple[float, float] | None = None,
+) -> list[Path]:
     """Write the scans, the truth and the description; the paths written.
 
     Written again, the same settings give the same bytes (on another processor the last digits may differ). Under
@@ -29,6 +37,9 @@ def write_simulation(simulation: Simulation, folder: Path, instruments: Instrume
         simulation: what was simulated.
         folder: made where it is missing.
         instruments: whose measurements are written as priors.csv; None for no such file.
+        fixes: how positions are fixed; None for every scan, and none of them wrong.
+        drift: of dead reckoning, which is written as odometry.tum: share of the way, rotation [rad/s]; None for no such
+            file.
 
     Raises:
         InputError: the folder cannot be written, or holds scans or priors that are not part of this simulation.
@@ -50,9 +61,15 @@ def write_simulation(simulation: Simulation, folder: Path, instruments: Instrume
         _write_files(simulation, folder, paths)
         if instruments is not None:
             settings = simulation.settings
-            priors = measure_poses(simulation.truth.T_world_sensor, instruments, settings.seed, settings.dive)
-            write_priors(folder / PRIORS, [path.name for path in paths], priors)
-    return [*paths, folder / TRUTH, folder / DESCRIPTION, *([] if instruments is None else [folder / PRIORS])]
+            measured = measure_poses(simulation.truth.T_world_sensor, instruments, settings.seed, settings.dive)
+            priors = (fixes or Fixes()).of(measured, settings.seed, settings.dive)
+            kept = [(path.name, prior) for path, prior in zip(paths, priors, strict=True) if prior is not None]
+            write_priors(folder / PRIORS, [name for name, _ in kept], [prior for _, prior in kept])
+        if drift is not None:
+            reckoned = dead_reckoning(simulation.truth, *drift, simulation.settings.seed, simulation.settings.dive)
+            write_tum(folder / ODOMETRY, reckoned)
+    further = [*([] if instruments is None else [folder / PRIORS]), *([] if drift is None else [folder / ODOMETRY])]
+    return [*paths, folder / TRUTH, folder / DESCRIPTION, *further]
 
 
 def _write_files(simulation: Simulation, folder: Path, paths: list[Path]) -> None:

@@ -10,7 +10,7 @@ from slam.decide.decision import Decision, decide
 from slam.loops.settings import LoopSettings
 from slam.pair import Pair, Role
 from spectral.result import Registration
-from tests.samples.surveys import random_covariance, registration, ring_poses
+from tests.samples.surveys import navigation_of, random_covariance, registration, ring_poses
 
 COVARIANCE = random_covariance(np.random.default_rng(1), 0.002, 0.02)
 VOXEL = 0.1
@@ -33,7 +33,7 @@ def chain_of(truth: RigidTransform, **changed: dict) -> list[Pair]:
 
 
 def decided(truth: RigidTransform, pairs: list[Pair]) -> Decision:
-    return decide(pairs, np.arange(float(len(truth))), {}, VOXEL, LoopSettings())
+    return decide(pairs, navigation_of(len(truth)), VOXEL, LoopSettings())
 
 
 def worst(result: Decision, truth: RigidTransform) -> float:

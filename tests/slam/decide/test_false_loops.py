@@ -20,7 +20,7 @@ from slam.graph.pose_graph import PoseGraph
 from slam.graph.trajectory import chain
 from slam.loops.settings import LoopSettings
 from slam.pair import Pair
-from tests.samples.surveys import edge
+from tests.samples.surveys import edge, navigation_of
 from tests.samples.wrong_loops import aliased, scattered
 from tools.readers.poses.g2o import read_g2o
 from tools.simulate.paths.trajectories import lawnmower
@@ -121,9 +121,11 @@ def test_a_decided_survey_suffers_little(kind: str, share: float) -> None:
     right = {(one.i, one.j): one for one in graph.edges}
     wrong = {(one.i, one.j): one for one in drawn if (one.i, one.j) not in right and one.j > one.i + 1}
     begun = time.perf_counter()
-    plain = decide(pairs_of(right.values()), graph.trajectory.stamps, {}, VOXEL, LoopSettings())
+    plain = decide(pairs_of(right.values()), navigation_of(len(graph.trajectory)), VOXEL, LoopSettings())
     seconds = time.perf_counter() - begun
-    result = decide(pairs_of([*right.values(), *wrong.values()]), graph.trajectory.stamps, {}, VOXEL, LoopSettings())
+    result = decide(
+        pairs_of([*right.values(), *wrong.values()]), navigation_of(len(graph.trajectory)), VOXEL, LoopSettings()
+    )
     rejected = {(pair.i, pair.j) for pair in result.pairs if not pair.kept}
     found = len(rejected & wrong.keys())
     precision, recall = found / max(len(rejected), 1), found / len(wrong)

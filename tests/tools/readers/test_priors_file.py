@@ -195,9 +195,13 @@ class TestRefusals:
         with pytest.raises(InputError, match="line 2: the stamp '0' fits 2 scans, among them a and b"):
             with_priors(scans, path)
 
-    @pytest.mark.parametrize(("stamp", "words"), [("noon", "'noon'"), ("nan", "'nan'"), ("100.01", "no scan has")])
+    @pytest.mark.parametrize(("stamp", "words"), [("noon", "'noon'"), ("nan", "'nan'")])
     def test_stamps(self, path: Path, stamp: str, words: str) -> None:
         refused(path, f"stamp,depth_m,depth_sigma_m\n{stamp},1,1\n", "line 2", words)
+
+    def test_a_clock_of_its_own(self, path: Path) -> None:
+        text = "stamp,depth_m,depth_sigma_m\n9000.5,1,1\n"
+        refused(path, text, "no row is at the time of a scan", "9000.500", "one clock")
 
     def test_files(self, path: Path, tmp_path: Path) -> None:
         with pytest.raises(InputError, match="cannot read"):

@@ -42,8 +42,11 @@ from tools.cli.survey_options import (
     MaxSpeedOption,
     MaxStepOption,
     MaxTurnRateOption,
+    OdometryDriftOption,
+    OdometryOption,
     SchedulerOption,
     WorkersOption,
+    odometry_of,
     survey_settings,
 )
 from tools.cli.survey_text import print_survey, warn, warn_of_faults
@@ -51,7 +54,8 @@ from tools.cli.terminal import say
 from tools.methods.registry import DEFAULT_METHOD
 
 if TYPE_CHECKING:
-    from slam.mapper import MapperSettings, SurveyResult
+    from slam.mapper import SurveyResult
+    from slam.motion.odometry import Odometry
     from tools.readers.scans import ReadScans
 
 INCOMPLETE = 3
@@ -71,6 +75,8 @@ def command(
     strength: StrengthOption = False,
     priors: PriorsOption = None,
     prior_sigmas: PriorSigmasOption = None,
+    odometry: OdometryOption = None,
+    odometry_drift: OdometryDriftOption = None,
     loops: LoopsOption = None,
     max_speed: MaxSpeedOption = None,
     max_turn_rate: MaxTurnRateOption = None,
@@ -100,10 +106,13 @@ def command(
     options, execution_options = method_options(context), _execution_options(workers, scheduler, fresh)
     mapping = survey_settings(loops, max_speed, max_turn_rate, max_step)
     read = _read(inputs, priors, prior_sigmas, out)
+    reckoned = odometry_of(read.scans, odometry, odometry_drift)
     configured = configure_method(read.scans, options)
     prior_settings = {"priors": str(priors), "prior_sigmas": prior_sigmas} if priors else {}
-    settings = {"inputs": inputs, **prior_settings, **configured.settings}
-    result = _map(read, configured, execution_options, mapping, settings, out, also, quiet or as_json)
+    if odometry is not None:
+        prior_settings |= {"odometry": str(odometry), "odometry_drift": odometry_drift}
+    settings = {"inputs": inputs, **prior_settings, **configured.settings, "mapper": mapping}
+    result = _map(read, reckoned, configured, execution_options, settings, out, also, quiet or as_json)
     _show(result, [scan.name for scan in read.scans], out, also, as_json)
     if len(result.components) > 1 or read.unread:
         raise typer.Exit(INCOMPLETE)
@@ -138,9 +147,9 @@ def _read(inputs: list[str], priors: Path | None, prior_sigmas: str | None, out:
 
 def _map(
     read: "ReadScans",
+    odometry: "Odometry | None",
     configured: ConfiguredMethod,
     options: ExecutionOptions,
-    mapping: "MapperSettings",
     settings: Mapping[str, Any],
     out: Path,
     also: list[str],
@@ -154,7 +163,7 @@ def _map(
     from tools.writers.atomic import clear_leftovers, require_writable
 
     prepared = prepared_limit(configured.registrar)
-    mapping = replace(mapping, prepared=prepared)
+    mapping = replace(settings["mapper"], prepared=prepared)
     names = [scan.name for scan in read.scans]
     require_writable(out)
     with open_execution(configured, prepared, options, out / JOURNAL, quiet) as execution:
@@ -162,7 +171,7 @@ def _map(
         mapper = Mapper(configured.registrar, configured.grid.voxel, mapping, execution)
         with growing_progress("mapping", quiet) as step:
             step(0, len(read.scans), "preparing the first scans")
-            result = mapper.run(read.scans, step, read.surveys)
+            result = mapper.run(read.scans, step, read.surveys, odometry)
         times = survey_times(execution.timings, options.place)
         settings = {**settings, "mapper": mapping}
         write_survey(out, result, names, settings, configured.device, read.unread, also, times)

@@ -14,6 +14,7 @@ from tools.simulate.catalog import SENSOR_NAMES, TRAJECTORY_KINDS
 from tools.simulate.scenes.catalog import SCENE_KINDS
 
 if TYPE_CHECKING:
+    from tools.simulate.sensing.navigation import Fixes
     from tools.simulate.simulation import SimulationSettings
 
 DEFAULT_SCENE, DEFAULT_TRAJECTORY, DEFAULT_SEED = "floodgate", "survey", 1
@@ -69,6 +70,22 @@ UnusableOption = Annotated[
     float | None,
     typer.Option(help="Share of scans that are nearly empty or pure noise, 0..1.", metavar="P"),
 ]
+FixEveryOption = Annotated[
+    int | None,
+    typer.Option(min=1, metavar="N", help="With --priors position: only every N-th scan has a position. \\[1]"),
+]
+FixOutliersOption = Annotated[
+    float | None,
+    typer.Option(min=0, max=1, metavar="P", help="With --priors position: share that is 20 m off, 0..1. \\[0]"),
+]
+DriftOption = Annotated[
+    str | None,
+    typer.Option(
+        "--odometry",
+        metavar="P,D",
+        help="Also write odometry.tum, dead reckoning that drifts by P percent of the way and D degrees per hour.",
+    ),
+]
 OwnSeedOption = Annotated[
     int | None,
     typer.Option(metavar="S", help=f"The same seed gives the same scans. \\[{DEFAULT_SEED}]", callback=check_seed),
@@ -104,6 +121,9 @@ def command(
     dive: DiveOption = None,
     like: LikeOption = None,
     priors: PriorsOption = None,
+    fix_every: FixEveryOption = None,
+    fix_outliers: FixOutliersOption = None,
+    odometry: DriftOption = None,
     seed: OwnSeedOption = None,
     quiet: QuietOption = False,
 ) -> None:
@@ -111,6 +131,7 @@ def command(
 
     The same settings give the same files; --like description.json takes them from an earlier run.
     """
+    from tools.readers.odometry import parse_drift
     from tools.simulate.folder import write_simulation
     from tools.simulate.plan import SPACED
     from tools.simulate.sensing.priors import instruments_for
@@ -118,6 +139,8 @@ def command(
     from tools.writers.atomic import require_writable
 
     settings = _settings(like, scene, trajectory, sensor, seed)
+    fixes = _fixes(priors, fix_every, fix_outliers)
+    drift = None if odometry is None else parse_drift(odometry, "--odometry")
     instruments = None if priors is None else instruments_for([kind.strip() for kind in priors.split(",")])
     if spacing is not None and settings.trajectory not in SPACED:
         raise InputError(
@@ -131,8 +154,18 @@ def command(
     require_writable(out)
     with growing_progress("simulating", quiet) as step:
         simulation = simulate(settings, progress=lambda done: step(done, settings.count, ""))
-    write_simulation(simulation, out, instruments)
+    write_simulation(simulation, out, instruments, fixes, drift)
     typer.echo(f"{len(simulation.scans)} scans of {settings.scene} and their true poses in {printable(str(out))}")
+
+
+def _fixes(priors: str | None, every: int | None, outliers: float | None) -> "Fixes":
+    from tools.simulate.sensing.navigation import Fixes
+
+    if (every is not None or outliers is not None) and "position" not in (priors or ""):
+        raise InputError(
+            "--fix-every and --fix-outliers have no effect without --priors position; give it, or leave them out"
+        )
+    return Fixes(every or 1, outliers or 0.0)
 
 
 def _settings(

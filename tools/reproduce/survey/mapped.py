@@ -15,7 +15,7 @@ from tools.evaluate.pairs import TriedPair
 
 if TYPE_CHECKING:
     from slam.execute.scan_key import KeyedScan
-    from slam.execute.worker import TimedText, Worker
+    from slam.execute.worker import PairJob, TimedText, Worker
     from slam.mapper import SurveyResult
     from slam.pair import Pair
     from spectral.grid import Grid
@@ -126,7 +126,7 @@ class _TimedWorker:
         self._worker = worker
         self.registering = self.signing = 0.0
 
-    def register(self, pairs: "Sequence[tuple[KeyedScan, KeyedScan]]") -> "list[TimedText]":
+    def register(self, pairs: "Sequence[PairJob]") -> "list[TimedText]":
         start = perf_counter()
         done = self._worker.register(pairs)
         self.registering += perf_counter() - start

@@ -1,0 +1,57 @@
+# pyright: strict, reportMissingTypeStubs=false
+"""What instruments say of a whole survey: fixes of single poses, and dead reckoning between them."""
+
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
+
+import numpy as np
+
+from slam.decide.wrong_fixes import WrongFix, without_wrong_fixes
+from slam.graph.edge import Edge, components
+from slam.graph.pose_graph import PoseGraph
+from slam.graph.trajectory import chain
+from slam.graph.world import place_in_world
+from slam.motion.odometry import Odometry
+from spectral.scan import PosePrior, Scan
+
+
+@dataclass(frozen=True, slots=True)
+class Navigation:
+    """Instruments, without fixes that they themselves contradict.
+
+    Attributes:
+        scans: N, with the priors that are left; what is wrong must not bound a registration.
+        odometry: the steps of dead reckoning.
+        wrong_fixes: what dead reckoning and the other fixes contradict.
+    """
+
+    scans: tuple[Scan, ...]
+    odometry: tuple[Edge, ...] = ()
+    wrong_fixes: tuple[WrongFix, ...] = ()
+
+    @classmethod
+    def of(cls, scans: Sequence[Scan], surveys: np.ndarray, odometry: Odometry | None) -> "Navigation":
+        """Of scans with their priors, and their dead reckoning, which shows wrong fixes before a scan is registered.
+
+        Args:
+            scans: N.
+            surveys: (N,) the number of each scan's survey.
+            odometry: None without.
+        """
+        if odometry is None:
+            return cls(tuple(scans))
+        steps, alone = odometry.edges(surveys), cls(tuple(scans))
+        placed = place_in_world(chain(steps, alone.stamps), components(len(scans), steps), alone.priors)
+        left, wrong = without_wrong_fixes(PoseGraph(placed, tuple(steps)), alone.priors)
+        cleaned = tuple(replace(scan, prior=left.get(k)) for k, scan in enumerate(scans))
+        return cls(cleaned, tuple(steps), wrong)
+
+    @property
+    def stamps(self) -> np.ndarray:
+        """(N,) [s]."""
+        return np.array([scan.stamp for scan in self.scans], dtype=np.float64)
+
+    @property
+    def priors(self) -> dict[int, PosePrior]:
+        """By scan."""
+        return {k: scan.prior for k, scan in enumerate(self.scans) if scan.prior is not None}

@@ -1,0 +1,111 @@
+"""Fixes that everything else contradicts are found, and no others."""
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+from scipy.spatial.transform import RigidTransform, Rotation
+
+from slam.decide.navigation import Navigation
+from slam.decide.wrong_fixes import without_wrong_fixes
+from slam.graph.edge import Edge
+from slam.graph.pose_graph import PoseGraph
+from slam.graph.trajectory import Trajectory
+from slam.motion.odometry import Odometry
+from spectral.scan import PosePrior, Scan
+from tests.samples.surveys import edge, random_covariance, ring_poses
+
+COUNT = 60
+TRUTH = RigidTransform.from_components([300.0, -80.0, -20.0], Rotation.from_euler("Z", 0.7)) * ring_poses(COUNT, 30.0)
+COVARIANCE = random_covariance(np.random.default_rng(4), 0.002, 0.03)
+SIGMAS = np.array([0.01, 0.01, 0.05, 1.0, 1.0, 0.2])
+
+
+def edges(seed: int) -> tuple[Edge, ...]:
+    rng = np.random.default_rng(seed)
+    noise = RigidTransform.from_exp_coords(rng.multivariate_normal(np.zeros(6), COVARIANCE, COUNT))
+    return tuple(edge(k, k + 1, TRUTH[k].inv() * TRUTH[k + 1] * noise[k], COVARIANCE) for k in range(COUNT - 1))
+
+
+def fixes(seed: int, every: int = 1, known: slice = slice(0, 6)) -> dict[int, PosePrior]:
+    rng = np.random.default_rng([seed, 1])
+    sigmas = np.full(6, np.inf)
+    sigmas[known] = SIGMAS[known]
+    priors = {}
+    for k in range(0, COUNT, every):
+        error = SIGMAS * rng.standard_normal(6)
+        R = Rotation.from_rotvec(error[:3]) * TRUTH[k].rotation
+        priors[k] = PosePrior(RigidTransform.from_components(TRUTH[k].translation + error[3:], R), sigmas.copy())
+    return priors
+
+
+def moved(prior: PosePrior, way: tuple[float, float, float] = (0, 0, 0), heading: float = 0.0) -> PosePrior:
+    T = prior.T_world_sensor
+    R = Rotation.from_euler("Z", heading, degrees=True) * T.rotation
+    return replace(prior, T_world_sensor=RigidTransform.from_components(T.translation + np.array(way), R))
+
+
+def found(seed: int, priors: dict[int, PosePrior]) -> tuple[dict[int, PosePrior], list[tuple[int, str]]]:
+    start = Trajectory(np.arange(float(COUNT)), TRUTH * RigidTransform.from_exp_coords([0.01, 0, 0.02, 0.3, 0.2, 0]))
+    left, wrong = without_wrong_fixes(PoseGraph(start, edges(seed)), priors)
+    return left, [(fix.scan, fix.kind) for fix in wrong]
+
+
+@pytest.mark.parametrize("seed", range(4))
+def test_right_fixes_are_left_alone(seed: int) -> None:
+    priors = fixes(seed)
+    left, wrong = found(seed, priors)
+    assert not wrong
+    assert left == priors
+
+
+@pytest.mark.parametrize("seed", range(3))
+def test_acoustic_outliers_and_compass_jumps_are_named(seed: int) -> None:
+    priors = fixes(seed)
+    priors[7] = moved(priors[7], (20.0, 0.0, 0.0))
+    priors[31] = moved(priors[31], (-12.0, 16.0, 0.0))
+    priors[32] = moved(priors[32], heading=40.0)
+    priors[50] = moved(priors[50], (0.0, 0.0, 4.0))
+    left, wrong = found(seed, priors)
+    assert wrong == [(7, "position"), (31, "position"), (32, "heading"), (50, "depth")]
+    assert not left[7].knows_position
+    assert left[7].knows_depth
+    assert not left[32].knows_heading
+    assert left[32].knows_position
+
+
+def test_sparse_fixes_are_held_against_the_edges() -> None:
+    priors = fixes(1, every=6, known=slice(3, 5))
+    priors[24] = moved(priors[24], (0.0, -20.0, 0.0))
+    left, wrong = found(1, priors)
+    assert wrong == [(24, "position")]
+    assert 24 not in left
+
+
+def test_what_nothing_else_bears_on_is_never_wrong() -> None:
+    priors = {0: moved(fixes(2)[0], (500.0, 0.0, 0.0))}
+    assert found(2, priors)[1] == []
+
+
+def test_where_most_are_off_it_is_not_they() -> None:
+    """A step of the chain to a twin moves half of the survey: that is told by the graph, not here."""
+    priors = {k: moved(prior, (40.0, 0, 0)) if k % 2 else prior for k, prior in fixes(3).items()}
+    assert found(3, priors)[1] == []
+
+
+def test_dead_reckoning_shows_them_before_a_scan_is_registered() -> None:
+    """Else a wrong position would keep right registrations out of the bounds."""
+    priors = fixes(5, known=slice(3, 6))
+    priors[20] = moved(priors[20], (20.0, 0.0, 0.0))
+    points = np.zeros((1, 3), np.float32)
+    scans = [Scan(points, stamp=float(k), prior=priors[k], name=f"scan{k}") for k in range(COUNT)]
+    odometry = Odometry(np.arange(COUNT), TRUTH, np.arange(float(COUNT)))
+    navigation = Navigation.of(scans, np.zeros(COUNT, int), odometry)
+    assert [(fix.scan, fix.kind) for fix in navigation.wrong_fixes] == [(20, "position")]
+    assert navigation.scans[20].prior is not None
+    assert not navigation.scans[20].prior.knows_position
+    kept = navigation.scans[19].prior
+    assert kept is not None
+    np.testing.assert_array_equal(kept.sigmas, priors[19].sigmas)
+    assert len(navigation.odometry) == COUNT - 1
+    assert Navigation.of(scans, np.zeros(COUNT, int), None).scans == tuple(scans)
