@@ -139,11 +139,14 @@ class SpectralRegistrar:
             Its `probability` is that the transform is right, its `accepted` whether to believe it. Where the bound on
             tilt and the priors leave no candidate, the identity with unknown covariance, not accepted.
         """
+        return self._register(target, source, self._bounds(target, source))
+
+    def _register(self, target: SpectralScan, source: SpectralScan, bounds: Bounds) -> Registration:
+        """As `register`, within these bounds."""
         start = perf_counter()
-        bounds = self._bounds(target, source)
         test = HypothesisTest(self._verifier, self.grid, target, source, bounds)
         # 1. rotations under which the magnitude spectra are alike
-        rotations = self.rotations(target, source)
+        rotations = self._rotations(target, source, bounds)
         if not len(rotations.scores):
             return self._no_candidates(start)
         # 2. places where the scan would lie under each
@@ -161,12 +164,16 @@ class SpectralRegistrar:
     def register_expected(self, target: SpectralScan, source: SpectralScan, expected: ExpectedPose) -> Registration:
         """Find T_target_source about where the vehicle's motion expects it, which counts as a measurement.
 
+        It also says how far the scans are tilted: two that look ahead and down, in opposite directions, are by twice as
+        much as each. So the bound on roll and pitch does not count.
+
         Args:
             target, source: from `prepare` of this registrar; what their own instruments measured counts too.
             expected: where.
         """
         ours, theirs = expected.priors(target.prior, source.prior)
-        return self.register(replace(target, prior=ours), replace(source, prior=theirs))
+        target, source = replace(target, prior=ours), replace(source, prior=theirs)
+        return self._register(target, source, replace(self._bounds(target, source), max_tilt=np.pi))
 
     @staticmethod
     def signature(prepared: SpectralScan) -> np.ndarray:
@@ -180,7 +187,10 @@ class SpectralRegistrar:
         spectra are most alike. Else those of all rotations under which the spectra are most alike, and the measured
         one, if there is one.
         """
-        bounds, count = self._bounds(target, source), self.config.hypotheses
+        return self._rotations(target, source, self._bounds(target, source))
+
+    def _rotations(self, target: SpectralScan, source: SpectralScan, bounds: Bounds) -> RotationPeaks:
+        count = self.config.hypotheses
         sweep = bounds.sweep
         if sweep is not None:
             return self.so3.best_of(target.coefficients, source.coefficients, sweep, 4 * count)
