@@ -2,7 +2,7 @@
 """The mapper: scans in, one consistent map out, on one screen."""
 
 from collections.abc import Sequence
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 
 import numpy as np
 
@@ -23,6 +23,8 @@ from slam.motion.limits import MotionLimits
 from slam.motion.odometry import Odometry
 from slam.pair import Pair, require_any_registered
 from slam.pair_search import PairSearch
+from slam.stream.between import with_between
+from slam.stream.keys import KeySettings, choose_keys
 from spectral.result import Registrar
 from spectral.scan import Scan
 
@@ -34,6 +36,7 @@ class MapperSettings:
     Attributes:
         loops: which extra pairs are tried and kept.
         limits: what the vehicle's motion cannot exceed.
+        keys: how key scans of a dense stream are chosen.
         bridge: over a gap, pairs up to this many scans apart are tried; 1 tries none.
         prepared: number of prepared scans kept at a time, each of which holds device memory; None for as many as are
             useful and fit.
@@ -42,6 +45,7 @@ class MapperSettings:
 
     loops: LoopSettings = field(default_factory=LoopSettings)
     limits: MotionLimits = field(default_factory=MotionLimits)
+    keys: KeySettings = field(default_factory=KeySettings)
     bridge: int = 3
     prepared: int | None = None
     map_voxel: float | None = None
@@ -65,6 +69,7 @@ class SurveyResult:
         chained: the same as they were before loops.
         components: the sets of scans that share a frame, by kept edges or by instruments that place them in the world.
         surveys: the number of each scan's survey.
+        keys: the key scans of a dense stream, ascending; None where every scan was registered.
         wrong_fixes: what instruments measured and all others contradict; it was left out.
         covariances: (N, 6, 6), rotation first [rad, m], body tangent, against the component's first pose, or the world.
         solution: the optimized graph, with its chi-squared and residuals.
@@ -85,6 +90,7 @@ class SurveyResult:
     gaps: tuple[tuple[int, int], ...]
     voxel: float
     wrong_fixes: tuple[WrongFix, ...] = ()
+    keys: tuple[int, ...] | None = None
 
     @property
     def moved(self) -> float:
@@ -100,7 +106,8 @@ class SurveyResult:
     def by_navigation(self) -> tuple[int, ...]:
         """The scans that no registration holds, and that lie in a map of several by navigation alone."""
         held = {scan for edge in self.edges for scan in (edge.i, edge.j)}
-        return tuple(sorted(k for members in self.components if len(members) > 1 for k in members if k not in held))
+        asked = set(range(len(self.trajectory)) if self.keys is None else self.keys) - held
+        return tuple(sorted(k for members in self.components if len(members) > 1 for k in asked.intersection(members)))
 
     @property
     def maps(self) -> tuple[PointMap, ...]:
@@ -167,6 +174,44 @@ class Mapper:
         survey = np.zeros(len(scans), np.intp) if surveys is None else np.asarray(surveys, np.intp)
         navigation = Navigation.of(scans, survey, odometry)
         runner = PairRunner(self.execution, navigation.scans, 2, progress)
+        keys, known = choose_keys(runner, survey, self.voxel, self.settings.keys)
+        if len(keys) == len(scans):
+            decision = self._decided(runner, navigation, survey, odometry, known)
+        else:
+            decision = self._decided_by_keys(runner, keys, known, navigation, survey, odometry)
+        runner.release()
+        runner.step_done("poses optimized")
+        result = self._fuse(scans, survey, decision)
+        runner.step_done("map fused")
+        return result if len(keys) == len(scans) else replace(result, keys=tuple(keys))
+
+    def _decided_by_keys(
+        self,
+        runner: PairRunner,
+        keys: Sequence[int],
+        known: Sequence[Pair],
+        navigation: Navigation,
+        survey: np.ndarray,
+        odometry: Odometry | None,
+    ) -> Decision:
+        """About the key scans, and by them about all."""
+        number = {k: n for n, k in enumerate(keys)}
+        told = None if odometry is None else odometry.take(keys)
+        of_keys = Navigation.of([navigation.scans[k] for k in keys], survey[list(keys)], told)
+        between = [replace(pair, i=number[pair.i], j=number[pair.j]) for pair in known]
+        decision = self._decided(runner.of(keys), of_keys, survey[list(keys)], told, between)
+        floor = self.settings.loops.floor(self.voxel) / 4
+        return with_between(decision, keys, navigation, survey, odometry, floor)
+
+    def _decided(
+        self,
+        runner: PairRunner,
+        navigation: Navigation,
+        survey: np.ndarray,
+        odometry: Odometry | None,
+        known: Sequence[Pair],
+    ) -> Decision:
+        """About all that can be registered of some scans; `known` pairs have been."""
         search = PairSearch(
             runner,
             navigation.scans,
@@ -177,7 +222,7 @@ class Mapper:
             self.settings.limits,
             odometry,
         )
-        pairs = search.steps()
+        pairs = search.steps(known)
         pairs += search.bridges(pairs, self.settings.bridge)
         require_any_registered(pairs)
         decision = self._decide(runner, navigation, pairs)
@@ -187,11 +232,7 @@ class Mapper:
                 break
             pairs += loops
             decision = self._decide(runner, navigation, pairs)
-        runner.release()
-        runner.step_done("poses optimized")
-        result = self._fuse(scans, survey, decision)
-        runner.step_done("map fused")
-        return result
+        return decision
 
     def _decide(self, runner: PairRunner, navigation: Navigation, pairs: Sequence[Pair]) -> Decision:
         decision = decide(pairs, navigation, self.voxel, self.settings.loops)

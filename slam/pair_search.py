@@ -57,11 +57,18 @@ class PairSearch:
         self._motion: AnyMotion | None = None
         self._outlines: list[np.ndarray] = []
 
-    def steps(self) -> list[Pair]:
-        """Consecutive scans of each survey, from which the motion is learned."""
-        survey = self._survey
+    def steps(self, known: Sequence[Pair] = ()) -> list[Pair]:
+        """Consecutive scans of each survey, from which the motion is learned.
+
+        Args:
+            known: those that have been registered already.
+        """
+        survey, by_scans = self._survey, {pair.scans: pair for pair in known}
         steps = [Pair(k, k + 1, "sequential") for k in range(len(survey) - 1) if survey[k] == survey[k + 1]]
-        pairs = self._runner.register(steps)
+        registered = {
+            pair.scans: pair for pair in self._runner.register([step for step in steps if step.scans not in by_scans])
+        }
+        pairs = [(by_scans | registered)[step.scans] for step in steps]
         stamps = np.array([scan.stamp for scan in self._scans], dtype=np.float64)
         motion = Motion.learn(pairs, stamps, survey, self._floor, self._limits)
         self._motion = motion if self._odometry is None else MeasuredMotion(self._odometry, motion, self._floor)

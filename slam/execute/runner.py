@@ -1,6 +1,7 @@
 """A survey's pairs registered by whoever works, with a journal of those that are done."""
 
 from collections.abc import Callable, Sequence
+from copy import copy
 from dataclasses import dataclass, field, replace
 from typing import TypeVar
 
@@ -44,6 +45,14 @@ class Execution:
         return cls(Worker(registrar, prepared))
 
 
+@dataclass(slots=True)
+class _Steps:
+    """Of the progress."""
+
+    planned: int
+    done: int = 0
+
+
 class PairRunner:
     """Registers the pairs of one survey.
 
@@ -58,7 +67,13 @@ class PairRunner:
         self._execution = execution
         self._scans = [keyed(scan) for scan in scans]
         self._progress = progress
-        self._done, self._planned = 0, planned
+        self._steps = _Steps(planned)
+
+    def of(self, chosen: Sequence[int]) -> "PairRunner":
+        """The same for some of the scans, which are then numbered 0, 1, ...; their progress goes on."""
+        part = copy(self)
+        part._scans = [self._scans[k] for k in chosen]
+        return part
 
     def step_done(self, stage: str) -> None:
         """End a stage that is one step of the progress."""
@@ -81,7 +96,7 @@ class PairRunner:
         Raises:
             InputError, DeviceError: the machine or the workers failed, or the journal cannot be used.
         """
-        self._planned += len(candidates)
+        self._steps.planned += len(candidates)
         all_jobs = [PairJob(self._scans[pair.i], self._scans[pair.j], pair.expected) for pair in candidates]
         texts = [self._pair_in_journal(job) for job in all_jobs]
         pairs = list(candidates)
@@ -122,9 +137,9 @@ class PairRunner:
         return replace(candidate, registration=registration, failure=failure)
 
     def _step(self, text: str) -> None:
-        self._done += 1
+        self._steps.done += 1
         if self._progress is not None:
-            self._progress(self._done, self._planned, text)
+            self._progress(self._steps.done, self._steps.planned, text)
 
     def _keep(self, entries: Sequence[JournalEntry]) -> None:
         if self._execution.journal is not None:

@@ -2,6 +2,7 @@
 # pyright: reportUnknownVariableType=false, reportUnknownArgumentType=false
 """Dead reckoning: where the vehicle believes it went, with an error that grows with the way and the time."""
 
+from collections.abc import Sequence
 from dataclasses import dataclass
 from itertools import pairwise
 
@@ -49,6 +50,12 @@ class Odometry:
     def tells(self, i: int, j: int) -> bool:
         """Whether it tells how two scans lie to each other."""
         return bool(np.isin([i, j], self.scans).all())
+
+    def take(self, chosen: Sequence[int]) -> "Odometry":
+        """Of these scans alone, ascending, which are then numbered 0, 1, ..."""
+        told = np.flatnonzero(np.isin(self.scans, chosen))
+        scans = np.searchsorted(np.asarray(chosen), self.scans[told])
+        return Odometry(scans, self.T_odom_sensor[told], self.times[told], self.drift, self.turn_drift)
 
     def expected(self, i: int, j: int, floor: np.ndarray) -> ExpectedPose:
         """T_i_j and how sure it is: its error is the same all the way, so that it grows with it.

@@ -101,6 +101,16 @@ MaxStepOption = Annotated[
     ),
 ]
 
+KeyStepOption = Annotated[
+    float | None,
+    typer.Option(
+        "--key-step",
+        metavar="M",
+        callback=_check_limit,
+        help="Register key scans about M meters apart, and place the others between them. \\[a dense stream: as suits "
+        "its motion]",
+    ),
+]
 OdometryOption = Annotated[
     Path | None,
     typer.Option(
@@ -121,19 +131,26 @@ DEFAULT_DRIFT = "1,10"
 
 
 def survey_settings(
-    loops: int | None, max_speed: float | None, max_turn_rate: float | None, max_step: float | None
+    loops: int | None,
+    key_step: float | None,
+    max_speed: float | None,
+    max_turn_rate: float | None,
+    max_step: float | None,
 ) -> "MapperSettings":
     """How the survey is put together, as the options say; None leaves the default."""
     from slam.loops.settings import LoopSettings
     from slam.mapper import MapperSettings
     from slam.motion.limits import MotionLimits
+    from slam.stream.keys import KeySettings
 
     limits = MotionLimits(
         speed=math.inf if max_speed is None else max_speed,
         turn_rate=math.inf if max_turn_rate is None else math.radians(max_turn_rate),
         step=math.inf if max_step is None else max_step,
     )
-    return MapperSettings(LoopSettings() if loops is None else LoopSettings(per_scan=loops), limits)
+    return MapperSettings(
+        LoopSettings() if loops is None else LoopSettings(per_scan=loops), limits, KeySettings(key_step)
+    )
 
 
 def odometry_of(scans: "Sequence[Scan]", path: Path | None, drift: str | None) -> "Odometry | None":

@@ -58,6 +58,7 @@ def survey_summary(
         ],
         "components": [_component_row(result, c) for c in placed(result.components)],
         "unplaced": unplaced(result.components),
+        "key_scans": result.keys,
         "by_navigation": result.by_navigation,
         "wrong_fixes": [{"name": names[fix.scan], **asdict(fix)} for fix in result.wrong_fixes],
         "crossing_error_m": crossing_row(CrossingError.of(part.crossings for part in result.parts)),

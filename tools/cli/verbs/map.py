@@ -38,6 +38,7 @@ from tools.cli.survey_options import (
     AlsoOption,
     FreshOption,
     InputsArgument,
+    KeyStepOption,
     LoopsOption,
     MaxSpeedOption,
     MaxStepOption,
@@ -78,6 +79,7 @@ def command(
     odometry: OdometryOption = None,
     odometry_drift: OdometryDriftOption = None,
     loops: LoopsOption = None,
+    key_step: KeyStepOption = None,
     max_speed: MaxSpeedOption = None,
     max_turn_rate: MaxTurnRateOption = None,
     max_step: MaxStepOption = None,
@@ -104,7 +106,7 @@ def command(
     were added it registers only the new pairs. times.json says how long the run took.
     """
     options, execution_options = method_options(context), _execution_options(workers, scheduler, fresh)
-    mapping = survey_settings(loops, max_speed, max_turn_rate, max_step)
+    mapping = survey_settings(loops, key_step, max_speed, max_turn_rate, max_step)
     read = _read(inputs, priors, prior_sigmas, out)
     reckoned = odometry_of(read.scans, odometry, odometry_drift)
     configured = configure_method(read.scans, options)

@@ -1,0 +1,123 @@
+# pyright: strict, reportMissingTypeStubs=false, reportUnknownMemberType=false
+# pyright: reportUnknownVariableType=false, reportUnknownArgumentType=false
+"""The scans between key scans: placed by the motion from one key scan to the next."""
+
+from bisect import bisect_right
+from collections.abc import Mapping, Sequence
+from dataclasses import replace
+
+import numpy as np
+from scipy.spatial.transform import RigidTransform
+
+from slam.decide.decision import Decision
+from slam.decide.navigation import Navigation
+from slam.decide.wrong_fixes import without_wrong_fixes
+from slam.graph.edge import Edge
+from slam.graph.pose_graph import PoseGraph
+from slam.graph.trajectory import Trajectory
+from slam.graph.world import place_in_world
+from slam.motion.motion import scan_times
+from slam.motion.odometry import Odometry
+from spectral.result import Registration
+
+# How far a vehicle is from a steady motion halfway between two key scans, as a share of its motion.
+_UNSTEADY = 0.1
+
+
+def with_between(
+    decision: Decision,
+    keys: Sequence[int],
+    navigation: Navigation,
+    surveys: np.ndarray,
+    odometry: Odometry | None,
+    floor: np.ndarray,
+) -> Decision:
+    """What was decided about key scans, for all scans.
+
+    A scan between two key scans is where dead reckoning has it from the first, or where a steady motion from one to the
+    other passes at its time. It takes part in the graph by that, and by what instruments measured of it.
+
+    Args:
+        decision: about the key scans, numbered 0, 1, ...
+        keys: their indices among all scans, ascending.
+        navigation: of all scans.
+        surveys: (N,) the number of each scan's survey.
+        odometry: None without.
+        floor: (6,) standard deviations of a place that is interpolated [rad, m].
+    """
+    count, graph = len(navigation.scans), decision.solution.graph
+    steps = _steps(keys, decision, count, scan_times(navigation.stamps, surveys), surveys, odometry, floor)
+    at_keys = {k: number for number, k in enumerate(keys)}
+
+    def expanded(T_keys: RigidTransform) -> Trajectory:
+        poses = {k: T_keys[number] for k, number in at_keys.items()}
+        for edge in steps:
+            poses[edge.j] = poses[edge.i] * edge.registration.T_target_source
+        return Trajectory(navigation.stamps, RigidTransform.concatenate([poses[k] for k in range(count)]))
+
+    kept = [replace(edge, i=keys[edge.i], j=keys[edge.j]) for edge in graph.edges]
+    whole = PoseGraph(expanded(graph.trajectory.T_world_sensor), (*kept, *steps))
+    if set(navigation.priors) - set(keys):
+        # fixes of scans between may be all that ties the map to the world
+        whole = replace(whole, trajectory=place_in_world(whole.trajectory, whole.components, navigation.priors))
+        left, wrong = without_wrong_fixes(whole, navigation.priors)
+    else:
+        left, wrong = {keys[pose]: prior for pose, prior in graph.priors}, ()
+    solution = replace(whole, priors=tuple(sorted(left.items()))).optimize()
+    solution = replace(
+        solution,
+        chi_squared_before=decision.solution.chi_squared_before,
+        degrees_of_freedom=decision.solution.degrees_of_freedom,
+    )
+    pairs = tuple(replace(pair, i=keys[pair.i], j=keys[pair.j]) for pair in decision.pairs)
+    told = {(fix.scan, fix.kind): fix for fix in wrong}
+    told |= {(keys[fix.scan], fix.kind): replace(fix, scan=keys[fix.scan]) for fix in decision.wrong_fixes}
+    chained = expanded(decision.chained.T_world_sensor)
+    return Decision(chained, solution, pairs, tuple(told[key] for key in sorted(told)))
+
+
+def _steps(
+    keys: Sequence[int],
+    decision: Decision,
+    count: int,
+    times: np.ndarray,
+    surveys: np.ndarray,
+    odometry: Odometry | None,
+    floor: np.ndarray,
+) -> list[Edge]:
+    """For every scan that is no key scan, how it lies to the key scan before it."""
+    T_keys = decision.solution.trajectory.T_world_sensor
+    parts = {pose: part for part, members in enumerate(decision.solution.graph.components) for pose in members}
+    registered = {pair.scans: pair.registration for pair in decision.pairs if pair.registration is not None}
+    known, steps = set(keys), list[Edge]()
+    for k in range(count):
+        if k in known:
+            continue
+        a = bisect_right(keys, k) - 1
+        i, b = keys[a], a + 1
+        if odometry is not None and odometry.tells(i, k):
+            expected = odometry.expected(i, k, floor)
+            T_i_k, sigmas = expected.T_target_source, expected.sigmas
+        else:
+            share = float((times[k] - times[i]) / (times[keys[b]] - times[i]))
+            way = _way(T_keys, a, b, parts, registered)
+            T_i_k = RigidTransform.from_exp_coords(share * way)
+            unsteady = 4 * share * (1 - share) * _UNSTEADY * np.abs(np.linalg.norm(way.reshape(2, 3), axis=1))
+            sigmas = np.hypot(floor, np.repeat(unsteady, 3))
+        told = Registration(T_i_k, np.diag(sigmas**2), np.nan, np.nan, True, 0.0, "between two key scans")
+        steps.append(Edge(i, k, told, "odometry"))
+    return steps
+
+
+def _way(
+    T_keys: RigidTransform,
+    a: int,
+    b: int,
+    parts: Mapping[int, int],
+    registered: Mapping[tuple[int, int], Registration],
+) -> np.ndarray:
+    """(6,) the motion from one key scan to the next, as its logarithm: of the map, or as registered where that is not
+    in the map."""
+    if parts[a] == parts[b] or (a, b) not in registered:
+        return np.asarray((T_keys[a].inv() * T_keys[b]).as_exp_coords())
+    return np.asarray(registered[a, b].T_target_source.as_exp_coords())

@@ -1,0 +1,127 @@
+"""Dense streams: few key scans, and every scan in the map."""
+
+from collections.abc import Callable
+from dataclasses import replace
+
+import numpy as np
+import pytest
+from scipy.spatial.transform import RigidTransform
+
+from kernels.errors import InputError
+from slam.loops.settings import LoopSettings
+from slam.mapper import Mapper, MapperSettings, SurveyResult
+from slam.motion.odometry import Odometry
+from slam.stream.keys import KeySettings
+from spectral.result import Registration
+from spectral.scan import PosePrior, Scan
+from tests.samples.surveys import KnowingRegistrar, random_covariance, ring_poses, scans_of
+
+VOXEL, COUNT = 0.2, 160
+COVARIANCE = random_covariance(np.random.default_rng(0), 0.001, 0.01)
+# a step of 0.1 m and 1 degree: a third of a circle
+STREAM = ring_poses(COUNT, radius=6.0, turns=COUNT / 360)
+SCANS = scans_of(STREAM, reach=4.0)
+
+
+def reach(i: int, j: int, given: Registration) -> Registration:
+    """What scans share falls with the way between them; none are registered over more than 1.5 m."""
+    way = float(np.linalg.norm((STREAM[i].inv() * STREAM[j]).translation))
+    return replace(given, overlap=max(0.0, 1 - way / 4), accepted=way < 1.5, probability=0.95 if way < 1.5 else 0.1)
+
+
+def mapped(
+    scans: list[Scan] | None = None,
+    step: float | None = None,
+    odometry: Odometry | None = None,
+    spoil: Callable[[int, int, Registration], Registration] = reach,
+) -> tuple[SurveyResult, KnowingRegistrar]:
+    registrar = KnowingRegistrar(STREAM, COVARIANCE, spoil)
+    settings = MapperSettings(LoopSettings(per_scan=1, rounds=1), keys=KeySettings(step))
+    return Mapper(registrar, VOXEL, settings).run(scans or SCANS, odometry=odometry), registrar
+
+
+def largest_error(result: SurveyResult) -> float:
+    away = result.trajectory.T_world_sensor.translation - STREAM.translation
+    return float(np.linalg.norm(away, axis=1).max())
+
+
+def test_few_scans_are_registered_and_all_are_placed() -> None:
+    result, registrar = mapped()
+    assert result.keys is not None
+    assert result.keys[0] == 0
+    assert result.keys[-1] == COUNT - 1
+    assert len(result.keys) < COUNT / 5
+    assert len(registrar.pairs) < COUNT / 2
+    assert result.components == (tuple(range(COUNT)),)
+    assert largest_error(result) < 0.3
+    assert result.by_navigation == ()
+    assert {scan for pair in result.pairs for scan in pair.scans} <= set(result.keys)
+    assert result.covariances.shape == (COUNT, 6, 6)
+
+
+def test_a_scan_between_is_less_sure_than_its_key_scans() -> None:
+    result, _ = mapped()
+    assert result.keys is not None
+    a, b = max(zip(result.keys[5:], result.keys[6:], strict=False), key=lambda pair: pair[1] - pair[0])
+    traces = np.trace(result.covariances[:, 3:, 3:], axis1=1, axis2=2)
+    assert traces[(a + b) // 2] > traces[a]
+
+
+def test_a_user_may_set_the_step() -> None:
+    result, _ = mapped(step=0.5)
+    assert result.keys is not None
+    ways = np.linalg.norm(np.diff(STREAM.translation[list(result.keys)], axis=0), axis=1)
+    assert 0.25 < np.median(ways) < 0.6
+
+
+def test_refused_strides_are_halved() -> None:
+    def short(i: int, j: int, given: Registration) -> Registration:
+        return reach(i, j, given) if j - i <= 3 else replace(given, accepted=False, probability=0.0)
+
+    result, _ = mapped(spoil=short)
+    assert result.keys is not None
+    assert max(np.diff(result.keys)) <= 3
+    assert largest_error(result) < 0.4
+
+
+def test_a_survey_that_is_no_stream_is_registered_scan_by_scan() -> None:
+    """What was tried to find out is not tried again."""
+    sparse = ring_poses(48)
+    registrar = KnowingRegistrar(sparse, COVARIANCE)
+    result = Mapper(registrar, VOXEL, MapperSettings(LoopSettings(per_scan=0))).run(scans_of(sparse))
+    assert result.keys is None
+    assert sorted(registrar.pairs) == [(k, k + 1) for k in range(47)]
+
+
+def test_fixes_of_scans_between_place_the_map() -> None:
+    world = RigidTransform.from_exp_coords([0, 0, 1.2, 300.0, -200.0, -15.0])
+    sigmas = np.array([np.inf, np.inf, np.inf, 0.1, 0.1, 0.05])
+    scans = [
+        replace(scan, prior=PosePrior(world * STREAM[k], sigmas)) if k % 10 == 7 else scan
+        for k, scan in enumerate(SCANS)
+    ]
+    result, _ = mapped(scans)
+    assert result.keys is not None
+    away = result.trajectory.T_world_sensor.translation - (world * STREAM).translation
+    assert np.linalg.norm(away, axis=1).max() < 0.5
+
+
+def test_dead_reckoning_places_what_a_steady_motion_does_not() -> None:
+    """The vehicle shakes from scan to scan; its log knows."""
+    shake = 0.05 * np.sin(2.5 * np.arange(COUNT))
+    shaken = STREAM * RigidTransform.from_translation(np.outer(shake, [0, 0, 1.0]))
+    registrar = KnowingRegistrar(shaken, COVARIANCE, reach)
+    odometry = Odometry(np.arange(COUNT), shaken, 100.0 + np.arange(COUNT))
+    settings = MapperSettings(LoopSettings(per_scan=0))
+    errors = []
+    for told in (None, odometry):
+        result = Mapper(registrar, VOXEL, settings).run(SCANS, odometry=told)
+        T = result.trajectory.T_world_sensor
+        off = (T[:-1].inv() * T[1:]).translation - (shaken[:-1].inv() * shaken[1:]).translation
+        errors.append(float(np.sqrt((off**2).sum(axis=1).mean())))
+    assert errors[1] < 0.5 * errors[0]
+
+
+def test_a_step_is_above_zero() -> None:
+    with pytest.raises(InputError, match="key_step"):
+        KeySettings(0.0)
