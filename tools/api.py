@@ -164,7 +164,7 @@ def optimize(
     """The poses that agree best with the edges of a pose graph.
 
     Args:
-        graph: connected, or the path of a g2o file.
+        graph: connected, or the path of a g2o file or of a map's graph.json.
         objective: "full", chi-squared with the edges' whole information; "isotropic", one weight for an edge's rotation
             and one for its translation, whose optimum a certificate judges.
         start: "chordal", from the edges alone; "given", from the graph's poses; "incremental", from iSAM2's.
@@ -178,10 +178,11 @@ def optimize(
     from slam.graph.pose_graph import PoseGraph
     from slam.optimize.solve import optimize as optimize_graph
     from tools.readers.poses.g2o import read_g2o, require_connected
+    from tools.readers.poses.graph_json import read_graph_json
 
     if not isinstance(graph, PoseGraph):
         path = Path(graph)
-        graph = read_g2o(path)
+        graph = read_graph_json(path) if path.suffix == ".json" else read_g2o(path)
         require_connected(path, graph)
     return optimize_graph(graph, objective, start, robust)
 

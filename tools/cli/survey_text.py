@@ -140,7 +140,9 @@ def _files(result: "SurveyResult", also: Sequence[str]) -> str:
     """The names of what was written."""
     from tools.output.folder import part_files
 
-    listed = ", ".join([*part_files(result, 1, also), "graph.g2o", "summary.json", "times.json", "journal.sqlite"])
+    listed = ", ".join(
+        [*part_files(result, 1, also), "graph.g2o", "graph.json", "summary.json", "times.json", "journal.sqlite"]
+    )
     parts = len(placed(result.components))
     if parts == 1:
         return listed

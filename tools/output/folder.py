@@ -14,6 +14,7 @@ from kernels.errors import InputError
 from slam.map.point_map import PointMap
 from slam.mapper import SurveyResult
 from tools.output.exports import EXPORTS
+from tools.output.graph_file import survey_graph
 from tools.output.parts import placed
 from tools.output.summary import survey_summary
 from tools.readers.scans import Unread
@@ -25,7 +26,8 @@ from tools.writers.json_text import write_json
 from tools.writers.points import WRITERS, write_points
 from tools.writers.trajectory import TRAJECTORY_WRITERS, write_trajectory
 
-GRAPH, SUMMARY, TIMES, JOURNAL = "graph.g2o", "summary.json", "times.json", "journal.sqlite"
+GRAPH, FULL_GRAPH, SUMMARY = "graph.g2o", "graph.json", "summary.json"
+TIMES, JOURNAL = "times.json", "journal.sqlite"
 _MAP_SUFFIXES, _TRAJECTORY_SUFFIXES = ("|".join(map(re.escape, known)) for known in (WRITERS, TRAJECTORY_WRITERS))
 _MAP = re.compile(rf"map(_\d+)?(_survey_\d+)?({_MAP_SUFFIXES})")
 _LAYER = re.compile(r"_survey_(\d+)$")
@@ -95,7 +97,7 @@ def write_survey(
     summary = survey_summary(result, list(names), settings, description, unread)
     with all_or_none():
         _write_files(folder, result, names, files)
-        write_json(folder / SUMMARY, summary | {"files": [*chain.from_iterable(files), GRAPH, SUMMARY]})
+        write_json(folder / SUMMARY, summary | {"files": [*chain.from_iterable(files), GRAPH, FULL_GRAPH, SUMMARY]})
         if times is not None:
             write_json(folder / TIMES, times)
     for name in earlier.difference(*files):
@@ -118,6 +120,7 @@ def _write_files(folder: Path, result: SurveyResult, names: Sequence[str], files
         for name in listed:
             _write_part(folder / name, result, c, [names[k] for k in result.components[c]])
     mapped = {scan for c in placed(result.components) for scan in result.components[c]}
+    write_json(folder / FULL_GRAPH, survey_graph(result, names))
     write_g2o(folder / GRAPH, result.solution.graph, set(range(len(result.trajectory))) - mapped)
 
 

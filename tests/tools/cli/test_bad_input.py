@@ -136,7 +136,10 @@ def test_where_nothing_joins_any_two_scans_the_first_is_the_map(tmp_path: Path) 
     result = sonarmap("map", *paths, "-o", tmp_path / "out", *GRID)
     assert result.exit_code == 3
     said(result, "gap between a and b", "1 of 2 scans are in no map", "others: b")
-    part, run = {"map.ply", "map.png", "trajectory.tum"}, {"graph.g2o", "summary.json", "times.json", "journal.sqlite"}
+    part, run = (
+        {"map.ply", "map.png", "trajectory.tum"},
+        {"graph.g2o", "graph.json", "summary.json", "times.json", "journal.sqlite"},
+    )
     assert set(files_in(tmp_path / "out")) == part | run
     summary = json.loads((tmp_path / "out" / "summary.json").read_text())
     assert [part["scans"] for part in summary["components"]] == [[0]]

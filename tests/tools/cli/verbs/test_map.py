@@ -24,6 +24,7 @@ from tools.writers.tum import write_tum
 
 GRID = ("--grid", "64")
 RESULTS = {"map.ply", "map.png", "trajectory.tum", "graph.g2o", "summary.json", "times.json", "journal.sqlite"}
+RESULTS |= {"graph.json"}
 LOOPS = {"loops.png"}  # where loops were tried
 
 

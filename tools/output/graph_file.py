@@ -1,0 +1,84 @@
+# pyright: strict, reportMissingTypeStubs=false, reportUnknownMemberType=false
+# pyright: reportUnknownVariableType=false, reportUnknownArgumentType=false
+"""The pose graph with all that a g2o file has no words for: graph.json, which loses nothing."""
+
+from collections.abc import Mapping, Sequence
+from typing import Any
+
+import numpy as np
+
+from slam.graph.edge import Edge
+from slam.mapper import SurveyResult
+from spectral.scan import PosePrior
+from tools.output.summary import pair_row
+from tools.readers.poses.graph_json import FORMAT
+
+# What the numbers are, for whoever reads the file without these pages.
+CONVENTIONS = {
+    "T_world_sensor": "p_world = T p_sensor, 4x4 [m]; the world is East-North-Up where 'in_world', else the frame of "
+    "the component's first pose",
+    "T_i_j": "p_i = T p_j, 4x4 [m]",
+    "covariance": "6x6, rotation first [rad, m], of xi in T_true = T Exp(xi): body tangent of the pose, or of j",
+    "prior": "sigmas of roll, pitch, heading [rad], East, North, Up [m]; null where not measured",
+}
+
+
+def survey_graph(result: SurveyResult, names: Sequence[str]) -> dict[str, Any]:
+    """The content of a survey's graph.json: poses, edges as they were weighed, every pair with its verdict, and priors.
+
+    Args:
+        result: the survey.
+        names: of its scans, in their order.
+    """
+    graph = result.solution.graph
+    component = {scan: number for number, members in enumerate(graph.components) for scan in members}
+    measured = {pose for pose, _ in graph.priors} | {known.pose for known in graph.known}
+    in_world = [not measured.isdisjoint(members) for members in graph.components]
+    keys = None if result.keys is None else set(result.keys)
+    return {
+        "format": FORMAT,
+        "conventions": CONVENTIONS,
+        "poses": [
+            {
+                "id": k,
+                "name": name,
+                "stamp": result.trajectory.stamps[k],
+                "survey": result.surveys[k],
+                "component": component[k],
+                "in_world": in_world[component[k]],
+                "key_scan": keys is None or k in keys,
+                "T_world_sensor": T,
+                "covariance": covariance,
+            }
+            for k, (name, T, covariance) in enumerate(
+                zip(names, result.trajectory.T_world_sensor.as_matrix(), result.covariances, strict=True)
+            )
+        ],
+        "edges": [_edge_row(edge) for edge in graph.edges],
+        "pairs": [pair_row(pair) for pair in result.pairs],
+        "priors": [_prior_row(pose, prior) for pose, prior in graph.priors],
+        "wrong_fixes": [{"pose": fix.scan, "kind": fix.kind, "sigmas": fix.sigmas} for fix in result.wrong_fixes],
+        "anchors": graph.anchors,
+    }
+
+
+def _edge_row(edge: Edge) -> Mapping[str, Any]:
+    registration = edge.registration
+    return {
+        "i": edge.i,
+        "j": edge.j,
+        "kind": edge.kind,
+        "T_i_j": registration.T_target_source.as_matrix(),
+        "covariance": registration.covariance,
+        "probability": registration.probability,
+        "reason": registration.reason,
+    }
+
+
+def _prior_row(pose: int, prior: PosePrior) -> Mapping[str, Any]:
+    known = np.isfinite(prior.sigmas)
+    return {
+        "pose": pose,
+        "T_world_sensor": prior.T_world_sensor.as_matrix(),
+        "sigmas": [sigma if told else None for sigma, told in zip(prior.sigmas.tolist(), known.tolist(), strict=True)],
+    }
