@@ -5,8 +5,9 @@ A registration's covariance has to hold for every sonar, and is too wide for mos
 agree where they close cycles tells how large its errors are: chi-squared over its degrees of freedom. Errors that
 registrations share do not show there. All registrations of a scan share that scan's noise, and all of a survey lean a
 little toward no motion, as every scan has its own gaps, rims and shadows, which move with the sensor. So edges are less
-sure than their cycles say, poses less sure than marginals, which take edges as independent, and each pose has a part of
-its own that no loop takes away. What instruments measured of a pose is as sure as it was measured.
+sure than their cycles say; poses less sure than marginals, which take edges as independent, and the less so the longer
+the way; and each pose has a part of its own that no loop takes away. What instruments measured of a pose is as sure as
+it was measured.
 The constants were found with the spectral registration on simulated surveys; docs/slam.md has the figures.
 """
 
@@ -23,6 +24,10 @@ from slam.graph.tangent import carried
 _OF_EDGES, _OF_POSES = 2.5, 1.6
 # A scan's own part, as a share of its edges' covariance.
 _OWN = 1.2
+# How much all steps of a survey fall short together: the variance, as a share of a step's own.
+_LEAN = 0.25
+# Keeps a scan's own part invertible [rad, m]^2.
+_LEAST = 1e-12
 # Degrees of freedom of the errors' tails, and how often edges are weighed anew.
 _TAILS, _REWEIGHTED = 4.0, 4
 # Chi-squared over its degrees of freedom before a graph has loops enough to tell, and how many these are worth.
@@ -66,10 +71,17 @@ def pose_covariances(solution: Solution) -> np.ndarray:
     for known in solution.graph.all_known:
         measured[known.pose] += _in_body(known, T[known.pose])
     own, anchors = _own_parts(solution), solution.graph.anchors
+    lean = _lean(solution)
     for members in solution.graph.components:
         for anchor in set(anchors).intersection(members):
             chosen = [k for k in members if k != anchor]
             own[chosen] += carried(T[chosen].inv() * T[anchor], own[anchor])
+        # what falls short on the way from where the component is held
+        held = next(iter(set(anchors).intersection(members)), None)
+        places = T[list(members)].translation
+        away = places - (places.mean(axis=0) if held is None else T[held].translation)
+        away = T[list(members)].rotation.inv().apply(away)
+        own[list(members), 3:, 3:] += lean * away[:, :, None] * away[:, None, :]
     result = np.empty_like(marginals)
     for k, marginal in enumerate(marginals):
         if k in anchors:
@@ -96,11 +108,23 @@ def _widened(information: np.ndarray, own: np.ndarray) -> np.ndarray:
     """(6, 6) the information when a covariance is added; of the same rank."""
     if not own.any():
         return information
-    root = np.linalg.cholesky(own)
+    root = np.linalg.cholesky(own + _LEAST * np.eye(6))
     values, axes = np.linalg.eigh(root.T @ information @ root)
     back = np.linalg.solve(root.T, axes)
     values = np.maximum(values, 0.0)
     return (back * (values / (1 + values))) @ back.T
+
+
+def _lean(solution: Solution) -> float:
+    """The variance of how short all ways may be together, as a share of them: of the median step."""
+    shares: list[float] = []
+    for edge in solution.graph.edges:
+        T = edge.registration.T_target_source
+        way = float(np.linalg.norm(T.translation))
+        if edge.kind == "sequential" and way > 0:
+            along = T.rotation.inv().apply(T.translation / way)
+            shares.append(float(along @ edge.registration.covariance[3:, 3:] @ along) / way**2)
+    return _LEAN * float(np.median(shares)) if shares else 0.0
 
 
 def _own_parts(solution: Solution) -> np.ndarray:
