@@ -21,6 +21,7 @@ if TYPE_CHECKING:
     from slam.execute.runner import Progress
     from slam.graph.pose_graph import PoseGraph
     from slam.mapper import MapperSettings, SurveyResult
+    from slam.motion.odometry import Odometry
     from slam.optimize.solve import Objective, Optimized, Start
 
 __all__ = ["PreparedScan", "map_scans", "optimize", "prepare", "read_scans", "register"]
@@ -125,6 +126,7 @@ def map_scans(
     seed: int = 0,
     settings: "MapperSettings | None" = None,
     surveys: Sequence[int] | None = None,
+    odometry: "Odometry | None" = None,
     progress: "Progress | None" = None,
 ) -> "SurveyResult":
     """Map a survey: poses with covariances, the pose graph, every pair with its verdict, and the fused maps.
@@ -135,8 +137,9 @@ def map_scans(
         method: the name of a method, or a `Registrar` of your own (`prepare(scan)`, `register(target, source)`).
         voxel, edge, max_tilt, device, seed: as of `register`. With a method of your own `voxel` is the map's and sets
             the tolerances, and the others are ignored.
-        settings: of loops, bridges and the map.
+        settings: of loops, motion, key scans, bridges and the map.
         surveys: the number of each scan's survey, ascending; all are of one by default.
+        odometry: dead reckoning of the scans.
         progress: called with (steps done, steps planned so far, text) after each step.
 
     Raises:
@@ -151,7 +154,7 @@ def map_scans(
         survey = [_as_scan(scan, f"scan {k}", k) for k, scan in enumerate(scans)]
     grid = choose_grid(survey, edge, voxel)
     registrar = _registrar(method, grid, max_tilt, device, seed) if isinstance(method, str) else method
-    return Mapper(registrar, grid.voxel, settings).run(survey, progress, surveys)
+    return Mapper(registrar, grid.voxel, settings).run(survey, progress, surveys, odometry)
 
 
 def optimize(
