@@ -147,12 +147,13 @@ def map_scans(
         DeviceError: no OpenCL device works, or it is too small for the grid.
     """
     from slam.mapper import Mapper
+    from slam.survey_grid import survey_grid
 
     if isinstance(scans, str | os.PathLike):
         survey = read_scans(scans)
     else:
         survey = [_as_scan(scan, f"scan {k}", k) for k, scan in enumerate(scans)]
-    grid = choose_grid(survey, edge, voxel)
+    grid = survey_grid(survey, edge, voxel)
     registrar = _registrar(method, grid, max_tilt, device, seed) if isinstance(method, str) else method
     return Mapper(registrar, grid.voxel, settings).run(survey, progress, surveys, odometry)
 

@@ -110,19 +110,25 @@ def method_options(context: typer.Context) -> MethodOptions:
     return options
 
 
-def configure_method(scans: "Sequence[Scan]", options: MethodOptions) -> ConfiguredMethod:
+def configure_method(scans: "Sequence[Scan]", options: MethodOptions, survey: bool = False) -> ConfiguredMethod:
     """The method on the grid that the options ask for, or that suits the scans.
+
+    Args:
+        scans: that are registered.
+        options: of the verb.
+        survey: whether more scans may be added to them later, which then keep the grid.
 
     Raises:
         InputError, DeviceError: the method, the grid, the scans or the device cannot be used.
     """
+    from slam.survey_grid import survey_grid
     from spectral.grid import choose_grid
     from spectral.hemisphere.registration import HemisphereRegistrar
     from spectral.registration import SpectralRegistrar
 
     if options.strength:
         _require_strength(scans)
-    grid = choose_grid(scans, options.grid or DEFAULT_EDGE, options.voxel)
+    grid = (survey_grid if survey else choose_grid)(scans, options.grid or DEFAULT_EDGE, options.voxel)
     method = find_method(options.name)
     setup = Setup(grid, options.device, options.seed, _config_changes(options))
     registrar = method.make(setup)

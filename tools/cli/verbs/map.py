@@ -109,7 +109,7 @@ def command(
     mapping = survey_settings(loops, key_step, max_speed, max_turn_rate, max_step)
     read = _read(inputs, priors, prior_sigmas, out)
     reckoned = odometry_of(read.scans, odometry, odometry_drift)
-    configured = configure_method(read.scans, options)
+    configured = configure_method(read.scans, options, survey=True)
     prior_settings = {"priors": str(priors), "prior_sigmas": prior_sigmas} if priors else {}
     if odometry is not None:
         prior_settings |= {"odometry": str(odometry), "odometry_drift": odometry_drift}

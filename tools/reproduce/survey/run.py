@@ -4,7 +4,7 @@ from collections.abc import Mapping, Sequence
 from pathlib import Path
 from typing import Any, ClassVar
 
-from spectral.grid import choose_grid
+from slam.survey_grid import survey_grid
 from tools.methods.registry import ALL_METHODS
 from tools.reproduce.experiment import Outcome, Section, Value
 from tools.reproduce.experiments import Request
@@ -62,7 +62,7 @@ class SurveyExperiment:
         if system == DIVES:
             kind, system = job, OURS
         survey = self._survey(kind)
-        grid = choose_grid(survey.scans, self.settings.edge)
+        grid = survey_grid(survey.scans, self.settings.edge)
         mapped = map_survey(system, survey.scans, survey.dives.tolist(), grid, self._device)
         begin = _named(kind) | {"system": system}
         rows = tuple({**begin, **row} for row in survey_rows(survey, mapped, grid.voxel))

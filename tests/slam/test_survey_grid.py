@@ -1,0 +1,50 @@
+"""A survey's voxel: the same when scans are added, and when one is of no use."""
+
+import numpy as np
+import pytest
+
+from kernels.errors import InputError
+from slam.survey_grid import survey_grid
+from spectral.grid import Grid, choose_grid
+from spectral.scan import Scan
+
+
+def scan(size: float, seed: int = 0) -> Scan:
+    points = np.random.default_rng(seed).uniform(0, size, (2000, 3)) * [1.0, 0.6, 0.3]
+    return Scan(points.astype(np.float32))
+
+
+SIZES = np.random.default_rng(1).uniform(40, 47, 30)
+SURVEY = [scan(size, k) for k, size in enumerate(SIZES)]
+
+
+def test_it_holds_the_largest_scan_with_little_to_spare() -> None:
+    grid, exact = survey_grid(SURVEY, 64), choose_grid(SURVEY, 64)
+    assert exact.voxel <= grid.voxel < 1.0906 * exact.voxel
+    assert np.log2(grid.voxel) * 8 == pytest.approx(round(np.log2(grid.voxel) * 8))
+
+
+def test_added_scans_keep_it() -> None:
+    whole = survey_grid(SURVEY)
+    largest = int(np.argmax(SIZES))
+    kept = [survey_grid(SURVEY[:count]) == whole for count in range(12, 30)]
+    assert sum(kept) >= 12
+    assert all(kept[max(0, largest - 11) :])
+
+
+def test_stray_echoes_do_not_make_it_coarse() -> None:
+    noise = scan(400.0, 99)
+    assert survey_grid([*SURVEY, noise]) == survey_grid(SURVEY)
+    # of few scans each counts
+    assert survey_grid([*SURVEY[:3], noise]).voxel > 5 * survey_grid(SURVEY[:3]).voxel
+
+
+def test_a_voxel_that_is_given_is_kept() -> None:
+    assert survey_grid(SURVEY, 32, 0.7) == Grid(32, 0.7)
+
+
+def test_scans_in_one_place_are_left_out_and_alone_refused() -> None:
+    point = Scan(np.ones((9, 3), np.float32))
+    assert survey_grid([*SURVEY, point]) == survey_grid(SURVEY)
+    with pytest.raises(InputError, match="one place"):
+        survey_grid([point, point])
