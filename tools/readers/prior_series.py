@@ -3,6 +3,7 @@
 """Navigation at its own times: what instruments measured between, before or after the scans, at the scans' times."""
 
 from collections.abc import Sequence
+from dataclasses import dataclass
 
 import numpy as np
 
@@ -38,7 +39,7 @@ def at_scans(scans: Sequence[Scan], times: np.ndarray, priors: Sequence[PosePrio
     sigmas = np.array([sigmas_of(priors[k]) for k in order.tolist()])
     stamps = np.array([scan.stamp for scan in scans], dtype=np.float64)
     apart = float(np.median(np.diff(np.unique(stamps)))) if len(np.unique(stamps)) > 1 else 0.0
-    at, sure = np.full((len(scans), 6), np.nan), np.full((len(scans), 6), np.inf)
+    told = _AtScans(stamps, np.full((len(scans), 6), np.nan), np.full((len(scans), 6), np.inf))
     for columns in _SERIES:
         rows = np.flatnonzero(np.isfinite(sigmas[:, columns]).all(axis=1))
         if not len(rows):
@@ -46,48 +47,52 @@ def at_scans(scans: Sequence[Scan], times: np.ndarray, priors: Sequence[PosePrio
         series = values[np.ix_(rows, columns)]
         if columns[0] == _HEADING:
             series = np.degrees(np.unwrap(np.radians(series), axis=0))
-        _interpolate(stamps, times[rows], series, sigmas[np.ix_(rows, columns)], at, sure, columns)
+        measured = _Series(columns, times[rows], series, sigmas[np.ix_(rows, columns)])
+        told.interpolate(measured)
         if columns[0] > _HEADING:
-            _attach(stamps, times[rows], series, sigmas[np.ix_(rows, columns)], at, sure, columns, apart / 2)
-    known = np.isfinite(at)
-    return [prior_of(at[k], sure[k]) if known[k].any() else None for k in range(len(scans))]
+            told.attach(measured, apart / 2)
+    known = np.isfinite(told.values)
+    return [prior_of(told.values[k], told.sigmas[k]) if known[k].any() else None for k in range(len(scans))]
 
 
-def _interpolate(
-    stamps: np.ndarray,
-    times: np.ndarray,
-    series: np.ndarray,
-    sigmas: np.ndarray,
-    at: np.ndarray,
-    sure: np.ndarray,
-    columns: np.ndarray,
-) -> None:
-    """Fill in what lies between two measurements, or at one."""
-    after = np.clip(np.searchsorted(times, stamps), 0, len(times) - 1)
-    before = np.maximum(after - 1, 0)
-    for near in (before, after):
-        same = np.abs(times[near] - stamps) <= SAME_STAMP
-        at[np.ix_(same, columns)], sure[np.ix_(same, columns)] = series[near[same]], sigmas[near[same]]
-    between = (times[before] < stamps) & (stamps < times[after]) & (times[after] - times[before] <= _MOST_BETWEEN)
-    between &= ~np.isfinite(at[:, columns[0]])
-    share = ((stamps - times[before]) / np.where(after > before, times[after] - times[before], 1.0))[between, None]
-    a, b = before[between], after[between]
-    at[np.ix_(between, columns)] = (1 - share) * series[a] + share * series[b]
-    sure[np.ix_(between, columns)] = np.maximum(sigmas[a], sigmas[b])
+@dataclass(frozen=True, slots=True)
+class _Series:
+    """What is measured together: (m,) columns, (n,) times [s], (n, m) values and standard deviations."""
+
+    columns: np.ndarray
+    times: np.ndarray
+    values: np.ndarray
+    sigmas: np.ndarray
 
 
-def _attach(
-    stamps: np.ndarray,
-    times: np.ndarray,
-    series: np.ndarray,
-    sigmas: np.ndarray,
-    at: np.ndarray,
-    sure: np.ndarray,
-    columns: np.ndarray,
-    reach: float,
-) -> None:
-    """Give single fixes to the scans next to them."""
-    for time, value, sigma in zip(times.tolist(), series, sigmas, strict=True):
-        k = int(np.argmin(np.abs(stamps - time)))
-        if abs(stamps[k] - time) <= reach and not np.isfinite(at[k, columns[0]]):
-            at[k, columns], sure[k, columns] = value, np.hypot(sigma, _SPEED * (stamps[k] - time))
+@dataclass(frozen=True, slots=True)
+class _AtScans:
+    """What is told of N scans so far: (N,) stamps [s], (N, 6) values, NaN where unknown, and standard deviations."""
+
+    stamps: np.ndarray
+    values: np.ndarray
+    sigmas: np.ndarray
+
+    def interpolate(self, series: _Series) -> None:
+        """Fill in what lies between two measurements, or at one."""
+        stamps, times, columns = self.stamps, series.times, series.columns
+        after = np.clip(np.searchsorted(times, stamps), 0, len(times) - 1)
+        before = np.maximum(after - 1, 0)
+        for near in (before, after):
+            same = np.abs(times[near] - stamps) <= SAME_STAMP
+            self.values[np.ix_(same, columns)] = series.values[near[same]]
+            self.sigmas[np.ix_(same, columns)] = series.sigmas[near[same]]
+        between = (times[before] < stamps) & (stamps < times[after]) & (times[after] - times[before] <= _MOST_BETWEEN)
+        between &= ~np.isfinite(self.values[:, columns[0]])
+        a, b = before[between], after[between]
+        share = ((stamps[between] - times[a]) / (times[b] - times[a]))[:, None]
+        self.values[np.ix_(between, columns)] = (1 - share) * series.values[a] + share * series.values[b]
+        self.sigmas[np.ix_(between, columns)] = np.maximum(series.sigmas[a], series.sigmas[b])
+
+    def attach(self, series: _Series, reach: float) -> None:
+        """Give single fixes to the scans next to them, at most so far away [s]."""
+        for time, value, sigma in zip(series.times.tolist(), series.values, series.sigmas, strict=True):
+            k = int(np.argmin(np.abs(self.stamps - time)))
+            if abs(self.stamps[k] - time) <= reach and not np.isfinite(self.values[k, series.columns[0]]):
+                self.values[k, series.columns] = value
+                self.sigmas[k, series.columns] = np.hypot(sigma, _SPEED * (self.stamps[k] - time))
