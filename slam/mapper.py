@@ -195,11 +195,11 @@ class Mapper:
         odometry: Odometry | None,
     ) -> Decision:
         """About the key scans, and by them about all."""
-        number = {k: n for n, k in enumerate(keys)}
+        number, own_survey = {k: n for n, k in enumerate(keys)}, survey[list(keys)]
         told = None if odometry is None else odometry.take(keys)
-        of_keys = Navigation.of([navigation.scans[k] for k in keys], survey[list(keys)], told)
+        of_keys = navigation.of_some(keys, () if told is None else told.edges(own_survey))
         between = [replace(pair, i=number[pair.i], j=number[pair.j]) for pair in known]
-        decision = self._decided(runner.of(keys), of_keys, survey[list(keys)], told, between)
+        decision = self._decided(runner.of(keys), of_keys, own_survey, told, between)
         floor = self.settings.loops.floor(self.voxel) / 4
         return with_between(decision, keys, navigation, survey, odometry, floor)
 

@@ -46,6 +46,10 @@ class Navigation:
         cleaned = tuple(replace(scan, prior=left.get(k)) for k, scan in enumerate(scans))
         return cls(cleaned, tuple(steps), wrong)
 
+    def of_some(self, chosen: Sequence[int], odometry: Sequence[Edge]) -> "Navigation":
+        """Of some of the scans, with the steps of dead reckoning between these; what is wrong has been left out."""
+        return Navigation(tuple(self.scans[k] for k in chosen), tuple(odometry))
+
     @property
     def stamps(self) -> np.ndarray:
         """(N,) [s]."""

@@ -70,7 +70,7 @@ def with_between(
         degrees_of_freedom=decision.solution.degrees_of_freedom,
     )
     pairs = tuple(replace(pair, i=keys[pair.i], j=keys[pair.j]) for pair in decision.pairs)
-    told = {(fix.scan, fix.kind): fix for fix in wrong}
+    told = {(fix.scan, fix.kind): fix for fix in (*navigation.wrong_fixes, *wrong)}
     told |= {(keys[fix.scan], fix.kind): replace(fix, scan=keys[fix.scan]) for fix in decision.wrong_fixes}
     chained = expanded(decision.chained.T_world_sensor)
     return Decision(chained, solution, pairs, tuple(told[key] for key in sorted(told)))

@@ -106,6 +106,17 @@ def test_fixes_of_scans_between_place_the_map() -> None:
     assert np.linalg.norm(away, axis=1).max() < 0.5
 
 
+def test_a_wrong_fix_that_dead_reckoning_shows_is_told() -> None:
+    sigmas = np.array([np.inf, np.inf, np.inf, 0.2, 0.2, 0.1])
+    scans = [
+        replace(scan, prior=PosePrior(RigidTransform.from_translation([20.0 * (k == 70), 0, 0]) * STREAM[k], sigmas))
+        for k, scan in enumerate(SCANS)
+    ]
+    result, _ = mapped(scans, odometry=Odometry(np.arange(COUNT), STREAM, 100.0 + np.arange(COUNT)))
+    assert result.keys is not None
+    assert [(fix.scan, fix.kind) for fix in result.wrong_fixes] == [(70, "position")]
+
+
 def test_dead_reckoning_places_what_a_steady_motion_does_not() -> None:
     """The vehicle shakes from scan to scan; its log knows."""
     shake = 0.05 * np.sin(2.5 * np.arange(COUNT))
