@@ -3,7 +3,7 @@
 import math
 from collections.abc import Sequence
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated
+from typing import TYPE_CHECKING, Annotated, Any
 
 import typer
 
@@ -23,6 +23,11 @@ def _check_limit(limit: float | None) -> float | None:
     if limit is None or (math.isfinite(limit) and limit > 0):
         return limit
     raise typer.BadParameter(f"{limit}; give a number above 0, or leave it out where it is not known")
+
+
+def _limit(name: str, unit: str, what: str) -> Any:
+    """An option for what the vehicle's motion cannot exceed."""
+    return typer.Option(name, metavar=unit, callback=_check_limit, help=f"{what} \\[learned]")
 
 
 def _check_also(formats: list[str]) -> list[str]:
@@ -75,32 +80,13 @@ LoopsOption = Annotated[
 ]
 MaxSpeedOption = Annotated[
     float | None,
-    typer.Option(
-        "--max-speed",
-        metavar="M/S",
-        callback=_check_limit,
-        help="How fast the vehicle moves at most \\[m/s]; for scans whose stamps are times. \\[learned]",
-    ),
+    _limit("--max-speed", "M/S", "How fast the vehicle moves at most \\[m/s]; for scans whose stamps are times."),
 ]
 MaxTurnRateOption = Annotated[
     float | None,
-    typer.Option(
-        "--max-turn-rate",
-        metavar="DEG/S",
-        callback=_check_limit,
-        help="How fast the vehicle turns at most \\[deg/s]; for scans whose stamps are times. \\[learned]",
-    ),
+    _limit("--max-turn-rate", "DEG/S", "How fast it turns at most \\[deg/s]; for scans whose stamps are times."),
 ]
-MaxStepOption = Annotated[
-    float | None,
-    typer.Option(
-        "--max-step",
-        metavar="M",
-        callback=_check_limit,
-        help="How far apart consecutive scans are at most \\[m]. \\[learned]",
-    ),
-]
-
+MaxStepOption = Annotated[float | None, _limit("--max-step", "M", "How far apart consecutive scans are at most \\[m].")]
 KeyStepOption = Annotated[
     float | None,
     typer.Option(

@@ -10,7 +10,7 @@ import numpy as np
 from slam.graph.edge import Edge
 from slam.mapper import SurveyResult
 from spectral.scan import PosePrior
-from tools.output.summary import pair_row
+from tools.output.summary import pair_row, scan_rows
 from tools.readers.poses.graph_json import FORMAT
 
 # What the numbers are, for whoever reads the file without these pages.
@@ -40,19 +40,13 @@ def survey_graph(result: SurveyResult, names: Sequence[str]) -> dict[str, Any]:
         "conventions": CONVENTIONS,
         "poses": [
             {
-                "id": k,
-                "name": name,
-                "stamp": result.trajectory.stamps[k],
-                "survey": result.surveys[k],
+                **row,
                 "component": component[k],
                 "in_world": in_world[component[k]],
                 "key_scan": keys is None or k in keys,
-                "T_world_sensor": T,
-                "covariance": covariance,
+                "T_world_sensor": result.trajectory.T_world_sensor[k].as_matrix(),
             }
-            for k, (name, T, covariance) in enumerate(
-                zip(names, result.trajectory.T_world_sensor.as_matrix(), result.covariances, strict=True)
-            )
+            for k, row in enumerate(scan_rows(result, names))
         ],
         "edges": [_edge_row(edge) for edge in graph.edges],
         "pairs": [pair_row(pair) for pair in result.pairs],

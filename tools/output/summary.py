@@ -39,17 +39,8 @@ def survey_summary(
         "device": device,
         "settings": settings,
         "scans": [
-            {
-                "index": k,
-                "name": name,
-                "stamp": result.trajectory.stamps[k],
-                "survey": result.surveys[k],
-                "sigmas": sigmas,
-                "covariance": covariance,
-            }
-            for k, (name, sigmas, covariance) in enumerate(
-                zip(names, pose_sigmas(result.covariances), result.covariances, strict=True)
-            )
+            {**row, "sigmas": sigmas}
+            for row, sigmas in zip(scan_rows(result, names), pose_sigmas(result.covariances), strict=True)
         ],
         "pairs": [pair_row(pair) for pair in result.pairs],
         "gaps": list(dict.fromkeys([*result.gaps, *gaps])),
@@ -73,6 +64,20 @@ def survey_summary(
             "converged": solution.converged,
         },
     }
+
+
+def scan_rows(result: SurveyResult, names: Sequence[str]) -> list[dict[str, Any]]:
+    """What each scan is, and how sure its pose."""
+    return [
+        {
+            "index": k,
+            "name": name,
+            "stamp": result.trajectory.stamps[k],
+            "survey": result.surveys[k],
+            "covariance": result.covariances[k],
+        }
+        for k, name in enumerate(names)
+    ]
 
 
 def _gap(before: int, count: int) -> tuple[int | None, int | None]:

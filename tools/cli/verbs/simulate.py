@@ -133,7 +133,6 @@ def command(
     """
     from tools.readers.odometry import parse_drift
     from tools.simulate.folder import write_simulation
-    from tools.simulate.plan import SPACED
     from tools.simulate.sensing.priors import instruments_for
     from tools.simulate.simulation import simulate
     from tools.writers.atomic import require_writable
@@ -142,11 +141,7 @@ def command(
     fixes = _fixes(priors, fix_every, fix_outliers)
     drift = None if odometry is None else parse_drift(odometry, "--odometry")
     instruments = None if priors is None else instruments_for([kind.strip() for kind in priors.split(",")])
-    if spacing is not None and settings.trajectory not in SPACED:
-        raise InputError(
-            f"--spacing has no effect with --trajectory {settings.trajectory}, only with {' or '.join(SPACED)}; leave "
-            "it out"
-        )
+    _require_spaced(settings.trajectory, spacing)
     noise = {"sigma2": sigma2, "outliers": outliers, "dropouts": dropouts, "ghosts": ghosts, "speckle": speckle}
     settings = replace(settings, noise=replace(settings.noise, **_given(noise)))
     settings = replace(settings, sensor=replace(settings.sensor, **_given({"threshold": threshold})))
@@ -156,6 +151,16 @@ def command(
         simulation = simulate(settings, progress=lambda done: step(done, settings.count, ""))
     write_simulation(simulation, out, instruments, fixes, drift)
     typer.echo(f"{len(simulation.scans)} scans of {settings.scene} and their true poses in {printable(str(out))}")
+
+
+def _require_spaced(trajectory: str, spacing: float | None) -> None:
+    """Refuse a spacing where the trajectory has none to choose."""
+    from tools.simulate.plan import SPACED
+
+    if spacing is not None and trajectory not in SPACED:
+        raise InputError(
+            f"--spacing has no effect with --trajectory {trajectory}, only with {' or '.join(SPACED)}; leave it out"
+        )
 
 
 def _fixes(priors: str | None, every: int | None, outliers: float | None) -> "Fixes":
