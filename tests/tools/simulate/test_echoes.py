@@ -180,3 +180,17 @@ def test_the_threshold_narrows_the_eclipses_field_to_about_90_degrees(scene: str
     assert abs(np.mean(widths) - wanted) < 5
     assert np.ptp(widths) < 20
     assert min(bare_widths) > 119
+
+
+def test_wide_lobes_give_neighbors_one_range_and_lose_fewer_echoes():
+    rng = np.random.default_rng(3)
+    echoes = Echoes(rng.uniform(20, 60, (96, 128)), np.full((96, 128), 0.5))
+    sensor = replace(bare(ECLIPSE), threshold=0.3)
+    noises = [Noise(sigma2=0.1, speckle=1.0, lobe=lobe) for lobe in (0.0, 1.0, 1.0)]
+    thin, wide, again = (disturb(echoes, sensor, noise, generator()).ranges for noise in noises)
+    assert_array_equal(again, wide)
+    seen = np.isfinite(wide)
+    assert np.isfinite(thin).mean() < seen.mean()
+    alike = wide[:, 1:] == wide[:, :-1]
+    assert 0.35 < alike[seen[:, 1:] & seen[:, :-1]].mean() < 0.8
+    assert not (thin[:, 1:] == thin[:, :-1])[np.isfinite(thin[:, 1:])].any()

@@ -39,6 +39,13 @@ GhostsOption = Annotated[
         help="Share of beams with a multipath echo, mirrored at the water surface or a wall, 0..1.", metavar="P"
     ),
 ]
+LobeOption = Annotated[
+    float | None,
+    typer.Option(
+        help="Width of a beam's main lobe, in beams: echoes fade by patches, and neighbors report the strongest. \\[0]",
+        metavar="B",
+    ),
+]
 ThresholdOption = Annotated[
     float | None,
     typer.Option(
@@ -116,6 +123,7 @@ def command(
     speckle: Annotated[
         float | None, typer.Option(help="Share of the echo strength that fluctuates as speckle, 0..1.", metavar="P")
     ] = None,
+    lobe: LobeOption = None,
     threshold: ThresholdOption = None,
     unusable: UnusableOption = None,
     dive: DiveOption = None,
@@ -142,7 +150,8 @@ def command(
     drift = None if odometry is None else parse_drift(odometry, "--odometry")
     instruments = None if priors is None else instruments_for([kind.strip() for kind in priors.split(",")])
     _require_spaced(settings.trajectory, spacing)
-    noise = {"sigma2": sigma2, "outliers": outliers, "dropouts": dropouts, "ghosts": ghosts, "speckle": speckle}
+    noise = {"sigma2": sigma2, "outliers": outliers, "dropouts": dropouts}
+    noise |= {"ghosts": ghosts, "speckle": speckle, "lobe": lobe}
     settings = replace(settings, noise=replace(settings.noise, **_given(noise)))
     settings = replace(settings, sensor=replace(settings.sensor, **_given({"threshold": threshold})))
     settings = replace(settings, **_given({"count": scans, "spacing": spacing, "dive": dive, "unusable": unusable}))

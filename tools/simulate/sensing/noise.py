@@ -8,7 +8,10 @@ from pydantic import ConfigDict
 
 from kernels.errors import InputError
 from spectral.scan import Scan
+from tools.simulate.sensing.lobes import fade, pick_strongest
 from tools.simulate.sensing.sensors import Echoes, Sensor
+
+WIDEST = 8.0  # of a lobe [beams]
 
 
 @dataclass(frozen=True, slots=True)
@@ -24,6 +27,8 @@ class Noise:
         speckle: share of an echo's strength that fluctuates as speckle does, 0..1. At 1 the amplitude is
             Rayleigh distributed and the strength, an intensity, exponentially; its mean stays (J. W. Goodman,
             Statistical Properties of Laser Speckle Patterns, 1975, doi 10.1007/978-3-662-43205-1_2).
+        lobe: standard deviation of a beam's main lobe, in beams. Above 0 echoes fade by patches and every beam
+            reports the strongest echo of its lobe, as tools.simulate.sensing.lobes has it.
     """
 
     __pydantic_config__: ClassVar[ConfigDict] = ConfigDict(extra="forbid")
@@ -33,6 +38,7 @@ class Noise:
     dropouts: float = 0.0
     ghosts: float = 0.0
     speckle: float = 0.0
+    lobe: float = 0.0
 
     def __post_init__(self) -> None:
         if not (np.isfinite(self.sigma2) and self.sigma2 >= 0):
@@ -43,6 +49,8 @@ class Noise:
                 raise InputError(f"noise: {name} is {share}; wanted a share of the echoes, 0 <= share < 1")
         if not 0 <= self.speckle <= 1:
             raise InputError(f"noise: speckle is {self.speckle}; wanted a share of the strength, 0 <= share <= 1")
+        if not 0 <= self.lobe <= WIDEST:
+            raise InputError(f"noise: lobe is {self.lobe}; wanted a width in beams, 0 to {WIDEST:g}")
 
 
 def disturb(
@@ -77,13 +85,16 @@ def disturb(
         echoes = Echoes(
             np.where(is_ghost, ghosts.ranges, echoes.ranges), np.where(is_ghost, ghosts.strengths, echoes.strengths)
         )
+    if noise.lobe > 0:
+        echoes = fade(echoes, rng)
     strengths = echoes.strengths * (1 - noise.speckle + noise.speckle * speckle)
     seen = np.isfinite(echoes.ranges) & (strengths >= sensor.threshold)
     true = np.where(seen, echoes.ranges, 0.0)
     measured = true + gauss * np.sqrt(noise.sigma2 * true / sensor.max_range)
     measured = _in_steps(np.where(wild < noise.outliers, wild_range, measured), sensor.resolution)
     kept = seen & (lost >= noise.dropouts) & (measured >= sensor.min_range) & (measured <= sensor.max_range)
-    return Echoes(np.where(kept, measured, np.inf), np.where(kept, strengths, 0.0))
+    noisy = Echoes(np.where(kept, measured, np.inf), np.where(kept, strengths, 0.0))
+    return pick_strongest(noisy, noise.lobe) if noise.lobe > 0 else noisy
 
 
 def _in_steps(ranges: np.ndarray, resolution: float) -> np.ndarray:

@@ -15,10 +15,10 @@ def described(folder: Path) -> dict:
 
 
 def test_the_noise_of_the_echoes_is_described_and_given_again(tmp_path: Path) -> None:
-    options = ("--ghosts", "0.2", "--speckle", "0.6", "--threshold", "0.01")
+    options = ("--ghosts", "0.2", "--speckle", "0.6", "--lobe", "1.5", "--threshold", "0.01")
     assert sonarmap("simulate", "--seed", "4", *options, *ONE, tmp_path / "a").exit_code == 0
     settings = described(tmp_path / "a")["settings"]
-    assert (settings["noise"]["ghosts"], settings["noise"]["speckle"]) == (0.2, 0.6)
+    assert (settings["noise"]["ghosts"], settings["noise"]["speckle"], settings["noise"]["lobe"]) == (0.2, 0.6, 1.5)
     assert (settings["sensor"]["name"], settings["sensor"]["threshold"]) == ("eclipse", 0.01)
     again = ("--like", tmp_path / "a" / "description.json", "--quiet", "-o", tmp_path / "b")
     assert sonarmap("simulate", *again).exit_code == 0
@@ -33,7 +33,7 @@ def test_a_lower_threshold_leaves_more_points_of_the_same_scan(tmp_path: Path) -
     assert 1.2 * few < many < 2 * few
 
 
-@pytest.mark.parametrize(("name", "value"), [("ghosts", "1"), ("speckle", "-0.5"), ("threshold", "-1")])
+@pytest.mark.parametrize(("name", "value"), [("ghosts", "1"), ("speckle", "-0.5"), ("lobe", "9"), ("threshold", "-1")])
 def test_noise_that_cannot_be_is_refused(tmp_path: Path, name: str, value: str) -> None:
     result = sonarmap("simulate", f"--{name}", value, *ONE, tmp_path / "out")
     assert (result.exit_code, result.stdout) == (2, "")
@@ -44,4 +44,4 @@ def test_noise_that_cannot_be_is_refused(tmp_path: Path, name: str, value: str) 
 def test_table_1_has_the_papers_noise_alone(tmp_path: Path) -> None:
     assert sonarmap("simulate", "--trajectory", "table1", *ONE, tmp_path / "out").exit_code == 0
     noise = described(tmp_path / "out")["settings"]["noise"]
-    assert noise == {"sigma2": 1.0, "outliers": 0.0, "dropouts": 0.0, "ghosts": 0.0, "speckle": 0.0}
+    assert noise == {"sigma2": 1.0, "outliers": 0.0, "dropouts": 0.0, "ghosts": 0.0, "speckle": 0.0, "lobe": 0.0}

@@ -17,19 +17,17 @@ even that is weak. No other dropouts: those are the real ones.
 from dataclasses import replace
 
 import numpy as np
-from scipy.ndimage import gaussian_filter
 
 from spectral.scan import Scan
 from tools.simulate.kinds.kind import KindPair
 from tools.simulate.kinds.views.single_view import Shot, single_view_pair
 from tools.simulate.sensing.ghosts import reflect
+from tools.simulate.sensing.lobes import fade, pick_strongest
 from tools.simulate.sensing.noise import disturb, scan_of
 from tools.simulate.sensing.sensors import Echoes
 
 STEP = 2 * 0.000762939453125  # of a range [m]
 LOBE = 1.0  # standard deviation of a beam's main lobe, in beams
-REACH = 2  # beams to either side that a lobe is taken over
-FADING, FADED = 4.0, 3.0  # width of what fades together [beams], standard deviation [dB]
 LOST = 0.03  # share of single beams that report nothing although they could
 WEAKEST = 0.2  # of the strengths that are reported, linear as Echoes.strengths
 
@@ -50,23 +48,8 @@ def real_scan(shot: Shot) -> Scan:
     if noise.ghosts > 0:
         ghosts = reflect(shot.observer.world, sensor, shot.view.T_world_sensor)
     noisy = disturb(shot.view.echoes, sensor, noise, shot.rng, ghosts)
-    fading = gaussian_filter(shot.distortion.standard_normal(noisy.ranges.shape), FADING, mode="wrap")
-    faded = noisy.strengths * 10 ** (FADED / 10 * fading / fading.std())
-    picked = pick_strongest(Echoes(noisy.ranges, faded))
+    picked = pick_strongest(fade(noisy, shot.distortion), LOBE)
     weak = (picked.strengths < WEAKEST) | (shot.rng.random(picked.ranges.shape) < LOST)
     steps = np.rint(picked.ranges / STEP) * STEP
     echoes = Echoes(np.where(weak, np.inf, steps), np.where(weak, 0.0, picked.strengths))
     return scan_of(echoes, sensor, stamp=shot.stamp, name=shot.name)
-
-
-def pick_strongest(echoes: Echoes) -> Echoes:
-    """For every beam range and strength of the strongest echo of its lobe, weighted by the lobe."""
-    padded = Echoes(np.pad(echoes.ranges, REACH, constant_values=np.inf), np.pad(echoes.strengths, REACH))
-    rows, columns = echoes.ranges.shape
-    offsets = [(i, j) for i in range(-REACH, REACH + 1) for j in range(-REACH, REACH + 1)]
-    windows = [(slice(REACH + i, REACH + i + rows), slice(REACH + j, REACH + j + columns)) for i, j in offsets]
-    weights = [np.exp(-0.5 * (i**2 + j**2) / LOBE**2) for i, j in offsets]
-    seen = np.stack([weight * padded.strengths[window] for weight, window in zip(weights, windows, strict=True)])
-    best = seen.argmax(axis=0)[None]
-    ranges = np.stack([padded.ranges[window] for window in windows])
-    return Echoes(np.take_along_axis(ranges, best, 0)[0], np.take_along_axis(seen, best, 0)[0])

@@ -8,8 +8,9 @@ from numpy.testing import assert_allclose, assert_array_equal
 from tests.samples.simulated import QUIET
 from tools.simulate.kinds.views.draws import observer_of
 from tools.simulate.kinds.views.single_view import Shot
-from tools.simulate.kinds.views.sonar3d15 import STEP, pick_strongest, real_scan
+from tools.simulate.kinds.views.sonar3d15 import LOBE, STEP, real_scan
 from tools.simulate.pairs.viewpoints import first_view
+from tools.simulate.sensing.lobes import pick_strongest
 from tools.simulate.sensing.noise import Noise
 from tools.simulate.sensing.sensors import SONAR_3D15, Echoes
 from tools.simulate.shapes.surface import surface_distance
@@ -68,7 +69,7 @@ def test_a_beam_picks_the_strongest_echo_of_its_lobe():
     ranges[2, 2], strengths[2, 2] = 3.0, 1.0
     ranges[2, 6], strengths[2, 6] = 7.0, 0.5
     ranges[2, 3], strengths[2, 3] = 4.0, 0.1
-    picked = pick_strongest(Echoes(ranges, strengths))
+    picked = pick_strongest(Echoes(ranges, strengths), LOBE)
     assert_array_equal(picked.ranges[2], [3.0, 3.0, 3.0, 3.0, 3.0, 7.0, 7.0, 7.0, 7.0])
     assert picked.strengths[2, 2] == 1.0
     assert_allclose(picked.strengths[2, 6], 0.5)
