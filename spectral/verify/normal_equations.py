@@ -3,12 +3,15 @@
 from dataclasses import dataclass
 
 import numpy as np
+from scipy.linalg import block_diag
 from scipy.spatial.transform import Rotation
 
 from spectral.verify.calibration import CALIBRATION
 from spectral.verify.pairs import Pairs, along
 from spectral.verify.prior_term import PriorTerm, posterior_step
 
+# (8, 7) of a pose and both stretches, which are opposite.
+_OPPOSITE = block_diag(np.eye(6), np.array([[1.0], [-1.0]]))
 # From this share of one scan's information on that of both scans' normals shows that it is not of noise.
 _AGREEING = 0.3
 
@@ -62,29 +65,40 @@ class NormalEquations:
 
     def moved(self, pairs: Pairs, state: State) -> tuple[State, np.ndarray]:
         """Where the step leads, and (k, 6) where it would by the scans alone."""
-        hessian = _damped(_of_pose(self.hessian))
-        step = alone = -np.linalg.solve(hessian, self._pose_gradient()[:, :, None])[:, :, 0]
+        step = alone = self._step_alone(state)
         if state.prior is not None:
-            covariance = usual_covariance(hessian, self.shared_information(pairs), self.variance)
-            step = posterior_step(alone, covariance, state.prior)
-        stretch = state.stretch
-        if stretch is not None:
-            rest = self.gradient[:, 6:] + (self.hessian[:, 6:, :6] @ step[:, :, None])[:, :, 0]
-            stretch = stretch - np.linalg.solve(self.hessian[:, 6:, 6:], rest[:, :, None])[:, :, 0]
+            hessian, shared = _damped(_of_pose(self.hessian)), self.shared_information(pairs)
+            step = posterior_step(alone, usual_covariance(hessian, shared, self.variance), state.prior)
         moved = State(
             turn=Rotation.from_rotvec(step[:, :3]).as_matrix() @ state.turn,
             shift=state.shift + step[:, 3:],
             width=state.width,
-            stretch=stretch,
+            stretch=None if state.stretch is None else self._stretched(state.stretch, step, state.prior is not None),
             prior=None if state.prior is None else state.prior.moved(step),
         )
         return moved, alone
 
-    def _pose_gradient(self) -> np.ndarray:
-        """(k, 6) of the pose, whatever the stretches are."""
-        across, stretch = self.hessian[:, 6:, :6], self.hessian[:, 6:, 6:]
-        rest = across.transpose(0, 2, 1) @ np.linalg.solve(stretch, self.gradient[:, 6:, None])
-        return self.gradient[:, :6] - rest[:, :, 0]
+    def _step_alone(self, state: State) -> np.ndarray:
+        """(k, 6) of the pose, where both scans are stretched by opposite shares.
+
+        Scans that both shrink, and the way between them with them, fit as well: their gaps shrink, too. So what both
+        stretches have in common must not be sought where gaps are smallest; it would draw the scans together.
+        """
+        hessian, gradient = self.hessian, self.gradient
+        if state.stretch is not None:
+            common = state.stretch.mean(axis=1)[:, None, None] * np.ones((2, 1))
+            gradient = gradient - (hessian[:, :, 6:] @ common)[:, :, 0]
+            hessian, gradient = _OPPOSITE.T @ hessian @ _OPPOSITE, gradient @ _OPPOSITE
+        across, stretch = hessian[:, 6:, :6], hessian[:, 6:, 6:]
+        rest = across.transpose(0, 2, 1) @ np.linalg.solve(stretch, gradient[:, 6:, None])
+        return -np.linalg.solve(_damped(_of_pose(hessian)), gradient[:, :6, None] - rest)[:, :, 0]
+
+    def _stretched(self, stretch: np.ndarray, step: np.ndarray, measured: bool) -> np.ndarray:
+        """(k, 2) the stretches after a step of the pose; opposite ones unless something else `measured` the pose."""
+        free = np.eye(2) if measured else _OPPOSITE[6:, 6:]
+        rest = self.gradient[:, 6:] + (self.hessian[:, 6:, :6] @ step[:, :, None])[:, :, 0]
+        change = np.linalg.solve(free.T @ self.hessian[:, 6:, 6:] @ free, (rest @ free)[:, :, None])
+        return stretch - (free @ change)[:, :, 0]
 
     def shared_information(self, pairs: Pairs) -> np.ndarray:
         """(k, 6, 6) the Hessian from one scan's normals times the other's, whatever the stretches are.

@@ -88,14 +88,19 @@ def find_pairs(
 
 
 def _nearest(surface: Surface, points: np.ndarray, reach: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-    """Which of the points (k, n, 3) have a point of the surface within reach (k,), and which it is; (k, n) each."""
+    """Which of the points (k, n, 3) have a point of the surface within reach (k,), and which it is; (k, n) each.
+
+    A point whose nearest lies at a rim may have its counterpart beyond, where the surface was not seen. Such pairs
+    would draw rims together, which move with the sensor (Turk and Levoy, DOI 10.1145/192161.192241).
+    """
     flat, farthest = points.reshape(-1, 3), float(reach.max())
     if len(flat) > _MANY:
         distance, index = query_on_all_cores(surface.tree, flat, reach=farthest)
     else:
         distance, index = surface.tree.query(flat, distance_upper_bound=farthest)
     near = distance.reshape(points.shape[:2]) <= reach[:, None]
-    return near, np.where(near, index.reshape(near.shape), 0)
+    nearest = np.where(near, index.reshape(near.shape), 0)
+    return near & surface.inner[nearest], nearest
 
 
 def medians(gaps: np.ndarray, near: np.ndarray, otherwise: np.ndarray) -> np.ndarray:
