@@ -19,7 +19,8 @@ from spectral.verify.prior_term import PriorTerm
 _BELL, _WIDE_BELL = 1 / 6, 0.8
 # Points as many widths of the bell apart as this no longer count.
 _BELLS = 4.0
-# How far surfaces usually are apart is measured where points may be at least so far apart [voxels].
+# How far surfaces usually are apart is measured where points may be at least so far apart [voxels]; nearer than that,
+# rims no longer move the pose.
 _MEASURED = 3.0
 # Information is given as if so many points of each scan took part: `Calibration` is for these.
 _FULL = 3000
@@ -88,7 +89,7 @@ def _prepare_step(
     pairs = find_pairs(target, source, few_target, few_source, state.turn, state.shift, reach, stretches)
     if tried >= _MEASURED:
         state = replace(state, width=medians(np.abs(pairs.gaps), pairs.near, state.width))
-    return state, NormalEquations.of(pairs, state, bell, scale), pairs
+    return state, NormalEquations.of(pairs, state, bell, scale, inner=tried < _MEASURED), pairs
 
 
 def _finish(normal: NormalEquations, pairs: Pairs, state: State) -> list[Fit]:

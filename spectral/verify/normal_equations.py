@@ -11,7 +11,7 @@ from spectral.verify.pairs import Pairs, along
 from spectral.verify.prior_term import PriorTerm, posterior_step
 
 # (8, 7) of a pose and both stretches, which are opposite.
-_OPPOSITE = block_diag(np.eye(6), np.array([[1.0], [-1.0]]))
+_OPPOSITE: np.ndarray = block_diag(np.eye(6), np.array([[1.0], [-1.0]]))
 # From this share of one scan's information on that of both scans' normals shows that it is not of noise.
 _AGREEING = 0.3
 
@@ -33,13 +33,16 @@ class NormalEquations:
 
     Attributes:
         weights: (k, n) of the pairs.
+        moving: (k, n) of those that move the pose.
         jacobian: (k, n, 6 or 8) of the gaps.
         gaps: (k, n) as the stretches leave them [voxels].
-        hessian, gradient: (k, 6 or 8, 6 or 8) and (k, 6 or 8), with what is known of the stretches before.
+        hessian, gradient: (k, 6 or 8, 6 or 8) and (k, 6 or 8) by those that move the pose, with what is known of the
+            stretches before.
         variance: (k,) of the gaps, as far as they are independent [voxels^2].
     """
 
     weights: np.ndarray
+    moving: np.ndarray
     jacobian: np.ndarray
     gaps: np.ndarray
     hessian: np.ndarray
@@ -47,28 +50,32 @@ class NormalEquations:
     variance: np.ndarray
 
     @classmethod
-    def of(cls, pairs: Pairs, state: State, bell: np.ndarray, scale: float) -> "NormalEquations":
-        """With the weights of Geman and McClure, each pair for `scale` of them."""
+    def of(cls, pairs: Pairs, state: State, bell: np.ndarray, scale: float, inner: bool) -> "NormalEquations":
+        """With the weights of Geman and McClure, each pair for `scale` of them.
+
+        With `inner` pairs at rims do not move the pose: they would draw the rims of what both scans saw together, and
+        these move with the sensor (Turk and Levoy, DOI 10.1145/192161.192241).
+        """
         gaps = pairs.gaps
         if pairs.by_stretch is not None and state.stretch is not None:
             gaps = gaps + (pairs.by_stretch @ state.stretch[:, :, None])[:, :, 0]
         weights = np.where(pairs.near, scale / (1.0 + (gaps / bell[:, None]) ** 2) ** 2, 0.0)
         jacobian = _jacobian(pairs, pairs.normals)
-        weighted = (jacobian * weights[:, :, None]).transpose(0, 2, 1)
+        moving = np.where(pairs.inner, weights, 0.0) if inner else weights
+        weighted = (jacobian * moving[:, :, None]).transpose(0, 2, 1)
         hessian, gradient = weighted @ jacobian, (weighted @ gaps[:, :, None])[:, :, 0]
         variance = CALIBRATION.variance(state.width)
         if state.stretch is not None:
             known = _known_stretch(variance)
             hessian[:, 6:, 6:] += known
             gradient[:, 6:] += (known @ state.stretch[:, :, None])[:, :, 0]
-        return cls(weights, jacobian, gaps, hessian, gradient, variance)
+        return cls(weights, moving, jacobian, gaps, hessian, gradient, variance)
 
     def moved(self, pairs: Pairs, state: State) -> tuple[State, np.ndarray]:
         """Where the step leads, and (k, 6) where it would by the scans alone."""
         step = alone = self._step_alone(state)
         if state.prior is not None:
-            hessian, shared = _damped(_of_pose(self.hessian)), self.shared_information(pairs)
-            step = posterior_step(alone, usual_covariance(hessian, shared, self.variance), state.prior)
+            step = posterior_step(alone, self._usual_covariance(pairs), state.prior)
         moved = State(
             turn=Rotation.from_rotvec(step[:, :3]).as_matrix() @ state.turn,
             shift=state.shift + step[:, 3:],
@@ -77,6 +84,12 @@ class NormalEquations:
             prior=None if state.prior is None else state.prior.moved(step),
         )
         return moved, alone
+
+    def _usual_covariance(self, pairs: Pairs) -> np.ndarray:
+        """(k, 6, 6) of where the planes of all pairs have the pose, those that move it or not."""
+        rims = (self.weights - self.moving)[:, :, None]
+        whole = self.hessian + (self.jacobian * rims).transpose(0, 2, 1) @ self.jacobian
+        return usual_covariance(_damped(_of_pose(whole)), self.shared_information(pairs), self.variance)
 
     def _step_alone(self, state: State) -> np.ndarray:
         """(k, 6) of the pose, where both scans are stretched by opposite shares.

@@ -26,6 +26,8 @@ class Pairs:
 
     Attributes:
         near: (k, n) which are within reach; the others do not count.
+        inner: (k, n) which of these have a nearest point that lies at no rim. Beyond a rim a surface was not seen,
+            though it may go on there.
         arms: (k, n, 3) of the source's points, from the source's grid center [voxels].
         normals: (k, n, 3) of the surface whose plane they are to lie in.
         others: (k, n, 3) of the other scan's surface there, of either sign.
@@ -35,6 +37,7 @@ class Pairs:
     """
 
     near: np.ndarray
+    inner: np.ndarray
     arms: np.ndarray
     normals: np.ndarray
     others: np.ndarray
@@ -77,6 +80,7 @@ def find_pairs(
         by_stretch = np.concatenate(ways, axis=1)
     return Pairs(
         near=np.concatenate([near, back_near], axis=1),
+        inner=np.concatenate([near & target.inner[there], back_near & source.inner[here]], axis=1),
         arms=np.concatenate([arms, back_arms], axis=1),
         normals=np.concatenate([normals, back_normals], axis=1),
         others=np.concatenate(
@@ -88,19 +92,14 @@ def find_pairs(
 
 
 def _nearest(surface: Surface, points: np.ndarray, reach: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-    """Which of the points (k, n, 3) have a point of the surface within reach (k,), and which it is; (k, n) each.
-
-    A point whose nearest lies at a rim may have its counterpart beyond, where the surface was not seen. Such pairs
-    would draw rims together, which move with the sensor (Turk and Levoy, DOI 10.1145/192161.192241).
-    """
+    """Which of the points (k, n, 3) have a point of the surface within reach (k,), and which it is; (k, n) each."""
     flat, farthest = points.reshape(-1, 3), float(reach.max())
     if len(flat) > _MANY:
         distance, index = query_on_all_cores(surface.tree, flat, reach=farthest)
     else:
         distance, index = surface.tree.query(flat, distance_upper_bound=farthest)
     near = distance.reshape(points.shape[:2]) <= reach[:, None]
-    nearest = np.where(near, index.reshape(near.shape), 0)
-    return near & surface.inner[nearest], nearest
+    return near, np.where(near, index.reshape(near.shape), 0)
 
 
 def medians(gaps: np.ndarray, near: np.ndarray, otherwise: np.ndarray) -> np.ndarray:

@@ -1,7 +1,10 @@
 """How much the planes of two scans are worth beside instruments, direction by direction."""
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
+from scipy.linalg import block_diag
 from scipy.spatial.transform import Rotation
 
 from spectral.verify.calibration import CALIBRATION
@@ -37,8 +40,11 @@ def test_it_turns_with_the_axes() -> None:
     np.testing.assert_allclose(turned, turn @ of(shared) @ turn.T, atol=1e-12)
 
 
+BEGIN = State(np.stack([np.eye(3)] * 2), np.zeros((2, 3)), np.full(2, 0.3), np.zeros((2, 2)), None)
+
+
 class TestStretch:
-    """The stretches eliminated by the Schur complement, beside the whole system solved at once."""
+    """Opposite stretches eliminated by the Schur complement, beside the whole system solved at once."""
 
     @pytest.fixture
     def pairs(self) -> Pairs:
@@ -46,8 +52,10 @@ class TestStretch:
         normals, others = rng.normal(size=(2, 2, 40, 3))
         normals /= np.linalg.norm(normals, axis=2, keepdims=True)
         others /= np.linalg.norm(others, axis=2, keepdims=True)
+        near = rng.random((2, 40)) < 0.8
         return Pairs(
-            near=rng.random((2, 40)) < 0.8,
+            near=near,
+            inner=near & (rng.random((2, 40)) < 0.7),
             arms=20 * rng.normal(size=(2, 40, 3)),
             normals=normals,
             others=others,
@@ -55,14 +63,16 @@ class TestStretch:
             by_stretch=10 * rng.normal(size=(2, 40, 2)),
         )
 
-    def test_pose_and_stretches_solve_the_equations_of_all_eight(self, pairs: Pairs) -> None:
-        begin = State(np.stack([np.eye(3)] * 2), np.zeros((2, 3)), np.full(2, 0.3), np.zeros((2, 2)), None)
-        equations = NormalEquations.of(pairs, begin, np.full(2, 0.5), 1.0)
-        moved, alone = equations.moved(pairs, begin)
+    @pytest.mark.parametrize("inner", [False, True])
+    def test_pose_and_opposite_stretches_solve_the_equations_of_all(self, pairs: Pairs, inner: bool) -> None:
+        equations = NormalEquations.of(pairs, BEGIN, np.full(2, 0.5), 1.0, inner)
+        moved, alone = equations.moved(pairs, BEGIN)
+        opposite = block_diag(np.eye(6), [[1.0], [-1.0]])
+        hessian, gradient = opposite.T @ equations.hessian @ opposite, equations.gradient @ opposite
+        whole = -np.linalg.solve(hessian, gradient[:, :, None])[:, :, 0]
         assert moved.stretch is not None
-        whole = -np.linalg.solve(equations.hessian, equations.gradient[:, :, None])[:, :, 0]
         np.testing.assert_allclose(alone, whole[:, :6], atol=1e-6)
-        np.testing.assert_allclose(moved.stretch, whole[:, 6:], atol=1e-6)
+        np.testing.assert_allclose(moved.stretch, whole[:, 6:] * [1.0, -1.0], atol=1e-6)
         np.testing.assert_allclose(moved.shift, whole[:, 3:6], atol=1e-6)
 
 
@@ -79,6 +89,7 @@ class TestDoubt:
         normals, others = (true + 0.2 * rng.normal(size=(count, 3)) for _ in range(2))
         pairs = Pairs(
             near=np.ones((1, count), bool),
+            inner=np.ones((1, count), bool),
             arms=np.zeros((1, count, 3)),
             normals=normals[None],
             others=others[None],
@@ -86,7 +97,7 @@ class TestDoubt:
             by_stretch=None,
         )
         begin = State(np.eye(3)[None], np.zeros((1, 3)), np.full(1, 0.3), None, None)
-        return NormalEquations.of(pairs, begin, np.full(1, 0.5), 1.0), pairs
+        return NormalEquations.of(pairs, begin, np.full(1, 0.5), 1.0, inner=False), pairs
 
     def test_it_is_the_spread_of_what_chance_gives(self) -> None:
         found, doubts = [], []
@@ -106,7 +117,9 @@ class TestDoubt:
         equations, pairs = self.of_a_plane(1)
         turn = Rotation.from_rotvec([0.3, -0.5, 0.9]).as_matrix()
         axes = np.kron(np.eye(2), turn)
-        turned = Pairs(pairs.near, pairs.arms, pairs.normals @ turn, pairs.others @ turn, pairs.gaps, None)
+        turned = replace(pairs, normals=pairs.normals @ turn, others=pairs.others @ turn)
         begin = State(np.eye(3)[None], np.zeros((1, 3)), np.full(1, 0.3), None, None)
-        same = NormalEquations.of(turned, begin, np.full(1, 0.5), 1.0).shared_doubt(turned, np.eye(6)[None])
+        same = NormalEquations.of(turned, begin, np.full(1, 0.5), 1.0, inner=False).shared_doubt(
+            turned, np.eye(6)[None]
+        )
         np.testing.assert_allclose(equations.shared_doubt(pairs, axes[None])[0, 3:], same[0, 3:], rtol=1e-9)
