@@ -3,7 +3,6 @@
 from dataclasses import dataclass
 
 import numpy as np
-from scipy.linalg import block_diag
 from scipy.spatial.transform import Rotation
 
 from spectral.verify.calibration import CALIBRATION
@@ -11,7 +10,7 @@ from spectral.verify.pairs import Pairs, along
 from spectral.verify.prior_term import PriorTerm, posterior_step
 
 # (8, 7) of a pose and both stretches, which are opposite.
-_OPPOSITE: np.ndarray = block_diag(np.eye(6), np.array([[1.0], [-1.0]]))
+_OPPOSITE = np.vstack([np.eye(7), -np.eye(7)[6]])
 # From this share of one scan's information on that of both scans' normals shows that it is not of noise.
 _AGREEING = 0.3
 
