@@ -26,8 +26,8 @@ class Pairs:
 
     Attributes:
         near: (k, n) which are within reach; the others do not count.
-        inner: (k, n) which of these have a nearest point that lies at no rim. Beyond a rim a surface was not seen,
-            though it may go on there.
+        inner: (k, n) which of these have a nearest point that lies at no rim, and were seen from the same side. Beyond
+            a rim a surface was not seen, though it may go on there; and the two sides of a pipe are not one surface.
         arms: (k, n, 3) of the source's points, from the source's grid center [voxels].
         normals: (k, n, 3) of the surface whose plane they are to lie in.
         others: (k, n, 3) of the other scan's surface there, of either sign.
@@ -71,23 +71,25 @@ def find_pairs(
     back_near, here = _nearest(source, (few_target.points - shift) @ turn, reach)
     back_arms, back_normals = source.points[here] @ forward, source.normals[here] @ forward
     back_gaps = along(back_arms + shift - few_target.points, back_normals)
-    by_stretch = None
-    if stretches:
-        ways = (
-            _by_stretch(few_source.rays @ forward, target.rays[there], normals),
-            _by_stretch(source.rays[here] @ forward, few_target.rays[None], back_normals),
-        )
-        by_stretch = np.concatenate(ways, axis=1)
+    # how a gap changes, as a point of the source or of the target moves along the ray that it was seen by
+    by_rays = np.concatenate(
+        [
+            _along_rays(few_source.rays @ forward, target.rays[there], normals),
+            _along_rays(source.rays[here] @ forward, few_target.rays[None], back_normals),
+        ],
+        axis=1,
+    )
+    inner = np.concatenate([near & target.inner[there], back_near & source.inner[here]], axis=1)
     return Pairs(
         near=np.concatenate([near, back_near], axis=1),
-        inner=np.concatenate([near & target.inner[there], back_near & source.inner[here]], axis=1),
+        inner=inner & (by_rays.prod(axis=2) >= 0),
         arms=np.concatenate([arms, back_arms], axis=1),
         normals=np.concatenate([normals, back_normals], axis=1),
         others=np.concatenate(
             [few_source.normals @ forward, np.broadcast_to(few_target.normals, back_normals.shape)], axis=1
         ),
         gaps=np.concatenate([gaps, back_gaps], axis=1),
-        by_stretch=by_stretch,
+        by_stretch=by_rays * (1.0, -1.0) if stretches else None,
     )
 
 
@@ -113,9 +115,9 @@ def medians(gaps: np.ndarray, near: np.ndarray, otherwise: np.ndarray) -> np.nda
     return np.where(count > 0, middle, otherwise)
 
 
-def _by_stretch(source_rays: np.ndarray, target_rays: np.ndarray, normals: np.ndarray) -> np.ndarray:
-    """(k, n, 2) how a gap changes, as a point moves along the ray that it was seen by."""
-    return np.stack([along(source_rays, normals), -along(target_rays, normals)], axis=2)
+def _along_rays(source_rays: np.ndarray, target_rays: np.ndarray, normals: np.ndarray) -> np.ndarray:
+    """(k, n, 2) the parts of the source's and of the target's rays along the normals; 0 where a ray is not known."""
+    return np.stack([along(source_rays, normals), along(target_rays, normals)], axis=2)
 
 
 def thin(surface: Surface, most: int) -> Sample:

@@ -56,3 +56,12 @@ def test_few_points_will_do() -> None:
 def test_the_tree_is_of_the_smoothed_points() -> None:
     surface = smoothed(noisy_plane())
     np.testing.assert_array_equal(surface.tree.data, surface.points)
+
+
+def test_points_at_a_rim_have_their_neighbors_on_one_side() -> None:
+    x, y = np.meshgrid(np.arange(20.0), np.arange(12.0))
+    surface = smoothed(np.column_stack([x.ravel(), y.ravel(), np.zeros(x.size)]))
+    inner = surface.inner.reshape(x.shape)
+    assert inner[3:-3, 3:-3].all()
+    assert not inner[[0, -1]].any()
+    assert not inner[:, [0, -1]].any()
