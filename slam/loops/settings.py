@@ -27,7 +27,7 @@ class LoopSettings:
 
     per_scan: int = 2
     rounds: int = 2
-    min_overlap: float = 0.3
+    min_overlap: float = 0.1
     cell_voxels: float = 4.0
     spread: int = 2
     bound: float = 4.74
