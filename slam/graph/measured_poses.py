@@ -30,6 +30,8 @@ def known_poses(priors: Mapping[int, PosePrior], T_world_sensor: RigidTransform)
     return known
 
 
+# How far a vehicle's roll and pitch usually are from 0, standard deviation [rad].
+_LEVEL = float(np.deg2rad(15.0))
 # What instruments may measure of a pose, in the order of `unmeasured`.
 MEASURED = ("tilt_x", "tilt_y", "heading", "east", "north", "up")
 
@@ -44,6 +46,21 @@ def unmeasured(members: Sequence[int], priors: Mapping[int, PosePrior]) -> np.nd
     tilted = any(p.knows_attitude for p in known) or min(positions, depths) >= 3
     headed = any(p.knows_heading for p in known) or positions >= 2
     return np.array([not tilted, not tilted, not headed, not positions, not positions, not depths])
+
+
+def level(members: Sequence[int], priors: Mapping[int, PosePrior], T_world_sensor: RigidTransform) -> KnownPose | None:
+    """A vehicle floats about level: what is known of a component whose tilt positions alone would tell.
+
+    Over a few meters these may tell any tilt, and turn the map on its side. None where attitudes are measured, or where
+    not even positions tell the tilt, which is held then.
+    """
+    known = [k for k in members if k in priors]
+    if not known or any(priors[k].knows_attitude for k in known) or unmeasured(members, priors)[:2].any():
+        return None
+    upright = Rotation.from_euler("Z", twist(T_world_sensor[known[0]].rotation))
+    information = _rotation_information(upright, np.array([_LEVEL**-2, _LEVEL**-2, 0.0]))
+    T = RigidTransform.from_components(T_world_sensor[known[0]].translation, upright)
+    return KnownPose(known[0], T, blocks(information, np.zeros((3, 3))))
 
 
 def gauge(pose: int, free: np.ndarray, T_world_sensor: RigidTransform) -> KnownPose:

@@ -15,7 +15,7 @@ from kernels.errors import InputError
 from slam.graph.edge import Edge, components
 from slam.graph.gtsam_poses import START_SIGMA, chordal_start, to_pose3, to_transforms, to_values
 from slam.graph.known_pose import GAUGE_SIGMA, KnownPose, undetermined
-from slam.graph.measured_poses import gauge, known_poses, unmeasured
+from slam.graph.measured_poses import gauge, known_poses, level, unmeasured
 from slam.graph.trajectory import Trajectory
 from spectral.result import Registration
 from spectral.scan import PosePrior
@@ -97,14 +97,14 @@ class PoseGraph:
         """All that is known of single poses but the anchors': `known`, the priors, and what is held beside these."""
         T = self.trajectory.T_world_sensor
         held = [gauge(pose, free, T[pose]) for pose, free in self.loose]
-        return [*self.known, *known_poses(dict(self.priors), T), *held, *self._undetermined]
+        return [*self.known, *known_poses(dict(self.priors), T), *self._level, *held, *self._undetermined]
 
     @property
     def degrees_of_freedom(self) -> int:
         """Measured numbers less free ones."""
         free = 6 * (len(self.trajectory) - len(self.anchors)) - sum(int(free.sum()) for _, free in self.loose)
         measured = 6 * len(self.edges) + sum(int(np.isfinite(prior.sigmas).sum()) for _, prior in self.priors)
-        return measured + sum(known.rank for known in (*self.known, *self._undetermined)) - free
+        return measured + sum(known.rank for known in (*self.known, *self._level, *self._undetermined)) - free
 
     def _is_placed(self, part: tuple[int, ...], priors: dict[int, PosePrior]) -> bool:
         """Whether instruments tell all of where the poses lie that edges join."""
@@ -118,6 +118,17 @@ class PoseGraph:
     def _measured(self) -> set[int]:
         """The poses of which something is measured."""
         return {*dict(self.priors), *(known.pose for known in self.known)}
+
+    @property
+    def _level(self) -> list[KnownPose]:
+        """That vehicles float about level, where no instrument measured attitudes and positions alone tell the tilt."""
+        priors, anchors = dict(self.priors), set(self.anchors)
+        found = (
+            level(members, priors, self.trajectory.T_world_sensor)
+            for members in (self.components if priors else ())
+            if not anchors.intersection(members)
+        )
+        return [known for known in found if known is not None]
 
     @property
     def _undetermined(self) -> list[KnownPose]:

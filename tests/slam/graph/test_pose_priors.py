@@ -69,16 +69,17 @@ def test_an_unmeasured_heading_has_no_say():
 
 
 @pytest.mark.parametrize(
-    ("known", "free"),
+    ("known", "free", "level"),
     [
-        (("attitude", "heading", "position", "depth"), 0),
-        (("attitude", "depth"), 3),
-        (("heading",), 5),
-        (("position",), 3),
-        (("position", "depth"), 0),
+        (("attitude", "heading", "position", "depth"), 0, 0),
+        (("attitude", "depth"), 3, 0),
+        (("heading",), 5, 0),
+        (("position",), 3, 0),
+        (("position", "depth"), 0, 2),
     ],
 )
-def test_what_no_instrument_tells_is_held(known, free):
+def test_what_no_instrument_tells_is_held(known, free, level):
+    """Where positions alone tell the tilt, that vehicles float about level is two numbers more."""
     truth, edges = ring(6)
     priors = {k: told(truth[k], *known) for k in (0, 2, 3, 5)}
     one = graph(edges, priors, 6)
@@ -86,9 +87,25 @@ def test_what_no_instrument_tells_is_held(known, free):
     assert one.anchors == ()
     solution = one.optimize()
     measured = 30 + 4 * sum({"attitude": 2, "heading": 1, "position": 2, "depth": 1}[name] for name in known)
-    assert solution.degrees_of_freedom == measured - (36 - free)
+    assert solution.degrees_of_freedom == measured + level - (36 - free)
     assert solution.chi_squared_after <= solution.chi_squared_before
     assert np.isfinite(solution.covariances()).all()
+
+
+@pytest.mark.parametrize("seed", range(3))
+def test_a_vehicle_that_hardly_moves_is_about_level(seed):
+    """Positions of 3 m along a line of 2.5 m tell any roll."""
+    leveled = RigidTransform.from_components(0.5 * np.outer(np.arange(6), [1.0, 0.3, 0.05]), Rotation.identity(6))
+    truth = RigidTransform.from_rotation(Rotation.from_euler("ZYX", [2.1, 0.05, -0.05])) * leveled
+    edges = [edge(k, k + 1, truth[k].inv() * truth[k + 1], 1e-6 * np.eye(6)) for k in range(5)]
+    rng = np.random.default_rng(seed)
+    sigmas = np.array([np.inf, np.inf, 0.05, 3.0, 3.0, 0.1])
+    off = [RigidTransform.from_translation(rng.normal(size=3) * sigmas[3:]) for _ in range(6)]
+    priors = {k: PosePrior(off[k] * truth[k], sigmas) for k in range(6)}
+    solution = graph(edges, priors, 6).optimize()
+    turned = (truth.rotation.inv() * solution.trajectory.T_world_sensor.rotation).magnitude()
+    assert np.rad2deg(turned).max() < 12
+    assert np.rad2deg(np.sqrt(solution.covariances()[:, 0, 0])).max() > 3
 
 
 def test_priors_bring_the_chain_into_the_world_and_make_it_sure():
