@@ -3,11 +3,10 @@
 
 A registration's covariance has to hold for every sonar, and is too wide for most. How well a survey's registrations
 agree where they close cycles tells how large its errors are: chi-squared over its degrees of freedom. Errors that
-registrations share do not show there. All registrations of a scan share that scan's noise, and all of a survey lean a
-little toward no motion, as every scan has its own gaps, rims and shadows, which move with the sensor. So edges are less
-sure than their cycles say; poses less sure than marginals, which take edges as independent, and the less so the longer
-the way; and each pose has a part of its own that no loop takes away. What instruments measured of a pose is as sure as
-it was measured.
+registrations share do not show there. All registrations of a scan share that scan's noise; and all of a survey fall a
+little short, or turn a little too far, as every scan has its own gaps, rims and lobes, which move with the sensor. So
+edges are less sure than their cycles say; poses are the less sure the longer the way, and each has a part of its own
+that no loop takes away. What instruments measured of a pose is as sure as it was measured.
 The constants were found with the spectral registration on simulated surveys; docs/slam.md has the figures.
 """
 
@@ -20,12 +19,13 @@ from slam.graph.known_pose import KnownPose
 from slam.graph.pose_graph import PoseGraph, Solution
 from slam.graph.tangent import carried
 
-# The variance of an edge's error over what cycles say of it, and that of a pose's over its marginal.
-_OF_EDGES, _OF_POSES = 2.5, 1.6
+# The variance of an edge's error over what cycles say of it, and a pose's share of its marginal, beside what follows.
+_OF_EDGES, _OF_POSES = 2.5, 0.8
 # A scan's own part, as a share of its edges' covariance.
-_OWN = 1.2
-# How much all steps of a survey fall short together: the variance, as a share of a step's own.
-_LEAN = 0.25
+_OWN = 0.6
+# How much all steps of a survey fall short together, and turn too far: the variances, as shares of a step's own.
+_LEAN = 0.12
+_TURN_LEAN = 0.12
 # Keeps a scan's own part invertible [rad, m]^2.
 _LEAST = 1e-12
 # Degrees of freedom of the errors' tails, and how often edges are weighed anew.
@@ -71,16 +71,17 @@ def pose_covariances(solution: Solution) -> np.ndarray:
     for known in solution.graph.all_known:
         measured[known.pose] += _in_body(known, T[known.pose])
     own, anchors = _own_parts(solution), solution.graph.anchors
-    lean = _lean(solution)
+    turn_lean, lean = _lean(solution)
     for members in solution.graph.components:
         for anchor in set(anchors).intersection(members):
             chosen = [k for k in members if k != anchor]
             own[chosen] += carried(T[chosen].inv() * T[anchor], own[anchor])
-        # what falls short on the way from where the component is held
+        # what falls short, or turns too far, on the way from where the component is held
         held = next(iter(set(anchors).intersection(members)), None)
         places = T[list(members)].translation
         away = places - (places.mean(axis=0) if held is None else T[held].translation)
         away = T[list(members)].rotation.inv().apply(away)
+        own[list(members), :3, :3] += turn_lean * (away**2).sum(axis=1)[:, None, None] * np.eye(3)
         own[list(members), 3:, 3:] += lean * away[:, :, None] * away[:, None, :]
     result = np.empty_like(marginals)
     for k, marginal in enumerate(marginals):
@@ -115,16 +116,22 @@ def _widened(information: np.ndarray, own: np.ndarray) -> np.ndarray:
     return (back * (values / (1 + values))) @ back.T
 
 
-def _lean(solution: Solution) -> float:
-    """The variance of how short all ways may be together, as a share of them: of the median step."""
+def _lean(solution: Solution) -> tuple[float, float]:
+    """The variances of what all ways may be off by together, of the median step.
+
+    Of the turn over a way [rad^2/m^2], and of how short ways are, as a share of them.
+    """
+    turns: list[float] = []
     shares: list[float] = []
     for edge in solution.graph.edges:
         T = edge.registration.T_target_source
         way = float(np.linalg.norm(T.translation))
         if edge.kind == "sequential" and way > 0:
             along = T.rotation.inv().apply(T.translation / way)
-            shares.append(float(along @ edge.registration.covariance[3:, 3:] @ along) / way**2)
-    return _LEAN * float(np.median(shares)) if shares else 0.0
+            covariance = edge.registration.covariance
+            turns.append(float(np.trace(covariance[:3, :3])) / 3 / way**2)
+            shares.append(float(along @ covariance[3:, 3:] @ along) / way**2)
+    return (_TURN_LEAN * float(np.median(turns)), _LEAN * float(np.median(shares))) if shares else (0.0, 0.0)
 
 
 def _own_parts(solution: Solution) -> np.ndarray:

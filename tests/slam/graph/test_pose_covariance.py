@@ -99,10 +99,10 @@ def test_a_graph_without_loops_is_given_what_is_expected():
     _, covariances = told(graph)
     # beside the one edge the scan has its own part, and the anchor's, which its edge shares
     T_0_1, T_1_2 = truth[0].inv() * truth[1], truth[1].inv() * truth[2]
-    own = 1.2 * (COVARIANCE + turned(T_1_2, COVARIANCE)) / 2
-    anchors = carried(T_0_1.inv(), 1.2 * turned(T_0_1, COVARIANCE))
-    told_of_1 = 2.5 * 0.15 * (1.6 * COVARIANCE + own + anchors)
-    # and the way may be too short, as all ways are, by half a step's standard deviation
+    own = 0.6 * (COVARIANCE + turned(T_1_2, COVARIANCE)) / 2
+    anchors = carried(T_0_1.inv(), 0.6 * turned(T_0_1, COVARIANCE))
+    told_of_1 = 2.5 * 0.15 * (0.8 * COVARIANCE + own + anchors)
+    # and the way may be too short and turn too far, as all ways do, by a third of a step's standard deviation
     steps = [each.registration.T_target_source for each in edges]
     unit = [T.rotation.inv().apply(T.translation / np.linalg.norm(T.translation)) for T in steps]
     short = [
@@ -110,7 +110,9 @@ def test_a_graph_without_loops_is_given_what_is_expected():
         for u, T in zip(unit, steps, strict=True)
     ]
     way = T_0_1.rotation.inv().apply(T_0_1.translation)
-    told_of_1[3:, 3:] += 0.25 * np.median(short) * np.outer(way, way)
+    told_of_1[3:, 3:] += 0.12 * np.median(short) * np.outer(way, way)
+    turns = [2.5 * 0.15 * np.trace(COVARIANCE[:3, :3]) / 3 / (T.translation @ T.translation) for T in steps]
+    told_of_1[:3, :3] += 0.12 * np.median(turns) * (way @ way) * np.eye(3)
     np.testing.assert_allclose(covariances[1], told_of_1, rtol=2e-3, atol=1e-9)
 
 
