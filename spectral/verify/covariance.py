@@ -8,6 +8,7 @@ from scipy.spatial.transform import RigidTransform
 from spectral.covariance import covariance_at_sensor
 from spectral.grid import Grid
 from spectral.verify.calibration import CALIBRATION, Calibration
+from spectral.verify.fit import Fit
 from spectral.verify.hypothesis import Hypothesis
 
 # Of six normal numbers' chi-squared 95 % are less.
@@ -98,6 +99,26 @@ def _by_planes(hypothesis: Hypothesis, calibration: Calibration) -> np.ndarray:
     # a share that is no more than its error may be nothing; one that is far above it is what it seems
     share = np.maximum(share, _LEAST)
     sure = 1 - (_DOUBTS * fit.doubt / share) ** 2
-    variances = variance / np.maximum(sure * share * fit.pairs, _LEAST)
-    units = np.repeat([1 / max(lever, 1e-6), 1.0], 3)
-    return (axes * variances) @ axes.T * np.outer(units, units)
+    axes = axes / np.repeat([max(lever, 1e-6), 1.0], 3)[:, None]
+    held = (axes * np.maximum(sure, 0.0) / (share * fit.pairs)) @ axes.T
+    return (axes * variance / np.maximum(sure * share * fit.pairs, _LEAST)) @ axes.T + by_stretch(
+        fit, held, calibration
+    )
+
+
+def by_stretch(fit: Fit, held: np.ndarray, calibration: Calibration) -> np.ndarray:
+    """(6, 6) what the pose may be off by as the ranges' shares are not known.
+
+    Where nothing holds the pose, shares make no difference.
+
+    Args:
+        held: (6, 6) inverse of the information, in directions in which there is any.
+    """
+    if fit.stretching is None:
+        return np.zeros((6, 6))
+    across, both = fit.stretching[:, :6], fit.stretching[:, 6:]
+    response = -held @ across.T
+    values, axes = np.linalg.eigh(both + across @ response)
+    by_planes = np.maximum(values, 0.0) / float(calibration.variance(np.array(fit.width)))
+    shares = (axes / (by_planes + calibration.stretched**-2)) @ axes.T
+    return response @ shares @ response.T

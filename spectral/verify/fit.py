@@ -28,7 +28,8 @@ class Fit:
         doubt: (6,) standard errors of the shares that `principal` gives.
         step: (6,) from there to where the scans alone would have it [rad, voxels].
         stretch: (2,) by which shares the ranges of the source and of the target are taken to be too short; None where
-            the scans are taken as they are. The information then is what is left where these shares are not known.
+            the scans are taken as they are.
+        stretching: (2, 8) the rows of the Hessian by these shares, of the pose and the shares, by the planes alone.
     """
 
     R: Rotation
@@ -41,6 +42,7 @@ class Fit:
     prior: PriorTerm | None = None
     step: np.ndarray = field(default_factory=lambda: np.zeros(6))
     stretch: np.ndarray | None = None
+    stretching: np.ndarray | None = None
 
     def principal(self) -> tuple[np.ndarray, np.ndarray, float]:
         """The information by directions: shares (6,) of a pair's, ascending, their axes (6, 6) in columns, and a lever.

@@ -95,7 +95,8 @@ def _prepare_step(
 def _finish(normal: NormalEquations, pairs: Pairs, state: State) -> list[Fit]:
     """The last step, and what was measured before it."""
     moved, alone = normal.moved(pairs, state)
-    information = normal.shared_information(pairs)
+    shared = normal.shared_information(pairs)
+    information = shared[:, :6, :6]
     total = normal.weights.sum(axis=1)
     squares = (normal.weights * normal.gaps**2).sum(axis=1)
     residual = np.sqrt(squares / np.where(total > 0, total, 1.0))
@@ -116,6 +117,7 @@ def _finish(normal: NormalEquations, pairs: Pairs, state: State) -> list[Fit]:
             prior=None if state.prior is None else state.prior.of(n),
             step=alone[n],
             stretch=None if moved.stretch is None else moved.stretch[n],
+            stretching=None if moved.stretch is None else shared[n, 6:],
         )
         for n in range(len(total))
     ]

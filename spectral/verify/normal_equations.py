@@ -88,7 +88,10 @@ class NormalEquations:
         """(k, 6, 6) of where the planes of all pairs have the pose, those that move it or not."""
         rims = (self.weights - self.moving)[:, :, None]
         whole = self.hessian + (self.jacobian * rims).transpose(0, 2, 1) @ self.jacobian
-        return usual_covariance(_damped(_of_pose(whole)), self.shared_information(pairs), self.variance)
+        shared = self.shared_information(pairs)
+        if pairs.by_stretch is not None:
+            shared[:, 6:, 6:] += _known_stretch(self.variance)
+        return usual_covariance(_damped(_of_pose(whole)), _of_pose(shared), self.variance)
 
     def _step_alone(self, state: State) -> np.ndarray:
         """(k, 6) of the pose, where both scans are stretched by opposite shares.
@@ -113,33 +116,22 @@ class NormalEquations:
         return stretch - (free @ change)[:, :, 0]
 
     def shared_information(self, pairs: Pairs) -> np.ndarray:
-        """(k, 6, 6) the Hessian from one scan's normals times the other's, whatever the stretches are.
+        """(k, 6 or 8, 6 or 8) the Hessian from one scan's normals times the other's, without what is known before.
 
         Normals of noisy points point everywhere a little, and the sum of their squares finds information along a plane
         that has none. The noise of two scans is independent: in products of both it averages out.
         """
-        return _of_pose(self._shared(pairs, _jacobian(pairs, _turned_alike(pairs))))
+        product = (self.jacobian * self.weights[:, :, None]).transpose(0, 2, 1) @ _jacobian(pairs, _turned_alike(pairs))
+        return (product + product.transpose(0, 2, 1)) / 2
 
     def shared_doubt(self, pairs: Pairs, axes: np.ndarray) -> np.ndarray:
-        """(k, 6) standard errors of the `shared_information` along axes, (k, 6, 6) in columns.
+        """(k, 6) standard errors of the `shared_information` about poses along axes, (k, 6, 6) in columns.
 
         It is a sum over points; where few of them, or noise, make it up, it may as well be nothing.
         """
-        ours, theirs = self.jacobian, _jacobian(pairs, _turned_alike(pairs))
-        if pairs.by_stretch is not None:
-            shared = self._shared(pairs, theirs)
-            stretched = np.linalg.solve(shared[:, 6:, 6:], shared[:, 6:, :6])
-            ours, theirs = (columns[:, :, :6] - columns[:, :, 6:] @ stretched for columns in (ours, theirs))
+        ours, theirs = self.jacobian[:, :, :6], _jacobian(pairs, _turned_alike(pairs))[:, :, :6]
         products = self.weights[:, :, None] * (ours @ axes) * (theirs @ axes)
         return np.sqrt((products**2).sum(axis=1))
-
-    def _shared(self, pairs: Pairs, others: np.ndarray) -> np.ndarray:
-        """(k, 6 or 8, 6 or 8) the Hessian from the jacobian and that by the other scan's normals."""
-        product = (self.jacobian * self.weights[:, :, None]).transpose(0, 2, 1) @ others
-        information = (product + product.transpose(0, 2, 1)) / 2
-        if pairs.by_stretch is not None:
-            information[:, 6:, 6:] += _known_stretch(self.variance)
-        return information
 
 
 def _turned_alike(pairs: Pairs) -> np.ndarray:

@@ -8,6 +8,8 @@ from scipy.spatial import KDTree
 from scipy.spatial.transform import Rotation
 
 from spectral.prepare.surface import Surface, smooth_surface
+from spectral.verify.calibration import CALIBRATION
+from spectral.verify.covariance import by_stretch
 from spectral.verify.fit import Fit
 from spectral.verify.icp import Start, refine
 
@@ -236,9 +238,12 @@ class TestStretch:
             refine_one(*stretched, *nothing, REACHES, 3000, stretches=stretches) for stretches in (False, True)
         )
         apart = self.SOURCE_VIEW - self.TARGET_VIEW
+        left = by_stretch(estimated, np.linalg.inv(estimated.information), CALIBRATION)
         direction = np.concatenate([np.zeros(3), apart / np.linalg.norm(apart)])
-        variances = [direction @ np.linalg.solve(fit.information, direction) for fit in (rigid, estimated)]
-        assert variances[1] > 1.5 * variances[0]
+        # the mean of two shares of one standard deviation each; their difference shows
+        expected = (CALIBRATION.stretched * np.linalg.norm(apart)) ** 2 / 2
+        assert direction @ left @ direction == pytest.approx(expected, rel=0.15)
+        assert not by_stretch(rigid, np.linalg.inv(rigid.information), CALIBRATION).any()
 
     def test_scans_do_not_shrink_to_fit(self) -> None:
         """Two scans that are smaller, with the way between them, have smaller gaps; that is no reason to believe it."""
