@@ -9,12 +9,12 @@ from .loops.settings import LoopSettings as LoopSettings
 from .map.point_map import PointMap as PointMap
 from .mapper import Mapper as Mapper
 from .mapper import MapperSettings as MapperSettings
-from .mapper import SurveyResult as SurveyResult
 from .motion.limits import MotionLimits as MotionLimits
 from .motion.odometry import Odometry as Odometry
 from .optimize.solve import Optimized as Optimized
 from .pair import Pair as Pair
 from .stream.keys import KeySettings as KeySettings
+from .survey_result import SurveyResult as SurveyResult
 
 __all__ = [
     "Edge",

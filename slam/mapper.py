@@ -9,22 +9,18 @@ import numpy as np
 from kernels.errors import InputError
 from slam.decide.decision import Decision, decide
 from slam.decide.navigation import Navigation
-from slam.decide.wrong_fixes import WrongFix
 from slam.execute.runner import Execution, PairRunner, Progress
 from slam.execute.worker import prepared_limit
-from slam.graph.edge import Edge
 from slam.graph.pose_covariance import pose_covariances
-from slam.graph.pose_graph import Solution
-from slam.graph.trajectory import Trajectory
 from slam.loops.settings import LoopSettings
-from slam.map.component_maps import ComponentMaps, component_maps
-from slam.map.point_map import PointMap
+from slam.map.component_maps import component_maps
 from slam.motion.limits import MotionLimits
 from slam.motion.odometry import Odometry
 from slam.pair import Pair, require_any_registered
 from slam.pair_search import PairSearch
 from slam.stream.between import with_between
 from slam.stream.keys import KeySettings, choose_keys
+from slam.survey_result import SurveyResult
 from spectral.result import Registrar
 from spectral.scan import Scan
 
@@ -57,67 +53,6 @@ class MapperSettings:
             raise InputError(f"`prepared={self.prepared}`: wanted at least 2")
         if self.map_voxel is not None and not (np.isfinite(self.map_voxel) and self.map_voxel > 0):
             raise InputError(f"the map's voxel is {self.map_voxel} m; wanted a positive length")
-
-
-@dataclass(frozen=True, slots=True)
-class SurveyResult:
-    """A survey, mapped.
-
-    Attributes:
-        trajectory: N poses, each in the frame of its component, whose first pose is the identity; in the world
-            (East-North-Up) where instruments measured any of its poses.
-        chained: the same as they were before loops.
-        components: the sets of scans that share a frame, by kept edges or by instruments that place them in the world.
-        surveys: the number of each scan's survey.
-        keys: the key scans of a dense stream, ascending; None where every scan was registered.
-        wrong_fixes: what instruments measured and all others contradict; it was left out.
-        covariances: (N, 6, 6), rotation first [rad, m], body tangent, against the component's first pose, or the world.
-        solution: the optimized graph, with its chi-squared and residuals.
-        parts: the maps of every component.
-        pairs: every pair that was tried, in the order of trying.
-        gaps: consecutive pairs (i, i + 1) that were not kept, whether or not another pair bridges them.
-        voxel: edge of the survey's voxels [m].
-    """
-
-    trajectory: Trajectory
-    chained: Trajectory
-    components: tuple[tuple[int, ...], ...]
-    surveys: tuple[int, ...]
-    covariances: np.ndarray
-    solution: Solution
-    parts: tuple[ComponentMaps, ...]
-    pairs: tuple[Pair, ...]
-    gaps: tuple[tuple[int, int], ...]
-    voxel: float
-    wrong_fixes: tuple[WrongFix, ...] = ()
-    keys: tuple[int, ...] | None = None
-
-    @property
-    def moved(self) -> float:
-        """By how much loops moved the pose that they moved most, against its component's first [m]."""
-        most = 0.0
-        for members in self.components:
-            before, after = (T.take(members).T_world_sensor for T in (self.chained, self.trajectory))
-            apart = (before[0].inv() * before).translation - (after[0].inv() * after).translation
-            most = max(most, float(np.linalg.norm(apart, axis=1).max()))
-        return most
-
-    @property
-    def by_navigation(self) -> tuple[int, ...]:
-        """The scans that no registration holds, and that lie in a map of several by navigation alone."""
-        held = {scan for edge in self.edges for scan in (edge.i, edge.j)}
-        asked = set(range(len(self.trajectory)) if self.keys is None else self.keys) - held
-        return tuple(sorted(k for members in self.components if len(members) > 1 for k in asked.intersection(members)))
-
-    @property
-    def maps(self) -> tuple[PointMap, ...]:
-        """The map of every component."""
-        return tuple(part.optimized for part in self.parts)
-
-    @property
-    def edges(self) -> tuple[Edge, ...]:
-        """The registrations that the graph was built from."""
-        return tuple(edge for edge in self.solution.graph.edges if edge.is_registered)
 
 
 class Mapper:

@@ -20,9 +20,10 @@ from spectral.scan import Scan
 if TYPE_CHECKING:
     from slam.execute.runner import Progress
     from slam.graph.pose_graph import PoseGraph
-    from slam.mapper import MapperSettings, SurveyResult
+    from slam.mapper import MapperSettings
     from slam.motion.odometry import Odometry
     from slam.optimize.solve import Objective, Optimized, Start
+    from slam.survey_result import SurveyResult
 
 __all__ = ["PreparedScan", "map_scans", "optimize", "prepare", "read_scans", "register"]
 

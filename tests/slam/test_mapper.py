@@ -11,8 +11,9 @@ from slam.graph.trajectory import chain
 from slam.loops.candidates import find_candidates
 from slam.loops.settings import LoopSettings
 from slam.map.shared_cells import outline
-from slam.mapper import Mapper, MapperSettings, SurveyResult
+from slam.mapper import Mapper, MapperSettings
 from slam.pair import Pair
+from slam.survey_result import SurveyResult
 from spectral.result import Registration
 from tests.samples.surveys import KnowingRegistrar, random_covariance, ring_poses, scans_of
 

@@ -7,7 +7,8 @@ import pytest
 from scipy.spatial.transform import RigidTransform
 
 from slam.graph.path import bridges
-from slam.mapper import Mapper, MapperSettings, SurveyResult
+from slam.mapper import Mapper, MapperSettings
+from slam.survey_result import SurveyResult
 from spectral.result import Registration
 from spectral.scan import PosePrior, Scan
 from tests.samples.surveys import KnowingRegistrar, edge, random_covariance, ring_poses, scans_of

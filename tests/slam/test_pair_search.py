@@ -9,8 +9,9 @@ import pytest
 from scipy.spatial.transform import RigidTransform, Rotation
 
 from slam.loops.settings import LoopSettings
-from slam.mapper import Mapper, MapperSettings, SurveyResult
+from slam.mapper import Mapper, MapperSettings
 from slam.motion.limits import MotionLimits
+from slam.survey_result import SurveyResult
 from spectral.expected import ExpectedPose
 from spectral.result import Registration
 from tests.samples.surveys import KnowingRegistrar, random_covariance, ring_poses, scans_of

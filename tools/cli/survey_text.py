@@ -14,8 +14,8 @@ from tools.output.parts import placed, unplaced
 if TYPE_CHECKING:
     from rich.text import Text
 
-    from slam.mapper import SurveyResult
     from slam.pair import Pair
+    from slam.survey_result import SurveyResult
 
 PEAK_EXPLAINED = "peak: how high the correlation stands above its surroundings, in their standard deviations"
 SIGMAS_EXPLAINED = "sigmas: how far the pair is from the final poses, in standard deviations"

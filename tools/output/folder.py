@@ -12,7 +12,7 @@ import numpy as np
 from kernels.device.device import Device
 from kernels.errors import InputError
 from slam.map.point_map import PointMap
-from slam.mapper import SurveyResult
+from slam.survey_result import SurveyResult
 from tools.output.exports import EXPORTS
 from tools.output.graph_file import survey_graph
 from tools.output.parts import placed

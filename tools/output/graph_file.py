@@ -8,7 +8,7 @@ from typing import Any
 import numpy as np
 
 from slam.graph.edge import Edge
-from slam.mapper import SurveyResult
+from slam.survey_result import SurveyResult
 from spectral.scan import PosePrior
 from tools.output.summary import pair_row, scan_rows
 from tools.readers.poses.graph_json import FORMAT

@@ -11,8 +11,8 @@ from slam.graph.measured_poses import MEASURED
 from slam.graph.sigma import worst_sigmas
 from slam.map.crossing import CrossingError
 from slam.map.point_map import PointMap
-from slam.mapper import SurveyResult
 from slam.pair import Pair
+from slam.survey_result import SurveyResult
 from spectral.result import Registration
 from tools.output.parts import placed, unplaced
 from tools.readers.scans import Unread

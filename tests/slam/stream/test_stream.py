@@ -9,9 +9,10 @@ from scipy.spatial.transform import RigidTransform
 
 from kernels.errors import InputError
 from slam.loops.settings import LoopSettings
-from slam.mapper import Mapper, MapperSettings, SurveyResult
+from slam.mapper import Mapper, MapperSettings
 from slam.motion.odometry import Odometry
 from slam.stream.keys import KeySettings
+from slam.survey_result import SurveyResult
 from spectral.result import Registration
 from spectral.scan import PosePrior, Scan
 from tests.samples.surveys import KnowingRegistrar, random_covariance, ring_poses, scans_of

@@ -9,7 +9,8 @@ import pytest
 from scipy.spatial.transform import RigidTransform
 
 from slam.map.crossing import crossing_error
-from slam.mapper import Mapper, SurveyResult
+from slam.mapper import Mapper
+from slam.survey_result import SurveyResult
 from spectral.grid import choose_grid
 from spectral.result import Registration
 from spectral.scan import Scan

@@ -8,7 +8,8 @@ import numpy as np
 import pytest
 
 from slam.map.component_maps import component_maps
-from slam.mapper import Mapper, SurveyResult
+from slam.mapper import Mapper
+from slam.survey_result import SurveyResult
 from spectral.result import Registration
 from spectral.scan import Scan
 from tests.samples.surveys import KnowingRegistrar, ring_poses, scans_of

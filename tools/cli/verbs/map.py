@@ -55,8 +55,8 @@ from tools.cli.terminal import say
 from tools.methods.registry import DEFAULT_METHOD
 
 if TYPE_CHECKING:
-    from slam.mapper import SurveyResult
     from slam.motion.odometry import Odometry
+    from slam.survey_result import SurveyResult
     from tools.readers.scans import ReadScans
 
 INCOMPLETE = 3

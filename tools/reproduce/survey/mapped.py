@@ -16,8 +16,8 @@ from tools.evaluate.pairs import TriedPair
 if TYPE_CHECKING:
     from slam.execute.scan_key import KeyedScan
     from slam.execute.worker import PairJob, TimedText, Worker
-    from slam.mapper import SurveyResult
     from slam.pair import Pair
+    from slam.survey_result import SurveyResult
     from spectral.grid import Grid
     from spectral.registration import SpectralRegistrar
     from tools.baselines.surveys.slam_run import SlamRun
