@@ -26,6 +26,7 @@ class Fit:
         width: median distance to the planes of all points within 3 voxels and more [voxels]: how far the surfaces are
             apart, by noise, by distortion, or because they are not the same.
         doubt: (6,) standard errors of the shares that `principal` gives.
+        own: (6,) the shares along the same axes by one scan's normals alone: what noise seems to hold is in them too.
         step: (6,) from there to where the scans alone would have it [rad, voxels].
         stretch: (2,) by which shares the ranges of the source and of the target are taken to be too short; None where
             the scans are taken as they are.
@@ -39,6 +40,7 @@ class Fit:
     pairs: float
     width: float = 0.0
     doubt: np.ndarray = field(default_factory=lambda: np.zeros(6))
+    own: np.ndarray = field(default_factory=lambda: np.zeros(6))
     prior: PriorTerm | None = None
     step: np.ndarray = field(default_factory=lambda: np.zeros(6))
     stretch: np.ndarray | None = None

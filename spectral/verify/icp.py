@@ -104,7 +104,8 @@ def _finish(normal: NormalEquations, pairs: Pairs, state: State) -> list[Fit]:
     principal = [principal_axes(*each) for each in zip(information, total.tolist(), strict=True)]
     # a turn is taken times the lever, as there
     axes = np.stack([axes / np.repeat([lever, 1.0], 3)[:, None] for _, axes, lever in principal])
-    doubt = normal.shared_doubt(pairs, axes) / np.where(total > 0, total, 1.0)[:, None]
+    counted = np.where(total > 0, total, 1.0)[:, None]
+    doubt, own = normal.shared_doubt(pairs, axes) / counted, normal.own_information(axes) / counted
     return [
         Fit(
             R=R[n],
@@ -114,6 +115,7 @@ def _finish(normal: NormalEquations, pairs: Pairs, state: State) -> list[Fit]:
             pairs=float(total[n]),
             width=float(state.width[n]),
             doubt=doubt[n],
+            own=own[n],
             prior=None if state.prior is None else state.prior.of(n),
             step=alone[n],
             stretch=None if moved.stretch is None else moved.stretch[n],

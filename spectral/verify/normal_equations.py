@@ -124,6 +124,10 @@ class NormalEquations:
         product = (self.jacobian * self.weights[:, :, None]).transpose(0, 2, 1) @ _jacobian(pairs, _turned_alike(pairs))
         return (product + product.transpose(0, 2, 1)) / 2
 
+    def own_information(self, axes: np.ndarray) -> np.ndarray:
+        """(k, 6) the Hessian by one scan's normals, along axes, (k, 6, 6) in columns."""
+        return (self.weights[:, :, None] * (self.jacobian[:, :, :6] @ axes) ** 2).sum(axis=1)
+
     def shared_doubt(self, pairs: Pairs, axes: np.ndarray) -> np.ndarray:
         """(k, 6) standard errors of the `shared_information` about poses along axes, (k, 6, 6) in columns.
 

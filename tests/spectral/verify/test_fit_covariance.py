@@ -155,3 +155,20 @@ def test_what_may_be_chance_holds_nothing() -> None:
     np.testing.assert_allclose(sigmas(1e-5), sigmas(0.0), rtol=1e-2)
     assert (sigmas(0.03) >= sigmas(0.0)).all()
     assert sigmas(0.11)[-1] > 20 * sigmas(0.0)[-1]
+
+
+def test_what_noisy_normals_share_holds_nothing() -> None:
+    """Along a pool's wall one scan's normals seem to hold ten times what both do: that is how alike they lean."""
+    share = np.array([4e-3, 0.02, 0.1, 0.2, 0.3, 0.4])
+
+    def sigmas(first: float) -> np.ndarray:
+        own = share * [first, 1.2, 1.1, 1.1, 1.1, 1.1]
+        fit = Fit(Rotation.identity(), np.zeros(3), np.diag(share[::-1]) * 3000, 0.1, 3000.0, 0.3, own=own)
+        hypothesis: Any = SimpleNamespace(fit=fit, evidence=SimpleNamespace(psr=60.0))
+        found = fit_covariance(hypothesis, (np.zeros(3), np.zeros(3)), Grid(128, 0.5))
+        return np.sqrt(np.linalg.eigvalsh(found.by_scans[3:, 3:]))
+
+    usual = sigmas(1.5)
+    assert sigmas(10.5)[-1] > 20 * usual[-1]
+    np.testing.assert_allclose(sigmas(10.5)[:2], usual[:2], rtol=0.05)
+    assert sigmas(5.0)[-1] < 2 * usual[-1]
