@@ -72,17 +72,16 @@ def pose_covariances(solution: Solution) -> np.ndarray:
         measured[known.pose] += _in_body(known, T[known.pose])
     own, anchors = _own_parts(solution), solution.graph.anchors
     turn_lean, lean = _lean(solution)
-    for members in solution.graph.components:
-        for anchor in set(anchors).intersection(members):
-            chosen = [k for k in members if k != anchor]
-            own[chosen] += carried(T[chosen].inv() * T[anchor], own[anchor])
+    for component in solution.graph.components:
+        members, held = list(component), sorted(set(anchors).intersection(component))
+        for anchor in held:
+            others = [k for k in members if k != anchor]
+            own[others] += carried(T[others].inv() * T[anchor], own[anchor])
         # what falls short, or turns too far, on the way from where the component is held
-        held = next(iter(set(anchors).intersection(members)), None)
-        places = T[list(members)].translation
-        away = places - (places.mean(axis=0) if held is None else T[held].translation)
-        away = T[list(members)].rotation.inv().apply(away)
-        own[list(members), :3, :3] += turn_lean * (away**2).sum(axis=1)[:, None, None] * np.eye(3)
-        own[list(members), 3:, 3:] += lean * away[:, :, None] * away[:, None, :]
+        places = T[members].translation
+        away = T[members].rotation.inv().apply(places - (T[held[0]].translation if held else places.mean(axis=0)))
+        own[members, :3, :3] += turn_lean * (away**2).sum(axis=1)[:, None, None] * np.eye(3)
+        own[members, 3:, 3:] += lean * away[:, :, None] * away[:, None, :]
     result = np.empty_like(marginals)
     for k, marginal in enumerate(marginals):
         if k in anchors:
