@@ -85,11 +85,21 @@ def _prepare_step(
 ) -> tuple[State, NormalEquations, Pairs]:
     """The pairs within reach and what they say; and how far apart they are, where that can be told."""
     bell = np.maximum(tried * _BELL, state.width * _WIDE_BELL)
-    reach, stretches = np.maximum(tried, bell * _BELLS), state.stretch is not None
-    pairs = find_pairs(target, source, few_target, few_source, state.turn, state.shift, reach, stretches)
-    if tried >= _MEASURED:
+    reach, is_near = np.maximum(tried, bell * _BELLS), tried < _MEASURED
+    pairs = find_pairs(
+        target,
+        source,
+        few_target,
+        few_source,
+        state.turn,
+        state.shift,
+        reach,
+        stretches=state.stretch is not None,
+        inner=is_near,
+    )
+    if not is_near:
         state = replace(state, width=medians(np.abs(pairs.gaps), pairs.near, state.width))
-    return state, NormalEquations.of(pairs, state, bell, scale, inner=tried < _MEASURED), pairs
+    return state, NormalEquations.of(pairs, state, bell, scale), pairs
 
 
 def _finish(normal: NormalEquations, pairs: Pairs, state: State) -> list[Fit]:

@@ -49,18 +49,18 @@ class NormalEquations:
     variance: np.ndarray
 
     @classmethod
-    def of(cls, pairs: Pairs, state: State, bell: np.ndarray, scale: float, inner: bool) -> "NormalEquations":
+    def of(cls, pairs: Pairs, state: State, bell: np.ndarray, scale: float) -> "NormalEquations":
         """With the weights of Geman and McClure, each pair for `scale` of them.
 
-        With `inner` pairs at rims do not move the pose: they would draw the rims of what both scans saw together, and
-        these move with the sensor (Turk and Levoy, DOI 10.1145/192161.192241).
+        Where the `inner` pairs are known the others do not move the pose: they would draw the rims of what both scans
+        saw together, and these move with the sensor (Turk and Levoy, DOI 10.1145/192161.192241).
         """
         gaps = pairs.gaps
         if pairs.by_stretch is not None and state.stretch is not None:
             gaps = gaps + (pairs.by_stretch @ state.stretch[:, :, None])[:, :, 0]
         weights = np.where(pairs.near, scale / (1.0 + (gaps / bell[:, None]) ** 2) ** 2, 0.0)
         jacobian = _jacobian(pairs, pairs.normals)
-        moving = np.where(pairs.inner, weights, 0.0) if inner else weights
+        moving = weights if pairs.inner is None else np.where(pairs.inner, weights, 0.0)
         weighted = (jacobian * moving[:, :, None]).transpose(0, 2, 1)
         hessian, gradient = weighted @ jacobian, (weighted @ gaps[:, :, None])[:, :, 0]
         variance = CALIBRATION.variance(state.width)

@@ -28,6 +28,7 @@ class Pairs:
         near: (k, n) which are within reach; the others do not count.
         inner: (k, n) which of these have a nearest point that lies at no rim, and were seen from the same side. Beyond
             a rim a surface was not seen, though it may go on there; and the two sides of a pipe are not one surface.
+            None where nobody asked.
         arms: (k, n, 3) of the source's points, from the source's grid center [voxels].
         normals: (k, n, 3) of the surface whose plane they are to lie in.
         others: (k, n, 3) of the other scan's surface there, of either sign.
@@ -37,7 +38,7 @@ class Pairs:
     """
 
     near: np.ndarray
-    inner: np.ndarray
+    inner: np.ndarray | None
     arms: np.ndarray
     normals: np.ndarray
     others: np.ndarray
@@ -53,7 +54,9 @@ def find_pairs(
     turn: np.ndarray,
     shifts: np.ndarray,
     reach: np.ndarray,
+    *,
     stretches: bool,
+    inner: bool,
 ) -> Pairs:
     """Some points of each scan with the nearest of the other's.
 
@@ -61,6 +64,7 @@ def find_pairs(
         turn, shifts: (k, 3, 3) and (k, 3) p_target = R p_source + shift about the grid centers [voxels].
         reach: (k,) how far apart a pair may be [voxels].
         stretches: whether to find out how stretches would change the gaps.
+        inner: whether to find out which pairs lie at no rim and were seen from the same side.
     """
     shift = shifts[:, None]
     forward = turn.transpose(0, 2, 1)
@@ -71,25 +75,30 @@ def find_pairs(
     back_near, here = _nearest(source, (few_target.points - shift) @ turn, reach)
     back_arms, back_normals = source.points[here] @ forward, source.normals[here] @ forward
     back_gaps = along(back_arms + shift - few_target.points, back_normals)
-    # how a gap changes, as a point of the source or of the target moves along the ray that it was seen by
-    by_rays = np.concatenate(
-        [
-            _along_rays(few_source.rays @ forward, target.rays[there], normals),
-            _along_rays(source.rays[here] @ forward, few_target.rays[None], back_normals),
-        ],
-        axis=1,
-    )
-    inner = np.concatenate([near & target.inner[there], back_near & source.inner[here]], axis=1)
+    by_stretch = alike = None
+    if stretches or inner:
+        # how a gap changes, as a point of the source or of the target moves along the ray that it was seen by
+        by_rays = np.concatenate(
+            [
+                _along_rays(few_source.rays @ forward, target.rays[there], normals),
+                _along_rays(source.rays[here] @ forward, few_target.rays[None], back_normals),
+            ],
+            axis=1,
+        )
+        by_stretch = by_rays * (1.0, -1.0) if stretches else None
+        if inner:
+            alike = np.concatenate([near & target.inner[there], back_near & source.inner[here]], axis=1)
+            alike &= by_rays.prod(axis=2) >= 0
     return Pairs(
         near=np.concatenate([near, back_near], axis=1),
-        inner=inner & (by_rays.prod(axis=2) >= 0),
+        inner=alike,
         arms=np.concatenate([arms, back_arms], axis=1),
         normals=np.concatenate([normals, back_normals], axis=1),
         others=np.concatenate(
             [few_source.normals @ forward, np.broadcast_to(few_target.normals, back_normals.shape)], axis=1
         ),
         gaps=np.concatenate([gaps, back_gaps], axis=1),
-        by_stretch=by_rays * (1.0, -1.0) if stretches else None,
+        by_stretch=by_stretch,
     )
 
 

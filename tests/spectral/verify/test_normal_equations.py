@@ -65,7 +65,8 @@ class TestStretch:
 
     @pytest.mark.parametrize("inner", [False, True])
     def test_pose_and_opposite_stretches_solve_the_equations_of_all(self, pairs: Pairs, inner: bool) -> None:
-        equations = NormalEquations.of(pairs, BEGIN, np.full(2, 0.5), 1.0, inner)
+        pairs = pairs if inner else replace(pairs, inner=None)
+        equations = NormalEquations.of(pairs, BEGIN, np.full(2, 0.5), 1.0)
         moved, alone = equations.moved(pairs, BEGIN)
         opposite = block_diag(np.eye(6), [[1.0], [-1.0]])
         hessian, gradient = opposite.T @ equations.hessian @ opposite, equations.gradient @ opposite
@@ -89,7 +90,7 @@ class TestDoubt:
         normals, others = (true + 0.2 * rng.normal(size=(count, 3)) for _ in range(2))
         pairs = Pairs(
             near=np.ones((1, count), bool),
-            inner=np.ones((1, count), bool),
+            inner=None,
             arms=np.zeros((1, count, 3)),
             normals=normals[None],
             others=others[None],
@@ -97,7 +98,7 @@ class TestDoubt:
             by_stretch=None,
         )
         begin = State(np.eye(3)[None], np.zeros((1, 3)), np.full(1, 0.3), None, None)
-        return NormalEquations.of(pairs, begin, np.full(1, 0.5), 1.0, inner=False), pairs
+        return NormalEquations.of(pairs, begin, np.full(1, 0.5), 1.0), pairs
 
     def test_it_is_the_spread_of_what_chance_gives(self) -> None:
         found, doubts = [], []
@@ -119,7 +120,5 @@ class TestDoubt:
         axes = np.kron(np.eye(2), turn)
         turned = replace(pairs, normals=pairs.normals @ turn, others=pairs.others @ turn)
         begin = State(np.eye(3)[None], np.zeros((1, 3)), np.full(1, 0.3), None, None)
-        same = NormalEquations.of(turned, begin, np.full(1, 0.5), 1.0, inner=False).shared_doubt(
-            turned, np.eye(6)[None]
-        )
+        same = NormalEquations.of(turned, begin, np.full(1, 0.5), 1.0).shared_doubt(turned, np.eye(6)[None])
         np.testing.assert_allclose(equations.shared_doubt(pairs, axes[None])[0, 3:], same[0, 3:], rtol=1e-9)

@@ -28,6 +28,7 @@ def pairs_of(target: Surface, source: Surface, turn: np.ndarray | None = None) -
         np.zeros((1, 3)),
         np.array([2.0]),
         stretches=False,
+        inner=True,
     )
 
 
@@ -42,6 +43,8 @@ def test_two_sides_of_a_plate_are_not_one_surface(turned: float) -> None:
         return smooth_surface(level.points @ turn, KDTree(level.points @ turn), places)
 
     same, other, unknown = (pairs_of(front, source(-0.5, seen_from), turn) for seen_from in (BESIDE, BELOW, None))
+    assert same.inner is not None
+    assert other.inner is not None
     assert same.near.all()
     assert other.near.all()
     assert same.inner.mean() > 0.5
@@ -55,6 +58,7 @@ def test_beyond_a_rim_nothing_is_paired() -> None:
     few = len(sheet(0, ABOVE).points)
     x = pairs.arms[0, :few, 0]
     beyond = x > 9.6
+    assert pairs.inner is not None
     assert pairs.near[0, :few][beyond].any()
     assert not pairs.inner[0, :few][beyond].any()
     inside = (np.abs(x) < 6) & (np.abs(pairs.arms[0, :few, 1]) < 4)
