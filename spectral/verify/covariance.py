@@ -19,7 +19,7 @@ _TELLING = 0.01
 # What planes are found to hold is nothing up to so many standard errors.
 _DOUBTS = 2.0
 # So much of what one scan's normals alone seem to hold is error that both scans share: seen alike, normals lean alike.
-_COMMON = 0.1
+_COMMON = 0.2
 # Planes hold no direction by less than so many points.
 _LEAST = 1e-9
 
