@@ -6,6 +6,7 @@ OPTIONS = {
     "alignment": "--align",
     "device": "--device",
     "edge": "--grid",
+    "fix_sigma": "--fix-sigma",
     "fresh": "--fresh",
     "hypotheses": "--hypotheses",
     "max_tilt": "--max-tilt",

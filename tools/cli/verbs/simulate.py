@@ -14,7 +14,6 @@ from tools.simulate.catalog import SENSOR_NAMES, TRAJECTORY_KINDS
 from tools.simulate.scenes.catalog import SCENE_KINDS
 
 if TYPE_CHECKING:
-    from tools.simulate.sensing.navigation import Fixes
     from tools.simulate.simulation import SimulationSettings
 
 DEFAULT_SCENE, DEFAULT_TRAJECTORY, DEFAULT_SEED = "floodgate", "survey", 1
@@ -85,6 +84,10 @@ FixOutliersOption = Annotated[
     float | None,
     typer.Option(min=0, max=1, metavar="P", help="With --priors position: share that is 20 m off, 0..1. \\[0]"),
 ]
+FixSigmaOption = Annotated[
+    float | None,
+    typer.Option(metavar="M", help="With --priors position: its standard deviation, East and North \\[m]. \\[3]"),
+]
 DriftOption = Annotated[
     str | None,
     typer.Option(
@@ -131,6 +134,7 @@ def command(
     priors: PriorsOption = None,
     fix_every: FixEveryOption = None,
     fix_outliers: FixOutliersOption = None,
+    fix_sigma: FixSigmaOption = None,
     odometry: DriftOption = None,
     seed: OwnSeedOption = None,
     quiet: QuietOption = False,
@@ -141,14 +145,16 @@ def command(
     """
     from tools.readers.odometry import parse_drift
     from tools.simulate.folder import write_simulation
+    from tools.simulate.sensing.navigation import Fixes
     from tools.simulate.sensing.priors import instruments_for
     from tools.simulate.simulation import simulate
     from tools.writers.atomic import require_writable
 
     settings = _settings(like, scene, trajectory, sensor, seed)
-    fixes = _fixes(priors, fix_every, fix_outliers)
+    _require_positions(priors, fix_every, fix_outliers, fix_sigma)
+    fixes = Fixes(fix_every or 1, fix_outliers or 0.0)
     drift = None if odometry is None else parse_drift(odometry, "--odometry")
-    instruments = None if priors is None else instruments_for([kind.strip() for kind in priors.split(",")])
+    instruments = None if priors is None else instruments_for([kind.strip() for kind in priors.split(",")], fix_sigma)
     _require_spaced(settings.trajectory, spacing)
     noise = {"sigma2": sigma2, "outliers": outliers, "dropouts": dropouts}
     noise |= {"ghosts": ghosts, "speckle": speckle, "lobe": lobe}
@@ -172,14 +178,13 @@ def _require_spaced(trajectory: str, spacing: float | None) -> None:
         )
 
 
-def _fixes(priors: str | None, every: int | None, outliers: float | None) -> "Fixes":
-    from tools.simulate.sensing.navigation import Fixes
-
-    if (every is not None or outliers is not None) and "position" not in (priors or ""):
+def _require_positions(priors: str | None, *fixes: float | None) -> None:
+    """Refuse what says how positions are fixed where nothing measures them."""
+    if any(value is not None for value in fixes) and "position" not in (priors or ""):
         raise InputError(
-            "--fix-every and --fix-outliers have no effect without --priors position; give it, or leave them out"
+            "--fix-every, --fix-outliers and --fix-sigma have no effect without --priors position; give it, or leave "
+            "them out"
         )
-    return Fixes(every or 1, outliers or 0.0)
 
 
 def _settings(

@@ -1,7 +1,7 @@
 """What a vehicle's instruments would say of simulated poses: attitude, heading, depth and position, with errors."""
 
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 from scipy.spatial.transform import RigidTransform, Rotation
@@ -39,17 +39,24 @@ class Instruments:
 KINDS = tuple(Instruments.__dataclass_fields__)
 
 
-def instruments_for(kinds: Sequence[str]) -> Instruments:
+def instruments_for(kinds: Sequence[str], fix_sigma: float | None = None) -> Instruments:
     """A vehicle that carries only these KINDS of instruments, with the default standard deviations.
 
+    Args:
+        kinds: of KINDS.
+        fix_sigma: another standard deviation of positions [m].
+
     Raises:
-        InputError: an unknown kind, or none at all.
+        InputError: an unknown kind, or none at all; a standard deviation that is not positive.
     """
     unknown = [kind for kind in kinds if kind not in KINDS]
     if unknown or not kinds:
         what = repr(unknown[0]) if unknown else "nothing"
         raise InputError(f"no instrument measures {what}; choose from {','.join(KINDS)}, separated by commas")
-    return Instruments(**{kind: np.inf for kind in KINDS if kind not in kinds})
+    if fix_sigma is not None and not 0 < fix_sigma < np.inf:
+        raise InputError(f"`fix_sigma={fix_sigma:g}`: wanted meters above 0")
+    carried = Instruments() if fix_sigma is None else Instruments(position=fix_sigma)
+    return replace(carried, **{kind: np.inf for kind in KINDS if kind not in kinds})
 
 
 def measure_poses(

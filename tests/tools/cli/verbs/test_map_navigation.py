@@ -70,3 +70,19 @@ def test_options_without_effect_are_refused(dive: Path, tmp_path: Path) -> None:
     result = sonarmap("simulate", "-o", str(tmp_path / "sim"), "--fix-every", "3")
     assert result.exit_code == 2
     said(result, "no effect without --priors position")
+
+
+def test_how_sure_positions_are_is_chosen_and_checked(tmp_path: Path) -> None:
+    words = "simulate --scene harbor --scans 2 --priors position --seed 3"
+    for sigma, folder in (("1", "sure"), ("3", "usual")):
+        result = sonarmap(*words.split(), "--fix-sigma", sigma, "-o", str(tmp_path / folder))
+        assert result.exit_code == 0, result.output
+    truth = read_tum(tmp_path / "sure" / "truth.tum").T_world_sensor[1].translation
+    sure, usual = (list(csv.DictReader((tmp_path / folder / "priors.csv").open()))[1] for folder in ("sure", "usual"))
+    assert [float(row["x_sigma_m"]) for row in (sure, usual)] == [1.0, 3.0]
+    # the same draw, a third as far off
+    off = [np.array([float(row["x_m"]), float(row["y_m"])]) - truth[:2] for row in (sure, usual)]
+    np.testing.assert_allclose(3 * off[0], off[1], atol=1e-5)
+    result = sonarmap(*words.split(), "--fix-sigma", "0", "-o", str(tmp_path / "none"))
+    assert result.exit_code == 2
+    said(result, "--fix-sigma 0", "wanted meters above 0")
