@@ -18,8 +18,9 @@ _ELLIPSOID = 12.592
 _TELLING = 0.01
 # What planes are found to hold is nothing up to so many standard errors.
 _DOUBTS = 2.0
-# So much of what one scan's normals alone seem to hold is error that both scans share: seen alike, normals lean alike.
-_COMMON = 0.2
+# Up to so much of what one scan's normals alone seem to hold is error that both scans share: seen alike, normals lean
+# alike.
+_COMMON = 1 / 3
 # Planes hold no direction by less than so many points.
 _LEAST = 1e-9
 
@@ -100,7 +101,7 @@ def _by_planes(hypothesis: Hypothesis, calibration: Calibration) -> np.ndarray:
     variance = float(calibration.variance(np.array(fit.width), hypothesis.evidence.psr))
     # a share that is no more than its error may be nothing; one that is far above it is what it seems
     share = np.maximum(share, _LEAST)
-    sure = np.minimum(1 - (_DOUBTS * fit.doubt / share) ** 2, 1 - _COMMON * fit.own / share)
+    sure = 1 - (np.maximum(_DOUBTS * fit.doubt, _COMMON * fit.own) / share) ** 2
     axes = axes / np.repeat([max(lever, 1e-6), 1.0], 3)[:, None]
     held = (axes * (sure > 0) / (share * fit.pairs)) @ axes.T
     return (axes * variance / np.maximum(sure * share * fit.pairs, _LEAST)) @ axes.T + by_stretch(
