@@ -103,7 +103,7 @@ def _by_planes(hypothesis: Hypothesis, calibration: Calibration) -> np.ndarray:
     share = np.maximum(share, _LEAST)
     sure = 1 - (np.maximum(_DOUBTS * fit.doubt, _COMMON * fit.own) / share) ** 2
     axes = axes / np.repeat([max(lever, 1e-6), 1.0], 3)[:, None]
-    held = (axes * (sure > 0) / (share * fit.pairs)) @ axes.T
+    held = (axes * (sure > 0) / np.maximum(share * fit.pairs, _LEAST)) @ axes.T
     return (axes * variance / np.maximum(sure * share * fit.pairs, _LEAST)) @ axes.T + by_stretch(
         fit, held, calibration
     )

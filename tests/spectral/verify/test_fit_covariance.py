@@ -172,3 +172,13 @@ def test_what_noisy_normals_share_holds_nothing() -> None:
     assert sigmas(4.0)[-1] > 20 * usual[-1]
     np.testing.assert_allclose(sigmas(4.0)[:2], usual[:2], rtol=0.05)
     assert sigmas(2.0)[-1] < 1.5 * usual[-1]
+
+
+def test_where_no_points_are_near_anything_is_possible() -> None:
+    """The refinement went where the scans have nothing in common: as far as a turn and the grid go."""
+    zeros = {"doubt": np.zeros(6), "own": np.zeros(6), "stretch": np.zeros(2), "stretching": np.zeros((2, 8))}
+    fit = Fit(Rotation.identity(), np.zeros(3), np.zeros((6, 6)), 0.0, 0.0, 0.3, **zeros)
+    hypothesis: Any = SimpleNamespace(fit=fit, evidence=SimpleNamespace(psr=60.0))
+    found = fit_covariance(hypothesis, (np.zeros(3), np.zeros(3)), Grid(128, 0.5)).by_scans
+    sigmas = np.sqrt(np.diag(found))
+    np.testing.assert_allclose(sigmas, np.repeat([np.pi, 64.0], 3), rtol=1e-3)
