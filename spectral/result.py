@@ -29,9 +29,9 @@ class Registration:
         probability: that the transform is right, 0..1; NaN from methods that give none.
         step_psr: the peak-to-sidelobe ratio of every step, by the step's name.
         alternatives: other hypotheses that could not be excluded, best first.
-        T_by_scans, covariance_by_scans: what the scans alone say, where instruments took part in T_target_source; in
-            the same units, None where they did not. A graph that holds the instruments' measurements as well would
-            otherwise count them twice: `by_scans` is for it.
+        T_by_scans, covariance_by_scans: what the scans alone say, where instruments, or how the vehicle usually moves,
+            took part in T_target_source; in the same units, None where they did not. A graph that holds the
+            instruments' measurements as well would otherwise count them twice: `by_scans` is for it.
         evidence: what speaks for the transform, as numbers by name; docs/registration.md explains them.
     """
 

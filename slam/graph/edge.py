@@ -8,6 +8,7 @@ from typing import Literal, get_args
 import numpy as np
 from scipy.cluster.hierarchy import DisjointSet
 from scipy.linalg import cho_factor, cho_solve
+from scipy.spatial.transform import RigidTransform
 
 from kernels.errors import InputError
 from spectral.result import Registration
@@ -55,8 +56,25 @@ class Edge:
         return self.kind in ("sequential", "loop")
 
     def scaled(self, factor: float) -> "Edge":
-        """The edge with its covariance multiplied."""
-        return replace(self, registration=replace(self.registration, covariance=factor * self.registration.covariance))
+        """The edge with its covariance multiplied; of a registration that something else took part in, the scans' part.
+
+        How far a vehicle usually goes is no surer where registrations agree better.
+        """
+        measured = self.registration
+        if measured.T_by_scans is None or measured.covariance_by_scans is None:
+            return replace(self, registration=replace(measured, covariance=factor * measured.covariance))
+        both, alone = (inverse_definite(each) for each in (measured.covariance, measured.covariance_by_scans))
+        covariance = inverse_definite(alone / factor + (both - alone))
+        # from where the scans alone have it, the pull of the rest stays what it is
+        step: np.ndarray = (measured.T_by_scans.inv() * measured.T_target_source).as_exp_coords()
+        step = covariance @ both @ step
+        scaled = replace(
+            measured,
+            T_target_source=measured.T_by_scans * RigidTransform.from_exp_coords(step),
+            covariance=covariance,
+            covariance_by_scans=factor * measured.covariance_by_scans,
+        )
+        return replace(self, registration=scaled)
 
     @property
     def name(self) -> str:

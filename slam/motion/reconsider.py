@@ -98,7 +98,13 @@ def _fused(answer: Registration, expected: ExpectedPose) -> Registration:
     known: np.ndarray = turn @ np.diag(expected.sigmas**-2.0) @ turn.T
     covariance = inverse_definite(inverse_definite(answer.covariance) + known)
     step: np.ndarray = covariance @ known @ away
-    return replace(answer, T_target_source=T * RigidTransform.from_exp_coords(step), covariance=covariance)
+    return replace(
+        answer,
+        T_target_source=T * RigidTransform.from_exp_coords(step),
+        covariance=covariance,
+        T_by_scans=T,
+        covariance_by_scans=answer.covariance,
+    )
 
 
 def _less(answer: Registration, left: float, pair: Pair, motion: AnyMotion | None) -> Registration:

@@ -6,6 +6,7 @@ import numpy as np
 import pytest
 from scipy.spatial.transform import RigidTransform, Rotation
 
+from slam.graph.edge import Edge
 from slam.motion.reconsider import expected_by, is_doubtful, with_both, with_motion, without_leaps
 from slam.pair import Pair
 from spectral.result import Registration
@@ -63,6 +64,24 @@ def test_the_motion_holds_what_the_scans_leave_open() -> None:
     np.testing.assert_allclose(away.translation[1:], 0.0, atol=0.01)
     assert held.covariance[3, 3] == pytest.approx(EXPECTED.sigmas[3] ** 2, rel=0.3)
     np.testing.assert_allclose(np.diag(held.covariance)[[0, 1, 2, 4, 5]], 1e-8, rtol=0.01)
+
+
+def test_the_motion_is_no_surer_where_registrations_agree_better() -> None:
+    """Scaling an edge scales the scans' part alone: as if the motion held what the scans say with that covariance."""
+    near = moved(USUAL) * RigidTransform.from_exp_coords([0.01, -0.02, 0.01, 0.1, 0.2, -0.1])
+    loose = TIGHT + np.diag([0, 0, 0, 4.0, 0, 0])
+
+    def fused(covariance: np.ndarray) -> Edge:
+        held = with_motion(pair(registration(near, covariance)), MOTION).registration
+        assert held is not None
+        return Edge(5, 6, held, "sequential")
+
+    for factor in (0.1, 1.0, 7.0):
+        scaled, direct = fused(loose).scaled(factor / 2).scaled(2).registration, fused(factor * loose).registration
+        np.testing.assert_allclose(scaled.covariance, direct.covariance, rtol=1e-6, atol=1e-12)
+        off: np.ndarray = (scaled.T_target_source.inv() * direct.T_target_source).as_exp_coords()
+        np.testing.assert_allclose(off, 0, atol=1e-8)
+    assert fused(loose).scaled(0.1).registration.covariance[3, 3] > 0.5 * fused(loose).registration.covariance[3, 3]
 
 
 def test_the_motion_changes_nothing_that_scans_know() -> None:
