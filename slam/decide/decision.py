@@ -122,7 +122,8 @@ def _widened(graph: PoseGraph, floor: np.ndarray) -> PoseGraph:
             edges.append(edge)
             continue
         covariance = edge.registration.covariance + np.diag(floor**2)
-        edges.append(replace(edge, registration=replace(edge.registration, covariance=covariance)))
+        widened = replace(edge.registration, covariance=covariance, T_by_scans=None, covariance_by_scans=None)
+        edges.append(replace(edge, registration=widened))
     return replace(graph, edges=tuple(edges))
 
 

@@ -12,13 +12,16 @@ import numpy as np
 from scipy.spatial.transform import RigidTransform
 
 from kernels.errors import InputError
-from slam.graph.edge import Edge, components
+from slam.graph.edge import Edge, components, inverse_definite
 from slam.graph.gtsam_poses import START_SIGMA, chordal_start, to_pose3, to_transforms, to_values
 from slam.graph.known_pose import GAUGE_SIGMA, KnownPose, undetermined
 from slam.graph.measured_poses import gauge, known_poses, level, unmeasured
 from slam.graph.trajectory import Trajectory
 from spectral.result import Registration
 from spectral.scan import PosePrior
+
+# Translations of an edge are held by standard deviations no farther apart than this.
+_SPREAD = 1000.0
 
 
 @dataclass(frozen=True, slots=True)
@@ -327,7 +330,20 @@ def factors_of(graph: PoseGraph, gauge_sigma: float = GAUGE_SIGMA) -> gtsam.Nonl
 def edge_factor(edge: Edge) -> gtsam.NonlinearFactor:
     """What one edge says, for GTSAM."""
     measured = to_pose3(edge.registration.T_target_source)
-    noise = gtsam.noiseModel.Gaussian.Covariance(edge.registration.covariance)
+    noise = gtsam.noiseModel.Gaussian.Covariance(_solvable(edge.registration.covariance))
     if edge.kind == "prior":
         return gtsam.PriorFactorPose3(edge.i, measured, noise)
     return gtsam.BetweenFactorPose3(edge.i, edge.j, measured, noise)
+
+
+def _solvable(covariance: np.ndarray) -> np.ndarray:
+    """(6, 6) that GTSAM can factor; along a bare wall the one direction is hundreds of meters, the others centimeters.
+
+    It takes a pivot 4096 times below its neighbor for none: so what is that loose is held a thousand times less than
+    what is held best.
+    """
+    information = inverse_definite(covariance)
+    best = float(np.diag(information)[3:].max())
+    if float(np.diag(covariance)[3:].max()) * best <= _SPREAD**2:
+        return covariance
+    return inverse_definite(information + np.diag(np.repeat([0.0, best / _SPREAD**2], 3)))

@@ -178,3 +178,15 @@ def test_the_start_from_the_edges_hears_no_pose_but_the_held(fixed):
     np.testing.assert_allclose(started.trajectory.T_world_sensor[known].as_matrix(), T[known].as_matrix(), atol=1e-12)
     again = started.optimize()
     assert again.chi_squared_after == pytest.approx(solved.chi_squared, rel=1e-5)
+
+
+@pytest.mark.parametrize("loose", [10.0, 300.0])
+def test_a_direction_that_scans_leave_open_does_not_end_a_survey(loose: float):
+    """Steps along a bare wall, open along the sensor's own last axis, where GTSAM meets the smallest pivot last."""
+    truth = random_transforms(np.random.default_rng(8), 6)
+    covariance = np.diag([1e-3, 1e-3, 1e-3, 0.01, 0.01, loose]) ** 2
+    edges = tuple(edge(k, k + 1, truth[k].inv() * truth[k + 1], covariance) for k in range(5))
+    solution = PoseGraph(chain(edges, np.zeros(6)), edges).optimize()
+    sigmas = np.sqrt(np.diag(solution.covariance(1)))
+    np.testing.assert_allclose(sigmas[:5], np.sqrt(np.diag(covariance))[:5], rtol=1e-3)
+    assert sigmas[5] == pytest.approx(10.0, rel=0.3)
