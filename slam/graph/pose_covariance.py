@@ -44,7 +44,7 @@ def edge_variances(graph: PoseGraph) -> np.ndarray:
     alone = graph.registered_alone
     weights, quotient = np.ones(len(alone.edges)), _EXPECTED
     for _ in range(_REWEIGHTED if weights.size else 0):
-        solution = alone.scaled(1 / weights).optimize()
+        solution = alone.scaled(1 / weights).optimize(covariances=False)
         alone = alone.at(solution.trajectory.T_world_sensor)
         squared = solution.residuals**2  # weighted
         quotient = (squared.sum() + _WORTH * _EXPECTED) / (solution.degrees_of_freedom + _WORTH)

@@ -212,8 +212,12 @@ class PoseGraph:
             "large or too small"
         )
 
-    def optimize(self, max_iterations: int = 100) -> "Solution":
+    def optimize(self, max_iterations: int = 100, covariances: bool = True) -> "Solution":
         """The poses of least squared residual, by Levenberg-Marquardt from the initial estimate.
+
+        Args:
+            max_iterations: of the optimizer.
+            covariances: whether the solution has these, which takes a unique one; poses and residuals take none.
 
         Raises:
             InputError: the equations have no unique or no finite solution.
@@ -226,7 +230,7 @@ class PoseGraph:
         try:
             optimizer = gtsam.LevenbergMarquardtOptimizer(factors, initial, options)
             optimum = optimizer.optimize()
-            marginals = gtsam.Marginals(factors, optimum)
+            marginals = gtsam.Marginals(factors, optimum) if covariances else None
         except RuntimeError as error:
             raise self.unsolvable(error) from error
         return Solution(
@@ -261,16 +265,21 @@ class Solution:
     iterations: int
     converged: bool
     residuals: np.ndarray
-    _marginals: gtsam.Marginals
+    _marginals: gtsam.Marginals | None
 
     @property
     def trajectory(self) -> Trajectory:
         """The optimized poses."""
         return self.graph.trajectory
 
+    @property
+    def _known(self) -> gtsam.Marginals:
+        assert self._marginals is not None, "optimized without covariances"
+        return self._marginals
+
     def covariance(self, k: int) -> np.ndarray:
         """(6, 6) of one pose, as `covariances`."""
-        return self._marginals.marginalCovariance(k)
+        return self._known.marginalCovariance(k)
 
     def covariances(self) -> np.ndarray:
         """(N, 6, 6): each pose's, rotation first [rad, m], body tangent, against its component's anchor."""
@@ -288,7 +297,7 @@ class Solution:
         T = self.trajectory.T_world_sensor
         T_i_j = T[i].inv() * T[j]
         try:
-            joint = self._marginals.jointMarginalCovariance([i, j])
+            joint = self._known.jointMarginalCovariance([i, j])
         except RuntimeError as error:
             raise self.graph.unsolvable(error) from error
         stacked = np.block([[joint.at(i, i), joint.at(i, j)], [joint.at(j, i), joint.at(j, j)]])

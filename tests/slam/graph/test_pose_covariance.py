@@ -4,10 +4,11 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
-from scipy.spatial.transform import RigidTransform
+from scipy.spatial.transform import RigidTransform, Rotation
 
 from slam.graph.pose_covariance import edge_variances, pose_covariances
 from slam.graph.pose_graph import PoseGraph, Solution
+from slam.graph.tangent import carried
 from slam.graph.trajectory import chain
 from spectral.scan import PosePrior
 from tests.samples.surveys import edge, random_covariance, ring_poses
@@ -160,3 +161,16 @@ def test_they_are_positive_definite_and_do_not_depend_on_where_the_world_is():
     np.testing.assert_allclose(here[1:], there[1:], rtol=1e-2, atol=1e-8)
     assert (np.linalg.eigvalsh(here[1:]) > 0).all()
     np.testing.assert_allclose(here, here.swapaxes(1, 2), atol=1e-12)
+
+
+def test_steps_over_a_bed_that_leaves_three_directions_open_are_weighed():
+    """They alone fix no pose well enough for GTSAM's covariances; what closes no cycle needs none."""
+    rng = np.random.default_rng(2)
+    at_bed = np.diag([0.003, 0.003, 2.0, 60.0, 60.0, 0.01]) ** 2
+    truth = ring_poses(40)
+    edges = []
+    for k in range(39):
+        to_sensor = RigidTransform.from_components(rng.normal([20, 5, -30], 3.0), Rotation.random(rng=rng))
+        edges.append(edge(k, k + 1, truth[k].inv() * truth[k + 1], carried(to_sensor, at_bed)))
+    graph = PoseGraph(chain(edges, np.zeros(40)), tuple(edges))
+    np.testing.assert_allclose(edge_variances(graph), 13 * 0.15, rtol=1e-6)
