@@ -14,6 +14,7 @@ from tools.simulate.catalog import SENSOR_NAMES, TRAJECTORY_KINDS
 from tools.simulate.scenes.catalog import SCENE_KINDS
 
 if TYPE_CHECKING:
+    from tools.simulate.sensing.navigation import Fixes
     from tools.simulate.simulation import SimulationSettings
 
 DEFAULT_SCENE, DEFAULT_TRAJECTORY, DEFAULT_SEED = "floodgate", "survey", 1
@@ -145,14 +146,12 @@ def command(
     """
     from tools.readers.odometry import parse_drift
     from tools.simulate.folder import write_simulation
-    from tools.simulate.sensing.navigation import Fixes
     from tools.simulate.sensing.priors import instruments_for
     from tools.simulate.simulation import simulate
     from tools.writers.atomic import require_writable
 
     settings = _settings(like, scene, trajectory, sensor, seed)
-    _require_positions(priors, fix_every, fix_outliers, fix_sigma)
-    fixes = Fixes(fix_every or 1, fix_outliers or 0.0)
+    fixes = _fixes(priors, fix_every, fix_outliers, fix_sigma)
     drift = None if odometry is None else parse_drift(odometry, "--odometry")
     instruments = None if priors is None else instruments_for([kind.strip() for kind in priors.split(",")], fix_sigma)
     _require_spaced(settings.trajectory, spacing)
@@ -178,13 +177,16 @@ def _require_spaced(trajectory: str, spacing: float | None) -> None:
         )
 
 
-def _require_positions(priors: str | None, *fixes: float | None) -> None:
-    """Refuse what says how positions are fixed where nothing measures them."""
-    if any(value is not None for value in fixes) and "position" not in (priors or ""):
+def _fixes(priors: str | None, every: int | None, outliers: float | None, sigma: float | None) -> "Fixes":
+    """How positions are fixed; what says so is refused where nothing measures them."""
+    from tools.simulate.sensing.navigation import Fixes
+
+    if any(value is not None for value in (every, outliers, sigma)) and "position" not in (priors or ""):
         raise InputError(
             "--fix-every, --fix-outliers and --fix-sigma have no effect without --priors position; give it, or leave "
             "them out"
         )
+    return Fixes(every or 1, outliers or 0.0)
 
 
 def _settings(
