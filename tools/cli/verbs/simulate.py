@@ -15,6 +15,7 @@ from tools.simulate.scenes.catalog import SCENE_KINDS
 
 if TYPE_CHECKING:
     from tools.simulate.sensing.navigation import Fixes
+    from tools.simulate.sensing.priors import Instruments
     from tools.simulate.simulation import SimulationSettings
 
 DEFAULT_SCENE, DEFAULT_TRAJECTORY, DEFAULT_SEED = "floodgate", "survey", 1
@@ -144,16 +145,13 @@ def command(
 
     The same settings give the same files; --like description.json takes them from an earlier run.
     """
-    from tools.readers.odometry import parse_drift
     from tools.simulate.folder import write_simulation
-    from tools.simulate.sensing.priors import instruments_for
     from tools.simulate.simulation import simulate
     from tools.writers.atomic import require_writable
 
     settings = _settings(like, scene, trajectory, sensor, seed)
     fixes = _fixes(priors, fix_every, fix_outliers, fix_sigma)
-    drift = None if odometry is None else parse_drift(odometry, "--odometry")
-    instruments = None if priors is None else instruments_for([kind.strip() for kind in priors.split(",")], fix_sigma)
+    drift, instruments = _drift(odometry), _instruments(priors, fix_sigma)
     _require_spaced(settings.trajectory, spacing)
     noise = {"sigma2": sigma2, "outliers": outliers, "dropouts": dropouts}
     noise |= {"ghosts": ghosts, "speckle": speckle, "lobe": lobe}
@@ -187,6 +185,18 @@ def _fixes(priors: str | None, every: int | None, outliers: float | None, sigma:
             "them out"
         )
     return Fixes(every or 1, outliers or 0.0)
+
+
+def _drift(odometry: str | None) -> tuple[float, float] | None:
+    from tools.readers.odometry import parse_drift
+
+    return None if odometry is None else parse_drift(odometry, "--odometry")
+
+
+def _instruments(priors: str | None, sigma: float | None) -> "Instruments | None":
+    from tools.simulate.sensing.priors import instruments_for
+
+    return None if priors is None else instruments_for([kind.strip() for kind in priors.split(",")], sigma)
 
 
 def _settings(
