@@ -72,7 +72,10 @@ class PairSearch:
         stamps = np.array([scan.stamp for scan in self._scans], dtype=np.float64)
         motion = Motion.learn(pairs, stamps, survey, self._floor, self._limits)
         self._motion = motion if self._odometry is None else MeasuredMotion(self._odometry, motion, self._floor)
-        return self._again(pairs)
+        pairs = self._looked_at_again(pairs)
+        if self._motion is not None:
+            self._motion = self._motion.following(pairs)
+        return self._held(pairs)
 
     def bridges(self, steps: Sequence[Pair], widest: int) -> list[Pair]:
         """Pairs over what gaps separate, the closest scans first, and no farther ones once a gap is bridged.
@@ -90,7 +93,7 @@ class PairSearch:
         for span in range(2, widest + 1):
             across = dict.fromkeys(scans for gap in gaps for scans in _across(gap, span, self._survey))
             candidates = [Pair(*scans, "bridge") for scans in across if not joined.connected(*scans)]
-            for pair in self._again(self._runner.register(candidates)):
+            for pair in self._held(self._looked_at_again(self._runner.register(candidates))):
                 bridges.append(pair)
                 if pair.accepted:
                     joined.merge(*pair.scans)
@@ -119,19 +122,22 @@ class PairSearch:
         again = {pair.scans: pair for pair in self._runner.register(looks)}
         return [with_both(pair, again[pair.scans]) if pair.scans in again else pair for pair in pairs]
 
-    def _again(self, pairs: Sequence[Pair]) -> list[Pair]:
-        """The pairs with what the motion says of them; those that are doubtful registered again about there."""
+    def _looked_at_again(self, pairs: Sequence[Pair]) -> list[Pair]:
+        """The pairs, those that are doubtful registered again about where the motion expects them."""
+        motion = self._motion
+        if motion is None or not hasattr(self._registrar, "register_expected"):
+            return list(pairs)
+        doubtful = [pair for pair in pairs if is_doubtful(pair, motion)]
+        looks = [replace(_unregistered(pair), expected=motion.expected(*pair.scans)) for pair in doubtful]
+        again = {pair.scans: pair for pair in self._runner.register(looks)}
+        return [with_both(pair, again[pair.scans], motion) if pair.scans in again else pair for pair in pairs]
+
+    def _held(self, pairs: Sequence[Pair]) -> list[Pair]:
+        """The pairs with what the learned motion says of them; dead reckoning is in the graph itself."""
         motion = self._motion
         if motion is None:
             return list(pairs)
-        again: dict[tuple[int, int], Pair] = {}
-        if hasattr(self._registrar, "register_expected"):
-            doubtful = [pair for pair in pairs if is_doubtful(pair, motion)]
-            looks = [replace(_unregistered(pair), expected=motion.expected(*pair.scans)) for pair in doubtful]
-            again = {pair.scans: pair for pair in self._runner.register(looks)}
-        both = [with_both(pair, again[pair.scans], motion) if pair.scans in again else pair for pair in pairs]
-        # dead reckoning is in the graph itself
-        return [pair if motion.is_measured(*pair.scans) else with_motion(pair, motion) for pair in both]
+        return [pair if motion.is_measured(*pair.scans) else with_motion(pair, motion) for pair in pairs]
 
     def _candidates(self, decision: Decision, tried: set[tuple[int, int]]) -> list[Pair]:
         """Pairs to try next, in the order of the scans: neighbors in that order share prepared scans."""

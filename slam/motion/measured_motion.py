@@ -1,7 +1,8 @@
 # pyright: strict, reportMissingTypeStubs=false
 """The motion that instruments measured, where they did, and the learned one elsewhere."""
 
-from dataclasses import dataclass
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
 from typing import Protocol
 
 import numpy as np
@@ -9,6 +10,7 @@ from scipy.spatial.transform import RigidTransform
 
 from slam.motion.motion import Motion
 from slam.motion.odometry import Odometry
+from slam.pair import Pair
 from spectral.expected import ExpectedPose
 
 # Where nothing is known of the motion, a scan may be anywhere [rad, m].
@@ -20,6 +22,14 @@ class AnyMotion(Protocol):
 
     def expected(self, i: int, j: int) -> ExpectedPose:
         """T_i_j, i < j, of scans of one survey."""
+        ...
+
+    def way(self, i: int, j: int) -> tuple[float, float] | None:
+        """Mean and standard deviation of the way from i to j [m]; None where nothing tells."""
+        ...
+
+    def following(self, pairs: Sequence[Pair]) -> "AnyMotion":
+        """With what registered steps tell of the motion at their time."""
         ...
 
     def contradicts(self, i: int, j: int, T_i_j: RigidTransform) -> bool:
@@ -56,6 +66,14 @@ class MeasuredMotion:
         if self.learned is not None:
             return self.learned.expected(i, j)
         return ExpectedPose(np.zeros(3), np.zeros(3), _ANYWHERE)
+
+    def way(self, i: int, j: int) -> tuple[float, float] | None:
+        """As learned, where dead reckoning does not tell it better."""
+        return None if self.learned is None or self.is_measured(i, j) else self.learned.way(i, j)
+
+    def following(self, pairs: Sequence[Pair]) -> "MeasuredMotion":
+        """The learned part follows them."""
+        return self if self.learned is None else replace(self, learned=self.learned.following(pairs))
 
     def contradicts(self, i: int, j: int, T_i_j: RigidTransform) -> bool:
         """Whether a registration is too far from what was measured, or from what is usual."""

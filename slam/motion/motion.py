@@ -3,12 +3,13 @@
 """The usual motion between consecutive scans, learned from registrations that are sure."""
 
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 from scipy.spatial.transform import RigidTransform, Rotation
 
 from slam.motion.limits import NO_LIMITS, MotionLimits
+from slam.motion.local_motion import Step, likeness, rate_of, rates_by_others
 from slam.pair import Pair
 from spectral.expected import ExpectedPose
 
@@ -30,6 +31,10 @@ _ANYTHING = 1e3
 _BEYOND = 6 * 15.21
 # Steps of vehicles that turn, stop and go leave what was seen so far: the spread that is granted, of the learned one.
 _GRANTED = 2.0
+# No number of a step varies by less than this share of the variance that is assumed.
+_LEAST = 1e-4
+# Steps at least so probable tell how the vehicle moves at a time, also where they leave directions open.
+_PROBABLE = 0.5
 
 
 @dataclass(frozen=True, slots=True)
@@ -40,6 +45,10 @@ class Motion:
         times: (N,) of the scans, ascending within a survey: seconds where stamps tell them, else scans.
         usual: (6,) mean of x per unit of time [rad, m].
         covariance: (6, 6) of x per unit of time.
+        varied, alike: (6,) variance of x per unit of time along the way, and its correlation in steps in a row.
+        rates, variances: (N - 1, 6) mean and variance of x per unit of time from every scan to the next.
+        speed, speed_sigma: mean and standard deviation of the way per unit of time [m].
+        surveys: (N,) the number of each scan's survey.
         floor: (6,) standard deviations that every expectation is granted beside [rad, m].
         limits: what the vehicle cannot exceed.
     """
@@ -47,6 +56,13 @@ class Motion:
     times: np.ndarray
     usual: np.ndarray
     covariance: np.ndarray
+    varied: np.ndarray
+    alike: np.ndarray
+    rates: np.ndarray
+    variances: np.ndarray
+    speed: float
+    speed_sigma: float
+    surveys: np.ndarray
     floor: np.ndarray
     limits: MotionLimits = NO_LIMITS
 
@@ -75,35 +91,88 @@ class Motion:
         steps = [pair for pair in pairs if pair.role == "sequential" and pair.accepted]
         steps = [pair for pair in steps if _within(limits, times, pair)]
         if len(steps) < FEWEST:
-            if not limits.any:
-                return None
-            return cls(times, np.zeros(6), np.diag(np.full(6, _ANYTHING**2)), floor, limits)
-        T = RigidTransform.concatenate([pair.registration.T_target_source for pair in steps if pair.registration])
-        spans = times[[pair.j for pair in steps]] - times[[pair.i for pair in steps]]
-        rates = np.hstack([T.rotation.as_rotvec(), T.translation]) / spans[:, None]
-        span = float(np.median(spans))
+            return cls._unlearned(times, surveys, floor, limits) if limits.any else None
+        sure = [Step.of(pair, times) for pair in steps]
+        rates = np.array([step.rate for step in sure])
+        span = float(np.median([times[pair.j] - times[pair.i] for pair in steps]))
         mean, scatter = _fit_t(rates, floor / span)
-        rates = rates[_squared(rates - mean, scatter) <= _BEYOND]
-        mean = rates.mean(axis=0)
-        assumed = np.diag(np.maximum(_assumed(rates), np.repeat([_TURNS / span, 0.0], 3) ** 2))
-        covariance = (len(rates) * np.cov(rates.T, bias=True) + _ASSUMED * assumed) / (len(rates) + _ASSUMED)
-        return cls(times, mean, covariance, floor, limits)
+        within = np.flatnonzero(_squared(rates - mean, scatter) <= _BEYOND)
+        rates, sure = rates[within], [sure[n] for n in within]
+        mean, speeds = rates.mean(axis=0), np.linalg.norm(rates[:, 3:], axis=1)
+        known = len(rates) / (len(rates) + _ASSUMED)
+        assumed = (1 - known) * np.maximum(_assumed(rates), np.repeat([_TURNS / span, 0.0], 3) ** 2)
+        scatter = known * np.cov(rates.T, bias=True)
+        varied = np.maximum(np.diag(scatter), _LEAST * assumed)
+        motion = cls(
+            times=times,
+            usual=mean,
+            covariance=scatter + np.diag(assumed),
+            varied=varied,
+            alike=likeness(sure, varied, surveys),
+            rates=np.tile(mean, (len(times) - 1, 1)),
+            variances=np.tile(varied + assumed, (len(times) - 1, 1)),
+            speed=float(speeds.mean()),
+            speed_sigma=float(np.sqrt(known * speeds.var() + assumed[3:].mean())),
+            surveys=surveys,
+            floor=floor,
+            limits=limits,
+        )
+        return motion.following(pairs)
+
+    @classmethod
+    def _unlearned(cls, times: np.ndarray, surveys: np.ndarray, floor: np.ndarray, limits: MotionLimits) -> "Motion":
+        """By the limits alone."""
+        rates, anything = np.zeros((len(times) - 1, 6)), np.full(6, _ANYTHING**2)
+        return cls(
+            times=times,
+            usual=np.zeros(6),
+            covariance=np.diag(anything),
+            varied=anything,
+            alike=np.zeros(6),
+            rates=rates,
+            variances=rates + anything,
+            speed=0.0,
+            speed_sigma=_ANYTHING,
+            surveys=surveys,
+            floor=floor,
+            limits=limits,
+        )
+
+    def following(self, pairs: Sequence[Pair]) -> "Motion":
+        """With the rates that registered steps tell, all that are probable; of each as the others tell."""
+        steps = [Step.of(pair, self.times) for pair in pairs if self._tells(pair)]
+        rates, variances = rates_by_others(steps, self.usual, self.varied, self.alike, self.times, self.surveys)
+        return replace(self, rates=rates, variances=variances + np.diag(self.covariance) - self.varied)
+
+    def _tells(self, pair: Pair) -> bool:
+        registration = pair.registration
+        if pair.role != "sequential" or registration is None or registration.probability < _PROBABLE:
+            return False
+        return not self.contradicts(*pair.scans, registration.T_target_source)
 
     def expected(self, i: int, j: int) -> ExpectedPose:
         """T_i_j: its mean is that of a steady motion, its spread grows with the time between, up to the limits."""
         span = float(self.times[j] - self.times[i])
-        T = _steady(self.usual, span)
-        spread = np.sqrt(_GRANTED * np.diag(self.covariance)) * span
+        T = _steady(self.rates[i:j].mean(axis=0), span)
+        spread = np.sqrt(_GRANTED * self.variances[i:j].mean(axis=0)) * span
         most = np.repeat([self.limits.turn(span), self.limits.way(span, j - i)], 3) / _LIMIT_SIGMAS
         sigmas = np.hypot(np.minimum(spread, most), self.floor)
         return ExpectedPose.of(T, sigmas)
+
+    def way(self, i: int, j: int) -> tuple[float, float]:
+        """Mean and standard deviation of the way from i to j [m].
+
+        Vehicles drift aside, and look where they do not go: how far they go varies less than where to.
+        """
+        span = float(self.times[j] - self.times[i])
+        return self.speed * span, float(np.hypot(np.sqrt(_GRANTED) * self.speed_sigma * span, self.floor[3:].max()))
 
     def contradicts(self, i: int, j: int, T_i_j: RigidTransform) -> bool:
         """Whether a step is farther from the usual motion than one of 100, or beyond the limits."""
         if self.is_beyond(i, j, T_i_j):
             return True
         span = float(self.times[j] - self.times[i])
-        x = np.concatenate([T_i_j.rotation.as_rotvec(), T_i_j.translation])
+        x = rate_of(T_i_j)
         scatter = self.covariance * span**2 * (_TAILS - 2) / _TAILS + np.diag(self.floor**2)
         return bool(_squared(x[None] - self.usual * span, scatter)[0] > _BEYOND)
 

@@ -17,6 +17,10 @@ from spectral.result import Registration
 _UNSURE = 3.0
 # What is left of an answer's probability where the motion contradicts it: vehicles do jump now and then.
 _CONTRADICTED = 0.1
+# How far a vehicle goes holds a direction where it is at least so many standard deviations; nearly at rest it has none.
+_UNDER_WAY = 2.0
+# The direction of the way is taken anew so often.
+_ROUNDS = 5
 
 
 def is_doubtful(pair: Pair, motion: AnyMotion) -> bool:
@@ -79,25 +83,30 @@ def with_motion(pair: Pair, motion: AnyMotion) -> Pair:
     registration = pair.registration
     if registration is None:
         return pair
-    expected = motion.expected(*pair.scans)
+    expected, way = motion.expected(*pair.scans), motion.way(*pair.scans)
+    if way is not None and way[0] < _UNDER_WAY * way[1]:
+        way = None
 
     def held(answer: Registration) -> Registration:
         T = answer.T_target_source
-        return answer if motion.contradicts(pair.i, pair.j, T) else _fused(answer, expected)
+        return answer if motion.contradicts(pair.i, pair.j, T) else _fused(answer, expected, way)
 
     alternatives = tuple(held(answer) for answer in registration.alternatives)
     return replace(pair, registration=replace(held(registration), alternatives=alternatives))
 
 
-def _fused(answer: Registration, expected: ExpectedPose) -> Registration:
-    """An answer as one measurement with what was expected."""
+def _fused(answer: Registration, expected: ExpectedPose, way: tuple[float, float] | None) -> Registration:
+    """An answer as one measurement with what was expected, and how far the vehicle goes."""
     T = answer.T_target_source
     away: np.ndarray = (T.inv() * expected.T_target_source).as_exp_coords()
     # errors about and along the target's axes, in the source's
     turn: np.ndarray = np.kron(np.eye(2), np.asarray(T.rotation.as_matrix()).T)
     known: np.ndarray = turn @ np.diag(expected.sigmas**-2.0) @ turn.T
-    covariance = inverse_definite(inverse_definite(answer.covariance) + known)
+    by_scans = inverse_definite(answer.covariance)
+    covariance = inverse_definite(by_scans + known)
     step: np.ndarray = covariance @ known @ away
+    if way is not None:
+        step, covariance = _as_far(T, step, by_scans, known, away, way)
     return replace(
         answer,
         T_target_source=T * RigidTransform.from_exp_coords(step),
@@ -105,6 +114,40 @@ def _fused(answer: Registration, expected: ExpectedPose) -> Registration:
         T_by_scans=T,
         covariance_by_scans=answer.covariance,
     )
+
+
+def _as_far(
+    T: RigidTransform,
+    step: np.ndarray,
+    by_scans: np.ndarray,
+    known: np.ndarray,
+    away: np.ndarray,
+    way: tuple[float, float],
+) -> tuple[np.ndarray, np.ndarray]:
+    """(6,) where a step from T leads whose length is known, too, and its (6, 6) covariance.
+
+    In the direction of the way, its length stands for what the motion tells otherwise: both were learned from the same.
+
+    Args:
+        step: (6,) without the length.
+        by_scans: (6, 6) information that T has.
+        known: (6, 6) information that the motion expects to be `away` (6,) from T.
+        way: mean and standard deviation of the length [m].
+    """
+    mean, sigma = way
+    covariance = inverse_definite(by_scans + known)
+    for _ in range(_ROUNDS):
+        shift: np.ndarray = (T * RigidTransform.from_exp_coords(step)).translation
+        length = float(np.linalg.norm(shift))
+        if length < 1e-9 * mean:
+            break
+        # what a step of the pose adds to the length
+        along: np.ndarray = np.concatenate([np.zeros(3), T.rotation.inv().apply(shift / length)])
+        aside = np.eye(6) - np.outer(along, along)
+        rest = aside @ known @ aside
+        covariance = inverse_definite(by_scans + rest + np.outer(along, along) / sigma**2)
+        step = covariance @ (rest @ away + along * (mean - length + along @ step) / sigma**2)
+    return step, covariance
 
 
 def _less(answer: Registration, left: float, pair: Pair, motion: AnyMotion | None) -> Registration:

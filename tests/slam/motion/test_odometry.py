@@ -10,6 +10,7 @@ from slam.graph.trajectory import chain
 from slam.motion.measured_motion import MeasuredMotion
 from slam.motion.odometry import Odometry
 from tests.samples.surveys import ring_poses
+from tests.slam.motion.test_motion import learned, steps
 
 POSES = ring_poses(30)
 WORLD = RigidTransform.from_exp_coords([0.2, -0.1, 2.0, 40.0, -30.0, 5.0])
@@ -63,6 +64,20 @@ def test_where_it_tells_nothing_anything_is_expected() -> None:
     assert motion.expected(3, 14).sigmas.min() > 3
     assert not motion.contradicts(3, 14, RigidTransform.from_translation([500.0, 0, 0]))
     assert motion.is_beyond(3, 4, RigidTransform.from_translation([500.0, 0, 0]))
+
+
+def test_where_it_tells_nothing_the_learned_motion_does() -> None:
+    pairs = steps(20)
+    learned_motion = learned(pairs)
+    motion = MeasuredMotion(Odometry(np.arange(10), POSES[:10], TIMES[:10]), learned_motion, FLOOR)
+    assert motion.way(3, 4) is None
+    assert motion.way(14, 15) == learned_motion.way(14, 15)
+    fewer = motion.following(pairs[:15]).expected(16, 17)
+    np.testing.assert_array_equal(fewer.sigmas, learned_motion.following(pairs[:15]).expected(16, 17).sigmas)
+    assert (fewer.sigmas >= motion.expected(16, 17).sigmas).all()
+    unlearned = MeasuredMotion(motion.odometry, None, FLOOR)
+    assert unlearned.way(14, 15) is None
+    assert unlearned.following(pairs) is unlearned
 
 
 def test_bad_odometry_is_refused() -> None:

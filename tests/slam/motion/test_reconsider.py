@@ -60,14 +60,17 @@ def test_the_motion_holds_what_the_scans_leave_open() -> None:
     held = with_motion(pair(replace(registration(near, loose), probability=0.9)), MOTION).registration
     assert held is not None
     away = T.inv() * held.T_target_source
-    assert away.translation[0] == pytest.approx(-30.0, abs=0.1)
+    assert away.translation[0] == pytest.approx(-30.0, abs=0.3 * EXPECTED.sigmas[3])
     np.testing.assert_allclose(away.translation[1:], 0.0, atol=0.01)
     assert held.covariance[3, 3] == pytest.approx(EXPECTED.sigmas[3] ** 2, rel=0.3)
     np.testing.assert_allclose(np.diag(held.covariance)[[0, 1, 2, 4, 5]], 1e-8, rtol=0.01)
 
 
 def test_the_motion_is_no_surer_where_registrations_agree_better() -> None:
-    """Scaling an edge scales the scans' part alone: as if the motion held what the scans say with that covariance."""
+    """Scaling an edge scales the scans' part alone: as if the motion held what the scans say with that covariance.
+
+    But for the direction of the way, in which its length is known: it follows where the scans and the motion lead.
+    """
     near = moved(USUAL) * RigidTransform.from_exp_coords([0.01, -0.02, 0.01, 0.1, 0.2, -0.1])
     loose = TIGHT + np.diag([0, 0, 0, 4.0, 0, 0])
 
@@ -78,9 +81,9 @@ def test_the_motion_is_no_surer_where_registrations_agree_better() -> None:
 
     for factor in (0.1, 1.0, 7.0):
         scaled, direct = fused(loose).scaled(factor / 2).scaled(2).registration, fused(factor * loose).registration
-        np.testing.assert_allclose(scaled.covariance, direct.covariance, rtol=1e-6, atol=1e-12)
+        np.testing.assert_allclose(scaled.covariance, direct.covariance, rtol=0.02, atol=1e-9)
         off: np.ndarray = (scaled.T_target_source.inv() * direct.T_target_source).as_exp_coords()
-        np.testing.assert_allclose(off, 0, atol=1e-8)
+        assert off @ np.linalg.solve(direct.covariance, off) < 0.02**2
     assert fused(loose).scaled(0.1).registration.covariance[3, 3] > 0.5 * fused(loose).registration.covariance[3, 3]
 
 
