@@ -10,6 +10,7 @@ from slam.decide.consistency import chain_parts, find_support
 from slam.decide.navigation import Navigation
 from slam.decide.possible_edge import PossibleEdge, possible_edges
 from slam.decide.robust import robust_optimize
+from slam.decide.twins import twin_odds, with_odds
 from slam.decide.verdict import with_verdicts
 from slam.decide.wrong_fixes import WrongFix, without_wrong_fixes
 from slam.graph.edge import Edge, components, spanning_tree
@@ -87,6 +88,9 @@ def _decide(
     answers = [answer for pair in pairs if pair.scans not in chain_scans for answer in _answers(pair)]
     joins: list[Edge] = []
     supported = find_support(chain_parts(count, [*trusted, *odometry]), answers, floor, bound)
+    if (odds := twin_odds(supported)) > 1:
+        answers = with_odds(answers, odds)
+        supported = find_support(chain_parts(count, [*trusted, *odometry]), answers, floor, bound)
     while new_joins := _joins(count, [*trusted, *odometry, *joins], supported):
         joins += new_joins
         supported = find_support(chain_parts(count, [*trusted, *odometry, *joins]), answers, floor, bound)

@@ -18,8 +18,9 @@ _POSSIBLE = 0.05
 _UNKNOWN, _SUREST = 0.9, 0.999
 # Scans at most this far apart in a chain may show that one of its registrations is wrong.
 _NEAR_IN_CHAIN = 5
-# Weights: of an answer with a probability of two thirds, and of pairs that are all wrong once in twenty times.
-_LIKELY, _SURE = -log(2 / 3), -log(0.05)
+# Weights: of an answer with a probability of a third, of one that is believed alone, and of pairs that are all wrong
+# once in twenty times.
+_LIKELY, _BELIEVED, _SURE = -log(2 / 3), -log(0.2), -log(0.05)
 
 
 @dataclass(frozen=True, slots=True)
@@ -50,6 +51,7 @@ class PossibleEdge:
         registration: the answer.
         rank: 0 for the registration itself, from 1 on for its alternatives.
         near: whether the scans follow each other closely, so that they certainly share something.
+        odds: how much more often than they say registrations of this survey are wrong (`slam.decide.twins`).
         support: by the other pairs, as far as it is known.
     """
 
@@ -58,6 +60,7 @@ class PossibleEdge:
     registration: Registration
     rank: int = 0
     near: bool = False
+    odds: float = 1.0
     support: Support = Support()
 
     @property
@@ -71,12 +74,18 @@ class PossibleEdge:
         return self.registration.accepted
 
     @property
-    def weight(self) -> float:
-        """How much it counts: the negative logarithm of the probability that it is wrong."""
+    def probability(self) -> float:
+        """That it is right, as its registration has it, at most 0.999."""
         probability = self.registration.probability
         if not np.isfinite(probability):
             probability = _UNKNOWN if self.accepted else 0.0
-        return float(-np.log1p(-min(max(probability, 0.0), _SUREST)))
+        return min(max(probability, 0.0), _SUREST)
+
+    @property
+    def weight(self) -> float:
+        """How much it counts: the negative logarithm of the probability that it is wrong, in this survey."""
+        right, wrong = self.probability, self.odds * (1 - self.probability)
+        return log((right + wrong) / wrong)
 
     @property
     def joins_parts(self) -> bool:
@@ -109,7 +118,8 @@ class PossibleEdge:
     def may_join(self) -> bool:
         """Whether it may join two parts: at least two pairs agree, or it is accepted, of scans close in time."""
         confirmed = self.support.pairs >= 2 and self.support.weight >= _SURE
-        return self.support.leading and (confirmed or (self.accepted and self.near))
+        believed = self.accepted and self.near and self.weight >= _BELIEVED
+        return self.support.leading and (confirmed or believed)
 
     @property
     def _may_stand_beside_chain(self) -> bool:
