@@ -31,7 +31,7 @@ _ANYTHING = 1e3
 _BEYOND = 6 * 15.21
 # Steps of vehicles that turn, stop and go leave what was seen so far: the spread that is granted, of the learned one.
 _GRANTED = 2.0
-# No number of a step varies by less than this share of the variance that is assumed.
+# No number of a step varies by less than this share of the variances that are assumed and granted.
 _LEAST = 1e-4
 # Steps at least so probable tell how the vehicle moves at a time, also where they leave directions open.
 _PROBABLE = 0.5
@@ -102,7 +102,7 @@ class Motion:
         known = len(rates) / (len(rates) + _ASSUMED)
         assumed = (1 - known) * np.maximum(_assumed(rates), np.repeat([_TURNS / span, 0.0], 3) ** 2)
         scatter = known * np.cov(rates.T, bias=True)
-        varied = np.maximum(np.diag(scatter), _LEAST * assumed)
+        varied = np.maximum(np.diag(scatter), _LEAST * (assumed + (floor / span) ** 2))
         motion = cls(
             times=times,
             usual=mean,

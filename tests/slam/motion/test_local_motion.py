@@ -109,6 +109,17 @@ def test_along_a_wall_a_vehicle_goes_on_as_it_did_and_as_far() -> None:
     assert abs((motion.usual[3:] - true[10].translation) @ along) > 0.4
 
 
+def test_a_sonar_that_stands_still_is_expected_there() -> None:
+    here = registration(RigidTransform.identity(), SURE)
+    motion = Motion.learn(
+        [Pair(k, k + 1, "sequential", registration=here) for k in range(9)], np.arange(10.0), np.zeros(10, int), FLOOR
+    )
+    assert motion is not None
+    expected = motion.expected(4, 5)
+    np.testing.assert_array_equal(expected.translation, 0)
+    np.testing.assert_allclose(expected.sigmas[3:], FLOOR[3:], rtol=1e-3)
+
+
 def test_a_vehicle_nearly_at_rest_has_no_way_to_go() -> None:
     """A hovering vehicle jitters anywhere: the length of its steps holds no direction."""
     rng = np.random.default_rng(4)
