@@ -18,10 +18,8 @@ from slam.graph.trajectory import Trajectory
 from slam.graph.world import place_in_world
 from slam.motion.motion import scan_times
 from slam.motion.odometry import Odometry
+from slam.stream.unsteady import Unsteadiness
 from spectral.result import Registration
-
-# How far a vehicle is from a steady motion halfway between two key scans, as a share of its motion.
-_UNSTEADY = 0.1
 
 
 def with_between(
@@ -89,6 +87,9 @@ def _steps(
     T_keys = decision.solution.trajectory.T_world_sensor
     parts = {pose: part for part, members in enumerate(decision.solution.graph.components) for pose in members}
     registered = {pair.scans: pair.registration for pair in decision.pairs if pair.registration is not None}
+    runs = np.array([[parts[a], surveys[k]] for a, k in enumerate(keys)])
+    run = np.cumsum(np.concatenate([[0], np.any(np.diff(runs, axis=0) != 0, axis=1)]))
+    unsteady = Unsteadiness.of(T_keys, times[list(keys)], run)
     known, steps = set(keys), list[Edge]()
     for k in range(count):
         if k in known:
@@ -99,11 +100,10 @@ def _steps(
             expected = odometry.expected(i, k, floor)
             T_i_k, sigmas = expected.T_target_source, expected.sigmas
         else:
-            share = float((times[k] - times[i]) / (times[keys[b]] - times[i]))
+            before, behind = float(times[k] - times[i]), float(times[keys[b]] - times[k])
             way = _way(T_keys, a, b, parts, registered)
-            T_i_k = RigidTransform.from_exp_coords(share * way)
-            unsteady = 4 * share * (1 - share) * _UNSTEADY * np.abs(np.linalg.norm(way.reshape(2, 3), axis=1))
-            sigmas = np.hypot(floor, np.repeat(unsteady, 3))
+            T_i_k = RigidTransform.from_exp_coords(before / (before + behind) * way)
+            sigmas = np.sqrt(floor**2 + unsteady.variance(before, behind))
         told = Registration(T_i_k, np.diag(sigmas**2), np.nan, np.nan, True, 0.0, "between two key scans")
         steps.append(Edge(i, k, told, "odometry"))
     return steps
