@@ -106,7 +106,7 @@ class Motion:
         motion = cls(
             times=times,
             usual=mean,
-            covariance=scatter + np.diag(assumed),
+            covariance=scatter + np.diag(varied - np.diag(scatter) + assumed),
             varied=varied,
             alike=likeness(sure, varied, surveys),
             rates=np.tile(mean, (len(times) - 1, 1)),
@@ -146,9 +146,10 @@ class Motion:
 
     def _tells(self, pair: Pair) -> bool:
         registration = pair.registration
-        if pair.role != "sequential" or registration is None or registration.probability < _PROBABLE:
+        if pair.role != "sequential" or registration is None:
             return False
-        return not self.contradicts(*pair.scans, registration.T_target_source)
+        probable = registration.accepted or registration.probability >= _PROBABLE
+        return probable and not self.contradicts(*pair.scans, registration.T_target_source)
 
     def expected(self, i: int, j: int) -> ExpectedPose:
         """T_i_j: its mean is that of a steady motion, its spread grows with the time between, up to the limits."""
