@@ -11,8 +11,9 @@ from spectral.verify.hypothesis import Hypothesis
 # A registration is right within these of the truth [rad; voxels].
 _RIGHT_TURN, _RIGHT_SHIFT = float(np.deg2rad(6.0)), 3.0
 
-# Instruments bound a direction if they know it better than this [rad; voxels].
-_KNOWN_TURN, _KNOWN_SHIFT = float(np.deg2rad(20.0)), 16.0
+# Instruments bound a direction if they know it better than this [rad; voxels]; so does the motion of a vehicle that
+# turns at the ends of short lanes, which may be as unsure as 28 degrees while few steps are known.
+_KNOWN_TURN, _KNOWN_SHIFT = float(np.deg2rad(30.0)), 16.0
 # The lead of a hypothesis without rivals, and the most that any has.
 _ALONE = 4.0
 

@@ -86,6 +86,16 @@ def test_where_instruments_bound_a_direction_their_errors_are_allowed() -> None:
     assert tolerance_probability(open_shift, 0.2, unknown) == tolerance_probability(open_shift, 0.2)
 
 
+def test_a_motion_of_which_little_is_known_bounds_the_turn() -> None:
+    """About an upright tank the scans leave the heading open; a vehicle that turns at lanes' ends has it within 21."""
+    open_turn = np.diag([1e-4, 1e-4, np.deg2rad(13) ** 2, 0.01, 0.01, 0.01])
+    moved = np.diag([0.1, 0.1, np.deg2rad(21) ** 2, 0.4, 0.9, 0.4])
+    assert tolerance_probability(open_turn, 0.2) < 0.4
+    assert tolerance_probability(open_turn, 0.2, moved) > 0.99
+    anywhere = np.diag([0.1, 0.1, np.deg2rad(60) ** 2, 0.4, 0.9, 0.4])
+    assert tolerance_probability(open_turn, 0.2, anywhere) < 0.4
+
+
 def test_a_rival_makes_both_doubtful() -> None:
     (alone,) = probabilities(hypothesis(60, 0.8))
     best, rival = probabilities(hypothesis(60, 0.8), hypothesis(58, 0.8))
