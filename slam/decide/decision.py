@@ -14,7 +14,7 @@ from slam.decide.twins import twin_odds, with_odds
 from slam.decide.verdict import with_verdicts
 from slam.decide.wrong_fixes import WrongFix, without_wrong_fixes
 from slam.graph.edge import Edge, components, spanning_tree
-from slam.graph.pose_covariance import edge_variances
+from slam.graph.pose_covariance import weighed
 from slam.graph.pose_graph import PoseGraph, Solution
 from slam.graph.trajectory import Trajectory, chain
 from slam.graph.world import place_in_world
@@ -105,13 +105,14 @@ def _decide(
     beyond_chain = len(edges) - len(odometry) - (count - len(parts))
     granted = _GRAPH_FLOOR * (1 + beyond_chain / _HALVING_EDGES) ** -0.5 * floor
     robust = robust_optimize(_widened(graph, granted), chain_worth=_CHAIN_WORTH)
-    kept_graph = graph.keep(robust.accepted)
-    kept_graph = kept_graph.scaled(edge_variances(kept_graph.at(robust.solution.trajectory.T_world_sensor)))
-    solution = kept_graph.at(robust.solution.trajectory.T_world_sensor).optimize()
+    optimum = robust.solution.trajectory.T_world_sensor
+    kept_graph = weighed(graph.keep(robust.accepted).at(optimum))
+    solution = kept_graph.optimize()
     for _ in range(_SETTLING if priors else 0):
         # what is not measured is taken from where the optimizer starts: let it be the optimum itself
         solution = solution.graph.optimize()
-    solution = replace(solution, chi_squared_before=kept_graph.chi_squared)  # of the chained poses
+    before = kept_graph.at(chained.T_world_sensor).chi_squared
+    solution = replace(solution, chi_squared_before=before)
     kept = {(edge.i, edge.j) for edge in solution.graph.edges if edge.is_registered}
     wrong = (*navigation.wrong_fixes, *wrong_fixes)
     decision = Decision(chained, solution, tuple(with_verdicts(pairs, supported, taken, solution)), wrong)

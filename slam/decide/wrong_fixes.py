@@ -57,7 +57,7 @@ def without_wrong_fixes(
     solution = None
     for _ in range(_REWEIGHTED):
         weighed = {k: _weighed(prior, weights, k) for k, prior in priors.items()}
-        solution = replace(graph.scaled(1 / of_edges), priors=tuple(sorted(weighed.items()))).optimize()
+        solution = replace(graph.doubted(1 / of_edges), priors=tuple(sorted(weighed.items()))).optimize()
         graph = graph.at(solution.trajectory.T_world_sensor)
         # edges may be wrong as well as fixes
         of_edges = np.minimum(1.0, (_TAILS + 6) / (_TAILS + solution.residuals**2 / of_edges))

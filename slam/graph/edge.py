@@ -76,6 +76,16 @@ class Edge:
         )
         return replace(self, registration=scaled)
 
+    def doubted(self, factor: float) -> "Edge":
+        """The edge with its covariance multiplied, whatever took part in it: it contradicts others as it is."""
+        measured, alone = self.registration, self.registration.covariance_by_scans
+        doubted = replace(
+            measured,
+            covariance=factor * measured.covariance,
+            covariance_by_scans=None if alone is None else factor * alone,
+        )
+        return replace(self, registration=doubted)
+
     @property
     def name(self) -> str:
         """What to call the edge in messages."""

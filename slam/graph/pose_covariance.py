@@ -28,12 +28,13 @@ _TAILS, _REWEIGHTED = 4.0, 4
 _EXPECTED, _WORTH = 0.15, 3.0
 
 
-def edge_variances(graph: PoseGraph) -> np.ndarray:
-    """(E,) what the covariances of a graph's edges are to be multiplied by.
+def weighed(graph: PoseGraph) -> PoseGraph:
+    """The graph with its edges' covariances as large as their errors.
 
-    One factor for all, by how well cycles close; and more for an edge that the others contradict, as heavy tails would
-    have it: two scans that saw a place from opposite sides lean more than both their noise says. Student's t with 4
-    degrees of freedom, by reweighted least squares (Lange, Little and Taylor, DOI 10.2307/2290063).
+    One factor for all registrations, by how well cycles close; and more for an edge that the others contradict, as
+    heavy tails would have it: two scans that saw a place from opposite sides lean more than both their noise says.
+    Student's t with 4 degrees of freedom, by reweighted least squares (Lange, Little and Taylor, DOI
+    10.2307/2290063).
 
     Args:
         graph: with its kept edges, about their optimum; what instruments say does not count, and is not scaled.
@@ -44,21 +45,21 @@ def edge_variances(graph: PoseGraph) -> np.ndarray:
     alone = graph.registered_alone
     weights, quotient = np.ones(len(alone.edges)), _EXPECTED
     for _ in range(_REWEIGHTED if weights.size else 0):
-        solution = alone.scaled(1 / weights).optimize(covariances=False)
+        solution = alone.doubted(1 / weights).optimize(covariances=False)
         alone = alone.at(solution.trajectory.T_world_sensor)
         squared = solution.residuals**2  # weighted
         quotient = (squared.sum() + _WORTH * _EXPECTED) / (solution.degrees_of_freedom + _WORTH)
         weights = np.minimum(1.0, (_TAILS + 6) / (_TAILS + squared / weights / quotient))
-    factors = np.ones(len(graph.edges))
-    factors[[edge.is_registered for edge in graph.edges]] = _OF_EDGES * quotient / weights
-    return factors
+    doubts = np.ones(len(graph.edges))
+    doubts[[edge.is_registered for edge in graph.edges]] = 1 / weights
+    return graph.scaled(_OF_EDGES * quotient).doubted(doubts)
 
 
 def pose_covariances(solution: Solution) -> np.ndarray:
     """(N, 6, 6) of each pose, rotation first [rad, m], body tangent, against its component's anchor, or the world.
 
     Args:
-        solution: of a graph whose edges have been multiplied by their `edge_variances`.
+        solution: of a graph that has been `weighed`.
     """
     marginals, T = solution.covariances(), solution.trajectory.T_world_sensor
     graph, lean = solution.graph, _lean(solution)

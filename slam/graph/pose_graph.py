@@ -164,9 +164,14 @@ class PoseGraph:
         """The graph without what instruments say."""
         return replace(self, edges=tuple(edge for edge in self.edges if edge.is_registered), priors=(), known=())
 
-    def scaled(self, factors: np.ndarray) -> "PoseGraph":
-        """The graph with the covariances of its E edges multiplied by (E,) factors."""
-        edges = [edge.scaled(factor) for edge, factor in zip(self.edges, factors.tolist(), strict=True)]
+    def scaled(self, factor: float) -> "PoseGraph":
+        """The graph with the covariances of all registrations multiplied (`Edge.scaled`)."""
+        edges = [edge.scaled(factor) if edge.is_registered else edge for edge in self.edges]
+        return replace(self, edges=tuple(edges))
+
+    def doubted(self, factors: np.ndarray) -> "PoseGraph":
+        """The graph with the covariances of its E edges multiplied by (E,) factors (`Edge.doubted`)."""
+        edges = [edge.doubted(factor) for edge, factor in zip(self.edges, factors.tolist(), strict=True)]
         return replace(self, edges=tuple(edges))
 
     def residuals(self) -> np.ndarray:

@@ -6,10 +6,11 @@ import numpy as np
 import pytest
 from scipy.spatial.transform import RigidTransform, Rotation
 
-from slam.graph.pose_covariance import edge_variances, pose_covariances
+from slam.graph.pose_covariance import pose_covariances, weighed
 from slam.graph.pose_graph import PoseGraph, Solution
 from slam.graph.tangent import carried
 from slam.graph.trajectory import chain
+from spectral.result import Registration
 from spectral.scan import PosePrior
 from tests.samples.surveys import edge, random_covariance, ring_poses
 
@@ -37,8 +38,14 @@ def ring(seed: int, scale: float = 1.0, world: RigidTransform | None = None) -> 
 
 def told(graph: PoseGraph) -> tuple[Solution, np.ndarray]:
     """The graph solved as the mapper does, and its poses' covariances."""
-    solution = graph.scaled(edge_variances(graph)).optimize()
+    solution = weighed(graph).optimize()
     return solution, pose_covariances(solution)
+
+
+def edge_variances(graph: PoseGraph) -> np.ndarray:
+    """(E,) what the covariances of its edges are multiplied by."""
+    pairs = zip(weighed(graph).edges, graph.edges, strict=True)
+    return np.array([after.registration.covariance[3, 3] / edge.registration.covariance[3, 3] for after, edge in pairs])
 
 
 def normalized(truth: RigidTransform, T: RigidTransform, covariances: np.ndarray) -> np.ndarray:
@@ -68,10 +75,7 @@ def test_larger_errors_are_told_by_chi_squared():
 def test_how_wide_covariances_were_stated_does_not_matter_where_cycles_tell():
     """One sonar's registrations are a third as far off as stated: with loops enough its poses are the surer."""
     _, graph = ring(3)
-    first, second = (
-        np.diagonal(told(each)[1], axis1=1, axis2=2)[1:]
-        for each in (graph, graph.scaled(np.full(len(graph.edges), 10.0)))
-    )
+    first, second = (np.diagonal(told(each)[1], axis1=1, axis2=2)[1:] for each in (graph, graph.scaled(10.0)))
     assert (second < 1.5 * first).all()
 
 
@@ -89,6 +93,34 @@ def test_an_edge_that_the_others_contradict_is_less_sure():
     assert after[leaning] > 4 * before[leaning]
     others = np.arange(len(edges)) != leaning
     assert np.median(after[others] / before[others]) == pytest.approx(1.0, abs=0.1)
+
+
+def test_a_step_that_the_motion_drew_aside_is_doubted_as_a_whole():
+    """At a lane's end the vehicle went 4 m less than it usually does: a doubt in the scans alone would let the motion
+    draw it farther, which is doubted the more."""
+    _, graph = ring(3)
+    edges = list(graph.edges)
+    k = next(n for n, each in enumerate(edges) if (each.i, each.j) == (4, 5))
+    by_scans = edges[k].registration
+    known, away = np.diag([1.0, 1.0, 1.0, 1.0, 1.0, 1.0]), np.array([0.0, 0.0, 0.0, 4.0, 0.0, 0.0])
+    covariance = np.linalg.inv(np.linalg.inv(by_scans.covariance) + known)
+    drawn = replace(
+        by_scans,
+        T_target_source=by_scans.T_target_source * RigidTransform.from_exp_coords(covariance @ known @ away),
+        covariance=(covariance + covariance.T) / 2,
+        T_by_scans=by_scans.T_target_source,
+        covariance_by_scans=by_scans.covariance,
+    )
+    loose = replace(drawn, T_target_source=drawn.T_target_source * RigidTransform.from_translation([0.1, 0.0, 0.0]))
+    edges[k] = replace(edges[k], registration=loose)
+    told_edge = weighed(replace(graph, edges=tuple(edges))).edges[k].registration
+    assert told_edge.covariance[3, 3] > 10 * drawn.covariance[3, 3]
+
+    def drawn_by(registration: Registration) -> float:
+        return float(np.linalg.norm((by_scans.T_target_source.inv() * registration.T_target_source).translation))
+
+    assert drawn_by(told_edge) < 1.0
+    assert drawn_by(edges[k].scaled(1000.0).registration) > 3.0
 
 
 def test_a_graph_without_loops_is_given_what_is_expected():
