@@ -2,7 +2,6 @@
 """What the motion adds to registrations: a second look about where it expects them, and a measurement beside them."""
 
 from dataclasses import replace
-from math import log
 
 import numpy as np
 from scipy.spatial.transform import RigidTransform
@@ -18,9 +17,6 @@ from spectral.result import Registration
 _UNSURE = 3.0
 # What is left of an answer's probability where the motion contradicts it: vehicles do jump now and then.
 _CONTRADICTED = 0.1
-# A second look was bent where its variances are so many times the first one's, which was believed: scans that lie right
-# and are held elsewhere look distorted.
-_BENT = 4.0
 # How far a vehicle goes holds a direction where it is at least so many standard deviations; nearly at rest it has none.
 _UNDER_WAY = 2.0
 # The direction of the way is taken anew so often.
@@ -38,17 +34,12 @@ def is_doubtful(pair: Pair, motion: AnyMotion) -> bool:
 def with_both(first: Pair, second: Pair, motion: AnyMotion | None = None) -> Pair:
     """The pair with its second registration, and the first one's answers beside it.
 
-    Vehicles stop and turn now and then. Where the first one was believed and the motion could only bend the second, the
-    first one stands.
-
     Args:
         first: registered by the scans alone.
         second: registered about where it is expected.
         motion: what it contradicts of the first answers is less probable.
     """
     if first.registration is None or second.registration is None:
-        return first
-    if first.accepted and _looseness(second.registration) > log(_BENT) + _looseness(first.registration):
         return first
     left = 1.0 - second.registration.probability
     answers = (first.registration, *first.registration.alternatives)
@@ -157,11 +148,6 @@ def _as_far(
         covariance = inverse_definite(by_scans + rest + np.outer(along, along) / sigma**2)
         step = covariance @ (rest @ away + along * (mean - length + along @ step) / sigma**2)
     return step, covariance
-
-
-def _looseness(registration: Registration) -> float:
-    """Mean logarithm of the variances."""
-    return float(np.linalg.slogdet(registration.covariance)[1]) / 6
 
 
 def _less(answer: Registration, left: float, pair: Pair, motion: AnyMotion | None) -> Registration:

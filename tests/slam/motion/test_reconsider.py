@@ -47,18 +47,6 @@ def test_the_second_look_leads_and_the_first_stays_possible() -> None:
     assert not jump.accepted
 
 
-@pytest.mark.parametrize("loose", [1.0, 2.0, 3.0])
-def test_a_sure_step_stands_where_the_motion_only_bends_it(loose: float) -> None:
-    """At the end of a lane the vehicle slows down: held where it usually goes, right scans look distorted."""
-    first = pair(answer(moved(0.4 * USUAL), 0.99, accepted=True))
-    given = replace(answer(moved(USUAL), 0.99, accepted=True), covariance=loose**2 * TIGHT)
-    both = with_both(first, replace(pair(given), expected=EXPECTED), MOTION)
-    assert (both is first) == (loose == 3.0)
-    # of a first look that was not believed, a loose second one tells more
-    unsure = pair(answer(moved(0.4 * USUAL), 0.6))
-    assert with_both(unsure, replace(pair(given), expected=EXPECTED), MOTION).registration is not unsure.registration
-
-
 def test_a_second_look_that_fails_changes_nothing() -> None:
     first = pair(answer(JUMP, 0.9, accepted=True))
     assert with_both(first, pair(None), MOTION) is first
