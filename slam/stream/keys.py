@@ -21,6 +21,8 @@ _DENSE_WAY, _DENSE_TURN = 2.0, float(np.radians(4.0))
 _WAY, _TURN, _OVERLAP = 8.0, float(np.radians(15.0)), 0.7
 # What of this is aimed at; a stride at most doubles, and is never longer than so many scans.
 _AIM, _LONGEST = 0.8, 256
+# How probable its place is where a registration has found it, as one has to be to be accepted.
+_AT_ITS_PLACE = 0.85
 
 
 @dataclass(frozen=True, slots=True)
@@ -47,7 +49,9 @@ def choose_keys(
     """The key scans, ascending, and pairs of consecutive ones that were registered; all scans if none can be spared.
 
     From each key scan a scan further on is registered to it. How far the vehicle went, how much it turned and how much
-    both scans share says how far on the next one is sought; where a registration is refused, half as far.
+    both scans share says how far on the next one is sought; where a registration is refused, half as far. One that is
+    refused only for a direction that the scans leave open, as along a wall, would be so at half the way as well: there
+    strides are as they were before.
 
     Args:
         runner: of all scans.
@@ -93,11 +97,12 @@ def _motion(registration: Registration, voxel: float) -> float:
 def _gallop(
     runner: PairRunner, scans: Sequence[int], voxel: float, settings: KeySettings
 ) -> tuple[list[int], list[Pair]]:
-    keys, pairs, at, stride = [scans[0]], list[Pair](), 0, 1
+    keys, pairs, at, stride, usual = [scans[0]], list[Pair](), 0, 1, 1
     while at < len(scans) - 1:
         stride = min(stride, len(scans) - 1 - at)
         pair = runner.register([Pair(scans[at], scans[at + stride], "sequential")])[0]
-        if not pair.accepted and stride > 1:
+        is_open = not pair.accepted and pair.registration is not None and _is_open(pair.registration)
+        if not pair.accepted and not is_open and stride > 1:
             stride = max(1, stride // 2)
             continue
         pairs.append(pair)
@@ -105,10 +110,15 @@ def _gallop(
         keys.append(scans[at])
         if pair.accepted and pair.registration is not None:
             share = max(_share(pair.registration, voxel, settings), 1e-3)
-            stride = min(max(1, int(stride * min(2.0, _AIM / share))), _LONGEST)
+            stride = usual = min(max(1, int(stride * min(2.0, _AIM / share))), _LONGEST)
         else:
-            stride = 1
+            stride = min(2 * stride, usual) if is_open else 1
     return keys, pairs
+
+
+def _is_open(registration: Registration) -> bool:
+    """Whether a registration that is refused has found the place, but leaves a direction open there."""
+    return dict(registration.evidence).get("place", 0.0) >= _AT_ITS_PLACE
 
 
 def _share(registration: Registration, voxel: float, settings: KeySettings) -> float:

@@ -8,10 +8,11 @@ import pytest
 from scipy.spatial.transform import RigidTransform
 
 from kernels.errors import InputError
+from slam.execute.runner import Execution, PairRunner
 from slam.loops.settings import LoopSettings
 from slam.mapper import Mapper, MapperSettings
 from slam.motion.odometry import Odometry
-from slam.stream.keys import KeySettings
+from slam.stream.keys import KeySettings, choose_keys
 from slam.survey_result import SurveyResult
 from spectral.result import Registration
 from spectral.scan import PosePrior, Scan
@@ -83,6 +84,28 @@ def test_refused_strides_are_halved() -> None:
     assert result.keys is not None
     assert max(np.diff(result.keys)) <= 3
     assert largest_error(result) < 0.4
+
+
+def test_strides_go_on_along_a_wall() -> None:
+    """A direction that scans leave open is so at half the way as well; a wrong place is not."""
+
+    def along(place: float) -> Callable[[int, int, Registration], Registration]:
+        def spoil(i: int, j: int, given: Registration) -> Registration:
+            beside_the_wall = i >= COUNT // 3 and j < 2 * COUNT // 3
+            if not beside_the_wall:
+                return reach(i, j, given)
+            loose = np.diag([1e-6, 1e-6, 1e-6, 100.0, 1e-4, 1e-4])
+            return replace(given, covariance=loose, accepted=False, probability=0.1, evidence=(("place", place),))
+
+        return spoil
+
+    def strides(place: float) -> np.ndarray:
+        runner = PairRunner(Execution.here(KnowingRegistrar(STREAM, COVARIANCE, along(place)), 2), SCANS, 2, None)
+        keys, _ = choose_keys(runner, np.zeros(COUNT, np.intp), VOXEL, KeySettings())
+        return np.diff([k for k in keys if COUNT // 3 <= k < 2 * COUNT // 3])
+
+    assert max(strides(place=0.3)) == 1
+    assert min(strides(place=0.95)) > 3
 
 
 def test_a_survey_that_is_no_stream_is_registered_scan_by_scan() -> None:
