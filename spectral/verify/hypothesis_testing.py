@@ -112,7 +112,7 @@ class HypothesisTest:
             hypotheses: best first.
             spectral: whether the best climbs the translation's peak over the rotation, instead of the planes.
         """
-        best = self._finish_best(hypotheses[0], spectral)
+        best = self._left_to_scans(self._finish_best(hypotheses[0], spectral))
         return [best, *(hypothesis for hypothesis in hypotheses[1:] if not alike(hypothesis.fit, best.fit))]
 
     def transform(self, fit: Fit) -> RigidTransform:
@@ -129,6 +129,22 @@ class HypothesisTest:
         R, peak = search_rotation(translation, target, source, best.fit.R, peak, stay=True)
         near = peak.shift + self.grid.edge * np.rint((best.fit.shift - peak.shift) / self.grid.edge)
         return self._measure([replace(best, fit=replace(best.fit, R=R, shift=near))])[0]
+
+    def _left_to_scans(self, best: Hypothesis) -> Hypothesis:
+        """The hypothesis with the whole step to where the scans alone would have it, where instruments took part.
+
+        Beside instruments points pair up where these have the pose, and one step from there falls short: a graph that
+        holds the instruments as well would count their errors twice.
+        """
+        fit = best.fit
+        if fit.prior is None:
+            return best
+        alone = fit.by_scans
+        for reaches, points, stretches in ((_CLOSE, _CLOSE_POINTS, False), (_FINAL, _FINAL_POINTS, True)):
+            begin = Start(Rotation.concatenate([alone.R]), alone.shift[None], np.array([alone.width]))
+            alone = refine(self.target.surface, self.source.surface, begin, reaches, points, stretches=stretches)[0]
+        step = np.concatenate([(alone.R * fit.R.inv()).as_rotvec(), alone.shift - fit.shift])
+        return replace(best, fit=replace(fit, step=step))
 
     def _sensor_shift(self, R: Rotation, shift: np.ndarray) -> np.ndarray:
         """Where the source's sensor is in the target's frame (..., 3) [m], from shifts between the grids [voxels]."""

@@ -61,6 +61,23 @@ def assert_not_larger(small: np.ndarray, large: np.ndarray) -> None:
 
 
 class TestRelief:
+    def test_errors_of_instruments_are_not_in_what_the_scans_say(
+        self, registrar: SpectralRegistrar, scans: tuple[SpectralScan, SpectralScan]
+    ) -> None:
+        """A graph that holds the measurements beside the registration would count the errors twice."""
+        plain = registrar.register(*(replace(scan, prior=None) for scan in scans)).T_target_source
+        precise = knowing(*ALL, sigmas=SIGMAS / 5)
+        wrong = RigidTransform.from_exp_coords([*np.deg2rad([0.6, -0.5, 0.8]), 0.4, -0.3, 0.1])
+        pair = scans[0], replace(scans[1], prior=PosePrior(THERE * wrong, precise))
+        registration = registrar.register(replace(pair[0], prior=PosePrior(HERE, precise)), pair[1])
+        beside, alone = (
+            difference(T, plain) for T in (registration.T_target_source, registration.by_scans.T_target_source)
+        )
+        assert beside[0] > 0.2
+        assert beside[1] > 0.1
+        assert alone[0] < 0.05
+        assert alone[1] < 0.015
+
     @pytest.mark.parametrize("seed", [1, 2])
     def test_found_and_surer_than_by_the_scans_alone(
         self, registrar: SpectralRegistrar, scans: tuple[SpectralScan, SpectralScan], seed: int
