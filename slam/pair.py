@@ -10,6 +10,9 @@ from slam.graph.edge import Edge
 from spectral.expected import ExpectedPose
 from spectral.result import Registration
 
+# How probable its place is where a registration has found it: as one has to be to be accepted.
+_PLACED = 0.85
+
 Role = Literal["sequential", "bridge", "loop"]
 
 
@@ -57,6 +60,11 @@ class Pair:
     def accepted(self) -> bool:
         """Whether the registration accepts itself."""
         return self.registration is not None and self.registration.accepted
+
+    @property
+    def placed(self) -> bool:
+        """Whether the registration has found the place, though it may leave a direction open there."""
+        return self.registration is not None and dict(self.registration.evidence).get("place", 0.0) >= _PLACED
 
     @property
     def kept(self) -> bool:

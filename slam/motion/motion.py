@@ -79,7 +79,8 @@ class Motion:
 
         A multivariate t with 4 degrees of freedom is fitted by expectation and maximization (Lange, Little and Taylor,
         DOI 10.2307/2290063); mean and covariance are then those of the steps that this does not exclude, so that rare
-        turns count in full and a few wrong registrations do not count at all.
+        turns count in full and a few wrong registrations do not count at all. Where fewer than FEWEST are accepted,
+        those count, too, that have found the place but leave directions open, for what they hold.
 
         Args:
             pairs: of the survey, registered.
@@ -88,20 +89,27 @@ class Motion:
             floor, limits: as the attributes.
         """
         times = scan_times(stamps, surveys)
-        steps = [pair for pair in pairs if pair.role == "sequential" and pair.accepted]
+        steps = [pair for pair in pairs if pair.role == "sequential" and (pair.accepted or pair.placed)]
         steps = [pair for pair in steps if _within(limits, times, pair)]
+        accepted = [pair for pair in steps if pair.accepted]
+        if len(accepted) >= FEWEST:
+            steps = accepted
         if len(steps) < FEWEST:
             return cls._unlearned(times, surveys, floor, limits) if limits.any else None
         sure = [Step.of(pair, times) for pair in steps]
-        rates = np.array([step.rate for step in sure])
         span = float(np.median([times[pair.j] - times[pair.i] for pair in steps]))
-        mean, scatter = _fit_t(rates, floor / span)
+        told = np.array([step.rate for step in sure])
+        errors = np.array(
+            [np.zeros((6, 6)) if pair.accepted else s.covariance for pair, s in zip(steps, sure, strict=True)]
+        )
+        mean, scatter = _fit_t(told, errors, floor / span)
+        rates, left = _filled(told, errors, mean, scatter)
         within = np.flatnonzero(_squared(rates - mean, scatter) <= _BEYOND)
-        rates, sure = rates[within], [sure[n] for n in within]
+        rates, left, sure = rates[within], left[within], [sure[n] for n in within]
         mean, speeds = rates.mean(axis=0), np.linalg.norm(rates[:, 3:], axis=1)
         known = len(rates) / (len(rates) + _ASSUMED)
         assumed = (1 - known) * np.maximum(_assumed(rates), np.repeat([_TURNS / span, 0.0], 3) ** 2)
-        scatter = known * np.cov(rates.T, bias=True)
+        scatter = known * (np.cov(rates.T, bias=True) + left.mean(axis=0))
         varied = np.maximum(np.diag(scatter), _LEAST * (assumed + (floor / span) ** 2))
         motion = cls(
             times=times,
@@ -218,18 +226,32 @@ def _assumed(rates: np.ndarray) -> np.ndarray:
     return np.repeat([turn, shift], 3)
 
 
-def _fit_t(rates: np.ndarray, floor: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-    """Location (6,) and scatter (6, 6) of a multivariate t, drawn toward what is assumed."""
+def _fit_t(rates: np.ndarray, errors: np.ndarray, floor: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+    """Location (6,) and scatter (6, 6) of a multivariate t, drawn toward what is assumed.
+
+    Args:
+        rates: (n, 6) of steps.
+        errors: (n, 6, 6) the covariances of their errors.
+        floor: (6,) standard deviations that are granted.
+    """
     count, size = rates.shape
     least = np.diag(_assumed(rates) + floor**2)
     mean, scatter = np.median(rates, axis=0), least
     for _ in range(_ITERATIONS):
-        away = rates - mean
-        weight = (_TAILS + size) / (_TAILS + _squared(away, scatter))
-        mean = weight @ rates / weight.sum()
-        away = rates - mean
-        scatter = ((weight[:, None] * away).T @ away + _ASSUMED * least) / (count + _ASSUMED)
+        full, left = _filled(rates, errors, mean, scatter)
+        weight = (_TAILS + size) / (_TAILS + _squared(full - mean, scatter))
+        mean = weight @ full / weight.sum()
+        away = full - mean
+        scatter = ((weight[:, None] * away).T @ away + left.sum(axis=0) + _ASSUMED * least) / (count + _ASSUMED)
     return mean, scatter
+
+
+def _filled(
+    rates: np.ndarray, errors: np.ndarray, mean: np.ndarray, scatter: np.ndarray
+) -> tuple[np.ndarray, np.ndarray]:
+    """(n, 6) the rates as expected where they leave directions open, and (n, 6, 6) what remains unknown of them."""
+    gain = scatter @ np.linalg.inv(scatter + errors)
+    return mean + np.einsum("nab,nb->na", gain, rates - mean), scatter - gain @ scatter
 
 
 def _squared(away: np.ndarray, scatter: np.ndarray) -> np.ndarray:

@@ -21,8 +21,6 @@ _DENSE_WAY, _DENSE_TURN = 2.0, float(np.radians(4.0))
 _WAY, _TURN, _OVERLAP = 8.0, float(np.radians(15.0)), 0.7
 # What of this is aimed at; a stride at most doubles, and is never longer than so many scans.
 _AIM, _LONGEST = 0.8, 256
-# How probable its place is where a registration has found it, as one has to be to be accepted.
-_AT_ITS_PLACE = 0.85
 
 
 @dataclass(frozen=True, slots=True)
@@ -101,8 +99,7 @@ def _gallop(
     while at < len(scans) - 1:
         stride = min(stride, len(scans) - 1 - at)
         pair = runner.register([Pair(scans[at], scans[at + stride], "sequential")])[0]
-        is_open = not pair.accepted and pair.registration is not None and _is_open(pair.registration)
-        if not pair.accepted and not is_open and stride > 1:
+        if not pair.accepted and not pair.placed and stride > 1:
             stride = max(1, stride // 2)
             continue
         pairs.append(pair)
@@ -112,13 +109,8 @@ def _gallop(
             share = max(_share(pair.registration, voxel, settings), 1e-3)
             stride = usual = min(max(1, int(stride * min(2.0, _AIM / share))), _LONGEST)
         else:
-            stride = min(2 * stride, usual) if is_open else 1
+            stride = min(2 * stride, usual) if pair.placed else 1
     return keys, pairs
-
-
-def _is_open(registration: Registration) -> bool:
-    """Whether a registration that is refused has found the place, but leaves a direction open there."""
-    return dict(registration.evidence).get("place", 0.0) >= _AT_ITS_PLACE
 
 
 def _share(registration: Registration, voxel: float, settings: KeySettings) -> float:

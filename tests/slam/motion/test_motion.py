@@ -1,5 +1,7 @@
 """The usual motion: learned from steps that are sure, and what it expects and contradicts."""
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 from scipy.spatial.transform import RigidTransform, Rotation
@@ -96,6 +98,39 @@ def test_few_steps_tell_nothing() -> None:
         for pair in steps(20)
     ]
     assert Motion.learn(refused, np.arange(21.0), np.zeros(21, int), FLOOR) is None
+
+
+def placed(pairs: list[Pair], opens: list[int], place: float = 0.95) -> list[Pair]:
+    """Refused registrations that leave one number open each, in turns, and have it anywhere; one is accepted."""
+    rng = np.random.default_rng(8)
+    result = []
+    for k, pair in enumerate(pairs):
+        assert pair.registration is not None
+        T, n = pair.registration.T_target_source, opens[k % len(opens)]
+        x = np.concatenate([T.rotation.as_rotvec(), T.translation])
+        sigma = 1.5 if n < 3 else 8.0
+        x[n] += sigma / 2 * rng.uniform(-1, 1)
+        in_source = np.kron(np.eye(2), moved(x).rotation.as_matrix().T)
+        covariance = COVARIANCE + sigma**2 * np.outer(in_source[:, n], in_source[:, n])
+        given = registration(moved(x), covariance, accepted=False)
+        result.append(replace(pair, registration=replace(given, probability=0.1, evidence=(("place", place),))))
+    return [pairs[0], *result[1:]]
+
+
+def test_where_few_are_sure_steps_that_leave_directions_open_tell_the_others() -> None:
+    """Along walls no step may hold all six numbers; together they do."""
+    motion = learned(placed(steps(40), [2, 4]))
+    assert (np.abs(motion.usual - USUAL) < 6 * SPREAD / np.sqrt(20)).all()
+    assert motion.covariance[4, 4] < 0.6**2
+    assert Motion.learn(placed(steps(40), [2, 4], 0.5), np.arange(41.0), np.zeros(41, int), FLOOR) is None
+
+
+def test_what_all_steps_leave_open_stays_as_wide_as_is_assumed() -> None:
+    motion = learned(placed(steps(40), [4]))
+    held = [0, 1, 2, 3, 5]
+    assert (np.abs(motion.usual - USUAL)[held] < 4 * SPREAD[held] / np.sqrt(36)).all()
+    assert abs(motion.usual[4] - USUAL[4]) < np.sqrt(motion.covariance[4, 4])
+    assert motion.covariance[4, 4] > 0.5 * motion.usual[3] ** 2 / 3
 
 
 def test_limits_bound_what_is_expected_and_believed() -> None:
