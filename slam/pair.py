@@ -11,7 +11,7 @@ from spectral.expected import ExpectedPose
 from spectral.result import Registration
 
 # How probable its place is where a registration has found it: as one has to be to be accepted.
-_PLACED = 0.85
+PLACED = 0.85
 
 Role = Literal["sequential", "bridge", "loop"]
 
@@ -64,7 +64,7 @@ class Pair:
     @property
     def placed(self) -> bool:
         """Whether the registration has found the place, though it may leave a direction open there."""
-        return self.registration is not None and dict(self.registration.evidence).get("place", 0.0) >= _PLACED
+        return self.registration is not None and self.registration.place_probability >= PLACED
 
     @property
     def kept(self) -> bool:

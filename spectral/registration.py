@@ -232,8 +232,8 @@ class SpectralRegistrar:
         refusal = test.bounds.refusal(T)
         covariance = self._covariance(test, hypothesis)
         by_scans = test.transform(fit.by_scans)
-        place = probability
-        probability *= tolerance_probability(covariance.posterior, self.grid.voxel, covariance.by_instruments)
+        held = tolerance_probability(covariance.posterior, self.grid.voxel, covariance.by_instruments)
+        probability *= held
         least = self.config.least_probability
         return Registration(
             T_target_source=T,
@@ -251,7 +251,7 @@ class SpectralRegistrar:
             ),
             T_by_scans=test.transform(replace(fit, step=covariance.step).by_scans) if measured else None,
             covariance_by_scans=covariance.by_scans if measured else None,
-            evidence=(*speaking.numbers(), *CALIBRATION.numbers(fit.width, evidence.psr), ("place", place)),
+            evidence=(*speaking.numbers(), *CALIBRATION.numbers(fit.width, evidence.psr), ("held", held)),
         )
 
     def _covariance(self, test: HypothesisTest, hypothesis: Hypothesis) -> PoseCovariance:

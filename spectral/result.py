@@ -50,6 +50,14 @@ class Registration:
     evidence: tuple[tuple[str, float], ...] = ()
 
     @property
+    def place_probability(self) -> float:
+        """That the place is right, 0..1, however open the pose may be there; `probability` of methods that do not tell.
+
+        A graph takes a pose that is open along a wall by its covariance; by itself it is not to be believed.
+        """
+        return self.probability / max(dict(self.evidence).get("held", 1.0), 1e-9)
+
+    @property
     def by_scans(self) -> Registration:
         """The same registration without what instruments said of the pose; they still found it and judged it."""
         if self.T_by_scans is None or self.covariance_by_scans is None:

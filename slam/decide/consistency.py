@@ -99,7 +99,8 @@ def find_support(
         heaviest = [weight[members[group]].sum() for group in groups]
         clear = len(groups) == 1 or heaviest[0] >= heaviest[1] + _CLEARLY
         for rank, group in enumerate(groups):
-            pairs = len({possible_edges[k].scans for k in members[group].tolist()})
+            counted = [possible_edges[k] for k in members[group].tolist() if possible_edges[k].counts]
+            pairs = len({possible.scans for possible in counted})
             for k in group:
                 agrees = bool(sigmas[k] <= bound)
                 leads = rank == 0 and clear

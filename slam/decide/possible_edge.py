@@ -8,7 +8,7 @@ import numpy as np
 
 from kernels.errors import InputError
 from slam.graph.edge import Edge
-from slam.pair import Pair
+from slam.pair import PLACED, Pair
 from spectral.result import Registration
 
 # An answer less probable than this is not followed.
@@ -82,6 +82,16 @@ class PossibleEdge:
         return min(max(probability, 0.0), _SUREST)
 
     @property
+    def placed(self) -> bool:
+        """Whether it is the registration itself, which has found the place, though it may leave a direction open."""
+        return self.rank == 0 and self.registration.place_probability >= PLACED
+
+    @property
+    def counts(self) -> bool:
+        """Whether agreement with it speaks for another answer: with what is wide open nearly everything agrees."""
+        return self.accepted or self.probability >= _POSSIBLE
+
+    @property
     def weight(self) -> float:
         """How much it counts: the negative logarithm of the probability that it is wrong, in this survey."""
         right, wrong = self.probability, self.odds * (1 - self.probability)
@@ -125,15 +135,16 @@ class PossibleEdge:
     def _may_stand_beside_chain(self) -> bool:
         """Whether it may be an edge beside the chain of the part that both of its scans are in.
 
-        An accepted answer that agrees with the chain may. One that agrees without being accepted has to be likely and
-        needs other pairs besides, as the chain holds without it. One that contradicts the chain needs other pairs that
+        An accepted answer that agrees with the chain may. One that agrees without being accepted has to be likely, or
+        refused for a direction alone that it leaves open, which the chain holds; and it needs other pairs besides, as
+        the chain holds without it. One that contradicts the chain needs other pairs that
         say the same, and scans so close in time that few registrations of the chain can be at fault: then the graph
         decides between them. Farther apart in time it is more likely that a place looks like another, and several
         pairs can be wrong about that alike.
         """
         if self.support.agrees:
-            likely = self.weight >= _LIKELY and self.support.leading and self.support.pairs >= 2
-            return self.accepted or likely
+            likely = self.weight >= _LIKELY or self.placed
+            return self.accepted or (likely and self.support.leading and self.support.pairs >= 2)
         return self.accepted and self.support.pairs >= 2 and self.j - self.i <= _NEAR_IN_CHAIN
 
 
@@ -142,8 +153,7 @@ def possible_edges(pair: Pair) -> list[PossibleEdge]:
     if pair.registration is None:
         return []
     answers: Sequence[Registration] = (pair.registration, *pair.registration.alternatives)
-    return [
-        PossibleEdge(pair.i, pair.j, answer, rank, near=pair.role != "loop")
-        for rank, answer in enumerate(answers)
-        if (rank == 0 and answer.accepted) or answer.probability >= _POSSIBLE
+    possible = [
+        PossibleEdge(pair.i, pair.j, answer, rank, near=pair.role != "loop") for rank, answer in enumerate(answers)
     ]
+    return [edge for edge in possible if edge.counts or edge.placed]

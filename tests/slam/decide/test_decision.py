@@ -85,6 +85,34 @@ def test_two_parts_far_apart_in_time_want_two_pairs():
     assert len(bridge.solution.graph.components) == 1
 
 
+def open_along(truth: RigidTransform, i: int, j: int, place: float, off: RigidTransform | None = None) -> Pair:
+    """A loop along a wall: 3 m off along it, by a covariance that says so; refused for that."""
+    slid = RigidTransform.from_translation([3.0, 0, 0])
+    off = slid if off is None else off * slid
+    given = pair(truth, i, j, "loop", off, **unsure(0.02 * place), evidence=(("held", 0.02),))
+    assert given.registration is not None
+    loose = COVARIANCE + np.diag([0, 0, 0, 25.0, 0, 0])
+    return replace(given, registration=replace(given.registration, covariance=loose))
+
+
+def test_a_loop_that_leaves_a_direction_open_is_taken_for_the_others():
+    truth = ring_poses(12)
+    pairs = [*chain_of(truth), pair(truth, 0, 11, "loop"), pair(truth, 1, 10, "loop")]
+    taken = decided(truth, [*pairs, open_along(truth, 2, 9, 0.95)])
+    assert taken.pairs[-1].kept
+    assert worst(taken, truth) < 0.3
+    assert not decided(truth, [*pairs, open_along(truth, 2, 9, 0.5)]).pairs[-1].kept
+    aside = RigidTransform.from_translation([0, 3.0, 0])
+    assert not decided(truth, [*pairs, open_along(truth, 2, 9, 0.95, aside)]).pairs[-1].kept
+
+
+def test_a_loop_that_leaves_a_direction_open_joins_nothing():
+    truth = ring_poses(12)
+    gap = [*chain_of(truth, k5=unsure(0.0)), pair(truth, 1, 10, "loop")]
+    result = decided(truth, [*gap, open_along(truth, 2, 9, 0.95), open_along(truth, 3, 8, 0.95)])
+    assert len(result.solution.graph.components) == 2
+
+
 def test_a_wrong_step_that_was_believed_is_found_by_its_neighbors():
     truth = ring_poses(14)
     pairs = chain_of(truth, k6={"off": WRONG})

@@ -95,7 +95,7 @@ def test_strides_go_on_along_a_wall() -> None:
             if not beside_the_wall:
                 return reach(i, j, given)
             loose = np.diag([1e-6, 1e-6, 1e-6, 100.0, 1e-4, 1e-4])
-            return replace(given, covariance=loose, accepted=False, probability=0.1, evidence=(("place", place),))
+            return replace(given, covariance=loose, accepted=False, probability=0.1 * place, evidence=(("held", 0.1),))
 
         return spoil
 
