@@ -10,9 +10,6 @@ from slam.graph.edge import Edge
 from spectral.expected import ExpectedPose
 from spectral.result import Registration
 
-# How probable its place is where a registration has found it: as one has to be to be accepted.
-PLACED = 0.85
-
 Role = Literal["sequential", "bridge", "loop"]
 
 
@@ -64,7 +61,7 @@ class Pair:
     @property
     def placed(self) -> bool:
         """Whether the registration has found the place, though it may leave a direction open there."""
-        return self.registration is not None and self.registration.place_probability >= PLACED
+        return self.registration is not None and self.registration.placed
 
     @property
     def kept(self) -> bool:

@@ -11,6 +11,9 @@ from scipy.spatial.transform import RigidTransform
 
 from spectral.scan import Scan
 
+# How probable its place is where a registration has found it: as one has to be to be accepted.
+_PLACED = 0.85
+
 
 @dataclass(frozen=True, slots=True)
 class Registration:
@@ -56,6 +59,11 @@ class Registration:
         A graph takes a pose that is open along a wall by its covariance; by itself it is not to be believed.
         """
         return self.probability / max(dict(self.evidence).get("held", 1.0), 1e-9)
+
+    @property
+    def placed(self) -> bool:
+        """Whether it has found the place, though it may leave a direction open there."""
+        return self.place_probability >= _PLACED
 
     @property
     def by_scans(self) -> Registration:

@@ -8,7 +8,7 @@ import numpy as np
 
 from kernels.errors import InputError
 from slam.graph.edge import Edge
-from slam.pair import PLACED, Pair
+from slam.pair import Pair
 from spectral.result import Registration
 
 # An answer less probable than this is not followed.
@@ -84,7 +84,7 @@ class PossibleEdge:
     @property
     def placed(self) -> bool:
         """Whether it is the registration itself, which has found the place, though it may leave a direction open."""
-        return self.rank == 0 and self.registration.place_probability >= PLACED
+        return self.rank == 0 and self.registration.placed
 
     @property
     def counts(self) -> bool:

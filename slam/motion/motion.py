@@ -98,10 +98,8 @@ class Motion:
             return cls._unlearned(times, surveys, floor, limits) if limits.any else None
         sure = [Step.of(pair, times) for pair in steps]
         span = float(np.median([times[pair.j] - times[pair.i] for pair in steps]))
-        told = np.array([step.rate for step in sure])
-        errors = np.array(
-            [np.zeros((6, 6)) if pair.accepted else s.covariance for pair, s in zip(steps, sure, strict=True)]
-        )
+        told, errors = np.array([step.rate for step in sure]), np.array([step.covariance for step in sure])
+        errors[[pair.accepted for pair in steps]] = 0.0  # what is accepted is taken as it is
         mean, scatter = _fit_t(told, errors, floor / span)
         rates, left = _filled(told, errors, mean, scatter)
         within = np.flatnonzero(_squared(rates - mean, scatter) <= _BEYOND)
