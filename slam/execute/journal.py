@@ -1,26 +1,33 @@
 """Results of work that is done, in one file, on disk as soon as each is added: what a stopped run goes on from."""
 
+import hashlib
 import sqlite3
 from collections.abc import Iterator, Sequence
 from contextlib import contextmanager
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from pathlib import Path
 
 from kernels.errors import InputError
 
 _APPLICATION_ID = 0x534F4E52  # SQLite's mark of whose file it is: "SONR"
-_VERSION = 2  # SQLite's user_version: of the table below
+_VERSION = 3  # SQLite's user_version: of the table below
 _TABLE = """CREATE TABLE entry (
     key TEXT PRIMARY KEY,                -- a digest of all that decides the content
     label TEXT NOT NULL,                 -- names of the scans or of the job, for people
     content TEXT NOT NULL,               -- the result as JSON
     seconds REAL NOT NULL,               -- how long it took
+    checksum TEXT NOT NULL,              -- of the four above
     computed INTEGER NOT NULL DEFAULT 1  -- how many times
 )"""
 _ADD = """
-INSERT INTO entry (key, label, content, seconds) VALUES (?, ?, ?, ?) ON CONFLICT (key) DO UPDATE SET
-label = excluded.label, content = excluded.content, seconds = excluded.seconds, computed = computed + 1
+INSERT INTO entry (key, label, content, seconds, checksum) VALUES (?, ?, ?, ?, ?) ON CONFLICT (key) DO UPDATE SET
+label = excluded.label, content = excluded.content, seconds = excluded.seconds, checksum = excluded.checksum,
+computed = computed + 1
 """
+# SQLite's codes for a file or folder that does not let itself be written; other faults are the file's content.
+_UNWRITABLE = (
+    sqlite3.SQLITE_CANTOPEN, sqlite3.SQLITE_FULL, sqlite3.SQLITE_IOERR, sqlite3.SQLITE_PERM, sqlite3.SQLITE_READONLY,
+)  # fmt: skip
 
 
 @dataclass(frozen=True, slots=True)
@@ -44,7 +51,11 @@ class Journal:
     """An SQLite database of results, each under a key of its own.
 
     What `add` was given is on disk when it returns: a process that is killed at any moment, or a machine that loses its
-    power, loses only what was not added yet. One process at a time can use the file.
+    power, loses only what was not added yet. One process at a time can use the file. An entry that is not what was
+    added, as the disk or someone changed it, is as good as none: its work is done again.
+
+    Attributes:
+        damaged: how many such entries were asked for.
 
     Args:
         path: the file; it is made if it does not exist.
@@ -56,8 +67,10 @@ class Journal:
 
     def __init__(self, path: Path, fresh: bool = False) -> None:
         self.path = path
+        self.damaged = 0
         with self._explained_errors():
             self._database = sqlite3.connect(path, timeout=0.0, isolation_level=None)
+        self._database.text_factory = _text
         try:
             with self._explained_errors():
                 self._open(fresh)
@@ -81,14 +94,22 @@ class Journal:
             return self._database.execute("SELECT count(*) FROM entry").fetchone()[0]
 
     def entry(self, key: str) -> JournalEntry | None:
-        """The entry under this key; None where there is none."""
+        """The entry under this key; None where there is none, or a damaged one."""
         with self._explained_errors():
-            row = self._database.execute("SELECT label, content, seconds FROM entry WHERE key = ?", (key,)).fetchone()
-        return None if row is None else JournalEntry(key, *row)
+            found = self._database.execute("SELECT label, content, seconds, checksum FROM entry WHERE key = ?", (key,))
+            row = found.fetchone()
+        if row is None:
+            return None
+        entry = JournalEntry(key, *row[:3])
+        if _checksum(entry) != row[3]:
+            self.damaged += 1
+            return None
+        return entry
 
     def add(self, entries: Sequence[JournalEntry]) -> None:
         """Keep entries, all of them or none; one with the key of an earlier entry replaces it."""
-        rows = [(entry.key, storable(entry.label), entry.content, entry.seconds) for entry in entries]
+        kept = [replace(entry, label=storable(entry.label), seconds=float(entry.seconds)) for entry in entries]
+        rows = [(entry.key, entry.label, entry.content, entry.seconds, _checksum(entry)) for entry in kept]
         with self._explained_errors(), self._transaction():
             self._database.executemany(_ADD, rows)
 
@@ -107,7 +128,10 @@ class Journal:
             self._refuse_other_files()
             tables = [row[0] for row in self._database.execute("SELECT name FROM sqlite_master WHERE type = 'table'")]
             if tables and self._pragma("user_version") != _VERSION and not fresh:
-                raise InputError(f"{self.path} is of another version of sonarmap; use `fresh` to delete what it holds")
+                raise InputError(
+                    f"{self.path} is of another version of sonarmap. Move it away or delete it, or use `fresh`, and "
+                    "everything is computed again."
+                )
             if fresh or not tables:
                 for name in tables:
                     self._database.execute(f"DROP TABLE {name}")
@@ -120,8 +144,11 @@ class Journal:
         empty = self._pragma("page_count") == 0 or not self._database.execute("SELECT * FROM sqlite_master").fetchone()
         if not empty and self._pragma("application_id") != _APPLICATION_ID:
             raise self.unusable("it is another program's database")
-        if (fault := self._pragma("quick_check")) != "ok":
-            raise self.unusable(str(fault))
+        if (fault := self._pragma("integrity_check")) != "ok":
+            raise self.unusable(" ".join(str(fault).split()))
+        table = self._database.execute("SELECT sql FROM sqlite_master WHERE type = 'table'").fetchone()
+        if not empty and self._pragma("user_version") == _VERSION and table != (_TABLE,):
+            raise self.unusable("its table is another one")
 
     def _pragma(self, name: str) -> object:
         return self._database.execute(f"PRAGMA {name}").fetchone()[0]
@@ -145,18 +172,30 @@ class Journal:
             yield
         except InputError:
             raise
-        except sqlite3.OperationalError as error:
-            if error.sqlite_errorcode & 0xFF == sqlite3.SQLITE_BUSY:
+        except (sqlite3.Error, MemoryError) as error:  # a damaged page may ask for any amount
+            code = getattr(error, "sqlite_errorcode", sqlite3.SQLITE_ERROR) & 0xFF
+            if code == sqlite3.SQLITE_BUSY:
                 raise InputError(
                     f"{self.path} is in use: another run is writing to this folder. Wait until it has ended, or choose "
                     "another output folder."
                 ) from error
+            if code not in _UNWRITABLE:
+                raise self.unusable(str(error)) from error
             raise InputError(
                 f"cannot write {self.path}: {error}. Choose another output folder, or make room and check its "
                 "permissions; what the journal holds is kept, and the same command goes on from there."
             ) from error
-        except sqlite3.DatabaseError as error:
-            raise self.unusable(str(error)) from error
+
+
+def _checksum(entry: JournalEntry) -> str:
+    """Of all that an entry says, each part with its type: 1 is not 1.0, nor "1"."""
+    parts = (entry.key, entry.label, entry.content, entry.seconds)
+    return hashlib.sha256(repr(parts).encode("utf-8", "backslashreplace")).hexdigest()
+
+
+def _text(stored: bytes) -> str:
+    """Text as it is read from the file: where damage left no UTF-8, the checksum tells."""
+    return stored.decode("utf-8", "replace")
 
 
 def storable(label: str) -> str:

@@ -10,6 +10,7 @@ from types import FrameType
 from typing import TYPE_CHECKING
 
 from tools.cli.method import ConfiguredMethod
+from tools.cli.survey_text import warn
 from tools.cli.terminal import say
 
 if TYPE_CHECKING:
@@ -68,6 +69,9 @@ def open_execution(
         execution = Execution(worker, executor, opened, key)
         yield execution
         from_journal, tried = execution.timings.from_journal, len(execution.timings.pairs)
+        damaged = opened.damaged
+    if damaged:
+        warn(f"{damaged} results in {journal} were damaged, and have been computed again")
     if from_journal and not quiet:
         say(f"{from_journal} of {tried} pairs were in {journal}")
     elif held and not quiet:

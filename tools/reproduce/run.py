@@ -81,6 +81,8 @@ def run(
     with Journal(folder / JOURNAL) as journal:
         keys = {job: provenance.key(job) for job in jobs}
         missing = [job for job in jobs if options.fresh or journal.entry(keys[job]) is None]
+        if journal.damaged:
+            say(f"{experiment.name}: {journal.damaged} results in {journal.path} are damaged: their jobs are run again")
         if len(missing) < len(jobs):
             done = f"{len(jobs) - len(missing)} of {len(jobs)} jobs were done"
             say(f"{experiment.name}: going on: {done}" if missing else f"{experiment.name}: {done} before")
@@ -149,7 +151,7 @@ def _outcome(journal: Journal, entry: JournalEntry) -> Outcome:
     try:
         content: dict[str, Any] = json.loads(entry.content)
         rows, seconds = (tuple(_row(row) for row in content[part]) for part in ("rows", "seconds"))
-    except (ValueError, LookupError, TypeError, AttributeError) as error:
+    except (ValueError, LookupError, TypeError, AttributeError, RecursionError) as error:
         raise journal.unusable(str(error)) from error
     return Outcome(rows, seconds)
 

@@ -37,7 +37,7 @@ class TestKeeping:
     def test_entries_that_are_added_together_are_kept_all_or_none(self, path: Path) -> None:
         with Journal(path) as journal:
             with pytest.raises(InputError, match="NOT NULL"):
-                journal.add([ENTRY, replace(ENTRY, key="b", seconds=None)])  # pyright: ignore[reportArgumentType]
+                journal.add([ENTRY, replace(ENTRY, key="b", content=None)])  # pyright: ignore[reportArgumentType]
             assert journal.count() == 0
             journal.add([ENTRY])
 
@@ -69,11 +69,52 @@ def overwritten(path: Path) -> None:
     path.write_bytes(content)
 
 
+class TestDamage:
+    @pytest.mark.parametrize(
+        "change",
+        [
+            "content = '{\"x\": 0.2}'",
+            "label = 'scan 1 - scan 3'",
+            "seconds = 2.25",
+            "seconds = 'long'",
+            "content = x'ff00'",
+            "checksum = ''",
+        ],
+    )
+    def test_an_entry_that_was_changed_is_none_until_it_is_added_again(self, path: Path, change: str) -> None:
+        other = replace(ENTRY, key="key b")
+        with Journal(path) as journal:
+            journal.add([ENTRY, other])
+        with sqlite3.connect(path) as database:
+            database.execute(f"UPDATE entry SET {change} WHERE key = 'key a'")
+        database.close()
+        with Journal(path) as journal:
+            assert (journal.entry("key a"), journal.entry("key b"), journal.damaged) == (None, other, 1)
+            journal.add([ENTRY])
+            assert (journal.entry("key a"), journal.damaged) == (ENTRY, 1)
+
+    def test_entries_that_changed_places_are_none(self, path: Path) -> None:
+        with Journal(path) as journal:
+            journal.add([ENTRY, replace(ENTRY, key="key b", content="other")])
+        with sqlite3.connect(path) as database:
+            for old, new in (("key a", "key c"), ("key b", "key a"), ("key c", "key b")):
+                database.execute("UPDATE entry SET key = ? WHERE key = ?", (new, old))
+        database.close()
+        with Journal(path) as journal:
+            assert [journal.entry(key) for key in ("key a", "key b")] == [None, None]
+
+
+def another_table(path: Path) -> None:
+    """The file of a journal, in which a byte of a column's name has changed."""
+    Journal(path).close()
+    path.write_bytes(path.read_bytes().replace(b"content TEXT", b"contend TEXT"))
+
+
 class TestOtherFiles:
     @pytest.mark.parametrize(
         "make",
-        [other_program, overwritten, lambda path: path.write_text("my notes, " * 99)],
-        ids=["db", "torn", "text"],
+        [other_program, overwritten, another_table, lambda path: path.write_text("my notes, " * 99)],
+        ids=["db", "torn", "another table", "text"],
     )
     @pytest.mark.parametrize("fresh", [False, True])
     def test_what_is_no_journal_is_left_as_it_is(self, path: Path, make: Callable[[Path], object], fresh: bool) -> None:

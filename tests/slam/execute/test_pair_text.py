@@ -1,5 +1,6 @@
 """The result of a pair, and a signature, as text: they come back bit by bit."""
 
+import json
 from dataclasses import replace
 from typing import Any
 
@@ -94,7 +95,42 @@ def test_a_signature_comes_back_bit_by_bit(signature: np.ndarray | None) -> None
         assert_array_equal(returned.view(np.uint32), signature.view(np.uint32))
 
 
-@pytest.mark.parametrize("text", ["", "{}", "[1]", '{"registration": {}}', '{"registration": {"psr": 1}}'])
+@pytest.mark.parametrize(
+    ("name", "value"),
+    [
+        ("T_target_source", np.eye(3).tolist()),
+        ("T_target_source", (2 * np.eye(4)).tolist()),
+        ("T_target_source", np.full((4, 4), np.nan).tolist()),
+        ("T_target_source", "4 x 4"),
+        ("covariance", np.eye(5).tolist()),
+        ("covariance", np.tri(6).tolist()),
+        ("psr", "12"),
+        ("probability", None),
+        ("seconds", 10**400),
+        ("accepted", 1),
+        ("reason", 7),
+        ("step_psr", [["rotation"]]),
+        ("evidence", [[1.0, "held"]]),
+        ("alternatives", [{}]),
+        ("unknown", 1.0),
+    ],
+)
+def test_a_result_of_another_shape_or_type_is_refused(name: str, value: object) -> None:
+    content = json.loads(to_text(registrations(3)))
+    content["registration"][name] = value
+    with pytest.raises((ValueError, LookupError, TypeError)):
+        from_text(json.dumps(content))
+
+
+@pytest.mark.parametrize("text", ["[[1.0]]", '["a"]', "[" * 100_000, "7"])
+def test_what_is_no_signature_is_refused(text: str) -> None:
+    with pytest.raises((ValueError, TypeError)):
+        signature_from_text(text)
+
+
+@pytest.mark.parametrize(
+    "text", ["", "{}", "[1]", "[" * 100_000, '{"failure": 7}', '{"registration": {}}', '{"registration": {"psr": 1}}']
+)
 def test_other_text_is_refused(text: str) -> None:
     with pytest.raises((ValueError, LookupError, TypeError)):
         from_text(text)

@@ -2,6 +2,7 @@
 
 import sqlite3
 import sys
+from collections import Counter
 from collections.abc import Iterator
 from contextlib import contextmanager
 from dataclasses import replace
@@ -15,7 +16,7 @@ from numpy.testing import assert_array_equal
 import slam.execute.executor
 from kernels.errors import DeviceError, InputError
 from slam.execute.executor import cluster, processes
-from slam.execute.journal import Journal
+from slam.execute.journal import Journal, JournalEntry
 from slam.execute.pair_text import to_text
 from slam.execute.runner import Execution, PairRunner
 from slam.execute.worker import release_worker
@@ -178,13 +179,48 @@ class TestJournalEntries:
             computed = [(t.target, t.source) for t in execution.timings.pairs if not t.from_journal]
             assert computed == new
 
-    def test_content_that_is_no_result_is_damage(self, work: Work) -> None:
-        work.run(pairs=[(0, 1)])
+    def test_a_damaged_row_is_computed_again(self, work: Work, undisturbed: list[str]) -> None:
+        work.run()
         with sqlite3.connect(work.journal) as database:
-            database.execute("UPDATE entry SET content = '{\"registration\": 7}'")
+            database.execute("UPDATE entry SET content = replace(content, '1', '2') WHERE label = 'scan0 - scan1'")
         database.close()
+        with work.execution("here") as execution:
+            registered = PairRunner(execution, SCANS, 0, None).register(candidates(PAIRS))
+            assert execution.journal is not None
+            assert execution.journal.damaged == 1
+        assert [to_text(pair.registration, pair.failure) for pair in registered] == undisturbed
+        assert work.registered() == sorted([*ASKED, (0, 1)])
+
+    def test_an_entry_that_is_no_result_is_damage(self, work: Work) -> None:
+        work.run(pairs=[(0, 1)])
+        (key,) = sqlite3.connect(work.journal).execute("SELECT key FROM entry").fetchone()
+        with Journal(work.journal) as journal:
+            journal.add([JournalEntry(key, "scan0 - scan1", '{"registration": 7}', 1.0)])
         with pytest.raises(InputError, match="damaged"):
             work.run(pairs=[(0, 1)])
+
+    @pytest.mark.parametrize("count", [150, pytest.param(5000, marks=pytest.mark.slow)])
+    def test_a_byte_that_is_damaged_is_refused_or_harmless(
+        self, work: Work, undisturbed: list[str], count: int
+    ) -> None:
+        work.run()
+        content = work.journal.read_bytes()
+        rng = np.random.default_rng(0)
+        ends: Counter[str] = Counter()
+        for n in range(count):
+            place = int(rng.integers(100 if n % 3 == 0 else len(content)))  # SQLite's header decides how all is read
+            changed = bytearray(content)
+            changed[place] ^= int(rng.integers(1, 256))
+            for path in work.journal.parent.glob("journal*"):
+                path.unlink()
+            work.journal.write_bytes(changed)
+            try:
+                assert work.run() == undisturbed, f"byte {place}"
+                ends["harmless"] += 1
+            except InputError as error:
+                ends["refused" if str(work.journal) in str(error) else str(error)] += 1
+        print(dict(ends))
+        assert set(ends) == {"harmless", "refused"}
 
 
 def local_cluster(workers: int) -> Any:

@@ -151,6 +151,15 @@ def test_stopped_while_it_maps(out: Path, scans: list[str]) -> None:
     assert results_in(out) == before
 
 
+def test_a_damaged_row_of_the_journal_is_computed_again(tmp_path: Path, scans: list[str], mapped: Path) -> None:
+    journal = tmp_path / "journal.sqlite"
+    journal.write_bytes((mapped / "journal.sqlite").read_bytes().replace(b'"accepted": true', b'"accepted": trux', 1))
+    result = sonarmap("map", *scans[:2], "-o", tmp_path, *GRID)
+    assert result.exit_code == 0
+    said(result, "warning: 1 results in", "were damaged, and have been computed again")
+    assert (tmp_path / "map.ply").read_bytes() == (mapped / "map.ply").read_bytes()
+
+
 @pytest.mark.parametrize("written", ["write_points", "draw_map", "write_g2o", "write_json"])
 def test_stopped_while_it_writes(
     out: Path, scans: list[str], mapped: Path, written: str, monkeypatch: pytest.MonkeyPatch

@@ -12,7 +12,7 @@ from pathlib import Path
 import pytest
 
 from kernels.errors import InputError
-from slam.execute.journal import Journal
+from slam.execute.journal import Journal, JournalEntry
 from tests.samples.experiments.fake_experiment import JOBS, Fake, FakeSettings, origin
 from tools.methods.fingerprint import ROOT
 from tools.reproduce.experiment import Outcome
@@ -80,11 +80,22 @@ class TestStopping:
         with pytest.raises(InputError, match="cannot write"):
             complete(tmp_path / "file")
 
-    def test_an_entry_that_cannot_be_read_is_the_journals_fault(self, tmp_path: Path) -> None:
+    def test_a_damaged_entry_is_computed_again(self, tmp_path: Path) -> None:
         complete(tmp_path)
+        before = bytes_of(tmp_path)
         with sqlite3.connect(tmp_path / JOURNAL) as database:
             database.execute("UPDATE entry SET content = '[1]' WHERE label = 'fake c'")
         database.close()
+        again, said = complete(tmp_path)
+        assert again.ran == ["c"]
+        assert f"1 results in {tmp_path / JOURNAL} are damaged: their jobs are run again" in said[0]
+        assert bytes_of(tmp_path) == before
+
+    @pytest.mark.parametrize("content", ["[1]", "[" * 100_000])
+    def test_an_entry_that_cannot_be_read_is_the_journals_fault(self, tmp_path: Path, content: str) -> None:
+        fake, _ = complete(tmp_path)
+        with Journal(tmp_path / JOURNAL) as journal:
+            journal.add([JournalEntry(origin(fake).key("c"), "fake c", content, 1.0)])
         with pytest.raises(InputError, match=r"journal\.sqlite is no journal of sonarmap, or it is damaged"):
             complete(tmp_path)
 
