@@ -6,6 +6,7 @@ from dataclasses import dataclass
 from pathlib import Path
 
 from kernels.errors import InputError
+from tools.memory import require_memory
 from tools.readers.clouds.cloud import Cloud
 from tools.readers.clouds.npy import read_npy
 from tools.readers.clouds.npz import read_npz
@@ -110,6 +111,7 @@ def _content_of(path: Path) -> bytes:
     try:
         if not path.is_file():
             raise InputError("it is not a regular file; give a file, a folder or a pattern")
+        require_memory("the file", path.stat().st_size, "thin its points out first")
         content = path.read_bytes()
     except OSError as error:
         raise InputError(f"cannot be read ({error.strerror or error}); check its permissions") from error

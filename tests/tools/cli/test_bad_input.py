@@ -257,6 +257,21 @@ def test_a_bad_file_leaves_a_gap_and_the_rest_goes_on(tmp_path: Path, bad: str, 
     assert NOT_SCANS[case][2][1] in unread["reason"]
 
 
+def test_a_header_that_asks_for_too_much_leaves_a_gap(tmp_path: Path) -> None:
+    folder = tmp_path / "scans"
+    folder.mkdir()
+    write(folder, a=scan(0), b=scan(1), d=scan(3))
+    (folder / "c.pcd").write_text(
+        "VERSION 0.7\nFIELDS x y z n\nSIZE 4 4 4 4\nTYPE F F F F\nCOUNT 1 1 1 300000000\nWIDTH 0\nHEIGHT 1\nDATA binary\n"
+    )
+    result = sonarmap("map", folder, "-o", tmp_path / "out", *GRID, "--json")
+    assert result.exit_code == 3
+    said(result, "warning: skipped, which leaves a gap", "c.pcd: the header promises points of 1,200,000,012 bytes")
+    summary = json.loads(result.stdout)
+    assert [part["scans"] for part in summary["components"]] == [[0, 1, 2]]
+    assert summary["gaps"] == [[1, 2]]
+
+
 @pytest.mark.parametrize("bad", ["a", "b", "d"])
 @pytest.mark.parametrize("case", ["nothing finite", "no bytes", "more promised", "text"])
 def test_a_bad_file_keeps_its_place_among_the_scans(tmp_path: Path, bad: str, case: str) -> None:

@@ -12,6 +12,8 @@ STRENGTH_NAMES = ("strength", "intensity", "amplitude", "reflectivity", "i")
 VIEWPOINT_NAMES = ("vp_x", "vp_y", "vp_z")  # as of PCL's PointWithViewpoint
 TIME_NAMES = ("gps_time", "gpstime", "timestamp", "time", "t")
 
+_LISTED = 300  # characters of names that a message lists
+
 # Sensors see hundreds of meters; beyond this it is a map coordinate, and float32 loses its centimeters.
 COORDINATE_LIMIT = 1e5
 
@@ -49,8 +51,7 @@ def column_roles(names: Sequence[str]) -> dict[str, int]:
     missing = [axis for axis in "xyz" if axis not in plain]
     if missing:
         raise InputError(
-            f"no column {', '.join(missing)} among the columns {', '.join(names) or '(none)'}; "
-            "name the coordinates x, y and z"
+            f"no column {', '.join(missing)} among the columns {_listed(names)}; name the coordinates x, y and z"
         )
     roles = {axis: plain.index(axis) for axis in "xyz"}
     seen_from = [name for name in VIEWPOINT_NAMES if name in plain]
@@ -64,6 +65,11 @@ def column_roles(names: Sequence[str]) -> dict[str, int]:
         name = next((name for name in known if name in plain), None)
         roles |= {} if name is None else {role: plain.index(name)}
     return roles
+
+
+def _listed(names: Sequence[str]) -> str:
+    text = ", ".join(names) or "(none)"
+    return text if len(text) <= _LISTED else f"{text[:_LISTED]}..."
 
 
 def cloud_of_columns(columns: Mapping[str, np.ndarray], notes: Sequence[str] = ()) -> Cloud:

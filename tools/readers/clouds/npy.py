@@ -62,7 +62,7 @@ def parse_npy(content: bytes) -> np.ndarray:
             "np.asarray(points, np.float32)"
         )
     lengths = [part.strip() for part in shape[1].split(",") if part.strip()]
-    if any(re.fullmatch(r"\d{1,18}", length, re.ASCII) is None for length in lengths):
+    if len(lengths) > 2 or any(re.fullmatch(r"\d{1,18}", length, re.ASCII) is None for length in lengths):
         raise InputError(f"its NPY header asks for shape ({shape[1]}); wanted (N, 3) or (N, 4)")
     sizes = [int(length) for length in lengths]
     dtype = np.dtype(descr[1])

@@ -9,6 +9,7 @@ from dataclasses import replace
 import numpy as np
 
 from kernels.errors import InputError
+from tools.memory import require_memory
 from tools.readers.clouds.cloud import Cloud
 from tools.readers.clouds.npy import cloud_of_array, parse_npy
 
@@ -58,6 +59,7 @@ def _stamp_of(stamp: np.ndarray | None) -> float | None:
 
 def _read_member(archive: zipfile.ZipFile, member: zipfile.ZipInfo) -> np.ndarray:
     _require_believable(member)
+    require_memory(f"its member {member.filename!r}", member.file_size, "thin its points out first")
     try:
         with archive.open(member) as file:
             body = file.read(member.file_size)  # without a size, a member that lies about its own would be unpacked

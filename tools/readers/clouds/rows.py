@@ -8,6 +8,7 @@ import numpy as np
 from kernels.errors import InputError
 
 Line = tuple[int, bytes]  # its number in the file, from 1, and its content
+_LARGEST_RECORD = 1 << 20  # bytes of one point
 
 
 def whole_lines(text: bytes, first: int) -> list[Line]:
@@ -75,8 +76,14 @@ def unpack_records(
         columns: {name: (dtype, offset of the column within a record)}.
 
     Raises:
-        InputError: the content is shorter than that; nothing is allocated before this is known.
+        InputError: the content is shorter than that, or a record beyond any sense; nothing is allocated before this is
+            known.
     """
+    if stride > _LARGEST_RECORD:
+        raise InputError(
+            f"the header promises points of {stride:,} bytes each; wanted at most {_LARGEST_RECORD:,}: it is damaged, "
+            "write or copy the file again"
+        )
     require_bytes(f"{count:,} points of {stride} bytes", count * stride, len(content) - start)
     layout = np.dtype(
         {

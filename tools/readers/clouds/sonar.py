@@ -19,7 +19,8 @@ from tools.readers.clouds.rows import shown
 
 _LEAST_PACKET = 12  # magic, length and checksum, 4 bytes each
 _STRENGTH = rip.BitmapImageType.SIGNAL_STRENGTH_IMAGE
-_SNAPPY_RATIO = 64  # Snappy's longest copy is of 64 bytes
+_LARGEST_PACKET = 1 << 18  # four times what a datagram, in which the sonar sends it, can hold
+_SNAPPY_RATIO = 22  # Snappy's longest copy is of 64 bytes, and takes three
 
 
 @dataclass(frozen=True, slots=True)
@@ -94,7 +95,7 @@ def _messages(content: bytes) -> Iterator[tuple[int, Message]]:
             )
         try:
             _require_believable(packet)
-            yield number, rip.unpackb(packet, max_packet_size=length)
+            yield number, rip.unpackb(packet, max_packet_size=_LARGEST_PACKET)
         except rip.UnknownProtobufTypeError:
             pass  # the protocol says to skip what is not documented
         except (ValueError, DecodeError) as error:

@@ -12,7 +12,7 @@ from tools.readers.clouds.cloud import Cloud, cloud_of_columns, column_roles
 from tools.readers.clouds.rows import Line, is_number, parse_rows, shown, whole_lines
 
 _COMMENT = re.compile(rb"\s*(#|%|//)[#%/ \t]*")
-_UNIT = re.compile(r"\s*[\[(].*$")
+_UNIT = re.compile(r"[\[(]")  # how one begins
 _BARE = {3: ("x", "y", "z"), 4: ("x", "y", "z", "strength")}
 
 
@@ -62,7 +62,7 @@ def _is_point(line: bytes, separator: bytes | None) -> bool:
 def _names_in(line: bytes, separator: bytes | None) -> list[str] | None:
     """The columns' names without quotes and units (`"X [m]"` is X); None where not one is x, y or z."""
     tokens = [token.decode("utf-8").strip().strip("\"'") for token in line.split(separator)]
-    names = [_UNIT.sub("", token).strip() for token in tokens]
+    names = [_UNIT.split(token, maxsplit=1)[0].strip() for token in tokens]
     if separator is None:
         names = [name for name in names if name]  # a unit that stood alone
     return names if {"x", "y", "z"} & {name.lower() for name in names} else None
