@@ -88,13 +88,14 @@ def parse_prior_sigmas(text: str) -> dict[str, float]:
         InputError: not four numbers above 0.
     """
     from tools.readers.instruments import COLUMNS
+    from tools.readers.limits import LARGEST, LEAST_SIGMA
 
     try:
         attitude, heading, depth, position = (float(part) for part in text.split(","))
     except ValueError:
         attitude = heading = depth = position = math.nan
     sigmas = (attitude, attitude, heading, position, position, depth)
-    if not all(0 < sigma < math.inf for sigma in sigmas):
+    if not all(LEAST_SIGMA <= sigma <= LARGEST for sigma in sigmas):
         raise InputError(
             f"--prior-sigmas is {text!r}; give four numbers above 0, separated by commas: for roll and pitch [deg], "
             "heading [deg], depth [m], x and y [m], as in --prior-sigmas 0.5,3,0.1,3"

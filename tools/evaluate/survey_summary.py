@@ -1,15 +1,15 @@
 """Reads what an evaluation needs of a survey's summary.json."""
 
-import json
 from dataclasses import dataclass
 from pathlib import Path
 
 import numpy as np
 from pydantic import BaseModel, ValidationError
-from scipy.spatial.transform import RigidTransform
 
 from kernels.errors import InputError
 from tools.evaluate.pairs import TriedPair
+from tools.readers.json_file import read_json
+from tools.readers.poses.matrices import rigid_transform
 
 
 @dataclass(frozen=True, slots=True)
@@ -84,15 +84,16 @@ def read_summary(path: Path) -> SurveySummary:
     Raises:
         InputError: the file is missing, is not JSON, or is not the summary of a survey.
     """
+    content = read_json(path, "the summary.json of `sonarmap map`")
     try:
-        summary = _Summary.model_validate(json.loads(path.read_text(encoding="utf-8")))
+        summary = _Summary.model_validate(content)
         pairs = tuple(_tried_pair(pair) for pair in summary.pairs)
         covariances = _covariances(summary.scans)
     except ValidationError as error:
         fault = error.errors()[0]
         key = ".".join(map(str, fault["loc"])) or "the file"
         raise InputError(f"{path}: {key}: {fault['msg']}; expected the summary.json of `sonarmap map`") from error
-    except (OSError, ValueError) as error:
+    except ValueError as error:
         raise InputError(f"cannot read {path}: {error}; expected the summary.json of `sonarmap map`") from error
     if not summary.components:
         raise InputError(f"{path}: it has no component; expected the summary.json of `sonarmap map`")
@@ -108,7 +109,9 @@ def read_summary(path: Path) -> SurveySummary:
 
 
 def _tried_pair(pair: _Pair) -> TriedPair:
-    T = None if pair.T_target_source is None else RigidTransform.from_matrix(np.array(pair.T_target_source))
+    if pair.T_target_source is None:
+        return TriedPair(pair.target, pair.source, pair.role, pair.kept, None)
+    T = rigid_transform(pair.T_target_source, f"the pair {pair.target} - {pair.source}")
     return TriedPair(pair.target, pair.source, pair.role, pair.kept, T)
 
 

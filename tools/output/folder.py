@@ -1,6 +1,5 @@
 """The folder that `sonarmap map` writes."""
 
-import json
 import re
 from collections.abc import Iterable, Mapping, Sequence
 from itertools import chain
@@ -17,6 +16,7 @@ from tools.output.exports import EXPORTS
 from tools.output.graph_file import survey_graph
 from tools.output.parts import placed
 from tools.output.summary import survey_summary
+from tools.readers.json_file import read_json
 from tools.readers.scans import Unread
 from tools.report.loops_picture import draw_loops
 from tools.report.map_picture import draw_map
@@ -108,9 +108,9 @@ def write_survey(
 def _earlier_files(folder: Path) -> set[str]:
     """The components' files of an earlier run in the folder, as its summary lists them; none without a summary."""
     try:
-        names = json.loads((folder / SUMMARY).read_text(encoding="utf-8"))["files"]
+        names = read_json(folder / SUMMARY, "the summary.json of an earlier map")["files"]
         return {name for name in names if _OF_PART.fullmatch(name)}
-    except (OSError, ValueError, LookupError, TypeError):  # missing, or not ours: nothing is removed
+    except (ValueError, LookupError, TypeError):  # missing, or not ours: nothing is removed
         return set()
 
 

@@ -10,14 +10,36 @@ origin that the file's rows share, `depth_m` is positive down. The standard devi
 import numpy as np
 from scipy.spatial.transform import RigidTransform, Rotation
 
+from kernels.errors import InputError
 from spectral.scan import PosePrior
+from tools.readers.limits import LARGEST, LEAST_SIGMA
 
 PRIORS = "priors.csv"  # as `sonarmap simulate` calls the file beside its scans
 # In the order of PosePrior's sigmas
 COLUMNS = ("roll_deg", "pitch_deg", "heading_deg", "x_m", "y_m", "depth_m")
 SIGMA_COLUMNS = tuple("_sigma_".join(column.rsplit("_", 1)) for column in COLUMNS)
 
+# Of what is measured, and of every standard deviation
+LARGEST_OF = {"roll_deg": 180.0, "pitch_deg": 90.0, "heading_deg": 360.0}
+
 _UNITS = np.array([np.pi / 180] * 3 + [1.0] * 3)  # of the columns, in radians and meters
+
+
+def check_measured(column: str, number: float) -> None:
+    """Refuse a number that no instrument gives.
+
+    Args:
+        column: of COLUMNS or SIGMA_COLUMNS.
+        number: in its unit; NaN where nothing was measured.
+
+    Raises:
+        InputError: it is too large, or a standard deviation that is not above 0, or next to 0.
+    """
+    if column in SIGMA_COLUMNS and number < LEAST_SIGMA:
+        raise InputError(f"{column} is {number:g}; wanted a standard deviation above 0, at least {LEAST_SIGMA:g}")
+    if abs(number) > (largest := LARGEST_OF.get(column, LARGEST)):
+        unit = "degrees" if column.endswith("deg") else "meters"
+        raise InputError(f"{column} is {number:g}; wanted {unit} within {largest:g}")
 
 
 def prior_of(values: np.ndarray, sigmas: np.ndarray) -> PosePrior:

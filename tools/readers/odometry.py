@@ -13,7 +13,8 @@ from slam.graph.trajectory import Trajectory
 from slam.motion.odometry import Odometry
 from spectral.scan import Scan
 from tools.readers.csv_table import read_csv_table
-from tools.readers.instruments import COLUMNS, pose_of
+from tools.readers.instruments import COLUMNS, check_measured, pose_of
+from tools.readers.limits import LARGEST, LEAST_SIGMA
 from tools.readers.poses.tum import read_tum
 from tools.readers.prior_match import SAME_STAMP, seconds
 
@@ -88,6 +89,11 @@ def _read_csv(path: Path) -> Trajectory:
         if not np.isfinite(values).all():
             empty = ("stamp", *COLUMNS)[int(np.argmin(np.isfinite(values)))]
             raise InputError(f"{path}: line {row.line}: {empty} is {cells[empty][:40]!r}; wanted a finite number")
+        try:
+            for column, value in zip(COLUMNS, values[1:].tolist(), strict=True):
+                check_measured(column, value)
+        except InputError as error:
+            raise InputError(f"{path}: line {row.line}: {error}; fix that line") from error
         stamps.append(values[0])
         poses.append(pose_of(values[1:]))
     if not poses:
@@ -105,6 +111,6 @@ def parse_drift(text: str, option: str = "--odometry-drift") -> tuple[float, flo
         percent, degrees = (float(part) for part in text.split(","))
     except ValueError:
         percent = degrees = -1.0
-    if not (0 <= percent < np.inf and 0 <= degrees < np.inf and percent + degrees > 0):
+    if not (0 <= percent <= LARGEST and 0 <= degrees <= LARGEST and percent + degrees > LEAST_SIGMA):
         raise InputError(f"{option} is {text!r}; give percent of the way and degrees per hour, as in {option} 1,10")
     return percent / 100, float(np.radians(degrees)) / 3600

@@ -1,5 +1,6 @@
 """Finds the scan that a row of a priors file belongs to."""
 
+import math
 import re
 from collections.abc import Sequence
 from datetime import UTC, datetime
@@ -7,6 +8,7 @@ from datetime import UTC, datetime
 from kernels.errors import InputError
 from spectral.scan import Scan
 from tools.readers.file import FORMATS
+from tools.readers.limits import LARGEST_STAMP
 
 SAME_STAMP = 1e-3  # seconds: files carry stamps with other numbers of digits
 
@@ -52,7 +54,7 @@ def _by_name(scans: Sequence[Scan], name: str) -> list[int]:
 
 def _by_stamp(scans: Sequence[Scan], text: str, where: str) -> list[int]:
     stamp = seconds(text)
-    if not abs(stamp) < float("inf"):
+    if math.isnan(stamp):
         raise InputError(
             f"{where}: the stamp is {text[:40]!r}; wanted finite seconds, or a time as 2026-07-01T09:30:00Z; fix that "
             "line"
@@ -63,7 +65,8 @@ def _by_stamp(scans: Sequence[Scan], text: str, where: str) -> list[int]:
 def seconds(text: str) -> float:
     """Seconds, or the Unix time of an ISO 8601 time, UTC where it names no zone; NaN for anything else."""
     try:
-        return float(text) if "_" not in text else float("nan")
+        number = float(text) if "_" not in text else float("nan")
+        return number if abs(number) <= LARGEST_STAMP else float("nan")
     except ValueError:
         pass
     try:

@@ -15,12 +15,11 @@ import numpy as np
 from kernels.errors import InputError
 from spectral.scan import PosePrior, Scan
 from tools.readers.csv_table import read_csv_table
-from tools.readers.instruments import COLUMNS, SIGMA_COLUMNS, prior_of
+from tools.readers.instruments import COLUMNS, SIGMA_COLUMNS, check_measured, prior_of
 from tools.readers.prior_match import SAME_STAMP, find_scan, seconds
 from tools.readers.prior_series import at_scans
 
 KEYS = ("name", "stamp")
-LARGEST = {"roll_deg": 180.0, "pitch_deg": 90.0, "heading_deg": 360.0}
 ON_EARTH = ("lat", "lon", "lng")  # how columns of degrees on the Earth are called
 PAIRS = (("roll_deg", "pitch_deg"), ("x_m", "y_m"))
 NO_DEFAULTS: Mapping[str, float] = MappingProxyType({})
@@ -189,10 +188,7 @@ def _number(column: str, cell: str) -> float:
         raise InputError(
             f"{column} is {cell[:40]!r}; wanted a finite number, or an empty cell for what was not measured"
         )
-    if column in SIGMA_COLUMNS and number <= 0:
-        raise InputError(f"{column} is {cell}; wanted a standard deviation above 0")
-    if abs(number) > LARGEST.get(column, np.inf):
-        raise InputError(f"{column} is {cell}; wanted degrees within {LARGEST[column]:g}")
+    check_measured(column, number)
     return number
 
 

@@ -1,10 +1,10 @@
 """A simulation as a folder: scan_000.ply and on, truth.tum, description.json."""
 
-import json
 from pathlib import Path
 
 from kernels.errors import InputError
 from tools.readers.instruments import PRIORS
+from tools.readers.json_file import read_json
 from tools.simulate.sensing.navigation import Fixes, dead_reckoning
 from tools.simulate.sensing.priors import Instruments, measure_poses
 from tools.simulate.simulation import Simulation, SimulationSettings, settings_from_json
@@ -98,10 +98,7 @@ def read_settings(path: Path) -> SimulationSettings:
     Raises:
         InputError: no such file, no JSON, no settings in it, or settings that cannot be used.
     """
-    try:
-        content = json.loads(Path(path).read_text(encoding="utf-8"))
-    except (OSError, ValueError) as error:
-        raise InputError(f"cannot read {path}: {error}; expected the description.json of a simulation") from error
+    content = read_json(path, "the description.json of a simulation")
     if not isinstance(content, dict) or "settings" not in content:
         raise InputError(f"{path} holds no settings; expected the description.json of a simulation")
     return settings_from_json(content["settings"])

@@ -262,7 +262,8 @@ def test_a_header_that_asks_for_too_much_leaves_a_gap(tmp_path: Path) -> None:
     folder.mkdir()
     write(folder, a=scan(0), b=scan(1), d=scan(3))
     (folder / "c.pcd").write_text(
-        "VERSION 0.7\nFIELDS x y z n\nSIZE 4 4 4 4\nTYPE F F F F\nCOUNT 1 1 1 300000000\nWIDTH 0\nHEIGHT 1\nDATA binary\n"
+        "VERSION 0.7\nFIELDS x y z n\nSIZE 4 4 4 4\nTYPE F F F F\nCOUNT 1 1 1 300000000\n"
+        "WIDTH 0\nHEIGHT 1\nDATA binary\n"
     )
     result = sonarmap("map", folder, "-o", tmp_path / "out", *GRID, "--json")
     assert result.exit_code == 3

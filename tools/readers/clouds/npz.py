@@ -12,6 +12,7 @@ from kernels.errors import InputError
 from tools.memory import require_memory
 from tools.readers.clouds.cloud import Cloud
 from tools.readers.clouds.npy import cloud_of_array, parse_npy
+from tools.readers.limits import LARGEST_STAMP
 
 # Real points shrink a few times, an array of one value up to 1030 times: a small one is not refused for that.
 _SMALL = 64 << 20
@@ -52,7 +53,7 @@ def read_npz(content: bytes) -> list[Cloud]:
 def _stamp_of(stamp: np.ndarray | None) -> float | None:
     if stamp is None:
         return None
-    if stamp.size != 1 or not np.isfinite(stamp).all():
+    if stamp.size != 1 or not (np.abs(stamp) <= LARGEST_STAMP).all():
         raise InputError(f"stamp has shape {stamp.shape}; wanted one finite number, seconds in UTC")
     return float(stamp.reshape(-1)[0])
 

@@ -23,6 +23,7 @@ from slam.graph.pose_graph import PoseGraph
 from slam.graph.trajectory import Trajectory
 from spectral.result import Registration
 from tools.readers.clouds.rows import Line, shown
+from tools.readers.limits import LARGEST_INFORMATION
 from tools.readers.poses.pose_rows import finite_rows, read_lines, transforms
 
 VERTEX, EDGE, FIX = "VERTEX_SE3:QUAT", "EDGE_SE3:QUAT", "FIX"
@@ -37,6 +38,7 @@ _EDGE_LAYOUT = f"id id {_POSE} " + " ".join(f"I{i + 1}{j + 1}" for i, j in zip(*
 # Least eigenvalue of a repaired information, as a share of its largest; what is less than a share of that is no more
 # than rounded, and needs the repair.
 _LEAST, _ROUNDED = 1e-6, 1e-8
+_LEAST_LARGEST = 1e-20  # what the largest eigenvalue is taken for where it is less
 _IDENTITY = np.array([0.0, 0, 0, 0, 0, 0, 1])
 _MOST_PARTS = 4  # that a message lists
 _LARGEST_ID = 2**53  # ids are read with the other numbers of their line, as float64
@@ -172,7 +174,7 @@ def _edges(path: Path, lines: list[Line], index: dict[int, int], repairs: list[R
 def _repaired(information: np.ndarray, lines: list[Line], ends: np.ndarray, repairs: list[Repair]) -> np.ndarray:
     """(m, 6, 6), of those that are not positive definite no eigenvalue below `_LEAST` of the largest; each is told."""
     values, axes = np.linalg.eigh(information)
-    least = _LEAST * np.maximum(values[:, -1:], np.finfo(float).tiny)
+    least = _LEAST * np.maximum(values[:, -1:], _LEAST_LARGEST)
     information = information.copy()
     for k in np.flatnonzero(values[:, 0] < _ROUNDED * least[:, 0]).tolist():
         raised = np.maximum(values[k], least[k])
@@ -199,6 +201,12 @@ def _covariances(path: Path, lines: list[Line], information: np.ndarray) -> np.n
             except InputError as error:
                 raise InputError(f"{path}: line {number}: {error}; or use `repairs`, which does") from error
         raise
+    vague = np.flatnonzero(~(np.abs(covariances).max(axis=(1, 2)) <= LARGEST_INFORMATION))
+    if len(vague):
+        raise InputError(
+            f"{path}: line {lines[vague[0]][0]}: its information is as good as none in some direction (a variance "
+            f"beyond {LARGEST_INFORMATION:g}); delete the line, or use `repairs`"
+        )
     covariances = covariances[:, *np.ix_(TRANSLATION_LAST, TRANSLATION_LAST)]
     return (covariances + covariances.transpose(0, 2, 1)) / 2
 

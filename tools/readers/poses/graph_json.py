@@ -2,7 +2,6 @@
 # pyright: reportUnknownVariableType=false, reportUnknownArgumentType=false
 """Pose graphs from a map's graph.json."""
 
-import json
 from pathlib import Path
 from typing import Any
 
@@ -15,6 +14,9 @@ from slam.graph.pose_graph import PoseGraph
 from slam.graph.trajectory import Trajectory
 from spectral.result import Registration
 from spectral.scan import PosePrior
+from tools.readers.json_file import read_json
+from tools.readers.limits import LEAST_SIGMA
+from tools.readers.poses.matrices import rigid_transform
 
 FORMAT = "sonarmap graph 1"
 
@@ -25,26 +27,24 @@ def read_graph_json(path: Path) -> PoseGraph:
     Raises:
         InputError: no such file, or one that is not a map's graph.json.
     """
+    content = read_json(path, "the graph.json of a map")
     try:
-        content = json.loads(Path(path).read_text(encoding="utf-8"))
         if content["format"] != FORMAT:
             raise InputError(f"{path} is of format {content['format']!r}; wanted {FORMAT!r}")
         poses = content["poses"]
         trajectory = Trajectory(
             np.array([pose["stamp"] for pose in poses], dtype=np.float64),
-            RigidTransform.from_matrix(np.array([pose["T_world_sensor"] for pose in poses])),
+            RigidTransform.concatenate([rigid_transform(pose["T_world_sensor"], "a pose") for pose in poses]),
         )
         edges = tuple(_edge(row) for row in content["edges"])
         priors = tuple((int(row["pose"]), _prior(row)) for row in content["priors"])
-    except OSError as error:
-        raise InputError(f"cannot read {path}: {error.strerror}; check its name and permissions") from error
+        return PoseGraph(trajectory, edges, priors=priors)
     except (ValueError, LookupError, TypeError) as error:
         raise InputError(f"{path} is not the graph.json of a map ({error})") from error
-    return PoseGraph(trajectory, edges, priors=priors)
 
 
 def _edge(row: dict[str, Any]) -> Edge:
-    T = RigidTransform.from_matrix(np.array(row["T_i_j"]))
+    T = rigid_transform(row["T_i_j"], "an edge")
     probability = np.nan if row["probability"] is None else float(row["probability"])
     told = Registration(
         T, np.array(row["covariance"]), np.nan, np.nan, True, 0.0, reason=row["reason"], probability=probability
@@ -54,4 +54,6 @@ def _edge(row: dict[str, Any]) -> Edge:
 
 def _prior(row: dict[str, Any]) -> PosePrior:
     sigmas = np.array([np.inf if sigma is None else sigma for sigma in row["sigmas"]], dtype=np.float64)
-    return PosePrior(RigidTransform.from_matrix(np.array(row["T_world_sensor"])), sigmas)
+    if not (sigmas >= LEAST_SIGMA).all():
+        raise InputError(f"a prior has the standard deviation {sigmas.min():g}; wanted at least {LEAST_SIGMA:g}")
+    return PosePrior(rigid_transform(row["T_world_sensor"], "a prior"), sigmas)

@@ -8,17 +8,16 @@ import re
 from dataclasses import dataclass
 from pathlib import Path
 
-import numpy as np
-from scipy.spatial.transform import RigidTransform, Rotation
+from scipy.spatial.transform import RigidTransform
 
 from kernels.errors import InputError
 from tools.readers.clouds.rows import Line, shown
+from tools.readers.poses.matrices import rigid_transform
 from tools.readers.poses.pose_rows import finite_rows, read_lines
 
 GT_LOG = "gt.log"
 _LINES = 5  # of a pair
 _NUMBERS = re.compile(rb"\s*(\d{1,9})\s+(\d{1,9})(\s+\d{1,9})?\s*")
-_SLACK = 1e-3  # of a rotation's entries: such files have six digits or more
 
 
 @dataclass(frozen=True, slots=True)
@@ -74,11 +73,8 @@ def _pair(path: Path, block: list[Line]) -> TruePair:
             "cut; copy it again"
         )
     matrix = finite_rows(path, block[1:], "r r r t")
-    R = matrix[:3, :3]
-    off = float(np.abs(R @ R.T - np.eye(3)).max())
-    if off > _SLACK or np.linalg.det(R) < 0 or not np.allclose(matrix[3], [0, 0, 0, 1], atol=1e-6):
-        raise InputError(
-            f"{path}: the matrix below line {number} is no rigid transform (its rotation is off by {off:.2g}, its "
-            "determinant should be 1, its last row 0 0 0 1); wanted a rotation and a translation in meters"
-        )
-    return TruePair(i, j, RigidTransform.from_components(matrix[:3, 3], Rotation.from_matrix(R)), number)
+    try:
+        T_i_j = rigid_transform(matrix, f"the pair in line {number}")
+    except InputError as error:
+        raise InputError(f"{path}: {error}") from error
+    return TruePair(i, j, T_i_j, number)

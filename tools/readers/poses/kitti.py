@@ -7,10 +7,10 @@ from scipy.spatial.transform import RigidTransform
 
 from kernels.errors import InputError
 from slam.graph.trajectory import Trajectory
+from tools.readers.poses.matrices import ORTHONORMAL, rotation_faults
 from tools.readers.poses.pose_rows import finite_rows, read_lines
 
 LAYOUT = "r11 r12 r13 tx r21 r22 r23 ty r31 r32 r33 tz"
-ORTHONORMAL = 1e-3  # what rounding to few digits may do to R R^T: more is not a rotation
 
 
 def read_kitti(path: Path) -> Trajectory:
@@ -23,11 +23,11 @@ def read_kitti(path: Path) -> Trajectory:
     matrices = np.tile(np.eye(4), (len(lines), 1, 1))
     matrices[:, :3] = finite_rows(path, lines, LAYOUT).reshape(-1, 3, 4)
     R = matrices[:, :3, :3]
-    off = np.abs(R @ R.transpose(0, 2, 1) - np.eye(3)).max(axis=(1, 2))
-    bad = np.flatnonzero((off > ORTHONORMAL) | (np.linalg.det(R) < 0))
+    off, determinant = rotation_faults(R)
+    bad = np.flatnonzero((off > ORTHONORMAL) | (determinant < 0))
     if len(bad):
         raise InputError(
             f"{path}: line {lines[bad[0]][0]} holds no rotation (R R^T is off by {off[bad[0]]:.2g}, "
-            f"determinant {np.linalg.det(R[bad[0]]):.3f}); wanted {LAYOUT}"
+            f"determinant {determinant[bad[0]]:.3f}); wanted {LAYOUT}"
         )
     return Trajectory(np.arange(len(lines), dtype=np.float64), RigidTransform.from_matrix(matrices))

@@ -7,6 +7,7 @@ from scipy.spatial.transform import RigidTransform, Rotation
 
 from kernels.errors import InputError
 from tools.readers.clouds.rows import Line, parse_rows, whole_lines
+from tools.readers.limits import LEAST_SIGMA, largest_of
 
 
 def read_lines(path: Path) -> list[Line]:
@@ -33,8 +34,8 @@ def finite_rows(path: Path, lines: list[Line], layout: str) -> np.ndarray:
     """Numbers in rows, as many as `layout` has words: (N, words) float64.
 
     Raises:
-        InputError: naming the line that has more or fewer columns, something that is no number, NaN or
-            infinity.
+        InputError: naming the line that has more or fewer columns, something that is no number, NaN, infinity, or a
+            number that is larger than its column's (`tools.readers.limits`).
     """
     try:
         rows = parse_rows(lines, len(layout.split()))
@@ -43,16 +44,24 @@ def finite_rows(path: Path, lines: list[Line], layout: str) -> np.ndarray:
     bad = np.flatnonzero(~np.isfinite(rows).all(axis=1))
     if len(bad):
         raise InputError(f"{path}: line {lines[bad[0]][0]} holds NaN or infinity; wanted finite numbers: {layout}")
+    largest = np.array([largest_of(column) for column in layout.split()])
+    beyond = np.argwhere(np.abs(rows) > largest)
+    if len(beyond):
+        row, column = beyond[0].tolist()
+        raise InputError(
+            f"{path}: line {lines[row][0]} holds {rows[row, column]:g}; wanted {layout.split()[column]} within "
+            f"{largest[column]:g}: fix that line"
+        )
     return rows
 
 
 def transforms(path: Path, lines: list[Line], rows: np.ndarray) -> RigidTransform:
-    """N rigid transforms from (N, 7) rows: x y z [m], then a quaternion x y z w of any length but zero.
+    """N rigid transforms from (N, 7) rows: x y z [m], then a quaternion x y z w of any length but (nearly) zero.
 
     Raises:
         InputError: naming the line of a zero quaternion.
     """
-    zero = np.flatnonzero(~(np.linalg.norm(rows[:, 3:], axis=1) > 0))
+    zero = np.flatnonzero(np.linalg.norm(rows[:, 3:], axis=1) < LEAST_SIGMA)
     if len(zero):
         raise InputError(f"{path}: line {lines[zero[0]][0]} holds a zero quaternion; no rotation is 0 0 0 1")
     return RigidTransform.from_components(rows[:, :3], Rotation.from_quat(rows[:, 3:]))

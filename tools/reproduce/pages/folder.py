@@ -1,12 +1,12 @@
 """The files that an experiment leaves: its rows, its pictures, its page, its times, and a record of it all."""
 
-import json
 import tempfile
 from collections.abc import Iterable
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
+from tools.readers.json_file import read_json
 from tools.reproduce.experiment import Experiment, Row, Section
 from tools.reproduce.pages.section_text import duration, section_from_json, section_text, verdicts
 from tools.reproduce.provenance import Provenance
@@ -75,7 +75,7 @@ def write_experiment(
 def read_record(folder: Path, name: str) -> Record | None:
     """What NAME.json holds; None where the experiment is not there with all its files."""
     try:
-        content: dict[str, Any] = json.loads((folder / f"{name}.json").read_text(encoding="utf-8"))
+        content: dict[str, Any] = read_json(folder / f"{name}.json", "a result of `sonarmap reproduce`")
         record = Record(
             name=name,
             command=content["command"],
@@ -85,7 +85,7 @@ def read_record(folder: Path, name: str) -> Record | None:
             provenance=Provenance(**content["provenance"]),
             files=tuple(content["files"]),
         )
-    except (OSError, ValueError, LookupError, TypeError):  # not there, or not ours
+    except (ValueError, LookupError, TypeError):  # not there, or not ours
         return None
     return record if all((folder / file).is_file() for file in record.files) else None
 

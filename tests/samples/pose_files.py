@@ -1,0 +1,113 @@
+"""Small valid files of poses and settings of every kind, and how each is read."""
+
+import json
+from collections.abc import Callable, Iterator
+from dataclasses import dataclass, fields, is_dataclass
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+from scipy.spatial.transform import RigidTransform
+
+from spectral.scan import Scan
+from tools.evaluate.survey_summary import read_summary
+from tools.readers.odometry import read_odometry
+from tools.readers.poses.g2o import read_g2o
+from tools.readers.poses.graph_json import FORMAT, read_graph_json
+from tools.readers.poses.gt_log import read_gt_log
+from tools.readers.poses.kitti import read_kitti
+from tools.readers.poses.tum import read_tum
+from tools.readers.priors import with_priors
+from tools.simulate.folder import read_settings
+
+# Where a result may say that nothing is known.
+UNKNOWN = ("sigmas", "psr", "overlap", "probability")
+SCANS = [Scan(np.ones((1, 3), np.float32), stamp=float(k), name=f"scan{k}") for k in range(3)]
+
+_INFORMATION = " ".join("100" if i == j else "0.5" for i in range(6) for j in range(i, 6))
+_TUM = "".join(f"{k}.0 {k * 1.5} 2.25 -0.5 0.1 0.2 0.3 0.9\n" for k in range(3))
+_MATRIX = [[0.0, -1.0, 0.0, 1.5], [1.0, 0.0, 0.0, 2.5], [0.0, 0.0, 1.0, -3.5], [0.0, 0.0, 0.0, 1.0]]
+_ROWS = "\n".join(" ".join(map(str, row)) for row in _MATRIX)
+_COVARIANCE = np.diag([0.01, 0.01, 0.02, 0.5, 0.25, 0.125]).tolist()
+_PRIORS = "roll_deg,roll_sigma_deg,pitch_deg,pitch_sigma_deg,x_m,x_sigma_m,y_m,y_sigma_m,depth_m,depth_sigma_m"
+_PRIOR_ROW = "1.5,0.5,-2.5,0.5,10.5,3,20.5,3,7.5,0.1"
+_G2O = (
+    "".join(f"VERTEX_SE3:QUAT {k} {k * 1.5} 2.25 -0.5 0.1 0.2 0.3 0.9\n" for k in range(3))
+    + "".join(f"EDGE_SE3:QUAT {k} {k + 1} 1.5 0.25 0 0 0 0 1 {_INFORMATION}\n" for k in range(2))
+    + f"FIX 0\nPARAMS_SE3OFFSET 0 0 0 0 0 0 0 1\nEDGE_SE3_PRIOR 1 0 1.5 2 0 0 0 0 1 {_INFORMATION}\n"
+)
+_EDGE = {"i": 0, "j": 1, "T_i_j": _MATRIX, "covariance": _COVARIANCE, "probability": 0.9, "reason": "", "kind": "loop"}
+_GRAPH = {
+    "format": FORMAT,
+    "poses": [{"stamp": float(k), "T_world_sensor": _MATRIX} for k in range(2)],
+    "edges": [_EDGE],
+    "priors": [{"pose": 0, "T_world_sensor": _MATRIX, "sigmas": [0.01, 0.01, None, None, None, 0.1]}],
+}
+_SUMMARY = {
+    "settings": {"grid": {"voxel": 0.5}},
+    "scans": [{"stamp": float(k), "covariance": _COVARIANCE} for k in range(2)],
+    "pairs": [{"target": 0, "source": 1, "role": "sequential", "kept": True, "T_target_source": _MATRIX}],
+    "components": [{"scans": [0, 1], "map": {"voxel_m": 0.5}}],
+}
+_SENSOR = {"name": "own", "horizontal": 1.5, "vertical": 0.75, "columns": 32, "rows": 16, "min_range": 0.5}
+_DESCRIPTION = {
+    "settings": {
+        "scene": "pool", "trajectory": "survey", "count": 3, "spacing": 1.5, "seed": 7, "dive": 1, "unusable": 0.25,
+        "sensor": _SENSOR | {"max_range": 12.5, "tilt": 0.25, "edge_loss": 3.5, "threshold": 0.002},
+        "noise": {"sigma2": 0.01, "outliers": 0.01, "dropouts": 0.05, "ghosts": 0.02, "speckle": 1.0, "lobe": 0.5},
+    }
+}  # fmt: skip
+
+
+@dataclass(frozen=True, slots=True)
+class PoseFile:
+    """A file of poses or settings: its name, what is in it, and how it is read."""
+
+    name: str
+    content: bytes
+    read: Callable[[Path], object]
+
+
+def _csv(key: str) -> bytes:
+    cells = ["scan0", "scan1"] if key == "name" else ["0", "1.0"]
+    return "\n".join([f"{key},{_PRIORS}", *(f"{cell},{_PRIOR_ROW}" for cell in cells), ""]).encode()
+
+
+def _odometry(path: Path) -> object:
+    return read_odometry(path, SCANS, 0.01, 0.001)
+
+
+POSE_FILES = {
+    "tum": PoseFile("poses.tum", _TUM.encode(), read_tum),
+    "kitti": PoseFile("poses.kitti", (" ".join(_ROWS.split()[:12]) + "\n").encode() * 2, read_kitti),
+    "gt.log": PoseFile("gt.log", f"0 1 3\n{_ROWS}\n1 2 3\n{_ROWS}\n".encode(), read_gt_log),
+    "g2o": PoseFile("graph.g2o", _G2O.encode(), read_g2o),
+    "g2o repaired": PoseFile("graph.g2o", _G2O.encode(), lambda path: read_g2o(path, [])),
+    "graph.json": PoseFile("graph.json", json.dumps(_GRAPH).encode(), read_graph_json),
+    "summary.json": PoseFile("summary.json", json.dumps(_SUMMARY).encode(), read_summary),
+    "description.json": PoseFile("description.json", json.dumps(_DESCRIPTION).encode(), read_settings),
+    "priors by name": PoseFile("priors.csv", _csv("name"), lambda path: with_priors(SCANS, path)),
+    "priors by stamp": PoseFile("priors.csv", _csv("stamp"), lambda path: with_priors(SCANS, path)),
+    "odometry.csv": PoseFile(
+        "odometry.csv",
+        b"stamp,roll_deg,pitch_deg,heading_deg,x_m,y_m,depth_m\n0,1,2,30,4,5,6\n1,1,2,30,5,5,6\n2,1,2,30,6,5,6\n",
+        _odometry,
+    ),
+    "odometry.tum": PoseFile("odometry.tum", _TUM.encode(), _odometry),
+}  # fmt: skip
+
+
+def numbers_in(result: Any, name: str = "") -> Iterator[np.ndarray]:
+    """All numbers of what was read, but those that may be unknown."""
+    if name in UNKNOWN or result is None or isinstance(result, str):
+        return
+    if isinstance(result, RigidTransform):
+        yield result.as_matrix()
+    elif is_dataclass(result):
+        for field in fields(result):
+            yield from numbers_in(getattr(result, field.name), field.name)
+    elif isinstance(result, tuple | list):
+        for item in result:
+            yield from numbers_in(item, name)
+    else:
+        yield np.asarray(result, np.float64)
