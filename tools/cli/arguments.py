@@ -4,6 +4,7 @@ import re
 
 OPTIONS = {
     "alignment": "--align",
+    "count": "--scans",
     "device": "--device",
     "edge": "--grid",
     "fix_sigma": "--fix-sigma",

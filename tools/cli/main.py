@@ -15,7 +15,7 @@ from typing import Annotated, Any
 
 import typer
 
-from kernels.errors import SonarmapError
+from kernels.errors import InputError, SonarmapError
 from tools.cli.arguments import as_options
 from tools.cli.terminal import say
 
@@ -85,6 +85,10 @@ def guarded(command: Callable[..., Any]) -> Callable[..., Any]:
             code = _pipe_closed()
         except OSError as error:
             code = _output_lost(error) if error.errno in FULL else _defect(error)
+        except MemoryError as error:
+            code = _misuse(
+                InputError(f"this machine's memory is used up ({error}); give less at a time, or thin it out")
+            )
         except Exception as error:  # noqa: BLE001 - the last place where a defect can be reported
             code = _defect(error)
         raise typer.Exit(code)

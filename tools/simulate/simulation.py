@@ -23,6 +23,7 @@ from tools.simulate.sensing.ghosts import reflect
 from tools.simulate.sensing.noise import Noise, measure
 from tools.simulate.sensing.sensors import ECLIPSE, Sensor, cast
 from tools.simulate.sensing.unusable import Fault, choose_unusable
+from tools.simulate.size import check_size
 
 # Of a survey where nothing else is said: speckle in full, as every single sonar image has it
 SURVEY_NOISE = Noise(sigma2=1.0, outliers=0.01, dropouts=0.05, ghosts=0.02, speckle=1.0)
@@ -63,6 +64,7 @@ class SimulationSettings:
         if self.seed < 0:
             raise InputError(f"the seed is {self.seed}; wanted a number >= 0")
         check_dive(self.dive, self.trajectory)
+        check_size(self.count, self.sensor.columns, self.sensor.rows)
         choose_unusable(self.unusable, self.count, self.seed, self.dive)
 
 

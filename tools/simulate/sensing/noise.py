@@ -11,7 +11,7 @@ from spectral.scan import Scan
 from tools.simulate.sensing.lobes import fade, pick_strongest
 from tools.simulate.sensing.sensors import Echoes, Sensor
 
-WIDEST = 8.0  # of a lobe [beams]
+NARROWEST, WIDEST = 0.05, 8.0  # of a lobe [beams]; in a narrower one no neighbor is heard
 
 
 @dataclass(frozen=True, slots=True)
@@ -49,8 +49,8 @@ class Noise:
                 raise InputError(f"noise: {name} is {share}; wanted a share of the echoes, 0 <= share < 1")
         if not 0 <= self.speckle <= 1:
             raise InputError(f"noise: speckle is {self.speckle}; wanted a share of the strength, 0 <= share <= 1")
-        if not 0 <= self.lobe <= WIDEST:
-            raise InputError(f"noise: lobe is {self.lobe}; wanted a width in beams, 0 to {WIDEST:g}")
+        if self.lobe != 0 and not NARROWEST <= self.lobe <= WIDEST:
+            raise InputError(f"noise: lobe is {self.lobe}; wanted 0, or a width of {NARROWEST:g} to {WIDEST:g} beams")
 
 
 def disturb(

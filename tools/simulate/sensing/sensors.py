@@ -10,8 +10,10 @@ from pydantic import ConfigDict
 from scipy.spatial.transform import RigidTransform, Rotation
 
 from kernels.errors import InputError
+from tools.readers.clouds.cloud import COORDINATE_LIMIT
 from tools.simulate.scenes.scene import Scene
 
+_FARTHEST = COORDINATE_LIMIT  # [m]: what lies farther is read from no file
 ABSORPTION_DB = 0.06  # of sea water at 240 kHz, one way [dB/m]
 
 
@@ -50,10 +52,10 @@ class Sensor:
 
     def __post_init__(self) -> None:
         fan = 0 < self.horizontal < 2 * math.pi and 0 < self.vertical < math.pi
-        if not fan or self.columns < 2 or self.rows < 2 or not 0 <= self.min_range < self.max_range:
+        if not fan or self.columns < 2 or self.rows < 2 or not 0 <= self.min_range < self.max_range <= _FARTHEST:
             raise InputError(
                 f"{self} is no sensor; wanted fields of view within 360 and 180 degrees, at least "
-                "2 x 2 beams and 0 <= min_range < max_range"
+                f"2 x 2 beams and 0 <= min_range < max_range <= {_FARTHEST:g} m"
             )
         for name in ("edge_loss", "absorption", "threshold", "resolution"):
             value = getattr(self, name)
