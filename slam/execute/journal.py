@@ -74,6 +74,7 @@ class Journal:
         try:
             with self._explained_errors():
                 self._open(fresh)
+            self._file = _file_at(path)
         except BaseException:
             self.close()
             raise
@@ -108,6 +109,7 @@ class Journal:
 
     def add(self, entries: Sequence[JournalEntry]) -> None:
         """Keep entries, all of them or none; one with the key of an earlier entry replaces it."""
+        self._require_in_place()
         kept = [replace(entry, label=storable(entry.label), seconds=float(entry.seconds)) for entry in entries]
         rows = [(entry.key, entry.label, entry.content, entry.seconds, _checksum(entry)) for entry in kept]
         with self._explained_errors(), self._transaction():
@@ -119,6 +121,14 @@ class Journal:
             f"{self.path} is no journal of sonarmap, or it is damaged ({reason}). Move it away or delete it, and "
             "everything is computed again; or choose another output folder."
         )
+
+    def _require_in_place(self) -> None:
+        """Refuse to write to a file that was removed or replaced: SQLite would go on with what nobody finds again."""
+        if self._file is None or _file_at(self.path) != self._file:
+            raise InputError(
+                f"{self.path} was removed or replaced while this run was using it, so that no more can be kept. "
+                "Leave the output folder as it is while it is written to, and run the same command again."
+            )
 
     def _open(self, fresh: bool) -> None:
         # Exclusive: the lock of the first writing below is held until the end. Full: on disk before a commit returns.
@@ -185,6 +195,15 @@ class Journal:
                 f"cannot write {self.path}: {error}. Choose another output folder, or make room and check its "
                 "permissions; what the journal holds is kept, and the same command goes on from there."
             ) from error
+
+
+def _file_at(path: Path) -> tuple[int, int] | None:
+    """Which file is there; None for none."""
+    try:
+        status = path.stat()
+    except OSError:
+        return None
+    return status.st_dev, status.st_ino
 
 
 def _checksum(entry: JournalEntry) -> str:

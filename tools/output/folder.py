@@ -20,7 +20,7 @@ from tools.readers.json_file import read_json
 from tools.readers.scans import Unread
 from tools.report.loops_picture import draw_loops
 from tools.report.map_picture import draw_map
-from tools.writers.atomic import all_or_none
+from tools.writers.atomic import all_or_none, discard
 from tools.writers.g2o import write_g2o
 from tools.writers.json_text import write_json
 from tools.writers.points import WRITERS, write_points
@@ -101,7 +101,7 @@ def write_survey(
         if times is not None:
             write_json(folder / TIMES, times)
     for name in earlier.difference(*files):
-        (folder / name).unlink(missing_ok=True)
+        discard(folder / name)
     return folder / SUMMARY
 
 

@@ -3,7 +3,7 @@
 import os
 import tempfile
 from collections.abc import Iterator
-from contextlib import contextmanager
+from contextlib import contextmanager, suppress
 from contextvars import ContextVar
 from pathlib import Path
 
@@ -44,7 +44,7 @@ def atomic_path(path: Path) -> Iterator[Path]:
         raise _cannot_write(path, error) from error
     finally:
         if (temporary, path) not in (waiting or []):
-            temporary.unlink(missing_ok=True)
+            discard(temporary)
 
 
 @contextmanager
@@ -66,14 +66,14 @@ def all_or_none() -> Iterator[None]:
     finally:
         _waiting.reset(token)
         for temporary, _ in waiting:
-            temporary.unlink(missing_ok=True)
+            discard(temporary)
 
 
 def clear_leftovers(folder: Path) -> None:
     """Remove the temporary files of a run that was killed while it wrote; only for who has the folder to itself."""
     for path in folder.glob(f"{_PREFIX}*"):
         if path.is_file():
-            path.unlink(missing_ok=True)
+            discard(path)
 
 
 def require_writable(folder: Path) -> None:
@@ -88,6 +88,12 @@ def require_writable(folder: Path) -> None:
             pass
     except OSError as error:
         raise _cannot_write(folder, error) from error
+
+
+def discard(path: Path) -> None:
+    """Remove a file, if it and its folder are still there."""
+    with suppress(OSError):
+        path.unlink()
 
 
 def _cannot_write(path: Path, error: OSError) -> InputError:

@@ -185,7 +185,16 @@ def _show(result: "SurveyResult", names: list[str], out: Path, also: list[str], 
     from tools.output.folder import SUMMARY
 
     if as_json:
-        typer.echo(json.dumps(json.loads((out / SUMMARY).read_text(encoding="utf-8"))))
+        typer.echo(_on_one_line(out / SUMMARY))
     else:
         print_survey(result, names, out, also)
     warn_of_faults(result, names, out)
+
+
+def _on_one_line(summary: Path) -> str:
+    try:
+        return json.dumps(json.loads(summary.read_text(encoding="utf-8")))
+    except OSError as error:
+        raise InputError(
+            f"cannot read {summary}: {error.strerror or error}; it was written, and then removed. Run the command again"
+        ) from error

@@ -12,7 +12,7 @@ from tools.reproduce.pages.section_text import duration, section_from_json, sect
 from tools.reproduce.provenance import Provenance
 from tools.reproduce.run import Result
 from tools.reproduce.table import write_csv
-from tools.writers.atomic import all_or_none, atomic_path
+from tools.writers.atomic import all_or_none, atomic_path, discard
 from tools.writers.json_text import to_json, write_json
 
 
@@ -68,7 +68,7 @@ def write_experiment(
             _write_text(folder / f"{name}-times.md", f"# {section.title}: times\n\n{times_text(record)}")
             write_json(folder / f"{name}.json", to_json(record) | {"job_seconds": result.job_seconds})
     for old in set(former.files if former else ()).difference(files):
-        (folder / Path(old).name).unlink(missing_ok=True)
+        discard(folder / Path(old).name)
     return record
 
 
