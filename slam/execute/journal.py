@@ -182,7 +182,7 @@ class Journal:
             yield
         except InputError:
             raise
-        except (sqlite3.Error, MemoryError) as error:  # a damaged page may ask for any amount
+        except (sqlite3.Error, MemoryError, UnicodeDecodeError) as error:  # what a damaged page may end with
             code = getattr(error, "sqlite_errorcode", sqlite3.SQLITE_ERROR) & 0xFF
             if code == sqlite3.SQLITE_BUSY:
                 raise InputError(

@@ -1,6 +1,9 @@
 """Files cut anywhere, damaged anywhere, or garbage: refused or harmless, without a warning."""
 
+import json
 import re
+import subprocess
+import sys
 import warnings
 from pathlib import Path
 
@@ -12,11 +15,13 @@ from hypothesis import strategies as st
 from kernels.errors import InputError
 from spectral.scan import Scan
 from tests.samples.cloud_files import POINTS, SAMPLES, STRENGTH
-from tools.readers.clouds.cloud import COORDINATE_LIMIT
+from tests.samples.damaged_files import check_usable, damage, readables
 from tools.readers.scans import FORMATS, read_scans
 
 pytestmark = pytest.mark.filterwarnings("error")
 NAMES = list(SAMPLES)
+ROOT = Path(__file__).parents[3]
+MOST_SECONDS, MOST_MEMORY = 10.0, 2 << 30  # for one damaged file; for all of them [bytes]
 LINES_WITHOUT_COUNT = (".xyz", ".txt", ".csv")
 
 
@@ -25,16 +30,6 @@ def read(folder: Path, suffix: str, content: bytes) -> Scan:
     path = folder / f"scan{suffix}"
     path.write_bytes(content)
     return read_scans([path]).scans[0]
-
-
-def check_usable(scan: Scan) -> None:
-    assert len(scan.points) >= 1
-    assert np.isfinite(scan.points).all()
-    assert np.abs(scan.points).max() <= COORDINATE_LIMIT
-    if scan.strength is not None:
-        assert scan.strength.shape == (len(scan.points),)
-        assert np.isfinite(scan.strength).all()
-        assert (scan.strength >= 0).all()
 
 
 @pytest.mark.parametrize("sample", [name for name in NAMES if name != "sonar"])
@@ -51,34 +46,30 @@ def test_a_file_cut_anywhere_is_refused(tmp_path, sample):
         np.testing.assert_array_equal(scan.strength, STRENGTH[: len(scan.points)])
 
 
-def mutations(content: bytes, count: int, seed: int):
-    """`content` with one to four bytes changed, lost or added."""
-    rng = np.random.default_rng(seed)
-    for _ in range(count):
-        changed = bytearray(content)
-        for _ in range(rng.integers(1, 5)):
-            place = int(rng.integers(len(changed)))
-            match rng.integers(4):
-                case 0:
-                    changed[place] ^= 1 << int(rng.integers(8))
-                case 1:
-                    changed[place] = int(rng.integers(256))
-                case 2:
-                    del changed[place]
-                case _:
-                    changed[place:place] = bytes([int(rng.choice(list(b"0129-+. \n\xff")))])
-        yield bytes(changed)
+class TestDamageOfEveryKindOfFile:
+    """Scans, trajectories, graphs, priors, settings and journals; see tests/samples/mutations.py for the damages."""
 
+    def test_a_few_are_refused_or_harmless(self, tmp_path: Path) -> None:
+        outcome = damage(tmp_path, each=100, seed=2)
+        assert outcome.faults == []
+        assert all(ends["refused"] > 0 for ends in outcome.ends.values())
+        assert outcome.longest < MOST_SECONDS
 
-@pytest.mark.parametrize("sample", NAMES)
-def test_damaged_bytes_are_refused_or_harmless(tmp_path, sample):
-    suffix, content = SAMPLES[sample]
-    for changed in mutations(content, 150, seed=len(sample)):
-        try:
-            scan = read(tmp_path, suffix, changed)
-        except InputError:
-            continue
-        check_usable(scan)
+    @pytest.mark.slow
+    def test_twenty_thousand_are_refused_or_harmless(self) -> None:
+        """In a process of its own, so that its memory is known."""
+        each = -(-20_000 // len(readables()))
+        code = "from tests.samples.damaged_files import main; main()"
+        ended = subprocess.run([sys.executable, "-c", code, str(each)], cwd=ROOT, capture_output=True, text=True)
+        assert ended.returncode == 0, ended.stderr
+        ends, faults, longest, memory = json.loads(ended.stdout)
+        for kind, counts in ends.items():
+            print(f"{kind:24} {counts}")
+        print(f"{sum(sum(counts.values()) for counts in ends.values())} damaged files, {len(faults)} faults")
+        print(f"longest {longest:.2f} s, memory {memory / 2**20:.0f} MiB")
+        assert faults == []
+        assert longest < MOST_SECONDS
+        assert memory < MOST_MEMORY
 
 
 @pytest.mark.parametrize("sample", NAMES)

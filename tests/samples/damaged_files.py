@@ -1,0 +1,154 @@
+"""Every kind of file that is read, damaged at random: refused in words, or read as something that can be used."""
+
+import json
+import resource
+import sys
+import tempfile
+import warnings
+from collections import Counter
+from collections.abc import Callable
+from dataclasses import dataclass, field
+from pathlib import Path
+from time import perf_counter
+from zlib import crc32
+
+import numpy as np
+
+from kernels.errors import InputError
+from slam.execute.journal import Journal, JournalEntry
+from slam.execute.pair_text import from_text, to_text
+from spectral.scan import Scan
+from tests.samples.cloud_files import SAMPLES, TABLE
+from tests.samples.mutations import mutated
+from tests.samples.pose_files import POSE_FILES, numbers_in
+from tests.samples.surveys import random_covariance, random_transforms, registration
+from tools.readers.clouds.cloud import COORDINATE_LIMIT
+from tools.readers.scans import read_scans
+
+COUNTED = (".ply", ".pcd", ".npy", ".npz")  # formats that say how many points they hold
+
+
+@dataclass(frozen=True, slots=True)
+class Readable:
+    """A file, and what has to hold of it where it is read: `check` raises InputError where it is refused."""
+
+    name: str
+    content: bytes
+    check: Callable[[Path], None]
+
+
+@dataclass(slots=True)
+class Outcome:
+    """Of many damaged files: how many were refused and read, by kind; what went wrong; the longest time [s]."""
+
+    ends: dict[str, Counter[str]] = field(default_factory=dict)
+    faults: list[str] = field(default_factory=list)
+    longest: float = 0.0
+
+
+def check_usable(scan: Scan) -> None:
+    """Raise AssertionError for a scan that cannot be worked with."""
+    assert len(scan.points) >= 1
+    assert np.isfinite(scan.points).all()
+    assert np.abs(scan.points).max() <= COORDINATE_LIMIT
+    assert np.isfinite(scan.stamp)
+    if scan.strength is not None:
+        assert scan.strength.shape == (len(scan.points),)
+        assert np.isfinite(scan.strength).all()
+        assert (scan.strength >= 0).all()
+
+
+def _check_scans(path: Path) -> None:
+    read = read_scans([path])
+    for scan in read.scans:
+        check_usable(scan)
+    if path.suffix in COUNTED and len(read.scans[0].points) < len(TABLE):
+        assert read.notes, "fewer points than were written, and no word of it"
+
+
+def _check_poses(read: Callable[[Path], object]) -> Callable[[Path], None]:
+    def check(path: Path) -> None:
+        assert all(np.isfinite(numbers).all() for numbers in numbers_in(read(path)))
+
+    return check
+
+
+def _journal_entries() -> list[JournalEntry]:
+    rng = np.random.default_rng(5)
+    texts = [to_text(registration(T, random_covariance(rng))) for T in random_transforms(rng, 12)]
+    return [JournalEntry(f"key {k}", f"scan{k} - scan{k + 1}", text, 0.5 + k) for k, text in enumerate(texts)]
+
+
+def _journal() -> Readable:
+    entries = _journal_entries()
+    with tempfile.TemporaryDirectory() as folder:
+        path = Path(folder) / "journal.sqlite"
+        with Journal(path) as journal:
+            journal.add(entries)
+        content = path.read_bytes()
+
+    def check(path: Path) -> None:
+        with Journal(path) as journal:
+            for entry in entries:
+                found = journal.entry(entry.key)
+                assert found in (None, entry), "a changed row was taken for the one that was kept"
+                from_text(entry.content)
+            journal.add(entries)
+            assert [journal.entry(entry.key) for entry in entries] == entries
+
+    return Readable("journal.sqlite", content, check)
+
+
+def readables() -> dict[str, Readable]:
+    """Every kind of file, whole."""
+    scans = {kind: Readable(f"scan{suffix}", content, _check_scans) for kind, (suffix, content) in SAMPLES.items()}
+    poses = {kind: Readable(file.name, file.content, _check_poses(file.read)) for kind, file in POSE_FILES.items()}
+    return {**scans, **poses, "journal": _journal()}
+
+
+def damage(folder: Path, each: int, seed: int) -> Outcome:
+    """Damage every kind of file so many times; the same seed damages them alike.
+
+    Args:
+        folder: to write to; it has to be empty.
+        each: number of damaged files of a kind.
+        seed: of all draws.
+    """
+    files, outcome = readables(), Outcome()
+    contents = [file.content for file in files.values()]
+    for kind, file in files.items():
+        ends = outcome.ends[kind] = Counter()
+        for number in range(each):
+            rng = np.random.default_rng([seed, crc32(kind.encode()), number])
+            changed = mutated(file.content, contents[rng.integers(len(contents))], rng)
+            for left in folder.iterdir():
+                left.unlink()
+            (folder / file.name).write_bytes(changed)
+            start = perf_counter()
+            ends[_end(file, folder / file.name, f"{kind} {number}", outcome.faults)] += 1
+            outcome.longest = max(outcome.longest, perf_counter() - start)
+    return outcome
+
+
+def _end(file: Readable, path: Path, which: str, faults: list[str]) -> str:
+    try:
+        with warnings.catch_warnings():
+            warnings.simplefilter("error")
+            file.check(path)
+    except InputError as error:
+        if str(error):
+            return "refused"
+        faults.append(f"{which}: refused without a word")
+    except Exception as error:  # noqa: BLE001 - every one of them is a fault to tell
+        faults.append(f"{which}: {type(error).__name__}: {str(error)[:200]}")
+    else:
+        return "read"
+    return "fault"
+
+
+def main() -> None:
+    """Print the outcome, and the memory that it took, as JSON; the argument says how many of each kind."""
+    with tempfile.TemporaryDirectory() as folder:
+        outcome = damage(Path(folder), each=int(sys.argv[1]), seed=1)
+    peak = resource.getrusage(resource.RUSAGE_SELF).ru_maxrss * 1024
+    print(json.dumps([outcome.ends, outcome.faults, outcome.longest, peak]))
