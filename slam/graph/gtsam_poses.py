@@ -1,12 +1,13 @@
 # pyright: strict, reportMissingTypeStubs=false, reportUnknownMemberType=false, reportUnknownVariableType=false, reportUnknownArgumentType=false
 """Poses to GTSAM and back, and where relative rotations alone say that poses are."""
 
+import warnings
 from collections.abc import Iterable
 
 import gtsam
 import numpy as np
 from scipy import sparse
-from scipy.sparse.linalg import spsolve
+from scipy.sparse.linalg import MatrixRankWarning, spsolve
 from scipy.spatial.transform import RigidTransform, Rotation
 
 START_SIGMA = 1e-2  # [rad, m], of the priors that hold a pose about where it is in `chordal_start`
@@ -48,7 +49,7 @@ def chordal_start(factors: gtsam.NonlinearFactorGraph, count: int) -> RigidTrans
     Factors other than BetweenFactorPose3 and PriorFactorPose3 are ignored.
 
     Raises:
-        RuntimeError: the measurements do not tell every rotation.
+        RuntimeError: the measurements do not tell every rotation and translation, or weigh too differently to be added.
     """
     orientations = gtsam.InitializePose3.initializeOrientations(factors)
     R = np.stack([orientations.atRot3(key).matrix() for key in range(count)])
@@ -71,7 +72,11 @@ def chordal_start(factors: gtsam.NonlinearFactorGraph, count: int) -> RigidTrans
     )
     wanted = weights[:, None] * np.vstack([np.einsum("mab,mb->ma", R[i], moved), places])
     normal = sparse.csc_array(differences.T @ differences)
-    t = np.asarray(spsolve(normal, differences.T @ wanted)).reshape(count, 3)
+    with warnings.catch_warnings():
+        warnings.simplefilter("ignore", MatrixRankWarning)  # told below
+        t = np.asarray(spsolve(normal, differences.T @ wanted)).reshape(count, 3)
+    if not np.isfinite(t).all():
+        raise RuntimeError("the measurements do not tell every translation")
     return RigidTransform.from_components(t, Rotation.from_matrix(R))
 
 

@@ -8,6 +8,7 @@ import numpy as np
 from scipy.spatial.transform import RigidTransform, Rotation
 from scipy.stats import chi2
 
+from kernels.errors import InputError
 from spectral.measured import twist
 
 LEVEL = 0.95  # of the ellipsoids
@@ -68,6 +69,9 @@ def calibrate_poses(
         unmeasured: what instruments left open of the poses in the world (`slam.graph.measured_poses.MEASURED`).
 
     The tangent is the full one of SE(3), as GTSAM's.
+
+    Raises:
+        InputError: a covariance is singular.
     """
     fixed = bool(np.sqrt(np.diag(covariances[0]).max()) < FIXED)
     if fixed and len(covariances) == 1:
@@ -106,4 +110,11 @@ def _laid_on(first: RigidTransform, T_world_sensor: RigidTransform, unmeasured: 
 
 def _squared(errors: np.ndarray, covariances: np.ndarray) -> np.ndarray:
     """Squared Mahalanobis distances (N,) of errors (N, D)."""
-    return np.einsum("ni,ni->n", errors, np.linalg.solve(covariances, errors[:, :, None])[:, :, 0])
+    try:
+        weighed = np.linalg.solve(covariances, errors[:, :, None])[:, :, 0]
+    except np.linalg.LinAlgError as error:
+        raise InputError(
+            "a pose's covariance is singular, so that its error cannot be compared with it; give the summary as "
+            "`sonarmap map` wrote it, or leave it out"
+        ) from error
+    return np.einsum("ni,ni->n", errors, weighed)

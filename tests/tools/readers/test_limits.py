@@ -90,6 +90,32 @@ def test_a_graph_of_such_numbers_is_refused(tmp_path: Path, given: bytes, hostil
         assert not (tmp_path / "out.g2o").exists()
 
 
+@pytest.mark.filterwarnings("default")
+@pytest.mark.parametrize("number", [b"1e16", b"9223372036854775808", b"1e30"])
+@pytest.mark.parametrize("options", [[], ["--repair"]])
+def test_weights_that_differ_too_much_to_be_added_are_an_error(
+    tmp_path: Path, number: bytes, options: list[str]
+) -> None:
+    before, _, after = POSE_FILES["g2o"].content.rpartition(
+        b"EDGE_SE3:QUAT 1 2 1.5 0.25 0 0 0 0 1 100 0.5 0.5 0.5 0.5 0.5 100 "
+    )
+    path = _written(
+        tmp_path / "in.g2o",
+        before + b"EDGE_SE3:QUAT 1 2 1.5 0.25 0 0 0 0 1 100 0.5 0.5 0.5 0.5 0.5 " + number + b" " + after,
+    )
+    result = sonarmap("optimize", path, "-o", tmp_path / "out.g2o", *options)
+    assert (result.exit_code, result.stdout) == (2, "")
+    said(result, "error: the pose graph of 3 poses and 2 edges has no unique solution")
+
+
+def test_a_covariance_of_nothing_is_an_error(tmp_path: Path) -> None:
+    summary = _written(tmp_path / "summary.json", POSE_FILES["summary.json"].content.replace(b"0.125", b"0"))
+    poses = _written(tmp_path / "poses.tum", POSE_FILES["tum"].content)
+    result = sonarmap("evaluate", poses, poses, "--summary", summary)
+    assert (result.exit_code, result.stdout) == (2, "")
+    said(result, "error: a pose's covariance is singular")
+
+
 @pytest.mark.parametrize("text", ["1e308,1,1,1", "1,1e-200,1,1", "1,1,inf,1"])
 def test_options_have_the_same_limits(text: str) -> None:
     with pytest.raises(InputError):
