@@ -1,4 +1,4 @@
-"""Nearest neighbors on all cores, in a way that an interrupt cannot crash."""
+"""Nearest neighbors on all cores that this process may use, in a way that an interrupt cannot crash."""
 
 from concurrent.futures import Future
 from threading import Thread
@@ -6,6 +6,8 @@ from typing import Any
 
 import numpy as np
 from scipy.spatial import KDTree
+
+from kernels.device.threads import thread_count
 
 
 def query_on_all_cores(
@@ -28,7 +30,7 @@ def query_on_all_cores(
 
     def query() -> None:
         try:
-            answer.set_result(tree.query(points, k, distance_upper_bound=reach, workers=-1))
+            answer.set_result(tree.query(points, k, distance_upper_bound=reach, workers=thread_count()))
         except BaseException as error:  # noqa: BLE001 - the caller raises it
             answer.set_exception(error)
 

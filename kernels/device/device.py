@@ -18,6 +18,7 @@ from pyopencl.array import Array
 
 from kernels.device.selection import Entry, by_preference, kind, matching
 from kernels.device.source import KERNEL_FOLDER, informative_line, inline_includes, literal
+from kernels.device.threads import limit_libraries
 from kernels.errors import DeviceError
 
 __all__ = ["Array", "Device", "DeviceInfo", "choose_device", "list_devices"]
@@ -225,6 +226,7 @@ def choose_device(selector: str | None = None) -> Device:
 
 
 def _devices() -> list[Entry]:
+    limit_libraries()  # PoCL reads its number when its devices are asked for first
     try:
         platforms = cl.get_platforms()
     except cl.Error:

@@ -1,5 +1,5 @@
-"""New processes, which end with this one. Only the standard library is imported here, as a new process may set how many
-threads libraries use before it loads them."""
+"""New processes, which share the cores and end with this one. No library is imported here, as a new process sets how
+many threads libraries use before it loads them."""
 
 import os
 from collections.abc import Callable, Iterator
@@ -11,6 +11,8 @@ from signal import SIG_IGN, SIGINT, signal
 from threading import Thread
 from typing import Any
 
+from kernels.device.threads import share_cores
+
 
 @contextmanager
 def spawned(workers: int, begin: Callable[..., None] | None = None, *arguments: Any) -> Iterator[ProcessPoolExecutor]:
@@ -18,7 +20,7 @@ def spawned(workers: int, begin: Callable[..., None] | None = None, *arguments: 
 
     They are spawned, as an OpenCL context must not be inherited. They ignore interrupts, which are for this process.
     If the block raises or is interrupted they are ended, and their unfinished work is lost; if this process is killed
-    they end too.
+    they end too. Each uses its share of the cores (`kernels.device.threads.share_cores`).
 
     Args:
         workers: how many, at least 1.
@@ -28,7 +30,7 @@ def spawned(workers: int, begin: Callable[..., None] | None = None, *arguments: 
         InputError: a process ended before its time.
     """
     before = set(active_children())
-    pool = ProcessPoolExecutor(workers, get_context("spawn"), _begin, (begin, arguments))
+    pool = ProcessPoolExecutor(workers, get_context("spawn"), _begin, (workers, begin, arguments))
     try:
         yield pool
         pool.shutdown()
@@ -41,8 +43,9 @@ def spawned(workers: int, begin: Callable[..., None] | None = None, *arguments: 
         raise
 
 
-def _begin(begin: Callable[..., None] | None, arguments: tuple[Any, ...]) -> None:
+def _begin(workers: int, begin: Callable[..., None] | None, arguments: tuple[Any, ...]) -> None:
     signal(SIGINT, SIG_IGN)
+    share_cores(workers)
     Thread(target=_end_with_parent, daemon=True).start()
     if begin is not None:
         begin(*arguments)

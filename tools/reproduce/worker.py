@@ -1,7 +1,6 @@
 """Running an experiment's jobs, in this process or in a new one. Only the standard library is imported here, as a new
 process sets how many threads libraries use before it loads them."""
 
-import os
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from importlib import import_module
@@ -44,7 +43,6 @@ class JobResult:
 def begin(processes: WorkerProcesses) -> None:
     """Make the experiment in a new process."""
     global _experiment
-    os.environ.setdefault("OMP_NUM_THREADS", str(max(1, (os.cpu_count() or 1) // processes.count)))
     from kernels.device.device import choose_device
 
     create: Any = import_module(processes.module).create

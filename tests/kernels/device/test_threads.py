@@ -1,0 +1,66 @@
+"""How many threads a process may use, and that processes which work together share the cores."""
+
+import os
+import subprocess
+import sys
+
+import pytest
+
+from kernels.device.device import list_devices
+from kernels.device.threads import share_cores, thread_count
+from kernels.errors import InputError
+from slam.execute.processes import spawned
+from tests.samples.command_line import ROOT
+
+LIBRARIES = ("POCL_MAX_PTHREAD_COUNT", "POCL_CPU_MAX_CU_COUNT", "OMP_NUM_THREADS", "OPENBLAS_NUM_THREADS")
+
+
+@pytest.fixture
+def cores(monkeypatch: pytest.MonkeyPatch) -> int:
+    """Of a machine of 12, in an environment that says nothing."""
+    monkeypatch.setattr(os, "sched_getaffinity", lambda _: set(range(12)), raising=False)
+    for name in ("SONARMAP_THREADS", *LIBRARIES):
+        monkeypatch.delenv(name, raising=False)
+    return 12
+
+
+@pytest.mark.parametrize(("processes", "share"), [(1, 12), (2, 6), (5, 2), (30, 1)])
+def test_processes_share_the_cores(cores: int, monkeypatch: pytest.MonkeyPatch, processes: int, share: int) -> None:
+    assert thread_count() == cores
+    monkeypatch.setenv("OMP_NUM_THREADS", "7")  # a user's own wish
+    share_cores(processes)
+    assert thread_count() == share
+    assert [os.environ.pop(name) for name in LIBRARIES] == [str(share), str(share), "7", str(share)]
+    del os.environ["SONARMAP_THREADS"]
+
+
+@pytest.mark.parametrize("text", ["", "0", "-1", "two", "1.5", "²"])
+def test_what_is_no_number_is_told(cores: int, monkeypatch: pytest.MonkeyPatch, text: str) -> None:
+    monkeypatch.setenv("SONARMAP_THREADS", text)
+    with pytest.raises(InputError, match=r"SONARMAP_THREADS is .* whole number of at least 1"):
+        thread_count()
+
+
+def test_new_processes_have_their_share() -> None:
+    count = thread_count()
+    with spawned(2) as pool:
+        assert pool.submit(thread_count).result() == max(1, count // 2)
+
+
+def test_pocl_uses_as_many_threads_as_it_may() -> None:
+    pocl = [info for info in list_devices() if "portable" in info.platform.lower() and not info.fault]
+    if not pocl:
+        pytest.skip("PoCL is not installed")
+    program = (
+        "from kernels.device.device import choose_device\n"
+        f"print(choose_device({pocl[0].selector!r}).cl_device.max_compute_units)"
+    )
+    environment = {name: value for name, value in os.environ.items() if name not in LIBRARIES}
+    done = subprocess.run(
+        [sys.executable, "-c", program],
+        cwd=ROOT,
+        env=environment | {"SONARMAP_THREADS": "1"},
+        capture_output=True,
+        text=True,
+    )
+    assert (done.stdout, done.stderr) == ("1\n", "")
