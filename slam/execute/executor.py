@@ -1,17 +1,17 @@
-"""Where work runs: in this process, in several processes of this machine, or on the workers of a Dask cluster."""
+"""Where work runs: in this process or in several of this machine. The workers of a cluster are in `cluster.py`."""
 
-import logging
-from collections import deque
+from collections import Counter, deque
 from collections.abc import Callable, Generator, Iterator, Sequence
-from concurrent.futures import FIRST_COMPLETED, CancelledError, Future, wait
+from concurrent.futures import FIRST_COMPLETED, Future, wait
 from concurrent.futures import Executor as Pool
 from contextlib import contextmanager
 from dataclasses import dataclass
-from socket import create_connection
+from pathlib import Path
 from typing import Any, TypeVar
 
 from kernels.errors import InputError
 from slam.execute.processes import spawned
+from slam.execute.transport import InProcess, Transport, spooled
 
 _Job = TypeVar("_Job")
 _Result = TypeVar("_Result")
@@ -20,13 +20,10 @@ _Result = TypeVar("_Result")
 JOBS_TOGETHER = 4
 # Pieces of work that each worker has queued, so that it is never idle; more would fill a scheduler's memory.
 _QUEUED_PER_WORKER = 2
-# How long a cluster's scheduler is waited for, and one that has no workers [s].
-_PATIENCE = 10.0
-# Loggers that print tracebacks where workers or the scheduler are lost.
-_NOISY_LOGGERS = (
-    *(f"distributed{part}" for part in ("", ".client", ".core", ".comm", ".utils")),
-    "tornado.application",
-)
+# How often a piece of work is begun again that was lost with a worker or with a scan that the worker held.
+_MOST_LOST = 3
+# How long workers are waited for, if there are none [s].
+PATIENCE = 10.0
 
 
 @dataclass(frozen=True, slots=True)
@@ -35,26 +32,31 @@ class Executor:
 
     Attributes:
         pool: what runs a piece of work.
+        transport: brings scans to the workers.
         worker_count: how many workers there are now.
         most_together: the largest number of jobs in a piece of work, whatever is asked for.
     """
 
     pool: Pool
+    transport: Transport
     worker_count: Callable[[], int]
     most_together: int | None = None
 
     def run(
         self,
-        task: Callable[[Sequence[_Job]], list[_Result]],
+        task: Callable[..., list[_Result]],
         jobs: Sequence[_Job],
         together: int = JOBS_TOGETHER,
+        more: Callable[[Sequence[_Job]], tuple[Any, ...]] = lambda _: (),
     ) -> Generator[tuple[range, list[_Result]]]:
         """Run a task on all jobs, and yield the results of each piece of work as soon as it is done.
 
         Args:
-            task: takes some of the jobs and returns a result for each; it is pickled where workers are processes.
+            task: takes some of the jobs, and `more` of these, and returns a result for each job; it is pickled where
+                workers are processes.
             jobs: in the order in which they are begun.
             together: most jobs of one piece of work.
+            more: gives what the task takes beside a piece's jobs; called when the piece is begun.
 
         Yields:
             the indices of some of the jobs, and their results.
@@ -65,23 +67,30 @@ class Executor:
         """
         pieces = _pieces(len(jobs), self.worker_count(), min(together, self.most_together or together))
         running: dict[Future[list[_Result]], range] = {}
+        losses = Counter[range]()
         while pieces or running:
             most_running = _QUEUED_PER_WORKER * max(1, self.worker_count())
             while pieces and len(running) < most_running:
                 piece = pieces.popleft()
-                future = self.pool.submit(task, jobs[piece.start : piece.stop])
+                some = jobs[piece.start : piece.stop]
+                future = self.pool.submit(task, some, *more(some))
                 running[future] = piece
                 if future.done():  # in this process: the caller keeps the result before the next piece is begun
                     break
             for future in sorted(self._finished(running), key=_has_failed):  # results are kept before an error ends it
-                yield running.pop(future), future.result()
+                piece = running.pop(future)
+                if future.cancelled() and losses[piece] < _MOST_LOST:
+                    losses[piece] += 1
+                    pieces.appendleft(piece)
+                else:
+                    yield piece, future.result()
 
     def _finished(self, running: dict[Future[Any], range]) -> set[Future[Any]]:
         """Those that are done, at least one."""
-        while not (done := wait(running, _PATIENCE, FIRST_COMPLETED).done):
+        while not (done := wait(running, PATIENCE, FIRST_COMPLETED).done):
             if not self.worker_count():
                 raise InputError(
-                    f"the cluster has had no worker for {_PATIENCE:g} s. Start some; what is done is kept, and the "
+                    f"the cluster has had no worker for {PATIENCE:g} s. Start some; what is done is kept, and the "
                     "same command goes on from there."
                 )
         return done
@@ -89,89 +98,26 @@ class Executor:
 
 def this_process() -> Executor:
     """Runs every job here, one after the other."""
-    return Executor(_Immediate(), lambda: 1, most_together=1)
+    return Executor(_Immediate(), InProcess(), lambda: 1, most_together=1)
 
 
 @contextmanager
-def processes(workers: int, begin: Callable[..., None] | None = None, *arguments: Any) -> Iterator[Executor]:
+def processes(
+    workers: int, begin: Callable[..., None] | None = None, *arguments: Any, spool: Path | None = None
+) -> Iterator[Executor]:
     """Several new processes of this machine, for as long as the block lasts.
 
     Args:
         workers: how many, at least 1.
         begin: what each process calls first, with `arguments`; before it the process has loaded no library.
+        spool: a folder for the scans that workers read, made when they need one and deleted at the end; None: in the
+            system's folder for temporary files.
 
     Raises:
         InputError: a process ended before its time.
     """
-    with spawned(workers, begin, *arguments) as pool:
-        yield Executor(pool, lambda: workers)
-
-
-@contextmanager
-def cluster(address: str, at_end: Callable[[], None] | None = None) -> Iterator[Executor]:
-    """The workers of a Dask cluster, for as long as the block lasts.
-
-    Args:
-        address: of the scheduler, as in "tcp://10.0.0.5:8786".
-        at_end: what every worker calls when the block has ended well.
-
-    Raises:
-        InputError: Dask is not installed, the scheduler cannot be reached, has no workers, or was lost; sonarmap is not
-            installed on a worker.
-    """
-    try:
-        from dask import config
-        from distributed import Client, KilledWorker
-        from distributed.comm.core import CommClosedError
-    except ImportError as error:
-        raise InputError("`scheduler` needs Dask: pip install 'sonarmap[cluster]'") from error
-    for name in _NOISY_LOGGERS:
-        logging.getLogger(name).setLevel(logging.CRITICAL)  # what matters is raised, too
-    with config.set({"distributed.comm.timeouts.connect": _PATIENCE}):
-        client = _connected(Client, address)
-        try:
-            yield Executor(client.get_executor(), lambda: len(client.nthreads()))
-            if at_end is not None:
-                client.run(at_end)
-        except KilledWorker as error:
-            raise InputError(
-                f"workers of the cluster at {address} ended again and again, as happens where memory is short; give "
-                "them more, or use a smaller `edge`. What is done is kept, and the same command goes on from there."
-            ) from error
-        except (CancelledError, CommClosedError, TimeoutError) as error:
-            raise InputError(
-                f"the scheduler at {address} was lost. What is done is kept, and the same command goes on from there."
-            ) from error
-        except ImportError as error:
-            raise InputError(
-                f"a worker of the cluster at {address} cannot load the sonarmap of this machine ({error}). Install the "
-                "same version there, with the packages that the method needs."
-            ) from error
-        finally:
-            client.close(timeout=1)
-
-
-def _connected(connect: Callable[..., Any], address: str) -> Any:
-    """A client of the scheduler, once it has a worker."""
-    from distributed.comm.addressing import get_address_host_port
-
-    try:
-        # tried first by itself, as a client that finds no scheduler leaves threads behind
-        create_connection(get_address_host_port(address), _PATIENCE).close()
-        client = connect(address, timeout=_PATIENCE, set_as_default=False)
-    except (OSError, ValueError) as error:
-        raise InputError(
-            f"no Dask scheduler answers at {address!r} ({error}). Give the address that 'dask scheduler' prints, as in "
-            "`scheduler=tcp://10.0.0.5:8786`."
-        ) from error
-    try:
-        client.wait_for_workers(1, timeout=_PATIENCE)
-    except (OSError, ValueError) as error:  # its TimeoutError is an OSError
-        client.close(timeout=1)
-        raise InputError(
-            f"the Dask scheduler at {address} has no workers. Start some, as with 'dask worker {address} --nthreads 1'."
-        ) from error
-    return client
+    with spooled(spool) as transport, spawned(workers, begin, *arguments) as pool:
+        yield Executor(pool, transport, lambda: workers)
 
 
 def _pieces(jobs: int, workers: int, together: int) -> deque[range]:

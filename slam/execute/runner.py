@@ -1,16 +1,17 @@
 """A survey's pairs registered by whoever works, with a journal of those that are done."""
 
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Iterable, Iterator, Sequence
 from copy import copy
 from dataclasses import dataclass, field, replace
-from typing import TypeVar
+from functools import partial
+from typing import Any, TypeVar
 
 import numpy as np
 
 from slam.execute.executor import Executor, this_process
 from slam.execute.journal import Journal, JournalEntry, storable
 from slam.execute.pair_text import from_text, signature_from_text
-from slam.execute.scan_key import KeyedScan, joined_key, keyed
+from slam.execute.scan_key import ScanKey, joined_key, scan_key
 from slam.execute.timings import PairTime, Timings
 from slam.execute.worker import PairJob, PairWorker, TimedText, Worker
 from slam.pair import Pair
@@ -18,6 +19,7 @@ from spectral.result import Registrar, Registration
 from spectral.scan import Scan
 
 Progress = Callable[[int, int, str], None]
+_Job = TypeVar("_Job")
 _Parsed = TypeVar("_Parsed")
 
 
@@ -58,14 +60,16 @@ class PairRunner:
 
     Args:
         execution: who works, and the journal.
-        scans: the survey's.
+        scans: the survey's; each is read once for its key, and again when a worker needs it.
         planned: number of progress steps known from the beginning, beside pairs.
         progress: called with (steps done, steps planned so far, text) after each step, or None.
     """
 
     def __init__(self, execution: Execution, scans: Sequence[Scan], planned: int, progress: Progress | None) -> None:
         self._execution = execution
-        self._scans = [keyed(scan) for scan in scans]
+        self._all_scans = scans
+        self._scans = [scan_key(scan) for scan in scans]
+        self._number = {scan: k for k, scan in enumerate(self._scans)}
         self._progress = progress
         self._steps = _Steps(planned)
 
@@ -105,7 +109,7 @@ class PairRunner:
                 pairs[n] = self._registered(candidates[n], text, from_journal=True)
         missing = [n for n, text in enumerate(texts) if text is None]
         jobs = [all_jobs[n] for n in missing]
-        for indices, results in self._execution.executor.run(self._execution.worker.register, jobs):
+        for indices, results in self._run(self._execution.worker.register, jobs, _scans_of_pairs):
             self._keep([self._pair_entry(jobs[k], text) for k, text in zip(indices, results, strict=True)])
             for k, text in zip(indices, results, strict=True):
                 pairs[missing[k]] = self._registered(candidates[missing[k]], text, from_journal=False)
@@ -121,12 +125,30 @@ class PairRunner:
         texts = [self._signature_in_journal(scan) for scan in self._scans]
         missing = [k for k, text in enumerate(texts) if text is None]
         jobs = [self._scans[k] for k in missing]
-        for indices, results in self._execution.executor.run(self._execution.worker.signatures, jobs):
+        for indices, results in self._run(self._execution.worker.signatures, jobs, iter):
             self._keep([self._signature_entry(jobs[k], text) for k, text in zip(indices, results, strict=True)])
             for k, text in zip(indices, results, strict=True):
                 texts[missing[k]] = text.content
         self.end_stage("signatures computed")
         return [signature_from_text(text) for text in texts if text is not None]
+
+    def _run(
+        self,
+        task: Callable[..., list[TimedText]],
+        jobs: Sequence[_Job],
+        scans_of: Callable[[Sequence[_Job]], Iterable[ScanKey]],
+    ) -> Iterator[tuple[range, list[TimedText]]]:
+        """The results of all jobs, piece by piece; `scans_of` says which scans a piece needs."""
+        executor = self._execution.executor
+
+        def sources(piece: Sequence[_Job]) -> tuple[dict[ScanKey, Any]]:
+            scans = dict.fromkeys(scans_of(piece))
+            return ({scan: executor.transport.source(scan, partial(self._load, scan)) for scan in scans},)
+
+        return executor.run(task, jobs, more=sources)
+
+    def _load(self, scan: ScanKey) -> Scan:
+        return self._all_scans[self._number[scan]]
 
     def _registered(self, candidate: Pair, text: TimedText, from_journal: bool) -> Pair:
         """The pair with its result, counted as done."""
@@ -145,18 +167,18 @@ class PairRunner:
         if self._execution.journal is not None:
             self._execution.journal.add(entries)
 
-    def _entry(self, kind: str, scans: Sequence[KeyedScan]) -> JournalEntry | None:
+    def _entry(self, kind: str, scans: Sequence[ScanKey]) -> JournalEntry | None:
         journal = self._execution.journal
         return None if journal is None else journal.entry(self._key(kind, scans))
 
-    def _key(self, kind: str, scans: Sequence[KeyedScan]) -> str:
-        return joined_key(kind, self._execution.method, *(scan.key for scan in scans))
+    def _key(self, kind: str, scans: Sequence[ScanKey]) -> str:
+        return joined_key(kind, self._execution.method, *(scan.content for scan in scans))
 
     def _pair_entry(self, job: PairJob, text: TimedText) -> JournalEntry:
         scans = job.target, job.source
         return JournalEntry(self._key(_kind(job), scans), _label(*scans), text.content, text.seconds)
 
-    def _signature_entry(self, scan: KeyedScan, text: TimedText) -> JournalEntry:
+    def _signature_entry(self, scan: ScanKey, text: TimedText) -> JournalEntry:
         return JournalEntry(self._key("signature", (scan,)), _label(scan), text.content, text.seconds)
 
     def _pair_in_journal(self, job: PairJob) -> TimedText | None:
@@ -170,7 +192,7 @@ class PairRunner:
             return None
         return TimedText(entry.content, entry.seconds)
 
-    def _signature_in_journal(self, scan: KeyedScan) -> str | None:
+    def _signature_in_journal(self, scan: ScanKey) -> str | None:
         entry = self._entry("signature", (scan,))
         if entry is None:
             return None
@@ -186,6 +208,10 @@ class PairRunner:
             raise self._execution.journal.unusable(str(error)) from error
 
 
+def _scans_of_pairs(jobs: Sequence[PairJob]) -> list[ScanKey]:
+    return [scan for job in jobs for scan in (job.target, job.source)]
+
+
 def _kind(job: PairJob) -> str:
     """Of the journal's entry: what is expected of a pair decides its result."""
     expected = job.expected
@@ -195,7 +221,7 @@ def _kind(job: PairJob) -> str:
     return f"pair expected at {numbers.tolist()}"
 
 
-def _label(*scans: KeyedScan) -> str:
+def _label(*scans: ScanKey) -> str:
     return " - ".join(scan.name for scan in scans)
 
 

@@ -1,7 +1,7 @@
 """A digest of what a scan holds: scans with the same key give the same results, whatever their names."""
 
 import hashlib
-from dataclasses import dataclass, field
+from dataclasses import dataclass
 
 import numpy as np
 
@@ -9,23 +9,21 @@ from spectral.scan import Scan
 
 
 @dataclass(frozen=True, slots=True)
-class KeyedScan:
-    """A scan that equals another if their keys and names are the same.
+class ScanKey:
+    """What a piece of work says instead of a scan.
 
     Attributes:
-        key: of its content, as `content_key` gives it.
+        content: a digest of what the scan holds, as `content_key` gives it.
         name: the scan's; messages hold it.
-        scan: itself, not compared.
     """
 
-    key: str
+    content: str
     name: str
-    scan: Scan = field(compare=False)
 
 
-def keyed(scan: Scan) -> KeyedScan:
-    """The scan with its key."""
-    return KeyedScan(content_key(scan), scan.name, scan)
+def scan_key(scan: Scan) -> ScanKey:
+    """The key of a scan."""
+    return ScanKey(content_key(scan), scan.name)
 
 
 def content_key(scan: Scan) -> str:

@@ -1,21 +1,22 @@
-"""What registers pairs: one registrar and the scans that it prepared last, in this process or in another."""
+"""What registers pairs: one registrar and the scans that it prepared last."""
 
-from collections.abc import Callable, Sequence
+from collections.abc import Mapping, Sequence
 from contextlib import suppress
 from dataclasses import dataclass
-from functools import lru_cache
-from threading import Lock
 from time import perf_counter
-from typing import Protocol
+from typing import Any, Protocol
 
 from threadpoolctl import ThreadpoolController
 
 from kernels.errors import InputError
 from slam.execute.pair_text import signature_to_text, to_text
-from slam.execute.scan_key import KeyedScan
+from slam.execute.scan_key import ScanKey
+from slam.execute.transport import ScanSource
 from spectral.expected import ExpectedPose
 from spectral.memory import scans_that_fit
 from spectral.result import Registrar
+
+Sources = Mapping[ScanKey, ScanSource]
 
 MOST_PREPARED = 8  # loops seldom come back to a scan that was used longer ago
 
@@ -48,20 +49,20 @@ class TimedText:
 class PairJob:
     """Two scans to register, source to target, and where the motion expects them to lie; None where nothing does."""
 
-    target: KeyedScan
-    source: KeyedScan
+    target: ScanKey
+    source: ScanKey
     expected: ExpectedPose | None = None
 
 
 class PairWorker(Protocol):
     """What an executor runs to register pairs."""
 
-    def register(self, pairs: Sequence[PairJob]) -> list[TimedText]:
-        """Register every pair."""
+    def register(self, pairs: Sequence[PairJob], sources: Sources) -> list[TimedText]:
+        """Register every pair, of scans that `sources` give."""
         ...
 
-    def signatures(self, scans: Sequence[KeyedScan]) -> list[TimedText]:
-        """The signature of every scan."""
+    def signatures(self, scans: Sequence[ScanKey], sources: Sources) -> list[TimedText]:
+        """The signature of every scan, which `sources` give."""
         ...
 
     def release(self) -> None:
@@ -82,36 +83,45 @@ class Worker:
     """
 
     def __init__(self, registrar: Registrar, prepared: int) -> None:
-        self._registrar = registrar
-        self._prepare = lru_cache(maxsize=prepared)(lambda keyed: registrar.prepare(keyed.scan))
+        self._registrar, self._most = registrar, prepared
+        self._prepared: dict[ScanKey, Any] = {}  # the one used last comes last
         self._threads = ThreadpoolController()
 
     def release(self) -> None:
         """Free the prepared scans."""
-        self._prepare.cache_clear()
+        self._prepared.clear()
 
-    def register(self, pairs: Sequence[PairJob]) -> list[TimedText]:
+    def register(self, pairs: Sequence[PairJob], sources: Sources) -> list[TimedText]:
         """Register every pair. Where one fails, its text says why.
 
         Raises:
             DeviceError: the machine failed, not the pair.
         """
         with self._threads.limit(limits=1, user_api="blas"):
-            return [self._register(pair) for pair in pairs]
+            return [self._register(pair, sources) for pair in pairs]
 
-    def signatures(self, scans: Sequence[KeyedScan]) -> list[TimedText]:
+    def signatures(self, scans: Sequence[ScanKey], sources: Sources) -> list[TimedText]:
         """The signature of every scan; none for a scan that cannot be prepared.
 
         Raises:
             DeviceError: the machine failed, not the scan.
         """
         with self._threads.limit(limits=1, user_api="blas"):
-            return [self._signature(scan) for scan in scans]
+            return [self._signature(scan, sources) for scan in scans]
 
-    def _register(self, pair: PairJob) -> TimedText:
+    def _prepare(self, scan: ScanKey, sources: Sources) -> Any:
+        prepared = self._prepared.pop(scan, None)
+        if prepared is None:
+            prepared = self._registrar.prepare(sources[scan].load())
+        self._prepared[scan] = prepared
+        if len(self._prepared) > self._most:
+            del self._prepared[next(iter(self._prepared))]
+        return prepared
+
+    def _register(self, pair: PairJob, sources: Sources) -> TimedText:
         start = perf_counter()
         try:
-            scans = self._prepare(pair.target), self._prepare(pair.source)
+            scans = self._prepare(pair.target, sources), self._prepare(pair.source, sources)
             if pair.expected is None:
                 registration = self._registrar.register(*scans)
             else:
@@ -122,56 +132,9 @@ class Worker:
             content = to_text(None, str(error))
         return TimedText(content, perf_counter() - start)
 
-    def _signature(self, scan: KeyedScan) -> TimedText:
+    def _signature(self, scan: ScanKey, sources: Sources) -> TimedText:
         start = perf_counter()
         signature = None
         with suppress(InputError):  # its pairs will tell why
-            signature = self._registrar.signature(self._prepare(scan))  # pyright: ignore[reportAttributeAccessIssue]
+            signature = self._registrar.signature(self._prepare(scan, sources))  # pyright: ignore[reportAttributeAccessIssue]
         return TimedText(signature_to_text(signature), perf_counter() - start)
-
-
-@dataclass(frozen=True, slots=True)
-class WorkerSpec:
-    """What another process makes its worker from, once. It travels with every piece of work, so its parts are small.
-
-    Attributes:
-        make: makes the registrar; a function of a module, or a partial of one.
-        key: of the method: the same for two specifications that make the same.
-        prepared: how many prepared scans to keep, at least 2.
-    """
-
-    make: Callable[[], Registrar]
-    key: str
-    prepared: int
-
-    def register(self, pairs: Sequence[PairJob]) -> list[TimedText]:
-        """As `Worker.register`, by the worker of the process that this is called in."""
-        with _lock:
-            return _worker_of_process(self).register(pairs)
-
-    def signatures(self, scans: Sequence[KeyedScan]) -> list[TimedText]:
-        """As `Worker.signatures`, by the worker of the process that this is called in."""
-        with _lock:
-            return _worker_of_process(self).signatures(scans)
-
-    def release(self) -> None:
-        """Nothing to free: the process that hands out the work has no worker."""
-
-
-# Of this process: a Dask worker may have several threads, but a registrar serves one pair at a time.
-_lock = Lock()
-_workers: dict[tuple[str, int], Worker] = {}
-
-
-def _worker_of_process(spec: WorkerSpec) -> Worker:
-    key = (spec.key, spec.prepared)
-    if key not in _workers:
-        _workers.clear()  # the device's memory is for one
-        _workers[key] = Worker(spec.make(), spec.prepared)
-    return _workers[key]
-
-
-def release_worker() -> None:
-    """Free this process's worker, and its device's memory."""
-    with _lock:
-        _workers.clear()

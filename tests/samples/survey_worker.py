@@ -9,7 +9,7 @@ from typing import Any
 import numpy as np
 
 from kernels.errors import DeviceError, InputError
-from slam.execute.worker import WorkerSpec
+from slam.execute.worker_spec import WorkerSpec
 from spectral.result import Registration
 from spectral.scan import Scan
 from tests.samples.surveys import KnowingRegistrar, random_covariance, ring_poses
@@ -23,7 +23,8 @@ class Knowing(KnowingRegistrar):
     Args:
         count: of the poses on the ring.
         notes: the file.
-        ending: "kill 5 6" ends the process at this pair; "device 5 6", "input 5 6" and "stop 5 6" raise.
+        ending: "kill 5 6" ends the process at this pair, "once 5 6" the first time only; "device 5 6", "input 5 6" and
+            "stop 5 6" raise.
     """
 
     def __init__(self, count: int, notes: Path, ending: str = "") -> None:
@@ -31,11 +32,14 @@ class Knowing(KnowingRegistrar):
         self.notes, self.ending = notes, ending.split()
 
     def _end(self, i: int, j: int, given: Registration) -> Registration:
+        first = not self.notes.exists() or f"{i} {j}" not in self.notes.read_text().splitlines()
         with self.notes.open("a") as file:
             file.write(f"{i} {j}\n")
         if self.ending[1:] == [str(i), str(j)]:
             match self.ending[0]:
                 case "kill":
+                    os.kill(os.getpid(), signal.SIGKILL)
+                case "once" if first:
                     os.kill(os.getpid(), signal.SIGKILL)
                 case "device":
                     raise DeviceError("the device is full")

@@ -12,11 +12,15 @@ from typing import TYPE_CHECKING
 from tools.cli.method import ConfiguredMethod
 from tools.cli.survey_text import warn
 from tools.cli.terminal import say
+from tools.writers.atomic import LEFTOVER_PREFIX
 
 if TYPE_CHECKING:
     from slam.execute.executor import Executor
     from slam.execute.runner import Execution
     from slam.execute.worker import PairWorker
+
+# Beside the journal: whoever holds the journal's lock may delete what a killed run left.
+SPOOL = f"{LEFTOVER_PREFIX}scans"
 
 
 @dataclass(frozen=True, slots=True)
@@ -63,7 +67,7 @@ def open_execution(
     with (
         _terminated_as_interrupted(),
         Journal(journal, options.fresh) as opened,
-        _workers(method, prepared, options) as (worker, executor),
+        _workers(method, prepared, options, journal.parent / SPOOL) as (worker, executor),
     ):
         held = opened.count()
         execution = Execution(worker, executor, opened, key)
@@ -80,20 +84,21 @@ def open_execution(
 
 @contextmanager
 def _workers(
-    method: ConfiguredMethod, prepared: int, options: ExecutionOptions
+    method: ConfiguredMethod, prepared: int, options: ExecutionOptions, spool: Path
 ) -> "Iterator[tuple[PairWorker, Executor]]":
-    from slam.execute.executor import cluster, processes, this_process
-    from slam.execute.worker import Worker, release_worker
+    from slam.execute.cluster import cluster
+    from slam.execute.executor import processes, this_process
+    from slam.execute.worker import Worker
     from tools.methods.worker_spec import checked_worker_spec, worker_spec
 
     recipe = (method.name, method.setup, method.registrar, prepared)
     if options.scheduler:
         spec = checked_worker_spec(*recipe)
-        with cluster(options.scheduler, at_end=release_worker) as executor:
+        with cluster(options.scheduler) as executor:
             yield spec, executor
     elif options.workers > 1:
         spec = worker_spec(*recipe)
-        with processes(options.workers) as executor:
+        with processes(options.workers, spool=spool) as executor:
             yield spec, executor
     else:
         yield Worker(method.registrar, prepared), this_process()

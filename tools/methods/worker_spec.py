@@ -4,7 +4,7 @@ from functools import partial
 from typing import TYPE_CHECKING
 
 from kernels.errors import InputError
-from slam.execute.worker import WorkerSpec
+from slam.execute.worker_spec import WorkerSpec
 from tools.methods.fingerprint import method_key
 from tools.methods.registry import Setup, find_method
 

@@ -1,6 +1,7 @@
 """Files that appear whole or not at all, one by one or a set of them together."""
 
 import os
+import shutil
 import tempfile
 from collections.abc import Iterator
 from contextlib import contextmanager, suppress
@@ -9,7 +10,7 @@ from pathlib import Path
 
 from kernels.errors import InputError
 
-_PREFIX = ".sonarmap."  # of temporary names
+LEFTOVER_PREFIX = ".sonarmap."  # of temporary names
 # Of the innermost `all_or_none`: temporary files, whole and on disk, and what they will be called.
 _waiting: ContextVar[list[tuple[Path, Path]] | None] = ContextVar("_waiting", default=None)
 
@@ -26,7 +27,7 @@ def atomic_path(path: Path) -> Iterator[Path]:
         raise InputError(f"cannot write {path}: a folder of that name is there. Choose another output folder.")
     try:
         path.parent.mkdir(parents=True, exist_ok=True)
-        descriptor, name = tempfile.mkstemp(prefix=_PREFIX, suffix=path.suffix, dir=path.parent)
+        descriptor, name = tempfile.mkstemp(prefix=LEFTOVER_PREFIX, suffix=path.suffix, dir=path.parent)
         os.close(descriptor)
     except OSError as error:
         raise _cannot_write(path, error) from error
@@ -70,9 +71,11 @@ def all_or_none() -> Iterator[None]:
 
 
 def clear_leftovers(folder: Path) -> None:
-    """Remove the temporary files of a run that was killed while it wrote; only for who has the folder to itself."""
-    for path in folder.glob(f"{_PREFIX}*"):
-        if path.is_file():
+    """Remove the temporary files and folders of a run that was killed; only for who has the folder to itself."""
+    for path in folder.glob(f"{LEFTOVER_PREFIX}*"):
+        if path.is_dir():
+            shutil.rmtree(path, ignore_errors=True)
+        else:
             discard(path)
 
 

@@ -7,20 +7,21 @@ from collections.abc import Iterator
 from contextlib import contextmanager
 from dataclasses import replace
 from pathlib import Path
-from typing import Any
 
 import numpy as np
 import pytest
 from numpy.testing import assert_array_equal
 
+import slam.execute.cluster
 import slam.execute.executor
 from kernels.errors import DeviceError, InputError
-from slam.execute.executor import cluster, processes
+from slam.execute.cluster import cluster
+from slam.execute.executor import processes
 from slam.execute.journal import Journal, JournalEntry
 from slam.execute.pair_text import to_text
 from slam.execute.runner import Execution, PairRunner
-from slam.execute.worker import release_worker
 from slam.pair import Pair
+from tests.samples.dask_clusters import local_cluster
 from tests.samples.survey_worker import Knowing, worker_spec
 from tests.samples.surveys import ring_poses, scans_of
 
@@ -47,7 +48,7 @@ class Work:
                     with processes(int(workers)) as executor:
                         yield Execution(spec, executor, journal, "knowing")
                 case ["cluster", address]:
-                    with cluster(address, release_worker) as executor:
+                    with cluster(address) as executor:
                         yield Execution(spec, executor, journal, "knowing")
 
     def run(self, kind: str = "here", ending: str = "", pairs: list[tuple[int, int]] = PAIRS) -> list[str]:
@@ -223,12 +224,6 @@ class TestJournalEntries:
         assert set(ends) == {"harmless", "refused"}
 
 
-def local_cluster(workers: int) -> Any:
-    """Dask's own, of processes of this machine."""
-    distributed = pytest.importorskip("distributed")
-    return distributed.LocalCluster(n_workers=workers, threads_per_worker=1, processes=True, dashboard_address=None)
-
-
 @pytest.fixture(scope="module")
 def address() -> Iterator[str]:
     with local_cluster(2) as started:
@@ -256,7 +251,7 @@ class TestClusterThatIsNotThere:
     @pytest.fixture(autouse=True)
     def impatient(self, monkeypatch: pytest.MonkeyPatch) -> None:
         pytest.importorskip("distributed")
-        monkeypatch.setattr(slam.execute.executor, "_PATIENCE", 1.0)
+        monkeypatch.setattr(slam.execute.cluster, "PATIENCE", 1.0)
 
     @pytest.mark.parametrize("address", ["tcp://127.0.0.1:9", "127.0.0.1:9", "carrier-pigeon://9", "tcp://", "nowhere"])
     def test_it_is_told(self, work: Work, address: str) -> None:

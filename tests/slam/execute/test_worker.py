@@ -1,6 +1,8 @@
 """How many prepared scans a worker keeps, and what it hands on."""
 
+from copy import deepcopy
 from dataclasses import replace
+from functools import partial
 from types import SimpleNamespace
 from typing import Any
 
@@ -9,7 +11,7 @@ import pytest
 from scipy.spatial.transform import RigidTransform
 
 from slam.execute.pair_text import from_text
-from slam.execute.scan_key import keyed
+from slam.execute.scan_key import scan_key
 from slam.execute.worker import PairJob, Worker, prepared_limit
 from spectral.result import Registration
 from tests.samples.surveys import KnowingRegistrar, random_covariance, ring_poses, scans_of
@@ -43,9 +45,12 @@ class Instruments(KnowingRegistrar):
 def test_a_worker_hands_on_what_the_scans_alone_say() -> None:
     """The graph holds the instruments' measurements: it would count them twice."""
     poses, covariance = ring_poses(4), random_covariance(np.random.default_rng(2))
-    scans = [keyed(scan) for scan in scans_of(poses)]
+    sources: Any = {scan_key(scan): SimpleNamespace(load=partial(deepcopy, scan)) for scan in scans_of(poses)}
+    scans = list(sources)
     pairs = [PairJob(scans[0], scans[1]), PairJob(scans[3], scans[1])]
-    with_them, without = (Worker(of(poses, covariance), 2).register(pairs) for of in (Instruments, KnowingRegistrar))
+    with_them, without = (
+        Worker(of(poses, covariance), 2).register(pairs, sources) for of in (Instruments, KnowingRegistrar)
+    )
     assert [text.content for text in with_them] == [text.content for text in without]
     registration, failure = from_text(with_them[1].content)
     assert registration is not None

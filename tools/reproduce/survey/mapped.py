@@ -14,8 +14,8 @@ from spectral.scan import Scan
 from tools.evaluate.pairs import TriedPair
 
 if TYPE_CHECKING:
-    from slam.execute.scan_key import KeyedScan
-    from slam.execute.worker import PairJob, TimedText, Worker
+    from slam.execute.scan_key import ScanKey
+    from slam.execute.worker import PairJob, Sources, TimedText, Worker
     from slam.pair import Pair
     from slam.survey_result import SurveyResult
     from spectral.grid import Grid
@@ -126,15 +126,15 @@ class _TimedWorker:
         self._worker = worker
         self.registering = self.signing = 0.0
 
-    def register(self, pairs: "Sequence[PairJob]") -> "list[TimedText]":
+    def register(self, pairs: "Sequence[PairJob]", sources: "Sources") -> "list[TimedText]":
         start = perf_counter()
-        done = self._worker.register(pairs)
+        done = self._worker.register(pairs, sources)
         self.registering += perf_counter() - start
         return done
 
-    def signatures(self, scans: "Sequence[KeyedScan]") -> "list[TimedText]":
+    def signatures(self, scans: "Sequence[ScanKey]", sources: "Sources") -> "list[TimedText]":
         start = perf_counter()
-        signed = self._worker.signatures(scans)
+        signed = self._worker.signatures(scans, sources)
         self.signing += perf_counter() - start
         return signed
 
