@@ -2,7 +2,8 @@
 
 In: scans (`spectral.scan.Scan`) and a method of registration. Out: a `SurveyResult` with poses, their covariances, the
 pose graph, every pair with its verdict, and the fused maps. `mapper.py` has the steps in order; `pair.py` is two
-scans from the candidate to the verdict. No file is read or written here but the journal.
+scans from the candidate to the verdict. No file is read or written here but the journal, and
+scans on their way to other processes.
 """
 
 import lazy_loader

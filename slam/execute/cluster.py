@@ -3,7 +3,7 @@
 import asyncio
 import logging
 from collections.abc import Callable, Iterator
-from concurrent.futures import CancelledError, Future
+from concurrent.futures import CancelledError, Future, ThreadPoolExecutor
 from concurrent.futures import Executor as Pool
 from contextlib import contextmanager
 from dataclasses import dataclass
@@ -85,8 +85,7 @@ def _connected(connect: Callable[..., Any], address: str) -> Any:
     from distributed.comm.addressing import get_address_host_port
 
     try:
-        # Tried first by itself, as a client that finds no scheduler leaves threads behind. A port with TLS takes the
-        # connection, too.
+        # Tried first, as Dask tries for PATIENCE; a port with TLS takes the connection, too.
         create_connection(get_address_host_port(address), PATIENCE).close()
     except (OSError, ValueError) as error:
         raise InputError(
@@ -94,6 +93,8 @@ def _connected(connect: Callable[..., Any], address: str) -> Any:
             "`scheduler=tcp://10.0.0.5:8786`."
         ) from error
     try:
+        with ThreadPoolExecutor(1) as thread:  # this one may have an event loop of its own
+            thread.submit(lambda: asyncio.run(_greet(address))).result()
         client = connect(address, timeout=PATIENCE, set_as_default=False)
     except (
         OSError,
@@ -114,6 +115,15 @@ def _connected(connect: Callable[..., Any], address: str) -> Any:
             f"the Dask scheduler at {address} has no workers. Start some, as with 'dask worker {address} --nthreads 1'."
         ) from error
     return client
+
+
+async def _greet(address: str) -> None:
+    """Connect once, with the certificates; a client that cannot leaves threads behind, which print tracebacks."""
+    from distributed.comm.core import connect
+    from distributed.security import Security
+
+    comm = await connect(address, timeout=PATIENCE, **Security().get_connection_args("client"))
+    await comm.close()
 
 
 def _cause(error: BaseException) -> str:

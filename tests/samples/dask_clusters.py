@@ -1,11 +1,21 @@
 """Dask clusters on this machine, and certificates for those that want them."""
 
+import json
+import os
 import shutil
 import subprocess
+import sys
+import time
+from collections.abc import Iterator
+from contextlib import contextmanager
 from pathlib import Path
 from typing import Any
 
 import pytest
+
+from tests.samples.command_line import ROOT
+
+ROLES = ("client", "scheduler", "worker")
 
 
 def local_cluster(workers: int, **options: Any) -> Any:
@@ -37,10 +47,31 @@ def certificate(folder: Path, name: str = "lab") -> dict[str, str]:
     return {"tls.ca-file": str(cert), **roles}
 
 
-ROLES = ("client", "scheduler", "worker")
-
-
 def as_environment(settings: dict[str, str]) -> dict[str, str]:
     """Settings below distributed.comm as environment variables."""
     prefix = "DASK_DISTRIBUTED__COMM__"
     return {prefix + name.upper().replace(".", "__").replace("-", "_"): value for name, value in settings.items()}
+
+
+@contextmanager
+def dask_commands(folder: Path, workers: int, *scheduler: str, **environment: str) -> Iterator[str]:
+    """The address of a scheduler with workers, all started as a user would."""
+    pytest.importorskip("distributed")
+    file = folder / "scheduler.json"
+    dask = [sys.executable, "-m", "dask"]
+    known = ["--no-dashboard", "--scheduler-file", str(file)]
+    commands = [[*dask, "scheduler", "--host", "127.0.0.1", "--port", "0", *known, *scheduler]]
+    commands += [[*dask, "worker", "--nthreads", "1", *known]] * workers
+    started: list[subprocess.Popen[bytes]] = []
+    try:
+        for command in commands:
+            variables = os.environ | {"PYTHONPATH": str(ROOT)} | environment
+            started.append(subprocess.Popen(command, env=variables, cwd=folder, stderr=subprocess.DEVNULL))
+            while not file.exists() or not file.read_text().endswith("}"):
+                assert started[-1].poll() is None, "the scheduler has ended"
+                time.sleep(0.1)
+        yield json.loads(file.read_text())["address"]
+    finally:
+        for process in reversed(started):
+            process.terminate()
+            process.wait()

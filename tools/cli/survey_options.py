@@ -62,7 +62,8 @@ SchedulerOption = Annotated[
     typer.Option(
         "--scheduler",
         metavar="ADDRESS",
-        help="Register pairs on a Dask cluster, as tcp://10.0.0.5:8786; needs pip install 'sonarmap\\[cluster]'.",
+        help="Register pairs on a Dask cluster, as tcp://10.0.0.5:8786 or tls://...; needs "
+        "pip install 'sonarmap\\[cluster]'.",
     ),
 ]
 FreshOption = Annotated[

@@ -6,7 +6,6 @@ import os
 import signal
 import sqlite3
 import subprocess
-import sys
 import time
 from collections.abc import Iterator
 from pathlib import Path
@@ -16,6 +15,7 @@ import pytest
 
 from tests.samples.clutter_scans import files_in, scan, sonarmap, write
 from tests.samples.command_line import ROOT, SONARMAP
+from tests.samples.dask_clusters import dask_commands
 from tools.simulate.folder import write_simulation
 from tools.simulate.simulation import SimulationSettings, simulate
 
@@ -168,23 +168,8 @@ def test_any_number_of_workers_gives_the_same_bytes(
 
 @pytest.fixture(scope="module")
 def address(tmp_path_factory: pytest.TempPathFactory) -> Iterator[str]:
-    """A scheduler and two workers as the user would start them."""
-    pytest.importorskip("distributed")
-    file = tmp_path_factory.mktemp("dask") / "scheduler.json"
-    dask = [sys.executable, "-m", "dask"]
-    scheduler = [*dask, "scheduler", "--host", "127.0.0.1", "--port", "0", "--no-dashboard"]
-    worker = [*dask, "worker", "--nthreads", "1", "--no-dashboard", "--scheduler-file", str(file)]
-    environment = os.environ | {"PYTHONPATH": str(ROOT)}
-    commands = [[*scheduler, "--scheduler-file", str(file)], worker, worker]
-    started = []
-    for command in commands:
-        started.append(subprocess.Popen(command, env=environment, cwd=file.parent, stderr=subprocess.DEVNULL))
-        while not file.exists():
-            time.sleep(0.1)
-    yield json.loads(file.read_text())["address"]
-    for process in reversed(started):
-        process.terminate()
-        process.wait()
+    with dask_commands(tmp_path_factory.mktemp("dask"), 2) as started:
+        yield started
 
 
 @pytest.mark.slow
