@@ -96,12 +96,7 @@ def _connected(connect: Callable[..., Any], address: str) -> Any:
         with ThreadPoolExecutor(1) as thread:  # this one may have an event loop of its own
             thread.submit(lambda: asyncio.run(_greet(address))).result()
         client = connect(address, timeout=PATIENCE, set_as_default=False)
-    except (
-        OSError,
-        ValueError,
-        TypeError,
-        RuntimeError,
-    ) as error:  # Dask's own, where certificates are missing or wrong
+    except (OSError, ValueError, TypeError, RuntimeError) as error:  # as Dask says that certificates are missing
         raise InputError(
             f"what listens at {address!r} takes no connection ({_cause(error)}). A scheduler that was started with "
             "certificates wants `scheduler=tls://HOST:PORT`, and Dask's settings distributed.comm.tls on this machine, "
@@ -201,7 +196,13 @@ class _Scattered:
                 return self._client.scatter(scan, direct=True, hash=False)
             except OSError:  # this machine cannot reach the workers, or one has just ended
                 self._direct = False
-        return self._client.scatter(scan, direct=False, hash=False)
+        try:
+            return self._client.scatter(scan, direct=False, hash=False)
+        except OSError as error:
+            raise InputError(
+                f"no worker of the cluster can be sent a scan ({error}). Start some; what is done is kept, and the "
+                "same command goes on from there."
+            ) from error
 
 
 @dataclass(frozen=True, slots=True)
