@@ -161,8 +161,9 @@ class Mapper:
         pairs += search.bridges(pairs, self.settings.bridge)
         require_any_registered(pairs)
         decision = self._decide(runner, navigation, pairs)
-        for _ in range(self.settings.loops.rounds):
-            loops = search.loops(decision, pairs)
+        settings = self.settings.loops
+        for number in range(settings.most_rounds if settings.rounds else 0):
+            loops = search.loops(decision, pairs, unsure=number >= settings.rounds)
             if not loops:
                 break
             pairs += loops

@@ -21,6 +21,9 @@ from slam.pair import Pair
 from spectral.result import Registrar
 from spectral.scan import Scan
 
+# All is decided anew after a round: of a large survey that is not worth a few loops that are left [of a scan].
+_WORTH_A_ROUND = 0.01
+
 
 class PairSearch:
     """Registers the pairs of one survey, or of several of one place.
@@ -99,16 +102,17 @@ class PairSearch:
                     joined.merge(*pair.scans)
         return bridges
 
-    def loops(self, decision: Decision, tried: Sequence[Pair]) -> list[Pair]:
+    def loops(self, decision: Decision, tried: Sequence[Pair], unsure: bool = False) -> list[Pair]:
         """The next loops; none where no candidates are left.
 
         Args:
             decision: about the pairs so far.
             tried: these pairs.
+            unsure: only of scans whose lie to each other the estimate has no better than registrations do.
         """
-        candidates = self._candidates(decision, {pair.scans for pair in tried})
+        candidates = self._candidates(decision, {pair.scans for pair in tried}, unsure)
         self._runner.end_stage("candidates sought")
-        if not candidates:
+        if not candidates or (unsure and len(candidates) < _WORTH_A_ROUND * len(self._scans)):
             return []
         pairs = self._runner.register(candidates)
         if self._motion is not None:
@@ -118,7 +122,8 @@ class PairSearch:
         solution = decision.solution
         part = {k: number for number, members in enumerate(solution.graph.components) for k in members}
         doubtful = [pair for pair in pairs if part[pair.i] == part[pair.j] and pair.registration and not pair.accepted]
-        looks = [replace(_unregistered(pair), expected=expected_by(solution, pair, self._floor)) for pair in doubtful]
+        expected = expected_by(solution, doubtful, self._floor)
+        looks = [replace(_unregistered(pair), expected=where) for pair, where in zip(doubtful, expected, strict=True)]
         again = {pair.scans: pair for pair in self._runner.register(looks)}
         return [with_both(pair, again[pair.scans]) if pair.scans in again else pair for pair in pairs]
 
@@ -137,14 +142,17 @@ class PairSearch:
         motion = self._motion
         if motion is None:
             return list(pairs)
-        return [pair if motion.is_measured(*pair.scans) else with_motion(pair, motion) for pair in pairs]
+        free = [pair for pair in pairs if not motion.is_measured(*pair.scans)]
+        held = {pair.scans: pair for pair in with_motion(free, motion)}
+        return [held.get(pair.scans, pair) for pair in pairs]
 
-    def _candidates(self, decision: Decision, tried: set[tuple[int, int]]) -> list[Pair]:
+    def _candidates(self, decision: Decision, tried: set[tuple[int, int]], unsure: bool) -> list[Pair]:
         """Pairs to try next, in the order of the scans: neighbors in that order share prepared scans."""
         if not self._outlines:
             self._outlines = [outline(scan, self._settings.cell_voxels * self._voxel) for scan in self._scans]
-        candidates = find_candidates(self._outlines, decision.solution, self._voxel, self._settings, tried)
-        components = decision.solution.graph.components
+        solution = decision.solution
+        candidates = find_candidates(self._outlines, solution, self._voxel, self._settings, tried, unsure)
+        components = solution.graph.components
         # between parts no estimate says which scans may overlap; their looks may
         if len(components) > 1 and hasattr(self._registrar, "signature"):
             candidates += find_lookalikes(self._runner.signatures(), components, self._settings, tried)

@@ -12,19 +12,19 @@ from scipy.sparse.csgraph import connected_components
 from scipy.spatial import KDTree
 from scipy.spatial.transform import RigidTransform
 
+from slam.decide.chains import chain_parts
 from slam.graph.edge import Edge
-from slam.graph.path import surest_covariances
 from slam.graph.tangent import carried
 
 NEAR = 5  # poses along the chain within which two loops are compared at either end
 
 
-def agreeing_groups(T: RigidTransform, chain: Sequence[Edge], loops: Sequence[Edge], bound: float) -> np.ndarray:
+def agreeing_groups(count: int, chain: Sequence[Edge], loops: Sequence[Edge], bound: float) -> np.ndarray:
     """The number of each loop's group: (m,) int; a loop that agrees with no other is alone.
 
     Args:
-        T: N poses as composed along the chain.
-        chain: edges that join neighbors.
+        count: of the poses.
+        chain: edges that join neighbors, without a cycle.
         loops: m measurements.
         bound: largest error of a cycle, squared [sigmas^2].
     """
@@ -43,15 +43,19 @@ def agreeing_groups(T: RigidTransform, chain: Sequence[Edge], loops: Sequence[Ed
         measured = RigidTransform.from_matrix(matrices)
     near = near[np.lexsort(near.T[::-1])]
     a, b = near.T
+    chains = chain_parts(count, chain)
+    T = chains.T
     T_ia_ib = T[ends[a, 0]].inv() * T[ends[b, 0]]
     T_jb_ja = T[ends[b, 1]].inv() * T[ends[a, 1]]
     cycle = T_ia_ib * measured[b] * T_jb_ja
     error = (measured[a].inv() * cycle).as_exp_coords()
-    chain_i = surest_covariances(T, chain, np.stack([ends[a, 0], ends[b, 0]], axis=1))
-    chain_j = surest_covariances(T, chain, np.stack([ends[b, 1], ends[a, 1]], axis=1))
-    connected = np.isfinite(chain_i + chain_j).all(axis=(1, 2))
+    part = chains.part[ends]
+    connected = (part[a] == part[b]).all(axis=1)
     total = covariances[a] + carried(T_jb_ja.inv(), covariances[b])
-    total[connected] += chain_j[connected] + carried((measured[b] * T_jb_ja).inv()[connected], chain_i[connected])
+    i_a, j_a, i_b, j_b = ends[a[connected], 0], ends[a[connected], 1], ends[b[connected], 0], ends[b[connected], 1]
+    chain_i = carried(T[i_b].inv(), chains.between(i_a, i_b))
+    chain_j = carried(T[j_a].inv(), chains.between(j_b, j_a))
+    total[connected] += chain_j + carried((measured[b] * T_jb_ja).inv()[connected], chain_i)
     squared = np.einsum("na,na->n", error, np.linalg.solve(total, error[:, :, None])[:, :, 0])
     in_agreement = connected & (squared <= bound)
     links = sparse.coo_array(

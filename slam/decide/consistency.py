@@ -6,77 +6,98 @@ through both runs; a right one and a wrong one do not meet again within what the
 ones seldom meet each other. An answer within one run closes a cycle with the run itself.
 """
 
-from collections import defaultdict
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
+from scipy import sparse
+from scipy.sparse.csgraph import connected_components
+from scipy.spatial import KDTree
 from scipy.spatial.transform import RigidTransform
 
+from slam.decide.chains import Chains
 from slam.decide.possible_edge import PossibleEdge, Support
-from slam.graph.edge import Edge, components, spanning_tree
 from slam.graph.tangent import carried
-from spectral.result import Registration
 
 _BLOCK = 20_000  # cycles that are looked at together
+# Each answer is compared with so many others, those nearest at both ends: a long way between two leaves so much open
+# that they agree whatever they say.
+_COMPARED = 100
 # A group leads where the probability that all of it is wrong is below the next one's by this power of e.
 _CLEARLY = 2.0
 
 
 @dataclass(frozen=True, slots=True)
-class Chains:
-    """Scans chained into parts by edges that are trusted, without a cycle.
+class Comparison:
+    """Answers compared with the chain that they lie in, and with each other.
 
     Attributes:
-        part: (N,) int, the number of each scan's part, 0, 1, ... in the order of their first scans.
-        T: N poses, each in the frame of its part's first scan [m].
-        spread: (N, 6, 6) covariance that gathers from the part's first scan to each, of a tangent in the part's frame
-            (on the left), rotation first [rad, m].
-        meeting: (N, N) int32, the scan at which the ways from the first scan to two of its part divide.
+        parts: n indices of answers of each pair of parts.
+        sigmas: (n,) distance of each from its part's own chain; NaN where it joins two parts.
+        agree, contradict: (n, n) sparse, symmetric, 1 where two of different pairs were compared and agree, or do not.
+        bound: largest distance of two that agree [sigmas].
     """
 
-    part: np.ndarray
-    T: RigidTransform
-    spread: np.ndarray
-    meeting: np.ndarray
+    parts: tuple[np.ndarray, ...]
+    sigmas: np.ndarray
+    agree: sparse.csr_array
+    contradict: sparse.csr_array
+    bound: float
 
-    def between(self, i: np.ndarray, j: np.ndarray) -> np.ndarray:
-        """(m, 6, 6) what gathers on the way from scans i to scans j of their part."""
-        return self.spread[i] + self.spread[j] - 2 * self.spread[self.meeting[i, j]]
+    def support(self, possible_edges: Sequence[PossibleEdge]) -> list[PossibleEdge]:
+        """The same answers as were compared, in their order, with their support; by what they weigh now."""
+        weight = np.array([possible.weight for possible in possible_edges])
+        support: dict[int, Support] = {}
+        for members in self.parts:
+            groups = self._groups(members, weight)
+            heaviest = [float(weight[group].sum()) for group in groups]
+            clear = len(groups) == 1 or heaviest[0] >= heaviest[1] + _CLEARLY
+            for rank, group in enumerate(groups):
+                counted = [possible_edges[k] for k in group if possible_edges[k].counts]
+                pairs = len({possible.scans for possible in counted})
+                for k in group:
+                    sigmas, leads = float(self.sigmas[k]), rank == 0 and clear
+                    support[k] = Support(pairs, heaviest[rank], leads, sigmas, sigmas <= self.bound)
+        return [replace(possible, support=support[k]) for k, possible in enumerate(possible_edges)]
+
+    def _groups(self, members: np.ndarray, weight: np.ndarray) -> list[list[int]]:
+        """Groups of which no members contradict each other, the heaviest first; built greedily, from those with the
+        most support. Those that agree with the chain they are in make the first, the others agree step by step."""
+        of_chain = self.sigmas[members] <= self.bound
+        groups = self._grown(members[of_chain], weight)[:1]
+        left = np.setdiff1d(members, [k for group in groups for k in group])
+        _, place = connected_components(self.agree[left][:, left], directed=False)
+        for connected in np.split(left[np.argsort(place, kind="stable")], np.cumsum(np.bincount(place))[:-1]):
+            groups += self._grown(connected, weight, apart=True)
+        return sorted(groups, key=lambda group: (-weight[group].sum(), group[0]))
+
+    def _grown(self, among: np.ndarray, weight: np.ndarray, apart: bool = False) -> list[list[int]]:
+        """All groups of these, one after the other; `apart`: members that no agreement joins are of several."""
+        groups: list[list[int]] = []
+        while len(among):
+            group = self._grow(among, weight)
+            among = np.setdiff1d(among, group)
+            if apart and len(group) > 1:
+                count, place = connected_components(self.agree[group][:, group], directed=False)
+                groups += [np.array(group)[place == number].tolist() for number in range(count)]
+            else:
+                groups.append(group)
+        return groups
+
+    def _grow(self, among: np.ndarray, weight: np.ndarray) -> list[int]:
+        """One group of these: from the one with the most support on, every next that contradicts none so far."""
+        if len(among) == 1:
+            return among.tolist()
+        support = weight[among] + self.agree[among][:, among] @ weight[among]
+        inside = np.zeros(len(weight), bool)
+        first, others = self.contradict.indptr, self.contradict.indices
+        for k in among[np.lexsort((among, -support))].tolist():
+            inside[k] = not inside[others[first[k] : first[k + 1]]].any()
+        return np.flatnonzero(inside).tolist()
 
 
-def chain_parts(count: int, edges: Sequence[Edge]) -> Chains:
-    """The parts of `count` scans that edges join, each chained along a spanning tree from its first scan on."""
-    neighbors: dict[int, list[tuple[int, Registration, bool]]] = defaultdict(list)
-    for edge in spanning_tree(count, edges):
-        neighbors[edge.i].append((edge.j, edge.registration, True))
-        neighbors[edge.j].append((edge.i, edge.registration, False))
-    part, spread = np.empty(count, np.intp), np.zeros((count, 6, 6))
-    poses = [RigidTransform.identity()] * count
-    meeting = np.zeros((count, count), np.int32)
-    for number, members in enumerate(components(count, edges)):
-        reached, known = [members[0]], {members[0]}
-        meeting[members[0], members[0]] = members[0]
-        part[list(members)] = number
-        for i in reached:
-            for j, registration, forward in neighbors[i]:
-                if j in known:
-                    continue
-                T = registration.T_target_source
-                poses[j] = poses[i] * (T if forward else T.inv())
-                # the noise is on the side of the measured pair's source
-                spread[j] = spread[i] + carried(poses[j] if forward else poses[i], registration.covariance)
-                meeting[j, reached] = meeting[reached, j] = meeting[i, reached]
-                meeting[j, j] = j
-                reached.append(j)
-                known.add(j)
-    return Chains(part, RigidTransform.concatenate(poses), spread, meeting)
-
-
-def find_support(
-    chains: Chains, possible_edges: Sequence[PossibleEdge], floor: np.ndarray, bound: float
-) -> list[PossibleEdge]:
-    """The possible edges with their support, in their order.
+def compare(chains: Chains, possible_edges: Sequence[PossibleEdge], floor: np.ndarray, bound: float) -> Comparison:
+    """Answers compared over the cycles that they close.
 
     Args:
         chains: of the survey's scans.
@@ -84,28 +105,47 @@ def find_support(
         floor: (6,) standard deviations [rad, m] that are granted to every answer beside its own covariance.
         bound: largest distance of two that agree [sigmas].
     """
-    if not possible_edges:
-        return []
+    count = len(possible_edges)
+    if not count:
+        nothing = sparse.csr_array((0, 0))
+        return Comparison((), np.zeros(0), nothing, nothing, bound)
     cycles = _Cycles.of(chains, possible_edges, floor)
-    weight = np.array([possible.weight for possible in possible_edges])
     parts = np.sort(np.column_stack([chains.part[cycles.i], chains.part[cycles.j]]), axis=1)
-    _, part_pair = np.unique(parts, axis=0, return_inverse=True)
-    support: dict[int, Support] = {}
-    for number in range(part_pair.max() + 1):
-        members = np.flatnonzero(part_pair == number)
-        inside = parts[members[0], 0] == parts[members[0], 1]
-        sigmas = cycles.from_chain(members) if inside else np.full(len(members), np.nan)
-        groups = _groups(cycles.agree(members, bound), weight[members], sigmas <= bound)
-        heaviest = [weight[members[group]].sum() for group in groups]
-        clear = len(groups) == 1 or heaviest[0] >= heaviest[1] + _CLEARLY
-        for rank, group in enumerate(groups):
-            counted = [possible_edges[k] for k in members[group].tolist() if possible_edges[k].counts]
-            pairs = len({possible.scans for possible in counted})
-            for k in group:
-                agrees = bool(sigmas[k] <= bound)
-                leads = rank == 0 and clear
-                support[int(members[k])] = Support(pairs, float(heaviest[rank]), leads, float(sigmas[k]), agrees)
-    return [replace(possible, support=support[k]) for k, possible in enumerate(possible_edges)]
+    _, number = np.unique(parts, axis=0, return_inverse=True)
+    members = tuple(np.split(np.argsort(number, kind="stable"), np.cumsum(np.bincount(number))[:-1]))
+    inside = np.flatnonzero(parts[:, 0] == parts[:, 1])
+    sigmas = np.full(count, np.nan)
+    sigmas[inside] = cycles.from_chain(inside)
+    pairs = np.concatenate([_neighbors(cycles.i, cycles.j, chosen) for chosen in members])
+    within = cycles.agree(pairs[:, 0], pairs[:, 1], bound)
+    of_one = (cycles.i[pairs[:, 0]] == cycles.i[pairs[:, 1]]) & (cycles.j[pairs[:, 0]] == cycles.j[pairs[:, 1]])
+    agree, contradict = (_symmetric(pairs[chosen], count) for chosen in (within & ~of_one, ~within | of_one))
+    return Comparison(members, sigmas, agree, contradict, bound)
+
+
+def find_support(
+    chains: Chains, possible_edges: Sequence[PossibleEdge], floor: np.ndarray, bound: float
+) -> list[PossibleEdge]:
+    """The possible edges with their support, in their order; the arguments are those of `compare`."""
+    return compare(chains, possible_edges, floor, bound).support(possible_edges)
+
+
+def _neighbors(i: np.ndarray, j: np.ndarray, members: np.ndarray) -> np.ndarray:
+    """(m, 2) of these answers, each once with those nearest to it at both ends, counted in scans."""
+    if len(members) <= _COMPARED + 1:
+        return members[np.column_stack(np.triu_indices(len(members), 1))]
+    ends = np.column_stack([i[members], j[members]]).astype(np.float64)
+    _, near = KDTree(ends).query(ends, _COMPARED + 1, p=np.inf)
+    both = np.sort(np.column_stack([np.repeat(np.arange(len(members)), _COMPARED + 1), near.ravel()]), axis=1)
+    both = np.unique(both[both[:, 0] != both[:, 1]], axis=0)
+    return members[both]
+
+
+def _symmetric(pairs: np.ndarray, count: int) -> sparse.csr_array:
+    """(count, count) with 1 at these (m, 2) places, each way."""
+    both = np.concatenate([pairs, pairs[:, ::-1]])
+    ends = both[:, 0], both[:, 1]
+    return sparse.csr_array((np.ones(len(both)), ends), shape=(count, count))
 
 
 @dataclass(frozen=True, slots=True)
@@ -144,51 +184,22 @@ class _Cycles:
         covariance = self.noise[members] + self.chains.between(self.i[members], self.j[members])
         return _mahalanobis(self.X[members].as_exp_coords(), covariance)
 
-    def agree(self, members: np.ndarray, bound: float) -> np.ndarray:
-        """(m, m) bool: which two possible edges between the same parts are of different pairs and within the bound."""
-        a, b = np.triu_indices(len(members), 1)
-        result = np.zeros((len(members), len(members)), dtype=bool)
+    def agree(self, a: np.ndarray, b: np.ndarray, bound: float) -> np.ndarray:
+        """(m,) bool: whether possible edges a and b between the same parts are within the bound."""
+        result = np.empty(len(a), dtype=bool)
         for start in range(0, len(a), _BLOCK):
-            first, second = a[start : start + _BLOCK], b[start : start + _BLOCK]
-            result[first, second] = self._distance(members[first], members[second]) <= bound
-        return result | result.T
+            block = slice(start, start + _BLOCK)
+            result[block] = self._distance(a[block], b[block]) <= bound
+        return result
 
     def _distance(self, a: np.ndarray, b: np.ndarray) -> np.ndarray:
-        """(m,) of the cycles through possible edges a and b [sigmas]; infinite for two of one pair."""
+        """(m,) of the cycles through possible edges a and b [sigmas]."""
         X, between = self.X[a], self.chains.between
         covariance = self.noise[a] + self.noise[b]
         covariance += between(self.i[a], self.i[b]) + carried(X, between(self.j[a], self.j[b]))
-        sigmas = _mahalanobis((X * self.X[b].inv()).as_exp_coords(), covariance)
-        return np.where((self.i[a] == self.i[b]) & (self.j[a] == self.j[b]), np.inf, sigmas)
+        return _mahalanobis((X * self.X[b].inv()).as_exp_coords(), covariance)
 
 
 def _mahalanobis(xi: np.ndarray, covariance: np.ndarray) -> np.ndarray:
     """(m,) lengths of tangents (m, 6) under their covariances."""
     return np.sqrt(np.einsum("na,na->n", xi, np.linalg.solve(covariance, xi[..., None])[..., 0]))
-
-
-def _groups(agree: np.ndarray, weight: np.ndarray, of_chain: np.ndarray) -> list[list[int]]:
-    """Groups of which all members agree, the heaviest first; built greedily, from those with the most support.
-
-    Args:
-        agree: (n, n) bool, symmetric.
-        weight: (n,) of the possible edges.
-        of_chain: (n,) bool, which agree with the chain they are in: these make the first group.
-    """
-    left = np.arange(len(weight))
-    groups = [_grow(agree, weight, left[of_chain])] if of_chain.any() else []
-    left = np.setdiff1d(left, groups)
-    while len(left):
-        groups.append(_grow(agree, weight, left))
-        left = np.setdiff1d(left, groups[-1])
-    return sorted(groups, key=lambda group: (-weight[group].sum(), group[0]))
-
-
-def _grow(agree: np.ndarray, weight: np.ndarray, among: np.ndarray) -> list[int]:
-    """One group of these: from the one with the most support on, every next that agrees with all so far."""
-    support = weight[among] + agree[np.ix_(among, among)] @ weight[among]
-    group: list[int] = []
-    for k in among[np.lexsort((among, -support))].tolist():
-        if agree[k, group].all():
-            group.append(k)
-    return sorted(group)

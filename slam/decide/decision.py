@@ -6,7 +6,8 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from kernels.errors import InputError
-from slam.decide.consistency import chain_parts, find_support
+from slam.decide.chains import chain_parts
+from slam.decide.consistency import compare
 from slam.decide.navigation import Navigation
 from slam.decide.possible_edge import PossibleEdge, possible_edges
 from slam.decide.robust import robust_optimize
@@ -87,13 +88,15 @@ def _decide(
     chain_scans = {(edge.i, edge.j) for edge in trusted}
     answers = [answer for pair in pairs if pair.scans not in chain_scans for answer in _answers(pair)]
     joins: list[Edge] = []
-    supported = find_support(chain_parts(count, [*trusted, *odometry]), answers, floor, bound)
+    compared = compare(chain_parts(count, [*trusted, *odometry]), answers, floor, bound)
+    supported = compared.support(answers)
     if (odds := twin_odds(supported)) > 1:
         answers = with_odds(answers, odds)
-        supported = find_support(chain_parts(count, [*trusted, *odometry]), answers, floor, bound)
+        supported = compared.support(answers)
     while new_joins := _joins(count, [*trusted, *odometry, *joins], supported):
         joins += new_joins
-        supported = find_support(chain_parts(count, [*trusted, *odometry, *joins]), answers, floor, bound)
+        compared = compare(chain_parts(count, [*trusted, *odometry, *joins]), answers, floor, bound)
+        supported = compared.support(answers)
     taken = _taken(supported)
     edges = (*trusted, *(possible.edge() for possible in taken.values()), *odometry)
     sure = [*trusted, *odometry, *joins]

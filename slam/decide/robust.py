@@ -13,19 +13,22 @@ from itertools import pairwise
 import gtsam
 import numpy as np
 from scipy.cluster.hierarchy import DisjointSet
-from scipy.spatial.transform import RigidTransform
 from scipy.special import gammaincinv
 
 from slam.decide.agreement import agreeing_groups
+from slam.decide.region import regions_about
 from slam.graph.edge import Edge, spanning_tree
 from slam.graph.gtsam_poses import to_values
-from slam.graph.path import bridges, surest_covariances
+from slam.graph.path import bridges
 from slam.graph.pose_graph import PoseGraph, Solution, factors_of
 from slam.graph.trajectory import chain
 
 PROBABILITY = 0.999  # of a right measurement to be within the bound
 FIRST = 200  # loops with which to begin, unless a single group of more agrees with itself
 _ROUNDS = 4
+# Graphs of so many poses are looked at as a whole; of larger ones so many around each end of an edge in doubt.
+_WHOLE, _AROUND = 1000, 60
+_HALF = 0.5  # weight of an edge that is neither right nor wrong
 _GATE = 1 - 1e-6  # probability of a right loop not to be contradicted by an estimate
 
 
@@ -106,13 +109,11 @@ def _first(graph: PoseGraph, fixed: np.ndarray) -> np.ndarray:
     joining = {id(edge) for edge in tree}
     active = fixed | np.array([edge.kind != "loop" or id(edge) in joining for edge in edges], bool)
     loops = np.flatnonzero(~active)
-    T = graph.trajectory.T_world_sensor
-    groups = agreeing_groups(T, tree, [edges[k] for k in loops], _chi_squared(_GATE, 6))
+    groups = agreeing_groups(count, tree, [edges[k] for k in loops], _chi_squared(_GATE, 6))
     sizes = np.bincount(groups, minlength=1)
-    for group in np.lexsort((np.arange(len(sizes)), -sizes)):
-        if active[loops].sum() >= FIRST:
-            break
-        active[loops[groups == group]] = True
+    active[loops[sizes[groups] > 1]] = True
+    alone = loops[sizes[groups] == 1]
+    active[alone[: max(0, FIRST - (len(loops) - len(alone)))]] = True
     return active
 
 
@@ -128,14 +129,14 @@ def _inliers(
     """
     sequential = np.array([edge.kind == "sequential" for edge in graph.edges], bool)
     if chain_worth is None:
-        accepted = _graduated(graph, active, fixed | sequential, bound)
+        accepted, graph = _graduated(graph, active, fixed | sequential, bound)
         return accepted, graph.keep(accepted).optimize()
     most = bound * np.where(sequential, chain_worth, 1)
     measured = sum(known.rank for known in graph.all_known)
     best: tuple[float, np.ndarray, Solution] | None = None
     for trusted in (fixed | sequential, fixed):
-        accepted = _graduated(graph, active, trusted, bound)
-        solution = graph.keep(accepted).optimize()
+        accepted, near = _graduated(graph, active, trusted, bound)
+        solution = near.keep(accepted).optimize()
         squared = graph.at(solution.trajectory.T_world_sensor).residuals() ** 2
         contradicted = solution.chi_squared_after - float(squared[accepted].sum())
         cost = float(np.where(accepted, squared, most)[active].sum()) + contradicted
@@ -148,36 +149,52 @@ def _inliers(
     return best[1:]
 
 
-def _graduated(graph: PoseGraph, active: np.ndarray, fixed: np.ndarray, bound: float) -> np.ndarray:
-    """(E,) bool: which of the active edges are inliers by graduated non-convexity."""
-    chosen = np.flatnonzero(active)
-    factors = factors_of(graph.keep(active))
-    known = [*np.flatnonzero(fixed[chosen]).tolist(), *range(len(chosen), factors.size())]
+def _graduated(graph: PoseGraph, active: np.ndarray, fixed: np.ndarray, bound: float) -> tuple[np.ndarray, PoseGraph]:
+    """(E,) bool: which of the active edges are inliers by graduated non-convexity; and the graph to go on from.
+
+    Of a large graph only where edges contradict each other: what agrees at the least squares is right as it is.
+    """
+    weights = active.astype(np.float64)
+    if len(graph.trajectory) <= _WHOLE:
+        weights[active] = _weights(graph.keep(active), fixed[active], bound)
+        return _rejoined(graph, active, weights), graph
+    for _ in range(_ROUNDS):
+        accepted = weights > _HALF
+        graph = graph.at(graph.keep(accepted).optimize(covariances=False).trajectory.T_world_sensor)
+        doubtful = np.flatnonzero(accepted & ~fixed & (graph.residuals() ** 2 > bound))
+        if not len(doubtful):
+            break
+        for region in regions_about(graph, accepted, doubtful.tolist(), _AROUND):
+            weights[region.edges] = _weights(region.graph, fixed[region.edges], bound)
+    return _rejoined(graph, active, weights), graph
+
+
+def _weights(graph: PoseGraph, fixed: np.ndarray, bound: float) -> np.ndarray:
+    """(E,) how much each edge counts in the end, 0 or 1 but for the last digits."""
+    factors = factors_of(graph)
+    count = len(graph.edges)
     inner = gtsam.LevenbergMarquardtParams()
     inner.setRelativeErrorTol(1e-4)
     settings = gtsam.GncLMParams(inner)
-    settings.setKnownInliers(known)
+    settings.setKnownInliers([*np.flatnonzero(fixed).tolist(), *range(count, factors.size())])
     settings.setRelativeCostTol(0.0)  # a cost that rests while every weight is still soft is no end
     optimizer = gtsam.GncLMOptimizer(factors, to_values(graph.trajectory.T_world_sensor), settings)
     optimizer.setInlierCostThresholds(bound / 2)  # GTSAM's cost has a factor 1/2
     optimizer.optimize()
-    weights = optimizer.getWeights()[: len(chosen)]
-    accepted = np.zeros(len(active), bool)
-    accepted[chosen[weights > 0.5]] = True
-    return _rejoined(graph, accepted, chosen[np.lexsort((chosen, -weights))])
+    return optimizer.getWeights()[:count]
 
 
-def _rejoined(graph: PoseGraph, accepted: np.ndarray, ranked: np.ndarray) -> np.ndarray:
-    """With the best of the rejected edges added where the graph has fallen apart."""
+def _rejoined(graph: PoseGraph, active: np.ndarray, weights: np.ndarray) -> np.ndarray:
+    """(E,) bool: the inliers, and the best of the other active edges where the graph has fallen apart."""
     joined = DisjointSet(range(len(graph.trajectory)))
     for one, other in pairwise(graph.in_world):
         joined.merge(one, other)
+    accepted = weights > _HALF
     for k in np.flatnonzero(accepted):
         joined.merge(graph.edges[k].i, graph.edges[k].j)
-    accepted = accepted.copy()
-    for k in ranked:
-        if not accepted[k]:
-            accepted[k] = joined.merge(graph.edges[k].i, graph.edges[k].j)
+    rejected = np.flatnonzero(active & ~accepted)
+    for k in rejected[np.lexsort((rejected, -weights[rejected]))]:
+        accepted[k] = joined.merge(graph.edges[k].i, graph.edges[k].j)
     return accepted
 
 
@@ -189,13 +206,16 @@ def _plausible(solution: Solution, others: Sequence[Edge]) -> np.ndarray:
     """
     if not others:
         return np.zeros(0, bool)
-    T = solution.trajectory.T_world_sensor
-    joint = np.stack([edge.registration.covariance for edge in others])
-    joint += surest_covariances(T, solution.graph.edges, np.array([(edge.i, edge.j) for edge in others]))
-    squared = np.zeros(len(others))
-    known = np.isfinite(joint).all(axis=(1, 2))  # what no path joins contradicts nothing
-    squared[known] = _squared(_errors(T, others)[known], joint[known])
-    return squared <= _stated_too_large(solution) * _chi_squared(_GATE, 6)
+    part = np.empty(len(solution.trajectory), np.intp)
+    for number, members in enumerate(solution.graph.components):
+        part[list(members)] = number
+    ends = np.array([(edge.i, edge.j) for edge in others])
+    known = part[ends[:, 0]] == part[ends[:, 1]]  # what no path joins contradicts nothing
+    tried = [edge for edge, one in zip(others, known, strict=True) if one]
+    sigmas = solution.distances(ends[known], [edge.registration for edge in tried])
+    plausible = np.ones(len(others), bool)
+    plausible[known] = sigmas**2 <= _stated_too_large(solution) * _chi_squared(_GATE, 6)
+    return plausible
 
 
 def _stated_too_large(solution: Solution) -> float:
@@ -203,19 +223,6 @@ def _stated_too_large(solution: Solution) -> float:
     if solution.degrees_of_freedom < 1:
         return 1.0
     return min(1.0, solution.chi_squared_after / _chi_squared(1 - _GATE, solution.degrees_of_freedom))
-
-
-def _errors(T: RigidTransform, edges: Sequence[Edge]) -> np.ndarray:
-    """(m, 6), of measured and estimated: tangents rotation first, in the body of j."""
-    measured = RigidTransform.concatenate([edge.registration.T_target_source for edge in edges])
-    j = T[[edge.j for edge in edges]]
-    prior = np.array([edge.kind == "prior" for edge in edges])[:, None, None]
-    i = RigidTransform.from_matrix(np.where(prior, np.eye(4), T[[edge.i for edge in edges]].as_matrix()))
-    return (measured.inv() * i.inv() * j).as_exp_coords()
-
-
-def _squared(errors: np.ndarray, covariances: np.ndarray) -> np.ndarray:
-    return np.einsum("na,na->n", errors, np.linalg.solve(covariances, errors[:, :, None])[:, :, 0])
 
 
 def _reasons(

@@ -3,6 +3,8 @@
 from collections.abc import Mapping, Sequence
 from dataclasses import replace
 
+import numpy as np
+
 from slam.decide.possible_edge import PossibleEdge
 from slam.graph.pose_graph import Solution
 from slam.pair import Pair
@@ -25,16 +27,12 @@ def with_verdicts(
     """
     kept = {(edge.i, edge.j): n for n, edge in enumerate(solution.graph.edges) if edge.is_registered}
     best = {possible.scans: possible for possible in reversed(supported)} | dict(taken)
-    part = {pose: number for number, members in enumerate(solution.graph.components) for pose in members}
+    distances = _distances(pairs, best, kept, solution)
     decided = []
     for pair in pairs:
         possible, n = best.get(pair.scans), kept.get(pair.scans)
         edge = None if n is None else solution.graph.edges[n]
-        residual = float("nan")
-        if n is not None:
-            residual = float(solution.residuals[n])
-        elif pair.registration is not None and part[pair.i] == part[pair.j]:
-            residual = _distance(solution, possible or PossibleEdge(pair.i, pair.j, pair.registration))
+        residual = distances.get(pair.scans, float("nan")) if n is None else float(solution.residuals[n])
         decided.append(
             replace(
                 pair,
@@ -48,8 +46,24 @@ def with_verdicts(
     return decided
 
 
-def _distance(solution: Solution, possible: PossibleEdge) -> float:
-    return float("nan") if possible.fault else solution.distance(*possible.scans, possible.registration)
+def _distances(
+    pairs: Sequence[Pair],
+    best: Mapping[tuple[int, int], PossibleEdge],
+    kept: Mapping[tuple[int, int], int],
+    solution: Solution,
+) -> dict[tuple[int, int], float]:
+    """How far what was not kept is from the final poses [sigmas], where these share a frame."""
+    part = {pose: number for number, members in enumerate(solution.graph.components) for pose in members}
+    asked: dict[tuple[int, int], PossibleEdge] = {}
+    for pair in pairs:
+        if pair.scans in kept or pair.registration is None or part[pair.i] != part[pair.j]:
+            continue
+        possible = best.get(pair.scans) or PossibleEdge(pair.i, pair.j, pair.registration)
+        if not possible.fault:
+            asked[pair.scans] = possible
+    scans = np.array(list(asked), np.intp).reshape(-1, 2)
+    apart = solution.distances(scans, [possible.registration for possible in asked.values()])
+    return dict(zip(asked, apart.tolist(), strict=True))
 
 
 def _reason(pair: Pair, possible: PossibleEdge | None, taken: bool, kept: bool, residual: float) -> str:

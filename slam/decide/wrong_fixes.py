@@ -6,7 +6,8 @@ from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
-from scipy.spatial.transform import RigidTransform
+from scipy.linalg import block_diag
+from scipy.spatial.transform import RigidTransform, Rotation
 from scipy.special import chdtri
 
 from slam.graph.pose_graph import PoseGraph, Solution
@@ -52,81 +53,110 @@ def without_wrong_fixes(
     """
     if not priors:
         return {}, ()
-    weights = {(k, kind): 1.0 for k, prior in priors.items() for kind in _kinds(prior)}
+    fixes = _Fixes.of(priors)
+    weights = np.ones(fixes.known.shape)
     of_edges = np.ones(len(graph.edges))
     solution = None
     for _ in range(_REWEIGHTED):
-        weighed = {k: _weighed(prior, weights, k) for k, prior in priors.items()}
-        solution = replace(graph.doubted(1 / of_edges), priors=tuple(sorted(weighed.items()))).optimize()
+        weighed = tuple(zip(fixes.poses.tolist(), fixes.weighed(weights), strict=True))
+        solution = replace(graph, priors=weighed).optimize(doubts=1 / of_edges)
         graph = graph.at(solution.trajectory.T_world_sensor)
         # edges may be wrong as well as fixes
         of_edges = np.minimum(1.0, (_TAILS + 6) / (_TAILS + solution.residuals**2 / of_edges))
-        before = dict(weights)
-        for k, kind in weights:
-            size = KINDS[kind].stop - KINDS[kind].start
-            residual, _ = _residual(priors[k], solution.trajectory.T_world_sensor[k], kind)
-            squared = float(((residual / priors[k].sigmas[KINDS[kind]]) ** 2).sum())
-            weights[k, kind] = min(1.0, (_TAILS + size) / (_TAILS + squared))
-        if max(abs(weights[key] - before[key]) for key in weights) < 1e-2:
+        before = weights
+        weights = np.where(fixes.known, fixes.doubted(solution.trajectory.T_world_sensor), 1.0)
+        if np.abs(weights - before).max() < 1e-2:
             break
     assert solution is not None
-    wrong = _wrong(solution, priors, weights)
-    if not wrong or _too_many(wrong, weights):
+    wrong = _wrong(solution, fixes, weights)
+    if not wrong or _too_many(wrong, fixes):
         return dict(priors), ()
     left_out = {(fix.scan, fix.kind) for fix in wrong}
     cleaned = {k: _without(prior, {kind for kind in KINDS if (k, kind) in left_out}) for k, prior in priors.items()}
     return {k: prior for k, prior in cleaned.items() if prior is not None}, wrong
 
 
-def _wrong(
-    solution: Solution, priors: Mapping[int, PosePrior], weights: Mapping[tuple[int, str], float]
-) -> tuple[WrongFix, ...]:
+@dataclass(frozen=True, slots=True)
+class _Fixes:
+    """What was measured of n poses, by the K kinds of KINDS.
+
+    Attributes:
+        poses: (n,) int.
+        priors: n.
+        R: n measured rotations, level where the attitude is not measured.
+        places: (n, 3) measured translations [m].
+        sigmas: (n, 6) as of a `PosePrior`.
+        known: (n, K) bool, what was measured.
+    """
+
+    poses: np.ndarray
+    priors: tuple[PosePrior, ...]
+    R: Rotation
+    places: np.ndarray
+    sigmas: np.ndarray
+    known: np.ndarray
+
+    @classmethod
+    def of(cls, priors: Mapping[int, PosePrior]) -> "_Fixes":
+        poses = sorted(priors)
+        those = tuple(priors[k] for k in poses)
+        sigmas = np.stack([prior.sigmas for prior in those])
+        return cls(
+            np.array(poses, np.intp),
+            those,
+            Rotation.concatenate([measured_rotation(prior) for prior in those]),
+            np.stack([prior.T_world_sensor.translation for prior in those]),
+            sigmas,
+            np.column_stack([np.isfinite(sigmas[:, numbers]).all(axis=1) for numbers in KINDS.values()]),
+        )
+
+    def weighed(self, weights: np.ndarray) -> list[PosePrior]:
+        """The priors with what weighs less, (n, K), less sure."""
+        sigmas = self.sigmas.copy()
+        for kind, numbers in enumerate(KINDS.values()):
+            sigmas[:, numbers] /= np.sqrt(weights[:, kind, None])
+        return [replace(prior, sigmas=own) for prior, own in zip(self.priors, sigmas, strict=True)]
+
+    def doubted(self, T_world_sensor: RigidTransform) -> np.ndarray:
+        """(n, K) weights by how far the poses are from what was measured."""
+        squared = (self.residuals(T_world_sensor) / self.sigmas) ** 2
+        sums = np.column_stack([squared[:, numbers].sum(axis=1) for numbers in KINDS.values()])
+        sizes = np.array([numbers.stop - numbers.start for numbers in KINDS.values()])
+        return np.minimum(1.0, (_TAILS + sizes) / (_TAILS + sums))
+
+    def residuals(self, T_world_sensor: RigidTransform) -> np.ndarray:
+        """(n, 6) how far poses are from what was measured, in the world's axes [rad, m]."""
+        T = T_world_sensor[self.poses]
+        up, there = (R.inv().apply([0.0, 0.0, 1.0]) for R in (self.R, T.rotation))
+        turned = T.rotation.apply(np.cross(there, up))
+        turned[:, 2] = twist(T.rotation * self.R.inv())
+        return np.hstack([turned, T.translation - self.places])
+
+
+def _wrong(solution: Solution, fixes: _Fixes, weights: np.ndarray) -> tuple[WrongFix, ...]:
     """Those that are farther from the estimate than both are unsure."""
-    found = []
-    suspects = [(k, kind) for (k, kind), weight in weights.items() if weight < 1.0]
-    for k, kind in suspects:
-        residual, jacobian = _residual(priors[k], solution.trajectory.T_world_sensor[k], kind)
-        marginal = solution.covariance(k)
-        together = jacobian @ marginal @ jacobian.T + np.diag(priors[k].sigmas[KINDS[kind]] ** 2)
+    suspects = np.argwhere(fixes.known & (weights < 1.0))
+    if not len(suspects):
+        return ()
+    T, covariances, found = solution.trajectory.T_world_sensor, solution.covariances(), []
+    residuals, names = fixes.residuals(T), list(KINDS)
+    for n, kind in suspects.tolist():
+        numbers, k = KINDS[names[kind]], int(fixes.poses[n])
+        R = T[k].rotation.as_matrix()
+        in_world = block_diag(R, R)[numbers]  # by the pose's body tangent
+        together = in_world @ covariances[k] @ in_world.T + np.diag(fixes.sigmas[n, numbers] ** 2)
+        residual = residuals[n, numbers]
         squared = float(residual @ np.linalg.solve(together, residual))
         if squared > chdtri(len(residual), _RARE):
-            found.append(WrongFix(k, kind, float(np.sqrt(squared))))
+            found.append(WrongFix(k, names[kind], float(np.sqrt(squared))))
     return tuple(sorted(found, key=lambda fix: (fix.scan, fix.kind)))
 
 
-def _too_many(wrong: Sequence[WrongFix], weights: Mapping[tuple[int, str], float]) -> bool:
+def _too_many(wrong: Sequence[WrongFix], fixes: _Fixes) -> bool:
     """Whether so many fixes of a kind seem wrong that rather the edges are."""
     return any(
-        sum(fix.kind == kind for fix in wrong) > _MOST * sum(each == kind for _, each in weights) for kind in KINDS
+        sum(fix.kind == name for fix in wrong) > _MOST * fixes.known[:, kind].sum() for kind, name in enumerate(KINDS)
     )
-
-
-def _residual(prior: PosePrior, T: RigidTransform, kind: str) -> tuple[np.ndarray, np.ndarray]:
-    """How far a pose is from one kind of a prior, in the world's axes, and (k, 6) by the pose's body tangent."""
-    R = T.rotation.as_matrix()
-    jacobian = np.zeros((6, 6))
-    jacobian[:3, :3] = jacobian[3:, 3:] = R
-    off = np.zeros(6)
-    measured = measured_rotation(prior)
-    left = T.rotation * measured.inv()
-    turn = float(twist(left))
-    if kind == "attitude":
-        up, there = (rotation.inv().apply([0.0, 0.0, 1.0]) for rotation in (measured, T.rotation))
-        off[:3] = T.rotation.apply(np.cross(there, up))
-    off[2] = turn
-    off[3:] = T.translation - prior.T_world_sensor.translation
-    return off[KINDS[kind]], jacobian[KINDS[kind]]
-
-
-def _kinds(prior: PosePrior) -> list[str]:
-    return [kind for kind, numbers in KINDS.items() if np.isfinite(prior.sigmas[numbers]).all()]
-
-
-def _weighed(prior: PosePrior, weights: Mapping[tuple[int, str], float], k: int) -> PosePrior:
-    sigmas = prior.sigmas.copy()
-    for kind in _kinds(prior):
-        sigmas[KINDS[kind]] /= np.sqrt(weights[k, kind])
-    return replace(prior, sigmas=sigmas)
 
 
 def _without(prior: PosePrior, kinds: set[str]) -> PosePrior | None:

@@ -55,27 +55,6 @@ class Edge:
         """Whether a registration says so; else instruments do."""
         return self.kind in ("sequential", "loop")
 
-    def scaled(self, factor: float) -> "Edge":
-        """The edge with its covariance multiplied; of a registration that something else took part in, the scans' part.
-
-        How far a vehicle usually goes is no surer where registrations agree better.
-        """
-        measured = self.registration
-        if measured.T_by_scans is None or measured.covariance_by_scans is None:
-            return replace(self, registration=replace(measured, covariance=factor * measured.covariance))
-        both, alone = (inverse_definite(each) for each in (measured.covariance, measured.covariance_by_scans))
-        covariance = inverse_definite(alone / factor + (both - alone))
-        # from where the scans alone have it, the pull of the rest stays what it is
-        step: np.ndarray = (measured.T_by_scans.inv() * measured.T_target_source).as_exp_coords()
-        step = covariance @ both @ step
-        scaled = replace(
-            measured,
-            T_target_source=measured.T_by_scans * RigidTransform.from_exp_coords(step),
-            covariance=covariance,
-            covariance_by_scans=factor * measured.covariance_by_scans,
-        )
-        return replace(self, registration=scaled)
-
     def doubted(self, factor: float) -> "Edge":
         """The edge with its covariance multiplied, whatever took part in it: it contradicts others as it is."""
         measured, alone = self.registration, self.registration.covariance_by_scans
@@ -92,12 +71,42 @@ class Edge:
         return f"edge {self.i} -> {self.j}"
 
 
+def scaled(edges: Sequence[Edge], factor: float) -> list[Edge]:
+    """The edges with their covariances multiplied; of registrations that something else took part in, the scans' part.
+
+    How far a vehicle usually goes is no surer where registrations agree better.
+    """
+    result = [replace(edge, registration=_multiplied(edge.registration, factor)) for edge in edges]
+    fused = [k for k, edge in enumerate(edges) if edge.registration.T_by_scans is not None]
+    if not fused:
+        return result
+    told = [edges[k].registration for k in fused]
+    both = np.linalg.inv(np.stack([registration.covariance for registration in told]))
+    by_scans = np.stack([registration.covariance_by_scans for registration in told])  # pyright: ignore[reportArgumentType, reportCallIssue]
+    alone = np.linalg.inv(by_scans)
+    covariances = np.linalg.inv(alone / factor + (both - alone))
+    covariances = (covariances + covariances.swapaxes(1, 2)) / 2
+    # from where the scans alone have it, the pull of the rest stays what it is
+    T = RigidTransform.concatenate([registration.T_by_scans for registration in told])  # pyright: ignore[reportArgumentType]
+    away: np.ndarray = (T.inv() * RigidTransform.concatenate([each.T_target_source for each in told])).as_exp_coords()
+    moved = T * RigidTransform.from_exp_coords(np.einsum("nab,nbc,nc->na", covariances, both, away))
+    for n, k in enumerate(fused):
+        held = replace(
+            told[n], T_target_source=moved[n], covariance=covariances[n], covariance_by_scans=factor * by_scans[n]
+        )
+        result[k] = replace(edges[k], registration=held)
+    return result
+
+
+def _multiplied(registration: Registration, factor: float) -> Registration:
+    return replace(registration, covariance=factor * registration.covariance)
+
+
 def check_definite(matrix: np.ndarray, name: str) -> None:
     """Raise InputError unless `matrix` is (6, 6), finite, symmetric and positive definite."""
     if matrix.shape != (6, 6) or not np.isfinite(matrix).all():
         raise InputError(f"{name} has shape {matrix.shape} or is not finite; wanted (6, 6) finite numbers")
-    largest = float(np.abs(matrix).max())
-    if np.abs(matrix - matrix.T).max() > SYMMETRY * largest:
+    if not (matrix == matrix.T).all() and np.abs(matrix - matrix.T).max() > SYMMETRY * np.abs(matrix).max():
         raise InputError(f"{name} is not symmetric; wanted a symmetric positive definite matrix")
     try:
         np.linalg.cholesky(matrix)
@@ -105,7 +114,7 @@ def check_definite(matrix: np.ndarray, name: str) -> None:
         smallest = float(np.linalg.eigvalsh(matrix).min())
         raise InputError(
             f"{name} is not positive definite (smallest eigenvalue {smallest:.3g}, "
-            f"largest element {largest:.3g}); give every direction a positive variance"
+            f"largest element {np.abs(matrix).max():.3g}); give every direction a positive variance"
         ) from None
 
 

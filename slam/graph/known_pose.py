@@ -6,7 +6,7 @@ from dataclasses import dataclass
 
 import gtsam
 import numpy as np
-from scipy.spatial.transform import RigidTransform, Rotation
+from scipy.spatial.transform import RigidTransform
 
 from kernels.errors import InputError
 from slam.graph.tangent import adjoint
@@ -111,9 +111,3 @@ def blocks(turn: np.ndarray, shift: np.ndarray) -> np.ndarray:
     both = np.zeros((6, 6))
     both[:3, :3], both[3:, 3:] = turn, shift
     return both
-
-
-def turned_information(R: Rotation, information: np.ndarray) -> np.ndarray:
-    """(3, 3) information about a vector v, from that about R v."""
-    matrix: np.ndarray = R.as_matrix()
-    return matrix.T @ information @ matrix

@@ -1,33 +1,77 @@
 """What instruments measured of poses: attitude, heading, depth and position, each with its own noise."""
 
 from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
 
+import gtsam
 import numpy as np
 from scipy.spatial.transform import RigidTransform, Rotation
 
-from slam.graph.known_pose import KnownPose, blocks, held_pose, turned_information
-from spectral.measured import measured_rotation, twist
+from slam.graph.known_pose import KnownPose, blocks, held_pose
+from spectral.measured import twist
 from spectral.scan import PosePrior
 
 
-def known_poses(priors: Mapping[int, PosePrior], T_world_sensor: RigidTransform) -> list[KnownPose]:
-    """What was measured, pose by pose.
+@dataclass(frozen=True, slots=True)
+class MeasuredPoses:
+    """What was measured of n poses, as arrays.
 
-    Rotation: PosePrior's errors of roll, pitch and heading, those not measured with no weight; an unmeasured heading is
-    taken from the estimate, so that only the tilt is left to compare. Translation: along East, North and Up.
-
-    Args:
-        priors: by pose.
-        T_world_sensor: N poses, the estimate to start from, in the same world.
+    Attributes:
+        poses: (n,) int, ascending.
+        T_world_pose: n, as measured: rotations level where the attitude is not, with the estimate's heading where that
+            is not; translations 0 where they are not.
+        turn: (n, 3, 3) information about w of R_true = R Exp(w) [1/rad^2].
+        shift: (n, 3) information about the translation along East, North and Up [1/m^2].
     """
-    known = []
-    for k, prior in sorted(priors.items()):
-        precisions = 1 / prior.sigmas**2  # 0 where not measured
-        R = _nearest(prior, T_world_sensor[k].rotation)
-        information = blocks(_rotation_information(R, precisions[:3]), turned_information(R, np.diag(precisions[3:])))
-        T = RigidTransform.from_components(prior.T_world_sensor.translation, R)
-        known.append(KnownPose(k, T, information))
-    return known
+
+    poses: np.ndarray
+    T_world_pose: RigidTransform
+    turn: np.ndarray
+    shift: np.ndarray
+
+    @classmethod
+    def of(cls, priors: Mapping[int, PosePrior], T_world_sensor: RigidTransform) -> "MeasuredPoses":
+        """Rotation: PosePrior's errors of roll, pitch and heading, those not measured with no weight; an unmeasured
+        heading is taken from the estimate, so that only the tilt is left to compare.
+
+        Args:
+            priors: by pose, at least one.
+            T_world_sensor: N poses, the estimate to start from, in the same world.
+        """
+        poses = np.array(sorted(priors), np.intp)
+        known = [priors[k] for k in poses.tolist()]
+        precisions = 1 / np.stack([prior.sigmas for prior in known]) ** 2  # 0 where not measured
+        T = RigidTransform.concatenate([prior.T_world_sensor for prior in known])
+        R = _chosen(precisions[:, 0] > 0, T.rotation, Rotation.from_euler("Z", _angles(twist(T.rotation))))
+        turned = Rotation.from_euler("Z", _angles(twist(T_world_sensor[poses].rotation * R.inv()))) * R
+        R = _chosen(precisions[:, 2] > 0, R, turned)
+        return cls(
+            poses, RigidTransform.from_components(T.translation, R), _turns(R, precisions[:, :3]), precisions[:, 3:]
+        )
+
+    def known(self) -> list[KnownPose]:
+        """Pose by pose."""
+        R: np.ndarray = self.T_world_pose.rotation.as_matrix()
+        information = np.zeros((len(self.poses), 6, 6))
+        information[:, :3, :3] = self.turn
+        information[:, 3:, 3:] = R.swapaxes(1, 2) @ (self.shift[:, :, None] * R)
+        return [KnownPose(k, self.T_world_pose[n], information[n]) for n, k in enumerate(self.poses.tolist())]
+
+    def factors(self) -> list[gtsam.NonlinearFactor]:
+        """For GTSAM: of the rotation and of the translation of each."""
+        R, t = self.T_world_pose.rotation.as_matrix(), self.T_world_pose.translation
+        values, axes = np.linalg.eigh(self.turn)
+        turn = np.sqrt(np.maximum(values, 0.0))[:, :, None] * axes.swapaxes(1, 2)
+        shift = np.sqrt(self.shift)[:, :, None] * np.eye(3)
+        factors: list[gtsam.NonlinearFactor] = []
+        for n, k in enumerate(self.poses.tolist()):
+            if self.turn[n].any():
+                noise = gtsam.noiseModel.Gaussian.SqrtInformation(turn[n], False)
+                factors.append(gtsam.PoseRotationPrior3D(k, gtsam.Rot3(R[n]), noise))
+            if self.shift[n].any():
+                noise = gtsam.noiseModel.Gaussian.SqrtInformation(shift[n], False)
+                factors.append(gtsam.PoseTranslationPrior3D(k, t[n], noise))
+        return factors
 
 
 # How far a vehicle's roll and pitch usually are from 0, standard deviation [rad].
@@ -57,9 +101,9 @@ def level(members: Sequence[int], priors: Mapping[int, PosePrior], T_world_senso
     known = [k for k in members if k in priors]
     if not known or any(priors[k].knows_attitude for k in known) or unmeasured(members, priors)[:2].any():
         return None
-    upright = Rotation.from_euler("Z", twist(T_world_sensor[known[0]].rotation))
-    information = _rotation_information(upright, np.array([_LEVEL**-2, _LEVEL**-2, 0.0]))
-    T = RigidTransform.from_components(T_world_sensor[known[0]].translation, upright)
+    upright = Rotation.from_euler("Z", _angles(twist(T_world_sensor[known[:1]].rotation)))
+    information = _turns(upright, np.array([[_LEVEL**-2, _LEVEL**-2, 0.0]]))[0]
+    T = RigidTransform.from_components(T_world_sensor[known[0]].translation, upright[0])
     return KnownPose(known[0], T, blocks(information, np.zeros((3, 3))))
 
 
@@ -70,12 +114,18 @@ def gauge(pose: int, free: np.ndarray, T_world_sensor: RigidTransform) -> KnownP
     return held_pose(pose, T_world_sensor, blocks(R.as_matrix().T, R.as_matrix().T) @ of_world)
 
 
-def _nearest(prior: PosePrior, R_estimate: Rotation) -> Rotation:
-    """The measured rotation, its heading that of the estimate where it was not measured."""
-    R = measured_rotation(prior)
-    return R if prior.knows_heading else Rotation.from_euler("Z", twist(R_estimate * R.inv())) * R
+def _chosen(which: np.ndarray, R: Rotation, other: Rotation) -> Rotation:
+    """(n,) rotations: R where `which` says so, else the other."""
+    return Rotation.from_quat(np.where(which[:, None], R.as_quat(), other.as_quat()))
 
 
-def _rotation_information(R: Rotation, precisions: np.ndarray) -> np.ndarray:
-    """(3, 3) about e, of R_true = R Exp(e) = Exp(w) R with w = Rz(h) v, h the twist of R and v of these precisions."""
-    return turned_information(Rotation.from_euler("Z", twist(R)).inv() * R, np.diag(precisions))
+def _angles(turns: np.ndarray) -> np.ndarray:
+    """(n, 1): one angle a rotation."""
+    return turns[:, None]
+
+
+def _turns(R: Rotation, precisions: np.ndarray) -> np.ndarray:
+    """(n, 3, 3) about e, of R_true = R Exp(e) = Exp(w) R with w = Rz(h) v, h the twist of R and v of these precisions
+    (n, 3)."""
+    M: np.ndarray = (Rotation.from_euler("Z", _angles(twist(R))).inv() * R).as_matrix()
+    return M.swapaxes(1, 2) @ (precisions[:, :, None] * M)

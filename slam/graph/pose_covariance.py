@@ -45,7 +45,7 @@ def weighed(graph: PoseGraph) -> PoseGraph:
     alone = graph.registered_alone
     weights, quotient = np.ones(len(alone.edges)), _EXPECTED
     for _ in range(_REWEIGHTED if weights.size else 0):
-        solution = alone.doubted(1 / weights).optimize(covariances=False)
+        solution = alone.optimize(covariances=False, doubts=1 / weights)
         alone = alone.at(solution.trajectory.T_world_sensor)
         squared = solution.residuals**2  # weighted
         quotient = (squared.sum() + _WORTH * _EXPECTED) / (solution.degrees_of_freedom + _WORTH)

@@ -5,26 +5,28 @@ Conventions are GTSAM's own (docs/conventions.md): tangents rotation first, pert
 that covariances go over unchanged.
 """
 
+from collections.abc import Sequence
 from dataclasses import dataclass, replace
+from functools import cached_property
 
 import gtsam
 import numpy as np
 from scipy.spatial.transform import RigidTransform
 
 from kernels.errors import InputError
-from slam.graph.edge import Edge, components, inverse_definite
+from slam.graph.edge import Edge, components, scaled
+from slam.graph.edge_factors import edge_factors, residuals_of
 from slam.graph.gtsam_poses import START_SIGMA, chordal_start, to_pose3, to_transforms, to_values
 from slam.graph.known_pose import GAUGE_SIGMA, KnownPose, undetermined
-from slam.graph.measured_poses import gauge, known_poses, level, unmeasured
+from slam.graph.marginals import Marginals, marginals
+from slam.graph.measured_poses import MeasuredPoses, gauge, level, unmeasured
+from slam.graph.tangent import adjoint
 from slam.graph.trajectory import Trajectory
 from spectral.result import Registration
 from spectral.scan import PosePrior
 
-# Translations of an edge are held by standard deviations no farther apart than this.
-_SPREAD = 1000.0
 
-
-@dataclass(frozen=True, slots=True)
+@dataclass(frozen=True)  # without slots: what is worked out from the edges is kept
 class PoseGraph:
     """An estimate and the measurements it has to agree with.
 
@@ -58,7 +60,7 @@ class PoseGraph:
         if any(not 0 <= pose < count for pose in self._measured):
             raise InputError(f"a prior names a pose which is not among the {count} of the trajectory")
 
-    @property
+    @cached_property
     def components(self) -> tuple[tuple[int, ...], ...]:
         """The sets of poses that share a frame, in the order of their first poses.
 
@@ -78,7 +80,7 @@ class PoseGraph:
         complete = {pose for pose, prior in self.priors if prior.is_complete}
         return sorted(complete.union(known.pose for known in self.known if known.rank == 6))
 
-    @property
+    @cached_property
     def anchors(self) -> tuple[int, ...]:
         """The poses held where they are: the fixed, and the first of a component that nothing else holds."""
         held = {edge.i for edge in self.edges if edge.kind == "prior"}.union(self.fixed, self._measured)
@@ -88,8 +90,8 @@ class PoseGraph:
     @property
     def loose(self) -> list[tuple[int, np.ndarray]]:
         """The first pose of each component whose priors do not tell all, and (6,) bool what they do not tell."""
-        priors = dict(self.priors)
-        measured = (members for members in self.components if not set(self.anchors).intersection(members))
+        priors, anchors = dict(self.priors), set(self.anchors)
+        measured = (members for members in self.components if not anchors.intersection(members))
         unheld = [
             (members[0], unmeasured(members, priors)) for members in measured if set(priors).intersection(members)
         ]
@@ -98,9 +100,20 @@ class PoseGraph:
     @property
     def all_known(self) -> list[KnownPose]:
         """All that is known of single poses but the anchors': `known`, the priors, and what is held beside these."""
+        measured = self.by_priors
+        return [*self.beside_priors, *([] if measured is None else measured.known())]
+
+    @property
+    def by_priors(self) -> MeasuredPoses | None:
+        """What instruments measured; None where nothing."""
+        return MeasuredPoses.of(dict(self.priors), self.trajectory.T_world_sensor) if self.priors else None
+
+    @property
+    def beside_priors(self) -> list[KnownPose]:
+        """What else is known, and what is held where neither tells."""
         T = self.trajectory.T_world_sensor
         held = [gauge(pose, free, T[pose]) for pose, free in self.loose]
-        return [*self.known, *known_poses(dict(self.priors), T), *self._level, *held, *self._undetermined]
+        return [*self.known, *self._level, *held, *self._undetermined]
 
     @property
     def degrees_of_freedom(self) -> int:
@@ -117,7 +130,7 @@ class PoseGraph:
         known = [known for known in self.known if known.pose in inside]
         return bool(known) and undetermined(part, known, self.trajectory.T_world_sensor) is None
 
-    @property
+    @cached_property
     def _measured(self) -> set[int]:
         """The poses of which something is measured."""
         return {*dict(self.priors), *(known.pose for known in self.known)}
@@ -165,9 +178,9 @@ class PoseGraph:
         return replace(self, edges=tuple(edge for edge in self.edges if edge.is_registered), priors=(), known=())
 
     def scaled(self, factor: float) -> "PoseGraph":
-        """The graph with the covariances of all registrations multiplied (`Edge.scaled`)."""
-        edges = [edge.scaled(factor) if edge.is_registered else edge for edge in self.edges]
-        return replace(self, edges=tuple(edges))
+        """The graph with the covariances of all registrations multiplied (`slam.graph.edge.scaled`)."""
+        registered = iter(scaled([edge for edge in self.edges if edge.is_registered], factor))
+        return replace(self, edges=tuple(next(registered) if edge.is_registered else edge for edge in self.edges))
 
     def doubted(self, factors: np.ndarray) -> "PoseGraph":
         """The graph with the covariances of its E edges multiplied by (E,) factors (`Edge.doubted`)."""
@@ -176,8 +189,7 @@ class PoseGraph:
 
     def residuals(self) -> np.ndarray:
         """(E,) float64, each edge's residual at the trajectory as it is, in sigmas."""
-        factors, values = factors_of(self), to_values(self.trajectory.T_world_sensor)
-        return _residuals(factors, values, len(self.edges))
+        return residuals_of(self.edges, self.trajectory.T_world_sensor)
 
     def from_edges(self) -> "PoseGraph":
         """The same graph with an initial estimate that its edges alone tell (`chordal_start`); anchors stay.
@@ -217,17 +229,20 @@ class PoseGraph:
             "large or too small"
         )
 
-    def optimize(self, max_iterations: int = 100, covariances: bool = True) -> "Solution":
+    def optimize(
+        self, max_iterations: int = 100, covariances: bool = True, doubts: np.ndarray | None = None
+    ) -> "Solution":
         """The poses of least squared residual, by Levenberg-Marquardt from the initial estimate.
 
         Args:
             max_iterations: of the optimizer.
             covariances: whether the solution has these, which takes a unique one; poses and residuals take none.
+            doubts: (E,) by which the edges' covariances are multiplied; 1 by default.
 
         Raises:
             InputError: the equations have no unique or no finite solution.
         """
-        factors, initial = factors_of(self), to_values(self.trajectory.T_world_sensor)
+        factors, initial = factors_of(self, doubts=doubts), to_values(self.trajectory.T_world_sensor)
         options = gtsam.LevenbergMarquardtParams()
         options.setMaxIterations(max_iterations)
         options.setRelativeErrorTol(1e-9)
@@ -235,7 +250,9 @@ class PoseGraph:
         try:
             optimizer = gtsam.LevenbergMarquardtOptimizer(factors, initial, options)
             optimum = optimizer.optimize()
-            marginals = gtsam.Marginals(factors, optimum) if covariances else None
+            linear = factors.linearize(optimum) if covariances else None
+            if linear is not None:
+                linear.eliminateMultifrontal(gtsam.Ordering.OrderingType.COLAMD)  # raises where a pose is not told
         except RuntimeError as error:
             raise self.unsolvable(error) from error
         return Solution(
@@ -245,8 +262,8 @@ class PoseGraph:
             degrees_of_freedom=self.degrees_of_freedom,
             iterations=optimizer.iterations(),
             converged=optimizer.iterations() < max_iterations,
-            residuals=_residuals(factors, optimum, len(self.edges)),
-            _marginals=marginals,
+            residuals=np.array([np.sqrt(2 * factors.at(k).error(optimum)) for k in range(len(self.edges))]),
+            _linear=linear,
         )
 
 
@@ -270,94 +287,83 @@ class Solution:
     iterations: int
     converged: bool
     residuals: np.ndarray
-    _marginals: gtsam.Marginals | None
+    _linear: gtsam.GaussianFactorGraph | None
 
     @property
     def trajectory(self) -> Trajectory:
         """The optimized poses."""
         return self.graph.trajectory
 
-    @property
-    def _known(self) -> gtsam.Marginals:
-        assert self._marginals is not None, "optimized without covariances"
-        return self._marginals
-
-    def covariance(self, k: int) -> np.ndarray:
-        """(6, 6) of one pose, as `covariances`."""
-        return self._known.marginalCovariance(k)
-
     def covariances(self) -> np.ndarray:
         """(N, 6, 6): each pose's, rotation first [rad, m], body tangent, against its component's anchor."""
-        return np.stack([self.covariance(k) for k in range(len(self.trajectory))])
+        return self._marginals(np.empty((0, 2), np.intp)).single
 
     def relative(self, i: int, j: int) -> tuple[RigidTransform, np.ndarray]:
-        """T_i_j as the graph estimates it, and its (6, 6) covariance, from the joint marginal of both poses.
+        """T_i_j as the graph estimates it, and its (6, 6) covariance: as `relatives`, of one pair."""
+        T, covariances = self.relatives(np.array([[i, j]]))
+        return T[0], covariances[0]
 
-        With T_i Exp(a) and T_j Exp(b) the relative pose is T_i_j Exp(b - Ad(T_j_i) a), to first order. Both
-        poses have to be in one component.
+    def relatives(self, pairs: np.ndarray) -> tuple[RigidTransform, np.ndarray]:
+        """T_i_j of m pairs as the graph estimates them, and their (m, 6, 6) covariances, from the joint marginals.
+
+        With T_i Exp(a) and T_j Exp(b) the relative pose is T_i_j Exp(b - Ad(T_j_i) a), to first order.
+
+        Args:
+            pairs: (m, 2) int, different poses i and j of one component each.
 
         Raises:
             InputError: covariances so small that the equations cannot be solved for it.
         """
+        if not len(pairs):
+            return RigidTransform.from_matrix(np.empty((0, 4, 4))), np.empty((0, 6, 6))
+        i, j = pairs.T
         T = self.trajectory.T_world_sensor
-        T_i_j = T[i].inv() * T[j]
+        T_i_j: RigidTransform = T[i].inv() * T[j]
+        known, A = self._marginals(pairs), adjoint(T_i_j.inv())
+        shared = A @ known.across
+        covariances = known.single[j] + A @ known.single[i] @ A.swapaxes(1, 2) - shared - shared.swapaxes(1, 2)
+        return T_i_j, covariances
+
+    def distances(self, pairs: np.ndarray, registrations: Sequence[Registration]) -> np.ndarray:
+        """(m,) how far registrations of pairs, (m, 2) int, that are no edges are from the poses [sigmas], under their
+        covariances and the poses'."""
+        if not len(pairs):
+            return np.zeros(0)
+        T, covariances = self.relatives(pairs)
+        measured = RigidTransform.concatenate([registration.T_target_source for registration in registrations])
+        covariances = covariances + np.stack([registration.covariance for registration in registrations])
+        xi: np.ndarray = (T.inv() * measured).as_exp_coords()
+        return np.sqrt(np.einsum("na,na->n", xi, np.linalg.solve(covariances, xi[:, :, None])[:, :, 0]))
+
+    def _marginals(self, pairs: np.ndarray) -> Marginals:
+        assert self._linear is not None, "optimized without covariances"
         try:
-            joint = self._known.jointMarginalCovariance([i, j])
+            return marginals(self._linear, pairs)
         except RuntimeError as error:
             raise self.graph.unsolvable(error) from error
-        stacked = np.block([[joint.at(i, i), joint.at(i, j)], [joint.at(j, i), joint.at(j, j)]])
-        jacobian = np.hstack([-to_pose3(T_i_j.inv()).AdjointMap(), np.eye(6)])
-        return T_i_j, jacobian @ stacked @ jacobian.T
-
-    def distance(self, i: int, j: int, registration: Registration) -> float:
-        """How far a registration that is no edge is from the poses [sigmas], under its covariance and theirs."""
-        T_i_j, covariance = self.relative(i, j)
-        xi: np.ndarray = (T_i_j.inv() * registration.T_target_source).as_exp_coords()
-        return float(np.sqrt(xi @ np.linalg.solve(covariance + registration.covariance, xi)))
 
 
-def _residuals(factors: gtsam.NonlinearFactorGraph, values: gtsam.Values, count: int) -> np.ndarray:
-    """Of the first `count` factors, which are the edges'."""
-    return np.array([np.sqrt(2 * factors.at(k).error(values)) for k in range(count)])
-
-
-def factors_of(graph: PoseGraph, gauge_sigma: float = GAUGE_SIGMA) -> gtsam.NonlinearFactorGraph:
+def factors_of(
+    graph: PoseGraph, gauge_sigma: float = GAUGE_SIGMA, doubts: np.ndarray | None = None
+) -> gtsam.NonlinearFactorGraph:
     """The graph as GTSAM's factors: one for each edge, in their order, then those of the anchors and known poses.
 
     Args:
         graph: its poses are keys 0..N-1.
         gauge_sigma: standard deviation with which anchors are held [rad, m].
+        doubts: (E,) by which the edges' covariances are multiplied; 1 by default.
     """
     factors = gtsam.NonlinearFactorGraph()
-    for edge in graph.edges:
-        factors.add(edge_factor(edge))
+    for factor in edge_factors(graph.edges, doubts):
+        factors.add(factor)
     held = gtsam.noiseModel.Isotropic.Sigma(6, gauge_sigma)
     T = graph.trajectory.T_world_sensor
     for pose in graph.anchors:
         factors.add(gtsam.PriorFactorPose3(pose, to_pose3(T[pose]), held))
-    for known in graph.all_known:
+    measured = graph.by_priors
+    for factor in [] if measured is None else measured.factors():
+        factors.add(factor)
+    for known in graph.beside_priors:
         for factor in known.factors():
             factors.add(factor)
     return factors
-
-
-def edge_factor(edge: Edge) -> gtsam.NonlinearFactor:
-    """What one edge says, for GTSAM."""
-    measured = to_pose3(edge.registration.T_target_source)
-    noise = gtsam.noiseModel.Gaussian.Covariance(_solvable(edge.registration.covariance))
-    if edge.kind == "prior":
-        return gtsam.PriorFactorPose3(edge.i, measured, noise)
-    return gtsam.BetweenFactorPose3(edge.i, edge.j, measured, noise)
-
-
-def _solvable(covariance: np.ndarray) -> np.ndarray:
-    """(6, 6) that GTSAM can factor; along a bare wall the one direction is hundreds of meters, the others centimeters.
-
-    It takes a pivot 4096 times below its neighbor for none: so what is that loose is held a thousand times less than
-    what is held best.
-    """
-    information = inverse_definite(covariance)
-    best = float(np.diag(information)[3:].max())
-    if float(np.diag(covariance)[3:].max()) * best <= _SPREAD**2:
-        return covariance
-    return inverse_definite(information + np.diag(np.repeat([0.0, best / _SPREAD**2], 3)))

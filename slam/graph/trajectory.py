@@ -62,21 +62,26 @@ def chain(edges: Sequence[Edge], stamps: np.ndarray) -> Trajectory:
         stamps: (N,) float64 [s], of the poses.
     """
     count = len(stamps)
-    neighbors: dict[int, list[tuple[int, RigidTransform]]] = defaultdict(list)
-    for edge in spanning_tree(count, edges):
-        T_i_j = edge.registration.T_target_source
-        neighbors[edge.i].append((edge.j, T_i_j))
-        neighbors[edge.j].append((edge.i, T_i_j.inv()))
+    tree = spanning_tree(count, edges)
+    neighbors: dict[int, list[tuple[int, np.ndarray]]] = defaultdict(list)
+    if tree:
+        T_i_j = RigidTransform.concatenate([edge.registration.T_target_source for edge in tree])
+        for edge, forward, back in zip(tree, T_i_j.as_matrix(), T_i_j.inv().as_matrix(), strict=True):
+            neighbors[edge.i].append((edge.j, forward))
+            neighbors[edge.j].append((edge.i, back))
     priors = {edge.i: edge.registration.T_target_source for edge in reversed(edges) if edge.kind == "prior"}
-    T_world: dict[int, RigidTransform] = {}
+    T_world, known = np.tile(np.eye(4), (count, 1, 1)), np.zeros(count, bool)
     for members in components(count, edges):
         first = next((pose for pose in members if pose in priors), members[0])
-        T_world[first] = priors.get(first, RigidTransform.identity())
+        if first in priors:
+            T_world[first] = priors[first].as_matrix()
+        known[first] = True
         reached = deque([first])
         while reached:
             i = reached.popleft()
-            for j, T_i_j in neighbors[i]:
-                if j not in T_world:
-                    T_world[j] = T_world[i] * T_i_j
+            for j, step in neighbors[i]:
+                if not known[j]:
+                    T_world[j] = T_world[i] @ step
+                    known[j] = True
                     reached.append(j)
-    return Trajectory(stamps, RigidTransform.concatenate([T_world[pose] for pose in range(count)]))
+    return Trajectory(stamps, RigidTransform.from_matrix(T_world))

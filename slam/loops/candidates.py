@@ -3,16 +3,15 @@
 
 from collections import defaultdict
 from collections.abc import Sequence, Set
-from dataclasses import replace
 
 import numpy as np
 
 from slam.graph.pose_graph import Solution
-from slam.loops.forecast import certainty
+from slam.loops.forecast import certainties, displacement
 from slam.loops.places import PlaceIndex
 from slam.loops.separation import separations
 from slam.loops.settings import LoopSettings
-from slam.map.shared_cells import predict_overlap
+from slam.map.shared_cells import overlapping
 from slam.pair import Pair
 
 # The power of the overlap in a loop's worth: where scans share less, they see it from other sides, and err more.
@@ -27,6 +26,7 @@ def find_candidates(
     voxel: float,
     settings: LoopSettings,
     tried: Set[tuple[int, int]] = frozenset(),
+    unsure: bool = False,
 ) -> list[Pair]:
     """Candidates for loops that the estimate and its uncertainty expect to overlap, best first within the limits.
 
@@ -41,28 +41,50 @@ def find_candidates(
         voxel: edge of the survey's voxels [m].
         settings: thresholds and limits.
         tried: pairs (i, j), i < j, to leave out; consecutive scans are always left out.
+        unsure: only scans whose points the estimate has no better against each other than registrations usually have
+            them: from the others there is nothing to gain.
     """
     cell = settings.cell_voxels * voxel
-    ranked: list[Pair] = []
+    scans, overlap = _overlapping(outlines, solution, cell, settings)
+    new = np.array([j - i > 1 and (i, j) not in tried for i, j in scans.tolist()], bool)
+    scans, overlap = scans[new], overlap[new]
+    # the most that can be taken, and as many again for those that prove uncertain
+    likely = _best(scans, overlap, solution, 2 * settings.per_scan, settings.spread)
+    scans, overlap = scans[likely], overlap[likely]
+    T, covariances = solution.relatives(scans)
+    tells = displacement(outlines, scans, covariances) >= (_usual(outlines, solution) if unsure else 0.0)
+    scans, overlap = scans[tells], overlap[tells]
+    overlap = overlap * certainties(outlines, scans, T[tells], covariances[tells], cell)
+    kept = np.flatnonzero(overlap >= settings.min_overlap)
+    best = kept[_best(scans[kept], overlap[kept], solution, settings.per_scan, settings.spread)]
+    return [Pair(int(scans[k, 0]), int(scans[k, 1]), "loop", float(overlap[k])) for k in best]
+
+
+def _usual(outlines: Sequence[np.ndarray], solution: Solution) -> float:
+    """How far points are from where a registration has them, by its covariance in the graph [m]; of most."""
+    registered = [edge for edge in solution.graph.edges if edge.is_registered]
+    if not registered:
+        return 0.0
+    scans = np.array([(edge.i, edge.j) for edge in registered])
+    covariances = np.stack([edge.registration.covariance for edge in registered])
+    return float(np.median(displacement(outlines, scans, covariances)))
+
+
+def _overlapping(
+    outlines: Sequence[np.ndarray], solution: Solution, cell: float, settings: LoopSettings
+) -> tuple[np.ndarray, np.ndarray]:
+    """(m, 2) scans of one component that the estimate has overlap enough, i < j, and (m,) by how much."""
+    scans, overlap = [np.empty((0, 2), np.intp)], [np.empty(0)]
     for members in solution.graph.components:
         if settings.per_scan == 0 or len(members) < 3:
             continue
-        scans = np.array(members)
-        overlap = predict_overlap([outlines[k] for k in members], solution.trajectory.T_world_sensor[scans], cell)
-        a, b = np.nonzero(np.triu(overlap >= settings.min_overlap, 1))
-        ranked += [
-            Pair(i, j, "loop", float(share))
-            for i, j, share in zip(scans[a].tolist(), scans[b].tolist(), overlap[a, b], strict=True)
-        ]
-    new = [pair for pair in ranked if pair.j - pair.i > 1 and pair.scans not in tried]
-    # the most that can be taken, and as many again for those that prove uncertain
-    likely = within_limits(_by_worth(new, solution), 2 * settings.per_scan, settings.spread)
-    expected: list[Pair] = []
-    for pair in likely:
-        share = certainty(outlines[pair.i], outlines[pair.j], *solution.relative(pair.i, pair.j), cell)
-        expected.append(replace(pair, predicted_overlap=pair.predicted_overlap * share))
-    kept = [pair for pair in expected if pair.predicted_overlap >= settings.min_overlap]
-    return within_limits(_by_worth(kept, solution), settings.per_scan, settings.spread)
+        own = np.array(members)
+        pairs, share = overlapping(
+            [outlines[k] for k in members], solution.trajectory.T_world_sensor[own], cell, settings.min_overlap
+        )
+        scans.append(own[pairs])
+        overlap.append(share)
+    return np.concatenate(scans), np.concatenate(overlap)
 
 
 def find_lookalikes(
@@ -88,31 +110,34 @@ def find_lookalikes(
     alike = index.candidates(_LOOKALIKES * settings.per_scan, gap=0, elsewhere=True)
     ranked = sorted((look.distance, *sorted((scans[look.i], scans[look.j]))) for look in alike)
     new = [Pair(i, j, "loop", alike=distance) for distance, i, j in ranked if (i, j) not in tried]
-    return within_limits(new, settings.per_scan, settings.spread)
+    return [new[k] for k in within_limits([pair.scans for pair in new], settings.per_scan, settings.spread)]
 
 
-def within_limits(ranked: Sequence[Pair], per_scan: int, spread: int) -> list[Pair]:
-    """The first of these, so that a scan has no more than `per_scan` partners, more than `spread` scans apart."""
+def within_limits(ranked: Sequence[tuple[int, int]], per_scan: int, spread: int) -> list[int]:
+    """Which of these pairs to take, the first first, so that a scan has no more than `per_scan` partners, more than
+    `spread` scans apart."""
     partners: dict[int, list[int]] = defaultdict(list)
-    kept: list[Pair] = []
-    for pair in ranked:
-        i, j = pair.scans
+    kept: list[int] = []
+    for k, (i, j) in enumerate(ranked):
         full = max(len(partners[i]), len(partners[j])) >= per_scan
+        if full:
+            continue
         gaps = [abs(j - partner) for partner in partners[i]] + [abs(i - partner) for partner in partners[j]]
-        if not full and all(gap > spread for gap in gaps):
+        if all(gap > spread for gap in gaps):
             partners[i].append(j)
             partners[j].append(i)
-            kept.append(pair)
+            kept.append(k)
     return kept
 
 
-def _by_worth(pairs: Sequence[Pair], solution: Solution) -> list[Pair]:
-    """Those first that are likely to succeed and tie far parts together."""
-    if not pairs:
-        return []
-    scans = np.array([pair.scans for pair in pairs])
+def _best(scans: np.ndarray, overlap: np.ndarray, solution: Solution, per_scan: int, spread: int) -> np.ndarray:
+    """Which of (m, 2) pairs to take within the limits: those first that are likely to succeed and tie far parts
+    together."""
+    if not len(scans):
+        return np.zeros(0, np.intp)
     apart = separations(len(solution.trajectory), solution.graph.edges, scans)
-    overlap = np.array([pair.predicted_overlap for pair in pairs])
     # what instruments alone place is infinitely far along the edges
     worth = overlap**_OVERLAP * np.log2(1 + np.minimum(apart, len(solution.trajectory)))
-    return [pairs[k] for k in np.lexsort((scans[:, 1], scans[:, 0], -worth))]
+    order = np.lexsort((scans[:, 1], scans[:, 0], -worth))
+    ranked = [(i, j) for i, j in scans[order].tolist()]
+    return order[within_limits(ranked, per_scan, spread)]

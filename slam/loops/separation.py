@@ -1,33 +1,35 @@
-# pyright: strict, reportMissingTypeStubs=false, reportUnknownMemberType=false
-# pyright: reportUnknownVariableType=false, reportUnknownArgumentType=false
 """How far apart two scans are along the edges of a graph: what a loop between them would tie together."""
 
 from collections.abc import Sequence
 
 import numpy as np
-from scipy import sparse
-from scipy.sparse.csgraph import dijkstra
+from scipy.spatial import KDTree
 
 from slam.graph.edge import Edge
 
-# Poses from which ways are searched at a time; bounds the memory.
-_TOGETHER = 500
-
 
 def separations(count: int, edges: Sequence[Edge], pairs: np.ndarray) -> np.ndarray:
-    """(m,) how many edges the shortest way between two poses has; infinite where there is none.
+    """(m,) how many edges lie between two poses: along the order of the poses, or by way of one loop if that is nearer.
+
+    Ways by several loops may be nearer still, and are not sought: what all of them are takes a time that grows with the
+    square of the poses. Infinite where neither is a way.
 
     Args:
         count: of the poses.
         edges: measurements between them.
-        pairs: (m, 2) int, poses.
+        pairs: (m, 2) int, different poses.
     """
     ends = np.array([(edge.i, edge.j) for edge in edges if edge.kind != "prior"], np.intp).reshape(-1, 2)
-    graph = sparse.csr_array((np.ones(len(ends)), (ends[:, 0], ends[:, 1])), shape=(count, count))
-    result = np.empty(len(pairs))
-    sources, row = np.unique(pairs[:, 0], return_inverse=True)
-    for start in range(0, len(sources), _TOGETHER):
-        ways = dijkstra(graph, directed=False, unweighted=True, indices=sources[start : start + _TOGETHER])
-        mine = np.flatnonzero((row >= start) & (row < start + _TOGETHER))
-        result[mine] = ways[row[mine] - start, pairs[mine, 1]]
-    return result
+    low, high = ends.min(axis=1, initial=count), ends.max(axis=1, initial=0)
+    follows = np.zeros(count, bool)
+    follows[high[high - low == 1]] = True
+    # poses without an edge to the one before begin a row of their own, out of reach
+    reach = 2 * count
+    place = np.arange(count) + reach * np.cumsum(~follows)
+    asked = place[np.sort(pairs, axis=1)]
+    apart = (asked[:, 1] - asked[:, 0]).astype(np.float64)
+    loops = np.flatnonzero(high - low > 1)
+    if len(loops):
+        tied = np.column_stack([place[low[loops]], place[high[loops]]])
+        apart = np.minimum(apart, 1 + KDTree(tied).query(asked, p=1)[0])
+    return np.where(apart < count, apart, np.inf)

@@ -14,7 +14,10 @@ class LoopSettings:
 
     Attributes:
         per_scan: most loops of a round that one scan takes part in; 0 searches none.
-        rounds: how often loops are searched for; later rounds use the estimate that earlier loops have improved.
+        rounds: how often loops are searched for, whatever is known; later rounds use the estimate that earlier loops
+            have improved.
+        most_rounds: so often at most, as long as there are scans whose lie to each other the estimate has no better
+            than this survey's registrations usually have it.
         min_overlap: expected overlap that makes a pair a candidate, 0..1.
         cell_voxels: edge of the cells in which overlap is predicted [voxels]: coarse, as the estimate has
             drifted.
@@ -27,6 +30,7 @@ class LoopSettings:
 
     per_scan: int = 2
     rounds: int = 2
+    most_rounds: int = 8
     min_overlap: float = 0.1
     cell_voxels: float = 4.0
     spread: int = 2
@@ -41,6 +45,8 @@ class LoopSettings:
             )
         if not 0 < self.min_overlap <= 1:
             raise InputError(f"min_overlap is {self.min_overlap}; wanted more than 0 and at most 1")
+        if self.most_rounds < self.rounds:
+            raise InputError(f"most_rounds {self.most_rounds}: wanted at least the {self.rounds} of rounds")
         if min(self.cell_voxels, self.bound) <= 0 or min(self.floor_rotation, self.floor_voxels) < 0:
             raise InputError("cell_voxels and bound have to be positive, the floors not negative")
 

@@ -10,11 +10,12 @@ from scipy.spatial.transform import RigidTransform
 
 from kernels.errors import InputError
 from slam.map.cell import cell_means
-from slam.map.shared_cells import predict_overlap
+from slam.map.shared_cells import outline, overlapping
 from spectral.scan import Scan
 
 APART = 10  # scans of one pass follow each other more closely than this
 PER_SCAN = 2  # crossings that a scan takes part in
+MOST = 1000  # crossings that are looked at; of more, as many from all over the survey
 _CELL, _OVERLAP = 4.0, 0.3  # edge of the cells in which overlap is counted [voxels], and least share of them in common
 _SAMPLE = 1000  # points of a scan
 _NEIGHBORS = 8  # of the points that a plane is laid through
@@ -91,10 +92,10 @@ def crossing_error(
     """Distances between overlapping passes, under the poses before and after their optimization.
 
     Two scans cross if they overlap under the poses after and lie `APART` scans apart or in different surveys; each
-    scan takes part in `PER_SCAN` crossings at most, those of largest overlap. Both scans are thinned to one mean a
-    voxel, which averages some of their noise away. Of the points that both saw, as the poses after say, each one's
-    distance is that to the plane through the nearest points of the other scan, sought anew under either estimate. The
-    ranges' noise is part of it: it is not 0 under the true poses.
+    scan takes part in `PER_SCAN` crossings at most, those of largest overlap, and `MOST` are looked at. Both scans are
+    thinned to one mean a voxel, which averages some of their noise away. Of the points that both saw, as the poses
+    after say, each one's distance is that to the plane through the nearest points of the other scan, sought anew under
+    either estimate. The ranges' noise is part of it: it is not 0 under the true poses.
 
     Args:
         scans: S scans of one component.
@@ -114,10 +115,10 @@ def crossing_error(
             f"{len(scans)} scans, {len(before)} and {len(after)} poses, {len(names)} indices and {len(group)} surveys: "
             "wanted as many of each"
         )
-    thinned = [cell_means(scan.points, voxel) for scan in scans]
+    outlines = [outline(scan, _CELL * voxel) for scan in scans]
     crossings = []
-    for a, b in _pairs(thinned, after, voxel, names, group):
-        target, source = thinned[a], thinned[b]
+    for a, b in _pairs(outlines, after, voxel, names, group):
+        target, source = (cell_means(scans[k].points, voxel) for k in (a, b))
         tree = KDTree(target)
         T_before, T_after = (T[a].inv() * T[b] for T in (before, after))
         distance, _ = tree.query(T_after.apply(source), distance_upper_bound=_SHARED * voxel)
@@ -139,18 +140,17 @@ def _pairs(
     """The crossings to look at, as places in the sequence, ascending."""
     if len(outlines) < 2:
         return []
-    overlap = predict_overlap(outlines, T_world_sensor, _CELL * voxel)
-    apart = np.abs(np.subtract.outer(names, names)) >= APART
-    apart |= np.not_equal.outer(surveys, surveys)
-    a, b = np.nonzero(np.triu(apart & (overlap >= _OVERLAP), 1))
+    pairs, overlap = overlapping(outlines, T_world_sensor, _CELL * voxel, _OVERLAP)
+    called, group = np.asarray(names)[pairs], np.asarray(surveys)[pairs]
+    apart = (np.abs(called[:, 0] - called[:, 1]) >= APART) | (group[:, 0] != group[:, 1])
     taken: Counter[int] = Counter()
     kept = []
-    for k in np.lexsort((b, a, -overlap[a, b])).tolist():
-        pair = int(a[k]), int(b[k])
-        if max(taken[pair[0]], taken[pair[1]]) < PER_SCAN:
+    for k in np.lexsort((pairs[:, 1], pairs[:, 0], -overlap)):
+        pair = int(pairs[k, 0]), int(pairs[k, 1])
+        if apart[k] and max(taken[pair[0]], taken[pair[1]]) < PER_SCAN:
             taken.update(pair)
             kept.append(pair)
-    return sorted(kept)
+    return sorted(kept)[:: -(-len(kept) // MOST) or 1]
 
 
 def _spread(surface: np.ndarray, tree: KDTree, points: np.ndarray) -> Spread:

@@ -1,12 +1,12 @@
 # pyright: strict, reportMissingTypeStubs=false, reportUnknownMemberType=false
 """What the motion adds to registrations: a second look about where it expects them, and a measurement beside them."""
 
+from collections.abc import Sequence
 from dataclasses import replace
 
 import numpy as np
-from scipy.spatial.transform import RigidTransform
+from scipy.spatial.transform import RigidTransform, Rotation
 
-from slam.graph.edge import inverse_definite
 from slam.graph.pose_graph import Solution
 from slam.motion.measured_motion import AnyMotion
 from slam.pair import Pair
@@ -67,87 +67,114 @@ def without_leaps(pair: Pair, motion: AnyMotion) -> Pair:
     return replace(pair, registration=replace(registration, alternatives=alternatives))
 
 
-def expected_by(solution: Solution, pair: Pair, floor: np.ndarray) -> ExpectedPose:
-    """Where an estimate of the poses expects a pair of one component; `floor` is (6,) granted beside [rad, m]."""
-    T, covariance = solution.relative(*pair.scans)
-    R = np.asarray(T.rotation.as_matrix())
-    variances = [np.diag(R @ part @ R.T) for part in (covariance[:3, :3], covariance[3:, 3:])]
-    return ExpectedPose.of(T, np.sqrt(_UNSURE * np.concatenate(variances) + floor**2))
+def expected_by(solution: Solution, pairs: Sequence[Pair], floor: np.ndarray) -> list[ExpectedPose]:
+    """Where an estimate of the poses expects pairs of one component each; `floor` is (6,) granted beside [rad, m]."""
+    T, covariances = solution.relatives(np.array([pair.scans for pair in pairs], np.intp).reshape(-1, 2))
+    R = T.rotation.as_matrix()
+    turn, shift = (R @ part @ R.swapaxes(1, 2) for part in (covariances[:, :3, :3], covariances[:, 3:, 3:]))
+    variances = np.concatenate([np.diagonal(part, axis1=1, axis2=2) for part in (turn, shift)], axis=1)
+    sigmas = np.sqrt(_UNSURE * variances + floor**2)
+    return [ExpectedPose.of(T_i_j, each) for T_i_j, each in zip(T, sigmas, strict=True)]
 
 
-def with_motion(pair: Pair, motion: AnyMotion) -> Pair:
-    """The pair with what the motion says of its answers: where the scans leave a direction open, it holds the pose.
+def with_motion(pairs: Sequence[Pair], motion: AnyMotion) -> list[Pair]:
+    """The pairs with what the motion says of their answers: where the scans leave a direction open, it holds the pose.
 
     Answers that the motion contradicts stay as they are.
     """
-    registration = pair.registration
-    if registration is None:
-        return pair
-    expected, way = motion.expected(*pair.scans), motion.way(*pair.scans)
-    if way is not None and way[0] < _UNDER_WAY * way[1]:
-        way = None
+    answers = [[] if p.registration is None else [p.registration, *p.registration.alternatives] for p in pairs]
+    held = [
+        (n, rank)
+        for n, (pair, own) in enumerate(zip(pairs, answers, strict=True))
+        for rank, answer in enumerate(own)
+        if not motion.contradicts(*pair.scans, answer.T_target_source)
+    ]
+    if held:
+        expected = {n: motion.expected(*pairs[n].scans) for n, _ in held}
+        ways = {n: _known_way(motion.way(*pairs[n].scans)) for n, _ in held}
+        fused = _fused([answers[n][k] for n, k in held], [expected[n] for n, _ in held], [ways[n] for n, _ in held])
+        for (n, rank), answer in zip(held, fused, strict=True):
+            answers[n][rank] = answer
+    return [
+        replace(pair, registration=replace(own[0], alternatives=tuple(own[1:]))) if own else pair
+        for pair, own in zip(pairs, answers, strict=True)
+    ]
 
-    def held(answer: Registration) -> Registration:
-        T = answer.T_target_source
-        return answer if motion.contradicts(pair.i, pair.j, T) else _fused(answer, expected, way)
 
-    alternatives = tuple(held(answer) for answer in registration.alternatives)
-    return replace(pair, registration=replace(held(registration), alternatives=alternatives))
+def _known_way(way: tuple[float, float] | None) -> tuple[float, float]:
+    """Mean and standard deviation of a length that holds a direction; NaN where it does not."""
+    return (np.nan, np.nan) if way is None or way[0] < _UNDER_WAY * way[1] else way
 
 
-def _fused(answer: Registration, expected: ExpectedPose, way: tuple[float, float] | None) -> Registration:
-    """An answer as one measurement with what was expected, and how far the vehicle goes."""
-    T = answer.T_target_source
-    away: np.ndarray = (T.inv() * expected.T_target_source).as_exp_coords()
+def _fused(
+    answers: Sequence[Registration], expected: Sequence[ExpectedPose], ways: Sequence[tuple[float, float]]
+) -> list[Registration]:
+    """n answers as one measurement each with what was expected, and how far the vehicle goes."""
+    T = RigidTransform.concatenate([answer.T_target_source for answer in answers])
+    turns = Rotation.from_rotvec(np.stack([each.rotation for each in expected]))
+    there = RigidTransform.from_components(np.stack([each.translation for each in expected]), turns)
+    away: np.ndarray = (T.inv() * there).as_exp_coords()
     # errors about and along the target's axes, in the source's
-    turn: np.ndarray = np.kron(np.eye(2), np.asarray(T.rotation.as_matrix()).T)
-    known: np.ndarray = turn @ np.diag(expected.sigmas**-2.0) @ turn.T
-    by_scans = inverse_definite(answer.covariance)
-    covariance = inverse_definite(by_scans + known)
-    step: np.ndarray = covariance @ known @ away
-    if way is not None:
-        step, covariance = _as_far(T, step, by_scans, known, away, way)
-    return replace(
-        answer,
-        T_target_source=T * RigidTransform.from_exp_coords(step),
-        covariance=covariance,
-        T_by_scans=T,
-        covariance_by_scans=answer.covariance,
-    )
+    turn: np.ndarray = np.kron(np.eye(2), np.asarray(T.rotation.as_matrix()).swapaxes(1, 2))
+    sigmas = np.stack([each.sigmas for each in expected])
+    known: np.ndarray = turn / sigmas[:, None, :] ** 2 @ turn.swapaxes(1, 2)
+    by_scans = np.linalg.inv(np.stack([answer.covariance for answer in answers]))
+    covariances = np.linalg.inv(by_scans + known)
+    steps = np.einsum("nab,nbc,nc->na", covariances, known, away)
+    _go_as_far(T, steps, covariances, by_scans, known, away, np.array(ways))
+    covariances = (covariances + covariances.swapaxes(1, 2)) / 2
+    moved = T * RigidTransform.from_exp_coords(steps)
+    return [
+        replace(
+            answer,
+            T_target_source=moved[n],
+            covariance=covariances[n],
+            T_by_scans=answer.T_target_source,
+            covariance_by_scans=answer.covariance,
+        )
+        for n, answer in enumerate(answers)
+    ]
 
 
-def _as_far(
+def _go_as_far(
     T: RigidTransform,
-    step: np.ndarray,
+    steps: np.ndarray,
+    covariances: np.ndarray,
     by_scans: np.ndarray,
     known: np.ndarray,
     away: np.ndarray,
-    way: tuple[float, float],
-) -> tuple[np.ndarray, np.ndarray]:
-    """(6,) where a step from T leads whose length is known, too, and its (6, 6) covariance.
+    ways: np.ndarray,
+) -> None:
+    """Change steps and covariances to where a step from T leads whose length is known, too.
 
     In the direction of the way, its length stands for what the motion tells otherwise: both were learned from the same.
 
     Args:
-        step: (6,) without the length.
-        by_scans: (6, 6) information that T has.
-        known: (6, 6) information that the motion expects to be `away` (6,) from T.
-        way: mean and standard deviation of the length [m].
+        T: n poses.
+        steps: (n, 6) without the length, and `covariances`: (n, 6, 6) of them.
+        by_scans: (n, 6, 6) information that T has.
+        known: (n, 6, 6) information that the motion expects to be `away` (n, 6) from T.
+        ways: (n, 2) mean and standard deviation of the length [m]; NaN where it is not known.
     """
-    mean, sigma = way
-    covariance = inverse_definite(by_scans + known)
+    rows = np.flatnonzero(np.isfinite(ways[:, 0]))
     for _ in range(_ROUNDS):
-        shift: np.ndarray = (T * RigidTransform.from_exp_coords(step)).translation
-        length = float(np.linalg.norm(shift))
-        if length < 1e-9 * mean:
-            break
+        shift = (T[rows] * RigidTransform.from_exp_coords(steps[rows])).translation if len(rows) else np.zeros((0, 3))
+        lengths = np.linalg.norm(shift, axis=1)
+        moving = lengths >= 1e-9 * ways[rows, 0]
+        rows, shift, lengths = rows[moving], shift[moving], lengths[moving]
+        if not len(rows):
+            return
         # what a step of the pose adds to the length
-        along: np.ndarray = np.concatenate([np.zeros(3), T.rotation.inv().apply(shift / length)])
-        aside = np.eye(6) - np.outer(along, along)
-        rest = aside @ known @ aside
-        covariance = inverse_definite(by_scans + rest + np.outer(along, along) / sigma**2)
-        step = covariance @ (rest @ away + along * (mean - length + along @ step) / sigma**2)
-    return step, covariance
+        along = np.zeros((len(rows), 6))
+        along[:, 3:] = T[rows].rotation.inv().apply(shift / lengths[:, None])
+        outer = along[:, :, None] * along[:, None, :]
+        aside = np.eye(6) - outer
+        rest = aside @ known[rows] @ aside
+        mean, precision = ways[rows, 0], ways[rows, 1] ** -2
+        covariances[rows] = np.linalg.inv(by_scans[rows] + rest + outer * precision[:, None, None])
+        missing = (mean - lengths + np.einsum("na,na->n", along, steps[rows])) * precision
+        pull = np.einsum("nab,nb->na", rest, away[rows]) + along * missing[:, None]
+        steps[rows] = np.einsum("nab,nb->na", covariances[rows], pull)
 
 
 def _less(answer: Registration, left: float, pair: Pair, motion: AnyMotion | None) -> Registration:

@@ -12,9 +12,10 @@ from scipy.spatial.transform import RigidTransform
 
 from kernels.errors import InputError
 from slam.graph.edge import Edge
+from slam.graph.edge_factors import edge_factors
 from slam.graph.gtsam_poses import to_pose3, to_transforms
 from slam.graph.known_pose import GAUGE_SIGMA
-from slam.graph.pose_graph import PoseGraph, edge_factor
+from slam.graph.pose_graph import PoseGraph
 from slam.graph.tangent import adjoint
 from slam.graph.trajectory import Trajectory
 
@@ -62,8 +63,8 @@ class Incremental:
         factors = gtsam.NonlinearFactorGraph()
         if not own:
             factors.add(gtsam.PriorFactorPose3(0, gtsam.Pose3(), gtsam.noiseModel.Isotropic.Sigma(6, GAUGE_SIGMA)))
-        for edge in edges:
-            factors.add(edge_factor(edge))
+        for factor in edge_factors(edges):
+            factors.add(factor)
         started = gtsam.Values()
         started.insert(pose, to_pose3(self._start(pose, own)))
         self._stamps.append(stamp)
@@ -78,8 +79,8 @@ class Incremental:
         """
         self._require_known(edges, len(self) - 1)
         factors = gtsam.NonlinearFactorGraph()
-        for edge in edges:
-            factors.add(edge_factor(edge))
+        for factor in edge_factors(edges):
+            factors.add(factor)
         self._update(factors, gtsam.Values())
 
     @property

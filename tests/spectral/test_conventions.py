@@ -7,7 +7,7 @@ from scipy.spatial.transform import RigidTransform, Rotation
 
 from slam.graph.edge import Edge
 from slam.graph.gtsam_poses import to_values
-from slam.graph.measured_poses import known_poses
+from slam.graph.measured_poses import MeasuredPoses
 from slam.graph.pose_graph import PoseGraph
 from slam.graph.tangent import adjoint, carried
 from slam.graph.trajectory import Trajectory
@@ -142,7 +142,7 @@ class TestPoseGraph:
         poses = RigidTransform.concatenate([true])
         for known in (np.ones(6, bool), np.array([True, True, True, False, False, True])):
             prior = PosePrior(T_WORLD_I, np.where(known, sigmas, np.inf))
-            (measured,) = known_poses({0: prior}, poses)
+            (measured,) = MeasuredPoses.of({0: prior}, poses).known()
             squared = 2 * sum(factor.error(to_values(poses)) for factor in measured.factors())
             assert squared == pytest.approx((errors / sigmas)[known] @ (errors / sigmas)[known], rel=1e-9)
 

@@ -75,8 +75,8 @@ LoopsOption = Annotated[
         "--loops",
         metavar="N",
         min=0,
-        help="Try up to N loops per scan in each of two rounds, those first that tie far parts together; 0 tries none. "
-        "\\[2]",
+        help="Try up to N loops per scan in each round, those first that tie far parts together; 0 tries none. There "
+        "are two rounds, and more as long as there is something to gain. \\[2]",
     ),
 ]
 MaxSpeedOption = Annotated[

@@ -6,7 +6,7 @@ import numpy as np
 from scipy.spatial.transform import RigidTransform
 
 from slam.loops.settings import LoopSettings
-from slam.map.shared_cells import outline, predict_overlap
+from slam.map.shared_cells import outline, overlapping
 from spectral.scan import Scan
 
 # A revisit shares this much with the scan, by the true poses, and was not taken within so many scans of it.
@@ -23,9 +23,11 @@ def revisits(scans: Sequence[Scan], truth: RigidTransform, voxel: float) -> np.n
         voxel: edge of the survey's voxels [m].
     """
     cell = LoopSettings().cell_voxels * voxel
-    overlap = predict_overlap([outline(scan, cell) for scan in scans], truth, cell)
-    order = np.arange(len(scans))
-    return (overlap >= OVERLAP) & (np.abs(order[:, None] - order) > GAP)
+    pairs, _ = overlapping([outline(scan, cell) for scan in scans], truth, cell, OVERLAP)
+    i, j = pairs[pairs[:, 1] - pairs[:, 0] > GAP].T
+    again = np.zeros((len(scans), len(scans)), bool)
+    again[i, j] = again[j, i] = True
+    return again
 
 
 def recall(index: np.ndarray, again: np.ndarray) -> list[float]:

@@ -6,7 +6,9 @@ import numpy as np
 import pytest
 from scipy.spatial.transform import RigidTransform
 
-from slam.decide.consistency import Chains, chain_parts, find_support
+from slam.decide import consistency
+from slam.decide.chains import Chains, chain_parts
+from slam.decide.consistency import find_support
 from slam.decide.possible_edge import PossibleEdge, Support, possible_edges
 from slam.graph.pose_graph import PoseGraph
 from slam.graph.tangent import adjoint, carried
@@ -70,8 +72,7 @@ def test_a_tree_with_a_branch_gathers_only_what_lies_between():
     ways = [(0, 1), (1, 2), (0, 3), (3, 4)]
     edges = [edge(i, j, truth[i].inv() * truth[j], COVARIANCE, "loop") for i, j in ways]
     chains = chain_parts(5, edges)
-    assert chains.meeting[2, 4] == 0
-    assert chains.meeting[1, 2] == 1
+    assert chains.ways.meeting(np.array([2, 1, 4, 3]), np.array([4, 2, 0, 3])).tolist() == [0, 1, 0, 3]
     solution = PoseGraph(chain(edges, np.zeros(5)), tuple(edges)).optimize()
     gathered = carried(chains.T[4].inv(), chains.between(np.array([2]), np.array([4]))[0])
     np.testing.assert_allclose(gathered, solution.relative(2, 4)[1], rtol=1e-3, atol=1e-9)
@@ -104,7 +105,7 @@ def test_two_parts_are_joined_by_those_that_agree_wherever_their_frames_lie():
     moved = chained(truth, (5,))
     T = RigidTransform.from_exp_coords([0.4, -0.3, 1.2, 9, 8, -7])
     again = Chains(
-        moved.part, RigidTransform.concatenate([moved.T[:6], T * moved.T[6:]]), moved.spread.copy(), moved.meeting
+        moved.part, RigidTransform.concatenate([moved.T[:6], T * moved.T[6:]]), moved.spread.copy(), moved.ways
     )
     again.spread[6:] = carried(T, again.spread[6:])
     assert [(one.pairs, one.leading) for one in support_of(again, answers, NO_FLOOR, BOUND)] == [
@@ -150,3 +151,37 @@ def test_a_covariance_that_is_none_is_a_fault_in_words():
 def _inverse(given: Registration) -> Registration:
     T = given.T_target_source
     return replace(given, T_target_source=T.inv(), covariance=carried(T, given.covariance))
+
+
+def test_answers_are_compared_with_those_nearest_to_them_alone(monkeypatch: pytest.MonkeyPatch):
+    """What is far off at either end decides nothing: right and wrong answers come out as if all were compared."""
+    truth = ring_poses(60, radius=30.0, turns=2.0)
+    off = RigidTransform.from_translation([4.0, 0, 0])
+    right = [answer(truth, k, k + 30) for k in range(30)]
+    wrong = [answer(truth, k, k + 28, truth[k + 28].inv() * off * truth[k + 28]) for k in (3, 4, 5, 20)]
+    chains = chained(truth)
+    every = support_of(chains, [*right, *wrong], NO_FLOOR, BOUND)
+    monkeypatch.setattr(consistency, "_COMPARED", 6)
+    near = support_of(chains, [*right, *wrong], NO_FLOOR, BOUND)
+    assert [(one.agrees, one.leading) for one in near] == [(one.agrees, one.leading) for one in every]
+    assert [one.pairs for one in near[30:]] == [3, 3, 3, 1]  # three neighbors say the same
+    assert {one.pairs for one in near[:30]} == {30}
+
+
+def test_the_scan_where_two_ways_divide_is_that_of_the_tree():
+    rng = np.random.default_rng(8)
+    for _ in range(20):
+        count = int(rng.integers(2, 40))
+        before = [0, *(int(rng.integers(k)) for k in range(1, count))]
+        edges = [
+            edge(before[k], k, RigidTransform.from_translation(rng.normal(size=3)), COVARIANCE, "loop")
+            for k in range(1, count)
+        ]
+        ways = chain_parts(count, edges).ways
+        lines = [[k] for k in range(count)]
+        for line in lines:
+            while line[-1]:
+                line.append(before[line[-1]])
+        i, j = rng.integers(count, size=(2, 50))
+        wanted = [next(k for k in lines[a] if k in lines[b]) for a, b in zip(i.tolist(), j.tolist(), strict=True)]
+        assert ways.meeting(i, j).tolist() == wanted

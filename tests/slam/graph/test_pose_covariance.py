@@ -6,6 +6,7 @@ import numpy as np
 import pytest
 from scipy.spatial.transform import RigidTransform, Rotation
 
+from slam.graph.edge import scaled
 from slam.graph.pose_covariance import pose_covariances, weighed
 from slam.graph.pose_graph import PoseGraph, Solution
 from slam.graph.tangent import carried
@@ -120,7 +121,7 @@ def test_a_step_that_the_motion_drew_aside_is_doubted_as_a_whole():
         return float(np.linalg.norm((by_scans.T_target_source.inv() * registration.T_target_source).translation))
 
     assert drawn_by(told_edge) < 1.0
-    assert drawn_by(edges[k].scaled(1000.0).registration) > 3.0
+    assert drawn_by(scaled([edges[k]], 1000.0)[0].registration) > 3.0
 
 
 def test_a_graph_without_loops_is_given_what_is_expected():

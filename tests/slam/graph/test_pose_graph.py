@@ -187,6 +187,6 @@ def test_a_direction_that_scans_leave_open_does_not_end_a_survey(loose: float):
     covariance = np.diag([1e-3, 1e-3, 1e-3, 0.01, 0.01, loose]) ** 2
     edges = tuple(edge(k, k + 1, truth[k].inv() * truth[k + 1], covariance) for k in range(5))
     solution = PoseGraph(chain(edges, np.zeros(6)), edges).optimize()
-    sigmas = np.sqrt(np.diag(solution.covariance(1)))
+    sigmas = np.sqrt(np.diag(solution.covariances()[1]))
     np.testing.assert_allclose(sigmas[:5], np.sqrt(np.diag(covariance))[:5], rtol=1e-3)
     assert sigmas[5] == pytest.approx(10.0, rel=0.3)

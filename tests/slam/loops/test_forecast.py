@@ -8,7 +8,7 @@ from scipy.spatial.transform import RigidTransform
 
 from slam.graph.pose_graph import PoseGraph, Solution
 from slam.graph.trajectory import chain
-from slam.loops.forecast import certainty
+from slam.loops.forecast import certainties, displacement
 from slam.map.shared_cells import outline
 from spectral.scan import Scan
 from tests.samples.surveys import edge, random_covariance, ring_poses, scans_of
@@ -22,8 +22,8 @@ def pair_with(covariance: np.ndarray) -> Solution:
 
 
 def forecast(scans: list[Scan], solution: Solution) -> float:
-    target, source = (outline(scan, 1.0) for scan in scans)
-    return certainty(target, source, *solution.relative(0, 1), 1.0)
+    pair = np.array([[0, 1]])
+    return float(certainties([outline(scan, 1.0) for scan in scans], pair, *solution.relatives(pair), 1.0)[0])
 
 
 def test_a_sure_pose_leaves_the_overlap_and_an_unsure_one_takes_from_it():
@@ -47,3 +47,15 @@ def test_the_forecast_asks_only_for_what_is_between_the_scans():
     solutions = [pair_with(covariance), PoseGraph(moved, edges).optimize()]
     here, there = (forecast(scans, solution) for solution in solutions)
     assert here == pytest.approx(there, abs=0.02)
+
+
+def test_a_displacement_is_the_root_mean_square_over_all_points():
+    rng = np.random.default_rng(7)
+    outlines = [rng.normal(size=(50, 3)) * [3, 1, 2] + [1, -2, 4] for _ in range(3)]
+    pairs = np.array([(0, 2), (2, 1)])
+    covariances = np.stack([random_covariance(rng, 0.01, 0.05) for _ in pairs])
+    told = displacement(outlines, pairs, covariances)
+    for (_, j), covariance, one in zip(pairs, covariances, told, strict=True):
+        xi = rng.multivariate_normal(np.zeros(6), covariance, 20_000)
+        moved = np.cross(xi[:, None, :3], outlines[j]) + xi[:, None, 3:]
+        assert one == pytest.approx(np.sqrt((moved**2).sum(axis=2).mean()), rel=0.02)

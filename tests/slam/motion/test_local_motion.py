@@ -100,7 +100,7 @@ def test_along_a_wall_a_vehicle_goes_on_as_it_did_and_as_far() -> None:
     motion = Motion.learn(pairs, np.arange(41.0), np.zeros(41, int), FLOOR)
     assert motion is not None
     for k in bare:
-        held = with_motion(pairs[k], motion).registration
+        held = with_motion([pairs[k]], motion)[0].registration
         assert held is not None
         off = rate_of(held.T_target_source)[3:] - rate_of(true[k])[3:]
         assert abs(off @ along) < 0.15
@@ -131,7 +131,7 @@ def test_a_vehicle_nearly_at_rest_has_no_way_to_go() -> None:
     assert motion is not None
     loose = SURE + np.diag([0, 0, 0, 9.0, 0, 0])
     pair = Pair(4, 5, "sequential", registration=registration(RigidTransform.identity(), loose))
-    held = with_motion(pair, motion).registration
+    held = with_motion([pair], motion)[0].registration
     assert held is not None
     assert held.covariance[3, 3] == pytest.approx(motion.expected(4, 5).sigmas[3] ** 2, rel=0.05)
     assert np.linalg.norm(held.T_target_source.translation) < 0.02

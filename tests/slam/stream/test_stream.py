@@ -38,7 +38,7 @@ def mapped(
     spoil: Callable[[int, int, Registration], Registration] = reach,
 ) -> tuple[SurveyResult, KnowingRegistrar]:
     registrar = KnowingRegistrar(STREAM, COVARIANCE, spoil)
-    settings = MapperSettings(LoopSettings(per_scan=1, rounds=1), keys=KeySettings(step))
+    settings = MapperSettings(LoopSettings(per_scan=1, rounds=1, most_rounds=1), keys=KeySettings(step))
     return Mapper(registrar, VOXEL, settings).run(scans or SCANS, odometry=odometry), registrar
 
 
