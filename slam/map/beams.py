@@ -48,13 +48,15 @@ def beams_of(points: np.ndarray, voxel: float) -> Beams:
         voxel: of the map [m].
     """
     points = points.astype(np.float64)
-    ranges = np.linalg.norm(points, axis=1)
+    ranges = np.sqrt(np.einsum("ij,ij->i", points, points))
     floor = _FLOOR * voxel
     if len(points) <= _NEIGHBORS or not ranges.min() > 0:
         return Beams(np.array([0.0]), np.array([max(floor, voxel / np.sqrt(12))]), 0.0, single=False)
     directions = points / ranges[:, None]
     sample = np.arange(0, len(points), -(-len(points) // _SAMPLE))
-    angles, near = KDTree(directions).query(directions[sample], _NEIGHBORS)
+    # one query a tree: what balancing costs it does not save
+    tree = KDTree(directions, leafsize=32, compact_nodes=False, balanced_tree=False)
+    angles, near = tree.query(directions[sample], _NEIGHBORS)
     around = ranges[near]
     off = np.abs(ranges[sample] - np.median(around, axis=1))
     single = bool((off <= _SPREAD * voxel + _SLOPE * ranges[sample]).mean() >= _SINGLE)

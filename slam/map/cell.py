@@ -2,8 +2,8 @@
 
 import numpy as np
 
-_BITS = 21  # per axis: three fit one int64, and two million cells along an axis
-_HALF = 1 << (_BITS - 1)
+BITS = 21  # per axis: three fit one int64, and two million cells along an axis
+_HALF = 1 << (BITS - 1)
 
 
 def lattice_origin(points: np.ndarray, size: float) -> np.ndarray:
@@ -27,10 +27,12 @@ def cell_keys(points: np.ndarray, size: float, origin: np.ndarray) -> tuple[np.n
     Returns:
         (K,) int64 of the points within reach, in their order, and (N,) bool, which points these are.
     """
-    cells = np.floor((points - origin) / size)
-    near: np.ndarray = np.all((cells >= -_HALF) & (cells < _HALF), axis=1)
-    x, y, z = (cells[near].astype(np.int64) + _HALF).T
-    return (x << (2 * _BITS)) | (y << _BITS) | z, near
+    columns = [np.floor((points[:, axis] - origin[axis]) / size) for axis in range(3)]
+    near = np.ones(len(points), bool)
+    for column in columns:  # column by column, which is several times faster than row by row
+        near &= (column >= -_HALF) & (column < _HALF)
+    x, y, z = (column[near].astype(np.int64) + _HALF for column in columns)
+    return (x << (2 * BITS)) | (y << BITS) | z, near
 
 
 def cell_means(points: np.ndarray, size: float) -> np.ndarray:

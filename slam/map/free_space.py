@@ -8,7 +8,9 @@ from scipy.spatial.transform import RigidTransform, Rotation
 
 from kernels.points.visibility import octahedral_cells
 from slam.map.beams import Beams, beams_of
-from slam.map.point_map import PointMap, pose_variance
+from slam.map.fused_cells import pose_variance
+from slam.map.point_map import PointMap
+from slam.map.tiles import Tiles
 from spectral.scan import Scan
 
 _BEAMS_PER_CELL = 2.0  # along a side: a finer view has holes between the beams
@@ -69,14 +71,16 @@ def votes(
         beams: of the scans, where they are known already.
     """
     agree, contradict = np.zeros((2, len(point_map.points)), np.int32)
+    tiles: Tiles | None = None
     for k, scan in enumerate(scans):
         scan_beams = beams_of(scan.points, point_map.voxel) if beams is None else beams[k]
         if not scan_beams.single:
             continue
         view = _view(scan, scan_beams)
-        away = point_map.points - T_world_sensor[k].translation
-        near = np.flatnonzero(np.einsum("ij,ij->i", away, away) < view.reach**2)
-        local = T_world_sensor[k].rotation.inv().apply(away[near])
+        tiles = tiles or Tiles.of(point_map.points, view.reach)
+        T = T_world_sensor[k]
+        near = tiles.within(T.translation, view.reach)
+        local = T.inv().apply(point_map.points[near])
         unsure = point_map.sigma[near].astype(np.float64) ** 2
         if covariances is not None:
             unsure += pose_variance(local, covariances[k])
@@ -104,14 +108,14 @@ class _View:
 
 def _view(scan: Scan, beams: Beams) -> _View:
     points = scan.points.astype(np.float64)
-    ranges = np.linalg.norm(points, axis=1)
+    ranges = np.sqrt(np.einsum("ij,ij->i", points, points))
     middle = (points / ranges[:, None]).mean(axis=0)
     all_around = np.linalg.norm(middle) < 1e-6
     R_view_sensor = Rotation.identity() if all_around else Rotation.align_vectors([[0.0, 0.0, 1.0]], [middle])[0]
     wanted = np.sqrt(4 * np.pi) / (_BEAMS_PER_CELL * max(beams.spacing, 1e-6))
     edge = int(2 ** np.clip(np.round(np.log2(wanted)), *np.log2(_EDGES)))
     cells = octahedral_cells(R_view_sensor.apply(points), edge)
-    order = np.lexsort((ranges, cells))
+    order = np.argsort(cells + ranges / (2 * ranges.max()))  # by cell, then by range
     filled, first, count = np.unique(cells[order], return_index=True, return_counts=True)
     near = np.full(edge * edge, np.inf)
     near[filled] = ranges[order[first + (count >= _CROWD)]]
@@ -125,17 +129,18 @@ def _view(scan: Scan, beams: Beams) -> _View:
 
 def _spread(near: np.ndarray) -> np.ndarray:
     """(edge, edge) the nearest of each cell's nine; nothing is known along the rim, where the map's seams are."""
-    edge = len(near)
-    nearest = np.full((edge, edge), np.nan)
-    nine = np.stack([near[i : edge - 2 + i, j : edge - 2 + j] for i in range(3) for j in range(3)])
-    filled = np.isfinite(nine).sum(axis=0)
-    nearest[1:-1, 1:-1] = np.where(filled >= _FILLED, nine.min(axis=0), np.nan)
+    nearest = np.full(near.shape, np.nan)
+    least, filled = near, np.isfinite(near).astype(np.int8)
+    for _ in range(2):  # along one side, then along the other
+        least = np.minimum(np.minimum(least[:-2], least[1:-1]), least[2:]).T
+        filled = (filled[:-2] + filled[1:-1] + filled[2:]).T
+    nearest[1:-1, 1:-1] = np.where(filled >= _FILLED, least, np.nan)
     return nearest
 
 
 def _ask(view: _View, points: np.ndarray, sigma: np.ndarray, voxel: float) -> tuple[np.ndarray, np.ndarray]:
     """Which points (n, 3) [m, sensor frame], of standard deviations (n,) [m], a view agrees with, and contradicts."""
-    ranges = np.linalg.norm(points, axis=1)
+    ranges = np.sqrt(np.einsum("ij,ij->i", points, points))
     directions = view.R_view_sensor.apply(points)
     # the nine cells reach half again a cell's width to every side
     reach = 1.5 * np.sqrt(4 * np.pi) / len(view.levels[0]) * ranges

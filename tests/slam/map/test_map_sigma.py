@@ -5,9 +5,10 @@ import pytest
 from scipy.spatial.transform import RigidTransform
 
 from kernels.errors import InputError
-from slam.map import point_map
+from slam.map import fused_cells
 from slam.map.beams import Beams, beams_of
-from slam.map.point_map import PointMap, fuse, pose_variance
+from slam.map.fused_cells import pose_variance
+from slam.map.point_map import PointMap, fuse
 from spectral.scan import Scan
 from tests.samples.room_scans import look, room_poses
 from tests.samples.surveys import random_covariance, random_transforms
@@ -103,7 +104,7 @@ def test_the_surer_scan_counts_for_more() -> None:
 
 @pytest.mark.parametrize("merge_rows", [1, 1_000_000])
 def test_the_order_of_the_scans_and_the_grouping_do_not_matter(merge_rows: int, monkeypatch) -> None:
-    monkeypatch.setattr(point_map, "MERGE_ROWS", merge_rows)
+    monkeypatch.setattr(fused_cells, "MERGE_ROWS", merge_rows)
     rng = np.random.default_rng(8)
     truth = room_poses(5)
     scans = [look(pose, rng, sigma=0.05, wild=0.02) for pose in truth]

@@ -8,7 +8,7 @@ import pytest
 from scipy.spatial.transform import RigidTransform
 
 from kernels.errors import InputError
-from slam.map import point_map
+from slam.map import fused_cells
 from slam.map.cell import cell_keys
 from slam.map.point_map import fuse
 from spectral.scan import Scan
@@ -27,7 +27,7 @@ def random_scans(rng: np.random.Generator, count: int) -> list[Scan]:
 
 @pytest.mark.parametrize("merge_rows", [1, 1_000_000])
 def test_agrees_with_a_dictionary_of_voxels(merge_rows, monkeypatch):
-    monkeypatch.setattr(point_map, "MERGE_ROWS", merge_rows)
+    monkeypatch.setattr(fused_cells, "MERGE_ROWS", merge_rows)
     rng = np.random.default_rng(0)
     scans, voxel = random_scans(rng, 7), 0.4
     T = random_transforms(rng, 7, angle=0.5, length=1.0)
