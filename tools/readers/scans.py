@@ -1,7 +1,7 @@
 """Point cloud files to scans."""
 
 from collections import Counter
-from collections.abc import Collection, Sequence
+from collections.abc import Callable, Collection, Sequence
 from dataclasses import dataclass, replace
 from pathlib import Path
 
@@ -9,7 +9,10 @@ from kernels.errors import InputError
 from spectral.scan import Scan
 from tools.readers.clouds.cloud import scan_of_cloud
 from tools.readers.file import FORMATS, NamedCloud, read_file
+from tools.readers.point_store import PointStore
 from tools.readers.selection import select_files
+
+_ARRAYS = ("points", "strength", "viewpoints")  # of a scan
 
 
 @dataclass(frozen=True, slots=True)
@@ -61,13 +64,18 @@ def read_scans(paths: Sequence[str | Path]) -> ReadScans:
     return read
 
 
-def read_survey(paths: Sequence[str | Path], not_scans: Collection[Path] = ()) -> ReadScans:
+def read_survey(
+    paths: Sequence[str | Path],
+    not_scans: Collection[Path] = (),
+    progress: Callable[[int, int, str], None] | None = None,
+) -> ReadScans:
     """Every scan of the files, folders and patterns in `paths` that can be read, in natural order.
 
     `recording.sonar#3` is one scan of a file that holds several, counted from 0. Stamps are those of the files if all
     of them have one, otherwise 0, 1, 2, ... over the whole input, unreadable scans counted. A scan is named after its
     file, and `recording#3` if the file holds several; files of the same name in several folders keep their paths. The
-    priors.csv of a folder or pattern is skipped, and so are the files in `not_scans`.
+    priors.csv of a folder or pattern is skipped, and so are the files in `not_scans`. The points of large surveys are
+    on disk (`PointStore`). `progress` is called with (files read, files in all, the file's name).
 
     Raises:
         InputError: a path that does not exist, or no path at all.
@@ -78,17 +86,21 @@ def read_survey(paths: Sequence[str | Path], not_scans: Collection[Path] = ()) -
         notes.append("the scans are taken in the natural order of their names, not the order in which they were given")
     files = tuple(dict.fromkeys(selected.path for selected in selection.files))
     stems = Counter(path.stem for path in files)
-    entries: list[NamedCloud | _UnreadableFile] = []
-    for selected in selection.files:
+    entries: list[_Entry] = []
+    store = PointStore()
+    for number, selected in enumerate(selection.files):
         try:
             clouds, file_notes = read_file(selected)
         except InputError as error:
-            entries.append(_UnreadableFile(str(selected.path), str(error)))
-            continue
-        entries += [_named_by_path(cloud) for cloud in clouds] if stems[selected.path.stem] > 1 else clouds
-        notes += file_notes
+            entries.append(_Entry(str(selected.path), "", reason=str(error)))
+        else:
+            named_by_path = stems[selected.path.stem] > 1
+            entries += [_entry(_named_by_path(cloud) if named_by_path else cloud, store) for cloud in clouds]
+            notes += file_notes
+        if progress is not None:
+            progress(number + 1, len(selection.files), selected.path.name)
     stamps, stamp_notes = _stamps_of(entries)
-    return _checked(entries, stamps, notes + stamp_notes, files)
+    return _all_of(entries, stamps, notes + stamp_notes, files)
 
 
 def read_scan(path: str | Path) -> Scan:
@@ -112,49 +124,66 @@ def only_scan(path: str | Path, read: ReadScans) -> Scan:
 
 
 @dataclass(frozen=True, slots=True)
-class _UnreadableFile:
-    """Holds the place of a file that could not be read."""
+class _Entry:
+    """A scan, or the place of one that could not be read.
+
+    Attributes:
+        where, name: of a `NamedCloud`, or the file's.
+        scan: not stamped yet; None where it could not be read.
+        stamp: that its file has for it, or None.
+        is_cloud: whether the file has it, usable or not.
+        notes: about its points.
+        reason: why there is none.
+    """
 
     where: str
-    reason: str
+    name: str
+    scan: Scan | None = None
+    stamp: float | None = None
+    is_cloud: bool = False
+    notes: tuple[str, ...] = ()
+    reason: str = ""
 
 
-def _checked(
-    entries: Sequence[NamedCloud | _UnreadableFile],
-    stamps: Sequence[float],
-    notes: Sequence[str],
-    files: tuple[Path, ...],
+def _entry(named: NamedCloud, store: PointStore) -> _Entry:
+    """A cloud's usable points as a scan."""
+    where, name, stamp = named.where, named.name, named.cloud.stamp
+    try:
+        scan, notes = scan_of_cloud(named.cloud, name, 0.0)
+    except InputError as error:
+        return _Entry(where, name, None, stamp, is_cloud=True, reason=f"{where}: {error}")
+    kept = {field: store.keep(array) for field in _ARRAYS if (array := getattr(scan, field)) is not None}
+    return _Entry(where, name, replace(scan, **kept), stamp, is_cloud=True, notes=tuple(notes))
+
+
+def _all_of(
+    entries: Sequence[_Entry], stamps: Sequence[float], notes: Sequence[str], files: tuple[Path, ...]
 ) -> ReadScans:
-    """The scans of the clouds that have usable points."""
+    """The scans, stamped, and what could not be read."""
     scans: list[Scan] = []
     unread: list[Unread] = []
     all_notes = list(notes)
     folders: dict[Path, int] = {}
     surveys: list[int] = []
     for entry, stamp in zip(entries, stamps, strict=True):
-        if isinstance(entry, _UnreadableFile):
+        if entry.scan is None:
             unread.append(Unread(entry.where, entry.reason, len(scans)))
             continue
-        try:
-            scan, scan_notes = scan_of_cloud(entry.cloud, entry.name, stamp)
-        except InputError as error:
-            unread.append(Unread(entry.where, f"{entry.where}: {error}", len(scans)))
-            continue
-        scans.append(scan)
+        scans.append(replace(entry.scan, stamp=stamp))
         surveys.append(folders.setdefault(Path(entry.where).parent, len(folders)))
         label = entry.name if entry.name == entry.where else Path(entry.where).name
-        all_notes += [f"{label}: {note}" for note in scan_notes]
+        all_notes += [f"{label}: {note}" for note in entry.notes]
     if len(folders) == len(scans):
         surveys = [0] * len(scans)
     return ReadScans(tuple(scans), tuple(all_notes), files, tuple(unread), tuple(surveys))
 
 
-def _stamps_of(entries: Sequence[NamedCloud | _UnreadableFile]) -> tuple[list[float], list[str]]:
+def _stamps_of(entries: Sequence[_Entry]) -> tuple[list[float], list[str]]:
     """The clouds' own stamps if all of them have one, otherwise their positions in the input; and a note about it."""
-    stamps = [entry.cloud.stamp for entry in entries if isinstance(entry, NamedCloud)]
+    stamps = [entry.stamp for entry in entries if entry.is_cloud]
     without = stamps.count(None)
     if without == 0:
-        return [(entry.cloud.stamp or 0.0) if isinstance(entry, NamedCloud) else 0.0 for entry in entries], []
+        return [entry.stamp or 0.0 for entry in entries], []
     note = f"{without} of {len(stamps)} scans have no time: all are stamped 0, 1, 2, ..."
     return [float(position) for position in range(len(entries))], [note] if without < len(stamps) else []
 

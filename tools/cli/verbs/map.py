@@ -107,7 +107,7 @@ def command(
     """
     options, execution_options = method_options(context), _execution_options(workers, scheduler, fresh)
     mapping = survey_settings(loops, key_step, max_speed, max_turn_rate, max_step)
-    read = _read(inputs, priors, prior_sigmas, out)
+    read = _read(inputs, priors, prior_sigmas, out, quiet or as_json)
     reckoned = odometry_of(read.scans, odometry, odometry_drift)
     configured = configure_method(read.scans, options, survey=True)
     prior_settings = {"priors": str(priors), "prior_sigmas": prior_sigmas} if priors else {}
@@ -128,12 +128,13 @@ def _execution_options(workers: int | None, scheduler: str | None, fresh: bool) 
     return ExecutionOptions(workers or 1, scheduler, fresh)
 
 
-def _read(inputs: list[str], priors: Path | None, prior_sigmas: str | None, out: Path) -> "ReadScans":
+def _read(inputs: list[str], priors: Path | None, prior_sigmas: str | None, out: Path, quiet: bool) -> "ReadScans":
     """The scans that can be read, with their priors, and a warning for each that cannot."""
     from tools.output.folder import require_apart
     from tools.readers.scans import read_survey
 
-    read = read_survey(inputs, [priors] if priors else [])
+    with growing_progress("reading", quiet) as step:
+        read = read_survey(inputs, [priors] if priors else [], step)
     for note in read.notes:
         say(note)
     if read.unread and len(read.scans) < 2:
