@@ -28,6 +28,7 @@ ALL = "all"  # the paper's
 EVALUATION = "evaluation"  # on pairs that had no part in development
 SLAM = "slam"  # of whole surveys
 REAL = "real"  # on scans of a folder
+SCALE = "scale"  # of growth
 KINDS = "kinds"  # on every kind of scan that is simulated
 
 
@@ -146,6 +147,13 @@ EXPERIMENTS: Mapping[str, ExperimentEntry] = MappingProxyType(
         ),
         "real": ExperimentEntry(
             "pairs of real scans in a folder DIR", "tools.reproduce.real.run", _REAL_OPTIONS, REAL, on_folder=True
+        ),
+        "scale": ExperimentEntry(
+            "the mapper's own work on 1,000 to 10,000 scans, with made-up registrations",
+            "tools.reproduce.scale.run",
+            ("seeds", "seed"),
+            SCALE,
+            timed=True,
         ),
         "kinds": ExperimentEntry("pairs of every kind of scan", "tools.reproduce.kinds.run", _PAIR_OPTIONS, KINDS),
     }
