@@ -15,6 +15,8 @@ from tools.writers.atomic import atomic_path
 def write_json(path: Path, content: Mapping[str, Any]) -> None:
     """Write a mapping as JSON: NaN and infinity become null, NumPy's types become Python's.
 
+    Every name of a mapping has a line of its own, and so has every item of a list that is a list or a mapping itself.
+
     Args:
         path: the file.
         content: names and values, anything that `to_json` takes.
@@ -23,10 +25,25 @@ def write_json(path: Path, content: Mapping[str, Any]) -> None:
         TypeError: a value that JSON has no form for.
         InputError: the file cannot be written.
     """
-    text = json.dumps(to_json(content), indent=2, allow_nan=False, ensure_ascii=False)
+    text = _in_lines(to_json(content))
     with atomic_path(path) as temporary:
         # A file name that is no UTF-8 holds lone surrogates; written with a backslash they are JSON's own escapes.
         temporary.write_bytes(f"{text}\n".encode("utf-8", "backslashreplace"))
+
+
+def _in_lines(value: Any, indent: str = "\n") -> str:
+    """A value in JSON's types as text; `indent` is a line break and the blanks that its last line begins with."""
+    deeper = indent + "  "
+    if isinstance(value, dict) and value:
+        items = (f"{_in_line(name)}: {_in_lines(item, deeper)}" for name, item in value.items())
+        return f"{{{deeper}{f',{deeper}'.join(items)}{indent}}}"
+    if isinstance(value, list) and any(isinstance(item, dict | list) for item in value):
+        return f"[{deeper}{f',{deeper}'.join(map(_in_line, value))}{indent}]"
+    return _in_line(value)
+
+
+def _in_line(value: Any) -> str:
+    return json.dumps(value, allow_nan=False, ensure_ascii=False)
 
 
 def to_json(value: Any) -> Any:
