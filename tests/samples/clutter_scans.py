@@ -1,5 +1,6 @@
 """Boxes strewn about, seen from known poses: small scans as files, and the command line run on them in process."""
 
+import csv
 from collections.abc import Sequence
 from pathlib import Path
 
@@ -55,6 +56,12 @@ def sonarmap(*arguments: str | Path) -> Result:
 def files_in(folder: Path) -> dict[str, bytes]:
     """Everything in a folder, hidden files too."""
     return {path.name: path.read_bytes() for path in folder.iterdir()}
+
+
+def table_of(path: Path) -> list[dict[str, str]]:
+    """The rows of a CSV file, by the names of its columns."""
+    with path.open(newline="", encoding="utf-8") as file:
+        return list(csv.DictReader(file, strict=True))
 
 
 def said(result: Result, *words: str) -> None:

@@ -10,7 +10,8 @@ import numpy as np
 from scipy.spatial.transform import RigidTransform
 
 from spectral.scan import Scan
-from tools.evaluate.survey_summary import read_summary
+from tools.evaluate.pairs_file import read_pairs
+from tools.evaluate.survey_summary import SurveySummary, read_summary
 from tools.readers.odometry import read_odometry
 from tools.readers.poses.g2o import read_g2o
 from tools.readers.poses.graph_json import FORMAT, read_graph_json
@@ -46,9 +47,14 @@ _GRAPH = {
 _SUMMARY = {
     "settings": {"grid": {"voxel": 0.5}},
     "scans": [{"stamp": float(k), "covariance": _COVARIANCE} for k in range(2)],
-    "pairs": [{"target": 0, "source": 1, "role": "sequential", "kept": True, "T_target_source": _MATRIX}],
+    "pairs": {"tried": 2},
     "components": [{"scans": [0, 1], "map": {"voxel_m": 0.5}}],
 }
+_PAIRS = (
+    "target,source,role,kept,reason,x_m,y_m,z_m,roll_deg,pitch_deg,yaw_deg\n"
+    '0,1,sequential,yes,"kept, as it is",1.5,-2.5,0.25,10.5,-20.5,170.25\n'
+    "0,1,loop,no,failed,,,,,,\n"
+)
 _SENSOR = {"name": "own", "horizontal": 1.5, "vertical": 0.75, "columns": 32, "rows": 16, "min_range": 0.5}
 _DESCRIPTION = {
     "settings": {
@@ -77,6 +83,12 @@ def _odometry(path: Path) -> object:
     return read_odometry(path, SCANS, 0.01, 0.001)
 
 
+def _summary(path: Path) -> SurveySummary:
+    """With the table of its pairs, which is beside it."""
+    path.with_name("pairs.csv").write_text(_PAIRS)
+    return read_summary(path)
+
+
 POSE_FILES = {
     "tum": PoseFile("poses.tum", _TUM.encode(), read_tum),
     "kitti": PoseFile("poses.kitti", (" ".join(_ROWS.split()[:12]) + "\n").encode() * 2, read_kitti),
@@ -84,7 +96,8 @@ POSE_FILES = {
     "g2o": PoseFile("graph.g2o", _G2O.encode(), read_g2o),
     "g2o repaired": PoseFile("graph.g2o", _G2O.encode(), lambda path: read_g2o(path, [])),
     "graph.json": PoseFile("graph.json", json.dumps(_GRAPH).encode(), read_graph_json),
-    "summary.json": PoseFile("summary.json", json.dumps(_SUMMARY).encode(), read_summary),
+    "summary.json": PoseFile("summary.json", json.dumps(_SUMMARY).encode(), _summary),
+    "pairs.csv": PoseFile("pairs.csv", _PAIRS.encode(), lambda path: read_pairs(path, 2)),
     "description.json": PoseFile("description.json", json.dumps(_DESCRIPTION).encode(), read_settings),
     "priors by name": PoseFile("priors.csv", _csv("name"), lambda path: with_priors(SCANS, path)),
     "priors by stamp": PoseFile("priors.csv", _csv("stamp"), lambda path: with_priors(SCANS, path)),

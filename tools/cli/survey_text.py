@@ -138,11 +138,9 @@ def _cells(pair: "Pair", names: Sequence[str]) -> "list[str | Text]":
 
 def _files(result: "SurveyResult", also: Sequence[str]) -> str:
     """The names of what was written."""
-    from tools.output.folder import part_files
+    from tools.output.folder import JOURNAL, OF_ALL, TIMES, part_files
 
-    listed = ", ".join(
-        [*part_files(result, 1, also), "graph.g2o", "graph.json", "summary.json", "times.json", "journal.sqlite"]
-    )
+    listed = ", ".join([*part_files(result, 1, also), *OF_ALL, TIMES, JOURNAL])
     parts = len(placed(result.components))
     if parts == 1:
         return listed

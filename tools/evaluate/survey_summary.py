@@ -1,4 +1,4 @@
-"""Reads what an evaluation needs of a survey's summary.json."""
+"""Reads what an evaluation needs of a survey's summary.json, and of the table of pairs beside it."""
 
 from dataclasses import dataclass
 from pathlib import Path
@@ -8,8 +8,9 @@ from pydantic import BaseModel, ValidationError
 
 from kernels.errors import InputError
 from tools.evaluate.pairs import TriedPair
+from tools.evaluate.pairs_file import read_pairs
 from tools.readers.json_file import read_json
-from tools.readers.poses.matrices import rigid_transform
+from tools.readers.selection import PAIRS
 
 
 @dataclass(frozen=True, slots=True)
@@ -45,12 +46,8 @@ class _Scan(BaseModel):
     covariance: Matrix | None = None
 
 
-class _Pair(BaseModel):
-    target: int
-    source: int
-    role: str
-    kept: bool
-    T_target_source: Matrix | None = None
+class _Pairs(BaseModel):
+    tried: int
 
 
 class _Map(BaseModel):
@@ -74,20 +71,22 @@ class _Settings(BaseModel):
 class _Summary(BaseModel):
     settings: _Settings
     scans: list[_Scan]
-    pairs: list[_Pair]
+    pairs: _Pairs
     components: list[_Component]
 
 
 def read_summary(path: Path) -> SurveySummary:
-    """Read a summary.json of `sonarmap map`; keys that an evaluation does not need are ignored.
+    """Read a summary.json of `sonarmap map` and the pairs.csv beside it, without what an evaluation does not need.
 
     Raises:
-        InputError: the file is missing, is not JSON, or is not the summary of a survey.
+        InputError: the file is missing, is not JSON, or is not the summary of a survey; or its pairs.csv is missing, or
+            damaged, or of another map.
     """
     content = read_json(path, "the summary.json of `sonarmap map`")
+    if isinstance(content, dict) and isinstance(content.get("pairs"), list):
+        raise InputError(f"{path} is of an earlier version, which had no {PAIRS}; map again into the same folder")
     try:
         summary = _Summary.model_validate(content)
-        pairs = tuple(_tried_pair(pair) for pair in summary.pairs)
         covariances = _covariances(summary.scans)
     except ValidationError as error:
         fault = error.errors()[0]
@@ -102,17 +101,24 @@ def read_summary(path: Path) -> SurveySummary:
         components=tuple(tuple(component.scans) for component in summary.components),
         unmeasured=tuple(tuple(component.unmeasured) for component in summary.components),
         covariances=covariances,
-        pairs=pairs,
+        pairs=_tried_pairs(path, summary),
         voxel=summary.settings.grid.voxel,
         map_voxel=summary.components[0].map.voxel_m,
     )
 
 
-def _tried_pair(pair: _Pair) -> TriedPair:
-    if pair.T_target_source is None:
-        return TriedPair(pair.target, pair.source, pair.role, pair.kept, None)
-    T = rigid_transform(pair.T_target_source, f"the pair {pair.target} - {pair.source}")
-    return TriedPair(pair.target, pair.source, pair.role, pair.kept, T)
+def _tried_pairs(path: Path, summary: _Summary) -> tuple[TriedPair, ...]:
+    """The pairs of the table beside the summary."""
+    table = path.with_name(PAIRS)
+    if not table.exists():
+        raise InputError(f"{path} needs the {PAIRS} of its map beside it, and there is none; copy it there")
+    pairs = read_pairs(table, len(summary.scans))
+    if len(pairs) != summary.pairs.tried:
+        raise InputError(
+            f"{path} tells of {summary.pairs.tried} pairs, and {table} has {len(pairs)}; give both files of one map, "
+            "whole"
+        )
+    return pairs
 
 
 def _covariances(scans: list[_Scan]) -> np.ndarray | None:

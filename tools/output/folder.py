@@ -14,10 +14,12 @@ from slam.map.point_map import PointMap
 from slam.survey_result import SurveyResult
 from tools.output.exports import EXPORTS
 from tools.output.graph_file import survey_graph
+from tools.output.pairs_file import write_pairs
 from tools.output.parts import placed
 from tools.output.summary import survey_summary
 from tools.readers.json_file import read_json
 from tools.readers.scans import Unread
+from tools.readers.selection import PAIRS
 from tools.report.loops_picture import draw_loops
 from tools.report.map_picture import draw_map
 from tools.writers.atomic import all_or_none, discard
@@ -27,6 +29,7 @@ from tools.writers.points import WRITERS, write_points
 from tools.writers.trajectory import TRAJECTORY_WRITERS, write_trajectory
 
 GRAPH, FULL_GRAPH, SUMMARY = "graph.g2o", "graph.json", "summary.json"
+OF_ALL = (GRAPH, FULL_GRAPH, PAIRS, SUMMARY)  # the files of all components
 TIMES, JOURNAL = "times.json", "journal.sqlite"
 _MAP_SUFFIXES, _TRAJECTORY_SUFFIXES = ("|".join(map(re.escape, known)) for known in (WRITERS, TRAJECTORY_WRITERS))
 _MAP = re.compile(rf"map(_\d+)?(_survey_\d+)?({_MAP_SUFFIXES})")
@@ -52,9 +55,9 @@ def require_apart(folder: Path, files: Iterable[Path]) -> None:
         InputError: naming the file.
     """
     for path in files:
-        if _MAP.fullmatch(path.name) and path.parent.resolve() == folder.resolve():
+        if (_MAP.fullmatch(path.name) or path.name == PAIRS) and path.parent.resolve() == folder.resolve():
             raise InputError(
-                f"{path} is among the scans, but the map is written to {folder}: the file is the map of an earlier "
+                f"{path} is among the scans, but the map is written to {folder}: the file is of an earlier "
                 "run, or would be overwritten. Leave it out, or choose another output folder."
             )
 
@@ -69,7 +72,7 @@ def write_survey(
     also: Sequence[str] = (),
     times: Mapping[str, Any] | None = None,
 ) -> Path:
-    """Write a survey's maps, pictures, trajectories, graph and summary.
+    """Write a survey's maps, pictures, trajectories, graph, pairs and summary.
 
     The largest component is map.ply, map.png and trajectory.tum; the others follow as map_2 and so on. A scan that
     nothing joined is in no map. Where loops were tried, loops.png compares the map with what it would be without them.
@@ -97,7 +100,7 @@ def write_survey(
     summary = survey_summary(result, list(names), settings, description, unread)
     with all_or_none():
         _write_files(folder, result, names, files)
-        write_json(folder / SUMMARY, summary | {"files": [*chain.from_iterable(files), GRAPH, FULL_GRAPH, SUMMARY]})
+        write_json(folder / SUMMARY, summary | {"files": [*chain.from_iterable(files), *OF_ALL]})
         if times is not None:
             write_json(folder / TIMES, times)
     for name in earlier.difference(*files):
@@ -115,11 +118,12 @@ def _earlier_files(folder: Path) -> set[str]:
 
 
 def _write_files(folder: Path, result: SurveyResult, names: Sequence[str], files: Sequence[Sequence[str]]) -> None:
-    """Write the graph, and the `files` of every component that is a map."""
+    """Write the graph, the pairs, and the `files` of every component that is a map."""
     for c, listed in zip(placed(result.components), files, strict=True):
         for name in listed:
             _write_part(folder / name, result, c, [names[k] for k in result.components[c]])
     mapped = {scan for c in placed(result.components) for scan in result.components[c]}
+    write_pairs(folder / PAIRS, result.pairs)
     write_json(folder / FULL_GRAPH, survey_graph(result, names))
     write_g2o(folder / GRAPH, result.solution.graph, set(range(len(result.trajectory))) - mapped)
 

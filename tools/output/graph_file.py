@@ -8,17 +8,20 @@ from typing import Any
 import numpy as np
 
 from slam.graph.edge import Edge
+from slam.pair import Pair
 from slam.survey_result import SurveyResult
 from spectral.scan import PosePrior
-from tools.output.summary import pair_row, scan_rows
+from tools.output.pairs_file import pair_row, registration_of
+from tools.output.summary import scan_rows
 from tools.readers.poses.graph_json import FORMAT
 
 # What the numbers are, for whoever reads the file without these pages.
 CONVENTIONS = {
     "T_world_sensor": "p_world = T p_sensor, 4x4 [m]; the world is East-North-Up where 'in_world', else the frame of "
     "the component's first pose",
-    "T_i_j": "p_i = T p_j, 4x4 [m]",
-    "covariance": "6x6, rotation first [rad, m], of xi in T_true = T Exp(xi): body tangent of the pose, or of j",
+    "T_i_j": "p_i = T p_j, 4x4 [m]; T_target_source likewise",
+    "covariance": "6x6, rotation first [rad, m], of xi in T_true = T Exp(xi): body tangent of the pose, of j, or of "
+    "the source",
     "prior": "sigmas of roll, pitch, heading [rad], East, North, Up [m]; null where not measured",
 }
 
@@ -49,7 +52,7 @@ def survey_graph(result: SurveyResult, names: Sequence[str]) -> dict[str, Any]:
             for k, row in enumerate(scan_rows(result, names))
         ],
         "edges": [_edge_row(edge) for edge in graph.edges],
-        "pairs": [pair_row(pair) for pair in result.pairs],
+        "pairs": [_pair_row(pair) for pair in result.pairs],
         "priors": [_prior_row(pose, prior) for pose, prior in graph.priors],
         "wrong_fixes": [{"pose": fix.scan, "kind": fix.kind, "sigmas": fix.sigmas} for fix in result.wrong_fixes],
         "anchors": graph.anchors,
@@ -66,6 +69,19 @@ def _edge_row(edge: Edge) -> Mapping[str, Any]:
         "covariance": registration.covariance,
         "probability": registration.probability,
         "reason": registration.reason,
+    }
+
+
+def _pair_row(pair: Pair) -> Mapping[str, Any]:
+    """A pair with its verdict and, unless it failed, with what was measured."""
+    registration = registration_of(pair)
+    if registration is None:
+        return pair_row(pair)
+    return {
+        **pair_row(pair),
+        "T_target_source": registration.T_target_source.as_matrix(),
+        "covariance": registration.covariance,
+        "step_psr": dict(registration.step_psr),
     }
 
 

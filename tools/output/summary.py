@@ -3,7 +3,7 @@
 import math
 from collections.abc import Mapping, Sequence
 from dataclasses import asdict
-from typing import Any
+from typing import Any, get_args
 
 import numpy as np
 
@@ -11,11 +11,11 @@ from slam.graph.measured_poses import MEASURED
 from slam.graph.sigma import worst_sigmas
 from slam.map.crossing import CrossingError
 from slam.map.point_map import PointMap
-from slam.pair import Pair
+from slam.pair import Pair, Role
 from slam.survey_result import SurveyResult
-from spectral.result import Registration
 from tools.output.parts import placed, unplaced
 from tools.readers.scans import Unread
+from tools.readers.selection import PAIRS
 from tools.versions import package_versions
 
 
@@ -33,6 +33,7 @@ def survey_summary(
             scans before and after it (null if there is none); "gaps" lists these after the pairs that failed.
     """
     solution, graph = result.solution, result.solution.graph
+    loose = dict(graph.loose)
     gaps = [_gap(scan.before, len(names)) for scan in unread]
     return {
         "versions": package_versions(),
@@ -42,12 +43,12 @@ def survey_summary(
             {**row, "sigmas": sigmas}
             for row, sigmas in zip(scan_rows(result, names), pose_sigmas(result.covariances), strict=True)
         ],
-        "pairs": [pair_row(pair) for pair in result.pairs],
+        "pairs": _pair_counts(result.pairs),
         "gaps": list(dict.fromkeys([*result.gaps, *gaps])),
         "unread": [
             {"name": scan.where, "reason": scan.reason, "gap": gap} for scan, gap in zip(unread, gaps, strict=True)
         ],
-        "components": [_component_row(result, c) for c in placed(result.components)],
+        "components": [_component_row(result, c, loose) for c in placed(result.components)],
         "unplaced": unplaced(result.components),
         "key_scans": result.keys,
         "by_navigation": result.by_navigation,
@@ -85,44 +86,15 @@ def _gap(before: int, count: int) -> tuple[int | None, int | None]:
     return before - 1 if before > 0 else None, before if before < count else None
 
 
-def pair_row(pair: Pair) -> dict[str, Any]:
-    """A pair's line of the table."""
-    row = {
-        "target": pair.i,
-        "source": pair.j,
-        "role": pair.role,
-        "kept": pair.kept,
-        "reason": pair.reason,
-        "predicted_overlap": pair.predicted_overlap,
-        "alike": pair.alike,
-        "agreeing": pair.agreeing,
-        "sigmas_from_estimate": pair.sigmas_from_estimate,
-        "residual_sigmas": pair.residual,
-    }
-    if pair.registration is None:
-        return row
-    registration = registration_row(pair.edge.registration if pair.edge else pair.registration)
-    del registration["seconds"]  # which differ from run to run: times.json has them
-    return row | registration
+def _pair_counts(pairs: Sequence[Pair]) -> dict[str, Any]:
+    """How many pairs were tried and kept, in all and by their roles, and where each of them is told."""
+    by_role = {role: [pair for pair in pairs if pair.role == role] for role in get_args(Role)}
+    counts = {role: _tried_and_kept(some) for role, some in by_role.items() if some}
+    return {"file": PAIRS, **_tried_and_kept(pairs), "by_role": counts}
 
 
-def registration_row(registration: Registration) -> dict[str, Any]:
-    """A registration in the command line's units: degrees and meters."""
-    T = registration.T_target_source
-    yaw, pitch, roll = T.rotation.as_euler("ZYX", degrees=True)
-    return {
-        "translation_m": T.translation,
-        "roll_pitch_yaw_deg": [roll, pitch, yaw],
-        "T_target_source": T.as_matrix(),
-        "covariance": registration.covariance,
-        "probability": registration.probability,
-        "psr": registration.psr,
-        "step_psr": dict(registration.step_psr),
-        "overlap": registration.overlap,
-        "accepted": registration.accepted,
-        "seconds": registration.seconds,
-        "alternatives": len(registration.alternatives),
-    }
+def _tried_and_kept(pairs: Sequence[Pair]) -> dict[str, int]:
+    return {"tried": len(pairs), "kept": sum(pair.kept for pair in pairs)}
 
 
 def pose_sigmas(covariances: np.ndarray) -> list[dict[str, float]]:
@@ -134,10 +106,10 @@ def pose_sigmas(covariances: np.ndarray) -> list[dict[str, float]]:
     ]
 
 
-def _component_row(result: SurveyResult, c: int) -> dict[str, Any]:
-    """A component that is a map, with the sizes of its layers by their surveys."""
+def _component_row(result: SurveyResult, c: int, loose: Mapping[int, np.ndarray]) -> dict[str, Any]:
+    """A component that is a map, with the sizes of its layers by their surveys; `loose` as `PoseGraph` has it."""
     members = result.components[c]
-    free = next((free for pose, free in result.solution.graph.loose if pose in members), np.zeros(6, dtype=bool))
+    free = next((loose[pose] for pose in members if pose in loose), np.zeros(6, dtype=bool))
     row = {
         "scans": members,
         "unmeasured": [name for name, held in zip(MEASURED, free, strict=True) if held],

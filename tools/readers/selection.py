@@ -11,6 +11,8 @@ from pathlib import Path
 from kernels.errors import InputError
 from tools.readers.instruments import PRIORS
 
+PAIRS = "pairs.csv"  # as `sonarmap map` calls the table of its pairs
+_TABLES = (PRIORS, PAIRS)
 _INDEXED = re.compile(r"(.+)#(\d{1,9})", re.ASCII | re.DOTALL)
 
 
@@ -35,7 +37,8 @@ def select_files(paths: Sequence[str | Path], suffixes: Collection[str], not_sca
 
     Args:
         paths: files (`recording.sonar#3` is its scan 3, from 0), folders, and patterns such as `scans/*.ply`.
-        suffixes: of the files to take from folders and patterns; others there are skipped, as is priors.csv.
+        suffixes: of the files to take from folders and patterns; others there are skipped, and so are
+            priors.csv and pairs.csv.
         not_scans: more files to skip there, whatever their suffix.
 
     Raises:
@@ -85,7 +88,7 @@ def _scans_among(
     paths: Iterable[Path], suffixes: Collection[str], skipped: Collection[Path], where: str
 ) -> list[SelectedFile]:
     files = [path for path in paths if path.suffix.lower() in suffixes and not path.name.startswith(".")]
-    files = [path for path in files if path.is_file() and path.name != PRIORS and path.resolve() not in skipped]
+    files = [path for path in files if path.is_file() and path.name not in _TABLES and path.resolve() not in skipped]
     if not files:
         raise InputError(f"{where} holds no scans; known formats are {', '.join(suffixes)}")
     return [SelectedFile(path) for path in files]

@@ -21,6 +21,7 @@ GRID = ("--grid", "64")
 PROGRAM = "from tools.cli.main import run; run()"
 CHATTY = "import tools.cli.progress; tools.cli.progress.SECONDS_BETWEEN_LINES = 0; " + PROGRAM
 RESULTS = {"map.ply", "map.png", "trajectory.tum", "graph.g2o", "graph.json", "summary.json", "times.json"}
+RESULTS |= {"pairs.csv"}
 
 
 @pytest.fixture(scope="module")
@@ -160,7 +161,7 @@ def test_a_damaged_row_of_the_journal_is_computed_again(tmp_path: Path, scans: l
     assert (tmp_path / "map.ply").read_bytes() == (mapped / "map.ply").read_bytes()
 
 
-@pytest.mark.parametrize("written", ["write_points", "draw_map", "write_g2o", "write_json"])
+@pytest.mark.parametrize("written", ["write_points", "draw_map", "write_g2o", "write_pairs", "write_json"])
 def test_stopped_while_it_writes(
     out: Path, scans: list[str], mapped: Path, written: str, monkeypatch: pytest.MonkeyPatch
 ) -> None:

@@ -27,12 +27,29 @@ ESTIMATE = Trajectory(TRUTH.stamps, WORLD * TRUTH.T_world_sensor)
 POINTS = np.random.default_rng(8).uniform(-10, 10, (500, 3))
 
 
-def pair(i: int, j: int, role: str, kept: bool, off_m: float | None = 0.0) -> dict:
-    row = {"target": i, "source": j, "role": role, "kept": kept, "reason": "told"}
+HEADING = "target,source,role,kept,reason,x_m,y_m,z_m,roll_deg,pitch_deg,yaw_deg"
+
+
+def pair(i: int, j: int, role: str, kept: str, off_m: float | None = 0.0) -> str:
+    """A row of pairs.csv, wrong by so much; a failed one without it."""
     if off_m is None:
-        return row
+        return f"{i},{j},{role},{kept},failed,,,,,,"
     T = TRUTH.T_world_sensor[i].inv() * TRUTH.T_world_sensor[j] * RigidTransform.from_translation((off_m, 0, 0))
-    return row | {"T_target_source": T.as_matrix().tolist(), "covariance": np.eye(6).tolist()}
+    yaw, pitch, roll = T.rotation.as_euler("ZYX", degrees=True).tolist()
+    return ",".join(map(str, [i, j, role, kept, "told", *T.translation.tolist(), roll, pitch, yaw]))
+
+
+PAIRS = [
+    *(pair(k, k + 1, "sequential", "yes") for k in range(COUNT - 1)),
+    pair(0, 4, "loop", "yes", 1.4),
+    pair(0, 5, "loop", "no", 1.4),
+    pair(1, 5, "bridge", "yes", 1.6),
+    pair(2, 5, "loop", "no", None),
+]
+
+
+def write_pairs(folder: Path, *rows: str) -> None:
+    (folder / "pairs.csv").write_text("\n".join([*rows, ""]))
 
 
 def summary(covariances: bool) -> dict:
@@ -43,13 +60,7 @@ def summary(covariances: bool) -> dict:
     return {
         "settings": {"grid": {"edge": 128, "voxel": 0.5}},
         "scans": rows,
-        "pairs": [
-            *(pair(k, k + 1, "sequential", True) for k in range(COUNT - 1)),
-            pair(0, 4, "loop", True, 1.4),
-            pair(0, 5, "loop", False, 1.4),
-            pair(1, 5, "bridge", True, 1.6),
-            pair(2, 5, "loop", False, None),
-        ],
+        "pairs": {"file": "pairs.csv", "tried": len(PAIRS), "kept": 7},
         "components": [{"scans": list(range(COUNT)), "map": {"points": 500, "voxel_m": 0.25}}],
         "graph": {"edges": 7},
     }
@@ -62,6 +73,7 @@ def files(tmp_path: Path) -> Path:
     write_ply(tmp_path / "truth.ply", POINTS)
     write_ply(tmp_path / "map.ply", WORLD.apply(POINTS + np.array([0.0, 0.2, 0.0])))
     (tmp_path / "summary.json").write_text(json.dumps(summary(covariances=True)))
+    write_pairs(tmp_path, HEADING, *PAIRS)
     return tmp_path
 
 
@@ -153,11 +165,65 @@ def test_options_that_do_not_go_together_are_refused(files: Path, options: list[
         ({"settings": {}}, "settings.grid"),
         ({"scans": [{"stamp": "late"}]}, "scans.0.stamp"),
         ({"scans": [{"stamp": 0.0, "covariance": [[1.0]]}]}, "reshape"),
-        ({"pairs": [pair(0, 1, "loop", True) | {"T_target_source": [[1.0]]}]}, "summary.json"),
+        ({"pairs": {"tried": "many"}}, "pairs.tried"),
+        ({"pairs": {"tried": 8}}, r"summary.json tells of 8 pairs, and .*pairs.csv has 9; give both"),
+        ({"pairs": [{"target": 0, "source": 1}]}, "earlier version.* map again"),
         ({"components": []}, "no component"),
     ],
 )
 def test_a_summary_that_is_none_is_refused(tmp_path: Path, change: dict, named: str) -> None:
     (tmp_path / "summary.json").write_text(json.dumps(summary(covariances=False) | change))
+    write_pairs(tmp_path, HEADING, *PAIRS)
     with pytest.raises(InputError, match=named):
         read_summary(tmp_path / "summary.json")
+
+
+SOUND = "0,1,loop,yes,told,1,2,3,4,5,6"
+
+
+@pytest.mark.parametrize(
+    ("rows", "words"),
+    [
+        ([], "holds no line but comments"),
+        (["a,b"], "line 1: the column target is there 0 times; wanted the columns target, source, role"),
+        ([HEADING + ",x_m"], "line 1: the column x_m is there 2 times"),
+        ([HEADING, SOUND, "0,1,loop,yes,told,1,2"], "line 3: it has 7 cells where the heading has 11"),
+        (
+            [HEADING, SOUND.replace("0,1", "0,6")],
+            "line 2: source is '6'; wanted the number of a scan, 0 to 5; fix that",
+        ),
+        ([HEADING, SOUND.replace("0,1", "-1,1")], "line 2: target is '-1'; wanted the number of a scan"),
+        ([HEADING, SOUND.replace("loop", "lop")], "line 2: role is 'lop'; wanted one of sequential, bridge, loop"),
+        ([HEADING, SOUND.replace("yes", "True")], "line 2: kept is 'True'; wanted yes or no"),
+        (
+            [HEADING, SOUND.replace("3,4", "3,")],
+            "line 2: roll_deg is ''; wanted a number within 180, or all of x_m, y_m",
+        ),
+        ([HEADING, SOUND.replace("2,3", "nan,3")], "line 2: y_m is 'nan'; wanted a number within 1e+09"),
+        ([HEADING, SOUND.replace("5,6", "5,181")], "line 2: yaw_deg is '181'; wanted a number within 180"),
+        ([HEADING, SOUND.replace("told", '"told')], "line 2 is not a CSV line"),
+    ],
+)
+def test_a_table_of_pairs_that_is_none_is_refused(files: Path, rows: list[str], words: str) -> None:
+    write_pairs(files, *rows)
+    result = sonarmap("evaluate", files / "estimate.tum", files / "truth.tum", "--summary", files / "summary.json")
+    assert (result.exit_code, result.stdout) == (2, "")
+    said(result, "error: ", str(files / "pairs.csv"), words)
+
+
+def test_a_summary_without_its_table_is_refused(files: Path) -> None:
+    (files / "pairs.csv").unlink()
+    with pytest.raises(InputError, match=r"summary.json needs the pairs.csv of its map beside it"):
+        read_summary(files / "summary.json")
+
+
+def test_a_table_that_a_spreadsheet_saved_is_read(files: Path) -> None:
+    """With semicolons, decimal commas, a byte-order mark and line breaks of another system."""
+    before = read_summary(files / "summary.json").pairs
+    text = (files / "pairs.csv").read_text().replace(",", ";").replace(".", ",").replace("\n", "\r\n")
+    (files / "pairs.csv").write_bytes(text.encode("utf-8-sig"))
+    for ours, theirs in zip(before, read_summary(files / "summary.json").pairs, strict=True):
+        assert (ours.target, ours.role, ours.kept) == (theirs.target, theirs.role, theirs.kept)
+        assert (ours.T_target_source is None) == (theirs.T_target_source is None)
+        if ours.T_target_source is not None and theirs.T_target_source is not None:
+            assert (ours.T_target_source.as_matrix() == theirs.T_target_source.as_matrix()).all()

@@ -110,6 +110,7 @@ def test_weights_that_differ_too_much_to_be_added_are_an_error(
 
 def test_a_covariance_of_nothing_is_an_error(tmp_path: Path) -> None:
     summary = _written(tmp_path / "summary.json", POSE_FILES["summary.json"].content.replace(b"0.125", b"0"))
+    _written(tmp_path / "pairs.csv", POSE_FILES["pairs.csv"].content)
     poses = _written(tmp_path / "poses.tum", POSE_FILES["tum"].content)
     result = sonarmap("evaluate", poses, poses, "--summary", summary)
     assert (result.exit_code, result.stdout) == (2, "")

@@ -94,9 +94,9 @@ def command(
 ) -> None:
     """Register consecutive scans, close loops, optimize the poses, and fuse one map.
 
-    OUT gets map.ply, map.png, loops.png, trajectory.tum, graph.g2o, graph.json and summary.json. The scans of each
-    folder are one survey. Surveys of the same place are joined where their scans look alike; each also gets a map of
-    its own, map_survey_0.ply and so on.
+    OUT gets map.ply, map.png, loops.png, trajectory.tum, graph.g2o, graph.json, pairs.csv and summary.json.
+    The scans of each folder are one survey. Surveys of the same place are joined where their scans look alike; each
+    also gets a map of its own, map_survey_0.ply and so on.
 
     Where the registration of a pair fails, mapping goes on. Scans that nothing joins to the rest become a part of their
     own: map_2.ply, trajectory_2.tum and so on. The exit code is 3 if there is more than one part, or if a scan could

@@ -13,7 +13,7 @@ from typer.testing import Result
 from slam.graph.trajectory import Trajectory
 from slam.mapper import Mapper
 from spectral.result import Registration
-from tests.samples.clutter_scans import T_WORLD_SENSOR, clutter, files_in, said, scan, sonarmap, write
+from tests.samples.clutter_scans import T_WORLD_SENSOR, clutter, files_in, said, scan, sonarmap, table_of, write
 from tests.samples.surveys import KnowingRegistrar, ring_poses, scans_of
 from tools.cli.survey_text import warn_of_faults
 from tools.evaluate.trajectory import evaluate
@@ -24,7 +24,7 @@ from tools.writers.tum import write_tum
 
 GRID = ("--grid", "64")
 RESULTS = {"map.ply", "map.png", "trajectory.tum", "graph.g2o", "summary.json", "times.json", "journal.sqlite"}
-RESULTS |= {"graph.json"}
+RESULTS |= {"graph.json", "pairs.csv"}
 LOOPS = {"loops.png"}  # where loops were tried
 
 
@@ -107,13 +107,20 @@ def test_the_summary_is_strict_json_and_what_json_prints(survey: Path) -> None:
     assert "priors" not in summary["settings"]
     assert summary["device"]["name"]
     assert [scan["name"] for scan in summary["scans"]] == [f"scan_{k}" for k in range(4)]
-    sequential = [pair for pair in summary["pairs"] if pair["role"] == "sequential"]
+    assert summary["pairs"]["by_role"]["sequential"] == {"tried": 3, "kept": 3}
+    assert summary["gaps"] == []
+
+
+def test_the_graph_holds_every_pair_and_the_table_too(survey: Path) -> None:
+    pairs = strict_json((survey / "out" / "graph.json").read_text())["pairs"]
+    table = table_of(survey / "out" / "pairs.csv")
+    assert [(row["target"], row["source"]) for row in table] == [(str(p["target"]), str(p["source"])) for p in pairs]
+    sequential = [pair for pair in pairs if pair["role"] == "sequential"]
     assert [(pair["target"], pair["source"]) for pair in sequential] == [(0, 1), (1, 2), (2, 3)]
     for pair in sequential:
         assert pair["kept"]
         assert np.shape(pair["T_target_source"]) == (4, 4)
         assert np.shape(pair["covariance"]) == (6, 6)
-    assert summary["gaps"] == []
 
 
 def test_the_same_command_gives_the_same_bytes(survey: Path, tmp_path: Path) -> None:
@@ -136,8 +143,7 @@ def test_the_same_command_gives_the_same_bytes(survey: Path, tmp_path: Path) -> 
 
 def test_times_are_in_a_file_of_their_own(survey: Path) -> None:
     times = strict_json((survey / "out" / "times.json").read_text())
-    summary = strict_json((survey / "out" / "summary.json").read_text())
-    pairs = {(pair["target"], pair["source"]) for pair in summary["pairs"]}
+    pairs = {(int(pair["target"]), int(pair["source"])) for pair in table_of(survey / "out" / "pairs.csv")}
     assert {(pair["target"], pair["source"]) for pair in times["pairs"]} == pairs
     assert all(pair["seconds"] > 0 and not pair["from_journal"] for pair in times["pairs"])
     assert (times["workers"], times["pairs_from_journal"]) == (1, 0)
