@@ -62,3 +62,18 @@ def agreeing_groups(count: int, chain: Sequence[Edge], loops: Sequence[Edge], bo
         (np.ones(int(in_agreement.sum())), (a[in_agreement], b[in_agreement])), shape=(len(loops), len(loops))
     )
     return connected_components(links, directed=False)[1]
+
+
+def distances_from_chain(count: int, chain: Sequence[Edge], loops: Sequence[Edge]) -> np.ndarray:
+    """(m,) how far each loop is from what the chain alone says, squared [sigmas^2]; 0 where the chain joins it not."""
+    if not loops:
+        return np.zeros(0)
+    chains, ends = chain_parts(count, chain), np.array([(edge.i, edge.j) for edge in loops])
+    i, j = ends.T
+    measured = RigidTransform.concatenate([edge.registration.T_target_source for edge in loops])
+    error: np.ndarray = ((chains.T[i].inv() * chains.T[j]).inv() * measured).as_exp_coords()
+    total = np.stack([edge.registration.covariance for edge in loops])
+    joined = chains.part[i] == chains.part[j]
+    total[joined] += carried(chains.T[j[joined]].inv(), chains.between(i[joined], j[joined]))
+    squared = np.einsum("na,na->n", error, np.linalg.solve(total, error[:, :, None])[:, :, 0])
+    return np.where(joined, squared, 0.0)

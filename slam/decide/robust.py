@@ -15,7 +15,7 @@ import numpy as np
 from scipy.cluster.hierarchy import DisjointSet
 from scipy.special import gammaincinv
 
-from slam.decide.agreement import agreeing_groups
+from slam.decide.agreement import agreeing_groups, distances_from_chain
 from slam.decide.region import regions_about
 from slam.graph.edge import Edge, spanning_tree
 from slam.graph.gtsam_poses import to_values
@@ -103,17 +103,25 @@ def _fixed_inliers(graph: PoseGraph, trusted: Iterable[int]) -> np.ndarray:
 
 
 def _first(graph: PoseGraph, fixed: np.ndarray) -> np.ndarray:
-    """(E,) bool: what to begin with: all but loops, what joins the components, and the largest groups that agree."""
+    """(E,) bool: what to begin with: all but loops, what joins the components, and the groups that agree.
+
+    Of a large graph without the groups that the chain contradicts, as the least squares of those take minutes. Where
+    it contradicts most of them it is not as sure as it says, and all of them are right to begin with.
+    """
     edges, count = graph.edges, len(graph.trajectory)
     tree = spanning_tree(count, edges)
     joining = {id(edge) for edge in tree}
     active = fixed | np.array([edge.kind != "loop" or id(edge) in joining for edge in edges], bool)
     loops = np.flatnonzero(~active)
     groups = agreeing_groups(count, tree, [edges[k] for k in loops], _chi_squared(_GATE, 6))
-    sizes = np.bincount(groups, minlength=1)
-    active[loops[sizes[groups] > 1]] = True
-    alone = loops[sizes[groups] == 1]
-    active[alone[: max(0, FIRST - (len(loops) - len(alone)))]] = True
+    agreeing = np.bincount(groups, minlength=1)[groups] > 1
+    grouped, alone = loops[agreeing], loops[~agreeing]
+    if count > _WHOLE:
+        along = distances_from_chain(count, tree, [edges[k] for k in grouped]) <= _chi_squared(_GATE, 6)
+        if 2 * along.sum() > len(along):
+            grouped = grouped[along]
+    active[grouped] = True
+    active[alone[: max(0, FIRST - len(grouped))]] = True
     return active
 
 
@@ -212,9 +220,9 @@ def _plausible(solution: Solution, others: Sequence[Edge]) -> np.ndarray:
     ends = np.array([(edge.i, edge.j) for edge in others])
     known = part[ends[:, 0]] == part[ends[:, 1]]  # what no path joins contradicts nothing
     tried = [edge for edge, one in zip(others, known, strict=True) if one]
-    sigmas = solution.distances(ends[known], [edge.registration for edge in tried])
+    most = float(np.sqrt(_stated_too_large(solution) * _chi_squared(_GATE, 6)))
     plausible = np.ones(len(others), bool)
-    plausible[known] = sigmas**2 <= _stated_too_large(solution) * _chi_squared(_GATE, 6)
+    plausible[known] = solution.distances(ends[known], [edge.registration for edge in tried], most) <= most
     return plausible
 
 

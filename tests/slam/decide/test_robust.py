@@ -1,5 +1,9 @@
 """Wrong edges among right ones: which are rejected, and what is left of their harm."""
 
+import json
+import time
+from pathlib import Path
+
 import numpy as np
 import pytest
 from scipy.spatial.transform import RigidTransform
@@ -8,12 +12,16 @@ from kernels.errors import InputError
 from slam.decide.robust import robust_optimize
 from slam.graph.edge import Edge, components
 from slam.graph.gtsam_poses import to_pose3
-from slam.graph.path import bridges, surest_covariances
+from slam.graph.path import bridges
 from slam.graph.pose_graph import PoseGraph
 from slam.graph.tangent import adjoint
 from slam.graph.trajectory import Trajectory, chain
+from tests.samples.clutter_scans import sonarmap
+from tests.samples.lawnmower import lawnmower
 from tests.samples.surveys import edge, random_covariance, ring_poses
 from tests.samples.wrong_loops import aliased, scattered
+from tools.readers.poses.g2o import read_g2o
+from tools.writers.g2o import write_g2o
 
 COUNT = 40
 
@@ -139,19 +147,43 @@ def test_adjoints_are_those_of_gtsam() -> None:
     np.testing.assert_allclose(adjoint(T), np.stack([to_pose3(one).AdjointMap() for one in T]), atol=1e-12)
 
 
-def test_the_surest_way_bounds_the_marginal_and_is_it_where_there_is_one_way() -> None:
-    _, graph = two_rounds(10)
-    solution = graph.optimize()
-    T = solution.trajectory.T_world_sensor
-    pairs = np.array([(0, 39), (31, 4), (12, 20)])
-    bound = surest_covariances(T, graph.edges, pairs)
-    for (i, j), surest in zip(pairs.tolist(), bound, strict=True):
-        assert np.linalg.eigvalsh(surest - solution.relative(i, j)[1]).min() > -1e-9 * np.trace(surest)
-    line = graph.edges[: COUNT - 1]
-    alone = PoseGraph(chain(line, np.arange(float(COUNT))), line).optimize()
-    for i, j in [(3, 9), (9, 3)]:
-        surest = surest_covariances(alone.trajectory.T_world_sensor, line, np.array([(i, j)]))[0]
-        exact = alone.relative(i, j)[1]
-        np.testing.assert_allclose(surest, exact, atol=1e-4 * np.abs(exact).max())
-    apart = surest_covariances(T, line[:5], np.array([(0, 39)]))
-    assert np.isinf(np.diag(apart[0])).all()
+def test_of_a_graph_too_large_for_one_piece_all_wrong_loops_and_few_right_ones_are_rejected() -> None:
+    T, graph = lawnmower(1500, 2.5, 1)
+    wrong = (*scattered(graph, T, 60, 2), *aliased(graph, T, 30, 3))
+    begun = time.process_time()
+    result = robust_optimize(PoseGraph(graph.trajectory, (*wrong, *graph.edges)))
+    assert time.process_time() - begun < 10
+    assert not result.accepted[: len(wrong)].any()
+    assert result.accepted[len(wrong) :].mean() > 0.995
+    best = graph.optimize(covariances=False).trajectory.T_world_sensor
+    assert distance(result.solution.trajectory.T_world_sensor, T) < 1.2 * distance(best, T) + 0.01
+
+
+def test_a_chain_that_is_less_sure_than_it_says_does_not_leave_out_the_loops() -> None:
+    T, graph = lawnmower(1500, 2.5, 1)
+    drift = RigidTransform.from_exp_coords([0, 0, 4e-3, 0, 0, 0])
+    edges = [
+        edge(one.i, one.j, one.registration.T_target_source * drift, one.registration.covariance)
+        if one.kind == "sequential"
+        else one
+        for one in graph.edges
+    ]
+    wrong = scattered(graph, T, 20, 2)
+    result = robust_optimize(PoseGraph(graph.trajectory, (*wrong, *edges)))
+    assert not result.accepted[: len(wrong)].any()
+    assert result.accepted[len(wrong) :].mean() > 0.95
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("groups", [0, 100])
+def test_ten_thousand_poses_take_less_than_a_minute(groups: int, tmp_path: Path) -> None:
+    T, graph = lawnmower(10_000, 2.5, 7)
+    wrong = (*scattered(graph, T, 500, 1), *(aliased(graph, T, groups, 2) if groups else ()))
+    write_g2o(tmp_path / "in.g2o", PoseGraph(graph.trajectory, (*graph.edges, *wrong)))
+    begun = time.process_time()
+    result = sonarmap("optimize", tmp_path / "in.g2o", "-o", tmp_path / "out.g2o", "--robust", "--json")
+    assert time.process_time() - begun < 60
+    rejected = [one for one in json.loads(result.stdout)["loops"] if one["verdict"] == "rejected"]
+    assert len(wrong) <= len(rejected) < len(wrong) + 0.01 * len(graph.edges)
+    kept = {(one.i, one.j) for one in read_g2o(tmp_path / "out.g2o").edges}
+    assert kept.isdisjoint({(one.i, one.j) for one in wrong} - {(one.i, one.j) for one in graph.edges})
