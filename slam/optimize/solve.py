@@ -74,6 +74,8 @@ class Optimized:
     @property
     def chi_squared(self) -> tuple[float, float]:
         """Of the accepted edges and all that is known of poses, at the given and at the optimized poses."""
+        if self.objective == "full":
+            return 2 * self.cost_before, 2 * self.cost_after
         return self.given.keep(self.accepted).chi_squared, self.graph.chi_squared
 
     @property
@@ -83,6 +85,7 @@ class Optimized:
 
     def to_json(self) -> dict[str, Any]:
         """The same as JSON's types."""
+        chi_squared_before, chi_squared_after = self.chi_squared
         return {
             "objective": self.objective,
             "start": self.start,
@@ -91,8 +94,8 @@ class Optimized:
             "components": len(self.graph.components),
             "cost_before": self.cost_before,
             "cost_after": self.cost_after,
-            "chi_squared_before": self.chi_squared[0],
-            "chi_squared_after": self.chi_squared[1],
+            "chi_squared_before": chi_squared_before,
+            "chi_squared_after": chi_squared_after,
             "degrees_of_freedom": self.degrees_of_freedom,
             "iterations": self.iterations,
             "converged": self.converged,

@@ -68,7 +68,7 @@ RepairOption = Annotated[
 ]
 CompareOption = Annotated[
     bool,
-    typer.Option("--compare/--no-compare", help="Also solve the other objective, and print how far its solution is."),
+    typer.Option("--compare", help="Also solve the other objective, and print how far its solution is."),
 ]
 
 
@@ -79,7 +79,7 @@ def command(
     start: StartOption = STARTS[0],
     robust: RobustOption = False,
     repair: RepairOption = False,
-    compare: CompareOption = True,
+    compare: CompareOption = False,
     as_json: JsonOption = False,
     quiet: QuietOption = False,
 ) -> None:
