@@ -219,3 +219,20 @@ def test_candidates_spread_and_skip_what_is_joined():
         assert len(partners) <= 3
         assert (np.diff(partners) > 2).all()
         assert index + 1 not in partners
+
+
+def test_later_rounds_seek_only_what_the_estimate_knows_no_better_than_registrations():
+    """The ends of a chain that closes no loop are unsure of each other; with many loops nothing is left to gain."""
+    truth = ring_poses(24)
+    scans = scans_of(truth)
+    settings = LoopSettings()
+    outlines = [outline(scan, settings.cell_voxels * VOXEL) for scan in scans]
+    chained = Mapper(KnowingRegistrar(truth, COVARIANCE), VOXEL, NO_LOOPS).run(scans)
+    unsure = find_candidates(outlines, chained.solution, VOXEL, settings, unsure=True)
+    assert any(pair.j - pair.i > 20 for pair in unsure)
+    registrar = KnowingRegistrar(truth, COVARIANCE)
+    looped = Mapper(registrar, VOXEL, MapperSettings(loops=LoopSettings(per_scan=6, spread=0, rounds=4))).run(scans)
+    assert len(find_candidates(outlines, looped.solution, VOXEL, settings)) > 10
+    assert not find_candidates(outlines, looped.solution, VOXEL, settings, unsure=True)
+    with pytest.raises(InputError, match="most_rounds 1: wanted at least the 2 of rounds"):
+        LoopSettings(most_rounds=1)
