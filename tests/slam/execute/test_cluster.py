@@ -20,9 +20,9 @@ from slam.execute.pair_text import to_text
 from slam.execute.runner import Execution, PairRunner
 from slam.pair import Pair
 from spectral.scan import Scan
-from tests.samples.counting_proxy import counting_proxy
-from tests.samples.dask_clusters import certificate, local_cluster, port_of, threads_cluster
-from tests.samples.survey_worker import worker_spec
+from tests.samples.clusters.counting_proxy import counting_proxy
+from tests.samples.clusters.dask_clusters import certificate, local_cluster, port_of, threads_cluster
+from tests.samples.clusters.survey_worker import worker_spec
 from tests.samples.surveys import ring_poses, scans_of
 
 COUNT = 12

@@ -21,8 +21,8 @@ from slam.execute.journal import Journal, JournalEntry
 from slam.execute.pair_text import to_text
 from slam.execute.runner import Execution, PairRunner
 from slam.pair import Pair
-from tests.samples.dask_clusters import local_cluster
-from tests.samples.survey_worker import Knowing, worker_spec
+from tests.samples.clusters.dask_clusters import local_cluster
+from tests.samples.clusters.survey_worker import Knowing, worker_spec
 from tests.samples.surveys import ring_poses, scans_of
 
 COUNT = 9

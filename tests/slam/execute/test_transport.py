@@ -16,7 +16,7 @@ from slam.execute.scan_key import scan_key
 from slam.execute.transport import spooled
 from slam.pair import Pair
 from spectral.scan import PosePrior, Scan
-from tests.samples.survey_worker import worker_spec
+from tests.samples.clusters.survey_worker import worker_spec
 from tests.samples.surveys import ring_poses, scans_of
 
 COUNT = 8

@@ -11,8 +11,8 @@ import pytest
 
 from kernels.errors import InputError
 from tests.samples.clutter_scans import files_in, said, scan, sonarmap, write
+from tests.samples.damage.pose_files import POSE_FILES
 from tests.samples.experiments.fake_experiment import Fake, origin
-from tests.samples.pose_files import POSE_FILES
 from tools.reproduce.experiment import Outcome
 from tools.reproduce.run import run
 

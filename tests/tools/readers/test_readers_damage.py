@@ -15,7 +15,7 @@ from hypothesis import strategies as st
 from kernels.errors import InputError
 from spectral.scan import Scan
 from tests.samples.cloud_files import POINTS, SAMPLES, STRENGTH
-from tests.samples.damaged_files import check_usable, damage, readables
+from tests.samples.damage.damaged_files import check_usable, damage, readables
 from tools.readers.scans import FORMATS, read_scans
 
 pytestmark = pytest.mark.filterwarnings("error")
@@ -47,7 +47,7 @@ def test_a_file_cut_anywhere_is_refused(tmp_path, sample):
 
 
 class TestDamageOfEveryKindOfFile:
-    """Scans, trajectories, graphs, priors, settings and journals; see tests/samples/mutations.py for the damages."""
+    """Scans, trajectories, graphs, priors, settings and journals; damaged as mutations.py has it."""
 
     def test_a_few_are_refused_or_harmless(self, tmp_path: Path) -> None:
         outcome = damage(tmp_path, each=100, seed=2)
@@ -59,7 +59,7 @@ class TestDamageOfEveryKindOfFile:
     def test_twenty_thousand_are_refused_or_harmless(self) -> None:
         """In a process of its own, so that its memory is known."""
         each = -(-20_000 // len(readables()))
-        code = "from tests.samples.damaged_files import main; main()"
+        code = "from tests.samples.damage.damaged_files import main; main()"
         ended = subprocess.run([sys.executable, "-c", code, str(each)], cwd=ROOT, capture_output=True, text=True)
         assert ended.returncode == 0, ended.stderr
         ends, faults, longest, memory = json.loads(ended.stdout)

@@ -9,7 +9,7 @@ import pytest
 import tools.simulate.size
 from kernels.errors import InputError
 from tests.samples.clutter_scans import said, sonarmap
-from tests.samples.pose_files import POSE_FILES
+from tests.samples.damage.pose_files import POSE_FILES
 from tools.simulate.simulation import simulate
 from tools.simulate.size import check_size
 

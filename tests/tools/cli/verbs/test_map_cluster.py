@@ -7,9 +7,9 @@ from statistics import median
 
 import pytest
 
+from tests.samples.clusters.dask_clusters import as_environment, certificate, dask_commands
 from tests.samples.clutter_scans import files_in, scan, write
 from tests.samples.command_line import sonarmap
-from tests.samples.dask_clusters import as_environment, certificate, dask_commands
 from tools.simulate.folder import write_simulation
 from tools.simulate.simulation import SimulationSettings, simulate
 

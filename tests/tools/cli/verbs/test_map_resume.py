@@ -13,9 +13,9 @@ from pathlib import Path
 import numpy as np
 import pytest
 
+from tests.samples.clusters.dask_clusters import dask_commands
 from tests.samples.clutter_scans import files_in, scan, sonarmap, write
 from tests.samples.command_line import ROOT, SONARMAP
-from tests.samples.dask_clusters import dask_commands
 from tools.simulate.folder import write_simulation
 from tools.simulate.simulation import SimulationSettings, simulate
 

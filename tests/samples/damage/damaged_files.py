@@ -19,8 +19,8 @@ from slam.execute.journal import Journal, JournalEntry
 from slam.execute.pair_text import from_text, to_text
 from spectral.scan import Scan
 from tests.samples.cloud_files import SAMPLES, TABLE
-from tests.samples.mutations import mutated
-from tests.samples.pose_files import POSE_FILES, numbers_in
+from tests.samples.damage.mutations import mutated
+from tests.samples.damage.pose_files import POSE_FILES, numbers_in
 from tests.samples.surveys import random_covariance, random_transforms, registration
 from tools.readers.clouds.cloud import COORDINATE_LIMIT
 from tools.readers.scans import read_scans

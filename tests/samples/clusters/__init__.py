@@ -1,0 +1,1 @@
+"""Clusters of this machine, and what passes through them."""
