@@ -41,7 +41,7 @@ class TestGroup:
         assert chosen("all", Request()) == ("translation", "rotation", "limits", "gaussian", "floodgate")
         assert chosen("evaluation", Request()) == members(EVALUATION) == NAMES
         assert chosen("evaluation", Request(method=("kiss",), grid=64)) == NAMES
-        assert [name for name in EXPERIMENTS if EXPERIMENTS[name].timed] == ["speed", "survey"]
+        assert [name for name in EXPERIMENTS if EXPERIMENTS[name].timed] == ["speed", "survey", "scale"]
 
     def test_options_without_effect_are_refused(self) -> None:
         with pytest.raises(InputError, match="--scene has no effect"):
