@@ -12,21 +12,20 @@ from scipy.sparse.csgraph import connected_components
 from scipy.spatial import KDTree
 from scipy.spatial.transform import RigidTransform
 
-from slam.decide.chains import chain_parts
+from slam.decide.chains import Chains
 from slam.graph.edge import Edge
-from slam.graph.tangent import carried
+from slam.graph.tangent import carried, lengths
 
 NEAR = 5  # poses along the chain within which two loops are compared at either end
 
 
-def agreeing_groups(count: int, chain: Sequence[Edge], loops: Sequence[Edge], bound: float) -> np.ndarray:
+def agreeing_groups(chains: Chains, loops: Sequence[Edge], bound: float) -> np.ndarray:
     """The number of each loop's group: (m,) int; a loop that agrees with no other is alone.
 
     Args:
-        count: of the poses.
-        chain: edges that join neighbors, without a cycle.
+        chains: of the poses, along edges that join neighbors.
         loops: m measurements.
-        bound: largest error of a cycle, squared [sigmas^2].
+        bound: largest error of a cycle [sigmas].
     """
     forward = [edge.i < edge.j for edge in loops]
     ends = np.array([(min(edge.i, edge.j), max(edge.i, edge.j)) for edge in loops]).reshape(-1, 2)
@@ -43,7 +42,6 @@ def agreeing_groups(count: int, chain: Sequence[Edge], loops: Sequence[Edge], bo
         measured = RigidTransform.from_matrix(matrices)
     near = near[np.lexsort(near.T[::-1])]
     a, b = near.T
-    chains = chain_parts(count, chain)
     T = chains.T
     T_ia_ib = T[ends[a, 0]].inv() * T[ends[b, 0]]
     T_jb_ja = T[ends[b, 1]].inv() * T[ends[a, 1]]
@@ -56,24 +54,21 @@ def agreeing_groups(count: int, chain: Sequence[Edge], loops: Sequence[Edge], bo
     chain_i = carried(T[i_b].inv(), chains.between(i_a, i_b))
     chain_j = carried(T[j_a].inv(), chains.between(j_b, j_a))
     total[connected] += chain_j + carried((measured[b] * T_jb_ja).inv()[connected], chain_i)
-    squared = np.einsum("na,na->n", error, np.linalg.solve(total, error[:, :, None])[:, :, 0])
-    in_agreement = connected & (squared <= bound)
+    in_agreement = connected & (lengths(error, total) <= bound)
     links = sparse.coo_array(
         (np.ones(int(in_agreement.sum())), (a[in_agreement], b[in_agreement])), shape=(len(loops), len(loops))
     )
     return connected_components(links, directed=False)[1]
 
 
-def distances_from_chain(count: int, chain: Sequence[Edge], loops: Sequence[Edge]) -> np.ndarray:
-    """(m,) how far each loop is from what the chain alone says, squared [sigmas^2]; 0 where the chain joins it not."""
+def distances_from_chain(chains: Chains, loops: Sequence[Edge]) -> np.ndarray:
+    """(m,) how far each loop is from what the chain alone says [sigmas]; 0 where the chain does not join its ends."""
     if not loops:
         return np.zeros(0)
-    chains, ends = chain_parts(count, chain), np.array([(edge.i, edge.j) for edge in loops])
-    i, j = ends.T
+    i, j = np.array([(edge.i, edge.j) for edge in loops]).T
     measured = RigidTransform.concatenate([edge.registration.T_target_source for edge in loops])
     error: np.ndarray = ((chains.T[i].inv() * chains.T[j]).inv() * measured).as_exp_coords()
     total = np.stack([edge.registration.covariance for edge in loops])
     joined = chains.part[i] == chains.part[j]
     total[joined] += carried(chains.T[j[joined]].inv(), chains.between(i[joined], j[joined]))
-    squared = np.einsum("na,na->n", error, np.linalg.solve(total, error[:, :, None])[:, :, 0])
-    return np.where(joined, squared, 0.0)
+    return np.where(joined, lengths(error, total), 0.0)

@@ -17,7 +17,7 @@ from scipy.spatial.transform import RigidTransform
 
 from slam.decide.chains import Chains
 from slam.decide.possible_edge import PossibleEdge, Support
-from slam.graph.tangent import carried
+from slam.graph.tangent import carried, lengths
 
 _BLOCK = 20_000  # cycles that are looked at together
 # Each answer is compared with so many others, those nearest at both ends: a long way between two leaves so much open
@@ -123,13 +123,6 @@ def compare(chains: Chains, possible_edges: Sequence[PossibleEdge], floor: np.nd
     return Comparison(members, sigmas, agree, contradict, bound)
 
 
-def find_support(
-    chains: Chains, possible_edges: Sequence[PossibleEdge], floor: np.ndarray, bound: float
-) -> list[PossibleEdge]:
-    """The possible edges with their support, in their order; the arguments are those of `compare`."""
-    return compare(chains, possible_edges, floor, bound).support(possible_edges)
-
-
 def _neighbors(i: np.ndarray, j: np.ndarray, members: np.ndarray) -> np.ndarray:
     """(m, 2) of these answers, each once with those nearest to it at both ends, counted in scans."""
     if len(members) <= _COMPARED + 1:
@@ -182,7 +175,7 @@ class _Cycles:
     def from_chain(self, members: np.ndarray) -> np.ndarray:
         """(m,) how far possible edges within a part are from its own chain [sigmas]."""
         covariance = self.noise[members] + self.chains.between(self.i[members], self.j[members])
-        return _mahalanobis(self.X[members].as_exp_coords(), covariance)
+        return lengths(self.X[members].as_exp_coords(), covariance)
 
     def agree(self, a: np.ndarray, b: np.ndarray, bound: float) -> np.ndarray:
         """(m,) bool: whether possible edges a and b between the same parts are within the bound."""
@@ -197,9 +190,4 @@ class _Cycles:
         X, between = self.X[a], self.chains.between
         covariance = self.noise[a] + self.noise[b]
         covariance += between(self.i[a], self.i[b]) + carried(X, between(self.j[a], self.j[b]))
-        return _mahalanobis((X * self.X[b].inv()).as_exp_coords(), covariance)
-
-
-def _mahalanobis(xi: np.ndarray, covariance: np.ndarray) -> np.ndarray:
-    """(m,) lengths of tangents (m, 6) under their covariances."""
-    return np.sqrt(np.einsum("na,na->n", xi, np.linalg.solve(covariance, xi[..., None])[..., 0]))
+        return lengths((X * self.X[b].inv()).as_exp_coords(), covariance)

@@ -16,6 +16,7 @@ from scipy.cluster.hierarchy import DisjointSet
 from scipy.special import gammaincinv
 
 from slam.decide.agreement import agreeing_groups, distances_from_chain
+from slam.decide.chains import chain_parts
 from slam.decide.region import regions_about
 from slam.graph.edge import Edge, spanning_tree
 from slam.graph.gtsam_poses import to_values
@@ -113,11 +114,12 @@ def _first(graph: PoseGraph, fixed: np.ndarray) -> np.ndarray:
     joining = {id(edge) for edge in tree}
     active = fixed | np.array([edge.kind != "loop" or id(edge) in joining for edge in edges], bool)
     loops = np.flatnonzero(~active)
-    groups = agreeing_groups(count, tree, [edges[k] for k in loops], _chi_squared(_GATE, 6))
+    chains, bound = chain_parts(count, tree), float(np.sqrt(_chi_squared(_GATE, 6)))
+    groups = agreeing_groups(chains, [edges[k] for k in loops], bound)
     agreeing = np.bincount(groups, minlength=1)[groups] > 1
     grouped, alone = loops[agreeing], loops[~agreeing]
     if count > _WHOLE:
-        along = distances_from_chain(count, tree, [edges[k] for k in grouped]) <= _chi_squared(_GATE, 6)
+        along = distances_from_chain(chains, [edges[k] for k in grouped]) <= bound
         if 2 * along.sum() > len(along):
             grouped = grouped[along]
     active[grouped] = True

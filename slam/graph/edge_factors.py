@@ -8,6 +8,7 @@ import numpy as np
 from scipy.spatial.transform import RigidTransform
 
 from slam.graph.edge import Edge
+from slam.graph.tangent import lengths
 
 # Translations of an edge are held by standard deviations no farther apart than this.
 _SPREAD = 1000.0
@@ -48,7 +49,7 @@ def residuals_of(edges: Sequence[Edge], T: RigidTransform) -> np.ndarray:
     from_i = T[ends[:, 0]].inv().as_matrix()
     from_i[[edge.kind == "prior" for edge in edges]] = np.eye(4)
     xi: np.ndarray = (measured.inv() * RigidTransform.from_matrix(from_i) * T[ends[:, 1]]).as_exp_coords()
-    return np.sqrt(np.einsum("na,na->n", xi, np.linalg.solve(_solvable(edges), xi[:, :, None])[:, :, 0]))
+    return lengths(xi, _solvable(edges))
 
 
 def _measured(edges: Sequence[Edge]) -> RigidTransform:

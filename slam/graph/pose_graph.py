@@ -20,7 +20,7 @@ from slam.graph.gtsam_poses import START_SIGMA, chordal_start, to_pose3, to_tran
 from slam.graph.known_pose import GAUGE_SIGMA, KnownPose, undetermined
 from slam.graph.marginals import Marginals, marginals
 from slam.graph.measured_poses import MeasuredPoses, gauge, level, unmeasured
-from slam.graph.tangent import adjoint, carried
+from slam.graph.tangent import adjoint, carried, lengths
 from slam.graph.trajectory import Trajectory
 from spectral.result import Registration
 from spectral.scan import PosePrior
@@ -346,8 +346,8 @@ class Solution:
         if np.isfinite(most):
             # however two errors depend on each other, the covariance of their sum is at most twice that of both
             single = self.covariances()
-            near = _lengths(xi, stated + 2 * (single[j] + carried(T_i_j.inv(), single[i]))) <= most
-        sigmas[near] = _lengths(xi[near], stated[near] + self.relatives(pairs[near])[1])
+            near = lengths(xi, stated + 2 * (single[j] + carried(T_i_j.inv(), single[i]))) <= most
+        sigmas[near] = lengths(xi[near], stated[near] + self.relatives(pairs[near])[1])
         return sigmas
 
     def _marginals(self, pairs: np.ndarray) -> Marginals:
@@ -382,8 +382,3 @@ def factors_of(
         for factor in known.factors():
             factors.add(factor)
     return factors
-
-
-def _lengths(xi: np.ndarray, covariances: np.ndarray) -> np.ndarray:
-    """(m,) of (m, 6) tangents, in sigmas of their (m, 6, 6) covariances."""
-    return np.sqrt(np.einsum("na,na->n", xi, np.linalg.solve(covariances, xi[:, :, None])[:, :, 0]))

@@ -1,4 +1,4 @@
-"""Tangents and their covariances carried from one frame to another, many at a time."""
+"""Tangents and their covariances: carried from one frame to another, and their lengths; many at a time."""
 
 import numpy as np
 from scipy.spatial.transform import RigidTransform
@@ -19,3 +19,8 @@ def carried(T: RigidTransform, covariance: np.ndarray) -> np.ndarray:
     """(..., 6, 6) covariances of adjoint(T) xi, from those of xi."""
     A = adjoint(T)
     return A @ covariance @ A.swapaxes(-1, -2)
+
+
+def lengths(xi: np.ndarray, covariance: np.ndarray) -> np.ndarray:
+    """(m,) Mahalanobis lengths of tangents (m, 6) under their covariances (m, 6, 6) [sigmas]."""
+    return np.sqrt(np.einsum("na,na->n", xi, np.linalg.solve(covariance, xi[:, :, None])[:, :, 0]))

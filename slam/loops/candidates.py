@@ -61,7 +61,7 @@ def find_candidates(
 
 
 def _usual(outlines: Sequence[np.ndarray], solution: Solution) -> float:
-    """How far points are from where a registration has them, by its covariance in the graph [m]; of most."""
+    """How far points are from where a registration has them, by its covariance in the graph: the median [m]."""
     registered = [edge for edge in solution.graph.edges if edge.is_registered]
     if not registered:
         return 0.0

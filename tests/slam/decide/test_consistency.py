@@ -8,7 +8,7 @@ from scipy.spatial.transform import RigidTransform
 
 from slam.decide import consistency
 from slam.decide.chains import Chains, chain_parts
-from slam.decide.consistency import find_support
+from slam.decide.consistency import compare
 from slam.decide.possible_edge import PossibleEdge, Support, possible_edges
 from slam.graph.pose_graph import PoseGraph
 from slam.graph.tangent import adjoint, carried
@@ -30,7 +30,7 @@ def chained(truth: RigidTransform, gaps: tuple[int, ...] = ()) -> Chains:
 
 
 def support_of(chains: Chains, answers: list[PossibleEdge], floor: np.ndarray, bound: float) -> list[Support]:
-    return [possible.support for possible in find_support(chains, answers, floor, bound)]
+    return [possible.support for possible in compare(chains, answers, floor, bound).support(answers)]
 
 
 def answers_of(i: int, j: int, given: Registration) -> list[PossibleEdge]:
