@@ -6,7 +6,7 @@ import numpy as np
 from scipy.spatial import KDTree
 
 # So many beams of a scan are looked at, each with its nearest by direction; and in so many groups by range.
-_SAMPLE, _NEIGHBORS, _GROUPS = 1500, 11, 8
+_SAMPLE, _NEIGHBORS, _GROUPS = 750, 11, 8
 # A scan was seen from one viewpoint if so many beams are about as long as those around them: within so many voxels and
 # this share of the range. The same as of `spectral.prepare.range_image`.
 _SINGLE, _SPREAD, _SLOPE = 0.8, 2.0, 0.03

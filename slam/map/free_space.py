@@ -123,7 +123,8 @@ def _view(scan: Scan, beams: Beams) -> _View:
     levels = []
     for _ in range(_LEVELS):
         levels.append(_spread(near))
-        near = near.reshape(len(near) // 2, 2, len(near) // 2, 2).min(axis=(1, 3))
+        near = np.minimum(near[::2], near[1::2])  # several times faster than the minimum along two axes
+        near = np.minimum(near[:, ::2], near[:, 1::2])
     return _View(R_view_sensor, tuple(levels), float(ranges.max()))
 
 

@@ -32,7 +32,7 @@ def pose_variance(points: np.ndarray, covariance: np.ndarray) -> np.ndarray:
     twisted = np.trace(turn) * np.eye(3) - turn  # |w x p|^2 is p' (w'w I - w w') p
     # (w x p) . v is p . (v x w)
     lever = np.array([cross[2, 1] - cross[1, 2], cross[0, 2] - cross[2, 0], cross[1, 0] - cross[0, 1]])
-    squares = np.einsum("ni,ij,nj->n", points, twisted, points) + 2 * points @ lever + np.trace(shift)
+    squares = np.einsum("ni,ni->n", points @ twisted, points) + 2 * points @ lever + np.trace(shift)
     return np.maximum(squares, 0.0) / 3
 
 
