@@ -9,7 +9,7 @@ import numpy as np
 from scipy.spatial import KDTree
 
 from kernels.errors import InputError
-from tools.readers.file import FORMATS, read_file
+from tools.readers.file import FORMATS, clouds_of
 from tools.readers.selection import SelectedFile
 
 Nearest = Literal["surface", "point"]
@@ -115,9 +115,9 @@ def read_points(path: Path) -> np.ndarray:
     """All finite points of a file (M, 3) float64 [m].
 
     Raises:
-        InputError: naming the file, see `tools.readers.file.read_file`.
+        InputError: naming the file, see `tools.readers.file.clouds_of`.
     """
-    clouds, _ = read_file(SelectedFile(path))
+    clouds = list(clouds_of(SelectedFile(path), []))
     points = np.concatenate([np.asarray(named.cloud.points, np.float64) for named in clouds])
     points = points[np.isfinite(points).all(axis=1)]
     if len(points) == 0:

@@ -1,8 +1,9 @@
 """One point cloud file to clouds. A new format is a file in clouds/ and a row of FORMATS."""
 
 import re
-from collections.abc import Callable
+from collections.abc import Callable, Iterator
 from dataclasses import dataclass
+from itertools import chain, islice
 from pathlib import Path
 
 from kernels.errors import InputError
@@ -26,12 +27,15 @@ class Format:
     Attributes:
         kind: what its files are, in words.
         start: a regular expression for the first bytes of its files.
-        read: from a file's content to its clouds.
+        read: from a file's content to its clouds; None where `stream` reads it.
+        stream: for files larger than memory: from a path to clouds one by one. It adds to the list what the user
+            should know of the file as a whole, and goes on after what is damaged where it can.
     """
 
     kind: str
     start: bytes
-    read: Callable[[bytes], list[Cloud]]
+    read: Callable[[bytes], list[Cloud]] | None = None
+    stream: Callable[[Path, list[str]], Iterator[Cloud]] | None = None
 
 
 def _read_sonar(content: bytes) -> list[Cloud]:
@@ -64,8 +68,8 @@ class NamedCloud:
     cloud: Cloud
 
 
-def read_file(selected: SelectedFile) -> tuple[list[NamedCloud], list[str]]:
-    """The clouds of one file that hold points, and notes about those that do not.
+def clouds_of(selected: SelectedFile, notes: list[str]) -> Iterator[NamedCloud]:
+    """The clouds of one file that hold points, one by one; notes about the file are added to the list.
 
     A trajectory NAME.tum beside NAME.ply, or whatever its suffix, says where the sensor was at each point's time.
 
@@ -74,27 +78,47 @@ def read_file(selected: SelectedFile) -> tuple[list[NamedCloud], list[str]]:
     """
     path = selected.path
     try:
-        clouds = _format_of(path).read(_content_of(path))
-        beside = path.with_suffix(TRAJECTORY)
-        if beside.is_file():
-            clouds = [with_viewpoints(cloud, beside) for cloud in clouds]
+        yield from _named(selected, _clouds_in(path, notes), notes)
     except InputError as error:
         raise InputError(f"{path}: {error}") from error
     except MemoryError as error:
         raise InputError(f"{path}: too large for this machine's memory; thin its points out first") from error
-    if selected.index is not None and selected.index >= len(clouds):
-        raise InputError(f"{path}#{selected.index}: the file holds scans #0 to #{len(clouds) - 1}; choose one of them")
-    label = "#{}" if len(clouds) > 1 else ""
-    named = [
-        NamedCloud(f"{path}{label.format(k)}", f"{path.stem}{label.format(k)}", cloud) for k, cloud in enumerate(clouds)
-    ]
+
+
+def _clouds_in(path: Path, notes: list[str]) -> Iterator[Cloud]:
+    """Every cloud of a file, those without points too."""
+    known = _format_of(path)
+    _check_start(path)
+    if known.stream is not None:
+        clouds = known.stream(path, notes)
+    else:
+        assert known.read is not None, "a format is read at once or streamed"
+        clouds = iter(known.read(_content_of(path)))
+    beside = path.with_suffix(TRAJECTORY)
+    return (with_viewpoints(cloud, beside) for cloud in clouds) if beside.is_file() else clouds
+
+
+def _named(selected: SelectedFile, clouds: Iterator[Cloud], notes: list[str]) -> Iterator[NamedCloud]:
+    """The clouds with points that were selected; numbered where the file holds several."""
+    path, count, empty = selected.path, 0, list[str]()
+    first = list(islice(clouds, 2))
+    label = "#{}" if len(first) > 1 else ""
+    for k, cloud in enumerate(chain(first, clouds)):
+        count += 1
+        named = NamedCloud(f"{path}{label.format(k)}", f"{path.stem}{label.format(k)}", cloud)
+        if selected.index is not None:
+            if k == selected.index:
+                yield named
+                return
+        elif len(cloud.points):
+            yield named
+        else:
+            empty.append(Path(named.where).name)
     if selected.index is not None:
-        return [named[selected.index]], []
-    kept = [cloud for cloud in named if len(cloud.cloud.points)]
-    if not kept:
-        raise InputError(f"{path}: no points in it; give a scan with at least one finite point")
-    empty = [cloud for cloud in named if not len(cloud.cloud.points)]
-    return kept, [f"{Path(cloud.where).name}: skipped, it has no points" for cloud in empty]
+        raise InputError(f"the file holds scans #0 to #{count - 1}, not #{selected.index}; choose one of them")
+    if len(empty) == count:
+        raise InputError("no points in it; give a scan with at least one finite point")
+    notes += [f"{name}: skipped, it has no points" for name in empty]
 
 
 def _format_of(path: Path) -> Format:
@@ -106,27 +130,33 @@ def _format_of(path: Path) -> Format:
         ) from None
 
 
-def _content_of(path: Path) -> bytes:
-    """The file's bytes, if they start as its suffix says."""
+def _check_start(path: Path) -> None:
+    """Refuse a file that does not start as its suffix says."""
     try:
         if not path.is_file():
             raise InputError("it is not a regular file; give a file, a folder or a pattern")
-        require_memory("the file", path.stat().st_size, "thin its points out first")
-        content = path.read_bytes()
+        with path.open("rb") as file:
+            head = file.read(_HEAD)
     except OSError as error:
         raise InputError(f"cannot be read ({error.strerror or error}); check its permissions") from error
-    if not content:
+    if not head:
         raise InputError("the file is empty (0 bytes); write or copy it again")
-    expected, kind = FORMATS[path.suffix.lower()].kind, _kind_of(content)
+    expected, kind = FORMATS[path.suffix.lower()].kind, _kind_of(head)
     if kind != expected:
         suffixes = [suffix for suffix, known in FORMATS.items() if known.kind == kind]
         hint = f"rename it to {' or '.join(suffixes)} if that is what it is" if suffixes else "write or copy it again"
         raise InputError(f"it is called {path.suffix} but holds {kind}; wanted {expected}: {hint}")
-    return content
 
 
-def _kind_of(content: bytes) -> str:
-    """What the content is by its first bytes, whatever the file is called."""
-    head = content[:_HEAD]
+def _content_of(path: Path) -> bytes:
+    try:
+        require_memory("the file", path.stat().st_size, "thin its points out first")
+        return path.read_bytes()
+    except OSError as error:
+        raise InputError(f"cannot be read ({error.strerror or error}); check its permissions") from error
+
+
+def _kind_of(head: bytes) -> str:
+    """What a file holds by its first bytes, whatever it is called."""
     kinds = (known.kind for known in FORMATS.values() if re.match(known.start, head))
     return next(kinds, "binary content of no known kind")

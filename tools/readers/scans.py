@@ -8,7 +8,7 @@ from pathlib import Path
 from kernels.errors import InputError
 from spectral.scan import Scan
 from tools.readers.clouds.cloud import scan_of_cloud
-from tools.readers.file import FORMATS, NamedCloud, read_file
+from tools.readers.file import FORMATS, NamedCloud, clouds_of
 from tools.readers.point_store import PointStore
 from tools.readers.selection import select_files
 
@@ -89,14 +89,12 @@ def read_survey(
     entries: list[_Entry] = []
     store = PointStore()
     for number, selected in enumerate(selection.files):
+        named_by_path = stems[selected.path.stem] > 1
         try:
-            clouds, file_notes = read_file(selected)
+            for cloud in clouds_of(selected, notes):
+                entries.append(_entry(_named_by_path(cloud) if named_by_path else cloud, store))
         except InputError as error:
             entries.append(_Entry(str(selected.path), "", reason=str(error)))
-        else:
-            named_by_path = stems[selected.path.stem] > 1
-            entries += [_entry(_named_by_path(cloud) if named_by_path else cloud, store) for cloud in clouds]
-            notes += file_notes
         if progress is not None:
             progress(number + 1, len(selection.files), selected.path.name)
     stamps, stamp_notes = _stamps_of(entries)

@@ -54,6 +54,38 @@ def read_ply(content: bytes) -> list[Cloud]:
     Raises:
         InputError: anything that is not a whole, well-formed PLY file with vertices x, y, z.
     """
+    header = _header_of(content)
+    roles = column_roles([p.name for p in header.vertex.properties])
+    if header.order == "":
+        return [_read_ascii(content[header.end :], header.lines + 1, header.elements, header.vertex, roles)]
+    columns, start = _read_binary(content, header, roles)
+    return [cloud_of_columns(columns, surplus_note(len(content) - start, "bytes", "element"))]
+
+
+def read_ply_columns(content: bytes) -> dict[str, np.ndarray]:
+    """Every property (N,) of the vertices of a binary PLY file, by its name and as it is.
+
+    Raises:
+        InputError: anything that is not a whole, well-formed binary PLY file with vertices.
+    """
+    header = _header_of(content)
+    if header.order == "":
+        raise InputError("it is an ascii PLY file; wanted a binary one, as `sonarmap map` writes")
+    return _read_binary(content, header, {p.name: k for k, p in enumerate(header.vertex.properties)})[0]
+
+
+@dataclass(frozen=True, slots=True)
+class _Header:
+    """Byte order (empty: ascii), elements, which of them are the vertices, and where the header ends."""
+
+    order: str
+    elements: list[_Element]
+    vertex: _Element
+    end: int
+    lines: int
+
+
+def _header_of(content: bytes) -> _Header:
     header = _HEADER.match(content[:_HEADER_LIMIT])
     if header is None:
         raise InputError("its PLY header has no line end_header: the file is cut or damaged; write it again")
@@ -65,10 +97,7 @@ def read_ply(content: bytes) -> list[Cloud]:
     vertex = elements[names.index("vertex")]
     if vertex.has_list:
         raise InputError("its vertices have a list property; wanted scalars: x, y, z and perhaps intensity")
-    roles = column_roles([p.name for p in vertex.properties])
-    if order == "":
-        return [_read_ascii(content[header.end() :], 3 + header[1].count(b"\n"), elements, vertex, roles)]
-    return [_read_binary(content, header.end(), elements, vertex, roles)]
+    return _Header(order, elements, vertex, header.end(), 2 + header[1].count(b"\n"))
 
 
 def _parse_header(lines: list[list[str]]) -> tuple[str, list[_Element]]:
@@ -123,19 +152,18 @@ def _read_ascii(
     return cloud_of_columns({role: rows[:, column] for role, column in roles.items()}, notes)
 
 
-def _read_binary(
-    content: bytes, start: int, elements: list[_Element], vertex: _Element, roles: dict[str, int]
-) -> Cloud:
-    columns: dict[str, np.ndarray] = {}
-    for element in elements:
+def _read_binary(content: bytes, header: _Header, roles: dict[str, int]) -> tuple[dict[str, np.ndarray], int]:
+    """The vertices' columns, and the byte after the last element."""
+    start, columns = header.end, dict[str, np.ndarray]()
+    for element in header.elements:
         held = len(content) - start
         require_bytes(f"{element.count:,} of element {element.name}", element.count * element.least_bytes, held)
-        if element is vertex:
-            offsets = np.cumsum([0, *(p.dtype.itemsize for p in vertex.properties)])
-            layout = {role: (vertex.properties[i].dtype.str, int(offsets[i])) for role, i in roles.items()}
-            columns = unpack_records(content, start, vertex.count, vertex.least_bytes, layout)
+        if element is header.vertex:
+            offsets = np.cumsum([0, *(p.dtype.itemsize for p in element.properties)])
+            layout = {role: (element.properties[i].dtype.str, int(offsets[i])) for role, i in roles.items()}
+            columns = unpack_records(content, start, element.count, element.least_bytes, layout)
         start = _end_of(element, content, start)
-    return cloud_of_columns(columns, surplus_note(len(content) - start, "bytes", "element"))
+    return columns, start
 
 
 def _end_of(element: _Element, content: bytes, start: int) -> int:

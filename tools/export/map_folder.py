@@ -1,0 +1,138 @@
+# pyright: strict, reportMissingTypeStubs=false, reportUnknownMemberType=false
+# pyright: reportUnknownVariableType=false, reportUnknownArgumentType=false
+"""The folder that `sonarmap map` wrote, read back for export."""
+
+from collections.abc import Mapping
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+from scipy.spatial.transform import RigidTransform
+
+from kernels.errors import InputError
+from slam.graph.trajectory import Trajectory
+from tools.geo.georeference import Georeference
+from tools.output.folder import FULL_GRAPH, SUMMARY
+from tools.readers.clouds.ply import read_ply_columns
+from tools.readers.json_file import read_json
+from tools.readers.poses.matrices import rigid_transform
+
+
+@dataclass(frozen=True, slots=True)
+class MapPart:
+    """One map of the folder: scans that share a frame.
+
+    Attributes:
+        suffix: of its files' names: empty for the largest, then _2 and so on.
+        points: (M, 3) float64 [m], in the part's frame.
+        columns: {name: (M,)}, what else map.ply says of each point: count, seen, sigma, scan, survey, intensity.
+        scans: which scans of the survey, ascending.
+        trajectory: their poses, T_world_sensor, and stamps [s].
+        covariances: (n, 6, 6) of these, rotation first [rad, m], body tangent.
+        in_world: whether the frame is East-North-Up, as instruments placed it.
+    """
+
+    suffix: str
+    points: np.ndarray
+    columns: Mapping[str, np.ndarray]
+    scans: tuple[int, ...]
+    trajectory: Trajectory
+    covariances: np.ndarray
+    in_world: bool
+
+
+@dataclass(frozen=True, slots=True)
+class Loop:
+    """A loop that was tried between two scans of the survey, and whether it was kept."""
+
+    target: int
+    source: int
+    kept: bool
+    reason: str
+
+
+@dataclass(frozen=True, slots=True)
+class MapFolder:
+    """A finished map.
+
+    Attributes:
+        path: of the folder.
+        names: of the N scans of the survey.
+        parts: the maps, largest first.
+        loops: every loop that was tried.
+        voxel: edge of a voxel of the maps [m].
+        summary: what summary.json says.
+        georeference: where the frame of the parts that are in the world, or of the first part, lies on the Earth;
+            None where it is not known.
+    """
+
+    path: Path
+    names: tuple[str, ...]
+    parts: tuple[MapPart, ...]
+    loops: tuple[Loop, ...]
+    voxel: float
+    summary: Mapping[str, Any]
+    georeference: Georeference | None
+
+    def on_earth(self, part: MapPart) -> bool:
+        """Whether the part's place on the Earth is known."""
+        return self.georeference is not None and (part.in_world or part is self.parts[0])
+
+
+def read_map_folder(path: Path) -> MapFolder:
+    """The map in a folder.
+
+    Raises:
+        InputError: no folder that `sonarmap map` wrote, or files of it that are missing or damaged.
+    """
+    expected = "the folder that `sonarmap map` wrote"
+    if not path.is_dir():
+        raise InputError(f"{path} is no folder; wanted {expected}")
+    summary, graph = (read_json(path / name, f"a file of {expected}") for name in (SUMMARY, FULL_GRAPH))
+    try:
+        poses = graph["poses"]
+        T = RigidTransform.concatenate([rigid_transform(pose["T_world_sensor"], "a pose") for pose in poses])
+        stamps = np.array([pose["stamp"] for pose in poses], dtype=np.float64)
+        everything = Trajectory(stamps, T)
+        covariances = np.array([pose["covariance"] for pose in poses], dtype=np.float64).reshape(-1, 6, 6)
+        rows = summary["components"]
+        parts = []
+        for number, row in enumerate(rows, 1):
+            suffix = "" if number == 1 else f"_{number}"
+            scans = tuple(int(scan) for scan in row["scans"])
+            points, columns = _points(path / f"map{suffix}.ply")
+            in_world = bool(poses[scans[0]]["in_world"])
+            part = MapPart(suffix, points, columns, scans, everything.take(scans), covariances[list(scans)], in_world)
+            parts.append(part)
+        told = summary.get("georeference")
+        return MapFolder(
+            path=path,
+            names=tuple(str(pose["name"]) for pose in poses),
+            parts=tuple(parts),
+            loops=tuple(_loop(pair) for pair in graph["pairs"] if pair["role"] == "loop"),
+            voxel=float(rows[0]["map"]["voxel_m"]),
+            summary=summary,
+            georeference=None if told is None else Georeference.of_json(told),
+        )
+    except (ValueError, LookupError, TypeError) as error:
+        raise InputError(f"{path / SUMMARY} and {FULL_GRAPH} do not go together ({error}); map again") from error
+
+
+def _points(path: Path) -> tuple[np.ndarray, dict[str, np.ndarray]]:
+    try:
+        columns = read_ply_columns(path.read_bytes())
+        points = np.column_stack([columns.pop(axis).astype(np.float64) for axis in "xyz"])
+    except OSError as error:
+        raise InputError(f"cannot read {path}: {error.strerror or error}; map again") from error
+    except KeyError as error:
+        raise InputError(f"{path} has no column {error}; wanted a map that `sonarmap map` wrote") from error
+    except InputError as error:
+        raise InputError(f"{path}: {error}") from error
+    if not np.isfinite(points).all():
+        raise InputError(f"{path} holds points that are not finite; it is damaged: map again")
+    return points, columns
+
+
+def _loop(pair: Mapping[str, Any]) -> Loop:
+    return Loop(int(pair["target"]), int(pair["source"]), bool(pair["kept"]), str(pair["reason"]))
