@@ -8,6 +8,7 @@ from spectral.scan import Scan
 
 _SAMPLE = 1000  # points of a scan that are looked at
 _LEAST_SCANS = 3  # of two nobody knows which is wrong
+_LEAST_POINTS = 100  # of fewer the spread says nothing
 # Views of one place differ in range by tens; a scan in millimeters beside others in meters by a thousand.
 _STRANGE = 200.0
 _MILLIMETERS = (500, 2000)  # times
@@ -19,15 +20,14 @@ def strange_sizes(scans: Sequence[Scan]) -> dict[int, str]:
     Args:
         scans: of one survey.
     """
-    if len(scans) < _LEAST_SCANS:
+    sizes = {k: size for k, scan in enumerate(scans) if len(scan.points) >= _LEAST_POINTS and (size := _size(scan)) > 0}
+    if len(sizes) < _LEAST_SCANS:
         return {}
-    sizes = np.array([_size(scan) for scan in scans])
-    usual = float(np.median(sizes))
-    with np.errstate(divide="ignore"):
-        times = sizes / usual if usual > 0 else np.ones(len(sizes))
+    usual = float(np.median(list(sizes.values())))
     return {
-        k: _in_words(float(sizes[k]), usual, float(times[k]))
-        for k in np.flatnonzero((times >= _STRANGE) | (times <= 1 / _STRANGE)).tolist()
+        k: _in_words(size, usual, size / usual)
+        for k, size in sizes.items()
+        if not 1 / _STRANGE < size / usual < _STRANGE
     }
 
 
@@ -38,8 +38,8 @@ def _size(scan: Scan) -> float:
 
 
 def _in_words(size: float, usual: float, times: float) -> str:
-    factor = f"{times:.3g} times larger" if times > 1 else f"{1 / max(times, 1e-30):.3g} times smaller"
-    likely = any(_MILLIMETERS[0] < ratio < _MILLIMETERS[1] for ratio in (times, 1 / max(times, 1e-30)))
+    factor = f"{times:.3g} times larger" if times > 1 else f"{1 / times:.3g} times smaller"
+    likely = any(_MILLIMETERS[0] < ratio < _MILLIMETERS[1] for ratio in (times, 1 / times))
     hint = f"as if {'it was' if times > 1 else 'the others were'} in millimeters" if likely else "in another unit"
     return (
         f"its points are spread over {size:.3g} m, those of the other scans over {usual:.3g} m: {factor}, {hint}; "

@@ -10,6 +10,7 @@ from spectral.scan import Scan
 from tools.readers.clouds.cloud import scan_of_cloud
 from tools.readers.file import FORMATS, NamedCloud, clouds_of
 from tools.readers.point_store import PointStore
+from tools.readers.scan_sizes import strange_sizes
 from tools.readers.selection import select_files
 
 _ARRAYS = ("points", "strength", "viewpoints")  # of a scan
@@ -97,6 +98,7 @@ def read_survey(
             entries.append(_Entry(str(selected.path), "", reason=str(error)))
         if progress is not None:
             progress(number + 1, len(selection.files), selected.path.name)
+    entries = _of_one_size(entries)
     stamps, stamp_notes = _stamps_of(entries)
     return _all_of(entries, stamps, notes + stamp_notes, files)
 
@@ -152,6 +154,17 @@ def _entry(named: NamedCloud, store: PointStore) -> _Entry:
         return _Entry(where, name, None, stamp, is_cloud=True, reason=f"{where}: {error}")
     kept = {field: store.keep(array) for field in _ARRAYS if (array := getattr(scan, field)) is not None}
     return _Entry(where, name, replace(scan, **kept), stamp, is_cloud=True, notes=tuple(notes))
+
+
+def _of_one_size(entries: list[_Entry]) -> list[_Entry]:
+    """The entries, without the scans that are in another unit than most."""
+    usable = [k for k, entry in enumerate(entries) if entry.scan is not None]
+    strange = strange_sizes([scan for entry in entries if (scan := entry.scan) is not None])
+    reasons = {usable[k]: reason for k, reason in strange.items()}
+    return [
+        replace(entry, scan=None, reason=f"{entry.where}: {reasons[k]}") if k in reasons else entry
+        for k, entry in enumerate(entries)
+    ]
 
 
 def _all_of(
