@@ -6,19 +6,19 @@ much that a step takes seconds. The loops that agree with the most others come f
 not contradict.
 """
 
-from collections.abc import Iterable, Sequence
+from collections.abc import Iterable
 from dataclasses import dataclass
 from itertools import pairwise
 
 import gtsam
 import numpy as np
 from scipy.cluster.hierarchy import DisjointSet
-from scipy.special import gammaincinv
 
 from slam.decide.agreement import agreeing_groups, distances_from_chain
 from slam.decide.chains import chain_parts
+from slam.decide.contradiction import GATE, chi_squared, contradicted_edges, plausible
 from slam.decide.region import regions_about
-from slam.graph.edge import Edge, spanning_tree
+from slam.graph.edge import spanning_tree
 from slam.graph.gtsam_poses import to_values
 from slam.graph.path import bridges
 from slam.graph.pose_graph import PoseGraph, Solution, factors_of
@@ -29,8 +29,8 @@ FIRST = 200  # loops with which to begin, unless a single group of more agrees w
 _ROUNDS = 4
 # Graphs of so many poses are looked at as a whole; of larger ones so many around each end of an edge in doubt.
 _WHOLE, _AROUND = 1000, 60
+_LARGE_GROUP = 0.1  # as a share of the largest group of loops that agree
 _HALF = 0.5  # weight of an edge that is neither right nor wrong
-_GATE = 1 - 1e-6  # probability of a right loop not to be contradicted by an estimate
 
 
 @dataclass(frozen=True, slots=True)
@@ -71,7 +71,7 @@ def robust_optimize(
     Raises:
         InputError: the equations have no unique or no finite solution.
     """
-    edges, bound = graph.edges, _chi_squared(probability, 6)
+    edges, bound = graph.edges, chi_squared(probability, 6)
     fixed = _fixed_inliers(graph, trusted)
     graph = graph.held(chain(edges, graph.trajectory.stamps).T_world_sensor)
     active = _first(graph, fixed)
@@ -80,7 +80,7 @@ def robust_optimize(
     for _ in range(_ROUNDS - 1):
         graph = graph.at(solution.trajectory.T_world_sensor)
         others = np.flatnonzero(~accepted & (tried < 2))
-        others = others[_plausible(solution, [edges[k] for k in others])]
+        others = others[plausible(solution, [edges[k] for k in others])]
         if not len(others):
             break
         active = accepted.copy()
@@ -91,11 +91,6 @@ def robust_optimize(
     return RobustSolution(solution, accepted, graph.residuals(), _reasons(graph, accepted, tried, fixed, bound))
 
 
-def _chi_squared(probability: float, degrees: int) -> float:
-    """What chi-squared stays below with this probability; scipy.stats has it too, and takes half a second to import."""
-    return float(2 * gammaincinv(degrees / 2, probability))
-
-
 def _fixed_inliers(graph: PoseGraph, trusted: Iterable[int]) -> np.ndarray:
     """(E,) bool: inliers in any case: what instruments say, trusted edges, and the only ties between two parts."""
     fixed = np.array([not edge.is_registered for edge in graph.edges], bool)
@@ -104,24 +99,27 @@ def _fixed_inliers(graph: PoseGraph, trusted: Iterable[int]) -> np.ndarray:
 
 
 def _first(graph: PoseGraph, fixed: np.ndarray) -> np.ndarray:
-    """(E,) bool: what to begin with: all but loops, what joins the components, and the groups that agree.
+    """(E,) bool: what to begin with: all but loops, what joins the components, and the largest groups that agree.
 
-    Of a large graph without the groups that the chain contradicts, as the least squares of those take minutes. Where
-    it contradicts most of them it is not as sure as it says, and all of them are right to begin with.
+    Wrong loops between places that look alike agree in groups, too, but in smaller ones; what belongs to a small group
+    is tried when the large ones tell where it lies. Of a large graph without the loops that the chain contradicts, as the least
+    squares of those take minutes; but for the largest group, which tells how far the chain is off.
     """
     edges, count = graph.edges, len(graph.trajectory)
     tree = spanning_tree(count, edges)
     joining = {id(edge) for edge in tree}
     active = fixed | np.array([edge.kind != "loop" or id(edge) in joining for edge in edges], bool)
     loops = np.flatnonzero(~active)
-    chains, bound = chain_parts(count, tree), float(np.sqrt(_chi_squared(_GATE, 6)))
+    chains, bound = chain_parts(count, tree), float(np.sqrt(chi_squared(GATE, 6)))
     groups = agreeing_groups(chains, [edges[k] for k in loops], bound)
-    agreeing = np.bincount(groups, minlength=1)[groups] > 1
-    grouped, alone = loops[agreeing], loops[~agreeing]
-    if count > _WHOLE:
-        along = distances_from_chain(chains, [edges[k] for k in grouped]) <= bound
-        if 2 * along.sum() > len(along):
-            grouped = grouped[along]
+    sizes = np.bincount(groups, minlength=1)
+    chosen = sizes[groups] >= max(2.0, _LARGE_GROUP * sizes.max())
+    grouped, alone = loops[chosen], loops[sizes[groups] == 1]
+    if count > _WHOLE and len(grouped):
+        away = distances_from_chain(chains, [edges[k] for k in grouped])
+        largest = groups[chosen] == np.argmax(sizes)
+        usual = np.sqrt(chi_squared(0.5, 6))
+        grouped = grouped[largest | (away <= bound * max(1.0, float(np.median(away[largest]) / usual)))]
     active[grouped] = True
     active[alone[: max(0, FIRST - len(grouped))]] = True
     return active
@@ -139,44 +137,43 @@ def _inliers(
     """
     sequential = np.array([edge.kind == "sequential" for edge in graph.edges], bool)
     if chain_worth is None:
-        accepted, graph = _graduated(graph, active, fixed | sequential, bound)
-        return accepted, graph.keep(accepted).optimize()
+        return _graduated(graph, active, fixed | sequential, bound)
     most = bound * np.where(sequential, chain_worth, 1)
     measured = sum(known.rank for known in graph.all_known)
     best: tuple[float, np.ndarray, Solution] | None = None
     for trusted in (fixed | sequential, fixed):
-        accepted, near = _graduated(graph, active, trusted, bound)
-        solution = near.keep(accepted).optimize()
+        accepted, solution = _graduated(graph, active, trusted, bound)
         squared = graph.at(solution.trajectory.T_world_sensor).residuals() ** 2
         contradicted = solution.chi_squared_after - float(squared[accepted].sum())
         cost = float(np.where(accepted, squared, most)[active].sum()) + contradicted
         if best is None or cost < best[0]:
             best = cost, accepted, solution
-        agrees = not measured or contradicted <= _chi_squared(PROBABILITY, measured)
+        agrees = not measured or contradicted <= chi_squared(PROBABILITY, measured)
         if agrees and (active & ~accepted).sum() <= chain_worth:  # then no edge of the chain can be worth less
             break
     assert best is not None
     return best[1:]
 
 
-def _graduated(graph: PoseGraph, active: np.ndarray, fixed: np.ndarray, bound: float) -> tuple[np.ndarray, PoseGraph]:
-    """(E,) bool: which of the active edges are inliers by graduated non-convexity; and the graph to go on from.
+def _graduated(graph: PoseGraph, active: np.ndarray, fixed: np.ndarray, bound: float) -> tuple[np.ndarray, Solution]:
+    """(E,) bool, which of the active edges are inliers by graduated non-convexity; and the optimum of those.
 
-    Of a large graph only where edges contradict each other: what agrees at the least squares is right as it is.
+    Of a large graph only where edges contradict each other at the least squares.
     """
     weights = active.astype(np.float64)
     if len(graph.trajectory) <= _WHOLE:
         weights[active] = _weights(graph.keep(active), fixed[active], bound)
-        return _rejoined(graph, active, weights), graph
-    for _ in range(_ROUNDS):
+    for _ in range(_ROUNDS if len(graph.trajectory) > _WHOLE else 0):
         accepted = weights > _HALF
-        graph = graph.at(graph.keep(accepted).optimize(covariances=False).trajectory.T_world_sensor)
-        doubtful = np.flatnonzero(accepted & ~fixed & (graph.residuals() ** 2 > bound))
+        solution = graph.keep(accepted).optimize()
+        graph = graph.at(solution.trajectory.T_world_sensor)
+        doubtful = contradicted_edges(graph, solution, accepted & ~fixed, bound)
         if not len(doubtful):
             break
         for region in regions_about(graph, accepted, doubtful.tolist(), _AROUND):
             weights[region.edges] = _weights(region.graph, fixed[region.edges], bound)
-    return _rejoined(graph, active, weights), graph
+    accepted = _rejoined(graph, active, weights)
+    return accepted, graph.keep(accepted).optimize()
 
 
 def _weights(graph: PoseGraph, fixed: np.ndarray, bound: float) -> np.ndarray:
@@ -206,33 +203,6 @@ def _rejoined(graph: PoseGraph, active: np.ndarray, weights: np.ndarray) -> np.n
     for k in rejected[np.lexsort((rejected, -weights[rejected]))]:
         accepted[k] = joined.merge(graph.edges[k].i, graph.edges[k].j)
     return accepted
-
-
-def _plausible(solution: Solution, others: Sequence[Edge]) -> np.ndarray:
-    """(m,) bool: which of other edges an estimate does not contradict, within its own uncertainty.
-
-    Covariances that are stated too large would let nearly everything pass: they are scaled by the largest factor of
-    their variances that the inliers' own agreement leaves possible, where that is below 1.
-    """
-    if not others:
-        return np.zeros(0, bool)
-    part = np.empty(len(solution.trajectory), np.intp)
-    for number, members in enumerate(solution.graph.components):
-        part[list(members)] = number
-    ends = np.array([(edge.i, edge.j) for edge in others])
-    known = part[ends[:, 0]] == part[ends[:, 1]]  # what no path joins contradicts nothing
-    tried = [edge for edge, one in zip(others, known, strict=True) if one]
-    most = float(np.sqrt(_stated_too_large(solution) * _chi_squared(_GATE, 6)))
-    plausible = np.ones(len(others), bool)
-    plausible[known] = solution.distances(ends[known], [edge.registration for edge in tried], most) <= most
-    return plausible
-
-
-def _stated_too_large(solution: Solution) -> float:
-    """Of the variances, at most 1: chi-squared over the least that so many degrees of freedom give by chance."""
-    if solution.degrees_of_freedom < 1:
-        return 1.0
-    return min(1.0, solution.chi_squared_after / _chi_squared(1 - _GATE, solution.degrees_of_freedom))
 
 
 def _reasons(
