@@ -8,6 +8,7 @@ import numpy as np
 from kernels.errors import InputError
 
 _NAME = re.compile(r"[A-Za-z_]\w*", re.ASCII)
+_FLOAT32_REACH = 2048.0  # [m]: up to here float32 is 0.06 mm off at most
 
 
 def pack_records(points: np.ndarray, columns: Mapping[str, np.ndarray] | None) -> np.ndarray:
@@ -52,3 +53,16 @@ def _portable(name: str, column: np.ndarray) -> np.ndarray:
     limits = np.iinfo(np.int32)
     fits = column.size == 0 or (column.min() >= limits.min and column.max() <= limits.max)
     return column.astype(np.int32 if fits else np.float64)
+
+
+def float32_origin(points: np.ndarray) -> np.ndarray:
+    """(3,) float64: what to subtract of points (N, 3) [m] so that float32 keeps them to 0.1 mm; a multiple of 100 m.
+
+    It is 0 along each axis where they lie within 2048 m already. Points that lie more than 4 km apart lose more: 0.12
+    mm up to 4 km from the origin, and so on in proportion.
+    """
+    if len(points) == 0:
+        return np.zeros(3)
+    low, high = points.min(axis=0).astype(np.float64), points.max(axis=0).astype(np.float64)
+    near = np.maximum(np.abs(low), np.abs(high)) <= _FLOAT32_REACH
+    return np.where(near, 0.0, np.round((low + high) / 2, -2))

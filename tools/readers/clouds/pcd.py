@@ -16,9 +16,11 @@ from kernels.errors import InputError
 from tools.memory import require_memory
 from tools.readers.clouds.cloud import Cloud, cloud_of_columns, column_roles
 from tools.readers.clouds.rows import parse_rows, require_bytes, shown, surplus_note, unpack_records, whole_lines
+from tools.readers.limits import LARGEST
 
 _HEADER = re.compile(rb"\A(.*?)^DATA[ \t]+(ascii|binary|binary_compressed)[ \t]*\r?\n", re.DOTALL | re.MULTILINE)
 _HEADER_LIMIT = 1 << 20
+_ORIGIN = "# origin of x, y, z [m]:"  # as tools/writers/pcd.py has it
 _NO_VIEWPOINT = r"-?0[.0]* -?0[.0]* -?0[.0]* 1[.0]* -?0[.0]* -?0[.0]* -?0[.0]*"
 _SIZES = {"F": (4, 8), "I": (1, 2, 4, 8), "U": (1, 2, 4, 8)}
 _LZF_RATIO = 88  # LZF never shrinks further: 264 bytes that repeat others cost it three
@@ -26,13 +28,14 @@ _LZF_RATIO = 88  # LZF never shrinks further: 264 bytes that repeat others cost 
 
 @dataclass(frozen=True, slots=True)
 class _Header:
-    """One entry of names, dtypes and counts per field; `points` of them; the file's encoding."""
+    """One entry of names, dtypes and counts per field; `points` of them; the origin (3,) to add [m]."""
 
     names: list[str]
     dtypes: list[str]
     counts: list[int]
     points: int
     lines: int
+    origin: list[float]
     notes: list[str]
 
     @property
@@ -64,12 +67,17 @@ def read_pcd(content: bytes) -> list[Cloud]:
         columns, surplus = _read_binary(content, match.end(), header, roles)
     else:
         columns, surplus = _read_compressed(content, match.end(), header, roles)
+    if any(header.origin):
+        columns |= {axis: columns[axis].astype(np.float64) + x for axis, x in zip("xyz", header.origin, strict=True)}
     return [cloud_of_columns(columns, header.notes + surplus)]
 
 
 def _parse_header(text: bytes) -> _Header:
     entries: dict[str, list[str]] = {}
+    origin = [0.0, 0.0, 0.0]
     for line in text.decode("latin-1").split("\n"):
+        if line.startswith(_ORIGIN):
+            origin = _origin(line.removeprefix(_ORIGIN))
         words = line.split()
         if words and not words[0].startswith("#"):
             entries[words[0].upper()] = words[1:]
@@ -93,8 +101,19 @@ def _parse_header(text: bytes) -> _Header:
         counts=[_positive(count, "COUNT") for count in counts],
         points=points,
         lines=text.count(b"\n") + 1,
+        origin=origin,
         notes=_viewpoint_note(entries.get("VIEWPOINT", [])),
     )
+
+
+def _origin(text: str) -> list[float]:
+    try:
+        origin = [float(word) for word in text.split()]
+    except ValueError:
+        origin = []
+    if len(origin) != 3 or not all(abs(x) <= LARGEST for x in origin):  # NaN is refused too
+        raise InputError(f"its PCD header says {_ORIGIN[2:]} {shown(text.encode())}; wanted three numbers of meters")
+    return origin
 
 
 def _count(entries: dict[str, list[str]], name: str) -> int:
