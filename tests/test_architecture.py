@@ -18,13 +18,17 @@ OWNERS = {  # a library, and the one room that may import it
     "open3d": "tools",
     "matplotlib": "tools",
     "pyproj": "tools",
+    "pyogrio": "tools",
+    "mcap": "tools",
+    "rosbags": "tools",
     "plyfile": "tools",
     "wlsonar": "tools",
     "typer": "tools",
     "rich": "tools",
 }
-LATE = {"open3d", "matplotlib", "pyproj"}  # slow to load: inside the function that uses them
-SLOW_TO_LOAD = {"pyopencl", "scipy", "open3d", "gtsam", "matplotlib", "pyproj"}
+# slow to load: inside the function that uses them
+LATE = {"open3d", "matplotlib", "pyproj", "pyogrio", "mcap", "rosbags"}
+SLOW_TO_LOAD = {"pyopencl", "scipy", "gtsam", *LATE}
 MOST_LINES = 400
 MOST_FILES = 18  # directly in a folder: beyond about 15 it wants to be divided by meaning
 MOST_DOCSTRING_LINES = 10  # of a room

@@ -1,0 +1,50 @@
+"""The pose graph: graph.g2o, and beside it the name, time and frame of every vertex, for which g2o has no place."""
+# pyright: strict, reportMissingTypeStubs=false, reportUnknownMemberType=false
+# pyright: reportUnknownVariableType=false, reportUnknownArgumentType=false
+
+import csv
+from pathlib import Path
+
+from kernels.errors import InputError
+from tools.export.georeferenced import Georeferenced
+from tools.export.map_folder import MapFolder, MapPart
+from tools.export.stamps import utc_texts
+from tools.output.folder import GRAPH
+from tools.writers.atomic import atomic_path
+
+COLUMNS = ("vertex", "name", "stamp", "utc", "map", "frame")
+WORLD, FIRST_POSE = "East-North-Up", "first pose"
+
+
+def write_graph_g2o(path: Path, folder: MapFolder, part: MapPart, earth: Georeferenced | None) -> None:
+    """Write the map's graph.g2o, which holds all its parts, as it is.
+
+    Raises:
+        InputError: it is missing, or the file cannot be written.
+    """
+    try:
+        content = (folder.path / GRAPH).read_bytes()
+    except OSError as error:
+        raise InputError(f"cannot read {folder.path / GRAPH}: {error.strerror or error}; map again") from error
+    with atomic_path(path) as temporary:
+        temporary.write_bytes(content)
+
+
+def write_graph_csv(path: Path, folder: MapFolder, part: MapPart, earth: Georeferenced | None) -> None:
+    """Write one row per vertex of graph.g2o, of all parts of the map.
+
+    Raises:
+        InputError: the file cannot be written.
+    """
+    rows: list[tuple[int, str, str, str, int, str]] = []
+    for number, each in enumerate(folder.parts, 1):
+        stamps, frame = each.trajectory.stamps, WORLD if each.in_world else FIRST_POSE
+        for scan, stamp, utc in zip(each.scans, stamps.tolist(), utc_texts(stamps), strict=True):
+            rows.append((scan, folder.names[scan], repr(stamp), utc, number, frame))
+    with (
+        atomic_path(path) as temporary,
+        temporary.open("w", newline="", encoding="utf-8", errors="backslashreplace") as file,
+    ):
+        writer = csv.writer(file, lineterminator="\n")
+        writer.writerow(COLUMNS)
+        writer.writerows(sorted(rows))
