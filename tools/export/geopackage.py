@@ -41,7 +41,7 @@ def write_geopackage(path: Path, folder: MapFolder, part: MapPart, earth: Georef
 def _write_layer(
     path: Path, layer: str, features: Sequence[Feature], navigation: Navigation, earth: Georeferenced
 ) -> None:
-    from pyogrio.errors import DataSourceError
+    from pyogrio.errors import DataLayerError, DataSourceError
     from pyogrio.raw import write
 
     names = list(features[0].attributes)
@@ -61,7 +61,7 @@ def _write_layer(
             layer_metadata={"HEIGHT_REFERENCE": earth.georeference.vertical},
             gdal_tz_offsets={name: np.full(len(features), _UTC) for name in names if name.endswith("utc")},
         )
-    except DataSourceError as error:
+    except (DataSourceError, DataLayerError) as error:
         raise OSError(str(error)) from error
 
 

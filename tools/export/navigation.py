@@ -36,6 +36,7 @@ class Navigation:
         projected: (n, 3) easting, northing, height [m].
         attitudes: (n, 3) roll, pitch, true heading [deg]; the heading in [0, 360).
         convergences: (n,) [deg]: the true heading less the grid heading.
+        grid_headings: (n,) from grid North [deg], in [0, 360).
         covariances: (n, 6, 6) of the errors East, North, Up [m] and of a turn about East, North, Up [rad], at the
             sensor.
         sigmas: (n, 6) standard deviations of East, North, Up [m], roll, pitch, heading [deg], at most 180.
@@ -52,6 +53,7 @@ class Navigation:
     projected: np.ndarray
     attitudes: np.ndarray
     convergences: np.ndarray
+    grid_headings: np.ndarray
     covariances: np.ndarray
     sigmas: np.ndarray
     vertical: str
@@ -64,6 +66,7 @@ class Navigation:
             warnings.filterwarnings("ignore", "Gimbal lock")  # straight down; the three angles are right together
             yaw, pitch, roll = earth.rotations.as_euler("ZYX", degrees=True).T
         attitudes = np.column_stack([roll, -pitch, (90.0 - yaw) % 360.0])
+        convergences = earth.projection.convergence(earth.poses)
         covariances = _at_sensor(part.covariances, earth.rotations.as_matrix())
         stamps = part.trajectory.stamps
         return cls(
@@ -76,16 +79,12 @@ class Navigation:
             geodetic=earth.poses,
             projected=earth.projected_poses,
             attitudes=attitudes,
-            convergences=earth.projection.convergence(earth.poses),
+            convergences=convergences,
+            grid_headings=(attitudes[:, 2] - convergences) % 360.0,
             covariances=covariances,
             sigmas=_sigmas(part.covariances, covariances, attitudes),
             vertical=earth.georeference.vertical,
         )
-
-    @property
-    def grid_headings(self) -> np.ndarray:
-        """(n,) headings from grid North [deg], in [0, 360)."""
-        return (self.attitudes[:, 2] - self.convergences) % 360.0
 
     @property
     def lines(self) -> list[np.ndarray]:

@@ -9,6 +9,7 @@ import numpy as np
 import pytest
 from scipy.spatial.transform import RigidTransform, Rotation
 
+from kernels.errors import InputError
 from slam.graph.trajectory import Trajectory
 from tests.tools.export.folders import georeferenced
 from tests.tools.export.poses import PLACES, apart, dive, floats, geodetic_by_hand, projected_by_hand, with_part
@@ -59,6 +60,16 @@ def test_signs_are_those_of_displays(tmp_path: Path) -> None:
     grid = floats(rows, "heading_grid_deg")[:, 0]
     np.testing.assert_allclose(grid, 30 + 25 * k + turned - convergence, atol=2e-4)
     assert 27.39 < grid[0] < 27.41  # 30 - 2.597 - 0.001
+
+
+def test_signs_are_those_of_a_tilted_hull(tmp_path: Path) -> None:
+    """Where the bow and the starboard side are, seen from outside."""
+    earth = dive()
+    T = earth.part.trajectory.T_world_sensor
+    bow, starboard = T.rotation.apply([1.0, 0, 0])[:, 2], T.rotation.apply([0, -1.0, 0])[:, 2]
+    roll, pitch = floats(rows_of(tmp_path, earth), "roll_deg", "pitch_deg").T
+    np.testing.assert_allclose(pitch, np.degrees(np.arcsin(bow)), atol=1e-6)
+    np.testing.assert_allclose(roll, np.degrees(np.arcsin(-starboard / np.cos(np.radians(pitch)))), atol=1e-6)
 
 
 @pytest.mark.parametrize("place", PLACES)
@@ -139,6 +150,13 @@ def test_north_is_0_and_not_360(tmp_path: Path) -> None:
     rows = rows_of(tmp_path, earth)
     assert [row["heading_deg"] for row in rows] == ["0.000000", "0.000000"]
     assert [row["heading_grid_deg"] for row in rows] == ["0.000000", "0.000000"]
+
+
+def test_a_summary_without_surveys_is_refused(tmp_path: Path) -> None:
+    earth = dive()
+    for wrong in ([{}] * 6, [{"survey": 0}], [{"survey": "x"}] * 6):
+        with pytest.raises(InputError, match="of which survey"):
+            rows_of(tmp_path, with_part(earth, earth.part, summary={"scans": wrong}))
 
 
 def test_names_may_hold_anything(tmp_path: Path) -> None:
