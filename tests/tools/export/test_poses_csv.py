@@ -1,4 +1,4 @@
-"""poses.csv read by the csv module and pandas; places by PROJ's other ways, signs by hand, errors by drawing them."""
+"""poses.csv read by the csv module; places by PROJ's other ways, signs by hand, errors by drawing them."""
 
 import csv
 from dataclasses import replace
@@ -164,15 +164,6 @@ def test_names_may_hold_anything(tmp_path: Path) -> None:
     names = ("a,b", 'said "c"', "d\ne", "\N{GREEK SMALL LETTER ALPHA};", "lone\udce9", " f ")
     rows = rows_of(tmp_path, with_part(earth, earth.part, names=names))
     assert [row["name"] for row in rows] == [*names[:4], "lone\\udce9", " f "]
-
-
-def test_pandas_reads_it_as_it_is(tmp_path: Path) -> None:
-    pandas = pytest.importorskip("pandas")
-    earth = dive()
-    rows_of(tmp_path, earth)
-    table = pandas.read_csv(tmp_path / "poses.csv", parse_dates=["utc"])
-    np.testing.assert_allclose(table[["lat_deg", "lon_deg"]], earth.poses[:, :2], atol=1e-10)
-    assert str(table["utc"].dt.tz) == "UTC"
 
 
 def test_what_is_not_known_is_empty(tmp_path: Path) -> None:
