@@ -18,6 +18,7 @@ from tools.readers.selection import SelectedFile
 from tools.readers.trajectory_beside import TRAJECTORY, with_viewpoints
 
 _HEAD = 4096  # bytes that are looked at to recognize a format
+_LISTED = 3  # scans without points that a note names
 
 
 @dataclass(frozen=True, slots=True)
@@ -30,18 +31,20 @@ class Format:
         read: from a file's content to its clouds; None where `stream` reads it.
         stream: for files larger than memory: from a path to clouds one by one. It adds to the list what the user
             should know of the file as a whole, and goes on after what is damaged where it can.
+        has_sound_speed: whether clouds say with which speed of sound their ranges were computed.
     """
 
     kind: str
     start: bytes
     read: Callable[[bytes], list[Cloud]] | None = None
     stream: Callable[[Path, list[str]], Iterator[Cloud]] | None = None
+    has_sound_speed: bool = False
 
 
-def _read_sonar(content: bytes) -> list[Cloud]:
-    from tools.readers.clouds.sonar import read_sonar  # wlsonar imports an HTTP client, which takes a third of a second
+def _stream_sonar(path: Path, notes: list[str]) -> Iterator[Cloud]:
+    from tools.readers.clouds.sonar import stream_sonar  # wlsonar imports an HTTP client, for a third of a second
 
-    return read_sonar(content)
+    return stream_sonar(path, notes)
 
 
 _TEXT = Format("text", rb"[^\x00-\x08\x0e-\x1f\x7f]*\Z", read_text)
@@ -52,7 +55,7 @@ FORMATS = {
     ".pcd": Format("a PCD file", rb"# ?\.PCD|(?:\s*#[^\n]*\n)*\s*VERSION\s+0?\.\d", read_pcd),
     ".npy": Format("a NumPy .npy array", rb"\x93NUMPY", read_npy),
     ".npz": Format("a zip archive, as NumPy's .npz is", rb"PK(\x03\x04|\x05\x06)", read_npz),
-    ".sonar": Format("a Sonar 3D-15 recording", rb"RIP[12]", _read_sonar),
+    ".sonar": Format("a Sonar 3D-15 recording", rb"RIP[12]", stream=_stream_sonar, has_sound_speed=True),
     ".xyz": _TEXT,
     ".txt": _TEXT,
     ".csv": _TEXT,
@@ -113,12 +116,14 @@ def _named(selected: SelectedFile, clouds: Iterator[Cloud], notes: list[str]) ->
         elif len(cloud.points):
             yield named
         else:
-            empty.append(Path(named.where).name)
+            empty.append(label.format(k))
     if selected.index is not None:
         raise InputError(f"the file holds scans #0 to #{count - 1}, not #{selected.index}; choose one of them")
     if len(empty) == count:
         raise InputError("no points in it; give a scan with at least one finite point")
-    notes += [f"{name}: skipped, it has no points" for name in empty]
+    if empty:
+        which = f"{', '.join(empty[:_LISTED])}{', ...' if len(empty) > _LISTED else ''}"
+        notes.append(f"{path.name}: {len(empty):,} of {count:,} scans were skipped, as they have no points: {which}")
 
 
 def _format_of(path: Path) -> Format:

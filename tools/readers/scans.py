@@ -1,7 +1,7 @@
 """Point cloud files to scans."""
 
 from collections import Counter
-from collections.abc import Callable, Collection, Sequence
+from collections.abc import Callable, Collection, Iterator, Sequence
 from dataclasses import dataclass, replace
 from pathlib import Path
 
@@ -10,10 +10,14 @@ from spectral.scan import Scan
 from tools.readers.clouds.cloud import scan_of_cloud
 from tools.readers.file import FORMATS, NamedCloud, clouds_of
 from tools.readers.point_store import PointStore
+from tools.readers.ranges import AS_RECORDED, Ranges
 from tools.readers.scan_sizes import strange_sizes
-from tools.readers.selection import select_files
+from tools.readers.selection import Selection, select_files
+
+Progress = Callable[[int, int, str], None]
 
 _ARRAYS = ("points", "strength", "viewpoints")  # of a scan
+_SHOWN = 100  # scans of a file after which progress is shown again
 
 
 @dataclass(frozen=True, slots=True)
@@ -51,7 +55,7 @@ class ReadScans:
     surveys: tuple[int, ...] = ()
 
 
-def read_scans(paths: Sequence[str | Path]) -> ReadScans:
+def read_scans(paths: Sequence[str | Path], ranges: Ranges = AS_RECORDED) -> ReadScans:
     """Every scan of the files, folders and patterns in `paths`, in natural order.
 
     Like `read_survey`, but all of them have to be readable.
@@ -59,7 +63,7 @@ def read_scans(paths: Sequence[str | Path]) -> ReadScans:
     Raises:
         InputError: naming the file and, where it applies, its line or packet.
     """
-    read = read_survey(paths)
+    read = read_survey(paths, ranges=ranges)
     if read.unread:
         raise InputError(read.unread[0].reason)
     return read
@@ -68,7 +72,8 @@ def read_scans(paths: Sequence[str | Path]) -> ReadScans:
 def read_survey(
     paths: Sequence[str | Path],
     not_scans: Collection[Path] = (),
-    progress: Callable[[int, int, str], None] | None = None,
+    progress: Progress | None = None,
+    ranges: Ranges = AS_RECORDED,
 ) -> ReadScans:
     """Every scan of the files, folders and patterns in `paths` that can be read, in natural order.
 
@@ -76,31 +81,23 @@ def read_survey(
     of them have one, otherwise 0, 1, 2, ... over the whole input, unreadable scans counted. A scan is named after its
     file, and `recording#3` if the file holds several; files of the same name in several folders keep their paths. The
     priors.csv of a folder or pattern is skipped, and so are the files in `not_scans`. The points of large surveys are
-    on disk (`PointStore`). `progress` is called with (files read, files in all, the file's name).
+    on disk (`PointStore`). `progress` is called with (files read, files in all, the file's name), and within a file
+    every so many scans. `ranges` corrects the scans' ranges.
 
     Raises:
-        InputError: a path that does not exist, or no path at all.
+        InputError: a path that does not exist, no path at all, or a speed of sound for files that say none.
     """
     notes: list[str] = []
     selection = select_files(paths, FORMATS, not_scans)
-    if selection.reordered:
-        notes.append("the scans are taken in the natural order of their names, not the order in which they were given")
-    files = tuple(dict.fromkeys(selected.path for selected in selection.files))
-    stems = Counter(path.stem for path in files)
-    entries: list[_Entry] = []
     store = PointStore()
-    for number, selected in enumerate(selection.files):
-        named_by_path = stems[selected.path.stem] > 1
-        try:
-            for cloud in clouds_of(selected, notes):
-                entries.append(_entry(_named_by_path(cloud) if named_by_path else cloud, store))
-        except InputError as error:
-            entries.append(_Entry(str(selected.path), "", reason=str(error)))
-        if progress is not None:
-            progress(number + 1, len(selection.files), selected.path.name)
-    entries = _of_one_size(entries)
-    stamps, stamp_notes = _stamps_of(entries)
-    return _all_of(entries, stamps, notes + stamp_notes, files)
+    entries = _of_one_size([_kept(entry, store) for entry in read_entries(selection, notes, progress, ranges)])
+    stamps, stamp_notes = stamps_of([entry.stamp for entry in entries], [entry.is_cloud for entry in entries])
+    return _all_of(entries, stamps, notes + stamp_notes, files_of(selection))
+
+
+def files_of(selection: Selection) -> tuple[Path, ...]:
+    """All files that are read, each once."""
+    return tuple(dict.fromkeys(selected.path for selected in selection.files))
 
 
 def read_scan(path: str | Path) -> Scan:
@@ -124,7 +121,7 @@ def only_scan(path: str | Path, read: ReadScans) -> Scan:
 
 
 @dataclass(frozen=True, slots=True)
-class _Entry:
+class ScanEntry:
     """A scan, or the place of one that could not be read.
 
     Attributes:
@@ -134,6 +131,7 @@ class _Entry:
         is_cloud: whether the file has it, usable or not.
         notes: about its points.
         reason: why there is none.
+        sound_speed: with which its ranges were recorded [m/s], or None.
     """
 
     where: str
@@ -143,20 +141,71 @@ class _Entry:
     is_cloud: bool = False
     notes: tuple[str, ...] = ()
     reason: str = ""
+    sound_speed: float | None = None
 
 
-def _entry(named: NamedCloud, store: PointStore) -> _Entry:
+def read_entries(
+    selection: Selection, notes: list[str], progress: Progress | None = None, ranges: Ranges = AS_RECORDED
+) -> Iterator[ScanEntry]:
+    """Every scan of the files one by one, and the places of those that could not be read.
+
+    Args:
+        selection: the files.
+        notes: to which is added what the user should know about files as a whole.
+        progress, ranges: as of `read_survey`.
+
+    Raises:
+        InputError: a speed of sound for files that say none.
+    """
+    if selection.reordered:
+        notes.append("the scans are taken in the natural order of their names, not the order in which they were given")
+    files = files_of(selection)
+    _require_sound_speed(files, ranges)
+    stems = Counter(path.stem for path in files)
+    for number, selected in enumerate(selection.files):
+        named_by_path = stems[selected.path.stem] > 1
+        try:
+            for count, cloud in enumerate(clouds_of(selected, notes), start=1):
+                yield _entry(_named_by_path(cloud) if named_by_path else cloud, ranges)
+                if progress is not None and count % _SHOWN == 0:
+                    progress(number, len(selection.files), f"{selected.path.name}: {count:,} scans")
+        except InputError as error:
+            yield ScanEntry(str(selected.path), "", reason=str(error))
+        if progress is not None:
+            progress(number + 1, len(selection.files), selected.path.name)
+
+
+def _require_sound_speed(files: Sequence[Path], ranges: Ranges) -> None:
+    if ranges.sound_speed is None:
+        return
+    for path in files:
+        known = FORMATS.get(path.suffix.lower())
+        if known is not None and not known.has_sound_speed:
+            raise InputError(
+                f"{path}: `sound_speed={ranges.sound_speed:g}` cannot be used, as {known.kind} does not say with which "
+                "speed of sound its ranges were computed; give `range_scale` instead, the right speed over the wrong one"
+            )
+
+
+def _entry(named: NamedCloud, ranges: Ranges) -> ScanEntry:
     """A cloud's usable points as a scan."""
-    where, name, stamp = named.where, named.name, named.cloud.stamp
+    where, name, cloud = named.where, named.name, named.cloud
     try:
-        scan, notes = scan_of_cloud(named.cloud, name, 0.0)
+        scan, notes = scan_of_cloud(ranges.corrected(cloud), name, 0.0)
     except InputError as error:
-        return _Entry(where, name, None, stamp, is_cloud=True, reason=f"{where}: {error}")
-    kept = {field: store.keep(array) for field in _ARRAYS if (array := getattr(scan, field)) is not None}
-    return _Entry(where, name, replace(scan, **kept), stamp, is_cloud=True, notes=tuple(notes))
+        return ScanEntry(where, name, None, cloud.stamp, is_cloud=True, reason=f"{where}: {error}")
+    return ScanEntry(where, name, scan, cloud.stamp, True, tuple(notes), sound_speed=cloud.sound_speed)
 
 
-def _of_one_size(entries: list[_Entry]) -> list[_Entry]:
+def _kept(entry: ScanEntry, store: PointStore) -> ScanEntry:
+    """The entry with its points where they can stay."""
+    if entry.scan is None:
+        return entry
+    kept = {field: store.keep(array) for field in _ARRAYS if (array := getattr(entry.scan, field)) is not None}
+    return replace(entry, scan=replace(entry.scan, **kept))
+
+
+def _of_one_size(entries: list[ScanEntry]) -> list[ScanEntry]:
     """The entries, without the scans that are in another unit than most."""
     usable = [k for k, entry in enumerate(entries) if entry.scan is not None]
     strange = strange_sizes([scan for entry in entries if (scan := entry.scan) is not None])
@@ -168,7 +217,7 @@ def _of_one_size(entries: list[_Entry]) -> list[_Entry]:
 
 
 def _all_of(
-    entries: Sequence[_Entry], stamps: Sequence[float], notes: Sequence[str], files: tuple[Path, ...]
+    entries: Sequence[ScanEntry], stamps: Sequence[float], notes: Sequence[str], files: tuple[Path, ...]
 ) -> ReadScans:
     """The scans, stamped, and what could not be read."""
     scans: list[Scan] = []
@@ -189,14 +238,19 @@ def _all_of(
     return ReadScans(tuple(scans), tuple(all_notes), files, tuple(unread), tuple(surveys))
 
 
-def _stamps_of(entries: Sequence[_Entry]) -> tuple[list[float], list[str]]:
-    """The clouds' own stamps if all of them have one, otherwise their positions in the input; and a note about it."""
-    stamps = [entry.stamp for entry in entries if entry.is_cloud]
+def stamps_of(own: Sequence[float | None], are_clouds: Sequence[bool]) -> tuple[list[float], list[str]]:
+    """The clouds' own stamps if all of them have one, otherwise their positions in the input; and a note about it.
+
+    Args:
+        own: stamps of scans, and of those that could not be read [s].
+        are_clouds: which of them their files have, usable or not.
+    """
+    stamps = [stamp for stamp, is_cloud in zip(own, are_clouds, strict=True) if is_cloud]
     without = stamps.count(None)
     if without == 0:
-        return [entry.stamp or 0.0 for entry in entries], []
+        return [stamp or 0.0 for stamp in own], []
     note = f"{without} of {len(stamps)} scans have no time: all are stamped 0, 1, 2, ..."
-    return [float(position) for position in range(len(entries))], [note] if without < len(stamps) else []
+    return [float(position) for position in range(len(own))], [note] if without < len(stamps) else []
 
 
 def _named_by_path(cloud: NamedCloud) -> NamedCloud:

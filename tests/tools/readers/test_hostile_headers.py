@@ -4,6 +4,7 @@ import io
 import struct
 import tracemalloc
 import zipfile
+import zlib
 from collections.abc import Iterator
 from contextlib import contextmanager
 from pathlib import Path
@@ -46,7 +47,8 @@ def ply(count: str, encoding: str = "binary_little_endian", more: str = "") -> b
 
 def packet(payload: bytes) -> bytes:
     """Of a recording, with a payload that is compressed already."""
-    return b"RIP2" + struct.pack("<I", 12 + len(payload)) + payload + bytes(4)
+    body = b"RIP2" + struct.pack("<I", 12 + len(payload)) + payload
+    return body + struct.pack("<I", zlib.crc32(body))
 
 
 def npz_of_zeros(megabytes: int) -> bytes:
@@ -80,7 +82,7 @@ HOSTILE = {
     "ply 10^12 faces": (".ply", ply("0", more=f"element face {10**12}\nproperty list uchar int i\n"), "promises"),
     "ply 10^12 of nothing": (".ply", ply("0", more=f"element face {10**12}\n"), "no points"),
     "sonar claims 4 GB": (".sonar", packet(b"\xff\xff\xff\xff\x0f" + bytes(99)), "claim to unpack to 4,294,967,295"),
-    "sonar packet of 1 MB": (".sonar", packet(bytes(1 << 20)), "packet 1 at byte 0 is damaged"),
+    "sonar packet of 1 MB": (".sonar", packet(bytes(1 << 20)), "packet 1 at byte 0 claims 1,048,588 bytes"),
     "npz of zeros": (".npz", npz_of_zeros(500), "not believable"),
     "csv unit after blanks": (".csv", b"x" + b" " * 100_000 + b"q,y,z\n1,2,3\n", "no column x"),
     "csv unit after brackets": (".csv", b"q" + b"[" * 100_000 + b",y,z\n1,2,3\n", "no column x"),

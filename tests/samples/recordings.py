@@ -1,0 +1,127 @@
+"""Recordings of a Sonar 3D-15, written with wlsonar's own codec: whole, and with what is lost, doubled or out of order."""
+
+import tempfile
+from collections.abc import Callable, Iterator, Sequence
+from dataclasses import dataclass, field
+from pathlib import Path
+
+import numpy as np
+from wlsonar import range_image_protocol as rip
+
+from tools.readers.clouds.cloud import Cloud
+from tools.readers.clouds.sonar import stream_sonar
+
+START = 1_700_000_000.25  # [s]
+RATE = 5.0  # shots per second
+WIDTH, HEIGHT = 64, 16
+SPEED = 1480.0  # [m/s]
+
+
+@dataclass(frozen=True, slots=True)
+class PacketOf:
+    """A packet, and what is in it: "range" or "strength", and the shot's number from 0."""
+
+    kind: str
+    shot: int
+    content: bytes
+
+
+@dataclass(slots=True)
+class Events:
+    """What was done to a recording, counted by hand: shots or packets of each kind."""
+
+    lost: list[PacketOf] = field(default_factory=list)
+    doubled: int = 0
+    exchanged: int = 0
+
+
+def stamp_at(shot: int) -> tuple[int, int]:
+    """Seconds and nanoseconds."""
+    nanos = round(shot / RATE * 1e9)
+    return int(START) + (nanos + 250_000_000) // 10**9, (nanos + 250_000_000) % 10**9
+
+
+def shot_packets(shot: int, number: int, rng: np.random.Generator, speed: float = SPEED) -> list[PacketOf]:
+    """The range and the strength image of one shot, of noise."""
+    pixels = rng.integers(0, 20_000, (HEIGHT, WIDTH)) * (rng.random((HEIGHT, WIDTH)) < 0.7)
+    image = rip.RangeImage(
+        width=WIDTH, height=HEIGHT, fov_horizontal=90.0, fov_vertical=40.0, image_pixel_scale=0.00075,
+        image_pixel_data=pixels.ravel().tolist(), speed_of_sound=speed, range=15.0, frequency=5,
+    )  # fmt: skip
+    strength = rip.BitmapImageGreyscale8(
+        type=rip.BitmapImageType.SIGNAL_STRENGTH_IMAGE, width=WIDTH, height=HEIGHT,
+        image_pixel_data=rng.integers(0, 256, WIDTH * HEIGHT, dtype=np.uint8).tobytes(),
+    )  # fmt: skip
+    for message in (image, strength):
+        message.header.sequence_id = number % 2**32
+        message.header.timestamp.seconds, message.header.timestamp.nanos = stamp_at(shot)
+    return [PacketOf("range", shot, rip.packb(image)), PacketOf("strength", shot, rip.packb(strength))]
+
+
+def recording(shots: int, first: int = 4448, seed: int = 1) -> Iterator[PacketOf]:
+    """Packets of so many shots, numbered from `first` on."""
+    for shot in range(shots):
+        yield from shot_packets(shot, first + shot, np.random.default_rng([seed, shot]))
+
+
+def disturbed(packets: Sequence[PacketOf], seed: int, share: float = 0.01) -> tuple[list[PacketOf], Events]:
+    """A share of the packets lost, as many doubled, and as many exchanged with the next one of their kind."""
+    rng = np.random.default_rng(seed)
+    events, kept = Events(), list[PacketOf]()
+    fates = rng.random(len(packets))
+    for packet, fate in zip(packets, fates, strict=True):
+        if fate < share:
+            events.lost.append(packet)
+            continue
+        kept.append(packet)
+        if fate < 2 * share:
+            kept.append(packet)
+            events.doubled += 1
+    place = 0
+    while place + 2 < len(kept):
+        a, b = kept[place], kept[place + 2]
+        if rng.random() < share and a.kind == b.kind and a.shot < b.shot:
+            kept[place], kept[place + 2] = b, a
+            events.exchanged += a.kind == "range"
+            place += 5  # of each packet once
+        place += 1
+    return kept, events
+
+
+def written(path: Path, packets: Sequence[PacketOf] | Iterator[PacketOf]) -> Path:
+    """The file with these packets."""
+    with path.open("wb") as file:
+        for packet in packets:
+            file.write(packet.content)
+    return path
+
+
+def read_sonar(content: bytes, notes: list[str] | None = None) -> list[Cloud]:
+    """The clouds of a recording with this content."""
+    with tempfile.TemporaryDirectory() as folder:
+        path = Path(folder) / "dive.sonar"
+        path.write_bytes(content)
+        return list(stream_sonar(path, [] if notes is None else notes))
+
+
+def imu_batch(
+    number: int, times: Sequence[float], forces: np.ndarray, rates: np.ndarray, start: int = int(START)
+) -> rip.ImuBatch:
+    """A batch of samples in the file's axes, x forward, y right, z down; times are seconds after `start`."""
+    batch = rip.ImuBatch(batch_sequence_id=number, samples=len(times))
+    for time in times:
+        nanos = round(time * 1e9)
+        batch.timestamp.add(seconds=start + nanos // 10**9, nanos=nanos % 10**9)
+    batch.specific_force.extend(np.ravel(forces).tolist())
+    batch.rate_of_turn.extend(np.ravel(rates).tolist())
+    return batch
+
+
+def imu_packets(seconds: float, force_at: Callable[[float], np.ndarray], rate: np.ndarray, hz: int = 100) -> list[bytes]:
+    """Batches of a tenth of a second each, from START's whole second on."""
+    packets, each = [], hz // 10
+    for number in range(round(10 * seconds)):
+        times = [(number * each + k) / hz for k in range(each)]
+        batch = imu_batch(number, times, np.array([force_at(t) for t in times]), np.tile(rate, (each, 1)))
+        packets.append(rip.packb(batch))
+    return packets
