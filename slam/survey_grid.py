@@ -2,13 +2,11 @@
 """The grid of a survey, which does not change with every scan that is added to it."""
 
 from collections.abc import Iterable
-from contextlib import suppress
 from math import ceil, log2
 
 import numpy as np
 
-from kernels.errors import InputError
-from spectral.grid import Grid, choose_grid
+from spectral.grid import Grid, scan_extent, voxel_for
 from spectral.scan import Scan
 
 # Voxels are one of so many sizes between one and twice as much.
@@ -31,16 +29,19 @@ def survey_grid(scans: Iterable[Scan], edge: int = 128, voxel: float | None = No
     Raises:
         InputError: a voxel is not given and no scan has an extent.
     """
-    scans = list(scans)
     if voxel is not None:
         return Grid(edge, voxel)
-    sizes: list[float] = []
-    for scan in scans:
-        with suppress(InputError):  # all of its points are in one place
-            sizes.append(choose_grid([scan], edge).voxel)
-    if not sizes:
-        return choose_grid(scans, edge)  # says why there is none
-    largest = max(sizes)
+    return grid_of_extents([scan_extent(scan) for scan in scans], edge)
+
+
+def grid_of_extents(extents: Iterable[float], edge: int = 128) -> Grid:
+    """The grid for scans of these extents [m], as `scan_extent` has them.
+
+    Raises:
+        InputError: all of them are 0.
+    """
+    sizes = [voxel_for(extent, edge) for extent in extents if extent > 0]  # 0: all points are in one place
+    largest = max(sizes, default=0.0) or voxel_for(0.0, edge)  # which says why there is none
     if len(sizes) >= _MANY:
         usual = float(np.quantile(sizes, _USUAL))
         largest = max(size for size in sizes if size <= _STRAY * usual)

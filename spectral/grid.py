@@ -72,7 +72,7 @@ def scan_center(scan: Scan) -> np.ndarray:
 
     Rotations are about this point, so that the scan fills the grid however far from the sensor it lies.
     """
-    low, high = _box(scan)
+    low, high = trimmed_box(scan)
     return (low + high) / 2
 
 
@@ -88,16 +88,31 @@ def choose_grid(scans: Iterable[Scan], edge: int = 128, voxel: float | None = No
         InputError: a voxel is not given and no scan has an extent (all points of each in one place).
     """
     if voxel is None:
-        extent = max((float(np.max(np.subtract(*_box(scan)[::-1]))) for scan in scans), default=0.0)
-        if extent <= 0:
-            raise InputError(
-                "the voxel cannot be chosen: all points of each scan lie in one place. Give scans that show some "
-                "structure, or a `voxel` in meters."
-            )
-        voxel = _MARGIN * extent / edge
+        voxel = voxel_for(max((scan_extent(scan) for scan in scans), default=0.0), edge)
     return Grid(edge, voxel)
 
 
-def _box(scan: Scan) -> tuple[np.ndarray, np.ndarray]:
+def voxel_for(extent: float, edge: int) -> float:
+    """The voxel [m] with which a scan of this extent [m] fits into the grid with a margin.
+
+    Raises:
+        InputError: the extent is 0.
+    """
+    if extent <= 0:
+        raise InputError(
+            "the voxel cannot be chosen: all points of each scan lie in one place. Give scans that show some "
+            "structure, or a `voxel` in meters."
+        )
+    return _MARGIN * extent / edge
+
+
+def scan_extent(scan: Scan) -> float:
+    """The longest edge of the scan's trimmed bounding box [m]."""
+    low, high = trimmed_box(scan)
+    return float(np.max(high - low))
+
+
+def trimmed_box(scan: Scan) -> tuple[np.ndarray, np.ndarray]:
+    """The lowest and the highest corner (3,) [m, sensor frame] of the scan's points but for the outermost 1 %."""
     low, high = np.quantile(scan.points, [_TRIM, 1 - _TRIM], axis=0).astype(np.float64)
     return low, high

@@ -1,4 +1,4 @@
-"""Recordings of a Sonar 3D-15, written with wlsonar's own codec: whole, and with what is lost, doubled or out of order."""
+"""Recordings of a Sonar 3D-15, written with wlsonar's own codec: whole, and with packets lost, doubled, late."""
 
 import tempfile
 from collections.abc import Callable, Iterator, Sequence
@@ -28,7 +28,7 @@ class PacketOf:
 
 @dataclass(slots=True)
 class Events:
-    """What was done to a recording, counted by hand: shots or packets of each kind."""
+    """What was done to a recording: packets that were lost, how many were doubled, range images that were exchanged."""
 
     lost: list[PacketOf] = field(default_factory=list)
     doubled: int = 0
@@ -58,18 +58,28 @@ def shot_packets(shot: int, number: int, rng: np.random.Generator, speed: float 
     return [PacketOf("range", shot, rip.packb(image)), PacketOf("strength", shot, rip.packb(strength))]
 
 
-def recording(shots: int, first: int = 4448, seed: int = 1) -> Iterator[PacketOf]:
-    """Packets of so many shots, numbered from `first` on."""
-    for shot in range(shots):
+def recording(shots: int, first: int = 4448, seed: int = 1, after: int = 0) -> Iterator[PacketOf]:
+    """Packets of so many shots, numbered from `first` on, taken after so many others."""
+    for shot in range(after, after + shots):
         yield from shot_packets(shot, first + shot, np.random.default_rng([seed, shot]))
 
 
 def disturbed(packets: Sequence[PacketOf], seed: int, share: float = 0.01) -> tuple[list[PacketOf], Events]:
     """A share of the packets lost, as many doubled, and as many exchanged with the next one of their kind."""
     rng = np.random.default_rng(seed)
-    events, kept = Events(), list[PacketOf]()
-    fates = rng.random(len(packets))
-    for packet, fate in zip(packets, fates, strict=True):
+    events, mixed, exchanged = Events(), list(packets), set[PacketOf]()
+    place = 0
+    while place + 2 < len(mixed):
+        if rng.random() < share:
+            pair = mixed[place], mixed[place + 2]
+            mixed[place + 2], mixed[place] = pair
+            exchanged |= set(pair)
+            events.exchanged += pair[0].kind == "range"
+            place += 4  # so that each packet is exchanged once
+        place += 1
+    kept = list[PacketOf]()
+    for packet in mixed:
+        fate = 1.0 if packet in exchanged else rng.random()
         if fate < share:
             events.lost.append(packet)
             continue
@@ -77,14 +87,6 @@ def disturbed(packets: Sequence[PacketOf], seed: int, share: float = 0.01) -> tu
         if fate < 2 * share:
             kept.append(packet)
             events.doubled += 1
-    place = 0
-    while place + 2 < len(kept):
-        a, b = kept[place], kept[place + 2]
-        if rng.random() < share and a.kind == b.kind and a.shot < b.shot:
-            kept[place], kept[place + 2] = b, a
-            events.exchanged += a.kind == "range"
-            place += 5  # of each packet once
-        place += 1
     return kept, events
 
 
@@ -117,7 +119,9 @@ def imu_batch(
     return batch
 
 
-def imu_packets(seconds: float, force_at: Callable[[float], np.ndarray], rate: np.ndarray, hz: int = 100) -> list[bytes]:
+def imu_packets(
+    seconds: float, force_at: Callable[[float], np.ndarray], rate: np.ndarray, hz: int = 100
+) -> list[bytes]:
     """Batches of a tenth of a second each, from START's whole second on."""
     packets, each = [], hz // 10
     for number in range(round(10 * seconds)):

@@ -24,6 +24,7 @@ from tools.cli.terminal import say
 VERBS = [
     "register",
     "map",
+    "inspect",
     "optimize",
     "simulate",
     "evaluate",

@@ -6,7 +6,8 @@ from datetime import UTC, datetime
 import numpy as np
 
 _GAP = 1.5  # usual steps between scans; a longer one is a gap
-_SET = datetime(1980, 1, 1, tzinfo=UTC).timestamp()  # clocks that were never set start in 1970
+_SET = datetime(1980, 1, 1, tzinfo=UTC).timestamp()
+_LEAST_PERIOD = 1e-9  # seconds; nothing takes scans faster
 _AHEAD = 60.0  # seconds that a clock may be ahead of the file's, which was written when the recording ended
 
 
@@ -34,9 +35,19 @@ class Clock:
     steps: int
 
     @property
+    def is_set(self) -> bool:
+        """Whether it can be UTC: clocks that were never set start in 1970."""
+        return self.end >= _SET
+
+    @property
+    def stands_still(self) -> bool:
+        """Whether most stamps are the same."""
+        return self.still > self.steps / 2
+
+    @property
     def rate(self) -> float | None:
         """Scans per second [1/s], None where it is not known."""
-        return 1 / self.period if self.period > 0 else None
+        return 1 / self.period if self.period > _LEAST_PERIOD else None
 
 
 def clock_of(stamps: np.ndarray) -> Clock:
@@ -64,12 +75,12 @@ def clock_faults(clock: Clock, changed: float | None = None) -> list[str]:
         clock: of a recording.
         changed: when its file was last changed [s, UTC], if that is known.
     """
-    if clock.steps and clock.still > clock.steps / 2:
+    if clock.stands_still:
         return [f"the clock stands still: {clock.still:,} of {clock.steps:,} stamps are those of the shot before"]
     faults = []
     if clock.backward:
         faults.append(f"{clock.backward:,} of {clock.steps:,} stamps are not later than that of the shot before")
-    if clock.end < _SET:
+    if not clock.is_set:
         faults.append(f"the clock was not set: it ends at {utc(clock.end)} UTC")
     elif changed is not None and clock.end > changed + _AHEAD:
         faults.append(

@@ -183,7 +183,7 @@ def _require_sound_speed(files: Sequence[Path], ranges: Ranges) -> None:
         if known is not None and not known.has_sound_speed:
             raise InputError(
                 f"{path}: `sound_speed={ranges.sound_speed:g}` cannot be used, as {known.kind} does not say with which "
-                "speed of sound its ranges were computed; give `range_scale` instead, the right speed over the wrong one"
+                "speed its ranges were computed; give `range_scale` instead, the right speed over the wrong one"
             )
 
 

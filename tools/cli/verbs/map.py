@@ -9,6 +9,7 @@ from typing import TYPE_CHECKING, Annotated, Any
 import typer
 
 from kernels.errors import InputError
+from tools.cli.arguments import as_options
 from tools.cli.execution import ExecutionOptions, open_execution
 from tools.cli.method import ConfiguredMethod, configure_method, method_options
 from tools.cli.options import (
@@ -20,17 +21,21 @@ from tools.cli.options import (
     DeviceOption,
     GridOption,
     HypothesesOption,
+    ImuOption,
     JsonOption,
     MaxTiltOption,
     MethodOption,
     PriorSigmasOption,
     PriorsOption,
     QuietOption,
+    RangeScaleOption,
     RefineOption,
     SeedOption,
+    SoundSpeedOption,
     StrengthOption,
     VoxelOption,
     YawPeaksOption,
+    ranges_of,
 )
 from tools.cli.priors import scans_with_priors
 from tools.cli.progress import growing_progress
@@ -57,6 +62,7 @@ from tools.methods.registry import DEFAULT_METHOD
 if TYPE_CHECKING:
     from slam.motion.odometry import Odometry
     from slam.survey_result import SurveyResult
+    from tools.readers.ranges import Ranges
     from tools.readers.scans import ReadScans
 
 INCOMPLETE = 3
@@ -76,6 +82,9 @@ def command(
     strength: StrengthOption = False,
     priors: PriorsOption = None,
     prior_sigmas: PriorSigmasOption = None,
+    imu: ImuOption = True,
+    sound_speed: SoundSpeedOption = None,
+    range_scale: RangeScaleOption = None,
     odometry: OdometryOption = None,
     odometry_drift: OdometryDriftOption = None,
     loops: LoopsOption = None,
@@ -107,12 +116,16 @@ def command(
     """
     options, execution_options = method_options(context), _execution_options(workers, scheduler, fresh)
     mapping = survey_settings(loops, key_step, max_speed, max_turn_rate, max_step)
-    read = _read(inputs, priors, prior_sigmas, out, quiet or as_json)
+    read = _read(inputs, priors, ranges_of(sound_speed, range_scale), out, quiet or as_json)
+    scans = scans_with_priors(read.scans, priors, prior_sigmas, imu, allow_unknown=bool(read.unread))
+    read = replace(read, scans=tuple(scans))
     reckoned = odometry_of(read.scans, odometry, odometry_drift)
     configured = configure_method(read.scans, options, survey=True)
     prior_settings = {"priors": str(priors), "prior_sigmas": prior_sigmas} if priors else {}
     if odometry is not None:
         prior_settings |= {"odometry": str(odometry), "odometry_drift": odometry_drift}
+    ranges = {"sound_speed": sound_speed, "range_scale": range_scale}
+    prior_settings |= {name: value for name, value in ranges.items() if value is not None}
     settings = {"inputs": inputs, **prior_settings, **configured.settings, "mapper": mapping}
     result = _map(read, reckoned, configured, execution_options, settings, out, also, quiet or as_json)
     _show(result, [scan.name for scan in read.scans], out, also, as_json)
@@ -128,24 +141,22 @@ def _execution_options(workers: int | None, scheduler: str | None, fresh: bool) 
     return ExecutionOptions(workers or 1, scheduler, fresh)
 
 
-def _read(inputs: list[str], priors: Path | None, prior_sigmas: str | None, out: Path, quiet: bool) -> "ReadScans":
-    """The scans that can be read, with their priors, and a warning for each that cannot."""
+def _read(inputs: list[str], priors: Path | None, ranges: "Ranges", out: Path, quiet: bool) -> "ReadScans":
+    """The scans that can be read, and a warning for each that cannot."""
     from tools.output.folder import require_apart
     from tools.readers.scans import read_survey
 
     with growing_progress("reading", quiet) as step:
-        read = read_survey(inputs, [priors] if priors else [], step)
+        read = read_survey(inputs, [priors] if priors else [], step, ranges)
     for note in read.notes:
         say(note)
     if read.unread and len(read.scans) < 2:
         count = f"{len(read.scans)} of {len(read.scans) + len(read.unread)} scans can be read"
         raise InputError(f"{read.unread[0].reason} ({count}; a map needs at least two)")
     for unread in read.unread:
-        warn(f"skipped, which leaves a gap: {unread.reason}")
+        warn(f"skipped, which leaves a gap: {as_options(unread.reason)}")
     require_apart(out, read.files)
-    return replace(
-        read, scans=tuple(scans_with_priors(read.scans, priors, prior_sigmas, allow_unknown=bool(read.unread)))
-    )
+    return read
 
 
 def _map(

@@ -17,16 +17,20 @@ from tools.cli.options import (
     DeviceOption,
     GridOption,
     HypothesesOption,
+    ImuOption,
     JsonOption,
     MaxTiltOption,
     MethodOption,
     PriorSigmasOption,
     PriorsOption,
+    RangeScaleOption,
     RefineOption,
     SeedOption,
+    SoundSpeedOption,
     StrengthOption,
     VoxelOption,
     YawPeaksOption,
+    ranges_of,
 )
 from tools.cli.picture import PictureOption, draw_picture, require_steps
 from tools.cli.priors import scans_with_priors
@@ -36,6 +40,7 @@ from tools.methods.registry import DEFAULT_METHOD
 if TYPE_CHECKING:
     from spectral.result import Registration
     from spectral.scan import Scan
+    from tools.readers.ranges import Ranges
 
 UNRELIABLE = 3
 
@@ -54,6 +59,9 @@ def command(
     strength: StrengthOption = False,
     priors: PriorsOption = None,
     prior_sigmas: PriorSigmasOption = None,
+    imu: ImuOption = True,
+    sound_speed: SoundSpeedOption = None,
+    range_scale: RangeScaleOption = None,
     device: DeviceOption = None,
     seed: SeedOption = DEFAULT_SEED,
     picture: PictureOption = None,
@@ -66,7 +74,9 @@ def command(
     """
     options = method_options(context)
     require_steps(picture, options.name)
-    scans = scans_with_priors([_read(target), _read(source)], priors, prior_sigmas, allow_unknown=True)
+    ranges = ranges_of(sound_speed, range_scale)
+    scans = [_read(path, ranges) for path in (target, source)]
+    scans = scans_with_priors(scans, priors, prior_sigmas, imu, allow_unknown=True)
     configured = configure_method(scans, options)
     prepared_target, prepared_source = (configured.registrar.prepare(scan) for scan in scans)
     registration = configured.registrar.register(prepared_target, prepared_source)
@@ -80,10 +90,10 @@ def command(
         raise typer.Exit(UNRELIABLE)
 
 
-def _read(path: str) -> "Scan":
+def _read(path: str, ranges: "Ranges") -> "Scan":
     from tools.readers.scans import only_scan, read_scans
 
-    read = read_scans([path])
+    read = read_scans([path], ranges)
     for note in read.notes:
         say(note)
     return only_scan(path, read)

@@ -1,7 +1,7 @@
 """A range image's points and strengths.
 
-The device looks along x with y to the right and z DOWN (wlsonar, Range Image Protocol RIP2); the points are turned here,
-once, to x forward, y left, z up.
+The device looks along x with y to the right and z DOWN (wlsonar, Range Image Protocol RIP2); the points are turned
+here, once, to x forward, y left, z up.
 """
 
 import math

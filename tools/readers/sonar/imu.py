@@ -1,7 +1,7 @@
 """The sonar's own IMU: which way is down, as roll and pitch of a shot, and turn rates.
 
-Specific forces (at rest gravity, pointing up) and turn rates are taken to have the axes of the sonar's images, x forward, y
-right, z down; the protocol does not say. They are turned here, once, to x forward, y left, z up.
+Specific forces (at rest gravity, pointing up) and turn rates are taken to have the axes of the sonar's images,
+x forward, y right, z down; the protocol does not say. They are turned here, once, to x forward, y left, z up.
 """
 
 from collections import deque
@@ -25,7 +25,7 @@ _NEAR = 0.1  # one of them is at least so near [s]
 _LEAST = 10  # samples
 _PARTS = 5  # of the samples, whose means show how much the vehicle accelerates
 _MOST_UNSTEADY = 0.05  # share of gravity; a vehicle that accelerates more has no attitude from this
-_BIAS = np.deg2rad(1.0)  # of roll and pitch: a small accelerometer is off by up to 0.02 g
+_UNSEEN = np.deg2rad(1.5)  # of roll and pitch: a small accelerometer is off by 0.02 g, slow waves accelerate as much
 _HELD = 8192  # samples
 
 
@@ -98,7 +98,7 @@ def attitude_at(stamp: float, samples: ImuSamples) -> PosePrior | None:
 
     Each force is turned to the sensor's frame at that time by the turn rates in between, and their mean points up. What
     means of five parts scatter, and what the mean's length is off gravity, is acceleration, and part of the standard
-    deviation, beside the accelerometer's own bias.
+    deviation, beside what neither shows.
 
     Args:
         stamp: the time [s].
@@ -109,7 +109,8 @@ def attitude_at(stamp: float, samples: ImuSamples) -> PosePrior | None:
         return None
     steps = np.diff(times)[:, None] * (samples.rates[1:] + samples.rates[:-1]) / 2
     turned = np.concatenate([np.zeros((1, 3)), np.cumsum(steps, axis=0)])
-    turned -= [np.interp(stamp, times, turned[:, axis]) for axis in range(3)]
+    nearest = int(np.argmin(np.abs(times - stamp)))
+    turned -= turned[nearest] + (stamp - times[nearest]) * samples.rates[nearest]
     forces = Rotation.from_rotvec(turned).apply(forces)  # R_shot_sample
     mean = forces.mean(axis=0)
     size = float(np.linalg.norm(mean))
@@ -124,7 +125,7 @@ def attitude_at(stamp: float, samples: ImuSamples) -> PosePrior | None:
         return None
     # The third row of R_world_sensor is up, seen from the sensor: (-sin pitch, cos pitch sin roll, cos pitch cos roll)
     pitch, roll = -np.arcsin(np.clip(up[0], -1, 1)), np.arctan2(up[1], up[2])
-    sigma = float(np.sqrt(_BIAS**2 + unsteady**2 + off**2))
+    sigma = float(np.sqrt(_UNSEEN**2 + unsteady**2 + off**2))
     R_world_sensor = Rotation.from_euler("ZYX", [0.0, pitch, roll])
     sigmas = np.array([sigma, sigma, np.inf, np.inf, np.inf, np.inf])
     return PosePrior(RigidTransform.from_rotation(R_world_sensor), sigmas)

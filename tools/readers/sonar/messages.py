@@ -38,8 +38,8 @@ def message_of(content: bytes, *kinds: type[Message]) -> Message | None:
 def range_image_type() -> type[Message]:
     """wlsonar's RangeImage, but for its pixels, which stay the bytes that were sent.
 
-    They are the same on the wire. Python makes an object of each of 16,384 pixels otherwise, which takes longer than all
-    else.
+    They are the same on the wire. Python makes an object of each of 16,384 pixels otherwise, which takes longer than
+    all else.
     """
     file = descriptor_pb2.FileDescriptorProto()
     rip.RangeImage.DESCRIPTOR.file.CopyToProto(file)

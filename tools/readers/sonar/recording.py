@@ -118,9 +118,8 @@ class Recording:
         damage = self.damage
         if damage.packets:
             which = "it" if damage.packets == 1 else "the first"
-            yield (
-                f"{_counted(damage.packets, 'damaged packet')} left out, {damage.size:,} bytes; {which} is {damage.first}"
-            )
+            count = _counted(damage.packets, "damaged packet")
+            yield f"{count} left out, {damage.size:,} bytes; {which} is {damage.first}"
         if damage.is_cut:
             yield "the recording is cut: its last packet is not whole"
 
@@ -156,7 +155,7 @@ class Recording:
     def _clock_notes(self, changed: float | None) -> Iterator[str]:
         if not self._stamps:
             return
-        yield from clock_faults(clock_of(np.array(self._stamps)), changed)
+        yield from clock_faults(clock_of(np.array(self._stamps, dtype=np.float64)), changed)
         jumps, largest = self._jumps()
         if jumps:
             yield (
@@ -166,7 +165,8 @@ class Recording:
 
     def _jumps(self) -> tuple[int, float]:
         """How often the clock went on by another time than the numbers say, and by how much at most [s]."""
-        numbers, times = np.diff(np.array(self._places)), np.diff(np.array(self._stamps))
+        numbers = np.diff(np.array(self._places, dtype=np.float64))
+        times = np.diff(np.array(self._stamps, dtype=np.float64))
         known = (numbers > 0) & (numbers <= REACH)
         if not known.any():
             return 0, 0.0

@@ -30,7 +30,7 @@ class Shot:
 
 
 class ShotQueue:
-    """Shots wait here until the sixteenth after them has come: for strength images, and for shots that come late.
+    """Shots wait here until seventeen have come after them: for strength images, and for shots that come late.
 
     Attributes:
         numbers: of the shots.
@@ -93,7 +93,7 @@ class ShotQueue:
 
     def ready(self) -> Iterator[Shot]:
         """Shots that nothing can come before any more, in order."""
-        while len(self._order) > REACH:
+        while len(self._order) > REACH + 1:  # or a shot that comes last of these leaves before its strength image
             yield self._pop()
 
     def rest(self) -> Iterator[Shot]:
