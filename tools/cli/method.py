@@ -61,6 +61,11 @@ class MethodOptions:
     priors: Path | None = None
     given: frozenset[str] = frozenset()
 
+    @property
+    def uses_priors(self) -> bool:
+        """Whether the method uses what instruments measured of the poses."""
+        return "priors" in find_method(self.name).options
+
 
 @dataclass(frozen=True, slots=True)
 class ConfiguredMethod:

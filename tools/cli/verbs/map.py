@@ -117,7 +117,7 @@ def command(
     options, execution_options = method_options(context), _execution_options(workers, scheduler, fresh)
     mapping = survey_settings(loops, key_step, max_speed, max_turn_rate, max_step)
     read = _read(inputs, priors, ranges_of(sound_speed, range_scale), out, quiet or as_json)
-    scans = scans_with_priors(read.scans, priors, prior_sigmas, imu, allow_unknown=bool(read.unread))
+    scans = scans_with_priors(read.scans, priors, prior_sigmas, imu and options.uses_priors, bool(read.unread))
     read = replace(read, scans=tuple(scans))
     reckoned = odometry_of(read.scans, odometry, odometry_drift)
     configured = configure_method(read.scans, options, survey=True)

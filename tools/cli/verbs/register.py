@@ -76,7 +76,7 @@ def command(
     require_steps(picture, options.name)
     ranges = ranges_of(sound_speed, range_scale)
     scans = [_read(path, ranges) for path in (target, source)]
-    scans = scans_with_priors(scans, priors, prior_sigmas, imu, allow_unknown=True)
+    scans = scans_with_priors(scans, priors, prior_sigmas, imu and options.uses_priors, allow_unknown=True)
     configured = configure_method(scans, options)
     prepared_target, prepared_source = (configured.registrar.prepare(scan) for scan in scans)
     registration = configured.registrar.register(prepared_target, prepared_source)

@@ -117,9 +117,9 @@ class Recording:
     def _damage_notes(self) -> Iterator[str]:
         damage = self.damage
         if damage.packets:
-            which = "it" if damage.packets == 1 else "the first"
+            which = "" if damage.packets == 1 else "the first is "
             count = _counted(damage.packets, "damaged packet")
-            yield f"{count} left out, {damage.size:,} bytes; {which} is {damage.first}"
+            yield f"{count} left out, {damage.size:,} bytes: {which}{damage.first}"
         if damage.is_cut:
             yield "the recording is cut: its last packet is not whole"
 

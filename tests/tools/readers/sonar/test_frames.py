@@ -168,7 +168,7 @@ def test_a_strength_image_of_another_size_is_left_out(first):
     assert (len(cloud.points), cloud.strength) == (11, None)
     (note,) = notes
     assert "1 damaged packet left out" in note
-    assert "it is packet 2 at byte" in note
+    assert "bytes: packet 2 at byte" in note
     assert "is a strength image of 3 x 4 with 12 pixels beside a range image of 4 x 3" in note
 
 

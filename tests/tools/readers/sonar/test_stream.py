@@ -118,9 +118,7 @@ class TestDamage:
             for cloud, shot in zip(clouds, left, strict=True):
                 assert_same(cloud, whole[shot])
                 assert (cloud.strength is None) == (hit == 2 * shot + 1)
-            said = (
-                f"1 damaged packet left out, {len(packets[hit])} bytes; it is packet {hit + 1} at byte {starts[hit]} "
-            )
+            said = f"1 damaged packet left out, {len(packets[hit])} bytes: packet {hit + 1} at byte {starts[hit]} "
             assert any(said in note for note in notes), notes
 
     def test_garbage_between_packets_and_false_beginnings_are_skipped(self) -> None:
