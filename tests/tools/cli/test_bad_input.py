@@ -79,7 +79,7 @@ def test_a_header_that_lies_takes_no_memory_and_no_time(good: str, tmp_path: Pat
     tracemalloc.stop()
 
 
-@pytest.mark.parametrize("sample", SAMPLES)
+@pytest.mark.parametrize("sample", [name for name in SAMPLES if name != "sonar"])  # whose whole shots are read
 def test_a_file_cut_anywhere_is_refused_by_its_name(good: str, tmp_path: Path, sample: str) -> None:
     """Every byte of every format is cut in test_readers_damage; here, what the user hears of it."""
     suffix, content = SAMPLES[sample]

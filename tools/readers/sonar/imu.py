@@ -66,28 +66,29 @@ class ImuWindow:
     """The latest samples of a recording that is being read, and the attitude that they give a shot among them."""
 
     def __init__(self) -> None:
-        self._batches: deque[ImuSamples] = deque()
+        self._batches: deque[tuple[float, float, ImuSamples]] = deque()  # with their first and last time
         self._held = 0
 
     def add(self, samples: ImuSamples) -> None:
         """Samples have come."""
         if not len(samples.times):
             return
-        self._batches.append(samples)
+        self._batches.append((float(samples.times.min()), float(samples.times.max()), samples))
         self._held += len(samples.times)
         while self._held > _HELD and len(self._batches) > 1:
-            self._held -= len(self._batches.popleft().times)
+            self._held -= len(self._batches.popleft()[2].times)
 
     def prior_at(self, stamp: float | None) -> PosePrior | None:
         """Roll and pitch at a time [s]; None where too few samples are near it, or the vehicle accelerates."""
         if stamp is None or not self._batches:
             return None
-        near = [b for b in self._batches if b.times.min() <= stamp + _AROUND and b.times.max() >= stamp - _AROUND]
+        low, high = stamp - _AROUND, stamp + _AROUND
+        near = [samples for first, last, samples in self._batches if first <= high and last >= low]
         if not near:
             return None
-        times, forces, rates = (
-            np.concatenate([getattr(b, field) for b in near]) for field in ("times", "forces", "rates")
-        )
+        times = np.concatenate([samples.times for samples in near])
+        forces = np.concatenate([samples.forces for samples in near])
+        rates = np.concatenate([samples.rates for samples in near])
         order = np.argsort(times, kind="stable")
         order = order[np.abs(times[order] - stamp) <= _AROUND]
         return attitude_at(stamp, ImuSamples(times[order], forces[order], rates[order]))

@@ -1,6 +1,7 @@
 """The shots of a recording in their order, each with its strength image, whichever of the two came first."""
 
 import heapq
+import zlib
 from collections.abc import Iterator
 from dataclasses import dataclass, replace
 from itertools import count
@@ -54,7 +55,7 @@ class ShotQueue:
         Raises:
             InputError: its strength image came before, and does not fit; the shot is kept without it.
         """
-        key = (frame.number, frame.stamp)
+        key = (frame.number, frame.stamp or zlib.crc32(frame.points.tobytes()))
         if key in self._frames:
             self.doubled += 1
             return
@@ -76,7 +77,7 @@ class ShotQueue:
             InputError: it does not fit the range image of its shot.
         """
         number = image.header.sequence_id
-        key = (number, stamp_of(image))
+        key = (number, stamp_of(image) or zlib.crc32(image.image_pixel_data))
         if key in self._strengths:
             self.doubled += 1
             return
