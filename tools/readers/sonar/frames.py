@@ -53,9 +53,9 @@ def frame_of(image: Any) -> Frame:
     values = pixels_of(image)
     if len(values) != width * height:
         raise InputError(f"is a range image of {width} x {height} with {len(values):,} pixels")
-    (pixels,) = values.nonzero()
+    pixels = np.flatnonzero(values != 0)
     ranges = values[pixels].astype(np.float64) * scale
-    points = ranges[:, None] * _directions(width, height, *fields)[pixels]
+    points = ranges[:, None] * _directions(width, height, *fields).take(pixels, axis=0)
     speed = image.speed_of_sound if 0 < image.speed_of_sound < math.inf else None
     return Frame(image.header.sequence_id, stamp_of(image), points, pixels, (width, height), speed)
 

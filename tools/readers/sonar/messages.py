@@ -45,7 +45,7 @@ def range_image_type() -> type[Message]:
     rip.RangeImage.DESCRIPTOR.file.CopyToProto(file)
     image = next(message for message in file.message_type if message.name == rip.RangeImage.DESCRIPTOR.name)
     pixels = next(field for field in image.field if field.name == _PIXELS)
-    pixels.label, pixels.type = pixels.LABEL_OPTIONAL, pixels.TYPE_BYTES
+    pixels.type = pixels.TYPE_BYTES  # repeated, as a sender may divide them
     pixels.ClearField("options")
     pool = descriptor_pool.DescriptorPool()
     for needed in (any_pb2, timestamp_pb2):
@@ -60,7 +60,7 @@ def pixels_of(image: Message) -> np.ndarray:
     Raises:
         InputError: bytes that are no numbers.
     """
-    pixels = _short_varints(getattr(image, _PIXELS))
+    pixels = _short_varints(b"".join(getattr(image, _PIXELS)))
     if pixels is None or len(pixels) != image.width * image.height:  # type: ignore[attr-defined]
         try:  # numbers of other lengths, or each in a field of its own, which a sender may choose
             pixels = np.array(getattr(rip.RangeImage.FromString(image.SerializeToString()), _PIXELS), np.uint32)

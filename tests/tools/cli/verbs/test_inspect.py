@@ -143,7 +143,7 @@ class TestOtherFormats:
     def test_a_speed_of_sound_for_a_format_without_one(self, tmp_path: Path) -> None:
         write(tmp_path, a=scan(0))
         for verb in (["inspect"], ["map", "-o", tmp_path / "out"]):
-            shown = sonarmap(*verb, tmp_path / "a.ply", "--sound-speed", 1490)
+            shown = sonarmap(*verb, tmp_path / "a.ply", "--sound-speed", "1490")
             assert shown.exit_code == 2
             said(shown, "--sound-speed 1490 cannot be used, as a PLY file does not say")
             said(shown, "give --range-scale instead")
@@ -182,7 +182,7 @@ class TestImuOption:
     @pytest.mark.parametrize("options", [["--method", "icp"], ["--method", "icp", "--no-imu"]])
     def test_a_method_without_priors_does_not_use_it(self, pair: Path, options: list[str]) -> None:
         shots = [f"{pair / 'dive.sonar'}#{k}" for k in (0, 1)]
-        said(sonarmap("register", *shots, *options, "--voxel", 1), "2 of 2 scans: their own IMU is not used")
+        said(sonarmap("register", *shots, *options, "--voxel", "1"), "2 of 2 scans: their own IMU is not used")
 
 
 class TestClock:

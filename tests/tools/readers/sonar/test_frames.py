@@ -15,6 +15,7 @@ from kernels.errors import InputError
 from tests.samples.cloud_files import SAMPLES, range_image, sonar_packets, strength_image
 from tests.samples.recordings import read_sonar
 from tools.readers.scans import read_scan, read_scans, read_survey
+from tools.readers.sonar.messages import pixels_of, range_image_type
 
 pytestmark = pytest.mark.filterwarnings("error")
 REAL = Path(__file__).parents[5] / "shared" / "data" / "sonar3d15" / "ship_short.sonar"
@@ -215,3 +216,32 @@ def test_a_frame_of_nothing_but_nan_leaves_a_place(tmp_path):
     assert [scan.stamp - read.scans[0].stamp for scan in read.scans] == [0, 2]
     (unread,) = read.unread
     assert (unread.where, unread.before) == (f"{path}#1", 1)
+
+
+class TestPixels:
+    """The same numbers as wlsonar's message has, from the same bytes."""
+
+    def ours(self, content: bytes) -> list[int]:
+        return pixels_of(range_image_type().FromString(content)).tolist()
+
+    @pytest.mark.parametrize("largest", [1, 0x7F, 0x3FFF, 0xFFFF, 0x1FFFFF, 2**32 - 1])
+    def test_of_any_length(self, largest):
+        rng = np.random.default_rng(largest)
+        pixels = rng.integers(0, largest, (8, 16), endpoint=True)
+        image = range_image(1, pixels)
+        content = image.SerializeToString()
+        assert self.ours(content) == list(image.image_pixel_data) == pixels.ravel().tolist()
+
+    def test_each_in_a_field_of_its_own_or_in_pieces(self):
+        """Both are allowed to a sender."""
+        bare = rip.RangeImage(width=4, height=1).SerializeToString()
+        separate = bare + b"\x50\x05\x50\x80\x01\x50\x00\x50\xff\xff\x03"
+        pieces = bare + b"\x52\x03\x05\x80\x01" + b"\x52\x04\x00\xff\xff\x03"
+        for content in (separate, pieces):
+            assert list(rip.RangeImage.FromString(content).image_pixel_data) == [5, 128, 0, 65535]
+            assert self.ours(content) == [5, 128, 0, 65535]
+
+    def test_cut_in_a_number(self):
+        content = rip.RangeImage(width=2, height=1).SerializeToString() + b"\x52\x02\x05\x80"
+        with pytest.raises(InputError, match="is damaged"):
+            self.ours(content)
