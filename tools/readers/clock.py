@@ -84,7 +84,7 @@ def clock_faults(clock: Clock, changed: float | None = None) -> list[str]:
         faults.append(f"the clock was not set: it ends at {utc(clock.end)} UTC")
     elif changed is not None and clock.end > changed + _AHEAD:
         faults.append(
-            f"the clock is wrong: it ends at {utc(clock.end)} UTC, and the file was last changed at {utc(changed)} UTC"
+            f"the clock is ahead: it ends at {utc(clock.end)} UTC, and the file was last changed at {utc(changed)} UTC"
         )
     return faults
 

@@ -36,19 +36,28 @@ class Damage:
         packets: damaged packets; bytes in a row that are no packet count as one.
         size: of all of them [bytes].
         first: where the first one is and what is wrong with it, in words.
-        is_cut: whether the recording ends within a packet.
+        cut: size of a packet at the end whose rest is missing [bytes].
     """
 
     packets: int = 0
     size: int = 0
     first: str = ""
-    is_cut: bool = False
+    cut: int = 0
 
     def add(self, number: int, start: int, size: int, reason: str) -> None:
         """Count a packet, or bytes that are none."""
         self.packets += 1
         self.size += size
-        self.first = self.first or f"packet {number} at byte {start:,} {reason}"
+        self.first = self.first or _named(number, start, reason)
+
+    def end_within(self, number: int, start: int, size: int, reason: str) -> None:
+        """The recording ends within a packet."""
+        self.cut = size
+        self.first = self.first or _named(number, start, reason)
+
+
+def _named(number: int, start: int, reason: str) -> str:
+    return f"packet {number} at byte {start:,} {reason}"
 
 
 def packets_in(path: Path, damage: Damage) -> Iterator[Packet]:
@@ -94,10 +103,10 @@ def _packets(window: _Window, damage: Damage) -> Iterator[Packet]:
             yield Packet(number, start, content)
             start += len(content)
             continue
-        reason = _fault_at(window, start)
+        reason, is_cut = _fault_at(window, start)
         following, end = _next_packet(window, start + 1)
-        damage.is_cut = following is None
-        damage.add(number, start, end - start, reason)
+        note = damage.end_within if is_cut and following is None else damage.add
+        note(number, start, end - start, reason)
         start = end
 
 
@@ -119,16 +128,17 @@ def _length(header: bytes) -> int:
     return length if LEAST_PACKET <= length <= LARGEST_PACKET else 0
 
 
-def _fault_at(window: _Window, start: int) -> str:
-    """Why no packet begins there, in words."""
+def _fault_at(window: _Window, start: int) -> tuple[str, bool]:
+    """Why no packet begins there, in words, and whether the rest of one can be missing."""
     header = window.bytes_at(start, 8)
     if len(header) < 8 or header[:4] not in MAGICS:
-        return f"begins with {shown(header)}, wanted RIP2 and a length"
+        return f"begins with {shown(header)}, wanted RIP2 and a length", len(header) < 8
     (claimed,) = struct.unpack_from("<I", header, 4)
     left = len(window.bytes_at(start, min(claimed, LARGEST_PACKET)))
     if claimed > left or claimed < LEAST_PACKET:
-        return f"claims {claimed:,} bytes, wanted at least {LEAST_PACKET} and no more than the {left:,} that follow"
-    return "has a wrong checksum"
+        reason = f"claims {claimed:,} bytes, wanted at least {LEAST_PACKET} and no more than the {left:,} that follow"
+        return reason, left < claimed <= LARGEST_PACKET
+    return "has a wrong checksum", False
 
 
 def _next_packet(window: _Window, start: int) -> tuple[int | None, int]:

@@ -120,8 +120,8 @@ class Recording:
             which = "" if damage.packets == 1 else "the first is "
             count = _counted(damage.packets, "damaged packet")
             yield f"{count} left out, {damage.size:,} bytes: {which}{damage.first}"
-        if damage.is_cut:
-            yield "the recording is cut: its last packet is not whole"
+        if damage.cut:
+            yield f"the recording is cut: of its last packet there are only {_counted(damage.cut, 'byte')}"
 
     def _number_notes(self) -> Iterator[str]:
         numbers = self.queue.numbers
