@@ -112,14 +112,6 @@ def test_bytes_after_the_last_point_are_told(tmp_path):
         assert note.startswith(f"{name}: ignored 2 bytes")
 
 
-def test_a_viewpoint_that_is_not_used_is_told(tmp_path):
-    moved = pcd("binary").replace(b"VIEWPOINT 0 0 0", b"VIEWPOINT 5 0 0")
-    (note,) = read_scans([put(tmp_path / "a.pcd", moved)]).notes
-    assert "VIEWPOINT 5 0 0 1 0 0 0" in note
-    zeros = pcd("binary").replace(b"VIEWPOINT 0 0 0 1 0 0 0", b"VIEWPOINT 0.0 0.0 -0.0 1.0 0 0 0.00")
-    assert read_scans([put(tmp_path / "b.pcd", zeros)]).notes == ()
-
-
 # ---- which points are left
 
 

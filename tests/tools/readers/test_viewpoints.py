@@ -141,3 +141,48 @@ class TestTrajectoryBeside:
     def test_a_trajectory_that_cannot_be_used(self, tmp_path: Path, trajectory: str, message: str) -> None:
         with pytest.raises(InputError, match=message):
             read_scan(timed(tmp_path / "a.ply", trajectory=trajectory))
+
+
+class TestViewpointOfPcd:
+    """PCL's sensor_origin: where the sensor was, in the frame of the points."""
+
+    NOTE = "the line VIEWPOINT is taken as the sensor's place in the frame of the points; where the points are in the "
+
+    @pytest.mark.parametrize("encoding", ["ascii", "binary", "binary_compressed"])
+    def test_it_is_where_the_sensor_was(self, tmp_path: Path, encoding: str) -> None:
+        content = pcd(encoding).replace(b"VIEWPOINT 0 0 0 1 0 0 0", b"VIEWPOINT 5 -2.5 1e-1 0.6 0 0 0.8")
+        (tmp_path / "a.pcd").write_bytes(content)
+        scan = read_scan(tmp_path / "a.pcd")
+        np.testing.assert_array_equal(scan.points, POINTS)
+        np.testing.assert_array_equal(scan.viewpoints, np.tile(np.array([5, -2.5, 0.1], np.float32), (5, 1)))
+
+    def test_a_line_for_all_files_says_so(self, tmp_path: Path) -> None:
+        for k in range(12):
+            content = pcd("binary").replace(b"VIEWPOINT 0", f"VIEWPOINT {k}".encode())
+            (tmp_path / f"scan{k}.pcd").write_bytes(content)
+        (note,) = read_scans([tmp_path]).notes
+        assert note.startswith(f"scan1.pcd and 10 more: {self.NOTE}")
+
+    def test_fields_of_the_points_win(self, tmp_path: Path) -> None:
+        write_points(tmp_path / "a.pcd", POINTS, columns_of(SCAN))
+        path = tmp_path / "a.pcd"
+        path.write_bytes(path.read_bytes().replace(b"VIEWPOINT 0 0 0", b"VIEWPOINT 5 0 0"))
+        read = read_scans([path])
+        np.testing.assert_array_equal(read.scans[0].viewpoints, VIEWPOINTS)
+        assert read.notes == ()
+
+    @pytest.mark.parametrize("line", ["0.0 0.0 -0.0 1.0 0 0 0.00", "0 0 0 0.6 0 0 0.8"])
+    def test_a_sensor_at_the_origin_needs_no_viewpoints(self, tmp_path: Path, line: str) -> None:
+        content = pcd("binary").replace(b"VIEWPOINT 0 0 0 1 0 0 0", f"VIEWPOINT {line}".encode())
+        (tmp_path / "a.pcd").write_bytes(content)
+        read = read_scans([tmp_path])
+        assert (read.scans[0].viewpoints, read.notes) == (None, ())
+
+    @pytest.mark.parametrize("line", ["1 2 3", "1 2 3 1 0 0 x", "1 2 nan 1 0 0 0", "1 2 3 1 0 0 0 0"])
+    def test_lines_that_are_none(self, tmp_path: Path, line: str) -> None:
+        content = pcd("binary").replace(b"VIEWPOINT 0 0 0 1 0 0 0", f"VIEWPOINT {line}".encode())
+        (tmp_path / "a.pcd").write_bytes(content)
+        with pytest.raises(
+            InputError, match=r"a\.pcd: its PCD header says VIEWPOINT '.*'; wanted a place and a quater"
+        ):
+            read_scan(tmp_path / "a.pcd")

@@ -5,7 +5,7 @@ Format: https://pointclouds.org/documentation/tutorials/pcd_file_format.html
 
 import re
 import struct
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from itertools import accumulate
 from math import prod
 
@@ -21,14 +21,18 @@ from tools.readers.limits import LARGEST
 _HEADER = re.compile(rb"\A(.*?)^DATA[ \t]+(ascii|binary|binary_compressed)[ \t]*\r?\n", re.DOTALL | re.MULTILINE)
 _HEADER_LIMIT = 1 << 20
 _ORIGIN = "# origin of x, y, z [m]:"  # as tools/writers/pcd.py has it
-_NO_VIEWPOINT = r"-?0[.0]* -?0[.0]* -?0[.0]* 1[.0]* -?0[.0]* -?0[.0]* -?0[.0]*"
+_VIEWPOINT_NOTE = (
+    "the line VIEWPOINT is taken as the sensor's place in the frame of the points; where the points are in the "
+    "sensor's own frame, set it to 0 0 0 1 0 0 0"
+)
 _SIZES = {"F": (4, 8), "I": (1, 2, 4, 8), "U": (1, 2, 4, 8)}
 _LZF_RATIO = 88  # LZF never shrinks further: 264 bytes that repeat others cost it three
 
 
 @dataclass(frozen=True, slots=True)
 class _Header:
-    """One entry of names, dtypes and counts per field; `points` of them; the origin (3,) to add [m]."""
+    """One entry of names, dtypes and counts per field; `points` of them; the origin (3,) to add to them, and where the
+    sensor was, (3,) float64 [m]."""
 
     names: list[str]
     dtypes: list[str]
@@ -36,7 +40,7 @@ class _Header:
     points: int
     lines: int
     origin: list[float]
-    notes: list[str]
+    viewpoint: np.ndarray
 
     @property
     def sizes(self) -> list[int]:
@@ -69,7 +73,11 @@ def read_pcd(content: bytes) -> list[Cloud]:
         columns, surplus = _read_compressed(content, match.end(), header, roles)
     if any(header.origin):
         columns |= {axis: columns[axis].astype(np.float64) + x for axis, x in zip("xyz", header.origin, strict=True)}
-    return [cloud_of_columns(columns, header.notes + surplus)]
+    cloud = cloud_of_columns(columns, surplus)
+    if cloud.viewpoints is None and header.viewpoint.any():
+        viewpoints = np.tile(header.viewpoint + header.origin, (len(cloud.points), 1))
+        cloud = replace(cloud, viewpoints=viewpoints, notes=(*cloud.notes, _VIEWPOINT_NOTE))
+    return [cloud]
 
 
 def _parse_header(text: bytes) -> _Header:
@@ -102,7 +110,7 @@ def _parse_header(text: bytes) -> _Header:
         points=points,
         lines=text.count(b"\n") + 1,
         origin=origin,
-        notes=_viewpoint_note(entries.get("VIEWPOINT", [])),
+        viewpoint=_viewpoint(entries.get("VIEWPOINT", [])),
     )
 
 
@@ -137,11 +145,18 @@ def _dtype(kind: str, size: str) -> str:
     return f"<{kind.lower()}{size}"
 
 
-def _viewpoint_note(viewpoint: list[str]) -> list[str]:
-    """PCL keeps the sensor's pose beside the points; whose frame the points are in, it does not say."""
-    if not viewpoint or re.fullmatch(_NO_VIEWPOINT, " ".join(viewpoint)):
-        return []
-    return [f"VIEWPOINT {' '.join(viewpoint)} is not used; the points are taken to be in the sensor's frame"]
+def _viewpoint(words: list[str]) -> np.ndarray:
+    """(3,) where the sensor was: PCL's sensor_origin. How it was turned there does not matter."""
+    try:
+        numbers = np.array([float(word) for word in words or "0001000"])
+    except ValueError:
+        numbers = np.array([])
+    if len(numbers) != 7 or not np.isfinite(numbers).all():
+        raise InputError(
+            f"its PCD header says VIEWPOINT {shown(' '.join(words).encode())}; wanted a place and a quaternion, as in "
+            "0 0 0 1 0 0 0"
+        )
+    return numbers[:3]
 
 
 def _read_ascii(body: bytes, header: _Header, roles: dict[str, int]) -> tuple[dict[str, np.ndarray], list[str]]:
