@@ -19,15 +19,32 @@ OWNERS = {  # a library, and the one room that may import it
     "matplotlib": "tools",
     "pyproj": "tools",
     "pyogrio": "tools",
-    "mcap": "tools",
+    "laspy": "tools",
+    "lazrs": "tools",
     "rosbags": "tools",
+    "mcap": "tools",
+    "lz4": "tools",
+    "zstandard": "tools",
+    "ruamel": "tools",
     "plyfile": "tools",
     "wlsonar": "tools",
     "typer": "tools",
     "rich": "tools",
 }
 # slow to load: inside the function that uses them
-LATE = {"open3d", "matplotlib", "pyproj", "pyogrio", "mcap", "rosbags"}
+LATE = {
+    "open3d",
+    "matplotlib",
+    "pyproj",
+    "pyogrio",
+    "laspy",
+    "lazrs",
+    "rosbags",
+    "mcap",
+    "lz4",
+    "zstandard",
+    "ruamel",
+}
 SLOW_TO_LOAD = {"pyopencl", "scipy", "gtsam", *LATE}
 MOST_LINES = 400
 MOST_FILES = 18  # directly in a folder: beyond about 15 it wants to be divided by meaning

@@ -9,10 +9,12 @@ from pathlib import Path
 from kernels.errors import InputError
 from tools.memory import require_memory
 from tools.readers.clouds.cloud import Cloud
+from tools.readers.clouds.las import read_las
 from tools.readers.clouds.npy import read_npy
 from tools.readers.clouds.npz import read_npz
 from tools.readers.clouds.pcd import read_pcd
 from tools.readers.clouds.ply import read_ply
+from tools.readers.clouds.recording import stream_recording
 from tools.readers.clouds.text import read_text
 from tools.readers.selection import SelectedFile
 from tools.readers.trajectory_beside import TRAJECTORY, with_viewpoints
@@ -32,6 +34,7 @@ class Format:
         stream: for files larger than memory: from a path to clouds one by one. It adds to the list what the user
             should know of the file as a whole, and goes on after what is damaged where it can.
         has_sound_speed: whether clouds say with which speed of sound their ranges were computed.
+        stream_topic: as `stream`, for files of several topics: the topic that was chosen comes second.
     """
 
     kind: str
@@ -39,6 +42,7 @@ class Format:
     read: Callable[[bytes], list[Cloud]] | None = None
     stream: Callable[[Path, list[str]], Iterator[Cloud]] | None = None
     has_sound_speed: bool = False
+    stream_topic: Callable[[Path, str | None, list[str]], Iterator[Cloud]] | None = None
 
 
 def _stream_sonar(path: Path, notes: list[str]) -> Iterator[Cloud]:
@@ -47,6 +51,8 @@ def _stream_sonar(path: Path, notes: list[str]) -> Iterator[Cloud]:
     return stream_sonar(path, notes)
 
 
+_BAG_FOLDER = Format("a ROS 2 bag", b"", stream_topic=stream_recording)
+_LAS = Format("a LAS or LAZ file", rb"LASF", read_las)
 _TEXT = Format("text", rb"[^\x00-\x08\x0e-\x1f\x7f]*\Z", read_text)
 
 # Suffix -> format. Text comes last, as the start of a PLY or PCD file is text too.
@@ -55,7 +61,12 @@ FORMATS = {
     ".pcd": Format("a PCD file", rb"# ?\.PCD|(?:\s*#[^\n]*\n)*\s*VERSION\s+0?\.\d", read_pcd),
     ".npy": Format("a NumPy .npy array", rb"\x93NUMPY", read_npy),
     ".npz": Format("a zip archive, as NumPy's .npz is", rb"PK(\x03\x04|\x05\x06)", read_npz),
+    ".las": _LAS,
+    ".laz": _LAS,
     ".sonar": Format("a Sonar 3D-15 recording", rb"RIP[12]", stream=_stream_sonar, has_sound_speed=True),
+    ".bag": Format("a ROS 1 bag", rb"#ROSBAG V", stream_topic=stream_recording),
+    ".mcap": Format("an MCAP file", rb"\x89MCAP0\r\n", stream_topic=stream_recording),
+    ".db3": Format("an SQLite database, as ROS 2 bags have", rb"SQLite format 3\x00", stream_topic=stream_recording),
     ".xyz": _TEXT,
     ".txt": _TEXT,
     ".csv": _TEXT,
@@ -64,8 +75,9 @@ FORMATS = {
 
 @dataclass(frozen=True, slots=True)
 class NamedCloud:
-    """A cloud, the file it comes from (for messages), and the name of its scan."""
+    """A cloud, its file or ROS 2 bag, where in it the cloud is (for messages), and the name of its scan."""
 
+    path: Path
     where: str
     name: str
     cloud: Cloud
@@ -81,18 +93,24 @@ def clouds_of(selected: SelectedFile, notes: list[str]) -> Iterator[NamedCloud]:
     """
     path = selected.path
     try:
-        yield from _named(selected, _clouds_in(path, notes), notes)
+        yield from _named(selected, _clouds_in(selected, notes), notes)
     except InputError as error:
         raise InputError(f"{path}: {error}") from error
     except MemoryError as error:
         raise InputError(f"{path}: too large for this machine's memory; thin its points out first") from error
 
 
-def _clouds_in(path: Path, notes: list[str]) -> Iterator[Cloud]:
+def _clouds_in(selected: SelectedFile, notes: list[str]) -> Iterator[Cloud]:
     """Every cloud of a file, those without points too."""
-    known = _format_of(path)
-    _check_start(path)
-    if known.stream is not None:
+    path = selected.path
+    known = _BAG_FOLDER if path.is_dir() else _format_of(path)
+    if known is not _BAG_FOLDER:
+        _check_start(path)
+    if known.stream_topic is not None:
+        clouds = known.stream_topic(path, selected.topic, notes)
+    elif selected.topic is not None:
+        raise InputError(f"::{selected.topic} names a topic, and {known.kind} has none; leave it out")
+    elif known.stream is not None:
         clouds = known.stream(path, notes)
     else:
         assert known.read is not None, "a format is read at once or streamed"
@@ -103,12 +121,13 @@ def _clouds_in(path: Path, notes: list[str]) -> Iterator[Cloud]:
 
 def _named(selected: SelectedFile, clouds: Iterator[Cloud], notes: list[str]) -> Iterator[NamedCloud]:
     """The clouds with points that were selected; numbered where the file holds several."""
-    path, count, empty = selected.path, 0, list[str]()
+    place, count, empty = selected.place, 0, list[str]()
+    stem = selected.path.name if selected.path.is_dir() else selected.path.stem
     first = list(islice(clouds, 2))
     label = "#{}" if len(first) > 1 else ""
     for k, cloud in enumerate(chain(first, clouds)):
         count += 1
-        named = NamedCloud(f"{path}{label.format(k)}", f"{path.stem}{label.format(k)}", cloud)
+        named = NamedCloud(selected.path, f"{place}{label.format(k)}", f"{stem}{label.format(k)}", cloud)
         if selected.index is not None:
             if k == selected.index:
                 yield named
@@ -123,7 +142,8 @@ def _named(selected: SelectedFile, clouds: Iterator[Cloud], notes: list[str]) ->
         raise InputError("no points in it; give a scan with at least one finite point")
     if empty:
         which = f"{', '.join(empty[:_LISTED])}{', ...' if len(empty) > _LISTED else ''}"
-        notes.append(f"{path.name}: {len(empty):,} of {count:,} scans were skipped, as they have no points: {which}")
+        name = selected.path.name
+        notes.append(f"{name}: {len(empty):,} of {count:,} scans were skipped, as they have no points: {which}")
 
 
 def _format_of(path: Path) -> Format:

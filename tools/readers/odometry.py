@@ -12,11 +12,14 @@ from kernels.errors import InputError
 from slam.graph.trajectory import Trajectory
 from slam.motion.odometry import Odometry
 from spectral.scan import Scan
+from tools.readers.bags.open import is_recording
+from tools.readers.bags.poses import read_recorded_odometry
 from tools.readers.csv_table import read_csv_table
 from tools.readers.instruments import COLUMNS, check_measured, pose_of
 from tools.readers.limits import LARGEST, LEAST_SIGMA
 from tools.readers.poses.tum import read_tum
 from tools.readers.prior_match import SAME_STAMP, seconds
+from tools.readers.selection import part_of_file
 
 # Poses this many times farther apart than usual leave a gap, in which nothing is known.
 _GAP = 10.0
@@ -28,7 +31,8 @@ def read_odometry(
     """Where dead reckoning has the scans.
 
     Args:
-        path: a TUM file, or a CSV file (by its suffix) with the columns stamp and those of a priors file, all filled.
+        path: a TUM file, a CSV file (by its suffix) with the columns stamp and those of a priors file, all filled, or a
+            ROS bag or MCAP file, perhaps with ::TOPIC behind it.
         scans: with stamps by the same clock.
         drift: standard deviation of the way, as a share of it.
         turn_drift: standard deviation of the rotation [rad/s].
@@ -38,7 +42,7 @@ def read_odometry(
         InputError: naming the file: it cannot be used, its stamps do not ascend, or fewer than two scans lie within its
             time.
     """
-    trajectory = _read_csv(path) if path.suffix.lower() == ".csv" else read_tum(path)
+    trajectory = _read_trajectory(path, [] if notes is None else notes)
     stamps = trajectory.stamps
     if len(stamps) < 2 or not (np.diff(stamps) > 0).all():
         pose = int(np.argmin(np.diff(stamps) > 0)) + 1 if len(stamps) > 1 else 0
@@ -70,6 +74,13 @@ def _within(stamps: np.ndarray, times: np.ndarray) -> np.ndarray:
     inside = (times >= stamps[0]) & (times <= stamps[-1]) & (gap <= _GAP * np.median(np.diff(stamps)))
     nearest = np.minimum(np.abs(times - stamps[after]), np.abs(times - stamps[after - 1]))
     return inside | (nearest <= SAME_STAMP)
+
+
+def _read_trajectory(path: Path, notes: list[str]) -> Trajectory:
+    part = part_of_file(str(path))
+    if part is not None and is_recording(part.path):
+        return read_recorded_odometry(part.path, part.topic, notes)
+    return _read_csv(path) if path.suffix.lower() == ".csv" else read_tum(path)
 
 
 def _read_csv(path: Path) -> Trajectory:

@@ -96,8 +96,9 @@ def read_survey(
 
 
 def files_of(selection: Selection) -> tuple[Path, ...]:
-    """All files that are read, each once."""
-    return tuple(dict.fromkeys(selected.path for selected in selection.files))
+    """All files that are read, each once, those within ROS 2 bags too."""
+    paths = dict.fromkeys(selected.path for selected in selection.files)
+    return tuple(file for path in paths for file in (sorted(path.iterdir()) if path.is_dir() else [path]))
 
 
 def read_scan(path: str | Path) -> Scan:
@@ -125,7 +126,7 @@ class ScanEntry:
     """A scan, or the place of one that could not be read.
 
     Attributes:
-        where, name: of a `NamedCloud`, or the file's.
+        path, where, name: of a `NamedCloud`, or the file's.
         scan: not stamped yet; None where it could not be read.
         stamp: that its file has for it, or None.
         is_cloud: whether the file has it, usable or not.
@@ -134,6 +135,7 @@ class ScanEntry:
         sound_speed: with which its ranges were recorded [m/s], or None.
     """
 
+    path: Path
     where: str
     name: str
     scan: Scan | None = None
@@ -161,7 +163,7 @@ def read_entries(
         notes.append("the scans are taken in the natural order of their names, not the order in which they were given")
     files = files_of(selection)
     _require_sound_speed(files, ranges)
-    stems = Counter(path.stem for path in files)
+    stems = Counter(path.stem for path, _ in {(selected.path, selected.topic) for selected in selection.files})
     for number, selected in enumerate(selection.files):
         named_by_path = stems[selected.path.stem] > 1
         try:
@@ -170,7 +172,7 @@ def read_entries(
                 if progress is not None and count % _SHOWN == 0:
                     progress(number, len(selection.files), f"{selected.path.name}: {count:,} scans")
         except InputError as error:
-            yield ScanEntry(str(selected.path), "", reason=str(error))
+            yield ScanEntry(selected.path, selected.place, "", reason=str(error))
         if progress is not None:
             progress(number + 1, len(selection.files), selected.path.name)
 
@@ -189,12 +191,12 @@ def _require_sound_speed(files: Sequence[Path], ranges: Ranges) -> None:
 
 def _entry(named: NamedCloud, ranges: Ranges) -> ScanEntry:
     """A cloud's usable points as a scan."""
-    where, name, cloud = named.where, named.name, named.cloud
+    path, where, name, cloud = named.path, named.where, named.name, named.cloud
     try:
         scan, notes = scan_of_cloud(ranges.corrected(cloud), name, 0.0)
     except InputError as error:
-        return ScanEntry(where, name, None, cloud.stamp, is_cloud=True, reason=f"{where}: {error}")
-    return ScanEntry(where, name, scan, cloud.stamp, True, tuple(notes), sound_speed=cloud.sound_speed)
+        return ScanEntry(path, where, name, None, cloud.stamp, is_cloud=True, reason=f"{where}: {error}")
+    return ScanEntry(path, where, name, scan, cloud.stamp, True, tuple(notes), sound_speed=cloud.sound_speed)
 
 
 def _kept(entry: ScanEntry, store: PointStore) -> ScanEntry:
@@ -222,7 +224,7 @@ def _all_of(
     """The scans, stamped, and what could not be read."""
     scans: list[Scan] = []
     unread: list[Unread] = []
-    all_notes = list(notes)
+    labels: dict[str, list[str]] = {}
     folders: dict[Path, int] = {}
     surveys: list[int] = []
     for entry, stamp in zip(entries, stamps, strict=True):
@@ -230,12 +232,19 @@ def _all_of(
             unread.append(Unread(entry.where, entry.reason, len(scans)))
             continue
         scans.append(replace(entry.scan, stamp=stamp))
-        surveys.append(folders.setdefault(Path(entry.where).parent, len(folders)))
-        label = entry.name if entry.name == entry.where else Path(entry.where).name
-        all_notes += [f"{label}: {note}" for note in entry.notes]
+        folder = entry.path if entry.path.is_dir() else entry.path.parent
+        surveys.append(folders.setdefault(folder, len(folders)))
+        for note in entry.notes:
+            labels.setdefault(note, []).append(_label(entry))
     if len(folders) == len(scans):
         surveys = [0] * len(scans)
-    return ReadScans(tuple(scans), tuple(all_notes), files, tuple(unread), tuple(surveys))
+    about_scans = [f"{of[0]}{f' and {len(of) - 1:,} more' * (len(of) > 1)}: {note}" for note, of in labels.items()]
+    return ReadScans(tuple(scans), (*notes, *about_scans), files, tuple(unread), tuple(surveys))
+
+
+def _label(entry: ScanEntry) -> str:
+    """What a scan is called in a note."""
+    return entry.name if entry.name == entry.where else entry.path.name + entry.where.removeprefix(str(entry.path))
 
 
 def stamps_of(own: Sequence[float | None], are_clouds: Sequence[bool]) -> tuple[list[float], list[str]]:

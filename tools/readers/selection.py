@@ -11,9 +11,10 @@ from pathlib import Path
 from kernels.errors import InputError
 from tools.readers.instruments import PRIORS
 
+BAG_METADATA, BAG_TITLE = "metadata.yaml", "rosbag2_bagfile_information"  # of a ROS 2 bag that is a folder
 PAIRS = "pairs.csv"  # as `sonarmap map` calls the table of its pairs
 _TABLES = (PRIORS, PAIRS)
-_INDEXED = re.compile(r"(.+)#(\d{1,9})", re.ASCII | re.DOTALL)
+_PART = re.compile(r"(.+?)(?:::(/?\w[\w/~-]*))?(?:#(\d{1,9}))?", re.ASCII | re.DOTALL)
 
 
 @dataclass(frozen=True, slots=True)
@@ -26,17 +27,41 @@ class Selection:
 
 @dataclass(frozen=True, slots=True)
 class SelectedFile:
-    """One file, and the number of the one scan to read from it (None: all)."""
+    """One file or ROS 2 bag, the number of the one scan to read from it (None: all), and of a recording the topic."""
 
     path: Path
     index: int | None = None
+    topic: str | None = None
+
+    @property
+    def place(self) -> str:
+        """The path, and the topic if one was chosen, as a user writes them."""
+        return f"{self.path}::{self.topic}" if self.topic else str(self.path)
+
+
+def is_bag_folder(path: Path) -> bool:
+    """Whether a folder is a ROS 2 bag: one recording, not a folder of scans."""
+    try:
+        with (path / BAG_METADATA).open("rb") as file:
+            return BAG_TITLE.encode() in file.read(4096)
+    except OSError:
+        return False
+
+
+def part_of_file(text: str) -> SelectedFile | None:
+    """What FILE::TOPIC, FILE#3 or FILE::TOPIC#3 names; None where there is no such file."""
+    parts = _PART.fullmatch(text)
+    if parts is None or not (path := Path(parts[1])).exists() or (path.is_dir() and not is_bag_folder(path)):
+        return None
+    return SelectedFile(path, None if parts[3] is None else int(parts[3]), parts[2])
 
 
 def select_files(paths: Sequence[str | Path], suffixes: Collection[str], not_scans: Collection[Path] = ()) -> Selection:
     """The files that `paths` name, each once whatever its path, in natural order (scan2 before scan10).
 
     Args:
-        paths: files (`recording.sonar#3` is its scan 3, from 0), folders, and patterns such as `scans/*.ply`.
+        paths: files (`recording.sonar#3` is its scan 3, from 0, `dive.bag::/sonar/points` the clouds of a topic),
+            ROS 2 bags, folders, and patterns such as `scans/*.ply`.
         suffixes: of the files to take from folders and patterns; others there are skipped, and so are
             priors.csv and pairs.csv.
         not_scans: more files to skip there, whatever their suffix.
@@ -46,18 +71,18 @@ def select_files(paths: Sequence[str | Path], suffixes: Collection[str], not_sca
     """
     if not paths:
         raise InputError("no scans given; name files, folders or patterns such as scans/*.ply")
-    chosen: dict[tuple[Path, int | None], SelectedFile] = {}
+    chosen: dict[tuple[Path, int | None, str | None], SelectedFile] = {}
     skipped = {path.resolve() for path in not_scans}
     for path in paths:
         for selected in sorted(_expand(str(path), suffixes, skipped), key=_order):
-            chosen.setdefault((selected.path.resolve(), selected.index), selected)
+            chosen.setdefault((selected.path.resolve(), selected.index, selected.topic), selected)
     as_given = list(chosen.values())
     files = sorted(as_given, key=_order)
     return Selection(tuple(files), reordered=files != as_given)
 
 
 def _order(selected: SelectedFile) -> tuple[tuple[tuple[str, int], ...], int]:
-    return natural_key(str(selected.path)), selected.index or 0
+    return natural_key(selected.place), selected.index or 0
 
 
 def natural_key(text: str) -> tuple[tuple[str, int], ...]:
@@ -69,13 +94,12 @@ def natural_key(text: str) -> tuple[tuple[str, int], ...]:
 def _expand(text: str, suffixes: Collection[str], skipped: Collection[Path]) -> list[SelectedFile]:
     path = Path(text)
     try:
-        if path.is_dir():
+        if path.is_dir() and not is_bag_folder(path):
             return _scans_among(path.iterdir(), suffixes, skipped, f"the folder {text}")
         if path.exists():
             return [SelectedFile(path)]
-        indexed = _INDEXED.fullmatch(text)
-        if indexed and Path(indexed[1]).is_file():
-            return [SelectedFile(Path(indexed[1]), int(indexed[2]))]
+        if (part := part_of_file(text)) is not None:
+            return [part]
         if glob.has_magic(text):
             matches = [Path(name) for name in glob.glob(text, recursive=True)]  # noqa: PTH207 (absolute patterns too)
             return _scans_among(matches, suffixes, skipped, f"the pattern {text}")
@@ -87,8 +111,13 @@ def _expand(text: str, suffixes: Collection[str], skipped: Collection[Path]) -> 
 def _scans_among(
     paths: Iterable[Path], suffixes: Collection[str], skipped: Collection[Path], where: str
 ) -> list[SelectedFile]:
-    files = [path for path in paths if path.suffix.lower() in suffixes and not path.name.startswith(".")]
-    files = [path for path in files if path.is_file() and path.name not in _TABLES and path.resolve() not in skipped]
+    seen = [path for path in paths if not path.name.startswith(".")]
+    files = [
+        path
+        for path in seen
+        if (path.suffix.lower() in suffixes and path.is_file() and path.name not in _TABLES) or is_bag_folder(path)
+    ]
+    files = [path for path in files if path.resolve() not in skipped]
     if not files:
         raise InputError(f"{where} holds no scans; known formats are {', '.join(suffixes)}")
     return [SelectedFile(path) for path in files]

@@ -18,14 +18,17 @@ from kernels.errors import InputError
 from slam.execute.journal import Journal, JournalEntry
 from slam.execute.pair_text import from_text, to_text
 from spectral.scan import Scan
+from tests.samples.bags.samples import recordings
 from tests.samples.cloud_files import SAMPLES, TABLE
 from tests.samples.damage.mutations import mutated
-from tests.samples.damage.pose_files import POSE_FILES, numbers_in
+from tests.samples.damage.pose_files import POSE_FILES, SCANS, numbers_in
+from tests.samples.las_files import las
 from tests.samples.surveys import random_covariance, random_transforms, registration
 from tools.readers.clouds.cloud import COORDINATE_LIMIT
+from tools.readers.odometry import read_odometry
 from tools.readers.scans import read_scans
 
-COUNTED = (".ply", ".pcd", ".npy", ".npz")  # formats that say how many points they hold
+COUNTED = (".ply", ".pcd", ".npy", ".npz", ".las", ".laz")  # formats that say how many points they hold
 
 
 @dataclass(frozen=True, slots=True)
@@ -103,7 +106,31 @@ def readables() -> dict[str, Readable]:
     """Every kind of file, whole."""
     scans = {kind: Readable(f"scan{suffix}", content, _check_scans) for kind, (suffix, content) in SAMPLES.items()}
     poses = {kind: Readable(file.name, file.content, _check_poses(file.read)) for kind, file in POSE_FILES.items()}
-    return {**scans, **poses, "journal": _journal()}
+    return {**scans, **_las_files(), **_recordings(), **poses, "journal": _journal()}
+
+
+def _las_files() -> dict[str, Readable]:
+    times = np.arange(len(TABLE)) / 8.0
+    contents = {
+        "las": las(compressed=False, form=0, version="1.2"),
+        "las of 1.4": las(compressed=False, gps=times),
+        "laz": las(form=3, version="1.2", gps=times),
+        "laz of 1.4": las(form=7, gps=times),
+    }
+    return {kind: Readable(f"scan.{kind[:3]}", content, _check_scans) for kind, content in contents.items()}
+
+
+def _recordings() -> dict[str, Readable]:
+    """As scans, and as odometry."""
+    files: dict[str, Readable] = {}
+    for kind, (suffix, content) in recordings().items():
+        files[kind] = Readable(f"scan{suffix}", content, _check_scans)
+        files[f"{kind} as odometry"] = Readable(f"scan{suffix}", content, _check_poses(_odometry))
+    return files
+
+
+def _odometry(path: Path) -> object:
+    return read_odometry(path, SCANS, 0.01, 0.001)
 
 
 def damage(folder: Path, each: int, seed: int) -> Outcome:

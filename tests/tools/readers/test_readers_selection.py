@@ -96,11 +96,11 @@ def test_read_scan_wants_one(tmp_path):
     [
         ("missing.ply", "no such file"),
         ("missing/*.ply", "holds no scans; known formats are .*ply"),
-        ("cloud.laz", "unknown format '.laz'; known formats are .*ply.*sonar"),
+        ("cloud.e57", "unknown format '.e57'; known formats are .*ply.*sonar"),
         ("nosuffix", "unknown format.*no suffix"),
         ("hollow", "holds no scans"),
         ("hollow.ply", "holds no scans"),
-        ("*.laz", "holds no scans"),
+        ("*.e57", "holds no scans"),
         ("good.xyz#1", "holds scans #0 to #0"),
         ("missing.sonar#1", "no such file"),
         ("null\0byte.ply", "null"),
@@ -108,7 +108,7 @@ def test_read_scan_wants_one(tmp_path):
     ],
 )
 def test_paths_that_lead_nowhere(tmp_path, name, said):
-    (tmp_path / "cloud.laz").write_bytes(b"LASF")
+    (tmp_path / "cloud.e57").write_bytes(b"ASTM-E57")
     (tmp_path / "nosuffix").write_bytes(b"1 2 3\n")
     (tmp_path / "good.xyz").write_bytes(b"1 2 3\n")
     (tmp_path / "hollow").mkdir()

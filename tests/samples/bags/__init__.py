@@ -1,0 +1,1 @@
+"""Recordings of ROS and MCAP, written by other libraries."""

@@ -1,0 +1,151 @@
+"""Recordings that are cut, or claim what no recorder writes; random damage is in test_readers_damage.py."""
+
+import bz2
+import struct
+from collections.abc import Callable
+from pathlib import Path
+
+import lz4.frame
+import numpy as np
+import pytest
+import zstandard
+
+from kernels.errors import InputError
+from tests.samples.bags.messages import CLOUD, cloud
+from tests.samples.bags.samples import dive, recordings
+from tests.samples.bags.writers import write_mcap, write_ros1, write_ros2
+from tests.samples.damage.damaged_files import check_usable
+from tests.samples.damage.mutations import mutated
+from tests.tools.readers.test_hostile_headers import thrifty
+from tools.readers.bags import unpack
+from tools.readers.bags.unpack import unpacked
+from tools.readers.scans import read_scans, read_survey
+
+ZEROS = bytes(3 << 20)
+PACKERS: dict[str, Callable[[bytes], bytes]] = {
+    "bz2": bz2.compress, "lz4": lz4.frame.compress, "zstd": zstandard.ZstdCompressor().compress,
+}  # fmt: skip
+
+
+@pytest.mark.parametrize("kind", ["mcap zstd", "mcap lz4", "mcap plain"])
+def test_an_mcap_file_that_was_cut_is_read_as_far_as_it_goes(tmp_path: Path, kind: str) -> None:
+    """As it is where a vehicle loses its power: what is there is right, and a note tells where it ends."""
+    suffix, content = recordings()[kind]
+    path = tmp_path / f"dive{suffix}"
+    path.write_bytes(content)
+    whole = read_scans([path]).scans
+    counts = set()
+    for kept in range(0, len(content), 83):
+        path.write_bytes(content[:kept])
+        read = read_survey([path])
+        counts.add(len(read.scans))
+        assert read.unread or any("cut or damaged" in note for note in read.notes)
+        for scan, expected in zip(read.scans, whole, strict=False):
+            np.testing.assert_array_equal(scan.points, expected.points)
+            assert scan.stamp == expected.stamp
+    assert counts == ({0, 1, 2, 3} if kind == "mcap zstd" else {0, 3})  # its chunks are small
+
+
+@pytest.mark.parametrize("kind", ["bag", "bag bz2", "bag lz4"])
+def test_a_ros_1_bag_that_was_cut_has_no_index(tmp_path: Path, kind: str) -> None:
+    suffix, content = recordings()[kind]
+    path = tmp_path / f"dive{suffix}"
+    for kept in range(0, len(content), 211):
+        path.write_bytes(content[:kept])
+        with pytest.raises(
+            InputError, match=r"dive\.bag: (its index cannot be read; `rosbag reindex`|the file is empty|it is)"
+        ):
+            read_scans([path])
+
+
+def test_a_damaged_chunk_leaves_a_gap(tmp_path: Path) -> None:
+    suffix, content = recordings()["mcap zstd"]
+    changed = bytearray(content)
+    start = content.index(unpack.ZSTD_START, content.index(unpack.ZSTD_START) + 4)
+    changed[start + 60] ^= 255
+    (tmp_path / f"dive{suffix}").write_bytes(changed)
+    (note,) = [note for note in read_survey([tmp_path]).notes if "cannot be unpacked" in note]
+    assert "the messages in it are missing" in note
+    assert [scan.stamp for scan in read_survey([tmp_path]).scans] == [1.125, 2.125]
+
+
+@pytest.mark.parametrize("compression", PACKERS)
+def test_chunks_unpack_to_a_limit(monkeypatch: pytest.MonkeyPatch, compression: str) -> None:
+    packed = PACKERS[compression](ZEROS)
+    assert unpacked(packed, compression) == ZEROS
+    monkeypatch.setattr(unpack, "LARGEST", len(ZEROS))
+    assert unpacked(packed, compression) == ZEROS
+    monkeypatch.setattr(unpack, "LARGEST", len(ZEROS) - 1)
+    with thrifty(), pytest.raises(InputError, match=rf"bytes of {compression} unpack to more than 3,145,727"):
+        unpacked(packed, compression)
+
+
+def test_a_chunk_of_a_compression_that_nobody_knows() -> None:
+    with pytest.raises(InputError, match="its compression is 'brotli'; wanted bz2, lz4 or zstd"):
+        unpacked(b"", "brotli")
+
+
+def test_bombs_within_recordings(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    """Clouds of zeros that shrink to nothing: read as they are, and refused where the limit is lower."""
+    zeros = np.zeros((40_000, 4), np.float32)
+    zeros[0] = 1
+    records = [("/p", CLOUD, 1.0, cloud(zeros))]
+    paths = [
+        write_mcap(tmp_path / "a.mcap", records),
+        write_ros1(tmp_path / "b.bag", records, "bz2"),
+        write_ros1(tmp_path / "c.bag", records, "lz4"),
+        write_ros2(tmp_path / "d", records, compression="message"),
+    ]
+    assert [len(read_scans([path]).scans[0].points) for path in paths] == [40_000] * 4
+    monkeypatch.setattr(unpack, "LARGEST", 100_000)
+    for path in paths:
+        with pytest.raises(InputError, match="unpack to more than 100,000"):
+            read_scans([path])
+    packed = write_ros2(tmp_path / "e", records, compression="file")
+    monkeypatch.setattr(unpack, "_RATIO", 1)
+    monkeypatch.setattr(unpack, "_FREE", 0)
+    with pytest.raises(
+        InputError, match=r"e: e\.db3\.zstd: e\.db3\.zstd unpacks to more than [\d,]+ bytes: it is damaged"
+    ):
+        read_scans([packed])
+
+
+@pytest.mark.parametrize("length", [2**31, 2**40, 2**63, 2**64 - 1])
+@pytest.mark.parametrize("opcode", [1, 3, 4, 5, 6, 9, 0x7F])
+def test_records_of_mcap_without_end(tmp_path: Path, opcode: int, length: int) -> None:
+    """At the first record, and at the first chunk's content."""
+    content = recordings()["mcap plain"][1]
+    path = tmp_path / "a.mcap"
+    path.write_bytes(content[:8] + struct.pack("<BQ", opcode, length) + content[17:])
+    with thrifty(), pytest.raises(InputError):
+        read_scans([path])
+    chunk = content.index(b"\x06", 8 + 9)
+    path.write_bytes(content[: chunk + 9 + 32] + struct.pack("<Q", length) + content[chunk + 9 + 40 :])
+    with thrifty(), pytest.raises(InputError):
+        read_scans([path])
+
+
+def _damaged_folders(folder: Path, count: int) -> None:
+    """metadata.yaml of a bag damaged at random: read, or refused in words."""
+    bag = write_ros2(folder / "dive", dive())
+    metadata = (bag / "metadata.yaml").read_bytes()
+    ends = set()
+    for number in range(count):
+        rng = np.random.default_rng([3, number])
+        (bag / "metadata.yaml").write_bytes(mutated(metadata, metadata[::-1], rng))
+        read = read_survey([bag]) if b"rosbag2_bagfile" in (bag / "metadata.yaml").read_bytes()[:4096] else None
+        if read is not None:
+            ends.add(len(read.scans))
+            for scan in read.scans:
+                check_usable(scan)
+            assert read.scans or read.unread
+    assert 3 in ends
+
+
+def test_damaged_metadata(tmp_path: Path) -> None:
+    _damaged_folders(tmp_path, 60)
+
+
+@pytest.mark.slow
+def test_much_damaged_metadata(tmp_path: Path) -> None:
+    _damaged_folders(tmp_path, 2000)

@@ -1,0 +1,82 @@
+"""foxglove.PointCloud in MCAP, as the MCAP project's and Foxglove's own libraries write it."""
+
+from pathlib import Path
+
+import numpy as np
+import pytest
+from foxglove_schemas_protobuf.PackedElementField_pb2 import PackedElementField
+from foxglove_schemas_protobuf.PointCloud_pb2 import PointCloud
+from mcap.writer import Writer as PlainWriter
+from mcap_protobuf.writer import Writer
+
+from kernels.errors import InputError
+from tests.samples.bags.messages import STAMP
+from tests.samples.cloud_files import POINTS, STRENGTH, TABLE
+from tools.readers.scans import read_scan, read_scans
+
+TYPES = {"f4": PackedElementField.FLOAT32, "f8": PackedElementField.FLOAT64, "u2": PackedElementField.UINT16}
+
+
+def point_cloud(number: int = 0, table: np.ndarray = TABLE) -> PointCloud:
+    """x and intensity as float32, y as float64, and a number that nobody asked for, with a gap."""
+    layout = [("y", "f8", 0), ("ring", "u2", 8), ("x", "f4", 10), ("intensity", "f4", 16), ("z", "f4", 20)]
+    records = np.zeros(
+        len(table),
+        {"names": [n for n, *_ in layout], "formats": [f"<{d}" for _, d, _ in layout],
+         "offsets": [o for *_, o in layout], "itemsize": 26},
+    )  # fmt: skip
+    for column, name in enumerate(("x", "y", "z", "intensity")):
+        records[name] = table[:, column]
+    message = PointCloud(frame_id="sonar", point_stride=26, data=records.tobytes())
+    message.timestamp.FromNanoseconds((STAMP + number) * 10**9 + 250_000_000)
+    for name, dtype, offset in layout:
+        message.fields.add(name=name, offset=offset, type=TYPES[dtype])
+    message.pose.orientation.w = 1
+    return message
+
+
+def written(path: Path, *messages: PointCloud) -> Path:
+    with path.open("wb") as file, Writer(file) as writer:
+        for k, message in enumerate(messages):
+            writer.write_message("/points", message, log_time=k, publish_time=k)
+    return path
+
+
+def test_points_strengths_and_stamps(tmp_path: Path) -> None:
+    read = read_scans([written(tmp_path / "dive.mcap", point_cloud(0), point_cloud(1, TABLE * 2))])
+    assert [(scan.name, scan.stamp) for scan in read.scans] == [("dive#0", STAMP + 0.25), ("dive#1", STAMP + 1.25)]
+    for k, scan in enumerate(read.scans):
+        np.testing.assert_array_equal(scan.points, POINTS * (k + 1))
+        np.testing.assert_array_equal(scan.strength, STRENGTH * (k + 1))
+
+
+def test_the_pose_of_a_cloud_in_its_frame(tmp_path: Path) -> None:
+    message = point_cloud()
+    message.pose.position.x, message.pose.position.z = 3, -0.5
+    message.pose.orientation.z = message.pose.orientation.w = np.sqrt(0.5)
+    scan = read_scan(written(tmp_path / "a.mcap", message))
+    x, y, z = POINTS.T
+    np.testing.assert_allclose(scan.points, np.column_stack([3 - y, x, z - 0.5]), atol=1e-6)
+    np.testing.assert_allclose(np.asarray(scan.viewpoints), np.tile([3, 0, -0.5], (5, 1)), atol=1e-6)
+
+
+@pytest.mark.parametrize("stride", [0, 7, 2**31])
+def test_strides_that_do_not_fit(tmp_path: Path, stride: int) -> None:
+    message = point_cloud()
+    message.point_stride = stride
+    with pytest.raises(InputError, match=r"message 0 of /points: it holds 130 bytes, which is no number of points of"):
+        read_scan(written(tmp_path / "a.mcap", message))
+
+
+def test_clouds_as_json_are_refused(tmp_path: Path) -> None:
+    with (tmp_path / "a.mcap").open("wb") as file:
+        writer = PlainWriter(file)
+        writer.start()
+        schema = writer.register_schema("foxglove.PointCloud", "jsonschema", b"{}")
+        channel = writer.register_channel("/points", "json", schema)
+        writer.add_message(channel, 0, b"{}", 0)
+        writer.finish()
+    with pytest.raises(
+        InputError, match=r"its foxglove\.PointCloud is encoded as 'json'; wanted cdr, ros1 or protobuf"
+    ):
+        read_scan(tmp_path / "a.mcap")

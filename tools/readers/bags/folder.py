@@ -1,0 +1,77 @@
+"""ROS 2 bags that are folders: metadata.yaml, and one file after another."""
+
+from __future__ import annotations
+
+from collections import Counter
+from collections.abc import Callable, Collection, Iterator, Sequence
+from functools import partial
+from pathlib import Path, PurePath
+from tempfile import TemporaryDirectory
+
+from kernels.errors import InputError
+from tools.readers.bags.mcap_file import open_mcap
+from tools.readers.bags.recording import Message, Recording, topics_of
+from tools.readers.bags.sqlite_file import open_sqlite
+from tools.readers.bags.unpack import unpack_file
+from tools.readers.selection import BAG_METADATA, BAG_TITLE
+
+_LARGEST = 1 << 24  # bytes of metadata
+_COMPRESSED = (".zstd", ".zst")
+_OPENERS: dict[str, Callable[[Path], Recording]] = {".db3": open_sqlite, ".mcap": open_mcap}
+
+
+def open_folder(folder: Path, notes: list[str]) -> Recording:
+    """The recording of all files of a bag, in their order; a note names those that are missing.
+
+    Raises:
+        InputError: there is none, or one cannot be opened.
+    """
+    files = _files_of(folder, notes)
+    present = [file for file in files if file.is_file()]
+    notes += [f"{file.name}, which {BAG_METADATA} names, is missing" for file in files if file not in present]
+    if not present:
+        raise InputError(f"none of its files is there, as {BAG_METADATA} names them; copy the whole folder")
+    room = TemporaryDirectory(prefix="sonarmap.") if any(file.suffix in _COMPRESSED for file in present) else None
+    parts = [_open_part(file, room) for file in present]
+    counts: Counter[tuple[str, str]] = Counter()
+    for part in parts:
+        for topic in part.topics:
+            counts[topic.name, topic.kind] += topic.count
+    return Recording(topics_of(counts), partial(_messages, parts, room))
+
+
+def _messages(
+    parts: Sequence[Recording], _: TemporaryDirectory[str] | None, names: Collection[str], faults: list[str]
+) -> Iterator[Message]:
+    """The files that were unpacked stay for as long as this can be called."""
+    for part in parts:
+        yield from part.messages(names, faults)
+
+
+def _open_part(file: Path, room: TemporaryDirectory[str] | None) -> Recording:
+    try:
+        plain = unpack_file(file, Path(room.name)) if room and file.suffix in _COMPRESSED else file
+        return _OPENERS[plain.suffix](plain)
+    except InputError as error:
+        raise InputError(f"{file.name}: {error}") from error
+
+
+def _files_of(folder: Path, notes: list[str]) -> list[Path]:
+    """As the metadata list them; those of the folder where the metadata cannot be read."""
+    from ruamel.yaml import YAML
+
+    try:
+        text = (folder / BAG_METADATA).read_bytes()[:_LARGEST]
+        names = YAML(typ="safe").load(text)[BAG_TITLE]["relative_file_paths"]
+        files = [folder / PurePath(name).name for name in names]
+    except Exception:  # noqa: BLE001 - damage in YAML ends in errors of any kind
+        notes.append(
+            f"{BAG_METADATA} cannot be read; all recordings of the folder are taken, in the order of their names"
+        )
+        files = []
+    listed = [file for file in files if _is_recording(file)]
+    return listed or sorted(filter(_is_recording, folder.iterdir()), key=lambda file: (len(file.name), file.name))
+
+
+def _is_recording(file: Path) -> bool:
+    return (PurePath(file.stem) if file.suffix in _COMPRESSED else file).suffix in _OPENERS
