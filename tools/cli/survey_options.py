@@ -40,7 +40,9 @@ def _check_also(formats: list[str]) -> list[str]:
 InputsArgument = Annotated[
     list[str],
     typer.Argument(
-        help="Scans: files, folders or patterns; taken in natural order (scan2 before scan10).", metavar="INPUT..."
+        help="Scans: files, folders, patterns, or topics of ROS bags and MCAP files (FILE::TOPIC); taken in natural "
+        "order (scan2 before scan10).",
+        metavar="INPUT...",
     ),
 ]
 AlsoOption = Annotated[
@@ -103,7 +105,8 @@ OdometryOption = Annotated[
     typer.Option(
         "--odometry",
         metavar="FILE",
-        help="Dead reckoning at times of its own: TUM, or CSV with stamp and all columns of a priors file.",
+        help="Dead reckoning at times of its own: TUM, CSV with stamp and all columns of a priors file, or a ROS bag "
+        "or MCAP file (FILE::TOPIC chooses a topic).",
     ),
 ]
 OdometryDriftOption = Annotated[

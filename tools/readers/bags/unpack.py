@@ -2,13 +2,14 @@
 
 import bz2
 import tempfile
+from collections.abc import Iterator
 from pathlib import Path
 
 from kernels.errors import InputError
 
 LARGEST = 1 << 29  # bytes of a chunk, unpacked; recorders write a few MB each
 ZSTD_START = b"\x28\xb5\x2f\xfd"
-_PIECE = 1 << 20
+_PIECE = 1 << 22
 # A file of clouds shrinks to a tenth; a hundred times that is no recording.
 _RATIO, _FREE = 1000, 1 << 26
 
@@ -21,29 +22,45 @@ def unpacked(content: bytes, compression: str) -> bytes:
         compression: none (or empty), bz2, lz4 (frames) or zstd.
 
     Raises:
-        InputError: a compression of another name, or more than LARGEST bytes come of it.
+        InputError: a compression of another name, a chunk that was cut, or more than LARGEST bytes come of it.
     """
     if compression in ("", "none"):
         return content
-    if compression == "bz2":
-        plain = bz2.BZ2Decompressor().decompress(content, LARGEST + 1)
-    elif compression == "lz4":
-        import lz4.frame
+    plain = bytearray()
+    for piece in _pieces(content, compression):
+        plain += piece
+        if len(plain) > LARGEST:
+            raise InputError(
+                f"{len(content):,} bytes of {compression} unpack to more than {LARGEST:,}, which no recorder writes: "
+                "the recording is damaged; copy it again"
+            )
+    return bytes(plain)
 
-        plain = lz4.frame.LZ4FrameDecompressor().decompress(content, max_length=LARGEST + 1)
-    elif compression == "zstd":
+
+def _pieces(content: bytes, compression: str) -> Iterator[bytes]:
+    """The plain bytes, _PIECE at a time: the libraries take room for as much as they are asked for."""
+    if compression == "zstd":
         import zstandard
 
         with zstandard.ZstdDecompressor().stream_reader(content, read_across_frames=True) as stream:
-            plain = stream.read(LARGEST + 1)
+            while piece := stream.read(_PIECE):
+                yield piece
+        return
+    if compression == "bz2":
+        decompressor = bz2.BZ2Decompressor()
+    elif compression == "lz4":
+        import lz4.frame
+
+        decompressor = lz4.frame.LZ4FrameDecompressor()
     else:
         raise InputError(f"its compression is {compression[:40]!r}; wanted bz2, lz4 or zstd: write the recording again")
-    if len(plain) > LARGEST:
-        raise InputError(
-            f"{len(content):,} bytes of {compression} unpack to more than {LARGEST:,}, which no recorder writes: the "
-            "recording is damaged; copy it again"
-        )
-    return plain
+    yield decompressor.decompress(content, max_length=_PIECE)
+    while not decompressor.eof:
+        if decompressor.needs_input:
+            raise InputError(
+                f"{len(content):,} bytes of {compression} end too early: the recording is cut; copy it again"
+            )
+        yield decompressor.decompress(b"", max_length=_PIECE)
 
 
 def unpack_file(path: Path, folder: Path) -> Path:

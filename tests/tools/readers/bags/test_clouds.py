@@ -1,5 +1,6 @@
 """Clouds of bags and MCAP files as other libraries write them, in every layout that a message may have."""
 
+import tracemalloc
 from pathlib import Path
 
 import numpy as np
@@ -9,7 +10,9 @@ from kernels.errors import InputError
 from tests.samples.bags.messages import CLOUD, FIELDS, STAMP, cloud
 from tests.samples.bags.writers import WRITERS, Record, write_mcap, write_ros1, write_ros2
 from tests.samples.cloud_files import POINTS, STRENGTH, TABLE
+from tools.readers.file import clouds_of
 from tools.readers.scans import read_scan, read_scans, read_survey
+from tools.readers.selection import SelectedFile
 
 TIMES = [STAMP + 0.25, STAMP + 0.5, STAMP + 1.125]
 
@@ -32,6 +35,22 @@ def test_every_kind_of_recording_gives_the_same_scans(tmp_path: Path, writer: st
         np.testing.assert_array_equal(scan.strength, STRENGTH * 2**k)
         assert scan.viewpoints is None
     assert read.notes == ()
+
+
+@pytest.mark.parametrize("write", [write_ros1, write_mcap, write_ros2])
+def test_messages_are_read_one_by_one(tmp_path: Path, write) -> None:
+    """40 clouds of 1 MB each."""
+    large = np.tile(TABLE, (7000, 1))
+    path = write(
+        tmp_path / {write_ros1: "a.bag", write_mcap: "a.mcap", write_ros2: "a"}[write],
+        [("/p", CLOUD, float(k), cloud(large, k + 1.0)) for k in range(40)],
+    )
+    tracemalloc.start()
+    counts = [len(named.cloud.points) for named in clouds_of(SelectedFile(path), [])]
+    _, peak = tracemalloc.get_traced_memory()
+    tracemalloc.stop()
+    assert counts == [35_000] * 40
+    assert peak < 15e6
 
 
 class TestLayouts:
