@@ -102,8 +102,8 @@ def _first(graph: PoseGraph, fixed: np.ndarray) -> np.ndarray:
     """(E,) bool: what to begin with: all but loops, what joins the components, and the largest groups that agree.
 
     Wrong loops between places that look alike agree in groups, too, but in smaller ones; what belongs to a small group
-    is tried when the large ones tell where it lies. Of a large graph without the loops that the chain contradicts, as the least
-    squares of those take minutes; but for the largest group, which tells how far the chain is off.
+    is tried when the large ones tell where it lies. Of a large graph without the loops that the chain contradicts, as
+    the least squares of those take minutes; but for the largest group, which tells how far the chain is off.
     """
     edges, count = graph.edges, len(graph.trajectory)
     tree = spanning_tree(count, edges)
