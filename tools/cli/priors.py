@@ -33,7 +33,7 @@ def scans_with_priors(
             raise InputError("--prior-sigmas has no effect without --priors; give --priors too, or leave it out")
         _note_own(scans, "roll and pitch are those of the recording's own IMU" if imu else "their own IMU is not used")
         return scans if imu else _without_priors(scans)
-    from tools.readers.priors import with_priors
+    from tools.readers.navigation.priors import with_priors
 
     _note_own(scans, f"the recording's own IMU is not used, as {priors} is given")
     scans = _without_priors(scans)

@@ -153,7 +153,7 @@ def odometry_of(scans: "Sequence[Scan]", path: Path | None, drift: str | None) -
         if drift is not None:
             raise InputError("--odometry-drift has no effect without --odometry; give it too, or leave it out")
         return None
-    from tools.readers.odometry import parse_drift, read_odometry
+    from tools.readers.navigation.odometry import parse_drift, read_odometry
 
     notes: list[str] = []
     odometry = read_odometry(path, scans, *parse_drift(drift or DEFAULT_DRIFT), notes)

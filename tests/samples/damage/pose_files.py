@@ -12,13 +12,13 @@ from scipy.spatial.transform import RigidTransform
 from spectral.scan import Scan
 from tools.evaluate.pairs_file import read_pairs
 from tools.evaluate.survey_summary import SurveySummary, read_summary
-from tools.readers.odometry import read_odometry
+from tools.readers.navigation.odometry import read_odometry
+from tools.readers.navigation.priors import with_priors
 from tools.readers.poses.g2o import read_g2o
 from tools.readers.poses.graph_json import FORMAT, read_graph_json
 from tools.readers.poses.gt_log import read_gt_log
 from tools.readers.poses.kitti import read_kitti
 from tools.readers.poses.tum import read_tum
-from tools.readers.priors import with_priors
 from tools.simulate.folder import read_settings
 
 # Where a result may say that nothing is known.

@@ -11,7 +11,7 @@ from tests.samples.clutter_scans import said, sonarmap
 from tests.samples.damage.pose_files import POSE_FILES, PoseFile, numbers_in
 from tools.cli.options import parse_prior_sigmas
 from tools.readers.json_file import read_json
-from tools.readers.odometry import parse_drift
+from tools.readers.navigation.odometry import parse_drift
 
 pytestmark = pytest.mark.filterwarnings("error")
 HOSTILE = (b"1e308", b"-1e308", b"1e200", b"-1e35", b"1e999", b"1" + b"0" * 400, b"nan", b"-inf")

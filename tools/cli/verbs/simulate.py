@@ -188,7 +188,7 @@ def _fixes(priors: str | None, every: int | None, outliers: float | None, sigma:
 
 
 def _drift(odometry: str | None) -> tuple[float, float] | None:
-    from tools.readers.odometry import parse_drift
+    from tools.readers.navigation.odometry import parse_drift
 
     return None if odometry is None else parse_drift(odometry, "--odometry")
 

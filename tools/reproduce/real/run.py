@@ -15,7 +15,7 @@ from spectral.grid import Grid, choose_grid
 from spectral.result import Registrar
 from spectral.scan import Scan
 from tools.methods.registry import Setup, find_method
-from tools.readers.priors import with_priors
+from tools.readers.navigation.priors import with_priors
 from tools.readers.scans import read_scan
 from tools.reproduce.evaluation.answer import answer, claims, errors, finish_device
 from tools.reproduce.experiment import Outcome, Section

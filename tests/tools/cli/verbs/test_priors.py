@@ -14,8 +14,8 @@ from spectral.registration import SpectralRegistrar
 from spectral.scan import PosePrior, Scan
 from tests.samples.clutter_scans import files_in, said, scan, sonarmap, write
 from tools.cli.options import parse_prior_sigmas
+from tools.readers.navigation.priors import with_priors
 from tools.readers.poses.tum import read_tum
-from tools.readers.priors import with_priors
 from tools.readers.scans import read_scans
 from tools.simulate.sensing.priors import Instruments, instruments_for, measure_poses
 

@@ -9,7 +9,7 @@ from scipy.spatial.transform import RigidTransform, Rotation
 from kernels.errors import InputError
 from slam.graph.trajectory import Trajectory
 from spectral.scan import Scan
-from tools.readers.odometry import parse_drift, read_odometry
+from tools.readers.navigation.odometry import parse_drift, read_odometry
 from tools.writers.tum import write_tum
 
 TIMES = np.arange(0.0, 20.0, 0.5)

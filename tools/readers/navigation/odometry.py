@@ -17,8 +17,8 @@ from tools.readers.bags.poses import read_recorded_odometry
 from tools.readers.csv_table import read_csv_table
 from tools.readers.instruments import COLUMNS, check_measured, pose_of
 from tools.readers.limits import LARGEST, LEAST_SIGMA
+from tools.readers.navigation.match import SAME_STAMP, seconds
 from tools.readers.poses.tum import read_tum
-from tools.readers.prior_match import SAME_STAMP, seconds
 from tools.readers.selection import part_of_file
 
 # Poses this many times farther apart than usual leave a gap, in which nothing is known.

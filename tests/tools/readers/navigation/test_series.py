@@ -7,7 +7,7 @@ import pytest
 
 from spectral.scan import Scan
 from tools.readers.instruments import sigmas_of, values_of
-from tools.readers.priors import with_priors
+from tools.readers.navigation.priors import with_priors
 
 HEADING = "stamp,heading_deg,heading_sigma_deg,x_m,y_m,x_sigma_m,y_sigma_m,depth_m,depth_sigma_m\n"
 

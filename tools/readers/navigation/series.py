@@ -9,7 +9,7 @@ import numpy as np
 
 from spectral.scan import PosePrior, Scan
 from tools.readers.instruments import prior_of, sigmas_of, values_of
-from tools.readers.prior_match import SAME_STAMP
+from tools.readers.navigation.match import SAME_STAMP
 
 # What is measured at times of its own: columns of a priors file.
 _SERIES = (np.array([0, 1]), np.array([2]), np.array([3, 4]), np.array([5]))

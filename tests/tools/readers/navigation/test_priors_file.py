@@ -9,7 +9,7 @@ from scipy.spatial.transform import RigidTransform, Rotation
 from kernels.errors import InputError
 from spectral.scan import PosePrior, Scan
 from tools.readers.instruments import COLUMNS, SIGMA_COLUMNS, pose_of, prior_of, values_of
-from tools.readers.priors import with_priors
+from tools.readers.navigation.priors import with_priors
 from tools.writers.priors import write_priors
 
 POINTS = np.ones((1, 3), np.float32)

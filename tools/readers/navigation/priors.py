@@ -16,8 +16,8 @@ from kernels.errors import InputError
 from spectral.scan import PosePrior, Scan
 from tools.readers.csv_table import read_csv_table
 from tools.readers.instruments import COLUMNS, SIGMA_COLUMNS, check_measured, prior_of
-from tools.readers.prior_match import SAME_STAMP, find_scan, seconds
-from tools.readers.prior_series import at_scans
+from tools.readers.navigation.match import SAME_STAMP, find_scan, seconds
+from tools.readers.navigation.series import at_scans
 
 KEYS = ("name", "stamp")
 ON_EARTH = ("lat", "lon", "lng")  # how columns of degrees on the Earth are called
