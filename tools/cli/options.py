@@ -216,8 +216,8 @@ PriorsOption = Annotated[
     typer.Option(
         "--priors",
         metavar="FILE",
-        help="CSV file of the vehicle's measurements, one row per scan: name or stamp; roll_deg, pitch_deg, "
-        "heading_deg, x_m, y_m, depth_m; roll_sigma_deg and so on.",
+        help="Navigation: CSV with name or stamp; roll_deg, pitch_deg, heading_deg, x_m, y_m, depth_m; roll_sigma_deg "
+        "and so on; or a log as CSV, TUM or NMEA 0183.",
     ),
 ]
 PriorSigmasOption = Annotated[

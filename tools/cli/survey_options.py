@@ -15,6 +15,7 @@ if TYPE_CHECKING:
     from slam.mapper import MapperSettings
     from slam.motion.odometry import Odometry
     from spectral.scan import Scan
+    from tools.readers.navigation.settings import NavigationSettings
 
 _EXPORTS = " or ".join(f"{file.format('')} ({name})" for name, file in EXPORTS.items())
 
@@ -143,7 +144,9 @@ def survey_settings(
     )
 
 
-def odometry_of(scans: "Sequence[Scan]", path: Path | None, drift: str | None) -> "Odometry | None":
+def odometry_of(
+    scans: "Sequence[Scan]", path: Path | None, drift: str | None, settings: "NavigationSettings"
+) -> "Odometry | None":
     """The dead reckoning of --odometry at the scans' times; None without.
 
     Raises:
@@ -156,7 +159,7 @@ def odometry_of(scans: "Sequence[Scan]", path: Path | None, drift: str | None) -
     from tools.readers.navigation.odometry import parse_drift, read_odometry
 
     notes: list[str] = []
-    odometry = read_odometry(path, scans, *parse_drift(drift or DEFAULT_DRIFT), notes)
+    odometry = read_odometry(path, scans, *parse_drift(drift or DEFAULT_DRIFT), notes, settings)
     for note in notes:
         say(note)
     return odometry

@@ -59,10 +59,17 @@ def prior_of(values: np.ndarray, sigmas: np.ndarray) -> PosePrior:
 
 def pose_of(values: np.ndarray) -> RigidTransform:
     """T_world_sensor (world East-North-Up, sensor x forward, y left, z up) of six finite values, COLUMNS' order."""
-    roll, pitch, heading, x, y, depth = (float(value) for value in values)
+    return poses_of(values[None])[0]
+
+
+def poses_of(values: np.ndarray) -> RigidTransform:
+    """The n poses of (n, 6) values, as `pose_of` has them."""
+    roll, pitch, heading, x, y, depth = np.asarray(values, np.float64).T
     # y and z point the other way and the heading starts at North: yaw = 90 - heading, the pitch changes its sign
-    R_world_sensor = Rotation.from_euler("ZYX", [90.0 - heading, -pitch, roll], degrees=True)
-    return RigidTransform.from_components([x, y, -depth], R_world_sensor)
+    angles = np.column_stack([90.0 - heading, -pitch, roll])
+    return RigidTransform.from_components(
+        np.column_stack([x, y, -depth]), Rotation.from_euler("ZYX", angles, degrees=True)
+    )
 
 
 def values_of(T_world_sensor: RigidTransform) -> np.ndarray:

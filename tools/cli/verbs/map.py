@@ -12,6 +12,19 @@ from kernels.errors import InputError
 from tools.cli.arguments import as_options
 from tools.cli.execution import ExecutionOptions, open_execution
 from tools.cli.method import ConfiguredMethod, configure_method, method_options
+from tools.cli.navigation import (
+    HeadingReferenceOption,
+    MagneticDeclinationOption,
+    MountOption,
+    NavColumnsOption,
+    NavCrsOption,
+    NavFrameOption,
+    NavOffsetOption,
+    TimeScaleOption,
+    navigation_settings,
+    navigation_summary,
+    scans_with_priors,
+)
 from tools.cli.options import (
     DEFAULT_HYPOTHESES,
     DEFAULT_MAX_TILT,
@@ -37,7 +50,6 @@ from tools.cli.options import (
     YawPeaksOption,
     ranges_of,
 )
-from tools.cli.priors import scans_with_priors
 from tools.cli.progress import growing_progress
 from tools.cli.survey_options import (
     AlsoOption,
@@ -87,6 +99,14 @@ def command(
     range_scale: RangeScaleOption = None,
     odometry: OdometryOption = None,
     odometry_drift: OdometryDriftOption = None,
+    nav_columns: NavColumnsOption = None,
+    time_scale: TimeScaleOption = None,
+    nav_offset: NavOffsetOption = None,
+    nav_crs: NavCrsOption = None,
+    nav_frame: NavFrameOption = None,
+    mount: MountOption = None,
+    heading_reference: HeadingReferenceOption = None,
+    magnetic_declination: MagneticDeclinationOption = None,
     loops: LoopsOption = None,
     key_step: KeyStepOption = None,
     max_speed: MaxSpeedOption = None,
@@ -116,17 +136,20 @@ def command(
     """
     options, execution_options = method_options(context), _execution_options(workers, scheduler, fresh)
     mapping = survey_settings(loops, key_step, max_speed, max_turn_rate, max_step)
-    read = _read(inputs, priors, ranges_of(sound_speed, range_scale), out, quiet or as_json)
-    scans = scans_with_priors(read.scans, priors, prior_sigmas, imu and options.uses_priors, bool(read.unread))
-    read = replace(read, scans=tuple(scans))
-    reckoned = odometry_of(read.scans, odometry, odometry_drift)
+    navigation = navigation_settings(context.params)
+    ranges = ranges_of(sound_speed, range_scale)
+    read = _read(inputs, priors, ranges, out, quiet or as_json)
+    use_imu = imu and options.uses_priors
+    navigated = scans_with_priors(read.scans, priors, prior_sigmas, use_imu, bool(read.unread), navigation)
+    read, georeference = replace(read, scans=navigated.scans), navigated.georeference
+    reckoned = odometry_of(read.scans, odometry, odometry_drift, navigation)
     configured = configure_method(read.scans, options, survey=True)
-    prior_settings = {"priors": str(priors), "prior_sigmas": prior_sigmas} if priors else {}
-    if odometry is not None:
-        prior_settings |= {"odometry": str(odometry), "odometry_drift": odometry_drift}
-    ranges = {"sound_speed": sound_speed, "range_scale": range_scale}
-    prior_settings |= {name: value for name, value in ranges.items() if value is not None}
-    settings = {"inputs": inputs, **prior_settings, **configured.settings, "mapper": mapping}
+    given = {"sound_speed": sound_speed, "range_scale": range_scale}
+    corrected = {name: value for name, value in given.items() if value is not None}
+    navigated_by = navigation_summary(context.params)
+    settings = {"inputs": inputs, **navigated_by, **corrected, **configured.settings, "mapper": mapping}
+    if georeference is not None:
+        settings["georeference"] = georeference.to_json()
     result = _map(read, reckoned, configured, execution_options, settings, out, also, quiet or as_json)
     _show(result, [scan.name for scan in read.scans], out, also, as_json)
     if len(result.components) > 1 or read.unread:

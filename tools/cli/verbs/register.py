@@ -8,6 +8,18 @@ import typer
 
 from tools.cli.arguments import as_options
 from tools.cli.method import ConfiguredMethod, configure_method, method_options
+from tools.cli.navigation import (
+    HeadingReferenceOption,
+    MagneticDeclinationOption,
+    MountOption,
+    NavColumnsOption,
+    NavCrsOption,
+    NavFrameOption,
+    NavOffsetOption,
+    TimeScaleOption,
+    navigation_settings,
+    scans_with_priors,
+)
 from tools.cli.options import (
     DEFAULT_HYPOTHESES,
     DEFAULT_MAX_TILT,
@@ -33,7 +45,6 @@ from tools.cli.options import (
     ranges_of,
 )
 from tools.cli.picture import PictureOption, draw_picture, require_steps
-from tools.cli.priors import scans_with_priors
 from tools.cli.terminal import printable, result_console, say
 from tools.methods.registry import DEFAULT_METHOD
 
@@ -62,6 +73,14 @@ def command(
     imu: ImuOption = True,
     sound_speed: SoundSpeedOption = None,
     range_scale: RangeScaleOption = None,
+    nav_columns: NavColumnsOption = None,
+    time_scale: TimeScaleOption = None,
+    nav_offset: NavOffsetOption = None,
+    nav_crs: NavCrsOption = None,
+    nav_frame: NavFrameOption = None,
+    mount: MountOption = None,
+    heading_reference: HeadingReferenceOption = None,
+    magnetic_declination: MagneticDeclinationOption = None,
     device: DeviceOption = None,
     seed: SeedOption = DEFAULT_SEED,
     picture: PictureOption = None,
@@ -75,8 +94,10 @@ def command(
     options = method_options(context)
     require_steps(picture, options.name)
     ranges = ranges_of(sound_speed, range_scale)
-    scans = [_read(path, ranges) for path in (target, source)]
-    scans = scans_with_priors(scans, priors, prior_sigmas, imu and options.uses_priors, allow_unknown=True)
+    navigation = navigation_settings(context.params)
+    read = [_read(path, ranges) for path in (target, source)]
+    use_imu = imu and options.uses_priors
+    scans = scans_with_priors(read, priors, prior_sigmas, use_imu, True, navigation).scans
     configured = configure_method(scans, options)
     prepared_target, prepared_source = (configured.registrar.prepare(scan) for scan in scans)
     registration = configured.registrar.register(prepared_target, prepared_source)

@@ -14,11 +14,12 @@ from slam.motion.odometry import Odometry
 from spectral.scan import Scan
 from tools.readers.bags.open import is_recording
 from tools.readers.bags.poses import read_recorded_odometry
-from tools.readers.csv_table import read_csv_table
-from tools.readers.instruments import COLUMNS, check_measured, pose_of
+from tools.readers.instruments import COLUMNS, poses_of
 from tools.readers.limits import LARGEST, LEAST_SIGMA
-from tools.readers.navigation.match import SAME_STAMP, seconds
-from tools.readers.poses.tum import read_tum
+from tools.readers.navigation.clocks.spans import why_apart
+from tools.readers.navigation.match import SAME_STAMP
+from tools.readers.navigation.read import read_navigation
+from tools.readers.navigation.settings import AS_IT_SAYS, NavigationSettings
 from tools.readers.selection import part_of_file
 
 # Poses this many times farther apart than usual leave a gap, in which nothing is known.
@@ -26,37 +27,41 @@ _GAP = 10.0
 
 
 def read_odometry(
-    path: Path, scans: Sequence[Scan], drift: float, turn_drift: float, notes: list[str] | None = None
+    path: Path,
+    scans: Sequence[Scan],
+    drift: float,
+    turn_drift: float,
+    notes: list[str] | None = None,
+    settings: NavigationSettings = AS_IT_SAYS,
 ) -> Odometry:
     """Where dead reckoning has the scans.
 
     Args:
-        path: a TUM file, a CSV file (by its suffix) with the columns stamp and those of a priors file, all filled, or a
-            ROS bag or MCAP file, perhaps with ::TOPIC behind it.
+        path: a TUM file, a CSV file with a time and all columns of a priors file, all filled, or a ROS bag or MCAP
+            file, perhaps with ::TOPIC behind it.
         scans: with stamps by the same clock.
         drift: standard deviation of the way, as a share of it.
         turn_drift: standard deviation of the rotation [rad/s].
         notes: what a user should know of the file is added to it.
+        settings: how to understand the file.
 
     Raises:
         InputError: naming the file: it cannot be used, its stamps do not ascend, or fewer than two scans lie within its
             time.
     """
-    trajectory = _read_trajectory(path, [] if notes is None else notes)
+    notes = [] if notes is None else notes
+    times = np.array([scan.stamp for scan in scans], dtype=np.float64)
+    trajectory = _trajectory(path, settings, times, notes)
     stamps = trajectory.stamps
     if len(stamps) < 2 or not (np.diff(stamps) > 0).all():
         pose = int(np.argmin(np.diff(stamps) > 0)) + 1 if len(stamps) > 1 else 0
         raise InputError(
             f"{path}: wanted two poses or more with stamps that ascend; pose {pose} does not; sort its rows"
         )
-    times = np.array([scan.stamp for scan in scans], dtype=np.float64)
     told = _within(stamps, times)
     if told.sum() < 2:
-        raise InputError(
-            f"{path} tells of {int(told.sum())} of the {len(scans)} scans: it runs from {stamps[0]:.3f} to "
-            f"{stamps[-1]:.3f} s, the scans from {times.min():.3f} to {times.max():.3f} s; wanted stamps of one clock"
-        )
-    if notes is not None and not told.all():
+        raise InputError(f"{path} tells of {int(told.sum())} of the {len(scans)} scans: {why_apart(stamps, times)}")
+    if not told.all():
         bare = [scans[k].name for k in np.flatnonzero(~told).tolist()]
         notes.append(f"{path} tells nothing of {len(bare)} of {len(scans)} scans: {bare[0]}{' ...' * (len(bare) > 1)}")
     indices = np.flatnonzero(told)
@@ -76,40 +81,35 @@ def _within(stamps: np.ndarray, times: np.ndarray) -> np.ndarray:
     return inside | (nearest <= SAME_STAMP)
 
 
-def _read_trajectory(path: Path, notes: list[str]) -> Trajectory:
+def _trajectory(path: Path, settings: NavigationSettings, stamps: np.ndarray, notes: list[str]) -> Trajectory:
+    """The poses of the sonar, in the frame of the dead reckoning."""
     part = part_of_file(str(path))
     if part is not None and is_recording(part.path):
-        return read_recorded_odometry(part.path, part.topic, notes)
-    return _read_csv(path) if path.suffix.lower() == ".csv" else read_tum(path)
+        recorded = read_recorded_odometry(part.path, part.topic, notes)
+        T_odom_vehicle, times = recorded.T_world_sensor, recorded.stamps
+    else:
+        T_odom_vehicle, times = _read_log(path, settings, stamps, notes)
+    T = T_odom_vehicle * settings.mount.T_vehicle_sensor if settings.mount else T_odom_vehicle
+    return Trajectory(times + (settings.offset or 0.0), T)
 
 
-def _read_csv(path: Path) -> Trajectory:
-    table = read_csv_table(path)
-    header = table.heading.cells
-    missing = [column for column in ("stamp", *COLUMNS) if column not in header]
-    if missing:
+def _read_log(
+    path: Path, settings: NavigationSettings, stamps: np.ndarray, notes: list[str]
+) -> tuple[RigidTransform, np.ndarray]:
+    """Poses of the vehicle, and when."""
+    log = read_navigation(path, settings, None, stamps, notes)
+    known = np.any(np.isfinite(log.values), axis=0)
+    missing = [COLUMNS[k] for k in range(len(COLUMNS)) if not known[k]]
+    if log.key == "name" or missing:
         raise InputError(
-            f"{path}: line {table.heading.line}: odometry needs the columns stamp, {', '.join(COLUMNS)}; "
-            f"{', '.join(missing)} not found"
+            f"{path}: odometry needs times and the columns {', '.join(COLUMNS)}; "
+            f"{', '.join([*(['stamp'] if log.key == 'name' else []), *missing])} not found"
         )
-    table.require_even(path)
-    stamps, poses = [], []
-    for row in table.rows:
-        cells = dict(zip(header, row.cells, strict=True))
-        values = np.array([seconds(cells[column]) for column in ("stamp", *COLUMNS)])
-        if not np.isfinite(values).all():
-            empty = ("stamp", *COLUMNS)[int(np.argmin(np.isfinite(values)))]
-            raise InputError(f"{path}: line {row.line}: {empty} is {cells[empty][:40]!r}; wanted a finite number")
-        try:
-            for column, value in zip(COLUMNS, values[1:].tolist(), strict=True):
-                check_measured(column, value)
-        except InputError as error:
-            raise InputError(f"{path}: line {row.line}: {error}; fix that line") from error
-        stamps.append(values[0])
-        poses.append(pose_of(values[1:]))
-    if not poses:
-        raise InputError(f"{path} has no row below its heading")
-    return Trajectory(np.array(stamps), RigidTransform.concatenate(poses))
+    for row, column in np.argwhere(np.isnan(log.values)).tolist():
+        raise InputError(
+            f"{path}: line {log.lines[row]}: {COLUMNS[column]} is empty; odometry needs all of them in every row"
+        )
+    return poses_of(log.values), log.times
 
 
 def parse_drift(text: str, option: str = "--odometry-drift") -> tuple[float, float]:

@@ -1,37 +1,90 @@
-"""Priors of scans from a CSV file: `name,roll_deg,roll_sigma_deg,...`, one row per scan.
+"""Scans with what navigation measured of their poses: rows of a file matched to scans by name, stamp or time.
 
-The first row names the columns, in any order: `name` (of the scan's file, with its suffix or without) or `stamp` [s],
-then what was measured and its standard deviation (see `tools.readers.instruments`). An empty cell was not measured.
-Lines that begin with # are comments. Commas, semicolons or tabs separate the cells (`tools.readers.csv_table`).
+A file has rows for the scans by their names, or at their stamps, or at times of its own. What it may hold is described
+in docs/navigation.md; `tools.readers.navigation.read` tells the kinds of files apart.
 """
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
 from pathlib import Path
 from types import MappingProxyType
+from typing import TYPE_CHECKING
 
 import numpy as np
 
 from kernels.errors import InputError
 from spectral.scan import PosePrior, Scan
-from tools.readers.csv_table import read_csv_table
-from tools.readers.instruments import COLUMNS, SIGMA_COLUMNS, check_measured, prior_of
-from tools.readers.navigation.match import SAME_STAMP, find_scan, seconds
+from tools.readers.instruments import prior_of
+from tools.readers.navigation.clocks.spans import why_apart
+from tools.readers.navigation.clocks.time_offset import estimate_offset, heading_rates
+from tools.readers.navigation.columns import some
+from tools.readers.navigation.earth import by_the_maps_north, grid_of
+from tools.readers.navigation.log import NavigationLog, with_defaults
+from tools.readers.navigation.match import SAME_STAMP, find_scan
+from tools.readers.navigation.read import read_navigation
 from tools.readers.navigation.series import at_scans
+from tools.readers.navigation.settings import AS_IT_SAYS, NavigationSettings
 
-KEYS = ("name", "stamp")
-ON_EARTH = ("lat", "lon", "lng")  # how columns of degrees on the Earth are called
-PAIRS = (("roll_deg", "pitch_deg"), ("x_m", "y_m"))
+if TYPE_CHECKING:
+    from tools.geo.georeference import Georeference
+
 NO_DEFAULTS: Mapping[str, float] = MappingProxyType({})
 
 
 @dataclass(frozen=True, slots=True)
-class PriorRow:
-    """One row: `line` of the file, the scan's `key` (its name, or its stamp as it is written), and its prior."""
+class Navigated:
+    """Scans with their priors.
 
-    line: int
-    key: str
-    prior: PosePrior | None
+    Attributes:
+        scans: as they were given, with priors where the file says something of them.
+        georeference: where the world's origin is on the Earth; None where neither the file nor the user says it.
+    """
+
+    scans: tuple[Scan, ...]
+    georeference: "Georeference | None"
+
+
+def navigate(
+    scans: Sequence[Scan],
+    path: Path,
+    settings: NavigationSettings = AS_IT_SAYS,
+    sigmas: Mapping[str, float] = NO_DEFAULTS,
+    allow_unknown: bool = False,
+    notes: list[str] | None = None,
+    turn_rates: tuple[np.ndarray, np.ndarray] | None = None,
+) -> Navigated:
+    """The scans with their priors from a file of navigation; a scan of which it says nothing has none.
+
+    Args:
+        scans: as the readers name and stamp them.
+        path: of the file.
+        settings: how to understand it.
+        sigmas: {column of `tools.readers.instruments.COLUMNS`: standard deviation}, where the file has none.
+        allow_unknown: whether rows may belong to scans that are not among these.
+        notes: what a user should know of the file is added to it.
+        turn_rates: times by the scans' clock (m,) [s], and the sonar's turn rates about the vertical (m,) [rad/s], from
+            which the offset of the navigation's clock is estimated if the settings ask for it.
+
+    Raises:
+        InputError: naming the file and the line: a column or cell that cannot be used, two rows for one scan, a row
+            that fits no scan or several, or not one that fits any.
+    """
+    notes = [] if notes is None else notes
+    stamps = np.array([scan.stamp for scan in scans], np.float64)
+    log = read_navigation(path, settings, sigmas, stamps, notes)
+    offset = _estimated_offset(path, log, turn_rates, notes) if settings.offset is None else settings.offset
+    log = replace(log, sigmas=with_defaults(log.sigmas, sigmas), times=log.times + offset)
+    if log.key == "stamp" and _is_series(stamps, log):
+        priors = _from_series(path, log, stamps, notes)
+    else:
+        priors = _from_rows(scans, path, log, allow_unknown)
+    georeference = log.georeference or settings.origin
+    corrected = _by_the_maps_north(priors, log, settings, georeference)
+    if settings.mount is not None:
+        corrected = [prior and settings.mount.of_sensor(prior) for prior in corrected]
+    return Navigated(
+        tuple(replace(scan, prior=prior) for scan, prior in zip(scans, corrected, strict=True)), georeference
+    )
 
 
 def with_priors(
@@ -41,156 +94,73 @@ def with_priors(
     allow_unknown: bool = False,
     notes: list[str] | None = None,
 ) -> tuple[Scan, ...]:
-    """The scans with their priors from the file; a scan without a row, or with an empty one, has none.
+    """The scans of `navigate`, where nothing has to be said of the file."""
+    return navigate(scans, path, sigmas=sigmas, allow_unknown=allow_unknown, notes=notes).scans
 
-    Args:
-        scans: as the readers name and stamp them.
-        path: of the CSV file.
-        sigmas: {column of COLUMNS: standard deviation in its unit}, used where the file has none.
-        allow_unknown: whether rows may belong to scans that are not among these.
-        notes: what a user should know of the file is added to it.
 
-    Raises:
-        InputError: naming the file and the line: a column or cell that cannot be used, two rows for one scan, a row
-            that fits no scan or several, or not one that fits any.
-    """
-    key, rows = read_prior_rows(path, sigmas, notes)
-    if key == "stamp" and _is_series(scans, rows):
-        return _from_series(scans, path, rows, notes)
+def _estimated_offset(
+    path: Path, log: NavigationLog, turn_rates: tuple[np.ndarray, np.ndarray] | None, notes: list[str]
+) -> float:
+    """What has to be added to the navigation's times for its headings to turn as the sonar does [s]."""
+    if turn_rates is None:
+        raise InputError("--nav-offset auto needs the sonar's own turn rates, which the scans' files do not have")
+    offset = estimate_offset(*heading_rates(log.times, log.values[:, 2]), *turn_rates)
+    notes.append(
+        f"{path}: {offset.seconds:+.2f} s are added to its times, by the turn rates (standard deviation "
+        f"{offset.sigma:.2g} s, correlation {offset.correlation:.2f})"
+    )
+    return offset.seconds
+
+
+def _by_the_maps_north(
+    priors: Sequence[PosePrior | None],
+    log: NavigationLog,
+    settings: NavigationSettings,
+    georeference: "Georeference | None",
+) -> list[PosePrior | None]:
+    """Priors whose headings were measured by true or grid North of their own places."""
+    grid = grid_of(settings, georeference) if settings.heading_reference == "grid" else None
+    if georeference is None or (grid is None and log.georeference is None):
+        return list(priors)
+    return [prior and by_the_maps_north(prior, georeference, grid) for prior in priors]
+
+
+def _from_rows(scans: Sequence[Scan], path: Path, log: NavigationLog, allow_unknown: bool) -> list[PosePrior | None]:
+    """Of rows that are each for one scan."""
     lines: dict[int, int] = {}  # of each scan, in the file
-    changed = list(scans)
-    for row in rows:
-        index = find_scan(scans, key, row.key, f"{path}: line {row.line}", allow_unknown)
+    priors = [scan.prior for scan in scans]
+    for row, line in enumerate(log.lines.tolist()):
+        time, where = float(log.times[row]), f"{path}: line {line}"
+        index = find_scan(scans, log.key, log.keys[row], time, where, allow_unknown)
         if index is None:
             continue
         if index in lines:
             raise InputError(
-                f"{path}: lines {lines[index]} and {row.line} are both for the scan {scans[index].name}; delete one"
+                f"{path}: lines {lines[index]} and {line} are both for the scan {scans[index].name}; delete one"
             )
-        lines[index] = row.line
-        changed[index] = replace(scans[index], prior=row.prior)
+        lines[index] = line
+        priors[index] = prior_of(log.values[row], log.sigmas[row]) if log.measured[row] else None
     if not lines:
-        raise InputError(
-            f"{path}: no row belongs to any of the scans, which are {_some([scan.name for scan in scans])}"
-        )
-    return tuple(changed)
+        raise InputError(f"{path}: no row belongs to any of the scans, which are {some([scan.name for scan in scans])}")
+    return priors
 
 
-def _is_series(scans: Sequence[Scan], rows: Sequence[PriorRow]) -> bool:
+def _is_series(stamps: np.ndarray, log: NavigationLog) -> bool:
     """Whether rows have times of their own: some that are no scan's, of more than half of the rows."""
-    stamps = np.array([scan.stamp for scan in scans])
-    times = np.array([seconds(row.key) for row in rows])
-    if not np.isfinite(times).all():
-        return False  # told row by row
-    lone = [np.abs(stamps - time).min() > SAME_STAMP for time in times.tolist()]
-    return sum(lone) > len(rows) / 2
+    sorted_stamps = np.sort(stamps)
+    after = np.clip(np.searchsorted(sorted_stamps, log.times), 0, len(stamps) - 1)
+    nearest = np.minimum(
+        np.abs(sorted_stamps[after] - log.times), np.abs(sorted_stamps[np.maximum(after - 1, 0)] - log.times)
+    )
+    return int((nearest > SAME_STAMP).sum()) > len(log.times) / 2
 
 
-def _from_series(
-    scans: Sequence[Scan], path: Path, rows: Sequence[PriorRow], notes: list[str] | None
-) -> tuple[Scan, ...]:
-    told = [(seconds(row.key), row.prior) for row in rows if row.prior is not None]
-    times = np.array([time for time, _ in told])
-    priors = at_scans(scans, times, [prior for _, prior in told])
-    if all(prior is None for prior in priors):
-        stamps = [scan.stamp for scan in scans]
-        raise InputError(
-            f"{path}: no row is at the time of a scan, or near it: the rows run from {times.min():.3f} to "
-            f"{times.max():.3f} s, the scans from {min(stamps):.3f} to {max(stamps):.3f} s; wanted stamps of one clock"
-        )
-    if notes is not None:
-        notes.append(f"{path} has times of its own; it was interpolated to those of the scans")
-    return tuple(replace(scan, prior=prior) for scan, prior in zip(scans, priors, strict=True))
-
-
-def read_prior_rows(
-    path: Path, sigmas: Mapping[str, float] = NO_DEFAULTS, notes: list[str] | None = None
-) -> tuple[str, list[PriorRow]]:
-    """The column that identifies the scans, "name" or "stamp", and every row; arguments as those of `with_priors`.
-
-    Raises:
-        InputError: a column or cell that cannot be used.
-    """
-    table = read_csv_table(path)
-    header = table.heading.cells
-    try:
-        _check_header(header, sigmas)
-    except InputError as error:
-        raise InputError(f"{path}: line {table.heading.line}: {error}") from error
-    table.require_even(path)
-    if not table.rows:
-        raise InputError(f"{path} has no row below its heading; wanted one per scan")
-    rows = []
-    for row in table.rows:
-        try:
-            rows.append(_row(row.line, header, row.cells, sigmas))
-        except InputError as error:
-            raise InputError(f"{path}: line {row.line}: {error}; fix that line") from error
-    if notes is not None:
-        notes += table.notes
-    return next(key for key in KEYS if key in header), rows
-
-
-def _check_header(header: list[str], sigmas: Mapping[str, float]) -> None:
-    known = (*KEYS, *COLUMNS, *SIGMA_COLUMNS)
-    if on_earth := [name for name in header if name.lower().startswith(ON_EARTH)]:
-        raise InputError(
-            f"the columns {_some(on_earth)} are places on the Earth, which are not read; give East and North in meters "
-            "from any origin as x_m and y_m"
-        )
-    if unknown := [name for name in header if name not in known]:
-        raise InputError(
-            f"unknown column {_some(unknown)}; known are {', '.join(known)}, separated by commas, semicolons or tabs"
-        )
-    if twice := [name for name in known if header.count(name) > 1]:
-        raise InputError(f"the column {twice[0]} is there {header.count(twice[0])} times; delete all but one")
-    if sum(key in header for key in KEYS) != 1:
-        raise InputError("wanted either a column name or a column stamp, which says which scan a row is for")
-    if not any(column in header for column in COLUMNS):
-        raise InputError(f"there is no column of measurements; wanted one or more of {', '.join(COLUMNS)}")
-    for first, second in PAIRS:
-        if (first in header) != (second in header):
-            raise InputError(f"{first} and {second} can only be used together; give both or neither")
-    for column, sigma in zip(COLUMNS, SIGMA_COLUMNS, strict=True):
-        if sigma in header and column not in header:
-            raise InputError(f"there is a column {sigma} but no {column}; delete it, or add {column}")
-        if column in header and sigma not in header and column not in sigmas:
-            raise InputError(f"{column} has no standard deviation; add a column {sigma}, or give --prior-sigmas")
-
-
-def _row(number: int, header: list[str], cells: list[str], sigmas: Mapping[str, float]) -> PriorRow:
-    row = dict(zip(header, cells, strict=True))
-    key = next(row[key] for key in KEYS if key in header)
-    if not key:
-        raise InputError(f"its {'name' if 'name' in row else 'stamp'} is empty")
-    values = np.array([_number(column, row.get(column, "")) for column in COLUMNS])
-    deviations = np.array([_number(sigma, row.get(sigma, "")) for sigma in SIGMA_COLUMNS])
-    deviations = np.where(np.isnan(deviations), [sigmas.get(column, np.nan) for column in COLUMNS], deviations)
-    measured = np.isfinite(values)
-    for column, sigma, needed, deviation in zip(COLUMNS, SIGMA_COLUMNS, measured, deviations, strict=True):
-        if needed and np.isnan(deviation):
-            raise InputError(f"{column} has no standard deviation; fill in {sigma}, or give --prior-sigmas")
-    for first, second in PAIRS:
-        if measured[COLUMNS.index(first)] != measured[COLUMNS.index(second)]:
-            raise InputError(f"{first} and {second} can only be used together, and one is empty")
-    return PriorRow(number, key, prior_of(values, deviations) if measured.any() else None)
-
-
-def _number(column: str, cell: str) -> float:
-    """The number in a cell, NaN where it is empty."""
-    if not cell:
-        return np.nan
-    try:
-        number = float(cell) if "_" not in cell else np.nan
-    except ValueError:
-        number = np.nan
-    if not np.isfinite(number):
-        raise InputError(
-            f"{column} is {cell[:40]!r}; wanted a finite number, or an empty cell for what was not measured"
-        )
-    check_measured(column, number)
-    return number
-
-
-def _some(names: Sequence[str]) -> str:
-    return ", ".join(repr(name) for name in names[:3]) + (", ..." if len(names) > 3 else "")
+def _from_series(path: Path, log: NavigationLog, stamps: np.ndarray, notes: list[str]) -> list[PosePrior | None]:
+    """Of rows at times of their own."""
+    rows = log.measured
+    known = at_scans(stamps, log.times[rows], log.values[rows], log.sigmas[rows])
+    measured = np.any(np.isfinite(known.values), axis=1)
+    if not measured.any():
+        raise InputError(f"{path}: no row is at the time of a scan, or near it: {why_apart(log.times, stamps)}")
+    notes.append(f"{path} has times of its own; it was interpolated to those of the scans")
+    return [prior_of(known.values[k], known.sigmas[k]) if measured[k] else None for k in range(len(stamps))]

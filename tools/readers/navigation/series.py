@@ -2,13 +2,10 @@
 # pyright: reportUnknownVariableType=false, reportUnknownArgumentType=false
 """Navigation at its own times: what instruments measured between, before or after the scans, at the scans' times."""
 
-from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
 
-from spectral.scan import PosePrior, Scan
-from tools.readers.instruments import prior_of, sigmas_of, values_of
 from tools.readers.navigation.match import SAME_STAMP
 
 # What is measured at times of its own: columns of a priors file.
@@ -20,8 +17,8 @@ _MOST_BETWEEN = 5.0
 _SPEED = 1.0
 
 
-def at_scans(scans: Sequence[Scan], times: np.ndarray, priors: Sequence[PosePrior]) -> list[PosePrior | None]:
-    """What rows at `times` say of each scan; None where they say nothing.
+def at_scans(stamps: np.ndarray, times: np.ndarray, values: np.ndarray, sigmas: np.ndarray) -> "AtScans":
+    """What rows at `times` say of each scan.
 
     Attitude, heading, position and depth may be in rows of their own. Each is interpolated between the measurements
     before and after a scan if these are at most 5 s apart; the larger of both standard deviations counts. A position or
@@ -29,30 +26,28 @@ def at_scans(scans: Sequence[Scan], times: np.ndarray, priors: Sequence[PosePrio
     between scans, and is less sure by a meter per second.
 
     Args:
-        scans: with stamps.
+        stamps: (N,) of the scans [s].
         times: (n,) of the rows [s], in any order.
-        priors: of the rows.
+        values: (n, 6) in the order and units of `tools.readers.instruments.COLUMNS`; NaN where not measured.
+        sigmas: (n, 6) standard deviations in the same units; ignored where not measured.
     """
     order = np.argsort(times, kind="stable")
-    times = times[order]
-    values = np.array([values_of(priors[k].T_world_sensor) for k in order.tolist()])
-    sigmas = np.array([sigmas_of(priors[k]) for k in order.tolist()])
-    stamps = np.array([scan.stamp for scan in scans], dtype=np.float64)
-    apart = float(np.median(np.diff(np.unique(stamps)))) if len(np.unique(stamps)) > 1 else 0.0
-    told = _AtScans(stamps, np.full((len(scans), 6), np.nan), np.full((len(scans), 6), np.inf))
+    times, values, sigmas = times[order], values[order], sigmas[order]
+    steps = np.diff(np.unique(stamps))
+    apart = float(np.median(steps)) if len(steps) else 0.0
+    known = AtScans(stamps, np.full((len(stamps), 6), np.nan), np.full((len(stamps), 6), np.inf))
     for columns in _SERIES:
-        rows = np.flatnonzero(np.isfinite(sigmas[:, columns]).all(axis=1))
+        rows = np.flatnonzero(np.isfinite(values[:, columns]).all(axis=1))
         if not len(rows):
             continue
         series = values[np.ix_(rows, columns)]
-        if columns[0] == _HEADING:
+        if columns[0] <= _HEADING:
             series = np.degrees(np.unwrap(np.radians(series), axis=0))
         measured = _Series(columns, times[rows], series, sigmas[np.ix_(rows, columns)])
-        told.interpolate(measured)
+        known.interpolate(measured)
         if columns[0] > _HEADING:
-            told.attach(measured, apart / 2)
-    known = np.isfinite(told.values)
-    return [prior_of(told.values[k], told.sigmas[k]) if known[k].any() else None for k in range(len(scans))]
+            known.attach(measured, apart / 2)
+    return known
 
 
 @dataclass(frozen=True, slots=True)
@@ -66,7 +61,7 @@ class _Series:
 
 
 @dataclass(frozen=True, slots=True)
-class _AtScans:
+class AtScans:
     """What is told of N scans so far: (N,) stamps [s], (N, 6) values, NaN where unknown, and standard deviations."""
 
     stamps: np.ndarray
@@ -91,8 +86,16 @@ class _AtScans:
 
     def attach(self, series: _Series, reach: float) -> None:
         """Give single fixes to the scans next to them, at most so far away [s]."""
-        for time, value, sigma in zip(series.times.tolist(), series.values, series.sigmas, strict=True):
-            k = int(np.argmin(np.abs(self.stamps - time)))
-            if abs(self.stamps[k] - time) <= reach and not np.isfinite(self.values[k, series.columns[0]]):
-                self.values[k, series.columns] = value
-                self.sigmas[k, series.columns] = np.hypot(sigma, _SPEED * (self.stamps[k] - time))
+        order = np.argsort(self.stamps, kind="stable")
+        sorted_stamps = self.stamps[order]
+        after = np.clip(np.searchsorted(sorted_stamps, series.times), 0, len(order) - 1)
+        before = np.maximum(after - 1, 0)
+        is_before = np.abs(sorted_stamps[before] - series.times) <= np.abs(sorted_stamps[after] - series.times)
+        nearest = order[np.where(is_before, before, after)]
+        near = np.abs(self.stamps[nearest] - series.times) <= reach
+        for row in np.flatnonzero(near).tolist():
+            k = nearest[row]
+            if not np.isfinite(self.values[k, series.columns[0]]):
+                self.values[k, series.columns] = series.values[row]
+                away = _SPEED * (self.stamps[k] - series.times[row])
+                self.sigmas[k, series.columns] = np.hypot(series.sigmas[row], away)

@@ -124,6 +124,11 @@ class TestRows:
         scans = read(path, "stamp,depth_m,depth_sigma_m\n120.0004,3,0.1\n1e2,4,0.1\n")
         assert [scan.prior and -scan.prior.T_world_sensor.translation[2] for scan in scans] == [4, None, 3]
 
+    def test_where_there_are_names_and_stamps_names_count(self, path: Path) -> None:
+        """As in a template."""
+        scans = read(path, "name,stamp,depth_m,depth_sigma_m\nfirst,100,1.5,0.1\nrec#3,7,,\n")
+        assert [scan.prior is None for scan in scans] == [False, True, True]
+
     def test_defaults_stand_in_where_the_file_says_nothing(self, path: Path) -> None:
         text = "name,depth_m,x_m,y_m,x_sigma_m,y_sigma_m\nfirst,1,2,3,7,8\nrec#3,1,2,3,,9\n"
         first, second, _ = read(path, text, sigmas={"depth_m": 0.3, "x_m": 5.0, "y_m": 6.0, "roll_deg": 1.0})
@@ -147,7 +152,7 @@ class TestRefusals:
             ("name,hedding_deg", ["unknown column 'hedding_deg'", "heading_deg"]),
             ("name,depth_m,depth_m,depth_sigma_m", ["depth_m is there 2 times"]),
             ("depth_m,depth_sigma_m", ["either a column name or a column stamp"]),
-            ("name,stamp,depth_m,depth_sigma_m", ["either a column name or a column stamp"]),
+            ("File,Time,depth_m,depth_sigma_m", ["either a column name or a column stamp", "'File' and 'Time'"]),
             ("name", ["no column of measurements", "depth_m"]),
             ("name,roll_deg,roll_sigma_deg", ["roll_deg and pitch_deg", "both or neither"]),
             ("name,y_m,y_sigma_m", ["x_m and y_m", "both or neither"]),
@@ -250,8 +255,8 @@ class TestOffices:
         assert "no line break" in notes[0]
 
     @pytest.mark.parametrize("column", ["lat", "Latitude", "lon_deg", "LON"])
-    def test_places_on_the_earth_are_named(self, path: Path, column: str) -> None:
-        refused(path, f"name,{column}\nfirst,1\n", "line 1", column, "places on the Earth", "x_m and y_m")
+    def test_half_a_place_on_the_earth_is_refused(self, path: Path, column: str) -> None:
+        refused(path, f"name,{column}\nfirst,1\n", "line 1", column, "can only be used with")
 
     def test_times_of_iso_8601(self, path: Path) -> None:
         scans = (Scan(POINTS, name="a", stamp=1782898200.0), Scan(POINTS, name="b", stamp=1782898205.5))

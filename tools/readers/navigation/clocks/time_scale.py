@@ -1,0 +1,44 @@
+"""UTC, GPS time and TAI: GPS time and TAI run on where UTC inserts leap seconds."""
+
+from typing import Literal
+
+import numpy as np
+
+TimeScale = Literal["utc", "gps", "tai"]
+TIME_SCALES: tuple[TimeScale, ...] = ("utc", "gps", "tai")
+
+WEEK = 604_800.0  # [s]
+GPS_EPOCH = 315_964_800.0  # 1980-01-06 00:00 UTC [s, Unix]
+_TAI_GPS = 19.0  # TAI - GPS time [s], always
+# TAI - UTC [s] from these Unix times on: IERS Bulletin C, as in IANA's leap-seconds.list; none is announced for 2026
+_LEAPS = (
+    (63072000, 10), (78796800, 11), (94694400, 12), (126230400, 13), (157766400, 14), (189302400, 15), (220924800, 16),
+    (252460800, 17), (283996800, 18), (315532800, 19), (362793600, 20), (394329600, 21), (425865600, 22),
+    (489024000, 23), (567993600, 24), (631152000, 25), (662688000, 26), (709948800, 27), (741484800, 28),
+    (773020800, 29), (820454400, 30), (867715200, 31), (915148800, 32), (1136073600, 33), (1230768000, 34),
+    (1341100800, 35), (1435708800, 36), (1483228800, 37),
+)  # fmt: skip
+_STARTS = np.array([start for start, _ in _LEAPS], np.float64)
+_OFFSETS = np.array([offset for _, offset in _LEAPS], np.float64)
+
+
+def tai_minus_utc(utc: np.ndarray) -> np.ndarray:
+    """(n,) [s] at Unix times (n,) [s]; before 1972 what it was then, 10 s."""
+    return _OFFSETS[np.maximum(np.searchsorted(_STARTS, utc, side="right") - 1, 0)]
+
+
+def utc_of_tai(tai: np.ndarray) -> np.ndarray:
+    """(n,) Unix times [s] of seconds since 1970-01-01 00:00 TAI (n,), as PTP counts them."""
+    return tai - _OFFSETS[np.maximum(np.searchsorted(_STARTS + _OFFSETS, tai, side="right") - 1, 0)]
+
+
+def utc_of_gps(seconds: np.ndarray) -> np.ndarray:
+    """(n,) Unix times [s] of seconds since the GPS epoch, 1980-01-06 00:00 UTC."""
+    return utc_of_tai(seconds + GPS_EPOCH + _TAI_GPS)
+
+
+def utc_of_calendar(calendar: np.ndarray, scale: TimeScale) -> np.ndarray:
+    """(n,) Unix times [s] of dates and times of day in a scale, given as if they were UTC."""
+    if scale == "utc":
+        return calendar
+    return utc_of_tai(calendar + (_TAI_GPS if scale == "gps" else 0.0))

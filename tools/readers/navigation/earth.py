@@ -1,0 +1,100 @@
+# pyright: strict, reportMissingTypeStubs=false, reportUnknownMemberType=false
+# pyright: reportUnknownVariableType=false, reportUnknownArgumentType=false
+"""Places on the Earth as meters in the map's frame, and headings by its North."""
+
+from dataclasses import replace
+
+import numpy as np
+from scipy.spatial.transform import RigidTransform, Rotation
+
+from kernels.errors import InputError
+from spectral.scan import PosePrior
+from tools.geo.georeference import EAST, Georeference
+from tools.geo.projection import Projection
+from tools.readers.navigation.settings import NavigationSettings
+
+_ROUNDED = 5  # decimals of the origin's degrees: a meter
+
+
+def local_places(
+    values: np.ndarray, are_degrees: bool, settings: NavigationSettings, notes: list[str]
+) -> tuple[np.ndarray, Georeference]:
+    """Rows with x East and y North of the map's origin, and where that is.
+
+    Args:
+        values: (n, 6) in the order of `tools.readers.instruments.COLUMNS`, with longitude and latitude [deg] or easting
+            and northing [m] in place of x and y.
+        are_degrees: which of both.
+        settings: of the user: CRS and origin.
+        notes: what a user should know is added.
+
+    Raises:
+        InputError: a place that the CRS does not cover, or far from the others.
+    """
+    values = values.copy()
+    known = np.isfinite(values[:, 3:5]).all(axis=1)
+    if are_degrees:
+        unset = known & (values[:, 3:5] == 0).all(axis=1)
+        if unset.any():
+            notes.append(f"{unset.sum()} rows are at 0, 0, as without a fix; they have no place")
+        known &= ~unset
+    values[~known, 3:5] = np.nan
+    if not known.any():
+        raise InputError(
+            "no row has a place; wanted a latitude and longitude, or an easting and northing, in some rows"
+        )
+    # what is East and North at the vehicle's depth; where none is known, at the surface
+    heights = -np.nan_to_num(values[known, 5])
+    geodetic = np.column_stack([values[known, 4], values[known, 3], heights])
+    if not are_degrees:
+        try:
+            projection = Projection.of(Georeference(0.0, 0.0), settings.crs)
+            geodetic = projection.unproject(np.column_stack([values[known, 3:5], heights]))
+        except InputError as error:
+            raise InputError(str(error).replace("--crs", "--nav-crs")) from error
+    origin = settings.origin
+    if origin is None:
+        latitude, longitude = (round(float(angle), _ROUNDED) for angle in geodetic[0, :2])
+        origin = Georeference(latitude, longitude)
+        notes.append(f"the map's origin is the first fix, rounded: {latitude:.5f}, {longitude:.5f}")
+    if origin.heading != EAST:
+        raise InputError(
+            "--origin-heading has no effect where navigation places the map, whose x is East; leave it out"
+        )
+    geodetic[:, 2] += origin.height
+    values[known, 3:5] = origin.local(geodetic)[:, :2]
+    return values, origin
+
+
+def grid_of(settings: NavigationSettings, georeference: Georeference | None) -> Projection:
+    """The grid that headings are by.
+
+    Raises:
+        InputError: nobody says where on the Earth the headings were measured.
+    """
+    if georeference is None:
+        raise InputError(
+            "--heading-reference grid: the grid's North depends on the place; give --origin, or navigation with places "
+            "on the Earth"
+        )
+    return Projection.of(georeference, settings.crs)
+
+
+def by_the_maps_north(prior: PosePrior, georeference: Georeference, grid: Projection | None) -> PosePrior:
+    """The prior of a vehicle with the heading by the North of the map's origin, where it was by that of its own place.
+
+    Args:
+        prior: its place is taken to be the origin where none is measured.
+        georeference: of the map.
+        grid: that headings are by; None for true North.
+    """
+    if not prior.knows_heading:
+        return prior
+    place = prior.T_world_sensor.translation if prior.knows_position else np.zeros(3)
+    geodetic = georeference.geodetic(place[None])
+    turned = 0.0 if grid is None else float(grid.convergence(geodetic)[0])  # to the right of grid North lies true North
+    ahead = georeference.local(geodetic + np.array([1e-4, 0.0, 0.0]))[0] - georeference.local(geodetic)[0]
+    turned += float(np.degrees(np.arctan2(ahead[0], ahead[1])))
+    T = prior.T_world_sensor
+    R = Rotation.from_euler("Z", -turned, degrees=True) * T.rotation
+    return replace(prior, T_world_sensor=RigidTransform.from_components(T.translation, R))
