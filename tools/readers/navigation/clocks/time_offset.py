@@ -13,7 +13,10 @@ _LEAST_TIME = 20.0  # [s] that both have to have in common
 _LEAST_CORRELATION = 0.5
 _RIVAL = 0.8  # another offset is as good from this share of the best correlation on
 _GAP = 1.0  # [s]: between samples farther apart nothing is known, or 5 usual steps where these are longer
-_WORST_SIGMA = 0.1  # [s]
+_WIDTHS = (1.0, 2.0)  # [s] of averages
+_MOST_STEPS = 10_000_000
+_WORST_SIGMA = 0.035  # [s], for 0.1 s to be three of them
+_BLOCK = 5.0  # [s] within which errors may be alike
 
 
 @dataclass(frozen=True, slots=True)
@@ -51,8 +54,9 @@ def estimate_offset(
 ) -> TimeOffset:
     """The offset between two clocks that makes the turn rates agree.
 
-    Both are averaged over the longer of their steps, and correlated at all offsets; the peak of the correlation is
-    interpolated. Its standard deviation is that of a matched filter: what is left of the rates, over their slope.
+    Both are averaged over some seconds and correlated at all offsets; the peak of the correlation is interpolated. Of
+    several lengths of the average the surest counts. The standard deviation is that of the correlation's derivative,
+    from its spread over blocks of time, over its second derivative.
 
     Args:
         times_a, times_b: (n,), (m,) by the first and the second clock [s], ascending.
@@ -66,14 +70,34 @@ def estimate_offset(
     for times in (times_a, times_b):
         if len(times) < 3 or not (np.diff(times) > 0).all() or not np.isfinite(times).all():
             raise _refused("wanted three turn rates or more, at times that ascend")
-    step = max(_FINEST, *(float(np.median(np.diff(times))) / 2 for times in (times_a, times_b)))
-    width = max(float(np.median(np.diff(times))) for times in (times_a, times_b))
-    start = min(times_a[0], times_b[0])
-    if max(times_a[-1], times_b[-1]) - start > 1e7 * step:
+    usual = max(float(np.median(np.diff(times))) for times in (times_a, times_b))
+    step = max(_FINEST, usual / 2)
+    if max(times_a[-1], times_b[-1]) - min(times_a[0], times_b[0]) > _MOST_STEPS * step:
         raise _refused("the two are years apart, or have a jump; wanted times of one dive")
-    a, known_a = _on_grid(times_a - start, rates_a, step, width)
-    b, known_b = _on_grid(times_b - start, rates_b, step, width)
-    lags, correlations, counts = _correlations(a, known_a, b, known_b, round(most / step), _LEAST_TIME / step)
+    reasons: list[InputError] = []
+    estimates: list[TimeOffset] = []
+    for width in _WIDTHS:
+        try:
+            estimates.append(_estimate((times_a, rates_a), (times_b, rates_b), step, max(width, usual), most))
+        except InputError as error:
+            reasons.append(error)
+    if not estimates:
+        raise reasons[0]
+    best = min(estimates, key=lambda estimate: estimate.sigma)
+    if best.sigma > _WORST_SIGMA:
+        raise _refused(f"the turn rates fix it to {best.sigma:.2f} s only")
+    return best
+
+
+_Rates = tuple[np.ndarray, np.ndarray]  # times [s] and rates
+
+
+def _estimate(of_a: _Rates, of_b: _Rates, step: float, width: float, most: float) -> TimeOffset:
+    """The offset by averages over `width` on a grid of `step` [s]."""
+    start = min(of_a[0][0], of_b[0][0])
+    a, known_a = _on_grid(of_a[0] - start, of_a[1], step, width)
+    b, known_b = _on_grid(of_b[0] - start, of_b[1], step, width)
+    lags, correlations = _correlations(a, known_a, b, known_b, round(most / step), _LEAST_TIME / step)
     best = int(np.argmax(correlations))
     highest = float(correlations[best])
     if not np.isfinite(highest):
@@ -82,27 +106,45 @@ def estimate_offset(
         raise _refused(f"the turn rates agree at no offset (the highest correlation is {highest:.2f})")
     if best in (0, len(lags) - 1):
         raise _refused(f"they agree best at {lags[best] * step:.1f} s, the limit")
-    away = np.abs(lags - lags[best]) > _lobe(correlations, best)
-    rival = float(np.max(np.where(away, correlations, -1.0)))
-    if rival > _RIVAL * highest:
-        other = lags[int(np.argmax(np.where(away, correlations, -1.0)))]
+    rivals = np.where(np.abs(lags - lags[best]) > _lobe(correlations, best), correlations, -1.0)
+    if rivals.max() > _RIVAL * highest:
         raise _refused(
-            f"the turn rates agree at {lags[best] * step:.1f} s and nearly as well at {other * step:.1f} s, as where a "
-            "vehicle turns regularly"
+            f"the turn rates agree at {lags[best] * step:.1f} s and nearly as well at "
+            f"{lags[int(np.argmax(rivals))] * step:.1f} s, as where a vehicle turns regularly"
         )
     left, middle, right = correlations[best - 1 : best + 2]
     bend = left - 2 * middle + right
-    shift = 0.5 * (left - right) / bend if bend < 0 else 0.0
-    sigma = _sigma(highest, -bend / step**2, float(counts[best]) * step / max(width, step))
-    if sigma > _WORST_SIGMA:
-        raise _refused(f"the turn rates fix it to {sigma:.2f} s only")
+    shift = 0.5 * (left - right) / bend if np.isfinite(bend) and bend < 0 else 0.0
+    moved = np.arange(len(b)) - lags[best]
+    within = (moved >= 0) & (moved < len(a))
+    moved = np.where(within, moved, 0)
+    sigma = _sigma(a[moved], b, within & (known_a[moved] > 0) & (known_b > 0), step, width)
     return TimeOffset(float((lags[best] + shift) * step), sigma, highest)
 
 
-def _sigma(correlation: float, bend: float, samples: float) -> float:
-    """[s] of a peak of such height and curvature [1/s^2], of so many independent samples."""
-    noise = max(1 - correlation**2, 1e-6) / correlation
-    return float(np.sqrt(noise / (max(bend, 1e-12) * samples)))
+def _sigma(a: np.ndarray, b: np.ndarray, known: np.ndarray, step: float, width: float) -> float:
+    """[s] of the offset at which rates agree.
+
+    Args:
+        a, b: (n,) rates on one grid, moved to agree.
+        known: (n,) bool, where both are.
+        step, width: of the grid, and over which both are averaged [s].
+    """
+    a, b = (np.where(known, x - x[known].mean(), 0.0) for x in (a, b))
+    slope_a, slope_b = (np.where(known, np.gradient(x, step), 0.0) for x in (a, b))
+    # the derivative of the correlation, of which what both share is 0 in every block; its errors are not
+    pulls = (a * slope_b - slope_a * b) / 2
+    of_block = np.arange(len(a)) // max(round(max(_BLOCK, 3 * width) / step), 1)
+    blocks = max(len(np.unique(of_block[known])), 2)
+    spread = np.sqrt((np.bincount(of_block, pulls) ** 2).sum() * blocks / (blocks - 1))
+    bend = float(slope_a @ slope_b)  # of errors that are independent the mean is 0
+    if bend <= 0:
+        return np.inf
+    # and as of white noise, which takes all that is left at once: blocks are few
+    scale = np.sqrt(float(b @ b) / float(a @ a))
+    left = float(((b - scale * a) ** 2).sum())
+    white = np.sqrt(left * scale * width / (step * bend * scale**2 * max(known.sum(), 1))) if scale > 0 else np.inf
+    return float(max(spread / bend, white)) + _FINEST / 2
 
 
 def _lobe(correlations: np.ndarray, best: int) -> int:
@@ -128,11 +170,11 @@ def _on_grid(times: np.ndarray, rates: np.ndarray, step: float, width: float) ->
 
 def _correlations(
     a: np.ndarray, known_a: np.ndarray, b: np.ndarray, known_b: np.ndarray, most: int, least: float
-) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+) -> tuple[np.ndarray, np.ndarray]:
     """Pearson's correlation of a, moved by each lag from -most to most, with b, where both are known.
 
     Returns:
-        (2 most + 1,) lags, correlations (-inf where too little is known or nothing changes), and counts.
+        (2 most + 1,) lags, and correlations, -inf where too little is known or nothing changes.
     """
     a = a - known_a * (a.sum() / max(known_a.sum(), 1.0))
     b = b - known_b * (b.sum() / max(known_b.sum(), 1.0))
@@ -152,7 +194,7 @@ def _correlations(
     changes = (spread_a > 1e-6 * max(a.var(), 1e-12)) & (spread_b > 1e-6 * max(b.var(), 1e-12))
     usable = (count >= max(least, 3.0)) & changes
     scale = np.sqrt(np.where(usable, spread_a * spread_b, 1.0))
-    return lags, np.where(usable, covariance / scale, -np.inf), count
+    return lags, np.where(usable, covariance / scale, -np.inf)
 
 
 def _refused(reason: str) -> InputError:
