@@ -25,6 +25,7 @@ VERBS = [
     "register",
     "map",
     "inspect",
+    "template",
     "optimize",
     "simulate",
     "evaluate",

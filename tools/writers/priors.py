@@ -6,9 +6,34 @@ from pathlib import Path
 
 import numpy as np
 
+from kernels.errors import InputError
 from spectral.scan import PosePrior
 from tools.readers.instruments import COLUMNS, SIGMA_COLUMNS, sigmas_of, values_of
 from tools.writers.atomic import atomic_path
+
+
+def require_new(path: Path) -> None:
+    """Refuse to write over a file, as what was filled in would be lost.
+
+    Raises:
+        InputError: it is there already.
+    """
+    if path.exists():
+        raise InputError(f"{path} is there already; remove it, or give the template another name")
+
+
+def write_template(path: Path, names: Sequence[str], stamps: Sequence[float]) -> None:
+    """Write one row per scan with its name and stamp [s], and all columns of measurements empty, to be filled in.
+
+    Raises:
+        InputError: the file is there already, or it cannot be written.
+    """
+    require_new(path)
+    with atomic_path(path) as temporary, temporary.open("w", newline="", encoding="utf-8") as file:
+        writer = csv.writer(file, lineterminator="\n")
+        writer.writerow(["name", "stamp", *COLUMNS, *SIGMA_COLUMNS])
+        for name, stamp in zip(names, stamps, strict=True):
+            writer.writerow([name, f"{stamp:.6f}", *[""] * (len(COLUMNS) + len(SIGMA_COLUMNS))])
 
 
 def write_priors(path: Path, names: Sequence[str], priors: Sequence[PosePrior]) -> None:

@@ -11,9 +11,10 @@ import pytest
 from slam.survey_grid import survey_grid
 from tests.samples.clutter_scans import said, scan, sonarmap, write
 from tests.samples.recordings import imu_packets, recording, shot_packets, written
-from tools.cli.priors import scans_with_priors
+from tools.cli.navigation import scans_with_priors
 from tools.inspect import overview
 from tools.readers.clock import clock_faults, clock_of, utc
+from tools.readers.navigation.settings import AS_IT_SAYS
 from tools.readers.scans import read_scans, read_survey
 
 REAL = Path(__file__).parents[5] / "shared" / "data" / "sonar3d15" / "ship_short.sonar"
@@ -171,7 +172,8 @@ class TestImuOption:
         self, pair: Path, imu: bool, nav: str | None, words: str, capsys: pytest.CaptureFixture[str]
     ) -> None:
         scans, priors = read_scans([pair / "dive.sonar"]).scans, nav and pair / nav
-        used = [scan.prior for scan in scans_with_priors(scans, priors or None, None, imu, allow_unknown=False)]
+        navigated = scans_with_priors(scans, priors or None, None, imu, False, AS_IT_SAYS)
+        used = [scan.prior for scan in navigated.scans]
         assert words.format(priors) in " ".join(capsys.readouterr().err.split())
         if nav or not imu:
             assert all(prior is None or not prior.knows_attitude for prior in used)

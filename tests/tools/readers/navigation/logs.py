@@ -10,7 +10,7 @@ from tools.readers.navigation.priors import Navigated, navigate
 from tools.readers.navigation.settings import AS_IT_SAYS, NavigationSettings
 
 START = 1782898200.0  # 2026-07-01 09:30:00 UTC
-SIGMAS = dict.fromkeys(COLUMNS, 0.5)
+SIGMAS: dict[str, float] = dict.fromkeys(COLUMNS, 0.5)
 
 
 def scans_at(*stamps: float) -> list[Scan]:
