@@ -6,6 +6,7 @@ from pathlib import Path
 
 from mcap.writer import CompressionType
 
+from tests.samples.bags.foxglove import point_cloud, written
 from tests.samples.bags.messages import CLOUD, ODOMETRY, TF, cloud, odometry, transforms
 from tests.samples.bags.writers import Record, write_mcap, write_ros1, write_ros2
 
@@ -33,6 +34,7 @@ def recordings() -> dict[str, tuple[str, bytes]]:
             "mcap zstd": write_mcap(room / "a.mcap", dive(), chunk_size=900),
             "mcap lz4": write_mcap(room / "b.mcap", dive(), compression=CompressionType.LZ4, enable_crcs=False),
             "mcap plain": write_mcap(room / "c.mcap", dive(), compression=CompressionType.NONE, enable_crcs=False),
+            "mcap foxglove": written(room / "d.mcap", *(point_cloud(k) for k in range(3))),
             "db3": write_ros2(room / "dive", dive()) / "dive.db3",
             "db3 by message": write_ros2(room / "packed", dive(), compression="message") / "packed.db3",
         }

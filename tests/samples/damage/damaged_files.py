@@ -121,12 +121,13 @@ def _las_files() -> dict[str, Readable]:
 
 
 def _recordings() -> dict[str, Readable]:
-    """As scans, and as odometry."""
-    files: dict[str, Readable] = {}
-    for kind, (suffix, content) in recordings().items():
-        files[kind] = Readable(f"scan{suffix}", content, _check_scans)
-        files[f"{kind} as odometry"] = Readable(f"scan{suffix}", content, _check_poses(_odometry))
-    return files
+    """As scans, and some as odometry."""
+    scans = {kind: Readable(f"scan{suffix}", content, _check_scans) for kind, (suffix, content) in recordings().items()}
+    poses = {
+        f"{kind} as odometry": Readable(scans[kind].name, scans[kind].content, _check_poses(_odometry))
+        for kind in ("bag lz4", "mcap zstd", "db3")
+    }
+    return scans | poses
 
 
 def _odometry(path: Path) -> object:

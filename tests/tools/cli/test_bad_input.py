@@ -41,7 +41,7 @@ NOT_SCANS = {
     "10^12 promised": ("bad.ply", ply(10**12, plane()), ["bad.ply", "promises 1,000,000,000,000"]),
     "text": ("bad.ply", b"These are notes.\n", ["bad.ply", "holds text", "wanted a PLY file"]),
     "picture": ("bad.ply", b"\x89PNG\r\n\x1a\n\x00", ["bad.ply", "wanted a PLY file"]),
-    "unknown format": ("bad.las", b"LASF", ["bad.las", "unknown format '.las'", ".ply, .pcd, .npy"]),
+    "unknown format": ("bad.e57", b"LASF", ["bad.e57", "unknown format '.e57'", ".ply, .pcd, .npy"]),
     "no suffix": ("bad", b"1 2 3\n", ["bad", "unknown format", "known formats are"]),
     "map coordinates": ("bad.ply", ply(2000, plane() + 5e5), ["bad.ply", "map coordinates", "subtract"]),
 }

@@ -2,7 +2,7 @@
 
 from collections import deque
 from collections.abc import Iterator, Sequence
-from dataclasses import dataclass, field
+from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
@@ -89,25 +89,17 @@ def is_named(frame: str, name: str) -> bool:
     return frame.split("/")[-1] == name
 
 
-@dataclass(slots=True)
 class Frames:
-    """Where sensors are mounted, as tf_static says.
+    """Where sensors are mounted, as a recording's tf_static says.
 
     Attributes:
-        links: by their child and parent.
-        notes: what was done about each frame that was asked for, in words.
+        notes: what was done about each frame that was asked for, and what of tf_static is damaged, in words.
     """
 
-    links: dict[tuple[str, str], Link]
-    notes: list[str] = field(default_factory=list)
-    _known: dict[str, RigidTransform] = field(default_factory=dict)
-
-    @classmethod
-    def of(cls, recording: Recording) -> "Frames":
-        """Of a recording; it reads its tf_static."""
-        faults: list[str] = []
-        static = {(link.child, link.parent): link for link in links(recording, "tf_static", faults)}
-        return cls(static, faults)
+    def __init__(self, recording: Recording) -> None:
+        self.notes: list[str] = []
+        self._links = {(link.child, link.parent): link for link in links(recording, "tf_static", self.notes)}
+        self._known: dict[str, RigidTransform] = {}
 
     def T_base(self, frame: str) -> RigidTransform:
         """T_base_frame to base_link where tf_static has it, else to the same frame with x forward, y left, z up.
@@ -140,7 +132,7 @@ class Frames:
     def _by_tf(self, frame: str) -> tuple[str, RigidTransform] | None:
         """The nearest frame that is called base_link, and T_base_frame."""
         neighbors: dict[str, list[tuple[str, Link, bool]]] = {}
-        for link in self.links.values():
+        for link in self._links.values():
             neighbors.setdefault(link.child, []).append((link.parent, link, True))
             neighbors.setdefault(link.parent, []).append((link.child, link, False))
         waiting, seen = deque([(frame, RigidTransform.identity())]), {frame}

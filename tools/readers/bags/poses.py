@@ -54,7 +54,7 @@ def _of_odometry(recording: Recording, topic: str, faults: list[str]) -> Traject
             stamps.append(content.header.stamp.sec * 10**9 + content.header.stamp.nanosec or message.time)
             rows.append(numbers_of(content.pose.pose.position, content.pose.pose.orientation))
             world, child = content.header.frame_id, content.child_frame_id.lstrip("/")
-    T_base_child = Frames.of(recording).T_base(child)
+    T_base_child = Frames(recording).T_base(child)
     trajectory = _ascending(stamps, rows, f"the pose of {topic}", faults)
     R_enu_world = _R_ENU_NED if world.endswith("_ned") else Rotation.identity()
     T = RigidTransform.from_rotation(R_enu_world) * trajectory.T_world_sensor * T_base_child.inv()

@@ -33,7 +33,7 @@ def stream_recording(path: Path, topic: str | None, notes: list[str]) -> Iterato
     about: list[str] = []
     recording = open_recording(path, about)
     chosen = choose_topic(recording, topic, CLOUD_KINDS, path)
-    frames, faults = Frames.of(recording), list[str]()
+    frames, faults = Frames(recording), list[str]()
     usable = unstamped = 0
     for number, message in enumerate(recording.messages([chosen.name], faults)):
         try:
