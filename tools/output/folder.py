@@ -12,6 +12,7 @@ from kernels.device.device import Device
 from kernels.errors import InputError
 from slam.map.point_map import PointMap
 from slam.survey_result import SurveyResult
+from tools.geo.georeference import Georeference
 from tools.output.exports import EXPORTS
 from tools.output.graph_file import survey_graph
 from tools.output.pairs_file import write_pairs
@@ -48,6 +49,11 @@ def part_files(result: SurveyResult, rank: int, also: Iterable[str] = ()) -> lis
     return [name.format("" if rank == 1 else f"_{rank}") for name in names]
 
 
+def side_car(name: str) -> str:
+    """The name of the file that says what an exported file of this name is."""
+    return f"{name}.json"
+
+
 def require_apart(folder: Path, files: Iterable[Path]) -> None:
     """Refuse scans that are the map of an earlier run, or would be overwritten by the new map.
 
@@ -71,6 +77,8 @@ def write_survey(
     unread: Sequence[Unread] = (),
     also: Sequence[str] = (),
     times: Mapping[str, Any] | None = None,
+    inputs: Sequence[Mapping[str, Any]] = (),
+    georeference: Georeference | None = None,
 ) -> Path:
     """Write a survey's maps, pictures, trajectories, graph, pairs and summary.
 
@@ -78,12 +86,12 @@ def write_survey(
     nothing joined is in no map. Where loops were tried, loops.png compares the map with what it would be without them.
     Where there are several surveys, map_survey_0.ply and so on are the maps of each one's scans alone. The graph holds
     all components. All files appear together or, where one cannot be written, none does; what the folder's earlier run
-    had beyond this one's files is removed.
+    had beyond this one's files is removed, and so is what was exported of it.
 
     Args:
         folder: made where it is missing.
         result: the survey, of the scans with these `names`.
-        settings, unread: for the summary.
+        settings, unread, inputs, georeference: for the summary.
         device: what it ran on; None for a method that takes none.
         also: names of EXPORTS: further formats to write.
         times: how long the run took, for times.json; None for no such file.
@@ -97,22 +105,24 @@ def write_survey(
     earlier = _earlier_files(folder)
     files = [part_files(result, rank, also) for rank in range(1, len(placed(result.components)) + 1)]
     description = {"name": device.name, "platform": device.platform} if device else None
-    summary = survey_summary(result, list(names), settings, description, unread)
+    summary = survey_summary(result, list(names), settings, description, unread, inputs, georeference)
     with all_or_none():
         _write_files(folder, result, names, files)
         write_json(folder / SUMMARY, summary | {"files": [*chain.from_iterable(files), *OF_ALL]})
         if times is not None:
             write_json(folder / TIMES, times)
-    for name in earlier.difference(*files):
+    for name in earlier.difference(*files, OF_ALL, (TIMES, JOURNAL)):
         discard(folder / name)
     return folder / SUMMARY
 
 
 def _earlier_files(folder: Path) -> set[str]:
-    """The components' files of an earlier run in the folder, as its summary lists them; none without a summary."""
+    """The components' files of an earlier run in the folder, and what was exported of it, as its summary lists them;
+    none without a summary."""
     try:
-        names = read_json(folder / SUMMARY, "the summary.json of an earlier map")["files"]
-        return {name for name in names if _OF_PART.fullmatch(name)}
+        names = set(read_json(folder / SUMMARY, "the summary.json of an earlier map")["files"])
+        exported = {name for name in names if Path(name).name == name and side_car(name) in names}
+        return {name for name in names if _OF_PART.fullmatch(name)} | exported | {side_car(name) for name in exported}
     except (ValueError, LookupError, TypeError):  # missing, or not ours: nothing is removed
         return set()
 

@@ -13,6 +13,7 @@ from slam.map.crossing import CrossingError
 from slam.map.point_map import PointMap
 from slam.pair import Pair, Role
 from slam.survey_result import SurveyResult
+from tools.geo.georeference import Georeference
 from tools.output.parts import placed, unplaced
 from tools.readers.scans import Unread
 from tools.readers.selection import PAIRS
@@ -20,7 +21,13 @@ from tools.versions import package_versions
 
 
 def survey_summary(
-    result: SurveyResult, names: list[str], settings: Mapping[str, Any], device: Any, unread: Sequence[Unread] = ()
+    result: SurveyResult,
+    names: list[str],
+    settings: Mapping[str, Any],
+    device: Any,
+    unread: Sequence[Unread] = (),
+    inputs: Sequence[Mapping[str, Any]] = (),
+    georeference: Georeference | None = None,
 ) -> dict[str, Any]:
     """The content of a survey's summary.json.
 
@@ -31,6 +38,8 @@ def survey_summary(
         device: what it ran on: any value that `to_json` takes.
         unread: scans that could not be read. Each is listed with its reason and its gap, the indices of the
             scans before and after it (null if there is none); "gaps" lists these after the pairs that failed.
+        inputs: the files, as `input_rows` describes them.
+        georeference: where the map lies on the Earth; None where it is not known.
     """
     solution, graph = result.solution, result.solution.graph
     loose = dict(graph.loose)
@@ -39,6 +48,8 @@ def survey_summary(
         "versions": package_versions(),
         "device": device,
         "settings": settings,
+        "inputs": inputs,
+        "georeference": None if georeference is None else georeference.to_json(),
         "scans": [
             {**row, "sigmas": sigmas}
             for row, sigmas in zip(scan_rows(result, names), pose_sigmas(result.covariances), strict=True)

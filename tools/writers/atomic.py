@@ -3,7 +3,7 @@
 import os
 import shutil
 import tempfile
-from collections.abc import Iterator
+from collections.abc import Iterator, Sequence
 from contextlib import contextmanager, suppress
 from contextvars import ContextVar
 from pathlib import Path
@@ -11,7 +11,7 @@ from pathlib import Path
 from kernels.errors import InputError
 
 LEFTOVER_PREFIX = ".sonarmap."  # of temporary names
-# Of the innermost `all_or_none`: temporary files, whole and on disk, and what they will be called.
+# Of `all_or_none`: temporary files, whole and on disk, and what they will be called.
 _waiting: ContextVar[list[tuple[Path, Path]] | None] = ContextVar("_waiting", default=None)
 
 
@@ -49,16 +49,24 @@ def atomic_path(path: Path) -> Iterator[Path]:
 
 
 @contextmanager
-def all_or_none() -> Iterator[None]:
+def all_or_none() -> Iterator[Sequence[tuple[Path, Path]]]:
     """What `atomic_path` writes inside the block appears when it ends well, all of it; nothing otherwise.
 
     The disk may fill up or the user stop it halfway: results that belong together are never of two runs. Only the
-    renaming of files that are already whole on disk, one right after the other, is left for the end.
+    renaming of files that are already whole on disk, one right after the other, is left for the end. A block inside
+    another is a part of it.
+
+    Yields:
+        What has been written so far, growing: the temporary name under which it is whole on disk, and its own.
     """
+    outer = _waiting.get()
+    if outer is not None:
+        yield outer
+        return
     waiting: list[tuple[Path, Path]] = []
     token = _waiting.set(waiting)
     try:
-        yield
+        yield waiting
         for temporary, path in waiting:
             try:
                 temporary.replace(path)
