@@ -22,12 +22,14 @@ class Georeferenced:
         part: of it.
         georeference: of the part's frame.
         projection: the CRS of projected coordinates.
+        cell: edge of a cell of grids and pictures [m]; None for the map's voxel.
     """
 
     folder: MapFolder
     part: MapPart
     georeference: Georeference
     projection: Projection
+    cell: float | None = None
 
     @cached_property
     def points(self) -> np.ndarray:

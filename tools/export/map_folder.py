@@ -2,7 +2,7 @@
 # pyright: reportUnknownVariableType=false, reportUnknownArgumentType=false
 """The folder that `sonarmap map` wrote, read back for export."""
 
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
@@ -18,6 +18,8 @@ from tools.readers.clouds.ply import read_ply_columns
 from tools.readers.json_file import read_json
 from tools.readers.poses.matrices import rigid_transform
 
+COLUMNS = ("count", "seen", "sigma", "scan", "survey")  # that every map has
+
 
 @dataclass(frozen=True, slots=True)
 class MapPart:
@@ -26,11 +28,12 @@ class MapPart:
     Attributes:
         suffix: of its files' names: empty for the largest, then _2 and so on.
         points: (M, 3) float64 [m], in the part's frame.
-        columns: {name: (M,)}, what else map.ply says of each point: count, seen, sigma, scan, survey, intensity.
+        columns: {name: (M,)}, what else map.ply says of each point: COLUMNS, and perhaps intensity.
         scans: which scans of the survey, ascending.
         trajectory: their poses, T_world_sensor, and stamps [s].
         covariances: (n, 6, 6) of these, rotation first [rad, m], body tangent.
-        in_world: whether the frame is East-North-Up, as instruments placed it.
+        in_world: whether instruments measured any of the frame, which is East-North-Up then.
+        unmeasured: names of `slam.graph.measured_poses.MEASURED` that they did not.
     """
 
     suffix: str
@@ -40,6 +43,21 @@ class MapPart:
     trajectory: Trajectory
     covariances: np.ndarray
     in_world: bool
+    unmeasured: tuple[str, ...] = ()
+
+    @property
+    def point_stamps(self) -> np.ndarray:
+        """(M,) float64 stamps [s] of the scans that the points are mostly from."""
+        return self.trajectory.stamps[np.searchsorted(self.scans, self.columns["scan"])]
+
+    def knows(self, what: str) -> bool:
+        """Whether instruments measured this name of `MEASURED`, so that the frame has it right."""
+        return self.in_world and what not in self.unmeasured
+
+    @property
+    def placed(self) -> bool:
+        """Whether instruments tell where the frame is and which way it points."""
+        return self.in_world and not self.unmeasured
 
 
 @dataclass(frozen=True, slots=True)
@@ -63,8 +81,8 @@ class MapFolder:
         loops: every loop that was tried.
         voxel: edge of a voxel of the maps [m].
         summary: what summary.json says.
-        georeference: where the frame of the parts that are in the world, or of the first part, lies on the Earth;
-            None where it is not known.
+        georeference: where the frame of the parts that instruments placed, or else of the first part, lies on the
+            Earth; None where it is not known.
     """
 
     path: Path
@@ -77,7 +95,8 @@ class MapFolder:
 
     def on_earth(self, part: MapPart) -> bool:
         """Whether the part's place on the Earth is known."""
-        return self.georeference is not None and (part.in_world or part is self.parts[0])
+        lone = part is self.parts[0] and not any(each.placed for each in self.parts)
+        return self.georeference is not None and (part.placed or lone)
 
 
 def read_map_folder(path: Path) -> MapFolder:
@@ -101,11 +120,12 @@ def read_map_folder(path: Path) -> MapFolder:
         for number, row in enumerate(rows, 1):
             suffix = "" if number == 1 else f"_{number}"
             scans = tuple(int(scan) for scan in row["scans"])
-            points, columns = _points(path / f"map{suffix}.ply")
+            points, columns = _points(path / f"map{suffix}.ply", scans)
             in_world = bool(poses[scans[0]]["in_world"])
-            part = MapPart(suffix, points, columns, scans, everything.take(scans), covariances[list(scans)], in_world)
-            parts.append(part)
-        told = summary.get("georeference")
+            trajectory, own = everything.take(scans), covariances[list(scans)]
+            unmeasured = tuple(str(name) for name in row["unmeasured"])
+            parts.append(MapPart(suffix, points, columns, scans, trajectory, own, in_world, unmeasured))
+        where = summary.get("georeference")
         return MapFolder(
             path=path,
             names=tuple(str(pose["name"]) for pose in poses),
@@ -113,13 +133,14 @@ def read_map_folder(path: Path) -> MapFolder:
             loops=tuple(_loop(pair) for pair in graph["pairs"] if pair["role"] == "loop"),
             voxel=float(rows[0]["map"]["voxel_m"]),
             summary=summary,
-            georeference=None if told is None else Georeference.of_json(told),
+            georeference=None if where is None else Georeference.of_json(where),
         )
     except (ValueError, LookupError, TypeError) as error:
         raise InputError(f"{path / SUMMARY} and {FULL_GRAPH} do not go together ({error}); map again") from error
 
 
-def _points(path: Path) -> tuple[np.ndarray, dict[str, np.ndarray]]:
+def _points(path: Path, scans: Sequence[int]) -> tuple[np.ndarray, dict[str, np.ndarray]]:
+    """The points and columns of a map of these scans."""
     try:
         columns = read_ply_columns(path.read_bytes())
         points = np.column_stack([columns.pop(axis).astype(np.float64) for axis in "xyz"])
@@ -129,8 +150,14 @@ def _points(path: Path) -> tuple[np.ndarray, dict[str, np.ndarray]]:
         raise InputError(f"{path} has no column {error}; wanted a map that `sonarmap map` wrote") from error
     except InputError as error:
         raise InputError(f"{path}: {error}") from error
-    if not np.isfinite(points).all():
-        raise InputError(f"{path} holds points that are not finite; it is damaged: map again")
+    if missing := [name for name in COLUMNS if name not in columns]:
+        raise InputError(f"{path} has no column {missing[0]!r}; wanted a map that `sonarmap map` wrote")
+    usable = np.isfinite(points).all() and np.isin(columns["scan"], scans).all()
+    if not (usable and all((columns[name] >= 0).all() for name in COLUMNS)):  # NaN is not
+        raise InputError(
+            f"{path} holds points that are not finite, scans that the map does not have, or negative counts; it is "
+            "damaged: map again"
+        )
     return points, columns
 
 

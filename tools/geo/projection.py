@@ -24,6 +24,11 @@ _POLES = {True: 5041, False: 5042}  # UPS, easting first
 _HIGHEST, _LOWEST = 84.0, -80.0  # latitudes that UTM covers [deg]
 # What heights count from, as a vertical CRS of EPSG; the water's surface has none.
 _VERTICAL_EPSG = {"MSL": 5714, "EGM96": 5773, "EGM2008": 3855}
+_ELLIPSOID_NAME = "Ellipsoid (metre)"
+_ELLIPSOID_WKT = (
+    f'VERT_CS["{_ELLIPSOID_NAME}",VERT_DATUM["Ellipsoid",2002],UNIT["metre",1,AUTHORITY["EPSG","9001"]],AXIS["Up",UP]]'
+)
+_ABOUT = 0.01  # degrees about a map's origin, where a transformation is looked for
 
 
 @dataclass(frozen=True)  # without slots: the transformer is kept
@@ -57,11 +62,14 @@ class Projection:
                 f"--crs is {crs!r}, which PROJ does not know ({error}); wanted one as EPSG:32632"
             ) from error
         units = {axis.unit_name for axis in wanted.axis_info}
-        if not wanted.is_projected or units != {"metre"} or len(wanted.axis_info) != 2:
+        westward = any(axis.direction == "west" for axis in wanted.axis_info)
+        if not wanted.is_projected or units != {"metre"} or len(wanted.axis_info) != 2 or westward:
             raise InputError(
-                f"--crs {crs} is {wanted.name}, {wanted.type_name} in {', '.join(sorted(units))}; wanted a projected "
-                "one in meters without heights, as EPSG:32632"
+                f"--crs {crs} is {wanted.name}, {wanted.type_name} in {', '.join(sorted(units))}"
+                f"{' to the West' if westward else ''}; wanted a projected one in meters to the East and North, "
+                "without heights, as EPSG:32632"
             )
+        _require_exact(wanted, crs, georeference)
         return cls(wanted, georeference.vertical)
 
     @property
@@ -78,10 +86,26 @@ class Projection:
 
         if self.vertical == "ellipsoid":
             return self.crs.to_3d()
-        if self.vertical in _VERTICAL_EPSG:
-            height = CRS.from_epsg(_VERTICAL_EPSG[self.vertical])
-            return CompoundCRS(f"{self.crs.name} + {height.name}", [self.crs, height])
-        return self.crs
+        if self.vertical_epsg is None:
+            return self.crs
+        height = CRS.from_epsg(self.vertical_epsg)
+        return CompoundCRS(f"{self.crs.name} + {height.name}", [self.crs, height])
+
+    @cached_property
+    def old_wkt(self) -> str:
+        """WKT 1 of `crs_with_heights`, as LAS 1.4 wants it and every program reads it."""
+        from pyproj.enums import WktVersion
+
+        if self.vertical != "ellipsoid":
+            return self.crs_with_heights.to_wkt(WktVersion.WKT1_GDAL)
+        # WKT 1 has no CRS of three dimensions; this is how GDAL and PROJ write and read one
+        flat = self.crs.to_wkt(WktVersion.WKT1_GDAL)
+        return f'COMPD_CS["{self.crs.name} + {_ELLIPSOID_NAME}",{flat},{_ELLIPSOID_WKT}]'
+
+    @property
+    def vertical_epsg(self) -> int | None:
+        """Of the heights' CRS; None for the water's surface, which has none, and the ellipsoid, which needs none."""
+        return _VERTICAL_EPSG.get(self.vertical)
 
     def project(self, geodetic: np.ndarray) -> np.ndarray:
         """(N, 3) float64 easting, northing, height [m] of (N, 3) latitude, longitude [deg], height [m].
@@ -124,7 +148,19 @@ class Projection:
             for lat in (float(latitude.min()), float(latitude.max()))
             for lon in (float(longitude.min()), float(longitude.max()))
         }
-        return self.crs.utm_zone is not None and corners != {self.crs.to_epsg()}
+        # of any datum: EPSG:25832 is zone 32N too
+        zones = {f"{epsg % 100}{'N' if epsg < _SOUTH else 'S'}" for epsg in corners}
+        return self.crs.utm_zone is not None and zones != {self.crs.utm_zone}
+
+    def covers(self, geodetic: np.ndarray) -> bool:
+        """Whether all places (N, 3) lie in the area for which this CRS was made."""
+        area = self.crs.area_of_use
+        if area is None:
+            return True
+        latitude, longitude, _ = np.asarray(geodetic, np.float64).T
+        eastward = (longitude - area.west) % 360 <= (area.east - area.west) % 360
+        whole = area.east - area.west >= 360
+        return bool(((latitude >= area.south) & (latitude <= area.north) & (whole | eastward)).all())
 
     @cached_property
     def _transformer(self) -> "Transformer":
@@ -134,6 +170,36 @@ class Projection:
         return Transformer.from_crs(
             CRS.from_epsg(WGS84), self.crs, always_xy=True, allow_ballpark=False, only_best=True
         )
+
+
+def _require_exact(crs: "CRS", name: str, georeference: Georeference) -> None:
+    """Refuse a CRS whose best transformation from WGS84 needs a grid that is not installed: the next best is off by
+    meters.
+
+    Raises:
+        InputError: naming the grid.
+    """
+    import warnings
+
+    from pyproj.transformer import AreaOfInterest, TransformerGroup
+
+    latitude, longitude = georeference.latitude, georeference.longitude
+    about = AreaOfInterest(longitude - _ABOUT, latitude - _ABOUT, longitude + _ABOUT, latitude + _ABOUT)
+    with warnings.catch_warnings():
+        warnings.simplefilter("ignore")  # of the grid: it is said below
+        ways = TransformerGroup(WGS84, crs, always_xy=True, allow_ballpark=False, area_of_interest=about)
+    if ways.best_available and ways.transformers:
+        return
+    if not ways.transformers:
+        raise InputError(
+            f"--crs {name} ({crs.name}) has no known relation to WGS84 at the map's origin; choose another"
+        )
+    grids = {grid.short_name for way in ways.unavailable_operations[:1] for grid in way.grids if not grid.available}
+    raise InputError(
+        f"--crs {name} ({crs.name}) needs PROJ's grid {', '.join(sorted(grids))}, which is not "
+        "installed; wanted a CRS that follows from WGS84 without one, as the UTM zone (leave --crs out), or install "
+        "the grid with `pyproj sync --file NAME`"
+    )
 
 
 def utm_epsg(latitude: float, longitude: float) -> int:
