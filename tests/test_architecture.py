@@ -26,6 +26,7 @@ OWNERS = {  # a library, and the one room that may import it
     "lz4": "tools",
     "zstandard": "tools",
     "ruamel": "tools",
+    "rasterio": "tools",
     "plyfile": "tools",
     "wlsonar": "tools",
     "typer": "tools",
@@ -44,6 +45,7 @@ LATE = {
     "lz4",
     "zstandard",
     "ruamel",
+    "rasterio",
 }
 SLOW_TO_LOAD = {"pyopencl", "scipy", "gtsam", *LATE}
 MOST_LINES = 400

@@ -1,0 +1,81 @@
+"""The formats of other programs. A new one is a writer in a module of its own and a row of FORMATS."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Mapping
+from dataclasses import dataclass
+from importlib import import_module
+from typing import TYPE_CHECKING, Any, Literal, TypeAlias
+
+if TYPE_CHECKING:  # the command line names the formats in its help, which is to come at once
+    from pathlib import Path
+
+    from tools.export.georeferenced import Georeferenced
+    from tools.export.map_folder import MapFolder, MapPart
+
+    # The file, the map, one part of it, and that part on the Earth (None: its place is not known)
+    Writer: TypeAlias = Callable[[Path, MapFolder, MapPart, Georeferenced | None], None]
+    Details: TypeAlias = Callable[[MapPart, Georeferenced | None], Mapping[str, Any]]
+
+
+@dataclass(frozen=True, slots=True)
+class ExportFormat:
+    """A format that a map is exported to.
+
+    Attributes:
+        file: its name, with a place for the part's suffix.
+        write: writes it.
+        needs_place: whether it holds places on the Earth, so that a part without one cannot be written.
+        words: what it is.
+        coordinates: which its numbers are: projected, latitude and longitude, or the map's own.
+        details: what its side-car says beside what all of them say.
+    """
+
+    file: str
+    write: Writer
+    needs_place: bool
+    words: str
+    coordinates: Literal["projected", "geographic", "map"] = "projected"
+    details: Details | None = None
+
+
+def _late(module: str, function: str) -> Callable[..., Any]:
+    """A function of tools/export that is loaded when it is called."""
+
+    def call(*arguments: Any) -> Any:
+        return getattr(import_module(f"tools.export.{module}"), function)(*arguments)
+
+    return call
+
+
+FORMATS = {
+    "laz": ExportFormat(
+        "map{}.laz",
+        _late("laz", "write_laz"),
+        needs_place=True,
+        words="the map's points, LAZ 1.4",
+        details=_late("laz", "laz_details"),
+    ),
+    "geotiff": ExportFormat(
+        "map{}.tif",
+        _late("geotiff", "write_geotiff"),
+        needs_place=True,
+        words="a grid of heights from above, with standard deviation and count, GeoTIFF",
+        details=_late("geotiff", "geotiff_details"),
+    ),
+    "kml": ExportFormat(
+        "map{}.kml",
+        _late("kml.write", "write_kml"),
+        needs_place=True,
+        words="the track, KML 2.2",
+        coordinates="geographic",
+    ),
+    "kmz": ExportFormat(
+        "map{}.kmz",
+        _late("kml.write", "write_kmz"),
+        needs_place=True,
+        words="the track and the map as a picture, KMZ",
+        coordinates="geographic",
+        details=_late("kml.write", "kmz_details"),
+    ),
+}
