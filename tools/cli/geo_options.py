@@ -14,8 +14,7 @@ OriginOption = Annotated[
     typer.Option(
         "--origin",
         metavar="LAT,LON[,HEIGHT]",
-        help="Where the origin of the map is: degrees, WGS84, and meters above the vertical reference. \\[from "
-        "navigation]",
+        help="Where the map's origin is: degrees, WGS84, and meters above the vertical reference. \\[as the map says]",
     ),
 ]
 OriginHeadingOption = Annotated[
@@ -35,21 +34,46 @@ VerticalOption = Annotated[
         "\\[surface]",
     ),
 ]
+CrsOption = Annotated[
+    str | None,
+    typer.Option(
+        "--crs",
+        metavar="CRS",
+        help="Projected coordinates of exported files, as EPSG:25832. \\[the UTM zone of the origin]",
+    ),
+]
 
 
-def georeference_of(origin: str | None, heading: float | None, vertical: str | None) -> "Georeference | None":
+def georeference_of(
+    origin: str | None, heading: float | None, vertical: str | None, known: "Georeference | None" = None
+) -> "Georeference | None":
     """What --origin, --origin-heading and --vertical say; None without an origin.
 
+    Args:
+        origin, heading, vertical: the options.
+        known: of the map so far; what no option says stays as it is.
+
     Raises:
-        InputError: numbers that cannot be an origin, or another option without --origin.
+        InputError: numbers that cannot be an origin, or another option without any origin.
     """
+    from dataclasses import replace
+
     from tools.geo.georeference import DEFAULT_VERTICAL, EAST, Georeference
 
-    if origin is None:
+    if origin is None and known is None:
         for name, value in (("--origin-heading", heading), ("--vertical", vertical)):
             if value is not None:
                 raise InputError(f"{name} has no effect without --origin; give it too, or leave it out")
         return None
+    if known is None or origin is not None:
+        latitude, longitude, height = _numbers(origin or "")
+        unsaid = (DEFAULT_VERTICAL, EAST) if known is None else (known.vertical, known.heading)
+        known = Georeference(latitude, longitude, height, *unsaid)
+    return replace(known, vertical=vertical or known.vertical, heading=known.heading if heading is None else heading)
+
+
+def _numbers(origin: str) -> tuple[float, float, float]:
+    """Latitude, longitude [deg] and height [m], 0 where it is left out."""
     try:
         numbers = [float(part) for part in origin.split(",")]
     except ValueError:
@@ -59,4 +83,4 @@ def georeference_of(origin: str | None, heading: float | None, vertical: str | N
             f"--origin is {origin!r}; wanted latitude and longitude in degrees with decimal points, and perhaps a "
             "height in meters, as in --origin 60.3913,5.3221 or --origin=-33.8568,151.2153,2.5"
         )
-    return Georeference(*numbers, vertical=vertical or DEFAULT_VERTICAL, heading=EAST if heading is None else heading)
+    return numbers[0], numbers[1], numbers[2] if len(numbers) == 3 else 0.0

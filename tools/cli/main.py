@@ -26,6 +26,7 @@ VERBS = [
     "map",
     "inspect",
     "template",
+    "export",
     "optimize",
     "simulate",
     "evaluate",

@@ -11,6 +11,8 @@ import typer
 from kernels.errors import InputError
 from tools.cli.arguments import as_options
 from tools.cli.execution import ExecutionOptions, open_execution
+from tools.cli.export_options import ExportOption, export_with_progress
+from tools.cli.geo_options import CrsOption, OriginHeadingOption, OriginOption, VerticalOption, georeference_of
 from tools.cli.method import ConfiguredMethod, configure_method, method_options
 from tools.cli.navigation import (
     HeadingReferenceOption,
@@ -74,6 +76,8 @@ from tools.methods.registry import DEFAULT_METHOD
 if TYPE_CHECKING:
     from slam.motion.odometry import Odometry
     from slam.survey_result import SurveyResult
+    from tools.export.run import ExportSettings
+    from tools.geo.georeference import Georeference
     from tools.readers.ranges import Ranges
     from tools.readers.scans import ReadScans
 
@@ -113,6 +117,11 @@ def command(
     max_turn_rate: MaxTurnRateOption = None,
     max_step: MaxStepOption = None,
     also: AlsoOption = [],  # noqa: B006 - typer's way to say none
+    export: ExportOption = [],  # noqa: B006
+    origin: OriginOption = None,
+    origin_heading: OriginHeadingOption = None,
+    vertical: VerticalOption = None,
+    crs: CrsOption = None,
     device: DeviceOption = None,
     workers: WorkersOption = None,
     scheduler: SchedulerOption = None,
@@ -133,25 +142,32 @@ def command(
 
     Every finished pair is stored in OUT/journal.sqlite: the same command continues a run that was stopped, and if scans
     were added it registers only the new pairs. times.json says how long the run took.
+
+    --export writes the map for other programs too, as `sonarmap export` does, which needs no other run of `map`.
     """
     options, execution_options = method_options(context), _execution_options(workers, scheduler, fresh)
     mapping = survey_settings(loops, key_step, max_speed, max_turn_rate, max_step)
-    navigation = navigation_settings(context.params)
+    navigation = navigation_settings(context.params, georeference_of(origin, origin_heading, vertical))
     ranges = ranges_of(sound_speed, range_scale)
     read = _read(inputs, priors, ranges, out, quiet or as_json)
     use_imu = imu and options.uses_priors
     navigated = scans_with_priors(read.scans, priors, prior_sigmas, use_imu, bool(read.unread), navigation)
     read, georeference = replace(read, scans=navigated.scans), navigated.georeference
+    _refuse_second_heading(read, origin_heading)
+    exports = _export_settings(export, crs, also, georeference)
     reckoned = odometry_of(read.scans, odometry, odometry_drift, navigation)
     configured = configure_method(read.scans, options, survey=True)
     given = {"sound_speed": sound_speed, "range_scale": range_scale}
     corrected = {name: value for name, value in given.items() if value is not None}
     navigated_by = navigation_summary(context.params)
     settings = {"inputs": inputs, **navigated_by, **corrected, **configured.settings, "mapper": mapping}
-    if georeference is not None:
-        settings["georeference"] = georeference.to_json()
-    result = _map(read, reckoned, configured, execution_options, settings, out, also, quiet or as_json)
-    _show(result, [scan.name for scan in read.scans], out, also, as_json)
+    result = _map(read, reckoned, configured, execution_options, settings, out, also, georeference, quiet or as_json)
+    try:
+        exported = _export(out, exports, quiet or as_json) if exports.formats else ()
+    finally:  # the map is there, whatever its export came to
+        _show(result, [scan.name for scan in read.scans], out, also, as_json)
+    if exported and not as_json:
+        typer.echo(f"exported to the same folder: {', '.join(path.name for path in exported)}")
     if len(result.components) > 1 or read.unread:
         raise typer.Exit(INCOMPLETE)
 
@@ -162,6 +178,34 @@ def _execution_options(workers: int | None, scheduler: str | None, fresh: bool) 
             "--workers starts processes on this machine, and --scheduler uses the workers of a cluster; leave one out"
         )
     return ExecutionOptions(workers or 1, scheduler, fresh)
+
+
+def _export_settings(
+    formats: list[str], crs: str | None, also: list[str], georeference: "Georeference | None"
+) -> "ExportSettings":
+    """What --export and --crs ask for, refused now where it could not be done when the map is there."""
+    from tools.export.formats import FORMATS
+    from tools.export.run import ExportSettings, check_settings
+    from tools.output.exports import EXPORTS
+
+    if crs is not None and not formats:
+        raise InputError("--crs has no effect without --export; leave it out, or name a format")
+    settings = ExportSettings(tuple(formats), crs)
+    check_settings(settings, georeference)
+    if both := [name for name in also if EXPORTS[name] in {FORMATS[chosen].file for chosen in formats}]:
+        raise InputError(f"--also and --export would both write {EXPORTS[both[0]].format('')}; leave one out")
+    return settings
+
+
+def _refuse_second_heading(read: "ReadScans", heading: float | None) -> None:
+    if heading is not None and any(scan.prior is not None and scan.prior.knows_heading for scan in read.scans):
+        raise InputError("--origin-heading: the priors have headings, which say where the map points; leave it out")
+
+
+def _export(out: Path, settings: "ExportSettings", quiet: bool) -> tuple[Path, ...]:
+    from tools.export.map_folder import read_map_folder
+
+    return export_with_progress(read_map_folder(out), out, settings, quiet).files
 
 
 def _read(inputs: list[str], priors: Path | None, ranges: "Ranges", out: Path, quiet: bool) -> "ReadScans":
@@ -190,12 +234,14 @@ def _map(
     settings: Mapping[str, Any],
     out: Path,
     also: list[str],
+    georeference: "Georeference | None",
     quiet: bool,
 ) -> "SurveyResult":
     """Map the survey, and write its folder."""
     from slam.execute.worker import prepared_limit
     from slam.mapper import Mapper
     from tools.output.folder import JOURNAL, write_survey
+    from tools.output.inputs import input_rows
     from tools.output.times import survey_times
     from tools.writers.atomic import clear_leftovers, require_writable
 
@@ -203,6 +249,8 @@ def _map(
     mapping = replace(settings["mapper"], prepared=prepared)
     names = [scan.name for scan in read.scans]
     require_writable(out)
+    instruments = [Path(settings[name]) for name in ("priors", "odometry") if name in settings]
+    inputs = input_rows([*read.files, *instruments])  # now: while the scans are mapped, files may change
     with open_execution(configured, prepared, options, out / JOURNAL, quiet) as execution:
         clear_leftovers(out)  # the journal is locked: no other run writes here
         mapper = Mapper(configured.registrar, configured.grid.voxel, mapping, execution)
@@ -211,7 +259,8 @@ def _map(
             result = mapper.run(read.scans, step, read.surveys, odometry)
         times = survey_times(execution.timings, options.place)
         settings = {**settings, "mapper": mapping}
-        write_survey(out, result, names, settings, configured.device, read.unread, also, times)
+        described = (configured.device, read.unread, also, times, inputs, georeference)
+        write_survey(out, result, names, settings, *described)
     return result
 
 

@@ -1,0 +1,64 @@
+"""The options that say what a map is exported to; those of `export` and of `map --export`."""
+
+from pathlib import Path
+from typing import TYPE_CHECKING, Annotated
+
+import typer
+
+from tools.cli.progress import growing_progress
+from tools.cli.terminal import say
+from tools.export.formats import FORMATS
+
+if TYPE_CHECKING:
+    from tools.export.map_folder import MapFolder
+    from tools.export.run import Exported, ExportSettings
+
+_KNOWN = "; ".join(f"{name}: {known.words}" for name, known in FORMATS.items())
+
+
+def _check_formats(values: list[str] | None) -> list[str] | None:
+    """The names, each once, commas taken apart."""
+    names = [name.strip().lower() for value in values or () for name in value.split(",")]
+    for name in names:
+        if name not in FORMATS:
+            raise typer.BadParameter(f"{name!r}; choose from {', '.join(FORMATS)}, several separated by commas")
+    return list(dict.fromkeys(names))
+
+
+def _check_cell(cell: float | None) -> float | None:
+    if cell is None or 0 < cell < float("inf"):
+        return cell
+    raise typer.BadParameter(f"{cell} m; give a length above 0, or leave it out for the map's voxel")
+
+
+def _option(flag: str) -> typer.models.OptionInfo:
+    words = f"{_KNOWN}; may be repeated, or separated by commas."
+    return typer.Option(flag, metavar="NAME", help=f"What to write: {words}", callback=_check_formats)
+
+
+FormatOption = Annotated[list[str], _option("--format")]
+ExportOption = Annotated[list[str], _option("--export")]
+CellOption = Annotated[
+    float | None,
+    typer.Option(
+        "--cell",
+        metavar="M",
+        callback=_check_cell,
+        help="Edge of a cell of grids and pictures \\[m]. \\[the map's voxel]",
+    ),
+]
+
+
+def export_with_progress(folder: "MapFolder", to: Path, settings: "ExportSettings", quiet: bool) -> "Exported":
+    """Export a map, and say what the user should know about it.
+
+    Raises:
+        InputError: see `tools.export.run.export_map`.
+    """
+    from tools.export.run import export_map
+
+    with growing_progress("exporting", quiet) as step:
+        exported = export_map(folder, to, settings, step)
+    for note in exported.notes:
+        say(note)
+    return exported
