@@ -27,6 +27,7 @@ from tools.cli.navigation import (
     navigation_summary,
     scans_with_priors,
 )
+from tools.cli.navigation_check import contradiction_of
 from tools.cli.options import (
     DEFAULT_HYPOTHESES,
     DEFAULT_MAX_TILT,
@@ -157,6 +158,8 @@ def command(
     exports = _export_settings(export, crs, also, georeference)
     reckoned = odometry_of(read.scans, odometry, odometry_drift, navigation)
     configured = configure_method(read.scans, options, survey=True)
+    if contradiction := contradiction_of(read.scans, read.surveys, configured.registrar, quiet or as_json):
+        warn(f"{contradiction}; correct {priors}, or say how it is meant (docs/navigation.md)")
     given = {"sound_speed": sound_speed, "range_scale": range_scale}
     corrected = {name: value for name, value in given.items() if value is not None}
     navigated_by = navigation_summary(context.params)

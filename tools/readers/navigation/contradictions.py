@@ -184,17 +184,18 @@ def pair_costs(values: Values, sigmas: np.ndarray, registered: Registered) -> np
     measured = np.isfinite(values)
     poses = poses_of(np.nan_to_num(values))
     places, R_world = poses.translation, poses.rotation
-    left = R_world[i] * T.rotation * R_world[j].inv()
+    R_target, R_source = (Rotation.from_quat(R_world.as_quat()[k]) for k in (i, j))
+    left = R_target * T.rotation * R_source.inv()
     turn = twist(left)
     tilt = (left * Rotation.from_euler("Z", -turn[:, None])).as_rotvec()[:, :2]
-    shift = R_world[i].apply(T.translation)
+    shift = R_target.apply(T.translation)
     residual = np.column_stack([tilt, turn, shift - places[j] + places[i]])
     both = measured[i] & measured[j]
     attitude, heading = measured[i, 0] & measured[i, 1], measured[i, 2]
     turned = both[:, 0] & both[:, 1]
     moved = both[:, 3] & both[:, 4] & attitude & heading
     known = np.column_stack([turned, turned, turned & both[:, 2], moved, moved, both[:, 5] & attitude])
-    covariance = _covariance(np.where(measured, sigmas, 0.0), shift, R_world[i] * T.rotation, registered)
+    covariance = _covariance(np.where(measured, sigmas, 0.0), shift, R_target * T.rotation, registered)
     # what is not known stands apart from the rest, and is 0
     covariance = np.where(known[:, :, None] & known[:, None, :], covariance, np.eye(6))
     residual = np.where(known, residual, 0.0)
