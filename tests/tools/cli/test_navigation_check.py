@@ -1,6 +1,4 @@
-"Whether `map` sees that scans contradict the navigation; a registrar that knows the truth stands in for the"
-
-"method."
+"""Whether `map` sees that scans contradict the navigation; a registrar that knows the truth is the method."""
 
 from dataclasses import replace
 

@@ -2,6 +2,7 @@
 # pyright: reportUnknownVariableType=false, reportUnknownArgumentType=false
 """Places on the Earth as meters in the map's frame, and headings by its North."""
 
+from collections.abc import Sequence
 from dataclasses import replace
 
 import numpy as np
@@ -80,21 +81,28 @@ def grid_of(settings: NavigationSettings, georeference: Georeference | None) -> 
     return Projection.of(georeference, settings.crs)
 
 
-def by_the_maps_north(prior: PosePrior, georeference: Georeference, grid: Projection | None) -> PosePrior:
-    """The prior of a vehicle with the heading by the North of the map's origin, where it was by that of its own place.
+def by_the_maps_north(
+    priors: Sequence[PosePrior | None], georeference: Georeference, grid: Projection | None
+) -> list[PosePrior | None]:
+    """Priors of a vehicle with headings by the North of the map's origin, where they were by that of their own places.
 
     Args:
-        prior: its place is taken to be the origin where none is measured.
+        priors: whose places are taken to be the origin where none is measured.
         georeference: of the map.
         grid: that headings are by; None for true North.
     """
-    if not prior.knows_heading:
-        return prior
-    place = prior.T_world_sensor.translation if prior.knows_position else np.zeros(3)
-    geodetic = georeference.geodetic(place[None])
-    turned = 0.0 if grid is None else float(grid.convergence(geodetic)[0])  # to the right of grid North lies true North
-    ahead = georeference.local(geodetic + np.array([1e-4, 0.0, 0.0]))[0] - georeference.local(geodetic)[0]
-    turned += float(np.degrees(np.arctan2(ahead[0], ahead[1])))
-    T = prior.T_world_sensor
-    R = Rotation.from_euler("Z", -turned, degrees=True) * T.rotation
-    return replace(prior, T_world_sensor=RigidTransform.from_components(T.translation, R))
+    changed = list(priors)
+    headed = [(k, prior) for k, prior in enumerate(priors) if prior is not None and prior.knows_heading]
+    if not headed:
+        return changed
+    places = np.array([prior.T_world_sensor.translation * prior.knows_position for _, prior in headed])
+    geodetic = georeference.geodetic(places)
+    # true North lies to the right of grid North by the convergence
+    turned = np.zeros(len(headed)) if grid is None else grid.convergence(geodetic)
+    ahead = georeference.local(geodetic + np.array([1e-4, 0.0, 0.0])) - georeference.local(geodetic)
+    turned = turned + np.degrees(np.arctan2(ahead[:, 0], ahead[:, 1]))
+    for (k, prior), turn in zip(headed, turned.tolist(), strict=True):
+        T = prior.T_world_sensor
+        R = Rotation.from_euler("Z", -turn, degrees=True) * T.rotation
+        changed[k] = replace(prior, T_world_sensor=RigidTransform.from_components(T.translation, R))
+    return changed

@@ -122,7 +122,7 @@ def _by_the_maps_north(
     grid = grid_of(settings, georeference) if settings.heading_reference == "grid" else None
     if georeference is None or (grid is None and log.georeference is None):
         return list(priors)
-    return [prior and by_the_maps_north(prior, georeference, grid) for prior in priors]
+    return by_the_maps_north(priors, georeference, grid)
 
 
 def _from_rows(scans: Sequence[Scan], path: Path, log: NavigationLog, allow_unknown: bool) -> list[PosePrior | None]:
