@@ -25,7 +25,7 @@ from tests.samples.damage.pose_files import POSE_FILES, SCANS, numbers_in
 from tests.samples.las_files import las
 from tests.samples.surveys import random_covariance, random_transforms, registration
 from tools.readers.clouds.cloud import COORDINATE_LIMIT
-from tools.readers.odometry import read_odometry
+from tools.readers.navigation.odometry import read_odometry
 from tools.readers.scans import read_scans
 
 COUNTED = (".ply", ".pcd", ".npy", ".npz", ".las", ".laz")  # formats that say how many points they hold

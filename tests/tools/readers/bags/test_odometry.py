@@ -10,7 +10,7 @@ from kernels.errors import InputError
 from spectral.scan import Scan
 from tests.samples.bags.messages import ODOMETRY, TF, odometry, transforms
 from tests.samples.bags.writers import Record, write_mcap, write_ros1, write_ros2
-from tools.readers.odometry import read_odometry
+from tools.readers.navigation.odometry import read_odometry
 
 TURN = Rotation.from_euler("ZYX", [30, -10, 5], degrees=True)
 ALONE, LEFT = (0, 0, 0, 1), (0, 0, np.sqrt(0.5), np.sqrt(0.5))
