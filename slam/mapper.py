@@ -14,6 +14,7 @@ from slam.execute.worker import prepared_limit
 from slam.graph.pose_covariance import pose_covariances
 from slam.loops.settings import LoopSettings
 from slam.map.component_maps import component_maps
+from slam.map.doubt import MIN_SEEN
 from slam.motion.limits import MotionLimits
 from slam.motion.odometry import Odometry
 from slam.pair import Pair, require_any_registered
@@ -37,6 +38,8 @@ class MapperSettings:
         prepared: number of prepared scans kept at a time, each of which holds device memory; None for as many as are
             useful and fit.
         map_voxel: edge of the fused map's voxels [m]; None is the survey's voxel.
+        min_seen: points that fewer scans saw are left out of the map where others looked and saw otherwise, see
+            `slam.map.doubt`; 1 leaves out none.
     """
 
     loops: LoopSettings = field(default_factory=LoopSettings)
@@ -45,6 +48,7 @@ class MapperSettings:
     bridge: int = 3
     prepared: int | None = None
     map_voxel: float | None = None
+    min_seen: int = MIN_SEEN
 
     def __post_init__(self) -> None:
         if self.bridge < 1:
@@ -53,6 +57,8 @@ class MapperSettings:
             raise InputError(f"`prepared={self.prepared}`: wanted at least 2")
         if self.map_voxel is not None and not (np.isfinite(self.map_voxel) and self.map_voxel > 0):
             raise InputError(f"the map's voxel is {self.map_voxel} m; wanted a positive length")
+        if self.min_seen < 1:
+            raise InputError(f"`min_seen={self.min_seen}`: wanted at least 1, which leaves no point out")
 
 
 class Mapper:
@@ -187,6 +193,7 @@ class Mapper:
                 self.settings.map_voxel or self.voxel,
                 members,
                 survey[list(members)].tolist(),
+                self.settings.min_seen,
             )
             for members in components
         )

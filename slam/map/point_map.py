@@ -40,6 +40,9 @@ class PointMap:
         voxel: edge of a voxel [m].
         left_out: number of points that lie too far from the others for the map to hold them: stray echoes.
         removed: number of map points that were taken out because free space contradicts them.
+        doubted: number of map points that were taken out because too few scans saw them where others looked.
+        looked: (M,) int32, number of scans whose beams went that way, those that saw the point among them; None where
+            that was not asked.
     """
 
     points: np.ndarray
@@ -52,13 +55,14 @@ class PointMap:
     voxel: float
     left_out: int = 0
     removed: int = 0
+    doubted: int = 0
+    looked: np.ndarray | None = None
 
-    def keep(self, kept: np.ndarray) -> PointMap:
-        """The map without the points that `kept`, (M,) bool, does not name; they count as removed."""
-        names = ("points", "sigma", "strength", "scan", "seen", "count", "survey")
+    def take(self, chosen: np.ndarray) -> PointMap:
+        """These points alone, (M,) bool; the map's counts stay."""
+        names = ("points", "sigma", "strength", "scan", "seen", "count", "survey", "looked")
         columns = {name: getattr(self, name) for name in names}
-        chosen = {name: None if column is None else column[kept] for name, column in columns.items()}
-        return replace(self, **chosen, removed=self.removed + int(np.count_nonzero(~kept)))
+        return replace(self, **{name: None if column is None else column[chosen] for name, column in columns.items()})
 
 
 def fuse(

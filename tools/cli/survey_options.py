@@ -101,6 +101,16 @@ KeyStepOption = Annotated[
         "its motion]",
     ),
 ]
+MinSeenOption = Annotated[
+    int | None,
+    typer.Option(
+        "--min-seen",
+        metavar="N",
+        min=1,
+        help="Leave out of the map what fewer than N scans saw where others looked and saw otherwise: false echoes. "
+        "map_all.ply keeps all points; 1 leaves out none. \\[2]",
+    ),
+]
 OdometryOption = Annotated[
     Path | None,
     typer.Option(
@@ -127,9 +137,11 @@ def survey_settings(
     max_speed: float | None,
     max_turn_rate: float | None,
     max_step: float | None,
+    min_seen: int | None,
 ) -> "MapperSettings":
     """How the survey is put together, as the options say; None leaves the default."""
     from slam.loops.settings import LoopSettings
+    from slam.map.doubt import MIN_SEEN
     from slam.mapper import MapperSettings
     from slam.motion.limits import MotionLimits
     from slam.stream.keys import KeySettings
@@ -140,7 +152,10 @@ def survey_settings(
         step=math.inf if max_step is None else max_step,
     )
     return MapperSettings(
-        LoopSettings() if loops is None else LoopSettings(per_scan=loops), limits, KeySettings(key_step)
+        LoopSettings() if loops is None else LoopSettings(per_scan=loops),
+        limits,
+        KeySettings(key_step),
+        min_seen=MIN_SEEN if min_seen is None else min_seen,
     )
 
 

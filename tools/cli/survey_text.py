@@ -109,6 +109,9 @@ def print_survey(result: "SurveyResult", names: Sequence[str], out: Path, also: 
     points = " and ".join(f"{count:,}" for count in counts)
     kept = sum(pair.kept for pair in result.pairs)
     typer.echo(f"{len(names)} scans, {kept} of {len(result.pairs)} pairs kept, {maps} of {points} points")
+    doubted = sum(result.maps[c].doubted for c in placed(result.components))
+    if doubted:
+        typer.echo(f"{doubted:,} more points, seen by too few scans where others looked, are in map_all.ply alone")
     typer.echo(f"written to {printable(str(out))}: {_files(result, also)}")
 
 

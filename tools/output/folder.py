@@ -10,6 +10,7 @@ import numpy as np
 
 from kernels.device.device import Device
 from kernels.errors import InputError
+from slam.map.component_maps import ComponentMaps
 from slam.map.point_map import PointMap
 from slam.survey_result import SurveyResult
 from tools.geo.georeference import Georeference
@@ -33,8 +34,9 @@ GRAPH, FULL_GRAPH, SUMMARY = "graph.g2o", "graph.json", "summary.json"
 OF_ALL = (GRAPH, FULL_GRAPH, PAIRS, SUMMARY)  # the files of all components
 TIMES, JOURNAL = "times.json", "journal.sqlite"
 _MAP_SUFFIXES, _TRAJECTORY_SUFFIXES = ("|".join(map(re.escape, known)) for known in (WRITERS, TRAJECTORY_WRITERS))
-_MAP = re.compile(rf"map(_\d+)?(_survey_\d+)?({_MAP_SUFFIXES})")
+_MAP = re.compile(rf"map(_all)?(_\d+)?(_survey_\d+)?({_MAP_SUFFIXES})")
 _LAYER = re.compile(r"_survey_(\d+)$")
+_ALL = re.compile(r"map_all(_\d+)?")
 _OF_PART = re.compile(_MAP.pattern + rf"|(map|loops)(_\d+)?\.png|trajectory(_\d+)?({_TRAJECTORY_SUFFIXES})")
 
 
@@ -46,6 +48,8 @@ def part_files(result: SurveyResult, rank: int, also: Iterable[str] = ()) -> lis
     names += [f"map{{}}_survey_{number}{suffix}" for number in result.parts[c].layers for suffix in suffixes]
     if any(_loops(result, c)):
         names.append("loops{}.png")
+    if result.parts[c].doubtful is not None:
+        names.append("map_all{}.ply")
     return [name.format("" if rank == 1 else f"_{rank}") for name in names]
 
 
@@ -84,9 +88,10 @@ def write_survey(
 
     The largest component is map.ply, map.png and trajectory.tum; the others follow as map_2 and so on. A scan that
     nothing joined is in no map. Where loops were tried, loops.png compares the map with what it would be without them.
-    Where there are several surveys, map_survey_0.ply and so on are the maps of each one's scans alone. The graph holds
-    all components. All files appear together or, where one cannot be written, none does; what the folder's earlier run
-    had beyond this one's files is removed, and so is what was exported of it.
+    Where there are several surveys, map_survey_0.ply and so on are the maps of each one's scans alone. map_all.ply has
+    what map.ply has and the points that were left out of it, as too few scans saw them. The graph holds all components.
+    All files appear together or, where one cannot be written, none does; what the folder's earlier run had beyond this
+    one's files is removed, and so is what was exported of it.
 
     Args:
         folder: made where it is missing.
@@ -152,6 +157,8 @@ def _write_part(path: Path, result: SurveyResult, c: int, names: Sequence[str]) 
             scans = "1 scan" if len(names) == 1 else f"{len(names)} scans"
             title = f"{scans}, {len(point_map.points):,} points, voxel {point_map.voxel:.3g} m"
             draw_map(path, point_map, trajectory, names, title)
+        case _ if _ALL.fullmatch(path.stem):
+            write_points(path, *_both_layers(maps))
         case _:
             write_points(path, point_map.points, _columns(point_map))
 
@@ -162,6 +169,15 @@ def _loops(result: SurveyResult, c: int) -> tuple[list[tuple[int, int]], list[tu
     loops = [pair for pair in result.pairs if pair.role == "loop" and pair.i in index and pair.j in index]
     kept, rejected = ([(index[p.i], index[p.j]) for p in loops if p.kept == keep] for keep in (True, False))
     return kept, rejected
+
+
+def _both_layers(maps: ComponentMaps) -> tuple[np.ndarray, dict[str, np.ndarray]]:
+    """The points of a map and, behind them, those that were left out of it, with the columns of both."""
+    layers = [layer for layer in (maps.optimized, maps.doubtful) if layer is not None]
+    of_each = [_columns(layer) | ({} if layer.looked is None else {"looked": layer.looked}) for layer in layers]
+    columns = {name: np.concatenate([columns[name] for columns in of_each]) for name in of_each[0]}
+    columns["doubtful"] = np.repeat(np.arange(len(layers), dtype=np.uint8), [len(layer.points) for layer in layers])
+    return np.concatenate([layer.points for layer in layers]), columns
 
 
 def _columns(point_map: PointMap) -> dict[str, np.ndarray]:

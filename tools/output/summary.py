@@ -149,6 +149,7 @@ def map_statistics(point_map: PointMap) -> dict[str, Any]:
         "measured_points": point_map.count.sum(),
         "points_left_out": point_map.left_out,
         "contradicted_by_free_space": point_map.removed,
+        "seen_by_too_few": point_map.doubted,
         "median_sigma_m": np.median(point_map.sigma),
         "seen_by_two_or_more": (point_map.seen >= 2).mean(),
         "most_scans_on_a_voxel": point_map.seen.max(),

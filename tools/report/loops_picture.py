@@ -8,7 +8,7 @@ import numpy as np
 
 from slam.graph.trajectory import Trajectory
 from slam.map.point_map import PointMap
-from tools.report.map_picture import heights_of, scatter_from_above, trusted
+from tools.report.map_picture import heights_of, scatter_from_above
 from tools.report.small_png import save_small
 
 if TYPE_CHECKING:
@@ -29,8 +29,6 @@ def draw_loops(
 ) -> None:
     """Write a PNG of two maps side by side, seen from above (x to the right, y up), the higher the darker.
 
-    Shown are the points that two scans or more saw, where there are any.
-
     Args:
         path: the file.
         chained: the map and the poses of one component by consecutive registrations alone.
@@ -45,16 +43,16 @@ def draw_loops(
     from matplotlib.figure import Figure
 
     both = (chained, optimized)
-    clouds = [trusted(point_map) for point_map, _ in both]
+    clouds = [point_map.points for point_map, _ in both]
     lower, upper = _extent(clouds + [trajectory.T_world_sensor.translation for _, trajectory in both])
-    heights = heights_of(trusted(optimized[0]))
+    heights = heights_of(optimized[0].points)
     grays = ListedColormap(colormaps["Greys"](np.linspace(*_GRAYS, 256)))
     width, height = (upper - lower).tolist()
     figure = Figure(figsize=(14, float(np.clip(1.3 + 6.0 * height / width, 4.0, 12.0))), dpi=140, layout="constrained")
     panels = figure.subplots(1, 2, sharex=True, sharey=True)
     titles = ("before: consecutive registrations, chained", f"after: {_counted(kept)} kept, poses optimized")
     for axes, title, (point_map, trajectory) in zip(panels, titles, both, strict=True):
-        scatter_from_above(axes, trusted(point_map), heights, grays)
+        scatter_from_above(axes, point_map.points, heights, grays)
         _draw_loops(axes, trajectory, kept, refused)
         axes.set(xlim=(lower[0], upper[0]), ylim=(lower[1], upper[1]), aspect="equal", xlabel="x [m]")
         axes.set_title(title)

@@ -36,7 +36,7 @@ def draw_map(path: Path, point_map: PointMap, trajectory: Trajectory, names: Seq
 
     figure = Figure(figsize=(10, 8), dpi=140, layout="constrained")
     axes = figure.add_subplot()
-    dots = scatter_from_above(axes, point_map.points, heights_of(trusted(point_map)))
+    dots = scatter_from_above(axes, point_map.points, heights_of(point_map.points))
     places = trajectory.T_world_sensor.translation
     axes.plot(*places[:, :2].T, "-", color="tab:red", linewidth=1.5, marker="o", markersize=4, label="sensor")
     halo = [withStroke(linewidth=3, foreground="white")]
@@ -53,12 +53,6 @@ def draw_map(path: Path, point_map: PointMap, trajectory: Trajectory, names: Seq
     with atomic_path(path) as temporary, warnings.catch_warnings():
         warnings.filterwarnings("ignore", message="Glyph .* missing")  # names in other scripts are drawn as boxes
         figure.savefig(temporary, format="png")
-
-
-def trusted(point_map: PointMap) -> np.ndarray:
-    """(n, 3) the points that more than one scan saw [m], or all where there are none: stray echoes are seen once."""
-    several = point_map.seen >= 2
-    return point_map.points[several] if several.any() else point_map.points
 
 
 def heights_of(points: np.ndarray) -> tuple[float, float]:

