@@ -7,14 +7,17 @@ from pathlib import Path
 import numpy as np
 import pytest
 
+from kernels.errors import InputError
 from slam.map.component_maps import component_maps
 from slam.mapper import Mapper
 from slam.survey_result import SurveyResult
 from spectral.result import Registration
 from spectral.scan import Scan
 from tests.samples.surveys import KnowingRegistrar, ring_poses, scans_of
-from tools.output.folder import write_survey
+from tools.evaluate.map_error import read_points
+from tools.output.folder import require_apart, write_survey
 from tools.output.parts import placed, unplaced
+from tools.readers.clouds.ply import read_ply_columns
 
 COUNT = 24
 
@@ -77,6 +80,43 @@ def test_the_map_s_columns_say_how_far_each_point_can_be_trusted(folder: Path) -
     assert set(first["survey"]) == {0}
     assert set(second["survey"]) == {1}
     assert set(second["scan"]) == set(range(COUNT // 2, COUNT))
+
+
+def test_what_the_map_leaves_out_is_in_the_map_of_all(mapped: tuple[list[Scan], SurveyResult], tmp_path: Path) -> None:
+    """Five points of the map, put into its layer of doubtful ones."""
+    _, result = mapped
+    (part,) = result.parts
+    out = np.arange(len(part.optimized.points)) % (len(part.optimized.points) // 5) == 3
+    parted = replace(
+        part,
+        optimized=replace(part.optimized.take(~out), doubted=int(out.sum())),
+        doubtful=part.optimized.take(out),
+    )
+    names = [f"s{k}" for k in range(COUNT)]
+    write_survey(tmp_path, replace(result, parts=(parted,)), names, {}, None, also=["pcd"])
+    clean, everything = (read_ply_columns((tmp_path / name).read_bytes()) for name in ("map.ply", "map_all.ply"))
+    assert set(everything) == set(clean) | {"looked", "doubtful"}
+    assert everything["doubtful"].sum() == out.sum() >= 5
+    for name, column in clean.items():
+        np.testing.assert_array_equal(everything[name][everything["doubtful"] == 0], column)
+    np.testing.assert_array_equal(everything["x"][everything["doubtful"] == 1], part.optimized.points[out, 0])
+    assert (everything["looked"] >= 0).all()
+    assert len(read_points(tmp_path / "map.pcd")) == len(clean["x"])
+    (component,) = json.loads((tmp_path / "summary.json").read_text())["components"]
+    assert component["map"]["seen_by_too_few"] == out.sum()
+    assert component["map"]["points"] == len(clean["x"])
+
+    (tmp_path / "map_all_3.ply").write_text("mine")  # no file of the run before, as its summary says
+    write_survey(tmp_path, replace(result, parts=(replace(part, doubtful=None),)), names, {}, None)
+    assert not (tmp_path / "map_all.ply").exists()
+    assert (tmp_path / "map_all_3.ply").read_text() == "mine"
+
+
+def test_the_map_of_all_is_not_taken_for_a_scan(tmp_path: Path) -> None:
+    require_apart(tmp_path, [tmp_path / "all.ply", tmp_path / "map_all_scans.ply"])
+    for name in ("map_all.ply", "map_all_2.ply"):
+        with pytest.raises(InputError, match="is among the scans"):
+            require_apart(tmp_path, [tmp_path / name])
 
 
 def test_the_summary_tells_what_crosses_and_what_was_removed(folder: Path) -> None:

@@ -215,6 +215,23 @@ def test_further_formats_are_written(two_places: tuple[list[str], Path, Result])
     said(refused, "las", "choose one of pcd, kitti")
 
 
+def test_one_scan_is_enough_where_the_user_says_so(survey: Path, tmp_path: Path) -> None:
+    """The pairs are those of the run before; its map_all.ply is gone, and all its points are in the map."""
+    shutil.copytree(survey / "out", tmp_path / "out")
+    everything = read_scan(tmp_path / "out" / "map_all.ply").points
+    result = sonarmap("map", survey, "-o", tmp_path / "out", *GRID, "--min-seen", "1", "--json")
+    assert result.exit_code == 0
+    summary = strict_json(result.stdout)
+    assert summary["settings"]["mapper"]["min_seen"] == 1
+    assert summary["components"][0]["map"]["seen_by_too_few"] == 0
+    assert set(files_in(tmp_path / "out")) == (RESULTS | LOOPS) - {"map_all.ply"}
+    whole = read_scan(tmp_path / "out" / "map.ply").points
+    np.testing.assert_array_equal(whole[np.lexsort(whole.T)], everything[np.lexsort(everything.T)])
+    refused = sonarmap("map", survey, "-o", tmp_path / "out", *GRID, "--min-seen", "0")
+    assert refused.exit_code == 2
+    said(refused, "--min-seen")
+
+
 def test_a_map_is_not_taken_for_a_scan_of_the_next_run(tmp_path: Path) -> None:
     paths = write(tmp_path, a=scan(0), b=scan(1))
     assert sonarmap("map", tmp_path, "-o", tmp_path, *GRID).exit_code == 0
