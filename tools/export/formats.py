@@ -29,6 +29,7 @@ class ExportFormat:
         words: what it is.
         coordinates: which its numbers are: projected, latitude and longitude, or the map's own.
         details: what its side-car says beside what all of them say.
+        of_all_parts: whether one file is about all parts of a map.
     """
 
     file: str
@@ -37,6 +38,7 @@ class ExportFormat:
     words: str
     coordinates: Literal["projected", "geographic", "map"] = "projected"
     details: Details | None = None
+    of_all_parts: bool = False
 
 
 def _late(module: str, function: str) -> Callable[..., Any]:
@@ -77,5 +79,53 @@ FORMATS = {
         words="the track and the map as a picture, KMZ",
         coordinates="geographic",
         details=_late("kml.write", "kmz_details"),
+    ),
+    "csv": ExportFormat(
+        "poses{}.csv",
+        _late("poses_csv", "write_poses_csv"),
+        needs_place=True,
+        words="the scans' positions, attitudes and covariances, CSV",
+    ),
+    "eiva-position": ExportFormat(
+        "eiva_position{}.txt",
+        _late("eiva", "write_eiva_position"),
+        needs_place=True,
+        words="the scans' positions for EIVA NaviEdit",
+        coordinates="geographic",
+    ),
+    "eiva-attitude": ExportFormat(
+        "eiva_attitude{}.txt",
+        _late("eiva", "write_eiva_attitude"),
+        needs_place=True,
+        words="the scans' attitudes for EIVA NaviEdit",
+        coordinates="geographic",
+    ),
+    "geojson": ExportFormat(
+        "track{}.geojson",
+        _late("geojson", "write_geojson"),
+        needs_place=True,
+        words="track, scans and loops, GeoJSON",
+        coordinates="geographic",
+    ),
+    "gpkg": ExportFormat(
+        "track{}.gpkg",
+        _late("geopackage", "write_geopackage"),
+        needs_place=True,
+        words="track, scans and loops, GeoPackage",
+    ),
+    "mcap": ExportFormat(
+        "map{}.mcap",
+        _late("mcap", "write_mcap"),
+        needs_place=False,
+        words="cloud, poses, track and positions as messages of ROS 2, MCAP",
+        coordinates="map",
+    ),
+    "g2o": ExportFormat(
+        "graph{}.csv",
+        _late("graph_csv", "write_graph"),
+        needs_place=False,
+        words="the pose graph, g2o, and beside it the name, time and frame of its vertices, CSV",
+        coordinates="map",
+        of_all_parts=True,
     ),
 }

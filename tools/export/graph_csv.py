@@ -8,12 +8,23 @@ from pathlib import Path
 from kernels.errors import InputError
 from tools.export.georeferenced import Georeferenced
 from tools.export.map_folder import MapFolder, MapPart
-from tools.export.stamps import utc_texts
 from tools.output.folder import GRAPH
+from tools.time_scales import utc_texts
 from tools.writers.atomic import atomic_path
 
 COLUMNS = ("vertex", "name", "stamp", "utc", "map", "frame")
 WORLD, FIRST_POSE = "East-North-Up", "first pose"
+
+
+def write_graph(path: Path, folder: MapFolder, part: MapPart, earth: Georeferenced | None) -> None:
+    """Write the table to `path`, and graph.g2o beside it, unless that is the map's own.
+
+    Raises:
+        InputError: graph.g2o is missing, or a file cannot be written.
+    """
+    write_graph_csv(path, folder, part, earth)
+    if path.parent.resolve() != folder.path.resolve():
+        write_graph_g2o(path.with_name(GRAPH), folder, part, earth)
 
 
 def write_graph_g2o(path: Path, folder: MapFolder, part: MapPart, earth: Georeferenced | None) -> None:

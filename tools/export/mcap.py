@@ -15,7 +15,7 @@ from kernels.errors import InputError
 from tools.export.georeferenced import Georeferenced
 from tools.export.map_folder import MapFolder, MapPart
 from tools.export.navigation import Navigation
-from tools.export.stamps import are_times
+from tools.time_scales import are_times
 from tools.versions import package_versions
 from tools.writers.atomic import atomic_path
 from tools.writers.records import float32_origin, pack_records

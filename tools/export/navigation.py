@@ -14,8 +14,8 @@ import numpy as np
 
 from kernels.errors import InputError
 from tools.export.georeferenced import Georeferenced
-from tools.export.stamps import are_times, utc_texts
 from tools.output.folder import SUMMARY
+from tools.time_scales import are_times, utc_texts
 
 # A standard deviation that says nothing of the angle: a sensor that looks straight down has neither roll nor heading
 _ANY_ANGLE = 180.0

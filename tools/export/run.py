@@ -91,7 +91,7 @@ def export_map(
     jobs = [
         (name, part)
         for name in settings.formats
-        for part in folder.parts
+        for part in folder.parts[: 1 if FORMATS[name].of_all_parts else None]
         if earths[part.suffix] is not None or not FORMATS[name].needs_place
     ]
     require_writable(to)

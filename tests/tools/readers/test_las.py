@@ -12,8 +12,8 @@ from kernels.errors import InputError
 from tests.samples.cloud_files import POINTS, STRENGTH, TABLE
 from tests.samples.las_files import las
 from tests.tools.readers.test_hostile_headers import thrifty
-from tools.readers.gps_time import utc_of_gps
 from tools.readers.scans import read_scan, read_scans
+from tools.time_scales import utc_of_gps
 
 GPS = np.array([1.5, 1.0, 2.5, 3.0, 4.0]) + 415_000_000
 RECORDED = datetime(2024, 11, 7, 7, 33, 3, tzinfo=UTC).timestamp()  # 1,415,000,001 s after 1980-01-06, less 18 s
@@ -47,9 +47,9 @@ def test_several_chunks(tmp_path: Path) -> None:
 class TestTimes:
     def test_the_stamp_is_the_first_in_utc(self, tmp_path: Path) -> None:
         assert read_scan(put(tmp_path, las(gps=GPS))).stamp == RECORDED
-        assert utc_of_gps(0.0) == 315_964_800
-        assert utc_of_gps(1_167_264_016.0) == datetime(2016, 12, 31, 23, 59, 59, tzinfo=UTC).timestamp()
-        assert utc_of_gps(1_167_264_018.0) == datetime(2017, 1, 1, tzinfo=UTC).timestamp()
+        assert utc_of_gps(np.array(0.0)) == 315_964_800
+        assert utc_of_gps(np.array(1_167_264_016.0)) == datetime(2016, 12, 31, 23, 59, 59, tzinfo=UTC).timestamp()
+        assert utc_of_gps(np.array(1_167_264_018.0)) == datetime(2017, 1, 1, tzinfo=UTC).timestamp()
 
     def test_seconds_of_a_week_are_no_stamp(self, tmp_path: Path) -> None:
         put(tmp_path, las(gps=GPS, adjusted=False), "a.laz")

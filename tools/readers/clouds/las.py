@@ -17,7 +17,7 @@ from tools.memory import require_memory
 from tools.readers.clouds.cloud import COORDINATE_LIMIT, VIEWPOINT_NAMES, Cloud, cloud_of_columns
 from tools.readers.clouds.laz_layout import require_sound_chunks
 from tools.readers.clouds.rows import require_bytes, surplus_note
-from tools.readers.gps_time import utc_of_gps
+from tools.time_scales import utc_of_gps
 
 if TYPE_CHECKING:
     from laspy import LasHeader, LasReader
@@ -109,7 +109,7 @@ def _stamp_of(times: np.ndarray | None, header: LasHeader) -> float | None:
     if times is None or header.global_encoding.gps_time_type != GpsTimeType.STANDARD:
         return None
     known = times[np.isfinite(times) & (np.abs(times) < _ADJUSTED * 10)]
-    return utc_of_gps(float(known.min()) + _ADJUSTED) if known.any() else None
+    return float(utc_of_gps(known.min() + _ADJUSTED)) if known.any() else None
 
 
 def _refuse_map_coordinates(points: np.ndarray, header: LasHeader) -> None:

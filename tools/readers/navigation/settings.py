@@ -8,9 +8,9 @@ from typing import TYPE_CHECKING, Literal
 import numpy as np
 
 from kernels.errors import InputError
-from tools.readers.navigation.clocks.time_scale import TIME_SCALES, TimeScale
 from tools.readers.navigation.headings import QUANTITIES
 from tools.readers.navigation.mount import Mount
+from tools.time_scales import TIME_SCALES, TimeScale
 
 if TYPE_CHECKING:
     from tools.geo.georeference import Georeference

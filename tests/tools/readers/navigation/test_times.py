@@ -10,8 +10,8 @@ import pytest
 from kernels.errors import InputError
 from tests.tools.readers.navigation.logs import START, read, scans_at
 from tools.readers.navigation.clocks.spans import why_apart
-from tools.readers.navigation.clocks.time_scale import tai_minus_utc, utc_of_gps, utc_of_tai
 from tools.readers.navigation.settings import NavigationSettings
+from tools.time_scales import tai_minus_utc, utc_of_gps, utc_of_tai
 
 NTP = 2_208_988_800  # 1970 since 1900 [s]
 GPS_SCANS = scans_at(START, START + 5)

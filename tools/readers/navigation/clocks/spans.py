@@ -4,7 +4,7 @@ from datetime import UTC, datetime
 
 import numpy as np
 
-from tools.readers.navigation.clocks.time_scale import GPS_EPOCH, tai_minus_utc
+from tools.time_scales import GPS_EPOCH, tai_minus_utc
 
 _ON_EARTH = 1e8  # smaller numbers are no date [s, Unix]
 _MOST_ZONE = 14  # hours that a local clock is ahead of UTC

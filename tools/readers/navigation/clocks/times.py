@@ -10,8 +10,8 @@ import numpy as np
 from kernels.errors import InputError
 from tools.readers.limits import LARGEST_STAMP
 from tools.readers.navigation.cells import number
-from tools.readers.navigation.clocks.time_scale import WEEK, TimeScale, utc_of_calendar, utc_of_gps, utc_of_tai
 from tools.readers.navigation.headings import GPS_NAMES, Column, zone_of
+from tools.time_scales import WEEK, TimeScale, utc_of_calendar, utc_of_gps, utc_of_tai
 
 # Seconds since 1970 are below the first number until the year 5138, milliseconds above it since 1973, and so on
 _SIZES = ((1e11, 1.0), (1e14, 1e-3), (1e17, 1e-6), (np.inf, 1e-9))
