@@ -2,16 +2,13 @@
 
 import math
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated
+from typing import Annotated
 
 import typer
 
 from kernels.errors import InputError
 from tools.cli.arguments import as_options
 from tools.methods.registry import METHODS, find_method
-
-if TYPE_CHECKING:
-    from tools.readers.ranges import Ranges
 
 DEFAULT_EDGE = 128
 DEFAULT_HYPOTHESES, MOST_HYPOTHESES = 6, 64
@@ -123,17 +120,6 @@ def check_seed(seed: int | None) -> int | None:
     raise typer.BadParameter(f"{seed}; give a whole number from 0 to 2^63 - 1, as in --seed 1.")
 
 
-def ranges_of(sound_speed: float | None, range_scale: float | None) -> "Ranges":
-    """What --sound-speed and --range-scale say.
-
-    Raises:
-        InputError: numbers that are no speed of sound in water, or no factor.
-    """
-    from tools.readers.ranges import Ranges
-
-    return Ranges(sound_speed, 1.0 if range_scale is None else range_scale)
-
-
 MethodOption = Annotated[
     str,
     typer.Option(
@@ -228,21 +214,6 @@ PriorSigmasOption = Annotated[
         help="Standard deviations where the priors file has none: attitude, heading \\[deg], depth, position \\[m].",
         callback=_check_prior_sigmas,
     ),
-]
-SoundSpeedOption = Annotated[
-    float | None,
-    typer.Option(
-        "--sound-speed",
-        metavar="M/S",
-        help="The right speed of sound \\[m/s]: ranges are multiplied by its ratio to the recorded one; .sonar only.",
-    ),
-]
-RangeScaleOption = Annotated[
-    float | None,
-    typer.Option("--range-scale", metavar="F", help="Multiply all ranges by F, of any format. \\[1]"),
-]
-ImuOption = Annotated[
-    bool, typer.Option("--imu/--no-imu", help="Use roll and pitch as the IMU within a recording has them.")
 ]
 SeedOption = Annotated[
     int,

@@ -11,9 +11,9 @@ from kernels.errors import InputError
 from slam.survey_grid import grid_of_extents
 from spectral.grid import Grid, trimmed_box
 from tools.readers.clock import Clock, clock_of
+from tools.readers.corrections import AS_RECORDED, Corrections
 from tools.readers.file import FORMATS
 from tools.readers.instruments import values_of
-from tools.readers.ranges import AS_RECORDED, Ranges
 from tools.readers.scans import Progress, ScanEntry, files_of, read_entries, stamps_of
 from tools.readers.selection import select_files
 
@@ -103,13 +103,16 @@ class _Seen:
 
 
 def overview_of(
-    paths: Sequence[str | Path], ranges: Ranges = AS_RECORDED, edge: int = 128, progress: Progress | None = None
+    paths: Sequence[str | Path],
+    corrections: Corrections = AS_RECORDED,
+    edge: int = 128,
+    progress: Progress | None = None,
 ) -> Overview:
     """What is in the files, folders and patterns; a scan at a time is in memory.
 
     Args:
         paths: as `read_survey` takes them.
-        ranges: how to correct the scans' ranges.
+        corrections: what is done to the points of each scan.
         edge: voxels along each edge of the grid that is chosen.
         progress: called with (files read, files in all, words).
 
@@ -118,7 +121,7 @@ def overview_of(
     """
     selection = select_files(paths, FORMATS)
     files, seen, file_notes = files_of(selection), _Seen(), list[str]()
-    for entry in read_entries(selection, file_notes, progress, ranges):
+    for entry in read_entries(selection, file_notes, progress, corrections):
         seen.add(entry)
     if not seen.names:
         raise InputError(seen.unread[0])

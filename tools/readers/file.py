@@ -34,6 +34,7 @@ class Format:
         stream: for files larger than memory: from a path to clouds one by one. It adds to the list what the user
             should know of the file as a whole, and goes on after what is damaged where it can.
         has_sound_speed: whether clouds say with which speed of sound their ranges were computed.
+        has_axes: whether the format says along which axes and in which unit its points are.
         stream_topic: as `stream`, for files of several topics: the topic that was chosen comes second.
     """
 
@@ -42,6 +43,7 @@ class Format:
     read: Callable[[bytes], list[Cloud]] | None = None
     stream: Callable[[Path, list[str]], Iterator[Cloud]] | None = None
     has_sound_speed: bool = False
+    has_axes: bool = False
     stream_topic: Callable[[Path, str | None, list[str]], Iterator[Cloud]] | None = None
 
 
@@ -63,7 +65,7 @@ FORMATS = {
     ".npz": Format("a zip archive, as NumPy's .npz is", rb"PK(\x03\x04|\x05\x06)", read_npz),
     ".las": _LAS,
     ".laz": _LAS,
-    ".sonar": Format("a Sonar 3D-15 recording", rb"RIP[12]", stream=_stream_sonar, has_sound_speed=True),
+    ".sonar": Format("a Sonar 3D-15 recording", rb"RIP[12]", stream=_stream_sonar, has_sound_speed=True, has_axes=True),
     ".bag": Format("a ROS 1 bag", rb"#ROSBAG V", stream_topic=stream_recording),
     ".mcap": Format("an MCAP file", rb"\x89MCAP0\r\n", stream_topic=stream_recording),
     ".db3": Format("an SQLite database, as ROS 2 bags have", rb"SQLite format 3\x00", stream_topic=stream_recording),

@@ -58,3 +58,6 @@ class PointFrame:
     def _axis(self, points: np.ndarray, row: tuple[int, int, int]) -> np.ndarray:
         (axis,) = np.flatnonzero(row).tolist()
         return points[:, axis].astype(np.float64) * (row[axis] * UNITS[self.unit])
+
+
+AS_WE_HAVE_THEM = PointFrame()

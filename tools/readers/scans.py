@@ -8,9 +8,9 @@ from pathlib import Path
 from kernels.errors import InputError
 from spectral.scan import Scan
 from tools.readers.clouds.cloud import scan_of_cloud
+from tools.readers.corrections import AS_RECORDED, Corrections
 from tools.readers.file import FORMATS, NamedCloud, clouds_of
 from tools.readers.point_store import PointStore
-from tools.readers.ranges import AS_RECORDED, Ranges
 from tools.readers.scan_sizes import strange_sizes
 from tools.readers.selection import Selection, select_files
 
@@ -55,7 +55,7 @@ class ReadScans:
     surveys: tuple[int, ...] = ()
 
 
-def read_scans(paths: Sequence[str | Path], ranges: Ranges = AS_RECORDED) -> ReadScans:
+def read_scans(paths: Sequence[str | Path], corrections: Corrections = AS_RECORDED) -> ReadScans:
     """Every scan of the files, folders and patterns in `paths`, in natural order.
 
     Like `read_survey`, but all of them have to be readable.
@@ -63,7 +63,7 @@ def read_scans(paths: Sequence[str | Path], ranges: Ranges = AS_RECORDED) -> Rea
     Raises:
         InputError: naming the file and, where it applies, its line or packet.
     """
-    read = read_survey(paths, ranges=ranges)
+    read = read_survey(paths, corrections=corrections)
     if read.unread:
         raise InputError(read.unread[0].reason)
     return read
@@ -73,7 +73,7 @@ def read_survey(
     paths: Sequence[str | Path],
     not_scans: Collection[Path] = (),
     progress: Progress | None = None,
-    ranges: Ranges = AS_RECORDED,
+    corrections: Corrections = AS_RECORDED,
 ) -> ReadScans:
     """Every scan of the files, folders and patterns in `paths` that can be read, in natural order.
 
@@ -82,7 +82,7 @@ def read_survey(
     file, and `recording#3` if the file holds several; files of the same name in several folders keep their paths. The
     priors.csv of a folder or pattern is skipped, and so are the files in `not_scans`. The points of large surveys are
     on disk (`PointStore`). `progress` is called with (files read, files in all, the file's name), and within a file
-    every so many scans. `ranges` corrects the scans' ranges.
+    every so many scans. `corrections` is done to the points of each.
 
     Raises:
         InputError: a path that does not exist, no path at all, or a speed of sound for files that say none.
@@ -90,7 +90,7 @@ def read_survey(
     notes: list[str] = []
     selection = select_files(paths, FORMATS, not_scans)
     store = PointStore()
-    entries = _of_one_size([_kept(entry, store) for entry in read_entries(selection, notes, progress, ranges)])
+    entries = _of_one_size([_kept(entry, store) for entry in read_entries(selection, notes, progress, corrections)])
     stamps, stamp_notes = stamps_of([entry.stamp for entry in entries], [entry.is_cloud for entry in entries])
     return _all_of(entries, stamps, notes + stamp_notes, files_of(selection))
 
@@ -147,14 +147,14 @@ class ScanEntry:
 
 
 def read_entries(
-    selection: Selection, notes: list[str], progress: Progress | None = None, ranges: Ranges = AS_RECORDED
+    selection: Selection, notes: list[str], progress: Progress | None = None, corrections: Corrections = AS_RECORDED
 ) -> Iterator[ScanEntry]:
     """Every scan of the files one by one, and the places of those that could not be read.
 
     Args:
         selection: the files.
         notes: to which is added what the user should know about files as a whole.
-        progress, ranges: as of `read_survey`.
+        progress, corrections: as of `read_survey`.
 
     Raises:
         InputError: a speed of sound for files that say none.
@@ -162,13 +162,13 @@ def read_entries(
     if selection.reordered:
         notes.append("the scans are taken in the natural order of their names, not the order in which they were given")
     files = files_of(selection)
-    _require_sound_speed(files, ranges)
+    _require_known(files, corrections)
     stems = Counter(path.stem for path, _ in {(selected.path, selected.topic) for selected in selection.files})
     for number, selected in enumerate(selection.files):
         named_by_path = stems[selected.path.stem] > 1
         try:
             for count, cloud in enumerate(clouds_of(selected, notes), start=1):
-                yield _entry(_named_by_path(cloud) if named_by_path else cloud, ranges)
+                yield _entry(_named_by_path(cloud) if named_by_path else cloud, corrections)
                 if progress is not None and count % _SHOWN == 0:
                     progress(number, len(selection.files), f"{selected.path.name}: {count:,} scans")
         except InputError as error:
@@ -177,23 +177,29 @@ def read_entries(
             progress(number + 1, len(selection.files), selected.path.name)
 
 
-def _require_sound_speed(files: Sequence[Path], ranges: Ranges) -> None:
-    if ranges.sound_speed is None:
-        return
+def _require_known(files: Sequence[Path], corrections: Corrections) -> None:
+    """Refuse corrections of what a format does not say, or says itself."""
     for path in files:
         known = FORMATS.get(path.suffix.lower())
-        if known is not None and not known.has_sound_speed:
+        if known is None:
+            continue
+        if known.has_axes and not corrections.frame.is_default:
             raise InputError(
-                f"{path}: `sound_speed={ranges.sound_speed:g}` cannot be used, as {known.kind} does not say with which "
-                "speed its ranges were computed; give `range_scale` instead, the right speed over the wrong one"
+                f"{path}: `frame` and `units` cannot be used, as {known.kind} says its own; leave them out, or read it "
+                "apart from other files"
+            )
+        if corrections.sound_speed is not None and not known.has_sound_speed:
+            raise InputError(
+                f"{path}: `sound_speed={corrections.sound_speed:g}` cannot be used, as {known.kind} does not say with "
+                "which speed its ranges were computed; give `range_scale` instead, the right speed over the wrong one"
             )
 
 
-def _entry(named: NamedCloud, ranges: Ranges) -> ScanEntry:
+def _entry(named: NamedCloud, corrections: Corrections) -> ScanEntry:
     """A cloud's usable points as a scan."""
     path, where, name, cloud = named.path, named.where, named.name, named.cloud
     try:
-        scan, notes = scan_of_cloud(ranges.corrected(cloud), name, 0.0)
+        scan, notes = scan_of_cloud(corrections.corrected(cloud), name, 0.0)
     except InputError as error:
         return ScanEntry(path, where, name, None, cloud.stamp, is_cloud=True, reason=f"{where}: {error}")
     return ScanEntry(path, where, name, scan, cloud.stamp, True, tuple(notes), sound_speed=cloud.sound_speed)

@@ -13,11 +13,16 @@ from tools.cli.options import (
     GridOption,
     JsonOption,
     QuietOption,
-    RangeScaleOption,
-    SoundSpeedOption,
-    ranges_of,
 )
 from tools.cli.progress import growing_progress
+from tools.cli.scan_options import (
+    FrameOption,
+    RangeScaleOption,
+    SoundSpeedOption,
+    UnitsOption,
+    corrections_of,
+    corrections_summary,
+)
 from tools.cli.survey_options import InputsArgument
 from tools.cli.survey_text import warn
 from tools.cli.terminal import printable, result_console, say
@@ -33,11 +38,14 @@ NamesOption = Annotated[
 
 
 def command(
+    context: typer.Context,
     inputs: InputsArgument,
     names: NamesOption = False,
     grid: GridOption = None,
     sound_speed: SoundSpeedOption = None,
     range_scale: RangeScaleOption = None,
+    frame: FrameOption = None,
+    units: UnitsOption = None,
     as_json: JsonOption = False,
     quiet: QuietOption = False,
 ) -> None:
@@ -49,11 +57,11 @@ def command(
     """
     from tools.inspect.overview import overview_of
 
-    ranges = ranges_of(sound_speed, range_scale)
+    corrections = corrections_of(context.params)
     with growing_progress("reading", quiet or as_json) as step:
-        overview = overview_of(inputs, ranges, grid or DEFAULT_EDGE, step)
-    corrections = {"--grid": grid, "--sound-speed": sound_speed, "--range-scale": range_scale}
-    options = [f"{name} {value:g}" for name, value in corrections.items() if value is not None]
+        overview = overview_of(inputs, corrections, grid or DEFAULT_EDGE, step)
+    given = {"grid": grid, **corrections_summary(context.params)}
+    options = [f"--{name.replace('_', '-')} {_plain(value)}" for name, value in given.items() if value is not None]
     following = " ".join(["sonarmap map", *map(shlex.quote, inputs), *options, "-o map/"])
     if as_json:
         typer.echo(json.dumps(_as_json(overview, following, names), allow_nan=False))
@@ -182,3 +190,7 @@ def _attitude(overview: "Overview") -> str:
         f"{_share(count, len(overview.names))}, by the recording's own IMU: in the median roll {roll:+.1f}, "
         f"pitch {pitch:+.1f} degrees (starboard down, nose up)"
     )
+
+
+def _plain(value: float | str) -> str:
+    return value if isinstance(value, str) else f"{value:g}"

@@ -37,23 +37,28 @@ from tools.cli.options import (
     DeviceOption,
     GridOption,
     HypothesesOption,
-    ImuOption,
     JsonOption,
     MaxTiltOption,
     MethodOption,
     PriorSigmasOption,
     PriorsOption,
     QuietOption,
-    RangeScaleOption,
     RefineOption,
     SeedOption,
-    SoundSpeedOption,
     StrengthOption,
     VoxelOption,
     YawPeaksOption,
-    ranges_of,
 )
 from tools.cli.progress import growing_progress
+from tools.cli.scan_options import (
+    FrameOption,
+    ImuOption,
+    RangeScaleOption,
+    SoundSpeedOption,
+    UnitsOption,
+    corrections_of,
+    corrections_summary,
+)
 from tools.cli.survey_options import (
     AlsoOption,
     FreshOption,
@@ -80,7 +85,7 @@ if TYPE_CHECKING:
     from slam.survey_result import SurveyResult
     from tools.export.run import ExportSettings
     from tools.geo.georeference import Georeference
-    from tools.readers.ranges import Ranges
+    from tools.readers.corrections import Corrections
     from tools.readers.scans import ReadScans
 
 INCOMPLETE = 3
@@ -103,6 +108,8 @@ def command(
     imu: ImuOption = True,
     sound_speed: SoundSpeedOption = None,
     range_scale: RangeScaleOption = None,
+    frame: FrameOption = None,
+    units: UnitsOption = None,
     odometry: OdometryOption = None,
     odometry_drift: OdometryDriftOption = None,
     nav_columns: NavColumnsOption = None,
@@ -152,8 +159,8 @@ def command(
     options, execution_options = method_options(context), _execution_options(workers, scheduler, fresh)
     mapping = survey_settings(loops, key_step, max_speed, max_turn_rate, max_step, min_seen)
     navigation = navigation_settings(context.params, georeference_of(origin, origin_heading, vertical))
-    ranges = ranges_of(sound_speed, range_scale)
-    read = _read(inputs, priors, ranges, out, quiet or as_json)
+    corrections = corrections_of(context.params)
+    read = _read(inputs, priors, corrections, out, quiet or as_json)
     use_imu = imu and options.uses_priors
     navigated = scans_with_priors(read.scans, priors, prior_sigmas, use_imu, bool(read.unread), navigation)
     read, georeference = replace(read, scans=navigated.scans), navigated.georeference
@@ -163,10 +170,8 @@ def command(
     configured = configure_method(read.scans, options, survey=True)
     if contradiction := contradiction_of(read.scans, read.surveys, configured.registrar, quiet or as_json):
         warn(f"{contradiction}; correct {priors}, or say how it is meant (docs/navigation.md)")
-    given = {"sound_speed": sound_speed, "range_scale": range_scale}
-    corrected = {name: value for name, value in given.items() if value is not None}
-    navigated_by = navigation_summary(context.params)
-    settings = {"inputs": inputs, **navigated_by, **corrected, **configured.settings, "mapper": mapping}
+    given = {**navigation_summary(context.params), **corrections_summary(context.params)}
+    settings = {"inputs": inputs, **given, **configured.settings, "mapper": mapping}
     result = _map(read, reckoned, configured, execution_options, settings, out, also, georeference, quiet or as_json)
     try:
         exported = _export(out, exports, quiet or as_json) if exports.formats else ()
@@ -214,13 +219,13 @@ def _export(out: Path, settings: "ExportSettings", quiet: bool) -> tuple[Path, .
     return export_with_progress(read_map_folder(out), out, settings, quiet).files
 
 
-def _read(inputs: list[str], priors: Path | None, ranges: "Ranges", out: Path, quiet: bool) -> "ReadScans":
+def _read(inputs: list[str], priors: Path | None, corrections: "Corrections", out: Path, quiet: bool) -> "ReadScans":
     """The scans that can be read, and a warning for each that cannot."""
     from tools.output.folder import require_apart
     from tools.readers.scans import read_survey
 
     with growing_progress("reading", quiet) as step:
-        read = read_survey(inputs, [priors] if priors else [], step, ranges)
+        read = read_survey(inputs, [priors] if priors else [], step, corrections)
     for note in read.notes:
         say(note)
     if read.unread and len(read.scans) < 2:

@@ -29,29 +29,33 @@ from tools.cli.options import (
     DeviceOption,
     GridOption,
     HypothesesOption,
-    ImuOption,
     JsonOption,
     MaxTiltOption,
     MethodOption,
     PriorSigmasOption,
     PriorsOption,
-    RangeScaleOption,
     RefineOption,
     SeedOption,
-    SoundSpeedOption,
     StrengthOption,
     VoxelOption,
     YawPeaksOption,
-    ranges_of,
 )
 from tools.cli.picture import PictureOption, draw_picture, require_steps
+from tools.cli.scan_options import (
+    FrameOption,
+    ImuOption,
+    RangeScaleOption,
+    SoundSpeedOption,
+    UnitsOption,
+    corrections_of,
+)
 from tools.cli.terminal import printable, result_console, say
 from tools.methods.registry import DEFAULT_METHOD
 
 if TYPE_CHECKING:
     from spectral.result import Registration
     from spectral.scan import Scan
-    from tools.readers.ranges import Ranges
+    from tools.readers.corrections import Corrections
 
 UNRELIABLE = 3
 
@@ -73,6 +77,8 @@ def command(
     imu: ImuOption = True,
     sound_speed: SoundSpeedOption = None,
     range_scale: RangeScaleOption = None,
+    frame: FrameOption = None,
+    units: UnitsOption = None,
     nav_columns: NavColumnsOption = None,
     time_scale: TimeScaleOption = None,
     nav_offset: NavOffsetOption = None,
@@ -93,9 +99,9 @@ def command(
     """
     options = method_options(context)
     require_steps(picture, options.name)
-    ranges = ranges_of(sound_speed, range_scale)
+    corrections = corrections_of(context.params)
     navigation = navigation_settings(context.params)
-    read = [_read(path, ranges) for path in (target, source)]
+    read = [_read(path, corrections) for path in (target, source)]
     use_imu = imu and options.uses_priors
     scans = scans_with_priors(read, priors, prior_sigmas, use_imu, True, navigation).scans
     configured = configure_method(scans, options)
@@ -111,10 +117,10 @@ def command(
         raise typer.Exit(UNRELIABLE)
 
 
-def _read(path: str, ranges: "Ranges") -> "Scan":
+def _read(path: str, corrections: "Corrections") -> "Scan":
     from tools.readers.scans import only_scan, read_scans
 
-    read = read_scans([path], ranges)
+    read = read_scans([path], corrections)
     for note in read.notes:
         say(note)
     return only_scan(path, read)

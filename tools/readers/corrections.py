@@ -1,22 +1,24 @@
-"""Ranges that were computed with a wrong speed of sound, or in a wrong scale: points moved along their beams."""
+"""What is done to points once, when they are read: turned to our axes, into meters, their ranges corrected."""
 
 import math
 from dataclasses import dataclass, replace
 
 from kernels.errors import InputError
 from tools.readers.clouds.cloud import Cloud
+from tools.readers.point_frame import AS_WE_HAVE_THEM, PointFrame
 
 SOUND_SPEEDS = (1000.0, 2000.0)  # [m/s]; in water 1400 to 1600
 
 
 @dataclass(frozen=True, slots=True)
-class Ranges:
-    """How to correct the ranges of scans.
+class Corrections:
+    """How to correct the points of scans.
 
     Attributes:
         sound_speed: the right one [m/s]; ranges are multiplied by its ratio to that with which they were computed, each
             scan by its own. None: they are right.
         scale: a factor on the ranges besides, of any format.
+        frame: along which axes and in which unit files have their points.
 
     Raises:
         InputError: a speed that is not water's, or a factor that is not above 0.
@@ -24,6 +26,7 @@ class Ranges:
 
     sound_speed: float | None = None
     scale: float = 1.0
+    frame: PointFrame = AS_WE_HAVE_THEM
 
     def __post_init__(self) -> None:
         low, high = SOUND_SPEEDS
@@ -36,12 +39,12 @@ class Ranges:
             raise InputError(f"`range_scale={self.scale:g}` is not a factor; wanted a number above 0, as 1.02")
 
     def corrected(self, cloud: Cloud) -> Cloud:
-        """The cloud with right ranges, from where its sensor was.
+        """The cloud in our axes and meters, with right ranges from where its sensor was.
 
         Raises:
             InputError: it does not say with which speed of sound its ranges were computed.
         """
-        factor = self.scale
+        cloud, factor = self.frame.turned(cloud), self.scale
         if self.sound_speed is not None:
             if cloud.sound_speed is None:
                 raise InputError(
@@ -56,4 +59,4 @@ class Ranges:
         return replace(cloud, points=cloud.viewpoints + factor * (cloud.points - cloud.viewpoints))
 
 
-AS_RECORDED = Ranges()
+AS_RECORDED = Corrections()

@@ -1,0 +1,63 @@
+"""Options that say how the points of files are to be understood; the same for every verb that reads scans."""
+
+from collections.abc import Mapping
+from typing import TYPE_CHECKING, Annotated, Any
+
+import typer
+
+if TYPE_CHECKING:
+    from tools.readers.corrections import Corrections
+
+# parameters of the verbs that change points as they are read
+CORRECTIONS = ("sound_speed", "range_scale", "frame", "units")
+
+SoundSpeedOption = Annotated[
+    float | None,
+    typer.Option(
+        "--sound-speed",
+        metavar="M/S",
+        help="The right speed of sound \\[m/s]: ranges are multiplied by its ratio to the recorded one; .sonar only.",
+    ),
+]
+RangeScaleOption = Annotated[
+    float | None,
+    typer.Option("--range-scale", metavar="F", help="Multiply all ranges by F, of any format. \\[1]"),
+]
+ImuOption = Annotated[
+    bool, typer.Option("--imu/--no-imu", help="Use roll and pitch as the IMU within a recording has them.")
+]
+FrameOption = Annotated[
+    str | None,
+    typer.Option(
+        "--frame",
+        metavar="NAME",
+        help="Axes of the points in the files: flu (forward, left, up), frd (forward, right, down), rdf (right, down, "
+        "forward, as of cameras) or ned (North, East, Down: scans that were leveled and turned North). \\[flu]",
+    ),
+]
+UnitsOption = Annotated[
+    str | None,
+    typer.Option("--units", metavar="NAME", help="Of the points in the files: m, cm, mm, ft or us-ft. \\[m]"),
+]
+
+
+def corrections_of(options: Mapping[str, Any]) -> "Corrections":
+    """What is done to the points of files when they are read.
+
+    Args:
+        options: of the verb, by their parameters' names.
+
+    Raises:
+        InputError: numbers that are no speed of sound in water or no factor, or unknown names.
+    """
+    from tools.readers.corrections import Corrections
+    from tools.readers.point_frame import PointFrame
+
+    given = corrections_summary(options)
+    frame = PointFrame(given.get("frame", "flu"), given.get("units", "m"))
+    return Corrections(given.get("sound_speed"), given.get("range_scale", 1.0), frame)
+
+
+def corrections_summary(options: Mapping[str, Any]) -> dict[str, Any]:
+    """What was given, for the summary, so that the same command can be given again."""
+    return {name: options[name] for name in CORRECTIONS if options.get(name) is not None}
