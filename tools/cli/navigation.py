@@ -12,8 +12,6 @@ from tools.cli.options import parse_prior_sigmas
 from tools.cli.terminal import say
 
 if TYPE_CHECKING:
-    import numpy as np
-
     from spectral.scan import Scan
     from tools.geo.georeference import Georeference
     from tools.readers.navigation.priors import Navigated
@@ -140,7 +138,7 @@ def scans_with_priors(
     imu: bool,
     allow_unknown: bool,
     settings: "NavigationSettings",
-    turn_rates: "tuple[np.ndarray, np.ndarray] | None" = None,
+    files: "Sequence[Path]" = (),
 ) -> "Navigated":
     """The scans with the priors of the file, and a note if some have none; without a file, the scans as they are.
 
@@ -151,7 +149,7 @@ def scans_with_priors(
         priors, prior_sigmas, imu: the options.
         allow_unknown: whether the file may have rows for other scans.
         settings: how to understand the file.
-        turn_rates: of the sonar, as `tools.readers.navigation.priors.navigate` has them.
+        files: of the scans; a recording with an IMU among them tells how far the navigation's clock is off.
 
     Raises:
         InputError: the file cannot be used, or there are --prior-sigmas without a file.
@@ -167,6 +165,11 @@ def scans_with_priors(
     scans = _without_priors(scans)
     sigmas = parse_prior_sigmas(prior_sigmas) if prior_sigmas else {}
     notes: list[str] = []
+    turn_rates = None
+    if settings.offset is None:
+        from tools.readers.sonar.imu import vertical_turn_rates
+
+        turn_rates = vertical_turn_rates(files)
     navigated = navigate(scans, priors, settings, sigmas, allow_unknown, notes, turn_rates)
     for note in notes:
         say(note)

@@ -162,7 +162,7 @@ def command(
     corrections = corrections_of(context.params)
     read = _read(inputs, priors, corrections, out, quiet or as_json)
     use_imu = imu and options.uses_priors
-    navigated = scans_with_priors(read.scans, priors, prior_sigmas, use_imu, bool(read.unread), navigation)
+    navigated = scans_with_priors(read.scans, priors, prior_sigmas, use_imu, bool(read.unread), navigation, read.files)
     read, georeference = replace(read, scans=navigated.scans), navigated.georeference
     _refuse_second_heading(read, origin_heading)
     exports = _export_settings(export, crs, also, georeference)
