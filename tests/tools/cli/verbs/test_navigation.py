@@ -56,11 +56,13 @@ def test_the_summary_says_how_it_was_understood(folder: Path) -> None:
     result = sonarmap("map", *pair, "-o", folder / "out", *options, "--grid", "64")
     said(result, "--nav-crs has no effect without columns of easting and northing")
     assert sonarmap("map", *pair, "-o", folder / "out", *options[:-2], "--grid", "64").exit_code in (0, 3)
-    settings = json.loads((folder / "out" / "summary.json").read_text())["settings"]
+    summary = json.loads((folder / "out" / "summary.json").read_text())
+    settings = summary["settings"]
     assert settings["heading_reference"] == "grid"
     assert settings["priors"] == str(folder / "log.csv")
     assert "mount" not in settings
-    assert (settings["georeference"]["latitude"], settings["georeference"]["longitude"]) == (60.5, 5.25)
+    place = summary["georeference"]
+    assert (place["latitude"], place["longitude"]) == (60.5, 5.25)
 
 
 @pytest.mark.parametrize(
