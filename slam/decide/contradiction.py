@@ -20,8 +20,10 @@ def chi_squared(probability: float, degrees: int) -> float:
     return float(2 * gammaincinv(degrees / 2, probability))
 
 
-def contradicted_edges(graph: PoseGraph, solution: Solution, asked: np.ndarray, bound: float) -> np.ndarray:
-    """Which edges cost more than the bound at the optimum, by number.
+def contradicted_edges(
+    graph: PoseGraph, solution: Solution, asked: np.ndarray, bound: float, gate: float | None = None
+) -> np.ndarray:
+    """Which edges the others contradict at the optimum, by number.
 
     First those whose residual is beyond it; where there are none, those without which the whole cost would fall by
     more: a wrong edge draws the poses to itself until its own residual is small. Where all cost more than
@@ -31,7 +33,8 @@ def contradicted_edges(graph: PoseGraph, solution: Solution, asked: np.ndarray, 
         graph: of E edges, with the optimized poses.
         solution: the optimum of some of them, those that are asked about among them.
         asked: (E,) bool, which to look at.
-        bound: chi-squared of six numbers.
+        bound: of a squared residual.
+        gate: of the fall in cost; None for what one right edge in a million exceeds, as thousands are asked about.
     """
     residuals = graph.residuals()
     far = np.flatnonzero(asked & (residuals**2 > bound))
@@ -47,8 +50,9 @@ def contradicted_edges(graph: PoseGraph, solution: Solution, asked: np.ndarray, 
     left = stated - (1 - _LEAST_SHARE) * covariances
     xi: np.ndarray = (T_i_j.inv() * measured).as_exp_coords()
     costs = lengths(xi, left) ** 2
+    gate = chi_squared(GATE, 6) if gate is None else gate
     understated = max(1.0, float(np.median(costs)) / chi_squared(0.5, 6))
-    return chosen[costs > bound * understated]
+    return chosen[costs > gate * understated]
 
 
 def plausible(solution: Solution, others: Sequence[Edge]) -> np.ndarray:

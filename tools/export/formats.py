@@ -120,6 +120,27 @@ FORMATS = {
         words="cloud, poses, track and positions as messages of ROS 2, MCAP",
         coordinates="map",
     ),
+    "pcd": ExportFormat(
+        "map{}.pcd",
+        _late("plain", "write_cloud"),
+        needs_place=False,
+        words="the map's points, PCD 0.7 in float32 beside an origin",
+        coordinates="map",
+    ),
+    "tum": ExportFormat(
+        "trajectory{}.tum",
+        _late("plain", "write_poses"),
+        needs_place=False,
+        words="the poses with their times, TUM",
+        coordinates="map",
+    ),
+    "kitti": ExportFormat(
+        "trajectory{}.kitti",
+        _late("plain", "write_poses"),
+        needs_place=False,
+        words="the poses as 3x4 matrices, KITTI",
+        coordinates="map",
+    ),
     "g2o": ExportFormat(
         "graph{}.csv",
         _late("graph_csv", "write_graph"),

@@ -49,7 +49,7 @@ def test_by_how_much_chi_squared_falls_without_an_edge(seed: int) -> None:
         expected = [k for k, fall in falls.items() if fall > limit * understated]
         clear = all(abs(fall / limit / understated - 1) > 0.05 for fall in falls.values())
         if clear:
-            assert contradicted_edges(graph, solution, loops, limit).tolist() == expected
+            assert contradicted_edges(graph, solution, loops, limit, limit).tolist() == expected
 
 
 def test_a_far_one_comes_first() -> None:
@@ -67,4 +67,4 @@ def test_the_only_tie_is_contradicted_by_nothing() -> None:
     graph = ring(1).keep(np.arange(COUNT + 5) < COUNT - 1)  # a chain
     solution = graph.optimize()
     graph = graph.at(solution.trajectory.T_world_sensor)
-    assert contradicted_edges(graph, solution, np.ones(COUNT - 1, bool), 1.0).tolist() == []
+    assert contradicted_edges(graph, solution, np.ones(COUNT - 1, bool), 1.0, 1.0).tolist() == []

@@ -2,6 +2,9 @@
 
 import hashlib
 import json
+import re
+import shutil
+import subprocess
 from dataclasses import replace
 from pathlib import Path
 from xml.etree import ElementTree
@@ -21,6 +24,7 @@ from tools.geo.georeference import Georeference
 
 HERE = Georeference(60.0, 11.9999, height=-2.0, vertical="MSL", heading=70.0)
 ALL = ExportSettings(tuple(FORMATS))
+PLAIN = (("map", "mcap"), ("map", "pcd"), ("trajectory", "tum"), ("trajectory", "kitti"))
 LAZ = ExportSettings(("laz",))
 
 
@@ -213,3 +217,39 @@ def test_a_summary_cannot_have_files_removed_that_are_no_exports(tmp_path: Path)
     assert (tmp_path / "a").exists()
     assert (tmp_path / "a.json").exists()
     assert (out / "b.txt").exists()
+
+
+def test_what_needs_no_place_is_written_of_every_part(two: Path, tmp_path: Path) -> None:
+    import open3d as o3d
+
+    folder = read_map_folder(two)
+    names = tuple(name for name in FORMATS if not FORMATS[name].needs_place)
+    files = {path.name for path in export_map(folder, tmp_path, ExportSettings(names)).files}
+    written = {name for name in files if not name.endswith(".json")}
+    of_parts = {f"{name}{part}.{suffix}" for name, suffix in PLAIN for part in ("", "_2")}
+    assert written == {*of_parts, "graph.g2o", "graph.csv"}
+    for part in folder.parts:
+        points = np.asarray(o3d.io.read_point_cloud(tmp_path / f"map{part.suffix}.pcd").points)
+        np.testing.assert_allclose(points, part.points, rtol=0, atol=1e-4)
+        rows = np.loadtxt(tmp_path / f"trajectory{part.suffix}.kitti").reshape(-1, 3, 4)
+        T = part.trajectory.T_world_sensor.as_matrix()
+        np.testing.assert_allclose(rows, T[:, :3], atol=1e-9)
+        table = np.loadtxt(tmp_path / f"trajectory{part.suffix}.tum")
+        np.testing.assert_allclose(table[:, 0], part.trajectory.stamps, rtol=0, atol=1e-6)
+        np.testing.assert_allclose(table[:, 1:4], T[:, :3, 3], atol=1e-9)
+
+
+def test_evo_reads_the_trajectories(one: Path, tmp_path: Path) -> None:
+    command = shutil.which("evo_traj")
+    if command is None:
+        pytest.skip("evo is not installed: pip install evo")
+    folder = read_map_folder(one)
+    export_map(folder, tmp_path, ExportSettings(("tum", "kitti")))
+    T = folder.parts[0].trajectory.T_world_sensor.translation
+    way = float(np.linalg.norm(np.diff(T, axis=0), axis=1).sum())
+    for kind in ("tum", "kitti"):
+        asked = [command, kind, str(tmp_path / f"trajectory.{kind}"), "--full_check"]
+        said = subprocess.run(asked, capture_output=True, text=True, check=True).stdout
+        assert float(re.findall(r"path length \(m\)\s+([\d.]+)", said)[0]) == pytest.approx(way, abs=1e-3)
+        if kind == "tum":
+            assert float(re.findall(r"t_start \(s\)\s+([\d.]+)", said)[0]) == pytest.approx(START, abs=1e-3)
