@@ -2,15 +2,14 @@
 
 from __future__ import annotations
 
-from collections import Counter
-from collections.abc import Collection, Iterator
+from collections.abc import Iterator
 from contextlib import contextmanager
 from functools import partial
 from pathlib import Path
 from typing import TYPE_CHECKING
 
-from kernels.errors import InputError
-from tools.readers.bags.recording import Message, Recording, refused, topics_of
+from tools.readers.bags.indexed import indexed_recording
+from tools.readers.bags.recording import Recording, refused
 from tools.readers.bags.unpack import unpacked
 
 if TYPE_CHECKING:
@@ -23,28 +22,7 @@ def open_ros1(path: Path) -> Recording:
     Raises:
         InputError: its index is missing or damaged.
     """
-    counts: Counter[tuple[str, str]] = Counter()
-    with _opened(path) as reader:
-        for connection in reader.connections:
-            counts[connection.topic, connection.msgtype] += connection.msgcount
-    return Recording(topics_of(counts), partial(_messages, path))
-
-
-def _messages(path: Path, names: Collection[str], faults: list[str]) -> Iterator[Message]:
-    with _opened(path) as reader:
-        wanted = [connection for connection in reader.connections if connection.topic in names]
-        messages = reader.messages(wanted) if wanted else iter(())
-        while True:
-            try:
-                with refused("a message of it cannot be read"):
-                    entry = next(messages, None)
-            except InputError as error:
-                faults.append(f"{error}; what follows is missing")
-                return
-            if entry is None:
-                return
-            connection, time, content = entry
-            yield Message(connection.topic, connection.msgtype, time, content, "ros1")
+    return indexed_recording(path, _opened, "ros1", lambda content, time, topic: content)
 
 
 @contextmanager

@@ -2,15 +2,14 @@
 
 from __future__ import annotations
 
-from collections import Counter
-from collections.abc import Collection, Iterator
+from collections.abc import Iterator
 from contextlib import contextmanager
-from functools import partial
 from pathlib import Path
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Any
 
 from kernels.errors import InputError
-from tools.readers.bags.recording import Message, Recording, refused, topics_of
+from tools.readers.bags.indexed import indexed_recording
+from tools.readers.bags.recording import Recording, refused
 from tools.readers.bags.unpack import ZSTD_START, unpacked
 
 if TYPE_CHECKING:
@@ -23,31 +22,13 @@ def open_sqlite(path: Path) -> Recording:
     Raises:
         InputError: it is no database of ROS 2 messages, or damaged.
     """
-    counts: Counter[tuple[str, str]] = Counter()
-    with _opened(path) as reader:
-        for connection in reader.connections:
-            counts[connection.topic, connection.msgtype] += connection.msgcount
-    return Recording(topics_of(counts), partial(_messages, path))
+    return indexed_recording(path, _opened, "cdr", _plain)
 
 
-def _messages(path: Path, names: Collection[str], faults: list[str]) -> Iterator[Message]:
-    with _opened(path) as reader:
-        wanted = [connection for connection in reader.connections if connection.topic in names]
-        messages = reader.messages(wanted) if wanted else iter(())
-        while True:
-            try:
-                with refused("a message of it cannot be read"):
-                    entry = next(messages, None)
-                    if entry is None:
-                        return
-                    connection, time, content = entry
-                    if not isinstance(content, bytes) or not isinstance(time, int):
-                        raise InputError(f"a message of {connection.topic} is no bytes, or has no time; copy it again")
-                    plain = unpacked(content, "zstd") if content.startswith(ZSTD_START) else content
-            except InputError as error:
-                faults.append(f"{error}; what follows is missing")
-                return
-            yield Message(connection.topic, connection.msgtype, time, plain, "cdr")
+def _plain(content: Any, time: Any, topic: str) -> bytes:
+    if not isinstance(content, bytes) or not isinstance(time, int):
+        raise InputError(f"a message of {topic} is no bytes, or has no time; copy it again")
+    return unpacked(content, "zstd") if content.startswith(ZSTD_START) else content
 
 
 @contextmanager
