@@ -86,6 +86,7 @@ if TYPE_CHECKING:
     from tools.export.run import ExportSettings
     from tools.geo.georeference import Georeference
     from tools.readers.corrections import Corrections
+    from tools.readers.navigation.settings import NavigationSettings
     from tools.readers.scans import ReadScans
 
 INCOMPLETE = 3
@@ -158,23 +159,19 @@ def command(
     """
     options, execution_options = method_options(context), _execution_options(workers, scheduler, fresh)
     mapping = survey_settings(loops, key_step, max_speed, max_turn_rate, max_step, min_seen)
-    navigation = navigation_settings(context.params, georeference_of(origin, origin_heading, vertical))
-    corrections = corrections_of(context.params)
-    read = _read(inputs, priors, corrections, out, quiet or as_json)
-    use_imu = imu and options.uses_priors
-    navigated = scans_with_priors(read.scans, priors, prior_sigmas, use_imu, bool(read.unread), navigation, read.files)
-    read, georeference = replace(read, scans=navigated.scans), navigated.georeference
-    _refuse_second_heading(read, origin_heading)
+    given, silent = context.params, quiet or as_json
+    navigation = navigation_settings(given, georeference_of(origin, origin_heading, vertical))
+    read, georeference = _navigated(given, navigation, imu and options.uses_priors, silent)
     exports = _export_settings(export, crs, also, georeference)
     reckoned = odometry_of(read.scans, odometry, odometry_drift, navigation)
     configured = configure_method(read.scans, options, survey=True)
-    if contradiction := contradiction_of(read.scans, read.surveys, configured.registrar, quiet or as_json):
+    if contradiction := contradiction_of(read.scans, read.surveys, configured.registrar, silent):
         warn(f"{contradiction}; correct {priors}, or say how it is meant (docs/navigation.md)")
-    given = {**navigation_summary(context.params), **corrections_summary(context.params)}
-    settings = {"inputs": inputs, **given, **configured.settings, "mapper": mapping}
-    result = _map(read, reckoned, configured, execution_options, settings, out, also, georeference, quiet or as_json)
+    described = {**navigation_summary(given), **corrections_summary(given)}
+    settings = {"inputs": inputs, **described, **configured.settings, "mapper": mapping}
+    result = _map(read, reckoned, configured, execution_options, settings, out, also, georeference, silent)
     try:
-        exported = _export(out, exports, quiet or as_json) if exports.formats else ()
+        exported = _export(out, exports, silent) if exports.formats else ()
     finally:  # the map is there, whatever its export came to
         _show(result, [scan.name for scan in read.scans], out, also, as_json)
     if exported and not as_json:
@@ -206,6 +203,26 @@ def _export_settings(
     if both := [name for name in also if EXPORTS[name] in {FORMATS[chosen].file for chosen in formats}]:
         raise InputError(f"--also and --export would both write {EXPORTS[both[0]].format('')}; leave one out")
     return settings
+
+
+def _navigated(
+    given: Mapping[str, Any], navigation: "NavigationSettings", use_imu: bool, quiet: bool
+) -> "tuple[ReadScans, Georeference | None]":
+    """The scans with what instruments measured of them, and where the map lies on the Earth, as far as it is known.
+
+    Args:
+        given: the verb's options, by their parameters' names.
+        navigation: how to understand the file of --priors.
+        use_imu: whether recordings' own attitudes count.
+        quiet: whether progress is not shown.
+    """
+    read = _read(given["inputs"], given["priors"], corrections_of(given), given["out"], quiet)
+    navigated = scans_with_priors(
+        read.scans, given["priors"], given["prior_sigmas"], use_imu, bool(read.unread), navigation, read.files
+    )
+    read = replace(read, scans=navigated.scans)
+    _refuse_second_heading(read, given["origin_heading"])
+    return read, navigated.georeference
 
 
 def _refuse_second_heading(read: "ReadScans", heading: float | None) -> None:
