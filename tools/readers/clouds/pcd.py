@@ -72,7 +72,10 @@ def read_pcd(content: bytes) -> list[Cloud]:
     else:
         columns, surplus = _read_compressed(content, match.end(), header, roles)
     if any(header.origin):
-        columns |= {axis: columns[axis].astype(np.float64) + x for axis, x in zip("xyz", header.origin, strict=True)}
+        with np.errstate(invalid="ignore"):  # a signaling NaN is dropped later like any other
+            columns |= {
+                axis: columns[axis].astype(np.float64) + x for axis, x in zip("xyz", header.origin, strict=True)
+            }
     cloud = cloud_of_columns(columns, surplus)
     if cloud.viewpoints is None and header.viewpoint.any():
         viewpoints = np.tile(header.viewpoint + header.origin, (len(cloud.points), 1))
