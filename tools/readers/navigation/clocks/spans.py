@@ -1,9 +1,8 @@
 """Why navigation and scans do not meet in time, in words."""
 
-from datetime import UTC, datetime
-
 import numpy as np
 
+from tools.readers.clock import utc
 from tools.time_scales import GPS_EPOCH, tai_minus_utc
 
 _ON_EARTH = 1e8  # smaller numbers are no date [s, Unix]
@@ -29,7 +28,7 @@ def why_apart(times: np.ndarray, stamps: np.ndarray) -> str:
 def _when(stamp: float) -> str:
     if not _ON_EARTH < stamp < 1e11:
         return f"{stamp:.3f} s"
-    return f"{stamp:.3f} s ({datetime.fromtimestamp(stamp, UTC).strftime('%Y-%m-%d %H:%M:%S')} UTC)"
+    return f"{stamp:.3f} s ({utc(stamp)} UTC)"
 
 
 def _cause(times: np.ndarray, stamps: np.ndarray) -> str:
