@@ -62,7 +62,7 @@ FORMATS = {
         "map{}.tif",
         _late("geotiff", "write_geotiff"),
         needs_place=True,
-        words="a grid of heights from above, with standard deviation and count, GeoTIFF",
+        words="a grid of heights from above, with standard deviation and count, GeoTIFF, and its style for QGIS",
         details=_late("geotiff", "geotiff_details"),
     ),
     "kml": ExportFormat(

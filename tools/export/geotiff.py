@@ -6,12 +6,14 @@ from collections.abc import Mapping
 from importlib.metadata import version
 from pathlib import Path
 from typing import Any
+from xml.etree import ElementTree
+from xml.etree.ElementTree import Element, SubElement
 
 import numpy as np
 
 from kernels.errors import InputError
 from tools.export.georeferenced import Georeferenced
-from tools.export.grid import Cells, check_size, top_cells
+from tools.export.grid import HEIGHT_COLORS, Cells, check_size, shown_heights, top_cells
 from tools.export.map_folder import MapFolder, MapPart
 from tools.geo.georeference import VERTICALS
 from tools.writers.atomic import atomic_path
@@ -19,13 +21,15 @@ from tools.writers.atomic import atomic_path
 NODATA = -9999.0
 _BLOCK = 256  # edge of a tile
 _BANDS = ("height", "sigma", "count")
+_STEPS = 17  # of the colors in QGIS, which blends between them
 
 
 def write_geotiff(path: Path, folder: MapFolder, part: MapPart, earth: Georeferenced | None) -> None:
     """Write heights of the uppermost surface (band 1), their standard deviations (2), and how many sonar points (3).
 
     Cells are `earth.cell` wide, or one voxel; their edges lie at multiples of that, so that grids of two maps fit each
-    other. A cell without points has no value: nothing is interpolated.
+    other. A cell without points has no value: nothing is interpolated. Beside it stands the style that QGIS shows
+    it in.
 
     Raises:
         InputError: the grid is too large, or the file cannot be written.
@@ -59,6 +63,8 @@ def write_geotiff(path: Path, folder: MapFolder, part: MapPart, earth: Georefere
             _describe(raster, earth)
             _fill(raster, cells, rows, columns)
         _require_whole(temporary, path)
+    with atomic_path(path.with_suffix(".qml")) as temporary:
+        temporary.write_bytes(_qgis_style(earth))
 
 
 def geotiff_details(part: MapPart, earth: Georeferenced | None) -> Mapping[str, Any]:
@@ -131,3 +137,28 @@ def _require_whole(temporary: Path, path: Path) -> None:
                 raster.read(window=window)
     except RasterioError as error:
         raise InputError(f"cannot write {path}: {error}. Make room, or choose another folder") from error
+
+
+def _qgis_style(earth: Georeferenced) -> bytes:
+    """Band 1 in the colors of the KMZ's picture: left alone, QGIS mixes the three bands to red, green and blue.
+
+    QGIS reads the file of the same name when it opens the raster; it ignores it for map.kml and map.laz.
+    """
+    from matplotlib import colormaps, colors
+
+    low, high = shown_heights(earth)
+    root = Element("qgis", {"version": "3.22.0", "styleCategories": "Symbology"})
+    pipe = SubElement(root, "pipe")
+    band = {"type": "singlebandpseudocolor", "band": "1", "opacity": "1", "alphaBand": "-1"}
+    limits = {"classificationMin": f"{low:.4f}", "classificationMax": f"{high:.4f}"}
+    shader = SubElement(SubElement(pipe, "rasterrenderer", {**band, **limits}), "rastershader")
+    limits = {"minimumValue": f"{low:.4f}", "maximumValue": f"{high:.4f}"}
+    kind = {"colorRampType": "INTERPOLATED", "classificationMode": "2", "clip": "0"}
+    ramp = SubElement(shader, "colorrampshader", {**kind, **limits})
+    for share in np.linspace(0, 1, _STEPS).tolist():
+        height = low + share * (high - low)
+        color = colors.to_hex(colormaps[HEIGHT_COLORS](share))
+        SubElement(ramp, "item", {"value": f"{height:.4f}", "label": f"{height:.2f} m", "color": color, "alpha": "255"})
+    ElementTree.indent(root)
+    text: bytes = ElementTree.tostring(root, encoding="utf-8", xml_declaration=True)
+    return text

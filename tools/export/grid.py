@@ -12,8 +12,11 @@ from dataclasses import dataclass
 import numpy as np
 
 from kernels.errors import InputError
+from tools.export.georeferenced import Georeferenced
 
 MOST_CELLS = 4_000_000_000  # of a grid, with or without points: 63 km square at 1 m
+HEIGHT_COLORS = "viridis"  # of matplotlib
+_EXTREMES = (0.01, 0.99)  # quantiles of the heights between which the colors change
 _LEAST_SIGMA = 1e-6  # [m]
 
 
@@ -75,3 +78,11 @@ def check_size(rows: int, columns: int, cell: float) -> None:
             f"a grid with cells of {cell:g} m has {rows:,} rows and {columns:,} columns, more than {MOST_CELLS:,} "
             "cells; give larger ones with --cell M"
         )
+
+
+def shown_heights(earth: Georeferenced) -> tuple[float, float]:
+    """Between which heights the colors change [m]: those of points that more than one scan saw, if there are any."""
+    height, seen = earth.points[:, 2], earth.part.columns["seen"] >= 2
+    height = height[seen] if seen.any() else height
+    low, high = np.quantile(height, _EXTREMES).tolist()
+    return (low, high) if high > low else (low - 0.5, high + 0.5)

@@ -3,6 +3,7 @@
 import math
 from dataclasses import replace
 from pathlib import Path
+from xml.etree import ElementTree
 
 import numpy as np
 import pytest
@@ -73,7 +74,7 @@ def test_what_the_file_says_of_itself(tmp_path: Path) -> None:
     assert tags["AREA_OR_POINT"] == "Area"
     assert "EPSG:5714" in tags["VERTICAL_REFERENCE"]
     assert "positive up" in tags["SIGN"]
-    assert [path.name for path in tmp_path.iterdir()] == ["map.tif"]
+    assert {path.name for path in tmp_path.iterdir()} == {"map.tif", "map.qml"}
 
 
 def test_the_edges_of_cells_are_at_multiples_of_their_size(tmp_path: Path) -> None:
@@ -121,3 +122,18 @@ def test_cells_lie_where_the_map_has_its_points(tmp_path: Path) -> None:
     back = local_of(np.column_stack([east, north, heights]), 32731, here)
     for place in back:
         assert np.abs(earth.part.points[:, :2] - place[:2]).sum(axis=1).min() < 0.3
+
+
+def test_the_style_for_qgis_has_the_heights_of_the_legend(tmp_path: Path) -> None:
+    """Beside the raster, as QGIS wants it: band 1 in viridis from the 1st to the 99th percent of the points."""
+    earth = georeferenced(Georeference(60.0, 9.1, height=-7.5), scattered(3, reach=20.0))
+    written(tmp_path / "map.tif", earth).close()
+    root = ElementTree.parse(tmp_path / "map.qml").getroot()
+    (renderer,) = root.iterfind("./pipe/rasterrenderer")
+    assert (root.tag, renderer.get("type"), renderer.get("band")) == ("qgis", "singlebandpseudocolor", "1")
+    items = [item.attrib for item in root.iterfind(".//colorrampshader/item")]
+    heights = np.array([float(item["value"]) for item in items])
+    seen = earth.part.columns["seen"] >= 2
+    low, high = np.quantile(earth.points[seen, 2], [0.01, 0.99])
+    np.testing.assert_allclose(heights, np.linspace(low, high, len(items)), atol=1e-4)
+    assert (items[0]["color"], items[len(items) // 2]["color"], items[-1]["color"]) == ("#440154", "#21918c", "#fde725")

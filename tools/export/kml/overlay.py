@@ -8,13 +8,11 @@ from io import BytesIO
 import numpy as np
 
 from tools.export.georeferenced import Georeferenced
-from tools.export.grid import top_cells
+from tools.export.grid import HEIGHT_COLORS, shown_heights, top_cells
 from tools.geo.georeference import VERTICALS
 
 _LARGEST, _SMALLEST = 4096, 1024  # edge of a picture: beyond it graphics cards shrink it, below it edges are blurred
 _DEGREE = 111_195.0  # of latitude on the mean sphere [m]; a pixel's size need not be exact
-_COLORS = "viridis"
-_EXTREMES = (0.01, 0.99)  # quantiles of the heights between which the colors change
 
 
 @dataclass(frozen=True, slots=True)
@@ -49,7 +47,7 @@ def pictures_of(earth: Georeferenced) -> list[Picture]:
     around, down = round(360 * across / cell), cell / _DEGREE
     row = np.floor((90 - latitude) / down).astype(np.int64)
     column = np.floor((longitude + 180) / 360 * around).astype(np.int64)
-    shown = _shown_heights(earth)
+    shown = shown_heights(earth)
     pictures: list[Picture] = []
     for turn in np.unique(column // around).tolist():
         here = column // around == turn
@@ -71,10 +69,10 @@ def legend_of(earth: Georeferenced) -> bytes:
     from matplotlib.colors import Normalize
     from matplotlib.figure import Figure
 
-    low, high = _shown_heights(earth)
+    low, high = shown_heights(earth)
     figure = Figure(figsize=(1.4, 3.2), dpi=110, facecolor=(1, 1, 1, 0.85))
     axes = figure.add_axes((0.1, 0.05, 0.18, 0.9))
-    scale = figure.colorbar(ScalarMappable(Normalize(low, high), _COLORS), cax=axes)
+    scale = figure.colorbar(ScalarMappable(Normalize(low, high), HEIGHT_COLORS), cax=axes)
     scale.set_label(f"height [m] above\n{VERTICALS[earth.georeference.vertical]}", fontsize=8)
     scale.ax.tick_params(labelsize=8)
     drawn = BytesIO()
@@ -82,20 +80,12 @@ def legend_of(earth: Georeferenced) -> bytes:
     return drawn.getvalue()
 
 
-def _shown_heights(earth: Georeferenced) -> tuple[float, float]:
-    """Between which heights the colors change [m]: those of points that more than one scan saw, if there are any."""
-    height, seen = earth.points[:, 2], earth.part.columns["seen"] >= 2
-    height = height[seen] if seen.any() else height
-    low, high = np.quantile(height, _EXTREMES).tolist()
-    return (low, high) if high > low else (low - 0.5, high + 0.5)
-
-
 def _colored(height: np.ndarray, shown: tuple[float, float]) -> np.ndarray:
     """(K, 4) uint8 of heights (K,)."""
     import matplotlib as mpl
 
     low, high = shown
-    colors: np.ndarray = mpl.colormaps[_COLORS](np.clip((height - low) / (high - low), 0, 1), bytes=True)
+    colors: np.ndarray = mpl.colormaps[HEIGHT_COLORS](np.clip((height - low) / (high - low), 0, 1), bytes=True)
     return colors
 
 
