@@ -13,7 +13,9 @@ from tools.export.eiva import write_eiva_attitude, write_eiva_position
 from tools.export.geojson import write_geojson
 from tools.export.geopackage import write_geopackage
 from tools.export.georeferenced import Georeferenced
+from tools.export.geotiff import write_geotiff
 from tools.export.graph_csv import write_graph_csv, write_graph_g2o
+from tools.export.kml.write import write_kmz
 from tools.export.map_folder import MapFolder, read_map_folder
 from tools.export.mcap import write_mcap
 from tools.export.poses_csv import write_poses_csv
@@ -31,6 +33,8 @@ WRITERS = {
     "attitude.txt": write_eiva_attitude,
     "track.geojson": write_geojson,
     "track.gpkg": write_geopackage,
+    "map.tif": write_geotiff,
+    "map.kmz": write_kmz,
 }
 
 
@@ -127,3 +131,25 @@ def test_loops_are_those_of_the_map(exported: tuple[Path, MapFolder]) -> None:
     assert len(loops) == len(folder.loops) > 0
     assert [loop["kept"] for loop in loops] == [loop.kept for loop in folder.loops]
     assert (out / "copy.g2o").read_bytes() == (out / "graph.g2o").read_bytes()
+
+
+def test_the_picture_lies_on_the_grid(exported: tuple[Path, MapFolder]) -> None:
+    """Of map.kmz, placed by GDAL as by Google Earth: within one cell of what map.tif has, and the other way round."""
+    import rasterio
+    from pyproj import Transformer
+    from scipy.ndimage import distance_transform_cdt
+
+    out, _ = exported
+    with rasterio.open(out / "map.kmz") as picture, rasterio.open(out / "map.tif") as grid:
+        assert picture.crs.to_epsg() == 4326
+        rows, columns = np.nonzero(picture.read(4))
+        filled = np.pad(~grid.read_masks(1).astype(bool), 2, constant_values=True)
+        to_grid = Transformer.from_crs(4326, grid.crs.to_epsg(), always_xy=True)
+        east, north = to_grid.transform(*(picture.transform @ (columns + 0.5, rows + 0.5)))
+        column, row = np.floor(~grid.transform @ (east, north)).astype(int) + 2
+    away = np.asarray(distance_transform_cdt(filled, "chessboard"))  # of a cell from the next that holds points
+    assert away[row, column].max() <= 1
+    drawn = np.ones(filled.shape, bool)
+    drawn[row, column] = False
+    assert np.asarray(distance_transform_cdt(drawn, "chessboard"))[~filled].max() <= 1
+    assert len(row) > 100
