@@ -59,7 +59,7 @@ FORMATS = {
         details=_late("laz", "laz_details"),
     ),
     "geotiff": ExportFormat(
-        "map{}.tif",
+        "grid{}.tif",
         _late("geotiff", "write_geotiff"),
         needs_place=True,
         words="a grid of heights from above, with standard deviation and count, GeoTIFF, and its style for QGIS",

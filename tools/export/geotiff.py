@@ -142,7 +142,8 @@ def _require_whole(temporary: Path, path: Path) -> None:
 def _qgis_style(earth: Georeferenced) -> bytes:
     """Band 1 in the colors of the KMZ's picture: left alone, QGIS mixes the three bands to red, green and blue.
 
-    QGIS reads the file of the same name when it opens the raster; it ignores it for map.kml and map.laz.
+    QGIS reads the file of the same name when it opens the raster. Nothing else may have that name: a KML layer beside a
+    style for rasters loses its own colors.
     """
     from matplotlib import colormaps, colors
 

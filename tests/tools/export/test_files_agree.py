@@ -33,7 +33,7 @@ WRITERS = {
     "attitude.txt": write_eiva_attitude,
     "track.geojson": write_geojson,
     "track.gpkg": write_geopackage,
-    "map.tif": write_geotiff,
+    "grid.tif": write_geotiff,
     "map.kmz": write_kmz,
 }
 
@@ -134,13 +134,13 @@ def test_loops_are_those_of_the_map(exported: tuple[Path, MapFolder]) -> None:
 
 
 def test_the_picture_lies_on_the_grid(exported: tuple[Path, MapFolder]) -> None:
-    """Of map.kmz, placed by GDAL as by Google Earth: within one cell of what map.tif has, and the other way round."""
+    """Of map.kmz, placed by GDAL as by Google Earth: within one cell of what grid.tif has, and the other way round."""
     import rasterio
     from pyproj import Transformer
     from scipy.ndimage import distance_transform_cdt
 
     out, _ = exported
-    with rasterio.open(out / "map.kmz") as picture, rasterio.open(out / "map.tif") as grid:
+    with rasterio.open(out / "map.kmz") as picture, rasterio.open(out / "grid.tif") as grid:
         assert picture.crs.to_epsg() == 4326
         rows, columns = np.nonzero(picture.read(4))
         filled = np.pad(~grid.read_masks(1).astype(bool), 2, constant_values=True)

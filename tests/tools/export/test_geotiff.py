@@ -31,7 +31,7 @@ def written(path: Path, earth: Georeferenced) -> rasterio.DatasetReader:
 def test_every_cell_is_the_mean_of_its_uppermost_surface(place: tuple[float, float], epsg: int, tmp_path: Path) -> None:
     here = Georeference(*place, height=-2.5, heading=51.0)
     earth = replace(georeferenced(here, scattered(3, reach=15.0), points=900), cell=1.5)
-    with written(tmp_path / "map.tif", earth) as raster:
+    with written(tmp_path / "grid.tif", earth) as raster:
         assert raster.crs.to_epsg() == epsg
         height, sigma, count = raster.read()
         inverse = ~raster.transform
@@ -61,7 +61,7 @@ def test_every_cell_is_the_mean_of_its_uppermost_surface(place: tuple[float, flo
 
 def test_what_the_file_says_of_itself(tmp_path: Path) -> None:
     earth = georeferenced(Georeference(60.0, 9.1, vertical="MSL"), scattered(3, reach=20.0))
-    with written(tmp_path / "map.tif", earth) as raster:
+    with written(tmp_path / "grid.tif", earth) as raster:
         assert raster.dtypes == ("float32",) * 3
         assert raster.nodatavals == (NODATA,) * 3
         assert raster.compression.name == "deflate"
@@ -74,7 +74,7 @@ def test_what_the_file_says_of_itself(tmp_path: Path) -> None:
     assert tags["AREA_OR_POINT"] == "Area"
     assert "EPSG:5714" in tags["VERTICAL_REFERENCE"]
     assert "positive up" in tags["SIGN"]
-    assert {path.name for path in tmp_path.iterdir()} == {"map.tif", "map.qml"}
+    assert {path.name for path in tmp_path.iterdir()} == {"grid.tif", "grid.qml"}
 
 
 def test_the_edges_of_cells_are_at_multiples_of_their_size(tmp_path: Path) -> None:
@@ -95,19 +95,19 @@ def test_walls_and_overhangs_have_the_height_of_their_top() -> None:
 def test_a_large_empty_grid_takes_little_room(tmp_path: Path) -> None:
     """13,000 by 9,000 cells, of which some hundred hold points."""
     earth = georeferenced(Georeference(60.0, 9.1), scattered(6, reach=1300.0))
-    with written(tmp_path / "map.tif", earth) as raster:
+    with written(tmp_path / "grid.tif", earth) as raster:
         assert raster.width * raster.height > 5e7
         column, row = ~raster.transform @ tuple(earth.projected_points[0, :2])
         row, column = math.floor(row), math.floor(column)
         window = Window.from_slices((row, row + 1), (column, column + 1))
         assert raster.read(1, window=window)[0, 0] != NODATA
-    assert (tmp_path / "map.tif").stat().st_size < 2e6
+    assert (tmp_path / "grid.tif").stat().st_size < 2e6
 
 
 def test_refuses_a_grid_that_nobody_could_use(tmp_path: Path) -> None:
     earth = replace(georeferenced(Georeference(60.0, 9.1), scattered()), cell=0.001)
     with pytest.raises(InputError, match="--cell"):
-        write_geotiff(tmp_path / "map.tif", earth.folder, earth.part, earth)
+        write_geotiff(tmp_path / "grid.tif", earth.folder, earth.part, earth)
     assert not list(tmp_path.iterdir())
 
 
@@ -115,7 +115,7 @@ def test_cells_lie_where_the_map_has_its_points(tmp_path: Path) -> None:
     """Centers of cells, brought back to the map's frame by hand, are within half a cell's diagonal of a point."""
     here = Georeference(-70.0, 0.0001, heading=12.0)
     earth = georeferenced(here, scattered(3, reach=30.0), points=60)
-    with written(tmp_path / "map.tif", earth) as raster:
+    with written(tmp_path / "grid.tif", earth) as raster:
         rows, columns = np.nonzero(raster.read(1) != NODATA)
         east, north = raster.transform @ (columns + 0.5, rows + 0.5)
         heights = raster.read(1)[rows, columns]
@@ -127,8 +127,8 @@ def test_cells_lie_where_the_map_has_its_points(tmp_path: Path) -> None:
 def test_the_style_for_qgis_has_the_heights_of_the_legend(tmp_path: Path) -> None:
     """Beside the raster, as QGIS wants it: band 1 in viridis from the 1st to the 99th percent of the points."""
     earth = georeferenced(Georeference(60.0, 9.1, height=-7.5), scattered(3, reach=20.0))
-    written(tmp_path / "map.tif", earth).close()
-    root = ElementTree.parse(tmp_path / "map.qml").getroot()
+    written(tmp_path / "grid.tif", earth).close()
+    root = ElementTree.parse(tmp_path / "grid.qml").getroot()
     (renderer,) = root.iterfind("./pipe/rasterrenderer")
     assert (root.tag, renderer.get("type"), renderer.get("band")) == ("qgis", "singlebandpseudocolor", "1")
     items = [item.attrib for item in root.iterfind(".//colorrampshader/item")]

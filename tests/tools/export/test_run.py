@@ -50,7 +50,7 @@ def side_car(path: Path) -> dict:
 def test_every_file_has_a_side_car_that_says_what_it_is(one: Path, tmp_path: Path) -> None:
     exported = export_map(read_map_folder(one), tmp_path / "gis", ALL)
     files = [path for path in exported.files if path.suffix != ".json"]
-    assert {path.name for path in files} >= {"map.laz", "map.tif", "map.kml", "map.kmz"}
+    assert {path.name for path in files} >= {"map.laz", "grid.tif", "map.kml", "map.kmz"}
     assert set(exported.files) == set((tmp_path / "gis").iterdir())
     for path in files:
         said = side_car(path)
@@ -65,7 +65,7 @@ def test_every_file_has_a_side_car_that_says_what_it_is(one: Path, tmp_path: Pat
         assert (said["origin"]["latitude_deg"], said["origin"]["height_m"]) == (60.0, -2.0)
         assert "positive up" in said["signs"]
     assert side_car(tmp_path / "gis" / "map.laz")["crs"]["epsg"] == 32632
-    assert CRS.from_wkt(side_car(tmp_path / "gis" / "map.tif")["crs"]["wkt"]).is_compound
+    assert CRS.from_wkt(side_car(tmp_path / "gis" / "grid.tif")["crs"]["wkt"]).is_compound
     assert side_car(tmp_path / "gis" / "map.kmz")["crs"]["epsg"] == 4326
 
 
@@ -82,7 +82,7 @@ def test_all_files_of_a_map_agree(one: Path, tmp_path: Path) -> None:
     export_map(folder, tmp_path, ALL)
     las = laspy.read(tmp_path / "map.laz")
     np.testing.assert_allclose(local_of(las.xyz, 32632, HERE), folder.parts[0].points, atol=1e-3)
-    with rasterio.open(tmp_path / "map.tif") as raster:
+    with rasterio.open(tmp_path / "grid.tif") as raster:
         columns, rows = (np.floor(values).astype(int) for values in ~raster.transform @ (las.x, las.y))
         heights = raster.read(1)[rows, columns]
     assert (heights != -9999).all()

@@ -20,7 +20,7 @@ from qgis.PyQt.QtCore import QSize
 
 COLUMNS = "delimiter=,&detectTypes=yes&zField=height_m"
 LAYERS = {
-    "grid": "map.tif",
+    "grid": "grid.tif",
     "scans": "track.gpkg|layername=scans",
     "track": "track.gpkg|layername=track",
     "loops": "track.gpkg|layername=loops",
@@ -52,7 +52,8 @@ def said(layer, to_map: QgsCoordinateTransform) -> dict:
             place = to_map.transform(QgsPointXY(vertex.x(), vertex.y()))
             places.append([place.x(), place.y(), vertex.z()])
     types = {field.name(): field.typeName().lower() for field in layer.fields()}
-    return {**says, "count": layer.featureCount(), "places": places, "types": types}
+    style = layer.renderer().type()
+    return {**says, "count": layer.featureCount(), "places": places, "types": types, "renderer": style}
 
 
 def drawn(layer, path: str) -> None:

@@ -64,6 +64,7 @@ def test_places_agree(layers: dict[str, Any], name: str) -> None:
 def test_the_kml_has_the_track_twice_and_its_ends(layers: dict[str, Any]) -> None:
     poses = EARTH.projected_poses
     np.testing.assert_allclose(layers["kml"]["places"], [*poses, *poses, poses[0], poses[-1]], rtol=0, atol=1e-3)
+    assert layers["kml"]["renderer"] == "embeddedSymbol"  # the KML's own colors
 
 
 def test_columns_have_types(layers: dict[str, Any]) -> None:
@@ -86,7 +87,7 @@ def test_columns_have_types(layers: dict[str, Any]) -> None:
 
 
 def test_the_grid_is_drawn_in_the_colors_of_its_heights(layers: dict[str, Any], exported: Path) -> None:
-    with rasterio.open(exported / "map.tif") as raster:
+    with rasterio.open(exported / "grid.tif") as raster:
         heights, bounds = raster.read(1, masked=True), raster.bounds
     grid = layers["grid"]
     np.testing.assert_allclose(grid["edges"], bounds, rtol=0, atol=1e-3)
