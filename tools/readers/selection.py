@@ -13,6 +13,7 @@ from tools.readers.instruments import PRIORS
 
 BAG_METADATA, BAG_TITLE = "metadata.yaml", "rosbag2_bagfile_information"  # of a ROS 2 bag that is a folder
 PAIRS = "pairs.csv"  # as `sonarmap map` calls the table of its pairs
+_BAG_FILES = (".db3", ".mcap", ".db3.zstd", ".mcap.zstd")
 _TABLES = (PRIORS, PAIRS)
 _PART = re.compile(r"(.+?)(?:::(/?\w[\w/~-]*))?(?:#(\d{1,9}))?", re.ASCII | re.DOTALL)
 
@@ -40,10 +41,12 @@ class SelectedFile:
 
 
 def is_bag_folder(path: Path) -> bool:
-    """Whether a folder is a ROS 2 bag: one recording, not a folder of scans."""
+    """Whether a folder is a ROS 2 bag, with damaged metadata or whole: one recording, not a folder of scans."""
     try:
         with (path / BAG_METADATA).open("rb") as file:
-            return BAG_TITLE.encode() in file.read(4096)
+            if BAG_TITLE.encode() in file.read(4096):
+                return True
+        return any(file.name.endswith(_BAG_FILES) for file in path.iterdir())
     except OSError:
         return False
 

@@ -5,6 +5,7 @@ from __future__ import annotations
 from collections import Counter
 from collections.abc import Callable, Collection, Iterator, Sequence
 from functools import partial
+from math import inf
 from pathlib import Path, PurePath
 from tempfile import TemporaryDirectory
 
@@ -21,7 +22,7 @@ _OPENERS: dict[str, Callable[[Path], Recording]] = {".db3": open_sqlite, ".mcap"
 
 
 def open_folder(folder: Path, notes: list[str]) -> Recording:
-    """The recording of all files of a bag, in their order; a note names those that are missing.
+    """The recording of all files of a bag, in the order of their times; notes name those that are missing or left out.
 
     Raises:
         InputError: there is none, or one cannot be opened.
@@ -32,7 +33,7 @@ def open_folder(folder: Path, notes: list[str]) -> Recording:
     if not present:
         raise InputError(f"none of its files is there, as {BAG_METADATA} names them; copy the whole folder")
     room = TemporaryDirectory(prefix="sonarmap.") if any(file.suffix in _COMPRESSED for file in present) else None
-    parts = [_open_part(file, room) for file in present]
+    parts = sorted((_open_part(file, room) for file in present), key=_start)
     counts: Counter[tuple[str, str]] = Counter()
     for part in parts:
         for topic in part.topics:
@@ -56,22 +57,45 @@ def _open_part(file: Path, room: TemporaryDirectory[str] | None) -> Recording:
         raise InputError(f"{file.name}: {error}") from error
 
 
+def _start(part: Recording) -> float:
+    """When its first message was recorded [ns since 1970]; what cannot be read comes last."""
+    try:
+        return next((message.time for message in part.messages([topic.name for topic in part.topics], [])), inf)
+    except InputError:
+        return inf
+
+
 def _files_of(folder: Path, notes: list[str]) -> list[Path]:
-    """As the metadata list them; those of the folder where the metadata cannot be read."""
+    """As the metadata list them; those of the folder where the metadata do not."""
+    there = sorted(filter(_is_recording, folder.iterdir()))
+    listed = [file for file in _listed(folder) if _is_recording(file)]
+    if not listed:
+        notes.append(f"{BAG_METADATA} cannot be read; all recordings of the folder are taken")
+        return there
+    known = {_plain_name(file) for file in listed}  # a file may be there compressed and unpacked
+    notes += [
+        f"{file.name} is left out, as {BAG_METADATA} does not name it"
+        for file in there
+        if _plain_name(file) not in known
+    ]
+    return listed
+
+
+def _listed(folder: Path) -> list[Path]:
+    """Each once; none where the metadata cannot be read."""
     from ruamel.yaml import YAML
 
     try:
         text = (folder / BAG_METADATA).read_bytes()[:_LARGEST]
         names = YAML(typ="safe").load(text)[BAG_TITLE]["relative_file_paths"]
-        files = [folder / PurePath(name).name for name in names]
+        return list(dict.fromkeys(folder / PurePath(name).name for name in names))
     except Exception:  # noqa: BLE001 - damage in YAML ends in errors of any kind
-        notes.append(
-            f"{BAG_METADATA} cannot be read; all recordings of the folder are taken, in the order of their names"
-        )
-        files = []
-    listed = [file for file in files if _is_recording(file)]
-    return listed or sorted(filter(_is_recording, folder.iterdir()), key=lambda file: (len(file.name), file.name))
+        return []
 
 
 def _is_recording(file: Path) -> bool:
-    return (PurePath(file.stem) if file.suffix in _COMPRESSED else file).suffix in _OPENERS
+    return PurePath(_plain_name(file)).suffix in _OPENERS
+
+
+def _plain_name(file: Path) -> str:
+    return file.stem if file.suffix in _COMPRESSED else file.name

@@ -12,10 +12,8 @@ import zstandard
 
 from kernels.errors import InputError
 from tests.samples.bags.messages import CLOUD, cloud
-from tests.samples.bags.samples import dive, recordings
+from tests.samples.bags.samples import recordings
 from tests.samples.bags.writers import write_mcap, write_ros1, write_ros2
-from tests.samples.damage.damaged_files import check_usable
-from tests.samples.damage.mutations import mutated
 from tests.tools.readers.test_hostile_headers import thrifty
 from tools.readers.bags import unpack
 from tools.readers.bags.unpack import unpacked
@@ -123,29 +121,3 @@ def test_records_of_mcap_without_end(tmp_path: Path, opcode: int, length: int) -
     path.write_bytes(content[: chunk + 9 + 32] + struct.pack("<Q", length) + content[chunk + 9 + 40 :])
     with thrifty(), pytest.raises(InputError):
         read_scans([path])
-
-
-def _damaged_folders(folder: Path, count: int) -> None:
-    """metadata.yaml of a bag damaged at random: read, or refused in words."""
-    bag = write_ros2(folder / "dive", dive())
-    metadata = (bag / "metadata.yaml").read_bytes()
-    ends = set()
-    for number in range(count):
-        rng = np.random.default_rng([3, number])
-        (bag / "metadata.yaml").write_bytes(mutated(metadata, metadata[::-1], rng))
-        read = read_survey([bag]) if b"rosbag2_bagfile" in (bag / "metadata.yaml").read_bytes()[:4096] else None
-        if read is not None:
-            ends.add(len(read.scans))
-            for scan in read.scans:
-                check_usable(scan)
-            assert read.scans or read.unread
-    assert 3 in ends
-
-
-def test_damaged_metadata(tmp_path: Path) -> None:
-    _damaged_folders(tmp_path, 60)
-
-
-@pytest.mark.slow
-def test_much_damaged_metadata(tmp_path: Path) -> None:
-    _damaged_folders(tmp_path, 2000)
