@@ -13,6 +13,7 @@ import pytest
 from scipy.spatial.transform import RigidTransform
 
 import sonarmap
+from tests.samples.recordings import recording, written
 from tests.samples.surveys import KnowingRegistrar, ring_poses, scans_of
 
 ROOT = Path(__file__).parents[1]
@@ -184,3 +185,30 @@ class TestOtherDoors:
         for k in (10, 9):
             np.save(tmp_path / f"scan_{k}.npy", points(k))
         assert [scan.name for scan in sonarmap.read_scans(tmp_path)] == ["scan_9", "scan_10"]
+
+    def test_scans_with_other_axes_units_and_ranges(self, tmp_path: Path) -> None:
+        """As of `map`: frd in millimeters, and ranges 2 % too short."""
+        np.save(tmp_path / "scan.npy", np.array([[1000.0, -2500.0, 750.0], [300.0, 40.0, -5000.0]]))
+        (scan,) = sonarmap.read_scans(tmp_path, frame="frd", units="mm", range_scale=1.02)
+        np.testing.assert_allclose(scan.points, [[1.02, 2.55, -0.765], [0.306, -0.0408, 5.1]], rtol=1e-6)
+
+    def test_scans_with_the_right_speed_of_sound(self, tmp_path: Path) -> None:
+        written(tmp_path / "dive.sonar", recording(2))
+        wrong = sonarmap.read_scans(tmp_path)
+        for scan, other in zip(sonarmap.read_scans(tmp_path, sound_speed=1517.0), wrong, strict=True):
+            np.testing.assert_allclose(scan.points, 1517.0 / 1480.0 * other.points, rtol=1e-6)
+
+    @pytest.mark.parametrize(
+        ("given", "words"),
+        [
+            ({"sound_speed": 15.0}, "`sound_speed=15` is not a speed of sound in water"),
+            ({"range_scale": 0.0}, "`range_scale=0` is not a factor"),
+            ({"frame": "enu"}, "'enu' is not known; choose one of flu, frd, rdf, ned"),
+            ({"units": "inch"}, "'inch' is not known; choose one of m, cm"),
+            ({"sound_speed": 1500.0}, r"scan\.npy: `sound_speed=1500` cannot be used"),
+        ],
+    )
+    def test_corrections_that_cannot_be(self, tmp_path: Path, given: dict[str, Any], words: str) -> None:
+        np.save(tmp_path / "scan.npy", points(1))
+        with pytest.raises(sonarmap.InputError, match=words):
+            sonarmap.read_scans(tmp_path, **given)

@@ -134,7 +134,7 @@ def map_scans(
 
     Args:
         scans: at least two, in the order in which they were taken, each as `register` takes it; or a folder, a file
-            with several scans, or a pattern.
+            with several scans, or a pattern. `read_scans` reads files whose ranges, axes or unit need a correction.
         method: the name of a method, or a `Registrar` of your own (`prepare(scan)`, `register(target, source)`).
         voxel, edge, max_tilt, device, seed: as of `register`. With a method of your own `voxel` is the map's and sets
             the tolerances, and the others are ignored.
@@ -192,19 +192,37 @@ def optimize(
     return optimize_graph(graph, objective, start, robust)
 
 
-def read_scans(*paths: str | os.PathLike[str]) -> list[Scan]:
-    """Every scan of the files, folders and patterns, in natural order of their names.
+def read_scans(
+    *paths: str | os.PathLike[str],
+    sound_speed: float | None = None,
+    range_scale: float = 1.0,
+    frame: str = "flu",
+    units: str = "m",
+) -> list[Scan]:
+    """Every scan of the files, folders and patterns, in natural order of their names, as `sonarmap map` reads them.
 
     Args:
-        paths: PLY, PCD, XYZ/TXT/CSV, NPY, NPZ and .sonar files, folders and patterns; `recording.sonar#3` is one scan
-            of a file with several.
+        paths: PLY, PCD, XYZ/TXT/CSV, NPY, NPZ, LAS, LAZ and .sonar files, ROS bags and MCAP files, folders and
+            patterns; `recording.sonar#3` is one scan of a file with several, `dive.bag::/sonar/points` one topic.
+        sound_speed: the right one [m/s]; the ranges of each scan of a .sonar file are multiplied by its ratio to the
+            recorded one. None: they are right.
+        range_scale: a factor on the ranges besides, without a unit, of any format.
+        frame: axes of the points in the files, as of `--frame`: "flu", "frd", "rdf" or "ned".
+        units: of the points in the files, as of `--units`: "m", "cm", "mm", "ft" or "us-ft".
+
+    Returns:
+        Scans with points in meters, x forward, y left, z up; East, North, up of files with frame "ned".
 
     Raises:
-        InputError: naming the file and, where it applies, its line or packet.
+        InputError: naming the file and, where it applies, its line or packet; or an argument that cannot be used, or
+            not with a file's format.
     """
+    from tools.readers.corrections import Corrections
+    from tools.readers.point_frame import PointFrame
     from tools.readers.scans import read_scans as read
 
-    return list(read([os.fspath(path) for path in paths]).scans)
+    corrections = Corrections(sound_speed, range_scale, PointFrame(frame, units))
+    return list(read([os.fspath(path) for path in paths], corrections).scans)
 
 
 def _registrar(method: str, grid: Grid, max_tilt: float, device: str | None, seed: int) -> Registrar:
