@@ -23,7 +23,8 @@ class ComponentMaps:
         optimized: the map.
         doubtful: the points that were left out of it, as too few scans saw them where others looked; None where that
             was not asked.
-        layers: the map of each survey's scans alone, by the survey's number; none where there is one survey.
+        layers: the map of each survey's scans alone, by the survey's number, and what is doubtful by these scans;
+            none where there is one survey.
         chained: the map that the poses before the loops would give, in the same frame, of the echoes that make up the
             map: it is not judged itself, as free space contradicts what drift draws twice.
         chained_poses: these n poses.
@@ -32,7 +33,7 @@ class ComponentMaps:
 
     optimized: PointMap
     doubtful: PointMap | None
-    layers: Mapping[int, PointMap]
+    layers: Mapping[int, CleanMap]
     chained: PointMap
     chained_poses: Trajectory
     crossings: CrossingError
@@ -110,7 +111,7 @@ def survey_layers(
     surveys: Sequence[int],
     beams: Sequence[Beams] | None = None,
     min_seen: int = MIN_SEEN,
-) -> dict[int, PointMap]:
+) -> dict[int, CleanMap]:
     """One map for each survey, of its own scans alone, by its number; none where there is only one survey.
 
     In the map of all, a survey may contradict what an earlier one saw and what has changed since: a layer is the
@@ -131,5 +132,5 @@ def survey_layers(
             [number] * len(chosen),
             None if beams is None else [beams[k] for k in chosen],
             min_seen,
-        ).clean
+        )
     return layers

@@ -10,7 +10,6 @@ import numpy as np
 
 from kernels.device.device import Device
 from kernels.errors import InputError
-from slam.map.component_maps import ComponentMaps
 from slam.map.point_map import PointMap
 from slam.survey_result import SurveyResult
 from tools.geo.georeference import Georeference
@@ -36,7 +35,7 @@ TIMES, JOURNAL = "times.json", "journal.sqlite"
 _MAP_SUFFIXES, _TRAJECTORY_SUFFIXES = ("|".join(map(re.escape, known)) for known in (WRITERS, TRAJECTORY_WRITERS))
 _MAP = re.compile(rf"map(_all)?(_\d+)?(_survey_\d+)?({_MAP_SUFFIXES})")
 _LAYER = re.compile(r"_survey_(\d+)$")
-_ALL = re.compile(r"map_all(_\d+)?")
+_ALL = re.compile(r"map_all(_\d+)?(_survey_\d+)?")
 _OF_PART = re.compile(_MAP.pattern + rf"|(map|loops)(_\d+)?\.png|trajectory(_\d+)?({_TRAJECTORY_SUFFIXES})")
 
 
@@ -45,11 +44,12 @@ def part_files(result: SurveyResult, rank: int, also: Iterable[str] = ()) -> lis
     c = placed(result.components)[rank - 1]
     names = ["map{}.ply", "map{}.png", "trajectory{}.tum", *(EXPORTS[name] for name in also)]
     suffixes = [".ply", *(f".{name}" for name in also if f".{name}" in WRITERS)]
-    names += [f"map{{}}_survey_{number}{suffix}" for number in result.parts[c].layers for suffix in suffixes]
+    layers = [f"{{}}_survey_{number}" for number in result.parts[c].layers]
+    names += [f"map{layer}{suffix}" for layer in layers for suffix in suffixes]
     if any(_loops(result, c)):
         names.append("loops{}.png")
     if result.parts[c].doubtful is not None:
-        names.append("map_all{}.ply")
+        names += [f"map_all{layer}.ply" for layer in ("{}", *layers)]
     return [name.format("" if rank == 1 else f"_{rank}") for name in names]
 
 
@@ -89,7 +89,8 @@ def write_survey(
     The largest component is map.ply, map.png and trajectory.tum; the others follow as map_2 and so on. A scan that
     nothing joined is in no map. Where loops were tried, loops.png compares the map with what it would be without them.
     Where there are several surveys, map_survey_0.ply and so on are the maps of each one's scans alone. map_all.ply has
-    what map.ply has and the points that were left out of it, as too few scans saw them. The graph holds all components.
+    what map.ply has and the points that were left out of it, as too few scans saw them; map_all_survey_0.ply and so on
+    have the same of the maps of each survey. The graph holds all components.
     All files appear together or, where one cannot be written, none does; what the folder's earlier run had beyond this
     one's files is removed, and so is what was exported of it.
 
@@ -147,7 +148,8 @@ def _write_part(path: Path, result: SurveyResult, c: int, names: Sequence[str]) 
     """Write one file of a component, whose scans have these names; the file's name says which."""
     maps, trajectory = result.parts[c], result.trajectory.take(result.components[c])
     layer = _LAYER.search(path.stem)
-    point_map = maps.layers[int(layer[1])] if layer else maps.optimized
+    own = maps.layers[int(layer[1])] if layer else None
+    point_map, doubtful = (own.clean, own.doubtful) if own else (maps.optimized, maps.doubtful)
     match path.suffix:
         case suffix if suffix in TRAJECTORY_WRITERS:
             write_trajectory(path, trajectory)
@@ -158,7 +160,7 @@ def _write_part(path: Path, result: SurveyResult, c: int, names: Sequence[str]) 
             title = f"{scans}, {len(point_map.points):,} points, voxel {point_map.voxel:.3g} m"
             draw_map(path, point_map, trajectory, names, title)
         case _ if _ALL.fullmatch(path.stem):
-            write_points(path, *_both_layers(maps))
+            write_points(path, *_both_layers(point_map, doubtful))
         case _:
             write_points(path, point_map.points, _columns(point_map))
 
@@ -171,9 +173,9 @@ def _loops(result: SurveyResult, c: int) -> tuple[list[tuple[int, int]], list[tu
     return kept, rejected
 
 
-def _both_layers(maps: ComponentMaps) -> tuple[np.ndarray, dict[str, np.ndarray]]:
+def _both_layers(clean: PointMap, doubtful: PointMap | None) -> tuple[np.ndarray, dict[str, np.ndarray]]:
     """The points of a map and, behind them, those that were left out of it, with the columns of both."""
-    layers = [layer for layer in (maps.optimized, maps.doubtful) if layer is not None]
+    layers = [layer for layer in (clean, doubtful) if layer is not None]
     of_each = [_columns(layer) | ({} if layer.looked is None else {"looked": layer.looked}) for layer in layers]
     columns = {name: np.concatenate([columns[name] for columns in of_each]) for name in of_each[0]}
     columns["doubtful"] = np.repeat(np.arange(len(layers), dtype=np.uint8), [len(layer.points) for layer in layers])

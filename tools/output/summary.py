@@ -126,7 +126,7 @@ def _component_row(result: SurveyResult, c: int, loose: Mapping[int, np.ndarray]
         "unmeasured": [name for name, held in zip(MEASURED, free, strict=True) if held],
         "map": map_statistics(result.maps[c]),
     }
-    layers = {number: map_statistics(layer) for number, layer in result.parts[c].layers.items()}
+    layers = {number: map_statistics(layer.clean) for number, layer in result.parts[c].layers.items()}
     return row | ({"surveys": layers} if layers else {})
 
 

@@ -109,7 +109,8 @@ def test_layers_hold_each_survey_s_own_scans_and_views() -> None:
         for k, s in enumerate(scans)
     ]
     none = np.zeros((COUNT, 6, 6))
-    layers = survey_layers(changed, T, VOXEL, list(range(COUNT)), none, surveys)
+    parted = survey_layers(changed, T, VOXEL, list(range(COUNT)), none, surveys)
+    layers = {number: layer.clean for number, layer in parted.items()}
     assert list(layers) == [0, 1]
     assert {tuple(np.unique(layer.survey)) for layer in layers.values()} == {(0,), (1,)}
     assert set(layers[0].scan.tolist()) == {0, 1, 2, 3}

@@ -9,6 +9,7 @@ import pytest
 
 from kernels.errors import InputError
 from slam.map.component_maps import component_maps
+from slam.map.doubt import CleanMap
 from slam.mapper import Mapper
 from slam.survey_result import SurveyResult
 from spectral.result import Registration
@@ -60,7 +61,7 @@ def folder(mapped: tuple[list[Scan], SurveyResult], tmp_path_factory: pytest.Tem
 
 def test_every_file_is_named_in_the_summary(folder: Path) -> None:
     files = json.loads((folder / "summary.json").read_text())["files"]
-    layers = {f"map_survey_{k}.{kind}" for k in (0, 1) for kind in ("ply", "pcd")}
+    layers = {f"map{kind}" for k in (0, 1) for kind in (f"_survey_{k}.ply", f"_survey_{k}.pcd", f"_all_survey_{k}.ply")}
     rest = {"map.ply", "map_all.ply", "map.pcd", "map.png", "trajectory.tum", "loops.png"}
     rest |= {"graph.g2o", "graph.json", "pairs.csv", "summary.json"}
     assert set(files) == layers | rest == {path.name for path in folder.iterdir()}
@@ -112,9 +113,34 @@ def test_what_the_map_leaves_out_is_in_the_map_of_all(mapped: tuple[list[Scan], 
     assert (tmp_path / "map_all_3.ply").read_text() == "mine"
 
 
+def test_what_a_survey_s_map_leaves_out_is_in_its_map_of_all(
+    mapped: tuple[list[Scan], SurveyResult], tmp_path: Path
+) -> None:
+    """Seven points of the second survey's own map, put into its layer of doubtful ones."""
+    result = as_surveys(mapped, several=True)
+    (part,) = result.parts
+    whole = part.layers[1].clean
+    out = np.arange(len(whole.points)) % (len(whole.points) // 7) == 2
+    parted = CleanMap(replace(whole.take(~out), doubted=int(out.sum())), whole.take(out))
+    layers = {0: part.layers[0], 1: parted}
+    write_survey(tmp_path, replace(result, parts=(replace(part, layers=layers),)), ["s"] * COUNT, {}, None)
+    names = "map_survey_1.ply", "map_all_survey_1.ply"
+    clean, everything = (read_ply_columns((tmp_path / name).read_bytes()) for name in names)
+    assert set(everything) == set(clean) | {"looked", "doubtful"}
+    assert everything["doubtful"].sum() == out.sum() >= 7
+    for name, column in clean.items():
+        np.testing.assert_array_equal(everything[name][everything["doubtful"] == 0], column)
+    np.testing.assert_array_equal(everything["x"][everything["doubtful"] == 1], whole.points[out, 0])
+    assert set(everything["survey"]) == {1}
+
+    unasked = replace(result, parts=(replace(part, doubtful=None),))
+    write_survey(tmp_path, unasked, ["s"] * COUNT, {}, None)
+    assert {path.name for path in tmp_path.glob("map_*")} == {"map_survey_0.ply", "map_survey_1.ply"}
+
+
 def test_the_map_of_all_is_not_taken_for_a_scan(tmp_path: Path) -> None:
     require_apart(tmp_path, [tmp_path / "all.ply", tmp_path / "map_all_scans.ply"])
-    for name in ("map_all.ply", "map_all_2.ply"):
+    for name in ("map_all.ply", "map_all_2.ply", "map_all_survey_0.ply", "map_all_2_survey_10.ply"):
         with pytest.raises(InputError, match="is among the scans"):
             require_apart(tmp_path, [tmp_path / name])
 
