@@ -35,9 +35,9 @@ class Events:
     exchanged: int = 0
 
 
-def stamp_at(shot: int) -> tuple[int, int]:
-    """Seconds and nanoseconds."""
-    nanos = round(shot / RATE * 1e9)
+def stamp_at(shot: int, rate: float = RATE) -> tuple[int, int]:
+    """Seconds and nanoseconds, at so many shots per second."""
+    nanos = round(shot / rate * 1e9)
     return int(START) + (nanos + 250_000_000) // 10**9, (nanos + 250_000_000) % 10**9
 
 

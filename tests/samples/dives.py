@@ -1,0 +1,89 @@
+"""A vehicle with a Sonar 3D-15 that goes through a simulated scene: the packets of its recording."""
+
+from collections.abc import Iterator
+from dataclasses import dataclass, replace
+
+import numpy as np
+from scipy.spatial.transform import RigidTransform, Rotation
+from wlsonar import range_image_protocol as rip
+
+from tests.samples.recordings import SPEED, PacketOf, stamp_at
+from tools.simulate.paths.routes import survey_path
+from tools.simulate.scenes.scene import build_scene
+from tools.simulate.sensing.noise import Noise, disturb
+from tools.simulate.sensing.sensors import SONAR_3D15, Echoes, Sensor, cast
+from tools.simulate.shapes.surface import surface_distance
+
+NOISE = Noise(sigma2=0.0025, outliers=0.01, dropouts=0.05)
+PIXEL = 0.00075  # [m]
+SWAY = np.deg2rad((1.5, 1.0))  # amplitudes of roll and pitch [rad], and their periods [s]
+PERIODS = 34.0, 21.0
+
+
+@dataclass(frozen=True, slots=True)
+class Dive:
+    """A recording of a vehicle along a scene's path.
+
+    Attributes:
+        scene: a key of SCENE_KINDS.
+        shots: how many.
+        rate: shots per second.
+        speed: of the vehicle [m/s].
+        columns, rows: of the images.
+        first: the number of the first shot; numbers wrap at 2^32.
+        seed: of the scene and the noise.
+    """
+
+    scene: str
+    shots: int
+    rate: float = 20.0
+    speed: float = 0.1
+    columns: int = 128
+    rows: int = 32
+    first: int = 0
+    seed: int = 3
+
+    @property
+    def sensor(self) -> Sensor:
+        return replace(SONAR_3D15, columns=self.columns, rows=self.rows)
+
+    def poses(self) -> RigidTransform:
+        """T_scene_sensor of every shot."""
+        times = np.arange(self.shots) / self.rate
+        path = survey_path(self.scene, self.seed, self.sensor.max_range)
+        places, heading = path.at(self.speed * times)
+        roll, pitch = (size * np.sin(2 * np.pi * times / period) for size, period in zip(SWAY, PERIODS, strict=True))
+        angles = np.column_stack([heading, path.pitch + pitch, roll])
+        return RigidTransform.from_components(places, Rotation.from_euler("ZYX", angles))
+
+    def surface_distances(self, points: np.ndarray) -> np.ndarray:
+        """(M,) from the scene's surface [m], of points (M, 3) [m] in the frame of the first shot."""
+        T_scene_first = replace(self, shots=1).poses()[0]
+        return surface_distance(build_scene(self.scene, self.seed).mesh, T_scene_first.apply(points))
+
+    def packets(self) -> Iterator[PacketOf]:
+        """The range and the strength image of each shot."""
+        scene, sensor, T_scene_sensor = build_scene(self.scene, self.seed), self.sensor, self.poses()
+        for shot in range(self.shots):
+            echoes = cast(scene, sensor, T_scene_sensor[shot])
+            yield from self._images(shot, disturb(echoes, sensor, NOISE, np.random.default_rng([self.seed, shot])))
+
+    def _images(self, shot: int, echoes: Echoes) -> Iterator[PacketOf]:
+        """As the sonar sends them: columns from the left to the right, rows from below."""
+        seen = np.isfinite(echoes.ranges)
+        pixels = np.rint(np.where(seen, echoes.ranges, 0.0) / PIXEL).astype(np.uint32)[:, ::-1]
+        levels = np.where(seen, np.clip(200 + 100 * np.log10(np.maximum(echoes.strengths, 1e-9)), 1, 255), 0)
+        field = np.rad2deg((SONAR_3D15.horizontal, SONAR_3D15.vertical))
+        image = rip.RangeImage(
+            width=self.columns, height=self.rows, fov_horizontal=field[0], fov_vertical=field[1],
+            image_pixel_scale=PIXEL, image_pixel_data=pixels.ravel().tolist(), speed_of_sound=SPEED, range=15.0,
+            frequency=round(self.rate),
+        )  # fmt: skip
+        strength = rip.BitmapImageGreyscale8(
+            type=rip.BitmapImageType.SIGNAL_STRENGTH_IMAGE, width=self.columns, height=self.rows,
+            image_pixel_data=levels[:, ::-1].astype(np.uint8).tobytes(),
+        )  # fmt: skip
+        for kind, message in (("range", image), ("strength", strength)):
+            message.header.sequence_id = (self.first + shot) % 2**32
+            message.header.timestamp.seconds, message.header.timestamp.nanos = stamp_at(shot, self.rate)
+            yield PacketOf(kind, shot, rip.packb(message))
