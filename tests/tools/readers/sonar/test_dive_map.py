@@ -157,7 +157,7 @@ def test_18_000_disturbed_shots_give_the_same_map(tmp_path: Path) -> None:
 
 def check_dive(tmp_path: Path, shots: int) -> None:
     """Of so many shots. The two maps are made side by side, each by a process of its own."""
-    dive = Dive("rubble", shots, columns=64, rows=16, first=2**32 - shots // 2)
+    dive = Dive("rubble", shots, first=2**32 - shots // 2)
     recorded = record(tmp_path, dive)
     assert 0 not in recorded.lost
     read = "from tests.tools.readers.sonar.test_large import main; main()"
