@@ -119,7 +119,7 @@ class SpectralRegistrar:
             coefficients=self.so3.prepare(coefficients),
             bands=tuple(self.so3.prepare(coefficients, layers) for layers in BANDS),
             signature=signature(coefficients),
-            surface=smooth_surface(volume.surface, volume.tree, seen_from),
+            surface=smooth_surface(self.device, volume.cells, seen_from),
             view=view,
             prior=scan.prior,
         )

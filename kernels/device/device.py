@@ -140,8 +140,12 @@ class Device:
             DeviceError: the device cannot hold it.
         """
         self.require(host.nbytes)
+        values = np.ascontiguousarray(host)
+        flags = cl.mem_flags.READ_WRITE | cl.mem_flags.COPY_HOST_PTR
         with self.explain_full_memory():
-            return cla.to_device(self.queue, np.ascontiguousarray(host))
+            # a buffer born with its content does not wait for what the queue does
+            memory = cl.Buffer(self.context, flags, hostbuf=values) if values.nbytes else None
+            return cla.Array(self.queue, values.shape, values.dtype, data=memory)
 
     @contextmanager
     def explain_full_memory(self) -> Generator[None]:

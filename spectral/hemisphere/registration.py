@@ -201,9 +201,9 @@ class HemisphereRegistrar:
     ) -> Registration:
         """The transform between the sensor frames, its uncertainty, and whether to believe it."""
         voxel, R = self.grid.voxel, best.R
-        voxels = unwrap(target.volume, source.volume, R, best.peak.shift, self.grid.edge)
+        voxels = unwrap(self.device, target.volume, source.volume, R, best.peak.shift, self.grid.edge)
         shift = target.volume.center + voxels * voxel - R.apply(source.volume.center)
-        share = overlap(target.volume, source.volume, R, voxels)
+        share = overlap(self.device, target.volume, source.volume, R, voxels)
         accepted, reason = assess(best, rival, share, self.config.acceptance, self.config.max_tilt, self.grid)
         return Registration(
             T_target_source=RigidTransform.from_components(shift, R),

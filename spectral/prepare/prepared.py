@@ -3,13 +3,13 @@
 from dataclasses import dataclass
 
 import numpy as np
-from scipy.spatial import KDTree
 
 from kernels.device.device import Array, Device
 from kernels.errors import InputError
 from kernels.fft.transform import RealFFT
 from kernels.points.voxelize import voxelize
 from kernels.pomf.spectrum import magnitude, whiten
+from kernels.surface.cells import Cells, sort_into_cells
 from spectral.grid import Grid, scan_center
 from spectral.scan import Scan
 
@@ -30,7 +30,7 @@ class Prepared:
         center: (3,) [m, sensor frame], the grid's center.
         points: device (n, 4) float32 [voxels from the center; weight].
         surface: (m, 3) float64 [voxels from the center], one point per occupied voxel, also outside the grid.
-        tree: to search among them.
+        cells: the same on the device, to search among.
         magnitude: device (N, N, N/2 + 1) float32, centered magnitude spectrum.
         spectrum: device (N, N, N/2 + 8) complex64, spectrum of the volume, phase only.
     """
@@ -39,7 +39,7 @@ class Prepared:
     center: np.ndarray
     points: Array
     surface: np.ndarray
-    tree: KDTree
+    cells: Cells
     magnitude: Array
     spectrum: Array
 
@@ -86,7 +86,7 @@ class Preparer:
             center=center,
             points=points,
             surface=surface,
-            tree=KDTree(surface),
+            cells=sort_into_cells(self.device, surface),
             magnitude=centered,
             spectrum=spectrum,
         )

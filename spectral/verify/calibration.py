@@ -5,9 +5,6 @@ from dataclasses import dataclass
 
 import numpy as np
 
-# Surfaces are never taken to be nearer than this [voxels].
-_NARROWEST = 0.02
-
 
 @dataclass(frozen=True, slots=True)
 class Calibration:
@@ -31,6 +28,7 @@ class Calibration:
         other_kinds: by which the variance is raised for kinds of scans that are not among those of the fit: what a kind
             was off by that had been left out, beside what the others had said. Of the scans' part alone, and only
             where it is stated.
+        narrowest: surfaces are never taken to be nearer than this [voxels].
     """
 
     scale: float = 6.4
@@ -41,15 +39,16 @@ class Calibration:
     usual_psr: float = 60.0
     usual: float = 0.1
     other_kinds: float = 2.0
+    narrowest: float = 0.02
 
     def variance(self, width: np.ndarray, psr: float | None = None) -> np.ndarray:
         """What the inverse of the information is multiplied by [voxels^2], of any shape, as the widths."""
         ratio = self.usual_psr if psr is None else psr
-        return np.exp(self.scale) * np.maximum(width, _NARROWEST) ** self.width * max(ratio, 3.0) ** self.psr
+        return np.exp(self.scale) * np.maximum(width, self.narrowest) ** self.width * max(ratio, 3.0) ** self.psr
 
     def numbers(self, width: float, psr: float) -> tuple[tuple[str, float], ...]:
         """What the variance depends on, as logarithms by name, each after "c_"."""
-        return ("c_width", float(np.log(max(width, _NARROWEST)))), ("c_psr", float(np.log(max(psr, 3.0))))
+        return ("c_width", float(np.log(max(width, self.narrowest)))), ("c_psr", float(np.log(max(psr, 3.0))))
 
     def systematic(
         self, from_target: np.ndarray, from_source: np.ndarray, lever: np.ndarray, stretches: bool

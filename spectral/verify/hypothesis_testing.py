@@ -142,7 +142,15 @@ class HypothesisTest:
         alone = fit.by_scans
         for reaches, points, stretches in ((_CLOSE, _CLOSE_POINTS, False), (_FINAL, _FINAL_POINTS, True)):
             begin = Start(Rotation.concatenate([alone.R]), alone.shift[None], np.array([alone.width]))
-            alone = refine(self.target.surface, self.source.surface, begin, reaches, points, stretches=stretches)[0]
+            alone = refine(
+                self.verifier.device,
+                self.target.surface,
+                self.source.surface,
+                begin,
+                reaches,
+                points,
+                stretches=stretches,
+            )[0]
         step = np.concatenate([(alone.R * fit.R.inv()).as_rotvec(), alone.shift - fit.shift])
         return replace(best, fit=replace(fit, step=step))
 
@@ -226,7 +234,9 @@ class HypothesisTest:
         """From each of the places, (k,) rotations and (k, 3) shifts."""
         begin = Start(R, shifts, np.zeros(len(shifts)) if widths is None else np.array(widths))
         prior = self._prior_at(R, shifts, stretches)
-        return refine(self.target.surface, self.source.surface, begin, reaches, points, prior, stretches)
+        return refine(
+            self.verifier.device, self.target.surface, self.source.surface, begin, reaches, points, prior, stretches
+        )
 
     def _prior_at(self, R: Rotation, shifts: np.ndarray, stretches: bool) -> PriorTerm | None:
         """What instruments measured of k poses, and how a turn and a shift between the grids change it."""

@@ -4,24 +4,23 @@ The iterative closest point of Chen and Medioni (1992, DOI 10.1016/0262-8856(92)
 McClure, which leave out what only one scan shows. It refines a pose that the spectra found; it does not find one.
 """
 
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 
 import numpy as np
 from scipy.spatial.transform import Rotation
 
+from kernels.device.device import Device
+from kernels.surface.refinement import Record, Refinement, Stretching, Weighting
 from spectral.prepare.surface import Surface
+from spectral.verify.calibration import CALIBRATION
 from spectral.verify.fit import Fit, principal_axes
 from spectral.verify.normal_equations import NormalEquations, State
-from spectral.verify.pairs import Pairs, Sample, find_pairs, medians, thin
 from spectral.verify.prior_term import PriorTerm
 
-# The width of the weights' bell: this share of how far apart points may be, or of how far the surfaces usually are.
-_BELL, _WIDE_BELL = 1 / 6, 0.8
-# Points as many widths of the bell apart as this no longer count.
-_BELLS = 4.0
-# How far surfaces usually are apart is measured where points may be at least so far apart [voxels]; nearer than that,
-# rims no longer move the pose.
-_MEASURED = 3.0
+# How far surfaces usually are apart is measured where points may be at least 3 voxels apart. Nearer than that, rims no
+# longer move the pose: they would draw the rims of what both scans saw together, and these move with the sensor (Turk
+# and Levoy, DOI 10.1145/192161.192241).
+_WEIGHTING = Weighting(bell=1 / 6, wide_bell=0.8, bells=4.0, measured=3.0)
 # Information is given as if so many points of each scan took part: `Calibration` is for these.
 _FULL = 3000
 
@@ -44,6 +43,7 @@ class Start:
 
 
 def refine(
+    device: Device,
     target: Surface,
     source: Surface,
     begin: Start,
@@ -54,6 +54,8 @@ def refine(
 ) -> list[Fit]:
     """Gauss-Newton from k places, at least one step, one for each reach; side by side, as if each were alone.
 
+    The device takes all steps without a word; only instruments that have one make each step's sums come back.
+
     Args:
         reaches: how far apart points of a pair may be, step by step [voxels].
         most: how many points of each scan are used.
@@ -61,61 +63,49 @@ def refine(
         stretches: whether the ranges of each scan may be off by a share, which is estimated with the pose: a speed of
             sound that is wrong stretches all that a sensor sees away from it.
     """
-    few_source, few_target = thin(source, most), thin(target, most)
-    full = min(len(source.points), _FULL) + min(len(target.points), _FULL)
-    scale = full / (len(few_source.points) + len(few_target.points))
+    counts = [len(surface.elements) for surface in (target, source)]
+    scale = sum(min(count, _FULL) for count in counts) / sum(
+        surface.elements.thinned(most)[0] for surface in (target, source)
+    )
+    stretching = None
+    if stretches:
+        known = float(CALIBRATION.variance(np.array(1.0))) / CALIBRATION.stretched**2
+        stretching = Stretching(known, CALIBRATION.width, CALIBRATION.narrowest)
+    steps = Refinement(device, target.elements, source.elements, most, scale, _WEIGHTING, stretching)
     stretch = np.zeros((len(begin.shifts), 2)) if stretches else None
-    state = State(begin.R.as_matrix(), begin.shifts, begin.widths, stretch, prior)
+    steps.begin(begin.R.as_matrix(), begin.shifts, begin.widths, stretch)
     *first, last = reaches
     for reach in first:
-        state, equations, pairs = _prepare_step(target, source, few_target, few_source, state, reach, scale)
-        state, _ = equations.moved(pairs, state)
-    state, equations, pairs = _prepare_step(target, source, few_target, few_source, state, last, scale)
-    return _finish(equations, pairs, state)
+        steps.step(reach, alone=prior is None)
+        if prior is not None:
+            state, equations = _equations(steps.read(), prior, stretches)
+            state, _ = equations.moved(state)
+            prior = state.prior
+            steps.begin(state.turn, state.shift, state.width, state.stretch)
+    steps.step(last, alone=False)
+    record = steps.read()
+    return _finish(record, *_equations(record, prior, stretches))
 
 
-def _prepare_step(
-    target: Surface,
-    source: Surface,
-    few_target: Sample,
-    few_source: Sample,
-    state: State,
-    tried: float,
-    scale: float,
-) -> tuple[State, NormalEquations, Pairs]:
-    """The pairs within reach and what they say; and how far apart they are, where that can be told."""
-    bell = np.maximum(tried * _BELL, state.width * _WIDE_BELL)
-    reach, is_near = np.maximum(tried, bell * _BELLS), tried < _MEASURED
-    pairs = find_pairs(
-        target,
-        source,
-        few_target,
-        few_source,
-        state.turn,
-        state.shift,
-        reach,
-        stretches=state.stretch is not None,
-        inner=is_near,
-    )
-    if not is_near:
-        state = replace(state, width=medians(np.abs(pairs.gaps), pairs.near, state.width))
-    return state, NormalEquations.of(pairs, state, bell, scale), pairs
+def _equations(record: Record, prior: PriorTerm | None, stretches: bool) -> tuple[State, NormalEquations]:
+    """Where the poses are and what the pairs there say."""
+    state = State(record.turn, record.shift, record.width, record.stretch if stretches else None, prior)
+    return state, NormalEquations.of(record, state)
 
 
-def _finish(normal: NormalEquations, pairs: Pairs, state: State) -> list[Fit]:
+def _finish(record: Record, state: State, normal: NormalEquations) -> list[Fit]:
     """The last step, and what was measured before it."""
-    moved, alone = normal.moved(pairs, state)
-    shared = normal.shared_information(pairs)
-    information = shared[:, :6, :6]
-    total = normal.weights.sum(axis=1)
-    squares = (normal.weights * normal.gaps**2).sum(axis=1)
-    residual = np.sqrt(squares / np.where(total > 0, total, 1.0))
+    moved, alone = normal.moved(state)
+    shared = normal.shared
+    information, total = shared[:, :6, :6], record.total
+    counted = np.where(total > 0, total, 1.0)
+    residual = np.sqrt(record.squares / counted)
     R = Rotation.from_matrix(moved.turn)
     principal = [principal_axes(*each) for each in zip(information, total.tolist(), strict=True)]
     # a turn is taken times the lever, as there
     axes = np.stack([axes / np.repeat([lever, 1.0], 3)[:, None] for _, axes, lever in principal])
-    counted = np.where(total > 0, total, 1.0)[:, None]
-    doubt, own = normal.shared_doubt(pairs, axes) / counted, normal.own_information(axes) / counted
+    own = np.einsum("kia,kij,kja->ka", axes, record.whole[:, :6, :6], axes) / counted[:, None]
+    doubt = np.sqrt(record.doubts) / counted[:, None]
     return [
         Fit(
             R=R[n],

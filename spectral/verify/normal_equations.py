@@ -5,8 +5,8 @@ from dataclasses import dataclass
 import numpy as np
 from scipy.spatial.transform import Rotation
 
+from kernels.surface.refinement import Record
 from spectral.verify.calibration import CALIBRATION
-from spectral.verify.pairs import Pairs, along
 from spectral.verify.prior_term import PriorTerm, posterior_step
 
 # (8, 7) of a pose and both stretches, which are opposite.
@@ -31,50 +31,40 @@ class NormalEquations:
     """Those of one Gauss-Newton step on the distances along the normals, of k poses; the stretches come last.
 
     Attributes:
-        weights: (k, n) of the pairs.
-        moving: (k, n) of those that move the pose.
-        jacobian: (k, n, 6 or 8) of the gaps.
-        gaps: (k, n) as the stretches leave them [voxels].
-        hessian, gradient: (k, 6 or 8, 6 or 8) and (k, 6 or 8) by those that move the pose, with what is known of the
-            stretches before.
+        hessian, gradient: (k, 6 or 8, 6 or 8) and (k, 6 or 8) by the pairs that move the pose, with what is known of
+            the stretches before.
+        whole: (k, 6 or 8, 6 or 8) the Hessian by all pairs, those that move it or not, with the same.
+        shared: (k, 6 or 8, 6 or 8) the Hessian from one scan's normals times the other's, without it. Normals of
+            noisy points point everywhere a little, and the sum of their squares finds information along a plane that
+            has none. The noise of two scans is independent: in products of both it averages out.
         variance: (k,) of the gaps, as far as they are independent [voxels^2].
     """
 
-    weights: np.ndarray
-    moving: np.ndarray
-    jacobian: np.ndarray
-    gaps: np.ndarray
     hessian: np.ndarray
     gradient: np.ndarray
+    whole: np.ndarray
+    shared: np.ndarray
     variance: np.ndarray
 
     @classmethod
-    def of(cls, pairs: Pairs, state: State, bell: np.ndarray, scale: float) -> "NormalEquations":
-        """With the weights of Geman and McClure, each pair for `scale` of them.
-
-        Where the `inner` pairs are known the others do not move the pose: they would draw the rims of what both scans
-        saw together, and these move with the sensor (Turk and Levoy, DOI 10.1145/192161.192241).
-        """
-        gaps = pairs.gaps
-        if pairs.by_stretch is not None and state.stretch is not None:
-            gaps = gaps + (pairs.by_stretch @ state.stretch[:, :, None])[:, :, 0]
-        weights = np.where(pairs.near, scale / (1.0 + (gaps / bell[:, None]) ** 2) ** 2, 0.0)
-        jacobian = _jacobian(pairs, pairs.normals)
-        moving = weights if pairs.inner is None else np.where(pairs.inner, weights, 0.0)
-        weighted = (jacobian * moving[:, :, None]).transpose(0, 2, 1)
-        hessian, gradient = weighted @ jacobian, (weighted @ gaps[:, :, None])[:, :, 0]
+    def of(cls, record: Record, state: State) -> "NormalEquations":
+        """From the sums of a step."""
+        size = 6 if state.stretch is None else 8
         variance = CALIBRATION.variance(state.width)
+        hessian, whole, shared = (sums[:, :size, :size].copy() for sums in (record.moving, record.whole, record.shared))
+        gradient = record.gradient[:, :size].copy()
         if state.stretch is not None:
             known = _known_stretch(variance)
             hessian[:, 6:, 6:] += known
+            whole[:, 6:, 6:] += known
             gradient[:, 6:] += (known @ state.stretch[:, :, None])[:, :, 0]
-        return cls(weights, moving, jacobian, gaps, hessian, gradient, variance)
+        return cls(hessian, gradient, whole, (shared + shared.transpose(0, 2, 1)) / 2, variance)
 
-    def moved(self, pairs: Pairs, state: State) -> tuple[State, np.ndarray]:
+    def moved(self, state: State) -> tuple[State, np.ndarray]:
         """Where the step leads, and (k, 6) where it would by the scans alone."""
         step = alone = self._step_alone(state)
         if state.prior is not None:
-            step = posterior_step(alone, self._usual_covariance(pairs), state.prior)
+            step = posterior_step(alone, self._usual_covariance(), state.prior)
         moved = State(
             turn=Rotation.from_rotvec(step[:, :3]).as_matrix() @ state.turn,
             shift=state.shift + step[:, 3:],
@@ -84,14 +74,12 @@ class NormalEquations:
         )
         return moved, alone
 
-    def _usual_covariance(self, pairs: Pairs) -> np.ndarray:
+    def _usual_covariance(self) -> np.ndarray:
         """(k, 6, 6) of where the planes of all pairs have the pose, those that move it or not."""
-        rims = (self.weights - self.moving)[:, :, None]
-        whole = self.hessian + (self.jacobian * rims).transpose(0, 2, 1) @ self.jacobian
-        shared = self.shared_information(pairs)
-        if pairs.by_stretch is not None:
+        shared = self.shared.copy()
+        if shared.shape[1] == 8:
             shared[:, 6:, 6:] += _known_stretch(self.variance)
-        return usual_covariance(_damped(_of_pose(whole)), _of_pose(shared), self.variance)
+        return usual_covariance(_damped(_of_pose(self.whole)), _of_pose(shared), self.variance)
 
     def _step_alone(self, state: State) -> np.ndarray:
         """(k, 6) of the pose, where both scans are stretched by opposite shares.
@@ -114,40 +102,6 @@ class NormalEquations:
         rest = self.gradient[:, 6:] + (self.hessian[:, 6:, :6] @ step[:, :, None])[:, :, 0]
         change = np.linalg.solve(free.T @ self.hessian[:, 6:, 6:] @ free, (rest @ free)[:, :, None])
         return stretch - (free @ change)[:, :, 0]
-
-    def shared_information(self, pairs: Pairs) -> np.ndarray:
-        """(k, 6 or 8, 6 or 8) the Hessian from one scan's normals times the other's, without what is known before.
-
-        Normals of noisy points point everywhere a little, and the sum of their squares finds information along a plane
-        that has none. The noise of two scans is independent: in products of both it averages out.
-        """
-        product = (self.jacobian * self.weights[:, :, None]).transpose(0, 2, 1) @ _jacobian(pairs, _turned_alike(pairs))
-        return (product + product.transpose(0, 2, 1)) / 2
-
-    def own_information(self, axes: np.ndarray) -> np.ndarray:
-        """(k, 6) the Hessian by one scan's normals, along axes, (k, 6, 6) in columns."""
-        return (self.weights[:, :, None] * (self.jacobian[:, :, :6] @ axes) ** 2).sum(axis=1)
-
-    def shared_doubt(self, pairs: Pairs, axes: np.ndarray) -> np.ndarray:
-        """(k, 6) standard errors of the `shared_information` about poses along axes, (k, 6, 6) in columns.
-
-        It is a sum over points; where few of them, or noise, make it up, it may as well be nothing.
-        """
-        ours, theirs = self.jacobian[:, :, :6], _jacobian(pairs, _turned_alike(pairs))[:, :, :6]
-        products = self.weights[:, :, None] * (ours @ axes) * (theirs @ axes)
-        return np.sqrt((products**2).sum(axis=1))
-
-
-def _turned_alike(pairs: Pairs) -> np.ndarray:
-    """(k, n, 3) the other scan's normals, each turned to the side of the first's."""
-    return pairs.others * np.sign(along(pairs.normals, pairs.others))[:, :, None]
-
-
-def _jacobian(pairs: Pairs, normals: np.ndarray) -> np.ndarray:
-    """(k, n, 6) of the gaps along the normals, by turn and shift; (k, n, 8) with the stretches."""
-    turn = np.cross(pairs.arms, normals)
-    columns = (turn, normals) if pairs.by_stretch is None else (turn, normals, pairs.by_stretch)
-    return np.concatenate(columns, axis=2)
 
 
 def _known_stretch(variance: np.ndarray) -> np.ndarray:
@@ -173,7 +127,7 @@ def usual_covariance(hessian: np.ndarray, shared: np.ndarray, variance: np.ndarr
     In directions that noise alone seems to fix the scans are worth a tenth as much as where both show the same planes.
 
     Args:
-        hessian, shared: (k, 6, 6) by one scan's normals, and by those of both (`shared_information`).
+        hessian, shared: (k, 6, 6) by one scan's normals, and by those of both (`NormalEquations.shared`).
         variance: (k,) of the distances to the planes [voxels^2].
     """
     inverse = np.linalg.inv(np.linalg.cholesky(hessian))

@@ -5,7 +5,8 @@ from dataclasses import dataclass
 import numpy as np
 from scipy.spatial.transform import Rotation
 
-from spectral.nearest import query_on_all_cores
+from kernels.device.device import Device
+from kernels.surface.shared import shared_sums
 from spectral.prepare.surface import Surface
 
 # A point has a counterpart this near, if the normals there are within 37 degrees of each other [voxels; cosine].
@@ -38,7 +39,7 @@ class SharedSurface:
 
 
 def shared_surfaces(
-    target: Surface, source: Surface, R: Rotation, shifts: np.ndarray, most: int
+    device: Device, target: Surface, source: Surface, R: Rotation, shifts: np.ndarray, most: int
 ) -> list[SharedSurface]:
     """What the scans share under each of k poses.
 
@@ -47,31 +48,18 @@ def shared_surfaces(
         shifts: (k, 3) p_target = R p_source + shift about the grid centers [voxels].
         most: how many points of each scan are looked at.
     """
-    turns = R.as_matrix()
-    onto_target = _shares(target, source, turns, shifts, most)
-    onto_source = _shares(source, target, turns.transpose(0, 2, 1), -np.einsum("ki,kij->kj", shifts, turns), most)
-    agree, covered = ((onto_target + onto_source) / 2)[:, :2].T
-    overlap = np.minimum(onto_target[:, 2], onto_source[:, 2])
+    sums = shared_sums(
+        device,
+        target.elements,
+        source.elements,
+        (target.direction_weights, source.direction_weights),
+        R.as_matrix(),
+        shifts,
+        most,
+        reach=_REACH,
+        covered=_COVERED,
+        alike=_ALIKE,
+    )
+    agree, covered = (sums[:, :, :2] / sums[:, :, 2:3]).mean(axis=1).T
+    overlap = sums[:, :, 3].min(axis=1)
     return [SharedSurface(*shares) for shares in np.column_stack([agree, covered, overlap]).tolist()]
-
-
-def _shares(surface: Surface, other: Surface, turns: np.ndarray, shifts: np.ndarray, most: int) -> np.ndarray:
-    """(k, 3) of the other's points: those that agree with the surface, that lie where it is, and, unweighted, on it."""
-    step = max(1, -(-len(other.points) // most))
-    weights, forward = other.weights[::step], turns.transpose(0, 2, 1)
-    points = other.points[::step] @ forward + shifts[:, None]
-    distance, index = query_on_all_cores(surface.tree, points.reshape(-1, 3), reach=_COVERED)
-    distance = distance.reshape(points.shape[:2])
-    pose, near = np.nonzero(distance <= _REACH)
-    facing = np.einsum(
-        "ni,nij,nj->n",
-        other.normals[::step][near],
-        forward[pose],
-        surface.normals[index.reshape(distance.shape)[pose, near]],
-    )
-    agree = np.abs(facing) >= _ALIKE
-    count, total = len(turns), weights.sum()
-    agreeing = np.bincount(pose[agree], weights[near[agree]], count)
-    return np.column_stack(
-        [agreeing / total, np.isfinite(distance) @ weights / total, np.bincount(pose, minlength=count) / len(weights)]
-    )

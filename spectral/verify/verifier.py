@@ -144,7 +144,7 @@ class Verifier:
         )
         views = np.asarray(consistency(fine.agree, fine.contradict)).tolist()
         coarse_views = np.asarray(consistency(coarse.agree, coarse.contradict)).tolist()
-        shared = shared_surfaces(target.surface, source.surface, R, shifts, points)
+        shared = shared_surfaces(self.device, target.surface, source.surface, R, shifts, points)
         return [
             replace(
                 hypothesis.evidence,
@@ -198,7 +198,7 @@ class Verifier:
             agreement = np.zeros(len(candidates.psr))
             highest = np.argsort(-candidates.psr, kind="stable")[:_BY_POINTS]
             R, shifts = candidates.R[highest], candidates.shifts[highest]  # pyright: ignore[reportArgumentType]
-            shared = shared_surfaces(target.surface, source.surface, R, shifts, _POINTS)
+            shared = shared_surfaces(self.device, target.surface, source.surface, R, shifts, _POINTS)
             agreement[highest] = [each.consistency for each in shared]
         return agreement * np.maximum(candidates.psr, 0.0)
 

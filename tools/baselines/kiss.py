@@ -5,12 +5,12 @@ from time import perf_counter
 import numpy as np
 from scipy.spatial.transform import RigidTransform, Rotation
 
-from spectral.nearest import query_on_all_cores
 from spectral.result import Registration
 from spectral.scan import Scan
 from tools.baselines.cloud import ThinnedCloud, thin
 from tools.baselines.features import REFINE
 from tools.baselines.icp import iterate
+from tools.baselines.nearest import query_on_all_cores
 from tools.baselines.packages import peer, silent
 from tools.baselines.result import conclude, judge_matches
 

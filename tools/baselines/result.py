@@ -11,9 +11,9 @@ from time import perf_counter
 import numpy as np
 from scipy.spatial.transform import RigidTransform
 
-from spectral.nearest import query_on_all_cores
 from spectral.result import Registration
 from tools.baselines.cloud import NORMAL_REACH, ThinnedCloud
+from tools.baselines.nearest import query_on_all_cores
 
 # A point has a counterpart within this distance, as in spectral/overlap.py [voxels].
 REACH = 2.0

@@ -168,11 +168,11 @@ class TestMemory:
             device.require(2**20, device.memory + 1, hint="--grid 64")
 
     def test_that_other_programs_hold_is_told(self, device: Device, monkeypatch: pytest.MonkeyPatch) -> None:
-        def full(*_: object) -> None:
+        def full(*_: object, **__: object) -> None:
             raise cl.MemoryError("create_buffer failed: MEM_OBJECT_ALLOCATION_FAILURE")
 
         monkeypatch.setattr(cla, "empty", full)
-        monkeypatch.setattr(cla, "to_device", full)
+        monkeypatch.setattr(cl, "Buffer", full)
         for call in (lambda: device.empty((16,)), lambda: device.to_device(np.zeros(16, np.float32))):
             with pytest.raises(DeviceError, match=r"no memory or other resources left .*_FAILURE.*smaller `edge`"):
                 call()

@@ -26,6 +26,7 @@ class Room:
     """A device with a structure prepared on it, and the same structure turned."""
 
     def __init__(self, device: Device) -> None:
+        self.device = device
         self.hemisphere = Hemisphere(device, EDGE)
         self.preparer = Preparer(device, Grid(EDGE, VOXEL), use_strength=False)
         self.translation = Translation(device, EDGE)
@@ -110,10 +111,10 @@ def test_overlap_is_the_share_in_common_and_the_smaller_of_both_ways(room: Room)
     part = room.preparer.prepare(Scan(half))
     shift = (part.center - room.target.center) / VOXEL
     share = len(part.surface) / len(room.target.surface)
-    there = overlap(room.target, part, Rotation.identity(), shift)
+    there = overlap(room.device, room.target, part, Rotation.identity(), shift)
     assert there == pytest.approx(share, abs=0.1)
-    assert overlap(part, room.target, Rotation.identity(), -shift) == pytest.approx(there, abs=0.02)
-    assert overlap(room.target, part, Rotation.identity(), shift + 500) == 0.0
+    assert overlap(room.device, part, room.target, Rotation.identity(), -shift) == pytest.approx(there, abs=0.02)
+    assert overlap(room.device, room.target, part, Rotation.identity(), shift + 500) == 0.0
 
 
 @pytest.mark.parametrize("true", [(36.0, -4.0, 2.0), (-3.0, 40.0, 1.0), (-35.0, -37.0, 5.0), (12.0, -20.0, 3.0)])
@@ -128,14 +129,14 @@ def test_a_shift_over_half_the_grid_is_told_from_its_wrapped_twin(room: Room, tr
     source = room.preparer.prepare(Scan(place[high]))
     shift = (source.center - target.center) / VOXEL
     cyclic = (shift + EDGE / 2) % EDGE - EDGE / 2
-    unwrapped = unwrap(target, source, Rotation.identity(), cyclic, EDGE)
+    unwrapped = unwrap(room.device, target, source, Rotation.identity(), cyclic, EDGE)
     np.testing.assert_allclose(unwrapped, shift, atol=1e-9)
 
 
 def test_a_stray_point_outside_the_grid_changes_nothing(room: Room) -> None:
     stray = np.array([[500, 0, 0], [0, -90_000, 3]], np.float32)
     prepared = room.preparer.prepare(Scan(np.vstack([room.points, stray])))
-    assert overlap(room.target, prepared, Rotation.identity(), np.zeros(3)) > 0.95
+    assert overlap(room.device, room.target, prepared, Rotation.identity(), np.zeros(3)) > 0.95
     assert room.translation.find(room.target, prepared, Rotation.identity()).psr > 100
 
 

@@ -1,17 +1,15 @@
 """Point-to-plane refinement: a known pose found again from nearby, and what no surface fixes left alone."""
 
-from collections.abc import Sequence
-
 import numpy as np
 import pytest
-from scipy.spatial import KDTree
 from scipy.spatial.transform import Rotation
 
-from spectral.prepare.surface import Surface, smooth_surface
+from spectral.prepare.surface import Surface
 from spectral.verify.calibration import CALIBRATION
 from spectral.verify.covariance import by_stretch
 from spectral.verify.fit import Fit
 from spectral.verify.icp import Start, refine
+from tests.spectral.surfaces import chosen_device, surface_of
 
 R_TRUE, SHIFT_TRUE = Rotation.from_euler("ZYX", [20, -6, 9], degrees=True), np.array([7.0, -3.5, 1.25])
 REACHES = (4.0, 3.0, 3.0, 2.0, 2.0, 2.0, 1.5, 1.5, 1.5, 1.5)
@@ -26,10 +24,6 @@ def corner(seed: int, count: int = 4000) -> np.ndarray:
     return np.vstack([floor, side, back])
 
 
-def surface(points: np.ndarray, viewpoints: Sequence[np.ndarray] = ()) -> Surface:
-    return smooth_surface(points, KDTree(points), viewpoints)
-
-
 def refine_one(
     target: Surface,
     source: Surface,
@@ -42,7 +36,7 @@ def refine_one(
 ) -> Fit:
     """From one place."""
     start = Start(Rotation.concatenate([R]), shift[None], np.array([width]))
-    (fit,) = refine(target, source, start, reaches, most, stretches=stretches)
+    (fit,) = refine(chosen_device(), target, source, start, reaches, most, stretches=stretches)
     return fit
 
 
@@ -54,7 +48,7 @@ def off(fit: Fit, R: Rotation, shift: np.ndarray) -> tuple[float, float]:
 @pytest.fixture(scope="module")
 def pair() -> tuple[Surface, Surface]:
     """The corner, and other points of it as a source sees them."""
-    return surface(corner(1)), surface(R_TRUE.inv().apply(corner(2) - SHIFT_TRUE))
+    return surface_of(corner(1)), surface_of(R_TRUE.inv().apply(corner(2) - SHIFT_TRUE))
 
 
 @pytest.mark.parametrize("side", [-1, 1])
@@ -81,7 +75,7 @@ def test_what_only_one_scan_shows_does_not_draw_it(pair: tuple[Surface, Surface]
     u = np.random.default_rng(5).uniform(-1, 1, (400, 2))
     plate = np.column_stack([5 * u[:, 0], 4 * u[:, 1], 0.1 * 5 * u[:, 0] - 5.0])
     points = np.vstack([corner(2), plate])
-    source = surface(R_TRUE.inv().apply(points - SHIFT_TRUE))
+    source = surface_of(R_TRUE.inv().apply(points - SHIFT_TRUE))
     angle, distance = off(refine_one(pair[0], source, R_TRUE, SHIFT_TRUE, REACHES, 4000), R_TRUE, SHIFT_TRUE)
     assert angle < 0.15
     assert distance < 0.1
@@ -90,7 +84,9 @@ def test_what_only_one_scan_shows_does_not_draw_it(pair: tuple[Surface, Surface]
 def test_a_plane_alone_moves_along_its_normal_and_not_otherwise() -> None:
     x, y = np.meshgrid(np.arange(-12.0, 12.0), np.arange(-12.0, 12.0))
     plane = np.column_stack([x.ravel(), y.ravel(), np.zeros(x.size)])
-    fit = refine_one(surface(plane), surface(plane), Rotation.identity(), np.array([0.4, -0.3, 1.0]), REACHES, 3000)
+    fit = refine_one(
+        surface_of(plane), surface_of(plane), Rotation.identity(), np.array([0.4, -0.3, 1.0]), REACHES, 3000
+    )
     np.testing.assert_allclose(fit.shift, [0.4, -0.3, 0.0], atol=1e-5)
     assert fit.R.magnitude() < 1e-6
     strength = np.linalg.eigvalsh(fit.information) / np.trace(fit.information)
@@ -101,7 +97,7 @@ def test_a_plane_alone_moves_along_its_normal_and_not_otherwise() -> None:
 def test_points_that_lie_on_the_planes_count_in_full() -> None:
     """Normals are unit vectors: the information about the shift sums to the points that took part, of both scans."""
     x, y = np.meshgrid(np.arange(-12.0, 12.0), np.arange(-10.0, 10.0))
-    plane = surface(np.column_stack([x.ravel(), y.ravel(), 0.2 * x.ravel()]))
+    plane = surface_of(np.column_stack([x.ravel(), y.ravel(), 0.2 * x.ravel()]))
     fit = refine_one(plane, plane, Rotation.identity(), np.zeros(3), (2.0,), 10_000)
     assert fit.pairs == pytest.approx(2 * 24 * 20)
     assert np.trace(fit.information[3:, 3:]) == pytest.approx(fit.pairs)
@@ -111,7 +107,7 @@ def test_points_that_lie_on_the_planes_count_in_full() -> None:
 def test_turns_are_about_the_sources_grid_center() -> None:
     """About an axis through it along a wall's normal, points far out have the longest arms: sum of the squares."""
     x, y = np.meshgrid(np.arange(-12.0, 13.0), np.arange(-10.0, 11.0))
-    plane = surface(np.column_stack([x.ravel(), y.ravel(), np.full(x.size, 4.0)]))
+    plane = surface_of(np.column_stack([x.ravel(), y.ravel(), np.full(x.size, 4.0)]))
     fit = refine_one(plane, plane, Rotation.identity(), np.zeros(3), (2.0,), 10_000)
     # a turn about x lifts a point by y, one about y lowers it by x
     expected = 2 * np.array([np.sum(y**2), np.sum(x**2), 0])
@@ -148,7 +144,7 @@ def test_noise_of_a_quarter_to_four_voxels_tells_itself_apart() -> None:
     """The residual alone, within a fixed reach, is the same for a voxel of noise and for four."""
     widths = []
     for noise in (0.25, 0.5, 1.0, 2.0, 4.0):
-        target, source = (surface(thick_corner(seed, noise)) for seed in (1, 2))
+        target, source = (surface_of(thick_corner(seed, noise)) for seed in (1, 2))
         rough = refine_one(target, source, Rotation.identity(), np.zeros(3), (4.0, 4.0, 3.0), 800)
         fit = refine_one(target, source, rough.R, rough.shift, (4.0, 2.0, 1.5, 1.5), 800, rough.width)
         widths.append(fit.width)
@@ -161,7 +157,7 @@ def test_wide_scans_are_brought_together_as_a_whole() -> None:
     """Two layers 3 voxels apart on either side: a narrow bell would stop where one layer of each meets."""
     floor = np.column_stack([np.random.default_rng(3).uniform(-40, 40, (6000, 2)), np.zeros(6000)])
     layers = np.vstack([floor[:3000], floor[3000:] + np.array([0, 0, 3.0])])
-    target, source = surface(layers), surface(layers[::-1] * np.array([1, -1, 1.0]))
+    target, source = surface_of(layers), surface_of(layers[::-1] * np.array([1, -1, 1.0]))
     narrow = refine_one(target, source, Rotation.identity(), np.array([0, 0, 2.6]), (1.5,) * 10, 3000)
     wide = refine_one(target, source, Rotation.identity(), np.array([0, 0, 2.6]), (1.5,) * 10, 3000, width=2.0)
     assert narrow.shift[2] > 2.5
@@ -178,7 +174,11 @@ def test_several_places_are_refined_as_if_each_were_alone(pair: tuple[Surface, S
     places = [(R_TRUE, SHIFT_TRUE + 0.5), (Rotation.identity(), np.zeros(3)), (R_TRUE, SHIFT_TRUE + 300.0)]
     R = Rotation.concatenate([turn for turn, _ in places])
     together = refine(
-        *pair, Start(R, np.array([shift for _, shift in places]), np.array([0.0, 0.3, 0.0])), REACHES, 800
+        chosen_device(),
+        *pair,
+        Start(R, np.array([shift for _, shift in places]), np.array([0.0, 0.3, 0.0])),
+        REACHES,
+        800,
     )
     for (turn, shift), width, fit in zip(places, (0.0, 0.3, 0.0), together, strict=True):
         alone = refine_one(*pair, turn, shift, REACHES, 800, width)
@@ -214,7 +214,7 @@ class TestStretch:
     @pytest.fixture
     def stretched(self) -> tuple[Surface, Surface]:
         seen = self.SOURCE_VIEW + (1 + self.STRETCH) * (room(2) - self.SOURCE_VIEW)
-        return surface(room(1), [self.TARGET_VIEW]), surface(seen, [self.SOURCE_VIEW])
+        return surface_of(room(1), [self.TARGET_VIEW]), surface_of(seen, [self.SOURCE_VIEW])
 
     def test_it_is_estimated_with_the_pose(self, stretched: tuple[Surface, Surface]) -> None:
         """Which of the scans is right cannot be told: each is taken to be off by half."""
@@ -254,7 +254,7 @@ class TestStretch:
             rng = np.random.default_rng(seed)
             rooms = [room(2 * seed + n) for n in range(2)]
             target, source = (points + 0.4 * rng.standard_normal(points.shape) for points in rooms)
-            views = surface(target, [self.TARGET_VIEW]), surface(source, [self.SOURCE_VIEW])
+            views = surface_of(target, [self.TARGET_VIEW]), surface_of(source, [self.SOURCE_VIEW])
             fit = refine_one(*views, *nothing, REACHES, 3000, stretches=True)
             shorter.append(float(fit.shift @ apart) / np.linalg.norm(apart))
             assert stretch_of(fit).sum() == pytest.approx(0, abs=1e-12)
@@ -270,7 +270,7 @@ class TestStretch:
         np.testing.assert_array_equal(stretch_of(estimated), 0)
 
     def test_a_scan_of_itself_is_not_stretched(self) -> None:
-        scan = surface(corner(1), [self.TARGET_VIEW])
+        scan = surface_of(corner(1), [self.TARGET_VIEW])
         fit = refine_one(scan, scan, Rotation.identity(), np.zeros(3), REACHES, 3000, stretches=True)
         np.testing.assert_allclose(stretch_of(fit), 0, atol=1e-9)
         np.testing.assert_allclose(fit.shift, 0, atol=1e-9)

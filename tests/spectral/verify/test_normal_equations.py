@@ -1,15 +1,16 @@
 """How much the planes of two scans are worth beside instruments, direction by direction."""
 
-from dataclasses import replace
-
 import numpy as np
 import pytest
 from scipy.linalg import block_diag
 from scipy.spatial.transform import Rotation
 
+from kernels.surface.refinement import Record, Refinement, Weighting
 from spectral.verify.calibration import CALIBRATION
+from spectral.verify.fit import principal_axes
 from spectral.verify.normal_equations import NormalEquations, State, usual_covariance
-from spectral.verify.pairs import Pairs
+from tests.kernels.surface.scenes import upload
+from tests.spectral.surfaces import chosen_device
 
 HESSIAN = np.diag([400.0, 300, 500, 90, 80, 70])
 VARIANCE = np.array([0.5])
@@ -46,28 +47,27 @@ BEGIN = State(np.stack([np.eye(3)] * 2), np.zeros((2, 3)), np.full(2, 0.3), np.z
 class TestStretch:
     """Opposite stretches eliminated by the Schur complement, beside the whole system solved at once."""
 
-    @pytest.fixture
-    def pairs(self) -> Pairs:
+    def test_pose_and_opposite_stretches_solve_the_equations_of_all(self) -> None:
         rng = np.random.default_rng(3)
-        normals, others = rng.normal(size=(2, 2, 40, 3))
-        normals /= np.linalg.norm(normals, axis=2, keepdims=True)
-        others /= np.linalg.norm(others, axis=2, keepdims=True)
-        near = rng.random((2, 40)) < 0.8
-        return Pairs(
-            near=near,
-            inner=near & (rng.random((2, 40)) < 0.7),
-            arms=20 * rng.normal(size=(2, 40, 3)),
-            normals=normals,
-            others=others,
-            gaps=0.2 * rng.normal(size=(2, 40)),
-            by_stretch=10 * rng.normal(size=(2, 40, 2)),
+        jacobian = rng.normal(size=(2, 80, 8)) * [20, 20, 20, 1, 1, 1, 10, 10]
+        moving = jacobian.transpose(0, 2, 1) @ jacobian
+        equations = NormalEquations.of(
+            Record(
+                turn=BEGIN.turn,
+                shift=BEGIN.shift,
+                width=BEGIN.width,
+                stretch=np.zeros((2, 2)),
+                moving=moving,
+                whole=1.5 * moving,
+                shared=0.5 * moving,
+                gradient=0.2 * (rng.normal(size=(2, 1, 80)) @ jacobian)[:, 0],
+                total=np.full(2, 80.0),
+                squares=np.full(2, 0.3),
+                doubts=np.zeros((2, 6)),
+            ),
+            BEGIN,
         )
-
-    @pytest.mark.parametrize("inner", [False, True])
-    def test_pose_and_opposite_stretches_solve_the_equations_of_all(self, pairs: Pairs, inner: bool) -> None:
-        pairs = pairs if inner else replace(pairs, inner=None)
-        equations = NormalEquations.of(pairs, BEGIN, np.full(2, 0.5), 1.0)
-        moved, alone = equations.moved(pairs, BEGIN)
+        moved, alone = equations.moved(BEGIN)
         opposite = block_diag(np.eye(6), [[1.0], [-1.0]])
         hessian, gradient = opposite.T @ equations.hessian @ opposite, equations.gradient @ opposite
         whole = -np.linalg.solve(hessian, gradient[:, :, None])[:, :, 0]
@@ -81,44 +81,38 @@ class TestDoubt:
     """What noisy normals seem to hold along a plane: nothing, but for chance."""
 
     @staticmethod
-    def of_a_plane(seed: int, tilt: float = 0.0) -> tuple[NormalEquations, Pairs]:
-        """Points of a level plane, some of which lean by `tilt`; normals of both scans are off independently."""
+    def of_a_plane(seed: int, tilt: float = 0.0) -> tuple[float, float]:
+        """Points of a level plane, some of which lean by `tilt`; normals of both scans are off independently.
+
+        Returns:
+            What is held along the plane, and its doubt.
+        """
         rng = np.random.default_rng(seed)
         count = 400
         true = np.tile([0.0, 0.0, 1.0], (count, 1))
         true[::4] = [np.sin(tilt), 0.0, np.cos(tilt)]
-        normals, others = (true + 0.2 * rng.normal(size=(count, 3)) for _ in range(2))
-        pairs = Pairs(
-            near=np.ones((1, count), bool),
-            inner=None,
-            arms=np.zeros((1, count, 3)),
-            normals=normals[None],
-            others=others[None],
-            gaps=np.zeros((1, count)),
-            by_stretch=None,
-        )
-        begin = State(np.eye(3)[None], np.zeros((1, 3)), np.full(1, 0.3), None, None)
-        return NormalEquations.of(pairs, begin, np.full(1, 0.5), 1.0), pairs
+        surfaces = []
+        for _ in range(2):
+            rows = np.zeros((count, 12), np.float32)
+            rows[:, 0], rows[:, 3] = np.arange(count), 1
+            rows[:, 4:7] = true + 0.2 * rng.normal(size=(count, 3))
+            surfaces.append(upload(chosen_device(), rows))
+        target, source = surfaces
+        steps = Refinement(chosen_device(), target, source, count, 0.5, Weighting(1 / 6, 0.8, 4.0, 3.0), None)
+        steps.begin(np.eye(3)[None], np.zeros((1, 3)), np.zeros(1), None)
+        steps.step(0.5, alone=False)
+        record = steps.read()
+        shared = (record.shared[0] + record.shared[0].T)[:6, :6] / 2
+        _, axes, _ = principal_axes(shared, float(record.total[0]))
+        axis = int(np.abs(axes[3]).argmax())
+        return float(shared[3, 3]), float(np.sqrt(record.doubts[0, axis]))
 
     def test_it_is_the_spread_of_what_chance_gives(self) -> None:
-        found, doubts = [], []
-        for seed in range(300):
-            equations, pairs = self.of_a_plane(seed)
-            found.append(equations.shared_information(pairs)[0, 3, 3])
-            doubts.append(equations.shared_doubt(pairs, np.eye(6)[None])[0, 3])
-        assert abs(np.mean(found)) < 3 * np.std(found) / np.sqrt(300)
-        assert np.mean(doubts) == pytest.approx(np.std(found), rel=0.1)
+        held, doubts = np.array([self.of_a_plane(seed) for seed in range(100)]).T
+        assert abs(np.mean(held)) < 3 * np.std(held) / np.sqrt(len(held))
+        # each pair counts both ways, which is no more to learn from
+        assert np.mean(doubts) * np.sqrt(2) == pytest.approx(np.std(held), rel=0.25)
 
     def test_what_planes_do_hold_is_far_above_it(self) -> None:
-        equations, pairs = self.of_a_plane(0, tilt=0.9)
-        held = equations.shared_information(pairs)[0, 3, 3]
-        assert held > 5 * equations.shared_doubt(pairs, np.eye(6)[None])[0, 3]
-
-    def test_it_is_along_the_axes_that_are_asked_for(self) -> None:
-        equations, pairs = self.of_a_plane(1)
-        turn = Rotation.from_rotvec([0.3, -0.5, 0.9]).as_matrix()
-        axes = np.kron(np.eye(2), turn)
-        turned = replace(pairs, normals=pairs.normals @ turn, others=pairs.others @ turn)
-        begin = State(np.eye(3)[None], np.zeros((1, 3)), np.full(1, 0.3), None, None)
-        same = NormalEquations.of(turned, begin, np.full(1, 0.5), 1.0).shared_doubt(turned, np.eye(6)[None])
-        np.testing.assert_allclose(equations.shared_doubt(pairs, axes[None])[0, 3:], same[0, 3:], rtol=1e-9)
+        held, doubt = self.of_a_plane(0, tilt=0.9)
+        assert held > 5 * doubt

@@ -4,19 +4,15 @@ from dataclasses import astuple
 
 import numpy as np
 import pytest
-from scipy.spatial import KDTree
 from scipy.spatial.transform import Rotation
 
-from spectral.prepare.surface import Surface, smooth_surface
+from spectral.prepare.surface import Surface
 from spectral.verify.shared_surface import SharedSurface, shared_surfaces
+from tests.spectral.surfaces import chosen_device, surface_of
 
 R, SHIFT = Rotation.from_euler("ZYX", [20, -6, 9], degrees=True), np.array([7.0, -3.5, 1.25])
 STILL, HERE = Rotation.identity(), np.zeros(3)
 ALL = 100_000
-
-
-def surface(points: np.ndarray) -> Surface:
-    return smooth_surface(points, KDTree(points))
 
 
 def bed(half: int = 30) -> np.ndarray:
@@ -37,12 +33,12 @@ def moved(points: np.ndarray, x: float, y: float, z: float) -> np.ndarray:
 
 def shared_surface(target: Surface, source: Surface, R: Rotation, shift: np.ndarray, most: int) -> SharedSurface:
     """Under one pose."""
-    (shared,) = shared_surfaces(target, source, Rotation.concatenate([R]), shift[None], most)
+    (shared,) = shared_surfaces(chosen_device(), target, source, Rotation.concatenate([R]), shift[None], most)
     return shared
 
 
 def shares(target: np.ndarray, source: np.ndarray, R: Rotation = STILL, shift: np.ndarray = HERE) -> tuple[float, ...]:
-    found = shared_surface(surface(target), surface(source), R, shift, ALL)
+    found = shared_surface(surface_of(target), surface_of(source), R, shift, ALL)
     return found.agree, found.covered, found.overlap
 
 
@@ -52,10 +48,11 @@ def test_a_scan_shares_all_with_itself_however_it_is_turned() -> None:
 
 
 def test_the_two_ways_round_say_the_same() -> None:
-    a, b = np.vstack([bed(), wall(10.0)]), np.vstack([bed()[::2], wall(12.0)])
+    # nothing lies just at a limit, where rounding would choose
+    a, b = np.vstack([bed(), wall(10.0)]), moved(np.vstack([bed()[::2], wall(11.3)]), 0.1, 0.2, 0.1)
     there = shares(a, R.inv().apply(b - SHIFT), R, SHIFT)
     back = shares(R.inv().apply(b - SHIFT), a, R.inv(), -R.inv().apply(SHIFT))
-    np.testing.assert_allclose(there, back, rtol=1e-9)
+    np.testing.assert_allclose(there, back, rtol=1e-5)
 
 
 def test_a_wall_counts_as_much_as_the_wide_bed() -> None:
@@ -76,10 +73,10 @@ def test_a_surface_that_crosses_another_does_not_agree_with_it() -> None:
 
 def test_what_the_other_scan_does_not_cover_is_not_missed() -> None:
     """Half of the source lies beyond the target's edge: consistency is of the rest."""
-    found = shared_surface(surface(bed()), surface(moved(bed(), 30.0, 0, 0)), STILL, HERE, ALL)
+    found = shared_surface(surface_of(bed()), surface_of(moved(bed(), 30.0, 0, 0)), STILL, HERE, ALL)
     assert found.overlap == pytest.approx(0.5, abs=0.06)
     assert found.consistency > 0.75
-    above = shared_surface(surface(bed()), surface(moved(bed(), 0, 0, 4.0)), STILL, HERE, ALL)
+    above = shared_surface(surface_of(bed()), surface_of(moved(bed(), 0, 0, 4.0)), STILL, HERE, ALL)
     assert above.covered > 0.9
     assert above.consistency == 0
 
@@ -89,16 +86,16 @@ def test_nothing_in_common_is_nothing() -> None:
 
 
 def test_few_points_say_nearly_the_same() -> None:
-    target, source = surface(np.vstack([bed(), wall(10.0)])), surface(np.vstack([bed(), wall(11.0)]))
+    target, source = surface_of(np.vstack([bed(), wall(10.0)])), surface_of(np.vstack([bed(), wall(11.0)]))
     few, every = (shared_surface(target, source, STILL, HERE, most) for most in (400, ALL))
     assert few.agree == pytest.approx(every.agree, abs=0.08)
     assert few.overlap == pytest.approx(every.overlap, abs=0.08)
 
 
 def test_several_poses_are_looked_at_as_if_each_were_alone() -> None:
-    target, source = surface(np.vstack([bed(), wall(10.0)])), surface(np.vstack([bed(), wall(12.0)]))
+    target, source = surface_of(np.vstack([bed(), wall(10.0)])), surface_of(np.vstack([bed(), wall(12.0)]))
     turns, shifts = Rotation.concatenate([STILL, R, R.inv()]), np.array([HERE, SHIFT, SHIFT + 400.0])
-    together = shared_surfaces(target, source, turns, shifts, 500)
+    together = shared_surfaces(chosen_device(), target, source, turns, shifts, 500)
     alone = [shared_surface(target, source, turn, shift, 500) for turn, shift in zip(turns, shifts, strict=True)]
     for one, other in zip(together, alone, strict=True):
         assert astuple(one) == pytest.approx(astuple(other), abs=1e-12)

@@ -9,14 +9,14 @@ import numpy as np
 import pytest
 from scipy.spatial import KDTree
 
-from spectral.nearest import query_on_all_cores
+from tools.baselines.nearest import query_on_all_cores
 
-ROOT = Path(__file__).parents[2]
+ROOT = Path(__file__).parents[3]
 INTERRUPTED = """
 import os, signal, threading
 import numpy as np
 from scipy.spatial import KDTree
-from spectral.nearest import query_on_all_cores
+from tools.baselines.nearest import query_on_all_cores
 
 # a shell that starts the tests in the background has them ignore interrupts
 signal.signal(signal.SIGINT, signal.default_int_handler)

@@ -1,0 +1,33 @@
+// Numbers of double precision where the device has them: sums of squares hold directions apart that differ a billionfold.
+#if FP64
+#pragma OPENCL EXTENSION cl_khr_fp64 : enable
+typedef double real;
+typedef double8 real8;
+#define convert_real8 convert_double8
+#else
+typedef float real;
+typedef float8 real8;
+#define convert_real8 convert_float8
+#endif
+// Of each pose a record: its state, 9 of the rotation, 3 of the shift, how far the surfaces usually are apart, 2 stretches;
+// the sums of a step, 3 matrices 8 x 8, a gradient, the weights' total and the weighted squares of the gaps; 6 axes of 8
+// numbers, of which 6 count; and 8 squared doubts, of which 6 count.
+#define SHIFT 9
+#define WIDTH 12
+#define STRETCH 13
+#define SUMS 16
+#define AXES 224
+#define DOUBTS 272
+#define RECORD 280
+// Among the sums.
+#define SUMS_COUNT 208
+#define WHOLE 64
+#define SHARED 128
+#define GRADIENT 192
+#define TOTAL 200
+#define SQUARES 201
+
+static float16 pose_of(__global const real* const record) {
+    return (float16)(record[0], record[1], record[2], record[9], record[3], record[4], record[5], record[10], record[6], record[7],
+                     record[8], record[11], 0.0f, 0.0f, 0.0f, 0.0f);
+}

@@ -1,0 +1,144 @@
+"""Point-to-plane steps on the device against NumPy's, step by step and several together."""
+
+import numpy as np
+import pytest
+from scipy.spatial.transform import Rotation
+
+from kernels.device.device import Device
+from kernels.errors import InputError
+from kernels.surface.refinement import Refinement, Stretching, Weighting
+from tests.kernels.surface.scenes import bent_sheet, random_rows, upload
+from tests.kernels.surface.steps import Pose, moved, squared_doubts, sums_of
+
+WEIGHTING = Weighting(bell=1 / 6, wide_bell=0.8, bells=4.0, measured=3.0)
+STRETCHING = Stretching(known=7e5, power=2.25, narrowest=0.02)
+
+
+def leaning_rows(points: np.ndarray, seed: int) -> np.ndarray:
+    """Elements whose normals lean 0.1 about what the sheet's are, about, and rays from above."""
+    rows = random_rows(points, seed)
+    normals = np.column_stack([-0.2 * np.cos(points[:, 0] / 11), -0.1 * points[:, 1] / 17, np.ones(len(points))])
+    normals[np.abs(points[:, 2]) > 4] = [1, 0, 0.1]
+    normals += 0.1 * np.random.default_rng(seed).normal(size=normals.shape)
+    rows[:, 4:7] = normals / np.linalg.norm(normals, axis=1, keepdims=True) * (1 - 2 * (rows[:, :1] > 5))
+    rows[:, 8:11] = points - [3.0, -2.0, 25.0]
+    return rows
+
+
+def begin(poses: int, seed: int) -> list[Pose]:
+    rng = np.random.default_rng(seed)
+    turns = Rotation.from_rotvec(rng.normal(0, 0.03, (poses, 3))).as_matrix()
+    return [
+        Pose(turn, shift, width, np.array([0.01, -0.004]))
+        for turn, shift, width in zip(turns, rng.normal(0, 0.5, (poses, 3)), rng.uniform(0, 0.5, poses), strict=True)
+    ]
+
+
+def refinement(
+    device: Device, rows: list[np.ndarray], most: int, poses: list[Pose], stretching: Stretching | None
+) -> Refinement:
+    target, source = (upload(device, each) for each in rows)
+    steps = Refinement(device, target, source, most, 1.5, WEIGHTING, stretching)
+    stretch = None if stretching is None else np.stack([pose.stretch for pose in poses])
+    steps.begin(
+        np.stack([pose.turn for pose in poses]),
+        np.stack([pose.shift for pose in poses]),
+        np.array([pose.width for pose in poses]),
+        stretch,
+    )
+    return steps
+
+
+@pytest.fixture(scope="module")
+def rows() -> list[np.ndarray]:
+    return [leaning_rows(bent_sheet(count, seed), seed) for seed, count in ((1, 2500), (2, 1800))]
+
+
+@pytest.mark.parametrize("stretching", [None, STRETCHING])
+@pytest.mark.parametrize(("reach", "most", "poses"), [(8.0, 100, 24), (3.0, 333, 3), (1.5, 5000, 2)])
+def test_sums_equal_the_twin(
+    flavored: Device, rows: list[np.ndarray], reach: float, most: int, poses: int, stretching: Stretching | None
+) -> None:
+    start = begin(poses, most)
+    if stretching is None:
+        start = [Pose(pose.turn, pose.shift, pose.width, np.zeros(2)) for pose in start]
+    steps = refinement(flavored, rows, most, start, stretching)
+    steps.step(reach, alone=False)
+    got = steps.read()
+    for n, pose in enumerate(start):
+        want = sums_of(rows[0], rows[1], most, pose, reach, WEIGHTING, 1.5, stretching is not None)
+        for name in ("moving", "whole", "shared", "gradient", "total", "squares"):
+            value = getattr(want, name)
+            np.testing.assert_allclose(getattr(got, name)[n], value, atol=3e-5 * np.abs(value).max())
+        assert got.width[n] == pytest.approx(pose.width, abs=2e-5)
+        np.testing.assert_allclose(got.turn[n], pose.turn, atol=1e-12)
+        doubts, share = squared_doubts(want)
+        apart = np.minimum(np.diff(share, prepend=-np.inf), np.diff(share, append=np.inf)) > 1e-3
+        np.testing.assert_allclose(got.doubts[n][apart], doubts[apart], rtol=1e-3)
+
+
+@pytest.mark.parametrize("stretching", [None, STRETCHING])
+def test_steps_without_a_read_lead_where_the_twins_do(
+    flavored: Device, rows: list[np.ndarray], stretching: Stretching | None
+) -> None:
+    poses = begin(3, 4)
+    if stretching is None:
+        poses = [Pose(pose.turn, pose.shift, pose.width, np.zeros(2)) for pose in poses]
+    steps = refinement(flavored, rows, 600, poses, stretching)
+    for reach in (4.0, 3.0, 2.0):
+        steps.step(reach, alone=True)
+        for n, pose in enumerate(poses):
+            poses[n] = moved(
+                pose, sums_of(rows[0], rows[1], 600, pose, reach, WEIGHTING, 1.5, stretching is not None), stretching
+            )
+    steps.step(2.0, alone=False)
+    got = steps.read()
+    for n, pose in enumerate(poses):
+        np.testing.assert_allclose(got.turn[n], pose.turn, atol=3e-5)
+        np.testing.assert_allclose(got.shift[n], pose.shift, atol=1e-3)
+        np.testing.assert_allclose(got.stretch[n], pose.stretch, atol=3e-5)
+        assert got.width[n] == pytest.approx(pose.width, abs=1e-4)
+        np.testing.assert_allclose(got.turn[n] @ got.turn[n].T, np.eye(3), atol=1e-12)
+
+
+def test_an_even_number_of_gaps_has_the_mean_of_the_middle_ones(flavored: Device) -> None:
+    """Points above a plane by 0.1, 0.2, 0.4 and 0.7, and both ways; without normals on their side nothing else."""
+    ours, theirs = np.zeros((2, 4, 12), np.float32)
+    ours[:, 0] = theirs[:, 0] = [0, 9, 18, 27]
+    theirs[:, 2] = [0.1, -0.2, 0.4, 0.7]
+    ours[:, 6] = theirs[:, 6] = 1
+    steps = Refinement(flavored, upload(flavored, ours), upload(flavored, theirs), 10, 1.0, WEIGHTING, None)
+    steps.begin(np.eye(3)[None], np.zeros((1, 3)), np.zeros(1), None)
+    steps.step(3.0, alone=False)
+    assert steps.read().width[0] == pytest.approx(0.3, abs=1e-6)
+
+
+def test_nothing_within_reach_leaves_the_pose(flavored: Device, rows: list[np.ndarray]) -> None:
+    pose = Pose(np.eye(3), np.array([900.0, 0, 5]), 0.2, np.zeros(2))
+    steps = refinement(flavored, rows, 1000, [pose], STRETCHING)
+    for reach in (8.0, 2.0):
+        steps.step(reach, alone=True)
+    steps.step(2.0, alone=False)
+    got = steps.read()
+    assert got.total[0] == got.squares[0] == 0
+    assert not got.whole.any()
+    np.testing.assert_array_equal(got.shift[0], pose.shift)
+    assert got.width[0] == pytest.approx(0.2)
+    assert np.isfinite(got.doubts).all()
+
+
+def test_three_points_are_refined(flavored: Device) -> None:
+    three = random_rows(np.array([[0, 0, 0], [1, 0, 0.5], [0, 2, 0]], np.float32), 5)
+    steps = Refinement(flavored, upload(flavored, three), upload(flavored, three), 3000, 1.0, WEIGHTING, None)
+    steps.begin(np.eye(3)[None], np.full((1, 3), 0.2), np.zeros(1), None)
+    for reach in (8.0, 3.0, 1.5):
+        steps.step(reach, alone=True)
+    steps.step(1.5, alone=False)
+    got = steps.read()
+    assert np.isfinite(got.shift).all()
+    assert np.isfinite(got.shared).all()
+
+
+def test_refuses_a_pose_that_is_no_number(device: Device, rows: list[np.ndarray]) -> None:
+    with pytest.raises(InputError, match="not finite"):
+        refinement(device, rows, 10, [Pose(np.eye(3), np.array([0, np.nan, 0]), 0.1, np.zeros(2))], None)

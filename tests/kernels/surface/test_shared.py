@@ -1,0 +1,54 @@
+"""What surfaces share against SciPy's tree, with random normals and weights."""
+
+import numpy as np
+import pytest
+from scipy.spatial import KDTree
+from scipy.spatial.transform import Rotation
+
+from kernels.device.device import Device
+from kernels.errors import InputError
+from kernels.surface.shared import shared_sums
+from tests.kernels.surface.scenes import bent_sheet, random_rows, upload
+
+WEIGHTS = np.array([0.3, 1.7, 0.9, 2.2, 0.6], np.float32)
+LIMITS = {"reach": 1.2, "covered": 5.0, "alike": 0.5}
+
+
+def one_way(rows: np.ndarray, others: np.ndarray, R: np.ndarray, t: np.ndarray, most: int) -> np.ndarray:
+    """(4,) of the others' points, which R and t bring to the rows."""
+    few = others[:: max(1, -(-len(others) // most))]
+    distance, index = KDTree(rows[:, :3]).query(few[:, :3] @ R.T + t)
+    weights, on = WEIGHTS[few[:, 7].astype(int)], distance <= LIMITS["reach"]
+    facing = np.abs(np.einsum("ni,ni->n", few[:, 4:7] @ R.T, rows[index, 4:7]))
+    agree = on & (facing >= LIMITS["alike"])
+    return np.array([weights[agree].sum(), weights[distance <= LIMITS["covered"]].sum(), weights.sum(), on.mean()])
+
+
+@pytest.mark.parametrize(
+    ("ours", "theirs", "poses", "most"), [(2000, 1500, 3, 10_000), (900, 2500, 72, 100), (3, 4, 2, 1), (65, 1, 1, 64)]
+)
+def test_equals_the_twin(flavored: Device, ours: int, theirs: int, poses: int, most: int) -> None:
+    rng = np.random.default_rng(ours)
+    target, source = (
+        random_rows(bent_sheet(3 * count, seed)[:count], seed) for seed, count in enumerate((ours, theirs))
+    )
+    R, t = Rotation.from_rotvec(rng.normal(0, 0.2, (poses, 3))).as_matrix(), rng.normal(0, 2, (poses, 3))
+    weights = flavored.to_device(WEIGHTS), flavored.to_device(WEIGHTS)
+    got = shared_sums(flavored, upload(flavored, target), upload(flavored, source), weights, R, t, most, **LIMITS)
+    want = [
+        [one_way(target, source, turn, shift, most), one_way(source, target, turn.T, -turn.T @ shift, most)]
+        for turn, shift in zip(R, t, strict=True)
+    ]
+    np.testing.assert_allclose(got, want, rtol=1e-5, atol=1e-6)
+
+
+def test_no_pose_and_no_such_pose(device: Device) -> None:
+    surface = upload(device, random_rows(bent_sheet(50, 1), 1))
+    weights = device.to_device(WEIGHTS), device.to_device(WEIGHTS)
+    assert shared_sums(device, surface, surface, weights, np.zeros((0, 3, 3)), np.zeros((0, 3)), 9, **LIMITS).shape == (
+        0,
+        2,
+        4,
+    )
+    with pytest.raises(InputError, match="finite"):
+        shared_sums(device, surface, surface, weights, np.eye(3)[None], np.full((1, 3), np.inf), 9, **LIMITS)

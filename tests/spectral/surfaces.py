@@ -1,0 +1,20 @@
+"""Surfaces of points, on the device that is chosen by itself."""
+
+from collections.abc import Sequence
+from functools import cache
+
+import numpy as np
+
+from kernels.device.device import Device, choose_device
+from kernels.surface.cells import sort_into_cells
+from spectral.prepare.surface import Surface, smooth_surface
+
+
+@cache
+def chosen_device() -> Device:
+    return choose_device()
+
+
+def surface_of(points: np.ndarray, viewpoints: Sequence[np.ndarray] = ()) -> Surface:
+    device = chosen_device()
+    return smooth_surface(device, sort_into_cells(device, points), viewpoints)
