@@ -2,8 +2,8 @@
 
 In: device arrays and NumPy arrays. Out: device arrays, and peaks as NumPy numbers. `device/` finds devices and launches
 programs, `fft/` transforms volumes, `points/` puts points into voxels and views, `pomf/` correlates spectra and finds
-peaks, `resample/` samples spectra on layers, `so3/` correlates layers over all rotations. Every kernel is compared with
-NumPy or SciPy in its test.
+peaks, `resample/` samples spectra on layers, `so3/` correlates layers over all rotations, `surface/` finds nearest
+points and fits surfaces to each other. Every kernel is compared with NumPy or SciPy in its test.
 """
 
 import lazy_loader

@@ -9,6 +9,8 @@ _ROTATIONS = 64 * 2**20
 _LARGEST_TABLE = 42 * 2**20
 # Points of a scan on two grids: up to 200,000 of 16 bytes are assumed.
 _POINTS = 2 * 16 * 200_000
+# A surface has about as many points as a face of the grid has voxels, in two sets of cells: bytes of each point.
+_SURFACE = 2 * (16 + 16 * 4) + 48
 # The range image of a scan, and the sample of points that is compared with others'.
 _VIEW = 2**18
 
@@ -39,7 +41,8 @@ def prepared_memory(edge: int) -> int:
     """One prepared scan [bytes]: points, spectrum, magnitudes; and its layers, or what the coarse grid needs."""
     layers = _tilt_spectra(edge) * 7 // 4
     coarse = _half_spectrum(max(edge // 2, 16)) + _VIEW
-    return _POINTS + _half_spectrum(edge) + _magnitude(edge) + max(layers, coarse)
+    surface = _SURFACE * min(edge**2, 200_000)
+    return _POINTS + surface + _half_spectrum(edge) + _magnitude(edge) + max(layers, coarse)
 
 
 def _fits(device: Device, edge: int) -> bool:
