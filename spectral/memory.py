@@ -2,6 +2,7 @@
 
 from kernels.device.device import Device
 from kernels.errors import DeviceError
+from kernels.pomf.correlator import at_once
 from spectral.grid import EDGES
 
 # Tables and correlations over all rotations, of any tilt: the same on every grid.
@@ -56,10 +57,19 @@ def _fits(device: Device, edge: int) -> bool:
 def _scratch(edge: int) -> int:
     """What is used again by each pair [bytes]: volumes, spectra, and stacks of layers or what is known of rotations."""
     stack = 4 * 2 * _layers(edge) * edge**2
-    hemisphere = 3 * _volume(edge) + 3 * _half_spectrum(edge) + 2 * stack + _tilt_spectra(edge)
-    # the coarse grid has an eighth as many voxels
-    rotations = (3 * _volume(edge) + 5 * _half_spectrum(edge) // 2) * 9 // 8 + _ROTATIONS
+    hemisphere = _volume(edge) + _correlations(edge, 1, 1) + 2 * stack + _tilt_spectra(edge)
+    coarse = max(edge // 2, 16)
+    # the coarse grid's scans have two spectra each, as many poses as fill a small device are worked on at once there
+    rotations = _volume(edge) + _correlations(edge, 1, 1) + _ROTATIONS
+    rotations += _volume(coarse) + _correlations(coarse, 2, at_once(coarse))
     return max(hemisphere, rotations)
+
+
+def _correlations(edge: int, exponents: int, poses: int) -> int:
+    """What a `Correlator` takes [bytes]: volumes, spectra, correlations; sums, and maxima of rows."""
+    cubes = exponents * poses
+    large = (poses + cubes) * _volume(edge) + cubes * _half_spectrum(edge)
+    return large + poses * 6 * _half_spectrum(edge) // edge + cubes * 4 * edge**2 + poses * edge**2 + cubes * 2**16
 
 
 def _volume(edge: int) -> int:

@@ -37,22 +37,23 @@ def search_rotation(
     """
     R = R_target_source
 
-    def peak_under(turned: Rotation) -> Peak:
+    def peaks_under(turned: Rotation) -> list[Peak]:
         if stay:
-            return translation.find_at(target, source, turned, peak.shift)
-        return translation.find(target, source, turned)
+            return translation.find_at(target, source, turned, np.tile(peak.shift, (len(turned), 1))).highest()
+        free = [None] * len(turned)
+        return [of[0][0] for of in translation.find_within(target, source, turned, free, 1, 3.0)]
 
     for step in STEPS:
-        tried = [(R, peak)]
-        top = np.zeros(3)
-        for axis in range(3):
-            turn = Rotation.from_rotvec(step * np.eye(3)[axis])
-            pair = [(side * R, peak_under(side * R)) for side in (turn.inv(), turn)]
-            tried += pair
-            top[axis] = step * _parabola_top(pair[0][1].psr, peak.psr, pair[1][1].psr)
-        combined = Rotation.from_rotvec(top) * R
-        tried.append((combined, peak_under(combined)))
-        R, peak = max(tried, key=lambda entry: entry[1].psr)
+        sides = Rotation.from_rotvec(step * np.concatenate([-np.eye(3), np.eye(3)])) * R
+        beside = peaks_under(sides)
+        left, right = (np.array([found.psr for found in half]) for half in (beside[:3], beside[3:]))
+        top = [step * _parabola_top(low, peak.psr, high) for low, high in zip(left, right, strict=True)]
+        combined = Rotation.from_rotvec([top]) * R
+        # in this order the first of equal ones is kept: where it was, axis by axis the lower side, the top
+        turns = [R, *(sides[n] for n in (0, 3, 1, 4, 2, 5)), combined[0]]
+        peaks = [peak, *(beside[n] for n in (0, 3, 1, 4, 2, 5)), *peaks_under(combined)]
+        best = max(range(len(peaks)), key=lambda n: peaks[n].psr)
+        R, peak = turns[best], peaks[best]
     return R, peak
 
 

@@ -1,6 +1,6 @@
 """The shift between two scans once the rotation is known: Sect. 2.10 of the paper."""
 
-from collections.abc import Iterator
+from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from typing import Protocol
 
@@ -8,9 +8,8 @@ import numpy as np
 from scipy.spatial.transform import Rotation
 
 from kernels.device.device import Array, Device
-from kernels.points.voxelize import voxelize
-from kernels.pomf.peak import Peak, find_peaks, peak_at
-from kernels.pomf.spectrum import Pomf, whiten
+from kernels.pomf.correlator import Correlator, NearShifts, Pose, at_once
+from kernels.pomf.peak_fit import Peak
 
 # Standard deviation of the Gaussian that the correlation is convolved with [voxels]. Noise of the scans and the
 # voxels' edges spread the peak over its neighbors; without the blur the highest voxel is often a wrong one.
@@ -50,23 +49,14 @@ class Translation:
     """POMF of the target with the source turned into the target's orientation, on one device and grid."""
 
     def __init__(self, device: Device, edge: int, exponents: tuple[float, ...] = (1.0,)) -> None:
-        """Plan the volume and its transforms; the volumes to correlate are whitened with the same exponents."""
+        """Plan the correlations; the volumes to correlate are whitened with the same exponents."""
         self.device, self.edge, self.exponents = device, edge, exponents
-        cube, half = (edge, edge, edge), (edge, edge, edge // 2 + 8)
-        self._pomf = Pomf(device, cube, BLUR)
-        self._volume = device.empty(cube)
-        self._spectrum = device.empty(half, np.complex64)
-        self._whitened = device.empty(half, np.complex64) if len(exponents) > 1 else self._spectrum
-        self._correlation = device.empty(cube)
-
-    def correlate(self, target: Volume, source: Volume, R_target_source: Rotation) -> Array:
-        """The correlation with the first exponent (N, N, N) float32; the array is used again by the next call."""
-        return next(self.correlations(target, source, R_target_source))
+        self._correlator = Correlator(device, edge, BLUR, exponents, at_once(edge))
 
     def correlations(
         self, target: Volume, source: Volume, R_target_source: Rotation, offset: np.ndarray | None = None
-    ) -> Iterator[Array]:
-        """For each exponent the correlation (N, N, N) float32; the array is used again by the next.
+    ) -> list[Array]:
+        """For each exponent the correlation (N, N, N) float32; the arrays are used again by the next call.
 
         A peak at s means p_target = R p_source + s about the grid centers. The points are turned and put into voxels
         anew: turning the voxel data would blur them.
@@ -74,43 +64,64 @@ class Translation:
         Args:
             offset: (3,) [voxels] by which the source is moved before; peaks are at s - offset then.
         """
-        R = R_target_source.as_matrix()
-        voxelize(self.device, source.points, self.edge, R=R, offset=offset, out=self._volume)
-        spectrum = self._pomf.transform(self._volume, out=self._spectrum)
-        for exponent, target_spectrum in zip(self.exponents, target.spectra, strict=True):
-            whitened = whiten(self.device, spectrum, exponent, out=self._whitened)
-            yield self._pomf.correlate(target_spectrum, whitened, out=self._correlation)
+        pose = Pose(R_target_source.as_matrix(), offset)
+        return self._correlator.correlations(source.points, pose, target.spectra)
 
     def find(self, target: Volume, source: Volume, R_target_source: Rotation) -> Peak:
-        """The highest peak of the correlation."""
-        return find_peaks(self.device, self.correlate(target, source, R_target_source))[0]
+        """The highest peak of the correlation with the first exponent."""
+        return self._find(target, source, R_target_source, 1, 3.0)[0]
+
+    def find_others(self, target: Volume, source: Volume, R_target_source: Rotation, separation: float) -> list[Peak]:
+        """The next highest peak of that correlation, farther than `separation` [voxels] from the highest, if any."""
+        return self._find(target, source, R_target_source, 2, separation)[1:]
 
     def find_within(
-        self, target: Volume, source: Volume, R_target_source: Rotation, box: Box | None, count: int, separation: float
-    ) -> list[list[Peak]]:
-        """For each exponent the `count` highest peaks within a box, or all that are, farther than `separation` apart.
+        self,
+        target: Volume,
+        source: Volume,
+        R_target_source: Rotation,
+        boxes: Sequence[Box | None],
+        count: int,
+        separation: float,
+    ) -> list[list[list[Peak]]]:
+        """For each rotation and exponent the `count` highest peaks within a box, or all that are.
 
         Within a box a peak's shift is what it names; elsewhere it is one of what is cyclic. What the box moves out
         of the grid takes no part.
+
+        Args:
+            R_target_source: (m,) rotations.
+            boxes: (m,) of each; None where any shift is possible.
+            separation: the peaks are farther than this apart [voxels].
         """
-        if box is None or not self.is_bounded(box):
-            found = self.correlations(target, source, R_target_source)
-            return [find_peaks(self.device, each, count=count, separation=separation) for each in found]
-        limits = float(box.half[0]), float(box.half[1]), float(box.half[2])
-        found = self.correlations(target, source, R_target_source, box.center)
-        peaks = (find_peaks(self.device, each, count=count, separation=separation, limits=limits) for each in found)
-        return [[replace(peak, shift=peak.shift + box.center) for peak in each] for each in peaks]
+        bounds = [box if self.is_bounded(box) else None for box in boxes]
+        poses = [
+            Pose(R) if box is None else Pose(R, box.center, box.half)
+            for R, box in zip(R_target_source.as_matrix(), bounds, strict=True)
+        ]
+        peaks = self._correlator.find(source.points, poses, target.spectra, count, separation)
+        return [
+            each if box is None else [[replace(peak, shift=peak.shift + box.center) for peak in row] for row in each]
+            for each, box in zip(peaks, bounds, strict=True)
+        ]
 
     def is_bounded(self, box: Box | None) -> bool:
         """Whether a box is smaller than the grid."""
         return box is not None and bool((box.half < self.edge / 2).all())
 
-    def find_at(self, target: Volume, source: Volume, R_target_source: Rotation, shift: np.ndarray) -> Peak:
-        """The highest place within a voxel of a shift (3,) [voxels], be it a peak or on the slope of another."""
-        correlation = self.correlate(target, source, R_target_source)
-        return peak_at(self.device, correlation, np.rint(shift).astype(np.int64))
+    def find_at(self, target: Volume, source: Volume, R_target_source: Rotation, shifts: np.ndarray) -> NearShifts:
+        """The highest places within a voxel of shifts, be they peaks or on the slope of another; nothing is read yet.
 
-    def find_others(self, target: Volume, source: Volume, R_target_source: Rotation, separation: float) -> list[Peak]:
-        """The next highest peak of the correlation, farther than `separation` [voxels] from the highest, if any."""
-        correlation = self.correlate(target, source, R_target_source)
-        return find_peaks(self.device, correlation, count=2, separation=separation)[1:]
+        Args:
+            R_target_source: (m,) rotations.
+            shifts: (m, 3) [voxels], one for each.
+        """
+        poses = [Pose(R) for R in R_target_source.as_matrix()]
+        places = np.rint(shifts).astype(np.int64)
+        return self._correlator.near(source.points, poses, target.spectra, places)
+
+    def _find(
+        self, target: Volume, source: Volume, R_target_source: Rotation, count: int, separation: float
+    ) -> list[Peak]:
+        poses = [Pose(R_target_source.as_matrix())]
+        return self._correlator.find(source.points, poses, target.spectra, count, separation)[0][0]

@@ -46,9 +46,20 @@ def launch(
         kernels[key] = cl.Kernel(device.program(program, **defines), kernel)
     if group is None and device.is_cpu:
         group = (1,) * len(size)
+    enqueue(device, kernels[key], size, *arguments, group=group)
+
+
+def enqueue(
+    device: Device,
+    kernel: cl.Kernel,
+    size: tuple[int, ...],
+    *arguments: cla.Array | np.generic,
+    group: tuple[int, ...] | None,
+) -> None:
+    """Enqueue a kernel of a program that was generated; arguments and errors as in `launch`."""
     values = [buffer_of(device, value) if isinstance(value, cla.Array) else value for value in arguments]
     with device.explain_full_memory():
-        kernels[key](device.queue, size, group, *values)
+        kernel(device.queue, size, group, *values)
 
 
 def buffer_of(device: Device, array: cla.Array) -> cl.Buffer:
@@ -95,6 +106,12 @@ def affine(R: np.ndarray | None = None, offset: np.ndarray | None = None) -> np.
     Raises:
         InputError: R is not a (3, 3) rotation, or the offset is not 3 finite numbers.
     """
+    rows = affine_rows(R, offset).ravel()
+    return cltypes.make_float16(*rows)  # pyright: ignore[reportAttributeAccessIssue]
+
+
+def affine_rows(R: np.ndarray | None = None, offset: np.ndarray | None = None) -> np.ndarray:
+    """(4, 4) float64: a rotation and a shift as `affine` puts them into one argument; errors as there."""
     turn = np.eye(3) if R is None else np.asarray(R, np.float64)
     shift = np.zeros(3) if offset is None else np.asarray(offset, np.float64)
     if turn.shape != (3, 3) or not np.allclose(turn @ turn.T, np.eye(3), atol=1e-4):
@@ -105,7 +122,7 @@ def affine(R: np.ndarray | None = None, offset: np.ndarray | None = None) -> np.
         raise InputError(f"`offset` is {shift.tolist()}; wanted 3 finite numbers")
     rows = np.eye(4)
     rows[:3] = np.column_stack([turn, shift])
-    return cltypes.make_float16(*rows.ravel())  # pyright: ignore[reportAttributeAccessIssue]
+    return rows
 
 
 def require_array(

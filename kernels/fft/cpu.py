@@ -11,7 +11,7 @@ from kernels.fft.cpu_rows import real_rows
 from kernels.fft.plan import RADICES, Layout, Pass, Plan
 from kernels.fft.stage import KEEP, block, from_private, private_stages, scatter, stage, to_private, twiddles
 
-_KERNEL = "__kernel __attribute__((reqd_work_group_size(1, 1, 1))) void"
+KERNEL = "__kernel __attribute__((reqd_work_group_size(1, 1, 1))) void"
 _ARGUMENTS = "__global float* volume, __global float* spectrum"
 
 
@@ -20,7 +20,7 @@ def emit(layout: Layout, inverse: bool) -> Plan:
     n0, n1, _ = layout.shape
     edges = {layout.row_points, n1, *(() if layout.batched else (n0,))}
     parts = ['#include "device/complex.cl"', *(twiddles(n) for n in sorted(edges))]
-    parts.append(_columns("columns_1", n1, 2 * layout.pitch, 1, inverse))
+    parts.append(columns("columns_1", n1, 2 * layout.pitch, 1, inverse))
     parts.append(real_rows(layout, inverse))
     parts.append(_planes(layout, inverse))
     passes = [Pass("planes", n0)]
@@ -28,7 +28,7 @@ def emit(layout: Layout, inverse: bool) -> Plan:
         # The elements of a column of the first axis are a power of two apart, so all of them meet in one set
         # of the first-level cache. Several neighbors at once spread over several sets: up to 3 times faster.
         wide = 4 if n0 <= 128 else 8
-        parts.append(_columns("columns_0", n0, 2 * n1 * layout.pitch, wide, inverse))
+        parts.append(columns("columns_0", n0, 2 * n1 * layout.pitch, wide, inverse))
         parts.append(_sheets(layout, wide))
         passes.insert(0 if inverse else 1, Pass("sheets", n1 // wide))
     return Plan("\n".join(parts), tuple(passes))
@@ -42,7 +42,7 @@ def _planes(layout: Layout, inverse: bool) -> str:
     columns = f"for (int i = 0; i < {16 * layout.column_blocks}; i += 16) columns_1(spectrum + i);"
     loops = [columns, rows] if inverse else [rows, columns]
     return f"""
-{_KERNEL} planes({_ARGUMENTS}) {{
+{KERNEL} planes({_ARGUMENTS}) {{
     volume += get_global_id(0) * {n1 * n2};
     spectrum += get_global_id(0) * {2 * n1 * layout.pitch};
     {KEEP} {loops[0]}
@@ -54,13 +54,13 @@ def _sheets(layout: Layout, wide: int) -> str:
     """The kernel of the first axis: a work-item per `wide` rows of the second, neighbors in memory."""
     floats = 2 * layout.pitch * wide
     return f"""
-{_KERNEL} sheets({_ARGUMENTS}) {{
+{KERNEL} sheets({_ARGUMENTS}) {{
     spectrum += get_global_id(0) * {floats};
     {KEEP} for (int i = 0; i < {floats}; i += {16 * wide}) columns_0(spectrum + i);
 }}"""
 
 
-def _columns(name: str, n: int, stride: int, wide: int, inverse: bool) -> str:
+def columns(name: str, n: int, stride: int, wide: int, inverse: bool) -> str:
     """The function that transforms `wide` times 8 adjacent columns in place; stride is in floats."""
     first, last = RADICES[n][0], RADICES[n][-1]
     re, im = ("i", "r") if inverse else ("r", "i")

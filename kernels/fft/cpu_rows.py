@@ -6,11 +6,16 @@ from kernels.fft.plan import RADICES, Layout
 from kernels.fft.stage import KEEP, block, private_stages, scatter, untangle
 
 
-def real_rows(layout: Layout, inverse: bool) -> str:
-    """The function that transforms 8 real rows: dense floats to half a spectrum, or back."""
+def real_rows(layout: Layout, inverse: bool, maxima: bool = False) -> str:
+    """The function that transforms 8 real rows: dense floats to half a spectrum, or back.
+
+    Args:
+        maxima: of an inverse: the function takes two more arguments, where to store the maximum of each row, 8 floats,
+            and up to which cyclic distance from column 0 it is taken.
+    """
     scale = 2 / layout.points if inverse else 1.0  # a packed row has half the points of its real one
     parts = [_position(layout.row_points), untangle(layout.row_points, scale, inverse, "float8")]
-    return "\n".join([*parts, _spectra_to_rows(layout, scale) if inverse else _rows_to_spectra(layout)])
+    return "\n".join([*parts, _spectra_to_rows(layout, scale, maxima) if inverse else _rows_to_spectra(layout)])
 
 
 def _rows_to_spectra(layout: Layout) -> str:
@@ -50,10 +55,11 @@ static inline void rows(__global const float* volume, __global float* spectrum) 
 }}"""
 
 
-def _spectra_to_rows(layout: Layout, scale: float) -> str:
+def _spectra_to_rows(layout: Layout, scale: float, maxima: bool) -> str:
     n, pitch, length = layout.row_points, 2 * layout.pitch, layout.shape[2]
+    tops, reduce = (", __global float* tops, const int reach", _row_maxima(n)) if maxima else ("", "")
     return f"""
-static inline void rows(__global float* volume, __global const float* spectrum) {{
+static inline void rows(__global float* volume, __global const float* spectrum{tops}) {{
     float8 re[{n}], im[{n}], a[8], b[8];
     load_rows(spectrum + {n}, {pitch}, a);
     im[position({n // 2})] = a[0] * {literal(scale)};
@@ -70,11 +76,22 @@ static inline void rows(__global float* volume, __global const float* spectrum) 
         {_tile_to_arrays("before", n, "im", "re", "b", shift=1)}
     }}
     {private_stages(n, 0, len(RADICES[n]))}
+    {reduce}
     {KEEP} for (int k = 0; k < {n}; k += 4) {{
         {_arrays_to_tile("k", "im", "re")}
         store_rows(volume + 2 * k, {length}, a);
     }}
 }}"""
+
+
+def _row_maxima(n: int) -> str:
+    """Store the maxima of 8 rows of 2 n numbers, the even ones in im, the odd ones in re."""
+    return f"""float8 top = -INFINITY;
+    {KEEP} for (int k = 0; k < {n}; ++k) {{
+        if (2 * k <= reach || 2 * k >= {2 * n} - reach) top = max(top, im[k]);
+        if (2 * k + 1 <= reach || 2 * k + 1 >= {2 * n} - reach) top = max(top, re[k]);
+    }}
+    vstore8(top, 0, tops);"""
 
 
 def _untangle_tiles() -> str:

@@ -8,18 +8,33 @@
 #define EDGE 128
 #endif
 
-__kernel void voxelize(__global const float4* const restrict points, __global int* const restrict volume,
-                       const int count, const float16 pose) {
-    const int n = get_global_id(0);
-    if (n >= count) return;
-    const float4 p = points[n];
+static void put(const float4 p, const float16 pose, __global int* const volume, __global int* const marks) {
     const float x = fma(pose.s0, p.x, fma(pose.s1, p.y, fma(pose.s2, p.z, pose.s3)));
     const float y = fma(pose.s4, p.x, fma(pose.s5, p.y, fma(pose.s6, p.z, pose.s7)));
     const float z = fma(pose.s8, p.x, fma(pose.s9, p.y, fma(pose.sa, p.z, pose.sb)));
     const float edge = EDGE;
     const bool inside = x >= 0 && y >= 0 && z >= 0 && x < edge && y < edge && z < edge;  // false for NaN
     if (!inside || !(p.w > 0)) return;
-    __global int* const voxel = volume + ((int)x * EDGE + (int)y) * EDGE + (int)z;
+    const int row = (int)x * EDGE + (int)y;
+    __global int* const voxel = volume + row * EDGE + (int)z;
     // most points of a voxel find it full: the atomic costs far more than a look, and old values are never too high
     if (*voxel < as_int(p.w)) atomic_max(voxel, as_int(p.w));
+    if (marks && !marks[row / 8]) marks[row / 8] = 1;
+}
+
+__kernel void voxelize(__global const float4* const restrict points, __global int* const restrict volume,
+                       const int count, const float16 pose) {
+    const int n = get_global_id(0);
+    if (n < count) put(points[n], pose, volume, 0);
+}
+
+// One volume for each of some poses, which are 20 floats each, the first 16 as above: pose `first` is that of volume 0.
+// marks are EDGE^2 / 8 ints for each volume: those of 8 rows that hold a point are set to 1.
+__kernel void voxelize_poses(__global const float4* const restrict points, __global int* const restrict volumes,
+                             __global int* const restrict marks, __global const float* const restrict poses,
+                             const int count, const int first) {
+    const int n = get_global_id(0);
+    const size_t number = get_global_id(1);
+    const float16 pose = vload16(0, poses + 20 * (first + number));
+    if (n < count) put(points[n], pose, volumes + number * EDGE * EDGE * EDGE, marks + number * (EDGE * EDGE / 8));
 }

@@ -49,3 +49,33 @@ def voxelize(
         arguments = points, volume, np.int32(count), pose
         launch(device, "points/voxelize", "voxelize", size, *arguments, group=group, EDGE=edge)
     return volume
+
+
+def voxelize_poses(
+    device: Device,
+    points: cla.Array,
+    volumes: cla.Array,
+    marks: cla.Array,
+    poses: cla.Array,
+    first: int = 0,
+) -> None:
+    """Voxelize the points under several poses at once, as `voxelize` does, into volumes that are empty.
+
+    Args:
+        points: (n, 4) float32, as in `voxelize`.
+        volumes: (count, edge, edge, edge) float32, 0 everywhere.
+        marks: (count, edge, edge / 8) int32: 1 is written for every 8 rows of which any holds a point.
+        poses: (m, 20) float32, m at least first + count: `affine_rows` of R and the offset + edge/2 + 0.5, and 4 more.
+        first: the first volume's pose.
+
+    Raises:
+        InputError: an array has another shape or dtype.
+    """
+    points_count, _ = require_array(points, "points", (None, 4))
+    count, edge, _, _ = require_array(volumes, "volumes", (None, None, None, None))
+    require_array(marks, "marks", (count, edge, edge // 8), np.int32)
+    require_array(poses, "poses", (None, 20))
+    if points_count:
+        size = -(-points_count // _GROUP) * _GROUP, count
+        arguments = points, volumes, marks, poses, np.int32(points_count), np.int32(first)
+        launch(device, "points/voxelize", "voxelize_poses", size, *arguments, group=(_GROUP, 1), EDGE=edge)

@@ -15,7 +15,7 @@ from kernels.pomf.peak_fit import Peak, fit_peaks, signed
 __all__ = ["Peak", "find_peaks", "peak_at", "segment_peaks"]
 
 _ROWS_TOGETHER = 16
-_NOT_FINITE = "the correlation holds numbers that are not finite; look at the volumes that went in"
+NOT_FINITE = "the correlation holds numbers that are not finite; look at the volumes that went in"
 
 
 def find_peaks(
@@ -113,7 +113,7 @@ def segment_peaks(device: Device, correlation: cla.Array, segments: int = 4) -> 
     )  # fmt: skip
     values, columns = maxima.get()
     if np.isnan(values).any():
-        raise InputError(_NOT_FINITE)
+        raise InputError(NOT_FINITE)
     kept = np.flatnonzero(values > -np.inf)
     kept = kept[np.argsort(-values[kept], kind="stable")]
     row = kept // segments
@@ -147,7 +147,7 @@ def _statistics(device: Device, correlation: cla.Array, reach: int) -> tuple[np.
         total = row_squares.sum(dtype=np.float64) + length * np.square(row_means - mean).sum()
     std = np.sqrt(total / correlation.size)
     if not np.isfinite(std):
-        raise InputError(_NOT_FINITE)
+        raise InputError(NOT_FINITE)
     return tops, float(mean), float(std)
 
 

@@ -33,13 +33,15 @@ class Peak:
     std: float
 
 
-def fit_peaks(index: np.ndarray, cubes: np.ndarray, shape: tuple[int, ...], mean: float, std: float) -> list[Peak]:
-    """The peaks at voxels (m, 3) of a cyclic correlation.
+def fit_peaks(
+    index: np.ndarray, cubes: np.ndarray, shape: tuple[int, ...], mean: float | np.ndarray, std: float | np.ndarray
+) -> list[Peak]:
+    """The peaks at voxels (m, 3) of a cyclic correlation, or of several of the same shape.
 
     Args:
         cubes: (m, 3, 3, 3) float32, their neighborhoods.
         shape: of the correlation.
-        mean, std: of the whole correlation, without a unit.
+        mean, std: of the whole correlation, without a unit; (m,) of each peak's.
     """
     values = cubes[:, 1, 1, 1].astype(np.float64)
     lines = np.stack([cubes[:, :, 1, 1], cubes[:, 1, :, 1], cubes[:, 1, 1, :]], axis=1)
@@ -47,10 +49,12 @@ def fit_peaks(index: np.ndarray, cubes: np.ndarray, shape: tuple[int, ...], mean
     flat = np.array(shape) <= 2
     offsets[:, flat] = heights[:, flat] = 0.0
     shifts, tops = signed(index, np.array(shape)) + offsets, values * np.exp(heights.sum(axis=1))
-    ratios = (tops - mean) / std if std > 0 else np.zeros(len(tops))
+    means, stds = (np.broadcast_to(np.asarray(each, np.float64), tops.shape) for each in (mean, std))
+    ratios = np.divide(tops - means, stds, out=np.zeros(len(tops)), where=stds > 0)
+    numbers = np.column_stack([values, tops, ratios, means, stds]).tolist()
     return [
-        Peak(place, shift, float(value), float(top), float(psr), cube, mean, std)
-        for place, shift, value, top, psr, cube in zip(index, shifts, values, tops, ratios, cubes, strict=True)
+        Peak(place, shift, value, top, psr, cube, its_mean, its_std)
+        for place, shift, cube, (value, top, psr, its_mean, its_std) in zip(index, shifts, cubes, numbers, strict=True)
     ]
 
 

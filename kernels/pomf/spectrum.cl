@@ -3,21 +3,14 @@
 // Layout: complex64 as interleaved floats, C order; a row (last axis) is PITCH = N/2 + 8 complex numbers of which the
 // first N/2 + 1 are valid and the rest is padding. PITCH is a multiple of 8, so rows are walked 8 numbers at a time;
 // whatever the padding holds, whitening leaves finite numbers in it and cross-powers multiply it by 0.
-// Precondition: the axes before the last are even (for the centering), and FLOOR^2 is a normal float.
-#ifndef FLOOR
-#define FLOOR 1e-9f
-#endif
+// Precondition: the axes before the last are even (for the centering).
+#include "pomf/whitening.cl"
 
 // F / |F|^exponent, and 0 where |F| is at most FLOOR, infinite or not a number.
 __kernel void whiten(__global const float* const spectrum, __global float* const out, const float exponent) {
     const size_t n = get_global_id(0);
     const float16 value = vload16(n, spectrum);
-    const float8 power = value.even * value.even + value.odd * value.odd;
-    // the usual cases need no logarithm, which takes three times as long
-    const float8 inverse = exponent == 1.0f   ? 1.0f / sqrt(power)
-                           : exponent == 0.5f ? 1.0f / sqrt(sqrt(power))
-                                              : powr(power, (float8)(-0.5f * exponent));
-    const float8 scale = select((float8)(0.0f), inverse, power > FLOOR * FLOOR && power < INFINITY);
+    const float8 scale = whitening(value.even * value.even + value.odd * value.odd, exponent);
     float16 result;
     // select, not a product with 0: infinity and NaN times 0 are NaN
     result.even = select((float8)(0.0f), value.even * scale, scale > 0.0f);

@@ -93,8 +93,8 @@ def cross_power(
     n0, n1, n2 = shape
     pitch = _require_pair(target, source, shape)
     result = output(device, out, "out", (n0, n1, pitch), np.complex64)
-    gain0 = np.ones(n0, np.float32) if batched else _gain(n0, blur)
-    gains = [table(device, gain) for gain in (gain0, _gain(n1, blur), _half_gain(n2, blur))]
+    gain0 = np.ones(n0, np.float32) if batched else full_gain(n0, blur)
+    gains = [table(device, gain) for gain in (gain0, full_gain(n1, blur), half_gain(n2, blur))]
     sizes = np.int32(n1), np.int32(pitch)
     # on a CPU a work-group costs as much as a short row
     group = (_ROWS_AT_ONCE, 1) if device.is_cpu and n1 % _ROWS_AT_ONCE == 0 else None
@@ -118,7 +118,7 @@ def sum_layers(
     n0, n1, n2 = shape
     pitch = _require_pair(target, source, shape)
     result = output(device, out, "out", (1, n1, pitch), np.complex64)
-    gains = table(device, _gain(n1, blur)), table(device, _half_gain(n2, blur))
+    gains = table(device, full_gain(n1, blur)), table(device, half_gain(n2, blur))
     sizes = np.int32(n0), np.int32(n1), np.int32(pitch)
     launch(device, "pomf/spectrum", "sum_layers", (pitch // 8, n1), target, source, result, *gains, *sizes)
     return result
@@ -143,18 +143,26 @@ def _require_pair(target: cla.Array, source: cla.Array, shape: tuple[int, int, i
     return pitch
 
 
-def _gain(n: int, blur: float) -> np.ndarray:
+def full_gain(n: int, blur: float) -> np.ndarray:
     """(n,) float32: the Gaussian along one axis, at the frequencies of a full transform."""
     if not blur >= 0:
         raise InputError(f"`blur={blur}` voxels; wanted 0 or more")
     return np.exp(-2 * (np.pi * blur * np.fft.fftfreq(n)) ** 2).astype(np.float32)
 
 
-def _half_gain(n: int, blur: float) -> np.ndarray:
+def half_gain(n: int, blur: float) -> np.ndarray:
     """(n/2 + 8,) float32: the Gaussian along the halved axis, 0 in the padding."""
-    gain = np.zeros(n // 2 + 8, np.float32)
-    gain[: n // 2 + 1] = _gain(n, blur)[: n // 2 + 1]
-    return gain
+    padded = np.zeros(n // 2 + 8, np.float32)
+    padded[: n // 2 + 1] = full_gain(n, blur)[: n // 2 + 1]
+    return padded
+
+
+def half_weights(n: int) -> np.ndarray:
+    """(n/2 + 8,) float32: how often a number along the halved axis stands in the whole one; 0 in the padding."""
+    weights = np.zeros(n // 2 + 8, np.float32)
+    weights[1 : n // 2] = 2
+    weights[[0, n // 2]] = 1
+    return weights
 
 
 class Pomf:

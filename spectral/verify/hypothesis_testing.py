@@ -125,7 +125,8 @@ class HypothesisTest:
         if not spectral:
             return self._refine_all(self._measure([best]), _FINAL, _FINAL_POINTS, stretches=True)[0]
         translation, target, source = self.verifier.translation, self.target.volume, self.source.volume
-        peak = translation.find_at(target, source, best.fit.R, best.fit.shift)
+        begin = Rotation.concatenate([best.fit.R])
+        peak = translation.find_at(target, source, begin, best.fit.shift[None]).highest()[0]
         R, peak = search_rotation(translation, target, source, best.fit.R, peak, stay=True)
         near = peak.shift + self.grid.edge * np.rint((best.fit.shift - peak.shift) / self.grid.edge)
         return self._measure([replace(best, fit=replace(best.fit, R=R, shift=near))])[0]
@@ -198,7 +199,7 @@ class HypothesisTest:
     def _measure(self, hypotheses: Sequence[Hypothesis]) -> list[Hypothesis]:
         """Distinct hypotheses with all their evidence, best first."""
         hopeful = _hopeful(self._rank(hypotheses), _HOPELESS)
-        measured = [self.verifier.measure(self.target, self.source, hypothesis) for hypothesis in hopeful]
+        measured = self.verifier.measure(self.target, self.source, hopeful)
         return sorted(measured, key=lambda hypothesis: -hypothesis.score)
 
     def _refine_candidates(

@@ -31,6 +31,8 @@ _SAME_ROTATION = float(np.deg2rad(9.0))
 _BY_POINTS, _POINTS = 60, 400
 # Points by which a refined hypothesis' shared surface is measured.
 SURFACE_POINTS = 1200
+# Along which axes a cyclic shift is wrapped, of all that it may stand for.
+_WRAPS = np.array(list(product((False, True), repeat=3)))
 # A contradiction weighs as so many agreements; a share of points that is small beside the least hardly counts.
 _WEIGHT, _LEAST = 4.0, 0.05
 
@@ -86,21 +88,29 @@ class Verifier:
         scale: float,
     ) -> list[Candidates]:
         """For each exponent, with all shifts that a cyclic one stands for where no box bounds them."""
-        found: list[list[tuple[int, np.ndarray, float]]] = [[] for _ in translation.exponents]
-        for index, (R, box) in enumerate(zip(rotations.R, boxes, strict=True)):
-            by_exponent = translation.find_within(target, source, R, box, _PEAKS, _SEPARATION)
-            for places, peaks in zip(found, by_exponent, strict=True):
-                for peak in peaks:
-                    shift = peak.shift * scale
-                    unwrapped = shift[None] if translation.is_bounded(box) else self._unwrapped(shift)
-                    places += [(index, place, peak.psr) for place in unwrapped]
-        return [_gathered(rotations, places) for places in found]
+        by_rotation = translation.find_within(target, source, rotations.R, boxes, _PEAKS, _SEPARATION)
+        bounded = [translation.is_bounded(box) for box in boxes]
+        candidates: list[Candidates] = []
+        for exponent in range(len(translation.exponents)):
+            rows = [each[exponent] for each in by_rotation]
+            rotation = np.repeat(np.arange(len(rows)), [len(row) for row in rows])
+            shifts = np.array([peak.shift for row in rows for peak in row]).reshape(-1, 3) * scale
+            psr = np.array([peak.psr for row in rows for peak in row])
+            peak, places = self._unwrapped(shifts, np.array(bounded, bool)[rotation])
+            candidates.append(_gathered(rotations, rotation[peak], places, psr[peak]))
+        return candidates
 
-    def _unwrapped(self, shift: np.ndarray) -> np.ndarray:
-        """(n, 3): the shifts that a cyclic one stands for and that leave the scans something in common."""
-        wrapped = shift - np.copysign(self.edge, shift)
-        unwrapped = np.array(list(product(*zip(shift, wrapped, strict=True))))
-        return unwrapped[(np.abs(unwrapped) <= _FARTHEST * self.edge).all(axis=1)]
+    def _unwrapped(self, shifts: np.ndarray, bounded: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+        """The shifts that cyclic ones (m, 3) stand for and that leave the scans something in common.
+
+        Returns:
+            (n,) int64, of which of them, and (n, 3); a bounded (m,) one stands for itself alone.
+        """
+        wrapped = shifts - np.copysign(self.edge, shifts)
+        unwrapped = np.where(_WRAPS, wrapped[:, None], shifts[:, None])
+        allowed = (np.abs(unwrapped) <= _FARTHEST * self.edge).all(axis=2) & ~bounded[:, None]
+        allowed[bounded, 0] = True
+        return np.nonzero(allowed)[0], unwrapped[allowed]
 
     def best(
         self,
@@ -176,16 +186,18 @@ class Verifier:
                 distinct.append(hypothesis)
         return distinct
 
-    def measure(self, target: SpectralScan, source: SpectralScan, hypothesis: Hypothesis) -> Hypothesis:
-        """The hypothesis with the translation's correlation at its pose, on both grids."""
-        R, shift = hypothesis.fit.R, hypothesis.fit.shift
-        coarse = shift * self.coarse_edge / self.edge
-        evidence = replace(
-            hypothesis.evidence,
-            psr=self.translation.find_at(target.volume, source.volume, R, shift).psr,
-            coarse_psr=self._coarse.find_at(target.coarse, source.coarse, R, coarse).psr,
-        )
-        return replace(hypothesis, evidence=evidence)
+    def measure(self, target: SpectralScan, source: SpectralScan, hypotheses: Sequence[Hypothesis]) -> list[Hypothesis]:
+        """The hypotheses with the translation's correlation at their poses, on both grids."""
+        if not hypotheses:
+            return []
+        R = Rotation.concatenate([hypothesis.fit.R for hypothesis in hypotheses])
+        shifts = np.array([hypothesis.fit.shift for hypothesis in hypotheses])
+        fine = self.translation.find_at(target.volume, source.volume, R, shifts)
+        coarse = self._coarse.find_at(target.coarse, source.coarse, R, shifts * (self.coarse_edge / self.edge))
+        return [
+            replace(hypothesis, evidence=replace(hypothesis.evidence, psr=peak.psr, coarse_psr=coarse_peak.psr))
+            for hypothesis, peak, coarse_peak in zip(hypotheses, fine.highest(), coarse.highest(), strict=True)
+        ]
 
     def _scores(
         self, target: SpectralScan, source: SpectralScan, candidates: Candidates, tolerance: tuple[float, float]
@@ -203,13 +215,12 @@ class Verifier:
         return agreement * np.maximum(candidates.psr, 0.0)
 
 
-def _gathered(rotations: RotationPeaks, places: Sequence[tuple[int, np.ndarray, float]]) -> Candidates:
-    """Candidates of rotations by number, shift and height of the peak."""
-    rotation = np.array([number for number, _, _ in places], dtype=np.int64)
+def _gathered(rotations: RotationPeaks, rotation: np.ndarray, shifts: np.ndarray, psr: np.ndarray) -> Candidates:
+    """Candidates of rotations by number (n,), shift and height of the peak."""
     return Candidates(
         rotation=rotation,
         R=rotations.R[rotation],  # pyright: ignore[reportArgumentType]
-        shifts=np.array([shift for _, shift, _ in places]).reshape(-1, 3),
-        psr=np.array([psr for _, _, psr in places]),
+        shifts=shifts,
+        psr=psr,
         rotation_scores=rotations.scores[rotation],
     )

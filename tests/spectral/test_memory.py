@@ -59,7 +59,9 @@ def watched(monkeypatch: pytest.MonkeyPatch) -> Iterator[tuple[Device, Usage]]:
         return buffer
 
     monkeypatch.setattr(cla, "empty", lambda queue, shape, dtype: empty(queue, shape, dtype, allocator=allocate))
-    monkeypatch.setattr(cla, "to_device", lambda queue, host: upload(queue, host, allocator=allocate))
+    monkeypatch.setattr(
+        cla, "to_device", lambda queue, host, async_: upload(queue, host, allocator=allocate, async_=async_)
+    )
     yield device, usage
     gc.collect()
 

@@ -16,6 +16,7 @@ from spectral.translation import BLUR, Box, Translation
 EDGE = 32
 EXPONENTS = (1.0, 0.5)
 R = Rotation.from_euler("ZYX", [0.9, -0.2, 0.3])  # R_target_source
+ALONE = Rotation.concatenate([R])
 
 
 @dataclass(frozen=True, slots=True)
@@ -119,7 +120,7 @@ class TestAnywhere:
             assert np.linalg.norm(correlation - want) < 1e-4 * np.linalg.norm(want)
 
     def test_the_highest_peaks_are_numpys(self, translation: Translation, near: Pair) -> None:
-        found = translation.find_within(*near, R, None, 4, 2.0)
+        found = translation.find_within(*near, ALONE, [None], 4, 2.0)[0]
         assert len(found) == 2
         for exponent, peaks in zip(EXPONENTS, found, strict=True):
             correlation = twin(*near, exponent)
@@ -132,17 +133,19 @@ class TestAnywhere:
         box = Box(np.array([7.0, 0, 0]), np.array([3.0, 3.0, EDGE / 2]))
         assert not translation.is_bounded(box)
         assert not translation.is_bounded(None)
-        boxed, free = (translation.find_within(*near, R, each, 3, 2.0) for each in (box, None))
+        boxed, free = translation.find_within(*near, Rotation.concatenate([R, R]), [box, None], 3, 2.0)
         for some, all_of_them in zip(boxed, free, strict=True):
             np.testing.assert_array_equal([p.shift for p in some], [p.shift for p in all_of_them])
 
     def test_the_first_exponents_is_that_of_one_alone(self, translation: Translation, near: Pair) -> None:
         alone = Translation(translation.device, EDGE)
         first = Blocks(near[0].points, near[0].spectra[:1], near[0].on_host)
-        np.testing.assert_array_equal(alone.correlate(first, near[1], R).get(), translation.correlate(*near, R).get())
+        np.testing.assert_array_equal(
+            alone.correlations(first, near[1], R)[0].get(), translation.correlations(*near, R)[0].get()
+        )
 
     def test_the_height_at_a_shift_is_that_of_the_first_exponent(self, translation: Translation, near: Pair) -> None:
-        peak = translation.find_at(*near, R, np.array([5.2, -3.4, 1.9]))
+        (peak,) = translation.find_at(*near, ALONE, np.array([[5.2, -3.4, 1.9]])).highest()
         np.testing.assert_array_equal(peak.index, [5, EDGE - 3, 2])
         assert peak.value == pytest.approx(twin(*near, EXPONENTS[0])[5, -3, 2], rel=1e-4)
 
@@ -174,9 +177,11 @@ class TestBox:
     def test_a_shift_beyond_half_the_grid_is_named_as_it_is(
         self, translation: Translation, far: Pair, center: list[int]
     ) -> None:
-        free = translation.find_within(*far, R, None, 1, 2.0)
+        free = translation.find_within(*far, ALONE, [None], 1, 2.0)[0]
         np.testing.assert_allclose(free[0][0].shift, [FAR[0] - EDGE, *FAR[1:]], atol=0.5)
-        boxed = translation.find_within(*far, R, Box(np.array(center, float), np.array([3.0, 2.5, 4.0])), 1, 2.0)
+        boxed = translation.find_within(*far, ALONE, [Box(np.array(center, float), np.array([3.0, 2.5, 4.0]))], 1, 2.0)[
+            0
+        ]
         assert len(boxed) == 2
         for peaks in boxed:
             np.testing.assert_allclose(peaks[0].shift, FAR, atol=0.5)
@@ -184,7 +189,7 @@ class TestBox:
     def test_all_shifts_lie_in_it(self, translation: Translation, far: Pair) -> None:
         """A peak's voxel; between voxels half a one more."""
         center, half = np.array([-11.0, 4.0, 13.0]), np.array([4.0, 2.2, 5.0])
-        for peaks in translation.find_within(*far, R, Box(center, half), 6, 1.0):
+        for peaks in translation.find_within(*far, ALONE, [Box(center, half)], 6, 1.0)[0]:
             assert len(peaks) > 1
             for peak in peaks:
                 assert (np.abs(peak.shift - center) <= np.floor(half) + 0.5).all()
@@ -192,7 +197,7 @@ class TestBox:
     def test_it_sees_the_highest_there_and_not_the_highest_of_all(self, translation: Translation, near: Pair) -> None:
         """Peaks of the twin within the box, though the true shift lies outside."""
         center, half = np.array([-4.0, 3.0, 0.0]), np.array([3.0, 4.0, 5.0])
-        found = translation.find_within(*near, R, Box(center, half), 3, 1.0)
+        found = translation.find_within(*near, ALONE, [Box(center, half)], 3, 1.0)[0]
         for exponent, peaks in zip(EXPONENTS, found, strict=True):
             correlation = twin(*near, exponent, center)
             voxels = np.array(twin_peaks(correlation, EDGE**3, 0.0))

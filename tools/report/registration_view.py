@@ -138,6 +138,7 @@ def _shifts(
     R = T_target_source.rotation
     origin = target.volume.center - R.apply(source.volume.center)
     shift = (T_target_source.translation - origin) / voxel
-    peak = translation.find_at(target.volume, source.volume, R, shift)
-    correlation = translation.correlate(target.volume, source.volume, R).get()
+    turns = Rotation.concatenate([R])
+    (peak,) = translation.find_at(target.volume, source.volume, turns, shift[None]).highest()
+    correlation = translation.correlations(target.volume, source.volume, R)[0].get()
     return slice_translation(correlation, peak, shift, origin, voxel)

@@ -4,8 +4,9 @@ import numpy as np
 import pytest
 from scipy.spatial.transform import Rotation
 
+from kernels.device.launch import affine_rows
 from kernels.errors import InputError
-from kernels.points.voxelize import voxelize
+from kernels.points.voxelize import voxelize, voxelize_poses
 
 
 def _twin(points, edge, R, offset):
@@ -71,3 +72,24 @@ def test_refuses_what_it_cannot_use(device):
         voxelize(device, points, 15)
     with pytest.raises(InputError, match="`out` is float32"):
         voxelize(device, points, 16, out=device.empty((16, 16, 8)))
+
+
+def test_several_poses_at_once_are_those_one_by_one(device):
+    """And 8 rows are marked where any holds a point."""
+    rng = np.random.default_rng(5)
+    cloud = np.column_stack([rng.uniform(-12, 12, (300, 3)), rng.uniform(-0.5, 2, 300)]).astype(np.float32)
+    points, edge = device.to_device(cloud), 16
+    turns = Rotation.random(3, rng=rng).as_matrix()
+    offsets = rng.uniform(-3, 3, (3, 3))
+    rows = np.zeros((3, 20), np.float32)
+    for row, R, offset in zip(rows, turns, offsets, strict=True):
+        row[:16] = affine_rows(R, offset + edge / 2 + 0.5).ravel()
+    volumes = device.to_device(np.zeros((2, edge, edge, edge), np.float32))
+    marks = device.to_device(np.zeros((2, edge, edge // 8), np.int32))
+    voxelize_poses(device, points, volumes, marks, device.to_device(rows), 1)
+    for n, (R, offset) in enumerate(zip(turns[1:], offsets[1:], strict=True)):
+        want = voxelize(device, points, edge, R, offset).get()
+        np.testing.assert_array_equal(volumes.get()[n], want)
+        np.testing.assert_array_equal(marks.get()[n] > 0, want.reshape(edge, edge // 8, -1).any(axis=2))
+    with pytest.raises(InputError, match="marks"):
+        voxelize_poses(device, points, volumes, marks[:1], device.to_device(rows))

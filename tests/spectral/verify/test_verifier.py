@@ -84,9 +84,11 @@ class TestCandidates:
 
     def test_a_cyclic_shift_stands_for_several(self, verifier) -> None:
         """-3 is also 61, and 1 also -63, but these leave nothing in common of 64 voxels; 20 is also -44."""
-        unwrapped = {tuple(shift) for shift in verifier._unwrapped(np.array([20.0, -3.0, 1.0]))}
-        assert unwrapped == {(20.0, -3.0, 1.0), (-44.0, -3.0, 1.0)}
-        assert len(verifier._unwrapped(np.array([20.0, -30.0, 31.5]))) == 8
+        shifts = np.array([[20.0, -3.0, 1.0], [20.0, -30.0, 31.5], [50.0, -3.0, 70.0]])
+        peak, unwrapped = verifier._unwrapped(shifts, np.array([False, False, True]))
+        np.testing.assert_array_equal(peak, [0, 0, *[1] * 8, 2])
+        np.testing.assert_array_equal(unwrapped[:2], [[20.0, -3.0, 1.0], [-44.0, -3.0, 1.0]])
+        np.testing.assert_array_equal(unwrapped[-1], shifts[2])
 
     def test_those_that_are_wanted_are_kept_in_order(self) -> None:
         R = Rotation.from_euler("Z", [[0], [10], [20], [30]], degrees=True)
@@ -166,7 +168,7 @@ class TestEvidence:
 
     def test_on_the_whole_grid_only_the_true_pose_has_a_peak(self, verifier, pair) -> None:
         given = [hypothesis(TRUE.rotation, shift_of(pair)), hypothesis(WRONG, shift_of(pair))]
-        right, wrong = (verifier.measure(*pair, ranked) for ranked in verifier.rank(*pair, given))
+        right, wrong = verifier.measure(*pair, verifier.rank(*pair, given))
         assert right.fit is given[0].fit
         assert right.evidence.psr > 30 > 10 > wrong.evidence.psr
         assert right.evidence.overlap > 0.35

@@ -1,0 +1,91 @@
+// The values of a correlation near one shift, from its spectrum, without a transform: sums with separable phases.
+//
+// Layout: spectra are (n0, n1, pitch) complex64, half spectra of real volumes; roots(n) are exp(2 pi i k / n), k < n;
+// sums are (count, 6, n1, pitch): along axis 0 for 5 shifts, then (sum of |X|^2, real part of X at i = 0); out is
+// (count, 30, pitch): along axes 0 and 1 for 5 x 5 shifts, then the sum of the sixth, and its value at j = 0.
+// LANES numbers of a row are taken at a time: 8 on a processor, 1 elsewhere.
+#ifndef LANES
+#define LANES 8
+#endif
+#if LANES == 8
+#define LANE float8
+#define ALIKE int8
+#define NUMBER float16
+#define GET vload16
+#define PUT vstore16
+#else
+#define LANE float
+#define ALIKE int
+#define NUMBER float2
+#define GET vload2
+#define PUT vstore2
+#endif
+#include "pomf/whitening.cl"
+
+static inline void add_turned(LANE* const re, LANE* const im, const LANE xr, const LANE xi, const float2 turn) {
+    *re += xr * turn.x - xi * turn.y;
+    *im += xr * turn.y + xi * turn.x;
+}
+
+// The sums along axis 0, a work-item per LANES columns; what a processor does in its last forward pass.
+__kernel void sum_columns(__global const float* const restrict spectrum, __global const float* const restrict target,
+                          __global const float* const restrict across, __global const float* const restrict along,
+                          __global const float* const restrict roots, const int shift, __global float* const sums,
+                          const int n0, const int columns, const float exponent) {
+    const int n = get_global_id(0);
+    if (n * LANES >= columns) return;
+    LANE re[5], im[5];
+    for (int a = 0; a < 5; ++a) re[a] = im[a] = 0.0f;
+    LANE power = 0.0f, origin = 0.0f;
+    for (int i = 0; i < n0; ++i) {
+        const size_t at = (size_t)i * (columns / LANES) + n;
+        const NUMBER t = GET(at, target), s = GET(at, spectrum);
+        LANE xr, xi;
+#if LANES == 8
+        const LANE gain = vload8(n, across) * along[i];
+#else
+        const LANE gain = across[n] * along[i];
+#endif
+        whitened_product(t.even, t.odd, s.even, s.odd, gain, exponent, &xr, &xi);
+        power += xr * xr + xi * xi;
+        if (i == 0) origin = xr;
+        for (int a = 0; a < 5; ++a)
+            add_turned(re + a, im + a, xr, xi, vload2(i * ((shift + a + n0 - 2) % n0) % n0, roots));
+    }
+    NUMBER result;
+    for (int a = 0; a < 5; ++a) {
+        result.even = re[a];
+        result.odd = im[a];
+        PUT(result, a * (columns / LANES) + n, sums);
+    }
+    result.even = power;
+    result.odd = origin;
+    PUT(result, 5 * (columns / LANES) + n, sums);
+}
+
+// The sums along axis 1, a work-item per LANES numbers of a row and shift along axis 0.
+__kernel void sum_rows(__global const float* const restrict sums, __global const float* const restrict roots,
+                       __global float* const restrict out, const int shift, const int n1, const int pitch,
+                       const int first) {
+    const int k = get_global_id(0), a = get_global_id(1), row = pitch / LANES;
+    if (k >= row) return;
+    const size_t from = (size_t)a * n1 * row + k, to = ((size_t)first * 30 + 5 * a) * row + k;
+    LANE re[5], im[5];
+    for (int b = 0; b < 5; ++b) re[b] = im[b] = 0.0f;
+    for (int j = 0; j < n1; ++j) {
+        const NUMBER x = GET(from + (size_t)j * row, sums);
+        if (a == 5) {
+            re[0] += x.even;
+            if (j == 0) im[0] = x.odd;
+            continue;
+        }
+        for (int b = 0; b < 5; ++b)
+            add_turned(re + b, im + b, x.even, x.odd, vload2(j * ((shift + b + n1 - 2) % n1) % n1, roots));
+    }
+    NUMBER result;
+    for (int b = 0; b < 5; ++b) {
+        result.even = re[b];
+        result.odd = im[b];
+        PUT(result, to + b * row, out);
+    }
+}

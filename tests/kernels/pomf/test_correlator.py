@@ -1,0 +1,190 @@
+"""Correlations of points under several poses at once against NumPy in double precision, in both ways of writing them.
+
+The flavor for graphics processors runs on every device, the one for processors on those only.
+"""
+
+from collections.abc import Callable
+
+import numpy as np
+import pytest
+from scipy.ndimage import maximum_filter
+from scipy.spatial.transform import Rotation
+
+from kernels.device.device import Device
+from kernels.errors import InputError
+from kernels.fft.transform import Flavor
+from kernels.points.voxelize import voxelize
+from kernels.pomf.correlator import Correlator, Pose, at_once
+from kernels.pomf.spectrum import Pomf, whiten
+
+BLUR = 0.7
+EXPONENTS = (1.0, 0.5)
+TOLERANCE = 1e-4  # of values and heights, relative
+MakeCorrelator = Callable[..., Correlator]
+
+
+@pytest.fixture(params=["cpu", "gpu"])
+def make(request: pytest.FixtureRequest, device: Device) -> MakeCorrelator:
+    if request.param == "cpu" and not device.is_cpu:
+        pytest.skip("this device is no processor")
+    flavor: Flavor = request.param
+
+    def correlator(edge: int, exponents: tuple[float, ...] = EXPONENTS, most: int = 2) -> Correlator:
+        return Correlator(device, edge, BLUR, exponents, most, flavor)
+
+    return correlator
+
+
+def surface(edge: int, count: int = 900) -> np.ndarray:
+    """(count, 4): points of a relief that the grid holds, of unequal weights."""
+    rng = np.random.default_rng(edge)
+    at = rng.uniform(-0.4, 0.4, (count, 2))
+    height = 0.2 * np.sin(7 * at[:, 0]) * np.cos(5 * at[:, 1]) + 0.01 * rng.normal(size=count)
+    return np.column_stack([edge * at, edge * height, rng.uniform(0.5, 2, count)]).astype(np.float32)
+
+
+def occupied(points: np.ndarray, edge: int, pose: Pose) -> np.ndarray:
+    offset = 0 if pose.offset is None else pose.offset
+    cells = np.floor(points[:, :3] @ pose.R.T + offset + edge / 2 + 0.5).astype(int)
+    inside = ((cells >= 0) & (cells < edge)).all(axis=1)
+    volume = np.zeros((edge, edge, edge))
+    np.maximum.at(volume, tuple(cells[inside].T), points[inside, 3])
+    return volume
+
+
+def twin(target: np.ndarray, source: np.ndarray, exponent: float) -> np.ndarray:
+    """The correlation of two volumes in float64."""
+    spectra = [np.fft.fftn(volume) for volume in (target, source)]
+    first, second = (np.where(np.abs(f) > 1e-9, f / np.maximum(np.abs(f), 1e-9) ** exponent, 0) for f in spectra)
+    gain = np.exp(-2 * (np.pi * BLUR * np.fft.fftfreq(len(target))) ** 2)
+    return np.fft.ifftn(first * second.conj() * gain[:, None, None] * gain[:, None] * gain).real
+
+
+def twin_peaks(correlation: np.ndarray, count: int, separation: float, limits: np.ndarray | None) -> list[list[int]]:
+    n = len(correlation)
+    tops = np.argwhere(correlation == maximum_filter(correlation, 3, mode="wrap"))
+    if limits is not None:
+        tops = tops[(np.minimum(tops, n - tops) <= limits).all(axis=1)]
+    kept: list[np.ndarray] = []
+    for place in tops[np.argsort(-correlation[tuple(tops.T)])]:
+        if all(np.abs((place - other + n // 2) % n - n // 2).max() > separation for other in kept):
+            kept.append(place)
+        if len(kept) == count:
+            break
+    return [place.tolist() for place in kept]
+
+
+def poses(count: int) -> list[Pose]:
+    """Turned ones, as a scan with itself has equal peaks on either side; some moved, some bounded."""
+    offsets = [None, np.array([1.5, -2.0, 0.5])]
+    limits = [None, None, np.array([3, 4.9, 6])]
+    turns = Rotation.from_euler("ZYX", [[0.2 + 0.3 * k, -0.1 * k, 0.05] for k in range(count)]).as_matrix()
+    return [Pose(R, offsets[k % 2], limits[k % 3]) for k, R in enumerate(turns)]
+
+
+def spectra(device: Device, points: np.ndarray, edge: int, exponents: tuple[float, ...] = EXPONENTS):
+    transformed = Pomf(device, (edge, edge, edge)).transform(voxelize(device, device.to_device(points), edge))
+    return tuple(whiten(device, transformed, exponent) for exponent in exponents)
+
+
+STILL = Pose(np.eye(3))
+
+
+class TestPeaks:
+    @pytest.mark.parametrize(("edge", "number", "count"), [(16, 3, 1), (32, 5, 8), (64, 2, 4)])
+    def test_are_those_of_numpy(self, device: Device, make: MakeCorrelator, edge, number, count) -> None:
+        points, given = surface(edge), poses(number)
+        found = make(edge).find(device.to_device(points), given, spectra(device, points, edge), count, 2.0)
+        assert len(found) == number
+        for pose, by_exponent in zip(given, found, strict=True):
+            for exponent, peaks in zip(EXPONENTS, by_exponent, strict=True):
+                want = twin(occupied(points, edge, STILL), occupied(points, edge, pose), exponent)
+                assert [peak.index.tolist() for peak in peaks] == twin_peaks(want, count, 2.0, pose.limits)
+                for peak in peaks:
+                    assert peak.value == pytest.approx(want[tuple(peak.index)], rel=TOLERANCE)
+                    assert (peak.mean, peak.std) == pytest.approx((want.mean(), want.std()), rel=TOLERANCE)
+                    assert peak.psr == pytest.approx((peak.top - want.mean()) / want.std(), rel=TOLERANCE)
+                    window = np.ix_(*((c + np.arange(-1, 2)) % edge for c in peak.index))
+                    np.testing.assert_allclose(peak.neighborhood, want[window], atol=TOLERANCE * want.std())
+
+    def test_do_not_depend_on_how_many_poses_are_worked_on_at_once(self, device: Device, make: MakeCorrelator) -> None:
+        """Nor on what was computed before: the volumes are left empty."""
+        points, given = device.to_device(surface(32)), poses(5)
+        targets = spectra(device, surface(32), 32)
+        few, many = make(32, most=1), make(32, most=4)
+        psr = [
+            [[peak.psr for peak in peaks] for each in correlator.find(points, given, targets, 3, 2.0) for peaks in each]
+            for correlator in (few, many, few)
+        ]
+        assert psr[0] == psr[2]
+        for one, other in zip(psr[0], psr[1], strict=True):
+            np.testing.assert_allclose(one, other, rtol=1e-6)
+
+    def test_of_more_equal_maxima_than_the_device_lists(self, device: Device, make: MakeCorrelator) -> None:
+        """A line of points along z correlates alike at all shifts along it."""
+        z = np.arange(-16, 16)
+        line = np.column_stack([0 * z, 0 * z, z, 0 * z + 1]).astype(np.float32)
+        (((first, second),),) = make(32, (1.0,)).find(
+            device.to_device(line), [STILL], spectra(device, line, 32, (1.0,)), 2, 2.0
+        )
+        assert first.index[:2].tolist() == second.index[:2].tolist() == [0, 0]
+        assert abs(int(first.index[2] - second.index[2])) > 2
+
+    def test_fewer_where_there_are_no_more(self, device: Device, make: MakeCorrelator) -> None:
+        points = surface(16)
+        pose = Pose(np.eye(3), limits=np.array([1, 1, 1]))
+        ((peaks, _),) = make(16).find(device.to_device(points), [pose], spectra(device, points, 16), 20, 1.0)
+        assert [peak.index.tolist() for peak in peaks] == [[0, 0, 0]]
+
+    def test_no_poses_and_no_points(self, device: Device, make: MakeCorrelator) -> None:
+        points, targets = surface(16), spectra(device, surface(16), 16)
+        correlator = make(16)
+        assert correlator.find(device.to_device(points), [], targets, 1, 1.0) == []
+        outside = device.to_device(points + np.float32(1000))
+        (by_exponent,) = correlator.find(outside, [STILL], targets, 1, 1.0)
+        assert [[peak.psr for peak in peaks] for peaks in by_exponent] == [[0.0], [0.0]]
+
+    def test_refuse_what_is_no_number(self, device: Device, make: MakeCorrelator) -> None:
+        points = surface(16)
+        targets = [target.copy() for target in spectra(device, points, 16)]
+        targets[1][3, 2] = np.nan
+        with pytest.raises(InputError, match="not finite"):
+            make(16).find(device.to_device(points), [STILL], targets, 1, 1.0)
+        with pytest.raises(InputError, match="not finite"):
+            make(16, (0.5,)).near(device.to_device(points), [STILL], targets[1:], np.zeros((1, 3), int)).highest()
+        with pytest.raises(InputError, match="1 targets for 2 exponents"):
+            make(16).find(device.to_device(points), [STILL], targets[:1], 1, 1.0)
+        with pytest.raises(InputError, match="count"):
+            make(16).find(device.to_device(points), [STILL], targets, 0, 1.0)
+
+
+class TestNear:
+    @pytest.mark.parametrize("edge", [16, 32, 64])
+    def test_is_what_the_whole_correlation_holds(self, device: Device, make: MakeCorrelator, edge) -> None:
+        points, given = surface(edge), poses(4)
+        shifts = np.array([[0, 0, 0], [2, -3, 1], [5, 1, -edge // 2], [-7, edge + 3, 4]])
+        near = make(edge, (1.0,)).near(device.to_device(points), given, spectra(device, points, edge), shifts)
+        for pose, shift, peak in zip(given, shifts, near.highest(), strict=True):
+            want = twin(occupied(points, edge, STILL), occupied(points, edge, pose), 1.0)
+            around = want[np.ix_(*((shift[:, None] + np.arange(-1, 2)) % edge))]
+            assert peak.value == pytest.approx(around.max(), rel=TOLERANCE)
+            assert want[tuple(peak.index)] == around.max()
+            window = np.ix_(*((c + np.arange(-1, 2)) % edge for c in peak.index))
+            np.testing.assert_allclose(peak.neighborhood, want[window], atol=TOLERANCE * want.std())
+            assert (peak.mean, peak.std) == pytest.approx((want.mean(), want.std()), rel=TOLERANCE)
+
+    def test_works_after_the_search_and_before_it(self, device: Device, make: MakeCorrelator) -> None:
+        points, targets = device.to_device(surface(32)), spectra(device, surface(32), 32)
+        correlator = make(32)
+        ((peaks, _),) = make(32).find(points, poses(1), targets, 1, 2.0)
+        shifts = np.tile(peaks[0].index, (3, 1))
+        before = correlator.near(points, poses(3), targets, shifts)
+        ((found, _),) = correlator.find(points, poses(1), targets, 1, 2.0)
+        after = correlator.near(points, poses(3), targets, shifts).highest()
+        assert [peak.psr for peak in before.highest()] == [peak.psr for peak in after]
+        assert after[0].psr == pytest.approx(found[0].psr, rel=1e-5)
+        assert found[0].psr == peaks[0].psr
+
+
+def test_of_large_volumes_fewer_are_worked_on_at_once() -> None:
+    assert [at_once(edge) for edge in (16, 64, 512)] == [8, 2, 1]
