@@ -23,7 +23,7 @@ from spectral.prepare.surface import smooth_surface
 from spectral.prior import relative_prior
 from spectral.result import Registration
 from spectral.scan import Scan
-from spectral.so3 import BANDS, RotationPeaks, So3, distinct_rotations
+from spectral.so3 import RotationPeaks, So3, distinct_rotations
 from spectral.verify.bounds import Bounds
 from spectral.verify.calibration import CALIBRATION
 from spectral.verify.covariance import PoseCovariance, covers, fit_covariance
@@ -110,15 +110,14 @@ class SpectralRegistrar:
         points = self.grid.to_voxels(scan.points, volume.center)
         places = np.zeros(3) if scan.viewpoints is None else scan.viewpoints
         viewpoints = self.grid.to_voxels(places, volume.center)
-        coefficients = self.so3.analyze(volume.magnitude)
+        layers = self.so3.prepare(volume.magnitude)
         view = scan_view(self.device, points, volume.surface, viewpoints)
         seen_from = [image.viewpoint for image in view.images]
         prepared = SpectralScan(
             volume=volume,
             coarse=self._coarsen(volume),
-            coefficients=self.so3.prepare(coefficients),
-            bands=tuple(self.so3.prepare(coefficients, layers) for layers in BANDS),
-            signature=signature(coefficients),
+            coefficients=layers.coefficients,
+            signature=signature(layers.products),
             surface=smooth_surface(self.device, volume.cells, seen_from),
             view=view,
             prior=scan.prior,
@@ -194,8 +193,8 @@ class SpectralRegistrar:
         sweep = bounds.sweep
         if sweep is not None:
             return self.so3.best_of(target.coefficients, source.coefficients, sweep, 4 * count)
-        bands = zip(target.bands, source.bands, strict=True)
-        peaks = distinct_rotations([self.so3.candidates(*band, count, bounds.allow_rotations) for band in bands])
+        coefficients = target.coefficients, source.coefficients
+        peaks = distinct_rotations(self.so3.candidates(*coefficients, count, bounds.allow_rotations))
         measured = bounds.measured
         if measured is None:
             return peaks

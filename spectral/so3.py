@@ -8,10 +8,8 @@ from scipy.ndimage import map_coordinates
 from scipy.spatial.transform import Rotation
 
 from kernels.device.device import Array, Device
-from kernels.pomf.peak import segment_peaks
-from kernels.resample.sphere import sample, upload_directions
-from kernels.so3.correlation import RotationCorrelation
-from kernels.so3.harmonics import Harmonics, equalize
+from kernels.so3.correlation import LocalMaxima, RotationCorrelation
+from kernels.so3.harmonics import Harmonics, equalizers
 
 # Degrees below this; its finest detail is 180 / 48 degrees. docs/registration.md has the figures of others.
 _BANDWIDTH = 48
@@ -21,12 +19,44 @@ ALL = slice(None)
 # Layers that name rotations by themselves: all but the outermost, which noise disturbs most; the outer half; and the
 # inner quarter, which say little and say it of the most disturbed scans too. What one band misses another may name.
 BANDS = (slice(14), slice(10, 20), slice(5))
+# Where all layers and those of each band lie behind one another: the first, and how many.
+_COUNTS = [len(range(_COUNT)[layers]) for layers in (ALL, *BANDS)]
+PARTS = tuple((sum(_COUNTS[:part]), count) for part, count in enumerate(_COUNTS))
 # How far the filter goes from plain correlation, 0, to phase only, 1.
 _EQUALIZED = 0.4
 # Two rotations nearer than this are the same [rad].
 _SEPARATION = float(np.deg2rad(7.0))
 # The distinct ones are chosen among so many peaks: where only the sum of two angles matters there is a ridge of them.
 _EXAMINED = 600
+# So many at a time.
+_AT_ONCE = 64
+
+
+_SQUARES = ((0, 0), (1, 1), (2, 2), (0, 1), (0, 2), (1, 2))
+
+
+def _paraboloid() -> np.ndarray:
+    """(10, 27): from the values of a voxel and those around it, in C order, to the paraboloid of least squares: its
+    constant, its slopes, its squares."""
+    steps = np.stack(np.meshgrid(*[[-1, 0, 1]] * 3, indexing="ij"), axis=-1).reshape(-1, 3)
+    return np.linalg.pinv(np.column_stack([np.ones(27), steps, *(steps[:, a] * steps[:, b] for a, b in _SQUARES)]))
+
+
+_PARABOLOID = _paraboloid()
+
+
+@dataclass(frozen=True, slots=True)
+class SphereLayers:
+    """A scan's layers, each of mean 0 and variance 1, by their spherical harmonics.
+
+    Attributes:
+        coefficients: device (degrees, layers of all PARTS, orders) complex64, the layers of each part equalized among
+            themselves, and of norm 1 together.
+        products: (degrees, layers, layers) float32, of the layers as they are, from `Harmonics.products`.
+    """
+
+    coefficients: Array
+    products: np.ndarray
 
 
 @dataclass(frozen=True, slots=True)
@@ -73,65 +103,81 @@ class So3:
     def __init__(self, device: Device, edge: int, max_tilt: float) -> None:
         """Plan the transforms for volumes of `edge` voxels, rolls and pitches up to max_tilt [rad]."""
         self.device = device
-        latitudes, longitudes = max(2 * _BANDWIDTH, 3 * edge // 4), max(256, 2 * edge)
-        self._harmonics = Harmonics(_BANDWIDTH, latitudes, longitudes)
-        self._directions = upload_directions(device, self._harmonics.directions)
+        latitudes, longitudes = max(2 * _BANDWIDTH, -(-3 * edge // 64) * 16), max(256, 2 * edge)
+        self._harmonics = Harmonics(device, _BANDWIDTH, latitudes, longitudes)
         self._radii = np.linspace(_LAYERS[0] * edge / 2, min(_LAYERS[1] * edge / 2, edge / 2 - 1.01), _COUNT)
         # roll and pitch both at the bound carry the z axis this far; beyond a right angle one alone does
         farthest = np.arccos(np.cos(max_tilt) ** 2) if max_tilt < np.pi / 2 else max_tilt
         self._correlation = RotationCorrelation(device, _BANDWIDTH, farthest)
 
-    def analyze(self, magnitude: Array) -> np.ndarray:
-        """The coefficients of a scan's layers, each of mean 0 and variance 1, complex64 (degrees, layers, orders).
+    def prepare(self, magnitude: Array) -> SphereLayers:
+        """A scan's layers as the search takes them.
 
         Args:
             magnitude: (edge, edge, edge/2 + 1), as `spectrum.magnitude` gives it.
         """
-        layers = sample(self.device, magnitude, self._directions, self._radii).get()
         # each layer counts alike (Sect. 2.8)
-        return self._harmonics.analyze(self._harmonics.standardize(layers))
+        coefficients = self._harmonics.analyze(magnitude, self._radii)
+        products = self._harmonics.products(coefficients)
+        mixtures = np.zeros((len(products), sum(count for _, count in PARTS), _COUNT), np.float32)
+        for (first, count), layers in zip(PARTS, (ALL, *BANDS), strict=True):
+            among = products[:, layers, layers]
+            energy = np.trace(among[1:], axis1=1, axis2=2).sum()
+            mixtures[:, first : first + count, layers] = equalizers(among, _EQUALIZED) / np.sqrt(max(energy, 1e-30))
+        return SphereLayers(self._harmonics.mix(coefficients, mixtures), products)
 
-    def prepare(self, coefficients: np.ndarray, layers: slice = ALL) -> np.ndarray:
-        """The coefficients of `analyze` equalized, whose norm is 1, complex64 (degrees, layers, orders).
-
-        Args:
-            layers: those that take part.
-        """
-        equalized = equalize(coefficients[:, layers], _EQUALIZED)
-        return equalized / np.float32(max(np.linalg.norm(equalized), 1e-30))
-
-    def correlate(self, target: np.ndarray, source: np.ndarray) -> Array:
-        """The correlation over all rotations, as `RotationCorrelation.correlate` has it."""
-        return self._correlation.correlate(target, source)
+    def correlate(self, target: Array, source: Array) -> Array:
+        """The correlation of all layers over all rotations, an image for each second Euler angle and one of zeros."""
+        return self._correlation.correlate(target, source, PARTS[:1])[0]
 
     def candidates(
-        self, target: np.ndarray, source: np.ndarray, count: int, allowed: Callable[[Rotation], np.ndarray]
-    ) -> RotationPeaks:
-        """The `count` highest distinct rotations that are allowed; fewer where there are no more.
+        self,
+        target: Array,
+        source: Array,
+        count: int,
+        allowed: Callable[[Rotation], np.ndarray],
+        parts: Sequence[tuple[int, int]] = PARTS[1:],
+    ) -> list[RotationPeaks]:
+        """For each part of the layers the `count` highest distinct rotations that are allowed; fewer where there are no
+        more.
 
         Args:
-            target, source: from `prepare`.
+            target, source: `SphereLayers.coefficients`.
             allowed: which (n,) bool of n rotations are possible.
+            parts: of PARTS; the bands.
         """
-        correlation = self.correlate(target, source)
-        index, _ = segment_peaks(self.device, correlation)
-        index = index[index[:, 0] < len(self._correlation.betas)]
-        R = self._correlation.rotations(index)
-        index = index[allowed(R)][:_EXAMINED]
-        if not len(index):
-            return RotationPeaks(R[:0], np.empty(0))
-        index, values = _refined(correlation.get(), index)
-        R = self._correlation.rotations(index)
-        kept = _distinct(R, np.flatnonzero(allowed(R)), count)
-        return RotationPeaks(R[kept], values[kept])  # pyright: ignore[reportArgumentType]
+        correlation = self._correlation.correlate(target, source, parts)
+        return [self._best_distinct(peaks, count, allowed) for peaks in self._correlation.peaks(correlation)]
 
-    def best_of(self, target: np.ndarray, source: np.ndarray, sweep: Sweep, count: int) -> RotationPeaks:
+    def _best_distinct(
+        self, peaks: LocalMaxima, count: int, allowed: Callable[[Rotation], np.ndarray]
+    ) -> RotationPeaks:
+        """Of the peaks that are allowed, and still are between the samples, the highest distinct ones.
+
+        They are looked at some at a time, as the highest few are mostly enough.
+        """
+        R, scores, examined = self._correlation.rotations(np.empty((0, 3))), np.empty(0), 0
+        kept = np.empty(0, dtype=np.int64)
+        for begin in range(0, len(peaks.index), _AT_ONCE):
+            index, around = (each[begin : begin + _AT_ONCE] for each in (peaks.index, peaks.around))
+            possible = np.flatnonzero(allowed(self._correlation.rotations(index)))[: _EXAMINED - examined]
+            examined += len(possible)
+            refined = self._correlation.rotations(_refined(index[possible], around[possible]))
+            possible = possible[still := allowed(refined)]
+            R = Rotation.concatenate([R, refined[still]])  # pyright: ignore[reportArgumentType]
+            scores = np.append(scores, around[possible, 13])
+            kept = _distinct(R, np.arange(len(scores)), count)
+            if len(kept) == count or examined == _EXAMINED:
+                break
+        return RotationPeaks(R[kept], scores[kept])  # pyright: ignore[reportArgumentType]
+
+    def best_of(self, target: Array, source: Array, sweep: Sweep, count: int) -> RotationPeaks:
         """The `count` best turns of a sweep that are far enough apart, best first, each at its best tilt.
 
         Not its peaks alone: where the tilt is off, or the scans share little, the true turn may be on a slope.
 
         Args:
-            target, source: from `prepare`.
+            target, source: `SphereLayers.coefficients`.
         """
         R, each = sweep.R, sweep.tilts
         correlation = self.correlate(target, source).get()[: len(self._correlation.betas)]
@@ -143,28 +189,20 @@ class So3:
         return RotationPeaks(R[kept], values.ravel()[kept].astype(np.float64))  # pyright: ignore[reportArgumentType]
 
 
-def _refined(correlation: np.ndarray, index: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-    """Peaks (n, 3) between the samples, and their values: the top of the paraboloid through the 27 values around.
+def _refined(index: np.ndarray, around: np.ndarray) -> np.ndarray:
+    """Peaks (n, 3) between the samples: the top of the paraboloid through the (n, 27) values around.
 
     At a small second angle the others act as one, their sum: a parabola along each axis by itself would miss that.
     """
-    steps = np.stack(np.meshgrid(*[[-1, 0, 1]] * 3, indexing="ij"), axis=-1).reshape(-1, 3)
-    around = (index[:, None, :] + steps) % correlation.shape
-    # beyond the first and last second angle the correlation is not periodic: the row itself again
-    around[..., 0] = np.clip(index[:, None, 0] + steps[:, 0], 0, correlation.shape[0] - 2)
-    values = correlation[around[..., 0], around[..., 1], around[..., 2]].astype(np.float64)
-    squares = [steps[:, a] * steps[:, b] for a, b in ((0, 0), (1, 1), (2, 2), (0, 1), (0, 2), (1, 2))]
-    design = np.column_stack([np.ones(27), steps, *squares])
-    fit = values @ np.linalg.pinv(design).T
+    fit = around.astype(np.float64) @ _PARABOLOID.T
     hessian = np.empty((len(index), 3, 3))
-    for n, (a, b) in enumerate(((0, 0), (1, 1), (2, 2), (0, 1), (0, 2), (1, 2))):
+    for n, (a, b) in enumerate(_SQUARES):
         hessian[:, a, b] = hessian[:, b, a] = fit[:, 4 + n] * (2 if a == b else 1)
     steepest = np.linalg.eigvalsh(hessian)[:, 0]
     # a ridge has no top along it: there the place stays
     bounded = hessian + np.minimum(steepest, -1e-30)[:, None, None] * 1e-2 * np.eye(3)
     offset = -np.linalg.solve(bounded, fit[:, 1:4, None])[..., 0]
-    offset = np.where(np.isfinite(offset), np.clip(offset, -1, 1), 0.0)
-    return index + offset, values[:, 13]
+    return index + np.where(np.isfinite(offset), np.clip(offset, -1, 1), 0.0)
 
 
 def _distinct(R: Rotation, order: np.ndarray, count: int, apart: float = _SEPARATION) -> np.ndarray:

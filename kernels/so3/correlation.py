@@ -10,14 +10,56 @@ the rotation group", J. Fourier Anal. Appl. 14 (2008), DOI 10.1007/s00041-008-90
 A. Birk, "Scale-free registrations in 3D", Int. J. Comput. Vis. 126 (2018), DOI 10.1007/s11263-018-1071-4.
 """
 
+from collections.abc import Sequence
+from dataclasses import dataclass
+
 import numpy as np
 import pyopencl.array as cla
 from scipy.spatial.transform import Rotation
 
 from kernels.device.device import Device
-from kernels.device.launch import launch
+from kernels.device.launch import launch, require_array, table, zero
 from kernels.errors import InputError
 from kernels.fft.transform import RealFFT
+
+
+# Work-items of a group, where neighbors are beside each other in memory.
+_GROUP = 32
+# So many peaks of each part come with the first read: a correlation of two scans has some ten, noise some hundred.
+_FIRST_PEAKS = 256
+
+
+@dataclass(frozen=True, slots=True)
+class LocalMaxima:
+    """Local maxima of one correlation, highest first.
+
+    Attributes:
+        index: (n, 3) int64, their places: second, first, third Euler angle.
+        around: (n, 27) float32, the values around and at them, in C order.
+    """
+
+    index: np.ndarray
+    around: np.ndarray
+
+    @classmethod
+    def sorted(cls, rows: np.ndarray) -> "LocalMaxima":
+        """From rows (n, 32) of peaks.cl, in any order."""
+        index = rows[:, 1:4].astype(np.int64)
+        order = np.lexsort((index[:, 2], index[:, 1], index[:, 0], -rows[:, 0]))
+        return cls(index[order], rows[order, 4:31])
+
+
+class _Plan:
+    """The arrays and the transform for so many parts, which are used again and again."""
+
+    def __init__(self, device: Device, bandwidth: int, shape: tuple[int, int, int]) -> None:
+        parts, images, edge = shape
+        self.products = device.empty((parts, 2 * bandwidth - 1, bandwidth, bandwidth // 2), np.complex64)
+        # an image of zeros beyond the last keeps the cyclic search for peaks from joining the first to the last
+        self.fft = RealFFT(device, (parts * images, edge, edge), batched=True)
+        self.spectrum = device.empty(self.fft.half_shape, np.complex64)
+        self.correlation = device.empty(self.fft.shape)
+        self.peaks = device.empty((1 + 4 * edge * (images - 1), parts, 32))
 
 
 class RotationCorrelation:
@@ -52,53 +94,84 @@ class RotationCorrelation:
         self.edge = 1 << (2 * bandwidth - 1).bit_length()
         size = 4 * (bandwidth // 2) * count * (2 * bandwidth - 1) * bandwidth
         device.require(size, total=size, hint="a smaller `bandwidth`")
-        self._wigner = device.to_device(_half_wigner(bandwidth, self.betas))
-        self._given: list[cla.Array] = []
-        self._products = device.empty((2 * bandwidth - 1, bandwidth // 8, bandwidth // 2, 8), np.complex64)
-        # an image of zeros beyond the last keeps the cyclic search for peaks from joining the first to the last
-        self._fft = RealFFT(device, (count + 1, self.edge, self.edge), batched=True)
-        self._spectrum = device.empty(self._fft.half_shape, np.complex64)
-        self._correlation = device.empty(self._fft.shape)
+        tabulated = _half_wigner(bandwidth, self.betas)
+        if not device.is_cpu:
+            tabulated = tabulated.transpose(0, 1, 3, 2, 4)
+        self._wigner = device.to_device(tabulated)
+        self._plans: dict[int, _Plan] = {}
 
-    def correlate(self, target: np.ndarray, source: np.ndarray) -> cla.Array:
-        """C(R), for coefficients (bandwidth / 2, L, 2 bandwidth - 1) of `Harmonics.analyze`, or equalized.
+    def correlate(
+        self, target: cla.Array, source: cla.Array, parts: Sequence[tuple[int, int]] | None = None
+    ) -> cla.Array:
+        """C(R) of each part of the layers, for device coefficients of `Harmonics`: (bandwidth / 2, L, 2 bandwidth - 1).
 
         Where the layers of the source are those of the target turned, g(d) = f(R d), C is highest at R.
 
+        Args:
+            target, source: complex64.
+            parts: the first layer of each and their number; None: all layers together.
+
         Returns:
-            device (betas + 1, edge, edge) float32: [b, i, j] is the rotation `rotations((b, i, j))`, the last image
-            zeros. It is used again by the next call.
+            device (parts, betas + 1, edge, edge) float32: [p, b, i, j] is the rotation `rotations((b, i, j))`, the last
+            image zeros. It is used again by the next call with as many parts.
 
         Raises:
-            InputError: the coefficients have other shapes, or are not finite.
+            InputError: the coefficients have other shapes, or a part goes beyond the layers.
         """
-        layers = target.shape[1] if target.ndim == 3 else 0
-        wanted = (self.bandwidth // 2, max(layers, 1), 2 * self.bandwidth - 1)
-        if target.shape != wanted or source.shape != wanted:
-            raise InputError(
-                f"`target` and `source` have shapes {target.shape} and {source.shape}; wanted {wanted} for both"
-            )
-        if not (np.isfinite(target).all() and np.isfinite(source).all()):
-            raise InputError("`target` or `source` holds numbers that are not finite; look at the layers that went in")
-        self._multiply(target, source)
-        size = (len(self.betas) + 1, self.edge)
-        arrays = self._wigner, self._products, self._spectrum
-        self._launch("synthesize", size, *arrays, np.int32(len(self.betas)))
-        return self._fft.inverse(self._spectrum, out=self._correlation)
+        wanted = (self.bandwidth // 2, None, 2 * self.bandwidth - 1)
+        _, layers, _ = require_array(target, "target", wanted, np.complex64)
+        require_array(source, "source", (wanted[0], layers, wanted[2]), np.complex64)
+        ranges = np.array([(0, layers)] if parts is None else parts, np.int32)
+        if ranges.ndim != 2 or ranges.min(initial=0) < 0 or ranges.sum(axis=1).max() > layers:
+            raise InputError(f"`parts={parts}` go beyond the {layers} layers; give the first and how many of each")
+        plan = self._plan(len(ranges))
+        orders, degrees, cpu = 2 * self.bandwidth - 1, self.bandwidth // 2, self.device.is_cpu
+        arrays = target, source, table(self.device, ranges), plan.products
+        # times what the inverse transform divides by
+        numbers = np.int32(layers), np.float32(self.edge**2)
+        size = (orders, degrees, len(ranges)) if cpu else (_padded(self.bandwidth), orders, degrees * len(ranges))
+        self._launch("correlation", "multiply", size, *arrays, *numbers, PARTS=len(ranges))
+        images = len(self.betas) + 1
+        size = (images, self.edge) if cpu else (_padded(self.edge // 2 + 8), self.edge, images)
+        arrays = self._wigner, plan.products, plan.spectrum
+        self._launch("correlation", "synthesize", size, *arrays, np.int32(len(self.betas)), PARTS=len(ranges))
+        correlation = plan.fft.inverse(plan.spectrum, out=plan.correlation)
+        return correlation.reshape(len(ranges), images, self.edge, self.edge)
 
-    def _multiply(self, target: np.ndarray, source: np.ndarray) -> None:
-        """M, times what the inverse transform divides by, to the device; on the host its many threads would get in
-        the way of the device's."""
-        if not self._given or self._given[0].shape != target.shape:
-            self._given = [self.device.empty(target.shape, np.complex64) for _ in range(2)]
-        for array, coefficients in zip(self._given, (target, source), strict=True):
-            array.set(np.ascontiguousarray(coefficients, np.complex64))
-        layers, gain = np.int32(target.shape[1]), np.float32(self.edge**2)
-        size = (2 * self.bandwidth - 1, self.bandwidth // 2)
-        self._launch("multiply", size, *self._given, self._products, layers, gain)
+    def peaks(self, correlation: cla.Array) -> list[LocalMaxima]:
+        """The local maxima of each part of a correlation, highest first; one blocking read, or two where there are many.
 
-    def _launch(self, kernel: str, size: tuple[int, int], *arguments: cla.Array | np.generic) -> None:
-        launch(self.device, "so3/correlation", kernel, size, *arguments, BANDWIDTH=self.bandwidth, EDGE=self.edge)
+        Of equal values the first voxel comes first; of each quarter of a row the highest maximum is there alone.
+
+        Args:
+            correlation: (parts, betas + 1, edge, edge), from `correlate`.
+        """
+        parts, images = len(correlation), len(self.betas) + 1
+        require_array(correlation, "correlation", (parts, images, self.edge, self.edge))
+        plan = self._plan(parts)
+        zero(self.device, plan.peaks[:1])
+        cpu = self.device.is_cpu
+        size = (images - 1, parts) if cpu else (self.edge**2, images - 1, parts)
+        group = None if cpu else (self.edge // 4, 1, 1)
+        self._launch("peaks", "local_maxima", size, correlation, plan.peaks, np.int32(images), group=group)
+        rows = plan.peaks[: 1 + _FIRST_PEAKS].get()
+        counts = rows[0, :, 0].view(np.int32)
+        if counts.max() > _FIRST_PEAKS:
+            rows = plan.peaks[: 1 + int(counts.max())].get()
+        return [LocalMaxima.sorted(rows[1 : 1 + count, part]) for part, count in enumerate(counts)]
+
+    def _plan(self, parts: int) -> "_Plan":
+        if parts not in self._plans:
+            self._plans[parts] = _Plan(self.device, self.bandwidth, (parts, len(self.betas) + 1, self.edge))
+        return self._plans[parts]
+
+    def _launch(self, program: str, kernel: str, size: tuple[int, ...], *arguments, group=None, **defines: int) -> None:
+        if group is None and not self.device.is_cpu:
+            group = (_GROUP, 1, 1)
+        cpu = int(self.device.is_cpu)
+        if program == "correlation":
+            defines["BANDWIDTH"] = self.bandwidth
+        launch(self.device, f"so3/{program}", kernel, size, *arguments, group=group, EDGE=self.edge, CPU=cpu, **defines)
 
     def rotations(self, index: np.ndarray) -> Rotation:
         """The rotations at places (..., 3) of the correlation, between samples too."""
@@ -130,6 +203,10 @@ class RotationCorrelation:
         )
 
 
+def _padded(count: int) -> int:
+    return -(-count // _GROUP) * _GROUP
+
+
 def wigner_d(degree: int, betas: np.ndarray) -> np.ndarray:
     """Wigner's small d-matrices d[m, n](beta) = <l m| exp(-i beta J_y) |l n>.
 
@@ -150,7 +227,7 @@ def wigner_d(degree: int, betas: np.ndarray) -> np.ndarray:
 
 
 def _half_wigner(bandwidth: int, betas: np.ndarray) -> np.ndarray:
-    """(orders, betas, bandwidth / 8, degrees, 8) float32, as correlation.cl reads it."""
+    """(orders, betas, bandwidth / 8, degrees, 8) float32, as correlation.cl reads it on a processor."""
     table = np.zeros((2 * bandwidth - 1, len(betas), bandwidth // 8, bandwidth // 2, 8), np.float32)
     for half in range(bandwidth // 2):
         degree = 2 * half

@@ -1,172 +1,206 @@
-"""Spherical harmonics of layers that are the same at d and -d, as a magnitude spectrum's are: even degrees only.
+"""Spherical harmonics of a magnitude spectrum's layers, which are the same at d and -d: even degrees only.
 
 A real layer f has f(d) = sum over l, m of a[l, m] Y[l, m](d), Y the orthonormal harmonics with the Condon-Shortley
 phase (scipy.special.sph_harm_y). Latitudes are the Gauss-Legendre nodes of the upper hemisphere; the lower one says the
-same at the opposite places. The transform runs on the host: it is a few million multiplications, once a scan.
+same at the opposite places.
 """
 
 import numpy as np
-import scipy.fft
+import pyopencl.array as cla
 from scipy.special import sph_harm_y
 
+from kernels.device.device import Device
+from kernels.device.launch import launch, require_array, table
 from kernels.errors import InputError
 
+_RINGS_AT_ONCE, _ORDERS_AT_ONCE = 16, 4
+_GROUP = 64
 # What is weaker than the strongest direction of a degree by this factor, in energy, is not lifted further.
 _FAINTEST = 1e-3
 
 
 class Harmonics:
-    """The transform from layers on a grid of latitudes and longitudes to coefficients, planned once.
+    """The transform from a magnitude spectrum to the coefficients of its layers, planned once for a device.
 
     Attributes:
         bandwidth: degrees are even and below it.
         directions: (latitudes, longitudes, 3) float32, unit vectors of the samples, z > 0.
     """
 
-    def __init__(self, bandwidth: int, latitudes: int, longitudes: int) -> None:
-        """Tabulate the associated Legendre functions.
+    def __init__(self, device: Device, bandwidth: int, latitudes: int, longitudes: int) -> None:
+        """Tabulate the associated Legendre functions, and the waves along a circle.
 
         Args:
-            bandwidth: even, at least 2.
-            latitudes: of the upper hemisphere; at least half the bandwidth, more where layers hold finer structure,
-                which would otherwise alias into coarse structure.
-            longitudes: at least twice the bandwidth. `sphere.upload_directions` takes the directions where the product
-                with the latitudes is a multiple of 8.
+            device: what to compute on.
+            bandwidth: a multiple of 8.
+            latitudes: of the upper hemisphere, a multiple of 16; at least half the bandwidth, more where layers hold
+                finer structure, which would otherwise alias into coarse structure.
+            longitudes: a multiple of 4, at least twice the bandwidth.
 
         Raises:
             InputError: the numbers do not fit each other.
         """
-        if bandwidth < 2 or bandwidth % 2 or 2 * latitudes < bandwidth or longitudes < 2 * bandwidth:
+        fits = 2 * latitudes >= bandwidth and longitudes >= 2 * bandwidth
+        if bandwidth < 8 or bandwidth % 8 or latitudes % _RINGS_AT_ONCE or longitudes % 4 or not fits:
             raise InputError(
-                f"`bandwidth={bandwidth}` with {latitudes} x {longitudes} samples; wanted an even bandwidth, at least "
-                "half as many latitudes and twice as many longitudes"
+                f"`bandwidth={bandwidth}` with {latitudes} x {longitudes} samples; wanted a multiple of 8, a multiple "
+                "of 16 that is at least half as many, and a multiple of 4 that is at least twice as many"
             )
-        self.bandwidth = bandwidth
+        self.device, self.bandwidth = device, bandwidth
+        self._shape = latitudes, longitudes
         nodes, weights = np.polynomial.legendre.leggauss(2 * latitudes)
-        height, self._weights = nodes[latitudes:], weights[latitudes:]
+        height, weights = nodes[latitudes:], weights[latitudes:]
+        across = np.sqrt(1 - height**2)
         longitude = np.arange(longitudes) * (2 * np.pi / longitudes)
-        across = np.sqrt(1 - height**2)[:, None]
-        up = np.broadcast_to(height[:, None], (latitudes, longitudes))
-        directions = np.stack([across * np.cos(longitude), across * np.sin(longitude), up], axis=-1)
-        self.directions = directions.astype(np.float32)
+        circle = np.column_stack([np.cos(longitude), np.sin(longitude)])
+        upward = np.broadcast_to(height[:, None, None], (latitudes, longitudes, 1))
+        self.directions = np.concatenate([across[:, None, None] * circle, upward], axis=2).astype(np.float32)
+        tables = np.stack([across, height]), circle, weights / weights.sum(), self._turns(longitude)
+        self._rings, self._circle, self._weights, self._turned = (
+            device.to_device(values.astype(np.float32)) for values in tables
+        )
         # twice, for the lower hemisphere
-        self._legendre = [self._order(m, np.arccos(height), 2 * 2 * np.pi / longitudes) for m in range(bandwidth)]
+        self._legendre = device.to_device(self._orders(np.arccos(height), 4 * np.pi / longitudes * weights))
 
-    def _order(self, order: int, polar: np.ndarray, scale: float) -> np.ndarray:
-        """(degrees, latitudes) float32: Y[l, order] at longitude 0 times the weight of its node, for l >= order."""
-        degrees = np.arange(order + order % 2, self.bandwidth, 2)
-        values = np.real(sph_harm_y(degrees[:, None], order, polar[None, :], 0.0))
-        return (values * self._weights * scale).astype(np.float32)
+    def _orders(self, polar: np.ndarray, weights: np.ndarray) -> np.ndarray:
+        """float32: Y[l, m] at longitude 0 times the weight of its node, for l >= m >= 0, as harmonics.cl has them."""
+        values = np.zeros((self.bandwidth, self.bandwidth // 2, len(polar)), np.float32)
+        for order in range(self.bandwidth):
+            degrees = np.arange(order + order % 2, self.bandwidth, 2)
+            exact = np.real(sph_harm_y(degrees[:, None], order, polar[None, :], 0.0))
+            values[order, degrees // 2] = exact * weights
+        return values if self.device.is_cpu else np.ascontiguousarray(values.transpose(1, 2, 0))
 
-    def standardize(self, layers: np.ndarray) -> np.ndarray:
-        """Layers (L, latitudes, longitudes) of mean 0 and variance 1 over the sphere: by the quadrature's weights.
+    def _turns(self, longitude: np.ndarray) -> np.ndarray:
+        """The cosines and sines of order times longitude, a quarter of the circle, as harmonics.cl has them."""
+        angles = np.outer(longitude[: len(longitude) // 4 + 1], np.arange(self.bandwidth))
+        if not self.device.is_cpu:
+            return np.stack([np.cos(angles), np.sin(angles)])
+        pairs = np.stack([np.cos(angles), np.sin(angles)], axis=-1)
+        blocks = pairs.reshape(len(angles), -1, _ORDERS_AT_ONCE, 2, 2)  # the even and the odd order of each pair
+        return blocks.transpose(3, 1, 0, 2, 4)
 
-        Rows near the pole hold as many samples as rows near the equator, of less of the sphere: a plain mean would
-        change with a rotation. A layer without a variance becomes 0.
-        """
-        weights = (self._weights / self._weights.sum()).astype(np.float32)
-        centered = layers - (layers.mean(axis=2) @ weights)[:, None, None]
-        variance = np.square(centered).mean(axis=2) @ weights
-        return centered / np.sqrt(np.maximum(variance, np.float32(1e-30)))[:, None, None]
+    def analyze(self, magnitude: cla.Array, radii: np.ndarray) -> cla.Array:
+        """The coefficients of the layers at some radii, each of mean 0 and variance 1 over the sphere.
 
-    def analyze(self, layers: np.ndarray) -> np.ndarray:
-        """The coefficients of real layers (L, latitudes, longitudes), each its own.
+        Rings near the pole hold as many samples as rings near the equator, of less of the sphere: mean and variance are
+        by the quadrature's weights, or they would change with a rotation.
+
+        Args:
+            magnitude: (edge, edge, edge/2 + 1) float32, as `spectrum.magnitude` gives it.
+            radii: (L,), in [0, edge/2 - 1) [frequency bins].
 
         Returns:
-            (bandwidth / 2, L, 2 bandwidth - 1) complex64: [l / 2, layer, m + bandwidth - 1] is a[l, m], 0 for |m| > l.
+            device (bandwidth / 2, L, 2 bandwidth - 1) complex64: [l / 2, layer, m + bandwidth - 1] is a[l, m], 0 for
+            |m| > l. 0 for a constant layer.
 
         Raises:
-            InputError: the layers have another shape, or hold what is not a finite number.
+            InputError: the magnitude has another shape, or a radius lies outside.
         """
-        grid = self.directions.shape[:2]
-        if layers.ndim != 3 or layers.shape[1:] != grid or np.iscomplexobj(layers):
-            raise InputError(
-                f"`layers` are {layers.dtype} of shape {layers.shape}; wanted real ones of (L, {grid[0]}, {grid[1]})"
-            )
-        layers = layers.astype(np.float32, copy=False)
-        _require_finite(layers, "layers")
-        waves = np.asarray(scipy.fft.rfft(layers, axis=2))[:, :, : self.bandwidth]
-        middle = self.bandwidth - 1
-        result = np.zeros((self.bandwidth // 2, len(layers), 2 * self.bandwidth - 1), np.complex64)
-        for order, legendre in enumerate(self._legendre):
-            positive = legendre @ waves[:, :, order].T  # (degrees, L)
-            first = self.bandwidth // 2 - len(legendre)
-            result[first:, :, middle + order] = positive
-            if order:
-                result[first:, :, middle - order] = (-1) ** order * positive.conj()
+        edge = magnitude.shape[0]
+        require_array(magnitude, "magnitude", (edge, edge, edge // 2 + 1))
+        radii = np.asarray(radii, np.float32)
+        if radii.ndim != 1 or not len(radii) or not (radii.min() >= 0 and radii.max() < edge / 2 - 1):
+            raise InputError(f"`radii` are {radii}; wanted a list of numbers from 0 to below {edge // 2 - 1} bins")
+        layers, (latitudes, longitudes), device = len(radii), self._shape, self.device
+        waves, moments = device.empty((layers, latitudes, self.bandwidth, 2)), device.empty((2, layers, latitudes))
+        result = device.empty((self.bandwidth // 2, layers, 2 * self.bandwidth - 1), np.complex64)
+        sizes = {"LATITUDES": latitudes, "LONGITUDES": longitudes, "EDGE": edge}
+        tables = self._rings, self._circle, table(device, radii), self._turned
+        cpu = device.is_cpu
+        size, group = ((latitudes // _RINGS_AT_ONCE, layers), None) if cpu else ((_GROUP * latitudes, layers), (_GROUP, 1))
+        self._launch("harmonics", "waves", size, magnitude, *tables, waves, moments, group=group, **sizes)
+        size = (self.bandwidth, layers) if cpu else (self.bandwidth, layers, self.bandwidth // 2)
+        self._launch("harmonics", "project", size, waves, moments, self._weights, self._legendre, result, **sizes)
         return result
 
+    def products(self, coefficients: cla.Array) -> np.ndarray:
+        """What layers have in common, degree by degree; waits for the device.
 
-def equalize(coefficients: np.ndarray, power: float) -> np.ndarray:
-    """Coefficients whose directions within each degree count more alike: a half-way phase-only filter on the sphere.
+        Args:
+            coefficients: (degrees, L, orders) complex64, from `analyze`.
+
+        Returns:
+            (degrees, L, L) float32: the real part of the sum over the orders of one layer's times another's conjugate.
+
+        Raises:
+            InputError: the coefficients have another shape or are not finite.
+        """
+        layers = self._layers(coefficients)
+        result = self.device.empty((self.bandwidth // 2, layers, layers))
+        across = layers if self.device.is_cpu else -(-layers // 32) * 32
+        size, group = (across, layers, self.bandwidth // 2), (across if self.device.is_cpu else 32, 1, 1)
+        self._launch("mixtures", "products", size, coefficients, result, np.int32(layers), group=group)
+        values = result.get()
+        if not np.isfinite(values).all():
+            raise InputError("`coefficients` hold numbers that are not finite; look at the volume that went in")
+        return values
+
+    def mix(self, coefficients: cla.Array, mixtures: np.ndarray) -> cla.Array:
+        """Weighted sums of layers, degree by degree.
+
+        Args:
+            coefficients: (degrees, L, orders) complex64, from `analyze`.
+            mixtures: (degrees, K, L), what each layer counts in each of K sums.
+
+        Returns:
+            device (degrees, K, orders) complex64.
+
+        Raises:
+            InputError: the arrays do not fit each other.
+        """
+        layers, (degrees, sums, _) = self._layers(coefficients), mixtures.shape
+        if mixtures.shape != (self.bandwidth // 2, sums, layers):
+            raise InputError(f"`mixtures` have shape {mixtures.shape}; wanted ({self.bandwidth // 2}, K, {layers})")
+        result = self.device.empty((degrees, sums, 2 * self.bandwidth - 1), np.complex64)
+        numbers = 2 * (2 * self.bandwidth - 1)
+        cpu = self.device.is_cpu
+        size = (-(-numbers // 16) if cpu else -(-numbers // 32) * 32, sums, degrees)
+        arrays = coefficients, self.device.to_device(mixtures.astype(np.float32)), result
+        group = (size[0] if cpu else 32, 1, 1)
+        self._launch("mixtures", "mix_layers", size, *arrays, np.int32(layers), group=group)
+        return result
+
+    def _layers(self, coefficients: cla.Array) -> int:
+        shape = self.bandwidth // 2, None, 2 * self.bandwidth - 1
+        return require_array(coefficients, "coefficients", shape, np.complex64)[1]
+
+    def _launch(self, program: str, kernel: str, size: tuple[int, ...], *arguments, group=None, **sizes: int) -> None:
+        cpu = int(self.device.is_cpu)
+        name = f"so3/{program}"
+        launch(self.device, name, kernel, size, *arguments, group=group, BANDWIDTH=self.bandwidth, CPU=cpu, **sizes)
+
+
+def equalizers(products: np.ndarray, power: float) -> np.ndarray:
+    """Mixtures of layers whose directions within each degree count more alike: a half-way phase-only filter on the
+    sphere.
 
     Phase-only matched filtering divides each frequency by its magnitude. On the sphere the frequencies of degree l mix
-    under a rotation; what takes the place of the magnitude is the matrix G of the products between its 2 l + 1 orders,
-    summed over the layers, and G^(-power / 2) of both scans makes the correlation's matrix a power of 1 - power. A
-    rotation of the scan rotates the result, as it does the coefficients. Each degree keeps its energy; degree 0, which
-    no rotation changes, is set to 0.
+    under a rotation; what takes the place of the magnitude is the matrix of the products between its 2 l + 1 orders,
+    summed over the layers, and its power -power / 2 of both scans makes the correlation's matrix a power of 1 - power.
+    The matrix G of the products between the layers has the same eigenvalues, less zeros that meet nothing, and
+    G^(-power / 2), which mixes layers, does the same. A rotation of the scan rotates the result, as it does the
+    coefficients. Each degree keeps its energy; degree 0, which no rotation changes, becomes 0.
 
     Args:
-        coefficients: (degrees, L, orders) complex64, of real layers, from `Harmonics.analyze`.
+        products: (degrees, L, L), from `Harmonics.products`.
         power: 0..1; 0 leaves all degrees but 0 as they are, 1 is phase only, which lifts what is mere noise.
 
     Returns:
-        (degrees, L, orders) complex64.
+        (degrees, L, L) float64, for `Harmonics.mix`.
 
     Raises:
-        InputError: the power is another, or the coefficients have another shape or are not finite.
+        InputError: the power is another, or the products have another shape.
     """
     if not 0 <= power <= 1:
         raise InputError(f"`power={power}`; wanted 0 to 1")
-    if coefficients.ndim != 3 or coefficients.shape[2] != 4 * coefficients.shape[0] - 1:
-        raise InputError(f"`coefficients` have shape {coefficients.shape}; wanted (degrees, L, 4 degrees - 1)")
-    _require_finite(coefficients, "coefficients")
-    result = np.zeros(coefficients.shape, np.complex64)
-    middle = coefficients.shape[2] // 2
-    for half in range(1, len(coefficients)):
-        degree = 2 * half
-        whole = _to_real(coefficients[half, :, middle : middle + degree + 1])
-        positive = _to_complex(_equalize_degree(whole, power))
-        result[half, :, middle : middle + degree + 1] = positive
-        signs = (-1.0) ** np.arange(degree, 0, -1)
-        result[half, :, middle - degree : middle] = signs * positive[:, :0:-1].conj()
-    return result
-
-
-def _equalize_degree(part: np.ndarray, power: float) -> np.ndarray:
-    """Layers (L, 2 l + 1) float32 in the real harmonics of one degree, times G^(-power / 2), of the same energy."""
-    largest = np.abs(part).max(initial=0)
-    if not largest > 0:
-        return part
-    part = part / largest  # squares of tiny numbers would be 0
-    # the smaller of both products has the same eigenvalues, less zeros that meet nothing
-    few = len(part) < part.shape[1]
-    values, vectors = np.linalg.eigh(part @ part.T if few else part.T @ part)
-    scale = np.maximum(values / values[-1], _FAINTEST) ** (-power / 2)
-    turn = (vectors * scale) @ vectors.T
-    turned = turn @ part if few else part @ turn
-    return turned * (largest * np.linalg.norm(part) / np.linalg.norm(turned))
-
-
-def _to_real(positive: np.ndarray) -> np.ndarray:
-    """(L, 2 l + 1) float32 from the orders 0..l: the same layers in the real harmonics, cosines, then sines.
-
-    The two bases are unitarily alike, and real matrices are quicker.
-    """
-    scaled = np.sqrt(2) * positive[:, 1:]
-    parts = [np.real(positive[:, :1]), np.real(scaled), np.imag(scaled)]
-    return np.concatenate(parts, axis=1).astype(np.float32, copy=False)
-
-
-def _to_complex(part: np.ndarray) -> np.ndarray:
-    """(L, l + 1) complex64, the orders 0..l: the way back."""
-    degree = part.shape[1] // 2
-    positive = part[:, : degree + 1].astype(np.complex64)
-    positive[:, 1:] += np.complex64(1j) * part[:, degree + 1 :]
-    positive[:, 1:] *= np.float32(np.sqrt(0.5))
-    return positive
-
-
-def _require_finite(values: np.ndarray, what: str) -> None:
-    if not np.isfinite(values).all():
-        raise InputError(f"`{what}` hold numbers that are not finite; look at the volumes that went in")
+    if products.ndim != 3 or products.shape[1] != products.shape[2]:
+        raise InputError(f"`products` have shape {products.shape}; wanted (degrees, L, L)")
+    values, vectors = np.linalg.eigh(products.astype(np.float64))
+    values = np.maximum(values, 0)
+    largest = np.maximum(values.max(axis=1, initial=0, keepdims=True), np.finfo(np.float64).tiny)
+    scales = np.maximum(values / largest, _FAINTEST) ** (-power / 2)
+    energy, scaled = values.sum(axis=1), (values * scales**2).sum(axis=1)
+    scales *= np.sqrt(energy / np.where(scaled > 0, scaled, 1.0))[:, None]
+    scales[:1] = 0
+    return (vectors * scales[:, None]) @ vectors.transpose(0, 2, 1)

@@ -15,7 +15,7 @@ from kernels.errors import InputError
 _LAYERS = slice(0, 12, 2)
 
 
-def signature(coefficients: np.ndarray) -> np.ndarray:
+def signature(products: np.ndarray) -> np.ndarray:
     """What layers have in common with each other and with themselves, degree by degree.
 
     With e[l, r] the energy of degree l as a share of its layer's, a share since the magnitude of a layer depends on how
@@ -27,24 +27,23 @@ def signature(coefficients: np.ndarray) -> np.ndarray:
     are weak, count in it too.
 
     Args:
-        coefficients: (degrees, L, orders) complex64 of the layers, from `Harmonics.analyze`, before they are equalized;
-            of degrees 0, 2, 4 and so on. The first, a layer's mean, is left out.
+        products: (degrees, L, L) of the layers, from `Harmonics.products`, of degrees 0, 2, 4 and so on. The first, a
+            layer's mean, is left out.
 
     Returns:
         (K,) float32 in -1..1, K = (degrees - 1) n (n + 1) / 2 with n = 6 layers, or half of L where L is below 12.
 
     Raises:
-        InputError: the coefficients have another shape, or are not finite.
+        InputError: the products have another shape, or are not finite.
     """
-    if coefficients.ndim != 3 or len(coefficients) < 2 or coefficients.shape[2] != 4 * len(coefficients) - 1:
-        raise InputError(f"`coefficients` have shape {coefficients.shape}; wanted (degrees, L, 4 degrees - 1)")
-    chosen = coefficients[1:, _LAYERS].astype(np.complex128)
-    energies = (np.abs(chosen) ** 2).sum(axis=2)
-    if not np.isfinite(energies).all():
-        raise InputError("`coefficients` hold numbers that are not finite; look at the volume that went in")
+    if products.ndim != 3 or len(products) < 2 or products.shape[1] != products.shape[2]:
+        raise InputError(f"`products` have shape {products.shape}; wanted (degrees, L, L), of 2 degrees or more")
+    chosen = products[1:, _LAYERS, _LAYERS].astype(np.float64)
+    if not np.isfinite(chosen).all():
+        raise InputError("`products` hold numbers that are not finite; look at the volume that went in")
+    energies = np.diagonal(chosen, axis1=1, axis2=2)
     faintest = np.finfo(np.float64).tiny
     shares = energies / np.maximum(energies.sum(axis=0), faintest)
-    scaled = chosen * (shares**0.25 / np.sqrt(np.maximum(energies, faintest)))[:, :, None]
-    products = np.real(scaled @ scaled.conj().transpose(0, 2, 1))
-    first, second = np.triu_indices(products.shape[1])
-    return products[:, first, second].astype(np.float32).ravel()
+    scales = shares**0.25 / np.sqrt(np.maximum(energies, faintest))
+    first, second = np.triu_indices(chosen.shape[1])
+    return (chosen * scales[:, :, None] * scales[:, None])[:, first, second].astype(np.float32).ravel()

@@ -30,8 +30,7 @@ class SpectralScan:
     Attributes:
         volume: voxels and spectra on the whole grid.
         coarse: the same on the coarse grid.
-        coefficients: (degrees, layers, orders) complex64 of its layers, from `So3.prepare`.
-        bands: the same of BANDS of layers, each by itself.
+        coefficients: device (degrees, layers, orders) complex64 of its layers, from `So3.prepare`.
         signature: (K,) float32, nearly the same however the scan is turned and moved, from `signature`.
         surface: points and normals, for the refinement.
         view: what the sensor saw.
@@ -40,8 +39,7 @@ class SpectralScan:
 
     volume: Prepared
     coarse: CoarseVolume
-    coefficients: np.ndarray
-    bands: tuple[np.ndarray, ...]
+    coefficients: Array
     signature: np.ndarray
     surface: Surface
     view: View

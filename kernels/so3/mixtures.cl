@@ -1,0 +1,50 @@
+// Layers' coefficients compared with each other, and summed to others.
+//
+// Layout: coefficients (DEGREES, layers, ORDERS) complex64, of degree 2 p and order index - (BANDWIDTH - 1), 0 where the
+// order is above the degree.
+// Precondition: BANDWIDTH is at least 8.
+#ifndef BANDWIDTH
+#define BANDWIDTH 48
+#endif
+#ifndef CPU
+#define CPU 1
+#endif
+#define ORDERS (2 * BANDWIDTH - 1)
+
+// The real parts of the products of two layers' orders, degree by degree: (DEGREES, layers, layers) float32.
+__kernel void products(__global const float* const restrict coefficients, __global float* const restrict out,
+                       const int layers) {
+    const int second = get_global_id(0);
+    const int first = get_global_id(1);
+    const int pair = get_global_id(2);
+    if (second >= layers) return;
+    __global const float* const a = coefficients + 2 * (size_t)(pair * layers + first) * ORDERS;
+    __global const float* const b = coefficients + 2 * (size_t)(pair * layers + second) * ORDERS;
+    const int begin = 2 * (BANDWIDTH - 1 - 2 * pair);
+    float sum = 0.0f;
+    for (int n = begin; n < 2 * ORDERS - begin; ++n) sum += a[n] * b[n];
+    out[((size_t)pair * layers + first) * layers + second] = sum;
+}
+
+// Sums of layers, degree by degree: mixtures (DEGREES, sums, layers) float32, out (DEGREES, sums, ORDERS) complex64.
+// One work-item: one number, or, on a processor, 16 of them.
+__kernel void mix_layers(__global const float* const restrict coefficients, __global const float* const restrict mixtures,
+                  __global float* const restrict out, const int layers) {
+    const int sums = get_global_size(1);
+    const size_t row = (size_t)get_global_id(2) * sums + get_global_id(1);
+    __global const float* const from = coefficients + 2 * (size_t)get_global_id(2) * layers * ORDERS;
+#if CPU
+    // the last ones overlap those before
+    const int n = min(16 * (int)get_global_id(0), 2 * ORDERS - 16);
+    float16 sum = 0.0f;
+    for (int layer = 0; layer < layers; ++layer)
+        sum += mixtures[row * layers + layer] * vload16(0, from + 2 * layer * ORDERS + n);
+    vstore16(sum, 0, out + 2 * row * ORDERS + n);
+#else
+    const int n = get_global_id(0);
+    if (n >= 2 * ORDERS) return;
+    float sum = 0.0f;
+    for (int layer = 0; layer < layers; ++layer) sum += mixtures[row * layers + layer] * from[2 * layer * ORDERS + n];
+    out[2 * row * ORDERS + n] = sum;
+#endif
+}
