@@ -9,7 +9,9 @@ import numpy as np
 from scipy.spatial.transform import RigidTransform, Rotation
 
 from kernels.device.device import Device
+from kernels.device.recycled import recycled
 from kernels.errors import InputError
+from kernels.points.scaled import scaled
 from kernels.points.voxelize import voxelize
 from kernels.pomf.spectrum import Pomf, whiten
 from spectral.expected import ExpectedPose
@@ -98,6 +100,7 @@ class SpectralRegistrar:
         edge = self._verifier.coarse_edge
         self._coarse_pomf = Pomf(device, (edge, edge, edge))
         self._coarse_volume = device.empty((edge, edge, edge))
+        self._coarse_spectrum = device.empty((edge, edge, edge // 2 + 8), np.complex64)
         self._warm = False
 
     def prepare(self, scan: Scan) -> SpectralScan:
@@ -273,8 +276,11 @@ class SpectralRegistrar:
     def _coarsen(self, volume: Prepared) -> CoarseVolume:
         """The scan on the coarse grid."""
         edge = self._verifier.coarse_edge
-        scale = np.array([edge / self.grid.edge] * 3 + [1.0], np.float32)
-        points = self.device.to_device(volume.points.get() * scale)
+        points = scaled(self.device, volume.points, edge / self.grid.edge)
         voxelize(self.device, points, edge, out=self._coarse_volume)
-        spectrum = self._coarse_pomf.transform(self._coarse_volume)
-        return CoarseVolume(points, tuple(whiten(self.device, spectrum, exponent) for exponent in WHITENINGS))
+        spectrum = self._coarse_pomf.transform(self._coarse_volume, out=self._coarse_spectrum)
+        whitened = [
+            whiten(self.device, spectrum, exponent, out=recycled(self.device, spectrum.shape, np.complex64))
+            for exponent in WHITENINGS
+        ]
+        return CoarseVolume(points, tuple(whitened))

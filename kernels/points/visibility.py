@@ -1,15 +1,22 @@
 # pyright: strict, reportUnknownVariableType=false, reportUnknownMemberType=false, reportUnknownArgumentType=false
 """Points under many poses against a range image: which agree with it, and which stand where its beams went through."""
 
+from collections.abc import Sequence
+from dataclasses import dataclass
+from weakref import WeakKeyDictionary
+
 import numpy as np
+import pyopencl as cl
 import pyopencl.array as cla
+from pyopencl import cltypes
 
 from kernels.device.device import Device
 from kernels.device.launch import launch, require_array
 from kernels.errors import InputError
 
 _LANES = 8
-_PART = 256  # points of one work-item
+_GROUP = 64
+_SCRATCH: WeakKeyDictionary[Device, dict[str, cla.Array]] = WeakKeyDictionary()
 
 
 def octahedral_cells(directions: np.ndarray, edge: int) -> np.ndarray:
@@ -50,53 +57,101 @@ def upload_points(device: Device, points: np.ndarray) -> tuple[cla.Array, int]:
     return device.to_device(padded), len(points)
 
 
-def agreement(
-    device: Device,
-    view: cla.Array,
-    points: tuple[cla.Array, int],
-    R: np.ndarray,
-    t: np.ndarray,
-    reach: float,
-    slope: float,
-) -> np.ndarray:
-    """How the points, moved by each pose, agree with what a sensor at the origin saw.
+@dataclass(frozen=True, slots=True)
+class Way:
+    """Points of one scan, and the range images of another that they are put into.
+
+    Attributes:
+        views: device (k, edge, edge, 2) float32, nearest and farthest range of every cell of an octahedral map,
+            (inf, -inf) where nothing was seen; None for no image.
+        points: from `upload_points`, in a frame of their own [any length unit].
+        R: (n, 3, 3) rotations to the sensor's frame.
+        t: (k, n, 3) shifts to that of each image.
+    """
+
+    views: cla.Array | None
+    points: tuple[cla.Array, int]
+    R: np.ndarray
+    t: np.ndarray
+
+
+def agreement(device: Device, ways: Sequence[Way], tolerances: Sequence[tuple[float, float]]) -> list[np.ndarray]:
+    """How points, moved by each pose, agree with what sensors saw; one launch and one blocking read for all.
 
     Args:
-        view: (edge, edge, 2) float32, nearest and farthest range of every cell of an octahedral map, (inf, -inf) where
-            nothing was seen.
-        points: from `upload_points`, in a frame of their own [any length unit].
-        R, t: (n, 3, 3) and (n, 3), to the sensor's frame.
-        reach, slope: a range within reach + slope * range of the cell's agrees; nearer contradicts, and farther is
-            hidden. Not negative.
+        ways: one, or two with as many poses and images of the same edge.
+        tolerances: one or two of (reach, slope): a range within reach + slope * range of the cell's agrees; nearer
+            contradicts, and farther is hidden. Not negative.
 
     Returns:
-        (n, 3) int64: points that agree, that contradict, and that fall into cells where something was seen.
+        Of each way (k, n, tolerances, 3) int64: points that agree, that contradict, and that fall into cells where
+        something was seen.
 
     Raises:
-        InputError: a shape is another, or a pose, the reach or the slope is no such number.
+        InputError: a shape is another, or a pose or a tolerance is no such number.
     """
-    edge, across, _ = require_array(view, "view", (None, None, 2))
-    moved, valid = points
+    bad = [pair for pair in tolerances if not (0 <= pair[0] < np.inf and 0 <= pair[1] < np.inf)]
+    if bad or len(tolerances) not in (1, 2) or len(ways) not in (1, 2):
+        raise InputError(f"{len(ways)} ways, `tolerances={tolerances}`; wanted one or two of each, 0 or more")
+    jobs, n, edge = [_images(way) for way in ways], len(ways[0].R), _edge(ways)
+    shapes = [(images, n, len(tolerances), 3) for images in jobs]
+    if not n or not sum(jobs):
+        return [np.zeros(shape, np.int64) for shape in shapes]
+    rows = np.empty((sum(jobs), n, 3, 4), np.float32)
+    for way, part in zip(ways, np.split(rows, jobs[:1]), strict=False):
+        part[..., :3], part[..., 3] = way.R, way.t
+    scratch = _SCRATCH.setdefault(device, {})
+    poses = _at_least(device, scratch, "poses", rows.size, np.float32)
+    counts = _at_least(device, scratch, "counts", int(np.prod(shapes[0][1:])) * sum(jobs), np.int32)
+    # not waited for: the read below is
+    cl.enqueue_copy(device.queue, poses.base_data, rows, is_blocking=False)
+    first, second = ways[0], ways[-1]
+    seen = next(way.views for way in ways if way.views is not None)
+    views = [seen if way.views is None else way.views for way in (first, second)]
+    sizes = [np.int32(number) for way in (first, second) for number in (way.points[0].shape[1], way.points[1])]
+    both = cltypes.make_float4(*tolerances[0], *tolerances[-1])  # pyright: ignore[reportAttributeAccessIssue]
+    cpu = device.is_cpu
+    launch(
+        device, "points/visibility", "agreement", (n, sum(jobs)) if cpu else (_GROUP, n, sum(jobs)),
+        *views, first.points[0], second.points[0], poses, counts, np.int32(jobs[0]), *sizes, both,
+        group=None if cpu else (_GROUP, 1, 1), EDGE=edge, TOLERANCES=len(tolerances), CPU=int(cpu),
+    )  # fmt: skip
+    read = counts[: sum(jobs) * n * len(tolerances) * 3].get().astype(np.int64).reshape(-1, *shapes[0][1:])
+    return np.split(read, np.cumsum(jobs)[:-1])
+
+
+def _images(way: Way) -> int:
+    """How many images a way has, once all its shapes are right."""
+    images = 0 if way.views is None else len(way.views)
+    moved, valid = way.points
     _, count = require_array(moved, "points", (3, None))
-    if across != edge or count % _LANES or not 0 <= valid <= count:
+    if count % _LANES or not 0 <= valid <= count:
+        raise InputError(f"`points` are {valid} of {count}; wanted points as upload_points makes them")
+    if way.R.shape != (len(way.R), 3, 3) or way.t.shape != (images, len(way.R), 3):
         raise InputError(
-            f"`view` has {edge} x {across} cells, `points` {valid} of {count}; wanted a square view, and points as "
-            "upload_points makes them"
+            f"`R` and `t` have shapes {way.R.shape} and {way.t.shape}; wanted (n, 3, 3) and ({images}, n, 3)"
         )
-    if R.shape != (len(R), 3, 3) or t.shape != (len(R), 3):
-        raise InputError(f"`R` and `t` have shapes {R.shape} and {t.shape}; wanted (n, 3, 3) and (n, 3)")
-    if not (np.isfinite(R).all() and np.isfinite(t).all() and 0 <= reach < np.inf and 0 <= slope < np.inf):
-        raise InputError(f"`reach={reach}`, `slope={slope}`; wanted 0 or more, and finite `R` and `t`")
-    if not len(R):
-        return np.zeros((0, 3), np.int64)
-    rows = np.zeros((len(R), 16), np.float32)
-    rows[:, :12] = np.concatenate([R, t[:, :, None]], axis=2).reshape(-1, 12)
-    parts = -(-count // _PART)
-    counts = device.empty((len(R), parts, 3), np.int32)
-    numbers = np.int32(count), np.int32(valid), np.float32(reach), np.float32(slope)
-    arrays = view, moved, device.to_device(rows), counts
-    launch(device, "points/visibility", "agreement", (parts, len(R)), *arrays, *numbers, EDGE=edge, PART=_PART)
-    return counts.get().sum(axis=1, dtype=np.int64)
+    if not (np.isfinite(way.R).all() and np.isfinite(way.t).all()):
+        raise InputError("`R` or `t` holds numbers that are not finite")
+    return images
+
+
+def _edge(ways: Sequence[Way]) -> int:
+    """The edge of all images."""
+    edges = {way.views.shape[1] for way in ways if way.views is not None}
+    for way in ways:
+        if way.views is not None:
+            require_array(way.views, "views", (None, *2 * (min(edges),), 2))
+        if len(way.R) != len(ways[0].R):
+            raise InputError(f"ways have {len(ways[0].R)} and {len(way.R)} poses; wanted as many")
+    return min(edges, default=0)
+
+
+def _at_least(device: Device, scratch: dict[str, cla.Array], name: str, size: int, dtype: type) -> cla.Array:
+    """An array that is used again by every call, made anew where it is too small."""
+    if name not in scratch or scratch[name].size < size:
+        scratch[name] = device.empty((1 << (size - 1).bit_length(),), dtype)
+    return scratch[name]
 
 
 def _require_places(places: np.ndarray, what: str) -> None:

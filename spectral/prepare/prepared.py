@@ -5,6 +5,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from kernels.device.device import Array, Device
+from kernels.device.recycled import recycled
 from kernels.errors import InputError
 from kernels.fft.transform import RealFFT
 from kernels.points.voxelize import voxelize
@@ -78,8 +79,8 @@ class Preparer:
         self._require_structure(scan.name, surface, plane_allowed=placed)
         points = self.device.to_device(self._weighted(scan, voxels, inside))
         voxelize(self.device, points, edge, out=self._volume)
-        spectrum = self._fft.forward(self._volume)
-        centered = magnitude(self.device, spectrum, edge)
+        spectrum = self._fft.forward(self._volume, out=recycled(self.device, self._fft.half_shape, np.complex64))
+        centered = magnitude(self.device, spectrum, edge, out=recycled(self.device, (edge, edge, edge // 2 + 1)))
         whiten(self.device, spectrum, out=spectrum)
         return Prepared(
             name=scan.name,

@@ -1,12 +1,13 @@
 """What a scan saw from its viewpoint, as ranges over directions: points before its surface contradict it."""
 
+from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
 from scipy.spatial.transform import Rotation
 
 from kernels.device.device import Array, Device
-from kernels.points.visibility import agreement, octahedral_cells, upload_points
+from kernels.points.visibility import Way, agreement, octahedral_cells, upload_points
 
 # Cells along an edge of the map: 1.6 degrees, a voxel at 36 voxels' distance. Finer cells stay empty between beams.
 _EDGE = 128
@@ -43,12 +44,14 @@ class View:
     Attributes:
         images: from each place where its sensor is known to have been; none for a scan put together from places that
             are not known.
+        ranges: device (len(images), _EDGE, _EDGE, 2) float32, their views behind one another; None without any.
         repeats: in how many of the images a point of the scan is seen, on the average.
         sample: points about the grid's center, on the device [voxels].
         count: number of points in the sample.
     """
 
     images: tuple[RangeImage, ...]
+    ranges: Array | None
     repeats: float
     sample: tuple[Array, int]
     count: int
@@ -66,16 +69,22 @@ def scan_view(device: Device, points: np.ndarray, surface: np.ndarray, viewpoint
     """
     if viewpoints.ndim == 1:
         ranges = _Ranges.of(points - viewpoints)
-        images = (RangeImage(viewpoints, ranges.upload(device)),) if ranges.are_single else ()
-        repeats = 1.0
+        images, repeats = [(viewpoints, ranges)] if ranges.are_single else [], 1.0
     else:
-        images, repeats = _images(device, points, viewpoints)
+        images, repeats = _images(points, viewpoints)
+    views = device.to_device(np.stack([ranges.image() for _, ranges in images])) if images else None
     sample = surface[:: max(1, len(surface) // _SAMPLE)]
-    return View(images=images, repeats=repeats, sample=upload_points(device, sample), count=len(sample))
+    return View(
+        images=tuple(RangeImage(place, views[n]) for n, (place, _) in enumerate(images)) if views is not None else (),
+        ranges=views,
+        repeats=repeats,
+        sample=upload_points(device, sample),
+        count=len(sample),
+    )
 
 
-def _images(device: Device, points: np.ndarray, viewpoints: np.ndarray) -> tuple[tuple[RangeImage, ...], float]:
-    """Images from a few of many places, evenly along the way, and in how many of them a point is seen."""
+def _images(points: np.ndarray, viewpoints: np.ndarray) -> tuple[list[tuple[np.ndarray, "_Ranges"]], float]:
+    """Ranges from a few of many places, evenly along the way, and from how many of them a point is seen."""
     cells = np.floor(viewpoints).astype(np.int64)
     _, first, place = np.unique(cells, axis=0, return_index=True, return_inverse=True)
     along = np.argsort(first, kind="stable")
@@ -85,11 +94,11 @@ def _images(device: Device, points: np.ndarray, viewpoints: np.ndarray) -> tuple
         from_here = place.ravel() == number
         viewpoint = viewpoints[from_here].mean(axis=0)
         ranges = _Ranges.of(points[from_here] - viewpoint)
-        images.append(RangeImage(viewpoint, ranges.upload(device)))
+        images.append((viewpoint, ranges))
         filled = np.zeros(_EDGE * _EDGE, dtype=bool)
         filled[ranges.cells] = True
         seen += float(filled[octahedral_cells(points - viewpoint, _EDGE)].mean())
-    return tuple(images), max(seen, 1e-3)
+    return images, max(seen, 1e-3)
 
 
 @dataclass(frozen=True, slots=True)
@@ -104,25 +113,30 @@ class _Ranges:
     @classmethod
     def of(cls, beams: np.ndarray) -> "_Ranges":
         """Of beams (n, 3) [voxels]."""
-        ranges = np.linalg.norm(beams, axis=1)
-        cells = octahedral_cells(beams, _EDGE)
-        order = np.lexsort((ranges, cells))
-        cells, ranges = cells[order], ranges[order]
-        seen, first, count = np.unique(cells, return_index=True, return_counts=True)
+        x, y, z = beams.T
+        ranges = np.sqrt(x * x + y * y + z * z).astype(np.float32)
+        # one number to sort by, as the bits of positive floats order as they do
+        keys = octahedral_cells(beams, _EDGE).astype(np.uint64) << np.uint64(32)
+        keys = np.sort(keys | ranges.view(np.uint32))
+        cells, ranges = keys >> np.uint64(32), keys.astype(np.uint32).view(np.float32)
+        first = np.append(0, np.flatnonzero(cells[1:] != cells[:-1]) + 1)
+        count = np.diff(first, append=len(cells))
         near = ranges[first + np.floor(_NEAR * (count - 1)).astype(np.int64)]
         far = ranges[first + np.ceil(_FAR * (count - 1)).astype(np.int64)]
         median = np.repeat(ranges[first + count // 2], count)
         agreeing = np.abs(ranges - median) <= _SPREAD + _SLOPE * ranges
         # a point alone in its cell agrees with itself, which is no evidence
-        shared = np.repeat(count > 1, count)
-        return cls(seen, near, far, not shared.any() or bool(agreeing[shared].mean() >= _SINGLE))
+        alone = first[count == 1]
+        shared = len(cells) - len(alone)
+        single = shared == 0 or (np.count_nonzero(agreeing) - len(alone)) / shared >= _SINGLE
+        return cls(cells[first].astype(np.int64), near, far, bool(single))
 
-    def upload(self, device: Device) -> Array:
-        """(_EDGE, _EDGE, 2) on the device, (inf, -inf) in cells that saw nothing."""
+    def image(self) -> np.ndarray:
+        """(_EDGE, _EDGE, 2) float32, (inf, -inf) in cells that saw nothing."""
         view = np.empty((_EDGE * _EDGE, 2), np.float32)
         view[:] = np.inf, -np.inf
         view[self.cells] = np.column_stack([self.near, self.far])
-        return device.to_device(view.reshape(_EDGE, _EDGE, 2))
+        return view.reshape(_EDGE, _EDGE, 2)
 
 
 @dataclass(frozen=True, slots=True)
@@ -146,34 +160,29 @@ def visibility(
     source: View,
     R_target_source: Rotation,
     shifts: np.ndarray,
-    reach: float,
-    slope: float,
-) -> Visibility:
-    """How far poses agree with both views; a scan that has none is left out.
+    tolerances: Sequence[tuple[float, float]],
+) -> list[Visibility]:
+    """How far poses agree with both views, for each tolerance; a scan that has no view is left out.
 
     Args:
         R_target_source: (n,) rotations.
         shifts: (n, 3) p_target = R p_source + shift, both about the scans' grid centers [voxels].
-        reach, slope: a range within reach [voxels] + slope * range of the surface agrees.
+        tolerances: one or two of (reach, slope): a range within reach [voxels] + slope * range of the surface agrees.
     """
     R = R_target_source.as_matrix()
     back = R.transpose(0, 2, 1)
+    ways = _way(target, source, R, shifts), _way(source, target, back, -np.einsum("nij,nj->ni", back, shifts))
+    counts = agreement(device, ways, tolerances)
     shares = [
-        _agreement(device, target, source, R, shifts, reach, slope),
-        _agreement(device, source, target, back, -np.einsum("nij,nj->ni", back, shifts), reach, slope),
+        count.sum(axis=0) / (other.count * view.repeats)
+        for count, view, other in zip(counts, (target, source), (source, target), strict=True)
+        if view.images
     ]
-    known = [share for share in shares if share is not None]
-    mean = np.mean(known, axis=0) if known else np.full((len(R), 3), np.nan)
-    return Visibility(mean[:, 0], mean[:, 1], mean[:, 2])
+    mean = np.mean(shares, axis=0) if shares else np.full((len(R), len(tolerances), 3), np.nan)
+    return [Visibility(*mean[:, k].T) for k in range(len(tolerances))]
 
 
-def _agreement(
-    device: Device, view: View, other: View, R: np.ndarray, shifts: np.ndarray, reach: float, slope: float
-) -> np.ndarray | None:
-    """(n, 3) shares of the other's points that agree, contradict and are seen; None where the view has no image."""
-    if not view.images:
-        return None
-    counts = [
-        agreement(device, image.view, other.sample, R, shifts - image.viewpoint, reach, slope) for image in view.images
-    ]
-    return np.sum(counts, axis=0) / (other.count * view.repeats)
+def _way(view: View, other: View, R: np.ndarray, shifts: np.ndarray) -> Way:
+    """From the other scan's points to the view's images."""
+    viewpoints = np.array([image.viewpoint for image in view.images]).reshape(-1, 1, 3)
+    return Way(view.ranges if view.images else None, other.sample, R, shifts - viewpoints)

@@ -149,9 +149,7 @@ class Verifier:
         """What the scans' views and so many points of their surfaces say of each."""
         R = Rotation.concatenate([hypothesis.fit.R for hypothesis in hypotheses])
         shifts = np.array([hypothesis.fit.shift for hypothesis in hypotheses])
-        fine, coarse = (
-            visibility(self.device, target.view, source.view, R, shifts, *tolerance) for tolerance in (FINE, COARSE)
-        )
+        fine, coarse = visibility(self.device, target.view, source.view, R, shifts, (FINE, COARSE))
         views = np.asarray(consistency(fine.agree, fine.contradict)).tolist()
         coarse_views = np.asarray(consistency(coarse.agree, coarse.contradict)).tolist()
         shared = shared_surfaces(self.device, target.surface, source.surface, R, shifts, points)
@@ -204,7 +202,7 @@ class Verifier:
     ) -> np.ndarray:
         """(n,) consistency times the peak's height."""
         if target.view.images or source.view.images:
-            seen = visibility(self.device, target.view, source.view, candidates.R, candidates.shifts, *tolerance)
+            (seen,) = visibility(self.device, target.view, source.view, candidates.R, candidates.shifts, [tolerance])
             agreement = np.asarray(consistency(seen.agree, seen.contradict))
         else:
             agreement = np.zeros(len(candidates.psr))
