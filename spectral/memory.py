@@ -6,14 +6,14 @@ from kernels.pomf.correlator import at_once
 from spectral.grid import EDGES
 
 # Tables and correlations over all rotations, of any tilt: the same on every grid.
-_ROTATIONS = 64 * 2**20
+_ROTATIONS = 160 * 2**20
 _LARGEST_TABLE = 42 * 2**20
 # Points of a scan on two grids: up to 200,000 of 16 bytes are assumed.
 _POINTS = 2 * 16 * 200_000
 # A surface has about as many points as a face of the grid has voxels, in two sets of cells: bytes of each point.
 _SURFACE = 2 * (16 + 16 * 4) + 48
-# The range image of a scan, and the sample of points that is compared with others'.
-_VIEW = 2**18
+# The range image of a scan, the sample of points that is compared with others', and the harmonics of its layers.
+_VIEW = 2**18 + 2**20
 
 
 def require_memory(device: Device, edge: int) -> None:

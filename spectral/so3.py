@@ -169,6 +169,8 @@ class So3:
             kept = _distinct(R, np.arange(len(scores)), count)
             if len(kept) == count or examined == _EXAMINED:
                 break
+        if not len(kept):
+            return RotationPeaks(R, scores)
         return RotationPeaks(R[kept], scores[kept])  # pyright: ignore[reportArgumentType]
 
     def best_of(self, target: Array, source: Array, sweep: Sweep, count: int) -> RotationPeaks:

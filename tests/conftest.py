@@ -33,6 +33,14 @@ def pytest_generate_tests(metafunc: pytest.Metafunc) -> None:
         metafunc.parametrize("device", selectors(), indirect=True, scope="session")
 
 
+@pytest.fixture(scope="session", params=["cpu", "gpu"])
+def flavored(request: pytest.FixtureRequest, device: Device) -> Device:
+    """The device, with kernels as they are written for a processor and as for a graphics processor."""
+    other = Device(device.cl_device, device.selector)
+    other.__dict__["is_cpu"] = request.param == "cpu"
+    return other
+
+
 @pytest.fixture(scope="session")
 def device(request: pytest.FixtureRequest) -> Device:
     return choose_device(getattr(request, "param", None))

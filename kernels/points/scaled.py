@@ -25,5 +25,7 @@ def scaled(device: Device, points: cla.Array, factor: float) -> cla.Array:
     result = device.empty((count, 4))
     if count:
         size, group = (-(-count // _GROUP) * _GROUP,), (_GROUP,)
-        launch(device, "points/scaled", "scaled", size, points, result, np.int32(count), np.float32(factor), group=group)
+        launch(
+            device, "points/scaled", "scaled", size, points, result, np.int32(count), np.float32(factor), group=group
+        )
     return result

@@ -118,7 +118,7 @@ __kernel void synthesize(__global const float* const restrict wigner, __global c
     float2 sums[PARTS];
     for (int part = 0; part < PARTS; ++part) sums[part] = 0.0f;
     const bool empty = beta >= betas || abs(order) >= BANDWIDTH || n >= BANDWIDTH;
-    for (int pair = empty ? DEGREES : (max(abs(order), n) + 1) / 2; pair < DEGREES; ++pair) {
+    for (int pair = empty ? DEGREES : (max((int)abs(order), n) + 1) / 2; pair < DEGREES; ++pair) {
         const float d = wigner[at + pair * BANDWIDTH];
         for (int part = 0; part < PARTS; ++part)
             sums[part] += d * vload2((size_t)part * ORDERS * DEGREES * BANDWIDTH + from + pair * BANDWIDTH, products);

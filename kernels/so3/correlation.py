@@ -22,7 +22,6 @@ from kernels.device.launch import launch, require_array, table, zero
 from kernels.errors import InputError
 from kernels.fft.transform import RealFFT
 
-
 # Work-items of a group, where neighbors are beside each other in memory.
 _GROUP = 32
 # So many peaks of each part come with the first read: a correlation of two scans has some ten, noise some hundred.
@@ -139,7 +138,7 @@ class RotationCorrelation:
         return correlation.reshape(len(ranges), images, self.edge, self.edge)
 
     def peaks(self, correlation: cla.Array) -> list[LocalMaxima]:
-        """The local maxima of each part of a correlation, highest first; one blocking read, or two where there are many.
+        """The local maxima of each part of a correlation, highest first; one blocking read, two for many.
 
         Of equal values the first voxel comes first; of each quarter of a row the highest maximum is there alone.
 
@@ -165,7 +164,15 @@ class RotationCorrelation:
             self._plans[parts] = _Plan(self.device, self.bandwidth, (parts, len(self.betas) + 1, self.edge))
         return self._plans[parts]
 
-    def _launch(self, program: str, kernel: str, size: tuple[int, ...], *arguments, group=None, **defines: int) -> None:
+    def _launch(
+        self,
+        program: str,
+        kernel: str,
+        size: tuple[int, ...],
+        *arguments: cla.Array | np.generic,
+        group: tuple[int, ...] | None = None,
+        **defines: int,
+    ) -> None:
         if group is None and not self.device.is_cpu:
             group = (_GROUP, 1, 1)
         cpu = int(self.device.is_cpu)

@@ -108,7 +108,8 @@ class Harmonics:
         sizes = {"LATITUDES": latitudes, "LONGITUDES": longitudes, "EDGE": edge}
         tables = self._rings, self._circle, table(device, radii), self._turned
         cpu = device.is_cpu
-        size, group = ((latitudes // _RINGS_AT_ONCE, layers), None) if cpu else ((_GROUP * latitudes, layers), (_GROUP, 1))
+        size = (latitudes // _RINGS_AT_ONCE if cpu else _GROUP * latitudes, layers)
+        group = None if cpu else (_GROUP, 1)
         self._launch("harmonics", "waves", size, magnitude, *tables, waves, moments, group=group, **sizes)
         size = (self.bandwidth, layers) if cpu else (self.bandwidth, layers, self.bandwidth // 2)
         self._launch("harmonics", "project", size, waves, moments, self._weights, self._legendre, result, **sizes)
@@ -165,10 +166,17 @@ class Harmonics:
         shape = self.bandwidth // 2, None, 2 * self.bandwidth - 1
         return require_array(coefficients, "coefficients", shape, np.complex64)[1]
 
-    def _launch(self, program: str, kernel: str, size: tuple[int, ...], *arguments, group=None, **sizes: int) -> None:
-        cpu = int(self.device.is_cpu)
-        name = f"so3/{program}"
-        launch(self.device, name, kernel, size, *arguments, group=group, BANDWIDTH=self.bandwidth, CPU=cpu, **sizes)
+    def _launch(
+        self,
+        program: str,
+        kernel: str,
+        size: tuple[int, ...],
+        *arguments: cla.Array | np.generic,
+        group: tuple[int, ...] | None = None,
+        **defines: int,
+    ) -> None:
+        sizes = {"BANDWIDTH": self.bandwidth, "CPU": int(self.device.is_cpu), **defines}
+        launch(self.device, f"so3/{program}", kernel, size, *arguments, group=group, **sizes)
 
 
 def equalizers(products: np.ndarray, power: float) -> np.ndarray:

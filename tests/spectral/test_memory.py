@@ -58,7 +58,7 @@ def watched(monkeypatch: pytest.MonkeyPatch) -> Iterator[tuple[Device, Usage]]:
         weakref.finalize(buffer, usage.take, size)
         return buffer
 
-    monkeypatch.setattr(cla, "empty", lambda queue, shape, dtype: empty(queue, shape, dtype, allocator=allocate))
+    monkeypatch.setattr(cla, "empty", lambda queue, shape, dtype, **_: empty(queue, shape, dtype, allocator=allocate))
     monkeypatch.setattr(
         cla, "to_device", lambda queue, host, async_: upload(queue, host, allocator=allocate, async_=async_)
     )

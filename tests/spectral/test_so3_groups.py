@@ -4,11 +4,11 @@ import numpy as np
 import pytest
 from scipy.spatial.transform import Rotation
 
-from kernels.device.device import choose_device
+from kernels.device.device import Array, choose_device
 from spectral.grid import Grid
 from spectral.prepare.prepared import Preparer
 from spectral.scan import Scan
-from spectral.so3 import RotationPeaks, So3, Sweep, distinct_rotations
+from spectral.so3 import PARTS, RotationPeaks, So3, Sweep, distinct_rotations
 from tests.samples.structures import structure
 
 EDGE = 32
@@ -29,9 +29,9 @@ class Spectra:
         device = choose_device()
         self.so3, self._preparer = So3(device, EDGE, max_tilt), Preparer(device, Grid(EDGE, 0.8), use_strength=False)
 
-    def of(self, R_target_source: Rotation) -> np.ndarray:
+    def of(self, R_target_source: Rotation) -> Array:
         points = R_target_source.inv().apply(structure(2)).astype(np.float32)
-        return self.so3.prepare(self.so3.analyze(self._preparer.prepare(Scan(points)).magnitude))
+        return self.so3.prepare(self._preparer.prepare(Scan(points)).magnitude).coefficients
 
 
 @pytest.fixture(scope="module")
@@ -40,7 +40,7 @@ def spectra() -> Spectra:
 
 
 @pytest.fixture(scope="module")
-def scans(spectra: Spectra) -> tuple[np.ndarray, np.ndarray]:
+def scans(spectra: Spectra) -> tuple[Array, Array]:
     return spectra.of(Rotation.identity()), spectra.of(TRUE)
 
 
@@ -51,20 +51,18 @@ def indices(R: Rotation) -> np.ndarray:
     return alike.argmax(axis=1)
 
 
-def swept(spectra: Spectra, scans: tuple[np.ndarray, np.ndarray], count: int, apart_deg: float = 0.0) -> RotationPeaks:
+def swept(spectra: Spectra, scans: tuple[Array, Array], count: int, apart_deg: float = 0.0) -> RotationPeaks:
     """The best turns of the sweep, farther apart than this."""
     return spectra.so3.best_of(*scans, Sweep(SWEEP, EACH, np.deg2rad(apart_deg)), count)
 
 
-def test_the_best_is_the_nearest_tilt_of_the_nearest_turn(
-    spectra: Spectra, scans: tuple[np.ndarray, np.ndarray]
-) -> None:
+def test_the_best_is_the_nearest_tilt_of_the_nearest_turn(spectra: Spectra, scans: tuple[Array, Array]) -> None:
     best = swept(spectra, scans, 5)
     assert indices(best.R)[0] == GROUP * EACH + TILT
     assert best.scores[0] > best.scores[1]
 
 
-def test_groups_come_once_and_the_best_first(spectra: Spectra, scans: tuple[np.ndarray, np.ndarray]) -> None:
+def test_groups_come_once_and_the_best_first(spectra: Spectra, scans: tuple[Array, Array]) -> None:
     best = swept(spectra, scans, 20)
     assert len(best.R) == len(best.scores) == 20
     assert best.scores.dtype == np.float64
@@ -72,7 +70,7 @@ def test_groups_come_once_and_the_best_first(spectra: Spectra, scans: tuple[np.n
     assert len(set(indices(best.R) // EACH)) == 20
 
 
-def test_there_are_no_more_than_there_are(spectra: Spectra, scans: tuple[np.ndarray, np.ndarray]) -> None:
+def test_there_are_no_more_than_there_are(spectra: Spectra, scans: tuple[Array, Array]) -> None:
     every = swept(spectra, scans, 1000)
     assert sorted(indices(every.R) // EACH) == list(range(len(TURNS)))
     one_group = Sweep(SWEEP[:EACH], EACH, 0.0)
@@ -80,7 +78,7 @@ def test_there_are_no_more_than_there_are(spectra: Spectra, scans: tuple[np.ndar
     assert only in every.scores
 
 
-def test_each_stands_for_its_group_by_its_highest(spectra: Spectra, scans: tuple[np.ndarray, np.ndarray]) -> None:
+def test_each_stands_for_its_group_by_its_highest(spectra: Spectra, scans: tuple[Array, Array]) -> None:
     """In groups of one, all rotations show their values."""
     every = spectra.so3.best_of(*scans, Sweep(SWEEP, 1, 0.0), len(SWEEP))
     values = np.empty(len(SWEEP))
@@ -91,7 +89,7 @@ def test_each_stands_for_its_group_by_its_highest(spectra: Spectra, scans: tuple
     np.testing.assert_array_equal(values[indices(best.R)], best.scores)
 
 
-def test_none_is_near_a_better_one(spectra: Spectra, scans: tuple[np.ndarray, np.ndarray]) -> None:
+def test_none_is_near_a_better_one(spectra: Spectra, scans: tuple[Array, Array]) -> None:
     every, apart = swept(spectra, scans, len(TURNS)), swept(spectra, scans, len(TURNS), 20.0)
     assert apart.scores[0] == every.scores[0]
     assert 8 <= len(apart.R) < len(every.R) / 2
@@ -102,8 +100,8 @@ def test_none_is_near_a_better_one(spectra: Spectra, scans: tuple[np.ndarray, np
     assert left_out == []
 
 
-def test_the_value_at_a_peak_is_the_peaks(spectra: Spectra, scans: tuple[np.ndarray, np.ndarray]) -> None:
-    peaks = spectra.so3.candidates(*scans, 3, lambda R: np.ones(len(R), dtype=bool))
+def test_the_value_at_a_peak_is_the_peaks(spectra: Spectra, scans: tuple[Array, Array]) -> None:
+    (peaks,) = spectra.so3.candidates(*scans, 3, lambda R: np.ones(len(R), dtype=bool), PARTS[:1])
     values = spectra.so3.best_of(*scans, Sweep(peaks.R, 1, 0.0), 3).scores
     np.testing.assert_allclose(values, peaks.scores, rtol=0.05)
 

@@ -1,14 +1,16 @@
 """Rotations between two spectra: the true one among the best few, whatever it is; bounds and order kept."""
 
+from collections.abc import Callable
+
 import numpy as np
 import pytest
 from scipy.spatial.transform import Rotation
 
-from kernels.device.device import choose_device
+from kernels.device.device import Array, choose_device
 from spectral.grid import Grid
 from spectral.prepare.prepared import Preparer
 from spectral.scan import Scan
-from spectral.so3 import RotationPeaks, So3
+from spectral.so3 import PARTS, RotationPeaks, So3
 from tests.samples.reliefs import above, relief, seen
 from tests.samples.structures import moved, structure
 
@@ -22,8 +24,15 @@ class Spectra:
         device = choose_device()
         self.so3, self._preparer = So3(device, EDGE, max_tilt), Preparer(device, Grid(EDGE, 0.8), use_strength=False)
 
-    def of(self, points: np.ndarray) -> np.ndarray:
-        return self.so3.prepare(self.so3.analyze(self._preparer.prepare(Scan(points)).magnitude))
+    def of(self, points: np.ndarray) -> Array:
+        return self.so3.prepare(self._preparer.prepare(Scan(points)).magnitude).coefficients
+
+    def best(
+        self, target: Array, source: Array, count: int, allowed: Callable[[Rotation], np.ndarray]
+    ) -> RotationPeaks:
+        """The highest of all layers together."""
+        (peaks,) = self.so3.candidates(target, source, count, allowed, PARTS[:1])
+        return peaks
 
 
 @pytest.fixture(scope="module")
@@ -32,7 +41,7 @@ def spectra() -> Spectra:
 
 
 @pytest.fixture(scope="module")
-def target(spectra: Spectra) -> np.ndarray:
+def target(spectra: Spectra) -> Array:
     return spectra.of(structure(2))
 
 
@@ -53,80 +62,107 @@ ANY = [(2.5, -1.0, 0.7), (0.0, 3.1, 0.0), (0.0, 0.0, 0.01), (0.0, 0.0, -2.0), (-
 
 @pytest.mark.parametrize("rotvec", ANY)
 def test_the_true_rotation_is_the_highest_between_samples_too(
-    spectra: Spectra, target: np.ndarray, rotvec: tuple[float, ...]
+    spectra: Spectra, target: Array, rotvec: tuple[float, ...]
 ) -> None:
     true = Rotation.from_rotvec(rotvec)
-    peaks = spectra.so3.candidates(target, spectra.of(turned(true)), 4, everything)
+    peaks = spectra.best(target, spectra.of(turned(true)), 4, everything)
     assert errors(peaks, true)[0] < 1.4  # samples are 1.9 and 2.8 degrees apart
     assert peaks.scores[0] > peaks.scores[1]
 
 
-def test_where_a_scan_lies_does_not_matter(spectra: Spectra, target: np.ndarray) -> None:
+def test_where_a_scan_lies_does_not_matter(spectra: Spectra, target: Array) -> None:
     """A magnitude spectrum knows no shift; the grid's center follows the scan."""
     true = Rotation.from_rotvec([0.2, -0.1, 0.9])
     shifted = turned(true) + np.array([500.0, -90, 30], np.float32)
-    assert errors(spectra.so3.candidates(target, spectra.of(shifted), 1, everything), true)[0] < 1.5
+    assert errors(spectra.best(target, spectra.of(shifted), 1, everything), true)[0] < 1.5
 
 
-def test_equal_scans_score_one(spectra: Spectra, target: np.ndarray) -> None:
-    assert np.linalg.norm(target) == pytest.approx(1.0, abs=1e-5)
-    peaks = spectra.so3.candidates(target, target, 3, everything)
+def test_equal_scans_score_one(spectra: Spectra, target: Array) -> None:
+    for first, count in PARTS:
+        assert np.linalg.norm(target.get()[:, first : first + count]) == pytest.approx(1.0, abs=1e-5)
+    peaks = spectra.best(target, target, 3, everything)
     assert 0.9 < peaks.scores[0] <= 1.0 + 1e-4
     assert errors(peaks, Rotation.identity())[0] < 1.0
 
 
-def test_the_other_way_round_is_the_inverse(spectra: Spectra, target: np.ndarray) -> None:
+def test_the_other_way_round_is_the_inverse(spectra: Spectra, target: Array) -> None:
     true = Rotation.from_rotvec([0.5, 0.4, -1.2])
     source = spectra.of(turned(true))
-    there = spectra.so3.candidates(target, source, 1, everything)
-    back = spectra.so3.candidates(source, target, 1, everything)
+    there = spectra.best(target, source, 1, everything)
+    back = spectra.best(source, target, 1, everything)
     assert errors(RotationPeaks(back.R.inv(), back.scores), there.R[0])[0] < 1.5
     assert back.scores[0] == pytest.approx(there.scores[0], rel=0.1)
 
 
-def test_rotations_are_distinct_and_the_best_first(spectra: Spectra, target: np.ndarray) -> None:
-    peaks = spectra.so3.candidates(target, spectra.of(structure(3)), 12, everything)
+def test_rotations_are_distinct_and_the_best_first(spectra: Spectra, target: Array) -> None:
+    peaks = spectra.best(target, spectra.of(structure(3)), 12, everything)
     assert len(peaks.scores) == len(peaks.R) == 12
     assert (np.diff(peaks.scores) <= 0).all()
     between = [(a.inv() * b).magnitude() for n, a in enumerate(peaks.R) for b in peaks.R[:n]]
     assert np.rad2deg(min(between)) >= 6.99
 
 
-def test_only_what_is_allowed_is_told(spectra: Spectra, target: np.ndarray) -> None:
+def test_only_what_is_allowed_is_told(spectra: Spectra, target: Array) -> None:
     source = spectra.of(turned(Rotation.from_rotvec([0.1, 0.0, 0.3])))
 
     def upside_down(R: Rotation) -> np.ndarray:
         return R.apply([0, 0, 1])[:, 2] < 0
 
-    peaks = spectra.so3.candidates(target, source, 5, upside_down)
+    peaks = spectra.best(target, source, 5, upside_down)
     assert len(peaks.R) == 5
     assert upside_down(peaks.R).all()
-    nothing = spectra.so3.candidates(target, source, 5, lambda R: np.zeros(len(R), dtype=bool))
+    nothing = spectra.best(target, source, 5, lambda R: np.zeros(len(R), dtype=bool))
     assert (len(nothing.R), len(nothing.scores)) == (0, 0)
 
 
-def test_a_bound_on_tilt_keeps_the_vertical_near(target: np.ndarray) -> None:
+def test_a_bound_on_tilt_keeps_the_vertical_near(target: Array) -> None:
     """Roll and pitch of 20 degrees both carry it 28 degrees away."""
     bounded = Spectra(float(np.deg2rad(20.0)))
     away = np.arccos(np.cos(np.deg2rad(20.0)) ** 2)
     source = bounded.of(structure(5))
-    peaks = bounded.so3.candidates(target, source, 40, everything)
+    peaks = bounded.best(target, source, 40, everything)
     tilts = np.arccos(peaks.R.apply([0, 0, 1])[:, 2])
     assert tilts.max() < away + np.deg2rad(4.0)
     true = Rotation.from_euler("ZYX", [130, 19.5, -19.5], degrees=True)
-    assert errors(bounded.so3.candidates(target, bounded.of(turned(true)), 1, everything), true)[0] < 1.5
+    assert errors(bounded.best(target, bounded.of(turned(true)), 1, everything), true)[0] < 1.5
 
 
 @pytest.mark.parametrize("seed", [1, 2])
 def test_scans_that_share_a_part_have_it_among_the_best(spectra: Spectra, seed: int) -> None:
     here, there = above(0, 0, 12), above(3, -2, 13, 25, 4, -7)
     target, source = (spectra.of(seen(relief(seed), T)) for T in (here, there))
-    peaks = spectra.so3.candidates(target, source, 12, everything)
+    peaks = spectra.best(target, source, 12, everything)
     assert errors(peaks, (here.inv() * there).rotation).min() < 4.0
 
 
-def test_twice_is_the_same(spectra: Spectra, target: np.ndarray) -> None:
+def test_twice_is_the_same(spectra: Spectra, target: Array) -> None:
     source = spectra.of(moved(structure(2), above(1, 2, 3, 40, 5, 6)))
-    first, second = (spectra.so3.candidates(target, source, 12, everything) for _ in range(2))
+    first, second = (spectra.best(target, source, 12, everything) for _ in range(2))
     np.testing.assert_array_equal(first.R.as_quat(), second.R.as_quat())
     np.testing.assert_array_equal(first.scores, second.scores)
+
+
+def test_each_band_names_rotations_by_itself(spectra: Spectra, target: Array) -> None:
+    """All in one batch, as each alone; `allowed` is asked of them all."""
+    true = Rotation.from_rotvec([0.3, -0.2, 1.9])
+    source = spectra.of(turned(true))
+    together = spectra.so3.candidates(target, source, 4, everything)
+    assert len(together) == len(PARTS) - 1
+    for part, peaks in zip(PARTS[1:], together, strict=True):
+        (alone,) = spectra.so3.candidates(target, source, 4, everything, [part])
+        np.testing.assert_allclose(peaks.scores, alone.scores, rtol=1e-5)
+        np.testing.assert_allclose((peaks.R * alone.R.inv()).magnitude(), 0, atol=1e-3)
+        assert errors(peaks, true).min() < 2.5
+
+
+def test_many_peaks_are_looked_at_until_enough_are_allowed(spectra: Spectra, target: Array) -> None:
+    """More than are looked at together, as few rotations are possible."""
+    source = spectra.of(structure(3))
+
+    def rarely(R: Rotation) -> np.ndarray:
+        return R.apply([1, 0, 0])[:, 1] > 0.97
+
+    every, few = (spectra.best(target, source, 10_000, which) for which in (everything, rarely))
+    assert len(few.R) >= 3
+    assert rarely(few.R).all()
+    assert len(every.R) > 64 or len(every.R) > len(few.R)

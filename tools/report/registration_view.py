@@ -128,7 +128,7 @@ def _layer(registrar: SpectralRegistrar, scan: SpectralScan) -> np.ndarray:
 
 def _turns(registrar: SpectralRegistrar, target: SpectralScan, source: SpectralScan) -> RotationMap:
     correlation = registrar.so3.correlate(target.coefficients, source.coefficients).get()
-    return map_rotations(correlation, 2 * len(target.coefficients), registrar.config.max_tilt)
+    return map_rotations(correlation, 2 * target.coefficients.shape[0], registrar.config.max_tilt)
 
 
 def _shifts(

@@ -63,14 +63,24 @@ def places_of(correlation, count, seed):
     return places
 
 
+def correlated(correlation, target, source):
+    """All layers together, on the host."""
+    return correlate(correlation, target, source)[0]
+
+
+def correlate(correlation, target, source, parts=None):
+    coefficients = (correlation.device.to_device(each.astype(np.complex64)) for each in (target, source))
+    return correlation.correlate(*coefficients, parts).get()
+
+
 class TestCorrelation:
     @pytest.mark.parametrize(
         ("bandwidth", "largest", "layers"), [(8, np.pi, 1), (8, 0.5, 3), (16, np.deg2rad(50), 2), (24, 1e-9, 2)]
     )
-    def test_equals_the_direct_sum_over_turned_layers(self, device, bandwidth, largest, layers):
-        correlation = RotationCorrelation(device, bandwidth, largest)
+    def test_equals_the_direct_sum_over_turned_layers(self, flavored, bandwidth, largest, layers):
+        correlation = RotationCorrelation(flavored, bandwidth, largest)
         target, source = (random_coefficients(bandwidth, layers, seed) for seed in (1, 2))
-        got = correlation.correlate(target, source).get()
+        got = correlated(correlation, target, source)
         assert got.shape == (len(correlation.betas) + 1, correlation.edge, correlation.edge)
         assert not got[-1].any()
         largest_value = np.linalg.norm(target) * np.linalg.norm(source)
@@ -79,11 +89,11 @@ class TestCorrelation:
             assert got[tuple(place)] == pytest.approx(want, abs=2e-6 * float(largest_value))
 
     @pytest.mark.parametrize("bandwidth", [32, 40, 48, 64])
-    def test_equals_the_sum_of_the_formula(self, device, bandwidth):
+    def test_equals_the_sum_of_the_formula(self, flavored, bandwidth):
         """Larger bandwidths against C(R) as the module's docstring has it, in float64."""
-        correlation = RotationCorrelation(device, bandwidth, 0.3)
+        correlation = RotationCorrelation(flavored, bandwidth, 0.3)
         target, source = (random_coefficients(bandwidth, 5, seed) for seed in (4, 5))
-        got = correlation.correlate(target.astype(np.complex64), source.astype(np.complex64)).get()
+        got = correlated(correlation, target, source)
         orders = np.arange(1 - bandwidth, bandwidth)
         places = places_of(correlation, 12, seed=6)
         want = np.zeros(len(places))
@@ -101,27 +111,35 @@ class TestCorrelation:
     def test_calls_do_not_leave_traces(self, device):
         correlation = RotationCorrelation(device, 16, 1.0)
         many, few = random_coefficients(16, 7, 7), random_coefficients(16, 2, 8)
-        first = correlation.correlate(few, few).get()
-        correlation.correlate(many, many)
-        np.testing.assert_array_equal(correlation.correlate(few, few).get(), first)
+        first = correlated(correlation, few, few)
+        correlated(correlation, many, many)
+        np.testing.assert_array_equal(correlated(correlation, few, few), first)
 
     def test_zero_coefficients_give_zero(self, device):
         correlation = RotationCorrelation(device, 8, 1.0)
         zero = np.zeros((4, 2, 15), np.complex64)
-        assert not correlation.correlate(zero, random_coefficients(8, 2, 9)).get().any()
+        assert not correlated(correlation, zero, random_coefficients(8, 2, 9)).any()
 
     def test_refuses_what_it_cannot_use(self, device):
         correlation = RotationCorrelation(device, 8, 1.0)
         good = random_coefficients(8, 2, 10)
-        others = good[:, :1], good[:2], good[:, 0], good[..., 1:]
-        for target, source in [(good[:, :0], good[:, :0]), (others[1], good), *((good, other) for other in others)]:
-            with pytest.raises(InputError, match="`target` and `source` have shapes"):
-                correlation.correlate(target, source)
-        bad = good.copy()
-        bad[1, 1, 7] = np.inf
-        for pair in ((bad, good), (good, bad)):
-            with pytest.raises(InputError, match="not finite"):
-                correlation.correlate(*pair)
+        for target, source in ((good[:2], good), (good, good[:2]), (good[..., 1:], good), (good, good[:, :1])):
+            with pytest.raises(InputError, match=r"`(target|source)` is complex64 of shape"):
+                correlate(correlation, target, source)
+        for parts in ([(0, 3)], [(1, 2)], [(-1, 1)], [(0, 1), (2, 1)]):
+            with pytest.raises(InputError, match="go beyond the 2 layers"):
+                correlate(correlation, good, good, parts)
+
+    @pytest.mark.parametrize(("bandwidth", "parts"), [(8, [(0, 2), (2, 5), (1, 1)]), (16, [(3, 4), (0, 1)])])
+    def test_parts_are_as_if_alone(self, flavored, bandwidth, parts):
+        correlation = RotationCorrelation(flavored, bandwidth, 0.8)
+        target, source = (random_coefficients(bandwidth, 7, seed) for seed in (11, 12))
+        together = correlate(correlation, target, source, parts)
+        assert len(together) == len(parts)
+        scale = float(np.linalg.norm(target) * np.linalg.norm(source))
+        for (first, count), got in zip(parts, together, strict=True):
+            alone = (each[:, first : first + count] for each in (target, source))
+            np.testing.assert_allclose(got, correlated(correlation, *alone), atol=1e-6 * scale)
 
     @pytest.mark.parametrize("bandwidth", [0, 4, 12, 264])
     def test_refuses_other_bandwidths(self, device, bandwidth):
@@ -194,7 +212,7 @@ class TestRotationsFoundAgain:
     """Rotations through `correlate` with nothing else: the highest sample is the nearest one, or next to it."""
 
     def peak(self, correlation, target, source):
-        values = correlation.correlate(target, source).get()
+        values = correlated(correlation, target, source)
         place = np.unravel_index(values.argmax(), values.shape)
         return correlation.rotations(np.array(place)), values[place]
 
@@ -211,7 +229,7 @@ class TestRotationsFoundAgain:
 
     def test_at_a_sample_the_value_is_the_energy(self, correlation, layers):
         place = np.array([5, 3, 29])
-        values = correlation.correlate(layers, turned(layers, correlation.rotations(place))).get()
+        values = correlated(correlation, layers, turned(layers, correlation.rotations(place)))
         assert np.unravel_index(values.argmax(), values.shape) == tuple(place)
         assert values.max() == pytest.approx(np.linalg.norm(layers) ** 2, rel=1e-5)
 

@@ -119,7 +119,8 @@ class TestView:
         # turned aside, so that there are many
         R = Rotation.from_euler("z", 12, degrees=True) * T.rotation
         shift = (T.translation - a.volume.center + R.apply(b.volume.center)) / voxel
-        shares = visibility(registrar.device, a.view, b.view, Rotation.concatenate([R]), shift[None], 1.0, 0.01)
+        turned = Rotation.concatenate([R])
+        (shares,) = visibility(registrar.device, a.view, b.view, turned, shift[None], [(1.0, 0.01)])
         every = [scan.volume.surface[:: max(1, len(scan.volume.surface) // 1500)] for scan in (a, b)]
         forth = contradicting(a.view, R.apply(every[1]) + shift)
         back = contradicting(b.view, R.inv().apply(every[0] - shift))

@@ -21,6 +21,6 @@ CASES: tuple[Callable[[Workload], KernelCase], ...] = (
     resampling.normalize_layers_case,
     resampling.polar_magnitude_case,
     rotations.correlate_rotations_case,
-    rotations.segment_peaks_case,
+    rotations.rotation_peaks_case,
     rotations.agreement_case,
 )

@@ -2,8 +2,7 @@
 
 import numpy as np
 
-from kernels.points.visibility import agreement, upload_points
-from kernels.pomf.peak import segment_peaks
+from kernels.points.visibility import Way, agreement, upload_points
 from kernels.so3.correlation import RotationCorrelation, wigner_d
 from tools.bench import twins
 from tools.bench.case import KernelCase
@@ -21,13 +20,14 @@ def correlate_rotations_case(w: Workload) -> KernelCase:
     correlation = RotationCorrelation(w.device, BANDWIDTH, _LARGEST)
     wigner, edge = wigner_table(correlation.betas), correlation.edge
     target, source = w.coefficients
+    given = w.upload(target), w.upload(source)
     images, degrees = len(correlation.betas) + 1, np.arange(0, BANDWIDTH, 2)
     table = 4 * len(correlation.betas) * int(((2 * degrees + 1) * (degrees + 1)).sum())
     half, volume = 8 * images * edge * (edge // 2 + 1), 4 * images * edge**2
     result = []
 
     def run() -> None:
-        result[:] = [correlation.correlate(target, source)]
+        result[:] = [correlation.correlate(*given)[0]]
 
     return KernelCase(
         "RotationCorrelation",
@@ -40,32 +40,33 @@ def correlate_rotations_case(w: Workload) -> KernelCase:
     )
 
 
-def segment_peaks_case(w: Workload) -> KernelCase:
-    betas = RotationCorrelation(w.device, BANDWIDTH, _LARGEST).betas
-    host = twins.correlate_rotations(*w.coefficients, wigner_table(betas), 128, w.cores)
-    correlation = w.upload(host)
+def rotation_peaks_case(w: Workload) -> KernelCase:
+    correlation = RotationCorrelation(w.device, BANDWIDTH, _LARGEST)
+    host = twins.correlate_rotations(*w.coefficients, wigner_table(correlation.betas), correlation.edge, w.cores)
+    values = w.upload(host[None])
     peaks = []
 
     def run() -> None:
-        peaks[:] = segment_peaks(w.device, correlation, _SEGMENTS)
+        peaks[:] = correlation.peaks(values)
 
     return KernelCase(
-        "segment_peaks",
+        "RotationCorrelation.peaks",
         "maximum_filter, np.argmax",
         host.nbytes,
         0.0,
         run=run,
-        read=lambda: np.column_stack(peaks),
+        read=lambda: np.column_stack([peaks[0].index, peaks[0].around[:, 13]]),
         twin=lambda: twins.segment_peaks(host, _SEGMENTS),
     )
 
 
 def agreement_case(w: Workload) -> KernelCase:
-    view, points = w.upload(w.view), upload_points(w.device, w.seen)
+    R, t = w.poses
+    way = Way(w.upload(w.view[None]), upload_points(w.device, w.seen), R, t[None])
     counts = []
 
     def run() -> None:
-        counts[:] = [agreement(w.device, view, points, *w.poses, _REACH, _SLOPE)]
+        counts[:] = [agreement(w.device, [way], [(_REACH, _SLOPE)])[0][0, :, 0]]
 
     return KernelCase(
         "agreement",
