@@ -22,7 +22,7 @@ from .resample.sphere import sample as sample
 from .resample.sphere import upload_directions as upload_directions
 from .so3.correlation import RotationCorrelation as RotationCorrelation
 from .so3.harmonics import Harmonics as Harmonics
-from .so3.harmonics import equalize as equalize
+from .so3.harmonics import equalizers as equalizers
 
 __all__ = [
     "Device",
@@ -36,7 +36,7 @@ __all__ = [
     "RotationCorrelation",
     "SonarmapError",
     "choose_device",
-    "equalize",
+    "equalizers",
     "find_peaks",
     "latitude_longitude",
     "list_devices",

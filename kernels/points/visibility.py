@@ -11,7 +11,7 @@ import pyopencl.array as cla
 from pyopencl import cltypes
 
 from kernels.device.device import Device
-from kernels.device.launch import launch, require_array
+from kernels.device.launch import buffer_of, launch, require_array
 from kernels.errors import InputError
 
 _LANES = 8
@@ -104,7 +104,7 @@ def agreement(device: Device, ways: Sequence[Way], tolerances: Sequence[tuple[fl
     poses = _at_least(device, scratch, "poses", rows.size, np.float32)
     counts = _at_least(device, scratch, "counts", int(np.prod(shapes[0][1:])) * sum(jobs), np.int32)
     # not waited for: the read below is
-    cl.enqueue_copy(device.queue, poses.base_data, rows, is_blocking=False)
+    cl.enqueue_copy(device.queue, buffer_of(device, poses), rows, is_blocking=False)
     first, second = ways[0], ways[-1]
     seen = next(way.views for way in ways if way.views is not None)
     views = [seen if way.views is None else way.views for way in (first, second)]

@@ -1,5 +1,5 @@
 """Layers on the sphere correlated over all rotations.
 
-In: layers (L, latitudes, longitudes) of magnitudes. Out: spherical-harmonic coefficients (`harmonics.py`, on the host)
-and their correlation over SO(3) on the device (`correlation.py`).
+In: a magnitude spectrum. Out: spherical-harmonic coefficients of its layers (`harmonics.py`), and the correlation of two
+scans' over SO(3) with its peaks (`correlation.py`), all of it on the device.
 """

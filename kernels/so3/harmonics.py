@@ -105,14 +105,13 @@ class Harmonics:
         layers, (latitudes, longitudes), device = len(radii), self._shape, self.device
         waves, moments = device.empty((layers, latitudes, self.bandwidth, 2)), device.empty((2, layers, latitudes))
         result = device.empty((self.bandwidth // 2, layers, 2 * self.bandwidth - 1), np.complex64)
-        sizes = {"LATITUDES": latitudes, "LONGITUDES": longitudes, "EDGE": edge}
         tables = self._rings, self._circle, table(device, radii), self._turned
         cpu = device.is_cpu
         size = (latitudes // _RINGS_AT_ONCE if cpu else _GROUP * latitudes, layers)
         group = None if cpu else (_GROUP, 1)
-        self._launch("harmonics", "waves", size, magnitude, *tables, waves, moments, group=group, **sizes)
+        self._launch("harmonics", "waves", size, magnitude, *tables, waves, moments, group=group, edge=edge)
         size = (self.bandwidth, layers) if cpu else (self.bandwidth, layers, self.bandwidth // 2)
-        self._launch("harmonics", "project", size, waves, moments, self._weights, self._legendre, result, **sizes)
+        self._launch("harmonics", "project", size, waves, moments, self._weights, self._legendre, result, edge=edge)
         return result
 
     def products(self, coefficients: cla.Array) -> np.ndarray:
@@ -173,9 +172,11 @@ class Harmonics:
         size: tuple[int, ...],
         *arguments: cla.Array | np.generic,
         group: tuple[int, ...] | None = None,
-        **defines: int,
+        edge: int | None = None,
     ) -> None:
-        sizes = {"BANDWIDTH": self.bandwidth, "CPU": int(self.device.is_cpu), **defines}
+        sizes = {"BANDWIDTH": self.bandwidth, "CPU": int(self.device.is_cpu)}
+        if edge is not None:
+            sizes |= {"EDGE": edge, "LATITUDES": self._shape[0], "LONGITUDES": self._shape[1]}
         launch(self.device, f"so3/{program}", kernel, size, *arguments, group=group, **sizes)
 
 
