@@ -12,7 +12,7 @@ from kernels.device.launch import launch, require_array
 from kernels.errors import InputError
 from kernels.pomf.peak_fit import Peak, fit_peaks, signed
 
-__all__ = ["Peak", "find_peaks", "peak_at", "segment_peaks"]
+__all__ = ["Peak", "find_peaks", "peak_at"]
 
 _ROWS_TOGETHER = 16
 NOT_FINITE = "the correlation holds numbers that are not finite; look at the volumes that went in"
@@ -88,37 +88,6 @@ def peak_at(device: Device, correlation: cla.Array, index: np.ndarray) -> Peak:
     cube = around[tuple(slice(k, k + 3) for k in top)]
     (peak,) = fit_peaks(((index + top - 1) % shape)[None], cube[None], shape, mean, std)
     return peak
-
-
-def segment_peaks(device: Device, correlation: cla.Array, segments: int = 4) -> tuple[np.ndarray, np.ndarray]:
-    """The highest local maximum of every segment of every row, for many peaks at once; not refined, not suppressed.
-
-    Args:
-        correlation: (n0, n1, n2) float32.
-        segments: into how many parts a row is divided; n2 is a multiple of it.
-
-    Returns:
-        (m, 3) int64 indices and (m,) float32 values, highest first; equal values in the order of their voxels.
-
-    Raises:
-        InputError: an argument is not as above, or the correlation is not finite.
-    """
-    shape = require_array(correlation, "correlation", (None, None, None))
-    if segments < 1 or shape[2] % segments:
-        raise InputError(f"`segments={segments}` do not divide rows of {shape[2]} voxels equally")
-    maxima = device.empty((2, shape[0] * shape[1] * segments))
-    size, sizes = (shape[1], shape[0]), (np.int32(shape[0]), np.int32(shape[1]))
-    launch(
-        device, "pomf/peak", "segment_maxima", size, correlation, maxima, *sizes, LENGTH=shape[2], SEGMENTS=segments
-    )  # fmt: skip
-    values, columns = maxima.get()
-    if np.isnan(values).any():
-        raise InputError(NOT_FINITE)
-    kept = np.flatnonzero(values > -np.inf)
-    kept = kept[np.argsort(-values[kept], kind="stable")]
-    row = kept // segments
-    index = np.column_stack([row // shape[1], row % shape[1], columns[kept].astype(np.int64)])
-    return index, values[kept]
 
 
 def _reach(shape: tuple[int, ...], limits: tuple[float | None, ...] | None) -> list[int]:
