@@ -102,7 +102,7 @@ class Harmonics:
         radii = np.asarray(radii, np.float32)
         if radii.ndim != 1 or not len(radii) or not (radii.min() >= 0 and radii.max() < edge / 2 - 1):
             raise InputError(f"`radii` are {radii}; wanted a list of numbers from 0 to below {edge // 2 - 1} bins")
-        layers, (latitudes, longitudes), device = len(radii), self._shape, self.device
+        layers, latitudes, device = len(radii), self._shape[0], self.device
         waves, moments = device.empty((layers, latitudes, self.bandwidth, 2)), device.empty((2, layers, latitudes))
         result = device.empty((self.bandwidth // 2, layers, 2 * self.bandwidth - 1), np.complex64)
         tables = self._rings, self._circle, table(device, radii), self._turned

@@ -132,13 +132,17 @@ def correlate_rotations(
     return np.asarray(scipy.fft.irfft2(spectrum, s=(edge, edge), norm="forward", workers=cores))
 
 
-def segment_peaks(correlation: np.ndarray, segments: int) -> np.ndarray:
-    """The highest local maximum of every segment of every row, highest first: (m, 4), index and value."""
+def segment_peaks(correlation: np.ndarray, segments: int, images: int | None = None) -> np.ndarray:
+    """The highest local maximum of every segment of every row, highest first: (m, 4), index and value.
+
+    Args:
+        images: only those of the first so many images; None: all.
+    """
     values = np.where(correlation == maximum_filter(correlation, 3, mode="wrap"), correlation, -np.inf)
     parts = values.reshape(*correlation.shape[:2], segments, -1)
     columns = parts.argmax(axis=3)
     highest = np.take_along_axis(parts, columns[..., None], axis=3)[..., 0]
-    i, j, part = np.nonzero(highest > -np.inf)
+    i, j, part = np.nonzero(highest[:images] > -np.inf)
     rows = np.column_stack([i, j, part * parts.shape[3] + columns[i, j, part], highest[i, j, part]])
     return rows[np.argsort(-rows[:, 3], kind="stable")]
 

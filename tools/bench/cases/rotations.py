@@ -56,7 +56,7 @@ def rotation_peaks_case(w: Workload) -> KernelCase:
         0.0,
         run=run,
         read=lambda: np.column_stack([peaks[0].index, peaks[0].around[:, 13]]),
-        twin=lambda: twins.segment_peaks(host, _SEGMENTS),
+        twin=lambda: twins.segment_peaks(host, _SEGMENTS, images=len(correlation.betas)),
     )
 
 
