@@ -23,7 +23,7 @@ def survey_grid(scans: Iterable[Scan], edge: int = 128, voxel: float | None = No
 
     Args:
         scans: of the survey, or of several of one place.
-        edge: voxels per edge, a power of two from 16 to 512.
+        edge: voxels per edge, an even product of 2, 3 and 5 from 16 to 512.
         voxel: edge of a voxel [m]; None to choose it.
 
     Raises:

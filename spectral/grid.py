@@ -9,9 +9,8 @@ from dataclasses import dataclass
 import numpy as np
 
 from kernels.errors import InputError
+from kernels.fft.edges import EDGES, neighbors
 from spectral.scan import Scan
-
-EDGES = (16, 32, 64, 128, 256, 512)
 
 # Stray echoes must not stretch the grid: the box of a scan leaves out this share of its points at either end of
 # each axis.
@@ -29,7 +28,7 @@ class Grid:
     """A cube of voxels, the same for every scan of a survey.
 
     Attributes:
-        edge: voxels per edge, a power of two 16..512.
+        edge: voxels per edge, an even product of 2, 3 and 5 from 16 to 512 (`kernels.fft.edges.EDGES`).
         voxel: edge of a voxel [m].
 
     Raises:
@@ -41,9 +40,10 @@ class Grid:
 
     def __post_init__(self) -> None:
         if self.edge not in EDGES:
+            below, above = neighbors(self.edge)
             raise InputError(
-                f"`edge={self.edge}` is not a power of two from {EDGES[0]} to {EDGES[-1]}; "
-                f"try `edge={nearest_edge(self.edge)}`"
+                f"`edge={self.edge}` is not an even product of 2, 3 and 5 from {EDGES[0]} to {EDGES[-1]}; "
+                f"try `edge={below}` or `edge={above}`"
             )
         if not (np.isfinite(self.voxel) and self.voxel > 0):
             raise InputError(f"`voxel={self.voxel:g}` is not a length in meters above zero; try `voxel=0.5`")
@@ -62,9 +62,14 @@ class Grid:
         return np.clip(voxels, -_FARTHEST, _FARTHEST).astype(np.float32)
 
 
-def nearest_edge(edge: int) -> int:
-    """The allowed edge nearest to the given one (in ratio)."""
-    return min(EDGES, key=lambda allowed: abs(np.log(allowed / max(edge, 1))))
+def coarse_edge(edge: int) -> int:
+    """Voxels per edge of the coarse grid of the same extent: the allowed number nearest to half (in ratio)."""
+    return min(EDGES, key=lambda allowed: abs(np.log(2 * allowed / edge)))
+
+
+def image_edge(edge: int) -> int:
+    """Pixels per edge of the images that the magnitude spectrum is unwrapped to: an allowed multiple of 16."""
+    return next(allowed for allowed in EDGES if allowed >= edge and allowed % 16 == 0)
 
 
 def scan_center(scan: Scan) -> np.ndarray:
@@ -81,7 +86,7 @@ def choose_grid(scans: Iterable[Scan], edge: int = 128, voxel: float | None = No
 
     Args:
         scans: that share the grid.
-        edge: voxels per edge, a power of two from 16 to 512.
+        edge: voxels per edge, an even product of 2, 3 and 5 from 16 to 512.
         voxel: edge of a voxel [m]; None to choose it.
 
     Raises:

@@ -2,8 +2,9 @@
 
 from kernels.device.device import Device
 from kernels.errors import DeviceError
+from kernels.fft.edges import EDGES, row_pitch
 from kernels.pomf.correlator import at_once
-from spectral.grid import EDGES
+from spectral.grid import coarse_edge, image_edge
 
 # Tables and correlations over all rotations, of any tilt: the same on every grid.
 _ROTATIONS = 160 * 2**20
@@ -41,7 +42,7 @@ def needed_memory(edge: int) -> tuple[int, int]:
 def prepared_memory(edge: int) -> int:
     """One prepared scan [bytes]: points, spectrum, magnitudes; and its layers, or what the coarse grid needs."""
     layers = _tilt_spectra(edge) * 7 // 4
-    coarse = _half_spectrum(max(edge // 2, 16)) + _VIEW
+    coarse = _half_spectrum(coarse_edge(edge)) + _VIEW
     surface = _SURFACE * min(edge**2, 200_000)
     return _POINTS + surface + _half_spectrum(edge) + _magnitude(edge) + max(layers, coarse)
 
@@ -56,9 +57,9 @@ def _fits(device: Device, edge: int) -> bool:
 
 def _scratch(edge: int) -> int:
     """What is used again by each pair [bytes]: volumes, spectra, and stacks of layers or what is known of rotations."""
-    stack = 4 * 2 * _layers(edge) * edge**2
+    stack = 4 * 2 * _layers(edge) * image_edge(edge) ** 2
     hemisphere = _volume(edge) + _correlations(edge, 1, 1) + 2 * stack + _tilt_spectra(edge)
-    coarse = max(edge // 2, 16)
+    coarse = coarse_edge(edge)
     # the coarse grid's scans have two spectra each, as many poses as fill a small device are worked on at once there
     rotations = _volume(edge) + _correlations(edge, 1, 1) + _ROTATIONS
     rotations += _volume(coarse) + _correlations(coarse, 2, at_once(coarse))
@@ -81,11 +82,12 @@ def _magnitude(edge: int) -> int:
 
 
 def _half_spectrum(edge: int) -> int:
-    return 8 * edge**2 * (edge // 2 + 8)
+    return 8 * edge**2 * row_pitch(edge)
 
 
 def _tilt_spectra(edge: int) -> int:
-    return 8 * 2 * _layers(edge) * edge * (edge // 2 + 8)
+    images = image_edge(edge)
+    return 8 * 2 * _layers(edge) * images * row_pitch(images)
 
 
 def _layers(edge: int) -> int:

@@ -11,6 +11,7 @@ from scipy.spatial.transform import RigidTransform, Rotation
 from kernels.device.device import Device
 from kernels.device.recycled import recycled
 from kernels.errors import InputError
+from kernels.fft.edges import row_pitch
 from kernels.points.scaled import scaled
 from kernels.points.voxelize import voxelize
 from kernels.pomf.spectrum import Pomf, whiten
@@ -100,7 +101,7 @@ class SpectralRegistrar:
         edge = self._verifier.coarse_edge
         self._coarse_pomf = Pomf(device, (edge, edge, edge))
         self._coarse_volume = device.empty((edge, edge, edge))
-        self._coarse_spectrum = device.empty((edge, edge, edge // 2 + 8), np.complex64)
+        self._coarse_spectrum = device.empty((edge, edge, row_pitch(edge)), np.complex64)
         self._warm = False
 
     def prepare(self, scan: Scan) -> SpectralScan:

@@ -28,7 +28,7 @@ class Volume(Protocol):
 
     @property
     def spectra(self) -> tuple[Array, ...]:
-        """Device (N, N, N/2 + 8) complex64 each, the spectrum of the volume whitened with each exponent."""
+        """Device (N, N, `row_pitch(N)`) complex64 each, the spectrum of the volume whitened with each exponent."""
         ...
 
 

@@ -66,7 +66,7 @@ def register(
             the path of a file with one scan; or two scans of one `prepare`, whose arguments then count.
         method: its name, as `sonarmap register --method` takes it.
         voxel: edge of a voxel [m]; None for the one with which the larger scan fills the grid.
-        edge: voxels per edge of the grid, a power of two from 16 to 512.
+        edge: voxels per edge of the grid, an even product of 2, 3 and 5 from 16 to 512.
         max_tilt: largest roll and pitch between the scans [rad]; pi for any.
         device: the OpenCL device as `sonarmap devices` lists it, "cpu" or "gpu"; None chooses one.
         seed: of methods that draw at random.

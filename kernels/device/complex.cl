@@ -1,7 +1,7 @@
-// Complex numbers of 8 lanes, real and imaginary parts apart, and how they meet interleaved memory.
+// Complex numbers of 8 or 16 lanes, real and imaginary parts apart, and how they meet interleaved memory.
 //
-// load_columns and store_columns take 8 adjacent complex numbers of one row; their lanes are in the order
-// 0 1 4 5 2 3 6 7, which costs one shuffle per part and which no column notices. transpose makes 8 lanes of 8
+// load_columns8 and store_columns8 take 8 adjacent complex numbers of one row; their lanes are in the order
+// 0 1 4 5 2 3 6 7, which costs one shuffle per part and which no column notices. Those of 16 keep the order. transpose makes 8 lanes of 8
 // rows: row r of its argument is 4 adjacent complex numbers of row r of memory, and afterwards rows 2 j and
 // 2 j + 1 are the real and imaginary parts of number j. Pointers need be aligned to a float only.
 
@@ -13,15 +13,31 @@ static inline float8 shuffle_high(const float8 a, const float8 b) {
     return (float8)(a.s2, b.s2, a.s3, b.s3, a.s6, b.s6, a.s7, b.s7);
 }
 
-static inline void load_columns(__global const float* from, float8* re, float8* im) {
+static inline void load_columns8(__global const float* from, float8* re, float8* im) {
     const float8 a = vload8(0, from), b = vload8(1, from);
     *re = (float8)(a.s0, a.s2, b.s0, b.s2, a.s4, a.s6, b.s4, b.s6);
     *im = (float8)(a.s1, a.s3, b.s1, b.s3, a.s5, a.s7, b.s5, b.s7);
 }
 
-static inline void store_columns(__global float* to, const float8 re, const float8 im) {
+static inline void store_columns8(__global float* to, const float8 re, const float8 im) {
     vstore8(shuffle_low(re, im), 0, to);
     vstore8(shuffle_high(re, im), 1, to);
+}
+
+static inline void load_columns16(__global const float* from, float16* re, float16* im) {
+    const float16 a = vload16(0, from), b = vload16(1, from);
+    *re = (float16)(a.even, b.even);
+    *im = (float16)(a.odd, b.odd);
+}
+
+static inline void store_columns16(__global float* to, const float16 re, const float16 im) {
+    float16 a, b;
+    a.even = re.lo;
+    a.odd = im.lo;
+    b.even = re.hi;
+    b.odd = im.hi;
+    vstore16(a, 0, to);
+    vstore16(b, 1, to);
 }
 
 static inline void transpose(float8* t) {

@@ -81,12 +81,19 @@ def buffer_of(device: Device, array: cla.Array) -> cl.Buffer:
 
 def zero(device: Device, array: cla.Array) -> None:
     """Fill an array with zero bytes (`Array.fill` is 50 times slower on PoCL, whose own fill has one thread)."""
-    if device.is_cpu and array.nbytes % _CLEARED == 0:
-        launch(device, "device/clear", "clear", (array.nbytes // _CLEARED,), array, BYTES=_CLEARED)
-        return
-    pattern = np.zeros(1, np.float32)
-    with device.explain_full_memory():
-        cl.enqueue_fill_buffer(device.queue, _base(array), pattern, array.offset, array.nbytes)
+    whole = array.nbytes // _CLEARED if device.is_cpu else 0
+    if whole:
+        launch(device, "device/clear", "clear", (whole,), array, BYTES=_CLEARED)
+    rest = array.nbytes - whole * _CLEARED
+    if rest:
+        pattern, begin = np.zeros(1, np.float32), array.offset + whole * _CLEARED
+        with device.explain_full_memory():
+            cl.enqueue_fill_buffer(device.queue, _base(array), pattern, begin, rest)
+
+
+def group_size(count: int, most: int) -> int:
+    """The largest size of equal groups of `count` work-items that is not above `most`."""
+    return next(size for size in range(min(most, count), 0, -1) if count % size == 0)
 
 
 def table(device: Device, values: np.ndarray) -> cla.Array:

@@ -1,84 +1,85 @@
 # pyright: strict
-"""Emit the last axis of a Fourier transform for a processor: 8 rows at a time, transposed in registers."""
+"""Emit the last axis of a Fourier transform for a processor: 8 rows at a time, transposed in registers.
+
+A row of M points comes and goes in tiles of 4 numbers. Where M is no multiple of 4 the last tile lies over the one
+before and writes the same numbers again. Numbers k and M - k of a spectrum are made together, k = 1 to M / 2; 0 and M,
+which have no imaginary part, by themselves.
+"""
 
 from kernels.device.source import literal
-from kernels.fft.plan import RADICES, Layout
-from kernels.fft.stage import KEEP, block, private_stages, scatter, untangle
+from kernels.fft.edges import radices
+from kernels.fft.plan import Layout
+from kernels.fft.stage import KEEP, block, private_stages, untangle
 
 
 def real_rows(layout: Layout, inverse: bool, maxima: bool = False) -> str:
     """The function that transforms 8 real rows: dense floats to half a spectrum, or back.
 
+    It needs the tables position_<M> and half_turn, of `positions` and `half_turns`.
+
     Args:
         maxima: of an inverse: the function takes two more arguments, where to store the maximum of each row, 8 floats,
             and up to which cyclic distance from column 0 it is taken.
     """
-    scale = 2 / layout.points if inverse else 1.0  # a packed row has half the points of its real one
-    parts = [_position(layout.row_points), untangle(layout.row_points, scale, inverse, "float8")]
-    return "\n".join([*parts, _spectra_to_rows(layout, scale, maxima) if inverse else _rows_to_spectra(layout)])
+    scale = layout.row_scale(inverse)
+    rows = _spectra_to_rows(layout, scale, maxima) if inverse else _rows_to_spectra(layout)
+    return "\n".join([untangle(scale, "float8"), rows])
 
 
 def _rows_to_spectra(layout: Layout) -> str:
     n, pitch, length = layout.row_points, 2 * layout.pitch, layout.shape[2]
+    last = min(n, layout.pitch - 4)  # so that its tile stays within the row
+    # so that no column works on what memory happens to hold
+    padding = f"for (int i = 0; i < 8; ++i) vstore8((float8)(0.0f), 0, spectrum + i * {pitch} + {pitch - 8});"
     return f"""
 static inline void rows(__global const float* volume, __global float* spectrum) {{
     float8 re[{n}], im[{n}], a[8], b[8];
-    {KEEP} for (int k = 0; k < {n}; k += 4) {{
+    {KEEP} for (int i = 0; i < {n}; i += 4) {{
+        {_tile("i", n)}
         load_rows(volume + 2 * k, {length}, a);
-        const int at = position(k);
-        {_tile_to_arrays("at", n, "re", "im", "a")}
+        {_tile_to_arrays(n, "re", "im", "a", [f"k + {j}" for j in range(4)])}
     }}
-    {private_stages(n, 0, len(RADICES[n]))}
-    a[0] = re[{n // 2}];
-    a[1] = -im[{n // 2}];
-    a[2] = a[3] = a[4] = a[5] = a[6] = a[7] = 0.0f;
-    store_rows(spectrum + {n}, {pitch}, a);  // all but its first column is overwritten below
-    {KEEP} for (int k = 0; k < {n // 2}; k += 4) {{
-        const int mirror = ({n} - k) & {n - 1}, before = {n - 4} - k;
-        {_arrays_to_tile("k", "re", "im")}
-        b[6] = re[mirror];
-        b[7] = im[mirror];
-        b[4] = re[before + 3];
-        b[5] = im[before + 3];
-        b[2] = re[before + 2];
-        b[3] = im[before + 2];
-        b[0] = re[before + 1];
-        b[1] = im[before + 1];
+    {private_stages(n, 0, len(radices(n)))}
+    {_single_number(0, "re[0] + im[0]")}  // of this tile and the next all but 0 and M is overwritten below
+    store_rows(spectrum, {pitch}, a);
+    {_single_number(n - last, "re[0] - im[0]")}
+    store_rows(spectrum + {2 * last}, {pitch}, a);
+    {padding if n + 4 < layout.pitch else ""}
+    {KEEP} for (int k = 1; k <= {n // 2}; k += 4) {{
+        const int mirror = {n - 3} - k;
+        {_arrays_to_tile("k", "re", "im", "a")}
+        {_arrays_to_tile("mirror", "re", "im", "b")}
         {_untangle_tiles()}
         store_rows(spectrum + 2 * k, {pitch}, a);
-        store_rows(spectrum + {2 * n - 6} - 2 * k, {pitch}, b);
-    }}
-    for (int i = 0; i < 8; ++i) {{  // the padding, so that no column works on what memory happens to hold
-        vstore8((float8)(0.0f), 0, spectrum + i * {pitch} + {2 * n + 2});
-        vstore8((float8)(0.0f), 0, spectrum + i * {pitch} + {2 * n + 8});
+        store_rows(spectrum + 2 * mirror, {pitch}, b);
     }}
 }}"""
 
 
 def _spectra_to_rows(layout: Layout, scale: float, maxima: bool) -> str:
     n, pitch, length = layout.row_points, 2 * layout.pitch, layout.shape[2]
+    last = min(n, layout.pitch - 4)
     tops, reduce = (", __global float* tops, const int reach", _row_maxima(n)) if maxima else ("", "")
     return f"""
 static inline void rows(__global float* volume, __global const float* spectrum{tops}) {{
     float8 re[{n}], im[{n}], a[8], b[8];
-    load_rows(spectrum + {n}, {pitch}, a);
-    im[position({n // 2})] = a[0] * {literal(scale)};
-    re[position({n // 2})] = a[1] * {literal(-scale)};
-    {KEEP} for (int k = 0; k < {n // 2}; k += 4) {{
+    load_rows(spectrum, {pitch}, a);
+    load_rows(spectrum + {2 * last}, {pitch}, b);
+    im[0] = (a[0] + b[{2 * (n - last)}]) * {literal(0.5 * scale)};
+    re[0] = (a[0] - b[{2 * (n - last)}]) * {literal(0.5 * scale)};
+    {KEEP} for (int k = 1; k <= {n // 2}; k += 4) {{
+        const int mirror = {n - 3} - k;
         load_rows(spectrum + 2 * k, {pitch}, a);
-        load_rows(spectrum + {2 * n - 6} - 2 * k, {pitch}, b);
-        if (k == 0) a[1] = b[7] = 0.0f;  // a real row has none there
+        load_rows(spectrum + 2 * mirror, {pitch}, b);
         {_untangle_tiles()}
-        const int at = position(k), before = position({n - 4} - k), mirror = position({n} - k);
-        {_tile_to_arrays("at", n, "im", "re", "a")}
-        im[mirror] = b[6];
-        re[mirror] = b[7];
-        {_tile_to_arrays("before", n, "im", "re", "b", shift=1)}
+        {_tile_to_arrays(n, "im", "re", "a", [f"k + {j}" for j in range(4)])}
+        {_tile_to_arrays(n, "im", "re", "b", [f"mirror + {j}" for j in range(4)])}
     }}
-    {private_stages(n, 0, len(RADICES[n]))}
+    {private_stages(n, 0, len(radices(n)))}
     {reduce}
-    {KEEP} for (int k = 0; k < {n}; k += 4) {{
-        {_arrays_to_tile("k", "im", "re")}
+    {KEEP} for (int i = 0; i < {n}; i += 4) {{
+        {_tile("i", n)}
+        {_arrays_to_tile("k", "im", "re", "a")}
         store_rows(volume + 2 * k, {length}, a);
     }}
 }}"""
@@ -94,26 +95,35 @@ def _row_maxima(n: int) -> str:
     vstore8(top, 0, tops);"""
 
 
+def _single_number(place: int, value: str) -> str:
+    """Make a tile of zeros but for one real number."""
+    return " ".join(f"a[{j}] = {value if j == 2 * place else '0.0f'};" for j in range(8))
+
+
+def _tile(begin: str, n: int) -> str:
+    """The declaration of k, where a tile of 4 begins."""
+    return f"const int k = {begin if n % 4 == 0 else f'min({begin}, {n - 4})'};"
+
+
 def _untangle_tiles() -> str:
     """Untangle 4 numbers from k on, in a, with their 4 mirror images, in b from the last to the first."""
     return block(
-        [f"untangle(a + {2 * j}, a + {2 * j + 1}, b + {6 - 2 * j}, b + {7 - 2 * j}, k + {j});" for j in range(4)]
+        [
+            f"untangle(a + {2 * j}, a + {2 * j + 1}, b + {6 - 2 * j}, b + {7 - 2 * j},"
+            f" half_turn[2 * k + {2 * j}], half_turn[2 * k + {2 * j + 1}]);"
+            for j in range(4)
+        ]
     )
 
 
-def _tile_to_arrays(at: str, n: int, re: str, im: str, tile: str, shift: int = 0) -> str:
-    """Put consecutive numbers in the digit-reversed order; the first has the position `at`, less `shift`."""
-    step = n // RADICES[n][-1]
+def _tile_to_arrays(n: int, re: str, im: str, tile: str, numbers: list[str]) -> str:
+    """Put a tile's numbers in the digit-reversed order."""
     lines: list[str] = []
-    for j in range(4 - shift):
-        to = f"{at} + {(j + shift) * step}"
-        lines.append(f"{re}[{to}] = {tile}[{2 * j}]; {im}[{to}] = {tile}[{2 * j + 1}];")
+    for j, number in enumerate(numbers):
+        at = f"position_{n}[{number}]"
+        lines.append(f"{re}[{at}] = {tile}[{2 * j}]; {im}[{at}] = {tile}[{2 * j + 1}];")
     return block(lines)
 
 
-def _arrays_to_tile(at: str, re: str, im: str) -> str:
-    return block([f"a[{2 * j}] = {re}[{at} + {j}]; a[{2 * j + 1}] = {im}[{at} + {j}];" for j in range(4)])
-
-
-def _position(n: int) -> str:
-    return f"static inline int position(const int i) {{ return {scatter(n, 'i')}; }}"
+def _arrays_to_tile(at: str, re: str, im: str, tile: str) -> str:
+    return block([f"{tile}[{2 * j}] = {re}[{at} + {j}]; {tile}[{2 * j + 1}] = {im}[{at} + {j}];" for j in range(4)])

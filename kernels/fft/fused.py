@@ -7,10 +7,11 @@ near one shift (`near`). The last pass of the inverse transform notes the maximu
 """
 
 from kernels.device.source import literal
-from kernels.fft.cpu import KERNEL, columns
+from kernels.fft.cpu import KERNEL, columns, tables
 from kernels.fft.cpu_rows import real_rows
-from kernels.fft.plan import RADICES, Layout
-from kernels.fft.stage import KEEP, block, from_private, private_stages, scatter, stage, to_private, twiddles
+from kernels.fft.edges import radices
+from kernels.fft.plan import Layout
+from kernels.fft.stage import KEEP, block, from_private, private_stages, stage, to_private
 
 # Real and imaginary sums of a column near a shift: at it, times the cosine and the sine of 1 and of 2 voxels' phase.
 _SUMS = 10
@@ -26,7 +27,7 @@ def emit_forward(layout: Layout, exponents: tuple[float, ...]) -> str:
     """The program of `planes`, `correlate` and `near`."""
     n0, n1, _ = layout.shape
     stride, wide = 2 * n1 * layout.pitch, sheet_width(layout)
-    parts = [_HEADER, *(twiddles(n) for n in sorted({layout.row_points, n1, n0}))]
+    parts = [_HEADER, *tables(layout, inverse=False)]
     parts += [columns("columns_1", n1, 2 * layout.pitch, 1, inverse=False), real_rows(layout, inverse=False)]
     parts += [_sparse_planes(layout), _correlate_columns(n0, stride, wide, exponents), _correlate(layout, exponents)]
     parts += [_near_columns(n0, stride, wide, exponents[0]), _near(layout)]
@@ -35,7 +36,7 @@ def emit_forward(layout: Layout, exponents: tuple[float, ...]) -> str:
 
 def emit_inverse(layout: Layout) -> str:
     """The program of `planes`, the last two axes of the inverse transform with the maxima of its rows."""
-    parts = [_HEADER, *(twiddles(n) for n in sorted({layout.row_points, layout.shape[1]}))]
+    parts = [_HEADER, *tables(layout, inverse=True)]
     parts.append(columns("columns_1", layout.shape[1], 2 * layout.pitch, 1, inverse=True))
     return "\n".join([*parts, real_rows(layout, inverse=True, maxima=True), _planes_with_maxima(layout)])
 
@@ -69,23 +70,23 @@ def _sparse_planes(layout: Layout) -> str:
 
 def _forward_columns(n: int, stride: int, wide: int) -> str:
     """The stages but the last of `wide` times 8 columns at p, into the private arrays re and im."""
-    first = RADICES[n][0]
+    first = radices(n)[0]
 
     def load(q: int, _: str) -> str:
-        return f"load_columns(p + (k + {q * n // first}) * {stride} + i * 16, &x{q}r, &x{q}i);"
+        return f"load_columns8(p + (k + {q * n // first}) * {stride} + i * 16, &x{q}r, &x{q}i);"
 
     return f"""{KEEP} for (int k = 0; k < {n // first}; ++k) {{
         {KEEP} for (int i = 0; i < {wide}; ++i) {{
-            const int at = i * {n} + {scatter(n, "k")};
+            const int at = i * {n} + position_{n}[k];
             {block(stage(n, 0, "float8", load, to_private))}
         }}
     }}
-    {private_stages(n, 1, len(RADICES[n]) - 1, wide)}"""
+    {private_stages(n, 1, len(radices(n)) - 1, wide)}"""
 
 
 def _last_stage(n: int, wide: int, store: str, before: str = "", after: str = "") -> str:
     """The last stage out of re and im; `store` is the statement for number f of the spectrum, Q in place of q."""
-    last = RADICES[n][-1]
+    last = radices(n)[-1]
 
     def stored(q: int, _: str) -> str:
         return f"{{ const int f = k + {q * n // last}; {store.replace('Q', str(q))} }}"
@@ -94,7 +95,7 @@ def _last_stage(n: int, wide: int, store: str, before: str = "", after: str = ""
         {KEEP} for (int i = 0; i < {wide}; ++i) {{
             const int at = i * {n} + k;
             {before}
-            {block(stage(n, len(RADICES[n]) - 1, "float8", from_private, stored))}
+            {block(stage(n, len(radices(n)) - 1, "float8", from_private, stored))}
             {after}
         }}
     }}"""
@@ -122,29 +123,29 @@ static inline void correlate_columns(__global const float* p{pointers}, __global
 
 def _back_columns(n: int, stride: int, wide: int, e: int, exponent: float) -> str:
     """From the spectrum in sr and si to the columns at product<e>: an inverse transform, its parts swapped."""
-    first = RADICES[n][0]
+    first = radices(n)[0]
 
     def load(q: int, _: str) -> str:
         f = f"k + {q * n // first}"
         return f"""{{
                 float8 tr, ti;
-                load_columns(target{e} + ({f}) * {stride} + i * 16, &tr, &ti);
+                load_columns8(target{e} + ({f}) * {stride} + i * 16, &tr, &ti);
                 const int s = i * {n} + {f};
                 whitened_product(tr, ti, sr[s], si[s], gain * along[{f}], {literal(exponent)}, &x{q}i, &x{q}r);
                 power += x{q}r * x{q}r + x{q}i * x{q}i;
             }}"""
 
-    store = f"store_columns(product{e} + f * {stride} + i * 16, yQi, yQr);"
+    store = f"store_columns8(product{e} + f * {stride} + i * 16, yQi, yQr);"
     return f"""{KEEP} for (int k = 0; k < {n // first}; ++k) {{
         {KEEP} for (int i = 0; i < {wide}; ++i) {{
-            const int at = i * {n} + {scatter(n, "k")};
+            const int at = i * {n} + position_{n}[k];
             const float8 gain = vload8(i, across).s01452367;
             float8 power = 0.0f;
             {block(stage(n, 0, "float8", load, to_private))}
             energy[{e}] += power * vload8(i, weights).s01452367;
         }}
     }}
-    {private_stages(n, 1, len(RADICES[n]) - 1, wide)}
+    {private_stages(n, 1, len(radices(n)) - 1, wide)}
     {_last_stage(n, wide, store)}"""
 
 
@@ -198,7 +199,7 @@ static float sum8(const float8 v) {{
 def _near_columns(n: int, stride: int, wide: int, exponent: float) -> str:
     """The function that adds up, along columns of the correlation's spectrum, the values within 2 of a shift."""
     store = f"""float8 tr, ti, xr, xi;
-                load_columns(target + f * {stride} + i * 16, &tr, &ti);
+                load_columns8(target + f * {stride} + i * 16, &tr, &ti);
                 whitened_product(tr, ti, yQr, yQi, gain * along[f], {literal(exponent)}, &xr, &xi);
                 energy += xr * xr + xi * xi;
                 if (f == 0) first[i] = xr;
@@ -233,12 +234,12 @@ static inline void near_columns(__global const float* p, __global const float* t
     for (int i = 0; i < {wide}; ++i) {{
         {parts}
         __global float* to = out + i * 16;
-        store_columns(to, sum[6] + sum[9], sum[7] - sum[8]);
-        store_columns(to + {stride}, sum[2] + sum[5], sum[3] - sum[4]);
-        store_columns(to + {2 * stride}, sum[0], sum[1]);
-        store_columns(to + {3 * stride}, sum[2] - sum[5], sum[3] + sum[4]);
-        store_columns(to + {4 * stride}, sum[6] - sum[9], sum[7] + sum[8]);
-        store_columns(to + {5 * stride}, powers[i], first[i]);
+        store_columns8(to, sum[6] + sum[9], sum[7] - sum[8]);
+        store_columns8(to + {stride}, sum[2] + sum[5], sum[3] - sum[4]);
+        store_columns8(to + {2 * stride}, sum[0], sum[1]);
+        store_columns8(to + {3 * stride}, sum[2] - sum[5], sum[3] + sum[4]);
+        store_columns8(to + {4 * stride}, sum[6] - sum[9], sum[7] + sum[8]);
+        store_columns8(to + {5 * stride}, powers[i], first[i]);
     }}
 }}"""
 

@@ -1,32 +1,21 @@
 # pyright: strict
-"""Plan a Fourier transform: the layout of its array, the radices of an edge, the launches that make it."""
+"""Plan a Fourier transform: the layout of its array, and the launches that make it."""
 
 from dataclasses import dataclass
 from math import prod
 
-from kernels.errors import InputError
+import numpy as np
 
-# Small first radices leave the most work to the stages whose operands are in the first-level cache. 8 points
-# are the rows of a real edge of 16.
-RADICES: dict[int, tuple[int, ...]] = {
-    8: (8,),
-    16: (4, 4),
-    32: (4, 8),
-    64: (4, 4, 4),
-    128: (4, 4, 8),
-    256: (4, 8, 8),
-    512: (4, 8, 16),
-}
-EDGES = (16, 32, 64, 128, 256, 512)
+from kernels.errors import InputError
+from kernels.fft.edges import EDGES, KINDS, row_pitch
 
 
 @dataclass(frozen=True, slots=True)
 class Layout:
     """The arrays of a transform of shape (n0, n1, n2).
 
-    The real array is dense float32, its half spectrum (n0, n1, n2 / 2 + 8), complex64, of which
-    [..., :n2 / 2 + 1] is valid. The padding keeps the rows of a column out of each other's way in the cache, and
-    rows aligned to its lines.
+    The real array is dense float32, its half spectrum (n0, n1, `row_pitch(n2)`), complex64, of which
+    [..., :n2 / 2 + 1] is valid.
 
     Attributes:
         shape: number of points per axis.
@@ -42,10 +31,10 @@ class Layout:
     def __post_init__(self) -> None:
         edges = self.shape[1:] if self.batched else self.shape
         if len(self.shape) != 3 or any(edge not in EDGES for edge in edges) or self.shape[0] < 1:
-            which = "the last two edges" if self.batched else "every edge"
+            which = "the last two edges" if self.batched else "all of them"
             raise InputError(
                 f"no Fourier transform of `shape={self.shape}`: it takes three edges, and {which} must be "
-                f"one of {', '.join(map(str, EDGES))}. Pad the array, or choose another `edge`."
+                f"{KINDS}. Pad the array, or choose another `edge`."
             )
 
     @property
@@ -56,7 +45,7 @@ class Layout:
     @property
     def pitch(self) -> int:
         """Complex points from one row of the spectrum to the next."""
-        return self.row_points + 8
+        return row_pitch(self.shape[2])
 
     @property
     def column_blocks(self) -> int:
@@ -73,6 +62,10 @@ class Layout:
         """Number of points of one transform, which the inverse divides by."""
         return prod(self.shape[1:] if self.batched else self.shape)
 
+    def row_scale(self, inverse: bool) -> float:
+        """What a row is multiplied with: an inverse is divided by the points, of which a packed row has half."""
+        return 2 / self.points if inverse else 1.0
+
 
 @dataclass(frozen=True, slots=True)
 class Pass:
@@ -87,8 +80,14 @@ class Pass:
 class Plan:
     """A program and the launches, in order, that make it a transform.
 
-    Every kernel takes the arrays (volume, spectrum).
+    Every kernel takes the arrays (volume, spectrum), and behind them the table where there is one.
+
+    Attributes:
+        source: OpenCL C.
+        passes: the launches, in order.
+        table: (n,) float32, twiddle factors to be put into the device's memory, or None.
     """
 
     source: str
     passes: tuple[Pass, ...]
+    table: np.ndarray | None = None

@@ -8,11 +8,12 @@ import pyopencl as cl
 import pyopencl.array as cla
 
 from kernels.device.device import Device
-from kernels.device.launch import buffer_of, output, require_array
+from kernels.device.launch import buffer_of, output, require_array, table
 from kernels.errors import DeviceError
 from kernels.fft import cpu as fft_cpu
 from kernels.fft import gpu as fft_gpu
-from kernels.fft.plan import EDGES, Layout
+from kernels.fft.edges import EDGES
+from kernels.fft.plan import Layout
 
 Flavor = Literal["cpu", "gpu"]
 
@@ -24,20 +25,26 @@ class _Transform:
         cpu = device.is_cpu if flavor is None else flavor == "cpu"
         if not cpu:
             _require_groups(device, layout)
-        plan = (fft_cpu if cpu else fft_gpu).emit(layout, inverse)
+        plan = fft_cpu.emit(layout, inverse, _lanes(device)) if cpu else fft_gpu.emit(layout, inverse)
         program = device.build(plan.source, name="fft")
         self._device = device
+        self._tables = () if plan.table is None else (table(device, plan.table),)
         self._launches = [
             (cl.Kernel(program, step.kernel), (step.groups * step.group_size,), (step.group_size,))
             for step in plan.passes
         ]
 
     def __call__(self, *arrays: cla.Array) -> None:
-        buffers: list[Any] = [buffer_of(self._device, array) for array in arrays]
+        buffers: list[Any] = [buffer_of(self._device, array) for array in (*arrays, *self._tables)]
         with self._device.explain_full_memory():
             for kernel, size, group in self._launches:
                 kernel.set_args(*buffers)
                 cl.enqueue_nd_range_kernel(self._device.queue, kernel, size, group)
+
+
+def _lanes(device: Device) -> int:
+    """How many numbers a vector of the first axis has: as many as a register, 8 or 16."""
+    return 16 if device.cl_device.native_vector_width_float >= 16 else 8
 
 
 def _require_groups(device: Device, layout: Layout) -> None:
@@ -64,7 +71,7 @@ class RealFFT:
 
     Attributes:
         shape: of the real array, float32.
-        half_shape: of its spectrum, complex64, (n0, n1, n2 / 2 + 8): [..., :n2 / 2 + 1] is valid and the
+        half_shape: of its spectrum, complex64, (n0, n1, `row_pitch(n2)`): [..., :n2 / 2 + 1] is valid and the
             rest of each row padding.
     """
 
@@ -79,7 +86,7 @@ class RealFFT:
 
         Args:
             device: what to run on.
-            shape: edges; a transformed one is a power of two from 16 to 512.
+            shape: edges; a transformed one is an even product of 2, 3 and 5 from 16 to 512.
             batched: transform axes 1 and 2 only; axis 0 may then have any length.
             flavor: how the kernels are written; None: as suits the device.
 

@@ -29,12 +29,12 @@ __kernel void voxelize(__global const float4* const restrict points, __global in
 }
 
 // One volume for each of some poses, which are 20 floats each, the first 16 as above: pose `first` is that of volume 0.
-// marks are EDGE^2 / 8 ints for each volume: those of 8 rows that hold a point are set to 1.
+// marks are EDGE^2 / 8 ints, rounded up, for each volume: those of 8 rows that hold a point are set to 1.
 __kernel void voxelize_poses(__global const float4* const restrict points, __global int* const restrict volumes,
                              __global int* const restrict marks, __global const float* const restrict poses,
                              const int count, const int first) {
     const int n = get_global_id(0);
     const size_t number = get_global_id(1);
     const float16 pose = vload16(0, poses + 20 * (first + number));
-    if (n < count) put(points[n], pose, volumes + number * EDGE * EDGE * EDGE, marks + number * (EDGE * EDGE / 8));
+    if (n < count) put(points[n], pose, volumes + number * EDGE * EDGE * EDGE, marks + number * ((EDGE * EDGE + 7) / 8));
 }

@@ -38,7 +38,7 @@ def voxelize(
         InputError: the points, R, the offset or out have another shape or dtype.
     """
     if edge < 2 or edge % 2:
-        raise InputError(f"`edge={edge}` voxels; wanted an even number, best a power of two")
+        raise InputError(f"`edge={edge}` voxels; wanted an even number")
     count, _ = require_array(points, "points", (None, 4))
     shift = np.zeros(3) if offset is None else np.asarray(offset, np.float64)
     pose = affine(R, shift + (edge / 2 + 0.5))
@@ -64,7 +64,7 @@ def voxelize_poses(
     Args:
         points: (n, 4) float32, as in `voxelize`.
         volumes: (count, edge, edge, edge) float32, 0 everywhere.
-        marks: (count, edge, edge / 8) int32: 1 is written for every 8 rows of which any holds a point.
+        marks: (count, edge^2 / 8, rounded up) int32: 1 is written for every 8 rows of which any holds a point.
         poses: (m, 20) float32, m at least first + count: `affine_rows` of R and the offset + edge/2 + 0.5, and 4 more.
         first: the first volume's pose.
 
@@ -73,7 +73,7 @@ def voxelize_poses(
     """
     points_count, _ = require_array(points, "points", (None, 4))
     count, edge, _, _ = require_array(volumes, "volumes", (None, None, None, None))
-    require_array(marks, "marks", (count, edge, edge // 8), np.int32)
+    require_array(marks, "marks", (count, -(-(edge**2) // 8)), np.int32)
     require_array(poses, "poses", (None, 20))
     if points_count:
         size = -(-points_count // _GROUP) * _GROUP, count

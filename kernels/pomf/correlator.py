@@ -10,6 +10,7 @@ import pyopencl.array as cla
 from kernels.device.device import Device
 from kernels.device.launch import affine_rows, require_array, zero
 from kernels.errors import InputError
+from kernels.fft.edges import row_pitch
 from kernels.fft.transform import Flavor
 from kernels.points.voxelize import voxelize_poses
 from kernels.pomf.choose import Chooser
@@ -74,14 +75,14 @@ class Correlator:
         self.device, self.edge, self.exponents, self.most = device, edge, exponents, most
         cubes = most * len(exponents)
         self._volumes = device.empty((most, edge, edge, edge))
-        self._marks = device.empty((most, edge, edge // 8), np.int32)
-        self._spectra = device.empty((cubes, edge, edge, edge // 2 + 8), np.complex64)
+        self._marks = device.empty((most, -(-(edge**2) // 8)), np.int32)
+        self._spectra = device.empty((cubes, edge, edge, row_pitch(edge)), np.complex64)
         self._correlations = device.empty((cubes, edge, edge, edge))
         self._passes = make_passes(device, edge, blur, exponents, flavor)
         self._tops = device.empty((cubes, edge, edge))
         self._energies = device.empty((cubes, self._passes.parts + 1))
         self._chooser = Chooser(device, edge, cubes, self._passes.parts, self._passes.clears)
-        self._sums = device.empty((most, 6, edge, edge // 2 + 8), np.complex64)
+        self._sums = device.empty((most, 6, edge, row_pitch(edge)), np.complex64)
         self._clean = False
 
     def find(
@@ -91,7 +92,7 @@ class Correlator:
 
         Args:
             points: (n, 4) float32, as `voxelize` takes them.
-            targets: for each exponent the whitened spectrum (edge, edge, edge/2 + 8) complex64.
+            targets: for each exponent the whitened spectrum (edge, edge, `row_pitch(edge)`) complex64.
             count, separation: as `find_peaks` takes them.
 
         Raises:
@@ -126,7 +127,7 @@ class Correlator:
         Raises:
             InputError: an argument is not as above.
         """
-        rows, half = self._upload(poses), self.edge // 2 + 8
+        rows, half = self._upload(poses), row_pitch(self.edge)
         require_array(targets[0], "target", (self.edge, self.edge, half), np.complex64)
         out = self.device.empty((len(poses), SUMS, half), np.complex64)
         places = np.asarray(shifts) % self.edge
@@ -164,7 +165,7 @@ class Correlator:
     def _correlate(
         self, points: cla.Array, rows: cla.Array, first: int, now: int, targets: Sequence[cla.Array]
     ) -> None:
-        half = self.edge // 2 + 8
+        half = row_pitch(self.edge)
         if len(targets) != len(self.exponents):
             raise InputError(f"{len(targets)} targets for {len(self.exponents)} exponents; give one for each")
         for target in targets:

@@ -6,6 +6,7 @@ import pyopencl.array as cla
 from numpy.typing import NDArray
 
 from kernels.errors import InputError
+from kernels.fft.edges import row_pitch
 from kernels.pomf.peak import NOT_FINITE
 from kernels.pomf.peak_fit import Peak, fit_peaks
 from kernels.pomf.spectrum import half_weights
@@ -48,6 +49,6 @@ class NearShifts:
         """(m, 5, 5, 5) float32: the last axis of the sums (m, 25, pitch), by frequency, at 5 voxels."""
         n = self._edge
         columns = self._places[:, 2, None] + np.arange(-2, 3)
-        turns: NDArray[np.int64] = np.arange(n // 2 + 8)[:, None] * columns[:, None, :] % n
+        turns: NDArray[np.int64] = np.arange(row_pitch(n))[:, None] * columns[:, None, :] % n
         values = np.real(np.matmul(sums, np.exp(2j * np.pi / n * turns))) / n**3
         return values.reshape(-1, 5, 5, 5).astype(np.float32)

@@ -1,8 +1,8 @@
 # pyright: strict, reportUnknownMemberType=false
 """The passes of a correlation from sparse volumes to rows with their maxima, fused on a processor, else one by one.
 
-Arrays: volumes (count, n, n, n) float32 with marks (count, n, n / 8) int32, as `voxelize_poses` fills them; spectra
-(exponents, count, n, n, n/2 + 8) complex64, of which `forward` fills the first exponent's; correlations likewise.
+Arrays: volumes (count, n, n, n) float32 with marks (count, n^2 / 8) int32, as `voxelize_poses` fills them; spectra
+(exponents, count, n, n, `row_pitch(n)`) complex64, of which `forward` fills the first exponent's; correlations likewise.
 """
 
 from collections.abc import Sequence
@@ -15,6 +15,7 @@ import pyopencl.array as cla
 from kernels.device.device import Device
 from kernels.device.launch import enqueue, launch, table
 from kernels.fft import fused
+from kernels.fft.edges import row_pitch
 from kernels.fft.plan import Layout
 from kernels.fft.transform import Flavor, RealFFT
 from kernels.pomf.spectrum import full_gain, half_gain, half_weights
@@ -57,9 +58,11 @@ class Passes(Protocol):
 def make_passes(
     device: Device, edge: int, blur: float, exponents: tuple[float, ...], flavor: Flavor | None
 ) -> "Passes":
-    """The passes that suit the device, or those of the flavor."""
+    """The passes that suit the device, or those of the flavor; fused ones take whole blocks of 8 rows only."""
     cpu = device.is_cpu if flavor is None else flavor == "cpu"
-    return (FusedPasses if cpu else SinglePasses)(device, edge, blur, exponents)
+    if cpu and edge % 8 == 0:
+        return FusedPasses(device, edge, blur, exponents)
+    return SinglePasses(device, edge, blur, exponents, "cpu" if cpu else "gpu")
 
 
 class _Tables:
@@ -129,12 +132,14 @@ class SinglePasses:
 
     clears = False
 
-    def __init__(self, device: Device, edge: int, blur: float, exponents: tuple[float, ...]) -> None:
+    def __init__(
+        self, device: Device, edge: int, blur: float, exponents: tuple[float, ...], flavor: Flavor
+    ) -> None:
         """Build the kernels."""
-        self._device, self._edge, self._pitch, self._exponents = device, edge, edge // 2 + 8, exponents
+        self._device, self._edge, self._pitch, self._exponents = device, edge, row_pitch(edge), exponents
         self.parts = edge * edge
         self._tables = _Tables(device, edge, blur)
-        self._fft = RealFFT(device, (edge, edge, edge), flavor="gpu")
+        self._fft = RealFFT(device, (edge, edge, edge), flavor=flavor)
 
     def forward(self, volumes: cla.Array, marks: cla.Array, spectra: cla.Array, count: int) -> None:
         """As `Passes` says."""

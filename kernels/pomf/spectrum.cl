@@ -1,7 +1,7 @@
 // Half spectra of real volumes: magnitude, whitening, cross-power.
 //
-// Layout: complex64 as interleaved floats, C order; a row (last axis) is PITCH = N/2 + 8 complex numbers of which the
-// first N/2 + 1 are valid and the rest is padding. PITCH is a multiple of 8, so rows are walked 8 numbers at a time;
+// Layout: complex64 as interleaved floats, C order; a row (last axis) is PITCH complex numbers of which the first
+// N/2 + 1 are valid and the rest is padding. PITCH is a multiple of 8, so rows are walked 8 numbers at a time;
 // whatever the padding holds, whitening leaves finite numbers in it and cross-powers multiply it by 0.
 // Precondition: the axes before the last are even (for the centering).
 #include "pomf/whitening.cl"
@@ -28,12 +28,15 @@ __kernel void magnitude(__global const float* const restrict spectrum, __global 
     const int from_j = j < n1 / 2 ? j + n1 / 2 : j - n1 / 2;
     __global const float* const row = spectrum + 2 * (size_t)(from_i * n1 + from_j) * pitch;
     __global float* const to = out + (size_t)(i * n1 + j) * (nyquist + 1);
-    for (int k = 0; k < nyquist; k += 8) {
+    int k = 0;
+    for (; k + 8 <= nyquist; k += 8) {
         const float16 value = vload16(0, row + 2 * k);
         vstore8(sqrt(value.even * value.even + value.odd * value.odd), 0, to + k);
     }
-    const float2 last = vload2(nyquist, row);
-    to[nyquist] = sqrt(last.x * last.x + last.y * last.y);
+    for (; k <= nyquist; ++k) {
+        const float2 value = vload2(k, row);
+        to[k] = sqrt(value.x * value.x + value.y * value.y);
+    }
 }
 
 // target conj(source) of 8 numbers.

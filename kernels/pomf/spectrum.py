@@ -1,19 +1,21 @@
 # pyright: strict, reportUnknownMemberType=false
 """Half spectra of real volumes: magnitude, whitening, cross-power.
 
-The arrays are half spectra as `kernels.fft.transform` makes them: complex64 (n0, n1, n2/2 + 8), of which the last axis
-is valid up to n2/2 (docs/conventions.md).
+The arrays are half spectra as `kernels.fft.transform` makes them: complex64 (n0, n1, `row_pitch(n2)`), of which the
+last axis is valid up to n2/2 (docs/conventions.md).
 """
 
 import numpy as np
 import pyopencl.array as cla
 
 from kernels.device.device import Device
-from kernels.device.launch import launch, output, require_array, table
+from kernels.device.launch import group_size, launch, output, require_array, table
 from kernels.errors import InputError
+from kernels.fft.edges import EDGES, KINDS, row_pitch
 from kernels.fft.transform import RealFFT
 
 _WHITEN_AT_ONCE = 8
+_WHITEN_GROUP = 32
 _ROWS_AT_ONCE = 8
 
 
@@ -21,8 +23,8 @@ def magnitude(device: Device, spectrum: cla.Array, edge: int, out: cla.Array | N
     """The magnitude of a volume's half spectrum, centered in axes 0 and 1.
 
     Args:
-        spectrum: (edge, edge, edge/2 + 8) complex64.
-        edge: a multiple of 16.
+        spectrum: (edge, edge, `row_pitch(edge)`) complex64.
+        edge: even.
         out: (edge, edge, edge/2 + 1) float32 to write to.
 
     Returns:
@@ -32,7 +34,7 @@ def magnitude(device: Device, spectrum: cla.Array, edge: int, out: cla.Array | N
         InputError: the spectrum, the edge or out do not fit each other.
     """
     _require_edges(edge)
-    half, pitch = edge // 2, edge // 2 + 8
+    half, pitch = edge // 2, row_pitch(edge)
     require_array(spectrum, "spectrum", (edge, edge, pitch), np.complex64)
     result = output(device, out, "out", (edge, edge, half + 1))
     sizes = (np.int32(edge), np.int32(edge), np.int32(half), np.int32(pitch))
@@ -59,12 +61,12 @@ def whiten(device: Device, spectrum: cla.Array, exponent: float = 1.0, out: cla.
     shape = require_array(spectrum, "spectrum", (None,) * spectrum.ndim, np.complex64)
     if shape[-1] % _WHITEN_AT_ONCE:
         raise InputError(
-            f"`spectrum` has {shape[-1]} numbers along its last axis; wanted a multiple of 8, as n/2 + 8 is"
+            f"`spectrum` has {shape[-1]} numbers along its last axis; wanted a multiple of 8, as half spectra have"
         )
     result = output(device, out, "out", shape, np.complex64)
-    group = (32,) if (spectrum.size // _WHITEN_AT_ONCE) % 32 == 0 else None
-    arguments = spectrum, result, np.float32(exponent)
-    launch(device, "pomf/spectrum", "whiten", (spectrum.size // _WHITEN_AT_ONCE,), *arguments, group=group)
+    count, arguments = spectrum.size // _WHITEN_AT_ONCE, (spectrum, result, np.float32(exponent))
+    group = (group_size(count, _WHITEN_GROUP),) if device.is_cpu or count % _WHITEN_GROUP == 0 else None
+    launch(device, "pomf/spectrum", "whiten", (count,), *arguments, group=group)
     return result
 
 
@@ -80,7 +82,7 @@ def cross_power(
     """target conj(source), blurred: the spectrum of the correlation of two whitened half spectra.
 
     Args:
-        target, source: (n0, n1, n2/2 + 8) complex64, whitened.
+        target, source: (n0, n1, `row_pitch(n2)`) complex64, whitened.
         shape: (n0, n1, n2), of the volumes.
         blur: standard deviation of the Gaussian that the correlation is convolved with [voxels]: the
             product is weighted with exp(-2 pi^2 blur^2 |f|^2), f in cycles per voxel.
@@ -97,7 +99,7 @@ def cross_power(
     gains = [table(device, gain) for gain in (gain0, full_gain(n1, blur), half_gain(n2, blur))]
     sizes = np.int32(n1), np.int32(pitch)
     # on a CPU a work-group costs as much as a short row
-    group = (_ROWS_AT_ONCE, 1) if device.is_cpu and n1 % _ROWS_AT_ONCE == 0 else None
+    group = (group_size(n1, _ROWS_AT_ONCE), 1) if device.is_cpu else None
     launch(device, "pomf/spectrum", "cross_power", (n1, n0), target, source, result, *gains, *sizes, group=group)
     return result
 
@@ -113,7 +115,7 @@ def sum_layers(
     """The cross-power of batched images, summed over the images: arguments and errors as in `cross_power`.
 
     Returns:
-        (1, n1, n2/2 + 8) complex64: the spectrum of the sum of the images' correlations.
+        (1, n1, `row_pitch(n2)`) complex64: the spectrum of the sum of the images' correlations.
     """
     n0, n1, n2 = shape
     pitch = _require_pair(target, source, shape)
@@ -130,14 +132,14 @@ def _require_exponent(exponent: float) -> None:
 
 
 def _require_edges(*edges: int) -> None:
-    if any(edge < 16 or edge % 16 for edge in edges):
-        raise InputError(f"transformed axes have {edges} voxels; wanted multiples of 16, as powers of two are")
+    if any(edge not in EDGES for edge in edges):
+        raise InputError(f"transformed axes have {edges} voxels; wanted {KINDS}")
 
 
 def _require_pair(target: cla.Array, source: cla.Array, shape: tuple[int, int, int]) -> int:
     n0, n1, n2 = shape
     _require_edges(n2)
-    pitch = n2 // 2 + 8
+    pitch = row_pitch(n2)
     require_array(target, "target", (n0, n1, pitch), np.complex64)
     require_array(source, "source", (n0, n1, pitch), np.complex64)
     return pitch
@@ -151,15 +153,15 @@ def full_gain(n: int, blur: float) -> np.ndarray:
 
 
 def half_gain(n: int, blur: float) -> np.ndarray:
-    """(n/2 + 8,) float32: the Gaussian along the halved axis, 0 in the padding."""
-    padded = np.zeros(n // 2 + 8, np.float32)
+    """(`row_pitch(n)`,) float32: the Gaussian along the halved axis, 0 in the padding."""
+    padded = np.zeros(row_pitch(n), np.float32)
     padded[: n // 2 + 1] = full_gain(n, blur)[: n // 2 + 1]
     return padded
 
 
 def half_weights(n: int) -> np.ndarray:
-    """(n/2 + 8,) float32: how often a number along the halved axis stands in the whole one; 0 in the padding."""
-    weights = np.zeros(n // 2 + 8, np.float32)
+    """(`row_pitch(n)`,) float32: how often a number along the halved axis stands in the whole one; 0 in the padding."""
+    weights = np.zeros(row_pitch(n), np.float32)
     weights[1 : n // 2] = 2
     weights[[0, n // 2]] = 1
     return weights
@@ -187,7 +189,7 @@ class Pomf:
             batched: transform along axes 1 and 2 only.
 
         Raises:
-            InputError: a transformed axis is not a power of two that the FFT takes, or the blur is negative.
+            InputError: a transformed axis is not an edge that the FFT takes, or the blur is negative.
             DeviceError: the device cannot hold the volumes.
         """
         self.device, self.shape, self.blur, self.batched = device, shape, blur, batched
@@ -205,10 +207,11 @@ class Pomf:
 
         Args:
             volume: (n0, n1, n2) float32.
-            out: (n0, n1, n2/2 + 8) complex64 to write to; a new one costs page faults, as much time as the transform.
+            out: (n0, n1, `row_pitch(n2)`) complex64 to write to; a new one costs page faults, as much time as the
+                transform.
 
         Returns:
-            (n0, n1, n2/2 + 8) complex64.
+            (n0, n1, `row_pitch(n2)`) complex64.
 
         Raises:
             InputError: an array has another shape or dtype.
@@ -220,7 +223,7 @@ class Pomf:
         """The correlation of two prepared volumes; batched: image by image.
 
         Args:
-            target, source: (n0, n1, n2/2 + 8) complex64, from `prepare`.
+            target, source: (n0, n1, `row_pitch(n2)`) complex64, from `prepare`.
             out: (n0, n1, n2) float32 to write to.
 
         Returns:

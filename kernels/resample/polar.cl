@@ -1,6 +1,6 @@
 // The magnitudes of images' half spectra, sampled on polar coordinates (Eq. 14 of the paper).
 //
-// Layout: spectrum (layers, n0, n1/2 + 8) complex64 as interleaved floats, not centered; PITCH complex numbers a row.
+// Layout: spectrum (layers, n0, PITCH) complex64 as interleaved floats, not centered; PITCH complex numbers a row.
 // points are samples x 2 float32, planar: the frequencies along axis 0 (negative ones too) and axis 1 [bins];
 // out layers x samples float32. |F| is taken at the four corners, then interpolated; a real image has it alike at k and
 // -k, so that points with a negative second frequency are turned around.

@@ -7,6 +7,7 @@ import pyopencl.array as cla
 from kernels.device.device import Device
 from kernels.device.launch import launch, output, require_array, table
 from kernels.errors import InputError
+from kernels.fft.edges import row_pitch
 
 
 def polar_magnitude(
@@ -25,7 +26,7 @@ def polar_magnitude(
     modulo 180 degrees.
 
     Args:
-        spectrum: (L, H, W/2 + 8) complex64, of L real images by a batched transform.
+        spectrum: (L, H, `row_pitch(W)`) complex64, of L real images by a batched transform.
         shape: (H, W) of the images, even.
         radii: (M,), from 0 to below half the shorter edge less 1 [frequency bins]; on an image that is not
             square a bin of axis 0 and one of axis 1 are not the same frequency.
@@ -39,7 +40,7 @@ def polar_magnitude(
         InputError: an argument is not as above.
     """
     height, width = shape
-    layers, _, pitch = require_array(spectrum, "spectrum", (None, height, width // 2 + 8), np.complex64)
+    layers, _, pitch = require_array(spectrum, "spectrum", (None, height, row_pitch(width)), np.complex64)
     points = _frequencies(radii, angles, min(shape) // 2)
     result = output(device, out, "out", (layers, len(radii), len(angles)))
     samples = points[0].size

@@ -24,7 +24,7 @@
 #endif
 #define ORDERS (2 * BANDWIDTH - 1)
 #define DEGREES (BANDWIDTH / 2)
-#define PITCH (EDGE / 2 + 8)
+#define PITCH (EDGE / 16 * 8 + 8)
 
 #if CPU
 // Times gain, the sums over a part's layers of target[m] conj(source[n]). One work-item: one order m of one degree.

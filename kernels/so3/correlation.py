@@ -20,6 +20,7 @@ from scipy.spatial.transform import Rotation
 from kernels.device.device import Device
 from kernels.device.launch import launch, require_array, table, zero
 from kernels.errors import InputError
+from kernels.fft.edges import row_pitch
 from kernels.fft.transform import RealFFT
 
 # Work-items of a group, where neighbors are beside each other in memory.
@@ -131,7 +132,7 @@ class RotationCorrelation:
         size = (orders, degrees, len(ranges)) if cpu else (_padded(self.bandwidth), orders, degrees * len(ranges))
         self._launch("correlation", "multiply", size, *arrays, *numbers, PARTS=len(ranges))
         images = len(self.betas) + 1
-        size = (images, self.edge) if cpu else (_padded(self.edge // 2 + 8), self.edge, images)
+        size = (images, self.edge) if cpu else (_padded(row_pitch(self.edge)), self.edge, images)
         arrays = self._wigner, plan.products, plan.spectrum
         self._launch("correlation", "synthesize", size, *arrays, np.int32(len(self.betas)), PARTS=len(ranges))
         correlation = plan.fft.inverse(plan.spectrum, out=plan.correlation)

@@ -25,6 +25,7 @@ from kernels.resample.sphere import (
     upload_directions,
     valid_pixels,
 )
+from spectral.grid import image_edge
 
 # Sect. 2.8: radii of the layers, as shares of N/2; one layer per frequency bin.
 _LAYERS = (0.2, 0.8)
@@ -69,7 +70,7 @@ class Hemisphere:
     """Resampling and matching of hemisphere layers on one grid: Sects. 2.4 to 2.9 of the paper."""
 
     def __init__(self, device: Device, edge: int, windowed: bool = False) -> None:
-        """Plan the images and transforms for volumes of `edge` voxels.
+        """Plan the images and transforms for volumes of `edge` voxels; images have `image_edge` pixels.
 
         `windowed` is whether Hann's window is laid over the images that yaw is read from (Sect. 2.5).
         """
@@ -77,22 +78,23 @@ class Hemisphere:
         self.radii = np.arange(_LAYERS[0] * edge / 2, min(_LAYERS[1] * edge / 2, edge / 2 - 1.01), dtype=np.float32)
         layers = len(self.radii)
 
-        unwrap = rotational_unwrap(edge)
+        self.images = images = image_edge(edge)
+        unwrap = rotational_unwrap(images)
         self._yaw_directions = upload_directions(device, unwrap)
-        self._yaw_window = device.to_device(_radial_hann(edge)) if windowed else None
+        self._yaw_window = device.to_device(_radial_hann(images)) if windowed else None
         self._yaw_mask = device.to_device(valid_pixels(unwrap))
-        self._yaw_fft = RealFFT(device, (layers, edge, edge), batched=True)
-        self._polar_shape = (max(edge // 2, 16), min(2 * edge, _LARGEST_IMAGE))
-        self._polar_radii = np.linspace(*_RADIAL, self._polar_shape[0], dtype=np.float32) * (edge / 2)
+        self._yaw_fft = RealFFT(device, (layers, images, images), batched=True)
+        self._polar_shape = (max(images // 2, 16), min(2 * images, _LARGEST_IMAGE))
+        self._polar_radii = np.linspace(*_RADIAL, self._polar_shape[0], dtype=np.float32) * (images / 2)
         self._polar_angles = np.arange(self._polar_shape[1], dtype=np.float32) * (np.pi / self._polar_shape[1])
         blur = max(_YAW_BLUR, _YAW_BLUR_ANGLE / self.yaw_bin)
         self._yaw_pomf = Pomf(device, (layers, *self._polar_shape), blur, batched=True)
 
-        self._tilt_directions = [upload_directions(device, rectangular_unwrap(edge, axis)) for axis in "yx"]
-        self._tilt_window = device.to_device(np.outer(_hann(edge), _hann(edge)).astype(np.float32))
-        self._tilt_pomf = Pomf(device, (2 * layers, edge, edge), _TILT_BLUR, batched=True)
+        self._tilt_directions = [upload_directions(device, rectangular_unwrap(images, axis)) for axis in "yx"]
+        self._tilt_window = device.to_device(np.outer(_hann(images), _hann(images)).astype(np.float32))
+        self._tilt_pomf = Pomf(device, (2 * layers, images, images), _TILT_BLUR, batched=True)
 
-        self._heading_shape = (max(edge // 4, 16), min(2 * edge, _LARGEST_IMAGE))
+        self._heading_shape = (max(images // 4, 16), min(2 * images, _LARGEST_IMAGE))
         self._heading_directions = upload_directions(device, latitude_longitude(*self._heading_shape))
         self._heading_pomf = Pomf(device, (layers, *self._heading_shape), _HEADING_BLUR, batched=True)
 
@@ -104,7 +106,7 @@ class Hemisphere:
     @property
     def tilt_bin(self) -> float:
         """Angle of one bin of the roll and pitch correlation [rad]."""
-        return np.pi / self.edge
+        return np.pi / self.images
 
     def prepare(self, magnitude: Array) -> LayerSpectra:
         """The layers of one scan's centered magnitude spectrum (edge, edge, edge/2 + 1)."""
@@ -146,7 +148,7 @@ class Hemisphere:
         """How well roll and pitch fit once R_known is applied (Sect. 2.6).
 
         Returns:
-            device (edge, edge) float32; cyclic shifts of (pitch, -roll) in tilt_bin, zero at [0, 0].
+            device (images, images) float32; cyclic shifts of (pitch, -roll) in tilt_bin, zero at [0, 0].
         """
         return self._tilt_pomf.correlate_layers(target.tilt, self._tilt_spectra(source_magnitude, R_known))
 
@@ -171,7 +173,7 @@ class Hemisphere:
         """
         correlation = self.tilt_correlation(target, source_magnitude, R_known)
         bins = limit / self.tilt_bin
-        image = correlation.reshape((1, self.edge, self.edge))
+        image = correlation.reshape((1, self.images, self.images))
         peaks = find_peaks(self.device, image, _TILT_PEAKS, _TILT_SEPARATION, limits=(None, bins, bins))
         for peak in peaks:
             pitch, roll = peak.shift[1] * self.tilt_bin, -peak.shift[2] * self.tilt_bin
@@ -201,13 +203,15 @@ class Hemisphere:
         layers = sample(self.device, magnitude, self._yaw_directions, self.radii)
         normalize_layers(self.device, layers, self._yaw_window, mask=self._yaw_mask, out=layers)
         spectrum = self._yaw_fft.forward(layers)
-        polar = polar_magnitude(self.device, spectrum, (self.edge, self.edge), self._polar_radii, self._polar_angles)
+        polar = polar_magnitude(
+            self.device, spectrum, (self.images, self.images), self._polar_radii, self._polar_angles
+        )
         normalize_layers(self.device, polar, None, out=polar)
         return self._yaw_pomf.prepare(polar)
 
     def _tilt_spectra(self, magnitude: Array, R_known: Rotation | None) -> Array:
         layers = len(self.radii)
-        stack = self.device.empty((2 * layers, self.edge, self.edge))
+        stack = self.device.empty((2 * layers, self.images, self.images))
         for part, directions in zip((stack[:layers], stack[layers:]), self._tilt_directions, strict=True):
             sample(self.device, magnitude, directions, self.radii, _inverse_matrix(R_known), out=part)
         normalize_layers(self.device, stack, self._tilt_window, out=stack)

@@ -33,7 +33,7 @@ class Prepared:
         surface: (m, 3) float64 [voxels from the center], one point per occupied voxel, also outside the grid.
         cells: the same on the device, to search among.
         magnitude: device (N, N, N/2 + 1) float32, centered magnitude spectrum.
-        spectrum: device (N, N, N/2 + 8) complex64, spectrum of the volume, phase only.
+        spectrum: device (N, N, `row_pitch(N)`) complex64, spectrum of the volume, phase only.
     """
 
     name: str

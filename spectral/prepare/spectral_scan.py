@@ -17,7 +17,7 @@ WHITENINGS = (1.0, 0.5)
 
 @dataclass(frozen=True, slots=True)
 class CoarseVolume:
-    """A scan on a grid of half as many, twice as large voxels, its spectrum whitened with each of WHITENINGS."""
+    """A scan on the coarse grid of `coarse_edge` voxels an edge, its spectrum whitened with each of WHITENINGS."""
 
     points: Array
     spectra: tuple[Array, ...]

@@ -1,8 +1,8 @@
 """Where would the scan lie under each rotation, and do the two scans then agree with what they saw?
 
-Coarse to fine. On a grid of half the edge every rotation gets its translation correlation, of which several peaks are
-taken, each with all shifts that a cyclic one stands for; points before the other scan's surface contradict. The best
-few distinct ones are refined and compared on the whole grid. docs/registration.md has the figures.
+Coarse to fine. On a grid of about half the edge every rotation gets its translation correlation, of which several
+peaks are taken, each with all shifts that a cyclic one stands for; points before the other scan's surface contradict.
+The best few distinct ones are refined and compared on the whole grid. docs/registration.md has the figures.
 """
 
 from collections.abc import Sequence
@@ -13,6 +13,7 @@ import numpy as np
 from scipy.spatial.transform import Rotation
 
 from kernels.device.device import Device
+from spectral.grid import coarse_edge
 from spectral.prepare.range_image import COARSE, FINE, visibility
 from spectral.prepare.spectral_scan import WHITENINGS, SpectralScan
 from spectral.so3 import RotationPeaks
@@ -51,7 +52,7 @@ class Verifier:
     def __init__(self, device: Device, edge: int) -> None:
         """Plan the correlations of both grids."""
         self.device, self.edge = device, edge
-        self.coarse_edge = max(edge // 2, 16)
+        self.coarse_edge = coarse_edge(edge)
         self.translation = Translation(device, edge)
         self._coarse = Translation(device, self.coarse_edge, WHITENINGS)
 

@@ -2,10 +2,17 @@
 
 import numpy as np
 import pytest
+from scipy.spatial.transform import RigidTransform, Rotation
 
+from kernels.device.device import choose_device
 from kernels.errors import InputError
-from spectral.grid import Grid, choose_grid, scan_center
+from kernels.fft.edges import EDGES
+from spectral.grid import Grid, choose_grid, coarse_edge, image_edge, scan_center
+from spectral.hemisphere.registration import HemisphereRegistrar
+from spectral.registration import SpectralRegistrar
 from spectral.scan import Scan
+from tests.samples.reliefs import above, relief, seen
+from tests.samples.structures import difference, moved, structure
 
 
 def box_scan(low: list[float], high: list[float], count: int = 5000, seed: int = 3) -> Scan:
@@ -14,11 +21,34 @@ def box_scan(low: list[float], high: list[float], count: int = 5000, seed: int =
 
 
 @pytest.mark.parametrize(
-    ("edge", "advice"), [(100, "`edge=128`"), (8, "`edge=16`"), (1000, "`edge=512`"), (0, "`edge=16`")]
+    ("edge", "advice"),
+    [
+        (98, "try `edge=96` or `edge=100`"),
+        (75, "try `edge=72` or `edge=80`"),
+        (127, "try `edge=120` or `edge=128`"),
+        (8, "try `edge=16` or `edge=18`"),
+        (1000, "try `edge=500` or `edge=512`"),
+        (0, "try `edge=16` or `edge=18`"),
+    ],
 )
-def test_refuses_an_edge_that_is_no_power_of_two_and_says_which_is_near(edge: int, advice: str) -> None:
-    with pytest.raises(InputError, match=advice):
+def test_refuses_an_edge_that_is_no_even_product_and_says_which_are_near(edge: int, advice: str) -> None:
+    with pytest.raises(
+        InputError, match=f"`edge={edge}` is not an even product of 2, 3 and 5 from 16 to 512; {advice}"
+    ):
         Grid(edge, 1.0)
+
+
+def test_every_edge_has_a_coarse_grid_and_images() -> None:
+    """Half of 90 is odd, half of 30 below the smallest: the nearest does."""
+    for edge in EDGES:
+        assert Grid(edge, 1.0).edge == edge
+        assert coarse_edge(edge) in EDGES
+        assert edge < 32 or 0.44 < coarse_edge(edge) / edge < 0.56
+        assert edge <= image_edge(edge) <= max(32, 4 / 3 * edge)
+        assert image_edge(edge) % 16 == 0
+        assert image_edge(edge) in EDGES
+    assert [coarse_edge(edge) for edge in (16, 64, 90, 96, 128, 160, 250, 512)] == [16, 32, 48, 48, 64, 80, 128, 256]
+    assert [image_edge(edge) for edge in (16, 90, 128, 450)] == [16, 96, 128, 480]
 
 
 @pytest.mark.parametrize("voxel", [0.0, -1.0, float("nan"), float("inf")])
@@ -56,3 +86,33 @@ def test_one_place_gives_no_grid() -> None:
 def test_voxels_are_relative_to_the_center_in_meters_over_voxel() -> None:
     points = np.array([[10.0, -2.0, 7.0]], np.float32)
     np.testing.assert_allclose(Grid(16, 0.5).to_voxels(points, np.array([9.0, -1.0, 4.0])), [[2, -2, 6]])
+
+
+class TestRegistrations:
+    """On grids of any edge: one that divides as powers of two do, and 90, half of which is odd."""
+
+    HERE, THERE = above(0, 0, 12), above(3, -2, 13, 25, 4, -7)
+
+    @pytest.mark.parametrize("edge", [90, 96, 160, pytest.param(50, marks=pytest.mark.slow)])
+    def test_over_all_rotations(self, edge: int) -> None:
+        """Within a tenth of a rotation's bin and a fifth of a voxel of the usual grid, whatever the edge."""
+        registrar = SpectralRegistrar(choose_device(), Grid(edge, 32.0 / edge))
+        target, source = (registrar.prepare(Scan(seen(relief(1), pose))) for pose in (self.HERE, self.THERE))
+        registration = registrar.register(target, source)
+        assert registration.accepted, registration.reason
+        angle, distance = difference(registration.T_target_source, self.HERE.inv() * self.THERE)
+        assert angle < 0.3
+        assert distance < 0.1
+
+    @pytest.mark.parametrize("edge", [90, *(pytest.param(edge, marks=pytest.mark.slow) for edge in (36, 96, 160))])
+    def test_over_the_hemisphere(self, edge: int) -> None:
+        """Within a bin of the images and a voxel."""
+        registrar = HemisphereRegistrar(choose_device(), Grid(edge, 25.6 / edge))
+        turn = RigidTransform.from_components([1.5, -2, 0.75], Rotation.from_euler("ZYX", [25, -4, 7], degrees=True))
+        points = structure(1)
+        target, source = (registrar.prepare(Scan(each)) for each in (points, moved(points, turn.inv())))
+        registration = registrar.register(target, source)
+        assert registration.accepted, registration.reason
+        angle, distance = difference(registration.T_target_source, turn)
+        assert angle < 180 / edge
+        assert distance < 25.6 / edge

@@ -11,6 +11,7 @@ import pytest
 
 from kernels.device.device import Device, choose_device
 from kernels.errors import DeviceError
+from kernels.fft.edges import EDGES
 from spectral.grid import Grid
 from spectral.hemisphere.registration import HemisphereConfig, HemisphereRegistrar
 from spectral.memory import needed_memory, prepared_memory, require_memory, scans_that_fit
@@ -71,6 +72,8 @@ def watched(monkeypatch: pytest.MonkeyPatch) -> Iterator[tuple[Device, Usage]]:
     [
         ("any rotation", 64),
         ("hemisphere", 64),
+        ("any rotation", 50),
+        *(pytest.param(maker, 90, marks=pytest.mark.slow) for maker in MAKERS),
         *(pytest.param(maker, edge, marks=pytest.mark.slow) for maker in MAKERS for edge in (32, 128)),
     ],
 )
@@ -104,9 +107,9 @@ def test_not_much_more_is_expected_than_is_taken(watched: tuple[Device, Usage], 
 
 def test_larger_grids_need_more_and_leave_room_for_fewer_scans() -> None:
     device = choose_device()
-    needs = [needed_memory(edge) for edge in (16, 32, 64, 128, 256, 512)]
+    needs = [needed_memory(edge) for edge in EDGES]
     assert needs == sorted(needs)
-    fitting = [scans_that_fit(device, edge) for edge in (16, 32, 64, 128, 256, 512)]
+    fitting = [scans_that_fit(device, edge) for edge in EDGES]
     assert fitting == sorted(fitting, reverse=True)
 
 

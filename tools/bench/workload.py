@@ -7,6 +7,7 @@ import numpy as np
 from scipy.spatial.transform import Rotation
 
 from kernels.device.device import Device
+from kernels.fft.edges import row_pitch
 from tools.bench import twins
 
 # A rotation about no axis of the grid.
@@ -123,5 +124,6 @@ class Workload:
 
     @staticmethod
     def pad(spectrum: np.ndarray) -> np.ndarray:
-        """A half spectrum (..., N/2 + 1) with the kernels' padding: (..., N/2 + 8)."""
-        return np.pad(spectrum, [(0, 0)] * (spectrum.ndim - 1) + [(0, 7)])
+        """A half spectrum (..., N/2 + 1) with the kernels' padding: (..., `row_pitch(N)`)."""
+        valid = spectrum.shape[-1]
+        return np.pad(spectrum, [(0, 0)] * (spectrum.ndim - 1) + [(0, row_pitch(2 * valid - 2) - valid)])

@@ -52,7 +52,7 @@ OwnGridOption = Annotated[
     typer.Option(
         "--grid",
         metavar="N",
-        help="Voxels per edge, a power of 2 from 16 to 512. Default: depends on the experiment.",
+        help="Voxels per edge, an even product of 2, 3 and 5 from 16 to 512. Default: depends on the experiment.",
     ),
 ]
 

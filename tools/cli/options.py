@@ -131,7 +131,7 @@ GridOption = Annotated[
     typer.Option(
         "--grid",
         metavar="N",
-        help=f"Voxels along each edge of the grid: a power of 2, 16..512. \\[{DEFAULT_EDGE}]",
+        help=f"Voxels along each edge of the grid: an even product of 2, 3 and 5, 16..512. \\[{DEFAULT_EDGE}]",
         callback=_check_edge,
     ),
 ]

@@ -4,14 +4,15 @@ import numpy as np
 import pytest
 
 from kernels.errors import InputError
+from kernels.fft.edges import row_pitch
 from kernels.pomf.spectrum import Pomf, cross_power, magnitude, sum_layers, whiten
 
-SHAPES = [(16, 16, 16), (32, 16, 64), (5, 32, 16)]
+SHAPES = [(16, 16, 16), (32, 16, 64), (5, 32, 16), (18, 54, 90)]
 
 
 def padded(spectrum, n2):
     """A half spectrum in the kernels' layout; the padding holds what must never be seen."""
-    out = np.full((*spectrum.shape[:-1], n2 // 2 + 8), np.nan, np.complex64)
+    out = np.full((*spectrum.shape[:-1], row_pitch(n2)), np.nan, np.complex64)
     out[..., : n2 // 2 + 1] = spectrum
     return out
 

@@ -5,13 +5,14 @@ import pytest
 from scipy.ndimage import map_coordinates
 
 from kernels.errors import InputError
+from kernels.fft.edges import row_pitch
 from kernels.resample.polar import polar_magnitude
 
 
 def half_spectra(images):
     """Batched half spectra in the kernels' layout, with padding that must not be seen."""
     width = images.shape[2]
-    spectrum = np.full((*images.shape[:2], width // 2 + 8), np.nan, np.complex64)
+    spectrum = np.full((*images.shape[:2], row_pitch(width)), np.nan, np.complex64)
     spectrum[..., : width // 2 + 1] = np.fft.rfft2(images)
     return spectrum
 

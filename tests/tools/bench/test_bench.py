@@ -156,7 +156,7 @@ class TestCommand:
     @pytest.mark.parametrize(
         ("arguments", "words"),
         [
-            (["--grid", "100"], "--grid 100 is not a power of two"),
+            (["--grid", "98"], "--grid 98 is not an even product of 2, 3 and 5"),
             (["--no-kernels", "--pairs", "0"], "nothing to measure"),
             (["--device", "abacus"], "no OpenCL device matches 'abacus'"),
             (["--repeats", "0"], "--repeats"),

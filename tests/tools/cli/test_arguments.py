@@ -15,7 +15,7 @@ from tools.cli.main import VERBS, app
 @pytest.mark.parametrize(
     ("message", "shown"),
     [
-        ("`edge=100` is not a power of two; try `edge=128`", "--grid 100 is not a power of two; try --grid 128"),
+        ("`edge=98` is not; try `edge=96` or `edge=100`", "--grid 98 is not; try --grid 96 or --grid 100"),
         ("give a larger `voxel`", "give a larger --voxel"),
         ("`scheduler=tcp://10.0.0.5:8786`", "--scheduler tcp://10.0.0.5:8786"),
         ("`use_strength=True` needs strengths", "--strength needs strengths"),

@@ -158,10 +158,10 @@ def test_a_survey_without_a_single_usable_pair_is_an_error(tmp_path: Path) -> No
 @pytest.mark.parametrize(
     ("options", "words"),
     [
-        (["--grid", "100"], ["power of two", "try --grid 128"]),
-        (["--grid", "90"], ["power of two", "try --grid 64"]),
-        (["--grid", "0"], ["power of two", "try --grid 16"]),
-        (["--grid", "1024"], ["power of two", "try --grid 512"]),
+        (["--grid", "98"], ["even product of 2, 3 and 5", "try --grid 96 or --grid 100"]),
+        (["--grid", "75"], ["even product of 2, 3 and 5", "try --grid 72 or --grid 80"]),
+        (["--grid", "0"], ["even product of 2, 3 and 5", "try --grid 16 or --grid 18"]),
+        (["--grid", "1024"], ["even product of 2, 3 and 5", "try --grid 500 or --grid 512"]),
         (["--voxel", "-1"], ["-1.0 m", "above 0"]),
         (["--voxel", "0"], ["above 0"]),
         (["--voxel", "nan"], ["nan m", "above 0"]),

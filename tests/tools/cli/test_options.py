@@ -75,16 +75,19 @@ class TestSharedOptions:
         assert usual.max_tilt == pytest.approx(np.deg2rad(DEFAULT_MAX_TILT))
         assert HemisphereConfig.paper().yaw_peaks == DEFAULT_YAW_PEAKS
 
-    @pytest.mark.parametrize("edge", ["16", "512"])
+    @pytest.mark.parametrize("edge", ["16", "90", "96", "512"])
     def test_the_ends_of_the_grids_range(self, verb: typer.Typer, edge: str) -> None:
         assert CliRunner().invoke(verb, ["--grid", edge]).exit_code == 0
 
     @pytest.mark.parametrize(
         ("arguments", "words"),
         [
-            ("--grid 100", ["--grid 100 is not a power of two from 16 to 512", "try --grid 128"]),
+            (
+                "--grid 98",
+                ["--grid 98 is not an even product of 2, 3 and 5 from 16 to 512", "try --grid 96 or --grid 100"],
+            ),
             ("--grid 8", ["--grid 8 is not", "try --grid 16"]),
-            ("--grid 1024", ["--grid 1024 is not", "try --grid 512"]),
+            ("--grid 1024", ["--grid 1024 is not", "--grid 512"]),
             ("--grid -4", ["--grid -4 is not", "try --grid 16"]),
             ("--grid many", ["--grid", "integer"]),
             ("--voxel 0", ["0.0 m", "above 0", "--voxel 0.5"]),

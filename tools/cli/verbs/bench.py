@@ -20,7 +20,8 @@ def command(
         typer.Option(
             "--grid",
             metavar="N",
-            help="Voxels along each edge of the grid: a power of 2, 16..512; may be repeated. \\[128 and 256]",
+            help="Voxels along each edge of the grid: an even product of 2, 3 and 5, 16..512; may be repeated. "
+            "\\[128 and 256]",
         ),
     ] = None,
     repeats: Annotated[
