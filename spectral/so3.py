@@ -103,7 +103,7 @@ class So3:
     def __init__(self, device: Device, edge: int, max_tilt: float) -> None:
         """Plan the transforms for volumes of `edge` voxels, rolls and pitches up to max_tilt [rad]."""
         self.device = device
-        latitudes, longitudes = max(2 * _BANDWIDTH, -(-3 * edge // 32) * 8), max(256, 2 * edge)
+        latitudes, longitudes = max(2 * _BANDWIDTH, -(-3 * edge // 64) * 16), max(256, 2 * edge)
         self._harmonics = Harmonics(device, _BANDWIDTH, latitudes, longitudes)
         self._radii = np.linspace(_LAYERS[0] * edge / 2, min(_LAYERS[1] * edge / 2, edge / 2 - 1.01), _COUNT)
         # roll and pitch both at the bound carry the z axis this far; beyond a right angle one alone does

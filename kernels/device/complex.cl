@@ -1,9 +1,9 @@
 // Complex numbers of 8 or 16 lanes, real and imaginary parts apart, and how they meet interleaved memory.
 //
 // load_columns8 and store_columns8 take 8 adjacent complex numbers of one row; their lanes are in the order
-// 0 1 4 5 2 3 6 7, which costs one shuffle per part and which no column notices. Those of 16 keep the order. transpose makes 8 lanes of 8
-// rows: row r of its argument is 4 adjacent complex numbers of row r of memory, and afterwards rows 2 j and
-// 2 j + 1 are the real and imaginary parts of number j. Pointers need be aligned to a float only.
+// 0 1 4 5 2 3 6 7, which costs one shuffle per part and which no column notices. Those of 16 keep the order.
+// transpose makes 8 lanes of 8 rows: row r of its argument is 4 adjacent complex numbers of row r of memory, and
+// afterwards rows 2 j and 2 j + 1 are the real and imaginary parts of number j. Pointers need be aligned to a float only.
 
 static inline float8 shuffle_low(const float8 a, const float8 b) {
     return (float8)(a.s0, b.s0, a.s1, b.s1, a.s4, b.s4, a.s5, b.s5);

@@ -69,14 +69,14 @@ def buffer_of(device: Device, array: cla.Array) -> cl.Buffer:
         InputError: the slice begins where the device can pass no buffer.
     """
     if not array.offset:
-        return _base(array)
+        return memory_of(array)
     alignment = device.cl_device.mem_base_addr_align // 8
     if array.offset % alignment:
         raise InputError(
             f"a slice of a device array begins {array.offset} bytes into it; {device.name} needs "
             f"a multiple of {alignment}: copy the slice first"
         )
-    return _base(array).get_sub_region(array.offset, array.nbytes)
+    return memory_of(array).get_sub_region(array.offset, array.nbytes)
 
 
 def zero(device: Device, array: cla.Array) -> None:
@@ -88,7 +88,7 @@ def zero(device: Device, array: cla.Array) -> None:
     if rest:
         pattern, begin = np.zeros(1, np.float32), array.offset + whole * _CLEARED
         with device.explain_full_memory():
-            cl.enqueue_fill_buffer(device.queue, _base(array), pattern, begin, rest)
+            cl.enqueue_fill_buffer(device.queue, memory_of(array), pattern, begin, rest)
 
 
 def group_size(count: int, most: int) -> int:
@@ -162,5 +162,6 @@ def output(
     return out
 
 
-def _base(array: cla.Array) -> cl.Buffer:
+def memory_of(array: cla.Array) -> cl.Buffer:
+    """The whole memory that an array or a slice is in: what it holds begins `array.offset` bytes into it."""
     return cast(cl.Buffer, array.base_data)

@@ -27,7 +27,7 @@ from kernels.fft.stage import (
 )
 
 KERNEL = "__kernel __attribute__((reqd_work_group_size(1, 1, 1))) void"
-_ARGUMENTS = "__global float* volume, __global float* spectrum"
+_ARGUMENTS = "__global float* volume, __global float* spectrum, const ulong volume_at, const ulong spectrum_at"
 # How many rows of the second axis a sheet has, of which the first that divides the axis is taken: so many times 8
 # columns of the first axis are transformed at once. Every edge has one of each.
 _ROWS_OF_16, _ROWS_OF_8, _SHORT_ROWS_OF_8 = (8, 6, 10, 4), (8, 6, 5, 4), (4, 6, 5)
@@ -82,8 +82,8 @@ def _planes(layout: Layout, inverse: bool) -> str:
     loops = [columns, rows] if inverse else [rows, columns]
     return f"""
 {KERNEL} planes({_ARGUMENTS}) {{
-    volume += get_global_id(0) * {n1 * n2};
-    spectrum += get_global_id(0) * {2 * n1 * layout.pitch};
+    volume += volume_at + get_global_id(0) * {n1 * n2};
+    spectrum += spectrum_at + get_global_id(0) * {2 * n1 * layout.pitch};
     {KEEP} {loops[0]}
     {KEEP} {loops[1]}
 }}"""
@@ -94,7 +94,7 @@ def _sheets(layout: Layout, rows: int) -> str:
     floats = 2 * layout.pitch * rows
     return f"""
 {KERNEL} sheets({_ARGUMENTS}) {{
-    spectrum += get_global_id(0) * {floats};
+    spectrum += spectrum_at + get_global_id(0) * {floats};
     {KEEP} for (int i = 0; i < {floats}; i += {16 * rows}) columns_0(spectrum + i);
 }}"""
 

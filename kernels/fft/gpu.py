@@ -63,7 +63,10 @@ def _kernel(name: str, n: int, places: dict[str, int], body: list[str]) -> str:
     declared = "\n    ".join(tables)
     return f"""
 __kernel __attribute__((reqd_work_group_size({group_size(n)}, 1, 1)))
-void {name}(__global float* volume, __global float* spectrum, __global const float* const restrict tables) {{
+void {name}(__global float* volume, __global float* spectrum, const ulong volume_at, const ulong spectrum_at,
+            __global const float* const restrict tables) {{
+    volume += volume_at;
+    spectrum += spectrum_at;
     __local float re[{8 * n}], im[{8 * n}];
     const int item = get_local_id(0);
     const size_t group = get_group_id(0);

@@ -80,7 +80,8 @@ class Pass:
 class Plan:
     """A program and the launches, in order, that make it a transform.
 
-    Every kernel takes the arrays (volume, spectrum), and behind them the table where there is one.
+    Every kernel takes the arrays (volume, spectrum), how many floats into their memory they begin, and behind them the
+    table where there is one.
 
     Attributes:
         source: OpenCL C.

@@ -135,7 +135,7 @@ class Correlator:
             now = min(self.most, len(poses) - first)
             self._voxelize(points, rows, first, now)
             for n in range(now):
-                self._passes.near(self._spectra[n], targets[0], places[first + n], self._sums, out, first + n)
+                self._passes.near(self._spectra, n, targets[0], places[first + n], self._sums, out, first + n)
         return NearShifts(self.edge, places, out)
 
     def correlations(self, points: cla.Array, pose: Pose, targets: Sequence[cla.Array]) -> list[cla.Array]:

@@ -27,19 +27,20 @@ static inline void add_turned(LANE* const re, LANE* const im, const LANE xr, con
     *im += xr * turn.y + xi * turn.x;
 }
 
-// The sums along axis 0, a work-item per LANES columns; what a processor does in its last forward pass.
-__kernel void sum_columns(__global const float* const restrict spectrum, __global const float* const restrict target,
+// The sums along axis 0 of one of several spectra, a work-item per LANES columns; what a processor does in its last forward pass.
+__kernel void sum_columns(__global const float* restrict spectra, __global const float* const restrict target,
                           __global const float* const restrict across, __global const float* const restrict along,
                           __global const float* const restrict roots, const int shift, __global float* const sums,
-                          const int n0, const int columns, const float exponent) {
+                          const int n0, const int columns, const float exponent, const int number) {
     const int n = get_global_id(0);
     if (n * LANES >= columns) return;
+    spectra += (size_t)2 * number * n0 * columns;
     LANE re[5], im[5];
     for (int a = 0; a < 5; ++a) re[a] = im[a] = 0.0f;
     LANE power = 0.0f, origin = 0.0f;
     for (int i = 0; i < n0; ++i) {
         const size_t at = (size_t)i * (columns / LANES) + n;
-        const NUMBER t = GET(at, target), s = GET(at, spectrum);
+        const NUMBER t = GET(at, target), s = GET(at, spectra);
         LANE xr, xi;
 #if LANES == 8
         const LANE gain = vload8(n, across) * along[i];

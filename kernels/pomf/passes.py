@@ -2,7 +2,8 @@
 """The passes of a correlation from sparse volumes to rows with their maxima, fused on a processor, else one by one.
 
 Arrays: volumes (count, n, n, n) float32 with marks (count, n^2 / 8) int32, as `voxelize_poses` fills them; spectra
-(exponents, count, n, n, `row_pitch(n)`) complex64, of which `forward` fills the first exponent's; correlations likewise.
+(exponents, count, n, n, `row_pitch(n)`) complex64, of which `forward` fills the first exponent's;
+correlations likewise.
 """
 
 from collections.abc import Sequence
@@ -49,7 +50,14 @@ class Passes(Protocol):
         ...
 
     def near(
-        self, spectrum: cla.Array, target: cla.Array, place: np.ndarray, sums: cla.Array, out: cla.Array, index: int
+        self,
+        spectra: cla.Array,
+        number: int,
+        target: cla.Array,
+        place: np.ndarray,
+        sums: cla.Array,
+        out: cla.Array,
+        index: int,
     ) -> None:
         """Of one spectrum from `forward`, the sums near a voxel (3,) of the correlation, to out[index]; see near.cl."""
         ...
@@ -112,11 +120,18 @@ class FusedPasses:
         self._launch(self._back, planes, correlations, spectra, tops, poses, np.int32(count), np.int32(first))
 
     def near(
-        self, spectrum: cla.Array, target: cla.Array, place: np.ndarray, sums: cla.Array, out: cla.Array, index: int
+        self,
+        spectra: cla.Array,
+        number: int,
+        target: cla.Array,
+        place: np.ndarray,
+        sums: cla.Array,
+        out: cla.Array,
+        index: int,
     ) -> None:
         """As `Passes` says."""
         tables = self._tables.across, self._tables.along, self._tables.roots
-        self._launch(self._near, self.parts, spectrum, target, *tables, np.int32(place[0]), sums)
+        self._launch(self._near, self.parts, spectra[number], target, *tables, np.int32(place[0]), sums)
         numbers = np.int32(place[1]), np.int32(self._edge), np.int32(self._pitch), np.int32(index)
         launch(
             self._device, "pomf/near", "sum_rows", (self._pitch // 8, 6), sums, self._tables.roots, out, *numbers,
@@ -132,9 +147,7 @@ class SinglePasses:
 
     clears = False
 
-    def __init__(
-        self, device: Device, edge: int, blur: float, exponents: tuple[float, ...], flavor: Flavor
-    ) -> None:
+    def __init__(self, device: Device, edge: int, blur: float, exponents: tuple[float, ...], flavor: Flavor) -> None:
         """Build the kernels."""
         self._device, self._edge, self._pitch, self._exponents = device, edge, row_pitch(edge), exponents
         self.parts = edge * edge
@@ -152,11 +165,11 @@ class SinglePasses:
         # the source's spectrum is overwritten by the first exponent's product
         for e in reversed(range(len(self._exponents))):
             for n in range(count):
-                arrays = spectra[n], targets[e], spectra[e * count + n], *tables, energies
+                arrays = spectra, targets[e], spectra, *tables, energies
                 numbers = np.int32(self._edge), np.int32(self._pitch), np.float32(self._exponents[e])
                 launch(
                     self._device, "pomf/product", "product", (self._edge**2 * _WIDTH,), *arrays, *numbers,
-                    np.int32(e * count + n), group=(_WIDTH,), WIDTH=_WIDTH,
+                    np.int32(n), np.int32(e * count + n), group=(_WIDTH,), WIDTH=_WIDTH,
                 )  # fmt: skip
 
     def inverse(
@@ -173,15 +186,22 @@ class SinglePasses:
         )  # fmt: skip
 
     def near(
-        self, spectrum: cla.Array, target: cla.Array, place: np.ndarray, sums: cla.Array, out: cla.Array, index: int
+        self,
+        spectra: cla.Array,
+        number: int,
+        target: cla.Array,
+        place: np.ndarray,
+        sums: cla.Array,
+        out: cla.Array,
+        index: int,
     ) -> None:
         """As `Passes` says."""
         tables, edge, columns = self._tables, np.int32(self._edge), self._edge * self._pitch
         groups = -(-columns // _WIDTH)
         launch(
-            self._device, "pomf/near", "sum_columns", (groups * _WIDTH,), spectrum, target, tables.across,
+            self._device, "pomf/near", "sum_columns", (groups * _WIDTH,), spectra, target, tables.across,
             tables.along, tables.roots, np.int32(place[0]), sums, edge, np.int32(columns),
-            np.float32(self._exponents[0]), group=(_WIDTH,), LANES=1,
+            np.float32(self._exponents[0]), np.int32(number), group=(_WIDTH,), LANES=1,
         )  # fmt: skip
         numbers = np.int32(place[1]), edge, np.int32(self._pitch), np.int32(index)
         size = -(-self._pitch // _WIDTH) * _WIDTH, 6

@@ -3,7 +3,8 @@
 // Layout: spectra are (n0, n1, pitch) complex64; across are gains (n1, pitch), 0 in the padding, and then, alike, how
 // often a number counts in the whole spectrum: twice but for the columns that have no mirror image; along are gains
 // (n0). energies get the sum of |X|^2 of each row and, last, the real part of X at frequency 0.
-// out may be the source's spectrum. One group of WIDTH per row.
+// Of several spectra number `from` is the source's, number `first` of out and of the energies are written; out may be
+// the source's spectrum. One group of WIDTH per row.
 #define LANE float
 #define ALIKE int
 #ifndef WIDTH
@@ -12,14 +13,16 @@
 #include "pomf/whitening.cl"
 
 __kernel __attribute__((reqd_work_group_size(WIDTH, 1, 1)))
-void product(__global const float* const spectrum, __global const float* const restrict target,
-             __global float* const out, __global const float* const restrict across,
+void product(__global const float* spectrum, __global const float* const restrict target,
+             __global float* out, __global const float* const restrict across,
              __global const float* const restrict along, __global float* restrict energies, const int n1,
-             const int pitch, const float exponent, const int first) {
+             const int pitch, const float exponent, const int from, const int first) {
     __local float sums[WIDTH];
     const int item = get_local_id(0), row = get_group_id(0), rows = get_num_groups(0);
     const float outer = along[row / n1];
     energies += (size_t)first * (rows + 1);
+    spectrum += (size_t)2 * from * rows * pitch;
+    out += (size_t)2 * first * rows * pitch;
     float power = 0.0f;
     for (int k = item; k < pitch; k += WIDTH) {
         const size_t at = (size_t)row * pitch + k, column = row % n1 * pitch + k;

@@ -91,7 +91,7 @@ STILL = Pose(np.eye(3))
 
 
 class TestPeaks:
-    @pytest.mark.parametrize(("edge", "number", "count"), [(16, 3, 1), (32, 5, 8), (64, 2, 4)])
+    @pytest.mark.parametrize(("edge", "number", "count"), [(16, 3, 1), (32, 5, 8), (64, 2, 4), (50, 3, 4), (48, 3, 2)])
     def test_are_those_of_numpy(self, device: Device, make: MakeCorrelator, edge, number, count) -> None:
         points, given = surface(edge), poses(number)
         found = make(edge).find(device.to_device(points), given, spectra(device, points, edge), count, 2.0)
@@ -159,7 +159,7 @@ class TestPeaks:
 
 
 class TestNear:
-    @pytest.mark.parametrize("edge", [16, 32, 64])
+    @pytest.mark.parametrize("edge", [16, 32, 64, 18, 40])
     def test_is_what_the_whole_correlation_holds(self, device: Device, make: MakeCorrelator, edge) -> None:
         points, given = surface(edge), poses(4)
         shifts = np.array([[0, 0, 0], [2, -3, 1], [5, 1, -edge // 2], [-7, edge + 3, 4]])
