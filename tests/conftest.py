@@ -5,7 +5,7 @@ from functools import cache
 
 import pytest
 
-from kernels.device.device import Device, choose_device, list_devices
+from kernels.device.device import Device, Flavor, choose_device, list_devices
 from kernels.errors import DeviceError
 
 
@@ -28,9 +28,27 @@ def selectors() -> list[str | None]:
 
 
 def pytest_generate_tests(metafunc: pytest.Metafunc) -> None:
-    """Where several devices work, a test that takes `device` runs on each."""
-    if "device" in metafunc.fixturenames and len(selectors()) > 1:
-        metafunc.parametrize("device", selectors(), indirect=True, scope="session")
+    """Where several devices work, a test that takes `device` runs on each.
+
+    A kernel's test runs in both flavors: a processor is forced into that of graphics processors, where it is slow and
+    has the same numbers.
+    """
+    if "device" not in metafunc.fixturenames:
+        return
+    cases: list[tuple[str | None, Flavor | None]] = [(selector, None) for selector in selectors()]
+    if metafunc.definition.nodeid.startswith("tests/kernels/"):
+        for selector in selectors():
+            if choose_device(selector).is_cpu:
+                cases.append((selector, "gpu"))
+    if len(cases) > 1:
+        names = [f"{selector or 'device'}-{flavor or 'own'}" for selector, flavor in cases]
+        metafunc.parametrize("device", cases, ids=names, indirect=True, scope="session")
+
+
+@cache
+def opened(selector: str | None, flavor: Flavor | None) -> Device:
+    device = choose_device(selector)
+    return Device(device.cl_device, device.selector, flavor=flavor) if flavor else device
 
 
 @pytest.fixture(scope="session", params=["cpu", "gpu"])
@@ -43,4 +61,4 @@ def flavored(request: pytest.FixtureRequest, device: Device) -> Device:
 
 @pytest.fixture(scope="session")
 def device(request: pytest.FixtureRequest) -> Device:
-    return choose_device(getattr(request, "param", None))
+    return opened(*getattr(request, "param", (None, None)))

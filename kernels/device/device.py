@@ -10,6 +10,7 @@ from collections.abc import Generator
 from contextlib import contextmanager
 from dataclasses import dataclass
 from functools import cached_property
+from typing import Literal
 
 import numpy as np
 import pyopencl as cl
@@ -19,7 +20,7 @@ from pyopencl.array import Array
 from kernels.device.selection import Entry, by_preference, kind, matching
 from kernels.device.source import KERNEL_FOLDER, informative_line, inline_includes, literal
 from kernels.device.threads import limit_libraries
-from kernels.errors import DeviceError
+from kernels.errors import DeviceError, InputError
 
 __all__ = ["Array", "Device", "DeviceInfo", "choose_device", "list_devices"]
 
@@ -29,6 +30,9 @@ NO_PLATFORM = (
 )
 
 _PROBE = "__kernel void probe(__global float8* x) { x[get_global_id(0)] = fma(x[get_global_id(0)], 2.0f, 1.0f); }"
+
+Flavor = Literal["cpu", "gpu"]
+_FLAVORS: tuple[Flavor, ...] = ("cpu", "gpu")
 
 _FULL = (cl.status_code.OUT_OF_RESOURCES, cl.status_code.OUT_OF_HOST_MEMORY)
 
@@ -63,10 +67,26 @@ class Device:
         cl_device, context, queue: PyOpenCL's.
         selector: "platform:device" by number, as `list_devices` gives it; "" where it was not chosen from a list.
         notes: sentences that a user should read: which preferred devices were passed over, and why.
+        flavor: how its kernels are written: "cpu", a row or a few per work-item in explicit vectors, or "gpu", a voxel
+            or a column per work-item, neighbors beside each other in memory.
     """
 
-    def __init__(self, device: cl.Device, selector: str = "", notes: tuple[str, ...] = ()) -> None:
+    def __init__(
+        self, device: cl.Device, selector: str = "", notes: tuple[str, ...] = (), flavor: Flavor | None = None
+    ) -> None:
+        """Open a queue on a device.
+
+        Args:
+            device: PyOpenCL's.
+            selector, notes: as above.
+            flavor: None: what the environment variable SONARMAP_FLAVOR says, else as suits the device. Either runs on
+                every device; the other one is slow, and for tests.
+
+        Raises:
+            InputError: the variable is neither "cpu" nor "gpu".
+        """
         self.cl_device, self.selector, self.notes = device, selector, notes
+        self.flavor: Flavor = flavor or _wanted_flavor() or ("cpu" if kind(device) == "cpu" else "gpu")
         self.context = cl.Context([device])
         self.queue = cl.CommandQueue(self.context)
         self._programs: dict[tuple[str, tuple[str, ...]], cl.Program] = {}
@@ -88,16 +108,19 @@ class Device:
 
     @cached_property
     def is_cpu(self) -> bool:
-        """Whether kernels should be emitted in their CPU flavor (explicit vectors, no barriers)."""
-        return bool(self.cl_device.type & cl.device_type.CPU)
+        """Whether kernels are written in their CPU flavor (explicit vectors, no barriers), and memory is the host's."""
+        return self.flavor == "cpu"
 
     def program(self, name: str, **defines: int | float) -> cl.Program:
         """The program of `kernels/<name>.cl`, built once per context and set of macro definitions.
+
+        In the GPU flavor the macro GPU is defined.
 
         Raises:
             DeviceError: it does not build; the build log is in the message.
         """
         options = tuple(f"-D{key}={literal(value)}" for key, value in sorted(defines.items()))
+        options += () if self.is_cpu else ("-DGPU",)
         return self.build((KERNEL_FOLDER / f"{name}.cl").read_text(encoding="utf-8"), options, name)
 
     def build(self, source: str, options: tuple[str, ...] = (), name: str = "generated") -> cl.Program:
@@ -275,6 +298,14 @@ def _describe(label: str, device: cl.Device) -> DeviceInfo:
         largest_allocation=device.max_mem_alloc_size,
         fault=_fault(device),
     )
+
+
+def _wanted_flavor() -> Flavor | None:
+    """What SONARMAP_FLAVOR says."""
+    wanted = os.environ.get("SONARMAP_FLAVOR", "")
+    if wanted and wanted not in _FLAVORS:
+        raise InputError(f"the environment's SONARMAP_FLAVOR is {wanted!r}; wanted cpu, gpu, or nothing")
+    return next((flavor for flavor in _FLAVORS if flavor == wanted), None)
 
 
 def _size(count: int) -> str:

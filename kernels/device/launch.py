@@ -9,11 +9,13 @@ import pyopencl.array as cla
 from pyopencl import cltypes
 
 from kernels.device.device import Device
+from kernels.device.groups import arrange
 from kernels.errors import InputError
 
 # PyOpenCL makes a new kernel object at every `program.name`, and reading a source costs more than a launch.
-_KERNELS: WeakKeyDictionary[Device, dict[tuple, cl.Kernel]] = WeakKeyDictionary()
+_KERNELS: WeakKeyDictionary[Device, dict[tuple, tuple[cl.Kernel, int]]] = WeakKeyDictionary()
 _TABLES: WeakKeyDictionary[Device, dict[tuple, cla.Array]] = WeakKeyDictionary()
+_MOST_ITEMS = cl.kernel_work_group_info.WORK_GROUP_SIZE
 _TABLES_KEPT = 128
 _CLEARED = 4096  # bytes of one work-item
 
@@ -24,7 +26,7 @@ def launch(
     kernel: str,
     size: tuple[int, ...],
     *arguments: cla.Array | np.generic,
-    group: tuple[int, ...] | None = None,
+    group: str | tuple[int, ...] | None = None,
     **defines: int | float,
 ) -> None:
     """Enqueue one kernel of `kernels/<program>.cl`; the kernel object is made once per device.
@@ -32,8 +34,9 @@ def launch(
     Args:
         size: number of work-items along each dimension.
         arguments: device arrays (or slices of them along the first axis) and NumPy scalars.
-        group: work-group size. None: one item on a CPU, where an item is a row and its loop is what is
-            vectorized; what the driver chooses elsewhere.
+        group: what the items are, a key of `kernels.device.groups.GROUPS`: there are then as many more items as whole
+            groups need, and the kernel returns beyond what it is given. Or the work-group size itself. None: single
+            items on a CPU, elsewhere a group that divides the size.
         defines: macros of the program.
 
     Raises:
@@ -43,10 +46,11 @@ def launch(
     kernels = _KERNELS.setdefault(device, {})
     key = (program, kernel, *defines.items())
     if key not in kernels:
-        kernels[key] = cl.Kernel(device.program(program, **defines), kernel)
-    if group is None and device.is_cpu:
-        group = (1,) * len(size)
-    enqueue(device, kernels[key], size, *arguments, group=group)
+        made = cl.Kernel(device.program(program, **defines), kernel)
+        kernels[key] = made, made.get_work_group_info(_MOST_ITEMS, device.context.devices[0])
+    made, most = kernels[key]
+    items, group = arrange(device, size, group, most)
+    enqueue(device, made, items, *arguments, group=group)
 
 
 def enqueue(

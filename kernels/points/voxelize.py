@@ -8,8 +8,6 @@ from kernels.device.device import Device
 from kernels.device.launch import affine, launch, output, require_array, zero
 from kernels.errors import InputError
 
-_GROUP = 256
-
 
 def voxelize(
     device: Device,
@@ -45,9 +43,8 @@ def voxelize(
     volume = output(device, out, "out", (edge, edge, edge))
     zero(device, volume)
     if count:
-        size, group = (-(-count // _GROUP) * _GROUP,), (_GROUP,)
         arguments = points, volume, np.int32(count), pose
-        launch(device, "points/voxelize", "voxelize", size, *arguments, group=group, EDGE=edge)
+        launch(device, "points/voxelize", "voxelize", (count,), *arguments, group="points", EDGE=edge)
     return volume
 
 

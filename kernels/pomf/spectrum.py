@@ -9,14 +9,13 @@ import numpy as np
 import pyopencl.array as cla
 
 from kernels.device.device import Device
-from kernels.device.launch import group_size, launch, output, require_array, table
+from kernels.device.groups import along, lanes
+from kernels.device.launch import launch, output, require_array, table
 from kernels.errors import InputError
 from kernels.fft.edges import EDGES, KINDS, row_pitch
 from kernels.fft.transform import RealFFT
 
 _WHITEN_AT_ONCE = 8
-_WHITEN_GROUP = 32
-_ROWS_AT_ONCE = 8
 
 
 def magnitude(device: Device, spectrum: cla.Array, edge: int, out: cla.Array | None = None) -> cla.Array:
@@ -38,7 +37,8 @@ def magnitude(device: Device, spectrum: cla.Array, edge: int, out: cla.Array | N
     require_array(spectrum, "spectrum", (edge, edge, pitch), np.complex64)
     result = output(device, out, "out", (edge, edge, half + 1))
     sizes = (np.int32(edge), np.int32(edge), np.int32(half), np.int32(pitch))
-    launch(device, "pomf/spectrum", "magnitude", (edge, edge), spectrum, result, *sizes)
+    size = (along(device, half), edge, edge)
+    launch(device, "pomf/spectrum", "magnitude", size, spectrum, result, *sizes, group="planes")
     return result
 
 
@@ -64,9 +64,8 @@ def whiten(device: Device, spectrum: cla.Array, exponent: float = 1.0, out: cla.
             f"`spectrum` has {shape[-1]} numbers along its last axis; wanted a multiple of 8, as half spectra have"
         )
     result = output(device, out, "out", shape, np.complex64)
-    count, arguments = spectrum.size // _WHITEN_AT_ONCE, (spectrum, result, np.float32(exponent))
-    group = (group_size(count, _WHITEN_GROUP),) if device.is_cpu or count % _WHITEN_GROUP == 0 else None
-    launch(device, "pomf/spectrum", "whiten", (count,), *arguments, group=group)
+    arguments = spectrum, result, np.float32(exponent), np.int32(spectrum.size)
+    launch(device, "pomf/spectrum", "whiten", (spectrum.size // lanes(device),), *arguments, group="numbers")
     return result
 
 
@@ -97,10 +96,8 @@ def cross_power(
     result = output(device, out, "out", (n0, n1, pitch), np.complex64)
     gain0 = np.ones(n0, np.float32) if batched else full_gain(n0, blur)
     gains = [table(device, gain) for gain in (gain0, full_gain(n1, blur), half_gain(n2, blur))]
-    sizes = np.int32(n1), np.int32(pitch)
-    # on a CPU a work-group costs as much as a short row
-    group = (group_size(n1, _ROWS_AT_ONCE), 1) if device.is_cpu else None
-    launch(device, "pomf/spectrum", "cross_power", (n1, n0), target, source, result, *gains, *sizes, group=group)
+    arguments = target, source, result, *gains, np.int32(n0), np.int32(n1), np.int32(pitch)
+    launch(device, "pomf/spectrum", "cross_power", (along(device, pitch), n1, n0), *arguments, group="rows")
     return result
 
 
@@ -121,8 +118,8 @@ def sum_layers(
     pitch = _require_pair(target, source, shape)
     result = output(device, out, "out", (1, n1, pitch), np.complex64)
     gains = table(device, full_gain(n1, blur)), table(device, half_gain(n2, blur))
-    sizes = np.int32(n0), np.int32(n1), np.int32(pitch)
-    launch(device, "pomf/spectrum", "sum_layers", (pitch // 8, n1), target, source, result, *gains, *sizes)
+    arguments = target, source, result, *gains, np.int32(n0), np.int32(n1), np.int32(pitch)
+    launch(device, "pomf/spectrum", "sum_layers", (pitch // lanes(device), n1), *arguments, group="columns")
     return result
 
 

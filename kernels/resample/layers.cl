@@ -5,68 +5,72 @@
 // their squared deviations from it; scales (layers, 2) float32: the layer's mean and 1 / its standard deviation.
 // Deviations are taken about each row's own mean and then joined, so that a large mean costs no precision.
 // Precondition: none of the numbers that count is infinite or NaN. Launched in the order of this file.
+#include "device/lanes.cl"
 #ifndef CONSTANT
 #define CONSTANT 2e-6f  // a layer whose deviation is this share of its mean or less is constant but for rounding
 #endif
 
-// One work-item per row.
+// One group per row.
 __kernel void row_moments(__global const float* const restrict stack, __global const float* const restrict mask,
                           __global float* const restrict rows, const int height, const int width) {
-    const size_t r = get_global_id(0);
+    SCRATCH(scratch);
+    const size_t r = get_group_id(0);
     __global const float* const row = stack + r * width;
     __global const float* const valid = mask + (r % height) * width;
-    float count = 0.0f;
-    float sum = 0.0f;
-    for (int j = 0; j < width; j += 8) {
-        const float8 m = vload8(0, valid + j);
-        const float8 v = select((float8)(0.0f), vload8(0, row + j), m != 0.0f);
-        const float4 m4 = m.lo + m.hi;
-        const float4 v4 = v.lo + v.hi;
-        count += (m4.x + m4.y) + (m4.z + m4.w);
-        sum += (v4.x + v4.y) + (v4.z + v4.w);
+    floatn counts = 0.0f, sums = 0.0f, squares = 0.0f;
+    for (SHARED(j, width)) {
+        const floatn m = loadn(valid + j);
+        counts += m;
+        sums += select((floatn)(0.0f), loadn(row + j), m != 0.0f);
     }
+    const float count = group_sum(lane_sum(counts), scratch);
+    const float sum = group_sum(lane_sum(sums), scratch);
     const float mean = count > 0.0f ? sum / count : 0.0f;
-    float8 squares = 0.0f;
-    for (int j = 0; j < width; j += 8) {
-        const float8 d = select((float8)(0.0f), vload8(0, row + j) - mean, vload8(0, valid + j) != 0.0f);
+    for (SHARED(j, width)) {
+        const floatn d = select((floatn)(0.0f), loadn(row + j) - mean, loadn(valid + j) != 0.0f);
         squares += d * d;
     }
-    const float4 s4 = squares.lo + squares.hi;
-    vstore3((float3)(count, mean, (s4.x + s4.y) + (s4.z + s4.w)), r, rows);
+    const float total = group_sum(lane_sum(squares), scratch);
+    if (get_local_id(0) == 0) vstore3((float3)(count, mean, total), r, rows);
 }
 
-// One work-item per layer.
+// One group per layer.
 __kernel void layer_moments(__global const float* const restrict rows, __global float* const restrict scales,
                             const int height) {
-    const size_t l = get_global_id(0);
+    SCRATCH(scratch);
+    const size_t l = get_group_id(0);
     const size_t first = l * height;
-    float count = 0.0f;
-    float sum = 0.0f;
-    for (int i = 0; i < height; ++i) {
+    float counts = 0.0f, sums = 0.0f, squares = 0.0f;
+    for (int i = get_local_id(0); i < height; i += get_local_size(0)) {
         const float3 row = vload3(first + i, rows);
-        count += row.x;
-        sum = fma(row.x, row.y, sum);
+        counts += row.x;
+        sums = fma(row.x, row.y, sums);
     }
+    const float count = group_sum(counts, scratch);
+    const float sum = group_sum(sums, scratch);
     const float mean = count > 0.0f ? sum / count : 0.0f;
-    float squares = 0.0f;
-    for (int i = 0; i < height; ++i) {
+    for (int i = get_local_id(0); i < height; i += get_local_size(0)) {
         const float3 row = vload3(first + i, rows);
         squares += fma(row.x, (row.y - mean) * (row.y - mean), row.z);
     }
-    const float deviation = count > 0.0f ? sqrt(squares / count) : 0.0f;
-    vstore2((float2)(mean, deviation > CONSTANT * fabs(mean) ? 1.0f / deviation : 0.0f), l, scales);
+    const float total = group_sum(squares, scratch);
+    const float deviation = count > 0.0f ? sqrt(total / count) : 0.0f;
+    if (get_local_id(0) == 0)
+        vstore2((float2)(mean, deviation > CONSTANT * fabs(mean) ? 1.0f / deviation : 0.0f), l, scales);
 }
 
-// One work-item per row; out may be the stack itself.
+// One work-item per row, or per pixel; out may be the stack itself.
 __kernel void apply(__global const float* const stack, __global const float* const restrict mask,
                     __global const float* const restrict window, __global const float* const restrict scales,
-                    __global float* const out, const int height, const int width) {
-    const size_t r = get_global_id(0);
-    const size_t at = r * width;
-    const size_t pixel = (r % height) * width;
-    const float2 scale = vload2(r / height, scales);
-    for (int j = 0; j < width; j += 8) {
-        const float8 v = (vload8(0, stack + at + j) - scale.x) * scale.y * vload8(0, window + pixel + j);
-        vstore8(select((float8)(0.0f), v, vload8(0, mask + pixel + j) != 0.0f), 0, out + at + j);
+                    __global float* const out, const int layers, const int height, const int width) {
+    const int i = get_global_id(1);
+    const int l = get_global_id(2);
+    if (i >= height || l >= layers) return;
+    const size_t at = ((size_t)l * height + i) * width;
+    const size_t pixel = (size_t)i * width;
+    const float2 scale = vload2(l, scales);
+    for (ALONG(j, width)) {
+        const floatn v = (loadn(stack + at + j) - scale.x) * scale.y * loadn(window + pixel + j);
+        storen(select((floatn)(0.0f), v, loadn(mask + pixel + j) != 0.0f), out + at + j);
     }
 }

@@ -5,6 +5,7 @@ import numpy as np
 import pyopencl.array as cla
 
 from kernels.device.device import Device
+from kernels.device.groups import along, team
 from kernels.device.launch import launch, output, require_array, table
 from kernels.errors import InputError
 
@@ -42,7 +43,10 @@ def normalize_layers(
     result = output(device, out, "out", (layers, height, width))
     rows, scales = device.empty((layers * height, 3)), device.empty((layers, 2))
     sizes = np.int32(height), np.int32(width)
-    launch(device, "resample/layers", "row_moments", (layers * height,), stack, mask, rows, *sizes)
-    launch(device, "resample/layers", "layer_moments", (layers,), rows, scales, sizes[0])
-    launch(device, "resample/layers", "apply", (layers * height,), stack, mask, window, scales, result, *sizes)
+    together = team(device)
+    moments = (layers * height * together,), stack, mask, rows, *sizes
+    launch(device, "resample/layers", "row_moments", *moments, group="sums")
+    launch(device, "resample/layers", "layer_moments", (layers * together,), rows, scales, sizes[0], group="sums")
+    size, arguments = (along(device, width), height, layers), (stack, mask, window, scales, result)
+    launch(device, "resample/layers", "apply", size, *arguments, np.int32(layers), *sizes, group="rows")
     return result

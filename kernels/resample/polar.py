@@ -5,6 +5,7 @@ import numpy as np
 import pyopencl.array as cla
 
 from kernels.device.device import Device
+from kernels.device.groups import lanes
 from kernels.device.launch import launch, output, require_array, table
 from kernels.errors import InputError
 from kernels.fft.edges import row_pitch
@@ -44,9 +45,10 @@ def polar_magnitude(
     points = _frequencies(radii, angles, min(shape) // 2)
     result = output(device, out, "out", (layers, len(radii), len(angles)))
     samples = points[0].size
-    sizes = np.int32(samples), np.int32(height), np.int32(pitch)
+    sizes = np.int32(layers), np.int32(samples), np.int32(height), np.int32(pitch)
     arrays = spectrum, table(device, points), result
-    launch(device, "resample/polar", "polar_magnitude", (samples // 8, layers), *arrays, *sizes)
+    size = (samples // lanes(device), layers)
+    launch(device, "resample/polar", "polar_magnitude", size, *arrays, *sizes, group="columns")
     return result
 
 

@@ -12,6 +12,7 @@ import numpy as np
 import pyopencl.array as cla
 
 from kernels.device.device import Device
+from kernels.device.groups import along, lanes
 from kernels.device.launch import affine, launch, output, require_array, table
 from kernels.errors import InputError
 
@@ -156,5 +157,9 @@ def sample(
     pixels = height * width
     sizes = np.int32(len(radii)), np.int32(pixels)
     arrays = magnitude, directions, table(device, radii), result
-    launch(device, "resample/sphere", "sample", (pixels // _PIXELS_AT_ONCE,), *arrays, *sizes, affine(R), EDGE=edge)
+    # a processor finds a pixel's next radius close to the last
+    size = (pixels // lanes(device), along(device, len(radii)))
+    launch(
+        device, "resample/sphere", "sample", size, *arrays, *sizes, affine(R), group="columns", EDGE=edge
+    )  # fmt: skip
     return result
