@@ -5,7 +5,6 @@ An OpenCL context must never be inherited by a forked process: spawn workers, an
 """
 
 import os
-import warnings
 from collections.abc import Generator
 from contextlib import contextmanager
 from dataclasses import dataclass
@@ -17,10 +16,13 @@ import pyopencl as cl
 import pyopencl.array as cla
 from pyopencl.array import Array
 
+from kernels.device.cache import require_caches
+from kernels.device.compiled import compile_program
 from kernels.device.selection import Entry, by_preference, kind, matching
-from kernels.device.source import KERNEL_FOLDER, informative_line, inline_includes, literal
+from kernels.device.source import KERNEL_FOLDER, informative_line, literal
 from kernels.device.threads import limit_libraries
 from kernels.errors import DeviceError, InputError
+from kernels.self_test.verdict import State, Verdict, believed, remembered_verdict, run_self_test
 
 __all__ = ["Array", "Device", "DeviceInfo", "choose_device", "list_devices"]
 
@@ -30,6 +32,16 @@ NO_PLATFORM = (
 )
 
 _PROBE = "__kernel void probe(__global float8* x) { x[get_global_id(0)] = fma(x[get_global_id(0)], 2.0f, 1.0f); }"
+
+_DRIVER_REMEDY = (
+    ". The PoCL that pip brings does not know processors newer than itself; "
+    "'apt install pocl-opencl-icd' brings one that falls back to what the processor can do."
+)
+_TEST_FAILED = "its self-test failed: "
+_TEST_REMEDY = (
+    ". Its results would be wrong: use another device, as 'cpu', or update the driver and try it again by "
+    "'sonarmap devices --test'."
+)
 
 Flavor = Literal["cpu", "gpu"]
 _FLAVORS: tuple[Flavor, ...] = ("cpu", "gpu")
@@ -46,7 +58,8 @@ class DeviceInfo:
         name, platform, version, kind: as the driver gives them; kind is "cpu", "gpu" or "other".
         compute_units: number of cores or multiprocessors.
         memory, largest_allocation: [bytes].
-        fault: why it cannot be used, or "" where a trial kernel ran and gave the right numbers.
+        fault: why it cannot be used, or "" where a trial kernel ran and gave the right numbers, and no test failed.
+        self_test: "passed", "failed" or "not tested", with this driver and these kernels (`kernels.self_test`).
     """
 
     selector: str
@@ -58,6 +71,7 @@ class DeviceInfo:
     memory: int
     largest_allocation: int
     fault: str
+    self_test: State
 
 
 class Device:
@@ -124,7 +138,7 @@ class Device:
         return self.build((KERNEL_FOLDER / f"{name}.cl").read_text(encoding="utf-8"), options, name)
 
     def build(self, source: str, options: tuple[str, ...] = (), name: str = "generated") -> cl.Program:
-        """Build OpenCL C source, once per context.
+        """Build OpenCL C source, once per context; what the compiler warns of is logged, once.
 
         Args:
             source: it can include files of kernels/ by name, as in `#include "device/complex.cl"`.
@@ -137,9 +151,7 @@ class Device:
         key = (source, options)
         if key not in self._programs:
             try:
-                with warnings.catch_warnings():
-                    warnings.simplefilter("ignore", cl.CompilerWarning)
-                    self._programs[key] = cl.Program(self.context, inline_includes(source)).build([*options])
+                self._programs[key] = compile_program(self.context, source, options, name)
             except cl.Error as error:
                 raise DeviceError(
                     f"the OpenCL program '{name}' did not build on {self.name} ({self.platform}):\n{error}"
@@ -209,8 +221,11 @@ class Device:
             )
 
 
-def list_devices() -> list[DeviceInfo]:
+def list_devices(test: bool = False) -> list[DeviceInfo]:
     """Every OpenCL device, each tried with a small kernel.
+
+    Args:
+        test: run the self-test of each that works, which takes some seconds, and remember what came out.
 
     Returns:
         In the order of the platforms; a device that does not work says why in its `fault`.
@@ -218,11 +233,14 @@ def list_devices() -> list[DeviceInfo]:
     Raises:
         DeviceError: there is no OpenCL platform.
     """
-    return [_describe(selector, device) for selector, device in _devices()]
+    return [_describe(selector, device, test) for selector, device in _devices()]
 
 
 def choose_device(selector: str | None = None) -> Device:
     """The first device in order of preference that matches and works: GPUs come before CPUs.
+
+    A GPU is believed only after its self-test, which is run before its first use with this driver and these kernels
+    (`kernels.self_test.verdict`); that it runs is logged.
 
     Args:
         selector: "platform:device" as `list_devices` gives them, each a number or a part of a name ("0:0",
@@ -239,7 +257,7 @@ def choose_device(selector: str | None = None) -> Device:
     wanted = selector or os.environ.get("PYOPENCL_CTX") or ""
     faults: list[str] = []
     for label, device in by_preference(matching(wanted, _devices())):
-        fault = _fault(device)
+        fault = _fault(device) or _test_fault(device)
         if not fault:
             used = f"{label} {device.name.strip()}"
             return Device(device, label, tuple(f"{broken}. {used} is used instead." for broken in faults))
@@ -247,13 +265,13 @@ def choose_device(selector: str | None = None) -> Device:
     raise DeviceError(
         (f"no OpenCL device that matches '{wanted}' works. " if wanted.strip() else "no OpenCL device works. ")
         + "; ".join(faults)
-        + ". The PoCL that pip brings does not know processors newer than itself; "
-        + "'apt install pocl-opencl-icd' brings one that falls back to what the processor can do."
+        + (_TEST_REMEDY if _TEST_FAILED in "".join(faults) else _DRIVER_REMEDY)
     )
 
 
 def _devices() -> list[Entry]:
-    limit_libraries()  # PoCL reads its number when its devices are asked for first
+    limit_libraries()  # PoCL reads its number when its devices are asked for first, and where to write
+    require_caches()
     try:
         platforms = cl.get_platforms()
     except cl.Error:
@@ -273,7 +291,7 @@ def _fault(device: cl.Device) -> str:
     """Run a small kernel and look at its numbers; say in a few words what went wrong, or nothing."""
     try:
         trial = Device(device)
-        program = trial.build(_PROBE)
+        program = cl.Program(trial.context, _PROBE).build()  # too small to be announced as compiling
         numbers = np.arange(64, dtype=np.float32)
         flags = cl.mem_flags.READ_WRITE | cl.mem_flags.COPY_HOST_PTR
         buffer = cl.Buffer(trial.context, flags, hostbuf=numbers)
@@ -286,7 +304,18 @@ def _fault(device: cl.Device) -> str:
         return informative_line(str(error))
 
 
-def _describe(label: str, device: cl.Device) -> DeviceInfo:
+def _test_fault(device: cl.Device) -> str:
+    """What the self-test says against a device; what is no processor is tested before it is believed."""
+    return _against(remembered_verdict(device) if kind(device) == "cpu" else believed(device))
+
+
+def _against(verdict: Verdict) -> str:
+    return f"{_TEST_FAILED}{verdict.reason}" if verdict.state == "failed" else ""
+
+
+def _describe(label: str, device: cl.Device, test: bool) -> DeviceInfo:
+    fault = _fault(device)
+    verdict = run_self_test(device) if test and not fault else remembered_verdict(device)
     return DeviceInfo(
         selector=label,
         name=device.name.strip(),
@@ -296,7 +325,8 @@ def _describe(label: str, device: cl.Device) -> DeviceInfo:
         compute_units=device.max_compute_units,
         memory=device.global_mem_size,
         largest_allocation=device.max_mem_alloc_size,
-        fault=_fault(device),
+        fault=fault or _against(verdict),
+        self_test=verdict.state,
     )
 
 

@@ -8,17 +8,14 @@ a group holds a multiple of 64 items, which is whole warps and whole wavefronts,
 from collections.abc import Mapping
 from math import gcd, prod
 from types import MappingProxyType
-from typing import TYPE_CHECKING
 
-if TYPE_CHECKING:
-    from kernels.device.device import Device
+from kernels.device.device import Device
 
 Shape = tuple[int, ...]
 
 # What a kernel's items are -> the group (CPU, GPU). Kernels with such a group return beyond what they are given.
 GROUPS: Mapping[str, tuple[Shape, Shape]] = MappingProxyType(
     {
-        "points": ((256,), (256,)),  # a point each: the compiler makes a loop of the group, and vectors of that
         "numbers": ((32,), (256,)),  # 8 adjacent numbers or one, of an array without rows
         "columns": ((1, 1), (64, 4)),  # 8 adjacent numbers or one; second dimension: layers or rows
         "rows": ((1, 8, 1), (64, 4, 1)),  # a row or a number of it; then rows and planes
@@ -26,26 +23,28 @@ GROUPS: Mapping[str, tuple[Shape, Shape]] = MappingProxyType(
         "sums": ((1,), (128,)),  # a group sums a row or an image
     }
 )
+# of kernels whose items are a point each, in both flavors: a processor's compiler makes vectors of the group's loop
+POINTS = 256
 # of kernels that say nothing, along each dimension at most
 _PLAIN: tuple[Shape, ...] = ((), (256,), (64, 4), (64, 4, 1))
 
 
-def lanes(device: "Device") -> int:
+def lanes(device: Device) -> int:
     """How many adjacent numbers a work-item takes (LANES of lanes.cl)."""
     return 8 if device.is_cpu else 1
 
 
-def along(device: "Device", count: int) -> int:
+def along(device: Device, count: int) -> int:
     """How many work-items a row of `count` numbers has: one that walks it, or one each (ALONG of lanes.cl)."""
     return 1 if device.is_cpu else count
 
 
-def team(device: "Device") -> int:
+def team(device: Device) -> int:
     """How many work-items a group of "sums" has, to multiply the number of groups with."""
     return GROUPS["sums"][0 if device.is_cpu else 1][0]
 
 
-def arrange(device: "Device", size: Shape, group: str | Shape | None, most: int) -> tuple[Shape, Shape]:
+def arrange(device: Device, size: Shape, group: str | Shape | None, most: int) -> tuple[Shape, Shape]:
     """The size to launch, in whole groups, and the group.
 
     Args:

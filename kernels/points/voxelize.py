@@ -5,8 +5,11 @@ import numpy as np
 import pyopencl.array as cla
 
 from kernels.device.device import Device
+from kernels.device.groups import POINTS
 from kernels.device.launch import affine, launch, output, require_array, zero
 from kernels.errors import InputError
+
+_GROUP = POINTS
 
 
 def voxelize(
@@ -43,8 +46,9 @@ def voxelize(
     volume = output(device, out, "out", (edge, edge, edge))
     zero(device, volume)
     if count:
+        size, group = (-(-count // _GROUP) * _GROUP,), (_GROUP,)
         arguments = points, volume, np.int32(count), pose
-        launch(device, "points/voxelize", "voxelize", (count,), *arguments, group="points", EDGE=edge)
+        launch(device, "points/voxelize", "voxelize", size, *arguments, group=group, EDGE=edge)
     return volume
 
 

@@ -17,7 +17,7 @@ import typer
 
 from kernels.errors import InputError, SonarmapError
 from tools.cli.arguments import as_options
-from tools.cli.terminal import say
+from tools.cli.terminal import say, show_messages
 
 # A verb is the function `command` in tools/cli/verbs/<verb>.py; its docstring is the help.
 # A new verb is a new line here; the help lists them in this order.
@@ -58,6 +58,7 @@ def run() -> None:
     not to be trusted, 130 interrupted, 141 nobody reads the output any more.
     """
     _open_missing_streams()
+    show_messages()
     try:
         try:
             app()

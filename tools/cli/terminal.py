@@ -1,5 +1,6 @@
 """Messages to the user, on stderr, so that stdout is for results alone."""
 
+import logging
 import sys
 
 from rich.console import Console
@@ -39,3 +40,19 @@ def say(message: str, label: str = "", style: str = "") -> None:
 def printable(text: str) -> str:
     """The text with every control character escaped: file names may hold anything."""
     return "".join(c if c.isprintable() or c == "\n" else ascii(c)[1:-1] for c in text)
+
+
+class Messages(logging.Handler):
+    """What the library logs, said as the command's own messages are."""
+
+    def emit(self, record: logging.LogRecord) -> None:
+        """Say a message; warnings are labeled."""
+        warns = record.levelno >= logging.WARNING
+        say(record.getMessage(), "warning: " if warns else "", "bold yellow" if warns else "")
+
+
+def show_messages() -> None:
+    """Show what the library logs under "sonarmap" from now on."""
+    logger = logging.getLogger("sonarmap")
+    logger.setLevel(logging.INFO)
+    logger.addHandler(Messages())

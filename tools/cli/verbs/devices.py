@@ -2,7 +2,7 @@
 
 import json
 from dataclasses import asdict
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Annotated
 
 import typer
 
@@ -14,18 +14,26 @@ if TYPE_CHECKING:
     from kernels.device.device import DeviceInfo
 
 
-def command(device: DeviceOption = None, as_json: JsonOption = False) -> None:
+def command(
+    device: DeviceOption = None,
+    test: Annotated[
+        bool, typer.Option("--test", help="Run the self-test of each, even of those tested before.")
+    ] = False,
+    as_json: JsonOption = False,
+) -> None:
     """List the OpenCL devices, try each with a small kernel, and mark the one that would be used.
 
-    The exit code is 2 if none works.
+    A GPU is used only after its self-test, which is run before its first use: transforms, voxels, peaks and a small
+    registration, compared with the processor's numbers. The exit code is 2 if no device works.
     """
     from kernels.device.device import choose_device, list_devices
 
-    infos = list_devices()
+    infos = list_devices(test=True) if test else []
     try:
         chosen, fault = choose_device(device).selector, None
     except DeviceError as error:
         chosen, fault = None, error
+    infos = infos or list_devices()  # the choice may have tested some
     if as_json:
         entries = [asdict(info) | {"works": not info.fault} for info in infos]
         typer.echo(json.dumps({"chosen": chosen, "devices": entries}, indent=2))
@@ -42,14 +50,16 @@ def _print_table(infos: "list[DeviceInfo]", chosen: str | None) -> None:
     table = Table("", "device", "kind", "units", "memory", box=None, pad_edge=False)
     table.add_column("name", overflow="fold")
     table.add_column("platform", overflow="fold")
+    table.add_column("self-test")
     table.add_column("state", overflow="fold")
     for info in infos:
         mark = "→" if info.selector == chosen else ""
         state = Text(f"no: {printable(info.fault)}", "red") if info.fault else Text("works", "green")
+        said = info.self_test, state
         driver = info.version.rpartition(", ")[2]
         name, platform = Text(printable(info.name)), Text(printable(f"{info.platform} ({driver})"))
         memory = f"{info.memory / 2**30:.1f} GiB"
-        table.add_row(mark, info.selector, info.kind, str(info.compute_units), memory, name, platform, state)
+        table.add_row(mark, info.selector, info.kind, str(info.compute_units), memory, name, platform, *said)
     result_console().print(table)
     if chosen:
         say(f"{chosen} would be used; --device or PYOPENCL_CTX selects another")

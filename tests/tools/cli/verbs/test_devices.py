@@ -1,6 +1,7 @@
 """`sonarmap devices`: the list, the one that would be chosen, and none at all."""
 
 import json
+from pathlib import Path
 
 import pytest
 from typer.testing import CliRunner
@@ -33,6 +34,30 @@ class TestDevices:
         assert chosen["name"] == device.name
         assert chosen["works"]
         assert chosen["memory"] >= chosen["largest_allocation"] > 0
+
+    def test_each_that_works_is_tested(self, monkeypatch: pytest.MonkeyPatch, tmp_path: Path) -> None:
+        monkeypatch.setenv("PYOPENCL_CTX", "")
+        monkeypatch.setenv("XDG_CACHE_HOME", str(tmp_path))
+        monkeypatch.setattr("kernels.self_test.verdict._known", {})
+        before = json.loads(CliRunner().invoke(app, ["devices", "--json"]).stdout)["devices"]
+        assert {entry["self_test"] for entry in before if entry["kind"] == "cpu"} == {"not tested"}
+        result = CliRunner().invoke(app, ["devices", "--test"])
+        assert result.exit_code == 0
+        assert all("passed" in line for line in result.stdout.splitlines() if line.endswith("works"))
+        after = json.loads(CliRunner().invoke(app, ["devices", "--json"]).stdout)["devices"]
+        assert [entry["self_test"] == "passed" for entry in after] == [entry["works"] for entry in after]
+
+    def test_one_that_fails_its_test_is_refused(self, monkeypatch: pytest.MonkeyPatch, tmp_path: Path) -> None:
+        monkeypatch.setenv("PYOPENCL_CTX", "")
+        monkeypatch.setenv("XDG_CACHE_HOME", str(tmp_path))
+        monkeypatch.setattr("kernels.self_test.verdict._known", {})
+        monkeypatch.setattr("kernels.self_test.checks._TRANSFORM", 1e-9)
+        result = CliRunner().invoke(app, ["devices", "--test"])
+        assert result.exit_code == 2
+        table, said = " ".join(result.stdout.split()), " ".join(result.stderr.split())
+        assert "failed no: its self-test failed: the Fourier transform of 32 x 64 x 128: off by 1" in table
+        assert "allowed are 1e-09" in said
+        assert "update the driver and try it again by 'sonarmap devices --test'" in said
 
     def test_an_unknown_device_is_2(self) -> None:
         result = CliRunner().invoke(app, ["devices", "--device", "abacus"])

@@ -1,0 +1,148 @@
+# pyright: strict, reportMissingTypeStubs=false, reportUnknownMemberType=false, reportUnknownVariableType=false, reportUnknownArgumentType=false
+"""What a device computes, beside NumPy and beside the truth: transforms, voxels, peaks, and one small registration."""
+
+from collections.abc import Callable, Iterator
+from dataclasses import dataclass
+from itertools import chain
+
+import numpy as np
+from scipy.spatial.transform import Rotation
+
+from kernels.device.device import Array, Device
+from kernels.errors import DeviceError
+from kernels.fft.transform import RealFFT
+from kernels.points.voxelize import voxelize
+from kernels.pomf.peak import Peak, find_peaks
+from kernels.pomf.spectrum import Pomf, magnitude
+from kernels.resample.sphere import sample, upload_directions
+from kernels.so3.correlation import RotationCorrelation
+from kernels.so3.harmonics import Harmonics, equalize
+
+# what a transform of single precision may be off, over all and as a share of the whole: 5 times what PoCL is
+_TRANSFORM = 2e-6
+_SHAPES = ((32, 64, 128), (256, 16, 16))
+_EDGE, _BANDWIDTH = 32, 16
+_TURN, _SHIFT = Rotation.from_euler("ZYX", [24.0, -9.0, 6.0], degrees=True), np.array([2.0, -3.0, 1.0])
+
+
+@dataclass(frozen=True, slots=True)
+class Measured:
+    """One number of a device beside what it should be.
+
+    Attributes:
+        what: was computed, in words.
+        off: how far it is from the right one, in `unit`.
+        tolerance: how far it may be.
+        unit: of both, as in "voxels"; "" for a share.
+    """
+
+    what: str
+    off: float
+    tolerance: float
+    unit: str = ""
+
+    @property
+    def passed(self) -> bool:
+        """Whether it is near enough; what is no number is not."""
+        return bool(self.off <= self.tolerance)
+
+    def __str__(self) -> str:
+        unit = f" {self.unit}" if self.unit else ""
+        return f"{self.what}: off by {self.off:.2g}{unit}, allowed are {self.tolerance:.2g}{unit}"
+
+
+def measure(device: Device) -> Iterator[Measured]:
+    """Every check, one after the other; a few seconds, most of it for compiling.
+
+    Raises:
+        SonarmapError, cl.Error: the device cannot compute it.
+    """
+    return chain.from_iterable(check(device) for check in CHECKS)
+
+
+def _transforms(device: Device) -> Iterator[Measured]:
+    for shape in _SHAPES:
+        rng = np.random.default_rng(shape[0])
+        volume = rng.normal(size=shape).astype(np.float32)
+        fft, valid = RealFFT(device, shape), shape[2] // 2 + 1
+        spectrum = fft.forward(device.to_device(volume))
+        want = np.fft.rfftn(volume.astype(np.float64))
+        size = " x ".join(map(str, shape))
+        yield Measured(f"the Fourier transform of {size}", _error(spectrum.get()[..., :valid], want), _TRANSFORM)
+        yield Measured(f"the inverse transform of {size}", _error(fft.inverse(spectrum).get(), volume), _TRANSFORM)
+
+
+def _voxels(device: Device) -> Iterator[Measured]:
+    points, edge = _cloud(4000), 64
+    got = voxelize(device, device.to_device(points), edge, _TURN.as_matrix(), _SHIFT).get()
+    place = points[:, :3].astype(np.float64) @ _TURN.as_matrix().T + _SHIFT + edge / 2 + 0.5
+    want = np.zeros_like(got)
+    np.maximum.at(want, tuple(np.floor(place).astype(int).T), points[:, 3])
+    # a point on the wall of two voxels may fall into either
+    unclear = tuple(np.floor(place[(np.abs(place - np.round(place)) < 1e-3).any(axis=1)]).astype(int).T)
+    wrong = got != want
+    for step in np.ndindex(3, 3, 3):
+        wrong[tuple(np.clip(axis + s - 1, 0, edge - 1) for axis, s in zip(unclear, step, strict=True))] = False
+    yield Measured("voxels of points", float(np.count_nonzero(wrong)), 0.0, "voxels")
+
+
+def _peaks(device: Device) -> Iterator[Measured]:
+    shape, at = (32, 16, 64), np.array([5.3, -4.4, 20.2])
+    grids = np.meshgrid(*(np.fft.fftfreq(n, 1 / n) for n in shape), indexing="ij")
+    square = sum((grid - a) ** 2 for grid, a in zip(grids, at, strict=True))
+    noise = np.random.default_rng(5).normal(0, 0.001, shape)
+    correlation = (np.exp(-np.asarray(square) / 4) + noise).astype(np.float32)
+    peak = _highest(device, device.to_device(correlation))
+    exact = correlation.astype(np.float64)
+    yield Measured("the place of a peak", float(np.abs(peak.shift - at).max()), 0.02, "voxels")
+    yield Measured("the mean of a correlation", float(abs(peak.mean / exact.mean() - 1)), 1e-4)
+    yield Measured("the deviation of a correlation", float(abs(peak.std / exact.std() - 1)), 1e-4)
+
+
+def _registration(device: Device) -> Iterator[Measured]:
+    """A cloud against itself, turned and moved: the rotation from the spectra's magnitudes, then the shift."""
+    target = _cloud(3000)
+    source = target.copy()
+    source[:, :3] = (target[:, :3] - _SHIFT) @ _TURN.as_matrix()  # _TURN of the source, then _SHIFT, is the target
+    pomf = Pomf(device, (_EDGE, _EDGE, _EDGE), blur=1.0)
+    harmonics = Harmonics(_BANDWIDTH, _EDGE, 2 * _EDGE)
+    directions = upload_directions(device, harmonics.directions)
+
+    def coefficients(points: np.ndarray) -> np.ndarray:
+        spectrum = pomf.transform(voxelize(device, device.to_device(points), _EDGE))
+        layers = sample(device, magnitude(device, spectrum, _EDGE), directions, np.linspace(3, 12, 10))
+        return equalize(harmonics.analyze(harmonics.standardize(layers.get())), 0.4)
+
+    search = RotationCorrelation(device, _BANDWIDTH, np.deg2rad(60))
+    best = _highest(device, search.correlate(coefficients(target), coefficients(source)))
+    R = search.rotations(best.shift)
+    yield Measured("the rotation of a registration", float(np.rad2deg((R * _TURN.inv()).magnitude())), 5.0, "degrees")
+    volumes: list[Array] = [
+        pomf.prepare(voxelize(device, device.to_device(points), _EDGE, turn.as_matrix()))
+        for points, turn in ((target, Rotation.identity()), (source, _TURN))
+    ]
+    peak = _highest(device, pomf.correlate(*volumes))
+    yield Measured("the shift of a registration", float(np.abs(peak.shift - _SHIFT).max()), 0.25, "voxels")
+
+
+# Each is given the device; a kernel that a registration needs belongs into one of them.
+CHECKS: tuple[Callable[[Device], Iterator[Measured]], ...] = (_transforms, _voxels, _peaks, _registration)
+
+
+def _cloud(count: int) -> np.ndarray:
+    """(count, 4) float32: an asymmetric surface about the center of a grid of 32 voxels, with weights above 0."""
+    rng = np.random.default_rng(7)
+    x, y = rng.uniform(-9, 9, (2, count))
+    z = 2.5 * np.sin(0.35 * x + 0.4) + 0.012 * (y + 3) ** 2 * (x > -2) + 3.0 * ((x - 3) ** 2 + (y + 4) ** 2 < 9) - 2
+    return np.column_stack([x, y, z, rng.uniform(0.5, 1.0, count)]).astype(np.float32)
+
+
+def _highest(device: Device, correlation: Array) -> Peak:
+    peaks = find_peaks(device, correlation)
+    if not peaks:
+        raise DeviceError("it finds no peak in a correlation that has several")
+    return peaks[0]
+
+
+def _error(got: np.ndarray, want: np.ndarray) -> float:
+    return float(np.linalg.norm(got - want) / np.linalg.norm(want))

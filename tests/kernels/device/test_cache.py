@@ -1,0 +1,75 @@
+"""The cache folders: where they cannot be written that is said once, and everything goes on."""
+
+import os
+import subprocess
+import sys
+from pathlib import Path
+
+import pytest
+
+from kernels.device import cache
+from kernels.device.cache import cache_folder, recall, remember
+from tests.samples.command_line import ROOT
+
+COMPUTE = """
+import kernels, numpy, os
+for _ in range(2):
+    device = kernels.choose_device("cpu")
+print(kernels.voxelize(device, device.to_device(numpy.zeros((1, 4), numpy.float32) + 1), 16).get().sum())
+print(os.environ["XDG_CACHE_HOME"], os.environ.get("POCL_CACHE_DIR", ""))
+"""
+
+
+@pytest.fixture(autouse=True)
+def _own_folder(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setenv("XDG_CACHE_HOME", str(tmp_path))
+
+
+def test_what_is_remembered_is_recalled() -> None:
+    assert recall("of a device") == {}
+    remember("of a device", {"state": "passed", "n": [1, 2]})
+    assert recall("of a device") == {"state": "passed", "n": [1, 2]}
+    assert [path.name for path in cache_folder().iterdir()] == ["of a device.json"]
+
+
+@pytest.mark.parametrize("content", ["", "[1, 2]", "3", '{"state": "pas', "\0", '"text"'])
+def test_damaged_files_say_nothing(content: str) -> None:
+    remember("of a device", {})
+    (cache_folder() / "of a device.json").write_text(content)
+    assert recall("of a device") == {}
+
+
+def test_half_a_file_is_never_left(monkeypatch: pytest.MonkeyPatch) -> None:
+    def full(*_: Path) -> None:
+        raise OSError(28, "No space left on device")
+
+    remember("of a device", {"state": "passed"})
+    monkeypatch.setattr(Path, "replace", full)
+    monkeypatch.setattr(cache, "_warned", set())
+    remember("of a device", {"state": "failed"})
+    assert recall("of a device") == {"state": "passed"}
+    assert [path.name for path in cache_folder().iterdir()] == ["of a device.json"]
+
+
+@pytest.mark.parametrize("variable", ["XDG_CACHE_HOME", "POCL_CACHE_DIR"])
+def test_a_folder_that_cannot_be_written_is_named_once(variable: str, tmp_path: Path) -> None:
+    """PoCL has no devices without its own, and PyOpenCL no kernels."""
+    (tmp_path / "file").write_text("")
+    nowhere = tmp_path / "file" / "below"
+    environment = {name: value for name, value in os.environ.items() if name != "POCL_CACHE_DIR"}
+    done = subprocess.run(
+        [sys.executable, "-c", COMPUTE],
+        cwd=ROOT,
+        env=environment | {variable: str(nowhere)},
+        capture_output=True,
+        text=True,
+    )
+    total, folders = done.stdout.splitlines()
+    (warning,) = done.stderr.splitlines()
+    assert total == "1.0"
+    assert warning.startswith(f"the cache folder {nowhere}")
+    assert "(not a directory)" in warning
+    assert f"Set {variable} to a folder that can be written." in warning
+    used = folders.split(" ")[0 if variable == "XDG_CACHE_HOME" else 1]
+    assert "sonarmap-cache-" in used
+    assert not Path(used).exists()  # it is gone with the process

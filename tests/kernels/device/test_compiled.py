@@ -1,0 +1,72 @@
+"""Compiling: every program without a warning in both flavors, and what is said of it, once."""
+
+import logging
+from pathlib import Path
+
+import pytest
+
+from kernels.device import cache, compiled
+from kernels.device.compiled import build_warnings
+from kernels.device.device import Device
+from kernels.device.source import KERNEL_FOLDER
+from kernels.fft import cpu as fft_cpu
+from kernels.fft import gpu as fft_gpu
+from kernels.fft.plan import Layout
+
+PROGRAMS = sorted(path.relative_to(KERNEL_FOLDER).with_suffix("").as_posix() for path in KERNEL_FOLDER.rglob("*.cl"))
+LAYOUTS = [Layout((16, 32, 64)), Layout((128, 256, 512)), Layout((3, 64, 16), batched=True)]
+MISSPELLED = "__kernel __attribute__((reqd_workgroup_size(32, 1, 1))) void f(__global float* x) { x[0] = SEED; }"
+
+
+@pytest.fixture
+def said(tmp_path: Path, monkeypatch: pytest.MonkeyPatch, caplog: pytest.LogCaptureFixture) -> list[str]:
+    """What is logged, on a machine on which nothing was compiled."""
+    monkeypatch.setenv("XDG_CACHE_HOME", str(tmp_path))
+    monkeypatch.setattr(compiled, "_said", set())
+    caplog.set_level(logging.INFO, "sonarmap")
+    messages: list[str] = []
+    monkeypatch.setattr(cache.LOGGER, "handle", lambda record: messages.append(record.getMessage()))
+    return messages
+
+
+@pytest.mark.parametrize("name", PROGRAMS)
+def test_programs_build_without_a_warning(device: Device, name: str) -> None:
+    assert not build_warnings(device.program(name))
+
+
+@pytest.mark.parametrize("layout", LAYOUTS, ids=str)
+@pytest.mark.parametrize("inverse", [False, True])
+def test_transforms_build_without_a_warning(device: Device, layout: Layout, inverse: bool) -> None:
+    plan = (fft_cpu if device.is_cpu else fft_gpu).emit(layout, inverse)
+    assert not build_warnings(device.build(plan.source))
+
+
+def test_the_first_time_is_said_once(device: Device, said: list[str]) -> None:
+    for seed in (1, 2):
+        for _ in range(2):
+            Device(device.cl_device).build("__kernel void f(__global float* x) { x[0] = SEED; }", (f"-DSEED={seed}",))
+    assert said == [f"compiling kernels for {device.name}, once: this takes some seconds"]
+
+
+def test_in_another_process_it_is_not_said_again(
+    device: Device, said: list[str], monkeypatch: pytest.MonkeyPatch
+) -> None:
+    Device(device.cl_device).build(MISSPELLED, ("-DSEED=3",), "wrong")
+    assert len(said) == 2
+    monkeypatch.setattr(compiled, "_said", set())
+    Device(device.cl_device).build(MISSPELLED, ("-DSEED=3",), "wrong")
+    assert len(said) == 2
+    Device(device.cl_device).build(MISSPELLED, ("-DSEED=4",), "wrong")
+    assert len(said) == 4
+
+
+def test_a_warning_is_shown_with_what_it_means(device: Device, said: list[str]) -> None:
+    for seed in (5, 6):  # the same of another shape
+        program = Device(device.cl_device).build(MISSPELLED, (f"-DSEED={seed}",), "wrong")
+        (line,) = build_warnings(program)
+    (message,) = said[1:]
+    assert message.startswith(
+        f"the OpenCL compiler of {device.name} warns of the program 'wrong': {line}. It is no error"
+    )
+    assert "unknown attribute 'reqd_workgroup_size' ignored" in line
+    assert "kcache" not in line  # the place of the driver's own copy

@@ -1,0 +1,191 @@
+"""A device is believed only after its self-test: what it measures, when it is run, and what is remembered of it."""
+
+import logging
+import os
+import subprocess
+import sys
+from collections.abc import Callable
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pyopencl as cl
+import pytest
+
+import kernels.device.device
+from kernels.device.cache import cache_folder, recall, remember
+from kernels.device.device import Device, choose_device, list_devices
+from kernels.errors import DeviceError
+from kernels.self_test import checks, verdict
+from kernels.self_test.verdict import Verdict, remembered_verdict, run_self_test
+
+Damage = Callable[[Any], Any]
+
+
+@pytest.fixture(autouse=True)
+def _empty_cache(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setenv("XDG_CACHE_HOME", str(tmp_path))
+    monkeypatch.setattr(verdict, "_known", {})
+
+
+@pytest.fixture
+def gpu(monkeypatch: pytest.MonkeyPatch) -> cl.Device:
+    """The processor as a GPU, 0:0, beside itself, 0:1."""
+    platform = choose_device("cpu").cl_device.platform
+    card, processor = platform.get_devices()[0], platform.get_devices()[0]
+    monkeypatch.delenv("PYOPENCL_CTX", raising=False)
+    monkeypatch.setattr(kernels.device.device, "_devices", lambda: [("0:0", card), ("0:1", processor)])
+    monkeypatch.setattr(kernels.device.device, "by_preference", list)
+    monkeypatch.setattr(kernels.device.device, "kind", lambda device: "gpu" if device is card else "cpu")
+    monkeypatch.setattr(verdict, "identity", lambda device: ("a card" if device is card else "a processor", "", "1.0"))
+    return card
+
+
+def damage(monkeypatch: pytest.MonkeyPatch, name: str, change: Damage) -> None:
+    """Have a function that the checks call return something else."""
+    actual = getattr(checks, name)
+    monkeypatch.setattr(checks, name, lambda *given, **options: change(actual(*given, **options)))
+
+
+def with_a_wrong_voxel(volume: Any) -> Any:
+    host = volume.get()
+    host[tuple(axis[0] for axis in np.nonzero(host))] *= 2
+    volume.set(host)
+    return volume
+
+
+def no_measure(_: Device) -> Any:
+    raise AssertionError("it was tested again")
+
+
+def test_both_flavors_pass(device: Device) -> None:
+    measured = list(checks.measure(device))
+    assert len(measured) == 10
+    assert not [str(number) for number in measured if not number.passed]
+    # what is allowed is a measure of right numbers, not of anything: half of it would do
+    assert all(number.off <= number.tolerance / 2 for number in measured)
+
+
+@pytest.mark.parametrize(
+    ("name", "change", "reason"),
+    [
+        ("voxelize", with_a_wrong_voxel, "voxels of points: off by 1 voxels, allowed are 0 voxels"),
+        ("find_peaks", lambda _: [], "it finds no peak in a correlation that has several"),
+        ("magnitude", lambda volume: volume * np.float32(np.nan), "not finite"),
+        ("sample", lambda layers: layers * np.float32(0), "the rotation of a registration: off by"),
+    ],
+)
+def test_a_failing_device_is_passed_over(
+    gpu: cl.Device, monkeypatch: pytest.MonkeyPatch, name: str, change: Damage, reason: str
+) -> None:
+    damage(monkeypatch, name, change)
+    chosen = choose_device()
+    assert chosen.selector == "0:1"
+    (note,) = chosen.notes
+    assert note.startswith(f"0:0 {gpu.name.strip()} does not work: its self-test failed: ")
+    assert reason in note
+    assert note.endswith(f"0:1 {gpu.name.strip()} is used instead.")
+
+
+def test_a_transform_that_is_a_little_wrong_fails(device: Device, monkeypatch: pytest.MonkeyPatch) -> None:
+    """By a part in ten thousand of one number in a thousand."""
+    forward = checks.RealFFT.forward
+
+    def slightly_wrong(self: checks.RealFFT, volume: Any, out: Any = None) -> Any:
+        spectrum = forward(self, volume, out)
+        host = spectrum.get()
+        host.ravel()[:: host.size // 500] *= 1.01
+        spectrum.set(host)
+        return spectrum
+
+    monkeypatch.setattr(checks.RealFFT, "forward", slightly_wrong)
+    outcome = run_self_test(device.cl_device)
+    assert outcome.state == "failed"
+    assert "the Fourier transform of 32 x 64 x 128: off by" in outcome.reason
+    assert "allowed are 2e-06" in outcome.reason
+
+
+def test_one_that_is_asked_for_is_refused(gpu: cl.Device, monkeypatch: pytest.MonkeyPatch) -> None:
+    damage(monkeypatch, "voxelize", with_a_wrong_voxel)
+    with pytest.raises(DeviceError, match=r"'0:0' works\. 0:0 .*off by 1 voxels.*'cpu'.*'sonarmap devices --test'"):
+        choose_device("0:0")
+    card, processor = list_devices()
+    assert (card.self_test, processor.self_test, processor.fault) == ("failed", "not tested", "")
+    assert "off by 1 voxels" in card.fault
+
+
+def test_it_is_tested_once(gpu: cl.Device, monkeypatch: pytest.MonkeyPatch, caplog: pytest.LogCaptureFixture) -> None:
+    caplog.set_level(logging.INFO, "sonarmap")
+    assert [info.self_test for info in list_devices()] == ["not tested", "not tested"]
+    assert choose_device().selector == "0:0"
+    assert f"testing {gpu.name.strip()} before it is used for the first time" in caplog.text
+    monkeypatch.setattr(verdict, "_known", {})  # as in another process
+    monkeypatch.setattr(checks, "measure", no_measure)
+    assert (choose_device().selector, choose_device().flavor) == ("0:0", "gpu")
+    assert [info.self_test for info in list_devices()] == ["passed", "not tested"]
+    with pytest.raises(AssertionError, match="tested again"):
+        list_devices(test=True)
+
+
+def test_a_processor_is_not_tested_by_itself(gpu: cl.Device, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(checks, "measure", no_measure)
+    assert choose_device("0:1").selector == "0:1"
+
+
+@pytest.mark.parametrize("changed", ["driver", "kernels"])
+def test_another_driver_or_kernel_is_tested_again(
+    gpu: cl.Device, monkeypatch: pytest.MonkeyPatch, changed: str
+) -> None:
+    remember(verdict.memory_name(gpu), {"state": "passed"})
+    assert remembered_verdict(gpu) == Verdict("passed")
+    if changed == "driver":
+        monkeypatch.setattr(verdict, "identity", lambda _: ("a card", "", "1.1"))
+    else:
+        monkeypatch.setattr(verdict, "_kernels", lambda: "of another version")
+    assert remembered_verdict(gpu) == Verdict("not tested")
+
+
+def test_one_that_takes_the_process_with_it_is_not_tried_again(gpu: cl.Device) -> None:
+    ended = subprocess.Popen([sys.executable, "-c", ""])
+    ended.wait()
+    remember(verdict.memory_name(gpu), {"state": "begun", "process": ended.pid})
+    assert remembered_verdict(gpu).reason == "its test did not end: the driver crashed or hung"
+    assert choose_device().selector == "0:1"
+    remember(verdict.memory_name(gpu), {"state": "begun", "process": os.getpid()})
+    assert remembered_verdict(gpu) == Verdict("not tested")  # another thread is at it
+
+
+def test_a_test_that_is_interrupted_says_nothing(gpu: cl.Device, monkeypatch: pytest.MonkeyPatch) -> None:
+    def interrupted(_: Device) -> Any:
+        assert recall(verdict.memory_name(gpu))["state"] == "begun"
+        raise KeyboardInterrupt
+
+    monkeypatch.setattr(checks, "measure", interrupted)
+    with pytest.raises(KeyboardInterrupt):
+        choose_device()
+    assert remembered_verdict(gpu) == Verdict("not tested")
+
+
+def test_damaged_memory_is_none(gpu: cl.Device) -> None:
+    name = verdict.memory_name(gpu)
+    remember(name, {"state": "failed", "reason": "voxels"})
+    path = cache_folder() / f"{name}.json"
+    whole, rng = path.read_bytes(), np.random.default_rng(1)
+    for _ in range(300):
+        content = bytearray(whole)
+        for _ in range(rng.integers(1, 4)):
+            content[rng.integers(len(content))] = rng.integers(256)
+        path.write_bytes(content[: rng.integers(len(content) + 1)])
+        assert remembered_verdict(gpu).state in ("failed", "not tested")
+
+
+def test_without_a_folder_to_write_to_it_goes_on(
+    gpu: cl.Device, monkeypatch: pytest.MonkeyPatch, caplog: pytest.LogCaptureFixture
+) -> None:
+    monkeypatch.setenv("XDG_CACHE_HOME", "/dev/null/nowhere")
+    monkeypatch.setattr("kernels.device.cache._warned", set())
+    assert choose_device().selector == "0:0"
+    monkeypatch.setattr(checks, "measure", no_measure)
+    assert choose_device().selector == "0:0"  # this process remembers
+    warned = [record.getMessage() for record in caplog.records if record.levelno == logging.WARNING]
+    assert len([text for text in warned if "cannot be written (not a directory)" in text]) == 1
