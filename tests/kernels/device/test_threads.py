@@ -3,11 +3,13 @@
 import os
 import subprocess
 import sys
+from pathlib import Path
 
 import pytest
 
+from kernels.device import threads
 from kernels.device.device import list_devices
-from kernels.device.threads import share_cores, thread_count
+from kernels.device.threads import limit_libraries, share_cores, thread_count
 from kernels.errors import InputError
 from slam.execute.processes import spawned
 from tests.samples.command_line import ROOT
@@ -19,6 +21,8 @@ LIBRARIES = ("POCL_MAX_PTHREAD_COUNT", "POCL_CPU_MAX_CU_COUNT", "OMP_NUM_THREADS
 def cores(monkeypatch: pytest.MonkeyPatch) -> int:
     """Of a machine of 12, in an environment that says nothing."""
     monkeypatch.setattr(os, "sched_getaffinity", lambda _: set(range(12)), raising=False)
+    monkeypatch.setattr(os, "cpu_count", lambda: 12)
+    monkeypatch.setattr(threads, "_QUOTA", Path("/nowhere"))
     for name in ("SONARMAP_THREADS", *LIBRARIES):
         monkeypatch.delenv(name, raising=False)
     return 12
@@ -39,6 +43,20 @@ def test_what_is_no_number_is_told(cores: int, monkeypatch: pytest.MonkeyPatch, 
     monkeypatch.setenv("SONARMAP_THREADS", text)
     with pytest.raises(InputError, match=r"SONARMAP_THREADS is .* whole number of at least 1"):
         thread_count()
+
+
+@pytest.mark.parametrize(
+    ("quota", "share"),
+    [("max 100000", 12), ("250000 100000", 3), ("50000 100000", 1), ("9900000 100000", 12), ("", 12)],
+)
+def test_a_container_leaves_a_share(
+    cores: int, monkeypatch: pytest.MonkeyPatch, tmp_path: Path, quota: str, share: int
+) -> None:
+    (tmp_path / "cpu.max").write_text(quota)
+    monkeypatch.setattr(threads, "_QUOTA", tmp_path / "cpu.max")
+    assert thread_count() == share
+    limit_libraries()  # all of the machine is what libraries take by themselves
+    assert [os.environ.pop(name, None) for name in LIBRARIES] == [None if share == cores else str(share)] * 4
 
 
 def test_new_processes_have_their_share() -> None:
@@ -63,4 +81,20 @@ def test_pocl_uses_as_many_threads_as_it_may() -> None:
         capture_output=True,
         text=True,
     )
+    assert (done.stdout, done.stderr) == ("1\n", "")
+
+
+def test_pocl_has_no_threads_on_cores_that_it_may_not_use() -> None:
+    if not hasattr(os, "sched_setaffinity") or len(os.sched_getaffinity(0)) < 2:
+        pytest.skip("this process can be given no fewer cores than it has")
+    pocl = [info for info in list_devices() if "portable" in info.platform.lower() and not info.fault]
+    if not pocl:
+        pytest.skip("PoCL is not installed")
+    program = (
+        "import os; os.sched_setaffinity(0, [min(os.sched_getaffinity(0))])\n"
+        "from kernels.device.device import choose_device\n"
+        f"print(choose_device({pocl[0].selector!r}).cl_device.max_compute_units)"
+    )
+    unlimited = {name: value for name, value in os.environ.items() if name not in (*LIBRARIES, "SONARMAP_THREADS")}
+    done = subprocess.run([sys.executable, "-c", program], cwd=ROOT, env=unlimited, capture_output=True, text=True)
     assert (done.stdout, done.stderr) == ("1\n", "")
