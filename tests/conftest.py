@@ -51,14 +51,6 @@ def opened(selector: str | None, flavor: Flavor | None) -> Device:
     return Device(device.cl_device, device.selector, flavor=flavor) if flavor else device
 
 
-@pytest.fixture(scope="session", params=["cpu", "gpu"])
-def flavored(request: pytest.FixtureRequest, device: Device) -> Device:
-    """The device, with kernels as they are written for a processor and as for a graphics processor."""
-    other = Device(device.cl_device, device.selector)
-    other.__dict__["is_cpu"] = request.param == "cpu"
-    return other
-
-
 @pytest.fixture(scope="session")
 def device(request: pytest.FixtureRequest) -> Device:
     return opened(*getattr(request, "param", (None, None)))

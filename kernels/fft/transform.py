@@ -1,7 +1,7 @@
 # pyright: strict
 """Fourier transforms of three-dimensional arrays on a device, in single precision."""
 
-from typing import Any, Literal
+from typing import Any
 
 import numpy as np
 import pyopencl as cl
@@ -16,17 +16,17 @@ from kernels.fft.edges import EDGES
 from kernels.fft.plan import Layout
 
 _FLOAT = 4  # bytes
-Flavor = Literal["cpu", "gpu"]
 
 
 class _Transform:
     """The kernels of one direction, built once."""
 
-    def __init__(self, device: Device, layout: Layout, inverse: bool, flavor: Flavor | None) -> None:
-        cpu = device.is_cpu if flavor is None else flavor == "cpu"
-        if not cpu:
+    def __init__(self, device: Device, layout: Layout, inverse: bool) -> None:
+        if device.is_cpu:
+            plan = fft_cpu.emit(layout, inverse, _lanes(device))
+        else:
             _require_groups(device, layout)
-        plan = fft_cpu.emit(layout, inverse, _lanes(device)) if cpu else fft_gpu.emit(layout, inverse)
+            plan = fft_gpu.emit(layout, inverse)
         program = device.build(plan.source, name="fft")
         self._device = device
         self._tables = () if plan.table is None else (table(device, plan.table),)
@@ -83,7 +83,6 @@ class RealFFT:
         device: Device,
         shape: tuple[int, int, int],
         batched: bool = False,
-        flavor: Flavor | None = None,
     ) -> None:
         """Build the kernels.
 
@@ -91,7 +90,6 @@ class RealFFT:
             device: what to run on.
             shape: edges; a transformed one is an even product of 2, 3 and 5 from 16 to 512.
             batched: transform axes 1 and 2 only; axis 0 may then have any length.
-            flavor: how the kernels are written; None: as suits the device.
 
         Raises:
             InputError: an edge has no transform.
@@ -100,8 +98,8 @@ class RealFFT:
         layout = Layout(shape, batched)
         self.shape, self.half_shape = layout.shape, layout.spectrum_shape
         self._device = device
-        self._forward = _Transform(device, layout, False, flavor)
-        self._inverse = _Transform(device, layout, True, flavor)
+        self._forward = _Transform(device, layout, False)
+        self._inverse = _Transform(device, layout, True)
 
     def forward(self, volume: cla.Array, out: cla.Array | None = None) -> cla.Array:
         """The half spectrum of a real array, which is left untouched.

@@ -11,7 +11,6 @@ from kernels.device.device import Device
 from kernels.device.launch import affine_rows, require_array, zero
 from kernels.errors import InputError
 from kernels.fft.edges import row_pitch
-from kernels.fft.transform import Flavor
 from kernels.points.voxelize import voxelize_poses
 from kernels.pomf.choose import Chooser
 from kernels.pomf.near import SUMS, NearShifts
@@ -57,7 +56,6 @@ class Correlator:
         blur: float,
         exponents: tuple[float, ...] = (1.0,),
         most: int = 1,
-        flavor: Flavor | None = None,
     ) -> None:
         """Plan the transforms and take the memory: (4 + 8 exponents) bytes for a voxel and pose, about.
 
@@ -66,7 +64,6 @@ class Correlator:
             blur: standard deviation of the Gaussian that correlations are convolved with [voxels].
             exponents: of the whitening, one correlation for each.
             most: so many poses are worked on at once.
-            flavor: how the kernels are written; None: as suits the device.
 
         Raises:
             InputError: the FFT takes no such edge, or the blur is negative.
@@ -78,7 +75,7 @@ class Correlator:
         self._marks = device.empty((most, -(-(edge**2) // 8)), np.int32)
         self._spectra = device.empty((cubes, edge, edge, row_pitch(edge)), np.complex64)
         self._correlations = device.empty((cubes, edge, edge, edge))
-        self._passes = make_passes(device, edge, blur, exponents, flavor)
+        self._passes = make_passes(device, edge, blur, exponents)
         self._tops = device.empty((cubes, edge, edge))
         self._energies = device.empty((cubes, self._passes.parts + 1))
         self._chooser = Chooser(device, edge, cubes, self._passes.parts, self._passes.clears)

@@ -18,7 +18,7 @@ from kernels.device.launch import enqueue, launch, table
 from kernels.fft import fused
 from kernels.fft.edges import row_pitch
 from kernels.fft.plan import Layout
-from kernels.fft.transform import Flavor, RealFFT
+from kernels.fft.transform import RealFFT
 from kernels.pomf.spectrum import full_gain, half_gain, half_weights
 
 _WIDTH = 64
@@ -63,14 +63,10 @@ class Passes(Protocol):
         ...
 
 
-def make_passes(
-    device: Device, edge: int, blur: float, exponents: tuple[float, ...], flavor: Flavor | None
-) -> "Passes":
-    """The passes that suit the device, or those of the flavor; fused ones take whole blocks of 8 rows only."""
-    cpu = device.is_cpu if flavor is None else flavor == "cpu"
-    if cpu and edge % 8 == 0:
-        return FusedPasses(device, edge, blur, exponents)
-    return SinglePasses(device, edge, blur, exponents, "cpu" if cpu else "gpu")
+def make_passes(device: Device, edge: int, blur: float, exponents: tuple[float, ...]) -> "Passes":
+    """The passes that suit the device; fused ones take whole blocks of 8 rows only."""
+    fused_passes = device.is_cpu and edge % 8 == 0
+    return (FusedPasses if fused_passes else SinglePasses)(device, edge, blur, exponents)
 
 
 class _Tables:
@@ -147,12 +143,12 @@ class SinglePasses:
 
     clears = False
 
-    def __init__(self, device: Device, edge: int, blur: float, exponents: tuple[float, ...], flavor: Flavor) -> None:
+    def __init__(self, device: Device, edge: int, blur: float, exponents: tuple[float, ...]) -> None:
         """Build the kernels."""
         self._device, self._edge, self._pitch, self._exponents = device, edge, row_pitch(edge), exponents
         self.parts = edge * edge
         self._tables = _Tables(device, edge, blur)
-        self._fft = RealFFT(device, (edge, edge, edge), flavor=flavor)
+        self._fft = RealFFT(device, (edge, edge, edge))
 
     def forward(self, volumes: cla.Array, marks: cla.Array, spectra: cla.Array, count: int) -> None:
         """As `Passes` says."""

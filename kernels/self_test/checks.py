@@ -12,11 +12,16 @@ from kernels.device.device import Array, Device
 from kernels.errors import DeviceError
 from kernels.fft.transform import RealFFT
 from kernels.points.voxelize import voxelize
+from kernels.pomf.correlator import Correlator, Pose
 from kernels.pomf.peak import Peak, find_peaks
 from kernels.pomf.spectrum import Pomf, magnitude
-from kernels.resample.sphere import sample, upload_directions
 from kernels.so3.correlation import RotationCorrelation
-from kernels.so3.harmonics import Harmonics, equalize
+from kernels.so3.harmonics import Harmonics, equalizers
+from kernels.surface.cells import sort_into_cells
+from kernels.surface.elements import Elements
+from kernels.surface.nearest import find_nearest, upload_places
+from kernels.surface.planes import fit_planes
+from kernels.surface.refinement import Refinement, Weighting
 
 # what a transform of single precision may be off, over all and as a share of the whole: 5 times what PoCL is
 _TRANSFORM = 2e-6
@@ -104,34 +109,69 @@ def _registration(device: Device) -> Iterator[Measured]:
     target = _cloud(3000)
     source = target.copy()
     source[:, :3] = (target[:, :3] - _SHIFT) @ _TURN.as_matrix()  # _TURN of the source, then _SHIFT, is the target
-    pomf = Pomf(device, (_EDGE, _EDGE, _EDGE), blur=1.0)
-    harmonics = Harmonics(_BANDWIDTH, _EDGE, 2 * _EDGE)
-    directions = upload_directions(device, harmonics.directions)
+    pomf = Pomf(device, (_EDGE, _EDGE, _EDGE))
+    harmonics = Harmonics(device, _BANDWIDTH, _EDGE, 2 * _EDGE)
 
-    def coefficients(points: np.ndarray) -> np.ndarray:
+    def coefficients(points: np.ndarray) -> Array:
         spectrum = pomf.transform(voxelize(device, device.to_device(points), _EDGE))
-        layers = sample(device, magnitude(device, spectrum, _EDGE), directions, np.linspace(3, 12, 10))
-        return equalize(harmonics.analyze(harmonics.standardize(layers.get())), 0.4)
+        layers = harmonics.analyze(magnitude(device, spectrum, _EDGE), np.linspace(3, 12, 10))
+        return harmonics.mix(layers, equalizers(harmonics.products(layers), 0.4))
 
     search = RotationCorrelation(device, _BANDWIDTH, np.deg2rad(60))
-    best = _highest(device, search.correlate(coefficients(target), coefficients(source)))
+    correlation = search.correlate(coefficients(target), coefficients(source))
+    best, (peaks,) = _highest(device, correlation[0]), search.peaks(correlation)
+    off = float(np.abs(peaks.index[0] - best.index).max()) if len(peaks.index) else np.inf
+    yield Measured("the place of the best rotation", off, 0.0, "samples")
     R = search.rotations(best.shift)
     yield Measured("the rotation of a registration", float(np.rad2deg((R * _TURN.inv()).magnitude())), 5.0, "degrees")
-    volumes: list[Array] = [
-        pomf.prepare(voxelize(device, device.to_device(points), _EDGE, turn.as_matrix()))
-        for points, turn in ((target, Rotation.identity()), (source, _TURN))
-    ]
-    peak = _highest(device, pomf.correlate(*volumes))
+    whitened = pomf.prepare(voxelize(device, device.to_device(target), _EDGE))
+    correlator, pose = Correlator(device, _EDGE, blur=1.0), Pose(_TURN.as_matrix())
+    on_device = device.to_device(source)
+    (((peak,),),) = correlator.find(on_device, [pose], [whitened], 1, 3.0)
     yield Measured("the shift of a registration", float(np.abs(peak.shift - _SHIFT).max()), 0.25, "voxels")
+    (again,) = correlator.near(on_device, [pose], [whitened], np.array([peak.index])).highest()
+    yield Measured("the height of a peak near a known shift", float(abs(again.value / peak.value - 1)), 1e-3)
+
+
+def _surfaces(device: Device) -> Iterator[Measured]:
+    """The nearest points of a surface, and steps onto it from a pose that is a little off."""
+    target, source = _cloud(3000)[:, :3], _cloud(2500, seed=8)[:, :3]
+    cells = sort_into_cells(device, target)
+    turn, shift = Rotation.from_rotvec([0.02, -0.01, 0.015]), np.array([0.3, -0.2, 0.25])
+    places = upload_places(device, source[:200])
+    distances, _ = find_nearest(device, cells, places, turn.as_matrix()[None], shift[None], 1e3)
+    moved = turn.apply(source[:200]) + shift
+    want = np.linalg.norm(moved[:, None] - target, axis=2).min(axis=1)
+    yield Measured("distances to a surface", _error(distances[0], want), 1e-5)
+    surfaces = [
+        Elements(fit_planes(device, each, np.eye(3), np.empty((0, 3)), farthest=2.0, aside=0.7), each)
+        for each in (cells, sort_into_cells(device, source))
+    ]
+    weighting = Weighting(bell=1 / 6, wide_bell=0.8, bells=4.0, measured=3.0)
+    steps = Refinement(device, surfaces[0], surfaces[1], 2000, 1.0, weighting, None)
+    steps.begin(turn.as_matrix()[None], shift[None], np.zeros(1), None)
+    for reach in (4.0, 3.0, 2.0, 2.0, 1.5):
+        steps.step(reach, alone=True)
+    steps.step(1.5, alone=False)
+    record = steps.read()
+    left = float(np.rad2deg(Rotation.from_matrix(record.turn[0]).magnitude()))
+    yield Measured("the rotation of a refinement", left, 0.2, "degrees")
+    yield Measured("the shift of a refinement", float(np.abs(record.shift).max()), 0.1, "voxels")
 
 
 # Each is given the device; a kernel that a registration needs belongs into one of them.
-CHECKS: tuple[Callable[[Device], Iterator[Measured]], ...] = (_transforms, _voxels, _peaks, _registration)
+CHECKS: tuple[Callable[[Device], Iterator[Measured]], ...] = (
+    _transforms,
+    _voxels,
+    _peaks,
+    _registration,
+    _surfaces,
+)
 
 
-def _cloud(count: int) -> np.ndarray:
+def _cloud(count: int, seed: int = 7) -> np.ndarray:
     """(count, 4) float32: an asymmetric surface about the center of a grid of 32 voxels, with weights above 0."""
-    rng = np.random.default_rng(7)
+    rng = np.random.default_rng(seed)
     x, y = rng.uniform(-9, 9, (2, count))
     z = 2.5 * np.sin(0.35 * x + 0.4) + 0.012 * (y + 3) ** 2 * (x > -2) + 3.0 * ((x - 3) ** 2 + (y + 4) ** 2 < 9) - 2
     return np.column_stack([x, y, z, rng.uniform(0.5, 1.0, count)]).astype(np.float32)

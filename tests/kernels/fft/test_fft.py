@@ -1,6 +1,6 @@
 """Fourier transforms against NumPy's in double precision, relative L2 error within 3e-7, however kernels are written.
 
-The flavor for graphics processors runs on every device, those for processors, with 8 and with 16 lanes, on those only.
+Kernels for a processor are written with 8 and with 16 lanes.
 """
 
 import os
@@ -16,7 +16,7 @@ from kernels.device.device import Device
 from kernels.device.source import inline_includes
 from kernels.errors import DeviceError, InputError
 from kernels.fft.edges import EDGES, neighbors, radices, row_pitch
-from kernels.fft.transform import Flavor, RealFFT
+from kernels.fft.transform import RealFFT
 
 TOLERANCE = 3e-7  # relative, in the 2-norm
 
@@ -27,14 +27,11 @@ SLOW = [(edge, EDGES[(n + 15) % len(EDGES)], EDGES[(n + 30) % len(EDGES)]) for n
 cases = pytest.mark.parametrize("shape", [*FAST, *(pytest.param(shape, marks=pytest.mark.slow) for shape in SLOW)])
 
 
-@pytest.fixture(params=["cpu", "cpu8", "gpu"])
-def flavor(request: pytest.FixtureRequest, device: Device, monkeypatch: pytest.MonkeyPatch) -> Flavor:
-    if request.param == "gpu":
-        return "gpu"
-    if not device.is_cpu:
-        pytest.skip("this device is no processor")
-    monkeypatch.setattr("kernels.fft.transform._lanes", lambda _: 8 if request.param == "cpu8" else 16)
-    return "cpu"
+@pytest.fixture(params=[8, 16])
+def lanes(request: pytest.FixtureRequest, device: Device, monkeypatch: pytest.MonkeyPatch) -> None:
+    if not device.is_cpu and request.param == 16:
+        pytest.skip("only processors have vectors")
+    monkeypatch.setattr("kernels.fft.transform._lanes", lambda _: request.param)
 
 
 def real(shape: tuple[int, ...], seed: int = 7) -> np.ndarray:
@@ -53,9 +50,10 @@ def half(spectrum: np.ndarray, shape: tuple[int, int, int]) -> np.ndarray:
     return spectrum[..., : shape[2] // 2 + 1]
 
 
+@pytest.mark.usefixtures("lanes")
 @cases
-def test_real_is_rfftn_and_irfftn(device, flavor, shape):
-    fft, volume = RealFFT(device, shape, flavor=flavor), real(shape)
+def test_real_is_rfftn_and_irfftn(device, shape):
+    fft, volume = RealFFT(device, shape), real(shape)
     on_device = device.to_device(volume)
     spectrum = fft.forward(on_device)
     assert spectrum.shape == fft.half_shape == (shape[0], shape[1], row_pitch(shape[2]))
@@ -69,10 +67,11 @@ def test_real_is_rfftn_and_irfftn(device, flavor, shape):
     assert difference(fft.inverse(spectrum).get(), volume) < TOLERANCE
 
 
+@pytest.mark.usefixtures("lanes")
 @pytest.mark.parametrize("layers", [1, 77])
-def test_batched_leaves_the_first_axis(device, flavor, layers):
+def test_batched_leaves_the_first_axis(device, layers):
     shape = (layers, 32, 64)
-    fft, volume = RealFFT(device, shape, batched=True, flavor=flavor), real(shape)
+    fft, volume = RealFFT(device, shape, batched=True), real(shape)
     spectrum = fft.forward(device.to_device(volume))
     wanted = np.fft.rfft2(volume.astype(float))
     assert difference(half(spectrum.get(), shape), wanted) < TOLERANCE
@@ -188,10 +187,11 @@ def test_small_devices_are_told_which_edge_would_do(device, monkeypatch):
     """A group of 512 points takes 32 KiB of local memory; of 16 KiB 256 points are the most."""
     monkeypatch.setattr("kernels.fft.gpu.local_bytes", lambda n: 4 * 2**30 if n > 256 else 0)
     with pytest.raises(DeviceError, match=r"512 points.*256 points would do"):
-        RealFFT(device, (16, 512, 16), flavor="gpu")
+        RealFFT(Device(device.cl_device, flavor="gpu"), (16, 512, 16))
 
 
-def test_no_build_warning_is_ours(device, flavor, monkeypatch):
+@pytest.mark.usefixtures("lanes")
+def test_no_build_warning_is_ours(device, monkeypatch):
     """The compiler says nothing of the source, and takes the size of the groups: a wrong word is only a warning."""
     logs: list[str] = []
 
@@ -204,7 +204,7 @@ def test_no_build_warning_is_ours(device, flavor, monkeypatch):
     with monkeypatch.context() as patch, warnings.catch_warnings():
         warnings.simplefilter("ignore", cl.CompilerWarning)
         patch.setattr(device, "build", build)
-        fft = RealFFT(device, (18, 20, 36), flavor=flavor)
+        fft = RealFFT(device, (18, 20, 36))
     assert not any("warning" in log for log in logs), logs
     for launches in (fft._forward._launches, fft._inverse._launches):
         for kernel, _, group in launches:
@@ -212,10 +212,11 @@ def test_no_build_warning_is_ours(device, flavor, monkeypatch):
             assert tuple(compiled) == (*group, 1, 1)
 
 
+@pytest.mark.usefixtures("lanes")
 @pytest.mark.parametrize("edge", [128, *(pytest.param(edge, marks=pytest.mark.slow) for edge in (90, 96, 160, 256))])
-def test_real_cubes_of_the_grids_in_use(device, flavor, edge):
+def test_real_cubes_of_the_grids_in_use(device, edge):
     shape = (edge, edge, edge)
-    fft, volume = RealFFT(device, shape, flavor=flavor), real(shape)
+    fft, volume = RealFFT(device, shape), real(shape)
     spectrum = fft.forward(device.to_device(volume))
     assert difference(half(spectrum.get(), shape), np.fft.rfftn(volume.astype(float))) < TOLERANCE
     assert difference(fft.inverse(spectrum).get(), volume) < TOLERANCE

@@ -8,10 +8,10 @@ from kernels.points.scaled import scaled
 
 
 @pytest.mark.parametrize("count", [0, 1, 255, 256, 1001])
-def test_places_are_scaled_and_weights_stay(flavored, count):
+def test_places_are_scaled_and_weights_stay(device, count):
     points = np.random.default_rng(count).normal(size=(count, 4)).astype(np.float32)
-    given = flavored.to_device(points)
-    got = scaled(flavored, given, 0.3).get()
+    given = device.to_device(points)
+    got = scaled(device, given, 0.3).get()
     np.testing.assert_allclose(got, points * np.array([0.3, 0.3, 0.3, 1.0], np.float32), rtol=1e-6)
     np.testing.assert_array_equal(given.get(), points)
 

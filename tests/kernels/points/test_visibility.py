@@ -118,18 +118,18 @@ class TestAgreement:
         ("edge", "points", "poses"), [(4, 1, 1), (16, 7, 5), (32, 255, 3), (32, 256, 2), (128, 257, 4), (64, 1500, 20)]
     )
     @pytest.mark.parametrize(("reach", "slope"), [(0.0, 0.0), (1.5, 0.03)])
-    def test_equals_the_twin(self, flavored, edge, points, poses, reach, slope):
+    def test_equals_the_twin(self, device, edge, points, poses, reach, slope):
         view = random_view(edge, seed=3)
         places = np.random.default_rng(4).uniform(-15, 15, (points, 3)).astype(np.float32)
         R, t = random_poses(poses, 5)
-        got = alone(flavored, flavored.to_device(view), upload_points(flavored, places), R, t, reach, slope)
+        got = alone(device, device.to_device(view), upload_points(device, places), R, t, reach, slope)
         want, doubtful = twin(view, places.astype(np.float64), R, t, reach, slope)
         assert got.dtype == np.int64
         assert (np.abs(got - want) <= doubtful[:, None]).all()
         # the doubt is small enough for the counts to mean something
         assert doubtful.sum() <= 1 + 0.01 * points * poses
 
-    def test_near_between_and_behind(self, flavored):
+    def test_near_between_and_behind(self, device):
         """One seen direction, ranges 10 to 12: reach 0.5 and slope 0.1 of the point's own range."""
         edge = 8
         view = np.full((edge, edge, 2), (np.inf, -np.inf), np.float32)
@@ -138,11 +138,11 @@ class TestAgreement:
         view.reshape(-1, 2)[octahedral_cells(direction[None], edge)] = 10, 12
         ranges = np.array([8.5, 8.7, 11.0, 13.8, 13.95, 40.0])  # 10 - 0.5 = 1.1 r at 8.64; 12 + 0.5 = 0.9 r at 13.89
         points = np.vstack([ranges[:, None] * direction, -ranges[:, None] * direction, [[0, 0, 0]]])
-        there, placed = flavored.to_device(view), upload_points(flavored, points)
-        got = alone(flavored, there, placed, np.eye(3)[None], np.zeros((1, 3)), 0.5, 0.1)
+        there, placed = device.to_device(view), upload_points(device, points)
+        got = alone(device, there, placed, np.eye(3)[None], np.zeros((1, 3)), 0.5, 0.1)
         np.testing.assert_array_equal(got, [[3, 1, 6]])
 
-    def test_the_pose_moves_the_points(self, flavored):
+    def test_the_pose_moves_the_points(self, device):
         """p_sensor = R p + t, with an R and a t that no other order would undo."""
         R = Rotation.from_euler("ZYX", [50, 20, -35], degrees=True).as_matrix()
         t = np.array([3.0, -1.0, 2.0])
@@ -151,76 +151,76 @@ class TestAgreement:
         view = np.full((edge * edge, 2), (np.inf, -np.inf), np.float32)
         for cell, distance in zip(octahedral_cells(seen, edge), np.linalg.norm(seen, axis=1), strict=True):
             view[cell] = min(view[cell, 0], distance), max(view[cell, 1], distance)
-        points = upload_points(flavored, (seen - t) @ R)
+        points = upload_points(device, (seen - t) @ R)
         turns, shifts = np.stack([R, R.T, R]), np.stack([t, t, -t])
-        got = alone(flavored, flavored.to_device(view.reshape(edge, edge, 2)), points, turns, shifts, 0.1, 0)
+        got = alone(device, device.to_device(view.reshape(edge, edge, 2)), points, turns, shifts, 0.1, 0)
         assert got[0, 0] >= 295  # rounding may move a few over their cell's border
         assert (got[1:, 0] < 100).all()
 
-    def test_an_unseen_sphere_says_nothing(self, flavored):
+    def test_an_unseen_sphere_says_nothing(self, device):
         view = np.full((16, 16, 2), (np.inf, -np.inf), np.float32)
         R, t = random_poses(3, 8)
-        points = upload_points(flavored, on_the_sphere(100, 9))
-        assert not alone(flavored, flavored.to_device(view), points, R, t, 1e6, 1.0).any()
+        points = upload_points(device, on_the_sphere(100, 9))
+        assert not alone(device, device.to_device(view), points, R, t, 1e6, 1.0).any()
 
-    def test_no_points_and_no_poses(self, flavored):
-        view = flavored.to_device(random_view(16, 10))
+    def test_no_points_and_no_poses(self, device):
+        view = device.to_device(random_view(16, 10))
         R, t = random_poses(4, 11)
         np.testing.assert_array_equal(
-            alone(flavored, view, upload_points(flavored, np.zeros((0, 3))), R, t, 1, 0), np.zeros((4, 3))
+            alone(device, view, upload_points(device, np.zeros((0, 3))), R, t, 1, 0), np.zeros((4, 3))
         )
-        points = upload_points(flavored, on_the_sphere(9, 12))
-        assert alone(flavored, view, points, R[:0], t[:0], 1, 0).shape == (0, 3)
+        points = upload_points(device, on_the_sphere(9, 12))
+        assert alone(device, view, points, R[:0], t[:0], 1, 0).shape == (0, 3)
 
-    def test_padding_does_not_count(self, flavored):
+    def test_padding_does_not_count(self, device):
         """Every cell is seen, and the padding's zeros would agree."""
         view = np.zeros((16, 16, 2), np.float32)
         for count in (1, 8, 9, 250, 256, 259):
-            points = upload_points(flavored, np.zeros((count, 3)))
+            points = upload_points(device, np.zeros((count, 3)))
             assert points[1] == count
-            got = alone(flavored, flavored.to_device(view), points, np.eye(3)[None], np.zeros((1, 3)), 1, 0)
+            got = alone(device, device.to_device(view), points, np.eye(3)[None], np.zeros((1, 3)), 1, 0)
             np.testing.assert_array_equal(got, [[count, 0, count]])
 
     @pytest.mark.parametrize("images", [(1, 1), (3, 2), (0, 2), (2, 0), (0, 0)])
-    def test_all_at_once_are_as_one_at_a_time(self, flavored, images):
+    def test_all_at_once_are_as_one_at_a_time(self, device, images):
         """Two ways of several images each, and two tolerances."""
         tolerances = [(1.5, 0.03), (0.2, 0.0)]
         ways, rng = [], np.random.default_rng(21)
         for number, count in enumerate(images):
-            points = upload_points(flavored, rng.uniform(-15, 15, (100 + 70 * number, 3)))
+            points = upload_points(device, rng.uniform(-15, 15, (100 + 70 * number, 3)))
             views = np.stack([random_view(32, 30 + 5 * number + k) for k in range(count)]) if count else None
             R, t = random_poses(7, 40 + number)
             shifts = t - rng.uniform(-4, 4, (count, 1, 3))
-            ways.append(Way(None if views is None else flavored.to_device(views), points, R, shifts))
-        agreement(flavored, ways, tolerances)
-        got = agreement(flavored, ways, tolerances)  # what is used again holds no traces
+            ways.append(Way(None if views is None else device.to_device(views), points, R, shifts))
+        agreement(device, ways, tolerances)
+        got = agreement(device, ways, tolerances)  # what is used again holds no traces
         for way, counts in zip(ways, got, strict=True):
             assert counts.shape == (len(way.t), 7, 2, 3)
             for k, of_image in enumerate(counts):
                 for number, tolerance in enumerate(tolerances):
-                    want = alone(flavored, way.views[k], way.points, way.R, way.t[k], *tolerance)
+                    want = alone(device, way.views[k], way.points, way.R, way.t[k], *tolerance)
                     np.testing.assert_array_equal(of_image[:, number], want)
 
-    def test_refuses_what_it_cannot_use(self, flavored):
-        view, points = flavored.to_device(random_view(16, 13)), upload_points(flavored, on_the_sphere(9, 14))
+    def test_refuses_what_it_cannot_use(self, device):
+        view, points = device.to_device(random_view(16, 13)), upload_points(device, on_the_sphere(9, 14))
         R, t = random_poses(2, 15)
         with pytest.raises(InputError, match="`R` and `t` have shapes"):
-            alone(flavored, view, points, R, t[:1], 1, 0)
+            alone(device, view, points, R, t[:1], 1, 0)
         for bad in ((-1, 0), (0, np.inf), (np.nan, 0)):
             with pytest.raises(InputError, match="wanted one or two of each, 0 or more"):
-                alone(flavored, view, points, R, t, *bad)
+                alone(device, view, points, R, t, *bad)
         with pytest.raises(InputError, match="finite"):
-            alone(flavored, view, points, R, t * np.nan, 1, 0)
+            alone(device, view, points, R, t * np.nan, 1, 0)
         with pytest.raises(InputError, match="`views` is"):
-            alone(flavored, flavored.to_device(np.zeros((16, 8, 2), np.float32)), points, R, t, 1, 0)
+            alone(device, device.to_device(np.zeros((16, 8, 2), np.float32)), points, R, t, 1, 0)
         with pytest.raises(InputError, match="99 of 16"):
-            alone(flavored, view, (points[0], 99), R, t, 1, 0)
+            alone(device, view, (points[0], 99), R, t, 1, 0)
         way = Way(None, points, R, t[None, :0])
         with pytest.raises(InputError, match="wanted one or two of each"):
-            agreement(flavored, [way] * 3, [(1, 0)])
+            agreement(device, [way] * 3, [(1, 0)])
         fewer = Way(None, points, R[:1], np.zeros((0, 1, 3)))
         with pytest.raises(InputError, match="2 and 1 poses"):
-            agreement(flavored, [Way(None, points, R, np.zeros((0, 2, 3))), fewer], [(1, 0)])
+            agreement(device, [Way(None, points, R, np.zeros((0, 2, 3))), fewer], [(1, 0)])
         for bad in (np.zeros((3, 2)), np.array([[1, 2, np.inf]])):
             with pytest.raises(InputError, match="`points` have shape"):
-                upload_points(flavored, bad)
+                upload_points(device, bad)

@@ -1,7 +1,4 @@
-"""Correlations of points under several poses at once against NumPy in double precision, in both ways of writing them.
-
-The flavor for graphics processors runs on every device, the one for processors on those only.
-"""
+"""Correlations of points under several poses at once against NumPy in double precision."""
 
 from collections.abc import Callable
 
@@ -12,7 +9,6 @@ from scipy.spatial.transform import Rotation
 
 from kernels.device.device import Device
 from kernels.errors import InputError
-from kernels.fft.transform import Flavor
 from kernels.points.voxelize import voxelize
 from kernels.pomf.correlator import Correlator, Pose, at_once
 from kernels.pomf.spectrum import Pomf, whiten
@@ -23,14 +19,10 @@ TOLERANCE = 1e-4  # of values and heights, relative
 MakeCorrelator = Callable[..., Correlator]
 
 
-@pytest.fixture(params=["cpu", "gpu"])
-def make(request: pytest.FixtureRequest, device: Device) -> MakeCorrelator:
-    if request.param == "cpu" and not device.is_cpu:
-        pytest.skip("this device is no processor")
-    flavor: Flavor = request.param
-
+@pytest.fixture
+def make(device: Device) -> MakeCorrelator:
     def correlator(edge: int, exponents: tuple[float, ...] = EXPONENTS, most: int = 2) -> Correlator:
-        return Correlator(device, edge, BLUR, exponents, most, flavor)
+        return Correlator(device, edge, BLUR, exponents, most)
 
     return correlator
 

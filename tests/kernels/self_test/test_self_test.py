@@ -60,7 +60,7 @@ def no_measure(_: Device) -> Any:
 
 def test_both_flavors_pass(device: Device) -> None:
     measured = list(checks.measure(device))
-    assert len(measured) == 10
+    assert len(measured) == 15
     assert not [str(number) for number in measured if not number.passed]
     # what is allowed is a measure of right numbers, not of anything: half of it would do
     assert all(number.off <= number.tolerance / 2 for number in measured)
@@ -72,7 +72,9 @@ def test_both_flavors_pass(device: Device) -> None:
         ("voxelize", with_a_wrong_voxel, "voxels of points: off by 1 voxels, allowed are 0 voxels"),
         ("find_peaks", lambda _: [], "it finds no peak in a correlation that has several"),
         ("magnitude", lambda volume: volume * np.float32(np.nan), "not finite"),
-        ("sample", lambda layers: layers * np.float32(0), "the rotation of a registration: off by"),
+        ("equalizers", lambda mixtures: 0 * mixtures, "the rotation of a registration: off by"),
+        ("find_nearest", lambda found: (2 * found[0], found[1]), "distances to a surface: off by"),
+        ("fit_planes", lambda rows: 0 * rows, "the rotation of a refinement: off by"),
     ],
 )
 def test_a_failing_device_is_passed_over(

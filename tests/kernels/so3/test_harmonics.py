@@ -60,10 +60,10 @@ class TestAnalyze:
         ("bandwidth", "latitudes", "longitudes", "edge", "layers"),
         [(8, 16, 16, 16, 1), (8, 16, 20, 32, 3), (16, 32, 44, 32, 5), (24, 48, 128, 48, 2), (48, 96, 256, 64, 3)],
     )
-    def test_equals_direct_quadrature_of_the_samples(self, flavored, bandwidth, latitudes, longitudes, edge, layers):
-        harmonics = Harmonics(flavored, bandwidth, latitudes, longitudes)
+    def test_equals_direct_quadrature_of_the_samples(self, device, bandwidth, latitudes, longitudes, edge, layers):
+        harmonics = Harmonics(device, bandwidth, latitudes, longitudes)
         magnitude, radii = spectrum(edge, layers), np.linspace(0.1, 0.45, layers) * edge
-        got = harmonics.analyze(flavored.to_device(magnitude), radii)
+        got = harmonics.analyze(device.to_device(magnitude), radii)
         assert got.dtype == np.complex64
         want = coefficients_of(sampled(magnitude, harmonics, radii), bandwidth)
         np.testing.assert_allclose(got.get(), want, atol=2e-5)
@@ -71,38 +71,38 @@ class TestAnalyze:
         products = harmonics.products(got)
         np.testing.assert_allclose(products, np.real(want @ want.conj().transpose(0, 2, 1)), atol=5e-5)
 
-    def test_each_layer_has_mean_0_and_variance_1_over_the_sphere(self, flavored):
-        harmonics = Harmonics(flavored, 16, 16, 40)
+    def test_each_layer_has_mean_0_and_variance_1_over_the_sphere(self, device):
+        harmonics = Harmonics(device, 16, 16, 40)
         magnitude = 900 + 7 * spectrum(32, 9)  # a large mean costs little precision
-        got = harmonics.products(harmonics.analyze(flavored.to_device(magnitude), np.array([3.0, 9.0])))
+        got = harmonics.products(harmonics.analyze(device.to_device(magnitude), np.array([3.0, 9.0])))
         np.testing.assert_allclose(got[0], 0, atol=1e-6)
         energy = np.trace(got, axis1=1, axis2=2).sum() / 2
         assert 0.2 * 4 * np.pi < energy < 4 * np.pi * 1.001  # finer degrees hold the rest
 
-    def test_a_constant_layer_becomes_0(self, flavored):
-        harmonics = Harmonics(flavored, 8, 16, 16)
-        flat = flavored.to_device(np.full((16, 16, 9), 7.3, np.float32))
+    def test_a_constant_layer_becomes_0(self, device):
+        harmonics = Harmonics(device, 8, 16, 16)
+        flat = device.to_device(np.full((16, 16, 9), 7.3, np.float32))
         assert not harmonics.analyze(flat, np.array([2.0, 5.0])).get().any()
 
-    def test_a_turn_about_z_by_a_sample_turns_the_phases(self, flavored):
+    def test_a_turn_about_z_by_a_sample_turns_the_phases(self, device):
         """a[l, m] exp(-i m turn), for a quarter turn, which the grid of voxels has too."""
-        harmonics = Harmonics(flavored, 16, 32, 64)
+        harmonics = Harmonics(device, 16, 32, 64)
         magnitude = spectrum(33, 4)[:, :, :17]
         turned_by_90 = np.ascontiguousarray(np.rot90(magnitude, 1, axes=(0, 1)))
         both = []
         for each in (magnitude, turned_by_90):
             padded = np.pad(each, ((0, 0), (0, 0), (0, 0)))[:32, :32]
-            both.append(harmonics.analyze(flavored.to_device(np.ascontiguousarray(padded)), np.array([6.0])).get())
+            both.append(harmonics.analyze(device.to_device(np.ascontiguousarray(padded)), np.array([6.0])).get())
         orders = np.arange(-15, 16)
         assert relative(both[1], both[0] * np.exp(-0.5j * np.pi * orders)) < 1e-4
 
     @pytest.mark.parametrize("bad", [np.nan, np.inf])
-    def test_refuses_what_is_not_finite(self, flavored, bad):
-        harmonics = Harmonics(flavored, 8, 16, 16)
+    def test_refuses_what_is_not_finite(self, device, bad):
+        harmonics = Harmonics(device, 8, 16, 16)
         magnitude = spectrum(16, 1)
         magnitude[9, 8, 2] = bad
         with pytest.raises(InputError, match="not finite"):
-            harmonics.products(harmonics.analyze(flavored.to_device(magnitude), np.linspace(0.5, 5, 9)))
+            harmonics.products(harmonics.analyze(device.to_device(magnitude), np.linspace(0.5, 5, 9)))
 
     def test_refuses_what_it_cannot_use(self, device):
         harmonics = Harmonics(device, 8, 16, 16)
@@ -126,11 +126,11 @@ class TestAnalyze:
 
 
 @pytest.mark.parametrize(("bandwidth", "layers", "sums"), [(8, 1, 1), (8, 3, 7), (16, 20, 49), (48, 5, 3)])
-def test_mixtures_equal_the_matrix_product(flavored, bandwidth, layers, sums):
-    harmonics = Harmonics(flavored, bandwidth, 32, 96)
+def test_mixtures_equal_the_matrix_product(device, bandwidth, layers, sums):
+    harmonics = Harmonics(device, bandwidth, 32, 96)
     coefficients = random_coefficients(bandwidth, layers, 1).astype(np.complex64)
     mixtures = np.random.default_rng(2).normal(size=(bandwidth // 2, sums, layers))
-    got = harmonics.mix(flavored.to_device(coefficients), mixtures).get()
+    got = harmonics.mix(device.to_device(coefficients), mixtures).get()
     np.testing.assert_allclose(got, mixtures @ coefficients, atol=1e-4)
 
 

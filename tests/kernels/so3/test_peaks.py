@@ -39,11 +39,11 @@ def volumes(shape, seed, levels=None):
 
 @pytest.mark.parametrize(("bandwidth", "largest", "parts"), [(8, np.pi, 1), (8, 0.2, 3), (16, 1.0, 2), (24, 0.4, 2)])
 @pytest.mark.parametrize("levels", [None, 3])
-def test_equals_the_twin(flavored, bandwidth, largest, parts, levels):
-    correlation = RotationCorrelation(flavored, bandwidth, largest)
+def test_equals_the_twin(device, bandwidth, largest, parts, levels):
+    correlation = RotationCorrelation(device, bandwidth, largest)
     values = volumes((parts, len(correlation.betas) + 1, correlation.edge, correlation.edge), parts, levels)
-    correlation.peaks(flavored.to_device(values))
-    found = correlation.peaks(flavored.to_device(values))  # a second search begins anew
+    correlation.peaks(device.to_device(values))
+    found = correlation.peaks(device.to_device(values))  # a second search begins anew
     assert len(found) == parts
     for peaks, volume in zip(found, values, strict=True):
         index, around = twin(volume)
@@ -52,13 +52,13 @@ def test_equals_the_twin(flavored, bandwidth, largest, parts, levels):
         np.testing.assert_array_equal(peaks.around[:, 13], volume[tuple(index.T)])
 
 
-def test_more_than_come_with_the_first_read(flavored):
+def test_more_than_come_with_the_first_read(device):
     """Everything is equal, so that each quarter of a row has its first voxel."""
-    correlation = RotationCorrelation(flavored, 16, 0.5)
+    correlation = RotationCorrelation(device, 16, 0.5)
     edge = correlation.edge
     values = np.zeros((2, len(correlation.betas) + 1, edge, edge), np.float32)
     values[1, 0, 3, 5] = 1.0
-    first, second = correlation.peaks(flavored.to_device(values))
+    first, second = correlation.peaks(device.to_device(values))
     assert len(first.index) == 4 * edge * len(correlation.betas) > 256
     np.testing.assert_array_equal(first.index[:5], [(0, 0, 0), (0, 0, 8), (0, 0, 16), (0, 0, 24), (0, 1, 0)])
     np.testing.assert_array_equal(second.index[0], [0, 3, 5])

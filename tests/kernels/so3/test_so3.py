@@ -77,8 +77,8 @@ class TestCorrelation:
     @pytest.mark.parametrize(
         ("bandwidth", "largest", "layers"), [(8, np.pi, 1), (8, 0.5, 3), (16, np.deg2rad(50), 2), (24, 1e-9, 2)]
     )
-    def test_equals_the_direct_sum_over_turned_layers(self, flavored, bandwidth, largest, layers):
-        correlation = RotationCorrelation(flavored, bandwidth, largest)
+    def test_equals_the_direct_sum_over_turned_layers(self, device, bandwidth, largest, layers):
+        correlation = RotationCorrelation(device, bandwidth, largest)
         target, source = (random_coefficients(bandwidth, layers, seed) for seed in (1, 2))
         got = correlated(correlation, target, source)
         assert got.shape == (len(correlation.betas) + 1, correlation.edge, correlation.edge)
@@ -89,9 +89,9 @@ class TestCorrelation:
             assert got[tuple(place)] == pytest.approx(want, abs=2e-6 * float(largest_value))
 
     @pytest.mark.parametrize("bandwidth", [32, 40, 48, 64])
-    def test_equals_the_sum_of_the_formula(self, flavored, bandwidth):
+    def test_equals_the_sum_of_the_formula(self, device, bandwidth):
         """Larger bandwidths against C(R) as the module's docstring has it, in float64."""
-        correlation = RotationCorrelation(flavored, bandwidth, 0.3)
+        correlation = RotationCorrelation(device, bandwidth, 0.3)
         target, source = (random_coefficients(bandwidth, 5, seed) for seed in (4, 5))
         got = correlated(correlation, target, source)
         orders = np.arange(1 - bandwidth, bandwidth)
@@ -131,8 +131,8 @@ class TestCorrelation:
                 correlate(correlation, good, good, parts)
 
     @pytest.mark.parametrize(("bandwidth", "parts"), [(8, [(0, 2), (2, 5), (1, 1)]), (16, [(3, 4), (0, 1)])])
-    def test_parts_are_as_if_alone(self, flavored, bandwidth, parts):
-        correlation = RotationCorrelation(flavored, bandwidth, 0.8)
+    def test_parts_are_as_if_alone(self, device, bandwidth, parts):
+        correlation = RotationCorrelation(device, bandwidth, 0.8)
         target, source = (random_coefficients(bandwidth, 7, seed) for seed in (11, 12))
         together = correlate(correlation, target, source, parts)
         assert len(together) == len(parts)

@@ -59,9 +59,9 @@ def require_nearest(device: Device, points: np.ndarray, places: np.ndarray, coun
         ("line", 60, 2),
     ],
 )
-def test_equals_the_twin(flavored: Device, shape: str, count: int, poses: int, reach: float) -> None:
+def test_equals_the_twin(device: Device, shape: str, count: int, poses: int, reach: float) -> None:
     places = np.random.default_rng(3).uniform(-45, 45, (257, 3))
-    require_nearest(flavored, cloud(shape, count), places, poses, reach)
+    require_nearest(device, cloud(shape, count), places, poses, reach)
 
 
 def test_far_outliers_and_places_far_outside(device: Device) -> None:

@@ -43,12 +43,12 @@ def twin(points: np.ndarray, views: np.ndarray) -> tuple[np.ndarray, np.ndarray]
 
 
 @pytest.mark.parametrize(("count", "views"), [(3000, 1), (900, 3), (20, 0), (16, 2), (3, 1)])
-def test_equals_the_twin(flavored: Device, count: int, views: int) -> None:
+def test_equals_the_twin(device: Device, count: int, views: int) -> None:
     rng = np.random.default_rng(count)
     points = bent_sheet(3 * count, count)[:count].astype(np.float64) + rng.normal(0, 0.2, (count, 3))
     points = points.astype(np.float32).astype(np.float64)
-    cells = sort_into_cells(flavored, points)
-    got = fit_planes(flavored, cells, DIRECTIONS, VIEWS[:views], farthest=FARTHEST, aside=ASIDE).get()
+    cells = sort_into_cells(device, points)
+    got = fit_planes(device, cells, DIRECTIONS, VIEWS[:views], farthest=FARTHEST, aside=ASIDE).get()
     want, doubtful = twin(points, VIEWS[:views])
     assert doubtful.mean() < 0.02 or count == 3
     clear = ~doubtful

@@ -57,12 +57,12 @@ def rows() -> list[np.ndarray]:
 @pytest.mark.parametrize("stretching", [None, STRETCHING])
 @pytest.mark.parametrize(("reach", "most", "poses"), [(8.0, 100, 24), (3.0, 333, 3), (1.5, 5000, 2)])
 def test_sums_equal_the_twin(
-    flavored: Device, rows: list[np.ndarray], reach: float, most: int, poses: int, stretching: Stretching | None
+    device: Device, rows: list[np.ndarray], reach: float, most: int, poses: int, stretching: Stretching | None
 ) -> None:
     start = begin(poses, most)
     if stretching is None:
         start = [Pose(pose.turn, pose.shift, pose.width, np.zeros(2)) for pose in start]
-    steps = refinement(flavored, rows, most, start, stretching)
+    steps = refinement(device, rows, most, start, stretching)
     steps.step(reach, alone=False)
     got = steps.read()
     for n, pose in enumerate(start):
@@ -79,12 +79,12 @@ def test_sums_equal_the_twin(
 
 @pytest.mark.parametrize("stretching", [None, STRETCHING])
 def test_steps_without_a_read_lead_where_the_twins_do(
-    flavored: Device, rows: list[np.ndarray], stretching: Stretching | None
+    device: Device, rows: list[np.ndarray], stretching: Stretching | None
 ) -> None:
     poses = begin(3, 4)
     if stretching is None:
         poses = [Pose(pose.turn, pose.shift, pose.width, np.zeros(2)) for pose in poses]
-    steps = refinement(flavored, rows, 600, poses, stretching)
+    steps = refinement(device, rows, 600, poses, stretching)
     for reach in (4.0, 3.0, 2.0):
         steps.step(reach, alone=True)
         for n, pose in enumerate(poses):
@@ -101,21 +101,21 @@ def test_steps_without_a_read_lead_where_the_twins_do(
         np.testing.assert_allclose(got.turn[n] @ got.turn[n].T, np.eye(3), atol=1e-12)
 
 
-def test_an_even_number_of_gaps_has_the_mean_of_the_middle_ones(flavored: Device) -> None:
+def test_an_even_number_of_gaps_has_the_mean_of_the_middle_ones(device: Device) -> None:
     """Points above a plane by 0.1, 0.2, 0.4 and 0.7, and both ways; without normals on their side nothing else."""
     ours, theirs = np.zeros((2, 4, 12), np.float32)
     ours[:, 0] = theirs[:, 0] = [0, 9, 18, 27]
     theirs[:, 2] = [0.1, -0.2, 0.4, 0.7]
     ours[:, 6] = theirs[:, 6] = 1
-    steps = Refinement(flavored, upload(flavored, ours), upload(flavored, theirs), 10, 1.0, WEIGHTING, None)
+    steps = Refinement(device, upload(device, ours), upload(device, theirs), 10, 1.0, WEIGHTING, None)
     steps.begin(np.eye(3)[None], np.zeros((1, 3)), np.zeros(1), None)
     steps.step(3.0, alone=False)
     assert steps.read().width[0] == pytest.approx(0.3, abs=1e-6)
 
 
-def test_nothing_within_reach_leaves_the_pose(flavored: Device, rows: list[np.ndarray]) -> None:
+def test_nothing_within_reach_leaves_the_pose(device: Device, rows: list[np.ndarray]) -> None:
     pose = Pose(np.eye(3), np.array([900.0, 0, 5]), 0.2, np.zeros(2))
-    steps = refinement(flavored, rows, 1000, [pose], STRETCHING)
+    steps = refinement(device, rows, 1000, [pose], STRETCHING)
     for reach in (8.0, 2.0):
         steps.step(reach, alone=True)
     steps.step(2.0, alone=False)
@@ -127,9 +127,9 @@ def test_nothing_within_reach_leaves_the_pose(flavored: Device, rows: list[np.nd
     assert np.isfinite(got.doubts).all()
 
 
-def test_three_points_are_refined(flavored: Device) -> None:
+def test_three_points_are_refined(device: Device) -> None:
     three = random_rows(np.array([[0, 0, 0], [1, 0, 0.5], [0, 2, 0]], np.float32), 5)
-    steps = Refinement(flavored, upload(flavored, three), upload(flavored, three), 3000, 1.0, WEIGHTING, None)
+    steps = Refinement(device, upload(device, three), upload(device, three), 3000, 1.0, WEIGHTING, None)
     steps.begin(np.eye(3)[None], np.full((1, 3), 0.2), np.zeros(1), None)
     for reach in (8.0, 3.0, 1.5):
         steps.step(reach, alone=True)

@@ -27,14 +27,14 @@ def one_way(rows: np.ndarray, others: np.ndarray, R: np.ndarray, t: np.ndarray, 
 @pytest.mark.parametrize(
     ("ours", "theirs", "poses", "most"), [(2000, 1500, 3, 10_000), (900, 2500, 72, 100), (3, 4, 2, 1), (65, 1, 1, 64)]
 )
-def test_equals_the_twin(flavored: Device, ours: int, theirs: int, poses: int, most: int) -> None:
+def test_equals_the_twin(device: Device, ours: int, theirs: int, poses: int, most: int) -> None:
     rng = np.random.default_rng(ours)
     target, source = (
         random_rows(bent_sheet(3 * count, seed)[:count], seed) for seed, count in enumerate((ours, theirs))
     )
     R, t = Rotation.from_rotvec(rng.normal(0, 0.2, (poses, 3))).as_matrix(), rng.normal(0, 2, (poses, 3))
-    weights = flavored.to_device(WEIGHTS), flavored.to_device(WEIGHTS)
-    got = shared_sums(flavored, upload(flavored, target), upload(flavored, source), weights, R, t, most, **LIMITS)
+    weights = device.to_device(WEIGHTS), device.to_device(WEIGHTS)
+    got = shared_sums(device, upload(device, target), upload(device, source), weights, R, t, most, **LIMITS)
     want = [
         [one_way(target, source, turn, shift, most), one_way(source, target, turn.T, -turn.T @ shift, most)]
         for turn, shift in zip(R, t, strict=True)
