@@ -17,7 +17,7 @@ from kernels.points.voxelize import voxelize
 from kernels.pomf.spectrum import Pomf, whiten
 from spectral.expected import ExpectedPose
 from spectral.grid import Grid
-from spectral.memory import require_memory
+from spectral.memory import memory_plan, require_memory
 from spectral.prepare.prepared import Prepared, Preparer
 from spectral.prepare.range_image import scan_view
 from spectral.prepare.signature import signature
@@ -94,7 +94,7 @@ class SpectralRegistrar:
             DeviceError: the device cannot hold what the grid needs.
         """
         self.device, self.grid, self.config = device, grid, config or SpectralConfig()
-        require_memory(device, grid.edge)
+        require_memory(device, memory_plan(grid.edge, max_tilt=self.config.max_tilt))
         self.so3 = So3(device, grid.edge, self.config.max_tilt)
         self._preparer = Preparer(device, grid, self.config.use_strength)
         self._verifier = Verifier(device, grid.edge)

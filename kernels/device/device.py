@@ -5,7 +5,7 @@ An OpenCL context must never be inherited by a forked process: spawn workers, an
 """
 
 import os
-from collections.abc import Generator
+from collections.abc import Callable, Generator
 from contextlib import contextmanager
 from dataclasses import dataclass
 from functools import cached_property
@@ -83,10 +83,16 @@ class Device:
         notes: sentences that a user should read: which preferred devices were passed over, and why.
         flavor: how its kernels are written: "cpu", a row or a few per work-item in explicit vectors, or "gpu", a voxel
             or a column per work-item, neighbors beside each other in memory.
+        allocator: what gives arrays their memory; None: PyOpenCL. `kernels.device.usage.MemoryUsage` counts by it.
     """
 
     def __init__(
-        self, device: cl.Device, selector: str = "", notes: tuple[str, ...] = (), flavor: Flavor | None = None
+        self,
+        device: cl.Device,
+        selector: str = "",
+        notes: tuple[str, ...] = (),
+        flavor: Flavor | None = None,
+        profiling: bool = False,
     ) -> None:
         """Open a queue on a device.
 
@@ -95,6 +101,7 @@ class Device:
             selector, notes: as above.
             flavor: None: what the environment variable SONARMAP_FLAVOR says, else as suits the device. Either runs on
                 every device; the other one is slow, and for tests.
+            profiling: whether the queue notes when each command began and ended, for `kernels.device.trace`.
 
         Raises:
             InputError: the variable is neither "cpu" nor "gpu".
@@ -102,7 +109,9 @@ class Device:
         self.cl_device, self.selector, self.notes = device, selector, notes
         self.flavor: Flavor = flavor or _wanted_flavor() or ("cpu" if kind(device) == "cpu" else "gpu")
         self.context = cl.Context([device])
-        self.queue = cl.CommandQueue(self.context)
+        noting = cl.command_queue_properties.PROFILING_ENABLE
+        self.queue = cl.CommandQueue(self.context, properties=noting) if profiling else cl.CommandQueue(self.context)
+        self.allocator: Callable[[int], cl.Buffer] | None = None
         self._programs: dict[tuple[str, tuple[str, ...]], cl.Program] = {}
 
     @property
@@ -166,7 +175,7 @@ class Device:
         """
         self.require(int(np.prod(shape, dtype=np.int64)) * np.dtype(dtype).itemsize)
         with self.explain_full_memory():
-            return cla.empty(self.queue, shape, dtype)
+            return cla.empty(self.queue, shape, dtype, allocator=self.allocator)
 
     def to_device(self, host: np.ndarray) -> cla.Array:
         """A copy of a host array on the device, in C order.
@@ -178,8 +187,11 @@ class Device:
         values = np.ascontiguousarray(host)
         flags = cl.mem_flags.READ_WRITE | cl.mem_flags.COPY_HOST_PTR
         with self.explain_full_memory():
-            # a buffer born with its content does not wait for what the queue does
-            memory = cl.Buffer(self.context, flags, hostbuf=values) if values.nbytes else None
+            if self.allocator is not None and values.nbytes:
+                memory = self.allocator(values.nbytes)
+                cl.enqueue_copy(self.queue, memory, values)
+            else:  # a buffer born with its content does not wait for what the queue does
+                memory = cl.Buffer(self.context, flags, hostbuf=values) if values.nbytes else None
             return cla.Array(self.queue, values.shape, values.dtype, data=memory)
 
     @contextmanager

@@ -26,4 +26,4 @@ def recycled(device: Device, shape: tuple[int, ...], dtype: type | np.dtype = np
     with device.explain_full_memory():
         if device not in _POOLS:
             _POOLS[device] = MemoryPool(ImmediateAllocator(device.queue))
-        return cla.empty(device.queue, shape, dtype, allocator=_POOLS[device])
+        return cla.empty(device.queue, shape, dtype, allocator=device.allocator or _POOLS[device])

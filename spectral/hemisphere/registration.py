@@ -14,7 +14,7 @@ from spectral.hemisphere.acceptance import Acceptance, assess
 from spectral.hemisphere.covariance import peak_covariance
 from spectral.hemisphere.layers import Hemisphere, LayerSpectra
 from spectral.hemisphere.match import Match, by_peak, differ
-from spectral.memory import require_memory
+from spectral.memory import memory_plan, require_memory
 from spectral.overlap import overlap, unwrap
 from spectral.prepare.prepared import Prepared, Preparer
 from spectral.result import Registration
@@ -104,7 +104,7 @@ class HemisphereRegistrar:
             DeviceError: the device cannot hold what the grid needs.
         """
         self.device, self.grid, self.config = device, grid, config or HemisphereConfig()
-        require_memory(device, grid.edge)
+        require_memory(device, memory_plan(grid.edge, "hemisphere"))
         self.hemisphere = Hemisphere(device, grid.edge, self.config.windowed)
         self._translation = Translation(device, grid.edge)
         self._preparer = Preparer(device, grid, self.config.use_strength, self.config.centered)

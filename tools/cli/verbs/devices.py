@@ -10,6 +10,9 @@ from kernels.errors import DeviceError
 from tools.cli.options import DeviceOption, JsonOption
 from tools.cli.terminal import printable, result_console, say
 
+# Of the grids those whose edge is a multiple of this are shown.
+_SHOWN = 32
+
 if TYPE_CHECKING:
     from kernels.device.device import DeviceInfo
 
@@ -24,7 +27,9 @@ def command(
     """List the OpenCL devices, try each with a small kernel, and mark the one that would be used.
 
     A GPU is used only after its self-test, which is run before its first use: transforms, voxels, peaks and a small
-    registration, compared with the processor's numbers. The exit code is 2 if no device works.
+    registration, compared with the processor's numbers. Below stands how much of a device's memory each grid needs.
+
+    The exit code is 2 if no device works.
     """
     from kernels.device.device import choose_device, list_devices
 
@@ -36,9 +41,10 @@ def command(
     infos = infos or list_devices()  # the choice may have tested some
     if as_json:
         entries = [asdict(info) | {"works": not info.fault} for info in infos]
-        typer.echo(json.dumps({"chosen": chosen, "devices": entries}, indent=2))
+        typer.echo(json.dumps({"chosen": chosen, "devices": entries, "grids": _needs()}, indent=2))
     else:
         _print_table(infos, chosen)
+        _print_needs()
     if fault:
         raise fault
 
@@ -63,3 +69,28 @@ def _print_table(infos: "list[DeviceInfo]", chosen: str | None) -> None:
     result_console().print(table)
     if chosen:
         say(f"{chosen} would be used; --device or PYOPENCL_CTX selects another")
+
+
+def _needs() -> list[dict[str, int]]:
+    """What a pair of scans takes on each grid, of the default method [bytes]."""
+    from kernels.fft.edges import EDGES
+    from spectral.memory import POINTS, memory_plan
+
+    plans = [memory_plan(edge) for edge in EDGES]
+    return [
+        {"grid": plan.edge, "points": POINTS, "pair": plan.pair, "scan": plan.scan, "largest": plan.largest}
+        for plan in plans
+    ]
+
+
+def _print_needs() -> None:
+    from rich.table import Table
+
+    table = Table("grid", box=None, pad_edge=False)
+    for heading in ("a pair needs", "each more prepared scan", "largest array"):
+        table.add_column(heading, justify="right")
+    for need in _needs():
+        if need["grid"] % _SHOWN:
+            continue
+        table.add_row(f"{need['grid']}^3", *(f"{need[name] / 2**20:.0f} MiB" for name in ("pair", "scan", "largest")))
+    result_console().print(table)

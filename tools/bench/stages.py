@@ -1,0 +1,153 @@
+"""Where a pair's time goes: each stage's wall time, and what it asks of the device.
+
+A stage is a function or method, named below where it stands. While a block runs it is called through a clock; the code
+of the stages knows nothing of it.
+"""
+
+import importlib
+from collections.abc import Callable, Iterator, Mapping
+from contextlib import ExitStack, contextmanager, nullcontext
+from dataclasses import dataclass, field
+from functools import wraps
+from threading import get_ident
+from time import perf_counter
+from typing import Any
+
+from kernels.device.device import Device
+from kernels.device.trace import Counts, everywhere, tracing
+
+# "module:name" or "module:Class.name" -> what the stage is called. Whatever runs within a stage and is none itself
+# counts to it.
+PAIR_STAGES: Mapping[str, str] = {
+    "spectral.registration:SpectralRegistrar.prepare": "prepare",
+    "spectral.prepare.prepared:Preparer.prepare": "prepare: voxels, spectrum",
+    "spectral.so3:So3.analyze": "prepare: sphere, harmonics",
+    "spectral.so3:So3.prepare": "prepare: bands",
+    "spectral.prepare.range_image:scan_view": "prepare: range image",
+    "spectral.prepare.surface:smooth_surface": "prepare: surface",
+    "spectral.registration:SpectralRegistrar._coarsen": "prepare: coarse grid",
+    "spectral.registration:SpectralRegistrar._register": "register",
+    "spectral.so3:So3.candidates": "rotations",
+    "spectral.verify.hypothesis_testing:HypothesisTest.find_candidates": "candidates: coarse correlations",
+    "spectral.verify.hypothesis_testing:HypothesisTest.refine_candidates": "candidates: best refined",
+    "spectral.verify.hypothesis_testing:HypothesisTest.find_missed": "candidates: whole grid",
+    "spectral.verify.hypothesis_testing:HypothesisTest.compare": "compare",
+    "spectral.verify.hypothesis_testing:HypothesisTest.finish": "finish",
+    "spectral.prepare.range_image:visibility": "views",
+    "spectral.verify.shared_surface:shared_surfaces": "shared surfaces",
+    "spectral.verify.icp:refine": "refinement",
+    "spectral.registration:SpectralRegistrar._conclude": "covariance, probability",
+}
+
+SURVEY_STAGES: Mapping[str, str] = {
+    "tools.readers.scans:read_survey": "reading",
+    "spectral.registration:SpectralRegistrar.prepare": "preparing scans",
+    "spectral.registration:SpectralRegistrar._register": "registering pairs",
+    "slam.execute.runner:PairRunner._keep": "keeping the journal",
+    "slam.pair_search:PairSearch.loops": "choosing loops",
+    "slam.decide.decision:decide": "deciding, optimizing",
+    "slam.map.component_maps:component_maps": "fusing maps",
+    "slam.graph.pose_covariance:pose_covariances": "covariances",
+    "tools.report.map_picture:draw_map": "pictures: map",
+    "tools.report.loops_picture:draw_loops": "pictures: loops",
+    "tools.output.folder:write_survey": "writing files",
+}
+
+
+@dataclass(slots=True)
+class Stage:
+    """One stage, summed over its calls.
+
+    Attributes:
+        name: what it is called.
+        calls: how often it ran.
+        seconds: wall time with the stages within it [s].
+        own_seconds: wall time without these [s].
+        counts: what it asked of the device itself, without these.
+    """
+
+    name: str
+    calls: int = 0
+    seconds: float = 0.0
+    own_seconds: float = 0.0
+    counts: Counts = field(default_factory=Counts)
+
+
+class StageClock:
+    """Times the stages, each called within the one before it on its thread.
+
+    Attributes:
+        stages: by name, in the order in which they began first; "" is what ran in none.
+    """
+
+    def __init__(self) -> None:
+        """No stage has run."""
+        self.stages: dict[str, Stage] = {}
+        self._open: dict[int, list[tuple[Stage, float, list[float]]]] = {}
+
+    def counts(self) -> Counts:
+        """Of the stage that runs on this thread."""
+        stack = self._open.get(get_ident())
+        return (stack[-1][0] if stack else self._stage("")).counts
+
+    def timed(self, name: str, original: Callable[..., Any]) -> Callable[..., Any]:
+        """The function, its calls timed."""
+
+        @wraps(original)
+        def call(*given: Any, **options: Any) -> Any:
+            stack = self._open.setdefault(get_ident(), [])
+            stage, inner = self._stage(name), [0.0]
+            stack.append((stage, perf_counter(), inner))
+            try:
+                return original(*given, **options)
+            finally:
+                _, start, _ = stack.pop()
+                took = perf_counter() - start
+                stage.calls += 1
+                stage.seconds += took
+                stage.own_seconds += took - inner[0]
+                if stack:
+                    stack[-1][2][0] += took
+
+        return call
+
+    def _stage(self, name: str) -> Stage:
+        return self.stages.setdefault(name, Stage(name))
+
+
+@contextmanager
+def clocked(stages: Mapping[str, str], device: Device | None = None) -> Iterator[StageClock]:
+    """Time the stages while the block runs, and count what they ask of a device.
+
+    Args:
+        stages: as PAIR_STAGES.
+        device: whose launches and transfers count; None for none.
+
+    Raises:
+        AttributeError: there is no such function any more.
+    """
+    clock = StageClock()
+    with ExitStack() as stack:
+        for place, name in stages.items():
+            for owner, attribute, original in places(place):
+                setattr(owner, attribute, clock.timed(name, original))
+                stack.callback(setattr, owner, attribute, original)
+        stack.enter_context(tracing(device, clock.counts) if device else nullcontext())
+        yield clock
+
+
+def places(place: str) -> list[tuple[Any, str, Callable[..., Any]]]:
+    """Where a function of "module:name" or "module:Class.name" stands: owner, attribute, function.
+
+    A method stands in its class; a function in its module, and in every module that has imported it.
+
+    Raises:
+        AttributeError: there is none.
+    """
+    module, _, path = place.partition(":")
+    owner: Any = importlib.import_module(module)
+    *classes, name = path.split(".")
+    for each in classes:
+        owner = getattr(owner, each)
+    function = getattr(owner, name)
+    return [(owner, name, function)] if classes else [(*known, function) for known in everywhere(function)]
