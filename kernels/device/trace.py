@@ -116,7 +116,7 @@ def tracing(device: Device, counts: Callable[[], Counts]) -> Iterator[None]:
 
 def everywhere(function: Callable[..., Any]) -> list[tuple[Any, str]]:
     """Every module of this project that knows a function, and under which name."""
-    rooms = ("kernels", "spectral", "slam", "tools")
+    rooms = {"kernels", "spectral", "slam", "tools", function.__module__.partition(".")[0]}
     modules = [module for name, module in list(sys.modules.items()) if name.partition(".")[0] in rooms]
     return [(module, name) for module in modules for name, value in list(vars(module).items()) if value is function]
 

@@ -5,11 +5,16 @@ from collections.abc import Callable, Iterator, Sequence
 import numpy as np
 
 from kernels.device.device import Device
+from kernels.device.trace import Counts, tracing
 from tools.bench.case import KernelCase
 from tools.bench.cases.all_cases import CASES
-from tools.bench.result import KernelResult
-from tools.bench.timing import interleave
+from tools.bench.result import KernelResult, Launches
+from tools.bench.stages import BUILDS, build_seconds, clocked
+from tools.bench.timing import interleave, timed
 from tools.bench.workload import Workload
+
+# Runs in which the device's own clock is read.
+_TRACED = 7
 
 
 def measure_kernels(
@@ -18,7 +23,7 @@ def measure_kernels(
     """Every case on every edge.
 
     Args:
-        device: what the kernels run on.
+        device: what the kernels run on; the time of launches is known if it notes them.
         edges: N, each.
         repeats: how often each kernel is timed.
         seed: of the input.
@@ -31,23 +36,68 @@ def measure_kernels(
     for edge in edges:
         workload = Workload(device, edge, cores, seed)
         for make in CASES:
-            result = measure_case(make(workload), device, edge, repeats)
+            with clocked(BUILDS) as clock:
+                case = make(workload)
+            result = measure_case(case, device, edge, repeats, build_seconds(clock))
             step(f"{result.name} at {edge}^3")
             yield result
 
 
-def measure_case(case: KernelCase, device: Device, edge: int, repeats: int) -> KernelResult:
-    """Time one kernel and its twin in turns, then compare what they made in one more round."""
+def measure_case(case: KernelCase, device: Device, edge: int, repeats: int, built_seconds: float = 0.0) -> KernelResult:
+    """Time one kernel, its twin and its peers in turns, then compare what they made in one more round.
+
+    Args:
+        built_seconds: how long its programs took to build, before [s].
+    """
+    peers = case.peers()
 
     def run() -> None:
         case.run()
         device.queue.finish()
 
-    times, twin_times = interleave(run, case.twin, repeats, case.restore)
+    def restore() -> None:
+        case.restore()
+        for peer in peers:
+            peer.restore()
+
+    restore()
+    with clocked(BUILDS) as clock:
+        first_seconds, _ = timed(run)
+    times, twin_times, *peer_times = interleave(run, [case.twin, *(peer.run for peer in peers)], repeats, restore)
+    launches = _launches(case, device)
     case.restore()
     run()
-    error = relative_difference(case.read(), case.twin())
-    return KernelResult(case.name, case.twin_name, edge, times, twin_times, case.moved, error, case.tolerance)
+    return KernelResult(
+        name=case.name,
+        twin_name=case.twin_name,
+        edge=edge,
+        device=times,
+        twin=twin_times,
+        traffic=case.traffic,
+        error=relative_difference(case.read(), case.twin()),
+        tolerance=case.tolerance,
+        flops=case.flops,
+        peers={peer.name: own for peer, own in zip(peers, peer_times, strict=True)},
+        compile_seconds=built_seconds + max(build_seconds(clock), first_seconds - times.median),
+        launches=launches,
+    )
+
+
+def _launches(case: KernelCase, device: Device) -> Launches:
+    """What a run asks of the device, and how long each of its kernels takes there."""
+    rounds: list[Counts] = []
+    for _ in range(_TRACED):
+        case.restore()
+        device.queue.finish()
+        counts = Counts()
+        rounds.append(counts)
+        with tracing(device, lambda counts=counts: counts):
+            case.run()
+        device.queue.finish()
+    times = [counts.kernel_seconds() for counts in rounds]
+    kernels = {name: min(each[name] for each in times) for name in times[0]}
+    passes = {name: case.passes[name] for name in kernels if name in case.passes}
+    return Launches(rounds[0].launches, rounds[0].reads, kernels, passes)
 
 
 def relative_difference(got: np.ndarray, wanted: np.ndarray) -> float:

@@ -7,6 +7,7 @@ from collections.abc import Callable, Iterator
 from contextlib import contextmanager
 from multiprocessing.connection import Connection
 from multiprocessing.process import BaseProcess
+from time import perf_counter
 
 from scipy.spatial.transform import RigidTransform
 
@@ -20,6 +21,7 @@ from spectral.scan import Scan
 from tools.bench.machine import peak_memory
 from tools.bench.result import PairResult
 from tools.bench.timing import summarize, timed
+from tools.bench.traced_pairs import traced
 from tools.evaluate.trajectory import RIGHT_DEG, RIGHT_VOXELS, pair_error
 from tools.simulate.pairs.random_pairs import random_pair
 from tools.simulate.sensing.noise import Noise
@@ -102,15 +104,18 @@ def _interrupts_ignored() -> Iterator[None]:
 def _work(sender: Connection, pairs: list[SimulatedPair], grid: Grid, selector: str | None) -> None:
     """The spawned process: sends words after each pair, and last a PairResult or a SonarmapError."""
     try:
-        registrar = SpectralRegistrar(choose_device(selector), grid, SpectralConfig())
-        sender.send(_measure(registrar, pairs, sender))
+        result = _measure(selector, grid, pairs, sender)
+        sender.send(traced(result, selector, grid, [pair[:2] for pair in pairs]))
     except SonarmapError as error:
         sender.send(error)
 
 
-def _measure(registrar: SpectralRegistrar, pairs: list[SimulatedPair], sender: Connection) -> PairResult:
-    # once untimed: kernels are compiled at their first launch
+def _measure(selector: str | None, grid: Grid, pairs: list[SimulatedPair], sender: Connection) -> PairResult:
+    start = perf_counter()
+    registrar = SpectralRegistrar(choose_device(selector), grid, SpectralConfig())
+    # once for itself: kernels are compiled at their first launch
     _measure_pair(registrar, *pairs[0][:2])
+    first = perf_counter() - start
     preparing, registering, accepted, right = [], [], 0, 0
     for n, (target, source, truth) in enumerate(pairs):
         times, seconds, registration = _measure_pair(registrar, target, source)
@@ -127,6 +132,10 @@ def _measure(registrar: SpectralRegistrar, pairs: list[SimulatedPair], sender: C
         accepted=accepted,
         right=right,
         peak_memory=peak_memory(),
+        first_seconds=first,
+        device_memory=0,
+        planned_memory=0,
+        stages=(),
     )
 
 

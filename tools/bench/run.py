@@ -2,18 +2,19 @@
 
 from collections.abc import Sequence
 
-import numpy as np
-
 from kernels.device.device import Device, choose_device
 from kernels.errors import InputError
 from spectral.grid import Grid
 from tools.bench.cases.all_cases import CASES
-from tools.bench.copy_rate import measure_copy
 from tools.bench.kernels import measure_kernels
 from tools.bench.machine import describe_machine, load_average
 from tools.bench.pairs import measure_pairs, simulate_pairs
+from tools.bench.rates import measure_rates, summarize_rates
 from tools.bench.result import BenchResult, KernelResult, PairResult
+from tools.bench.survey import measure_survey
 from tools.progress import Follow
+
+_RATE_REPEATS = 5
 
 
 def run_bench(
@@ -23,6 +24,7 @@ def run_bench(
     repeats: int,
     pairs: int,
     kernels: bool,
+    survey: int,
     seed: int,
     follow: Follow,
 ) -> BenchResult:
@@ -34,6 +36,7 @@ def run_bench(
         repeats: timed runs of each kernel.
         pairs: how many simulated pairs to register on each edge; 0 for none.
         kernels: whether to time the kernels.
+        survey: how many scans of a simulated survey to map; 0 for none.
         seed: of all input.
         follow: reports the progress.
 
@@ -43,21 +46,25 @@ def run_bench(
     """
     for edge in edges:
         Grid(edge, 1.0)
-    if not (kernels or pairs):
+    if not (kernels or pairs or survey):
         raise InputError("--no-kernels and --pairs 0 leave nothing to measure; leave one of them out")
-    device = choose_device(selector)
+    if survey == 1:
+        raise InputError("--survey 1: a survey needs 2 scans or more; 0 maps none")
+    chosen = choose_device(selector)
+    device = Device(chosen.cl_device, chosen.selector, chosen.notes, profiling=True)
     machine, before = describe_machine(device), load_average()
-    copying = measure_copy(device, repeats)
+    rates = [measure_rates(device, _RATE_REPEATS)]
     measured = _kernels(device, edges, repeats, seed, machine.cores, follow) if kernels else ()
     # again, as the machine's other work may have changed meanwhile
-    copying += measure_copy(device, repeats)
+    rates.append(measure_rates(device, _RATE_REPEATS))
     return BenchResult(
         machine=machine,
         seed=seed,
         repeats=repeats,
-        copy_rate=float(np.median(copying)),
+        rates=summarize_rates(device, rates),
         kernels=measured,
         pairs=_pairs(selector, edges, pairs, seed, follow) if pairs else (),
+        survey=measure_survey(survey, seed, selector, follow) if survey else None,
         load=(before, load_average()),
     )
 

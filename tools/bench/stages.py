@@ -39,6 +39,9 @@ PAIR_STAGES: Mapping[str, str] = {
     "spectral.registration:SpectralRegistrar._conclude": "covariance, probability",
 }
 
+# Drivers compile when a program is built, and some when it is first launched.
+BUILDS: Mapping[str, str] = {"kernels.device.device:Device.build": "build"}
+
 SURVEY_STAGES: Mapping[str, str] = {
     "tools.readers.scans:read_survey": "reading",
     "spectral.registration:SpectralRegistrar.prepare": "preparing scans",
@@ -134,6 +137,11 @@ def clocked(stages: Mapping[str, str], device: Device | None = None) -> Iterator
                 stack.callback(setattr, owner, attribute, original)
         stack.enter_context(tracing(device, clock.counts) if device else nullcontext())
         yield clock
+
+
+def build_seconds(clock: StageClock) -> float:
+    """What building programs took, of BUILDS [s]."""
+    return clock.stages["build"].seconds if "build" in clock.stages else 0.0
 
 
 def places(place: str) -> list[tuple[Any, str, Callable[..., Any]]]:

@@ -1,4 +1,4 @@
-"""Time two things that do the same, taking turns, and sum the times up."""
+"""Time things that do the same, taking turns, and sum the times up."""
 
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
@@ -47,27 +47,31 @@ def timed(call: Callable[P, T], *arguments: P.args, **options: P.kwargs) -> tupl
 
 def interleave(
     first: Callable[[], object],
-    second: Callable[[], object],
+    others: Sequence[Callable[[], object]],
     repeats: int,
     restore: Callable[[], object] = lambda: None,
-) -> tuple[Times, Times]:
-    """The times of two calls that take turns, so that whatever else the machine does meets both alike.
+) -> list[Times]:
+    """The times of calls that take turns, so that whatever else the machine does meets all alike.
 
-    Each is called once before, untimed: kernels are compiled then, and memory is touched for the first time.
+    Each is called once before, untimed: memory is touched for the first time then.
 
     Args:
         first: called `repeats` times.
-        second: called as often, or less where that would take long; its turns are spread over the others.
+        others: called as often, or less where that would take long; their turns are spread over the first's.
         repeats: at least 1.
         restore: what puts the inputs back that the calls overwrite; called before every round, untimed.
+
+    Returns:
+        The times of the first and of the others, in their order.
     """
     restore()
     first()
-    turns = min(repeats, max(_FEWEST, int(_TWIN_SECONDS / max(timed(second)[0], 1e-9))))
-    firsts, seconds = [], []
+    turns = [min(repeats, max(_FEWEST, int(_TWIN_SECONDS / max(timed(call)[0], 1e-9)))) for call in others]
+    seconds: list[list[float]] = [[] for _ in (first, *others)]
     for n in range(repeats):
         restore()
-        firsts.append(timed(first)[0])
-        if (n + 1) * turns // repeats > n * turns // repeats:
-            seconds.append(timed(second)[0])
-    return summarize(firsts), summarize(seconds)
+        seconds[0].append(timed(first)[0])
+        for call, share, times in zip(others, turns, seconds[1:], strict=True):
+            if (n + 1) * share // repeats > n * share // repeats:
+                times.append(timed(call)[0])
+    return [summarize(times) for times in seconds]

@@ -18,13 +18,17 @@ from typer.testing import CliRunner
 from kernels.device.device import Device
 from kernels.errors import DeviceError
 from tools.bench import twins
+from tools.bench.case import Peer
 from tools.bench.cases.all_cases import CASES
 from tools.bench.cases.transforms import real_forward_case
-from tools.bench.copy_rate import copier, measure_copy
 from tools.bench.kernels import measure_case, measure_kernels, relative_difference
 from tools.bench.machine import count_cores, peak_memory
 from tools.bench.pairs import is_right, measure_pairs, simulate_pairs
+from tools.bench.peers import fft_peers
+from tools.bench.rates import Rates, _kernels, _per_item, copier, measure_rates, summarize_rates
+from tools.bench.stages import PAIR_STAGES
 from tools.bench.timing import interleave, summarize
+from tools.bench.traffic import Traffic
 from tools.bench.workload import Workload
 from tools.cli.main import app
 
@@ -40,13 +44,14 @@ class TestTiming:
 
     def test_calls_take_turns_after_a_warm_up(self) -> None:
         calls: list[str] = []
-        first, second = interleave(lambda: calls.append("a"), lambda: calls.append("b"), 3, lambda: calls.append("-"))
-        assert "".join(calls) == "-ab-ab-ab-ab"
-        assert (first.count, second.count) == (3, 3)
+        others = [lambda: calls.append("b"), lambda: calls.append("c")]
+        times = interleave(lambda: calls.append("a"), others, 3, lambda: calls.append("-"))
+        assert "".join(calls) == "-abc-abc-abc-abc"
+        assert [each.count for each in times] == [3, 3, 3]
 
     def test_a_slow_twin_is_run_less_often(self, monkeypatch: pytest.MonkeyPatch) -> None:
         monkeypatch.setattr("tools.bench.timing._TWIN_SECONDS", 0.05)
-        first, second = interleave(lambda: None, lambda: time.sleep(0.01), 10)
+        first, second = interleave(lambda: None, [lambda: time.sleep(0.01)], 10)
         assert first.count == 10
         assert 3 <= second.count <= 5
         assert second.least >= 0.01
@@ -61,8 +66,10 @@ class TestKernels:
         assert {result.name: result.error for result in results if not result.right} == {}
         for result in results:
             assert result.edge == edge
-            assert result.moved > 0
-            assert result.rate == result.moved / result.device.median
+            assert result.traffic.moved > 0
+            assert result.rate == result.traffic.moved / result.device.median
+            assert result.launches.count > 0
+            assert result.launches.seconds is None  # this device notes no times
 
     def test_a_wrong_kernel_is_told(self, device: Device) -> None:
         case = real_forward_case(Workload(device, 16, 1, 0))
@@ -78,9 +85,51 @@ class TestKernels:
         run, read = copier(device, source)
         run()
         np.testing.assert_array_equal(read(), source)
-        rates = measure_copy(device, 2)
-        assert len(rates) == 2
-        assert min(rates) > 1e8
+
+
+class TestRates:
+    def test_the_limit_is_the_sum_of_its_parts(self) -> None:
+        """Copying 2 x 300 B at 3 B/s, 80 B in place at 5, and reading 100 B at 7; sizes far below do not count."""
+        best = {"copy": {100: 99.0, 400: 3.0}, "in_place": {400: 5.0}, "read": {400: 7.0, 800: 6.0}, "fill": {400: 2.0}}
+        rates = Rates(best, 3.0, 1e9)
+        assert rates.least_seconds(Traffic(400, 300, 80)) == pytest.approx(600 / 3 + 80 / 5 + 100 / 7)
+        assert rates.least_seconds(Traffic(0, 10, 0)) == pytest.approx(10 / 2)
+        assert rates.at("copy", 1e9) == 3.0
+
+    def test_a_device_has_all_rates(self, device: Device, monkeypatch: pytest.MonkeyPatch) -> None:
+        monkeypatch.setattr("tools.bench.rates._LARGEST", 2**21)
+        rates = summarize_rates(device, [measure_rates(device, 2), measure_rates(device, 1)])
+        assert set(rates.best) == {"copy", "in_place", "read", "fill"}
+        assert all(min(each.values()) > 1e7 for each in rates.best.values())
+        assert 1e7 < rates.copy_rate <= max(rates.best["copy"].values())
+        assert rates.flops > 1e8
+
+    def test_a_read_reads_all(self, device: Device) -> None:
+        """The kernel's sums, of numbers that are exact in single precision, in an order of their own."""
+        numbers = np.random.default_rng(5).integers(0, 50, 2**18).astype(np.float32)
+        count = numbers.size // 16 // _per_item(device)
+        sums = device.empty((count,))
+        _kernels(device)["read"](device.queue, (count,), None, device.to_device(numbers).data, sums.data)
+        assert sums.get().sum(dtype=np.float64) == numbers.sum(dtype=np.float64)
+
+
+class TestPeers:
+    def test_fftw_does_what_scipy_does(self, device: Device) -> None:
+        pytest.importorskip("pyfftw")
+        workload = Workload(device, 32, 2, 3)
+        for inverse in (False, True):
+            (peer,) = [peer for peer in fft_peers(workload, inverse) if peer.name == "pyfftw"]
+            peer.restore()
+            peer.run()
+
+    def test_it_takes_its_turn(self, device: Device) -> None:
+        calls: list[str] = []
+        peer = Peer("another", lambda: calls.append("run"), lambda: calls.append("restore"))
+        case = replace(real_forward_case(Workload(device, 16, 1, 0)), peers=lambda: [peer])
+        result = measure_case(case, device, 16, 3)
+        assert result.peers["another"].count == 3
+        assert calls.count("run") == 4
+        assert calls[0] == "restore"
 
 
 class TestPairs:
@@ -92,6 +141,13 @@ class TestPairs:
         assert (result.prepare.count, result.register.count) == (4, 2)
         assert 0 < result.register.least <= result.register.median <= result.register.most
         assert 2**26 < result.peak_memory < 2**32
+        assert result.device_memory == pytest.approx(result.planned_memory, rel=0.15)
+        assert result.first_seconds > 0
+        stages = {stage.name: stage for stage in result.stages}
+        assert {"prepare", "register", "rotations", "compare", "finish"} <= set(stages) <= set(PAIR_STAGES.values())
+        assert (stages["prepare"].calls, stages["register"].calls) == (2, 1)
+        assert stages["register"].seconds >= sum(stages[name].own_seconds for name in ("rotations", "compare"))
+        assert sum(stage.device_seconds for stage in result.stages) > 0
         assert multiprocessing.active_children() == []
 
     def test_an_error_to_mend_comes_back_from_there(self) -> None:
@@ -134,6 +190,9 @@ class TestCommand:
         assert len(printed["load_average"]) == 2
         row = next(row for row in printed["kernels"] if row["kernel"] == "RealFFT.forward")
         assert row["right"]
+        assert row["event_seconds"] > 0
+        assert any(each["share_of_limit"] for each in row["passes"])
+        assert 0 < row["share_of_limit"] < 1.5
         assert row["ratio"] == pytest.approx(row["twin_seconds"]["median"] / row["device_seconds"]["median"])
 
     def test_the_table_names_every_kernel(self, device: Device) -> None:

@@ -15,6 +15,7 @@ from kernels.resample.sphere import (
 )
 from tools.bench import twins
 from tools.bench.case import RESAMPLED, KernelCase, volume_bytes
+from tools.bench.traffic import Traffic
 from tools.bench.workload import R, Workload
 
 
@@ -24,11 +25,12 @@ def voxelize_case(w: Workload) -> KernelCase:
     return KernelCase(
         "voxelize",
         "np.maximum.at",
-        volume_bytes(w) + w.points.nbytes + 8 * len(w.points),
+        Traffic(w.points.nbytes, volume_bytes(w), 8 * len(w.points)),
         0.0,
         run=lambda: voxelize(w.device, points, w.edge, R, out=out),
         read=out.get,
         twin=lambda: twins.voxelize(w.points, R, volume),
+        flops=18 * len(w.points),
     )
 
 
@@ -41,11 +43,12 @@ def sample_case(w: Workload) -> KernelCase:
     return KernelCase(
         "sample",
         "map_coordinates",
-        shell + directions.nbytes + out.nbytes,
+        Traffic(shell + directions.nbytes, out.nbytes),
         RESAMPLED,
         run=lambda: sample(w.device, volume, table, w.radii, R, out=out),
         read=out.get,
         twin=lambda: twins.sample(w.magnitude, directions, w.radii, R, w.cores),
+        flops=30 * out.size,
     )
 
 
@@ -57,11 +60,12 @@ def normalize_layers_case(w: Workload) -> KernelCase:
     return KernelCase(
         "normalize_layers",
         "NumPy mean, std",
-        3 * w.layers.nbytes,
+        Traffic(2 * w.layers.nbytes, w.layers.nbytes),
         1e-5,
         run=lambda: normalize_layers(w.device, stack, device_window, device_mask, out=out),
         read=out.get,
         twin=lambda: twins.normalize_layers(w.layers, window, mask),
+        flops=8 * w.layers.size,
     )
 
 
@@ -75,9 +79,10 @@ def polar_magnitude_case(w: Workload) -> KernelCase:
     return KernelCase(
         "polar_magnitude",
         "np.abs, map_coordinates",
-        ring * len(host) + out.nbytes,
+        Traffic(ring * len(host), out.nbytes),
         RESAMPLED,
         run=lambda: polar_magnitude(w.device, spectrum, (w.edge, w.edge), radii, angles, out=out),
         read=out.get,
         twin=lambda: twins.polar_magnitude(host, radii, angles, w.cores),
+        flops=28 * out.size,
     )

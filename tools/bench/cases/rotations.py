@@ -6,6 +6,7 @@ from kernels.points.visibility import Way, agreement, upload_points
 from kernels.so3.correlation import RotationCorrelation, wigner_d
 from tools.bench import twins
 from tools.bench.case import KernelCase
+from tools.bench.traffic import Traffic
 from tools.bench.workload import BANDWIDTH, Workload
 
 # How far roll and pitch of 35 degrees carry the z axis.
@@ -32,11 +33,12 @@ def correlate_rotations_case(w: Workload) -> KernelCase:
     return KernelCase(
         "RotationCorrelation",
         "matmul, einsum, irfft2",
-        2 * target.nbytes + table + 4 * half + volume,
+        Traffic(2 * target.nbytes + table + half, half + volume, 2 * half),
         1e-5,
         run=run,
         read=lambda: result[0].get(),
         twin=lambda: twins.correlate_rotations(target, source, wigner, edge, w.cores),
+        flops=2.5 * images * edge**2 * np.log2(edge**2) + table,
     )
 
 
@@ -52,11 +54,12 @@ def rotation_peaks_case(w: Workload) -> KernelCase:
     return KernelCase(
         "RotationCorrelation.peaks",
         "maximum_filter, np.argmax",
-        host.nbytes,
+        Traffic(reads=host.nbytes),
         0.0,
         run=run,
         read=lambda: np.column_stack([peaks[0].index, peaks[0].around[:, 13]]),
         twin=lambda: twins.segment_peaks(host, _SEGMENTS, images=len(correlation.betas)),
+        flops=26 * host.size,
     )
 
 
@@ -71,11 +74,12 @@ def agreement_case(w: Workload) -> KernelCase:
     return KernelCase(
         "agreement",
         "NumPy, a pose at a time",
-        w.view.nbytes + w.seen.nbytes + len(w.poses[0]) * (16 + 3) * 4,
+        Traffic(w.view.nbytes + w.seen.nbytes + len(w.poses[0]) * 16 * 4, len(w.poses[0]) * 3 * 4),
         _BORDERS,
         run=run,
         read=lambda: counts[0],
         twin=lambda: twins.agreement(w.view, w.seen, *w.poses, _REACH, _SLOPE),
+        flops=40 * len(w.seen) * len(w.poses[0]),
     )
 
 

@@ -5,7 +5,19 @@ import numpy as np
 from kernels.pomf.peak import find_peaks
 from kernels.pomf.spectrum import Pomf, cross_power, magnitude, whiten
 from tools.bench import twins
-from tools.bench.case import BLUR, ELEMENTWISE, WHITENED, KernelCase, half_bytes, transform_bytes, valid
+from tools.bench.case import (
+    BLUR,
+    ELEMENTWISE,
+    WHITENED,
+    KernelCase,
+    half_bytes,
+    half_points,
+    transform_flops,
+    transform_passes,
+    valid,
+    volume_bytes,
+)
+from tools.bench.traffic import Traffic
 from tools.bench.workload import Workload
 
 
@@ -14,11 +26,12 @@ def magnitude_case(w: Workload) -> KernelCase:
     return KernelCase(
         "magnitude",
         "np.abs, fftshift",
-        half_bytes(w) * 3 // 2,
+        Traffic(half_bytes(w), half_bytes(w) // 2),
         ELEMENTWISE,
         run=lambda: magnitude(w.device, spectrum, w.edge, out=out),
         read=out.get,
         twin=lambda: twins.magnitude(w.spectrum),
+        flops=4 * half_points(w),
     )
 
 
@@ -28,11 +41,12 @@ def whiten_case(w: Workload) -> KernelCase:
     return KernelCase(
         "whiten",
         "np.abs, np.divide",
-        2 * half_bytes(w),
+        Traffic(half_bytes(w), half_bytes(w)),
         ELEMENTWISE,
         run=lambda: whiten(w.device, spectrum, out=out),
         read=lambda: valid(out),
         twin=lambda: twins.whiten(w.spectrum, host),
+        flops=6 * half_points(w),
     )
 
 
@@ -42,11 +56,12 @@ def cross_power_case(w: Workload) -> KernelCase:
     return KernelCase(
         "cross_power",
         "NumPy products",
-        3 * half_bytes(w),
+        Traffic(2 * half_bytes(w), half_bytes(w)),
         ELEMENTWISE,
         run=lambda: cross_power(w.device, target, source, w.volume.shape, BLUR, out=out),
         read=lambda: valid(out),
         twin=lambda: twins.cross_power(*w.whitened, BLUR, host),
+        flops=9 * half_points(w),
     )
 
 
@@ -56,11 +71,13 @@ def prepare_case(w: Workload) -> KernelCase:
     return KernelCase(
         "Pomf.prepare",
         "scipy.fft.rfftn, NumPy",
-        transform_bytes(w) + 2 * half_bytes(w),
+        Traffic(volume_bytes(w), half_bytes(w), 2 * half_bytes(w)),  # whitening can be part of the last pass
         WHITENED,
         run=lambda: pomf.prepare(volume, out=out),
         read=lambda: valid(out),
         twin=lambda: twins.prepare(w.volume, w.cores),
+        flops=transform_flops(w) + 6 * half_points(w),
+        passes=transform_passes(w),
     )
 
 
@@ -71,11 +88,13 @@ def correlate_case(w: Workload) -> KernelCase:
     return KernelCase(
         "Pomf.correlate",
         "NumPy, scipy.fft.irfftn",
-        3 * half_bytes(w) + transform_bytes(w),
+        Traffic(3 * half_bytes(w), half_bytes(w) + volume_bytes(w)),  # the product can be part of the first pass
         WHITENED,
         run=lambda: pomf.correlate(target, source, out=out),
         read=out.get,
         twin=lambda: twins.correlate(*w.whitened, BLUR, scratch, w.cores),
+        flops=transform_flops(w) + 9 * half_points(w),
+        passes=transform_passes(w),
     )
 
 
@@ -93,4 +112,13 @@ def find_peaks_case(w: Workload) -> KernelCase:
             [peak.index, [peak.value, (peak.value - peak.mean) / peak.std], peak.neighborhood.ravel()]
         )
 
-    return KernelCase("find_peaks", "np.argmax, mean, std", host.nbytes, 1e-5, run, read, lambda: twins.peak(host))
+    return KernelCase(
+        "find_peaks",
+        "np.argmax, mean, std",
+        Traffic(reads=host.nbytes),
+        1e-5,
+        run,
+        read,
+        lambda: twins.peak(host),
+        flops=4 * host.size,
+    )

@@ -4,8 +4,10 @@ import numpy as np
 
 from kernels.fft.transform import RealFFT
 from tools.bench import twins
-from tools.bench.case import FFT, KernelCase, transform_bytes, valid, volume_bytes
-from tools.bench.copy_rate import copier
+from tools.bench.case import FFT, KernelCase, half_bytes, transform_flops, transform_passes, valid, volume_bytes
+from tools.bench.peers import fft_peers
+from tools.bench.rates import copier
+from tools.bench.traffic import Traffic
 from tools.bench.workload import Workload
 
 
@@ -17,7 +19,7 @@ def copy_case(w: Workload) -> KernelCase:
         np.copyto(out, w.volume)
         return out
 
-    return KernelCase("copy", "np.copyto", 2 * volume_bytes(w), 0.0, run, read, twin)
+    return KernelCase("copy", "np.copyto", Traffic(volume_bytes(w), volume_bytes(w)), 0.0, run, read, twin)
 
 
 def real_forward_case(w: Workload) -> KernelCase:
@@ -26,11 +28,14 @@ def real_forward_case(w: Workload) -> KernelCase:
     return KernelCase(
         "RealFFT.forward",
         "scipy.fft.rfftn",
-        transform_bytes(w),
+        Traffic(volume_bytes(w), half_bytes(w), 2 * half_bytes(w)),
         FFT,
         run=lambda: fft.forward(volume, out=out),
         read=lambda: valid(out),
         twin=lambda: twins.forward(w.volume, w.cores),
+        flops=transform_flops(w),
+        passes=transform_passes(w),
+        peers=lambda: fft_peers(w, inverse=False),
     )
 
 
@@ -42,10 +47,13 @@ def real_inverse_case(w: Workload) -> KernelCase:
     return KernelCase(
         "RealFFT.inverse",
         "scipy.fft.irfftn",
-        transform_bytes(w),
+        Traffic(half_bytes(w), volume_bytes(w), 2 * half_bytes(w)),
         FFT,
         run=lambda: fft.inverse(spectrum, out=out),
         read=out.get,
         twin=lambda: twins.inverse(w.spectrum, w.cores),
         restore=lambda: spectrum.set(padded),
+        flops=transform_flops(w),
+        passes=transform_passes(w),
+        peers=lambda: fft_peers(w, inverse=True),
     )

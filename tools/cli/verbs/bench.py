@@ -2,16 +2,41 @@
 
 import json
 import sys
-from typing import Annotated
+from collections.abc import Mapping
+from pathlib import Path
+from typing import Annotated, Any
 
 import typer
 
+from kernels.errors import InputError
 from tools.cli.options import DeviceOption, JsonOption, SeedOption
 from tools.cli.progress import progress
-from tools.cli.terminal import say
+from tools.cli.terminal import printable, say
 
-DEFAULT_EDGES = (128, 256)
-UNRELIABLE = 3
+DEFAULT_EDGES = (64, 128, 256)
+UNRELIABLE, SLOWER = 3, 4
+
+FromOption = Annotated[
+    Path | None,
+    typer.Option("--from", metavar="FILE", help="Measure nothing; take the result that an earlier run wrote."),
+]
+CompareOption = Annotated[
+    Path | None,
+    typer.Option("--compare", metavar="OLD", help="Say what differs from an earlier run beyond the noise of both."),
+]
+OutOption = Annotated[
+    Path | None, typer.Option("-o", "--out", metavar="FILE", help="Also write the result as JSON: one file to send.")
+]
+PictureOption = Annotated[
+    Path | None, typer.Option(metavar="FILE", help="Draw the kernels under the device's limits, as PNG.")
+]
+PageOption = Annotated[
+    Path | None,
+    typer.Option(metavar="FILE", help="Write the figures into a page, as docs/benchmarks.md, at its marks."),
+]
+SurveyOption = Annotated[
+    int, typer.Option(metavar="N", help="Also map a simulated survey of N scans, files to files; 0 for none.", min=0)
+]
 
 
 def command(
@@ -21,7 +46,7 @@ def command(
             "--grid",
             metavar="N",
             help="Voxels along each edge of the grid: an even product of 2, 3 and 5, 16..512; may be repeated. "
-            "\\[128 and 256]",
+            "\\[64, 128 and 256]",
         ),
     ] = None,
     repeats: Annotated[
@@ -31,34 +56,112 @@ def command(
         int, typer.Option("--pairs", metavar="P", help="Number of simulated pairs to register; 0 for none.", min=0)
     ] = 20,
     kernels: Annotated[bool, typer.Option("--kernels/--no-kernels", help="Time the kernels.")] = True,
+    survey: SurveyOption = 0,
     device: DeviceOption = None,
     seed: SeedOption = 0,
+    out: OutOption = None,
+    compare: CompareOption = None,
+    picture: PictureOption = None,
+    page: PageOption = None,
+    from_: FromOption = None,
     as_json: JsonOption = False,
 ) -> None:
-    """Time each kernel and its NumPy or SciPy equivalent, and the registration of prepared pairs.
+    """Time each kernel and its equivalents in NumPy, SciPy, pyfftw and pyvkfft, and the registration of pairs.
 
-    A kernel whose result differs from the equivalent's is marked WRONG, and the exit code is 3.
+    A kernel whose result differs from the equivalent's is marked WRONG, and the exit code is 3. With --compare it is 4
+    if anything became slower beyond the noise.
     """
+    from tools.bench.output.as_json import read_result
+    from tools.writers.atomic import require_writable
+    from tools.writers.json_text import write_json
+
+    old = read_result(compare) if compare else None
+    for path in (out, picture, page):
+        if path is not None:
+            require_writable(path.parent)
+    if from_ is not None:
+        _refuse_measuring(grid, survey, device)
+        result, wrong = read_result(from_), []
+    else:
+        edges = list(dict.fromkeys(grid or DEFAULT_EDGES))
+        result, wrong = _measured(edges, repeats, pairs, kernels, survey, device, seed, as_json)
+    if out is not None:
+        write_json(out, result)
+    _show(result, picture, page)
+    if wrong:
+        names = ", ".join(wrong)
+        say(f"the result differs from NumPy's or SciPy's: {names}; these times mean nothing", "error: ", "bold red")
+        raise typer.Exit(UNRELIABLE)
+    if old is not None and _compared(old, result):
+        raise typer.Exit(SLOWER)
+
+
+def _refuse_measuring(grid: list[int] | None, survey: int, device: str | None) -> None:
+    given = {"--grid": grid, "--survey": survey, "--device": device}
+    if without := [name for name, value in given.items() if value]:
+        raise InputError(f"--from measures nothing, so {', '.join(without)} has no effect; leave one of them out")
+
+
+def _measured(
+    edges: list[int],
+    repeats: int,
+    pairs: int,
+    kernels: bool,
+    survey: int,
+    device: str | None,
+    seed: int,
+    as_json: bool,
+) -> tuple[dict[str, Any], list[str]]:
+    """The result, printed, as JSON's types; and the kernels that are wrong."""
     from rich.console import Console
 
-    from tools.bench.result import as_json as to_json
+    from tools.bench.output.as_json import as_json as to_json
+    from tools.bench.output.table import describe
     from tools.bench.run import run_bench
-    from tools.bench.table import describe
 
-    result = run_bench(
+    measured = run_bench(
         device,
-        list(dict.fromkeys(grid or DEFAULT_EDGES)),
+        edges,
         repeats=repeats,
         pairs=pairs,
         kernels=kernels,
+        survey=survey,
         seed=seed,
         follow=lambda label, total: progress(label, total, quiet=as_json),
     )
+    result = to_json(measured)
     if as_json:
-        typer.echo(json.dumps(to_json(result), indent=2, allow_nan=False))
+        typer.echo(json.dumps(result, indent=2, allow_nan=False))
     else:
-        Console(width=None if sys.stdout.isatty() else 160).print(describe(result))
-    if result.wrong:
-        names = ", ".join(f"{kernel.name} at {kernel.edge}^3" for kernel in result.wrong)
-        say(f"the result differs from NumPy's or SciPy's: {names}; these times mean nothing", "error: ", "bold red")
-        raise typer.Exit(UNRELIABLE)
+        Console(width=None if sys.stdout.isatty() else 180).print(describe(measured))
+    return result, [f"{kernel.name} at {kernel.edge}^3" for kernel in measured.wrong]
+
+
+def _show(result: Mapping[str, Any], picture: Path | None, page: Path | None) -> None:
+    """Draw and write what was asked for."""
+    from tools.bench.output.page import write_page
+    from tools.bench.output.picture import draw_roofline
+
+    if picture is not None:
+        draw_roofline(picture, result)
+        say(f"drawn: {printable(str(picture))}")
+    if page is not None:
+        write_page(page, result)
+        say(f"written: the figures of {printable(str(page))}")
+
+
+def _compared(old: Mapping[str, Any], new: Mapping[str, Any]) -> bool:
+    """Say what differs; whether anything is worse."""
+    from tools.bench.output.compare import MARGIN, compare
+
+    comparison = compare(old, new)
+    for note in comparison.notes:
+        say(note, "warning: ", "yellow")
+    for change in comparison.changes:
+        say(str(change), "worse: " if change.worse else "better: ", "bold red" if change.worse else "green")
+    count, worse = len(comparison.changes), len(comparison.regressions)
+    say(
+        f"{comparison.compared} figures compared: {worse} worse, {count - worse} better, the others within the noise "
+        f"(quartiles that overlap, or medians within {MARGIN:.0%})"
+    )
+    return bool(worse)

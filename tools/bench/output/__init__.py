@@ -1,0 +1,1 @@
+"""A benchmark's result as a table, as JSON, as a page and a picture, and beside an older one."""

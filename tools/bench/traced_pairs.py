@@ -1,0 +1,68 @@
+"""Where a pair's time and memory go: some pairs once more, on a device that notes times and counts its arrays."""
+
+import gc
+from dataclasses import replace
+from statistics import mean
+
+import numpy as np
+
+from kernels.device.device import Device, choose_device
+from kernels.device.usage import MemoryUsage
+from spectral.grid import Grid
+from spectral.memory import memory_plan
+from spectral.registration import SpectralConfig, SpectralRegistrar
+from spectral.scan import Scan
+from tools.bench.result import PairResult, StageResult
+from tools.bench.stages import PAIR_STAGES, Stage, clocked
+
+# So many of the pairs, after one that does not count.
+_PAIRS = 8
+
+
+def traced(result: PairResult, selector: str | None, grid: Grid, pairs: list[tuple[Scan, Scan]]) -> PairResult:
+    """The result with its stages, its memory on the device, and what was reckoned with for it.
+
+    Raises:
+        SonarmapError: the scans or the device will not do.
+    """
+    chosen, config = choose_device(selector), SpectralConfig()
+    device = Device(chosen.cl_device, chosen.selector, profiling=True)
+    usage = MemoryUsage(device)
+    registrar = SpectralRegistrar(device, grid, config)
+
+    def register(target: Scan, source: Scan) -> None:
+        registrar.register(registrar.prepare(target), registrar.prepare(source))
+        device.queue.finish()
+
+    register(*pairs[0])
+    gc.collect()
+    usage.restart()
+    chosen_pairs = pairs[:_PAIRS]
+    with clocked(PAIR_STAGES, device) as clock:
+        for target, source in chosen_pairs:
+            register(target, source)
+    count = len(chosen_pairs)
+    points = round(mean(len(scan.points) for pair in chosen_pairs for scan in pair))
+    return replace(
+        result,
+        device_memory=usage.most,
+        planned_memory=memory_plan(grid.edge, "spectral", points, config.max_tilt).pair,
+        stages=tuple(_per_pair(stage, count) for stage in clock.stages.values() if stage.calls),
+    )
+
+
+def _per_pair(stage: Stage, pairs: int) -> StageResult:
+    counts = stage.counts
+    totals = np.array(
+        [
+            stage.calls,
+            stage.seconds,
+            stage.own_seconds,
+            sum(counts.kernel_seconds().values()),
+            counts.launches,
+            counts.reads,
+            counts.writes,
+            counts.array_bytes,
+        ]
+    )
+    return StageResult(stage.name, *(totals / pairs).tolist())
