@@ -2,7 +2,7 @@
 
 Bytes are those that the algorithm must move: each array that goes in or comes out once, valid elements only. A
 three-dimensional transform that no cache holds must go over its array twice: once along rows and columns, plane by
-plane, from the volume to the spectrum or back, and once along the last axis, in place.
+plane, from the volume to the spectrum or back, and once along the first axis, in place.
 """
 
 from collections.abc import Callable, Mapping

@@ -95,7 +95,7 @@ def _launches(case: KernelCase, device: Device) -> Launches:
             case.run()
         device.queue.finish()
     times = [counts.kernel_seconds() for counts in rounds]
-    kernels = {name: min(each[name] for each in times) for name in times[0]}
+    kernels = {name: float(np.median([each[name] for each in times])) for name in times[0]}
     passes = {name: case.passes[name] for name in kernels if name in case.passes}
     return Launches(rounds[0].launches, rounds[0].reads, kernels, passes)
 

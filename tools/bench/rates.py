@@ -137,17 +137,15 @@ def copier(device: Device, source: np.ndarray) -> tuple[Callable[[], None], Call
 def _measure(device: Device, way: Way, touched: int, repeats: int) -> list[float]:
     """The rates of some runs, each of at least _TOUCHED bytes; `touched` is of both arrays of a copy."""
     kernel, again = _kernels(device)[way], max(1, _TOUCHED // touched)
-    arguments: tuple[Any, ...]
     size = touched // 2 if way == "copy" else touched
     array = device.to_device(np.ones(size // 4, np.float32))
     count, one, group = size // 4 // _LANES, np.float32(1), (_GROUP,)
+    arguments: list[Any] = [array.data, one]
     if way == "copy":
-        arguments = (array.data, device.empty(array.shape).data)
+        arguments = [array.data, device.empty(array.shape).data]
     elif way == "read":
         count, group = size // 64 // _per_item(device), ((1,) if device.is_cpu else None)
-        arguments = (array.data, device.empty((count,)).data)
-    else:
-        arguments = (array.data, one)
+        arguments = [array.data, device.empty((count,)).data]
 
     def run() -> None:
         for _ in range(again):
@@ -160,8 +158,8 @@ def _measure(device: Device, way: Way, touched: int, repeats: int) -> list[float
 
 
 def _measure_flops(device: Device) -> float:
-    program = device.build(_FLOPS_SOURCE, name="multiply_add")
-    kernel, items = program.multiply_add, 2**12 if device.is_cpu else 2**20
+    kernel: Any = device.build(_FLOPS_SOURCE, name="multiply_add").multiply_add
+    items = 2**12 if device.is_cpu else 2**20
     array = device.to_device(np.ones(items * _WIDE, np.float32))
 
     def run() -> None:

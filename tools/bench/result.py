@@ -19,7 +19,7 @@ class Launches:
     Attributes:
         count: of kernels.
         reads: how often the host waits for the device within the run.
-        kernels: the device's own time by kernel, the least of some runs [s]; nothing where it notes no times.
+        kernels: the device's own time by kernel, the median of some runs [s]; nothing where it notes no times.
         passes: what some of them move.
     """
 
@@ -79,8 +79,8 @@ class KernelResult:
         return self.error <= self.tolerance
 
     def share_of_limit(self, rates: Rates) -> float:
-        """How much of its least time the device's memory needs at its best."""
-        return rates.least_seconds(self.traffic) / self.device.least
+        """How much of its time the device's memory needs at its best."""
+        return rates.least_seconds(self.traffic) / self.device.median
 
 
 @dataclass(frozen=True, slots=True)

@@ -49,8 +49,8 @@ def _machine(result: Mapping[str, Any]) -> str:
     load = f", load average {loads[0]:.1f} before and {loads[-1]:.1f} after" if loads else ""
     words = (
         f"{result['device']['name']}, {result['cores']} cores ({result['device']['platform']}), {named}{load}. "
-        f"Its memory copies {copy:.1f} GB/s, changes {in_place:.1f} GB/s in place and reads {read:.1f} GB/s; it computes "
-        f"{result['flops'] / 1e9:.0f} GFLOP/s."
+        f"Its memory copies {copy:.1f} GB/s, changes {in_place:.1f} GB/s in place and reads {read:.1f} GB/s; "
+        f"it computes {result['flops'] / 1e9:.0f} GFLOP/s."
     )
     return fill(words, 128, break_long_words=False, break_on_hyphens=False) + "\n"
 
