@@ -145,7 +145,7 @@ class TestRegister:
             (np.full((50, 3), np.nan), {}, "NaN or infinite"),
             (np.array([["a", "b", "c"]]), {}, "wanted points"),
             (points(1), {"method": "magic"}, "no method is called 'magic'"),
-            (points(1), {"edge": 100}, "`edge=100`"),
+            (points(1), {"edge": 103}, "`edge=103`"),
             (points(1), {"voxel": -1.0}, "voxel"),
             ("nowhere.ply", {}, "nowhere.ply"),
         ],

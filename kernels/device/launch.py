@@ -92,7 +92,7 @@ def zero(device: Device, array: cla.Array) -> None:
     if rest:
         pattern, begin = np.zeros(1, np.float32), array.offset + whole * _CLEARED
         with device.explain_full_memory():
-            cl.enqueue_fill_buffer(device.queue, memory_of(array), pattern, begin, rest)
+            cl.enqueue_fill_buffer(device.queue, cast(cl.Buffer, array.base_data), pattern, begin, rest)
 
 
 def group_size(count: int, most: int) -> int:

@@ -11,6 +11,7 @@ from dataclasses import dataclass, field
 from functools import wraps
 from typing import Any
 
+import numpy as np
 import pyopencl as cl
 import pyopencl._cl as binding
 import pyopencl.array as cla
@@ -97,9 +98,15 @@ def tracing(device: Device, counts: Callable[[], Counts]) -> Iterator[None]:
         counts().reads += 1
         return original(*given)
 
-    def took(original: Callable[..., Any], of: Device, array: cla.Array) -> Any:
+    def took(original: Callable[..., Any], array: cla.Array) -> Any:
         passed.append(array.nbytes)
-        return original(of, array)
+        return original(array)
+
+    def uploaded(original: Callable[..., Any], of: Device, host: np.ndarray) -> Any:
+        if ours(of.queue) and of.allocator is None:  # else it is copied, and counts there
+            counts().writes += 1
+            counts().written_bytes += host.nbytes
+        return original(of, host)
 
     with ExitStack() as stack:
         for owner in (cl, binding):
@@ -109,7 +116,8 @@ def tracing(device: Device, counts: Callable[[], Counts]) -> Iterator[None]:
         stack.enter_context(_before(cl, "wait_for_events", waited))
         stack.enter_context(_before(cl.Event, "wait", waited))
         stack.enter_context(_before(cl.CommandQueue, "finish", waited))
-        for owner, name in everywhere(launch.buffer_of):
+        stack.enter_context(_before(Device, "to_device", uploaded))
+        for owner, name in everywhere(launch.memory_of):
             stack.enter_context(_before(owner, name, took))
         yield
 

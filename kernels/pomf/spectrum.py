@@ -22,7 +22,7 @@ def magnitude(device: Device, spectrum: cla.Array, edge: int, out: cla.Array | N
     """The magnitude of a volume's half spectrum, centered in axes 0 and 1.
 
     Args:
-        spectrum: (edge, edge, `row_pitch(edge)`) complex64.
+        spectrum: (edge, edge, P) complex64, P = `row_pitch(edge)`.
         edge: even.
         out: (edge, edge, edge/2 + 1) float32 to write to.
 

@@ -27,7 +27,7 @@ def polar_magnitude(
     modulo 180 degrees.
 
     Args:
-        spectrum: (L, H, `row_pitch(W)`) complex64, of L real images by a batched transform.
+        spectrum: (L, H, P) complex64, P = `row_pitch(W)`, of L real images by a batched transform.
         shape: (H, W) of the images, even.
         radii: (M,), from 0 to below half the shorter edge less 1 [frequency bins]; on an image that is not
             square a bin of axis 0 and one of axis 1 are not the same frequency.
