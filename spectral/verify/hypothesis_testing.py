@@ -70,7 +70,8 @@ class HypothesisTest:
         refined by few points, and the best of these by more. Impossible ones are kept only where there are no others.
         """
         best = self.verifier.best(self.target, self.source, candidates, count, share=_PROMISING)
-        hypotheses = self._ranked(self._refine_candidates(candidates, best, _FIRST, _FIRST_POINTS), _FIRST_POINTS)
+        reaches = tuple(self.verifier.coarser * reach for reach in _FIRST)
+        hypotheses = self._ranked(self._refine_candidates(candidates, best, reaches, _FIRST_POINTS), _FIRST_POINTS)
         quick = self._refine_all(hypotheses[:_LEFT], _QUICK, _QUICK_POINTS)
         survivors = self._ranked(quick, _QUICK_POINTS)[:_SURVIVORS]
         return self._ranked(self._refine_all(survivors, _ROUGH, _ROUGH_POINTS))

@@ -53,6 +53,8 @@ class Verifier:
         """Plan the correlations of both grids."""
         self.device, self.edge = device, edge
         self.coarse_edge = coarse_edge(edge)
+        # how much farther off its candidates are than those of a grid of half the edge
+        self.coarser = max(1.0, edge / self.coarse_edge / 2)
         self.translation = Translation(device, edge)
         self._coarse = Translation(device, self.coarse_edge, WHITENINGS)
 
@@ -119,18 +121,18 @@ class Verifier:
         source: SpectralScan,
         candidates: Candidates,
         count: int,
-        tolerance: tuple[float, float] = COARSE,
+        tolerance: tuple[float, float] | None = None,
         apart: float = SAME_SHIFT,
         share: float = 0.0,
     ) -> np.ndarray:
         """Indices of the `count` best distinct candidates, best first.
 
         Args:
-            tolerance: how far from the surface a point may lie [voxels; of the range].
+            tolerance: how far from the surface a point may lie [voxels; of the range]; None: as the coarse grid needs.
             apart: candidates of alike rotations that are no farther apart are the same [voxels].
             share: those are left out whose score is less than this share of the best's.
         """
-        scores = self._scores(target, source, candidates, tolerance)
+        scores = self._scores(target, source, candidates, tolerance or (self.coarser * COARSE[0], COARSE[1]))
         order = np.argsort(-scores, kind="stable")
         order = order[scores[order] >= share * scores[order[0]]]
         quaternions, nearest = candidates.R.as_quat(), np.cos(_SAME_ROTATION / 2)
