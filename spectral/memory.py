@@ -104,6 +104,11 @@ def scans_that_fit(device: Device, edge: int) -> int:
     return min(max(0, device.memory - plan.scratch) // plan.scan for plan in plans)
 
 
+def prepared_size(edge: int) -> int:
+    """What a prepared scan takes, by the method that needs more [bytes]."""
+    return max(memory_plan(edge, method).scan for method in ("spectral", "hemisphere"))
+
+
 def _fits(device: Device, edge: int) -> bool:
     try:
         for method in ("spectral", "hemisphere"):

@@ -205,7 +205,8 @@ class SpectralRegistrar:
         return RotationPeaks(Rotation.concatenate([peaks.R, measured]), np.append(peaks.scores, 0.0))
 
     def _bounds(self, target: SpectralScan, source: SpectralScan) -> Bounds:
-        return Bounds(self.config.max_tilt, relative_prior(target.prior, source.prior), self.grid.voxel)
+        voxel = self.grid.voxel * self._verifier.coarser
+        return Bounds(self.config.max_tilt, relative_prior(target.prior, source.prior), voxel)
 
     def _conclude(self, test: HypothesisTest, hypotheses: list[Hypothesis], start: float) -> Registration:
         """The result: the best hypothesis, and beside it every other that cannot be excluded.

@@ -13,23 +13,30 @@ from slam.execute.pair_text import signature_to_text, to_text
 from slam.execute.scan_key import ScanKey
 from slam.execute.transport import ScanSource
 from spectral.expected import ExpectedPose
-from spectral.memory import scans_that_fit
+from spectral.memory import prepared_size, scans_that_fit
 from spectral.result import Registrar
 
 Sources = Mapping[ScanKey, ScanSource]
 
-MOST_PREPARED = 8  # loops seldom come back to a scan that was used longer ago
+# Chains need so many prepared scans, and loops come back to more: as many as an eighth of the memory holds are kept, up
+# to those of the last few tracks. The rest of the memory is the map's, and the other programs'.
+_CHAIN, _TRACKS = 8, 128
+_SHARE = 8
 
 
-def prepared_limit(registrar: Registrar) -> int:
+def prepared_limit(registrar: Registrar, workers: int = 1) -> int:
     """How many prepared scans to keep: as many as are useful and fit, with one more while the next is prepared.
 
     Args:
         registrar: its `device` and `grid`, where it has them, say how much memory a prepared scan takes.
+        workers: that share the memory.
     """
     device, grid = getattr(registrar, "device", None), getattr(registrar, "grid", None)
-    fitting = scans_that_fit(device, grid.edge) - 1 if device and grid else MOST_PREPARED
-    return min(MOST_PREPARED, max(2, fitting))
+    if device is None or grid is None:
+        return _CHAIN
+    fitting = max(2, scans_that_fit(device, grid.edge) - 1)
+    useful = device.memory // (_SHARE * workers * prepared_size(grid.edge))
+    return min(fitting, max(_CHAIN, min(_TRACKS, useful)))
 
 
 @dataclass(frozen=True, slots=True)

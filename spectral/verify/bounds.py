@@ -30,7 +30,8 @@ _TILTS = np.vstack([np.zeros((1, 2)), _ring(1.0, 0.0), _ring(2.0, np.pi / 6)])
 _CONTRADICTION = 4.0
 # A tilt known to a few degrees, as a share of all that are searched without; logarithm, base 10.
 _KNOWN_TILT = -2.5
-# What a rotation of the correlation, and a shift of the coarse grid, may be off by, not being refined [rad; voxels].
+# What a rotation of the correlation, and a shift of the coarse grid, may be off by, not being refined [rad; halves of
+# the coarse grid's voxel].
 _ROTATION_SLACK, _SHIFT_SLACK = float(np.deg2rad(6.0)), 6.0
 
 
@@ -41,7 +42,7 @@ class Bounds:
     Attributes:
         max_tilt: largest roll and pitch [rad]; pi for none.
         prior: what the scans' priors say, or None.
-        voxel: of the grid, which decides how coarse a shift is [m].
+        voxel: half of the coarse grid's, which decides how coarse a shift is [m].
     """
 
     max_tilt: float

@@ -1,8 +1,8 @@
 """Where would the scan lie under each rotation, and do the two scans then agree with what they saw?
 
-Coarse to fine. On a grid of about half the edge every rotation gets its translation correlation, of which several
-peaks are taken, each with all shifts that a cyclic one stands for; points before the other scan's surface contradict.
-The best few distinct ones are refined and compared on the whole grid. docs/registration.md has the figures.
+Coarse to fine. On a grid of about half the edge, 64 voxels at most, every rotation gets its translation correlation, of
+which several peaks are taken, each with all shifts that a cyclic one stands for; points before the other scan's surface
+contradict. The best few distinct ones are refined and compared on the whole grid. docs/registration.md has the figures.
 """
 
 from collections.abc import Sequence

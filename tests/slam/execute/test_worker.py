@@ -13,17 +13,23 @@ from scipy.spatial.transform import RigidTransform
 from slam.execute.pair_text import from_text
 from slam.execute.scan_key import scan_key
 from slam.execute.worker import PairJob, Worker, prepared_limit
+from spectral.memory import memory_plan
 from spectral.result import Registration
 from tests.samples.surveys import KnowingRegistrar, random_covariance, ring_poses, scans_of
 
 
-@pytest.mark.parametrize(("memory", "prepared"), [(2**40, 8), (2**26, 2)])
-def test_as_many_scans_stay_prepared_as_fit(memory: int, prepared: int) -> None:
+@pytest.mark.parametrize(
+    ("memory", "workers", "least", "most"),
+    [(2**40, 1, 128, 128), (2**34, 1, 40, 127), (2**34, 16, 8, 8), (2**26, 1, 2, 2)],
+)
+def test_as_many_scans_stay_prepared_as_are_useful(memory: int, workers: int, least: int, most: int) -> None:
     registrar: Any = SimpleNamespace(device=SimpleNamespace(memory=memory), grid=SimpleNamespace(edge=128))
-    assert prepared_limit(registrar) == prepared
+    kept = prepared_limit(registrar, workers)
+    assert least <= kept <= most
+    assert kept <= 8 or kept * memory_plan(128).scan <= memory / 8
 
 
-def test_a_method_without_a_device_keeps_the_most() -> None:
+def test_a_method_without_a_device_keeps_a_chain() -> None:
     registrar: Any = SimpleNamespace()
     assert prepared_limit(registrar) == 8
 

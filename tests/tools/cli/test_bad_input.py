@@ -202,7 +202,7 @@ class SmallDevice:
         return getattr(self._actual, name)
 
 
-@pytest.mark.parametrize(("memory", "fitting"), [(2**31, "--grid 360"), (2**28, "--grid 144"), (2**10, "another")])
+@pytest.mark.parametrize(("memory", "fitting"), [(2**31, "--grid 360"), (2**28, "--grid 160"), (2**10, "another")])
 def test_a_grid_that_the_device_cannot_hold(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch, memory: int, fitting: str
 ) -> None:

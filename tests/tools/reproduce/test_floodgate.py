@@ -148,7 +148,7 @@ class TestExperiment:
             ({"seeds": 0}, "at least one"),
             ({"first_seed": -1}, "none below 0"),
             ({"scans": 1}, "2 to 18"),
-            ({"edges": (100,)}, "`edge=100`"),
+            ({"edges": (103,)}, "`edge=103`"),
         ],
     )
     def test_refusals(self, arguments: dict[str, object], words: str) -> None:

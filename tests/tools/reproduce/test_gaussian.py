@@ -204,7 +204,7 @@ class TestSettings:
             ({"sigma2": (float("nan"),)}, "--sigma2"),
             ({"sigma2": ()}, "--sigma2"),
             ({"seeds": 0}, "at least one"),
-            ({"edges": (128, 100)}, "`edge=100`"),
+            ({"edges": (128, 103)}, "`edge=103`"),
         ],
     )
     def test_refusals(self, arguments: dict[str, object], words: str) -> None:

@@ -264,7 +264,7 @@ class TestCommand:
             (["fake", "--grid", "64"], "--grid has no effect on reproduce fake; leave it out. It takes --seed"),
             (["all", "--scene", "harbor"], "--scene has no effect on reproduce all"),
             (["fake", "--seed", "-1"], "--seed"),
-            (["fake", "--grid", "100"], "--grid 100"),
+            (["fake", "--grid", "103"], "--grid 103"),
             (["fake", "--device", "abacus"], "abacus"),
         ],
     )

@@ -134,7 +134,7 @@ class TestJobs:
         assert list(create("survey", Request(device, quick=True, seed=3)).jobs()) == ["floodgate-3/12/sonarmap"]
 
     @pytest.mark.parametrize(
-        "change", [{"scene": "moon"}, {"counts": (1,)}, {"seeds": 0}, {"first_seed": -1}, {"edge": 100}]
+        "change", [{"scene": "moon"}, {"counts": (1,)}, {"seeds": 0}, {"first_seed": -1}, {"edge": 103}]
     )
     def test_refused(self, change: dict) -> None:
         with pytest.raises(InputError):

@@ -273,7 +273,7 @@ def _map(
     from tools.output.times import survey_times
     from tools.writers.atomic import clear_leftovers, require_writable
 
-    prepared = prepared_limit(configured.registrar)
+    prepared = prepared_limit(configured.registrar, options.workers)
     mapping = replace(settings["mapper"], prepared=prepared)
     names = [scan.name for scan in read.scans]
     require_writable(out)
