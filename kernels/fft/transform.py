@@ -1,6 +1,7 @@
 # pyright: strict
 """Fourier transforms of three-dimensional arrays on a device, in single precision."""
 
+from functools import cached_property
 from typing import Any
 
 import numpy as np
@@ -22,11 +23,7 @@ class _Transform:
     """The kernels of one direction, built once."""
 
     def __init__(self, device: Device, layout: Layout, inverse: bool) -> None:
-        if device.is_cpu:
-            plan = fft_cpu.emit(layout, inverse, _lanes(device))
-        else:
-            _require_groups(device, layout)
-            plan = fft_gpu.emit(layout, inverse)
+        plan = fft_cpu.emit(layout, inverse, _lanes(device)) if device.is_cpu else fft_gpu.emit(layout, inverse)
         program = device.build(plan.source, name="fft")
         self._device = device
         self._tables = () if plan.table is None else (table(device, plan.table),)
@@ -84,7 +81,7 @@ class RealFFT:
         shape: tuple[int, int, int],
         batched: bool = False,
     ) -> None:
-        """Build the kernels.
+        """Plan the transforms; their kernels are built when they are used first.
 
         Args:
             device: what to run on.
@@ -93,13 +90,21 @@ class RealFFT:
 
         Raises:
             InputError: an edge has no transform.
-            DeviceError: the device is too small for an edge, or the program does not build.
+            DeviceError: the device is too small for an edge.
         """
         layout = Layout(shape, batched)
         self.shape, self.half_shape = layout.shape, layout.spectrum_shape
-        self._device = device
-        self._forward = _Transform(device, layout, False)
-        self._inverse = _Transform(device, layout, True)
+        if not device.is_cpu:
+            _require_groups(device, layout)
+        self._device, self._layout = device, layout
+
+    @cached_property
+    def _forward(self) -> _Transform:
+        return _Transform(self._device, self._layout, False)
+
+    @cached_property
+    def _inverse(self) -> _Transform:
+        return _Transform(self._device, self._layout, True)
 
     def forward(self, volume: cla.Array, out: cla.Array | None = None) -> cla.Array:
         """The half spectrum of a real array, which is left untouched.
