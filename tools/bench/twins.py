@@ -9,6 +9,7 @@ from concurrent.futures import ThreadPoolExecutor
 import numpy as np
 import scipy.fft
 from scipy.ndimage import map_coordinates, maximum_filter
+from scipy.spatial import KDTree
 
 _FLOOR = 1e-9
 
@@ -145,6 +146,22 @@ def segment_peaks(correlation: np.ndarray, segments: int, images: int | None = N
     i, j, part = np.nonzero(highest[:images] > -np.inf)
     rows = np.column_stack([i, j, part * parts.shape[3] + columns[i, j, part], highest[i, j, part]])
     return rows[np.argsort(-rows[:, 3], kind="stable")]
+
+
+def nearest(tree: KDTree, points: np.ndarray, R: np.ndarray, t: np.ndarray, cores: int) -> np.ndarray:
+    """(m,) distances of the moved points (m, 3) to the nearest of the tree."""
+    return np.asarray(tree.query(points @ R.T.astype(np.float32) + t.astype(np.float32), workers=cores)[0])
+
+
+def on_planes(tree: KDTree, points: np.ndarray, neighbors: int, farthest: float, cores: int) -> np.ndarray:
+    """(m, 3): the points on the planes of their neighbors, where these are no farther away than `farthest`."""
+    around = points[np.asarray(tree.query(points, neighbors, workers=cores)[1])]
+    middle = around.mean(axis=1)
+    spread = around - middle[:, None]
+    normals = np.linalg.eigh(spread.transpose(0, 2, 1) @ spread)[1][:, :, 0]
+    height = np.einsum("ni,ni->n", points - middle, normals)
+    height[np.abs(height) > farthest] = 0
+    return points - height[:, None] * normals
 
 
 def agreement(

@@ -12,6 +12,9 @@ from tools.bench import twins
 
 # A rotation about no axis of the grid.
 R: np.ndarray = Rotation.from_euler("ZYX", [31, -12, 7], degrees=True).as_matrix()
+# A pose that is nearly right, as a refinement begins with [rotation; voxels].
+SMALL_TURN: np.ndarray = Rotation.from_rotvec([0.02, -0.01, 0.03]).as_matrix()
+SMALL_SHIFT = np.array([0.4, -0.7, 0.3])
 # Sect. 2.8 of the paper: radii of the layers, as shares of N/2; one layer per frequency bin.
 _LAYERS = (0.2, 0.8)
 # What a registration correlates over all rotations, on any grid: degrees below 48 of 20 layers.
@@ -81,6 +84,28 @@ class Workload:
         voxels = rng.integers(0, self.edge, (_POINTS, 3)) - self.edge // 2
         turned = voxels + rng.uniform(-0.45, 0.45, (_POINTS, 3))
         return np.column_stack([turned @ R, rng.uniform(0.1, 1.0, _POINTS)]).astype(np.float32)
+
+    @property
+    def shift(self) -> tuple[int, int, int]:
+        """Where a correlation of `shifted` with the points under `R` has its peak [voxels]."""
+        return 3, -7, 5
+
+    @cached_property
+    def shifted(self) -> np.ndarray:
+        """(N, N, N/2 + 1) complex64, the whitened half spectrum of the points under `R`, moved by `shift`."""
+        volume = twins.voxelize(self.points, R, np.empty((self.edge,) * 3, np.float32))
+        return twins.prepare(np.roll(volume, self.shift, axis=(0, 1, 2)), self.cores)
+
+    @cached_property
+    def surface(self) -> np.ndarray:
+        """(m, 3) float32: a noisy hilly bed, one point a voxel, up to half as many as a face of the grid has voxels."""
+        rng = self.rng(8)
+        x, y = rng.uniform(-0.4 * self.edge, 0.4 * self.edge, (2, self.edge**2 // 2))
+        waves = 20.0 / self.edge
+        z = 0.06 * self.edge * (np.sin(waves * x) + np.cos(0.7 * waves * y)) + rng.normal(0, 0.4, len(x))
+        points = np.column_stack([x, y, z])
+        first = np.unique(np.floor(points), axis=0, return_index=True)[1]
+        return points[np.sort(first)].astype(np.float32)
 
     @cached_property
     def coefficients(self) -> tuple[np.ndarray, np.ndarray]:

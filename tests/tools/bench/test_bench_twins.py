@@ -3,6 +3,7 @@
 import numpy as np
 import pytest
 from scipy.ndimage import map_coordinates
+from scipy.spatial import KDTree
 from scipy.spatial.transform import Rotation
 
 from kernels.device.device import Device
@@ -64,6 +65,24 @@ class TestTwins:
         volume = np.zeros((4, 5, 12), np.float32) + np.arange(12, dtype=np.float32) / 100
         volume[1, 2, 1], volume[3, 4, 2], volume[3, 4, 7], volume[3, 4, 11] = 3, 4, 5, 4.5
         np.testing.assert_array_equal(twins.segment_peaks(volume, 2)[:3], [[3, 4, 7, 5], [3, 4, 2, 4], [1, 2, 1, 3]])
+
+    def test_nearest_by_hand(self) -> None:
+        points = np.array([[0, 0, 0], [3, 0, 0], [0, 4, 0]], np.float32)
+        got = twins.nearest(
+            KDTree(points), points, np.array([[0, -1, 0], [1, 0, 0], [0, 0, 1]]), np.array([0, 0, 1.0]), 1
+        )
+        # (0, 0, 0) -> (0, 0, 1), (3, 0, 0) -> (0, 3, 1), (0, 4, 0) -> (-4, 0, 1)
+        np.testing.assert_allclose(got, [1, np.sqrt(2), np.sqrt(17)], rtol=1e-6)
+
+    def test_points_move_onto_their_plane(self) -> None:
+        """Points of z = 0.1 x stay where they are, and so does one that is 5 off it."""
+        x, y = np.meshgrid(np.arange(6.0), np.arange(6.0))
+        points = np.column_stack([x.ravel(), y.ravel(), 0.1 * x.ravel()]).astype(np.float32)
+        got = twins.on_planes(KDTree(points), points, 9, 2.0, 1)
+        np.testing.assert_allclose(got, points, atol=1e-5)
+        points[14, 2] += 5
+        far = twins.on_planes(KDTree(points[:, :3]), points, 36, 2.0, 1)
+        np.testing.assert_allclose(far[14], points[14], atol=1e-6)  # farther than 2: it stays
 
     def test_agreement(self) -> None:
         """Along +z, of which the cells of the middle are seen from 10 to 12; moved there by the pose alone."""

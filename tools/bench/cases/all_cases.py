@@ -3,7 +3,7 @@
 from collections.abc import Callable
 
 from tools.bench.case import KernelCase
-from tools.bench.cases import resampling, rotations, spectra, transforms
+from tools.bench.cases import correlators, resampling, rotations, spectra, surfaces, transforms
 from tools.bench.workload import Workload
 
 CASES: tuple[Callable[[Workload], KernelCase], ...] = (
@@ -23,4 +23,8 @@ CASES: tuple[Callable[[Workload], KernelCase], ...] = (
     rotations.correlate_rotations_case,
     rotations.rotation_peaks_case,
     rotations.agreement_case,
+    correlators.find_case,
+    correlators.near_case,
+    surfaces.nearest_case,
+    surfaces.planes_case,
 )
