@@ -2,8 +2,10 @@
 //
 // Layout: a way is from the points of one scan to the range images of another; there are two, or the second has no
 // image. views (images, EDGE * EDGE) float2, the nearest and the farthest range of each cell, (INFINITY, -INFINITY)
-// where no beam came back; points planar, 3 x count float32, from `valid` on padding; poses (jobs, n, 12) float32, the
-// rows of [R | t] to the sensor of each job's image: first the images of the first way, then those of the second; out
+// where no beam came back; points planar, 3 x count float32, from `valid` on padding; places (images) float4, where the
+// sensors of the images were; poses (n, 16) float32, the rows of [R | t] in the first 12, which bring the second way's
+// scan, whose points the first way moves, to the first way's: the second way is moved by the inverse; jobs are the images
+// of the first way, then those of the second; out
 // (jobs, n, TOLERANCES, 3) int32: how many points agree, contradict, and fall into cells that saw something. A cell is
 // one of the octahedral map (Engelhardt and Dachsbacher 2008): the sphere unfolded to a square through an octahedron. A
 // point agrees within `reach + slope * range` of the cell's ranges, and contradicts nearer than that: the beam went
@@ -30,15 +32,18 @@
     __global const float* const view =                                                           \
         forth ? views1 + 2 * job * EDGE * EDGE : views2 + 2 * (job - images1) * EDGE * EDGE;     \
     const size_t at = job * get_global_size(GET_POSE) + pose;                                    \
-    const float4 turn0 = vload4(3 * at, poses);                                                  \
-    const float4 turn1 = vload4(3 * at + 1, poses);                                              \
-    const float4 turn2 = vload4(3 * at + 2, poses);                                              \
+    const float16 T = poses[pose];                                                               \
+    const float4 place = forth ? places1[job] : places2[job - images1];                          \
+    const float4 turn0 = (float4)(forth ? T.s012 : T.s048, (forth ? T.s3 : -dot(T.s048, T.s37b)) - place.x); \
+    const float4 turn1 = (float4)(forth ? T.s456 : T.s159, (forth ? T.s7 : -dot(T.s159, T.s37b)) - place.y); \
+    const float4 turn2 = (float4)(forth ? T.s89a : T.s26a, (forth ? T.sb : -dot(T.s26a, T.s37b)) - place.z); \
     const float reaches[2] = {tolerances.x, tolerances.z};                                       \
     const float slopes[2] = {tolerances.y, tolerances.w};
 
 #define ARGUMENTS                                                                                             \
-    __global const float* const views1, __global const float* const views2, __global const float* const points1, \
-        __global const float* const points2, __global const float* const restrict poses,                      \
+    __global const float* const views1, __global const float4* const places1, __global const float* const views2, \
+        __global const float4* const places2, __global const float* const points1,                            \
+        __global const float* const points2, __global const float16* const restrict poses,                    \
         __global int* const restrict out, const int images1, const int count1, const int valid1,             \
         const int count2, const int valid2, const float4 tolerances
 

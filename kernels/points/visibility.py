@@ -3,20 +3,18 @@
 
 from collections.abc import Sequence
 from dataclasses import dataclass
-from weakref import WeakKeyDictionary
 
 import numpy as np
-import pyopencl as cl
 import pyopencl.array as cla
 from pyopencl import cltypes
 
 from kernels.device.device import Device
-from kernels.device.launch import buffer_of, launch, require_array
+from kernels.device.launch import launch, require_array
+from kernels.device.readback import Readback
 from kernels.errors import InputError
 
 _LANES = 8
 _GROUP = 64
-_SCRATCH: WeakKeyDictionary[Device, dict[str, cla.Array]] = WeakKeyDictionary()
 
 
 def octahedral_cells(directions: np.ndarray, edge: int) -> np.ndarray:
@@ -57,6 +55,18 @@ def upload_points(device: Device, points: np.ndarray) -> tuple[cla.Array, int]:
     return device.to_device(padded), len(points)
 
 
+def upload_viewpoints(device: Device, places: np.ndarray) -> cla.Array:
+    """Where the sensors of k range images were (k, 3), on the device for `agreement`: (k, 4) float32.
+
+    Raises:
+        InputError: the places have another shape, or are not finite.
+    """
+    _require_places(places, "viewpoints")
+    rows = np.zeros((len(places), 4), np.float32)
+    rows[:, :3] = places
+    return device.to_device(rows)
+
+
 @dataclass(frozen=True, slots=True)
 class Way:
     """Points of one scan, and the range images of another that they are put into.
@@ -64,76 +74,90 @@ class Way:
     Attributes:
         views: device (k, edge, edge, 2) float32, nearest and farthest range of every cell of an octahedral map,
             (inf, -inf) where nothing was seen; None for no image.
-        points: from `upload_points`, in a frame of their own [any length unit].
-        R: (n, 3, 3) rotations to the sensor's frame.
-        t: (k, n, 3) shifts to that of each image.
+        viewpoints: from `upload_viewpoints`, in the frame of the images' scan [any length unit]; None for no image.
+        points: from `upload_points`, in their scan's frame [the same unit].
     """
 
     views: cla.Array | None
+    viewpoints: cla.Array | None
     points: tuple[cla.Array, int]
-    R: np.ndarray
-    t: np.ndarray
 
 
-def agreement(device: Device, ways: Sequence[Way], tolerances: Sequence[tuple[float, float]]) -> list[np.ndarray]:
-    """How points, moved by each pose, agree with what sensors saw; one launch and one blocking read for all.
+class Agreement:
+    """How points agree with what sensors saw, on its way to the host."""
+
+    def __init__(self, counts: Readback, images: Sequence[int]) -> None:
+        """What `agreement` has queued: the counts of all jobs, and how many images each way has."""
+        self._counts, self._images = counts, images
+
+    def read(self) -> list[np.ndarray]:
+        """Of each way (k, n, tolerances, 3) int64: points that agree, that contradict, and that fall into cells where
+        something was seen."""
+        return np.split(self._counts.get().astype(np.int64), np.cumsum(self._images)[:-1])
+
+
+def agreement(
+    device: Device, ways: Sequence[Way], poses: cla.Array, tolerances: Sequence[tuple[float, float]]
+) -> Agreement:
+    """Queue how points, moved by each pose, agree with what sensors saw; one launch for all.
 
     Args:
-        ways: one, or two with as many poses and images of the same edge.
+        ways: one, or two with images of the same edge.
+        poses: device (n, 16) float32 as `upload_poses` makes them, which bring the first way's points to its images;
+            the second way's are brought by the inverse.
         tolerances: one or two of (reach, slope): a range within reach + slope * range of the cell's agrees; nearer
             contradicts, and farther is hidden. Not negative.
 
-    Returns:
-        Of each way (k, n, tolerances, 3) int64: points that agree, that contradict, and that fall into cells where
-        something was seen.
-
     Raises:
-        InputError: a shape is another, or a pose or a tolerance is no such number.
+        InputError: a shape is another, or a tolerance is no such number.
     """
     bad = [pair for pair in tolerances if not (0 <= pair[0] < np.inf and 0 <= pair[1] < np.inf)]
     if bad or len(tolerances) not in (1, 2) or len(ways) not in (1, 2):
         raise InputError(f"{len(ways)} ways, `tolerances={tolerances}`; wanted one or two of each, 0 or more")
-    jobs, n, edge = [_images(way) for way in ways], len(ways[0].R), _edge(ways)
-    shapes = [(images, n, len(tolerances), 3) for images in jobs]
-    if not n or not sum(jobs):
-        return [np.zeros(shape, np.int64) for shape in shapes]
-    rows = np.empty((sum(jobs), n, 3, 4), np.float32)
-    for way, part in zip(ways, np.split(rows, jobs[:1]), strict=False):
-        part[..., :3], part[..., 3] = way.R, way.t
-    scratch = _SCRATCH.setdefault(device, {})
-    poses = _at_least(device, scratch, "poses", rows.size, np.float32)
-    counts = _at_least(device, scratch, "counts", int(np.prod(shapes[0][1:])) * sum(jobs), np.int32)
-    # not waited for: the read below is
-    cl.enqueue_copy(device.queue, buffer_of(device, poses), rows, is_blocking=False)
-    first, second = ways[0], ways[-1]
-    seen = next(way.views for way in ways if way.views is not None)
-    views = [seen if way.views is None else way.views for way in (first, second)]
+    images, edge = [_images(way) for way in ways], _edge(ways)
+    n, _ = require_array(poses, "poses", (None, 16))
+    counts = device.empty((sum(images), n, len(tolerances), 3), np.int32)
+    if counts.size:
+        _launch(device, ways, images, edge, poses, tolerances, counts)
+    return Agreement(Readback(device, counts), images)
+
+
+def _launch(
+    device: Device,
+    ways: Sequence[Way],
+    images: Sequence[int],
+    edge: int,
+    poses: cla.Array,
+    tolerances: Sequence[tuple[float, float]],
+    counts: cla.Array,
+) -> None:
+    first, second, n = ways[0], ways[-1], len(poses)
+    # a way without an image has no job, but an argument
+    any_way = next(way for way in ways if way.views is not None)
+    seeing = [any_way if way.views is None else way for way in (first, second)]
+    arrays = [array for way in seeing for array in (way.views, way.viewpoints) if array is not None]
     sizes = [np.int32(number) for way in (first, second) for number in (way.points[0].shape[1], way.points[1])]
     both = cltypes.make_float4(*tolerances[0], *tolerances[-1])  # pyright: ignore[reportAttributeAccessIssue]
     cpu = device.is_cpu
     launch(
-        device, "points/visibility", "agreement", (n, sum(jobs)) if cpu else (_GROUP, n, sum(jobs)),
-        *views, first.points[0], second.points[0], poses, counts, np.int32(jobs[0]), *sizes, both,
+        device, "points/visibility", "agreement", (n, sum(images)) if cpu else (_GROUP, n, sum(images)),
+        *arrays, first.points[0], second.points[0], poses, counts, np.int32(images[0]), *sizes, both,
         group=None if cpu else (_GROUP, 1, 1), EDGE=edge, TOLERANCES=len(tolerances), CPU=int(cpu),
     )  # fmt: skip
-    read = counts[: sum(jobs) * n * len(tolerances) * 3].get().astype(np.int64).reshape(-1, *shapes[0][1:])
-    return np.split(read, np.cumsum(jobs)[:-1])
 
 
 def _images(way: Way) -> int:
     """How many images a way has, once all its shapes are right."""
-    images = 0 if way.views is None else len(way.views)
     moved, valid = way.points
     _, count = require_array(moved, "points", (3, None))
     if count % _LANES or not 0 <= valid <= count:
         raise InputError(f"`points` are {valid} of {count}; wanted points as upload_points makes them")
-    if way.R.shape != (len(way.R), 3, 3) or way.t.shape != (images, len(way.R), 3):
-        raise InputError(
-            f"`R` and `t` have shapes {way.R.shape} and {way.t.shape}; wanted (n, 3, 3) and ({images}, n, 3)"
-        )
-    if not (np.isfinite(way.R).all() and np.isfinite(way.t).all()):
-        raise InputError("`R` or `t` holds numbers that are not finite")
-    return images
+    if way.views is None:
+        return 0
+    if way.viewpoints is None:
+        raise InputError("range images have no `viewpoints`; give a place for each")
+    require_array(way.viewpoints, "viewpoints", (len(way.views), 4))
+    return len(way.views)
 
 
 def _edge(ways: Sequence[Way]) -> int:
@@ -142,16 +166,7 @@ def _edge(ways: Sequence[Way]) -> int:
     for way in ways:
         if way.views is not None:
             require_array(way.views, "views", (None, *2 * (min(edges),), 2))
-        if len(way.R) != len(ways[0].R):
-            raise InputError(f"ways have {len(ways[0].R)} and {len(way.R)} poses; wanted as many")
     return min(edges, default=0)
-
-
-def _at_least(device: Device, scratch: dict[str, cla.Array], name: str, size: int, dtype: type) -> cla.Array:
-    """An array that is used again by every call, made anew where it is too small."""
-    if name not in scratch or scratch[name].size < size:
-        scratch[name] = device.empty((1 << (size - 1).bit_length(),), dtype)
-    return scratch[name]
 
 
 def _require_places(places: np.ndarray, what: str) -> None:

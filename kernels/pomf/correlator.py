@@ -9,6 +9,7 @@ import pyopencl.array as cla
 
 from kernels.device.device import Device
 from kernels.device.launch import affine_rows, require_array, zero
+from kernels.device.readback import Readback
 from kernels.errors import InputError
 from kernels.fft.edges import row_pitch
 from kernels.points.voxelize import voxelize_poses
@@ -133,7 +134,7 @@ class Correlator:
             self._voxelize(points, rows, first, now)
             for n in range(now):
                 self._passes.near(self._spectra, n, targets[0], places[first + n], self._sums, out, first + n)
-        return NearShifts(self.edge, places, out)
+        return NearShifts(self.edge, places, Readback(self.device, out))
 
     def correlations(self, points: cla.Array, pose: Pose, targets: Sequence[cla.Array]) -> list[cla.Array]:
         """For each exponent the correlation (edge, edge, edge) float32; the arrays are used again by the next call."""

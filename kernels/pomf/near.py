@@ -2,9 +2,9 @@
 """Correlations near known shifts, from sums over their spectra: no transform back, no other voxel."""
 
 import numpy as np
-import pyopencl.array as cla
 from numpy.typing import NDArray
 
+from kernels.device.readback import Readback
 from kernels.errors import InputError
 from kernels.fft.edges import row_pitch
 from kernels.pomf.peak import NOT_FINITE
@@ -16,9 +16,9 @@ SUMS = 30
 
 
 class NearShifts:
-    """Correlations near shifts, still on the device."""
+    """Correlations near shifts, on their way to the host."""
 
-    def __init__(self, edge: int, places: NDArray[np.int64], sums: cla.Array) -> None:
+    def __init__(self, edge: int, places: NDArray[np.int64], sums: Readback) -> None:
         """What `Correlator.near` has queued: voxels (m, 3) and the sums of near.cl."""
         self._edge, self._places, self._sums = edge, places, sums
 

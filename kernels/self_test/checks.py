@@ -153,7 +153,7 @@ def _surfaces(device: Device) -> Iterator[Measured]:
     for reach in (4.0, 3.0, 2.0, 2.0, 1.5):
         steps.step(reach, alone=True)
     steps.step(1.5, alone=False)
-    record = steps.read()
+    record = steps.end().read()
     left = float(np.rad2deg(Rotation.from_matrix(record.turn[0]).magnitude()))
     yield Measured("the rotation of a refinement", left, 0.2, "degrees")
     yield Measured("the shift of a refinement", float(np.abs(record.shift).max()), 0.1, "voxels")

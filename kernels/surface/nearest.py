@@ -7,6 +7,7 @@ import pyopencl.array as cla
 from kernels.device.device import Device
 from kernels.device.launch import launch, require_array
 from kernels.errors import InputError
+from kernels.points.poses import upload_poses
 from kernels.surface.cells import Cells
 
 GROUP = 64  # work-items that share what a launch of a group costs
@@ -42,25 +43,12 @@ def find_nearest(
         InputError: a shape is another, or a number is not finite.
     """
     count, _ = require_array(places, "places", (None, 4))
-    rows = pose_rows(R, t)
+    poses = upload_poses(device, R, t)
     if not reach >= 0:
         raise InputError(f"`reach={reach}`; wanted 0 or more")
-    if not len(rows) or not count:
-        return np.full((len(rows), count), np.inf, np.float32), np.full((len(rows), count), -1, np.int32)
-    index, squared = device.empty((len(rows), count), np.int32), device.empty((len(rows), count))
-    arguments = *cells.arguments, places, device.to_device(rows), index, squared, np.int32(count), np.float32(reach)
-    launch(device, "surface/nearest", "nearest", (padded(count), len(rows)), *arguments, group=(GROUP, 1))
+    if not len(R) or not count:
+        return np.full((len(R), count), np.inf, np.float32), np.full((len(R), count), -1, np.int32)
+    index, squared = device.empty((len(R), count), np.int32), device.empty((len(R), count))
+    arguments = *cells.arguments, places, poses, index, squared, np.int32(count), np.float32(reach)
+    launch(device, "surface/nearest", "nearest", (padded(count), len(R)), *arguments, group=(GROUP, 1))
     return np.sqrt(squared.get()), index.get()
-
-
-def pose_rows(R: np.ndarray, t: np.ndarray) -> np.ndarray:
-    """(k, 16) float32, the rows of [R | t] in the first 12, of rotations (k, 3, 3) and shifts (k, 3).
-
-    Raises:
-        InputError: a shape is another, or a number is not finite.
-    """
-    if R.shape != (len(R), 3, 3) or t.shape != (len(R), 3) or not (np.isfinite(R).all() and np.isfinite(t).all()):
-        raise InputError(f"`R` and `t` have shapes {R.shape} and {t.shape}; wanted finite (n, 3, 3) and (n, 3)")
-    rows = np.zeros((len(R), 16), np.float32)
-    rows[:, :12] = np.concatenate([R, t[:, :, None]], axis=2).reshape(-1, 12)
-    return rows

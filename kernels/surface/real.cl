@@ -11,14 +11,17 @@ typedef float8 real8;
 #endif
 // Of each pose a record: its state, 9 of the rotation, 3 of the shift, how far the surfaces usually are apart, 2 stretches;
 // the sums of a step, 3 matrices 8 x 8, a gradient, the weights' total and the weighted squares of the gaps; 6 axes of 8
-// numbers, of which 6 count; and 8 squared doubts, of which 6 count.
+// numbers, of which 6 count; 8 squared doubts, of which 6 count; and the state that the last step leads to, if the pairs
+// alone decide.
 #define SHIFT 9
 #define WIDTH 12
 #define STRETCH 13
 #define SUMS 16
 #define AXES 224
 #define DOUBTS 272
-#define RECORD 280
+#define NEXT 280
+#define RECORD 296
+#define STATE 15
 // Among the sums.
 #define SUMS_COUNT 208
 #define WHOLE 64

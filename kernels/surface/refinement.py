@@ -1,7 +1,8 @@
 # pyright: strict, reportUnknownVariableType=false, reportUnknownMemberType=false, reportUnknownArgumentType=false
 """Point-to-plane steps of several poses on the device: pairs of nearest points, normal equations, and their solution.
 
-Nothing comes back between the steps, unless the caller takes them: a `Record` is read when it is wanted.
+Nothing comes back between the steps, unless the caller takes them: a `Record` is read when it is wanted, and where the
+poses are is known on the device before.
 """
 
 from dataclasses import dataclass
@@ -11,13 +12,11 @@ import pyopencl.array as cla
 
 from kernels.device.device import Device
 from kernels.device.launch import launch
-from kernels.errors import InputError
+from kernels.device.readback import Readback
 from kernels.surface.elements import Elements
 from kernels.surface.nearest import GROUP, padded
+from kernels.surface.record import SUMS_COUNT, Record, state_rows
 
-# As real.cl has them: where the sums, the axes and the doubts of a record begin, and how long it is.
-_SUMS, _AXES, _DOUBTS, _RECORD = 16, 224, 272, 280
-_SUMS_COUNT = _AXES - _SUMS
 # Pairs of a work-item of a processor, or of a group elsewhere.
 _PART = 128
 
@@ -54,33 +53,20 @@ class Stretching:
     narrowest: float
 
 
-@dataclass(frozen=True, slots=True)
-class Record:
-    """Where k poses are, and the sums of the last step there; float64.
+class LastStep:
+    """What the last step of a refinement says, on its way to the host.
 
     Attributes:
-        turn: (k, 3, 3) and
-        shift: (k, 3), p_target = R p_source + shift about the grid centers [voxels].
-        width: (k,) how far the surfaces usually are apart [voxels].
-        stretch: (k, 2) of the source and of the target.
-        moving, whole, shared: (k, 8, 8) sums of the weights times the gaps' derivatives, by turn, shift and stretches:
-            of the pairs that move the pose, of all, and with one scan's normals times the other's (not symmetric).
-        gradient: (k, 8) of the pairs that move the pose, times the gaps.
-        total, squares: (k,) of the weights, and times the squared gaps.
-        doubts: (k, 6) sums of the squares of what each pair adds to `shared` along the principal axes.
+        poses: device (k, 16) float32, where it leads if the pairs alone decide, as `upload_poses` has them.
     """
 
-    turn: np.ndarray
-    shift: np.ndarray
-    width: np.ndarray
-    stretch: np.ndarray
-    moving: np.ndarray
-    whole: np.ndarray
-    shared: np.ndarray
-    gradient: np.ndarray
-    total: np.ndarray
-    squares: np.ndarray
-    doubts: np.ndarray
+    def __init__(self, poses: cla.Array, rows: Readback) -> None:
+        """What `Refinement.end` has queued."""
+        self.poses, self._rows = poses, rows
+
+    def read(self) -> Record:
+        """Where the poses are, and the sums of the step."""
+        return Record.of(self._rows.get())
 
 
 class Refinement:
@@ -118,21 +104,18 @@ class Refinement:
         Raises:
             InputError: a number is not finite.
         """
-        rows = np.zeros((len(shift), _RECORD))
-        rows[:, :9], rows[:, 9:12], rows[:, 12] = turn.reshape(-1, 9), shift, width
-        rows[:, 13:15] = 0 if stretch is None else stretch
-        if not np.isfinite(rows).all():
-            raise InputError(f"a pose to refine is not finite: rotations {turn.tolist()}, shifts {shift.tolist()}")
+        rows = state_rows(turn, shift, width, stretch)
         if not hasattr(self, "_rows") or self._rows.shape[0] != len(rows):
             self._rows = self.device.empty((len(rows), self._count, 16))
-            self._sums = self.device.empty((len(rows), self._parts, _SUMS_COUNT), self._real)
+            self._sums = self.device.empty((len(rows), self._parts, SUMS_COUNT), self._real)
+            self._poses = self.device.empty((len(rows), 16))
         self._records = self.device.to_device(rows.astype(self._real))
 
     def step(self, reach: float, alone: bool) -> None:
         """A step: the pairs within reach [voxels], and what they say.
 
         Args:
-            alone: whether the poses move on as the pairs say; else they stay, for `read` and whoever knows more.
+            alone: whether the poses move on as the pairs say; else they stay, for `end` and whoever knows more.
         """
         self._pair(reach)
         count, stretches = np.int32(self._count), np.int32(self._stretching is not None)
@@ -144,11 +127,11 @@ class Refinement:
         known = self._stretching or Stretching(0.0, 0.0, 1.0)
         numbers = [self._real(value) for value in (known.known, known.power, known.narrowest)]
         lanes = 1 if cpu else 64
-        arguments = self._sums, self._records, np.int32(self._parts), np.int32(alone), stretches, *numbers
+        arguments = self._sums, self._records, self._poses, np.int32(self._parts), np.int32(alone), stretches, *numbers
         self._launch("solve", "solve", (lanes, poses), *arguments, group=(lanes, 1), LANES=lanes)
 
-    def read(self) -> Record:
-        """Where the poses are and the sums of the last step, which did not move them: the only read."""
+    def end(self) -> "LastStep":
+        """What the last step says, which did not move the poses; nothing is read yet."""
         poses, stretches = self._rows.shape[0], np.int32(self._stretching is not None)
         count, parts = np.int32(self._count), np.int32(self._parts)
         # the sums are folded by now: their memory is free for the doubts
@@ -157,21 +140,7 @@ class Refinement:
         self._launch("equations", "add_doubts", (8 * self._parts, poses), *arguments, LANES=lanes, PART=_PART)
         lanes = 1 if self.device.is_cpu else 64
         self._launch("solve", "add_parts", (8, poses), self._sums, self._records, parts, LANES=lanes)
-        rows = self._records.get().astype(np.float64)
-        moving, whole, shared = rows[:, _SUMS : _SUMS + 192].reshape(-1, 3, 8, 8).transpose(1, 0, 2, 3)
-        return Record(
-            turn=rows[:, :9].reshape(-1, 3, 3),
-            shift=rows[:, 9:12],
-            width=rows[:, 12],
-            stretch=rows[:, 13:15],
-            moving=moving,
-            whole=whole,
-            shared=shared,
-            gradient=rows[:, _SUMS + 192 : _SUMS + 200],
-            total=rows[:, _SUMS + 200],
-            squares=rows[:, _SUMS + 201],
-            doubts=rows[:, _DOUBTS : _DOUBTS + 6],
-        )
+        return LastStep(self._poses, Readback(self.device, self._records))
 
     def _pair(self, reach: float) -> None:
         """The pairs within reach; and how far apart they usually are, where that can be measured."""

@@ -1,7 +1,8 @@
 // The sums of a step put together, and the step that they lead to, or the axes along which they hold a pose.
 //
-// Layout: records (k, RECORD) as in real.cl; parts (k, parts, SUMS_COUNT or 8) from equations.cl. A turn is of the target's axes about the source's grid center; see spectral/verify/normal_equations.py for
-// the same in NumPy, and why.
+// Layout: records (k, RECORD) as in real.cl; parts (k, parts, SUMS_COUNT or 8) from equations.cl; poses (k) float16, the
+// rows of [R | t] in the first 12, where the last step leads. A turn is of the target's axes about the source's grid
+// center; see spectral/verify/normal_equations.py for the same in NumPy, and why.
 #include "surface/real.cl"
 #ifndef LANES
 #define LANES 1
@@ -31,7 +32,7 @@ static void solve6(real A[6][6], const real b[6], real x[6], const real least) {
 }
 
 // The state after a turn and a shift.
-static void move(__global real* const record, const real step[6]) {
+static void move(real state[STATE], const real step[6]) {
     const real angle = sqrt(step[0] * step[0] + step[1] * step[1] + step[2] * step[2]);
     const real a = angle > 1e-4f ? sin(angle) / angle : 1 - angle * angle / 6;
     const real half_angle = angle / 2;
@@ -39,27 +40,27 @@ static void move(__global real* const record, const real step[6]) {
     const real b = b_root * b_root / 2;
     for (int column = 0; column < 3; ++column) {
         // Rodrigues' formula: v + a (w x v) + b w x (w x v)
-        const real v[3] = {record[column], record[3 + column], record[6 + column]};
+        const real v[3] = {state[column], state[3 + column], state[6 + column]};
         const real u[3] = {step[1] * v[2] - step[2] * v[1], step[2] * v[0] - step[0] * v[2],
                            step[0] * v[1] - step[1] * v[0]};
-        record[column] = v[0] + a * u[0] + b * (step[1] * u[2] - step[2] * u[1]);
-        record[3 + column] = v[1] + a * u[1] + b * (step[2] * u[0] - step[0] * u[2]);
-        record[6 + column] = v[2] + a * u[2] + b * (step[0] * u[1] - step[1] * u[0]);
+        state[column] = v[0] + a * u[0] + b * (step[1] * u[2] - step[2] * u[1]);
+        state[3 + column] = v[1] + a * u[1] + b * (step[2] * u[0] - step[0] * u[2]);
+        state[6 + column] = v[2] + a * u[2] + b * (step[0] * u[1] - step[1] * u[0]);
     }
-    for (int i = 0; i < 3; ++i) record[SHIFT + i] += step[3 + i];
+    for (int i = 0; i < 3; ++i) state[SHIFT + i] += step[3 + i];
 }
 
 // A Gauss-Newton step of a pose, and of opposite stretches where `stretches`: `known` is the variance of the gaps over
 // that of a stretch, for a width of 1 and to its power.
-static void step_alone(__global const real* const sums, __global real* const record, const int stretches,
+static void step_alone(__global const real* const sums, real state[STATE], const int stretches,
                        const real known, const real power, const real narrowest) {
     real A[6][6];
     real b[6];
     real step[6];
-    const real held = stretches ? known * pow(fmax(record[WIDTH], narrowest), power) : 0;
+    const real held = stretches ? known * pow(fmax(state[WIDTH], narrowest), power) : 0;
     // both stretches' mean is not sought: their common part stays
-    const real common = (record[STRETCH] + record[STRETCH + 1]) / 2;
-    const real apart = (record[STRETCH] - record[STRETCH + 1]) / 2;
+    const real common = (state[STRETCH] + state[STRETCH + 1]) / 2;
+    const real apart = (state[STRETCH] - state[STRETCH + 1]) / 2;
     const real between = sums[6 * 8 + 6] - 2 * sums[6 * 8 + 7] + sums[7 * 8 + 7] + 2 * held;
     const real pull = sums[GRADIENT + 6] - sums[GRADIENT + 7] + 2 * held * apart;
     const real by_common = stretches ? common * (sums[6 * 8 + 6] - sums[7 * 8 + 7]) : 0;
@@ -76,12 +77,12 @@ static void step_alone(__global const real* const sums, __global real* const rec
     const real damping = DAMPING * (trace + DAMPING);
     for (int i = 0; i < 6; ++i) A[i][i] += damping;
     solve6(A, b, step, damping);
-    move(record, step);
+    move(state, step);
     if (!stretches) return;
     real rest = pull;
     for (int i = 0; i < 6; ++i) rest += across[i] * step[i];
-    record[STRETCH] -= rest / between;
-    record[STRETCH + 1] += rest / between;
+    state[STRETCH] -= rest / between;
+    state[STRETCH + 1] += rest / between;
 }
 
 // Eigenvectors of a symmetric matrix in the columns of V, by Jacobi's method; A keeps the eigenvalues on its diagonal.
@@ -137,9 +138,10 @@ static void principal_axes(__global const real* const sums, __global real* const
     }
 }
 
-// One group: a pose. `steps`: whether it moves on by itself; else its axes are wanted.
-__kernel void solve(__global const real* const restrict parts, __global real* const restrict records, const int count,
-                    const int steps, const int stretches, const real known, const real power, const real narrowest) {
+// One group: a pose. `steps`: whether it moves on; else where it would is noted, and its axes are wanted.
+__kernel void solve(__global const real* const restrict parts, __global real* const restrict records,
+                    __global float16* const restrict poses, const int count, const int steps, const int stretches,
+                    const real known, const real power, const real narrowest) {
     const int lane = get_local_id(0);
     const size_t pose = get_global_id(1);
     __global real* const record = records + pose * RECORD;
@@ -150,10 +152,14 @@ __kernel void solve(__global const real* const restrict parts, __global real* co
     }
     barrier(CLK_GLOBAL_MEM_FENCE);
     if (lane) return;
-    if (steps)
-        step_alone(record + SUMS, record, stretches, known, power, narrowest);
-    else
-        principal_axes(record + SUMS, record + AXES);
+    real state[STATE];
+    for (int i = 0; i < STATE; ++i) state[i] = record[i];
+    step_alone(record + SUMS, state, stretches, known, power, narrowest);
+    __global real* const next = steps ? record : record + NEXT;
+    for (int i = 0; i < STATE; ++i) next[i] = state[i];
+    if (steps) return;
+    poses[pose] = pose_of(next);
+    principal_axes(record + SUMS, record + AXES);
 }
 
 // One work-item: one of 8 squared doubts of a pose.

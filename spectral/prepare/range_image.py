@@ -4,10 +4,9 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
-from scipy.spatial.transform import Rotation
 
 from kernels.device.device import Array, Device
-from kernels.points.visibility import Way, agreement, octahedral_cells, upload_points
+from kernels.points.visibility import Agreement, Way, agreement, octahedral_cells, upload_points, upload_viewpoints
 
 # Cells along an edge of the map: 1.6 degrees, a voxel at 36 voxels' distance. Finer cells stay empty between beams.
 _EDGE = 128
@@ -45,6 +44,8 @@ class View:
         images: from each place where its sensor is known to have been; none for a scan put together from places that
             are not known.
         ranges: device (len(images), _EDGE, _EDGE, 2) float32, their views behind one another; None without any.
+        viewpoints: device (len(images), 4) float32, where they were seen from, as `upload_viewpoints` puts them; None
+            without any.
         repeats: in how many of the images a point of the scan is seen, on the average.
         sample: points about the grid's center, on the device [voxels].
         count: number of points in the sample.
@@ -52,6 +53,7 @@ class View:
 
     images: tuple[RangeImage, ...]
     ranges: Array | None
+    viewpoints: Array | None
     repeats: float
     sample: tuple[Array, int]
     count: int
@@ -77,6 +79,7 @@ def scan_view(device: Device, points: np.ndarray, surface: np.ndarray, viewpoint
     return View(
         images=tuple(RangeImage(place, views[n]) for n, (place, _) in enumerate(images)) if views is not None else (),
         ranges=views,
+        viewpoints=upload_viewpoints(device, np.array([place for place, _ in images])) if images else None,
         repeats=repeats,
         sample=upload_points(device, sample),
         count=len(sample),
@@ -154,35 +157,38 @@ class Visibility:
     seen: np.ndarray
 
 
+class Views:
+    """What two scans' views say about poses between them, on its way to the host."""
+
+    def __init__(self, counts: Agreement, scales: Sequence[float | None]) -> None:
+        """What `visibility` has queued, and what each way's counts are divided by; None where there is no view."""
+        self._counts, self._scales = counts, scales
+
+    def read(self) -> list[Visibility]:
+        """For each tolerance how far the poses agree with both views; a scan that has no view is left out."""
+        counts = self._counts.read()
+        shares = [
+            count.sum(axis=0) / scale for count, scale in zip(counts, self._scales, strict=True) if scale is not None
+        ]
+        mean = np.mean(shares, axis=0) if shares else np.full(counts[0].shape[1:], np.nan)
+        return [Visibility(*of_one.T) for of_one in np.moveaxis(mean, 1, 0)]
+
+
 def visibility(
-    device: Device,
-    target: View,
-    source: View,
-    R_target_source: Rotation,
-    shifts: np.ndarray,
-    tolerances: Sequence[tuple[float, float]],
-) -> list[Visibility]:
-    """How far poses agree with both views, for each tolerance; a scan that has no view is left out.
+    device: Device, target: View, source: View, poses: Array, tolerances: Sequence[tuple[float, float]]
+) -> Views:
+    """Queue how far poses agree with both views.
 
     Args:
-        R_target_source: (n,) rotations.
-        shifts: (n, 3) p_target = R p_source + shift, both about the scans' grid centers [voxels].
+        poses: device (n, 16) float32 as `upload_poses` has them, p_target = R p_source + t about the scans' grid
+            centers [voxels].
         tolerances: one or two of (reach, slope): a range within reach [voxels] + slope * range of the surface agrees.
     """
-    R = R_target_source.as_matrix()
-    back = R.transpose(0, 2, 1)
-    ways = _way(target, source, R, shifts), _way(source, target, back, -np.einsum("nij,nj->ni", back, shifts))
-    counts = agreement(device, ways, tolerances)
-    shares = [
-        count.sum(axis=0) / (other.count * view.repeats)
-        for count, view, other in zip(counts, (target, source), (source, target), strict=True)
-        if view.images
+    ways = [
+        Way(view.ranges, view.viewpoints, other.sample) if view.images else Way(None, None, other.sample)
+        for view, other in ((target, source), (source, target))
     ]
-    mean = np.mean(shares, axis=0) if shares else np.full((len(R), len(tolerances), 3), np.nan)
-    return [Visibility(*mean[:, k].T) for k in range(len(tolerances))]
-
-
-def _way(view: View, other: View, R: np.ndarray, shifts: np.ndarray) -> Way:
-    """From the other scan's points to the view's images."""
-    viewpoints = np.array([image.viewpoint for image in view.images]).reshape(-1, 1, 3)
-    return Way(view.ranges if view.images else None, other.sample, R, shifts - viewpoints)
+    scales = [
+        other.count * view.repeats if view.images else None for view, other in ((target, source), (source, target))
+    ]
+    return Views(agreement(device, ways, poses, tolerances), scales)

@@ -61,7 +61,7 @@ def fit_covariance(
     target_center, source_center = (center / grid.voxel for center in centers)
     away = target_center + fit.shift, fit.R.apply(source_center)
     by_scans = _by_planes(hypothesis, calibration) + calibration.systematic(
-        *away, np.array(fit.principal()[2]), fit.stretch is not None
+        *away, fit.principal()[2], fit.stretch is not None
     )
     by_scans *= calibration.other_kinds
     unknown = np.diag(np.repeat([np.pi, float(grid.edge)], 3) ** -2.0)
@@ -102,7 +102,7 @@ def _by_planes(hypothesis: Hypothesis, calibration: Calibration) -> np.ndarray:
     # a share that is no more than its error may be nothing; one that is far above it is what it seems
     share = np.maximum(share, _LEAST)
     sure = 1 - (np.maximum(_DOUBTS * fit.doubt, _COMMON * fit.own) / share) ** 2
-    axes = axes / np.repeat([max(lever, 1e-6), 1.0], 3)[:, None]
+    axes = axes / np.repeat([max(float(lever), 1e-6), 1.0], 3)[:, None]
     held = (axes * (sure > 0) / np.maximum(share * fit.pairs, _LEAST)) @ axes.T
     return (axes * variance / np.maximum(sure * share * fit.pairs, _LEAST)) @ axes.T + by_stretch(
         fit, held, calibration

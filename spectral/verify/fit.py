@@ -46,8 +46,8 @@ class Fit:
     stretch: np.ndarray | None = None
     stretching: np.ndarray | None = None
 
-    def principal(self) -> tuple[np.ndarray, np.ndarray, float]:
-        """The information by directions: shares (6,) of a pair's, ascending, their axes (6, 6) in columns, and a lever.
+    def principal(self) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+        """The information by directions: shares (6,) of a pair's, ascending, their axes (6, 6) in columns, a lever ().
 
         Turns are taken times the lever [voxels], what they move the points by, so that directions can be compared.
         """
@@ -59,7 +59,7 @@ class Fit:
 
         Two flat places fit anywhere: their planes hold three directions of six.
         """
-        return float(np.exp(np.log(np.maximum(self.principal()[0], _LOOSEST)).mean()))
+        return float(firmness(self.information, np.array(self.pairs)))
 
     @property
     def by_scans(self) -> "Fit":
@@ -68,9 +68,17 @@ class Fit:
         return replace(self, R=Rotation.from_rotvec(turn) * self.R, shift=self.shift + shift, prior=None)
 
 
-def principal_axes(information: np.ndarray, pairs: float) -> tuple[np.ndarray, np.ndarray, float]:
-    """As `Fit.principal`, of (6, 6) information by so many pairs."""
-    lever = np.sqrt(max(float(np.trace(information[:3, :3])), 1e-12) / max(pairs, 1e-12))
-    units = np.repeat([lever, 1.0], 3)
-    share, axes = np.linalg.eigh(information / np.outer(units, units) / max(pairs, 1e-12))
+def principal_axes(information: np.ndarray, pairs: np.ndarray | float) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+    """As `Fit.principal`, of (..., 6, 6) information by (...) pairs."""
+    counted = np.maximum(np.asarray(pairs), 1e-12)
+    turning = np.trace(information[..., :3, :3], axis1=-2, axis2=-1)
+    lever = np.sqrt(np.maximum(turning, 1e-12) / counted)
+    units = np.repeat(np.stack([lever, np.ones_like(lever)], axis=-1), 3, axis=-1)
+    share, axes = np.linalg.eigh(information / (units[..., :, None] * units[..., None, :] * counted[..., None, None]))
     return share, axes, lever
+
+
+def firmness(information: np.ndarray, pairs: np.ndarray) -> np.ndarray:
+    """(...) as `Fit.firmness`, of (..., 6, 6) information by (...) pairs."""
+    share, _, _ = principal_axes(information, pairs)
+    return np.exp(np.log(np.maximum(share, _LOOSEST)).mean(axis=-1))

@@ -10,7 +10,9 @@ import numpy as np
 from scipy.spatial.transform import Rotation
 
 from kernels.device.device import Device
-from kernels.surface.refinement import Record, Refinement, Stretching, Weighting
+from kernels.points.poses import upload_poses
+from kernels.surface.record import Record
+from kernels.surface.refinement import LastStep, Refinement, Stretching, Weighting
 from spectral.prepare.surface import Surface
 from spectral.verify.calibration import CALIBRATION
 from spectral.verify.fit import Fit, principal_axes
@@ -42,6 +44,27 @@ class Start:
     widths: np.ndarray
 
 
+class Refined:
+    """Refinements from k places, on their way to the host.
+
+    Attributes:
+        poses: device (k, 16) float32, where they lead, as `upload_poses` has them.
+    """
+
+    def __init__(self, device: Device, last: LastStep, prior: PriorTerm | None, stretches: bool) -> None:
+        """What `refine` has queued; what instruments say of the last step is said on the host, and at once."""
+        self.poses, self._last, self._stretches = last.poses, last, stretches
+        self._fits: list[Fit] | None = None
+        if prior is not None:
+            self._fits = _fits(last.read(), prior, stretches)
+            turns, shifts = Rotation.concatenate([fit.R for fit in self._fits]), [fit.shift for fit in self._fits]
+            self.poses = upload_poses(device, turns.as_matrix(), np.array(shifts))
+
+    def read(self) -> list[Fit]:
+        """Where they lead, and what the surfaces say there."""
+        return _fits(self._last.read(), None, self._stretches) if self._fits is None else self._fits
+
+
 def refine(
     device: Device,
     target: Surface,
@@ -51,8 +74,8 @@ def refine(
     most: int,
     prior: PriorTerm | None = None,
     stretches: bool = False,
-) -> list[Fit]:
-    """Gauss-Newton from k places, at least one step, one for each reach; side by side, as if each were alone.
+) -> Refined:
+    """Queue Gauss-Newton from k places, at least one step, one for each reach; side by side, as if each were alone.
 
     The device takes all steps without a word; only instruments that have one make each step's sums come back.
 
@@ -78,13 +101,12 @@ def refine(
     for reach in first:
         steps.step(reach, alone=prior is None)
         if prior is not None:
-            state, equations = _equations(steps.read(), prior, stretches)
+            state, equations = _equations(steps.end().read(), prior, stretches)
             state, _ = equations.moved(state)
             prior = state.prior
             steps.begin(state.turn, state.shift, state.width, state.stretch)
     steps.step(last, alone=False)
-    record = steps.read()
-    return _finish(record, *_equations(record, prior, stretches))
+    return Refined(device, steps.end(), prior, stretches)
 
 
 def _equations(record: Record, prior: PriorTerm | None, stretches: bool) -> tuple[State, NormalEquations]:
@@ -93,17 +115,24 @@ def _equations(record: Record, prior: PriorTerm | None, stretches: bool) -> tupl
     return state, NormalEquations.of(record, state)
 
 
-def _finish(record: Record, state: State, normal: NormalEquations) -> list[Fit]:
-    """The last step, and what was measured before it."""
-    moved, alone = normal.moved(state)
+def _fits(record: Record, prior: PriorTerm | None, stretches: bool) -> list[Fit]:
+    """Where the last step leads, and what was measured before it."""
+    state, normal = _equations(record, prior, stretches)
+    if prior is None:
+        stretch = record.next_stretch if stretches else None
+        moved, alone = (
+            State(record.next_turn, record.next_shift, record.width, stretch, None),
+            np.zeros((len(record.total), 6)),
+        )
+    else:
+        moved, alone = normal.moved(state)
     shared = normal.shared
     information, total = shared[:, :6, :6], record.total
     counted = np.where(total > 0, total, 1.0)
-    residual = np.sqrt(record.squares / counted)
-    R = Rotation.from_matrix(moved.turn)
-    principal = [principal_axes(*each) for each in zip(information, total.tolist(), strict=True)]
+    R, residual = Rotation.from_matrix(moved.turn), np.sqrt(record.squares / counted)
+    _, axes, lever = principal_axes(information, total)
     # a turn is taken times the lever, as there
-    axes = np.stack([axes / np.repeat([lever, 1.0], 3)[:, None] for _, axes, lever in principal])
+    axes[:, :3] /= lever[:, None, None]
     own = np.einsum("kia,kij,kja->ka", axes, record.whole[:, :6, :6], axes) / counted[:, None]
     doubt = np.sqrt(record.doubts) / counted[:, None]
     return [

@@ -5,7 +5,7 @@ from dataclasses import dataclass
 import numpy as np
 from scipy.spatial.transform import Rotation
 
-from kernels.surface.refinement import Record
+from kernels.surface.record import Record
 from spectral.verify.calibration import CALIBRATION
 from spectral.verify.prior_term import PriorTerm, posterior_step
 

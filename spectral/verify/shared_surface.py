@@ -3,10 +3,9 @@
 from dataclasses import dataclass
 
 import numpy as np
-from scipy.spatial.transform import Rotation
 
-from kernels.device.device import Device
-from kernels.surface.shared import shared_sums
+from kernels.device.device import Array, Device
+from kernels.surface.shared import SharedSums, shared_sums
 from spectral.prepare.surface import Surface
 
 # A point has a counterpart this near, if the normals there are within 37 degrees of each other [voxels; cosine].
@@ -38,14 +37,27 @@ class SharedSurface:
         return self.agree / (self.covered + _LEAST)
 
 
-def shared_surfaces(
-    device: Device, target: Surface, source: Surface, R: Rotation, shifts: np.ndarray, most: int
-) -> list[SharedSurface]:
-    """What the scans share under each of k poses.
+class SharedSurfaces:
+    """What two scans share under several poses, on its way to the host."""
+
+    def __init__(self, sums: SharedSums) -> None:
+        """What `shared_surfaces` has queued."""
+        self._sums = sums
+
+    def read(self) -> list[SharedSurface]:
+        """Of each pose."""
+        sums = self._sums.read()
+        agree, covered = (sums[:, :, :2] / sums[:, :, 2:3]).mean(axis=1).T
+        overlap = sums[:, :, 3].min(axis=1)
+        return [SharedSurface(*shares) for shares in np.column_stack([agree, covered, overlap]).tolist()]
+
+
+def shared_surfaces(device: Device, target: Surface, source: Surface, poses: Array, most: int) -> SharedSurfaces:
+    """Queue what the scans share under each of k poses.
 
     Args:
-        R: (k,) rotations.
-        shifts: (k, 3) p_target = R p_source + shift about the grid centers [voxels].
+        poses: device (k, 16) float32 as `upload_poses` has them, p_target = R p_source + t about the scans' grid
+            centers [voxels].
         most: how many points of each scan are looked at.
     """
     sums = shared_sums(
@@ -53,13 +65,10 @@ def shared_surfaces(
         target.elements,
         source.elements,
         (target.direction_weights, source.direction_weights),
-        R.as_matrix(),
-        shifts,
+        poses,
         most,
         reach=_REACH,
         covered=_COVERED,
         alike=_ALIKE,
     )
-    agree, covered = (sums[:, :, :2] / sums[:, :, 2:3]).mean(axis=1).T
-    overlap = sums[:, :, 3].min(axis=1)
-    return [SharedSurface(*shares) for shares in np.column_stack([agree, covered, overlap]).tolist()]
+    return SharedSurfaces(sums)

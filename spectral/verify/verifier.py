@@ -6,20 +6,21 @@ contradict. The best few distinct ones are refined and compared on the whole gri
 """
 
 from collections.abc import Sequence
-from dataclasses import replace
 from itertools import product
 
 import numpy as np
 from scipy.spatial.transform import Rotation
 
-from kernels.device.device import Device
+from kernels.device.device import Array, Device
+from kernels.points.poses import upload_poses
 from spectral.grid import coarse_edge
 from spectral.prepare.range_image import COARSE, FINE, visibility
 from spectral.prepare.spectral_scan import WHITENINGS, SpectralScan
 from spectral.so3 import RotationPeaks
 from spectral.translation import SAME_SHIFT, Box, Translation, Volume
 from spectral.verify.candidates import Candidates
-from spectral.verify.hypothesis import Evidence, Hypothesis, alike
+from spectral.verify.hypothesis import Hypothesis
+from spectral.verify.look import Look, Measurement, consistency
 from spectral.verify.shared_surface import shared_surfaces
 
 # Peaks of a rotation's translation that are looked at, and how far apart they are [coarse voxels].
@@ -34,16 +35,6 @@ _BY_POINTS, _POINTS = 60, 400
 SURFACE_POINTS = 1200
 # Along which axes a cyclic shift is wrapped, of all that it may stand for.
 _WRAPS = np.array(list(product((False, True), repeat=3)))
-# A contradiction weighs as so many agreements; a share of points that is small beside the least hardly counts.
-_WEIGHT, _LEAST = 4.0, 0.05
-
-
-def consistency(agree: np.ndarray | float, contradict: np.ndarray | float) -> np.ndarray | float:
-    """The share of agreeing points among those that agree or contradict, 0..1; a contradiction counts several times.
-
-    Not a share of all points: where scans have little in common few can agree, and few can contradict.
-    """
-    return agree / (agree + _WEIGHT * contradict + _LEAST)
 
 
 class Verifier:
@@ -146,73 +137,38 @@ class Verifier:
                 break
         return np.array(kept, dtype=np.int64)
 
-    def look(
-        self, target: SpectralScan, source: SpectralScan, hypotheses: Sequence[Hypothesis], points: int
-    ) -> list[Evidence]:
-        """What the scans' views and so many points of their surfaces say of each."""
-        R = Rotation.concatenate([hypothesis.fit.R for hypothesis in hypotheses])
-        shifts = np.array([hypothesis.fit.shift for hypothesis in hypotheses])
-        fine, coarse = visibility(self.device, target.view, source.view, R, shifts, (FINE, COARSE))
-        views = np.asarray(consistency(fine.agree, fine.contradict)).tolist()
-        coarse_views = np.asarray(consistency(coarse.agree, coarse.contradict)).tolist()
-        shared = shared_surfaces(self.device, target.surface, source.surface, R, shifts, points)
-        return [
-            replace(
-                hypothesis.evidence,
-                view=view,
-                coarse_view=coarse_view,
-                surface=surface.consistency,
-                overlap=surface.overlap,
-                residual=hypothesis.fit.residual,
-                width=hypothesis.fit.width,
-                firmness=hypothesis.fit.firmness,
-                measured=0.0 if hypothesis.fit.prior is None else float(hypothesis.fit.prior.squared()),
-            )
-            for hypothesis, view, coarse_view, surface in zip(hypotheses, views, coarse_views, shared, strict=True)
-        ]
+    def look(self, target: SpectralScan, source: SpectralScan, poses: Array, points: int = SURFACE_POINTS) -> Look:
+        """Queue what the scans' views and so many points of their surfaces say of poses.
 
-    def rank(
-        self,
-        target: SpectralScan,
-        source: SpectralScan,
-        hypotheses: Sequence[Hypothesis],
-        points: int = SURFACE_POINTS,
-    ) -> list[Hypothesis]:
-        """The hypotheses with what the scans saw, best first; of those at the same pose the best alone."""
-        looks = self.look(target, source, hypotheses, points)
-        viewed = [replace(hypothesis, evidence=e) for hypothesis, e in zip(hypotheses, looks, strict=True)]
-        distinct: list[Hypothesis] = []
-        for hypothesis in sorted(viewed, key=lambda hypothesis: -hypothesis.candidate_score):
-            if not any(alike(hypothesis.fit, kept.fit) for kept in distinct):
-                distinct.append(hypothesis)
-        return distinct
+        Args:
+            poses: device (k, 16) float32, as `upload_poses` has them, between the grids' centers [voxels].
+        """
+        views = visibility(self.device, target.view, source.view, poses, (FINE, COARSE))
+        return Look(views, shared_surfaces(self.device, target.surface, source.surface, poses, points))
 
-    def measure(self, target: SpectralScan, source: SpectralScan, hypotheses: Sequence[Hypothesis]) -> list[Hypothesis]:
-        """The hypotheses with the translation's correlation at their poses, on both grids."""
-        if not hypotheses:
-            return []
+    def measure(self, target: SpectralScan, source: SpectralScan, hypotheses: Sequence[Hypothesis]) -> Measurement:
+        """Queue the translation's correlation at the hypotheses' poses, at least one, on both grids."""
         R = Rotation.concatenate([hypothesis.fit.R for hypothesis in hypotheses])
         shifts = np.array([hypothesis.fit.shift for hypothesis in hypotheses])
         fine = self.translation.find_at(target.volume, source.volume, R, shifts)
         coarse = self._coarse.find_at(target.coarse, source.coarse, R, shifts * (self.coarse_edge / self.edge))
-        return [
-            replace(hypothesis, evidence=replace(hypothesis.evidence, psr=peak.psr, coarse_psr=coarse_peak.psr))
-            for hypothesis, peak, coarse_peak in zip(hypotheses, fine.highest(), coarse.highest(), strict=True)
-        ]
+        return Measurement(hypotheses, fine, coarse)
 
     def _scores(
         self, target: SpectralScan, source: SpectralScan, candidates: Candidates, tolerance: tuple[float, float]
     ) -> np.ndarray:
         """(n,) consistency times the peak's height."""
         if target.view.images or source.view.images:
-            (seen,) = visibility(self.device, target.view, source.view, candidates.R, candidates.shifts, [tolerance])
+            poses = upload_poses(self.device, candidates.R.as_matrix(), candidates.shifts)
+            (seen,) = visibility(self.device, target.view, source.view, poses, [tolerance]).read()
             agreement = np.asarray(consistency(seen.agree, seen.contradict))
         else:
             agreement = np.zeros(len(candidates.psr))
             highest = np.argsort(-candidates.psr, kind="stable")[:_BY_POINTS]
-            R, shifts = candidates.R[highest], candidates.shifts[highest]  # pyright: ignore[reportArgumentType]
-            shared = shared_surfaces(self.device, target.surface, source.surface, R, shifts, _POINTS)
-            agreement[highest] = [each.consistency for each in shared]
+            R = candidates.R[highest]  # pyright: ignore[reportArgumentType]
+            poses = upload_poses(self.device, R.as_matrix(), candidates.shifts[highest])
+            shared = shared_surfaces(self.device, target.surface, source.surface, poses, _POINTS)
+            agreement[highest] = [each.consistency for each in shared.read()]
         return agreement * np.maximum(candidates.psr, 0.0)
 
 

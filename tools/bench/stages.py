@@ -35,6 +35,8 @@ PAIR_STAGES: Mapping[str, str] = {
     "spectral.prepare.range_image:visibility": "views",
     "spectral.verify.shared_surface:shared_surfaces": "shared surfaces",
     "spectral.verify.icp:refine": "refinement",
+    "spectral.verify.look:Look.read": "refinement, views, shared surfaces: waiting",
+    "spectral.verify.look:Measurement.read": "measured: waiting",
     "spectral.registration:SpectralRegistrar._conclude": "covariance, probability",
 }
 

@@ -64,7 +64,7 @@ def test_sums_equal_the_twin(
         start = [Pose(pose.turn, pose.shift, pose.width, np.zeros(2)) for pose in start]
     steps = refinement(device, rows, most, start, stretching)
     steps.step(reach, alone=False)
-    got = steps.read()
+    got = steps.end().read()
     for n, pose in enumerate(start):
         want = sums_of(rows[0], rows[1], most, pose, reach, WEIGHTING, 1.5, stretching is not None)
         for name in ("moving", "whole", "shared", "gradient", "total", "squares"):
@@ -92,13 +92,21 @@ def test_steps_without_a_read_lead_where_the_twins_do(
                 pose, sums_of(rows[0], rows[1], 600, pose, reach, WEIGHTING, 1.5, stretching is not None), stretching
             )
     steps.step(2.0, alone=False)
-    got = steps.read()
+    last = steps.end()
+    leads, got = last.poses.get()[:, :12].reshape(-1, 3, 4), last.read()
     for n, pose in enumerate(poses):
         np.testing.assert_allclose(got.turn[n], pose.turn, atol=3e-5)
         np.testing.assert_allclose(got.shift[n], pose.shift, atol=1e-3)
         np.testing.assert_allclose(got.stretch[n], pose.stretch, atol=3e-5)
         assert got.width[n] == pytest.approx(pose.width, abs=1e-4)
         np.testing.assert_allclose(got.turn[n] @ got.turn[n].T, np.eye(3), atol=1e-12)
+        sums = sums_of(rows[0], rows[1], 600, pose, 2.0, WEIGHTING, 1.5, stretching is not None)
+        following = moved(pose, sums, stretching)
+        np.testing.assert_allclose(got.next_turn[n], following.turn, atol=5e-5)
+        np.testing.assert_allclose(got.next_shift[n], following.shift, atol=2e-3)
+        np.testing.assert_allclose(got.next_stretch[n], following.stretch, atol=5e-5)
+        np.testing.assert_allclose(leads[n, :, :3], got.next_turn[n], atol=1e-7)
+        np.testing.assert_allclose(leads[n, :, 3], got.next_shift[n], atol=1e-6)
 
 
 def test_an_even_number_of_gaps_has_the_mean_of_the_middle_ones(device: Device) -> None:
@@ -110,7 +118,7 @@ def test_an_even_number_of_gaps_has_the_mean_of_the_middle_ones(device: Device) 
     steps = Refinement(device, upload(device, ours), upload(device, theirs), 10, 1.0, WEIGHTING, None)
     steps.begin(np.eye(3)[None], np.zeros((1, 3)), np.zeros(1), None)
     steps.step(3.0, alone=False)
-    assert steps.read().width[0] == pytest.approx(0.3, abs=1e-6)
+    assert steps.end().read().width[0] == pytest.approx(0.3, abs=1e-6)
 
 
 def test_nothing_within_reach_leaves_the_pose(device: Device, rows: list[np.ndarray]) -> None:
@@ -119,7 +127,7 @@ def test_nothing_within_reach_leaves_the_pose(device: Device, rows: list[np.ndar
     for reach in (8.0, 2.0):
         steps.step(reach, alone=True)
     steps.step(2.0, alone=False)
-    got = steps.read()
+    got = steps.end().read()
     assert got.total[0] == got.squares[0] == 0
     assert not got.whole.any()
     np.testing.assert_array_equal(got.shift[0], pose.shift)
@@ -134,7 +142,7 @@ def test_three_points_are_refined(device: Device) -> None:
     for reach in (8.0, 3.0, 1.5):
         steps.step(reach, alone=True)
     steps.step(1.5, alone=False)
-    got = steps.read()
+    got = steps.end().read()
     assert np.isfinite(got.shift).all()
     assert np.isfinite(got.shared).all()
 

@@ -7,6 +7,7 @@ from scipy.spatial.transform import Rotation
 
 from kernels.device.device import Device
 from kernels.errors import InputError
+from kernels.points.poses import upload_poses
 from kernels.surface.shared import shared_sums
 from tests.kernels.surface.scenes import bent_sheet, random_rows, upload
 
@@ -34,7 +35,8 @@ def test_equals_the_twin(device: Device, ours: int, theirs: int, poses: int, mos
     )
     R, t = Rotation.from_rotvec(rng.normal(0, 0.2, (poses, 3))).as_matrix(), rng.normal(0, 2, (poses, 3))
     weights = device.to_device(WEIGHTS), device.to_device(WEIGHTS)
-    got = shared_sums(device, upload(device, target), upload(device, source), weights, R, t, most, **LIMITS)
+    surfaces = upload(device, target), upload(device, source)
+    got = shared_sums(device, *surfaces, weights, upload_poses(device, R, t), most, **LIMITS).read()
     want = [
         [one_way(target, source, turn, shift, most), one_way(source, target, turn.T, -turn.T @ shift, most)]
         for turn, shift in zip(R, t, strict=True)
@@ -45,10 +47,7 @@ def test_equals_the_twin(device: Device, ours: int, theirs: int, poses: int, mos
 def test_no_pose_and_no_such_pose(device: Device) -> None:
     surface = upload(device, random_rows(bent_sheet(50, 1), 1))
     weights = device.to_device(WEIGHTS), device.to_device(WEIGHTS)
-    assert shared_sums(device, surface, surface, weights, np.zeros((0, 3, 3)), np.zeros((0, 3)), 9, **LIMITS).shape == (
-        0,
-        2,
-        4,
-    )
-    with pytest.raises(InputError, match="finite"):
-        shared_sums(device, surface, surface, weights, np.eye(3)[None], np.full((1, 3), np.inf), 9, **LIMITS)
+    none = upload_poses(device, np.zeros((0, 3, 3)), np.zeros((0, 3)))
+    assert shared_sums(device, surface, surface, weights, none, 9, **LIMITS).read().shape == (0, 2, 4)
+    with pytest.raises(InputError, match="`poses` is float32 of shape"):
+        shared_sums(device, surface, surface, weights, device.empty((3, 12)), 9, **LIMITS)

@@ -6,16 +6,21 @@ import numpy as np
 import pytest
 from scipy.spatial.transform import Rotation
 
-from kernels.device.device import Device, choose_device
+from kernels.device.device import Array, Device, choose_device
+from kernels.points.poses import upload_poses
 from spectral.prepare.range_image import View, scan_view, visibility
 
 VIEWPOINT = np.array([3.0, -2.0, 1.0])
-STILL = Rotation.from_quat(np.array([[0.0, 0.0, 0.0, 1.0]]))
 
 
 @pytest.fixture(scope="module")
 def device() -> Device:
     return choose_device()
+
+
+def still(device: Device) -> Array:
+    """The pose that moves nothing."""
+    return upload_poses(device, np.eye(3)[None], np.zeros((1, 3)))
 
 
 def shell(radius: float, seed: int = 1, count: int = 60_000, cone: float = -1.0) -> np.ndarray:
@@ -78,7 +83,7 @@ class TestVisibility:
         target = view_of(device, shell(20.0, 1))
         source = view_of(device, np.vstack([shell(radius, 3, cone=0.5), shell(9.0, 4, cone=0.5)]))
         assert not source.images
-        (shares,) = visibility(device, target, source, STILL, np.zeros((1, 3)), [(reach, slope)])
+        (shares,) = visibility(device, target, source, still(device), [(reach, slope)]).read()
         return np.array([shares.agree[0], shares.contradict[0], shares.seen[0]])
 
     def test_points_on_the_surface_agree_and_those_before_it_contradict(self, device: Device) -> None:
@@ -101,7 +106,7 @@ class TestVisibility:
 def test_both_views_are_asked_and_their_mean_told(device: Device) -> None:
     """The target's sensor saw through to 30 voxels, the source's to 20 in the same direction."""
     far, near = view_of(device, shell(30.0, 1)), view_of(device, shell(20.0, 2))
-    (shares,) = visibility(device, far, near, STILL, np.zeros((1, 3)), [(1.0, 0.0)])
+    (shares,) = visibility(device, far, near, still(device), [(1.0, 0.0)]).read()
     assert shares.contradict[0] == pytest.approx(0.5, abs=0.05)
     assert shares.agree[0] == 0
 
@@ -114,8 +119,9 @@ def test_the_other_way_round_says_the_same(device: Device) -> None:
     shifts = np.array([[2.0, -3.0, 1.0], [2.5, -2.0, 0.0], [9.0, 1.0, 1.0]])
     target = view_of(device, wall, np.array([-5.0, 2.0, 1.0]))
     source = view_of(device, R[0].inv().apply(wall - shifts[0]), np.array([-7.0, 1.0, 0.0]))
-    (there,) = visibility(device, target, source, R, shifts, [(1.0, 0.01)])
-    (back,) = visibility(device, source, target, R.inv(), -R.inv().apply(shifts), [(1.0, 0.01)])
+    (there,) = visibility(device, target, source, upload_poses(device, R.as_matrix(), shifts), [(1.0, 0.01)]).read()
+    inverse = upload_poses(device, R.inv().as_matrix(), -R.inv().apply(shifts))
+    (back,) = visibility(device, source, target, inverse, [(1.0, 0.01)]).read()
     np.testing.assert_allclose(back.agree, there.agree, atol=0.002)
     np.testing.assert_allclose(back.contradict, there.contradict, atol=0.002)
     assert there.agree[0] > 0.9
@@ -125,7 +131,7 @@ def test_the_other_way_round_says_the_same(device: Device) -> None:
 
 def test_without_any_view_nothing_is_known(device: Device) -> None:
     blind = view_of(device, np.vstack([shell(20.0, 1), shell(12.0, 2)]))
-    (shares,) = visibility(device, blind, blind, STILL, np.zeros((1, 3)), [(1.0, 0.0)])
+    (shares,) = visibility(device, blind, blind, still(device), [(1.0, 0.0)]).read()
     assert np.isnan([shares.agree, shares.contradict, shares.seen]).all()
 
 
@@ -159,7 +165,7 @@ class TestManyViewpoints:
         for before in (0.0, 6.0):
             there = self.wall(2)[0] - [before, 0, 0]
             blind = replace(view_of(device, there), images=())
-            shares += visibility(device, target, blind, STILL, np.zeros((1, 3)), [(1.0, 0.0)])
+            shares += visibility(device, target, blind, still(device), [(1.0, 0.0)]).read()
         assert shares[0].agree[0] > 0.85
         assert shares[0].contradict[0] < 0.02
         assert shares[1].agree[0] < 0.02

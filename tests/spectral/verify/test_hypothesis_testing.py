@@ -8,6 +8,7 @@ import pytest
 from scipy.spatial.transform import Rotation
 
 from kernels.device.device import choose_device
+from kernels.points.poses import upload_poses
 from spectral.grid import Grid
 from spectral.registration import SpectralRegistrar
 from spectral.scan import Scan
@@ -44,8 +45,11 @@ def refined(R: Rotation, shift: np.ndarray) -> Hypothesis:
 
 def looked_at(pair_test: HypothesisTest, hypotheses: list[Hypothesis]) -> list[Hypothesis]:
     """The same with what the scans saw, in the same order."""
-    looks = pair_test.verifier.look(pair_test.target, pair_test.source, hypotheses, 500)
-    return [replace(hypothesis, evidence=e) for hypothesis, e in zip(hypotheses, looks, strict=True)]
+    fits = [hypothesis.fit for hypothesis in hypotheses]
+    R = np.stack([fit.R.as_matrix() for fit in fits])
+    poses = upload_poses(pair_test.verifier.device, R, np.stack([fit.shift for fit in fits]))
+    seen = pair_test.verifier.look(pair_test.target, pair_test.source, poses, 500).read()
+    return [replace(hypothesis, evidence=e) for hypothesis, e in zip(hypotheses, seen.of(fits), strict=True)]
 
 
 def off(pair_test: HypothesisTest, hypothesis: Hypothesis) -> float:
@@ -91,13 +95,13 @@ def test_what_looks_hopeless_is_not_compared(pair_test: HypothesisTest, monkeypa
         [refined(TRUE.rotation, true_shift(pair_test)), refined(TRUE.rotation, true_shift(pair_test) + 2 * ASIDE)],
     )
     refined_again: list[int] = []
-    refine_all = HypothesisTest._refine_all
+    refine = HypothesisTest._refine
 
     def counted(test: HypothesisTest, hypotheses: list[Hypothesis], *rest: Any) -> list[Hypothesis]:
         refined_again.append(len(hypotheses))
-        return refine_all(test, hypotheses, *rest)
+        return refine(test, hypotheses, *rest)
 
-    monkeypatch.setattr(HypothesisTest, "_refine_all", counted)
+    monkeypatch.setattr(HypothesisTest, "_refine", counted)
     pair_test.compare([true, beside])
     hopeless = replace(beside, evidence=replace(beside.evidence, width=50.0))
     (only,) = pair_test.compare([hopeless, true])

@@ -36,7 +36,7 @@ def refine_one(
 ) -> Fit:
     """From one place."""
     start = Start(Rotation.concatenate([R]), shift[None], np.array([width]))
-    (fit,) = refine(chosen_device(), target, source, start, reaches, most, stretches=stretches)
+    (fit,) = refine(chosen_device(), target, source, start, reaches, most, stretches=stretches).read()
     return fit
 
 
@@ -179,7 +179,7 @@ def test_several_places_are_refined_as_if_each_were_alone(pair: tuple[Surface, S
         Start(R, np.array([shift for _, shift in places]), np.array([0.0, 0.3, 0.0])),
         REACHES,
         800,
-    )
+    ).read()
     for (turn, shift), width, fit in zip(places, (0.0, 0.3, 0.0), together, strict=True):
         alone = refine_one(*pair, turn, shift, REACHES, 800, width)
         np.testing.assert_allclose(fit.shift, alone.shift, atol=1e-9)

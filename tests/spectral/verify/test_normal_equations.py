@@ -5,7 +5,8 @@ import pytest
 from scipy.linalg import block_diag
 from scipy.spatial.transform import Rotation
 
-from kernels.surface.refinement import Record, Refinement, Weighting
+from kernels.surface.record import Record
+from kernels.surface.refinement import Refinement, Weighting
 from spectral.verify.calibration import CALIBRATION
 from spectral.verify.fit import principal_axes
 from spectral.verify.normal_equations import NormalEquations, State, usual_covariance
@@ -64,6 +65,9 @@ class TestStretch:
                 total=np.full(2, 80.0),
                 squares=np.full(2, 0.3),
                 doubts=np.zeros((2, 6)),
+                next_turn=BEGIN.turn,
+                next_shift=BEGIN.shift,
+                next_stretch=np.zeros((2, 2)),
             ),
             BEGIN,
         )
@@ -101,7 +105,7 @@ class TestDoubt:
         steps = Refinement(chosen_device(), target, source, count, 0.5, Weighting(1 / 6, 0.8, 4.0, 3.0), None)
         steps.begin(np.eye(3)[None], np.zeros((1, 3)), np.zeros(1), None)
         steps.step(0.5, alone=False)
-        record = steps.read()
+        record = steps.end().read()
         shared = (record.shared[0] + record.shared[0].T)[:6, :6] / 2
         _, axes, _ = principal_axes(shared, float(record.total[0]))
         axis = int(np.abs(axes[3]).argmax())

@@ -24,7 +24,7 @@ def shares(target: Surface, source: Surface, turn: np.ndarray | None = None) -> 
     steps = Refinement(chosen_device(), target.elements, source.elements, 1000, 1.0, EVEN, None)
     steps.begin((np.eye(3) if turn is None else turn)[None], np.zeros((1, 3)), np.zeros(1), None)
     steps.step(2.0, alone=False)
-    record = steps.read()
+    record = steps.end().read()
     count = len(target.elements) + len(source.elements)
     # normals are unit vectors: each pair adds its weight to the trace
     whole, moving = (float(np.trace(sums[0, 3:6, 3:6])) / count for sums in (record.whole, record.moving))

@@ -10,7 +10,7 @@ from scipy.spatial.transform import RigidTransform, Rotation
 from spectral.grid import Grid
 from spectral.prior import RelativePrior
 from spectral.verify.bounds import Bounds
-from spectral.verify.hypothesis_testing import HypothesisTest
+from spectral.verify.pair_frames import PairFrames
 from spectral.verify.prior_term import PriorTerm
 from tests.samples.relative_priors import ALL, ATTITUDE, DEPTH, HEADING, POSITION, T_SOURCE, T_TARGET, T_TRUE, prior
 
@@ -25,10 +25,9 @@ def scan(center: np.ndarray) -> Any:
     return SimpleNamespace(volume=SimpleNamespace(center=center), surface=SimpleNamespace(points=points))
 
 
-def of(relative: RelativePrior | None) -> HypothesisTest:
-    nothing: Any = None
+def of(relative: RelativePrior | None) -> PairFrames:
     bounds = Bounds(np.pi, relative, VOXEL)
-    return HypothesisTest(nothing, Grid(64, VOXEL), scan(TARGET_CENTER), scan(SOURCE_CENTER), bounds)
+    return PairFrames(Grid(64, VOXEL), scan(TARGET_CENTER), scan(SOURCE_CENTER), bounds)
 
 
 def pose(T: RigidTransform) -> tuple[Rotation, np.ndarray]:
@@ -38,7 +37,7 @@ def pose(T: RigidTransform) -> tuple[Rotation, np.ndarray]:
 
 def term(relative: RelativePrior, T: RigidTransform) -> PriorTerm:
     turn, shift = pose(T)
-    measured = of(relative)._prior_at(Rotation.concatenate([turn]), shift[None], stretches=False)
+    measured = of(relative).prior_at(Rotation.concatenate([turn]), shift[None], stretches=False)
     assert measured is not None
     return measured.of(0)
 
@@ -83,4 +82,4 @@ def test_a_small_step_moves_the_residuals_as_far(relative: RelativePrior) -> Non
 def test_none_where_nothing_is_measured_in_full(kinds: tuple[slice, ...] | None) -> None:
     known = None if kinds is None else RelativePrior(prior(T_TARGET, *kinds), prior(T_SOURCE, *kinds))
     turn, shift = pose(T_TRUE)
-    assert of(known)._prior_at(Rotation.concatenate([turn]), shift[None], stretches=False) is None
+    assert of(known).prior_at(Rotation.concatenate([turn]), shift[None], stretches=False) is None

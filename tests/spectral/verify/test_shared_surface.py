@@ -6,6 +6,7 @@ import numpy as np
 import pytest
 from scipy.spatial.transform import Rotation
 
+from kernels.points.poses import upload_poses
 from spectral.prepare.surface import Surface
 from spectral.verify.shared_surface import SharedSurface, shared_surfaces
 from tests.spectral.surfaces import chosen_device, surface_of
@@ -33,7 +34,8 @@ def moved(points: np.ndarray, x: float, y: float, z: float) -> np.ndarray:
 
 def shared_surface(target: Surface, source: Surface, R: Rotation, shift: np.ndarray, most: int) -> SharedSurface:
     """Under one pose."""
-    (shared,) = shared_surfaces(chosen_device(), target, source, Rotation.concatenate([R]), shift[None], most)
+    poses = upload_poses(chosen_device(), R.as_matrix()[None], shift[None])
+    (shared,) = shared_surfaces(chosen_device(), target, source, poses, most).read()
     return shared
 
 
@@ -95,7 +97,8 @@ def test_few_points_say_nearly_the_same() -> None:
 def test_several_poses_are_looked_at_as_if_each_were_alone() -> None:
     target, source = surface_of(np.vstack([bed(), wall(10.0)])), surface_of(np.vstack([bed(), wall(12.0)]))
     turns, shifts = Rotation.concatenate([STILL, R, R.inv()]), np.array([HERE, SHIFT, SHIFT + 400.0])
-    together = shared_surfaces(chosen_device(), target, source, turns, shifts, 500)
+    poses = upload_poses(chosen_device(), turns.as_matrix(), shifts)
+    together = shared_surfaces(chosen_device(), target, source, poses, 500).read()
     alone = [shared_surface(target, source, turn, shift, 500) for turn, shift in zip(turns, shifts, strict=True)]
     for one, other in zip(together, alone, strict=True):
         assert astuple(one) == pytest.approx(astuple(other), abs=1e-12)

@@ -7,6 +7,7 @@ import pytest
 from scipy.spatial.transform import RigidTransform, Rotation
 
 from kernels.device.device import choose_device
+from kernels.points.poses import upload_poses
 from spectral.grid import Grid
 from spectral.prepare.spectral_scan import SpectralScan
 from spectral.registration import SpectralRegistrar
@@ -16,7 +17,8 @@ from spectral.translation import Box
 from spectral.verify.candidates import Candidates
 from spectral.verify.fit import Fit
 from spectral.verify.hypothesis import Hypothesis
-from spectral.verify.verifier import Verifier, consistency
+from spectral.verify.look import consistency, ranked
+from spectral.verify.verifier import Verifier
 from tests.samples.reliefs import above, relief, seen
 
 EDGE, VOXEL = 64, 0.5
@@ -37,6 +39,17 @@ def pair() -> tuple[SpectralScan, SpectralScan]:
     registrar = SpectralRegistrar(choose_device(), Grid(EDGE, VOXEL))
     target, source = (registrar.prepare(Scan(seen(relief(1), T, 15.0))) for T in (HERE, THERE))
     return target, source
+
+
+def looked_at(
+    verifier: Verifier, pair: tuple[SpectralScan, SpectralScan], hypotheses: list[Hypothesis]
+) -> list[Hypothesis]:
+    """With what the scans saw, best first."""
+    fits = [hypothesis.fit for hypothesis in hypotheses]
+    R = np.stack([fit.R.as_matrix() for fit in fits])
+    poses = upload_poses(verifier.device, R, np.stack([fit.shift for fit in fits]))
+    seen = verifier.look(*pair, poses).read()
+    return ranked([replace(each, evidence=e) for each, e in zip(hypotheses, seen.of(fits), strict=True)])
 
 
 def shift_of(pair: tuple[SpectralScan, SpectralScan], T: RigidTransform = TRUE) -> np.ndarray:
@@ -151,7 +164,7 @@ class TestEvidence:
     def test_the_true_pose_is_told_from_one_that_is_off(self, verifier, pair) -> None:
         above_true = hypothesis(TRUE.rotation, shift_of(pair) + np.array([0, 0, 6.0]), 0.1)
         true = hypothesis(TRUE.rotation, shift_of(pair), 0.9)
-        best, second = verifier.rank(*pair, [above_true, true])
+        best, second = looked_at(verifier, pair, [above_true, true])
         assert best.evidence.view > 0.8 > 2 * second.evidence.view
         assert best.evidence.coarse_view > 0.8
         assert best.evidence.surface > 2 * second.evidence.surface
@@ -163,12 +176,12 @@ class TestEvidence:
         turned = Rotation.from_rotvec([0, 0, 0.02]) * TRUE.rotation
         given = [hypothesis(turned, shift_of(pair) + 1.0)]
         given += [hypothesis(TRUE.rotation, shift_of(pair)), hypothesis(WRONG, shift_of(pair))]
-        kept = verifier.rank(*pair, given)
-        assert [ranked.fit for ranked in kept] == [given[1].fit, given[2].fit]
+        kept = looked_at(verifier, pair, given)
+        assert [each.fit for each in kept] == [given[1].fit, given[2].fit]
 
     def test_on_the_whole_grid_only_the_true_pose_has_a_peak(self, verifier, pair) -> None:
         given = [hypothesis(TRUE.rotation, shift_of(pair)), hypothesis(WRONG, shift_of(pair))]
-        right, wrong = verifier.measure(*pair, verifier.rank(*pair, given))
+        right, wrong = verifier.measure(*pair, looked_at(verifier, pair, given)).read()
         assert right.fit is given[0].fit
         assert right.evidence.psr > 30 > 10 > wrong.evidence.psr
         assert right.evidence.overlap > 0.35
@@ -178,7 +191,7 @@ class TestEvidence:
     def test_without_a_view_the_surfaces_are_the_evidence(self, verifier, pair) -> None:
         blind = tuple(replace(scan, view=replace(scan.view, images=())) for scan in pair)
         true = hypothesis(TRUE.rotation, shift_of(pair))
-        (without_view,), (with_view,) = verifier.rank(*blind, [true]), verifier.rank(*pair, [true])
+        (without_view,), (with_view,) = (looked_at(verifier, each, [true]) for each in (blind, pair))
         assert np.isnan(without_view.evidence.view)
         assert without_view.evidence.consistency == without_view.evidence.surface == with_view.evidence.surface
         assert with_view.evidence.consistency == with_view.evidence.view

@@ -10,6 +10,7 @@ from scipy.spatial.transform import RigidTransform, Rotation
 
 from kernels.device.device import Device, choose_device
 from kernels.errors import InputError
+from kernels.points.poses import upload_poses
 from kernels.pomf.peak import find_peaks
 from spectral.grid import choose_grid
 from spectral.prepare.range_image import visibility
@@ -119,8 +120,8 @@ class TestView:
         # turned aside, so that there are many
         R = Rotation.from_euler("z", 12, degrees=True) * T.rotation
         shift = (T.translation - a.volume.center + R.apply(b.volume.center)) / voxel
-        turned = Rotation.concatenate([R])
-        (shares,) = visibility(registrar.device, a.view, b.view, turned, shift[None], [(1.0, 0.01)])
+        pose = upload_poses(registrar.device, R.as_matrix()[None], shift[None])
+        (shares,) = visibility(registrar.device, a.view, b.view, pose, [(1.0, 0.01)]).read()
         every = [scan.volume.surface[:: max(1, len(scan.volume.surface) // 1500)] for scan in (a, b)]
         forth = contradicting(a.view, R.apply(every[1]) + shift)
         back = contradicting(b.view, R.inv().apply(every[0] - shift))

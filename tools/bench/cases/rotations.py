@@ -2,7 +2,8 @@
 
 import numpy as np
 
-from kernels.points.visibility import Way, agreement, upload_points
+from kernels.points.poses import upload_poses
+from kernels.points.visibility import Way, agreement, upload_points, upload_viewpoints
 from kernels.so3.correlation import RotationCorrelation, wigner_d
 from tools.bench import twins
 from tools.bench.case import KernelCase
@@ -65,11 +66,12 @@ def rotation_peaks_case(w: Workload) -> KernelCase:
 
 def agreement_case(w: Workload) -> KernelCase:
     R, t = w.poses
-    way = Way(w.upload(w.view[None]), upload_points(w.device, w.seen), R, t[None])
+    poses, center = upload_poses(w.device, R, t), upload_viewpoints(w.device, np.zeros((1, 3)))
+    way = Way(w.upload(w.view[None]), center, upload_points(w.device, w.seen))
     counts = []
 
     def run() -> None:
-        counts[:] = [agreement(w.device, [way], [(_REACH, _SLOPE)])[0][0, :, 0]]
+        counts[:] = [agreement(w.device, [way], poses, [(_REACH, _SLOPE)]).read()[0][0, :, 0]]
 
     return KernelCase(
         "agreement",

@@ -1,0 +1,35 @@
+"""Copies that are queued, and waited for when they are wanted."""
+
+import numpy as np
+
+from kernels.device.device import Device
+from kernels.device.launch import zero
+from kernels.device.readback import Readback
+from kernels.device.trace import Counts, tracing
+
+
+def test_it_holds_what_was_there_when_it_was_queued(device: Device) -> None:
+    values = np.arange(5000, dtype=np.float32).reshape(5, 1000)
+    array = device.to_device(values)
+    before, part = Readback(device, array), Readback(device, array[2:4])
+    zero(device, array)
+    after = Readback(device, array)
+    assert not after.get().any()
+    np.testing.assert_array_equal(before.get(), values)
+    np.testing.assert_array_equal(part.get(), values[2:4])
+    np.testing.assert_array_equal(before.get(), values)
+
+
+def test_the_last_is_waited_for_and_brings_all(device: Device) -> None:
+    counts = Counts()
+    with tracing(device, lambda: counts):
+        readbacks = [Readback(device, device.to_device(np.full(1000, n))) for n in range(4)]
+        assert counts.reads == 0
+        numbers = [readback.get()[7] for readback in readbacks[::-1]]
+    assert numbers == [3, 2, 1, 0]
+    assert counts.reads <= 1
+    assert counts.read_bytes == 4 * 8000
+
+
+def test_nothing_is_there_at_once(device: Device) -> None:
+    assert Readback(device, device.empty((0, 3))).get().shape == (0, 3)
