@@ -9,6 +9,7 @@ from collections.abc import Callable, Generator
 from contextlib import contextmanager
 from dataclasses import dataclass
 from functools import cached_property
+from math import prod
 from typing import Literal
 
 import numpy as np
@@ -173,7 +174,7 @@ class Device:
         Raises:
             DeviceError: the device cannot hold it.
         """
-        self.require(int(np.prod(shape, dtype=np.int64)) * np.dtype(dtype).itemsize)
+        self.require(prod(shape) * np.dtype(dtype).itemsize)
         with self.explain_full_memory():
             return cla.empty(self.queue, shape, dtype, allocator=self.allocator)
 

@@ -47,6 +47,8 @@ def launch(
     key = (program, kernel, *defines.items())
     if key not in kernels:
         made = cl.Kernel(device.program(program, **defines), kernel)
+        # PyOpenCL takes five times as long for a number whose type it does not know
+        made.set_scalar_arg_dtypes([None if isinstance(value, cla.Array) else value.dtype for value in arguments])
         kernels[key] = made, made.get_work_group_info(_MOST_ITEMS, device.context.devices[0])
     made, most = kernels[key]
     items, group = arrange(device, size, group, most)
@@ -62,8 +64,11 @@ def enqueue(
 ) -> None:
     """Enqueue a kernel of a program that was generated; arguments and errors as in `launch`."""
     values = [buffer_of(device, value) if isinstance(value, cla.Array) else value for value in arguments]
-    with device.explain_full_memory():
+    try:
         kernel(device.queue, size, group, *values)
+    except (cl.MemoryError, cl.RuntimeError):
+        with device.explain_full_memory():
+            raise
 
 
 def buffer_of(device: Device, array: cla.Array) -> cl.Buffer:
@@ -125,14 +130,15 @@ def affine_rows(R: np.ndarray | None = None, offset: np.ndarray | None = None) -
     """(4, 4) float64: a rotation and a shift as `affine` puts them into one argument; errors as there."""
     turn = np.eye(3) if R is None else np.asarray(R, np.float64)
     shift = np.zeros(3) if offset is None else np.asarray(offset, np.float64)
-    if turn.shape != (3, 3) or not np.allclose(turn @ turn.T, np.eye(3), atol=1e-4):
+    # not `allclose`, which takes longer than a launch
+    if turn.shape != (3, 3) or not np.abs(turn @ turn.T - np.eye(3)).max() <= 1e-4:
         raise InputError(f"`R` is {turn.tolist()}; wanted a (3, 3) rotation matrix")
     if np.linalg.det(turn) < 0:
         raise InputError(f"`R` is {turn.tolist()}, a reflection; wanted a (3, 3) rotation matrix: negate one axis")
     if shift.shape != (3,) or not np.isfinite(shift).all():
         raise InputError(f"`offset` is {shift.tolist()}; wanted 3 finite numbers")
     rows = np.eye(4)
-    rows[:3] = np.column_stack([turn, shift])
+    rows[:3, :3], rows[:3, 3] = turn, shift
     return rows
 
 

@@ -3,6 +3,7 @@
 
 from collections.abc import Sequence
 from dataclasses import dataclass
+from functools import cache
 
 import numpy as np
 import pyopencl.array as cla
@@ -137,13 +138,19 @@ def _launch(
     seeing = [any_way if way.views is None else way for way in (first, second)]
     arrays = [array for way in seeing for array in (way.views, way.viewpoints) if array is not None]
     sizes = [np.int32(number) for way in (first, second) for number in (way.points[0].shape[1], way.points[1])]
-    both = cltypes.make_float4(*tolerances[0], *tolerances[-1])  # pyright: ignore[reportAttributeAccessIssue]
+    both = _float4(*tolerances[0], *tolerances[-1])
     cpu = device.is_cpu
     launch(
         device, "points/visibility", "agreement", (n, sum(images)) if cpu else (_GROUP, n, sum(images)),
         *arrays, first.points[0], second.points[0], poses, counts, np.int32(images[0]), *sizes, both,
         group=None if cpu else (_GROUP, 1, 1), EDGE=edge, TOLERANCES=len(tolerances), CPU=int(cpu),
     )  # fmt: skip
+
+
+@cache
+def _float4(x: float, y: float, z: float, w: float) -> np.void:
+    """A kernel argument; PyOpenCL takes as long to make it as to launch a kernel."""
+    return cltypes.make_float4(x, y, z, w)  # pyright: ignore[reportAttributeAccessIssue]
 
 
 def _images(way: Way) -> int:
