@@ -160,7 +160,7 @@ class SpectralRegistrar:
         finalists = test.refine_candidates(candidates, self.config.shortlist)[: self.config.finalists]
         hypotheses = finalists + test.find_missed(finalists)
         # 4. all compared on the whole grid, the best refined to the end
-        hypotheses = test.finish(test.compare(hypotheses), spectral=self.config.refinement == "spectral")
+        hypotheses = test.conclude(hypotheses, spectral=self.config.refinement == "spectral")
         # 5. how probable each is, and how sure its pose
         return self._conclude(test, hypotheses, start)
 

@@ -105,11 +105,19 @@ class Refinement:
             InputError: a number is not finite.
         """
         rows = state_rows(turn, shift, width, stretch)
-        if not hasattr(self, "_rows") or self._rows.shape[0] != len(rows):
-            self._rows = self.device.empty((len(rows), self._count, 16))
-            self._sums = self.device.empty((len(rows), self._parts, SUMS_COUNT), self._real)
-            self._poses = self.device.empty((len(rows), 16))
-        self._records = self.device.to_device(rows.astype(self._real))
+        self._take(self.device.to_device(rows.astype(self._real)))
+
+    def begin_after(self, other: "Refinement") -> None:
+        """Go on where the poses of another refinement are, which ends; nothing comes back between the two."""
+        self._take(other._records)
+
+    def _take(self, records: cla.Array) -> None:
+        poses = len(records)
+        if not hasattr(self, "_rows") or self._rows.shape[0] != poses:
+            self._rows = self.device.empty((poses, self._count, 16))
+            self._sums = self.device.empty((poses, self._parts, SUMS_COUNT), self._real)
+            self._poses = self.device.empty((poses, 16))
+        self._records = records
 
     def step(self, reach: float, alone: bool) -> None:
         """A step: the pairs within reach [voxels], and what they say.

@@ -16,7 +16,7 @@ from spectral.verify.bounds import Bounds
 from spectral.verify.candidates import Candidates
 from spectral.verify.fit import Fit
 from spectral.verify.hypothesis import SAME_REFINED_SHIFT, Hypothesis, alike
-from spectral.verify.icp import Refined, Start, refine
+from spectral.verify.icp import Refined, Stage, Start, refine
 from spectral.verify.look import ranked
 from spectral.verify.pair_frames import PairFrames
 from spectral.verify.verifier import SURFACE_POINTS, Verifier
@@ -24,11 +24,11 @@ from spectral.verify.verifier import SURFACE_POINTS, Verifier
 # Reaches of the refinement's steps [voxels] and its points: out of a candidate's error, which a coarse voxel and a
 # rotation 4 degrees off make; twice until it shows which candidates are worth more; until hypotheses can be compared;
 # and, for the best alone, on to the end.
-_FIRST, _FIRST_POINTS = (8.0, 5.0, 3.0), 100
-_QUICK, _QUICK_POINTS = (4.0, 3.0, 2.0), 250
-_ROUGH, _ROUGH_POINTS = (4.0, 3.0, 2.0, 2.0), 500
-_CLOSE, _CLOSE_POINTS = (4.0, 2.0, 2.0, 1.5, 1.5, 1.5), 1000
-_FINAL, _FINAL_POINTS = (1.5,) * 3, 3000
+_FIRST = Stage((8.0, 5.0, 3.0), 100)
+_QUICK = Stage((4.0, 3.0, 2.0), 250)
+_ROUGH = Stage((4.0, 3.0, 2.0, 2.0), 500)
+_CLOSE = Stage((4.0, 2.0, 2.0, 1.5, 1.5, 1.5), 1000)
+_FINAL = Stage((1.5,) * 3, 3000)
 # Candidates that score less than this share of the best are not refined: of 115 right ones among the best 72 one scored
 # less than half.
 _PROMISING = 0.4
@@ -69,13 +69,15 @@ class HypothesisTest:
         refined by few points, and the best of these by more. Impossible ones are kept only where there are no others.
         """
         best = self.verifier.best(self.target, self.source, candidates, count, share=_PROMISING)
-        reaches = tuple(self.verifier.coarser * reach for reach in _FIRST)
-        hypotheses = self._refine_candidates(candidates, best, reaches, _FIRST_POINTS, _FIRST_POINTS)
-        hypotheses = self._frames.possible(hypotheses) or hypotheses
-        quick = self._refine(hypotheses[:_LEFT], _QUICK, _QUICK_POINTS, _QUICK_POINTS)
-        survivors = (self._frames.possible(quick) or quick)[:_SURVIVORS]
-        rough = self._refine(survivors, _ROUGH, _ROUGH_POINTS)
-        return self._frames.possible(rough) or rough
+        first = Stage(tuple(self.verifier.coarser * reach for reach in _FIRST.reaches), _FIRST.points)
+        # one that is left alone goes on at once
+        if len(best) == 1:
+            return self._refine_candidates(candidates, best, [first, _QUICK, _ROUGH])
+        left = self._possible(self._refine_candidates(candidates, best, [first], first.points))[:_LEFT]
+        if len(left) == 1:
+            return self._refine(left, [_QUICK, _ROUGH])
+        left = self._possible(self._refine(left, [_QUICK], _QUICK.points))[:_SURVIVORS]
+        return self._possible(self._refine(left, [_ROUGH]))
 
     def find_missed(self, finalists: list[Hypothesis]) -> list[Hypothesis]:
         """What the whole grid's correlations under the finalists' refined rotations name beside the finalists.
@@ -97,28 +99,42 @@ class HypothesisTest:
             return []
         count = 2 * len(finalists)
         best = self.verifier.best(self.target, self.source, candidates, count, FINE, SAME_REFINED_SHIFT)
-        hypotheses = self._refine_candidates(candidates, best, _ROUGH, _ROUGH_POINTS)
+        hypotheses = self._refine_candidates(candidates, best, [_ROUGH])
         missed = [new for new in hypotheses if not any(alike(new.fit, finalist.fit) for finalist in finalists)]
         return self._frames.possible(missed)[: len(finalists)]
+
+    def conclude(self, hypotheses: list[Hypothesis], spectral: bool) -> list[Hypothesis]:
+        """The hypotheses compared, and the best refined to the end; one alone has nothing to be compared with.
+
+        Args:
+            spectral: as in `finish`.
+        """
+        hopeful = _hopeful(hypotheses, 1.5 * _HOPELESS)
+        if len(hopeful) == 1:
+            return self.finish(hopeful, spectral, [_CLOSE, _FINAL])
+        return self.finish(self.compare(hopeful), spectral)
 
     def compare(self, hypotheses: list[Hypothesis]) -> list[Hypothesis]:
         """Measured on the whole grid, best first; all refined alike, as an advantage in that would look like evidence.
 
         Of those that came out at the same pose the best alone is kept.
         """
-        refined = self._refine(_hopeful(hypotheses, 1.5 * _HOPELESS), _CLOSE, _CLOSE_POINTS)
+        refined = self._refine(_hopeful(hypotheses, 1.5 * _HOPELESS), [_CLOSE])
         hopeful = _hopeful(refined, _HOPELESS)
-        # one alone needs no comparison, and is measured where it ends
+        # one alone is measured where it ends
         return hopeful if len(hopeful) == 1 else self._measured(hopeful)
 
-    def finish(self, hypotheses: list[Hypothesis], spectral: bool) -> list[Hypothesis]:
+    def finish(
+        self, hypotheses: list[Hypothesis], spectral: bool, stages: Sequence[Stage] = (_FINAL,)
+    ) -> list[Hypothesis]:
         """The best hypothesis refined to the end, and the others that are not now where it is.
 
         Args:
             hypotheses: best first.
             spectral: whether the best climbs the translation's peak over the rotation, instead of the planes.
+            stages: of the refinement that are left.
         """
-        best = self._left_to_scans(self._finish_best(hypotheses[0], spectral))
+        best = self._left_to_scans(self._finish_best(hypotheses[0], spectral, stages))
         return [best, *(hypothesis for hypothesis in hypotheses[1:] if not alike(hypothesis.fit, best.fit))]
 
     def transform(self, fit: Fit) -> RigidTransform:
@@ -129,12 +145,12 @@ class HypothesisTest:
     def _frames(self) -> PairFrames:
         return PairFrames(self.grid, self.target, self.source, self.bounds)
 
-    def _finish_best(self, best: Hypothesis, spectral: bool) -> Hypothesis:
+    def _finish_best(self, best: Hypothesis, spectral: bool, stages: Sequence[Stage]) -> Hypothesis:
         """Its evidence is of the scans as they are; its pose, by planes, is with their ranges set right."""
-        best = self._refine([best], _FINAL, _FINAL_POINTS)[0]
+        best = self._refine([best], stages)[0]
         if not spectral:
             measurement = self.verifier.measure(self.target, self.source, [best])
-            (fit,) = self._steps(_start([best]), _FINAL, _FINAL_POINTS, stretches=True).read()
+            (fit,) = self._steps(_start([best.fit]), [_FINAL], stretches=True).read()
             return replace(measurement.read()[0], fit=fit)
         translation, target, source = self.verifier.translation, self.target.volume, self.source.volume
         begin = Rotation.concatenate([best.fit.R])
@@ -157,18 +173,10 @@ class HypothesisTest:
         fit = best.fit
         if fit.prior is None:
             return best
-        alone = fit.by_scans
-        for reaches, points, stretches in ((_CLOSE, _CLOSE_POINTS, False), (_FINAL, _FINAL_POINTS, True)):
-            begin = Start(Rotation.concatenate([alone.R]), alone.shift[None], np.array([alone.width]))
-            alone = refine(
-                self.verifier.device,
-                self.target.surface,
-                self.source.surface,
-                begin,
-                reaches,
-                points,
-                stretches=stretches,
-            ).read()[0]
+        alone, scans = fit.by_scans, (self.target.surface, self.source.surface)
+        for stage, stretches in ((_CLOSE, False), (_FINAL, True)):
+            steps = refine(self.verifier.device, *scans, _start([alone]), [stage], stretches=stretches)
+            (alone,) = steps.read()
         step = np.concatenate([(alone.R * fit.R.inv()).as_rotvec(), alone.shift - fit.shift])
         return replace(best, fit=replace(fit, step=step))
 
@@ -177,61 +185,56 @@ class HypothesisTest:
         measured = self.verifier.measure(self.target, self.source, hypotheses).read()
         return sorted(measured, key=lambda hypothesis: -hypothesis.score)
 
+    def _possible(self, hypotheses: list[Hypothesis]) -> list[Hypothesis]:
+        """The possible ones; all where none is."""
+        return self._frames.possible(hypotheses) or hypotheses
+
     def _refine_candidates(
-        self,
-        candidates: Candidates,
-        chosen: np.ndarray,
-        reaches: tuple[float, ...],
-        points: int,
-        looked_at: int = SURFACE_POINTS,
+        self, candidates: Candidates, chosen: np.ndarray, stages: Sequence[Stage], points: int = SURFACE_POINTS
     ) -> list[Hypothesis]:
         """The chosen candidates, refined and looked at, best first."""
         R, shifts = candidates.R[chosen], candidates.shifts[chosen]  # pyright: ignore[reportArgumentType]
         scores, psr = candidates.rotation_scores[chosen].tolist(), candidates.psr[chosen].tolist()
         start = Start(R, shifts, np.zeros(len(shifts)))
-        return self._round(start, list(zip(scores, psr, strict=True)), reaches, points, looked_at)
+        return self._round(start, list(zip(scores, psr, strict=True)), stages, points)
 
     def _refine(
-        self,
-        hypotheses: Sequence[Hypothesis],
-        reaches: tuple[float, ...],
-        points: int,
-        looked_at: int = SURFACE_POINTS,
+        self, hypotheses: Sequence[Hypothesis], stages: Sequence[Stage], points: int = SURFACE_POINTS
     ) -> list[Hypothesis]:
         """The hypotheses, refined further and looked at, best first."""
         origins = [(hypothesis.rotation_score, hypothesis.candidate_psr) for hypothesis in hypotheses]
-        return self._round(_start(hypotheses), origins, reaches, points, looked_at)
+        return self._round(_start([hypothesis.fit for hypothesis in hypotheses]), origins, stages, points)
 
     def _round(
-        self,
-        start: Start,
-        origins: Sequence[tuple[float, float]],
-        reaches: tuple[float, ...],
-        points: int,
-        looked_at: int,
+        self, start: Start, origins: Sequence[tuple[float, float]], stages: Sequence[Stage], points: int
     ) -> list[Hypothesis]:
-        """Refined by so many points, and looked at by so many, best first; one wait unless instruments take part.
+        """Refined, and looked at by so many points, best first; one wait unless instruments take part.
 
         Args:
             origins: scores of the rotations and peaks of the candidates, as `Hypothesis` has them.
         """
-        refined = self._steps(start, reaches, points)
-        seen = self.verifier.look(self.target, self.source, refined.poses, looked_at).read()
+        refined = self._steps(start, stages)
+        seen = self.verifier.look(self.target, self.source, refined.poses, points).read()
         fits = refined.read()
         looks = zip(fits, origins, seen.of(fits), strict=True)
         return ranked([Hypothesis(fit, *origin, evidence) for fit, origin, evidence in looks])
 
-    def _steps(self, start: Start, reaches: tuple[float, ...], points: int, stretches: bool = False) -> Refined:
+    def _steps(self, start: Start, stages: Sequence[Stage], stretches: bool = False) -> Refined:
         """Queue the refinement from each of the places."""
-        prior = self._frames.prior_at(start.R, start.shifts, stretches)
-        return refine(
-            self.verifier.device, self.target.surface, self.source.surface, start, reaches, points, prior, stretches
-        )
+        scans = self.verifier.device, self.target.surface, self.source.surface
+        if self.bounds.prior is None:
+            return refine(*scans, start, stages, stretches=stretches)
+        # what instruments measured is linear about where a stage begins
+        *before, last = stages
+        for stage in before:
+            start = _start(
+                refine(*scans, start, [stage], self._frames.prior_at(start.R, start.shifts, stretches)).read()
+            )
+        return refine(*scans, start, [last], self._frames.prior_at(start.R, start.shifts, stretches), stretches)
 
 
-def _start(hypotheses: Sequence[Hypothesis]) -> Start:
-    """Where hypotheses are refined further."""
-    fits = [hypothesis.fit for hypothesis in hypotheses]
+def _start(fits: Sequence[Fit]) -> Start:
+    """Where fits are refined further."""
     shifts, widths = np.array([fit.shift for fit in fits]), np.array([fit.width for fit in fits])
     return Start(Rotation.concatenate([fit.R for fit in fits]), shifts, widths)
 

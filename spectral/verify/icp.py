@@ -4,6 +4,7 @@ The iterative closest point of Chen and Medioni (1992, DOI 10.1016/0262-8856(92)
 McClure, which leave out what only one scan shows. It refines a pose that the spectra found; it does not find one.
 """
 
+from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
@@ -44,6 +45,19 @@ class Start:
     widths: np.ndarray
 
 
+@dataclass(frozen=True, slots=True)
+class Stage:
+    """Steps of a refinement.
+
+    Attributes:
+        reaches: of each step, at least one, how far apart points of a pair may be [voxels].
+        points: how many points of each scan are used.
+    """
+
+    reaches: tuple[float, ...]
+    points: int
+
+
 class Refined:
     """Refinements from k places, on their way to the host.
 
@@ -70,22 +84,42 @@ def refine(
     target: Surface,
     source: Surface,
     begin: Start,
-    reaches: tuple[float, ...],
-    most: int,
+    stages: Sequence[Stage],
     prior: PriorTerm | None = None,
     stretches: bool = False,
 ) -> Refined:
-    """Queue Gauss-Newton from k places, at least one step, one for each reach; side by side, as if each were alone.
+    """Queue Gauss-Newton from k places, side by side, as if each were alone; stage by stage, from coarse to fine.
 
     The device takes all steps without a word; only instruments that have one make each step's sums come back.
 
     Args:
-        reaches: how far apart points of a pair may be, step by step [voxels].
-        most: how many points of each scan are used.
+        stages: one, if instruments take part or the scans stretch.
         prior: what instruments measured, about the places to begin with; it counts in every step beside the planes.
         stretches: whether the ranges of each scan may be off by a share, which is estimated with the pose: a speed of
             sound that is wrong stretches all that a sensor sees away from it.
     """
+    *before, last = stages
+    stretch = np.zeros((len(begin.shifts), 2)) if stretches else None
+    steps = _refinement(device, target, source, stages[0].points, stretches)
+    steps.begin(begin.R.as_matrix(), begin.shifts, begin.widths, stretch)
+    for stage, following in zip(before, stages[1:], strict=True):
+        for reach in stage.reaches:
+            steps.step(reach, alone=True)
+        ended, steps = steps, _refinement(device, target, source, following.points, stretches)
+        steps.begin_after(ended)
+    for reach in last.reaches[:-1]:
+        steps.step(reach, alone=prior is None)
+        if prior is not None:
+            state, equations = _equations(steps.end().read(), prior, stretches)
+            state, _ = equations.moved(state)
+            prior = state.prior
+            steps.begin(state.turn, state.shift, state.width, state.stretch)
+    steps.step(last.reaches[-1], alone=False)
+    return Refined(device, steps.end(), prior, stretches)
+
+
+def _refinement(device: Device, target: Surface, source: Surface, most: int, stretches: bool) -> Refinement:
+    """By at most so many points of each scan."""
     counts = [len(surface.elements) for surface in (target, source)]
     scale = sum(min(count, _FULL) for count in counts) / sum(
         surface.elements.thinned(most)[0] for surface in (target, source)
@@ -94,19 +128,7 @@ def refine(
     if stretches:
         known = float(CALIBRATION.variance(np.array(1.0))) / CALIBRATION.stretched**2
         stretching = Stretching(known, CALIBRATION.width, CALIBRATION.narrowest)
-    steps = Refinement(device, target.elements, source.elements, most, scale, _WEIGHTING, stretching)
-    stretch = np.zeros((len(begin.shifts), 2)) if stretches else None
-    steps.begin(begin.R.as_matrix(), begin.shifts, begin.widths, stretch)
-    *first, last = reaches
-    for reach in first:
-        steps.step(reach, alone=prior is None)
-        if prior is not None:
-            state, equations = _equations(steps.end().read(), prior, stretches)
-            state, _ = equations.moved(state)
-            prior = state.prior
-            steps.begin(state.turn, state.shift, state.width, state.stretch)
-    steps.step(last, alone=False)
-    return Refined(device, steps.end(), prior, stretches)
+    return Refinement(device, target.elements, source.elements, most, scale, _WEIGHTING, stretching)
 
 
 def _equations(record: Record, prior: PriorTerm | None, stretches: bool) -> tuple[State, NormalEquations]:

@@ -8,7 +8,7 @@ from spectral.prepare.surface import Surface
 from spectral.verify.calibration import CALIBRATION
 from spectral.verify.covariance import by_stretch
 from spectral.verify.fit import Fit
-from spectral.verify.icp import Start, refine
+from spectral.verify.icp import Stage, Start, refine
 from tests.spectral.surfaces import chosen_device, surface_of
 
 R_TRUE, SHIFT_TRUE = Rotation.from_euler("ZYX", [20, -6, 9], degrees=True), np.array([7.0, -3.5, 1.25])
@@ -36,7 +36,7 @@ def refine_one(
 ) -> Fit:
     """From one place."""
     start = Start(Rotation.concatenate([R]), shift[None], np.array([width]))
-    (fit,) = refine(chosen_device(), target, source, start, reaches, most, stretches=stretches).read()
+    (fit,) = refine(chosen_device(), target, source, start, [Stage(reaches, most)], stretches=stretches).read()
     return fit
 
 
@@ -177,8 +177,7 @@ def test_several_places_are_refined_as_if_each_were_alone(pair: tuple[Surface, S
         chosen_device(),
         *pair,
         Start(R, np.array([shift for _, shift in places]), np.array([0.0, 0.3, 0.0])),
-        REACHES,
-        800,
+        [Stage(REACHES, 800)],
     ).read()
     for (turn, shift), width, fit in zip(places, (0.0, 0.3, 0.0), together, strict=True):
         alone = refine_one(*pair, turn, shift, REACHES, 800, width)
@@ -274,3 +273,20 @@ class TestStretch:
         fit = refine_one(scan, scan, Rotation.identity(), np.zeros(3), REACHES, 3000, stretches=True)
         np.testing.assert_allclose(stretch_of(fit), 0, atol=1e-9)
         np.testing.assert_allclose(fit.shift, 0, atol=1e-9)
+
+
+def test_stages_without_a_read_are_as_one_after_the_other(pair: tuple[Surface, Surface]) -> None:
+    first, second = Stage((8.0, 5.0, 3.0), 100), Stage((3.0, 2.0, 1.5), 800)
+    start = Start(Rotation.concatenate([R_TRUE]), SHIFT_TRUE[None] + 0.7, np.zeros(1))
+    (together,) = refine(chosen_device(), *pair, start, [first, second]).read()
+    (between,) = refine(chosen_device(), *pair, start, [first]).read()
+    (last,) = refine(
+        chosen_device(),
+        *pair,
+        Start(Rotation.concatenate([between.R]), between.shift[None], np.array([between.width])),
+        [second],
+    ).read()
+    np.testing.assert_allclose(together.shift, last.shift, atol=1e-9)
+    np.testing.assert_allclose(together.R.as_matrix(), last.R.as_matrix(), atol=1e-9)
+    np.testing.assert_allclose(together.information, last.information, rtol=1e-6, atol=1e-6)
+    assert together.width == pytest.approx(last.width)
