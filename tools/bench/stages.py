@@ -30,7 +30,7 @@ PAIR_STAGES: Mapping[str, str] = {
     "spectral.verify.hypothesis_testing:HypothesisTest.find_candidates": "candidates: coarse correlations",
     "spectral.verify.hypothesis_testing:HypothesisTest.refine_candidates": "candidates: best refined",
     "spectral.verify.hypothesis_testing:HypothesisTest.find_missed": "candidates: whole grid",
-    "spectral.verify.hypothesis_testing:HypothesisTest.compare": "compare",
+    "spectral.verify.hypothesis_testing:HypothesisTest.conclude": "compare",
     "spectral.verify.hypothesis_testing:HypothesisTest.finish": "finish",
     "spectral.prepare.range_image:visibility": "views",
     "spectral.verify.shared_surface:shared_surfaces": "shared surfaces",
