@@ -153,10 +153,13 @@ def _surfaces(device: Device) -> Iterator[Measured]:
     for reach in (4.0, 3.0, 2.0, 2.0, 1.5):
         steps.step(reach, alone=True)
     steps.step(1.5, alone=False)
-    record = steps.end().read()
+    last = steps.end()
+    record = last.read()
     left = float(np.rad2deg(Rotation.from_matrix(record.turn[0]).magnitude()))
     yield Measured("the rotation of a refinement", left, 0.2, "degrees")
     yield Measured("the shift of a refinement", float(np.abs(record.shift).max()), 0.1, "voxels")
+    apart = last.poses.get()[0, 3:12:4] - record.next_shift[0]
+    yield Measured("the shift that it leaves on the device", float(np.abs(apart).max()), 1e-4, "voxels")
 
 
 # Each is given the device; a kernel that a registration needs belongs into one of them.
