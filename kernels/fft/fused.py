@@ -1,8 +1,8 @@
 # pyright: strict
 """Emit correlations for a processor as fused passes: a spectrum is read once and written once on its way.
 
-The forward transform of a sparse volume passes over its empty rows. The pass of its first axis whitens, multiplies by
-the target and the gains, and transforms back along the same axis (`correlate`), or adds up what the correlation holds
+The forward transform of a sparse volume is that of `kernels.fft.sparse`. The pass of its first axis whitens, multiplies
+by the target and the gains, and transforms back along the same axis (`correlate`), or adds up what the correlation holds
 near one shift (`near`). The last pass of the inverse transform notes the maximum of each row.
 """
 
@@ -11,16 +11,12 @@ from kernels.fft.cpu import KERNEL, columns, tables
 from kernels.fft.cpu_rows import real_rows
 from kernels.fft.edges import radices
 from kernels.fft.plan import Layout
+from kernels.fft.sparse import forward_columns, last_stage, sheet_width, sparse_planes
 from kernels.fft.stage import KEEP, block, from_private, private_stages, stage, to_private
 
 # Real and imaginary sums of a column near a shift: at it, times the cosine and the sine of 1 and of 2 voxels' phase.
 _SUMS = 10
 _HEADER = '#include "device/complex.cl"\n#include "pomf/whitening.cl"'
-
-
-def sheet_width(layout: Layout) -> int:
-    """How many adjacent blocks of 8 columns, and rows of the second axis, a work-item of the first axis takes."""
-    return 4 if layout.shape[0] <= 128 else 8
 
 
 def emit_forward(layout: Layout, exponents: tuple[float, ...]) -> str:
@@ -29,7 +25,7 @@ def emit_forward(layout: Layout, exponents: tuple[float, ...]) -> str:
     stride, wide = 2 * n1 * layout.pitch, sheet_width(layout)
     parts = [_HEADER, *tables(layout, inverse=False)]
     parts += [columns("columns_1", n1, 2 * layout.pitch, 1, inverse=False), real_rows(layout, inverse=False)]
-    parts += [_sparse_planes(layout), _correlate_columns(n0, stride, wide, exponents), _correlate(layout, exponents)]
+    parts += [sparse_planes(layout), _correlate_columns(n0, stride, wide, exponents), _correlate(layout, exponents)]
     parts += [_near_columns(n0, stride, wide, exponents[0]), _near(layout)]
     return "\n".join(parts)
 
@@ -41,66 +37,6 @@ def emit_inverse(layout: Layout) -> str:
     return "\n".join([*parts, real_rows(layout, inverse=True, maxima=True), _planes_with_maxima(layout)])
 
 
-def _sparse_planes(layout: Layout) -> str:
-    """The last two axes of volumes, a work-item per plane; rows that were read are cleared, and so are the marks.
-
-    A mark stands for 8 rows; rows without hold zeros.
-    """
-    _, n1, n2 = layout.shape
-    pitch = 2 * layout.pitch
-    return f"""
-{KERNEL} planes(__global float* volume, __global int* marks, __global float* spectrum) {{
-    volume += get_global_id(0) * {n1 * n2};
-    marks += get_global_id(0) * {n1 // 8};
-    spectrum += get_global_id(0) * {n1 * pitch};
-    int any_row = 0;
-    {KEEP} for (int row = 0; row < {n1}; row += 8) {{
-        if (marks[row / 8]) {{
-            rows(volume + row * {n2}, spectrum + row * {pitch});
-            {KEEP} for (int k = 0; k < {n2 // 2}; ++k) vstore16((float16)(0.0f), k, volume + row * {n2});
-            marks[row / 8] = 0;
-            any_row = 1;
-        }} else {{
-            {KEEP} for (int k = 0; k < {pitch // 2}; ++k) vstore16((float16)(0.0f), k, spectrum + row * {pitch});
-        }}
-    }}
-    if (any_row) {KEEP} for (int i = 0; i < {16 * layout.column_blocks}; i += 16) columns_1(spectrum + i);
-}}"""
-
-
-def _forward_columns(n: int, stride: int, wide: int) -> str:
-    """The stages but the last of `wide` times 8 columns at p, into the private arrays re and im."""
-    first = radices(n)[0]
-
-    def load(q: int, _: str) -> str:
-        return f"load_columns8(p + (k + {q * n // first}) * {stride} + i * 16, &x{q}r, &x{q}i);"
-
-    return f"""{KEEP} for (int k = 0; k < {n // first}; ++k) {{
-        {KEEP} for (int i = 0; i < {wide}; ++i) {{
-            const int at = i * {n} + position_{n}[k];
-            {block(stage(n, 0, "float8", load, to_private))}
-        }}
-    }}
-    {private_stages(n, 1, len(radices(n)) - 1, wide)}"""
-
-
-def _last_stage(n: int, wide: int, store: str, before: str = "", after: str = "") -> str:
-    """The last stage out of re and im; `store` is the statement for number f of the spectrum, Q in place of q."""
-    last = radices(n)[-1]
-
-    def stored(q: int, _: str) -> str:
-        return f"{{ const int f = k + {q * n // last}; {store.replace('Q', str(q))} }}"
-
-    return f"""{KEEP} for (int k = 0; k < {n // last}; ++k) {{
-        {KEEP} for (int i = 0; i < {wide}; ++i) {{
-            const int at = i * {n} + k;
-            {before}
-            {block(stage(n, len(radices(n)) - 1, "float8", from_private, stored))}
-            {after}
-        }}
-    }}"""
-
-
 def _correlate_columns(n: int, stride: int, wide: int, exponents: tuple[float, ...]) -> str:
     """The function that turns columns of a source's spectrum into those of each exponent's correlation.
 
@@ -110,12 +46,13 @@ def _correlate_columns(n: int, stride: int, wide: int, exponents: tuple[float, .
     keep = f"sr[i * {n} + f] = yQr; si[i * {n} + f] = yQi;"
     backs = [_back_columns(n, stride, wide, e, exponent) for e, exponent in enumerate(exponents)]
     return f"""
-static inline void correlate_columns(__global const float* p{pointers}, __global const float* across,
+static inline void correlate_columns(__global const float* p, __global const int* filled{pointers},
+                                     __global const float* across,
                                      __global const float* weights, __global const float* along, float8* energy,
                                      float* origin) {{
     float8 re[{wide * n}], im[{wide * n}], sr[{wide * n}], si[{wide * n}];
-    {_forward_columns(n, stride, wide)}
-    {_last_stage(n, wide, keep)}
+    {forward_columns(n, stride, wide)}
+    {last_stage(n, wide, keep)}
     *origin = sr[0].s0;
     {block(backs)}
 }}"""
@@ -146,7 +83,7 @@ def _back_columns(n: int, stride: int, wide: int, e: int, exponent: float) -> st
         }}
     }}
     {private_stages(n, 1, len(radices(n)) - 1, wide)}
-    {_last_stage(n, wide, store)}"""
+    {last_stage(n, wide, store)}"""
 
 
 def _sheet_head(layout: Layout) -> str:
@@ -180,7 +117,8 @@ static float sum8(const float8 v) {{
     return a.x + a.y + a.z + a.w;
 }}
 
-{KERNEL} correlate(__global float* spectrum, {targets}, __global const float* across, __global const float* along,
+{KERNEL} correlate(__global float* spectrum, __global const int* filled, {targets},
+                   __global const float* across, __global const float* along,
                    __global float* energies, const int count) {{
     {_sheet_head(layout)}
     float8 energy[{len(exponents)}] = {{0.0f}};
@@ -188,7 +126,7 @@ static float sum8(const float8 v) {{
     {KEEP} for (int i = 0; i < {floats}; i += {16 * wide}) {{
         const size_t at = start + i;
         float origin;
-        correlate_columns(spectrum + (size_t)number * {volume} + at, {pairs}, across + at / 2,
+        correlate_columns(spectrum + (size_t)number * {volume} + at, filled + number * {n0}, {pairs}, across + at / 2,
                           across + {n1 * layout.pitch} + at / 2, along, energy, &origin);
         if (i == 0) dc = origin;
     }}
@@ -223,14 +161,14 @@ static inline void add_near(const float8 xr, const float8 xi, __global const flo
     sum[9] += zi * b.y;
 }}
 
-static inline void near_columns(__global const float* p, __global const float* target, __global const float* across,
-                                __global const float* along, __global const float* roots, const int shift,
-                                __global float* out) {{
+static inline void near_columns(__global const float* p, __global const int* filled, __global const float* target,
+                                __global const float* across, __global const float* along,
+                                __global const float* roots, const int shift, __global float* out) {{
     float8 re[{wide * n}], im[{wide * n}], sums[{wide * _SUMS}], powers[{wide}], first[{wide}];
     for (int i = 0; i < {wide * _SUMS}; ++i) sums[i] = 0.0f;
     for (int i = 0; i < {wide}; ++i) powers[i] = 0.0f;
-    {_forward_columns(n, stride, wide)}
-    {_last_stage(n, wide, store, before, "powers[i] += energy;")}
+    {forward_columns(n, stride, wide)}
+    {last_stage(n, wide, store, before, "powers[i] += energy;")}
     for (int i = 0; i < {wide}; ++i) {{
         {parts}
         __global float* to = out + i * 16;
@@ -245,17 +183,21 @@ static inline void near_columns(__global const float* p, __global const float* t
 
 
 def _near(layout: Layout) -> str:
-    """The kernel of the first axis that ends in sums: (6, n1, pitch), 5 shifts, then the power and X at frequency 0."""
+    """The kernel of the first axis of spectrum `number` that ends in sums, (6, n1, pitch).
+
+    They are 5 shifts, then the power and X at frequency 0.
+    """
     n0, n1, _ = layout.shape
     wide = sheet_width(layout)
     return f"""
-{KERNEL} near(__global const float* spectrum, __global const float* target, __global const float* across,
-              __global const float* along, __global const float* roots, const int shift, __global float* out) {{
-    {_sheet_head(layout)}
+{KERNEL} near(__global const float* spectrum, __global const int* filled, __global const float* target,
+              __global const float* across, __global const float* along, __global const float* roots, const int shift,
+              const int number, __global float* out) {{
+    const size_t start = get_global_id(0) * {2 * layout.pitch * wide};
+    spectrum += (size_t)number * {2 * n0 * n1 * layout.pitch};
     {KEEP} for (int i = 0; i < {2 * layout.pitch * wide}; i += {16 * wide}) {{
         const size_t at = start + i;
-        near_columns(spectrum + (size_t)number * {2 * n0 * n1 * layout.pitch} + at, target + at, across + at / 2, along,
-                     roots, shift, out + (size_t)number * {12 * n1 * layout.pitch} + at);
+        near_columns(spectrum + at, filled + number * {n0}, target + at, across + at / 2, along, roots, shift, out + at);
     }}
 }}"""
 

@@ -76,7 +76,7 @@ class Correlator:
         self._marks = device.empty((most, -(-(edge**2) // 8)), np.int32)
         self._spectra = device.empty((cubes, edge, edge, row_pitch(edge)), np.complex64)
         self._correlations = device.empty((cubes, edge, edge, edge))
-        self._passes = make_passes(device, edge, blur, exponents)
+        self._passes = make_passes(device, edge, blur, exponents, most)
         self._tops = device.empty((cubes, edge, edge))
         self._energies = device.empty((cubes, self._passes.parts + 1))
         self._chooser = Chooser(device, edge, cubes, self._passes.parts, self._passes.clears)

@@ -18,6 +18,7 @@ from kernels.device.launch import enqueue, launch, table
 from kernels.fft import fused
 from kernels.fft.edges import row_pitch
 from kernels.fft.plan import Layout
+from kernels.fft.sparse import sheet_width
 from kernels.fft.transform import RealFFT
 from kernels.pomf.spectrum import full_gain, half_gain, half_weights
 
@@ -63,10 +64,11 @@ class Passes(Protocol):
         ...
 
 
-def make_passes(device: Device, edge: int, blur: float, exponents: tuple[float, ...]) -> "Passes":
-    """The passes that suit the device; fused ones take whole blocks of 8 rows only."""
-    fused_passes = device.is_cpu and edge % 8 == 0
-    return (FusedPasses if fused_passes else SinglePasses)(device, edge, blur, exponents)
+def make_passes(device: Device, edge: int, blur: float, exponents: tuple[float, ...], most: int) -> "Passes":
+    """The passes that suit the device, for `most` volumes at once; fused ones take whole blocks of 8 rows only."""
+    if device.is_cpu and edge % 8 == 0:
+        return FusedPasses(device, edge, blur, exponents, most)
+    return SinglePasses(device, edge, blur, exponents)
 
 
 class _Tables:
@@ -86,12 +88,14 @@ class FusedPasses:
 
     clears = True
 
-    def __init__(self, device: Device, edge: int, blur: float, exponents: tuple[float, ...]) -> None:
-        """Build the kernels."""
+    def __init__(self, device: Device, edge: int, blur: float, exponents: tuple[float, ...], most: int) -> None:
+        """Build the kernels, for `most` volumes at once."""
         layout = Layout((edge, edge, edge))
         self._device, self._edge, self._pitch, self._exponents = device, edge, layout.pitch, len(exponents)
-        self.parts = edge // fused.sheet_width(layout)
+        self.parts = edge // sheet_width(layout)
         self._tables = _Tables(device, edge, blur)
+        # which planes of the volumes hold points
+        self._filled = device.empty((most, edge), np.int32)
         forward = device.build(fused.emit_forward(layout, exponents), name="fused")
         back = device.build(fused.emit_inverse(layout), name="fused")
         self._planes, self._correlate, self._near = (
@@ -101,12 +105,13 @@ class FusedPasses:
 
     def forward(self, volumes: cla.Array, marks: cla.Array, spectra: cla.Array, count: int) -> None:
         """As `Passes` says."""
-        self._launch(self._planes, count * self._edge, volumes, marks, spectra)
+        self._launch(self._planes, count * self._edge, volumes, marks, self._filled, spectra)
 
     def correlate(self, spectra: cla.Array, targets: Sequence[cla.Array], energies: cla.Array, count: int) -> None:
         """As `Passes` says."""
         tables = self._tables.across, self._tables.along
-        self._launch(self._correlate, count * self.parts, spectra, *targets, *tables, energies, np.int32(count))
+        arrays = spectra, self._filled, *targets, *tables, energies
+        self._launch(self._correlate, count * self.parts, *arrays, np.int32(count))
 
     def inverse(
         self, correlations: cla.Array, spectra: cla.Array, tops: cla.Array, poses: cla.Array, count: int, first: int
@@ -127,7 +132,8 @@ class FusedPasses:
     ) -> None:
         """As `Passes` says."""
         tables = self._tables.across, self._tables.along, self._tables.roots
-        self._launch(self._near, self.parts, spectra[number], target, *tables, np.int32(place[0]), sums)
+        arrays = spectra, self._filled, target, *tables
+        self._launch(self._near, self.parts, *arrays, np.int32(place[0]), np.int32(number), sums)
         numbers = np.int32(place[1]), np.int32(self._edge), np.int32(self._pitch), np.int32(index)
         launch(
             self._device, "pomf/near", "sum_rows", (self._pitch // 8, 6), sums, self._tables.roots, out, *numbers,
