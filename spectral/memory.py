@@ -124,7 +124,6 @@ def _spectral(edge: int, points: int, max_tilt: float) -> MemoryPlan:
     prepared = {
         "points, on both grids": 2 * 16 * points,
         "spectrum": _half_spectrum(edge),
-        "magnitudes": _magnitude(edge),
         "coarse spectra, two whitenings": 2 * _half_spectrum(coarse),
         "layers' harmonics": 8 * (_BANDWIDTH // 2) * _LAYERS * (2 * _BANDWIDTH - 1),
         "range image": 8 * _VIEW**2,
@@ -132,11 +131,14 @@ def _spectral(edge: int, points: int, max_tilt: float) -> MemoryPlan:
     }
     shared = {
         "preparing: volume": _volume(edge),
-        "preparing: coarse volume, spectrum": _volume(coarse) + _half_spectrum(coarse),
+        "preparing: coarse volume": _volume(coarse),
         "translation": _correlator(edge, 1),
         "coarse translation": _correlator(coarse, 2),
     } | _rotation_tables(edge, max_tilt)
-    preparing = {"preparing: waves on the sphere": 4 * 2 * _SPHERES * _sphere(edge)[0] * _BANDWIDTH}
+    preparing = {
+        "preparing: magnitudes": _magnitude(edge),
+        "preparing: waves on the sphere": 4 * 2 * _SPHERES * _sphere(edge)[0] * _BANDWIDTH,
+    }
     registering = {"refinement: pairs of points": _REFINEMENT}
     correlations = (_batch(n, exponents) * _half_spectrum(n) for n, exponents in ((edge, 1), (coarse, 2)))
     largest = max(shared["rotations: d-matrices"], *correlations)

@@ -13,8 +13,7 @@ from kernels.device.recycled import recycled
 from kernels.errors import InputError
 from kernels.fft.edges import row_pitch
 from kernels.points.scaled import scaled
-from kernels.points.voxelize import voxelize
-from kernels.pomf.spectrum import Pomf, whiten
+from kernels.pomf.point_spectra import PointSpectra
 from spectral.expected import ExpectedPose
 from spectral.grid import Grid
 from spectral.memory import memory_plan, require_memory
@@ -22,7 +21,7 @@ from spectral.prepare.prepared import Prepared, Preparer
 from spectral.prepare.range_image import scan_view
 from spectral.prepare.signature import signature
 from spectral.prepare.spectral_scan import WHITENINGS, CoarseVolume, SpectralScan
-from spectral.prepare.surface import smooth_surface
+from spectral.prepare.surface import SmoothSurface
 from spectral.prior import relative_prior
 from spectral.result import Registration
 from spectral.scan import Scan
@@ -96,12 +95,9 @@ class SpectralRegistrar:
         self.device, self.grid, self.config = device, grid, config or SpectralConfig()
         require_memory(device, memory_plan(grid.edge, max_tilt=self.config.max_tilt))
         self.so3 = So3(device, grid.edge, self.config.max_tilt)
-        self._preparer = Preparer(device, grid, self.config.use_strength)
+        self._preparer = Preparer(device, grid, self.config.use_strength, farthest=self.so3.farthest)
         self._verifier = Verifier(device, grid.edge)
-        edge = self._verifier.coarse_edge
-        self._coarse_pomf = Pomf(device, (edge, edge, edge))
-        self._coarse_volume = device.empty((edge, edge, edge))
-        self._coarse_spectrum = device.empty((edge, edge, row_pitch(edge)), np.complex64)
+        self._coarse_spectra = PointSpectra(device, self._verifier.coarse_edge, WHITENINGS)
         self._warm = False
 
     def prepare(self, scan: Scan) -> SpectralScan:
@@ -110,19 +106,22 @@ class SpectralRegistrar:
         Raises:
             InputError: the scan shows too little structure.
         """
-        volume = self._preparer.prepare(scan)
+        # all that the device can do is queued before anything is read
+        volume, magnitude = self._preparer.prepare(scan)
+        analyzed = self.so3.analyze(magnitude)
+        coarse = self._coarsen(volume)
         points = self.grid.to_voxels(scan.points, volume.center)
         places = np.zeros(3) if scan.viewpoints is None else scan.viewpoints
         viewpoints = self.grid.to_voxels(places, volume.center)
-        layers = self.so3.prepare(volume.magnitude)
         view = scan_view(self.device, points, volume.surface, viewpoints)
-        seen_from = [image.viewpoint for image in view.images]
+        smooth = SmoothSurface(self.device, volume.cells, [image.viewpoint for image in view.images])
+        layers = self.so3.equalize(analyzed)
         prepared = SpectralScan(
             volume=volume,
-            coarse=self._coarsen(volume),
+            coarse=coarse,
             coefficients=layers.coefficients,
             signature=signature(layers.products),
-            surface=smooth_surface(self.device, volume.cells, seen_from),
+            surface=smooth.get(),
             view=view,
             prior=scan.prior,
         )
@@ -279,10 +278,7 @@ class SpectralRegistrar:
         """The scan on the coarse grid."""
         edge = self._verifier.coarse_edge
         points = scaled(self.device, volume.points, edge / self.grid.edge)
-        voxelize(self.device, points, edge, out=self._coarse_volume)
-        spectrum = self._coarse_pomf.transform(self._coarse_volume, out=self._coarse_spectrum)
-        whitened = [
-            whiten(self.device, spectrum, exponent, out=recycled(self.device, spectrum.shape, np.complex64))
-            for exponent in WHITENINGS
-        ]
-        return CoarseVolume(points, tuple(whitened))
+        shape = edge, edge, row_pitch(edge)
+        spectra = tuple(recycled(self.device, shape, np.complex64) for _ in WHITENINGS)
+        self._coarse_spectra.transform(points, spectra)
+        return CoarseVolume(points, spectra)

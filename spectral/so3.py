@@ -8,6 +8,7 @@ from scipy.ndimage import map_coordinates
 from scipy.spatial.transform import Rotation
 
 from kernels.device.device import Array, Device
+from kernels.device.later import Later
 from kernels.so3.correlation import LocalMaxima, RotationCorrelation
 from kernels.so3.harmonics import Harmonics, equalizers
 
@@ -57,6 +58,19 @@ class SphereLayers:
 
     coefficients: Array
     products: np.ndarray
+
+
+@dataclass(frozen=True, slots=True)
+class AnalyzedLayers:
+    """A scan's layers as they are, while the device works on them.
+
+    Attributes:
+        coefficients: device (degrees, layers, orders) complex64.
+        products: as in `SphereLayers`, once they are there.
+    """
+
+    coefficients: Array
+    products: Later
 
 
 @dataclass(frozen=True, slots=True)
@@ -110,21 +124,34 @@ class So3:
         farthest = np.arccos(np.cos(max_tilt) ** 2) if max_tilt < np.pi / 2 else max_tilt
         self._correlation = RotationCorrelation(device, _BANDWIDTH, farthest)
 
-    def prepare(self, magnitude: Array) -> SphereLayers:
-        """A scan's layers as the search takes them.
+    @property
+    def farthest(self) -> float:
+        """How far from frequency 0 the magnitudes reach that `analyze` looks at [bins]."""
+        return float(self._radii[-1]) + 2.0
+
+    def analyze(self, magnitude: Array) -> AnalyzedLayers:
+        """Queue a scan's layers.
 
         Args:
-            magnitude: (edge, edge, edge/2 + 1), as `spectrum.magnitude` gives it.
+            magnitude: (edge, edge, edge/2 + 1), as `spectrum.magnitude` gives it, up to `farthest` at least.
         """
         # each layer counts alike (Sect. 2.8)
         coefficients = self._harmonics.analyze(magnitude, self._radii)
-        products = self._harmonics.products(coefficients)
+        return AnalyzedLayers(coefficients, Later(self.device, self._harmonics.products(coefficients)))
+
+    def equalize(self, analyzed: AnalyzedLayers) -> SphereLayers:
+        """A scan's layers as the search takes them; waits for the device.
+
+        Raises:
+            InputError: the spectrum holds numbers that are not finite.
+        """
+        products = analyzed.products.get()
         mixtures = np.zeros((len(products), sum(count for _, count in PARTS), _COUNT), np.float32)
         for (first, count), layers in zip(PARTS, (ALL, *BANDS), strict=True):
             among = products[:, layers, layers]
             energy = np.trace(among[1:], axis1=1, axis2=2).sum()
             mixtures[:, first : first + count, layers] = equalizers(among, _EQUALIZED) / np.sqrt(max(energy, 1e-30))
-        return SphereLayers(self._harmonics.mix(coefficients, mixtures), products)
+        return SphereLayers(self._harmonics.mix(analyzed.coefficients, mixtures), products)
 
     def correlate(self, target: Array, source: Array) -> Array:
         """The correlation of all layers over all rotations, an image for each second Euler angle and one of zeros."""

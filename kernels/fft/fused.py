@@ -1,9 +1,9 @@
 # pyright: strict
 """Emit correlations for a processor as fused passes: a spectrum is read once and written once on its way.
 
-The forward transform of a sparse volume is that of `kernels.fft.sparse`. The pass of its first axis whitens, multiplies
-by the target and the gains, and transforms back along the same axis (`correlate`), or adds up what the correlation holds
-near one shift (`near`). The last pass of the inverse transform notes the maximum of each row.
+The forward transform of a sparse volume is that of `kernels.fft.sparse`. The pass of its first axis whitens,
+multiplies by the target and the gains, and transforms back along the same axis (`correlate`), or adds up what the
+correlation holds near one shift (`near`). The last pass of the inverse transform notes the maximum of each row.
 """
 
 from kernels.device.source import literal
@@ -12,7 +12,7 @@ from kernels.fft.cpu_rows import real_rows
 from kernels.fft.edges import radices
 from kernels.fft.plan import Layout
 from kernels.fft.sparse import forward_columns, last_stage, sheet_width, sparse_planes
-from kernels.fft.stage import KEEP, block, from_private, private_stages, stage, to_private
+from kernels.fft.stage import KEEP, block, private_stages, stage, to_private
 
 # Real and imaginary sums of a column near a shift: at it, times the cosine and the sine of 1 and of 2 voxels' phase.
 _SUMS = 10
@@ -195,9 +195,10 @@ def _near(layout: Layout) -> str:
               const int number, __global float* out) {{
     const size_t start = get_global_id(0) * {2 * layout.pitch * wide};
     spectrum += (size_t)number * {2 * n0 * n1 * layout.pitch};
+    filled += number * {n0};
     {KEEP} for (int i = 0; i < {2 * layout.pitch * wide}; i += {16 * wide}) {{
         const size_t at = start + i;
-        near_columns(spectrum + at, filled + number * {n0}, target + at, across + at / 2, along, roots, shift, out + at);
+        near_columns(spectrum + at, filled, target + at, across + at / 2, along, roots, shift, out + at);
     }}
 }}"""
 

@@ -115,7 +115,7 @@ def _registration(device: Device) -> Iterator[Measured]:
     def coefficients(points: np.ndarray) -> Array:
         spectrum = pomf.transform(voxelize(device, device.to_device(points), _EDGE))
         layers = harmonics.analyze(magnitude(device, spectrum, _EDGE), np.linspace(3, 12, 10))
-        return harmonics.mix(layers, equalizers(harmonics.products(layers), 0.4))
+        return harmonics.mix(layers, equalizers(harmonics.products(layers).get(), 0.4))
 
     search = RotationCorrelation(device, _BANDWIDTH, np.deg2rad(60))
     correlation = search.correlate(coefficients(target), coefficients(source))

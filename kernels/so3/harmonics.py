@@ -114,27 +114,25 @@ class Harmonics:
         self._launch("harmonics", "project", size, waves, moments, self._weights, self._legendre, result, edge=edge)
         return result
 
-    def products(self, coefficients: cla.Array) -> np.ndarray:
-        """What layers have in common, degree by degree; waits for the device.
+    def products(self, coefficients: cla.Array) -> cla.Array:
+        """What layers have in common, degree by degree.
 
         Args:
             coefficients: (degrees, L, orders) complex64, from `analyze`.
 
         Returns:
-            (degrees, L, L) float32: the real part of the sum over the orders of one layer's times another's conjugate.
+            device (degrees, L, L) float32: the real part of the sum over the orders of one layer's times another's
+            conjugate.
 
         Raises:
-            InputError: the coefficients have another shape or are not finite.
+            InputError: the coefficients have another shape.
         """
         layers = self._layers(coefficients)
         result = self.device.empty((self.bandwidth // 2, layers, layers))
         across = layers if self.device.is_cpu else -(-layers // 32) * 32
         size, group = (across, layers, self.bandwidth // 2), (across if self.device.is_cpu else 32, 1, 1)
         self._launch("mixtures", "products", size, coefficients, result, np.int32(layers), group=group)
-        values = result.get()
-        if not np.isfinite(values).all():
-            raise InputError("`coefficients` hold numbers that are not finite; look at the volume that went in")
-        return values
+        return result
 
     def mix(self, coefficients: cla.Array, mixtures: np.ndarray) -> cla.Array:
         """Weighted sums of layers, degree by degree.
@@ -199,12 +197,14 @@ def equalizers(products: np.ndarray, power: float) -> np.ndarray:
         (degrees, L, L) float64, for `Harmonics.mix`.
 
     Raises:
-        InputError: the power is another, or the products have another shape.
+        InputError: the power is another, or the products have another shape or are not finite.
     """
     if not 0 <= power <= 1:
         raise InputError(f"`power={power}`; wanted 0 to 1")
     if products.ndim != 3 or products.shape[1] != products.shape[2]:
         raise InputError(f"`products` have shape {products.shape}; wanted (degrees, L, L)")
+    if not np.isfinite(products).all():
+        raise InputError("`products` hold numbers that are not finite; look at the volume that went in")
     values, vectors = np.linalg.eigh(products.astype(np.float64))
     values = np.maximum(values, 0)
     largest = np.maximum(values.max(axis=1, initial=0, keepdims=True), np.finfo(np.float64).tiny)

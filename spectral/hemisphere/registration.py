@@ -72,15 +72,17 @@ class HemisphereConfig:
 
 @dataclass(frozen=True, slots=True)
 class LayeredScan:
-    """What one scan contributes to every pair: its spectra and, for the steps 1 and 4, its layers' spectra."""
+    """What one scan contributes to every pair.
+
+    Attributes:
+        volume: its spectrum.
+        magnitude: device (N, N, N/2 + 1) float32, centered magnitude spectrum.
+        layers: its layers' spectra, for the steps 1 and 4.
+    """
 
     volume: Prepared
+    magnitude: Array
     layers: LayerSpectra
-
-    @property
-    def magnitude(self) -> Array:
-        """The volume's centered magnitude spectrum."""
-        return self.volume.magnitude
 
 
 class HemisphereRegistrar:
@@ -116,8 +118,8 @@ class HemisphereRegistrar:
         Raises:
             InputError: the scan shows too little structure.
         """
-        volume = self._preparer.prepare(scan)
-        prepared = LayeredScan(volume, self.hemisphere.prepare(volume.magnitude))
+        volume, magnitude = self._preparer.prepare(scan)
+        prepared = LayeredScan(volume, magnitude, self.hemisphere.prepare(magnitude))
         if not self._warm:
             self._warm_up(prepared)
         return prepared

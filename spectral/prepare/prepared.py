@@ -7,9 +7,8 @@ import numpy as np
 from kernels.device.device import Array, Device
 from kernels.device.recycled import recycled
 from kernels.errors import InputError
-from kernels.fft.transform import RealFFT
-from kernels.points.voxelize import voxelize
-from kernels.pomf.spectrum import magnitude, whiten
+from kernels.fft.edges import row_pitch
+from kernels.pomf.point_spectra import PointSpectra
 from kernels.surface.cells import Cells, sort_into_cells
 from spectral.grid import Grid, scan_center
 from spectral.scan import Scan
@@ -32,7 +31,6 @@ class Prepared:
         points: device (n, 4) float32 [voxels from the center; weight].
         surface: (m, 3) float64 [voxels from the center], one point per occupied voxel, also outside the grid.
         cells: the same on the device, to search among.
-        magnitude: device (N, N, N/2 + 1) float32, centered magnitude spectrum.
         spectrum: device (N, N, `row_pitch(N)`) complex64, spectrum of the volume, phase only.
     """
 
@@ -41,7 +39,6 @@ class Prepared:
     points: Array
     surface: np.ndarray
     cells: Cells
-    magnitude: Array
     spectrum: Array
 
     @property
@@ -53,16 +50,25 @@ class Prepared:
 class Preparer:
     """Turns scans into `Prepared`, on one device and grid."""
 
-    def __init__(self, device: Device, grid: Grid, use_strength: bool, centered: bool = True) -> None:
-        """Plan the volume and its transform."""
-        self.device, self.grid = device, grid
-        self.use_strength, self.centered = use_strength, centered
-        cube = (grid.edge, grid.edge, grid.edge)
-        self._fft = RealFFT(device, cube)
-        self._volume = device.empty(cube)
+    def __init__(
+        self, device: Device, grid: Grid, use_strength: bool, centered: bool = True, farthest: float = np.inf
+    ) -> None:
+        """Plan the volume and its transform.
 
-    def prepare(self, scan: Scan) -> Prepared:
-        """Voxelize and transform one scan.
+        Args:
+            use_strength: whether voxels hold the echo strength, where a scan has it.
+            centered: whether the grid is put at the scan's center, or at the sensor.
+            farthest: magnitudes farther than this from frequency 0 are not needed [bins].
+        """
+        self.device, self.grid = device, grid
+        self.use_strength, self.centered, self._farthest = use_strength, centered, farthest
+        self._spectra = PointSpectra(device, grid.edge, magnitudes=True)
+
+    def prepare(self, scan: Scan) -> tuple[Prepared, Array]:
+        """Voxelize and transform one scan; the device may still be at work on it.
+
+        Returns:
+            The scan, and device (N, N, N/2 + 1) float32, its centered magnitude spectrum, which no registration keeps.
 
         Raises:
             InputError: the scan has too few occupied voxels, or shows a single plane.
@@ -71,26 +77,27 @@ class Preparer:
         center = scan_center(scan) if self.centered else np.zeros(3)
         voxels = self.grid.to_voxels(scan.points, center)
         cells = np.floor(voxels + np.float32(edge / 2 + 0.5)).astype(np.int64)
-        inside: np.ndarray = np.all((cells >= 0) & (cells < edge), axis=1)
+        x, y, z = ((cells >= 0) & (cells < edge)).T
+        inside = x & y & z
         self._require_inside(scan.name, float(inside.mean()))
+        points = self.device.to_device(self._weighted(scan, voxels, inside))
+        spectrum = recycled(self.device, (edge, edge, row_pitch(edge)), np.complex64)
+        magnitude = recycled(self.device, (edge, edge, edge // 2 + 1))
+        # the device works on it while the host looks at the points
+        self._spectra.transform(points, [spectrum], magnitude, self._farthest)
         surface = _one_per_voxel(voxels, cells)
         # of a plane whose place is measured, height and tilt can still be made finer
         placed = scan.prior is not None and scan.prior.is_complete
         self._require_structure(scan.name, surface, plane_allowed=placed)
-        points = self.device.to_device(self._weighted(scan, voxels, inside))
-        voxelize(self.device, points, edge, out=self._volume)
-        spectrum = self._fft.forward(self._volume, out=recycled(self.device, self._fft.half_shape, np.complex64))
-        centered = magnitude(self.device, spectrum, edge, out=recycled(self.device, (edge, edge, edge // 2 + 1)))
-        whiten(self.device, spectrum, out=spectrum)
-        return Prepared(
+        prepared = Prepared(
             name=scan.name,
             center=center,
             points=points,
             surface=surface,
             cells=sort_into_cells(self.device, surface),
-            magnitude=centered,
             spectrum=spectrum,
         )
+        return prepared, magnitude
 
     def _weighted(self, scan: Scan, voxels: np.ndarray, inside: np.ndarray) -> np.ndarray:
         """(n, 4) float32: occupancy as in the paper, or echo strength where wanted and present."""

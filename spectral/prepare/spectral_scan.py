@@ -30,7 +30,7 @@ class SpectralScan:
     Attributes:
         volume: voxels and spectra on the whole grid.
         coarse: the same on the coarse grid.
-        coefficients: device (degrees, layers, orders) complex64 of its layers, from `So3.prepare`.
+        coefficients: device (degrees, layers, orders) complex64 of its layers, from `So3.equalize`.
         signature: (K,) float32, nearly the same however the scan is turned and moved, from `signature`.
         surface: points and normals, for the refinement.
         view: what the sensor saw.

@@ -6,6 +6,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from kernels.device.device import Array, Device
+from kernels.device.later import Later
 from kernels.surface.cells import Cells, sort_into_cells
 from kernels.surface.elements import Elements
 from kernels.surface.planes import fit_planes
@@ -68,18 +69,31 @@ class Surface:
         return self.rows[:, 8:11]
 
 
-def smooth_surface(device: Device, cells: Cells, viewpoints: Sequence[np.ndarray] = ()) -> Surface:
-    """A scan's points, one a voxel, moved along the normal onto the plane of their neighbors.
+class SmoothSurface:
+    """A scan's points, one a voxel, moved along the normal onto the plane of their neighbors, while the device does it.
 
     Noise along the beams stands out of the surface; registered as it is, it draws the scans together or apart.
-
-    Args:
-        cells: of at least 3 points [voxels].
-        viewpoints: (3,) each, where the sensor was [voxels]: it saw a point from the nearest of them.
     """
-    places = np.array(viewpoints, np.float64).reshape(-1, 3)
-    smooth = fit_planes(device, cells, _DIRECTIONS, places, farthest=_FARTHEST, aside=_ASIDE)
-    rows = smooth.get()
+
+    def __init__(self, device: Device, cells: Cells, viewpoints: Sequence[np.ndarray] = ()) -> None:
+        """Queue the work.
+
+        Args:
+            cells: of at least 3 points [voxels].
+            viewpoints: (3,) each, where the sensor was [voxels]: it saw a point from the nearest of them.
+        """
+        places = np.array(viewpoints, np.float64).reshape(-1, 3)
+        self._device = device
+        self._smooth = fit_planes(device, cells, _DIRECTIONS, places, farthest=_FARTHEST, aside=_ASIDE)
+        self._rows = Later(device, self._smooth)
+
+    def get(self) -> Surface:
+        """The surface; waits for the device."""
+        return _surface(self._device, self._smooth, self._rows.get())
+
+
+def _surface(device: Device, smooth: Array, rows: np.ndarray) -> Surface:
+    """The surface of points (m, 12) on the device, and the same on the host."""
     share = np.bincount(rows[:, 7].astype(np.int64), minlength=len(_DIRECTIONS)) / len(rows)
     weights = 1.0 / (share + _RARE)
     weights /= share @ weights

@@ -7,7 +7,7 @@ import numpy as np
 
 from kernels.device.device import Device, choose_device
 from kernels.surface.cells import sort_into_cells
-from spectral.prepare.surface import Surface, smooth_surface
+from spectral.prepare.surface import SmoothSurface, Surface
 
 
 @cache
@@ -17,4 +17,4 @@ def chosen_device() -> Device:
 
 def surface_of(points: np.ndarray, viewpoints: Sequence[np.ndarray] = ()) -> Surface:
     device = chosen_device()
-    return smooth_surface(device, sort_into_cells(device, points), viewpoints)
+    return SmoothSurface(device, sort_into_cells(device, points), viewpoints).get()

@@ -31,7 +31,8 @@ class Spectra:
 
     def of(self, R_target_source: Rotation) -> Array:
         points = R_target_source.inv().apply(structure(2)).astype(np.float32)
-        return self.so3.prepare(self._preparer.prepare(Scan(points)).magnitude).coefficients
+        _, magnitude = self._preparer.prepare(Scan(points))
+        return self.so3.equalize(self.so3.analyze(magnitude)).coefficients
 
 
 @pytest.fixture(scope="module")

@@ -25,7 +25,8 @@ class Spectra:
         self.so3, self._preparer = So3(device, EDGE, max_tilt), Preparer(device, Grid(EDGE, 0.8), use_strength=False)
 
     def of(self, points: np.ndarray) -> Array:
-        return self.so3.prepare(self._preparer.prepare(Scan(points)).magnitude).coefficients
+        _, magnitude = self._preparer.prepare(Scan(points))
+        return self.so3.equalize(self.so3.analyze(magnitude)).coefficients
 
     def best(
         self, target: Array, source: Array, count: int, allowed: Callable[[Rotation], np.ndarray]

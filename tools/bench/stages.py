@@ -21,9 +21,9 @@ from kernels.device.trace import Counts, everywhere, tracing
 PAIR_STAGES: Mapping[str, str] = {
     "spectral.registration:SpectralRegistrar.prepare": "prepare",
     "spectral.prepare.prepared:Preparer.prepare": "prepare: voxels, spectrum",
-    "spectral.so3:So3.prepare": "prepare: sphere, harmonics",
+    "spectral.so3:So3.equalize": "prepare: sphere, harmonics",
     "spectral.prepare.range_image:scan_view": "prepare: range image",
-    "spectral.prepare.surface:smooth_surface": "prepare: surface",
+    "spectral.prepare.surface:SmoothSurface.get": "prepare: surface",
     "spectral.registration:SpectralRegistrar._coarsen": "prepare: coarse grid",
     "spectral.registration:SpectralRegistrar._register": "register",
     "spectral.so3:So3.candidates": "rotations",

@@ -5,7 +5,11 @@ from dataclasses import dataclass
 import numpy as np
 from scipy.spatial.transform import RigidTransform, Rotation
 
+from kernels.device.device import Array
+from kernels.fft.transform import RealFFT
 from kernels.points.visibility import octahedral_cells
+from kernels.points.voxelize import voxelize
+from kernels.pomf.spectrum import magnitude
 from kernels.resample.sphere import rotational_unwrap, sample, upload_directions
 from spectral.prepare.range_image import FINE, View
 from spectral.prepare.spectral_scan import SpectralScan
@@ -82,13 +86,14 @@ def view_registration(
         registration: what came of it.
     """
     voxel = registrar.grid.voxel
+    magnitudes = [_magnitude(registrar, scan) for scan in (target, source)]
     return RegistrationView(
         registration=registration,
         target=_cloud(target, source, registration.T_target_source.inv(), voxel),
         source=_cloud(source, target, registration.T_target_source, voxel),
-        spectrum=target.volume.magnitude.get()[:, :, 0],
+        spectrum=magnitudes[0].get()[:, :, 0],
         frequency=0.5 / voxel,
-        layers=np.stack([_layer(registrar, scan) for scan in (target, source)]),
+        layers=np.stack([_layer(registrar, each) for each in magnitudes]),
         radius=_RADIUS * 0.5 / voxel,
         turns=_turns(registrar, target, source),
         followed=registrar.rotations(target, source).R,
@@ -118,11 +123,18 @@ def contradicting(view: View, points: np.ndarray) -> np.ndarray:
     return contradicted
 
 
-def _layer(registrar: SpectralRegistrar, scan: SpectralScan) -> np.ndarray:
+def _magnitude(registrar: SpectralRegistrar, scan: SpectralScan) -> Array:
+    """(N, N, N/2 + 1): the centered magnitude spectrum, which no prepared scan keeps."""
+    device, edge = registrar.device, registrar.grid.edge
+    spectrum = RealFFT(device, (edge, edge, edge)).forward(voxelize(device, scan.volume.points, edge))
+    return magnitude(device, spectrum, edge)
+
+
+def _layer(registrar: SpectralRegistrar, magnitudes: Array) -> np.ndarray:
     """(n, n): the magnitudes of one frequency over the directions of the upper hemisphere."""
     directions = rotational_unwrap(_PIXELS)
     radii = np.array([_RADIUS * registrar.grid.edge / 2])
-    layer = sample(registrar.device, scan.volume.magnitude, upload_directions(registrar.device, directions), radii)
+    layer = sample(registrar.device, magnitudes, upload_directions(registrar.device, directions), radii)
     return np.where(directions.any(axis=-1), layer.get()[0], np.nan)
 
 

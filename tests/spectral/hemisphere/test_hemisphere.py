@@ -7,7 +7,7 @@ import numpy as np
 import pytest
 from scipy.spatial.transform import RigidTransform, Rotation
 
-from kernels.device.device import Device, choose_device
+from kernels.device.device import Array, Device, choose_device
 from kernels.errors import InputError
 from spectral.grid import Grid
 from spectral.hemisphere.layers import Hemisphere
@@ -31,11 +31,18 @@ class Room:
         self.preparer = Preparer(device, Grid(EDGE, VOXEL), use_strength=False)
         self.translation = Translation(device, EDGE)
         self.points = structure(2)
-        self.target = self.preparer.prepare(Scan(self.points))
-        self.layers = self.hemisphere.prepare(self.target.magnitude)
+        self.target, magnitude = self.preparer.prepare(Scan(self.points))
+        self.layers = self.hemisphere.prepare(magnitude)
 
     def turned(self, R_target_source: Rotation, shift: tuple[float, float, float] = (0.8, -1.2, 0.6)) -> Prepared:
         """The structure as a source sees it whose R_target_source this is."""
+        return self._turned(R_target_source, shift)[0]
+
+    def magnitude(self, R_target_source: Rotation) -> Array:
+        """The magnitude spectrum of it."""
+        return self._turned(R_target_source, (0.8, -1.2, 0.6))[1]
+
+    def _turned(self, R_target_source: Rotation, shift: tuple[float, float, float]) -> tuple[Prepared, Array]:
         T = RigidTransform.from_components(shift, R_target_source)
         return self.preparer.prepare(Scan(moved(self.points, T.inv())))
 
@@ -52,7 +59,7 @@ def degrees(R: Rotation) -> float:
 @pytest.mark.parametrize("yaw", [-75.0, -20.0, 8.0, 50.0])
 def test_yaw_is_among_the_candidates_with_its_half_turn(room: Room, yaw: float) -> None:
     true = Rotation.from_euler("Z", yaw, degrees=True)
-    layers = room.hemisphere.prepare(room.turned(true).magnitude)
+    layers = room.hemisphere.prepare(room.magnitude(true))
     candidates = room.hemisphere.yaw_candidates(room.layers, layers, 6)
     assert len(candidates) <= 12
     errors = [degrees(candidate.R.inv() * true) for candidate in candidates]
@@ -65,15 +72,14 @@ def test_yaw_is_among_the_candidates_with_its_half_turn(room: Room, yaw: float) 
 @pytest.mark.parametrize(("roll", "pitch"), [(9.0, 0.0), (0.0, -12.0), (-7.0, 15.0), (25.0, 5.0)])
 def test_tilt_is_found_once_yaw_is_known(room: Room, roll: float, pitch: float) -> None:
     tilt, yaw = Rotation.from_euler("YX", [pitch, roll], degrees=True), Rotation.from_euler("Z", 40, degrees=True)
-    source = room.turned(tilt * yaw)
-    estimate = room.hemisphere.tilt(room.layers, source.magnitude, yaw, np.deg2rad(35))
+    estimate = room.hemisphere.tilt(room.layers, room.magnitude(tilt * yaw), yaw, np.deg2rad(35))
     assert estimate is not None
     assert degrees(estimate.R * tilt.inv()) < 4.0
 
 
 def test_tilt_keeps_to_its_limit(room: Room) -> None:
-    source = room.turned(Rotation.from_euler("X", 30, degrees=True))
-    estimate = room.hemisphere.tilt(room.layers, source.magnitude, Rotation.identity(), np.deg2rad(10))
+    source = room.magnitude(Rotation.from_euler("X", 30, degrees=True))
+    estimate = room.hemisphere.tilt(room.layers, source, Rotation.identity(), np.deg2rad(10))
     assert estimate is None or degrees(estimate.R) < 10 * np.sqrt(2) + 3
 
 
@@ -81,7 +87,7 @@ def test_tilt_keeps_to_its_limit(room: Room) -> None:
 def test_heading_finds_the_yaw_that_is_left(room: Room, left: float) -> None:
     true = Rotation.from_euler("ZYX", [70.0, 6.0, -9.0], degrees=True)
     known = Rotation.from_euler("Z", -left, degrees=True) * true
-    estimate = room.hemisphere.heading(room.layers, room.turned(true).magnitude, known, np.deg2rad(20))
+    estimate = room.hemisphere.heading(room.layers, room.magnitude(true), known, np.deg2rad(20))
     assert estimate is not None
     assert degrees(estimate.R * known * true.inv()) < 0.7
 
@@ -108,7 +114,7 @@ def test_search_climbs_back_to_the_rotation(room: Room) -> None:
 
 def test_overlap_is_the_share_in_common_and_the_smaller_of_both_ways(room: Room) -> None:
     half = room.points[room.points[:, 0] > room.target.center[0]]
-    part = room.preparer.prepare(Scan(half))
+    part, _ = room.preparer.prepare(Scan(half))
     shift = (part.center - room.target.center) / VOXEL
     share = len(part.surface) / len(room.target.surface)
     there = overlap(room.device, room.target, part, Rotation.identity(), shift)
@@ -125,8 +131,8 @@ def test_a_shift_over_half_the_grid_is_told_from_its_wrapped_twin(room: Room, tr
     place = rng.uniform(-15, 15, (4000, 3)).astype(np.float32)
     low = np.abs(place + step / 2).max(axis=1) < 11
     high = np.abs(place - step / 2).max(axis=1) < 11
-    target = room.preparer.prepare(Scan(place[low]))
-    source = room.preparer.prepare(Scan(place[high]))
+    target, _ = room.preparer.prepare(Scan(place[low]))
+    source, _ = room.preparer.prepare(Scan(place[high]))
     shift = (source.center - target.center) / VOXEL
     cyclic = (shift + EDGE / 2) % EDGE - EDGE / 2
     unwrapped = unwrap(room.device, target, source, Rotation.identity(), cyclic, EDGE)
@@ -135,7 +141,7 @@ def test_a_shift_over_half_the_grid_is_told_from_its_wrapped_twin(room: Room, tr
 
 def test_a_stray_point_outside_the_grid_changes_nothing(room: Room) -> None:
     stray = np.array([[500, 0, 0], [0, -90_000, 3]], np.float32)
-    prepared = room.preparer.prepare(Scan(np.vstack([room.points, stray])))
+    prepared, _ = room.preparer.prepare(Scan(np.vstack([room.points, stray])))
     assert overlap(room.device, room.target, prepared, Rotation.identity(), np.zeros(3)) > 0.95
     assert room.translation.find(room.target, prepared, Rotation.identity()).psr > 100
 
