@@ -23,6 +23,71 @@ static void keep(Kept* const kept, const float squared, const int index) {
     kept->worst = nearer ? squared : kept->worst;
     kept->index = nearer ? index : kept->index;
 }
+#elif !defined(GPU)
+// On a processor the nearest are kept in order, and new ones wait until there are 16, which are sorted and merged.
+#define BATCH 16
+typedef struct {
+    float worst;
+    int waiting;
+    float16 squared;  // ascending
+    int16 index;
+    float new_squared[BATCH + 1];
+    int new_index[BATCH + 1];
+} Kept;
+
+static Kept none(const float reach) {
+    Kept kept;
+    kept.worst = reach;
+    kept.waiting = 0;
+    kept.squared = (float16)(reach);
+    kept.index = (int16)(-1);
+    return kept;
+}
+
+// Compare each lane with its partner, and keep the nearer one of both where `far` is 0, else the farther one.
+static inline void sort_pairs(float16* const squared, int16* const index, const float16 other, const int16 other_index,
+                              const int16 far) {
+    const int16 nearer = other < *squared || (other == *squared && as_uint16(other_index) < as_uint16(*index));
+    const int16 take = nearer ^ far;
+    *squared = select(*squared, other, take);
+    *index = select(*index, other_index, take);
+}
+#define NEXT s1032547698badcfe
+#define SECOND s23016745ab89efcd
+#define FOURTH s45670123cdef89ab
+#define EIGHTH s89abcdef01234567
+#define BACKWARD sfedcba9876543210
+#define PAIRS(lanes, far) sort_pairs(&squared, &index, squared.lanes, index.lanes, far)
+
+// Batcher's bitonic sorter (Sorting networks and their applications, 1968) of those that wait, then merged with those
+// that are kept.
+static void keep_waiting(Kept* const kept) {
+    const int16 lane = (int16)(0, 1, 2, 3, 4, 5, 6, 7, 8, 9, 10, 11, 12, 13, 14, 15);
+    const int16 odd = -(lane & 1), odd2 = -(lane >> 1 & 1), odd4 = -(lane >> 2 & 1), odd8 = -(lane >> 3 & 1);
+    const int16 here = lane < kept->waiting;
+    float16 squared = select((float16)(INFINITY), vload16(0, kept->new_squared), here);
+    int16 index = select((int16)(-1), vload16(0, kept->new_index), here);
+    kept->waiting = 0;
+    PAIRS(NEXT, odd ^ odd2);
+    PAIRS(SECOND, odd2 ^ odd4);
+    PAIRS(NEXT, odd ^ odd4);
+    PAIRS(FOURTH, odd4 ^ odd8);
+    PAIRS(SECOND, odd2 ^ odd8);
+    PAIRS(NEXT, odd ^ odd8);
+    PAIRS(EIGHTH, odd8);
+    PAIRS(FOURTH, odd4);
+    PAIRS(SECOND, odd2);
+    PAIRS(NEXT, odd);
+    // the nearer half of both, which rises and falls
+    sort_pairs(&squared, &index, kept->squared.BACKWARD, kept->index.BACKWARD, (int16)(0));
+    PAIRS(EIGHTH, odd8);
+    PAIRS(FOURTH, odd4);
+    PAIRS(SECOND, odd2);
+    PAIRS(NEXT, odd);
+    kept->squared = squared;
+    kept->index = index;
+    kept->worst = squared.sf;
+}
 #else
 typedef struct {
     float worst;
@@ -45,6 +110,23 @@ static void keep(Kept* const kept, const float squared, const int index) {
 }
 #endif
 
+#ifdef BATCH
+// The 16 nearest are hardly ever all in one cell.
+#define FIRST_RING 1
+static void keep_run(__global const float4* const restrict points, const int first, const int last, const float3 place,
+                     Kept* const kept) {
+    for (int n = first; n < last; ++n) {
+        const float3 away = points[n].xyz - place;
+        const float squared = dot(away, away);
+        // without a branch, which nobody could foretell; what is not nearer is overwritten by the next one
+        kept->new_squared[kept->waiting] = squared;
+        kept->new_index[kept->waiting] = n;
+        kept->waiting += squared <= kept->worst;
+        if (kept->waiting == BATCH) keep_waiting(kept);
+    }
+}
+#else
+#define FIRST_RING 0
 static void keep_run(__global const float4* const restrict points, const int first, const int last, const float3 place,
                      Kept* const kept) {
     for (int n = first; n < last; ++n) {
@@ -52,6 +134,7 @@ static void keep_run(__global const float4* const restrict points, const int fir
         keep(kept, dot(away, away), n);
     }
 }
+#endif
 
 // Squared distance along an axis from `at` to the cell `step` cells from its own, which begins at `begin`.
 static float gap_squared(const int step, const float at, const float begin, const float size) {
@@ -70,10 +153,10 @@ static Kept search(__global const float4* const restrict points, __global const 
     const float3 inside = fmin(place - begin, begin + size - place);
     const float border = fmax(fmin(fmin(inside.x, inside.y), inside.z), 0.0f);
     const int3 farther = max(cell, count - 1 - cell);
-    const int rings = max(max(farther.x, farther.y), farther.z);
-    for (int ring = 0; ring <= rings; ++ring) {
+    const int rings = max(max(max(farther.x, farther.y), farther.z), FIRST_RING);
+    for (int ring = FIRST_RING; ring <= rings; ++ring) {
         const float nearest = (ring - 1) * size + border;
-        if (ring && !(nearest * nearest <= kept.worst)) break;
+        if (ring > FIRST_RING && !(nearest * nearest <= kept.worst)) break;
         for (int x = max(-ring, -cell.x); x <= min(ring, count.x - 1 - cell.x); ++x) {
             const float along_x = gap_squared(x, place.x, begin.x, size);
             if (along_x > kept.worst) continue;
@@ -83,7 +166,7 @@ static Kept search(__global const float4* const restrict points, __global const 
                 __global const int* const row = starts + ((cell.x + x) * count.y + cell.y + y) * count.z;
                 const int low = cell.z - ring;
                 const int high = cell.z + ring;
-                if (abs(x) == ring || abs(y) == ring) {
+                if (abs(x) == ring || abs(y) == ring || ring == FIRST_RING) {
                     keep_run(points, row[max(low, 0)], row[min(high, count.z - 1) + 1], place, &kept);
                     continue;
                 }
@@ -93,6 +176,9 @@ static Kept search(__global const float4* const restrict points, __global const 
                     keep_run(points, row[high], row[high + 1], place, &kept);
             }
         }
+#ifdef BATCH
+        keep_waiting(&kept);
+#endif
     }
     return kept;
 }

@@ -3,94 +3,146 @@
 // Layout: points, starts and box as in cells.cl; directions (DIRECTIONS) float4 unit vectors, of which x, y, z count; viewpoints
 // (views) float4 likewise; elements (m, 12) float32 as in element.cl, by the points' numbers.
 // A point farther than `farthest` from its plane stays. One whose neighbors' middle lies farther away than the share
-// `aside` of their spread is at a rim. One work-item: a point, in the order of the cells, so that neighbors are at hand.
+// `aside` of their spread is at a rim. One work-item: LANES points in the order of the cells, so that neighbors are at
+// hand; searched one after the other, then all at once.
 #define KEPT 16
+#include "device/lanes.cl"
 #include "surface/cells.cl"
 #ifndef DIRECTIONS
 #define DIRECTIONS 26
 #endif
 
-// One turn of Jacobi's method, which makes `off` 0 (Golub and Van Loan, Matrix Computations, sect. 8.5); the squares
-// a and b, what both have with the third axis, and both axes.
-static void turn_axes(float* const a, float* const b, float* const off, float* const a_third, float* const b_third,
-                      float3* const axis_a, float3* const axis_b) {
-    if (*off == 0.0f) return;
-    const float ratio = (*b - *a) / (2.0f * *off);
-    // far beyond 1e18 its square would be infinite, and the turn is nothing
-    const float t = fabs(ratio) < 1e18f ? copysign(1.0f, ratio) / (fabs(ratio) + sqrt(ratio * ratio + 1.0f)) : 0.0f;
-    const float c = rsqrt(t * t + 1.0f);
-    const float s = t * c;
-    *a -= t * *off;
-    *b += t * *off;
-    *off = 0.0f;
-    const float third = *a_third;
-    *a_third = c * third - s * *b_third;
-    *b_third = s * third + c * *b_third;
-    const float3 axis = *axis_a;
-    *axis_a = c * axis - s * *axis_b;
-    *axis_b = s * axis + c * *axis_b;
+typedef struct {
+    floatn x, y, z;
+} Vector;
+
+static inline floatn product(const Vector a, const Vector b) { return a.x * b.x + a.y * b.y + a.z * b.z; }
+
+static inline Vector chosen(const Vector no, const Vector yes, const intn which) {
+    return (Vector){select(no.x, yes.x, which), select(no.y, yes.y, which), select(no.z, yes.z, which)};
 }
 
-__kernel void planes(__global const float4* const restrict points, __global const int* const restrict starts,
-                     const float8 box, __global const float4* const restrict directions,
-                     __global const float4* const restrict viewpoints, __global float4* const restrict elements,
-                     const int count, const int views, const float farthest, const float aside) {
-    const int n = get_global_id(0);
-    if (n >= count) return;
-    const float3 own = points[n].xyz;
+// What a point's neighbors are: their middle from the point, and the sums of the squares and products about it.
+enum { X, Y, Z, MIDDLE_X, MIDDLE_Y, MIDDLE_Z, XX, YY, ZZ, XY, XZ, YZ, MOMENTS };
+
+static void measure(__global const float4* const restrict points, __global const int* const restrict starts,
+                    const float8 box, const float3 own, const int neighbors, const int lane, float* const moments) {
     const Kept kept = search(points, starts, box, own, INFINITY);
     int near[16];
     vstore16(kept.index, 0, near);
-    const int neighbors = min(count, 16);
     float3 middle = (float3)(0.0f);
     for (int k = 0; k < neighbors; ++k) middle += points[near[k]].xyz - own;
     middle /= neighbors;
-    float3 squares = (float3)(0.0f);  // xx, yy, zz
-    float3 mixed = (float3)(0.0f);    // xy, xz, yz
+    float3 squares = (float3)(0.0f);
+    float3 mixed = (float3)(0.0f);  // xy, xz, yz
     for (int k = 0; k < neighbors; ++k) {
         const float3 v = points[near[k]].xyz - own - middle;
         squares += v * v;
         mixed += v.xxy * v.yzz;
     }
-    const float total = squares.x + squares.y + squares.z;
-    float3 axis_x = (float3)(1.0f, 0.0f, 0.0f);
-    float3 axis_y = (float3)(0.0f, 1.0f, 0.0f);
-    float3 axis_z = (float3)(0.0f, 0.0f, 1.0f);
-    float3 value = squares;
+    const float values[MOMENTS] = {own.x,     own.y,     own.z,     middle.x, middle.y, middle.z,
+                                   squares.x, squares.y, squares.z, mixed.x,  mixed.y,  mixed.z};
+    for (int k = 0; k < MOMENTS; ++k) moments[k * LANES + lane] = values[k];
+}
+
+// One turn of Jacobi's method, which makes `off` 0 (Golub and Van Loan, Matrix Computations, sect. 8.5); the squares
+// a and b, what both have with the third axis, and both axes.
+static inline void turn_axes(floatn* const a, floatn* const b, floatn* const off, floatn* const a_third,
+                             floatn* const b_third, Vector* const axis_a, Vector* const axis_b) {
+    const floatn ratio = (*b - *a) / (2.0f * *off);
+    // far beyond 1e18 its square would be infinite, and the turn is nothing; so it is where `off` is 0 already
+    const floatn steep = copysign((floatn)(1.0f), ratio) / (fabs(ratio) + sqrt(ratio * ratio + 1.0f));
+    const floatn t = select((floatn)(0.0f), steep, fabs(ratio) < 1e18f && *off != 0.0f);
+    const floatn c = rsqrt(t * t + 1.0f);
+    const floatn s = t * c;
+    *a -= t * *off;
+    *b += t * *off;
+    *off = 0.0f;
+    const floatn third = *a_third;
+    *a_third = c * third - s * *b_third;
+    *b_third = s * third + c * *b_third;
+    const Vector axis = *axis_a;
+    const Vector other = *axis_b;
+    *axis_a = (Vector){c * axis.x - s * other.x, c * axis.y - s * other.y, c * axis.z - s * other.z};
+    *axis_b = (Vector){s * axis.x + c * other.x, s * axis.y + c * other.y, s * axis.z + c * other.z};
+}
+
+// The axis along which the neighbors spread least, and their squares along it.
+static inline Vector least_axis(const float* const moments, floatn* const least) {
+    floatn a = loadn(moments + XX * LANES), b = loadn(moments + YY * LANES), c = loadn(moments + ZZ * LANES);
+    floatn ab = loadn(moments + XY * LANES), ac = loadn(moments + XZ * LANES), bc = loadn(moments + YZ * LANES);
+    const floatn no = 0.0f, full = 1.0f;
+    Vector x = {full, no, no};
+    Vector y = {no, full, no};
+    Vector z = {no, no, full};
     for (int sweep = 0; sweep < 5; ++sweep) {
-        float a = value.x, b = value.y, c = value.z;
-        float ab = mixed.x, ac = mixed.y, bc = mixed.z;
-        turn_axes(&a, &b, &ab, &ac, &bc, &axis_x, &axis_y);
-        turn_axes(&a, &c, &ac, &ab, &bc, &axis_x, &axis_z);
-        turn_axes(&b, &c, &bc, &ab, &ac, &axis_y, &axis_z);
-        value = (float3)(a, b, c);
-        mixed = (float3)(ab, ac, bc);
+        turn_axes(&a, &b, &ab, &ac, &bc, &x, &y);
+        turn_axes(&a, &c, &ac, &ab, &bc, &x, &z);
+        turn_axes(&b, &c, &bc, &ab, &ac, &y, &z);
     }
-    const bool is_x = value.x <= value.y && value.x <= value.z;
-    const float least = is_x ? value.x : fmin(value.y, value.z);
-    const float3 normal = normalize(is_x ? axis_x : value.y <= value.z ? axis_y : axis_z);
-    const float height = dot(middle, normal);
-    const float3 moved = fabs(height) > farthest ? (float3)(0.0f) : height * normal;
-    const float3 off = middle - moved;
-    const bool inner = dot(off, off) <= aside * aside * (total - least) / neighbors;
-    int direction = 0;
-    float along = -1.0f;
+    const Vector axis = chosen(chosen(z, y, b <= c), x, a <= b && a <= c);
+    const floatn scale = rsqrt(product(axis, axis));
+    *least = fmin(fmin(a, b), c);
+    return (Vector){axis.x * scale, axis.y * scale, axis.z * scale};
+}
+
+// The number of the direction that is nearest to the normal, of either sign.
+static inline floatn nearest_direction(__global const float4* const restrict directions, const Vector normal) {
+    floatn direction = 0.0f;
+    floatn along = -1.0f;
     for (int k = 0; k < DIRECTIONS; ++k) {
-        const float here = fabs(dot(directions[k].xyz, normal));
-        direction = here > along ? k : direction;
+        const float3 d = directions[k].xyz;
+        const floatn here = fabs(d.x * normal.x + d.y * normal.y + d.z * normal.z);
+        direction = select(direction, (floatn)(k), here > along);
         along = fmax(here, along);
     }
-    const float3 smooth = own + moved;
-    float3 ray = (float3)(0.0f);
-    float shortest = INFINITY;
+    return direction;
+}
+
+// From the nearest viewpoint to the points; 0 where there is none.
+static inline Vector ray_of(__global const float4* const restrict viewpoints, const int views, const Vector points) {
+    const floatn no = 0.0f;
+    Vector ray = {no, no, no};
+    floatn shortest = INFINITY;
     for (int k = 0; k < views; ++k) {
-        const float3 seen = smooth - viewpoints[k].xyz;
-        const float squared = dot(seen, seen);
-        ray = squared < shortest ? seen : ray;
+        const float3 from = viewpoints[k].xyz;
+        const Vector seen = {points.x - from.x, points.y - from.y, points.z - from.z};
+        const floatn squared = product(seen, seen);
+        ray = chosen(ray, seen, squared < shortest);
         shortest = fmin(squared, shortest);
     }
-    __global float4* const out = elements + 3 * as_int(points[n].w);
-    out[0] = (float4)(smooth, inner);
-    out[1] = (float4)(normal, direction);
-    out[2] = (float4)(ray, 0.0f);
+    return ray;
+}
+
+__kernel void planes(__global const float4* const restrict points, __global const int* const restrict starts,
+                     const float8 box, __global const float4* const restrict directions,
+                     __global const float4* const restrict viewpoints, __global float* const restrict elements,
+                     const int count, const int views, const float farthest, const float aside) {
+    const int n = LANES * get_global_id(0);
+    if (n >= count) return;
+    const int neighbors = min(count, 16);
+    float moments[MOMENTS * LANES];
+    // those beyond the last are the last again
+    for (int lane = 0; lane < LANES; ++lane)
+        measure(points, starts, box, points[min(n + lane, count - 1)].xyz, neighbors, lane, moments);
+    const Vector own = {loadn(moments + X * LANES), loadn(moments + Y * LANES), loadn(moments + Z * LANES)};
+    const Vector middle = {loadn(moments + MIDDLE_X * LANES), loadn(moments + MIDDLE_Y * LANES),
+                           loadn(moments + MIDDLE_Z * LANES)};
+    const floatn total = loadn(moments + XX * LANES) + loadn(moments + YY * LANES) + loadn(moments + ZZ * LANES);
+    floatn least;
+    const Vector normal = least_axis(moments, &least);
+    const floatn height = product(middle, normal);
+    const floatn moved = select(height, (floatn)(0.0f), fabs(height) > farthest);
+    const Vector by = {moved * normal.x, moved * normal.y, moved * normal.z};
+    const Vector off = {middle.x - by.x, middle.y - by.y, middle.z - by.z};
+    const intn inner = product(off, off) <= aside * aside * (total - least) / (floatn)(neighbors);
+    const Vector smooth = {own.x + by.x, own.y + by.y, own.z + by.z};
+    const Vector ray = ray_of(viewpoints, views, smooth);
+    const floatn rows[12] = {smooth.x, smooth.y, smooth.z, select((floatn)(0.0f), (floatn)(1.0f), inner),
+                             normal.x, normal.y, normal.z, nearest_direction(directions, normal),
+                             ray.x,    ray.y,    ray.z,    (floatn)(0.0f)};
+    float values[12 * LANES];
+    for (int k = 0; k < 12; ++k) storen(rows[k], values + k * LANES);
+    for (int lane = 0; lane < min(LANES, count - n); ++lane)
+        for (int k = 0; k < 12; ++k) elements[12 * as_int(points[n + lane].w) + k] = values[k * LANES + lane];
 }

@@ -5,6 +5,7 @@ import numpy as np
 import pyopencl.array as cla
 
 from kernels.device.device import Device
+from kernels.device.groups import lanes
 from kernels.device.launch import launch, table
 from kernels.errors import InputError
 from kernels.surface.cells import Cells
@@ -49,5 +50,7 @@ def fit_planes(
     numbers = np.int32(len(cells)), np.int32(len(viewpoints)), np.float32(farthest), np.float32(aside)
     arguments = *cells.arguments, known, views, elements, *numbers
     defines = {"DIRECTIONS": len(directions)}
-    launch(device, "surface/planes", "planes", (padded(len(cells)),), *arguments, group=(GROUP,), **defines)
+    each = lanes(device)
+    size, group = (padded(len(cells)) // each,), (GROUP // each,)
+    launch(device, "surface/planes", "planes", size, *arguments, group=group, **defines)
     return elements
