@@ -45,8 +45,8 @@ def sparse_planes(layout: Layout) -> str:
 }}"""
 
 
-def forward_columns(n: int, stride: int, wide: int) -> str:
-    """The stages but the last of `wide` times 8 columns at p, into the private arrays re and im.
+def forward_columns(n: int, stride: int, wide: int, lanes: int = 8) -> str:
+    """The stages but the last of `wide` times 8 or 16 columns at p, into the private arrays re and im.
 
     `filled` points to the (n,) int of `sparse_planes`.
     """
@@ -55,18 +55,18 @@ def forward_columns(n: int, stride: int, wide: int) -> str:
     def load(q: int, _: str) -> str:
         f = f"(k + {q * n // first})"
         return f"""x{q}r = x{q}i = 0.0f;
-            if (filled[{f}]) load_columns8(p + {f} * {stride} + i * 16, &x{q}r, &x{q}i);"""
+            if (filled[{f}]) load_columns{lanes}(p + {f} * {stride} + i * {2 * lanes}, &x{q}r, &x{q}i);"""
 
     return f"""{KEEP} for (int k = 0; k < {n // first}; ++k) {{
         {KEEP} for (int i = 0; i < {wide}; ++i) {{
             const int at = i * {n} + position_{n}[k];
-            {block(stage(n, 0, "float8", load, to_private))}
+            {block(stage(n, 0, f"float{lanes}", load, to_private))}
         }}
     }}
-    {private_stages(n, 1, len(radices(n)) - 1, wide)}"""
+    {private_stages(n, 1, len(radices(n)) - 1, wide, f"float{lanes}")}"""
 
 
-def last_stage(n: int, wide: int, store: str, before: str = "", after: str = "") -> str:
+def last_stage(n: int, wide: int, store: str, before: str = "", after: str = "", lanes: int = 8) -> str:
     """The last stage out of re and im; `store` is the statement for number f of the spectrum, Q in place of q."""
     last = radices(n)[-1]
 
@@ -77,7 +77,7 @@ def last_stage(n: int, wide: int, store: str, before: str = "", after: str = "")
         {KEEP} for (int i = 0; i < {wide}; ++i) {{
             const int at = i * {n} + k;
             {before}
-            {block(stage(n, len(radices(n)) - 1, "float8", from_private, stored))}
+            {block(stage(n, len(radices(n)) - 1, f"float{lanes}", from_private, stored))}
             {after}
         }}
     }}"""

@@ -8,20 +8,20 @@ from kernels.fft.plan import Layout
 from kernels.fft.sparse import forward_columns, last_stage, sheet_width, sparse_planes
 from kernels.fft.stage import KEEP, block
 
-_HEADER = '#include "device/complex.cl"\n#include "pomf/whitening.cl"'
 
-
-def emit_spectra(layout: Layout, exponents: tuple[float, ...], magnitude: bool) -> str:
+def emit_spectra(layout: Layout, exponents: tuple[float, ...], magnitude: bool, lanes: int = 8) -> str:
     """The program of `planes` and `sheets`.
 
     Args:
         exponents: of the whitening, a spectrum for each.
         magnitude: whether `sheets` writes magnitudes, too.
+        lanes: 8 or 16, the numbers in a vector along the first axis.
     """
     n1 = layout.shape[1]
-    parts = [_HEADER, *tables(layout, inverse=False)]
+    parts = [f"#define LANE float{lanes}", f"#define ALIKE int{lanes}"]
+    parts += ['#include "device/complex.cl"', '#include "pomf/whitening.cl"', *tables(layout, inverse=False)]
     parts += [columns("columns_1", n1, 2 * layout.pitch, 1, inverse=False), real_rows(layout, inverse=False)]
-    parts += [sparse_planes(layout), _MAGNITUDES if magnitude else "", _columns(layout, exponents, magnitude)]
+    parts += [sparse_planes(layout), _MAGNITUDES if magnitude else "", _columns(layout, exponents, magnitude, lanes)]
     return "\n".join([*parts, _sheets(layout, exponents, magnitude)])
 
 
@@ -38,44 +38,66 @@ static inline void store_magnitudes(__global float* to, const int many, const fl
 }"""
 
 
-def _columns(layout: Layout, exponents: tuple[float, ...], magnitude: bool) -> str:
+def _columns(layout: Layout, exponents: tuple[float, ...], magnitude: bool, lanes: int) -> str:
     """The function that turns columns of the first axis at p into whitened ones.
 
     Those of the first exponent take the place of p. `first` is which block of its sheet, which begins at `row`, p is.
     """
-    n0, n1, n2 = layout.shape
-    stride, wide, per_row, valid = 2 * n1 * layout.pitch, sheet_width(layout), layout.pitch // 8, n2 // 2 + 1
+    n0, n1, _ = layout.shape
+    stride, wide = 2 * n1 * layout.pitch, 8 * sheet_width(layout) // lanes
     others = "".join(f", __global float* whitened{e}" for e in range(1, len(exponents)))
-    stores = ["const float8 power = yQr * yQr + yQi * yQi;"]
+    stores = ["const LANE power = yQr * yQr + yQi * yQi;"]
     for e, exponent in enumerate(exponents):
         stores.append(f"""{{
-                const float8 scale = whitening(power, {literal(exponent)});
-                const float8 r = select((float8)(0.0f), yQr * scale, scale > 0.0f);
-                const float8 m = select((float8)(0.0f), yQi * scale, scale > 0.0f);
-                store_columns8({f"whitened{e}" if e else "p"} + f * {stride} + i * 16, r, m);
+                const LANE scale = whitening(power, {literal(exponent)});
+                const LANE r = select((LANE)(0.0f), yQr * scale, scale > 0.0f);
+                const LANE m = select((LANE)(0.0f), yQi * scale, scale > 0.0f);
+                store_columns{lanes}({f"whitened{e}" if e else "p"} + f * {stride} + i * {2 * lanes}, r, m);
             }}""")
-    parameters, prepare = "", ""
+    parameters, rows = "", ""
     if magnitude:
         parameters = ", __global float* magnitudes, const float farthest, const int row, const int first"
-        stores.append(f"""if (min(f, {n0} - f) <= reach[i])
-                store_magnitudes(rows[i] + {_centered("f", n0)} * {n1 * valid}, {valid} - along[i],
-                                 sqrt(power).s01452367);""")
-        prepare = f"""__global float* rows[{wide}];
-    int along[{wide}], reach[{wide}];
-    for (int i = 0; i < {wide}; ++i) {{
-        const int j = row + (first + i) / {per_row}, k = (first + i) % {per_row} * 8, near = min(j, {n1} - j);
-        rows[i] = magnitudes + {_centered("j", n1)} * {valid} + k;
-        along[i] = k;
-        const float left = farthest * farthest - near * near - k * k;
-        reach[i] = left >= 0.0f ? (int)sqrt(left) : -1;
-    }}"""
+        rows = _magnitude_rows(layout)
+        stores.append(_store_magnitudes(layout, lanes))
     return f"""
 static inline void whitened_columns(__global float* p, __global const int* filled{others}{parameters}) {{
-    float8 re[{wide * n0}], im[{wide * n0}];
-    {prepare}
-    {forward_columns(n0, stride, wide)}
-    {last_stage(n0, wide, block(stores))}
+    LANE re[{wide * n0}], im[{wide * n0}];
+    {rows}
+    {forward_columns(n0, stride, wide, lanes)}
+    {last_stage(n0, wide, block(stores), lanes=lanes)}
 }}"""
+
+
+def _magnitude_rows(layout: Layout) -> str:
+    """Where the magnitudes of each block of 8 columns go, how far along a row, and how far along the first axis."""
+    _, n1, n2 = layout.shape
+    wide, per_row = sheet_width(layout), layout.pitch // 8
+    return f"""__global float* rows[{wide}];
+    int along[{wide}], reach[{wide}];
+    for (int b = 0; b < {wide}; ++b) {{
+        const int j = row + (first + b) / {per_row}, k = (first + b) % {per_row} * 8, near = min(j, {n1} - j);
+        rows[b] = magnitudes + {_centered("j", n1)} * {n2 // 2 + 1} + k;
+        along[b] = k;
+        const float left = farthest * farthest - near * near - k * k;
+        reach[b] = left >= 0.0f ? (int)sqrt(left) : -1;
+    }}"""
+
+
+def _store_magnitudes(layout: Layout, lanes: int) -> str:
+    """The statements that store the root of `power`, of number f of column block i."""
+    n0, n1, n2 = layout.shape
+    valid = n2 // 2 + 1
+    # of 8 lanes complex.cl says in which order they are
+    blocks = {"i": "root.s01452367"} if lanes == 8 else {"2 * i": "root.lo", "2 * i + 1": "root.hi"}
+    stores = [
+        f"""if (near <= reach[{b}]) store_magnitudes(rows[{b}] + to, {valid} - along[{b}], {values});"""
+        for b, values in blocks.items()
+    ]
+    return f"""{{
+                const int near = min(f, {n0} - f), to = {_centered("f", n0)} * {n1 * valid};
+                const LANE root = sqrt(power);
+                {" ".join(stores)}
+            }}"""
 
 
 def _centered(index: str, n: int) -> str:

@@ -23,7 +23,7 @@ class _Transform:
     """The kernels of one direction, built once."""
 
     def __init__(self, device: Device, layout: Layout, inverse: bool) -> None:
-        plan = fft_cpu.emit(layout, inverse, _lanes(device)) if device.is_cpu else fft_gpu.emit(layout, inverse)
+        plan = fft_cpu.emit(layout, inverse, column_lanes(device)) if device.is_cpu else fft_gpu.emit(layout, inverse)
         program = device.build(plan.source, name="fft")
         self._device = device
         self._tables = () if plan.table is None else (table(device, plan.table),)
@@ -42,7 +42,7 @@ class _Transform:
                 cl.enqueue_nd_range_kernel(self._device.queue, kernel, size, group)
 
 
-def _lanes(device: Device) -> int:
+def column_lanes(device: Device) -> int:
     """How many numbers a vector of the first axis has: as many as a register, 8 or 16."""
     return 16 if device.cl_device.native_vector_width_float >= 16 else 8
 

@@ -14,7 +14,7 @@ from kernels.fft.edges import row_pitch
 from kernels.fft.plan import Layout
 from kernels.fft.sparse import sheet_width
 from kernels.fft.spectra import emit_spectra
-from kernels.fft.transform import RealFFT
+from kernels.fft.transform import RealFFT, column_lanes
 from kernels.points.voxelize import voxelize, voxelize_poses
 from kernels.pomf.spectrum import magnitude, whiten
 
@@ -102,7 +102,7 @@ class _SparsePasses:
         self._filled = device.empty((edge,), np.int32)
         pose = np.append(affine_rows(None, np.full(3, edge / 2 + 0.5)).ravel(), np.zeros(4))
         self._pose = table(device, pose[None].astype(np.float32))
-        program = device.build(emit_spectra(layout, exponents, magnitudes), name="spectra")
+        program = device.build(emit_spectra(layout, exponents, magnitudes, column_lanes(device)), name="spectra")
         self._planes, self._sheets = cl.Kernel(program, "planes"), cl.Kernel(program, "sheets")
         self._clean = False
 

@@ -21,8 +21,16 @@ __kernel void products(__global const float* const restrict coefficients, __glob
     __global const float* const a = coefficients + 2 * (size_t)(pair * layers + first) * ORDERS;
     __global const float* const b = coefficients + 2 * (size_t)(pair * layers + second) * ORDERS;
     const int begin = 2 * (BANDWIDTH - 1 - 2 * pair);
+    const int end = 2 * ORDERS - begin;
+    int n = begin;
     float sum = 0.0f;
-    for (int n = begin; n < 2 * ORDERS - begin; ++n) sum += a[n] * b[n];
+#if CPU
+    float16 sums = 0.0f;
+    for (; n + 16 <= end; n += 16) sums += vload16(0, a + n) * vload16(0, b + n);
+    const float8 half_sums = sums.lo + sums.hi;
+    sum = dot(half_sums.lo + half_sums.hi, (float4)(1.0f));
+#endif
+    for (; n < end; ++n) sum += a[n] * b[n];
     out[((size_t)pair * layers + first) * layers + second] = sum;
 }
 

@@ -60,7 +60,8 @@ def sort_into_cells(device: Device, points: np.ndarray, size: float = _SIZE) -> 
     origin, side, counts = _box(places, size)
     cell = np.clip((places - origin) / side, 0, counts - 1).astype(np.int32)
     number = (cell[:, 0] * counts[1] + cell[:, 1]) * counts[2] + cell[:, 2]
-    order = np.argsort(number, kind="stable").astype(np.int32)
+    # one number to sort by, the place behind the cell
+    order = np.sort((number.astype(np.int64) << 32) | np.arange(len(number))).astype(np.int32)
     starts = np.zeros(int(counts.prod()) + 1, np.int32)
     np.cumsum(np.bincount(number, minlength=len(starts) - 1), out=starts[1:])
     rows = np.empty((len(places), 4), np.float32)
@@ -74,7 +75,8 @@ def sort_into_cells(device: Device, points: np.ndarray, size: float = _SIZE) -> 
 
 def _box(places: np.ndarray, size: float) -> tuple[np.ndarray, np.float32, np.ndarray]:
     """Origin (3,) float32, size and numbers (3,) int32 of cells that hold the bulk of the points."""
-    low, high = places.min(axis=0).astype(np.float64), places.max(axis=0).astype(np.float64)
+    # axis by axis: NumPy takes 20 times as long for short rows
+    low, high = (np.array([end(axis) for axis in places.T], np.float64) for end in (np.min, np.max))
     most = max(_CELLS * len(places), _FEWEST)
     if np.prod(np.floor((high - low) / size) + 1) > most:
         ordered, out = np.sort(places, axis=0), int(_OUT * len(places))

@@ -122,7 +122,7 @@ class Preparer:
                 f"{name}: its points fill {len(surface)} of the voxels, on a {size}; wanted at least {_FEWEST_VOXELS}. "
                 "Give a scan with more structure, or a smaller `voxel`."
             )
-        spread = np.linalg.svd(surface - surface.mean(axis=0), compute_uv=False)[-1] / np.sqrt(len(surface))
+        spread = np.sqrt(max(np.linalg.eigvalsh(np.cov(surface.T, bias=True))[0], 0.0))
         if spread < _FLATTEST and not plane_allowed:
             raise InputError(
                 f"{name}: all its points lie in one plane (they deviate {spread * self.grid.voxel:.2g} m from it, "

@@ -5,6 +5,7 @@ import pytest
 
 from kernels.errors import InputError
 from kernels.fft.edges import row_pitch
+from kernels.pomf import point_spectra
 from kernels.pomf.point_spectra import PointSpectra
 
 # multiples of 8, whose passes are fused on a processor, and others
@@ -57,11 +58,16 @@ def test_whitened(device, edge, exponents):
 
 
 @pytest.mark.parametrize("edge", EDGES)
-def test_magnitudes(device, edge):
+@pytest.mark.parametrize("lanes", [8, 16])
+def test_magnitudes(device, edge, lanes, monkeypatch):
+    """With vectors of either length, whichever the device has by itself."""
+    monkeypatch.setattr(point_spectra, "column_lanes", lambda _: lanes)
     points, (out,) = slab(edge, 3), empty_spectra(device, edge, 1)
     magnitudes = device.empty((edge, edge, edge // 2 + 1))
     PointSpectra(device, edge, magnitudes=True).transform(device.to_device(points), [out], magnitudes)
-    assert error(magnitudes.get(), centered(transform_of(points, edge))) < TOLERANCE
+    want = transform_of(points, edge)
+    assert error(magnitudes.get(), centered(want)) < TOLERANCE
+    assert error(out.get()[..., : edge // 2 + 1] * np.abs(want), want) < TOLERANCE
 
 
 @pytest.mark.parametrize("farthest", [0.0, 5.5, 12.0])
