@@ -9,12 +9,14 @@ import numpy as np
 from scipy.spatial.transform import Rotation
 
 from kernels.device.device import Array, Device
+from kernels.device.later import Later
 from kernels.errors import DeviceError
+from kernels.fft.edges import row_pitch
 from kernels.fft.transform import RealFFT
 from kernels.points.voxelize import voxelize
 from kernels.pomf.correlator import Correlator, Pose
 from kernels.pomf.peak import Peak, find_peaks
-from kernels.pomf.spectrum import Pomf, magnitude
+from kernels.pomf.point_spectra import PointSpectra
 from kernels.so3.correlation import RotationCorrelation
 from kernels.so3.harmonics import Harmonics, equalizers
 from kernels.surface.cells import sort_into_cells
@@ -109,22 +111,26 @@ def _registration(device: Device) -> Iterator[Measured]:
     target = _cloud(3000)
     source = target.copy()
     source[:, :3] = (target[:, :3] - _SHIFT) @ _TURN.as_matrix()  # _TURN of the source, then _SHIFT, is the target
-    pomf = Pomf(device, (_EDGE, _EDGE, _EDGE))
+    spectra = PointSpectra(device, _EDGE, magnitudes=True)
     harmonics = Harmonics(device, _BANDWIDTH, _EDGE, 2 * _EDGE)
 
-    def coefficients(points: np.ndarray) -> Array:
-        spectrum = pomf.transform(voxelize(device, device.to_device(points), _EDGE))
-        layers = harmonics.analyze(magnitude(device, spectrum, _EDGE), np.linspace(3, 12, 10))
-        return harmonics.mix(layers, equalizers(harmonics.products(layers).get(), 0.4))
+    def prepared(points: np.ndarray) -> tuple[Array, Array]:
+        """The layers' coefficients and the whitened spectrum."""
+        magnitudes = device.empty((_EDGE, _EDGE, _EDGE // 2 + 1))
+        whitened = device.empty((_EDGE, _EDGE, row_pitch(_EDGE)), np.complex64)
+        spectra.transform(device.to_device(points), [whitened], magnitudes)
+        layers = harmonics.analyze(magnitudes, np.linspace(3, 12, 10))
+        products = Later(device, harmonics.products(layers))
+        return harmonics.mix(layers, equalizers(products.get(), 0.4)), whitened
 
     search = RotationCorrelation(device, _BANDWIDTH, np.deg2rad(60))
-    correlation = search.correlate(coefficients(target), coefficients(source))
+    (coefficients, whitened), (others, _) = prepared(target), prepared(source)
+    correlation = search.correlate(coefficients, others)
     best, (peaks,) = _highest(device, correlation[0]), search.peaks(correlation)
     off = float(np.abs(peaks.index[0] - best.index).max()) if len(peaks.index) else np.inf
     yield Measured("the place of the best rotation", off, 0.0, "samples")
     R = search.rotations(best.shift)
     yield Measured("the rotation of a registration", float(np.rad2deg((R * _TURN.inv()).magnitude())), 5.0, "degrees")
-    whitened = pomf.prepare(voxelize(device, device.to_device(target), _EDGE))
     correlator, pose = Correlator(device, _EDGE, blur=1.0), Pose(_TURN.as_matrix())
     on_device = device.to_device(source)
     (((peak,),),) = correlator.find(on_device, [pose], [whitened], 1, 3.0)

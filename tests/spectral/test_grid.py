@@ -39,15 +39,16 @@ def test_refuses_an_edge_that_is_no_even_product_and_says_which_are_near(edge: i
 
 
 def test_every_edge_has_a_coarse_grid_and_images() -> None:
-    """Half of 90 is odd, half of 30 below the smallest: the nearest does."""
+    """Half of 90 is odd, half of 30 below the smallest: the nearest does. From 128 on it is 64."""
     for edge in EDGES:
         assert Grid(edge, 1.0).edge == edge
         assert coarse_edge(edge) in EDGES
-        assert edge < 32 or 0.44 < coarse_edge(edge) / edge < 0.56
+        assert edge < 32 or edge > 128 or 0.44 < coarse_edge(edge) / edge < 0.56
+        assert edge < 128 or coarse_edge(edge) == 64
         assert edge <= image_edge(edge) <= max(32, 4 / 3 * edge)
         assert image_edge(edge) % 16 == 0
         assert image_edge(edge) in EDGES
-    assert [coarse_edge(edge) for edge in (16, 64, 90, 96, 128, 160, 250, 512)] == [16, 32, 48, 48, 64, 80, 128, 256]
+    assert [coarse_edge(edge) for edge in (16, 64, 90, 96, 128, 160, 250, 512)] == [16, 32, 48, 48, 64, 64, 64, 64]
     assert [image_edge(edge) for edge in (16, 90, 128, 450)] == [16, 96, 128, 480]
 
 

@@ -16,13 +16,15 @@ from typing import Any
 from kernels.device.device import Device
 from kernels.device.trace import Counts, everywhere, tracing
 
-# "module:name" or "module:Class.name" -> what the stage is called. Whatever runs within a stage and is none itself
-# counts to it.
+# "module:name" or "module:Class.name" -> what the stage is called, the same where work is queued first and read later.
+# Whatever runs within a stage and is none itself counts to it.
 PAIR_STAGES: Mapping[str, str] = {
     "spectral.registration:SpectralRegistrar.prepare": "prepare",
     "spectral.prepare.prepared:Preparer.prepare": "prepare: voxels, spectrum",
+    "spectral.so3:So3.analyze": "prepare: sphere, harmonics",
     "spectral.so3:So3.equalize": "prepare: sphere, harmonics",
     "spectral.prepare.range_image:scan_view": "prepare: range image",
+    "spectral.prepare.surface:SmoothSurface.__init__": "prepare: surface",
     "spectral.prepare.surface:SmoothSurface.get": "prepare: surface",
     "spectral.registration:SpectralRegistrar._coarsen": "prepare: coarse grid",
     "spectral.registration:SpectralRegistrar._register": "register",

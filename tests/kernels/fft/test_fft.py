@@ -31,7 +31,7 @@ cases = pytest.mark.parametrize("shape", [*FAST, *(pytest.param(shape, marks=pyt
 def lanes(request: pytest.FixtureRequest, device: Device, monkeypatch: pytest.MonkeyPatch) -> None:
     if not device.is_cpu and request.param == 16:
         pytest.skip("only processors have vectors")
-    monkeypatch.setattr("kernels.fft.transform._lanes", lambda _: request.param)
+    monkeypatch.setattr("kernels.fft.transform.column_lanes", lambda _: request.param)
 
 
 def real(shape: tuple[int, ...], seed: int = 7) -> np.ndarray:
