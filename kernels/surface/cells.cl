@@ -24,69 +24,61 @@ static void keep(Kept* const kept, const float squared, const int index) {
     kept->index = nearer ? index : kept->index;
 }
 #elif !defined(GPU)
-// On a processor the nearest are kept in order, and new ones wait until there are 16, which are sorted and merged.
+// On a processor new ones wait until there are 16, which are sorted and merged with the nearest so far: by keys, which are
+// the bits of the squared distance, in the order of positive floats, and behind them the place.
 #define BATCH 16
 typedef struct {
     float worst;
     int waiting;
-    float16 squared;  // ascending
-    int16 index;
-    float new_squared[BATCH + 1];
-    int new_index[BATCH + 1];
+    ulong16 nearest;  // ascending
+    ulong fresh[BATCH + 1];
 } Kept;
+
+static inline ulong key_of(const float squared, const uint index) { return (ulong)as_uint(squared) << 32 | index; }
 
 static Kept none(const float reach) {
     Kept kept;
     kept.worst = reach;
     kept.waiting = 0;
-    kept.squared = (float16)(reach);
-    kept.index = (int16)(-1);
+    kept.nearest = (ulong16)(key_of(reach, UINT_MAX));
     return kept;
 }
 
-// Compare each lane with its partner, and keep the nearer one of both where `far` is 0, else the farther one.
-static inline void sort_pairs(float16* const squared, int16* const index, const float16 other, const int16 other_index,
-                              const int16 far) {
-    const int16 nearer = other < *squared || (other == *squared && as_uint16(other_index) < as_uint16(*index));
-    const int16 take = nearer ^ far;
-    *squared = select(*squared, other, take);
-    *index = select(*index, other_index, take);
-}
+static void indices_of(const Kept* const kept, int* const out) { vstore16(convert_int16(kept->nearest), 0, out); }
+
+// Compare each lane with its partner, and keep the smaller one of both where `large` is 0, else the larger one.
+#define SORT_PAIRS(keys, partners, large) \
+    keys = select(min(keys, keys.partners), max(keys, keys.partners), as_ulong16(large))
 #define NEXT s1032547698badcfe
 #define SECOND s23016745ab89efcd
 #define FOURTH s45670123cdef89ab
 #define EIGHTH s89abcdef01234567
 #define BACKWARD sfedcba9876543210
-#define PAIRS(lanes, far) sort_pairs(&squared, &index, squared.lanes, index.lanes, far)
 
-// Batcher's bitonic sorter (Sorting networks and their applications, 1968) of those that wait, then merged with those
-// that are kept.
+// Batcher's bitonic sorter (Sorting networks and their applications, 1968) of those that wait, then the smaller half of
+// them and those that are kept, which first rises and then falls, and is sorted by its end.
 static void keep_waiting(Kept* const kept) {
-    const int16 lane = (int16)(0, 1, 2, 3, 4, 5, 6, 7, 8, 9, 10, 11, 12, 13, 14, 15);
-    const int16 odd = -(lane & 1), odd2 = -(lane >> 1 & 1), odd4 = -(lane >> 2 & 1), odd8 = -(lane >> 3 & 1);
-    const int16 here = lane < kept->waiting;
-    float16 squared = select((float16)(INFINITY), vload16(0, kept->new_squared), here);
-    int16 index = select((int16)(-1), vload16(0, kept->new_index), here);
+    const long16 lane = (long16)(0, 1, 2, 3, 4, 5, 6, 7, 8, 9, 10, 11, 12, 13, 14, 15);
+    const long16 odd = -(lane & 1), odd2 = -(lane >> 1 & 1), odd4 = -(lane >> 2 & 1), odd8 = -(lane >> 3 & 1);
+    ulong16 keys = select((ulong16)(ULONG_MAX), vload16(0, kept->fresh), as_ulong16(lane < kept->waiting));
     kept->waiting = 0;
-    PAIRS(NEXT, odd ^ odd2);
-    PAIRS(SECOND, odd2 ^ odd4);
-    PAIRS(NEXT, odd ^ odd4);
-    PAIRS(FOURTH, odd4 ^ odd8);
-    PAIRS(SECOND, odd2 ^ odd8);
-    PAIRS(NEXT, odd ^ odd8);
-    PAIRS(EIGHTH, odd8);
-    PAIRS(FOURTH, odd4);
-    PAIRS(SECOND, odd2);
-    PAIRS(NEXT, odd);
-    // the nearer half of both, which rises and falls
-    sort_pairs(&squared, &index, kept->squared.BACKWARD, kept->index.BACKWARD, (int16)(0));
-    PAIRS(EIGHTH, odd8);
-    PAIRS(FOURTH, odd4);
-    PAIRS(SECOND, odd2);
-    PAIRS(NEXT, odd);
-    kept->squared = squared;
-    kept->index = index;
-    kept->worst = squared.sf;
+    SORT_PAIRS(keys, NEXT, odd ^ odd2);
+    SORT_PAIRS(keys, SECOND, odd2 ^ odd4);
+    SORT_PAIRS(keys, NEXT, odd ^ odd4);
+    SORT_PAIRS(keys, FOURTH, odd4 ^ odd8);
+    SORT_PAIRS(keys, SECOND, odd2 ^ odd8);
+    SORT_PAIRS(keys, NEXT, odd ^ odd8);
+    SORT_PAIRS(keys, EIGHTH, odd8);
+    SORT_PAIRS(keys, FOURTH, odd4);
+    SORT_PAIRS(keys, SECOND, odd2);
+    SORT_PAIRS(keys, NEXT, odd);
+    keys = min(keys, kept->nearest.BACKWARD);
+    SORT_PAIRS(keys, EIGHTH, odd8);
+    SORT_PAIRS(keys, FOURTH, odd4);
+    SORT_PAIRS(keys, SECOND, odd2);
+    SORT_PAIRS(keys, NEXT, odd);
+    kept->nearest = keys;
+    kept->worst = as_float((uint)(keys.sf >> 32));
 }
 #else
 typedef struct {
@@ -96,6 +88,8 @@ typedef struct {
 } Kept;
 
 static Kept none(const float reach) { return (Kept){reach, (float16)(reach), (int16)(-1)}; }
+
+static void indices_of(const Kept* const kept, int* const out) { vstore16(kept->index, 0, out); }
 
 static void keep(Kept* const kept, const float squared, const int index) {
     if (!(squared < kept->worst || (squared == kept->worst && (uint)index < (uint)kept->index.sf))) return;
@@ -119,8 +113,7 @@ static void keep_run(__global const float4* const restrict points, const int fir
         const float3 away = points[n].xyz - place;
         const float squared = dot(away, away);
         // without a branch, which nobody could foretell; what is not nearer is overwritten by the next one
-        kept->new_squared[kept->waiting] = squared;
-        kept->new_index[kept->waiting] = n;
+        kept->fresh[kept->waiting] = key_of(squared, n);
         kept->waiting += squared <= kept->worst;
         if (kept->waiting == BATCH) keep_waiting(kept);
     }

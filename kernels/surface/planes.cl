@@ -29,7 +29,7 @@ static void measure(__global const float4* const restrict points, __global const
                     const float8 box, const float3 own, const int neighbors, const int lane, float* const moments) {
     const Kept kept = search(points, starts, box, own, INFINITY);
     int near[16];
-    vstore16(kept.index, 0, near);
+    indices_of(&kept, near);
     float3 middle = (float3)(0.0f);
     for (int k = 0; k < neighbors; ++k) middle += points[near[k]].xyz - own;
     middle /= neighbors;
