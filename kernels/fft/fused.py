@@ -11,7 +11,7 @@ from kernels.fft.cpu import KERNEL, columns, tables
 from kernels.fft.cpu_rows import real_rows
 from kernels.fft.edges import radices
 from kernels.fft.plan import Layout
-from kernels.fft.sparse import forward_columns, last_stage, sheet_width, sparse_planes
+from kernels.fft.sparse import forward_columns, last_stage, sheet_width
 from kernels.fft.stage import KEEP, block, private_stages, stage, to_private
 
 # Real and imaginary sums of a column near a shift: at it, times the cosine and the sine of 1 and of 2 voxels' phase.
@@ -20,12 +20,11 @@ _HEADER = '#include "device/complex.cl"\n#include "pomf/whitening.cl"'
 
 
 def emit_forward(layout: Layout, exponents: tuple[float, ...]) -> str:
-    """The program of `planes`, `correlate` and `near`."""
+    """The program of `correlate` and `near`, which follow the planes of `kernels.fft.sparse`."""
     n0, n1, _ = layout.shape
     stride, wide = 2 * n1 * layout.pitch, sheet_width(layout)
     parts = [_HEADER, *tables(layout, inverse=False)]
-    parts += [columns("columns_1", n1, 2 * layout.pitch, 1, inverse=False), real_rows(layout, inverse=False)]
-    parts += [sparse_planes(layout), _correlate_columns(n0, stride, wide, exponents), _correlate(layout, exponents)]
+    parts += [_correlate_columns(n0, stride, wide, exponents), _correlate(layout, exponents)]
     parts += [_near_columns(n0, stride, wide, exponents[0]), _near(layout)]
     return "\n".join(parts)
 

@@ -5,7 +5,8 @@ The last two axes of a plane come first; rows without points are passed over, an
 first axis follow, some beside each other in private arrays: whoever stores them does more with them on the way.
 """
 
-from kernels.fft.cpu import KERNEL
+from kernels.fft.cpu import KERNEL, columns, tables
+from kernels.fft.cpu_rows import real_rows
 from kernels.fft.edges import radices
 from kernels.fft.plan import Layout
 from kernels.fft.stage import KEEP, block, from_private, private_stages, stage, to_private
@@ -16,7 +17,15 @@ def sheet_width(layout: Layout) -> int:
     return 4 if layout.shape[0] <= 128 else 8
 
 
-def sparse_planes(layout: Layout) -> str:
+def emit_planes(layout: Layout) -> str:
+    """The program of `planes`, which whatever follows along the first axis shares: it is compiled once."""
+    n1 = layout.shape[1]
+    parts = ['#include "device/complex.cl"', *tables(layout, inverse=False)]
+    parts += [columns("columns_1", n1, 2 * layout.pitch, 1, inverse=False), real_rows(layout, inverse=False)]
+    return "\n".join([*parts, _sparse_planes(layout)])
+
+
+def _sparse_planes(layout: Layout) -> str:
     """The last two axes of volumes, a work-item per plane; rows that were read are cleared, and so are the marks.
 
     A mark stands for 8 rows; rows without hold zeros. A plane of such rows alone is not written: `filled` is 0 for it.
@@ -48,7 +57,7 @@ def sparse_planes(layout: Layout) -> str:
 def forward_columns(n: int, stride: int, wide: int, lanes: int = 8) -> str:
     """The stages but the last of `wide` times 8 or 16 columns at p, into the private arrays re and im.
 
-    `filled` points to the (n,) int of `sparse_planes`.
+    `filled` points to the (n,) int of `emit_planes`.
     """
     first = radices(n)[0]
 

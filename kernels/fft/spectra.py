@@ -2,26 +2,23 @@
 """Emit the transform of a sparse volume for a processor, whose last pass whitens and writes magnitudes on the way."""
 
 from kernels.device.source import literal
-from kernels.fft.cpu import KERNEL, columns, tables
-from kernels.fft.cpu_rows import real_rows
+from kernels.fft.cpu import KERNEL, tables
 from kernels.fft.plan import Layout
-from kernels.fft.sparse import forward_columns, last_stage, sheet_width, sparse_planes
+from kernels.fft.sparse import forward_columns, last_stage, sheet_width
 from kernels.fft.stage import KEEP, block
 
 
 def emit_spectra(layout: Layout, exponents: tuple[float, ...], magnitude: bool, lanes: int = 8) -> str:
-    """The program of `planes` and `sheets`.
+    """The program of `sheets`, which follows the planes of `kernels.fft.sparse`.
 
     Args:
         exponents: of the whitening, a spectrum for each.
         magnitude: whether `sheets` writes magnitudes, too.
         lanes: 8 or 16, the numbers in a vector along the first axis.
     """
-    n1 = layout.shape[1]
     parts = [f"#define LANE float{lanes}", f"#define ALIKE int{lanes}"]
     parts += ['#include "device/complex.cl"', '#include "pomf/whitening.cl"', *tables(layout, inverse=False)]
-    parts += [columns("columns_1", n1, 2 * layout.pitch, 1, inverse=False), real_rows(layout, inverse=False)]
-    parts += [sparse_planes(layout), _MAGNITUDES if magnitude else "", _columns(layout, exponents, magnitude, lanes)]
+    parts += [_MAGNITUDES if magnitude else "", _columns(layout, exponents, magnitude, lanes)]
     return "\n".join([*parts, _sheets(layout, exponents, magnitude)])
 
 

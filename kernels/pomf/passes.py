@@ -18,7 +18,7 @@ from kernels.device.launch import enqueue, launch, table
 from kernels.fft import fused
 from kernels.fft.edges import row_pitch
 from kernels.fft.plan import Layout
-from kernels.fft.sparse import sheet_width
+from kernels.fft.sparse import emit_planes, sheet_width
 from kernels.fft.transform import RealFFT
 from kernels.pomf.spectrum import full_gain, half_gain, half_weights
 
@@ -98,9 +98,8 @@ class FusedPasses:
         self._filled = device.empty((most, edge), np.int32)
         forward = device.build(fused.emit_forward(layout, exponents), name="fused")
         back = device.build(fused.emit_inverse(layout), name="fused")
-        self._planes, self._correlate, self._near = (
-            cl.Kernel(forward, name) for name in ("planes", "correlate", "near")
-        )
+        self._planes = cl.Kernel(device.build(emit_planes(layout), name="sparse"), "planes")
+        self._correlate, self._near = cl.Kernel(forward, "correlate"), cl.Kernel(forward, "near")
         self._back = cl.Kernel(back, "planes")
 
     def forward(self, volumes: cla.Array, marks: cla.Array, spectra: cla.Array, count: int) -> None:

@@ -12,7 +12,7 @@ from kernels.device.launch import affine_rows, enqueue, require_array, table, ze
 from kernels.errors import InputError
 from kernels.fft.edges import row_pitch
 from kernels.fft.plan import Layout
-from kernels.fft.sparse import sheet_width
+from kernels.fft.sparse import emit_planes, sheet_width
 from kernels.fft.spectra import emit_spectra
 from kernels.fft.transform import RealFFT, column_lanes
 from kernels.points.voxelize import voxelize, voxelize_poses
@@ -103,7 +103,8 @@ class _SparsePasses:
         pose = np.append(affine_rows(None, np.full(3, edge / 2 + 0.5)).ravel(), np.zeros(4))
         self._pose = table(device, pose[None].astype(np.float32))
         program = device.build(emit_spectra(layout, exponents, magnitudes, column_lanes(device)), name="spectra")
-        self._planes, self._sheets = cl.Kernel(program, "planes"), cl.Kernel(program, "sheets")
+        self._planes = cl.Kernel(device.build(emit_planes(layout), name="sparse"), "planes")
+        self._sheets = cl.Kernel(program, "sheets")
         self._clean = False
 
     def transform(
