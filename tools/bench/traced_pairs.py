@@ -42,12 +42,14 @@ def traced(result: PairResult, selector: str | None, grid: Grid, pairs: list[tup
         for target, source in chosen_pairs:
             register(target, source)
     count = len(chosen_pairs)
+    # those that none of these pairs needed as well: tables of other pairs have the same rows
+    names = dict.fromkeys(PAIR_STAGES.values())
     points = round(mean(len(scan.points) for pair in chosen_pairs for scan in pair))
     return replace(
         result,
         device_memory=usage.most,
         planned_memory=memory_plan(grid.edge, "spectral", points, config.max_tilt).pair,
-        stages=tuple(_per_pair(stage, count) for stage in clock.stages.values() if stage.calls),
+        stages=tuple(_per_pair(clock.stages.get(name, Stage(name)), count) for name in names),
     )
 
 
