@@ -24,6 +24,7 @@ from tools.cli.terminal import say, show_messages
 VERBS = [
     "register",
     "map",
+    "record",
     "inspect",
     "template",
     "export",

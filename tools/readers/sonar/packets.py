@@ -114,10 +114,24 @@ def _packet_at(window: _Window, start: int) -> bytes:
     """The packet that begins there; nothing if none does."""
     length = _length(window.bytes_at(start, 8))
     content = window.bytes_at(start, length) if length else b""
-    if len(content) < length or not content:
-        return b""
-    (checksum,) = struct.unpack_from("<I", content, length - 4)
-    return content if zlib.crc32(memoryview(content)[:-4]) == checksum else b""
+    return content if content and len(content) == length and _checksum_fits(content) else b""
+
+
+def fault_of(datagram: bytes) -> str:
+    """Why a datagram is not one whole packet, in words; nothing if it is.
+
+    Args:
+        datagram: begins with one of MAGICS.
+    """
+    length = _length(datagram[:8])
+    if length != len(datagram):
+        return f"claims {int.from_bytes(datagram[4:8], 'little'):,} bytes and has {len(datagram):,}"
+    return "" if _checksum_fits(datagram) else "has a wrong checksum"
+
+
+def _checksum_fits(packet: bytes) -> bool:
+    (checksum,) = struct.unpack_from("<I", packet, len(packet) - 4)
+    return zlib.crc32(memoryview(packet)[:-4]) == checksum
 
 
 def _length(header: bytes) -> int:

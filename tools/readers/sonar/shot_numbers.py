@@ -65,8 +65,9 @@ class ShotNumbers:
 class Remembered:
     """The latest keys of many, to recognize what comes twice."""
 
-    def __init__(self) -> None:
+    def __init__(self, most: int = _REMEMBERED) -> None:
         self._keys: dict[Hashable, None] = {}
+        self._most = most
 
     def __contains__(self, key: Hashable) -> bool:
         return key in self._keys
@@ -74,5 +75,5 @@ class Remembered:
     def add(self, key: Hashable) -> None:
         """Remember it, and forget the oldest where there are too many."""
         self._keys[key] = None
-        if len(self._keys) > _REMEMBERED:
+        if len(self._keys) > self._most:
             del self._keys[next(iter(self._keys))]

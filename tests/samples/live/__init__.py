@@ -1,0 +1,1 @@
+"""A sonar that sends over the loopback, and recordings of what it sends."""
