@@ -128,7 +128,7 @@ class _Recording:
     def __init__(self, status: Status, part: PartFile, follow: Callable[[Status], None]) -> None:
         self._status, self._part, self._follow = status, part, follow
         self._start = self._latest = time.monotonic()
-        self._ticks = deque([(self._start, 0, 0, 0)], maxlen=_OVER + 1)  # with shots, packets and bytes until then
+        self._ticks = deque[tuple[float, int, int, int]](maxlen=_OVER + 1)  # with shots, packets, bytes until then
         self._count = 0
 
     def run(self, receiver: Receiver, stop: Event, rejoin: Callable[[], object]) -> None:
@@ -164,12 +164,14 @@ class _Recording:
         status.unsaved, status.overflow = receiver.unsaved, receiver.overflow
         with suppress(OSError):
             status.disk = shutil.disk_usage(self._part.path.parent).free
+        if not status.tally.packets:
+            self._ticks.clear()  # rates are those since the first packet
         totals = status.tally.shots, status.tally.packets, status.size
+        self._ticks.append((now, *totals))
         then, *before = self._ticks[0]
         if now > then:
             rates = ((total - past) / (now - then) for total, past in zip(totals, before, strict=True))
             status.shot_rate, status.packet_rate, status.byte_rate = rates
-        self._ticks.append((now, *totals))
         self._count += 1
         if self._count % _OVER == 0:
             self._part.sync()

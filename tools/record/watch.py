@@ -25,8 +25,6 @@ class Watch:
         was_silent, self._is_silent = self._is_silent, status.silence > _SILENT
         if self._is_silent and not was_silent:
             yield _silence_words(status)
-        if was_silent and not self._is_silent:
-            yield "packets come now"
         for name, words in _faults(status):
             if name not in self._warned:
                 self._warned.add(name)
@@ -63,8 +61,8 @@ def _faults(status: Status) -> Iterator[tuple[str, str]]:
     offset = status.tally.clock.latest
     if offset is not None and abs(offset) > _CLOCK_OFF and status.seconds > _SETTLED:
         words = (
-            f"the sonar's clock is {clock_words(offset)} this computer's: set both by NTP. Logs with this computer's "
-            f"times fit by --nav-offset={offset:.2f}."
+            f"the sonar's clock is {clock_words(offset)} this computer's: set both clocks by NTP. Logs with this "
+            f"computer's times fit by --nav-offset={offset:.2f}."
         )
         yield "clock", words
 

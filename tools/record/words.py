@@ -15,23 +15,20 @@ _DRIFTED = 0.05  # [s], by which a clock's offset changes
 
 
 def status_lines(status: Status) -> tuple[str, str]:
-    """How it goes, in two lines of at most 80 columns."""
-    tally, senders = status.tally, status.senders
+    """How it goes, in two lines of about 80 columns at most."""
+    tally, offset = status.tally, status.tally.clock.latest
     if not tally.packets:
         return f"recording {clock_time(status.seconds)}: waiting for packets", f"at {status.settings.source.words}"
     lasts = "" if status.disk_lasts is None else f", for {lasting(status.disk_lasts)}"
     lost_here = status.unsaved + status.overflow
-    parts = [
-        f"missing {tally.missing:,} ({100 * tally.missing_share:.1f} %)",
-        *([f"lost here {lost_here:,}"] if lost_here else []),
-        f"damaged {senders.damaged:,}",
-        "clock unknown" if tally.clock.latest is None else f"clock {_signed(tally.clock.latest)}",
-        "IMU" if tally.kinds[IMU].came else "no IMU",
-    ]
+    lost = f", lost here {lost_here:,}" if lost_here else ""
+    clock = "unknown" if offset is None else _signed(offset)
+    imu = "IMU" if tally.kinds[IMU].came else "no IMU"
     return (
-        f"recording {clock_time(status.seconds)}: {status.shot_rate:.1f} shots/s, {status.packet_rate:.0f} packets/s, "
-        f"{sized(status.size)}; disk {sized(status.disk)}{lasts}",
-        "; ".join(parts),
+        f"recording {clock_time(status.seconds)}: {status.shot_rate:.1f} shots/s, {status.packet_rate:.0f} packets/s; "
+        f"missing {tally.missing:,} ({100 * tally.missing_share:.1f} %){lost}",
+        f"damaged {status.senders.damaged:,}; clock {clock}; {imu}; {sized(status.size)} written; "
+        f"disk {sized(status.disk)}{lasts}",
     )
 
 
@@ -47,8 +44,8 @@ def end_lines(status: Status) -> list[str]:
     imu = "IMU recorded" if tally.kinds[IMU].came else "no IMU batches: enable them in its settings"
     return [
         f"{status.path}: {tally.shots:,} shots in {clock_time(status.seconds)}, {sized(status.size)}",
-        f"missing by their numbers: {', '.join(missing)}, {share}; lost in this computer: "
-        f"{status.unsaved + status.overflow:,}; damaged: {senders.damaged:,}",
+        f"missing by their numbers: {', '.join(missing)}, {share}",
+        f"lost in this computer: {status.unsaved + status.overflow:,}; damaged: {senders.damaged:,}",
         f"sonar {senders.sonar}; {_clock_at_the_end(tally.clock)}; {imu}",
     ]
 
@@ -101,7 +98,7 @@ def clock_words(offset: float) -> str:
 
 
 def _signed(offset: float) -> str:
-    return f"{offset:+.2f} s" if abs(offset) < 86400 else f"{offset / 86400:+,.0f} days"
+    return f"{offset:+.2f} s" if abs(offset) < 86400 else "days off"
 
 
 def clock_time(seconds: float) -> str:
@@ -123,4 +120,4 @@ def sized(size: float) -> str:
     for most, unit, name in ((1e6, 1e3, "kB"), (1e9, 1e6, "MB")):
         if size < most:
             return f"{size / unit:.1f} {name}"
-    return f"{size / 1e9:,.1f} GB"
+    return f"{size / 1e9:.1f} GB" if size < 1e11 else f"{size / 1e9:,.0f} GB"
