@@ -159,8 +159,8 @@ def interface() -> str:
 @pytest.mark.parametrize("which", ["all", "name", "address"])
 def test_multicast(tmp_path: Path, interface: str, which: str) -> None:
     packets = [packet.content for packet in recording(10)]
-    told = {"all": None, "name": interface, "address": LOOPBACK}[which]
-    status, _ = record_while(tmp_path / "dive.sonar", lambda to: send_all(packets, to), GROUP, interface=told)
+    given = {"all": None, "name": interface, "address": LOOPBACK}[which]
+    status, _ = record_while(tmp_path / "dive.sonar", lambda to: send_all(packets, to), GROUP, interface=given)
     assert status.path.read_bytes() == b"".join(packets)
 
 
