@@ -1,6 +1,7 @@
 """Recordings of a Sonar 3D-15, written with wlsonar's own codec: whole, and with packets lost, doubled, late."""
 
 import tempfile
+import zlib
 from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass, field
 from pathlib import Path
@@ -56,6 +57,11 @@ def shot_packets(shot: int, number: int, rng: np.random.Generator, speed: float 
         message.header.sequence_id = number % 2**32
         message.header.timestamp.seconds, message.header.timestamp.nanos = stamp_at(shot)
     return [PacketOf("range", shot, rip.packb(image)), PacketOf("strength", shot, rip.packb(strength))]
+
+
+def with_checksum(packet: bytes) -> bytes:
+    """The packet with the checksum that its other bytes have."""
+    return packet[:-4] + zlib.crc32(packet[:-4]).to_bytes(4, "little")
 
 
 def recording(shots: int, first: int = 4448, seed: int = 1, after: int = 0) -> Iterator[PacketOf]:

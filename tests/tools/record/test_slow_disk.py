@@ -21,9 +21,9 @@ SHOTS, TIMES = 12_000, 10.0  # ten minutes at 20 Hz in one, which is harder for 
 
 
 def test_nothing_is_lost_while_the_disk_takes_its_time(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
-    """Half a second, of which the small receive buffer could not hold a tenth."""
+    """Half a second, of which the receive buffer holds a half."""
     monkeypatch.setattr("tools.record.recorder._OVER", 1)  # so that the disk is waited for each second
-    monkeypatch.setattr("tools.record.source.WANTED_BUFFER", 1 << 16)
+    monkeypatch.setattr("tools.record.source.WANTED_BUFFER", 1 << 18)
     waited = list[float]()
 
     def fsync(_: int) -> None:

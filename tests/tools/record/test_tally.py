@@ -11,7 +11,7 @@ from wlsonar import range_image_protocol as rip
 
 from tests.samples.damage.mutations import mutated
 from tests.samples.live.sender import LOOPBACK
-from tests.samples.recordings import recording
+from tests.samples.recordings import recording, with_checksum
 from tools.readers.sonar.packets import fault_of
 from tools.record.receiver import Datagram
 from tools.record.recorder import RecordSettings, Status
@@ -75,17 +75,8 @@ def damaged_datagrams(count: int) -> Iterator[tuple[bytes, bytes]]:
     for number in range(count):
         rng = np.random.default_rng([7, number])
         datagram = mutated(whole[number % len(whole)], whole[(number + 3) % len(whole)], rng)[:65507]
-        fitting = bytearray(datagram)
-        if len(fitting) >= 12:
-            fitting[:8] = b"RIP2" + len(fitting).to_bytes(4, "little")
-            fitting[-4:] = rip_checksum(bytes(fitting[:-4]))
-        yield datagram, bytes(fitting)
-
-
-def rip_checksum(content: bytes) -> bytes:
-    import zlib
-
-    return zlib.crc32(content).to_bytes(4, "little")
+        length = len(datagram).to_bytes(4, "little")
+        yield datagram, with_checksum(b"RIP2" + length + datagram[8:]) if len(datagram) >= 12 else datagram
 
 
 @pytest.mark.parametrize("count", [200, pytest.param(3000, marks=pytest.mark.slow)])
