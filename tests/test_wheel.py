@@ -16,7 +16,7 @@ import pytest
 
 ROOT = Path(__file__).parents[1]
 PACKAGES = ("kernels", "spectral", "slam", "tools")
-SUFFIXES = {".py", ".pyi", ".cl", ".typed"}
+SUFFIXES = {".py", ".pyi", ".cl", ".typed", ".html", ".css", ".js"}
 SOURCES = ("sonarmap.py", "pyproject.toml", "README.md", "LICENSE")
 
 

@@ -81,6 +81,7 @@ class MapFolder:
         loops: every loop that was tried.
         voxel: edge of a voxel of the maps [m].
         summary: what summary.json says.
+        graph: what graph.json says.
         georeference: where the frame of the parts that instruments placed, or else of the first part, lies on the
             Earth; None where it is not known.
     """
@@ -92,6 +93,7 @@ class MapFolder:
     voxel: float
     summary: Mapping[str, Any]
     georeference: Georeference | None
+    graph: Mapping[str, Any]
 
     def on_earth(self, part: MapPart) -> bool:
         """Whether the part's place on the Earth is known."""
@@ -134,6 +136,7 @@ def read_map_folder(path: Path) -> MapFolder:
             voxel=float(rows[0]["map"]["voxel_m"]),
             summary=summary,
             georeference=None if where is None else Georeference.of_json(where),
+            graph=graph,
         )
     except (ValueError, LookupError, TypeError) as error:
         raise InputError(f"{path / SUMMARY} and {FULL_GRAPH} do not go together ({error}); map again") from error

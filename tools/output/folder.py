@@ -32,6 +32,7 @@ from tools.writers.trajectory import TRAJECTORY_WRITERS, write_trajectory
 GRAPH, FULL_GRAPH, SUMMARY = "graph.g2o", "graph.json", "summary.json"
 OF_ALL = (GRAPH, FULL_GRAPH, PAIRS, SUMMARY)  # the files of all components
 TIMES, JOURNAL = "times.json", "journal.sqlite"
+REPORT = "report.html"  # written after the others, from them
 _MAP_SUFFIXES, _TRAJECTORY_SUFFIXES = ("|".join(map(re.escape, known)) for known in (WRITERS, TRAJECTORY_WRITERS))
 _MAP = re.compile(rf"map(_all)?(_\d+)?(_survey_\d+)?({_MAP_SUFFIXES})")
 _LAYER = re.compile(r"_survey_(\d+)$")
@@ -128,7 +129,11 @@ def _earlier_files(folder: Path) -> set[str]:
     try:
         names = set(read_json(folder / SUMMARY, "the summary.json of an earlier map")["files"])
         exported = {name for name in names if Path(name).name == name and side_car(name) in names}
-        return {name for name in names if _OF_PART.fullmatch(name)} | exported | {side_car(name) for name in exported}
+        return (
+            {name for name in names if _OF_PART.fullmatch(name) or name == REPORT}
+            | exported
+            | {side_car(name) for name in exported}
+        )
     except (ValueError, LookupError, TypeError):  # missing, or not ours: nothing is removed
         return set()
 

@@ -36,5 +36,5 @@ def georeferenced(
         covariances=np.tile(np.diag([1e-4, 2e-4, 3e-4, 0.01, 0.02, 0.03]), (count, 1, 1)),
         in_world=True,
     )
-    folder = MapFolder(Path("made-up"), tuple(f"scan_{k}" for k in range(count)), (part,), (), 0.2, {}, here)
+    folder = MapFolder(Path("made-up"), tuple(f"scan_{k}" for k in range(count)), (part,), (), 0.2, {}, here, {})
     return Georeferenced(folder, part, here, Projection.of(here))

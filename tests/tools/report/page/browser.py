@@ -1,0 +1,61 @@
+"""A page in a real Chromium without a window, and all that it says and asks for meanwhile."""
+
+import shutil
+from collections.abc import Iterator
+from contextlib import contextmanager
+from dataclasses import dataclass, field
+from pathlib import Path
+from typing import TYPE_CHECKING
+
+import pytest
+
+if TYPE_CHECKING:
+    from playwright.sync_api import Page
+
+SOFTWARE = ("--use-angle=swiftshader", "--enable-unsafe-swiftshader")  # WebGL on the processor
+WITHOUT_WEBGL = ("--disable-3d-apis",)
+_NAMES = ("chromium", "chromium-browser", "google-chrome", "google-chrome-stable")
+_PATIENCE = 30_000  # for a page to open [ms]
+
+
+@dataclass
+class Opened:
+    """Attributes:
+    page: of the browser.
+    said: what came to the console, and errors that nothing caught.
+    asked: addresses that the page asked for.
+    """
+
+    page: "Page"
+    said: list[str] = field(default_factory=list)
+    asked: list[str] = field(default_factory=list)
+
+
+@contextmanager
+def opened(path: Path, flags: tuple[str, ...] = SOFTWARE, script: str = "", **context: str) -> Iterator[Opened]:
+    """The page of a file, once it has shown what it has to show.
+
+    Skips the test where there is no Chromium, or no Playwright to drive it.
+
+    Args:
+        path: the file.
+        flags: of Chromium.
+        script: runs before the page's own.
+        context: of Playwright's page, such as color_scheme.
+    """
+    browser_path = next((found for name in _NAMES if (found := shutil.which(name))), None)
+    if browser_path is None:
+        pytest.skip("no Chromium is installed: apt-get install chromium")
+    sync_api = pytest.importorskip("playwright.sync_api", reason="Playwright is not installed: pip install playwright")
+    with sync_api.sync_playwright() as playwright:
+        browser = playwright.chromium.launch(executable_path=browser_path, args=["--no-sandbox", *flags])
+        page = browser.new_page(viewport={"width": 1200, "height": 800}, **context)
+        shown = Opened(page)
+        page.on("console", lambda message: shown.said.append(message.text))
+        page.on("pageerror", lambda error: shown.said.append(str(error)))
+        page.on("request", lambda request: shown.asked.append(request.url))
+        page.add_init_script(script)
+        page.goto(path.resolve().as_uri())
+        page.wait_for_function("window.sonarmap && (!sonarmap.view || sonarmap.view.frames > 0)", timeout=_PATIENCE)
+        yield shown
+        browser.close()

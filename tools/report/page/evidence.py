@@ -1,0 +1,84 @@
+# pyright: strict, reportMissingTypeStubs=false, reportUnknownMemberType=false
+"""What speaks for a map, as rows for the page: poses with their ellipsoids, pairs, and distances from navigation."""
+
+from collections.abc import Mapping, Sequence
+from typing import Any
+
+import numpy as np
+from scipy.spatial.transform import RigidTransform
+
+from tools.export.map_folder import MapPart
+from tools.readers.poses.matrices import rigid_transform
+
+ANGLES, AXES = ("roll", "pitch", "heading"), ("East", "North", "Up")  # the order of a prior's numbers
+_DIGITS = 5  # behind the point, of meters
+_SHORT = 4  # valid digits of what is only read
+
+
+def way_of(part: MapPart) -> dict[str, Any]:
+    """The poses of a map: scans, stamps [s], places [m], and the half axes of their ellipsoids.
+
+    An ellipsoid's three half axes, (3, 3) as rows x, y, z [m], are standard deviations of the place along the
+    directions in which they are independent, in the map's frame.
+    """
+    R = part.trajectory.T_world_sensor.rotation.as_matrix()
+    variances, directions = np.linalg.eigh(R @ part.covariances[:, 3:, 3:] @ R.transpose(0, 2, 1))
+    half_axes = (directions * np.sqrt(np.maximum(variances, 0.0))[:, None, :]).transpose(0, 2, 1)
+    return {
+        "scans": list(part.scans),
+        "stamps": part.trajectory.stamps.tolist(),
+        "places": np.round(part.trajectory.T_world_sensor.translation, _DIGITS).tolist(),
+        "half_axes": np.round(half_axes, _DIGITS).tolist(),
+    }
+
+
+def pair_rows(pairs: Sequence[Mapping[str, Any]]) -> list[dict[str, Any]]:
+    """What became of every loop and bridge, and of consecutive pairs that were not kept."""
+    numbers = ("overlap", "probability", "sigmas_from_estimate", "residual_sigmas")
+    return [
+        {"target": int(pair["target"]), "source": int(pair["source"]), "role": str(pair["role"])}
+        | {"kept": bool(pair["kept"]), "reason": str(pair["reason"])}
+        | {name: _short(pair.get(name)) for name in numbers}
+        for pair in pairs
+        if pair["role"] != "sequential" or not pair["kept"]
+    ]
+
+
+def navigation_rows(graph: Mapping[str, Any]) -> list[dict[str, Any]]:
+    """How far the poses lie from what instruments measured of them.
+
+    A row has the scan's number, and for each of ANGLES [deg] and AXES [m] the map's value less the instruments', and
+    the instruments' standard deviation; None where they did not measure it.
+    """
+    priors = [prior for prior in graph["priors"] if any(sigma is not None for sigma in prior["sigmas"])]
+    if not priors:
+        return []
+    scans = [int(prior["pose"]) for prior in priors]
+    measured = _poses([prior["T_world_sensor"] for prior in priors])
+    mapped = _poses([graph["poses"][scan]["T_world_sensor"] for scan in scans])
+    angles = _roll_pitch_heading(mapped) - _roll_pitch_heading(measured)
+    angles = (angles + 180.0) % 360.0 - 180.0
+    apart = np.column_stack([angles, mapped.translation - measured.translation])
+    sigmas = np.array([prior["sigmas"] for prior in priors], np.float64)
+    sigmas[:, :3] = np.degrees(sigmas[:, :3])
+    return [
+        {"scan": scan, "apart": [_short(a) if np.isfinite(s) else None for a, s in zip(away, sigma, strict=True)]}
+        | {"sigmas": [_short(s) for s in sigma]}
+        for scan, away, sigma in zip(scans, apart.tolist(), sigmas.tolist(), strict=True)
+    ]
+
+
+def _poses(matrices: Sequence[Any]) -> RigidTransform:
+    return RigidTransform.concatenate([rigid_transform(matrix, "a pose") for matrix in matrices])
+
+
+def _roll_pitch_heading(T: RigidTransform) -> np.ndarray:
+    """(N, 3) [deg]; the heading as a turn about Up, counterclockwise from East."""
+    return T.rotation.as_euler("ZYX", degrees=True)[:, ::-1]
+
+
+def _short(value: Any) -> float | None:
+    """A number with few digits; None for what is none."""
+    if value is None or not np.isfinite(value):
+        return None
+    return float(f"{value:.{_SHORT}g}")

@@ -1,0 +1,137 @@
+// The form beside the map, and what it says of what was picked.
+
+const LAYERS = { points: "points", way: "way of the sensor", ellipsoids: "ellipsoids", kept: "loops kept", refused: "pairs refused" };
+const NAMES = { echo: "echo", sigma: "sigma", seen: "seen", scan: "scan", survey: "survey" };
+
+/** Fill the form for the part that is shown. `change` is called with another part's number. */
+function showControls(form, view, content, number, change) {
+  const select = (label, options, chosen, onchange) =>
+    make("label", {}, label, make("select", { onchange: (event) => onchange(event.target.value) },
+      ...options.map(([value, text]) => make("option", { value, selected: String(value) === String(chosen) }, text))));
+  const button = (text, onclick, more = {}) => make("button", { type: "button", onclick, ...more }, text);
+  const parts = content.parts.map((part, k) => [k, `${part.name}: ${part.count.toLocaleString("en")} points`]);
+  const colorings = Object.keys(view.colorings).map((name) => [name, NAMES[name]]);
+  colorings[0][1] = view.part.height.zero === null ? "height" : "depth";
+  const counts = { kept: 0, refused: 0 };
+  for (const pair of view.pairs) counts[pair.kept ? "kept" : "refused"]++;
+  const layers = Object.entries(LAYERS).filter(([name]) => counts[name] !== 0).map(([name, text]) =>
+    make("label", { class: `layer ${name}` },
+      make("input", {
+        type: "checkbox", checked: view.shown[name], onchange: (event) => {
+          view.shown[name] = event.target.checked;
+          view.showLayers();
+        },
+      }),
+      counts[name] ? `${counts[name]} ${text}` : text));
+  const legend = make("div", { id: "legend" });
+  form.replaceChildren(
+    parts.length > 1 ? select("Part of the map ", parts, number, (value) => change(Number(value))) : "",
+    select("Color by ", colorings, view.coloring, (name) => {
+      view.colorBy(name);
+      showLegend(legend, view);
+    }),
+    legend,
+    make("fieldset", {}, make("legend", {}, "Show"), ...layers,
+      select("Ellipsoids (95 %) enlarged ", [1, 10, 100].map((factor) => [factor, factor === 1 ? "not" : `${factor} times`]), view.factor, (value) => {
+        view.factor = Number(value);
+        view.showLayers();
+      }),
+      make("label", {}, "Size of points ", make("input", {
+        type: "range", min: -2, max: 2, step: 0.25, value: Math.log2(view.scale), oninput: (event) => {
+          view.scale = 2 ** event.target.value;
+          view.request();
+        },
+      }))),
+    make("div", { class: "buttons" },
+      button("Measure a distance", () => view.measure(!view.measuring), { id: "measure", "aria-pressed": view.measuring }),
+      button("From above", () => (view.camera.fromAbove(), view.request())),
+      button("Show all", () => (view.camera.reset(), view.request()))));
+  showLegend(legend, view);
+}
+
+/** What the colors mean: a scale, or a list where they have no order. */
+function showLegend(box, view) {
+  const { label, palette, marks, apart } = view.colorings[view.coloring];
+  const css = (texel) => `rgb(${palette[Math.round(texel)].join(" ")})`;
+  const patch = (texel) => {
+    const span = make("span", { class: "patch" });
+    span.style.background = css(texel);
+    return span;
+  };
+  const scale = make("div", { class: "scale" });
+  scale.style.background = `linear-gradient(to right, ${[0, 32, 64, 95, 127, 159, 191, 222, 254].map(css).join(", ")})`;
+  const texts = marks.map(([texel, text]) => make("span", {}, apart ? patch(texel) : "", text));
+  box.replaceChildren(make("p", {}, label), apart ? "" : scale, make("div", { class: apart ? "list" : "marks" }, ...texts));
+}
+
+/** Say what was picked; null for nothing. */
+function showPicked(box, view, content, hit) {
+  document.querySelector("#measure")?.setAttribute("aria-pressed", view.measuring);
+  box.replaceChildren(...(hit ? pickedRows(view, content, hit) : []));
+}
+
+function pickedRows(view, content, hit) {
+  if ("measuring" in hit) return [make("p", {}, ["Click on the first point.", "Click on the second point."][hit.measuring])];
+  if (hit.distance) return [distanceList(view, hit.distance)];
+  if (hit.pair) return pairRows(content, hit.pair);
+  return [hit.place ? pointList(view, content, hit) : poseList(view, content, hit.pose)];
+}
+
+function list(title, rows) {
+  const known = rows.filter((row) => row && row[1] !== "");
+  return make("div", {}, make("h3", {}, title), make("dl", {}, ...known.flatMap(([name, text]) => [make("dt", {}, name), make("dd", {}, text)])));
+}
+
+function distanceList(view, [a, b]) {
+  const step = view.points.quantum;
+  const [dx, dy, dz] = minus(b, a);
+  const bearing = (((Math.atan2(dx, dy) * 180) / Math.PI + 360) % 360).toFixed(1);
+  return list("Distance from A to B", [
+    ["distance", meters(lengthOf([dx, dy, dz]), step)],
+    ["level", meters(Math.hypot(dx, dy), step)],
+    ["up", meters(dz, step)],
+    view.part.axes[0] === "East" && ["bearing from North", `${bearing}°`],
+    ["read to", `± ${meters(step * Math.sqrt(3), step / 10)}: coordinates are whole numbers of ${meters(step, step / 10)}`],
+  ]);
+}
+
+function placeRows(view, place, step) {
+  const { axes, height } = view.part;
+  const rows = axes.map((name, k) => [name, meters(place[k], step)]);
+  return height.zero === null ? rows : [...rows, [height.label, meters(height.zero - place[2], step)]];
+}
+
+function pointList(view, content, { point, place }) {
+  const { columns } = view.points, { scales } = view.part;
+  const value = (name, unit) => (columns[name]?.[point] ? short(valueOf(columns[name][point], scales[name]), unit) : "");
+  const several = "survey" in view.colorings;
+  return list("Point", [
+    ...placeRows(view, place, view.points.quantum),
+    ["standard deviation", value("sigma", "m")],
+    ["echo", value("echo")],
+    ["seen by", columns.seen[point] === 1 ? "1 scan" : `${columns.seen[point]} scans`],
+    ["mostly by", content.names[columns.scan[point]]],
+    several && ["of survey", columns.survey[point]],
+  ]);
+}
+
+function poseList(view, content, k) {
+  const { way } = view.part;
+  const sigmas = way.half_axes[k].map(lengthOf);
+  return list("Sensor", [
+    ["scan", content.names[way.scans[k]]],
+    ...placeRows(view, way.places[k], 0.001),
+    ["standard deviation", `${short(Math.max(...sigmas), "m")} in the worst direction, ${short(Math.min(...sigmas), "m")} in the best`],
+  ]);
+}
+
+function pairRows(content, pair) {
+  return [list(`${pair.role === "loop" ? "Loop" : "Pair"} ${pair.kept ? "kept" : "refused"}`, [
+    ["scans", `${content.names[pair.target]} and ${content.names[pair.source]}`],
+    ["reason", pair.reason],
+    ["overlap", percent(pair.overlap)],
+    ["probability", percent(pair.probability)],
+    ["from the estimate before it", short(pair.sigmas_from_estimate, "standard deviations")],
+    ["from the final poses", short(pair.residual_sigmas, "standard deviations")],
+  ])];
+}

@@ -1,0 +1,74 @@
+// Elements of the page and numbers in words. Every text, whatever file it comes from, becomes a text node: never markup.
+
+/** An element with attributes, listeners (`onclick: function`) and children: elements, or texts. */
+function make(tag, attributes = {}, ...children) {
+  const svg = ["svg", "g", "path", "line", "text", "rect", "circle"].includes(tag);
+  const element = svg ? document.createElementNS("http://www.w3.org/2000/svg", tag) : document.createElement(tag);
+  for (const [name, value] of Object.entries(attributes)) {
+    if (typeof value === "function") element.addEventListener(name.slice(2), value);
+    else if (value === true) element.setAttribute(name, "");
+    else if (value !== false && value !== null && value !== undefined) element.setAttribute(name, value);
+  }
+  element.append(...children.filter((child) => child !== null).map((child) => (child instanceof Node ? child : String(child))));
+  return element;
+}
+
+/** A length with as many decimals as `step` [m] has use for. */
+function meters(value, step = 0.01) {
+  const decimals = Math.max(0, Math.min(4, Math.ceil(-Math.log10(step))));
+  return `${value.toFixed(decimals)}\u202fm`;
+}
+
+/** A number with three valid digits, and its unit. */
+function short(value, unit = "") {
+  if (value === null || value === undefined) return "";
+  const digits = Math.abs(value) >= 1000 ? Math.round(value).toLocaleString("en") : String(Number(value.toPrecision(3)));
+  return unit ? `${digits}\u202f${unit}` : digits;
+}
+
+const percent = (share) => (share === null ? "" : `${Math.round(100 * share)}\u202f%`);
+
+/** A table under these headings; `rows` of texts or elements. */
+function table(headings, rows) {
+  const head = make("tr", {}, ...headings.map((heading) => make("th", { scope: "col" }, heading)));
+  const body = rows.map((row) => make("tr", {}, ...row.map((cell) => make("td", {}, cell))));
+  return make("div", { class: "scroll" }, make("table", {}, make("thead", {}, head), make("tbody", {}, ...body)));
+}
+
+/** What is measured scan by scan as curves: series [{name, values with null for none, class}], in a unit. */
+function chart(label, unit, xs, series) {
+  const [width, height, left, right, top, bottom] = [720, 220, 64, 12, 12, 34];
+  const known = series.flatMap((one) => one.values).filter((value) => value !== null);
+  let low = Math.min(0, ...known), high = Math.max(0, ...known);
+  if (high === low) high = low + 1;
+  const [first, last] = [xs[0], xs[xs.length - 1]];
+  const x = (value) => left + ((value - first) / (last - first || 1)) * (width - left - right);
+  const y = (value) => height - bottom - ((value - low) / (high - low)) * (height - top - bottom);
+  const svg = make("svg", { viewBox: `0 0 ${width} ${height}`, role: "img", "aria-label": `${label} [${unit}]` });
+  for (const tick of ticks(low, high)) {
+    svg.append(make("line", { x1: left, x2: width - right, y1: y(tick), y2: y(tick), class: tick === 0 ? "zero" : "grid" }));
+    svg.append(make("text", { x: left - 6, y: y(tick) + 4, "text-anchor": "end" }, short(tick, unit)));
+  }
+  for (const tick of ticks(first, last).filter(Number.isInteger))
+    svg.append(make("text", { x: x(tick), y: height - bottom + 16, "text-anchor": "middle" }, tick));
+  svg.append(make("text", { x: (left + width - right) / 2, y: height - 3, "text-anchor": "middle" }, "number of the scan"));
+  series.forEach((one, s) => {
+    let path = "";
+    one.values.forEach((value, k) => {
+      if (value !== null) path += `${k && one.values[k - 1] !== null ? "L" : "M"}${x(xs[k]).toFixed(1)} ${y(value).toFixed(1)}`;
+    });
+    svg.append(make("path", { d: path, class: `curve curve-${s}` }));
+  });
+  const names = series.map((one, s) => make("span", { class: `key curve-${s}` }, one.name));
+  return make("figure", {}, make("figcaption", {}, `${label} [${unit}] `, ...names), svg);
+}
+
+/** About five round numbers from low to high. */
+function ticks(low, high) {
+  const rough = (high - low) / 5 || 1;
+  const power = 10 ** Math.floor(Math.log10(rough));
+  const step = [1, 2, 5, 10].map((factor) => factor * power).find((size) => size >= rough);
+  const marks = [];
+  for (let k = Math.ceil(low / step); k * step <= high + 1e-9 * step; k++) marks.push(Number((k * step).toPrecision(12)));
+  return marks;
+}

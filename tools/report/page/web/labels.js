@@ -1,0 +1,47 @@
+// What stands over the map: names of places, where the axes point, and how long a bar is.
+
+const BAR = 140; // the longest [pixels]
+
+/** Put labels, compass and scale where they belong in this frame. */
+function placeLabels(view) {
+  const { way } = view.part;
+  const last = way.places.length - 1;
+  const labels = [];
+  if (view.shown.way && last > 0) labels.push([way.places[0], "start"], [way.places[last], "end"]);
+  view.measured.forEach((place, k) => labels.push([place, "AB"[k]]));
+  if (view.mark && !view.measuring) labels.push([view.mark, "◉"]);
+  const box = view.stage.querySelector("#labels");
+  while (box.children.length < labels.length) box.append(make("span"));
+  while (box.children.length > labels.length) box.lastChild.remove();
+  labels.forEach(([place, text], k) => {
+    const [x, y, depth] = view.camera.project(place);
+    const label = box.children[k];
+    if (label.textContent !== text) label.textContent = text;
+    label.className = text === "◉" || text.length === 1 ? "mark" : "";
+    label.hidden = depth <= 0;
+    label.style.transform = `translate(${x.toFixed(1)}px, ${y.toFixed(1)}px)`;
+  });
+  drawCompass(view);
+  drawBar(view);
+}
+
+function drawCompass({ stage, camera, part }) {
+  const { right, up, ahead } = camera.axes();
+  const axes = part.axes.map((name, k) => ({ name: name[0], x: 26 * right[k], y: -26 * up[k], away: ahead[k], k }));
+  axes.sort((a, b) => b.away - a.away); // what is farther first
+  const drawn = axes.flatMap(({ name, x, y, k }) => [
+    make("line", { x1: 0, y1: 0, x2: x, y2: y, class: `axis axis-${k}` }),
+    make("text", { x: 1.35 * x, y: 1.35 * y + 4, "text-anchor": "middle" }, name),
+  ]);
+  stage.querySelector("#compass").replaceChildren(...drawn);
+}
+
+/** A bar of a round length at the middle of the picture. */
+function drawBar({ stage, camera }) {
+  const longest = BAR * camera.pixel();
+  const power = 10 ** Math.floor(Math.log10(longest));
+  const size = [5, 2, 1].map((factor) => factor * power).find((length) => length <= longest);
+  const bar = stage.querySelector("#bar");
+  bar.style.width = `${(size / camera.pixel()).toFixed(1)}px`;
+  bar.firstElementChild.textContent = `${short(size, "m")} at the middle`;
+}

@@ -1,0 +1,73 @@
+// Points as points.py packs them: the twin of its `unpack`. Nothing else knows the layout of the bytes.
+
+/** The bytes of a text in base64. */
+function bytesOf(base64) {
+  if (Uint8Array.fromBase64) return Uint8Array.fromBase64(base64);
+  const text = atob(base64);
+  const bytes = new Uint8Array(text.length);
+  for (let k = 0; k < text.length; k++) bytes[k] = text.charCodeAt(k);
+  return bytes;
+}
+
+async function gunzip(bytes) {
+  const stream = new Blob([bytes]).stream().pipeThrough(new DecompressionStream("gzip"));
+  return new Uint8Array(await new Response(stream).arrayBuffer());
+}
+
+/**
+ * The points of a map.
+ * @param packed {quantum [m], tiles: [{origin: [x, y, z] [m], count}], planes: {column: bytes a number}}
+ * @param base64 the gzipped planes
+ * @returns {count, quantum, tiles with their `start`, places: Uint16Array of x, y, z [quanta from the tile's origin] and a
+ *   color for every point, columns: {name: whole numbers}}
+ */
+async function unpack(packed, base64) {
+  const planes = await gunzip(bytesOf(base64));
+  const count = packed.tiles.reduce((sum, tile) => sum + tile.count, 0);
+  const places = new Uint16Array(4 * count);
+  const tiles = [];
+  let start = 0;
+  for (const tile of packed.tiles) {
+    tiles.push({ ...tile, start });
+    for (let axis = 0; axis < 3; axis++) {
+      const low = 2 * axis * count, high = low + count;
+      let at = 0;
+      for (let k = start; k < start + tile.count; k++) {
+        const step = planes[low + k] | (planes[high + k] << 8);
+        at += (step >> 1) ^ -(step & 1); // forth even and back odd
+        places[4 * k + axis] = at; // modulo 65536, as it was packed
+      }
+    }
+    start += tile.count;
+  }
+  const columns = {};
+  let plane = 6;
+  for (const [name, size] of Object.entries(packed.planes)) {
+    const begin = plane * count;
+    if (size === 1) columns[name] = planes.subarray(begin, begin + count);
+    else {
+      const numbers = (columns[name] = new Uint32Array(count));
+      for (let b = size - 1; b >= 0; b--)
+        for (let k = 0; k < count; k++) numbers[k] = numbers[k] * 256 + planes[begin + b * count + k];
+    }
+    plane += size;
+  }
+  return { count, quantum: packed.quantum, tiles, places, columns };
+}
+
+/** Which tile holds point k. */
+function tileOf(points, k) {
+  let low = 0, high = points.tiles.length - 1;
+  while (low < high) {
+    const middle = (low + high + 1) >> 1;
+    if (points.tiles[middle].start <= k) low = middle;
+    else high = middle - 1;
+  }
+  return points.tiles[low];
+}
+
+/** Point k as [x, y, z] in the map's frame [m]. */
+function placeOf(points, k) {
+  const { origin } = tileOf(points, k);
+  return origin.map((corner, axis) => corner + points.quantum * points.places[4 * k + axis]);
+}

@@ -1,0 +1,60 @@
+// Which point, pose or loop lies under the cursor.
+
+const NEAR = 8; // pixels within which something is hit
+
+/**
+ * The point that is seen at a pixel: of those whose squares cover it the one in front, or of several within a voxel behind that
+ * one the nearest to the pixel; where no square covers it, the nearest of the points within `NEAR` pixels.
+ * @param edge of a point's square at a distance of 1 m [pixels]
+ * @param deep how far behind the one in front a point may be [m]
+ * @returns its number, or null where there is none
+ */
+function pointAt(points, camera, x, y, edge, deep) {
+  const { right, up, ahead } = camera.axes();
+  const scale = camera.height / (2 * Math.tan(FIELD / 2));
+  const { places, quantum } = points;
+  const near = [];
+  for (const tile of points.tiles) {
+    const corner = minus(tile.origin, camera.target);
+    const [r0, u0, a0] = [dot(corner, right), dot(corner, up), dot(corner, ahead) + camera.distance];
+    for (let k = tile.start, at = 4 * k; k < tile.start + tile.count; k++, at += 4) {
+      const px = quantum * places[at], py = quantum * places[at + 1], pz = quantum * places[at + 2];
+      const depth = a0 + px * ahead[0] + py * ahead[1] + pz * ahead[2];
+      if (depth <= 0) continue;
+      const half = Math.max(SQUARES[0], Math.min(SQUARES[1], edge / depth)) / 2, reach = Math.max(half, NEAR);
+      const dx = Math.abs((scale * (r0 + px * right[0] + py * right[1] + pz * right[2])) / depth + camera.width / 2 - x);
+      if (dx > reach) continue;
+      const dy = Math.abs(camera.height / 2 - (scale * (u0 + px * up[0] + py * up[1] + pz * up[2])) / depth - y);
+      if (dy <= reach) near.push({ k, depth, aside: Math.hypot(dx, dy), covers: dx <= half && dy <= half });
+    }
+  }
+  const covering = near.filter(({ covers }) => covers);
+  const front = Math.min(...covering.map(({ depth }) => depth));
+  const chosen = covering.length ? covering.filter(({ depth }) => depth <= front + deep) : near;
+  return chosen.reduce((best, one) => (best && best.aside <= one.aside ? best : one), null)?.k ?? null;
+}
+
+/** Which of some places [m] is seen nearest to a pixel, within `NEAR` pixels; null where none is. */
+function placeAt(places, camera, x, y) {
+  let best = null, least = NEAR;
+  places.forEach((place, k) => {
+    const [px, py, depth] = camera.project(place);
+    const aside = Math.hypot(px - x, py - y);
+    if (depth > 0 && aside < least) [best, least] = [k, aside];
+  });
+  return best;
+}
+
+/** Which of some lines [[begin, end], ...] [m] is seen nearest to a pixel, within half of `NEAR`; null where none is. */
+function lineAt(lines, camera, x, y) {
+  let best = null, least = NEAR / 2;
+  lines.forEach(([begin, end], k) => {
+    const [ax, ay, behind] = camera.project(begin), [bx, by, ahead] = camera.project(end);
+    if (behind <= 0 || ahead <= 0) return;
+    const far = (bx - ax) ** 2 + (by - ay) ** 2;
+    const share = far ? Math.max(0, Math.min(1, ((x - ax) * (bx - ax) + (y - ay) * (by - ay)) / far)) : 0;
+    const aside = Math.hypot(ax + share * (bx - ax) - x, ay + share * (by - ay) - y);
+    if (aside < least) [best, least] = [k, aside];
+  });
+  return best;
+}

@@ -1,0 +1,167 @@
+// What is drawn, by WebGL2: points of tiles, and lines of several kinds.
+
+const BYTES = 8; // of a point: x, y, z and color, two each
+const SQUARES = [1.5, 48]; // smallest and largest edge of a point [pixels]
+const HIDDEN = 0.22; // how opaque a line is behind points
+
+class Scene {
+  /** @param canvas an element on which WebGL2 works; throws an Error otherwise. */
+  constructor(canvas) {
+    const gl = canvas.getContext("webgl2", { antialias: false, alpha: false, powerPreference: "high-performance" });
+    if (!gl) throw new Error("WebGL2 is not to be had");
+    this.gl = gl;
+    this.points = null;
+    this.lines = new Map(); // {name: {count, offset, array, buffer, indices, and its style}}
+    this.pointProgram = this.program(POINT_VERTEX, POINT_FRAGMENT);
+    this.lineProgram = this.program(LINE_VERTEX, LINE_FRAGMENT);
+    this.palette = gl.createTexture();
+    gl.enable(gl.DEPTH_TEST);
+    gl.blendFunc(gl.SRC_ALPHA, gl.ONE_MINUS_SRC_ALPHA);
+  }
+
+  program(vertex, fragment) {
+    const { gl } = this;
+    const program = gl.createProgram();
+    for (const [kind, source] of [[gl.VERTEX_SHADER, vertex], [gl.FRAGMENT_SHADER, fragment]]) {
+      const shader = gl.createShader(kind);
+      gl.shaderSource(shader, source);
+      gl.compileShader(shader);
+      if (!gl.getShaderParameter(shader, gl.COMPILE_STATUS)) throw new Error(gl.getShaderInfoLog(shader));
+      gl.attachShader(program, shader);
+    }
+    gl.linkProgram(program);
+    if (!gl.getProgramParameter(program, gl.LINK_STATUS)) throw new Error(gl.getProgramInfoLog(program));
+    const uniforms = {};
+    for (let k = 0; k < gl.getProgramParameter(program, gl.ACTIVE_UNIFORMS); k++) {
+      const { name } = gl.getActiveUniform(program, k);
+      uniforms[name] = gl.getUniformLocation(program, name);
+    }
+    return { program, uniforms };
+  }
+
+  /** Show these points, as `unpack` gives them, whose voxels have this edge [m]. */
+  showPoints(points, voxel) {
+    const { gl } = this;
+    this.points = points;
+    this.voxel = voxel;
+    this.buffer ??= gl.createBuffer();
+    this.pointArray ??= gl.createVertexArray();
+    this.upload();
+  }
+
+  /** Send places and colors to the card, after either changed. */
+  upload() {
+    const { gl } = this;
+    gl.bindBuffer(gl.ARRAY_BUFFER, this.buffer);
+    gl.bufferData(gl.ARRAY_BUFFER, this.points.places, gl.STATIC_DRAW);
+  }
+
+  /** The palette: 256 colors, [red, green, blue] each, 0 to 255. */
+  usePalette(colors) {
+    const { gl } = this;
+    const texels = new Uint8Array(colors.flatMap((color) => [...color, 255]));
+    gl.bindTexture(gl.TEXTURE_2D, this.palette);
+    gl.texImage2D(gl.TEXTURE_2D, 0, gl.RGBA, colors.length, 1, 0, gl.RGBA, gl.UNSIGNED_BYTE, texels);
+    gl.texParameteri(gl.TEXTURE_2D, gl.TEXTURE_MIN_FILTER, gl.NEAREST);
+    gl.texParameteri(gl.TEXTURE_2D, gl.TEXTURE_MAG_FILTER, gl.NEAREST);
+  }
+
+  /**
+   * Lines under a name, in place of those that it had.
+   * @param pieces [[begin, end], ...], places [m]
+   * @param style {color: [r, g, b] 0 to 1, width [pixels], dash [pixels], 0 for none}
+   */
+  showLines(name, pieces, style) {
+    const { gl } = this;
+    const old = this.lines.get(name);
+    const offset = pieces.length ? pieces[0][0] : [0, 0, 0];
+    const numbers = new Float32Array(24 * pieces.length); // both ends at each of four corners: far faster than instances
+    const corners = new Uint32Array(6 * pieces.length);
+    pieces.forEach((ends, k) => {
+      const both = ends.flatMap((end) => minus(end, offset));
+      for (let corner = 0; corner < 4; corner++) numbers.set(both, 24 * k + 6 * corner);
+      corners.set([0, 1, 2, 2, 1, 3].map((corner) => 4 * k + corner), 6 * k);
+    });
+    const array = old?.array ?? gl.createVertexArray(), buffer = old?.buffer ?? gl.createBuffer();
+    const indices = old?.indices ?? gl.createBuffer();
+    gl.bindVertexArray(array);
+    gl.bindBuffer(gl.ARRAY_BUFFER, buffer);
+    gl.bufferData(gl.ARRAY_BUFFER, numbers, gl.STATIC_DRAW);
+    gl.bindBuffer(gl.ELEMENT_ARRAY_BUFFER, indices);
+    gl.bufferData(gl.ELEMENT_ARRAY_BUFFER, corners, gl.STATIC_DRAW);
+    ["begin", "end"].forEach((attribute, e) => {
+      const at = gl.getAttribLocation(this.lineProgram.program, attribute);
+      gl.enableVertexAttribArray(at);
+      gl.vertexAttribPointer(at, 3, gl.FLOAT, false, 24, 12 * e);
+    });
+    gl.bindVertexArray(null);
+    this.lines.set(name, { count: pieces.length, offset, array, buffer, indices, ...style });
+  }
+
+  /**
+   * Draw a frame.
+   * @param camera whose width and height are the canvas's
+   * @param look {ground: [r, g, b] 0 to 1, scale: of the points, step: 1 for all of them, 3 for every third}
+   */
+  draw(camera, look) {
+    const { gl } = this;
+    const ratio = gl.canvas.height / camera.height;
+    gl.viewport(0, 0, gl.canvas.width, gl.canvas.height);
+    gl.clearColor(...look.ground, 1);
+    gl.clear(gl.COLOR_BUFFER_BIT | gl.DEPTH_BUFFER_BIT);
+    const matrix = camera.matrix();
+    if (this.points?.count) this.drawPoints(camera, matrix, look, ratio);
+    for (const lines of this.lines.values()) if (lines.count) this.drawLines(lines, camera, matrix, ratio);
+  }
+
+  /** Edge of a point's square at a distance of 1 m [pixels]. */
+  edge(camera, scale) {
+    return (scale * this.voxel * camera.height) / (2 * Math.tan(FIELD / 2));
+  }
+
+  drawPoints(camera, matrix, look, ratio) {
+    const { gl, points } = this;
+    const { program, uniforms } = this.pointProgram;
+    const { step } = look;
+    gl.useProgram(program);
+    gl.uniformMatrix4fv(uniforms.clip_from_target, false, matrix);
+    gl.uniform1f(uniforms.quantum, points.quantum);
+    gl.uniform1f(uniforms.edge, this.edge(camera, look.scale) * ratio * Math.sqrt(step));
+    gl.uniform2f(uniforms.sizes, ...SQUARES.map((size) => size * ratio));
+    gl.bindTexture(gl.TEXTURE_2D, this.palette);
+    gl.bindVertexArray(this.pointArray);
+    gl.bindBuffer(gl.ARRAY_BUFFER, this.buffer);
+    const at = gl.getAttribLocation(program, "place");
+    gl.enableVertexAttribArray(at);
+    for (const tile of points.tiles) {
+      gl.uniform3fv(uniforms.corner, minus(tile.origin, camera.target));
+      gl.vertexAttribPointer(at, 4, gl.UNSIGNED_SHORT, false, BYTES * step, BYTES * tile.start);
+      gl.drawArrays(gl.POINTS, 0, Math.ceil(tile.count / step));
+    }
+    gl.bindVertexArray(null);
+  }
+
+  /** Draw lines, and faintly what points hide of them. */
+  drawLines(lines, camera, matrix, ratio) {
+    const { gl } = this;
+    const { program, uniforms } = this.lineProgram;
+    gl.useProgram(program);
+    gl.uniformMatrix4fv(uniforms.clip_from_target, false, matrix);
+    gl.uniform3fv(uniforms.offset, minus(lines.offset, camera.target));
+    gl.uniform2f(uniforms.size, gl.canvas.width, gl.canvas.height);
+    gl.uniform1f(uniforms.width, lines.width * ratio);
+    gl.uniform1f(uniforms.dash, (lines.dash ?? 0) * ratio);
+    gl.bindVertexArray(lines.array);
+    gl.enable(gl.BLEND);
+    gl.depthMask(false);
+    for (const [compare, alpha] of [[gl.LEQUAL, 1], [gl.GREATER, HIDDEN]]) {
+      gl.depthFunc(compare);
+      gl.uniform4f(uniforms.color, ...lines.color, alpha);
+      gl.drawElements(gl.TRIANGLES, 6 * lines.count, gl.UNSIGNED_INT, 0);
+    }
+    gl.depthFunc(gl.LEQUAL);
+    gl.depthMask(true);
+    gl.disable(gl.BLEND);
+    gl.bindVertexArray(null);
+  }
+}

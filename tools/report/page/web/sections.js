@@ -1,0 +1,111 @@
+// The sections under the map, each from the page's content.
+
+const FIRST_ROWS = 50; // of a long list
+
+/** All sections that this survey has something for: [[id, heading, elements], ...]. */
+function sectionsOf(content, pictures, choose) {
+  const all = [
+    ["loops", "Loops", loopSection(content, choose)],
+    ["crossings", "Passes over the same place", crossingSection(content)],
+    ["navigation", "Against navigation", navigationSection(content)],
+    ["poses", "How sure the poses are", poseSection(content)],
+    ["pictures", "Pictures", Object.entries(pictures).map(([name, url]) => picture(name, url))],
+    ["settings", "Settings", [table(["setting", "value"], content.settings)]],
+    ["provenance", "Provenance", provenanceSection(content)],
+    ["cite", "How to cite", [make("p", {}, content.citation)]],
+  ];
+  return all.filter(([, , elements]) => elements.length);
+}
+
+function picture(name, url) {
+  return make("figure", {}, make("img", { src: url, alt: `${name}, written with the map` }), make("figcaption", {}, name));
+}
+
+/** Loops, bridges and refused pairs with their reasons; a click on a row shows it in the map. */
+function loopSection({ pairs, names }, choose) {
+  if (!pairs.length) return [make("p", {}, "No loops were tried.")];
+  const count = make("p", { "aria-live": "polite" });
+  const body = make("tbody");
+  const more = make("button", { type: "button", onclick: () => fill(Infinity) }, "Show all");
+  const verdict = make("select", { onchange: () => fill() },
+    ...["all", "kept", "refused"].map((value) => make("option", { value }, value)));
+  const search = make("input", { type: "search", placeholder: "a scan, or a word of a reason", oninput: () => fill() });
+  const row = (pair) => make("tr", {},
+    make("td", {}, make("button", { type: "button", class: "link", onclick: () => choose(pair) },
+      `${names[pair.target]} – ${names[pair.source]}`)),
+    ...[pair.role, pair.kept ? "kept" : "refused", percent(pair.overlap), percent(pair.probability),
+      short(pair.residual_sigmas, "σ"), pair.reason].map((text) => make("td", {}, text)));
+  const fill = (most = FIRST_ROWS) => {
+    const word = search.value.trim().toLowerCase();
+    const chosen = pairs.filter((pair) =>
+      (verdict.value === "all" || pair.kept === (verdict.value === "kept")) &&
+      [names[pair.target], names[pair.source], pair.role, pair.reason].some((text) => text.toLowerCase().includes(word)));
+    body.replaceChildren(...chosen.slice(0, most).map(row));
+    more.hidden = chosen.length <= most;
+    count.textContent = `${Math.min(most, chosen.length)} of ${chosen.length} pairs`;
+  };
+  fill();
+  const headings = ["scans", "role", "verdict", "overlap", "probability", "from the final poses", "reason"];
+  const head = make("tr", {}, ...headings.map((heading) => make("th", { scope: "col" }, heading)));
+  return [
+    make("p", {}, "Click on a pair to see it in the map."),
+    make("div", { class: "filter" }, make("label", {}, "Show ", verdict), make("label", {}, "Search ", search), count),
+    make("div", { class: "scroll tall" }, make("table", {}, make("thead", {}, head), body)),
+    more,
+  ];
+}
+
+function crossingSection({ crossings }) {
+  if (!crossings.pairs) return [];
+  const row = (name, suffix) => [name, short(crossings[`before${suffix}`], "m"), short(crossings[`after${suffix}`], "m")];
+  return [
+    make("p", {}, `How far points of one pass lie from the surface of another, over ${crossings.pairs} pairs of scans that
+      overlap but were not taken one soon after the other. The ranges' noise is part of it.`),
+    table(["distance", "before the loops", "after"], [row("median", ""), row("90th percentile", "_90")]),
+  ];
+}
+
+function navigationSection({ navigation }) {
+  const { names, units, rows } = navigation;
+  if (!rows.length) return [];
+  const xs = rows.map((row) => row.scan);
+  const charts = [["deg", "Attitude, map less instruments"], ["m", "Position, map less instruments"]].map(([unit, label]) => {
+    const measured = names.map((_, k) => k).filter((k) => units[k] === unit && rows.some((row) => row.apart[k] !== null));
+    return measured.length ? chart(label, unit, xs, measured.map((k) => ({ name: names[k], values: rows.map((row) => row.apart[k]) }))) : null;
+  });
+  const spread = (k) => {
+    const known = rows.filter((row) => row.apart[k] !== null);
+    const rms = (name) => Math.sqrt(known.reduce((total, row) => total + row[name][k] ** 2, 0) / known.length);
+    return known.length ? [names[k], short(rms("apart"), units[k]), short(rms("sigmas"), units[k]), `${known.length}`] : null;
+  };
+  return [
+    ...charts.filter(Boolean),
+    table(["measured", "root mean square of the difference", "standard deviation it was given", "scans"],
+      names.map((_, k) => spread(k)).filter(Boolean)),
+  ];
+}
+
+function poseSection({ parts }) {
+  return parts.filter((part) => part.way.scans.length > 1).map((part) => {
+    const sizes = part.way.half_axes.map((axes) => axes.map(lengthOf));
+    const series = [["worst direction", Math.max], ["best direction", Math.min]];
+    return chart(`${part.name}: standard deviation of the sensor's place`, "m", part.way.scans,
+      series.map(([name, pick]) => ({ name, values: sizes.map((axes) => pick(...axes)) })));
+  });
+}
+
+function provenanceSection({ versions, device, inputs, georeference, graph, parts }) {
+  const rows = Object.entries(versions).map(([name, version]) => [name, version ?? "not installed"]);
+  if (device) rows.push(["device", `${device.name}, ${device.platform}`]);
+  if (georeference) {
+    const { latitude, longitude, height, vertical, heading } = georeference;
+    rows.push(["origin of the map", `latitude ${latitude}°, longitude ${longitude}° (WGS84), height ${short(height, "m")} (${vertical}), x axis to ${heading}°`]);
+  }
+  for (const part of parts) rows.push([part.name, `${part.count.toLocaleString("en")} points, voxels of ${short(part.voxel, "m")}`]);
+  rows.push(["pose graph", `${graph.edges} edges; chi-squared ${short(graph.chi_squared_after)} for ${graph.degrees_of_freedom} degrees of freedom`]);
+  const files = inputs.map(({ name, bytes, sha256 }) => [name, bytes === null ? "could not be read" : bytes.toLocaleString("en"), sha256 ?? ""]);
+  return [
+    table(["what", "which"], rows),
+    make("details", {}, make("summary", {}, `${files.length} input files with their SHA-256`), table(["file", "bytes", "SHA-256"], files)),
+  ];
+}
