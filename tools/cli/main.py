@@ -27,6 +27,7 @@ VERBS = [
     "record",
     "inspect",
     "template",
+    "view",
     "export",
     "optimize",
     "simulate",

@@ -50,6 +50,9 @@ AlsoOption = Annotated[
     list[str],
     typer.Option("--also", metavar="FORMAT", help=f"Also write {_EXPORTS}; may be repeated.", callback=_check_also),
 ]
+ReportOption = Annotated[
+    bool, typer.Option("--report/--no-report", help="Write report.html, the page that `sonarmap view OUT` opens.")
+]
 WorkersOption = Annotated[
     int | None,
     typer.Option(

@@ -71,13 +71,14 @@ from tools.cli.survey_options import (
     MinSeenOption,
     OdometryDriftOption,
     OdometryOption,
+    ReportOption,
     SchedulerOption,
     WorkersOption,
     odometry_of,
     survey_settings,
 )
 from tools.cli.survey_text import print_survey, warn, warn_of_faults
-from tools.cli.terminal import say
+from tools.cli.terminal import printable, say
 from tools.methods.registry import DEFAULT_METHOD
 
 if TYPE_CHECKING:
@@ -127,6 +128,7 @@ def command(
     max_turn_rate: MaxTurnRateOption = None,
     max_step: MaxStepOption = None,
     min_seen: MinSeenOption = None,
+    report: ReportOption = True,
     also: AlsoOption = [],  # noqa: B006 - typer's way to say none
     export: ExportOption = [],  # noqa: B006
     origin: OriginOption = None,
@@ -143,7 +145,8 @@ def command(
 ) -> None:
     """Register consecutive scans, close loops, optimize the poses, and fuse one map.
 
-    OUT gets map.ply, map.png, loops.png, trajectory.tum, graph.g2o, graph.json, pairs.csv and summary.json.
+    OUT gets map.ply, map.png, loops.png, trajectory.tum, graph.g2o, graph.json, pairs.csv and summary.json, and
+    report.html, which `sonarmap view OUT` opens: the map in 3D, and what speaks for it.
     The scans of each folder are one survey. Surveys of the same place are joined where their scans look alike; each
     also gets a map of its own, map_survey_0.ply and so on. What one scan alone saw where others looked and saw
     otherwise, a false echo, is in map_all.ply alone.
@@ -171,9 +174,15 @@ def command(
     settings = {"inputs": inputs, **described, **configured.settings, "mapper": mapping}
     result = _map(read, reckoned, configured, execution_options, settings, out, also, georeference, silent)
     try:
+        if report:
+            _write_report(out)
         exported = _export(out, exports, silent) if exports.formats else ()
-    finally:  # the map is there, whatever its export came to
+    finally:  # the map is there, whatever its report and export came to
         _show(result, [scan.name for scan in read.scans], out, also, as_json)
+    if report and not as_json:
+        typer.echo(
+            f"`sonarmap view {printable(str(out))}` opens report.html: the map in 3D with all that speaks for it"
+        )
     if exported and not as_json:
         typer.echo(f"exported to the same folder: {', '.join(path.name for path in exported)}")
     if len(result.components) > 1 or read.unread:
@@ -234,6 +243,13 @@ def _export(out: Path, settings: "ExportSettings", quiet: bool) -> tuple[Path, .
     from tools.export.map_folder import read_map_folder
 
     return export_with_progress(read_map_folder(out), out, settings, quiet).files
+
+
+def _write_report(out: Path) -> None:
+    from tools.export.map_folder import read_map_folder
+    from tools.report.page.page import write_report
+
+    write_report(read_map_folder(out))
 
 
 def _read(inputs: list[str], priors: Path | None, corrections: "Corrections", out: Path, quiet: bool) -> "ReadScans":

@@ -24,7 +24,7 @@ from tools.writers.tum import write_tum
 
 GRID = ("--grid", "64")
 RESULTS = {"map.ply", "map.png", "trajectory.tum", "graph.g2o", "summary.json", "times.json", "journal.sqlite"}
-RESULTS |= {"graph.json", "pairs.csv", "map_all.ply"}
+RESULTS |= {"graph.json", "pairs.csv", "map_all.ply", "report.html"}
 LOOPS = {"loops.png"}  # where loops were tried
 
 
@@ -127,9 +127,10 @@ def test_the_same_command_gives_the_same_bytes(survey: Path, tmp_path: Path) -> 
     scans = [survey / f"scan_{k}.ply" for k in range(4)]
     assert sonarmap("map", *scans, "-o", tmp_path, *GRID, "--quiet").exit_code == 0
     first, second = files_in(survey / "out"), files_in(tmp_path)
-    # of the summary the inputs alone, which are the folder or its files
+    # of the summary, and with it of the report, the inputs alone, which are the folder or its files
     assert {name for name in RESULTS | LOOPS if first[name] != second[name]} == {
         "summary.json",
+        "report.html",
         "times.json",
         "journal.sqlite",
     }
