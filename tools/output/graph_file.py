@@ -8,6 +8,7 @@ from typing import Any
 import numpy as np
 
 from slam.graph.edge import Edge
+from slam.map.crossing import Crossing
 from slam.pair import Pair
 from slam.survey_result import SurveyResult
 from spectral.scan import PosePrior
@@ -22,6 +23,8 @@ CONVENTIONS = {
     "T_i_j": "p_i = T p_j, 4x4 [m]; T_target_source likewise",
     "covariance": "6x6, rotation first [rad, m], of xi in T_true = T Exp(xi): body tangent of the pose, of j, or of "
     "the source",
+    "crossings": "scans of passes that overlap: how far apart they lie before and after the loops, medians and 90th "
+    "percentiles [m]",
     "prior": "sigmas of roll, pitch, heading [rad], East, North, Up [m]; null where not measured",
 }
 
@@ -56,6 +59,7 @@ def survey_graph(result: SurveyResult, names: Sequence[str]) -> dict[str, Any]:
         "priors": [_prior_row(pose, prior) for pose, prior in graph.priors],
         "wrong_fixes": [{"pose": fix.scan, "kind": fix.kind, "sigmas": fix.sigmas} for fix in result.wrong_fixes],
         "anchors": graph.anchors,
+        "crossings": [_crossing_row(crossing) for part in result.parts for crossing in part.crossings.crossings],
     }
 
 
@@ -82,6 +86,18 @@ def _pair_row(pair: Pair) -> Mapping[str, Any]:
         "T_target_source": registration.T_target_source.as_matrix(),
         "covariance": registration.covariance,
         "step_psr": dict(registration.step_psr),
+    }
+
+
+def _crossing_row(crossing: Crossing) -> Mapping[str, Any]:
+    before, after = crossing.before, crossing.after
+    return {
+        "i": crossing.i,
+        "j": crossing.j,
+        "before_m": before.median,
+        "before_90_m": before.most,
+        "after_m": after.median,
+        "after_90_m": after.most,
     }
 
 

@@ -80,6 +80,10 @@ def test_it_says_what_g2o_cannot(result: SurveyResult, path: Path) -> None:
     assert not verdicts[4, 5]["accepted"]
     assert len(verdicts) == len(result.pairs)
     assert "rotation first" in content["conventions"]["covariance"]
+    crossings = [crossing for part in result.parts for crossing in part.crossings.crossings]
+    assert [(row["i"], row["j"]) for row in content["crossings"]] == [(each.i, each.j) for each in crossings]
+    assert [row["after_90_m"] for row in content["crossings"]] == [each.after.most for each in crossings]
+    assert crossings
 
 
 @pytest.mark.parametrize("text", ["{}", "[1]", "no json", '{"format": "something else"}'])
