@@ -139,7 +139,7 @@ def test_where_nothing_joins_any_two_scans_the_first_is_the_map(tmp_path: Path) 
     said(result, "gap between a and b", "1 of 2 scans are in no map", "others: b")
     part, run = (
         {"map.ply", "map_all.ply", "map.png", "trajectory.tum"},
-        {"graph.g2o", "graph.json", "pairs.csv", "summary.json", "times.json", "journal.sqlite"},
+        {"graph.g2o", "graph.json", "pairs.csv", "summary.json", "times.json", "journal.sqlite", "report.html"},
     )
     assert set(files_in(tmp_path / "out")) == part | run
     summary = json.loads((tmp_path / "out" / "summary.json").read_text())

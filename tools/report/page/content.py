@@ -1,7 +1,7 @@
 # pyright: strict, reportUnknownMemberType=false
 """All that the page shows, as one value for JSON; the bytes of points and pictures apart."""
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import asdict, dataclass
 from pathlib import Path
 from typing import Any
@@ -10,9 +10,9 @@ import numpy as np
 
 from tools.export.map_folder import MapFolder, MapPart
 from tools.geo.georeference import VERTICALS
-from tools.report.page.evidence import ANGLES, AXES, navigation_rows, pair_rows, way_of
+from tools.report.page.evidence import ANGLES, AXES, crossing_rows, navigation_rows, pair_rows, way_of
 from tools.report.page.points import MOST_CODE, codes, pack
-from tools.report.page.provenance import citation, setting_rows
+from tools.report.page.provenance import citation, setting_rows, title
 from tools.report.page.verdict import verdict
 
 PICTURES = (".png",)
@@ -39,13 +39,13 @@ def content_of(folder: MapFolder) -> Content:
     judged = verdict(summary, folder.names)
     parts, points = zip(*(_part(folder, part) for part in folder.parts), strict=True)
     shown = {
-        "title": f"Map of {len(folder.names)} scans",
+        "title": title(_inputs(summary["settings"]), np.array([pose["stamp"] for pose in graph["poses"]], np.float64)),
         "verdict": asdict(judged),
         "names": list(folder.names),
         "surveys": [int(pose["survey"]) for pose in graph["poses"]],
         "parts": list(parts),
         "pairs": pair_rows(graph["pairs"]),
-        "crossings": summary["crossing_error_m"],
+        "crossings": summary["crossing_error_m"] | {"rows": crossing_rows(graph)},
         "navigation": {"names": [*ANGLES, *AXES], "units": ["deg"] * 3 + ["m"] * 3, "rows": navigation_rows(graph)},
         "graph": summary["graph"],
         "settings": setting_rows(summary["settings"]),
@@ -56,6 +56,11 @@ def content_of(folder: MapFolder) -> Content:
         "citation": citation(summary["versions"]),
     }
     return Content(shown, points, _pictures(folder))
+
+
+def _inputs(settings: Mapping[str, Any]) -> list[str]:
+    given = settings.get("inputs", [])
+    return [str(path) for path in (given if isinstance(given, list) else [given])]  # pyright: ignore[reportUnknownVariableType, reportUnknownArgumentType]
 
 
 def _part(folder: MapFolder, part: MapPart) -> tuple[dict[str, Any], bytes]:
@@ -79,6 +84,7 @@ def _part(folder: MapFolder, part: MapPart) -> tuple[dict[str, Any], bytes]:
         "axes": ["East", "North", "Up"] if part.in_world else ["x", "y", "z"],
         "height": _height(folder, part) | {"range": [low, high]},
         "way": way_of(part),
+        "on_earth": folder.on_earth(part),
         "unmeasured": list(part.unmeasured) if part.in_world else [],
     }
     return row, packed.data

@@ -29,6 +29,7 @@ SCRIPTS = (
     "elements.js",
     "colorings.js",
     "layers.js",
+    "geodesy.js",
     "labels.js",
     "view.js",
     "controls.js",

@@ -2,8 +2,13 @@
 """What a map was made with and from, as rows of text for the page."""
 
 import math
-from collections.abc import Iterator, Mapping
+from collections.abc import Iterator, Mapping, Sequence
+from pathlib import PurePath
 from typing import Any
+
+import numpy as np
+
+from tools.time_scales import are_times, utc_text
 
 # Of settings whose name does not say it; the others are counts, shares and names.
 UNITS = {
@@ -27,6 +32,26 @@ CITATION = (
     "Bülow, H., Birk, A.: Spectral registration of noisy sonar data for underwater 3D mapping. "
     "Autonomous Robots 30 (2011). doi:10.1007/s10514-011-9221-8"
 )
+
+_NAMED = 3  # inputs in the title
+_DATE = len("2024-05-17")
+
+
+def title(inputs: Sequence[str], stamps: np.ndarray) -> str:
+    """What was mapped, and when it was taken.
+
+    Args:
+        inputs: files, folders or patterns, as they were given.
+        stamps: (N,) of the scans [s].
+    """
+    names = [PurePath(path).name or path for path in inputs]
+    what = ", ".join(names[:_NAMED]) + (" and others" if len(names) > _NAMED else "")
+    scans = "1 scan" if len(stamps) == 1 else f"{len(stamps)} scans"
+    if not are_times(stamps):
+        return f"Map of {what}, {scans}" if what else f"Map of {scans}"
+    first, last = (utc_text(float(stamp))[:_DATE] for stamp in (stamps.min(), stamps.max()))
+    taken = first if first == last else f"{first} to {last}"
+    return f"Map of {what}, {scans}, {taken}" if what else f"Map of {scans}, {taken}"
 
 
 def setting_rows(settings: Mapping[str, Any]) -> list[tuple[str, str]]:

@@ -7,7 +7,7 @@ from scipy.spatial.transform import RigidTransform, Rotation
 
 from slam.graph.trajectory import Trajectory
 from tools.export.map_folder import MapPart
-from tools.report.page.evidence import navigation_rows, pair_rows, way_of
+from tools.report.page.evidence import crossing_rows, navigation_rows, pair_rows, way_of
 
 
 def test_an_ellipsoid_is_turned_with_its_pose() -> None:
@@ -57,3 +57,10 @@ def test_pairs_that_are_told() -> None:
     rows = pair_rows(pairs)
     assert [(row["target"], row["source"]) for row in rows] == [(1, 2), (0, 2)]
     assert (rows[0]["overlap"], rows[0]["probability"], rows[0]["residual_sigmas"]) == (0.1235, None, None)
+
+
+def test_crossings_and_none_of_an_earlier_version() -> None:
+    row = {"i": 3, "j": 20, "before_m": 0.5, "before_90_m": 1.25, "after_m": 0.123456, "after_90_m": 0.25}
+    (shown,) = crossing_rows({"crossings": [row]})
+    assert (shown["target"], shown["source"], shown["after_m"], shown["before_90_m"]) == (3, 20, 0.1235, 1.25)
+    assert crossing_rows({}) == []

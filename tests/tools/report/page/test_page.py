@@ -51,7 +51,7 @@ def test_what_is_embedded_comes_back(content: Content) -> None:
     names = ["<b>&amp;", "</script>", "深 \udcff", "\u2028"]
     text = report_text(replace(content, shown=content.shown | {"names": names, "title": "</title><b>\udcff"}))
     assert text.count("<b>") == 0
-    (embedded,) = re.findall(r'<script type="application/json" id="content">(.*?)</script>', text)
+    (embedded,) = re.findall(r'<script type="application/json" id="content-json">(.*?)</script>', text)
     assert json.loads(embedded)["names"] == names
     (points,) = re.findall(r'<script type="application/gzip" id="points-0">(.*?)</script>', text)
     assert b64decode(points) == content.points[0]

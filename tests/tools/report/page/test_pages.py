@@ -102,6 +102,19 @@ def test_a_script_that_is_not_the_pages_own_does_not_run(content: Content, tmp_p
         assert any("Content Security Policy" in said for said in injected.said)
 
 
+def test_a_crossing_is_shown_with_its_distances(content: Content, tmp_path: Path) -> None:
+    near = {"target": 0, "source": 5, "before_m": 0.52, "before_90_m": 1.1, "after_m": 0.071, "after_90_m": 0.2}
+    far = near | {"target": 1, "source": 6, "after_m": 0.31}
+    crossings = {"pairs": 2, "before": 0.52, "before_90": 1.1, "after": 0.19, "after_90": 0.2, "rows": [near, far]}
+    shown = content.shown | {"crossings": crossings}
+    with opened(written(replace(content, shown=shown), tmp_path / "crossings.html")) as page:
+        row = page.page.locator("#crossings .link").first
+        assert row.inner_text() == "scan1 – scan6"  # the one that is farther apart comes first
+        row.click()
+        assert "0.31\u202fm apart" in page.page.locator("#picked").inner_text()
+        assert page.said == []
+
+
 def test_dark_and_light(content: Content, tmp_path: Path) -> None:
     with opened(written(content, tmp_path / "report.html"), color_scheme="dark") as dark:
         ground = "getComputedStyle(document.body).backgroundColor"

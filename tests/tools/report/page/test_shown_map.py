@@ -8,6 +8,7 @@ import pytest
 
 from tests.tools.report.page.browser import Opened, opened
 from tests.tools.report.page.known_map import QUANTUM, VOXEL, A, B, known_content, known_points, written
+from tools.geo.georeference import Georeference
 from tools.report.page.content import Content
 from tools.report.page.points import pack, unpack
 
@@ -119,6 +120,16 @@ def test_a_loop_is_shown_with_its_reason(page: Opened, content: Content) -> None
     page.page.locator("#loops tbody .link").first.click()
     assert pair["reason"] in page.page.locator("#picked").inner_text()
     assert page.page.evaluate("sonarmap.view.scene.lines.get('chosen').count") == 1
+
+
+def test_degrees_are_those_of_the_georeference(page: Opened) -> None:
+    """The twins agree to a hundredth of a millimeter, for any heading, also where heights follow the Earth."""
+    places = np.array([[0.0, 0.0, 0.0], [812.5, -333.25, -41.0], [-25_000.0, 9_000.0, 120.0]])
+    for here in (Georeference(60.3913, 5.3221, -4.5), Georeference(-33.85, -179.999, 12.0, heading=217.5)):
+        expected = here.geodetic(places)[:, :2]
+        asked = [places.tolist(), here.to_json()]
+        got = page.page.evaluate("([places, here]) => places.map(place => sonarmap.degreesOf(place, here))", asked)
+        np.testing.assert_allclose(got, expected, rtol=0, atol=1e-10)
 
 
 def test_keys_turn_move_and_zoom(page: Opened) -> None:

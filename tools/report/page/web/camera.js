@@ -24,7 +24,7 @@ class Camera {
 
   reset() {
     this.target = [...this.center];
-    this.distance = 2.1 * this.reach;
+    this.distance = 1.8 * this.reach;
     this.azimuth = 0.5; // where it looks, clockwise from y [rad]
     this.elevation = 0.75; // of the camera over the target [rad]
   }

@@ -96,9 +96,14 @@ function distanceList(view, [a, b]) {
 }
 
 function placeRows(view, place, step) {
-  const { axes, height } = view.part;
+  const { axes, height, on_earth } = view.part;
   const rows = axes.map((name, k) => [name, meters(place[k], step)]);
-  return height.zero === null ? rows : [...rows, [height.label, meters(height.zero - place[2], step)]];
+  if (height.zero !== null) rows.push([height.label, meters(height.zero - place[2], step)]);
+  if (on_earth) {
+    const [latitude, longitude] = degreesOf(place, view.content.georeference);
+    rows.push(["latitude (WGS84)", `${latitude.toFixed(7)}°`], ["longitude (WGS84)", `${longitude.toFixed(7)}°`]);
+  }
+  return rows;
 }
 
 function pointList(view, content, { point, place }) {
@@ -126,8 +131,14 @@ function poseList(view, content, k) {
 }
 
 function pairRows(content, pair) {
+  const scans = ["scans", `${content.names[pair.target]} and ${content.names[pair.source]}`];
+  if (pair.role === "crossing")
+    return [list("Passes over the same place", [scans,
+      ["before the loops", `${short(pair.before_m, "m")} apart (median), ${short(pair.before_90_m, "m")} (90th percentile)`],
+      ["after", `${short(pair.after_m, "m")} apart (median), ${short(pair.after_90_m, "m")} (90th percentile)`],
+    ])];
   return [list(`${pair.role === "loop" ? "Loop" : "Pair"} ${pair.kept ? "kept" : "refused"}`, [
-    ["scans", `${content.names[pair.target]} and ${content.names[pair.source]}`],
+    scans,
     ["reason", pair.reason],
     ["overlap", percent(pair.overlap)],
     ["probability", percent(pair.probability)],

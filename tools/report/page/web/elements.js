@@ -35,11 +35,11 @@ function table(headings, rows) {
   return make("div", { class: "scroll" }, make("table", {}, make("thead", {}, head), make("tbody", {}, ...body)));
 }
 
-/** What is measured scan by scan as curves: series [{name, values with null for none, class}], in a unit. */
-function chart(label, unit, xs, series) {
+/** What is measured scan by scan as curves: series [{name, values with null for none}], in a unit. */
+function chart(label, unit, xs, series, below = "number of the scan") {
   const [width, height, left, right, top, bottom] = [720, 220, 64, 12, 12, 34];
-  const known = series.flatMap((one) => one.values).filter((value) => value !== null);
-  let low = Math.min(0, ...known), high = Math.max(0, ...known);
+  let [low, high] = [0, 0];
+  for (const value of series.flatMap((one) => one.values)) if (value !== null) [low, high] = [Math.min(low, value), Math.max(high, value)];
   if (high === low) high = low + 1;
   const [first, last] = [xs[0], xs[xs.length - 1]];
   const x = (value) => left + ((value - first) / (last - first || 1)) * (width - left - right);
@@ -51,7 +51,7 @@ function chart(label, unit, xs, series) {
   }
   for (const tick of ticks(first, last).filter(Number.isInteger))
     svg.append(make("text", { x: x(tick), y: height - bottom + 16, "text-anchor": "middle" }, tick));
-  svg.append(make("text", { x: (left + width - right) / 2, y: height - 3, "text-anchor": "middle" }, "number of the scan"));
+  svg.append(make("text", { x: (left + width - right) / 2, y: height - 3, "text-anchor": "middle" }, below));
   series.forEach((one, s) => {
     let path = "";
     one.values.forEach((value, k) => {

@@ -1,14 +1,18 @@
 // The page: read what is embedded in it, show it, and tie the map to the sections.
 
 const $ = (selector) => document.querySelector(selector);
-const content = JSON.parse($("#content").textContent);
-const pictures = JSON.parse($("#pictures").textContent);
+const content = JSON.parse($("#content-json").textContent);
+const pictures = JSON.parse($("#pictures-json").textContent);
 const unpacked = new Map();
 let view = null;
 
 /** The points of a part, unpacked when they are first asked for. */
 function pointsOf(number) {
-  if (!unpacked.has(number)) unpacked.set(number, unpack(content.parts[number].packed, $(`#points-${number}`).textContent));
+  if (!unpacked.has(number)) {
+    const element = $(`#points-${number}`);
+    unpacked.set(number, unpack(content.parts[number].packed, element.textContent));
+    element.textContent = ""; // these megabytes are not needed twice
+  }
   return unpacked.get(number);
 }
 
@@ -24,7 +28,7 @@ async function choose(pair) {
   const number = content.parts.findIndex(({ way }) => way.scans.includes(pair.target) && way.scans.includes(pair.source));
   if (number < 0) return showPicked($("#picked"), view, content, { pair });
   if (view.part !== content.parts[number]) await showPart(number);
-  const drawn = view.pairs.find(({ target, source, reason }) => target === pair.target && source === pair.source && reason === pair.reason);
+  const [drawn] = pairsOf(view.part, [pair]);
   view.camera.lookAt(sum(...drawn.ends).map((value) => value / 2));
   view.choose(drawn);
   showPicked($("#picked"), view, content, { pair: drawn });
@@ -45,15 +49,12 @@ function showPictures(why) {
   const shown = Object.entries(pictures).map(([name, url]) => picture(name, url));
   const instead = shown.length ? "Here are the pictures that were written with the map instead" : "Open map.ply in a viewer of point clouds instead";
   $("#map").replaceChildren(make("p", { class: "notice" }, `The map in 3D cannot be shown: ${why}. ${instead}.`), ...shown);
-  $("#pictures")?.remove();
-  document.querySelector('section#pictures')?.remove();
-  document.querySelector('nav a[href="#pictures"]')?.remove();
+  for (const twice of ["#pictures", 'nav a[href="#pictures"]']) $(twice)?.remove();
 }
 
 $("#theme").addEventListener("click", () => {
   const root = document.documentElement;
-  const dark = getComputedStyle(root).colorScheme.trim() === "dark" || (root.dataset.theme ?? (matchMedia("(prefers-color-scheme: dark)").matches ? "dark" : "light")) === "dark";
-  root.dataset.theme = dark ? "light" : "dark";
+  root.dataset.theme = getComputedStyle(root).colorScheme === "dark" ? "light" : "dark";
   view?.showMeasured();
 });
 matchMedia("(prefers-color-scheme: dark)").addEventListener("change", () => view?.showMeasured());
@@ -65,6 +66,10 @@ try {
   showPictures(`${error.message}; this browser, or this machine's graphics driver, does not offer it`);
 }
 if (view) {
+  view.canvas.addEventListener("webglcontextlost", () => {
+    view = null;
+    showPictures("the graphics driver stopped; loading the page again may help");
+  });
   try {
     await showPart(0);
     await new Promise(requestAnimationFrame);
@@ -75,4 +80,4 @@ if (view) {
   }
 }
 // For scripts that measure in the page: docs/report.md.
-window.sonarmap = { content, view, unpack, placeOf };
+window.sonarmap = { content, view, unpack, placeOf, degreesOf };

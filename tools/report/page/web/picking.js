@@ -29,7 +29,7 @@ function pointAt(points, camera, x, y, edge, deep) {
     }
   }
   const covering = near.filter(({ covers }) => covers);
-  const front = Math.min(...covering.map(({ depth }) => depth));
+  const front = covering.reduce((least, { depth }) => Math.min(least, depth), Infinity);
   const chosen = covering.length ? covering.filter(({ depth }) => depth <= front + deep) : near;
   return chosen.reduce((best, one) => (best && best.aside <= one.aside ? best : one), null)?.k ?? null;
 }

@@ -1,12 +1,13 @@
 // The sections under the map, each from the page's content.
 
 const FIRST_ROWS = 50; // of a long list
+const WORST = 8; // passes that are listed
 
 /** All sections that this survey has something for: [[id, heading, elements], ...]. */
 function sectionsOf(content, pictures, choose) {
   const all = [
     ["loops", "Loops", loopSection(content, choose)],
-    ["crossings", "Passes over the same place", crossingSection(content)],
+    ["crossings", "Passes over the same place", crossingSection(content, choose)],
     ["navigation", "Against navigation", navigationSection(content)],
     ["poses", "How sure the poses are", poseSection(content)],
     ["pictures", "Pictures", Object.entries(pictures).map(([name, url]) => picture(name, url))],
@@ -55,13 +56,31 @@ function loopSection({ pairs, names }, choose) {
   ];
 }
 
-function crossingSection({ crossings }) {
+/** Before the loops and after: of all, as a curve, and of those that lie farthest apart. */
+function crossingSection({ crossings, names }, choose) {
   if (!crossings.pairs) return [];
   const row = (name, suffix) => [name, short(crossings[`before${suffix}`], "m"), short(crossings[`after${suffix}`], "m")];
   return [
     make("p", {}, `How far points of one pass lie from the surface of another, over ${crossings.pairs} pairs of scans that
       overlap but were not taken one soon after the other. The ranges' noise is part of it.`),
     table(["distance", "before the loops", "after"], [row("median", ""), row("90th percentile", "_90")]),
+    ...(crossings.rows.length ? crossingRows(crossings.rows, names, choose) : []),
+  ];
+}
+
+function crossingRows(rows, names, choose) {
+  const sorted = [...rows].sort((a, b) => a.after_m - b.after_m);
+  const curve = (name, key) => ({ name, values: sorted.map((row) => row[key]) });
+  const line = (row) => [
+    make("button", { type: "button", class: "link", onclick: () => choose({ ...row, role: "crossing", kept: true }) },
+      `${names[row.target]} – ${names[row.source]}`),
+    short(row.before_m, "m"), short(row.after_m, "m"), short(row.after_90_m, "m"),
+  ];
+  return [
+    chart("Median distance of two passes", "m", sorted.map((_, k) => k + 1),
+      [curve("after", "after_m"), curve("before the loops", "before_m")], "pairs of passes, sorted by their distance after the loops"),
+    make("p", {}, "Those that lie farthest apart after the loops; click on a pair to see it in the map."),
+    table(["scans", "median before", "median after", "90th percentile after"], sorted.slice(-WORST).reverse().map(line)),
   ];
 }
 
