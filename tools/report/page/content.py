@@ -51,7 +51,7 @@ def content_of(folder: MapFolder) -> Content:
         "settings": setting_rows(summary["settings"]),
         "versions": summary["versions"],
         "device": summary["device"],
-        "inputs": summary["inputs"],
+        "inputs": summary.get("inputs", []),
         "georeference": summary.get("georeference"),
         "citation": citation(summary["versions"]),
     }

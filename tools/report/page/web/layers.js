@@ -5,8 +5,8 @@ const LINES = {
   ellipsoids: { color: [0.9, 0.35, 0], width: 1, dash: 0 },
   kept: { color: [0.2, 0.62, 0.95], width: 1.2, dash: 0 },
   refused: { color: [0.85, 0.4, 0.7], width: 1.5, dash: 6 },
-  chosen: { color: [1, 0.85, 0.1], width: 4, dash: 0 },
-  measured: { color: [1, 1, 1], width: 2.5, dash: 0 },
+  chosen: { color: [1, 0.85, 0.1], width: 4, dash: 0, hidden: 0.75 },
+  measured: { color: [1, 1, 1], width: 2.5, dash: 0, hidden: 0.75 },
 };
 const CONFIDENCE = 2.7955; // standard deviations of a place in space that hold 95 %
 const CIRCLE = 24; // pieces of a circle

@@ -69,7 +69,7 @@ class Scene {
   /**
    * Lines under a name, in place of those that it had.
    * @param pieces [[begin, end], ...], places [m]
-   * @param style {color: [r, g, b] 0 to 1, width [pixels], dash [pixels], 0 for none}
+   * @param style {color: [r, g, b] 0 to 1, width [pixels], dash [pixels], 0 for none, hidden: opacity behind points}
    */
   showLines(name, pieces, style) {
     const { gl } = this;
@@ -154,7 +154,7 @@ class Scene {
     gl.bindVertexArray(lines.array);
     gl.enable(gl.BLEND);
     gl.depthMask(false);
-    for (const [compare, alpha] of [[gl.LEQUAL, 1], [gl.GREATER, HIDDEN]]) {
+    for (const [compare, alpha] of [[gl.LEQUAL, 1], [gl.GREATER, lines.hidden ?? HIDDEN]]) {
       gl.depthFunc(compare);
       gl.uniform4f(uniforms.color, ...lines.color, alpha);
       gl.drawElements(gl.TRIANGLES, 6 * lines.count, gl.UNSIGNED_INT, 0);

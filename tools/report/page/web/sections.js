@@ -69,18 +69,18 @@ function crossingSection({ crossings, names }, choose) {
 }
 
 function crossingRows(rows, names, choose) {
-  const sorted = [...rows].sort((a, b) => a.after_m - b.after_m);
-  const curve = (name, key) => ({ name, values: sorted.map((row) => row[key]) });
+  const curve = (name, key) => ({ name, values: rows.map((row) => row[key]).sort((a, b) => a - b) });
+  const worst = [...rows].sort((a, b) => b.after_m - a.after_m).slice(0, WORST);
   const line = (row) => [
     make("button", { type: "button", class: "link", onclick: () => choose({ ...row, role: "crossing", kept: true }) },
       `${names[row.target]} – ${names[row.source]}`),
     short(row.before_m, "m"), short(row.after_m, "m"), short(row.after_90_m, "m"),
   ];
   return [
-    chart("Median distance of two passes", "m", sorted.map((_, k) => k + 1),
-      [curve("after", "after_m"), curve("before the loops", "before_m")], "pairs of passes, sorted by their distance after the loops"),
+    chart("Median distance of two passes", "m", rows.map((_, k) => k + 1),
+      [curve("after", "after_m"), curve("before the loops", "before_m")], "pairs of passes, from the nearest to the farthest"),
     make("p", {}, "Those that lie farthest apart after the loops; click on a pair to see it in the map."),
-    table(["scans", "median before", "median after", "90th percentile after"], sorted.slice(-WORST).reverse().map(line)),
+    table(["scans", "median before", "median after", "90th percentile after"], worst.map(line)),
   ];
 }
 
