@@ -1,6 +1,7 @@
 """A page in a real Chromium without a window, and all that it says and asks for meanwhile."""
 
 import shutil
+import time
 from collections.abc import Iterator
 from contextlib import contextmanager
 from dataclasses import dataclass, field
@@ -15,7 +16,7 @@ if TYPE_CHECKING:
 SOFTWARE = ("--use-angle=swiftshader", "--enable-unsafe-swiftshader")  # WebGL on the processor
 WITHOUT_WEBGL = ("--disable-3d-apis",)
 _NAMES = ("chromium", "chromium-browser", "google-chrome", "google-chrome-stable")
-_PATIENCE = 30_000  # for a page to open [ms]
+_PATIENCE = 30.0  # for what is waited for [s]
 
 
 @dataclass
@@ -29,6 +30,14 @@ class Opened:
     page: "Page"
     said: list[str] = field(default_factory=list)
     asked: list[str] = field(default_factory=list)
+
+
+def wait_until(page: "Page", expression: str) -> None:
+    """Wait for a condition in the page, whose policy forbids the way in which Playwright itself would."""
+    end = time.monotonic() + _PATIENCE
+    while not page.evaluate(f"Boolean({expression})"):
+        assert time.monotonic() < end, f"{expression} did not come true within {_PATIENCE:g} s"
+        page.wait_for_timeout(20)
 
 
 @contextmanager
@@ -56,6 +65,6 @@ def opened(path: Path, flags: tuple[str, ...] = SOFTWARE, script: str = "", **co
         page.on("request", lambda request: shown.asked.append(request.url))
         page.add_init_script(script)
         page.goto(path.resolve().as_uri())
-        page.wait_for_function("window.sonarmap && (!sonarmap.view || sonarmap.view.frames > 0)", timeout=_PATIENCE)
+        wait_until(page, "window.sonarmap && (!sonarmap.view || sonarmap.view.frames > 0)")
         yield shown
         browser.close()

@@ -8,7 +8,7 @@ import pytest
 
 from slam.graph.trajectory import Trajectory
 from tests.tools.export.finished import finished_map
-from tests.tools.report.page.browser import WITHOUT_WEBGL, opened
+from tests.tools.report.page.browser import WITHOUT_WEBGL, opened, wait_until
 from tests.tools.report.page.known_map import DOT, folder_of, known_content, known_points, written
 from tools.export.map_folder import read_map_folder
 from tools.report.page.content import Content, content_of
@@ -39,10 +39,8 @@ def test_a_third_is_drawn_while_moving(content: Content, tmp_path: Path) -> None
         assert many.page.evaluate("drawn[drawn.length - 1]") == 120_001
         many.page.locator("#canvas").focus()
         many.page.keyboard.press("ArrowLeft")
-        many.page.wait_for_timeout(1000)
-        drawn = many.page.evaluate("drawn")
-        assert 40_001 in drawn
-        assert drawn[-1] == 120_001  # once it stands still
+        wait_until(many.page, "drawn.length >= 3 && drawn[drawn.length - 1] === 120001")  # once it stands still
+        assert 40_001 in many.page.evaluate("drawn")
         assert many.said == []
 
 
@@ -133,7 +131,7 @@ def test_parts_are_shown_one_at_a_time(tmp_path: Path) -> None:
         counts = [len(part.points) for part in folder.parts]
         assert parts.page.evaluate("sonarmap.view.points.count") == counts[0]
         parts.page.locator("#controls select").first.select_option("1")
-        parts.page.wait_for_function(f"sonarmap.view.points.count === {counts[1]}")
+        wait_until(parts.page, f"sonarmap.view.points.count === {counts[1]}")
         assert "2 separate maps" in parts.page.locator("#concerns").inner_text()
         assert parts.said == []
 

@@ -25,6 +25,7 @@ class View {
     this.measured = [];
     this.frames = 0;
     this.movedAt = -Infinity;
+    this.moved = false; // since the last frame
     this.step = THIRD;
     new ResizeObserver(() => this.resize()).observe(stage);
     followPointer(this);
@@ -132,7 +133,7 @@ class View {
 
   /** Ask for a frame; `moving` if a third of the points will do. */
   request(moving = false) {
-    if (moving) this.movedAt = performance.now();
+    if (moving) [this.movedAt, this.moved] = [performance.now(), true];
     this.waiting ??= requestAnimationFrame(() => this.draw());
   }
 
@@ -140,7 +141,8 @@ class View {
     this.waiting = null;
     if (!this.camera) return;
     const now = performance.now();
-    const moving = now - this.movedAt < STILL;
+    const moving = this.moved || now - this.movedAt < STILL; // a slow machine draws long after it was asked
+    this.moved = false;
     const step = moving && this.points.count > MANY ? this.stepFor(now) : 1;
     const points = this.scene.points;
     this.scene.points = this.shown.points ? points : null;
