@@ -102,6 +102,26 @@ def test_every_point_is_picked_where_it_is_seen(page: Opened) -> None:
     page.page.evaluate("Object.assign(sonarmap.view.shown, {way: true, kept: true, refused: true}); 0")
 
 
+def test_what_is_hidden_is_not_picked(page: Opened) -> None:
+    """With all that is higher than 1.5 m cut off, B at 2.1 m is gone and A at 0.8 m is there."""
+    heights = known_points()[:, 2]
+    low, high = (page.page.evaluate(f"sonarmap.view.part.extent[{k}][2]") for k in (0, 1))
+    assert low <= heights.min() < heights.max() <= high + QUANTUM
+    slider = page.page.locator("#highest")
+    slider.fill(str(round(200 * (1.5 - low) / (high - low))))
+    assert abs(page.page.evaluate("sonarmap.view.heights[1]") - 1.5) <= (high - low) / 400
+    page.page.evaluate(
+        "Object.assign(sonarmap.view.shown, {way: false, kept: false}); sonarmap.view.camera.fromAbove()"
+    )
+    for place, seen in ((A, True), (B, False)):
+        x, y, _ = page.page.evaluate("place => sonarmap.view.camera.project(place)", place.tolist())
+        hit = page.page.evaluate("([x, y]) => sonarmap.view.pick(x, y)", [x, y])
+        assert (hit is not None and np.abs(np.array(hit["place"]) - place).max() < QUANTUM) == seen
+    slider.fill("200")
+    assert page.page.evaluate("sonarmap.view.heights[1] === Infinity")
+    page.page.evaluate("Object.assign(sonarmap.view.shown, {way: true, kept: true})")
+
+
 def test_a_click_tells_what_a_point_is(page: Opened) -> None:
     page.page.locator("label.way input").uncheck()
     page.page.locator("label.kept input").uncheck()

@@ -41,12 +41,30 @@ function showControls(form, view, content, number, change) {
           view.scale = 2 ** event.target.value;
           view.request();
         },
-      }))),
+      })),
+      ...[["lowest", 0, "Hide below: "], ["highest", 1, "Hide above: "]].map(([id, end, text]) => heightSlider(view, id, end, text))),
     make("div", { class: "buttons" },
       button("Measure a distance", () => view.measure(!view.measuring), { id: "measure", "aria-pressed": view.measuring }),
       button("From above", () => (view.camera.fromAbove(), view.request())),
       button("Show all", () => (view.camera.reset(), view.request()))));
   showLegend(legend, view);
+}
+
+/** A slider that cuts points off at a height: at its outer end, nothing. */
+function heightSlider(view, id, end, text) {
+  const { extent, height } = view.part;
+  const [low, high] = [extent[0][2], extent[1][2]];
+  const said = make("output", {}, "off");
+  const slider = make("input", {
+    type: "range", id, min: 0, max: 200, value: 200 * end, oninput: () => {
+      const share = slider.value / 200;
+      const z = low + share * (high - low);
+      view.heights[end] = share === end ? (end ? Infinity : -Infinity) : z;
+      said.textContent = share === end ? "off" : meters(height.zero === null ? z : height.zero - z, (high - low) / 100);
+      view.request(true);
+    },
+  });
+  return make("label", {}, text, said, slider);
 }
 
 /** What the colors mean: a scale, or a list where they have no order. */

@@ -7,9 +7,10 @@ const NEAR = 8; // pixels within which something is hit
  * one the nearest to the pixel; where no square covers it, the nearest of the points within `NEAR` pixels.
  * @param edge of a point's square at a distance of 1 m [pixels]
  * @param deep how far behind the one in front a point may be [m]
+ * @param heights the lowest and the highest that are shown [m]
  * @returns its number, or null where there is none
  */
-function pointAt(points, camera, x, y, edge, deep) {
+function pointAt(points, camera, x, y, edge, deep, [lowest, highest]) {
   const { right, up, ahead } = camera.axes();
   const scale = camera.height / (2 * Math.tan(FIELD / 2));
   const { places, quantum } = points;
@@ -19,6 +20,8 @@ function pointAt(points, camera, x, y, edge, deep) {
     const [r0, u0, a0] = [dot(corner, right), dot(corner, up), dot(corner, ahead) + camera.distance];
     for (let k = tile.start, at = 4 * k; k < tile.start + tile.count; k++, at += 4) {
       const px = quantum * places[at], py = quantum * places[at + 1], pz = quantum * places[at + 2];
+      const height = tile.origin[2] + pz;
+      if (height < lowest || height > highest) continue;
       const depth = a0 + px * ahead[0] + py * ahead[1] + pz * ahead[2];
       if (depth <= 0) continue;
       const half = Math.max(SQUARES[0], Math.min(SQUARES[1], edge / depth)) / 2, reach = Math.max(half, NEAR);

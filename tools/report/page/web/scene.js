@@ -2,6 +2,7 @@
 
 const BYTES = 8; // of a point: x, y, z and color, two each
 const SQUARES = [1.5, 48]; // smallest and largest edge of a point [pixels]
+const FAR = 1e9; // beyond any height [m]: not every card knows infinity
 const HIDDEN = 0.22; // how opaque a line is behind points
 
 class Scene {
@@ -101,7 +102,8 @@ class Scene {
   /**
    * Draw a frame.
    * @param camera whose width and height are the canvas's
-   * @param look {ground: [r, g, b] 0 to 1, scale: of the points, step: 1 for all of them, 3 for every third}
+   * @param look {ground: [r, g, b] 0 to 1, scale: of the points, step: 1 for all of them, 3 for every third,
+   *   heights: the lowest and the highest that are shown [m]}
    */
   draw(camera, look) {
     const { gl } = this;
@@ -128,6 +130,7 @@ class Scene {
     gl.uniform1f(uniforms.quantum, points.quantum);
     gl.uniform1f(uniforms.edge, this.edge(camera, look.scale) * ratio * Math.sqrt(step));
     gl.uniform2f(uniforms.sizes, ...SQUARES.map((size) => size * ratio));
+    gl.uniform2fv(uniforms.heights, look.heights.map((height) => Math.max(-FAR, Math.min(FAR, height - camera.target[2]))));
     gl.bindTexture(gl.TEXTURE_2D, this.palette);
     gl.bindVertexArray(this.pointArray);
     gl.bindBuffer(gl.ARRAY_BUFFER, this.buffer);

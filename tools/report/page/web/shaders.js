@@ -8,9 +8,12 @@ uniform vec3 corner;        // of the tile, less the target [m]
 uniform float quantum;      // [m]
 uniform float edge;         // of a voxel at a distance of 1 m [pixels of the card]
 uniform vec2 sizes;         // smallest and largest edge [pixels of the card]
+uniform vec2 heights;       // of the points that are shown, less the target's [m]
 uniform sampler2D palette;
 out vec3 color;
 void main() {
+  float height = corner.z + quantum * place.z;
+  if (height < heights.x || height > heights.y) { gl_Position = vec4(2.0, 2.0, 2.0, 1.0); return; }
   gl_Position = clip_from_target * vec4(corner + quantum * place.xyz, 1.0);
   gl_PointSize = clamp(edge / gl_Position.w, sizes.x, sizes.y);
   color = texelFetch(palette, ivec2(int(place.w), 0), 0).rgb;

@@ -43,6 +43,7 @@ class View {
     this.scene.showPoints(points, part.voxel);
     this.colorBy(this.coloring in this.colorings ? this.coloring : "depth");
     this.measured = [];
+    this.heights = [-Infinity, Infinity]; // of the points that are shown [m]
     this.showLayers();
     this.choose(null);
     this.resize();
@@ -114,7 +115,7 @@ class View {
   }
 
   pointAt(x, y) {
-    return pointAt(this.points, this.camera, x, y, this.scene.edge(this.camera, this.scale), this.part.voxel);
+    return pointAt(this.points, this.camera, x, y, this.scene.edge(this.camera, this.scale), this.part.voxel, this.heights);
   }
 
   click(x, y) {
@@ -146,7 +147,7 @@ class View {
     const step = moving && this.points.count > MANY ? this.stepFor(now) : 1;
     const points = this.scene.points;
     this.scene.points = this.shown.points ? points : null;
-    this.scene.draw(this.camera, { ground: this.ground(), scale: this.scale, step });
+    this.scene.draw(this.camera, { ground: this.ground(), scale: this.scale, step, heights: this.heights });
     this.scene.points = points;
     this.frames++;
     [this.drawnAt, this.wasMoving] = [now, moving];
