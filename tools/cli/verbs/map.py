@@ -290,19 +290,17 @@ def _map(
     from tools.writers.atomic import clear_leftovers, require_writable
 
     prepared = prepared_limit(configured.registrar, options.workers)
-    mapping = replace(settings["mapper"], prepared=prepared)
     names = [scan.name for scan in read.scans]
     require_writable(out)
     instruments = [Path(settings[name]) for name in ("priors", "odometry") if name in settings]
     inputs = input_rows([*read.files, *instruments])  # now: while the scans are mapped, files may change
     with open_execution(configured, prepared, options, out / JOURNAL, quiet) as execution:
         clear_leftovers(out)  # the journal is locked: no other run writes here
-        mapper = Mapper(configured.registrar, configured.grid.voxel, mapping, execution)
+        mapper = Mapper(configured.registrar, configured.grid.voxel, settings["mapper"], execution)
         with growing_progress("mapping", quiet) as step:
             step(0, len(read.scans), "preparing the first scans")
             result = mapper.run(read.scans, step, read.surveys, odometry)
         times = survey_times(execution.timings, options.place)
-        settings = {**settings, "mapper": mapping}
         described = (configured.device, read.unread, also, times, inputs, georeference)
         write_survey(out, result, names, settings, *described)
     return result
