@@ -104,11 +104,12 @@ def _columns(part: MapPart) -> tuple[dict[str, np.ndarray], dict[str, tuple[floa
 
 def _height(folder: MapFolder, part: MapPart) -> dict[str, Any]:
     """What the third coordinate means: how to call it, and what to subtract it from for a depth; null for a height."""
-    if not part.knows("up"):
-        return {"label": "height over the first scan", "zero": None}
-    if folder.georeference is None:
-        return {"label": "depth below the zero of the navigation's heights", "zero": 0.0}
     here = folder.georeference
+    given = here is not None and here.height != 0 and folder.on_earth(part)  # by --origin
+    if not (part.knows("up") or given):
+        return {"label": "height over the first scan", "zero": None}
+    if here is None:
+        return {"label": "depth below the zero of the navigation's heights", "zero": 0.0}
     return {"label": f"depth below {VERTICALS[here.vertical]}", "zero": -here.height}
 
 

@@ -26,7 +26,7 @@ TURN = """async seconds => {
         await new Promise(requestAnimationFrame);
         view.scene.gl.readPixels(0, 0, 1, 1, view.scene.gl.RGBA, view.scene.gl.UNSIGNED_BYTE, new Uint8Array(4));
     }
-    return [(view.frames - frames) / ((performance.now() - begin) / 1000), view.points.count > 100000 ? view.step : 1];
+    return [(view.frames - frames) / ((performance.now() - begin) / 1000), view.points.count > 30000 ? view.step : 1];
 }"""
 LOOK_AT = """place => {
     const { view } = sonarmap;

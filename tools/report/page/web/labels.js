@@ -7,7 +7,7 @@ function placeLabels(view) {
   const { way } = view.part;
   const last = way.places.length - 1;
   const labels = [];
-  if (view.shown.way && last > 0) labels.push([way.places[0], "start"], [way.places[last], "end"]);
+  if (view.shown.way && last > 0) labels.push(...endLabels(view.camera, way.places[0], way.places[last]));
   view.measured.forEach((place, k) => labels.push([place, "AB"[k]]));
   if (view.mark && !view.measuring) labels.push([view.mark, "◉"]);
   const box = view.stage.querySelector("#labels");
@@ -23,6 +23,13 @@ function placeLabels(view) {
   });
   drawCompass(view);
   drawBar(view);
+}
+
+/** Where the way starts and ends; one label for both where they would cover each other. */
+function endLabels(camera, start, end) {
+  const [[x, y], [u, v]] = [start, end].map((place) => camera.project(place));
+  const over = Math.abs(x - u) < 46 && Math.abs(y - v) < 18;
+  return over ? [[end, "start, end"]] : [[start, "start"], [end, "end"]];
 }
 
 function drawCompass({ stage, camera, part }) {

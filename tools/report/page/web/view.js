@@ -1,7 +1,7 @@
 // The map in 3D: what is shown of it, how it follows mouse, fingers and keys, and what is picked and measured.
 
 const STILL = 200; // after the last movement all points are drawn [ms]
-const MANY = 100000; // of fewer points all are drawn while moving, too
+const MANY = 30000; // of fewer points all are drawn while moving, too
 const THIRD = 3; // of more, every third; fewer on machines that take longer than SLOW for a frame
 const FEWEST = 30; // WebGL allows no wider steps
 const [SLOW, QUICK] = [50, 20]; // [ms]
