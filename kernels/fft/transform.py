@@ -1,4 +1,4 @@
-# pyright: strict
+# pyright: strict, reportUnknownMemberType=false
 """Fourier transforms of three-dimensional arrays on a device, in single precision."""
 
 from functools import cached_property
