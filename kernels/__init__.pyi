@@ -8,7 +8,6 @@ from .errors import SonarmapError as SonarmapError
 from .fft.transform import RealFFT as RealFFT
 from .points.voxelize import voxelize as voxelize
 from .pomf.peak import find_peaks as find_peaks
-from .pomf.peak import peak_at as peak_at
 from .pomf.peak_fit import Peak as Peak
 from .pomf.spectrum import Pomf as Pomf
 from .pomf.spectrum import magnitude as magnitude
@@ -42,7 +41,6 @@ __all__ = [
     "list_devices",
     "magnitude",
     "normalize_layers",
-    "peak_at",
     "polar_magnitude",
     "rectangular_unwrap",
     "rotational_unwrap",

@@ -100,11 +100,6 @@ def zero(device: Device, array: cla.Array) -> None:
             cl.enqueue_fill_buffer(device.queue, cast(cl.Buffer, array.base_data), pattern, begin, rest)
 
 
-def group_size(count: int, most: int) -> int:
-    """The largest size of equal groups of `count` work-items that is not above `most`."""
-    return next(size for size in range(min(most, count), 0, -1) if count % size == 0)
-
-
 def table(device: Device, values: np.ndarray) -> cla.Array:
     """A small constant array on the device, uploaded once and found again by its content."""
     tables = _TABLES.setdefault(device, {})

@@ -64,62 +64,69 @@ def tracing(device: Device, counts: Callable[[], Counts]) -> Iterator[None]:
         device: its queue alone counts; made with `profiling` if times are wanted.
         counts: what to add to, asked each time.
     """
-    passed: list[int] = []  # sizes of the arrays that went to kernels since the last launch
-    last = [0]
+    tracer = _Tracer(device, counts)
+    with ExitStack() as stack:
+        for owner in (cl, binding):
+            stack.enter_context(_before(owner, "enqueue_nd_range_kernel", tracer.launched))
+        stack.enter_context(_before(cl, "enqueue_copy", tracer.copied))
+        stack.enter_context(_before(cl, "enqueue_map_buffer", tracer.mapped))
+        stack.enter_context(_before(cl, "wait_for_events", tracer.waited))
+        stack.enter_context(_before(cl.Event, "wait", tracer.waited))
+        stack.enter_context(_before(cl.CommandQueue, "finish", tracer.waited))
+        stack.enter_context(_before(Device, "to_device", tracer.uploaded))
+        for owner, name in everywhere(launch.memory_of):
+            stack.enter_context(_before(owner, name, tracer.took))
+        yield
 
-    def ours(queue: Any) -> bool:
-        return queue.int_ptr == device.queue.int_ptr
 
-    def launched(original: Callable[..., Any], queue: Any, kernel: Any, *rest: Any, **options: Any) -> Any:
+class _Tracer:
+    """What is called before PyOpenCL's functions, each of which it is given first."""
+
+    def __init__(self, device: Device, counts: Callable[[], Counts]) -> None:
+        self._device, self._counts = device, counts
+        self._passed: list[int] = []  # sizes of the arrays that went to kernels since the last launch
+        self._last = 0
+
+    def launched(self, original: Callable[..., Any], queue: Any, kernel: Any, *rest: Any, **options: Any) -> Any:
         event = original(queue, kernel, *rest, **options)
-        if ours(queue):
+        if self._is_ours(queue):
             # several launches may share the arguments that were set once
-            last[0] = sum(passed) or last[0]
-            passed.clear()
-            to = counts()
+            self._last = sum(self._passed) or self._last
+            self._passed.clear()
+            to = self._counts()
             to.launches += 1
-            to.array_bytes += last[0]
+            to.array_bytes += self._last
             to.events.append((kernel.function_name, event))
         return event
 
-    def copied(original: Callable[..., Any], queue: Any, to: Any, source: Any, **options: Any) -> Any:
-        if ours(queue):
-            _count_copy(counts(), to, source, options.get("is_blocking", True))
+    def copied(self, original: Callable[..., Any], queue: Any, to: Any, source: Any, **options: Any) -> Any:
+        if self._is_ours(queue):
+            _count_copy(self._counts(), to, source, options.get("is_blocking", True))
         return original(queue, to, source, **options)
 
-    def mapped(original: Callable[..., Any], queue: Any, *rest: Any, **options: Any) -> Any:
+    def mapped(self, original: Callable[..., Any], queue: Any, *rest: Any, **options: Any) -> Any:
         array, event = original(queue, *rest, **options)
-        if ours(queue):
-            counts().reads += bool(options.get("is_blocking", True))
-            counts().read_bytes += array.nbytes
+        if self._is_ours(queue):
+            self._counts().reads += bool(options.get("is_blocking", True))
+            self._counts().read_bytes += array.nbytes
         return array, event
 
-    def waited(original: Callable[..., Any], *given: Any) -> Any:
-        counts().reads += 1
+    def waited(self, original: Callable[..., Any], *given: Any) -> Any:
+        self._counts().reads += 1
         return original(*given)
 
-    def took(original: Callable[..., Any], array: cla.Array) -> Any:
-        passed.append(array.nbytes)
+    def took(self, original: Callable[..., Any], array: cla.Array) -> Any:
+        self._passed.append(array.nbytes)
         return original(array)
 
-    def uploaded(original: Callable[..., Any], of: Device, host: np.ndarray) -> Any:
-        if ours(of.queue) and of.allocator is None:  # else it is copied, and counts there
-            counts().writes += 1
-            counts().written_bytes += host.nbytes
+    def uploaded(self, original: Callable[..., Any], of: Device, host: np.ndarray) -> Any:
+        if self._is_ours(of.queue) and of.allocator is None:  # else it is copied, and counts there
+            self._counts().writes += 1
+            self._counts().written_bytes += host.nbytes
         return original(of, host)
 
-    with ExitStack() as stack:
-        for owner in (cl, binding):
-            stack.enter_context(_before(owner, "enqueue_nd_range_kernel", launched))
-        stack.enter_context(_before(cl, "enqueue_copy", copied))
-        stack.enter_context(_before(cl, "enqueue_map_buffer", mapped))
-        stack.enter_context(_before(cl, "wait_for_events", waited))
-        stack.enter_context(_before(cl.Event, "wait", waited))
-        stack.enter_context(_before(cl.CommandQueue, "finish", waited))
-        stack.enter_context(_before(Device, "to_device", uploaded))
-        for owner, name in everywhere(launch.memory_of):
-            stack.enter_context(_before(owner, name, took))
-        yield
+    def _is_ours(self, queue: Any) -> bool:
+        return queue.int_ptr == self._device.queue.int_ptr
 
 
 def everywhere(function: Callable[..., Any]) -> list[tuple[Any, str]]:

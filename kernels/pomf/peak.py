@@ -12,7 +12,7 @@ from kernels.device.launch import launch, require_array
 from kernels.errors import InputError
 from kernels.pomf.peak_fit import Peak, fit_peaks, signed
 
-__all__ = ["Peak", "find_peaks", "peak_at"]
+__all__ = ["Peak", "find_peaks"]
 
 _ROWS_TOGETHER = 16
 NOT_FINITE = "the correlation holds numbers that are not finite; look at the volumes that went in"
@@ -61,33 +61,6 @@ def find_peaks(
         if len(kept) == count or np.isneginf(bound):
             return fit_peaks(index[kept], cubes[kept], shape, mean, std)
         rows_at_once *= 4
-
-
-def peak_at(device: Device, correlation: cla.Array, index: np.ndarray) -> Peak:
-    """The highest of the 27 voxels around a cyclic index (3,), whether it is a peak or lies on a slope.
-
-    Args:
-        correlation: (n0, n1, n2) float32.
-        index: (3,) int64, of any sign.
-
-    Returns:
-        The voxel with its neighborhood, its sub-voxel shift and its height over the whole correlation.
-
-    Raises:
-        InputError: an argument is not as above, or the correlation is not finite.
-    """
-    shape = require_array(correlation, "correlation", (None, None, None))
-    if np.shape(index) != (3,) or not np.issubdtype(index.dtype, np.integer):
-        raise InputError(f"`index` is {index}; wanted three whole numbers")
-    _, mean, std = _statistics(device, correlation, shape[2])
-    # a voxel farther, for the neighborhood of the highest
-    i, j, k = (np.asarray(index)[:, None] + np.arange(-2, 3)) % np.array(shape)[:, None]
-    around = _rows(device, correlation, i[:, None] * shape[1] + j)[:, :, k]
-    inner = around[1:-1, 1:-1, 1:-1]
-    top = np.array(np.unravel_index(int(inner.argmax()), inner.shape))
-    cube = around[tuple(slice(k, k + 3) for k in top)]
-    (peak,) = fit_peaks(((index + top - 1) % shape)[None], cube[None], shape, mean, std)
-    return peak
 
 
 def _reach(shape: tuple[int, ...], limits: tuple[float | None, ...] | None) -> list[int]:
