@@ -10,8 +10,8 @@ from types import FrameType
 from typing import TYPE_CHECKING
 
 from tools.cli.method import ConfiguredMethod
-from tools.cli.survey_text import warn
 from tools.cli.terminal import say
+from tools.cli.text.survey import warn
 from tools.writers.atomic import LEFTOVER_PREFIX
 
 if TYPE_CHECKING:

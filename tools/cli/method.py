@@ -9,7 +9,7 @@ import numpy as np
 import typer
 
 from kernels.errors import InputError
-from tools.cli.options import (
+from tools.cli.options.registration import (
     DEFAULT_EDGE,
     DEFAULT_HYPOTHESES,
     DEFAULT_MAX_TILT,

@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING, Annotated, Any
 import typer
 
 from kernels.errors import InputError
-from tools.cli.options import parse_prior_sigmas
+from tools.cli.options.registration import parse_prior_sigmas
 from tools.cli.terminal import say
 
 if TYPE_CHECKING:

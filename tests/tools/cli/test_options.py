@@ -7,7 +7,7 @@ from typer.testing import CliRunner
 
 from spectral.hemisphere.registration import HemisphereConfig
 from spectral.registration import SpectralConfig
-from tools.cli.options import (
+from tools.cli.options.registration import (
     DEFAULT_HYPOTHESES,
     DEFAULT_MAX_TILT,
     DEFAULT_REFINEMENT,

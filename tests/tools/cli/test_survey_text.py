@@ -8,7 +8,7 @@ import pytest
 
 from slam.mapper import Mapper
 from tests.samples.surveys import KnowingRegistrar, random_covariance, ring_poses, scans_of
-from tools.cli.survey_text import print_survey, warn_of_faults
+from tools.cli.text.survey import print_survey, warn_of_faults
 
 NAMES = [f"scan{k}" for k in range(24)]
 
@@ -18,7 +18,7 @@ def warnings(patch: pytest.MonkeyPatch, covariance: np.ndarray, tmp_path: Path) 
     truth = ring_poses(24)
     survey = Mapper(KnowingRegistrar(truth, covariance), 0.5).run(scans_of(truth))
     told: list[str] = []
-    patch.setattr("tools.cli.survey_text.warn", told.append)
+    patch.setattr("tools.cli.text.survey.warn", told.append)
     warn_of_faults(survey, NAMES, tmp_path)
     return survey.moved, told
 

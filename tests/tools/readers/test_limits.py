@@ -9,7 +9,7 @@ import pytest
 from kernels.errors import InputError
 from tests.samples.clutter_scans import said, sonarmap
 from tests.samples.damage.pose_files import POSE_FILES, PoseFile, numbers_in
-from tools.cli.options import parse_prior_sigmas
+from tools.cli.options.registration import parse_prior_sigmas
 from tools.readers.json_file import read_json
 from tools.readers.navigation.odometry import parse_drift
 

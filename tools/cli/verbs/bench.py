@@ -9,7 +9,7 @@ from typing import Annotated, Any
 import typer
 
 from kernels.errors import InputError
-from tools.cli.options import DeviceOption, JsonOption, SeedOption
+from tools.cli.options.registration import DeviceOption, JsonOption, SeedOption
 from tools.cli.progress import progress
 from tools.cli.terminal import printable, say
 

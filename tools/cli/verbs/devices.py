@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING, Annotated
 import typer
 
 from kernels.errors import DeviceError
-from tools.cli.options import DeviceOption, JsonOption
+from tools.cli.options.registration import DeviceOption, JsonOption
 from tools.cli.terminal import printable, result_console, say
 
 # Of the grids those whose edge is a multiple of this are shown.

@@ -8,7 +8,9 @@ from typing import TYPE_CHECKING, Annotated, cast
 import typer
 
 from kernels.errors import InputError
-from tools.cli.evaluation_text import (
+from tools.cli.options.registration import JsonOption
+from tools.cli.terminal import say
+from tools.cli.text.evaluation import (
     ALIGNMENTS,
     print_calibration,
     print_map,
@@ -16,8 +18,6 @@ from tools.cli.evaluation_text import (
     print_trajectory,
     shown_stamp,
 )
-from tools.cli.options import JsonOption
-from tools.cli.terminal import say
 
 if TYPE_CHECKING:
     from tools.evaluate.map_error import MapError

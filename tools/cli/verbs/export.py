@@ -7,9 +7,9 @@ from typing import Annotated
 
 import typer
 
-from tools.cli.export_options import CellOption, FormatOption, export_with_progress
-from tools.cli.geo_options import CrsOption, OriginHeadingOption, OriginOption, VerticalOption, georeference_of
-from tools.cli.options import JsonOption, QuietOption
+from tools.cli.options.export import CellOption, FormatOption, export_with_progress
+from tools.cli.options.geo import CrsOption, OriginHeadingOption, OriginOption, VerticalOption, georeference_of
+from tools.cli.options.registration import JsonOption, QuietOption
 from tools.cli.terminal import printable
 
 

@@ -8,14 +8,13 @@ from typing import TYPE_CHECKING, Annotated, Any
 import typer
 
 from tools.cli.arguments import as_options
-from tools.cli.options import (
+from tools.cli.options.registration import (
     DEFAULT_EDGE,
     GridOption,
     JsonOption,
     QuietOption,
 )
-from tools.cli.progress import growing_progress
-from tools.cli.scan_options import (
+from tools.cli.options.scan import (
     FrameOption,
     RangeScaleOption,
     SoundSpeedOption,
@@ -23,9 +22,10 @@ from tools.cli.scan_options import (
     corrections_of,
     corrections_summary,
 )
-from tools.cli.survey_options import InputsArgument
-from tools.cli.survey_text import warn
+from tools.cli.options.survey import InputsArgument
+from tools.cli.progress import growing_progress
 from tools.cli.terminal import printable, result_console, say
+from tools.cli.text.survey import warn
 
 if TYPE_CHECKING:
     from tools.inspect.overview import Overview

@@ -11,8 +11,6 @@ import typer
 from kernels.errors import InputError
 from tools.cli.arguments import as_options
 from tools.cli.execution import ExecutionOptions, open_execution
-from tools.cli.export_options import ExportOption, export_with_progress
-from tools.cli.geo_options import CrsOption, OriginHeadingOption, OriginOption, VerticalOption, georeference_of
 from tools.cli.method import ConfiguredMethod, configure_method, method_options
 from tools.cli.navigation import (
     HeadingReferenceOption,
@@ -28,7 +26,9 @@ from tools.cli.navigation import (
     scans_with_priors,
 )
 from tools.cli.navigation_check import contradiction_of
-from tools.cli.options import (
+from tools.cli.options.export import ExportOption, export_with_progress
+from tools.cli.options.geo import CrsOption, OriginHeadingOption, OriginOption, VerticalOption, georeference_of
+from tools.cli.options.registration import (
     DEFAULT_HYPOTHESES,
     DEFAULT_MAX_TILT,
     DEFAULT_REFINEMENT,
@@ -49,8 +49,7 @@ from tools.cli.options import (
     VoxelOption,
     YawPeaksOption,
 )
-from tools.cli.progress import growing_progress
-from tools.cli.scan_options import (
+from tools.cli.options.scan import (
     FrameOption,
     ImuOption,
     RangeScaleOption,
@@ -59,7 +58,7 @@ from tools.cli.scan_options import (
     corrections_of,
     corrections_summary,
 )
-from tools.cli.survey_options import (
+from tools.cli.options.survey import (
     AlsoOption,
     FreshOption,
     InputsArgument,
@@ -77,8 +76,9 @@ from tools.cli.survey_options import (
     odometry_of,
     survey_settings,
 )
-from tools.cli.survey_text import print_survey, warn, warn_of_faults
+from tools.cli.progress import growing_progress
 from tools.cli.terminal import printable, say
+from tools.cli.text.survey import print_survey, warn, warn_of_faults
 from tools.methods.registry import DEFAULT_METHOD
 
 if TYPE_CHECKING:

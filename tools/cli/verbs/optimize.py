@@ -9,10 +9,10 @@ import typer
 
 from kernels.errors import InputError
 from tools.cli.arguments import as_options
-from tools.cli.options import JsonOption, QuietOption
+from tools.cli.options.registration import JsonOption, QuietOption
 from tools.cli.progress import progress
-from tools.cli.survey_text import warn
 from tools.cli.terminal import printable, result_console
+from tools.cli.text.survey import warn
 
 if TYPE_CHECKING:
     from slam.optimize.solve import Objective, Start

@@ -15,9 +15,9 @@ import typer
 from rich.live import Live
 from rich.text import Text
 
-from tools.cli.options import JsonOption, QuietOption
-from tools.cli.survey_text import warn
+from tools.cli.options.registration import JsonOption, QuietOption
 from tools.cli.terminal import error_console, printable, say
+from tools.cli.text.survey import warn
 
 if TYPE_CHECKING:
     from tools.record.recorder import Status

@@ -20,7 +20,7 @@ from tools.cli.navigation import (
     navigation_settings,
     scans_with_priors,
 )
-from tools.cli.options import (
+from tools.cli.options.registration import (
     DEFAULT_HYPOTHESES,
     DEFAULT_MAX_TILT,
     DEFAULT_REFINEMENT,
@@ -40,8 +40,7 @@ from tools.cli.options import (
     VoxelOption,
     YawPeaksOption,
 )
-from tools.cli.picture import PictureOption, draw_picture, require_steps
-from tools.cli.scan_options import (
+from tools.cli.options.scan import (
     FrameOption,
     ImuOption,
     RangeScaleOption,
@@ -49,6 +48,7 @@ from tools.cli.scan_options import (
     UnitsOption,
     corrections_of,
 )
+from tools.cli.picture import PictureOption, draw_picture, require_steps
 from tools.cli.terminal import printable, result_console, say
 from tools.methods.registry import DEFAULT_METHOD
 

@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING
 
 import typer
 
-from tools.cli.experiment_options import (
+from tools.cli.options.experiment import (
     FirstSeedOption,
     FolderArgument,
     FreshOption,
@@ -28,7 +28,7 @@ from tools.cli.experiment_options import (
     SeedsOption,
     WorkersOption,
 )
-from tools.cli.options import DeviceOption, JsonOption, QuietOption, VoxelOption
+from tools.cli.options.registration import DeviceOption, JsonOption, QuietOption, VoxelOption
 from tools.cli.progress import progress
 from tools.cli.terminal import printable, result_console, say
 from tools.reproduce.experiments import ALL, Request, chosen, create, entry_of, group_of, members

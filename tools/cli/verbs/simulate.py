@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING, Annotated, Any
 import typer
 
 from kernels.errors import InputError
-from tools.cli.options import QuietOption, check_seed
+from tools.cli.options.registration import QuietOption, check_seed
 from tools.cli.progress import growing_progress
 from tools.cli.terminal import printable
 from tools.simulate.catalog import SENSOR_NAMES, TRAJECTORY_KINDS

@@ -6,10 +6,10 @@ from typing import Annotated
 import typer
 
 from kernels.errors import InputError
+from tools.cli.options.survey import InputsArgument
 from tools.cli.progress import growing_progress
-from tools.cli.survey_options import InputsArgument
-from tools.cli.survey_text import warn
 from tools.cli.terminal import printable, say
+from tools.cli.text.survey import warn
 
 
 def command(

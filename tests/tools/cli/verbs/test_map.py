@@ -15,7 +15,7 @@ from slam.mapper import Mapper
 from spectral.result import Registration
 from tests.samples.clutter_scans import T_WORLD_SENSOR, clutter, files_in, said, scan, sonarmap, table_of, write
 from tests.samples.surveys import KnowingRegistrar, ring_poses, scans_of
-from tools.cli.survey_text import warn_of_faults
+from tools.cli.text.survey import warn_of_faults
 from tools.evaluate.trajectory import evaluate
 from tools.readers.poses.kitti import read_kitti
 from tools.readers.poses.tum import read_tum
@@ -254,7 +254,7 @@ def test_a_gap_that_is_bridged_is_told(tmp_path: Path) -> None:
     assert len(survey.components) == 1
     with pytest.MonkeyPatch.context() as patch:
         told: list[str] = []
-        patch.setattr("tools.cli.survey_text.warn", told.append)
+        patch.setattr("tools.cli.text.survey.warn", told.append)
         warn_of_faults(survey, ["a", "b", "c", "d"], tmp_path)
     assert told == ["gap between b and c, bridged by other pairs: refused by the registration: too weak"]
 

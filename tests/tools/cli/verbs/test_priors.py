@@ -13,7 +13,7 @@ from spectral.prior import relative_prior
 from spectral.registration import SpectralRegistrar
 from spectral.scan import PosePrior, Scan
 from tests.samples.clutter_scans import files_in, said, scan, sonarmap, write
-from tools.cli.options import parse_prior_sigmas
+from tools.cli.options.registration import parse_prior_sigmas
 from tools.readers.navigation.priors import with_priors
 from tools.readers.poses.tum import read_tum
 from tools.readers.scans import read_scans

@@ -6,7 +6,7 @@ from typing import Annotated
 import typer
 
 from kernels.errors import InputError
-from tools.cli.options import check_seed, check_tilt
+from tools.cli.options.registration import check_seed, check_tilt
 from tools.methods.registry import METHODS, find_method
 from tools.reproduce.experiments import EXPERIMENTS, groups, members
 from tools.simulate.scenes.catalog import SCENE_KINDS
