@@ -8,7 +8,7 @@ import os
 from collections.abc import Callable, Generator
 from contextlib import contextmanager
 from dataclasses import dataclass
-from functools import cached_property
+from functools import cache, cached_property
 from math import prod
 from typing import Literal
 
@@ -76,7 +76,7 @@ class DeviceInfo:
 
 
 class Device:
-    """A context and an in-order queue on one device, with the programs built for it.
+    """An in-order queue on one device. All of a process share one context, with the programs built for it.
 
     Attributes:
         cl_device, context, queue: PyOpenCL's.
@@ -109,11 +109,10 @@ class Device:
         """
         self.cl_device, self.selector, self.notes = device, selector, notes
         self.flavor: Flavor = flavor or _wanted_flavor() or ("cpu" if kind(device) == "cpu" else "gpu")
-        self.context = cl.Context([device])
+        self.context, self._programs = _opened(device)
         noting = cl.command_queue_properties.PROFILING_ENABLE
         self.queue = cl.CommandQueue(self.context, properties=noting) if profiling else cl.CommandQueue(self.context)
         self.allocator: Callable[[int], cl.Buffer] | None = None
-        self._programs: dict[tuple[str, tuple[str, ...]], cl.Program] = {}
 
     @property
     def name(self) -> str:
@@ -136,7 +135,7 @@ class Device:
         return self.flavor == "cpu"
 
     def program(self, name: str, **defines: int | float) -> cl.Program:
-        """The program of `kernels/<name>.cl`, built once per context and set of macro definitions.
+        """The program of `kernels/<name>.cl`, built once per process and set of macro definitions.
 
         In the GPU flavor the macro GPU is defined.
 
@@ -148,7 +147,7 @@ class Device:
         return self.build((KERNEL_FOLDER / f"{name}.cl").read_text(encoding="utf-8"), options, name)
 
     def build(self, source: str, options: tuple[str, ...] = (), name: str = "generated") -> cl.Program:
-        """Build OpenCL C source, once per context; what the compiler warns of is logged, once.
+        """Build OpenCL C source, once per process; what the compiler warns of is logged, once.
 
         Args:
             source: it can include files of kernels/ by name, as in `#include "device/complex.cl"`.
@@ -247,6 +246,12 @@ def list_devices(test: bool = False) -> list[DeviceInfo]:
         DeviceError: there is no OpenCL platform.
     """
     return [_describe(selector, device, test) for selector, device in _devices()]
+
+
+@cache
+def _opened(device: cl.Device) -> tuple[cl.Context, dict[tuple[str, tuple[str, ...]], cl.Program]]:
+    """The context of a device, and the programs built in it, by source and options."""
+    return cl.Context([device]), {}
 
 
 def choose_device(selector: str | None = None) -> Device:

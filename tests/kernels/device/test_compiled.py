@@ -1,11 +1,13 @@
 """Compiling: every program without a warning in both flavors, and what is said of it, once."""
 
+import functools
 import logging
 from pathlib import Path
 
 import pytest
 
 from kernels.device import cache, compiled
+from kernels.device import device as device_module
 from kernels.device.compiled import build_warnings
 from kernels.device.device import Device
 from kernels.device.source import KERNEL_FOLDER
@@ -18,11 +20,17 @@ LAYOUTS = [Layout((16, 32, 64)), Layout((128, 256, 512)), Layout((3, 64, 16), ba
 MISSPELLED = "__kernel __attribute__((reqd_workgroup_size(32, 1, 1))) void f(__global float* x) { x[0] = SEED; }"
 
 
+def begin_process(monkeypatch: pytest.MonkeyPatch) -> None:
+    """Forget what was built and said, as a process of its own would."""
+    monkeypatch.setattr(device_module, "_opened", functools.cache(device_module._opened.__wrapped__))
+    monkeypatch.setattr(compiled, "_said", set())
+
+
 @pytest.fixture
 def said(tmp_path: Path, monkeypatch: pytest.MonkeyPatch, caplog: pytest.LogCaptureFixture) -> list[str]:
-    """What is logged, on a machine on which nothing was compiled."""
+    """What is logged, on a machine and in a process in which nothing was compiled."""
     monkeypatch.setenv("XDG_CACHE_HOME", str(tmp_path))
-    monkeypatch.setattr(compiled, "_said", set())
+    begin_process(monkeypatch)
     caplog.set_level(logging.INFO, "sonarmap")
     messages: list[str] = []
     monkeypatch.setattr(cache.LOGGER, "handle", lambda record: messages.append(record.getMessage()))
@@ -53,7 +61,7 @@ def test_in_another_process_it_is_not_said_again(
 ) -> None:
     Device(device.cl_device).build(MISSPELLED, ("-DSEED=3",), "wrong")
     assert len(said) == 2
-    monkeypatch.setattr(compiled, "_said", set())
+    begin_process(monkeypatch)
     Device(device.cl_device).build(MISSPELLED, ("-DSEED=3",), "wrong")
     assert len(said) == 2
     Device(device.cl_device).build(MISSPELLED, ("-DSEED=4",), "wrong")
