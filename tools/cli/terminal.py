@@ -2,11 +2,18 @@
 
 import logging
 import sys
+from collections.abc import Iterator
+from contextlib import contextmanager
+from contextvars import ContextVar
 
 from rich.console import Console
 from rich.text import Text
 
+from tools.cli.log import log
+
 _WIDTH_OF_FILES = 200  # a table in a file need not be folded
+_bars: list[Console] = []  # the consoles on stderr that show one: what is said stands above it
+_quiet: ContextVar[bool] = ContextVar("_quiet", default=False)
 
 
 class _Console(Console):
@@ -17,7 +24,17 @@ class _Console(Console):
 
 def error_console() -> Console:
     """A console on stderr as it is now (a test or a pipe may have replaced it since the start)."""
-    return _Console(stderr=True, highlight=False)
+    return _bars[-1] if _bars else _Console(stderr=True, highlight=False)
+
+
+@contextmanager
+def below_messages(console: Console) -> Iterator[None]:
+    """Within the block, `console` shows a bar at the bottom of the screen."""
+    _bars.append(console)
+    try:
+        yield
+    finally:
+        _bars.pop()
 
 
 def result_console() -> Console:
@@ -25,16 +42,34 @@ def result_console() -> Console:
     return _Console(width=None if sys.stdout.isatty() else _WIDTH_OF_FILES, highlight=False)
 
 
+@contextmanager
+def quietly(quiet: bool) -> Iterator[None]:
+    """Within the block, if `quiet`, only labeled messages are said: warnings and errors."""
+    token = _quiet.set(quiet)
+    try:
+        yield
+    finally:
+        _quiet.reset(token)
+
+
 def say(message: str, label: str = "", style: str = "") -> None:
-    """Print a message on stderr, wrapped on a terminal and on one line elsewhere.
+    """Print a message on stderr, wrapped on a terminal and on one line elsewhere, and log it.
 
     Args:
         message: plain text: brackets are not markup, and control characters are shown escaped.
         label: printed before it, as "error: ".
         style: the label's color, in rich's words.
     """
+    log(label + printable(message))
+    if _quiet.get() and not label:
+        return
     console = error_console()
     console.print(Text.assemble((label, style), printable(message)), soft_wrap=not console.is_terminal)
+
+
+def warn(message: str) -> None:
+    """Print on stderr what the user should look at."""
+    say(message, "warning: ", "bold yellow")
 
 
 def printable(text: str) -> str:
