@@ -1,6 +1,7 @@
 """Boxes strewn about, seen from known poses: small scans as files, and the command line run on them in process."""
 
 import csv
+import json
 from collections.abc import Sequence
 from pathlib import Path
 
@@ -62,6 +63,15 @@ def table_of(path: Path) -> list[dict[str, str]]:
     """The rows of a CSV file, by the names of its columns."""
     with path.open(newline="", encoding="utf-8") as file:
         return list(csv.DictReader(file, strict=True))
+
+
+def refused_with_reason(result: Result) -> None:
+    """Check that a command refused what it was given: exit code 2, and on stdout nothing, or with --json the reason."""
+    assert result.exit_code == 2
+    if result.stdout:
+        failure = json.loads(result.stdout)
+        assert failure == {"error": failure["error"], "exit_code": 2}
+        assert " ".join(failure["error"].split()) in " ".join(result.stderr.split())
 
 
 def said(result: Result, *words: str) -> None:

@@ -1,17 +1,15 @@
 """Where a survey's pairs are registered, by the options of `sonarmap map`, and how that ends when it is stopped."""
 
-import signal
-import threading
 from collections.abc import Iterator
 from contextlib import contextmanager
 from dataclasses import dataclass
 from pathlib import Path
-from types import FrameType
 from typing import TYPE_CHECKING
 
+from kernels.errors import InputError
 from tools.cli.method import ConfiguredMethod
-from tools.cli.terminal import say
-from tools.cli.text.survey import warn
+from tools.cli.stops import when_stopped
+from tools.cli.terminal import say, warn
 from tools.writers.atomic import LEFTOVER_PREFIX
 
 if TYPE_CHECKING:
@@ -36,6 +34,16 @@ class ExecutionOptions:
     workers: int = 1
     scheduler: str | None = None
     fresh: bool = False
+
+    @classmethod
+    def of(cls, workers: int | None, scheduler: str | None, fresh: bool) -> "ExecutionOptions":
+        """As --workers, --scheduler and --fresh say; InputError for both of the first."""
+        if workers is not None and scheduler is not None:
+            raise InputError(
+                "--workers starts processes on this machine, and --scheduler uses the workers of a cluster; leave one "
+                "out"
+            )
+        return cls(workers or 1, scheduler, fresh)
 
     @property
     def place(self) -> int | str:
@@ -65,21 +73,29 @@ def open_execution(
 
     key = method_key(method.name, method.setup, method.registrar)
     with (
-        _terminated_as_interrupted(),
         Journal(journal, options.fresh) as opened,
         _workers(method, prepared, options, journal.parent / SPOOL) as (worker, executor),
     ):
         held = opened.count()
         execution = Execution(worker, executor, opened, key)
-        yield execution
+        with when_stopped(lambda: _what_is_kept(len(execution.timings.pairs), journal, options.fresh)):
+            yield execution
         from_journal, tried = execution.timings.from_journal, len(execution.timings.pairs)
         damaged = opened.damaged
     if damaged:
         warn(f"{damaged} results in {journal} were damaged, and have been computed again")
-    if from_journal and not quiet:
+    if from_journal and held and not quiet:
         say(f"{from_journal} of {tried} pairs were in {journal}")
     elif held and not quiet:
         say(f"{journal} holds {held} results of other scans, settings or code; none could be used")
+
+
+def _what_is_kept(pairs: int, journal: Path, fresh: bool) -> str:
+    if not pairs:
+        return "no pair was done yet, and nothing was written"
+    done = "1 pair is done" if pairs == 1 else f"{pairs} pairs are done"
+    without = " without --fresh" if fresh else ""
+    return f"{done} and kept in {journal}; the same command{without} goes on from there"
 
 
 @contextmanager
@@ -102,20 +118,3 @@ def _workers(
             yield spec, executor
     else:
         yield Worker(method.registrar, prepared), this_process()
-
-
-@contextmanager
-def _terminated_as_interrupted() -> Iterator[None]:
-    """SIGTERM ends the block as Ctrl-C does: files are closed, and workers end."""
-    if threading.current_thread() is not threading.main_thread():  # only it receives signals
-        yield
-        return
-
-    def interrupt(number: int, frame: FrameType | None) -> None:
-        raise KeyboardInterrupt
-
-    before = signal.signal(signal.SIGTERM, interrupt)
-    try:
-        yield
-    finally:
-        signal.signal(signal.SIGTERM, before)

@@ -1,23 +1,16 @@
-"""The `sonarmap` command: its verbs, and how their errors become messages and exit codes."""
+"""The `sonarmap` command and its verbs."""
 
-import errno
-import functools
 import inspect
 import os
 import re
 import sys
-import traceback
-from collections.abc import Callable
-from contextlib import suppress
 from importlib import import_module, metadata
-from pathlib import Path
-from typing import Annotated, Any
+from typing import Annotated
 
 import typer
 
-from kernels.errors import InputError, SonarmapError
-from tools.cli.arguments import as_options
-from tools.cli.terminal import say, show_messages
+from tools.cli.failures import Verbs, failed, guarded, output_lost
+from tools.cli.terminal import show_messages
 
 # A verb is the function `command` in tools/cli/verbs/<verb>.py; its docstring is the help.
 # A new verb is a new line here; the help lists them in this order.
@@ -37,14 +30,9 @@ VERBS = [
     "devices",
 ]
 
-MISUSE = 2  # as typer's own for options that it refuses
-DEFECT = 1
-INTERRUPTED = 128 + 2  # as a shell reports SIGINT
-PIPE_CLOSED = 128 + 13  # as a shell reports SIGPIPE
-FULL = (errno.ENOSPC, errno.EDQUOT, errno.EFBIG, errno.EIO)  # a disk that takes no more
-
 app = typer.Typer(
     name="sonarmap",
+    cls=Verbs,
     no_args_is_help=True,
     add_completion=False,
     pretty_exceptions_enable=False,
@@ -66,88 +54,10 @@ def run() -> None:
             app()
         finally:
             sys.stdout.flush()  # here, where a closed pipe can still be told apart from a defect
-    except KeyboardInterrupt:
-        sys.exit(_stopped())
-    except BrokenPipeError:
-        sys.exit(_pipe_closed())
+    except (KeyboardInterrupt, BrokenPipeError) as error:
+        sys.exit(failed(error, "--json" in sys.argv[1:], ()))
     except OSError as error:
-        sys.exit(_output_lost(error))
-
-
-def guarded(command: Callable[..., Any]) -> Callable[..., Any]:
-    """The command, with what it raises turned into a message on stderr and an exit code."""
-
-    @functools.wraps(command)
-    def guard(*args: Any, **options: Any) -> Any:
-        try:
-            return command(*args, **options)
-        except (typer.Exit, typer.Abort, typer.BadParameter):
-            raise
-        except SonarmapError as error:
-            code = _misuse(error)
-        except KeyboardInterrupt:
-            code = _stopped()
-        except BrokenPipeError:
-            code = _pipe_closed()
-        except OSError as error:
-            code = _output_lost(error) if error.errno in FULL else _defect(error)
-        except MemoryError as error:
-            code = _misuse(
-                InputError(f"this machine's memory is used up ({error}); give less at a time, or thin it out")
-            )
-        except Exception as error:  # noqa: BLE001 - the last place where a defect can be reported
-            code = _defect(error)
-        raise typer.Exit(code)
-
-    return guard
-
-
-def _misuse(error: SonarmapError) -> int:
-    if _debugging():
-        traceback.print_exception(error)
-    say(as_options(str(error)), "error: ", "bold red")
-    return MISUSE
-
-
-def _defect(error: Exception) -> int:
-    if _debugging():
-        traceback.print_exception(error)
-    frame = traceback.extract_tb(error.__traceback__)[-1]
-    description = " ".join(f"{type(error).__name__}: {error}".split())
-    say(
-        f"this is a defect of sonarmap {metadata.version('sonarmap')}: {description} "
-        f"({Path(frame.filename).name}, line {frame.lineno}). Please report it in the project's issues, "
-        "with what the same command prints under SONARMAP_DEBUG=1.",
-        "error: ",
-        "bold red",
-    )
-    return DEFECT
-
-
-def _stopped() -> int:
-    say("stopped; no file is half written")
-    return INTERRUPTED
-
-
-def _pipe_closed() -> int:
-    """The reader has left, as `head` does: no error to report."""
-    _discard_output()
-    return PIPE_CLOSED
-
-
-def _output_lost(error: OSError) -> int:
-    """stdout or stderr goes to a file on a full disk."""
-    _discard_output()
-    reason = error.strerror or error
-    message = f"cannot write the output: {reason}. Make room, or redirect it elsewhere, and run the command again."
-    with suppress(OSError):  # stderr itself may be what is full
-        say(message, "error: ", "bold red")
-    return MISUSE
-
-
-def _discard_output() -> None:
-    """Send what is still buffered nowhere, or the interpreter reports it as an error when it ends."""
-    os.dup2(os.open(os.devnull, os.O_WRONLY), sys.stdout.fileno())
+        sys.exit(output_lost(error))
 
 
 def _open_missing_streams() -> None:
@@ -160,10 +70,6 @@ def _open_missing_streams() -> None:
             os.open(os.devnull, os.O_RDWR)  # takes the lowest free number, which is this one
         if getattr(sys, name) is None:
             setattr(sys, name, open(number, mode, encoding="utf-8", closefd=False))  # noqa: SIM115
-
-
-def _debugging() -> bool:
-    return os.environ.get("SONARMAP_DEBUG", "0").lower() not in ("", "0", "false", "no", "off")
 
 
 def _version(print_it: bool) -> None:

@@ -13,6 +13,7 @@ from kernels.errors import InputError
 LEFTOVER_PREFIX = ".sonarmap."  # of temporary names
 # Of `all_or_none`: temporary files, whole and on disk, and what they will be called.
 _waiting: ContextVar[list[tuple[Path, Path]] | None] = ContextVar("_waiting", default=None)
+appeared: list[Path] = []  # every file that this program has written so far, whole under its name
 
 
 @contextmanager
@@ -39,6 +40,7 @@ def atomic_path(path: Path) -> Iterator[Path]:
         temporary.chmod(0o666 & ~_umask())
         if waiting is None:
             temporary.replace(path)
+            appeared.append(path)
         else:
             waiting.append((temporary, path))
     except OSError as error:
@@ -72,6 +74,7 @@ def all_or_none() -> Iterator[Sequence[tuple[Path, Path]]]:
                 temporary.replace(path)
             except OSError as error:
                 raise _cannot_write(path, error) from error
+            appeared.append(path)
     finally:
         _waiting.reset(token)
         for temporary, _ in waiting:

@@ -10,7 +10,8 @@ from typer.testing import CliRunner
 
 from kernels.errors import InputError
 from tests.samples.command_line import ROOT, SONARMAP, on_a_terminal, sonarmap
-from tools.cli.main import VERBS, app, guarded, run
+from tools.cli.failures import guarded
+from tools.cli.main import VERBS, app, run
 from tools.cli.terminal import say
 
 
@@ -55,7 +56,7 @@ class TestExitCodes:
 
     def test_an_interruption_is_130(self, capsys: pytest.CaptureFixture[str]) -> None:
         assert exit_code_of(raiser(KeyboardInterrupt())) == 130
-        assert capsys.readouterr().err == "stopped; no file is half written\n"
+        assert capsys.readouterr().err == "stopped: nothing was written\n"
 
     @pytest.mark.parametrize("ending", [typer.Exit(3), typer.BadParameter("no")])
     def test_what_a_verb_decides_itself_passes(self, ending: Exception) -> None:
@@ -123,4 +124,4 @@ class TestEntry:
         with pytest.raises(SystemExit) as ended:
             run()
         assert ended.value.code == 130
-        assert capsys.readouterr().err == "stopped; no file is half written\n"
+        assert capsys.readouterr().err == "stopped: nothing was written\n"

@@ -10,7 +10,16 @@ from scipy.spatial.transform import RigidTransform
 
 from slam.graph.trajectory import Trajectory
 from spectral.scan import Scan
-from tests.samples.clutter_scans import T_WORLD_SENSOR, files_in, said, scan, sonarmap, table_of, write
+from tests.samples.clutter_scans import (
+    T_WORLD_SENSOR,
+    files_in,
+    refused_with_reason,
+    said,
+    scan,
+    sonarmap,
+    table_of,
+    write,
+)
 from tools.cli.method import MethodOptions, configure_method
 from tools.evaluate.trajectory import evaluate, pair_error
 from tools.methods.registry import METHODS
@@ -112,7 +121,7 @@ def test_an_option_without_effect_is_refused(
 ) -> None:
     out = ("-o", tmp_path / "out") if verb == "map" else ()
     result = sonarmap(verb, *pair, *out, *arguments.split())
-    assert (result.exit_code, result.stdout) == (2, "")
+    refused_with_reason(result)
     said(result, *words)
 
 
@@ -122,7 +131,7 @@ def test_a_missing_package_is_told_with_the_command(
 ) -> None:
     monkeypatch.setitem(sys.modules, module, None)
     result = sonarmap("register", *pair, "--method", method, *VOXEL, "--json")
-    assert (result.exit_code, result.stdout) == (2, "")
+    refused_with_reason(result)
     said(result, f"the method {method} needs the package {METHODS[method].package}", "pip install 'sonarmap[peers]'")
 
 

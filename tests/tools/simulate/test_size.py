@@ -8,7 +8,7 @@ import pytest
 
 import tools.simulate.size
 from kernels.errors import InputError
-from tests.samples.clutter_scans import said, sonarmap
+from tests.samples.clutter_scans import refused_with_reason, said, sonarmap
 from tests.samples.damage.pose_files import POSE_FILES
 from tools.simulate.simulation import simulate
 from tools.simulate.size import check_size
@@ -30,7 +30,7 @@ def description(folder: Path, **values: float) -> Path:
 )
 def test_a_description_of_too_much_is_refused(tmp_path: Path, values: dict[str, int]) -> None:
     result = sonarmap("simulate", "--like", description(tmp_path, **values), "-o", tmp_path / "out")
-    assert (result.exit_code, result.stdout) == (2, "")
+    refused_with_reason(result)
     asked = "scans of" if "count" in values else "columns and"
     said(result, "error: ", asked, "GiB of memory", "this machine has", "give at most")
     assert not (tmp_path / "out").exists()
@@ -38,7 +38,7 @@ def test_a_description_of_too_much_is_refused(tmp_path: Path, values: dict[str, 
 
 def test_the_option_is_named(tmp_path: Path) -> None:
     result = sonarmap("simulate", "--scans", str(10**11), "-o", tmp_path / "out")
-    assert (result.exit_code, result.stdout) == (2, "")
+    refused_with_reason(result)
     said(result, "100,000,000,000 scans of 49,152 beams need", "scans (--scans), or a sensor of fewer beams")
 
 
@@ -65,7 +65,7 @@ def test_memory_that_runs_out_all_the_same_is_told(tmp_path: Path, monkeypatch: 
 
     monkeypatch.setattr("tools.simulate.simulation.simulate", full)
     result = sonarmap("simulate", "-o", tmp_path / "out")
-    assert (result.exit_code, result.stdout) == (2, "")
+    refused_with_reason(result)
     said(result, "this machine's memory is used up (Unable to allocate 9 GiB)")
 
 

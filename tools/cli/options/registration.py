@@ -225,4 +225,4 @@ SeedOption = Annotated[
     ),
 ]
 JsonOption = Annotated[bool, typer.Option("--json", help="Print the result as JSON, without progress.")]
-QuietOption = Annotated[bool, typer.Option("--quiet", "-q", help="Do not print progress.")]
+QuietOption = Annotated[bool, typer.Option("--quiet", "-q", help="Print nothing but warnings and errors.")]

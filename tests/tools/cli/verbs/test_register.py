@@ -10,7 +10,7 @@ from scipy.spatial.transform import RigidTransform, Rotation
 
 from spectral.grid import Grid
 from spectral.result import Registration
-from tests.samples.clutter_scans import T_WORLD_SENSOR, said, scan, sonarmap, write
+from tests.samples.clutter_scans import T_WORLD_SENSOR, refused_with_reason, said, scan, sonarmap, write
 from tests.samples.surveys import KnowingRegistrar
 from tools.cli.method import ConfiguredMethod
 from tools.cli.verbs.register import _as_json, _print
@@ -174,7 +174,7 @@ def test_echo_strengths_weigh_the_voxels_where_wanted(tmp_path: Path) -> None:
 
 def test_strengths_that_are_not_there_are_told(pair: list[str], tmp_path: Path) -> None:
     refused = sonarmap("register", *pair, *GRID, "--strength")
-    assert (refused.exit_code, refused.stdout) == (2, "")
+    refused_with_reason(refused)
     said(refused, "no scan has echo strengths", "Leave it out")
     write_ply(tmp_path / "strong.ply", scan(1), {"intensity": np.linspace(0, 1, 7200)})
     mixed = sonarmap("register", pair[0], tmp_path / "strong.ply", *GRID, "--strength")

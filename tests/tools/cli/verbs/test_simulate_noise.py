@@ -5,7 +5,7 @@ from pathlib import Path
 
 import pytest
 
-from tests.samples.clutter_scans import files_in, said, sonarmap
+from tests.samples.clutter_scans import files_in, refused_with_reason, said, sonarmap
 
 ONE = ("--scans", "1", "--quiet", "-o")
 
@@ -36,7 +36,7 @@ def test_a_lower_threshold_leaves_more_points_of_the_same_scan(tmp_path: Path) -
 @pytest.mark.parametrize(("name", "value"), [("ghosts", "1"), ("speckle", "-0.5"), ("lobe", "9"), ("threshold", "-1")])
 def test_noise_that_cannot_be_is_refused(tmp_path: Path, name: str, value: str) -> None:
     result = sonarmap("simulate", f"--{name}", value, *ONE, tmp_path / "out")
-    assert (result.exit_code, result.stdout) == (2, "")
+    refused_with_reason(result)
     said(result, f"{name} is")
     assert not (tmp_path / "out").exists()
 

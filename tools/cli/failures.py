@@ -1,0 +1,197 @@
+"""How a verb fails: a message on stderr, with --json a JSON object on stdout too, and an exit code."""
+
+import errno
+import functools
+import inspect
+import json
+import os
+import shlex
+import sys
+import traceback
+from collections.abc import Callable, Iterator, Sequence
+from contextlib import contextmanager, suppress
+from importlib import metadata
+from pathlib import Path
+from typing import Any
+
+import typer
+from typer.core import TyperGroup
+
+from kernels.errors import InputError, SonarmapError
+from tools.cli.arguments import as_options
+from tools.cli.log import log, logged, results_to
+from tools.cli.options.running import LogFileOption
+from tools.cli.stops import terminated_as_interrupted, what_became
+from tools.cli.terminal import quietly, say
+from tools.writers.atomic import appeared
+
+MISUSE = 2  # as typer's own for options that it refuses
+DEFECT = 1
+INTERRUPTED = 128 + 2  # as a shell reports SIGINT
+PIPE_CLOSED = 128 + 13  # as a shell reports SIGPIPE
+FULL = (errno.ENOSPC, errno.EDQUOT, errno.EFBIG, errno.EIO)  # a disk that takes no more
+STOPPED = "stopped: "
+LISTED = 5  # names of files in a message
+_UsageError: Any = typer.BadParameter.__base__  # of all that typer refuses; it has no public name
+
+
+class Verbs(TyperGroup):
+    """The verbs; what typer refuses of their options is JSON too where --json is among them."""
+
+    def invoke(self, ctx: Any) -> Any:
+        """Run the verb."""
+        as_json = "--json" in [*ctx._protected_args, *ctx.args]
+        try:
+            return super().invoke(ctx)
+        except _UsageError as error:
+            _print_failure(error.format_message(), error.exit_code, as_json)
+            raise
+
+
+def guarded(command: Callable[..., Any]) -> Callable[..., Any]:
+    """The command, with what it raises turned into a message and an exit code, and with the option --log-file."""
+
+    @functools.wraps(command)
+    def guard(*args: Any, log_file: Path | None = None, **options: Any) -> Any:
+        as_json, quiet = (bool(options.get(name)) for name in ("as_json", "quiet"))
+        written = len(appeared)
+        try:
+            with _heard(log_file, quiet, as_json), terminated_as_interrupted(), _logged_end():
+                try:
+                    return command(*args, **options)
+                except (typer.Exit, typer.Abort, typer.BadParameter):
+                    raise
+                except BaseException as error:  # noqa: BLE001 - the last place where a defect can be reported
+                    raise typer.Exit(failed(error, as_json, appeared[written:])) from None
+        except SonarmapError as error:  # of the log file
+            raise typer.Exit(failed(error, as_json, ())) from None
+
+    signature = inspect.signature(command, eval_str=True)
+    option = inspect.Parameter("log_file", inspect.Parameter.KEYWORD_ONLY, default=None, annotation=LogFileOption)
+    guard.__signature__ = signature.replace(parameters=[*signature.parameters.values(), option])  # type: ignore[attr-defined]
+    guard.__annotations__ = {**command.__annotations__, "log_file": LogFileOption}
+    return guard
+
+
+@contextmanager
+def _heard(log_file: Path | None, quiet: bool, as_json: bool) -> Iterator[None]:
+    """What is said within the block goes where the options say: to a log, and not to the user who wants it quiet."""
+    version, words = metadata.version("sonarmap"), shlex.join(sys.argv[1:])
+    with (
+        logged(log_file, f"sonarmap {version}: sonarmap {words}"),
+        quietly(quiet),
+        results_to(shown=as_json or not quiet, copied=not as_json),
+    ):
+        yield
+
+
+@contextmanager
+def _logged_end() -> Iterator[None]:
+    code = DEFECT
+    try:
+        yield
+        code = 0
+    except typer.Exit as ending:
+        code = ending.exit_code
+        raise
+    except typer.BadParameter as error:
+        code = error.exit_code
+        log(f"error: {error.format_message()}")
+        raise
+    finally:
+        log(f"ended with exit code {code}")
+
+
+def failed(error: BaseException, as_json: bool, written: Sequence[Path]) -> int:
+    """Say what went wrong; the exit code.
+
+    Args:
+        error: what the verb raised.
+        as_json: whether to print a JSON object on stdout too.
+        written: the files that are there, whole, for one that was stopped.
+    """
+    match error:
+        case SonarmapError():
+            return _misuse(error, as_json)
+        case KeyboardInterrupt():
+            return _stopped(error, as_json, written)
+        case BrokenPipeError():
+            return pipe_closed()
+        case OSError() if error.errno in FULL:
+            return output_lost(error)
+        case MemoryError():
+            full = f"this machine's memory is used up ({error}); give less at a time, or thin it out"
+            return _misuse(InputError(full), as_json)
+        case Exception():
+            return _defect(error, as_json)
+    raise error
+
+
+def _misuse(error: SonarmapError, as_json: bool) -> int:
+    if _debugging():
+        traceback.print_exception(error)
+    return _fail(as_options(str(error)), MISUSE, as_json)
+
+
+def _defect(error: Exception, as_json: bool) -> int:
+    if _debugging():
+        traceback.print_exception(error)
+    frame = traceback.extract_tb(error.__traceback__)[-1]
+    description = " ".join(f"{type(error).__name__}: {error}".split())
+    message = (
+        f"this is a defect of sonarmap {metadata.version('sonarmap')}: {description} "
+        f"({Path(frame.filename).name}, line {frame.lineno}). Please report it in the project's issues, "
+        "with what the same command prints under SONARMAP_DEBUG=1."
+    )
+    return _fail(message, DEFECT, as_json)
+
+
+def _fail(message: str, code: int, as_json: bool) -> int:
+    say(message, "error: ", "bold red")
+    _print_failure(message, code, as_json)
+    return code
+
+
+def _print_failure(message: str, code: int, as_json: bool) -> None:
+    if as_json:
+        typer.echo(json.dumps({"error": message, "exit_code": code}))
+
+
+def _stopped(stop: KeyboardInterrupt, as_json: bool, written: Sequence[Path]) -> int:
+    message = what_became(stop) or _written(written)
+    say(message, STOPPED, "bold yellow")
+    _print_failure(STOPPED + message, INTERRUPTED, as_json)
+    return INTERRUPTED
+
+
+def _written(paths: Sequence[Path]) -> str:
+    names = list(dict.fromkeys(path.name for path in paths))
+    if not names:
+        return "nothing was written"
+    more = f" and {len(names) - LISTED} more" if len(names) > LISTED else ""
+    return f"only {', '.join(names[:LISTED])}{more} had been written, and no file is half written"
+
+
+def pipe_closed() -> int:
+    """The reader has left, as `head` does: no error to report."""
+    _discard_output()
+    return PIPE_CLOSED
+
+
+def output_lost(error: OSError) -> int:
+    """stdout or stderr goes to a file on a full disk."""
+    _discard_output()
+    reason = error.strerror or error
+    message = f"cannot write the output: {reason}. Make room, or redirect it elsewhere, and run the command again."
+    with suppress(OSError):  # stderr itself may be what is full
+        say(message, "error: ", "bold red")
+    return MISUSE
+
+
+def _discard_output() -> None:
+    """Send what is still buffered nowhere, or the interpreter reports it as an error when it ends."""
+    os.dup2(os.open(os.devnull, os.O_WRONLY), sys.stdout.fileno())
+
+
+def _debugging() -> bool:
+    return os.environ.get("SONARMAP_DEBUG", "0").lower() not in ("", "0", "false", "no", "off")

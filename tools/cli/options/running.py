@@ -1,0 +1,19 @@
+"""The options that say what a command tells while it runs."""
+
+from pathlib import Path
+from typing import Annotated
+
+import typer
+
+LogFileOption = Annotated[
+    Path | None,
+    typer.Option(
+        "--log-file",
+        metavar="FILE",
+        dir_okay=False,
+        help="Add everything that is said, with times, to the end of FILE.",
+    ),
+]
+VerboseOption = Annotated[
+    bool, typer.Option("--verbose", "-v", help="Also print the table of all pairs, and every warning in full.")
+]
