@@ -14,6 +14,7 @@ from slam.map.point_map import PointMap
 from slam.pair import Pair, Role
 from slam.survey_result import SurveyResult
 from tools.geo.georeference import Georeference
+from tools.output.faults import faults
 from tools.output.parts import placed, unplaced
 from tools.readers.scans import Unread
 from tools.readers.selection import PAIRS
@@ -63,6 +64,7 @@ def survey_summary(
         "unplaced": unplaced(result.components),
         "key_scans": result.keys,
         "by_navigation": result.by_navigation,
+        "warnings": faults(result, names),
         "wrong_fixes": [{"name": names[fix.scan], **asdict(fix)} for fix in result.wrong_fixes],
         "crossing_error_m": crossing_row(CrossingError.of(part.crossings for part in result.parts)),
         "graph": {

@@ -11,6 +11,7 @@ from tools.readers.clouds.cloud import scan_of_cloud
 from tools.readers.corrections import AS_RECORDED, Corrections
 from tools.readers.file import FORMATS, NamedCloud, clouds_of
 from tools.readers.point_store import PointStore
+from tools.readers.repeats import repeated_in_words
 from tools.readers.scan_sizes import strange_sizes
 from tools.readers.selection import Selection, select_files
 
@@ -46,6 +47,7 @@ class ReadScans:
         unread: what could not be read, in the same order.
         surveys: the number of each scan's survey, 0, 1, ...: the scans of a folder are one survey; if each scan has a
             folder of its own, all of them are one.
+        repeated: what was given twice, in words.
     """
 
     scans: tuple[Scan, ...]
@@ -53,6 +55,7 @@ class ReadScans:
     files: tuple[Path, ...]
     unread: tuple[Unread, ...] = ()
     surveys: tuple[int, ...] = ()
+    repeated: tuple[str, ...] = ()
 
 
 def read_scans(paths: Sequence[str | Path], corrections: Corrections = AS_RECORDED) -> ReadScans:
@@ -92,7 +95,8 @@ def read_survey(
     store = PointStore()
     entries = _of_one_size([_kept(entry, store) for entry in read_entries(selection, notes, progress, corrections)])
     stamps, stamp_notes = stamps_of([entry.stamp for entry in entries], [entry.is_cloud for entry in entries])
-    return _all_of(entries, stamps, notes + stamp_notes, files_of(selection))
+    read = _all_of(entries, stamps, notes + stamp_notes, files_of(selection))
+    return replace(read, repeated=tuple(repeated_in_words(selection.repeated, read.scans)))
 
 
 def files_of(selection: Selection) -> tuple[Path, ...]:

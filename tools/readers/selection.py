@@ -20,10 +20,11 @@ _PART = re.compile(r"(.+?)(?:::(/?\w[\w/~-]*))?(?:#(\d{1,9}))?", re.ASCII | re.D
 
 @dataclass(frozen=True, slots=True)
 class Selection:
-    """Files in natural order, and whether they were given in another order."""
+    """Files in natural order, whether they were given in another order, and those that several of the paths name."""
 
     files: tuple[SelectedFile, ...]
     reordered: bool
+    repeated: tuple[Path, ...] = ()
 
 
 @dataclass(frozen=True, slots=True)
@@ -76,12 +77,15 @@ def select_files(paths: Sequence[str | Path], suffixes: Collection[str], not_sca
         raise InputError("no scans given; name files, folders or patterns such as scans/*.ply")
     chosen: dict[tuple[Path, int | None, str | None], SelectedFile] = {}
     skipped = {path.resolve() for path in not_scans}
+    repeated: dict[Path, None] = {}
     for path in paths:
         for selected in sorted(_expand(str(path), suffixes, skipped), key=_order):
-            chosen.setdefault((selected.path.resolve(), selected.index, selected.topic), selected)
+            same = (selected.path.resolve(), selected.index, selected.topic)
+            if chosen.setdefault(same, selected) is not selected:
+                repeated[chosen[same].path] = None
     as_given = list(chosen.values())
     files = sorted(as_given, key=_order)
-    return Selection(tuple(files), reordered=files != as_given)
+    return Selection(tuple(files), files != as_given, tuple(repeated))
 
 
 def _order(selected: SelectedFile) -> tuple[tuple[tuple[str, int], ...], int]:

@@ -1,40 +1,37 @@
 """What the user is warned of after mapping, and what the table says of refused pairs."""
 
 from dataclasses import replace
-from pathlib import Path
 
 import numpy as np
 import pytest
 
 from slam.mapper import Mapper
 from tests.samples.surveys import KnowingRegistrar, random_covariance, ring_poses, scans_of
-from tools.cli.text.survey import print_survey, warn_of_faults
+from tools.cli.text.pairs import print_pairs
+from tools.output.faults import faults
 
 NAMES = [f"scan{k}" for k in range(24)]
 
 
-def warnings(patch: pytest.MonkeyPatch, covariance: np.ndarray, tmp_path: Path) -> tuple[float, list[str]]:
-    """By how much loops moved a pose [m], and what was said."""
+def told_of(covariance: np.ndarray) -> tuple[float, list[str]]:
+    """By how much loops moved a pose [m], and what is said."""
     truth = ring_poses(24)
     survey = Mapper(KnowingRegistrar(truth, covariance), 0.5).run(scans_of(truth))
-    told: list[str] = []
-    patch.setattr("tools.cli.text.survey.warn", told.append)
-    warn_of_faults(survey, NAMES, tmp_path)
-    return survey.moved, told
+    return survey.moved, faults(survey, NAMES)
 
 
-def test_loops_that_change_nothing_are_told(monkeypatch: pytest.MonkeyPatch, tmp_path: Path) -> None:
+def test_loops_that_change_nothing_are_told() -> None:
     covariance = random_covariance(np.random.default_rng(0), 0.004, 0.03)
-    moved, told = warnings(monkeypatch, 1e-8 * covariance, tmp_path)
+    moved, told = told_of(1e-8 * covariance)
     assert moved < 1e-4
     assert len(told) == 1
     assert "loops were kept, but no pose moved by more than 0.001 voxels" in told[0]
-    moved, told = warnings(monkeypatch, covariance, tmp_path)
+    moved, told = told_of(covariance)
     assert moved > 0.05
     assert told == []
 
 
-def test_the_table_says_why_a_pair_was_refused(capsys: pytest.CaptureFixture[str], tmp_path: Path) -> None:
+def test_the_table_says_why_a_pair_was_refused(capsys: pytest.CaptureFixture[str]) -> None:
     truth = ring_poses(6, turns=0.3)
 
     def spoil(i: int, j: int, given):
@@ -42,7 +39,7 @@ def test_the_table_says_why_a_pair_was_refused(capsys: pytest.CaptureFixture[str
 
     registrar = KnowingRegistrar(truth, 1e-6 * np.eye(6), spoil)
     survey = Mapper(registrar, 0.5).run(scans_of(truth))
-    print_survey(survey, NAMES, tmp_path, ())
+    print_pairs(survey, NAMES)
     printed = capsys.readouterr().out
     assert "chi-squared" in printed
     assert "degrees of freedom" in printed

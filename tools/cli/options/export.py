@@ -5,6 +5,7 @@ from typing import TYPE_CHECKING, Annotated
 
 import typer
 
+from kernels.errors import InputError
 from tools.cli.progress import growing_progress
 from tools.cli.terminal import say
 from tools.export.formats import FORMATS
@@ -12,6 +13,7 @@ from tools.export.formats import FORMATS
 if TYPE_CHECKING:
     from tools.export.map_folder import MapFolder
     from tools.export.run import Exported, ExportSettings
+    from tools.geo.georeference import Georeference
 
 _KNOWN = "; ".join(f"{name}: {known.words}" for name, known in FORMATS.items())
 
@@ -47,6 +49,22 @@ CellOption = Annotated[
         help="Edge of a cell of grids and pictures \\[m]. \\[the map's voxel]",
     ),
 ]
+
+
+def export_settings(
+    formats: list[str], crs: str | None, also: list[str], georeference: "Georeference | None"
+) -> "ExportSettings":
+    """What --export and --crs ask for, refused now where it could not be done when the map is there."""
+    from tools.export.run import ExportSettings, check_settings
+    from tools.output.exports import EXPORTS
+
+    if crs is not None and not formats:
+        raise InputError("--crs has no effect without --export; leave it out, or name a format")
+    settings = ExportSettings(tuple(formats), crs)
+    check_settings(settings, georeference)
+    if both := [name for name in also if EXPORTS[name] in {FORMATS[chosen].file for chosen in formats}]:
+        raise InputError(f"--also and --export would both write {EXPORTS[both[0]].format('')}; leave one out")
+    return settings
 
 
 def export_with_progress(folder: "MapFolder", to: Path, settings: "ExportSettings", quiet: bool) -> "Exported":

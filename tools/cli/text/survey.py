@@ -1,151 +1,202 @@
-"""The result of a survey as a table, a few sentences, and warnings."""
+"""The end of `sonarmap map`: what came of the survey on one screen."""
 
-import math
+import json
 from collections.abc import Sequence
+from dataclasses import dataclass
+from datetime import timedelta
 from pathlib import Path
+from shlex import quote
 from typing import TYPE_CHECKING
 
 import typer
 
+from kernels.errors import InputError
 from tools.cli.arguments import as_options
-from tools.cli.terminal import printable, result_console, say
+from tools.cli.log import log
+from tools.cli.terminal import error_console, printable, result_console, warn
 from tools.output.parts import placed, unplaced
 
 if TYPE_CHECKING:
-    from rich.text import Text
-
-    from slam.pair import Pair
     from slam.survey_result import SurveyResult
 
-PEAK_EXPLAINED = "peak: how high the correlation stands above its surroundings, in their standard deviations"
-SIGMAS_EXPLAINED = "sigmas: how far the pair is from the final poses, in standard deviations"
-UNMOVED = 0.001  # poses moved by less than this were not moved [voxels]
-LISTED = 10  # names of scans in a warning; summary.json lists all
+MOST_WARNINGS, LINES_OF_A_WARNING = 3, 2  # what fits a screen; --verbose shows all in full
+MOST_OF_A_KIND = 5  # warnings of as many scans
+MOST_FILES = 12  # names of files on a terminal
+_LABELS = 7  # columns of the words to the left
 
 
-def warn(message: str) -> None:
-    """Print on stderr what the user should look at."""
-    say(message, "warning: ", "bold yellow")
+@dataclass(frozen=True, slots=True)
+class Mapped:
+    """What a run of `map` made.
+
+    Attributes:
+        result: the survey.
+        names: of its scans.
+        out: the folder of the results.
+        also: names of EXPORTS that were written too.
+        unread: how many more scans could not be read.
+        on_earth: whether it is known where the map lies on the Earth.
+        seconds: how long it took [s].
+        later: names of files that were written after the map: its report, and what was exported of it.
+    """
+
+    result: "SurveyResult"
+    names: Sequence[str]
+    out: Path
+    also: Sequence[str]
+    unread: int
+    on_earth: bool = False
+    seconds: float = 0.0
+    later: Sequence[str] = ()
+
+    @property
+    def whole(self) -> bool:
+        """Whether every scan is in one map."""
+        return not self.unread and len(self.result.components) == 1
 
 
-def warn_of_faults(result: "SurveyResult", names: Sequence[str], out: Path) -> None:
-    """Warn of stray points, of loops without effect, of every gap with its reason, and of several parts."""
-    from slam.graph.edge import components
+def print_mapped(mapped: Mapped, verbose: bool) -> None:
+    """Print what came of a survey, what its user should look at, what to do next, and the files."""
+    from tools.cli.text.pairs import print_pairs
 
-    stray = sum(point_map.left_out for point_map in result.maps)
-    if stray:
-        warn(f"{stray:,} points lie too far from the others for the map's voxels and are left out of the map")
-    _warn_of_loops_without_effect(result)
-    shared, joined = (
-        {scan: c for c, members in enumerate(parts) for scan in members}
-        for parts in (result.components, components(len(names), result.edges))
-    )
-    for pair in result.pairs:
-        if pair.role == "sequential" and not pair.kept:
-            bridged = ", bridged by navigation" if shared[pair.i] == shared[pair.j] else ""
-            bridged = ", bridged by other pairs" if joined[pair.i] == joined[pair.j] else bridged
-            warn(f"gap between {names[pair.i]} and {names[pair.j]}{bridged}: {as_options(pair.reason)}")
-    maps, lone = placed(result.components), unplaced(result.components)
-    if len(maps) > 1:
-        warn(
-            f"no reliable registration joins all the scans: there are {len(maps)} separate parts, each with its own "
-            f"map in {out}; the largest is map.ply"
-        )
-    if lone:
-        warn(
-            f"{len(lone)} of {len(names)} scans are in no map, as no reliable registration joins them to the others: "
-            f"{_listed(lone, names)}"
-        )
-    for fix in result.wrong_fixes:
-        warn(
-            f"the {fix.kind} of {names[fix.scan]} is {fix.sigmas:.1f} standard deviations from what everything else "
-            "says; it is left out"
-        )
-    if alone := result.by_navigation:
-        warn(
-            f"{len(alone)} of {len(names)} scans lie in the map by navigation alone, as no reliable registration joins "
-            f"them to the others: {_listed(alone, names)}"
-        )
+    if verbose:
+        print_pairs(mapped.result, mapped.names)
+    _print_rows(_outcome(mapped))
+    warn_of_faults(mapped, verbose)
+    _print_rows([("next", _next_steps(mapped)), ("files", f"{printable(str(mapped.out))}: {_files(mapped)}")])
 
 
-def _listed(scans: Sequence[int], names: Sequence[str]) -> str:
-    """The first of their names."""
-    return ", ".join(names[k] for k in scans[:LISTED]) + (", ..." if len(scans) > LISTED else "")
+def print_summary(out: Path) -> None:
+    """Print a map's summary.json on one line."""
+    from tools.output.folder import SUMMARY
+
+    summary = out / SUMMARY
+    try:
+        typer.echo(json.dumps(json.loads(summary.read_text(encoding="utf-8"))))
+    except OSError as error:
+        raise InputError(
+            f"cannot read {summary}: {error.strerror or error}; it was written, and then removed. Run the command again"
+        ) from error
 
 
-def _warn_of_loops_without_effect(result: "SurveyResult") -> None:
-    loops = sum(pair.kept and pair.role == "loop" for pair in result.pairs)
-    if loops and result.moved < UNMOVED * result.voxel:
-        warn(
-            f"{loops} loops were kept, but no pose moved by more than {UNMOVED:g} voxels: they add nothing to the "
-            "chain of consecutive scans, as when they only join scans that follow each other closely"
-        )
+def warn_of_faults(mapped: Mapped, verbose: bool = False) -> None:
+    """Warn of what the user should look at, the most important first: all, or as much as fits a screen."""
+    from tools.output.faults import faults
+    from tools.output.folder import SUMMARY
+
+    told = [as_options(fault) for fault in faults(mapped.result, mapped.names)]
+    shown = told if verbose else [_shortened(fault) for fault in told[:MOST_WARNINGS]]
+    for fault in shown:
+        warn(fault)
+    if shown != told:
+        more = f"{len(told) - len(shown)} more, and all" if len(shown) < len(told) else "all"
+        warn(f"{more} in full: {mapped.out / SUMMARY} (warnings), or --verbose")
 
 
-def print_survey(result: "SurveyResult", names: Sequence[str], out: Path, also: Sequence[str]) -> None:
-    """Print every pair, the sizes of the maps, and the names of the files."""
+def warn_of_some(messages: Sequence[str]) -> None:
+    """Warn of the first of several things of one kind, and say how many more there are; the log gets all."""
+    for message in messages[:MOST_OF_A_KIND]:
+        warn(message)
+    if more := messages[MOST_OF_A_KIND:]:
+        for message in more:
+            log(f"warning: {message}")
+        warn(f"{len(more)} more like these")
+
+
+def _shortened(fault: str) -> str:
+    """On a terminal what fits two lines; elsewhere all of it."""
+    console = error_console()
+    room = LINES_OF_A_WARNING * (console.width - 10)  # words are not divided at a line's end
+    if not console.is_terminal or len(fault) <= room:
+        return fault
+    return fault[:room].rsplit(" ", 1)[0] + " …"
+
+
+def _print_rows(rows: Sequence[tuple[str, str]]) -> None:
+    """Words on the left, and what they are about beside them, on as many lines as it takes."""
     from rich.table import Table
-
-    table = Table(box=None, pad_edge=False, collapse_padding=True)
-    table.add_column("pair", overflow="fold")
-    for name in ("role", ""):
-        table.add_column(name, no_wrap=True)
-    for name in ("peak", "overlap", "yaw", "distance", "sigmas", "seconds"):
-        table.add_column(name, justify="right", no_wrap=True)
-    table.add_column("reason", overflow="fold", ratio=1)
-    for pair in result.pairs:
-        table.add_row(*_cells(pair, names))
-    result_console().print(table)
-    if any(pair.registration and math.isfinite(pair.registration.psr) for pair in result.pairs):
-        typer.echo(PEAK_EXPLAINED)
-    typer.echo(SIGMAS_EXPLAINED)
-    solution = result.solution
-    typer.echo(
-        f"chi-squared {solution.chi_squared_before:.4g} before and {solution.chi_squared_after:.4g} after optimizing, "
-        f"for {solution.degrees_of_freedom} degrees of freedom"
-    )
-    counts = sorted((len(result.maps[c].points) for c in placed(result.components)), reverse=True)
-    maps = f"{len(counts)} maps" if len(counts) > 1 else "a map"
-    points = " and ".join(f"{count:,}" for count in counts)
-    kept = sum(pair.kept for pair in result.pairs)
-    typer.echo(f"{len(names)} scans, {kept} of {len(result.pairs)} pairs kept, {maps} of {points} points")
-    doubted = sum(result.maps[c].doubted for c in placed(result.components))
-    if doubted:
-        typer.echo(f"{doubted:,} more points, seen by too few scans where others looked, are in map_all.ply alone")
-    typer.echo(f"written to {printable(str(out))}: {_files(result, also)}")
-
-
-def _cells(pair: "Pair", names: Sequence[str]) -> "list[str | Text]":
-    """A pair's row of the table."""
     from rich.text import Text
 
-    label = Text(printable(f"{names[pair.i]} - {names[pair.j]}").replace("\n", "\\n"))
-    verdict = Text("kept", "green") if pair.kept else Text("rejected", "red")
-    if pair.registration is None:
-        return [label, pair.role, verdict, "", "", "", "", "", "", printable(as_options(pair.reason))]
-    registration = pair.registration
-    T = registration.T_target_source
+    table = Table.grid(padding=(0, 1))
+    table.add_column(no_wrap=True, min_width=_LABELS)
+    table.add_column(overflow="fold")
+    for label, text in rows:
+        table.add_row(Text(label, "bold"), Text(text))
+    result_console().print(table)
+
+
+def _outcome(mapped: Mapped) -> list[tuple[str, str]]:
+    result = mapped.result
+    parts, outside = placed(result.components), len(unplaced(result.components))
+    given = len(mapped.names) + mapped.unread
+    lost = [f"{outside} in no map"] * bool(outside) + [f"{mapped.unread} cannot be read"] * bool(mapped.unread)
+    where = "one map" if len(parts) == 1 else f"{len(parts)} separate maps"
+    where += f" ({', '.join(lost)})" if lost else ""
+    points = " and ".join(f"{len(result.maps[c].points):,}" for c in parts)
+    doubted = sum(result.maps[c].doubted for c in parts)
+    doubtful = f" ({doubted:,} doubtful ones: map_all.ply)" if doubted else ""
     return [
-        label,
-        pair.role,
-        verdict,
-        f"{registration.psr:.0f}" if math.isfinite(registration.psr) else "",
-        f"{registration.overlap:.0%}",
-        f"{T.rotation.as_euler('ZYX', degrees=True)[0]:+.1f}°",
-        f"{float((T.translation**2).sum() ** 0.5):.2f} m",
-        f"{pair.residual:.1f}" if math.isfinite(pair.residual) else "",
-        f"{registration.seconds:.2f}",
-        "" if pair.kept else printable(as_options(pair.reason)),
+        ("scans", f"{len(mapped.names) - outside} of {given} placed in {where}"),
+        ("loops", _loops(result)),
+        *_passes(result),
+        ("way", f"{way_length(result):,.1f} m"),
+        ("map", f"{points} points, voxels of {result.maps[parts[0]].voxel:.3g} m{doubtful}"),
+        ("time", str(timedelta(seconds=round(mapped.seconds)))),
     ]
 
 
-def _files(result: "SurveyResult", also: Sequence[str]) -> str:
-    """The names of what was written."""
+def _loops(result: "SurveyResult") -> str:
+    loops = [pair.kept for pair in result.pairs if pair.role == "loop"]
+    kept = sum(pair.kept for pair in result.pairs)
+    words = f"{sum(loops)} kept, {len(loops) - sum(loops)} refused" if loops else "none tried"
+    return f"{words}; of all {len(result.pairs)} pairs {kept} kept"
+
+
+def _passes(result: "SurveyResult") -> list[tuple[str, str]]:
+    from slam.map.crossing import CrossingError
+
+    error = CrossingError.of(part.crossings for part in result.parts)
+    if error.before is None or error.after is None:
+        return []
+    after, before = error.after.median, error.before.median
+    return [("passes", f"{after:.2g} m apart where they overlap ({before:.2g} m before the loops)")]
+
+
+def way_length(result: "SurveyResult") -> float:
+    """The way of the sensor through all maps [m], from scan to scan of the same survey and map."""
+    import numpy as np
+
+    length = 0.0
+    for c in placed(result.components):
+        members = result.components[c]
+        places = result.trajectory.take(members).T_world_sensor.translation
+        surveys = np.array([result.surveys[k] for k in members])
+        steps = np.linalg.norm(np.diff(places, axis=0), axis=1)
+        length += float(steps[surveys[1:] == surveys[:-1]].sum())
+    return length
+
+
+def _next_steps(mapped: Mapped) -> str:
+    """What to type now."""
+    from tools.output.folder import REPORT
+
+    out = quote(printable(str(mapped.out)))
+    steps = [f"sonarmap view {out}    (the map in 3D, and what speaks for it)"] if REPORT in mapped.later else []
+    if len(mapped.result.components) == 1:
+        place = "" if mapped.on_earth else " --origin LAT,LON"
+        steps.append(f"sonarmap export {out} --to gis --format laz,geotiff{place}")
+    else:
+        steps.append("to join what is apart: --priors FILE (navigation), --hypotheses 24, or more scans in between")
+    return "\n".join(steps)
+
+
+def _files(mapped: Mapped) -> str:
+    """The names of what was written; on a terminal the first of many."""
     from tools.output.folder import JOURNAL, OF_ALL, TIMES, part_files
 
-    listed = ", ".join([*part_files(result, 1, also), *OF_ALL, TIMES, JOURNAL])
-    parts = len(placed(result.components))
-    if parts == 1:
-        return listed
+    parts = len(placed(mapped.result.components))
+    names = [*part_files(mapped.result, 1, mapped.also), *mapped.later, *OF_ALL, TIMES, JOURNAL]
+    shown = names[:MOST_FILES] if result_console().is_terminal else names
+    listed = ", ".join(shown) + (f" and {len(names) - len(shown)} more" if len(names) > len(shown) else "")
     last = f" to map_{parts}.ply" if parts > 2 else ""
-    return f"{listed}; the other parts are in map_2.ply{last}, with their pictures and trajectories"
+    return listed + (f"; the other parts are in map_2.ply{last} and so on" if parts > 1 else "")

@@ -1,6 +1,6 @@
 """`sonarmap map`: scans in, a map out."""
 
-import json
+import time
 from collections.abc import Mapping
 from dataclasses import replace
 from pathlib import Path
@@ -26,7 +26,7 @@ from tools.cli.navigation import (
     scans_with_priors,
 )
 from tools.cli.navigation_check import contradiction_of
-from tools.cli.options.export import ExportOption, export_with_progress
+from tools.cli.options.export import ExportOption, export_settings, export_with_progress
 from tools.cli.options.geo import CrsOption, OriginHeadingOption, OriginOption, VerticalOption, georeference_of
 from tools.cli.options.registration import (
     DEFAULT_HYPOTHESES,
@@ -49,6 +49,7 @@ from tools.cli.options.registration import (
     VoxelOption,
     YawPeaksOption,
 )
+from tools.cli.options.running import VerboseOption
 from tools.cli.options.scan import (
     FrameOption,
     ImuOption,
@@ -76,9 +77,10 @@ from tools.cli.options.survey import (
     odometry_of,
     survey_settings,
 )
-from tools.cli.progress import growing_progress
-from tools.cli.terminal import printable, say
-from tools.cli.text.survey import print_survey, warn, warn_of_faults
+from tools.cli.progress import growing_progress, stage
+from tools.cli.stops import when_stopped
+from tools.cli.terminal import say, warn
+from tools.cli.text.survey import Mapped, print_mapped, print_summary, warn_of_faults, warn_of_some
 from tools.methods.registry import DEFAULT_METHOD
 
 if TYPE_CHECKING:
@@ -141,6 +143,7 @@ def command(
     fresh: FreshOption = False,
     seed: SeedOption = DEFAULT_SEED,
     as_json: JsonOption = False,
+    verbose: VerboseOption = False,
     quiet: QuietOption = False,
 ) -> None:
     """Register consecutive scans, close loops, optimize the poses, and fuse one map.
@@ -160,12 +163,13 @@ def command(
 
     --export writes the map for other programs too, as `sonarmap export` does, which needs no other run of `map`.
     """
-    options, execution_options = method_options(context), _execution_options(workers, scheduler, fresh)
+    start = time.monotonic()
+    options, execution_options = method_options(context), ExecutionOptions.of(workers, scheduler, fresh)
     mapping = survey_settings(loops, key_step, max_speed, max_turn_rate, max_step, min_seen)
     given, silent = context.params, quiet or as_json
     navigation = navigation_settings(given, georeference_of(origin, origin_heading, vertical))
     read, georeference = _navigated(given, navigation, imu and options.uses_priors, silent)
-    exports = _export_settings(export, crs, also, georeference)
+    exports = export_settings(export, crs, also, georeference)
     reckoned = odometry_of(read.scans, odometry, odometry_drift, navigation)
     configured = configure_method(read.scans, options, survey=True)
     if contradiction := contradiction_of(read.scans, read.surveys, configured.registrar, silent):
@@ -173,45 +177,34 @@ def command(
     described = {**navigation_summary(given), **corrections_summary(given)}
     settings = {"inputs": inputs, **described, **configured.settings, "mapper": mapping}
     result = _map(read, reckoned, configured, execution_options, settings, out, also, georeference, silent)
+    mapped = Mapped(result, [scan.name for scan in read.scans], out, also, len(read.unread), georeference is not None)
+    later: list[str] = []
     try:
-        if report:
-            _write_report(out)
-        exported = _export(out, exports, silent) if exports.formats else ()
+        _write_more(out, report, exports, silent, later)
     finally:  # the map is there, whatever its report and export came to
-        _show(result, [scan.name for scan in read.scans], out, also, as_json)
-    if report and not as_json:
-        typer.echo(
-            f"`sonarmap view {printable(str(out))}` opens report.html: the map in 3D with all that speaks for it"
-        )
-    if exported and not as_json:
-        typer.echo(f"exported to the same folder: {', '.join(path.name for path in exported)}")
-    if len(result.components) > 1 or read.unread:
+        if not as_json:
+            print_mapped(replace(mapped, later=later, seconds=time.monotonic() - start), verbose)
+    if as_json:
+        print_summary(out)
+        warn_of_faults(mapped, verbose)
+    if not mapped.whole:
         raise typer.Exit(INCOMPLETE)
 
 
-def _execution_options(workers: int | None, scheduler: str | None, fresh: bool) -> ExecutionOptions:
-    if workers is not None and scheduler is not None:
-        raise InputError(
-            "--workers starts processes on this machine, and --scheduler uses the workers of a cluster; leave one out"
-        )
-    return ExecutionOptions(workers or 1, scheduler, fresh)
+def _write_more(out: Path, report: bool, exports: "ExportSettings", quiet: bool, written: list[str]) -> None:
+    """Write what is made of the finished map: its report, and the formats of --export; add the names of the files."""
+    from tools.export.map_folder import read_map_folder
+    from tools.output.folder import REPORT
+    from tools.report.page.page import write_report
 
-
-def _export_settings(
-    formats: list[str], crs: str | None, also: list[str], georeference: "Georeference | None"
-) -> "ExportSettings":
-    """What --export and --crs ask for, refused now where it could not be done when the map is there."""
-    from tools.export.formats import FORMATS
-    from tools.export.run import ExportSettings, check_settings
-    from tools.output.exports import EXPORTS
-
-    if crs is not None and not formats:
-        raise InputError("--crs has no effect without --export; leave it out, or name a format")
-    settings = ExportSettings(tuple(formats), crs)
-    check_settings(settings, georeference)
-    if both := [name for name in also if EXPORTS[name] in {FORMATS[chosen].file for chosen in formats}]:
-        raise InputError(f"--also and --export would both write {EXPORTS[both[0]].format('')}; leave one out")
-    return settings
+    with when_stopped(lambda: f"the map is in {out}, but not all that is made of it"):
+        if report:
+            with stage("report", quiet):
+                write_report(read_map_folder(out))
+            written.append(REPORT)
+        if exports.formats:
+            exported = export_with_progress(read_map_folder(out), out, exports, quiet)
+            written.extend(path.name for path in exported.files)
 
 
 def _navigated(
@@ -239,19 +232,6 @@ def _refuse_second_heading(read: "ReadScans", heading: float | None) -> None:
         raise InputError("--origin-heading: the priors have headings, which say where the map points; leave it out")
 
 
-def _export(out: Path, settings: "ExportSettings", quiet: bool) -> tuple[Path, ...]:
-    from tools.export.map_folder import read_map_folder
-
-    return export_with_progress(read_map_folder(out), out, settings, quiet).files
-
-
-def _write_report(out: Path) -> None:
-    from tools.export.map_folder import read_map_folder
-    from tools.report.page.page import write_report
-
-    write_report(read_map_folder(out))
-
-
 def _read(inputs: list[str], priors: Path | None, corrections: "Corrections", out: Path, quiet: bool) -> "ReadScans":
     """The scans that can be read, and a warning for each that cannot."""
     from tools.output.folder import require_apart
@@ -264,8 +244,8 @@ def _read(inputs: list[str], priors: Path | None, corrections: "Corrections", ou
     if read.unread and len(read.scans) < 2:
         count = f"{len(read.scans)} of {len(read.scans) + len(read.unread)} scans can be read"
         raise InputError(f"{read.unread[0].reason} ({count}; a map needs at least two)")
-    for unread in read.unread:
-        warn(f"skipped, which leaves a gap: {as_options(unread.reason)}")
+    warn_of_some([f"skipped, which leaves a gap: {as_options(unread.reason)}" for unread in read.unread])
+    warn_of_some(read.repeated)
     require_apart(out, read.files)
     return read
 
@@ -302,25 +282,6 @@ def _map(
             result = mapper.run(read.scans, step, read.surveys, odometry)
         times = survey_times(execution.timings, options.place)
         described = (configured.device, read.unread, also, times, inputs, georeference)
-        write_survey(out, result, names, settings, *described)
+        with stage("writing", quiet):
+            write_survey(out, result, names, settings, *described)
     return result
-
-
-def _show(result: "SurveyResult", names: list[str], out: Path, also: list[str], as_json: bool) -> None:
-    """Print the summary as JSON, or the result in words; what the user should look at is a warning either way."""
-    from tools.output.folder import SUMMARY
-
-    if as_json:
-        typer.echo(_on_one_line(out / SUMMARY))
-    else:
-        print_survey(result, names, out, also)
-    warn_of_faults(result, names, out)
-
-
-def _on_one_line(summary: Path) -> str:
-    try:
-        return json.dumps(json.loads(summary.read_text(encoding="utf-8")))
-    except OSError as error:
-        raise InputError(
-            f"cannot read {summary}: {error.strerror or error}; it was written, and then removed. Run the command again"
-        ) from error

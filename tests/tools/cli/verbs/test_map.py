@@ -15,8 +15,8 @@ from slam.mapper import Mapper
 from spectral.result import Registration
 from tests.samples.clutter_scans import T_WORLD_SENSOR, clutter, files_in, said, scan, sonarmap, table_of, write
 from tests.samples.surveys import KnowingRegistrar, ring_poses, scans_of
-from tools.cli.text.survey import warn_of_faults
 from tools.evaluate.trajectory import evaluate
+from tools.output.faults import faults
 from tools.readers.poses.kitti import read_kitti
 from tools.readers.poses.tum import read_tum
 from tools.readers.scans import read_scan, read_survey
@@ -175,7 +175,7 @@ def two_places(tmp_path_factory: pytest.TempPathFactory) -> tuple[list[str], Pat
     """Two scans of each of two places, the folder that `map` wrote of them in all formats, and what it printed."""
     folder = tmp_path_factory.mktemp("places")
     paths = write(folder, a=scan(0), b=scan(1), c=scan(2, scene=2), d=scan(3, scene=2))
-    result = sonarmap("map", *paths, "-o", folder / "out", *GRID, "--also", "pcd", "--also", "kitti")
+    result = sonarmap("map", *paths, "-o", folder / "out", *GRID, "--also", "pcd", "--also", "kitti", "-v")
     assert result.exit_code == 3
     return paths, folder / "out", result
 
@@ -244,7 +244,7 @@ def test_a_map_is_not_taken_for_a_scan_of_the_next_run(tmp_path: Path) -> None:
     assert set(files_in(tmp_path)) == set(before)
 
 
-def test_a_gap_that_is_bridged_is_told(tmp_path: Path) -> None:
+def test_a_gap_that_is_bridged_is_told() -> None:
     truth = ring_poses(4, turns=0.2)
 
     def spoil(i: int, j: int, given: Registration) -> Registration:
@@ -252,10 +252,7 @@ def test_a_gap_that_is_bridged_is_told(tmp_path: Path) -> None:
 
     survey = Mapper(KnowingRegistrar(truth, 1e-6 * np.eye(6), spoil), 0.5).run(scans_of(truth))
     assert len(survey.components) == 1
-    with pytest.MonkeyPatch.context() as patch:
-        told: list[str] = []
-        patch.setattr("tools.cli.text.survey.warn", told.append)
-        warn_of_faults(survey, ["a", "b", "c", "d"], tmp_path)
+    told = faults(survey, ["a", "b", "c", "d"])
     assert told == ["gap between b and c, bridged by other pairs: refused by the registration: too weak"]
 
 
