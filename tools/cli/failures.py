@@ -36,20 +36,37 @@ _UsageError: Any = typer.BadParameter.__base__  # of all that typer refuses; it 
 
 
 class Verbs(TyperGroup):
-    """The verbs; what typer refuses of their options is JSON too where --json is among them."""
+    """The verbs; what typer refuses of the command line is JSON too where --json is on it."""
+
+    def main(self, args: Any = None, *others: Any, **extra: Any) -> Any:
+        """Run a verb."""
+        self._as_json = "--json" in (sys.argv[1:] if args is None else args)
+        return super().main(args, *others, **extra)
+
+    def make_context(self, *arguments: Any, **extra: Any) -> Any:
+        """Take apart what stands before the verb."""
+        with self._refusals():
+            return super().make_context(*arguments, **extra)
 
     def invoke(self, ctx: Any) -> Any:
-        """Run the verb."""
-        as_json = "--json" in [*ctx._protected_args, *ctx.args]
-        try:
+        """Take apart what stands behind the verb, and run it."""
+        with self._refusals():
             return super().invoke(ctx)
+
+    @contextmanager
+    def _refusals(self) -> Iterator[None]:
+        try:
+            yield
         except _UsageError as error:
-            _print_failure(error.format_message(), error.exit_code, as_json)
+            print_failure(error.format_message(), error.exit_code, self._as_json)
             raise
 
 
 def guarded(command: Callable[..., Any]) -> Callable[..., Any]:
-    """The command, with what it raises turned into a message and an exit code, and with the option --log-file."""
+    """The command, with what it raises turned into a message and an exit code.
+
+    It takes `log_file` beside its own options, for `with_log_file`; its `quiet` and `as_json` say who hears what.
+    """
 
     @functools.wraps(command)
     def guard(*args: Any, log_file: Path | None = None, **options: Any) -> Any:
@@ -66,11 +83,21 @@ def guarded(command: Callable[..., Any]) -> Callable[..., Any]:
         except SonarmapError as error:  # of the log file
             raise typer.Exit(failed(error, as_json, ())) from None
 
+    return guard
+
+
+def with_log_file(command: Callable[..., Any]) -> Callable[..., Any]:
+    """A guarded command, with the option --log-file."""
+
+    @functools.wraps(command)
+    def extended(*args: Any, **options: Any) -> Any:
+        return command(*args, **options)
+
     signature = inspect.signature(command, eval_str=True)
     option = inspect.Parameter("log_file", inspect.Parameter.KEYWORD_ONLY, default=None, annotation=LogFileOption)
-    guard.__signature__ = signature.replace(parameters=[*signature.parameters.values(), option])  # type: ignore[attr-defined]
-    guard.__annotations__ = {**command.__annotations__, "log_file": LogFileOption}
-    return guard
+    setattr(extended, "__signature__", signature.replace(parameters=[*signature.parameters.values(), option]))  # noqa: B010
+    extended.__annotations__ = {**command.__annotations__, "log_file": LogFileOption}
+    return extended
 
 
 @contextmanager
@@ -148,11 +175,12 @@ def _defect(error: Exception, as_json: bool) -> int:
 
 def _fail(message: str, code: int, as_json: bool) -> int:
     say(message, "error: ", "bold red")
-    _print_failure(message, code, as_json)
+    print_failure(message, code, as_json)
     return code
 
 
-def _print_failure(message: str, code: int, as_json: bool) -> None:
+def print_failure(message: str, code: int, as_json: bool) -> None:
+    """Print why a command failed, for the program that asked for JSON."""
     if as_json:
         typer.echo(json.dumps({"error": message, "exit_code": code}))
 
@@ -160,7 +188,7 @@ def _print_failure(message: str, code: int, as_json: bool) -> None:
 def _stopped(stop: KeyboardInterrupt, as_json: bool, written: Sequence[Path]) -> int:
     message = what_became(stop) or _written(written)
     say(message, STOPPED, "bold yellow")
-    _print_failure(STOPPED + message, INTERRUPTED, as_json)
+    print_failure(STOPPED + message, INTERRUPTED, as_json)
     return INTERRUPTED
 
 

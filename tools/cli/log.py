@@ -5,7 +5,6 @@ import re
 import sys
 from collections.abc import Iterator
 from contextlib import contextmanager, redirect_stdout, suppress
-from contextvars import ContextVar
 from datetime import UTC, datetime
 from pathlib import Path
 from typing import TextIO
@@ -14,7 +13,7 @@ from kernels.errors import InputError
 
 _FIRST_LINE = re.compile(r"\S+Z sonarmap \S+: sonarmap")  # that `logged` writes
 _COLORS = re.compile(r"\x1b\[[0-9;]*m")
-_open_log: ContextVar["_Log | None"] = ContextVar("_open_log", default=None)
+_open: list["_Log"] = []  # of this program, whatever thread speaks; the last is written to
 
 
 class _Log:
@@ -101,20 +100,18 @@ def logged(path: Path | None, first: str) -> Iterator[None]:
     if path is None:
         yield
         return
-    opened = _Log(path)
-    token = _open_log.set(opened)
+    _open.append(_Log(path))
     try:
         log(first)
         yield
     finally:
-        _open_log.reset(token)
-        opened.close()
+        _open.pop().close()
 
 
 @contextmanager
 def results_to(shown: bool, copied: bool) -> Iterator[None]:
     """Within the block what is printed on stdout is `shown` or not, and `copied` to the log or not."""
-    if shown and not (copied and _open_log.get()):
+    if shown and not (copied and _open):
         yield
         return
     with redirect_stdout(_Results(sys.stdout, shown, copied)):
@@ -123,5 +120,5 @@ def results_to(shown: bool, copied: bool) -> Iterator[None]:
 
 def log(text: str) -> None:
     """Add lines to the log, if there is one."""
-    if (opened := _open_log.get()) is not None:
-        opened.add(text)
+    if _open:
+        _open[-1].add(text)

@@ -9,7 +9,7 @@ from typing import Annotated
 
 import typer
 
-from tools.cli.failures import Verbs, failed, guarded, output_lost
+from tools.cli.failures import Verbs, failed, guarded, output_lost, with_log_file
 from tools.cli.terminal import show_messages
 
 # A verb is the function `command` in tools/cli/verbs/<verb>.py; its docstring is the help.
@@ -97,4 +97,4 @@ def _flowing(docstring: str) -> str:
 
 for _verb in VERBS:
     _command = import_module(f"tools.cli.verbs.{_verb}").command
-    app.command(_verb, help=_flowing(_command.__doc__))(guarded(_command))
+    app.command(_verb, help=_flowing(_command.__doc__))(with_log_file(guarded(_command)))

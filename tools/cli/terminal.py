@@ -4,7 +4,6 @@ import logging
 import sys
 from collections.abc import Iterator
 from contextlib import contextmanager
-from contextvars import ContextVar
 
 from rich.console import Console
 from rich.text import Text
@@ -13,7 +12,7 @@ from tools.cli.log import log
 
 _WIDTH_OF_FILES = 200  # a table in a file need not be folded
 _bars: list[Console] = []  # the consoles on stderr that show one: what is said stands above it
-_quiet: ContextVar[bool] = ContextVar("_quiet", default=False)
+_quiet: list[bool] = []  # of this program, whatever thread speaks; the last counts
 
 
 class _Console(Console):
@@ -45,11 +44,11 @@ def result_console() -> Console:
 @contextmanager
 def quietly(quiet: bool) -> Iterator[None]:
     """Within the block, if `quiet`, only labeled messages are said: warnings and errors."""
-    token = _quiet.set(quiet)
+    _quiet.append(quiet)
     try:
         yield
     finally:
-        _quiet.reset(token)
+        _quiet.pop()
 
 
 def say(message: str, label: str = "", style: str = "") -> None:
@@ -61,7 +60,7 @@ def say(message: str, label: str = "", style: str = "") -> None:
         style: the label's color, in rich's words.
     """
     log(label + printable(message))
-    if _quiet.get() and not label:
+    if any(_quiet[-1:]) and not label:
         return
     console = error_console()
     console.print(Text.assemble((label, style), printable(message)), soft_wrap=not console.is_terminal)

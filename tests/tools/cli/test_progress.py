@@ -54,8 +54,8 @@ class TestProgress:
 
     def test_a_terminal_gets_a_bar(self) -> None:
         shown = on_a_terminal(
-            "from tools.cli.progress import progress\n"
-            "with progress('pairs', 2) as advance: advance('scan [1]'); __import__('time').sleep(0.3); advance('scan [2]')"
+            "from time import sleep; from tools.cli.progress import progress\n"
+            "with progress('pairs', 2) as advance: advance('scan [1]'); sleep(0.3); advance('scan [2]')"
         )
         assert "pairs" in shown
         assert "2/2" in shown

@@ -1,13 +1,18 @@
 """What the user is warned of after mapping, and what the table says of refused pairs."""
 
 from dataclasses import replace
+from pathlib import Path
 
 import numpy as np
 import pytest
 
+from kernels.errors import InputError
 from slam.mapper import Mapper
+from slam.survey_result import SurveyResult
+from spectral.result import Registration
 from tests.samples.surveys import KnowingRegistrar, random_covariance, ring_poses, scans_of
 from tools.cli.text.pairs import print_pairs
+from tools.cli.text.survey import Mapped, warn_of_faults, way_length
 from tools.output.faults import faults
 
 NAMES = [f"scan{k}" for k in range(24)]
@@ -46,3 +51,55 @@ def test_the_table_says_why_a_pair_was_refused(capsys: pytest.CaptureFixture[str
     assert "sigmas: how far the pair is from the final poses" in printed
     assert any(not pair.kept for pair in survey.pairs)
     assert "too weak" in printed
+
+
+def refusing(pairs: set[tuple[int, int]], failing: set[int], count: int = 12) -> SurveyResult:
+    """A survey of which these pairs are refused, and no pair of these scans can be registered."""
+    truth = ring_poses(count, turns=0.3)
+
+    def spoil(i: int, j: int, given: Registration) -> Registration:
+        for k in failing & {i, j}:
+            raise InputError(f"{NAMES[k]}: it is empty")
+        return replace(given, accepted=False, reason=f"too weak at {i}") if (i, j) in pairs else given
+
+    return Mapper(KnowingRegistrar(truth, 1e-6 * np.eye(6), spoil), 0.5).run(scans_of(truth))
+
+
+def test_each_gap_is_told_and_many_together() -> None:
+    few = faults(refusing({(1, 2), (4, 5)}, set()), NAMES)
+    assert [sentence.split(":")[0] for sentence in few] == [
+        "gap between scan1 and scan2, bridged by other pairs",
+        "gap between scan4 and scan5, bridged by other pairs",
+    ]
+    (many,) = faults(refusing({(k, k + 1) for k in (1, 3, 5, 7)}, set()), NAMES)
+    assert many.startswith("4 gaps between consecutive scans, bridged by other pairs, as between scan1 and scan2")
+    assert "too weak at 1" in many
+
+
+def test_a_scan_that_is_to_blame_is_told_once() -> None:
+    assert faults(refusing(set(), {4}), NAMES) == ["scan4 is in no map: it is empty"]
+    (several,) = faults(refusing(set(), {4, 8}), NAMES)
+    assert several == "2 scans are in no map: scan4, scan8; the first: it is empty"
+
+
+def test_the_most_important_stand_first_and_few_are_shown(capsys: pytest.CaptureFixture[str], tmp_path: Path) -> None:
+    survey = refusing({(1, 2), (3, 4), (8, 9)}, {6})
+    told = faults(survey, NAMES)
+    assert len(told) == 4
+    assert told[0].startswith("scan6 is in no map")
+    mapped = Mapped(survey, NAMES[:12], tmp_path, (), 0)
+    warn_of_faults(mapped)
+    shown = capsys.readouterr().err.splitlines()
+    assert shown[:3] == [f"warning: {sentence}" for sentence in told[:3]]
+    assert shown[3] == f"warning: 1 more, and all in full: {tmp_path / 'summary.json'} (warnings), or --verbose"
+    warn_of_faults(mapped, verbose=True)
+    assert capsys.readouterr().err.splitlines() == [f"warning: {sentence}" for sentence in told]
+
+
+def test_the_way_is_that_of_every_map_and_survey() -> None:
+    survey = refusing(set(), set())
+    places = survey.trajectory.T_world_sensor.translation
+    steps = np.sqrt(((places[1:] - places[:-1]) ** 2).sum(axis=1))
+    assert way_length(survey) == pytest.approx(steps.sum())
+    two = replace(survey, surveys=(0,) * 5 + (1,) * 7)
+    assert way_length(two) == pytest.approx(steps.sum() - steps[4])

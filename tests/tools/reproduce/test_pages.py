@@ -250,7 +250,7 @@ class TestCommand:
         monkeypatch.setattr("tests.samples.experiments.fake_experiment.create", lambda _: Fake(stop="d"))
         shown = CliRunner().invoke(app, ["reproduce", "fake", "-o", str(tmp_path)])
         assert shown.exit_code == 130
-        assert "are kept; the same command" in shown.stderr
+        assert "stopped: finished jobs are kept in" in shown.stderr
         monkeypatch.undo()
         monkeypatch.setattr(experiments, "EXPERIMENTS", {"fake": FAKE})
         shown = CliRunner().invoke(app, ["reproduce", "fake", "-o", str(tmp_path)])

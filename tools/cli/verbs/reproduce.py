@@ -30,6 +30,7 @@ from tools.cli.options.experiment import (
 )
 from tools.cli.options.registration import DeviceOption, JsonOption, QuietOption, VoxelOption
 from tools.cli.progress import progress
+from tools.cli.stops import when_stopped
 from tools.cli.terminal import printable, result_console, say
 from tools.reproduce.experiments import ALL, Request, chosen, create, entry_of, group_of, members
 
@@ -130,11 +131,8 @@ def _reproduce(name: str, options: Options, printed: bool) -> "Record":
     experiment = create(name, request)
     origin = provenance(experiment, request.opened)
     follow = partial(progress, quiet=options.silent)
-    try:
+    with when_stopped(lambda: f"finished jobs are kept in {out}; the same command without --fresh goes on from there"):
         result = run(experiment, origin, out, follow, RunOptions(options.fresh, _workers(name, options)), options.say)
-    except KeyboardInterrupt:
-        options.say("finished jobs are kept; the same command without --fresh continues from there")
-        raise
     record = write_experiment(out, experiment, result, origin, request.command(name))
     if printed:
         _print(record, out)

@@ -81,7 +81,7 @@ class TestRecording:
         said(shown, "dive.sonar: 3 of 60 shots are missing by their numbers")
 
     def test_names_are_those_of_a_file_of_priors(self, dive: Path) -> None:
-        shown = sonarmap("inspect", dive, "--names", "--quiet")
+        shown = sonarmap("inspect", dive, "--names")
         assert shown.stdout.split() == [f"dive#{k}" for k in range(57)]
         assert as_json(dive, "--names")["names"] == shown.stdout.split()
 
