@@ -2,12 +2,14 @@
 
 import json
 import math
-from typing import TYPE_CHECKING, Annotated
+from collections.abc import Mapping, Sequence
+from pathlib import Path
+from typing import TYPE_CHECKING, Annotated, Any
 
 import typer
 
-from tools.cli.arguments import as_options
 from tools.cli.method import ConfiguredMethod, configure_method, method_options
+from tools.cli.moved_scan import WriteOption, require_new_name, write_moved
 from tools.cli.navigation import (
     HeadingReferenceOption,
     MagneticDeclinationOption,
@@ -49,13 +51,14 @@ from tools.cli.options.scan import (
     corrections_of,
 )
 from tools.cli.picture import PictureOption, draw_picture, require_steps
-from tools.cli.terminal import printable, result_console, say
+from tools.cli.terminal import printable, say
+from tools.cli.text.registration import print_registration
+from tools.cli.text.survey import warn
 from tools.methods.registry import DEFAULT_METHOD
 
 if TYPE_CHECKING:
     from spectral.result import Registration
     from spectral.scan import Scan
-    from tools.readers.corrections import Corrections
 
 UNRELIABLE = 3
 
@@ -89,6 +92,7 @@ def command(
     magnetic_declination: MagneticDeclinationOption = None,
     device: DeviceOption = None,
     seed: SeedOption = DEFAULT_SEED,
+    write: WriteOption = None,
     picture: PictureOption = None,
     as_json: JsonOption = False,
 ) -> None:
@@ -99,34 +103,50 @@ def command(
     """
     options = method_options(context)
     require_steps(picture, options.name)
-    corrections = corrections_of(context.params)
-    navigation = navigation_settings(context.params)
-    read = [_read(path, corrections) for path in (target, source)]
-    use_imu = imu and options.uses_priors
-    scans = scans_with_priors(read, priors, prior_sigmas, use_imu, True, navigation).scans
+    scans = _scans(context.params, imu and options.uses_priors)
     configured = configure_method(scans, options)
     prepared_target, prepared_source = (configured.registrar.prepare(scan) for scan in scans)
     registration = configured.registrar.register(prepared_target, prepared_source)
+    written = write if registration.accepted else None
+    if written is not None:
+        write_moved(written, scans[1], registration.T_target_source)
     if picture is not None:
         draw_picture(picture, configured.registrar, prepared_target, prepared_source, registration)
     if as_json:
-        typer.echo(json.dumps(_as_json(registration, configured), allow_nan=False))
+        typer.echo(json.dumps(_as_json(registration, configured, written), allow_nan=False))
     else:
-        _print(registration, configured)
+        print_registration(registration, configured)
+        if written is not None:
+            typer.echo(f"\nwritten to {printable(str(written))}: the source's points in the target's frame")
+    if write is not None and written is None:
+        warn(f"{write} is not written, as the registration is not reliable")
     if not registration.accepted:
         raise typer.Exit(UNRELIABLE)
 
 
-def _read(path: str, corrections: "Corrections") -> "Scan":
+def _scans(given: Mapping[str, Any], use_imu: bool) -> "Sequence[Scan]":
+    """Target and source, with what instruments measured of them.
+
+    Args:
+        given: the verb's options, by their parameters' names.
+        use_imu: whether a recording's own attitude counts.
+    """
     from tools.readers.scans import only_scan, read_scans
 
-    read = read_scans([path], corrections)
-    for note in read.notes:
-        say(note)
-    return only_scan(path, read)
+    corrections, navigation = corrections_of(given), navigation_settings(given)
+    scans, files = [], []
+    for path in (given["target"], given["source"]):
+        read = read_scans([path], corrections)
+        for note in read.notes:
+            say(note)
+        scans.append(only_scan(path, read))
+        files += read.files
+    if given["write"] is not None:
+        require_new_name(given["write"], files)
+    return scans_with_priors(scans, given["priors"], given["prior_sigmas"], use_imu, True, navigation).scans
 
 
-def _as_json(registration: "Registration", method: ConfiguredMethod) -> dict[str, object]:
+def _as_json(registration: "Registration", method: ConfiguredMethod, written: Path | None = None) -> dict[str, object]:
     """The registration as JSON; null for what the method does not have, such as a peak or a grid."""
     return {
         "T_target_source": registration.T_target_source.as_matrix().tolist(),
@@ -142,18 +162,7 @@ def _as_json(registration: "Registration", method: ConfiguredMethod) -> dict[str
         "method": method.name,
         "grid": method.edge,
         "voxel": method.grid.voxel,
-    }
-
-
-def _doubts(registration: "Registration") -> dict[str, str]:
-    """How probable the transform is and how many others are possible, if the method says so."""
-    if not math.isfinite(registration.probability):
-        return {}
-    count = len(registration.alternatives)
-    others = f"{count} other {'transform' if count == 1 else 'transforms'} could not be excluded"
-    return {
-        "probability": f"{registration.probability:.1%} that this transform is right",
-        "alternatives": others if count else "every other transform could be excluded",
+        **({} if written is None else {"written": str(written)}),
     }
 
 
@@ -170,34 +179,3 @@ def _alternative(hypothesis: "Registration") -> dict[str, object]:
 
 def _or_null(number: float) -> float | None:
     return number if math.isfinite(number) else None
-
-
-def _print(registration: "Registration", method: ConfiguredMethod) -> None:
-    import numpy as np
-    from rich.table import Table
-    from rich.text import Text
-
-    from slam.graph.sigma import worst_sigmas
-
-    T = registration.T_target_source
-    yaw, pitch, roll = T.rotation.as_euler("ZYX", degrees=True)
-    rotation, translation = worst_sigmas(registration.covariance)
-    shift = "  ".join(f"{axis} {v:+.3f}" for axis, v in zip("xyz", T.translation, strict=True))
-    cube = f"{method.edge} x {method.edge} x {method.edge} " if method.edge else ""
-    rows = {
-        "because": as_options(registration.reason),
-        **_doubts(registration),
-        "translation": f"{shift}  m",
-        "rotation": f"yaw {yaw:+.2f}  roll {roll:+.2f}  pitch {pitch:+.2f}  degrees",
-        "uncertainty": f"{np.rad2deg(rotation):.2f} degrees, {translation:.3f} m "
-        "(one standard deviation, in the worst direction)",
-        "overlap": f"{registration.overlap:.0%} of the points lie close to a point of the other scan",
-        "method": method.name,
-        "grid": f"{cube}voxels of {method.grid.voxel:.3g} m",
-        "time": f"{registration.seconds:.2f} s, not counting reading and preparing the scans",
-    }
-    table = Table(box=None, pad_edge=False, show_header=False)
-    for name, value in rows.items():
-        table.add_row(f"  {name}", Text(printable(value)))
-    typer.echo("registered" if registration.accepted else "NO RELIABLE REGISTRATION; do not use this transform")
-    result_console().print(table)

@@ -1,6 +1,8 @@
 """`sonarmap register` end to end: what it prints, and its exit codes."""
 
 import json
+import re
+import warnings
 from dataclasses import replace
 from pathlib import Path
 
@@ -13,7 +15,8 @@ from spectral.result import Registration
 from tests.samples.clutter_scans import T_WORLD_SENSOR, refused_with_reason, said, scan, sonarmap, write
 from tests.samples.surveys import KnowingRegistrar
 from tools.cli.method import ConfiguredMethod
-from tools.cli.verbs.register import _as_json, _print
+from tools.cli.text.registration import print_registration, transform_words
+from tools.cli.verbs.register import _as_json
 from tools.methods.registry import Setup
 from tools.writers.points import write_ply
 
@@ -71,16 +74,19 @@ def test_alternatives_are_told(capsys: pytest.CaptureFixture[str]) -> None:
     assert isinstance(others, list)
     assert [(other["T_target_source"][0][3], other["probability"]) for other in others] == [(2, 0.05), (3, None)]
     told = {
-        2: "2 other transforms could not be excluded",
-        1: "1 other transform could",
+        2: "2 transforms could not be excluded",
+        1: "1 transform could not",
         0: "every other transform could be",
     }
     for count, words in told.items():
-        _print(replace(found, alternatives=found.alternatives[:count]), chosen)
+        print_registration(replace(found, alternatives=found.alternatives[:count]), chosen)
         printed = " ".join(capsys.readouterr().out.split())
-        assert "93.4%" in printed
+        assert "this transform is right with a probability of 93.4%" in printed
         assert words in printed
-    _print(replace(found, probability=float("nan"), accepted=False), chosen)
+    print_registration(replace(found, accepted=False), chosen)
+    printed = capsys.readouterr().out
+    assert printed.startswith("NO RELIABLE REGISTRATION; do not use this transform (right with a probability of 93.4%)")
+    print_registration(replace(found, probability=float("nan"), accepted=False), chosen)
     printed = capsys.readouterr().out
     assert "probab" not in printed
     assert printed.startswith("NO RELIABLE REGISTRATION; do not use this transform\n")
@@ -95,8 +101,51 @@ def test_a_good_pair_in_words(pair: list[str]) -> None:
     result = sonarmap("register", *pair, *GRID)
     assert (result.exit_code, result.stderr) == (0, "")
     lines = result.stdout.splitlines()
-    assert lines[0] == "registered"
-    assert all(any(unit in line for line in lines) for unit in ("  m", "degrees", " s,", "voxels of", "%"))
+    assert lines[0].startswith("Registered: this transform is right with a probability of")
+    assert all(any(unit in line for line in lines) for unit in (" m ", "°", " s,", "voxels of", "%", "p_target ="))
+    check_words(lines[1])
+
+
+def check_words(sentence: str) -> None:
+    """The truth: 1.5 m forward, 0.8 m right, 0.3 m up; yaw +14, pitch +3 (nose down), roll -5 (left side down)."""
+    assert re.search(r" 1\.[45]\d\d m forward, 0\.[78]\d\d m right and 0\.[23]\d\d m up; it is turned ", sentence)
+    turned = (
+        r" 1[34]\.\d\d° to the left \(yaw\), [23]\.\d\d° nose down \(pitch\) and [45]\.\d\d° left side down \(roll\)"
+    )
+    assert re.search(turned, sentence)
+
+
+@pytest.mark.parametrize(
+    ("shift", "turn", "words"),
+    [
+        # a sensor that is ahead of, to the left of and above the target's, looking left, down, its left side raised
+        ([2, 0.5, 0.25], [30, 20, 10], "2.000 m forward, 0.500 m left and 0.250 m up; it is turned 30.00° to the left "
+         "(yaw), 20.00° nose down (pitch) and 10.00° right side down (roll)"),
+        ([-2, -0.5, -0.25], [-30, -20, -10], "2.000 m back, 0.500 m right and 0.250 m down; it is turned 30.00° to the "
+         "right (yaw), 20.00° nose up (pitch) and 10.00° left side down (roll)"),
+        ([0, 0, -7], [0, 0, 0], "the source's is 7.000 m down; it looks the same way."),
+        ([0, 0.0004, 0], [0, 0, -0.3], "is where the target's is; it is turned 0.30° left side down (roll), 0.30° in"),
+        ([0, 0, 0], [0, 90, 0], "turned 90.00° nose down (pitch), 90.00° in all"),
+    ],
+)  # fmt: skip
+def test_the_transform_in_words(shift: list[float], turn: list[float], words: str) -> None:
+    R = Rotation.from_euler("ZYX", turn, degrees=True)
+    with warnings.catch_warnings():
+        warnings.simplefilter("error")
+        assert words in transform_words(RigidTransform.from_components(shift, R))
+
+
+def test_the_words_mean_what_a_diver_would_see() -> None:
+    """Without Euler angles: where three points of the source's frame come to lie in the target's."""
+    T = RigidTransform.from_components([0, 0, 0], Rotation.from_euler("ZYX", [0, 25, 0], degrees=True))
+    assert "nose down" in transform_words(T)
+    assert T.apply([1, 0, 0])[2] < -0.4  # its bow points down
+    T = RigidTransform.from_components([0, 0, 0], Rotation.from_euler("ZYX", [0, 0, 25], degrees=True))
+    assert "right side down" in transform_words(T)
+    assert T.apply([0, -1, 0])[2] < -0.4  # its starboard side is down
+    T = RigidTransform.from_components([0, 0, 0], Rotation.from_euler("ZYX", [25, 0, 0], degrees=True))
+    assert "to the left" in transform_words(T)
+    assert T.apply([1, 0, 0])[1] > 0.4  # it looks to port
 
 
 def test_the_voxel_is_taken_as_given(pair: list[str]) -> None:
@@ -155,8 +204,10 @@ def test_the_uncertainty_is_along_the_worst_direction_whatever_the_axes(capsys: 
     covariance[:3, :3] = turn @ np.diag(np.deg2rad([2.0, 0.5, 0.5]) ** 2) @ turn.T
     covariance[3:, 3:] = turn @ np.diag([0.3, 0.1, 0.1]) ** 2 @ turn.T
     found = Registration(RigidTransform.identity(), covariance, psr=50.0, overlap=0.5, accepted=True, seconds=0.1)
-    _print(found, ConfiguredMethod("spectral", KnowingRegistrar(T_WORLD_SENSOR, covariance), CUBE, Setup(CUBE)))
-    assert "2.00 degrees, 0.300 m" in capsys.readouterr().out
+    print_registration(
+        found, ConfiguredMethod("spectral", KnowingRegistrar(T_WORLD_SENSOR, covariance), CUBE, Setup(CUBE))
+    )
+    assert "0.300 m and 2.00° in the worst direction" in capsys.readouterr().out
 
 
 def test_echo_strengths_weigh_the_voxels_where_wanted(tmp_path: Path) -> None:
