@@ -254,6 +254,15 @@ def _opened(device: cl.Device) -> tuple[cl.Context, dict[tuple[str, tuple[str, .
     return cl.Context([device]), {}
 
 
+def device_names() -> list[tuple[str, str]]:
+    """The selector and the name of every OpenCL device, none of them tried.
+
+    Raises:
+        DeviceError: there is no OpenCL platform.
+    """
+    return [(selector, device.name.strip()) for selector, device in _devices()]
+
+
 def choose_device(selector: str | None = None) -> Device:
     """The first device in order of preference that matches and works: GPUs come before CPUs.
 

@@ -15,7 +15,6 @@ from pathlib import Path
 from typing import Any
 
 import typer
-from typer.core import TyperGroup
 
 from kernels.errors import InputError, SonarmapError
 from tools.cli.arguments import as_options
@@ -32,34 +31,6 @@ PIPE_CLOSED = 128 + 13  # as a shell reports SIGPIPE
 FULL = (errno.ENOSPC, errno.EDQUOT, errno.EFBIG, errno.EIO)  # a disk that takes no more
 STOPPED = "stopped: "
 LISTED = 5  # names of files in a message
-_UsageError: Any = typer.BadParameter.__base__  # of all that typer refuses; it has no public name
-
-
-class Verbs(TyperGroup):
-    """The verbs; what typer refuses of the command line is JSON too where --json is on it."""
-
-    def main(self, args: Any = None, *others: Any, **extra: Any) -> Any:
-        """Run a verb."""
-        self._as_json = "--json" in (sys.argv[1:] if args is None else args)
-        return super().main(args, *others, **extra)
-
-    def make_context(self, *arguments: Any, **extra: Any) -> Any:
-        """Take apart what stands before the verb."""
-        with self._refusals():
-            return super().make_context(*arguments, **extra)
-
-    def invoke(self, ctx: Any) -> Any:
-        """Take apart what stands behind the verb, and run it."""
-        with self._refusals():
-            return super().invoke(ctx)
-
-    @contextmanager
-    def _refusals(self) -> Iterator[None]:
-        try:
-            yield
-        except _UsageError as error:
-            print_failure(error.format_message(), error.exit_code, self._as_json)
-            raise
 
 
 def guarded(command: Callable[..., Any]) -> Callable[..., Any]:

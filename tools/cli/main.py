@@ -9,7 +9,8 @@ from typing import Annotated
 
 import typer
 
-from tools.cli.failures import Verbs, failed, guarded, output_lost, with_log_file
+from tools.cli.failures import failed, guarded, output_lost, with_log_file
+from tools.cli.help import Verb, VerbGroup, with_help_all
 from tools.cli.terminal import show_messages
 
 # A verb is the function `command` in tools/cli/verbs/<verb>.py; its docstring is the help.
@@ -32,9 +33,8 @@ VERBS = [
 
 app = typer.Typer(
     name="sonarmap",
-    cls=Verbs,
     no_args_is_help=True,
-    add_completion=False,
+    cls=VerbGroup,
     pretty_exceptions_enable=False,
     rich_markup_mode="rich",
     context_settings={"help_option_names": ["-h", "--help"]},
@@ -97,4 +97,5 @@ def _flowing(docstring: str) -> str:
 
 for _verb in VERBS:
     _command = import_module(f"tools.cli.verbs.{_verb}").command
-    app.command(_verb, help=_flowing(_command.__doc__))(with_log_file(guarded(_command)))
+    _guarded = with_help_all(with_log_file(guarded(_command)))
+    app.command(_verb, cls=Verb, help=_flowing(_command.__doc__))(_guarded)

@@ -8,6 +8,7 @@ from typing import TYPE_CHECKING, Annotated
 import typer
 
 from kernels.errors import InputError
+from tools.cli.options.groups import OUTPUT
 
 if TYPE_CHECKING:
     from scipy.spatial.transform import RigidTransform
@@ -33,6 +34,7 @@ WriteOption = Annotated[
         help="Write the moved scan, PLY or PCD: the source's points in the target's frame. "
         "Nothing is written if the registration is not reliable.",
         callback=_check_suffix,
+        rich_help_panel=OUTPUT,
     ),
 ]
 

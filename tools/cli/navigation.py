@@ -8,6 +8,7 @@ from typing import TYPE_CHECKING, Annotated, Any
 import typer
 
 from kernels.errors import InputError
+from tools.cli.options import groups
 from tools.cli.options.registration import parse_prior_sigmas
 from tools.cli.terminal import say
 
@@ -30,29 +31,63 @@ NAVIGATION = (
     "magnetic_declination",
 )
 
+
+def _frames(incomplete: str) -> list[str]:
+    from tools.readers.navigation.settings import DOWN_FRAMES, UP_FRAMES  # imports SciPy
+
+    return groups.completes((*DOWN_FRAMES, *UP_FRAMES))(incomplete)
+
+
+def _time_scales(incomplete: str) -> list[str]:
+    from tools.time_scales import TIME_SCALES
+
+    return groups.completes(TIME_SCALES)(incomplete)
+
+
 NavColumnsOption = Annotated[
     str | None,
     typer.Option(
         "--nav-columns",
         metavar="A=B,...",
-        help="What columns of the navigation hold, as in depth_m=KP_DEPTH,heading_deg=Gyro. \\[by their names]",
+        help="What columns of the navigation hold, as in depth_m=KP_DEPTH,heading_deg=Gyro.",
+        rich_help_panel=groups.NAVIGATION,
+        hidden=True,
+        show_default="by their names",
     ),
 ]
 TimeScaleOption = Annotated[
     str | None,
-    typer.Option("--time-scale", metavar="NAME", help="Of its times that name no zone: utc, gps or tai. \\[utc]"),
+    typer.Option(
+        "--time-scale",
+        metavar="NAME",
+        help="Of its times that name no zone: utc, gps or tai.",
+        rich_help_panel=groups.NAVIGATION,
+        hidden=True,
+        show_default="utc",
+        autocompletion=_time_scales,
+    ),
 ]
 NavOffsetOption = Annotated[
     str | None,
     typer.Option(
         "--nav-offset",
         metavar="S",
-        help="Add S seconds to its times; auto estimates them from the sonar's turn rates. \\[0]",
+        help="Add S seconds to its times; auto estimates them from the sonar's turn rates.",
+        rich_help_panel=groups.NAVIGATION,
+        hidden=True,
+        show_default="0",
+        autocompletion=groups.completes((AUTO,)),
     ),
 ]
 NavCrsOption = Annotated[
     str | None,
-    typer.Option("--nav-crs", metavar="CRS", help="Of its eastings and northings, as EPSG:32632."),
+    typer.Option(
+        "--nav-crs",
+        metavar="CRS",
+        help="Of its eastings and northings, as EPSG:32632.",
+        rich_help_panel=groups.NAVIGATION,
+        hidden=True,
+    ),
 ]
 NavFrameOption = Annotated[
     str | None,
@@ -60,7 +95,11 @@ NavFrameOption = Annotated[
         "--nav-frame",
         metavar="NAME",
         help="Of its pitch, yaw, x, y, z, and of --mount: frd or ned (forward, right, down; North, East, Down), flu or "
-        "enu (forward, left, up; East, North, Up). \\[heading, pitch nose up, x East, y North, depth]",
+        "enu (forward, left, up; East, North, Up).",
+        rich_help_panel=groups.NAVIGATION,
+        hidden=True,
+        show_default="heading, pitch nose up, x East, y North, depth",
+        autocompletion=_frames,
     ),
 ]
 MountOption = Annotated[
@@ -70,17 +109,32 @@ MountOption = Annotated[
         metavar="R,P,H[,X,Y,Z]",
         help="The sonar on the vehicle that the navigation is of: roll, pitch, heading \\[deg]; forward, "
         "starboard, down "
-        "\\[m]. \\[the navigation is of the sonar]",
+        "\\[m].",
+        rich_help_panel=groups.NAVIGATION,
+        hidden=True,
+        show_default="the navigation is of the sonar",
     ),
 ]
 HeadingReferenceOption = Annotated[
     str | None,
-    typer.Option("--heading-reference", metavar="NAME", help="North of its headings: true or grid. \\[true]"),
+    typer.Option(
+        "--heading-reference",
+        metavar="NAME",
+        help="North of its headings: true or grid.",
+        rich_help_panel=groups.NAVIGATION,
+        hidden=True,
+        show_default="true",
+        autocompletion=groups.completes(("true", "grid")),
+    ),
 ]
 MagneticDeclinationOption = Annotated[
     float | None,
     typer.Option(
-        "--magnetic-declination", metavar="DEG", help="Its headings are magnetic: add DEG to them, East positive."
+        "--magnetic-declination",
+        metavar="DEG",
+        help="Its headings are magnetic: add DEG to them, East positive.",
+        rich_help_panel=groups.NAVIGATION,
+        hidden=True,
     ),
 ]
 

@@ -6,6 +6,7 @@ from typing import TYPE_CHECKING, Annotated
 import typer
 
 from kernels.errors import InputError
+from tools.cli.options.groups import OUTPUT
 from tools.methods.registry import DEFAULT_METHOD
 
 if TYPE_CHECKING:
@@ -28,6 +29,7 @@ PictureOption = Annotated[
         metavar="FILE.png",
         help=f"Draw the registration step by step; only with --method {DEFAULT_METHOD}.",
         callback=_check_name,
+        rich_help_panel=OUTPUT,
     ),
 ]
 

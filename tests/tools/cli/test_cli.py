@@ -71,7 +71,7 @@ class TestExitCodes:
     def test_usage_errors_are_2(self, arguments: list[str]) -> None:
         result = CliRunner().invoke(app, arguments)
         assert result.exit_code == 2
-        assert "Error" in result.stderr
+        assert result.stderr.startswith("error: ")
         assert result.stdout == ""
 
     @pytest.mark.parametrize(("arguments", "code"), [(["--version"], 1), (["devices", "--json"], 141)])

@@ -6,6 +6,7 @@ from typing import Annotated
 import typer
 
 from kernels.errors import InputError
+from tools.cli.options.groups import EXPERIMENT, INPUT, INSTRUMENTS, OUTPUT, RUNNING, completes, completes_list
 from tools.cli.options.registration import check_seed, check_tilt
 from tools.methods.registry import METHODS, find_method
 from tools.reproduce.experiments import EXPERIMENTS, groups, members
@@ -20,7 +21,12 @@ _ALONE = "; ".join(f"{group} ({EXPERIMENTS[group].shows})" for group in groups()
 
 NameArgument = Annotated[
     str,
-    typer.Argument(help=f"An experiment, or a group of them: {_NAMES}; {_ALONE}.", metavar="NAME"),
+    typer.Argument(
+        help=f"An experiment, or a group of them. {_NAMES}; {_ALONE}.",
+        metavar="NAME",
+        rich_help_panel=INPUT,
+        autocompletion=completes((*EXPERIMENTS, *groups())),
+    ),
 ]
 SCENES = [name for name, kind in SCENE_KINDS.items() if kind.scale == 1.0]
 
@@ -33,7 +39,15 @@ def _check_scene(scene: str | None) -> str | None:
 
 
 SceneOption = Annotated[
-    str | None, typer.Option(help=f"The scene: {', '.join(SCENES)}.", metavar="SCENE", callback=_check_scene)
+    str | None,
+    typer.Option(
+        help=f"The scene: {', '.join(SCENES)}.",
+        metavar="SCENE",
+        callback=_check_scene,
+        rich_help_panel=EXPERIMENT,
+        hidden=True,
+        autocompletion=completes(SCENES),
+    ),
 ]
 PageOption = Annotated[
     Path | None,
@@ -41,18 +55,27 @@ PageOption = Annotated[
         "--page",
         metavar="FILE",
         help="Also write a page, such as docs/reproduction.md, on all experiments of the group with results in OUT.",
+        rich_help_panel=OUTPUT,
+        hidden=True,
     ),
 ]
 NoisesOption = Annotated[
     list[float] | None,
-    typer.Option(metavar="V", help="Variance of the range noise at the largest range \\[m^2]; may be repeated."),
+    typer.Option(
+        metavar="V",
+        help="Variance of the range noise at the largest range \\[m^2]; may be repeated.",
+        rich_help_panel=EXPERIMENT,
+        hidden=True,
+    ),
 ]
 OwnGridOption = Annotated[
     int | None,
     typer.Option(
         "--grid",
         metavar="N",
-        help="Voxels per edge, an even product of 2, 3 and 5 from 16 to 512. Default: depends on the experiment.",
+        help="Voxels per edge, 16..512. The number is an even product of 2, 3 and 5.",
+        show_default="the experiment's",
+        rich_help_panel=EXPERIMENT,
     ),
 ]
 
@@ -75,34 +98,51 @@ MethodsOption = Annotated[
     typer.Option(
         "--method",
         metavar="NAME",
-        help=f"A method to evaluate: {', '.join(METHODS)}; may be repeated. Default: all that the experiment compares.",
+        help=f"A method to evaluate; may be repeated. Methods: {', '.join(METHODS)}.",
         callback=_check_methods,
+        rich_help_panel=EXPERIMENT,
+        autocompletion=completes(METHODS),
     ),
 ]
 WorkersOption = Annotated[
     int,
     typer.Option(
-        "--workers", metavar="N", min=1, help="Number of processes that share the jobs; the results are the same."
+        "--workers",
+        metavar="N",
+        min=1,
+        help="Processes that share the jobs. The results are the same.",
+        rich_help_panel=RUNNING,
     ),
 ]
 OutOption = Annotated[
     Path,
     typer.Option(
-        "-o", "--out", help="Folder for the results; a stopped run continues from what is there.", metavar="OUT"
+        "-o",
+        "--out",
+        help="Folder for the results. A stopped run continues from what is there.",
+        metavar="OUT",
+        rich_help_panel=OUTPUT,
     ),
 ]
 QuickOption = Annotated[
     bool,
     typer.Option(
         "--quick",
-        help="Take at most a minute for each experiment: fewer scenes, seeds, pairs and voxels, unless given.",
+        help="Take at most a minute for each experiment. There are fewer scenes, seeds, pairs and voxels, unless "
+        "given.",
+        rich_help_panel=EXPERIMENT,
     ),
 ]
 FreshOption = Annotated[
-    bool, typer.Option("--fresh", help="Run all jobs again, also those that an earlier run finished.")
+    bool,
+    typer.Option("--fresh", help="Run all jobs again, finished ones too.", rich_help_panel=RUNNING),
 ]
-SeedsOption = Annotated[int | None, typer.Option(metavar="N", help="Number of seeds.", min=1)]
-PairsOption = Annotated[int | None, typer.Option(metavar="N", help="Number of pairs.", min=1)]
+SeedsOption = Annotated[
+    int | None, typer.Option(metavar="N", help="Number of seeds.", min=1, rich_help_panel=EXPERIMENT, hidden=True)
+]
+PairsOption = Annotated[
+    int | None, typer.Option(metavar="N", help="Number of pairs.", min=1, rich_help_panel=EXPERIMENT, hidden=True)
+]
 FirstSeedOption = Annotated[
     int | None,
     typer.Option(
@@ -110,14 +150,17 @@ FirstSeedOption = Annotated[
         metavar="S",
         help="The first seed, or the seed of the pairs; the same seed gives the same results.",
         callback=check_seed,
+        rich_help_panel=EXPERIMENT,
+        hidden=True,
     ),
 ]
 FolderArgument = Annotated[
     Path | None,
     typer.Argument(
-        help="For real: a folder with scans and a gt.log, or a folder of such folders.",
+        help="For real: a folder with scans and a gt.log. Or a folder of such folders.",
         metavar="DIR",
         show_default=False,
+        rich_help_panel=INPUT,
     ),
 ]
 OwnTiltOption = Annotated[
@@ -125,8 +168,11 @@ OwnTiltOption = Annotated[
     typer.Option(
         "--max-tilt",
         metavar="DEG",
-        help="For real: largest roll and pitch between two scans \\[deg], up to 180 (no limit). Default: 35.",
+        help="For real: largest roll and pitch between two scans \\[deg], up to 180 (no limit).",
+        show_default="35",
         callback=_check_own_tilt,
+        rich_help_panel=EXPERIMENT,
+        hidden=True,
     ),
 ]
 KnownOption = Annotated[
@@ -136,6 +182,9 @@ KnownOption = Annotated[
         metavar="WHAT",
         help="For real: also register every pair with measurements of WHAT, drawn about the truth: "
         "attitude,heading,depth,position, or some of them.",
+        rich_help_panel=EXPERIMENT,
+        hidden=True,
+        autocompletion=completes_list(INSTRUMENTS),
     ),
 ]
 KnownSigmasOption = Annotated[
@@ -143,7 +192,9 @@ KnownSigmasOption = Annotated[
     typer.Option(
         "--known-sigmas",
         metavar="A,H,D,P",
-        help="Standard deviations for --known: attitude, heading \\[deg], depth, position \\[m]. Default: "
-        "1.5,3,0.15,3.",
+        help="Standard deviations for --known: attitude, heading \\[deg], depth, position \\[m].",
+        show_default="1.5,3,0.15,3",
+        rich_help_panel=EXPERIMENT,
+        hidden=True,
     ),
 ]

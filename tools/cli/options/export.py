@@ -6,6 +6,7 @@ from typing import TYPE_CHECKING, Annotated
 import typer
 
 from kernels.errors import InputError
+from tools.cli.options.groups import OUTPUT, completes_list
 from tools.cli.progress import growing_progress
 from tools.cli.terminal import say
 from tools.export.formats import FORMATS
@@ -34,8 +35,14 @@ def _check_cell(cell: float | None) -> float | None:
 
 
 def _option(flag: str) -> typer.models.OptionInfo:
-    words = f"{_KNOWN}; may be repeated, or separated by commas."
-    return typer.Option(flag, metavar="NAME", help=f"What to write: {words}", callback=_check_formats)
+    return typer.Option(
+        flag,
+        metavar="NAME",
+        help=f"{', '.join(FORMATS)}; several separated by commas. {_KNOWN}. The option may also be repeated.",
+        callback=_check_formats,
+        rich_help_panel=OUTPUT,
+        autocompletion=completes_list(FORMATS),
+    )
 
 
 FormatOption = Annotated[list[str], _option("--format")]
@@ -46,7 +53,9 @@ CellOption = Annotated[
         "--cell",
         metavar="M",
         callback=_check_cell,
-        help="Edge of a cell of grids and pictures \\[m]. \\[the map's voxel]",
+        help="Edge of a grid's cell \\[m].",
+        rich_help_panel=OUTPUT,
+        show_default="the map's voxel",
     ),
 ]
 

@@ -5,16 +5,26 @@ from typing import TYPE_CHECKING, Annotated
 import typer
 
 from kernels.errors import InputError
+from tools.cli.options.groups import EARTH, completes
 
 if TYPE_CHECKING:
     from tools.geo.georeference import Georeference
+
+
+def _verticals(incomplete: str) -> list[str]:
+    from tools.geo.georeference import VERTICALS  # imports SciPy, which the help can do without
+
+    return completes(VERTICALS)(incomplete)
+
 
 OriginOption = Annotated[
     str | None,
     typer.Option(
         "--origin",
         metavar="LAT,LON[,HEIGHT]",
-        help="Where the map's origin is: degrees, WGS84, and meters above the vertical reference. \\[as the map says]",
+        help="Where the map's origin is: WGS84 \\[deg]. The height is in meters above the vertical reference.",
+        rich_help_panel=EARTH,
+        show_default="as the map says",
     ),
 ]
 OriginHeadingOption = Annotated[
@@ -22,7 +32,10 @@ OriginHeadingOption = Annotated[
     typer.Option(
         "--origin-heading",
         metavar="DEG",
-        help="True compass heading of the map's x axis, for a map without a heading of its own. \\[90, East]",
+        help="True heading of the map's x axis. It is for a map without a heading of its own.",
+        rich_help_panel=EARTH,
+        hidden=True,
+        show_default="90, East",
     ),
 ]
 VerticalOption = Annotated[
@@ -30,8 +43,12 @@ VerticalOption = Annotated[
     typer.Option(
         "--vertical",
         metavar="NAME",
-        help="What heights count from: surface (the water's, during the survey), MSL, ellipsoid, EGM96 or EGM2008. "
-        "\\[surface]",
+        help="What heights count from. Names: surface (the water's, during the survey), MSL, ellipsoid, EGM96 or "
+        "EGM2008. ",
+        rich_help_panel=EARTH,
+        hidden=True,
+        show_default="surface",
+        autocompletion=_verticals,
     ),
 ]
 CrsOption = Annotated[
@@ -39,7 +56,10 @@ CrsOption = Annotated[
     typer.Option(
         "--crs",
         metavar="CRS",
-        help="Projected coordinates of exported files, as EPSG:25832. \\[the UTM zone of the origin]",
+        help="Projected coordinates of exported files, as EPSG:25832.",
+        rich_help_panel=EARTH,
+        hidden=True,
+        show_default="the UTM zone of the origin",
     ),
 ]
 

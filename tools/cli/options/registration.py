@@ -1,6 +1,7 @@
 """Options that several verbs share, each with its check; a verb declares one as `grid: GridOption = None`."""
 
 import math
+from contextlib import suppress
 from pathlib import Path
 from typing import Annotated
 
@@ -8,6 +9,7 @@ import typer
 
 from kernels.errors import InputError
 from tools.cli.arguments import as_options
+from tools.cli.options.groups import NAVIGATION, REGISTRATION, RUNNING, completes
 from tools.methods.registry import METHODS, find_method
 
 DEFAULT_EDGE = 128
@@ -17,6 +19,17 @@ DEFAULT_REFINEMENT = REFINEMENTS[0]
 DEFAULT_YAW_PEAKS, MOST_YAW_PEAKS = 1, 32
 DEFAULT_SEED = 0
 DEFAULT_MAX_TILT = 35.0  # [deg], the paper's range of roll and pitch (Sect. 2.7)
+
+
+def _devices(incomplete: str) -> list[tuple[str, str]]:
+    """What a shell completes: kinds, and the devices of this machine with their names."""
+    from kernels.device.device import device_names
+    from kernels.errors import DeviceError
+
+    known = [("cpu", "the processor"), ("gpu", "a graphics card")]
+    with suppress(DeviceError):
+        known += device_names()
+    return [(selector, name) for selector, name in known if selector.startswith(incomplete)]
 
 
 def _check_edge(edge: int | None) -> int | None:
@@ -123,7 +136,12 @@ def check_seed(seed: int | None) -> int | None:
 MethodOption = Annotated[
     str,
     typer.Option(
-        "--method", metavar="NAME", help=f"Registration method: {', '.join(METHODS)}.", callback=_check_method
+        "--method",
+        metavar="NAME",
+        help=f"How to register. Methods: {', '.join(METHODS)}.",
+        callback=_check_method,
+        rich_help_panel=REGISTRATION,
+        autocompletion=completes(METHODS),
     ),
 ]
 GridOption = Annotated[
@@ -131,8 +149,10 @@ GridOption = Annotated[
     typer.Option(
         "--grid",
         metavar="N",
-        help=f"Voxels along each edge of the grid: an even product of 2, 3 and 5, 16..512. \\[{DEFAULT_EDGE}]",
+        help="Voxels per edge, 16..512. The number is an even product of 2, 3 and 5.",
         callback=_check_edge,
+        rich_help_panel=REGISTRATION,
+        show_default=f"{DEFAULT_EDGE}",
     ),
 ]
 VoxelOption = Annotated[
@@ -140,8 +160,10 @@ VoxelOption = Annotated[
     typer.Option(
         "--voxel",
         metavar="M",
-        help="Edge length of a voxel \\[m]. \\[chosen from the extents of the scans]",
+        help="Edge of a voxel \\[m].",
         callback=_check_voxel,
+        rich_help_panel=REGISTRATION,
+        show_default="suits the scans",
     ),
 ]
 MaxTiltOption = Annotated[
@@ -149,9 +171,11 @@ MaxTiltOption = Annotated[
     typer.Option(
         "--max-tilt",
         metavar="DEG",
-        help="Largest roll and pitch between two scans \\[deg], up to 180 (no limit); larger results are rejected. "
+        help="Largest tilt between scans \\[deg]. It bounds roll and pitch; 180 is no limit. Larger results are "
+        "rejected. "
         "--method hemisphere searches up to 85.",
         callback=check_tilt,
+        rich_help_panel=REGISTRATION,
     ),
 ]
 HypothesesOption = Annotated[
@@ -162,6 +186,8 @@ HypothesesOption = Annotated[
         help="How many candidate rotations to try of each of three frequency bands, "
         f"1..{MOST_HYPOTHESES}; more help where scans have little in common.",
         callback=_check_hypotheses,
+        rich_help_panel=REGISTRATION,
+        hidden=True,
     ),
 ]
 RefineOption = Annotated[
@@ -171,6 +197,9 @@ RefineOption = Annotated[
         metavar="HOW",
         help="How to refine the result below the voxel size: icp (point to plane) or spectral (the translation peak).",
         callback=_check_refinement,
+        rich_help_panel=REGISTRATION,
+        hidden=True,
+        autocompletion=completes(REFINEMENTS),
     ),
 ]
 YawPeaksOption = Annotated[
@@ -180,6 +209,8 @@ YawPeaksOption = Annotated[
         metavar="K",
         help=f"For --method hemisphere: how many yaw peaks to try, 1..{MOST_YAW_PEAKS}; the paper tries 1.",
         callback=_check_yaw_peaks,
+        rich_help_panel=REGISTRATION,
+        hidden=True,
     ),
 ]
 StrengthOption = Annotated[
@@ -187,6 +218,8 @@ StrengthOption = Annotated[
     typer.Option(
         "--strength/--no-strength",
         help="Weight voxels by their echo strength; otherwise, as in the paper, all count the same.",
+        rich_help_panel=REGISTRATION,
+        hidden=True,
     ),
 ]
 DeviceOption = Annotated[
@@ -194,7 +227,9 @@ DeviceOption = Annotated[
     typer.Option(
         "--device",
         metavar="DEVICE",
-        help="OpenCL device: platform:device, cpu, gpu, or part of its name; 'sonarmap devices' lists them.",
+        help="OpenCL device: cpu, gpu, or a part of its name. platform:device too; `sonarmap devices` lists them.",
+        rich_help_panel=RUNNING,
+        autocompletion=_devices,
     ),
 ]
 PriorsOption = Annotated[
@@ -202,8 +237,9 @@ PriorsOption = Annotated[
     typer.Option(
         "--priors",
         metavar="FILE",
-        help="Navigation: CSV with name or stamp; roll_deg, pitch_deg, heading_deg, x_m, y_m, depth_m; roll_sigma_deg "
-        "and so on; or a log as CSV, TUM or NMEA 0183.",
+        help="Measured poses: a CSV, TUM or NMEA 0183 log. CSV has name or stamp; roll_deg, pitch_deg, "
+        "heading_deg, x_m, y_m, depth_m; roll_sigma_deg and so on. `sonarmap template` writes such a table to fill in.",
+        rich_help_panel=NAVIGATION,
     ),
 ]
 PriorSigmasOption = Annotated[
@@ -213,6 +249,8 @@ PriorSigmasOption = Annotated[
         metavar="A,H,D,P",
         help="Standard deviations where the priors file has none: attitude, heading \\[deg], depth, position \\[m].",
         callback=_check_prior_sigmas,
+        rich_help_panel=NAVIGATION,
+        hidden=True,
     ),
 ]
 SeedOption = Annotated[
@@ -220,9 +258,15 @@ SeedOption = Annotated[
     typer.Option(
         "--seed",
         metavar="S",
-        help="Seed for methods that use random numbers: the same seed gives the same result.",
+        help="Seed for methods that use random numbers. The same seed gives the same result.",
         callback=check_seed,
+        rich_help_panel=REGISTRATION,
+        hidden=True,
     ),
 ]
-JsonOption = Annotated[bool, typer.Option("--json", help="Print the result as JSON, without progress.")]
-QuietOption = Annotated[bool, typer.Option("--quiet", "-q", help="Print nothing but warnings and errors.")]
+JsonOption = Annotated[
+    bool, typer.Option("--json", help="Print the result as JSON, without progress.", rich_help_panel=RUNNING)
+]
+QuietOption = Annotated[
+    bool, typer.Option("--quiet", "-q", help="Print nothing but warnings and errors.", rich_help_panel=RUNNING)
+]

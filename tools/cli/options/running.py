@@ -5,6 +5,8 @@ from typing import Annotated
 
 import typer
 
+from tools.cli.options.groups import RUNNING
+
 LogFileOption = Annotated[
     Path | None,
     typer.Option(
@@ -12,8 +14,16 @@ LogFileOption = Annotated[
         metavar="FILE",
         dir_okay=False,
         help="Add everything that is said, with times, to the end of FILE.",
+        rich_help_panel=RUNNING,
+        hidden=True,
     ),
 ]
 VerboseOption = Annotated[
-    bool, typer.Option("--verbose", "-v", help="Also print the table of all pairs, and every warning in full.")
+    bool,
+    typer.Option(
+        "--verbose",
+        "-v",
+        help="Also print the table of all pairs, and every warning in full.",
+        rich_help_panel=RUNNING,
+    ),
 ]

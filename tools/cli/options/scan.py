@@ -5,39 +5,79 @@ from typing import TYPE_CHECKING, Annotated, Any
 
 import typer
 
+from tools.cli.options.groups import INPUT, NAVIGATION, completes
+
 if TYPE_CHECKING:
     from tools.readers.corrections import Corrections
 
 # parameters of the verbs that change points as they are read
 CORRECTIONS = ("sound_speed", "range_scale", "frame", "units")
 
+
+def _frames(incomplete: str) -> list[str]:
+    from tools.readers.point_frame import FRAMES  # imports SciPy, which the help can do without
+
+    return completes(FRAMES)(incomplete)
+
+
+def _units(incomplete: str) -> list[str]:
+    from tools.readers.point_frame import UNITS
+
+    return completes(UNITS)(incomplete)
+
+
 SoundSpeedOption = Annotated[
     float | None,
     typer.Option(
         "--sound-speed",
         metavar="M/S",
-        help="The right speed of sound \\[m/s]: ranges are multiplied by its ratio to the recorded one; .sonar only.",
+        help="The right speed of sound \\[m/s], for .sonar. Ranges are multiplied by its ratio to the recorded one.",
+        rich_help_panel=INPUT,
     ),
 ]
 RangeScaleOption = Annotated[
     float | None,
-    typer.Option("--range-scale", metavar="F", help="Multiply all ranges by F, of any format. \\[1]"),
+    typer.Option(
+        "--range-scale",
+        metavar="F",
+        help="Multiply all ranges by F. This is for any format.",
+        rich_help_panel=INPUT,
+        hidden=True,
+        show_default="1",
+    ),
 ]
 ImuOption = Annotated[
-    bool, typer.Option("--imu/--no-imu", help="Use roll and pitch as the IMU within a recording has them.")
+    bool,
+    typer.Option(
+        "--imu/--no-imu",
+        help="Use roll and pitch as the IMU within a recording has them.",
+        rich_help_panel=NAVIGATION,
+        hidden=True,
+    ),
 ]
 FrameOption = Annotated[
     str | None,
     typer.Option(
         "--frame",
         metavar="NAME",
-        help="Axes of the points in the files: flu (forward, left, up), frd (forward, right, down), rdf (right, down, "
-        "forward, as of cameras) or ned (North, East, Down: scans that were leveled and turned North). \\[flu]",
+        help="Axes: flu, frd, rdf or ned. They are those of the points in the files: flu is "
+        "forward, left, up; frd forward, right, down; "
+        "rdf right, down, forward, as of cameras; ned North, East, Down: scans that were leveled and turned North.",
+        rich_help_panel=INPUT,
+        show_default="flu",
+        autocompletion=_frames,
     ),
 ]
 UnitsOption = Annotated[
     str | None,
-    typer.Option("--units", metavar="NAME", help="Of the points in the files: m, cm, mm, ft or us-ft. \\[m]"),
+    typer.Option(
+        "--units",
+        metavar="NAME",
+        help="Lengths: m, cm, mm, ft or us-ft. They are those of the points in the files.",
+        rich_help_panel=INPUT,
+        show_default="m",
+        autocompletion=_units,
+    ),
 ]
 
 

@@ -8,6 +8,7 @@ from typing import TYPE_CHECKING, Annotated, Any
 import typer
 
 from kernels.errors import InputError
+from tools.cli.options.groups import INPUT, LOOPS, NAVIGATION, OUTPUT, RUNNING, completes
 from tools.cli.terminal import say
 from tools.output.exports import EXPORTS
 
@@ -28,7 +29,15 @@ def _check_limit(limit: float | None) -> float | None:
 
 def _limit(name: str, unit: str, what: str) -> Any:
     """An option for what the vehicle's motion cannot exceed."""
-    return typer.Option(name, metavar=unit, callback=_check_limit, help=f"{what} \\[learned]")
+    return typer.Option(
+        name,
+        metavar=unit,
+        callback=_check_limit,
+        help=what,
+        rich_help_panel=LOOPS,
+        hidden=True,
+        show_default="learned",
+    )
 
 
 def _check_also(formats: list[str]) -> list[str]:
@@ -41,17 +50,32 @@ def _check_also(formats: list[str]) -> list[str]:
 InputsArgument = Annotated[
     list[str],
     typer.Argument(
-        help="Scans: files, folders, patterns, or topics of ROS bags and MCAP files (FILE::TOPIC); taken in natural "
-        "order (scan2 before scan10).",
+        help="Scans: files, folders, patterns, topics of bags. They are taken in natural order, scan2 "
+        "before scan10; FILE::TOPIC is a topic of a ROS bag or MCAP file, recording.sonar#3 a scan of several.",
         metavar="INPUT...",
+        rich_help_panel=INPUT,
     ),
 ]
 AlsoOption = Annotated[
     list[str],
-    typer.Option("--also", metavar="FORMAT", help=f"Also write {_EXPORTS}; may be repeated.", callback=_check_also),
+    typer.Option(
+        "--also",
+        metavar="FORMAT",
+        help=f"Also write {_EXPORTS}; may be repeated.",
+        callback=_check_also,
+        rich_help_panel=OUTPUT,
+        hidden=True,
+        autocompletion=completes(EXPORTS),
+    ),
 ]
 ReportOption = Annotated[
-    bool, typer.Option("--report/--no-report", help="Write report.html, the page that `sonarmap view OUT` opens.")
+    bool,
+    typer.Option(
+        "--report/--no-report",
+        help="Write report.html, the page that `sonarmap view OUT` opens.",
+        rich_help_panel=OUTPUT,
+        hidden=True,
+    ),
 ]
 WorkersOption = Annotated[
     int | None,
@@ -59,8 +83,9 @@ WorkersOption = Annotated[
         "--workers",
         metavar="N",
         min=1,
-        help="Register pairs in N processes, each with its own device context; the results are the same. \\[1, "
-        "this process]",
+        help="Processes that register pairs. Each has its own device context; the results are the same.",
+        rich_help_panel=RUNNING,
+        show_default="1, this process",
     ),
 ]
 SchedulerOption = Annotated[
@@ -70,10 +95,13 @@ SchedulerOption = Annotated[
         metavar="ADDRESS",
         help="Register pairs on a Dask cluster, as tcp://10.0.0.5:8786 or tls://...; needs "
         "pip install 'sonarmap\\[cluster]'.",
+        rich_help_panel=RUNNING,
+        hidden=True,
     ),
 ]
 FreshOption = Annotated[
-    bool, typer.Option("--fresh", help="Discard the results that an earlier run left in OUT/journal.sqlite.")
+    bool,
+    typer.Option("--fresh", help="Discard what earlier runs left in OUT/journal.sqlite.", rich_help_panel=RUNNING),
 ]
 LoopsOption = Annotated[
     int | None,
@@ -81,8 +109,10 @@ LoopsOption = Annotated[
         "--loops",
         metavar="N",
         min=0,
-        help="Try up to N loops per scan in each round, those first that tie far parts together; 0 tries none. There "
-        "are two rounds, and more as long as there is something to gain. \\[2]",
+        help="Loops to try per scan and round. 0 is none. Those come first that tie far parts together. There "
+        "are two rounds, and more as long as there is something to gain.",
+        rich_help_panel=LOOPS,
+        show_default="2",
     ),
 ]
 MaxSpeedOption = Annotated[
@@ -100,8 +130,10 @@ KeyStepOption = Annotated[
         "--key-step",
         metavar="M",
         callback=_check_limit,
-        help="Register key scans about M meters apart, and place the others between them. \\[a dense stream: as suits "
-        "its motion]",
+        help="Distance of key scans \\[m]. Only these are registered, the others are placed between them.",
+        show_default="a dense stream: as suits it",
+        rich_help_panel=LOOPS,
+        hidden=True,
     ),
 ]
 MinSeenOption = Annotated[
@@ -110,8 +142,11 @@ MinSeenOption = Annotated[
         "--min-seen",
         metavar="N",
         min=1,
-        help="Leave out of the map what fewer than N scans saw where others looked and saw otherwise: false echoes. "
-        "map_all.ply keeps all points; 1 leaves out none. \\[2]",
+        help="Leave out false echoes: what fewer than N scans saw where others looked and saw otherwise. "
+        "map_all.ply keeps all points; 1 leaves out none.",
+        rich_help_panel=OUTPUT,
+        hidden=True,
+        show_default="2",
     ),
 ]
 OdometryOption = Annotated[
@@ -119,8 +154,9 @@ OdometryOption = Annotated[
     typer.Option(
         "--odometry",
         metavar="FILE",
-        help="Dead reckoning at times of its own: TUM, CSV with stamp and all columns of a priors file, or a ROS bag "
-        "or MCAP file (FILE::TOPIC chooses a topic).",
+        help="Dead reckoning: TUM, CSV, ROS bag or MCAP. It has times of its own; CSV has stamp and all columns of "
+        "a priors file, and FILE::TOPIC chooses a topic of a bag.",
+        rich_help_panel=NAVIGATION,
     ),
 ]
 OdometryDriftOption = Annotated[
@@ -128,7 +164,10 @@ OdometryDriftOption = Annotated[
     typer.Option(
         "--odometry-drift",
         metavar="P,D",
-        help="Its standard deviation: percent of the way, degrees per hour. \\[1,10]",
+        help="Its standard deviation: percent of the way, degrees per hour.",
+        rich_help_panel=NAVIGATION,
+        hidden=True,
+        show_default="1,10",
     ),
 ]
 DEFAULT_DRIFT = "1,10"

@@ -9,6 +9,7 @@ from typing import Annotated, Any
 import typer
 
 from kernels.errors import InputError
+from tools.cli.options.groups import MEASUREMENT, OUTPUT
 from tools.cli.options.registration import DeviceOption, JsonOption, SeedOption
 from tools.cli.progress import progress
 from tools.cli.terminal import printable, say
@@ -18,24 +19,52 @@ UNRELIABLE, SLOWER = 3, 4
 
 FromOption = Annotated[
     Path | None,
-    typer.Option("--from", metavar="FILE", help="Measure nothing; take the result that an earlier run wrote."),
+    typer.Option(
+        "--from",
+        metavar="FILE",
+        help="Measure nothing; take an earlier run's result.",
+        rich_help_panel=OUTPUT,
+        hidden=True,
+    ),
 ]
 CompareOption = Annotated[
     Path | None,
-    typer.Option("--compare", metavar="OLD", help="Say what differs from an earlier run beyond the noise of both."),
+    typer.Option(
+        "--compare",
+        metavar="OLD",
+        help="Say what differs from an earlier run. Differences within the noise of both do not count.",
+        rich_help_panel=OUTPUT,
+    ),
 ]
 OutOption = Annotated[
-    Path | None, typer.Option("-o", "--out", metavar="FILE", help="Also write the result as JSON: one file to send.")
+    Path | None,
+    typer.Option(
+        "-o", "--out", metavar="FILE", help="Also write the result as JSON: one file to send.", rich_help_panel=OUTPUT
+    ),
 ]
 PictureOption = Annotated[
-    Path | None, typer.Option(metavar="FILE", help="Draw the kernels under the device's limits, as PNG.")
+    Path | None,
+    typer.Option(
+        metavar="FILE", help="Draw the kernels and the device's limits, as PNG.", rich_help_panel=OUTPUT, hidden=True
+    ),
 ]
 PageOption = Annotated[
     Path | None,
-    typer.Option(metavar="FILE", help="Write the figures into a page, as docs/benchmarks.md, at its marks."),
+    typer.Option(
+        metavar="FILE",
+        help="Write the figures into a page at its marks. docs/benchmarks.md is such a page.",
+        rich_help_panel=OUTPUT,
+        hidden=True,
+    ),
 ]
 SurveyOption = Annotated[
-    int, typer.Option(metavar="N", help="Also map a simulated survey of N scans, files to files; 0 for none.", min=0)
+    int,
+    typer.Option(
+        metavar="N",
+        help="Also map a simulated survey of N scans. It goes from files to files; 0 is none.",
+        min=0,
+        rich_help_panel=MEASUREMENT,
+    ),
 ]
 
 
@@ -45,17 +74,30 @@ def command(
         typer.Option(
             "--grid",
             metavar="N",
-            help="Voxels along each edge of the grid: an even product of 2, 3 and 5, 16..512; may be repeated. "
-            "\\[64, 128 and 256]",
+            help="Voxels per edge, 16..512; may be repeated. They are even products of 2, 3 and 5.",
+            rich_help_panel=MEASUREMENT,
+            show_default="64, 128 and 256",
         ),
     ] = None,
     repeats: Annotated[
-        int, typer.Option("--repeats", metavar="R", help="Number of timed runs of each kernel.", min=1)
+        int,
+        typer.Option(
+            "--repeats", metavar="R", help="Number of timed runs of each kernel.", min=1, rich_help_panel=MEASUREMENT
+        ),
     ] = 15,
     pairs: Annotated[
-        int, typer.Option("--pairs", metavar="P", help="Number of simulated pairs to register; 0 for none.", min=0)
+        int,
+        typer.Option(
+            "--pairs",
+            metavar="P",
+            help="Simulated pairs to register; 0 is none.",
+            min=0,
+            rich_help_panel=MEASUREMENT,
+        ),
     ] = 20,
-    kernels: Annotated[bool, typer.Option("--kernels/--no-kernels", help="Time the kernels.")] = True,
+    kernels: Annotated[
+        bool, typer.Option("--kernels/--no-kernels", help="Time the kernels.", rich_help_panel=MEASUREMENT, hidden=True)
+    ] = True,
     survey: SurveyOption = 0,
     device: DeviceOption = None,
     seed: SeedOption = 0,
@@ -66,10 +108,11 @@ def command(
     from_: FromOption = None,
     as_json: JsonOption = False,
 ) -> None:
-    """Time each kernel and its equivalents in NumPy, SciPy, pyfftw and pyvkfft, and the registration of pairs.
+    """Time the kernels and the registration of pairs.
 
-    A kernel whose result differs from the equivalent's is marked WRONG, and the exit code is 3. With --compare it is 4
-    if anything became slower beyond the noise.
+    Each kernel is timed beside its equivalents in NumPy, SciPy, pyfftw and pyvkfft. One whose result differs from the
+    equivalent's is marked WRONG, and the exit code is 3. With --compare it is 4 if anything became slower beyond the
+    noise.
     """
     from tools.bench.output.as_json import read_result
     from tools.writers.atomic import require_writable

@@ -7,6 +7,7 @@ from typing import TYPE_CHECKING, Annotated
 import typer
 
 from kernels.errors import DeviceError
+from tools.cli.options.groups import RUNNING
 from tools.cli.options.registration import DeviceOption, JsonOption
 from tools.cli.terminal import printable, result_console, say
 
@@ -20,14 +21,16 @@ if TYPE_CHECKING:
 def command(
     device: DeviceOption = None,
     test: Annotated[
-        bool, typer.Option("--test", help="Run the self-test of each, even of those tested before.")
+        bool,
+        typer.Option("--test", help="Run all self-tests, even those done before.", rich_help_panel=RUNNING),
     ] = False,
     as_json: JsonOption = False,
 ) -> None:
-    """List the OpenCL devices, try each with a small kernel, and mark the one that would be used.
+    """List the OpenCL devices, try each, and mark the one that would be used.
 
-    A GPU is used only after its self-test, which is run before its first use: transforms, voxels, peaks and a small
-    registration, compared with the processor's numbers. Below stands how much of a device's memory each grid needs.
+    Each is tried with a small kernel. A GPU is used only after its self-test, which is run before its first use:
+    transforms, voxels, peaks and a small registration, compared with the processor's numbers. Below stands how much of
+    a device's memory each grid needs.
 
     The exit code is 2 if no device works.
     """

@@ -8,6 +8,7 @@ from typing import TYPE_CHECKING, Annotated, cast
 import typer
 
 from kernels.errors import InputError
+from tools.cli.options.groups import INPUT, MEASUREMENT, completes
 from tools.cli.options.registration import JsonOption
 from tools.cli.terminal import say
 from tools.cli.text.evaluation import (
@@ -48,7 +49,7 @@ def _check_length(length: float | None) -> float | None:
 TruthArgument = Annotated[
     list[Path],
     typer.Argument(
-        help="True trajectory in the same format; for several dives, one file per dive.", metavar="TRUTH..."
+        help="True trajectory, in the same format. For several dives, one file per dive.", metavar="TRUTH..."
     ),
 ]
 AlignOption = Annotated[
@@ -56,37 +57,57 @@ AlignOption = Annotated[
     typer.Option(
         "--align",
         metavar="HOW",
-        help="How to align the estimate with the truth: poses (all positions and orientations), positions, or "
-        "first (the first pose).",
+        help="Align by poses, positions or first. poses are all positions and orientations, positions these alone, "
+        "first the first pose.",
         callback=_check_alignment,
+        rich_help_panel=MEASUREMENT,
+        autocompletion=completes(ALIGNMENTS),
     ),
 ]
 MaxErrorOption = Annotated[
     float | None,
-    typer.Option(metavar="M", help="Exit with code 3 if a position error is larger \\[m].", callback=_check_limit),
+    typer.Option(
+        metavar="M",
+        help="Exit with 3 beyond this position error \\[m].",
+        callback=_check_limit,
+        rich_help_panel=MEASUREMENT,
+    ),
 ]
 MaxTurnOption = Annotated[
     float | None,
-    typer.Option(metavar="DEG", help="Exit with code 3 if a rotation error is larger \\[deg].", callback=_check_limit),
+    typer.Option(
+        metavar="DEG",
+        help="Exit with 3 beyond this rotation error \\[deg].",
+        callback=_check_limit,
+        rich_help_panel=MEASUREMENT,
+    ),
 ]
 MapOption = Annotated[
     Path | None,
-    typer.Option("--map", metavar="FILE", help="The estimate's map, to compare with --surface."),
+    typer.Option("--map", metavar="FILE", help="The estimate's map, to compare with --surface.", rich_help_panel=INPUT),
 ]
 SurfaceOption = Annotated[
     Path | None,
     typer.Option(
         metavar="PATH",
-        help="The true surface, in the truth's frame: a simulation's folder or description.json, or a point cloud.",
+        help="The true surface, in the truth's frame. It is a simulation's folder or description.json, or a point "
+        "cloud.",
+        rich_help_panel=INPUT,
     ),
 ]
 MapVoxelOption = Annotated[
     float | None,
-    typer.Option(metavar="M", help="Edge of the map's voxels \\[m]. \\[from --summary]", callback=_check_length),
+    typer.Option(
+        metavar="M",
+        help="Edge of the map's voxels \\[m].",
+        callback=_check_length,
+        rich_help_panel=INPUT,
+        show_default="from --summary",
+    ),
 ]
 SummaryOption = Annotated[
     Path | None,
-    typer.Option(metavar="FILE", help="The map's summary.json: also score its pairs and its uncertainty."),
+    typer.Option(metavar="FILE", help="The map's summary.json, to score pairs and sigmas.", rich_help_panel=INPUT),
 ]
 
 

@@ -9,13 +9,17 @@ import typer
 
 from tools.cli.options.export import CellOption, FormatOption, export_with_progress
 from tools.cli.options.geo import CrsOption, OriginHeadingOption, OriginOption, VerticalOption, georeference_of
+from tools.cli.options.groups import OUTPUT
 from tools.cli.options.registration import JsonOption, QuietOption
 from tools.cli.terminal import printable
 
 
 def command(
     source: Annotated[Path, typer.Argument(help="The folder that `sonarmap map` wrote.", metavar="OUT")],
-    to: Annotated[Path, typer.Option("--to", help="Folder for the files; it may be OUT itself.", metavar="DIR")],
+    to: Annotated[
+        Path,
+        typer.Option("--to", help="Folder for the files; it may be OUT itself.", metavar="DIR", rich_help_panel=OUTPUT),
+    ],
     formats: FormatOption,
     origin: OriginOption = None,
     origin_heading: OriginHeadingOption = None,
@@ -25,7 +29,7 @@ def command(
     as_json: JsonOption = False,
     quiet: QuietOption = False,
 ) -> None:
-    """Write a finished map in the formats of other programs, placed on the Earth.
+    """Write a finished map in other programs' formats, placed on the Earth.
 
     Beside every file a second one, FILE.json, says what it is: frame, datum, CRS, vertical reference, signs, versions,
     settings, and SHA-256 of the file and of the scans. All files appear together, or none. Without --origin the map

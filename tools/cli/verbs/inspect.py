@@ -8,6 +8,7 @@ from typing import TYPE_CHECKING, Annotated, Any
 import typer
 
 from tools.cli.arguments import as_options
+from tools.cli.options.groups import OUTPUT
 from tools.cli.options.registration import (
     DEFAULT_EDGE,
     GridOption,
@@ -33,7 +34,12 @@ if TYPE_CHECKING:
 
 INCOMPLETE = 3
 NamesOption = Annotated[
-    bool, typer.Option("--names", help="List the names of all scans, a line each, as a file of priors needs them.")
+    bool,
+    typer.Option(
+        "--names",
+        help="List all scans' names alone, as priors need them.",
+        rich_help_panel=OUTPUT,
+    ),
 ]
 
 

@@ -28,6 +28,7 @@ from tools.cli.navigation import (
 from tools.cli.navigation_check import contradiction_of
 from tools.cli.options.export import ExportOption, export_settings, export_with_progress
 from tools.cli.options.geo import CrsOption, OriginHeadingOption, OriginOption, VerticalOption, georeference_of
+from tools.cli.options.groups import OUTPUT
 from tools.cli.options.registration import (
     DEFAULT_HYPOTHESES,
     DEFAULT_MAX_TILT,
@@ -98,7 +99,9 @@ INCOMPLETE = 3
 def command(
     context: typer.Context,
     inputs: InputsArgument,
-    out: Annotated[Path, typer.Option("-o", "--out", help="Folder for the results.", metavar="OUT")],
+    out: Annotated[
+        Path, typer.Option("-o", "--out", help="Folder for the results.", metavar="OUT", rich_help_panel=OUTPUT)
+    ],
     method: MethodOption = DEFAULT_METHOD,
     grid: GridOption = None,
     voxel: VoxelOption = None,
@@ -146,7 +149,7 @@ def command(
     verbose: VerboseOption = False,
     quiet: QuietOption = False,
 ) -> None:
-    """Register consecutive scans, close loops, optimize the poses, and fuse one map.
+    """Make a map from scans: register pairs, close loops, optimize poses, fuse points.
 
     OUT gets map.ply, map.png, loops.png, trajectory.tum, graph.g2o, graph.json, pairs.csv and summary.json, and
     report.html, which `sonarmap view OUT` opens: the map in 3D, and what speaks for it.

@@ -9,6 +9,7 @@ import typer
 
 from kernels.errors import InputError
 from tools.cli.arguments import as_options
+from tools.cli.options.groups import OPTIMIZATION, OUTPUT, completes
 from tools.cli.options.registration import JsonOption, QuietOption
 from tools.cli.progress import progress
 from tools.cli.terminal import printable, result_console
@@ -42,9 +43,12 @@ ObjectiveOption = Annotated[
     typer.Option(
         "--objective",
         metavar="NAME",
-        help="full: the whole information matrix of every edge; isotropic: one weight for the rotation and one for "
+        help="full or isotropic. full: the whole information matrix of every edge; isotropic: one weight for the "
+        "rotation and one for "
         "the translation of an edge, so that the optimum can be certified.",
         callback=_check_objective,
+        rich_help_panel=OPTIMIZATION,
+        autocompletion=completes(OBJECTIVES),
     ),
 ]
 StartOption = Annotated[
@@ -52,29 +56,42 @@ StartOption = Annotated[
     typer.Option(
         "--start",
         metavar="NAME",
-        help="Initial poses: chordal: computed from the edges alone; given: the poses in the file; incremental: "
+        help="Initial poses: chordal, given or incremental. chordal: computed from the edges alone; given: the "
+        "poses in the file; incremental: "
         "from iSAM2, which adds the poses one by one.",
         callback=_check_start,
+        rich_help_panel=OPTIMIZATION,
+        autocompletion=completes(STARTS),
     ),
 ]
-RobustOption = Annotated[bool, typer.Option("--robust", help="Reject wrong edges, and leave them out of OUT.g2o.")]
+RobustOption = Annotated[
+    bool,
+    typer.Option("--robust", help="Reject wrong edges, and leave them out of OUT.g2o.", rich_help_panel=OPTIMIZATION),
+]
 RepairOption = Annotated[
     bool,
     typer.Option(
         "--repair",
-        help="Make information matrices of edges that are not positive definite so, and tell which: their eigenvalues "
-        "below a millionth of the largest are raised to it. OUT.g2o holds the repaired ones.",
+        help="Make all information matrices positive definite. Says which were not: eigenvalues below a millionth "
+        "of the largest are raised to it. OUT.g2o holds the repaired ones.",
+        rich_help_panel=OPTIMIZATION,
     ),
 ]
 CompareOption = Annotated[
     bool,
-    typer.Option("--compare", help="Also solve the other objective, and print how far its solution is."),
+    typer.Option(
+        "--compare",
+        help="Also solve the other objective. Prints how far its solution is from this one.",
+        rich_help_panel=OPTIMIZATION,
+    ),
 ]
 
 
 def command(
     source: Annotated[Path, typer.Argument(help="Pose graph to optimize.", metavar="IN.g2o")],
-    out: Annotated[Path, typer.Option("-o", "--out", help="The optimized pose graph.", metavar="OUT.g2o")],
+    out: Annotated[
+        Path, typer.Option("-o", "--out", help="The optimized pose graph.", metavar="OUT.g2o", rich_help_panel=OUTPUT)
+    ],
     objective: ObjectiveOption = OBJECTIVES[0],
     start: StartOption = STARTS[0],
     robust: RobustOption = False,

@@ -15,6 +15,7 @@ import typer
 from rich.live import Live
 from rich.text import Text
 
+from tools.cli.options.groups import INPUT, OUTPUT, RUNNING
 from tools.cli.options.registration import JsonOption, QuietOption
 from tools.cli.terminal import error_console, printable, say
 from tools.cli.text.survey import warn
@@ -51,7 +52,9 @@ MulticastOption = Annotated[
     typer.Option(
         "--multicast",
         metavar="GROUP:PORT",
-        help="The multicast group to which the sonar sends. \\[224.0.0.96:4747, its default]",
+        help="Multicast group to listen to.",
+        rich_help_panel=INPUT,
+        show_default="224.0.0.96:4747",
     ),
 ]
 UnicastOption = Annotated[
@@ -59,8 +62,10 @@ UnicastOption = Annotated[
     typer.Option(
         "--unicast",
         metavar="ADDRESS:PORT",
-        help="For a sonar that sends to this computer alone: this computer's address (0.0.0.0 for all that it has) and "
+        help="For a sonar that sends to this computer alone. It is this computer's address (0.0.0.0 for all that it "
+        "has) and "
         "the port in the sonar's settings.",
+        rich_help_panel=INPUT,
     ),
 ]
 InterfaceOption = Annotated[
@@ -68,7 +73,10 @@ InterfaceOption = Annotated[
     typer.Option(
         "--interface",
         metavar="NAME",
-        help="Join the multicast group on this network interface alone: its name, or its address. \\[all]",
+        help="Network interface to listen at. It is a name or an address.",
+        rich_help_panel=INPUT,
+        hidden=True,
+        show_default="all",
     ),
 ]
 SonarOption = Annotated[
@@ -76,8 +84,10 @@ SonarOption = Annotated[
     typer.Option(
         "--sonar",
         metavar="ADDRESS",
-        help="Record the sonar with this address, where there are several. \\[the first that sends]",
+        help="Address of the sonar to record.",
         callback=_check_sonar,
+        rich_help_panel=INPUT,
+        show_default="the first that sends",
     ),
 ]
 DurationOption = Annotated[
@@ -85,29 +95,35 @@ DurationOption = Annotated[
     typer.Option(
         "--duration",
         metavar="TIME",
-        help="End after so long: 90 (seconds), 10m, 1.5h. \\[until Ctrl-C]",
+        help="End after so long: 90 (s), 10m, 1.5h.",
         callback=_check_duration,
+        rich_help_panel=RUNNING,
+        show_default="until Ctrl-C",
     ),
 ]
 
 
 def command(
-    out: Annotated[Path, typer.Option("-o", "--out", help="The recording.", metavar="FILE.sonar")],
+    out: Annotated[
+        Path, typer.Option("-o", "--out", help="The recording.", metavar="FILE.sonar", rich_help_panel=OUTPUT)
+    ],
     multicast: MulticastOption = None,
     unicast: UnicastOption = None,
     interface: InterfaceOption = None,
     sonar: SonarOption = None,
     duration: DurationOption = None,
-    overwrite: Annotated[bool, typer.Option("--overwrite", help="Replace FILE.sonar if it is there.")] = False,
+    overwrite: Annotated[
+        bool, typer.Option("--overwrite", help="Replace FILE.sonar if it is there.", rich_help_panel=OUTPUT)
+    ] = False,
     as_json: JsonOption = False,
     quiet: QuietOption = False,
 ) -> None:
-    """Record what a Sonar 3D-15 sends over the network, until Ctrl-C or --duration.
+    """Record what a Sonar 3D-15 sends over the network.
 
-    It only listens; the sonar is set up on its own web page. Each second it says how many packets come, how many are
-    missing, how the sonar's clock compares with this computer's, whether the IMU is recorded, and how long the disk
-    lasts. Until the end the file is called FILE.part.sonar; a crash or a full disk leaves it so, and it can be read.
-    The exit code is 3 if nothing came.
+    It ends with Ctrl-C or --duration. It only listens; the sonar is set up on its own web page. Each second it says how
+    many packets come, how many are missing, how the sonar's clock compares with this computer's, whether the IMU is
+    recorded, and how long the disk lasts. Until the end the file is called FILE.part.sonar; a crash or a full disk
+    leaves it so, and it can be read. The exit code is 3 if nothing came.
     """
     from tools.record.recorder import RecordSettings, record
     from tools.record.source import source_of

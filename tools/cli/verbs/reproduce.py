@@ -62,8 +62,10 @@ def command(
     as_json: JsonOption = False,
     quiet: QuietOption = False,
 ) -> None:
-    """Run an experiment on simulated scans: one of the paper's, to compare our numbers with the paper's, or one of this
-    project's evaluations, to compare methods. Or compare methods on your own scans: 'reproduce real DIR'.
+    """Run the paper's experiments, or evaluations of methods.
+
+    An experiment on simulated scans is one of the paper's, to compare our numbers with the paper's, or one of this
+    project's evaluations, to compare methods. 'reproduce real DIR' compares methods on your own scans.
 
     OUT gets NAME.csv with every row, NAME.md with the tables, NAME*.png with the figures, and the times in
     NAME-seconds.csv, NAME-times.md and NAME.json. If a run is stopped, the same command continues where it stopped;

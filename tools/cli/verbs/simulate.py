@@ -7,6 +7,7 @@ from typing import TYPE_CHECKING, Annotated, Any
 import typer
 
 from kernels.errors import InputError
+from tools.cli.options.groups import INSTRUMENTS, NAVIGATION, NOISE, OUTPUT, SCENE, completes, completes_list
 from tools.cli.options.registration import QuietOption, check_seed
 from tools.cli.progress import growing_progress
 from tools.cli.terminal import printable
@@ -22,7 +23,7 @@ DEFAULT_SCENE, DEFAULT_TRAJECTORY, DEFAULT_SEED = "floodgate", "survey", 1
 
 
 def _listed(kinds: dict[str, str]) -> str:
-    return "; ".join(f"{name}: {summary}" for name, summary in kinds.items())
+    return f"{', '.join(kinds)}. " + "; ".join(f"{name}: {summary}" for name, summary in kinds.items())
 
 
 SCENE_HELP = _listed({name: kind.summary for name, kind in SCENE_KINDS.items()})
@@ -32,25 +33,40 @@ SENSOR_HELP = f"{', '.join(SENSOR_NAMES)}; table1 has its own sensor."
 
 SpacingOption = Annotated[
     float | None,
-    typer.Option(help="Distance between the scans of a survey or lawnmower \\[m]. \\[suits the scene]", metavar="M"),
+    typer.Option(
+        help="Distance between scans \\[m]. It is for a survey or lawnmower.",
+        metavar="M",
+        rich_help_panel=SCENE,
+        show_default="suits the scene",
+    ),
 ]
 GhostsOption = Annotated[
     float | None,
     typer.Option(
-        help="Share of beams with a multipath echo, mirrored at the water surface or a wall, 0..1.", metavar="P"
+        help="Share of beams with a multipath echo, mirrored at the water surface or a wall, 0..1.",
+        metavar="P",
+        rich_help_panel=NOISE,
+        hidden=True,
     ),
 ]
 LobeOption = Annotated[
     float | None,
     typer.Option(
-        help="Width of a beam's main lobe, in beams: echoes fade by patches, and neighbors report the strongest. \\[0]",
+        help="Width of a beam's main lobe, in beams: echoes fade by patches, and neighbors report the strongest.",
         metavar="B",
+        rich_help_panel=NOISE,
+        hidden=True,
+        show_default="0",
     ),
 ]
 ThresholdOption = Annotated[
     float | None,
     typer.Option(
-        help="Discard echoes weaker than this, linear; 0 keeps all. \\[suits the sensor; eclipse 0.002]", metavar="V"
+        help="Discard echoes weaker than this, linear; 0 keeps all.",
+        metavar="V",
+        rich_help_panel=NOISE,
+        hidden=True,
+        show_default="suits the sensor; eclipse 0.002",
     ),
 ]
 LikeOption = Annotated[
@@ -58,75 +74,156 @@ LikeOption = Annotated[
     typer.Option(
         help="Simulate the scans of a description.json again; noise, threshold, dive and number can be changed.",
         metavar="FILE",
+        rich_help_panel=SCENE,
+        hidden=True,
     ),
 ]
 PriorsOption = Annotated[
     str | None,
     typer.Option(
         metavar="KINDS",
-        help="Also write priors.csv, measurements of instruments: one or more of attitude,heading,depth,position.",
+        help="Also write priors.csv, what instruments would say. KINDS is one or more of "
+        "attitude,heading,depth,position.",
+        rich_help_panel=NAVIGATION,
+        autocompletion=completes_list(INSTRUMENTS),
     ),
 ]
 DiveOption = Annotated[
     int | None,
     typer.Option(
-        help="Another pass over the same scene, from another start, with other waves and noise: 2, 3, ... \\[1]",
+        help="Another pass over the same scene, from another start, with other waves and noise: 2, 3, ...",
         metavar="N",
+        rich_help_panel=SCENE,
+        hidden=True,
+        show_default="1",
     ),
 ]
 UnusableOption = Annotated[
     float | None,
-    typer.Option(help="Share of scans that are nearly empty or pure noise, 0..1.", metavar="P"),
+    typer.Option(
+        help="Share of scans that are nearly empty or pure noise, 0..1.",
+        metavar="P",
+        rich_help_panel=NOISE,
+        hidden=True,
+    ),
 ]
 FixEveryOption = Annotated[
     int | None,
-    typer.Option(min=1, metavar="N", help="With --priors position: only every N-th scan has a position. \\[1]"),
+    typer.Option(
+        min=1,
+        metavar="N",
+        help="With --priors position: only every N-th scan has a position.",
+        rich_help_panel=NAVIGATION,
+        hidden=True,
+        show_default="1",
+    ),
 ]
 FixOutliersOption = Annotated[
     float | None,
-    typer.Option(min=0, max=1, metavar="P", help="With --priors position: share that is 20 m off, 0..1. \\[0]"),
+    typer.Option(
+        min=0,
+        max=1,
+        metavar="P",
+        help="With --priors position: share that is 20 m off, 0..1.",
+        rich_help_panel=NAVIGATION,
+        hidden=True,
+        show_default="0",
+    ),
 ]
 FixSigmaOption = Annotated[
     float | None,
-    typer.Option(metavar="M", help="With --priors position: its standard deviation, East and North \\[m]. \\[3]"),
+    typer.Option(
+        metavar="M",
+        help="With --priors position: its standard deviation, East and North \\[m].",
+        rich_help_panel=NAVIGATION,
+        hidden=True,
+        show_default="3",
+    ),
 ]
 DriftOption = Annotated[
     str | None,
     typer.Option(
         "--odometry",
         metavar="P,D",
-        help="Also write odometry.tum, dead reckoning that drifts by P percent of the way and D degrees per hour.",
+        help="Also write odometry.tum, dead reckoning. It drifts by P percent of the way and D degrees per hour.",
+        rich_help_panel=NAVIGATION,
     ),
 ]
 OwnSeedOption = Annotated[
     int | None,
-    typer.Option(metavar="S", help=f"The same seed gives the same scans. \\[{DEFAULT_SEED}]", callback=check_seed),
+    typer.Option(
+        metavar="S",
+        help="The same seed gives the same scans.",
+        callback=check_seed,
+        rich_help_panel=SCENE,
+        show_default=f"{DEFAULT_SEED}",
+    ),
 ]
 
 
 def command(
-    out: Annotated[Path, typer.Option("-o", "--out", help="Folder for the scans.", metavar="DIR")],
-    scene: Annotated[str | None, typer.Option(help=f"{SCENE_HELP}. \\[{DEFAULT_SCENE}]", metavar="NAME")] = None,
+    out: Annotated[
+        Path, typer.Option("-o", "--out", help="Folder for the scans.", metavar="DIR", rich_help_panel=OUTPUT)
+    ],
+    scene: Annotated[
+        str | None,
+        typer.Option(
+            help=f"{SCENE_HELP}.",
+            metavar="NAME",
+            rich_help_panel=SCENE,
+            show_default=f"{DEFAULT_SCENE}",
+            autocompletion=completes(SCENE_KINDS),
+        ),
+    ] = None,
     trajectory: Annotated[
         str | None,
-        typer.Option(help=f"{TRAJECTORY_HELP}. \\[{DEFAULT_TRAJECTORY}]", metavar="NAME"),
+        typer.Option(
+            help=f"{TRAJECTORY_HELP}.",
+            metavar="NAME",
+            rich_help_panel=SCENE,
+            show_default=f"{DEFAULT_TRAJECTORY}",
+            autocompletion=completes(TRAJECTORY_KINDS),
+        ),
     ] = None,
     scans: Annotated[
-        int | None, typer.Option(help="Number of scans. \\[survey 12, lawnmower 200]", metavar="N", min=1)
+        int | None,
+        typer.Option(
+            help="Number of scans.", metavar="N", min=1, rich_help_panel=SCENE, show_default="survey 12, lawnmower 200"
+        ),
     ] = None,
     spacing: SpacingOption = None,
     sensor: Annotated[
         str | None,
-        typer.Option(help=f"{SENSOR_HELP} \\[suits the scene]", metavar="NAME"),
+        typer.Option(
+            help=f"{SENSOR_HELP}",
+            metavar="NAME",
+            rich_help_panel=SCENE,
+            hidden=True,
+            show_default="suits the scene",
+            autocompletion=completes(SENSOR_NAMES),
+        ),
     ] = None,
     sigma2: Annotated[
-        float | None, typer.Option(help="Variance of the range noise at the largest range \\[m^2].", metavar="V")
+        float | None,
+        typer.Option(
+            help="Variance of range noise \\[m^2]. It is that at the largest range.", metavar="V", rich_help_panel=NOISE
+        ),
     ] = None,
-    outliers: Annotated[float | None, typer.Option(help="Share of false echoes, 0..1.", metavar="P")] = None,
-    dropouts: Annotated[float | None, typer.Option(help="Share of lost echoes, 0..1.", metavar="P")] = None,
+    outliers: Annotated[
+        float | None, typer.Option(help="Share of false echoes, 0..1.", metavar="P", rich_help_panel=NOISE)
+    ] = None,
+    dropouts: Annotated[
+        float | None, typer.Option(help="Share of lost echoes, 0..1.", metavar="P", rich_help_panel=NOISE)
+    ] = None,
     ghosts: GhostsOption = None,
     speckle: Annotated[
-        float | None, typer.Option(help="Share of the echo strength that fluctuates as speckle, 0..1.", metavar="P")
+        float | None,
+        typer.Option(
+            help="Share of the echo strength that fluctuates as speckle, 0..1.",
+            metavar="P",
+            rich_help_panel=NOISE,
+            hidden=True,
+        ),
     ] = None,
     lobe: LobeOption = None,
     threshold: ThresholdOption = None,

@@ -6,6 +6,7 @@ from typing import Annotated
 import typer
 
 from kernels.errors import InputError
+from tools.cli.options.groups import OUTPUT
 from tools.cli.options.survey import InputsArgument
 from tools.cli.progress import growing_progress
 from tools.cli.terminal import printable, say
@@ -14,7 +15,9 @@ from tools.cli.text.survey import warn
 
 def command(
     inputs: InputsArgument,
-    out: Annotated[Path, typer.Option("-o", "--out", help="CSV file to write.", metavar="FILE")],
+    out: Annotated[
+        Path, typer.Option("-o", "--out", help="CSV file to write.", metavar="FILE", rich_help_panel=OUTPUT)
+    ],
 ) -> None:
     """Write a CSV file for `--priors`: one row per scan with its name and stamp, and empty cells to fill in.
 

@@ -6,15 +6,23 @@ from typing import Annotated
 import typer
 
 from kernels.errors import InputError
+from tools.cli.options.groups import RUNNING
 from tools.cli.terminal import printable
 
 
 def command(
     source: Annotated[Path, typer.Argument(help="The folder that `sonarmap map` wrote.", metavar="OUT")],
     write: Annotated[
-        bool, typer.Option("--write", help="Write OUT/report.html anew first, from the map's files.")
+        bool,
+        typer.Option(
+            "--write",
+            help="Write OUT/report.html anew first. It is made from the map's files.",
+            rich_help_panel=RUNNING,
+        ),
     ] = False,
-    show: Annotated[bool, typer.Option("--open/--no-open", help="Open the report in the browser.")] = True,
+    show: Annotated[
+        bool, typer.Option("--open/--no-open", help="Open the report in the browser.", rich_help_panel=RUNNING)
+    ] = True,
 ) -> None:
     """Open a finished map's report, OUT/report.html, in the browser.
 
