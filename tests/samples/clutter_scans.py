@@ -6,6 +6,7 @@ from collections.abc import Sequence
 from pathlib import Path
 
 import numpy as np
+import pytest
 from scipy.spatial.transform import RigidTransform, Rotation
 from typer.testing import CliRunner, Result
 
@@ -52,6 +53,13 @@ def write(folder: Path, **clouds: np.ndarray) -> list[str]:
 def sonarmap(*arguments: str | Path) -> Result:
     """Run the command in this process, on a wide page."""
     return CliRunner(env={"COLUMNS": "300", "TERMINAL_WIDTH": "300"}).invoke(app, [str(a) for a in arguments])
+
+
+def printed_at(columns: int, *arguments: str | Path) -> list[str]:
+    """The lines of stdout on a terminal of so many columns."""
+    with pytest.MonkeyPatch.context() as patch:
+        patch.setattr("tools.cli.terminal.result_width", lambda: columns)
+        return CliRunner().invoke(app, [str(a) for a in arguments]).stdout.splitlines()
 
 
 def files_in(folder: Path) -> dict[str, bytes]:

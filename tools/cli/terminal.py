@@ -38,7 +38,17 @@ def below_messages(console: Console) -> Iterator[None]:
 
 def result_console() -> Console:
     """A console on stdout for tables: as wide as the terminal, or wide if there is none."""
-    return _Console(width=None if sys.stdout.isatty() else _WIDTH_OF_FILES, highlight=False)
+    return _Console(width=result_width(), highlight=False)
+
+
+def result_width() -> int | None:
+    """Columns of stdout; None for those of the terminal."""
+    return None if sys.stdout.isatty() else _WIDTH_OF_FILES
+
+
+def print_result(sentence: str) -> None:
+    """Print a sentence on stdout, wrapped by words on a terminal and on one line elsewhere; brackets are not markup."""
+    result_console().print(Text(printable(sentence)), soft_wrap=not sys.stdout.isatty())
 
 
 @contextmanager

@@ -8,13 +8,14 @@ from typing import TYPE_CHECKING, Annotated, cast
 import typer
 
 from kernels.errors import InputError
-from tools.cli.options.groups import INPUT, MEASUREMENT, completes
+from tools.cli.options.groups import INPUT, MEASUREMENT, RUNNING, completes
 from tools.cli.options.registration import JsonOption
 from tools.cli.terminal import say
 from tools.cli.text.evaluation import (
     ALIGNMENTS,
     print_calibration,
     print_map,
+    print_poses,
     print_scores,
     print_trajectory,
     shown_stamp,
@@ -26,6 +27,7 @@ if TYPE_CHECKING:
     from tools.evaluate.trajectory import Alignment, Evaluation
 
 EXCEEDED = 3
+_LISTED = 5  # poses beyond the limits
 
 
 def _check_alignment(alignment: str) -> str:
@@ -109,6 +111,9 @@ SummaryOption = Annotated[
     Path | None,
     typer.Option(metavar="FILE", help="The map's summary.json, to score pairs and sigmas.", rich_help_panel=INPUT),
 ]
+VerboseOption = Annotated[
+    bool, typer.Option("--verbose", "-v", help="List all poses, however many.", rich_help_panel=RUNNING)
+]
 
 
 def command(
@@ -121,6 +126,7 @@ def command(
     surface: SurfaceOption = None,
     voxel: MapVoxelOption = None,
     summary: SummaryOption = None,
+    verbose: VerboseOption = False,
     as_json: JsonOption = False,
 ) -> None:
     """Compare an estimated trajectory with the true one: the error of every pose, of the whole trajectory (ATE) and of
@@ -153,11 +159,12 @@ def command(
         }
         typer.echo(json.dumps(result.to_json() | further, allow_nan=False))
     else:
+        print_poses(result, verbose)
+        if survey:
+            print_scores(scores, RIGHT_DEG, RIGHT_VOXELS * survey.voxel)
         print_trajectory(result)
         if error:
             print_map(error, align)
-        if survey:
-            print_scores(scores, RIGHT_DEG, RIGHT_VOXELS * survey.voxel)
         if calibration:
             print_calibration(calibration)
     if survey and survey.covariances is None:
@@ -199,11 +206,13 @@ def _exceeds(result: "Evaluation", max_error_m: float | None, max_error_deg: flo
     limits = [math.inf if limit is None else limit for limit in (max_error_m, max_error_deg)]
     beyond = result.beyond(*limits).tolist()
     allowed = [f"{limit:g} {unit}" for limit, unit in zip(limits, ("m", "degrees"), strict=True) if limit < math.inf]
-    for k in beyond:
+    for k in beyond[:_LISTED]:
         say(
             f"the pose at {shown_stamp(float(result.stamps[k]))} s is {result.translation_m[k]:.3f} m and "
             f"{result.rotation_deg[k]:.2f} degrees off; the limits are {' and '.join(allowed)}",
             "error: ",
             "bold red",
         )
+    if len(beyond) > _LISTED:
+        say(f"and {len(beyond) - _LISTED} more poses are farther off than that")
     return bool(beyond)

@@ -8,7 +8,7 @@ import pytest
 from scipy.spatial.transform import RigidTransform, Rotation
 
 from slam.graph.trajectory import Trajectory
-from tests.samples.clutter_scans import said, sonarmap
+from tests.samples.clutter_scans import printed_at, said, sonarmap
 from tools.writers.kitti import write_kitti
 from tools.writers.tum import write_tum
 
@@ -108,3 +108,36 @@ def test_truths_with_times_keep_them(tmp_path: Path, pair: list[Path]) -> None:
     told = json.loads(sonarmap("evaluate", pair[0], tmp_path / "a.tum", tmp_path / "b.tum", "--json").stdout)
     once = json.loads(sonarmap("evaluate", *pair, "--json").stdout)
     assert told["ate_m"]["rms"] == pytest.approx(once["ate_m"]["rms"], rel=1e-9)
+
+
+def test_no_number_is_cut_at_80_columns(tmp_path: Path) -> None:
+    """Stamps of today, and positions of a kilometer."""
+    poses = RigidTransform.from_translation([[-1234.5, 987.25, -12.75]]) * TRUTH.T_world_sensor
+    trajectory = Trajectory(1.7e9 + STAMPS + 0.123456, poses)
+    for name in ("estimate.tum", "truth.tum"):
+        write_tum(tmp_path / name, trajectory)
+    for columns in (80, 120):
+        lines = printed_at(columns, "evaluate", tmp_path / "estimate.tum", tmp_path / "truth.tum")
+        assert not any("…" in line for line in lines), lines
+        assert max(map(len, lines[: lines.index("")])) <= columns
+        assert any("1700000007.123456" in line and "-1228.50   984.25   -12.25" in line for line in lines)
+
+
+def test_of_many_poses_the_worst_are_listed(tmp_path: Path) -> None:
+    stamps, far = np.arange(40.0), np.zeros((40, 3))
+    far[:, 0] = np.arange(40) ** 2
+    off = far + np.where(stamps % 4 == 3, stamps / 10, 0)[:, None] * [0, 0, 1]  # 3, 7, ... 39 are off by 0.3 to 3.9 m
+    for name, places in (("estimate.tum", off), ("truth.tum", far)):
+        write_tum(tmp_path / name, Trajectory(stamps, RigidTransform.from_translation(places)))
+    pair = (tmp_path / "estimate.tum", tmp_path / "truth.tum")
+    result = sonarmap("evaluate", *pair, "--align", "first")
+    listed = [line.split()[0] for line in result.stdout.splitlines() if line[:20].strip()[:1].isdigit()]
+    assert listed == [str(k) for k in range(3, 40, 4)]
+    assert "The 10 of 40 poses that are off farthest; --verbose lists all:" in result.stdout
+    assert "at most by 3.900 m, at 39 s" in result.stdout
+    everything = sonarmap("evaluate", *pair, "--align", "first", "--verbose").stdout
+    assert len([line for line in everything.splitlines() if line[:20].strip()[:1].isdigit()]) == 40
+    many = sonarmap("evaluate", *pair, "--align", "first", "--max-error-m", "0")
+    assert many.exit_code == 3
+    assert many.stderr.count("error: ") == 5
+    said(many, "and 5 more poses are farther off than that")
