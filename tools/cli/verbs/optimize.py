@@ -12,7 +12,7 @@ from tools.cli.arguments import as_options
 from tools.cli.options.groups import OPTIMIZATION, OUTPUT, completes
 from tools.cli.options.registration import JsonOption, QuietOption
 from tools.cli.progress import progress
-from tools.cli.terminal import printable, result_console
+from tools.cli.text.optimization import print_optimized
 from tools.cli.text.survey import warn
 
 if TYPE_CHECKING:
@@ -20,7 +20,6 @@ if TYPE_CHECKING:
 
 NOT_CONVERGED = 3
 OBJECTIVES, STARTS = ("full", "isotropic"), ("chordal", "given", "incremental")
-MOST_REJECTED = 20  # rows that the table lists
 MOST_REPAIRED = 10  # edges that the warnings list
 
 
@@ -136,7 +135,7 @@ def command(
         report["repaired"] = [each.words for each in repairs]
         advance("written")
     report["seconds"] = seconds | optimized.seconds | {"total": time.perf_counter() - start_time}
-    typer.echo(json.dumps(report)) if as_json else _print(report, robust, out)
+    typer.echo(json.dumps(report)) if as_json else print_optimized(report, robust, out)
     for each in repairs[:MOST_REPAIRED]:
         warn(f"repaired: {each.words}")
     if len(repairs) > MOST_REPAIRED:
@@ -146,53 +145,3 @@ def command(
     if not optimized.converged:
         warn(f"the optimizer did not converge in {optimized.iterations} iterations")
         raise typer.Exit(NOT_CONVERGED)
-
-
-def _print(report: dict[str, Any], robust: bool, out: Path) -> None:
-    rejected = [loop for loop in report["loops"] if loop["verdict"] == "rejected"]
-    if rejected:
-        _print_rejected(rejected)
-    loops = sum(loop["kind"] == "loop" for loop in report["loops"])
-    typer.echo(f"{report['poses']} poses, {report['edges']} edges, {loops} of them loops")
-    if robust:
-        typer.echo(f"{len(rejected)} edges rejected and left out")
-    typer.echo(
-        f"{report['objective']} cost {report['cost_before']:.6g} before, {report['cost_after']:.9g} after "
-        f"{report['iterations']} iterations from the {report['start']} start"
-    )
-    typer.echo(
-        f"chi-squared {report['chi_squared_before']:.6g} before, {report['chi_squared_after']:.6g} after; a consistent "
-        f"graph has about {report['degrees_of_freedom']}, its degrees of freedom"
-    )
-    typer.echo(_certificate_text(report["certificate"]))
-    if report["distance"]:
-        typer.echo(_distance_text(report["distance"]))
-    typer.echo(f"written to {printable(str(out))}")
-
-
-def _certificate_text(certificate: dict[str, Any]) -> str:
-    gap = f" (gap {certificate['gap']:.2g})" if certificate["gap"] is not None else ""
-    return (
-        f"no certificate: {certificate['reason']}" if certificate["verdict"] == "none" else certificate["reason"] + gap
-    )
-
-
-def _distance_text(distance: dict[str, Any]) -> str:
-    if "reason" in distance:
-        return f"not compared with the {distance['to']} objective: {distance['reason']}"
-    return (
-        f"the solution of the {distance['to']} objective is {distance['translation_rms_m']:.3g} m and "
-        f"{distance['rotation_rms_deg']:.3g} degrees away (root mean square; at most "
-        f"{distance['translation_max_m']:.3g} m and {distance['rotation_max_deg']:.3g} degrees)"
-    )
-
-
-def _print_rejected(rejected: list[dict[str, Any]]) -> None:
-    from rich.table import Table
-
-    table = Table("rejected edge", "kind", "sigmas", "reason", box=None, pad_edge=False)
-    for loop in sorted(rejected, key=lambda loop: -loop["sigmas"])[:MOST_REJECTED]:
-        table.add_row(f"{loop['i']} - {loop['j']}", loop["kind"], f"{loop['sigmas']:.1f}", loop["reason"])
-    result_console().print(table)
-    if len(rejected) > MOST_REJECTED:
-        typer.echo(f"and {len(rejected) - MOST_REJECTED} more; --json lists all")

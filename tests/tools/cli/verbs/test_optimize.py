@@ -10,8 +10,9 @@ from scipy.spatial.transform import RigidTransform, Rotation
 from slam.graph.pose_graph import PoseGraph
 from slam.graph.trajectory import Trajectory, chain
 from slam.optimize.chordal import ChordalProblem
-from tests.samples.clutter_scans import said, sonarmap
+from tests.samples.clutter_scans import printed_at, said, sonarmap
 from tests.samples.surveys import edge, random_covariance, ring_poses
+from tools.cli.text.optimization import verdict
 from tools.readers.poses.g2o import read_g2o
 from tools.writers.g2o import write_g2o
 
@@ -137,7 +138,7 @@ def test_a_wrong_loop_is_left_out_and_named(source: Path) -> None:
     assert "rejected" in out["reason"]
     assert len(read_g2o(source.parent / "out.g2o").edges) == len(graph.edges)
     result = sonarmap("optimize", source, "-o", source.parent / "out.g2o", "--robust")
-    assert "1 edges rejected" in result.stdout
+    assert "1 edges, left out" in result.stdout
     assert "1 - 6" in result.stdout
     assert len([one for one in told(source)["loops"] if one["verdict"] == "accepted"]) == 5
 
@@ -238,3 +239,45 @@ def test_benchmarks(name: str, tmp_path: Path) -> None:
     summary = json.loads(result.stdout)
     assert summary["cost_after"] == pytest.approx(BEST[name], rel=1e-6)
     assert summary["certificate"]["verdict"] == "certified"
+
+
+def report(chi_squared: float, freedom: int, converged: bool = True) -> dict:
+    return {"chi_squared_after": chi_squared, "degrees_of_freedom": freedom, "converged": converged, "iterations": 7}
+
+
+@pytest.mark.parametrize(
+    ("after", "robust", "words"),
+    [
+        (report(205.0, 192), False, "The poses fit the edges: chi-squared is 205, about 192 is usual."),
+        (
+            report(260.0, 192),
+            False,
+            "contradict each other more than their sigmas allow: chi-squared is 260, about 192",
+        ),
+        (report(260.0, 192), False, "; --robust finds wrong edges and leaves them out."),
+        (report(260.0, 192), True, "; their sigmas may be too small."),
+        (
+            report(12.2, 192),
+            False,
+            "The poses fit the edges, better than their sigmas say: chi-squared is 12.2, about 192",
+        ),
+        (report(0.0, 0), False, "every pose follows from one edge"),
+        (report(205.0, 192, converged=False), False, "Not converged: after 7 iterations"),
+    ],
+)
+def test_the_verdict_in_a_sentence(after: dict, robust: bool, words: str) -> None:
+    """With 192 degrees of freedom three standard deviations of chi-squared are 3 sqrt(384) = 58.8."""
+    assert words in verdict(after, robust)
+
+
+def test_a_wrong_loop_is_listed_at_80_columns(source: Path) -> None:
+    graph = read_g2o(source)
+    wrong = edge(1, 6, RigidTransform.from_translation([40.0, -3, 2]), np.eye(6) * 1e-3, "loop")
+    write_g2o(source, PoseGraph(graph.trajectory, (wrong, *graph.edges)))
+    lines = printed_at(80, "optimize", source, "-o", source.parent / "out.g2o", "--robust")
+    assert max(map(len, lines[: lines.index("")])) <= 80
+    assert not any("…" in line for line in lines)
+    (row,) = [line.split() for line in lines if line.startswith("1 - 6")]
+    assert row[3] == "loop"
+    assert float(row[4].replace(",", "")) > 100
+    assert any(line.startswith(("The poses fit", "The edges contradict")) for line in lines)
