@@ -19,7 +19,7 @@ from tools.readers.poses.graph_json import FORMAT
 # What the numbers are, for whoever reads the file without these pages.
 CONVENTIONS = {
     "T_world_sensor": "p_world = T p_sensor, 4x4 [m]; the world is East-North-Up where 'in_world', else the frame of "
-    "the component's first pose",
+    "the component's first pose; before_loops: as consecutive registrations and navigation alone place the scan",
     "T_i_j": "p_i = T p_j, 4x4 [m]; T_target_source likewise",
     "covariance": "6x6, rotation first [rad, m], of xi in T_true = T Exp(xi): body tangent of the pose, of j, or of "
     "the source",
@@ -51,6 +51,7 @@ def survey_graph(result: SurveyResult, names: Sequence[str]) -> dict[str, Any]:
                 "in_world": in_world[component[k]],
                 "key_scan": keys is None or k in keys,
                 "T_world_sensor": result.trajectory.T_world_sensor[k].as_matrix(),
+                "T_world_sensor_before_loops": result.chained.T_world_sensor[k].as_matrix(),
             }
             for k, row in enumerate(scan_rows(result, names))
         ],
