@@ -1,7 +1,7 @@
 # pyright: strict, reportUnknownMemberType=false
 """All that the page shows, as one value for JSON; the bytes of points and pictures apart."""
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Sequence
 from dataclasses import asdict, dataclass
 from pathlib import Path
 from typing import Any
@@ -10,8 +10,11 @@ import numpy as np
 
 from tools.export.map_folder import MapFolder, MapPart
 from tools.geo.georeference import VERTICALS
-from tools.report.page.evidence import ANGLES, AXES, crossing_rows, navigation_rows, pair_rows, way_of
-from tools.report.page.points import MOST_CODE, codes, pack
+from tools.report.page.byhand import control_rows, map_key, tie_rows
+from tools.report.page.command import inputs_of, map_command
+from tools.report.page.doubtful import doubtful_of
+from tools.report.page.evidence import ANGLES, AXES, crossing_rows, kept_sequential, navigation_rows, pair_rows, way_of
+from tools.report.page.points import MOST_CODE, Packed, codes, pack
 from tools.report.page.provenance import citation, setting_rows, title
 from tools.report.page.verdict import verdict
 
@@ -25,11 +28,13 @@ class Content:
     """Attributes:
     shown: what the page says, for JSON.
     points: gzipped planes of every part of the map.
+    doubtful: the same of the points that the map left out; None where there are none.
     pictures: {file's name: content}.
     """
 
     shown: dict[str, Any]
     points: tuple[bytes, ...]
+    doubtful: tuple[bytes | None, ...]
     pictures: dict[str, bytes]
 
 
@@ -37,16 +42,23 @@ def content_of(folder: MapFolder) -> Content:
     """What to show of a finished map."""
     summary, graph = folder.summary, folder.graph
     judged = verdict(summary, folder.names)
-    parts, points = zip(*(_part(folder, part) for part in folder.parts), strict=True)
+    parts, points, doubtful = zip(*(_part(folder, part) for part in folder.parts), strict=True)
     shown = {
-        "title": title(_inputs(summary["settings"]), np.array([pose["stamp"] for pose in graph["poses"]], np.float64)),
+        "title": title(
+            inputs_of(summary["settings"]), np.array([pose["stamp"] for pose in graph["poses"]], np.float64)
+        ),
         "verdict": asdict(judged),
         "names": list(folder.names),
         "surveys": [int(pose["survey"]) for pose in graph["poses"]],
         "parts": list(parts),
         "pairs": pair_rows(graph["pairs"]),
+        "sequential": kept_sequential(graph["pairs"]),
         "crossings": summary["crossing_error_m"] | {"rows": crossing_rows(graph)},
         "navigation": {"names": [*ANGLES, *AXES], "units": ["deg"] * 3 + ["m"] * 3, "rows": navigation_rows(graph)},
+        "ties": tie_rows(summary, folder.names),
+        "control_points": control_rows(summary, folder.parts, folder.names),
+        "key": map_key(summary, folder.names),
+        "command": map_command(summary["settings"], str(folder.path), folder.georeference),
         "graph": summary["graph"],
         "settings": setting_rows(summary["settings"]),
         "versions": summary["versions"],
@@ -55,39 +67,41 @@ def content_of(folder: MapFolder) -> Content:
         "georeference": summary.get("georeference"),
         "citation": citation(summary["versions"]),
     }
-    return Content(shown, points, _pictures(folder))
+    return Content(shown, points, doubtful, _pictures(folder))
 
 
-def _inputs(settings: Mapping[str, Any]) -> list[str]:
-    given = settings.get("inputs", [])
-    return [str(path) for path in (given if isinstance(given, list) else [given])]  # pyright: ignore[reportUnknownVariableType, reportUnknownArgumentType]
-
-
-def _part(folder: MapFolder, part: MapPart) -> tuple[dict[str, Any], bytes]:
-    """A map of the folder, and its points as bytes."""
+def _part(folder: MapFolder, part: MapPart) -> tuple[dict[str, Any], bytes, bytes | None]:
+    """A map of the folder, its points as bytes, and so those that it left out."""
     columns, scales = _columns(part)
     packed = pack(part.points, columns, folder.voxel)
+    doubtful = doubtful_of(folder, part)
     everything = np.concatenate([part.points, part.trajectory.T_world_sensor.translation])
     low, high = np.quantile(part.points[:, 2], _EXTREMES).tolist()
     row = {
         "name": f"map{part.suffix}.ply",
         "count": len(part.points),
         "voxel": folder.voxel,
-        "packed": {
-            "quantum": packed.quantum,
-            "tiles": [asdict(tile) for tile in packed.tiles],
-            "planes": dict(packed.planes),
-        },
+        "packed": _layout(packed),
+        "doubtful": None if doubtful is None else {"packed": _layout(doubtful[0]), **doubtful[1]},
         "scales": scales,
         "extent": np.quantile(everything, (0, 1), axis=0).tolist(),
         "middle": np.quantile(everything, (_STRAY, 1 - _STRAY), axis=0).tolist(),
         "axes": ["East", "North", "Up"] if part.in_world else ["x", "y", "z"],
         "height": _height(folder, part) | {"range": [low, high]},
-        "way": way_of(part),
+        "way": way_of(part, folder.graph),
         "on_earth": folder.on_earth(part),
         "unmeasured": list(part.unmeasured) if part.in_world else [],
     }
-    return row, packed.data
+    return row, packed.data, None if doubtful is None else doubtful[0].data
+
+
+def _layout(packed: Packed) -> dict[str, Any]:
+    """What a reader of the bytes has to know."""
+    return {
+        "quantum": packed.quantum,
+        "tiles": [asdict(tile) for tile in packed.tiles],
+        "planes": dict(packed.planes),
+    }
 
 
 def _columns(part: MapPart) -> tuple[dict[str, np.ndarray], dict[str, tuple[float, float]]]:

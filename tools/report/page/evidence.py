@@ -1,4 +1,4 @@
-# pyright: strict, reportMissingTypeStubs=false, reportUnknownMemberType=false
+# pyright: strict, reportMissingTypeStubs=false, reportUnknownMemberType=false, reportUnknownVariableType=false
 """What speaks for a map, as rows for the page: poses with their ellipsoids, pairs, and distances from navigation."""
 
 from collections.abc import Mapping, Sequence
@@ -12,14 +12,18 @@ from tools.readers.poses.matrices import rigid_transform
 
 ANGLES, AXES = ("roll", "pitch", "heading"), ("East", "North", "Up")  # the order of a prior's numbers
 _DIGITS = 5  # behind the point, of meters
+_TURN_DIGITS = 8  # of a quaternion: a point 100 m away is off by micrometers
+_SAME = 1e-3  # poses that differ by less were not moved [m]
 _SHORT = 4  # valid digits of what is only read
 
 
-def way_of(part: MapPart) -> dict[str, Any]:
-    """The poses of a map: scans, stamps [s], places [m], and the half axes of their ellipsoids.
+def way_of(part: MapPart, graph: Mapping[str, Any]) -> dict[str, Any]:
+    """The poses of a map: scans, stamps [s], places [m], turns, and the half axes of their ellipsoids.
 
     An ellipsoid's three half axes, (3, 3) as rows x, y, z [m], are standard deviations of the place along the
-    directions in which they are independent, in the map's frame.
+    directions in which they are independent, in the map's frame. A turn is the quaternion x, y, z, w of R_world_sensor.
+    `before` has the places before the loops, or null where graph.json does not say them, or where they are the same;
+    `overlaps` each scan's overlap with the scan that it was registered with consecutively, or null.
     """
     R = part.trajectory.T_world_sensor.rotation.as_matrix()
     variances, directions = np.linalg.eigh(R @ part.covariances[:, 3:, 3:] @ R.transpose(0, 2, 1))
@@ -28,8 +32,33 @@ def way_of(part: MapPart) -> dict[str, Any]:
         "scans": list(part.scans),
         "stamps": part.trajectory.stamps.tolist(),
         "places": np.round(part.trajectory.T_world_sensor.translation, _DIGITS).tolist(),
+        "turns": np.round(part.trajectory.T_world_sensor.rotation.as_quat(), _TURN_DIGITS).tolist(),
         "half_axes": np.round(half_axes, _DIGITS).tolist(),
+        "before": _before(part, graph["poses"]),
+        "overlaps": _overlaps(part.scans, graph["pairs"]),
     }
+
+
+def _before(part: MapPart, poses: Sequence[Mapping[str, Any]]) -> list[list[float]] | None:
+    """The places of a part's scans before the loops [m]."""
+    matrices = [poses[scan].get("T_world_sensor_before_loops") for scan in part.scans]
+    if any(matrix is None for matrix in matrices):
+        return None
+    places = _poses(matrices).translation
+    apart = np.abs(places - part.trajectory.T_world_sensor.translation).max()
+    return np.round(places, _DIGITS).tolist() if apart > _SAME else None
+
+
+def _overlaps(scans: Sequence[int], pairs: Sequence[Mapping[str, Any]]) -> list[float | None]:
+    known = {int(pair["source"]): _short(pair.get("overlap")) for pair in pairs if pair["role"] == "sequential"}
+    return [known.get(scan) for scan in scans]
+
+
+def kept_sequential(pairs: Sequence[Mapping[str, Any]]) -> list[tuple[int, int]]:
+    """The consecutive pairs that were kept, which `pair_rows` leaves out: target and source."""
+    return [
+        (int(pair["target"]), int(pair["source"])) for pair in pairs if pair["role"] == "sequential" and pair["kept"]
+    ]
 
 
 def pair_rows(pairs: Sequence[Mapping[str, Any]]) -> list[dict[str, Any]]:

@@ -20,20 +20,29 @@ from tools.writers.json_text import write_json
 
 # One after another in one scope, so that a name is there before what uses it at load.
 SCRIPTS = (
-    "packed.js",
-    "camera.js",
-    "shaders.js",
-    "scene.js",
-    "picking.js",
-    "palettes.js",
+    "map/packed.js",
+    "map/camera.js",
+    "map/shaders.js",
+    "map/scene.js",
+    "map/picking.js",
+    "map/palettes.js",
     "elements.js",
-    "colorings.js",
-    "layers.js",
-    "geodesy.js",
-    "labels.js",
-    "view.js",
-    "controls.js",
+    "charts.js",
+    "map/colorings.js",
+    "map/layers.js",
+    "map/geodesy.js",
+    "map/labels.js",
+    "map/gestures.js",
+    "map/view.js",
+    "map/controls.js",
+    "map/picked.js",
+    "byhand/csv.js",
+    "byhand/decisions.js",
+    "byhand/ties.js",
+    "byhand/control.js",
+    "profile.js",
     "sections.js",
+    "navigation.js",
     "main.js",
 )
 
@@ -49,6 +58,8 @@ def write_report(folder: MapFolder) -> Path:
     """
     try:
         page = report_text(content_of(folder))
+    except InputError:
+        raise
     except (ValueError, LookupError, TypeError, ArithmeticError, AttributeError) as error:
         raise InputError(
             f"{folder.path / SUMMARY} and {FULL_GRAPH} are not as `sonarmap map` writes them ({error!r}); map again"
@@ -76,14 +87,15 @@ def report_text(content: Content) -> str:
         script_hash=_hash(script),
         content=_embedded(content.shown),
         pictures=_embedded(pictures),
-        points="\n".join(_points(content.points)),
+        points="\n".join([*_points("points", content.points), *_points("doubtful", content.doubtful)]),
     )
 
 
-def _points(parts: Sequence[bytes]) -> list[str]:
+def _points(kind: str, parts: Sequence[bytes | None]) -> list[str]:
     return [
-        f'<script type="application/gzip" id="points-{number}">{_base64(data)}</script>'
-        for number, data in enumerate(parts)
+        f'<script type="application/gzip" id="{kind}-{number}">{_base64(packed)}</script>'
+        for number, packed in enumerate(parts)
+        if packed is not None
     ]
 
 

@@ -7,7 +7,7 @@ from scipy.spatial.transform import RigidTransform, Rotation
 
 from slam.graph.trajectory import Trajectory
 from tools.export.map_folder import MapPart
-from tools.report.page.evidence import crossing_rows, navigation_rows, pair_rows, way_of
+from tools.report.page.evidence import crossing_rows, kept_sequential, navigation_rows, pair_rows, way_of
 
 
 def test_an_ellipsoid_is_turned_with_its_pose() -> None:
@@ -16,10 +16,25 @@ def test_an_ellipsoid_is_turned_with_its_pose() -> None:
     T = RigidTransform.from_components([[3.0, -4.0, 5.0]], Rotation.from_euler("z", [90.0], degrees=True))
     none = np.zeros((0, 3))
     part = MapPart("", none, {}, (6,), Trajectory(np.array([12.5]), T), covariance[None], False)
-    way = way_of(part)
+    before = RigidTransform.from_translation([3.5, -4.25, 5.0]).as_matrix().tolist()
+    pairs = [
+        {"target": 5, "source": 6, "role": "sequential", "kept": True, "overlap": 0.75},
+        {"target": 2, "source": 6, "role": "loop", "kept": True, "overlap": 0.25},
+    ]
+    way = way_of(part, {"poses": [{}] * 6 + [{"T_world_sensor_before_loops": before}], "pairs": pairs})
     assert (way["scans"], way["stamps"], way["places"]) == ([6], [12.5], [[3.0, -4.0, 5.0]])
+    assert (way["before"], way["overlaps"]) == ([[3.5, -4.25, 5.0]], [0.75])
+    np.testing.assert_allclose(way["turns"], [[0, 0, np.sqrt(0.5), np.sqrt(0.5)]], atol=1e-8)
     half_axes = np.abs(way["half_axes"][0])
     np.testing.assert_allclose(half_axes, [[0, 0.01, 0], [0.02, 0, 0], [0, 0, 0.05]], atol=1e-9)
+
+
+def test_the_way_before_the_loops_is_left_out_where_it_is_not_known_or_the_same() -> None:
+    T = RigidTransform.from_translation([[3.0, -4.0, 5.0]])
+    part = MapPart("", np.zeros((0, 3)), {}, (0,), Trajectory(np.zeros(1), T), np.eye(6)[None], False)
+    same = {"T_world_sensor_before_loops": T.as_matrix()[0].tolist()}
+    for pose in ({}, same):
+        assert way_of(part, {"poses": [pose], "pairs": []})["before"] is None
 
 
 def prior(pose: int, T: RigidTransform, sigmas: list[float | None]) -> dict[str, Any]:
@@ -56,6 +71,7 @@ def test_pairs_that_are_told() -> None:
     ]
     rows = pair_rows(pairs)
     assert [(row["target"], row["source"]) for row in rows] == [(1, 2), (0, 2)]
+    assert kept_sequential(pairs) == [(0, 1)]
     assert (rows[0]["overlap"], rows[0]["probability"], rows[0]["residual_sigmas"]) == (0.1235, None, None)
 
 

@@ -107,7 +107,7 @@ def test_a_crossing_is_shown_with_its_distances(content: Content, tmp_path: Path
     shown = content.shown | {"crossings": crossings}
     with opened(written(replace(content, shown=shown), tmp_path / "crossings.html")) as page:
         row = page.page.locator("#crossings .link").first
-        assert row.inner_text() == "scan1 – scan6"  # the one that is farther apart comes first
+        assert row.inner_text() == "scan1\u00a0– scan6"  # the one that is farther apart comes first
         row.click()
         assert "0.31\u202fm apart" in page.page.locator("#picked").inner_text()
         assert page.said == []

@@ -3,27 +3,31 @@
 const $ = (selector) => document.querySelector(selector);
 const content = JSON.parse($("#content-json").textContent);
 const pictures = JSON.parse($("#pictures-json").textContent);
+const decisions = new Decisions(content);
 const unpacked = new Map();
 let view = null;
 
-/** The points of a part, unpacked when they are first asked for. */
-function pointsOf(number) {
-  if (!unpacked.has(number)) {
-    const element = $(`#points-${number}`);
-    unpacked.set(number, unpack(content.parts[number].packed, element.textContent));
+/** The points under an id, unpacked when they are first asked for. */
+function pointsOf(id, packed) {
+  if (!unpacked.has(id)) {
+    const element = $(`#${id}`);
+    unpacked.set(id, unpack(packed, element.textContent));
     element.textContent = ""; // these megabytes are not needed twice
   }
-  return unpacked.get(number);
+  return unpacked.get(id);
 }
 
 async function showPart(number) {
-  view.showPart(content.parts[number], await pointsOf(number));
-  showControls($("#controls"), view, content, number, showPart);
+  const part = content.parts[number];
+  const doubtful = () => pointsOf(`doubtful-${number}`, part.doubtful.packed);
+  view.showPart(part, await pointsOf(`points-${number}`, part.packed));
+  if (view.shown.doubtful && part.doubtful) view.showDoubtful(await doubtful());
+  showControls($("#controls"), view, content, number, showPart, doubtful);
   $("#opening").hidden = true;
 }
 
-/** Show a pair in the map, in the part that holds it. */
-async function choose(pair) {
+/** Show a pair in the map, in the part that holds it, and go there unless the user should stay. */
+async function choose(pair, go = true) {
   if (!view) return;
   const number = content.parts.findIndex(({ way }) => way.scans.includes(pair.target) && way.scans.includes(pair.source));
   if (number < 0) return showPicked($("#picked"), view, content, { pair });
@@ -32,12 +36,27 @@ async function choose(pair) {
   view.camera.lookAt(sum(...drawn.ends).map((value) => value / 2));
   view.choose(drawn);
   showPicked($("#picked"), view, content, { pair: drawn });
+  if (go) $("#map").scrollIntoView({ block: "start" });
+}
+
+/** Show pose k of a part in the map. */
+async function showPose(number, k) {
+  if (!view) return;
+  if (view.part !== content.parts[number]) await showPart(number);
+  view.showPose(k);
   $("#map").scrollIntoView({ block: "start" });
+}
+
+/** Whatever was decided shows everywhere. */
+function showDecisions() {
+  for (const buttons of document.querySelectorAll(".verdicts")) buttons.update();
+  if ($("#decided")) showDecided($("#decided"), decisions);
+  if (view?.part) view.showLayers();
 }
 
 function showSections() {
   $("#concerns").append(...content.verdict.concerns.map((concern) => make("li", {}, concern)));
-  for (const [id, heading, elements] of sectionsOf(content, pictures, choose)) {
+  for (const [id, heading, elements] of sectionsOf(content, pictures, decisions, choose, showPose)) {
     $("main").append(make("section", { id }, make("h2", {}, heading), ...elements));
     $("nav").append(make("a", { href: `#${id}` }, heading));
   }
@@ -60,8 +79,10 @@ $("#theme").addEventListener("click", () => {
 matchMedia("(prefers-color-scheme: dark)").addEventListener("change", () => view?.showMeasured());
 
 showSections();
+decisions.listeners.push(showDecisions);
+showDecisions();
 try {
-  view = new View($("#stage"), content, (hit) => showPicked($("#picked"), view, content, hit));
+  view = new View($("#stage"), content, decisions, (hit) => showPicked($("#picked"), view, content, hit));
 } catch (error) {
   showPictures(`${error.message}; this browser, or this machine's graphics driver, does not offer it`);
 }
@@ -80,4 +101,4 @@ if (view) {
   }
 }
 // For scripts that measure in the page: docs/report.md.
-window.sonarmap = { content, view, unpack, placeOf, degreesOf };
+window.sonarmap = { content, view, decisions, unpack, placeOf, degreesOf };

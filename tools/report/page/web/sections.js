@@ -3,13 +3,21 @@
 const FIRST_ROWS = 50; // of a long list
 const WORST = 8; // passes that are listed
 
-/** All sections that this survey has something for: [[id, heading, elements], ...]. */
-function sectionsOf(content, pictures, choose) {
+/**
+ * All sections that this survey has something for: [[id, heading, elements], ...].
+ * @param choose shows a pair in the map
+ * @param showPose shows a pose of a part, by their numbers, in the map
+ */
+function sectionsOf(content, pictures, decisions, choose, showPose) {
+  const ways = content.parts.map((part, number) => [part, number]).filter(([{ way }]) => way.scans.length > 1);
+  const against = content.control_points.length ? "Against navigation and control points" : "Against navigation";
   const all = [
-    ["loops", "Loops", loopSection(content, choose)],
+    ["loops", "Loops", loopSection(content, decisions, choose)],
+    ["ties", "Ties by hand", content.names.length > 1 ? tieSection(content, decisions, choose) : []],
+    ["poses", "Along the way", ways.map(([part, number]) => profileChart(part, content, (k) => showPose(number, k)))],
     ["crossings", "Passes over the same place", crossingSection(content, choose)],
-    ["navigation", "Against navigation", navigationSection(content)],
-    ["poses", "How sure the poses are", poseSection(content)],
+    ["navigation", against, [...navigationSection(content), ...controlResiduals(content.control_points)]],
+    ["control", "Control points by hand", controlSection(content, decisions)],
     ["pictures", "Pictures", Object.entries(pictures).map(([name, url]) => picture(name, url))],
     ["settings", "Settings", [table(["setting", "value"], content.settings)]],
     ["provenance", "Provenance", provenanceSection(content)],
@@ -23,7 +31,7 @@ function picture(name, url) {
 }
 
 /** Loops, bridges and refused pairs with their reasons; a click on a row shows it in the map. */
-function loopSection({ pairs, names }, choose) {
+function loopSection({ pairs, names }, decisions, choose) {
   if (!pairs.length) return [make("p", {}, "No loops were tried.")];
   const count = make("p", { "aria-live": "polite" });
   const body = make("tbody");
@@ -33,9 +41,11 @@ function loopSection({ pairs, names }, choose) {
   const search = make("input", { type: "search", placeholder: "a scan, or a word of a reason", oninput: () => fill() });
   const row = (pair) => make("tr", {},
     make("td", {}, make("button", { type: "button", class: "link", onclick: () => choose(pair) },
-      `${names[pair.target]} – ${names[pair.source]}`)),
+      `${names[pair.target]}\u00a0– ${names[pair.source]}`)),
+    make("td", {}, verdictButtons(decisions, pair)),
     ...[pair.role, pair.kept ? "kept" : "refused", percent(pair.overlap), percent(pair.probability),
-      short(pair.residual_sigmas, "σ"), pair.reason].map((text) => make("td", {}, text)));
+      short(pair.residual_sigmas, "σ")].map((text) => make("td", {}, text)),
+    make("td", { class: "words" }, pair.reason));
   const fill = (most = FIRST_ROWS) => {
     const word = search.value.trim().toLowerCase();
     const chosen = pairs.filter((pair) =>
@@ -46,10 +56,10 @@ function loopSection({ pairs, names }, choose) {
     count.textContent = `${Math.min(most, chosen.length)} of ${chosen.length} pairs`;
   };
   fill();
-  const headings = ["scans", "role", "verdict", "overlap", "probability", "from the final poses", "reason"];
+  const headings = ["scans", "by hand", "role", "verdict", "overlap", "probability", "from the final poses", "reason"];
   const head = make("tr", {}, ...headings.map((heading) => make("th", { scope: "col" }, heading)));
   return [
-    make("p", {}, "Click on a pair to see it in the map."),
+    make("p", {}, "Click on a pair to see it in the map; accept or reject it where you know better."),
     make("div", { class: "filter" }, make("label", {}, "Show ", verdict), make("label", {}, "Search ", search), count),
     make("div", { class: "scroll tall" }, make("table", {}, make("thead", {}, head), body)),
     more,
@@ -73,7 +83,7 @@ function crossingRows(rows, names, choose) {
   const worst = [...rows].sort((a, b) => b.after_m - a.after_m).slice(0, WORST);
   const line = (row) => [
     make("button", { type: "button", class: "link", onclick: () => choose({ ...row, role: "crossing", kept: true }) },
-      `${names[row.target]} – ${names[row.source]}`),
+      `${names[row.target]}\u00a0– ${names[row.source]}`),
     short(row.before_m, "m"), short(row.after_m, "m"), short(row.after_90_m, "m"),
   ];
   return [
@@ -82,35 +92,6 @@ function crossingRows(rows, names, choose) {
     make("p", {}, "Those that lie farthest apart after the loops; click on a pair to see it in the map."),
     table(["scans", "median before", "median after", "90th percentile after"], worst.map(line)),
   ];
-}
-
-function navigationSection({ navigation }) {
-  const { names, units, rows } = navigation;
-  if (!rows.length) return [];
-  const xs = rows.map((row) => row.scan);
-  const charts = [["deg", "Attitude, map less instruments"], ["m", "Position, map less instruments"]].map(([unit, label]) => {
-    const measured = names.map((_, k) => k).filter((k) => units[k] === unit && rows.some((row) => row.apart[k] !== null));
-    return measured.length ? chart(label, unit, xs, measured.map((k) => ({ name: names[k], values: rows.map((row) => row.apart[k]) }))) : null;
-  });
-  const spread = (k) => {
-    const known = rows.filter((row) => row.apart[k] !== null);
-    const rms = (name) => Math.sqrt(known.reduce((total, row) => total + row[name][k] ** 2, 0) / known.length);
-    return known.length ? [names[k], short(rms("apart"), units[k]), short(rms("sigmas"), units[k]), `${known.length}`] : null;
-  };
-  return [
-    ...charts.filter(Boolean),
-    table(["measured", "root mean square of the difference", "standard deviation it was given", "scans"],
-      names.map((_, k) => spread(k)).filter(Boolean)),
-  ];
-}
-
-function poseSection({ parts }) {
-  return parts.filter((part) => part.way.scans.length > 1).map((part) => {
-    const sizes = part.way.half_axes.map((axes) => axes.map(lengthOf));
-    const series = [["worst direction", Math.max], ["best direction", Math.min]];
-    return chart(`${part.name}: standard deviation of the sensor's place`, "m", part.way.scans,
-      series.map(([name, pick]) => ({ name, values: sizes.map((axes) => pick(...axes)) })));
-  });
 }
 
 function provenanceSection({ versions, device, inputs, georeference, graph, parts }) {

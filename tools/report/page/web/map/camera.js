@@ -24,7 +24,7 @@ class Camera {
 
   reset() {
     this.target = [...this.center];
-    this.distance = 1.8 * this.reach;
+    this.distance = 1.8 * this.reach * Math.max(1, this.height / this.width);
     this.azimuth = 0.5; // where it looks, clockwise from y [rad]
     this.elevation = 0.75; // of the camera over the target [rad]
   }

@@ -1,10 +1,16 @@
 // The form beside the map, and what it says of what was picked.
 
-const LAYERS = { points: "points", way: "way of the sensor", ellipsoids: "ellipsoids", kept: "loops kept", refused: "pairs refused" };
+const LAYERS = {
+  points: "points", doubtful: "false echoes, left out", way: "way of the sensor", before: "way before the loops", ellipsoids: "ellipsoids",
+  kept: "kept", refused: "refused", decided: "ties by hand", control: "control points",
+};
 const NAMES = { echo: "echo", sigma: "sigma", seen: "seen", scan: "scan", survey: "survey" };
 
-/** Fill the form for the part that is shown. `change` is called with another part's number. */
-function showControls(form, view, content, number, change) {
+/**
+ * Fill the form for the part that is shown. `change` is called with another part's number; `unpackDoubtful` gives the points
+ * that the map left out.
+ */
+function showControls(form, view, content, number, change, unpackDoubtful) {
   const select = (label, options, chosen, onchange) =>
     make("label", {}, label, make("select", { onchange: (event) => onchange(event.target.value) },
       ...options.map(([value, text]) => make("option", { value, selected: String(value) === String(chosen) }, text))));
@@ -12,17 +18,6 @@ function showControls(form, view, content, number, change) {
   const parts = content.parts.map((part, k) => [k, `${part.name}: ${part.count.toLocaleString("en")} points`]);
   const colorings = Object.keys(view.colorings).map((name) => [name, NAMES[name]]);
   colorings[0][1] = view.part.height.zero === null ? "height" : "depth";
-  const counts = { kept: 0, refused: 0 };
-  for (const pair of view.pairs) counts[pair.kept ? "kept" : "refused"]++;
-  const layers = Object.entries(LAYERS).filter(([name]) => counts[name] !== 0).map(([name, text]) =>
-    make("label", { class: `layer ${name}` },
-      make("input", {
-        type: "checkbox", checked: view.shown[name], onchange: (event) => {
-          view.shown[name] = event.target.checked;
-          view.showLayers();
-        },
-      }),
-      counts[name] ? `${counts[name]} ${text}` : text));
   const legend = make("div", { id: "legend" });
   form.replaceChildren(
     parts.length > 1 ? select("Part of the map ", parts, number, (value) => change(Number(value))) : "",
@@ -31,11 +26,16 @@ function showControls(form, view, content, number, change) {
       showLegend(legend, view);
     }),
     legend,
-    make("fieldset", {}, make("legend", {}, "Show"), ...layers,
-      select("Ellipsoids (95 %) enlarged ", [1, 10, 100].map((factor) => [factor, factor === 1 ? "not" : `${factor} times`]), view.factor, (value) => {
+    make("fieldset", {}, make("legend", {}, "Show"), ...layerBoxes(view, unpackDoubtful),
+      select("Ellipsoids (95 %)", [1, 10, 100].map((factor) => [factor, factor === 1 ? "as they are" : `${factor} times`]), view.factor, (value) => {
         view.factor = Number(value);
         view.showLayers();
       }),
+      view.control.length ? select("Residuals", [[0, "not drawn"], [1, "as they are"], ...[10, 100, 1000].map((factor) => [factor, `${factor} times`])],
+        view.exaggeration, (value) => {
+          view.exaggeration = Number(value);
+          view.showLayers();
+        }) : "",
       make("label", {}, "Size of points ", make("input", {
         type: "range", min: -2, max: 2, step: 0.25, value: Math.log2(view.scale), oninput: (event) => {
           view.scale = 2 ** event.target.value;
@@ -48,6 +48,26 @@ function showControls(form, view, content, number, change) {
       button("From above", () => (view.camera.fromAbove(), view.request())),
       button("Show all", () => (view.camera.reset(), view.request()))));
   showLegend(legend, view);
+}
+
+/** A box for every layer that this part has. */
+function layerBoxes(view, unpackDoubtful) {
+  const { part } = view;
+  const counts = { kept: 0, refused: 0 };
+  for (const pair of view.pairs) counts[pair.kept ? "kept" : "refused"]++;
+  const there = { doubtful: part.doubtful, before: part.way.before, kept: counts.kept, refused: counts.refused };
+  const change = async (name, on) => {
+    view.shown[name] = on;
+    if (name === "doubtful" && on && !view.doubtful) view.showDoubtful(await unpackDoubtful());
+    view.showLayers();
+  };
+  const thinned = part.doubtful && part.doubtful.count < part.doubtful.all
+    ? make("small", {}, `${part.doubtful.count.toLocaleString("en")} of ${part.doubtful.all.toLocaleString("en")} of them, evenly chosen`) : null;
+  const worded = { kept: `${counted(counts.kept, "loop")} kept`, refused: `${counted(counts.refused, "pair")} refused`, doubtful: `${part.doubtful?.all.toLocaleString("en")} false echoes, left out` };
+  return Object.entries(LAYERS).filter(([name]) => there[name] === undefined || there[name]).map(([name, text]) =>
+    make("label", { class: `layer ${name}` },
+      make("input", { type: "checkbox", checked: view.shown[name], onchange: (event) => change(name, event.target.checked) }),
+      worded[name] ?? text, name === "doubtful" ? thinned : null));
 }
 
 /** A slider that cuts points off at a height: at its outer end, nothing. */
@@ -80,87 +100,4 @@ function showLegend(box, view) {
   scale.style.background = `linear-gradient(to right, ${[0, 32, 64, 95, 127, 159, 191, 222, 254].map(css).join(", ")})`;
   const texts = marks.map(([texel, text]) => make("span", {}, apart ? patch(texel) : "", text));
   box.replaceChildren(make("p", {}, label), apart ? "" : scale, make("div", { class: apart ? "list" : "marks" }, ...texts));
-}
-
-/** Say what was picked; null for nothing. */
-function showPicked(box, view, content, hit) {
-  document.querySelector("#measure")?.setAttribute("aria-pressed", view.measuring);
-  box.replaceChildren(...(hit ? pickedRows(view, content, hit) : []));
-}
-
-function pickedRows(view, content, hit) {
-  if ("measuring" in hit) return [make("p", {}, ["Click on the first point.", "Click on the second point."][hit.measuring])];
-  if (hit.distance) return [distanceList(view, hit.distance)];
-  if (hit.pair) return pairRows(content, hit.pair);
-  return [hit.place ? pointList(view, content, hit) : poseList(view, content, hit.pose)];
-}
-
-function list(title, rows) {
-  const known = rows.filter((row) => row && row[1] !== "");
-  return make("div", {}, make("h3", {}, title), make("dl", {}, ...known.flatMap(([name, text]) => [make("dt", {}, name), make("dd", {}, text)])));
-}
-
-function distanceList(view, [a, b]) {
-  const step = view.points.quantum;
-  const [dx, dy, dz] = minus(b, a);
-  const bearing = (((Math.atan2(dx, dy) * 180) / Math.PI + 360) % 360).toFixed(1);
-  return list("Distance from A to B", [
-    ["distance", meters(lengthOf([dx, dy, dz]), step)],
-    ["level", meters(Math.hypot(dx, dy), step)],
-    ["up", meters(dz, step)],
-    view.part.axes[0] === "East" && ["bearing from North", `${bearing}°`],
-    ["read to", `± ${meters(step * Math.sqrt(3), step / 10)}: coordinates are whole numbers of ${meters(step, step / 10)}`],
-  ]);
-}
-
-function placeRows(view, place, step) {
-  const { axes, height, on_earth } = view.part;
-  const rows = axes.map((name, k) => [name, meters(place[k], step)]);
-  if (height.zero !== null) rows.push([height.label, meters(height.zero - place[2], step)]);
-  if (on_earth) {
-    const [latitude, longitude] = degreesOf(place, view.content.georeference);
-    rows.push(["latitude (WGS84)", `${latitude.toFixed(7)}°`], ["longitude (WGS84)", `${longitude.toFixed(7)}°`]);
-  }
-  return rows;
-}
-
-function pointList(view, content, { point, place }) {
-  const { columns } = view.points, { scales } = view.part;
-  const value = (name, unit) => (columns[name]?.[point] ? short(valueOf(columns[name][point], scales[name]), unit) : "");
-  const several = "survey" in view.colorings;
-  return list("Point", [
-    ...placeRows(view, place, view.points.quantum),
-    ["standard deviation", value("sigma", "m")],
-    ["echo", value("echo")],
-    ["seen by", columns.seen[point] === 1 ? "1 scan" : `${columns.seen[point]} scans`],
-    ["mostly by", content.names[columns.scan[point]]],
-    several && ["of survey", columns.survey[point]],
-  ]);
-}
-
-function poseList(view, content, k) {
-  const { way } = view.part;
-  const sigmas = way.half_axes[k].map(lengthOf);
-  return list("Sensor", [
-    ["scan", content.names[way.scans[k]]],
-    ...placeRows(view, way.places[k], 0.001),
-    ["standard deviation", `${short(Math.max(...sigmas), "m")} in the worst direction, ${short(Math.min(...sigmas), "m")} in the best`],
-  ]);
-}
-
-function pairRows(content, pair) {
-  const scans = ["scans", `${content.names[pair.target]} and ${content.names[pair.source]}`];
-  if (pair.role === "crossing")
-    return [list("Passes over the same place", [scans,
-      ["before the loops", `${short(pair.before_m, "m")} apart (median), ${short(pair.before_90_m, "m")} (90th percentile)`],
-      ["after", `${short(pair.after_m, "m")} apart (median), ${short(pair.after_90_m, "m")} (90th percentile)`],
-    ])];
-  return [list(`${pair.role === "loop" ? "Loop" : "Pair"} ${pair.kept ? "kept" : "refused"}`, [
-    scans,
-    ["reason", pair.reason],
-    ["overlap", percent(pair.overlap)],
-    ["probability", percent(pair.probability)],
-    ["from the estimate before it", short(pair.sigmas_from_estimate, "standard deviations")],
-    ["from the final poses", short(pair.residual_sigmas, "standard deviations")],
-  ])];
 }

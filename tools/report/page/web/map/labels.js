@@ -1,6 +1,8 @@
 // What stands over the map: names of places, where the axes point, and how long a bar is.
 
 const BAR = 140; // the longest [pixels]
+const MOST_LABELS = 60; // of control points
+const [LETTER, LINE] = [7, 19]; // about a letter's width, and a line's height [pixels]
 
 /** Put labels, compass and scale where they belong in this frame. */
 function placeLabels(view) {
@@ -8,13 +10,16 @@ function placeLabels(view) {
   const last = way.places.length - 1;
   const labels = [];
   if (view.shown.way && last > 0) labels.push(...endLabels(view.camera, way.places[0], way.places[last]));
+  if (view.shown.control) labels.push(...controlLabels(view));
   view.measured.forEach((place, k) => labels.push([place, "AB"[k]]));
   if (view.mark && !view.measuring) labels.push([view.mark, "◉"]);
   const box = view.stage.querySelector("#labels");
   while (box.children.length < labels.length) box.append(make("span"));
   while (box.children.length > labels.length) box.lastChild.remove();
+  const taken = [];
   labels.forEach(([place, text], k) => {
-    const [x, y, depth] = view.camera.project(place);
+    const [x, , depth] = view.camera.project(place);
+    const y = freeHeight(taken, view.camera.project(place), text);
     const label = box.children[k];
     if (label.textContent !== text) label.textContent = text;
     label.className = text === "◉" || text.length === 1 ? "mark" : "";
@@ -23,6 +28,23 @@ function placeLabels(view) {
   });
   drawCompass(view);
   drawBar(view);
+}
+
+/** Control points that the map was made with, and those that the user named. */
+function controlLabels({ part, content, control, decisions }) {
+  const index = new Map(part.way.scans.map((scan, k) => [content.names[scan], k]));
+  const own = decisions.control.filter(({ scan, name }) => index.has(scan) && !control.some((point) => point.name === name));
+  const named = own.map(({ name, scan, point }) => [fromSensor(part.way, index.get(scan), point), `△ ${name}`]);
+  return [...control.map(({ name, known }) => [known, `△ ${name}`]), ...named].slice(0, MOST_LABELS);
+}
+
+/** How high a text may stand [pixels]: lower than its place where it would cover one before it. */
+function freeHeight(taken, [x, y], text) {
+  const width = text.length * LETTER + 20;
+  const covers = (other) => Math.abs(other.y - y) < LINE && x < other.x + other.width && other.x < x + width;
+  for (let turn = 0; text.length > 1 && turn < 4 && taken.some(covers); turn++) y += LINE;
+  taken.push({ x, y, width });
+  return y;
 }
 
 /** Where the way starts and ends; one label for both where they would cover each other. */

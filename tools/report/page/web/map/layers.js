@@ -5,18 +5,23 @@ const LINES = {
   ellipsoids: { color: [0.9, 0.35, 0], width: 1, dash: 0 },
   kept: { color: [0.2, 0.62, 0.95], width: 1.2, dash: 0 },
   refused: { color: [0.85, 0.4, 0.7], width: 1.5, dash: 6 },
-  chosen: { color: [1, 0.85, 0.1], width: 4, dash: 0, hidden: 0.75 },
+  before: { color: [0.55, 0.5, 0.6], width: 1.8, dash: 4 },
+  accepted: { color: [0, 0.62, 0.45], width: 3.5, dash: 0 },
+  rejected: { color: [0.85, 0.4, 0.7], width: 3.5, dash: 6 },
+  control: { color: [0.84, 0.37, 0], width: 2.5, dash: 0, hidden: 0.75 },
+  residuals: { color: [0.9, 0.1, 0.1], width: 2.5, dash: 0, hidden: 0.75 },
+  chosen: { color: [1, 0.85, 0.1], width: 6, dash: 0, hidden: 0.75 },
   measured: { color: [1, 1, 1], width: 2.5, dash: 0, hidden: 0.75 },
 };
 const CONFIDENCE = 2.7955; // standard deviations of a place in space that hold 95 %
 const CIRCLE = 24; // pieces of a circle
 const MOST_ELLIPSOIDS = 400;
 
-/** From pose to pose, but not from one survey to another. */
-function wayPieces(way, surveys) {
+/** From pose to pose, but not from one survey to another; `places` of the way's scans. */
+function wayPieces(way, surveys, places = way.places) {
   const pieces = [];
-  for (let k = 1; k < way.places.length; k++)
-    if (surveys[way.scans[k - 1]] === surveys[way.scans[k]]) pieces.push([way.places[k - 1], way.places[k]]);
+  for (let k = 1; k < places.length; k++)
+    if (surveys[way.scans[k - 1]] === surveys[way.scans[k]]) pieces.push([places[k - 1], places[k]]);
   return pieces;
 }
 
@@ -50,4 +55,50 @@ function pairsOf(part, pairs) {
   return pairs
     .filter((pair) => place.has(pair.target) && place.has(pair.source))
     .map((pair) => ({ ...pair, ends: [place.get(pair.target), place.get(pair.source)] }));
+}
+
+/** The user's ties within a part, as pairs. */
+function decidedPairs(part, decisions) {
+  return pairsOf(part, decisions.ties.map((tie) => ({ ...decisions.pairOf(tie), verdict: tie.verdict })));
+}
+
+/**
+ * Control points of a part: {name, place where the map has it, known place [m], row}. Both are in the part's frame,
+ * whatever frame the known coordinates are in.
+ */
+function controlOf(part, content) {
+  const index = new Map(part.way.scans.map((scan, k) => [content.names[scan], k]));
+  return content.control_points
+    .filter((row) => index.has(row.scan) && (row.counted || row.left_out)) // where the part lies in the world
+    .map((row) => {
+      const place = fromSensor(part.way, index.get(row.scan), row.point);
+      return { name: row.name, place, known: minus(place, row.residual), row };
+    });
+}
+
+/** A cross at each known place, of arms [m]. */
+const crosses = (places, arm) => places.flatMap((place) =>
+  [0, 1, 2].map((axis) => [-arm, arm].map((by) => place.map((value, k) => value + (k === axis ? by : 0)))));
+
+/** A line from each known place toward where the map has it, lengthened by a factor. */
+const residualPieces = (points, factor) => points.map(({ known, row }) => [known, sum(known, row.residual, factor)]);
+
+/** The factor of 1, 10, 100, 1000 that makes the largest residual visible but not large in a map of this reach [m]. */
+function fittingExaggeration(points, reach) {
+  const largest = Math.max(0, ...points.map(({ row }) => lengthOf(row.residual)));
+  return [1000, 100, 10].find((factor) => factor * largest < 0.1 * reach) ?? 1;
+}
+
+/** A vector turned by a quaternion x, y, z, w. */
+function turned([x, y, z, w], v) {
+  const cross = (a, b) => [a[1] * b[2] - a[2] * b[1], a[2] * b[0] - a[0] * b[2], a[0] * b[1] - a[1] * b[0]];
+  const t = cross([x, y, z], v).map((value) => 2 * value);
+  return sum(sum(v, t, w), cross([x, y, z], t));
+}
+
+/** A place [m] of pose k's sensor frame in the part's frame, and back. */
+const fromSensor = (way, k, place) => sum(turned(way.turns[k], place), way.places[k]);
+function toSensor(way, k, place) {
+  const [x, y, z, w] = way.turns[k];
+  return turned([-x, -y, -z, w], minus(place, way.places[k]));
 }

@@ -1,6 +1,7 @@
 // Which point, pose or loop lies under the cursor.
 
 const NEAR = 8; // pixels within which something is hit
+const FINGER = 18; // the same for a finger
 
 /**
  * The point that is seen at a pixel: of those whose squares cover it the one in front, or of several within a voxel behind that
@@ -37,9 +38,9 @@ function pointAt(points, camera, x, y, edge, deep, [lowest, highest]) {
   return chosen.reduce((best, one) => (best && best.aside <= one.aside ? best : one), null)?.k ?? null;
 }
 
-/** Which of some places [m] is seen nearest to a pixel, within `NEAR` pixels; null where none is. */
-function placeAt(places, camera, x, y) {
-  let best = null, least = NEAR;
+/** Which of some places [m] is seen nearest to a pixel, within so many pixels; null where none is. */
+function placeAt(places, camera, x, y, near = NEAR) {
+  let best = null, least = near;
   places.forEach((place, k) => {
     const [px, py, depth] = camera.project(place);
     const aside = Math.hypot(px - x, py - y);
@@ -48,9 +49,9 @@ function placeAt(places, camera, x, y) {
   return best;
 }
 
-/** Which of some lines [[begin, end], ...] [m] is seen nearest to a pixel, within half of `NEAR`; null where none is. */
-function lineAt(lines, camera, x, y) {
-  let best = null, least = NEAR / 2;
+/** Which of some lines [[begin, end], ...] [m] is seen nearest to a pixel, within half as many; null where none is. */
+function lineAt(lines, camera, x, y, near = NEAR) {
+  let best = null, least = near / 2;
   lines.forEach(([begin, end], k) => {
     const [ax, ay, behind] = camera.project(begin), [bx, by, ahead] = camera.project(end);
     if (behind <= 0 || ahead <= 0) return;

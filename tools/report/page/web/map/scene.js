@@ -11,7 +11,7 @@ class Scene {
     const gl = canvas.getContext("webgl2", { antialias: false, alpha: false, powerPreference: "high-performance" });
     if (!gl) throw new Error("WebGL2 is not to be had");
     this.gl = gl;
-    this.points = null;
+    this.clouds = new Map(); // {name: {points, buffer, array}}
     this.lines = new Map(); // {name: {count, offset, array, buffer, indices, and its style}}
     this.pointProgram = this.program(POINT_VERTEX, POINT_FRAGMENT);
     this.lineProgram = this.program(LINE_VERTEX, LINE_FRAGMENT);
@@ -40,24 +40,24 @@ class Scene {
     return { program, uniforms };
   }
 
-  /** Show these points, as `unpack` gives them, whose voxels have this edge [m]. */
-  showPoints(points, voxel) {
+  /** Show these points, as `unpack` gives them, under a name, in place of those that it had; null for none. */
+  showPoints(name, points) {
     const { gl } = this;
-    this.points = points;
-    this.voxel = voxel;
-    this.buffer ??= gl.createBuffer();
-    this.pointArray ??= gl.createVertexArray();
-    this.upload();
+    if (!points) return this.clouds.delete(name);
+    const { buffer, array } = this.clouds.get(name) ?? { buffer: gl.createBuffer(), array: gl.createVertexArray() };
+    this.clouds.set(name, { points, buffer, array });
+    this.upload(name);
   }
 
   /** Send places and colors to the card, after either changed. */
-  upload() {
+  upload(name) {
     const { gl } = this;
-    gl.bindBuffer(gl.ARRAY_BUFFER, this.buffer);
-    gl.bufferData(gl.ARRAY_BUFFER, this.points.places, gl.STATIC_DRAW);
+    const { buffer, points } = this.clouds.get(name);
+    gl.bindBuffer(gl.ARRAY_BUFFER, buffer);
+    gl.bufferData(gl.ARRAY_BUFFER, points.places, gl.STATIC_DRAW);
   }
 
-  /** The palette: 256 colors, [red, green, blue] each, 0 to 255. */
+  /** The palette: up to 257 colors, [red, green, blue] each, 0 to 255. */
   usePalette(colors) {
     const { gl } = this;
     const texels = new Uint8Array(colors.flatMap((color) => [...color, 255]));
@@ -102,8 +102,8 @@ class Scene {
   /**
    * Draw a frame.
    * @param camera whose width and height are the canvas's
-   * @param look {ground: [r, g, b] 0 to 1, scale: of the points, step: 1 for all of them, 3 for every third,
-   *   heights: the lowest and the highest that are shown [m]}
+   * @param look {ground: [r, g, b] 0 to 1, clouds: names of those to draw, voxel: its edge [m], scale: of the points,
+   *   step: 1 for all of them, 3 for every third, heights: the lowest and the highest that are shown [m]}
    */
   draw(camera, look) {
     const { gl } = this;
@@ -112,28 +112,28 @@ class Scene {
     gl.clearColor(...look.ground, 1);
     gl.clear(gl.COLOR_BUFFER_BIT | gl.DEPTH_BUFFER_BIT);
     const matrix = camera.matrix();
-    if (this.points?.count) this.drawPoints(camera, matrix, look, ratio);
+    for (const name of look.clouds) if (this.clouds.get(name)?.points.count) this.drawPoints(this.clouds.get(name), camera, matrix, look, ratio);
     for (const lines of this.lines.values()) if (lines.count) this.drawLines(lines, camera, matrix, ratio);
   }
 
   /** Edge of a point's square at a distance of 1 m [pixels]. */
-  edge(camera, scale) {
-    return (scale * this.voxel * camera.height) / (2 * Math.tan(FIELD / 2));
+  edge(camera, voxel, scale) {
+    return (scale * voxel * camera.height) / (2 * Math.tan(FIELD / 2));
   }
 
-  drawPoints(camera, matrix, look, ratio) {
-    const { gl, points } = this;
+  drawPoints({ points, buffer, array }, camera, matrix, look, ratio) {
+    const { gl } = this;
     const { program, uniforms } = this.pointProgram;
     const { step } = look;
     gl.useProgram(program);
     gl.uniformMatrix4fv(uniforms.clip_from_target, false, matrix);
     gl.uniform1f(uniforms.quantum, points.quantum);
-    gl.uniform1f(uniforms.edge, this.edge(camera, look.scale) * ratio * Math.sqrt(step));
+    gl.uniform1f(uniforms.edge, this.edge(camera, look.voxel, look.scale) * ratio * Math.sqrt(step));
     gl.uniform2f(uniforms.sizes, ...SQUARES.map((size) => size * ratio));
     gl.uniform2fv(uniforms.heights, look.heights.map((height) => Math.max(-FAR, Math.min(FAR, height - camera.target[2]))));
     gl.bindTexture(gl.TEXTURE_2D, this.palette);
-    gl.bindVertexArray(this.pointArray);
-    gl.bindBuffer(gl.ARRAY_BUFFER, this.buffer);
+    gl.bindVertexArray(array);
+    gl.bindBuffer(gl.ARRAY_BUFFER, buffer);
     const at = gl.getAttribLocation(program, "place");
     gl.enableVertexAttribArray(at);
     for (const tile of points.tiles) {

@@ -1,27 +1,30 @@
-// The map in 3D: what is shown of it, how it follows mouse, fingers and keys, and what is picked and measured.
+// The map in 3D: what is shown of it, and what is picked and measured.
 
 const STILL = 200; // after the last movement all points are drawn [ms]
 const MANY = 30000; // of fewer points all are drawn while moving, too
 const THIRD = 3; // of more, every third; fewer on machines that take longer than SLOW for a frame
 const FEWEST = 30; // WebGL allows no wider steps
 const [SLOW, QUICK] = [50, 20]; // [ms]
-const TAP = 5; // a pointer that moved less than this was a click [pixels]
+const ARM = 0.012; // of a control point's cross, as a share of the map's reach
 
 class View {
   /**
    * @param stage the element that holds the canvas
    * @param content of the page
-   * @param tell called with what was picked: {point}, {pose}, {pair} or {distance}, or null for nothing
+   * @param decisions of the user
+   * @param tell called with what was picked: {point}, {doubtful}, {pose}, {pair}, {distance} or {tying}, or null
    */
-  constructor(stage, content, tell) {
+  constructor(stage, content, decisions, tell) {
     this.stage = stage;
     this.canvas = stage.querySelector("canvas");
     this.scene = new Scene(this.canvas);
     this.content = content;
+    this.decisions = decisions;
     this.tell = tell;
-    this.shown = { points: true, way: true, ellipsoids: true, kept: true, refused: true };
+    this.shown = { points: true, doubtful: false, way: true, before: false, ellipsoids: true, kept: true, refused: true, decided: true, control: true };
     this.scale = 1;
     this.measuring = false;
+    this.tying = null; // the scan that the next pose is tied to
     this.measured = [];
     this.frames = 0;
     this.movedAt = -Infinity;
@@ -36,36 +39,56 @@ class View {
   showPart(part, points) {
     this.part = part;
     this.points = points;
+    this.doubtful = null;
     this.camera = new Camera(part.extent, part.middle);
+    this.resize();
+    this.camera.reset(); // as the picture is high and wide now
     this.pairs = pairsOf(part, this.content.pairs);
+    this.control = controlOf(part, this.content);
     this.factor = fittingFactor(part.way, this.camera.reach);
+    this.exaggeration = fittingExaggeration(this.control, this.camera.reach);
     this.colorings = coloringsOf(part, points, this.content);
-    this.scene.showPoints(points, part.voxel);
+    this.scene.showPoints("points", points);
+    this.scene.showPoints("doubtful", null);
     this.colorBy(this.coloring in this.colorings ? this.coloring : "depth");
     this.measured = [];
+    this.mark = null;
     this.heights = [-Infinity, Infinity]; // of the points that are shown [m]
-    this.showLayers();
     this.choose(null);
-    this.resize();
+    this.showLayers();
   }
 
   colorBy(name) {
     const { color, palette } = this.colorings[(this.coloring = name)];
     const { places, count } = this.points;
     for (let k = 0; k < count; k++) places[4 * k + 3] = color(k);
-    this.scene.usePalette(palette);
-    this.scene.upload();
+    this.scene.usePalette([...palette, LEFT_OUT_COLOR]);
+    this.scene.upload("points");
     this.request();
   }
 
-  /** Draw the lines anew, after something of `shown` or `factor` changed. */
+  /** Add the points that the map left out, unpacked. */
+  showDoubtful(points) {
+    this.doubtful = points;
+    for (let k = 0; k < points.count; k++) points.places[4 * k + 3] = LEFT_OUT;
+    this.scene.showPoints("doubtful", points);
+    this.request();
+  }
+
+  /** Draw the lines anew, after something of `shown`, of the factors, or of the decisions changed. */
   showLayers() {
-    const { way } = this.part, { shown } = this;
-    const of = (kept) => this.pairs.filter((pair) => pair.kept === kept).map((pair) => pair.ends);
-    this.scene.showLines("kept", shown.kept ? of(true) : [], LINES.kept);
-    this.scene.showLines("refused", shown.refused ? of(false) : [], LINES.refused);
-    this.scene.showLines("ellipsoids", shown.ellipsoids ? ellipsoidPieces(way, this.factor) : [], LINES.ellipsoids);
-    this.scene.showLines("way", shown.way ? wayPieces(way, this.content.surveys) : [], LINES.way);
+    const { way } = this.part, { shown, control } = this;
+    const lines = (name, on, pieces, style = LINES[name]) => this.scene.showLines(name, on ? pieces() : [], style);
+    this.ties = decidedPairs(this.part, this.decisions);
+    for (const name of ["kept", "refused"])
+      lines(name, shown[name], () => this.pairs.filter((pair) => pair.kept === (name === "kept")).map((pair) => pair.ends));
+    lines("ellipsoids", shown.ellipsoids, () => ellipsoidPieces(way, this.factor));
+    lines("before", shown.before && way.before, () => wayPieces(way, this.content.surveys, way.before));
+    lines("way", shown.way, () => wayPieces(way, this.content.surveys));
+    for (const name of ["accepted", "rejected"])
+      lines(name, shown.decided, () => this.ties.filter((tie) => (tie.verdict === "reject") === (name === "rejected")).map((tie) => tie.ends));
+    lines("control", shown.control, () => crosses(control.map(({ known }) => known), ARM * this.camera.reach));
+    lines("residuals", shown.control && this.exaggeration, () => residualPieces(control, this.exaggeration));
     this.showMeasured();
     this.request();
   }
@@ -76,12 +99,39 @@ class View {
     this.request();
   }
 
+  /** Look at a pose, and say what it is. */
+  showPose(k) {
+    this.camera.lookAt(this.part.way.places[k]);
+    this.choose(null);
+    this.mark = this.part.way.places[k];
+    this.tell({ pose: k });
+    this.request();
+  }
+
   measure(on) {
     this.measuring = on;
+    this.tying = null;
     this.measured = [];
     this.canvas.classList.toggle("measuring", on);
     this.showMeasured();
     this.tell(on ? { measuring: 0 } : null);
+  }
+
+  /** End what is being measured or tied, and choose nothing. */
+  leave() {
+    this.measure(false);
+    this.choose(null);
+    this.mark = null;
+  }
+
+  /** Have the user pick the pose that is tied to this scan; null ends it. */
+  tie(scan) {
+    this.measuring = false;
+    this.measured = [];
+    this.tying = scan;
+    this.canvas.classList.toggle("measuring", scan !== null);
+    this.showMeasured();
+    this.tell(scan === null ? null : { tying: scan });
   }
 
   showMeasured() {
@@ -100,36 +150,59 @@ class View {
     return [r / 255, g / 255, b / 255];
   }
 
-  /** What is at a pixel of the canvas; a pose before a pair before a point, but points alone while measuring. */
-  pick(x, y) {
+  /**
+   * What is at a pixel of the canvas: a pose before a pair before a point, but points alone while measuring and poses alone
+   * while tying.
+   */
+  pick(x, y, near = NEAR) {
     const { camera, part, shown } = this;
+    if (this.tying !== null) {
+      const pose = placeAt(part.way.places, camera, x, y, 2 * near);
+      return pose === null ? null : { pose };
+    }
     if (!this.measuring) {
-      const pose = shown.way ? placeAt(part.way.places, camera, x, y) : null;
+      const pose = shown.way ? placeAt(part.way.places, camera, x, y, near) : null;
       if (pose !== null) return { pose };
-      const seen = this.pairs.filter((pair) => shown[pair.kept ? "kept" : "refused"]);
-      const line = lineAt(seen.map((pair) => pair.ends), camera, x, y);
+      const seen = [...(shown.decided ? this.ties : []), ...this.pairs.filter((pair) => shown[pair.kept ? "kept" : "refused"])];
+      const line = lineAt(seen.map((pair) => pair.ends), camera, x, y, near);
       if (line !== null) return { pair: seen[line] };
     }
-    const point = shown.points ? this.pointAt(x, y) : null;
-    return point === null ? null : { point, place: placeOf(this.points, point) };
+    for (const name of ["points", "doubtful"]) {
+      const point = shown[name] && this[name] ? this.pointAt(this[name], x, y) : null;
+      if (point !== null) return { [name === "points" ? "point" : name]: point, place: placeOf(this[name], point) };
+    }
+    return null;
   }
 
-  pointAt(x, y) {
-    return pointAt(this.points, this.camera, x, y, this.scene.edge(this.camera, this.scale), this.part.voxel, this.heights);
+  pointAt(points, x, y) {
+    const { voxel } = this.part;
+    return pointAt(points, this.camera, x, y, this.scene.edge(this.camera, voxel, this.scale), voxel, this.heights);
   }
 
-  click(x, y) {
-    const hit = this.pick(x, y);
-    if (this.measuring && hit) {
+  click(x, y, near) {
+    const hit = this.pick(x, y, near);
+    if (this.tying !== null) {
+      if (hit) this.tieTo(this.part.way.scans[hit.pose]);
+    } else if (this.measuring && hit) {
       this.measured = this.measured.length === 2 ? [hit.place] : [...this.measured, hit.place];
       this.showMeasured();
       this.tell(this.measured.length === 2 ? { distance: this.measured } : { measuring: 1 });
     } else if (!this.measuring) {
       this.choose(hit?.pair ?? null);
-      this.mark = hit?.place ?? null;
+      this.mark = hit?.place ?? (hit && "pose" in hit ? this.part.way.places[hit.pose] : null);
       this.tell(hit);
     }
     this.request();
+  }
+
+  /** Choose the pair of the scan that is being tied and another. */
+  tieTo(scan) {
+    if (scan === this.tying) return;
+    const pair = this.decisions.pairOf(this.decisions.between(this.tying, scan));
+    this.tie(null);
+    const [drawn] = pairsOf(this.part, [pair]);
+    this.choose(drawn ?? null);
+    this.tell({ pair: drawn ?? pair });
   }
 
   /** Ask for a frame; `moving` if a third of the points will do. */
@@ -145,10 +218,8 @@ class View {
     const moving = this.moved || now - this.movedAt < STILL; // a slow machine draws long after it was asked
     this.moved = false;
     const step = moving && this.points.count > MANY ? this.stepFor(now) : 1;
-    const points = this.scene.points;
-    this.scene.points = this.shown.points ? points : null;
-    this.scene.draw(this.camera, { ground: this.ground(), scale: this.scale, step, heights: this.heights });
-    this.scene.points = points;
+    const clouds = ["points", "doubtful"].filter((name) => this.shown[name]);
+    this.scene.draw(this.camera, { ground: this.ground(), clouds, voxel: this.part.voxel, scale: this.scale, step, heights: this.heights });
     this.frames++;
     [this.drawnAt, this.wasMoving] = [now, moving];
     placeLabels(this);
@@ -175,65 +246,4 @@ class View {
     [this.camera.width, this.camera.height] = [width, height];
     this.request();
   }
-}
-
-/** Mouse, pen and fingers: one turns, Shift or the right button moves, two fingers move and zoom. */
-function followPointer(view) {
-  const { canvas } = view;
-  const pointers = new Map();
-  let travelled = 0;
-  canvas.addEventListener("contextmenu", (event) => event.preventDefault());
-  canvas.addEventListener("pointerdown", (event) => {
-    canvas.setPointerCapture(event.pointerId);
-    pointers.set(event.pointerId, [event.offsetX, event.offsetY]);
-    if (pointers.size === 1) travelled = 0;
-  });
-  canvas.addEventListener("pointermove", (event) => {
-    const from = pointers.get(event.pointerId);
-    if (!from || !view.camera) return;
-    const to = [event.offsetX, event.offsetY];
-    const [dx, dy] = [to[0] - from[0], to[1] - from[1]];
-    travelled += Math.hypot(dx, dy);
-    if (pointers.size === 2) {
-      const other = [...pointers].find(([id]) => id !== event.pointerId)[1];
-      const apart = (place) => Math.hypot(place[0] - other[0], place[1] - other[1]) || 1;
-      view.camera.pan(dx / 2, dy / 2);
-      view.camera.zoom(apart(to) / apart(from), (to[0] + other[0]) / 2, (to[1] + other[1]) / 2);
-    } else if (event.shiftKey || event.buttons & 6) view.camera.pan(dx, dy);
-    else view.camera.turn(0.007 * dx, 0.007 * dy);
-    pointers.set(event.pointerId, to);
-    view.request(true);
-  });
-  const lift = (event) => {
-    if (pointers.delete(event.pointerId) && event.type === "pointerup" && travelled < TAP && event.button === 0 && view.camera)
-      view.click(event.offsetX, event.offsetY);
-  };
-  canvas.addEventListener("pointerup", lift);
-  canvas.addEventListener("pointercancel", lift);
-  canvas.addEventListener("wheel", (event) => {
-    if (!view.camera) return;
-    event.preventDefault();
-    view.camera.zoom(Math.exp(-event.deltaY * (event.deltaMode ? 0.05 : 0.0015)), event.offsetX, event.offsetY);
-    view.request(true);
-  }, { passive: false });
-}
-
-function followKeys(view) {
-  const arrows = { ArrowLeft: [-1, 0], ArrowRight: [1, 0], ArrowUp: [0, -1], ArrowDown: [0, 1] };
-  view.canvas.addEventListener("keydown", (event) => {
-    const { camera } = view;
-    if (!camera || event.ctrlKey || event.metaKey || event.altKey) return;
-    const arrow = arrows[event.key];
-    if (arrow && event.shiftKey) camera.pan(-40 * arrow[0], -40 * arrow[1]);
-    else if (arrow) camera.turn(0.08 * arrow[0], 0.08 * arrow[1]);
-    else if (event.key === "+" || event.key === "=") camera.zoom(1.2);
-    else if (event.key === "-") camera.zoom(1 / 1.2);
-    else if (event.key === "Home") camera.reset();
-    else if (event.key === "t" || event.key === "T") camera.fromAbove();
-    else if (event.key === "m" || event.key === "M") view.measure(!view.measuring);
-    else if (event.key === "Escape") view.measure(false);
-    else return;
-    event.preventDefault();
-    view.request(true);
-  });
 }

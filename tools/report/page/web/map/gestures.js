@@ -1,0 +1,64 @@
+// How the map follows mouse, pen, fingers and keys.
+
+const TAP = 5; // a pointer that moved less than this was a click [pixels]
+
+/** Mouse, pen and fingers: one turns, Shift or the right button moves, two fingers move and zoom. */
+function followPointer(view) {
+  const { canvas } = view;
+  const pointers = new Map();
+  let travelled = 0;
+  canvas.addEventListener("contextmenu", (event) => event.preventDefault());
+  canvas.addEventListener("pointerdown", (event) => {
+    canvas.setPointerCapture(event.pointerId);
+    pointers.set(event.pointerId, [event.offsetX, event.offsetY]);
+    if (pointers.size === 1) travelled = 0;
+  });
+  canvas.addEventListener("pointermove", (event) => {
+    const from = pointers.get(event.pointerId);
+    if (!from || !view.camera) return;
+    const to = [event.offsetX, event.offsetY];
+    const [dx, dy] = [to[0] - from[0], to[1] - from[1]];
+    travelled += Math.hypot(dx, dy);
+    if (pointers.size === 2) {
+      const other = [...pointers].find(([id]) => id !== event.pointerId)[1];
+      const apart = (place) => Math.hypot(place[0] - other[0], place[1] - other[1]) || 1;
+      view.camera.pan(dx / 2, dy / 2);
+      view.camera.zoom(apart(to) / apart(from), (to[0] + other[0]) / 2, (to[1] + other[1]) / 2);
+    } else if (event.shiftKey || event.buttons & 6) view.camera.pan(dx, dy);
+    else view.camera.turn(0.007 * dx, 0.007 * dy);
+    pointers.set(event.pointerId, to);
+    view.request(true);
+  });
+  const lift = (event) => {
+    if (pointers.delete(event.pointerId) && event.type === "pointerup" && travelled < TAP && event.button === 0 && view.camera)
+      view.click(event.offsetX, event.offsetY, event.pointerType === "touch" ? FINGER : NEAR);
+  };
+  canvas.addEventListener("pointerup", lift);
+  canvas.addEventListener("pointercancel", lift);
+  canvas.addEventListener("wheel", (event) => {
+    if (!view.camera) return;
+    event.preventDefault();
+    view.camera.zoom(Math.exp(-event.deltaY * (event.deltaMode ? 0.05 : 0.0015)), event.offsetX, event.offsetY);
+    view.request(true);
+  }, { passive: false });
+}
+
+function followKeys(view) {
+  const arrows = { ArrowLeft: [-1, 0], ArrowRight: [1, 0], ArrowUp: [0, -1], ArrowDown: [0, 1] };
+  view.canvas.addEventListener("keydown", (event) => {
+    const { camera } = view;
+    if (!camera || event.ctrlKey || event.metaKey || event.altKey) return;
+    const arrow = arrows[event.key];
+    if (arrow && event.shiftKey) camera.pan(-40 * arrow[0], -40 * arrow[1]);
+    else if (arrow) camera.turn(0.08 * arrow[0], 0.08 * arrow[1]);
+    else if (event.key === "+" || event.key === "=") camera.zoom(1.2);
+    else if (event.key === "-") camera.zoom(1 / 1.2);
+    else if (event.key === "Home") camera.reset();
+    else if (event.key === "t" || event.key === "T") camera.fromAbove();
+    else if (event.key === "m" || event.key === "M") view.measure(!view.measuring);
+    else if (event.key === "Escape") view.leave();
+    else return;
+    event.preventDefault();
+    view.request(true);
+  });
+}

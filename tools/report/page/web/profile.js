@@ -1,0 +1,90 @@
+// What changes along the way: depth, overlap and standard deviations over the distance, with a cursor that is tied to the map.
+
+const STRIP = 110; // height of a curve's strip [units of the picture]
+
+/** Strips over the distance along the way; `show` is called with the pose that was clicked on. */
+function profileChart(part, content, show) {
+  const { way, height } = part;
+  const along = distances(way, content.surveys);
+  const sigmas = way.half_axes.map((axes) => axes.map(lengthOf));
+  const strips = [
+    { label: height.zero === null ? "height of the sensor" : "depth of the sensor", unit: "m", down: height.zero !== null,
+      curves: [["", way.places.map(([, , z]) => (height.zero === null ? z : height.zero - z))]] },
+    { label: "overlap with the scan before", unit: "%", floor: 0, curves: [["", way.overlaps.map((share) => (share === null ? null : 100 * share))]] },
+    { label: "standard deviation of its place", unit: "m", floor: 0,
+      curves: [["worst direction", sigmas.map((sizes) => Math.max(...sizes))], ["best", sigmas.map((sizes) => Math.min(...sizes))]] },
+  ].filter(({ curves }) => curves.some(([, values]) => values.some((value) => value !== null)));
+  const [width, left, right] = [CHART_WIDTH, 64, 12];
+  const total = strips.length * STRIP + 40;
+  const x = (value) => left + (value / (along[along.length - 1] || 1)) * (width - left - right);
+  const svg = make("svg", { viewBox: `0 0 ${width} ${total}`, role: "img", tabindex: 0,
+    "aria-label": `Along the way of ${part.name}: ${strips.map(({ label }) => label).join(", ")}. Arrow keys go from scan to scan, Enter shows it in the map.` });
+  strips.forEach((strip, s) => svg.append(...stripOf(strip, along, x, s * STRIP, [left, width - right])));
+  for (const tick of ticks(0, along[along.length - 1] || 1))
+    svg.append(make("text", { x: x(tick), y: total - 22, "text-anchor": "middle" }, short(tick, "m")));
+  svg.append(make("text", { x: (left + width - right) / 2, y: total - 5, "text-anchor": "middle" }, "distance along the way"));
+  const cursor = make("line", { class: "cursor", y1: 14, y2: total - 38, x1: left, x2: left, visibility: "hidden" });
+  svg.append(cursor);
+  const said = make("p", { class: "said", role: "status" }, "Point at a place of the way for its numbers; click to see it in the map.");
+  const words = (k) => [content.names[way.scans[k]], `${meters(along[k], 0.1)} along`,
+    ...strips.flatMap(({ label, unit, curves }) => curves.map(([name, values]) => values[k] !== null && `${name || label} ${short(values[k], unit)}`))].filter(Boolean).join("; ");
+  followCursor(svg, along.map(x), width, (k) => {
+    cursor.setAttribute("visibility", "visible");
+    for (const end of ["x1", "x2"]) cursor.setAttribute(end, x(along[k]).toFixed(1));
+    said.textContent = words(k);
+  }, show);
+  return make("figure", { class: "profile" }, content.parts.length > 1 ? make("figcaption", {}, part.name) : null, svg, said);
+}
+
+/** How far each pose lies along the way [m]; the way from one survey to another counts nothing. */
+function distances(way, surveys) {
+  let far = 0;
+  return way.places.map((place, k) => {
+    if (k && surveys[way.scans[k]] === surveys[way.scans[k - 1]]) far += lengthOf(minus(place, way.places[k - 1]));
+    return far;
+  });
+}
+
+/** A strip's grid and curves; `down` for what is larger below, `floor` for the least that it shows. */
+function stripOf({ label, unit, curves, down, floor }, along, x, top, [from, to]) {
+  const values = curves.flatMap(([, each]) => each).filter((value) => value !== null);
+  const low = Math.min(floor ?? Infinity, ...values), high = Math.max(...values, low + 1e-9);
+  const share = (value) => (value - low) / (high - low);
+  const y = (value) => top + 22 + (down ? share(value) : 1 - share(value)) * (STRIP - 34);
+  const drawn = [make("text", { x: from, y: top + 13, class: "strip" }, `${label} [${unit}]${curves.length > 1 ? `: ${curves.map(([name], c) => `${name} (${["solid", "dashed"][c]})`).join(", ")}` : ""}`)];
+  for (const tick of ticks(low, high).filter((_, k, all) => all.length < 5 || k % 2 === 0)) {
+    drawn.push(make("line", { x1: from, x2: to, y1: y(tick), y2: y(tick), class: "grid" }));
+    drawn.push(make("text", { x: from - 6, y: y(tick) + 4, "text-anchor": "end" }, short(tick)));
+  }
+  curves.forEach(([, each], c) => {
+    let path = "";
+    each.forEach((value, k) => {
+      if (value !== null) path += `${k && each[k - 1] !== null ? "L" : "M"}${x(along[k]).toFixed(1)} ${y(value).toFixed(1)}`;
+    });
+    drawn.push(make("path", { d: path, class: `curve curve-${c}` }));
+  });
+  return drawn;
+}
+
+/** Call `at` with the pose that is nearest to the pointer, or reached by keys, and `show` with one that is chosen. */
+function followCursor(svg, places, width, at, show) {
+  let here = 0;
+  const go = (k) => at((here = Math.max(0, Math.min(places.length - 1, k))));
+  const nearest = (event) => {
+    const box = svg.getBoundingClientRect();
+    const x = ((event.clientX - box.left) / box.width) * width;
+    return places.reduce((best, place, k) => (Math.abs(place - x) < Math.abs(places[best] - x) ? k : best), 0);
+  };
+  svg.addEventListener("pointermove", (event) => go(nearest(event)));
+  svg.addEventListener("click", (event) => {
+    go(nearest(event));
+    show(here);
+  });
+  svg.addEventListener("keydown", (event) => {
+    const step = { ArrowLeft: -1, ArrowRight: 1 }[event.key];
+    if (step) go(here + step);
+    else if (event.key === "Enter") show(here);
+    else return;
+    event.preventDefault();
+  });
+}
