@@ -10,7 +10,7 @@ from tools.export.map_folder import MapFolder, MapPart
 from tools.readers.clouds.ply import read_ply_columns
 from tools.report.page.points import MOST_CODE, Packed, pack
 
-MOST_DOUBTFUL = 300_000  # points, so that they add 3 MB to the page at most
+MOST_DOUBTFUL = 300_000  # points, so that they add about 2 MB to the page at most
 
 
 def doubtful_of(folder: MapFolder, part: MapPart) -> tuple[Packed, dict[str, Any]] | None:

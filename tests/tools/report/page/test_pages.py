@@ -136,6 +136,30 @@ def test_parts_are_shown_one_at_a_time(tmp_path: Path) -> None:
         assert parts.said == []
 
 
+def test_scans_of_two_parts_are_tied(tmp_path: Path) -> None:
+    """A pose is picked in a part, and the other in the next; a line could not be drawn between their frames."""
+    folder = read_map_folder(finished_map(tmp_path / "out", split=True))
+    content = content_of(folder)
+    content = replace(content, shown=content.shown | {"pairs": [], "sequential": []})
+    with opened(written(content, tmp_path / "parts.html")) as parts:
+        for number, place in ((0, 1), (1, 2)):
+            if number:
+                parts.page.locator("#controls select").first.select_option("1")
+                wait_until(parts.page, f"sonarmap.view.part === sonarmap.content.parts[{number}]")
+            parts.page.evaluate("sonarmap.view.camera.fromAbove()")
+            pose = parts.page.evaluate(f"sonarmap.view.part.way.places[{place}]")
+            x, y, _ = parts.page.evaluate("place => sonarmap.view.camera.project(place)", pose)
+            parts.page.locator("#canvas").click(position={"x": x, "y": y})
+            if not number:
+                parts.page.get_by_role("button", name="Tie to another scan").click()
+        assert "scan1 and scan7" in parts.page.locator("#picked").inner_text()
+        parts.page.locator("#picked").get_by_role("button", name="add").click()
+        expected = [{"target": "scan1", "source": "scan7", "verdict": "add", "note": ""}]
+        assert parts.page.evaluate("sonarmap.decisions.ties") == expected
+        assert parts.page.evaluate("sonarmap.view.scene.lines.get('accepted').count") == 0
+        assert parts.said == []
+
+
 def test_a_way_of_one_pose(tmp_path: Path) -> None:
     folder = folder_of(known_points(), tmp_path / "out")
     part = folder.parts[0]

@@ -30,9 +30,9 @@ function chart(label, unit, xs, series, below = "number of the scan") {
   return make("figure", {}, make("figcaption", {}, `${label} [${unit}] `, ...names), svg);
 }
 
-/** About five round numbers from low to high. */
-function ticks(low, high) {
-  const rough = (high - low) / 5 || 1;
+/** About so many round numbers from low to high. */
+function ticks(low, high, about = 5) {
+  const rough = (high - low) / about || 1;
   const power = 10 ** Math.floor(Math.log10(rough));
   const step = [1, 2, 5, 10].map((factor) => factor * power).find((size) => size >= rough);
   const marks = [];

@@ -11,7 +11,7 @@ function profileChart(part, content, show) {
     { label: height.zero === null ? "height of the sensor" : "depth of the sensor", unit: "m", down: height.zero !== null,
       curves: [["", way.places.map(([, , z]) => (height.zero === null ? z : height.zero - z))]] },
     { label: "overlap with the scan before", unit: "%", floor: 0, curves: [["", way.overlaps.map((share) => (share === null ? null : 100 * share))]] },
-    { label: "standard deviation of its place", unit: "m", floor: 0,
+    { label: "sigma of its place", unit: "m", floor: 0,
       curves: [["worst direction", sigmas.map((sizes) => Math.max(...sizes))], ["best", sigmas.map((sizes) => Math.min(...sizes))]] },
   ].filter(({ curves }) => curves.some(([, values]) => values.some((value) => value !== null)));
   const [width, left, right] = [CHART_WIDTH, 64, 12];
@@ -27,7 +27,7 @@ function profileChart(part, content, show) {
   svg.append(cursor);
   const said = make("p", { class: "said", role: "status" }, "Point at a place of the way for its numbers; click to see it in the map.");
   const words = (k) => [content.names[way.scans[k]], `${meters(along[k], 0.1)} along`,
-    ...strips.flatMap(({ label, unit, curves }) => curves.map(([name, values]) => values[k] !== null && `${name || label} ${short(values[k], unit)}`))].filter(Boolean).join("; ");
+    ...strips.flatMap(({ label, unit, curves }) => curves.map(([name, values]) => values[k] !== null && `${name ? `${label}, ${name}` : label} ${short(values[k], unit)}`))].filter(Boolean).join("; ");
   followCursor(svg, along.map(x), width, (k) => {
     cursor.setAttribute("visibility", "visible");
     for (const end of ["x1", "x2"]) cursor.setAttribute(end, x(along[k]).toFixed(1));
@@ -52,7 +52,7 @@ function stripOf({ label, unit, curves, down, floor }, along, x, top, [from, to]
   const share = (value) => (value - low) / (high - low);
   const y = (value) => top + 22 + (down ? share(value) : 1 - share(value)) * (STRIP - 34);
   const drawn = [make("text", { x: from, y: top + 13, class: "strip" }, `${label} [${unit}]${curves.length > 1 ? `: ${curves.map(([name], c) => `${name} (${["solid", "dashed"][c]})`).join(", ")}` : ""}`)];
-  for (const tick of ticks(low, high).filter((_, k, all) => all.length < 5 || k % 2 === 0)) {
+  for (const tick of ticks(low, high, 3)) {
     drawn.push(make("line", { x1: from, x2: to, y1: y(tick), y2: y(tick), class: "grid" }));
     drawn.push(make("text", { x: from - 6, y: y(tick) + 4, "text-anchor": "end" }, short(tick)));
   }

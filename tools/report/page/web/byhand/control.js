@@ -70,7 +70,7 @@ function controlFields(decisions, row, changed = () => {}) {
 
 /** The fields of a point that was just named, beside the map. */
 function namedForm(decisions, row, view) {
-  return make("div", { class: "named" }, make("h3", {}, "Control point"),
+  return make("div", { class: "named" }, make("h3", {}, `Control point of ${row.scan}`),
     ...controlFields(decisions, row, () => view.request()),
     make("p", {}, "Known coordinates may stay empty, and be filled in in control.csv."));
 }

@@ -29,10 +29,12 @@ function pointRows(view, content, hit) {
     const point = toSensor(view.part.way, view.part.way.scans.indexOf(scan), hit.place);
     const form = namedForm(view.decisions, view.decisions.nameControl(content.names[scan], point), view);
     button.replaceWith(form);
+    told.hidden = true; // the form is long enough
     form.querySelector("input").select();
   };
+  const told = pointList(view, content, hit);
   const button = make("button", { type: "button", onclick: name }, "Name as a control point");
-  return [pointList(view, content, hit), button];
+  return [told, button];
 }
 
 /** A pose, and a button that ties its scan to another. */

@@ -200,6 +200,7 @@ class View {
     if (scan === this.tying) return;
     const pair = this.decisions.pairOf(this.decisions.between(this.tying, scan));
     this.tie(null);
+    this.mark = null;
     const [drawn] = pairsOf(this.part, [pair]);
     this.choose(drawn ?? null);
     this.tell({ pair: drawn ?? pair });
