@@ -26,12 +26,19 @@ def content(tmp_path_factory: pytest.TempPathFactory) -> Content:
     return known_content(tmp_path_factory.mktemp("known") / "out")
 
 
-@pytest.fixture
-def page(content: Content, tmp_path: Path) -> Iterator[Opened]:
+@pytest.fixture(scope="class")
+def shown(content: Content, tmp_path_factory: pytest.TempPathFactory) -> Iterator[Opened]:
     """A map of scans with names that are hard to write down."""
-    with opened(path_of(content, tmp_path)) as shown:
-        yield shown
-        assert shown.said == []
+    with opened(path_of(content, tmp_path_factory.mktemp("page"))) as page:
+        yield page
+        assert page.said == []
+
+
+@pytest.fixture
+def page(shown: Opened) -> Opened:
+    """The same as it was when it opened."""
+    shown.page.evaluate("sonarmap.decisions.forget('ties'); sonarmap.view.leave(); sonarmap.view.camera.reset()")
+    return shown
 
 
 def decide(page: Opened, row: int, verdict: str) -> None:
@@ -55,71 +62,75 @@ def untried(content: Content) -> tuple[int, int]:
     return next((i, j) for i in range(8) for j in range(i + 1, 8) if (i, j) not in tried)
 
 
-def test_loops_are_accepted_and_rejected_in_the_list(page: Opened, content: Content, tmp_path: Path) -> None:
-    decide(page, 0, "reject")
-    decide(page, 1, "accept")
-    decide(page, 2, "reject")
-    decide(page, 2, "undecided")
-    page.page.locator("#ties tbody tr").nth(0).locator("input").fill('like, "another" pillar')
-    first, second = ends(content, 0), ends(content, 1)
-    assert saved(page, "ties", tmp_path) == [tie(*first, "reject", 'like, "another" pillar'), tie(*second, "accept")]
-    command = page.page.locator("#ties .command").inner_text()
-    assert command.startswith("sonarmap map -o ")
-    assert " --ties ties.csv" in command
-    assert "--control" not in command
+class TestOfOnePage:
+    """One after another in the same browser."""
 
+    def test_loops_are_accepted_and_rejected_in_the_list(self, page: Opened, content: Content, tmp_path: Path) -> None:
+        decide(page, 0, "reject")
+        decide(page, 1, "accept")
+        decide(page, 2, "reject")
+        decide(page, 2, "undecided")
+        page.page.locator("#ties tbody tr").nth(0).locator("input").fill('like, "another" pillar')
+        first, second = ends(content, 0), ends(content, 1)
+        assert saved(page, "ties", tmp_path) == [
+            tie(*first, "reject", 'like, "another" pillar'),
+            tie(*second, "accept"),
+        ]
+        command = page.page.locator("#ties .command").inner_text()
+        assert command.startswith("sonarmap map -o ")
+        assert " --ties ties.csv" in command
+        assert "--control" not in command
 
-def test_every_name_is_written_as_it_is(page: Opened, tmp_path: Path) -> None:
-    """Commas, quotes, line breaks, a # and blanks at either end, letters of any script, and bytes that are no UTF-8."""
-    page.page.evaluate("for (let k = 1; k < 8; k++) sonarmap.decisions.decide({ target: k - 1, source: k }, 'reject')")
-    assert saved(page, "ties", tmp_path) == [tie(k - 1, k, "reject") for k in range(1, 8)]
+    def test_every_name_is_written_as_it_is(self, page: Opened, tmp_path: Path) -> None:
+        """Commas, quotes, line breaks, a # or blanks at the ends, letters of any script, bytes that are no UTF-8."""
+        page.page.evaluate(
+            "for (let k = 1; k < 8; k++) sonarmap.decisions.decide({ target: k - 1, source: k }, 'reject')"
+        )
+        assert saved(page, "ties", tmp_path) == [tie(k - 1, k, "reject") for k in range(1, 8)]
 
+    def test_a_tie_is_added_by_name(self, page: Opened, content: Content, tmp_path: Path) -> None:
+        i, j = 5, 7
+        for name, words in (
+            ("nobody", '"nobody" is no scan of this map'),
+            (NAMES[j], "two different scans"),
+            (NAMES[i], ""),
+        ):
+            page.page.get_by_label("one scan", exact=True).fill(name)
+            page.page.get_by_label("the other scan").fill(NAMES[j])
+            page.page.get_by_role("button", name="Tie the two").click()
+            assert words in page.page.locator("#ties form [role=status]").inner_text()
+        tried = page.page.evaluate(f"sonarmap.decisions.wasTried({{ target: {i}, source: {j} }})")
+        assert saved(page, "ties", tmp_path) == [tie(i, j, "accept" if tried else "add")]
 
-def test_a_tie_is_added_by_name(page: Opened, content: Content, tmp_path: Path) -> None:
-    i, j = 5, 7
-    for name, words in (
-        ("nobody", '"nobody" is no scan of this map'),
-        (NAMES[j], "two different scans"),
-        (NAMES[i], ""),
-    ):
-        page.page.get_by_label("one scan", exact=True).fill(name)
-        page.page.get_by_label("the other scan").fill(NAMES[j])
-        page.page.get_by_role("button", name="Tie the two").click()
-        assert words in page.page.locator("#ties form [role=status]").inner_text()
-    tried = page.page.evaluate(f"sonarmap.decisions.wasTried({{ target: {i}, source: {j} }})")
-    assert saved(page, "ties", tmp_path) == [tie(i, j, "accept" if tried else "add")]
+    def test_two_scans_that_are_clicked_on_are_tied(self, page: Opened, content: Content, tmp_path: Path) -> None:
+        """From above, where no two poses of the ring are seen at the same place."""
+        i, j = untried(content)
+        page.page.evaluate("sonarmap.view.camera.fromAbove()")
+        places = np.array(content.shown["parts"][0]["way"]["places"])
+        click(page, places[j])
+        page.page.get_by_role("button", name="Tie to another scan").click()
+        assert "Click on the place of the scan" in page.page.locator("#picked").inner_text()
+        page.page.locator("#canvas").press("Escape")
+        assert page.page.evaluate("sonarmap.view.tying") is None
+        click(page, places[j])
+        page.page.get_by_role("button", name="Tie to another scan").click()
+        click(page, places[i])
+        picked = page.page.locator("#picked")
+        assert "not tried by the map" in picked.inner_text()
+        picked.get_by_role("button", name="add").click()
+        assert page.page.evaluate("sonarmap.view.scene.lines.get('accepted').count") == 1
+        assert saved(page, "ties", tmp_path, "#decided button") == [tie(i, j, "add")]
+        click(page, (places[i] + places[j]) / 2)
+        picked.get_by_role("button", name="undecided").click()
+        assert page.page.evaluate("sonarmap.view.scene.lines.get('accepted').count") == 0
 
-
-def test_two_scans_that_are_clicked_on_are_tied(page: Opened, content: Content, tmp_path: Path) -> None:
-    """From above, where no two poses of the ring are seen at the same place."""
-    i, j = untried(content)
-    page.page.evaluate("sonarmap.view.camera.fromAbove()")
-    places = np.array(content.shown["parts"][0]["way"]["places"])
-    click(page, places[j])
-    page.page.get_by_role("button", name="Tie to another scan").click()
-    assert "Click on the place of the scan" in page.page.locator("#picked").inner_text()
-    page.page.locator("#canvas").press("Escape")
-    assert page.page.evaluate("sonarmap.view.tying") is None
-    click(page, places[j])
-    page.page.get_by_role("button", name="Tie to another scan").click()
-    click(page, places[i])
-    picked = page.page.locator("#picked")
-    assert "not tried by the map" in picked.inner_text()
-    picked.get_by_role("button", name="add").click()
-    assert page.page.evaluate("sonarmap.view.scene.lines.get('accepted').count") == 1
-    assert saved(page, "ties", tmp_path, "#decided button") == [tie(i, j, "add")]
-    click(page, (places[i] + places[j]) / 2)
-    picked.get_by_role("button", name="undecided").click()
-    assert page.page.evaluate("sonarmap.view.scene.lines.get('accepted').count") == 0
-
-
-def test_a_loop_is_rejected_where_it_is_picked(page: Opened, content: Content, tmp_path: Path) -> None:
-    page.page.locator("#loops tbody .link").first.click()
-    page.page.locator("#picked").get_by_role("button", name="reject").click()
-    pressed = page.page.locator("#loops tbody tr").first.locator('[aria-pressed="true"]')
-    assert pressed.inner_text() == "reject"
-    assert page.page.evaluate("sonarmap.view.scene.lines.get('rejected').count") == 1
-    assert saved(page, "ties", tmp_path) == [tie(*ends(content, 0), "reject")]
+    def test_a_loop_is_rejected_where_it_is_picked(self, page: Opened, content: Content, tmp_path: Path) -> None:
+        page.page.locator("#loops tbody .link").first.click()
+        page.page.locator("#picked").get_by_role("button", name="reject").click()
+        pressed = page.page.locator("#loops tbody tr").first.locator('[aria-pressed="true"]')
+        assert pressed.inner_text() == "reject"
+        assert page.page.evaluate("sonarmap.view.scene.lines.get('rejected').count") == 1
+        assert saved(page, "ties", tmp_path) == [tie(*ends(content, 0), "reject")]
 
 
 def test_decisions_survive_a_reload_and_are_forgotten(content: Content, tmp_path: Path) -> None:
@@ -159,14 +170,13 @@ def test_nothing_is_kept_where_the_browser_keeps_nothing(content: Content, tmp_p
         assert page.said == []
 
 
-@pytest.mark.parametrize(
-    "kept",
-    ["", "null", "3", '{"ties": 3}', "{", '{"ties":[{}],"control":[]}', '{"ties":[3,null],"control":[{"name":1}]}'],
-)
-def test_what_the_browser_kept_may_be_damaged(content: Content, tmp_path: Path, kept: str) -> None:
-    script = f"localStorage.setItem('sonarmap {content.shown['key']}', {kept!r});"
-    with opened(path_of(content, tmp_path, ties=[MADE]), script=script) as page:
-        assert saved(page, "ties", tmp_path) == [tie(0, 7, "add", MADE["note"])]
+def test_what_the_browser_kept_may_be_damaged(content: Content, tmp_path: Path) -> None:
+    damaged = ["", "null", "3", '{"ties": 3}', "{", '{"ties":[{}],"control":[]}', '{"ties":[3,null],"control":[]}']
+    with opened(path_of(content, tmp_path, ties=[MADE])) as page:
+        for kept in [*damaged, '{"ties":[],"control":[{"name":1}]}']:
+            page.page.evaluate("kept => localStorage.setItem(sonarmap.decisions.key, kept)", kept)
+            page.page.reload()
+            assert saved(page, "ties", tmp_path) == [tie(0, 7, "add", MADE["note"])], kept
         assert page.said == []
 
 
