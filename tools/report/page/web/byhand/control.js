@@ -110,9 +110,10 @@ function controlResiduals(points) {
   const signed = (value) => `${value < 0 ? "−" : "+"}${meters(Math.abs(value), 0.001)}`;
   return [
     make("h3", {}, "Control points"),
-    table(["rms of map less known", "points", "East", "North", "Up", "all three"], uses.filter(([, , rows]) => rows.length).map(([use, words, rows]) =>
-      [`${use} (${words})`, rows.length, ...[0, 1, 2].map((k) => rms(rows, (row) => row.residual[k])), rms(rows, (row) => lengthOf(row.residual))])),
-    table(["point", "use", "scan", ...KNOWN.map((axis) => `${axis}, map less known`), "distance", "in standard deviations"], points.map((row) =>
-      [row.name, `${row.use}${row.left_out ? ", left out: the others contradict it" : row.counted ? "" : ", in a part that is not in the world"}`, row.scan, ...row.residual.map(signed), meters(lengthOf(row.residual), 0.001), short(row.in_sigmas, "σ")])),
+    table(["rms of map less known", ...KNOWN, "all three", "points"], uses.filter(([, , rows]) => rows.length).map(([use, words, rows]) =>
+      [`${use} (${words})`, ...[0, 1, 2].map((k) => rms(rows, (row) => row.residual[k])), rms(rows, (row) => lengthOf(row.residual)), rows.length])),
+    table(["map less known", ...KNOWN, "distance", "in sigmas", "use", "scan"], points.map((row) =>
+      [row.name, ...row.residual.map(signed), meters(lengthOf(row.residual), 0.001), short(row.in_sigmas, "σ"),
+        `${row.use}${row.left_out ? ", left out: the others contradict it" : row.counted ? "" : ", in a part that is not in the world"}`, row.scan])),
   ];
 }
