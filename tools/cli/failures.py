@@ -22,6 +22,7 @@ from tools.cli.log import log, logged, results_to
 from tools.cli.options.running import LogFileOption
 from tools.cli.stops import terminated_as_interrupted, what_became
 from tools.cli.terminal import quietly, say
+from tools.cli.usage import usage_words
 from tools.writers.atomic import appeared
 
 MISUSE = 2  # as typer's own for options that it refuses
@@ -94,7 +95,7 @@ def _logged_end() -> Iterator[None]:
         raise
     except typer.BadParameter as error:
         code = error.exit_code
-        log(f"error: {error.format_message()}")
+        log(f"error: {usage_words(error)}")
         raise
     finally:
         log(f"ended with exit code {code}")

@@ -32,10 +32,10 @@ class TestJson:
         [
             ("map missing.ply -o out --json", "no such file or folder: missing.ply"),
             ("map x -o out --grid 98 --json", "try --grid 96 or --grid 100"),
-            ("map x --json --out", "requires an argument"),
-            ("devices --bogus --json", "No such option: --bogus"),
-            ("register --json", "Missing argument"),
-            ("fly --json", "No such command 'fly'"),
+            ("map x --json --out", "--out needs a value after it"),
+            ("devices --bogus --json", "no option --bogus"),
+            ("register --json", "is missing"),
+            ("fly --json", "there is no verb 'fly'"),
         ],
     )
     def test_what_is_refused(self, arguments: str, words: str) -> None:

@@ -97,7 +97,7 @@ def test_while_the_map_is_written(
     when(monkeypatch, function, lambda: remove(out), moment)
     result = sonarmap("map", *scans[:2], "-o", out, *GRID, "--json")
     refused_with_reason(result)
-    said(result, "error: cannot ", str(out))
+    said(result, "error: ", str(out))
     assert not out.is_dir() or files_in(out) == {}
     assert remove is folder or out.read_text() == "mine"
 

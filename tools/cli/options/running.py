@@ -23,7 +23,7 @@ VerboseOption = Annotated[
     typer.Option(
         "--verbose",
         "-v",
-        help="Also print the table of all pairs, and every warning in full.",
+        help="Print the table of pairs and all warnings too.",
         rich_help_panel=RUNNING,
     ),
 ]
