@@ -51,9 +51,22 @@ def main() -> None:
     if problem:
         print(f"error: {problem}", file=sys.stderr)
         sys.exit(2)
-    from tools.cli.main import run
-
+    try:
+        from tools.cli.main import run
+    except Exception as error:  # noqa: BLE001 - a broken library can raise anything
+        sys.exit(_without_a_library(error))
     run()
+
+
+def _without_a_library(error: Exception) -> int:
+    """The exit code where a library of the command line itself is missing or broken: `doctor` can do without."""
+    if sys.argv[1:2] == ["doctor"]:
+        from tools.doctor.run import run_from
+
+        return run_from(sys.argv[2:], error)
+    reason = f"{type(error).__name__}: {error}"
+    print(f"error: the command cannot start: {reason}. 'sonarmap doctor' says what is missing.", file=sys.stderr)
+    return 2
 
 
 def _foreign_package() -> str | None:

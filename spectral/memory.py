@@ -98,6 +98,11 @@ def require_memory(device: Device, plan: MemoryPlan) -> None:
     device.require(plan.largest, plan.pair, hint=f"`edge={fitting}`" if fitting else "another device")
 
 
+def largest_edge(device: Device) -> int | None:
+    """The largest grid that the device can hold with two prepared scans, by either method; None where none fits."""
+    return next((edge for edge in reversed(EDGES) if _fits(device, edge)), None)
+
+
 def scans_that_fit(device: Device, edge: int) -> int:
     """How many prepared scans the device can hold beside what a pair needs, by the method that needs more."""
     plans = [memory_plan(edge, method) for method in ("spectral", "hemisphere")]

@@ -20,7 +20,7 @@ import platformdirs
 LOGGER = getLogger("sonarmap")
 _REMEDY = (
     "what is compiled and tested for a device is forgotten after this run, and done again in the next, which takes "
-    "some seconds. Set {} to a folder that can be written."
+    "some seconds. Set {} to a folder that can be written. 'sonarmap doctor' looks at them."
 )
 _warned: set[Path] = set()
 
@@ -37,6 +37,15 @@ def kernel_cache() -> Path:
     return Path(os.environ.get("XDG_CACHE_HOME") or Path.home() / ".cache", "pocl", "kcache")
 
 
+def cache_folders() -> dict[str, Path]:
+    """Every folder that this and the OpenCL libraries remember in, by whose it is."""
+    return {
+        "sonarmap": cache_folder(),
+        "PyOpenCL": platformdirs.user_cache_path("pytools", "pytools"),
+        "PoCL": kernel_cache(),
+    }
+
+
 def require_caches() -> None:
     """Have the OpenCL libraries write to a temporary folder where they could not write to theirs.
 
@@ -45,12 +54,12 @@ def require_caches() -> None:
     """
     if os.name != "posix":
         return
-    folders = [cache_folder(), platformdirs.user_cache_path("pytools", "pytools")]
-    if "POCL_CACHE_DIR" not in os.environ:
-        folders.append(kernel_cache())
-    elif fault := _fault(kernel_cache()):
+    folders = cache_folders()
+    if "POCL_CACHE_DIR" in os.environ:
+        del folders["PoCL"]
+    if "POCL_CACHE_DIR" in os.environ and (fault := _fault(kernel_cache())):
         _replace("POCL_CACHE_DIR", kernel_cache(), fault)
-    for folder in folders:
+    for folder in folders.values():
         if fault := _fault(folder):
             _replace("XDG_CACHE_HOME", folder, fault)
             return

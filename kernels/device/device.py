@@ -29,14 +29,16 @@ __all__ = ["Array", "Device", "DeviceInfo", "choose_device", "list_devices"]
 
 NO_PLATFORM = (
     "no OpenCL platform was found. A CPU device comes with PoCL: install it with "
-    "'pip install pyopencl[pocl]' or 'apt install pocl-opencl-icd'; a GPU's comes with its driver."
+    "'pip install pyopencl[pocl]' or 'apt install pocl-opencl-icd'; a GPU's comes with its driver. "
+    "'sonarmap doctor' says where drivers were looked for."
 )
 
 _PROBE = "__kernel void probe(__global float8* x) { x[get_global_id(0)] = fma(x[get_global_id(0)], 2.0f, 1.0f); }"
 
 _DRIVER_REMEDY = (
     ". The PoCL that pip brings does not know processors newer than itself; "
-    "'apt install pocl-opencl-icd' brings one that falls back to what the processor can do."
+    "'apt install pocl-opencl-icd' brings one that falls back to what the processor can do. "
+    "'sonarmap doctor' says more."
 )
 _TEST_FAILED = "its self-test failed: "
 _TEST_REMEDY = (
@@ -211,7 +213,7 @@ class Device:
                 raise
             raise DeviceError(
                 f"{self.name} has no memory or other resources left for this ({error}). "
-                "Use a smaller `edge`, or end other programs."
+                "Use a smaller `edge`, or end other programs; 'sonarmap doctor' says which fits."
             ) from None
 
     def require(self, largest: int, total: int = 0, hint: str = "a smaller `edge`") -> None:

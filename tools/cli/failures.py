@@ -30,6 +30,7 @@ DEFECT = 1
 INTERRUPTED = 128 + 2  # as a shell reports SIGINT
 PIPE_CLOSED = 128 + 13  # as a shell reports SIGPIPE
 FULL = (errno.ENOSPC, errno.EDQUOT, errno.EFBIG, errno.EIO)  # a disk that takes no more
+OWN_PACKAGES = ("kernels", "spectral", "slam", "tools")
 STOPPED = "stopped: "
 LISTED = 5  # names of files in a message
 
@@ -118,8 +119,13 @@ def failed(error: BaseException, as_json: bool, written: Sequence[Path]) -> int:
             return pipe_closed()
         case OSError() if error.errno in FULL:
             return output_lost(error)
+        case ImportError():
+            return _unloadable(error, as_json)
         case MemoryError():
-            full = f"this machine's memory is used up ({error}); give less at a time, or thin it out"
+            full = (
+                f"this machine's memory is used up ({error}); give less at a time, or thin it out; "
+                "'sonarmap doctor' says what fits"
+            )
             return _misuse(InputError(full), as_json)
         case Exception():
             return _defect(error, as_json)
@@ -130,6 +136,14 @@ def _misuse(error: SonarmapError, as_json: bool) -> int:
     if _debugging():
         traceback.print_exception(error)
     return _fail(as_options(str(error)), MISUSE, as_json)
+
+
+def _unloadable(error: ImportError, as_json: bool) -> int:
+    """A library is missing or broken; our own modules never are."""
+    if (error.name or "").partition(".")[0] in OWN_PACKAGES:
+        return _defect(error, as_json)
+    reason = " ".join(str(error).split())
+    return _misuse(InputError(f"a library cannot be loaded: {reason}. 'sonarmap doctor' says what to do"), as_json)
 
 
 def _defect(error: Exception, as_json: bool) -> int:

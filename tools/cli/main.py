@@ -29,6 +29,7 @@ VERBS = [
     "reproduce",
     "bench",
     "devices",
+    "doctor",
 ]
 
 app = typer.Typer(
@@ -54,7 +55,7 @@ def run() -> None:
             app()
         finally:
             sys.stdout.flush()  # here, where a closed pipe can still be told apart from a defect
-    except (KeyboardInterrupt, BrokenPipeError) as error:
+    except (KeyboardInterrupt, BrokenPipeError, ImportError) as error:
         sys.exit(failed(error, "--json" in sys.argv[1:], ()))
     except OSError as error:
         sys.exit(output_lost(error))

@@ -1,11 +1,11 @@
 """The registration method that the shared options describe, configured for the scans."""
 
+import math
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
-import numpy as np
 import typer
 
 from kernels.errors import InputError
@@ -130,7 +130,9 @@ def configure_method(scans: "Sequence[Scan]", options: MethodOptions, survey: bo
     from spectral.grid import choose_grid
     from spectral.hemisphere.registration import HemisphereRegistrar
     from spectral.registration import SpectralRegistrar
+    from tools.memory import require_program
 
+    require_program()
     if options.strength:
         _require_strength(scans)
     grid = (survey_grid if survey else choose_grid)(scans, options.grid or DEFAULT_EDGE, options.voxel)
@@ -138,6 +140,7 @@ def configure_method(scans: "Sequence[Scan]", options: MethodOptions, survey: bo
     setup = Setup(grid, options.device, options.seed, _config_changes(options))
     registrar = method.make(setup)
     if isinstance(registrar, SpectralRegistrar | HemisphereRegistrar):
+        _require_memory(registrar.device, grid.edge)
         for note in registrar.device.notes:
             say(note)
         return ConfiguredMethod(options.name, registrar, grid, setup, registrar.config, registrar.device)
@@ -145,10 +148,28 @@ def configure_method(scans: "Sequence[Scan]", options: MethodOptions, survey: bo
     return ConfiguredMethod(options.name, registrar, grid, setup, seed=seed)
 
 
+def _require_memory(device: "Device", edge: int) -> None:
+    """Refuse a grid that does not fit beside other programs, where the device has the machine's memory.
+
+    Raises:
+        InputError: naming a grid that fits.
+    """
+    if not device.is_cpu:  # its own memory has been looked at
+        return
+    from kernels.fft.edges import EDGES
+    from spectral.memory import memory_plan
+    from tools.memory import available_memory, require_memory
+
+    available = available_memory()
+    fits = max((smaller for smaller in EDGES if memory_plan(smaller).pair <= available), default=0)
+    instead = f"use --grid {fits}" if fits else "end other programs"
+    require_memory(f"a pair on --grid {edge}", memory_plan(edge).pair, f"{instead}; 'sonarmap doctor' says what fits")
+
+
 def _config_changes(options: MethodOptions) -> dict[str, Any]:
     """The fields of a spectral method's configuration that the user's options change."""
     values = {
-        "max_tilt": ("max_tilt", float(np.deg2rad(options.max_tilt))),
+        "max_tilt": ("max_tilt", math.radians(options.max_tilt)),
         "hypotheses": ("hypotheses", options.hypotheses),
         "refine": ("refinement", options.refine),
         "yaw_peaks": ("yaw_peaks", options.yaw_peaks),

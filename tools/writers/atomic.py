@@ -114,7 +114,7 @@ def _cannot_write(path: Path, error: OSError) -> InputError:
     """What to say where a file or a folder cannot be written."""
     return InputError(
         f"cannot write {path}: {error.strerror or error}. Choose another output folder, or make room and check "
-        "its permissions; what was there before is as it was."
+        "its permissions; what was there before is as it was. 'sonarmap doctor OUT' looks at a folder OUT and its disk."
     )
 
 

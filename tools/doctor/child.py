@@ -1,0 +1,106 @@
+"""A check in a process of its own: a driver that crashes, hangs or takes all memory ends that process alone.
+
+The module that is run calls `answer` with what it sees, step by step, so that what came before the end is known.
+"""
+
+import json
+import os
+import signal
+import subprocess
+import sys
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
+
+_ROOT = Path(__file__).resolve().parents[2]
+_PROGRAM = "import sys; from {} import main; main(sys.argv[1:])"
+
+
+@dataclass(frozen=True, slots=True)
+class Answers:
+    """What a process said.
+
+    Attributes:
+        steps: in their order, each a dictionary of JSON's types.
+        end: why it ended before its time, or "".
+    """
+
+    steps: tuple[dict[str, Any], ...]
+    end: str
+
+    def named(self, name: str) -> list[Any]:
+        """The values of all steps that have this name."""
+        return [step[name] for step in self.steps if name in step]
+
+
+def ask(module: str, *arguments: str, seconds: float) -> Answers:
+    """Run a module's `main` in another process, and gather its answers.
+
+    Args:
+        module: of this package, by its full name.
+        arguments: for it.
+        seconds: after so long it is ended.
+    """
+    command = [sys.executable, "-P", "-c", _PROGRAM.format(module), *arguments]
+    search_path = os.pathsep.join(filter(None, [os.environ.get("PYTHONPATH"), str(_ROOT)]))
+    try:
+        run = subprocess.run(
+            command,
+            stdin=subprocess.DEVNULL,
+            capture_output=True,
+            timeout=seconds,
+            env={**os.environ, "PYTHONPATH": search_path},
+            check=False,
+        )
+    except subprocess.TimeoutExpired as late:
+        return Answers(_steps(late.stdout or b""), f"it did not answer within {seconds:.0f} s")
+    except OSError as error:
+        return Answers((), f"no process can be started ({error.strerror or error})")
+    return Answers(_steps(run.stdout), _end(run.returncode, run.stderr.decode(errors="replace")))
+
+
+def answer(**step: Any) -> None:
+    """Say something to the process that asked; whatever else is printed goes to stderr from the first answer on."""
+    global _answers
+    if _answers < 0:
+        sys.stdout.flush()
+        _answers = os.dup(1)
+        os.dup2(2, 1)
+    os.write(_answers, json.dumps(step).encode() + b"\n")
+
+
+_answers = -1  # the descriptor that answers are written to
+
+
+def _steps(output: bytes) -> tuple[dict[str, Any], ...]:
+    steps: list[dict[str, Any]] = []
+    for line in output.splitlines():
+        try:
+            step = json.loads(line)
+        except ValueError:  # printed by a library, or cut off
+            continue
+        if isinstance(step, dict):
+            steps.append(step)
+    return tuple(steps)
+
+
+def _end(code: int, errors: str) -> str:
+    if code == 0:
+        return ""
+    words = last_words(errors)
+    what = f"exit code {code}" if code > 0 else _signal(-code)
+    return f"it ended with {what}: {words}" if words else f"it ended with {what}"
+
+
+def last_words(errors: str) -> str:
+    """What of stderr says most: an error's own line, else the last."""
+    lines = [line.strip() for line in errors.splitlines() if line.strip()]
+    telling = [line for line in lines if "error" in line.lower() or "memory" in line.lower()]
+    return (telling or lines or [""])[-1][:200]
+
+
+def _signal(number: int) -> str:
+    try:
+        return signal.Signals(number).name
+    except ValueError:
+        return f"signal {number}"

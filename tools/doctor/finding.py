@@ -1,0 +1,58 @@
+"""What a check has to say."""
+
+from collections.abc import Iterable, Mapping
+from dataclasses import dataclass, field
+from typing import Any, Literal
+
+Verdict = Literal["ok", "warning", "wrong"]
+VERDICTS: tuple[Verdict, ...] = ("ok", "warning", "wrong")  # the worst last
+
+
+@dataclass(frozen=True, slots=True)
+class Remedy:
+    """What to do.
+
+    Attributes:
+        words: a sentence, or the beginning of the command's.
+        command: to be pasted into a shell; "" where there is none.
+    """
+
+    words: str
+    command: str = ""
+
+
+@dataclass(frozen=True, slots=True)
+class Finding:
+    """One thing that was looked at.
+
+    Attributes:
+        check: what it is, in a word or two.
+        verdict: "wrong" where something that is needed does not work, "warning" where part of it may not.
+        seen: what was seen, in words; parts that stand for themselves are separated by line breaks.
+        remedies: what to do, the best first; none where all is well.
+        details: the same for programs, of JSON's types.
+    """
+
+    check: str
+    verdict: Verdict
+    seen: str
+    remedies: tuple[Remedy, ...] = ()
+    details: Mapping[str, Any] = field(default_factory=dict[str, Any])
+
+
+def worst(verdicts: Iterable[Verdict]) -> Verdict:
+    """The worst of several verdicts; "ok" of none."""
+    present = set(verdicts)
+    for verdict in reversed(VERDICTS):
+        if verdict in present:
+            return verdict
+    return "ok"
+
+
+def size(count: float) -> str:
+    """Bytes in words, three digits."""
+    for unit, scale in (("GiB", 2**30), ("MiB", 2**20), ("KiB", 2**10)):
+        if count >= scale:
+            number = count / scale
+            return f"{number:,.0f} {unit}" if number >= 10 else f"{number:.1f} {unit}"
+    return f"{count:.0f} bytes"
