@@ -43,7 +43,8 @@ def guarded(command: Callable[..., Any]) -> Callable[..., Any]:
 
     @functools.wraps(command)
     def guard(*args: Any, log_file: Path | None = None, **options: Any) -> Any:
-        as_json, quiet = (bool(options.get(name)) for name in ("as_json", "quiet"))
+        as_json = bool(options.get("as_json", "--json" in sys.argv[1:]))  # before the verb, none knows it yet
+        quiet = bool(options.get("quiet"))
         written = len(appeared)
         try:
             with _heard(log_file, quiet, as_json), terminated_as_interrupted(), _logged_end():

@@ -10,7 +10,8 @@ from typing import Annotated
 import typer
 
 from tools.cli.failures import failed, guarded, output_lost, with_log_file
-from tools.cli.help import Verb, VerbGroup, with_help_all
+from tools.cli.help import VerbGroup, with_help_all
+from tools.cli.settings.in_force import ConfigOption, VerbWithSettings, use_settings
 from tools.cli.terminal import show_messages
 
 # A verb is the function `command` in tools/cli/verbs/<verb>.py; its docstring is the help.
@@ -30,6 +31,7 @@ VERBS = [
     "bench",
     "devices",
     "doctor",
+    "config",
 ]
 
 app = typer.Typer(
@@ -79,16 +81,21 @@ def _version(print_it: bool) -> None:
         raise typer.Exit
 
 
-@app.callback()
 def _options(
+    context: typer.Context,
     version: Annotated[
         bool, typer.Option("--version", help="Print the version.", callback=_version, is_eager=True)
     ] = False,
     debug: Annotated[bool, typer.Option("--debug", help="Show tracebacks, as with SONARMAP_DEBUG=1.")] = False,
+    config: ConfigOption = None,
 ) -> None:
     """Noisy 3D sonar scans in, a consistent map out."""
     if debug:
         os.environ["SONARMAP_DEBUG"] = "1"
+    use_settings(context, config)
+
+
+app.callback()(guarded(_options))
 
 
 def _flowing(docstring: str) -> str:
@@ -99,4 +106,4 @@ def _flowing(docstring: str) -> str:
 for _verb in VERBS:
     _command = import_module(f"tools.cli.verbs.{_verb}").command
     _guarded = with_help_all(with_log_file(guarded(_command)))
-    app.command(_verb, cls=Verb, help=_flowing(_command.__doc__))(_guarded)
+    app.command(_verb, cls=VerbWithSettings, help=_flowing(_command.__doc__))(_guarded)

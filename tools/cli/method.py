@@ -1,7 +1,7 @@
 """The registration method that the shared options describe, configured for the scans."""
 
 import math
-from collections.abc import Mapping, Sequence
+from collections.abc import Mapping, Sequence, Set
 from dataclasses import dataclass
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
@@ -19,6 +19,8 @@ from tools.cli.options.registration import (
 )
 from tools.cli.terminal import say
 from tools.methods.registry import DEFAULT_METHOD, METHODS, Setup, find_method
+
+_GIVEN = ("COMMANDLINE", "DEFAULT_MAP")  # by the user, the second in a file of settings
 
 if TYPE_CHECKING:
     from kernels.device.device import Device
@@ -67,6 +69,10 @@ class MethodOptions:
         return "priors" in find_method(self.name).options
 
 
+# of the verbs, beside --method
+_PARAMETERS = [name for name in MethodOptions.__dataclass_fields__ if name not in ("name", "given")]
+
+
 @dataclass(frozen=True, slots=True)
 class ConfiguredMethod:
     """A method that is ready to register.
@@ -102,14 +108,14 @@ class ConfiguredMethod:
 
 
 def method_options(context: typer.Context) -> MethodOptions:
-    """The options of the verb that say how to register.
+    """The options of the verb that say how to register, as the command line or a file of settings gives them.
 
     Raises:
         InputError: options that have no effect with the method.
     """
     values = context.params
-    names = [name for name in MethodOptions.__dataclass_fields__ if name not in ("name", "given")]
-    given = {name for name in names if (source := context.get_parameter_source(name)) and source.name == "COMMANDLINE"}
+    names = _PARAMETERS
+    given = {name for name in names if (source := context.get_parameter_source(name)) and source.name in _GIVEN}
     options = MethodOptions(values["method"], given=frozenset(given), **{name: values[name] for name in names})
     _refuse_without_effect(options)
     return options
@@ -178,16 +184,23 @@ def _config_changes(options: MethodOptions) -> dict[str, Any]:
     return dict(values[option] for option in sorted(options.given & values.keys()))
 
 
+def idle_options(method: str, given: Set[str]) -> set[str]:
+    """Those of the given options, by their parameters' names, that make no difference to a method."""
+    return set(given & set(_PARAMETERS)) - find_method(method).options - _always(given)
+
+
+def _always(given: Set[str]) -> set[str]:
+    """What every method uses: without a voxel the grid's edge decides how large one is."""
+    return {"voxel"} if "voxel" in given else {"voxel", "grid"}
+
+
 def _refuse_without_effect(options: MethodOptions) -> None:
     """Refuse options that would make no difference.
 
     Raises:
         InputError: naming them, and the methods that use them.
     """
-    uses = find_method(options.name).options
-    # without a voxel the grid's edge decides how large one is, whatever the method
-    always = {"voxel"} if "voxel" in options.given else {"voxel", "grid"}
-    idle = sorted(options.given - uses - always)
+    idle, always = sorted(idle_options(options.name, options.given)), _always(options.given)
     if not idle:
         return
     flags = " and ".join(f"--{name.replace('_', '-')}" for name in idle)

@@ -72,7 +72,7 @@ NavOffsetOption = Annotated[
     typer.Option(
         "--nav-offset",
         metavar="S",
-        help="Add S seconds to its times; auto estimates them from the sonar's turn rates.",
+        help="Add S to its times \\[s]; auto estimates them from the sonar's turn rates.",
         rich_help_panel=groups.NAVIGATION,
         hidden=True,
         show_default="0",

@@ -22,7 +22,7 @@ OriginOption = Annotated[
     typer.Option(
         "--origin",
         metavar="LAT,LON[,HEIGHT]",
-        help="Where the map's origin is: WGS84 \\[deg]. The height is in meters above the vertical reference.",
+        help="Where the map's origin is: WGS84 \\[deg]. The height is above the vertical reference \\[m].",
         rich_help_panel=EARTH,
         show_default="as the map says",
     ),

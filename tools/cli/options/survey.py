@@ -164,7 +164,7 @@ OdometryDriftOption = Annotated[
     typer.Option(
         "--odometry-drift",
         metavar="P,D",
-        help="Its standard deviation: percent of the way, degrees per hour.",
+        help="Its standard deviation: percent of the way \\[%], degrees per hour \\[deg/h].",
         rich_help_panel=NAVIGATION,
         hidden=True,
         show_default="1,10",

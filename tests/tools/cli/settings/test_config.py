@@ -1,0 +1,153 @@
+"""`sonarmap config`, and files of settings in use: what counts, what is said, what is set aside."""
+
+import json
+import re
+import tomllib
+from pathlib import Path
+from typing import Any
+
+import pytest
+from typer.testing import CliRunner, Result
+
+from tests.samples.clutter_scans import scan, write
+from tests.tools.cli.settings.test_setting import SETTINGS
+from tools.cli.main import app
+
+
+def run(*arguments: str) -> Result:
+    return CliRunner(env={"COLUMNS": "200", "TERMINAL_WIDTH": "200"}).invoke(app, list(arguments))
+
+
+def listed(*arguments: str) -> dict[tuple[str, str], dict[str, Any]]:
+    """The rows of `config --json`, by verb and key; a verb's own row counts for more than that of [common]."""
+    result = run(*arguments, "config", "--json")
+    assert result.exit_code == 0, result.output
+    rows = json.loads(result.stdout)["settings"]
+    return {(verb, row["key"]): row for row in rows for verb in row["verbs"]}
+
+
+@pytest.fixture(autouse=True)
+def folder(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
+    """The current one, empty."""
+    monkeypatch.chdir(tmp_path)
+    return tmp_path
+
+
+class TestConfig:
+    def test_every_setting_is_listed(self) -> None:
+        rows = listed()
+        assert set(rows) == {(entry.verb, entry.key) for entry in SETTINGS}
+        assert all(row["source"] == "default" and row["value"] is None for row in rows.values())
+        table = run("config").stdout
+        assert [entry.key for entry in SETTINGS if not re.search(rf"^ +{entry.key} ", table, re.MULTILINE)] == []
+
+    def test_the_table_fits_80_columns(self) -> None:
+        lines = CliRunner(env={"COLUMNS": "80"}).invoke(app, ["config", "map"]).stdout.splitlines()
+        assert len(lines) < 60
+
+    def test_what_is_in_force_and_from_where(self, folder: Path) -> None:
+        (folder / "sonarmap.toml").write_text("[common]\ngrid = 96\nvoxel = 0.5\n[map]\ngrid = 64\nmax-speed = 2\n")
+        rows = listed()
+        assert (rows["map", "grid"]["value"], rows["map", "grid"]["source"]) == (64, "sonarmap.toml [map]")
+        assert (rows["inspect", "grid"]["value"], rows["inspect", "grid"]["source"]) == (96, "sonarmap.toml [common]")
+        assert rows["map", "voxel"]["value"] == 0.5
+        assert rows["map", "max-speed"]["value"] == 2
+        assert rows["bench", "grid"]["source"] == "default"
+        assert re.search(r"max-speed +m/s +learned +2 +sonarmap.toml \[map\]", run("config", "map").stdout)
+
+    def test_the_file_that_it_prints_is_one(self, folder: Path) -> None:
+        text = run("config", "--toml").stdout
+        assert tomllib.loads(text) == {section: {} for section in re.findall(r"^\[(.+)\]$", text, re.MULTILINE)}
+        lines = re.findall(r"^# ([\w-]+) = ", text, re.MULTILINE)
+        assert set(lines) == {entry.key for entry in SETTINGS}
+        assert max(map(len, text.splitlines())) <= 120
+        (folder / "sonarmap.toml").write_text(text)
+        assert listed() == listed("--config", "/dev/null")
+
+    def test_what_is_set_stays_set_in_the_file_that_it_prints(self, folder: Path) -> None:
+        settings = (
+            '[common]\ngrid = 96\nmount = "0,0,180"\n[map]\nreport = false\nalso = ["pcd", "kitti"]\nvoxel = 0.25\n'
+        )
+        (folder / "a.toml").write_text(settings)
+        (folder / "b.toml").write_text(run("--config", "a.toml", "config", "--toml").stdout)
+        first, again = listed("--config", "a.toml"), listed("--config", "b.toml")
+        assert {key: row["value"] for key, row in first.items()} == {key: row["value"] for key, row in again.items()}
+        assert again["map", "also"]["value"] == ["pcd", "kitti"]
+
+    @pytest.mark.parametrize("verb", ["map", "simulate"])
+    def test_a_verb_alone(self, verb: str) -> None:
+        rows = json.loads(run("config", verb, "--json").stdout)["settings"]
+        assert {row["key"] for row in rows} == {entry.key for entry in SETTINGS if entry.verb == verb}
+
+    def test_refusals(self) -> None:
+        assert "'mpa' is no verb; choose one of register, map" in run("config", "mpa").stderr
+        assert run("config", "--toml", "--json").exit_code == 2
+        gone = run("--config", "gone.toml", "config")
+        assert (gone.exit_code, "cannot read the settings gone.toml" in gone.stderr) == (2, True)
+
+
+class TestInForce:
+    @pytest.fixture
+    def pair(self, folder: Path) -> list[str]:
+        return write(folder, target=scan(0), source=scan(1))
+
+    def test_the_command_line_counts_for_more(self, folder: Path, pair: list[str]) -> None:
+        (folder / "sonarmap.toml").write_text('[common]\nmethod = "icp"\nvoxel = 0.4\njson = true\n')
+        by_file = run("register", *pair)
+        assert "settings from sonarmap.toml: method icp, voxel 0.4, json true" in by_file.stderr
+        assert (json.loads(by_file.stdout)["method"], json.loads(by_file.stdout)["voxel"]) == ("icp", 0.4)
+        given = run("register", *pair, "--voxel", "0.5")
+        assert "settings from sonarmap.toml: method icp, json true\n" in given.stderr
+        assert json.loads(given.stdout)["voxel"] == 0.5
+
+    def test_another_file_takes_the_place_of_that_in_the_folder(self, folder: Path, pair: list[str]) -> None:
+        (folder / "sonarmap.toml").write_text("[common]\ngrid = 97\n")
+        (folder / "other.toml").write_text('[register]\nmethod = "icp"\nvoxel = 0.4\n')
+        assert "settings from other.toml" in run("--config", "other.toml", "register", *pair).stderr
+        broken = run("register", *pair)
+        assert (broken.exit_code, broken.stdout) == (2, "")
+        assert "sonarmap.toml: [common] grid is 97: --grid 97 is not an even product" in broken.stderr
+
+    def test_what_has_no_effect_is_set_aside_and_named(self, folder: Path, pair: list[str]) -> None:
+        """What is written once for all runs does not stop the one that has no use for it."""
+        (folder / "sonarmap.toml").write_text(
+            "[common]\nvoxel = 0.4\ngrid = 64\nyaw_peaks = 4\nmax-tilt = 20\nmount = '0,0,5'\n"
+            "prior-sigmas = '1,1,1,1'\n"
+        )
+        result = run("register", *pair, "--method", "icp")
+        assert "settings from sonarmap.toml: voxel 0.4; without effect here: grid, " in result.stderr
+        assert all(key in result.stderr for key in ("yaw-peaks", "mount", "prior-sigmas"))
+        assert result.exit_code in (0, 3)
+        refused = run("register", *pair, "--method", "icp", "--yaw-peaks", "4")
+        assert refused.exit_code == 2
+        assert "--yaw-peaks has no effect with --method icp" in refused.stderr
+
+    def test_a_way_to_work_on_the_command_line_replaces_that_of_the_file(self, folder: Path) -> None:
+        (folder / "sonarmap.toml").write_text("[map]\nworkers = 2\nvoxel = 0.4\nmethod = 'icp'\n")
+        result = run("map", "nowhere", "-o", "out", "--scheduler", "tcp://127.0.0.1:1")
+        assert "--workers" not in result.stderr
+        assert "nowhere" in result.stderr
+
+    def test_nothing_is_said_where_nothing_is_set(self, folder: Path, pair: list[str]) -> None:
+        (folder / "sonarmap.toml").write_text("[simulate]\nscans = 4\n")
+        assert "settings" not in run("register", *pair, "--method", "icp", "--voxel", "0.4").stderr
+
+    def test_a_map_has_the_settings_in_its_summary_and_goes_on(self, folder: Path) -> None:
+        files = write(folder / "scans", **{f"s{k}": scan(k) for k in range(3)})
+        (folder / "sonarmap.toml").write_text(
+            '[map]\nmethod = "icp"\nvoxel = 0.4\nmax-step = 9\nframe = "flu"\nreport = false\nout = "a"\n'
+        )
+        by_file = run("map", *files, "--quiet")
+        assert by_file.exit_code in (0, 3), by_file.output
+        assert "settings from" not in by_file.stderr  # --quiet
+        by_words = run(
+            *("--config", "/dev/null", "map", *files, "-o", "b", "--no-report", "--method", "icp", "--voxel", "0.4"),
+            *("--max-step", "9", "--frame", "flu", "--quiet"),
+        )
+        assert by_words.exit_code == by_file.exit_code
+        summaries = [json.loads((folder / name / "summary.json").read_text()) for name in "ab"]
+        assert summaries[0]["settings"] == summaries[1]["settings"]
+        assert summaries[0]["settings"]["mapper"]["limits"]["step"] == 9
+        words = ("-o", "a", "--method", "icp", "--voxel", "0.4", "--max-step", "9", "--no-report")
+        again = run("--config", "/dev/null", "map", *files, *words)
+        assert re.search(r"(\d+) of \1 pairs were in a/journal.sqlite", again.stderr)

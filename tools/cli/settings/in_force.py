@@ -1,0 +1,111 @@
+"""What counts when a verb runs: the command line before the file, the file before the defaults."""
+
+from collections.abc import Mapping
+from pathlib import Path
+from typing import Annotated, Any
+
+import typer
+
+from tools.cli.help import Verb
+from tools.cli.method import idle_options
+from tools.cli.navigation import NAVIGATION
+from tools.cli.settings.file import SettingsFile, chosen_file, read_settings
+from tools.cli.settings.setting import Setting, in_words, settings_of
+from tools.cli.terminal import say
+
+ConfigOption = Annotated[
+    Path | None,
+    typer.Option(
+        "--config",
+        metavar="FILE",
+        help="Take settings from a TOML file; 'sonarmap config --toml' prints one.",
+        show_default="sonarmap.toml in this folder",
+    ),
+]
+_KEY = "sonarmap.settings"  # in the context's meta
+_ALL = "config"  # the verb that looks at the settings of all
+# What a setting of a file needs, so as to say anything: one of these.
+NEEDS: Mapping[str, tuple[str, ...]] = {
+    **dict.fromkeys(NAVIGATION, ("priors", "odometry")),
+    "prior_sigmas": ("priors",),
+    "odometry_drift": ("odometry",),
+    "crs": ("export",),
+    "origin_heading": ("origin",),
+    "vertical": ("origin",),
+}
+# What takes the place of a setting of a file, where the command line has it.
+REPLACED: Mapping[str, str] = {
+    "workers": "scheduler",
+    "scheduler": "workers",
+    "multicast": "unicast",
+    "unicast": "multicast",
+}
+
+
+def use_settings(context: typer.Context, given: Path | None) -> None:
+    """Have the verb that is about to run take its defaults from the file of settings, if there is one.
+
+    Args:
+        context: of the whole command.
+        given: --config.
+
+    Raises:
+        InputError: the file cannot be used.
+    """
+    path = chosen_file(given)
+    if path is None:
+        return
+    verb = context.invoked_subcommand
+    verbs: Any = context.command
+    file = read_settings(path, verbs.commands, None if verb == _ALL else verb)
+    context.default_map = {name: dict(values) for name, values in file.values.items()}
+    context.meta[_KEY] = file
+
+
+def settings_file(context: typer.Context) -> SettingsFile | None:
+    """The file that is in use."""
+    return context.meta.get(_KEY)
+
+
+class VerbWithSettings(Verb):
+    """A verb that says which of its settings came from a file, and sets aside those that have no effect."""
+
+    def invoke(self, ctx: Any) -> Any:
+        """Run it."""
+        if (file := settings_file(ctx)) is not None:
+            _settle(ctx, file, {setting.name: setting for setting in settings_of({ctx.info_name: self})})
+        return super().invoke(ctx)
+
+
+def _settle(context: Any, file: SettingsFile, settings: Mapping[str, Setting]) -> None:
+    """What is written once for all runs must not stop the one that has no use for it."""
+    used = [name for name in settings if _source(context, name) == "DEFAULT_MAP"]
+    idle = [name for name in used if _is_idle(context, name)]
+    for name in idle:
+        parameter = settings[name].parameter
+        context.params[name] = parameter.process_value(context, parameter.default)
+        context.set_parameter_source(name, type(context.get_parameter_source(name)).DEFAULT)
+    if not used or context.params.get("quiet"):
+        return
+    in_force = [f"{settings[name].key} {in_words(context.params[name])}" for name in used if name not in idle]
+    without = ", ".join(settings[name].key for name in idle)
+    words = f"settings from {file.path}: {', '.join(in_force) or 'none'}"
+    say(words + (f"; without effect here: {without}" if idle else ""))
+
+
+def _is_idle(context: Any, name: str) -> bool:
+    params = context.params
+    if (other := REPLACED.get(name)) and other in params and _source(context, other) == "COMMANDLINE":
+        return True
+    if "method" not in params:
+        return False
+    given = {name} if params.get("voxel") is None else {name, "voxel"}
+    if name in idle_options(params["method"], given):
+        return True
+    needs = [other for other in NEEDS.get(name, ()) if other in params]
+    return bool(needs) and not any(params[other] for other in needs)
+
+
+def _source(context: Any, name: str) -> str:
+    source = context.get_parameter_source(name)
+    return source.name if source else ""

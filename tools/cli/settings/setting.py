@@ -1,0 +1,176 @@
+"""An option as a setting, all from the option itself: name, kind, unit, default."""
+
+import re
+from collections.abc import Callable, Mapping
+from dataclasses import dataclass
+from pathlib import Path
+from types import NoneType
+from typing import Any, Protocol, get_args, get_origin, get_type_hints
+
+COMMON = "common"  # the section of what means the same for several verbs
+_METAVARS = {"M", "DEG", "M/S", "DEG/S"}  # that are units
+_UNITS = {"m", "m^2", "m/s", "deg", "deg/s", "deg/h", "s", "%"}
+_BRACKETS = re.compile(r"\\?\[([^\[\]\\]+)\]")
+_KINDS = {  # as TOML calls them, and in words
+    bool: ("boolean", "true or false"),
+    int: ("integer", "a whole number"),
+    float: ("float", "a number"),
+    str: ("string", "a text in quotes"),
+    Path: ("string", "a path in quotes"),
+}
+
+
+class Parameter(Protocol):
+    """What is used of Typer's options."""
+
+    name: str
+    opts: list[str]
+    secondary_opts: list[str]
+    param_type_name: str
+    default: Any
+    metavar: str | None
+    required: bool
+    multiple: bool
+
+    def process_value(self, ctx: Any, value: Any) -> Any:
+        """The value as the verb gets it; raises typer.BadParameter."""
+        ...
+
+
+class Verb(Protocol):
+    """What is used of Typer's commands."""
+
+    params: list[Any]
+    callback: Callable[..., Any] | None
+
+
+@dataclass(frozen=True, slots=True)
+class Setting:
+    """An option of a verb.
+
+    Attributes:
+        verb: whose.
+        parameter: Typer's.
+        kind: bool, int, float, str or Path.
+        help: what it does, as the verb's help says it.
+    """
+
+    verb: str
+    parameter: Any
+    kind: type
+    help: str
+
+    @property
+    def name(self) -> str:
+        """Of the verb's parameter."""
+        return self.parameter.name
+
+    @property
+    def key(self) -> str:
+        """What it is called in a file: as on the command line, without the dashes before it."""
+        longest = max(self.parameter.opts, key=len)
+        return longest.lstrip("-")
+
+    @property
+    def many(self) -> bool:
+        """Whether it can be given several times; then its value is a list."""
+        return self.parameter.multiple
+
+    @property
+    def wanted(self) -> str:
+        """Its kind in words, with the unit."""
+        words = _KINDS[self.kind][1] + (f" [{self.unit}]" if self.unit else "")
+        return f"{words}, or a list of such" if self.many else words
+
+    @property
+    def type(self) -> str:
+        """What TOML calls its kind; of a list that of its entries."""
+        return _KINDS[self.kind][0]
+
+    @property
+    def unit(self) -> str:
+        """Its unit, or its parts' units; "" where it has none."""
+        metavar = self.parameter.metavar or ""
+        if metavar in _METAVARS:
+            return metavar.lower()
+        units = [text for text in _BRACKETS.findall(self.help) if text in _UNITS]
+        return ", ".join(dict.fromkeys(units))
+
+    @property
+    def default(self) -> str:
+        """What counts where nobody sets it, in words."""
+        if self.parameter.required:
+            return "to be given"
+        if self.kind is bool:
+            return "true" if self.parameter.default else "false"
+        value = self.parameter.default
+        if value is not None and value != [] and value != ():
+            return in_words(value)
+        said = self.parameter.show_default  # in words, where nothing given means something
+        return said if isinstance(said, str) else "none"
+
+    @property
+    def about(self) -> str:
+        """The help in one line."""
+        return self.help.replace("\\[", "[").strip()
+
+    def same_as(self, other: "Setting") -> bool:
+        """Whether both mean the same, so that one value can be given to both."""
+        mine, its = self.parameter, other.parameter
+        return (self.key, self.kind, self.many, self.help, mine.metavar, in_words(mine.default)) == (
+            (other.key, other.kind, other.many, other.help, its.metavar, in_words(its.default))
+        )
+
+
+def settings_of(verbs: Mapping[str, Verb]) -> list[Setting]:
+    """All options of all verbs, in the verbs' and their own order.
+
+    Args:
+        verbs: Typer's commands, by their names.
+    """
+    return [
+        setting
+        for verb, command in verbs.items()
+        for setting in _settings_of(verb, command)
+        if setting.key not in ("help", "help-all")
+    ]
+
+
+def common_settings(settings: list[Setting]) -> dict[str, list[Setting]]:
+    """What can stand in [common], by its key: the largest group of verbs for which it means the same."""
+    groups: dict[str, list[list[Setting]]] = {}
+    for setting in settings:
+        alike = next((group for group in groups.get(setting.key, []) if group[0].same_as(setting)), None)
+        if alike is None:
+            groups.setdefault(setting.key, []).append([setting])
+        else:
+            alike.append(setting)
+    largest = {key: max(of_key, key=len) for key, of_key in groups.items()}
+    return {key: group for key, group in largest.items() if len(group) > 1}
+
+
+def in_words(value: Any) -> str:
+    """A value as it is written in a list of settings."""
+    if isinstance(value, bool):
+        return "true" if value else "false"
+    if isinstance(value, list | tuple):
+        return ",".join(map(in_words, value))
+    return f"{value:g}" if isinstance(value, float) else str(value)
+
+
+def _settings_of(verb: str, command: Verb) -> list[Setting]:
+    hints = get_type_hints(command.callback)
+    return [
+        Setting(verb, parameter, _kind(hints[parameter.name]), getattr(parameter, "help", None) or "")
+        for parameter in command.params
+        if parameter.param_type_name == "option" and parameter.name in hints
+    ]
+
+
+def _kind(annotation: Any) -> type:
+    """The plain type in an annotation, as int in `int | None` and str in `list[str]`."""
+    if get_origin(annotation) is list:
+        return _kind(get_args(annotation)[0])
+    if arguments := [part for part in get_args(annotation) if part is not NoneType]:
+        return _kind(arguments[0])
+    return annotation
