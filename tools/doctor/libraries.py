@@ -86,7 +86,10 @@ def required_libraries(load: bool) -> Finding:
         loaded = "as required, and can be loaded" if load else "as required (not loaded: --quick)"
         return Finding("libraries", "ok", f"all {len(required)} {loaded}", details=details)
     seen = [f"{entry.name} {entry.installed or 'is not installed'}, wanted {entry.text}" for entry in bad]
-    seen += [f"{name} cannot be loaded: {fault}" for name, fault in faults.items()]
+    short = {
+        name: "; see memory" if any(words in fault for words in _NO_MEMORY) else "" for name, fault in faults.items()
+    }
+    seen += [f"{name} cannot be loaded: {fault}{short[name]}" for name, fault in faults.items()]
     return Finding("libraries", "wrong", "\n".join(seen), tuple(_remedies(bad, faults)), details)
 
 

@@ -32,6 +32,13 @@ def memory(answers: Answers) -> Finding:
     return Finding("memory", verdict, "; ".join([*seen, *said]), remedies, details)
 
 
+def memory_is_short() -> bool:
+    """Whether a limit, or what other programs take, leaves too little for sonarmap itself: then anything may fail."""
+    from tools.memory import room_for_arrays
+
+    return room_for_arrays() < 0
+
+
 def _grids(answers: Answers, room: int) -> tuple[int | None, list[str], dict[str, Any]]:
     """The largest grid that fits, 0 for none, None where no device says; what to say of it; and for programs."""
     if not answers.named("pairs"):

@@ -2,6 +2,7 @@
 
 import os
 from collections.abc import Sequence
+from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
@@ -9,6 +10,7 @@ from tools.doctor.child import Answers, answer, ask
 from tools.doctor.drivers import driver_fault, driver_files, vendor_folder
 from tools.doctor.finding import Finding, Remedy
 from tools.doctor.libraries import pip_command, shared_object_remedy
+from tools.doctor.memory import memory_is_short
 
 _SECONDS = 300.0  # kernels are compiled, and every device is tested
 _POCL = Remedy("install PoCL, an OpenCL driver for processors:", "sudo apt-get install pocl-opencl-icd")
@@ -22,10 +24,10 @@ def opencl(test: bool) -> tuple[Finding, Answers]:
         test: whether to run the devices' self-tests; otherwise what the last ones said counts.
     """
     answers = ask("tools.doctor.opencl", *(["--test"] if test else []), seconds=_SECONDS)
-    for judge in (_unloadable, _ended, _unavailable):
-        if (finding := judge(answers)) is not None:
-            return finding, answers
-    return _usable(answers), answers
+    finding = _unloadable(answers) or _ended(answers) or _unavailable(answers) or _usable(answers)
+    if finding.verdict == "wrong" and memory_is_short():
+        finding = replace(finding, seen=f"{finding.seen}; see memory", remedies=())
+    return finding, answers
 
 
 def main(arguments: Sequence[str]) -> None:
@@ -82,8 +84,6 @@ def _ended(answers: Answers) -> Finding | None:
         return None
     while_it = (answers.named("begins") or ["starting"])[-1]
     seen = f"while {while_it}: {answers.end}"
-    if "memory" in answers.end.lower():
-        return Finding("OpenCL", "wrong", f"{seen}; see memory", details={"error": seen})
     newer = Remedy("update the driver, or use another device; this lists them:", "sonarmap devices")
     return Finding("OpenCL", "wrong", seen, (newer, _POCL), {"error": seen})
 

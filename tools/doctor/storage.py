@@ -82,19 +82,25 @@ def caches() -> Finding:
         common = Path(os.path.commonpath(folders)) if len(folders) > 1 else Path(*folders)
         parts = ", ".join(f"{name} {size(sizes[name])}" for name in places)
         return Finding("caches", "ok", f"{common}: {parts}", details=details)
-    seen = [f"{name}: {place.path}: {place.fault or 'the disk is full'}" for name, place in bad.items()]
-    seen.append("kernels are compiled again in each run, which takes about 5 s")
-    elsewhere = Remedy("have them in a folder that can be written:", f"export XDG_CACHE_HOME={_spare_folder()}")
+    faults: dict[str, list[str]] = {}
+    for name, place in bad.items():
+        faults.setdefault(place.fault or "the disk is full", []).append(f"{name} {place.path}")
+    seen = [f"{fault}: {', '.join(names)}" for fault, names in faults.items()]
+    seen.append("kernels are compiled again in each run, which takes some seconds")
+    variables = [f"XDG_CACHE_HOME={_spare_folder()}"] if set(bad) - {"matplotlib"} else []
+    variables += [f"POCL_CACHE_DIR={_spare_folder()}/pocl"] if "PoCL" in bad and "POCL_CACHE_DIR" in os.environ else []
+    variables += [f"MPLCONFIGDIR={_spare_folder()}/matplotlib"] if "matplotlib" in bad else []
+    elsewhere = Remedy("have them in a folder that can be written:", f"export {' '.join(variables)}")
     return Finding("caches", "warning", "\n".join(seen), (elsewhere,), details)
 
 
 def look_at(folder: Path) -> Place:
     """Whether a folder, or the parent that it would be made in, can be written, and how much room there is."""
     folder = folder.absolute()
-    there = next((parent for parent in (folder, *folder.parents) if parent.exists()), folder)
     try:
+        there = next((parent for parent in (folder, *folder.parents) if parent.exists()), folder)
         free = shutil.disk_usage(there).free
-    except OSError as error:
+    except OSError as error:  # a parent is of another user
         return Place(folder, 0, _reason(error))
     if not there.is_dir():
         return Place(folder, free, f"{there} is a file, no folder")

@@ -1,6 +1,7 @@
 """`sonarmap doctor`, and `sonarmap map`, where disks are full, homes read-only, and memory or files limited."""
 
 import os
+import re
 import subprocess
 from collections.abc import Iterator
 from contextlib import contextmanager
@@ -73,8 +74,9 @@ class TestDisks:
             shown = sonarmap("doctor", "--json", "--quick", variables=environment)
             caches = examined(shown)["caches"]
             assert (shown.returncode, caches["verdict"]) == (0, "warning")
-            assert f"PoCL: {home}/.cache/pocl/kcache: read-only file system" in caches["seen"]
-            assert commands_of(caches)[0].startswith("export XDG_CACHE_HOME=")
+            assert caches["seen"].startswith(f"read-only file system: sonarmap {home}/.cache/sonarmap, PyOpenCL ")
+            assert f"PoCL {home}/.cache/pocl/kcache" in caches["seen"]
+            assert re.match(r"export XDG_CACHE_HOME=\S+ MPLCONFIGDIR=\S+/matplotlib$", commands_of(caches)[0])
             made = sonarmap("map", str(scans), "--grid", "32", "-o", str(tmp_path / "out"), variables=environment)
             assert "cannot be written (read-only file system)" in made.stderr
             assert "'sonarmap doctor' looks at them" in made.stderr
@@ -88,6 +90,13 @@ class TestDisks:
         (tmp_path / "out").touch()
         assert look_at(tmp_path / "out" / "map").fault == f"{tmp_path / 'out'} is a file, no folder"
 
+    def test_a_folder_of_another_user(self, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+        def refuse(path: Path) -> bool:
+            raise PermissionError(13, "Permission denied")
+
+        monkeypatch.setattr(Path, "exists", refuse)
+        assert look_at(tmp_path).fault == "permission denied"
+
 
 class TestMemory:
     def test_a_limit_of_addresses(self, scans: Path, tmp_path: Path) -> None:
@@ -96,6 +105,9 @@ class TestMemory:
         assert (shown.returncode, memory["verdict"]) == (2, "wrong")
         assert "ulimit -v allows 488 MiB; too little for sonarmap" in memory["seen"]
         assert commands_of(memory) == ["ulimit -v unlimited"]
+        others = examined(sonarmap("doctor", "--json", limit="-v 500000"))
+        assert others["OpenCL"]["remedies"] == []  # a driver that says something else of it misleads
+        assert all("see memory" in others[name]["seen"] for name in ("OpenCL", "libraries"))
         made = sonarmap("map", str(scans), "--grid", "32", "-o", str(tmp_path / "out"), limit="-v 500000")
         assert made.returncode == 2
         assert "'sonarmap doctor' says" in made.stderr

@@ -20,14 +20,14 @@ class Row:
         setting: of a verb, the first of those for which it means the same.
         verbs: all of these.
         value: in force, as the file has it; None where the default counts.
-        source: the file and its section, or "default".
+        place: the file's section where it stands, or "".
     """
 
     section: str
     setting: Setting
     verbs: tuple[str, ...]
     value: Any
-    source: str
+    place: str
 
     @property
     def in_force(self) -> str:
@@ -66,7 +66,7 @@ def as_json(rows: Sequence[Row]) -> list[dict[str, Any]]:
             "unit": row.setting.unit or None,
             "default": row.setting.default,
             "value": row.value,
-            "source": row.source,
+            "source": row.place or _DEFAULT,
             "help": row.setting.about,
         }
         for row in rows
@@ -102,8 +102,8 @@ def _section(file: SettingsFile | None, setting: Setting) -> str:
 
 def _row(section: str, setting: Setting, verbs: tuple[str, ...], file: SettingsFile | None) -> Row:
     if file is None or not (place := _section(file, setting)):
-        return Row(section, setting, verbs, None, _DEFAULT)
-    return Row(section, setting, verbs, file.values[setting.verb][setting.name], f"{file.path} [{place}]")
+        return Row(section, setting, verbs, None, "")
+    return Row(section, setting, verbs, file.values[setting.verb][setting.name], place)
 
 
 def _example(setting: Setting) -> str:

@@ -59,15 +59,19 @@ def _print_table(rows: "Sequence[Row]", file: "SettingsFile | None") -> None:
     from rich.text import Text
 
     table = Table(box=None, pad_edge=False)
-    for heading in ("setting", "unit", "default", *(("in force", "from") if file else ())):
-        table.add_column(heading, overflow="fold")
+    table.add_column("setting", no_wrap=True)
+    table.add_column("unit", no_wrap=True)
+    table.add_column("default", overflow="fold")
+    if file is not None:
+        table.add_column("in force", overflow="fold")
+        table.add_column(Text(f"from {printable(file.path.name)}"))
     section = ""
     for row in rows:
         if row.section != section:
             section = row.section
             table.add_row(Text(f"[{section}]", "bold"))
         cells = [f"  {row.setting.key}", row.setting.unit, row.setting.default]
-        cells += [row.in_force, row.source] if row.value is not None else []
+        cells += [row.in_force, f"[{row.place}]"] if row.value is not None else []
         table.add_row(*(Text(printable(cell)) for cell in cells))
     result_console().print(table)
     if file is None:

@@ -1,7 +1,13 @@
 """`sonarmap config`, and files of settings in use: what counts, what is said, what is set aside."""
 
+import fcntl
 import json
+import os
+import pty
 import re
+import struct
+import subprocess
+import termios
 import tomllib
 from pathlib import Path
 from typing import Any
@@ -10,6 +16,7 @@ import pytest
 from typer.testing import CliRunner, Result
 
 from tests.samples.clutter_scans import scan, write
+from tests.samples.command_line import ROOT, SONARMAP
 from tests.tools.cli.settings.test_setting import SETTINGS
 from tools.cli.main import app
 
@@ -41,19 +48,28 @@ class TestConfig:
         table = run("config").stdout
         assert [entry.key for entry in SETTINGS if not re.search(rf"^ +{entry.key} ", table, re.MULTILINE)] == []
 
-    def test_the_table_fits_80_columns(self) -> None:
-        lines = CliRunner(env={"COLUMNS": "80"}).invoke(app, ["config", "map"]).stdout.splitlines()
-        assert len(lines) < 60
+    def test_the_table_fits_80_columns(self, folder: Path) -> None:
+        (folder / "sonarmap.toml").write_text("[common]\nmax-tilt = 20\nmagnetic-declination = 2.5\n")
+        read, terminal = pty.openpty()
+        fcntl.ioctl(terminal, termios.TIOCSWINSZ, struct.pack("HHHH", 50, 80, 0, 0))
+        environment = {name: value for name, value in os.environ.items() if name != "COLUMNS"}
+        environment |= {"PYTHONPATH": str(ROOT), "TERM": "dumb"}
+        with os.fdopen(terminal, "wb") as stdout:
+            subprocess.run([*SONARMAP, "config", "map"], stdout=stdout, env=environment, check=True)
+        with os.fdopen(read, "rb") as shown:
+            lines = shown.read1(1 << 16).decode().splitlines()
+        assert max(map(len, lines)) <= 80
+        assert any(re.match(r"  magnetic-declination +deg +none +2\.5 +\[common\]", line) for line in lines)
 
     def test_what_is_in_force_and_from_where(self, folder: Path) -> None:
         (folder / "sonarmap.toml").write_text("[common]\ngrid = 96\nvoxel = 0.5\n[map]\ngrid = 64\nmax-speed = 2\n")
         rows = listed()
-        assert (rows["map", "grid"]["value"], rows["map", "grid"]["source"]) == (64, "sonarmap.toml [map]")
-        assert (rows["inspect", "grid"]["value"], rows["inspect", "grid"]["source"]) == (96, "sonarmap.toml [common]")
+        assert (rows["map", "grid"]["value"], rows["map", "grid"]["source"]) == (64, "map")
+        assert (rows["inspect", "grid"]["value"], rows["inspect", "grid"]["source"]) == (96, "common")
         assert rows["map", "voxel"]["value"] == 0.5
         assert rows["map", "max-speed"]["value"] == 2
         assert rows["bench", "grid"]["source"] == "default"
-        assert re.search(r"max-speed +m/s +learned +2 +sonarmap.toml \[map\]", run("config", "map").stdout)
+        assert re.search(r"max-speed +m/s +learned +2 +\[map\]", run("config", "map").stdout)
 
     def test_the_file_that_it_prints_is_one(self, folder: Path) -> None:
         text = run("config", "--toml").stdout
