@@ -15,7 +15,7 @@ from tools.doctor.child import Answers, answer, ask
 from tools.doctor.finding import Finding, Remedy
 
 _PROJECT = Path(__file__).resolve().parents[2] / "pyproject.toml"
-_SECONDS = 300.0  # to load all of them; on a cold disk a minute
+_SECONDS = 120.0  # to load all of them; on a cold disk a minute
 # What the extras of pyproject.toml are good for; "dev" is for who works on sonarmap itself.
 EXTRAS = {
     "peers": "--method kiss and gicp",

@@ -23,6 +23,7 @@ ConfigOption = Annotated[
     ),
 ]
 _KEY = "sonarmap.settings"  # in the context's meta
+MISUSE = 2  # the exit code for what the user can fix
 _ALL = "config"  # the verb that looks at the settings of all
 # What a setting of a file needs, so as to say anything: one of these.
 NEEDS: Mapping[str, tuple[str, ...]] = {
@@ -39,6 +40,8 @@ REPLACED: Mapping[str, str] = {
     "scheduler": "workers",
     "multicast": "unicast",
     "unicast": "multicast",
+    **dict.fromkeys(("scene", "trajectory", "sensor", "seed"), "like"),
+    **dict.fromkeys(("grid", "survey", "device"), "from_"),
 }
 
 
@@ -72,25 +75,41 @@ class VerbWithSettings(Verb):
 
     def invoke(self, ctx: Any) -> Any:
         """Run it."""
-        if (file := settings_file(ctx)) is not None:
-            _settle(ctx, file, {setting.name: setting for setting in settings_of({ctx.info_name: self})})
-        return super().invoke(ctx)
+        if (file := settings_file(ctx)) is None:
+            return super().invoke(ctx)
+        words = _settled(ctx, file, {setting.name: setting for setting in settings_of({ctx.info_name: self})})
+        silent = not words or ctx.params.get("quiet")
+        if not silent:
+            say(words)
+        try:
+            return super().invoke(ctx)
+        except typer.Exit as end:
+            if silent and words and end.exit_code == MISUSE:  # the error may be the file's
+                say(words)
+            raise
 
 
-def _settle(context: Any, file: SettingsFile, settings: Mapping[str, Setting]) -> None:
-    """What is written once for all runs must not stop the one that has no use for it."""
+def _settled(context: Any, file: SettingsFile, settings: Mapping[str, Setting]) -> str:
+    """Set aside what has no effect: what is written once for all runs must not stop the one that has no use for it.
+
+    Returns:
+        What came from the file, in words; "" for nothing.
+    """
     used = [name for name in settings if _source(context, name) == "DEFAULT_MAP"]
-    idle = [name for name in used if _is_idle(context, name)]
-    for name in idle:
-        parameter = settings[name].parameter
-        context.params[name] = parameter.process_value(context, parameter.default)
-        context.set_parameter_source(name, type(context.get_parameter_source(name)).DEFAULT)
-    if not used or context.params.get("quiet"):
-        return
+    idle: list[str] = []
+    # again, as what is set aside may be what another setting needs
+    while more := [name for name in used if name not in idle and _is_idle(context, name)]:
+        for name in more:
+            parameter = settings[name].parameter
+            context.params[name] = parameter.process_value(context, parameter.default)
+            context.set_parameter_source(name, type(context.get_parameter_source(name)).DEFAULT)
+        idle += more
+    if not used:
+        return ""
     in_force = [f"{settings[name].key} {in_words(context.params[name])}" for name in used if name not in idle]
-    without = ", ".join(settings[name].key for name in idle)
+    without = [settings[name].key for name in used if name in idle]
     words = f"settings from {file.path}: {', '.join(in_force) or 'none'}"
-    say(words + (f"; without effect here: {without}" if idle else ""))
+    return words + (f"; without effect here: {', '.join(without)}" if without else "")
 
 
 def _is_idle(context: Any, name: str) -> bool:

@@ -128,11 +128,11 @@ class TestInForce:
         """What is written once for all runs does not stop the one that has no use for it."""
         (folder / "sonarmap.toml").write_text(
             "[common]\nvoxel = 0.4\ngrid = 64\nyaw_peaks = 4\nmax-tilt = 20\nmount = '0,0,5'\n"
-            "prior-sigmas = '1,1,1,1'\n"
+            "prior-sigmas = '1,1,1,1'\npriors = 'gone.csv'\n"
         )
         result = run("register", *pair, "--method", "icp")
         assert "settings from sonarmap.toml: voxel 0.4; without effect here: grid, " in result.stderr
-        assert all(key in result.stderr for key in ("yaw-peaks", "mount", "prior-sigmas"))
+        assert all(key in result.stderr for key in ("yaw-peaks", "priors", "mount", "prior-sigmas"))
         assert result.exit_code in (0, 3)
         refused = run("register", *pair, "--method", "icp", "--yaw-peaks", "4")
         assert refused.exit_code == 2
@@ -143,6 +143,18 @@ class TestInForce:
         result = run("map", "nowhere", "-o", "out", "--scheduler", "tcp://127.0.0.1:1")
         assert "--workers" not in result.stderr
         assert "nowhere" in result.stderr
+
+    def test_a_value_that_only_the_run_can_refuse_is_said_to_be_the_file_s(self, folder: Path) -> None:
+        (folder / "sonarmap.toml").write_text("[map]\nunits = 'yard'\nquiet = true\n")
+        result = run("map", "nowhere", "-o", "out")
+        assert (result.exit_code, "'yard' is not known" in result.stderr) == (2, True)
+        assert "settings from sonarmap.toml: units yard, quiet true" in result.stderr
+
+    def test_an_earlier_simulation_replaces_the_scene_of_the_file(self, folder: Path) -> None:
+        (folder / "sonarmap.toml").write_text("[simulate]\nscene = 'harbor'\nseed = 5\n")
+        result = run("simulate", "--like", "gone.json", "-o", "out")
+        assert "without effect here: scene, seed" in result.stderr
+        assert "gone.json" in result.stderr
 
     def test_nothing_is_said_where_nothing_is_set(self, folder: Path, pair: list[str]) -> None:
         (folder / "sonarmap.toml").write_text("[simulate]\nscans = 4\n")
