@@ -40,7 +40,7 @@ def main(arguments: Sequence[str]) -> None:
     except ImportError as error:
         answer(unloadable=str(error))
         return
-    from kernels.errors import SonarmapError
+    from kernels.errors import DeviceError, SonarmapError
 
     try:
         answer(begins="testing the devices" if arguments else "trying the devices")
@@ -49,8 +49,10 @@ def main(arguments: Sequence[str]) -> None:
         device = choose_device()
         answer(chosen=device.selector)
         _say_what_fits(device)
-    except SonarmapError as error:
+    except DeviceError as error:
         answer(unavailable=str(error))
+    except SonarmapError as error:  # a variable of the environment
+        answer(refused=str(error))
     for file in driver_files():
         answer(begins=f"loading the driver of {file}")
         answer(driver=[str(file), driver_fault(file)])
@@ -79,8 +81,8 @@ def _unloadable(answers: Answers) -> Finding | None:
 
 
 def _ended(answers: Answers) -> Finding | None:
-    """A driver took the process with it, or hung."""
-    if not answers.end:
+    """A driver took the process with it, or hung, before there was a device."""
+    if not answers.end or answers.named("largest"):
         return None
     while_it = (answers.named("begins") or ["starting"])[-1]
     seen = f"while {while_it}: {answers.end}"
@@ -90,6 +92,8 @@ def _ended(answers: Answers) -> Finding | None:
 
 def _unavailable(answers: Answers) -> Finding | None:
     """There is no driver, or no device that works."""
+    if refusals := answers.named("refused"):
+        return Finding("OpenCL", "wrong", str(refusals[0]), details={"error": refusals[0]})
     if not (errors := answers.named("unavailable")):
         return None
     devices, drivers = _devices(answers), _drivers(answers)

@@ -157,6 +157,7 @@ def test_threads_that_are_no_number() -> None:
     checks = examined(sonarmap("doctor", "--json", "--quick", variables={"SONARMAP_THREADS": "two"}))
     assert checks["cores"]["verdict"] == "wrong"
     assert commands_of(checks["cores"]) == ["unset SONARMAP_THREADS"]
+    assert checks["OpenCL"]["seen"].startswith("the environment's SONARMAP_THREADS is 'two'")
 
 
 def test_a_locale_that_is_not_utf8() -> None:
