@@ -7,7 +7,7 @@ import pytest
 
 ROOT = Path(__file__).parents[1]
 PACKAGES = ("kernels", "spectral", "slam", "tools")
-PAGES = [ROOT / "README.md", ROOT / "CHANGELOG.md", *sorted((ROOT / "docs").glob("*.md"))]
+PAGES = [ROOT / "README.md", ROOT / "CHANGELOG.md", *sorted((ROOT / "docs").rglob("*.md"))]
 # In backticks any path of this repository; elsewhere, as in drawings, files of the packages and tests.
 PATHS = re.compile(r"`((?:kernels|spectral|slam|tools|tests|docs|\.ci)/[\w./-]*|[\w-]+\.(?:py|toml|sh))`")
 FILES = re.compile(r"\b(?:kernels|spectral|slam|tools|tests)/[\w./-]+\.(?:py|cl|sh)\b")
@@ -21,14 +21,18 @@ FOREIGN = {"BetweenFactorPose3", "RigidTransform"}  # GTSAM's, SciPy's
 README_LINES = 150
 
 
-@pytest.mark.parametrize("page", PAGES, ids=lambda page: page.name)
+def named(page: Path) -> str:
+    return page.relative_to(ROOT).as_posix()
+
+
+@pytest.mark.parametrize("page", PAGES, ids=named)
 def test_named_paths_exist(page: Path) -> None:
     text = page.read_text()
     named = {path for path in PATHS.findall(text) + FILES.findall(text) if not PLACEHOLDER.search(path)}
     assert not [path for path in sorted(named) if not (ROOT / path).exists()]
 
 
-@pytest.mark.parametrize("page", PAGES, ids=lambda page: page.name)
+@pytest.mark.parametrize("page", PAGES, ids=named)
 def test_names_are_in_the_files_that_are_named(page: Path) -> None:
     """`FORMATS` in `tools/readers/file.py`, and `Pair` (`slam/pair.py`)."""
     missing = []
@@ -39,7 +43,7 @@ def test_names_are_in_the_files_that_are_named(page: Path) -> None:
     assert not missing
 
 
-@pytest.mark.parametrize("page", PAGES, ids=lambda page: page.name)
+@pytest.mark.parametrize("page", PAGES, ids=named)
 def test_named_modules_define_what_is_named(page: Path) -> None:
     """`slam.map.point_map.fuse` is `fuse` of slam/map/point_map.py."""
     missing = []
@@ -51,7 +55,7 @@ def test_named_modules_define_what_is_named(page: Path) -> None:
     assert not missing
 
 
-@pytest.mark.parametrize("page", PAGES, ids=lambda page: page.name)
+@pytest.mark.parametrize("page", PAGES, ids=named)
 def test_named_classes_have_the_named_methods(page: Path) -> None:
     """`PlaceIndex` and `Translation.find`."""
     missing = []
@@ -62,7 +66,7 @@ def test_named_classes_have_the_named_methods(page: Path) -> None:
     assert not missing
 
 
-@pytest.mark.parametrize("page", PAGES, ids=lambda page: page.name)
+@pytest.mark.parametrize("page", PAGES, ids=named)
 def test_links_lead_somewhere(page: Path) -> None:
     missing = []
     for link in LINKS.findall(page.read_text()):
@@ -83,6 +87,19 @@ def test_the_readme_is_short() -> None:
     assert len((ROOT / "README.md").read_text().splitlines()) < README_LINES
 
 
+def test_the_readme_names_every_page_that_lies_directly_in_docs() -> None:
+    assert set((ROOT / "docs").glob("*.md")) <= linked_from(ROOT / "README.md")
+
+
 def test_every_page_is_reachable_from_the_readme() -> None:
-    linked = {Path(link.partition("#")[0]).name for link in LINKS.findall((ROOT / "README.md").read_text())}
-    assert {page.name for page in (ROOT / "docs").glob("*.md")} <= linked
+    reached: set[Path] = set()
+    waiting = [ROOT / "README.md"]
+    while waiting:
+        new = linked_from(waiting.pop()) - reached
+        reached |= new
+        waiting += [page for page in new if page.suffix == ".md"]
+    assert set(PAGES) - reached <= {ROOT / "README.md"}
+
+
+def linked_from(page: Path) -> set[Path]:
+    return {(page.parent / link.partition("#")[0]).resolve() for link in LINKS.findall(page.read_text())}
