@@ -46,7 +46,7 @@ class TestFolder:
         assert (tmp_path / "fake-seconds.csv").read_text().startswith("job,seconds\na,0.2500\n")
         words = (tmp_path / "fake.md").read_text()
         assert words.startswith("# A fake, Fig. 0\n\nSeeded numbers.\n\n**Claims**\n")
-        assert "    sonarmap reproduce fake\n" in words
+        assert "```sh\nsonarmap reproduce fake\n```\n" in words
         assert "a device" not in words
         assert (
             "5 jobs in 0 s on a device (OpenCL 3.0 X; a processor, 2 cores), with numpy 2."

@@ -47,7 +47,9 @@ REAL_INTRODUCTION = """# Real scans
 How well the registration works on scans that nobody simulated, compared with other methods on the same points and
 grids, each with its default settings.
 
-    sonarmap reproduce real DIR -o OUT
+```sh
+sonarmap reproduce real DIR -o OUT
+```
 
 registers every pair whose true transform is known. DIR, or each of several folders in it, is a set: scans in any
 format that `sonarmap register` reads, whose names end in a number (`7.npy`, `cloud_bin_7.ply`), and a file `gt.log`
@@ -80,7 +82,9 @@ sweeps, sparse, distorted and moving views, each with the errors that go with it
 known; [Kinds of scans](simulation.md#kinds-of-scans) says how, and what their sizes were taken from. All methods are
 compared on the same pairs and grids, each with its default settings.
 
-    sonarmap reproduce kinds -o OUT --workers 2 --page docs/kinds.md
+```sh
+sonarmap reproduce kinds -o OUT --workers 2 --page docs/kinds.md
+```
 
 registers 100 pairs of each kind; `--pairs` takes another number, `--method spectral` one method. A command that was
 stopped continues where it stopped when it is run again; after a change of the code it repeats only the jobs that the

@@ -83,7 +83,7 @@ def page_text(records: Sequence[Record], pictures: str, frame: Frame = FRAMES[AL
     """
     sections = [
         f"{section_text(record.section, 2, pictures)}\n### Times\n\n{times_text(record)}\nMade by\n\n"
-        f"    {record.command}\n"
+        f"```sh\n{record.command}\n```\n"
         for record in records
     ]
     tables = [_verdict_table(records, frame.beside), _run_table(records)]
