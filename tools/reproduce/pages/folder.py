@@ -112,7 +112,7 @@ def times_text(record: Record) -> str:
 def _page(record: Record) -> str:
     rows = f"[{record.name}.csv]({record.name}.csv)"
     times = f"[{record.name}-times.md]({record.name}-times.md)"
-    return f"{section_text(record.section, 1)}\nEvery row: {rows}. Times: {times}. Made by\n\n    {record.command}\n"
+    return f"{section_text(record.section, 1)}\nEvery row: {rows}. Times: {times}. Made by\n\n```sh\n{record.command}\n```\n"
 
 
 def _copy_pictures(drawn: Path, folder: Path, name: str, section: Section) -> None:

@@ -2,6 +2,8 @@
 
 PAPER_INTRODUCTION = """# The paper's experiments, reproduced
 
+<!-- not run: sonarmap reproduce: takes hours; tests/tools/reproduce runs each experiment in a small form -->
+
 Bülow and Birk, "Spectral registration of noisy sonar data for underwater 3D mapping", Autonomous Robots 30, 2011, doi
 10.1007/s10514-011-9221-8. The paper tests translation, rotation and both together on a simulated scene with four kinds
 of noise (Sect. 3), and builds a map from eighteen scans of the Lesumer Sperrwerk, a flood gate near Bremen, taken with
@@ -18,6 +20,8 @@ its 95 % confidence interval (Wilson's).
 """
 
 EVALUATION_INTRODUCTION = """# Evaluation on unseen pairs
+
+<!-- not run: sonarmap reproduce: takes hours; tests/tools/reproduce runs each experiment in a small form -->
 
 How well the registration works on pairs that had no part in its development: the scenes, poses and noise come from
 seeds that neither development nor the tests use. The results show what to expect on a new pair, as far as simulated
@@ -43,6 +47,8 @@ versions give the same rows, tables and pictures, byte for byte; only times and 
 """
 
 REAL_INTRODUCTION = """# Real scans
+
+<!-- not run: sonarmap reproduce: needs real scans with known transforms; tests/tools/reproduce/real has some -->
 
 How well the registration works on scans that nobody simulated, compared with other methods on the same points and
 grids, each with its default settings.
@@ -76,6 +82,8 @@ known to 2.5 degrees and 0.15 m, so an error of that size says nothing.
 """
 
 KINDS_INTRODUCTION = """# Every kind of scan
+
+<!-- not run: sonarmap reproduce: takes hours; tests/tools/reproduce runs each experiment in a small form -->
 
 How well the registration works on scans as different instruments make them: merged patches, swaths, stacked images,
 sweeps, sparse, distorted and moving views, each with the errors that go with it. All are simulated, so the truth is

@@ -1,0 +1,212 @@
+"""What pages start from: simulated scans, recordings and logs of one dive, under the names that the pages use.
+
+All but `A` and `B` are of the same few scans of a flood gate, so that logs and scans belong together.
+"""
+
+import csv
+import shutil
+from collections.abc import Callable
+from datetime import UTC, datetime, timedelta
+from pathlib import Path
+
+import numpy as np
+
+from tests.samples.bags.messages import CLOUD, ODOMETRY, cloud, odometry
+from tests.samples.bags.writers import write_ros1
+from tests.samples.command_line import sonarmap
+from tests.samples.dives import Dive
+from tests.samples.recordings import written
+from tools.readers.clouds.ply import read_ply
+from tools.readers.poses.tum import read_tum
+
+START = datetime(2026, 7, 1, 9, 30, tzinfo=UTC)
+STEP = 10.0  # [s] between the scans
+LATITUDE, LONGITUDE = 60.3913, 5.3221  # of the scene's origin
+METERS = 111_320.0  # in a degree of latitude
+ZONE = "EPSG:25832"
+FIELDS = (("x", "f4", 0), ("y", "f4", 4), ("z", "f4", 8), ("intensity", "f4", 12))
+POINTS = 6_000  # of a cloud of a bag
+
+
+class Inputs:
+    """Makes each input once, in a folder of its own, and copies it to where a page's commands run."""
+
+    def __init__(self, kept: Path) -> None:
+        """`kept` is a folder that may be filled."""
+        self.kept = kept
+
+    def give(self, name: str, folder: Path) -> None:
+        """The input of this name, in a folder."""
+        made = self.made(name)
+        if made.is_dir():
+            shutil.copytree(made, folder / name, dirs_exist_ok=True)
+        else:
+            shutil.copy(made, folder / name)
+
+    def made(self, name: str) -> Path:
+        """Where the input is, now that it is made."""
+        path = self.kept / name
+        if not path.exists():
+            INPUTS[name](self, path)
+        return path
+
+    def rows(self) -> list[dict[str, float]]:
+        """What instruments measured of each scan."""
+        with (self.made("scans") / "priors.csv").open() as file:
+            return [{key: float(cell) for key, cell in row.items() if key != "name"} for row in csv.DictReader(file)]
+
+    def points(self, scan: int) -> np.ndarray:
+        """(N, 4): x, y, z [m, sensor frame] and the strength."""
+        (found,) = read_ply((self.made("scans") / f"scan_{scan:03d}.ply").read_bytes())
+        assert found.strength is not None
+        return np.column_stack([found.points, found.strength])
+
+
+def time_of(scan: int) -> datetime:
+    return START + timedelta(seconds=STEP * scan)
+
+
+def place_of(row: dict[str, float]) -> tuple[float, float]:
+    """Latitude and longitude [deg]."""
+    latitude = LATITUDE + row["y_m"] / METERS
+    return latitude, LONGITUDE + row["x_m"] / (METERS * np.cos(np.deg2rad(LATITUDE)))
+
+
+def simulate(path: Path, *options: str) -> None:
+    ended = sonarmap("simulate", "-o", str(path), *options)
+    assert ended.returncode == 0, ended.stderr
+
+
+def scans(inputs: Inputs, path: Path) -> None:
+    measured = ("--priors", "attitude,heading,depth,position", "--fix-sigma", "1")
+    simulate(path, "--scene", "floodgate", "--scans", "8", "--seed", "1", *measured)
+
+
+def map_of(*names: str) -> Callable[[Inputs, Path], None]:
+    def make(inputs: Inputs, path: Path) -> None:
+        ended = sonarmap("map", *(str(inputs.made(name)) for name in names), "--grid", "64", "-o", str(path))
+        assert ended.returncode == 0, ended.stderr
+
+    return make
+
+
+def dive_folder(inputs: Inputs, path: Path) -> None:
+    """The scans with times."""
+    path.mkdir()
+    for k in range(len(inputs.rows())):
+        table = inputs.points(k)
+        stamp = time_of(k).timestamp()
+        np.savez(path / f"scan_{k}.npz", points=table[:, :3].astype(np.float32), strength=table[:, 3], stamp=stamp)
+
+
+def one_dive(number: int) -> Callable[[Inputs, Path], None]:
+    def make(inputs: Inputs, path: Path) -> None:
+        simulate(path, "--scene", "harbor", "--scans", "4", "--dive", str(number))
+
+    return make
+
+
+def sonar_recording(inputs: Inputs, path: Path) -> None:
+    written(path, Dive("rubble", shots=24, rate=1.0, speed=0.5).packets())
+
+
+def bag(inputs: Inputs, path: Path) -> None:
+    """Clouds and dead reckoning of the dive."""
+    poses = read_tum(inputs.made("scans") / "truth.tum").T_world_sensor
+    records = []
+    for k in range(len(inputs.rows())):
+        stamp = time_of(k).timestamp()
+        table = inputs.points(k)[:POINTS]
+        clouds = cloud(table, stamp, "base_link", fields=FIELDS, step=16)
+        records.append(("/sonar/points", CLOUD, stamp, clouds))
+        T = poses[0].inv() * poses[k]
+        turn = T.rotation.as_quat(canonical=True)
+        records.append(("/dvl/odom", ODOMETRY, stamp, odometry(stamp, T.translation.tolist(), turn.tolist())))
+    write_ros1(path, records)
+
+
+def vehicle_log(inputs: Inputs, path: Path) -> None:
+    lines = ["Time (UTC),Roll (deg),Pitch (deg),Heading (deg),Depth (m)"]
+    for k, row in enumerate(inputs.rows()):
+        cells = [row[name] for name in ("roll_deg", "pitch_deg", "heading_deg", "depth_m")]
+        lines.append(f"{time_of(k):%Y-%m-%dT%H:%M:%SZ}," + ",".join(f"{cell:.3f}" for cell in cells))
+    path.write_text("\n".join(lines) + "\n")
+
+
+def named_log(inputs: Inputs, path: Path) -> None:
+    """By the scans' names, without standard deviations."""
+    lines = ["name,roll_deg,pitch_deg,heading_deg,x_m,y_m,depth_m"]
+    columns = lines[0].split(",")[1:]
+    for k, row in enumerate(inputs.rows()):
+        lines.append(f"scan_{k:03d}," + ",".join(f"{row[name]:.3f}" for name in columns))
+    path.write_text("\n".join(lines) + "\n")
+
+
+def grid_log(inputs: Inputs, path: Path) -> None:
+    """Eastings, northings and grid headings."""
+    from pyproj import Proj, Transformer
+
+    convert, grid = Transformer.from_crs("EPSG:4326", ZONE, always_xy=True), Proj(ZONE)
+    lines = ["Time (UTC)\tEasting\tNorthing\tDepth (m)\tHeading\tRoll\tPitch"]
+    for k, row in enumerate(inputs.rows()):
+        latitude, longitude = place_of(row)
+        easting, northing = convert.transform(longitude, latitude)
+        heading = row["heading_deg"] - grid.get_factors(longitude, latitude).meridian_convergence
+        cells = (easting, northing, row["depth_m"], heading % 360, row["roll_deg"], row["pitch_deg"])
+        lines.append(f"{time_of(k):%Y-%m-%dT%H:%M:%SZ}\t" + "\t".join(f"{cell:.3f}" for cell in cells))
+    path.write_text("\n".join(lines) + "\n")
+
+
+def nmea_log(inputs: Inputs, path: Path) -> None:
+    sentences: list[str] = []
+    for k, row in enumerate(inputs.rows()):
+        clock = f"{time_of(k):%H%M%S}.00"
+        (north, east) = place_of(row)
+        latitude = f"{int(north):02d}{north % 1 * 60:010.7f}"
+        longitude = f"{int(east):03d}{east % 1 * 60:010.7f}"
+        sentences.append(f"GPZDA,{clock},{time_of(k):%d,%m,%Y},00,00")
+        sentences.append(f"GPGGA,{clock},{latitude},N,{longitude},E,4,12,0.8,0.0,M,0.0,M,,")
+        sentences.append(f"HEHDT,{row['heading_deg'] % 360:.2f},T")
+    path.write_text("".join(f"${text}*{checksum(text):02X}\r\n" for text in sentences))
+
+
+def checksum(sentence: str) -> int:
+    return int(np.bitwise_xor.reduce(np.frombuffer(sentence.encode(), np.uint8)))
+
+
+def one_scan(number: int) -> Callable[[Inputs, Path], None]:
+    def make(inputs: Inputs, path: Path) -> None:
+        if path.suffix == ".npy":
+            np.save(path, inputs.points(number)[:, :3])
+        else:
+            shutil.copy(inputs.made("scans") / f"scan_{number:03d}.ply", path)
+
+    return make
+
+
+def graph(inputs: Inputs, path: Path) -> None:
+    shutil.copy(inputs.made("map") / "graph.g2o", path)
+
+
+INPUTS: dict[str, Callable[[Inputs, Path], None]] = {
+    "scans": scans,
+    "map": map_of("scans"),
+    "dive": dive_folder,
+    "A": one_dive(1),
+    "B": one_dive(2),
+    "both": map_of("A", "B"),
+    "survey.sonar": sonar_recording,
+    "dive.sonar": sonar_recording,
+    "dive.bag": bag,
+    "rov.csv": vehicle_log,
+    "nav.csv": named_log,
+    "survey.txt": grid_log,
+    "ship.nmea": nmea_log,
+    "target.ply": one_scan(0),
+    "source.ply": one_scan(1),
+    "A.ply": one_scan(0),
+    "B.ply": one_scan(1),
+    "target.npy": one_scan(0),
+    "source.npy": one_scan(1),
+    "in.g2o": graph,
+}

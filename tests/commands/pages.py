@@ -1,0 +1,141 @@
+"""The commands of README and docs, page by page, in their order.
+
+A page says what it starts from, and what is not run and why, in comments that readers do not see:
+
+    <!-- commands: scans nav.csv -->                                     inputs, keys of INPUTS in inputs.py
+    <!-- not run: sonarmap record: needs a sonar on the network -->      the start of commands, and the reason
+"""
+
+import re
+import shlex
+from dataclasses import dataclass
+from functools import cache
+from pathlib import Path
+from typing import Literal
+
+import typer
+from typer.core import TyperCommand, TyperGroup
+
+from tools.cli.main import app
+
+ROOT = Path(__file__).parents[2]
+UsageError: type[Exception] = typer.BadParameter.__bases__[0]  # typer has click's in itself, under no public name
+PAGES = [ROOT / "README.md", *sorted((ROOT / "docs").rglob("*.md"))]
+_BLOCK = re.compile(r"^```(sh|console|python)\n(.*?)^```$", re.DOTALL | re.MULTILINE)
+_FENCED = re.compile(r"^```.*?^```$", re.DOTALL | re.MULTILINE)
+_INLINE = re.compile(r"(?<!`)`(sonarmap [^`]+)`(?!`)")
+_OPTION = re.compile(r"(?<![`\w])`(--?[a-z][\w-]*)[^`]*`")
+_STARTS = re.compile(r"<!-- commands: (.*?) -->")
+_NOT_RUN = re.compile(r"<!-- not run: (.*?): (.*?) -->")
+_PLACEHOLDER = re.compile(r"\.\.\.|\b(VERB|OUT|SCANS|TARGET|SOURCE|IN\.g2o|DIR|FILE|NAME|HOST)\b")
+
+
+@dataclass(frozen=True, slots=True)
+class Example:
+    """A command, or a program in Python, of a page.
+
+    Attributes:
+        text: as a shell or Python takes it.
+        language: of it.
+        inline: whether it stands in a sentence or a table.
+        not_run: why it is not run; empty where it is.
+    """
+
+    text: str
+    language: Literal["sh", "python"]
+    inline: bool
+    not_run: str
+
+
+def starts(page: Path) -> list[str]:
+    """What the page's commands start from."""
+    return [name for names in _STARTS.findall(page.read_text()) for name in names.split()]
+
+
+def not_run(page: Path) -> list[tuple[str, str]]:
+    """The start of commands that are not run, and why."""
+    return _NOT_RUN.findall(page.read_text())
+
+
+@cache
+def examples(page: Path) -> tuple[Example, ...]:
+    """Every command of the page, in the page's order; of a sentence those alone that are complete."""
+    text, reasons = page.read_text(), not_run(page)
+    found: list[tuple[int, Example]] = []
+    for block in _BLOCK.finditer(text):
+        if block[1] == "python":
+            found.append((block.start(), _example(block[2], "python", False, reasons)))
+        else:
+            found += [(block.start(), _example(line, "sh", False, reasons)) for line in _commands(block[2])]
+    for span in _INLINE.finditer(_FENCED.sub(lambda fenced: " " * len(fenced[0]), text)):
+        example = _example(" ".join(span[1].split()), "sh", True, reasons)
+        if is_complete(example.text):
+            found.append((span.start(), example))
+    ordered = [example for _, example in sorted(found, key=lambda item: item[0])]
+    return tuple(dict.fromkeys(ordered))  # what is there twice, once
+
+
+def mentions(page: Path) -> list[str]:
+    """What sentences say of commands, complete or not: `sonarmap map ... --export laz`."""
+    return [" ".join(span.split()) for span in _INLINE.findall(_FENCED.sub("", page.read_text()))]
+
+
+def options(page: Path) -> set[str]:
+    """Options that sentences name by themselves: `--grid N`."""
+    return set(_OPTION.findall(_FENCED.sub("", page.read_text())))
+
+
+def _example(text: str, language: Literal["sh", "python"], inline: bool, reasons: list[tuple[str, str]]) -> Example:
+    reason = next((why for start, why in reasons if text.startswith(start)), "")
+    return Example(text, language, inline, reason)
+
+
+def _commands(block: str) -> list[str]:
+    """The lines of a shell's block, with those joined that a backslash continues, without comments."""
+    lines = block.replace("\\\n", " ").splitlines()
+    return [line for line in (line.partition(" #")[0].strip() for line in lines) if line and not line.startswith("#")]
+
+
+@cache
+def verbs() -> dict[str, TyperCommand]:
+    group = typer.main.get_command(app)
+    assert isinstance(group, TyperGroup)
+    return {name: verb for name, verb in group.commands.items() if isinstance(verb, TyperCommand)}
+
+
+def all_options() -> set[str]:
+    """Of all verbs, long and short."""
+    return {"--version", "--debug"}.union(*(options_of(verb) for verb in verbs()))
+
+
+def options_of(verb: str) -> set[str]:
+    named = {name for option in verbs()[verb].params for name in (*option.opts, *option.secondary_opts)}
+    return {*named, "--help", "-h"}
+
+
+def words_of(text: str) -> list[str]:
+    """The words of a command of sonarmap, without what stands before it: variables, and what follows a pipe or &&."""
+    words = shlex.split(text)
+    return words[words.index("sonarmap") + 1 :] if "sonarmap" in words else []
+
+
+def parse(text: str) -> None:
+    """Take the command apart as the real command line does; nothing is run.
+
+    Raises:
+        UsageError: there is no such verb or option, or something is missing.
+    """
+    verb, *arguments = words_of(text)
+    if verb not in verbs():
+        raise UsageError(f"there is no verb {verb!r}")
+    verbs()[verb].make_context(verb, arguments)
+
+
+def is_complete(text: str) -> bool:
+    if _PLACEHOLDER.search(text):
+        return False
+    try:
+        parse(text)
+    except UsageError:
+        return False
+    return True

@@ -1,0 +1,61 @@
+"""Every verb and option that README and docs name exists, by the real command line; nothing is run here."""
+
+import shlex
+from pathlib import Path
+
+import pytest
+
+from tests.commands.inputs import INPUTS
+from tests.commands.pages import (
+    PAGES,
+    ROOT,
+    all_options,
+    examples,
+    mentions,
+    options,
+    options_of,
+    parse,
+    starts,
+    verbs,
+    words_of,
+)
+
+# Options of other programs that sentences name.
+FOREIGN = {"-m", "--no-deps", "--quiet"}
+
+
+def named(page: Path) -> str:
+    return page.relative_to(ROOT).as_posix()
+
+
+@pytest.mark.parametrize("page", PAGES, ids=named)
+def test_commands_of_blocks_are_complete(page: Path) -> None:
+    for example in examples(page):
+        if not example.inline and example.language == "sh" and words_of_shell(example.text):
+            parse(example.text)  # or it says what is wrong
+
+
+def words_of_shell(text: str) -> list[str]:
+    """Of a command line that begins with sonarmap, maybe after variables."""
+    words = [word for word in shlex.split(text) if "=" not in word or word.startswith("-")]
+    return words_of(text) if words[:1] == ["sonarmap"] else []
+
+
+@pytest.mark.parametrize("page", PAGES, ids=named)
+def test_verbs_and_options_that_sentences_name_exist(page: Path) -> None:
+    wrong = []
+    for text in mentions(page):
+        verb, *rest = words_of(text)
+        if verb in ("VERB", "--help", "--version"):
+            continue
+        if verb not in verbs():
+            wrong.append(text)
+            continue
+        wrong += [text for word in rest if word.startswith("-") and word.partition("=")[0] not in options_of(verb)]
+    assert not wrong
+    assert options(page) - all_options() <= FOREIGN
+
+
+@pytest.mark.parametrize("page", PAGES, ids=named)
+def test_pages_start_from_what_there_is(page: Path) -> None:
+    assert set(starts(page)) <= set(INPUTS)
