@@ -84,7 +84,8 @@ def headings(page: Path) -> set[str]:
 
 
 def test_the_readme_is_short() -> None:
-    assert len((ROOT / "README.md").read_text().splitlines()) < README_LINES
+    lines = (ROOT / "README.md").read_text().splitlines()
+    assert len([line for line in lines if not line.startswith("<!--")]) < README_LINES
 
 
 def test_the_readme_names_every_page_that_lies_directly_in_docs() -> None:

@@ -62,7 +62,7 @@ def _explained_errors(client: Any, address: str) -> Iterator[None]:
     from distributed import KilledWorker
     from distributed.comm.core import CommClosedError
 
-    kept = "What is done is kept, and the same command goes on from there."
+    kept = "What is done is kept, and the same command continues from there."
     try:
         yield
     except (KilledWorker, CancelledError, CommClosedError, TimeoutError) as error:
@@ -201,7 +201,7 @@ class _Scattered:
         except OSError as error:
             raise InputError(
                 f"no worker of the cluster can be sent a scan ({error}). Start some; what is done is kept, and the "
-                "same command goes on from there."
+                "same command continues from there."
             ) from error
 
 

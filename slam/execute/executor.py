@@ -91,7 +91,7 @@ class Executor:
             if not self.worker_count():
                 raise InputError(
                     f"the cluster has had no worker for {PATIENCE:g} s. Start some; what is done is kept, and the "
-                    "same command goes on from there."
+                    "same command continues from there."
                 )
         return done
 

@@ -193,7 +193,7 @@ class Journal:
                 raise self.unusable(str(error)) from error
             raise InputError(
                 f"cannot write {self.path}: {error}. Choose another output folder, or make room and check its "
-                "permissions; what the journal holds is kept, and the same command goes on from there. "
+                "permissions; what the journal holds is kept, and the same command continues from there. "
                 "'sonarmap doctor OUT' looks at a folder OUT and its disk."
             ) from error
 

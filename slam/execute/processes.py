@@ -64,5 +64,5 @@ def _ended() -> Exception:
 
     return InputError(
         "a process of `workers` ended before its time, as happens where memory is short; use fewer. What is done is "
-        "kept, and the same command goes on from there."
+        "kept, and the same command continues from there."
     )

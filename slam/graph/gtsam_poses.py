@@ -76,7 +76,7 @@ def chordal_start(factors: gtsam.NonlinearFactorGraph, count: int) -> RigidTrans
         warnings.simplefilter("ignore", MatrixRankWarning)  # told below
         t = np.asarray(spsolve(normal, differences.T @ wanted)).reshape(count, 3)
     if not np.isfinite(t).all():
-        raise RuntimeError("the measurements do not tell every translation")
+        raise RuntimeError("the measurements do not fix every translation")
     return RigidTransform.from_components(t, Rotation.from_matrix(R))
 
 

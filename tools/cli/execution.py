@@ -95,7 +95,7 @@ def _what_is_kept(pairs: int, journal: Path, fresh: bool) -> str:
         return "no pair was done yet, and nothing was written"
     done = "1 pair is done" if pairs == 1 else f"{pairs} pairs are done"
     without = " without --fresh" if fresh else ""
-    return f"{done} and kept in {journal}; the same command{without} goes on from there"
+    return f"{done} and kept in {journal}; the same command{without} continues from there"
 
 
 @contextmanager

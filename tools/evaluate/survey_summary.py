@@ -115,7 +115,7 @@ def _tried_pairs(path: Path, summary: _Summary) -> tuple[TriedPair, ...]:
     pairs = read_pairs(table, len(summary.scans))
     if len(pairs) != summary.pairs.tried:
         raise InputError(
-            f"{path} tells of {summary.pairs.tried} pairs, and {table} has {len(pairs)}; give both files of one map, "
+            f"{path} counts {summary.pairs.tried} pairs, and {table} has {len(pairs)}; give both files of one map, "
             "whole"
         )
     return pairs

@@ -34,7 +34,7 @@ class Watch:
 def _silence_words(status: Status) -> str:
     silent = f"for {status.silence:.0f} s"
     if status.tally.packets:
-        return f"nothing has come {silent}. Look at the sonar's power and its cable; the recording goes on."
+        return f"nothing has come {silent}. Look at the sonar's power and its cable; the recording continues."
     source = status.settings.source
     wanted = f" of a sonar at {status.settings.sonar}" if status.settings.sonar else ""
     return (

@@ -124,7 +124,7 @@ def test_stopped_again_and_again_it_goes_on(work: Work, undisturbed: list[str]) 
 
 
 def test_a_worker_that_is_killed_is_told_and_what_is_done_is_kept(work: Work, undisturbed: list[str]) -> None:
-    with pytest.raises(InputError, match=r"ended before its time.* goes on from there"):
+    with pytest.raises(InputError, match=r"ended before its time.* continues from there"):
         work.run("processes 1", ending="kill 7 8")
     begun = work.registered()
     assert len(begun) >= 4

@@ -148,7 +148,7 @@ def test_stopped_while_it_maps(out: Path, scans: list[str]) -> None:
     assert mapping.returncode == 130
     assert printed == ""
     assert "done and kept in" in told.splitlines()[-1]
-    assert told.endswith("journal.sqlite; the same command goes on from there\n")
+    assert told.endswith("journal.sqlite; the same command continues from there\n")
     assert "Traceback" not in told
     assert results_in(out) == before
 

@@ -170,7 +170,7 @@ def test_options_that_do_not_go_together_are_refused(files: Path, options: list[
         ({"scans": [{"stamp": "late"}]}, "scans.0.stamp"),
         ({"scans": [{"stamp": 0.0, "covariance": [[1.0]]}]}, "reshape"),
         ({"pairs": {"tried": "many"}}, "pairs.tried"),
-        ({"pairs": {"tried": 8}}, r"summary.json tells of 8 pairs, and .*pairs.csv has 9; give both"),
+        ({"pairs": {"tried": 8}}, r"summary.json counts 8 pairs, and .*pairs.csv has 9; give both"),
         ({"pairs": [{"target": 0, "source": 1}]}, "earlier version.* map again"),
         ({"components": []}, "no component"),
     ],

@@ -58,13 +58,13 @@ def read_odometry(
         raise InputError(
             f"{path}: wanted two poses or more with stamps that ascend; pose {pose} does not; sort its rows"
         )
-    told = _within(stamps, times)
-    if told.sum() < 2:
-        raise InputError(f"{path} tells of {int(told.sum())} of the {len(scans)} scans: {why_apart(stamps, times)}")
-    if not told.all():
-        bare = [scans[k].name for k in np.flatnonzero(~told).tolist()]
-        notes.append(f"{path} tells nothing of {len(bare)} of {len(scans)} scans: {bare[0]}{' ...' * (len(bare) > 1)}")
-    indices = np.flatnonzero(told)
+    covered = _within(stamps, times)
+    if covered.sum() < 2:
+        raise InputError(f"{path} covers {int(covered.sum())} of the {len(scans)} scans: {why_apart(stamps, times)}")
+    if not covered.all():
+        bare = [scans[k].name for k in np.flatnonzero(~covered).tolist()]
+        notes.append(f"{path} does not cover {len(bare)} of {len(scans)} scans: {bare[0]}{' ...' * (len(bare) > 1)}")
+    indices = np.flatnonzero(covered)
     at = np.clip(times[indices], stamps[0], stamps[-1])
     places, R = trajectory.T_world_sensor.translation, trajectory.T_world_sensor.rotation
     translation = np.column_stack([np.interp(at, stamps, places[:, axis]) for axis in range(3)])

@@ -31,8 +31,8 @@ def read_pair(estimate: Path, *truths: Path) -> tuple[Trajectory, Trajectory]:
         if stamped == _is_kitti(truth):
             with_stamps, without = (estimate, truth) if stamped else (truth, estimate)
             raise InputError(
-                f"{without} is a KITTI file, whose poses have no stamps, and {with_stamps} is none: which poses belong "
-                "together cannot be told. Give two files of one format."
+                f"{without} is a KITTI file, whose poses have no stamps, and {with_stamps} is none, so it is unknown "
+                "which poses belong together. Give two files of one format."
             )
     read = tum.read_tum if stamped else kitti.read_kitti
     return read(estimate), in_order([read(truth) for truth in truths])

@@ -207,7 +207,7 @@ def test_stopped_it_ends_its_workers_and_goes_on(
     printed, told = mapping.communicate(timeout=60)
     assert (mapping.returncode, printed) == (130, "")
     assert "done and kept in" in told.splitlines()[-1]
-    assert told.endswith("journal.sqlite; the same command goes on from there\n")
+    assert told.endswith("journal.sqlite; the same command continues from there\n")
     assert "Traceback" not in told
     assert _is_gone(mapping.pid)
     assert run(scans, tmp_path)[0] == results(undisturbed)

@@ -122,7 +122,7 @@ def test_odometry_of_the_recording(dives: dict[str, Path], tmp_path: Path, kind:
     assert [s["name"] for s in summary["scans"]] == [f"dive#{k}" for k in range(COUNT)]
     result = sonarmap("map", dives["ply"], "-o", tmp_path / "other", *GRID, "--odometry", dives[kind])
     assert result.exit_code == 2
-    said(result, f"error: {dives[kind]} tells of 0 of the 3 scans: the rows run from {STAMP}.000 s")
+    said(result, f"error: {dives[kind]} covers 0 of the 3 scans: the rows run from {STAMP}.000 s")
 
 
 def test_scans_of_a_recording_are_registered(dives: dict[str, Path]) -> None:

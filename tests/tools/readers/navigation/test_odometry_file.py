@@ -42,7 +42,7 @@ def test_scans_outside_of_its_time_and_in_gaps_are_told(tmp_path: Path) -> None:
     notes: list[str] = []
     odometry = read_odometry(path, scans(1.0, 2.2, 10.0, 16.0, 30.0), 0.01, 0.0, notes)
     np.testing.assert_array_equal(odometry.scans, [0, 1, 3])
-    assert notes == [f"{path} tells nothing of 2 of 5 scans: scan2 ..."]
+    assert notes == [f"{path} does not cover 2 of 5 scans: scan2 ..."]
 
 
 def test_csv_has_the_columns_of_a_priors_file(tmp_path: Path) -> None:
@@ -74,7 +74,7 @@ def test_csv_that_cannot_be_used_is_refused(tmp_path: Path, text: str, words: st
 
 
 def test_other_clocks_and_orders_are_refused(tmp_path: Path) -> None:
-    with pytest.raises(InputError, match=r"tells of 0 of the 2 scans: the rows run from 0\.000 s to 19\.500 s"):
+    with pytest.raises(InputError, match=r"covers 0 of the 2 scans: the rows run from 0\.000 s to 19\.500 s"):
         read_odometry(written(tmp_path), scans(1000.0, 1001.0), 0.01, 0.0)
     back = np.concatenate([TIMES[:3], TIMES[2:]])
     with pytest.raises(InputError, match="ascend; pose 3 does not"):

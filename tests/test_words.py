@@ -1,0 +1,72 @@
+"""Plain English: words that puzzle readers stand neither on pages nor in messages nor in the help."""
+
+import ast
+import re
+from collections.abc import Iterator
+from pathlib import Path
+
+import pytest
+
+ROOT = Path(__file__).parents[1]
+PACKAGES = ("kernels", "spectral", "slam", "tools")
+PAGES = [ROOT / "README.md", *sorted((ROOT / "docs").rglob("*.md"))]
+REFUSED = {  # pattern: what a colleague would say
+    r"\bhears?\b|\bheard\b": "--x has no effect with y",
+    r"\bparted by\b": "separated by",
+    r"\bmend(s|ed|ing)?\b": "fix, correct",
+    r"\btold\b": "reported, shown, distinguished",
+    r"\btells? (of|nothing of)\b": "covers, describes",
+    r"\bspeaks? (for|against)\b": "evidence, reasons",
+    r"\bby (its|their) looks\b": "by appearance",
+    r"\btaken at (its|their) word\b": "believed",
+    r"\b(un)?settled?\b": "decided, stable",
+    r"\bhand(s|ed)? in\b": "give, pass",
+    r"\bcontinues from there\b": "continues from there",
+    r"\bvouch(es)?\b": "certifies",
+    r"\b(crew|contest|settlement)\b": "the field's term",
+}
+
+
+def named(page: Path) -> str:
+    return page.relative_to(ROOT).as_posix()
+
+
+def refused_in(text: str) -> list[str]:
+    """What is refused, each with what to say instead."""
+    words = " ".join(text.split())
+    return [
+        f"{match[0]!r}: say {instead!r}"
+        for pattern, instead in REFUSED.items()
+        for match in re.finditer(pattern, words, re.IGNORECASE)
+    ]
+
+
+@pytest.mark.parametrize("page", PAGES, ids=named)
+def test_pages_are_in_plain_english(page: Path) -> None:
+    assert not refused_in(page.read_text())
+
+
+@pytest.mark.parametrize("package", PACKAGES)
+def test_messages_are_in_plain_english(package: str) -> None:
+    found = {
+        f"{named(path)}:{line}": wrong
+        for path in sorted((ROOT / package).rglob("*.py"))
+        for line, text in messages_in(path)
+        if (wrong := refused_in(text))
+    }
+    assert not found
+
+
+def messages_in(path: Path) -> Iterator[tuple[int, str]]:
+    """The strings of a file with their lines; of docstrings those of verbs alone, which are the help."""
+    tree = ast.parse(path.read_text())
+    docstrings = {
+        id(node.body[0].value)
+        for node in ast.walk(tree)
+        if isinstance(node, ast.Module | ast.ClassDef | ast.FunctionDef)
+        and isinstance(node.body[0], ast.Expr)
+        and getattr(node, "name", "") != "command"
+    }
+    for node in ast.walk(tree):
+        if isinstance(node, ast.Constant) and isinstance(node.value, str) and id(node) not in docstrings:
+            yield node.lineno, node.value
