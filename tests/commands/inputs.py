@@ -25,7 +25,7 @@ LATITUDE, LONGITUDE = 60.3913, 5.3221  # of the scene's origin
 METERS = 111_320.0  # in a degree of latitude
 ZONE = "EPSG:25832"
 FIELDS = (("x", "f4", 0), ("y", "f4", 4), ("z", "f4", 8), ("intensity", "f4", 12))
-POINTS = 6_000  # of a cloud of a bag
+EVERY = 3  # point of a cloud of a bag
 
 
 class Inputs:
@@ -52,7 +52,7 @@ class Inputs:
 
     def rows(self) -> list[dict[str, float]]:
         """What instruments measured of each scan."""
-        with (self.made("scans") / "priors.csv").open() as file:
+        with (self.made("measured") / "priors.csv").open() as file:
             return [{key: float(cell) for key, cell in row.items() if key != "name"} for row in csv.DictReader(file)]
 
     def points(self, scan: int) -> np.ndarray:
@@ -78,8 +78,13 @@ def simulate(path: Path, *options: str) -> None:
 
 
 def scans(inputs: Inputs, path: Path) -> None:
-    measured = ("--priors", "attitude,heading,depth,position", "--fix-sigma", "1")
-    simulate(path, "--scene", "floodgate", "--scans", "8", "--seed", "1", *measured)
+    simulate(path, "--scene", "floodgate", "--scans", "8", "--seed", "1")
+
+
+def measured(inputs: Inputs, path: Path) -> None:
+    """The same scans with what instruments measured of them."""
+    priors = ("--priors", "attitude,heading,depth,position", "--fix-sigma", "1")
+    simulate(path, "--scene", "floodgate", "--scans", "8", "--seed", "1", *priors)
 
 
 def map_of(*names: str) -> Callable[[Inputs, Path], None]:
@@ -116,7 +121,7 @@ def bag(inputs: Inputs, path: Path) -> None:
     records = []
     for k in range(len(inputs.rows())):
         stamp = time_of(k).timestamp()
-        table = inputs.points(k)[:POINTS]
+        table = inputs.points(k)[::EVERY]
         clouds = cloud(table, stamp, "base_link", fields=FIELDS, step=16)
         records.append(("/sonar/points", CLOUD, stamp, clouds))
         T = poses[0].inv() * poses[k]
@@ -158,14 +163,19 @@ def grid_log(inputs: Inputs, path: Path) -> None:
 
 
 def nmea_log(inputs: Inputs, path: Path) -> None:
+    """A sentence of each kind per second, as a ship's computer records them."""
+    rows = inputs.rows()
+    seconds = np.arange(0, STEP * (len(rows) - 1) + 1)
+    between = {name: np.interp(seconds, STEP * np.arange(len(rows)), [row[name] for row in rows]) for name in rows[0]}
     sentences: list[str] = []
-    for k, row in enumerate(inputs.rows()):
-        clock = f"{time_of(k):%H%M%S}.00"
+    for k in range(len(seconds)):
+        row = {name: float(values[k]) for name, values in between.items()}
+        now = START + timedelta(seconds=float(seconds[k]))
         (north, east) = place_of(row)
         latitude = f"{int(north):02d}{north % 1 * 60:010.7f}"
         longitude = f"{int(east):03d}{east % 1 * 60:010.7f}"
-        sentences.append(f"GPZDA,{clock},{time_of(k):%d,%m,%Y},00,00")
-        sentences.append(f"GPGGA,{clock},{latitude},N,{longitude},E,4,12,0.8,0.0,M,0.0,M,,")
+        sentences.append(f"GPZDA,{now:%H%M%S}.00,{now:%d,%m,%Y},00,00")
+        sentences.append(f"GPGGA,{now:%H%M%S}.00,{latitude},N,{longitude},E,4,12,0.8,0.0,M,0.0,M,,")
         sentences.append(f"HEHDT,{row['heading_deg'] % 360:.2f},T")
     path.write_text("".join(f"${text}*{checksum(text):02X}\r\n" for text in sentences))
 
@@ -190,6 +200,7 @@ def graph(inputs: Inputs, path: Path) -> None:
 
 INPUTS: dict[str, Callable[[Inputs, Path], None]] = {
     "scans": scans,
+    "measured": measured,
     "map": map_of("scans"),
     "dive": dive_folder,
     "A": one_dive(1),

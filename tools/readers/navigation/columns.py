@@ -69,7 +69,10 @@ def columns_of(header: Sequence[str], settings: NavigationSettings, sigmas: Mapp
     if not is_own:
         _drop_lone(of, notes)
     _check_measured(of, sigmas, is_own)
-    left = [header[k] for k in range(len(header)) if header[k] and k not in {c.index for c in of.values()}]
+    used = {column.index for column in of.values()}
+    left = [heading for k, heading in enumerate(header) if heading and k not in used]
+    if is_own and left == ["stamp"]:
+        left = []  # `sonarmap template` writes it beside the name, which counts
     if left:
         notes.append(f"not used: the columns {', '.join(repr(heading) for heading in left)}")
     return Columns(of, is_own, tuple(notes))

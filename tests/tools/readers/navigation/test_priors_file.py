@@ -125,9 +125,11 @@ class TestRows:
         assert [scan.prior and -scan.prior.T_world_sensor.translation[2] for scan in scans] == [4, None, 3]
 
     def test_where_there_are_names_and_stamps_names_count(self, path: Path) -> None:
-        """As in a template."""
-        scans = read(path, "name,stamp,depth_m,depth_sigma_m\nfirst,100,1.5,0.1\nrec#3,7,,\n")
+        """As in a template; nothing has to be said of it."""
+        notes: list[str] = []
+        scans = read(path, "name,stamp,depth_m,depth_sigma_m\nfirst,100,1.5,0.1\nrec#3,7,,\n", notes=notes)
         assert [scan.prior is None for scan in scans] == [False, True, True]
+        assert not notes
 
     def test_defaults_stand_in_where_the_file_says_nothing(self, path: Path) -> None:
         text = "name,depth_m,x_m,y_m,x_sigma_m,y_sigma_m\nfirst,1,2,3,7,8\nrec#3,1,2,3,,9\n"
