@@ -110,7 +110,7 @@ def left_out_table(rows: Sequence[Row]) -> Table:
         "median nees",
     )
     return Table(
-        "Probability and scale of the covariance, fitted to all kinds but one and judged on it", headings, tuple(lines)
+        "Probability and scale of the covariance, fitted to all kinds but one and tested on it", headings, tuple(lines)
     )
 
 
