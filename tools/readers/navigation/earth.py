@@ -49,7 +49,7 @@ def local_places(
     geodetic = np.column_stack([values[known, 4], values[known, 3], heights])
     if not are_degrees:
         try:
-            projection = Projection.of(Georeference(0.0, 0.0), settings.crs)
+            projection = Projection.of(_about(settings.crs, *values[known][0, 3:5].tolist()), settings.crs)
             geodetic = projection.unproject(np.column_stack([values[known, 3:5], heights]))
         except InputError as error:
             raise InputError(str(error).replace("--crs", "--nav-crs")) from error
@@ -65,6 +65,18 @@ def local_places(
     geodetic[:, 2] += origin.height
     values[known, 3:5] = origin.local(geodetic)[:, :2]
     return values, origin
+
+
+def _about(crs: str | None, easting: float, northing: float) -> Georeference:
+    """Where a place of a CRS lies, by its own datum: what relates that datum to WGS84 depends on the region."""
+    from pyproj import Proj
+    from pyproj.exceptions import ProjError
+
+    try:
+        longitude, latitude = Proj(crs)(easting, northing, inverse=True)
+        return Georeference(float(latitude), float(longitude))
+    except (ProjError, InputError):
+        return Georeference(0.0, 0.0)  # `Projection` says what is wrong
 
 
 def grid_of(settings: NavigationSettings, georeference: Georeference | None) -> Projection:

@@ -41,13 +41,17 @@ def test_ways_are_those_of_the_geodesic(path: Path, place: tuple[float, float]) 
     np.testing.assert_allclose(np.degrees(np.arctan2(x[1:], y[1:])), [35, 160], atol=1e-3)
 
 
-def test_eastings_and_northings_are_places(path: Path) -> None:
-    """Projected by PROJ itself; the map's axes are not the grid's, whose North is 2.6 degrees off here."""
+@pytest.mark.parametrize("epsg", [32632, 25832, 3067])
+def test_eastings_and_northings_are_places(path: Path, epsg: int) -> None:
+    """Projected by PROJ itself; the map's axes are not the grid's, whose North is 2.6 degrees off here.
+
+    The latter two are of ETRS89, which PROJ relates to WGS84 in Europe alone.
+    """
     lon, lat, _ = GEOD.fwd([12.0] * 3, [60.0] * 3, [0, 0, 90], [0, 500, 500])
-    to_grid = Transformer.from_crs(4326, 32632, always_xy=True)
+    to_grid = Transformer.from_crs(4326, epsg, always_xy=True)
     easting, northing = to_grid.transform(lon, lat)
     text = log("Easting;Northing", *(f"{e:.4f};{n:.4f}" for e, n in zip(easting, northing, strict=True)))
-    settings = NavigationSettings(crs="EPSG:32632", origin=Georeference(60.0, 12.0))
+    settings = NavigationSettings(crs=f"EPSG:{epsg}", origin=Georeference(60.0, 12.0))
     values, _ = read(path, text, settings)
     np.testing.assert_allclose(values[:, 3:5], [[0, 0], [0, 500], [500, 0]], atol=0.02)
     assert abs(easting[1] - easting[0]) > 20  # what a shift would do
