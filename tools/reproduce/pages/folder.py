@@ -112,7 +112,8 @@ def times_text(record: Record) -> str:
 def _page(record: Record) -> str:
     rows = f"[{record.name}.csv]({record.name}.csv)"
     times = f"[{record.name}-times.md]({record.name}-times.md)"
-    return f"{section_text(record.section, 1)}\nEvery row: {rows}. Times: {times}. Made by\n\n```sh\n{record.command}\n```\n"
+    made = f"Every row: {rows}. Times: {times}. Made by\n\n```sh\n{record.command}\n```\n"
+    return f"{section_text(record.section, 1)}\n{made}"
 
 
 def _copy_pictures(drawn: Path, folder: Path, name: str, section: Section) -> None:
