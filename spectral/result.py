@@ -35,7 +35,7 @@ class Registration:
         T_by_scans, covariance_by_scans: what the scans alone say, where instruments, or how the vehicle usually moves,
             took part in T_target_source; in the same units, None where they did not. A graph that holds the
             instruments' measurements as well would otherwise count them twice: `by_scans` is for it.
-        evidence: what speaks for the transform, as numbers by name; docs/registration.md explains them.
+        evidence: the numbers behind the transform, by name; docs/registration.md explains them.
     """
 
     T_target_source: RigidTransform

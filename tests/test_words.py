@@ -9,7 +9,7 @@ import pytest
 
 ROOT = Path(__file__).parents[1]
 PACKAGES = ("kernels", "spectral", "slam", "tools")
-PAGES = [ROOT / "README.md", *sorted((ROOT / "docs").rglob("*.md"))]
+PAGES = [ROOT / "README.md", ROOT / "CHANGELOG.md", *sorted((ROOT / "docs").rglob("*.md"))]
 REFUSED = {  # pattern: what a colleague would say
     r"\bhears?\b|\bheard\b": "--x has no effect with y",
     r"\bparted by\b": "separated by",

@@ -331,7 +331,7 @@ class Solution:
         """(m,) how far registrations of pairs, (m, 2) int, that are no edges are from the poses [sigmas], under their
         covariances and the poses'.
 
-        What is surely farther than `most` is told as infinitely far: for thousands of pairs anywhere in a large graph
+        What is surely farther than `most` counts as infinitely far: for thousands of pairs anywhere in a large graph
         that saves most of the time.
         """
         if not len(pairs):

@@ -25,7 +25,7 @@ class Odometry:
     """Dead reckoning at the scans' times.
 
     Attributes:
-        scans: (n,) int, ascending: the scans that it tells of.
+        scans: (n,) int, ascending: the scans that it covers.
         T_odom_sensor: n poses, in any frame that does not jump.
         times: (n,) [s], of these scans.
         drift: standard deviation of the way, as a share of it.
@@ -61,7 +61,7 @@ class Odometry:
         """T_i_j and how sure it is: its error is the same all the way, so that it grows with it.
 
         Args:
-            i, j: of scans that it tells of.
+            i, j: of scans that it covers.
             floor: (6,) standard deviations that are granted beside [rad, m].
         """
         T, sigmas = self._between(*np.searchsorted(self.scans, [i, j]).tolist())
