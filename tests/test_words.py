@@ -20,8 +20,8 @@ REFUSED = {  # pattern: what a colleague would say
     r"\bby (its|their) looks\b": "by appearance",
     r"\btaken at (its|their) word\b": "believed",
     r"\b(un)?settled?\b": "decided, stable",
-    r"\bhand(s|ed)? in\b": "give, pass",
-    r"\bcontinues from there\b": "continues from there",
+    r"\bhand(s|ed) in\b": "give, pass",
+    r"\bgoes on from there\b": "continues from there",
     r"\bvouch(es)?\b": "certifies",
     r"\b(crew|contest|settlement)\b": "the field's term",
 }

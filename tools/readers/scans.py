@@ -18,6 +18,7 @@ from tools.readers.selection import Selection, select_files
 Progress = Callable[[int, int, str], None]
 
 _ARRAYS = ("points", "strength", "viewpoints")  # of a scan
+_TEXTS = (".txt", ".csv")  # of points, or of anything else
 _SHOWN = 100  # scans of a file after which progress is shown again
 
 
@@ -176,9 +177,17 @@ def read_entries(
                 if progress is not None and count % _SHOWN == 0:
                     progress(number, len(selection.files), f"{selected.path.name}: {count:,} scans")
         except InputError as error:
-            yield ScanEntry(selected.path, selected.place, "", reason=str(error))
+            if _is_remark(selected.path, files):
+                notes.append(f"{selected.path} holds no points, and the scans are in another format: it is left out")
+            else:
+                yield ScanEntry(selected.path, selected.place, "", reason=str(error))
         if progress is not None:
             progress(number + 1, len(selection.files), selected.path.name)
+
+
+def _is_remark(path: Path, files: Sequence[Path]) -> bool:
+    """Whether a text that cannot be read as points lies beside scans of another format, as a README.txt or a log."""
+    return path.suffix.lower() in _TEXTS and any(other.suffix.lower() not in _TEXTS for other in files)
 
 
 def _require_known(files: Sequence[Path], corrections: Corrections) -> None:

@@ -47,6 +47,23 @@ def test_scans_of_one_folder_are_of_one_survey(tmp_path):
     assert read_survey(alone).surveys == (0, 0)  # each scan has a folder of its own
 
 
+@pytest.mark.parametrize(("name", "content"), [("README.txt", b"Scans of a quay\n"), ("rov.csv", b"time,depth\n1,2\n")])
+def test_a_text_beside_scans_of_another_format_is_no_gap(tmp_path, name, content):
+    put(tmp_path / "scan_1.npz", npz(points=POINTS))
+    put(tmp_path / "scan_2.npz", npz(points=POINTS))
+    put(tmp_path / name, content)
+    read = read_survey([tmp_path])
+    assert [scan.name for scan in read.scans] == ["scan_1", "scan_2"]
+    assert not read.unread
+    assert f"{tmp_path / name} holds no points" in read.notes[0]
+
+
+def test_a_text_among_texts_that_cannot_be_read_is_a_gap(tmp_path):
+    put(tmp_path / "scan_1.txt", b"1 2 3\n")
+    put(tmp_path / "scan_2.txt", b"1 2 x\n")
+    assert len(read_survey([tmp_path]).unread) == 1
+
+
 def test_a_file_named_twice_is_read_once(tmp_path):
     path = put(tmp_path / "scan.xyz", b"1 2 3\n")
     assert len(read_scans([path, tmp_path, str(tmp_path / "*.xyz")]).scans) == 1

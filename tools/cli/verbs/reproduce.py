@@ -133,7 +133,7 @@ def _reproduce(name: str, options: Options, printed: bool) -> "Record":
     experiment = create(name, request)
     origin = provenance(experiment, request.opened)
     follow = partial(progress, quiet=options.silent)
-    with when_stopped(lambda: f"finished jobs are kept in {out}; the same command without --fresh continues from there"):
+    with when_stopped(lambda: f"finished jobs are kept in {out}; the same command continues from there"):
         result = run(experiment, origin, out, follow, RunOptions(options.fresh, _workers(name, options)), options.say)
     record = write_experiment(out, experiment, result, origin, request.command(name))
     if printed:
