@@ -97,20 +97,25 @@ def _commands(block: str) -> list[str]:
 
 
 @cache
-def verbs() -> dict[str, TyperCommand]:
+def command() -> TyperGroup:
     group = typer.main.get_command(app)
     assert isinstance(group, TyperGroup)
-    return {name: verb for name, verb in group.commands.items() if isinstance(verb, TyperCommand)}
+    return group
+
+
+def verbs() -> dict[str, TyperCommand]:
+    return {name: verb for name, verb in command().commands.items() if isinstance(verb, TyperCommand)}
 
 
 def all_options() -> set[str]:
-    """Of all verbs, long and short."""
-    return {"--version", "--debug"}.union(*(options_of(verb) for verb in verbs()))
+    """Of sonarmap itself and of all verbs, long and short."""
+    return options_of().union(*(options_of(verb) for verb in verbs()))
 
 
-def options_of(verb: str) -> set[str]:
-    named = {name for option in verbs()[verb].params for name in (*option.opts, *option.secondary_opts)}
-    return {*named, "--help", "-h"}
+def options_of(verb: str | None = None) -> set[str]:
+    """Of a verb, or of sonarmap itself."""
+    params = command().params if verb is None else verbs()[verb].params
+    return {"--help", "-h"}.union(*({*option.opts, *option.secondary_opts} for option in params))
 
 
 def words_of(text: str) -> list[str]:
