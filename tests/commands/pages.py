@@ -47,6 +47,9 @@ class Example:
     not_run: str
 
 
+SHELL = ("|", "&&", ">", ">>")
+
+
 def starts(page: Path) -> list[str]:
     """What the page's commands start from."""
     return [name for names in _STARTS.findall(page.read_text()) for name in names.split()]
@@ -119,9 +122,13 @@ def options_of(verb: str | None = None) -> set[str]:
 
 
 def words_of(text: str) -> list[str]:
-    """The words of a command of sonarmap, without what stands before it: variables, and what follows a pipe or &&."""
+    """The words of a command of sonarmap, from its verb on: without variables and options before it, and without what
+    the shell is told after it."""
     words = shlex.split(text)
-    return words[words.index("sonarmap") + 1 :] if "sonarmap" in words else []
+    words = words[words.index("sonarmap") + 1 :] if "sonarmap" in words else []
+    words = words[2:] if words[:1] == ["--config"] else words
+    end = next((k for k, word in enumerate(words) if word in SHELL), len(words))
+    return words[:end]
 
 
 def parse(text: str) -> None:

@@ -181,7 +181,9 @@ def _next_steps(mapped: Mapped) -> str:
     from tools.output.folder import REPORT
 
     out = quote(printable(str(mapped.out)))
-    steps = [f"sonarmap view {out}    (the map in 3D, and what speaks for it)"] if REPORT in mapped.later else []
+    steps = (
+        [f"sonarmap view {out}    (the map in 3D, with its loops and uncertainty)"] if REPORT in mapped.later else []
+    )
     if len(mapped.result.components) == 1:
         place = "" if mapped.on_earth else " --origin LAT,LON"
         steps.append(f"sonarmap export {out} --to gis --format laz,geotiff{place}")

@@ -8,6 +8,7 @@ from typing import TYPE_CHECKING, Annotated, Any
 import typer
 
 from kernels.errors import InputError
+from tools.cli.options.groups import OUTPUT
 from tools.cli.options.registration import JsonOption
 from tools.cli.terminal import printable, result_console, say
 
@@ -22,7 +23,10 @@ def command(
         str | None, typer.Argument(metavar="[VERB]", help="List the settings of this verb alone.", show_default=False)
     ] = None,
     toml: Annotated[
-        bool, typer.Option("--toml", help="Print a TOML file of all settings, with comments, ready to edit.")
+        bool,
+        typer.Option(
+            "--toml", help="Print a TOML file of all settings, with comments, ready to edit.", rich_help_panel=OUTPUT
+        ),
     ] = False,
     as_json: JsonOption = False,
 ) -> None:

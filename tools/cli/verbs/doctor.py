@@ -5,6 +5,7 @@ from typing import Annotated
 
 import typer
 
+from tools.cli.options.groups import RUNNING
 from tools.cli.options.registration import JsonOption
 
 
@@ -13,7 +14,10 @@ def command(
         Path, typer.Argument(metavar="[OUT]", help="The folder that results are to go to.", show_default=False)
     ] = Path(),
     quick: Annotated[
-        bool, typer.Option("--quick", help="Load no library, and run no self-test; takes about a second.")
+        bool,
+        typer.Option(
+            "--quick", help="Load no library, and run no self-test; takes about a second.", rich_help_panel=RUNNING
+        ),
     ] = False,
     as_json: JsonOption = False,
 ) -> None:

@@ -16,6 +16,7 @@ OF_KIND: dict[type, Any] = {bool: True, int: 2, float: 0.25, str: "a", Path: "a.
 OF_KEY: dict[str, Any] = {
     "grid": 96,
     "method": "planes",
+    "write": "moved.ply",
     "refine": "spectral",
     "prior-sigmas": "0.5,3,0.1,2",
     "also": ["pcd"],
