@@ -68,14 +68,23 @@ def print_mapped(mapped: Mapped, verbose: bool) -> None:
 
 def print_summary(out: Path) -> None:
     """Print a map's summary.json on one line."""
+    typer.echo(json.dumps(json.loads(written_summary(out))))
+
+
+def written_summary(out: Path) -> str:
+    """The text of the summary.json that this run has written.
+
+    Raises:
+        InputError: it is no longer there.
+    """
     from tools.output.folder import SUMMARY
 
-    summary = out / SUMMARY
     try:
-        typer.echo(json.dumps(json.loads(summary.read_text(encoding="utf-8"))))
+        return (out / SUMMARY).read_text(encoding="utf-8")
     except OSError as error:
+        reason = error.strerror or error
         raise InputError(
-            f"cannot read {summary}: {error.strerror or error}; it was written, and then removed. Run the command again"
+            f"cannot read {out / SUMMARY}: {reason}; it was written, and then removed. Run the command again"
         ) from error
 
 

@@ -81,7 +81,7 @@ from tools.cli.options.survey import (
 from tools.cli.progress import growing_progress, stage
 from tools.cli.stops import when_stopped
 from tools.cli.terminal import say, warn
-from tools.cli.text.survey import Mapped, print_mapped, print_summary, warn_of_faults, warn_of_some
+from tools.cli.text.survey import Mapped, print_mapped, print_summary, warn_of_faults, warn_of_some, written_summary
 from tools.methods.registry import DEFAULT_METHOD
 
 if TYPE_CHECKING:
@@ -200,6 +200,7 @@ def _write_more(out: Path, report: bool, exports: "ExportSettings", quiet: bool,
     from tools.output.folder import REPORT
     from tools.report.page.page import write_report
 
+    written_summary(out)  # a folder that was removed meanwhile is better named so than as the report would
     with when_stopped(lambda: f"the map is in {out}, but not all that is made of it"):
         if report:
             with stage("report", quiet):
