@@ -33,7 +33,7 @@ def test_table_1_refuses_what_it_would_not_heed(tmp_path: Path, name: str, value
 
 def test_like_gives_the_same_files(tmp_path: Path) -> None:
     assert sonarmap("simulate", *SMALL, "-o", tmp_path / "a", "--quiet").exit_code == 0
-    again = sonarmap("simulate", "--like", tmp_path / "a" / "description.json", "-o", tmp_path / "b", "--quiet")
+    again = sonarmap("simulate", "--like", tmp_path / "a" / "description.json", "-o", tmp_path / "b")
     assert again.exit_code == 0
     assert "1 scans of harbor" in again.stdout
     assert files_in(tmp_path / "a") == files_in(tmp_path / "b")

@@ -182,7 +182,7 @@ def check_dive(tmp_path: Path, shots: int) -> None:
 def main() -> None:
     """`map` with the arguments; print how long it took [s], the memory, and what was said."""
     start = time.perf_counter()
-    result = CliRunner(env={"COLUMNS": "300"}).invoke(app, ["map", *sys.argv[1:], "--quiet"])
+    result = CliRunner(env={"COLUMNS": "300"}).invoke(app, ["map", *sys.argv[1:]])
     assert result.exit_code == 0, result.stderr
     peak = resource.getrusage(resource.RUSAGE_SELF).ru_maxrss * 1024
     print(json.dumps([time.perf_counter() - start, peak, result.stderr]))
