@@ -32,15 +32,9 @@ class Table:
 
     def rich(self) -> Any:
         """As rich prints it."""
-        from rich.table import Table as RichTable
-        from rich.text import Text
+        from tools.wide_table import WideTable
 
-        shown = RichTable(title=Text(self.title), title_justify="left", title_style="bold", box=None)
-        for heading in self.headings:
-            shown.add_column(Text(heading))
-        for row in self.rows:
-            shown.add_row(*(Text(cell) for cell in row))
-        return shown
+        return WideTable(self.headings, self.rows, title=self.title)
 
 
 def verdict(holds: bool) -> str:

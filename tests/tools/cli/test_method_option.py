@@ -66,7 +66,7 @@ def test_a_pair_as_json(pair: list[str], method: str) -> None:
 def test_a_pair_in_words(pair: list[str]) -> None:
     result = sonarmap("register", *pair, "--method", "icp", *VOXEL)
     assert (result.exit_code, result.stderr) == (0, "")
-    assert result.stdout.startswith("Registered: this transform is reliable")
+    assert result.stdout.startswith("Registered: this transform is reliable.\n")
     assert "voxels of 0.4 m" in result.stdout
     assert "128 x" not in result.stdout
     assert "nan" not in result.stdout

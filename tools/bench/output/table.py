@@ -3,17 +3,19 @@
 from collections.abc import Iterable
 
 from rich.console import Group, RenderableType
-from rich.table import Table
 from rich.text import Text
 
 from tools.bench.rates import Rates
 from tools.bench.result import PAPER_SECONDS, BenchResult, KernelResult, PairResult, SurveyResult
 from tools.bench.timing import Times
+from tools.wide_table import WideTable
+
+_RIGHT = frozenset(range(1, 20))  # of the columns: all but the names
 
 
 def describe(result: BenchResult) -> RenderableType:
     """The machine, the kernels, the pairs, the survey."""
-    parts: list[RenderableType] = [Text(line) for line in _head(result)]
+    parts: list[RenderableType] = [Text(line) for line in (*_head(result), *map(_pair_words, result.pairs))]
     for edge in dict.fromkeys(kernel.edge for kernel in result.kernels):
         rows = [kernel for kernel in result.kernels if kernel.edge == edge]
         parts += [Text(f"\nkernels at {edge}^3: medians [quartiles]"), _kernel_table(rows, result.rates)]
@@ -34,6 +36,14 @@ def survey_words(survey: SurveyResult) -> str:
     )
 
 
+def _pair_words(pair: PairResult) -> str:
+    times = pair.register
+    return (
+        f"a prepared pair at {pair.edge}^3 is registered in {times.median:.3f} s (median of {times.count}); "
+        f"{pair.right} of {times.count} are right"
+    )
+
+
 def _head(result: BenchResult) -> list[str]:
     machine, rates = result.machine, result.rates
     before, after = ("unknown" if load is None else f"{load:.1f}" for load in result.load)
@@ -47,24 +57,21 @@ def _head(result: BenchResult) -> list[str]:
     ]
 
 
-def _kernel_table(kernels: Iterable[KernelResult], rates: Rates) -> Table:
-    table = Table(box=None)
-    table.add_column("kernel")
+def _kernel_table(kernels: Iterable[KernelResult], rates: Rates) -> WideTable:
     headings = ("device ms", "event ms", "compile s", "twin ms", "twin/device", "GFLOP/s", "GB/s", "of limit")
-    for heading in (*headings, "difference"):
-        table.add_column(heading, justify="right")
-    table.add_column("twin")
+    headings = ("kernel", *headings, "difference", "twin")
+    rows: list[list[str | Text]] = []
     for kernel in kernels:
-        table.add_row(kernel.name, *_kernel_cells(kernel, rates), kernel.twin_name)
+        rows.append([kernel.name, *_kernel_cells(kernel, rates), kernel.twin_name])
         for library, times in kernel.peers.items():
             ratio = f"{times.median / kernel.device.median:.2f}"
-            table.add_row("", "", "", "", milliseconds(times), ratio, *[""] * 4, library)
+            rows.append([f"  {library}", "", "", "", milliseconds(times), ratio, *[""] * 5])
         for name, traffic in kernel.launches.passes.items():
             seconds = kernel.launches.kernels[name]
             share = f"{rates.least_seconds(traffic) / seconds:.0%}"
             rate = gigabytes(traffic.moved / seconds)
-            table.add_row(f"  {name}", "", f"{1e3 * seconds:.3g}", *[""] * 4, rate, share)
-    return table
+            rows.append([f"  {name}", "", f"{1e3 * seconds:.3g}", *[""] * 4, rate, share, "", ""])
+    return WideTable(headings, rows, _RIGHT - {len(headings) - 1})
 
 
 def _kernel_cells(kernel: KernelResult, rates: Rates) -> list[str | Text]:
@@ -86,13 +93,10 @@ def _kernel_cells(kernel: KernelResult, rates: Rates) -> list[str | Text]:
     ]
 
 
-def _pair_table(pairs: Iterable[PairResult]) -> Table:
-    table = Table(box=None)
-    table.add_column("grid")
-    table.add_column("step")
+def _pair_table(pairs: Iterable[PairResult]) -> WideTable:
     headings = ("count", "median", "quartiles", "min", "max", "max/median", "paper", "right", "believed", "memory")
-    for heading in (*headings, "on device", "planned", "first"):
-        table.add_column(heading, justify="right")
+    headings = ("grid and step", *headings, "on device", "planned", "first")
+    rows: list[list[str | Text]] = []
     for pair in pairs:
         paper = PAPER_SECONDS.get(pair.edge)
         outcome = [
@@ -102,18 +106,15 @@ def _pair_table(pairs: Iterable[PairResult]) -> Table:
             *(f"{size / 2**30:.2f} GiB" for size in (pair.peak_memory, pair.device_memory, pair.planned_memory)),
             f"{pair.first_seconds:.1f}",
         ]
-        table.add_row(f"{pair.edge}^3", "prepare a scan", *_seconds(pair.prepare), *[""] * 7)
-        table.add_row("", "register a pair", *_seconds(pair.register), *outcome)
-    return table
+        rows.append([f"{pair.edge}^3 prepare a scan", *_seconds(pair.prepare), *[""] * 7])
+        rows.append([f"{pair.edge}^3 register a pair", *_seconds(pair.register), *outcome])
+    return WideTable(headings, rows, _RIGHT)
 
 
-def _stage_table(pair: PairResult) -> Table:
-    table = Table(box=None)
-    table.add_column("stage")
-    for heading in ("calls", "ms", "of these own", "device ms", "launches", "reads", "uploads", "arrays MB"):
-        table.add_column(heading, justify="right")
-    for stage in pair.stages:
-        table.add_row(
+def _stage_table(pair: PairResult) -> WideTable:
+    headings = ("stage", "calls", "ms", "of these own", "device ms", "launches", "reads", "uploads", "arrays MB")
+    rows = [
+        [
             stage.name,
             f"{stage.calls:.1f}",
             f"{1e3 * stage.seconds:.1f}",
@@ -121,17 +122,18 @@ def _stage_table(pair: PairResult) -> Table:
             f"{1e3 * stage.device_seconds:.1f}",
             *(f"{count:.1f}" for count in (stage.launches, stage.reads, stage.writes)),
             f"{stage.array_bytes / 1e6:.0f}",
-        )
-    return table
+        ]
+        for stage in pair.stages
+    ]
+    return WideTable(headings, rows, _RIGHT)
 
 
-def _survey_table(survey: SurveyResult) -> Table:
-    table = Table("stage", box=None)
-    for heading in ("s", "share", "ms a scan"):
-        table.add_column(heading, justify="right")
-    for name, seconds in sorted(survey.stages.items(), key=lambda stage: -stage[1]):
-        table.add_row(name, f"{seconds:.2f}", f"{seconds / survey.seconds:.1%}", f"{1e3 * seconds / survey.scans:.1f}")
-    return table
+def _survey_table(survey: SurveyResult) -> WideTable:
+    rows = [
+        [name, f"{seconds:.2f}", f"{seconds / survey.seconds:.1%}", f"{1e3 * seconds / survey.scans:.1f}"]
+        for name, seconds in sorted(survey.stages.items(), key=lambda stage: -stage[1])
+    ]
+    return WideTable(("stage", "s", "share", "ms a scan"), rows, _RIGHT)
 
 
 def _seconds(times: Times) -> list[str]:

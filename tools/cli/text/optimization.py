@@ -31,7 +31,7 @@ def print_optimized(report: dict[str, Any], robust: bool, out: Path) -> None:
     table.add_column(no_wrap=True)
     for name, words in _rows(report, rejected if robust else None).items():
         table.add_row(name, Text(printable(words)))
-    result_console().print(Padding(table, (0, 0, 0, 2)))
+    result_console().print(Padding(table, (0, 0, 0, 2), expand=False))
     print_result(f"written to {out}")
 
 

@@ -40,7 +40,7 @@ def print_registration(registration: "Registration", method: ConfiguredMethod) -
     console.print("T_target_source, p_target = T p_source \\[m]:")
     for row in registration.T_target_source.as_matrix().tolist():
         console.print("".join(f"{value + 0.0:13.6f}" for value in row))
-    console.print(Padding(table, (1, 0, 0, 2)))
+    console.print(Padding(table, (1, 0, 0, 2), expand=False))
 
 
 def transform_words(T_target_source: "RigidTransform") -> str:

@@ -56,19 +56,13 @@ def _print_table(infos: "list[DeviceInfo]", chosen: str | None) -> None:
     from rich.table import Table
     from rich.text import Text
 
-    table = Table("", "device", "kind", "units", "memory", box=None, pad_edge=False)
-    table.add_column("name", overflow="fold")
-    table.add_column("platform", overflow="fold")
-    table.add_column("self-test")
-    table.add_column("state", overflow="fold")
+    table = Table.grid(padding=(0, 2))
     for info in infos:
-        mark = "→" if info.selector == chosen else ""
-        state = Text(f"no: {printable(info.fault)}", "red") if info.fault else Text("works", "green")
-        said = info.self_test, state
-        driver = info.version.rpartition(", ")[2]
-        name, platform = Text(printable(info.name)), Text(printable(f"{info.platform} ({driver})"))
-        memory = f"{info.memory / 2**30:.1f} GiB"
-        table.add_row(mark, info.selector, info.kind, str(info.compute_units), memory, name, platform, *said)
+        driver, memory = info.version.rpartition(", ")[2], f"{info.memory / 2**30:.1f} GiB"
+        state = ("does not work: " + printable(info.fault), "red") if info.fault else ("works", "green")
+        described = f"{printable(info.name)}: {info.kind}, {info.compute_units} units, {memory}\n"
+        described += f"{printable(f'{info.platform} ({driver})')}\nself-test {info.self_test}; "
+        table.add_row("→" if info.selector == chosen else "", info.selector, Text.assemble(described, state))
     result_console().print(table)
     if chosen:
         say(f"{chosen} would be used; --device or PYOPENCL_CTX selects another")

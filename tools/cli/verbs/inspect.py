@@ -147,6 +147,8 @@ def _print(overview: "Overview", following: str) -> None:
         "viewpoints": _share(overview.with_viewpoints, scans),
         "grid": f"--grid {grid.edge} --voxel {grid.voxel:.3g}, as map chooses them" if grid else "scans without extent",
     }
+    unread = f"{scans:,} scans can be read, {len(overview.unread):,} files or scans cannot."
+    typer.echo(unread if overview.unread else f"All {scans:,} scans can be read." if scans > 1 else "1 scan.")
     table = Table(box=None, pad_edge=False, show_header=False)
     for name, value in rows.items():
         table.add_row(f"  {name}", Text(printable(value)))
