@@ -56,6 +56,7 @@ SURVEY_STAGES: Mapping[str, str] = {
     "slam.graph.pose_covariance:pose_covariances": "covariances",
     "tools.report.map_picture:draw_map": "pictures: map",
     "tools.report.loops_picture:draw_loops": "pictures: loops",
+    "tools.report.profile_picture:draw_profile": "pictures: profile",
     "tools.output.folder:write_survey": "writing files",
 }
 

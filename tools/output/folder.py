@@ -23,6 +23,8 @@ from tools.readers.scans import Unread
 from tools.readers.selection import PAIRS
 from tools.report.loops_picture import draw_loops
 from tools.report.map_picture import draw_map
+from tools.report.profile_picture import draw_profile
+from tools.report.survey.view import part_view
 from tools.writers.atomic import all_or_none, discard
 from tools.writers.g2o import write_g2o
 from tools.writers.json_text import write_json
@@ -32,12 +34,13 @@ from tools.writers.trajectory import TRAJECTORY_WRITERS, write_trajectory
 GRAPH, FULL_GRAPH, SUMMARY = "graph.g2o", "graph.json", "summary.json"
 OF_ALL = (GRAPH, FULL_GRAPH, PAIRS, SUMMARY)  # the files of all components
 TIMES, JOURNAL = "times.json", "journal.sqlite"
+PICTURE = ".png"
 REPORT = "report.html"  # written after the others, from them
 _MAP_SUFFIXES, _TRAJECTORY_SUFFIXES = ("|".join(map(re.escape, known)) for known in (WRITERS, TRAJECTORY_WRITERS))
 _MAP = re.compile(rf"map(_all)?(_\d+)?(_survey_\d+)?({_MAP_SUFFIXES})")
 _LAYER = re.compile(r"_survey_(\d+)$")
 _ALL = re.compile(r"map_all(_\d+)?(_survey_\d+)?")
-_OF_PART = re.compile(_MAP.pattern + rf"|(map|loops)(_\d+)?\.png|trajectory(_\d+)?({_TRAJECTORY_SUFFIXES})")
+_OF_PART = re.compile(_MAP.pattern + rf"|(map|loops|profile)(_\d+)?\.png|trajectory(_\d+)?({_TRAJECTORY_SUFFIXES})")
 
 
 def part_files(result: SurveyResult, rank: int, also: Iterable[str] = ()) -> list[str]:
@@ -47,8 +50,10 @@ def part_files(result: SurveyResult, rank: int, also: Iterable[str] = ()) -> lis
     suffixes = [".ply", *(f".{name}" for name in also if f".{name}" in WRITERS)]
     layers = [f"{{}}_survey_{number}" for number in result.parts[c].layers]
     names += [f"map{layer}{suffix}" for layer in layers for suffix in suffixes]
-    if any(_loops(result, c)):
+    if any(pair.role == "loop" and set(pair.scans) <= set(result.components[c]) for pair in result.pairs):
         names.append("loops{}.png")
+    if len(result.components[c]) > 1:
+        names.append("profile{}.png")
     if result.parts[c].doubtful is not None:
         names += [f"map_all{layer}.ply" for layer in ("{}", *layers)]
     return [name.format("" if rank == 1 else f"_{rank}") for name in names]
@@ -88,7 +93,8 @@ def write_survey(
     """Write a survey's maps, pictures, trajectories, graph, pairs and summary.
 
     The largest component is map.ply, map.png and trajectory.tum; the others follow as map_2 and so on. A scan that
-    nothing joined is in no map. Where loops were tried, loops.png compares the map with what it would be without them.
+    nothing joined is in no map. Where loops were tried, loops.png compares the map with what it would be without them;
+    profile.png is about the way of the sensor.
     Where there are several surveys, map_survey_0.ply and so on are the maps of each one's scans alone. map_all.ply has
     what map.ply has and the points that were left out of it, as too few scans saw them; map_all_survey_0.ply and so on
     have the same of the maps of each survey. The graph holds all components.
@@ -115,6 +121,7 @@ def write_survey(
     summary = survey_summary(result, list(names), settings, description, unread, inputs, georeference)
     with all_or_none():
         _write_files(folder, result, names, files)
+        _draw_pictures(folder, result, files, names, settings, georeference)
         write_json(folder / SUMMARY, summary | {"files": [*chain.from_iterable(files), *OF_ALL]})
         if times is not None:
             write_json(folder / TIMES, times)
@@ -141,16 +148,32 @@ def _earlier_files(folder: Path) -> set[str]:
 def _write_files(folder: Path, result: SurveyResult, names: Sequence[str], files: Sequence[Sequence[str]]) -> None:
     """Write the graph, the pairs, and the `files` of every component that is a map."""
     for c, listed in zip(placed(result.components), files, strict=True):
-        for name in listed:
-            _write_part(folder / name, result, c, [names[k] for k in result.components[c]])
+        for name in (name for name in listed if not name.endswith(PICTURE)):
+            _write_part(folder / name, result, c)
     mapped = {scan for c in placed(result.components) for scan in result.components[c]}
     write_pairs(folder / PAIRS, result.pairs)
     write_json(folder / FULL_GRAPH, survey_graph(result, names))
     write_g2o(folder / GRAPH, result.solution.graph, set(range(len(result.trajectory))) - mapped)
 
 
-def _write_part(path: Path, result: SurveyResult, c: int, names: Sequence[str]) -> None:
-    """Write one file of a component, whose scans have these names; the file's name says which."""
+def _draw_pictures(
+    folder: Path,
+    result: SurveyResult,
+    files: Sequence[Sequence[str]],
+    names: Sequence[str],
+    settings: Mapping[str, Any],
+    georeference: Georeference | None,
+) -> None:
+    """Draw those of the `files` of every component that are pictures."""
+    draw = {"map": draw_map, "loops": draw_loops, "profile": draw_profile}
+    for rank, listed in enumerate(files, 1):
+        view = part_view(result, rank, names, settings, georeference)
+        for name in (name for name in listed if name.endswith(PICTURE)):
+            draw[name.removesuffix(PICTURE).partition("_")[0]](folder / name, view)
+
+
+def _write_part(path: Path, result: SurveyResult, c: int) -> None:
+    """Write one file of a component; its name says which."""
     maps, trajectory = result.parts[c], result.trajectory.take(result.components[c])
     layer = _LAYER.search(path.stem)
     own = maps.layers[int(layer[1])] if layer else None
@@ -158,24 +181,10 @@ def _write_part(path: Path, result: SurveyResult, c: int, names: Sequence[str]) 
     match path.suffix:
         case suffix if suffix in TRAJECTORY_WRITERS:
             write_trajectory(path, trajectory)
-        case ".png" if path.stem.startswith("loops"):
-            draw_loops(path, (maps.chained, maps.chained_poses), (point_map, trajectory), *_loops(result, c))
-        case ".png":
-            scans = "1 scan" if len(names) == 1 else f"{len(names)} scans"
-            title = f"{scans}, {len(point_map.points):,} points, voxel {point_map.voxel:.3g} m"
-            draw_map(path, point_map, trajectory, names, title)
         case _ if _ALL.fullmatch(path.stem):
             write_points(path, *_both_layers(point_map, doubtful))
         case _:
             write_points(path, point_map.points, _columns(point_map))
-
-
-def _loops(result: SurveyResult, c: int) -> tuple[list[tuple[int, int]], list[tuple[int, int]]]:
-    """The loops within a component that were kept and those that were not, as indices into its scans."""
-    index = {scan: k for k, scan in enumerate(result.components[c])}
-    loops = [pair for pair in result.pairs if pair.role == "loop" and pair.i in index and pair.j in index]
-    kept, rejected = ([(index[p.i], index[p.j]) for p in loops if p.kept == keep] for keep in (True, False))
-    return kept, rejected
 
 
 def _both_layers(clean: PointMap, doubtful: PointMap | None) -> tuple[np.ndarray, dict[str, np.ndarray]]:

@@ -1,93 +1,104 @@
 """What the loops did: the map of chained registrations beside the optimized one, from above, in one frame."""
 
-from collections.abc import Sequence
 from pathlib import Path
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from slam.graph.trajectory import Trajectory
-from slam.map.point_map import PointMap
-from tools.report.map_picture import heights_of, scatter_from_above
-from tools.report.small_png import save_small
+from tools.report.map_picture import add_level_bar, draw_cloud, level_colors
+from tools.report.survey.image import Cloud
+from tools.report.survey.layout import extent_of, twice
+from tools.report.survey.sheet import open_sheet
+from tools.report.survey.view import VERDICTS, PartView, Verdict
+from tools.report.survey.way import draw_way, way_legend
+from tools.report.survey.write import write_png
 
 if TYPE_CHECKING:
+    from matplotlib.artist import Artist
     from matplotlib.axes import Axes
+    from matplotlib.figure import Figure
 
-_KEPT, _REFUSED, _TRAJECTORY = "tab:green", "tab:red", "tab:blue"
-_GRAYS = 0.25, 0.95  # of the gray color map, from low to high: the lines upon it have the colors
-_INK = 100  # loops that are drawn in full width; more are drawn thinner, so that the map is seen between them
-_MARGIN = 0.03  # around the points [longer side]
+_Loops = dict[Verdict, list[tuple[int, int]]]
+
+_GRAYS = 0.2, 0.8  # of the gray color map, from low to high: the lines upon it have the colors
+_INK = 60  # loops that are drawn in full width; more are drawn thinner, so that the map is seen between them
+_CONCERN = 0.8  # least width of the others
+_BULGE, _PIECES = 0.08, 8  # of a loop's bow [its length], and straight pieces that it is drawn of
+_LOOKS: dict[Verdict, dict[str, Any]] = {  # colors that no kind of color blindness mixes up, and unlike dashes
+    "kept": {"color": "#0072B2", "linestyle": "-"},
+    "rejected": {"color": "#AA2277", "linestyle": (0, (6, 2))},
+    "refused": {"color": "#E69F00", "linestyle": (0, (1.5, 1.5))},
+}
+_WORDS: dict[Verdict, str] = {
+    "kept": "kept",
+    "rejected": "rejected: the other pairs contradict",
+    "refused": "refused by the registration itself",
+}
 
 
-def draw_loops(
-    path: Path,
-    chained: tuple[PointMap, Trajectory],
-    optimized: tuple[PointMap, Trajectory],
-    kept: Sequence[tuple[int, int]],
-    refused: Sequence[tuple[int, int]],
-) -> None:
-    """Write a PNG of two maps side by side, seen from above (x to the right, y up), the higher the darker.
-
-    Args:
-        path: the file.
-        chained: the map and the poses of one component by consecutive registrations alone.
-        optimized: the same with the loops, in the same frame.
-        kept, refused: loops, as places in the trajectories.
+def draw_loops(path: Path, view: PartView) -> None:
+    """Write a PNG of two maps, before and after the loops, seen from above. The same view gives the same bytes.
 
     Raises:
         InputError: the file cannot be written.
     """
+    write_png(lambda: loops_figure(view), path)
+
+
+def loops_figure(view: PartView) -> "Figure":
+    """The figure: two panels of the same extent and colors; the loops are drawn upon the second."""
     from matplotlib import colormaps
     from matplotlib.colors import ListedColormap
-    from matplotlib.figure import Figure
 
-    both = (chained, optimized)
-    clouds = [point_map.points for point_map, _ in both]
-    lower, upper = _extent(clouds + [trajectory.T_world_sensor.translation for _, trajectory in both])
-    heights = heights_of(optimized[0].points)
-    grays = ListedColormap(colormaps["Greys"](np.linspace(*_GRAYS, 256)))
-    width, height = (upper - lower).tolist()
-    figure = Figure(figsize=(14, float(np.clip(1.3 + 6.0 * height / width, 4.0, 12.0))), dpi=140, layout="constrained")
-    panels = figure.subplots(1, 2, sharex=True, sharey=True)
-    titles = ("before: consecutive registrations, chained", f"after: {_counted(kept)} kept, poses optimized")
-    for axes, title, (point_map, trajectory) in zip(panels, titles, both, strict=True):
-        scatter_from_above(axes, point_map.points, heights, grays)
-        _draw_loops(axes, trajectory, kept, refused)
-        axes.set(xlim=(lower[0], upper[0]), ylim=(lower[1], upper[1]), aspect="equal", xlabel="x [m]")
-        axes.set_title(title)
-        axes.grid(alpha=0.3)
-    panels[0].set_ylabel("y [m]")
-    handles, labels = panels[0].get_legend_handles_labels()
-    figure.legend(handles, labels, loc="outside lower center", ncols=3, frameon=False)
-    figure.colorbar(panels[1].collections[0], ax=panels, label="height z [m]", shrink=0.8, pad=0.01)
-    save_small(figure, path)
+    loops: _Loops = {verdict: view.loops(verdict) for verdict in VERDICTS}
+    frame = view.frame
+    clouds = [Cloud.of(point_map, frame) for point_map in (view.chained, view.point_map)]
+    places = [frame.flat(each.T_world_sensor.translation) for each in (view.chained_poses, view.trajectory)]
+    sheet = open_sheet(
+        twice(*extent_of([cloud.flat for cloud in clouds], places)),
+        (f"{view.title}: before and after the loops" if view.title else "Before and after the loops", view.size),
+        (frame.across, frame.up),
+        [*way_legend(view, numbers=False), *_legend(loops)],
+        frame.note,
+        north=frame.north,
+        panel_titles=("before: consecutive registrations, chained", f"after: {_counted(loops['kept'])} kept"),
+    )
+    panels = [axes for row in sheet.panels for axes in row]
+    colors = level_colors(view, ListedColormap(colormaps["Greys"](np.linspace(*_GRAYS, 256))))
+    for axes, cloud, way in zip(panels, clouds, places, strict=True):
+        draw_cloud(axes, cloud, frame, colors)
+        draw_way(axes, view, way, numbers=False)
+    _draw_loops(panels[1], places[1], loops)
+    add_level_bar(sheet, colors, view)
+    return sheet.figure
 
 
-def _draw_loops(
-    axes: "Axes", trajectory: Trajectory, kept: Sequence[tuple[int, int]], refused: Sequence[tuple[int, int]]
-) -> None:
-    """The trajectory, and a line between the scans of every loop."""
+def _draw_loops(axes: "Axes", places: np.ndarray, loops: _Loops) -> None:
+    """A bow between the scans of every loop, which is seen beside a straight way."""
     from matplotlib.collections import LineCollection
 
-    places = trajectory.T_world_sensor.translation[:, :2]
-    axes.plot(*places.T, "-", color=_TRAJECTORY, linewidth=1.0, marker="o", markersize=2.0, label="sensor", zorder=4)
-    width = float(np.clip(_INK / max(1, len(kept) + len(refused)), 0.4, 1.0))
-    for pairs, color, style, name in ((kept, _KEPT, "-", "kept"), (refused, _REFUSED, (0, (4, 3)), "refused")):
-        ends = [places[list(pair)] for pair in pairs]
-        label = f"{_counted(pairs)} {name}"
-        axes.add_collection(
-            LineCollection(ends, colors=color, linestyles=[style], linewidths=width, label=label, zorder=3)
-        )
+    width = float(np.clip(_INK / max(1, sum(map(len, loops.values()))), 0.35, 1.0))
+    along = np.linspace(0.0, 1.0, _PIECES + 1)[:, None]
+    for verdict, pairs in loops.items():
+        ends = places[np.array(pairs, np.intp).reshape(-1, 2)]
+        start, step = ends[:, :1], ends[:, 1:] - ends[:, :1]
+        across = step[..., ::-1] * np.array([-1.0, 1.0])
+        bows = start + along * step + 4 * _BULGE * along * (1 - along) * across
+        look = {"colors": _LOOKS[verdict]["color"], "alpha": 0.7, "linestyles": [_LOOKS[verdict]["linestyle"]]}
+        drawn = width if verdict == "kept" else max(width, _CONCERN)
+        lines = LineCollection(list(bows), linewidths=drawn, zorder=3 if verdict == "kept" else 4, **look)
+        axes.add_collection(lines, autolim=False)
 
 
-def _counted(loops: Sequence[tuple[int, int]]) -> str:
-    return "1 loop" if len(loops) == 1 else f"{len(loops) or 'no'} loops"
+def _legend(loops: _Loops) -> list["Artist"]:
+    from matplotlib.lines import Line2D
+
+    return [
+        Line2D([], [], linewidth=1.5, label=f"{_counted(pairs)} {_WORDS[verdict]}", **_LOOKS[verdict])
+        for verdict, pairs in loops.items()
+        if pairs or verdict == "kept"
+    ]
 
 
-def _extent(clouds: Sequence[np.ndarray]) -> tuple[np.ndarray, np.ndarray]:
-    """The corners (2,) [m] of all points and places from above, and a margin."""
-    points = np.concatenate(clouds)[:, :2]
-    lower, upper = points.min(axis=0), points.max(axis=0)
-    margin = _MARGIN * max(1.0, (upper - lower).max())
-    return lower - margin, upper + margin
+def _counted(loops: list[tuple[int, int]]) -> str:
+    return "1 loop" if len(loops) == 1 else f"{len(loops):,} loops" if loops else "no loops"

@@ -1,77 +1,98 @@
-"""The map from above, with the trajectory: one PNG."""
+"""The map from above, with the way of the sensor: one PNG."""
 
-import warnings
-from collections.abc import Sequence
+import math
 from pathlib import Path
 from typing import TYPE_CHECKING
 
 import numpy as np
 
-from slam.graph.trajectory import Trajectory
-from slam.map.point_map import PointMap
-from tools.writers.atomic import atomic_path
+from tools.report.survey.frame import MapFrame
+from tools.report.survey.image import Cloud, color_range, seen_from_above
+from tools.report.survey.layout import extent_of, layout
+from tools.report.survey.sheet import Sheet, add_color_bar, open_sheet
+from tools.report.survey.view import PartView
+from tools.report.survey.way import draw_way, way_legend
+from tools.report.survey.write import write_png
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
-    from matplotlib.collections import PathCollection
+    from matplotlib.cm import ScalarMappable
     from matplotlib.colors import Colormap
+    from matplotlib.figure import Figure
 
-_DOTS = 400_000  # more points than this are thinned: the picture has no more pixels to show them
+_COLORS = "viridis"  # even to the eye, in gray prints, and to the color-blind; the report has the same
 
 
-def draw_map(path: Path, point_map: PointMap, trajectory: Trajectory, names: Sequence[str], title: str) -> None:
-    """Write a PNG of one component's map, seen from above (x to the right, y up), colored by height.
-
-    Args:
-        path: the file.
-        point_map: of the component.
-        trajectory: of its scans, whose `names` are given in the same order.
-        title: a line over the picture.
+def draw_map(path: Path, view: PartView) -> None:
+    """Write a PNG of a part of the map, seen from above, colored by depth. The same view gives the same bytes.
 
     Raises:
         InputError: the file cannot be written.
     """
-    from matplotlib.figure import Figure
-    from matplotlib.patheffects import withStroke
-
-    figure = Figure(figsize=(10, 8), dpi=140, layout="constrained")
-    axes = figure.add_subplot()
-    dots = scatter_from_above(axes, point_map.points, heights_of(point_map.points))
-    places = trajectory.T_world_sensor.translation
-    axes.plot(*places[:, :2].T, "-", color="tab:red", linewidth=1.5, marker="o", markersize=4, label="sensor")
-    halo = [withStroke(linewidth=3, foreground="white")]
-    for k, offset in ((0, (8, 8)), (len(names) - 1, (8, -14))):
-        style = {"color": "tab:red", "fontsize": 9, "path_effects": halo}
-        axes.annotate(_shown(names[k]), places[k, :2], xytext=offset, textcoords="offset points", **style)
-    axes.set_aspect("equal")
-    axes.set_xlabel("x [m]")
-    axes.set_ylabel("y [m]")
-    axes.set_title(title)
-    axes.grid(alpha=0.3)
-    axes.legend(loc="best")
-    figure.colorbar(dots, ax=axes, label="height z [m]", shrink=0.8)
-    with atomic_path(path) as temporary, warnings.catch_warnings():
-        warnings.filterwarnings("ignore", message="Glyph .* missing")  # names in other scripts are drawn as boxes
-        figure.savefig(temporary, format="png")
+    write_png(lambda: map_figure(view), path)
 
 
-def heights_of(points: np.ndarray) -> tuple[float, float]:
-    """The lowest and the highest z of points (n, 3) between which the colors change [m]."""
-    low, high = np.quantile(points[:, 2], [0.01, 0.99]).tolist()
-    return low, high
+def map_figure(view: PartView) -> "Figure":
+    """The figure: the map on one panel, or in strips to one scale where it is long and narrow."""
+    frame, cloud = view.frame, Cloud.of(view.point_map, view.frame)
+    places = frame.flat(view.trajectory.T_world_sensor.translation)
+    lower, upper = extent_of([cloud.flat], [places])
+    plan = layout(lower, upper)
+    sheet = open_sheet(
+        plan,
+        (view.title or "Map", view.size),
+        (frame.across, frame.up),
+        way_legend(view),
+        "\n".join([frame.note, *_left_out(view, cloud, lower, upper)]),
+        north=frame.north,
+    )
+    colors = level_colors(view, _COLORS)
+    for axes in (axes for row in sheet.panels for axes in row):
+        draw_cloud(axes, cloud, frame, colors)
+        draw_way(axes, view, places)
+    add_level_bar(sheet, colors, view)
+    return sheet.figure
 
 
-def scatter_from_above(
-    axes: "Axes", points: np.ndarray, heights: tuple[float, float], colors: "str | Colormap" = "viridis"
-) -> "PathCollection":
-    """Points (n, 3) [m] from above as dots, colored from the lower to the upper of `heights` [m]."""
-    low, high = heights
-    points = points[:: max(1, -(-len(points) // _DOTS))]
-    points = points[np.argsort(points[:, 2], kind="stable")]  # what is higher hides what is below it
-    size = float(np.clip(2e5 / len(points), 0.3, 12.0))
-    return axes.scatter(*points[:, :2].T, c=points[:, 2], s=size, cmap=colors, vmin=low, vmax=high, linewidths=0)
+def level_colors(view: PartView, colors: "str | Colormap") -> "ScalarMappable":
+    """The colors of depths or heights; what lies deeper has the color of lower heights, whichever is shown."""
+    from matplotlib import colormaps
+    from matplotlib.cm import ScalarMappable
+    from matplotlib.colors import Normalize
+
+    chosen = colormaps[colors] if isinstance(colors, str) else colors
+    levels = view.frame.level(view.point_map.points[:, 2])
+    ordered = chosen if view.frame.zero is None else chosen.reversed()
+    return ScalarMappable(Normalize(*color_range(levels, view.point_map.voxel)), ordered)
 
 
-def _shown(name: str) -> str:
-    """A scan's name as one line of text: a dollar sign begins no formula."""
-    return "".join(c if c.isprintable() else "?" for c in name).replace("$", r"\$")
+def draw_cloud(axes: "Axes", cloud: Cloud, frame: MapFrame, colors: "ScalarMappable") -> None:
+    """Points from above as an image, a pixel of it a pixel of the sheet, below the axes."""
+    figure, box = axes.get_figure(root=True), axes.get_window_extent()
+    assert figure is not None
+    pixel = float(np.diff(axes.get_xlim())[0]) / box.width
+    left, lower = math.floor(box.x0), math.floor(box.y0)
+    corner = np.array([axes.get_xlim()[0], axes.get_ylim()[0]]) - pixel * np.array([box.x0 - left, box.y0 - lower])
+    shape = math.ceil(box.y1) - lower, math.ceil(box.x1) - left
+    seen = frame.level(seen_from_above(cloud.flat, cloud.z, corner, shape, pixel, cloud.voxel))
+    look = {"cmap": colors.get_cmap(), "norm": colors.norm}
+    image = figure.figimage(np.ma.masked_invalid(seen), left, lower, origin="lower", **look)
+    image.set_zorder(-1)
+    axes.patch.set_visible(False)
+
+
+def add_level_bar(sheet: Sheet, colors: "ScalarMappable", view: PartView) -> None:
+    """The scale of depths or heights."""
+    add_color_bar(sheet, colors, view.frame.height, depths=view.frame.zero is not None)
+
+
+def _left_out(view: PartView, cloud: Cloud, lower: np.ndarray, upper: np.ndarray) -> list[str]:
+    """What of the survey's echoes the picture does not show."""
+    sentences: list[str] = []
+    if doubted := view.point_map.doubted:
+        sentences.append(f"{doubted:,} more points, seen by too few scans, may be false echoes and are left out.")
+    outside = int(np.count_nonzero(((cloud.flat < lower) | (cloud.flat > upper)).any(axis=1))) + cloud.lone
+    if outside:
+        points = "1 point" if outside == 1 else f"{outside:,} points"
+        sentences.append(f"Not drawn: {points} of the map far from all others.")
+    return [" ".join(sentences)] if sentences else []

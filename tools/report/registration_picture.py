@@ -5,7 +5,7 @@ import warnings
 from pathlib import Path
 from typing import TYPE_CHECKING
 
-from spectral.result import Registration
+from tools.report.naming import plain_text
 from tools.report.registration_view import RegistrationView
 from tools.report.scan_panels import draw_after, draw_before
 from tools.report.small_png import save_small
@@ -15,7 +15,7 @@ if TYPE_CHECKING:
     from matplotlib.figure import Figure
 
 _SIZE, _DPI = (14.4, 9.4), 110
-_LINE = 160  # characters of the headline's lines
+_LINE, _LONGEST = 160, 50  # characters of the headline's lines, and of a scan's name in it
 
 
 _LAYERS_TEXT = (
@@ -51,14 +51,17 @@ def registration_figure(view: RegistrationView) -> "Figure":
     draw_rotations(figure.add_subplot(grid[1, 0]), view)
     draw_translations(figure.add_subplot(grid[1, 1]), view)
     draw_after(figure.add_subplot(grid[1, 2]), view)
-    figure.suptitle(_headline(view.registration), fontsize=12)
+    figure.suptitle(_headline(view), fontsize=12)
     return figure
 
 
-def _headline(registration: Registration) -> str:
-    """The result and why it is believed or not, in words; the reason holds the probability."""
+def _headline(view: RegistrationView) -> str:
+    """Which scans these are, the result, and why it is believed or not; the reason holds the probability."""
+    registration = view.registration
+    source, target = (plain_text(cloud.name, _LONGEST) for cloud in (view.source, view.target))
     yaw, pitch, roll = registration.T_target_source.rotation.as_euler("ZYX", degrees=True)
     x, y, z = registration.T_target_source.translation
     verdict = "Accepted" if registration.accepted else "NOT accepted"
     pose = f"yaw {yaw:+.1f}°, roll {roll:+.1f}°, pitch {pitch:+.1f}°;  x {x:+.2f} m, y {y:+.2f} m, z {z:+.2f} m"
-    return "\n".join([f"{verdict}:  {pose}", *textwrap.wrap(registration.reason, _LINE)])
+    scans = f"The source, {source}, in the frame of the target, {target}"
+    return "\n".join([scans, f"{verdict}:  {pose}", *textwrap.wrap(registration.reason, _LINE)])

@@ -5,6 +5,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 from scipy.spatial.transform import RigidTransform, Rotation
 
+from tools.report.naming import plain_text
 from tools.report.registration_view import RegistrationView, ScanView
 
 if TYPE_CHECKING:
@@ -85,5 +86,4 @@ def _label(role: str, name: str) -> str:
     """Role and name of a scan as one short line of text: a dollar sign begins no formula."""
     if name == role:
         return role
-    name = name if len(name) <= _LONGEST else f"{name[: _LONGEST // 2]}…{name[-_LONGEST // 2 + 1 :]}"
-    return f"{role}: " + "".join(c if c.isprintable() else "?" for c in name).replace("$", r"\$")
+    return f"{role}: {plain_text(name, _LONGEST)}"

@@ -103,13 +103,18 @@ def draw_translations(axes: "Axes", view: RegistrationView) -> None:
     axes.set(xlabel="x of the source's sensor [m]", ylabel="y of the source's sensor [m]")
     axes.figure.colorbar(image, ax=axes, label="standard deviations above the mean", **_BAR)
     middle = np.array([shifts.x[[0, -1]].mean(), shifts.y[[0, -1]].mean()])
-    right, up = shifts.place > middle
+    right, up = (shifts.place > middle).tolist()
     near = _magnify(axes, shifts, look, (0.03 if right else 0.97 - _SHARE, 0.03 if up else 0.97 - _SHARE))
     near.plot(*view.registration.T_target_source.translation[:2], "+", color=_CHOSEN, markersize=9, markeredgewidth=2)
     x, y = shifts.place
     text = f"peak x {x:+.1f} m, y {y:+.1f} m\npeak-to-sidelobe ratio {shifts.psr:.0f}\n+ the pose, refined"
-    sides: dict[str, Any] = {"ha": "left" if right else "right", "va": "top" if up else "bottom"}
-    corner = (0.03 if right else 0.97, 0.97 if up else 0.03)
+    # neither upon the magnified part, which is across, nor upon the peak: of the two other corners the one beside it
+    # along the axis on which it is farther from the middle
+    away = np.abs(shifts.place - middle)
+    across = bool(away[0] >= away[1])
+    left, top = (right, up) if across else (not right, not up)
+    sides: dict[str, Any] = {"ha": "left" if left else "right", "va": "top" if top else "bottom"}
+    corner = (0.03 if left else 0.97, 0.97 if top else 0.03)
     axes.text(*corner, text, transform=axes.transAxes, fontsize=9, bbox=_BOX, zorder=6, **sides)
 
 

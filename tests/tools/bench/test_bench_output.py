@@ -6,15 +6,17 @@ import re
 from pathlib import Path
 from typing import Any
 
+import numpy as np
 import pytest
 from typer.testing import CliRunner
 
 from kernels.errors import InputError
+from tests.tools.report.survey.known_view import overlapping_texts
 from tools.bench.cases.all_cases import CASES
 from tools.bench.output.as_json import read_result
 from tools.bench.output.compare import compare
 from tools.bench.output.page import BEGIN, END, figures, write_page
-from tools.bench.output.picture import draw_roofline
+from tools.bench.output.picture import draw_roofline, roofline_figure
 from tools.cli.main import app
 
 PAGE = Path(__file__).parents[3] / "docs" / "benchmarks.md"
@@ -183,3 +185,18 @@ def test_the_picture_is_a_picture(result: dict[str, Any], tmp_path: Path) -> Non
     assert path.read_bytes()[:8] == b"\x89PNG\r\n\x1a\n"
     with pytest.raises(InputError, match="holds no kernels"):
         draw_roofline(path, result | {"kernels": []})
+
+
+def test_the_picture_names_every_kernel_of_the_last_grid_and_no_name_lies_upon_another(result: dict[str, Any]) -> None:
+    (row,) = [row for row in result["kernels"] if row.get("flops") and row["right"]][:1]
+    rng = np.random.default_rng(1)
+    rows = [
+        {**row, "grid": grid, "kernel": f"Kernel.step_{k}", "flops": flops, "bytes_moved": 1.0, "flop_rate": rate}
+        for grid in (64, 128)
+        for k, (flops, rate) in enumerate(np.exp(rng.normal([0, 23], [1.0, 0.7], (14, 2))).tolist())
+    ]
+    figure = roofline_figure(result | {"kernels": rows})
+    assert overlapping_texts(figure) == []
+    names = {text.get_text() for text in figure.axes[0].texts}
+    assert {f"Kernel.step_{k}" for k in range(14)} <= names
+    assert "named are the kernels at 128³" in figure.texts[1].get_text()

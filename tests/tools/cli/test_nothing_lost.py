@@ -20,7 +20,16 @@ ROOT = Path(__file__).parents[3]
 GRID = ("--grid", "64")
 PROGRAM = "from tools.cli.main import run; run()"
 CHATTY = "import tools.cli.progress; tools.cli.progress.SECONDS_BETWEEN_LINES = 0; " + PROGRAM
-RESULTS = {"map.ply", "map_all.ply", "map.png", "trajectory.tum", "graph.g2o", "graph.json", "summary.json"}
+RESULTS = {
+    "map.ply",
+    "map_all.ply",
+    "map.png",
+    "profile.png",
+    "trajectory.tum",
+    "graph.g2o",
+    "graph.json",
+    "summary.json",
+}
 RESULTS |= {"pairs.csv", "times.json", "report.html"}
 
 

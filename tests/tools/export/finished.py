@@ -30,7 +30,7 @@ def finished_map(out: Path, split: bool = False, georeference: Georeference | No
     def nothing(path: Path, *_: object) -> None:
         path.write_bytes(b"")
 
-    with patch.multiple("tools.output.folder", draw_map=nothing, draw_loops=nothing):
+    with patch.multiple("tools.output.folder", draw_map=nothing, draw_loops=nothing, draw_profile=nothing):
         write_survey(out, _mapped(split), names, {"voxel": 0.5}, None, inputs=inputs, georeference=georeference)
     return out
 

@@ -62,7 +62,7 @@ def folder(mapped: tuple[list[Scan], SurveyResult], tmp_path_factory: pytest.Tem
 def test_every_file_is_named_in_the_summary(folder: Path) -> None:
     files = json.loads((folder / "summary.json").read_text())["files"]
     layers = {f"map{kind}" for k in (0, 1) for kind in (f"_survey_{k}.ply", f"_survey_{k}.pcd", f"_all_survey_{k}.ply")}
-    rest = {"map.ply", "map_all.ply", "map.pcd", "map.png", "trajectory.tum", "loops.png"}
+    rest = {"map.ply", "map_all.ply", "map.pcd", "map.png", "trajectory.tum", "loops.png", "profile.png"}
     rest |= {"graph.g2o", "graph.json", "pairs.csv", "summary.json"}
     assert set(files) == layers | rest == {path.name for path in folder.iterdir()}
 

@@ -155,9 +155,10 @@ class TestPicture:
         assert "probability" in headline(view)
         sure = replace(view.registration, accepted=True, reason="the views agree " + 30 * "very ")
         lines = headline(replace(view, registration=sure)).splitlines()
-        assert lines[0].startswith("Accepted:  yaw -139.")
-        assert (len(lines), lines[1].startswith("the views agree very")) == (3, True)
-        assert headline(replace(view, registration=replace(sure, accepted=False))).startswith("NOT accepted:  yaw")
+        assert lines[1].startswith("Accepted:  yaw -139.")
+        assert (len(lines), lines[2].startswith("the views agree very")) == (4, True)
+        assert lines[0] == f"The source, {view.source.name}, in the frame of the target, {view.target.name}"
+        assert "\nNOT accepted:  yaw" in headline(replace(view, registration=replace(sure, accepted=False)))
 
     def test_the_same_bytes_twice_and_not_many(self, seen: Seen, tmp_path: Path) -> None:
         paths = tmp_path / "new" / "one.png", tmp_path / "two.png"

@@ -3,12 +3,11 @@
 
 import math
 from collections.abc import Iterator, Mapping, Sequence
-from pathlib import PurePath
 from typing import Any
 
 import numpy as np
 
-from tools.time_scales import are_times, utc_text
+from tools.report.naming import counted_scans, survey_date, survey_name
 
 # Of settings whose name does not say it; the others are counts, shares and names.
 UNITS = {
@@ -33,9 +32,6 @@ CITATION = (
     "Autonomous Robots 30 (2011). doi:10.1007/s10514-011-9221-8"
 )
 
-_NAMED = 3  # inputs in the title
-_DATE = len("2024-05-17")
-
 
 def title(inputs: Sequence[str], stamps: np.ndarray) -> str:
     """What was mapped, and when it was taken.
@@ -44,14 +40,8 @@ def title(inputs: Sequence[str], stamps: np.ndarray) -> str:
         inputs: files, folders or patterns, as they were given.
         stamps: (N,) of the scans [s].
     """
-    names = [PurePath(path).name or path for path in inputs]
-    what = ", ".join(names[:_NAMED]) + (" and others" if len(names) > _NAMED else "")
-    scans = "1 scan" if len(stamps) == 1 else f"{len(stamps)} scans"
-    if not are_times(stamps):
-        return f"Map of {what}, {scans}" if what else f"Map of {scans}"
-    first, last = (utc_text(float(stamp))[:_DATE] for stamp in (stamps.min(), stamps.max()))
-    taken = first if first == last else f"{first} to {last}"
-    return f"Map of {what}, {scans}, {taken}" if what else f"Map of {scans}, {taken}"
+    what = f"Map of {survey_name(inputs)}, " if inputs else "Map of "
+    return ", ".join(filter(None, [what + counted_scans(len(stamps)), survey_date(stamps)]))
 
 
 def setting_rows(settings: Mapping[str, Any]) -> list[tuple[str, str]]:

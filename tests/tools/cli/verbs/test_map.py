@@ -23,7 +23,16 @@ from tools.readers.scans import read_scan, read_survey
 from tools.writers.tum import write_tum
 
 GRID = ("--grid", "64")
-RESULTS = {"map.ply", "map.png", "trajectory.tum", "graph.g2o", "summary.json", "times.json", "journal.sqlite"}
+RESULTS = {
+    "map.ply",
+    "map.png",
+    "profile.png",
+    "trajectory.tum",
+    "graph.g2o",
+    "summary.json",
+    "times.json",
+    "journal.sqlite",
+}
 RESULTS |= {"graph.json", "pairs.csv", "map_all.ply", "report.html"}
 LOOPS = {"loops.png"}  # where loops were tried
 
@@ -204,7 +213,13 @@ def test_in_words(two_places: tuple[list[str], Path, Result]) -> None:
 def test_further_formats_are_written(two_places: tuple[list[str], Path, Result]) -> None:
     paths, out, result = two_places
     more = {"map.pcd", "map_2.pcd", "trajectory.kitti", "trajectory_2.kitti"}
-    assert set(files_in(out)) == RESULTS | more | {"map_2.ply", "map_all_2.ply", "map_2.png", "trajectory_2.tum"}
+    assert set(files_in(out)) == RESULTS | more | {
+        "map_2.ply",
+        "map_all_2.ply",
+        "map_2.png",
+        "profile_2.png",
+        "trajectory_2.tum",
+    }
     assert "map.pcd, trajectory.kitti" in result.stdout
     # float32 keeps 0.1 mm
     np.testing.assert_allclose(read_scan(out / "map.pcd").points, read_scan(out / "map.ply").points, atol=1e-4)
