@@ -118,5 +118,4 @@ def _crossed(line: np.ndarray, anchor: np.ndarray, boxes: Sequence[np.ndarray]) 
 
 def _within(dots: np.ndarray, box: np.ndarray) -> np.ndarray:
     """(n,) bool: which of dots (n, 2) lie in a box."""
-    inside: np.ndarray = np.logical_and(dots >= box[:2] - 1, dots <= box[2:] + 1).all(axis=-1)
-    return inside
+    return np.all((dots >= box[:2] - 1) & (dots <= box[2:] + 1), axis=1)

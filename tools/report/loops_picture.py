@@ -10,7 +10,7 @@ from tools.report.survey.image import Cloud
 from tools.report.survey.layout import extent_of, twice
 from tools.report.survey.sheet import open_sheet
 from tools.report.survey.view import VERDICTS, PartView, Verdict
-from tools.report.survey.way import draw_way, way_legend
+from tools.report.survey.way import draw_way, inks_of, way_legend
 from tools.report.survey.write import write_png
 
 if TYPE_CHECKING:
@@ -42,12 +42,12 @@ def draw_loops(path: Path, view: PartView) -> None:
     Raises:
         InputError: the file cannot be written.
     """
-    write_png(lambda: loops_figure(view), path)
+    inks = [*inks_of(view), *(look["color"] for look in _LOOKS.values())]
+    write_png(lambda: loops_figure(view), path, inks, _grays()[:, :3])
 
 
 def loops_figure(view: PartView) -> "Figure":
     """The figure: two panels of the same extent and colors; the loops are drawn upon the second."""
-    from matplotlib import colormaps
     from matplotlib.colors import ListedColormap
 
     loops: _Loops = {verdict: view.loops(verdict) for verdict in VERDICTS}
@@ -64,13 +64,20 @@ def loops_figure(view: PartView) -> "Figure":
         panel_titles=("before: consecutive registrations, chained", f"after: {_counted(loops['kept'])} kept"),
     )
     panels = [axes for row in sheet.panels for axes in row]
-    colors = level_colors(view, ListedColormap(colormaps["Greys"](np.linspace(*_GRAYS, 256))))
+    colors = level_colors(view, ListedColormap(_grays()))
     for axes, cloud, way in zip(panels, clouds, places, strict=True):
         draw_cloud(axes, cloud, frame, colors)
         draw_way(axes, view, way, numbers=False)
     _draw_loops(panels[1], places[1], loops)
     add_level_bar(sheet, colors, view)
     return sheet.figure
+
+
+def _grays() -> np.ndarray:
+    """(256, 4) colors 0..1 from low to high."""
+    from matplotlib import colormaps
+
+    return colormaps["Greys"](np.linspace(*_GRAYS, 256))
 
 
 def _draw_loops(axes: "Axes", places: np.ndarray, loops: _Loops) -> None:

@@ -11,7 +11,7 @@ from tools.report.survey.image import Cloud, color_range, seen_from_above
 from tools.report.survey.layout import extent_of, layout
 from tools.report.survey.sheet import Sheet, add_color_bar, open_sheet
 from tools.report.survey.view import PartView
-from tools.report.survey.way import draw_way, way_legend
+from tools.report.survey.way import draw_way, inks_of, way_legend
 from tools.report.survey.write import write_png
 
 if TYPE_CHECKING:
@@ -29,7 +29,9 @@ def draw_map(path: Path, view: PartView) -> None:
     Raises:
         InputError: the file cannot be written.
     """
-    write_png(lambda: map_figure(view), path)
+    from matplotlib import colormaps
+
+    write_png(lambda: map_figure(view), path, inks_of(view), colormaps[_COLORS](np.linspace(0, 1, 256))[:, :3])
 
 
 def map_figure(view: PartView) -> "Figure":
@@ -94,5 +96,5 @@ def _left_out(view: PartView, cloud: Cloud, lower: np.ndarray, upper: np.ndarray
     outside = int(np.count_nonzero(((cloud.flat < lower) | (cloud.flat > upper)).any(axis=1))) + cloud.lone
     if outside:
         points = "1 point" if outside == 1 else f"{outside:,} points"
-        sentences.append(f"Not drawn: {points} of the map far from all others.")
+        sentences.append(f"Not drawn: {points} of the map that stand{'s' if outside == 1 else ''} alone.")
     return [" ".join(sentences)] if sentences else []

@@ -31,7 +31,7 @@ def draw_profile(path: Path, view: PartView) -> None:
     Raises:
         InputError: the file cannot be written.
     """
-    write_png(lambda: profile_figure(view), path)
+    write_png(lambda: profile_figure(view), path, (_SENSOR, _BED, _VERTICAL))
 
 
 def profile_figure(view: PartView) -> "Figure":

@@ -28,7 +28,7 @@ def draw_roofline(path: Path, result: Mapping[str, Any]) -> None:
     Raises:
         InputError: the result holds no kernels, or the file cannot be written.
     """
-    write_png(lambda: roofline_figure(result), path)
+    write_png(lambda: roofline_figure(result), path, [color for color, _ in _LOOKS])
 
 
 def roofline_figure(result: Mapping[str, Any]) -> "Figure":

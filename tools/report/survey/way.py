@@ -85,6 +85,11 @@ def _numbered(axes: "Axes", view: PartView, places: np.ndarray) -> list[int]:
     return chosen
 
 
+def inks_of(view: PartView) -> list[str]:
+    """The colors of a part's ways."""
+    return sorted({look_of(k)["color"] for k in range(len(view.legs()))})
+
+
 def number_step(count: int) -> int:
     """A round number such that every so many-th of `count` scans can get its number."""
     tens = 1

@@ -1,23 +1,26 @@
 """Figures as files."""
 
 import warnings
+from collections.abc import Callable, Sequence
 from pathlib import Path
 from typing import TYPE_CHECKING
 
-from tools.writers.atomic import atomic_path
+import numpy as np
+
+from tools.report.small_png import save_small
 
 if TYPE_CHECKING:
-    from collections.abc import Callable
-
     from matplotlib.figure import Figure
 
 
-def write_png(make: "Callable[[], Figure]", path: Path) -> None:
-    """Make a figure, and write it as a PNG.
+def write_png(
+    make: Callable[[], "Figure"], path: Path, inks: Sequence[str] = (), ramp: np.ndarray | None = None
+) -> None:
+    """Make a figure, and write it as a PNG of few colors: `inks` and `ramp` are those of `save_small`.
 
     Raises:
         InputError: the file cannot be written.
     """
-    with atomic_path(path) as temporary, warnings.catch_warnings():
+    with warnings.catch_warnings():
         warnings.filterwarnings("ignore", message="Glyph .* missing")  # names in other scripts are drawn as boxes
-        make().savefig(temporary, format="png")
+        save_small(make(), path, inks, ramp)

@@ -115,7 +115,7 @@ def test_what_is_left_out_is_said_and_not_drawn() -> None:
     assert figure.axes[0].get_xlim()[1] < 40
     note = " ".join(texts_of(figure)[2:][::-1])  # from below
     assert "1,234 more points, seen by too few scans" in note
-    assert "Not drawn: 2 points of the map far from all others." in note
+    assert "Not drawn: 2 points of the map that stand alone." in note
 
 
 def test_a_long_way_is_cut_into_strips_that_show_all_of_it() -> None:
