@@ -14,7 +14,11 @@ _DATE = len("2024-05-17")
 
 
 def survey_name(inputs: Sequence[str]) -> str:
-    """The names of the first files or folders that were given; of a pattern its folder's. Empty where there is none."""
+    """The names of the first files or folders that were given; of a pattern, or of many in one folder, that folder's.
+    Empty where there is none."""
+    folders = {Path(path).absolute().parent for path in inputs}
+    if len(inputs) > _NAMED and len(folders) == 1:
+        inputs = [str(*folders)]
     names = list(dict.fromkeys(_name(path) for path in inputs))
     return ", ".join(names[:_NAMED]) + (" and others" if len(names) > _NAMED else "")
 

@@ -64,7 +64,7 @@ def when(monkeypatch: pytest.MonkeyPatch, function: str, remove: Callable[[], No
 
 
 BEFORE, AFTER = False, True
-WRITING = ("map.ply", "map_all.ply", "map.png", "trajectory.tum", "graph.g2o", "graph.json", "pairs.csv")
+WRITING = ("map.ply", "map_all.ply", "map.png", "profile.png", "trajectory.tum", "graph.g2o", "graph.json", "pairs.csv")
 WRITING += ("summary.json", "times.json")
 KEEP, WRITE = "slam.execute.journal:Journal.add", "tools.output.folder:write_points"
 
