@@ -7,7 +7,6 @@ from tools.doctor.child import Answers
 from tools.doctor.finding import Finding, Remedy, Verdict, size
 
 _USUAL_EDGE = 128  # of --grid
-UNLIMITED = Remedy("raise the limit, or else use a smaller --grid:", "ulimit -v unlimited")
 LESS = Remedy("end other programs, or give the machine or its control group (container) more memory")
 
 
@@ -28,8 +27,14 @@ def memory(answers: Answers) -> Finding:
     verdict: Verdict = "ok" if fits is None or fits >= _USUAL_EDGE else "warning" if fits else "wrong"
     if room < 0:
         verdict, said = "wrong", ["too little for sonarmap with its libraries and an OpenCL driver"]
-    remedies = () if verdict == "ok" else (UNLIMITED if "ulimit -v" in limits else LESS,)
+    remedies = () if verdict == "ok" else (_raise_limit(room) if "ulimit -v" in limits else LESS,)
     return Finding("memory", verdict, "; ".join([*seen, *said]), remedies, details)
+
+
+def _raise_limit(room: int) -> Remedy:
+    return Remedy(
+        "raise the limit:" if room < 0 else "raise the limit, or use a smaller --grid:", "ulimit -v unlimited"
+    )
 
 
 def memory_is_short() -> bool:
