@@ -8,9 +8,11 @@ import numpy as np
 
 from kernels.errors import InputError
 from slam.decide.decision import Decision, decide
+from slam.decide.hand import displaced, with_contradictions
 from slam.decide.navigation import Navigation
 from slam.execute.runner import Execution, PairRunner, Progress
 from slam.execute.worker import prepared_limit
+from slam.graph.control import ControlPoint
 from slam.graph.pose_covariance import pose_covariances
 from slam.loops.settings import LoopSettings
 from slam.map.component_maps import component_maps
@@ -22,6 +24,7 @@ from slam.pair_search import PairSearch
 from slam.stream.between import with_between
 from slam.stream.keys import KeySettings, choose_keys
 from slam.survey_result import SurveyResult
+from slam.tie import Tie
 from spectral.result import Registrar
 from spectral.scan import Scan
 
@@ -94,6 +97,8 @@ class Mapper:
         progress: Progress | None = None,
         surveys: Sequence[int] | None = None,
         odometry: Odometry | None = None,
+        ties: Sequence[Tie] = (),
+        control: Sequence[ControlPoint] = (),
     ) -> SurveyResult:
         """Map a survey, or several of one place.
 
@@ -106,23 +111,27 @@ class Mapper:
                 candidates for bridges and loops are found.
             surveys: the number of each scan's survey, ascending; by default all are of one.
             odometry: dead reckoning of these scans.
+            ties: what a person says of pairs, at most one of each. Pairs are searched for as without ties, so that only
+                those that a person added are registered beside.
+            control: points of scans with known coordinates, which are used when no more pairs are searched for.
 
         Raises:
-            InputError: fewer than two scans, or not one pair that could be tried.
+            InputError: fewer than two scans, not one pair that could be tried, or a tie of scans that no registration
+                places, as a dense stream's between its key scans.
         """
         if len(scans) < 2:
             raise InputError(f"{len(scans)} scan given; a map needs at least two that overlap")
         survey = np.zeros(len(scans), np.intp) if surveys is None else np.asarray(surveys, np.intp)
-        navigation = Navigation.of(scans, survey, odometry)
+        navigation = replace(Navigation.of(scans, survey, odometry), control=tuple(control))
         runner = PairRunner(self.execution, navigation.scans, 2, progress)
         keys, known = choose_keys(runner, survey, self.voxel, self.settings.keys)
         if len(keys) == len(scans):
-            decision = self._decided(runner, navigation, survey, odometry, known)
+            decision = self._decided(runner, navigation, survey, odometry, known, ties)
         else:
-            decision = self._decided_by_keys(runner, keys, known, navigation, survey, odometry)
+            decision = self._decided_by_keys(runner, keys, known, navigation, survey, odometry, ties)
         runner.release()
         runner.step_done("poses optimized")
-        result = self._fuse(scans, survey, decision)
+        result = replace(self._fuse(scans, survey, decision), ties=tuple(ties), control=decision.points(control))
         runner.step_done("map fused")
         return result if len(keys) == len(scans) else replace(result, keys=tuple(keys))
 
@@ -134,13 +143,15 @@ class Mapper:
         navigation: Navigation,
         survey: np.ndarray,
         odometry: Odometry | None,
+        ties: Sequence[Tie],
     ) -> Decision:
         """About the key scans, and by them about all."""
         number, own_survey = {k: n for n, k in enumerate(keys)}, survey[list(keys)]
+        own_ties = [tie.renumbered(number, [scan.name for scan in navigation.scans]) for tie in ties]
         told = None if odometry is None else odometry.take(keys)
         of_keys = navigation.of_some(keys, () if told is None else told.edges(own_survey))
         between = [replace(pair, i=number[pair.i], j=number[pair.j]) for pair in known]
-        decision = self._decided(runner.of(keys), of_keys, own_survey, told, between)
+        decision = self._decided(runner.of(keys), of_keys, own_survey, told, between, own_ties)
         floor = self.settings.loops.floor(self.voxel) / 4
         return with_between(decision, keys, navigation, survey, odometry, floor)
 
@@ -151,8 +162,12 @@ class Mapper:
         survey: np.ndarray,
         odometry: Odometry | None,
         known: Sequence[Pair],
+        ties: Sequence[Tie],
     ) -> Decision:
-        """About all that can be registered of some scans; `known` pairs have been."""
+        """About all that can be registered of some scans; `known` pairs have been.
+
+        The search knows neither ties nor control points, so that it registers the same pairs whatever these say.
+        """
         search = PairSearch(
             runner,
             navigation.scans,
@@ -166,15 +181,20 @@ class Mapper:
         pairs = search.steps(known)
         pairs += search.bridges(pairs, self.settings.bridge)
         require_any_registered(pairs)
-        decision = self._decide(runner, navigation, pairs)
+        alone = navigation.without_control
+        decision = self._decide(runner, alone, pairs)
         settings = self.settings.loops
         for number in range(settings.most_rounds if settings.rounds else 0):
             loops = search.loops(decision, pairs, unsure=number >= settings.rounds)
             if not loops:
                 break
             pairs += loops
-            decision = self._decide(runner, navigation, pairs)
-        return decision
+            decision = self._decide(runner, alone, pairs)
+        if not (ties or navigation.control):
+            return decision
+        by_hand = self._decide(runner, navigation, search.tied(pairs, ties))
+        sizes = with_contradictions(by_hand.pairs, by_hand.solution, decision.solution)
+        return replace(by_hand, pairs=tuple(sizes), displaced=displaced(sizes, decision.pairs))
 
     def _decide(self, runner: PairRunner, navigation: Navigation, pairs: Sequence[Pair]) -> Decision:
         decision = decide(pairs, navigation, self.voxel, self.settings.loops)
@@ -209,4 +229,5 @@ class Mapper:
             gaps=tuple((pair.i, pair.j) for pair in decision.pairs if pair.role == "sequential" and not pair.kept),
             voxel=self.voxel,
             wrong_fixes=decision.wrong_fixes,
+            displaced=decision.displaced,
         )

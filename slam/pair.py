@@ -7,6 +7,7 @@ from typing import Literal
 
 from kernels.errors import InputError
 from slam.graph.edge import Edge
+from slam.tie import ByHand
 from spectral.expected import ExpectedPose
 from spectral.result import Registration
 
@@ -32,6 +33,10 @@ class Pair:
         sigmas_from_estimate: its distance from the chain, before loops [sigmas]; NaN where it has none.
         residual: its distance from the final poses [sigmas]: of a kept pair under its own covariance, of another also
             under the poses'; NaN where it has none.
+        by_hand: what a person said of it (`slam.tie`), over what the others say; "" where nobody did.
+        note: why, in the person's words.
+        contradicted: of a pair that is kept by hand, the chi-squared of six numbers, without a unit, that the rest of
+            the survey puts against it (`slam.decide.hand`); NaN of any other.
     """
 
     i: int
@@ -47,6 +52,9 @@ class Pair:
     agreeing: int = 0
     sigmas_from_estimate: float = float("nan")
     residual: float = float("nan")
+    by_hand: ByHand = ""
+    note: str = ""
+    contradicted: float = float("nan")
 
     @property
     def scans(self) -> tuple[int, int]:

@@ -8,6 +8,7 @@ import numpy as np
 from scipy.cluster.hierarchy import DisjointSet
 
 from slam.decide.decision import Decision
+from slam.decide.hand import with_ties
 from slam.execute.runner import PairRunner
 from slam.loops.candidates import find_candidates, find_lookalikes
 from slam.loops.settings import LoopSettings
@@ -18,6 +19,7 @@ from slam.motion.motion import Motion
 from slam.motion.odometry import Odometry
 from slam.motion.reconsider import expected_by, is_doubtful, with_both, with_motion, without_leaps
 from slam.pair import Pair
+from slam.tie import Tie
 from spectral.result import Registrar
 from spectral.scan import Scan
 
@@ -126,6 +128,22 @@ class PairSearch:
         looks = [replace(_unregistered(pair), expected=where) for pair, where in zip(doubtful, expected, strict=True)]
         again = {pair.scans: pair for pair in self._runner.register(looks)}
         return [with_both(pair, again[pair.scans]) if pair.scans in again else pair for pair in pairs]
+
+    def tied(self, tried: Sequence[Pair], ties: Sequence[Tie]) -> list[Pair]:
+        """The pairs, marked with what a person said of them; and those that a person added, registered.
+
+        Nothing else is registered: what a person says of pairs changes what is believed, not what is searched for.
+
+        Args:
+            tried: the pairs of all stages before.
+            ties: at most one of each two scans.
+        """
+        known = {pair.scans for pair in tried}
+        new = [tie for tie in ties if tie.verdict == "add" and tie.scans not in known]
+        added = [Pair(*tie.scans, "loop") for tie in new]
+        asked = [pair for pair, tie in zip(added, new, strict=True) if tie.given is None]
+        registered = {pair.scans: pair for pair in self._runner.register(asked)}
+        return with_ties([*tried, *(registered.get(pair.scans, pair) for pair in added)], ties)
 
     def _looked_at_again(self, pairs: Sequence[Pair]) -> list[Pair]:
         """The pairs, those that are doubtful registered again about where the motion expects them."""

@@ -6,12 +6,14 @@ from dataclasses import dataclass
 import numpy as np
 
 from slam.decide.wrong_fixes import WrongFix
+from slam.graph.control import MeasuredControl
 from slam.graph.edge import Edge
 from slam.graph.pose_graph import Solution
 from slam.graph.trajectory import Trajectory
 from slam.map.component_maps import ComponentMaps
 from slam.map.point_map import PointMap
 from slam.pair import Pair
+from slam.tie import Tie
 
 
 @dataclass(frozen=True, slots=True)
@@ -32,6 +34,9 @@ class SurveyResult:
         pairs: every pair that was tried, in the order of trying.
         gaps: consecutive pairs (i, i + 1) that were not kept, whether or not another pair bridges them.
         voxel: edge of the survey's voxels [m].
+        ties: what a person said of pairs; what came of each is with its pair.
+        displaced: scans of pairs that are kept without ties and control points, and refused for these.
+        control: where control and check points are in the map.
     """
 
     trajectory: Trajectory
@@ -46,6 +51,9 @@ class SurveyResult:
     voxel: float
     wrong_fixes: tuple[WrongFix, ...] = ()
     keys: tuple[int, ...] | None = None
+    ties: tuple[Tie, ...] = ()
+    displaced: tuple[tuple[int, int], ...] = ()
+    control: tuple[MeasuredControl, ...] = ()
 
     @property
     def moved(self) -> float:
@@ -71,5 +79,5 @@ class SurveyResult:
 
     @property
     def edges(self) -> tuple[Edge, ...]:
-        """The registrations that the graph was built from."""
-        return tuple(edge for edge in self.solution.graph.edges if edge.is_registered)
+        """The registrations that the graph was built from, and the ties that a person measured."""
+        return tuple(edge for edge in self.solution.graph.edges if edge.is_of_pair)

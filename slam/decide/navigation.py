@@ -1,5 +1,5 @@
 # pyright: strict, reportMissingTypeStubs=false
-"""What instruments say of a whole survey: fixes of single poses, and dead reckoning between them."""
+"""What is measured beside a survey's scans: fixes of single poses, dead reckoning between them, control points."""
 
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
@@ -7,6 +7,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from slam.decide.wrong_fixes import WrongFix, without_wrong_fixes
+from slam.graph.control import ControlPoint
 from slam.graph.edge import Edge, components
 from slam.graph.pose_graph import PoseGraph
 from slam.graph.trajectory import chain
@@ -17,17 +18,19 @@ from spectral.scan import PosePrior, Scan
 
 @dataclass(frozen=True, slots=True)
 class Navigation:
-    """Instruments, without fixes that they themselves contradict.
+    """Instruments, without fixes that they themselves contradict, and points that somebody surveyed.
 
     Attributes:
         scans: N, with the priors that are left; what is wrong must not bound a registration.
         odometry: the steps of dead reckoning.
         wrong_fixes: what dead reckoning and the other fixes contradict.
+        control: points of scans with known coordinates; those to check with are not used.
     """
 
     scans: tuple[Scan, ...]
     odometry: tuple[Edge, ...] = ()
     wrong_fixes: tuple[WrongFix, ...] = ()
+    control: tuple[ControlPoint, ...] = ()
 
     @classmethod
     def of(cls, scans: Sequence[Scan], surveys: np.ndarray, odometry: Odometry | None) -> "Navigation":
@@ -48,7 +51,14 @@ class Navigation:
 
     def of_some(self, chosen: Sequence[int], odometry: Sequence[Edge]) -> "Navigation":
         """Of some of the scans, with the steps of dead reckoning between these; what is wrong has been left out."""
-        return Navigation(tuple(self.scans[k] for k in chosen), tuple(odometry))
+        number = {k: n for n, k in enumerate(chosen)}
+        control = (replace(point, scan=number[point.scan]) for point in self.control if point.scan in number)
+        return Navigation(tuple(self.scans[k] for k in chosen), tuple(odometry), control=tuple(control))
+
+    @property
+    def without_control(self) -> "Navigation":
+        """The same without control points."""
+        return replace(self, control=())
 
     @property
     def stamps(self) -> np.ndarray:

@@ -76,6 +76,7 @@ def _region(graph: PoseGraph, ends: np.ndarray, joining: np.ndarray, poses: np.n
             fixed=_sorted(own(k) for k in rim.union(k for k in graph.fixed if inside[k])),
             priors=tuple((own(k), prior) for k, prior in graph.priors if inside[k]),
             known=tuple(replace(known, pose=own(known.pose)) for known in graph.known if inside[known.pose]),
+            control=tuple(replace(point, scan=own(point.scan)) for point in graph.control if inside[point.scan]),
         ),
         chosen,
     )

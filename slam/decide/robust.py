@@ -92,8 +92,9 @@ def robust_optimize(
 
 
 def _fixed_inliers(graph: PoseGraph, trusted: Iterable[int]) -> np.ndarray:
-    """(E,) bool: inliers in any case: what instruments say, trusted edges, and the only ties between two parts."""
-    fixed = np.array([not edge.is_registered for edge in graph.edges], bool)
+    """(E,) bool: inliers in any case: what instruments or a person say, trusted edges, and what alone joins two
+    parts."""
+    fixed = np.array([edge.by_hand or not edge.is_registered for edge in graph.edges], bool)
     fixed[[*trusted, *bridges(len(graph.trajectory), graph.edges, graph.in_world)]] = True
     return fixed
 

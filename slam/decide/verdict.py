@@ -10,6 +10,8 @@ from slam.graph.pose_graph import Solution
 from slam.pair import Pair
 from spectral.result import Registration
 
+_BY_HAND = {"accept": "accepted", "add": "added", "given": "measured"}
+
 
 def with_verdicts(
     pairs: Sequence[Pair],
@@ -25,7 +27,7 @@ def with_verdicts(
         taken: the answers that were given to the optimizer, by their scans.
         solution: the optimized graph; its edges are what was kept.
     """
-    kept = {(edge.i, edge.j): n for n, edge in enumerate(solution.graph.edges) if edge.is_registered}
+    kept = {(edge.i, edge.j): n for n, edge in enumerate(solution.graph.edges) if edge.is_of_pair}
     best = {possible.scans: possible for possible in reversed(supported)} | dict(taken)
     distances = _distances(pairs, best, kept, solution)
     decided = []
@@ -68,8 +70,12 @@ def _distances(
 
 def _reason(pair: Pair, possible: PossibleEdge | None, taken: bool, kept: bool, residual: float) -> str:
     registration = pair.registration
+    if pair.by_hand == "reject":
+        return "rejected by hand"
     if registration is None:
         return f"failed: {pair.failure}"
+    if pair.by_hand and kept:
+        return f"kept: {_BY_HAND[pair.by_hand]} by hand, {residual:.1f} sigmas from the final poses"
     if possible is None:
         if fault := PossibleEdge(pair.i, pair.j, registration).fault:
             return f"failed: {fault}"

@@ -13,7 +13,7 @@ from scipy.spatial.transform import RigidTransform
 from kernels.errors import InputError
 from spectral.result import Registration
 
-Kind = Literal["sequential", "odometry", "loop", "prior"]
+Kind = Literal["sequential", "odometry", "tie", "loop", "prior"]
 SYMMETRY = 1e-9  # largest asymmetry of a covariance or information, as a share of its largest element
 
 
@@ -25,8 +25,9 @@ class Edge:
         i, j: indices of the poses; equal for a prior, and only there.
         registration: `T_target_source` is T_i_j; for a prior it is T_world_i. The covariance is (6, 6),
             rotation first [rad, m], body tangent of j.
-        kind: "sequential" (consecutive scans), "loop" (any others), "odometry" (by dead reckoning) or "prior" (of one
-            pose, against the world).
+        kind: "sequential" (consecutive scans), "loop" (any others), "odometry" (by dead reckoning), "tie" (a person
+            measured it) or "prior" (of one pose, against the world).
+        by_hand: whether a person vouches for it: then no other edge outweighs it.
 
     Raises:
         InputError: an unknown kind, indices that do not suit it, or a covariance that is not symmetric
@@ -37,6 +38,7 @@ class Edge:
     j: int
     registration: Registration
     kind: Kind
+    by_hand: bool = False
 
     def __post_init__(self) -> None:
         if self.kind not in get_args(Kind):
@@ -52,8 +54,13 @@ class Edge:
 
     @property
     def is_registered(self) -> bool:
-        """Whether a registration says so; else instruments do."""
+        """Whether a registration says so; else instruments or a person do."""
         return self.kind in ("sequential", "loop")
+
+    @property
+    def is_of_pair(self) -> bool:
+        """Whether it is what became of a pair of scans: registered, or measured by a person."""
+        return self.is_registered or self.kind == "tie"
 
     def doubted(self, factor: float) -> "Edge":
         """The edge with its covariance multiplied, whatever took part in it: it contradicts others as it is."""
@@ -125,7 +132,8 @@ def inverse_definite(matrix: np.ndarray) -> np.ndarray:
 
 
 def spanning_tree(count: int, edges: Sequence[Edge]) -> list[Edge]:
-    """Edges that join every component of `count` poses without a cycle: consecutive scans, odometry, then loops."""
+    """Edges that join every component of `count` poses without a cycle: consecutive scans, odometry, ties, then
+    loops."""
     joined = DisjointSet(range(count))
     between = [edge for edge in edges if edge.kind != "prior"]
     order = get_args(Kind)

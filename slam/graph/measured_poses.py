@@ -74,6 +74,23 @@ class MeasuredPoses:
         return factors
 
 
+def told_about(priors: Mapping[int, PosePrior], T_world_sensor: RigidTransform) -> list[KnownPose]:
+    """What instruments tell of poses as if they had measured an estimate: exactly nothing of what they do not measure.
+
+    Args:
+        priors: by pose.
+        T_world_sensor: N poses, the estimate.
+    """
+    if not priors:
+        return []
+    poses = sorted(priors)
+    T, precisions = T_world_sensor[poses], 1 / np.stack([priors[k].sigmas for k in poses]) ** 2
+    R: np.ndarray = T.rotation.as_matrix()
+    turns = _turns(T.rotation, precisions[:, :3])
+    shifts = R.swapaxes(1, 2) @ (precisions[:, 3:, None] * R)
+    return [KnownPose(k, T[n], blocks(turns[n], shifts[n])) for n, k in enumerate(poses)]
+
+
 # How far a vehicle's roll and pitch usually are from 0, standard deviation [rad].
 _LEVEL = float(np.deg2rad(15.0))
 # What instruments may measure of a pose, in the order of `unmeasured`.

@@ -34,7 +34,8 @@ def weighed(graph: PoseGraph) -> PoseGraph:
     One factor for all registrations, by how well cycles close; and more for an edge that the others contradict, as
     heavy tails would have it: two scans that saw a place from opposite sides lean more than both their noise says.
     Student's t with 4 degrees of freedom, by reweighted least squares (Lange, Little and Taylor, DOI
-    10.2307/2290063).
+    10.2307/2290063). An edge that a person vouches for does not tell how large errors are where others contradict it,
+    and weighs in full nevertheless.
 
     Args:
         graph: with its kept edges, about their optimum; what instruments say does not count, and is not scaled.
@@ -52,6 +53,7 @@ def weighed(graph: PoseGraph) -> PoseGraph:
         weights = np.minimum(1.0, (_TAILS + 6) / (_TAILS + squared / weights / quotient))
     doubts = np.ones(len(graph.edges))
     doubts[[edge.is_registered for edge in graph.edges]] = 1 / weights
+    doubts[[edge.by_hand for edge in graph.edges]] = 1.0
     return graph.scaled(_OF_EDGES * quotient).doubted(doubts)
 
 

@@ -14,12 +14,14 @@ import numpy as np
 from scipy.spatial.transform import RigidTransform
 
 from kernels.errors import InputError
+from slam.graph.control import ControlPoint, OpenMotion, control_of, open_motion
 from slam.graph.edge import Edge, components, scaled
 from slam.graph.edge_factors import edge_factors, residuals_of
-from slam.graph.gtsam_poses import START_SIGMA, chordal_start, to_pose3, to_transforms, to_values
-from slam.graph.known_pose import GAUGE_SIGMA, KnownPose, undetermined
+from slam.graph.graph_factors import anchor_factors, holds, levels, pose_factors
+from slam.graph.gtsam_poses import START_SIGMA, chordal_start, to_transforms, to_values
+from slam.graph.known_pose import GAUGE_SIGMA, KnownPose, held_pose, undetermined
 from slam.graph.marginals import Marginals, marginals
-from slam.graph.measured_poses import MeasuredPoses, gauge, level, unmeasured
+from slam.graph.measured_poses import MeasuredPoses, gauge, told_about, unmeasured
 from slam.graph.tangent import adjoint, carried, lengths
 from slam.graph.trajectory import Trajectory
 from spectral.result import Registration
@@ -36,6 +38,7 @@ class PoseGraph:
         fixed: poses held at their initial estimate.
         priors: (pose, what instruments measured of it); the trajectory is in their world (`place_in_world`).
         known: what else is known of single poses, as a file says it.
+        control: points of poses, held to their places in the world; the trajectory is in it (`place_by_control`).
 
     Every connected component needs a tie to the world: its fixed poses or its priors are that tie, and where it has
     neither, its first pose is held (`anchors`). What no instrument measures of any of its poses is held there too.
@@ -49,6 +52,7 @@ class PoseGraph:
     fixed: tuple[int, ...] = ()
     priors: tuple[tuple[int, PosePrior], ...] = ()
     known: tuple[KnownPose, ...] = ()
+    control: tuple[ControlPoint, ...] = ()
 
     def __post_init__(self) -> None:
         count = len(self.trajectory)
@@ -58,7 +62,7 @@ class PoseGraph:
         if any(not 0 <= pose < count for pose in self.fixed):
             raise InputError(f"fixed poses {self.fixed}: wanted indices below {count}, the number of poses")
         if any(not 0 <= pose < count for pose in self._measured):
-            raise InputError(f"a prior names a pose which is not among the {count} of the trajectory")
+            raise InputError(f"a prior or control point names a pose which is not among the {count} of the trajectory")
 
     @cached_property
     def components(self) -> tuple[tuple[int, ...], ...]:
@@ -91,17 +95,32 @@ class PoseGraph:
     def loose(self) -> list[tuple[int, np.ndarray]]:
         """The first pose of each component whose priors do not tell all, and (6,) bool what they do not tell."""
         priors, anchors = dict(self.priors), set(self.anchors)
-        measured = (members for members in self.components if not anchors.intersection(members))
+        # what control points leave open is in `open_motions`
+        beside = {point.scan for point in self.control}.union(anchors)
+        measured = (members for members in self.components if not beside.intersection(members))
         unheld = [
             (members[0], unmeasured(members, priors)) for members in measured if set(priors).intersection(members)
         ]
         return [(pose, free) for pose, free in unheld if free.any()]
 
+    @cached_property
+    def open_motions(self) -> list[tuple[int, OpenMotion]]:
+        """The first pose of each component that control points hold, and the motions that nothing holds it in."""
+        free = [m for m in self.components if self.control and not set(self.anchors).intersection(m)]
+        T, known = self.trajectory.T_world_sensor, self._measured_known
+        return [(m[0], open_motion(control, known, m, T)) for m in free if (control := control_of(self.control, m))]
+
+    @property
+    def unmeasured(self) -> dict[int, np.ndarray]:
+        """By the first pose of each component that does not wholly lie in the world: (6,) bool what nobody measured."""
+        return dict(self.loose) | {pose: free.names for pose, free in self.open_motions if free.names.any()}
+
     @property
     def all_known(self) -> list[KnownPose]:
         """All that is known of single poses but the anchors': `known`, the priors, and what is held beside these."""
-        measured = self.by_priors
-        return [*self.beside_priors, *([] if measured is None else measured.known())]
+        measured, T = self.by_priors, self.trajectory.T_world_sensor
+        control = [point.known_pose(T[point.scan]) for point in self.control]
+        return [*self.beside_priors, *control, *([] if measured is None else measured.known())]
 
     @property
     def by_priors(self) -> MeasuredPoses | None:
@@ -113,50 +132,47 @@ class PoseGraph:
         """What else is known, and what is held where neither tells."""
         T = self.trajectory.T_world_sensor
         held = [gauge(pose, free, T[pose]) for pose, free in self.loose]
+        held += [held_pose(pose, T[pose], free.at(T[pose])) for pose, free in self.open_motions if free.axes.size]
         return [*self.known, *self._level, *held, *self._undetermined]
 
     @property
     def degrees_of_freedom(self) -> int:
         """Measured numbers less free ones."""
         free = 6 * (len(self.trajectory) - len(self.anchors)) - sum(int(free.sum()) for _, free in self.loose)
-        measured = 6 * len(self.edges) + sum(int(np.isfinite(prior.sigmas).sum()) for _, prior in self.priors)
+        free -= sum(motion.axes.shape[1] for _, motion in self.open_motions)
+        measured = 6 * len(self.edges) + 3 * len(self.control)
+        measured += sum(int(np.isfinite(prior.sigmas).sum()) for _, prior in self.priors)
         return measured + sum(known.rank for known in (*self.known, *self._level, *self._undetermined)) - free
 
     def _is_placed(self, part: tuple[int, ...], priors: dict[int, PosePrior]) -> bool:
         """Whether instruments tell all of where the poses lie that edges join."""
-        inside = set(part)
+        inside, T = set(part), self.trajectory.T_world_sensor
         if not inside.isdisjoint(priors) and not unmeasured(part, priors).any():
             return True
+        if control := control_of(self.control, part):
+            return not open_motion(control, self._measured_known, part, T).axes.size
         known = [known for known in self.known if known.pose in inside]
-        return bool(known) and undetermined(part, known, self.trajectory.T_world_sensor) is None
+        return bool(known) and undetermined(part, known, T) is None
 
     @cached_property
     def _measured(self) -> set[int]:
         """The poses of which something is measured."""
-        return {*dict(self.priors), *(known.pose for known in self.known)}
+        single = *(known.pose for known in self.known), *(point.scan for point in self.control)
+        return {*dict(self.priors), *single}
+
+    @cached_property
+    def _measured_known(self) -> list[KnownPose]:
+        """What is known of single poses beside control points, where the trajectory has them."""
+        return [*self.known, *told_about(dict(self.priors), self.trajectory.T_world_sensor)]
 
     @property
     def _level(self) -> list[KnownPose]:
-        """That vehicles float about level, where no instrument measured attitudes and positions alone tell the tilt."""
-        priors, anchors = dict(self.priors), set(self.anchors)
-        found = (
-            level(members, priors, self.trajectory.T_world_sensor)
-            for members in (self.components if priors else ())
-            if not anchors.intersection(members)
-        )
-        return [known for known in found if known is not None]
+        return levels(self.components, set(self.anchors), dict(self.priors), self.trajectory.T_world_sensor)
 
     @property
     def _undetermined(self) -> list[KnownPose]:
-        """What holds components of which `known` tells something, but not all."""
-        held = []
-        for members in self.components if self.known else ():
-            inside = set(members)
-            known = [known for known in self.known if known.pose in inside]
-            if known and not inside.intersection(self.anchors, dict(self.priors)):
-                holds = undetermined(members, known, self.trajectory.T_world_sensor)
-                held += [] if holds is None else [holds]
-        return held
+        elsewhere = {*self.anchors, *dict(self.priors), *(point.scan for point in self.control)}
+        return holds(self.components, elsewhere, self.known, self.trajectory.T_world_sensor)
 
     @property
     def chi_squared(self) -> float:
@@ -175,7 +191,9 @@ class PoseGraph:
     @property
     def registered_alone(self) -> "PoseGraph":
         """The graph without what instruments say."""
-        return replace(self, edges=tuple(edge for edge in self.edges if edge.is_registered), priors=(), known=())
+        return replace(
+            self, edges=tuple(edge for edge in self.edges if edge.is_registered), priors=(), known=(), control=()
+        )
 
     def scaled(self, factor: float) -> "PoseGraph":
         """The graph with the covariances of all registrations multiplied (`slam.graph.edge.scaled`)."""
@@ -198,7 +216,7 @@ class PoseGraph:
             InputError: the edges do not tell every pose.
         """
         try:
-            without = replace(self, priors=(), known=())
+            without = replace(self, priors=(), known=(), control=())
             started = chordal_start(factors_of(without, START_SIGMA), len(self.trajectory))
         except RuntimeError as error:
             raise self.unsolvable(error) from error
@@ -368,17 +386,12 @@ def factors_of(
         gauge_sigma: standard deviation with which anchors are held [rad, m].
         doubts: (E,) by which the edges' covariances are multiplied; 1 by default.
     """
-    factors = gtsam.NonlinearFactorGraph()
-    for factor in edge_factors(graph.edges, doubts):
+    factors, measured = gtsam.NonlinearFactorGraph(), graph.by_priors
+    for factor in (
+        *edge_factors(graph.edges, doubts),
+        *anchor_factors(graph.anchors, graph.trajectory.T_world_sensor, gauge_sigma),
+        *(() if measured is None else measured.factors()),
+        *pose_factors(graph.control, graph.beside_priors),
+    ):
         factors.add(factor)
-    held = gtsam.noiseModel.Isotropic.Sigma(6, gauge_sigma)
-    T = graph.trajectory.T_world_sensor
-    for pose in graph.anchors:
-        factors.add(gtsam.PriorFactorPose3(pose, to_pose3(T[pose]), held))
-    measured = graph.by_priors
-    for factor in [] if measured is None else measured.factors():
-        factors.add(factor)
-    for known in graph.beside_priors:
-        for factor in known.factors():
-            factors.add(factor)
     return factors

@@ -181,10 +181,10 @@ def _start(graph: PoseGraph, start: Start) -> RigidTransform:
 
 
 def _isotropic(graph: PoseGraph, start: Start) -> _Solved:
-    if graph.known:
+    if graph.known or graph.control:
         raise InputError(
-            "the file says what is known of single vertices, and the isotropic objective needs edges between them "
-            "alone; use `objective=full`"
+            "the file says what is known of single vertices or points, and the isotropic objective needs edges "
+            "between them alone; use `objective=full`"
         )
     if len(graph.fixed) > 1:
         raise InputError(

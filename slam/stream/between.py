@@ -11,7 +11,10 @@ from scipy.spatial.transform import RigidTransform
 
 from slam.decide.decision import Decision
 from slam.decide.navigation import Navigation
+from slam.decide.wrong_control import WrongControl, without_wrong_control
 from slam.decide.wrong_fixes import without_wrong_fixes
+from slam.graph.control import ControlPoint
+from slam.graph.control_place import place_by_control
 from slam.graph.edge import Edge
 from slam.graph.pose_graph import PoseGraph
 from slam.graph.trajectory import Trajectory
@@ -61,7 +64,15 @@ def with_between(
         left, wrong = without_wrong_fixes(whole, navigation.priors)
     else:
         left, wrong = {keys[pose]: prior for pose, prior in graph.priors}, ()
-    solution = replace(whole, priors=tuple(sorted(left.items()))).optimize()
+    measured = tuple(sorted(left.items()))
+    control, wrong_control = _control(decision, keys, navigation)
+    if control:
+        # points of scans between may be all that ties the map to the world
+        placed = place_by_control(whole.trajectory, whole.components, control, left)
+        whole = replace(whole, trajectory=placed, control=control)
+        control, more_wrong = without_wrong_control(replace(whole, priors=measured))
+        whole, wrong_control = replace(whole, control=control), (*wrong_control, *more_wrong)
+    solution = replace(whole, priors=measured).optimize()
     solution = replace(
         solution,
         chi_squared_before=decision.solution.chi_squared_before,
@@ -71,7 +82,22 @@ def with_between(
     told = {(fix.scan, fix.kind): fix for fix in (*navigation.wrong_fixes, *wrong)}
     told |= {(keys[fix.scan], fix.kind): replace(fix, scan=keys[fix.scan]) for fix in decision.wrong_fixes}
     chained = expanded(decision.chained.T_world_sensor)
-    return Decision(chained, solution, pairs, tuple(told[key] for key in sorted(told)))
+    wrong_fixes = tuple(told[key] for key in sorted(told))
+    displaced = tuple((keys[i], keys[j]) for i, j in decision.displaced)
+    return Decision(chained, solution, pairs, wrong_fixes, wrong_control, displaced)
+
+
+def _control(
+    decision: Decision, keys: Sequence[int], navigation: Navigation
+) -> tuple[tuple[ControlPoint, ...], tuple[WrongControl, ...]]:
+    """The control points of all scans without those that are wrong by the key scans, and these, as they were given."""
+    number = {k: n for n, k in enumerate(keys)}
+    of_keys = [point for point in navigation.control if point.scan in number]
+    # a decision about key scans has the same points with their own numbers
+    same = {(each.point.name, keys[each.point.scan]): each.sigmas for each in decision.wrong_control}
+    wrong = [point for point in of_keys if (point.name, point.scan) in same]
+    kept = [point for point in navigation.control if point.holds and not any(point is each for each in wrong)]
+    return tuple(kept), tuple(WrongControl(point, same[point.name, point.scan]) for point in wrong)
 
 
 def _steps(

@@ -1,0 +1,198 @@
+"""Control points in a graph: the factor, where they put a map, what they leave open, and which are wrong."""
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+from scipy.spatial.transform import RigidTransform, Rotation
+
+from kernels.errors import InputError
+from slam.decide.wrong_control import without_wrong_control
+from slam.graph.control import ControlPoint, jacobian
+from slam.graph.control_place import place_by_control, robust_fit
+from slam.graph.gtsam_poses import to_values
+from slam.graph.pose_covariance import pose_covariances
+from slam.graph.pose_graph import PoseGraph, Solution
+from slam.graph.trajectory import Trajectory, chain
+from slam.graph.world import place_in_world
+from spectral.scan import PosePrior
+from tests.samples.surveys import edge, random_covariance, ring_poses
+
+T_WORLD = RigidTransform.from_components([310.0, -45.0, -12.0], Rotation.from_euler("ZYX", [2.1, 0.2, -0.1]))
+COUNT = 12
+TRUTH = T_WORLD * ring_poses(COUNT)
+COVARIANCE = random_covariance(np.random.default_rng(4), 0.004, 0.03)
+# of three points that are not on a line, in the frames of their scans [m]
+PICKED = {0: [2.0, 1.0, -1.0], 4: [3.0, -2.0, 0.5], 8: [1.5, 2.5, -2.0], 10: [-2.0, 3.0, 1.0], 2: [4.0, 0.0, -3.0]}
+
+
+def point(scan: int, sigma: float = 0.05, off: tuple[float, float, float] = (0.0, 0.0, 0.0)) -> ControlPoint:
+    """A point without an error but `off`, at PICKED."""
+    picked = np.array(PICKED[scan])
+    return ControlPoint(f"P{scan}", scan, picked, TRUTH[scan].apply(picked) + off, np.full(3, sigma))
+
+
+def graph(control: list[ControlPoint], noisy: bool = True, priors: dict[int, PosePrior] | None = None) -> PoseGraph:
+    """A chain in a frame of its own, put where the points are."""
+    rng = np.random.default_rng(7)
+    noise = RigidTransform.from_exp_coords(rng.multivariate_normal(np.zeros(6), COVARIANCE * noisy, COUNT - 1))
+    edges = tuple(edge(k, k + 1, TRUTH[k].inv() * TRUTH[k + 1] * noise[k], COVARIANCE) for k in range(COUNT - 1))
+    known = priors or {}
+    placed = place_by_control(chain(edges, np.zeros(COUNT)), [range(COUNT)], control, known)
+    return PoseGraph(placed, edges, control=tuple(control), priors=tuple(known.items()))
+
+
+def distance(solution: Solution) -> float:
+    """Root mean square of the positions from the truth [m]."""
+    apart = solution.trajectory.T_world_sensor.translation - TRUTH.translation
+    return float(np.sqrt((apart**2).sum(axis=1).mean()))
+
+
+def test_the_residual_is_that_worked_by_hand():
+    """A sensor at (10, 20, -3) that looks North sees the point 2 m ahead, 1 m to the left and 0.5 m up."""
+    T = RigidTransform.from_components([10.0, 20.0, -3.0], Rotation.from_euler("Z", 90, degrees=True))
+    known = ControlPoint("A", 0, np.array([2.0, 1.0, 0.5]), np.array([9.1, 21.8, -2.7]), np.array([0.1, 0.4, 0.05]))
+    # there are 9, 22 and -2.5: off by -0.1, 0.2 and 0.2, which are 1, 0.5 and 4 sigmas
+    poses = to_values(RigidTransform.concatenate([T]))
+    assert known.factor().error(poses) == pytest.approx(0.5 * (1.0 + 0.25 + 16.0), rel=1e-9)
+    np.testing.assert_allclose(known.factor().unwhitenedError(poses), [-0.1, 0.2, 0.2], atol=1e-9)
+
+
+def test_the_jacobian_is_that_of_finite_differences():
+    T, p, step = TRUTH[3], np.array([1.2, -0.7, 2.9]), 1e-6
+    differences = [((T * RigidTransform.from_exp_coords(step * xi)).apply(p) - T.apply(p)) / step for xi in np.eye(6)]
+    np.testing.assert_allclose(jacobian(T, p), np.array(differences).T, atol=1e-5)
+
+
+def test_three_points_put_a_chain_into_the_world():
+    solution = graph([point(0), point(4), point(8)], noisy=False).optimize()
+    assert distance(solution) < 1e-4
+    assert solution.graph.unmeasured == {}
+    assert solution.graph.anchors == ()
+    assert solution.degrees_of_freedom == 6 * (COUNT - 1) + 9 - 6 * COUNT
+    noisy = graph([point(0), point(4), point(8), point(10)]).optimize()
+    assert distance(noisy) < 0.3
+    covariances = pose_covariances(noisy)
+    assert (np.linalg.eigvalsh(covariances) > 0).all()
+    # the map is the surest where it is held
+    spread = np.sqrt(np.trace(covariances[:, 3:, 3:], axis1=1, axis2=2))
+    assert spread[6] < 2.0
+
+
+def test_moving_all_known_coordinates_moves_the_map_the_same():
+    control = [point(0), point(4, off=(0.04, -0.03, 0.02)), point(8), point(10, off=(-0.05, 0.01, 0.03))]
+    T_other = RigidTransform.from_components([-75.0, 220.0, 4.0], Rotation.from_euler("ZYX", [-1.3, 0.4, 0.9]))
+    moved = [replace(each, known=T_other.apply(each.known)) for each in control]
+    first, second = (graph(points).optimize().trajectory.T_world_sensor for points in (control, moved))
+    np.testing.assert_allclose((T_other * first).as_matrix(), second.as_matrix(), atol=2e-4)
+
+
+def test_the_order_of_points_does_not_matter():
+    control = [point(0), point(4, off=(0.04, -0.03, 0.02)), point(8), point(10)]
+    first, second = (graph(points).optimize().trajectory.T_world_sensor for points in (control, control[::-1]))
+    np.testing.assert_allclose(first.as_matrix(), second.as_matrix(), atol=1e-5)
+
+
+@pytest.mark.parametrize(
+    ("scans", "open_"),
+    [((4,), {"tilt_x", "tilt_y", "heading"}), ((0, 8), None), ((0, 4, 8), set()), ((0, 4, 8, 10), set())],
+)
+def test_what_few_points_leave_open_is_told_and_held(scans, open_):
+    held = graph([point(k) for k in scans], noisy=False)
+    names = np.array(["tilt_x", "tilt_y", "heading", "east", "north", "up"])
+    flags = held.unmeasured.get(0, np.zeros(6, bool))
+    if open_ is not None:
+        assert set(names[flags]) == open_
+    else:
+        assert 1 <= flags[:3].sum() <= 3
+        assert not flags[3:].any()
+    solution = held.optimize()
+    for each in held.control:
+        np.testing.assert_allclose(
+            solution.trajectory.T_world_sensor[each.scan].apply(each.point), each.known, atol=1e-3
+        )
+
+
+def test_points_on_a_line_leave_the_turn_about_it_open():
+    line = np.linspace(0, 1, 3)[:, None] * [20.0, 6.0, 1.0] + T_WORLD.translation
+    control = [
+        ControlPoint(f"L{k}", k, TRUTH[k].inv().apply(place), place, np.full(3, 0.05))
+        for k, place in zip((0, 4, 8), line, strict=True)
+    ]
+    assert graph(control).unmeasured[0][:3].any()
+    aside = replace(control[1], known=control[1].known + np.array([0.01, 0.0, 0.0]))
+    assert graph([control[0], aside, control[2]]).unmeasured[0][:3].any()
+
+
+def test_attitudes_and_two_points_are_enough():
+    sigmas = np.array([0.003, 0.003, np.inf, np.inf, np.inf, np.inf])
+    priors = {k: PosePrior(TRUTH[k], sigmas) for k in range(COUNT)}
+    upright = graph([], priors=priors)
+    level = place_in_world(upright.trajectory, [range(COUNT)], priors)
+    control = (point(0), point(4))
+    placed = place_by_control(level, [range(COUNT)], control, priors)
+    solution = PoseGraph(placed, upright.edges, priors=tuple(priors.items()), control=control).optimize()
+    assert solution.graph.unmeasured == {}
+    assert distance(solution) < 0.4
+    alone = PoseGraph(placed, upright.edges, priors=tuple(priors.items()), control=control[:1])
+    assert alone.unmeasured[0].tolist() == [False, False, True, False, False, False]
+
+
+@pytest.mark.parametrize("upright", [False, True])
+def test_a_blunder_does_not_spoil_the_start(upright):
+    rng = np.random.default_rng(5)
+    R = Rotation.from_euler("Z" if upright else "ZYX", 2.0 if upright else [2.0, -0.4, 0.7])
+    T = RigidTransform.from_components([120.0, -30.0, 8.0], R)
+    here = rng.normal(size=(6, 3)) * [20, 15, 4]
+    there = T.apply(here) + 0.02 * rng.normal(size=(6, 3))
+    there[2] += [55.0, -20.0, 3.0]
+    fitted = robust_fit(here, there, upright)
+    assert float(np.linalg.norm((T.inv() * fitted).translation)) < 0.1
+    assert float((T.inv() * fitted).rotation.magnitude()) < 0.01
+
+
+def test_the_least_squares_start_is_scipys():
+    rng = np.random.default_rng(6)
+    here = rng.normal(size=(3, 3)) * [20, 15, 4]
+    there = T_WORLD.apply(here) + 0.1 * rng.normal(size=(3, 3))
+    R, _ = Rotation.align_vectors(there - there.mean(axis=0), here - here.mean(axis=0))
+    np.testing.assert_allclose(robust_fit(here, there).rotation.as_matrix(), R.as_matrix(), atol=1e-9)
+
+
+@pytest.mark.parametrize("size", [1.5, 40.0])
+def test_a_wrong_point_is_named_and_left_out(size):
+    control = [point(0), point(2), point(4, off=(0.6 * size, -0.8 * size, 0.0)), point(8), point(10)]
+    kept, wrong = without_wrong_control(graph(control))
+    assert [each.point.name for each in wrong] == ["P4"]
+    assert [each.name for each in kept] == ["P0", "P2", "P8", "P10"]
+    assert wrong[0].sigmas > 5
+
+
+def test_right_points_are_not_called_wrong():
+    rng = np.random.default_rng(8)
+    control = [replace(point(k), known=point(k).known + 0.05 * rng.normal(size=3)) for k in PICKED]
+    assert without_wrong_control(graph(control))[1] == ()
+
+
+def test_of_three_points_nothing_tells_which_is_wrong():
+    kept, wrong = without_wrong_control(graph([point(0), point(4, off=(9.0, 0.0, 0.0)), point(8)]))
+    assert len(kept) == 3
+    assert wrong == ()
+
+
+@pytest.mark.parametrize(
+    ("changes", "words"),
+    [
+        ({"point": np.array([1.0, np.nan, 0.0])}, "finite"),
+        ({"sigmas": np.array([0.1, 0.0, 0.1])}, "above 0"),
+        ({"use": "look"}, "control or check"),
+    ],
+)
+def test_points_refuse_what_makes_no_sense(changes, words):
+    with pytest.raises(InputError, match=words):
+        replace(point(0), **changes)
+
+
+def test_a_point_of_no_pose_is_refused():
+    with pytest.raises(InputError, match="control point names a pose"):
+        PoseGraph(Trajectory(np.zeros(2), TRUTH[:2]), (), control=(point(4),))
