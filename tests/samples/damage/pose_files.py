@@ -12,6 +12,7 @@ from scipy.spatial.transform import RigidTransform
 from spectral.scan import Scan
 from tools.evaluate.pairs_file import read_pairs
 from tools.evaluate.survey_summary import SurveySummary, read_summary
+from tools.readers.control import read_control
 from tools.readers.navigation.odometry import read_odometry
 from tools.readers.navigation.priors import with_priors
 from tools.readers.poses.g2o import read_g2o
@@ -19,6 +20,7 @@ from tools.readers.poses.graph_json import FORMAT, read_graph_json
 from tools.readers.poses.gt_log import read_gt_log
 from tools.readers.poses.kitti import read_kitti
 from tools.readers.poses.tum import read_tum
+from tools.readers.ties import read_ties
 from tools.simulate.folder import read_settings
 
 # Where a result may say that nothing is known.
@@ -54,6 +56,19 @@ _PAIRS = (
     "target,source,role,kept,reason,x_m,y_m,z_m,roll_deg,pitch_deg,yaw_deg\n"
     '0,1,sequential,yes,"kept, as it is",1.5,-2.5,0.25,10.5,-20.5,170.25\n'
     "0,1,loop,no,failed,,,,,,\n"
+)
+_TIES = (
+    "# by hand\ntarget,source,verdict,x_m,y_m,z_m,roll_deg,pitch_deg,yaw_deg,sigma_m,sigma_deg,note\n"
+    "scan0,scan2,add,1.5,-2.5,0.25,10.5,-20.5,170.25,0.05,1.5,same pile\n"
+    "scan1,scan0,reject,,,,,,,,,\n2,1,accept,,,,,,,,,\n"
+)
+_CONTROL = (
+    "name,scan,x_m,y_m,z_m,east_m,north_m,depth_m,sigma_h_m,sigma_v_m,use\n"
+    "A,scan0,1.5,-2.5,0.25,310.5,-20.25,12.5,0.05,0.1,control\nB,scan1,4.5,1.25,-3.5,320.5,-31.75,11.5,,,check\n"
+)
+_EARTH = (
+    "name,scan,x_m,y_m,z_m,lat_deg,lon_deg,height_m,sigma_m\n"
+    "A,scan0,1.5,-2.5,0.25,60.39131,5.32212,-12.5,0.05\nB,scan2,4.5,1.25,-3.5,60.39142,5.32231,-11.5,0.07\n"
 )
 _SENSOR = {"name": "own", "horizontal": 1.5, "vertical": 0.75, "columns": 32, "rows": 16, "min_range": 0.5}
 _DESCRIPTION = {
@@ -107,6 +122,9 @@ POSE_FILES = {
         _odometry,
     ),
     "odometry.tum": PoseFile("odometry.tum", _TUM.encode(), _odometry),
+    "ties.csv": PoseFile("ties.csv", _TIES.encode(), lambda path: read_ties(path, SCANS)),
+    "control.csv": PoseFile("control.csv", _CONTROL.encode(), lambda path: read_control(path, SCANS).points),
+    "control on the Earth": PoseFile("earth.csv", _EARTH.encode(), lambda path: read_control(path, SCANS).points),
 }  # fmt: skip
 
 

@@ -9,6 +9,7 @@ import numpy as np
 from scipy.spatial.transform import RigidTransform
 
 from kernels.errors import InputError
+from slam.graph.control import ControlPoint
 from slam.graph.edge import Edge
 from slam.graph.pose_graph import PoseGraph
 from slam.graph.trajectory import Trajectory
@@ -22,7 +23,7 @@ FORMAT = "sonarmap graph 1"
 
 
 def read_graph_json(path: Path) -> PoseGraph:
-    """The graph as the map had it: poses, edges, priors.
+    """The graph as the map had it: poses, edges, priors, control points.
 
     Raises:
         InputError: no such file, or one that is not a map's graph.json.
@@ -38,7 +39,8 @@ def read_graph_json(path: Path) -> PoseGraph:
         )
         edges = tuple(_edge(row) for row in content["edges"])
         priors = tuple((int(row["pose"]), _prior(row)) for row in content["priors"])
-        return PoseGraph(trajectory, edges, priors=priors)
+        control = tuple(_control(row) for row in content.get("control_points", ()))
+        return PoseGraph(trajectory, edges, priors=priors, control=control)
     except (ValueError, LookupError, TypeError) as error:
         raise InputError(f"{path} is not the graph.json of a map ({error})") from error
 
@@ -50,6 +52,11 @@ def _edge(row: dict[str, Any]) -> Edge:
         T, np.array(row["covariance"]), np.nan, np.nan, True, 0.0, reason=row["reason"], probability=probability
     )
     return Edge(int(row["i"]), int(row["j"]), told, row["kind"])
+
+
+def _control(row: dict[str, Any]) -> ControlPoint:
+    point, known, sigmas = (np.array(row[name], dtype=np.float64) for name in ("point", "known", "sigmas"))
+    return ControlPoint(str(row["name"]), int(row["pose"]), point, known, sigmas)
 
 
 def _prior(row: dict[str, Any]) -> PosePrior:
