@@ -7,6 +7,7 @@ from typing import Any
 
 import numpy as np
 
+from slam.graph.control import ControlPoint
 from slam.graph.edge import Edge
 from slam.map.crossing import Crossing
 from slam.pair import Pair
@@ -25,6 +26,7 @@ CONVENTIONS = {
     "the source",
     "crossings": "scans of passes that overlap: how far apart they lie before and after the loops, medians and 90th "
     "percentiles [m]",
+    "control_points": "that hold the map: in the sensor's frame of their pose, and known East, North, Up [m]",
     "prior": "sigmas of roll, pitch, heading [rad], East, North, Up [m]; null where not measured",
 }
 
@@ -39,6 +41,7 @@ def survey_graph(result: SurveyResult, names: Sequence[str]) -> dict[str, Any]:
     graph = result.solution.graph
     component = {scan: number for number, members in enumerate(graph.components) for scan in members}
     measured = {pose for pose, _ in graph.priors} | {known.pose for known in graph.known}
+    measured |= {point.scan for point in graph.control}
     in_world = [not measured.isdisjoint(members) for members in graph.components]
     keys = None if result.keys is None else set(result.keys)
     return {
@@ -58,6 +61,7 @@ def survey_graph(result: SurveyResult, names: Sequence[str]) -> dict[str, Any]:
         "edges": [_edge_row(edge) for edge in graph.edges],
         "pairs": [_pair_row(pair) for pair in result.pairs],
         "priors": [_prior_row(pose, prior) for pose, prior in graph.priors],
+        "control_points": [_control_row(point) for point in graph.control],
         "wrong_fixes": [{"pose": fix.scan, "kind": fix.kind, "sigmas": fix.sigmas} for fix in result.wrong_fixes],
         "anchors": graph.anchors,
         "crossings": [_crossing_row(crossing) for part in result.parts for crossing in part.crossings.crossings],
@@ -80,10 +84,11 @@ def _edge_row(edge: Edge) -> Mapping[str, Any]:
 def _pair_row(pair: Pair) -> Mapping[str, Any]:
     """A pair with its verdict and, unless it failed, with what was measured."""
     registration = registration_of(pair)
+    row = pair_row(pair) | ({"by_hand": pair.by_hand, "note": pair.note} if pair.by_hand else {})
     if registration is None:
-        return pair_row(pair)
+        return row
     return {
-        **pair_row(pair),
+        **row,
         "T_target_source": registration.T_target_source.as_matrix(),
         "covariance": registration.covariance,
         "step_psr": dict(registration.step_psr),
@@ -99,6 +104,16 @@ def _crossing_row(crossing: Crossing) -> Mapping[str, Any]:
         "before_90_m": before.most,
         "after_m": after.median,
         "after_90_m": after.most,
+    }
+
+
+def _control_row(point: ControlPoint) -> Mapping[str, Any]:
+    return {
+        "name": point.name,
+        "pose": point.scan,
+        "point": point.point,
+        "known": point.known,
+        "sigmas": point.sigmas,
     }
 
 

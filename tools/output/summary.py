@@ -15,6 +15,7 @@ from slam.pair import Pair, Role
 from slam.survey_result import SurveyResult
 from tools.geo.georeference import Georeference
 from tools.output.faults import faults
+from tools.output.hand import control_fit, control_rows, tie_rows
 from tools.output.parts import placed, unplaced
 from tools.readers.scans import Unread
 from tools.readers.selection import PAIRS
@@ -43,7 +44,7 @@ def survey_summary(
         georeference: where the map lies on the Earth; None where it is not known.
     """
     solution, graph = result.solution, result.solution.graph
-    loose = dict(graph.loose)
+    unmeasured = graph.unmeasured
     gaps = [_gap(scan.before, len(names)) for scan in unread]
     return {
         "versions": package_versions(),
@@ -60,12 +61,15 @@ def survey_summary(
         "unread": [
             {"name": scan.where, "reason": scan.reason, "gap": gap} for scan, gap in zip(unread, gaps, strict=True)
         ],
-        "components": [_component_row(result, c, loose) for c in placed(result.components)],
+        "components": [_component_row(result, c, unmeasured) for c in placed(result.components)],
         "unplaced": unplaced(result.components),
         "key_scans": result.keys,
         "by_navigation": result.by_navigation,
         "warnings": faults(result, names),
         "wrong_fixes": [{"name": names[fix.scan], **asdict(fix)} for fix in result.wrong_fixes],
+        "ties": tie_rows(result, names),
+        "control_points": control_rows(result, names),
+        "control": control_fit(result, names),
         "crossing_error_m": crossing_row(CrossingError.of(part.crossings for part in result.parts)),
         "graph": {
             "edges": len(graph.edges),
@@ -119,10 +123,10 @@ def pose_sigmas(covariances: np.ndarray) -> list[dict[str, float]]:
     ]
 
 
-def _component_row(result: SurveyResult, c: int, loose: Mapping[int, np.ndarray]) -> dict[str, Any]:
-    """A component that is a map, with the sizes of its layers by their surveys; `loose` as `PoseGraph` has it."""
+def _component_row(result: SurveyResult, c: int, unmeasured: Mapping[int, np.ndarray]) -> dict[str, Any]:
+    """A component that is a map, with the sizes of its layers by their surveys; `unmeasured` as `PoseGraph` has it."""
     members = result.components[c]
-    free = next((loose[pose] for pose in members if pose in loose), np.zeros(6, dtype=bool))
+    free = next((unmeasured[pose] for pose in members if pose in unmeasured), np.zeros(6, dtype=bool))
     row = {
         "scans": members,
         "unmeasured": [name for name, held in zip(MEASURED, free, strict=True) if held],

@@ -29,6 +29,7 @@ from tools.cli.navigation_check import contradiction_of
 from tools.cli.options.export import ExportOption, export_settings, export_with_progress
 from tools.cli.options.geo import CrsOption, OriginHeadingOption, OriginOption, VerticalOption, georeference_of
 from tools.cli.options.groups import OUTPUT
+from tools.cli.options.hand import ControlCrsOption, ControlOption, Hand, TiesOption, hand_of, hand_summary
 from tools.cli.options.registration import (
     DEFAULT_HYPOTHESES,
     DEFAULT_MAX_TILT,
@@ -81,6 +82,7 @@ from tools.cli.options.survey import (
 from tools.cli.progress import growing_progress, stage
 from tools.cli.stops import when_stopped
 from tools.cli.terminal import say, warn
+from tools.cli.text.hand import show_hand
 from tools.cli.text.survey import Mapped, print_mapped, print_summary, warn_of_faults, warn_of_some, written_summary
 from tools.methods.registry import DEFAULT_METHOD
 
@@ -133,6 +135,9 @@ def command(
     max_turn_rate: MaxTurnRateOption = None,
     max_step: MaxStepOption = None,
     min_seen: MinSeenOption = None,
+    ties: TiesOption = None,
+    control: ControlOption = None,
+    control_crs: ControlCrsOption = None,
     report: ReportOption = True,
     also: AlsoOption = [],  # noqa: B006 - typer's way to say none
     export: ExportOption = [],  # noqa: B006
@@ -172,21 +177,24 @@ def command(
     given, silent = context.params, quiet or as_json
     navigation = navigation_settings(given, georeference_of(origin, origin_heading, vertical))
     read, georeference = _navigated(given, navigation, imu and options.uses_priors, silent)
-    exports = export_settings(export, crs, also, georeference)
+    hand = hand_of(given, read.scans, georeference)
+    exports = export_settings(export, crs, also, hand.georeference)
     reckoned = odometry_of(read.scans, odometry, odometry_drift, navigation)
     configured = configure_method(read.scans, options, survey=True)
     if contradiction := contradiction_of(read.scans, read.surveys, configured.registrar, silent):
         warn(f"{contradiction}; correct {priors}, or say how it is meant (docs/navigation.md)")
-    described = {**navigation_summary(given), **corrections_summary(given)}
+    described = {**navigation_summary(given), **corrections_summary(given), **hand_summary(given)}
     settings = {"inputs": inputs, **described, **configured.settings, "mapper": mapping}
-    result = _map(read, reckoned, configured, execution_options, settings, out, also, georeference, silent)
-    mapped = Mapped(result, [scan.name for scan in read.scans], out, also, len(read.unread), georeference is not None)
+    result = _map(read, reckoned, configured, execution_options, settings, out, also, hand, silent)
+    names, on_earth = [scan.name for scan in read.scans], hand.georeference is not None
+    mapped = Mapped(result, names, out, also, len(read.unread), on_earth)
     later: list[str] = []
     try:
         _write_more(out, report, exports, silent, later)
     finally:  # the map is there, whatever its report and export came to
         if not as_json:
             print_mapped(replace(mapped, later=later, seconds=time.monotonic() - start), verbose)
+        show_hand(result, names, silent)
     if as_json:
         print_summary(out)
         warn_of_faults(mapped, verbose)
@@ -262,7 +270,7 @@ def _map(
     settings: Mapping[str, Any],
     out: Path,
     also: list[str],
-    georeference: "Georeference | None",
+    hand: Hand,
     quiet: bool,
 ) -> "SurveyResult":
     """Map the survey, and write its folder."""
@@ -276,16 +284,16 @@ def _map(
     prepared = prepared_limit(configured.registrar, options.workers)
     names = [scan.name for scan in read.scans]
     require_writable(out)
-    instruments = [Path(settings[name]) for name in ("priors", "odometry") if name in settings]
+    instruments = [Path(settings[name]) for name in ("priors", "odometry", "ties", "control") if name in settings]
     inputs = input_rows([*read.files, *instruments])  # now: while the scans are mapped, files may change
     with open_execution(configured, prepared, options, out / JOURNAL, quiet) as execution:
         clear_leftovers(out)  # the journal is locked: no other run writes here
         mapper = Mapper(configured.registrar, configured.grid.voxel, settings["mapper"], execution)
         with growing_progress("mapping", quiet) as step:
             step(0, len(read.scans), "preparing the first scans")
-            result = mapper.run(read.scans, step, read.surveys, odometry)
+            result = mapper.run(read.scans, step, read.surveys, odometry, hand.ties, hand.control)
         times = survey_times(execution.timings, options.place)
-        described = (configured.device, read.unread, also, times, inputs, georeference)
+        described = (configured.device, read.unread, also, times, inputs, hand.georeference)
         with stage("writing", quiet):
             write_survey(out, result, names, settings, *described)
     return result

@@ -1,0 +1,87 @@
+"""The options with which a person takes part in a map: --ties and --control."""
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+from pathlib import Path
+from typing import TYPE_CHECKING, Annotated, Any
+
+import typer
+
+from kernels.errors import InputError
+from tools.cli.terminal import say
+
+if TYPE_CHECKING:
+    from slam.graph.control import ControlPoint
+    from slam.tie import Tie
+    from spectral.scan import Scan
+    from tools.geo.georeference import Georeference
+
+TiesOption = Annotated[
+    Path | None,
+    typer.Option(
+        "--ties",
+        metavar="FILE",
+        help="Accept, reject or add pairs of scans: CSV with target, source, verdict (docs/ties.md). What is "
+        "registered already is not registered again.",
+    ),
+]
+ControlOption = Annotated[
+    Path | None,
+    typer.Option(
+        "--control",
+        metavar="FILE",
+        help="Hold points of scans to known coordinates, or check them: CSV with name, scan, x_m, y_m, z_m and "
+        "east_m, north_m, up_m or others (docs/ties.md).",
+    ),
+]
+ControlCrsOption = Annotated[
+    str | None,
+    typer.Option("--control-crs", metavar="CRS", help="Of its easting_m and northing_m, as EPSG:25832."),
+]
+_NAMES = ("ties", "control", "control_crs")
+
+
+@dataclass(frozen=True, slots=True)
+class Hand:
+    """What a person says of a survey.
+
+    Attributes:
+        ties: of pairs.
+        control: points with known coordinates.
+        georeference: where the map lies on the Earth, as far as it is known now.
+    """
+
+    ties: "tuple[Tie, ...]"
+    control: "tuple[ControlPoint, ...]"
+    georeference: "Georeference | None"
+
+
+def hand_of(options: Mapping[str, Any], scans: "Sequence[Scan]", georeference: "Georeference | None") -> Hand:
+    """What --ties and --control say; a note for what a user should know of the files.
+
+    Args:
+        options: of the verb, by their parameters' names.
+        scans: that were read.
+        georeference: of the map so far.
+
+    Raises:
+        InputError: a file cannot be used, or --control-crs has no file.
+    """
+    from tools.readers.control import read_control
+    from tools.readers.ties import read_ties
+
+    ties = () if options["ties"] is None else read_ties(options["ties"], scans)
+    if options["control"] is None:
+        if options["control_crs"] is not None:
+            raise InputError("--control-crs has no effect without --control; give it too, or leave it out")
+        return Hand(ties, (), georeference)
+    read = read_control(options["control"], scans, georeference, options["control_crs"])
+    for note in read.notes:
+        say(note)
+    return Hand(ties, read.points, read.georeference)
+
+
+def hand_summary(options: Mapping[str, Any]) -> dict[str, Any]:
+    """What was given, for the summary, so that the same command can be given again."""
+    given = {name: options[name] for name in _NAMES if options.get(name) is not None}
+    return {name: str(value) if isinstance(value, Path) else value for name, value in given.items()}
