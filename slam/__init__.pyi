@@ -1,3 +1,4 @@
+from .graph.control import ControlPoint as ControlPoint
 from .graph.edge import Edge as Edge
 from .graph.gtsam_poses import to_transforms as to_transforms
 from .graph.gtsam_poses import to_values as to_values
@@ -15,8 +16,10 @@ from .optimize.solve import Optimized as Optimized
 from .pair import Pair as Pair
 from .stream.keys import KeySettings as KeySettings
 from .survey_result import SurveyResult as SurveyResult
+from .tie import Tie as Tie
 
 __all__ = [
+    "ControlPoint",
     "Edge",
     "KeySettings",
     "LoopSettings",
@@ -30,6 +33,7 @@ __all__ = [
     "PoseGraph",
     "Solution",
     "SurveyResult",
+    "Tie",
     "Trajectory",
     "factors_of",
     "to_transforms",

@@ -116,11 +116,12 @@ class Mapper:
             control: points of scans with known coordinates, which are used when no more pairs are searched for.
 
         Raises:
-            InputError: fewer than two scans, not one pair that could be tried, or a tie of scans that no registration
-                places, as a dense stream's between its key scans.
+            InputError: fewer than two scans, not one pair that could be tried, or ties or control points of scans that
+                are not there, or ties of those between a dense stream's key scans.
         """
         if len(scans) < 2:
             raise InputError(f"{len(scans)} scan given; a map needs at least two that overlap")
+        _require_scans(len(scans), ties, control)
         survey = np.zeros(len(scans), np.intp) if surveys is None else np.asarray(surveys, np.intp)
         navigation = replace(Navigation.of(scans, survey, odometry), control=tuple(control))
         runner = PairRunner(self.execution, navigation.scans, 2, progress)
@@ -231,3 +232,12 @@ class Mapper:
             wrong_fixes=decision.wrong_fixes,
             displaced=decision.displaced,
         )
+
+
+def _require_scans(count: int, ties: Sequence[Tie], control: Sequence[ControlPoint]) -> None:
+    """Refuse what is said of scans that are not there, and two verdicts on a pair."""
+    named = [*(tie.j for tie in ties), *(point.scan for point in control)]
+    if named and not (max(named) < count and min(named) >= 0):
+        raise InputError(f"a tie or control point is of scan {max(named)}; there are {count}, counted from 0")
+    if len({tie.scans for tie in ties}) < len(ties):
+        raise InputError("two ties are of the same scans; leave one out")

@@ -19,11 +19,13 @@ from spectral.scan import Scan
 
 if TYPE_CHECKING:
     from slam.execute.runner import Progress
+    from slam.graph.control import ControlPoint
     from slam.graph.pose_graph import PoseGraph
     from slam.mapper import MapperSettings
     from slam.motion.odometry import Odometry
     from slam.optimize.solve import Objective, Optimized, Start
     from slam.survey_result import SurveyResult
+    from slam.tie import Tie
 
 __all__ = ["PreparedScan", "map_scans", "optimize", "prepare", "read_scans", "register"]
 
@@ -129,6 +131,8 @@ def map_scans(
     surveys: Sequence[int] | None = None,
     odometry: "Odometry | None" = None,
     progress: "Progress | None" = None,
+    ties: "Sequence[Tie]" = (),
+    control: "Sequence[ControlPoint]" = (),
 ) -> "SurveyResult":
     """Map a survey: poses with covariances, the pose graph, every pair with its verdict, and the fused maps.
 
@@ -142,6 +146,8 @@ def map_scans(
         surveys: the number of each scan's survey, ascending; all are of one by default.
         odometry: dead reckoning of the scans.
         progress: called with (steps done, steps planned so far, text) after each step.
+        ties: pairs that you accept, reject or add.
+        control: points of scans with known coordinates, which bring the map into the world.
 
     Raises:
         InputError: fewer than two scans, or a scan, a file or an argument that cannot be used.
@@ -156,7 +162,7 @@ def map_scans(
         survey = [_as_scan(scan, f"scan {k}", k) for k, scan in enumerate(scans)]
     grid = survey_grid(survey, edge, voxel)
     registrar = _registrar(method, grid, max_tilt, device, seed) if isinstance(method, str) else method
-    return Mapper(registrar, grid.voxel, settings).run(survey, progress, surveys, odometry)
+    return Mapper(registrar, grid.voxel, settings).run(survey, progress, surveys, odometry, ties, control)
 
 
 def optimize(
