@@ -16,7 +16,7 @@ from slam.decide.twins import twin_odds, with_odds
 from slam.decide.verdict import with_verdicts
 from slam.decide.wrong_control import WrongControl, without_wrong_control
 from slam.decide.wrong_fixes import WrongFix, without_wrong_fixes
-from slam.graph.control import ControlPoint, MeasuredControl, control_of
+from slam.graph.control import ControlPoint, MeasuredControl
 from slam.graph.control_place import place_by_control
 from slam.graph.edge import Edge, components, spanning_tree
 from slam.graph.pose_covariance import weighed
@@ -59,7 +59,7 @@ class Decision:
     def points(self, control: Sequence[ControlPoint]) -> tuple[MeasuredControl, ...]:
         """Where the poses have control points, those to check with among them."""
         graph, wrong = self.solution.graph, {id(each.point): each.sigmas for each in self.wrong_control}
-        placed = {k for members in graph.components for k in members if control_of(graph.control, members)}
+        placed = {k for members in graph.components if graph.lies_in_world(members) for k in members}
         T = graph.trajectory.T_world_sensor
         return tuple(
             MeasuredControl(

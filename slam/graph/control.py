@@ -83,7 +83,7 @@ class MeasuredControl:
     Attributes:
         point: as it was given.
         estimated: (3,) where the map has it, East, North, Up [m].
-        in_world: whether control points hold the part of the map that it is in.
+        in_world: whether instruments or control points tell all of where the part of the map lies that it is in.
         wrong: of a control point that all others contradict, and that was therefore left out, by how many standard
             deviations of its own and the map's together; NaN of any other.
     """

@@ -84,6 +84,10 @@ class PoseGraph:
         complete = {pose for pose, prior in self.priors if prior.is_complete}
         return sorted(complete.union(known.pose for known in self.known if known.rank == 6))
 
+    def lies_in_world(self, members: Sequence[int]) -> bool:
+        """Whether instruments or control points tell all of where one of the components lies."""
+        return members[0] not in self.unmeasured and set(self.anchors).isdisjoint(members)
+
     @cached_property
     def anchors(self) -> tuple[int, ...]:
         """The poses held where they are: the fixed, and the first of a component that nothing else holds."""
@@ -94,9 +98,7 @@ class PoseGraph:
     @property
     def loose(self) -> list[tuple[int, np.ndarray]]:
         """The first pose of each component whose priors do not tell all, and (6,) bool what they do not tell."""
-        priors, anchors = dict(self.priors), set(self.anchors)
-        # what control points leave open is in `open_motions`
-        beside = {point.scan for point in self.control}.union(anchors)
+        priors, beside = dict(self.priors), {*self.anchors, *(point.scan for point in self.control)}
         measured = (members for members in self.components if not beside.intersection(members))
         unheld = [
             (members[0], unmeasured(members, priors)) for members in measured if set(priors).intersection(members)

@@ -14,6 +14,7 @@ from slam.stream.keys import KeySettings
 from slam.survey_result import SurveyResult
 from slam.tie import Tie
 from spectral.result import Registration
+from spectral.scan import PosePrior
 from tests.samples.surveys import KnowingRegistrar, random_covariance, ring_poses, scans_of
 
 VOXEL = 0.5
@@ -74,6 +75,23 @@ def test_a_blunder_is_named_and_does_not_move_the_map() -> None:
     result = Mapper(KnowingRegistrar(RING, 4 * COVARIANCE), VOXEL).run(SCANS, control=wrong)
     assert [each.point.name for each in result.control if each.left_out] == ["P9"]
     assert error(result) < 0.3
+
+
+def test_check_points_alone_measure_a_map_that_navigation_places() -> None:
+    sigmas = np.array([0.01, 0.01, 0.03, 0.5, 0.5, 0.1])
+    priors = {k: PosePrior(TRUTH[k], sigmas) for k in range(0, 24, 3)}
+    scans = [replace(scan, prior=priors.get(k)) for k, scan in enumerate(SCANS)]
+    plain, checked = (
+        Mapper(KnowingRegistrar(RING, COVARIANCE), VOXEL).run(scans, control=control)
+        for control in ([], points([1, 8, 16], check=(1, 8, 16)))
+    )
+    np.testing.assert_array_equal(
+        plain.trajectory.T_world_sensor.as_matrix(), checked.trajectory.T_world_sensor.as_matrix()
+    )
+    assert all(each.in_world for each in checked.control)
+    assert max(np.linalg.norm(each.residual) for each in checked.control) < 0.6
+    lost = Mapper(KnowingRegistrar(RING, COVARIANCE), VOXEL).run(SCANS, control=points([1, 8], check=(1, 8)))
+    assert not any(each.in_world for each in lost.control)
 
 
 def test_parts_that_points_place_share_the_world() -> None:

@@ -38,7 +38,7 @@ def tie_effect(result: SurveyResult, tie: Tie) -> str:
             return "was not tried, so that nothing is rejected"
         return "was not tried, so that there is no registration to accept; the verdict add registers it"
     if tie.verdict == "reject":
-        return "left out of the graph"
+        return "rejected by hand: left out of the graph"
     if not pair.kept or pair.edge is None:
         return f"not in the graph: {pair.reason}"
     words = pair.reason
@@ -88,7 +88,7 @@ def control_rows(result: SurveyResult, names: Sequence[str]) -> list[dict[str, A
 def control_fit(result: SurveyResult, names: Sequence[str]) -> dict[str, Any] | None:
     """How well the map fits its control and its check points, and which were left out; None without any.
 
-    Points of parts that no control point holds do not count, nor do those that were left out.
+    Points of parts that do not lie in the world do not count, nor do those that were left out.
     """
     if not result.control:
         return None

@@ -51,7 +51,7 @@ def _print_ties(result: "SurveyResult", names: Sequence[str]) -> None:
     for tie in result.ties:
         if not has_no_effect(result, tie):
             pair = printable(f"{names[tie.i]} - {names[tie.j]}")
-            typer.echo(f"tie {pair}: {tie.verdict}: {as_options(tie_effect(result, tie))}")
+            typer.echo(f"tie {pair}: {as_options(tie_effect(result, tie))}")
 
 
 def _warn_of_ties(result: "SurveyResult", names: Sequence[str]) -> None:
@@ -95,11 +95,11 @@ def _print_control(result: "SurveyResult", names: Sequence[str]) -> None:
     result_console().print(table)
     if len(result.control) > len(worst):
         typer.echo(f"the {len(worst)} worst of {len(result.control)}; summary.json lists all")
-    for use, what in (("control", "control points, which hold the map"), ("check", "check points, which do not")):
+    for use, what in (("control", "control points, which hold the map"), ("check", "check points, which hold nothing")):
         if fit[use]["points"]:
             row = fit[use]
             typer.echo(
-                f"{row['points']} {what}: residuals {row['rms_m']:.3f} m root mean square, "
+                f"{what}: {row['points']}, residuals {row['rms_m']:.3f} m root mean square, "
                 f"{row['largest_m']:.3f} m at most"
             )
 
@@ -119,8 +119,6 @@ def _cells(each: "MeasuredControl", names: Sequence[str]) -> list[str]:
 
 
 def _warn_of_control(result: "SurveyResult", names: Sequence[str]) -> None:
-    from tools.output.hand import counted
-
     for each in result.control:
         if each.left_out:
             where = f"{each.point.name} in {names[each.point.scan]}"
@@ -128,9 +126,8 @@ def _warn_of_control(result: "SurveyResult", names: Sequence[str]) -> None:
                 f"the control point {where} is {math.hypot(*each.residual.tolist()):.2f} m from where everything else "
                 f"puts it ({each.wrong:.1f} standard deviations); it is left out. Check its numbers and its scan"
             )
-    held = [each for each in counted(result) if each.point.holds]
-    far = [each for each in held if each.in_sigmas > FAR]
-    for each in far:
+    held = [each for each in result.control if each.point.holds and not each.left_out]
+    for each in (each for each in held if each.in_sigmas > FAR):
         _warn(
             f"the control point {each.point.name} in {names[each.point.scan]} is {each.in_sigmas:.1f} of its standard "
             "deviations from where the map has it, and nothing tells which is wrong: check its numbers, or give more "
@@ -138,16 +135,18 @@ def _warn_of_control(result: "SurveyResult", names: Sequence[str]) -> None:
         )
     if not any(each.point.holds for each in result.control):
         return
-    unmeasured, holding = result.solution.graph.unmeasured, {each.point.scan for each in held}
+    graph, holding = result.solution.graph, {each.point.scan for each in held}
     for rank, c in enumerate(placed(result.components), 1):
         members = result.components[c]
         part = "the map" if len(result.components) == 1 else f"map_{rank}.ply" if rank > 1 else "map.ply"
+        if graph.lies_in_world(members):
+            continue
         if holding.isdisjoint(members):
             _warn(f"no control point is in a scan of {part}; it is not held to the world by any")
-        elif members[0] in unmeasured:
+        else:
             from slam.graph.measured_poses import MEASURED
 
-            free = [_OPEN[name] for name, open_ in zip(MEASURED, unmeasured[members[0]], strict=True) if open_]
+            free = [_OPEN[name] for name, open_ in zip(MEASURED, graph.unmeasured[members[0]], strict=True) if open_]
             _warn(
                 f"the control points of {part} leave open {', '.join(free)}; at least three that are not on a line "
                 "tell all"
