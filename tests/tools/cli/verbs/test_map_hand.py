@@ -118,7 +118,7 @@ def test_control_points_bring_a_map_into_the_world(dive: Path, out: Path, tmp_pa
     import laspy
 
     with laspy.open(out / "map.laz") as cloud:
-        assert cloud.header.parse_crs().to_epsg() == 32632 or "32632" in str(cloud.header.parse_crs())
+        assert "UTM zone 32N" in str(cloud.header.parse_crs())
         # Bergen's easting and northing, to within the survey
         assert np.abs(np.subtract(cloud.header.mins[:2], [297400, 6700400])).max() < 2000
 
