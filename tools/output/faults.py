@@ -5,6 +5,7 @@ from collections.abc import Iterator, Sequence
 from slam.graph.edge import components
 from slam.pair import Pair
 from slam.survey_result import SurveyResult
+from tools.output.hand_faults import control_faults, tie_faults
 from tools.output.parts import placed, unplaced
 
 UNMOVED = 0.001  # poses moved by less than this were not moved [voxels]
@@ -13,7 +14,8 @@ _EACH = 3  # gaps or fixes that get a sentence each; more share one
 
 
 def faults(result: SurveyResult, names: Sequence[str]) -> list[str]:
-    """Several parts, scans without a place, gaps, wrong fixes, loops without effect, and stray points: a sentence each.
+    """Several parts, scans without a place, gaps, wrong fixes, ties and control points that do not fit, loops
+    without effect, and stray points: a sentence each.
 
     What one scan is to blame for is in one sentence, about that scan. Arguments of the library are in backticks.
 
@@ -26,6 +28,8 @@ def faults(result: SurveyResult, names: Sequence[str]) -> list[str]:
         *_of_parts(result, names, unusable),
         *_of_gaps(result, names, unusable),
         *_of_fixes(result, names),
+        *tie_faults(result, names),
+        *control_faults(result, names),
         *_of_the_whole(result),
     ]
 

@@ -9,6 +9,8 @@ from slam.decide.hand import CONTRADICTED
 from slam.graph.control import MeasuredControl
 from slam.survey_result import SurveyResult
 from slam.tie import Tie
+from spectral.result import Registration
+from tools.readers.ties import POSE, SIGMAS
 
 
 def tie_rows(result: SurveyResult, names: Sequence[str]) -> list[dict[str, Any]]:
@@ -26,8 +28,20 @@ def tie_rows(result: SurveyResult, names: Sequence[str]) -> list[dict[str, Any]]
             "note": tie.note,
             "effect": tie_effect(result, tie),
         }
+        | ({} if tie.given is None else _transform_row(tie.given))
         for tie in result.ties
     ]
+
+
+def _transform_row(given: Registration) -> dict[str, float]:
+    """A transform and its standard deviations as the columns of a file of ties have them [m, deg].
+
+    Standard deviations that differ by direction become their root mean squares.
+    """
+    turn, shift = np.sqrt(np.diag(given.covariance).reshape(2, 3).mean(axis=1)).tolist()
+    angles = given.T_target_source.rotation.as_euler("ZYX", degrees=True)[::-1]
+    values = [*given.T_target_source.translation.tolist(), *angles.tolist(), shift, float(np.degrees(turn))]
+    return dict(zip((*POSE, *SIGMAS), values, strict=True))
 
 
 def tie_effect(result: SurveyResult, tie: Tie) -> str:

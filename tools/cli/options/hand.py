@@ -8,6 +8,7 @@ from typing import TYPE_CHECKING, Annotated, Any
 import typer
 
 from kernels.errors import InputError
+from tools.cli.options.groups import EARTH, LOOPS
 from tools.cli.terminal import say
 
 if TYPE_CHECKING:
@@ -21,8 +22,9 @@ TiesOption = Annotated[
     typer.Option(
         "--ties",
         metavar="FILE",
-        help="Accept, reject or add pairs of scans: CSV with target, source, verdict (docs/ties.md). What is "
-        "registered already is not registered again.",
+        help="Accept, reject or add pairs of scans, by a CSV. Its columns are target, source and verdict "
+        "(docs/ties.md). What is registered already is not registered again.",
+        rich_help_panel=LOOPS,
     ),
 ]
 ControlOption = Annotated[
@@ -30,13 +32,20 @@ ControlOption = Annotated[
     typer.Option(
         "--control",
         metavar="FILE",
-        help="Hold points of scans to known coordinates, or check them: CSV with name, scan, x_m, y_m, z_m and "
+        help="Hold points to known coordinates, by a CSV. Its columns are name, scan, x_m, y_m, z_m and "
         "east_m, north_m, up_m or others (docs/ties.md).",
+        rich_help_panel=EARTH,
     ),
 ]
 ControlCrsOption = Annotated[
     str | None,
-    typer.Option("--control-crs", metavar="CRS", help="Of its easting_m and northing_m, as EPSG:25832."),
+    typer.Option(
+        "--control-crs",
+        metavar="CRS",
+        help="Of its easting_m and northing_m, as EPSG:25832.",
+        rich_help_panel=EARTH,
+        hidden=True,
+    ),
 ]
 _NAMES = ("ties", "control", "control_crs")
 

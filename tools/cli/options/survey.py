@@ -85,7 +85,7 @@ WorkersOption = Annotated[
         min=1,
         help="Processes that register pairs. Each has its own device context; the results are the same.",
         rich_help_panel=RUNNING,
-        show_default="1, this process",
+        show_default="1",
     ),
 ]
 SchedulerOption = Annotated[
@@ -101,7 +101,7 @@ SchedulerOption = Annotated[
 ]
 FreshOption = Annotated[
     bool,
-    typer.Option("--fresh", help="Discard what earlier runs left in OUT/journal.sqlite.", rich_help_panel=RUNNING),
+    typer.Option("--fresh", help="Discard the pairs of earlier runs. They are in OUT/journal.sqlite.", rich_help_panel=RUNNING),
 ]
 LoopsOption = Annotated[
     int | None,

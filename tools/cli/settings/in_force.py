@@ -31,6 +31,7 @@ NEEDS: Mapping[str, tuple[str, ...]] = {
     "prior_sigmas": ("priors",),
     "odometry_drift": ("odometry",),
     "crs": ("export",),
+    "control_crs": ("control",),
     "origin_heading": ("origin",),
     "vertical": ("origin",),
 }

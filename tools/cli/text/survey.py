@@ -57,11 +57,13 @@ class Mapped:
 
 def print_mapped(mapped: Mapped, verbose: bool) -> None:
     """Print what came of a survey, what its user should look at, what to do next, and the files."""
+    from tools.cli.text.hand import print_hand
     from tools.cli.text.pairs import print_pairs
 
     if verbose:
         print_pairs(mapped.result, mapped.names)
     _print_rows(_outcome(mapped))
+    print_hand(mapped.result, mapped.names)
     warn_of_faults(mapped, verbose)
     _print_rows([("next", _next_steps(mapped)), ("files", f"{printable(str(mapped.out))}: {_files(mapped)}")])
 

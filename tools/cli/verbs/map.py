@@ -82,7 +82,6 @@ from tools.cli.options.survey import (
 from tools.cli.progress import growing_progress, stage
 from tools.cli.stops import when_stopped
 from tools.cli.terminal import say, warn
-from tools.cli.text.hand import show_hand
 from tools.cli.text.survey import Mapped, print_mapped, print_summary, warn_of_faults, warn_of_some, written_summary
 from tools.methods.registry import DEFAULT_METHOD
 
@@ -194,7 +193,6 @@ def command(
     finally:  # the map is there, whatever its report and export came to
         if not as_json:
             print_mapped(replace(mapped, later=later, seconds=time.monotonic() - start), verbose)
-        show_hand(result, names, silent)
     if as_json:
         print_summary(out)
         warn_of_faults(mapped, verbose)
