@@ -124,7 +124,7 @@ def _survey_names(names: Sequence[str], surveys: Sequence[int]) -> dict[int, str
     folders: dict[int, set[str]] = {}
     for name, number in zip(names, surveys, strict=True):
         folders.setdefault(number, set()).add(PurePath(name).parent.as_posix())
-    shown = {number: next(iter(found)) if len(found) == 1 else "." for number, found in folders.items()}
+    shown = {number: next(iter(paths)) if len(paths) == 1 else "." for number, paths in folders.items()}
     return {
         number: f"survey {number}" + ("" if folder == "." else f" ({plain_text(folder, 24)})")
         for number, folder in sorted(shown.items())
