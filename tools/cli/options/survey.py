@@ -101,7 +101,9 @@ SchedulerOption = Annotated[
 ]
 FreshOption = Annotated[
     bool,
-    typer.Option("--fresh", help="Discard the pairs of earlier runs. They are in OUT/journal.sqlite.", rich_help_panel=RUNNING),
+    typer.Option(
+        "--fresh", help="Discard the pairs of earlier runs. They are in OUT/journal.sqlite.", rich_help_panel=RUNNING
+    ),
 ]
 LoopsOption = Annotated[
     int | None,
