@@ -22,6 +22,7 @@ EXTRAS = {
     "slam-peers": "maps by KISS-SLAM in reproduce",
     "bench": "FFTW in bench",
     "cluster": "map --scheduler",
+    "docs": "the documentation as a site",
 }
 # The Debian packages of system libraries that wheels load and do not bring; tools/setup.sh installs them.
 APT_PACKAGES = {

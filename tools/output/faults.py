@@ -1,6 +1,7 @@
 """What the user of a finished map should look at, in words, the most important first."""
 
 from collections.abc import Iterator, Sequence
+from statistics import median
 
 from slam.graph.edge import components
 from slam.pair import Pair
@@ -10,12 +11,14 @@ from tools.output.parts import placed, unplaced
 
 UNMOVED = 0.001  # poses moved by less than this were not moved [voxels]
 LISTED = 10  # names of scans in a sentence
+_FEWEST_STEPS = 4  # that tell what is usual
+_FAR_OFF, _LITTLE = 6.0, 2 / 3  # median absolute deviations below the median, and a share of it: a step to look at
 _EACH = 3  # gaps or fixes that get a sentence each; more share one
 
 
 def faults(result: SurveyResult, names: Sequence[str]) -> list[str]:
-    """Several parts, scans without a place, gaps, wrong fixes, ties and control points that do not fit, loops
-    without effect, and stray points: a sentence each.
+    """Several parts, scans without a place, gaps, odd steps, ties and control points that do not fit, wrong
+    fixes, loops without effect, and stray points: a sentence each.
 
     What one scan is to blame for is in one sentence, about that scan. Arguments of the library are in backticks.
 
@@ -27,9 +30,10 @@ def faults(result: SurveyResult, names: Sequence[str]) -> list[str]:
     return [
         *_of_parts(result, names, unusable),
         *_of_gaps(result, names, unusable),
-        *_of_fixes(result, names),
+        *_of_steps(result, names),
         *tie_faults(result, names),
         *control_faults(result, names),
+        *_of_fixes(result, names),
         *_of_the_whole(result),
     ]
 
@@ -89,6 +93,26 @@ def _of_gaps(result: SurveyResult, names: Sequence[str], unusable: dict[int, str
             yield from (f"gap between {sentence}" for sentence in sentences)
         else:
             yield f"{len(pairs)} gaps between consecutive scans{bridged}, as between {sentences[0]}"
+
+
+def _of_steps(result: SurveyResult, names: Sequence[str]) -> Iterator[str]:
+    """Steps that the scans alone did not show, and that share far less than the steps that they did: a vehicle that was
+    moved between two scans gives these, as two dives in one folder do."""
+    steps = [pair for pair in result.pairs if pair.role == "sequential" and pair.edge is not None]
+    usual = [step.edge.registration.overlap for step in steps if step.edge is not None and step.expected is None]
+    if len(usual) < _FEWEST_STEPS:
+        return
+    middle = median(usual)
+    spread = median(abs(overlap - middle) for overlap in usual)
+    least = min(middle - _FAR_OFF * spread, _LITTLE * middle)
+    for step in steps:
+        if step.edge is not None and step.expected is not None and step.edge.registration.overlap < least:
+            overlap = step.edge.registration.overlap
+            yield (
+                f"{names[step.i]} and {names[step.j]} share {overlap:.0%}, where consecutive scans usually share "
+                f"{middle:.0%}, and were placed by the usual motion. If the vehicle was moved between them, give the "
+                "scans before and after in folders of their own, or reject the pair (docs/ties.md)"
+            )
 
 
 def _of_fixes(result: SurveyResult, names: Sequence[str]) -> Iterator[str]:

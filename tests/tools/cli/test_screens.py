@@ -86,7 +86,7 @@ def test_a_stopped_map_says_what_is_kept(tmp_path: Path) -> None:
     words = " ".join(line.strip() for line in shown.lines)
     assert "stopped: " in words
     assert "pairs are done and kept in" in words
-    assert "the same command goes on" in words
+    assert "the same command continues" in words
     assert not (tmp_path / "out" / "map.ply").exists()
 
 

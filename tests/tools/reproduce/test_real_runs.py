@@ -155,7 +155,7 @@ class TestCommand:
         page = (tmp_path / "page.md").read_text()
         assert page.startswith("# Real scans\n")
         assert "## What was used to choose anything" in page
-        assert "    sonarmap reproduce real DIR --grid 32 --method planes\n" in page
+        assert "\nsonarmap reproduce real DIR --grid 32 --method planes\n" in page
         assert str(tmp_path) not in page
         assert (tmp_path / "page" / "real.png").is_file()
 

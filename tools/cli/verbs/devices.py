@@ -7,6 +7,7 @@ from typing import TYPE_CHECKING, Annotated
 import typer
 
 from kernels.errors import DeviceError
+from tools.cli.failures import MISUSE
 from tools.cli.options.groups import RUNNING
 from tools.cli.options.registration import DeviceOption, JsonOption
 from tools.cli.terminal import printable, result_console, say
@@ -48,6 +49,9 @@ def command(
     else:
         _print_table(infos, chosen)
         _print_needs()
+    if fault and as_json:  # what failed stands in the object that is printed
+        say(str(fault), "error: ", "bold red")
+        raise typer.Exit(MISUSE)
     if fault:
         raise fault
 

@@ -23,18 +23,18 @@ _NOT_OPTIONS = ("inputs", "method", "ties", "control", "control_crs")
 _EAST = 90.0  # the heading of a map's x axis, unless --origin-heading says otherwise [deg]
 
 
-def map_command(settings: Mapping[str, Any], out: str, georeference: Georeference | None = None) -> dict[str, str]:
+def map_command(settings: Mapping[str, Any], georeference: Georeference | None = None) -> dict[str, str]:
     """`sonarmap map` with the method, grid, instruments, corrections and survey options of a map, and apart its
     inputs, all quoted for a POSIX shell.
 
-    The grid is as it was, so that pairs that are in the journal are not registered again.
+    The page adds its own folder, so that its bytes do not depend on where it lies. The grid is as it was, so that pairs
+    that are in the journal are not registered again.
 
     Args:
         settings: of summary.json.
-        out: the map's folder.
         georeference: where the map lies on the Earth. It is said where no navigation says it again.
     """
-    words = ["sonarmap", "map", "-o", out]
+    words = ["sonarmap", "map"]
     if "method" in settings:
         words += ["--method", str(settings["method"])]
     grid = settings.get("grid")

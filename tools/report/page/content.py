@@ -58,7 +58,7 @@ def content_of(folder: MapFolder) -> Content:
         "ties": tie_rows(summary, folder.names),
         "control_points": control_rows(summary, folder.parts, folder.names),
         "key": map_key(summary, folder.names),
-        "command": map_command(summary["settings"], str(folder.path), folder.georeference),
+        "command": map_command(summary["settings"], folder.georeference),
         "graph": summary["graph"],
         "settings": setting_rows(summary["settings"]),
         "versions": summary["versions"],

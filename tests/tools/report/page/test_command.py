@@ -12,11 +12,11 @@ MAPPER = {"loops": {"per_scan": 2}, "limits": {"speed": None, "turn_rate": None,
 
 
 def words(settings: dict[str, Any]) -> tuple[list[str], list[str]]:
-    """The options behind `sonarmap map -o OUT`, and the inputs, as a shell divides them."""
-    command = map_command(settings, "my map")
+    """The options behind `sonarmap map`, and the inputs, as a shell divides them."""
+    command = map_command(settings)
     options = shlex.split(command["options"])
-    assert options[:4] == ["sonarmap", "map", "-o", "my map"]
-    return options[4:], shlex.split(command["inputs"])
+    assert options[:2] == ["sonarmap", "map"]
+    return options[2:], shlex.split(command["inputs"])
 
 
 @pytest.mark.parametrize(
@@ -55,6 +55,6 @@ def test_options_that_were_given_are_given_again() -> None:
 def test_the_origin_is_said_again_where_no_navigation_does() -> None:
     """As control points are in meters from it."""
     here = Georeference(-33.5, 151.25, 4.5, "MSL", 45.0)
-    options = shlex.split(map_command({"inputs": []}, "out", here)["options"])
-    assert options[4:] == ["--origin=-33.5,151.25,4.5", "--vertical", "MSL", "--origin-heading", "45.0"]
-    assert "--origin" not in map_command({"inputs": [], "priors": "nav.csv"}, "out", here)["options"]
+    options = shlex.split(map_command({"inputs": []}, here)["options"])
+    assert options[2:] == ["--origin=-33.5,151.25,4.5", "--vertical", "MSL", "--origin-heading", "45.0"]
+    assert "--origin" not in map_command({"inputs": [], "priors": "nav.csv"}, here)["options"]

@@ -1,5 +1,6 @@
 """Ties that are decided by clicks in a real Chromium, and the file that comes of them."""
 
+import shlex
 from collections.abc import Iterator
 from pathlib import Path
 
@@ -29,7 +30,7 @@ def content(tmp_path_factory: pytest.TempPathFactory) -> Content:
 @pytest.fixture(scope="class")
 def shown(content: Content, tmp_path_factory: pytest.TempPathFactory) -> Iterator[Opened]:
     """A map of scans with names that are hard to write down."""
-    with opened(path_of(content, tmp_path_factory.mktemp("page"))) as page:
+    with opened(path_of(content, tmp_path_factory.mktemp("the page's"))) as page:
         yield page
         assert page.said == []
 
@@ -77,7 +78,10 @@ class TestOfOnePage:
             tie(*second, "accept"),
         ]
         command = page.page.locator("#ties .command").inner_text()
-        assert command.startswith("sonarmap map -o ")
+        folder = Path(page.page.evaluate("decodeURIComponent(location.pathname)")).parent
+        words = shlex.split(command)
+        assert words[:2] == ["sonarmap", "map"]
+        assert words[words.index("-o") + 1] == str(folder)
         assert " --ties ties.csv" in command
         assert "--control" not in command
 

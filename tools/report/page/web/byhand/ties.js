@@ -110,6 +110,12 @@ function fileButtons(decisions, kind, text) {
   return [buttons];
 }
 
+/** The folder of this page, quoted for a POSIX shell: that of the map, whose pairs are not registered again. */
+function ownFolder() {
+  const folder = location.protocol === "file:" ? decodeURIComponent(location.pathname).replace(/\/[^/]*$/, "") : "map";
+  return /^[\w@%+=:,.\/-]+$/.test(folder) ? folder : `'${folder.replaceAll("'", "'\"'\"'")}'`;
+}
+
 /** The command that makes the map again with the files that there are. */
 function commandBox(decisions) {
   const said = make("p");
@@ -122,7 +128,7 @@ function commandBox(decisions) {
     const { options, inputs } = decisions.content.command;
     said.textContent = inGrid(decisions.control)
       ? "Put the grid of your coordinates in place of CODE, such as EPSG:25832 for ETRS89 / UTM zone 32N." : "";
-    command.textContent = `${options}${files.join("")} ${inputs}`;
+    command.textContent = `${options} -o ${ownFolder()}${files.join("")} ${inputs}`;
     box.hidden = !files.length;
   };
   decisions.listeners.push(update);
