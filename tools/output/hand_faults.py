@@ -5,7 +5,7 @@ from collections.abc import Iterator, Sequence
 
 from slam.graph.measured_poses import MEASURED
 from slam.survey_result import SurveyResult
-from tools.output.hand import counted, has_no_effect, is_contradicted, tie_effect
+from tools.output.hand import has_no_effect, is_contradicted, tie_effect
 from tools.output.parts import placed
 
 FAR = 4.0  # sigmas beyond which a point that holds the map is warned of
@@ -46,7 +46,7 @@ def control_faults(result: SurveyResult, names: Sequence[str]) -> Iterator[str]:
                 f"the control point {where} is {math.hypot(*each.residual.tolist()):.2f} m from where everything else "
                 f"puts it ({each.wrong:.1f} standard deviations); it is left out. Check its numbers and its scan"
             )
-    held = [each for each in counted(result) if each.point.holds]
+    held = [each for each in result.control if each.point.holds and not each.left_out]
     for each in held:
         if each.in_sigmas > FAR:
             yield (
@@ -60,14 +60,16 @@ def control_faults(result: SurveyResult, names: Sequence[str]) -> Iterator[str]:
 
 def _open_parts(result: SurveyResult, holding: set[int]) -> Iterator[str]:
     """What control points leave open of each part; `holding` are the scans with points that hold the map."""
-    unmeasured = result.solution.graph.unmeasured
+    graph = result.solution.graph
     for rank, c in enumerate(placed(result.components), 1):
         members = result.components[c]
         part = "the map" if len(result.components) == 1 else f"map_{rank}.ply" if rank > 1 else "map.ply"
+        if graph.lies_in_world(members):
+            continue
         if holding.isdisjoint(members):
             yield f"no control point is in a scan of {part}; it is not held to the world by any"
-        elif members[0] in unmeasured:
-            free = [_OPEN[name] for name, open_ in zip(MEASURED, unmeasured[members[0]], strict=True) if open_]
+        else:
+            free = [_OPEN[name] for name, open_ in zip(MEASURED, graph.unmeasured[members[0]], strict=True) if open_]
             yield (
                 f"the control points of {part} leave open {', '.join(free)}; at least three that are not on a line "
                 "fix all"

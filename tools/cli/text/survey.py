@@ -91,14 +91,12 @@ def written_summary(out: Path) -> str:
 
 
 def warn_of_faults(mapped: Mapped, verbose: bool = False) -> None:
-    """Warn of what the user should look at, the most important first: on a terminal as much as fits a screen."""
+    """Warn of what the user should look at, the most important first: all, or as much as fits a screen."""
     from tools.output.faults import faults
     from tools.output.folder import SUMMARY
 
     told = [as_options(fault) for fault in faults(mapped.result, mapped.names)]
-    shown = (
-        told if verbose or not error_console().is_terminal else [_shortened(fault) for fault in told[:MOST_WARNINGS]]
-    )
+    shown = told if verbose else [_shortened(fault) for fault in told[:MOST_WARNINGS]]
     for fault in shown:
         warn(fault)
     if shown != told:
