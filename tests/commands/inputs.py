@@ -194,6 +194,20 @@ def one_scan(number: int) -> Callable[[Inputs, Path], None]:
     return make
 
 
+def ties(inputs: Inputs, path: Path) -> None:
+    path.write_text("target,source,verdict,note\nscan_000,scan_003,add,the same pillar\nscan_001,scan_006,reject,\n")
+
+
+def control(inputs: Inputs, path: Path) -> None:
+    """A point of every other scan, with its true place."""
+    lines = ["name,scan,x_m,y_m,z_m,east_m,north_m,up_m,sigma_m"]
+    poses = read_tum(inputs.made("scans") / "truth.tum").T_world_sensor
+    for k in range(0, len(poses), 2):
+        point = inputs.points(k)[100 * k, :3]
+        lines.append(f"mark {k},scan_{k:03d}," + ",".join(f"{x:.4f}" for x in (*point, *poses[k].apply(point), 0.5)))
+    path.write_text("\n".join(lines) + "\n")
+
+
 def graph(inputs: Inputs, path: Path) -> None:
     shutil.copy(inputs.made("map") / "graph.g2o", path)
 
@@ -220,4 +234,6 @@ INPUTS: dict[str, Callable[[Inputs, Path], None]] = {
     "target.npy": one_scan(0),
     "source.npy": one_scan(1),
     "in.g2o": graph,
+    "ties.csv": ties,
+    "control.csv": control,
 }
