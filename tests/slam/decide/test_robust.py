@@ -147,6 +147,7 @@ def test_adjoints_are_those_of_gtsam() -> None:
     np.testing.assert_allclose(adjoint(T), np.stack([to_pose3(one).AdjointMap() for one in T]), atol=1e-12)
 
 
+@pytest.mark.slow
 def test_of_a_graph_too_large_for_one_piece_all_wrong_loops_and_few_right_ones_are_rejected() -> None:
     T, graph = lawnmower(1500, 2.5, 1)
     wrong = (*scattered(graph, T, 60, 2), *aliased(graph, T, 30, 3))

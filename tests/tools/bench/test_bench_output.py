@@ -59,6 +59,7 @@ def _steady(result: dict[str, Any]) -> dict[str, Any]:
 
 
 class TestCompare:
+    @pytest.mark.slow
     def test_a_run_is_no_worse_than_itself(self, result: dict[str, Any]) -> None:
         comparison = compare(result, result)
         assert comparison.changes == comparison.notes == ()

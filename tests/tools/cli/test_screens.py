@@ -38,6 +38,7 @@ def test_bar_count_and_time_left_stay_whatever_is_said_of_a_pair(columns: int) -
     assert "left" not in shown.lines[0]
 
 
+@pytest.mark.slow
 def test_a_message_while_a_bar_is_shown_stands_above_it() -> None:
     program = COUNTING.replace("        time", "        if k == 5: say('a message')\n        time")
     shown = on_screen("from tools.cli.terminal import say\n" + program)
@@ -54,6 +55,7 @@ def scans(tmp_path_factory: pytest.TempPathFactory) -> Path:
     return folder.parent
 
 
+@pytest.mark.slow
 def test_a_map_that_is_incomplete_is_told_on_a_screen(scans: Path) -> None:
     shown = on_screen(SONARMAP, "map", "scans", "scans/a.ply", "-o", "out", *GRID, folder=scans)
     assert shown.exit_code == 3
@@ -90,6 +92,7 @@ def test_a_stopped_map_says_what_is_kept(tmp_path: Path) -> None:
     assert not (tmp_path / "out" / "map.ply").exists()
 
 
+@pytest.mark.slow
 def test_a_table_of_pairs_keeps_its_numbers(scans: Path) -> None:
     for columns in (60, 80):
         command = ("map", "scans", "-o", "out", *GRID, "--verbose")

@@ -37,6 +37,7 @@ class TestHealthy:
         assert lines[-1].endswith("all that is needed works")
         assert [name for name in CHECKS if not re.search(rf"^ok +{name}\b", shown.stdout, re.MULTILINE)] == []
 
+    @pytest.mark.slow
     def test_json(self) -> None:
         shown = sonarmap("doctor", "--json")
         checks = examined(shown)
@@ -94,6 +95,7 @@ class TestBrokenLibraries:
         assert "no OpenCL device matches 'abacus'" in checks["OpenCL"]["seen"]
         assert commands_of(checks["OpenCL"]) == ["unset PYOPENCL_CTX"]
 
+    @pytest.mark.slow
     def test_a_library_that_ends_the_process_is_blamed_and_the_others_are_tried(self, tmp_path: Path) -> None:
         crash = "SystemExit(__import__('os').kill(__import__('os').getpid(), 11))"
         broken_module(tmp_path, "laspy", crash)
@@ -104,6 +106,7 @@ class TestBrokenLibraries:
         assert "SIGSEGV" in faults["laspy"]
         assert "sudo apt-get install libgl1" in commands_of(checks["libraries"])
 
+    @pytest.mark.slow
     @pytest.mark.parametrize("name", ["typer", "rich", "lazy_loader", "platformdirs", "numpy", "packaging"])
     def test_it_works_without_what_the_command_line_is_made_of(self, tmp_path: Path, name: str) -> None:
         broken = broken_module(tmp_path, name, f"ModuleNotFoundError('No module named {name}', name={name!r})")

@@ -260,6 +260,7 @@ class TestPreparation:
 
 
 class TestCommand:
+    @pytest.mark.slow
     def test_two_runs_with_one_seed_give_the_same_rows(self, tmp_path: Path, device: Device) -> None:
         """Once by the command line, and two jobs again in another order by an experiment of its own."""
         arguments = ["reproduce", "gaussian", "--quick", "--grid", "32", "--seed", "2", "-o", str(tmp_path), "--json"]

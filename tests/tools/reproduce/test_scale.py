@@ -38,6 +38,7 @@ def test_scans_of_one_place_show_the_same_bed(tmp_path: Path) -> None:
     assert np.median(np.abs(height[apart.min(axis=0) < 0.3])) < 0.15
 
 
+@pytest.mark.slow
 def test_a_short_survey_is_mapped_and_measured() -> None:
     settings = ScaleSettings(counts=(60, 90), points=2000)
     experiment = Scale(settings)

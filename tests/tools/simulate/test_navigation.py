@@ -35,6 +35,7 @@ def test_a_scan_of_which_nothing_is_left_has_no_prior() -> None:
     assert [k for k, prior in enumerate(fixed) if prior is not None] == [0, 50, 100, 150]
 
 
+@pytest.mark.slow
 def test_dead_reckoning_drifts_as_it_is_told() -> None:
     way = np.linalg.norm(np.diff(TRUTH.T_world_sensor.translation, axis=0), axis=1).sum()
     along, turned = [], []

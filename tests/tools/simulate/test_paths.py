@@ -102,6 +102,7 @@ def test_neighbors_on_a_lawnmowers_turns_have_a_view_in_common(scene: str):
     assert np.mean(np.array(shares) > 0.4) > 0.8
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("seed", [301, 302])
 def test_the_papers_survey_overlaps_by_90_to_50_percent_and_covers_the_gate(seed: int):
     """Seeds that the path and its shares were not chosen on."""

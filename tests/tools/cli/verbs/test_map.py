@@ -248,6 +248,7 @@ def test_one_scan_is_enough_where_the_user_says_so(survey: Path, tmp_path: Path)
     said(refused, "--min-seen")
 
 
+@pytest.mark.slow
 def test_a_map_is_not_taken_for_a_scan_of_the_next_run(tmp_path: Path) -> None:
     paths = write(tmp_path, a=scan(0), b=scan(1))
     assert sonarmap("map", tmp_path, "-o", tmp_path, *GRID).exit_code == 0

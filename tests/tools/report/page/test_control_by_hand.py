@@ -102,6 +102,7 @@ def test_control_points_of_the_map_are_shown(content: Content, tmp_path: Path) -
         assert page.said == []
 
 
+@pytest.mark.slow
 def test_grid_coordinates_checks_and_two_sigmas_have_columns_of_their_own(content: Content, tmp_path: Path) -> None:
     far = POINT | {"known": [500123.25, 6650000.5, -3.0]}
     rows = [far | {"name": "a", "use": "check"}, far | {"name": "b", "sigma": [0.02, 0.02, 0.5]}]

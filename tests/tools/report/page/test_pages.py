@@ -26,6 +26,7 @@ def content(tmp_path_factory: pytest.TempPathFactory) -> Content:
     return known_content(tmp_path_factory.mktemp("known") / "out")
 
 
+@pytest.mark.slow
 def test_a_third_is_drawn_while_moving(content: Content, tmp_path: Path) -> None:
     points = np.random.default_rng(2).uniform(-40, 40, (120_001, 3))
     path = written(content_of(folder_of(points, tmp_path / "out")), tmp_path / "many.html")
@@ -56,6 +57,7 @@ def test_pictures_and_a_sentence_without_webgl(content: Content, tmp_path: Path)
         assert plain.said == []
 
 
+@pytest.mark.slow
 def test_pictures_where_the_points_are_damaged(content: Content, tmp_path: Path) -> None:
     for k, spoiled in enumerate((content.points[0][:40], b"", bytes(64))):
         path = written(replace(content, points=(spoiled,)), tmp_path / f"{k}.html")

@@ -153,6 +153,7 @@ def test_decisions_survive_a_reload_and_are_forgotten(content: Content, tmp_path
         assert page.said == []
 
 
+@pytest.mark.slow
 def test_a_tie_keeps_its_transform(content: Content, tmp_path: Path) -> None:
     transform = {"x_m": 1.5, "y_m": -2.0, "z_m": 0.25, "roll_deg": 0.0, "pitch_deg": 0.0, "yaw_deg": 33.0}
     transform |= {"sigma_m": 0.02, "sigma_deg": 0.5}
@@ -166,6 +167,7 @@ BLOCKED = (
 )
 
 
+@pytest.mark.slow
 def test_nothing_is_kept_where_the_browser_keeps_nothing(content: Content, tmp_path: Path) -> None:
     with opened(path_of(content, tmp_path), script=BLOCKED) as page:
         decide(page, 0, "reject")
@@ -174,6 +176,7 @@ def test_nothing_is_kept_where_the_browser_keeps_nothing(content: Content, tmp_p
         assert page.said == []
 
 
+@pytest.mark.slow
 def test_what_the_browser_kept_may_be_damaged(content: Content, tmp_path: Path) -> None:
     damaged = ["", "null", "3", '{"ties": 3}', "{", '{"ties":[{}],"control":[]}', '{"ties":[3,null],"control":[]}']
     with opened(path_of(content, tmp_path, ties=[MADE])) as page:
@@ -191,6 +194,7 @@ def test_the_list_is_decided_without_webgl(content: Content, tmp_path: Path) -> 
         assert page.said == []
 
 
+@pytest.mark.slow
 def test_a_pair_that_only_a_tie_made_the_map_try_is_added_again(content: Content, tmp_path: Path) -> None:
     """As no search would propose it, accept would have no effect."""
     i, j = ends(content, 0)
