@@ -21,6 +21,7 @@ OPTIONS = {
     "seed": "--seed",
     "sound_speed": "--sound-speed",
     "start": "--start",
+    "ties": "--ties",
     "units": "--units",
     "use_strength": "--strength",
     "voxel": "--voxel",
