@@ -1,12 +1,17 @@
 """What the tests share: the devices they run on."""
 
 import os
+import signal
 from functools import cache
 
 import pytest
 
 from kernels.device.device import Device, Flavor, choose_device, list_devices
 from kernels.errors import DeviceError
+
+# A shell that starts tests in the background has them ignore Ctrl-C, and so would the programs that they start and stop.
+if signal.getsignal(signal.SIGINT) == signal.SIG_IGN:
+    signal.signal(signal.SIGINT, signal.default_int_handler)
 
 
 @cache
