@@ -9,7 +9,7 @@ import pytest
 from kernels.device.device import Device, Flavor, choose_device, list_devices
 from kernels.errors import DeviceError
 
-# A shell that starts tests in the background has them ignore Ctrl-C, and so would the programs that they start and stop.
+# A shell that starts tests in the background has them ignore Ctrl-C, and so would the programs that they start.
 if signal.getsignal(signal.SIGINT) == signal.SIG_IGN:
     signal.signal(signal.SIGINT, signal.default_int_handler)
 
