@@ -141,6 +141,7 @@ def test_a_wrong_fix_that_dead_reckoning_shows_is_told() -> None:
     assert [(fix.scan, fix.kind) for fix in result.wrong_fixes] == [(70, "position")]
 
 
+@pytest.mark.slow
 def test_dead_reckoning_places_what_a_steady_motion_does_not() -> None:
     """The vehicle shakes from scan to scan; its log knows."""
     shake = 0.05 * np.sin(2.5 * np.arange(COUNT))

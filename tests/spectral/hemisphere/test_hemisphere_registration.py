@@ -134,6 +134,7 @@ def test_config_refuses_what_makes_no_sense() -> None:
 
 
 @pytest.mark.parametrize("index", [0, 3, 6])
+@pytest.mark.slow
 def test_simulated_table_1(index: int) -> None:
     """The paper's S0, S3, S6 at sigma^2 = 1 m^2: within 6 degrees and 3 voxels (the whole table is measured slowly)."""
     from tools.simulate.pairs.table1 import table1_pair

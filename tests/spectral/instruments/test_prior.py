@@ -197,6 +197,7 @@ class TestNormalized:
 
     @pytest.mark.parametrize("far", [1.0, 20.0])
     @pytest.mark.parametrize("kinds", [ALL, (ATTITUDE, DEPTH)])
+    @pytest.mark.slow
     def test_it_is_distributed_as_chi_squared(self, kinds: tuple[slice, ...], far: float) -> None:
         """Also where the attitude's error moves what is far by many of the position's own sigmas."""
         rng = np.random.default_rng(11)

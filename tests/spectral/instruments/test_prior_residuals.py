@@ -166,6 +166,7 @@ def redrawn(draw: tuple[PosePrior, PosePrior], target: Kinds, source: Kinds) -> 
     ],
     ids=name,
 )
+@pytest.mark.slow
 def test_the_covariance_is_that_of_the_instruments_errors(
     draws: list[tuple[PosePrior, PosePrior]], target: Kinds, source: Kinds
 ) -> None:

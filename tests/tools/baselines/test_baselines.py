@@ -100,6 +100,7 @@ def test_turning_the_source_turns_the_answer(anywhere: str) -> None:
     check(after, before.T_target_source * T_new_old.inv())
 
 
+@pytest.mark.slow
 def test_another_place_is_refused(near: str) -> None:
     found = register(near, easy()[0], elsewhere())
     assert not found.accepted

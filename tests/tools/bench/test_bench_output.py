@@ -65,6 +65,7 @@ class TestCompare:
         assert comparison.changes == comparison.notes == ()
         assert comparison.compared == len(CASES) + 2 + 3
 
+    @pytest.mark.slow
     def test_slower_beyond_the_noise(self, result: dict[str, Any]) -> None:
         steady = _steady(result)
         comparison = compare(steady, _slower(steady, 0.5))

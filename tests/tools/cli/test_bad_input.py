@@ -130,6 +130,7 @@ def test_a_bad_scan_leaves_a_gap_and_the_rest_goes_on(tmp_path: Path, bad: str, 
     assert "gap between" not in result.stderr
 
 
+@pytest.mark.slow
 def test_scans_that_do_not_overlap_are_two_maps(tmp_path: Path) -> None:
     paths = write(tmp_path, a=scan(0), b=scan(1), c=scan(2, scene=2), d=scan(3, scene=2))
     result = sonarmap("map", *paths, "-o", tmp_path / "out", *GRID, "--json")

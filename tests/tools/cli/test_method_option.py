@@ -144,6 +144,7 @@ def test_an_optional_method_as_json(pair: list[str], method: str) -> None:
     assert json.loads(result.stdout)["method"] == method
 
 
+@pytest.mark.slow
 def test_a_map(tmp_path: Path) -> None:
     write(tmp_path, **{f"scan_{k}": scan(k) for k in range(3)})
     out = tmp_path / "out"

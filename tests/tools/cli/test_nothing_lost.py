@@ -187,6 +187,7 @@ def test_stopped_while_it_writes(
     assert results_in(out) == before
 
 
+@pytest.mark.slow
 def test_results_that_cannot_be_printed_are_an_error(tmp_path: Path, scans: list[str]) -> None:
     with Path("/dev/full").open("w") as full:
         ended = run("map", *scans[:2], *GRID, "-o", tmp_path, stdout=full)
@@ -196,6 +197,7 @@ def test_results_that_cannot_be_printed_are_an_error(tmp_path: Path, scans: list
     assert set(results_in(tmp_path)) == RESULTS
 
 
+@pytest.mark.slow
 def test_a_reader_that_left_is_no_error(scans: list[str]) -> None:
     reader, writer = os.pipe()
     os.close(reader)

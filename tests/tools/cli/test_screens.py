@@ -70,6 +70,7 @@ def test_a_map_that_is_incomplete_is_told_on_a_screen(scans: Path) -> None:
     assert "report.html" in words
 
 
+@pytest.mark.slow
 def test_what_is_wrong_with_files_is_told_once(scans: Path) -> None:
     shown = on_screen(SONARMAP, "map", "scans", "scans/a.ply", "-o", "out", *GRID, folder=scans, rows=60)
     words = " ".join(line.strip() for line in shown.lines)

@@ -54,6 +54,7 @@ class TestHealthy:
 
 
 class TestBrokenLibraries:
+    @pytest.mark.slow
     def test_opencl_s_loader_is_missing(self, tmp_path: Path) -> None:
         fault = "libOpenCL.so.1: cannot open shared object file: No such file or directory"
         broken = broken_module(tmp_path, "pyopencl", f"ImportError({fault!r})")

@@ -68,6 +68,7 @@ class TestDisks:
             assert checks["temporary"]["verdict"] == "wrong"
             assert commands_of(checks["temporary"]) == ["export TMPDIR=/var/tmp"]
 
+    @pytest.mark.slow
     def test_a_read_only_home(self, tmp_path: Path) -> None:
         with mounted(tmp_path / "home", "ro") as home:
             environment = {"HOME": str(home), "XDG_CACHE_HOME": "", "MPLCONFIGDIR": ""}
@@ -109,6 +110,7 @@ class TestDisks:
 
 
 class TestMemory:
+    @pytest.mark.slow
     def test_a_limit_of_addresses(self, scans: Path, tmp_path: Path) -> None:
         shown = sonarmap("doctor", "--json", "--quick", limit="-v 500000")
         checks = examined(shown)

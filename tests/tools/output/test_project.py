@@ -113,6 +113,7 @@ def test_what_the_map_leaves_out_is_in_the_map_of_all(mapped: tuple[list[Scan], 
     assert (tmp_path / "map_all_3.ply").read_text() == "mine"
 
 
+@pytest.mark.slow
 def test_what_a_survey_s_map_leaves_out_is_in_its_map_of_all(
     mapped: tuple[list[Scan], SurveyResult], tmp_path: Path
 ) -> None:

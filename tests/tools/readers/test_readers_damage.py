@@ -73,6 +73,7 @@ class TestDamageOfEveryKindOfFile:
 
 
 @pytest.mark.parametrize("sample", NAMES)
+@pytest.mark.slow
 def test_wild_numbers_in_headers_are_refused_or_harmless(tmp_path, sample):
     """Every number of the first 400 bytes replaced in turn by ones that lie."""
     suffix, content = SAMPLES[sample]

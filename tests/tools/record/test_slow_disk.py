@@ -20,6 +20,7 @@ MOST_MEMORY, MOST_GROWTH = 250 << 20, 16 << 20  # bytes
 SHOTS, TIMES = 12_000, 10.0  # ten minutes at 20 Hz in one, which is harder for the recorder
 
 
+@pytest.mark.slow
 def test_nothing_is_lost_while_the_disk_takes_its_time(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     """Half a second, of which the receive buffer holds a half."""
     monkeypatch.setattr("tools.record.recorder._OVER", 1)  # so that the disk is waited for each second

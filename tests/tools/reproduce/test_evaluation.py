@@ -174,6 +174,7 @@ SLOW_AND_QUICK = [*(pytest.param(name, marks=pytest.mark.slow) for name in ("ste
 
 class TestRuns:
     @pytest.mark.parametrize("name", SLOW_AND_QUICK)
+    @pytest.mark.slow
     def test_a_section_its_pictures_and_no_times_in_rows(self, name: str, device: Device, tmp_path: Path) -> None:
         experiment, done = tiny(name, device), outcomes(name, device)
         section = experiment.section(done)

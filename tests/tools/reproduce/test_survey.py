@@ -170,6 +170,7 @@ def rows_of(done: Mapping[str, Outcome]) -> list[Row]:
 
 
 class TestRun:
+    @pytest.mark.slow
     def test_a_section_its_picture_and_no_times_in_rows(self, device: Device, tmp_path: Path) -> None:
         experiment, done = tiny(device), outcomes(device)
         section = experiment.section(done)

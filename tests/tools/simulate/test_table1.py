@@ -61,6 +61,7 @@ def test_the_rig_of_table_1_is_out_of_every_solid_of_forty_seeds(scene: str):
 
 @pytest.mark.parametrize("scene", LARGE)
 @pytest.mark.parametrize("seed", range(1, 41, 13))
+@pytest.mark.slow
 def test_the_rig_of_table_1_is_free_in_every_large_scene(scene: str, seed: int):
     """Nothing within 3 m of any of its places; and the bed is in sight of each."""
     world, poses = build_scene(scene, seed), table1(13).T_world_sensor

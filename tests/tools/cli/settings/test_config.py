@@ -160,6 +160,7 @@ class TestInForce:
         (folder / "sonarmap.toml").write_text("[simulate]\nscans = 4\n")
         assert "settings" not in run("register", *pair, "--method", "icp", "--voxel", "0.4").stderr
 
+    @pytest.mark.slow
     def test_a_map_has_the_settings_in_its_summary_and_goes_on(self, folder: Path) -> None:
         files = write(folder / "scans", **{f"s{k}": scan(k) for k in range(3)})
         (folder / "sonarmap.toml").write_text(

@@ -189,6 +189,7 @@ def two_places(tmp_path_factory: pytest.TempPathFactory) -> tuple[list[str], Pat
     return paths, folder / "out", result
 
 
+@pytest.mark.slow
 def test_parts_of_an_earlier_run_go_and_other_files_stay(
     two_places: tuple[list[str], Path, Result], tmp_path: Path
 ) -> None:

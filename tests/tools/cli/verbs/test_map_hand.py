@@ -59,6 +59,7 @@ def test_verdicts_register_nothing_again(dive: Path, out: Path, tmp_path: Path) 
         assert told["target"] == f"scan_{int(loop['target']):03}"
 
 
+@pytest.mark.slow
 def test_an_added_pair_is_registered_once(dive: Path, out: Path, tmp_path: Path) -> None:
     ties = tmp_path / "ties.csv"
     tried = {(int(row["target"]), int(row["source"])) for row in table_of(out / "pairs.csv")}

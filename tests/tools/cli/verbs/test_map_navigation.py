@@ -42,6 +42,7 @@ def mapped(dive: Path, tmp_path_factory: pytest.TempPathFactory) -> Path:
     return out
 
 
+@pytest.mark.slow
 def test_the_wrong_fix_is_named_and_left_out(mapped: Path, dive: Path) -> None:
     summary = json.loads((mapped / "summary.json").read_text())
     assert [(fix["name"], fix["kind"]) for fix in summary["wrong_fixes"]] == [("scan_006", "position")]

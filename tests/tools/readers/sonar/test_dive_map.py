@@ -132,6 +132,7 @@ class Apart:
         assert self.points > 0.95
 
 
+@pytest.mark.slow
 def test_a_disturbed_dive_gives_the_same_map(tmp_path: Path) -> None:
     maps, notes = list[Mapped](), ""
     dive = Dive("rubble", 100, rate=2.5, columns=64, rows=16, first=2**32 - 50)

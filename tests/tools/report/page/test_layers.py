@@ -53,6 +53,7 @@ def shown(tmp_path_factory: pytest.TempPathFactory) -> Iterator[Opened]:
         assert page.said == []
 
 
+@pytest.mark.slow
 def test_false_echoes_are_shown_and_picked_when_asked(shown: Opened) -> None:
     page = shown.page
     view = "sonarmap.view"

@@ -138,6 +138,7 @@ def test_parts_are_shown_one_at_a_time(tmp_path: Path) -> None:
         assert parts.said == []
 
 
+@pytest.mark.slow
 def test_scans_of_two_parts_are_tied(tmp_path: Path) -> None:
     """A pose is picked in a part, and the other in the next; a line could not be drawn between their frames."""
     folder = read_map_folder(finished_map(tmp_path / "out", split=True))
@@ -162,6 +163,7 @@ def test_scans_of_two_parts_are_tied(tmp_path: Path) -> None:
         assert parts.said == []
 
 
+@pytest.mark.slow
 def test_a_way_of_one_pose(tmp_path: Path) -> None:
     folder = folder_of(known_points(), tmp_path / "out")
     part = folder.parts[0]

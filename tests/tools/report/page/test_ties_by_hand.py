@@ -137,6 +137,7 @@ class TestOfOnePage:
         assert saved(page, "ties", tmp_path) == [tie(*ends(content, 0), "reject")]
 
 
+@pytest.mark.slow
 def test_decisions_survive_a_reload_and_are_forgotten(content: Content, tmp_path: Path) -> None:
     """Those that the map was made with are there from the start, and again when the new ones are forgotten."""
     path = path_of(content, tmp_path, ties=[MADE])

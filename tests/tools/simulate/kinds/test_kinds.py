@@ -34,6 +34,7 @@ def test_a_pair_is_its_kind_number_and_seed(kind: str):
 
 @pytest.mark.parametrize("kind", VIEWS)
 @pytest.mark.parametrize("turn", range(len(OVERLAPS)))
+@pytest.mark.slow
 def test_a_pair_is_as_its_number_says(kind: str, turn: int):
     scenes = SCAN_KINDS[kind].scenes
     pair = kind_pair(kind, turn * len(scenes) + turn, 8)

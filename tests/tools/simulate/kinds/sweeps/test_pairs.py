@@ -48,6 +48,7 @@ def test_a_pair_is_its_kind_number_and_seed(kind: str):
 
 @pytest.mark.parametrize("kind", SWEEPS)
 @pytest.mark.parametrize("turn", range(len(OVERLAPS)))
+@pytest.mark.slow
 def test_a_pair_is_as_its_number_says(kind: str, turn: int):
     scenes = SCAN_KINDS[kind].scenes
     number = turn * len(scenes) + scenes.index("manifold")
