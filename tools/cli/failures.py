@@ -2,7 +2,6 @@
 
 import errno
 import functools
-import inspect
 import json
 import os
 import shlex
@@ -19,7 +18,6 @@ import typer
 from kernels.errors import InputError, SonarmapError
 from tools.cli.arguments import as_options
 from tools.cli.log import log, logged, results_to
-from tools.cli.options.running import LogFileOption
 from tools.cli.stops import terminated_as_interrupted, what_became
 from tools.cli.terminal import quietly, say
 from tools.cli.usage import usage_words
@@ -38,7 +36,7 @@ LISTED = 5  # names of files in a message
 def guarded(command: Callable[..., Any]) -> Callable[..., Any]:
     """The command, with what it raises turned into a message and an exit code.
 
-    It takes `log_file` beside its own options, for `with_log_file`; its `quiet` and `as_json` say who hears what.
+    It takes `log_file` beside its own options; its `quiet` and `as_json` say who hears what.
     """
 
     @functools.wraps(command)
@@ -58,20 +56,6 @@ def guarded(command: Callable[..., Any]) -> Callable[..., Any]:
             raise typer.Exit(failed(error, as_json, ())) from None
 
     return guard
-
-
-def with_log_file(command: Callable[..., Any]) -> Callable[..., Any]:
-    """A guarded command, with the option --log-file."""
-
-    @functools.wraps(command)
-    def extended(*args: Any, **options: Any) -> Any:
-        return command(*args, **options)
-
-    signature = inspect.signature(command, eval_str=True)
-    option = inspect.Parameter("log_file", inspect.Parameter.KEYWORD_ONLY, default=None, annotation=LogFileOption)
-    setattr(extended, "__signature__", signature.replace(parameters=[*signature.parameters.values(), option]))  # noqa: B010
-    extended.__annotations__ = {**command.__annotations__, "log_file": LogFileOption}
-    return extended
 
 
 @contextmanager

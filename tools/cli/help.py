@@ -4,11 +4,9 @@ An option that is `hidden` is not gone: `--help` leaves it out to fit a screen, 
 shell's completion have it. `--help` also keeps to the first sentence of a text.
 """
 
-import functools
-import inspect
 import re
 import sys
-from collections.abc import Callable, Iterator
+from collections.abc import Iterator
 from typing import Annotated, Any
 
 import typer
@@ -84,23 +82,9 @@ def _show_all(context: typer.Context, wanted: bool) -> None:
         raise typer.Exit
 
 
-_HelpAllOption = Annotated[
+HelpAllOption = Annotated[
     bool, typer.Option("--help-all", help="Show all options.", is_eager=True, hidden=True, callback=_show_all)
 ]
-
-
-def with_help_all(command: Callable[..., Any]) -> Callable[..., Any]:
-    """The command with the option --help-all."""
-
-    @functools.wraps(command)
-    def extended(*arguments: Any, help_all: bool = False, **options: Any) -> Any:
-        return command(*arguments, **options)
-
-    signature = inspect.signature(command)
-    added = inspect.Parameter("help_all", inspect.Parameter.KEYWORD_ONLY, default=False, annotation=_HelpAllOption)
-    setattr(extended, "__signature__", signature.replace(parameters=[*signature.parameters.values(), added]))  # noqa: B010
-    extended.__annotations__ = {**command.__annotations__, "help_all": _HelpAllOption}
-    return extended
 
 
 def _print_verb(verb: TyperCommand, context: typer.Context, everything: bool) -> None:
