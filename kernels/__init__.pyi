@@ -1,7 +1,7 @@
 from .device.device import Device as Device
-from .device.device import DeviceInfo as DeviceInfo
 from .device.device import choose_device as choose_device
 from .device.device import list_devices as list_devices
+from .device.device_info import DeviceInfo as DeviceInfo
 from .errors import DeviceError as DeviceError
 from .errors import InputError as InputError
 from .errors import SonarmapError as SonarmapError

@@ -1,61 +1,35 @@
-"""What the tests share: the devices they run on."""
+"""What the tests share: the device they run on."""
 
-import os
 import signal
 from functools import cache
 
 import pytest
 
-from kernels.device.device import Device, Flavor, choose_device, list_devices
-from kernels.errors import DeviceError
+from kernels.device.device import Device, Flavor, choose_device
 
 # A shell that starts tests in the background has them ignore Ctrl-C, and so would the programs that they start.
 if signal.getsignal(signal.SIGINT) == signal.SIG_IGN:
     signal.signal(signal.SIGINT, signal.default_int_handler)
 
 
-@cache
-def selectors() -> list[str | None]:
-    """The devices that work, one of each kind; None: the one that is chosen by itself, or by PYOPENCL_CTX.
-
-    Two drivers for one processor, as pip's PoCL beside the system's, are one device: the one that is chosen.
-    """
-    if os.environ.get("PYOPENCL_CTX"):
-        return [None]
-    try:
-        working = [info for info in list_devices() if not info.fault]
-        chosen = [choose_device("cpu").selector] if any(info.kind == "cpu" for info in working) else []
-    except DeviceError:
-        return [None]
-    others = {(info.name, info.version): info.selector for info in working if info.kind != "cpu"}
-    found = [*others.values(), *chosen]
-    return list(found) if len(found) > 1 else [None]
-
-
 def pytest_generate_tests(metafunc: pytest.Metafunc) -> None:
-    """Where several devices work, a test that takes `device` runs on each.
+    """A kernel's test runs in both flavors: a processor is forced into that of graphics processors, where it is slow
+    and has the same numbers.
 
-    A kernel's test runs in both flavors: a processor is forced into that of graphics processors, where it is slow and
-    has the same numbers.
+    A process loads one driver, so tests run on one device: PYOPENCL_CTX chooses another.
     """
-    if "device" not in metafunc.fixturenames:
+    if "device" not in metafunc.fixturenames or not metafunc.definition.nodeid.startswith("tests/kernels/"):
         return
-    cases: list[tuple[str | None, Flavor | None]] = [(selector, None) for selector in selectors()]
-    if metafunc.definition.nodeid.startswith("tests/kernels/"):
-        for selector in selectors():
-            if choose_device(selector).is_cpu:
-                cases.append((selector, "gpu"))
-    if len(cases) > 1:
-        names = [f"{selector or 'device'}-{flavor or 'own'}" for selector, flavor in cases]
-        metafunc.parametrize("device", cases, ids=names, indirect=True, scope="session")
+    if choose_device().is_cpu:
+        metafunc.parametrize("device", [None, "gpu"], ids=["own", "gpu"], indirect=True, scope="session")
 
 
 @cache
-def opened(selector: str | None, flavor: Flavor | None) -> Device:
-    device = choose_device(selector)
+def opened(flavor: Flavor | None) -> Device:
+    device = choose_device()
     return Device(device.cl_device, device.selector, flavor=flavor) if flavor else device
 
 
 @pytest.fixture(scope="session")
 def device(request: pytest.FixtureRequest) -> Device:
-    return opened(*getattr(request, "param", (None, None)))
+    return opened(getattr(request, "param", None))

@@ -31,8 +31,7 @@ find_python() {
     fail "no Python of at least 3.11 was found; install one, or name one: PYTHON=/path/to/python3 $0"
 }
 
-# The missing ones of the Debian packages that open3d and OpenCL on the CPU need. The PoCL that pip installs cannot
-# compile for processors newer than itself, so the system's PoCL is installed beside it.
+# The missing ones of the Debian packages that open3d and OpenCL on processors need.
 missing_packages() {
     "$python" - <<'PYTHON'
 import ctypes
@@ -71,21 +70,33 @@ install_packages() {
         apt-get install -y -qq --no-install-recommends "$@" </dev/null >/dev/null
 }
 
+# What pip installs: more where the system's packages cannot be installed.
+extras=dev from_pip=()
+
 system_libraries() {
     local packages
     read -r -a packages <<<"$(missing_packages)"
     [ ${#packages[@]} -eq 0 ] && return
     if can_install; then
         stage "installing system packages: ${packages[*]}" install_packages "${packages[@]}"
-    else
-        echo "setup: these system packages are missing, and this user cannot install them; without them some commands fail:" >&2
-        echo "setup:     sudo apt-get install ${packages[*]}" >&2
+        return
     fi
+    local package missing=()
+    for package in "${packages[@]}"; do
+        case $package in
+            libusb-1.0-0) from_pip+=(libusb-package) ;;
+            pocl-opencl-icd) compgen -G '/etc/OpenCL/vendors/*.icd' >/dev/null || extras=dev,opencl ;;
+            *) missing+=("$package") ;;
+        esac
+    done
+    [ ${#missing[@]} -eq 0 ] && return
+    echo "setup: these system packages are missing, and this user cannot install them; without them some commands fail:" >&2
+    echo "setup:     sudo apt-get install ${missing[*]}" >&2
 }
 
 # What the environment depends on. If this differs from what the mark in .venv says, the environment is out of date.
 wanted_state() {
-    { pwd -P; version_of "$python"; cat pyproject.toml constraints.txt; } | sha256sum
+    { pwd -P; version_of "$python"; cat pyproject.toml constraints.txt; echo "$extras" "${from_pip[@]}"; } | sha256sum
 }
 
 version_of() {
@@ -111,7 +122,12 @@ make_environment() {
 install_sonarmap() {
     local quiet=-q
     [ -t 1 ] && quiet=
-    .venv/bin/python -m pip install $quiet -e '.[dev]' -c constraints.txt
+    .venv/bin/python -m pip install $quiet -e ".[$extras]" "${from_pip[@]}" -c constraints.txt
+    local usb
+    for usb in .venv/lib/python*/site-packages/libusb_package/libusb-1.0.so; do
+        [ -e "$usb" ] && ln -sf "${usb#.venv/lib/}" .venv/lib/libusb-1.0.so.0 # where open3d looks
+    done
+    return 0
 }
 
 exec 9<tools/setup.sh

@@ -7,7 +7,6 @@ An OpenCL context must never be inherited by a forked process: spawn workers, an
 import os
 from collections.abc import Callable, Generator
 from contextlib import contextmanager
-from dataclasses import dataclass
 from functools import cache, cached_property
 from math import prod
 from typing import Literal
@@ -17,30 +16,27 @@ import pyopencl as cl
 import pyopencl.array as cla
 from pyopencl.array import Array
 
-from kernels.device.cache import require_caches
-from kernels.device.compiled import compile_program
-from kernels.device.selection import Entry, by_preference, kind, matching
-from kernels.device.source import KERNEL_FOLDER, informative_line, literal
-from kernels.device.threads import limit_libraries
+from kernels.device.cache import LOGGER
+from kernels.device.compiled import compile_program, identity
+from kernels.device.device_info import DeviceInfo, kind
+from kernels.device.loaded import load_devices, loaded_driver
+from kernels.device.selection import by_preference, matching
+from kernels.device.source import KERNEL_FOLDER, literal
+from kernels.device.trial import TEST_FAILED, driver_of, known_devices, run_self_test, try_devices
 from kernels.errors import DeviceError, InputError
-from kernels.self_test.verdict import State, Verdict, believed, remembered_verdict, run_self_test
+from kernels.self_test.verdict import remembered_verdict
 
 __all__ = ["Array", "Device", "DeviceInfo", "choose_device", "list_devices"]
 
 NO_PLATFORM = (
-    "no OpenCL platform was found. A CPU device comes with PoCL: install it with "
-    "'pip install pyopencl[pocl]' or 'apt install pocl-opencl-icd'; a GPU's comes with its driver. "
+    "no OpenCL driver was found. For processors: 'sudo apt install pocl-opencl-icd', or without root "
+    "'pip install intel-opencl-rt intel-cmplr-lib-rt'; a GPU's comes with the GPU. "
     "'sonarmap doctor' says where drivers were looked for."
 )
-
-_PROBE = "__kernel void probe(__global float8* x) { x[get_global_id(0)] = fma(x[get_global_id(0)], 2.0f, 1.0f); }"
-
 _DRIVER_REMEDY = (
-    ". The PoCL that pip brings does not know processors newer than itself; "
-    "'apt install pocl-opencl-icd' brings one that falls back to what the processor can do. "
-    "'sonarmap doctor' says more."
+    ". For processors 'sudo apt install pocl-opencl-icd' brings a driver that works, and without root "
+    "'pip install intel-opencl-rt intel-cmplr-lib-rt'. 'sonarmap doctor' says more."
 )
-_TEST_FAILED = "its self-test failed: "
 _TEST_REMEDY = (
     ". Its results would be wrong: use another device, as 'cpu', or update the driver and try it again by "
     "'sonarmap devices --test'."
@@ -50,31 +46,6 @@ Flavor = Literal["cpu", "gpu"]
 _FLAVORS: tuple[Flavor, ...] = ("cpu", "gpu")
 
 _FULL = (cl.status_code.OUT_OF_RESOURCES, cl.status_code.OUT_OF_HOST_MEMORY)
-
-
-@dataclass(frozen=True, slots=True)
-class DeviceInfo:
-    """One OpenCL device, as `list_devices` finds it.
-
-    Attributes:
-        selector: what `choose_device` takes to choose it, "platform:device".
-        name, platform, version, kind: as the driver gives them; kind is "cpu", "gpu" or "other".
-        compute_units: number of cores or multiprocessors.
-        memory, largest_allocation: [bytes].
-        fault: why it cannot be used, or "" where a trial kernel ran and gave the right numbers, and no test failed.
-        self_test: "passed", "failed" or "not tested", with this driver and these kernels (`kernels.self_test`).
-    """
-
-    selector: str
-    name: str
-    platform: str
-    version: str
-    kind: str
-    compute_units: int
-    memory: int
-    largest_allocation: int
-    fault: str
-    self_test: State
 
 
 class Device:
@@ -235,41 +206,43 @@ class Device:
             )
 
 
-def list_devices(test: bool = False) -> list[DeviceInfo]:
-    """Every OpenCL device, each tried with a small kernel.
-
-    Args:
-        test: run the self-test of each that works, which takes some seconds, and remember what came out.
-
-    Returns:
-        In the order of the platforms; a device that does not work says why in its `fault`.
-
-    Raises:
-        DeviceError: there is no OpenCL platform.
-    """
-    return [_describe(selector, device, test) for selector, device in _devices()]
-
-
 @cache
 def _opened(device: cl.Device) -> tuple[cl.Context, dict[tuple[str, tuple[str, ...]], cl.Program]]:
     """The context of a device, and the programs built in it, by source and options."""
     return cl.Context([device]), {}
 
 
-def device_names() -> list[tuple[str, str]]:
-    """The selector and the name of every OpenCL device, none of them tried.
+def list_devices(test: bool = False) -> list[DeviceInfo]:
+    """Every OpenCL device, each tried with a small kernel, in processes of their own.
+
+    Args:
+        test: run the self-test of each that works, which takes some seconds, and remember what came out.
+
+    Returns:
+        In the order of the drivers; a device that does not work says why in its `fault`, and so does a driver that
+        ended the process before it had one.
 
     Raises:
-        DeviceError: there is no OpenCL platform.
+        DeviceError: there is no OpenCL driver.
     """
-    return [(selector, device.name.strip()) for selector, device in _devices()]
+    return _some(try_devices(test))
+
+
+def device_names() -> list[tuple[str, str]]:
+    """The selector and the name of every OpenCL device, as last tried.
+
+    Raises:
+        DeviceError: there is no OpenCL driver.
+    """
+    return [(info.selector, info.name) for info in _some(known_devices())]
 
 
 def choose_device(selector: str | None = None) -> Device:
     """The first device in order of preference that matches and works: GPUs come before CPUs.
 
-    A GPU is believed only after its self-test, which is run before its first use with this driver and these kernels
-    (`kernels.self_test.verdict`); that it runs is logged.
+    A driver is loaded only after it was tried in a process of its own (`kernels.device.trial`), and a GPU is believed
+    only after its self-test, which is run before its first use with this driver and these kernels; that it runs is
+    logged. A process loads one driver: the first choice decides for all that follow.
 
     Args:
         selector: "platform:device" as `list_devices` gives them, each a number or a part of a name ("0:0",
@@ -285,78 +258,58 @@ def choose_device(selector: str | None = None) -> Device:
     """
     wanted = selector or os.environ.get("PYOPENCL_CTX") or ""
     faults: list[str] = []
-    for label, device in by_preference(matching(wanted, _devices())):
-        fault = _fault(device) or _test_fault(device)
-        if not fault:
-            used = f"{label} {device.name.strip()}"
-            return Device(device, label, tuple(f"{broken}. {used} is used instead." for broken in faults))
-        faults.append(f"{label} {device.name.strip()} does not work: {fault}")
+    for remembered in (True, False):  # what another process found may be out of date
+        infos = _some(known_devices(remembered))
+        faults = []
+        for info in by_preference(_in_this_process(matching(wanted, infos))):
+            if not (fault := info.fault or _test_fault(info)):
+                used = f"{info.selector} {info.name}"
+                notes = tuple(f"{broken}. {used} is used instead." for broken in faults)
+                return Device(_loaded(info, infos), info.selector, notes)
+            faults.append(f"{info.selector} {info.name} does not work: {fault}")
     raise DeviceError(
         (f"no OpenCL device that matches '{wanted}' works. " if wanted.strip() else "no OpenCL device works. ")
         + "; ".join(faults)
-        + (_TEST_REMEDY if _TEST_FAILED in "".join(faults) else _DRIVER_REMEDY)
+        + (_TEST_REMEDY if TEST_FAILED in "".join(faults) else _DRIVER_REMEDY)
     )
 
 
-def _devices() -> list[Entry]:
-    limit_libraries()  # PoCL reads its number when its devices are asked for first, and where to write
-    require_caches()
-    try:
-        platforms = cl.get_platforms()
-    except cl.Error:
-        platforms = []
-    entries: list[Entry] = []
-    for p, platform in enumerate(platforms):
-        try:
-            entries += [(f"{p}:{d}", device) for d, device in enumerate(platform.get_devices())]
-        except cl.Error:  # a platform without devices is not an error of ours
-            continue
-    if not entries:
+def _some(infos: list[DeviceInfo]) -> list[DeviceInfo]:
+    if not infos:
         raise DeviceError(NO_PLATFORM)
-    return entries
+    return infos
 
 
-def _fault(device: cl.Device) -> str:
-    """Run a small kernel and look at its numbers; say in a few words what went wrong, or nothing."""
-    try:
-        trial = Device(device)
-        program = cl.Program(trial.context, _PROBE).build()  # too small to be announced as compiling
-        numbers = np.arange(64, dtype=np.float32)
-        flags = cl.mem_flags.READ_WRITE | cl.mem_flags.COPY_HOST_PTR
-        buffer = cl.Buffer(trial.context, flags, hostbuf=numbers)
-        cl.Kernel(program, "probe")(trial.queue, (8,), (1,), buffer)
-        result = np.empty_like(numbers)
-        cl.enqueue_copy(trial.queue, result, buffer)
-        right = bool(np.array_equal(result, 2 * numbers + 1))
-        return "" if right else "a trial kernel gave wrong numbers"
-    except (cl.Error, DeviceError) as error:
-        return informative_line(str(error))
+def _in_this_process(infos: list[DeviceInfo]) -> list[DeviceInfo]:
+    """Those of the driver that this process has loaded, if it has one."""
+    driver = loaded_driver()
+    own = [info for info in infos if driver is None or info.driver_file == driver.file]
+    if driver and not own and (working := [info for info in infos if not info.fault]):
+        raise DeviceError(
+            f"this process has loaded the OpenCL driver {driver.file}, and two in one process can end it: use "
+            f"{working[0].selector} {working[0].name} in a process of its own"
+        )
+    return own or infos
 
 
-def _test_fault(device: cl.Device) -> str:
+def _loaded(info: DeviceInfo, infos: list[DeviceInfo]) -> cl.Device:
+    """PyOpenCL's device, of a driver that is loaded now."""
+    alike = [each for each in infos if (each.driver_file, each.identity) == (info.driver_file, info.identity)]
+    platforms = load_devices(driver_of(info))
+    devices = [device for platform in platforms for device in platform if identity(device) == info.identity]
+    if len(devices) < len(alike):
+        raise DeviceError(f"{info.selector} {info.name} is not there any more; 'sonarmap devices' shows what is")
+    return devices[alike.index(info)]
+
+
+def _test_fault(info: DeviceInfo) -> str:
     """What the self-test says against a device; what is no processor is tested before it is believed."""
-    return _against(remembered_verdict(device) if kind(device) == "cpu" else believed(device))
-
-
-def _against(verdict: Verdict) -> str:
-    return f"{_TEST_FAILED}{verdict.reason}" if verdict.state == "failed" else ""
-
-
-def _describe(label: str, device: cl.Device, test: bool) -> DeviceInfo:
-    fault = _fault(device)
-    verdict = run_self_test(device) if test and not fault else remembered_verdict(device)
-    return DeviceInfo(
-        selector=label,
-        name=device.name.strip(),
-        platform=device.platform.name.strip(),
-        version=f"{device.version.strip()}, driver {device.driver_version.strip()}",
-        kind=kind(device),
-        compute_units=device.max_compute_units,
-        memory=device.global_mem_size,
-        largest_allocation=device.max_mem_alloc_size,
-        fault=fault or _against(verdict),
-        self_test=verdict.state,
-    )
+    if info.kind == "cpu" or info.self_test != "not tested":
+        return ""
+    LOGGER.info(f"testing {info.name} before it is used for the first time with this driver: this takes some seconds")
+    run_self_test(info)
+    verdict = remembered_verdict(info.identity)
+    return f"{TEST_FAILED}{verdict.reason}" if verdict.state == "failed" else ""
 
 
 def _wanted_flavor() -> Flavor | None:

@@ -3,23 +3,13 @@
 import re
 from collections.abc import Iterable
 
-import pyopencl as cl
-
+from kernels.device.device_info import DeviceInfo
 from kernels.errors import DeviceError
-
-Entry = tuple[str, cl.Device]  # the label "platform:device", by number, and the device
 
 _KINDS = ("gpu", "cpu", "other")
 
 
-def kind(device: cl.Device) -> str:
-    """ "gpu", "cpu" or "other"."""
-    if device.type & cl.device_type.GPU:
-        return "gpu"
-    return "cpu" if device.type & cl.device_type.CPU else "other"
-
-
-def matching(wanted: str, entries: list[Entry]) -> list[Entry]:
+def matching(wanted: str, infos: list[DeviceInfo]) -> list[DeviceInfo]:
     """The devices that a selector means; it is read as `kernels.device.device.choose_device` says.
 
     Raises:
@@ -28,19 +18,19 @@ def matching(wanted: str, entries: list[Entry]) -> list[Entry]:
     text = wanted.strip().lower()
     if re.fullmatch(r"[^:]+:\s*\d+(\s*,\s*\d+)+", text):  # PyOpenCL takes this for a context of several
         first = wanted.partition(",")[0].strip()
-        raise DeviceError(f"'{wanted}' names several OpenCL devices; choose one, as in '{first}'. {_listed(entries)}")
+        raise DeviceError(f"'{wanted}' names several OpenCL devices; choose one, as in '{first}'. {_listed(infos)}")
     if not text:
-        return entries
+        return infos
     if text in _KINDS:
-        matches = [entry for entry in entries if kind(entry[1]) == text]
+        matches = [info for info in infos if info.kind == text]
     else:
-        matches = _at_place(text, entries) or [entry for entry in entries if _is_named(text, entry[1])]
+        matches = _at_place(text, infos) or [info for info in infos if _is_named(text, info)]
     if not matches:
-        raise DeviceError(f"no OpenCL device matches '{wanted}'. {_listed(entries)}")
+        raise DeviceError(f"no OpenCL device matches '{wanted}'. {_listed(infos)}")
     return matches
 
 
-def by_preference(entries: Iterable[Entry]) -> list[Entry]:
+def by_preference(infos: Iterable[DeviceInfo]) -> list[DeviceInfo]:
     """GPUs, then CPUs, then others.
 
     Of GPUs, those with their own memory come first, then those with more compute units times clock. That counts
@@ -48,56 +38,52 @@ def by_preference(entries: Iterable[Entry]) -> list[Entry]:
     Of CPUs, the drivers of one vendor come newest first, since an old PoCL does not know a new processor. Versions of
     different vendors do not compare: their order, and that of all else, is the one in which the system lists them.
     """
-    entries = list(entries)
-    vendors = list(dict.fromkeys(_vendor(device) for _, device in entries))
-    cpus = [entry for entry in entries if kind(entry[1]) == "cpu"]
-    cpus.sort(key=lambda entry: _driver_age(entry[1]), reverse=True)
-    cpus.sort(key=lambda entry: vendors.index(_vendor(entry[1])))
-    gpus = sorted((entry for entry in entries if kind(entry[1]) == "gpu"), key=lambda entry: _gpu_rank(entry[1]))
-    return gpus + cpus + [entry for entry in entries if kind(entry[1]) == "other"]
+    infos = list(infos)
+    vendors = list(dict.fromkeys(info.vendor for info in infos))
+    cpus = [info for info in infos if info.kind == "cpu"]
+    cpus.sort(key=_driver_age, reverse=True)
+    cpus.sort(key=lambda info: vendors.index(info.vendor))
+    gpus = sorted((info for info in infos if info.kind == "gpu"), key=_gpu_rank)
+    return gpus + cpus + [info for info in infos if info.kind == "other"]
 
 
-def _listed(entries: list[Entry]) -> str:
-    known = (f"{label} {device.name.strip()} ({device.platform.name.strip()})" for label, device in entries)
+def _listed(infos: list[DeviceInfo]) -> str:
+    known = (f"{info.selector} {info.name}" + (f" ({info.platform})" if info.platform else "") for info in infos)
     return f"There are: {'; '.join(known)}"
 
 
-def _at_place(text: str, entries: list[Entry]) -> list[Entry]:
+def _at_place(text: str, infos: list[DeviceInfo]) -> list[DeviceInfo]:
     """The devices of "platform:device", each a number or a part of a name, or of a platform's number alone."""
     platform, colon, device = (part.strip() for part in text.partition(":"))
     if not platform or not (colon or platform.isdecimal()):
         return []
     device = device or "0"  # as PyOpenCL takes it
-    matches: list[Entry] = []
-    for label, candidate in entries:
-        p, _, d = label.partition(":")
-        there = platform == p if platform.isdecimal() else platform in _platform_words(candidate)
-        if there and (device == d if device.isdecimal() else device in candidate.name.lower()):
-            matches.append((label, candidate))
+    matches: list[DeviceInfo] = []
+    for info in infos:
+        p, _, d = info.selector.partition(":")
+        there = platform == p if platform.isdecimal() else platform in _platform_words(info)
+        if there and (device == (d or "0") if device.isdecimal() else device in info.name.lower()):
+            matches.append(info)
     return matches
 
 
-def _is_named(text: str, device: cl.Device) -> bool:
+def _is_named(text: str, info: DeviceInfo) -> bool:
     """Whether a text is part of the device's or its platform's name or version; digits count as a whole number."""
     if text.isdecimal():
-        return re.search(rf"(?<!\d){text}(?!\d)", device.name) is not None
-    return text in f"{device.name} {device.version}".lower() or text in _platform_words(device)
+        return re.search(rf"(?<!\d){text}(?!\d)", info.name) is not None
+    return text in f"{info.name} {info.version}".lower() or text in _platform_words(info)
 
 
-def _platform_words(device: cl.Device) -> str:
-    return f"{device.platform.name} {device.platform.version}".lower()
+def _platform_words(info: DeviceInfo) -> str:
+    return f"{info.platform} {info.platform_version}".lower()
 
 
-def _vendor(device: cl.Device) -> str:
-    return device.platform.vendor.strip()
-
-
-def _driver_age(device: cl.Device) -> tuple[list[int], bool]:
+def _driver_age(info: DeviceInfo) -> tuple[list[int], bool]:
     """Sorts old drivers before new ones, and a release candidate before the release."""
-    version = device.driver_version
+    version = info.driver_version
     digits = re.search(r"\d+(\.\d+)*", version)
     return [int(part) for part in digits[0].split(".")] if digits else [], "rc" not in version.lower()
 
 
-def _gpu_rank(device: cl.Device) -> tuple[bool, int]:
-    return bool(device.host_unified_memory), -device.max_compute_units * device.max_clock_frequency
+def _gpu_rank(info: DeviceInfo) -> tuple[bool, int]:
+    return info.shares_memory, -info.compute_units * info.clock

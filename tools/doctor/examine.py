@@ -3,10 +3,13 @@
 import traceback
 from collections.abc import Callable, Iterator
 from pathlib import Path
+from typing import TYPE_CHECKING
 
-from tools.doctor import libraries, memory, opencl, storage, system
-from tools.doctor.child import Answers
+from tools.doctor import libraries, memory, storage, system
 from tools.doctor.finding import Finding, Remedy
+
+if TYPE_CHECKING:
+    from kernels.child import Answers
 
 
 def examine(folder: Path, quick: bool) -> Iterator[Finding]:
@@ -22,9 +25,11 @@ def examine(folder: Path, quick: bool) -> Iterator[Finding]:
     yield _checked("Python", libraries.python_version)
     yield _checked("libraries", lambda: libraries.required_libraries(load=not quick))
     yield _checked("optional", libraries.optional_libraries)
-    answers = Answers((), "")
+    answers: Answers | None = None
 
     def check_opencl() -> Finding:
+        from tools.doctor import opencl  # whose room `kernels` needs a library itself
+
         nonlocal answers
         finding, answers = opencl.opencl(test=not quick)
         return finding

@@ -9,10 +9,12 @@ import tomllib
 from collections.abc import Iterable, Sequence
 from dataclasses import dataclass
 from pathlib import Path
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
-from tools.doctor.child import Answers, answer, ask
 from tools.doctor.finding import Finding, Remedy
+
+if TYPE_CHECKING:
+    from kernels.child import Answers
 
 _PROJECT = Path(__file__).resolve().parents[2] / "pyproject.toml"
 _SECONDS = 120.0  # to load all of them; on a cold disk a minute
@@ -23,7 +25,10 @@ EXTRAS = {
     "bench": "FFTW in bench",
     "cluster": "map --scheduler",
     "docs": "the documentation as a site",
+    "opencl": "an OpenCL driver for processors without root",
 }
+# An OpenCL driver for processors without root: the extra "opencl".
+DRIVER_OF_PIP = ("intel-opencl-rt", "intel-cmplr-lib-rt")
 # The Debian packages of system libraries that wheels load and do not bring; tools/setup.sh installs them.
 APT_PACKAGES = {
     "libusb-1.0.so.0": "libusb-1.0-0",
@@ -125,6 +130,8 @@ def main(arguments: Sequence[str]) -> None:
     """In the other process: load each of the distributions."""
     from importlib import import_module
 
+    from kernels.child import answer
+
     modules = metadata.packages_distributions()
     for name in arguments:
         module = _module_of(name, modules)
@@ -137,6 +144,8 @@ def main(arguments: Sequence[str]) -> None:
 
 def _load_faults(names: list[str]) -> dict[str, str]:
     """Which distributions cannot be loaded, and why; one that ends the process is blamed, and the others are tried."""
+    from kernels.child import ask
+
     faults: dict[str, str] = {}
     while names:
         answers = ask("tools.doctor.libraries", *names, seconds=_SECONDS)
@@ -149,7 +158,7 @@ def _load_faults(names: list[str]) -> dict[str, str]:
     return faults
 
 
-def _last(answers: Answers, names: list[str]) -> str:
+def _last(answers: "Answers", names: list[str]) -> str:
     begun = answers.named("begins")
     return begun[-1] if begun else names[0]
 

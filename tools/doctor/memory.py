@@ -1,20 +1,22 @@
 """Memory: of the machine, of the device, and the largest grid that fits in it."""
 
 from pathlib import Path
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
-from tools.doctor.child import Answers
 from tools.doctor.finding import Finding, Remedy, Verdict, size
+
+if TYPE_CHECKING:
+    from kernels.child import Answers
 
 _USUAL_EDGE = 128  # of --grid
 LESS = Remedy("end other programs, or give the machine or its control group (container) more memory")
 
 
-def memory(answers: Answers) -> Finding:
+def memory(answers: "Answers | None") -> Finding:
     """Whether the usual grid fits, and which is the largest that does.
 
     Args:
-        answers: what the check of OpenCL said of the device and its plan; nothing where there is no device.
+        answers: what the check of OpenCL said of the device and its plan; None where it could not.
     """
     from tools.memory import available_memory, memory_limits, room_for_arrays
 
@@ -44,9 +46,9 @@ def memory_is_short() -> bool:
     return room_for_arrays() < 0
 
 
-def _grids(answers: Answers, room: int) -> tuple[int | None, list[str], dict[str, Any]]:
+def _grids(answers: "Answers | None", room: int) -> tuple[int | None, list[str], dict[str, Any]]:
     """The largest grid that fits, 0 for none, None where no device says; what to say of it; and for programs."""
-    if not answers.named("pairs"):
+    if answers is None or not answers.named("pairs"):
         return None, [], {"largest grid": None}
     pairs = dict(answers.named("pairs")[0])
     shared, of_device = answers.named("shared")[0], answers.named("device_memory")[0]

@@ -1,20 +1,21 @@
 """OpenCL: the loader, the drivers, the devices, the device that would be chosen, and its self-test."""
 
 import os
+import sys
 from collections.abc import Sequence
 from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
-from tools.doctor.child import Answers, answer, ask
-from tools.doctor.drivers import driver_fault, driver_files, vendor_folder
+from kernels.child import Answers, answer, ask
+from kernels.device.drivers import installed_drivers, vendor_folder
 from tools.doctor.finding import Finding, Remedy
-from tools.doctor.libraries import pip_command, shared_object_remedy
+from tools.doctor.libraries import DRIVER_OF_PIP, pip_command, shared_object_remedy
 from tools.doctor.memory import memory_is_short
 
-_SECONDS = 120.0  # kernels are compiled, and every device is tested
+_SECONDS = 900.0  # every driver is tried in a process of its own, which has a limit itself
 _POCL = Remedy("install PoCL, an OpenCL driver for processors:", "sudo apt-get install pocl-opencl-icd")
-_POCL_OF_PIP = Remedy("or, without apt:", pip_command("pyopencl[pocl]"))
+_OF_PIP = Remedy("or, without root, Intel's, which AMD processors run too:", pip_command(*DRIVER_OF_PIP))
 
 
 def opencl(test: bool) -> tuple[Finding, Answers]:
@@ -53,9 +54,6 @@ def main(arguments: Sequence[str]) -> None:
         answer(unavailable=str(error))
     except SonarmapError as error:  # a variable of the environment
         answer(refused=str(error))
-    for file in driver_files():
-        answer(begins=f"loading the driver of {file}")
-        answer(driver=[str(file), driver_fault(file)])
 
 
 def _say_what_fits(device: Any) -> None:
@@ -73,7 +71,7 @@ def _unloadable(answers: Answers) -> Finding | None:
         return None
     fault = str(faults[0])
     system = shared_object_remedy(fault)
-    again = Remedy("install PyOpenCL with its own loader and driver:", pip_command("pyopencl[pocl]"))
+    again = Remedy("install PyOpenCL with its own loader:", pip_command("pyopencl"))
     if system is None and "No module named" not in fault:
         again = Remedy(again.words, pip_command("--force-reinstall", "--no-deps", "pyopencl"))
     remedies = (again,) if system is None else (system, again)
@@ -104,13 +102,12 @@ def _unavailable(answers: Answers) -> Finding | None:
         return Finding("OpenCL", "wrong", str(errors[0]), (unset,), details)
     place, variable = vendor_folder()
     seen = [f"{device['selector']} {device['name']} does not work: {device['fault']}" for device in devices]
-    seen += [f"{file}: {fault}" for file, fault in drivers.items() if fault]
     if not devices:
         seen.insert(0, f"no driver: {_looked_in(place, variable)}")
     elif variable:
         seen.append(_looked_in(place, variable))
     remedies = [Remedy("look for drivers where the system has them:", f"unset {variable}")] if variable else []
-    remedies += [_POCL] if devices else [_POCL, _POCL_OF_PIP]
+    remedies += [_POCL, _OF_PIP]
     return Finding("OpenCL", "wrong", "\n".join(seen), tuple(remedies), details)
 
 
@@ -121,13 +118,11 @@ def _usable(answers: Answers) -> Finding:
     tested = {"passed": "self-test passed", "not tested": "not tested (--quick)"}.get(used["self_test"], "")
     words = f"{chosen} {used['name']} ({used['kind']}, {used['compute_units']} units), {used['platform']} {driver}"
     seen = [f"{words}: {tested}"]
-    others = [device for device in devices if device is not used]
     seen += [
-        f"not used: {device['selector']} {device['name']}: {device['fault']}" for device in others if device["fault"]
+        f"not used: {device['selector']} {device['name']}: {device['fault']}" for device in devices if device["fault"]
     ]
     drivers = _drivers(answers)
-    named = (f"{_short(file)} ({fault})" if fault else _short(file) for file, fault in drivers.items())
-    seen.append(f"drivers: {', '.join(named)}")
+    seen.append(f"drivers: {', '.join(map(_short, drivers))}; a process loads one")
     details = {"chosen": chosen, "devices": devices, "drivers": drivers, "PYOPENCL_CTX": os.environ.get("PYOPENCL_CTX")}
     return Finding("OpenCL", "ok", "\n".join(seen), details=details)
 
@@ -137,17 +132,19 @@ def _devices(answers: Answers) -> list[dict[str, Any]]:
 
 
 def _drivers(answers: Answers) -> dict[str, str]:
-    return dict(answers.named("driver"))
+    """What is wrong with each driver, by its file."""
+    faults = {device["driver_file"]: device["fault"] for device in _devices(answers) if not device["compute_units"]}
+    return {driver.file: faults.get(driver.file, "") for driver in installed_drivers() if driver.file}
 
 
 def _short(file: str) -> str:
     path = Path(file)
-    return f"{path.name} of pip" if path.parent.name == ".libs" else file
+    return f"{path.name} of pip" if path.is_relative_to(sys.prefix) else file
 
 
 def _looked_in(place: Path, variable: str) -> str:
     where = f"{place}, where {variable} points," if variable else str(place)
     if not place.exists():
         return f"{where} is not there"
-    files = [file.name for file in driver_files() if file.parent == place]
+    files = [path.name for path in sorted(place.glob("*.icd"))]
     return f"{where} holds {', '.join(files)}" if files else f"{where} holds no .icd file"

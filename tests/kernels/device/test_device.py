@@ -3,8 +3,8 @@
 import shutil
 import subprocess
 import sys
+from dataclasses import replace
 from pathlib import Path
-from types import SimpleNamespace
 from typing import Any
 
 import numpy as np
@@ -14,6 +14,9 @@ import pytest
 
 import kernels.device.device
 from kernels.device.device import Device, choose_device, list_devices
+from kernels.device.device_info import DeviceInfo, describe
+from kernels.device.drivers import Driver
+from kernels.device.loaded import load_devices, loaded_driver
 from kernels.device.selection import by_preference, matching
 from kernels.device.source import informative_line
 from kernels.errors import DeviceError
@@ -21,28 +24,32 @@ from kernels.errors import DeviceError
 ROOT = Path(__file__).parents[3]
 
 
-def fake(kind: str, name: str, platform: str, driver: str = "1.0", **more: Any) -> Any:
-    """What is read of a PyOpenCL device; the platform's version says which driver it is, as PoCL's does."""
+def fake(selector: str, kind: str, name: str, platform: str, driver: str = "1.0", **more: Any) -> DeviceInfo:
+    """A device; the platform's version says which driver it is, as PoCL's does."""
     pocl = platform == "Portable Computing Language"
-    vendor = "The pocl project" if pocl else platform
     version = f"OpenCL 3.0 PoCL {driver} LLVM" if pocl else "OpenCL 3.0 "
-    return SimpleNamespace(
-        type={"gpu": cl.device_type.GPU, "cpu": cl.device_type.CPU, "other": cl.device_type.ACCELERATOR}[kind],
+    given: dict[str, Any] = {"compute_units": 8, "clock": 1000} | more
+    return DeviceInfo(
+        selector=selector,
         name=name,
+        platform=platform,
         version=version,
+        kind=kind,
+        vendor="The pocl project" if pocl else platform,
+        platform_version=version,
         driver_version=driver,
-        platform=SimpleNamespace(name=platform, version=version, vendor=vendor),
-        **{"host_unified_memory": 0, "max_compute_units": 8, "max_clock_frequency": 1000} | more,
+        **given,
     )
 
 
 POCL, CUDA = "Portable Computing Language", "NVIDIA CUDA"
 MACHINE = [
-    ("0:0", fake("cpu", "pthread-AMD EPYC", POCL, "3.1")),
-    ("1:0", fake("other", "FPGA 7", "Intel(R) FPGA")),
-    ("2:0", fake("gpu", "GeForce RTX 3090", CUDA, "535.1", max_compute_units=82)),
-    ("2:1", fake("gpu", "GeForce RTX 4090", CUDA, "535.1", max_compute_units=128)),
-    ("3:0", fake("cpu", "AMD EPYC", POCL, "6.0")),
+    fake("0:0", "cpu", "pthread-AMD EPYC", POCL, "3.1"),
+    fake("1:0", "other", "FPGA 7", "Intel(R) FPGA"),
+    fake("2:0", "gpu", "GeForce RTX 3090", CUDA, "535.1", compute_units=82),
+    fake("2:1", "gpu", "GeForce RTX 4090", CUDA, "535.1", compute_units=128),
+    fake("3:0", "cpu", "AMD EPYC", POCL, "6.0"),
+    DeviceInfo("4", "broken.icd", fault="libbroken.so: cannot open shared object file"),
 ]
 
 
@@ -50,13 +57,13 @@ class TestSelection:
     @pytest.mark.parametrize(
         ("wanted", "labels"),
         [
-            ("", "0:0 1:0 2:0 2:1 3:0"),
+            ("", "0:0 1:0 2:0 2:1 3:0 4"),
             ("2:1", "2:1"),
             (" 2:1 ", "2:1"),
             ("2", "2:0"),
             ("cpu", "0:0 3:0"),
             ("GPU", "2:0 2:1"),
-            ("other", "1:0"),
+            ("other", "1:0 4"),
             ("pocl", "0:0 3:0"),
             ("pocl 6", "3:0"),
             ("portable", "0:0 3:0"),
@@ -70,6 +77,8 @@ class TestSelection:
             ("3090", "2:0"),
             ("309", ""),
             ("7", "1:0"),
+            ("4", "4"),
+            ("broken.icd", "4"),
             ("9:0", ""),
             ("abacus", ""),
             (":0", ""),
@@ -77,7 +86,7 @@ class TestSelection:
     )
     def test_reads_every_form(self, wanted: str, labels: str) -> None:
         if labels:
-            assert " ".join(label for label, _ in matching(wanted, MACHINE)) == labels
+            assert " ".join(info.selector for info in matching(wanted, MACHINE)) == labels
         else:
             with pytest.raises(DeviceError, match=f"no OpenCL device matches '{wanted}'. There are: 0:0 pthread-AMD E"):
                 matching(wanted, MACHINE)
@@ -89,16 +98,16 @@ class TestSelection:
             matching(wanted, MACHINE)
 
     def test_prefers_the_larger_gpu_and_the_newer_driver(self) -> None:
-        assert [label for label, _ in by_preference(MACHINE)] == ["2:1", "2:0", "3:0", "0:0", "1:0"]
+        assert [info.selector for info in by_preference(MACHINE)] == ["2:1", "2:0", "3:0", "0:0", "1:0", "4"]
 
     def test_prefers_memory_of_its_own_whatever_is_called_a_unit(self) -> None:
-        shared = ("0:0", fake("gpu", "UHD", "Intel(R) OpenCL", max_compute_units=500, host_unified_memory=1))
-        assert [label for label, _ in by_preference([shared, *MACHINE])][:3] == ["2:1", "2:0", "0:0"]
+        shared = fake("5:0", "gpu", "UHD", "Intel(R) OpenCL", compute_units=500, shares_memory=True)
+        assert [info.selector for info in by_preference([shared, *MACHINE])][:3] == ["2:1", "2:0", "5:0"]
 
     def test_compares_drivers_of_one_vendor_only(self) -> None:
-        intel = ("0:0", fake("cpu", "Xeon", "Intel(R) OpenCL", "2024.17"))
+        intel = fake("0:0", "cpu", "Xeon", "Intel(R) OpenCL", "2024.17")
         old, candidate, new = (
-            (f"{n}:0", fake("cpu", "Xeon", POCL, version)) for n, version in enumerate(["3.9", "3.10-rc2", "3.10"], 1)
+            fake(f"{n}:0", "cpu", "Xeon", POCL, version) for n, version in enumerate(["3.9", "3.10-rc2", "3.10"], 1)
         )
         assert by_preference([old, intel, candidate, new]) == [new, candidate, old, intel]
         assert by_preference([intel, old, candidate, new]) == [intel, new, candidate, old]
@@ -106,48 +115,58 @@ class TestSelection:
 
 class TestChoice:
     @pytest.fixture
-    def actual(self, device: Device, monkeypatch: pytest.MonkeyPatch) -> cl.Device:
+    def twice(self, device: Device, monkeypatch: pytest.MonkeyPatch) -> list[DeviceInfo]:
         """The device of the tests, listed twice, as two alike are."""
         monkeypatch.delenv("PYOPENCL_CTX", raising=False)
-        twice = [("0:0", device.cl_device), ("0:1", device.cl_device)]
-        monkeypatch.setattr(kernels.device.device, "_devices", lambda: twice)
-        return device.cl_device
+        driver = loaded_driver()
+        assert driver is not None
+        one = replace(describe(device.cl_device, "0:0"), driver_file=driver.file)
+        infos = [one, replace(one, selector="0:1")]
+        monkeypatch.setattr(kernels.device.device, "known_devices", lambda _=True: infos)
+        monkeypatch.setattr(kernels.device.device, "load_devices", lambda _: [[device.cl_device, device.cl_device]])
+        return infos
 
-    def test_tells_identical_devices_apart(self, actual: cl.Device, monkeypatch: pytest.MonkeyPatch) -> None:
-        assert [info.selector for info in list_devices()] == ["0:0", "0:1"]
+    def test_tells_identical_devices_apart(
+        self, twice: list[DeviceInfo], device: Device, monkeypatch: pytest.MonkeyPatch
+    ) -> None:
         chosen = choose_device("0:1")
-        assert (chosen.selector, chosen.notes, chosen.cl_device) == ("0:1", (), actual)
-        assert choose_device(actual.name.strip()).selector == "0:0"
+        assert (chosen.selector, chosen.notes, chosen.cl_device) == ("0:1", (), device.cl_device)
+        assert choose_device(device.name).selector == "0:0"
         monkeypatch.setenv("PYOPENCL_CTX", "0:1")
         assert choose_device().selector == "0:1"
         assert choose_device("0:0").selector == "0:0"
 
-    def test_tells_that_a_broken_device_is_passed_over(
-        self, actual: cl.Device, monkeypatch: pytest.MonkeyPatch
-    ) -> None:
-        faults = ["error: unknown target", ""]
-        monkeypatch.setattr(kernels.device.device, "_fault", lambda _: faults.pop(0))
-        chosen = choose_device()
-        name = actual.name.strip()
+    def test_tells_that_a_broken_device_is_passed_over(self, twice: list[DeviceInfo]) -> None:
+        twice[0] = replace(twice[0], fault="error: unknown target")
+        chosen, name = choose_device(), twice[0].name
         note = f"0:0 {name} does not work: error: unknown target. 0:1 {name} is used instead."
         assert (chosen.selector, chosen.notes) == ("0:1", (note,))
 
-    def test_refuses_where_none_works(self, actual: cl.Device, monkeypatch: pytest.MonkeyPatch) -> None:
-        monkeypatch.setattr(kernels.device.device, "_fault", lambda _: "it smokes")
+    def test_refuses_where_none_works(self, twice: list[DeviceInfo]) -> None:
+        twice[:] = [replace(info, fault="it smokes") for info in twice]
         with pytest.raises(DeviceError, match=r"no OpenCL device works\. 0:0 .*: it smokes; 0:1 .*: it smokes.*apt"):
             choose_device()
         with pytest.raises(DeviceError, match=r"no OpenCL device that matches '0:1' works. 0:1 "):
             choose_device("0:1")
 
-    def test_names_the_package_that_brings_a_platform(self, monkeypatch: pytest.MonkeyPatch) -> None:
-        def none() -> list:
-            raise cl.LogicError("clGetPlatformIDs failed: PLATFORM_NOT_FOUND_KHR")
+    def test_a_process_loads_one_driver(self, twice: list[DeviceInfo]) -> None:
+        twice[1] = replace(twice[1], name="a card", driver_file="card.icd")
+        with pytest.raises(DeviceError, match=r"this process has loaded .*: use 0:1 a card in a process of its own"):
+            choose_device("0:1")
+        assert choose_device().selector == "0:0"
+        with pytest.raises(DeviceError, match="has loaded the OpenCL driver"):
+            load_devices(Driver("card.icd", "libcard.so"))
 
-        for platforms in (none, list):
-            monkeypatch.setattr(cl, "get_platforms", platforms)
-            for call in (choose_device, list_devices):
-                with pytest.raises(DeviceError, match=r"no OpenCL platform.*pyopencl\[pocl\].*pocl-opencl-icd"):
-                    call()
+    def test_one_that_is_gone_is_named(self, twice: list[DeviceInfo], monkeypatch: pytest.MonkeyPatch) -> None:
+        monkeypatch.setattr(kernels.device.device, "load_devices", lambda _: [])
+        with pytest.raises(DeviceError, match=r"0:0 .* is not there any more; 'sonarmap devices' shows what is"):
+            choose_device("0:0")
+
+    def test_names_what_brings_a_driver(self, monkeypatch: pytest.MonkeyPatch, tmp_path: Path) -> None:
+        monkeypatch.setenv("OCL_ICD_VENDORS", str(tmp_path))
+        for call in (choose_device, list_devices):
+            with pytest.raises(DeviceError, match=r"no OpenCL driver was found.*pocl-opencl-icd.*intel-opencl-rt"):
+                call()
 
 
 class TestMemory:

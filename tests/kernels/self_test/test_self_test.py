@@ -1,44 +1,57 @@
 """A device is believed only after its self-test: what it measures, when it is run, and what is remembered of it."""
 
 import logging
-import os
-import subprocess
-import sys
 from collections.abc import Callable
+from dataclasses import asdict, replace
 from pathlib import Path
 from types import SimpleNamespace
 from typing import Any
 
 import numpy as np
-import pyopencl as cl
 import pytest
 
-import kernels.device.device
-from kernels.device.cache import cache_folder, recall, remember
+from kernels.child import Answers
+from kernels.device import trial
+from kernels.device.cache import cache_folder, remember
 from kernels.device.device import Device, choose_device, list_devices
+from kernels.device.device_info import DeviceInfo, describe
+from kernels.device.loaded import loaded_driver
 from kernels.errors import DeviceError
 from kernels.self_test import checks, verdict
-from kernels.self_test.verdict import Verdict, remembered_verdict, run_self_test
+from kernels.self_test.verdict import Verdict, remembered_verdict, self_test
 
 Damage = Callable[[Any], Any]
 
 
 @pytest.fixture(autouse=True)
 def _empty_cache(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    choose_device()
     monkeypatch.setenv("XDG_CACHE_HOME", str(tmp_path))
     monkeypatch.setattr(verdict, "_known", {})
 
 
 @pytest.fixture
-def gpu(monkeypatch: pytest.MonkeyPatch) -> cl.Device:
-    """The processor as a GPU, 0:0, beside itself, 0:1."""
-    platform = choose_device("cpu").cl_device.platform
-    card, processor = platform.get_devices()[0], platform.get_devices()[0]
+def gpu(device: Device, monkeypatch: pytest.MonkeyPatch) -> DeviceInfo:
+    """The processor as a GPU, 0:0, beside itself, 0:1; both are tested in this process, where checks can be damaged."""
+    driver = loaded_driver()
+    assert driver is not None
+    processor = replace(describe(device.cl_device, "0:1"), driver_file=driver.file, kind="cpu")
+    card = replace(processor, selector="0:0", name="a card", kind="gpu")
+
+    def ask(_: str, file: str, library: str, first: str, tested: str, seconds: float) -> Answers:
+        steps: list[dict[str, Any]] = [{"found": [asdict(card), asdict(processor)]}]
+        for selector in ("0:0", "0:1"):
+            steps += [{"begins": selector}, {"tried": [selector, ""]}]
+            if tested in (selector, "all"):
+                outcome = self_test(device.cl_device)
+                steps.append({"tested": [selector, outcome.state, outcome.reason]})
+        return Answers(tuple(steps), "")
+
     monkeypatch.delenv("PYOPENCL_CTX", raising=False)
-    monkeypatch.setattr(kernels.device.device, "_devices", lambda: [("0:0", card), ("0:1", processor)])
-    monkeypatch.setattr(kernels.device.device, "by_preference", list)
-    monkeypatch.setattr(kernels.device.device, "kind", lambda device: "gpu" if device is card else "cpu")
-    monkeypatch.setattr(verdict, "identity", lambda device: ("a card" if device is card else "a processor", "", "1.0"))
+    monkeypatch.setattr(trial, "_tried", {})
+    monkeypatch.setattr(trial, "ask", ask)
+    monkeypatch.setattr(trial, "installed_drivers", lambda: [driver])
+    monkeypatch.setattr("kernels.device.device._loaded", lambda *_: device.cl_device)
     return card
 
 
@@ -79,15 +92,15 @@ def test_both_flavors_pass(device: Device) -> None:
     ],
 )
 def test_a_failing_device_is_passed_over(
-    gpu: cl.Device, monkeypatch: pytest.MonkeyPatch, name: str, change: Damage, reason: str
+    gpu: DeviceInfo, monkeypatch: pytest.MonkeyPatch, name: str, change: Damage, reason: str
 ) -> None:
     damage(monkeypatch, name, change)
     chosen = choose_device()
     assert chosen.selector == "0:1"
     (note,) = chosen.notes
-    assert note.startswith(f"0:0 {gpu.name.strip()} does not work: its self-test failed: ")
+    assert note.startswith("0:0 a card does not work: its self-test failed: ")
     assert reason in note
-    assert note.endswith(f"0:1 {gpu.name.strip()} is used instead.")
+    assert note.endswith(f"0:1 {chosen.name} is used instead.")
 
 
 def test_a_transform_that_is_a_little_wrong_fails(device: Device, monkeypatch: pytest.MonkeyPatch) -> None:
@@ -102,13 +115,13 @@ def test_a_transform_that_is_a_little_wrong_fails(device: Device, monkeypatch: p
         return spectrum
 
     monkeypatch.setattr(checks.RealFFT, "forward", slightly_wrong)
-    outcome = run_self_test(device.cl_device)
+    outcome = self_test(device.cl_device)
     assert outcome.state == "failed"
     assert "the Fourier transform of 32 x 64 x 128: off by" in outcome.reason
     assert "allowed are 2e-06" in outcome.reason
 
 
-def test_one_that_is_asked_for_is_refused(gpu: cl.Device, monkeypatch: pytest.MonkeyPatch) -> None:
+def test_one_that_is_asked_for_is_refused(gpu: DeviceInfo, monkeypatch: pytest.MonkeyPatch) -> None:
     damage(monkeypatch, "voxelize", with_a_wrong_voxel)
     with pytest.raises(DeviceError, match=r"'0:0' works\. 0:0 .*off by 1 voxels.*'cpu'.*'sonarmap devices --test'"):
         choose_device("0:0")
@@ -117,60 +130,49 @@ def test_one_that_is_asked_for_is_refused(gpu: cl.Device, monkeypatch: pytest.Mo
     assert "off by 1 voxels" in card.fault
 
 
-def test_it_is_tested_once(gpu: cl.Device, monkeypatch: pytest.MonkeyPatch, caplog: pytest.LogCaptureFixture) -> None:
+def test_it_is_tested_once(gpu: DeviceInfo, monkeypatch: pytest.MonkeyPatch, caplog: pytest.LogCaptureFixture) -> None:
     caplog.set_level(logging.INFO, "sonarmap")
     assert [info.self_test for info in list_devices()] == ["not tested", "not tested"]
     assert choose_device().selector == "0:0"
-    assert f"testing {gpu.name.strip()} before it is used for the first time" in caplog.text
+    assert "testing a card before it is used for the first time" in caplog.text
     monkeypatch.setattr(verdict, "_known", {})  # as in another process
     monkeypatch.setattr(checks, "measure", no_measure)
-    assert (choose_device().selector, choose_device().flavor) == ("0:0", "gpu")
+    assert choose_device().selector == "0:0"
     assert [info.self_test for info in list_devices()] == ["passed", "not tested"]
     with pytest.raises(AssertionError, match="tested again"):
         list_devices(test=True)
 
 
-def test_a_processor_is_not_tested_by_itself(gpu: cl.Device, monkeypatch: pytest.MonkeyPatch) -> None:
+def test_a_processor_is_not_tested_by_itself(gpu: DeviceInfo, monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr(checks, "measure", no_measure)
     assert choose_device("0:1").selector == "0:1"
 
 
 @pytest.mark.parametrize("changed", ["driver", "kernels"])
-def test_another_driver_or_kernel_is_tested_again(
-    gpu: cl.Device, monkeypatch: pytest.MonkeyPatch, changed: str
-) -> None:
-    remember(verdict.memory_name(gpu), {"state": "passed"})
-    assert remembered_verdict(gpu) == Verdict("passed")
+def test_another_driver_or_kernel_is_tested_again(monkeypatch: pytest.MonkeyPatch, changed: str) -> None:
+    card = ("a card", "OpenCL 3.0", "1.0")
+    remember(verdict.memory_name(card), {"state": "passed"})
+    assert remembered_verdict(card) == Verdict("passed")
     if changed == "driver":
-        monkeypatch.setattr(verdict, "identity", lambda _: ("a card", "", "1.1"))
+        card = ("a card", "OpenCL 3.0", "1.1")
     else:
         monkeypatch.setattr(verdict, "_kernels", lambda: "of another version")
-    assert remembered_verdict(gpu) == Verdict("not tested")
+    assert remembered_verdict(card) == Verdict("not tested")
 
 
-def test_one_that_takes_the_process_with_it_is_not_tried_again(gpu: cl.Device) -> None:
-    ended = subprocess.Popen([sys.executable, "-c", ""])
-    ended.wait()
-    remember(verdict.memory_name(gpu), {"state": "begun", "process": ended.pid})
-    assert remembered_verdict(gpu).reason == "its test did not end: the driver crashed or hung"
-    assert choose_device().selector == "0:1"
-    remember(verdict.memory_name(gpu), {"state": "begun", "process": os.getpid()})
-    assert remembered_verdict(gpu) == Verdict("not tested")  # another thread is at it
-
-
-def test_a_test_that_is_interrupted_says_nothing(gpu: cl.Device, monkeypatch: pytest.MonkeyPatch) -> None:
+def test_a_test_that_is_interrupted_says_nothing(gpu: DeviceInfo, monkeypatch: pytest.MonkeyPatch) -> None:
     def interrupted(_: Device) -> Any:
-        assert recall(verdict.memory_name(gpu))["state"] == "begun"
         raise KeyboardInterrupt
 
     monkeypatch.setattr(checks, "measure", interrupted)
     with pytest.raises(KeyboardInterrupt):
         choose_device()
-    assert remembered_verdict(gpu) == Verdict("not tested")
+    assert remembered_verdict(gpu.identity) == Verdict("not tested")
 
 
-def test_damaged_memory_is_none(gpu: cl.Device) -> None:
-    name = verdict.memory_name(gpu)
+def test_damaged_memory_is_none() -> None:
+    card = ("a card", "OpenCL 3.0", "1.0")
+    name = verdict.memory_name(card)
     remember(name, {"state": "failed", "reason": "voxels"})
     path = cache_folder() / f"{name}.json"
     whole, rng = path.read_bytes(), np.random.default_rng(1)
@@ -179,11 +181,11 @@ def test_damaged_memory_is_none(gpu: cl.Device) -> None:
         for _ in range(rng.integers(1, 4)):
             content[rng.integers(len(content))] = rng.integers(256)
         path.write_bytes(content[: rng.integers(len(content) + 1)])
-        assert remembered_verdict(gpu).state in ("failed", "not tested")
+        assert remembered_verdict(card).state in ("failed", "not tested")
 
 
 def test_without_a_folder_to_write_to_it_goes_on(
-    gpu: cl.Device, monkeypatch: pytest.MonkeyPatch, caplog: pytest.LogCaptureFixture
+    gpu: DeviceInfo, monkeypatch: pytest.MonkeyPatch, caplog: pytest.LogCaptureFixture
 ) -> None:
     monkeypatch.setenv("XDG_CACHE_HOME", "/dev/null/nowhere")
     monkeypatch.setattr("kernels.device.cache._warned", set())

@@ -6,7 +6,7 @@ from typing import Any
 import pytest
 
 import tools.doctor.opencl as opencl_check
-from tools.doctor.child import Answers, ask
+from kernels.child import Answers
 from tools.doctor.finding import Finding, Remedy, size, worst
 from tools.doctor.words import lines_of, summary
 
@@ -17,6 +17,7 @@ DEVICE: dict[str, Any] = {
     "version": "OpenCL 3.0, driver 5.1",
     "kind": "cpu",
     "compute_units": 6,
+    "driver_file": "/etc/OpenCL/vendors/pocl.icd",
     "fault": "",
     "self_test": "passed",
 }
@@ -43,8 +44,9 @@ class TestOpenCL:
 
     def test_a_second_driver_that_cannot_be_loaded_is_named(self, monkeypatch: pytest.MonkeyPatch) -> None:
         fault = "libnvidia-opencl.so.1: cannot open shared object file: No such file or directory"
-        finding = judged(monkeypatch, *USABLE, {"driver": ["/etc/OpenCL/vendors/nvidia.icd", fault]})
-        assert (finding.verdict, f"/etc/OpenCL/vendors/nvidia.icd ({fault})" in finding.seen) == ("ok", True)
+        driver = DEVICE | {"selector": "1", "name": "nvidia.icd", "compute_units": 0, "fault": fault}
+        finding = judged(monkeypatch, {"devices": [DEVICE, driver]}, *USABLE[1:])
+        assert (finding.verdict, f"not used: 1 nvidia.icd: {fault}" in finding.seen) == ("ok", True)
 
     def test_nothing_where_drivers_are_looked_for(self, monkeypatch: pytest.MonkeyPatch, tmp_path: Path) -> None:
         monkeypatch.setenv("OCL_ICD_VENDORS", str(tmp_path / "gone"))
@@ -56,39 +58,6 @@ class TestOpenCL:
         monkeypatch.setattr(opencl_check, "memory_is_short", lambda: True)
         finding = judged(monkeypatch, {"unavailable": "no OpenCL platform was found"})
         assert (finding.remedies, finding.seen.endswith("; see memory")) == ((), True)
-
-
-class TestChild:
-    @pytest.fixture
-    def module(self, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
-        monkeypatch.setenv("PYTHONPATH", str(tmp_path))
-        return tmp_path / "probe_of_test.py"
-
-    def test_what_libraries_print_is_not_an_answer(self, module: Path) -> None:
-        module.write_text(
-            "import os\nfrom tools.doctor.child import answer\n"
-            "def main(arguments):\n    print('hello'); answer(a=1); print('{}')\n"
-            "    os.system('echo 7'); answer(b=arguments)\n"
-        )
-        answers = ask("probe_of_test", "x", "y z", seconds=60)
-        assert (answers.steps, answers.end) == (({"a": 1}, {"b": ["x", "y z"]}), "")
-
-    @pytest.mark.parametrize(
-        ("program", "seconds", "end"),
-        [
-            ("os.kill(os.getpid(), 6)", 60, "it ended with SIGABRT: LLVM ERROR: out of memory"),
-            ("raise ValueError('no')", 60, "it ended with exit code 1: ValueError: no"),
-            ("time.sleep(60)", 2, "it did not answer within 2 s"),
-        ],
-    )
-    def test_what_came_before_the_end_is_kept(self, module: Path, program: str, seconds: float, end: str) -> None:
-        first = "sys.stderr.write('LLVM ERROR: out of memory\\nAllocation failed\\n')" if "kill" in program else "pass"
-        module.write_text(
-            "import os, sys, time\nfrom tools.doctor.child import answer\n"
-            f"def main(arguments):\n    answer(a=1); {first}; {program}\n"
-        )
-        answers = ask("probe_of_test", seconds=seconds)
-        assert (answers.steps, answers.end) == (({"a": 1},), end)
 
 
 class TestWords:

@@ -29,20 +29,21 @@ def command(
 ) -> None:
     """List the OpenCL devices, try each, and mark the one that would be used.
 
-    Each is tried with a small kernel. A GPU is used only after its self-test, which is run before its first use:
-    transforms, voxels, peaks and a small registration, compared with the processor's numbers. Below stands how much of
-    a device's memory each grid needs.
+    Each driver is loaded in a process of its own, and each device tried with a small kernel. A GPU is used only after
+    its self-test, which is run before its first use: transforms, voxels, peaks and a small registration, compared with
+    the processor's numbers. Below stands how much of a device's memory each grid needs.
 
     The exit code is 2 if no device works.
     """
     from kernels.device.device import choose_device, list_devices
+    from kernels.device.trial import known_devices
 
-    infos = list_devices(test=True) if test else []
+    list_devices(test)
     try:
         chosen, fault = choose_device(device).selector, None
     except DeviceError as error:
         chosen, fault = None, error
-    infos = infos or list_devices()  # the choice may have tested some
+    infos = known_devices()  # just tried, and the choice may have tested some more
     if as_json:
         entries = [asdict(info) | {"works": not info.fault} for info in infos]
         typer.echo(json.dumps({"chosen": chosen, "devices": entries, "grids": _needs()}, indent=2))
@@ -62,10 +63,13 @@ def _print_table(infos: "list[DeviceInfo]", chosen: str | None) -> None:
 
     table = Table.grid(padding=(0, 2))
     for info in infos:
-        driver, memory = info.version.rpartition(", ")[2], f"{info.memory / 2**30:.1f} GiB"
         state = ("does not work: " + printable(info.fault), "red") if info.fault else ("works", "green")
-        described = f"{printable(info.name)}: {info.kind}, {info.compute_units} units, {memory}\n"
-        described += f"{printable(f'{info.platform} ({driver})')}\nself-test {info.self_test}; "
+        if info.compute_units:
+            driver, memory = info.version.rpartition(", ")[2], f"{info.memory / 2**30:.1f} GiB"
+            described = f"{printable(info.name)}: {info.kind}, {info.compute_units} units, {memory}\n"
+            described += f"{printable(f'{info.platform} ({driver})')}\nself-test {info.self_test}; "
+        else:
+            described = f"driver {printable(info.driver_file or info.name)}\n"
         table.add_row("→" if info.selector == chosen else "", info.selector, Text.assemble(described, state))
     result_console().print(table)
     if chosen:

@@ -1,4 +1,4 @@
-"""A check in a process of its own: a driver that crashes, hangs or takes all memory ends that process alone.
+"""A question to a process of its own: a library that crashes, hangs or takes all memory ends that process alone.
 
 The module that is run calls `answer` with what it sees, step by step, so that what came before the end is known.
 """
@@ -12,7 +12,7 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
-_ROOT = Path(__file__).resolve().parents[2]
+_ROOT = Path(__file__).resolve().parents[1]
 _PROGRAM = "import sys; from {} import main; main(sys.argv[1:])"
 
 
@@ -37,7 +37,7 @@ def ask(module: str, *arguments: str, seconds: float) -> Answers:
     """Run a module's `main` in another process, and gather its answers.
 
     Args:
-        module: of this package, by its full name.
+        module: of this project, by its full name.
         arguments: for it.
         seconds: after so long it is ended.
     """

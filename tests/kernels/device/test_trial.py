@@ -1,0 +1,238 @@
+"""Drivers that crash, hang, lie or are not there, tried in processes of their own, and what is remembered of them."""
+
+import logging
+import os
+import shutil
+import subprocess
+import sys
+from dataclasses import asdict
+from functools import cache
+from pathlib import Path
+from typing import Any
+
+import pytest
+
+from kernels.child import Answers
+from kernels.device import trial
+from kernels.device.cache import cache_folder, recall
+from kernels.device.device import choose_device, list_devices
+from kernels.device.device_info import DeviceInfo
+from kernels.device.drivers import Driver
+from kernels.device.loaded import loaded_driver
+from kernels.errors import DeviceError
+from kernels.self_test import verdict
+from kernels.self_test.verdict import remembered_verdict
+
+ROOT = Path(__file__).parents[3]
+CRASHES = {
+    "when it is loaded": "__attribute__((constructor)) static void f(void) { abort(); }",
+    "when it is asked": "void* clGetExtensionFunctionAddress(const char* name) { abort(); return 0; }",
+}
+GPUS = [DeviceInfo(f"0:{n}", f"card {n}", kind="gpu", compute_units=8, driver_version="1.0") for n in range(3)]
+
+
+@cache
+def known() -> list[DeviceInfo]:
+    """The devices of the tests' driver."""
+    choose_device()
+    driver = loaded_driver()
+    assert driver is not None
+    return [info for info in trial.known_devices() if info.driver_file == driver.file]
+
+
+@pytest.fixture(autouse=True)
+def _nothing_known(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    known()
+    monkeypatch.setenv("XDG_CACHE_HOME", str(tmp_path / "cache"))
+    monkeypatch.delenv("PYOPENCL_CTX", raising=False)
+    monkeypatch.setattr(verdict, "_known", {})
+    monkeypatch.setattr(trial, "_tried", {})
+    monkeypatch.setattr(trial, "_recalled", set())
+
+
+@pytest.fixture
+def drivers(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
+    """A folder with the .icd file of the tests' driver, in which other drivers can be named."""
+    folder, own = tmp_path / "vendors", trial.driver_of(known()[0])
+    if not own.library:
+        pytest.skip("the driver of these tests has no .icd file")
+    folder.mkdir()
+    (folder / "good.icd").write_text(own.library)
+    monkeypatch.setenv("OCL_ICD_VENDORS", str(folder))
+    return folder
+
+
+def add_stub(folder: Path, name: str, source: str) -> None:
+    """Compile a driver, and name it in a folder."""
+    if shutil.which("gcc") is None:
+        pytest.skip("there is no gcc to compile a driver that crashes")
+    library = folder.parent / f"lib{name}.so"
+    code = f"#include <stdlib.h>\n{source}\n"
+    subprocess.run(["gcc", "-shared", "-fPIC", "-xc", "-", "-o", library], input=code.encode(), check=True)
+    (folder / f"{name}.icd").write_text(str(library))
+
+
+def chosen_in_a_new_process() -> subprocess.CompletedProcess[str]:
+    program = "from kernels.device.device import choose_device; print(choose_device().selector)"
+    return subprocess.run([sys.executable, "-c", program], cwd=ROOT, capture_output=True, text=True, timeout=200)
+
+
+def answering(monkeypatch: pytest.MonkeyPatch, *answers: Answers) -> list[tuple[str, ...]]:
+    """Have processes give these answers, one after the other; returns what they are asked."""
+    asked: list[tuple[str, ...]] = []
+    waiting = list(answers)
+
+    def ask(_: str, *arguments: str, seconds: float) -> Answers:
+        asked.append(arguments)
+        return waiting.pop(0)
+
+    monkeypatch.setattr(trial, "ask", ask)
+    monkeypatch.setattr(trial, "installed_drivers", lambda: [Driver("a.icd", "liba.so")])
+    return asked
+
+
+def found(*infos: DeviceInfo) -> dict[str, Any]:
+    return {"found": [asdict(info) for info in infos]}
+
+
+class TestDrivers:
+    @pytest.mark.parametrize("when", CRASHES)
+    def test_one_that_crashes_is_named_and_another_used(self, drivers: Path, when: str) -> None:
+        add_stub(drivers, "crash", CRASHES[when])
+        (drivers / "absent.icd").write_text("libnowhere.so")
+        ended = chosen_in_a_new_process()
+        assert (ended.returncode, ended.stdout) == (0, "2:0\n")
+        assert (
+            f"the OpenCL driver {drivers / 'crash.icd'} is not used: the process that tried it failed" in ended.stderr
+        )
+        assert f"the OpenCL driver {drivers / 'absent.icd'} is not used: libnowhere.so: cannot open" in ended.stderr
+        again = chosen_in_a_new_process()
+        assert (again.stdout, again.stderr) == ("2:0\n", "")  # it is not tried, nor named, in every run
+        absent, crash, good = list_devices()
+        assert [info.selector for info in (absent, crash, good)] == ["0", "1", "2:0"]
+        assert crash.fault == "the process that tried it failed: it ended with SIGABRT"
+        assert (good.fault, good.driver_file) == ("", str(drivers / "good.icd"))
+
+    def test_one_that_crashes_alone_is_refused(self, drivers: Path) -> None:
+        (drivers / "good.icd").unlink()
+        add_stub(drivers, "crash", CRASHES["when it is loaded"])
+        with pytest.raises(DeviceError, match=r"no OpenCL device works\. 0 crash.icd does not work: .* SIGABRT"):
+            choose_device()
+
+    def test_one_that_hangs_is_ended(self, drivers: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+        (drivers / "good.icd").unlink()
+        add_stub(drivers, "hang", '__attribute__((constructor)) static void f(void) { for (;;) system("sleep 1"); }')
+        monkeypatch.setattr(trial, "_SECONDS", 2.0)
+        (hung,) = list_devices()
+        assert hung.fault == "the process that tried it failed: it did not answer within 2 s"
+
+    def test_a_process_loads_one(self, drivers: Path) -> None:
+        add_stub(drivers, "another", "int nothing;")
+        program = (
+            "from pathlib import Path; from kernels.device.device import choose_device\n"
+            "choose_device(); maps = Path('/proc/self/maps').read_text()\n"
+            f"print('libanother' in maps, {Path((drivers / 'good.icd').read_text()).name!r} in maps)"
+        )
+        ended = subprocess.run([sys.executable, "-c", program], cwd=ROOT, capture_output=True, text=True, timeout=200)
+        assert (ended.stdout, ended.returncode) == ("False True\n", 0), ended.stderr
+
+    def test_the_environment_is_left_as_it_was(self, drivers: Path) -> None:
+        program = (
+            "import os; from kernels.device.device import choose_device\n"
+            "choose_device(); print(os.environ['OCL_ICD_VENDORS'], 'OPENCL_VENDOR_PATH' in os.environ)"
+        )
+        ended = subprocess.run([sys.executable, "-c", program], cwd=ROOT, capture_output=True, text=True, timeout=200)
+        assert ended.stdout == f"{drivers} False\n", ended.stderr
+
+
+class TestTrials:
+    def test_those_after_one_that_ends_the_process_are_tried(self, monkeypatch: pytest.MonkeyPatch) -> None:
+        first = found(*GPUS), {"begins": "0:0"}, {"tried": ["0:0", ""]}, {"begins": "0:1"}
+        second = found(*GPUS), {"begins": "0:2"}, {"tried": ["0:2", "a trial kernel gave wrong numbers"]}
+        asked = answering(monkeypatch, Answers(first, "it ended with SIGSEGV"), Answers(second, ""))
+        faults = [info.fault for info in list_devices()]
+        assert faults == [
+            "",
+            "the process that tried it failed: it ended with SIGSEGV",
+            "a trial kernel gave wrong numbers",
+        ]
+        assert [arguments[2] for arguments in asked] == ["0", "2"]
+
+    def test_one_that_was_never_tried_is_not_taken_to_work(self, monkeypatch: pytest.MonkeyPatch) -> None:
+        first = found(*GPUS), {"begins": "0:0"}
+        answering(monkeypatch, Answers(first, "it ended with SIGSEGV"), Answers((), "it ended with SIGSEGV"))
+        assert all(info.fault for info in list_devices())
+
+    def test_a_crash_when_all_is_done_harms_nothing(self, monkeypatch: pytest.MonkeyPatch) -> None:
+        steps = found(GPUS[0]), {"begins": "0:0"}, {"tried": ["0:0", ""]}, {"tested": ["0:0", "passed", ""]}
+        answering(monkeypatch, Answers(steps, "it ended with SIGSEGV"))
+        (info,) = list_devices(test=True)
+        assert (info.fault, info.self_test) == ("", "passed")
+
+    def test_a_crash_in_a_self_test_fails_it(self, monkeypatch: pytest.MonkeyPatch) -> None:
+        steps = found(GPUS[0]), {"begins": "0:0"}, {"tried": ["0:0", ""]}
+        answering(monkeypatch, Answers(steps, "it ended with SIGSEGV"))
+        (info,) = list_devices(test=True)
+        reason = "the process that tried it failed: it ended with SIGSEGV"
+        assert (info.fault, info.self_test) == (f"its self-test failed: {reason}", "failed")
+        assert remembered_verdict(info.identity).reason == reason
+
+
+class TestMemory:
+    def trials(self, monkeypatch: pytest.MonkeyPatch) -> int:
+        """How many processes it takes to know the devices, in a process that knows nothing yet."""
+        monkeypatch.setattr(trial, "_tried", {})
+        count = 0
+        actual = trial._try
+
+        def counted(*given: Any) -> None:
+            nonlocal count
+            count += 1
+            actual(*given)
+
+        with monkeypatch.context() as patch:
+            patch.setattr(trial, "_try", counted)
+            trial.known_devices()
+        return count
+
+    def test_a_trial_is_remembered_until_something_changes(
+        self, drivers: Path, monkeypatch: pytest.MonkeyPatch
+    ) -> None:
+        assert [self.trials(monkeypatch) for _ in range(2)] == [1, 0]
+        os.utime(drivers / "good.icd", ns=(1, 1))
+        assert [self.trials(monkeypatch) for _ in range(2)] == [1, 0]
+        monkeypatch.setenv("CUDA_VISIBLE_DEVICES", "1")
+        assert [self.trials(monkeypatch) for _ in range(2)] == [1, 0]
+
+    def test_what_another_process_found_is_tried_again_where_nothing_works(
+        self, drivers: Path, monkeypatch: pytest.MonkeyPatch
+    ) -> None:
+        trial.known_devices()
+        (name,) = [path.stem for path in cache_folder().glob("driver-*.json")]
+        broken = [asdict(known()[0]) | {"fault": "it was broken then"}]
+        driver = Driver(str(drivers / "good.icd"), (drivers / "good.icd").read_text())
+        trial.remember(name, {"digest": trial._digest(driver, broken), "devices": broken})
+        monkeypatch.setattr(trial, "_tried", {})
+        assert trial.known_devices()[0].fault == "it was broken then"
+        assert trial.known_devices(remembered=False)[0].fault == ""
+
+    def test_damaged_memory_is_none(self, drivers: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+        self.trials(monkeypatch)
+        (path,) = cache_folder().glob("driver-*.json")
+        content = path.read_text()
+        for damaged in (content[:-20], content.replace('"cpu"', '"gpu"'), "[]", "{}"):
+            path.write_text(damaged)
+            assert self.trials(monkeypatch) == 1
+        assert recall(path.stem)
+
+    def test_without_a_folder_to_write_to_it_goes_on(
+        self, drivers: Path, monkeypatch: pytest.MonkeyPatch, caplog: pytest.LogCaptureFixture
+    ) -> None:
+        monkeypatch.setattr("kernels.device.cache.require_caches", lambda: None)
+        monkeypatch.setattr(trial, "require_caches", lambda: None)
+        monkeypatch.setenv("XDG_CACHE_HOME", "/dev/null/nowhere")
+        monkeypatch.setattr("kernels.device.cache._warned", set())
+        trial._keep(Driver("a.icd", "liba.so"), GPUS)
+        trial._keep(Driver("a.icd", "liba.so"), GPUS)
+        warned = [record.getMessage() for record in caplog.records if record.levelno == logging.WARNING]
+        assert len([text for text in warned if "cannot be written (not a directory)" in text]) == 1

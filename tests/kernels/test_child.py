@@ -1,0 +1,41 @@
+"""What another process says before it ends, in whatever way it ends."""
+
+from pathlib import Path
+
+import pytest
+
+from kernels.child import ask
+
+
+@pytest.fixture
+def module(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
+    monkeypatch.setenv("PYTHONPATH", str(tmp_path))
+    return tmp_path / "probe_of_test.py"
+
+
+def test_what_libraries_print_is_not_an_answer(module: Path) -> None:
+    module.write_text(
+        "import os\nfrom kernels.child import answer\n"
+        "def main(arguments):\n    print('hello'); answer(a=1); print('{}')\n"
+        "    os.system('echo 7'); answer(b=arguments)\n"
+    )
+    answers = ask("probe_of_test", "x", "y z", seconds=60)
+    assert (answers.steps, answers.end) == (({"a": 1}, {"b": ["x", "y z"]}), "")
+
+
+@pytest.mark.parametrize(
+    ("program", "seconds", "end"),
+    [
+        ("os.kill(os.getpid(), 6)", 60, "it ended with SIGABRT: LLVM ERROR: out of memory"),
+        ("raise ValueError('no')", 60, "it ended with exit code 1: ValueError: no"),
+        ("time.sleep(60)", 2, "it did not answer within 2 s"),
+    ],
+)
+def test_what_came_before_the_end_is_kept(module: Path, program: str, seconds: float, end: str) -> None:
+    first = "sys.stderr.write('LLVM ERROR: out of memory\\nAllocation failed\\n')" if "kill" in program else "pass"
+    module.write_text(
+        "import os, sys, time\nfrom kernels.child import answer\n"
+        f"def main(arguments):\n    answer(a=1); {first}; {program}\n"
+    )
+    answers = ask("probe_of_test", seconds=seconds)
+    assert (answers.steps, answers.end) == (({"a": 1},), end)
