@@ -122,7 +122,7 @@ make_environment() {
 install_sonarmap() {
     local quiet=-q
     [ -t 1 ] && quiet=
-    .venv/bin/python -m pip install $quiet -e ".[$extras]" "${from_pip[@]}" -c constraints.txt
+    .venv/bin/python -m pip install $quiet -e ".[$extras]" "${from_pip[@]}" -c constraints.txt || return
     local usb
     for usb in .venv/lib/python*/site-packages/libusb_package/libusb-1.0.so; do
         [ -e "$usb" ] && ln -sf "${usb#.venv/lib/}" .venv/lib/libusb-1.0.so.0 # where open3d looks
