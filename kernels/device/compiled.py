@@ -11,7 +11,7 @@ from kernels.device.source import inline_includes
 
 _KEPT = 1000  # programs that are remembered of a device
 _WARNING = re.compile(r"\bwarning\b", re.IGNORECASE)
-_PLACE = re.compile(r"\S*[/\\]\S+?\.cl:|<source>:")  # of the source, which drivers keep in a file of their own
+_PLACE = re.compile(r"\S*[/\\]\S+?\.cl:|<source>:|^\d+:(?=\d+:\d+:)")  # drivers keep the source in a file of their own
 _said: set[tuple[str, ...]] = set()
 
 

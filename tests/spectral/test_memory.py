@@ -80,7 +80,7 @@ def test_a_plan_is_within_a_tenth_of_what_is_allocated(maker: str, edge: int) ->
 def test_every_array_is_made_by_the_device() -> None:
     """Else nobody counts it: `Device.empty`, `Device.to_device` and what these gave."""
     made = re.compile(r"\bcla\.(empty|zeros|to_device|arange|Array)\(|(?<!->)\bcl\.(Buffer|SVM\w*)\(")
-    own = {"device.py", "usage.py", "recycled.py"}
+    own = {"device.py", "usage.py", "recycled.py", "trial.py"}  # the last in a process of its own
     for folder in (KERNEL_FOLDER, KERNEL_FOLDER.parent / "spectral"):
         for path in folder.rglob("*.py"):
             if path.name not in own:
