@@ -293,7 +293,10 @@ def _in_this_process(infos: list[DeviceInfo]) -> list[DeviceInfo]:
 
 
 def _loaded(info: DeviceInfo, infos: list[DeviceInfo]) -> cl.Device:
-    """PyOpenCL's device, of a driver that is loaded now."""
+    """PyOpenCL's device, of a driver that is loaded now; which one is logged where there is a choice."""
+    others = {each.driver_file for each in infos if not each.fault} - {info.driver_file}
+    if others and loaded_driver() is None:
+        LOGGER.info(f"{info.selector} {info.name} is used, by {info.driver_file}; PYOPENCL_CTX chooses another")
     alike = [each for each in infos if (each.driver_file, each.identity) == (info.driver_file, info.identity)]
     platforms = load_devices(driver_of(info))
     devices = [device for platform in platforms for device in platform if identity(device) == info.identity]

@@ -1,5 +1,6 @@
 """Building programs, choosing devices and refusing what does not fit, where a driver says no too."""
 
+import logging
 import shutil
 import subprocess
 import sys
@@ -156,6 +157,18 @@ class TestChoice:
         assert choose_device().selector == "0:0"
         with pytest.raises(DeviceError, match="has loaded the OpenCL driver"):
             load_devices(Driver("card.icd", "libcard.so"))
+
+    def test_which_driver_is_used_is_told_where_there_is_a_choice(
+        self, twice: list[DeviceInfo], monkeypatch: pytest.MonkeyPatch, caplog: pytest.LogCaptureFixture
+    ) -> None:
+        caplog.set_level(logging.INFO, "sonarmap")
+        monkeypatch.setattr(kernels.device.device, "loaded_driver", lambda: None)
+        choose_device("0:0")
+        assert not caplog.messages
+        twice[1] = replace(twice[1], name="a card", driver_file="card.icd")
+        choose_device("0:0")
+        told = f"0:0 {twice[0].name} is used, by {twice[0].driver_file}; PYOPENCL_CTX chooses another"
+        assert caplog.messages == [told]
 
     def test_one_that_is_gone_is_named(self, twice: list[DeviceInfo], monkeypatch: pytest.MonkeyPatch) -> None:
         monkeypatch.setattr(kernels.device.device, "load_devices", lambda _: [])
