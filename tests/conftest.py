@@ -1,7 +1,10 @@
-"""What the tests share: the device they run on."""
+"""What the tests share: the device they run on, and how a run ends that cannot go on."""
 
+import faulthandler
+import os
 import signal
 from functools import cache
+from typing import Any
 
 import pytest
 
@@ -10,6 +13,31 @@ from kernels.device.device import Device, Flavor, choose_device
 # A shell that starts tests in the background has them ignore Ctrl-C, and so would the programs that they start.
 if signal.getsignal(signal.SIGINT) == signal.SIG_IGN:
     signal.signal(signal.SIGINT, signal.default_int_handler)
+
+GRACE = 30.0  # seconds between a test's timeout and the end of its process
+STDERR = pytest.StashKey[int]()
+
+
+def pytest_configure(config: pytest.Config) -> None:
+    config.stash[STDERR] = os.dup(2)  # before pytest captures what is written to it
+
+
+def pytest_timeout_set_timer(item: pytest.Item, settings: Any) -> None:
+    """End the process of a test that hangs in native code, which the signal of pytest-timeout does not interrupt."""
+    faulthandler.dump_traceback_later(settings.timeout + GRACE, file=item.config.stash[STDERR], exit=True)
+
+
+def pytest_timeout_cancel_timer() -> None:
+    faulthandler.cancel_dump_traceback_later()
+
+
+@pytest.hookimpl(optionalhook=True)
+def pytest_testnodedown(node: Any, error: object) -> None:
+    """End the run where a worker dies: pytest-xdist can lose the tests that it had, and then waits for ever."""
+    if error:
+        schedule = node.config.pluginmanager.getplugin("dsession").sched
+        test = schedule.remove_node(node) if node in schedule.nodes else None
+        pytest.exit(f"worker {node.gateway.id} died ({error}) in {test or 'no test'}", returncode=1)
 
 
 def pytest_generate_tests(metafunc: pytest.Metafunc) -> None:
