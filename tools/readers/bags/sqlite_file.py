@@ -4,13 +4,14 @@ from __future__ import annotations
 
 from collections.abc import Iterator
 from contextlib import contextmanager
+from functools import partial
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 from kernels.errors import InputError
 from tools.readers.bags.indexed import indexed_recording
 from tools.readers.bags.recording import Recording, refused
-from tools.readers.bags.unpack import ZSTD_START, unpacked
+from tools.readers.bags.unpack import ZSTD_START, Unpacker
 
 if TYPE_CHECKING:
     from rosbags.rosbag2 import Reader
@@ -22,10 +23,10 @@ def open_sqlite(path: Path) -> Recording:
     Raises:
         InputError: it is no database of ROS 2 messages, or damaged.
     """
-    return indexed_recording(path, _opened, "cdr", _plain)
+    return indexed_recording(path, _opened, "cdr", partial(_plain, Unpacker(path.stat().st_size)))
 
 
-def _plain(content: Any, time: Any, topic: str) -> bytes:
+def _plain(unpacked: Unpacker, content: Any, time: Any, topic: str) -> bytes:
     if not isinstance(content, bytes) or not isinstance(time, int):
         raise InputError(f"a message of {topic} is no bytes, or has no time; copy it again")
     return unpacked(content, "zstd") if content.startswith(ZSTD_START) else content
