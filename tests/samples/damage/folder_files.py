@@ -16,7 +16,8 @@ from tests.samples.bags.writers import write_ros2
 from tests.samples.damage.readable import Readable
 from tests.samples.las_files import las
 from tests.tools.export.finished import finished_map
-from tools.bench.output.as_json import read_result
+from tools.bench.output.as_json import read_result, results_of
+from tools.bench.output.compare import compare
 from tools.cli.main import app
 from tools.cli.settings.file import read_settings
 from tools.export.map_folder import read_map_folder
@@ -35,10 +36,11 @@ report = false
 [simulate]
 seed = 5
 """
-_MEDIAN = {"median": 0.5, "low": 0.25, "high": 1.0}
+_TIMES = {"count": 3, "median": 0.5, "first_quartile": 0.25, "third_quartile": 0.75, "least": 0.125, "most": 1.0}
 _BENCH = {
-    "kernels": [{"kernel": "fft", "grid": 64, "device_seconds": _MEDIAN}],
-    "pairs": [{"grid": 64, "register_seconds": _MEDIAN}],
+    "copy_rate": 1e9,
+    "kernels": [{"kernel": "fft", "grid": 64, "right": True, "device_seconds": _TIMES}],
+    "pairs": [{"grid": 64, "prepare_seconds": _TIMES, "register_seconds": _TIMES, "right": 3, "accepted": 3}],
 }
 
 
@@ -89,7 +91,9 @@ def _read_settings(path: Path) -> None:
 
 
 def _read_result(path: Path) -> None:
-    read_result(path)
+    result = read_result(path)
+    with results_of(path):
+        compare(result, _BENCH)
 
 
 @cache
