@@ -12,11 +12,11 @@ from tools.readers.clouds.cloud import POINT_BYTES, Cloud
 from tools.readers.clouds.las import read_las
 from tools.readers.clouds.npy import read_npy
 from tools.readers.clouds.npz import read_npz
+from tools.readers.clouds.packed import require_believable
 from tools.readers.clouds.pcd import read_pcd
 from tools.readers.clouds.ply import read_ply
 from tools.readers.clouds.recording import stream_recording
 from tools.readers.clouds.text import read_text
-from tools.readers.packed import require_believable
 from tools.readers.selection import SelectedFile
 from tools.readers.trajectory_beside import TRAJECTORY, with_viewpoints
 

@@ -15,7 +15,7 @@ from typing import IO, TYPE_CHECKING, BinaryIO, cast
 from kernels.errors import InputError
 from tools.readers.bags.recording import CUT_OR_DAMAGED, Message, Recording, refused, topics_of
 from tools.readers.bags.unpack import LARGEST, Unpacker
-from tools.readers.packed import most_unpacked
+from tools.readers.clouds.packed import most_unpacked
 
 if TYPE_CHECKING:
     from mcap.records import Channel, Chunk, McapRecord, Schema

@@ -2,8 +2,9 @@
 
 from __future__ import annotations
 
+import sqlite3
 from collections.abc import Iterator
-from contextlib import contextmanager
+from contextlib import closing, contextmanager
 from functools import partial
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
@@ -32,11 +33,20 @@ def _plain(unpacked: Unpacker, content: Any, time: Any, topic: str) -> bytes:
     return unpacked(content, "zstd") if content.startswith(ZSTD_START) else content
 
 
+def _require_stored(path: Path) -> None:
+    """Refuse columns that SQLite computes: a few bytes of schema would make a gigabyte of each message."""
+    with closing(sqlite3.connect(path)) as database:
+        computed = "SELECT t.name FROM sqlite_master t, pragma_table_xinfo(t.name) c WHERE c.hidden LIMIT 1"
+        if table := database.execute(computed).fetchone():
+            raise InputError(f"its table {table[0]} has a column that is computed, as no recorder does: copy it again")
+
+
 @contextmanager
 def _opened(path: Path) -> Iterator[Reader]:
     from rosbags.rosbag2 import Reader
 
     with refused("it cannot be opened as the database of a ROS 2 bag"):
+        _require_stored(path)
         reader = Reader(path)
         reader.open()
         counts = [connection.msgcount for connection in reader.connections]

@@ -8,7 +8,7 @@ from dataclasses import dataclass
 from pathlib import Path
 
 from kernels.errors import InputError
-from tools.readers.packed import most_unpacked
+from tools.readers.clouds.packed import most_unpacked
 
 LARGEST = 1 << 29  # bytes of a chunk, unpacked; recorders write a few MB each
 ZSTD_START = b"\x28\xb5\x2f\xfd"
@@ -48,11 +48,11 @@ class Unpacker:
         plain = bytearray()
         for piece in _pieces(content, compression):
             plain += piece
+            self.plain += len(piece)
             if len(plain) > most:
                 raise InputError(
                     f"{len(content):,} bytes of {compression} unpack to more than {most:,}, {_NO_RECORDING}"
                 )
-        self.plain += len(plain)
         return bytes(plain)
 
 

@@ -155,7 +155,6 @@ def _process() -> subprocess.Popen[bytes]:
         except OSError as error:
             raise InputError(f"no process can be started to read it ({error.strerror or error}); end others") from error
         _kept = os.getpid(), process
-        atexit.register(_end)
     return _kept[1]
 
 
@@ -173,3 +172,6 @@ def _end(patience: float = 0.0) -> str:
     except subprocess.TimeoutExpired:
         process.kill()
         return end_in_words(process.wait())
+
+
+atexit.register(_end)

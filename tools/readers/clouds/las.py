@@ -17,8 +17,8 @@ from tools.memory import require_memory
 from tools.readers.clouds.apart import read_apart
 from tools.readers.clouds.cloud import COORDINATE_LIMIT, POINT_BYTES, VIEWPOINT_NAMES, Cloud, cloud_of_columns
 from tools.readers.clouds.laz_layout import require_sound_chunks
+from tools.readers.clouds.packed import require_believable
 from tools.readers.clouds.rows import require_bytes, surplus_note
-from tools.readers.packed import require_believable
 from tools.time_scales import utc_of_gps
 
 if TYPE_CHECKING:

@@ -12,8 +12,8 @@ from kernels.errors import InputError
 from tools.memory import require_memory
 from tools.readers.clouds.cloud import Cloud
 from tools.readers.clouds.npy import cloud_of_array, parse_npy
+from tools.readers.clouds.packed import require_believable
 from tools.readers.limits import LARGEST_STAMP
-from tools.readers.packed import require_believable
 
 _OPTIONAL = ("strength", "stamp", "viewpoints", "times")
 _DAMAGE = (

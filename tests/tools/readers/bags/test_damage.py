@@ -2,8 +2,10 @@
 
 import bz2
 import shutil
+import sqlite3
 import struct
 from collections.abc import Callable
+from contextlib import closing
 from pathlib import Path
 from types import SimpleNamespace
 
@@ -17,9 +19,9 @@ from tests.samples.bags.messages import CLOUD, cloud
 from tests.samples.bags.samples import recordings
 from tests.samples.bags.writers import write_mcap, write_ros1, write_ros2
 from tests.tools.readers.test_hostile_headers import thrifty
-from tools.readers import packed as bounds
 from tools.readers.bags import unpack
 from tools.readers.bags.unpack import Unpacker
+from tools.readers.clouds import packed as bounds
 from tools.readers.scans import read_scans, read_survey
 
 ZEROS = bytes(3 << 20)
@@ -136,6 +138,23 @@ def test_a_chunk_of_next_to_nothing_takes_next_to_nothing(tmp_path: Path, piece:
     path.write_bytes(recordings()["mcap plain"][1][:8] + chunk)
     assert path.stat().st_size < 20_000
     with thrifty(), pytest.raises(InputError, match=words):
+        read_scans([path])
+
+
+@pytest.mark.parametrize("table", ["messages", "topics"])
+def test_a_column_of_sqlite_that_is_computed(tmp_path: Path, table: str) -> None:
+    """Of 900 MB in each row, which the file need not hold."""
+    path = tmp_path / "a.db3"
+    path.write_bytes(recordings()["db3"][1])
+    with closing(sqlite3.connect(path)) as database:
+        column = "data" if table == "messages" else "type"
+        database.execute(f"ALTER TABLE {table} RENAME COLUMN {column} TO other")
+        database.execute(f"ALTER TABLE {table} ADD COLUMN {column} AS (zeroblob(900000000))")
+        database.commit()
+    with (
+        thrifty(),
+        pytest.raises(InputError, match=f"its table {table} has a column that is computed, as no recorder does"),
+    ):
         read_scans([path])
 
 
