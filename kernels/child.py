@@ -41,15 +41,13 @@ def ask(module: str, *arguments: str, seconds: float) -> Answers:
         arguments: for it.
         seconds: after so long it is ended.
     """
-    command = [sys.executable, "-P", "-c", _PROGRAM.format(module), *arguments]
-    search_path = os.pathsep.join(filter(None, [os.environ.get("PYTHONPATH"), str(_ROOT)]))
     try:
         run = subprocess.run(
-            command,
+            command_of(module, *arguments),
             stdin=subprocess.DEVNULL,
             capture_output=True,
             timeout=seconds,
-            env={**os.environ, "PYTHONPATH": search_path},
+            env=environment(),
             check=False,
         )
     except subprocess.TimeoutExpired as late:
@@ -57,6 +55,16 @@ def ask(module: str, *arguments: str, seconds: float) -> Answers:
     except OSError as error:
         return Answers((), f"no process can be started ({error.strerror or error})")
     return Answers(_steps(run.stdout), _end(run.returncode, run.stderr.decode(errors="replace")))
+
+
+def command_of(module: str, *arguments: str) -> list[str]:
+    """What runs a module's `main` in another process; the program that calls is not imported there once more."""
+    return [sys.executable, "-P", "-c", _PROGRAM.format(module), *arguments]
+
+
+def environment() -> dict[str, str]:
+    """In which `command_of` finds this package."""
+    return {**os.environ, "PYTHONPATH": os.pathsep.join(filter(None, [os.environ.get("PYTHONPATH"), str(_ROOT)]))}
 
 
 def answer(**step: Any) -> None:
@@ -88,8 +96,7 @@ def _end(code: int, errors: str) -> str:
     if code == 0:
         return ""
     words = last_words(errors)
-    what = f"exit code {code}" if code > 0 else _signal(-code)
-    return f"it ended with {what}: {words}" if words else f"it ended with {what}"
+    return f"it ended with {end_in_words(code)}: {words}" if words else f"it ended with {end_in_words(code)}"
 
 
 def last_words(errors: str) -> str:
@@ -99,8 +106,9 @@ def last_words(errors: str) -> str:
     return (telling or lines or [""])[-1][:200]
 
 
-def _signal(number: int) -> str:
+def end_in_words(code: int) -> str:
+    """A process's exit code, or the signal that ended it."""
     try:
-        return signal.Signals(number).name
+        return f"exit code {code}" if code >= 0 else signal.Signals(-code).name
     except ValueError:
-        return f"signal {number}"
+        return f"signal {-code}"

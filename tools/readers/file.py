@@ -8,10 +8,11 @@ from pathlib import Path
 
 from kernels.errors import InputError
 from tools.memory import require_memory
-from tools.readers.clouds.cloud import Cloud
+from tools.readers.clouds.cloud import POINT_BYTES, Cloud
 from tools.readers.clouds.las import read_las
 from tools.readers.clouds.npy import read_npy
 from tools.readers.clouds.npz import read_npz
+from tools.readers.clouds.packed import require_believable
 from tools.readers.clouds.pcd import read_pcd
 from tools.readers.clouds.ply import read_ply
 from tools.readers.clouds.recording import stream_recording
@@ -118,7 +119,16 @@ def _clouds_in(selected: SelectedFile, notes: list[str]) -> Iterator[Cloud]:
         assert known.read is not None, "a format is read at once or streamed"
         clouds = iter(known.read(_content_of(path)))
     beside = path.with_suffix(TRAJECTORY)
-    return (with_viewpoints(cloud, beside) for cloud in clouds) if beside.is_file() else clouds
+    believable = _believable(clouds, path)
+    return (with_viewpoints(cloud, beside) for cloud in believable) if beside.is_file() else believable
+
+
+def _believable(clouds: Iterator[Cloud], path: Path) -> Iterator[Cloud]:
+    """The clouds, whose numbers take eight bytes each from here on, whatever they took in the file."""
+    size = sum(file.stat().st_size for file in (path.iterdir() if path.is_dir() else [path]) if file.is_file())
+    for cloud in clouds:
+        require_believable(f"a cloud of {len(cloud.points):,} points", size, len(cloud.points) * POINT_BYTES)
+        yield cloud
 
 
 def _named(selected: SelectedFile, clouds: Iterator[Cloud], notes: list[str]) -> Iterator[NamedCloud]:

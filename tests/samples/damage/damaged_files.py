@@ -1,12 +1,12 @@
 """Every kind of file that is read, damaged at random: refused in words, or read as something that can be used."""
 
 import json
-import resource
 import sys
 import tempfile
 import warnings
 from collections import Counter
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
+from contextlib import suppress
 from dataclasses import dataclass, field
 from pathlib import Path
 from time import perf_counter
@@ -20,33 +20,34 @@ from slam.execute.pair_text import from_text, to_text
 from spectral.scan import Scan
 from tests.samples.bags.samples import recordings
 from tests.samples.cloud_files import SAMPLES, TABLE
+from tests.samples.damage.folder_files import folder_files
 from tests.samples.damage.mutations import mutated
 from tests.samples.damage.pose_files import POSE_FILES, SCANS, numbers_in
+from tests.samples.damage.readable import Readable
 from tests.samples.las_files import las
 from tests.samples.surveys import random_covariance, random_transforms, registration
+from tools.inspect.overview import overview_of
+from tools.readers.clouds import apart
 from tools.readers.clouds.cloud import COORDINATE_LIMIT
 from tools.readers.navigation.odometry import read_odometry
 from tools.readers.scans import read_scans
 
-COUNTED = (".ply", ".pcd", ".npy", ".npz", ".las", ".laz")  # formats that say how many points they hold
-
-
-@dataclass(frozen=True, slots=True)
-class Readable:
-    """A file, and what has to hold of it where it is read: `check` raises InputError where it is refused."""
-
-    name: str
-    content: bytes
-    check: Callable[[Path], None]
+MOST_WORDS = 2000  # characters of a message
+# Formats that say how many points they hold, and show where that is not so; LAZ before 1.4 does not show it.
+COUNTED = (".ply", ".pcd", ".npy", ".npz", ".las")
 
 
 @dataclass(slots=True)
 class Outcome:
-    """Of many damaged files: how many were refused and read, by kind; what went wrong; the longest time [s]."""
+    """Of many damaged files: how many were refused and read, by kind; what went wrong.
+
+    And which took longest [s], and most memory [bytes]: all that its process held then.
+    """
 
     ends: dict[str, Counter[str]] = field(default_factory=dict)
     faults: list[str] = field(default_factory=list)
-    longest: float = 0.0
+    longest: tuple[float, str] = (0.0, "")
+    largest: tuple[int, str] = (0, "")
 
 
 def check_usable(scan: Scan) -> None:
@@ -62,6 +63,7 @@ def check_usable(scan: Scan) -> None:
 
 
 def _check_scans(path: Path) -> None:
+    overview_of([path])
     read = read_scans([path])
     for scan in read.scans:
         check_usable(scan)
@@ -106,16 +108,21 @@ def readables() -> dict[str, Readable]:
     """Every kind of file, whole."""
     scans = {kind: Readable(f"scan{suffix}", content, _check_scans) for kind, (suffix, content) in SAMPLES.items()}
     poses = {kind: Readable(file.name, file.content, _check_poses(file.read)) for kind, file in POSE_FILES.items()}
-    return {**scans, **_las_files(), **_recordings(), **poses, "journal": _journal()}
+    return {**scans, **_las_files(), **_recordings(), **poses, **folder_files(), "journal": _journal()}
 
 
 def _las_files() -> dict[str, Readable]:
     times = np.arange(len(TABLE)) / 8.0
+    rng = np.random.default_rng(1)
+    many = np.hstack([rng.normal(0, 5, (50, 3)), rng.integers(0, 60_000, (50, 1))])
+    flat = np.column_stack([*np.divmod(np.arange(100.0), 30), np.zeros(100), np.full(100, 7)])
     contents = {
         "las": las(compressed=False, form=0, version="1.2"),
         "las of 1.4": las(compressed=False, gps=times),
         "laz": las(form=3, version="1.2", gps=times),
         "laz of 1.4": las(form=7, gps=times),
+        "laz of more": las(many, form=3, version="1.2", gps=np.arange(50) / 8.0),
+        "laz of a plane": las(flat, gps=np.arange(100) / 8.0),
     }
     return {kind: Readable(f"scan.{kind[:3]}", content, _check_scans) for kind, content in contents.items()}
 
@@ -134,17 +141,20 @@ def _odometry(path: Path) -> object:
     return read_odometry(path, SCANS, 0.01, 0.001)
 
 
-def damage(folder: Path, each: int, seed: int) -> Outcome:
+def damage(folder: Path, each: int, seed: int, kinds: Sequence[str] = ()) -> Outcome:
     """Damage every kind of file so many times; the same seed damages them alike.
 
     Args:
         folder: to write to; it has to be empty.
         each: number of damaged files of a kind.
         seed: of all draws.
+        kinds: those alone; none: all.
     """
     files, outcome = readables(), Outcome()
     contents = [file.content for file in files.values()]
     for kind, file in files.items():
+        if kinds and kind not in kinds:
+            continue
         ends = outcome.ends[kind] = Counter()
         for number in range(each):
             rng = np.random.default_rng([seed, crc32(kind.encode()), number])
@@ -152,9 +162,12 @@ def damage(folder: Path, each: int, seed: int) -> Outcome:
             for left in folder.iterdir():
                 left.unlink()
             (folder / file.name).write_bytes(changed)
+            which = f"{kind} {number}"
+            _forget_peaks()
             start = perf_counter()
-            ends[_end(file, folder / file.name, f"{kind} {number}", outcome.faults)] += 1
-            outcome.longest = max(outcome.longest, perf_counter() - start)
+            ends[_end(file, folder / file.name, which, outcome.faults)] += 1
+            outcome.longest = max(outcome.longest, (perf_counter() - start, which))
+            outcome.largest = max(outcome.largest, (_peak(), which))
     return outcome
 
 
@@ -164,9 +177,11 @@ def _end(file: Readable, path: Path, which: str, faults: list[str]) -> str:
             warnings.simplefilter("error")
             file.check(path)
     except InputError as error:
-        if str(error):
+        if "ended with SIG" in str(error):
+            return "crashed apart"
+        if 20 < len(str(error)) < MOST_WORDS and "exit code" not in str(error):
             return "refused"
-        faults.append(f"{which}: refused without a word")
+        faults.append(f"{which}: {str(error)[:200] or 'refused without a word'}")
     except Exception as error:  # noqa: BLE001 - every one of them is a fault to tell
         faults.append(f"{which}: {type(error).__name__}: {str(error)[:200]}")
     else:
@@ -174,9 +189,30 @@ def _end(file: Readable, path: Path, which: str, faults: list[str]) -> str:
     return "fault"
 
 
+def _forget_peaks() -> None:
+    """Of memory, in this process and in the one that reads apart, where the system can."""
+    for process in _processes():
+        with suppress(OSError):
+            (process / "clear_refs").write_text("5", encoding="ascii")
+
+
+def _peak() -> int:
+    """The most memory that either of them held since [bytes]; 0 where the system does not tell."""
+    peaks = [0]
+    for process in _processes():
+        with suppress(OSError):
+            lines = (process / "status").read_text(encoding="ascii").splitlines()
+            peaks += [int(line.split()[1]) * 1024 for line in lines if line.startswith("VmHWM")]
+    return max(peaks)
+
+
+def _processes() -> list[Path]:
+    kept = [] if apart._kept is None else [str(apart._kept[1].pid)]
+    return [Path("/proc") / process for process in ("self", *kept)]
+
+
 def main() -> None:
-    """Print the outcome, and the memory that it took, as JSON; the argument says how many of each kind."""
+    """Print the outcome as JSON; the arguments say how many of each kind, the seed, and perhaps the kinds."""
     with tempfile.TemporaryDirectory() as folder:
-        outcome = damage(Path(folder), each=int(sys.argv[1]), seed=1)
-    peak = resource.getrusage(resource.RUSAGE_SELF).ru_maxrss * 1024
-    print(json.dumps([outcome.ends, outcome.faults, outcome.longest, peak]))
+        outcome = damage(Path(folder), int(sys.argv[1]), int(sys.argv[2]), sys.argv[3:])
+    print(json.dumps([outcome.ends, outcome.faults, outcome.longest, outcome.largest]))

@@ -73,6 +73,12 @@ def _hostile_length(content: bytes, _: bytes, rng: np.random.Generator) -> bytes
     return content[:place] + struct.pack(form, value) + content[place + width :]
 
 
+def _filled_piece(content: bytes, _: bytes, rng: np.random.Generator) -> bytes:
+    """As a disk or a card leaves it."""
+    place = _place(content, rng)
+    return content[:place] + bytes([255 * int(rng.integers(2))]) * 50 + content[place + 50 :]
+
+
 def _other_lines(content: bytes, _: bytes, rng: np.random.Generator) -> bytes:
     """A line lost, doubled, or moved to another's place."""
     lines = content.splitlines(keepends=True)
@@ -92,6 +98,6 @@ def _spliced(content: bytes, other: bytes, rng: np.random.Generator) -> bytes:
 
 
 _DAMAGES: tuple[Callable[[bytes, bytes, np.random.Generator], bytes], ...] = (
-    _flipped, _other_byte, _cut, _without_piece, _doubled_piece, _hostile_number, _hostile_length, _other_lines,
-    _spliced,
+    _flipped, _other_byte, _cut, _without_piece, _doubled_piece, _hostile_number, _hostile_length, _filled_piece,
+    _other_lines, _spliced,
 )  # fmt: skip

@@ -141,6 +141,15 @@ class TestCommand:
         with pytest.raises(InputError, match="is no result of `sonarmap bench`"):
             read_result(path)
 
+    @pytest.mark.parametrize("key", ["right", "first_quartile", "prepare_seconds", "copy_rate"])
+    def test_a_result_that_lacks_something(self, stored: Path, tmp_path: Path, key: str) -> None:
+        """Wherever it is: nothing is compared with a file that was damaged, and that is none of our defects."""
+        damaged = tmp_path / "damaged.json"
+        damaged.write_text(stored.read_text().replace(f'"{key}"', '"lost"'))
+        refused = CliRunner().invoke(app, ["bench", "--from", str(stored), "--compare", str(damaged)])
+        assert refused.exit_code == 2
+        assert "is no result of `sonarmap bench`" in " ".join(refused.stderr.split())
+
 
 class TestPage:
     def test_the_page_has_the_form_that_the_command_writes(self, result: dict[str, Any]) -> None:

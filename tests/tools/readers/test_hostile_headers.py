@@ -51,11 +51,21 @@ def packet(payload: bytes) -> bytes:
     return body + struct.pack("<I", zlib.crc32(body))
 
 
-def npz_of_zeros(megabytes: int) -> bytes:
+def npz_of_zeros(megabytes: int, header: bytes) -> bytes:
     file = io.BytesIO()
     with zipfile.ZipFile(file, "w", zipfile.ZIP_DEFLATED) as archive:
-        archive.writestr("points.npy", npy("(1, 3)") + bytes(megabytes << 20))
+        archive.writestr("points.npy", header + bytes(megabytes << 20))
     return file.getvalue()
+
+
+def pcd_of_zeros(points: int) -> bytes:
+    """Of a byte for each coordinate."""
+    packed = lzf.compress(bytes(3 * points), 3 * points)
+    header = pcd(width=str(points), encoding="binary_compressed", more=0).replace(
+        f"HEIGHT {points}".encode(), b"HEIGHT 1"
+    )
+    header = header.replace(b"SIZE 4 4 4", b"SIZE 1 1 1").replace(b"TYPE F F F", b"TYPE U U U")
+    return header + struct.pack("<II", len(packed), 3 * points) + packed
 
 
 LARGEST = "9" * 18
@@ -83,7 +93,9 @@ HOSTILE = {
     "ply 10^12 of nothing": (".ply", ply("0", more=f"element face {10**12}\n"), "no points"),
     "sonar claims 4 GB": (".sonar", packet(b"\xff\xff\xff\xff\x0f" + bytes(99)), "claim to unpack to 4,294,967,295"),
     "sonar packet of 1 MB": (".sonar", packet(bytes(1 << 20)), "packet 1 at byte 0 claims 1,048,588 bytes"),
-    "npz of zeros": (".npz", npz_of_zeros(500), "not believable"),
+    "npz of zeros": (".npz", npz_of_zeros(500, npy("(1, 3)")), "not believable"),
+    "npz of bytes": (".npz", npz_of_zeros(48, npy(f"({16 << 20}, 3)", "|u1")), "a cloud of 16,777,216 points"),
+    "pcd of bytes": (".pcd", pcd_of_zeros(16 << 20), "a cloud of 16,777,216 points would make 402,653,184 bytes of 5"),
     "csv unit after blanks": (".csv", b"x" + b" " * 100_000 + b"q,y,z\n1,2,3\n", "no column x"),
     "csv unit after brackets": (".csv", b"q" + b"[" * 100_000 + b",y,z\n1,2,3\n", "no column x"),
     "csv comment of blanks": (".csv", b"#" + b" " * 100_000 + b"q,y,z\n1,2,3\n", "no column x"),

@@ -21,7 +21,7 @@ from tools.readers.scans import FORMATS, read_scans
 pytestmark = pytest.mark.filterwarnings("error")
 NAMES = list(SAMPLES)
 ROOT = Path(__file__).parents[3]
-MOST_SECONDS, MOST_MEMORY = 10.0, 2 << 30  # for one damaged file; for all of them [bytes]
+MOST_SECONDS, MOST_MEMORY = 5.0, 512 << 20  # for one damaged file
 LINES_WITHOUT_COUNT = (".xyz", ".txt", ".csv")
 
 
@@ -50,26 +50,27 @@ class TestDamageOfEveryKindOfFile:
     """Scans, trajectories, graphs, priors, settings and journals; damaged as mutations.py has it."""
 
     def test_a_few_are_refused_or_harmless(self, tmp_path: Path) -> None:
-        outcome = damage(tmp_path, each=100, seed=2)
+        outcome = damage(tmp_path, each=50, seed=2)
         assert outcome.faults == []
         assert all(ends["refused"] > 0 for ends in outcome.ends.values())
-        assert outcome.longest < MOST_SECONDS
+        assert outcome.longest[0] < MOST_SECONDS
+        assert outcome.largest[0] < MOST_MEMORY
 
     @pytest.mark.slow
     def test_twenty_thousand_are_refused_or_harmless(self) -> None:
-        """In a process of its own, so that its memory is known."""
+        """In a process of its own, which holds nothing else."""
         each = -(-20_000 // len(readables()))
         code = "from tests.samples.damage.damaged_files import main; main()"
-        ended = subprocess.run([sys.executable, "-c", code, str(each)], cwd=ROOT, capture_output=True, text=True)
+        ended = subprocess.run([sys.executable, "-c", code, str(each), "1"], cwd=ROOT, capture_output=True, text=True)
         assert ended.returncode == 0, ended.stderr
-        ends, faults, longest, memory = json.loads(ended.stdout)
+        ends, faults, longest, largest = json.loads(ended.stdout)
         for kind, counts in ends.items():
             print(f"{kind:24} {counts}")
         print(f"{sum(sum(counts.values()) for counts in ends.values())} damaged files, {len(faults)} faults")
-        print(f"longest {longest:.2f} s, memory {memory / 2**20:.0f} MiB")
+        print(f"longest {longest[0]:.2f} s ({longest[1]}), memory {largest[0] / 2**20:.0f} MiB ({largest[1]})")
         assert faults == []
-        assert longest < MOST_SECONDS
-        assert memory < MOST_MEMORY
+        assert longest[0] < MOST_SECONDS
+        assert largest[0] < MOST_MEMORY
 
 
 @pytest.mark.parametrize("sample", NAMES)

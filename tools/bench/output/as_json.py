@@ -1,10 +1,13 @@
 """A benchmark's result in JSON; seconds, bytes and bytes per second throughout. Other programs read it: names stay."""
 
 import json
+from collections.abc import Iterator
+from contextlib import contextmanager
 from pathlib import Path
 from typing import Any
 
 from kernels.errors import InputError
+from tools.bench.output.compare import compare
 from tools.bench.peers import peer_versions
 from tools.bench.rates import Rates
 from tools.bench.result import PAPER_SECONDS, BenchResult, KernelResult, PairResult
@@ -40,16 +43,29 @@ def read_result(path: Path) -> dict[str, Any]:
     Raises:
         InputError: the file cannot be read, or is none of `sonarmap bench`.
     """
-    try:
-        content = json.loads(path.read_text(encoding="utf-8"))
-        rows = [(row["kernel"], row["grid"], row["device_seconds"]["median"]) for row in content["kernels"]]
-        rows += [(row["grid"], row["register_seconds"]["median"]) for row in content["pairs"]]
-        if not all(isinstance(value, str | int | float) for row in rows for value in row):
-            raise TypeError
+    with results_of(path):
+        try:
+            content = json.loads(path.read_text(encoding="utf-8"))
+        except OSError as error:
+            raise InputError(f"cannot read {path}: {error.strerror or error}") from error
+        compare(content, content)  # looks at all that another run is compared with
         return content
-    except OSError as error:
-        raise InputError(f"cannot read {path}: {error.strerror or error}") from error
-    except (ValueError, KeyError, TypeError, RecursionError) as error:
+
+
+@contextmanager
+def results_of(path: Path | None) -> Iterator[None]:
+    """Whatever the block misses in a result refuses the file that it was read from; None: it was measured just now.
+
+    Raises:
+        InputError: the file is none of `sonarmap bench`.
+    """
+    try:
+        yield
+    except InputError:
+        raise
+    except (ArithmeticError, AttributeError, LookupError, TypeError, ValueError, RecursionError) as error:
+        if path is None:
+            raise
         raise InputError(f"{path} is no result of `sonarmap bench`; give a file that -o or --json wrote") from error
 
 

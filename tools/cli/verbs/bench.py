@@ -114,7 +114,7 @@ def command(
     equivalent's is marked WRONG, and the exit code is 3. With --compare it is 4 if anything became slower beyond the
     noise.
     """
-    from tools.bench.output.as_json import read_result
+    from tools.bench.output.as_json import read_result, results_of
     from tools.writers.atomic import require_writable
     from tools.writers.json_text import write_json
 
@@ -130,12 +130,15 @@ def command(
         result, wrong = _measured(edges, repeats, pairs, kernels, survey, device, seed, as_json)
     if out is not None:
         write_json(out, result)
-    _show(result, picture, page)
+    with results_of(from_):
+        _show(result, picture, page)
     if wrong:
         names = ", ".join(wrong)
         say(f"the result differs from NumPy's or SciPy's: {names}; these times mean nothing", "error: ", "bold red")
         raise typer.Exit(UNRELIABLE)
-    if old is not None and _compared(old, result):
+    with results_of(compare):
+        slower = old is not None and _compared(old, result)
+    if slower:
         raise typer.Exit(SLOWER)
 
 

@@ -2,12 +2,14 @@
 
 from __future__ import annotations
 
+import shutil
 from collections import Counter
 from collections.abc import Callable, Collection, Iterator, Sequence
 from functools import partial
 from math import inf
 from pathlib import Path, PurePath
-from tempfile import TemporaryDirectory
+from tempfile import mkdtemp
+from weakref import finalize
 
 from kernels.errors import InputError
 from tools.readers.bags.mcap_file import open_mcap
@@ -21,6 +23,14 @@ _COMPRESSED = (".zstd", ".zst")
 _OPENERS: dict[str, Callable[[Path], Recording]] = {".db3": open_sqlite, ".mcap": open_mcap}
 
 
+class _Room:
+    """A folder for what is unpacked, which is gone with the last reference to it."""
+
+    def __init__(self) -> None:
+        self.path = Path(mkdtemp(prefix="sonarmap."))
+        finalize(self, shutil.rmtree, self.path, ignore_errors=True)
+
+
 def open_folder(folder: Path, notes: list[str]) -> Recording:
     """The recording of all files of a bag, in the order of their times; notes name those that are missing or left out.
 
@@ -32,7 +42,7 @@ def open_folder(folder: Path, notes: list[str]) -> Recording:
     notes += [f"{file.name}, which {BAG_METADATA} names, is missing" for file in files if file not in present]
     if not present:
         raise InputError(f"none of its files is there, as {BAG_METADATA} names them; copy the whole folder")
-    room = TemporaryDirectory(prefix="sonarmap.") if any(file.suffix in _COMPRESSED for file in present) else None
+    room = _Room() if any(file.suffix in _COMPRESSED for file in present) else None
     parts = sorted((_open_part(file, room) for file in present), key=_start)
     counts: Counter[tuple[str, str]] = Counter()
     for part in parts:
@@ -42,16 +52,16 @@ def open_folder(folder: Path, notes: list[str]) -> Recording:
 
 
 def _messages(
-    parts: Sequence[Recording], _: TemporaryDirectory[str] | None, names: Collection[str], faults: list[str]
+    parts: Sequence[Recording], _: _Room | None, names: Collection[str], faults: list[str]
 ) -> Iterator[Message]:
     """The files that were unpacked stay for as long as this can be called."""
     for part in parts:
         yield from part.messages(names, faults)
 
 
-def _open_part(file: Path, room: TemporaryDirectory[str] | None) -> Recording:
+def _open_part(file: Path, room: _Room | None) -> Recording:
     try:
-        plain = unpack_file(file, Path(room.name)) if room and file.suffix in _COMPRESSED else file
+        plain = unpack_file(file, room.path) if room and file.suffix in _COMPRESSED else file
         return _OPENERS[plain.suffix](plain)
     except InputError as error:
         raise InputError(f"{file.name}: {error}") from error

@@ -58,7 +58,7 @@ def rigid(rows: Sequence[tuple[float, ...]], what: str) -> RigidTransform:
         InputError: naming `what` and the number of the first whose numbers are not finite, or no quaternion.
     """
     numbers = np.array(rows, np.float64)
-    length = np.linalg.norm(numbers[:, 3:], axis=1)
+    length = np.linalg.norm(np.clip(numbers[:, 3:], -2, 2), axis=1)  # beyond it is none, and its square overflows
     good = (np.abs(numbers[:, :3]) <= LARGEST).all(axis=1) & (length > 0.5) & (length < 2)
     if not good.all():
         bad = int(np.argmin(good))

@@ -14,10 +14,13 @@ from typing import IO, TYPE_CHECKING, BinaryIO, cast
 
 from kernels.errors import InputError
 from tools.readers.bags.recording import CUT_OR_DAMAGED, Message, Recording, refused, topics_of
-from tools.readers.bags.unpack import LARGEST, unpacked
+from tools.readers.bags.unpack import LARGEST, Unpacker
+from tools.readers.clouds.packed import most_unpacked
 
 if TYPE_CHECKING:
     from mcap.records import Channel, Chunk, McapRecord, Schema
+
+_RECORD = 512  # bytes of memory that a record takes beside its content
 
 
 @dataclass(frozen=True, slots=True)
@@ -87,8 +90,9 @@ def _records(path: Path, faults: list[str]) -> Iterator[McapRecord]:
     from mcap.records import Chunk
     from mcap.stream_reader import StreamReader
 
+    size = path.stat().st_size
     with path.open("rb") as file:
-        whole = _WholeReads(file, path.stat().st_size)
+        whole, unpacked = _WholeReads(file, size), Unpacker(size)
         records = iter(StreamReader(cast(IO[bytes], whole), emit_chunks=True, record_size_limit=None).records)
         while True:
             start = whole.place
@@ -102,14 +106,14 @@ def _records(path: Path, faults: list[str]) -> Iterator[McapRecord]:
                 return
             try:
                 with refused(f"its chunk at byte {start:,} cannot be unpacked"):
-                    inner = _unpacked_records(record) if isinstance(record, Chunk) else [record]
+                    inner = _unpacked_records(record, unpacked) if isinstance(record, Chunk) else [record]
             except InputError as error:
                 faults.append(f"{error}: the messages in it are missing")
                 continue
             yield from inner
 
 
-def _unpacked_records(chunk: Chunk) -> list[McapRecord]:
+def _unpacked_records(chunk: Chunk, unpacked: Unpacker) -> list[McapRecord]:
     """Schemas and channels first, then messages by their times."""
     from mcap.records import Message as Record
     from mcap.stream_reader import breakup_chunk
@@ -117,8 +121,19 @@ def _unpacked_records(chunk: Chunk) -> list[McapRecord]:
     plain = unpacked(chunk.data, chunk.compression)
     if len(plain) != chunk.uncompressed_size:
         raise InputError(f"it claims {chunk.uncompressed_size:,} bytes and holds {len(plain):,}")
+    _require_few_records(plain, most_unpacked(len(chunk.data)) // _RECORD)
     records = breakup_chunk(replace(chunk, data=plain, compression=""), validate_crc=True)
     return sorted(records, key=lambda record: record.log_time if isinstance(record, Record) else -1)
+
+
+def _require_few_records(plain: bytes, most: int) -> None:
+    """Refuse a chunk of more records than `most`: each is a byte of its kind, eight of its length, and its content."""
+    place = count = 0
+    while place < len(plain):
+        place += 9 + int.from_bytes(plain[place + 1 : place + 9], "little")
+        count += 1
+        if count > most:
+            raise InputError(f"it holds more than {most:,} records, which is not believable for its size")
 
 
 class _WholeReads:

@@ -10,7 +10,7 @@ from typing import TYPE_CHECKING
 
 from tools.readers.bags.indexed import indexed_recording
 from tools.readers.bags.recording import Recording, refused
-from tools.readers.bags.unpack import unpacked
+from tools.readers.bags.unpack import Unpacker
 
 if TYPE_CHECKING:
     from rosbags.rosbag1 import Reader
@@ -32,7 +32,7 @@ def _opened(path: Path) -> Iterator[Reader]:
     from rosbags.rosbag1.reader import decompressors
 
     names = {decompressor: name for name, decompressor in decompressors.items()}
-    reader = Reader(path)
+    reader, unpacked = Reader(path), Unpacker(path.stat().st_size)
     with refused("its index cannot be read; `rosbag reindex` makes another"):
         reader.open()
         for place, chunk in reader.chunks.items():

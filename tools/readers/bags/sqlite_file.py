@@ -2,15 +2,17 @@
 
 from __future__ import annotations
 
+import sqlite3
 from collections.abc import Iterator
-from contextlib import contextmanager
+from contextlib import closing, contextmanager
+from functools import partial
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 from kernels.errors import InputError
 from tools.readers.bags.indexed import indexed_recording
 from tools.readers.bags.recording import Recording, refused
-from tools.readers.bags.unpack import ZSTD_START, unpacked
+from tools.readers.bags.unpack import ZSTD_START, Unpacker
 
 if TYPE_CHECKING:
     from rosbags.rosbag2 import Reader
@@ -22,13 +24,21 @@ def open_sqlite(path: Path) -> Recording:
     Raises:
         InputError: it is no database of ROS 2 messages, or damaged.
     """
-    return indexed_recording(path, _opened, "cdr", _plain)
+    return indexed_recording(path, _opened, "cdr", partial(_plain, Unpacker(path.stat().st_size)))
 
 
-def _plain(content: Any, time: Any, topic: str) -> bytes:
+def _plain(unpacked: Unpacker, content: Any, time: Any, topic: str) -> bytes:
     if not isinstance(content, bytes) or not isinstance(time, int):
         raise InputError(f"a message of {topic} is no bytes, or has no time; copy it again")
     return unpacked(content, "zstd") if content.startswith(ZSTD_START) else content
+
+
+def _require_stored(path: Path) -> None:
+    """Refuse columns that SQLite computes: a few bytes of schema would make a gigabyte of each message."""
+    with closing(sqlite3.connect(path)) as database:
+        computed = "SELECT t.name FROM sqlite_master t, pragma_table_xinfo(t.name) c WHERE c.hidden LIMIT 1"
+        if table := database.execute(computed).fetchone():
+            raise InputError(f"its table {table[0]} has a column that is computed, as no recorder does: copy it again")
 
 
 @contextmanager
@@ -36,6 +46,7 @@ def _opened(path: Path) -> Iterator[Reader]:
     from rosbags.rosbag2 import Reader
 
     with refused("it cannot be opened as the database of a ROS 2 bag"):
+        _require_stored(path)
         reader = Reader(path)
         reader.open()
         counts = [connection.msgcount for connection in reader.connections]

@@ -1,40 +1,59 @@
 """Unpacks what recordings compress, and never more than a message or chunk can sensibly hold."""
 
 import bz2
+import shutil
 import tempfile
 from collections.abc import Iterator
+from dataclasses import dataclass
 from pathlib import Path
 
 from kernels.errors import InputError
+from tools.readers.clouds.packed import most_unpacked
 
 LARGEST = 1 << 29  # bytes of a chunk, unpacked; recorders write a few MB each
 ZSTD_START = b"\x28\xb5\x2f\xfd"
 _PIECE = 1 << 22
-# A file of clouds shrinks to a tenth; a hundred times that is no recording.
-_RATIO, _FREE = 1000, 1 << 26
+_NO_RECORDING = "which no recorder writes: the recording is damaged; copy it again"
+_ALL = 1000  # times the bytes of a file may all of its chunks hold, counted anew each time that they are read
+_OF_FREE = 0.9  # of the room on a disk, which others need too
 
 
-def unpacked(content: bytes, compression: str) -> bytes:
-    """The plain bytes of a chunk.
+@dataclass(slots=True)
+class Unpacker:
+    """Unpacks the chunks of one file, within bounds for each and for all of them.
 
-    Args:
-        content: compressed.
-        compression: none (or empty), bz2, lz4 (frames) or zstd.
-
-    Raises:
-        InputError: a compression of another name, a chunk that was cut, or more than LARGEST bytes come of it.
+    Attributes:
+        size: of the file [bytes].
+        plain: bytes that came of it so far.
     """
-    if compression in ("", "none"):
-        return content
-    plain = bytearray()
-    for piece in _pieces(content, compression):
-        plain += piece
-        if len(plain) > LARGEST:
-            raise InputError(
-                f"{len(content):,} bytes of {compression} unpack to more than {LARGEST:,}, which no recorder writes: "
-                "the recording is damaged; copy it again"
-            )
-    return bytes(plain)
+
+    size: int
+    plain: int = 0
+
+    def __call__(self, content: bytes, compression: str) -> bytes:
+        """The plain bytes of a chunk.
+
+        Args:
+            content: compressed.
+            compression: none (or empty), bz2, lz4 (frames) or zstd.
+
+        Raises:
+            InputError: a compression of another name, a chunk that was cut, or more bytes come of it than can be right.
+        """
+        if compression in ("", "none"):
+            return content
+        if self.plain > max(LARGEST, _ALL * self.size):
+            raise InputError(f"its {self.size:,} bytes unpack to more than {self.plain:,}, {_NO_RECORDING}")
+        most = min(LARGEST, most_unpacked(len(content)))
+        plain = bytearray()
+        for piece in _pieces(content, compression):
+            plain += piece
+            self.plain += len(piece)
+            if len(plain) > most:
+                raise InputError(
+                    f"{len(content):,} bytes of {compression} unpack to more than {most:,}, {_NO_RECORDING}"
+                )
+        return bytes(plain)
 
 
 def _pieces(content: bytes, compression: str) -> Iterator[bytes]:
@@ -67,12 +86,13 @@ def unpack_file(path: Path, folder: Path) -> Path:
     """A file NAME.db3.zstd or NAME.mcap.zstd, unpacked into a folder.
 
     Raises:
-        InputError: it is damaged, or claims more than its bytes can hold, or the folder has no room for it.
+        InputError: it is damaged, or holds more than its bytes believably can, or the disk has no room for it.
     """
     import zstandard
 
-    plain = folder / path.stem
-    written, most = 0, path.stat().st_size * _RATIO + _FREE
+    plain, yourself = folder / path.stem, f"unpack it yourself with zstd -d {path.name}"
+    most, room = most_unpacked(path.stat().st_size), int(shutil.disk_usage(folder).free * _OF_FREE)
+    written = 0
     try:
         with (
             path.open("rb") as file,
@@ -80,14 +100,20 @@ def unpack_file(path: Path, folder: Path) -> Path:
             plain.open("wb") as out,
         ):
             while piece := packed.read(_PIECE):
-                written += out.write(piece)
+                written += len(piece)
                 if written > most:
-                    raise InputError(f"{path.name} unpacks to more than {most:,} bytes: it is damaged; copy it again")
+                    raise InputError(f"it unpacks to more than {most:,} bytes, {_NO_RECORDING}, or {yourself}")
+                if written > room:
+                    raise InputError(
+                        f"it unpacks to more than the {room:,} bytes that it may take of {tempfile.gettempdir()}; make "
+                        f"room there, or {yourself} elsewhere"
+                    )
+                out.write(piece)
     except zstandard.ZstdError as error:
-        raise InputError(f"{path.name} cannot be unpacked ({error}); copy it again") from error
+        raise InputError(f"it cannot be unpacked ({error}); copy it again") from error
     except OSError as error:
         raise InputError(
-            f"{path.name} cannot be unpacked to {tempfile.gettempdir()} ({error.strerror or error}); make room there, "
-            f"or unpack it yourself with zstd -d {path.name}"
+            f"it cannot be unpacked to {tempfile.gettempdir()} ({error.strerror or error}); make room there, or "
+            f"{yourself}"
         ) from error
     return plain

@@ -16,6 +16,7 @@ _LISTED = 300  # characters of names that a message lists
 
 # Sensors see hundreds of meters; beyond this it is a map coordinate, and float32 loses its centimeters.
 COORDINATE_LIMIT = 1e5
+POINT_BYTES = 3 * 8  # of a point while it is checked
 
 
 @dataclass(frozen=True, slots=True)

@@ -14,8 +14,10 @@ import numpy as np
 
 from kernels.errors import InputError
 from tools.memory import require_memory
-from tools.readers.clouds.cloud import COORDINATE_LIMIT, VIEWPOINT_NAMES, Cloud, cloud_of_columns
+from tools.readers.clouds.apart import read_apart
+from tools.readers.clouds.cloud import COORDINATE_LIMIT, POINT_BYTES, VIEWPOINT_NAMES, Cloud, cloud_of_columns
 from tools.readers.clouds.laz_layout import require_sound_chunks
+from tools.readers.clouds.packed import require_believable
 from tools.readers.clouds.rows import require_bytes, surplus_note
 from tools.time_scales import utc_of_gps
 
@@ -24,20 +26,27 @@ if TYPE_CHECKING:
 
 _PIECE = 1 << 19  # points that are unpacked at a time
 _LEAST_HEADER, _RECORD_HEADER = 227, 54  # bytes of a header, and of a variable length record's
+_POINT_FORMAT, _COMPRESSED = 104, 0xC0  # a byte of the header, and its bits that say whether points are compressed
 _ADJUSTED = 1_000_000_000  # seconds by which adjusted standard GPS time is less
 
 
 def read_las(content: bytes) -> list[Cloud]:
     """The points of a LAS or LAZ file, their intensity as strength, and their GPS times as they are.
 
+    Compressed points are read in a process of its own, as damage can crash lazrs.
+
     The stamp is the first of these times in UTC, where the header says that they are adjusted standard GPS time.
 
     Raises:
         InputError: a damaged or cut file, or map coordinates.
     """
+    _require_sound_header(content)
+    return read_apart(_read, content) if content[_POINT_FORMAT] & _COMPRESSED else _read(content)
+
+
+def _read(content: bytes) -> list[Cloud]:
     import laspy
 
-    _require_sound_header(content)
     try:
         with laspy.LasReader(io.BytesIO(content), laz_backend=laspy.LazBackend.Lazrs, read_evlrs=False) as reader:
             _require_sound_points(content, reader.header)
@@ -69,6 +78,7 @@ def _require_sound_header(content: bytes) -> None:
 def _require_sound_points(content: bytes, header: LasHeader) -> None:
     """Refuse more points than the file, or this machine's memory, can hold."""
     count, size, start = header.point_count, header.point_format.size, header.offset_to_point_data
+    require_believable(f"a cloud of {count:,} points", len(content), count * POINT_BYTES)
     if header.are_points_compressed:
         require_sound_chunks(content, header)
     else:

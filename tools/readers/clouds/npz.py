@@ -12,11 +12,9 @@ from kernels.errors import InputError
 from tools.memory import require_memory
 from tools.readers.clouds.cloud import Cloud
 from tools.readers.clouds.npy import cloud_of_array, parse_npy
+from tools.readers.clouds.packed import require_believable
 from tools.readers.limits import LARGEST_STAMP
 
-# Real points shrink a few times, an array of one value up to 1030 times: a small one is not refused for that.
-_SMALL = 64 << 20
-_BELIEVABLE_RATIO = 100
 _OPTIONAL = ("strength", "stamp", "viewpoints", "times")
 _DAMAGE = (
     zipfile.BadZipFile, zlib.error, struct.error, EOFError, OSError, NotImplementedError, RuntimeError,
@@ -76,8 +74,4 @@ def _require_believable(member: zipfile.ZipInfo) -> None:
     """Memory stays in proportion to the file, whatever the archive claims."""
     if member.compress_type not in (zipfile.ZIP_STORED, zipfile.ZIP_DEFLATED):
         raise InputError(f"its member {member.filename!r} is not compressed as NumPy does it; save it again")
-    if member.file_size > max(_SMALL, _BELIEVABLE_RATIO * member.compress_size):
-        raise InputError(
-            f"its member {member.filename!r} claims to unpack {member.compress_size:,} bytes to "
-            f"{member.file_size:,}; that is not believable: save it without compression if it is right"
-        )
+    require_believable(f"its member {member.filename!r}", member.compress_size, member.file_size)

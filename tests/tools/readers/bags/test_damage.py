@@ -1,9 +1,13 @@
 """Recordings that are cut, or claim what no recorder writes; random damage is in test_readers_damage.py."""
 
 import bz2
+import shutil
+import sqlite3
 import struct
 from collections.abc import Callable
+from contextlib import closing
 from pathlib import Path
+from types import SimpleNamespace
 
 import lz4.frame
 import numpy as np
@@ -16,7 +20,8 @@ from tests.samples.bags.samples import recordings
 from tests.samples.bags.writers import write_mcap, write_ros1, write_ros2
 from tests.tools.readers.test_hostile_headers import thrifty
 from tools.readers.bags import unpack
-from tools.readers.bags.unpack import unpacked
+from tools.readers.bags.unpack import Unpacker
+from tools.readers.clouds import packed as bounds
 from tools.readers.scans import read_scans, read_survey
 
 ZEROS = bytes(3 << 20)
@@ -70,17 +75,21 @@ def test_a_damaged_chunk_leaves_a_gap(tmp_path: Path) -> None:
 @pytest.mark.parametrize("compression", PACKERS)
 def test_chunks_unpack_to_a_limit(monkeypatch: pytest.MonkeyPatch, compression: str) -> None:
     packed = PACKERS[compression](ZEROS)
+    unpacked = Unpacker(len(packed))
     assert unpacked(packed, compression) == ZEROS
     monkeypatch.setattr(unpack, "LARGEST", len(ZEROS))
     assert unpacked(packed, compression) == ZEROS
+    monkeypatch.setattr(unpack, "_ALL", 1)
+    with pytest.raises(InputError, match=r"its [\d,]+ bytes unpack to more than 6,291,456, which no recorder writes"):
+        unpacked(packed, compression)
     monkeypatch.setattr(unpack, "LARGEST", len(ZEROS) - 1)
     with thrifty(), pytest.raises(InputError, match=rf"bytes of {compression} unpack to more than 3,145,727"):
-        unpacked(packed, compression)
+        Unpacker(len(packed))(packed, compression)
 
 
 def test_a_chunk_of_a_compression_that_nobody_knows() -> None:
     with pytest.raises(InputError, match="its compression is 'brotli'; wanted bz2, lz4 or zstd"):
-        unpacked(b"", "brotli")
+        Unpacker(0)(b"", "brotli")
 
 
 def test_bombs_within_recordings(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
@@ -100,12 +109,53 @@ def test_bombs_within_recordings(tmp_path: Path, monkeypatch: pytest.MonkeyPatch
         with pytest.raises(InputError, match="unpack to more than 100,000"):
             read_scans([path])
     packed = write_ros2(tmp_path / "e", records, compression="file")
-    monkeypatch.setattr(unpack, "_RATIO", 1)
-    monkeypatch.setattr(unpack, "_FREE", 0)
-    with pytest.raises(
-        InputError, match=r"e: e\.db3\.zstd: e\.db3\.zstd unpacks to more than [\d,]+ bytes: it is damaged"
-    ):
+    assert len(read_scans([packed]).scans[0].points) == 40_000
+    monkeypatch.setattr(shutil, "disk_usage", lambda _: SimpleNamespace(free=400_000))
+    with pytest.raises(InputError, match=r"e: e\.db3\.zstd: it unpacks to more than the 360,000 bytes that it may"):
         read_scans([packed])
+    monkeypatch.setattr(bounds, "_SMALL", 100_000)
+    monkeypatch.setattr(bounds, "_RATIO", 1)
+    with pytest.raises(InputError, match=r"e: e\.db3\.zstd: it unpacks to more than [\d,]+ bytes, which no recorder"):
+        read_scans([packed])
+
+
+EMPTY_RECORD = b"\x08" + bytes(8)
+
+
+@pytest.mark.parametrize(
+    ("piece", "count", "words"),
+    [
+        (bytes(1 << 20), 500, "of zstd unpack to more than 67,108,864, which no recorder writes"),
+        (EMPTY_RECORD, 2_000_000, "it holds more than 131,072 records, which is not believable for its size"),
+    ],
+    ids=["zeros", "records"],
+)
+def test_a_chunk_of_next_to_nothing_takes_next_to_nothing(tmp_path: Path, piece: bytes, count: int, words: str) -> None:
+    packed = zstandard.ZstdCompressor().compress(piece * count)
+    head = struct.pack("<QQQII", 0, 0, len(piece) * count, 0, 4) + b"zstd" + struct.pack("<Q", len(packed))
+    chunk = struct.pack("<BQ", 6, len(head) + len(packed)) + head + packed
+    path = tmp_path / "a.mcap"
+    path.write_bytes(recordings()["mcap plain"][1][:8] + chunk)
+    assert path.stat().st_size < 20_000
+    with thrifty(), pytest.raises(InputError, match=words):
+        read_scans([path])
+
+
+@pytest.mark.parametrize("table", ["messages", "topics"])
+def test_a_column_of_sqlite_that_is_computed(tmp_path: Path, table: str) -> None:
+    """Of 900 MB in each row, which the file need not hold."""
+    path = tmp_path / "a.db3"
+    path.write_bytes(recordings()["db3"][1])
+    with closing(sqlite3.connect(path)) as database:
+        column = "data" if table == "messages" else "type"
+        database.execute(f"ALTER TABLE {table} RENAME COLUMN {column} TO other")
+        database.execute(f"ALTER TABLE {table} ADD COLUMN {column} AS (zeroblob(900000000))")
+        database.commit()
+    with (
+        thrifty(),
+        pytest.raises(InputError, match=f"its table {table} has a column that is computed, as no recorder does"),
+    ):
+        read_scans([path])
 
 
 @pytest.mark.parametrize("length", [2**31, 2**40, 2**63, 2**64 - 1])

@@ -107,8 +107,10 @@ class TestTransforms:
             poses_of(write_mcap(tmp_path / "b.mcap", [still]), 1.0, 2.0)
 
 
-def test_poses_that_are_none(tmp_path: Path) -> None:
+@pytest.mark.filterwarnings("error")
+@pytest.mark.parametrize(("turn", "shown"), [(0.0, "0 0 0 0"), (1e308, "1e\\+308 1e\\+308 1e\\+308 1e\\+308")])
+def test_poses_that_are_none(tmp_path: Path, turn: float, shown: str) -> None:
     records = driven()
-    records[2][3]["pose"]["pose"]["orientation"] = dict.fromkeys("xyzw", 0.0)
-    with pytest.raises(InputError, match=r"the pose of /odom \(number 2\) is 6 -1\.5 7 0 0 0 0; wanted meters"):
+    records[2][3]["pose"]["pose"]["orientation"] = dict.fromkeys("xyzw", turn)
+    with pytest.raises(InputError, match=rf"the pose of /odom \(number 2\) is 6 -1\.5 7 {shown}; wanted meters"):
         poses_of(write_ros1(tmp_path / "a.bag", records), 100.0, 101.0)

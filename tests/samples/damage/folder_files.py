@@ -1,0 +1,113 @@
+"""Files that are read together with others of their folder, and those that set something, and how each is read."""
+
+import json
+import tempfile
+from collections.abc import Callable, Mapping
+from functools import cache
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import typer
+
+from kernels.errors import InputError
+from tests.samples.bags.samples import dive
+from tests.samples.bags.writers import write_ros2
+from tests.samples.damage.readable import Readable
+from tests.samples.las_files import las
+from tests.tools.export.finished import finished_map
+from tools.bench.output.as_json import read_result, results_of
+from tools.bench.output.compare import compare
+from tools.cli.main import app
+from tools.cli.settings.file import read_settings
+from tools.export.map_folder import read_map_folder
+from tools.readers.scans import read_scans
+
+_VERBS: Any = typer.main.get_command(app)
+_SETTINGS = b"""[common]
+grid = 96
+max_tilt = 12.5  # degrees
+method = "spectral"
+mount = "0,0,180"
+[map]
+max-speed = 2
+also = ["pcd", "kitti"]
+report = false
+[simulate]
+seed = 5
+"""
+_TIMES = {"count": 3, "median": 0.5, "first_quartile": 0.25, "third_quartile": 0.75, "least": 0.125, "most": 1.0}
+_BENCH = {
+    "copy_rate": 1e9,
+    "kernels": [{"kernel": "fft", "grid": 64, "right": True, "device_seconds": _TIMES}],
+    "pairs": [{"grid": 64, "prepare_seconds": _TIMES, "register_seconds": _TIMES, "right": 3, "accepted": 3}],
+}
+
+
+def folder_files() -> dict[str, Readable]:
+    """By their kind; `check` writes what belongs beside."""
+    bag, packed, finished = _bag(""), _bag("file"), _map()
+    return {
+        "file of a bag": _one_of(bag, "dive.db3", _read_bag),
+        "packed file of a bag": _one_of(packed, "dive.db3.zstd", _read_bag),
+        "trajectory beside": _one_of(
+            {"scan.laz": las(gps=np.arange(5) / 8.0), "scan.tum": b"-1 0 0 0 0 0 0 1\n5 10 0 -5 0 0 0 1\n"},
+            "scan.tum",
+            lambda folder: _read_bag(folder / "scan.laz"),
+        ),
+        **{f"{name} of a map": _one_of(finished, name, _read_map) for name in finished},
+        "settings": Readable("survey.toml", _SETTINGS, _read_settings),
+        "bench": Readable("bench.json", json.dumps(_BENCH).encode(), _read_result),
+    }
+
+
+def _one_of(files: Mapping[str, bytes], name: str, read: Callable[[Path], None]) -> Readable:
+    """A file of a folder, beside which the others are whole."""
+
+    def check(path: Path) -> None:
+        for other, content in files.items():
+            if other != name:
+                (path.parent / other).write_bytes(content)
+        read(path.parent)
+
+    return Readable(name, files[name], check)
+
+
+def _read_bag(folder: Path) -> None:
+    read = read_scans([folder])
+    assert all(np.isfinite(scan.points).all() for scan in read.scans)
+
+
+def _read_map(folder: Path) -> None:
+    for part in read_map_folder(folder).parts:
+        assert np.isfinite(part.trajectory.T_world_sensor.as_matrix()).all()
+
+
+def _read_settings(path: Path) -> None:
+    try:
+        read_settings(path, _VERBS.commands, None)
+    except typer.BadParameter as error:  # a value that the option itself refuses
+        raise InputError(f"{path}: {error}") from error
+
+
+def _read_result(path: Path) -> None:
+    result = read_result(path)
+    with results_of(path):
+        compare(result, _BENCH)
+
+
+@cache
+def _bag(compression: str) -> dict[str, bytes]:
+    with tempfile.TemporaryDirectory() as folder:
+        return _contents(write_ros2(Path(folder) / "dive", dive(), compression=compression))
+
+
+@cache
+def _map() -> dict[str, bytes]:
+    with tempfile.TemporaryDirectory() as folder:
+        files = _contents(finished_map(Path(folder) / "map"))
+    return {name: files[name] for name in ("map.ply", "summary.json", "graph.json")}
+
+
+def _contents(folder: Path) -> dict[str, bytes]:
+    return {file.name: file.read_bytes() for file in folder.iterdir() if file.is_file()}
