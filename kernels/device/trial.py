@@ -16,7 +16,7 @@ from kernels.child import Answers, answer, ask
 from kernels.device.cache import LOGGER, digest, recall, remember, require_caches
 from kernels.device.device_info import DeviceInfo, describe
 from kernels.device.drivers import Driver, driver_fault, installed_drivers
-from kernels.device.loaded import load_devices
+from kernels.device.loaded import load_devices, temporary_folder
 from kernels.device.source import informative_line
 from kernels.device.threads import limit_libraries
 from kernels.self_test.verdict import Verdict, remember_verdict, remembered_verdict, self_test
@@ -79,10 +79,11 @@ def main(arguments: Sequence[str]) -> None:
     """In the other process: load one driver, and try its devices.
 
     Args:
-        arguments: the driver's file and library; the first device to try; whose self-test to run, as "0:1" or "all".
+        arguments: the driver's file and library; a folder for temporary files; the first device to try; whose
+            self-test to run, as "0:1" or "all".
     """
-    driver, first, tested = Driver(*arguments[:2]), int(arguments[2]), arguments[3]
-    platforms = load_devices(driver)
+    driver, folder, first, tested = Driver(*arguments[:2]), arguments[2], int(arguments[3]), arguments[4]
+    platforms = load_devices(driver, folder)
     devices = {f"{p}:{d}": device for p, listed in enumerate(platforms) for d, device in enumerate(listed)}
     answer(found=[asdict(describe(device, selector)) for selector, device in devices.items()])
     if not devices:
@@ -128,7 +129,8 @@ def _try(driver: Driver, tested: str = "") -> None:
 def _ask(driver: Driver, infos: dict[str, DeviceInfo], first: int, tested: str) -> Answers:
     """Have a process try the devices from `first` on, and add to `infos` what it says of each."""
     seconds = _SECONDS_OF_TEST if tested else _SECONDS
-    answers = ask(__name__, driver.file, driver.library, str(first), tested, seconds=seconds)
+    with temporary_folder() as folder:
+        answers = ask(__name__, driver.file, driver.library, folder, str(first), tested, seconds=seconds)
     for entry in [entry for found in answers.named("found") for entry in found]:
         more = {"driver_file": driver.file, "fault": "its driver failed before it was tried"}
         infos.setdefault(entry["selector"], DeviceInfo(**entry | more))

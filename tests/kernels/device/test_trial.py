@@ -156,7 +156,7 @@ class TestTrials:
             "the process that tried it failed: it ended with SIGSEGV",
             "a trial kernel gave wrong numbers",
         ]
-        assert [arguments[2] for arguments in asked] == ["0", "2"]
+        assert [arguments[3] for arguments in asked] == ["0", "2"]
 
     def test_one_that_was_never_tried_is_not_taken_to_work(self, monkeypatch: pytest.MonkeyPatch) -> None:
         first = found(*GPUS), {"begins": "0:0"}

@@ -23,8 +23,8 @@ from typing import IO, Any, cast
 
 import numpy as np
 
+from kernels.child import command_of, end_in_words, environment
 from kernels.errors import InputError
-from tools.doctor.child import command_of, end_in_words, environment
 from tools.readers.clouds.cloud import Cloud
 
 Read = Callable[[bytes], list[Cloud]]
