@@ -9,6 +9,7 @@ from kernels.errors import InputError
 from tools.export.georeferenced import Georeferenced
 from tools.export.map_folder import MapFolder, MapPart
 from tools.output.folder import GRAPH
+from tools.readers.user_file import read_content
 from tools.time_scales import utc_texts
 from tools.writers.atomic import atomic_path
 
@@ -34,9 +35,9 @@ def write_graph_g2o(path: Path, folder: MapFolder, part: MapPart, earth: Georefe
         InputError: it is missing, or the file cannot be written.
     """
     try:
-        content = (folder.path / GRAPH).read_bytes()
-    except OSError as error:
-        raise InputError(f"cannot read {folder.path / GRAPH}: {error.strerror or error}; map again") from error
+        content = read_content(folder.path / GRAPH)
+    except InputError as error:
+        raise InputError(f"{error}; map again") from error
     with atomic_path(path) as temporary:
         temporary.write_bytes(content)
 

@@ -6,6 +6,7 @@ from dataclasses import dataclass
 from pathlib import Path
 
 from kernels.errors import InputError
+from tools.readers.user_file import read_content
 
 SEPARATORS = (",", ";", "\t")
 
@@ -71,10 +72,7 @@ def read_csv_table(path: Path) -> CsvTable:
 
 def _lines(path: Path) -> tuple[list[tuple[int, str]], bool]:
     """The lines that are neither blank nor comments, numbered from 1; and whether the last one ends."""
-    try:
-        content = path.read_bytes()
-    except OSError as error:
-        raise InputError(f"cannot read {path}: {error.strerror or error}; check its name and permissions") from error
+    content = read_content(path, pipe=True)
     if content.startswith((codecs.BOM_UTF16_LE, codecs.BOM_UTF16_BE)):
         try:
             content = content.decode("utf-16").encode()

@@ -6,6 +6,7 @@ from pathlib import Path
 from typing import Any
 
 from kernels.errors import InputError
+from tools.readers.user_file import read_content
 
 _LARGEST = 1e30  # of a number: as large as an information, see `tools.readers.limits`
 _LARGEST_INTEGER = 2**63 - 1
@@ -22,11 +23,10 @@ def read_json(path: Path, expected: str) -> Any:
         InputError: it cannot be read, is no JSON in UTF-8, is nested too deeply, or holds NaN, Infinity or a number
             beyond 1e30 (a whole one: 2^63).
     """
+    content = read_content(Path(path), pipe=True)
     try:
-        text = Path(path).read_text(encoding="utf-8")
+        text = content.decode("utf-8")
         return json.loads(text, parse_float=_number, parse_int=_integer, parse_constant=_no_number)
-    except OSError as error:
-        reason = error.strerror or str(error)
     except ValueError as error:
         reason = str(error)
     except RecursionError:

@@ -9,6 +9,7 @@ from tools.bench.peers import peer_versions
 from tools.bench.rates import Rates
 from tools.bench.result import PAPER_SECONDS, BenchResult, KernelResult, PairResult
 from tools.bench.timing import Times
+from tools.readers.user_file import read_content
 from tools.versions import package_versions
 from tools.writers.json_text import to_json
 
@@ -40,15 +41,14 @@ def read_result(path: Path) -> dict[str, Any]:
     Raises:
         InputError: the file cannot be read, or is none of `sonarmap bench`.
     """
+    content = read_content(path, pipe=True)
     try:
-        content = json.loads(path.read_text(encoding="utf-8"))
+        content = json.loads(content)
         rows = [(row["kernel"], row["grid"], row["device_seconds"]["median"]) for row in content["kernels"]]
         rows += [(row["grid"], row["register_seconds"]["median"]) for row in content["pairs"]]
         if not all(isinstance(value, str | int | float) for row in rows for value in row):
             raise TypeError
         return content
-    except OSError as error:
-        raise InputError(f"cannot read {path}: {error.strerror or error}") from error
     except (ValueError, KeyError, TypeError, RecursionError) as error:
         raise InputError(f"{path} is no result of `sonarmap bench`; give a file that -o or --json wrote") from error
 
