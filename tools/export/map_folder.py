@@ -17,7 +17,7 @@ from tools.output.folder import FULL_GRAPH, SUMMARY
 from tools.readers.clouds.ply import read_ply_columns
 from tools.readers.json_file import read_json
 from tools.readers.poses.matrices import rigid_transform
-from tools.readers.user_file import read_content
+from tools.user_file import read_content
 
 COLUMNS = ("count", "seen", "sigma", "scan", "survey")  # that every map has
 

@@ -7,7 +7,7 @@ from pathlib import Path
 from typing import Any
 
 from kernels.errors import InputError
-from tools.readers.user_file import require_file
+from tools.user_file import require_file
 
 
 def input_rows(paths: Sequence[Path]) -> list[dict[str, Any]]:

@@ -13,7 +13,7 @@ from slam.graph.known_pose import KnownPose
 from slam.graph.pose_graph import PoseGraph
 from slam.graph.trajectory import Trajectory
 from tools.readers.poses.g2o import EDGE, FIX, OFFSET, PRIOR, TRANSLATION_LAST, UPPER, VERTEX
-from tools.readers.user_file import read_content
+from tools.user_file import read_content
 from tools.writers.atomic import atomic_path
 from tools.writers.tum import pose_numbers
 

@@ -9,7 +9,7 @@ from tools.bench.peers import peer_versions
 from tools.bench.rates import Rates
 from tools.bench.result import PAPER_SECONDS, BenchResult, KernelResult, PairResult
 from tools.bench.timing import Times
-from tools.readers.user_file import read_content
+from tools.user_file import read_content
 from tools.versions import package_versions
 from tools.writers.json_text import to_json
 

@@ -6,7 +6,7 @@ from textwrap import fill
 from typing import Any
 
 from kernels.errors import InputError
-from tools.readers.user_file import read_content
+from tools.user_file import read_content
 from tools.writers.atomic import atomic_path
 
 BEGIN = "<!-- from here on `sonarmap bench --page` writes -->"

@@ -11,7 +11,7 @@ import typer
 
 from kernels.errors import InputError
 from tools.cli.settings.setting import COMMON, Setting, Verb, common_settings, settings_of
-from tools.readers.user_file import require_file
+from tools.user_file import require_file
 
 DEFAULT_FILE = "sonarmap.toml"
 _MOST_BYTES = 1 << 20

@@ -8,7 +8,7 @@ from scipy.spatial.transform import RigidTransform, Rotation
 from kernels.errors import InputError
 from tools.readers.clouds.rows import Line, parse_rows, whole_lines
 from tools.readers.limits import LEAST_SIGMA, largest_of
-from tools.readers.user_file import read_content
+from tools.user_file import read_content
 
 
 def read_lines(path: Path) -> list[Line]:

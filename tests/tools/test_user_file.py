@@ -19,7 +19,8 @@ from tools.readers.navigation.read import read_navigation
 from tools.readers.navigation.settings import AS_IT_SAYS
 from tools.readers.poses.g2o import read_g2o
 from tools.readers.poses.tum import read_tum
-from tools.readers.user_file import read_content
+from tools.readers.selection import BAG_METADATA, is_bag_folder
+from tools.user_file import read_content
 
 READERS: dict[str, Callable[[Path], object]] = {
     "navigation": lambda path: read_navigation(path, AS_IT_SAYS, None, np.zeros(1), []),
@@ -69,3 +70,8 @@ def test_a_file_larger_than_memory_is_refused(tmp_path: Path) -> None:
         file.truncate(1 << 43)
     with pytest.raises(InputError, match=r"large.csv takes 8,192 GiB of memory"):
         read_csv_table(tmp_path / "large.csv")
+
+
+def test_a_folder_with_a_pipe_is_looked_at_all_the_same(tmp_path: Path) -> None:
+    os.mkfifo(tmp_path / BAG_METADATA)
+    assert not is_bag_folder(tmp_path)
