@@ -6,14 +6,15 @@ from dataclasses import dataclass
 from pathlib import Path
 
 from kernels.errors import InputError
-from tools.readers.user_file import read_content
+from tools.csv_cell import text_of
+from tools.user_file import read_content
 
 SEPARATORS = (",", ";", "\t")
 
 
 @dataclass(frozen=True, slots=True)
 class CsvRow:
-    """A row: its `line` in the file, and its cells without blanks around them."""
+    """A row: its `line` in the file, and its cells' texts (`tools.csv_cell`) without blanks around them."""
 
     line: int
     cells: list[str]
@@ -94,7 +95,7 @@ def _lines(path: Path) -> tuple[list[tuple[int, str]], bool]:
 
 def _row(path: Path, number: int, line: str, separator: str) -> CsvRow:
     try:
-        cells = [cell.strip() for cell in next(csv.reader([line], delimiter=separator, strict=True))]
+        cells = [text_of(cell.strip()) for cell in next(csv.reader([line], delimiter=separator, strict=True))]
     except csv.Error as error:
         raise InputError(f"{path}: line {number} is not a CSV line: {error}; save the file as CSV in UTF-8") from error
     return CsvRow(number, cells if separator == "," else [_with_point(cell) for cell in cells])
