@@ -2,6 +2,7 @@
 
 import time
 from collections.abc import Callable
+from difflib import SequenceMatcher
 from pathlib import Path
 
 import numpy as np
@@ -62,3 +63,15 @@ def test_what_the_headings_say_is_as_before() -> None:
     ):
         column = column_of(0, heading)
         assert (column and column.quantity, column and column.unit) == (quantity, unit), heading
+
+
+def test_tables_of_many_columns(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    """Each might be a misspelled one of ours; only those that may be are compared letter by letter."""
+    compared: list[float] = []
+    ratio = SequenceMatcher.ratio
+    monkeypatch.setattr(SequenceMatcher, "ratio", lambda self: compared.append(ratio(self)) or compared[-1])
+    headings = ",".join(f"a{k}_m" for k in range(1000))
+    (tmp_path / "log.csv").write_text(f"time,depth,{headings},heding_deg\n1,2\n")
+    with pytest.raises(InputError, match="'heding_deg' is nearly called heading_deg"):
+        read_navigation(tmp_path / "log.csv", AS_IT_SAYS, None, np.zeros(1), [])
+    assert len(compared) < 20
