@@ -19,7 +19,7 @@ from kernels.errors import InputError, SonarmapError
 from tools.cli.arguments import as_options
 from tools.cli.log import log, logged, results_to
 from tools.cli.stops import terminated_as_interrupted, what_became
-from tools.cli.terminal import quietly, say
+from tools.cli.terminal import quietly, say, shortened
 from tools.cli.usage import usage_words
 from tools.writers.atomic import appeared
 
@@ -81,7 +81,7 @@ def _logged_end() -> Iterator[None]:
         raise
     except typer.BadParameter as error:
         code = error.exit_code
-        log(f"error: {usage_words(error)}")
+        log(f"error: {shortened(usage_words(error))}")
         raise
     finally:
         log(f"ended with exit code {code}")
@@ -153,7 +153,7 @@ def _fail(message: str, code: int, as_json: bool) -> int:
 def print_failure(message: str, code: int, as_json: bool) -> None:
     """Print why a command failed, for the program that asked for JSON."""
     if as_json:
-        typer.echo(json.dumps({"error": message, "exit_code": code}))
+        typer.echo(json.dumps({"error": shortened(message), "exit_code": code}))
 
 
 def _stopped(stop: KeyboardInterrupt, as_json: bool, written: Sequence[Path]) -> int:

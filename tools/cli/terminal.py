@@ -11,6 +11,7 @@ from rich.text import Text
 from tools.cli.log import log
 
 _WIDTH_OF_FILES = 200  # a table in a file need not be folded
+_LONGEST = 3000  # characters of a message
 _bars: list[Console] = []  # the consoles on stderr that show one: what is said stands above it
 _quiet: list[bool] = []  # of this program, whatever thread speaks; the last counts
 
@@ -65,20 +66,29 @@ def say(message: str, label: str = "", style: str = "") -> None:
     """Print a message on stderr, wrapped on a terminal and on one line elsewhere, and log it.
 
     Args:
-        message: plain text: brackets are not markup, and control characters are shown escaped.
+        message: plain text: brackets are not markup, control characters are shown escaped, and what is too long for
+            anybody to read is left out of its middle.
         label: printed before it, as "error: ".
         style: the label's color, in rich's words.
     """
-    log(label + printable(message))
+    message = printable(shortened(message))
+    log(label + message)
     if any(_quiet[-1:]) and not label:
         return
     console = error_console()
-    console.print(Text.assemble((label, style), printable(message)), soft_wrap=not console.is_terminal)
+    console.print(Text.assemble((label, style), message), soft_wrap=not console.is_terminal)
 
 
 def warn(message: str) -> None:
     """Print on stderr what the user should look at."""
     say(message, "warning: ", "bold yellow")
+
+
+def shortened(message: str) -> str:
+    """The message, or its beginning and its end, where it quotes all of a damaged file's cell or heading."""
+    if len(message) <= _LONGEST:
+        return message
+    return f"{message[: _LONGEST // 2]} [... {len(message) - _LONGEST:,} characters ...] {message[-_LONGEST // 2 :]}"
 
 
 def printable(text: str) -> str:

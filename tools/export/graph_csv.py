@@ -2,7 +2,6 @@
 # pyright: strict, reportMissingTypeStubs=false, reportUnknownMemberType=false
 # pyright: reportUnknownVariableType=false, reportUnknownArgumentType=false
 
-import csv
 from pathlib import Path
 
 from kernels.errors import InputError
@@ -10,7 +9,9 @@ from tools.export.georeferenced import Georeferenced
 from tools.export.map_folder import MapFolder, MapPart
 from tools.output.folder import GRAPH
 from tools.time_scales import utc_texts
+from tools.user_file import read_content
 from tools.writers.atomic import atomic_path
+from tools.writers.table import write_table
 
 COLUMNS = ("vertex", "name", "stamp", "utc", "map", "frame")
 WORLD, FIRST_POSE = "East-North-Up", "first pose"
@@ -34,9 +35,9 @@ def write_graph_g2o(path: Path, folder: MapFolder, part: MapPart, earth: Georefe
         InputError: it is missing, or the file cannot be written.
     """
     try:
-        content = (folder.path / GRAPH).read_bytes()
-    except OSError as error:
-        raise InputError(f"cannot read {folder.path / GRAPH}: {error.strerror or error}; map again") from error
+        content = read_content(folder.path / GRAPH)
+    except InputError as error:
+        raise InputError(f"{error}; map again") from error
     with atomic_path(path) as temporary:
         temporary.write_bytes(content)
 
@@ -52,10 +53,4 @@ def write_graph_csv(path: Path, folder: MapFolder, part: MapPart, earth: Georefe
         stamps, frame = each.trajectory.stamps, WORLD if each.in_world else FIRST_POSE
         for scan, stamp, utc in zip(each.scans, stamps.tolist(), utc_texts(stamps), strict=True):
             rows.append((scan, folder.names[scan], repr(stamp), utc, number, frame))
-    with (
-        atomic_path(path) as temporary,
-        temporary.open("w", newline="", encoding="utf-8", errors="backslashreplace") as file,
-    ):
-        writer = csv.writer(file, lineterminator="\n")
-        writer.writerow(COLUMNS)
-        writer.writerows(sorted(rows))
+    write_table(path, COLUMNS, sorted(rows))

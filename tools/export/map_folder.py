@@ -17,6 +17,7 @@ from tools.output.folder import FULL_GRAPH, SUMMARY
 from tools.readers.clouds.ply import read_ply_columns
 from tools.readers.json_file import read_json
 from tools.readers.poses.matrices import rigid_transform
+from tools.user_file import read_content
 
 COLUMNS = ("count", "seen", "sigma", "scan", "survey")  # that every map has
 
@@ -144,11 +145,10 @@ def read_map_folder(path: Path) -> MapFolder:
 
 def _points(path: Path, scans: Sequence[int]) -> tuple[np.ndarray, dict[str, np.ndarray]]:
     """The points and columns of a map of these scans."""
+    content = read_content(path)
     try:
-        columns = read_ply_columns(path.read_bytes())
+        columns = read_ply_columns(content)
         points = np.column_stack([columns.pop(axis).astype(np.float64) for axis in "xyz"])
-    except OSError as error:
-        raise InputError(f"cannot read {path}: {error.strerror or error}; map again") from error
     except KeyError as error:
         raise InputError(f"{path} has no column {error}; wanted a map that `sonarmap map` wrote") from error
     except InputError as error:

@@ -6,7 +6,6 @@ The first line names the columns and no comment stands before it: neither Excel 
 comments. Units are in the names, the projected CRS and what heights count from in columns of their own.
 """
 
-import csv
 from itertools import combinations_with_replacement
 from pathlib import Path
 
@@ -15,7 +14,7 @@ import numpy as np
 from tools.export.georeferenced import Georeferenced
 from tools.export.map_folder import MapFolder, MapPart
 from tools.export.navigation import Navigation
-from tools.writers.atomic import atomic_path
+from tools.writers.table import write_table
 
 _ERRORS = ("east", "north", "up", "rot_east", "rot_north", "rot_up")
 _UPPER = tuple(combinations_with_replacement(range(6), 2))
@@ -38,18 +37,14 @@ def write_poses_csv(path: Path, folder: MapFolder, part: MapPart, earth: Georefe
     """
     navigation = Navigation.of(earth)
     upper = navigation.covariances[:, [i for i, _ in _UPPER], [j for _, j in _UPPER]]
-    with (
-        atomic_path(path) as temporary,
-        temporary.open("w", newline="", encoding="utf-8", errors="backslashreplace") as file,
-    ):
-        writer = csv.writer(file, lineterminator="\n")
-        writer.writerow(COLUMNS)
-        for k, name in enumerate(navigation.names):
-            stamp = repr(float(navigation.stamps[k])) if navigation.timed else ""
-            numbers = [*_places(navigation, k), *_angles(navigation, k)]
-            errors = [_error(number) for number in [*navigation.sigmas[k].tolist(), *upper[k].tolist()]]
-            where = [earth.projection.name, navigation.vertical]
-            writer.writerow([name, navigation.scans[k], navigation.utc[k], stamp, *numbers, *errors, *where])
+    rows: list[list[object]] = []
+    for k, name in enumerate(navigation.names):
+        stamp = repr(float(navigation.stamps[k])) if navigation.timed else ""
+        numbers = [*_places(navigation, k), *_angles(navigation, k)]
+        errors = [_error(number) for number in [*navigation.sigmas[k].tolist(), *upper[k].tolist()]]
+        where = [earth.projection.name, navigation.vertical]
+        rows.append([name, navigation.scans[k], navigation.utc[k], stamp, *numbers, *errors, *where])
+    write_table(path, COLUMNS, rows)
 
 
 def _places(navigation: Navigation, k: int) -> list[str]:

@@ -192,7 +192,8 @@ def _require_exact(crs: "CRS", name: str, georeference: Georeference) -> None:
         return
     if not ways.transformers:
         raise InputError(
-            f"--crs {name} ({crs.name}) has no known relation to WGS84 at the map's origin; choose another"
+            f"--crs {name} ({crs.name}) has no known relation to WGS84 at {latitude:.4f}, {longitude:.4f}, where the "
+            "map would be; check the coordinates, or choose another"
         )
     grids = {grid.short_name for way in ways.unavailable_operations[:1] for grid in way.grids if not grid.available}
     raise InputError(

@@ -7,6 +7,7 @@ from pathlib import Path
 from typing import Any
 
 from kernels.errors import InputError
+from tools.user_file import require_file
 
 
 def input_rows(paths: Sequence[Path]) -> list[dict[str, Any]]:
@@ -33,6 +34,7 @@ def sha256_of(path: Path) -> str:
     Raises:
         InputError: it cannot be read.
     """
+    require_file(path)
     try:
         with path.open("rb") as file:
             return hashlib.file_digest(file, "sha256").hexdigest()

@@ -1,6 +1,5 @@
 """`pairs.csv`: every pair that was tried, what was measured, and what became of it, for spreadsheets and scripts."""
 
-import csv
 import math
 from collections.abc import Sequence
 from pathlib import Path
@@ -13,7 +12,7 @@ from slam.graph.sigma import worst_sigmas
 from slam.pair import Pair
 from spectral.result import Registration
 from tools.evaluate.pairs_file import ANSWERS, POSE_COLUMNS
-from tools.writers.atomic import atomic_path
+from tools.writers.table import write_table
 
 COLUMNS = (
     *("target", "source", "role", "kept", "accepted", "reason", "predicted_overlap", "overlap", "alike", "agreeing"),
@@ -32,16 +31,8 @@ def write_pairs(path: Path, pairs: Sequence[Pair]) -> None:
         InputError: the file cannot be written.
     """
     measured = iter(_measured([registration for pair in pairs if (registration := registration_of(pair))]))
-    # a reason may name a file whose name is no UTF-8
-    with (
-        atomic_path(path) as temporary,
-        temporary.open("w", newline="", encoding="utf-8", errors="backslashreplace") as file,
-    ):
-        writer = csv.DictWriter(file, COLUMNS, restval="", lineterminator="\n")
-        writer.writeheader()
-        for pair in pairs:
-            row = pair_row(pair) | (next(measured) if registration_of(pair) else {})
-            writer.writerow({name: _cell(value) for name, value in row.items()})
+    rows = (pair_row(pair) | (next(measured) if registration_of(pair) else {}) for pair in pairs)
+    write_table(path, COLUMNS, ([_cell(row.get(name, "")) for name in COLUMNS] for row in rows))
 
 
 def registration_of(pair: Pair) -> Registration | None:
@@ -97,9 +88,7 @@ def _sigmas(covariances: np.ndarray) -> np.ndarray:
 
 
 def _cell(value: Any) -> Any:
-    """A value as it is written: text on one line, and nothing where a number is not known."""
+    """A value as it is written: nothing where a number is not known."""
     if isinstance(value, bool | np.bool_):
         return _WORDS[bool(value)]
-    if isinstance(value, str):
-        return " ".join(value.split())
-    return value if math.isfinite(value) else ""
+    return value if isinstance(value, str) or math.isfinite(value) else ""

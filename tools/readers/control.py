@@ -204,12 +204,9 @@ def _local(
         return np.column_stack([values[:, :2], ups]), georeference
     geodetic = np.column_stack([values[:, :2], ups + height])
     if across == GRID:
-        from tools.geo.projection import Projection
+        from tools.readers.navigation.earth import on_the_earth
 
-        try:
-            geodetic = Projection.of(Georeference(0.0, 0.0), crs).unproject(geodetic)
-        except InputError as error:
-            raise InputError(str(error).replace("--crs", "--control-crs")) from error
+        geodetic = on_the_earth(geodetic, crs, "--control-crs")
     if georeference is None:
         latitude, longitude = (round(float(angle), _ROUNDED) for angle in geodetic[0, :2])
         georeference = Georeference(latitude, longitude)

@@ -6,13 +6,15 @@ from dataclasses import dataclass
 from pathlib import Path
 
 from kernels.errors import InputError
+from tools.csv_cell import text_of
+from tools.user_file import read_content
 
 SEPARATORS = (",", ";", "\t")
 
 
 @dataclass(frozen=True, slots=True)
 class CsvRow:
-    """A row: its `line` in the file, and its cells without blanks around them."""
+    """A row: its `line` in the file, and its cells' texts (`tools.csv_cell`) without blanks around them."""
 
     line: int
     cells: list[str]
@@ -71,10 +73,7 @@ def read_csv_table(path: Path) -> CsvTable:
 
 def _lines(path: Path) -> tuple[list[tuple[int, str]], bool]:
     """The lines that are neither blank nor comments, numbered from 1; and whether the last one ends."""
-    try:
-        content = path.read_bytes()
-    except OSError as error:
-        raise InputError(f"cannot read {path}: {error.strerror or error}; check its name and permissions") from error
+    content = read_content(path, pipe=True)
     if content.startswith((codecs.BOM_UTF16_LE, codecs.BOM_UTF16_BE)):
         try:
             content = content.decode("utf-16").encode()
@@ -96,7 +95,7 @@ def _lines(path: Path) -> tuple[list[tuple[int, str]], bool]:
 
 def _row(path: Path, number: int, line: str, separator: str) -> CsvRow:
     try:
-        cells = [cell.strip() for cell in next(csv.reader([line], delimiter=separator, strict=True))]
+        cells = [text_of(cell.strip()) for cell in next(csv.reader([line], delimiter=separator, strict=True))]
     except csv.Error as error:
         raise InputError(f"{path}: line {number} is not a CSV line: {error}; save the file as CSV in UTF-8") from error
     return CsvRow(number, cells if separator == "," else [_with_point(cell) for cell in cells])

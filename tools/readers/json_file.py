@@ -6,6 +6,7 @@ from pathlib import Path
 from typing import Any
 
 from kernels.errors import InputError
+from tools.user_file import read_content
 
 _LARGEST = 1e30  # of a number: as large as an information, see `tools.readers.limits`
 _LARGEST_INTEGER = 2**63 - 1
@@ -23,10 +24,10 @@ def read_json(path: Path, expected: str) -> Any:
             beyond 1e30 (a whole one: 2^63).
     """
     try:
-        text = Path(path).read_text(encoding="utf-8")
+        text = read_content(Path(path), pipe=True).decode("utf-8")
         return json.loads(text, parse_float=_number, parse_int=_integer, parse_constant=_no_number)
-    except OSError as error:
-        reason = error.strerror or str(error)
+    except InputError as error:
+        raise InputError(f"{error}; expected {expected}") from error
     except ValueError as error:
         reason = str(error)
     except RecursionError:

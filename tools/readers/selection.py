@@ -10,6 +10,7 @@ from pathlib import Path
 
 from kernels.errors import InputError
 from tools.readers.instruments import PRIORS
+from tools.user_file import require_file
 
 BAG_METADATA, BAG_TITLE = "metadata.yaml", "rosbag2_bagfile_information"  # of a ROS 2 bag that is a folder
 PAIRS = "pairs.csv"  # as `sonarmap map` calls the table of its pairs
@@ -44,11 +45,12 @@ class SelectedFile:
 def is_bag_folder(path: Path) -> bool:
     """Whether a folder is a ROS 2 bag, with damaged metadata or whole: one recording, not a folder of scans."""
     try:
+        require_file(path / BAG_METADATA)
         with (path / BAG_METADATA).open("rb") as file:
             if BAG_TITLE.encode() in file.read(4096):
                 return True
         return any(file.name.endswith(_BAG_FILES) for file in path.iterdir())
-    except OSError:
+    except (OSError, InputError):
         return False
 
 

@@ -1,13 +1,12 @@
 """Tables of text: for Markdown, for a terminal, and as CSV."""
 
-import csv
 import math
 from collections.abc import Iterable, Sequence
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
-from tools.writers.atomic import atomic_path
+from tools.writers.table import write_table
 
 
 @dataclass(frozen=True, slots=True)
@@ -48,10 +47,7 @@ def write_csv(path: Path, headings: Sequence[str], rows: Iterable[Sequence[objec
     Raises:
         InputError: the file cannot be written.
     """
-    with atomic_path(path) as temporary, temporary.open("w", newline="", encoding="utf-8") as file:
-        writer = csv.writer(file, lineterminator="\n")
-        writer.writerow(headings)
-        writer.writerows([_cell(value) for value in row] for row in rows)
+    write_table(path, headings, ([_cell(value) for value in row] for row in rows))
 
 
 def _cell(value: object) -> str:

@@ -13,6 +13,7 @@ from slam.graph.known_pose import KnownPose
 from slam.graph.pose_graph import PoseGraph
 from slam.graph.trajectory import Trajectory
 from tools.readers.poses.g2o import EDGE, FIX, OFFSET, PRIOR, TRANSLATION_LAST, UPPER, VERTEX
+from tools.user_file import read_content
 from tools.writers.atomic import atomic_path
 from tools.writers.tum import pose_numbers
 
@@ -71,7 +72,7 @@ def rewrite_g2o(
     numbers = pose_numbers(trajectory.T_world_sensor).tolist()
     poses = {int(stamp): pose for stamp, pose in zip(trajectory.stamps.tolist(), numbers, strict=True)}
     lines, edges = [], 0
-    for line in Path(source).read_bytes().splitlines():
+    for line in read_content(Path(source)).splitlines():
         tag, *rest = line.split(maxsplit=2)[:2] or [b""]
         if tag == VERTEX.encode():
             vertex = int(float(rest[0]))

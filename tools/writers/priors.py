@@ -1,6 +1,5 @@
 """Priors of scans as a CSV file, in the columns of `tools.readers.instruments`."""
 
-import csv
 from collections.abc import Sequence
 from pathlib import Path
 
@@ -9,7 +8,7 @@ import numpy as np
 from kernels.errors import InputError
 from spectral.scan import PosePrior
 from tools.readers.instruments import COLUMNS, SIGMA_COLUMNS, sigmas_of, values_of
-from tools.writers.atomic import atomic_path
+from tools.writers.table import write_table
 
 
 def require_new(path: Path) -> None:
@@ -29,11 +28,9 @@ def write_template(path: Path, names: Sequence[str], stamps: Sequence[float]) ->
         InputError: the file is there already, or it cannot be written.
     """
     require_new(path)
-    with atomic_path(path) as temporary, temporary.open("w", newline="", encoding="utf-8") as file:
-        writer = csv.writer(file, lineterminator="\n")
-        writer.writerow(["name", "stamp", *COLUMNS, *SIGMA_COLUMNS])
-        for name, stamp in zip(names, stamps, strict=True):
-            writer.writerow([name, f"{stamp:.6f}", *[""] * (len(COLUMNS) + len(SIGMA_COLUMNS))])
+    empty = [""] * (len(COLUMNS) + len(SIGMA_COLUMNS))
+    rows = ([name, f"{stamp:.6f}", *empty] for name, stamp in zip(names, stamps, strict=True))
+    write_table(path, ["name", "stamp", *COLUMNS, *SIGMA_COLUMNS], rows)
 
 
 def write_priors(path: Path, names: Sequence[str], priors: Sequence[PosePrior]) -> None:
@@ -46,10 +43,9 @@ def write_priors(path: Path, names: Sequence[str], priors: Sequence[PosePrior]) 
     sigmas = np.array([sigmas_of(prior) for prior in priors])
     known = np.isfinite(sigmas)
     columns = np.flatnonzero(known.any(axis=0))
-    with atomic_path(path) as temporary, temporary.open("w", newline="", encoding="utf-8") as file:
-        writer = csv.writer(file, lineterminator="\n")
-        writer.writerow(["name", *(COLUMNS[k] for k in columns), *(SIGMA_COLUMNS[k] for k in columns)])
-        for row, name in enumerate(names):
-            measured = [f"{values[row, k]:z.6f}" if known[row, k] else "" for k in columns]
-            deviations = [f"{sigmas[row, k]:.6g}" if known[row, k] else "" for k in columns]
-            writer.writerow([name, *measured, *deviations])
+    rows: list[list[str]] = []
+    for row, name in enumerate(names):
+        measured = [f"{values[row, k]:z.6f}" if known[row, k] else "" for k in columns]
+        deviations = [f"{sigmas[row, k]:.6g}" if known[row, k] else "" for k in columns]
+        rows.append([name, *measured, *deviations])
+    write_table(path, ["name", *(COLUMNS[k] for k in columns), *(SIGMA_COLUMNS[k] for k in columns)], rows)

@@ -41,7 +41,7 @@ COUNTED = (".ply", ".pcd", ".npy", ".npz", ".las")
 class Outcome:
     """Of many damaged files: how many were refused and read, by kind; what went wrong.
 
-    And which took longest [s], and most memory [bytes]: all that its process held then.
+    And which took longest [s], and most memory [bytes]: beside what its process held before.
     """
 
     ends: dict[str, Counter[str]] = field(default_factory=dict)
@@ -163,11 +163,11 @@ def damage(folder: Path, each: int, seed: int, kinds: Sequence[str] = ()) -> Out
                 left.unlink()
             (folder / file.name).write_bytes(changed)
             which = f"{kind} {number}"
-            _forget_peaks()
+            before = _forget_peaks()
             start = perf_counter()
             ends[_end(file, folder / file.name, which, outcome.faults)] += 1
             outcome.longest = max(outcome.longest, (perf_counter() - start, which))
-            outcome.largest = max(outcome.largest, (_peak(), which))
+            outcome.largest = max(outcome.largest, (_growth(before), which))
     return outcome
 
 
@@ -189,21 +189,24 @@ def _end(file: Readable, path: Path, which: str, faults: list[str]) -> str:
     return "fault"
 
 
-def _forget_peaks() -> None:
-    """Of memory, in this process and in the one that reads apart, where the system can."""
+def _forget_peaks() -> dict[Path, int]:
+    """Of memory, in this process and in the one that reads apart, where the system can: what each holds now."""
     for process in _processes():
         with suppress(OSError):
             (process / "clear_refs").write_text("5", encoding="ascii")
+    return {process: _peak(process) for process in _processes()}
 
 
-def _peak() -> int:
-    """The most memory that either of them held since [bytes]; 0 where the system does not tell."""
-    peaks = [0]
-    for process in _processes():
-        with suppress(OSError):
-            lines = (process / "status").read_text(encoding="ascii").splitlines()
-            peaks += [int(line.split()[1]) * 1024 for line in lines if line.startswith("VmHWM")]
-    return max(peaks)
+def _growth(before: dict[Path, int]) -> int:
+    """The most memory that either of them took since [bytes]; 0 where the system does not tell."""
+    return max(_peak(process) - before.get(process, 0) for process in _processes())
+
+
+def _peak(process: Path) -> int:
+    with suppress(OSError):
+        lines = (process / "status").read_text(encoding="ascii").splitlines()
+        return sum(int(line.split()[1]) * 1024 for line in lines if line.startswith("VmHWM"))
+    return 0
 
 
 def _processes() -> list[Path]:

@@ -58,6 +58,15 @@ class TestJson:
         assert ("stopped: no pair was done yet" in words) == (code == 130)
         said(result, words)
 
+    def test_a_message_is_never_longer_than_anybody_reads(self) -> None:
+        """Whatever it quotes of a damaged file, or of the command line."""
+        result = sonarmap("map", "x" * 100_000, "-o", "out", "--json")
+        message = str(failure(result)["error"])
+        assert len(message) < 3100
+        assert "x [... 1" in message
+        assert message.endswith("Check the path and its permissions")
+        said(result, message)
+
     def test_without_json_stdout_stays_empty(self) -> None:
         assert sonarmap("map", "missing.ply", "-o", "out").stdout == ""
         assert sonarmap("devices", "--bogus").stdout == ""

@@ -123,6 +123,18 @@ def test_control_points_of_a_grid(tmp_path: Path) -> None:
     np.testing.assert_allclose(read.points[1].known - read.points[0].known, [100, 50, 1], atol=0.01)
 
 
+def test_a_grid_is_asked_where_the_points_are(tmp_path: Path) -> None:
+    """The example of the option's help holds in Europe, and neither at 0 N 0 E nor with its columns swapped."""
+    heading, row = "name,scan,x_m,y_m,z_m,easting_m,northing_m,up_m\n", "A,0,1,2,3,500000,6650000,-3\n"
+    ours, world = (read_control(written(tmp_path, heading + row), SCANS, crs=f"EPSG:{code}") for code in (25832, 32632))
+    assert ours.georeference is not None
+    assert ours.georeference == world.georeference
+    np.testing.assert_allclose(ours.points[0].known, world.points[0].known, atol=1e-3)
+    swapped = written(tmp_path, heading + "A,0,1,2,3,6650000,500000,-3\n")
+    with pytest.raises(InputError, match=r"by_hand.csv: --control-crs EPSG:25832 .*; check the coordinates, or choose"):
+        read_control(swapped, SCANS, crs="EPSG:25832")
+
+
 @pytest.mark.parametrize(
     ("text", "words"),
     [

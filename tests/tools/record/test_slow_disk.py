@@ -7,6 +7,7 @@ import subprocess
 import sys
 import time
 from pathlib import Path
+from threading import Event
 
 import pytest
 
@@ -42,10 +43,16 @@ def test_nothing_is_lost_while_the_disk_takes_its_time(tmp_path: Path, monkeypat
 def test_what_memory_does_not_hold_is_counted(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr("tools.record.recorder._OVER", 1)
     monkeypatch.setattr("tools.record.receiver.MOST_WAITING", 20)
-    monkeypatch.setattr(os, "fsync", lambda _: time.sleep(0.4))
-    packets = [packet.content for packet in recording(250)]
-    status, warnings = record_while(tmp_path / "dive.sonar", lambda to: send(packets, to, 400.0))
-    assert status.unsaved > 50
+    packets, sent = [packet.content for packet in recording(250)], Event()
+    # the disk comes back when all is sent, however long that takes
+    monkeypatch.setattr(os, "fsync", lambda _: sent.wait(60))
+
+    def send_all(to: tuple[str, int]) -> None:
+        send(packets, to, 400.0)
+        sent.set()
+
+    status, warnings = record_while(tmp_path / "dive.sonar", send_all)
+    assert status.unsaved > 0
     assert status.tally.packets + status.unsaved + status.overflow == len(packets)
     assert status.tally.missing <= status.unsaved
     assert any("is too slow" in words for words in warnings)

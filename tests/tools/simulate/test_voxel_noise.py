@@ -1,6 +1,6 @@
 """Voxel noise: where it reaches, how many voxels flip, and the paper's D0 to D6."""
 
-from time import perf_counter
+from time import process_time
 
 import numpy as np
 import pytest
@@ -109,6 +109,6 @@ def test_what_is_no_boolean_volume_is_refused(volume: np.ndarray):
 @pytest.mark.slow
 def test_the_papers_grid_takes_its_noise_quickly():
     occupied = generator().random((256, 256, 256)) < 0.002
-    started = perf_counter()
+    started = process_time()
     swap(occupied, NOISES["D4"], generator())
-    assert perf_counter() - started < 5.0
+    assert process_time() - started < 5.0

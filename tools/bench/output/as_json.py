@@ -12,6 +12,7 @@ from tools.bench.peers import peer_versions
 from tools.bench.rates import Rates
 from tools.bench.result import PAPER_SECONDS, BenchResult, KernelResult, PairResult
 from tools.bench.timing import Times
+from tools.user_file import read_content
 from tools.versions import package_versions
 from tools.writers.json_text import to_json
 
@@ -44,10 +45,7 @@ def read_result(path: Path) -> dict[str, Any]:
         InputError: the file cannot be read, or is none of `sonarmap bench`.
     """
     with results_of(path):
-        try:
-            content = json.loads(path.read_text(encoding="utf-8"))
-        except OSError as error:
-            raise InputError(f"cannot read {path}: {error.strerror or error}") from error
+        content = json.loads(read_content(path, pipe=True))
         compare(content, content)  # looks at all that another run is compared with
         return content
 

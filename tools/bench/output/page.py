@@ -6,6 +6,7 @@ from textwrap import fill
 from typing import Any
 
 from kernels.errors import InputError
+from tools.user_file import read_content
 from tools.writers.atomic import atomic_path
 
 BEGIN = "<!-- from here on `sonarmap bench --page` writes -->"
@@ -19,8 +20,8 @@ def write_page(path: Path, result: Mapping[str, Any]) -> None:
         InputError: the page cannot be read or written, or does not hold both marks once.
     """
     try:
-        text = path.read_text(encoding="utf-8")
-    except (OSError, UnicodeDecodeError) as error:
+        text = read_content(path).decode("utf-8")
+    except UnicodeDecodeError as error:
         raise InputError(f"cannot read {path}: {error}") from error
     if text.count(BEGIN) != 1 or text.count(END) != 1 or text.index(BEGIN) > text.index(END):
         raise InputError(f"{path} does not hold the lines '{BEGIN}' and '{END}', once each; add them where they belong")

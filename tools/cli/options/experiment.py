@@ -6,7 +6,16 @@ from typing import Annotated
 import typer
 
 from kernels.errors import InputError
-from tools.cli.options.groups import EXPERIMENT, INPUT, INSTRUMENTS, OUTPUT, RUNNING, completes, completes_list
+from tools.cli.options.groups import (
+    EXPERIMENT,
+    INPUT,
+    INSTRUMENTS,
+    MOST_WORKERS,
+    OUTPUT,
+    RUNNING,
+    completes,
+    completes_list,
+)
 from tools.cli.options.registration import check_seed, check_tilt
 from tools.methods.registry import METHODS, find_method
 from tools.reproduce.experiments import EXPERIMENTS, groups, members
@@ -110,6 +119,7 @@ WorkersOption = Annotated[
         "--workers",
         metavar="N",
         min=1,
+        max=MOST_WORKERS,
         help="Processes that share the jobs. The results are the same.",
         rich_help_panel=RUNNING,
     ),

@@ -1,4 +1,4 @@
-"""The groups in which `--help` lists options, in their order, and the names that a shell can complete."""
+"""The groups in which `--help` lists options, in their order, the largest counts, and what a shell can complete."""
 
 from collections.abc import Callable, Iterable
 
@@ -18,6 +18,9 @@ GROUPS = (
     *(INPUT, NAVIGATION, SCENE, NOISE, REGISTRATION, EXPERIMENT, OPTIMIZATION, MEASUREMENT),
     *(LOOPS, EARTH, OUTPUT, RUNNING),
 )
+
+MOST_WORKERS = 1024  # more processes than any machine has use for
+MOST = 1_000_000  # of whatever is counted, so that every file and library can hold the number
 
 INSTRUMENTS = (
     "attitude",

@@ -8,7 +8,16 @@ from typing import TYPE_CHECKING, Annotated, Any
 import typer
 
 from kernels.errors import InputError
-from tools.cli.options.groups import INPUT, LOOPS, NAVIGATION, OUTPUT, RUNNING, completes
+from tools.cli.options.groups import (
+    INPUT,
+    LOOPS,
+    MOST,
+    MOST_WORKERS,
+    NAVIGATION,
+    OUTPUT,
+    RUNNING,
+    completes,
+)
 from tools.cli.terminal import say
 from tools.output.exports import EXPORTS
 
@@ -83,6 +92,7 @@ WorkersOption = Annotated[
         "--workers",
         metavar="N",
         min=1,
+        max=MOST_WORKERS,
         help="Processes that register pairs. Each has its own device context; the results are the same.",
         rich_help_panel=RUNNING,
         show_default="1",
@@ -111,6 +121,7 @@ LoopsOption = Annotated[
         "--loops",
         metavar="N",
         min=0,
+        max=MOST,
         help="Loops to try per scan and round. 0 is none. Those come first that tie far parts together. There "
         "are two rounds, and more as long as there is something to gain.",
         rich_help_panel=LOOPS,
@@ -144,6 +155,7 @@ MinSeenOption = Annotated[
         "--min-seen",
         metavar="N",
         min=1,
+        max=MOST,
         help="Leave out false echoes: what fewer than N scans saw where others looked and saw otherwise. "
         "map_all.ply keeps all points; 1 leaves out none.",
         rich_help_panel=OUTPUT,

@@ -11,9 +11,11 @@ import typer
 
 from kernels.errors import InputError
 from tools.cli.settings.setting import COMMON, Setting, Verb, common_settings, settings_of
+from tools.user_file import require_file
 
 DEFAULT_FILE = "sonarmap.toml"
 _MOST_BYTES = 1 << 20
+_LONGEST_LINE = 2000  # a key of n parts takes a time and a memory of n squared, and a number's digits are limited
 
 
 @dataclass(frozen=True, slots=True)
@@ -30,12 +32,14 @@ class SettingsFile:
     values: Mapping[str, Mapping[str, Any]] = field(default_factory=dict[str, dict[str, Any]])
     sections: Mapping[str, Mapping[str, str]] = field(default_factory=dict[str, dict[str, str]])
 
-
-def chosen_file(given: Path | None) -> Path | None:
-    """The file of --config, else the one that stands in the current folder, if any does."""
-    if given is not None:
-        return given
-    return Path(DEFAULT_FILE) if Path(DEFAULT_FILE).is_file() else None
+    def without(self, settings: Sequence[Setting]) -> "SettingsFile":
+        """The same without some of what it sets."""
+        left = {(setting.verb, setting.name) for setting in settings}
+        values, sections = (
+            {verb: {name: of[name] for name in of if (verb, name) not in left} for verb, of in every.items()}
+            for every in (self.values, self.sections)
+        )
+        return SettingsFile(self.path, values, sections)
 
 
 def read_settings(path: Path, verbs: Mapping[str, Verb], verb: str | None) -> SettingsFile:
@@ -67,14 +71,18 @@ def read_settings(path: Path, verbs: Mapping[str, Verb], verb: str | None) -> Se
 
 
 def _content(path: Path) -> dict[str, Any]:
+    require_file(path, pipe=True)
     try:
         with path.open("rb") as file:
             raw = file.read(_MOST_BYTES + 1)
-        if len(raw) > _MOST_BYTES:
-            raise InputError(f"{path} has more than {_MOST_BYTES >> 20} MiB and cannot be a file of settings")
-        return tomllib.loads(raw.decode("utf-8-sig"))
     except OSError as error:
         raise InputError(f"cannot read the settings {path}: {error.strerror or error}") from error
+    if len(raw) > _MOST_BYTES:
+        raise InputError(f"{path} has more than {_MOST_BYTES >> 20} MiB and cannot be a file of settings")
+    if long := next((n for n, line in enumerate(raw.splitlines(), 1) if len(line) > _LONGEST_LINE), None):
+        raise InputError(f"{path}: line {long} has more than {_LONGEST_LINE} characters; fix that line")
+    try:
+        return tomllib.loads(raw.decode("utf-8-sig"))
     except (ValueError, RecursionError) as error:  # TOML's, and of bytes that are no UTF-8
         raise InputError(
             f"{path} is no TOML file: {error}. Fix that line; 'sonarmap config --toml' prints a file to begin with"

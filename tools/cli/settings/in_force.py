@@ -1,6 +1,6 @@
 """What counts when a verb runs: the command line before the file, the file before the defaults."""
 
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from pathlib import Path
 from typing import Annotated, Any
 
@@ -9,9 +9,9 @@ import typer
 from tools.cli.help import Verb
 from tools.cli.method import idle_options
 from tools.cli.navigation import NAVIGATION
-from tools.cli.settings.file import SettingsFile, chosen_file, read_settings
+from tools.cli.settings.file import DEFAULT_FILE, SettingsFile, read_settings
 from tools.cli.settings.setting import Setting, in_words, settings_of
-from tools.cli.terminal import say
+from tools.cli.terminal import say, warn
 
 ConfigOption = Annotated[
     Path | None,
@@ -25,6 +25,9 @@ ConfigOption = Annotated[
 _KEY = "sonarmap.settings"  # in the context's meta
 MISUSE = 2  # the exit code for what the user can fix
 _ALL = "config"  # the verb that looks at the settings of all
+# What says where to write and whom to connect to: only a file that the user names may set it, as the one that is found
+# in a folder may have come with somebody's scans. The switch of `view` that is called write too is not meant.
+NAMED_ONLY = frozenset(("log-file", "out", "to", "write", "picture", "page", "scheduler"))
 # What a setting of a file needs, so as to say anything: one of these.
 NEEDS: Mapping[str, tuple[str, ...]] = {
     **dict.fromkeys(NAVIGATION, ("priors", "odometry")),
@@ -56,14 +59,31 @@ def use_settings(context: typer.Context, given: Path | None) -> None:
     Raises:
         InputError: the file cannot be used.
     """
-    path = chosen_file(given)
-    if path is None:
+    path = given or Path(DEFAULT_FILE)
+    if given is None and not path.is_file():
         return
     verb = context.invoked_subcommand
     verbs: Any = context.command
     file = read_settings(path, verbs.commands, None if verb == _ALL else verb)
+    if given is None:
+        file = _as_found(file, settings_of(verbs.commands), verb)
     context.default_map = {name: dict(values) for name, values in file.values.items()}
     context.meta[_KEY] = file
+
+
+def _as_found(file: SettingsFile, settings: Sequence[Setting], verb: str | None) -> SettingsFile:
+    """What a file sets that nobody has named; what it may not set is said, as far as it concerns the verb."""
+    left = [
+        setting
+        for setting in settings
+        if setting.key in NAMED_ONLY and setting.kind is not bool and setting.name in file.values[setting.verb]
+    ]
+    if keys := sorted({setting.key for setting in left if verb in (_ALL, setting.verb)}):
+        warn(
+            f"{file.path} sets {', '.join(keys)}, which is left out: a file that nobody named may not say where to "
+            f"write or whom to connect to; if it is yours, name it: --config {file.path}"
+        )
+    return file.without(left)
 
 
 def settings_file(context: typer.Context) -> SettingsFile | None:
@@ -79,7 +99,7 @@ class VerbWithSettings(Verb):
         if (file := settings_file(ctx)) is None:
             return super().invoke(ctx)
         words = _settled(ctx, file, {setting.name: setting for setting in settings_of({ctx.info_name: self})})
-        silent = not words or ctx.params.get("quiet")
+        silent = not words or (ctx.params.get("quiet") and _source(ctx, "quiet") == "COMMANDLINE")
         if not silent:
             say(words)
         try:

@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING, Annotated, Any
 import typer
 
 from kernels.errors import InputError
-from tools.cli.options.groups import INSTRUMENTS, NAVIGATION, NOISE, OUTPUT, SCENE, completes, completes_list
+from tools.cli.options.groups import INSTRUMENTS, MOST, NAVIGATION, NOISE, OUTPUT, SCENE, completes, completes_list
 from tools.cli.options.registration import QuietOption, check_seed
 from tools.cli.progress import growing_progress
 from tools.cli.terminal import printable
@@ -111,6 +111,7 @@ FixEveryOption = Annotated[
     int | None,
     typer.Option(
         min=1,
+        max=MOST,
         metavar="N",
         help="With --priors position: only every N-th scan has a position.",
         rich_help_panel=NAVIGATION,

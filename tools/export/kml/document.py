@@ -6,6 +6,7 @@ coarse and often above the true one, would hide the map. The coordinates have th
 
 import re
 from collections.abc import Sequence
+from html import escape
 from xml.etree import ElementTree
 from xml.etree.ElementTree import Element, SubElement
 
@@ -35,7 +36,7 @@ def kml_text(earth: Georeferenced, pictures: Sequence[tuple[str, Picture]] = (),
     document = SubElement(root, "Document")
     _text(document, "name", f"{earth.folder.path.resolve().name} map{earth.part.suffix}")
     _text(document, "open", "1")
-    _text(document, "description", _description(earth))
+    _described(document, _description(earth))
     _look_at(document, earth)
     style = SubElement(document, "Style", {"id": "track"})
     line = SubElement(style, "LineStyle")
@@ -58,6 +59,11 @@ def kml_text(earth: Georeferenced, pictures: Sequence[tuple[str, Picture]] = (),
 def _text(parent: Element, tag: str, text: str) -> None:
     """A child with text; characters that XML cannot hold (of a file's name) become question marks."""
     SubElement(parent, tag).text = _NOT_IN_XML.sub("?", text)
+
+
+def _described(parent: Element, words: str) -> None:
+    """A description, which Google Earth takes for HTML: what a scan's name has of that is shown as it is."""
+    _text(parent, "description", escape(words, quote=False))
 
 
 def _description(earth: Georeferenced) -> str:
@@ -136,7 +142,7 @@ def _place(document: Element, earth: Georeferenced, name: str, k: int) -> None:
     placemark = SubElement(document, "Placemark")
     _text(placemark, "name", name)
     words = f"{earth.folder.names[part.scans[k]]}, {time}, {place[0]:.8f}, {place[1]:.8f}, height {place[2]:.2f} m"
-    _text(placemark, "description", words)
+    _described(placemark, words)
     point = SubElement(placemark, "Point")
     _text(point, "altitudeMode", _CLAMPED)
     _text(point, "coordinates", _coordinate(place, ","))

@@ -18,7 +18,7 @@ from tools.readers.bags.sqlite_file import open_sqlite
 from tools.readers.bags.unpack import unpack_file
 from tools.readers.selection import BAG_METADATA, BAG_TITLE
 
-_LARGEST = 1 << 24  # bytes of metadata
+_LARGEST = 1 << 18  # bytes of metadata, of which YAML reads 100 KB in a second
 _COMPRESSED = (".zstd", ".zst")
 _OPENERS: dict[str, Callable[[Path], Recording]] = {".db3": open_sqlite, ".mcap": open_mcap}
 

@@ -54,7 +54,7 @@ def degrees(cell: str, quantity: str) -> float:
     plain = number(cell)
     if np.isfinite(plain):
         return plain
-    parts = _DEGREES.fullmatch(cell.strip())
+    parts = _DEGREES.fullmatch(" ".join(cell.split()))  # runs of blanks would be shared out in all ways
     if not parts or (parts[1] and parts[6]):
         return np.nan
     half = (parts[1] or parts[6] or "").upper()

@@ -2,7 +2,7 @@
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
-from difflib import SequenceMatcher
+from difflib import get_close_matches
 
 from kernels.errors import InputError
 from tools.readers.instruments import COLUMNS, SIGMA_COLUMNS
@@ -108,12 +108,14 @@ def _refuse_misspelled(header: Sequence[str], known: list[Column], mapped: Mappi
             "Latitude, ...); of a log with other columns say which are meant, as in --nav-columns depth_m=KP_DEPTH"
         )
     there = {column.heading for column in known}
-    for heading in unknown:
+    for heading in dict.fromkeys(unknown):
         if not heading.endswith(("_deg", "_m")) or column_of(0, heading):
             continue
-        nearest = max(OWN, key=lambda own: SequenceMatcher(None, own, heading).ratio())
-        if nearest not in there and SequenceMatcher(None, nearest, heading).ratio() >= _ALIKE:
-            raise InputError(f"the column {heading!r} is nearly called {nearest}; correct it, or give it another name")
+        nearest = get_close_matches(heading, OWN, 1, _ALIKE)
+        if nearest and nearest[0] not in there:
+            raise InputError(
+                f"the column {heading!r} is nearly called {nearest[0]}; correct it, or give it another name"
+            )
 
 
 def _each_once(known: list[Column], is_own: bool) -> dict[str, Column]:

@@ -48,11 +48,7 @@ def local_places(
     heights = -np.nan_to_num(values[known, 5])
     geodetic = np.column_stack([values[known, 4], values[known, 3], heights])
     if not are_degrees:
-        try:
-            projection = Projection.of(_about(settings.crs, *values[known][0, 3:5].tolist()), settings.crs)
-            geodetic = projection.unproject(np.column_stack([values[known, 3:5], heights]))
-        except InputError as error:
-            raise InputError(str(error).replace("--crs", "--nav-crs")) from error
+        geodetic = on_the_earth(np.column_stack([values[known, 3:5], heights]), settings.crs, "--nav-crs")
     origin = settings.origin
     if origin is None:
         latitude, longitude = (round(float(angle), _ROUNDED) for angle in geodetic[0, :2])
@@ -65,6 +61,23 @@ def local_places(
     geodetic[:, 2] += origin.height
     values[known, 3:5] = origin.local(geodetic)[:, :2]
     return values, origin
+
+
+def on_the_earth(projected: np.ndarray, crs: str | None, option: str) -> np.ndarray:
+    """(n, 3) latitude, longitude [deg] and height [m] of (n, 3) easting, northing and height [m].
+
+    Args:
+        projected: of places in the CRS.
+        crs: as EPSG:32632.
+        option: of the command line that gives the CRS, for messages.
+
+    Raises:
+        InputError: no such CRS, or one that does not hold at the first of the places.
+    """
+    try:
+        return Projection.of(_about(crs, *projected[0, :2].tolist()), crs).unproject(projected)
+    except InputError as error:
+        raise InputError(str(error).replace("--crs", option)) from error
 
 
 def _about(crs: str | None, easting: float, northing: float) -> Georeference:

@@ -52,8 +52,9 @@ _TIMES = {"s": 1.0, "sec": 1.0, "seconds": 1.0, "ms": 1e-3, "us": 1e-6, "µs": 1
 _UNITS = {"deg": _ANGLES, "m": _LENGTHS, "s": _TIMES}
 _REFERENCES = ("true", "t")  # of a heading, where its unit would stand
 _MAGNETIC = ("magnetic", "mag")
-_BRACKETS = re.compile(r"(.*?)\s*[\(\[]\s*([^()\[\]]*?)\s*[\)\]]")
-_LAST_WORD = re.compile(r"(.+?)[\s_.]+([^\s_.]+)")
+# Each of these takes a time in proportion to the heading's length, whatever it holds
+_BRACKETS = re.compile(r"(.*)[\(\[]([^()\[\]]*)[\)\]]")
+_BETWEEN_WORDS = re.compile(r"[\s_.]+")
 _ZONE = re.compile(r"(?:utc|gmt|z)?\s*(?:([+-])(\d{1,2})(?::?(\d\d))?)?", re.IGNORECASE)
 _WORDS = re.compile(r"[a-z]+|[0-9]+")
 
@@ -126,12 +127,13 @@ def zone_of(unit: str) -> float | None:
 
 def _split(heading: str) -> tuple[str, str]:
     """The heading without its unit, and the unit in small letters."""
-    bracketed = _BRACKETS.fullmatch(heading.strip())
+    heading = heading.strip()
+    bracketed = _BRACKETS.fullmatch(heading)
     if bracketed:
-        return bracketed[1], bracketed[2].lower()
-    last = _LAST_WORD.fullmatch(heading.strip())
-    if last and any(last[2].lower() in units for units in _UNITS.values()):
-        return last[1], last[2].lower()
+        return bracketed[1], bracketed[2].strip().lower()
+    *before, last = _BETWEEN_WORDS.split(heading)
+    if before and any(last.lower() in units for units in _UNITS.values()):
+        return heading.removesuffix(last), last.lower()
     return heading, ""
 
 

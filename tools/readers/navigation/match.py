@@ -5,6 +5,7 @@ from collections.abc import Sequence
 
 from kernels.errors import InputError
 from spectral.scan import Scan
+from tools.csv_cell import plain_text
 from tools.readers.file import FORMATS
 
 SAME_STAMP = 1e-3  # seconds: files carry stamps with other numbers of digits
@@ -46,9 +47,15 @@ def find_scan(scans: Sequence[Scan], by: str, key: str, time: float, where: str,
 
 
 def _by_name(scans: Sequence[Scan], name: str) -> list[int]:
-    exact = [index for index, scan in enumerate(scans) if scan.name == name]
+    exact = [index for index, scan in enumerate(scans) if _is_called(scan, name)]
     match = _SUFFIX.fullmatch(name)
     if exact or not match:
         return exact
     bare = match[1] + (match[3] or "")
-    return [index for index, scan in enumerate(scans) if scan.name == bare]
+    return [index for index, scan in enumerate(scans) if _is_called(scan, bare)]
+
+
+def _is_called(scan: Scan, name: str) -> bool:
+    """Whether a scan has a name as a table can have it, which is the scan's own but for line breaks and the like."""
+    own = scan.name
+    return own == name or ((not own.isprintable() or own != own.strip()) and plain_text(own) == name)

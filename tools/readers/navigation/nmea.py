@@ -90,12 +90,12 @@ def _read_line(number: int, line: str, read: _Sentences) -> None:
             continue
         try:
             _take(number, kind, fields, read)
-        except (ValueError, IndexError):
+        except (ValueError, IndexError, OverflowError):
             read.damaged += 1
 
 
 def _take(number: int, kind: str, fields: list[str], read: _Sentences) -> None:
-    """One sentence; ValueError or IndexError where its fields are not as they should be."""
+    """One sentence; ValueError, IndexError or OverflowError where its fields are not as they should be."""
     if kind in ("HDT", "THS"):
         heading = float(fields[0]) if fields[0] else np.nan
         if kind == "THS" and fields[1] != "A":

@@ -14,6 +14,7 @@ from tools.readers.navigation.nmea import is_nmea, read_nmea
 from tools.readers.navigation.settings import NavigationSettings
 from tools.readers.navigation.table import read_table
 from tools.readers.poses.tum import read_tum
+from tools.user_file import require_file
 
 _LOOKED_AT = 20_000  # bytes of a file's beginning that tell its kind
 _TUM_NUMBERS = 8
@@ -53,6 +54,7 @@ def read_navigation(
 
 
 def _beginning(path: Path) -> str:
+    require_file(path)
     try:
         with path.open("rb") as file:
             content = file.read(_LOOKED_AT)

@@ -8,6 +8,7 @@ from scipy.spatial.transform import RigidTransform, Rotation
 from kernels.errors import InputError
 from tools.readers.clouds.rows import Line, parse_rows, whole_lines
 from tools.readers.limits import LEAST_SIGMA, largest_of
+from tools.user_file import read_content
 
 
 def read_lines(path: Path) -> list[Line]:
@@ -16,10 +17,7 @@ def read_lines(path: Path) -> list[Line]:
     Raises:
         InputError: the file cannot be read, is empty, or its last line has no end and may have been cut.
     """
-    try:
-        content = Path(path).read_bytes()
-    except OSError as error:
-        raise InputError(f"cannot read {path}: {error.strerror or error}; check its name and permissions") from error
+    content = read_content(Path(path))
     try:
         lines = whole_lines(content, 1)
     except InputError as error:

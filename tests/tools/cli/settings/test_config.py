@@ -19,6 +19,7 @@ from tests.samples.clutter_scans import scan, write
 from tests.samples.command_line import ROOT, SONARMAP
 from tests.tools.cli.settings.test_setting import SETTINGS
 from tools.cli.main import app
+from tools.cli.settings.in_force import NAMED_ONLY
 
 
 def run(*arguments: str) -> Result:
@@ -160,13 +161,46 @@ class TestInForce:
         (folder / "sonarmap.toml").write_text("[simulate]\nscans = 4\n")
         assert "settings" not in run("register", *pair, "--method", "icp", "--voxel", "0.4").stderr
 
+    def test_a_file_that_nobody_named_says_not_where_to_write_or_connect(self, folder: Path, pair: list[str]) -> None:
+        """It may have come with somebody's scans, and a scheduler runs what it is sent."""
+        settings = "[common]\nlog-file = 'log.txt'\n[register]\nmethod = 'icp'\nvoxel = 0.4\nwrite = 'moved.ply'\n"
+        (folder / "sonarmap.toml").write_text(settings + "[map]\nscheduler = 'tcp://127.0.0.1:1'\nout = 'map'\n")
+        found = run("register", *pair)
+        assert found.exit_code in (0, 3)
+        assert "warning: sonarmap.toml sets log-file, write, which is left out" in found.stderr
+        assert "settings from sonarmap.toml: method icp, voxel 0.4\n" in found.stderr
+        assert sorted(path.name for path in folder.iterdir()) == ["sonarmap.toml", "source.ply", "target.ply"]
+        missing = run("map", *pair)
+        assert (missing.exit_code, "sets log-file, out, scheduler, which" in missing.stderr) == (2, True)
+        assert "--out is missing" in missing.stderr
+        listing = run("config")
+        assert "sets log-file, out, scheduler, write, which" in listing.stderr
+        assert "log.txt" not in listing.stdout
+        named = run("--config", "sonarmap.toml", "register", *pair)
+        assert "warning: sonarmap.toml sets" not in named.stderr
+        assert {"log.txt", "moved.ply"} <= {path.name for path in folder.iterdir()}
+
+    def test_a_file_cannot_keep_itself_quiet(self, folder: Path) -> None:
+        (folder / "sonarmap.toml").write_text("[optimize]\nquiet = true\n")
+        edge = "EDGE_SE3:QUAT 0 1 1 0 0 0 0 0 1 1 0 0 0 0 0 1 0 0 0 0 1 0 0 0 1 0 0 1 0 1"
+        (folder / "a.g2o").write_text(f"VERTEX_SE3:QUAT 0 0 0 0 0 0 0 1\nVERTEX_SE3:QUAT 1 1 0 0 0 0 0 1\n{edge}\n")
+        words = "settings from sonarmap.toml: quiet true"
+        assert words in run("optimize", "a.g2o", "-o", "b.g2o").stderr
+        given = run("optimize", "a.g2o", "-o", "b.g2o", "--quiet")
+        assert (given.exit_code, words in given.stderr) == (0, False)
+
+    def test_every_path_is_read_or_only_for_a_named_file(self) -> None:
+        """A new option that writes belongs to NAMED_ONLY; one that reads belongs here."""
+        read = {"priors", "odometry", "ties", "control", "like", "map", "surface", "summary", "compare", "from"}
+        assert {entry.key for entry in SETTINGS if entry.kind is Path} == read | NAMED_ONLY - {"scheduler"}
+
     @pytest.mark.slow
     def test_a_map_has_the_settings_in_its_summary_and_goes_on(self, folder: Path) -> None:
         files = write(folder / "scans", **{f"s{k}": scan(k) for k in range(3)})
         (folder / "sonarmap.toml").write_text(
-            '[map]\nmethod = "icp"\nvoxel = 0.4\nmax-step = 9\nframe = "flu"\nreport = false\nout = "a"\n'
+            '[map]\nmethod = "icp"\nvoxel = 0.4\nmax-step = 9\nframe = "flu"\nreport = false\n'
         )
-        by_file = run("map", *files, "--quiet")
+        by_file = run("map", *files, "-o", "a", "--quiet")
         assert by_file.exit_code in (0, 3), by_file.output
         assert "settings from" not in by_file.stderr  # --quiet
         by_words = run(

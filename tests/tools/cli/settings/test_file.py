@@ -169,6 +169,14 @@ def test_files_that_are_none(tmp_path: Path) -> None:
     assert read_settings(tmp_path / "bom.toml", GROUP.commands, None).values["map"] == {"grid": 96}
 
 
+@pytest.mark.parametrize("text", ["{}=1", "[{}]\na=1", "[map]\nalso={{{}=1}}", "[map]\nloops = 0x{:f<40000.0}"])
+def test_a_long_line_is_refused_before_it_is_read(text: str, tmp_path: Path) -> None:
+    """The 80 KB of a key of many parts took a minute and 6 GB, and a number of 40,000 digits was a defect."""
+    path = written(tmp_path, "# settings\n" + text.format(".".join("a" * 40_000)))
+    with pytest.raises(InputError, match=r"survey.toml: line [23] has more than 2000 characters"):
+        read_settings(path, GROUP.commands, None)
+
+
 def mutate(count: int, folder: Path) -> None:
     """Damage a file in many ways: it is refused, naming the file, or read."""
     rng, path = random.Random(7), folder / "damaged.toml"

@@ -83,6 +83,13 @@ def test_prefixes_and_damaged_lines(path: Path) -> None:
     assert any(note.startswith(f"{path}: 2 sentences have a wrong checksum") for note in notes)
 
 
+def test_a_year_that_no_calendar_has(path: Path) -> None:
+    text = dive(dated=False) + sentence("GPZDA,224001,27,06,99999999999999999999,00,00") + "\r\n"
+    notes: list[str] = []
+    read(path, text, scans=scans_at(START + 5), notes=notes)
+    assert any(note.startswith(f"{path}: 1 sentences have a wrong checksum or field") for note in notes)
+
+
 def test_dates_come_from_rmc_zda_or_the_scans(path: Path) -> None:
     scans = scans_at(START + 4)
     wanted, _ = read(path, dive(), scans=scans)

@@ -9,10 +9,11 @@ import numpy as np
 
 from tests.tools.report.page.browser import Opened
 from tests.tools.report.page.known_map import written
+from tools.csv_cell import plain_text
 from tools.report.page.content import Content
 
 NAMES = ("a,b", 'say "hi"', "two\nlines", "#first", " blanks ", "grün 深い", "bad\udcff", "plain")
-AS_WRITTEN = tuple(name.encode("utf-8", "backslashreplace").decode() for name in NAMES)
+AS_WRITTEN = tuple(map(plain_text, NAMES))
 
 
 def path_of(content: Content, to: Path, **changes: Any) -> Path:

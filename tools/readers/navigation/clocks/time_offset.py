@@ -14,7 +14,7 @@ _LEAST_CORRELATION = 0.5
 _RIVAL = 0.8  # another offset is as good from this share of the best correlation on
 _GAP = 1.0  # [s]: between samples farther apart nothing is known, or 5 usual steps where these are longer
 _WIDTHS = (1.0, 2.0)  # [s] of averages
-_MOST_STEPS = 10_000_000
+_MOST_STEPS = 2_000_000  # of the grid, which take 200 MB
 _WORST_SIGMA = 0.035  # [s], for 0.1 s to be three of them
 _BLOCK = 5.0  # [s] within which errors may be alike
 
@@ -71,9 +71,10 @@ def estimate_offset(
         if len(times) < 3 or not (np.diff(times) > 0).all() or not np.isfinite(times).all():
             raise _refused("wanted three turn rates or more, at times that ascend")
     usual = max(float(np.median(np.diff(times))) for times in (times_a, times_b))
-    step = max(_FINEST, usual / 2)
-    if max(times_a[-1], times_b[-1]) - min(times_a[0], times_b[0]) > _MOST_STEPS * step:
-        raise _refused("the two are years apart, or have a jump; wanted times of one dive")
+    span = max(times_a[-1], times_b[-1]) - min(times_a[0], times_b[0])
+    step = max(_FINEST, usual / 2, min(span / _MOST_STEPS, _WIDTHS[0] / 4))  # coarser for dives of days
+    if span > _MOST_STEPS * step:
+        raise _refused(f"the two span {span / 86400:.0f} days, or have a jump; wanted times of one dive")
     reasons: list[InputError] = []
     estimates: list[TimeOffset] = []
     for width in _WIDTHS:

@@ -21,7 +21,8 @@ _ROLLOVER = 1024  # weeks after which receivers count from 0 again
 _TIME = re.compile(r"(\d{1,2}):(\d\d)(?::(\d\d)(?:[.,](\d+))?)?\s*(?:([ap])\.?m\.?)?", re.IGNORECASE)
 _DIGITS = re.compile(r"(\d\d)(\d\d)(\d\d)(\.\d*)?")
 _DATE = re.compile(r"(\d{1,2})([./-])(\d{1,2})\2(\d{4})")
-_AT = re.compile(r"(\S+)(?:[T\s]+)(\d{1,2}:.*)")
+_AT = re.compile(r"(\S*[^\sT])[T\s]+(\d{1,2}:.*)")
+_ZONE_BEHIND = re.compile(r"(?<!\s)\s*(?:UTC|GMT)$")  # looked for once in a run of blanks, not at each of them
 
 
 @dataclass(frozen=True, slots=True)
@@ -148,7 +149,7 @@ def _of_calendar(cells: TimeCells, scale: TimeScale, scans: np.ndarray, notes: l
 
 def _moment(text: str, day_first: bool) -> datetime | None:
     """The date and time of a text, or None."""
-    text = re.sub(r"\s*(?:UTC|GMT)$", "+00:00", text.strip())
+    text = _ZONE_BEHIND.sub("+00:00", text.strip())
     try:
         return datetime.fromisoformat(text.replace("/", "-").replace(",", ".") if text[:4].isdigit() else "")
     except (ValueError, OverflowError):

@@ -6,16 +6,26 @@ function wellFormed(text) {
   return String(text).replace(half, (unit) => `\\u${unit.charCodeAt(0).toString(16)}`);
 }
 
-/** A cell, in quotes where it must be: a line that began with # would be a comment. */
+/** A text on one line. */
+function oneLine(text) {
+  return wellFormed(text).replace(/[\x00-\x1f\x7f\x85\u2028\u2029]/g, " ").trim();
+}
+
+/**
+ * A cell: with an apostrophe before what a spreadsheet would take for a formula, as tools/csv_cell.py has it, and in quotes
+ * where it must be: some divide cells at semicolons, and a line that began with # would be a comment.
+ */
 function cellOf(value) {
-  const text = wellFormed(value ?? "");
-  return /[",\r\n]|^\s|\s$|^#/.test(text) ? `"${text.replaceAll('"', '""')}"` : text;
+  let text = oneLine(value ?? "");
+  if (/^'*[=+\-@\uff1d\uff0b\uff0d\uff20]/.test(text) && !Number.isFinite(Number(text)))
+    text = `'${text}`;
+  return /[",;]|^#/.test(text) ? `"${text.replaceAll('"', '""')}"` : text;
 }
 
 /** A comment in a line, a heading, and rows: {column: value} each, of which none is empty. */
 function csvOf(comment, columns, rows) {
   const line = (cells) => cells.map(cellOf).join(",");
-  const lines = [`# ${wellFormed(comment).replace(/\s+/g, " ")}`, line(columns), ...rows.map((row) => line(columns.map((name) => row[name])))];
+  const lines = [`# ${oneLine(comment).replace(/[,;"]/g, " ")}`, line(columns), ...rows.map((row) => line(columns.map((name) => row[name])))];
   return `${lines.join("\n")}\n`;
 }
 
