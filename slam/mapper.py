@@ -125,12 +125,14 @@ class Mapper:
         survey = np.zeros(len(scans), np.intp) if surveys is None else np.asarray(surveys, np.intp)
         navigation = replace(Navigation.of(scans, survey, odometry), control=tuple(control))
         runner = PairRunner(self.execution, navigation.scans, 2, progress)
-        keys, known = choose_keys(runner, survey, self.voxel, self.settings.keys)
-        if len(keys) == len(scans):
-            decision = self._decided(runner, navigation, survey, odometry, known, ties)
-        else:
-            decision = self._decided_by_keys(runner, keys, known, navigation, survey, odometry, ties)
-        runner.release()
+        try:
+            keys, known = choose_keys(runner, survey, self.voxel, self.settings.keys)
+            if len(keys) == len(scans):
+                decision = self._decided(runner, navigation, survey, odometry, known, ties)
+            else:
+                decision = self._decided_by_keys(runner, keys, known, navigation, survey, odometry, ties)
+        finally:
+            runner.release()
         runner.step_done("poses optimized")
         result = replace(self._fuse(scans, survey, decision), ties=tuple(ties), control=decision.points(control))
         runner.step_done("map fused")

@@ -110,8 +110,8 @@ def processes(
     Args:
         workers: how many, at least 1.
         begin: what each process calls first, with `arguments`; before it the process has loaded no library.
-        spool: a folder for the scans that workers read, made when they need one and deleted at the end; None: in the
-            system's folder for temporary files.
+        spool: how the path of the folder for the scans that workers read begins, which is made when they need one and
+            deleted at the end; None: in the system's folder for temporary files.
 
     Raises:
         InputError: a process ended before its time.

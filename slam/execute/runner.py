@@ -70,6 +70,7 @@ class PairRunner:
         self._all_scans = scans
         self._scans = [scan_key(scan) for scan in scans]
         self._number = {scan: k for k, scan in enumerate(self._scans)}
+        self._numbers = list(range(len(scans)))  # of `_scans`, among all
         self._progress = progress
         self._steps = _Steps(planned)
 
@@ -77,7 +78,13 @@ class PairRunner:
         """The same for some of the scans, which are then numbered 0, 1, ...; their progress goes on."""
         part = copy(self)
         part._scans = [self._scans[k] for k in chosen]
+        part._numbers = [self._numbers[k] for k in chosen]
         return part
+
+    @property
+    def workers(self) -> int:
+        """How many there are now, at least 1: so many pairs are registered at a time."""
+        return max(1, self._execution.executor.worker_count())
 
     def step_done(self, stage: str) -> None:
         """End a stage that is one step of the progress."""
@@ -154,7 +161,8 @@ class PairRunner:
         """The pair with its result, counted as done."""
         registration, failure = from_text(text.content)
         i, j = candidate.i, candidate.j
-        self._execution.timings.pairs.append(PairTime(i, j, text.seconds, from_journal))
+        time = PairTime(self._numbers[i], self._numbers[j], text.seconds, from_journal)
+        self._execution.timings.pairs.append(time)
         self._step(f"{_label(self._scans[i], self._scans[j])}: {_result_in_words(registration, failure)}")
         return replace(candidate, registration=registration, failure=failure)
 

@@ -9,7 +9,7 @@ class PairTime:
     """How long one pair took.
 
     Attributes:
-        target, source: indices of its scans.
+        target, source: indices of its scans among all of the survey.
         seconds: how long it took when it was computed, with the preparing of its scans [s].
         from_journal: whether an earlier run computed it.
     """

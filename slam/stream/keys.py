@@ -21,6 +21,9 @@ _DENSE_WAY, _DENSE_TURN = 2.0, float(np.radians(4.0))
 _WAY, _TURN, _OVERLAP = 8.0, float(np.radians(15.0)), 0.7
 # What of this is aimed at; a stride at most doubles, and is never longer than so many scans.
 _AIM, _LONGEST = 0.8, 256
+# Most pairs that are registered at a time where there are as many workers; it is ever less likely that a pair further
+# on is one of those that the search asks for.
+_AT_A_TIME = 4
 
 
 @dataclass(frozen=True, slots=True)
@@ -96,9 +99,14 @@ def _gallop(
     runner: PairRunner, scans: Sequence[int], voxel: float, settings: KeySettings
 ) -> tuple[list[int], list[Pair]]:
     keys, pairs, at, stride, usual = [scans[0]], list[Pair](), 0, 1, 1
+    registered: dict[tuple[int, int], Pair] = {}
     while at < len(scans) - 1:
         stride = min(stride, len(scans) - 1 - at)
-        pair = runner.register([Pair(scans[at], scans[at + stride], "sequential")])[0]
+        if (scans[at], scans[at + stride]) not in registered:
+            ahead = _even_strides(scans, at, stride, min(runner.workers, _AT_A_TIME))
+            new = [pair for pair in ahead if pair.scans not in registered]
+            registered |= {pair.scans: pair for pair in runner.register(new)}
+        pair = registered[scans[at], scans[at + stride]]
         if not pair.accepted and not pair.placed and stride > 1:
             stride = max(1, stride // 2)
             continue
@@ -111,6 +119,14 @@ def _gallop(
         else:
             stride = min(2 * stride, usual) if pair.placed else 1
     return keys, pairs
+
+
+def _even_strides(scans: Sequence[int], at: int, stride: int, count: int) -> list[Pair]:
+    """The next pair and what `count` - 1 would follow it if the strides stayed as they are: work for other workers,
+    which changes no result, as the search takes only what it asks for."""
+    last = len(scans) - 1
+    starts = range(at, last, stride)[:count]
+    return [Pair(scans[k], scans[min(k + stride, last)], "sequential") for k in starts]
 
 
 def _share(registration: Registration, voxel: float, settings: KeySettings) -> float:

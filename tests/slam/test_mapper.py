@@ -7,6 +7,8 @@ import pytest
 from scipy.spatial.transform import RigidTransform
 
 from kernels.errors import DeviceError, InputError
+from slam.execute.runner import Execution
+from slam.execute.worker import Worker
 from slam.graph.trajectory import chain
 from slam.loops.candidates import find_candidates
 from slam.loops.settings import LoopSettings
@@ -180,6 +182,25 @@ def test_a_machine_that_fails_is_no_pair_that_fails():
 
     with pytest.raises(DeviceError, match="9 GiB"):
         Mapper(KnowingRegistrar(truth, COVARIANCE, too_large), VOXEL).run(scans_of(truth))
+
+
+@pytest.mark.parametrize("fault", [DeviceError("this needs 9 GiB"), KeyboardInterrupt()])
+def test_however_it_ends_the_prepared_scans_are_released(fault: BaseException) -> None:
+    """Else a program that goes on, as a notebook does, has no device memory left for the next."""
+    truth, released = ring_poses(3, turns=0.1), list[bool]()
+
+    class Noted(Worker):
+        def release(self) -> None:
+            released.append(True)
+            super().release()
+
+    def fail(i: int, j: int, given: Registration) -> Registration:
+        raise fault
+
+    registrar = KnowingRegistrar(truth, COVARIANCE, fail)
+    with pytest.raises(type(fault)):
+        Mapper(registrar, VOXEL, execution=Execution(Noted(registrar, 3))).run(scans_of(truth))
+    assert released == [True]
 
 
 @pytest.mark.parametrize("count", [0, 1])

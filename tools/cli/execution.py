@@ -17,8 +17,8 @@ if TYPE_CHECKING:
     from slam.execute.runner import Execution
     from slam.execute.worker import PairWorker
 
-# Beside the journal: whoever holds the journal's lock may delete what a killed run left.
-SPOOL = f"{LEFTOVER_PREFIX}scans"
+# Beside the journal: whoever holds the folder's lock may delete what a killed run left.
+SPOOL = f"{LEFTOVER_PREFIX}scans."
 
 
 @dataclass(frozen=True, slots=True)

@@ -30,6 +30,7 @@ class ExportFormat:
         coordinates: which its numbers are: projected, latitude and longitude, or the map's own.
         details: what its side-car says beside what all of them say.
         of_all_parts: whether one file is about all parts of a map.
+        beside: the names of further files that `write` may write.
     """
 
     file: str
@@ -39,6 +40,12 @@ class ExportFormat:
     coordinates: Literal["projected", "geographic", "map"] = "projected"
     details: Details | None = None
     of_all_parts: bool = False
+    beside: tuple[str, ...] = ()
+
+    @property
+    def files(self) -> tuple[str, ...]:
+        """The names of all its files, each with a place for the part's suffix."""
+        return self.file, *self.beside
 
 
 def _late(module: str, function: str) -> Callable[..., Any]:
@@ -64,6 +71,7 @@ FORMATS = {
         needs_place=True,
         words="a grid of heights from above, with standard deviation and count, GeoTIFF, and its style for QGIS",
         details=_late("geotiff", "geotiff_details"),
+        beside=("grid{}.qml",),
     ),
     "kml": ExportFormat(
         "map{}.kml",
@@ -148,5 +156,6 @@ FORMATS = {
         words="the pose graph, g2o, and beside it the name, time and frame of its vertices, CSV",
         coordinates="map",
         of_all_parts=True,
+        beside=("graph{}.g2o",),
     ),
 }

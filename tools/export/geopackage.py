@@ -76,7 +76,7 @@ def _column(name: str, values: Sequence[Any]) -> tuple[np.ndarray, np.ndarray]:
         texts = ["" if value is None else value.encode("utf-8", "backslashreplace").decode() for value in values]
         return np.array(texts, dtype=object), missing
     filled = [kind(0) if value is None else value for value in values]
-    return np.array(filled, dtype={bool: np.bool_, int: np.int32, float: np.float64}[kind]), missing
+    return np.array(filled, dtype={bool: np.bool_, int: np.int64, float: np.float64}[kind]), missing
 
 
 def _wkb(places: np.ndarray) -> bytes:

@@ -1,7 +1,9 @@
 # pyright: strict
 """A finished map to the formats of other programs: all chosen files of all parts, or none."""
 
+import re
 from collections.abc import Callable, Sequence
+from contextlib import nullcontext
 from dataclasses import dataclass
 from pathlib import Path
 
@@ -14,8 +16,9 @@ from tools.export.map_folder import MapFolder, MapPart
 from tools.export.side_car import side_car_content
 from tools.geo.georeference import EAST, VERTICALS, Georeference
 from tools.geo.projection import Projection
-from tools.output.folder import SUMMARY, side_car
+from tools.output.folder import OF_ALL, SUMMARY, earlier_files, side_car
 from tools.writers.atomic import all_or_none, require_writable
+from tools.writers.folder_lock import locked
 from tools.writers.json_text import write_json
 
 
@@ -67,6 +70,19 @@ def check_settings(settings: ExportSettings, georeference: Georeference | None) 
         raise InputError("--crs has no effect on a map whose place is not known; give --origin too, or leave it out")
 
 
+def check_files(settings: ExportSettings, out: Path) -> None:
+    """Refuse, before a map is computed, to replace a file in its folder that neither a map nor an export wrote.
+
+    Raises:
+        InputError: naming the file.
+    """
+    names = [re.escape(file).replace(r"\{\}", r"(_\d+)?") for name in settings.formats for file in FORMATS[name].files]
+    ours = {*earlier_files(out), *OF_ALL}
+    for path in sorted(out.glob("*")):
+        if path.name not in ours and re.fullmatch("|".join(names), path.name):
+            _require_ours(path)
+
+
 def export_map(
     folder: MapFolder, to: Path, settings: ExportSettings, step: Callable[[int, int, str], None] | None = None
 ) -> Exported:
@@ -95,9 +111,10 @@ def export_map(
         if earths[part.suffix] is not None or not FORMATS[name].needs_place
     ]
     require_writable(to)
-    for name, part in jobs:
-        _require_ours(to / FORMATS[name].file.format(part.suffix))
-    with all_or_none() as written:
+    in_map = to.resolve() == folder.path.resolve()
+    with nullcontext() if in_map else locked(to, writing=True), all_or_none() as written:
+        for name, part in jobs:
+            _require_ours(to / FORMATS[name].file.format(part.suffix))
         for done, (name, part) in enumerate(jobs):
             if step is not None:
                 step(done, len(jobs), FORMATS[name].file.format(part.suffix))
@@ -105,7 +122,7 @@ def export_map(
         if step is not None:
             step(len(jobs), len(jobs), "")
         files = tuple(path for _, path in written)
-        if to.resolve() == folder.path.resolve():
+        if in_map:
             listed = dict.fromkeys([*folder.summary.get("files", []), *(path.name for path in files)])
             write_json(to / SUMMARY, {**folder.summary, "files": list(listed)})
     return Exported(files, tuple(_notes(folder, settings, earths)))

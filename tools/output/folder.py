@@ -31,6 +31,7 @@ from tools.writers.json_text import write_json
 from tools.writers.points import WRITERS, write_points
 from tools.writers.trajectory import TRAJECTORY_WRITERS, write_trajectory
 
+OF_EACH = ("map{}.ply", "map{}.png", "trajectory{}.tum")  # with a place for the number of the component
 GRAPH, FULL_GRAPH, SUMMARY = "graph.g2o", "graph.json", "summary.json"
 OF_ALL = (GRAPH, FULL_GRAPH, PAIRS, SUMMARY)  # the files of all components
 TIMES, JOURNAL = "times.json", "journal.sqlite"
@@ -46,7 +47,7 @@ _OF_PART = re.compile(_MAP.pattern + rf"|(map|loops|profile)(_\d+)?\.png|traject
 def part_files(result: SurveyResult, rank: int, also: Iterable[str] = ()) -> list[str]:
     """The files of the component that is map number `rank`, 1 for the largest; `also` as for `write_survey`."""
     c = placed(result.components)[rank - 1]
-    names = ["map{}.ply", "map{}.png", "trajectory{}.tum", *(EXPORTS[name] for name in also)]
+    names = [*OF_EACH, *(EXPORTS[name] for name in also)]
     suffixes = [".ply", *(f".{name}" for name in also if f".{name}" in WRITERS)]
     layers = [f"{{}}_survey_{number}" for number in result.parts[c].layers]
     names += [f"map{layer}{suffix}" for layer in layers for suffix in suffixes]
@@ -115,7 +116,7 @@ def write_survey(
     Raises:
         InputError: a file cannot be written.
     """
-    earlier = _earlier_files(folder)
+    earlier = earlier_files(folder)
     files = [part_files(result, rank, also) for rank in range(1, len(placed(result.components)) + 1)]
     description = {"name": device.name, "platform": device.platform} if device else None
     summary = survey_summary(result, list(names), settings, description, unread, inputs, georeference)
@@ -130,7 +131,7 @@ def write_survey(
     return folder / SUMMARY
 
 
-def _earlier_files(folder: Path) -> set[str]:
+def earlier_files(folder: Path) -> set[str]:
     """The components' files of an earlier run in the folder, and what was exported of it, as its summary lists them;
     none without a summary."""
     try:

@@ -7,6 +7,7 @@ from collections.abc import Iterator, Sequence
 from contextlib import contextmanager, suppress
 from contextvars import ContextVar
 from pathlib import Path
+from secrets import token_hex
 
 from kernels.errors import InputError
 
@@ -26,18 +27,16 @@ def atomic_path(path: Path) -> Iterator[Path]:
     path = Path(path)
     if path.is_dir():
         raise InputError(f"cannot write {path}: a folder of that name is there. Choose another output folder.")
+    temporary, waiting = path.with_name(f"{LEFTOVER_PREFIX}{token_hex(8)}{path.suffix}"), _waiting.get()
     try:
         path.parent.mkdir(parents=True, exist_ok=True)
-        descriptor, name = tempfile.mkstemp(prefix=LEFTOVER_PREFIX, suffix=path.suffix, dir=path.parent)
-        os.close(descriptor)
+        temporary.touch(exist_ok=False)  # with the permissions of any new file, which tempfile's have not
     except OSError as error:
         raise _cannot_write(path, error) from error
-    temporary, waiting = Path(name), _waiting.get()
     try:
         yield temporary
         with temporary.open("rb+") as file:
             os.fsync(file.fileno())
-        temporary.chmod(0o666 & ~_umask())
         if waiting is None:
             temporary.replace(path)
             appeared.append(path)
@@ -84,7 +83,7 @@ def all_or_none() -> Iterator[Sequence[tuple[Path, Path]]]:
 def clear_leftovers(folder: Path) -> None:
     """Remove the temporary files and folders of a run that was killed; only for who has the folder to itself."""
     for path in folder.glob(f"{LEFTOVER_PREFIX}*"):
-        if path.is_dir():
+        if path.is_dir() and not path.is_symlink():
             shutil.rmtree(path, ignore_errors=True)
         else:
             discard(path)
@@ -116,9 +115,3 @@ def _cannot_write(path: Path, error: OSError) -> InputError:
         f"cannot write {path}: {error.strerror or error}. Choose another output folder, or make room and check "
         "its permissions; what was there before is as it was. 'sonarmap doctor OUT' looks at a folder OUT and its disk."
     )
-
-
-def _umask() -> int:
-    mask = os.umask(0)
-    os.umask(mask)
-    return mask

@@ -154,6 +154,12 @@ def test_timings_say_what_came_from_the_journal(work: Work) -> None:
         assert list(timings.stages) == ["pairs registered", "optimized"]
 
 
+def test_timings_number_the_scans_of_a_part_as_the_survey_does(work: Work) -> None:
+    with work.execution("here") as execution:
+        PairRunner(execution, SCANS, 0, None).of([1, 3, 5, 8]).of([0, 1, 3]).register(candidates([(0, 1), (1, 2)]))
+    assert [(time.target, time.source) for time in execution.timings.pairs] == [(1, 3), (3, 8)]
+
+
 @pytest.mark.parametrize("kind", ["here", "processes 2"])
 def test_signatures_are_kept_too(work: Work, kind: str) -> None:
     for _ in range(2):

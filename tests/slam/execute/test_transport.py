@@ -1,5 +1,8 @@
 """Scans on their way to other processes of this machine: each is read when it is needed, written once, and removed."""
 
+import io
+import os
+import pickle
 from collections.abc import Iterator, Sequence
 from functools import partial
 from pathlib import Path
@@ -9,7 +12,7 @@ import pytest
 from numpy.testing import assert_array_equal
 from scipy.spatial.transform import RigidTransform
 
-from kernels.errors import InputError
+from kernels.errors import DeviceError, InputError
 from slam.execute.executor import processes
 from slam.execute.runner import Execution, PairRunner
 from slam.execute.scan_key import scan_key
@@ -42,16 +45,17 @@ class Counted(Sequence[Scan]):
 
 
 def test_a_scan_is_read_for_its_key_and_for_its_file_and_never_again(tmp_path: Path) -> None:
-    scans, folder = Counted(), tmp_path / "spool"
-    with processes(2, spool=folder) as executor:
+    scans = Counted()
+    with processes(2, spool=tmp_path / "spool") as executor:
         runner = PairRunner(Execution(worker_spec(COUNT, tmp_path / "notes"), executor), scans, 0, None)
         assert scans.read == [1] * COUNT
-        assert not folder.exists()
+        assert not list(tmp_path.glob("spool*"))
         runner.register(PAIRS[:2])
         assert scans.read == [2] * 3 + [1] * (COUNT - 3)
         runner.register(PAIRS)
         runner.signatures()
         assert scans.read == [2] * COUNT
+        (folder,) = tmp_path.glob("spool*")
         assert len(list(folder.iterdir())) == COUNT
         assert folder.stat().st_mode & 0o077 == 0
     assert not folder.exists()
@@ -61,7 +65,7 @@ def test_a_stopped_run_leaves_nothing(tmp_path: Path) -> None:
     def run() -> None:
         with processes(2, spool=tmp_path / "spool") as executor:
             PairRunner(Execution(worker_spec(COUNT, tmp_path / "notes"), executor), SCANS, 0, None).register(PAIRS)
-            assert (tmp_path / "spool").exists()
+            assert len(list(tmp_path.glob("spool*"))) == 1
             raise KeyboardInterrupt
 
     with pytest.raises(KeyboardInterrupt):
@@ -71,8 +75,9 @@ def test_a_stopped_run_leaves_nothing(tmp_path: Path) -> None:
 
 def test_a_scan_comes_back_as_it_was(tmp_path: Path) -> None:
     points = np.random.default_rng(1).normal(size=(9, 3)).astype(np.float32)
-    prior = PosePrior(RigidTransform.from_translation([1, 2, 3]), np.array([1, 1, np.inf, np.inf, np.inf, 2.0]))
-    scan = Scan(points, points[:, 0] ** 2, 7.5, prior, "a name", -points)
+    T_world_sensor = RigidTransform.from_exp_coords([0.1, 0.7, -0.3, 1, 2, 3])
+    prior = PosePrior(T_world_sensor, np.array([1, 1, np.inf, np.inf, np.inf, 2.0]))
+    scan = Scan(points, points[:, 0] ** 2, 7.5, prior, "a name\udce9 of \N{GREEK SMALL LETTER ALPHA}", -points)
     with spooled(None) as spool:
         source = spool.source(scan_key(scan), partial(iter([scan]).__next__))
         back = source.load()
@@ -82,6 +87,63 @@ def test_a_scan_comes_back_as_it_was(tmp_path: Path) -> None:
         assert_array_equal(getattr(back, name), getattr(scan, name))
     assert (back.name, back.stamp) == (scan.name, scan.stamp)
     assert scan_key(back) == scan_key(scan)
+
+
+class Harmful:
+    """Unpickled, it makes a folder."""
+
+    def __init__(self, mark: Path) -> None:
+        self.mark = mark
+
+    def __reduce__(self) -> tuple[object, tuple[str]]:
+        return os.mkdir, (str(self.mark),)
+
+
+@pytest.mark.parametrize("planted", ["folder", "link"])
+def test_what_others_left_where_scans_are_expected_is_neither_read_nor_written(tmp_path: Path, planted: str) -> None:
+    """Pickles of an earlier version too, which began with the number of the scan."""
+    elsewhere = tmp_path / "elsewhere"
+    theirs = elsewhere if planted == "link" else tmp_path / "spool"
+    theirs.mkdir(mode=0o777)
+    if planted == "link":
+        (tmp_path / "spool").symlink_to(elsewhere)
+    for k in range(COUNT):
+        for suffix in ("scan", "npz"):
+            (theirs / f"{k}.{suffix}").write_bytes(pickle.dumps(Harmful(tmp_path / "harmed")))
+    before = {path.name: path.read_bytes() for path in theirs.iterdir()}
+    with processes(2, spool=tmp_path / "spool") as executor:
+        runner = PairRunner(Execution(worker_spec(COUNT, tmp_path / "notes"), executor), SCANS, 0, None)
+        pairs = runner.register(PAIRS)
+    assert [pair.scans for pair in pairs if pair.registration is None] == [p.scans for p in PAIRS if 2 in p.scans]
+    assert {path.name: path.read_bytes() for path in theirs.iterdir()} == before
+    assert not (tmp_path / "harmed").exists()
+
+
+def bytes_of(**arrays: np.ndarray) -> bytes:
+    file = io.BytesIO()
+    np.savez(file, allow_pickle=True, **arrays)
+    return file.getvalue()
+
+
+@pytest.mark.parametrize("kind", ["pickle", "pickled array", "another array", "cut", "empty", "gone"])
+def test_a_file_that_was_changed_runs_no_code_and_is_told(tmp_path: Path, kind: str) -> None:
+    """The machine's fault, not the pair's: nothing goes into the journal."""
+    harmful = Harmful(tmp_path / "harmed")
+    with spooled(tmp_path / "spool") as spool:
+        source = spool.source(scan_key(SCANS[3]), lambda: SCANS[3])
+        contents = {
+            "pickle": pickle.dumps(harmful),
+            "pickled array": bytes_of(points=np.array([harmful], dtype=object)),
+            "another array": bytes_of(points=np.zeros((2, 2))),
+            "cut": source.path.read_bytes()[:-300],
+            "empty": b"",
+        }
+        source.path.unlink()
+        if kind in contents:
+            source.path.write_bytes(contents[kind])
+        with pytest.raises(DeviceError, match="was removed or changed"):
+            source.load()
+    assert not (tmp_path / "harmed").exists()
 
 
 def test_a_folder_that_cannot_be_written_is_told(tmp_path: Path) -> None:

@@ -1,6 +1,6 @@
 """Dense streams: few key scans, and every scan in the map."""
 
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from dataclasses import replace
 
 import numpy as np
@@ -12,6 +12,7 @@ from slam.execute.runner import Execution, PairRunner
 from slam.loops.settings import LoopSettings
 from slam.mapper import Mapper, MapperSettings
 from slam.motion.odometry import Odometry
+from slam.pair import Pair
 from slam.stream.keys import KeySettings, choose_keys
 from slam.survey_result import SurveyResult
 from spectral.result import Registration
@@ -106,6 +107,37 @@ def test_strides_go_on_along_a_wall() -> None:
 
     assert max(strides(place=0.3)) == 1
     assert min(strides(place=0.95)) > 3
+
+
+@pytest.mark.parametrize("widest", [1.5, 0.6])
+def test_idle_workers_register_ahead_and_the_key_scans_are_the_same(widest: float) -> None:
+    """Also where many strides are refused."""
+
+    def spoil(i: int, j: int, given: Registration) -> Registration:
+        way = float(np.linalg.norm((STREAM[i].inv() * STREAM[j]).translation))
+        return reach(i, j, given) if way < widest else replace(given, accepted=False, probability=0.0)
+
+    def searched(workers: int) -> tuple[list[int], list[tuple[int, int]], list[int]]:
+        here = Execution.here(KnowingRegistrar(STREAM, COVARIANCE, spoil), 2)
+        executor = replace(here.executor, worker_count=lambda: workers)
+        runner, at_a_time = PairRunner(replace(here, executor=executor), SCANS, 2, None), list[int]()
+        register = runner.register
+
+        def counted(candidates: Sequence[Pair]) -> list[Pair]:
+            at_a_time.append(len(candidates))
+            return register(candidates)
+
+        runner.register = counted
+        keys, pairs = choose_keys(runner, np.zeros(COUNT, np.intp), VOXEL, KeySettings())
+        return keys, [pair.scans for pair in pairs], at_a_time[1:]  # the probes are registered together
+
+    keys, pairs, alone = searched(workers=1)
+    assert set(alone) == {1}
+    for workers in (3, 100):
+        others_keys, others_pairs, at_a_time = searched(workers)
+        assert (others_keys, others_pairs) == (keys, pairs)
+        assert max(at_a_time) <= 4
+        assert len(at_a_time) < len(alone) / 1.5
 
 
 def test_a_survey_that_is_no_stream_is_registered_scan_by_scan() -> None:

@@ -4,6 +4,7 @@ import shutil
 import sqlite3
 import struct
 import subprocess
+from dataclasses import replace
 from datetime import datetime
 from pathlib import Path
 from typing import Any
@@ -89,6 +90,17 @@ def test_times_that_are_none_are_null(tmp_path: Path) -> None:
     with sqlite3.connect(tmp_path / "track.gpkg") as base:
         assert set(base.execute("SELECT utc, unix_s FROM scans")) == {(None, None)}
     base.close()
+
+
+@pytest.mark.parametrize("survey", [2**31, 2**63 - 1, -(2**31) - 1])
+def test_large_numbers_are_written_as_they_are(tmp_path: Path, survey: int) -> None:
+    """All that a summary.json may hold."""
+    earth = dive()
+    rows = [{"survey": survey}] * 6
+    folder = replace(earth.folder, summary={"scans": rows})
+    path = written(tmp_path, replace(earth, folder=folder))
+    for layer in ("scans", "track"):
+        assert set(read(path, layer)[2]["survey"].tolist()) == {survey}
 
 
 def test_names_may_hold_anything(tmp_path: Path) -> None:

@@ -69,6 +69,14 @@ def test_every_file_has_a_side_car_that_says_what_it_is(one: Path, tmp_path: Pat
     assert side_car(tmp_path / "gis" / "map.kmz")["crs"]["epsg"] == 4326
 
 
+def test_every_format_writes_the_files_that_its_row_says(one: Path, tmp_path: Path) -> None:
+    """Of these `map --export` knows before it maps what it would replace."""
+    for name, known in FORMATS.items():
+        files = export_map(read_map_folder(one), tmp_path / name, ExportSettings((name,))).files
+        written = {path.name for path in files if not (path.suffix == ".json" and path.with_suffix("") in files)}
+        assert written == {file.format("") for file in known.files}, name
+
+
 def test_the_heading_on_the_grid_is_the_true_one_less_the_convergence(one: Path, tmp_path: Path) -> None:
     """3 degrees from the central meridian at 60 degrees north, grid north is 3 sin 60 = 2.598 degrees east of true."""
     export_map(read_map_folder(one), tmp_path, LAZ)

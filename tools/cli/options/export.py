@@ -61,11 +61,12 @@ CellOption = Annotated[
 
 
 def export_settings(
-    formats: list[str], crs: str | None, also: list[str], georeference: "Georeference | None"
+    formats: list[str], crs: str | None, also: list[str], georeference: "Georeference | None", out: Path
 ) -> "ExportSettings":
-    """What --export and --crs ask for, refused now where it could not be done when the map is there."""
-    from tools.export.run import ExportSettings, check_settings
+    """What --export and --crs ask for, refused now where it could not be done when the map is there, in `out`."""
+    from tools.export.run import ExportSettings, check_files, check_settings
     from tools.output.exports import EXPORTS
+    from tools.output.folder import OF_EACH
 
     if crs is not None and not formats:
         raise InputError("--crs has no effect without --export; leave it out, or name a format")
@@ -73,6 +74,10 @@ def export_settings(
     check_settings(settings, georeference)
     if both := [name for name in also if EXPORTS[name] in {FORMATS[chosen].file for chosen in formats}]:
         raise InputError(f"--also and --export would both write {EXPORTS[both[0]].format('')}; leave one out")
+    if own := [name for name in formats if FORMATS[name].file in OF_EACH]:
+        file = FORMATS[own[0]].file.format("")
+        raise InputError(f"--export {own[0]} would write {file}, which `map` writes anyway; leave it out")
+    check_files(settings, out)
     return settings
 
 

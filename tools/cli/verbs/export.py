@@ -37,10 +37,12 @@ def command(
     """
     from tools.export.map_folder import read_map_folder
     from tools.export.run import ExportSettings
+    from tools.writers.folder_lock import locked
 
-    folder = read_map_folder(source)
-    folder = replace(folder, georeference=georeference_of(origin, origin_heading, vertical, folder.georeference))
-    exported = export_with_progress(folder, to, ExportSettings(tuple(formats), crs, cell), quiet or as_json)
+    with locked(source, writing=to.resolve() == source.resolve()):
+        folder = read_map_folder(source)
+        folder = replace(folder, georeference=georeference_of(origin, origin_heading, vertical, folder.georeference))
+        exported = export_with_progress(folder, to, ExportSettings(tuple(formats), crs, cell), quiet or as_json)
     if as_json:
         typer.echo(json.dumps([str(path) for path in exported.files]))
     else:

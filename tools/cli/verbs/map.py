@@ -1,7 +1,8 @@
 """`sonarmap map`: scans in, a map out."""
 
 import time
-from collections.abc import Mapping
+from collections.abc import Iterator, Mapping
+from contextlib import contextmanager
 from dataclasses import replace
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Any
@@ -177,27 +178,39 @@ def command(
     navigation = navigation_settings(given, georeference_of(origin, origin_heading, vertical))
     read, georeference = _navigated(given, navigation, imu and options.uses_priors, silent)
     hand = hand_of(given, read.scans, georeference)
-    exports = export_settings(export, crs, also, hand.georeference)
+    exports = export_settings(export, crs, also, hand.georeference, out)
     reckoned = odometry_of(read.scans, odometry, odometry_drift, navigation)
     configured = configure_method(read.scans, options, survey=True)
     if contradiction := contradiction_of(read.scans, read.surveys, configured.registrar, silent):
         warn(f"{contradiction}; correct {priors}, or say how it is meant (docs/navigation.md)")
     described = {**navigation_summary(given), **corrections_summary(given), **hand_summary(given)}
     settings = {"inputs": inputs, **described, **configured.settings, "mapper": mapping}
-    result = _map(read, reckoned, configured, execution_options, settings, out, also, hand, silent)
-    names, on_earth = [scan.name for scan in read.scans], hand.georeference is not None
-    mapped = Mapped(result, names, out, also, len(read.unread), on_earth)
-    later: list[str] = []
-    try:
-        _write_more(out, report, exports, silent, later)
-    finally:  # the map is there, whatever its report and export came to
-        if not as_json:
-            print_mapped(replace(mapped, later=later, seconds=time.monotonic() - start), verbose)
+    with _folder_alone(out):
+        result = _map(read, reckoned, configured, execution_options, settings, out, also, hand, silent)
+        names, on_earth = [scan.name for scan in read.scans], hand.georeference is not None
+        mapped = Mapped(result, names, out, also, len(read.unread), on_earth)
+        later: list[str] = []
+        try:
+            _write_more(out, report, exports, silent, later)
+        finally:  # the map is there, whatever its report and export came to
+            if not as_json:
+                print_mapped(replace(mapped, later=later, seconds=time.monotonic() - start), verbose)
     if as_json:
         print_summary(out)
         warn_of_faults(mapped, verbose)
     if not mapped.whole:
         raise typer.Exit(INCOMPLETE)
+
+
+@contextmanager
+def _folder_alone(out: Path) -> Iterator[None]:
+    """The folder, made where it is missing, is this run's alone until its last file is written."""
+    from tools.writers.atomic import require_writable
+    from tools.writers.folder_lock import locked
+
+    require_writable(out)
+    with locked(out, writing=True):
+        yield
 
 
 def _write_more(out: Path, report: bool, exports: "ExportSettings", quiet: bool, written: list[str]) -> None:
@@ -277,15 +290,14 @@ def _map(
     from tools.output.folder import JOURNAL, write_survey
     from tools.output.inputs import input_rows
     from tools.output.times import survey_times
-    from tools.writers.atomic import clear_leftovers, require_writable
+    from tools.writers.atomic import clear_leftovers
 
     prepared = prepared_limit(configured.registrar, options.workers)
     names = [scan.name for scan in read.scans]
-    require_writable(out)
     instruments = [Path(settings[name]) for name in ("priors", "odometry", "ties", "control") if name in settings]
     inputs = input_rows([*read.files, *instruments])  # now: while the scans are mapped, files may change
     with open_execution(configured, prepared, options, out / JOURNAL, quiet) as execution:
-        clear_leftovers(out)  # the journal is locked: no other run writes here
+        clear_leftovers(out)  # the folder and its journal are locked: no other run writes here
         mapper = Mapper(configured.registrar, configured.grid.voxel, settings["mapper"], execution)
         with growing_progress("mapping", quiet) as step:
             step(0, len(read.scans), "preparing the first scans")

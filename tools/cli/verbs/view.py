@@ -35,8 +35,10 @@ def command(
     if write:
         from tools.export.map_folder import read_map_folder
         from tools.report.page.page import write_report
+        from tools.writers.folder_lock import locked
 
-        write_report(read_map_folder(source))
+        with locked(source, writing=True):
+            write_report(read_map_folder(source))
         typer.echo(f"written to {printable(str(source))}: {REPORT}")
     report = _report_in(source)
     if show:

@@ -6,7 +6,7 @@ from pathlib import Path
 import laspy
 import pytest
 
-from tests.samples.clutter_scans import scan, sonarmap, write
+from tests.samples.clutter_scans import said, scan, sonarmap, write
 from tests.tools.export.finished import finished_map
 
 ORIGIN = ("--origin", "60.3913,5.3221,-3")
@@ -134,6 +134,48 @@ def test_map_refuses_before_it_maps(tmp_path: Path, options: tuple[str, ...], wo
     assert result.exit_code == 2
     assert words in result.stderr
     assert not (tmp_path / "out").exists()
+
+
+@pytest.mark.parametrize(
+    ("name", "there", "options", "words"),
+    [
+        ("tum", (), (), "--export tum would write trajectory.tum, which map writes anyway; leave it out"),
+        ("tum", ("trajectory.tum",), (), "which map writes anyway"),
+        ("kitti", (), ("--also", "kitti"), "--also and --export would both write trajectory.kitti"),
+        ("laz", ("map.laz",), ORIGIN, "map.laz is there already"),
+        ("laz", ("map_3.laz",), ORIGIN, "map_3.laz is there already"),
+        ("geotiff", ("grid.qml",), ORIGIN, "grid.qml is there already"),
+        ("g2o", ("graph.csv",), (), "graph.csv is there already"),
+    ],
+)
+def test_map_refuses_files_that_its_exports_would_replace_before_it_maps(
+    tmp_path: Path, name: str, there: tuple[str, ...], options: tuple[str, ...], words: str
+) -> None:
+    out = tmp_path / "out"
+    out.mkdir()
+    write(tmp_path / "scans", scan_0=scan(0), scan_1=scan(1))
+    for file in there:
+        (out / file).write_text("mine")
+    result = sonarmap("map", tmp_path / "scans", "-o", out, "--grid", "64", "--export", name, *options)
+    assert result.exit_code == 2
+    said(result, words)
+    assert {path.name for path in out.iterdir()} == {*there}  # not even a journal
+    assert all((out / file).read_text() == "mine" for file in there)
+
+
+def test_map_exports_over_what_it_or_an_export_wrote_before(tmp_path: Path) -> None:
+    """What the user put beside it under names of no export is left alone."""
+    write(tmp_path / "scans", scan_0=scan(0), scan_1=scan(1))
+    out = tmp_path / "out"
+    run = ("map", tmp_path / "scans", "-o", out, "--grid", "64", "--no-report")
+    assert sonarmap(*run, "--also", "kitti").exit_code == 0
+    (out / "my_map.pcd").write_text("mine")
+    for _ in range(2):
+        result = sonarmap(*run, "--export", "kitti,g2o,pcd")
+        assert result.exit_code == 0, result.stderr
+        exported = {"trajectory.kitti", "trajectory.kitti.json", "graph.csv", "map.pcd"}
+        assert exported <= {path.name for path in out.iterdir()}
+    assert (out / "my_map.pcd").read_text() == "mine"
 
 
 def test_a_heading_beside_measured_ones_is_refused(tmp_path: Path) -> None:
