@@ -12,6 +12,8 @@ from spectral.expected import ExpectedPose
 from spectral.result import Registration
 
 Role = Literal["sequential", "bridge", "loop"]
+# How the failure begins of a pair that says nothing of its scans.
+DEFECT = "an error of the method, not of the scans: "
 
 
 @dataclass(frozen=True, slots=True)
@@ -60,6 +62,11 @@ class Pair:
     def scans(self) -> tuple[int, int]:
         """(i, j)."""
         return self.i, self.j
+
+    @property
+    def is_defect(self) -> bool:
+        """Whether it failed though both scans could be prepared: scans that do not fit are refused."""
+        return self.failure.startswith(DEFECT)
 
     @property
     def accepted(self) -> bool:

@@ -94,6 +94,9 @@ class Registrar(Protocol):
     def register(self, target: Any, source: Any) -> Registration:
         """T_target_source of two prepared scans, its covariance, and whether to believe it.
 
+        Scans that do not fit are no error: the result is one that is not accepted. A survey calls an InputError an
+        error of the method.
+
         Args:
             target, source: from `prepare`.
         """

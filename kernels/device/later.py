@@ -6,7 +6,7 @@ import pyopencl as cl
 import pyopencl.array as cla
 
 from kernels.device.device import Device
-from kernels.device.launch import buffer_of
+from kernels.device.launch import memory_of
 
 
 class Later:
@@ -16,13 +16,14 @@ class Later:
         """Queue the copy; nothing waits.
 
         Raises:
-            InputError: the array is a slice that begins where the device can pass no buffer.
             DeviceError: the device has no memory left.
         """
         self._host = np.empty(array.shape, array.dtype)
         self._array = array  # whose memory must not go to another one before
         with device.explain_full_memory():
-            self._copied = cl.enqueue_copy(device.queue, self._host, buffer_of(device, array), is_blocking=False)
+            self._copied = cl.enqueue_copy(
+                device.queue, self._host, memory_of(array), src_offset=array.offset, is_blocking=False
+            )
             device.queue.flush()
 
     def get(self) -> np.ndarray:

@@ -18,6 +18,7 @@ _TABLES: WeakKeyDictionary[Device, dict[tuple, cla.Array]] = WeakKeyDictionary()
 _MOST_ITEMS = cl.kernel_work_group_info.WORK_GROUP_SIZE
 _TABLES_KEPT = 128
 _CLEARED = 4096  # bytes of one work-item
+_FLOAT = 4  # bytes
 
 
 def launch(
@@ -25,7 +26,7 @@ def launch(
     program: str,
     kernel: str,
     size: tuple[int, ...],
-    *arguments: cla.Array | np.generic,
+    *arguments: cla.Array | cl.Buffer | np.generic,
     group: str | tuple[int, ...] | None = None,
     **defines: int | float,
 ) -> None:
@@ -33,7 +34,8 @@ def launch(
 
     Args:
         size: number of work-items along each dimension.
-        arguments: device arrays (or slices of them along the first axis) and NumPy scalars.
+        arguments: device arrays (or slices of them along the first axis), NumPy scalars, and the whole memory of an
+            array, as `memory_of` gives it to a kernel that is told where a slice begins.
         group: what the items are, a key of `kernels.device.groups.GROUPS`: there are then as many more items as whole
             groups need, and the kernel returns beyond what it is given. Or the work-group size itself. None: single
             items on a CPU, elsewhere a group that divides the size.
@@ -48,7 +50,7 @@ def launch(
     if key not in kernels:
         made = cl.Kernel(device.program(program, **defines), kernel)
         # PyOpenCL takes five times as long for a number whose type it does not know
-        made.set_scalar_arg_dtypes([None if isinstance(value, cla.Array) else value.dtype for value in arguments])
+        made.set_scalar_arg_dtypes([value.dtype if isinstance(value, np.generic) else None for value in arguments])
         kernels[key] = made, made.get_work_group_info(_MOST_ITEMS, device.context.devices[0])
     made, most = kernels[key]
     items, group = arrange(device, size, group, most)
@@ -59,7 +61,7 @@ def enqueue(
     device: Device,
     kernel: cl.Kernel,
     size: tuple[int, ...],
-    *arguments: cla.Array | np.generic,
+    *arguments: cla.Array | cl.Buffer | np.generic,
     group: tuple[int, ...] | None,
 ) -> None:
     """Enqueue a kernel of a program that was generated; arguments and errors as in `launch`."""
@@ -170,3 +172,8 @@ def output(
 def memory_of(array: cla.Array) -> cl.Buffer:
     """The whole memory that an array or a slice is in: what it holds begins `array.offset` bytes into it."""
     return cast(cl.Buffer, array.base_data)
+
+
+def begin_of(array: cla.Array) -> np.uint64:
+    """How many floats into that memory an array begins: slices do where no buffer may, at 50 * 50 * 50 floats, say."""
+    return np.uint64(array.offset // _FLOAT)

@@ -9,14 +9,12 @@ import pyopencl as cl
 import pyopencl.array as cla
 
 from kernels.device.device import Device
-from kernels.device.launch import memory_of, output, require_array, table
+from kernels.device.launch import begin_of, memory_of, output, require_array, table
 from kernels.errors import DeviceError
 from kernels.fft import cpu as fft_cpu
 from kernels.fft import gpu as fft_gpu
 from kernels.fft.edges import EDGES
 from kernels.fft.plan import Layout
-
-_FLOAT = 4  # bytes
 
 
 class _Transform:
@@ -37,9 +35,8 @@ class _Transform:
             kernel.set_scalar_arg_dtypes(types)
 
     def __call__(self, *arrays: cla.Array) -> None:
-        # slices begin where no buffer may: 50 * 50 * 50 floats into their memory, say
-        begins = [np.uint64(array.offset // _FLOAT) for array in arrays]
-        buffers: list[Any] = [*(memory_of(array) for array in arrays), *begins, *map(memory_of, self._tables)]
+        begins = map(begin_of, arrays)
+        buffers: list[Any] = [*map(memory_of, arrays), *begins, *map(memory_of, self._tables)]
         with self._device.explain_full_memory():
             for kernel, size, group in self._launches:
                 kernel.set_args(*buffers)

@@ -1,8 +1,8 @@
 // Row-wise reduction of a correlation, finished on the host, and a copy of chosen rows.
 //
-// Layout: values are rows of LENGTH float32; out is (3, rows) float32: each row's maximum, its mean, and the sum of its
-// squared deviations from that mean, so that nothing is lost where the mean is large. The maximum is taken at columns
-// of cyclic distance up to reach from column 0 only.
+// Layout: values are rows of LENGTH float32, of which the first begins so many floats into the memory; out is (3, rows)
+// float32: each row's maximum, its mean, and the sum of its squared deviations from that mean, so that nothing is lost
+// where the mean is large. The maximum is taken at columns of cyclic distance up to reach from column 0 only.
 // Precondition: reach >= 0.
 #ifndef LENGTH
 #define LENGTH 128
@@ -43,11 +43,11 @@ static float row_maximum(__global const float* const row, const int reach) {
 
 // One work-item per ROWS rows: the walks over a row after the first find it in the cache.
 __kernel void row_statistics(__global const float* const restrict values, __global float* const restrict out,
-                             const int rows, const int reach) {
+                             const int rows, const int reach, const ulong begin) {
     const int whole = LENGTH / 8 * 8;
     const int first = get_global_id(0) * ROWS;
     for (int r = first; r < min(first + ROWS, rows); ++r) {
-        __global const float* const row = values + (size_t)r * LENGTH;
+        __global const float* const row = values + begin + (size_t)r * LENGTH;
         float8 sums = 0.0f;
         for (int k = 0; k < whole; k += 8) sums += vload8(0, row + k);
         float sum = sum8(sums);
@@ -67,9 +67,9 @@ __kernel void row_statistics(__global const float* const restrict values, __glob
 }
 
 __kernel void gather_rows(__global const float* const restrict values, __global const int* const restrict rows,
-                          __global float* const restrict out) {
+                          __global float* const restrict out, const ulong begin) {
     const size_t r = get_global_id(0);
-    __global const float* const from = values + (size_t)rows[r] * LENGTH;
+    __global const float* const from = values + begin + (size_t)rows[r] * LENGTH;
     __global float* const to = out + r * LENGTH;
     for (int k = 0; k < LENGTH; ++k) to[k] = from[k];
 }

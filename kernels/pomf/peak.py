@@ -8,7 +8,7 @@ import pyopencl as cl
 import pyopencl.array as cla
 
 from kernels.device.device import Device
-from kernels.device.launch import launch, require_array
+from kernels.device.launch import begin_of, launch, memory_of, require_array
 from kernels.errors import InputError
 from kernels.pomf.peak_fit import Peak, fit_peaks, signed
 
@@ -32,7 +32,7 @@ def find_peaks(
     5 % of the peak count as 5 %, which serves the negative sidelobes of an unblurred correlation too.
 
     Args:
-        correlation: (n0, n1, n2) float32.
+        correlation: (n0, n1, n2) float32; a slice may begin anywhere in its memory.
         count: how many peaks to look for.
         separation: the cyclic distance of two peaks is above this along at least one axis [voxels].
         limits: largest absolute cyclic shift of a peak's voxel along each axis [voxels]; None: any.
@@ -79,7 +79,7 @@ def _statistics(device: Device, correlation: cla.Array, reach: int) -> tuple[np.
     together = _ROWS_TOGETHER if device.is_cpu else 1
     launch(
         device, "pomf/peak", "row_statistics", (-(-rows // together),),
-        correlation, parts, np.int32(rows), np.int32(reach),
+        memory_of(correlation), parts, np.int32(rows), np.int32(reach), begin_of(correlation),
         LENGTH=length, ROWS=together,
     )  # fmt: skip
     tops, row_means, row_squares = parts.get()
@@ -139,7 +139,8 @@ def _rows(device: Device, correlation: cla.Array, rows: np.ndarray) -> np.ndarra
             return mapped.reshape(-1, length)[rows]
     gathered = device.empty((rows.size, length))
     wanted = device.to_device(rows.astype(np.int32).ravel())
-    launch(device, "pomf/peak", "gather_rows", (rows.size,), correlation, wanted, gathered, LENGTH=length)
+    whole, begin = memory_of(correlation), begin_of(correlation)
+    launch(device, "pomf/peak", "gather_rows", (rows.size,), whole, wanted, gathered, begin, LENGTH=length)
     return gathered.get().reshape(*rows.shape, length)
 
 

@@ -12,6 +12,7 @@ from kernels.errors import InputError
 from slam.execute.pair_text import signature_to_text, to_text
 from slam.execute.scan_key import ScanKey
 from slam.execute.transport import ScanSource
+from slam.pair import DEFECT
 from spectral.expected import ExpectedPose
 from spectral.memory import prepared_size, scans_that_fit
 from spectral.result import Registrar
@@ -126,9 +127,10 @@ class Worker:
         return prepared
 
     def _register(self, pair: PairJob, sources: Sources) -> TimedText:
-        start = perf_counter()
+        start, blame = perf_counter(), ""
         try:
             scans = self._prepare(pair.target, sources), self._prepare(pair.source, sources)
+            blame = DEFECT
             if pair.expected is None:
                 registration = self._registrar.register(*scans)
             else:
@@ -136,7 +138,7 @@ class Worker:
             # the graph holds the instruments' measurements itself
             content = to_text(registration.by_scans)
         except InputError as error:
-            content = to_text(None, str(error))
+            content = to_text(None, f"{blame}{error}")
         return TimedText(content, perf_counter() - start)
 
     def _signature(self, scan: ScanKey, sources: Sources) -> TimedText:

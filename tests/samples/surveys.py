@@ -87,7 +87,7 @@ class KnowingRegistrar:
 
     def prepare(self, scan: Scan) -> "_Prepared":
         if scan.name in self.broken:
-            raise InputError(f"{scan.name} is of no use; drop it")
+            raise InputError(f"{scan.name}: it is of no use; drop it")
         self.prepared[scan.name] += 1
         return _Prepared(self, int(scan.name.removeprefix("scan")))
 

@@ -101,7 +101,7 @@ def test_an_unusable_scan_is_bridged_and_stays_apart():
     assert result.gaps == ((3, 4), (4, 5))
     assert result.components == ((0, 1, 2, 3, 5, 6, 7, 8, 9), (4,))
     assert [(pair.i, pair.j) for pair in tried(result, "bridge") if pair.kept] == [(3, 5)]
-    assert "scan4 is of no use" in next(pair.reason for pair in result.pairs if pair.i == 4)
+    assert "scan4: it is of no use" in next(pair.reason for pair in result.pairs if pair.i == 4)
     # The pose of the scan that stands alone is its own origin, and its map is its own points.
     np.testing.assert_allclose(result.trajectory.T_world_sensor[4].as_matrix(), np.eye(4), atol=1e-9)
     assert set(result.maps[1].scan.tolist()) == {4}

@@ -146,7 +146,7 @@ def test_what_cannot_be_is_left_out_in_words():
 
     registrar = KnowingRegistrar(TRUTH, COVARIANCE, spoil)
     result = mapped([Tie(1, 20, "add"), Tie(3, 14, "accept"), Tie(4, 16, "reject")], registrar, NO_LOOPS)
-    assert pair_of(result, 1, 20).reason == "failed: all in one plane"
+    assert pair_of(result, 1, 20).reason == "failed: an error of the method, not of the scans: all in one plane"
     assert not pair_of(result, 1, 20).kept
     assert all(pair.scans not in ((3, 14), (4, 16)) for pair in result.pairs)
     assert len(result.components) == 1

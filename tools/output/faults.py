@@ -4,7 +4,7 @@ from collections.abc import Iterator, Sequence
 from statistics import median
 
 from slam.graph.edge import components
-from slam.pair import Pair
+from slam.pair import DEFECT, Pair
 from slam.survey_result import SurveyResult
 from tools.output.hand_faults import control_faults, tie_faults
 from tools.output.parts import placed, unplaced
@@ -17,8 +17,8 @@ _EACH = 3  # gaps or fixes that get a sentence each; more share one
 
 
 def faults(result: SurveyResult, names: Sequence[str]) -> list[str]:
-    """Several parts, scans without a place, gaps, odd steps, ties and control points that do not fit, wrong
-    fixes, loops without effect, and stray points: a sentence each.
+    """Errors of the method, several parts, scans without a place, gaps, odd steps, ties and control points that do not
+    fit, wrong fixes, loops without effect, and stray points: a sentence each.
 
     What one scan is to blame for is in one sentence, about that scan. Arguments of the library are in backticks.
 
@@ -28,6 +28,7 @@ def faults(result: SurveyResult, names: Sequence[str]) -> list[str]:
     """
     unusable = _unusable(result, names)
     return [
+        *_of_defects(result, names),
         *_of_parts(result, names, unusable),
         *_of_gaps(result, names, unusable),
         *_of_steps(result, names),
@@ -46,6 +47,16 @@ def _unusable(result: SurveyResult, names: Sequence[str]) -> dict[int, str]:
             reasons.setdefault(k, set()).add(pair.failure if pair.registration is None else "")
     own = {k: given.pop() for k, given in reasons.items() if len(given) == 1}
     return {k: reason.removeprefix(f"{names[k]}: ") for k, reason in own.items() if reason.startswith(f"{names[k]}: ")}
+
+
+def _of_defects(result: SurveyResult, names: Sequence[str]) -> Iterator[str]:
+    defects = [pair for pair in result.pairs if pair.is_defect]
+    if defects:
+        first = defects[0]
+        yield (
+            f"{len(defects)} of {len(result.pairs)} pairs ended by an error of the method, which says nothing of the "
+            f"scans, as {names[first.i]} and {names[first.j]}: {first.failure.removeprefix(DEFECT)}"
+        )
 
 
 def _of_parts(result: SurveyResult, names: Sequence[str], unusable: dict[int, str]) -> Iterator[str]:
@@ -84,7 +95,8 @@ def _of_gaps(result: SurveyResult, names: Sequence[str], unusable: dict[int, str
     )
     gaps: dict[str, list[Pair]] = {"": [], ", bridged by navigation": [], ", bridged by other pairs": []}
     for pair in result.pairs:
-        if pair.role == "sequential" and not pair.kept and unusable.keys().isdisjoint(pair.scans):
+        told = pair.is_defect or not unusable.keys().isdisjoint(pair.scans)
+        if pair.role == "sequential" and not pair.kept and not told:
             bridged = ", bridged by navigation" if shared[pair.i] == shared[pair.j] else ""
             gaps[", bridged by other pairs" if joined[pair.i] == joined[pair.j] else bridged].append(pair)
     for bridged, pairs in gaps.items():

@@ -17,6 +17,11 @@ def test_what_follows_does_not_change_it(device, shape):
     np.testing.assert_array_equal(later.get(), values)
 
 
+def test_a_slice_may_begin_anywhere(device):
+    values = np.random.default_rng(4).normal(size=(3, 7)).astype(np.float32)
+    np.testing.assert_array_equal(Later(device, device.to_device(values)[1:]).get(), values[1:])
+
+
 def test_the_array_may_be_gone(device):
     values = np.arange(100_000, dtype=np.complex64)
     later = Later(device, device.to_device(values))

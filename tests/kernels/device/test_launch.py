@@ -79,7 +79,7 @@ def test_a_slice_off_the_alignment_is_refused(device):
     strict = limited(device, mem_base_addr_align=4096)
     wide = strict.to_device(np.zeros((16, 8), np.float32))
     with pytest.raises(InputError, match=r"begins 32 bytes into it; .* needs a multiple of 512"):
-        launch(strict, "pomf/peak", "gather_rows", (1,), wide[1:], wide, wide, LENGTH=8)
+        launch(strict, "pomf/peak", "gather_rows", (1,), wide[1:], wide, wide, np.uint64(0), LENGTH=8)
 
 
 def test_a_transform_takes_a_slice(device):
@@ -125,7 +125,7 @@ class TestFull:
         calls = (
             lambda: fft.forward(volume),
             lambda: zero(device, volume),
-            lambda: launch(device, "pomf/peak", "gather_rows", (1,), volume, volume, volume, LENGTH=8),
+            lambda: launch(device, "pomf/peak", "gather_rows", (1,), volume, volume, volume, np.uint64(0), LENGTH=8),
         )
         for call in calls:
             with pytest.raises(DeviceError, match=r"no memory .*left for this .*FULL.*Use a smaller `edge`"):

@@ -47,6 +47,17 @@ def test_equals_the_twin_on_noise(device, shape, count):
         np.testing.assert_array_equal(peak.neighborhood, volume[window])
 
 
+@pytest.mark.parametrize("shape", [(18, 18, 18), (7, 20, 32), (9, 5, 13)])
+def test_a_slice_may_begin_anywhere(device, shape):
+    """As the correlations of a grid of 18 voxels do, 23328 bytes apart."""
+    volumes = np.random.default_rng(2).normal(size=(3, *shape)).astype(np.float32)
+    there = device.to_device(volumes)
+    for volume, part in zip(volumes, there, strict=True):
+        peaks = find_peaks(device, part, 3, separation=2)
+        assert [tuple(peak.index) for peak in peaks] == twin(volume, 3, 2)
+        assert peaks[0].psr == find_peaks(device, device.to_device(volume), 3, separation=2)[0].psr
+
+
 @pytest.mark.parametrize("limits", [(3, None, None), (None, 2, 5), (4.9, 3, 6), (None, None, 0)])
 def test_limits_equal_the_twin(device, limits):
     volume = np.random.default_rng(4).normal(size=(16, 16, 24)).astype(np.float32)

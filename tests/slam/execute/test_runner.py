@@ -85,7 +85,7 @@ def undisturbed(tmp_path_factory: pytest.TempPathFactory) -> list[str]:
 
 
 def test_failures_are_told_in_their_place(undisturbed: list[str]) -> None:
-    failed = [pair for pair, text in zip(PAIRS, undisturbed, strict=True) if "scan2 is of no use" in text]
+    failed = [pair for pair, text in zip(PAIRS, undisturbed, strict=True) if "scan2: it is of no use" in text]
     assert failed == [pair for pair in PAIRS if 2 in pair]
 
 

@@ -10,6 +10,10 @@ import pytest
 
 import kernels.device.device
 from kernels.device.device import Device, choose_device
+from kernels.errors import InputError
+from spectral.prepare.spectral_scan import SpectralScan
+from spectral.registration import SpectralRegistrar
+from spectral.result import Registration
 from tests.samples.cloud_files import SAMPLES
 from tests.samples.clutter_scans import (
     clutter,
@@ -128,6 +132,27 @@ def test_a_bad_scan_leaves_a_gap_and_the_rest_goes_on(tmp_path: Path, bad: str, 
     said(result, f"warning: {bad} is in no map: ", "more structure")
     assert result.stderr.count("more structure") == 1
     assert "gap between" not in result.stderr
+
+
+def test_a_pair_that_ends_by_an_error_of_the_method_leaves_the_map_incomplete(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    register = SpectralRegistrar.register
+
+    def failing(self: SpectralRegistrar, target: SpectralScan, source: SpectralScan) -> Registration:
+        if (target.volume.name, source.volume.name) == ("a", "b"):
+            raise InputError("a slice begins at 7")
+        return register(self, target, source)
+
+    monkeypatch.setattr(SpectralRegistrar, "register", failing)
+    result = sonarmap("map", *write(tmp_path, a=scan(0), b=scan(1), c=scan(2)), "-o", tmp_path / "out", *GRID, "--json")
+    assert result.exit_code == 3
+    summary = json.loads(result.stdout)
+    assert [part["scans"] for part in summary["components"]] == [[0, 1, 2]]
+    said(result, "1 of 3 pairs ended by an error of the method", "as a and b: a slice begins at 7")
+    assert "ended by an error of the method" in summary["warnings"][0]
+    reasons = [pair["reason"] for pair in table_of(tmp_path / "out" / "pairs.csv") if pair["kept"] == "no"]
+    assert reasons == ["failed: an error of the method, not of the scans: a slice begins at 7"]
 
 
 @pytest.mark.slow

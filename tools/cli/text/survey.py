@@ -51,8 +51,9 @@ class Mapped:
 
     @property
     def whole(self) -> bool:
-        """Whether every scan is in one map."""
-        return not self.unread and len(self.result.components) == 1
+        """Whether every scan is in one map, and no pair ended by an error of the method."""
+        defects = any(pair.is_defect for pair in self.result.pairs)
+        return not self.unread and not defects and len(self.result.components) == 1
 
 
 def print_mapped(mapped: Mapped, verbose: bool) -> None:

@@ -163,8 +163,9 @@ def command(
     otherwise, a false echo, is in map_all.ply alone.
 
     Where the registration of a pair fails, mapping goes on. Scans that nothing joins to the rest become a part of their
-    own: map_2.ply, trajectory_2.tum and so on. The exit code is 3 if there is more than one part, or if a scan could
-    not be read and was skipped. The files of an earlier run in OUT are replaced only when everything is done.
+    own: map_2.ply, trajectory_2.tum and so on. The exit code is 3 if there is more than one part, if a scan could
+    not be read and was skipped, or if a pair ended by an error of the method instead of what its scans show. The files
+    of an earlier run in OUT are replaced only when everything is done.
 
     Every finished pair is stored in OUT/journal.sqlite: the same command continues a run that was stopped, and if scans
     were added it registers only the new pairs. times.json says how long the run took.
