@@ -12,6 +12,7 @@ from tools.cli.options.geo import CrsOption, OriginHeadingOption, OriginOption, 
 from tools.cli.options.groups import OUTPUT
 from tools.cli.options.registration import JsonOption, QuietOption
 from tools.cli.terminal import printable
+from tools.writers.folder_lock import locked
 
 
 def command(
@@ -37,7 +38,6 @@ def command(
     """
     from tools.export.map_folder import read_map_folder
     from tools.export.run import ExportSettings
-    from tools.writers.folder_lock import locked
 
     with locked(source, writing=to.resolve() == source.resolve()):
         folder = read_map_folder(source)

@@ -1,8 +1,7 @@
 """`sonarmap map`: scans in, a map out."""
 
 import time
-from collections.abc import Iterator, Mapping
-from contextlib import contextmanager
+from collections.abc import Mapping
 from dataclasses import replace
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Any
@@ -85,6 +84,8 @@ from tools.cli.stops import when_stopped
 from tools.cli.terminal import say, warn
 from tools.cli.text.survey import Mapped, print_mapped, print_summary, warn_of_faults, warn_of_some, written_summary
 from tools.methods.registry import DEFAULT_METHOD
+from tools.writers.atomic import clear_leftovers, require_writable
+from tools.writers.folder_lock import locked
 
 if TYPE_CHECKING:
     from slam.motion.odometry import Odometry
@@ -186,7 +187,8 @@ def command(
         warn(f"{contradiction}; correct {priors}, or say how it is meant (docs/navigation.md)")
     described = {**navigation_summary(given), **corrections_summary(given), **hand_summary(given)}
     settings = {"inputs": inputs, **described, **configured.settings, "mapper": mapping}
-    with _folder_alone(out):
+    require_writable(out)
+    with locked(out, writing=True):  # until its last file is written
         result = _map(read, reckoned, configured, execution_options, settings, out, also, hand, silent)
         names, on_earth = [scan.name for scan in read.scans], hand.georeference is not None
         mapped = Mapped(result, names, out, also, len(read.unread), on_earth)
@@ -201,17 +203,6 @@ def command(
         warn_of_faults(mapped, verbose)
     if not mapped.whole:
         raise typer.Exit(INCOMPLETE)
-
-
-@contextmanager
-def _folder_alone(out: Path) -> Iterator[None]:
-    """The folder, made where it is missing, is this run's alone until its last file is written."""
-    from tools.writers.atomic import require_writable
-    from tools.writers.folder_lock import locked
-
-    require_writable(out)
-    with locked(out, writing=True):
-        yield
 
 
 def _write_more(out: Path, report: bool, exports: "ExportSettings", quiet: bool, written: list[str]) -> None:
@@ -291,7 +282,6 @@ def _map(
     from tools.output.folder import JOURNAL, write_survey
     from tools.output.inputs import input_rows
     from tools.output.times import survey_times
-    from tools.writers.atomic import clear_leftovers
 
     prepared = prepared_limit(configured.registrar, options.workers)
     names = [scan.name for scan in read.scans]

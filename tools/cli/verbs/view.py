@@ -8,6 +8,7 @@ import typer
 from kernels.errors import InputError
 from tools.cli.options.groups import RUNNING
 from tools.cli.terminal import printable
+from tools.writers.folder_lock import locked
 
 
 def command(
@@ -35,7 +36,6 @@ def command(
     if write:
         from tools.export.map_folder import read_map_folder
         from tools.report.page.page import write_report
-        from tools.writers.folder_lock import locked
 
         with locked(source, writing=True):
             write_report(read_map_folder(source))
