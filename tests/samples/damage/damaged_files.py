@@ -9,7 +9,6 @@ from collections.abc import Callable, Sequence
 from contextlib import suppress
 from dataclasses import dataclass, field
 from pathlib import Path
-from time import perf_counter
 from zlib import crc32
 
 import numpy as np
@@ -25,6 +24,7 @@ from tests.samples.damage.mutations import mutated
 from tests.samples.damage.pose_files import POSE_FILES, SCANS, numbers_in
 from tests.samples.damage.readable import Readable
 from tests.samples.las_files import las
+from tests.samples.processor_time import processor_time
 from tests.samples.surveys import random_covariance, random_transforms, registration
 from tools.inspect.overview import overview_of
 from tools.readers.clouds import apart
@@ -39,10 +39,7 @@ COUNTED = (".ply", ".pcd", ".npy", ".npz", ".las")
 
 @dataclass(slots=True)
 class Outcome:
-    """Of many damaged files: how many were refused and read, by kind; what went wrong.
-
-    And which took longest [s], and most memory [bytes]: beside what its process held before.
-    """
+    """Of damaged files: how many were refused and read, by kind; what went wrong; the longest processor time [s]."""
 
     ends: dict[str, Counter[str]] = field(default_factory=dict)
     faults: list[str] = field(default_factory=list)
@@ -162,12 +159,9 @@ def damage(folder: Path, each: int, seed: int, kinds: Sequence[str] = ()) -> Out
             for left in folder.iterdir():
                 left.unlink()
             (folder / file.name).write_bytes(changed)
-            which = f"{kind} {number}"
-            before = _forget_peaks()
-            start = perf_counter()
-            ends[_end(file, folder / file.name, which, outcome.faults)] += 1
-            outcome.longest = max(outcome.longest, (perf_counter() - start, which))
-            outcome.largest = max(outcome.largest, (_growth(before), which))
+            start = processor_time()
+            ends[_end(file, folder / file.name, f"{kind} {number}", outcome.faults)] += 1
+            outcome.longest = max(outcome.longest, processor_time() - start)
     return outcome
 
 

@@ -6,12 +6,12 @@ import tempfile
 import warnings
 from collections import Counter
 from pathlib import Path
-from time import perf_counter
 
 import numpy as np
 
 from kernels.errors import InputError
 from tests.samples.damage.mutations import mutated
+from tests.samples.processor_time import processor_time
 from tests.samples.recordings import recording, written
 from tools.readers.clouds.cloud import Cloud
 from tools.readers.clouds.sonar import stream_sonar
@@ -20,7 +20,7 @@ SHOTS = 8
 
 
 def damage_recordings(folder: Path, count: int, seed: int) -> tuple[Counter[str], list[str], float]:
-    """Damage a recording so many times: how it ended, what went wrong, and the longest time [s]."""
+    """Damage a recording so many times: how it ended, what went wrong, and the longest processor time [s]."""
     path = written(folder / "dive.sonar", recording(SHOTS))
     content, other = (
         path.read_bytes(),
@@ -31,7 +31,7 @@ def damage_recordings(folder: Path, count: int, seed: int) -> tuple[Counter[str]
     ends, faults, longest = Counter[str](), list[str](), 0.0
     for number in range(count):
         path.write_bytes(mutated(content, other, np.random.default_rng([seed, number])))
-        start, notes = perf_counter(), list[str]()
+        start, notes = processor_time(), list[str]()
         try:
             with warnings.catch_warnings():
                 warnings.simplefilter("error")
@@ -45,7 +45,7 @@ def damage_recordings(folder: Path, count: int, seed: int) -> tuple[Counter[str]
             faults += [f"{number}: another shot" for cloud in clouds if not _is_one_of(cloud, clean, strangers)]
             if len(clouds) < SHOTS and not notes and not _is_shorter(clouds):
                 faults.append(f"{number}: {len(clouds)} shots, and no word of it")
-        longest = max(longest, perf_counter() - start)
+        longest = max(longest, processor_time() - start)
     return ends, faults, longest
 
 

@@ -146,9 +146,9 @@ def test_refuses_edges_and_fixed_poses_without_a_pose():
 def test_sphere2500_from_its_own_initial_estimate():
     """GTSAM's full-information cost; four settings of the optimizer found this same optimum."""
     graph = read_g2o(GRAPHS / "sphere2500.g2o")
-    start = time.perf_counter()
+    start = time.process_time()
     solution = graph.optimize()
-    assert time.perf_counter() - start < 30
+    assert time.process_time() - start < 30
     assert solution.converged
     assert solution.chi_squared_after == pytest.approx(1351.40192585, rel=1e-8)
 

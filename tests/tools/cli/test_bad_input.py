@@ -3,7 +3,6 @@
 import json
 import tracemalloc
 from pathlib import Path
-from time import process_time
 
 import numpy as np
 import pytest
@@ -26,6 +25,7 @@ from tests.samples.clutter_scans import (
     table_of,
     write,
 )
+from tests.samples.processor_time import processor_time
 from tools.readers.scans import read_survey
 
 GRID = ("--grid", "64")
@@ -86,9 +86,9 @@ def test_a_header_that_lies_takes_no_memory_and_no_time(good: str, tmp_path: Pat
     (tmp_path / "bad.ply").write_bytes(ply(10**12, plane()))
     sonarmap("register", good, good, *GRID)  # imports
     tracemalloc.start()
-    start = process_time()
+    start = processor_time()
     assert sonarmap("register", tmp_path / "bad.ply", good).exit_code == 2
-    assert process_time() - start < 10.0  # 10^12 points would take hours
+    assert processor_time() - start < 10.0  # 10^12 points would take hours
     assert tracemalloc.get_traced_memory()[1] < 10e6
     tracemalloc.stop()
 

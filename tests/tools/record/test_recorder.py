@@ -123,6 +123,8 @@ def test_a_sonar_that_comes_back_at_another_address_is_recorded_on(
 
     def sends(to: tuple[str, int]) -> None:
         send_all(packets[:8], to)
+        while (tmp_path / "dive.part.sonar").stat().st_size < sum(map(len, packets[:8])):
+            time.sleep(0.01)
         time.sleep(0.5)
         send_all(packets[8:], to, OTHER)
 
@@ -169,7 +171,7 @@ def test_a_group_takes_nothing_that_is_sent_to_an_address(tmp_path: Path, interf
 
 
 def test_images_of_the_full_size_and_the_clock(tmp_path: Path) -> None:
-    ahead = 3.5
+    ahead = 100.0
 
     def sends(to: tuple[str, int]) -> None:
         with sender() as sending:
@@ -179,7 +181,7 @@ def test_images_of_the_full_size_and_the_clock(tmp_path: Path) -> None:
 
     status, _ = record_while(tmp_path / "dive.sonar", sends)
     assert status.size > 8 * 30_000
-    assert status.tally.clock.first == pytest.approx(ahead, abs=0.3)
+    assert status.tally.clock.first == pytest.approx(ahead, abs=8)
 
 
 def test_the_map_of_the_recording_is_that_of_the_source(tmp_path: Path) -> None:

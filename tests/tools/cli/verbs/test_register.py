@@ -5,6 +5,7 @@ import re
 import warnings
 from dataclasses import replace
 from pathlib import Path
+from time import perf_counter
 
 import numpy as np
 import pytest
@@ -37,7 +38,9 @@ def check_transform(printed: dict) -> None:
 
 
 def test_a_good_pair_as_json(pair: list[str]) -> None:
+    begun = perf_counter()
     result = sonarmap("register", *pair, *GRID, "--json")
+    taken = perf_counter() - begun
     assert (result.exit_code, result.stderr) == (0, "")
     printed = json.loads(result.stdout)
     assert printed["accepted"] is True
@@ -47,7 +50,7 @@ def test_a_good_pair_as_json(pair: list[str]) -> None:
     assert np.linalg.eigvalsh(covariance).min() > 0
     assert printed["psr"] > 30
     assert 0 < printed["overlap"] <= 1
-    assert 0 < printed["seconds"] < 60
+    assert 0 < printed["seconds"] < taken
     assert printed["grid"] == 64
 
 

@@ -30,7 +30,7 @@ def in_cloudcompare(path: Path) -> tuple[list[str], np.ndarray]:
         pytest.skip("CloudCompare is not installed (Debian: cloudcompare)")
     surroundings = {**os.environ, "QT_QPA_PLATFORM": "offscreen", "HOME": str(path.parent)}
     asked = [command, "-SILENT", "-O", "-GLOBAL_SHIFT", "AUTO", str(path), *OPTIONS]
-    said = subprocess.run(asked, capture_output=True, text=True, env=surroundings, timeout=60, check=False)
+    said = subprocess.run(asked, capture_output=True, text=True, env=surroundings, check=False)
     if "unhandled file extension" in said.stdout + said.stderr:
         pytest.skip(f"this CloudCompare was built without a reader of {path.suffix}")
     saved = path.with_suffix(".asc")

@@ -38,7 +38,7 @@ def layers(exported: Path) -> dict[str, Any]:
 
     def run(*words: str) -> subprocess.CompletedProcess[str]:
         asked = [python or "python3", *words]
-        return subprocess.run(asked, capture_output=True, text=True, env=surroundings, timeout=90, check=False)
+        return subprocess.run(asked, capture_output=True, text=True, env=surroundings, check=False)
 
     if python is None or run("-c", "import qgis.core").returncode:
         pytest.skip("QGIS is not installed (Debian: qgis, python3-qgis)")

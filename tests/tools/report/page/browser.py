@@ -16,7 +16,7 @@ if TYPE_CHECKING:
 SOFTWARE = ("--use-angle=swiftshader", "--enable-unsafe-swiftshader")  # WebGL on the processor
 WITHOUT_WEBGL = ("--disable-3d-apis",)
 _NAMES = ("chromium", "chromium-browser", "google-chrome", "google-chrome-stable")
-_PATIENCE = 30.0  # for what is waited for [s]
+_PATIENCE = 200.0  # for what is waited for [s]
 
 
 @dataclass
