@@ -159,9 +159,11 @@ def damage(folder: Path, each: int, seed: int, kinds: Sequence[str] = ()) -> Out
             for left in folder.iterdir():
                 left.unlink()
             (folder / file.name).write_bytes(changed)
-            start = processor_time()
-            ends[_end(file, folder / file.name, f"{kind} {number}", outcome.faults)] += 1
-            outcome.longest = max(outcome.longest, processor_time() - start)
+            which = f"{kind} {number}"
+            before, start = _forget_peaks(), processor_time()
+            ends[_end(file, folder / file.name, which, outcome.faults)] += 1
+            outcome.longest = max(outcome.longest, (processor_time() - start, which))
+            outcome.largest = max(outcome.largest, (_growth(before), which))
     return outcome
 
 
