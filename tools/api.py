@@ -16,6 +16,8 @@ from spectral.grid import Grid, choose_grid
 from spectral.result import Registrar, Registration
 from spectral.scan import Scan
 from tools.given import ScanLike, as_scan, require, require_type
+from tools.methods.registry import Setup, find_method
+from tools.methods.reuse import reused
 
 if TYPE_CHECKING:
     from slam.execute.runner import Progress
@@ -61,6 +63,8 @@ def register(
 ) -> Registration:
     """Register two scans without an initial guess: `T_target_source`, its covariance, and whether to accept it.
 
+    The next call with the same method, edge, tilt, device and seed uses the tables and the device memory of this one.
+
     Args:
         target, source: each (N, 3) points of any float type [m, sensor frame: x forward, y left, z up], a `Scan`, or
             the path of a file with one scan; or two scans of one `prepare`, whose arguments then count.
@@ -85,10 +89,10 @@ def register(
         return target.registrar.register(target.content, source.content)
     if isinstance(target, PreparedScan) or isinstance(source, PreparedScan):
         raise InputError("only one of the two scans is prepared; prepare both in one call, or none")
-    prepared = prepare(
-        [target, source], method=method, voxel=voxel, edge=edge, max_tilt=max_tilt, device=device, seed=seed
-    )
-    return register(*prepared)
+    require(method=method, voxel=voxel, edge=edge, max_tilt=max_tilt, device=device, seed=seed)
+    pair = [as_scan(scan, f"scan {k}") for k, scan in enumerate((target, source))]
+    with reused(method, _setup(method, choose_grid(pair, edge, voxel), max_tilt, device, seed)) as registrar:
+        return registrar.register(*map(registrar.prepare, pair))
 
 
 def prepare(
@@ -113,7 +117,8 @@ def prepare(
     """
     require(scans=scans, method=method, voxel=voxel, edge=edge, max_tilt=max_tilt, device=device, seed=seed)
     points = [as_scan(scan, f"scan {k}") for k, scan in enumerate(scans)]
-    registrar = _registrar(method, choose_grid(points, edge, voxel), max_tilt, device, seed)
+    setup = _setup(method, choose_grid(points, edge, voxel), max_tilt, device, seed)
+    registrar = find_method(method).make(setup)
     return [PreparedScan(scan, registrar, registrar.prepare(scan)) for scan in points]
 
 
@@ -171,8 +176,9 @@ def map_scans(
     else:
         survey = [as_scan(scan, f"scan {k}", k) for k, scan in enumerate(scans)]
     grid = survey_grid(survey, edge, voxel)
-    registrar = _registrar(method, grid, max_tilt, device, seed) if isinstance(method, str) else method
-    return Mapper(registrar, grid.voxel, settings).run(survey, progress, surveys, odometry, ties, control)
+    if isinstance(method, str):
+        method = find_method(method).make(_setup(method, grid, max_tilt, device, seed))
+    return Mapper(method, grid.voxel, settings).run(survey, progress, surveys, odometry, ties, control)
 
 
 def optimize(
@@ -246,9 +252,6 @@ def read_scans(
     return list(read([os.fspath(path) for path in paths], corrections).scans)
 
 
-def _registrar(method: str, grid: Grid, max_tilt: float, device: str | None, seed: int) -> Registrar:
-    from tools.methods.registry import Setup, find_method
-
-    found = find_method(method)
-    changes = {"max_tilt": max_tilt} if "max_tilt" in found.options else {}
-    return found.make(Setup(grid, device, seed, changes))
+def _setup(method: str, grid: Grid, max_tilt: float, device: str | None, seed: int) -> Setup:
+    changes = {"max_tilt": max_tilt} if "max_tilt" in find_method(method).options else {}
+    return Setup(grid, device, seed, changes)
