@@ -41,12 +41,7 @@ class Grid:
     voxel: float
 
     def __post_init__(self) -> None:
-        if self.edge not in EDGES:
-            below, above = neighbors(self.edge)
-            raise InputError(
-                f"`edge={self.edge}` is not an even product of 2, 3 and 5 from {EDGES[0]} to {EDGES[-1]}; "
-                f"try `edge={below}` or `edge={above}`"
-            )
+        _require_edge(self.edge)
         if not (np.isfinite(self.voxel) and self.voxel > 0):
             raise InputError(f"`voxel={self.voxel:g}` is not a length in meters above zero; try `voxel=0.5`")
 
@@ -106,8 +101,9 @@ def voxel_for(extent: float, edge: int) -> float:
     """The voxel [m] with which a scan of this extent [m] fits into the grid with a margin.
 
     Raises:
-        InputError: the extent is 0.
+        InputError: the extent is 0, or the edge is none of a grid's.
     """
+    _require_edge(edge)
     if extent <= 0:
         raise InputError(
             "the voxel cannot be chosen: all points of each scan lie in one place. Give scans that show some "
@@ -126,3 +122,12 @@ def trimmed_box(scan: Scan) -> tuple[np.ndarray, np.ndarray]:
     """The lowest and the highest corner (3,) [m, sensor frame] of the scan's points but for the outermost 1 %."""
     low, high = np.quantile(scan.points, [_TRIM, 1 - _TRIM], axis=0).astype(np.float64)
     return low, high
+
+
+def _require_edge(edge: int) -> None:
+    if edge not in EDGES:
+        below, above = neighbors(edge)
+        raise InputError(
+            f"`edge={edge}` is not an even product of 2, 3 and 5 from {EDGES[0]} to {EDGES[-1]}; "
+            f"try `edge={below}` or `edge={above}`"
+        )

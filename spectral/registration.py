@@ -1,6 +1,7 @@
 # pyright: strict, reportMissingTypeStubs=false, reportUnknownMemberType=false, reportUnknownArgumentType=false
 """The spectral registration of two scans: rotations from all of SO(3), each verified and refined; on one screen."""
 
+from copy import copy
 from dataclasses import dataclass, replace
 from time import perf_counter
 from typing import Literal
@@ -98,7 +99,17 @@ class SpectralRegistrar:
         self._preparer = Preparer(device, grid, self.config.use_strength, farthest=self.so3.farthest)
         self._verifier = Verifier(device, grid.edge)
         self._coarse_spectra = PointSpectra(device, self._verifier.coarse_edge, WHITENINGS)
-        self._warm = False
+
+    def with_voxel(self, voxel: float) -> "SpectralRegistrar":
+        """The same for voxels of another size [m], on the same tables and memory: only one of the two may be at work.
+
+        Raises:
+            InputError: the voxel is no length above 0.
+        """
+        other = copy(self)
+        other.grid = replace(self.grid, voxel=voxel)
+        other._preparer = self._preparer.with_grid(other.grid)
+        return other
 
     def prepare(self, scan: Scan) -> SpectralScan:
         """What the scan contributes to every pair: its spectra, its layers' harmonics, its surface and its view.
@@ -116,7 +127,7 @@ class SpectralRegistrar:
         view = scan_view(self.device, points, volume.surface, viewpoints)
         smooth = SmoothSurface(self.device, volume.cells, [image.viewpoint for image in view.images])
         layers = self.so3.equalize(analyzed)
-        prepared = SpectralScan(
+        return SpectralScan(
             volume=volume,
             coarse=coarse,
             coefficients=layers.coefficients,
@@ -125,11 +136,6 @@ class SpectralRegistrar:
             view=view,
             prior=scan.prior,
         )
-        if not self._warm:
-            # some drivers compile at the first launch, which takes seconds
-            self._warm = True
-            self.register(prepared, prepared)
-        return prepared
 
     def register(self, target: SpectralScan, source: SpectralScan) -> Registration:
         """Find T_target_source.

@@ -84,6 +84,19 @@ class PosePrior:
         return bool(np.isfinite(self.sigmas[5]))
 
 
+def refuse_mask(array: object, name: str) -> None:
+    """Refuse a masked array that masks anything: what computes with it forgets the mask.
+
+    Raises:
+        InputError: naming the scan.
+    """
+    if np.ma.is_masked(array):
+        raise InputError(
+            f"{name}: the array is masked, and masks are not used; give what counts alone, as in "
+            "`points[~np.ma.getmaskarray(points).any(axis=1)].data`"
+        )
+
+
 @dataclass(frozen=True, slots=True)
 class Scan:
     """Points in the frame of the sensor that saw them.
@@ -99,8 +112,8 @@ class Scan:
             views, it is not known; which of the two, the points tell.
 
     Raises:
-        InputError: points, strength or viewpoints of another shape or dtype, no points, or points or viewpoints that
-            are not finite.
+        InputError: points, strength or viewpoints of another shape or dtype, masked ones, no points, or points or
+            viewpoints that are not finite.
     """
 
     points: np.ndarray
@@ -112,6 +125,8 @@ class Scan:
 
     def __post_init__(self) -> None:
         points = self.points
+        for array in (points, self.strength, self.viewpoints):
+            refuse_mask(array, self.name)
         if points.ndim != 2 or points.shape[1] != 3 or points.dtype != np.float32:
             raise InputError(
                 f"{self.name}: `points` are {points.dtype} of shape {points.shape}; wanted float32 of shape (N, 3)"

@@ -155,6 +155,22 @@ class TestRegister:
             sonarmap.register(target, points(2), **options)
         assert "--" not in str(refused.value)  # arguments, not options of the command line
 
+    def test_map_coordinates_are_refused_as_those_of_a_file(self, tmp_path: Path) -> None:
+        far = points(1) + np.array([500_000.0, 5_800_000.0, 0.0])
+        np.save(tmp_path / "far.npy", far)
+        words = r"8,000 of 8,000 points .*lie beyond 100 km .*map coordinates.*subtract the sensor's position"
+        for given in (far, tmp_path / "far.npy"):
+            with pytest.raises(sonarmap.InputError, match=words):
+                sonarmap.register(given, points(2), method="planes")
+
+    def test_masks_are_not_forgotten(self) -> None:
+        masked = np.ma.masked_array(points(1), np.zeros((8000, 3), bool))
+        sonarmap.prepare([masked], method="planes")
+        masked[3] = np.ma.masked
+        for use in (sonarmap.prepare, lambda given: sonarmap.Scan(given[0].astype(np.float32))):
+            with pytest.raises(sonarmap.InputError, match=r"masked, and masks are not used; .*getmaskarray"):
+                use([masked])
+
     def test_prepared_by_two_calls_or_half_prepared_is_refused(self) -> None:
         (a,), (b,) = (sonarmap.prepare([points(1)], method="planes") for _ in range(2))
         with pytest.raises(sonarmap.InputError, match="one call of prepare"):
@@ -212,3 +228,64 @@ class TestOtherDoors:
         np.save(tmp_path / "scan.npy", points(1))
         with pytest.raises(sonarmap.InputError, match=words):
             sonarmap.read_scans(tmp_path, **given)
+
+
+door: Any = sonarmap  # to which a test may give what its types forbid
+
+
+class TestArguments:
+    """What is of another type is refused by its name, with what was given and what is wanted."""
+
+    @pytest.mark.parametrize(
+        ("name", "value", "words"),
+        [
+            ("edge", 0, "try `edge=16` or `edge=18`"),
+            ("edge", "64", "wanted a whole number of voxels"),
+            ("edge", None, "wanted a whole number of voxels"),
+            ("edge", True, "wanted a whole number of voxels"),
+            ("voxel", "a", "wanted a length in meters"),
+            ("max_tilt", "x", "wanted an angle in radians"),
+            ("device", 5, "wanted the name of a device"),
+            ("seed", "x", "wanted a whole number"),
+            ("method", [], "wanted the name of a method"),
+        ],
+    )
+    def test_of_registration(self, name: str, value: object, words: str) -> None:
+        given = {"method": "planes", name: value}
+        for call in (
+            lambda: door.register(points(1), points(2), **given),
+            lambda: door.prepare([points(1)], **given),
+            lambda: door.map_scans([points(1), points(2)], **given),
+        ):
+            with pytest.raises(sonarmap.InputError, match=re.escape(f"`{name}={value!r}`") + f".*{words}"):
+                call()
+
+    @pytest.mark.parametrize(
+        ("call", "words"),
+        [
+            (lambda: door.map_scans(None), "`scans=None` cannot be used; wanted a list of scans"),
+            (lambda: door.map_scans([None, points(1)]), r"scan 0 is object of shape \(\); wanted points"),
+            (lambda: door.map_scans([[[1, 2, 3], [4]]]), "scan 0 is no array .*wanted points"),
+            (lambda: door.map_scans([points(1)] * 2, settings=3), "`settings=3` .*wanted MapperSettings or None"),
+            (lambda: door.map_scans([points(1)] * 2, ties=[1]), "`ties=1` .*wanted Tie"),
+            (lambda: door.map_scans([points(1)] * 2, surveys=1), "`surveys=1` .*wanted the number of each"),
+            (lambda: door.map_scans([points(1)] * 2, method=3), "`method=3` .*wanted the name"),
+            (lambda: door.read_scans(5), "`path=5` .*wanted the path"),
+            (lambda: door.read_scans("a.ply", range_scale="a"), "`range_scale='a'` .*wanted a factor"),
+            (lambda: door.optimize(None), "`graph=None` .*wanted a PoseGraph, or the path"),
+        ],
+    )
+    def test_of_the_others(self, call: Any, words: str) -> None:
+        with pytest.raises(sonarmap.InputError, match=words):
+            call()
+
+    @pytest.mark.parametrize(
+        ("name", "words"), [("objective", "choose one of full, isotropic"), ("start", "choose one of chordal, given")]
+    )
+    @pytest.mark.parametrize("objective", ["full", "isotropic"])
+    def test_of_optimizing(self, name: str, words: str, objective: str) -> None:
+        truth = ring_poses(5)
+        result = door.map_scans(scans_of(truth), method=KnowingRegistrar(truth, 1e-4 * np.eye(6)), voxel=0.5)
+        graph = door.PoseGraph(result.trajectory, result.edges)
+        with pytest.raises(sonarmap.InputError, match=f"`{name}='zz'` is not known; {words}"):
+            door.optimize(graph, **{"objective": objective, name: "zz"})

@@ -7,15 +7,17 @@ In: arrays, scans or paths. Out: the same results as the command line's, as obje
 import os
 from collections.abc import Iterable, Sequence
 from dataclasses import dataclass
-from typing import TYPE_CHECKING, Any, TypeAlias
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
-from numpy.typing import NDArray
 
 from kernels.errors import InputError
 from spectral.grid import Grid, choose_grid
 from spectral.result import Registrar, Registration
 from spectral.scan import Scan
+from tools.given import ScanLike, as_scan, require, require_type
+from tools.methods.registry import Setup, find_method
+from tools.methods.reuse import reused
 
 if TYPE_CHECKING:
     from slam.execute.runner import Progress
@@ -28,8 +30,6 @@ if TYPE_CHECKING:
     from slam.tie import Tie
 
 __all__ = ["PreparedScan", "map_scans", "optimize", "prepare", "read_scans", "register"]
-
-ScanLike: TypeAlias = Scan | NDArray[Any] | str | os.PathLike[str]
 
 _MAX_TILT = float(np.deg2rad(35.0))  # the paper's range of roll and pitch (Sect. 2.7)
 _EDGE = 128
@@ -63,6 +63,8 @@ def register(
 ) -> Registration:
     """Register two scans without an initial guess: `T_target_source`, its covariance, and whether to accept it.
 
+    The next call with the same method, edge, tilt, device and seed uses the tables and the device memory of this one.
+
     Args:
         target, source: each (N, 3) points of any float type [m, sensor frame: x forward, y left, z up], a `Scan`, or
             the path of a file with one scan; or two scans of one `prepare`, whose arguments then count.
@@ -87,10 +89,10 @@ def register(
         return target.registrar.register(target.content, source.content)
     if isinstance(target, PreparedScan) or isinstance(source, PreparedScan):
         raise InputError("only one of the two scans is prepared; prepare both in one call, or none")
-    prepared = prepare(
-        [target, source], method=method, voxel=voxel, edge=edge, max_tilt=max_tilt, device=device, seed=seed
-    )
-    return register(*prepared)
+    require(method=method, voxel=voxel, edge=edge, max_tilt=max_tilt, device=device, seed=seed)
+    pair = [as_scan(scan, f"scan {k}") for k, scan in enumerate((target, source))]
+    with reused(method, _setup(method, choose_grid(pair, edge, voxel), max_tilt, device, seed)) as registrar:
+        return registrar.register(*map(registrar.prepare, pair))
 
 
 def prepare(
@@ -113,8 +115,10 @@ def prepare(
         InputError: a scan, a file or an argument cannot be used.
         DeviceError: no OpenCL device works, or it is too small for the grid.
     """
-    points = [_as_scan(scan, f"scan {k}") for k, scan in enumerate(scans)]
-    registrar = _registrar(method, choose_grid(points, edge, voxel), max_tilt, device, seed)
+    require(scans=scans, method=method, voxel=voxel, edge=edge, max_tilt=max_tilt, device=device, seed=seed)
+    points = [as_scan(scan, f"scan {k}") for k, scan in enumerate(scans)]
+    setup = _setup(method, choose_grid(points, edge, voxel), max_tilt, device, seed)
+    registrar = find_method(method).make(setup)
     return [PreparedScan(scan, registrar, registrar.prepare(scan)) for scan in points]
 
 
@@ -153,16 +157,28 @@ def map_scans(
         InputError: fewer than two scans, or a scan, a file or an argument that cannot be used.
         DeviceError: no OpenCL device works, or it is too small for the grid.
     """
-    from slam.mapper import Mapper
+    from slam.graph.control import ControlPoint
+    from slam.mapper import Mapper, MapperSettings
+    from slam.motion.odometry import Odometry
     from slam.survey_grid import survey_grid
+    from slam.tie import Tie
 
+    require(scans=scans, voxel=voxel, edge=edge, max_tilt=max_tilt, device=device, seed=seed)
+    if not all(hasattr(method, name) for name in ("prepare", "register")):
+        require(method=method)
+    require(surveys=surveys, ties=ties, control=control)
+    require_type("settings", [settings], MapperSettings, None)
+    require_type("odometry", [odometry], Odometry, None)
+    require_type("ties", ties, Tie)
+    require_type("control", control, ControlPoint)
     if isinstance(scans, str | os.PathLike):
         survey = read_scans(scans)
     else:
-        survey = [_as_scan(scan, f"scan {k}", k) for k, scan in enumerate(scans)]
+        survey = [as_scan(scan, f"scan {k}", k) for k, scan in enumerate(scans)]
     grid = survey_grid(survey, edge, voxel)
-    registrar = _registrar(method, grid, max_tilt, device, seed) if isinstance(method, str) else method
-    return Mapper(registrar, grid.voxel, settings).run(survey, progress, surveys, odometry, ties, control)
+    if isinstance(method, str):
+        method = find_method(method).make(_setup(method, grid, max_tilt, device, seed))
+    return Mapper(method, grid.voxel, settings).run(survey, progress, surveys, odometry, ties, control)
 
 
 def optimize(
@@ -182,7 +198,7 @@ def optimize(
         robust: whether to look for wrong edges first, and leave them out.
 
     Raises:
-        InputError: the file or the graph cannot be used, or the equations have no unique solution.
+        InputError: the file, the graph or an argument cannot be used, or the equations have no unique solution.
     """
     from pathlib import Path
 
@@ -191,7 +207,9 @@ def optimize(
     from tools.readers.poses.g2o import read_g2o, require_connected
     from tools.readers.poses.graph_json import read_graph_json
 
+    require(robust=robust)
     if not isinstance(graph, PoseGraph):
+        require(graph=graph)
         path = Path(graph)
         graph = read_graph_json(path) if path.suffix == ".json" else read_g2o(path)
         require_connected(path, graph)
@@ -227,28 +245,13 @@ def read_scans(
     from tools.readers.point_frame import PointFrame
     from tools.readers.scans import read_scans as read
 
+    for path in paths:
+        require(path=path)
+    require(sound_speed=sound_speed, range_scale=range_scale, frame=frame, units=units)
     corrections = Corrections(sound_speed, range_scale, PointFrame(frame, units))
     return list(read([os.fspath(path) for path in paths], corrections).scans)
 
 
-def _registrar(method: str, grid: Grid, max_tilt: float, device: str | None, seed: int) -> Registrar:
-    from tools.methods.registry import Setup, find_method
-
-    found = find_method(method)
-    changes = {"max_tilt": max_tilt} if "max_tilt" in found.options else {}
-    return found.make(Setup(grid, device, seed, changes))
-
-
-def _as_scan(scan: ScanLike, name: str, stamp: float = 0.0) -> Scan:
-    """A scan, the points of one, or the only scan of a file."""
-    if isinstance(scan, Scan):
-        return scan
-    if isinstance(scan, str | os.PathLike):
-        from tools.readers.scans import only_scan
-        from tools.readers.scans import read_scans as read
-
-        return only_scan(os.fspath(scan), read([os.fspath(scan)]))
-    points = np.asarray(scan)
-    if points.ndim != 2 or points.shape[1] != 3 or points.dtype.kind not in "fiu":
-        raise InputError(f"{name} is {points.dtype} of shape {points.shape}; wanted points of shape (N, 3) in meters")
-    return Scan(points.astype(np.float32), stamp=stamp, name=name)
+def _setup(method: str, grid: Grid, max_tilt: float, device: str | None, seed: int) -> Setup:
+    changes = {"max_tilt": max_tilt} if "max_tilt" in find_method(method).options else {}
+    return Setup(grid, device, seed, changes)

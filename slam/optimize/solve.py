@@ -129,8 +129,12 @@ def optimize(graph: PoseGraph, objective: Objective, start: Start = "chordal", r
         robust: look for wrong edges first, and leave them out.
 
     Raises:
-        InputError: the objective does not know what the graph holds, or the equations have no solution.
+        InputError: there is no such objective or start, the objective does not know what the graph holds, or the
+            equations have no solution.
     """
+    for name, given, known in (("objective", objective, OBJECTIVES), ("start", start, STARTS)):
+        if given not in known:
+            raise InputError(f"`{name}={given!r}` is not known; choose one of {', '.join(known)}")
     if not graph.edges:
         raise InputError("the graph holds one pose and no edge; there is nothing to optimize")
     clock, seconds = time.perf_counter, {}

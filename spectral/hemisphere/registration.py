@@ -1,6 +1,7 @@
 # pyright: strict, reportMissingTypeStubs=false, reportConstantRedefinition=false
 """The paper's registration of two scans: the seven steps of Sect. 2.11, in order, on one screen."""
 
+from copy import copy
 from dataclasses import dataclass, field, replace
 from time import perf_counter
 
@@ -110,7 +111,17 @@ class HemisphereRegistrar:
         self.hemisphere = Hemisphere(device, grid.edge, self.config.windowed)
         self._translation = Translation(device, grid.edge)
         self._preparer = Preparer(device, grid, self.config.use_strength, self.config.centered)
-        self._warm = False
+
+    def with_voxel(self, voxel: float) -> "HemisphereRegistrar":
+        """The same for voxels of another size [m], on the same tables and memory: only one of the two may be at work.
+
+        Raises:
+            InputError: the voxel is no length above 0.
+        """
+        other = copy(self)
+        other.grid = replace(self.grid, voxel=voxel)
+        other._preparer = self._preparer.with_grid(other.grid)
+        return other
 
     def prepare(self, scan: Scan) -> LayeredScan:
         """What the scan contributes to every pair: its spectra and, for the steps 1 and 4, its layers.
@@ -119,19 +130,7 @@ class HemisphereRegistrar:
             InputError: the scan shows too little structure.
         """
         volume, magnitude = self._preparer.prepare(scan)
-        prepared = LayeredScan(volume, magnitude, self.hemisphere.prepare(magnitude))
-        if not self._warm:
-            self._warm_up(prepared)
-        return prepared
-
-    def _warm_up(self, prepared: LayeredScan) -> None:
-        """Launch every kernel that a pair needs: some drivers compile at the first launch, which takes seconds."""
-        R, volume = Rotation.identity(), prepared.volume
-        self.hemisphere.yaw_candidates(prepared.layers, prepared.layers, 1)
-        self.hemisphere.heading(prepared.layers, prepared.magnitude, R, self._HEADING_LEFT)
-        self.hemisphere.tilt(prepared.layers, prepared.magnitude, R, self._TILT_LEFT)
-        self._translation.find_others(volume, volume, R, SAME_SHIFT)
-        self._warm = True
+        return LayeredScan(volume, magnitude, self.hemisphere.prepare(magnitude))
 
     def register(self, target: LayeredScan, source: LayeredScan) -> Registration:
         """Find T_target_source.

@@ -1,5 +1,6 @@
 """A scan on the grid: its voxels and its spectra, computed once for all its pairs."""
 
+from copy import copy
 from dataclasses import dataclass
 
 import numpy as np
@@ -63,6 +64,12 @@ class Preparer:
         self.device, self.grid = device, grid
         self.use_strength, self.centered, self._farthest = use_strength, centered, farthest
         self._spectra = PointSpectra(device, grid.edge, magnitudes=True)
+
+    def with_grid(self, grid: Grid) -> "Preparer":
+        """The same for a grid of the same edge, on the same volume: only one of the two may be at work."""
+        other = copy(self)
+        other.grid = grid
+        return other
 
     def prepare(self, scan: Scan) -> tuple[Prepared, Array]:
         """Voxelize and transform one scan; the device may still be at work on it.

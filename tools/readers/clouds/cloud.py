@@ -110,7 +110,7 @@ def scan_of_cloud(cloud: Cloud, name: str, stamp: float) -> tuple[Scan, list[str
     if dropped:
         notes.append(f"dropped {dropped:,} of {total:,} points that are NaN or infinite")
         points = points[finite]
-    _refuse_map_coordinates(points)
+    refuse_map_coordinates(points)
     strength = None
     if cloud.strength is not None:
         strength, corrected = _usable_strength(cloud.strength[finite])
@@ -120,7 +120,12 @@ def scan_of_cloud(cloud: Cloud, name: str, stamp: float) -> tuple[Scan, list[str
     return Scan(points.astype(np.float32), strength, stamp, cloud.prior, name, viewpoints), notes
 
 
-def _refuse_map_coordinates(points: np.ndarray, what: str = "points") -> None:
+def refuse_map_coordinates(points: np.ndarray, what: str = "points") -> None:
+    """Refuse finite points (N, 3) [m], N >= 1, of which one lies further than COORDINATE_LIMIT off.
+
+    Raises:
+        InputError: how many do.
+    """
     largest = np.abs(points).max()
     if largest > COORDINATE_LIMIT:
         far = int((np.abs(points) > COORDINATE_LIMIT).any(axis=1).sum())
@@ -142,7 +147,7 @@ def _usable_viewpoints(viewpoints: np.ndarray) -> np.ndarray:
             f"the viewpoints of {bad:,} of {len(places):,} points are NaN or infinite; give every point one, or leave "
             f"{', '.join(VIEWPOINT_NAMES)} out"
         )
-    _refuse_map_coordinates(places, "viewpoints")
+    refuse_map_coordinates(places, "viewpoints")
     return places.astype(np.float32)
 
 

@@ -1,0 +1,101 @@
+"""What stays ready between calls of `sonarmap.register`: it computes what a new one would, and nothing twice."""
+
+from collections import deque
+from typing import Any
+
+import numpy as np
+import pytest
+
+import sonarmap
+from spectral.grid import Grid
+from spectral.hemisphere.registration import HemisphereRegistrar
+from spectral.registration import SpectralRegistrar
+from tests.samples.reliefs import above, relief, seen
+from tools.methods import reuse
+from tools.methods.registry import Setup
+
+HERE, THERE = above(0, 0, 12), above(3, -2, 13, 25, 4, -7)
+
+
+@pytest.fixture(autouse=True)
+def _nothing_kept(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(reuse, "_KEPT", deque(maxlen=1))
+
+
+def counting(name: str, call: Any, calls: list[str]) -> Any:
+    def counted(*given: Any) -> Any:
+        calls.append(name)
+        return call(*given)
+
+    return counted
+
+
+@pytest.fixture
+def calls(monkeypatch: pytest.MonkeyPatch) -> list[str]:
+    """What is made and registered, in order."""
+    made: list[str] = []
+    for kind in (SpectralRegistrar, HemisphereRegistrar):
+        for name in ("__init__", "register"):
+            monkeypatch.setattr(kind, name, counting(name, getattr(kind, name), made))
+    return made
+
+
+def pair(scale: float = 1.0) -> tuple[np.ndarray, np.ndarray]:
+    target, source = (scale * seen(relief(1, 6000), pose) for pose in (HERE, THERE))
+    return target, source
+
+
+def matrix(scale: float = 1.0, **options: Any) -> np.ndarray:
+    return sonarmap.register(*pair(scale), edge=32, **options).T_target_source.as_matrix()
+
+
+@pytest.mark.parametrize("method", ["spectral", "hemisphere"])
+def test_it_is_made_once_and_a_call_registers_once(calls: list[str], method: str) -> None:
+    """Also of scans of another size, which have other voxels; results are those of a method of their own."""
+    first, other, again = (matrix(scale, method=method) for scale in (1.0, 1.7, 1.0))
+    assert calls == ["__init__", "register", "register", "register"]
+    np.testing.assert_array_equal(first, again)
+    own = sonarmap.register(*sonarmap.prepare(pair(1.7), edge=32, method=method))
+    np.testing.assert_array_equal(own.T_target_source.as_matrix(), other)
+
+
+def test_other_settings_make_another_and_one_is_kept(calls: list[str], monkeypatch: pytest.MonkeyPatch) -> None:
+    several: tuple[dict[str, Any], ...] = (
+        {},
+        {"max_tilt": 0.5},
+        {"max_tilt": 0.5, "seed": 3},
+        {"method": "hemisphere"},
+        {},
+    )
+    for options in several:
+        matrix(**options)
+        assert len(reuse._KEPT) == 1
+    assert calls.count("__init__") == 5
+    matrix(method="planes")
+    assert not reuse._KEPT  # points alone: it is made at once
+    monkeypatch.setattr(reuse, "_PART", 10**9)  # as if the device were too small
+    matrix()
+    assert not reuse._KEPT
+
+
+def test_what_is_prepared_has_a_method_of_its_own(calls: list[str]) -> None:
+    matrix()
+    prepared = [sonarmap.prepare(pair(), edge=32) for _ in range(2)]
+    assert calls.count("__init__") == 3
+    assert prepared[0][0].registrar is not prepared[1][0].registrar
+
+
+def test_an_error_leaves_nothing(calls: list[str]) -> None:
+    flat = np.zeros((500, 3)) + np.arange(500)[:, None] * np.array([1.0, 0.0, 0.0])
+    matrix()
+    with pytest.raises(sonarmap.InputError):
+        sonarmap.register(flat, flat, edge=32)
+    assert not reuse._KEPT
+    np.testing.assert_array_equal(matrix(), matrix())
+
+
+def test_two_at_once_do_not_share_it() -> None:
+    """As those of two threads: it is out of reach while it is at work."""
+    setup = Setup(Grid(32, 1.0))
+    with reuse.reused("spectral", setup) as first, reuse.reused("spectral", setup) as second:
+        assert first is not second

@@ -1,0 +1,100 @@
+# pyright: strict, reportMissingTypeStubs=false, reportUnknownMemberType=false
+"""What a program gives to the functions of `sonarmap`, checked before anything else sees it."""
+
+import os
+from collections.abc import Iterable, Sequence
+from numbers import Integral, Real
+from reprlib import repr as shortened
+from typing import Any, TypeAlias
+
+import numpy as np
+from numpy.typing import NDArray
+
+from kernels.errors import InputError
+from spectral.scan import Scan, refuse_mask
+
+ScanLike: TypeAlias = Scan | NDArray[Any] | str | os.PathLike[str]
+
+_TEXT, _NONE, _PATHS = (str,), (type(None),), (str, os.PathLike)
+# Name of an argument -> its types, and what is wanted, in words. What a number may be, they say that use it.
+_ARGUMENTS: dict[str, tuple[tuple[type, ...], str]] = {
+    "method": (_TEXT, "the name of a method, such as 'spectral'"),
+    "voxel": ((Real, *_NONE), "a length in meters above zero, such as 0.5, or None to have it chosen"),
+    "edge": ((Integral,), "a whole number of voxels, such as 64"),
+    "max_tilt": ((Real,), "an angle in radians, such as 0.6"),
+    "device": (_TEXT + _NONE, "the name of a device in quotes, such as 'cpu', 'gpu' or '0:0', or None to choose one"),
+    "seed": ((Integral,), "a whole number"),
+    "scans": ((Iterable,), "a list of scans, or the path of a folder or file"),
+    "path": (_PATHS, "the path of a file or folder, or a pattern"),
+    "surveys": ((Sequence, np.ndarray, *_NONE), "the number of each scan's survey, such as [0, 0, 1], or None"),
+    "ties": ((Sequence,), "a list of Tie"),
+    "control": ((Sequence,), "a list of ControlPoint"),
+    "graph": (_PATHS, "a PoseGraph, or the path of a file with one"),
+    "robust": ((bool, np.bool_), "True or False"),
+    "sound_speed": ((Real, *_NONE), "a speed in m/s, such as 1497, or None"),
+    "range_scale": ((Real,), "a factor, such as 1.02"),
+    "frame": (_TEXT, "'flu', 'frd', 'rdf' or 'ned'"),
+    "units": (_TEXT, "'m', 'cm', 'mm', 'ft' or 'us-ft'"),
+}
+
+
+def require(**arguments: object) -> None:
+    """Refuse arguments whose type is not theirs.
+
+    Raises:
+        InputError: naming the argument, what was given and what is wanted.
+    """
+    for name, value in arguments.items():
+        types, wanted = _ARGUMENTS[name]
+        # True is a whole number to Python
+        if not isinstance(value, types) or (isinstance(value, bool) and bool not in types):
+            raise _refusal(name, value, wanted)
+
+
+def require_type(name: str, values: Sequence[object], *types: type | None) -> None:
+    """Refuse an argument of which a value is of none of these classes.
+
+    Raises:
+        InputError: as `require`.
+    """
+    for value in values:
+        if not any(value is None if each is None else isinstance(value, each) for each in types):
+            wanted = " or ".join("None" if each is None else each.__name__ for each in types)
+            raise _refusal(name, value, wanted)
+
+
+def _refusal(name: str, value: object, wanted: str) -> InputError:
+    """The error that names an argument, what was given, and what is wanted."""
+    return InputError(f"`{name}={shortened(value)}` cannot be used; wanted {wanted}")
+
+
+def as_scan(scan: ScanLike, name: str, stamp: float = 0.0) -> Scan:
+    """A scan, the points of one, or the only scan of a file.
+
+    Raises:
+        InputError: it is none of these, or its points cannot be used, with the same words as those of a file.
+    """
+    if isinstance(scan, Scan):
+        return scan
+    if isinstance(scan, str | os.PathLike):
+        from tools.readers.scans import only_scan, read_scans
+
+        return only_scan(os.fspath(scan), read_scans([os.fspath(scan)]))
+    return Scan(_points(scan, name).astype(np.float32), stamp=stamp, name=name)
+
+
+def _points(given: object, name: str) -> NDArray[Any]:
+    """(N, 3) float64 [m], near enough that float32 holds them; those not finite are left to `Scan`."""
+    from tools.readers.clouds.cloud import refuse_map_coordinates
+
+    refuse_mask(given, name)
+    try:
+        points: NDArray[Any] = np.asarray(given)
+    except ValueError as error:  # lists of several lengths
+        raise InputError(f"{name} is no array ({error}); wanted points of shape (N, 3) in meters") from error
+    if points.ndim != 2 or points.shape[1] != 3 or points.dtype.kind not in "fiu":
+        raise InputError(f"{name} is {points.dtype} of shape {points.shape}; wanted points of shape (N, 3) in meters")
+    points = points.astype(np.float64)
+    if len(points) and np.isfinite(points).all():
+        refuse_map_coordinates(points, f"points of {name}")
+    return points
