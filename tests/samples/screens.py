@@ -17,7 +17,7 @@ import pytest
 
 from tests.samples.command_line import ROOT
 
-PATIENCE = 120.0  # s
+PATIENCE = 240.0  # s
 _NOT_OURS = ("COLUMNS", "LINES", "NO_COLOR", "FORCE_COLOR", "CI", "TTY_COMPATIBLE", "TTY_INTERACTIVE")
 
 

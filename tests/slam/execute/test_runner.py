@@ -257,7 +257,7 @@ class TestClusterThatIsNotThere:
     @pytest.fixture(autouse=True)
     def impatient(self, monkeypatch: pytest.MonkeyPatch) -> None:
         pytest.importorskip("distributed")
-        monkeypatch.setattr(slam.execute.cluster, "PATIENCE", 1.0)
+        monkeypatch.setattr(slam.execute.cluster, "PATIENCE", 6.0)
 
     @pytest.mark.parametrize("address", ["tcp://127.0.0.1:9", "127.0.0.1:9", "carrier-pigeon://9", "tcp://", "nowhere"])
     def test_it_is_told(self, work: Work, address: str) -> None:

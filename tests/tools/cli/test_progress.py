@@ -55,7 +55,7 @@ class TestProgress:
     def test_a_terminal_gets_a_bar(self) -> None:
         shown = on_a_terminal(
             "from time import sleep; from tools.cli.progress import progress\n"
-            "with progress('pairs', 2) as advance: advance('scan [1]'); sleep(0.3); advance('scan [2]')"
+            "with progress('pairs', 2) as advance: advance('scan [1]'); sleep(1); advance('scan [2]')"
         )
         assert "pairs" in shown
         assert "2/2" in shown
