@@ -99,6 +99,7 @@ class SpectralRegistrar:
         self._preparer = Preparer(device, grid, self.config.use_strength, farthest=self.so3.farthest)
         self._verifier = Verifier(device, grid.edge)
         self._coarse_spectra = PointSpectra(device, self._verifier.coarse_edge, WHITENINGS)
+        self._warm = False
 
     def with_voxel(self, voxel: float) -> "SpectralRegistrar":
         """The same for voxels of another size [m], on the same tables and memory: only one of the two may be at work.
@@ -150,7 +151,10 @@ class SpectralRegistrar:
         return self._register(target, source, self._bounds(target, source))
 
     def _register(self, target: SpectralScan, source: SpectralScan, bounds: Bounds) -> Registration:
-        """As `register`, within these bounds."""
+        """As `register`, within these bounds; the first pair twice, as drivers compile or load kernels meanwhile."""
+        if not self._warm:
+            self._warm = True
+            self._register(target, source, bounds)
         start = perf_counter()
         test = HypothesisTest(self._verifier, self.grid, target, source, bounds)
         # 1. rotations under which the magnitude spectra are alike

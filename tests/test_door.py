@@ -159,7 +159,7 @@ class TestRegister:
         far = points(1) + np.array([500_000.0, 5_800_000.0, 0.0])
         np.save(tmp_path / "far.npy", far)
         words = r"8,000 of 8,000 points .*lie beyond 100 km .*map coordinates.*subtract the sensor's position"
-        for given in (far, tmp_path / "far.npy"):
+        for given in (far, tmp_path / "far.npy", sonarmap.Scan(far.astype(np.float32))):
             with pytest.raises(sonarmap.InputError, match=words):
                 sonarmap.register(given, points(2), method="planes")
 

@@ -12,6 +12,7 @@ from numpy.typing import NDArray
 
 from kernels.errors import InputError
 from spectral.scan import Scan, refuse_mask
+from tools.readers.clouds.cloud import refuse_map_coordinates
 
 ScanLike: TypeAlias = Scan | NDArray[Any] | str | os.PathLike[str]
 
@@ -75,6 +76,7 @@ def as_scan(scan: ScanLike, name: str, stamp: float = 0.0) -> Scan:
         InputError: it is none of these, or its points cannot be used, with the same words as those of a file.
     """
     if isinstance(scan, Scan):
+        refuse_map_coordinates(scan.points, f"points of {scan.name or name}")
         return scan
     if isinstance(scan, str | os.PathLike):
         from tools.readers.scans import only_scan, read_scans
@@ -85,8 +87,6 @@ def as_scan(scan: ScanLike, name: str, stamp: float = 0.0) -> Scan:
 
 def _points(given: object, name: str) -> NDArray[Any]:
     """(N, 3) float64 [m], near enough that float32 holds them; those not finite are left to `Scan`."""
-    from tools.readers.clouds.cloud import refuse_map_coordinates
-
     refuse_mask(given, name)
     try:
         points: NDArray[Any] = np.asarray(given)

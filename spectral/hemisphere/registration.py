@@ -111,6 +111,7 @@ class HemisphereRegistrar:
         self.hemisphere = Hemisphere(device, grid.edge, self.config.windowed)
         self._translation = Translation(device, grid.edge)
         self._preparer = Preparer(device, grid, self.config.use_strength, self.config.centered)
+        self._warm = False
 
     def with_voxel(self, voxel: float) -> "HemisphereRegistrar":
         """The same for voxels of another size [m], on the same tables and memory: only one of the two may be at work.
@@ -141,6 +142,13 @@ class HemisphereRegistrar:
         Returns:
             Its `accepted` says whether to believe it; this method gives no probability.
         """
+        return self._register(target, source)
+
+    def _register(self, target: LayeredScan, source: LayeredScan) -> Registration:
+        """As `register`; the first pair twice, as drivers compile or load kernels meanwhile."""
+        if not self._warm:
+            self._warm = True
+            self._register(target, source)
         start = perf_counter()
         matches = sorted(self._matches(target, source), key=by_peak)
         first = matches[0]
