@@ -2,33 +2,22 @@
 
 from __future__ import annotations
 
-import shutil
 from collections import Counter
 from collections.abc import Callable, Collection, Iterator, Sequence
 from functools import partial
 from math import inf
 from pathlib import Path, PurePath
-from tempfile import mkdtemp
-from weakref import finalize
 
 from kernels.errors import InputError
 from tools.readers.bags.mcap_file import open_mcap
 from tools.readers.bags.recording import Message, Recording, topics_of
 from tools.readers.bags.sqlite_file import open_sqlite
-from tools.readers.bags.unpack import unpack_file
+from tools.readers.bags.unpack import Room
 from tools.readers.selection import BAG_METADATA, BAG_TITLE
 
 _LARGEST = 1 << 18  # bytes of metadata, of which YAML reads 100 KB in a second
 _COMPRESSED = (".zstd", ".zst")
-_OPENERS: dict[str, Callable[[Path], Recording]] = {".db3": open_sqlite, ".mcap": open_mcap}
-
-
-class _Room:
-    """A folder for what is unpacked, which is gone with the last reference to it."""
-
-    def __init__(self) -> None:
-        self.path = Path(mkdtemp(prefix="sonarmap."))
-        finalize(self, shutil.rmtree, self.path, ignore_errors=True)
+_OPENERS: dict[str, Callable[[Path, int], Recording]] = {".db3": open_sqlite, ".mcap": open_mcap}
 
 
 def open_folder(folder: Path, notes: list[str]) -> Recording:
@@ -42,7 +31,8 @@ def open_folder(folder: Path, notes: list[str]) -> Recording:
     notes += [f"{file.name}, which {BAG_METADATA} names, is missing" for file in files if file not in present]
     if not present:
         raise InputError(f"none of its files is there, as {BAG_METADATA} names them; copy the whole folder")
-    room = _Room() if any(file.suffix in _COMPRESSED for file in present) else None
+    packed = [file.stat().st_size for file in present if file.suffix in _COMPRESSED]
+    room = Room(sum(packed)) if packed else None
     parts = sorted((_open_part(file, room) for file in present), key=_start)
     counts: Counter[tuple[str, str]] = Counter()
     for part in parts:
@@ -52,17 +42,17 @@ def open_folder(folder: Path, notes: list[str]) -> Recording:
 
 
 def _messages(
-    parts: Sequence[Recording], _: _Room | None, names: Collection[str], faults: list[str]
+    parts: Sequence[Recording], _: Room | None, names: Collection[str], faults: list[str]
 ) -> Iterator[Message]:
     """The files that were unpacked stay for as long as this can be called."""
     for part in parts:
         yield from part.messages(names, faults)
 
 
-def _open_part(file: Path, room: _Room | None) -> Recording:
+def _open_part(file: Path, room: Room | None) -> Recording:
     try:
-        plain = unpack_file(file, room.path) if room and file.suffix in _COMPRESSED else file
-        return _OPENERS[plain.suffix](plain)
+        plain = room.unpack(file) if room and file.suffix in _COMPRESSED else file
+        return _OPENERS[plain.suffix](plain, file.stat().st_size)
     except InputError as error:
         raise InputError(f"{file.name}: {error}") from error
 

@@ -12,19 +12,27 @@ from typing import TYPE_CHECKING, Any
 from kernels.errors import InputError
 from tools.readers.bags.indexed import indexed_recording
 from tools.readers.bags.recording import Recording, refused
-from tools.readers.bags.unpack import ZSTD_START, Unpacker
+from tools.readers.bags.unpack import NOT_BELIEVABLE, ZSTD_START, Unpacker, most_records
 
 if TYPE_CHECKING:
     from rosbags.rosbag2 import Reader
 
 
-def open_sqlite(path: Path) -> Recording:
+def open_sqlite(path: Path, packed: int | None = None) -> Recording:
     """The recording of a .db3 file, whose messages may be compressed one by one.
 
+    Args:
+        path: of the file.
+        packed: its bytes before it was unpacked, if it was.
+
     Raises:
-        InputError: it is no database of ROS 2 messages, or damaged.
+        InputError: it is no database of ROS 2 messages, or damaged, or has too many messages for its bytes.
     """
-    return indexed_recording(path, _opened, "cdr", partial(_plain, Unpacker(path.stat().st_size)))
+    size = path.stat().st_size if packed is None else packed
+    recording = indexed_recording(path, _opened, "cdr", partial(_plain, Unpacker(size)))
+    if sum(topic.count for topic in recording.topics) > most_records(size):
+        raise InputError(f"it has more than {most_records(size):,} messages, {NOT_BELIEVABLE}")
+    return recording
 
 
 def _plain(unpacked: Unpacker, content: Any, time: Any, topic: str) -> bytes:

@@ -6,6 +6,7 @@ import tempfile
 from collections.abc import Iterator
 from dataclasses import dataclass
 from pathlib import Path
+from weakref import finalize
 
 from kernels.errors import InputError
 from tools.readers.clouds.packed import most_unpacked
@@ -13,8 +14,10 @@ from tools.readers.clouds.packed import most_unpacked
 LARGEST = 1 << 29  # bytes of a chunk, unpacked; recorders write a few MB each
 ZSTD_START = b"\x28\xb5\x2f\xfd"
 _PIECE = 1 << 22
+NOT_BELIEVABLE = "which is not believable for its size: the recording is damaged; copy it again"
 _NO_RECORDING = "which no recorder writes: the recording is damaged; copy it again"
 _ALL = 1000  # times the bytes of a file may all of its chunks hold, counted anew each time that they are read
+_FEW, _RECORD = 1 << 17, 4  # records that any file may hold, and bytes that one takes in large files: rather some tens
 _OF_FREE = 0.9  # of the room on a disk, which others need too
 
 
@@ -82,38 +85,57 @@ def _pieces(content: bytes, compression: str) -> Iterator[bytes]:
         yield decompressor.decompress(b"", max_length=_PIECE)
 
 
-def unpack_file(path: Path, folder: Path) -> Path:
-    """A file NAME.db3.zstd or NAME.mcap.zstd, unpacked into a folder.
+def most_records(packed: int) -> int:
+    """How many records some bytes may believably hold, however they are compressed."""
+    return max(_FEW, packed // _RECORD)
 
-    Raises:
-        InputError: it is damaged, or holds more than its bytes believably can, or the disk has no room for it.
+
+class Room:
+    """A folder for what the files of one bag unpack to; it is gone with the last reference to it.
+
+    Args:
+        packed: bytes of these files.
     """
-    import zstandard
 
-    plain, yourself = folder / path.stem, f"unpack it yourself with zstd -d {path.name}"
-    most, room = most_unpacked(path.stat().st_size), int(shutil.disk_usage(folder).free * _OF_FREE)
-    written = 0
-    try:
-        with (
-            path.open("rb") as file,
-            zstandard.ZstdDecompressor().stream_reader(file, read_across_frames=True) as packed,
-            plain.open("wb") as out,
-        ):
-            while piece := packed.read(_PIECE):
-                written += len(piece)
-                if written > most:
-                    raise InputError(f"it unpacks to more than {most:,} bytes, {_NO_RECORDING}, or {yourself}")
-                if written > room:
-                    raise InputError(
-                        f"it unpacks to more than the {room:,} bytes that it may take of {tempfile.gettempdir()}; make "
-                        f"room there, or {yourself} elsewhere"
-                    )
-                out.write(piece)
-    except zstandard.ZstdError as error:
-        raise InputError(f"it cannot be unpacked ({error}); copy it again") from error
-    except OSError as error:
-        raise InputError(
-            f"it cannot be unpacked to {tempfile.gettempdir()} ({error.strerror or error}); make room there, or "
-            f"{yourself}"
-        ) from error
-    return plain
+    def __init__(self, packed: int) -> None:
+        self._folder = Path(tempfile.mkdtemp(prefix="sonarmap."))
+        finalize(self, shutil.rmtree, self._folder, ignore_errors=True)
+        self._most, self._free = most_unpacked(packed), int(shutil.disk_usage(self._folder).free * _OF_FREE)
+        self._written = 0
+
+    def unpack(self, path: Path) -> Path:
+        """A file NAME.db3.zstd or NAME.mcap.zstd, unpacked.
+
+        Raises:
+            InputError: it is damaged, or the bag holds more than its bytes believably can, or the disk has no room.
+        """
+        import zstandard
+
+        plain, yourself = self._folder / path.stem, f"unpack it yourself with zstd -d {path.name}"
+        try:
+            with (
+                path.open("rb") as file,
+                zstandard.ZstdDecompressor().stream_reader(file, read_across_frames=True) as packed,
+                plain.open("wb") as out,
+            ):
+                while piece := packed.read(_PIECE):
+                    self._take(len(piece), yourself)
+                    out.write(piece)
+        except zstandard.ZstdError as error:
+            raise InputError(f"it cannot be unpacked ({error}); copy it again") from error
+        except OSError as error:
+            raise InputError(
+                f"it cannot be unpacked to {tempfile.gettempdir()} ({error.strerror or error}); make room there, or "
+                f"{yourself}"
+            ) from error
+        return plain
+
+    def _take(self, more: int, yourself: str) -> None:
+        self._written += more
+        if self._written > self._most:
+            raise InputError(f"the bag unpacks to more than {self._most:,} bytes, {_NO_RECORDING}, or {yourself}")
+        if self._written > self._free:
+            raise InputError(
+                f"the bag unpacks to more than the {self._free:,} bytes that it may take of {tempfile.gettempdir()}; "
+                f"make room there, or {yourself} elsewhere"
+            )

@@ -7,6 +7,7 @@ import struct
 from collections.abc import Callable
 from contextlib import closing
 from pathlib import Path
+from time import process_time
 from types import SimpleNamespace
 
 import lz4.frame
@@ -111,11 +112,11 @@ def test_bombs_within_recordings(tmp_path: Path, monkeypatch: pytest.MonkeyPatch
     packed = write_ros2(tmp_path / "e", records, compression="file")
     assert len(read_scans([packed]).scans[0].points) == 40_000
     monkeypatch.setattr(shutil, "disk_usage", lambda _: SimpleNamespace(free=400_000))
-    with pytest.raises(InputError, match=r"e: e\.db3\.zstd: it unpacks to more than the 360,000 bytes that it may"):
+    with pytest.raises(InputError, match=r"e: e\.db3\.zstd: the bag unpacks to more than the 360,000 bytes"):
         read_scans([packed])
     monkeypatch.setattr(bounds, "_SMALL", 100_000)
     monkeypatch.setattr(bounds, "_RATIO", 1)
-    with pytest.raises(InputError, match=r"e: e\.db3\.zstd: it unpacks to more than [\d,]+ bytes, which no recorder"):
+    with pytest.raises(InputError, match=r"e: e\.db3\.zstd: the bag unpacks to more than [\d,]+ bytes, which no"):
         read_scans([packed])
 
 
@@ -126,19 +127,76 @@ EMPTY_RECORD = b"\x08" + bytes(8)
     ("piece", "count", "words"),
     [
         (bytes(1 << 20), 500, "of zstd unpack to more than 67,108,864, which no recorder writes"),
-        (EMPTY_RECORD, 2_000_000, "it holds more than 131,072 records, which is not believable for its size"),
+        (
+            EMPTY_RECORD,
+            2_000_000,
+            "it holds more than the 131,072 records that may still come, which is not",
+        ),
     ],
     ids=["zeros", "records"],
 )
 def test_a_chunk_of_next_to_nothing_takes_next_to_nothing(tmp_path: Path, piece: bytes, count: int, words: str) -> None:
-    packed = zstandard.ZstdCompressor().compress(piece * count)
-    head = struct.pack("<QQQII", 0, 0, len(piece) * count, 0, 4) + b"zstd" + struct.pack("<Q", len(packed))
-    chunk = struct.pack("<BQ", 6, len(head) + len(packed)) + head + packed
     path = tmp_path / "a.mcap"
-    path.write_bytes(recordings()["mcap plain"][1][:8] + chunk)
+    path.write_bytes(recordings()["mcap plain"][1][:8] + packed_chunk(piece, count))
     assert path.stat().st_size < 20_000
     with thrifty(), pytest.raises(InputError, match=words):
         read_scans([path])
+
+
+def test_many_chunks_of_next_to_nothing(tmp_path: Path) -> None:
+    """Each of them believable, and together a minute of work in 80 KB."""
+    path = tmp_path / "a.mcap"
+    path.write_bytes(recordings()["mcap plain"][1][:8] + 450 * packed_chunk(EMPTY_RECORD, 131_000))
+    start = process_time()
+    with pytest.raises(InputError, match="it holds more than the 72 records that may still come"):
+        read_scans([path])
+    assert process_time() - start < 5
+
+
+EMPTY_ROWS = """
+CREATE TABLE topics(id INTEGER PRIMARY KEY, name, type, serialization_format, offered_qos_profiles);
+CREATE TABLE messages(id INTEGER PRIMARY KEY, topic_id, timestamp, data);
+INSERT INTO topics VALUES(1, '/p', 'sensor_msgs/msg/PointCloud2', 'cdr', '');
+INSERT INTO messages WITH n(k) AS (SELECT 1 UNION ALL SELECT k + 1 FROM n WHERE k < 200000) SELECT k, 1, 1, x'' FROM n;
+"""
+
+
+@pytest.mark.parametrize(
+    ("kind", "count", "words"),
+    [
+        ("mcap", 1, r"x0\.mcap\.zstd: it has too many records before byte [\d,]+, which is not believable"),
+        ("mcap", 9, r"x\d\.mcap\.zstd: the bag unpacks to more than 67,108,864 bytes, which no recorder writes"),
+        ("db3", 1, r"x0\.db3\.zstd: it has more than 131,072 messages, which is not believable"),
+    ],
+    ids=["records", "files", "rows"],
+)
+def test_a_bag_of_next_to_nothing(tmp_path: Path, kind: str, count: int, words: str) -> None:
+    """Of records without content, of many files, of rows without content."""
+    if kind == "db3":
+        with closing(sqlite3.connect(tmp_path / "x.db3")) as database:
+            database.executescript(EMPTY_ROWS)
+        plain = (tmp_path / "x.db3").read_bytes()
+    else:
+        magic = recordings()["mcap plain"][1][:8]
+        other = struct.pack("<BQ", 0x80, 16 << 20) + bytes(16 << 20)  # of a kind that MCAP leaves to others
+        plain = magic + bytes(9 << 20) if count == 1 else recordings()["mcap plain"][1][:-8] + other
+    bag = tmp_path / "bag"
+    bag.mkdir()
+    names = [f"x{k}.{kind}.zstd" for k in range(count)]
+    for name in names:
+        (bag / name).write_bytes(zstandard.ZstdCompressor().compress(plain))
+    listed = "".join(f"    - {name}\n" for name in names)
+    (bag / "metadata.yaml").write_text(f"rosbag2_bagfile_information:\n  relative_file_paths:\n{listed}")
+    start = process_time()
+    with pytest.raises(InputError, match=words):
+        read_scans([bag])
+    assert process_time() - start < 5
+
+
+def packed_chunk(piece: bytes, count: int) -> bytes:
+    packed = zstandard.ZstdCompressor().compress(piece * count)
+    head = struct.pack("<QQQII", 0, 0, len(piece) * count, 0, 4) + b"zstd" + struct.pack("<Q", len(packed))
+    return struct.pack("<BQ", 6, len(head) + len(packed)) + head + packed
 
 
 @pytest.mark.parametrize("table", ["messages", "topics"])
