@@ -8,11 +8,14 @@ import os
 import signal
 import subprocess
 import sys
+from collections.abc import Sequence
 from dataclasses import dataclass
+from importlib import import_module
 from pathlib import Path
 from typing import Any
 
 _ROOT = Path(__file__).resolve().parents[1]
+_DONE = {"done": True}
 _PROGRAM = "import sys; from {} import main; main(sys.argv[1:])"
 
 
@@ -43,7 +46,7 @@ def ask(module: str, *arguments: str, seconds: float) -> Answers:
     """
     try:
         run = subprocess.run(
-            command_of(module, *arguments),
+            command_of(__name__, module, *arguments),
             stdin=subprocess.DEVNULL,
             capture_output=True,
             timeout=seconds,
@@ -54,7 +57,20 @@ def ask(module: str, *arguments: str, seconds: float) -> Answers:
         return Answers(_steps(late.stdout or b""), f"it did not answer within {seconds:.0f} s")
     except OSError as error:
         return Answers((), f"no process can be started ({error.strerror or error})")
-    return Answers(_steps(run.stdout), _end(run.returncode, run.stderr.decode(errors="replace")))
+    steps = _steps(run.stdout)
+    if run.returncode == 0 and steps[-1:] == (_DONE,):
+        return Answers(steps[:-1], "")
+    return Answers(steps, _end(run.returncode, run.stderr.decode(errors="replace")))
+
+
+def main(arguments: Sequence[str]) -> None:
+    """In the other process: run a module's `main`, and say that it came to its end.
+
+    Args:
+        arguments: the module's name, and what is for it.
+    """
+    import_module(arguments[0]).main(arguments[1:])
+    answer(**_DONE)
 
 
 def command_of(module: str, *arguments: str) -> list[str]:
@@ -93,8 +109,6 @@ def _steps(output: bytes) -> tuple[dict[str, Any], ...]:
 
 
 def _end(code: int, errors: str) -> str:
-    if code == 0:
-        return ""
     words = last_words(errors)
     return f"it ended with {end_in_words(code)}: {words}" if words else f"it ended with {end_in_words(code)}"
 

@@ -11,6 +11,7 @@ from pathlib import Path
 
 # Of the loader; the first is ocl-icd's, the second Khronos'.
 VARIABLES = ("OCL_ICD_VENDORS", "OPENCL_VENDOR_PATH")
+_ENTRY = "clGetExtensionFunctionAddress"  # which a loader asks every driver for (cl_khr_icd)
 SYSTEM_FOLDER = Path("/etc/OpenCL/vendors")
 
 
@@ -56,14 +57,14 @@ def installed_drivers(environment: Mapping[str, str] = os.environ) -> list[Drive
 
 
 def driver_fault(driver: Driver) -> str:
-    """Why the library of a driver cannot be loaded, or ""; loading may end the process."""
+    """Why a driver gives no device, if its file or library says so; loading may end the process."""
     if not driver.library:
-        return "" if not driver.file else f"{driver.file} names no library"
+        return f"{driver.file} names no library" if driver.file else ""
     try:
-        ctypes.CDLL(driver.library)
+        library = ctypes.CDLL(driver.library)
     except OSError as error:
         return str(error)
-    return ""
+    return "" if hasattr(library, _ENTRY) else f"{driver.library} is no OpenCL driver"
 
 
 def _library(file: Path) -> str:
@@ -74,6 +75,8 @@ def _library(file: Path) -> str:
     try:
         library = file.read_text(encoding="utf-8", errors="replace").strip()
     except OSError:
+        return ""
+    if "\0" in library:  # no path has one
         return ""
     near = (file.parent / library, Path(sys.prefix, "lib", Path(library).name))
     return next((str(path) for path in near if library and path.is_file()), library)

@@ -83,7 +83,8 @@ def main(arguments: Sequence[str]) -> None:
             self-test to run, as "0:1" or "all".
     """
     driver, folder, first, tested = Driver(*arguments[:2]), arguments[2], int(arguments[3]), arguments[4]
-    platforms = load_devices(driver, folder)
+    nameless = driver.file and not driver.library  # without a library's name the loader would load all others
+    platforms = [] if nameless else load_devices(driver, folder)
     devices = {f"{p}:{d}": device for p, listed in enumerate(platforms) for d, device in enumerate(listed)}
     answer(found=[asdict(describe(device, selector)) for selector, device in devices.items()])
     if not devices:

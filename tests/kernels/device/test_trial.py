@@ -26,6 +26,7 @@ from kernels.self_test.verdict import remembered_verdict
 ROOT = Path(__file__).parents[3]
 CRASHES = {
     "when it is loaded": "__attribute__((constructor)) static void f(void) { abort(); }",
+    "by an exit": "#include <unistd.h>\n__attribute__((constructor)) static void f(void) { _exit(0); }",
     "when it is asked": "void* clGetExtensionFunctionAddress(const char* name) { abort(); return 0; }",
 }
 GPUS = [DeviceInfo(f"0:{n}", f"card {n}", kind="gpu", compute_units=8, driver_version="1.0") for n in range(3)]
@@ -100,17 +101,22 @@ class TestDrivers:
     def test_one_that_crashes_is_named_and_another_used(self, drivers: Path, when: str) -> None:
         add_stub(drivers, "crash", CRASHES[when])
         (drivers / "absent.icd").write_text("libnowhere.so")
+        (drivers / "zero.icd").write_text("a\0b")
+        (drivers / "other.icd").write_text("libm.so.6")
         ended = chosen_in_a_new_process()
-        assert (ended.returncode, ended.stdout) == (0, "2:0\n")
+        assert (ended.returncode, ended.stdout) == (0, "2:0\n"), ended.stderr
         assert (
             f"the OpenCL driver {drivers / 'crash.icd'} is not used: the process that tried it failed" in ended.stderr
         )
         assert f"the OpenCL driver {drivers / 'absent.icd'} is not used: libnowhere.so: cannot open" in ended.stderr
+        assert f"{drivers / 'other.icd'} is not used: libm.so.6 is no OpenCL driver" in ended.stderr
+        assert f"{drivers / 'zero.icd'} names no library" in ended.stderr
         again = chosen_in_a_new_process()
         assert (again.stdout, again.stderr) == ("2:0\n", "")  # it is not tried, nor named, in every run
-        absent, crash, good = list_devices()
-        assert [info.selector for info in (absent, crash, good)] == ["0", "1", "2:0"]
-        assert crash.fault == "the process that tried it failed: it ended with SIGABRT"
+        absent, crash, good, other, zero = list_devices()
+        assert [info.selector for info in (absent, crash, good, other, zero)] == ["0", "1", "2:0", "3", "4"]
+        end = "exit code 0" if when == "by an exit" else "SIGABRT"
+        assert crash.fault == f"the process that tried it failed: it ended with {end}"
         assert (good.fault, good.driver_file) == ("", str(drivers / "good.icd"))
 
     def test_one_that_crashes_alone_is_refused(self, drivers: Path) -> None:
