@@ -5,7 +5,9 @@ import re
 import subprocess
 import sys
 from dataclasses import fields, is_dataclass
+from fractions import Fraction
 from pathlib import Path
+from reprlib import repr as shortened
 from typing import Any
 
 import numpy as np
@@ -113,6 +115,8 @@ def points(seed: int, dtype: type = np.float64) -> np.ndarray:
     return np.column_stack([xy, z]).astype(dtype)
 
 
+TRUTH = ring_poses(4, turns=0.2)
+KNOWING = KnowingRegistrar(TRUTH, 1e-4 * np.eye(6))
 T_TARGET_SOURCE = RigidTransform.from_exp_coords([0.02, -0.03, 0.4, 2.0, -1.5, 0.3])
 
 
@@ -243,6 +247,12 @@ class TestArguments:
             ("edge", "64", "wanted a whole number of voxels"),
             ("edge", None, "wanted a whole number of voxels"),
             ("edge", True, "wanted a whole number of voxels"),
+            ("edge", -16, "wanted a whole number of voxels"),
+            pytest.param("voxel", 10**400, "wanted a length in meters", id="huge voxel"),
+            pytest.param("max_tilt", 10**400, "wanted an angle in radians", id="huge tilt"),
+            ("edge", np.timedelta64(16, "s"), "wanted a whole number of voxels"),
+            ("seed", -1, "wanted a whole number from 0"),
+            ("seed", 2**63, "wanted a whole number from 0"),
             ("voxel", "a", "wanted a length in meters"),
             ("max_tilt", "x", "wanted an angle in radians"),
             ("device", 5, "wanted the name of a device"),
@@ -257,8 +267,22 @@ class TestArguments:
             lambda: door.prepare([points(1)], **given),
             lambda: door.map_scans([points(1), points(2)], **given),
         ):
-            with pytest.raises(sonarmap.InputError, match=re.escape(f"`{name}={value!r}`") + f".*{words}"):
+            with pytest.raises(sonarmap.InputError, match=re.escape(f"`{name}={shortened(value)}`") + f".*{words}"):
                 call()
+
+    @pytest.mark.parametrize("kind", [np.int8, np.int16, np.int32, np.uint32, np.uint64])
+    @pytest.mark.filterwarnings("error")
+    def test_whole_numbers_of_any_kind(self, kind: Any) -> None:
+        same = door.register(points(1), points(2), edge=16, method="planes", seed=3)
+        found = door.register(points(1), points(2), edge=kind(16), method="planes", seed=kind(3))
+        np.testing.assert_array_equal(found.T_target_source.as_matrix(), same.T_target_source.as_matrix())
+        assert door.prepare([points(1)], edge=kind(16))
+
+    @pytest.mark.parametrize("number", [Fraction(1, 2), np.float16(0.5), np.float32(0.5)])
+    def test_real_numbers_of_any_kind(self, number: Any) -> None:
+        options = {"edge": np.uint8(128), "voxel": number, "max_tilt": number}
+        assert door.prepare([points(1)], **options)[0].registrar.grid == door.Grid(128, 0.5)
+        assert door.map_scans(scans_of(TRUTH), method=KNOWING, **options).voxel == 0.5
 
     @pytest.mark.parametrize(
         ("call", "words"),
@@ -270,9 +294,16 @@ class TestArguments:
             (lambda: door.map_scans([points(1)] * 2, ties=[1]), "`ties=1` .*wanted Tie"),
             (lambda: door.map_scans([points(1)] * 2, surveys=1), "`surveys=1` .*wanted the number of each"),
             (lambda: door.map_scans([points(1)] * 2, method=3), "`method=3` .*wanted the name"),
+            (lambda: door.map_scans([points(1)] * 2, method=KnowingRegistrar), "`method=<class .*a Registrar of"),
+            (lambda: door.map_scans([points(1)] * 2, progress=5), "`progress=5` .*wanted a function of"),
+            (lambda: door.prepare([points(1)], edge=10**5000), "`edge=int too long to show` .*wanted a whole number"),
             (lambda: door.read_scans(5), "`path=5` .*wanted the path"),
             (lambda: door.read_scans("a.ply", range_scale="a"), "`range_scale='a'` .*wanted a factor"),
+            (lambda: door.read_scans("a.ply", range_scale=10**400), "`range_scale=10*.*0` .*wanted a factor"),
+            (lambda: door.read_scans("a.ply", sound_speed=10**400), "`sound_speed=10*.*0` .*wanted a speed"),
             (lambda: door.optimize(None), "`graph=None` .*wanted a PoseGraph, or the path"),
+            (lambda: door.optimize("a.g2o", objective=np.zeros(2)), "`objective=array.*wanted 'full' or"),
+            (lambda: door.optimize("a.g2o", start=[]), r"`start=\[\]` .*wanted 'chordal', 'given'"),
         ],
     )
     def test_of_the_others(self, call: Any, words: str) -> None:

@@ -89,7 +89,8 @@ def register(
         return target.registrar.register(target.content, source.content)
     if isinstance(target, PreparedScan) or isinstance(source, PreparedScan):
         raise InputError("only one of the two scans is prepared; prepare both in one call, or none")
-    require(method=method, voxel=voxel, edge=edge, max_tilt=max_tilt, device=device, seed=seed)
+    require(method=method, device=device)
+    voxel, edge, max_tilt, seed = require(voxel=voxel, edge=edge, max_tilt=max_tilt, seed=seed)
     pair = [as_scan(scan, f"scan {k}") for k, scan in enumerate((target, source))]
     with reused(method, _setup(method, choose_grid(pair, edge, voxel), max_tilt, device, seed)) as registrar:
         return registrar.register(*map(registrar.prepare, pair))
@@ -115,7 +116,8 @@ def prepare(
         InputError: a scan, a file or an argument cannot be used.
         DeviceError: no OpenCL device works, or it is too small for the grid.
     """
-    require(scans=scans, method=method, voxel=voxel, edge=edge, max_tilt=max_tilt, device=device, seed=seed)
+    require(scans=scans, method=method, device=device)
+    voxel, edge, max_tilt, seed = require(voxel=voxel, edge=edge, max_tilt=max_tilt, seed=seed)
     points = [as_scan(scan, f"scan {k}") for k, scan in enumerate(scans)]
     setup = _setup(method, choose_grid(points, edge, voxel), max_tilt, device, seed)
     registrar = find_method(method).make(setup)
@@ -163,10 +165,10 @@ def map_scans(
     from slam.survey_grid import survey_grid
     from slam.tie import Tie
 
-    require(scans=scans, voxel=voxel, edge=edge, max_tilt=max_tilt, device=device, seed=seed)
-    if not all(hasattr(method, name) for name in ("prepare", "register")):
+    require(scans=scans, device=device, progress=progress, surveys=surveys, ties=ties, control=control)
+    voxel, edge, max_tilt, seed = require(voxel=voxel, edge=edge, max_tilt=max_tilt, seed=seed)
+    if isinstance(method, type) or not all(hasattr(method, name) for name in ("prepare", "register")):
         require(method=method)
-    require(surveys=surveys, ties=ties, control=control)
     require_type("settings", [settings], MapperSettings, None)
     require_type("odometry", [odometry], Odometry, None)
     require_type("ties", ties, Tie)
@@ -207,7 +209,8 @@ def optimize(
     from tools.readers.poses.g2o import read_g2o, require_connected
     from tools.readers.poses.graph_json import read_graph_json
 
-    require(robust=robust)
+    (robust,) = require(robust=robust)
+    require(objective=objective, start=start)
     if not isinstance(graph, PoseGraph):
         require(graph=graph)
         path = Path(graph)
@@ -247,7 +250,8 @@ def read_scans(
 
     for path in paths:
         require(path=path)
-    require(sound_speed=sound_speed, range_scale=range_scale, frame=frame, units=units)
+    sound_speed, range_scale = require(sound_speed=sound_speed, range_scale=range_scale)
+    require(frame=frame, units=units)
     corrections = Corrections(sound_speed, range_scale, PointFrame(frame, units))
     return list(read([os.fspath(path) for path in paths], corrections).scans)
 
