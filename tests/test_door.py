@@ -171,7 +171,12 @@ class TestRegister:
         masked = np.ma.masked_array(points(1), np.zeros((8000, 3), bool))
         sonarmap.prepare([masked], method="planes")
         masked[3] = np.ma.masked
-        for use in (sonarmap.prepare, lambda given: sonarmap.Scan(given[0].astype(np.float32))):
+        rows: Any = list(masked)
+        for use in (
+            sonarmap.prepare,
+            lambda given: sonarmap.Scan(given[0].astype(np.float32)),
+            lambda _: sonarmap.prepare([rows]),
+        ):
             with pytest.raises(sonarmap.InputError, match=r"masked, and masks are not used; .*getmaskarray"):
                 use([masked])
 
@@ -237,6 +242,13 @@ class TestOtherDoors:
 door: Any = sonarmap  # to which a test may give what its types forbid
 
 
+class Broken:
+    """What fails when it is made an array."""
+
+    def __array__(self, *_: object) -> np.ndarray:
+        raise RuntimeError("no memory left")
+
+
 class TestArguments:
     """What is of another type is refused by its name, with what was given and what is wanted."""
 
@@ -284,6 +296,29 @@ class TestArguments:
         assert door.prepare([points(1)], **options)[0].registrar.grid == door.Grid(128, 0.5)
         assert door.map_scans(scans_of(TRUTH), method=KNOWING, **options).voxel == 0.5
 
+    def test_a_folder_is_given_by_its_path(self, tmp_path: Path) -> None:
+        for scan in scans_of(TRUTH):
+            np.save(tmp_path / f"{scan.name}.npy", scan.points)
+        for folder in (tmp_path, str(tmp_path)):
+            assert len(door.map_scans(folder, method=KNOWING, voxel=0.5).trajectory) == len(TRUTH)
+
+    @pytest.mark.parametrize("kind", [tuple, np.array])
+    def test_surveys_of_any_sequence(self, kind: Any) -> None:
+        result = door.map_scans(scans_of(TRUTH), method=KNOWING, voxel=0.5, surveys=kind([0, 0, 1, 1]))
+        assert result.surveys == (0, 0, 1, 1)
+
+    @pytest.mark.parametrize(
+        "surveys",
+        [
+            *(1, "01", [0], [0, 0, 0], [0, None], [0, "1"], [0, 10**400], [0, 10**5000], [0, 2**64 - 1]),
+            *([0, [1]], [[0, 0]], [1, 0], [0.0, 1.0], [False, True], np.array(0), np.zeros((2, 1), int)),
+        ],
+    )
+    def test_surveys_that_number_no_scans(self, surveys: object) -> None:
+        words = r"(?s)`surveys=.*cannot be used; wanted the number of each scan's survey, ascending, 2 in all"
+        with pytest.raises(sonarmap.InputError, match=words):
+            door.map_scans([points(1)] * 2, method="planes", surveys=surveys)
+
     @pytest.mark.parametrize(
         ("call", "words"),
         [
@@ -292,10 +327,14 @@ class TestArguments:
             (lambda: door.map_scans([[[1, 2, 3], [4]]]), "scan 0 is no array .*wanted points"),
             (lambda: door.map_scans([points(1)] * 2, settings=3), "`settings=3` .*wanted MapperSettings or None"),
             (lambda: door.map_scans([points(1)] * 2, ties=[1]), "`ties=1` .*wanted Tie"),
-            (lambda: door.map_scans([points(1)] * 2, surveys=1), "`surveys=1` .*wanted the number of each"),
             (lambda: door.map_scans([points(1)] * 2, method=3), "`method=3` .*wanted the name"),
             (lambda: door.map_scans([points(1)] * 2, method=KnowingRegistrar), "`method=<class .*a Registrar of"),
             (lambda: door.map_scans([points(1)] * 2, progress=5), "`progress=5` .*wanted a function of"),
+            (lambda: door.map_scans([Broken(), points(1)]), "scan 0 is no array .no memory left.; wanted points"),
+            (lambda: door.map_scans([]), "`scans` holds no scans; wanted at least one"),
+            (lambda: door.prepare([]), "`scans` holds no scans; wanted at least one"),
+            (lambda: door.prepare("nofile"), "`scans='nofile'` cannot be used; wanted a list of scans; `map_scans` t"),
+            (lambda: door.prepare(Path("nofile")), "`scans=.*Path.* cannot be used; wanted a list of scans"),
             (lambda: door.prepare([points(1)], edge=10**5000), "`edge=int too long to show` .*wanted a whole number"),
             (lambda: door.read_scans(5), "`path=5` .*wanted the path"),
             (lambda: door.read_scans("a.ply", range_scale="a"), "`range_scale='a'` .*wanted a factor"),

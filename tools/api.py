@@ -15,7 +15,7 @@ from kernels.errors import InputError
 from spectral.grid import Grid, choose_grid
 from spectral.result import Registrar, Registration
 from spectral.scan import Scan
-from tools.given import ScanLike, as_scan, require, require_type
+from tools.given import ScanLike, as_scan, as_scans, as_surveys, require, require_type
 from tools.methods.registry import Setup, find_method
 from tools.methods.reuse import reused
 
@@ -116,9 +116,9 @@ def prepare(
         InputError: a scan, a file or an argument cannot be used.
         DeviceError: no OpenCL device works, or it is too small for the grid.
     """
-    require(scans=scans, method=method, device=device)
+    require(method=method, device=device)
     voxel, edge, max_tilt, seed = require(voxel=voxel, edge=edge, max_tilt=max_tilt, seed=seed)
-    points = [as_scan(scan, f"scan {k}") for k, scan in enumerate(scans)]
+    points = as_scans(scans)
     setup = _setup(method, choose_grid(points, edge, voxel), max_tilt, device, seed)
     registrar = find_method(method).make(setup)
     return [PreparedScan(scan, registrar, registrar.prepare(scan)) for scan in points]
@@ -165,7 +165,7 @@ def map_scans(
     from slam.survey_grid import survey_grid
     from slam.tie import Tie
 
-    require(scans=scans, device=device, progress=progress, surveys=surveys, ties=ties, control=control)
+    require(device=device, progress=progress, ties=ties, control=control)
     voxel, edge, max_tilt, seed = require(voxel=voxel, edge=edge, max_tilt=max_tilt, seed=seed)
     if isinstance(method, type) or not all(hasattr(method, name) for name in ("prepare", "register")):
         require(method=method)
@@ -173,14 +173,12 @@ def map_scans(
     require_type("odometry", [odometry], Odometry, None)
     require_type("ties", ties, Tie)
     require_type("control", control, ControlPoint)
-    if isinstance(scans, str | os.PathLike):
-        survey = read_scans(scans)
-    else:
-        survey = [as_scan(scan, f"scan {k}", k) for k, scan in enumerate(scans)]
+    survey = read_scans(scans) if isinstance(scans, str | os.PathLike) else as_scans(scans)
+    numbers = as_surveys(surveys, len(survey))
     grid = survey_grid(survey, edge, voxel)
     if isinstance(method, str):
         method = find_method(method).make(_setup(method, grid, max_tilt, device, seed))
-    return Mapper(method, grid.voxel, settings).run(survey, progress, surveys, odometry, ties, control)
+    return Mapper(method, grid.voxel, settings).run(survey, progress, numbers, odometry, ties, control)
 
 
 def optimize(

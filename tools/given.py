@@ -27,9 +27,7 @@ _ARGUMENTS: dict[str, tuple[tuple[Any, ...], str]] = {
     "max_tilt": ((Real,), "an angle in radians, such as 0.6"),
     "device": (_TEXT + _NONE, "the name of a device in quotes, such as 'cpu', 'gpu' or '0:0', or None to choose one"),
     "seed": ((Integral,), "a whole number from 0 to 2^63 - 1"),
-    "scans": ((Iterable,), "a list of scans, or the path of a folder or file"),
     "path": (_PATHS, "the path of a file or folder, or a pattern"),
-    "surveys": ((Sequence, np.ndarray, *_NONE), "the number of each scan's survey, such as [0, 0, 1], or None"),
     "progress": ((Callable, *_NONE), "a function of (steps done, steps planned so far, text), or None"),
     "ties": ((Sequence,), "a list of Tie"),
     "control": ((Sequence,), "a list of ControlPoint"),
@@ -86,6 +84,37 @@ def _refusal(name: str, value: object, wanted: str) -> InputError:
     return InputError(f"`{name}={shown}` cannot be used; wanted {wanted}")
 
 
+def as_scans(scans: Iterable[ScanLike]) -> list[Scan]:
+    """Each as a scan, stamped with its number where it is not one yet.
+
+    Raises:
+        InputError: no iterable of scans, none in it, or one that cannot be used.
+    """
+    if isinstance(scans, _PATHS) or not np.iterable(scans):
+        wanted = "a list of scans; `map_scans` takes the path of a folder or file too, and `read_scans` reads it"
+        raise _refusal("scans", scans, wanted)
+    listed = [as_scan(scan, f"scan {k}", k) for k, scan in enumerate(scans)]
+    if not listed:
+        raise InputError("`scans` holds no scans; wanted at least one, as (N, 3) points in meters, a Scan or a path")
+    return listed
+
+
+def as_surveys(surveys: Sequence[int] | None, count: int) -> list[int] | None:
+    """The number of each scan's survey.
+
+    Raises:
+        InputError: they are not as many whole numbers, ascending.
+    """
+    if surveys is None:
+        return None
+    numbers: list[Any] = list(surveys) if np.iterable(surveys) else []
+    whole = all(type(each) is not bool and isinstance(each, Integral) and abs(int(each)) <= _MOST for each in numbers)
+    if len(numbers) != count or not whole or numbers != sorted(numbers):
+        wanted = f"the number of each scan's survey, ascending, {count} in all, such as [0, 0, 1], or None"
+        raise _refusal("surveys", surveys, wanted)
+    return [int(number) for number in numbers]
+
+
 def as_scan(scan: ScanLike, name: str, stamp: float = 0.0) -> Scan:
     """A scan, the points of one, or the only scan of a file.
 
@@ -107,7 +136,7 @@ def _points(given: object, name: str) -> NDArray[Any]:
     refuse_mask(given, name)
     try:
         points: NDArray[Any] = np.asarray(given)
-    except ValueError as error:  # lists of several lengths
+    except Exception as error:  # lists of several lengths, or whatever an object's own `__array__` raises
         raise InputError(f"{name} is no array ({error}); wanted points of shape (N, 3) in meters") from error
     if points.ndim != 2 or points.shape[1] != 3 or points.dtype.kind not in "fiu":
         raise InputError(f"{name} is {points.dtype} of shape {points.shape}; wanted points of shape (N, 3) in meters")
