@@ -3,8 +3,10 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Iterable
 from dataclasses import dataclass
+from numbers import Integral, Real
 
 import numpy as np
 
@@ -42,8 +44,8 @@ class Grid:
 
     def __post_init__(self) -> None:
         _require_edge(self.edge)
-        if not (np.isfinite(self.voxel) and self.voxel > 0):
-            raise InputError(f"`voxel={self.voxel:g}` is not a length in meters above zero; try `voxel=0.5`")
+        if not isinstance(self.voxel, Real) or not 0 < self.voxel < math.inf:
+            raise InputError(f"`voxel={self.voxel}` is not a length in meters above zero; try `voxel=0.5`")
 
     @property
     def extent(self) -> float:
@@ -90,9 +92,11 @@ def choose_grid(scans: Iterable[Scan], edge: int = 128, voxel: float | None = No
         voxel: edge of a voxel [m]; None to choose it.
 
     Raises:
-        InputError: a voxel is not given and no scan has an extent (all points of each in one place).
+        InputError: a voxel is not given and no scan has an extent (all points of each in one place), or one is no Scan.
     """
     if voxel is None:
+        if not np.iterable(scans):
+            raise InputError(f"`scans` are {scans!r}; wanted a list of Scan")
         voxel = voxel_for(max((scan_extent(scan) for scan in scans), default=0.0), edge)
     return Grid(edge, voxel)
 
@@ -113,7 +117,9 @@ def voxel_for(extent: float, edge: int) -> float:
 
 
 def scan_extent(scan: Scan) -> float:
-    """The longest edge of the scan's trimmed bounding box [m]."""
+    """The longest edge of the scan's trimmed bounding box [m]; InputError of what is no Scan."""
+    if not isinstance(scan, Scan):  # pyright: ignore[reportUnnecessaryIsInstance]
+        raise InputError(f"`scans` have {scan!r} among them; wanted a list of Scan")
     low, high = trimmed_box(scan)
     return float(np.max(high - low))
 
@@ -125,8 +131,8 @@ def trimmed_box(scan: Scan) -> tuple[np.ndarray, np.ndarray]:
 
 
 def _require_edge(edge: int) -> None:
-    if edge not in EDGES:
-        below, above = neighbors(edge)
+    if not isinstance(edge, Integral) or edge not in EDGES:
+        below, above = neighbors(edge) if isinstance(edge, Real) else (64, 128)
         raise InputError(
             f"`edge={edge}` is not an even product of 2, 3 and 5 from {EDGES[0]} to {EDGES[-1]}; "
             f"try `edge={below}` or `edge={above}`"

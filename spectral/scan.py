@@ -2,6 +2,7 @@
 """One scan: the points that a sensor saw from one pose."""
 
 from dataclasses import dataclass
+from typing import Any
 
 import numpy as np
 from scipy.spatial.transform import RigidTransform
@@ -39,7 +40,8 @@ class PosePrior:
     sigmas: np.ndarray
 
     def __post_init__(self) -> None:
-        if not self.T_world_sensor.single or not np.isfinite(self.T_world_sensor.as_matrix()).all():
+        T = self.T_world_sensor
+        if not isinstance(T, RigidTransform) or not T.single or not np.isfinite(T.as_matrix()).all():  # pyright: ignore[reportUnnecessaryIsInstance]
             raise InputError("`T_world_sensor` is not one finite pose; give what is not measured the value 0")
         sigmas = self.sigmas
         if not isinstance(sigmas, np.ndarray) or sigmas.shape != (6,) or sigmas.dtype != np.float64:  # pyright: ignore[reportUnnecessaryIsInstance]
@@ -84,13 +86,13 @@ class PosePrior:
         return bool(np.isfinite(self.sigmas[5]))
 
 
-def refuse_mask(array: object, name: str) -> None:
-    """Refuse a masked array that masks anything: what computes with it forgets the mask.
+def refuse_mask(array: Any, name: str) -> None:
+    """Refuse a masked array, or a list of them, that masks anything: what computes with it forgets the mask.
 
     Raises:
         InputError: naming the scan.
     """
-    if np.ma.is_masked(array):
+    if np.ma.is_masked(array) or (type(array) in (list, tuple) and any(map(np.ma.is_masked, array))):
         raise InputError(
             f"{name}: the array is masked, and masks are not used; give what counts alone, as in "
             "`points[~np.ma.getmaskarray(points).any(axis=1)].data`"
@@ -125,8 +127,11 @@ class Scan:
 
     def __post_init__(self) -> None:
         points = self.points
-        for array in (points, self.strength, self.viewpoints):
+        for name in ("points", "strength", "viewpoints"):
+            array = getattr(self, name)
             refuse_mask(array, self.name)
+            if not isinstance(array, np.ndarray) and (array is not None or name == "points"):
+                raise InputError(f"{self.name}: `{name}` are {type(array).__name__}; wanted an array of float32")
         if points.ndim != 2 or points.shape[1] != 3 or points.dtype != np.float32:
             raise InputError(
                 f"{self.name}: `points` are {points.dtype} of shape {points.shape}; wanted float32 of shape (N, 3)"

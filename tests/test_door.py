@@ -5,7 +5,9 @@ import re
 import subprocess
 import sys
 from dataclasses import fields, is_dataclass
+from fractions import Fraction
 from pathlib import Path
+from reprlib import repr as shortened
 from typing import Any
 
 import numpy as np
@@ -113,6 +115,8 @@ def points(seed: int, dtype: type = np.float64) -> np.ndarray:
     return np.column_stack([xy, z]).astype(dtype)
 
 
+TRUTH = ring_poses(4, turns=0.2)
+KNOWING = KnowingRegistrar(TRUTH, 1e-4 * np.eye(6))
 T_TARGET_SOURCE = RigidTransform.from_exp_coords([0.02, -0.03, 0.4, 2.0, -1.5, 0.3])
 
 
@@ -167,7 +171,12 @@ class TestRegister:
         masked = np.ma.masked_array(points(1), np.zeros((8000, 3), bool))
         sonarmap.prepare([masked], method="planes")
         masked[3] = np.ma.masked
-        for use in (sonarmap.prepare, lambda given: sonarmap.Scan(given[0].astype(np.float32))):
+        rows: Any = list(masked)
+        for use in (
+            sonarmap.prepare,
+            lambda given: sonarmap.Scan(given[0].astype(np.float32)),
+            lambda _: sonarmap.prepare([rows]),
+        ):
             with pytest.raises(sonarmap.InputError, match=r"masked, and masks are not used; .*getmaskarray"):
                 use([masked])
 
@@ -233,6 +242,13 @@ class TestOtherDoors:
 door: Any = sonarmap  # to which a test may give what its types forbid
 
 
+class Broken:
+    """What fails when it is made an array."""
+
+    def __array__(self, *_: object) -> np.ndarray:
+        raise RuntimeError("no memory left")
+
+
 class TestArguments:
     """What is of another type is refused by its name, with what was given and what is wanted."""
 
@@ -243,6 +259,12 @@ class TestArguments:
             ("edge", "64", "wanted a whole number of voxels"),
             ("edge", None, "wanted a whole number of voxels"),
             ("edge", True, "wanted a whole number of voxels"),
+            ("edge", -16, "wanted a whole number of voxels"),
+            pytest.param("voxel", 10**400, "wanted a length in meters", id="huge voxel"),
+            pytest.param("max_tilt", 10**400, "wanted an angle in radians", id="huge tilt"),
+            ("edge", np.timedelta64(16, "s"), "wanted a whole number of voxels"),
+            ("seed", -1, "wanted a whole number from 0"),
+            ("seed", 2**63, "wanted a whole number from 0"),
             ("voxel", "a", "wanted a length in meters"),
             ("max_tilt", "x", "wanted an angle in radians"),
             ("device", 5, "wanted the name of a device"),
@@ -257,8 +279,45 @@ class TestArguments:
             lambda: door.prepare([points(1)], **given),
             lambda: door.map_scans([points(1), points(2)], **given),
         ):
-            with pytest.raises(sonarmap.InputError, match=re.escape(f"`{name}={value!r}`") + f".*{words}"):
+            with pytest.raises(sonarmap.InputError, match=re.escape(f"`{name}={shortened(value)}`") + f".*{words}"):
                 call()
+
+    @pytest.mark.parametrize("kind", [np.int8, np.int16, np.int32, np.uint32, np.uint64])
+    @pytest.mark.filterwarnings("error")
+    def test_whole_numbers_of_any_kind(self, kind: Any) -> None:
+        same = door.register(points(1), points(2), edge=16, method="planes", seed=3)
+        found = door.register(points(1), points(2), edge=kind(16), method="planes", seed=kind(3))
+        np.testing.assert_array_equal(found.T_target_source.as_matrix(), same.T_target_source.as_matrix())
+        assert door.prepare([points(1)], edge=kind(16))
+
+    @pytest.mark.parametrize("number", [Fraction(1, 2), np.float16(0.5), np.float32(0.5)])
+    def test_real_numbers_of_any_kind(self, number: Any) -> None:
+        options = {"edge": np.uint8(128), "voxel": number, "max_tilt": number}
+        assert door.prepare([points(1)], **options)[0].registrar.grid == door.Grid(128, 0.5)
+        assert door.map_scans(scans_of(TRUTH), method=KNOWING, **options).voxel == 0.5
+
+    def test_a_folder_is_given_by_its_path(self, tmp_path: Path) -> None:
+        for scan in scans_of(TRUTH):
+            np.save(tmp_path / f"{scan.name}.npy", scan.points)
+        for folder in (tmp_path, str(tmp_path)):
+            assert len(door.map_scans(folder, method=KNOWING, voxel=0.5).trajectory) == len(TRUTH)
+
+    @pytest.mark.parametrize("kind", [tuple, np.array])
+    def test_surveys_of_any_sequence(self, kind: Any) -> None:
+        result = door.map_scans(scans_of(TRUTH), method=KNOWING, voxel=0.5, surveys=kind([0, 0, 1, 1]))
+        assert result.surveys == (0, 0, 1, 1)
+
+    @pytest.mark.parametrize(
+        "surveys",
+        [
+            *(1, "01", [0], [0, 0, 0], [0, None], [0, "1"], [0, 10**400], [0, 10**5000], [0, 2**64 - 1]),
+            *([0, [1]], [[0, 0]], [1, 0], [0.0, 1.0], [False, True], np.array(0), np.zeros((2, 1), int)),
+        ],
+    )
+    def test_surveys_that_number_no_scans(self, surveys: object) -> None:
+        words = r"(?s)`surveys=.*cannot be used; wanted the number of each scan's survey, ascending, 2 in all"
+        with pytest.raises(sonarmap.InputError, match=words):
+            door.map_scans([points(1)] * 2, method="planes", surveys=surveys)
 
     @pytest.mark.parametrize(
         ("call", "words"),
@@ -268,11 +327,22 @@ class TestArguments:
             (lambda: door.map_scans([[[1, 2, 3], [4]]]), "scan 0 is no array .*wanted points"),
             (lambda: door.map_scans([points(1)] * 2, settings=3), "`settings=3` .*wanted MapperSettings or None"),
             (lambda: door.map_scans([points(1)] * 2, ties=[1]), "`ties=1` .*wanted Tie"),
-            (lambda: door.map_scans([points(1)] * 2, surveys=1), "`surveys=1` .*wanted the number of each"),
             (lambda: door.map_scans([points(1)] * 2, method=3), "`method=3` .*wanted the name"),
+            (lambda: door.map_scans([points(1)] * 2, method=KnowingRegistrar), "`method=<class .*a Registrar of"),
+            (lambda: door.map_scans([points(1)] * 2, progress=5), "`progress=5` .*wanted a function of"),
+            (lambda: door.map_scans([Broken(), points(1)]), "scan 0 is no array .no memory left.; wanted points"),
+            (lambda: door.map_scans([]), "`scans` holds no scans; wanted at least one"),
+            (lambda: door.prepare([]), "`scans` holds no scans; wanted at least one"),
+            (lambda: door.prepare("nofile"), "`scans='nofile'` cannot be used; wanted a list of scans; `map_scans` t"),
+            (lambda: door.prepare(Path("nofile")), "`scans=.*Path.* cannot be used; wanted a list of scans"),
+            (lambda: door.prepare([points(1)], edge=10**5000), "`edge=int too long to show` .*wanted a whole number"),
             (lambda: door.read_scans(5), "`path=5` .*wanted the path"),
             (lambda: door.read_scans("a.ply", range_scale="a"), "`range_scale='a'` .*wanted a factor"),
+            (lambda: door.read_scans("a.ply", range_scale=10**400), "`range_scale=10*.*0` .*wanted a factor"),
+            (lambda: door.read_scans("a.ply", sound_speed=10**400), "`sound_speed=10*.*0` .*wanted a speed"),
             (lambda: door.optimize(None), "`graph=None` .*wanted a PoseGraph, or the path"),
+            (lambda: door.optimize("a.g2o", objective=np.zeros(2)), "`objective=array.*wanted 'full' or"),
+            (lambda: door.optimize("a.g2o", start=[]), r"`start=\[\]` .*wanted 'chordal', 'given'"),
         ],
     )
     def test_of_the_others(self, call: Any, words: str) -> None:

@@ -15,7 +15,7 @@ from kernels.errors import InputError
 from spectral.grid import Grid, choose_grid
 from spectral.result import Registrar, Registration
 from spectral.scan import Scan
-from tools.given import ScanLike, as_scan, require, require_type
+from tools.given import ScanLike, as_scan, as_scans, as_surveys, require, require_type
 from tools.methods.registry import Setup, find_method
 from tools.methods.reuse import reused
 
@@ -89,7 +89,8 @@ def register(
         return target.registrar.register(target.content, source.content)
     if isinstance(target, PreparedScan) or isinstance(source, PreparedScan):
         raise InputError("only one of the two scans is prepared; prepare both in one call, or none")
-    require(method=method, voxel=voxel, edge=edge, max_tilt=max_tilt, device=device, seed=seed)
+    require(method=method, device=device)
+    voxel, edge, max_tilt, seed = require(voxel=voxel, edge=edge, max_tilt=max_tilt, seed=seed)
     pair = [as_scan(scan, f"scan {k}") for k, scan in enumerate((target, source))]
     with reused(method, _setup(method, choose_grid(pair, edge, voxel), max_tilt, device, seed)) as registrar:
         return registrar.register(*map(registrar.prepare, pair))
@@ -115,8 +116,9 @@ def prepare(
         InputError: a scan, a file or an argument cannot be used.
         DeviceError: no OpenCL device works, or it is too small for the grid.
     """
-    require(scans=scans, method=method, voxel=voxel, edge=edge, max_tilt=max_tilt, device=device, seed=seed)
-    points = [as_scan(scan, f"scan {k}") for k, scan in enumerate(scans)]
+    require(method=method, device=device)
+    voxel, edge, max_tilt, seed = require(voxel=voxel, edge=edge, max_tilt=max_tilt, seed=seed)
+    points = as_scans(scans)
     setup = _setup(method, choose_grid(points, edge, voxel), max_tilt, device, seed)
     registrar = find_method(method).make(setup)
     return [PreparedScan(scan, registrar, registrar.prepare(scan)) for scan in points]
@@ -163,22 +165,20 @@ def map_scans(
     from slam.survey_grid import survey_grid
     from slam.tie import Tie
 
-    require(scans=scans, voxel=voxel, edge=edge, max_tilt=max_tilt, device=device, seed=seed)
-    if not all(hasattr(method, name) for name in ("prepare", "register")):
+    require(device=device, progress=progress, ties=ties, control=control)
+    voxel, edge, max_tilt, seed = require(voxel=voxel, edge=edge, max_tilt=max_tilt, seed=seed)
+    if isinstance(method, type) or not all(hasattr(method, name) for name in ("prepare", "register")):
         require(method=method)
-    require(surveys=surveys, ties=ties, control=control)
     require_type("settings", [settings], MapperSettings, None)
     require_type("odometry", [odometry], Odometry, None)
     require_type("ties", ties, Tie)
     require_type("control", control, ControlPoint)
-    if isinstance(scans, str | os.PathLike):
-        survey = read_scans(scans)
-    else:
-        survey = [as_scan(scan, f"scan {k}", k) for k, scan in enumerate(scans)]
+    survey = read_scans(scans) if isinstance(scans, str | os.PathLike) else as_scans(scans)
+    numbers = as_surveys(surveys, len(survey))
     grid = survey_grid(survey, edge, voxel)
     if isinstance(method, str):
         method = find_method(method).make(_setup(method, grid, max_tilt, device, seed))
-    return Mapper(method, grid.voxel, settings).run(survey, progress, surveys, odometry, ties, control)
+    return Mapper(method, grid.voxel, settings).run(survey, progress, numbers, odometry, ties, control)
 
 
 def optimize(
@@ -207,7 +207,8 @@ def optimize(
     from tools.readers.poses.g2o import read_g2o, require_connected
     from tools.readers.poses.graph_json import read_graph_json
 
-    require(robust=robust)
+    (robust,) = require(robust=robust)
+    require(objective=objective, start=start)
     if not isinstance(graph, PoseGraph):
         require(graph=graph)
         path = Path(graph)
@@ -247,7 +248,8 @@ def read_scans(
 
     for path in paths:
         require(path=path)
-    require(sound_speed=sound_speed, range_scale=range_scale, frame=frame, units=units)
+    sound_speed, range_scale = require(sound_speed=sound_speed, range_scale=range_scale)
+    require(frame=frame, units=units)
     corrections = Corrections(sound_speed, range_scale, PointFrame(frame, units))
     return list(read([os.fspath(path) for path in paths], corrections).scans)
 

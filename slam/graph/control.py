@@ -4,7 +4,8 @@
 
 from collections.abc import Sequence
 from dataclasses import dataclass
-from typing import Literal, get_args
+from numbers import Integral
+from typing import Any, Literal, get_args
 
 import gtsam
 import numpy as np
@@ -41,14 +42,18 @@ class ControlPoint:
     use: Use = "control"
 
     def __post_init__(self) -> None:
-        for array in (self.point, self.known, self.sigmas):
-            if array.shape != (3,) or not np.isfinite(array).all():
-                raise InputError(f"control point {self.name}: {array} is no three finite numbers")
+        given: tuple[Any, ...] = (self.point, self.known, self.sigmas)
+        for array in given:
+            numbers = isinstance(array, np.ndarray) and array.shape == (3,) and array.dtype.kind in "fiu"
+            if not numbers or not np.isfinite(array).all():
+                raise InputError(f"control point {self.name}: {array} is no array of three finite numbers")
+        if not isinstance(self.scan, Integral):
+            raise InputError(f"control point {self.name} is of scan {self.scan!r}; wanted its index, a whole number")
         if not (self.sigmas > 0).all():
             raise InputError(
                 f"control point {self.name} has the standard deviations {self.sigmas}; wanted them above 0"
             )
-        if self.use not in get_args(Use):
+        if not isinstance(self.use, str) or self.use not in get_args(Use):  # pyright: ignore[reportUnnecessaryIsInstance]
             raise InputError(f"control point {self.name} is for {self.use!r}; wanted {' or '.join(get_args(Use))}")
 
     @property

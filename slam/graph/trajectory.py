@@ -30,16 +30,18 @@ class Trajectory:
     T_world_sensor: RigidTransform
 
     def __post_init__(self) -> None:
-        if self.T_world_sensor.single or len(self.T_world_sensor) == 0:
+        T, stamps = self.T_world_sensor, self.stamps
+        if not isinstance(T, RigidTransform) or T.single or len(T) == 0:  # pyright: ignore[reportUnnecessaryIsInstance]
             raise InputError("a trajectory needs a stack of at least one pose; give RigidTransform of shape (N,)")
-        if self.stamps.dtype != np.float64 or self.stamps.shape != (len(self.T_world_sensor),):
+        if not isinstance(stamps, np.ndarray):  # pyright: ignore[reportUnnecessaryIsInstance]
+            raise InputError(f"stamps are of type {type(stamps).__name__}; wanted an array of float64")
+        if stamps.dtype != np.float64 or stamps.shape != (len(T),):
             raise InputError(
-                f"stamps are {self.stamps.dtype} of shape {self.stamps.shape}; wanted float64 of shape "
-                f"({len(self.T_world_sensor)},), one per pose"
+                f"stamps are {stamps.dtype} of shape {stamps.shape}; wanted float64 of shape ({len(T)},), one per pose"
             )
-        if not np.isfinite(self.stamps).all():
-            raise InputError(f"stamp {int(np.argmin(np.isfinite(self.stamps)))} is not finite; wanted seconds")
-        if not np.isfinite(self.T_world_sensor.translation).all():
+        if not np.isfinite(stamps).all():
+            raise InputError(f"stamp {int(np.argmin(np.isfinite(stamps)))} is not finite; wanted seconds")
+        if not np.isfinite(T.translation).all():
             raise InputError("a pose of the trajectory has a translation that is not finite; wanted meters")
 
     def __len__(self) -> int:

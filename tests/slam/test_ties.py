@@ -159,6 +159,10 @@ def test_what_cannot_be_is_left_out_in_words():
         (lambda: Tie(7, 4, "accept"), "the lower first"),
         (lambda: Tie(1, 2, "maybe"), "accept, reject, add"),  # pyright: ignore[reportArgumentType]
         (lambda: Tie(1, 2, "reject", measured(1, 2)), "only add"),
+        (lambda: Tie(1, 2, np.array(["add", "reject"])), "accept, reject, add"),  # pyright: ignore[reportArgumentType]
+        (lambda: Tie(0.5, 2, "accept"), "two different"),  # pyright: ignore[reportArgumentType]
+        (lambda: Tie(1, None, "accept"), "two different"),  # pyright: ignore[reportArgumentType]
+        (lambda: Tie(1, 2, "add", 5), "is 5; wanted a Registration"),  # pyright: ignore[reportArgumentType]
     ],
 )
 def test_ties_refuse_what_makes_no_sense(make, words):

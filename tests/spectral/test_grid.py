@@ -1,5 +1,7 @@
 """The grid that scans share: its checks, its choice, and where a scan lies in it."""
 
+from typing import Any
+
 import numpy as np
 import pytest
 from scipy.spatial.transform import RigidTransform, Rotation
@@ -52,8 +54,20 @@ def test_every_edge_has_a_coarse_grid_and_images() -> None:
     assert [image_edge(edge) for edge in (16, 90, 128, 450)] == [16, 96, 128, 480]
 
 
-@pytest.mark.parametrize("voxel", [0.0, -1.0, float("nan"), float("inf")])
-def test_refuses_a_voxel_without_size(voxel: float) -> None:
+@pytest.mark.parametrize("edge", [None, "64", 64.0, [64], np.array([64, 64])])
+def test_refuses_an_edge_that_is_no_whole_number(edge: Any) -> None:
+    with pytest.raises(InputError, match="is not an even product of 2, 3 and 5 from 16 to 512; try `edge=64` or"):
+        Grid(edge, 1.0)
+
+
+@pytest.mark.parametrize("scans", ["zz", None, 3, [np.zeros((5, 3))]])
+def test_refuses_scans_that_are_none(scans: Any) -> None:
+    with pytest.raises(InputError, match="wanted a list of Scan"):
+        choose_grid(scans)
+
+
+@pytest.mark.parametrize("voxel", [0.0, -1.0, float("nan"), float("inf"), "a", None, np.ones(2)])
+def test_refuses_a_voxel_without_size(voxel: Any) -> None:
     with pytest.raises(InputError, match=r"`voxel=0\.5`"):
         Grid(64, voxel)
 

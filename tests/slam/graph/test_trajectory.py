@@ -20,6 +20,10 @@ COVARIANCE = np.diag([1.0, 2, 3, 4, 5, 6]) * 1e-4
         (np.zeros(3, np.float32), RigidTransform.identity(3)),
         (np.array([0.0, np.nan, 1.0]), RigidTransform.identity(3)),
         (np.zeros(1), RigidTransform.from_translation([[0.0, np.inf, 0.0]])),
+        ([0.0, 1.0], RigidTransform.identity(2)),
+        (None, RigidTransform.identity(2)),
+        (np.zeros(1), None),
+        (np.zeros(1), np.eye(4)[None]),
     ],
 )
 def test_refuses_what_is_no_trajectory(stamps, T):
