@@ -14,6 +14,7 @@ from scipy.spatial.transform import RigidTransform
 from kernels.errors import InputError
 from slam.graph.known_pose import KnownPose
 from slam.graph.tangent import adjoint
+from spectral.covariance import cross_matrices
 
 Use = Literal["control", "check"]
 
@@ -116,9 +117,7 @@ class MeasuredControl:
 
 def jacobian(T_world_scan: RigidTransform, point: np.ndarray) -> np.ndarray:
     """(3, 6) of T Exp(xi) p by the body tangent xi, rotation first: R (-[p]x, I)."""
-    x, y, z = point
-    cross = np.array([[0.0, -z, y], [z, 0.0, -x], [-y, x, 0.0]])
-    return T_world_scan.rotation.as_matrix() @ np.hstack([-cross, np.eye(3)])
+    return T_world_scan.rotation.as_matrix() @ np.hstack([-cross_matrices(point[None])[0], np.eye(3)])
 
 
 # What leaves a turn open by more than this tells no turn [rad], however small a step it is.
@@ -172,16 +171,20 @@ def open_motion(
         members: the component's poses.
         T_world: of all poses, about where they are.
     """
-    places = np.stack([T_world[each.scan].apply(each.point) for each in control])
+    scans = [each.scan for each in control]
+    places: np.ndarray = T_world[scans].apply(np.stack([each.point for each in control]))
     middle = RigidTransform.from_translation(places.mean(axis=0))
     lever = max(float(np.sqrt(((places - places.mean(axis=0)) ** 2).sum(axis=1).mean())), 1.0)
     units = np.repeat([lever, 1.0], 3)
-    inside, total = set(members), np.zeros((6, 6))
-    beside = [each for each in known if each.pose in inside]
-    for each in [*(point.known_pose(T_world[point.scan]) for point in control), *beside]:
-        # a motion of all poses about the middle, as the motion of this one
-        A = adjoint(T_world[each.pose].inv() * middle) / units
-        total += A.T @ each.information @ A
+    # a motion of all poses about the middle, as that of each point and of each pose
+    moved = np.tile(np.eye(3, 6, 3), (len(places), 1, 1))
+    moved[:, :, :3] = cross_matrices(places.mean(axis=0) - places) / lever
+    weighed = moved / np.stack([each.sigmas for each in control])[:, :, None]
+    inside, total = set(members), np.einsum("nij,nik->jk", weighed, weighed)
+    for each in known:
+        if each.pose in inside:
+            A = adjoint(T_world[each.pose].inv() * middle) / units
+            total += A.T @ each.information @ A
     values, axes = np.linalg.eigh(total)
     sigmas = 1 / np.sqrt(np.maximum(values, 1e-30))
     turns = sigmas * np.linalg.norm(axes[:3], axis=0) / lever

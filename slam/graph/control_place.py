@@ -9,6 +9,7 @@ that the points on the whole are nearest to.
 
 from collections.abc import Callable, Mapping, Sequence
 from itertools import combinations
+from math import comb
 
 import numpy as np
 from scipy.spatial.transform import RigidTransform, Rotation
@@ -72,10 +73,11 @@ def robust_fit(here: np.ndarray, there: np.ndarray, upright: bool = False) -> Ri
     few = 2 if upright else 3
     if len(here) <= few:
         return fit(here, there)
-    choices = list(combinations(range(len(here)), few))
-    if len(choices) > _CHOICES:
-        drawn = np.random.default_rng(0).choice(len(choices), _CHOICES, replace=False)
-        choices = [choices[k] for k in drawn.tolist()]
+    if comb(len(here), few) > _CHOICES:
+        rng = np.random.default_rng(0)
+        choices = [rng.choice(len(here), few, replace=False) for _ in range(_CHOICES)]
+    else:
+        choices = combinations(range(len(here)), few)
     best, usual = np.arange(len(here)), np.inf
     for choice in choices:
         apart = _apart(fit(here[list(choice)], there[list(choice)]), here, there)

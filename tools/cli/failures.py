@@ -107,10 +107,9 @@ def failed(error: BaseException, as_json: bool, written: Sequence[Path]) -> int:
         case ImportError():
             return _unloadable(error, as_json)
         case MemoryError():
-            full = (
-                f"this machine's memory is used up ({error}); give less at a time, or thin it out; "
-                "'sonarmap doctor' says what fits"
-            )
+            reason = f" ({error})" if str(error) else ""
+            full = f"this machine's memory is used up{reason}; give less at a time, or thin it out; "
+            full += "'sonarmap doctor' says what fits"
             return _misuse(InputError(full), as_json)
         case Exception():
             return _defect(error, as_json)

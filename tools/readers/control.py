@@ -30,6 +30,7 @@ DEFAULT_SIGMA = 0.05  # [m]
 _LEAST_SIGMA, _LARGEST_SIGMA = 1e-4, 1e4
 _FARTHEST = 20_000.0  # [m] beyond which eastings and northings are a grid's
 _LARGEST = {"lat_deg": 90.0, "lon_deg": 180.0} | dict.fromkeys(GRID, 1e8)
+_MOST = 1000  # points; a survey has tens, and every estimate of the map weighs each of them
 _ROUNDED = 5  # decimals of the origin's degrees: a meter
 
 
@@ -81,6 +82,10 @@ def read_control(
     table.require_even(path)
     if not table.rows:
         raise InputError(f"{path} has no row below its heading; wanted a control point in each")
+    if len(table.rows) > _MOST:
+        raise InputError(
+            f"{path} has {len(table.rows):,} control points; wanted at most {_MOST:,}. Keep the farthest apart"
+        )
     rows = [_Row.of(row, columns, scans, (*across, up), f"{path}: line {row.line}") for row in table.rows]
     notes = list(table.notes)
     try:

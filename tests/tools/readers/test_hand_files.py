@@ -152,6 +152,7 @@ def test_a_grid_is_asked_where_the_points_are(tmp_path: Path) -> None:
         (POINT + "up_m,sigma_h_m,sigma_m\nA,0,1,2,3,1,2,3,0.1,0.2\n", "wanted one way"),
         (POINT + "up_m,kind\nA,0,1,2,3,1,2,3,x\n", "there is a column 'kind'"),
         (POINT + "up_m\n", "has no row below its heading"),
+        (POINT + "up_m\n" + "A,0,1,2,3,1,2,3\n" * 1001, "has 1,001 control points; wanted at most 1,000"),
         (POINT + "lat_deg,lon_deg,up_m\nA,0,1,2,3,1,2,60,5,3\n", "and none of the others"),
         ("name,scan,x_m,y_m,z_m,lat_deg,lon_deg,up_m\nA,0,1,2,3,95,5,3\n", "lat_deg is '95'; wanted degrees within 90"),
         ("name,scan,x_m,y_m,z_m,lat_deg,lon_deg,up_m\nA,0,1,2,3,60,5,3\nB,1,1,2,3,10,5,3\n", "within 200 km"),

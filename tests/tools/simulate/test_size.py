@@ -59,14 +59,17 @@ def test_the_largest_that_is_named_is_taken(
         check(most + 1)
 
 
-def test_memory_that_runs_out_all_the_same_is_told(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+@pytest.mark.parametrize("reason", ["Unable to allocate 9 GiB", ""])
+def test_memory_that_runs_out_all_the_same_is_told(
+    reason: str, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
     def full(*_: object, **__: object) -> None:
-        raise MemoryError("Unable to allocate 9 GiB")
+        raise MemoryError(reason)
 
     monkeypatch.setattr("tools.simulate.simulation.simulate", full)
     result = sonarmap("simulate", "-o", tmp_path / "out")
     refused_with_reason(result)
-    said(result, "this machine's memory is used up (Unable to allocate 9 GiB)")
+    said(result, f"this machine's memory is used up{reason and f' ({reason})'}; give less at a time")
 
 
 @pytest.mark.parametrize("values", [{"max_range": 1e29}, {"max_range": 1e6}])
