@@ -21,7 +21,7 @@ _LEAPS = (
     (1341100800, 35), (1435708800, 36), (1483228800, 37),
 )  # fmt: skip
 # 1990 and 2100 [s]: what lies outside is a counter, or the clock of a vehicle that does not know the date
-_FIRST, _LAST = 631_152_000.0, 4_102_444_800.0
+TIMES = 631_152_000.0, 4_102_444_800.0
 _STARTS = np.array([start for start, _ in _LEAPS], np.float64)
 _OFFSETS = np.array([offset for _, offset in _LEAPS], np.float64)
 
@@ -55,7 +55,7 @@ def gps_of_utc(utc: np.ndarray) -> np.ndarray:
 
 def are_times(stamps: np.ndarray) -> bool:
     """Whether stamps (n,) are all Unix seconds of 1990 to 2100; otherwise they only give an order."""
-    return bool(stamps.size and np.all((stamps >= _FIRST) & (stamps < _LAST)))
+    return bool(stamps.size and np.all((stamps >= TIMES[0]) & (stamps < TIMES[1])))
 
 
 def utc_text(stamp: float) -> str:

@@ -11,7 +11,6 @@ from pathlib import Path
 
 import numpy as np
 
-from kernels.errors import InputError
 from tools.export.georeferenced import Georeferenced
 from tools.export.map_folder import MapFolder, MapPart
 from tools.export.navigation import Navigation
@@ -22,7 +21,7 @@ def write_eiva_position(path: Path, folder: MapFolder, part: MapPart, earth: Geo
     """Write Unix time [s], latitude, longitude [rad], WGS84, and depth [m], positive down, ascending in time.
 
     Raises:
-        InputError: the scans have no times, or the file cannot be written.
+        InputError: the file cannot be written.
     """
     navigation = Navigation.of(earth)
     places = np.column_stack([np.radians(navigation.geodetic[:, :2]), -navigation.geodetic[:, 2]])
@@ -33,19 +32,13 @@ def write_eiva_attitude(path: Path, folder: MapFolder, part: MapPart, earth: Geo
     """Write Unix time [s], roll (starboard down), pitch (nose up) and true heading [rad], ascending in time.
 
     Raises:
-        InputError: the scans have no times, or the file cannot be written.
+        InputError: the file cannot be written.
     """
     navigation = Navigation.of(earth)
     _write(path, navigation, np.radians(navigation.attitudes), ("z.10f", "z.10f", "z.10f"))
 
 
 def _write(path: Path, navigation: Navigation, rows: np.ndarray, formats: tuple[str, ...]) -> None:
-    if not navigation.timed:
-        low, high = float(navigation.stamps.min()), float(navigation.stamps.max())
-        raise InputError(
-            f"{path.name} needs times, as NaviEdit merges by them, and the scans' stamps are {low:g} to {high:g}; "
-            "wanted Unix seconds. Map scans that carry times, or leave this format out"
-        )
     lines: list[str] = []
     for k in np.argsort(navigation.stamps, kind="stable").tolist():
         numbers = (format(x, spec) for x, spec in zip(rows[k].tolist(), formats, strict=True))

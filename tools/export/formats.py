@@ -2,10 +2,13 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass
 from importlib import import_module
 from typing import TYPE_CHECKING, Any, Literal, TypeAlias
+
+from tools.time_scales import TIMES
 
 if TYPE_CHECKING:  # the command line names the formats in its help, which is to come at once
     from pathlib import Path
@@ -31,6 +34,7 @@ class ExportFormat:
         details: what its side-car says beside what all of them say.
         of_all_parts: whether one file is about all parts of a map.
         beside: the names of further files that `write` may write.
+        stamps: from where on and up to where the scans' stamps must lie [s].
     """
 
     file: str
@@ -41,6 +45,7 @@ class ExportFormat:
     details: Details | None = None
     of_all_parts: bool = False
     beside: tuple[str, ...] = ()
+    stamps: tuple[float, float] = (-math.inf, math.inf)
 
     @property
     def files(self) -> tuple[str, ...]:
@@ -100,6 +105,7 @@ FORMATS = {
         needs_place=True,
         words="the scans' positions for EIVA NaviEdit",
         coordinates="geographic",
+        stamps=TIMES,  # NaviEdit merges by them
     ),
     "eiva-attitude": ExportFormat(
         "eiva_attitude{}.txt",
@@ -107,6 +113,7 @@ FORMATS = {
         needs_place=True,
         words="the scans' attitudes for EIVA NaviEdit",
         coordinates="geographic",
+        stamps=TIMES,
     ),
     "geojson": ExportFormat(
         "track{}.geojson",
@@ -127,6 +134,7 @@ FORMATS = {
         needs_place=False,
         words="cloud, poses, track and positions as messages of ROS 2, MCAP",
         coordinates="map",
+        stamps=(0.0, 2.0**31),  # of a ROS time
     ),
     "pcd": ExportFormat(
         "map{}.pcd",

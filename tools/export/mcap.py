@@ -11,7 +11,6 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from kernels.errors import InputError
 from tools.export.georeferenced import Georeferenced
 from tools.export.map_folder import MapFolder, MapPart
 from tools.export.navigation import Navigation
@@ -26,7 +25,6 @@ if TYPE_CHECKING:
 
 MAP, CLOUD, SENSOR = "map", "map_cloud", "sensor"  # frames
 _DATATYPES = {"i1": 1, "u1": 2, "i2": 3, "u2": 4, "i4": 5, "u4": 6, "f4": 7, "f8": 8}  # of sensor_msgs/PointField
-_LATEST = 2**31  # [s]: of a ROS time
 _KNOWN = 3  # NavSatFix.COVARIANCE_TYPE_KNOWN
 
 
@@ -34,21 +32,15 @@ def write_mcap(path: Path, folder: MapFolder, part: MapPart, earth: Georeference
     """Write the cloud and the track at the first stamp, and poses at their own; with `earth` positions too.
 
     Raises:
-        InputError: stamps that ROS has no time for, or the file cannot be written.
+        InputError: the file cannot be written.
     """
     from mcap.writer import Writer
 
-    stamps = part.trajectory.stamps
-    if not (stamps.min() >= 0 and stamps.max() < _LATEST):
-        raise InputError(
-            f"{path.name} cannot be written: stamps are {stamps.min():g} to {stamps.max():g} s, and ROS knows 0 to "
-            f"{_LATEST - 1:,} s. Leave this format out, or map scans with Unix seconds or a counter"
-        )
     with atomic_path(path) as temporary, temporary.open("wb") as file:
         writer = Writer(file)
         writer.start(profile="ros2", library=f"sonarmap {package_versions()['sonarmap']}")
         ros = _Ros(writer)
-        first = float(stamps.min())
+        first = float(part.trajectory.stamps.min())
         _write_clouds(ros, part, first)
         _write_poses(ros, part, first)
         if earth is not None:

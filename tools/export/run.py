@@ -53,12 +53,24 @@ class Exported:
     notes: tuple[str, ...]
 
 
-def check_settings(settings: ExportSettings, georeference: Georeference | None) -> None:
+def check_settings(settings: ExportSettings, georeference: Georeference | None, stamps: Sequence[float]) -> None:
     """Refuse what cannot be exported, before a map is computed.
 
+    Args:
+        settings: what to write.
+        georeference: where the map lies on the Earth, if that is known.
+        stamps: of the scans [s].
+
     Raises:
-        InputError: formats that need a place without one, or a CRS that cannot be used there.
+        InputError: formats that need a place without one, or other stamps, or a CRS that cannot be used there.
     """
+    for name in settings.formats:
+        low, high, (first, end) = min(stamps), max(stamps), FORMATS[name].stamps
+        if not first <= low <= high < end:
+            raise InputError(
+                f"{name} needs stamps from {first:.0f} to {end:.0f} s, and those of the scans are {low:g} to {high:g}. "
+                "Give scans that carry times (Unix seconds), or leave this format out"
+            )
     if georeference is not None:
         Projection.of(georeference, settings.crs)
     elif settings.needing_place:
@@ -101,7 +113,8 @@ def export_map(
     Raises:
         InputError: see `check_settings`; a file is there that no export wrote; one cannot be written.
     """
-    check_settings(settings, folder.georeference)
+    stamps = [stamp for part in folder.parts for stamp in part.trajectory.stamps.tolist()]
+    check_settings(settings, folder.georeference, stamps)
     _refuse_second_heading(folder)
     earths = {part.suffix: _on_earth(folder, part, settings) for part in folder.parts}
     jobs = [

@@ -6,7 +6,6 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from kernels.errors import InputError
 from tests.tools.export.poses import PLACES, apart, dive, geodetic_by_hand
 from tools.export.eiva import write_eiva_attitude, write_eiva_position
 from tools.export.georeferenced import Georeferenced
@@ -49,9 +48,3 @@ def test_lines_ascend_in_time(tmp_path: Path) -> None:
         table = np.loadtxt(text.splitlines())
         np.testing.assert_array_equal(table[:, 0], np.sort(stamps))
         assert first is None or table[0, 3] == first  # the depth of scan 3
-
-
-def test_a_counter_is_refused(tmp_path: Path) -> None:
-    with pytest.raises(InputError, match=r"position\.txt needs times.*0 to 5; wanted Unix seconds"):
-        texts(tmp_path, dive(stamps=np.arange(6.0)))
-    assert not list(tmp_path.iterdir())

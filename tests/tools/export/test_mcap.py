@@ -9,7 +9,6 @@ import numpy as np
 import pytest
 from scipy.spatial.transform import RigidTransform, Rotation
 
-from kernels.errors import InputError
 from slam.graph.trajectory import Trajectory
 from tests.tools.export.poses import PLACES, apart, dive, geodetic_by_hand, with_part
 from tools.export.georeferenced import Georeferenced
@@ -138,14 +137,6 @@ def test_counters_are_seconds_and_time_ascends(tmp_path: Path) -> None:
     first = dive().part.trajectory.T_world_sensor[3].translation
     np.testing.assert_allclose(numbers(topics["/pose"][0][1].pose.position, "xyz"), first)
     assert topics["/map/points"][0][0] == 0
-
-
-@pytest.mark.parametrize("stamps", [[-1.0, 0, 1, 2, 3, 4], [1.7e18 + k * 1e9 for k in range(6)]])
-def test_times_beyond_ros_are_refused(tmp_path: Path, stamps: list[float]) -> None:
-    earth = dive(stamps=np.array(stamps))
-    with pytest.raises(InputError, match=r"map\.mcap cannot be written: stamps are .*ROS knows"):
-        write_mcap(tmp_path / "map.mcap", earth.folder, earth.part, earth)
-    assert not list(tmp_path.iterdir())
 
 
 def test_the_metadata_say_what_the_numbers_are(tmp_path: Path) -> None:

@@ -134,12 +134,22 @@ def test_parts_that_instruments_placed_are_written_and_others_are_not(two: Path,
         export_map(replace(folder, parts=parts, georeference=HERE), tmp_path, LAZ)
 
 
+@pytest.mark.parametrize(
+    ("name", "stamps"), [("eiva-attitude", [0.0, 5.0]), ("mcap", [-1.0, 4.0]), ("mcap", [1.7e9, 1.7e18])]
+)
+def test_stamps_that_a_format_cannot_hold_are_refused(name: str, stamps: list[float]) -> None:
+    check_settings(ExportSettings((name,)), HERE, [1.7e9, 1.8e9])
+    words = rf"{name} needs stamps from \d+ to \d+ s, and those of the scans are .*leave this format out"
+    with pytest.raises(InputError, match=words):
+        check_settings(ExportSettings((name,)), HERE, stamps)
+
+
 def test_no_place_at_all_is_refused(two: Path, tmp_path: Path) -> None:
     with pytest.raises(InputError, match="--origin"):
         export_map(read_map_folder(two), tmp_path / "gis", LAZ)
     assert not (tmp_path / "gis").exists()
     with pytest.raises(InputError, match="--crs"):
-        check_settings(ExportSettings((), "EPSG:32632"), None)
+        check_settings(ExportSettings((), "EPSG:32632"), None, [])
 
 
 @pytest.mark.parametrize("crs", ["EPSG:27700", "EPSG:4326", "EPSG:2053", "nonsense"])

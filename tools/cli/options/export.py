@@ -1,5 +1,6 @@
 """The options that say what a map is exported to; those of `export` and of `map --export`."""
 
+from collections.abc import Sequence
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated
 
@@ -12,6 +13,7 @@ from tools.cli.terminal import say
 from tools.export.formats import FORMATS
 
 if TYPE_CHECKING:
+    from spectral.scan import Scan
     from tools.export.map_folder import MapFolder
     from tools.export.run import Exported, ExportSettings
     from tools.geo.georeference import Georeference
@@ -61,7 +63,12 @@ CellOption = Annotated[
 
 
 def export_settings(
-    formats: list[str], crs: str | None, also: list[str], georeference: "Georeference | None", out: Path
+    formats: list[str],
+    crs: str | None,
+    also: list[str],
+    georeference: "Georeference | None",
+    scans: "Sequence[Scan]",
+    out: Path,
 ) -> "ExportSettings":
     """What --export and --crs ask for, refused now where it could not be done when the map is there, in `out`."""
     from tools.export.run import ExportSettings, check_files, check_settings
@@ -71,7 +78,7 @@ def export_settings(
     if crs is not None and not formats:
         raise InputError("--crs has no effect without --export; leave it out, or name a format")
     settings = ExportSettings(tuple(formats), crs)
-    check_settings(settings, georeference)
+    check_settings(settings, georeference, [scan.stamp for scan in scans] if formats else [])
     if both := [name for name in also if EXPORTS[name] in {FORMATS[chosen].file for chosen in formats}]:
         raise InputError(f"--also and --export would both write {EXPORTS[both[0]].format('')}; leave one out")
     if own := [name for name in formats if FORMATS[name].file in OF_EACH]:

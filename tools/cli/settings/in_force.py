@@ -25,9 +25,10 @@ ConfigOption = Annotated[
 _KEY = "sonarmap.settings"  # in the context's meta
 MISUSE = 2  # the exit code for what the user can fix
 _ALL = "config"  # the verb that looks at the settings of all
-# What says where to write and whom to connect to: only a file that the user names may set it, as the one that is found
-# in a folder may have come with somebody's scans. The switch of `view` that is called write too is not meant.
-NAMED_ONLY = frozenset(("log-file", "out", "to", "write", "picture", "page", "scheduler"))
+# What says where to write, what to delete and whom to connect to: only a file that the user names may set it, as the one
+# that is found in a folder may have come with somebody's scans.
+WRITES = frozenset(("log-file", "out", "to", "write", "picture", "page"))
+NAMED_ONLY = WRITES | {"fresh", "overwrite", "scheduler", "multicast", "unicast"}
 # What a setting of a file needs, so as to say anything: one of these.
 NEEDS: Mapping[str, tuple[str, ...]] = {
     **dict.fromkeys(NAVIGATION, ("priors", "odometry")),
@@ -73,15 +74,11 @@ def use_settings(context: typer.Context, given: Path | None) -> None:
 
 def _as_found(file: SettingsFile, settings: Sequence[Setting], verb: str | None) -> SettingsFile:
     """What a file sets that nobody has named; what it may not set is said, as far as it concerns the verb."""
-    left = [
-        setting
-        for setting in settings
-        if setting.key in NAMED_ONLY and setting.kind is not bool and setting.name in file.values[setting.verb]
-    ]
+    left = [setting for setting in settings if setting.key in NAMED_ONLY and setting.name in file.values[setting.verb]]
     if keys := sorted({setting.key for setting in left if verb in (_ALL, setting.verb)}):
         warn(
             f"{file.path} sets {', '.join(keys)}, which is left out: a file that nobody named may not say where to "
-            f"write or whom to connect to; if it is yours, name it: --config {file.path}"
+            f"write, what to delete or whom to connect to; if it is yours, name it: --config {file.path}"
         )
     return file.without(left)
 

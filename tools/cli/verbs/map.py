@@ -180,7 +180,7 @@ def command(
     navigation = navigation_settings(given, georeference_of(origin, origin_heading, vertical))
     read, georeference = _navigated(given, navigation, imu and options.uses_priors, silent)
     hand = hand_of(given, read.scans, georeference)
-    exports = export_settings(export, crs, also, hand.georeference, out)
+    exports = export_settings(export, crs, also, hand.georeference, read.scans, out)
     reckoned = odometry_of(read.scans, odometry, odometry_drift, navigation)
     configured = configure_method(read.scans, options, survey=True)
     if contradiction := contradiction_of(read.scans, read.surveys, configured.registrar, silent):

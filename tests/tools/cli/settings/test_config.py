@@ -19,7 +19,7 @@ from tests.samples.clutter_scans import scan, write
 from tests.samples.command_line import ROOT, SONARMAP
 from tests.tools.cli.settings.test_setting import SETTINGS
 from tools.cli.main import app
-from tools.cli.settings.in_force import NAMED_ONLY
+from tools.cli.settings.in_force import WRITES
 
 
 def run(*arguments: str) -> Result:
@@ -164,17 +164,19 @@ class TestInForce:
     def test_a_file_that_nobody_named_says_not_where_to_write_or_connect(self, folder: Path, pair: list[str]) -> None:
         """It may have come with somebody's scans, and a scheduler runs what it is sent."""
         settings = "[common]\nlog-file = 'log.txt'\n[register]\nmethod = 'icp'\nvoxel = 0.4\nwrite = 'moved.ply'\n"
-        (folder / "sonarmap.toml").write_text(settings + "[map]\nscheduler = 'tcp://127.0.0.1:1'\nout = 'map'\n")
+        (folder / "sonarmap.toml").write_text(
+            settings + "[map]\nscheduler = 'tcp://127.0.0.1:1'\nout = 'map'\nfresh = true\n"
+        )
         found = run("register", *pair)
         assert found.exit_code in (0, 3)
         assert "warning: sonarmap.toml sets log-file, write, which is left out" in found.stderr
         assert "settings from sonarmap.toml: method icp, voxel 0.4\n" in found.stderr
         assert sorted(path.name for path in folder.iterdir()) == ["sonarmap.toml", "source.ply", "target.ply"]
         missing = run("map", *pair)
-        assert (missing.exit_code, "sets log-file, out, scheduler, which" in missing.stderr) == (2, True)
+        assert (missing.exit_code, "sets fresh, log-file, out, scheduler, which" in missing.stderr) == (2, True)
         assert "--out is missing" in missing.stderr
         listing = run("config")
-        assert "sets log-file, out, scheduler, write, which" in listing.stderr
+        assert "sets fresh, log-file, out, scheduler, write, which" in listing.stderr
         assert "log.txt" not in listing.stdout
         named = run("--config", "sonarmap.toml", "register", *pair)
         assert "warning: sonarmap.toml sets" not in named.stderr
@@ -190,9 +192,9 @@ class TestInForce:
         assert (given.exit_code, words in given.stderr) == (0, False)
 
     def test_every_path_is_read_or_only_for_a_named_file(self) -> None:
-        """A new option that writes belongs to NAMED_ONLY; one that reads belongs here."""
+        """A new option that writes belongs to WRITES; one that reads belongs here."""
         read = {"priors", "odometry", "ties", "control", "like", "map", "surface", "summary", "compare", "from"}
-        assert {entry.key for entry in SETTINGS if entry.kind is Path} == read | NAMED_ONLY - {"scheduler"}
+        assert {entry.key for entry in SETTINGS if entry.kind is Path} == read | WRITES
 
     @pytest.mark.slow
     def test_a_map_has_the_settings_in_its_summary_and_goes_on(self, folder: Path) -> None:

@@ -126,6 +126,7 @@ def test_map_exports_into_its_own_folder(tmp_path: Path) -> None:
         (("--crs", "EPSG:32632"), "without --export"),
         (("--export", "laz", *ORIGIN, "--crs", "EPSG:27700"), "--crs"),
         (("--origin-heading", "3"), "without --origin"),
+        (("--export", "laz,eiva-position", *ORIGIN), "eiva-position needs stamps from 631152000 to 4102444800 s"),
     ],
 )
 def test_map_refuses_before_it_maps(tmp_path: Path, options: tuple[str, ...], words: str) -> None:
