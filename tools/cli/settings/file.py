@@ -1,5 +1,6 @@
 """A TOML file of settings: a section per verb, and [common] for what means the same for several."""
 
+import reprlib
 import tomllib
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
@@ -14,8 +15,8 @@ from tools.cli.settings.setting import COMMON, Setting, Verb, common_settings, s
 from tools.user_file import require_file
 
 DEFAULT_FILE = "sonarmap.toml"
-_MOST_BYTES = 1 << 20
-_LONGEST_LINE = 2000  # a key of n parts takes a time and a memory of n squared, and a number's digits are limited
+_MOST_BYTES = 1 << 16
+_LONGEST_LINE = 1000  # a key of n parts takes a time and a memory of n squared, and a number's digits are limited
 
 
 @dataclass(frozen=True, slots=True)
@@ -78,7 +79,7 @@ def _content(path: Path) -> dict[str, Any]:
     except OSError as error:
         raise InputError(f"cannot read the settings {path}: {error.strerror or error}") from error
     if len(raw) > _MOST_BYTES:
-        raise InputError(f"{path} has more than {_MOST_BYTES >> 20} MiB and cannot be a file of settings")
+        raise InputError(f"{path} has more than {_MOST_BYTES >> 10} KiB and cannot be a file of settings")
     if long := next((n for n, line in enumerate(raw.splitlines(), 1) if len(line) > _LONGEST_LINE), None):
         raise InputError(f"{path}: line {long} has more than {_LONGEST_LINE} characters; fix that line")
     try:
@@ -100,7 +101,9 @@ def _table(path: Path, section: str, content: Any, settings: Sequence[Setting]) 
             )
         raise InputError(f"{path}: [{section}] is no section{_nearest(section, [COMMON, *verbs])}")
     if not isinstance(content, dict):
-        raise InputError(f"{path}: {section} is {content!r}; wanted a section, [{section}], with lines of its own")
+        raise InputError(
+            f"{path}: {section} is {reprlib.repr(content)}; wanted a section, [{section}], with lines of its own"
+        )
     return content
 
 
@@ -130,7 +133,7 @@ def _typed(path: Path, section: str, key: str, value: Any, setting: Setting) -> 
     values = value if isinstance(value, list) and setting.many else [value]
     for entry in values:
         if not _fits(entry, setting.kind):
-            raise InputError(f"{path}: [{section}] {key} is {value!r}; wanted {setting.wanted}")
+            raise InputError(f"{path}: [{section}] {key} is {reprlib.repr(value)}; wanted {setting.wanted}")
     return values if setting.many else value
 
 
