@@ -25,8 +25,8 @@ ConfigOption = Annotated[
 _KEY = "sonarmap.settings"  # in the context's meta
 MISUSE = 2  # the exit code for what the user can fix
 _ALL = "config"  # the verb that looks at the settings of all
-# What says where to write, what to delete and whom to connect to: only a file that the user names may set it, as one that
-# is found in a folder may have come with somebody's scans.
+# What says where to write, what to delete and whom to connect to: only a file that the user names may set it, as one
+# that is found in a folder may have come with somebody's scans.
 WRITES = frozenset(("log-file", "out", "to", "write", "picture", "page"))
 NAMED_ONLY = WRITES | {"fresh", "overwrite", "scheduler", "multicast", "unicast"}
 # What a setting of a file needs, so as to say anything: one of these.
