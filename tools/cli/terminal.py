@@ -84,11 +84,11 @@ def warn(message: str) -> None:
     say(message, "warning: ", "bold yellow")
 
 
-def shortened(message: str) -> str:
+def shortened(message: str, longest: int = _LONGEST) -> str:
     """The message, or its beginning and its end, where it quotes all of a damaged file's cell or heading."""
-    if len(message) <= _LONGEST:
+    if len(message) <= longest:
         return message
-    return f"{message[: _LONGEST // 2]} [... {len(message) - _LONGEST:,} characters ...] {message[-_LONGEST // 2 :]}"
+    return f"{message[: longest // 2]} [... {len(message) - longest:,} characters ...] {message[-longest // 2 :]}"
 
 
 def printable(text: str) -> str:

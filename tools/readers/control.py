@@ -83,9 +83,7 @@ def read_control(
     if not table.rows:
         raise InputError(f"{path} has no row below its heading; wanted a control point in each")
     if len(table.rows) > _MOST:
-        raise InputError(
-            f"{path} has {len(table.rows):,} control points; wanted at most {_MOST:,}. Keep the farthest apart"
-        )
+        raise InputError(f"{path} has {len(table.rows):,} control points; wanted at most {_MOST:,}; leave some out")
     rows = [_Row.of(row, columns, scans, (*across, up), f"{path}: line {row.line}") for row in table.rows]
     notes = list(table.notes)
     try:

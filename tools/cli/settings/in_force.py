@@ -11,7 +11,7 @@ from tools.cli.method import idle_options
 from tools.cli.navigation import NAVIGATION
 from tools.cli.settings.file import DEFAULT_FILE, SettingsFile, read_settings
 from tools.cli.settings.setting import Setting, in_words, settings_of
-from tools.cli.terminal import say, warn
+from tools.cli.terminal import say, shortened, warn
 
 ConfigOption = Annotated[
     Path | None,
@@ -24,11 +24,14 @@ ConfigOption = Annotated[
 ]
 _KEY = "sonarmap.settings"  # in the context's meta
 MISUSE = 2  # the exit code for what the user can fix
+_LONGEST = 80  # characters of a value that is said
 _ALL = "config"  # the verb that looks at the settings of all
-# What says where to write, what to delete and whom to connect to: only a file that the user names may set it, as one
-# that is found in a folder may have come with somebody's scans.
-WRITES = frozenset(("log-file", "out", "to", "write", "picture", "page"))
-NAMED_ONLY = WRITES | {"fresh", "overwrite", "scheduler", "multicast", "unicast"}
+# What says where to write, what to discard, and whom to connect or listen to: only a file that the user names may set
+# it, as the one that is found in a folder may have come with somebody's scans.
+_WRITES = ("log-file", "out", "to", "write", "picture", "page")
+_DISCARDS = ("fresh", "overwrite")
+_CONNECTS = ("scheduler", "multicast", "unicast", "interface", "sonar")
+NAMED_ONLY = frozenset((*_WRITES, *_DISCARDS, *_CONNECTS))
 # What a setting of a file needs, so as to say anything: one of these.
 NEEDS: Mapping[str, tuple[str, ...]] = {
     **dict.fromkeys(NAVIGATION, ("priors", "odometry")),
@@ -78,7 +81,7 @@ def _as_found(file: SettingsFile, settings: Sequence[Setting], verb: str | None)
     if keys := sorted({setting.key for setting in left if verb in (_ALL, setting.verb)}):
         warn(
             f"{file.path} sets {', '.join(keys)}, which is left out: a file that nobody named may not say where to "
-            f"write, what to delete or whom to connect to; if it is yours, name it: --config {file.path}"
+            f"write, what to discard or whom to connect to; if it is yours, name it: --config {file.path}"
         )
     return file.without(left)
 
@@ -96,7 +99,9 @@ class VerbWithSettings(Verb):
         if (file := settings_file(ctx)) is None:
             return super().invoke(ctx)
         words = _settled(ctx, file, {setting.name: setting for setting in settings_of({ctx.info_name: self})})
-        silent = not words or (ctx.params.get("quiet") and _source(ctx, "quiet") == "COMMANDLINE")
+        # a file that nobody named is never used without a word
+        quiet = ctx.parent.params["config"] and ctx.params.get("quiet") and _source(ctx, "quiet") == "COMMANDLINE"
+        silent = not words or quiet
         if not silent:
             say(words)
         try:
@@ -124,7 +129,11 @@ def _settled(context: Any, file: SettingsFile, settings: Mapping[str, Setting]) 
         idle += more
     if not used:
         return ""
-    in_force = [f"{settings[name].key} {in_words(context.params[name])}" for name in used if name not in idle]
+    in_force = [
+        f"{settings[name].key} {shortened(in_words(context.params[name]), _LONGEST)}"
+        for name in used
+        if name not in idle
+    ]
     without = [settings[name].key for name in used if name in idle]
     words = f"settings from {file.path}: {', '.join(in_force) or 'none'}"
     return words + (f"; without effect here: {', '.join(without)}" if without else "")

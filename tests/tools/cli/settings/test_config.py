@@ -19,7 +19,7 @@ from tests.samples.clutter_scans import scan, write
 from tests.samples.command_line import ROOT, SONARMAP
 from tests.tools.cli.settings.test_setting import SETTINGS
 from tools.cli.main import app
-from tools.cli.settings.in_force import WRITES
+from tools.cli.settings.in_force import NAMED_ONLY
 
 
 def run(*arguments: str) -> Result:
@@ -164,37 +164,58 @@ class TestInForce:
     def test_a_file_that_nobody_named_says_not_where_to_write_or_connect(self, folder: Path, pair: list[str]) -> None:
         """It may have come with somebody's scans, and a scheduler runs what it is sent."""
         settings = "[common]\nlog-file = 'log.txt'\n[register]\nmethod = 'icp'\nvoxel = 0.4\nwrite = 'moved.ply'\n"
-        (folder / "sonarmap.toml").write_text(
-            settings + "[map]\nscheduler = 'tcp://127.0.0.1:1'\nout = 'map'\nfresh = true\n"
-        )
+        (folder / "sonarmap.toml").write_text(settings + "[map]\nscheduler = 'tcp://127.0.0.1:1'\nout = 'map'\n")
         found = run("register", *pair)
         assert found.exit_code in (0, 3)
         assert "warning: sonarmap.toml sets log-file, write, which is left out" in found.stderr
         assert "settings from sonarmap.toml: method icp, voxel 0.4\n" in found.stderr
         assert sorted(path.name for path in folder.iterdir()) == ["sonarmap.toml", "source.ply", "target.ply"]
         missing = run("map", *pair)
-        assert (missing.exit_code, "sets fresh, log-file, out, scheduler, which" in missing.stderr) == (2, True)
+        assert (missing.exit_code, "sets log-file, out, scheduler, which" in missing.stderr) == (2, True)
         assert "--out is missing" in missing.stderr
         listing = run("config")
-        assert "sets fresh, log-file, out, scheduler, write, which" in listing.stderr
+        assert "sets log-file, out, scheduler, write, which" in listing.stderr
         assert "log.txt" not in listing.stdout
         named = run("--config", "sonarmap.toml", "register", *pair)
         assert "warning: sonarmap.toml sets" not in named.stderr
         assert {"log.txt", "moved.ply"} <= {path.name for path in folder.iterdir()}
 
+    def test_a_file_that_nobody_named_discards_nothing_and_says_not_whom_to_listen_to(self, folder: Path) -> None:
+        listening = "multicast = '239.1.1.1:5'\nunicast = '0.0.0.0:5'\ninterface = 'lo'\nsonar = '10.0.0.7'\n"
+        (folder / "sonarmap.toml").write_text(f"[record]\n{listening}overwrite = true\n[map]\nfresh = true\n")
+        found = run("record", "-o", "a.txt")
+        assert "sets interface, multicast, overwrite, sonar, unicast, which is left out" in found.stderr
+        assert "settings from" not in found.stderr
+        assert "sets fresh, which is left out" in run("map", "nowhere", "-o", "out").stderr
+        named = run("--config", "sonarmap.toml", "map", "nowhere", "-o", "out")
+        assert "settings from sonarmap.toml: fresh true\n" in named.stderr
+
+    def test_long_values_are_shortened(self, folder: Path) -> None:
+        values = [f"'{letter * 700}'" for letter in "abcde"]
+        keys = ("priors", "mount", "nav-columns", "time-scale", "nav-crs")
+        lines = [f"{key} = {value}\n" for key, value in zip(keys, values, strict=True)]
+        (folder / "sonarmap.toml").write_text("[map]\nunits = 'yard'\n" + "".join(lines))
+        (said,) = [line for line in run("map", "nowhere", "-o", "out").stderr.splitlines() if "settings from" in line]
+        assert all(
+            f"{key} {letter * 40} [... 620 characters" in said for key, letter in zip(keys, "abcde", strict=True)
+        )
+        assert "units yard" in said
+
     def test_a_file_cannot_keep_itself_quiet(self, folder: Path) -> None:
-        (folder / "sonarmap.toml").write_text("[optimize]\nquiet = true\n")
+        (folder / "sonarmap.toml").write_text("[optimize]\nquiet = true\nstart = 'given'\n")
         edge = "EDGE_SE3:QUAT 0 1 1 0 0 0 0 0 1 1 0 0 0 0 0 1 0 0 0 0 1 0 0 0 1 0 0 1 0 1"
         (folder / "a.g2o").write_text(f"VERTEX_SE3:QUAT 0 0 0 0 0 0 0 1\nVERTEX_SE3:QUAT 1 1 0 0 0 0 0 1\n{edge}\n")
-        words = "settings from sonarmap.toml: quiet true"
-        assert words in run("optimize", "a.g2o", "-o", "b.g2o").stderr
-        given = run("optimize", "a.g2o", "-o", "b.g2o", "--quiet")
+        words = "settings from sonarmap.toml: start given"
+        assert f"{words}, quiet true" in run("optimize", "a.g2o", "-o", "b.g2o").stderr
+        assert words in run("optimize", "a.g2o", "-o", "b.g2o", "--quiet").stderr  # nobody named the file
+        given = run("--config", "sonarmap.toml", "optimize", "a.g2o", "-o", "b.g2o", "--quiet")
         assert (given.exit_code, words in given.stderr) == (0, False)
 
     def test_every_path_is_read_or_only_for_a_named_file(self) -> None:
-        """A new option that writes belongs to WRITES; one that reads belongs here."""
+        """A new option that writes belongs to NAMED_ONLY; one that reads belongs here."""
         read = {"priors", "odometry", "ties", "control", "like", "map", "surface", "summary", "compare", "from"}
-        assert {entry.key for entry in SETTINGS if entry.kind is Path} == read | WRITES
+        assert {entry.key for entry in SETTINGS if entry.kind is Path} - NAMED_ONLY == read
+        assert {entry.key for entry in SETTINGS} >= NAMED_ONLY
 
     @pytest.mark.slow
     def test_a_map_has_the_settings_in_its_summary_and_goes_on(self, folder: Path) -> None:
@@ -202,7 +223,7 @@ class TestInForce:
         (folder / "sonarmap.toml").write_text(
             '[map]\nmethod = "icp"\nvoxel = 0.4\nmax-step = 9\nframe = "flu"\nreport = false\n'
         )
-        by_file = run("map", *files, "-o", "a", "--quiet")
+        by_file = run("--config", "sonarmap.toml", "map", *files, "-o", "a", "--quiet")
         assert by_file.exit_code in (0, 3), by_file.output
         assert "settings from" not in by_file.stderr  # --quiet
         by_words = run(
