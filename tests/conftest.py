@@ -10,9 +10,11 @@ import pytest
 
 from kernels.device.device import Device, Flavor, choose_device
 
-# A shell that starts tests in the background has them ignore Ctrl-C, and so would the programs that they start.
-if signal.getsignal(signal.SIGINT) == signal.SIG_IGN:
-    signal.signal(signal.SIGINT, signal.default_int_handler)
+# A shell that starts tests in the background has them ignore Ctrl-C, and nohup a closed terminal; so would the programs
+# that they start.
+for _number, _usual in ((signal.SIGINT, signal.default_int_handler), (signal.SIGHUP, signal.SIG_DFL)):
+    if signal.getsignal(_number) == signal.SIG_IGN:
+        signal.signal(_number, _usual)
 
 GRACE = 30.0  # seconds between a test's timeout and the end of its process
 STDERR = pytest.StashKey[int]()

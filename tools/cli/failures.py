@@ -11,7 +11,7 @@ from collections.abc import Callable, Iterator, Sequence
 from contextlib import contextmanager, suppress
 from importlib import metadata
 from pathlib import Path
-from typing import Any
+from typing import Any, TextIO
 
 import typer
 
@@ -172,13 +172,13 @@ def _written(paths: Sequence[Path]) -> str:
 
 def pipe_closed() -> int:
     """The reader has left, as `head` does: no error to report."""
-    _discard_output()
+    discard(sys.stdout)
     return PIPE_CLOSED
 
 
 def output_lost(error: OSError) -> int:
     """stdout or stderr goes to a file on a full disk."""
-    _discard_output()
+    discard(sys.stdout)
     reason = error.strerror or error
     message = f"cannot write the output: {reason}. Make room, or redirect it elsewhere, and run the command again."
     with suppress(OSError):  # stderr itself may be what is full
@@ -186,9 +186,9 @@ def output_lost(error: OSError) -> int:
     return MISUSE
 
 
-def _discard_output() -> None:
+def discard(stream: TextIO) -> None:
     """Send what is still buffered nowhere, or the interpreter reports it as an error when it ends."""
-    os.dup2(os.open(os.devnull, os.O_WRONLY), sys.stdout.fileno())
+    os.dup2(os.open(os.devnull, os.O_WRONLY), stream.fileno())
 
 
 def _debugging() -> bool:

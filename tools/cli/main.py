@@ -11,7 +11,7 @@ from typing import Annotated, Any
 
 import typer
 
-from tools.cli.failures import failed, guarded, output_lost
+from tools.cli.failures import discard, failed, guarded, output_lost
 from tools.cli.help import HelpAllOption, VerbGroup
 from tools.cli.options.running import LogFileOption
 from tools.cli.settings.in_force import ConfigOption, VerbWithSettings, use_settings
@@ -64,6 +64,11 @@ def run() -> None:
         sys.exit(failed(error, "--json" in sys.argv[1:], ()))
     except OSError as error:
         sys.exit(output_lost(error))
+    finally:
+        try:
+            sys.stderr.flush()
+        except OSError:  # nobody can be told
+            discard(sys.stderr)
 
 
 def _open_missing_streams() -> None:
