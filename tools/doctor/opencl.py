@@ -14,6 +14,7 @@ from tools.doctor.libraries import DRIVER_OF_PIP, pip_command, shared_object_rem
 from tools.doctor.memory import memory_is_short
 
 _SECONDS = 900.0  # every driver is tried in a process of its own, which has a limit itself
+_SHORT = 30.0  # a library that finds too little memory can try for ever, as OpenBLAS does
 _POCL = Remedy("install PoCL, an OpenCL driver for processors:", "sudo apt-get install pocl-opencl-icd")
 _OF_PIP = Remedy("or, without root, Intel's, which AMD processors run too:", pip_command(*DRIVER_OF_PIP))
 
@@ -24,9 +25,10 @@ def opencl(test: bool) -> tuple[Finding, Answers]:
     Args:
         test: whether to run the devices' self-tests; otherwise what the last ones said counts.
     """
-    answers = ask("tools.doctor.opencl", *(["--test"] if test else []), seconds=_SECONDS)
+    short = memory_is_short()
+    answers = ask("tools.doctor.opencl", *(["--test"] if test else []), seconds=_SHORT if short else _SECONDS)
     finding = _unloadable(answers) or _ended(answers) or _unavailable(answers) or _usable(answers)
-    if finding.verdict == "wrong" and memory_is_short():
+    if finding.verdict == "wrong" and short:
         finding = replace(finding, seen=f"{finding.seen}; see memory", remedies=())
     return finding, answers
 

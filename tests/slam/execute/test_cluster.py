@@ -164,7 +164,7 @@ class TestKilledWorkers:
                 started.close()
                 register(executor, tmp_path / "notes")
 
-        with pytest.raises(InputError, match=r"the scheduler at .* was lost.*goes on"):
+        with pytest.raises(InputError, match=r"the scheduler at .* was lost\..*continues from there"):
             run()
 
 

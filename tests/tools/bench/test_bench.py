@@ -255,5 +255,5 @@ class TestCommand:
         os.killpg(bench.pid, signal.SIGINT)  # as a terminal does: parent and child alike
         # the pipes end when nobody holds them any more, the child neither
         assert bench.stdout.read() == ""
-        assert bench.stderr.read().endswith("stopped; no file is half written\n")
+        assert bench.stderr.read().endswith("stopped: nothing was written\n")
         assert bench.wait() == 130

@@ -1,7 +1,6 @@
 """A recording with losses, doubled and exchanged packets, damage and a wrap: its map is that of the undisturbed one."""
 
 import json
-import resource
 import sys
 import time
 from concurrent.futures import ThreadPoolExecutor
@@ -20,6 +19,7 @@ from slam.mapper import MapperSettings
 from tests.samples.dives import Dive
 from tests.samples.recordings import Events, disturbed, written
 from tests.tools.readers.sonar.test_large import MOST_MEMORY, run
+from tools.bench.machine import peak_memory
 from tools.cli.main import app
 from tools.readers.clouds.ply import read_ply
 from tools.readers.poses.tum import read_tum
@@ -185,5 +185,5 @@ def main() -> None:
     start = time.perf_counter()
     result = CliRunner(env={"COLUMNS": "300"}).invoke(app, ["map", *sys.argv[1:]])
     assert result.exit_code == 0, result.stderr
-    peak = resource.getrusage(resource.RUSAGE_SELF).ru_maxrss * 1024
+    peak = peak_memory()
     print(json.dumps([time.perf_counter() - start, peak, result.stderr]))

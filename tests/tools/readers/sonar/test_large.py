@@ -1,7 +1,6 @@
 """An hour of recording: time and memory of a process of its own; and thousands of damaged recordings."""
 
 import json
-import resource
 import subprocess
 import sys
 import zlib
@@ -13,6 +12,7 @@ import pytest
 from tests.samples.damage.recordings import damage_recordings
 from tests.samples.processor_time import processor_time
 from tests.samples.recordings import disturbed, recording, written
+from tools.bench.machine import peak_memory
 from tools.readers.clouds.cloud import Cloud
 from tools.readers.clouds.sonar import stream_sonar
 
@@ -61,7 +61,7 @@ def main() -> None:
     start, notes = processor_time(), list[str]()
     digests = [digest(cloud) for cloud in stream_sonar(Path(sys.argv[1]), notes)]
     seconds = processor_time() - start
-    peak = resource.getrusage(resource.RUSAGE_SELF).ru_maxrss * 1024
+    peak = peak_memory()
     print(json.dumps([digests, seconds, peak, notes]))
 
 
