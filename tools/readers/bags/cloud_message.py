@@ -58,7 +58,7 @@ def cloud_of(message: Message) -> StampedCloud:
         if message.kind == FOXGLOVE_CLOUD:
             stamp = content.timestamp.seconds * 10**9 + content.timestamp.nanos
             cloud = _moved(_cloud(_packed_by_foxglove(content), stamp), content)
-            return StampedCloud(content.frame_id, cloud)
+            return StampedCloud(content.frame_id.lstrip("/"), cloud)
         stamp = content.header.stamp.sec * 10**9 + content.header.stamp.nanosec
         return StampedCloud(content.header.frame_id.lstrip("/"), _cloud(_packed_by_ros(content), stamp))
 

@@ -1,5 +1,6 @@
 """foxglove.PointCloud in MCAP, as the MCAP project's and Foxglove's own libraries write it."""
 
+from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
@@ -10,6 +11,8 @@ from kernels.errors import InputError
 from tests.samples.bags.foxglove import point_cloud, written
 from tests.samples.bags.messages import STAMP
 from tests.samples.cloud_files import POINTS, STRENGTH, TABLE
+from tools.readers.bags.cloud_message import cloud_of
+from tools.readers.bags.mcap_file import open_mcap
 from tools.readers.scans import read_scan, read_scans
 
 
@@ -37,6 +40,15 @@ def test_strides_that_do_not_fit(tmp_path: Path, stride: int) -> None:
     message.point_stride = stride
     with pytest.raises(InputError, match=r"message 0 of /points: it holds 130 bytes, which is no number of points of"):
         read_scan(written(tmp_path / "a.mcap", message))
+
+
+def test_a_frame_that_is_no_text(tmp_path: Path) -> None:
+    """By a schema that is damaged."""
+    (message,) = open_mcap(written(tmp_path / "a.mcap", point_cloud())).messages(["/points"], [])
+    as_number = message.schema.replace(b"frame_id\x18\x02 \x01(\t", b"frame_id\x18\x02 \x01(\x01")
+    assert as_number != message.schema
+    with pytest.raises(InputError, match=r"its foxglove.* contradicts itself"):
+        cloud_of(replace(message, schema=as_number))
 
 
 def test_clouds_as_json_are_refused(tmp_path: Path) -> None:
