@@ -8,7 +8,7 @@ from typing import Any
 
 import pytest
 
-from kernels.device.device import Device, Flavor, choose_device
+from sonarmap.kernels.device.device import Device, Flavor, choose_device
 
 # A shell that starts tests in the background has them ignore Ctrl-C, and nohup a closed terminal; so would the programs
 # that they start.

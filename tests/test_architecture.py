@@ -3,15 +3,18 @@
 import ast
 import subprocess
 import sys
-from collections.abc import Iterator
+from collections.abc import Iterator, Mapping
 from graphlib import CycleError, TopologicalSorter
 from pathlib import Path
 
 import pytest
 
-ROOT = Path(__file__).parents[1]
+from tests.samples.places import ROOT
+
+PACKAGE = ROOT / "sonarmap"
 ROOMS = ("kernels", "spectral", "slam", "tools")  # imports point left only
-FILES = sorted(path for room in ROOMS for path in (ROOT / room).rglob("*.py"))
+WINGS = ("files", "methods", "products", "lab", "command")  # of tools, likewise
+FILES = sorted(path for room in ROOMS for path in (PACKAGE / room).rglob("*.py"))
 OWNERS = {  # a library, and the one room that may import it
     "pyopencl": "kernels",
     "gtsam": "slam",
@@ -54,7 +57,7 @@ MOST_DOCSTRING_LINES = 10  # of a room
 
 
 def room_of(path: Path) -> str:
-    return path.relative_to(ROOT).parts[0]
+    return path.relative_to(PACKAGE).parts[0]
 
 
 def imported(tree: ast.AST) -> Iterator[str]:
@@ -65,6 +68,11 @@ def imported(tree: ast.AST) -> Iterator[str]:
         elif isinstance(node, ast.ImportFrom):
             assert node.level == 0, f"line {node.lineno}: a relative import hides its room"
             yield (node.module or "").split(".")[0]
+
+
+def rooms_imported(tree: ast.AST) -> set[str]:
+    """The rooms of sonarmap that any statement under a node imports."""
+    return {module.split(".")[1] for module in modules_of(tree) if module.startswith("sonarmap.")}
 
 
 def imported_at_load(tree: ast.Module) -> set[str]:
@@ -87,7 +95,7 @@ def parse(path: Path) -> ast.Module:
 
 
 def named(path: Path) -> str:
-    return path.relative_to(ROOT).as_posix()
+    return path.relative_to(PACKAGE).as_posix()
 
 
 def test_imports_point_left() -> None:
@@ -95,9 +103,11 @@ def test_imports_point_left() -> None:
     for path in FILES:
         room = room_of(path)
         to_the_right = ROOMS[ROOMS.index(room) + 1 :]
+        for package in rooms_imported(parse(path)) & set(to_the_right):
+            faults.append(f"{named(path)} imports {package}/, which lies to the right of {room}/")
         for package in imported(parse(path)):
-            if package in to_the_right:
-                faults.append(f"{named(path)} imports {package}/, which lies to the right of {room}/")
+            if package in ROOMS:
+                faults.append(f"{named(path)} imports {package}, which is sonarmap.{package}")
             if OWNERS.get(package, room) != room:
                 faults.append(f"{named(path)} imports {package}, which belongs to {OWNERS[package]}/ alone")
     assert not faults
@@ -115,7 +125,7 @@ def test_files_stay_short() -> None:
 
 
 def test_the_command_line_starts_without_the_slow_libraries() -> None:
-    program = f"import sys, tools.cli.main; print(*({SLOW_TO_LOAD!r} & set(sys.modules)))"
+    program = f"import sys, sonarmap.tools.command.main; print(*({SLOW_TO_LOAD!r} & set(sys.modules)))"
     loaded = subprocess.run([sys.executable, "-c", program], cwd=ROOT, capture_output=True, text=True)
     assert (loaded.stdout.split(), loaded.stderr) == ([], "")
 
@@ -125,6 +135,7 @@ def test_the_rooms_are_there() -> None:
 
 
 FOLDERS = sorted({path.parent for path in FILES})
+MODULES = {".".join(path.relative_to(ROOT).with_suffix("").parts): path for path in FILES}
 
 
 def test_folders_stay_small() -> None:
@@ -155,11 +166,38 @@ def modules_of(node: ast.AST) -> Iterator[str]:
             yield from (f"{part.module}.{alias.name}" for alias in part.names)
 
 
+IMPORTS = {name: {module for module in modules_of(parse(path)) if module in MODULES} for name, path in MODULES.items()}
+
+
 def test_no_import_circle() -> None:
     """Neither at load nor inside functions: what two files need of each other belongs into a third."""
-    names = {".".join(path.relative_to(ROOT).with_suffix("").parts): path for path in FILES}
-    graph = {name: {module for module in modules_of(parse(path)) if module in names} for name, path in names.items()}
+    assert not circle_in(IMPORTS)
+
+
+@pytest.mark.parametrize("folder", [PACKAGE, *FOLDERS], ids=named)
+def test_no_import_circle_between_folders(folder: Path) -> None:
+    """The folders in a folder are built on one another one way, as files are, and the wings of tools in their order."""
+    inside = len(folder.relative_to(ROOT).parts)
+    begins = ".".join(folder.relative_to(ROOT).parts) + "."
+    graph: dict[str, set[str]] = {}
+    for name, imports in IMPORTS.items():
+        if name.startswith(begins) and name.count(".") > inside:
+            own = name.split(".")[inside]
+            others = {
+                other.split(".")[inside] for other in imports if other.startswith(begins) and other.count(".") > inside
+            }
+            graph.setdefault(own, set()).update(others - {own})
+    assert not circle_in(graph)
+    if named(folder) == "tools":
+        for wing in set(WINGS) & set(graph):
+            assert graph[wing] <= set(WINGS[: WINGS.index(wing)]), wing
+        assert set(graph) == set(WINGS)
+
+
+def circle_in(graph: Mapping[str, set[str]]) -> str:
+    """What imports itself over others; "" where nothing does."""
     try:
         list(TopologicalSorter(graph).static_order())
     except CycleError as error:
-        pytest.fail(f"import circle: {' -> '.join(error.args[1])}")
+        return " -> ".join(error.args[1])
+    return ""

@@ -5,7 +5,8 @@ from pathlib import Path
 
 import pytest
 
-ROOT = Path(__file__).parents[1]
+from tests.samples.places import ROOT
+
 PACKAGES = ("kernels", "spectral", "slam", "tools")
 PAGES = [ROOT / "README.md", ROOT / "CHANGELOG.md", *sorted((ROOT / "docs").rglob("*.md"))]
 # In backticks any path of this repository; elsewhere, as in drawings, files of the packages and tests.
@@ -34,7 +35,7 @@ def test_named_paths_exist(page: Path) -> None:
 
 @pytest.mark.parametrize("page", PAGES, ids=named)
 def test_names_are_in_the_files_that_are_named(page: Path) -> None:
-    """`FORMATS` in `tools/readers/file.py`, and `Pair` (`slam/pair.py`)."""
+    """`FORMATS` in `tools/files/readers/file.py`, and `Pair` (`slam/pair.py`)."""
     missing = []
     for name, file in IN_FILE.findall(page.read_text()):
         definition = rf"^(class|def) {name}\b|^{name}\b.* ="

@@ -9,8 +9,8 @@ import numpy as np
 import pytest
 
 from tests.samples.clutter_scans import scan
+from tests.samples.places import ROOT
 
-ROOT = Path(__file__).parents[1]
 EXAMPLES = ROOT / "docs" / "examples"
 
 

@@ -14,10 +14,11 @@ from zipfile import ZipFile
 
 import pytest
 
-ROOT = Path(__file__).parents[1]
-PACKAGES = ("kernels", "spectral", "slam", "tools")
+from tests.samples.places import ROOT
+
+PACKAGE = ROOT / "sonarmap"
 SUFFIXES = {".py", ".pyi", ".cl", ".typed", ".html", ".css", ".js"}
-SOURCES = ("sonarmap.py", "pyproject.toml", "README.md", "LICENSE")
+SOURCES = ("pyproject.toml", "README.md", "LICENSE")
 
 
 @pytest.fixture(scope="module")
@@ -25,8 +26,7 @@ def wheel(tmp_path_factory: pytest.TempPathFactory) -> Path:
     """Built from a copy, so that nothing is left in the checkout, and with the setuptools of this environment, so that
     nothing is downloaded."""
     folder = tmp_path_factory.mktemp("wheel")
-    for package in PACKAGES:
-        shutil.copytree(ROOT / package, folder / package, ignore=shutil.ignore_patterns("__pycache__"))
+    shutil.copytree(PACKAGE, folder / PACKAGE.name, ignore=shutil.ignore_patterns("__pycache__"))
     for source in SOURCES:
         shutil.copy(ROOT / source, folder)
     pip = [sys.executable, "-m", "pip", "wheel", "-q", ".", "--no-deps", "--no-build-isolation", "-w", "dist"]
@@ -34,22 +34,13 @@ def wheel(tmp_path_factory: pytest.TempPathFactory) -> Path:
     return next((folder / "dist").glob("sonarmap-*.whl"))
 
 
-def test_the_wheel_holds_the_packages_with_their_kernels_and_no_tests(wheel: Path) -> None:
-    expected = {"sonarmap.py"}
-    for package in PACKAGES:
-        files = (path for path in (ROOT / package).rglob("*") if path.suffix in SUFFIXES)
-        expected |= {path.relative_to(ROOT).as_posix() for path in files}
-    assert {f"{package}/py.typed" for package in PACKAGES} <= expected
+def test_the_wheel_holds_the_package_with_its_kernels_and_nothing_else(wheel: Path) -> None:
+    expected = {path.relative_to(ROOT).as_posix() for path in PACKAGE.rglob("*") if path.suffix in SUFFIXES}
+    assert {"sonarmap/py.typed", "sonarmap/__init__.pyi"} <= expected
     assert any(name.endswith(".cl") for name in expected)
     with ZipFile(wheel) as archive:
         actual = {name for name in archive.namelist() if ".dist-info/" not in name}
     assert actual == expected
-
-
-def test_the_command_is_the_top_level_modules(wheel: Path) -> None:
-    with ZipFile(wheel) as archive:
-        entry_points = next(name for name in archive.namelist() if name.endswith("entry_points.txt"))
-        assert archive.read(entry_points).decode().split("\n")[:2] == ["[console_scripts]", "sonarmap = sonarmap:main"]
 
 
 def test_every_imported_library_is_a_dependency() -> None:
@@ -68,31 +59,42 @@ def test_every_imported_library_is_a_dependency() -> None:
 def imported_libraries() -> set[str]:
     """The top-level modules that the product imports and that neither it nor Python has."""
     libraries: set[str] = set()
-    for path in (path for package in PACKAGES for path in (ROOT / package).rglob("*.py")):
+    for path in PACKAGE.rglob("*.py"):
         for node in ast.walk(ast.parse(path.read_text())):
             if isinstance(node, ast.Import):
                 libraries.update(alias.name.split(".")[0] for alias in node.names)
             elif isinstance(node, ast.ImportFrom) and node.module:
                 libraries.add(node.module.split(".")[0])
-    return libraries - {*PACKAGES, *sys.stdlib_module_names}
+    return libraries - {PACKAGE.name, *sys.stdlib_module_names}
 
 
 @pytest.mark.slow
-@pytest.mark.timeout(1200)
-def test_the_wheel_maps_scans_in_an_environment_of_its_own(wheel: Path, tmp_path: Path) -> None:
+@pytest.mark.timeout(1800)
+def test_the_wheel_maps_in_an_environment_of_its_own_and_simulates_with_the_extra(wheel: Path, tmp_path: Path) -> None:
+    """In a folder with other packages of the names that sonarmap's own have within it."""
     environment = {name: text for name, text in os.environ.items() if name not in ("PYTHONPATH", "VIRTUAL_ENV")}
+    for name in ("tools", "kernels"):
+        (tmp_path / name).mkdir()
+        (tmp_path / name / "__init__.py").write_text(f"raise SystemExit('the {name} of another project')\n")
 
-    def run(*command: str | Path) -> str:
+    def run(*command: str | Path, code: int = 0) -> str:
         done = subprocess.run(command, cwd=tmp_path, env=environment, capture_output=True, text=True)
-        assert done.returncode == 0, done.stderr
-        return done.stdout
+        assert done.returncode == code, done.stderr
+        return done.stdout + done.stderr
 
     run(sys.executable, "-m", "venv", "env")
     python, sonarmap = tmp_path / "env/bin/python", tmp_path / "env/bin/sonarmap"
     run(python, "-m", "pip", "install", "-q", wheel, "-c", ROOT / "constraints.txt")
-    assert run(python, "-c", "import kernels; print(kernels.__file__)").startswith(str(tmp_path / "env"))
+    assert run(python, "-c", "import sonarmap; print(sonarmap.Scan, sonarmap.__file__)").endswith(
+        f"{tmp_path}/env/lib/python{sys.version_info[0]}.{sys.version_info[1]}/site-packages/sonarmap/__init__.py\n"
+    )
     assert "works" in run(sonarmap, "devices")
-    run(sonarmap, "simulate", "--scene", "floodgate", "--scans", "3", "--seed", "1", "-o", "scans")
-    run(sonarmap, "map", "scans", "--grid", "64", "-o", "map")
+    simulate = ("simulate", "--scene", "floodgate", "--scans", "3", "--seed", "1", "-o")
+    run(sys.executable, "-m", "sonarmap", *simulate, "scans")
+    run(sonarmap, "map", "scans", "--grid", "64", "-o", "map", "--export", "laz,geojson", "--origin", "60.39,5.32")
     assert (tmp_path / "map/map.ply").stat().st_size > 10_000
     assert len((tmp_path / "map/trajectory.tum").read_text().splitlines()) >= 3
+    assert (tmp_path / "map/report.html").is_file()
+    assert "pip install 'sonarmap[lab]'" in run(sonarmap, *simulate, "again", code=2)
+    run(python, "-m", "pip", "install", "-q", f"{wheel}[lab]", "-c", ROOT / "constraints.txt")
+    run(sonarmap, *simulate, "again")

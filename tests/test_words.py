@@ -7,7 +7,8 @@ from pathlib import Path
 
 import pytest
 
-ROOT = Path(__file__).parents[1]
+from tests.samples.places import ROOT
+
 PACKAGES = ("kernels", "spectral", "slam", "tools")
 PAGES = [ROOT / "README.md", ROOT / "CHANGELOG.md", *sorted((ROOT / "docs").rglob("*.md"))]
 REFUSED = {  # pattern: what a colleague would say

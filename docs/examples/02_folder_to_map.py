@@ -3,7 +3,7 @@
 import sys
 
 import sonarmap
-from tools.writers.points import write_points
+from sonarmap.tools.files.writers.points import write_points
 
 folder, map_file = sys.argv[1:]
 result = sonarmap.map_scans(folder, edge=64, progress=lambda done, planned, text: print(f"{done}/{planned} {text}"))

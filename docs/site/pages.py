@@ -48,7 +48,7 @@ def on_page_markdown(markdown: str, page: Page, config: MkDocsConfig, files: Fil
 
 
 def public_names(source: Path) -> dict[str, str]:
-    """The names in the file's `__all__`, each with the module that defines it: {"Device": "kernels.device.device"}."""
+    """The names in the file's `__all__`, each with its module: {"Device": "sonarmap.kernels.device.device"}."""
     tree = ast.parse(source.read_text())
     module = ".".join(source.relative_to(ROOT).with_suffix("").parts)
     package = module.removesuffix(".__init__")

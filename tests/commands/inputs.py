@@ -11,13 +11,13 @@ from pathlib import Path
 
 import numpy as np
 
+from sonarmap.tools.files.readers.clouds.ply import read_ply
+from sonarmap.tools.files.readers.poses.tum import read_tum
 from tests.samples.bags.messages import CLOUD, ODOMETRY, cloud, odometry
 from tests.samples.bags.writers import write_ros1
 from tests.samples.command_line import sonarmap
 from tests.samples.dives import Dive
 from tests.samples.recordings import written
-from tools.readers.clouds.ply import read_ply
-from tools.readers.poses.tum import read_tum
 
 START = datetime(2026, 7, 1, 9, 30, tzinfo=UTC)
 STEP = 10.0  # [s] between the scans

@@ -16,9 +16,9 @@ from typing import Literal
 import typer
 from typer.core import TyperCommand, TyperGroup
 
-from tools.cli.main import app
+from sonarmap.tools.command.main import app
+from tests.samples.places import ROOT
 
-ROOT = Path(__file__).parents[2]
 UsageError: type[Exception] = typer.BadParameter.__bases__[0]  # typer has click's in itself, under no public name
 PAGES = [ROOT / "README.md", *sorted((ROOT / "docs").rglob("*.md"))]
 _BLOCK = re.compile(r"^```(sh|console|python)\n(.*?)^```$", re.DOTALL | re.MULTILINE)

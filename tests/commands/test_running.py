@@ -13,10 +13,10 @@ from pathlib import Path
 import pytest
 from typer.testing import CliRunner
 
+from sonarmap.tools.command.main import app
 from tests.commands.inputs import Inputs
 from tests.commands.pages import PAGES, ROOT, Example, examples, starts, words_of
 from tests.samples.command_line import SONARMAP
-from tools.cli.main import app
 
 LIMIT = 900  # [s] for a command
 

@@ -4,7 +4,7 @@ from pathlib import Path
 
 import pytest
 
-from kernels.child import ask
+from sonarmap.kernels.child import ask
 
 
 @pytest.fixture
@@ -15,7 +15,7 @@ def module(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
 
 def test_what_libraries_print_is_not_an_answer(module: Path) -> None:
     module.write_text(
-        "import os\nfrom kernels.child import answer\n"
+        "import os\nfrom sonarmap.kernels.child import answer\n"
         "def main(arguments):\n    print('hello'); answer(a=1); print('{}')\n"
         "    os.system('echo 7'); answer(b=arguments)\n"
     )
@@ -35,7 +35,7 @@ def test_what_libraries_print_is_not_an_answer(module: Path) -> None:
 def test_what_came_before_the_end_is_kept(module: Path, program: str, seconds: float, end: str) -> None:
     first = "sys.stderr.write('LLVM ERROR: out of memory\\nAllocation failed\\n')" if "kill" in program else "pass"
     module.write_text(
-        "import os, sys, time\nfrom kernels.child import answer\n"
+        "import os, sys, time\nfrom sonarmap.kernels.child import answer\n"
         f"def main(arguments):\n    answer(a=1); {first}; {program}\n"
     )
     answers = ask("probe_of_test", seconds=seconds)

@@ -10,8 +10,8 @@ import pytest
 from scipy.spatial.transform import RigidTransform, Rotation
 from typer.testing import CliRunner, Result
 
-from tools.cli.main import app
-from tools.writers.points import write_ply
+from sonarmap.tools.command.main import app
+from sonarmap.tools.files.writers.points import write_ply
 
 # Of the scans of one scene, in order: p_world = T_world_sensor p_sensor [m]
 T_WORLD_SENSOR = RigidTransform.from_components(
@@ -58,7 +58,7 @@ def sonarmap(*arguments: str | Path) -> Result:
 def printed_at(columns: int, *arguments: str | Path) -> list[str]:
     """The lines of stdout on a terminal of so many columns."""
     with pytest.MonkeyPatch.context() as patch:
-        patch.setattr("tools.cli.terminal.result_width", lambda: columns)
+        patch.setattr("sonarmap.tools.command.terminal.result_width", lambda: columns)
         return CliRunner().invoke(app, [str(a) for a in arguments]).stdout.splitlines()
 
 

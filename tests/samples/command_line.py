@@ -5,10 +5,10 @@ import os
 import pty
 import subprocess
 import sys
-from pathlib import Path
 
-ROOT = Path(__file__).parents[2]
-SONARMAP = [sys.executable, "-c", "from tools.cli.main import run; run()"]
+from tests.samples.places import ROOT
+
+SONARMAP = [sys.executable, "-c", "from sonarmap.tools.command.main import run; run()"]
 
 
 def sonarmap(*arguments: str, **environment: str) -> subprocess.CompletedProcess[str]:

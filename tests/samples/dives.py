@@ -7,12 +7,12 @@ import numpy as np
 from scipy.spatial.transform import RigidTransform, Rotation
 from wlsonar import range_image_protocol as rip
 
+from sonarmap.tools.lab.simulate.paths.routes import survey_path
+from sonarmap.tools.lab.simulate.scenes.scene import build_scene
+from sonarmap.tools.lab.simulate.sensing.noise import Noise, disturb
+from sonarmap.tools.lab.simulate.sensing.sensors import SONAR_3D15, Echoes, Sensor, cast
+from sonarmap.tools.lab.simulate.shapes.surface import surface_distance
 from tests.samples.recordings import SPEED, PacketOf, stamp_at
-from tools.simulate.paths.routes import survey_path
-from tools.simulate.scenes.scene import build_scene
-from tools.simulate.sensing.noise import Noise, disturb
-from tools.simulate.sensing.sensors import SONAR_3D15, Echoes, Sensor, cast
-from tools.simulate.shapes.surface import surface_distance
 
 NOISE = Noise(sigma2=0.0025, outliers=0.01, dropouts=0.05)
 PIXEL = 0.00075  # [m]

@@ -4,8 +4,8 @@ import numpy as np
 from scipy.spatial import KDTree
 from scipy.spatial.transform import RigidTransform, Rotation
 
-from slam.graph.pose_graph import PoseGraph
-from slam.graph.trajectory import chain
+from sonarmap.slam.graph.pose_graph import PoseGraph
+from sonarmap.slam.graph.trajectory import chain
 from tests.samples.surveys import edge
 
 STEP, LANE = 4.0, 15.0  # between scans along a lane, and between lanes [m]

@@ -3,8 +3,8 @@
 import numpy as np
 from scipy.spatial.transform import RigidTransform, Rotation
 
-from spectral.scan import Scan
-from tools.baselines.planes.patch import Patches, tangents
+from sonarmap.spectral.scan import Scan
+from sonarmap.tools.lab.baselines.planes.patch import Patches, tangents
 
 # Outward normals and distances from the middle [m]: a box of unequal sides with two slanted walls and a slanted roof
 ROOM = (

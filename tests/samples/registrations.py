@@ -3,8 +3,8 @@
 import numpy as np
 from scipy.spatial.transform import RigidTransform, Rotation
 
-from spectral.result import Registration
-from tools.reproduce.gaussian.scored import ScoredRegistration
+from sonarmap.spectral.result import Registration
+from sonarmap.tools.lab.reproduce.gaussian.scored import ScoredRegistration
 
 TRUTH = RigidTransform.from_components([20, -7, 3], Rotation.from_euler("ZYX", [170, 4, -9], degrees=True))
 CENTER = np.array([40.0, 15.0, -12.0])

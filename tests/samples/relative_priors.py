@@ -3,8 +3,8 @@
 import numpy as np
 from scipy.spatial.transform import RigidTransform, Rotation
 
-from spectral.prior import RelativePrior
-from spectral.scan import PosePrior
+from sonarmap.spectral.prior import RelativePrior
+from sonarmap.spectral.scan import PosePrior
 
 INF = np.inf
 ATTITUDE, HEADING, POSITION, DEPTH = slice(0, 2), slice(2, 3), slice(3, 5), slice(5, 6)

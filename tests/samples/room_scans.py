@@ -3,7 +3,7 @@
 import numpy as np
 from scipy.spatial.transform import RigidTransform, Rotation
 
-from spectral.scan import Scan
+from sonarmap.spectral.scan import Scan
 
 HALF = np.array([12.0, 9.0, 5.0])  # of the room, about the origin [m]
 POLE, RADIUS = np.array([2.0, -1.0]), 0.12  # x, y of its axis, from floor to ceiling [m]

@@ -6,11 +6,11 @@ from collections.abc import Callable
 import numpy as np
 from scipy.spatial.transform import RigidTransform, Rotation
 
-from kernels.errors import InputError
-from slam.decide.navigation import Navigation
-from slam.graph.edge import Edge, Kind
-from spectral.result import Registration
-from spectral.scan import Scan
+from sonarmap.kernels.errors import InputError
+from sonarmap.slam.decide.navigation import Navigation
+from sonarmap.slam.graph.edge import Edge, Kind
+from sonarmap.spectral.result import Registration
+from sonarmap.spectral.scan import Scan
 
 
 def random_transforms(rng: np.random.Generator, count: int, angle: float = 1.0, length: float = 5.0) -> RigidTransform:

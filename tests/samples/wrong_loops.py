@@ -3,8 +3,8 @@
 import numpy as np
 from scipy.spatial.transform import RigidTransform
 
-from slam.graph.edge import Edge
-from slam.graph.pose_graph import PoseGraph
+from sonarmap.slam.graph.edge import Edge
+from sonarmap.slam.graph.pose_graph import PoseGraph
 from tests.samples.surveys import edge
 
 FAR = 10.0  # least residual of a wrong loop [sigmas]

@@ -6,17 +6,17 @@ import numpy as np
 import pytest
 from scipy.spatial.transform import RigidTransform
 
-from kernels.errors import DeviceError, InputError
-from slam.execute.runner import Execution
-from slam.execute.worker import Worker
-from slam.graph.trajectory import chain
-from slam.loops.candidates import find_candidates
-from slam.loops.settings import LoopSettings
-from slam.map.shared_cells import outline
-from slam.mapper import Mapper, MapperSettings
-from slam.pair import Pair
-from slam.survey_result import SurveyResult
-from spectral.result import Registration
+from sonarmap.kernels.errors import DeviceError, InputError
+from sonarmap.slam.execute.runner import Execution
+from sonarmap.slam.execute.worker import Worker
+from sonarmap.slam.graph.trajectory import chain
+from sonarmap.slam.loops.candidates import find_candidates
+from sonarmap.slam.loops.settings import LoopSettings
+from sonarmap.slam.map.shared_cells import outline
+from sonarmap.slam.mapper import Mapper, MapperSettings
+from sonarmap.slam.pair import Pair
+from sonarmap.slam.survey_result import SurveyResult
+from sonarmap.spectral.result import Registration
 from tests.samples.surveys import KnowingRegistrar, random_covariance, ring_poses, scans_of
 
 VOXEL = 0.5

@@ -6,15 +6,15 @@ import numpy as np
 import pytest
 from scipy.spatial.transform import RigidTransform, Rotation
 
-from kernels.errors import InputError
-from slam.graph.control import ControlPoint
-from slam.loops.settings import LoopSettings
-from slam.mapper import Mapper, MapperSettings
-from slam.stream.keys import KeySettings
-from slam.survey_result import SurveyResult
-from slam.tie import Tie
-from spectral.result import Registration
-from spectral.scan import PosePrior
+from sonarmap.kernels.errors import InputError
+from sonarmap.slam.graph.control import ControlPoint
+from sonarmap.slam.loops.settings import LoopSettings
+from sonarmap.slam.mapper import Mapper, MapperSettings
+from sonarmap.slam.stream.keys import KeySettings
+from sonarmap.slam.survey_result import SurveyResult
+from sonarmap.slam.tie import Tie
+from sonarmap.spectral.result import Registration
+from sonarmap.spectral.scan import PosePrior
 from tests.samples.surveys import KnowingRegistrar, random_covariance, ring_poses, scans_of
 
 VOXEL = 0.5

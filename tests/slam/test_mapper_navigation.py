@@ -6,11 +6,11 @@ import numpy as np
 import pytest
 from scipy.spatial.transform import RigidTransform
 
-from slam.graph.path import bridges
-from slam.mapper import Mapper, MapperSettings
-from slam.survey_result import SurveyResult
-from spectral.result import Registration
-from spectral.scan import PosePrior, Scan
+from sonarmap.slam.graph.path import bridges
+from sonarmap.slam.mapper import Mapper, MapperSettings
+from sonarmap.slam.survey_result import SurveyResult
+from sonarmap.spectral.result import Registration
+from sonarmap.spectral.scan import PosePrior, Scan
 from tests.samples.surveys import KnowingRegistrar, edge, random_covariance, ring_poses, scans_of
 from tests.slam.test_mapper import COVARIANCE, VOXEL, position_error, refuse
 

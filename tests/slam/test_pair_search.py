@@ -8,12 +8,12 @@ import numpy as np
 import pytest
 from scipy.spatial.transform import RigidTransform, Rotation
 
-from slam.loops.settings import LoopSettings
-from slam.mapper import Mapper, MapperSettings
-from slam.motion.limits import MotionLimits
-from slam.survey_result import SurveyResult
-from spectral.expected import ExpectedPose
-from spectral.result import Registration
+from sonarmap.slam.loops.settings import LoopSettings
+from sonarmap.slam.mapper import Mapper, MapperSettings
+from sonarmap.slam.motion.limits import MotionLimits
+from sonarmap.slam.survey_result import SurveyResult
+from sonarmap.spectral.expected import ExpectedPose
+from sonarmap.spectral.result import Registration
 from tests.samples.surveys import KnowingRegistrar, random_covariance, ring_poses, scans_of
 
 VOXEL = 0.2

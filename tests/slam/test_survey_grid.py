@@ -3,10 +3,10 @@
 import numpy as np
 import pytest
 
-from kernels.errors import InputError
-from slam.survey_grid import survey_grid
-from spectral.grid import Grid, choose_grid
-from spectral.scan import Scan
+from sonarmap.kernels.errors import InputError
+from sonarmap.slam.survey_grid import survey_grid
+from sonarmap.spectral.grid import Grid, choose_grid
+from sonarmap.spectral.scan import Scan
 
 
 def scan(size: float, seed: int = 0) -> Scan:

@@ -6,14 +6,14 @@ import numpy as np
 import pytest
 from scipy.spatial.transform import RigidTransform
 
-from kernels.errors import InputError
-from slam.loops.settings import LoopSettings
-from slam.mapper import Mapper, MapperSettings
-from slam.pair import Pair
-from slam.stream.keys import KeySettings
-from slam.survey_result import SurveyResult
-from slam.tie import Tie
-from spectral.result import Registration
+from sonarmap.kernels.errors import InputError
+from sonarmap.slam.loops.settings import LoopSettings
+from sonarmap.slam.mapper import Mapper, MapperSettings
+from sonarmap.slam.pair import Pair
+from sonarmap.slam.stream.keys import KeySettings
+from sonarmap.slam.survey_result import SurveyResult
+from sonarmap.slam.tie import Tie
+from sonarmap.spectral.result import Registration
 from tests.samples.surveys import KnowingRegistrar, random_covariance, registration, ring_poses, scans_of
 
 VOXEL = 0.5

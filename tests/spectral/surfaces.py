@@ -5,9 +5,9 @@ from functools import cache
 
 import numpy as np
 
-from kernels.device.device import Device, choose_device
-from kernels.surface.cells import sort_into_cells
-from spectral.prepare.surface import SmoothSurface, Surface
+from sonarmap.kernels.device.device import Device, choose_device
+from sonarmap.kernels.surface.cells import sort_into_cells
+from sonarmap.spectral.prepare.surface import SmoothSurface, Surface
 
 
 @cache

@@ -5,14 +5,14 @@ import numpy as np
 import pytest
 from scipy.spatial.transform import RigidTransform, Rotation
 
-from slam.graph.edge import Edge
-from slam.graph.gtsam_poses import to_values
-from slam.graph.measured_poses import MeasuredPoses
-from slam.graph.pose_graph import PoseGraph
-from slam.graph.tangent import adjoint, carried
-from slam.graph.trajectory import Trajectory
-from spectral.result import Registration
-from spectral.scan import PosePrior
+from sonarmap.slam.graph.edge import Edge
+from sonarmap.slam.graph.gtsam_poses import to_values
+from sonarmap.slam.graph.measured_poses import MeasuredPoses
+from sonarmap.slam.graph.pose_graph import PoseGraph
+from sonarmap.slam.graph.tangent import adjoint, carried
+from sonarmap.slam.graph.trajectory import Trajectory
+from sonarmap.spectral.result import Registration
+from sonarmap.spectral.scan import PosePrior
 
 YAW, PITCH, ROLL = 0.7, -0.3, 0.2
 T_WORLD_I = RigidTransform.from_components([4.0, -1.0, 2.5], Rotation.from_euler("ZYX", [YAW, PITCH, ROLL]))

@@ -4,12 +4,12 @@ import numpy as np
 import pytest
 from scipy.spatial.transform import RigidTransform, Rotation
 
-from kernels.device.device import Device, choose_device
-from spectral.grid import Grid
-from spectral.hemisphere.registration import HemisphereConfig, HemisphereRegistrar
-from spectral.registration import SpectralConfig, SpectralRegistrar
-from spectral.result import Registrar, Registration
-from spectral.scan import Scan
+from sonarmap.kernels.device.device import Device, choose_device
+from sonarmap.spectral.grid import Grid
+from sonarmap.spectral.hemisphere.registration import HemisphereConfig, HemisphereRegistrar
+from sonarmap.spectral.registration import SpectralConfig, SpectralRegistrar
+from sonarmap.spectral.result import Registrar, Registration
+from sonarmap.spectral.scan import Scan
 from tests.samples.reliefs import above, relief, seen
 from tests.samples.structures import difference
 

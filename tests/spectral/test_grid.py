@@ -6,13 +6,13 @@ import numpy as np
 import pytest
 from scipy.spatial.transform import RigidTransform, Rotation
 
-from kernels.device.device import choose_device
-from kernels.errors import InputError
-from kernels.fft.edges import EDGES
-from spectral.grid import Grid, choose_grid, coarse_edge, image_edge, scan_center
-from spectral.hemisphere.registration import HemisphereRegistrar
-from spectral.registration import SpectralConfig, SpectralRegistrar
-from spectral.scan import Scan
+from sonarmap.kernels.device.device import choose_device
+from sonarmap.kernels.errors import InputError
+from sonarmap.kernels.fft.edges import EDGES
+from sonarmap.spectral.grid import Grid, choose_grid, coarse_edge, image_edge, scan_center
+from sonarmap.spectral.hemisphere.registration import HemisphereRegistrar
+from sonarmap.spectral.registration import SpectralConfig, SpectralRegistrar
+from sonarmap.spectral.scan import Scan
 from tests.samples.reliefs import above, relief, seen
 from tests.samples.structures import difference, moved, structure
 

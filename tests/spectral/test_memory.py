@@ -8,17 +8,17 @@ from itertools import pairwise
 import numpy as np
 import pytest
 
-from kernels.device.device import Device, choose_device
-from kernels.device.source import KERNEL_FOLDER
-from kernels.device.usage import MemoryUsage
-from kernels.errors import DeviceError
-from kernels.fft.edges import EDGES
-from spectral.grid import Grid
-from spectral.hemisphere.registration import HemisphereConfig, HemisphereRegistrar
-from spectral.memory import MemoryPlan, memory_plan, require_memory, scans_that_fit
-from spectral.registration import SpectralConfig, SpectralRegistrar
-from spectral.result import Registrar
-from spectral.scan import Scan
+from sonarmap.kernels.device.device import Device, choose_device
+from sonarmap.kernels.device.source import KERNEL_FOLDER
+from sonarmap.kernels.device.usage import MemoryUsage
+from sonarmap.kernels.errors import DeviceError
+from sonarmap.kernels.fft.edges import EDGES
+from sonarmap.spectral.grid import Grid
+from sonarmap.spectral.hemisphere.registration import HemisphereConfig, HemisphereRegistrar
+from sonarmap.spectral.memory import MemoryPlan, memory_plan, require_memory, scans_that_fit
+from sonarmap.spectral.registration import SpectralConfig, SpectralRegistrar
+from sonarmap.spectral.result import Registrar
+from sonarmap.spectral.scan import Scan
 from tests.samples.structures import structure
 
 TILT = float(np.deg2rad(35))

@@ -6,8 +6,8 @@ import numpy as np
 import pytest
 from scipy.spatial.transform import RigidTransform
 
-from kernels.errors import InputError
-from spectral.scan import PosePrior, Scan
+from sonarmap.kernels.errors import InputError
+from sonarmap.spectral.scan import PosePrior, Scan
 
 POINTS = np.arange(12, dtype=np.float32).reshape(4, 3)
 

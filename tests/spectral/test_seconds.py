@@ -4,12 +4,12 @@ from typing import Any
 
 import pytest
 
-from kernels.device.device import choose_device
-from spectral import registration as spectral
-from spectral.grid import Grid
-from spectral.hemisphere import registration as hemisphere
-from spectral.prepare.spectral_scan import SpectralScan
-from spectral.scan import Scan
+from sonarmap.kernels.device.device import choose_device
+from sonarmap.spectral import registration as spectral
+from sonarmap.spectral.grid import Grid
+from sonarmap.spectral.hemisphere import registration as hemisphere
+from sonarmap.spectral.prepare.spectral_scan import SpectralScan
+from sonarmap.spectral.scan import Scan
 from tests.samples.structures import structure
 
 

@@ -4,11 +4,11 @@ import numpy as np
 import pytest
 from scipy.spatial.transform import Rotation
 
-from kernels.device.device import Array, choose_device
-from spectral.grid import Grid
-from spectral.prepare.prepared import Preparer
-from spectral.scan import Scan
-from spectral.so3 import PARTS, RotationPeaks, So3, Sweep, distinct_rotations
+from sonarmap.kernels.device.device import Array, choose_device
+from sonarmap.spectral.grid import Grid
+from sonarmap.spectral.prepare.prepared import Preparer
+from sonarmap.spectral.scan import Scan
+from sonarmap.spectral.so3 import PARTS, RotationPeaks, So3, Sweep, distinct_rotations
 from tests.samples.structures import structure
 
 EDGE = 32

@@ -6,13 +6,13 @@ import numpy as np
 import pytest
 from scipy.spatial.transform import RigidTransform, Rotation
 
-from kernels.device.device import choose_device
-from kernels.errors import InputError
-from spectral.grid import Grid
-from spectral.prepare.spectral_scan import SpectralScan
-from spectral.registration import SpectralConfig, SpectralRegistrar
-from spectral.result import Registration
-from spectral.scan import PosePrior, Scan
+from sonarmap.kernels.device.device import choose_device
+from sonarmap.kernels.errors import InputError
+from sonarmap.spectral.grid import Grid
+from sonarmap.spectral.prepare.spectral_scan import SpectralScan
+from sonarmap.spectral.registration import SpectralConfig, SpectralRegistrar
+from sonarmap.spectral.result import Registration
+from sonarmap.spectral.scan import PosePrior, Scan
 from tests.samples.reliefs import above, relief, seen
 from tests.samples.structures import difference, moved
 

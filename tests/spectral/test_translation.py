@@ -8,10 +8,10 @@ import pytest
 from scipy.ndimage import maximum_filter
 from scipy.spatial.transform import Rotation
 
-from kernels.device.device import Array, Device
-from kernels.points.voxelize import voxelize
-from kernels.pomf.spectrum import Pomf, whiten
-from spectral.translation import BLUR, Box, Translation
+from sonarmap.kernels.device.device import Array, Device
+from sonarmap.kernels.points.voxelize import voxelize
+from sonarmap.kernels.pomf.spectrum import Pomf, whiten
+from sonarmap.spectral.translation import BLUR, Box, Translation
 
 EDGE = 32
 EXPONENTS = (1.0, 0.5)

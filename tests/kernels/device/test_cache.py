@@ -7,15 +7,15 @@ from pathlib import Path
 
 import pytest
 
-from kernels.device import cache
-from kernels.device.cache import cache_folder, recall, remember
+from sonarmap.kernels.device import cache
+from sonarmap.kernels.device.cache import cache_folder, recall, remember
 from tests.samples.command_line import ROOT
 
 COMPUTE = """
-import kernels, numpy, os
+import sonarmap, numpy, os
 for _ in range(2):
-    device = kernels.choose_device("cpu")
-print(kernels.voxelize(device, device.to_device(numpy.zeros((1, 4), numpy.float32) + 1), 16).get().sum())
+    device = sonarmap.choose_device("cpu")
+print(sonarmap.voxelize(device, device.to_device(numpy.zeros((1, 4), numpy.float32) + 1), 16).get().sum())
 print(os.environ["XDG_CACHE_HOME"], os.environ.get("POCL_CACHE_DIR", ""))
 """
 

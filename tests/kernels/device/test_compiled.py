@@ -6,14 +6,14 @@ from pathlib import Path
 
 import pytest
 
-from kernels.device import cache, compiled
-from kernels.device import device as device_module
-from kernels.device.compiled import build_warnings
-from kernels.device.device import Device
-from kernels.device.source import KERNEL_FOLDER
-from kernels.fft import cpu as fft_cpu
-from kernels.fft import gpu as fft_gpu
-from kernels.fft.plan import Layout
+from sonarmap.kernels.device import cache, compiled
+from sonarmap.kernels.device import device as device_module
+from sonarmap.kernels.device.compiled import build_warnings
+from sonarmap.kernels.device.device import Device
+from sonarmap.kernels.device.source import KERNEL_FOLDER
+from sonarmap.kernels.fft import cpu as fft_cpu
+from sonarmap.kernels.fft import gpu as fft_gpu
+from sonarmap.kernels.fft.plan import Layout
 
 PROGRAMS = sorted(path.relative_to(KERNEL_FOLDER).with_suffix("").as_posix() for path in KERNEL_FOLDER.rglob("*.cl"))
 LAYOUTS = [Layout((16, 32, 64)), Layout((128, 256, 512)), Layout((3, 64, 16), batched=True)]

@@ -13,16 +13,14 @@ import pyopencl as cl
 import pyopencl.array as cla
 import pytest
 
-import kernels.device.device
-from kernels.device.device import Device, choose_device, list_devices
-from kernels.device.device_info import DeviceInfo, describe
-from kernels.device.drivers import Driver
-from kernels.device.loaded import load_devices, loaded_driver
-from kernels.device.selection import by_preference, matching
-from kernels.device.source import informative_line
-from kernels.errors import DeviceError
-
-ROOT = Path(__file__).parents[3]
+from sonarmap.kernels.device.device import Device, choose_device, list_devices
+from sonarmap.kernels.device.device_info import DeviceInfo, describe
+from sonarmap.kernels.device.drivers import Driver
+from sonarmap.kernels.device.loaded import load_devices, loaded_driver
+from sonarmap.kernels.device.selection import by_preference, matching
+from sonarmap.kernels.device.source import informative_line
+from sonarmap.kernels.errors import DeviceError
+from tests.samples.places import ROOT
 
 
 def fake(selector: str, kind: str, name: str, platform: str, driver: str = "1.0", **more: Any) -> DeviceInfo:
@@ -123,8 +121,10 @@ class TestChoice:
         assert driver is not None
         one = replace(describe(device.cl_device, "0:0"), driver_file=driver.file)
         infos = [one, replace(one, selector="0:1")]
-        monkeypatch.setattr(kernels.device.device, "known_devices", lambda _=True: infos)
-        monkeypatch.setattr(kernels.device.device, "load_devices", lambda _: [[device.cl_device, device.cl_device]])
+        monkeypatch.setattr("sonarmap.kernels.device.device.known_devices", lambda _=True: infos)
+        monkeypatch.setattr(
+            "sonarmap.kernels.device.device.load_devices", lambda _: [[device.cl_device, device.cl_device]]
+        )
         return infos
 
     def test_tells_identical_devices_apart(
@@ -162,7 +162,7 @@ class TestChoice:
         self, twice: list[DeviceInfo], monkeypatch: pytest.MonkeyPatch, caplog: pytest.LogCaptureFixture
     ) -> None:
         caplog.set_level(logging.INFO, "sonarmap")
-        monkeypatch.setattr(kernels.device.device, "loaded_driver", lambda: None)
+        monkeypatch.setattr("sonarmap.kernels.device.device.loaded_driver", lambda: None)
         choose_device("0:0")
         assert not caplog.messages
         twice[1] = replace(twice[1], name="a card", driver_file="card.icd")
@@ -171,7 +171,7 @@ class TestChoice:
         assert caplog.messages == [told]
 
     def test_one_that_is_gone_is_named(self, twice: list[DeviceInfo], monkeypatch: pytest.MonkeyPatch) -> None:
-        monkeypatch.setattr(kernels.device.device, "load_devices", lambda _: [])
+        monkeypatch.setattr("sonarmap.kernels.device.device.load_devices", lambda _: [])
         with pytest.raises(DeviceError, match=r"0:0 .* is not there any more; 'sonarmap devices' shows what is"):
             choose_device("0:0")
 
@@ -216,9 +216,9 @@ class TestPrograms:
         folder = tmp_path / "a folder, (copied)"
         shutil.copytree(ROOT / "kernels", folder / "kernels", ignore=shutil.ignore_patterns("__pycache__"))
         program = (
-            "import kernels.device.device; "
+            "import sonarmap.kernels.device.device; "
             "source = '#include \"device/complex.cl\"\\n__kernel void f(__global float* x) {}'; "
-            "kernels.device.device.choose_device().build(source); "
+            "sonarmap.kernels.device.device.choose_device().build(source); "
             "print(kernels.device.device.__file__)"
         )
         ended = subprocess.run([sys.executable, "-c", program], cwd=folder, capture_output=True, text=True)

@@ -5,8 +5,8 @@ from pathlib import Path
 
 import pytest
 
-from kernels.device import drivers
-from kernels.device.drivers import Driver, driver_fault, installed_drivers
+from sonarmap.kernels.device import drivers
+from sonarmap.kernels.device.drivers import Driver, driver_fault, installed_drivers
 
 
 @pytest.fixture

@@ -7,12 +7,12 @@ import pyopencl as cl
 import pytest
 from pyopencl._cl import _ErrorRecord
 
-from kernels.device.device import Device
-from kernels.device.launch import affine, launch, zero
-from kernels.device.source import literal
-from kernels.errors import DeviceError, InputError
-from kernels.fft.transform import RealFFT
-from kernels.resample.sphere import rectangular_unwrap, sample, upload_directions
+from sonarmap.kernels.device.device import Device
+from sonarmap.kernels.device.launch import affine, launch, zero
+from sonarmap.kernels.device.source import literal
+from sonarmap.kernels.errors import DeviceError, InputError
+from sonarmap.kernels.fft.transform import RealFFT
+from sonarmap.kernels.resample.sphere import rectangular_unwrap, sample, upload_directions
 
 
 class Limited:

@@ -2,10 +2,10 @@
 
 import numpy as np
 
-from kernels.device.device import Device
-from kernels.device.launch import zero
-from kernels.device.readback import Readback
-from kernels.device.trace import Counts, tracing
+from sonarmap.kernels.device.device import Device
+from sonarmap.kernels.device.launch import zero
+from sonarmap.kernels.device.readback import Readback
+from sonarmap.kernels.device.trace import Counts, tracing
 
 
 def test_it_holds_what_was_there_when_it_was_queued(device: Device) -> None:
@@ -33,3 +33,14 @@ def test_the_last_is_waited_for_and_brings_all(device: Device) -> None:
 
 def test_nothing_is_there_at_once(device: Device) -> None:
     assert Readback(device, device.empty((0, 3))).get().shape == (0, 3)
+
+
+def test_a_slice_may_begin_anywhere(device):
+    values = np.random.default_rng(4).normal(size=(3, 7)).astype(np.float32)
+    np.testing.assert_array_equal(Readback(device, device.to_device(values)[1:]).get(), values[1:])
+
+
+def test_the_array_may_be_gone(device):
+    values = np.arange(100_000, dtype=np.complex64)
+    readback = Readback(device, device.to_device(values))
+    np.testing.assert_array_equal(readback.get(), values)

@@ -6,8 +6,8 @@ from typing import Any
 import numpy as np
 import pytest
 
-from kernels.device.recycled import recycled
-from kernels.errors import DeviceError
+from sonarmap.kernels.device.recycled import recycled
+from sonarmap.kernels.errors import DeviceError
 
 
 def place(array: Any) -> int:

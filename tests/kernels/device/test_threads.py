@@ -7,11 +7,11 @@ from pathlib import Path
 
 import pytest
 
-from kernels.device import threads
-from kernels.device.device import list_devices
-from kernels.device.threads import limit_libraries, share_cores, thread_count
-from kernels.errors import InputError
-from slam.execute.processes import spawned
+from sonarmap.kernels.device import threads
+from sonarmap.kernels.device.device import list_devices
+from sonarmap.kernels.device.threads import limit_libraries, share_cores, thread_count
+from sonarmap.kernels.errors import InputError
+from sonarmap.slam.execute.processes import spawned
 from tests.samples.command_line import ROOT
 
 LIBRARIES = ("POCL_MAX_PTHREAD_COUNT", "POCL_CPU_MAX_CU_COUNT", "OMP_NUM_THREADS", "OPENBLAS_NUM_THREADS")
@@ -70,7 +70,7 @@ def test_pocl_uses_as_many_threads_as_it_may() -> None:
     if not pocl:
         pytest.skip("PoCL is not installed")
     program = (
-        "from kernels.device.device import choose_device\n"
+        "from sonarmap.kernels.device.device import choose_device\n"
         f"print(choose_device({pocl[0].selector!r}).cl_device.max_compute_units)"
     )
     environment = {name: value for name, value in os.environ.items() if name not in LIBRARIES}
@@ -92,7 +92,7 @@ def test_pocl_has_no_threads_on_cores_that_it_may_not_use() -> None:
         pytest.skip("PoCL is not installed")
     program = (
         "import os; os.sched_setaffinity(0, [min(os.sched_getaffinity(0))])\n"
-        "from kernels.device.device import choose_device\n"
+        "from sonarmap.kernels.device.device import choose_device\n"
         f"print(choose_device({pocl[0].selector!r}).cl_device.max_compute_units)"
     )
     unlimited = {name: value for name, value in os.environ.items() if name not in (*LIBRARIES, "SONARMAP_THREADS")}

@@ -12,18 +12,17 @@ from typing import Any
 
 import pytest
 
-from kernels.child import Answers
-from kernels.device import trial
-from kernels.device.cache import cache_folder, recall
-from kernels.device.device import choose_device, list_devices
-from kernels.device.device_info import DeviceInfo
-from kernels.device.drivers import Driver
-from kernels.device.loaded import loaded_driver
-from kernels.errors import DeviceError
-from kernels.self_test import verdict
-from kernels.self_test.verdict import remembered_verdict
+from sonarmap.kernels.child import Answers
+from sonarmap.kernels.device import trial, verdict
+from sonarmap.kernels.device.cache import cache_folder, recall
+from sonarmap.kernels.device.device import choose_device, list_devices
+from sonarmap.kernels.device.device_info import DeviceInfo
+from sonarmap.kernels.device.drivers import Driver
+from sonarmap.kernels.device.loaded import loaded_driver
+from sonarmap.kernels.device.verdict import remembered_verdict
+from sonarmap.kernels.errors import DeviceError
+from tests.samples.places import ROOT
 
-ROOT = Path(__file__).parents[3]
 CRASHES = {
     "when it is loaded": "__attribute__((constructor)) static void f(void) { abort(); }",
     "by an exit": "#include <unistd.h>\n__attribute__((constructor)) static void f(void) { _exit(0); }",
@@ -74,7 +73,7 @@ def add_stub(folder: Path, name: str, source: str) -> None:
 
 
 def chosen_in_a_new_process() -> subprocess.CompletedProcess[str]:
-    program = "from kernels.device.device import choose_device; print(choose_device().selector)"
+    program = "from sonarmap.kernels.device.device import choose_device; print(choose_device().selector)"
     return subprocess.run([sys.executable, "-c", program], cwd=ROOT, capture_output=True, text=True, timeout=200)
 
 
@@ -135,7 +134,7 @@ class TestDrivers:
     def test_a_process_loads_one(self, drivers: Path) -> None:
         add_stub(drivers, "another", "int nothing;")
         program = (
-            "from pathlib import Path; from kernels.device.device import choose_device\n"
+            "from pathlib import Path; from sonarmap.kernels.device.device import choose_device\n"
             "choose_device(); maps = Path('/proc/self/maps').read_text()\n"
             f"print('libanother' in maps, {Path((drivers / 'good.icd').read_text()).name!r} in maps)"
         )
@@ -144,7 +143,7 @@ class TestDrivers:
 
     def test_the_environment_is_left_as_it_was(self, drivers: Path) -> None:
         program = (
-            "import os; from kernels.device.device import choose_device\n"
+            "import os; from sonarmap.kernels.device.device import choose_device\n"
             "choose_device(); print(os.environ['OCL_ICD_VENDORS'], 'OPENCL_VENDOR_PATH' in os.environ)"
         )
         ended = subprocess.run([sys.executable, "-c", program], cwd=ROOT, capture_output=True, text=True, timeout=200)
@@ -234,10 +233,10 @@ class TestMemory:
     def test_without_a_folder_to_write_to_it_goes_on(
         self, drivers: Path, monkeypatch: pytest.MonkeyPatch, caplog: pytest.LogCaptureFixture
     ) -> None:
-        monkeypatch.setattr("kernels.device.cache.require_caches", lambda: None)
+        monkeypatch.setattr("sonarmap.kernels.device.cache.require_caches", lambda: None)
         monkeypatch.setattr(trial, "require_caches", lambda: None)
         monkeypatch.setenv("XDG_CACHE_HOME", "/dev/null/nowhere")
-        monkeypatch.setattr("kernels.device.cache._warned", set())
+        monkeypatch.setattr("sonarmap.kernels.device.cache._warned", set())
         trial._keep(Driver("a.icd", "liba.so"), GPUS)
         trial._keep(Driver("a.icd", "liba.so"), GPUS)
         warned = [record.getMessage() for record in caplog.records if record.levelno == logging.WARNING]

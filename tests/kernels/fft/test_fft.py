@@ -12,11 +12,11 @@ import numpy as np
 import pyopencl as cl
 import pytest
 
-from kernels.device.device import Device
-from kernels.device.source import inline_includes
-from kernels.errors import DeviceError, InputError
-from kernels.fft.edges import EDGES, neighbors, radices, row_pitch
-from kernels.fft.transform import RealFFT
+from sonarmap.kernels.device.device import Device
+from sonarmap.kernels.device.source import inline_includes
+from sonarmap.kernels.errors import DeviceError, InputError
+from sonarmap.kernels.fft.edges import EDGES, neighbors, radices, row_pitch
+from sonarmap.kernels.fft.transform import RealFFT
 
 TOLERANCE = 3e-7  # relative, in the 2-norm
 
@@ -31,7 +31,7 @@ cases = pytest.mark.parametrize("shape", [*FAST, *(pytest.param(shape, marks=pyt
 def lanes(request: pytest.FixtureRequest, device: Device, monkeypatch: pytest.MonkeyPatch) -> None:
     if not device.is_cpu and request.param == 16:
         pytest.skip("only processors have vectors")
-    monkeypatch.setattr("kernels.fft.transform.column_lanes", lambda _: request.param)
+    monkeypatch.setattr("sonarmap.kernels.fft.transform.column_lanes", lambda _: request.param)
 
 
 def real(shape: tuple[int, ...], seed: int = 7) -> np.ndarray:
@@ -185,7 +185,7 @@ def test_rows_of_spectra_are_whole_blocks():
 
 def test_small_devices_are_told_which_edge_would_do(device, monkeypatch):
     """A group of 512 points takes 32 KiB of local memory; of 16 KiB 256 points are the most."""
-    monkeypatch.setattr("kernels.fft.gpu.local_bytes", lambda n: 4 * 2**30 if n > 256 else 0)
+    monkeypatch.setattr("sonarmap.kernels.fft.gpu.local_bytes", lambda n: 4 * 2**30 if n > 256 else 0)
     with pytest.raises(DeviceError, match=r"512 points.*256 points would do"):
         RealFFT(Device(device.cl_device, flavor="gpu"), (16, 512, 16))
 

@@ -4,9 +4,9 @@ import numpy as np
 import pytest
 from scipy.spatial.transform import Rotation
 
-from kernels.device.device import Device
-from kernels.errors import InputError
-from kernels.points.poses import upload_poses
+from sonarmap.kernels.device.device import Device
+from sonarmap.kernels.errors import InputError
+from sonarmap.kernels.points.poses import upload_poses
 
 
 def test_rows_of_the_matrix_move_points(device: Device) -> None:

@@ -3,8 +3,8 @@
 import numpy as np
 import pytest
 
-from kernels.errors import InputError
-from kernels.points.scaled import scaled
+from sonarmap.kernels.errors import InputError
+from sonarmap.kernels.points.scaled import scaled
 
 
 @pytest.mark.parametrize("count", [0, 1, 255, 256, 1001])

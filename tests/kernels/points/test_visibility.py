@@ -6,9 +6,9 @@ import numpy as np
 import pytest
 from scipy.spatial.transform import Rotation
 
-from kernels.errors import InputError
-from kernels.points.poses import upload_poses
-from kernels.points.visibility import Way, agreement, octahedral_cells, upload_points, upload_viewpoints
+from sonarmap.kernels.errors import InputError
+from sonarmap.kernels.points.poses import upload_poses
+from sonarmap.kernels.points.visibility import Way, agreement, octahedral_cells, upload_points, upload_viewpoints
 
 
 def unfold(cells, edge):

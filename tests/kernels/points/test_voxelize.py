@@ -4,9 +4,9 @@ import numpy as np
 import pytest
 from scipy.spatial.transform import Rotation
 
-from kernels.device.launch import affine_rows
-from kernels.errors import InputError
-from kernels.points.voxelize import voxelize, voxelize_poses
+from sonarmap.kernels.device.launch import affine_rows
+from sonarmap.kernels.errors import InputError
+from sonarmap.kernels.points.voxelize import voxelize, voxelize_poses
 
 
 def _twin(points, edge, R, offset):

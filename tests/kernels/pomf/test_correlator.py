@@ -7,11 +7,11 @@ import pytest
 from scipy.ndimage import maximum_filter
 from scipy.spatial.transform import Rotation
 
-from kernels.device.device import Device
-from kernels.errors import InputError
-from kernels.points.voxelize import voxelize
-from kernels.pomf.correlator import Correlator, Pose, at_once
-from kernels.pomf.spectrum import Pomf, whiten
+from sonarmap.kernels.device.device import Device
+from sonarmap.kernels.errors import InputError
+from sonarmap.kernels.points.voxelize import voxelize
+from sonarmap.kernels.pomf.correlator import Correlator, Pose, at_once
+from sonarmap.kernels.pomf.spectrum import Pomf, whiten
 
 BLUR = 0.7
 EXPONENTS = (1.0, 0.5)

@@ -4,8 +4,8 @@ import numpy as np
 import pytest
 from scipy.ndimage import maximum_filter
 
-from kernels.errors import InputError
-from kernels.pomf.peak import find_peaks
+from sonarmap.kernels.errors import InputError
+from sonarmap.kernels.pomf.peak import find_peaks
 
 
 def signed(index, shape):

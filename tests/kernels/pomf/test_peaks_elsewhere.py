@@ -3,9 +3,9 @@
 import numpy as np
 import pytest
 
-from kernels.device.device import Device
-from kernels.device.launch import zero
-from kernels.pomf.peak import find_peaks
+from sonarmap.kernels.device.device import Device
+from sonarmap.kernels.device.launch import zero
+from sonarmap.kernels.pomf.peak import find_peaks
 
 
 class TestAwayFromTheHost:

@@ -3,10 +3,10 @@
 import numpy as np
 import pytest
 
-from kernels.errors import InputError
-from kernels.fft.edges import row_pitch
-from kernels.pomf import point_spectra
-from kernels.pomf.point_spectra import PointSpectra
+from sonarmap.kernels.errors import InputError
+from sonarmap.kernels.fft.edges import row_pitch
+from sonarmap.kernels.pomf import point_spectra
+from sonarmap.kernels.pomf.point_spectra import PointSpectra
 
 # multiples of 8, whose passes are fused on a processor, and others
 EDGES = (16, 24, 40, 50, 72)

@@ -3,9 +3,9 @@
 import numpy as np
 import pytest
 
-from kernels.errors import InputError
-from kernels.fft.edges import row_pitch
-from kernels.pomf.spectrum import Pomf, cross_power, magnitude, sum_layers, whiten
+from sonarmap.kernels.errors import InputError
+from sonarmap.kernels.fft.edges import row_pitch
+from sonarmap.kernels.pomf.spectrum import Pomf, cross_power, magnitude, sum_layers, whiten
 
 SHAPES = [(16, 16, 16), (32, 16, 64), (5, 32, 16), (18, 54, 90)]
 

@@ -3,9 +3,9 @@
 import numpy as np
 import pytest
 
-from kernels.errors import InputError
-from kernels.resample.layers import normalize_layers
-from kernels.resample.sphere import rotational_unwrap, valid_pixels
+from sonarmap.kernels.errors import InputError
+from sonarmap.kernels.resample.layers import normalize_layers
+from sonarmap.kernels.resample.sphere import rotational_unwrap, valid_pixels
 
 
 @pytest.mark.parametrize("shape", [(1, 8, 8), (5, 16, 32), (77, 9, 24)])

@@ -4,9 +4,9 @@ import numpy as np
 import pytest
 from scipy.ndimage import map_coordinates
 
-from kernels.errors import InputError
-from kernels.fft.edges import row_pitch
-from kernels.resample.polar import polar_magnitude
+from sonarmap.kernels.errors import InputError
+from sonarmap.kernels.fft.edges import row_pitch
+from sonarmap.kernels.resample.polar import polar_magnitude
 
 
 def half_spectra(images):

@@ -5,8 +5,8 @@ import pytest
 from scipy.ndimage import map_coordinates
 from scipy.spatial.transform import Rotation
 
-from kernels.errors import InputError
-from kernels.resample.sphere import (
+from sonarmap.kernels.errors import InputError
+from sonarmap.kernels.resample.sphere import (
     latitude_longitude,
     rectangular_unwrap,
     rotational_unwrap,

@@ -10,15 +10,15 @@ from typing import Any
 import numpy as np
 import pytest
 
-from kernels.child import Answers
-from kernels.device import trial
-from kernels.device.cache import cache_folder, remember
-from kernels.device.device import Device, choose_device, list_devices
-from kernels.device.device_info import DeviceInfo, describe
-from kernels.device.loaded import loaded_driver
-from kernels.errors import DeviceError
-from kernels.self_test import checks, verdict
-from kernels.self_test.verdict import Verdict, remembered_verdict, self_test
+from sonarmap.kernels.child import Answers
+from sonarmap.kernels.device import trial, verdict
+from sonarmap.kernels.device.cache import cache_folder, remember
+from sonarmap.kernels.device.device import Device, choose_device, list_devices
+from sonarmap.kernels.device.device_info import DeviceInfo, describe
+from sonarmap.kernels.device.loaded import loaded_driver
+from sonarmap.kernels.device.verdict import Verdict, remembered_verdict, self_test
+from sonarmap.kernels.errors import DeviceError
+from sonarmap.kernels.self_test import checks
 
 Damage = Callable[[Any], Any]
 
@@ -51,7 +51,7 @@ def gpu(device: Device, monkeypatch: pytest.MonkeyPatch) -> DeviceInfo:
     monkeypatch.setattr(trial, "_tried", {})
     monkeypatch.setattr(trial, "ask", ask)
     monkeypatch.setattr(trial, "installed_drivers", lambda: [driver])
-    monkeypatch.setattr("kernels.device.device._loaded", lambda *_: device.cl_device)
+    monkeypatch.setattr("sonarmap.kernels.device.device._loaded", lambda *_: device.cl_device)
     return card
 
 
@@ -188,7 +188,7 @@ def test_without_a_folder_to_write_to_it_goes_on(
     gpu: DeviceInfo, monkeypatch: pytest.MonkeyPatch, caplog: pytest.LogCaptureFixture
 ) -> None:
     monkeypatch.setenv("XDG_CACHE_HOME", "/dev/null/nowhere")
-    monkeypatch.setattr("kernels.device.cache._warned", set())
+    monkeypatch.setattr("sonarmap.kernels.device.cache._warned", set())
     assert choose_device().selector == "0:0"
     monkeypatch.setattr(checks, "measure", no_measure)
     assert choose_device().selector == "0:0"  # this process remembers

@@ -6,8 +6,8 @@ from scipy.ndimage import map_coordinates
 from scipy.spatial.transform import Rotation
 from scipy.special import sph_harm_y
 
-from kernels.errors import InputError
-from kernels.so3.harmonics import Harmonics, equalizers
+from sonarmap.kernels.errors import InputError
+from sonarmap.kernels.so3.harmonics import Harmonics, equalizers
 from tests.samples.sphere_layers import random_coefficients, turned
 
 

@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 from scipy.ndimage import maximum_filter
 
-from kernels.so3.correlation import RotationCorrelation
+from sonarmap.kernels.so3.correlation import RotationCorrelation
 
 
 def twin(values):

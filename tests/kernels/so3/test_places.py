@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 from scipy.spatial.transform import Rotation
 
-from kernels.so3.correlation import RotationCorrelation
+from sonarmap.kernels.so3.correlation import RotationCorrelation
 
 BANDWIDTH = 16
 STEP = np.pi / (2 * BANDWIDTH)

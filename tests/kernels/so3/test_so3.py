@@ -5,8 +5,8 @@ import pytest
 from scipy.linalg import expm
 from scipy.spatial.transform import Rotation
 
-from kernels.errors import DeviceError, InputError
-from kernels.so3.correlation import RotationCorrelation, wigner_d
+from sonarmap.kernels.errors import DeviceError, InputError
+from sonarmap.kernels.so3.correlation import RotationCorrelation, wigner_d
 from tests.samples.sphere_layers import evaluate, random_coefficients, turned
 
 
@@ -152,7 +152,7 @@ class TestCorrelation:
             RotationCorrelation(device, 16, largest)
 
     def test_refuses_tables_beyond_the_device_before_it_computes_them(self, device, monkeypatch):
-        monkeypatch.setattr("kernels.so3.correlation.wigner_d", lambda *_: pytest.fail("computed"))
+        monkeypatch.setattr("sonarmap.kernels.so3.correlation.wigner_d", lambda *_: pytest.fail("computed"))
         monkeypatch.setattr(type(device), "memory", 2**20)
         with pytest.raises(DeviceError, match="a smaller `bandwidth`"):
             RotationCorrelation(device, 48)

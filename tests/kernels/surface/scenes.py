@@ -2,9 +2,9 @@
 
 import numpy as np
 
-from kernels.device.device import Device
-from kernels.surface.cells import sort_into_cells
-from kernels.surface.elements import Elements
+from sonarmap.kernels.device.device import Device
+from sonarmap.kernels.surface.cells import sort_into_cells
+from sonarmap.kernels.surface.elements import Elements
 
 
 def bent_sheet(count: int, seed: int, extent: float = 25.0) -> np.ndarray:

@@ -6,7 +6,7 @@ import numpy as np
 from scipy.spatial import KDTree
 from scipy.spatial.transform import Rotation
 
-from kernels.surface.refinement import Stretching, Weighting
+from sonarmap.kernels.surface.refinement import Stretching, Weighting
 
 
 @dataclass

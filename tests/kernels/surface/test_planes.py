@@ -4,10 +4,10 @@ import numpy as np
 import pytest
 from scipy.spatial import KDTree
 
-from kernels.device.device import Device
-from kernels.errors import InputError
-from kernels.surface.cells import sort_into_cells
-from kernels.surface.planes import NEIGHBORS, fit_planes
+from sonarmap.kernels.device.device import Device
+from sonarmap.kernels.errors import InputError
+from sonarmap.kernels.surface.cells import sort_into_cells
+from sonarmap.kernels.surface.planes import NEIGHBORS, fit_planes
 from tests.kernels.surface.scenes import bent_sheet
 
 DIRECTIONS = np.array([[0, 0, 1], [0, 0.6, 0.8], [1, 0, 0], [0.6, -0.8, 0]])

@@ -4,9 +4,9 @@ import numpy as np
 import pytest
 from scipy.spatial.transform import Rotation
 
-from kernels.device.device import Device
-from kernels.errors import InputError
-from kernels.surface.refinement import Refinement, Stretching, Weighting
+from sonarmap.kernels.device.device import Device
+from sonarmap.kernels.errors import InputError
+from sonarmap.kernels.surface.refinement import Refinement, Stretching, Weighting
 from tests.kernels.surface.scenes import bent_sheet, random_rows, upload
 from tests.kernels.surface.steps import Pose, moved, squared_doubts, sums_of
 

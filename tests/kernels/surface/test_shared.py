@@ -5,10 +5,10 @@ import pytest
 from scipy.spatial import KDTree
 from scipy.spatial.transform import Rotation
 
-from kernels.device.device import Device
-from kernels.errors import InputError
-from kernels.points.poses import upload_poses
-from kernels.surface.shared import shared_sums
+from sonarmap.kernels.device.device import Device
+from sonarmap.kernels.errors import InputError
+from sonarmap.kernels.points.poses import upload_poses
+from sonarmap.kernels.surface.shared import shared_sums
 from tests.kernels.surface.scenes import bent_sheet, random_rows, upload
 
 WEIGHTS = np.array([0.3, 1.7, 0.9, 2.2, 0.6], np.float32)

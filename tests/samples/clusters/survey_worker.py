@@ -8,10 +8,10 @@ from typing import Any
 
 import numpy as np
 
-from kernels.errors import DeviceError, InputError
-from slam.execute.worker_spec import WorkerSpec
-from spectral.result import Registration
-from spectral.scan import Scan
+from sonarmap.kernels.errors import DeviceError, InputError
+from sonarmap.slam.execute.worker_spec import WorkerSpec
+from sonarmap.spectral.result import Registration
+from sonarmap.spectral.scan import Scan
 from tests.samples.surveys import KnowingRegistrar, random_covariance, ring_poses
 
 COVARIANCE = random_covariance(np.random.default_rng(0), 0.004, 0.03)

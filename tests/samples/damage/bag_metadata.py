@@ -6,12 +6,12 @@ from pathlib import Path
 
 import numpy as np
 
-from kernels.errors import InputError
-from spectral.scan import Scan
+from sonarmap.kernels.errors import InputError
+from sonarmap.spectral.scan import Scan
+from sonarmap.tools.files.readers.scans import read_survey
 from tests.samples.bags.samples import dive
 from tests.samples.bags.writers import write_mcap, write_ros2
 from tests.samples.damage.mutations import mutated
-from tools.readers.scans import read_survey
 
 METADATA = "metadata.yaml"
 

@@ -13,10 +13,15 @@ from zlib import crc32
 
 import numpy as np
 
-from kernels.errors import InputError
-from slam.execute.journal import Journal, JournalEntry
-from slam.execute.pair_text import from_text, to_text
-from spectral.scan import Scan
+from sonarmap.kernels.errors import InputError
+from sonarmap.slam.execute.journal import Journal, JournalEntry
+from sonarmap.slam.execute.pair_text import from_text, to_text
+from sonarmap.spectral.scan import Scan
+from sonarmap.tools.command.inspect.overview import overview_of
+from sonarmap.tools.files.readers.clouds import apart
+from sonarmap.tools.files.readers.clouds.cloud import COORDINATE_LIMIT
+from sonarmap.tools.files.readers.navigation.odometry import read_odometry
+from sonarmap.tools.files.readers.scans import read_scans
 from tests.samples.bags.samples import recordings
 from tests.samples.cloud_files import SAMPLES, TABLE
 from tests.samples.damage.folder_files import folder_files
@@ -26,11 +31,6 @@ from tests.samples.damage.readable import Readable
 from tests.samples.las_files import las
 from tests.samples.processor_time import processor_time
 from tests.samples.surveys import random_covariance, random_transforms, registration
-from tools.inspect.overview import overview_of
-from tools.readers.clouds import apart
-from tools.readers.clouds.cloud import COORDINATE_LIMIT
-from tools.readers.navigation.odometry import read_odometry
-from tools.readers.scans import read_scans
 
 MOST_WORDS = 2000  # characters of a message
 # Formats that say how many points they hold, and show where that is not so; LAZ before 1.4 does not show it.

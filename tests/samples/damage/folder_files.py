@@ -10,18 +10,18 @@ from typing import Any
 import numpy as np
 import typer
 
-from kernels.errors import InputError
+from sonarmap.kernels.errors import InputError
+from sonarmap.tools.command.main import app
+from sonarmap.tools.command.settings.file import read_settings
+from sonarmap.tools.files.map_folder.folder import read_map_folder
+from sonarmap.tools.files.readers.scans import read_scans
+from sonarmap.tools.lab.bench.output.as_json import read_result, results_of
+from sonarmap.tools.lab.bench.output.compare import compare
 from tests.samples.bags.samples import dive
 from tests.samples.bags.writers import write_ros2
 from tests.samples.damage.readable import Readable
 from tests.samples.las_files import las
-from tests.tools.export.finished import finished_map
-from tools.bench.output.as_json import read_result, results_of
-from tools.bench.output.compare import compare
-from tools.cli.main import app
-from tools.cli.settings.file import read_settings
-from tools.export.map_folder import read_map_folder
-from tools.readers.scans import read_scans
+from tests.tools.products.export.finished import finished_map
 
 _VERBS: Any = typer.main.get_command(app)
 _SETTINGS = b"""[common]

@@ -9,19 +9,19 @@ from typing import Any
 import numpy as np
 from scipy.spatial.transform import RigidTransform
 
-from spectral.scan import Scan
-from tools.evaluate.pairs_file import read_pairs
-from tools.evaluate.survey_summary import SurveySummary, read_summary
-from tools.readers.control import read_control
-from tools.readers.navigation.odometry import read_odometry
-from tools.readers.navigation.priors import with_priors
-from tools.readers.poses.g2o import read_g2o
-from tools.readers.poses.graph_json import FORMAT, read_graph_json
-from tools.readers.poses.gt_log import read_gt_log
-from tools.readers.poses.kitti import read_kitti
-from tools.readers.poses.tum import read_tum
-from tools.readers.ties import read_ties
-from tools.simulate.folder import read_settings
+from sonarmap.spectral.scan import Scan
+from sonarmap.tools.files.map_folder.pairs import read_pairs
+from sonarmap.tools.files.readers.control import read_control
+from sonarmap.tools.files.readers.navigation.odometry import read_odometry
+from sonarmap.tools.files.readers.navigation.priors import with_priors
+from sonarmap.tools.files.readers.poses.g2o import read_g2o
+from sonarmap.tools.files.readers.poses.graph_json import FORMAT, read_graph_json
+from sonarmap.tools.files.readers.poses.gt_log import read_gt_log
+from sonarmap.tools.files.readers.poses.kitti import read_kitti
+from sonarmap.tools.files.readers.poses.tum import read_tum
+from sonarmap.tools.files.readers.ties import read_ties
+from sonarmap.tools.lab.evaluate.survey_summary import SurveySummary, read_summary
+from sonarmap.tools.lab.simulate.folder import read_settings
 
 # Where a result may say that nothing is known.
 UNKNOWN = ("sigmas", "psr", "overlap", "probability")

@@ -9,12 +9,12 @@ from pathlib import Path
 
 import numpy as np
 
-from kernels.errors import InputError
+from sonarmap.kernels.errors import InputError
+from sonarmap.tools.files.readers.clouds.cloud import Cloud
+from sonarmap.tools.files.readers.sonar.clouds import stream_sonar
 from tests.samples.damage.mutations import mutated
 from tests.samples.processor_time import processor_time
 from tests.samples.recordings import recording, written
-from tools.readers.clouds.cloud import Cloud
-from tools.readers.clouds.sonar import stream_sonar
 
 SHOTS = 8
 

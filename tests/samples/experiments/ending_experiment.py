@@ -3,10 +3,10 @@
 import os
 import signal
 
-from kernels.errors import InputError
+from sonarmap.kernels.errors import InputError
+from sonarmap.tools.lab.reproduce.experiment import Outcome
+from sonarmap.tools.lab.reproduce.experiments import Request
 from tests.samples.experiments.fake_experiment import Fake
-from tools.reproduce.experiment import Outcome
-from tools.reproduce.experiments import Request
 
 
 class Ending(Fake):

@@ -9,10 +9,10 @@ from typing import ClassVar
 
 import numpy as np
 
-from tools.reproduce.experiment import Outcome, Section
-from tools.reproduce.experiments import Request
-from tools.reproduce.provenance import Provenance
-from tools.reproduce.table import Table
+from sonarmap.tools.lab.reproduce.experiment import Outcome, Section
+from sonarmap.tools.lab.reproduce.experiments import Request
+from sonarmap.tools.lab.reproduce.provenance import Provenance
+from sonarmap.tools.lab.reproduce.table import Table
 
 JOBS = ("a", "b", "c", "d", "e")
 

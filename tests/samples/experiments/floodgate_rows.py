@@ -3,13 +3,13 @@
 import numpy as np
 from scipy.spatial.transform import RigidTransform, Rotation
 
-from spectral.scan import Scan
-from tools.reproduce.experiment import Outcome, Row
-from tools.reproduce.floodgate.chain import PAIR, POSE, pair_row, pose_rows
-from tools.reproduce.floodgate.methods import TRUTH
-from tools.reproduce.floodgate.run import MAP
-from tools.reproduce.floodgate.survey import FloodgateSurvey
-from tools.simulate.shapes.solids import box, merge
+from sonarmap.spectral.scan import Scan
+from sonarmap.tools.lab.reproduce.experiment import Outcome, Row
+from sonarmap.tools.lab.reproduce.floodgate.chain import PAIR, POSE, pair_row, pose_rows
+from sonarmap.tools.lab.reproduce.floodgate.methods import TRUTH
+from sonarmap.tools.lab.reproduce.floodgate.run import MAP
+from sonarmap.tools.lab.reproduce.floodgate.survey import FloodgateSurvey
+from sonarmap.tools.lab.simulate.shapes.solids import box, merge
 
 SCANS = 5
 

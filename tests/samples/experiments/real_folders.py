@@ -6,11 +6,11 @@ from pathlib import Path
 import numpy as np
 from scipy.spatial.transform import RigidTransform
 
-from kernels.device.device import Device
-from spectral.scan import Scan
-from tools.reproduce.experiments import Request
-from tools.simulate.pairs.random_pairs import random_pair
-from tools.writers.points import write_points
+from sonarmap.kernels.device.device import Device
+from sonarmap.spectral.scan import Scan
+from sonarmap.tools.files.writers.points import write_points
+from sonarmap.tools.lab.reproduce.experiments import Request
+from sonarmap.tools.lab.simulate.pairs.random_pairs import random_pair
 
 FEW = ("hemisphere", "planes")
 

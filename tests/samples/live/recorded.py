@@ -10,10 +10,10 @@ from typing import Any
 from google.protobuf.message import Message
 from wlsonar import range_image_protocol as rip
 
+from sonarmap.tools.command.record.recorder import RecordSettings, Status, record
+from sonarmap.tools.command.record.source import Source
+from sonarmap.tools.command.record.watch import Watch
 from tests.samples.live.sender import LOOPBACK, free_port
-from tools.record.recorder import RecordSettings, Status, record
-from tools.record.source import Source
-from tools.record.watch import Watch
 
 
 def record_while(

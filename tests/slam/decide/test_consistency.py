@@ -6,15 +6,15 @@ import numpy as np
 import pytest
 from scipy.spatial.transform import RigidTransform
 
-from slam.decide import consistency
-from slam.decide.chains import Chains, chain_parts
-from slam.decide.consistency import compare
-from slam.decide.possible_edge import PossibleEdge, Support, possible_edges
-from slam.graph.pose_graph import PoseGraph
-from slam.graph.tangent import adjoint, carried
-from slam.graph.trajectory import chain
-from slam.pair import Pair
-from spectral.result import Registration
+from sonarmap.slam.decide import consistency
+from sonarmap.slam.decide.chains import Chains, chain_parts
+from sonarmap.slam.decide.consistency import compare
+from sonarmap.slam.decide.possible_edge import PossibleEdge, Support, possible_edges
+from sonarmap.slam.graph.pose_graph import PoseGraph
+from sonarmap.slam.graph.tangent import adjoint, carried
+from sonarmap.slam.graph.trajectory import chain
+from sonarmap.slam.pair import Pair
+from sonarmap.spectral.result import Registration
 from tests.samples.surveys import edge, random_covariance, random_transforms, registration, ring_poses
 
 COVARIANCE = random_covariance(np.random.default_rng(2), 0.004, 0.03)

@@ -4,9 +4,9 @@ import numpy as np
 import pytest
 from scipy.spatial.transform import RigidTransform
 
-from slam.decide.contradiction import chi_squared, contradicted_edges
-from slam.graph.pose_graph import PoseGraph
-from slam.graph.trajectory import chain
+from sonarmap.slam.decide.contradiction import chi_squared, contradicted_edges
+from sonarmap.slam.graph.pose_graph import PoseGraph
+from sonarmap.slam.graph.trajectory import chain
 from tests.samples.surveys import edge
 
 COUNT = 30

@@ -6,10 +6,10 @@ import numpy as np
 import pytest
 from scipy.spatial.transform import RigidTransform
 
-from slam.decide.decision import Decision, decide
-from slam.loops.settings import LoopSettings
-from slam.pair import Pair, Role
-from spectral.result import Registration
+from sonarmap.slam.decide.decision import Decision, decide
+from sonarmap.slam.loops.settings import LoopSettings
+from sonarmap.slam.pair import Pair, Role
+from sonarmap.spectral.result import Registration
 from tests.samples.surveys import navigation_of, random_covariance, registration, ring_poses
 
 COVARIANCE = random_covariance(np.random.default_rng(1), 0.002, 0.02)

@@ -7,25 +7,25 @@ without wrong loops. The survey's are also decided about, as the mapper does it.
 
 import time
 from collections.abc import Iterable
-from pathlib import Path
 
 import numpy as np
 import pytest
 from scipy.spatial.transform import RigidTransform, Rotation
 
-from slam.decide.decision import decide
-from slam.decide.robust import robust_optimize
-from slam.graph.edge import Edge
-from slam.graph.pose_graph import PoseGraph
-from slam.graph.trajectory import chain
-from slam.loops.settings import LoopSettings
-from slam.pair import Pair
+from sonarmap.slam.decide.decision import decide
+from sonarmap.slam.decide.robust import robust_optimize
+from sonarmap.slam.graph.edge import Edge
+from sonarmap.slam.graph.pose_graph import PoseGraph
+from sonarmap.slam.graph.trajectory import chain
+from sonarmap.slam.loops.settings import LoopSettings
+from sonarmap.slam.pair import Pair
+from sonarmap.tools.files.readers.poses.g2o import read_g2o
+from sonarmap.tools.lab.simulate.paths.trajectories import lawnmower
+from tests.samples.places import DATA
 from tests.samples.surveys import edge, navigation_of
 from tests.samples.wrong_loops import aliased, scattered
-from tools.readers.poses.g2o import read_g2o
-from tools.simulate.paths.trajectories import lawnmower
 
-SPHERE = Path(__file__).parents[4] / "shared" / "data" / "graphs" / "sphere2500.g2o"
+SPHERE = DATA / "graphs" / "sphere2500.g2o"
 LAYERS, AROUND = 50, 50
 COVARIANCE = np.diag([0.02, 0.03, 0.01, 0.1, 0.05, 0.08]) ** 2  # [rad^2, m^2]
 SURVEY, VOXEL = 200, 1.0  # scans of a lawn-mower, and the edge of their voxels [m]

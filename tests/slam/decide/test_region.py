@@ -2,8 +2,8 @@
 
 import numpy as np
 
-from slam.decide.region import regions_about
-from slam.graph.pose_graph import PoseGraph
+from sonarmap.slam.decide.region import regions_about
+from sonarmap.slam.graph.pose_graph import PoseGraph
 from tests.samples.lawnmower import lawnmower
 
 

@@ -8,20 +8,20 @@ import numpy as np
 import pytest
 from scipy.spatial.transform import RigidTransform
 
-from kernels.errors import InputError
-from slam.decide.robust import robust_optimize
-from slam.graph.edge import Edge, components
-from slam.graph.gtsam_poses import to_pose3
-from slam.graph.path import bridges
-from slam.graph.pose_graph import PoseGraph
-from slam.graph.tangent import adjoint
-from slam.graph.trajectory import Trajectory, chain
+from sonarmap.kernels.errors import InputError
+from sonarmap.slam.decide.robust import robust_optimize
+from sonarmap.slam.graph.edge import Edge, components
+from sonarmap.slam.graph.gtsam_poses import to_pose3
+from sonarmap.slam.graph.path import bridges
+from sonarmap.slam.graph.pose_graph import PoseGraph
+from sonarmap.slam.graph.tangent import adjoint
+from sonarmap.slam.graph.trajectory import Trajectory, chain
+from sonarmap.tools.files.readers.poses.g2o import read_g2o
+from sonarmap.tools.files.writers.g2o import write_g2o
 from tests.samples.clutter_scans import sonarmap
 from tests.samples.lawnmower import lawnmower
 from tests.samples.surveys import edge, random_covariance, ring_poses
 from tests.samples.wrong_loops import aliased, scattered
-from tools.readers.poses.g2o import read_g2o
-from tools.writers.g2o import write_g2o
 
 COUNT = 40
 

@@ -4,9 +4,9 @@ import numpy as np
 import pytest
 from scipy.spatial.transform import RigidTransform
 
-from slam.decide.possible_edge import PossibleEdge, Support
-from slam.decide.twins import twin_odds, with_odds
-from slam.pair import Pair
+from sonarmap.slam.decide.possible_edge import PossibleEdge, Support
+from sonarmap.slam.decide.twins import twin_odds, with_odds
+from sonarmap.slam.pair import Pair
 from tests.samples.surveys import registration, ring_poses
 from tests.slam.decide.test_decision import COVARIANCE, chain_of, decided, pair, unsure, worst
 

@@ -6,13 +6,13 @@ import numpy as np
 import pytest
 from scipy.spatial.transform import RigidTransform, Rotation
 
-from slam.decide.navigation import Navigation
-from slam.decide.wrong_fixes import without_wrong_fixes
-from slam.graph.edge import Edge
-from slam.graph.pose_graph import PoseGraph
-from slam.graph.trajectory import Trajectory
-from slam.motion.odometry import Odometry
-from spectral.scan import PosePrior, Scan
+from sonarmap.slam.decide.navigation import Navigation
+from sonarmap.slam.decide.wrong_fixes import without_wrong_fixes
+from sonarmap.slam.graph.edge import Edge
+from sonarmap.slam.graph.pose_graph import PoseGraph
+from sonarmap.slam.graph.trajectory import Trajectory
+from sonarmap.slam.motion.odometry import Odometry
+from sonarmap.spectral.scan import PosePrior, Scan
 from tests.samples.surveys import edge, random_covariance, ring_poses
 
 COUNT = 60

@@ -11,15 +11,14 @@ from typing import Any
 import numpy as np
 import pytest
 
-import slam.execute.cluster
-import slam.execute.worker_spec
-from kernels.errors import InputError
-from slam.execute.cluster import cluster
-from slam.execute.executor import Executor
-from slam.execute.pair_text import to_text
-from slam.execute.runner import Execution, PairRunner
-from slam.pair import Pair
-from spectral.scan import Scan
+from sonarmap.kernels.errors import InputError
+from sonarmap.slam.execute import worker_spec as specs
+from sonarmap.slam.execute.cluster import cluster
+from sonarmap.slam.execute.executor import Executor
+from sonarmap.slam.execute.pair_text import to_text
+from sonarmap.slam.execute.runner import Execution, PairRunner
+from sonarmap.slam.pair import Pair
+from sonarmap.spectral.scan import Scan
 from tests.samples.clusters.counting_proxy import counting_proxy
 from tests.samples.clusters.dask_clusters import certificate, local_cluster, port_of, threads_cluster
 from tests.samples.clusters.survey_worker import worker_spec
@@ -38,7 +37,7 @@ def register(executor: Executor, notes: Path, ending: str = "", scans: Any = SCA
 
 @pytest.fixture(scope="module")
 def expected(tmp_path_factory: pytest.TempPathFactory) -> list[str]:
-    from slam.execute.executor import this_process
+    from sonarmap.slam.execute.executor import this_process
 
     return register(this_process(), tmp_path_factory.mktemp("expected") / "notes")
 
@@ -63,7 +62,7 @@ class TestScans:
         self, threads: Any, tmp_path: Path, expected: list[str], monkeypatch: pytest.MonkeyPatch
     ) -> None:
         """Two scans' worth: most are sent again when they are needed again."""
-        monkeypatch.setattr(slam.execute.cluster, "_MOST_HELD", 2 * SCANS[0].points.nbytes)
+        monkeypatch.setattr("sonarmap.slam.execute.cluster._MOST_HELD", 2 * SCANS[0].points.nbytes)
         with cluster(threads.scheduler_address) as executor:
             assert register(executor, tmp_path / "notes") == expected
             transport: Any = executor.transport
@@ -106,11 +105,11 @@ class TestOtherUsers:
     def test_a_worker_without_work_frees_its_device(
         self, threads: Any, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
     ) -> None:
-        monkeypatch.setattr(slam.execute.worker_spec, "IDLE", 2.0)
+        monkeypatch.setattr("sonarmap.slam.execute.worker_spec.IDLE", 2.0)
         with cluster(threads.scheduler_address) as executor:
             register(executor, tmp_path / "notes")
-            assert slam.execute.worker_spec._workers
-        assert _soon(lambda: not slam.execute.worker_spec._workers)
+            assert specs._workers
+        assert _soon(lambda: not specs._workers)
 
 
 def _sleeping(seconds: float) -> str:
@@ -197,7 +196,7 @@ class TestCertificates:
     ) -> None:
         from dask import config
 
-        monkeypatch.setattr(slam.execute.cluster, "PATIENCE", 2.0)
+        monkeypatch.setattr("sonarmap.slam.execute.cluster.PATIENCE", 2.0)
         address = encrypted.scheduler_address
         options: dict[str, Any] = {}
         match given:

@@ -7,8 +7,8 @@ from pathlib import Path
 
 import pytest
 
-from kernels.errors import InputError
-from slam.execute.journal import Journal, JournalEntry
+from sonarmap.kernels.errors import InputError
+from sonarmap.slam.execute.journal import Journal, JournalEntry
 
 ENTRY = JournalEntry("key a", "scan 1 - scan 2", '{"x": 0.1}', 1.25)
 

@@ -9,8 +9,8 @@ import pytest
 from numpy.testing import assert_array_equal
 from scipy.spatial.transform import RigidTransform
 
-from slam.execute.pair_text import from_text, signature_from_text, signature_to_text, to_text
-from spectral.result import Registration
+from sonarmap.slam.execute.pair_text import from_text, signature_from_text, signature_to_text, to_text
+from sonarmap.spectral.result import Registration
 from tests.samples.surveys import random_covariance, random_transforms
 
 ODD = [float("nan"), float("inf"), -0.0, 5e-324, 0.1 + 0.2]

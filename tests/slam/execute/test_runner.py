@@ -12,15 +12,13 @@ import numpy as np
 import pytest
 from numpy.testing import assert_array_equal
 
-import slam.execute.cluster
-import slam.execute.executor
-from kernels.errors import DeviceError, InputError
-from slam.execute.cluster import cluster
-from slam.execute.executor import processes
-from slam.execute.journal import Journal, JournalEntry
-from slam.execute.pair_text import to_text
-from slam.execute.runner import Execution, PairRunner
-from slam.pair import Pair
+from sonarmap.kernels.errors import DeviceError, InputError
+from sonarmap.slam.execute.cluster import cluster
+from sonarmap.slam.execute.executor import JOBS_TOGETHER, processes
+from sonarmap.slam.execute.journal import Journal, JournalEntry
+from sonarmap.slam.execute.pair_text import to_text
+from sonarmap.slam.execute.runner import Execution, PairRunner
+from sonarmap.slam.pair import Pair
 from tests.samples.clusters.dask_clusters import local_cluster
 from tests.samples.clusters.survey_worker import Knowing, worker_spec
 from tests.samples.surveys import ring_poses, scans_of
@@ -130,7 +128,7 @@ def test_a_worker_that_is_killed_is_told_and_what_is_done_is_kept(work: Work, un
     assert len(begun) >= 4
     assert work.run() == undisturbed
     again = [pair for pair in set(begun) if work.registered().count(pair) > 1]
-    assert len(again) <= slam.execute.executor.JOBS_TOGETHER
+    assert len(again) <= JOBS_TOGETHER
     assert (7, 8) in again
 
 
@@ -257,7 +255,7 @@ class TestClusterThatIsNotThere:
     @pytest.fixture(autouse=True)
     def impatient(self, monkeypatch: pytest.MonkeyPatch) -> None:
         pytest.importorskip("distributed")
-        monkeypatch.setattr(slam.execute.cluster, "PATIENCE", 6.0)
+        monkeypatch.setattr("sonarmap.slam.execute.cluster.PATIENCE", 6.0)
 
     @pytest.mark.parametrize("address", ["tcp://127.0.0.1:9", "127.0.0.1:9", "carrier-pigeon://9", "tcp://", "nowhere"])
     def test_it_is_told(self, work: Work, address: str) -> None:

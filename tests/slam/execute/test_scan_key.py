@@ -6,8 +6,8 @@ import numpy as np
 import pytest
 from scipy.spatial.transform import RigidTransform
 
-from slam.execute.scan_key import content_key
-from spectral.scan import PosePrior, Scan
+from sonarmap.slam.execute.scan_key import content_key
+from sonarmap.spectral.scan import PosePrior, Scan
 from tests.samples.relative_priors import knowing
 
 POINTS = np.random.default_rng(2).normal(size=(30, 3)).astype(np.float32)

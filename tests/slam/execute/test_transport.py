@@ -12,13 +12,13 @@ import pytest
 from numpy.testing import assert_array_equal
 from scipy.spatial.transform import RigidTransform
 
-from kernels.errors import DeviceError, InputError
-from slam.execute.executor import processes
-from slam.execute.runner import Execution, PairRunner
-from slam.execute.scan_key import scan_key
-from slam.execute.transport import spooled
-from slam.pair import Pair
-from spectral.scan import PosePrior, Scan
+from sonarmap.kernels.errors import DeviceError, InputError
+from sonarmap.slam.execute.executor import processes
+from sonarmap.slam.execute.runner import Execution, PairRunner
+from sonarmap.slam.execute.scan_key import scan_key
+from sonarmap.slam.execute.transport import spooled
+from sonarmap.slam.pair import Pair
+from sonarmap.spectral.scan import PosePrior, Scan
 from tests.samples.clusters.survey_worker import worker_spec
 from tests.samples.surveys import ring_poses, scans_of
 

@@ -10,11 +10,11 @@ import numpy as np
 import pytest
 from scipy.spatial.transform import RigidTransform
 
-from slam.execute.pair_text import from_text
-from slam.execute.scan_key import scan_key
-from slam.execute.worker import PairJob, Worker, prepared_limit
-from spectral.memory import memory_plan
-from spectral.result import Registration
+from sonarmap.slam.execute.pair_text import from_text
+from sonarmap.slam.execute.scan_key import scan_key
+from sonarmap.slam.execute.worker import PairJob, Worker, prepared_limit
+from sonarmap.spectral.memory import memory_plan
+from sonarmap.spectral.result import Registration
 from tests.samples.surveys import KnowingRegistrar, random_covariance, ring_poses, scans_of
 
 

@@ -7,16 +7,16 @@ import numpy as np
 import pytest
 from scipy.spatial.transform import RigidTransform, Rotation
 
-from kernels.errors import InputError
-from slam.decide.wrong_control import without_wrong_control
-from slam.graph.control import ControlPoint, jacobian
-from slam.graph.control_place import place_by_control, robust_fit
-from slam.graph.gtsam_poses import to_values
-from slam.graph.pose_covariance import pose_covariances
-from slam.graph.pose_graph import PoseGraph, Solution
-from slam.graph.trajectory import Trajectory, chain
-from slam.graph.world import place_in_world
-from spectral.scan import PosePrior
+from sonarmap.kernels.errors import InputError
+from sonarmap.slam.decide.wrong_control import without_wrong_control
+from sonarmap.slam.graph.control import ControlPoint, jacobian
+from sonarmap.slam.graph.control_place import place_by_control, robust_fit
+from sonarmap.slam.graph.gtsam_poses import to_values
+from sonarmap.slam.graph.pose_covariance import pose_covariances
+from sonarmap.slam.graph.pose_graph import PoseGraph, Solution
+from sonarmap.slam.graph.trajectory import Trajectory, chain
+from sonarmap.slam.graph.world import place_in_world
+from sonarmap.spectral.scan import PosePrior
 from tests.samples.surveys import edge, random_covariance, ring_poses
 
 T_WORLD = RigidTransform.from_components([310.0, -45.0, -12.0], Rotation.from_euler("ZYX", [2.1, 0.2, -0.1]))

@@ -6,14 +6,14 @@ import numpy as np
 import pytest
 from scipy.spatial.transform import RigidTransform, Rotation
 
-from kernels.errors import InputError
-from slam.graph.gtsam_poses import to_values
-from slam.graph.known_pose import KnownPose, blocks, undetermined
-from slam.graph.pose_graph import PoseGraph
-from slam.optimize.solve import optimize
+from sonarmap.kernels.errors import InputError
+from sonarmap.slam.graph.gtsam_poses import to_values
+from sonarmap.slam.graph.known_pose import KnownPose, blocks, undetermined
+from sonarmap.slam.graph.pose_graph import PoseGraph
+from sonarmap.slam.optimize.solve import optimize
+from sonarmap.tools.files.readers.poses.g2o import read_g2o
+from sonarmap.tools.files.writers.g2o import write_g2o
 from tests.slam.graph.test_pose_priors import graph, ring, told
-from tools.readers.poses.g2o import read_g2o
-from tools.writers.g2o import write_g2o
 
 T = RigidTransform.from_components([40.0, -3.0, 7.0], Rotation.from_euler("ZYX", [1.1, -0.3, 0.2]))
 OFF = np.array([0.01, -0.02, 0.005, 0.3, -0.1, 0.2])

@@ -7,12 +7,12 @@ import numpy as np
 import pytest
 from scipy.spatial.transform import RigidTransform
 
-from kernels.errors import InputError
-from slam.graph.edge import Edge
-from slam.graph.gtsam_poses import to_values
-from slam.graph.marginals import Marginals, marginals
-from slam.graph.pose_graph import PoseGraph, factors_of
-from slam.graph.trajectory import Trajectory
+from sonarmap.kernels.errors import InputError
+from sonarmap.slam.graph.edge import Edge
+from sonarmap.slam.graph.gtsam_poses import to_values
+from sonarmap.slam.graph.marginals import Marginals, marginals
+from sonarmap.slam.graph.pose_graph import PoseGraph, factors_of
+from sonarmap.slam.graph.trajectory import Trajectory
 from tests.samples.lawnmower import lawnmower
 from tests.samples.surveys import edge, random_covariance, random_transforms
 

@@ -6,13 +6,13 @@ import numpy as np
 import pytest
 from scipy.spatial.transform import RigidTransform, Rotation
 
-from slam.graph.edge import scaled
-from slam.graph.pose_covariance import pose_covariances, weighed
-from slam.graph.pose_graph import PoseGraph, Solution
-from slam.graph.tangent import carried
-from slam.graph.trajectory import chain
-from spectral.result import Registration
-from spectral.scan import PosePrior
+from sonarmap.slam.graph.edge import scaled
+from sonarmap.slam.graph.pose_covariance import pose_covariances, weighed
+from sonarmap.slam.graph.pose_graph import PoseGraph, Solution
+from sonarmap.slam.graph.tangent import carried
+from sonarmap.slam.graph.trajectory import chain
+from sonarmap.spectral.result import Registration
+from sonarmap.spectral.scan import PosePrior
 from tests.samples.surveys import edge, random_covariance, ring_poses
 
 COVARIANCE = random_covariance(np.random.default_rng(6), 0.004, 0.03)

@@ -1,21 +1,21 @@
 """The pose graph: conventions against Monte Carlo, loops, gauges, and a public benchmark."""
 
 import time
-from pathlib import Path
 
 import numpy as np
 import pytest
 from scipy.spatial.transform import RigidTransform
 from scipy.stats import chi2
 
-from kernels.errors import InputError
-from slam.graph.gtsam_poses import to_pose3
-from slam.graph.pose_graph import PoseGraph
-from slam.graph.trajectory import Trajectory, chain
+from sonarmap.kernels.errors import InputError
+from sonarmap.slam.graph.gtsam_poses import to_pose3
+from sonarmap.slam.graph.pose_graph import PoseGraph
+from sonarmap.slam.graph.trajectory import Trajectory, chain
+from sonarmap.tools.files.readers.poses.g2o import read_g2o
+from tests.samples.places import DATA
 from tests.samples.surveys import edge, random_covariance, random_transforms, ring_poses
-from tools.readers.poses.g2o import read_g2o
 
-GRAPHS = Path(__file__).parents[4] / "shared" / "data" / "graphs"
+GRAPHS = DATA / "graphs"
 
 
 def noisy(T: RigidTransform, covariance: np.ndarray, rng: np.random.Generator) -> RigidTransform:

@@ -4,12 +4,12 @@ import numpy as np
 import pytest
 from scipy.spatial.transform import RigidTransform, Rotation
 
-from slam.graph.edge import Edge
-from slam.graph.pose_graph import PoseGraph
-from slam.graph.trajectory import Trajectory, chain
-from slam.graph.world import place_in_world
-from spectral.measured import twist
-from spectral.scan import PosePrior
+from sonarmap.slam.graph.edge import Edge
+from sonarmap.slam.graph.pose_graph import PoseGraph
+from sonarmap.slam.graph.trajectory import Trajectory, chain
+from sonarmap.slam.graph.world import place_in_world
+from sonarmap.spectral.measured import twist
+from sonarmap.spectral.scan import PosePrior
 from tests.samples.surveys import edge, random_covariance, ring_poses
 
 SIGMAS = np.array([0.004, 0.007, 0.02, 0.5, 0.8, 0.05])

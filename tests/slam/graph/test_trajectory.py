@@ -4,9 +4,9 @@ import numpy as np
 import pytest
 from scipy.spatial.transform import RigidTransform
 
-from kernels.errors import InputError
-from slam.graph.edge import Edge, components, spanning_tree
-from slam.graph.trajectory import Trajectory, chain
+from sonarmap.kernels.errors import InputError
+from sonarmap.slam.graph.edge import Edge, components, spanning_tree
+from sonarmap.slam.graph.trajectory import Trajectory, chain
 from tests.samples.surveys import edge, random_transforms, registration
 
 COVARIANCE = np.diag([1.0, 2, 3, 4, 5, 6]) * 1e-4

@@ -6,11 +6,11 @@ import numpy as np
 import pytest
 from scipy.spatial.transform import RigidTransform
 
-from slam.graph.pose_graph import PoseGraph, Solution
-from slam.graph.trajectory import chain
-from slam.loops.forecast import certainties, displacement
-from slam.map.shared_cells import outline
-from spectral.scan import Scan
+from sonarmap.slam.graph.pose_graph import PoseGraph, Solution
+from sonarmap.slam.graph.trajectory import chain
+from sonarmap.slam.loops.forecast import certainties, displacement
+from sonarmap.slam.map.shared_cells import outline
+from sonarmap.spectral.scan import Scan
 from tests.samples.surveys import edge, random_covariance, ring_poses, scans_of
 
 

@@ -3,8 +3,8 @@
 import numpy as np
 import pytest
 
-from kernels.errors import InputError
-from slam.loops.places import Lookalike, PlaceIndex
+from sonarmap.kernels.errors import InputError
+from sonarmap.slam.loops.places import Lookalike, PlaceIndex
 
 # Two laps over so many places make a survey.
 PLACES = 30

@@ -3,8 +3,8 @@
 import numpy as np
 from scipy.spatial.transform import RigidTransform
 
-from slam.graph.edge import Edge
-from slam.loops.separation import separations
+from sonarmap.slam.graph.edge import Edge
+from sonarmap.slam.loops.separation import separations
 from tests.samples.surveys import edge
 
 T, COVARIANCE = RigidTransform.identity(), np.eye(6)

@@ -4,8 +4,8 @@ import numpy as np
 import pytest
 from scipy.spatial.transform import RigidTransform
 
-from kernels.errors import InputError
-from slam.map.crossing import APART, PER_SCAN, CrossingError, crossing_error
+from sonarmap.kernels.errors import InputError
+from sonarmap.slam.map.crossing import APART, PER_SCAN, CrossingError, crossing_error
 from tests.samples.room_scans import look, room_poses
 
 COUNT, VOXEL = 14, 0.3

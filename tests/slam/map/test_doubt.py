@@ -5,13 +5,13 @@ import pytest
 from scipy.spatial import KDTree
 from scipy.spatial.transform import RigidTransform
 
-from kernels.errors import InputError
-from slam.map.component_maps import clean_map
-from slam.map.doubt import CleanMap, of_the_same_echoes, part_doubtful
-from slam.map.free_space import Votes
-from slam.map.point_map import PointMap, fuse
-from slam.mapper import Mapper, MapperSettings
-from spectral.scan import Scan
+from sonarmap.kernels.errors import InputError
+from sonarmap.slam.map.component_maps import clean_map
+from sonarmap.slam.map.doubt import CleanMap, of_the_same_echoes, part_doubtful
+from sonarmap.slam.map.free_space import Votes
+from sonarmap.slam.map.point_map import PointMap, fuse
+from sonarmap.slam.mapper import Mapper, MapperSettings
+from sonarmap.spectral.scan import Scan
 from tests.samples.room_scans import look, room_distance, room_poses
 from tests.samples.surveys import KnowingRegistrar, ring_poses, scans_of
 

@@ -4,11 +4,11 @@ import numpy as np
 import pytest
 from scipy.spatial.transform import RigidTransform
 
-from slam.map.beams import beams_of
-from slam.map.component_maps import clean_map, survey_layers
-from slam.map.free_space import uncontradicted, votes
-from slam.map.point_map import PointMap, fuse
-from spectral.scan import Scan
+from sonarmap.slam.map.beams import beams_of
+from sonarmap.slam.map.component_maps import clean_map, survey_layers
+from sonarmap.slam.map.free_space import uncontradicted, votes
+from sonarmap.slam.map.point_map import PointMap, fuse
+from sonarmap.spectral.scan import Scan
 from tests.samples.room_scans import RADIUS, look, pole_distance, room_distance, room_poses
 
 VOXEL, COUNT = 0.25, 16

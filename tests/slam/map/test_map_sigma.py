@@ -4,12 +4,12 @@ import numpy as np
 import pytest
 from scipy.spatial.transform import RigidTransform
 
-from kernels.errors import InputError
-from slam.map import fused_cells
-from slam.map.beams import Beams, beams_of
-from slam.map.fused_cells import pose_variance
-from slam.map.point_map import PointMap, fuse
-from spectral.scan import Scan
+from sonarmap.kernels.errors import InputError
+from sonarmap.slam.map import fused_cells
+from sonarmap.slam.map.beams import Beams, beams_of
+from sonarmap.slam.map.fused_cells import pose_variance
+from sonarmap.slam.map.point_map import PointMap, fuse
+from sonarmap.spectral.scan import Scan
 from tests.samples.room_scans import look, room_poses
 from tests.samples.surveys import random_covariance, random_transforms
 

@@ -7,11 +7,11 @@ import numpy as np
 import pytest
 from scipy.spatial.transform import RigidTransform
 
-from kernels.errors import InputError
-from slam.map import fused_cells
-from slam.map.cell import cell_keys
-from slam.map.point_map import fuse
-from spectral.scan import Scan
+from sonarmap.kernels.errors import InputError
+from sonarmap.slam.map import fused_cells
+from sonarmap.slam.map.cell import cell_keys
+from sonarmap.slam.map.point_map import fuse
+from sonarmap.spectral.scan import Scan
 from tests.samples.surveys import random_transforms, ring_poses, scans_of
 
 

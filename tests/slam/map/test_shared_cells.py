@@ -5,8 +5,8 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from slam.map import shared_cells
-from slam.map.shared_cells import outline, overlapping
+from sonarmap.slam.map import shared_cells
+from sonarmap.slam.map.shared_cells import outline, overlapping
 from tests.samples.surveys import random_transforms, ring_poses, scans_of
 
 

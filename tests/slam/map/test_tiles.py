@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 
-from slam.map.tiles import Tiles
+from sonarmap.slam.map.tiles import Tiles
 
 
 @pytest.mark.parametrize("size", [0.7, 3.0, 50.0])

@@ -4,10 +4,10 @@ import numpy as np
 import pytest
 from scipy.spatial.transform import RigidTransform, Rotation
 
-from slam.motion.local_motion import Step, likeness, rate_of, rates_by_others
-from slam.motion.motion import Motion
-from slam.motion.reconsider import with_motion
-from slam.pair import Pair
+from sonarmap.slam.motion.local_motion import Step, likeness, rate_of, rates_by_others
+from sonarmap.slam.motion.motion import Motion
+from sonarmap.slam.motion.reconsider import with_motion
+from sonarmap.slam.pair import Pair
 from tests.samples.surveys import random_covariance, registration
 
 USUAL = np.array([0.01, -0.02, 0.15, 1.5, 0.2, -0.1])

@@ -6,10 +6,10 @@ import numpy as np
 import pytest
 from scipy.spatial.transform import RigidTransform, Rotation
 
-from kernels.errors import InputError
-from slam.motion.limits import MotionLimits
-from slam.motion.motion import Motion
-from slam.pair import Pair
+from sonarmap.kernels.errors import InputError
+from sonarmap.slam.motion.limits import MotionLimits
+from sonarmap.slam.motion.motion import Motion
+from sonarmap.slam.pair import Pair
 from tests.samples.surveys import registration
 
 COVARIANCE = np.diag(np.repeat([0.001, 0.01], 3) ** 2)

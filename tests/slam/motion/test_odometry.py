@@ -4,11 +4,11 @@ import numpy as np
 import pytest
 from scipy.spatial.transform import RigidTransform
 
-from kernels.errors import InputError
-from slam.graph.pose_graph import PoseGraph
-from slam.graph.trajectory import chain
-from slam.motion.measured_motion import MeasuredMotion
-from slam.motion.odometry import Odometry
+from sonarmap.kernels.errors import InputError
+from sonarmap.slam.graph.pose_graph import PoseGraph
+from sonarmap.slam.graph.trajectory import chain
+from sonarmap.slam.motion.measured_motion import MeasuredMotion
+from sonarmap.slam.motion.odometry import Odometry
 from tests.samples.surveys import ring_poses
 from tests.slam.motion.test_motion import learned, steps
 

@@ -6,10 +6,10 @@ import numpy as np
 import pytest
 from scipy.spatial.transform import RigidTransform, Rotation
 
-from slam.graph.edge import Edge, scaled
-from slam.motion.reconsider import expected_by, is_doubtful, with_both, with_motion, without_leaps
-from slam.pair import Pair
-from spectral.result import Registration
+from sonarmap.slam.graph.edge import Edge, scaled
+from sonarmap.slam.motion.reconsider import expected_by, is_doubtful, with_both, with_motion, without_leaps
+from sonarmap.slam.pair import Pair
+from sonarmap.spectral.result import Registration
 from tests.samples.surveys import edge, random_covariance, registration, ring_poses
 from tests.slam.motion.test_motion import USUAL, learned, moved, steps
 
@@ -122,8 +122,8 @@ def test_answers_out_of_reach_are_dropped() -> None:
 
 
 def test_the_estimate_expects_a_pair_where_it_has_it() -> None:
-    from slam.graph.pose_graph import PoseGraph
-    from slam.graph.trajectory import chain
+    from sonarmap.slam.graph.pose_graph import PoseGraph
+    from sonarmap.slam.graph.trajectory import chain
 
     poses = ring_poses(6)
     edges = [edge(k, k + 1, poses[k].inv() * poses[k + 1], TIGHT) for k in range(5)]

@@ -4,12 +4,12 @@ import numpy as np
 import pytest
 from scipy.spatial.transform import RigidTransform, Rotation
 
-from kernels.errors import InputError
-from slam.graph.edge import Edge
-from slam.optimize.certificate import certify
-from slam.optimize.chordal import ChordalProblem
-from slam.optimize.isotropic import Start, optimize_isotropic
-from spectral.result import Registration
+from sonarmap.kernels.errors import InputError
+from sonarmap.slam.graph.edge import Edge
+from sonarmap.slam.optimize.certificate import certify
+from sonarmap.slam.optimize.chordal import ChordalProblem
+from sonarmap.slam.optimize.isotropic import Start, optimize_isotropic
+from sonarmap.spectral.result import Registration
 
 
 def poses(rng: np.random.Generator, count: int) -> RigidTransform:

@@ -4,11 +4,11 @@ import numpy as np
 import pytest
 from scipy.spatial.transform import RigidTransform
 
-from kernels.errors import InputError
-from slam.graph.edge import Edge
-from slam.graph.pose_graph import PoseGraph, Solution
-from slam.graph.trajectory import chain
-from slam.optimize.incremental import Incremental, as_they_come
+from sonarmap.kernels.errors import InputError
+from sonarmap.slam.graph.edge import Edge
+from sonarmap.slam.graph.pose_graph import PoseGraph, Solution
+from sonarmap.slam.graph.trajectory import chain
+from sonarmap.slam.optimize.incremental import Incremental, as_they_come
 from tests.samples.surveys import edge, random_covariance, ring_poses
 
 COUNT = 25

@@ -7,16 +7,16 @@ import numpy as np
 import pytest
 from scipy.spatial.transform import RigidTransform
 
-from kernels.errors import InputError
-from slam.execute.runner import Execution, PairRunner
-from slam.loops.settings import LoopSettings
-from slam.mapper import Mapper, MapperSettings
-from slam.motion.odometry import Odometry
-from slam.pair import Pair
-from slam.stream.keys import KeySettings, choose_keys
-from slam.survey_result import SurveyResult
-from spectral.result import Registration
-from spectral.scan import PosePrior, Scan
+from sonarmap.kernels.errors import InputError
+from sonarmap.slam.execute.runner import Execution, PairRunner
+from sonarmap.slam.loops.settings import LoopSettings
+from sonarmap.slam.mapper import Mapper, MapperSettings
+from sonarmap.slam.motion.odometry import Odometry
+from sonarmap.slam.pair import Pair
+from sonarmap.slam.stream.keys import KeySettings, choose_keys
+from sonarmap.slam.survey_result import SurveyResult
+from sonarmap.spectral.result import Registration
+from sonarmap.spectral.scan import PosePrior, Scan
 from tests.samples.surveys import KnowingRegistrar, random_covariance, ring_poses, scans_of
 
 VOXEL, COUNT = 0.2, 160

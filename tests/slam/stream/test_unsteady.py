@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 from scipy.spatial.transform import RigidTransform, Rotation
 
-from slam.stream.unsteady import Unsteadiness
+from sonarmap.slam.stream.unsteady import Unsteadiness
 
 SHAKE = np.array([0.03, 0.01, 0.02, 0.02, 0.05, 0.01])
 STRIDE = 10  # scans from one key scan to the next

@@ -7,16 +7,16 @@ import numpy as np
 import pytest
 from scipy.spatial.transform import RigidTransform, Rotation
 
-from kernels.device.device import Array, Device, choose_device
-from kernels.errors import InputError
-from spectral.grid import Grid
-from spectral.hemisphere.layers import Hemisphere
-from spectral.hemisphere.match import Match, differ
-from spectral.overlap import overlap, unwrap
-from spectral.prepare.prepared import Prepared, Preparer
-from spectral.rotation_search import search_rotation
-from spectral.scan import Scan
-from spectral.translation import Translation
+from sonarmap.kernels.device.device import Array, Device, choose_device
+from sonarmap.kernels.errors import InputError
+from sonarmap.spectral.grid import Grid
+from sonarmap.spectral.hemisphere.layers import Hemisphere
+from sonarmap.spectral.hemisphere.match import Match, differ
+from sonarmap.spectral.overlap import overlap, unwrap
+from sonarmap.spectral.prepare.prepared import Prepared, Preparer
+from sonarmap.spectral.rotation_search import search_rotation
+from sonarmap.spectral.scan import Scan
+from sonarmap.spectral.translation import Translation
 from tests.samples.structures import moved, structure
 
 EDGE, VOXEL = 64, 0.4

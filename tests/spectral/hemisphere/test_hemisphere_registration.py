@@ -4,12 +4,12 @@ import numpy as np
 import pytest
 from scipy.spatial.transform import RigidTransform, Rotation
 
-from kernels.device.device import choose_device
-from kernels.errors import InputError
-from spectral.grid import Grid, choose_grid
-from spectral.hemisphere.registration import HemisphereConfig, HemisphereRegistrar
-from spectral.result import Registration
-from spectral.scan import Scan
+from sonarmap.kernels.device.device import choose_device
+from sonarmap.kernels.errors import InputError
+from sonarmap.spectral.grid import Grid, choose_grid
+from sonarmap.spectral.hemisphere.registration import HemisphereConfig, HemisphereRegistrar
+from sonarmap.spectral.result import Registration
+from sonarmap.spectral.scan import Scan
 from tests.samples.structures import difference, moved, structure
 
 EDGE = 64
@@ -137,7 +137,7 @@ def test_config_refuses_what_makes_no_sense() -> None:
 @pytest.mark.slow
 def test_simulated_table_1(index: int) -> None:
     """The paper's S0, S3, S6 at sigma^2 = 1 m^2: within 6 degrees and 3 voxels (the whole table is measured slowly)."""
-    from tools.simulate.pairs.table1 import table1_pair
+    from sonarmap.tools.lab.simulate.pairs.table1 import table1_pair
 
     target, source, truth = table1_pair(index, seed=11, sigma2=1.0)
     registrar = HemisphereRegistrar(choose_device(), Grid(128, 2.0))

@@ -4,13 +4,13 @@ import numpy as np
 import pytest
 from scipy.spatial.transform import RigidTransform, Rotation
 
-from kernels.device.device import choose_device
-from kernels.errors import InputError
-from spectral.grid import Grid
-from spectral.hemisphere.registration import HemisphereConfig, HemisphereRegistrar
-from spectral.scan import Scan
-from tools.simulate.scenes.scene import build_scene
-from tools.simulate.shapes.structure import occupy, surface_points, voxel_scan
+from sonarmap.kernels.device.device import choose_device
+from sonarmap.kernels.errors import InputError
+from sonarmap.spectral.grid import Grid
+from sonarmap.spectral.hemisphere.registration import HemisphereConfig, HemisphereRegistrar
+from sonarmap.spectral.scan import Scan
+from sonarmap.tools.lab.simulate.scenes.scene import build_scene
+from sonarmap.tools.lab.simulate.shapes.structure import occupy, surface_points, voxel_scan
 
 GRID = Grid(64, 4.0)
 

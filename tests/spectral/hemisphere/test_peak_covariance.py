@@ -4,9 +4,9 @@ import numpy as np
 import pytest
 from scipy.spatial.transform import RigidTransform, Rotation
 
-from kernels.pomf.peak import Peak
-from spectral.grid import Grid
-from spectral.hemisphere.covariance import peak_covariance, peak_width
+from sonarmap.kernels.pomf.peak import Peak
+from sonarmap.spectral.grid import Grid
+from sonarmap.spectral.hemisphere.covariance import peak_covariance, peak_width
 
 
 def gaussian_peak(cov: np.ndarray, psr: float = 200.0) -> Peak:

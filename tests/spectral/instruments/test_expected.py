@@ -4,10 +4,10 @@ import numpy as np
 import pytest
 from scipy.spatial.transform import RigidTransform, Rotation
 
-from kernels.errors import InputError
-from spectral.expected import ExpectedPose
-from spectral.prior import relative_prior
-from spectral.scan import PosePrior
+from sonarmap.kernels.errors import InputError
+from sonarmap.spectral.expected import ExpectedPose
+from sonarmap.spectral.prior import relative_prior
+from sonarmap.spectral.scan import PosePrior
 
 R_EXPECTED = Rotation.from_euler("ZYX", [0.5, 0.1, -0.2])
 EXPECTED = ExpectedPose(R_EXPECTED.as_rotvec(), np.array([2.0, -0.7, 0.3]), np.array([0.02, 0.03, 0.2, 0.5, 0.7, 1.1]))

@@ -6,9 +6,9 @@ import numpy as np
 import pytest
 from scipy.spatial.transform import RigidTransform, Rotation
 
-from kernels.errors import InputError
-from spectral.prior import UNMEASURED_TILT, RelativePrior, relative_prior
-from spectral.scan import PosePrior
+from sonarmap.kernels.errors import InputError
+from sonarmap.spectral.prior import UNMEASURED_TILT, RelativePrior, relative_prior
+from sonarmap.spectral.scan import PosePrior
 from tests.samples.relative_priors import (
     ALL,
     ATTITUDE,

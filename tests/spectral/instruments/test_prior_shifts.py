@@ -4,8 +4,8 @@ import numpy as np
 import pytest
 from scipy.spatial.transform import RigidTransform, Rotation
 
-from spectral.prior import RelativePrior
-from spectral.scan import PosePrior
+from sonarmap.spectral.prior import RelativePrior
+from sonarmap.spectral.scan import PosePrior
 from tests.samples.relative_priors import (
     ALL,
     ATTITUDE,

@@ -5,7 +5,7 @@ from dataclasses import fields, replace
 import numpy as np
 from scipy.spatial.transform import RigidTransform
 
-from spectral.result import Registration
+from sonarmap.spectral.result import Registration
 from tests.samples.surveys import random_covariance, random_transforms
 
 RNG = np.random.default_rng(4)

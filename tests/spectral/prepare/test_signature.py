@@ -4,12 +4,12 @@ import numpy as np
 import pytest
 from scipy.spatial.transform import RigidTransform, Rotation
 
-from kernels.device.device import choose_device
-from kernels.errors import InputError
-from spectral.grid import Grid
-from spectral.prepare.signature import signature
-from spectral.registration import SpectralRegistrar
-from spectral.scan import Scan
+from sonarmap.kernels.device.device import choose_device
+from sonarmap.kernels.errors import InputError
+from sonarmap.spectral.grid import Grid
+from sonarmap.spectral.prepare.signature import signature
+from sonarmap.spectral.registration import SpectralRegistrar
+from sonarmap.spectral.scan import Scan
 from tests.samples.sphere_layers import random_coefficients, turned
 from tests.samples.structures import moved, structure
 

@@ -4,8 +4,8 @@ import numpy as np
 import pytest
 from scipy.spatial.transform import RigidTransform, Rotation
 
-from spectral.prior import RelativePrior
-from spectral.verify.bounds import Bounds
+from sonarmap.spectral.prior import RelativePrior
+from sonarmap.spectral.verify.bounds import Bounds
 from tests.samples.relative_priors import (
     ALL,
     ATTITUDE,

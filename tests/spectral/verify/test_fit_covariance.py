@@ -8,15 +8,15 @@ import pytest
 from scipy.spatial.transform import RigidTransform, Rotation
 from scipy.stats import chi2
 
-from kernels.device.device import choose_device
-from spectral.grid import Grid, choose_grid
-from spectral.registration import SpectralRegistrar
-from spectral.result import Registration
-from spectral.scan import Scan
-from spectral.verify.covariance import covers, fit_covariance
-from spectral.verify.fit import Fit
-from tools.evaluate.trajectory import RIGHT_DEG, RIGHT_VOXELS, pair_error
-from tools.simulate.pairs.pair_set import evaluation_pair
+from sonarmap.kernels.device.device import choose_device
+from sonarmap.spectral.grid import Grid, choose_grid
+from sonarmap.spectral.registration import SpectralRegistrar
+from sonarmap.spectral.result import Registration
+from sonarmap.spectral.scan import Scan
+from sonarmap.spectral.verify.covariance import covers, fit_covariance
+from sonarmap.spectral.verify.fit import Fit
+from sonarmap.tools.lab.evaluate.trajectory import RIGHT_DEG, RIGHT_VOXELS, pair_error
+from sonarmap.tools.lab.simulate.pairs.pair_set import evaluation_pair
 
 T_TARGET_SOURCE = RigidTransform.from_components([2.0, -3.0, 1.5], Rotation.from_euler("ZYX", [8, 3, -4], degrees=True))
 COUNT, REACH = 12_000, 45.0  # points of a scan, and how far they go [m]

@@ -7,16 +7,16 @@ import numpy as np
 import pytest
 from scipy.spatial.transform import Rotation
 
-from kernels.device.device import choose_device
-from kernels.points.poses import upload_poses
-from spectral.grid import Grid
-from spectral.registration import SpectralRegistrar
-from spectral.scan import Scan
-from spectral.verify.bounds import Bounds
-from spectral.verify.fit import Fit
-from spectral.verify.hypothesis import Hypothesis
-from spectral.verify.hypothesis_testing import HypothesisTest
-from spectral.verify.verifier import Verifier
+from sonarmap.kernels.device.device import choose_device
+from sonarmap.kernels.points.poses import upload_poses
+from sonarmap.spectral.grid import Grid
+from sonarmap.spectral.registration import SpectralRegistrar
+from sonarmap.spectral.scan import Scan
+from sonarmap.spectral.verify.bounds import Bounds
+from sonarmap.spectral.verify.fit import Fit
+from sonarmap.spectral.verify.hypothesis import Hypothesis
+from sonarmap.spectral.verify.hypothesis_testing import HypothesisTest
+from sonarmap.spectral.verify.verifier import Verifier
 from tests.samples.reliefs import above, relief, seen
 
 EDGE, VOXEL = 64, 0.5

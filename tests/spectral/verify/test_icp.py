@@ -4,11 +4,11 @@ import numpy as np
 import pytest
 from scipy.spatial.transform import Rotation
 
-from spectral.prepare.surface import Surface
-from spectral.verify.calibration import CALIBRATION
-from spectral.verify.covariance import by_stretch
-from spectral.verify.fit import Fit
-from spectral.verify.icp import Stage, Start, refine
+from sonarmap.spectral.prepare.surface import Surface
+from sonarmap.spectral.verify.calibration import CALIBRATION
+from sonarmap.spectral.verify.covariance import by_stretch
+from sonarmap.spectral.verify.fit import Fit
+from sonarmap.spectral.verify.icp import Stage, Start, refine
 from tests.spectral.surfaces import chosen_device, surface_of
 
 R_TRUE, SHIFT_TRUE = Rotation.from_euler("ZYX", [20, -6, 9], degrees=True), np.array([7.0, -3.5, 1.25])

@@ -5,11 +5,11 @@ import pytest
 from scipy.linalg import block_diag
 from scipy.spatial.transform import Rotation
 
-from kernels.surface.record import Record
-from kernels.surface.refinement import Refinement, Weighting
-from spectral.verify.calibration import CALIBRATION
-from spectral.verify.fit import principal_axes
-from spectral.verify.normal_equations import NormalEquations, State, usual_covariance
+from sonarmap.kernels.surface.record import Record
+from sonarmap.kernels.surface.refinement import Refinement, Weighting
+from sonarmap.spectral.verify.calibration import CALIBRATION
+from sonarmap.spectral.verify.fit import principal_axes
+from sonarmap.spectral.verify.normal_equations import NormalEquations, State, usual_covariance
 from tests.kernels.surface.scenes import upload
 from tests.spectral.surfaces import chosen_device
 

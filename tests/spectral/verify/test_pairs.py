@@ -3,8 +3,8 @@
 import numpy as np
 import pytest
 
-from kernels.surface.refinement import Refinement, Weighting
-from spectral.prepare.surface import Surface
+from sonarmap.kernels.surface.refinement import Refinement, Weighting
+from sonarmap.spectral.prepare.surface import Surface
 from tests.spectral.surfaces import chosen_device, surface_of
 
 # So wide a bell that each pair within reach weighs 1.

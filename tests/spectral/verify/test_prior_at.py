@@ -7,11 +7,11 @@ import numpy as np
 import pytest
 from scipy.spatial.transform import RigidTransform, Rotation
 
-from spectral.grid import Grid
-from spectral.prior import RelativePrior
-from spectral.verify.bounds import Bounds
-from spectral.verify.pair_frames import PairFrames
-from spectral.verify.prior_term import PriorTerm
+from sonarmap.spectral.grid import Grid
+from sonarmap.spectral.prior import RelativePrior
+from sonarmap.spectral.verify.bounds import Bounds
+from sonarmap.spectral.verify.pair_frames import PairFrames
+from sonarmap.spectral.verify.prior_term import PriorTerm
 from tests.samples.relative_priors import ALL, ATTITUDE, DEPTH, HEADING, POSITION, T_SOURCE, T_TARGET, T_TRUE, prior
 
 VOXEL = 0.5

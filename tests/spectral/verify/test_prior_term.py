@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 
-from spectral.verify.prior_term import PriorTerm, posterior_step
+from sonarmap.spectral.verify.prior_term import PriorTerm, posterior_step
 
 HEIGHT = np.array([[0.0, 0, 0, 0, 0, 1]])  # an instrument that measures the shift along z alone
 NOTHING = np.zeros((6, 6))

@@ -7,14 +7,14 @@ import numpy as np
 import pytest
 from scipy.spatial.transform import RigidTransform, Rotation
 
-from kernels.device.device import choose_device
-from spectral.grid import Grid, choose_grid
-from spectral.registration import SpectralRegistrar
-from spectral.result import Registration
-from spectral.scan import Scan
-from spectral.verify.fit import Fit
-from spectral.verify.hypothesis import Evidence, Hypothesis
-from spectral.verify.probability import (
+from sonarmap.kernels.device.device import choose_device
+from sonarmap.spectral.grid import Grid, choose_grid
+from sonarmap.spectral.registration import SpectralRegistrar
+from sonarmap.spectral.result import Registration
+from sonarmap.spectral.scan import Scan
+from sonarmap.spectral.verify.fit import Fit
+from sonarmap.spectral.verify.hypothesis import Evidence, Hypothesis
+from sonarmap.spectral.verify.probability import (
     LOGISTIC,
     Clues,
     clues,
@@ -22,7 +22,7 @@ from spectral.verify.probability import (
     hypothesis_probabilities,
     tolerance_probability,
 )
-from tools.simulate.pairs.pair_set import evaluation_unrelated
+from sonarmap.tools.lab.simulate.pairs.pair_set import evaluation_unrelated
 
 CLEAR = Clues(psr=1.4, view=-0.2, surface=-0.4, sharpness=0.5, firmness=0.8, lead=3.0, search=0.0)
 

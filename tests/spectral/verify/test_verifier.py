@@ -6,19 +6,19 @@ import numpy as np
 import pytest
 from scipy.spatial.transform import RigidTransform, Rotation
 
-from kernels.device.device import choose_device
-from kernels.points.poses import upload_poses
-from spectral.grid import Grid
-from spectral.prepare.spectral_scan import SpectralScan
-from spectral.registration import SpectralRegistrar
-from spectral.scan import Scan
-from spectral.so3 import RotationPeaks
-from spectral.translation import Box
-from spectral.verify.candidates import Candidates
-from spectral.verify.fit import Fit
-from spectral.verify.hypothesis import Hypothesis
-from spectral.verify.look import consistency, ranked
-from spectral.verify.verifier import Verifier
+from sonarmap.kernels.device.device import choose_device
+from sonarmap.kernels.points.poses import upload_poses
+from sonarmap.spectral.grid import Grid
+from sonarmap.spectral.prepare.spectral_scan import SpectralScan
+from sonarmap.spectral.registration import SpectralRegistrar
+from sonarmap.spectral.scan import Scan
+from sonarmap.spectral.so3 import RotationPeaks
+from sonarmap.spectral.translation import Box
+from sonarmap.spectral.verify.candidates import Candidates
+from sonarmap.spectral.verify.fit import Fit
+from sonarmap.spectral.verify.hypothesis import Hypothesis
+from sonarmap.spectral.verify.look import consistency, ranked
+from sonarmap.spectral.verify.verifier import Verifier
 from tests.samples.reliefs import above, relief, seen
 
 EDGE, VOXEL = 64, 0.5

@@ -6,14 +6,13 @@ from pathlib import Path
 
 import pytest
 
-import tools.methods.fingerprint
-from kernels.device.device import Device
-from kernels.errors import InputError
-from spectral.grid import Grid
-from tools.baselines.planes.registrar import PlaneRegistrar
-from tools.methods.fingerprint import method_key, method_sources, source_digest
-from tools.methods.registry import METHODS, Setup, find_method
-from tools.methods.worker_spec import checked_worker_spec, worker_spec
+from sonarmap.kernels.device.device import Device
+from sonarmap.kernels.errors import InputError
+from sonarmap.spectral.grid import Grid
+from sonarmap.tools.lab.baselines.planes.registrar import PlaneRegistrar
+from sonarmap.tools.methods.fingerprint import method_key, method_sources, source_digest
+from sonarmap.tools.methods.registry import METHODS, Setup, find_method
+from sonarmap.tools.methods.worker_spec import checked_worker_spec, worker_spec
 
 SETUP = Setup(Grid(32, 0.5))
 
@@ -48,7 +47,7 @@ class TestWorkerSpec:
     def test_a_worker_with_other_code_or_versions_refuses(self, monkeypatch: pytest.MonkeyPatch, part: str) -> None:
         before = key("planes")
         spec = checked_worker_spec("planes", SETUP, PlaneRegistrar(0.5), 3)
-        monkeypatch.setattr(tools.methods.fingerprint, part, lambda *_: {"numpy": "0.1"})
+        monkeypatch.setattr(f"sonarmap.tools.methods.fingerprint.{part}", lambda *_: {"numpy": "0.1"})
         assert key("planes") != before
         with pytest.raises(InputError, match=r"a worker of the cluster would not get .* Install the same there"):
             spec.make()

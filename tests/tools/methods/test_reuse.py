@@ -7,12 +7,12 @@ import numpy as np
 import pytest
 
 import sonarmap
-from spectral.grid import Grid
-from spectral.hemisphere.registration import HemisphereRegistrar
-from spectral.registration import SpectralRegistrar
+from sonarmap.spectral.grid import Grid
+from sonarmap.spectral.hemisphere.registration import HemisphereRegistrar
+from sonarmap.spectral.registration import SpectralRegistrar
+from sonarmap.tools.methods import reuse
+from sonarmap.tools.methods.registry import Setup
 from tests.samples.reliefs import above, relief, seen
-from tools.methods import reuse
-from tools.methods.registry import Setup
 
 HERE, THERE = above(0, 0, 12), above(3, -2, 13, 25, 4, -7)
 

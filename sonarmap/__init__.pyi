@@ -1,0 +1,125 @@
+from .kernels.device.device import Device as Device
+from .kernels.device.device import choose_device as choose_device
+from .kernels.device.device import list_devices as list_devices
+from .kernels.device.device_info import DeviceInfo as DeviceInfo
+from .kernels.errors import DeviceError as DeviceError
+from .kernels.errors import InputError as InputError
+from .kernels.errors import SonarmapError as SonarmapError
+from .kernels.fft.transform import RealFFT as RealFFT
+from .kernels.points.voxelize import voxelize as voxelize
+from .kernels.pomf.peak import find_peaks as find_peaks
+from .kernels.pomf.peak_fit import Peak as Peak
+from .kernels.pomf.spectrum import Pomf as Pomf
+from .kernels.pomf.spectrum import magnitude as magnitude
+from .kernels.pomf.spectrum import whiten as whiten
+from .kernels.resample.layers import normalize_layers as normalize_layers
+from .kernels.resample.polar import polar_magnitude as polar_magnitude
+from .kernels.resample.sphere import latitude_longitude as latitude_longitude
+from .kernels.resample.sphere import rectangular_unwrap as rectangular_unwrap
+from .kernels.resample.sphere import rotational_unwrap as rotational_unwrap
+from .kernels.resample.sphere import sample as sample
+from .kernels.resample.sphere import upload_directions as upload_directions
+from .kernels.so3.correlation import RotationCorrelation as RotationCorrelation
+from .kernels.so3.harmonics import Harmonics as Harmonics
+from .kernels.so3.harmonics import equalizers as equalizers
+from .slam.graph.control import ControlPoint as ControlPoint
+from .slam.graph.edge import Edge as Edge
+from .slam.graph.gtsam_poses import to_transforms as to_transforms
+from .slam.graph.gtsam_poses import to_values as to_values
+from .slam.graph.pose_graph import PoseGraph as PoseGraph
+from .slam.graph.pose_graph import Solution as Solution
+from .slam.graph.pose_graph import factors_of as factors_of
+from .slam.graph.trajectory import Trajectory as Trajectory
+from .slam.loops.settings import LoopSettings as LoopSettings
+from .slam.map.point_map import PointMap as PointMap
+from .slam.mapper import Mapper as Mapper
+from .slam.mapper import MapperSettings as MapperSettings
+from .slam.motion.limits import MotionLimits as MotionLimits
+from .slam.motion.odometry import Odometry as Odometry
+from .slam.optimize.solve import Optimized as Optimized
+from .slam.pair import Pair as Pair
+from .slam.stream.keys import KeySettings as KeySettings
+from .slam.survey_result import SurveyResult as SurveyResult
+from .slam.tie import Tie as Tie
+from .spectral.grid import Grid as Grid
+from .spectral.grid import choose_grid as choose_grid
+from .spectral.hemisphere.registration import HemisphereConfig as HemisphereConfig
+from .spectral.hemisphere.registration import HemisphereRegistrar as HemisphereRegistrar
+from .spectral.prior import RelativePrior as RelativePrior
+from .spectral.prior import relative_prior as relative_prior
+from .spectral.registration import SpectralConfig as SpectralConfig
+from .spectral.registration import SpectralRegistrar as SpectralRegistrar
+from .spectral.result import Registrar as Registrar
+from .spectral.result import Registration as Registration
+from .spectral.scan import PosePrior as PosePrior
+from .spectral.scan import Scan as Scan
+from .tools.api import PreparedScan as PreparedScan
+from .tools.api import map_scans as map_scans
+from .tools.api import optimize as optimize
+from .tools.api import prepare as prepare
+from .tools.api import read_scans as read_scans
+from .tools.api import register as register
+
+__all__ = [
+    "ControlPoint",
+    "Device",
+    "DeviceError",
+    "DeviceInfo",
+    "Edge",
+    "Grid",
+    "Harmonics",
+    "HemisphereConfig",
+    "HemisphereRegistrar",
+    "InputError",
+    "KeySettings",
+    "LoopSettings",
+    "Mapper",
+    "MapperSettings",
+    "MotionLimits",
+    "Odometry",
+    "Optimized",
+    "Pair",
+    "Peak",
+    "PointMap",
+    "Pomf",
+    "PoseGraph",
+    "PosePrior",
+    "PreparedScan",
+    "RealFFT",
+    "Registrar",
+    "Registration",
+    "RelativePrior",
+    "RotationCorrelation",
+    "Scan",
+    "Solution",
+    "SonarmapError",
+    "SpectralConfig",
+    "SpectralRegistrar",
+    "SurveyResult",
+    "Tie",
+    "Trajectory",
+    "choose_device",
+    "choose_grid",
+    "equalizers",
+    "factors_of",
+    "find_peaks",
+    "latitude_longitude",
+    "list_devices",
+    "magnitude",
+    "map_scans",
+    "normalize_layers",
+    "optimize",
+    "polar_magnitude",
+    "prepare",
+    "read_scans",
+    "rectangular_unwrap",
+    "register",
+    "relative_prior",
+    "rotational_unwrap",
+    "sample",
+    "to_transforms",
+    "to_values",
+    "upload_directions",
+    "voxelize",
+    "whiten",
+]

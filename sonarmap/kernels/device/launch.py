@@ -1,0 +1,179 @@
+"""Launch kernels and check their arrays: what every kernel's Python function does in the same way."""
+
+from typing import cast
+from weakref import WeakKeyDictionary
+
+import numpy as np
+import pyopencl as cl
+import pyopencl.array as cla
+from pyopencl import cltypes
+
+from sonarmap.kernels.device.device import Device
+from sonarmap.kernels.device.groups import arrange
+from sonarmap.kernels.errors import InputError
+
+# PyOpenCL makes a new kernel object at every `program.name`, and reading a source costs more than a launch.
+_KERNELS: WeakKeyDictionary[Device, dict[tuple, tuple[cl.Kernel, int]]] = WeakKeyDictionary()
+_TABLES: WeakKeyDictionary[Device, dict[tuple, cla.Array]] = WeakKeyDictionary()
+_MOST_ITEMS = cl.kernel_work_group_info.WORK_GROUP_SIZE
+_TABLES_KEPT = 128
+_CLEARED = 4096  # bytes of one work-item
+_FLOAT = 4  # bytes
+
+
+def launch(
+    device: Device,
+    program: str,
+    kernel: str,
+    size: tuple[int, ...],
+    *arguments: cla.Array | cl.Buffer | np.generic,
+    group: str | tuple[int, ...] | None = None,
+    **defines: int | float,
+) -> None:
+    """Enqueue one kernel of `kernels/<program>.cl`; the kernel object is made once per device.
+
+    Args:
+        size: number of work-items along each dimension.
+        arguments: device arrays (or slices of them along the first axis), NumPy scalars, and the whole memory of an
+            array, as `memory_of` gives it to a kernel that is told where a slice begins.
+        group: what the items are, a key of `kernels.device.groups.GROUPS`: there are then as many more items as whole
+            groups need, and the kernel returns beyond what it is given. Or the work-group size itself. None: single
+            items on a CPU, elsewhere a group that divides the size.
+        defines: macros of the program.
+
+    Raises:
+        InputError: a slice begins where the device can pass no buffer.
+        DeviceError: the program does not build, or the device has no memory left.
+    """
+    kernels = _KERNELS.setdefault(device, {})
+    key = (program, kernel, *defines.items())
+    if key not in kernels:
+        made = cl.Kernel(device.program(program, **defines), kernel)
+        # PyOpenCL takes five times as long for a number whose type it does not know
+        made.set_scalar_arg_dtypes([value.dtype if isinstance(value, np.generic) else None for value in arguments])
+        kernels[key] = made, made.get_work_group_info(_MOST_ITEMS, device.context.devices[0])
+    made, most = kernels[key]
+    items, group = arrange(device, size, group, most)
+    enqueue(device, made, items, *arguments, group=group)
+
+
+def enqueue(
+    device: Device,
+    kernel: cl.Kernel,
+    size: tuple[int, ...],
+    *arguments: cla.Array | cl.Buffer | np.generic,
+    group: tuple[int, ...] | None,
+) -> None:
+    """Enqueue a kernel of a program that was generated; arguments and errors as in `launch`."""
+    values = [buffer_of(device, value) if isinstance(value, cla.Array) else value for value in arguments]
+    try:
+        kernel(device.queue, size, group, *values)
+    except (cl.MemoryError, cl.RuntimeError):
+        with device.explain_full_memory():
+            raise
+
+
+def buffer_of(device: Device, array: cla.Array) -> cl.Buffer:
+    """The memory of a device array as a kernel takes it; of a slice along the first axis, its part.
+
+    Raises:
+        InputError: the slice begins where the device can pass no buffer.
+    """
+    if not array.offset:
+        return memory_of(array)
+    alignment = device.cl_device.mem_base_addr_align // 8
+    if array.offset % alignment:
+        raise InputError(
+            f"a slice of a device array begins {array.offset} bytes into it; {device.name} needs "
+            f"a multiple of {alignment}: copy the slice first"
+        )
+    return memory_of(array).get_sub_region(array.offset, array.nbytes)
+
+
+def zero(device: Device, array: cla.Array) -> None:
+    """Fill an array with zero bytes (`Array.fill` is 50 times slower on PoCL, whose own fill has one thread)."""
+    whole = array.nbytes // _CLEARED if device.is_cpu else 0
+    if whole:
+        launch(device, "device/clear", "clear", (whole,), array, BYTES=_CLEARED)
+    rest = array.nbytes - whole * _CLEARED
+    if rest:
+        pattern, begin = np.zeros(1, np.float32), array.offset + whole * _CLEARED
+        with device.explain_full_memory():
+            cl.enqueue_fill_buffer(device.queue, cast(cl.Buffer, array.base_data), pattern, begin, rest)
+
+
+def table(device: Device, values: np.ndarray) -> cla.Array:
+    """A small constant array on the device, uploaded once and found again by its content."""
+    tables = _TABLES.setdefault(device, {})
+    key = (values.tobytes(), values.shape, values.dtype.str)
+    if key not in tables:
+        if len(tables) >= _TABLES_KEPT:
+            del tables[next(iter(tables))]
+        tables[key] = device.to_device(values)
+    return tables[key]
+
+
+def affine(R: np.ndarray | None = None, offset: np.ndarray | None = None) -> np.void:
+    """A rotation and a shift as one float16 kernel argument: rows of [R | offset] in s0123, s4567, s89ab.
+
+    Raises:
+        InputError: R is not a (3, 3) rotation, or the offset is not 3 finite numbers.
+    """
+    rows = affine_rows(R, offset).ravel()
+    return cltypes.make_float16(*rows)  # pyright: ignore[reportAttributeAccessIssue]
+
+
+def affine_rows(R: np.ndarray | None = None, offset: np.ndarray | None = None) -> np.ndarray:
+    """(4, 4) float64: a rotation and a shift as `affine` puts them into one argument; errors as there."""
+    turn = np.eye(3) if R is None else np.asarray(R, np.float64)
+    shift = np.zeros(3) if offset is None else np.asarray(offset, np.float64)
+    # not `allclose`, which takes longer than a launch
+    if turn.shape != (3, 3) or not np.abs(turn @ turn.T - np.eye(3)).max() <= 1e-4:
+        raise InputError(f"`R` is {turn.tolist()}; wanted a (3, 3) rotation matrix")
+    if np.linalg.det(turn) < 0:
+        raise InputError(f"`R` is {turn.tolist()}, a reflection; wanted a (3, 3) rotation matrix: negate one axis")
+    if shift.shape != (3,) or not np.isfinite(shift).all():
+        raise InputError(f"`offset` is {shift.tolist()}; wanted 3 finite numbers")
+    rows = np.eye(4)
+    rows[:3, :3], rows[:3, 3] = turn, shift
+    return rows
+
+
+def require_array(
+    array: cla.Array, what: str, shape: tuple[int | None, ...], dtype: type = np.float32
+) -> tuple[int, ...]:
+    """The shape of a device array that has the wanted shape (None: any length), dtype and C order.
+
+    Raises:
+        InputError: saying what it is and what was wanted.
+    """
+    fits = len(array.shape) == len(shape) and all(
+        wanted in (None, length) for wanted, length in zip(shape, array.shape, strict=True)
+    )
+    if not fits or array.dtype != dtype or not array.flags.c_contiguous:
+        wanted = ", ".join("any" if length is None else str(length) for length in shape)
+        raise InputError(
+            f"`{what}` is {array.dtype} of shape {array.shape}; wanted {np.dtype(dtype)} of shape ({wanted}), "
+            "in C order"
+        )
+    return array.shape
+
+
+def output(
+    device: Device, out: cla.Array | None, what: str, shape: tuple[int, ...], dtype: type = np.float32
+) -> cla.Array:
+    """The caller's array, checked, or a new one."""
+    if out is None:
+        return device.empty(shape, dtype)
+    require_array(out, what, shape, dtype)
+    return out
+
+
+def memory_of(array: cla.Array) -> cl.Buffer:
+    """The whole memory that an array or a slice is in: what it holds begins `array.offset` bytes into it."""
+    return cast(cl.Buffer, array.base_data)
+
+
+def begin_of(array: cla.Array) -> np.uint64:
+    """How many floats into that memory an array begins: slices do where no buffer may, at 50 * 50 * 50 floats, say."""
+    return np.uint64(array.offset // _FLOAT)

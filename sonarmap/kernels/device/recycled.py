@@ -1,0 +1,29 @@
+"""Large arrays that live as long as a prepared scan, in memory that earlier ones left behind.
+
+The first touch of new memory costs more than a Fourier transform: the system hands it out page by page, each cleared.
+"""
+
+from weakref import WeakKeyDictionary
+
+import numpy as np
+import pyopencl.array as cla
+from pyopencl.tools import ImmediateAllocator, MemoryPool
+
+from sonarmap.kernels.device.device import Device
+
+_POOLS: WeakKeyDictionary[Device, MemoryPool] = WeakKeyDictionary()
+
+
+def recycled(device: Device, shape: tuple[int, ...], dtype: type | np.dtype = np.float32) -> cla.Array:
+    """An uninitialized array, as `Device.empty` gives it; slices of it cannot be passed to kernels.
+
+    Its memory goes to the next one of about its size once nothing refers to the array: what is queued comes before.
+
+    Raises:
+        DeviceError: the device cannot hold it.
+    """
+    device.require(int(np.prod(shape, dtype=np.int64)) * np.dtype(dtype).itemsize)
+    with device.explain_full_memory():
+        if device not in _POOLS:
+            _POOLS[device] = MemoryPool(ImmediateAllocator(device.queue))
+        return cla.empty(device.queue, shape, dtype, allocator=device.allocator or _POOLS[device])

@@ -1,0 +1,161 @@
+"""Count what a device is asked to do: launches, their time and arrays, and every time that the host waits for it.
+
+It puts itself before PyOpenCL's functions while a block runs, for measurements; outside of one nothing is counted, and
+nothing costs.
+"""
+
+import sys
+from collections.abc import Callable, Iterator
+from contextlib import ExitStack, contextmanager
+from dataclasses import dataclass, field
+from functools import wraps
+from typing import Any
+
+import numpy as np
+import pyopencl as cl
+import pyopencl._cl as binding
+import pyopencl.array as cla
+
+from sonarmap.kernels.device import launch
+from sonarmap.kernels.device.device import Device
+
+
+@dataclass(slots=True)
+class Counts:
+    """What a device did.
+
+    Attributes:
+        launches: kernels.
+        reads: how often the host waited: blocking reads and maps, events and queues waited for.
+        writes: transfers from the host.
+        read_bytes, written_bytes: of the transfers; of a map, what was mapped.
+        array_bytes: of each launch every array that it was given, once: all of them, also where it needs a part only.
+        events: of the launches, by kernel; their times are known if the device notes them.
+    """
+
+    launches: int = 0
+    reads: int = 0
+    writes: int = 0
+    read_bytes: int = 0
+    written_bytes: int = 0
+    array_bytes: int = 0
+    events: list[tuple[str, Any]] = field(default_factory=list)
+
+    def kernel_seconds(self) -> dict[str, float]:
+        """The device's time by kernel, from start to end of each launch [s]; nothing where none is noted.
+
+        The work must be finished.
+        """
+        seconds: dict[str, float] = {}
+        for kernel, event in self.events:
+            try:
+                took = 1e-9 * (event.profile.end - event.profile.start)
+            except cl.Error:
+                return {}
+            seconds[kernel] = seconds.get(kernel, 0.0) + took
+        return seconds
+
+
+@contextmanager
+def tracing(device: Device, counts: Callable[[], Counts]) -> Iterator[None]:
+    """Count all that is asked of a device while the block runs.
+
+    Args:
+        device: its queue alone counts; made with `profiling` if times are wanted.
+        counts: what to add to, asked each time.
+    """
+    tracer = _Tracer(device, counts)
+    with ExitStack() as stack:
+        for owner in (cl, binding):
+            stack.enter_context(_before(owner, "enqueue_nd_range_kernel", tracer.launched))
+        stack.enter_context(_before(cl, "enqueue_copy", tracer.copied))
+        stack.enter_context(_before(cl, "enqueue_map_buffer", tracer.mapped))
+        stack.enter_context(_before(cl, "wait_for_events", tracer.waited))
+        stack.enter_context(_before(cl.Event, "wait", tracer.waited))
+        stack.enter_context(_before(cl.CommandQueue, "finish", tracer.waited))
+        stack.enter_context(_before(Device, "to_device", tracer.uploaded))
+        for owner, name in everywhere(launch.memory_of):
+            stack.enter_context(_before(owner, name, tracer.took))
+        yield
+
+
+class _Tracer:
+    """What is called before PyOpenCL's functions, each of which it is given first."""
+
+    def __init__(self, device: Device, counts: Callable[[], Counts]) -> None:
+        self._device, self._counts = device, counts
+        self._passed: list[int] = []  # sizes of the arrays that went to kernels since the last launch
+        self._last = 0
+
+    def launched(self, original: Callable[..., Any], queue: Any, kernel: Any, *rest: Any, **options: Any) -> Any:
+        event = original(queue, kernel, *rest, **options)
+        if self._is_ours(queue):
+            # several launches may share the arguments that were set once
+            self._last = sum(self._passed) or self._last
+            self._passed.clear()
+            to = self._counts()
+            to.launches += 1
+            to.array_bytes += self._last
+            to.events.append((kernel.function_name, event))
+        return event
+
+    def copied(self, original: Callable[..., Any], queue: Any, to: Any, source: Any, **options: Any) -> Any:
+        if self._is_ours(queue):
+            _count_copy(self._counts(), to, source, options.get("is_blocking", True))
+        return original(queue, to, source, **options)
+
+    def mapped(self, original: Callable[..., Any], queue: Any, *rest: Any, **options: Any) -> Any:
+        array, event = original(queue, *rest, **options)
+        if self._is_ours(queue):
+            self._counts().reads += bool(options.get("is_blocking", True))
+            self._counts().read_bytes += array.nbytes
+        return array, event
+
+    def waited(self, original: Callable[..., Any], *given: Any) -> Any:
+        self._counts().reads += 1
+        return original(*given)
+
+    def took(self, original: Callable[..., Any], array: cla.Array) -> Any:
+        self._passed.append(array.nbytes)
+        return original(array)
+
+    def uploaded(self, original: Callable[..., Any], of: Device, host: np.ndarray) -> Any:
+        if self._is_ours(of.queue) and of.allocator is None:  # else it is copied, and counts there
+            self._counts().writes += 1
+            self._counts().written_bytes += host.nbytes
+        return original(of, host)
+
+    def _is_ours(self, queue: Any) -> bool:
+        return queue.int_ptr == self._device.queue.int_ptr
+
+
+def everywhere(function: Callable[..., Any]) -> list[tuple[Any, str]]:
+    """Every module of this project that knows a function, and under which name."""
+    rooms = {"kernels", "spectral", "slam", "tools", function.__module__.partition(".")[0]}
+    modules = [module for name, module in list(sys.modules.items()) if name.partition(".")[0] in rooms]
+    return [(module, name) for module in modules for name, value in list(vars(module).items()) if value is function]
+
+
+def _count_copy(counts: Counts, to: Any, source: Any, blocking: bool) -> None:
+    if not isinstance(to, cl.MemoryObjectHolder):
+        counts.reads += bool(blocking)
+        counts.read_bytes += to.nbytes
+    elif not isinstance(source, cl.MemoryObjectHolder):
+        counts.writes += 1
+        counts.written_bytes += source.nbytes
+
+
+@contextmanager
+def _before(owner: Any, name: str, instead: Callable[..., Any]) -> Iterator[None]:
+    """Have `instead` called in place of a function, which it is given first."""
+    original = getattr(owner, name)
+
+    @wraps(original)
+    def call(*given: Any, **options: Any) -> Any:
+        return instead(original, *given, **options)
+
+    setattr(owner, name, call)
+    try:
+        yield
+    finally:
+        setattr(owner, name, original)

@@ -1,0 +1,226 @@
+# pyright: strict
+"""Emit correlations for a processor as fused passes: a spectrum is read once and written once on its way.
+
+The forward transform of a sparse volume is that of `kernels.fft.sparse`. The pass of its first axis whitens,
+multiplies by the target and the gains, and transforms back along the same axis (`correlate`), or adds up what the
+correlation holds near one shift (`near`). The last pass of the inverse transform notes the maximum of each row.
+"""
+
+from sonarmap.kernels.device.source import literal
+from sonarmap.kernels.fft.cpu import KERNEL, columns, tables
+from sonarmap.kernels.fft.cpu_rows import real_rows
+from sonarmap.kernels.fft.edges import radices
+from sonarmap.kernels.fft.plan import Layout
+from sonarmap.kernels.fft.sparse import forward_columns, last_stage, sheet_width
+from sonarmap.kernels.fft.stage import KEEP, block, private_stages, stage, to_private
+
+# Real and imaginary sums of a column near a shift: at it, times the cosine and the sine of 1 and of 2 voxels' phase.
+_SUMS = 10
+_HEADER = '#include "device/complex.cl"\n#include "pomf/whitening.cl"'
+
+
+def emit_forward(layout: Layout, exponents: tuple[float, ...]) -> str:
+    """The program of `correlate` and `near`, which follow the planes of `kernels.fft.sparse`."""
+    n0, n1, _ = layout.shape
+    stride, wide = 2 * n1 * layout.pitch, sheet_width(layout)
+    parts = [_HEADER, *tables(layout, inverse=False)]
+    parts += [_correlate_columns(n0, stride, wide, exponents), _correlate(layout, exponents)]
+    parts += [_near_columns(n0, stride, wide, exponents[0]), _near(layout)]
+    return "\n".join(parts)
+
+
+def emit_inverse(layout: Layout) -> str:
+    """The program of `planes`, the last two axes of the inverse transform with the maxima of its rows."""
+    parts = [_HEADER, *tables(layout, inverse=True)]
+    parts.append(columns("columns_1", layout.shape[1], 2 * layout.pitch, 1, inverse=True))
+    return "\n".join([*parts, real_rows(layout, inverse=True, maxima=True), _planes_with_maxima(layout)])
+
+
+def _correlate_columns(n: int, stride: int, wide: int, exponents: tuple[float, ...]) -> str:
+    """The function that turns columns of a source's spectrum into those of each exponent's correlation.
+
+    They are transformed, whitened and multiplied, and transformed back. The power is added to `energy`.
+    """
+    pointers = "".join(f", __global const float* target{e}, __global float* product{e}" for e in range(len(exponents)))
+    keep = f"sr[i * {n} + f] = yQr; si[i * {n} + f] = yQi;"
+    backs = [_back_columns(n, stride, wide, e, exponent) for e, exponent in enumerate(exponents)]
+    return f"""
+static inline void correlate_columns(__global const float* p, __global const int* filled{pointers},
+                                     __global const float* across,
+                                     __global const float* weights, __global const float* along, float8* energy,
+                                     float* origin) {{
+    float8 re[{wide * n}], im[{wide * n}], sr[{wide * n}], si[{wide * n}];
+    {forward_columns(n, stride, wide)}
+    {last_stage(n, wide, keep)}
+    *origin = sr[0].s0;
+    {block(backs)}
+}}"""
+
+
+def _back_columns(n: int, stride: int, wide: int, e: int, exponent: float) -> str:
+    """From the spectrum in sr and si to the columns at product<e>: an inverse transform, its parts swapped."""
+    first = radices(n)[0]
+
+    def load(q: int, _: str) -> str:
+        f = f"k + {q * n // first}"
+        return f"""{{
+                float8 tr, ti;
+                load_columns8(target{e} + ({f}) * {stride} + i * 16, &tr, &ti);
+                const int s = i * {n} + {f};
+                whitened_product(tr, ti, sr[s], si[s], gain * along[{f}], {literal(exponent)}, &x{q}i, &x{q}r);
+                power += x{q}r * x{q}r + x{q}i * x{q}i;
+            }}"""
+
+    store = f"store_columns8(product{e} + f * {stride} + i * 16, yQi, yQr);"
+    return f"""{KEEP} for (int k = 0; k < {n // first}; ++k) {{
+        {KEEP} for (int i = 0; i < {wide}; ++i) {{
+            const int at = i * {n} + position_{n}[k];
+            const float8 gain = vload8(i, across).s01452367;
+            float8 power = 0.0f;
+            {block(stage(n, 0, "float8", load, to_private))}
+            energy[{e}] += power * vload8(i, weights).s01452367;
+        }}
+    }}
+    {private_stages(n, 1, len(radices(n)) - 1, wide)}
+    {last_stage(n, wide, store)}"""
+
+
+def _sheet_head(layout: Layout) -> str:
+    """Which sheet of which volume a work-item has: `sheet`, `number`, and where it begins, `start` floats in."""
+    wide = sheet_width(layout)
+    sheets = layout.shape[1] // wide
+    return f"""const int sheet = get_global_id(0) % {sheets}, number = get_global_id(0) / {sheets};
+    const size_t start = sheet * {2 * layout.pitch * wide};"""
+
+
+def _correlate(layout: Layout, exponents: tuple[float, ...]) -> str:
+    """The kernel of the first axis, there and back; spectra are (exponents, count, n0, n1, pitch), the first in place.
+
+    energies are (exponents, count, sheets + 1): the sums of |X|^2 and, last, the term X of frequency 0.
+    """
+    n0, n1, _ = layout.shape
+    wide, many = sheet_width(layout), range(len(exponents))
+    sheets, floats, volume = n1 // wide, 2 * layout.pitch * wide, 2 * n0 * n1 * layout.pitch
+    targets = ", ".join(f"__global const float* target{e}" for e in many)
+    pairs = ", ".join(f"target{e} + at, spectrum + (size_t)({e} * count + number) * {volume} + at" for e in many)
+    ends = [
+        f"""float8 sum{e} = energy[{e}];
+    energies[({e} * count + number) * {sheets + 1} + sheet] = sum8(sum{e});
+    if (sheet == 0) energies[({e} * count + number) * {sheets + 1} + {sheets}] =
+        dc * target{e}[0] * whitening((float8)(dc * dc), {literal(exponent)}).s0;"""
+        for e, exponent in enumerate(exponents)
+    ]
+    return f"""
+static float sum8(const float8 v) {{
+    const float4 a = v.lo + v.hi;
+    return a.x + a.y + a.z + a.w;
+}}
+
+{KERNEL} correlate(__global float* spectrum, __global const int* filled, {targets},
+                   __global const float* across, __global const float* along,
+                   __global float* energies, const int count) {{
+    {_sheet_head(layout)}
+    float8 energy[{len(exponents)}] = {{0.0f}};
+    float dc = 0.0f;
+    {KEEP} for (int i = 0; i < {floats}; i += {16 * wide}) {{
+        const size_t at = start + i;
+        float origin;
+        correlate_columns(spectrum + (size_t)number * {volume} + at, filled + number * {n0}, {pairs}, across + at / 2,
+                          across + {n1 * layout.pitch} + at / 2, along, energy, &origin);
+        if (i == 0) dc = origin;
+    }}
+    {block(ends)}
+}}"""
+
+
+def _near_columns(n: int, stride: int, wide: int, exponent: float) -> str:
+    """The function that adds up, along columns of the correlation's spectrum, the values within 2 of a shift."""
+    store = f"""float8 tr, ti, xr, xi;
+                load_columns8(target + f * {stride} + i * 16, &tr, &ti);
+                whitened_product(tr, ti, yQr, yQi, gain * along[f], {literal(exponent)}, &xr, &xi);
+                energy += xr * xr + xi * xi;
+                if (f == 0) first[i] = xr;
+                add_near(xr, xi, roots, f, (f * shift) % {n}, (2 * f) % {n}, sum);"""
+    before = f"const float8 gain = vload8(i, across).s01452367; float8 energy = 0.0f; float8* sum = sums + i * {_SUMS};"
+    parts = f"const float8* sum = sums + i * {_SUMS};"
+    return f"""
+static inline void add_near(const float8 xr, const float8 xi, __global const float* roots, const int one,
+                            const int there, const int two, float8* sum) {{
+    const float2 turn = vload2(there, roots), a = vload2(one, roots), b = vload2(two, roots);
+    const float8 zr = xr * turn.x - xi * turn.y, zi = xr * turn.y + xi * turn.x;
+    sum[0] += zr;
+    sum[1] += zi;
+    sum[2] += zr * a.x;
+    sum[3] += zi * a.x;
+    sum[4] += zr * a.y;
+    sum[5] += zi * a.y;
+    sum[6] += zr * b.x;
+    sum[7] += zi * b.x;
+    sum[8] += zr * b.y;
+    sum[9] += zi * b.y;
+}}
+
+static inline void near_columns(__global const float* p, __global const int* filled, __global const float* target,
+                                __global const float* across, __global const float* along,
+                                __global const float* roots, const int shift, __global float* out) {{
+    float8 re[{wide * n}], im[{wide * n}], sums[{wide * _SUMS}], powers[{wide}], first[{wide}];
+    for (int i = 0; i < {wide * _SUMS}; ++i) sums[i] = 0.0f;
+    for (int i = 0; i < {wide}; ++i) powers[i] = 0.0f;
+    {forward_columns(n, stride, wide)}
+    {last_stage(n, wide, store, before, "powers[i] += energy;")}
+    for (int i = 0; i < {wide}; ++i) {{
+        {parts}
+        __global float* to = out + i * 16;
+        store_columns8(to, sum[6] + sum[9], sum[7] - sum[8]);
+        store_columns8(to + {stride}, sum[2] + sum[5], sum[3] - sum[4]);
+        store_columns8(to + {2 * stride}, sum[0], sum[1]);
+        store_columns8(to + {3 * stride}, sum[2] - sum[5], sum[3] + sum[4]);
+        store_columns8(to + {4 * stride}, sum[6] - sum[9], sum[7] + sum[8]);
+        store_columns8(to + {5 * stride}, powers[i], first[i]);
+    }}
+}}"""
+
+
+def _near(layout: Layout) -> str:
+    """The kernel of the first axis of spectrum `number` that ends in sums, (6, n1, pitch).
+
+    They are 5 shifts, then the power and X at frequency 0.
+    """
+    n0, n1, _ = layout.shape
+    wide = sheet_width(layout)
+    return f"""
+{KERNEL} near(__global const float* spectrum, __global const int* filled, __global const float* target,
+              __global const float* across, __global const float* along, __global const float* roots, const int shift,
+              const int number, __global float* out) {{
+    const size_t start = get_global_id(0) * {2 * layout.pitch * wide};
+    spectrum += (size_t)number * {2 * n0 * n1 * layout.pitch};
+    filled += number * {n0};
+    {KEEP} for (int i = 0; i < {2 * layout.pitch * wide}; i += {16 * wide}) {{
+        const size_t at = start + i;
+        near_columns(spectrum + at, filled, target + at, across + at / 2, along, roots, shift, out + at);
+    }}
+}}"""
+
+
+def _planes_with_maxima(layout: Layout) -> str:
+    """The last two axes of correlations (exponents, count, n0, n1, n2), as far as the reaches of `poses` and 1 beyond.
+
+    tops are (exponents, count, n0, n1), the maxima of the rows within the reach along them.
+    """
+    n0, n1, n2 = layout.shape
+    pitch = 2 * layout.pitch
+    return f"""
+{KERNEL} planes(__global float* volume, __global float* spectrum, __global float* tops,
+                __global const float* poses, const int count, const int first) {{
+    const int plane = get_global_id(0) % {n0}, number = get_global_id(0) / {n0};
+    const float4 reach = vload4(4, poses + (first + number % count) * 20);
+    if (min(plane, {n0} - plane) > reach.x + 1) return;
+    volume += get_global_id(0) * {n1 * n2};
+    spectrum += get_global_id(0) * {n1 * pitch};
+    tops += get_global_id(0) * {n1};
+    {KEEP} for (int i = 0; i < {16 * layout.column_blocks}; i += 16) columns_1(spectrum + i);
+    {KEEP} for (int row = 0; row < {n1}; row += 8) {{
+        if (min(row, {n1 - 7} - row) > reach.y + 1 && row) continue;
+        rows(volume + row * {n2}, spectrum + row * {pitch}, tops + row, reach.z);
+    }}
+}}"""

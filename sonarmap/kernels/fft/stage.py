@@ -1,0 +1,134 @@
+# pyright: strict
+"""Write the stages of a Fourier transform as OpenCL C.
+
+An edge of N = r1 r2 ... points is transformed by decimation in time: its elements are put in the
+digit-reversed order of `scatter`, stage s turns every group of r_s transforms of r1..r_{s-1} points into one
+of r1..r_s, in place, and the spectrum comes out in its natural order. Cooley and Tukey,
+doi:10.1090/S0025-5718-1965-0178586-1.
+"""
+
+from collections.abc import Callable
+from math import prod
+
+import numpy as np
+
+from sonarmap.kernels.device.source import literal
+from sonarmap.kernels.fft.butterfly import Butterfly
+from sonarmap.kernels.fft.edges import radices
+
+KEEP = "__attribute__((opencl_unroll_hint(1)))"  # an unrolled stage does not fit the instruction cache
+
+Access = Callable[[int, str], str]
+
+
+def stage(n: int, index: int, scalar: str, load: Access, store: Access) -> list[str]:
+    """The body of the loop over the groups of one stage.
+
+    The loop declares `at`, the position of the group's first element, and from the second stage on `k`, the
+    frequency that this element has in its transform of the stage before.
+
+    Args:
+        n: points of the edge.
+        index: which of its stages.
+        scalar: "float" or "float8", the type of a real part.
+        load: the statement that sets x<q>r and x<q>i to element q, given q and its position, an expression.
+        store: the statement that stores y<q>r and y<q>i.
+    """
+    radix, before = radices(n)[index], prod(radices(n)[:index])
+    butterfly = Butterfly(scalar)
+    x = [(f"x{q}r", f"x{q}i") for q in range(radix)]
+    lines = [f"{scalar} {', '.join(f'{re}, {im}' for re, im in x)};"]
+    lines += [load(q, f"at + {q * before}") for q in range(radix)]
+    if before > 1:
+        for q in range(1, radix):
+            entry = [f"twiddle_{n}_{index}[k * {2 * radix - 2} + {2 * q - 2 + part}]" for part in (0, 1)]
+            x[q] = butterfly.multiply(x[q], (entry[0], entry[1]))
+    y = butterfly.transform(x)
+    lines += butterfly.lines
+    lines += [f"const {scalar} y{p}r = {re}, y{p}i = {im};" for p, (re, im) in enumerate(y)]
+    return lines + [store(p, f"at + {p * before}") for p in range(radix)]
+
+
+def private_stages(n: int, begin: int, end: int, wide: int = 1, vector: str = "float8") -> str:
+    """Stages of `wide` edges, one behind the other in the private arrays re and im of this vector type."""
+    lines: list[str] = []
+    for index in range(begin, end):
+        radix, before = radices(n)[index], prod(radices(n)[:index])
+        lines += [
+            f"{KEEP} for (int group = 0; group < {wide * n}; group += {before * radix}) {{",
+            f"    {KEEP} for (int k = 0; k < {before}; ++k) {{",
+            "        const int at = group + k;",
+            f"        {block(stage(n, index, vector, from_private, to_private))}",
+            "    }",
+            "}",
+        ]
+    return "\n    ".join(lines)
+
+
+def from_private(q: int, at: str) -> str:
+    """Load element q of a stage from the private arrays."""
+    return f"x{q}r = re[{at}]; x{q}i = im[{at}];"
+
+
+def to_private(q: int, at: str) -> str:
+    """Store element q of a stage to the private arrays."""
+    return f"re[{at}] = y{q}r; im[{at}] = y{q}i;"
+
+
+def block(lines: list[str]) -> str:
+    """Statements of an indented block."""
+    return "\n        ".join(lines)
+
+
+def twiddles(n: int) -> dict[str, np.ndarray]:
+    """The tables of an edge's stages: exp(-2 pi i k q / L), k < L / r, 0 < q < r, L the length it makes."""
+    tables: dict[str, np.ndarray] = {}
+    for index in range(1, len(radices(n))):
+        radix, before = radices(n)[index], prod(radices(n)[:index])
+        turns = np.outer(np.arange(before), np.arange(1, radix)) / (before * radix)
+        tables[f"twiddle_{n}_{index}"] = interleaved(np.exp(-2j * np.pi * turns))
+    return tables
+
+
+def interleaved(values: np.ndarray) -> np.ndarray:
+    """Complex numbers as pairs of float32, flat."""
+    return np.stack([np.real(values), np.imag(values)], axis=-1).astype(np.float32).ravel()
+
+
+def positions(n: int) -> np.ndarray:
+    """(n,) int64: the position that each element of an edge takes before the first stage."""
+    remaining, weight, result = np.arange(n), n, np.zeros(n, np.int64)
+    for radix in reversed(radices(n)):
+        weight //= radix
+        result += remaining % radix * weight
+        remaining //= radix
+    return result
+
+
+def half_turns(points: int, scale: float, inverse: bool) -> np.ndarray:
+    """The table of `untangle`: v times `scale`, for k up to M / 2 and 3 beyond, where the last tile ends."""
+    turn = np.exp(-1j * np.pi * np.arange(points // 2 + 4) / points) * -0.5j * scale
+    return interleaved(turn.conj() if inverse else turn)
+
+
+def untangle(scale: float, scalar: str) -> str:
+    """The function that turns a packed row's spectrum Z into a real row's X, or X into Z.
+
+    A real row x is transformed as z[j] = x[2 j] + i x[2 j + 1], of M points. With
+    E = Z[k] + conj(Z[M - k]) and D = Z[k] - conj(Z[M - k]): X[k] = E / 2 + v D and
+    X[M - k] = conj(E / 2 - v D), where v = -i / 2 exp(-pi i k / M), k <= M / 2. The way back has the same
+    form, with v = i / 2 exp(pi i k / M).
+
+    The function replaces the numbers at k, its first two arguments, and at M - k, the next two, by what
+    becomes of them, times `scale`; v, its last two, is from `half_turns` and scaled.
+    """
+    return f"""
+static inline void untangle({scalar}* ar, {scalar}* ai, {scalar}* br, {scalar}* bi, const float vr, const float vi) {{
+    const {scalar} er = (*ar + *br) * {literal(0.5 * scale)}, ei = (*ai - *bi) * {literal(0.5 * scale)};
+    const {scalar} dr = *ar - *br, di = *ai + *bi;
+    const {scalar} tr = vr * dr - vi * di, ti = vr * di + vi * dr;
+    *ar = er + tr;
+    *ai = ei + ti;
+    *br = er - tr;
+    *bi = ti - ei;
+}}"""

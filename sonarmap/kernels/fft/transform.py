@@ -1,0 +1,147 @@
+# pyright: strict, reportUnknownMemberType=false
+"""Fourier transforms of three-dimensional arrays on a device, in single precision."""
+
+from functools import cached_property
+from typing import Any
+
+import numpy as np
+import pyopencl as cl
+import pyopencl.array as cla
+
+from sonarmap.kernels.device.device import Device
+from sonarmap.kernels.device.launch import begin_of, memory_of, output, require_array, table
+from sonarmap.kernels.errors import DeviceError
+from sonarmap.kernels.fft import cpu as fft_cpu
+from sonarmap.kernels.fft import gpu as fft_gpu
+from sonarmap.kernels.fft.edges import EDGES
+from sonarmap.kernels.fft.plan import Layout
+
+
+class _Transform:
+    """The kernels of one direction, built once."""
+
+    def __init__(self, device: Device, layout: Layout, inverse: bool) -> None:
+        plan = fft_cpu.emit(layout, inverse, column_lanes(device)) if device.is_cpu else fft_gpu.emit(layout, inverse)
+        program = device.build(plan.source, name="fft")
+        self._device = device
+        self._tables = () if plan.table is None else (table(device, plan.table),)
+        # told beforehand, PyOpenCL need not look at each argument
+        types = [None, None, np.uint64, np.uint64, *(None for _ in self._tables)]
+        self._launches = [
+            (cl.Kernel(program, step.kernel), (step.groups * step.group_size,), (step.group_size,))
+            for step in plan.passes
+        ]
+        for kernel, _, _ in self._launches:
+            kernel.set_scalar_arg_dtypes(types)
+
+    def __call__(self, *arrays: cla.Array) -> None:
+        begins = map(begin_of, arrays)
+        buffers: list[Any] = [*map(memory_of, arrays), *begins, *map(memory_of, self._tables)]
+        with self._device.explain_full_memory():
+            for kernel, size, group in self._launches:
+                kernel.set_args(*buffers)
+                cl.enqueue_nd_range_kernel(self._device.queue, kernel, size, group)
+
+
+def column_lanes(device: Device) -> int:
+    """How many numbers a vector of the first axis has: as many as a register, 8 or 16."""
+    return 16 if device.cl_device.native_vector_width_float >= 16 else 8
+
+
+def _require_groups(device: Device, layout: Layout) -> None:
+    """Refuse an edge whose work-groups the device cannot run."""
+    items = min(device.cl_device.max_work_group_size, device.cl_device.max_work_item_sizes[0])
+    local = device.cl_device.local_mem_size
+    most = max(layout.row_points, *(layout.shape[1:2] if layout.batched else layout.shape[:2]))
+    if fft_gpu.group_size(most) <= items and fft_gpu.local_bytes(most) <= local:
+        return
+    fitting = [n for n in EDGES if fft_gpu.group_size(n) <= items and fft_gpu.local_bytes(n) <= local]
+    remedy = f"Use a smaller `edge`: {fitting[-1]} points would do" if fitting else "Use another device"
+    raise DeviceError(
+        f"a Fourier transform of {most} points needs work-groups of {fft_gpu.group_size(most)} and "
+        f"{fft_gpu.local_bytes(most) / 1024:g} KiB of local memory; {device.name} has {items} and "
+        f"{local / 1024:g} KiB. {remedy}."
+    )
+
+
+class RealFFT:
+    """Real to complex transforms, over all three axes or, batched, over the last two.
+
+    Signs and scales are NumPy's (`rfftn`, `irfftn`): forward is unscaled, inverse divides by the number of
+    transformed points. Work is queued in order; nothing waits.
+
+    Attributes:
+        shape: of the real array, float32.
+        half_shape: of its spectrum, complex64, (n0, n1, `row_pitch(n2)`): [..., :n2 / 2 + 1] is valid and the
+            rest of each row padding.
+    """
+
+    def __init__(
+        self,
+        device: Device,
+        shape: tuple[int, int, int],
+        batched: bool = False,
+    ) -> None:
+        """Plan the transforms; their kernels are built when they are used first.
+
+        Args:
+            device: what to run on.
+            shape: edges; a transformed one is an even product of 2, 3 and 5 from 16 to 512.
+            batched: transform axes 1 and 2 only; axis 0 may then have any length.
+
+        Raises:
+            InputError: an edge has no transform.
+            DeviceError: the device is too small for an edge.
+        """
+        layout = Layout(shape, batched)
+        self.shape, self.half_shape = layout.shape, layout.spectrum_shape
+        if not device.is_cpu:
+            _require_groups(device, layout)
+        self._device, self._layout = device, layout
+
+    @cached_property
+    def _forward(self) -> _Transform:
+        return _Transform(self._device, self._layout, False)
+
+    @cached_property
+    def _inverse(self) -> _Transform:
+        return _Transform(self._device, self._layout, True)
+
+    def forward(self, volume: cla.Array, out: cla.Array | None = None) -> cla.Array:
+        """The half spectrum of a real array, which is left untouched.
+
+        Args:
+            volume: float32 of `shape`.
+            out: complex64 of `half_shape` to write to; None: a new one, whose first touch can take
+                longer than the transform.
+
+        Returns:
+            complex64 of `half_shape`.
+
+        Raises:
+            InputError: an array is not of that shape and type, or not in C order.
+            DeviceError: the device cannot hold the result.
+        """
+        require_array(volume, "volume", self.shape)
+        spectrum = output(self._device, out, "out", self.half_shape, np.complex64)
+        self._forward(volume, spectrum)
+        return spectrum
+
+    def inverse(self, spectrum: cla.Array, out: cla.Array | None = None) -> cla.Array:
+        """The real array of a half spectrum, which is overwritten.
+
+        Args:
+            spectrum: complex64 of `half_shape`.
+            out: float32 of `shape` to write to; None: a new one, as in `forward`.
+
+        Returns:
+            float32 of `shape`.
+
+        Raises:
+            InputError: an array is not of that shape and type, or not in C order.
+            DeviceError: the device cannot hold the result.
+        """
+        require_array(spectrum, "spectrum", self.half_shape, np.complex64)
+        volume = output(self._device, out, "out", self.shape)
+        self._inverse(volume, spectrum)
+        return volume

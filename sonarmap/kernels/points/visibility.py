@@ -1,0 +1,181 @@
+# pyright: strict, reportUnknownVariableType=false, reportUnknownMemberType=false, reportUnknownArgumentType=false
+"""Points under many poses against a range image: which agree with it, and which stand where its beams went through."""
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+from functools import cache
+
+import numpy as np
+import pyopencl.array as cla
+from pyopencl import cltypes
+
+from sonarmap.kernels.device.device import Device
+from sonarmap.kernels.device.launch import launch, require_array
+from sonarmap.kernels.device.readback import Readback
+from sonarmap.kernels.errors import InputError
+
+_LANES = 8
+_GROUP = 64
+
+
+def octahedral_cells(directions: np.ndarray, edge: int) -> np.ndarray:
+    """The cells of an octahedral map, edge x edge, that directions fall into.
+
+    The octahedron |x| + |y| + |z| = 1 unfolded to a square (Engelhardt and Dachsbacher, "Octahedron environment maps",
+    VMV 2008): no poles, and cells whose sizes differ by no more than a factor of 5.2.
+
+    Args:
+        directions: (n, 3), of any length; a zero vector counts as +z.
+        edge: cells along each side of the square.
+
+    Returns:
+        (n,) int64, numbers of cells in C order.
+
+    Raises:
+        InputError: the directions have another shape or are not finite, or there is no cell.
+    """
+    _require_places(directions, "directions")
+    if edge < 1:
+        raise InputError(f"`edge={edge}` cells are too few; give at least 1")
+    x, y, z = np.moveaxis(directions / np.maximum(np.abs(directions).sum(axis=1, keepdims=True), 1e-20), -1, 0)
+    folded_u, folded_v = (1 - np.abs(y)) * np.where(x < 0, -1, 1), (1 - np.abs(x)) * np.where(y < 0, -1, 1)
+    u, v = np.where(z < 0, folded_u, x), np.where(z < 0, folded_v, y)
+    i, j = (np.clip(((side + 1) * (0.5 * edge)).astype(np.int64), 0, edge - 1) for side in (u, v))
+    return i * edge + j
+
+
+def upload_points(device: Device, points: np.ndarray) -> tuple[cla.Array, int]:
+    """Points (n, 3) on the device for `agreement`, and how many they are: (3, n padded to a multiple of 8) float32.
+
+    Raises:
+        InputError: the points have another shape, or are not finite.
+    """
+    _require_places(points, "points")
+    padded = np.zeros((3, -(-max(len(points), 1) // _LANES) * _LANES), np.float32)
+    padded[:, : len(points)] = points.T
+    return device.to_device(padded), len(points)
+
+
+def upload_viewpoints(device: Device, places: np.ndarray) -> cla.Array:
+    """Where the sensors of k range images were (k, 3), on the device for `agreement`: (k, 4) float32.
+
+    Raises:
+        InputError: the places have another shape, or are not finite.
+    """
+    _require_places(places, "viewpoints")
+    rows = np.zeros((len(places), 4), np.float32)
+    rows[:, :3] = places
+    return device.to_device(rows)
+
+
+@dataclass(frozen=True, slots=True)
+class Way:
+    """Points of one scan, and the range images of another that they are put into.
+
+    Attributes:
+        views: device (k, edge, edge, 2) float32, nearest and farthest range of every cell of an octahedral map,
+            (inf, -inf) where nothing was seen; None for no image.
+        viewpoints: from `upload_viewpoints`, in the frame of the images' scan [any length unit]; None for no image.
+        points: from `upload_points`, in their scan's frame [the same unit].
+    """
+
+    views: cla.Array | None
+    viewpoints: cla.Array | None
+    points: tuple[cla.Array, int]
+
+
+class Agreement:
+    """How points agree with what sensors saw, on its way to the host."""
+
+    def __init__(self, counts: Readback, images: Sequence[int]) -> None:
+        """What `agreement` has queued: the counts of all jobs, and how many images each way has."""
+        self._counts, self._images = counts, images
+
+    def read(self) -> list[np.ndarray]:
+        """Of each way (k, n, tolerances, 3) int64: points that agree, that contradict, and that fall into cells where
+        something was seen."""
+        return np.split(self._counts.get().astype(np.int64), np.cumsum(self._images)[:-1])
+
+
+def agreement(
+    device: Device, ways: Sequence[Way], poses: cla.Array, tolerances: Sequence[tuple[float, float]]
+) -> Agreement:
+    """Queue how points, moved by each pose, agree with what sensors saw; one launch for all.
+
+    Args:
+        ways: one, or two with images of the same edge.
+        poses: device (n, 16) float32 as `upload_poses` makes them, which bring the first way's points to its images;
+            the second way's are brought by the inverse.
+        tolerances: one or two of (reach, slope): a range within reach + slope * range of the cell's agrees; nearer
+            contradicts, and farther is hidden. Not negative.
+
+    Raises:
+        InputError: a shape is another, or a tolerance is no such number.
+    """
+    bad = [pair for pair in tolerances if not (0 <= pair[0] < np.inf and 0 <= pair[1] < np.inf)]
+    if bad or len(tolerances) not in (1, 2) or len(ways) not in (1, 2):
+        raise InputError(f"{len(ways)} ways, `tolerances={tolerances}`; wanted one or two of each, 0 or more")
+    images, edge = [_images(way) for way in ways], _edge(ways)
+    n, _ = require_array(poses, "poses", (None, 16))
+    counts = device.empty((sum(images), n, len(tolerances), 3), np.int32)
+    if counts.size:
+        _launch(device, ways, images, edge, poses, tolerances, counts)
+    return Agreement(Readback(device, counts), images)
+
+
+def _launch(
+    device: Device,
+    ways: Sequence[Way],
+    images: Sequence[int],
+    edge: int,
+    poses: cla.Array,
+    tolerances: Sequence[tuple[float, float]],
+    counts: cla.Array,
+) -> None:
+    first, second, n = ways[0], ways[-1], len(poses)
+    # a way without an image has no job, but an argument
+    any_way = next(way for way in ways if way.views is not None)
+    seeing = [any_way if way.views is None else way for way in (first, second)]
+    arrays = [array for way in seeing for array in (way.views, way.viewpoints) if array is not None]
+    sizes = [np.int32(number) for way in (first, second) for number in (way.points[0].shape[1], way.points[1])]
+    both = _float4(*tolerances[0], *tolerances[-1])
+    cpu = device.is_cpu
+    launch(
+        device, "points/visibility", "agreement", (n, sum(images)) if cpu else (_GROUP, n, sum(images)),
+        *arrays, first.points[0], second.points[0], poses, counts, np.int32(images[0]), *sizes, both,
+        group=None if cpu else (_GROUP, 1, 1), EDGE=edge, TOLERANCES=len(tolerances), CPU=int(cpu),
+    )  # fmt: skip
+
+
+@cache
+def _float4(x: float, y: float, z: float, w: float) -> np.void:
+    """A kernel argument; PyOpenCL takes as long to make it as to launch a kernel."""
+    return cltypes.make_float4(x, y, z, w)  # pyright: ignore[reportAttributeAccessIssue]
+
+
+def _images(way: Way) -> int:
+    """How many images a way has, once all its shapes are right."""
+    moved, valid = way.points
+    _, count = require_array(moved, "points", (3, None))
+    if count % _LANES or not 0 <= valid <= count:
+        raise InputError(f"`points` are {valid} of {count}; wanted points as upload_points makes them")
+    if way.views is None:
+        return 0
+    if way.viewpoints is None:
+        raise InputError("range images have no `viewpoints`; give a place for each")
+    require_array(way.viewpoints, "viewpoints", (len(way.views), 4))
+    return len(way.views)
+
+
+def _edge(ways: Sequence[Way]) -> int:
+    """The edge of all images."""
+    edges = {way.views.shape[1] for way in ways if way.views is not None}
+    for way in ways:
+        if way.views is not None:
+            require_array(way.views, "views", (None, *2 * (min(edges),), 2))
+    return min(edges, default=0)
+
+
+def _require_places(places: np.ndarray, what: str) -> None:
+    if places.ndim != 2 or places.shape[1] != 3 or not np.isfinite(places).all():
+        raise InputError(f"`{what}` have shape {places.shape}; wanted (n, 3), all of it finite numbers")

@@ -1,0 +1,82 @@
+# pyright: strict
+"""Points to a volume: each voxel holds the largest weight of its points."""
+
+import numpy as np
+import pyopencl.array as cla
+
+from sonarmap.kernels.device.device import Device
+from sonarmap.kernels.device.groups import POINTS
+from sonarmap.kernels.device.launch import affine, launch, output, require_array, zero
+from sonarmap.kernels.errors import InputError
+
+_GROUP = POINTS
+
+
+def voxelize(
+    device: Device,
+    points: cla.Array,
+    edge: int,
+    R: np.ndarray | None = None,
+    offset: np.ndarray | None = None,
+    out: cla.Array | None = None,
+) -> cla.Array:
+    """The volume of points, moved by R and the offset on their way (Sect. 2.1 of the paper for weight 1).
+
+    A point p goes to the voxel floor(R p + offset + edge/2 + 0.5); points outside are dropped.
+
+    Args:
+        points: (n, 4) float32: x, y, z relative to the grid's center [voxels], then a weight: 1 for the
+            paper's occupancy, or the echo strength. Points with a weight of 0 or less are dropped.
+        edge: voxels along each axis.
+        R: (3, 3) rotation of the points; None for none.
+        offset: (3,) shift after the rotation [voxels]; None for none.
+        out: (edge, edge, edge) float32 to write to.
+
+    Returns:
+        (edge, edge, edge) float32, 0 where there is no point; independent of the order of the points.
+
+    Raises:
+        InputError: the points, R, the offset or out have another shape or dtype.
+    """
+    if edge < 2 or edge % 2:
+        raise InputError(f"`edge={edge}` voxels; wanted an even number")
+    count, _ = require_array(points, "points", (None, 4))
+    shift = np.zeros(3) if offset is None else np.asarray(offset, np.float64)
+    pose = affine(R, shift + (edge / 2 + 0.5))
+    volume = output(device, out, "out", (edge, edge, edge))
+    zero(device, volume)
+    if count:
+        size, group = (-(-count // _GROUP) * _GROUP,), (_GROUP,)
+        arguments = points, volume, np.int32(count), pose
+        launch(device, "points/voxelize", "voxelize", size, *arguments, group=group, EDGE=edge)
+    return volume
+
+
+def voxelize_poses(
+    device: Device,
+    points: cla.Array,
+    volumes: cla.Array,
+    marks: cla.Array,
+    poses: cla.Array,
+    first: int = 0,
+) -> None:
+    """Voxelize the points under several poses at once, as `voxelize` does, into volumes that are empty.
+
+    Args:
+        points: (n, 4) float32, as in `voxelize`.
+        volumes: (count, edge, edge, edge) float32, 0 everywhere.
+        marks: (count, edge^2 / 8, rounded up) int32: 1 is written for every 8 rows of which any holds a point.
+        poses: (m, 20) float32, m at least first + count: `affine_rows` of R and the offset + edge/2 + 0.5, and 4 more.
+        first: the first volume's pose.
+
+    Raises:
+        InputError: an array has another shape or dtype.
+    """
+    points_count, _ = require_array(points, "points", (None, 4))
+    count, edge, _, _ = require_array(volumes, "volumes", (None, None, None, None))
+    require_array(marks, "marks", (count, -(-(edge**2) // 8)), np.int32)
+    require_array(poses, "poses", (None, 20))
+    if points_count:
+        size = -(-points_count // _GROUP) * _GROUP, count
+        arguments = points, volumes, marks, poses, np.int32(points_count), np.int32(first)
+        launch(device, "points/voxelize", "voxelize_poses", size, *arguments, group=(_GROUP, 1), EDGE=edge)

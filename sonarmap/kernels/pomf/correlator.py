@@ -1,0 +1,173 @@
+# pyright: strict, reportUnknownMemberType=false
+"""Points under several poses, correlated with a target at once: the highest peaks, or what lies near a shift."""
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+import numpy as np
+import pyopencl.array as cla
+
+from sonarmap.kernels.device.device import Device
+from sonarmap.kernels.device.launch import affine_rows, require_array, zero
+from sonarmap.kernels.device.readback import Readback
+from sonarmap.kernels.errors import InputError
+from sonarmap.kernels.fft.edges import row_pitch
+from sonarmap.kernels.points.voxelize import voxelize_poses
+from sonarmap.kernels.pomf.choose import Chooser
+from sonarmap.kernels.pomf.near import SUMS, NearShifts
+from sonarmap.kernels.pomf.passes import make_passes
+from sonarmap.kernels.pomf.peak import find_peaks
+from sonarmap.kernels.pomf.peak_fit import Peak
+
+# So many voxels, in so many volumes, are worked on at once: few enough for a processor's cache.
+_VOXELS, _MOST = 2**19, 8
+
+
+def at_once(edge: int) -> int:
+    """How many poses are best worked on at once on a grid."""
+    return min(_MOST, max(1, _VOXELS // edge**3))
+
+
+@dataclass(frozen=True, slots=True)
+class Pose:
+    """How points are moved before they are put into voxels, and which peaks count then.
+
+    Attributes:
+        R: (3, 3) rotation.
+        offset: (3,) shift after it [voxels], or None.
+        limits: (3,) largest absolute cyclic shift of a peak's voxel [voxels], or None for any.
+    """
+
+    R: np.ndarray
+    offset: np.ndarray | None = None
+    limits: np.ndarray | None = None
+
+
+class Correlator:
+    """Phase-only matched filtering (Sect. 2.1 of the paper) of a target with points under any number of poses.
+
+    A correlation peaks at the shift s (cyclic) with target(x) = source(x - s). Its spectrum is the target's times the
+    conjugate of the source's whitened one, times a Gaussian. All of a call's work is queued, then read at once.
+    """
+
+    def __init__(
+        self,
+        device: Device,
+        edge: int,
+        blur: float,
+        exponents: tuple[float, ...] = (1.0,),
+        most: int = 1,
+    ) -> None:
+        """Plan the transforms and take the memory: (4 + 8 exponents) bytes for a voxel and pose, about.
+
+        Args:
+            edge: of the volumes [voxels].
+            blur: standard deviation of the Gaussian that correlations are convolved with [voxels].
+            exponents: of the whitening, one correlation for each.
+            most: so many poses are worked on at once.
+
+        Raises:
+            InputError: the FFT takes no such edge, or the blur is negative.
+            DeviceError: the device cannot hold the volumes.
+        """
+        self.device, self.edge, self.exponents, self.most = device, edge, exponents, most
+        cubes = most * len(exponents)
+        self._volumes = device.empty((most, edge, edge, edge))
+        self._marks = device.empty((most, -(-(edge**2) // 8)), np.int32)
+        self._spectra = device.empty((cubes, edge, edge, row_pitch(edge)), np.complex64)
+        self._correlations = device.empty((cubes, edge, edge, edge))
+        self._passes = make_passes(device, edge, blur, exponents, most)
+        self._tops = device.empty((cubes, edge, edge))
+        self._energies = device.empty((cubes, self._passes.parts + 1))
+        self._chooser = Chooser(device, edge, cubes, self._passes.parts, self._passes.clears)
+        self._sums = device.empty((most, 6, edge, row_pitch(edge)), np.complex64)
+        self._clean = False
+
+    def find(
+        self, points: cla.Array, poses: Sequence[Pose], targets: Sequence[cla.Array], count: int, separation: float
+    ) -> list[list[list[Peak]]]:
+        """For each pose and exponent the highest peaks, as `find_peaks` finds them in the correlation.
+
+        Args:
+            points: (n, 4) float32, as `voxelize` takes them.
+            targets: for each exponent the whitened spectrum (edge, edge, `row_pitch(edge)`) complex64.
+            count, separation: as `find_peaks` takes them.
+
+        Raises:
+            InputError: an argument is not as above, or a correlation is not finite.
+        """
+        if count < 1 or separation < 0:
+            raise InputError(f"`count={count}`, `separation={separation}`; wanted at least 1 and 0")
+        rows = self._upload(poses)
+        out = self._chooser.output(len(poses), len(self.exponents), count)
+        for first in range(0, len(poses), self.most):
+            now = min(self.most, len(poses) - first)
+            self._correlate(points, rows, first, now, targets)
+            arrays = self._correlations, self._tops, self._energies, rows
+            self._chooser.choose(*arrays, separation, (now, first), out)
+        peaks, hidden = self._chooser.read(out)
+        for n, e in hidden:
+            correlation = self.correlations(points, poses[n], targets)[e]
+            reach = poses[n].limits
+            limits = None if reach is None else (float(reach[0]), float(reach[1]), float(reach[2]))
+            peaks[n][e] = find_peaks(self.device, correlation, count, separation, limits)
+        return peaks
+
+    def near(
+        self, points: cla.Array, poses: Sequence[Pose], targets: Sequence[cla.Array], shifts: np.ndarray
+    ) -> NearShifts:
+        """What each pose's correlation with the first exponent holds near a shift; nothing is read yet.
+
+        Args:
+            points, targets: as in `find`; the poses' limits do not count.
+            shifts: (poses, 3) int64 [voxels], cyclic.
+
+        Raises:
+            InputError: an argument is not as above.
+        """
+        rows, half = self._upload(poses), row_pitch(self.edge)
+        require_array(targets[0], "target", (self.edge, self.edge, half), np.complex64)
+        out = self.device.empty((len(poses), SUMS, half), np.complex64)
+        places = np.asarray(shifts) % self.edge
+        for first in range(0, len(poses), self.most):
+            now = min(self.most, len(poses) - first)
+            self._voxelize(points, rows, first, now)
+            for n in range(now):
+                self._passes.near(self._spectra, n, targets[0], places[first + n], self._sums, out, first + n)
+        return NearShifts(self.edge, places, Readback(self.device, out))
+
+    def correlations(self, points: cla.Array, pose: Pose, targets: Sequence[cla.Array]) -> list[cla.Array]:
+        """For each exponent the correlation (edge, edge, edge) float32; the arrays are used again by the next call."""
+        self._correlate(points, self._upload([Pose(pose.R, pose.offset)]), 0, 1, targets)
+        return [self._correlations[e] for e in range(len(self.exponents))]
+
+    def _upload(self, poses: Sequence[Pose]) -> cla.Array:
+        """(m, 20) float32, as voxelize.cl and choose.cl take them."""
+        rows = np.zeros((len(poses), 20), np.float32)
+        for row, pose in zip(rows, poses, strict=True):
+            shift = np.zeros(3) if pose.offset is None else np.asarray(pose.offset, np.float64)
+            row[:16] = affine_rows(pose.R, shift + (self.edge / 2 + 0.5)).ravel()
+            row[16:19] = self.edge if pose.limits is None else np.floor(np.minimum(pose.limits, self.edge))
+        return self.device.to_device(rows)
+
+    def _voxelize(self, points: cla.Array, rows: cla.Array, first: int, now: int) -> None:
+        """Queue the transforms of the points under some poses, all but the first axis where the passes are fused."""
+        if not self._clean:
+            zero(self.device, self._volumes)
+            self._marks.fill(0)
+        self._clean = False
+        voxelize_poses(self.device, points, self._volumes[:now], self._marks[:now], rows, first)
+        self._passes.forward(self._volumes, self._marks, self._spectra, now)
+        self._clean = self._passes.clears
+
+    def _correlate(
+        self, points: cla.Array, rows: cla.Array, first: int, now: int, targets: Sequence[cla.Array]
+    ) -> None:
+        half = row_pitch(self.edge)
+        if len(targets) != len(self.exponents):
+            raise InputError(f"{len(targets)} targets for {len(self.exponents)} exponents; give one for each")
+        for target in targets:
+            require_array(target, "target", (self.edge, self.edge, half), np.complex64)
+        self._voxelize(points, rows, first, now)
+        self._passes.correlate(self._spectra, targets, self._energies, now)
+        self._passes.inverse(self._correlations, self._spectra, self._tops, rows, now, first)

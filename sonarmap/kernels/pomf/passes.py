@@ -1,0 +1,211 @@
+# pyright: strict, reportUnknownMemberType=false
+"""The passes of a correlation from sparse volumes to rows with their maxima, fused on a processor, else one by one.
+
+Arrays: volumes (count, n, n, n) float32 with marks (count, n^2 / 8) int32, as `voxelize_poses` fills them; spectra
+(exponents, count, n, n, `row_pitch(n)`) complex64, of which `forward` fills the first exponent's;
+correlations likewise.
+"""
+
+from collections.abc import Sequence
+from typing import Protocol
+
+import numpy as np
+import pyopencl as cl
+import pyopencl.array as cla
+
+from sonarmap.kernels.device.device import Device
+from sonarmap.kernels.device.launch import enqueue, launch, table
+from sonarmap.kernels.fft import fused
+from sonarmap.kernels.fft.edges import row_pitch
+from sonarmap.kernels.fft.plan import Layout
+from sonarmap.kernels.fft.sparse import emit_planes, sheet_width
+from sonarmap.kernels.fft.transform import RealFFT
+from sonarmap.kernels.pomf.spectrum import full_gain, half_gain, half_weights
+
+_WIDTH = 64
+
+
+class Passes(Protocol):
+    """What a `Correlator` launches.
+
+    Attributes:
+        parts: numbers whose sum is a correlation's power; energies are (exponents, count, parts + 1).
+        clears: whether `forward` leaves the volumes and the marks empty.
+    """
+
+    parts: int
+    clears: bool
+
+    def forward(self, volumes: cla.Array, marks: cla.Array, spectra: cla.Array, count: int) -> None:
+        """Transform the volumes; where the passes are fused, their first axis is left to the next one."""
+        ...
+
+    def correlate(self, spectra: cla.Array, targets: Sequence[cla.Array], energies: cla.Array, count: int) -> None:
+        """Whiten, multiply by the targets and the gains; where the passes are fused, transform the first axis back."""
+        ...
+
+    def inverse(
+        self, correlations: cla.Array, spectra: cla.Array, tops: cla.Array, poses: cla.Array, count: int, first: int
+    ) -> None:
+        """Transform back what the poses' reaches need, and note the rows' maxima."""
+        ...
+
+    def near(
+        self,
+        spectra: cla.Array,
+        number: int,
+        target: cla.Array,
+        place: np.ndarray,
+        sums: cla.Array,
+        out: cla.Array,
+        index: int,
+    ) -> None:
+        """Of one spectrum from `forward`, the sums near a voxel (3,) of the correlation, to out[index]; see near.cl."""
+        ...
+
+
+def make_passes(device: Device, edge: int, blur: float, exponents: tuple[float, ...], most: int) -> "Passes":
+    """The passes that suit the device, for `most` volumes at once; fused ones take whole blocks of 8 rows only."""
+    if device.is_cpu and edge % 8 == 0:
+        return FusedPasses(device, edge, blur, exponents, most)
+    return SinglePasses(device, edge, blur, exponents)
+
+
+class _Tables:
+    """Gains, weights and roots on the device."""
+
+    def __init__(self, device: Device, edge: int, blur: float) -> None:
+        along = full_gain(edge, blur)
+        across = along[:, None] * half_gain(edge, blur)
+        weights = np.broadcast_to(half_weights(edge), across.shape)
+        turns = 2j * np.pi * np.arange(edge) / edge
+        self.across = table(device, np.stack([across, weights]).astype(np.float32))
+        self.along, self.roots = table(device, along), table(device, np.exp(turns).astype(np.complex64))
+
+
+class FusedPasses:
+    """For processors: a work-item per plane or sheet; see `kernels.fft.fused`."""
+
+    clears = True
+
+    def __init__(self, device: Device, edge: int, blur: float, exponents: tuple[float, ...], most: int) -> None:
+        """Build the kernels, for `most` volumes at once."""
+        layout = Layout((edge, edge, edge))
+        self._device, self._edge, self._pitch, self._exponents = device, edge, layout.pitch, len(exponents)
+        self.parts = edge // sheet_width(layout)
+        self._tables = _Tables(device, edge, blur)
+        # which planes of the volumes hold points
+        self._filled = device.empty((most, edge), np.int32)
+        forward = device.build(fused.emit_forward(layout, exponents), name="fused")
+        back = device.build(fused.emit_inverse(layout), name="fused")
+        self._planes = cl.Kernel(device.build(emit_planes(layout), name="sparse"), "planes")
+        self._correlate, self._near = cl.Kernel(forward, "correlate"), cl.Kernel(forward, "near")
+        self._back = cl.Kernel(back, "planes")
+
+    def forward(self, volumes: cla.Array, marks: cla.Array, spectra: cla.Array, count: int) -> None:
+        """As `Passes` says."""
+        self._launch(self._planes, count * self._edge, volumes, marks, self._filled, spectra)
+
+    def correlate(self, spectra: cla.Array, targets: Sequence[cla.Array], energies: cla.Array, count: int) -> None:
+        """As `Passes` says."""
+        tables = self._tables.across, self._tables.along
+        arrays = spectra, self._filled, *targets, *tables, energies
+        self._launch(self._correlate, count * self.parts, *arrays, np.int32(count))
+
+    def inverse(
+        self, correlations: cla.Array, spectra: cla.Array, tops: cla.Array, poses: cla.Array, count: int, first: int
+    ) -> None:
+        """As `Passes` says."""
+        planes = count * self._edge * self._exponents
+        self._launch(self._back, planes, correlations, spectra, tops, poses, np.int32(count), np.int32(first))
+
+    def near(
+        self,
+        spectra: cla.Array,
+        number: int,
+        target: cla.Array,
+        place: np.ndarray,
+        sums: cla.Array,
+        out: cla.Array,
+        index: int,
+    ) -> None:
+        """As `Passes` says."""
+        tables = self._tables.across, self._tables.along, self._tables.roots
+        arrays = spectra, self._filled, target, *tables
+        self._launch(self._near, self.parts, *arrays, np.int32(place[0]), np.int32(number), sums)
+        numbers = np.int32(place[1]), np.int32(self._edge), np.int32(self._pitch), np.int32(index)
+        launch(
+            self._device, "pomf/near", "sum_rows", (self._pitch // 8, 6), sums, self._tables.roots, out, *numbers,
+            LANES=8,
+        )  # fmt: skip
+
+    def _launch(self, kernel: cl.Kernel, items: int, *arguments: cla.Array | np.generic) -> None:
+        enqueue(self._device, kernel, (items,), *arguments, group=(1,))
+
+
+class SinglePasses:
+    """For graphics processors: a work-item per number or column, neighbors beside each other in memory."""
+
+    clears = False
+
+    def __init__(self, device: Device, edge: int, blur: float, exponents: tuple[float, ...]) -> None:
+        """Build the kernels."""
+        self._device, self._edge, self._pitch, self._exponents = device, edge, row_pitch(edge), exponents
+        self.parts = edge * edge
+        self._tables = _Tables(device, edge, blur)
+        self._fft = RealFFT(device, (edge, edge, edge))
+
+    def forward(self, volumes: cla.Array, marks: cla.Array, spectra: cla.Array, count: int) -> None:
+        """As `Passes` says."""
+        for n in range(count):
+            self._fft.forward(volumes[n], out=spectra[n])
+
+    def correlate(self, spectra: cla.Array, targets: Sequence[cla.Array], energies: cla.Array, count: int) -> None:
+        """As `Passes` says."""
+        tables = self._tables.across, self._tables.along
+        # the source's spectrum is overwritten by the first exponent's product
+        for e in reversed(range(len(self._exponents))):
+            for n in range(count):
+                arrays = spectra, targets[e], spectra, *tables, energies
+                numbers = np.int32(self._edge), np.int32(self._pitch), np.float32(self._exponents[e])
+                launch(
+                    self._device, "pomf/product", "product", (self._edge**2 * _WIDTH,), *arrays, *numbers,
+                    np.int32(n), np.int32(e * count + n), group=(_WIDTH,), WIDTH=_WIDTH,
+                )  # fmt: skip
+
+    def inverse(
+        self, correlations: cla.Array, spectra: cla.Array, tops: cla.Array, poses: cla.Array, count: int, first: int
+    ) -> None:
+        """As `Passes` says."""
+        cubes, edge = len(self._exponents) * count, self._edge
+        for c in range(cubes):
+            self._fft.inverse(spectra[c], out=correlations[c])
+        launch(
+            self._device, "pomf/choose", "row_maxima", (cubes * edge**2 * _WIDTH,), correlations, tops, poses,
+            np.int32(count), np.int32(first), group=(_WIDTH,),
+            IMAGES=edge, HEIGHT=edge, LENGTH=edge, WIDTH=_WIDTH,
+        )  # fmt: skip
+
+    def near(
+        self,
+        spectra: cla.Array,
+        number: int,
+        target: cla.Array,
+        place: np.ndarray,
+        sums: cla.Array,
+        out: cla.Array,
+        index: int,
+    ) -> None:
+        """As `Passes` says."""
+        tables, edge, columns = self._tables, np.int32(self._edge), self._edge * self._pitch
+        groups = -(-columns // _WIDTH)
+        launch(
+            self._device, "pomf/near", "sum_columns", (groups * _WIDTH,), spectra, target, tables.across,
+            tables.along, tables.roots, np.int32(place[0]), sums, edge, np.int32(columns),
+            np.float32(self._exponents[0]), np.int32(number), group=(_WIDTH,), LANES=1,
+        )  # fmt: skip
+        numbers = np.int32(place[1]), edge, np.int32(self._pitch), np.int32(index)
+        size = -(-self._pitch // _WIDTH) * _WIDTH, 6
+        launch(
+            self._device, "pomf/near", "sum_rows", size, sums, tables.roots, out, *numbers, group=(_WIDTH, 1), LANES=1
+        )  # fmt: skip

@@ -1,0 +1,163 @@
+# pyright: strict, reportUnknownMemberType=false
+"""The highest peaks of a correlation, their neighborhoods, and how far they stand above the rest."""
+
+from typing import Any
+
+import numpy as np
+import pyopencl as cl
+import pyopencl.array as cla
+
+from sonarmap.kernels.device.device import Device
+from sonarmap.kernels.device.launch import begin_of, launch, memory_of, require_array
+from sonarmap.kernels.errors import InputError
+from sonarmap.kernels.pomf.peak_fit import Peak, fit_peaks, signed
+
+__all__ = ["Peak", "find_peaks"]
+
+_ROWS_TOGETHER = 16
+NOT_FINITE = "the correlation holds numbers that are not finite; look at the volumes that went in"
+
+
+def find_peaks(
+    device: Device,
+    correlation: cla.Array,
+    count: int = 1,
+    separation: float = 3,
+    limits: tuple[float | None, float | None, float | None] | None = None,
+) -> list[Peak]:
+    """The highest local maxima of a correlation, highest first.
+
+    A peak is a voxel that none of its 26 cyclic neighbors exceeds; of two not separated the higher stays.
+    Its sub-voxel offset is that of the Gaussian through the three values along each axis; neighbors below
+    5 % of the peak count as 5 %, which serves the negative sidelobes of an unblurred correlation too.
+
+    Args:
+        correlation: (n0, n1, n2) float32; a slice may begin anywhere in its memory.
+        count: how many peaks to look for.
+        separation: the cyclic distance of two peaks is above this along at least one axis [voxels].
+        limits: largest absolute cyclic shift of a peak's voxel along each axis [voxels]; None: any.
+            A maximum that only the limit makes, on a slope, is no peak.
+
+    Returns:
+        At most count peaks; fewer where there are no more.
+
+    Raises:
+        InputError: an argument is not as above, or the correlation is not finite.
+    """
+    shape = require_array(correlation, "correlation", (None, None, None))
+    if count < 1 or separation < 0:
+        raise InputError(f"`count={count}`, `separation={separation}`; wanted at least 1 and 0")
+    reach = _reach(shape, limits)
+    tops, mean, std = _statistics(device, correlation, reach[2])
+    allowed = _allowed_rows(shape, reach)
+    if allowed is not None:
+        tops = np.where(allowed, tops, -np.inf)
+    most, rows_at_once = len(tops) if allowed is None else int(np.count_nonzero(allowed)), 8 * count
+    while True:
+        chosen, bound = _highest_rows(tops, min(rows_at_once, most))
+        # a maximum below the best row that was not looked at may be beaten from there
+        index, cubes = _local_maxima(device, correlation, chosen, reach[2], bound)
+        kept = _suppress(index, cubes[:, 1, 1, 1], shape, count, separation)
+        if len(kept) == count or np.isneginf(bound):
+            return fit_peaks(index[kept], cubes[kept], shape, mean, std)
+        rows_at_once *= 4
+
+
+def _reach(shape: tuple[int, ...], limits: tuple[float | None, ...] | None) -> list[int]:
+    """The largest absolute shift along each axis, in whole voxels."""
+    limits = (None, None, None) if limits is None else limits
+    if len(limits) != 3 or any(limit is not None and not limit >= 0 for limit in limits):
+        raise InputError(f"`limits` are {limits}; wanted three numbers of voxels, 0 or more, or None")
+    return [n if limit is None else min(n, int(limit)) for n, limit in zip(shape, limits, strict=True)]
+
+
+def _statistics(device: Device, correlation: cla.Array, reach: int) -> tuple[np.ndarray, float, float]:
+    """The maximum of every row, within the reach along it; mean and standard deviation of all."""
+    rows, length = correlation.size // correlation.shape[2], correlation.shape[2]
+    parts = device.empty((3, rows))
+    # several rows an item where an item is a work-group, which costs as much as a short row
+    together = _ROWS_TOGETHER if device.is_cpu else 1
+    launch(
+        device, "pomf/peak", "row_statistics", (-(-rows // together),),
+        memory_of(correlation), parts, np.int32(rows), np.int32(reach), begin_of(correlation),
+        LENGTH=length, ROWS=together,
+    )  # fmt: skip
+    tops, row_means, row_squares = parts.get()
+    row_means = row_means.astype(np.float64)
+    mean = row_means.mean()
+    with np.errstate(invalid="ignore"):
+        total = row_squares.sum(dtype=np.float64) + length * np.square(row_means - mean).sum()
+    std = np.sqrt(total / correlation.size)
+    if not np.isfinite(std):
+        raise InputError(NOT_FINITE)
+    return tops, float(mean), float(std)
+
+
+def _allowed_rows(shape: tuple[int, ...], reach: list[int]) -> np.ndarray | None:
+    """(n0 n1,) bool: rows within the reach along axes 0 and 1; None where all are."""
+    if 2 * reach[0] >= shape[0] and 2 * reach[1] >= shape[1]:
+        return None
+    first, second = (np.abs(signed(np.arange(n), n)) <= r for n, r in zip(shape[:2], reach[:2], strict=True))
+    return (first[:, None] & second[None, :]).ravel()
+
+
+def _highest_rows(tops: np.ndarray, count: int) -> tuple[np.ndarray, float]:
+    """The rows with the highest maxima, in no order, and the highest maximum of the others, -inf without others."""
+    others = len(tops) - count
+    if not others:
+        return np.arange(count), -np.inf
+    order = np.argpartition(tops, others - 1)
+    return order[others:], float(tops[order[others - 1]])
+
+
+def _local_maxima(
+    device: Device, correlation: cla.Array, rows: np.ndarray, reach: int, bound: float
+) -> tuple[np.ndarray, np.ndarray]:
+    """The local maxima in some rows that reach the bound: index (m, 3) and neighborhood (m, 3, 3, 3)."""
+    n0, n1, n2 = correlation.shape
+    i, j = rows[:, None, None] // n1, rows[:, None, None] % n1
+    around = (i + np.array([-1, 0, 1])[:, None]) % n0 * n1 + (j + np.array([-1, 0, 1])) % n1
+    block = _rows(device, correlation, around)
+    # few reach the bound: only their neighbors are looked at
+    high = block[:, 1, 1] >= bound
+    if 2 * reach < n2:
+        high &= np.abs(signed(np.arange(n2), n2)) <= reach
+    row, column = np.nonzero(high)
+    cubes = np.stack([block[row, :, :, (column + step) % n2] for step in (-1, 0, 1)], axis=-1)
+    peaks = np.flatnonzero(cubes[:, 1, 1, 1] >= cubes.max(axis=(1, 2, 3)))
+    row, column = row[peaks], column[peaks]
+    return np.column_stack([rows[row] // n1, rows[row] % n1, column]), cubes[peaks]
+
+
+def _rows(device: Device, correlation: cla.Array, rows: np.ndarray) -> np.ndarray:
+    """Rows of the correlation, by number: (*rows.shape, n2) float32."""
+    length = correlation.shape[2]
+    if device.is_cpu:
+        # its memory is the host's: to wait for one command costs less than to wait for three
+        mapped: Any = correlation.map_to_host(flags=cl.map_flags.READ)
+        with mapped.base:
+            return mapped.reshape(-1, length)[rows]
+    gathered = device.empty((rows.size, length))
+    wanted = device.to_device(rows.astype(np.int32).ravel())
+    whole, begin = memory_of(correlation), begin_of(correlation)
+    launch(device, "pomf/peak", "gather_rows", (rows.size,), whole, wanted, gathered, begin, LENGTH=length)
+    return gathered.get().reshape(*rows.shape, length)
+
+
+def _suppress(
+    index: np.ndarray, values: np.ndarray, shape: tuple[int, ...], count: int, separation: float
+) -> list[int]:
+    """Which maxima stay, highest first: those not close to a higher one."""
+    kept: list[int] = []
+    # equal values come in the order of their voxels, whatever the order of the rows was
+    order = np.lexsort((index[:, 2], index[:, 1], index[:, 0], -values))
+    free = np.ones(len(order), bool)
+    for n in order:
+        if not free[n]:
+            continue
+        kept.append(int(n))
+        if len(kept) == count:
+            break
+        distance = np.abs(index - index[n])
+        free &= np.minimum(distance, np.array(shape) - distance).max(axis=1) > separation
+    return kept

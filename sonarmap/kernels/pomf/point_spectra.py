@@ -1,0 +1,130 @@
+# pyright: strict, reportUnknownMemberType=false
+"""Points to the whitened spectra of their volume, and to its magnitudes: what preparing a scan begins with."""
+
+from collections.abc import Sequence
+
+import numpy as np
+import pyopencl as cl
+import pyopencl.array as cla
+
+from sonarmap.kernels.device.device import Device
+from sonarmap.kernels.device.launch import affine_rows, enqueue, require_array, table, zero
+from sonarmap.kernels.errors import InputError
+from sonarmap.kernels.fft.edges import row_pitch
+from sonarmap.kernels.fft.plan import Layout
+from sonarmap.kernels.fft.sparse import emit_planes, sheet_width
+from sonarmap.kernels.fft.spectra import emit_spectra
+from sonarmap.kernels.fft.transform import RealFFT, column_lanes
+from sonarmap.kernels.points.voxelize import voxelize, voxelize_poses
+from sonarmap.kernels.pomf.spectrum import magnitude, whiten
+
+
+class PointSpectra:
+    """The way from points to spectra, planned once; on a processor rows without points are passed over.
+
+    Attributes:
+        exponents: of the whitening, a spectrum for each.
+    """
+
+    def __init__(
+        self, device: Device, edge: int, exponents: tuple[float, ...] = (1.0,), magnitudes: bool = False
+    ) -> None:
+        """Build the kernels and take the volume.
+
+        Args:
+            edge: of the volume [voxels].
+            exponents: as `whiten` takes them.
+            magnitudes: whether `transform` is given an array for them.
+
+        Raises:
+            InputError: the FFT takes no such edge.
+            DeviceError: the device cannot hold the volume.
+        """
+        self._device, self._edge, self.exponents, self._with_magnitudes = device, edge, exponents, magnitudes
+        self._volume = device.empty((1, edge, edge, edge))
+        # the fused passes take whole blocks of 8 rows only
+        self._sparse = _SparsePasses(device, edge, exponents, magnitudes) if device.is_cpu and edge % 8 == 0 else None
+        self._fft = RealFFT(device, (edge, edge, edge)) if self._sparse is None else None
+
+    def transform(
+        self,
+        points: cla.Array,
+        out: Sequence[cla.Array],
+        magnitudes: cla.Array | None = None,
+        farthest: float = np.inf,
+    ) -> None:
+        """Queue the transform of the points' volume.
+
+        Args:
+            points: (n, 4) float32, as `voxelize` takes them.
+            out: for each exponent (edge, edge, `row_pitch(edge)`) complex64, to be filled with the whitened half
+                spectrum.
+            magnitudes: (edge, edge, edge/2 + 1) float32, to be filled as `magnitude` does; only where planned.
+            farthest: magnitudes farther than this from frequency 0 are not needed [bins].
+
+        Raises:
+            InputError: an array is another, or is missing.
+        """
+        edge = self._edge
+        if len(out) != len(self.exponents) or (magnitudes is not None) != self._with_magnitudes:
+            raise InputError(
+                f"{len(out)} spectra for {len(self.exponents)} exponents, magnitudes {magnitudes is not None}; wanted "
+                f"one for each, and magnitudes {self._with_magnitudes}"
+            )
+        for array in out:
+            require_array(array, "out", (edge, edge, row_pitch(edge)), np.complex64)
+        if magnitudes is not None:
+            require_array(magnitudes, "magnitudes", (edge, edge, edge // 2 + 1))
+        if self._sparse is not None:
+            self._sparse.transform(points, self._volume, out, magnitudes, farthest)
+        else:
+            self._transform_whole(points, out, magnitudes)
+
+    def _transform_whole(self, points: cla.Array, out: Sequence[cla.Array], magnitudes: cla.Array | None) -> None:
+        """Pass by pass, all rows of the volume."""
+        assert self._fft is not None
+        spectrum = self._fft.forward(voxelize(self._device, points, self._edge, out=self._volume[0]), out=out[0])
+        if magnitudes is not None:
+            magnitude(self._device, spectrum, self._edge, out=magnitudes)
+        # the first takes the spectrum's place
+        for exponent, whitened in reversed(list(zip(self.exponents, out, strict=True))):
+            whiten(self._device, spectrum, exponent, out=whitened)
+
+
+class _SparsePasses:
+    """For processors: a work-item per plane or sheet; see `kernels.fft.spectra`."""
+
+    def __init__(self, device: Device, edge: int, exponents: tuple[float, ...], magnitudes: bool) -> None:
+        layout = Layout((edge, edge, edge))
+        self._device, self._edge = device, edge
+        self._sheet_count = edge // sheet_width(layout)
+        self._marks = device.empty((1, edge**2 // 8), np.int32)
+        self._filled = device.empty((edge,), np.int32)
+        pose = np.append(affine_rows(None, np.full(3, edge / 2 + 0.5)).ravel(), np.zeros(4))
+        self._pose = table(device, pose[None].astype(np.float32))
+        program = device.build(emit_spectra(layout, exponents, magnitudes, column_lanes(device)), name="spectra")
+        self._planes = cl.Kernel(device.build(emit_planes(layout), name="sparse"), "planes")
+        self._sheets = cl.Kernel(program, "sheets")
+        self._clean = False
+
+    def transform(
+        self,
+        points: cla.Array,
+        volume: cla.Array,
+        out: Sequence[cla.Array],
+        magnitudes: cla.Array | None,
+        farthest: float,
+    ) -> None:
+        """As `PointSpectra.transform` says; the volume is left empty."""
+        if not self._clean:
+            zero(self._device, volume)
+            self._marks.fill(0)
+        self._clean = False
+        voxelize_poses(self._device, points, volume, self._marks, self._pose)
+        enqueue(
+            self._device, self._planes, (self._edge,), volume, self._marks, self._filled, out[0], group=(1,)
+        )  # fmt: skip
+        wanted = () if magnitudes is None else (magnitudes, np.float32(min(farthest, 2 * self._edge)))
+        arrays = out[0], self._filled, *out[1:], *wanted
+        enqueue(self._device, self._sheets, (self._sheet_count,), *arrays, group=(1,))
+        self._clean = True

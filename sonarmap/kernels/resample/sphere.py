@@ -1,0 +1,165 @@
+# pyright: strict
+"""A magnitude spectrum sampled along directions and radii: the unwraps of the paper, and latitude-longitude.
+
+A table of directions is float32 (H, W, 3): unit vectors (x, y, z) of the upper hemisphere, one per pixel, or
+zero where the image shows nothing. Axis 0 of the unwraps runs along x and axis 1 along y.
+
+Shifts: sampling with R shows I_R(d) = |F|(R d). The spectrum of a source b(x) = a(R x + t) is
+|B|(k) = |A|(R k), so the image of the source is the image of the target with this R.
+"""
+
+import numpy as np
+import pyopencl.array as cla
+
+from sonarmap.kernels.device.device import Device
+from sonarmap.kernels.device.groups import along, lanes
+from sonarmap.kernels.device.launch import affine, launch, output, require_array, table
+from sonarmap.kernels.errors import InputError
+
+_PIXELS_AT_ONCE = 8
+
+
+def rotational_unwrap(edge: int) -> np.ndarray:
+    """Directions of the image that yaw rotates about its center (Sect. 2.5, Fig. 1).
+
+    Pixel (i, j) has v = (i - edge/2, j - edge/2), the azimuth atan2(v_y, v_x) and the angle
+    |v| / (edge/2) * pi/2 from +z. Pixels beyond pi/2 are zero vectors.
+    With R = Rz(psi): I_R(v) = I(Rz(psi) v), the image turned by -psi.
+
+    Args:
+        edge: of the image [pixels].
+
+    Returns:
+        (edge, edge, 3) float32.
+    """
+    v = np.arange(edge) - edge / 2
+    vx, vy = np.meshgrid(v, v, indexing="ij")
+    polar = np.hypot(vx, vy) / (edge / 2) * (np.pi / 2)
+    azimuth = np.arctan2(vy, vx)
+    x, y = np.sin(polar) * np.cos(azimuth), np.sin(polar) * np.sin(azimuth)
+    directions = np.stack([x, y, np.cos(polar)], axis=-1)
+    return np.where(polar[..., None] <= np.pi / 2, directions, 0).astype(np.float32)
+
+
+def rectangular_unwrap(edge: int, axis: str) -> np.ndarray:
+    """Directions of the images that roll and pitch shift (Sect. 2.6, Fig. 4).
+
+    With a = (i - edge/2) pi/edge along axis 0, b = (j - edge/2) pi/edge along axis 1, both -90..90 degrees:
+        axis "y" (the paper's): Ry(a) Rx(-b) z = (sin a cos b, sin b, cos a cos b), poles on y;
+        axis "x" (its twin):    Rx(-b) Ry(a) z = (sin a, cos a sin b, cos a cos b), poles on x.
+    With R = Ry(pitch), on "y" exactly and near the center of "x": I_R[i] = I[i + pitch edge/pi].
+    With R = Rx(roll), on "x" exactly and near the center of "y": I_R[j] = I[j - roll edge/pi].
+    So with target I and source I_R, a `Pomf` peaks at (+pitch, -roll) edge/pi on both. Past the end of its
+    exact axis an image goes on as itself with the other axis mirrored (k and -k are alike), not cyclically.
+
+    Args:
+        edge: of the image [pixels].
+        axis: "x" or "y", on which the poles lie.
+
+    Returns:
+        (edge, edge, 3) float32.
+
+    Raises:
+        InputError: the axis is neither "x" nor "y".
+    """
+    angle = (np.arange(edge) - edge / 2) * (np.pi / edge)
+    a, b = np.meshgrid(angle, angle, indexing="ij")
+    if axis == "y":
+        x, y = np.sin(a) * np.cos(b), np.sin(b)
+    elif axis == "x":
+        x, y = np.sin(a), np.cos(a) * np.sin(b)
+    else:
+        raise InputError(f"`axis={axis}`: the poles of an unwrap are on 'x' or 'y'")
+    return np.stack([x, y, np.cos(a) * np.cos(b)], axis=-1).astype(np.float32)
+
+
+def latitude_longitude(height: int, width: int) -> np.ndarray:
+    """Directions in latitude and longitude about z, on which yaw is an exact circular shift.
+
+    Pixel (i, j) has the latitude (i + 1/2) / height * 90 degrees above the plane z = 0 (cell centers, so that
+    neither the pole nor the plane is sampled twice) and the longitude 360 degrees j / width from x towards y.
+    The longitude covers the full circle.
+    With R = Rz(psi): I_R[j] = I[j + psi width / (2 pi)]; a `Pomf` of target I and source I_R peaks at
+    +psi width / (2 pi).
+
+    Args:
+        height: of the image, from the plane to the pole [pixels].
+        width: of the image, the full circle [pixels].
+
+    Returns:
+        (height, width, 3) float32.
+    """
+    latitude = ((np.arange(height) + 0.5) / height * (np.pi / 2))[:, None]
+    longitude = (np.arange(width) * (2 * np.pi / width))[None, :]
+    x, y = np.cos(latitude) * np.cos(longitude), np.cos(latitude) * np.sin(longitude)
+    return np.stack([x, y, np.broadcast_to(np.sin(latitude), x.shape)], axis=-1).astype(np.float32)
+
+
+def valid_pixels(directions: np.ndarray) -> np.ndarray:
+    """(H, W) float32: 1 where a table of directions shows something, 0 at its zero vectors."""
+    return np.asarray(directions.any(axis=-1), np.float32)
+
+
+def upload_directions(device: Device, directions: np.ndarray) -> cla.Array:
+    """A table of directions on the device, for `sample`.
+
+    Args:
+        directions: (H, W, 3), unit vectors or zero; H W is a multiple of 8.
+
+    Returns:
+        (3, H, W) float32.
+
+    Raises:
+        InputError: another shape, or vectors that are neither of unit length nor zero.
+    """
+    if directions.ndim != 3 or directions.shape[2] != 3 or directions[..., 0].size % _PIXELS_AT_ONCE:
+        raise InputError(
+            f"`directions` have shape {directions.shape}; wanted (H, W, 3), H W a multiple of {_PIXELS_AT_ONCE}"
+        )
+    length = np.linalg.norm(directions, axis=-1)
+    if not (np.isclose(length, 1, atol=1e-5) | (length == 0)).all():
+        raise InputError("a table of directions holds unit vectors and zero vectors; normalize it first")
+    return device.to_device(np.moveaxis(directions, -1, 0).astype(np.float32))
+
+
+def sample(
+    device: Device,
+    magnitude: cla.Array,
+    directions: cla.Array,
+    radii: np.ndarray,
+    R: np.ndarray | None = None,
+    out: cla.Array | None = None,
+) -> cla.Array:
+    """Trilinear samples of |F| at radius (R direction), with |F|(k) = |F|(-k) below the plane k_z = 0.
+
+    Args:
+        magnitude: (edge, edge, edge/2 + 1) float32, as `spectrum.magnitude` gives it.
+        directions: (3, H, W) float32, from `upload_directions`.
+        radii: (L,), in [0, edge/2 - 1) [frequency bins].
+        R: (3, 3) rotation of the directions; None for none.
+        out: (L, H, W) float32 to write to.
+
+    Returns:
+        (L, H, W) float32, 0 where the direction is zero.
+
+    Raises:
+        InputError: a shape, a dtype, R or a radius is not as above.
+    """
+    edge = magnitude.shape[0]
+    require_array(magnitude, "magnitude", (edge, edge, edge // 2 + 1))
+    _, height, width = require_array(directions, "directions", (3, None, None))
+    radii = np.asarray(radii, np.float32)
+    if radii.ndim != 1 or not len(radii) or not (radii.min() >= 0 and radii.max() < edge / 2 - 1):
+        raise InputError(f"`radii` are {radii}; wanted a list of numbers from 0 to below {edge // 2 - 1} bins")
+    if len(radii) * height * width >= 2**31:
+        raise InputError(f"{len(radii)} layers of {height} x {width} are too many samples; use fewer `radii`")
+    result = output(device, out, "out", (len(radii), height, width))
+    pixels = height * width
+    sizes = np.int32(len(radii)), np.int32(pixels)
+    arrays = magnitude, directions, table(device, radii), result
+    # a processor finds a pixel's next radius close to the last
+    size = (pixels // lanes(device), along(device, len(radii)))
+    launch(
+        device, "resample/sphere", "sample", size, *arrays, *sizes, affine(R), group="columns", EDGE=edge
+    )  # fmt: skip
+    return result

@@ -1,0 +1,203 @@
+# pyright: strict, reportMissingTypeStubs=false, reportUnknownMemberType=false, reportUnknownVariableType=false, reportUnknownArgumentType=false
+"""What a device computes, beside NumPy and beside the truth: transforms, voxels, peaks, and one small registration."""
+
+from collections.abc import Callable, Iterator
+from dataclasses import dataclass
+from itertools import chain
+
+import numpy as np
+from scipy.spatial.transform import Rotation
+
+from sonarmap.kernels.device.device import Array, Device
+from sonarmap.kernels.device.readback import Readback
+from sonarmap.kernels.errors import DeviceError
+from sonarmap.kernels.fft.edges import row_pitch
+from sonarmap.kernels.fft.transform import RealFFT
+from sonarmap.kernels.points.voxelize import voxelize
+from sonarmap.kernels.pomf.correlator import Correlator, Pose
+from sonarmap.kernels.pomf.peak import Peak, find_peaks
+from sonarmap.kernels.pomf.point_spectra import PointSpectra
+from sonarmap.kernels.so3.correlation import RotationCorrelation
+from sonarmap.kernels.so3.harmonics import Harmonics, equalizers
+from sonarmap.kernels.surface.cells import sort_into_cells
+from sonarmap.kernels.surface.elements import Elements
+from sonarmap.kernels.surface.nearest import find_nearest, upload_places
+from sonarmap.kernels.surface.planes import fit_planes
+from sonarmap.kernels.surface.refinement import Refinement, Weighting
+
+# what a transform of single precision may be off, over all and as a share of the whole: 5 times what PoCL is
+_TRANSFORM = 2e-6
+# the last is no whole number of any device's alignment, and has the odd radices
+_SHAPES = ((32, 64, 128), (256, 16, 16), (18, 30, 50))
+_EDGE, _BANDWIDTH = 32, 16
+_TURN, _SHIFT = Rotation.from_euler("ZYX", [24.0, -9.0, 6.0], degrees=True), np.array([2.0, -3.0, 1.0])
+
+
+@dataclass(frozen=True, slots=True)
+class Measured:
+    """One number of a device beside what it should be.
+
+    Attributes:
+        what: was computed, in words.
+        off: how far it is from the right one, in `unit`.
+        tolerance: how far it may be.
+        unit: of both, as in "voxels"; "" for a share.
+    """
+
+    what: str
+    off: float
+    tolerance: float
+    unit: str = ""
+
+    @property
+    def passed(self) -> bool:
+        """Whether it is near enough; what is no number is not."""
+        return bool(self.off <= self.tolerance)
+
+    def __str__(self) -> str:
+        unit = f" {self.unit}" if self.unit else ""
+        return f"{self.what}: off by {self.off:.2g}{unit}, allowed are {self.tolerance:.2g}{unit}"
+
+
+def measure(device: Device) -> Iterator[Measured]:
+    """Every check, one after the other; a few seconds, most of it for compiling.
+
+    Raises:
+        SonarmapError, cl.Error: the device cannot compute it.
+    """
+    return chain.from_iterable(check(device) for check in CHECKS)
+
+
+def _transforms(device: Device) -> Iterator[Measured]:
+    for shape in _SHAPES:
+        rng = np.random.default_rng(shape[0])
+        volume = rng.normal(size=shape).astype(np.float32)
+        fft, valid = RealFFT(device, shape), shape[2] // 2 + 1
+        spectrum = fft.forward(_behind_another(device, volume))
+        want = np.fft.rfftn(volume.astype(np.float64))
+        size = " x ".join(map(str, shape))
+        yield Measured(f"the Fourier transform of {size}", _error(spectrum.get()[..., :valid], want), _TRANSFORM)
+        yield Measured(f"the inverse transform of {size}", _error(fft.inverse(spectrum).get(), volume), _TRANSFORM)
+
+
+def _voxels(device: Device) -> Iterator[Measured]:
+    points, edge = _cloud(4000), 64
+    got = voxelize(device, device.to_device(points), edge, _TURN.as_matrix(), _SHIFT).get()
+    place = points[:, :3].astype(np.float64) @ _TURN.as_matrix().T + _SHIFT + edge / 2 + 0.5
+    want = np.zeros_like(got)
+    np.maximum.at(want, tuple(np.floor(place).astype(int).T), points[:, 3])
+    # a point on the wall of two voxels may fall into either
+    unclear = tuple(np.floor(place[(np.abs(place - np.round(place)) < 1e-3).any(axis=1)]).astype(int).T)
+    wrong = got != want
+    for step in np.ndindex(3, 3, 3):
+        wrong[tuple(np.clip(axis + s - 1, 0, edge - 1) for axis, s in zip(unclear, step, strict=True))] = False
+    yield Measured("voxels of points", float(np.count_nonzero(wrong)), 0.0, "voxels")
+
+
+def _peaks(device: Device) -> Iterator[Measured]:
+    shape, at = (18, 30, 50), np.array([5.3, -4.4, 20.2])
+    grids = np.meshgrid(*(np.fft.fftfreq(n, 1 / n) for n in shape), indexing="ij")
+    square = sum((grid - a) ** 2 for grid, a in zip(grids, at, strict=True))
+    noise = np.random.default_rng(5).normal(0, 0.001, shape)
+    correlation = (np.exp(-np.asarray(square) / 4) + noise).astype(np.float32)
+    peak = _highest(device, _behind_another(device, correlation))
+    exact = correlation.astype(np.float64)
+    yield Measured("the place of a peak", float(np.abs(peak.shift - at).max()), 0.02, "voxels")
+    yield Measured("the mean of a correlation", float(abs(peak.mean / exact.mean() - 1)), 1e-4)
+    yield Measured("the deviation of a correlation", float(abs(peak.std / exact.std() - 1)), 1e-4)
+
+
+def _registration(device: Device) -> Iterator[Measured]:
+    """A cloud against itself, turned and moved: the rotation from the spectra's magnitudes, then the shift."""
+    target = _cloud(3000)
+    source = target.copy()
+    source[:, :3] = (target[:, :3] - _SHIFT) @ _TURN.as_matrix()  # _TURN of the source, then _SHIFT, is the target
+    spectra = PointSpectra(device, _EDGE, magnitudes=True)
+    harmonics = Harmonics(device, _BANDWIDTH, _EDGE, 2 * _EDGE)
+
+    def prepared(points: np.ndarray) -> tuple[Array, Array]:
+        """The layers' coefficients and the whitened spectrum."""
+        magnitudes = device.empty((_EDGE, _EDGE, _EDGE // 2 + 1))
+        whitened = device.empty((_EDGE, _EDGE, row_pitch(_EDGE)), np.complex64)
+        spectra.transform(device.to_device(points), [whitened], magnitudes)
+        layers = harmonics.analyze(magnitudes, np.linspace(3, 12, 10))
+        products = Readback(device, harmonics.products(layers))
+        return harmonics.mix(layers, equalizers(products.get(), 0.4)), whitened
+
+    search = RotationCorrelation(device, _BANDWIDTH, np.deg2rad(60))
+    (coefficients, whitened), (others, _) = prepared(target), prepared(source)
+    correlation = search.correlate(coefficients, others)
+    best, (peaks,) = _highest(device, correlation[0]), search.peaks(correlation)
+    off = float(np.abs(peaks.index[0] - best.index).max()) if len(peaks.index) else np.inf
+    yield Measured("the place of the best rotation", off, 0.0, "samples")
+    R = search.rotations(best.shift)
+    yield Measured("the rotation of a registration", float(np.rad2deg((R * _TURN.inv()).magnitude())), 5.0, "degrees")
+    correlator, pose = Correlator(device, _EDGE, blur=1.0), Pose(_TURN.as_matrix())
+    on_device = device.to_device(source)
+    (((peak,),),) = correlator.find(on_device, [pose], [whitened], 1, 3.0)
+    yield Measured("the shift of a registration", float(np.abs(peak.shift - _SHIFT).max()), 0.25, "voxels")
+    (again,) = correlator.near(on_device, [pose], [whitened], np.array([peak.index])).highest()
+    yield Measured("the height of a peak near a known shift", float(abs(again.value / peak.value - 1)), 1e-3)
+
+
+def _surfaces(device: Device) -> Iterator[Measured]:
+    """The nearest points of a surface, and steps onto it from a pose that is a little off."""
+    target, source = _cloud(3000)[:, :3], _cloud(2500, seed=8)[:, :3]
+    cells = sort_into_cells(device, target)
+    turn, shift = Rotation.from_rotvec([0.02, -0.01, 0.015]), np.array([0.3, -0.2, 0.25])
+    places = upload_places(device, source[:200])
+    distances, _ = find_nearest(device, cells, places, turn.as_matrix()[None], shift[None], 1e3)
+    moved = turn.apply(source[:200]) + shift
+    want = np.linalg.norm(moved[:, None] - target, axis=2).min(axis=1)
+    yield Measured("distances to a surface", _error(distances[0], want), 1e-5)
+    surfaces = [
+        Elements(fit_planes(device, each, np.eye(3), np.empty((0, 3)), farthest=2.0, aside=0.7), each)
+        for each in (cells, sort_into_cells(device, source))
+    ]
+    weighting = Weighting(bell=1 / 6, wide_bell=0.8, bells=4.0, measured=3.0)
+    steps = Refinement(device, surfaces[0], surfaces[1], 2000, 1.0, weighting, None)
+    steps.begin(turn.as_matrix()[None], shift[None], np.zeros(1), None)
+    for reach in (4.0, 3.0, 2.0, 2.0, 1.5):
+        steps.step(reach, alone=True)
+    steps.step(1.5, alone=False)
+    last = steps.end()
+    record = last.read()
+    left = float(np.rad2deg(Rotation.from_matrix(record.turn[0]).magnitude()))
+    yield Measured("the rotation of a refinement", left, 0.2, "degrees")
+    yield Measured("the shift of a refinement", float(np.abs(record.shift).max()), 0.1, "voxels")
+    apart = last.poses.get()[0, 3:12:4] - record.next_shift[0]
+    yield Measured("the shift that it leaves on the device", float(np.abs(apart).max()), 1e-4, "voxels")
+
+
+# Each is given the device; a kernel that a registration needs belongs into one of them.
+CHECKS: tuple[Callable[[Device], Iterator[Measured]], ...] = (
+    _transforms,
+    _voxels,
+    _peaks,
+    _registration,
+    _surfaces,
+)
+
+
+def _cloud(count: int, seed: int = 7) -> np.ndarray:
+    """(count, 4) float32: an asymmetric surface about the center of a grid of 32 voxels, with weights above 0."""
+    rng = np.random.default_rng(seed)
+    x, y = rng.uniform(-9, 9, (2, count))
+    z = 2.5 * np.sin(0.35 * x + 0.4) + 0.012 * (y + 3) ** 2 * (x > -2) + 3.0 * ((x - 3) ** 2 + (y + 4) ** 2 < 9) - 2
+    return np.column_stack([x, y, z, rng.uniform(0.5, 1.0, count)]).astype(np.float32)
+
+
+def _behind_another(device: Device, volume: np.ndarray) -> Array:
+    """The volume as the second of two in an array, which begins where its size puts it."""
+    return device.to_device(np.stack([np.zeros_like(volume), volume]))[1]
+
+
+def _highest(device: Device, correlation: Array) -> Peak:
+    peaks = find_peaks(device, correlation)
+    if not peaks:
+        raise DeviceError("it finds no peak in a correlation that has several")
+    return peaks[0]
+
+
+def _error(got: np.ndarray, want: np.ndarray) -> float:
+    return float(np.linalg.norm(got - want) / np.linalg.norm(want))

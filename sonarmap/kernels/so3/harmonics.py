@@ -1,0 +1,215 @@
+"""Spherical harmonics of a magnitude spectrum's layers, which are the same at d and -d: even degrees only.
+
+A real layer f has f(d) = sum over l, m of a[l, m] Y[l, m](d), Y the orthonormal harmonics with the Condon-Shortley
+phase (scipy.special.sph_harm_y). Latitudes are the Gauss-Legendre nodes of the upper hemisphere; the lower one says the
+same at the opposite places.
+"""
+
+import numpy as np
+import pyopencl.array as cla
+from scipy.special import sph_harm_y
+
+from sonarmap.kernels.device.device import Device
+from sonarmap.kernels.device.launch import launch, require_array, table
+from sonarmap.kernels.errors import InputError
+
+_RINGS_AT_ONCE, _ORDERS_AT_ONCE = 16, 4
+_GROUP = 64
+# What is weaker than the strongest direction of a degree by this factor, in energy, is not lifted further.
+_FAINTEST = 1e-3
+
+
+class Harmonics:
+    """The transform from a magnitude spectrum to the coefficients of its layers, planned once for a device.
+
+    Attributes:
+        bandwidth: degrees are even and below it.
+        directions: (latitudes, longitudes, 3) float32, unit vectors of the samples, z > 0.
+    """
+
+    def __init__(self, device: Device, bandwidth: int, latitudes: int, longitudes: int) -> None:
+        """Tabulate the associated Legendre functions, and the waves along a circle.
+
+        Args:
+            device: what to compute on.
+            bandwidth: a multiple of 8.
+            latitudes: of the upper hemisphere, a multiple of 16; at least half the bandwidth, more where layers hold
+                finer structure, which would otherwise alias into coarse structure.
+            longitudes: a multiple of 4, at least twice the bandwidth.
+
+        Raises:
+            InputError: the numbers do not fit each other.
+        """
+        fits = 2 * latitudes >= bandwidth and longitudes >= 2 * bandwidth
+        if bandwidth < 8 or bandwidth % 8 or latitudes % _RINGS_AT_ONCE or longitudes % 4 or not fits:
+            raise InputError(
+                f"`bandwidth={bandwidth}` with {latitudes} x {longitudes} samples; wanted a multiple of 8, a multiple "
+                "of 16 that is at least half as many, and a multiple of 4 that is at least twice as many"
+            )
+        self.device, self.bandwidth = device, bandwidth
+        self._shape = latitudes, longitudes
+        nodes, weights = np.polynomial.legendre.leggauss(2 * latitudes)
+        height, weights = nodes[latitudes:], weights[latitudes:]
+        across = np.sqrt(1 - height**2)
+        longitude = np.arange(longitudes) * (2 * np.pi / longitudes)
+        circle = np.column_stack([np.cos(longitude), np.sin(longitude)])
+        upward = np.broadcast_to(height[:, None, None], (latitudes, longitudes, 1))
+        self.directions = np.concatenate([across[:, None, None] * circle, upward], axis=2).astype(np.float32)
+        tables = np.stack([across, height]), circle, weights / weights.sum(), self._turns(longitude)
+        self._rings, self._circle, self._weights, self._turned = (
+            device.to_device(values.astype(np.float32)) for values in tables
+        )
+        # twice, for the lower hemisphere
+        self._legendre = device.to_device(self._orders(np.arccos(height), 4 * np.pi / longitudes * weights))
+
+    def _orders(self, polar: np.ndarray, weights: np.ndarray) -> np.ndarray:
+        """float32: Y[l, m] at longitude 0 times the weight of its node, for l >= m >= 0, as harmonics.cl has them."""
+        values = np.zeros((self.bandwidth, self.bandwidth // 2, len(polar)), np.float32)
+        for order in range(self.bandwidth):
+            degrees = np.arange(order + order % 2, self.bandwidth, 2)
+            exact = np.real(sph_harm_y(degrees[:, None], order, polar[None, :], 0.0))
+            values[order, degrees // 2] = exact * weights
+        return values if self.device.is_cpu else np.ascontiguousarray(values.transpose(1, 2, 0))
+
+    def _turns(self, longitude: np.ndarray) -> np.ndarray:
+        """The cosines and sines of order times longitude, a quarter of the circle, as harmonics.cl has them."""
+        angles = np.outer(longitude[: len(longitude) // 4 + 1], np.arange(self.bandwidth))
+        if not self.device.is_cpu:
+            return np.stack([np.cos(angles), np.sin(angles)])
+        pairs = np.stack([np.cos(angles), np.sin(angles)], axis=-1)
+        blocks = pairs.reshape(len(angles), -1, _ORDERS_AT_ONCE, 2, 2)  # the even and the odd order of each pair
+        return blocks.transpose(3, 1, 0, 2, 4)
+
+    def analyze(self, magnitude: cla.Array, radii: np.ndarray) -> cla.Array:
+        """The coefficients of the layers at some radii, each of mean 0 and variance 1 over the sphere.
+
+        Rings near the pole hold as many samples as rings near the equator, of less of the sphere: mean and variance are
+        by the quadrature's weights, or they would change with a rotation.
+
+        Args:
+            magnitude: (edge, edge, edge/2 + 1) float32, as `spectrum.magnitude` gives it.
+            radii: (L,), in [0, edge/2 - 1) [frequency bins].
+
+        Returns:
+            device (bandwidth / 2, L, 2 bandwidth - 1) complex64: [l / 2, layer, m + bandwidth - 1] is a[l, m], 0 for
+            |m| > l. 0 for a constant layer.
+
+        Raises:
+            InputError: the magnitude has another shape, or a radius lies outside.
+        """
+        edge = magnitude.shape[0]
+        require_array(magnitude, "magnitude", (edge, edge, edge // 2 + 1))
+        radii = np.asarray(radii, np.float32)
+        if radii.ndim != 1 or not len(radii) or not (radii.min() >= 0 and radii.max() < edge / 2 - 1):
+            raise InputError(f"`radii` are {radii}; wanted a list of numbers from 0 to below {edge // 2 - 1} bins")
+        layers, latitudes, device = len(radii), self._shape[0], self.device
+        waves, moments = device.empty((layers, latitudes, self.bandwidth, 2)), device.empty((2, layers, latitudes))
+        result = device.empty((self.bandwidth // 2, layers, 2 * self.bandwidth - 1), np.complex64)
+        tables = self._rings, self._circle, table(device, radii), self._turned
+        cpu = device.is_cpu
+        size = (latitudes // _RINGS_AT_ONCE if cpu else _GROUP * latitudes, layers)
+        group = None if cpu else (_GROUP, 1)
+        self._launch("harmonics", "waves", size, magnitude, *tables, waves, moments, group=group, edge=edge)
+        size = (self.bandwidth, layers) if cpu else (self.bandwidth, layers, self.bandwidth // 2)
+        self._launch("harmonics", "project", size, waves, moments, self._weights, self._legendre, result, edge=edge)
+        return result
+
+    def products(self, coefficients: cla.Array) -> cla.Array:
+        """What layers have in common, degree by degree.
+
+        Args:
+            coefficients: (degrees, L, orders) complex64, from `analyze`.
+
+        Returns:
+            device (degrees, L, L) float32: the real part of the sum over the orders of one layer's times another's
+            conjugate.
+
+        Raises:
+            InputError: the coefficients have another shape.
+        """
+        layers = self._layers(coefficients)
+        result = self.device.empty((self.bandwidth // 2, layers, layers))
+        across = layers if self.device.is_cpu else -(-layers // 32) * 32
+        size, group = (across, layers, self.bandwidth // 2), (across if self.device.is_cpu else 32, 1, 1)
+        self._launch("mixtures", "products", size, coefficients, result, np.int32(layers), group=group)
+        return result
+
+    def mix(self, coefficients: cla.Array, mixtures: np.ndarray) -> cla.Array:
+        """Weighted sums of layers, degree by degree.
+
+        Args:
+            coefficients: (degrees, L, orders) complex64, from `analyze`.
+            mixtures: (degrees, K, L), what each layer counts in each of K sums.
+
+        Returns:
+            device (degrees, K, orders) complex64.
+
+        Raises:
+            InputError: the arrays do not fit each other.
+        """
+        layers, (degrees, sums, _) = self._layers(coefficients), mixtures.shape
+        if mixtures.shape != (self.bandwidth // 2, sums, layers):
+            raise InputError(f"`mixtures` have shape {mixtures.shape}; wanted ({self.bandwidth // 2}, K, {layers})")
+        result = self.device.empty((degrees, sums, 2 * self.bandwidth - 1), np.complex64)
+        numbers = 2 * (2 * self.bandwidth - 1)
+        cpu = self.device.is_cpu
+        size = (-(-numbers // 16) if cpu else -(-numbers // 32) * 32, sums, degrees)
+        arrays = coefficients, self.device.to_device(mixtures.astype(np.float32)), result
+        group = (size[0] if cpu else 32, 1, 1)
+        self._launch("mixtures", "mix_layers", size, *arrays, np.int32(layers), group=group)
+        return result
+
+    def _layers(self, coefficients: cla.Array) -> int:
+        shape = self.bandwidth // 2, None, 2 * self.bandwidth - 1
+        return require_array(coefficients, "coefficients", shape, np.complex64)[1]
+
+    def _launch(
+        self,
+        program: str,
+        kernel: str,
+        size: tuple[int, ...],
+        *arguments: cla.Array | np.generic,
+        group: tuple[int, ...] | None = None,
+        edge: int | None = None,
+    ) -> None:
+        sizes = {"BANDWIDTH": self.bandwidth, "CPU": int(self.device.is_cpu)}
+        if edge is not None:
+            sizes |= {"EDGE": edge, "LATITUDES": self._shape[0], "LONGITUDES": self._shape[1]}
+        launch(self.device, f"so3/{program}", kernel, size, *arguments, group=group, **sizes)
+
+
+def equalizers(products: np.ndarray, power: float) -> np.ndarray:
+    """Mixtures of layers whose directions within each degree count more alike: a half-way phase-only filter on the
+    sphere.
+
+    Phase-only matched filtering divides each frequency by its magnitude. On the sphere the frequencies of degree l mix
+    under a rotation; what takes the place of the magnitude is the matrix of the products between its 2 l + 1 orders,
+    summed over the layers, and its power -power / 2 of both scans makes the correlation's matrix a power of 1 - power.
+    The matrix G of the products between the layers has the same eigenvalues, less zeros that meet nothing, and
+    G^(-power / 2), which mixes layers, does the same. A rotation of the scan rotates the result, as it does the
+    coefficients. Each degree keeps its energy; degree 0, which no rotation changes, becomes 0.
+
+    Args:
+        products: (degrees, L, L), from `Harmonics.products`.
+        power: 0..1; 0 leaves all degrees but 0 as they are, 1 is phase only, which lifts what is mere noise.
+
+    Returns:
+        (degrees, L, L) float64, for `Harmonics.mix`.
+
+    Raises:
+        InputError: the power is another, or the products have another shape or are not finite.
+    """
+    if not 0 <= power <= 1:
+        raise InputError(f"`power={power}`; wanted 0 to 1")
+    if products.ndim != 3 or products.shape[1] != products.shape[2]:
+        raise InputError(f"`products` have shape {products.shape}; wanted (degrees, L, L)")
+    if not np.isfinite(products).all():
+        raise InputError("`products` hold numbers that are not finite; look at the volume that went in")
+    values, vectors = np.linalg.eigh(products.astype(np.float64))
+    values = np.maximum(values, 0)
+    largest = np.maximum(values.max(axis=1, initial=0, keepdims=True), np.finfo(np.float64).tiny)
+    scales = np.maximum(values / largest, _FAINTEST) ** (-power / 2)
+    energy, scaled = values.sum(axis=1), (values * scales**2).sum(axis=1)
+    scales *= np.sqrt(energy / np.where(scaled > 0, scaled, 1.0))[:, None]
+    scales[:1] = 0
+    return (vectors * scales[:, None]) @ vectors.transpose(0, 2, 1)

@@ -1,0 +1,56 @@
+# pyright: strict, reportUnknownVariableType=false, reportUnknownMemberType=false, reportUnknownArgumentType=false
+"""The planes that the neighbors of a surface's points show, and the points moved onto them."""
+
+import numpy as np
+import pyopencl.array as cla
+
+from sonarmap.kernels.device.device import Device
+from sonarmap.kernels.device.groups import lanes
+from sonarmap.kernels.device.launch import launch, table
+from sonarmap.kernels.errors import InputError
+from sonarmap.kernels.surface.cells import Cells
+from sonarmap.kernels.surface.nearest import GROUP, padded, upload_places
+
+# So many neighbors make a plane: enough to average noise of a voxel's size, few enough to keep edges.
+NEIGHBORS = 16
+
+
+def fit_planes(
+    device: Device,
+    cells: Cells,
+    directions: np.ndarray,
+    viewpoints: np.ndarray,
+    *,
+    farthest: float,
+    aside: float,
+) -> cla.Array:
+    """The points of the cells moved along the normal onto the plane of their neighbors, by total least squares.
+
+    Args:
+        cells: of m points, at least 3.
+        directions: (d, 3) unit vectors.
+        viewpoints: (v, 3) where the points were seen from [the points' unit]: each from the nearest; none: not known.
+        farthest: a point farther than this from its plane stays [the points' unit].
+        aside: a point whose neighbors' middle is farther away than this share of their spread is at a rim.
+
+    Returns:
+        device (m, 12) float32 as `element.cl` has it, in the points' own order.
+
+    Raises:
+        InputError: there are fewer than 3 points, or a direction or a viewpoint is not 3 finite numbers.
+    """
+    if len(cells) < 3:
+        raise InputError(f"{len(cells)} points show no plane; wanted at least 3")
+    for what, vectors in (("directions", directions), ("viewpoints", viewpoints)):
+        if vectors.ndim != 2 or vectors.shape[1] != 3 or not np.isfinite(vectors).all():
+            raise InputError(f"`{what}` have shape {vectors.shape}; wanted (n, 3), all of it finite numbers")
+    elements = device.empty((len(cells), 12))
+    known = table(device, np.column_stack([directions, np.zeros(len(directions))]).astype(np.float32))
+    views = upload_places(device, viewpoints if len(viewpoints) else np.zeros((1, 3)))
+    numbers = np.int32(len(cells)), np.int32(len(viewpoints)), np.float32(farthest), np.float32(aside)
+    arguments = *cells.arguments, known, views, elements, *numbers
+    defines = {"DIRECTIONS": len(directions)}
+    each = lanes(device)
+    size, group = (padded(len(cells)) // each,), (GROUP // each,)
+    launch(device, "surface/planes", "planes", size, *arguments, group=group, **defines)
+    return elements

@@ -1,0 +1,180 @@
+# pyright: strict, reportUnknownVariableType=false, reportUnknownMemberType=false, reportUnknownArgumentType=false
+"""Point-to-plane steps of several poses on the device: pairs of nearest points, normal equations, and their solution.
+
+Nothing comes back between the steps, unless the caller takes them: a `Record` is read when it is wanted, and where the
+poses are is known on the device before.
+"""
+
+from dataclasses import dataclass
+
+import numpy as np
+import pyopencl.array as cla
+
+from sonarmap.kernels.device.device import Device
+from sonarmap.kernels.device.launch import launch
+from sonarmap.kernels.device.readback import Readback
+from sonarmap.kernels.surface.elements import Elements
+from sonarmap.kernels.surface.nearest import GROUP, padded
+from sonarmap.kernels.surface.record import SUMS_COUNT, Record, state_rows
+
+# Pairs of a work-item of a processor, or of a group elsewhere.
+_PART = 128
+
+
+@dataclass(frozen=True, slots=True)
+class Weighting:
+    """How pairs count.
+
+    Attributes:
+        bell, wide_bell: the width of the weights' bell is this share of how far apart points may be, or of how far the
+            surfaces usually are.
+        bells: points as many widths of the bell apart as this no longer count.
+        measured: how far the surfaces usually are apart is measured where points may be at least so far apart; nearer
+            than that, rims no longer move the pose.
+    """
+
+    bell: float
+    wide_bell: float
+    bells: float
+    measured: float
+
+
+@dataclass(frozen=True, slots=True)
+class Stretching:
+    """What is known of the stretches before: their inverse variance by that of the gaps is known * width^power.
+
+    Attributes:
+        known, power: as above.
+        narrowest: no width is less.
+    """
+
+    known: float
+    power: float
+    narrowest: float
+
+
+class LastStep:
+    """What the last step of a refinement says, on its way to the host.
+
+    Attributes:
+        poses: device (k, 16) float32, where it leads if the pairs alone decide, as `upload_poses` has them.
+    """
+
+    def __init__(self, poses: cla.Array, rows: Readback) -> None:
+        """What `Refinement.end` has queued."""
+        self.poses, self._rows = poses, rows
+
+    def read(self) -> Record:
+        """Where the poses are, and the sums of the step."""
+        return Record.of(self._rows.get())
+
+
+class Refinement:
+    """The steps of k poses between two surfaces."""
+
+    def __init__(
+        self,
+        device: Device,
+        target: Elements,
+        source: Elements,
+        most: int,
+        scale: float,
+        weighting: Weighting,
+        stretching: Stretching | None,
+    ) -> None:
+        """What all steps share.
+
+        Args:
+            most: how many points of each surface take part, evenly.
+            scale: each pair counts for so many.
+            stretching: None where the scans are taken as they are.
+        """
+        self.device, self._scale, self._weighting, self._stretching = device, scale, weighting, stretching
+        self._real = np.float64 if "cl_khr_fp64" in device.cl_device.extensions else np.float32
+        self._surfaces: list[cla.Array | np.generic] = []
+        for surface in (target, source):
+            count, step = surface.thinned(most)
+            self._surfaces += [*surface.cells.arguments, surface.rows, np.int32(count), np.int32(step)]
+        self._count = target.thinned(most)[0] + source.thinned(most)[0]
+        self._parts = -(-self._count // _PART)
+
+    def begin(self, turn: np.ndarray, shift: np.ndarray, width: np.ndarray, stretch: np.ndarray | None) -> None:
+        """Put the k poses where the next step begins; as `Record` has them.
+
+        Raises:
+            InputError: a number is not finite.
+        """
+        rows = state_rows(turn, shift, width, stretch)
+        self._take(self.device.to_device(rows.astype(self._real)))
+
+    def begin_after(self, other: "Refinement") -> None:
+        """Go on where the poses of another refinement are, which ends; nothing comes back between the two."""
+        self._take(other._records)
+
+    def _take(self, records: cla.Array) -> None:
+        poses = len(records)
+        if not hasattr(self, "_rows") or self._rows.shape[0] != poses:
+            self._rows = self.device.empty((poses, self._count, 16))
+            self._sums = self.device.empty((poses, self._parts, SUMS_COUNT), self._real)
+            self._poses = self.device.empty((poses, 16))
+        self._records = records
+
+    def step(self, reach: float, alone: bool) -> None:
+        """A step: the pairs within reach [voxels], and what they say.
+
+        Args:
+            alone: whether the poses move on as the pairs say; else they stay, for `end` and whoever knows more.
+        """
+        self._pair(reach)
+        count, stretches = np.int32(self._count), np.int32(self._stretching is not None)
+        cpu, poses = self.device.is_cpu, self._rows.shape[0]
+        group = (1 if cpu else 256, 1)
+        size = (self._parts * group[0], poses)
+        arguments = self._rows, self._records, self._sums, count, np.float32(self._scale), stretches
+        self._launch("equations", "add_up", size, *arguments, group=group, LANES=group[0], PART=_PART)
+        known = self._stretching or Stretching(0.0, 0.0, 1.0)
+        numbers = [self._real(value) for value in (known.known, known.power, known.narrowest)]
+        lanes = 1 if cpu else 64
+        arguments = self._sums, self._records, self._poses, np.int32(self._parts), np.int32(alone), stretches, *numbers
+        self._launch("solve", "solve", (lanes, poses), *arguments, group=(lanes, 1), LANES=lanes)
+
+    def end(self) -> "LastStep":
+        """What the last step says, which did not move the poses; nothing is read yet."""
+        poses, stretches = self._rows.shape[0], np.int32(self._stretching is not None)
+        count, parts = np.int32(self._count), np.int32(self._parts)
+        # the sums are folded by now: their memory is free for the doubts
+        arguments = self._rows, self._records, self._sums, count, np.float32(self._scale), stretches
+        lanes = 1 if self.device.is_cpu else 256
+        self._launch("equations", "add_doubts", (8 * self._parts, poses), *arguments, LANES=lanes, PART=_PART)
+        lanes = 1 if self.device.is_cpu else 64
+        self._launch("solve", "add_parts", (8, poses), self._sums, self._records, parts, LANES=lanes)
+        return LastStep(self._poses, Readback(self.device, self._records))
+
+    def _pair(self, reach: float) -> None:
+        """The pairs within reach; and how far apart they usually are, where that can be measured."""
+        weighting, poses = self._weighting, self._rows.shape[0]
+        near = reach < weighting.measured
+        lanes = 1 if self.device.is_cpu else 64
+        defines = {
+            "LANES": lanes,
+            "BELL": float(weighting.bell),
+            "WIDE_BELL": float(weighting.wide_bell),
+            "BELLS": float(weighting.bells),
+        }
+        arguments = *self._surfaces, self._records, self._rows, np.float32(reach), np.int32(near)
+        self._launch("pairs", "pairs", (padded(self._count), poses), *arguments, group=(GROUP, 1), **defines)
+        if not near:
+            arguments = self._rows, self._records, np.int32(self._count)
+            self._launch("pairs", "widths", (lanes, poses), *arguments, group=(lanes, 1), **defines)
+
+    def _launch(
+        self,
+        program: str,
+        kernel: str,
+        size: tuple[int, ...],
+        *arguments: cla.Array | np.generic,
+        group: tuple[int, ...] | None = None,
+        **defines: int | float,
+    ) -> None:
+        defines["FP64"] = int(self._real is np.float64)
+        launch(self.device, f"surface/{program}", kernel, size, *arguments, group=group, **defines)

@@ -1,0 +1,82 @@
+# pyright: strict, reportMissingTypeStubs=false, reportUnknownMemberType=false
+"""Which measurements an optimum contradicts: those that it rests on, and others."""
+
+from collections.abc import Sequence
+
+import numpy as np
+from scipy.spatial.transform import RigidTransform
+from scipy.special import gammaincinv
+
+from sonarmap.slam.graph.edge import Edge
+from sonarmap.slam.graph.pose_graph import PoseGraph, Solution
+from sonarmap.slam.graph.tangent import lengths
+
+GATE = 1 - 1e-6  # probability of a right loop not to be contradicted by an estimate
+_LEAST_SHARE = 1e-3  # of an edge's covariance that the others leave to its residual at least, against rounding
+
+
+def chi_squared(probability: float, degrees: int) -> float:
+    """What chi-squared stays below with this probability; scipy.stats has it too, and takes half a second to import."""
+    return float(2 * gammaincinv(degrees / 2, probability))
+
+
+def contradicted_edges(
+    graph: PoseGraph, solution: Solution, asked: np.ndarray, bound: float, gate: float | None = None
+) -> np.ndarray:
+    """Which edges the others contradict at the optimum, by number.
+
+    First those whose residual is beyond it; where there are none, those without which the whole cost would fall by
+    more: a wrong edge draws the poses to itself until its own residual is small. Where all cost more than
+    their covariances say, as beside a chain that is less sure than it says, more is granted.
+
+    Args:
+        graph: of E edges, with the optimized poses.
+        solution: the optimum of some of them, those that are asked about among them.
+        asked: (E,) bool, which to look at.
+        bound: of a squared residual.
+        gate: of the fall in cost; None for what one right edge in a million exceeds, as thousands are asked about.
+    """
+    residuals = graph.residuals()
+    far = np.flatnonzero(asked & (residuals**2 > bound))
+    chosen = np.flatnonzero(asked)
+    if len(far) or not len(chosen):
+        return far
+    edges = [graph.edges[k] for k in chosen]
+    T_i_j, covariances = solution.relatives(np.array([(edge.i, edge.j) for edge in edges]))
+    measured = RigidTransform.concatenate([edge.registration.T_target_source for edge in edges])
+    stated = np.stack([edge.registration.covariance for edge in edges])
+    # Without the edge it lies so far from the others that its residual r, of covariance R, costs r' (R - P)^-1 r in all
+    # (P: of the pair with the edge). Where nothing but the edge holds the pair, P is R: then nothing contradicts it.
+    left = stated - (1 - _LEAST_SHARE) * covariances
+    xi: np.ndarray = (T_i_j.inv() * measured).as_exp_coords()
+    costs = lengths(xi, left) ** 2
+    gate = chi_squared(GATE, 6) if gate is None else gate
+    understated = max(1.0, float(np.median(costs)) / chi_squared(0.5, 6))
+    return chosen[costs > gate * understated]
+
+
+def plausible(solution: Solution, others: Sequence[Edge]) -> np.ndarray:
+    """(m,) bool: which of other edges an estimate does not contradict, within its own uncertainty.
+
+    Covariances that are stated too large would let nearly everything pass: they are scaled by the largest factor of
+    their variances that the inliers' own agreement leaves possible, where that is below 1.
+    """
+    if not others:
+        return np.zeros(0, bool)
+    part = np.empty(len(solution.trajectory), np.intp)
+    for number, members in enumerate(solution.graph.components):
+        part[list(members)] = number
+    ends = np.array([(edge.i, edge.j) for edge in others])
+    known = part[ends[:, 0]] == part[ends[:, 1]]  # what no path joins contradicts nothing
+    tried = [edge for edge, one in zip(others, known, strict=True) if one]
+    most = float(np.sqrt(_stated_too_large(solution) * chi_squared(GATE, 6)))
+    plausible = np.ones(len(others), bool)
+    plausible[known] = solution.distances(ends[known], [edge.registration for edge in tried], most) <= most
+    return plausible
+
+
+def _stated_too_large(solution: Solution) -> float:
+    """Of the variances, at most 1: chi-squared over the least that so many degrees of freedom give by chance."""
+    if solution.degrees_of_freedom < 1:
+        return 1.0
+    return min(1.0, solution.chi_squared_after / chi_squared(1 - GATE, solution.degrees_of_freedom))

@@ -1,0 +1,244 @@
+"""From everything that was registered to one estimate: which answers become edges, and why the others do not."""
+
+from collections.abc import Sequence, Set
+from dataclasses import dataclass, replace
+
+import numpy as np
+
+from sonarmap.kernels.errors import InputError
+from sonarmap.slam.decide.chains import chain_parts
+from sonarmap.slam.decide.consistency import Comparison, compare
+from sonarmap.slam.decide.hand import hand_edges
+from sonarmap.slam.decide.navigation import Navigation
+from sonarmap.slam.decide.possible_edge import PossibleEdge, possible_edges
+from sonarmap.slam.decide.robust import robust_optimize
+from sonarmap.slam.decide.twins import twin_odds, with_odds
+from sonarmap.slam.decide.verdict import with_verdicts
+from sonarmap.slam.decide.wrong_control import WrongControl, without_wrong_control
+from sonarmap.slam.decide.wrong_fixes import WrongFix, without_wrong_fixes
+from sonarmap.slam.graph.control import ControlPoint, MeasuredControl
+from sonarmap.slam.graph.control_place import place_by_control
+from sonarmap.slam.graph.edge import Edge, components, spanning_tree
+from sonarmap.slam.graph.pose_covariance import weighed
+from sonarmap.slam.graph.pose_graph import PoseGraph, Solution
+from sonarmap.slam.graph.trajectory import Trajectory, chain
+from sonarmap.slam.graph.world import place_in_world
+from sonarmap.slam.loops.settings import LoopSettings
+from sonarmap.slam.pair import Pair
+
+# Loops that a step of the chain outweighs: those that are given to the optimizer have been found consistent before.
+_CHAIN_WORTH = 2.0
+# What the optimizer grants each edge while it decides, as a share of the floor that a cycle is granted: errors that no
+# covariance knows, such as those of scans that are bent themselves. The more edges there are beyond a chain, the better
+# they show by themselves what is usual: so many halve its square.
+_GRAPH_FLOOR, _HALVING_EDGES = 0.2, 10
+# So often a graph with priors is optimized again from its optimum: then it moves by less than a micrometer.
+_SETTLING = 3
+
+
+@dataclass(frozen=True, slots=True)
+class Decision:
+    """What a survey's registrations amount to.
+
+    Attributes:
+        chained: N poses from the trusted edges alone, without a loop.
+        solution: the optimized graph of the edges that were kept.
+        pairs: every pair with its verdict, in the order in which they were given.
+        wrong_fixes: what instruments measured and all others contradict; it was left out.
+        wrong_control: control points that all others contradict; they were left out.
+        displaced: scans of pairs that are kept without ties and control points, and refused for these.
+    """
+
+    chained: Trajectory
+    solution: Solution
+    pairs: tuple[Pair, ...]
+    wrong_fixes: tuple[WrongFix, ...] = ()
+    wrong_control: tuple[WrongControl, ...] = ()
+    displaced: tuple[tuple[int, int], ...] = ()
+
+    def points(self, control: Sequence[ControlPoint]) -> tuple[MeasuredControl, ...]:
+        """Where the poses have control points, those to check with among them."""
+        graph, wrong = self.solution.graph, {id(each.point): each.sigmas for each in self.wrong_control}
+        placed = {k for members in graph.components if graph.lies_in_world(members) for k in members}
+        T = graph.trajectory.T_world_sensor
+        return tuple(
+            MeasuredControl(
+                point, T[point.scan].apply(point.point), point.scan in placed, wrong.get(id(point), float("nan"))
+            )
+            for point in control
+        )
+
+
+def decide(
+    pairs: Sequence[Pair],
+    navigation: Navigation,
+    voxel: float,
+    settings: LoopSettings,
+) -> Decision:
+    """Decide about every answer of every pair, and optimize.
+
+    Accepted registrations of consecutive scans are chained. All other answers, alternatives and refused ones among
+    them, have to agree with the chain or with one another; those that join parts of the chain come first. What is left
+    is optimized robustly, so that an answer that the others contradict, one of the chain too, is left out. What a
+    person accepted or added is an edge in any case, what a person rejected is none.
+
+    Args:
+        pairs: every pair that was tried, those marked of which a person decided.
+        navigation: the scans, and what instruments say of their poses.
+        voxel: edge of the survey's voxels [m].
+        settings: how strictly answers are judged.
+    """
+    distrusted: set[tuple[int, int]] = set()
+    while True:
+        decision, contradicted = _decide(pairs, navigation, settings.floor(voxel), settings.bound, distrusted)
+        if not contradicted:
+            return decision
+        distrusted |= contradicted
+
+
+def _decide(
+    pairs: Sequence[Pair],
+    navigation: Navigation,
+    floor: np.ndarray,
+    bound: float,
+    distrusted: Set[tuple[int, int]],
+) -> tuple[Decision, set[tuple[int, int]]]:
+    """As `decide` with `distrusted` pairs kept out of the chain; and which of the chain the graph contradicts."""
+    count, odometry = len(navigation.scans), list(navigation.odometry)
+    possible = _Possible.of(pairs, count, odometry, floor, bound, distrusted)
+    edges = (*possible.trusted, *(answer.edge() for answer in possible.taken.values()), *odometry)
+    sure = [*possible.trusted, *odometry, *possible.joins]
+    parts = components(count, sure)
+    chained = place_in_world(chain(sure, navigation.stamps), parts, navigation.priors)
+    chained = place_by_control(chained, parts, navigation.control, navigation.priors)
+    fixes = _widened(PoseGraph(chained, tuple(sure)), _GRAPH_FLOOR * floor)
+    priors, wrong_fixes = without_wrong_fixes(fixes, navigation.priors)
+    measured = tuple(sorted(priors.items()))
+    holding = tuple(point for point in navigation.control if point.holds)
+    control, wrong_control = without_wrong_control(replace(fixes, priors=measured, control=holding))
+    graph = PoseGraph(chained, edges, priors=measured, control=control)
+    beyond_chain = len(edges) - len(odometry) - (count - len(parts))
+    granted = _GRAPH_FLOOR * (1 + beyond_chain / _HALVING_EDGES) ** -0.5 * floor
+    robust = robust_optimize(_widened(graph, granted), chain_worth=_CHAIN_WORTH)
+    kept_graph = weighed(graph.keep(robust.accepted).at(robust.solution.trajectory.T_world_sensor))
+    # now that loops tell where the poses are, smaller mistakes show
+    control, more_wrong = without_wrong_control(kept_graph)
+    kept_graph = replace(kept_graph, control=control)
+    solution = _settled(kept_graph)
+    solution = replace(solution, chi_squared_before=kept_graph.at(chained.T_world_sensor).chi_squared)
+    kept = {(edge.i, edge.j) for edge in solution.graph.edges if edge.is_of_pair}
+    decided = with_verdicts(pairs, possible.supported, possible.taken, solution)
+    wrong = (*navigation.wrong_fixes, *wrong_fixes), (*wrong_control, *more_wrong)
+    return Decision(chained, solution, tuple(decided), *wrong), possible.chain_scans - kept
+
+
+def _settled(graph: PoseGraph) -> Solution:
+    """The optimum; what is not measured is taken from where the optimizer starts: let it be the optimum itself."""
+    solution = graph.optimize()
+    for _ in range(_SETTLING if graph.priors or graph.control else 0):
+        solution = solution.graph.optimize()
+    return solution
+
+
+@dataclass(frozen=True, slots=True)
+class _Possible:
+    """What may become an edge, before the graph is optimized.
+
+    Attributes:
+        trusted: the edges of the chain, and what a person accepted or added.
+        joins: answers that join parts of these.
+        taken: all answers that are given to the optimizer beside `trusted`, by their scans.
+        supported: all answers but those of the chain, with their support.
+        chain_scans: the scans of the edges of the chain.
+    """
+
+    trusted: list[Edge]
+    joins: list[Edge]
+    taken: dict[tuple[int, int], PossibleEdge]
+    supported: list[PossibleEdge]
+    chain_scans: set[tuple[int, int]]
+
+    @classmethod
+    def of(
+        cls,
+        pairs: Sequence[Pair],
+        count: int,
+        odometry: list[Edge],
+        floor: np.ndarray,
+        bound: float,
+        distrusted: Set[tuple[int, int]],
+    ) -> "_Possible":
+        """Of the pairs of `count` scans."""
+
+        def compared_with(known: Sequence[Edge]) -> Comparison:
+            return compare(chain_parts(count, [*known, *odometry]), answers, floor, bound)
+
+        asked = [pair for pair in pairs if pair.by_hand != "reject"]
+        trusted = [edge for pair in asked if pair.scans not in distrusted and (edge := _chain_edge(pair))]
+        chain_scans = {(edge.i, edge.j) for edge in trusted}
+        answers = [answer for pair in asked if pair.scans not in chain_scans for answer in _answers(pair)]
+        compared = compared_with(trusted)
+        supported = compared.support(answers)
+        if (odds := twin_odds(supported)) > 1:
+            answers = with_odds(answers, odds)
+            supported = compared.support(answers)
+        by_hand = hand_edges(asked, {scans: answer.registration for scans, answer in _taken(supported).items()})
+        if by_hand:
+            trusted = [*(edge for edge in trusted if (edge.i, edge.j) not in by_hand), *by_hand.values()]
+            supported = compared_with(trusted).support(answers)
+        joins: list[Edge] = []
+        while new_joins := _joins(count, [*trusted, *odometry, *joins], supported):
+            joins += new_joins
+            supported = compared_with([*trusted, *joins]).support(answers)
+        taken = {scans: answer for scans, answer in _taken(supported).items() if scans not in by_hand}
+        return cls(trusted, joins, taken, supported, chain_scans)
+
+
+def _widened(graph: PoseGraph, floor: np.ndarray) -> PoseGraph:
+    """The graph with (6,) standard deviations added to each registration's."""
+    edges: list[Edge] = []
+    for edge in graph.edges:
+        if not edge.is_registered:
+            edges.append(edge)
+            continue
+        covariance = edge.registration.covariance + np.diag(floor**2)
+        widened = replace(edge.registration, covariance=covariance, T_by_scans=None, covariance_by_scans=None)
+        edges.append(replace(edge, registration=widened))
+    return replace(graph, edges=tuple(edges))
+
+
+def _chain_edge(pair: Pair) -> Edge | None:
+    """The pair's edge of the chain: of consecutive scans whose registration is accepted."""
+    if pair.role != "sequential" or pair.registration is None or not pair.accepted:
+        return None
+    try:
+        return Edge(pair.i, pair.j, pair.registration, "sequential")
+    except InputError:
+        return None
+
+
+def _answers(pair: Pair) -> list[PossibleEdge]:
+    """The pair's answers that can be edges."""
+    return [possible for possible in possible_edges(pair) if not possible.fault]
+
+
+def _joins(count: int, trusted: Sequence[Edge], supported: Sequence[PossibleEdge]) -> list[Edge]:
+    """Answers that join parts of the chain, as few as suffice, the best supported first."""
+    joining = [possible for possible in supported if possible.joins_parts and possible.may_join]
+    joining.sort(key=lambda possible: (-possible.support.pairs, -possible.weight, *possible.scans))
+    edges = [possible.edge() for possible in joining]
+    tree = {id(edge) for edge in spanning_tree(count, [*trusted, *edges])}
+    return [edge for edge in edges if id(edge) in tree]
+
+
+def _taken(supported: Sequence[PossibleEdge]) -> dict[tuple[int, int], PossibleEdge]:
+    """At most one answer of every pair, the best supported, by the pair's scans."""
+    taken: dict[tuple[int, int], PossibleEdge] = {}
+    for possible in supported:
+        if possible.may_be_taken:
+            taken[possible.scans] = max(taken.get(possible.scans, possible), possible, key=_standing)
+    return taken
+
+
+def _standing(possible: PossibleEdge) -> tuple[bool, int, float]:
+    return possible.support.agrees, possible.support.pairs, possible.weight

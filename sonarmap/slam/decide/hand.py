@@ -1,0 +1,126 @@
+# pyright: strict, reportMissingTypeStubs=false, reportUnknownMemberType=false
+"""Pairs of which a person decided: what they contribute to the graph, and what the others say of it."""
+
+from collections.abc import Mapping, Sequence
+from contextlib import suppress
+from dataclasses import replace
+
+import numpy as np
+from scipy.spatial.transform import RigidTransform
+
+from sonarmap.kernels.errors import InputError
+from sonarmap.slam.decide.contradiction import chi_squared
+from sonarmap.slam.graph.edge import Edge
+from sonarmap.slam.graph.pose_graph import Solution
+from sonarmap.slam.graph.tangent import lengths
+from sonarmap.slam.pair import Pair
+from sonarmap.slam.tie import Tie
+from sonarmap.spectral.result import Registration
+
+# Chi-squared of six numbers that one right tie in a thousand exceeds: beyond it the others contradict a tie.
+CONTRADICTED = chi_squared(0.999, 6)
+# Of an edge's covariance that the others leave to its residual at least, against rounding.
+_LEAST_SHARE = 1e-3
+
+
+def with_ties(pairs: Sequence[Pair], ties: Sequence[Tie]) -> list[Pair]:
+    """The pairs, marked with what a person said of them; a transform that a person gave replaces the registration.
+
+    Args:
+        pairs: that were tried.
+        ties: at most one of each two scans; those of pairs that were not tried are not used.
+    """
+    tie_of = {tie.scans: tie for tie in ties}
+    return [_marked(pair, tie_of[pair.scans]) if pair.scans in tie_of else pair for pair in pairs]
+
+
+def _marked(pair: Pair, tie: Tie) -> Pair:
+    marked = replace(pair, by_hand=tie.by_hand, note=tie.note)
+    return marked if tie.given is None else replace(marked, registration=tie.given, failure="")
+
+
+def hand_edges(pairs: Sequence[Pair], taken: Mapping[tuple[int, int], Registration]) -> dict[tuple[int, int], Edge]:
+    """The edges of the pairs that a person accepted or added, by their scans, whatever the others say of them.
+
+    Of a registration with alternatives it is the answer that the survey would take by itself; else the most probable.
+
+    Args:
+        pairs: that were tried; those without a registration, or with one that cannot be an edge, have none.
+        taken: the answers that the survey would take by itself beside its chain, by their scans.
+    """
+    edges: dict[tuple[int, int], Edge] = {}
+    for pair in pairs:
+        if pair.by_hand in ("", "reject") or pair.registration is None:
+            continue
+        given = pair.by_hand == "given"
+        answer = pair.registration if given else taken.get(pair.scans, pair.registration)
+        kind = "tie" if given else "sequential" if pair.role == "sequential" else "loop"
+        with suppress(InputError):  # its covariance is none; `fault` tells
+            edges[pair.scans] = Edge(pair.i, pair.j, answer, kind, by_hand=True)
+    return edges
+
+
+def with_contradictions(pairs: Sequence[Pair], solution: Solution, before: Solution) -> list[Pair]:
+    """The pairs, those that are kept by hand with how strongly the rest contradicts them.
+
+    That is the larger of two chi-squared of six numbers: by how much that of the graph would fall without the edge, and
+    how far it is from where the survey by itself has its scans. The graph alone would not show a wrong tie for which it
+    gave up the right pairs. 0 where nothing else joins the scans.
+
+    Args:
+        pairs: with their verdicts.
+        solution: with what a person decided, and `before`: without.
+    """
+    edges = [edge for edge in solution.graph.edges if edge.by_hand]
+    if not edges:
+        return list(pairs)
+    # as they were registered: how large the graph takes errors to be depends on what contradicts it
+    registered = {pair.scans: _as_registered(pair) for pair in pairs if pair.by_hand and pair.kept}
+    falls = np.maximum(_falls(edges, solution), _distances(registered, edges, before) ** 2)
+    sizes = {(edge.i, edge.j): fall for edge, fall in zip(edges, falls.tolist(), strict=True)}
+    return [replace(pair, contradicted=sizes.get(pair.scans, pair.contradicted)) for pair in pairs]
+
+
+def displaced(pairs: Sequence[Pair], before: Sequence[Pair]) -> tuple[tuple[int, int], ...]:
+    """The scans of pairs that a survey keeps by itself, and refuses for what a person said of others.
+
+    Args:
+        pairs: with what a person decided, and `before`: without.
+    """
+    kept = {pair.scans for pair in before if pair.kept}
+    return tuple(pair.scans for pair in pairs if pair.scans in kept and not pair.kept and pair.by_hand != "reject")
+
+
+def _falls(edges: Sequence[Edge], solution: Solution) -> np.ndarray:
+    """(m,) by how much chi-squared would fall without each edge, to first order, one left out at a time."""
+    T_i_j, covariances = solution.relatives(np.array([(edge.i, edge.j) for edge in edges]))
+    measured = RigidTransform.concatenate([edge.registration.T_target_source for edge in edges])
+    stated = np.stack([edge.registration.covariance for edge in edges])
+    # as in slam.decide.contradiction: without the edge its residual r, of covariance R, would cost r' (R - P)^-1 r
+    xi: np.ndarray = (T_i_j.inv() * measured).as_exp_coords()
+    return lengths(xi, stated - (1 - _LEAST_SHARE) * covariances) ** 2
+
+
+def _as_registered(pair: Pair) -> Registration:
+    """The answer that a pair's edge was made of."""
+    assert pair.edge is not None
+    assert pair.registration is not None
+    answers = (pair.registration, *pair.registration.alternatives)
+    taken = pair.edge.registration.T_target_source
+    away: np.ndarray = (
+        taken.inv() * RigidTransform.concatenate([answer.T_target_source for answer in answers])
+    ).as_exp_coords()
+    return answers[int(np.argmin(np.linalg.norm(away, axis=1)))]
+
+
+def _distances(
+    registered: Mapping[tuple[int, int], Registration], edges: Sequence[Edge], before: Solution
+) -> np.ndarray:
+    """(m,) how far edges are from poses [sigmas]; 0 where these do not join their scans."""
+    part = {pose: number for number, members in enumerate(before.graph.components) for pose in members}
+    scans = np.array([(edge.i, edge.j) for edge in edges])
+    joined = np.array([part[i] == part[j] for i, j in scans.tolist()])
+    result = np.zeros(len(edges))
+    chosen = [edges[k] for k in np.flatnonzero(joined).tolist()]
+    result[joined] = before.distances(scans[joined], [registered[edge.i, edge.j] for edge in chosen])
+    return result

@@ -1,0 +1,224 @@
+"""Outlier rejection: which measurements of a pose graph are inliers, and the optimum of those.
+
+Graduated non-convexity with truncated least squares (Yang, Antonante, Tzoumas and Carlone, RA-L 2020,
+DOI 10.1109/LRA.2020.2965893), by GTSAM. What it starts with is bounded: a few hundred wrong loops fill the equations so
+much that a step takes seconds. The loops that agree with the most others come first, then those that the estimate does
+not contradict.
+"""
+
+from collections.abc import Iterable
+from dataclasses import dataclass
+from itertools import pairwise
+
+import gtsam
+import numpy as np
+from scipy.cluster.hierarchy import DisjointSet
+
+from sonarmap.slam.decide.agreement import agreeing_groups, distances_from_chain
+from sonarmap.slam.decide.chains import chain_parts
+from sonarmap.slam.decide.contradiction import GATE, chi_squared, contradicted_edges, plausible
+from sonarmap.slam.decide.region import regions_about
+from sonarmap.slam.graph.edge import spanning_tree
+from sonarmap.slam.graph.gtsam_poses import to_values
+from sonarmap.slam.graph.path import bridges
+from sonarmap.slam.graph.pose_graph import PoseGraph, Solution, factors_of
+from sonarmap.slam.graph.trajectory import chain
+
+PROBABILITY = 0.999  # of a right measurement to be within the bound
+FIRST = 200  # loops with which to begin, unless a single group of more agrees with itself
+_ROUNDS = 4
+# Graphs of so many poses are looked at as a whole; of larger ones so many around each end of an edge in doubt.
+_WHOLE, _AROUND = 1000, 60
+_LARGE_GROUP = 0.1  # as a share of the largest group of loops that agree
+_HALF = 0.5  # weight of an edge that is neither right nor wrong
+
+
+@dataclass(frozen=True, slots=True)
+class RobustSolution:
+    """The inliers, and the poses that agree best with them.
+
+    Attributes:
+        solution: of the graph of the accepted edges alone, in their order.
+        accepted: (E,) bool, of the edges that were given.
+        residuals: (E,) float64, every edge's residual there in sigmas.
+        reasons: (E,) in reasons, why each was accepted or rejected.
+    """
+
+    solution: Solution
+    accepted: np.ndarray
+    residuals: np.ndarray
+    reasons: tuple[str, ...]
+
+
+def robust_optimize(
+    graph: PoseGraph,
+    trusted: Iterable[int] = (),
+    probability: float = PROBABILITY,
+    chain_worth: float | None = None,
+) -> RobustSolution:
+    """Reject the measurements that the others contradict, and optimize what is left.
+
+    The initial estimate is the chain of the edges, consecutive ones before loops; the graph's own is only that of the
+    poses it holds. Priors, and edges without which the graph would fall apart, are always accepted.
+
+    Args:
+        graph: of any number of components.
+        trusted: indices of edges that are right whatever the others say.
+        probability: that a right measurement stays within the bound, in the optimum.
+        chain_worth: loops that an edge between consecutive scans outweighs where they contradict it; None trusts the
+            chain, as loops between places that look alike may agree with each other in any number.
+
+    Raises:
+        InputError: the equations have no unique or no finite solution.
+    """
+    edges, bound = graph.edges, chi_squared(probability, 6)
+    fixed = _fixed_inliers(graph, trusted)
+    graph = graph.held(chain(edges, graph.trajectory.stamps).T_world_sensor)
+    active = _first(graph, fixed)
+    tried = active.astype(int)
+    accepted, solution = _inliers(graph, active, fixed, bound, chain_worth)
+    for _ in range(_ROUNDS - 1):
+        graph = graph.at(solution.trajectory.T_world_sensor)
+        others = np.flatnonzero(~accepted & (tried < 2))
+        others = others[plausible(solution, [edges[k] for k in others])]
+        if not len(others):
+            break
+        active = accepted.copy()
+        active[others] = True
+        tried += active
+        accepted, solution = _inliers(graph, active, fixed, bound, chain_worth)
+    graph = graph.at(solution.trajectory.T_world_sensor)
+    return RobustSolution(solution, accepted, graph.residuals(), _reasons(graph, accepted, tried, fixed, bound))
+
+
+def _fixed_inliers(graph: PoseGraph, trusted: Iterable[int]) -> np.ndarray:
+    """(E,) bool: inliers in any case: what instruments or a person say, trusted edges, and what alone joins two
+    parts."""
+    fixed = np.array([edge.by_hand or not edge.is_registered for edge in graph.edges], bool)
+    fixed[[*trusted, *bridges(len(graph.trajectory), graph.edges, graph.in_world)]] = True
+    return fixed
+
+
+def _first(graph: PoseGraph, fixed: np.ndarray) -> np.ndarray:
+    """(E,) bool: what to begin with: all but loops, what joins the components, and the largest groups that agree.
+
+    Wrong loops between places that look alike agree in groups, too, but in smaller ones; what belongs to a small group
+    is tried when the large ones tell where it lies. Of a large graph without the loops that the chain contradicts, as
+    the least squares of those take minutes; but for the largest group, which tells how far the chain is off.
+    """
+    edges, count = graph.edges, len(graph.trajectory)
+    tree = spanning_tree(count, edges)
+    joining = {id(edge) for edge in tree}
+    active = fixed | np.array([edge.kind != "loop" or id(edge) in joining for edge in edges], bool)
+    loops = np.flatnonzero(~active)
+    chains, bound = chain_parts(count, tree), float(np.sqrt(chi_squared(GATE, 6)))
+    groups = agreeing_groups(chains, [edges[k] for k in loops], bound)
+    sizes = np.bincount(groups, minlength=1)
+    chosen = sizes[groups] >= max(2.0, _LARGE_GROUP * sizes.max())
+    grouped, alone = loops[chosen], loops[sizes[groups] == 1]
+    if count > _WHOLE and len(grouped):
+        away = distances_from_chain(chains, [edges[k] for k in grouped])
+        largest = groups[chosen] == np.argmax(sizes)
+        usual = np.sqrt(chi_squared(0.5, 6))
+        grouped = grouped[largest | (away <= bound * max(1.0, float(np.median(away[largest]) / usual)))]
+    active[grouped] = True
+    active[alone[: max(0, FIRST - len(grouped))]] = True
+    return active
+
+
+def _inliers(
+    graph: PoseGraph, active: np.ndarray, fixed: np.ndarray, bound: float, chain_worth: float | None
+) -> tuple[np.ndarray, Solution]:
+    """Which of the active edges are inliers, (E,) bool, and the optimum of those.
+
+    Where a wrong loop is far off, the least squares of everything, which graduated non-convexity begins with, tear the
+    chain apart and it may end in a poor optimum. With the chain trusted it does not, but then a wrong edge of the chain
+    cannot be found. Both are tried, and the one with the lower truncated cost is taken; an edge of the chain counts for
+    more. What instruments measured is right in either, and counts as far as the poses contradict it.
+    """
+    sequential = np.array([edge.kind == "sequential" for edge in graph.edges], bool)
+    if chain_worth is None:
+        return _graduated(graph, active, fixed | sequential, bound)
+    most = bound * np.where(sequential, chain_worth, 1)
+    measured = sum(known.rank for known in graph.all_known)
+    best: tuple[float, np.ndarray, Solution] | None = None
+    for trusted in (fixed | sequential, fixed):
+        accepted, solution = _graduated(graph, active, trusted, bound)
+        squared = graph.at(solution.trajectory.T_world_sensor).residuals() ** 2
+        contradicted = solution.chi_squared_after - float(squared[accepted].sum())
+        cost = float(np.where(accepted, squared, most)[active].sum()) + contradicted
+        if best is None or cost < best[0]:
+            best = cost, accepted, solution
+        agrees = not measured or contradicted <= chi_squared(PROBABILITY, measured)
+        if agrees and (active & ~accepted).sum() <= chain_worth:  # then no edge of the chain can be worth less
+            break
+    assert best is not None
+    return best[1:]
+
+
+def _graduated(graph: PoseGraph, active: np.ndarray, fixed: np.ndarray, bound: float) -> tuple[np.ndarray, Solution]:
+    """(E,) bool, which of the active edges are inliers by graduated non-convexity; and the optimum of those.
+
+    Of a large graph only where edges contradict each other at the least squares.
+    """
+    weights = active.astype(np.float64)
+    if len(graph.trajectory) <= _WHOLE:
+        weights[active] = _weights(graph.keep(active), fixed[active], bound)
+    for _ in range(_ROUNDS if len(graph.trajectory) > _WHOLE else 0):
+        accepted = weights > _HALF
+        solution = graph.keep(accepted).optimize()
+        graph = graph.at(solution.trajectory.T_world_sensor)
+        doubtful = contradicted_edges(graph, solution, accepted & ~fixed, bound)
+        if not len(doubtful):
+            break
+        for region in regions_about(graph, accepted, doubtful.tolist(), _AROUND):
+            weights[region.edges] = _weights(region.graph, fixed[region.edges], bound)
+    accepted = _rejoined(graph, active, weights)
+    return accepted, graph.keep(accepted).optimize()
+
+
+def _weights(graph: PoseGraph, fixed: np.ndarray, bound: float) -> np.ndarray:
+    """(E,) how much each edge counts in the end, 0 or 1 but for the last digits."""
+    factors = factors_of(graph)
+    count = len(graph.edges)
+    inner = gtsam.LevenbergMarquardtParams()
+    inner.setRelativeErrorTol(1e-4)
+    settings = gtsam.GncLMParams(inner)
+    settings.setKnownInliers([*np.flatnonzero(fixed).tolist(), *range(count, factors.size())])
+    settings.setRelativeCostTol(0.0)  # a cost that rests while every weight is still soft is no end
+    optimizer = gtsam.GncLMOptimizer(factors, to_values(graph.trajectory.T_world_sensor), settings)
+    optimizer.setInlierCostThresholds(bound / 2)  # GTSAM's cost has a factor 1/2
+    optimizer.optimize()
+    return optimizer.getWeights()[:count]
+
+
+def _rejoined(graph: PoseGraph, active: np.ndarray, weights: np.ndarray) -> np.ndarray:
+    """(E,) bool: the inliers, and the best of the other active edges where the graph has fallen apart."""
+    joined = DisjointSet(range(len(graph.trajectory)))
+    for one, other in pairwise(graph.in_world):
+        joined.merge(one, other)
+    accepted = weights > _HALF
+    for k in np.flatnonzero(accepted):
+        joined.merge(graph.edges[k].i, graph.edges[k].j)
+    rejected = np.flatnonzero(active & ~accepted)
+    for k in rejected[np.lexsort((rejected, -weights[rejected]))]:
+        accepted[k] = joined.merge(graph.edges[k].i, graph.edges[k].j)
+    return accepted
+
+
+def _reasons(
+    graph: PoseGraph, accepted: np.ndarray, tried: np.ndarray, fixed: np.ndarray, bound: float
+) -> tuple[str, ...]:
+    residuals = graph.residuals()
+    reasons = []
+    for k in range(len(graph.edges)):
+        apart = f"{residuals[k]:.1f} sigmas, {np.sqrt(bound):.1f} allowed"
+        if fixed[k]:
+            reasons.append("accepted: trusted, or the only tie between two parts")
+        elif accepted[k]:
+            reasons.append(f"accepted: agrees with the others to {apart}")
+        elif tried[k]:
+            reasons.append(f"rejected: the edges that agree with each other leave it {apart}")
+        else:
+            reasons.append(f"rejected: the estimate without it contradicts it: {apart}")
+    return tuple(reasons)

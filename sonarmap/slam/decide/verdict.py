@@ -1,0 +1,117 @@
+"""What became of every pair of a survey: in sigmas, and in words."""
+
+from collections.abc import Mapping, Sequence
+from dataclasses import replace
+
+import numpy as np
+
+from sonarmap.slam.decide.possible_edge import PossibleEdge
+from sonarmap.slam.graph.pose_graph import Solution
+from sonarmap.slam.pair import Pair
+from sonarmap.spectral.result import Registration
+
+_BY_HAND = {"accept": "accepted", "add": "added", "given": "measured"}
+
+
+def with_verdicts(
+    pairs: Sequence[Pair],
+    supported: Sequence[PossibleEdge],
+    taken: Mapping[tuple[int, int], PossibleEdge],
+    solution: Solution,
+) -> list[Pair]:
+    """Every pair with its edge, its reason and its distance from the final poses, in their order.
+
+    Args:
+        pairs: those that were tried.
+        supported: all their answers but those of the chain, with their support.
+        taken: the answers that were given to the optimizer, by their scans.
+        solution: the optimized graph; its edges are what was kept.
+    """
+    kept = {(edge.i, edge.j): n for n, edge in enumerate(solution.graph.edges) if edge.is_of_pair}
+    best = {possible.scans: possible for possible in reversed(supported)} | dict(taken)
+    distances = _distances(pairs, best, kept, solution)
+    decided = []
+    for pair in pairs:
+        possible, n = best.get(pair.scans), kept.get(pair.scans)
+        edge = None if n is None else solution.graph.edges[n]
+        residual = distances.get(pair.scans, float("nan")) if n is None else float(solution.residuals[n])
+        decided.append(
+            replace(
+                pair,
+                edge=edge,
+                reason=_reason(pair, possible, pair.scans in taken, edge is not None, residual),
+                agreeing=possible.support.pairs - 1 if possible else 0,
+                sigmas_from_estimate=possible.support.sigmas if possible else float("nan"),
+                residual=residual,
+            )
+        )
+    return decided
+
+
+def _distances(
+    pairs: Sequence[Pair],
+    best: Mapping[tuple[int, int], PossibleEdge],
+    kept: Mapping[tuple[int, int], int],
+    solution: Solution,
+) -> dict[tuple[int, int], float]:
+    """How far what was not kept is from the final poses [sigmas], where these share a frame."""
+    part = {pose: number for number, members in enumerate(solution.graph.components) for pose in members}
+    asked: dict[tuple[int, int], PossibleEdge] = {}
+    for pair in pairs:
+        if pair.scans in kept or pair.registration is None or part[pair.i] != part[pair.j]:
+            continue
+        possible = best.get(pair.scans) or PossibleEdge(pair.i, pair.j, pair.registration)
+        if not possible.fault:
+            asked[pair.scans] = possible
+    scans = np.array(list(asked), np.intp).reshape(-1, 2)
+    apart = solution.distances(scans, [possible.registration for possible in asked.values()])
+    return dict(zip(asked, apart.tolist(), strict=True))
+
+
+def _reason(pair: Pair, possible: PossibleEdge | None, taken: bool, kept: bool, residual: float) -> str:
+    registration = pair.registration
+    if pair.by_hand == "reject":
+        return "rejected by hand"
+    if registration is None:
+        return f"failed: {pair.failure}"
+    if pair.by_hand and kept:
+        return f"kept: {_BY_HAND[pair.by_hand]} by hand, {residual:.1f} sigmas from the final poses"
+    if possible is None:
+        if fault := PossibleEdge(pair.i, pair.j, registration).fault:
+            return f"failed: {fault}"
+        if kept:
+            return f"kept: {registration.reason or 'no reason given'}"
+        if registration.accepted:
+            return f"refused, inconsistent: the other pairs put it {residual:.1f} sigmas from there"
+        return _refused(registration)
+    if kept:
+        return (
+            f"kept: {_agreement(possible)}{_doubt(registration, possible)}, {residual:.1f} sigmas from the final poses"
+        )
+    if taken:
+        return f"refused, inconsistent: the other pairs put it {residual:.1f} sigmas from there"
+    if registration.accepted:
+        return f"refused, inconsistent: {_agreement(possible)}"
+    return _refused(registration)
+
+
+def _agreement(possible: PossibleEdge) -> str:
+    """What the chain and the other pairs say of it."""
+    support = possible.support
+    others = f"{support.pairs - 1} other pairs agree with it" if support.pairs > 1 else "no other pair agrees with it"
+    if possible.joins_parts:
+        return f"{others} on how two parts lie to each other"
+    if support.agrees and support.pairs == 1:
+        return f"the chain agrees with it to {support.sigmas:.1f} sigmas"
+    return f"{others}, {support.sigmas:.1f} sigmas from the chain"
+
+
+def _doubt(registration: Registration, possible: PossibleEdge) -> str:
+    """Why it was taken though the registration was not sure of it."""
+    if possible.rank:
+        return f", which is the registration's answer {possible.rank + 1} by probability"
+    return "" if registration.accepted else f", though the registration was not sure ({registration.probability:.0%})"
+
+
+def _refused(registration: Registration) -> str:
+    return f"refused by the registration: {registration.reason or 'no reason given'}"

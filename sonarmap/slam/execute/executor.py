@@ -1,0 +1,139 @@
+"""Where work runs: in this process or in several of this machine. The workers of a cluster are in `cluster.py`."""
+
+from collections import Counter, deque
+from collections.abc import Callable, Generator, Iterator, Sequence
+from concurrent.futures import FIRST_COMPLETED, Future, wait
+from concurrent.futures import Executor as Pool
+from contextlib import contextmanager
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any, TypeVar
+
+from sonarmap.kernels.errors import InputError
+from sonarmap.slam.execute.processes import spawned
+from sonarmap.slam.execute.transport import InProcess, Transport, spooled
+
+_Job = TypeVar("_Job")
+_Result = TypeVar("_Result")
+
+# Neighboring jobs share prepared scans, so that a worker gets a few at a time; so many are lost when it is killed.
+JOBS_TOGETHER = 4
+# Pieces of work that each worker has queued, so that it is never idle; more would fill a scheduler's memory.
+_QUEUED_PER_WORKER = 2
+# How often a piece of work is begun again that was lost with a worker or with a scan that the worker held.
+_MOST_LOST = 3
+# How long workers are waited for, if there are none [s].
+PATIENCE = 10.0
+
+
+@dataclass(frozen=True, slots=True)
+class Executor:
+    """Runs a task on many jobs.
+
+    Attributes:
+        pool: what runs a piece of work.
+        transport: brings scans to the workers.
+        worker_count: how many workers there are now.
+        most_together: the largest number of jobs in a piece of work, whatever is asked for.
+    """
+
+    pool: Pool
+    transport: Transport
+    worker_count: Callable[[], int]
+    most_together: int | None = None
+
+    def run(
+        self,
+        task: Callable[..., list[_Result]],
+        jobs: Sequence[_Job],
+        together: int = JOBS_TOGETHER,
+        more: Callable[[Sequence[_Job]], tuple[Any, ...]] = lambda _: (),
+    ) -> Generator[tuple[range, list[_Result]]]:
+        """Run a task on all jobs, and yield the results of each piece of work as soon as it is done.
+
+        Args:
+            task: takes some of the jobs, and `more` of these, and returns a result for each job; it is pickled where
+                workers are processes.
+            jobs: in the order in which they are begun.
+            together: most jobs of one piece of work.
+            more: gives what the task takes beside a piece's jobs; called when the piece is begun.
+
+        Yields:
+            the indices of some of the jobs, and their results.
+
+        Raises:
+            InputError: workers cannot be made or were lost.
+            Exception: whatever the task raises.
+        """
+        pieces = _pieces(len(jobs), self.worker_count(), min(together, self.most_together or together))
+        running: dict[Future[list[_Result]], range] = {}
+        losses = Counter[range]()
+        while pieces or running:
+            most_running = _QUEUED_PER_WORKER * max(1, self.worker_count())
+            while pieces and len(running) < most_running:
+                piece = pieces.popleft()
+                some = jobs[piece.start : piece.stop]
+                future = self.pool.submit(task, some, *more(some))
+                running[future] = piece
+                if future.done():  # in this process: the caller keeps the result before the next piece is begun
+                    break
+            for future in sorted(self._finished(running), key=_has_failed):  # results are kept before an error ends it
+                piece = running.pop(future)
+                if future.cancelled() and losses[piece] < _MOST_LOST:
+                    losses[piece] += 1
+                    pieces.appendleft(piece)
+                else:
+                    yield piece, future.result()
+
+    def _finished(self, running: dict[Future[Any], range]) -> set[Future[Any]]:
+        """Those that are done, at least one."""
+        while not (done := wait(running, PATIENCE, FIRST_COMPLETED).done):
+            if not self.worker_count():
+                raise InputError(
+                    f"the cluster has had no worker for {PATIENCE:g} s. Start some; what is done is kept, and the "
+                    "same command continues from there."
+                )
+        return done
+
+
+def this_process() -> Executor:
+    """Runs every job here, one after the other."""
+    return Executor(_Immediate(), InProcess(), lambda: 1, most_together=1)
+
+
+@contextmanager
+def processes(
+    workers: int, begin: Callable[..., None] | None = None, *arguments: Any, spool: Path | None = None
+) -> Iterator[Executor]:
+    """Several new processes of this machine, for as long as the block lasts.
+
+    Args:
+        workers: how many, at least 1.
+        begin: what each process calls first, with `arguments`; before it the process has loaded no library.
+        spool: how the path of the folder for the scans that workers read begins, which is made when they need one and
+            deleted at the end; None: in the system's folder for temporary files.
+
+    Raises:
+        InputError: a process ended before its time.
+    """
+    with spooled(spool) as transport, spawned(workers, begin, *arguments) as pool:
+        yield Executor(pool, transport, lambda: workers)
+
+
+def _pieces(jobs: int, workers: int, together: int) -> deque[range]:
+    """The jobs in pieces of neighbors, small enough for every worker to get some."""
+    size = min(together, max(1, jobs // (_QUEUED_PER_WORKER * max(1, workers))))
+    return deque(range(start, min(start + size, jobs)) for start in range(0, jobs, size))
+
+
+def _has_failed(future: Future[Any]) -> bool:
+    return future.cancelled() or future.exception() is not None
+
+
+class _Immediate(Pool):
+    """Runs a job when it is submitted; what the job raises is raised at once."""
+
+    def submit(self, fn: Callable[..., Any], /, *args: Any, **kwargs: Any) -> Future[Any]:
+        future: Future[Any] = Future()
+        future.set_result(fn(*args, **kwargs))
+        return future

@@ -1,0 +1,143 @@
+"""How scans come to workers: as they are in this process, as files to other processes of this machine."""
+
+import json
+import shutil
+import tempfile
+from collections.abc import Callable, Iterator
+from contextlib import contextmanager
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any, Protocol
+
+import numpy as np
+from scipy.spatial.transform import RigidTransform
+
+from sonarmap.kernels.errors import DeviceError, InputError
+from sonarmap.slam.execute.scan_key import ScanKey
+from sonarmap.spectral.scan import PosePrior, Scan
+
+_ARRAYS = ("points", "strength", "viewpoints")
+
+
+class ScanSource(Protocol):
+    """Where a worker gets a scan from when it needs it."""
+
+    def load(self) -> Scan:
+        """The scan."""
+        ...
+
+
+class Transport(Protocol):
+    """Brings each scan to the workers, once, however many pieces of work need it."""
+
+    def source(self, scan: ScanKey, load: Callable[[], Scan]) -> Any:
+        """What to hand to a worker instead of the scan: a `ScanSource`, or Dask's future of one.
+
+        Args:
+            scan: its key.
+            load: gives the scan; called when it is needed, and the scan is not kept in this process.
+        """
+        ...
+
+
+class InProcess:
+    """The worker is in this process and takes scans from where they are."""
+
+    def source(self, scan: ScanKey, load: Callable[[], Scan]) -> ScanSource:
+        return _Loaded(load)
+
+
+@dataclass(frozen=True, slots=True)
+class _Loaded:
+    load: Callable[[], Scan]
+
+
+@contextmanager
+def spooled(folder: Path | None) -> Iterator[Transport]:
+    """Files that other processes of this machine read, for as long as the block lasts.
+
+    Args:
+        folder: how the path of the new folder for them begins; None for one in the system's folder for temporary files.
+    """
+    spool = _Spool(Path(tempfile.gettempdir()) / "sonarmap." if folder is None else folder)
+    try:
+        yield spool
+    finally:
+        spool.remove()
+
+
+class _Spool:
+    """A file for every scan, written when it is needed first, in a folder that is made with the first.
+
+    The folder is a new one with a random name, and for this user only: what somebody left or put there before is
+    neither written to nor read from.
+    """
+
+    def __init__(self, beginning: Path) -> None:
+        self._beginning = beginning
+        self._folder: Path | None = None
+        self._files: dict[ScanKey, SpooledScan] = {}
+
+    def source(self, scan: ScanKey, load: Callable[[], Scan]) -> "SpooledScan":
+        if scan not in self._files:
+            self._files[scan] = self._write(load())
+        return self._files[scan]
+
+    def remove(self) -> None:
+        """Delete all files, and the folder."""
+        if self._folder is not None:
+            shutil.rmtree(self._folder, ignore_errors=True)
+        self._files.clear()
+
+    def _write(self, scan: Scan) -> "SpooledScan":
+        try:
+            if self._folder is None:
+                self._folder = Path(tempfile.mkdtemp(prefix=self._beginning.name, dir=self._beginning.parent))
+            written = SpooledScan(self._folder / f"{len(self._files)}.npz")
+            written.save(scan)
+        except OSError as error:
+            raise InputError(
+                f"cannot write {scan.name} to {self._beginning.parent}, from where `workers` read scans: "
+                f"{error.strerror or error}. Make room, or register in one process."
+            ) from error
+        return written
+
+
+@dataclass(frozen=True, slots=True)
+class SpooledScan:
+    """A scan in a file of its own: arrays as NumPy's .npz, the rest as JSON in it.
+
+    Nothing in it is pickled: whoever could change it could change a scan, but have no code run.
+    """
+
+    path: Path
+
+    def save(self, scan: Scan) -> None:
+        """Write the scan, all bits of it."""
+        arrays = {name: array for name in _ARRAYS if (array := getattr(scan, name)) is not None}
+        if scan.prior is not None:
+            arrays |= {"pose": scan.prior.T_world_sensor.as_matrix(), "sigmas": scan.prior.sigmas}
+        rest = json.dumps({"name": scan.name, "stamp": float(scan.stamp)})
+        np.savez(self.path, rest=np.array(rest), **arrays)
+
+    def load(self) -> Scan:
+        """The scan.
+
+        Raises:
+            DeviceError: the file is gone or another one, which is not the scan's fault.
+        """
+        try:
+            with np.load(self.path, allow_pickle=False) as file:
+                content = dict(file)
+            prior = None
+            if "pose" in content:
+                # as it was: normalized once more, the last bits may differ
+                T_world_sensor = RigidTransform(content["pose"], normalize=False)
+                prior = PosePrior(T_world_sensor, content["sigmas"])
+            arrays = {name: content.get(name) for name in _ARRAYS}
+            return Scan(**arrays, prior=prior, **json.loads(str(content["rest"])))
+        except Exception as error:  # of a file that is not what was written anything may be wrong
+            raise DeviceError(
+                f"{self.path}, from where `workers` read a scan, was removed or changed ({error}). Leave the output "
+                "folder as it is while it is written to, and run the same command again."
+            ) from error

@@ -1,0 +1,117 @@
+# pyright: strict, reportMissingTypeStubs=false, reportUnknownMemberType=false
+# pyright: reportUnknownVariableType=false, reportUnknownArgumentType=false
+"""Where a map lies in the world by its control points: a start for the optimizer, whatever one wrong point says.
+
+The rotation is the one of least squares (Kabsch 1976, DOI 10.1107/S0567739476001873; Umeyama 1991, DOI
+10.1109/34.88573, without the scale). The fewest points that tell it are tried in all choices, and the choice is taken
+that the points on the whole are nearest to.
+"""
+
+from collections.abc import Callable, Mapping, Sequence
+from itertools import combinations
+from math import comb
+
+import numpy as np
+from scipy.spatial.transform import RigidTransform, Rotation
+
+from sonarmap.slam.graph.control import ControlPoint, control_of
+from sonarmap.slam.graph.measured_poses import unmeasured
+from sonarmap.slam.graph.trajectory import Trajectory
+from sonarmap.spectral.scan import PosePrior
+
+# Points whose second extent is a smaller share of their first lie on a line.
+_FLAT = 0.02
+# Of all choices of the fewest points so many are tried.
+_CHOICES = 300
+# Points within so many median distances take part in the end.
+_INLIER = 3.0
+
+_Fit = Callable[[np.ndarray, np.ndarray], RigidTransform]
+
+
+def place_by_control(
+    trajectory: Trajectory,
+    parts: Sequence[Sequence[int]],
+    control: Sequence[ControlPoint],
+    priors: Mapping[int, PosePrior],
+) -> Trajectory:
+    """Each part moved as a whole to where its control points are, as far as they tell; unmoved without, or where
+    instruments tell all.
+
+    Where attitudes are measured the part is turned about the vertical alone. A single point tells the place; two, or
+    points on a line, how the line lies, and the turn is the smallest that brings it there.
+
+    Args:
+        trajectory: N poses, each part's in a frame of its own, upright where attitudes are measured.
+        parts: the indices of their poses.
+        control: points; those that hold the map count.
+        priors: what instruments measured, by pose.
+    """
+    poses = trajectory.T_world_sensor.as_matrix()
+    for members in parts:
+        points = control_of(control, members)
+        known = {k: priors[k] for k in members if k in priors}
+        if not points or (known and not unmeasured(members, known).any()):
+            continue
+        here = np.stack([trajectory.T_world_sensor[each.scan].apply(each.point) for each in points])
+        there = np.stack([each.known for each in points])
+        upright = any(prior.knows_attitude for prior in known.values())
+        T_world_part = robust_fit(here, there, upright)
+        chosen = list(members)
+        poses[chosen] = (T_world_part * trajectory.T_world_sensor[chosen]).as_matrix()
+    return Trajectory(trajectory.stamps, RigidTransform.from_matrix(poses))
+
+
+def robust_fit(here: np.ndarray, there: np.ndarray, upright: bool = False) -> RigidTransform:
+    """T_there_here of (n, 3) points, most of which are right: the fit of those that the best few are near to.
+
+    Args:
+        here, there: the same points in two frames [m], n at least 1.
+        upright: whether both frames have the same vertical.
+    """
+    fit: _Fit = _fit_upright if upright else _fit
+    few = 2 if upright else 3
+    if len(here) <= few:
+        return fit(here, there)
+    if comb(len(here), few) > _CHOICES:
+        rng = np.random.default_rng(0)
+        choices = [rng.choice(len(here), few, replace=False) for _ in range(_CHOICES)]
+    else:
+        choices = combinations(range(len(here)), few)
+    best, usual = np.arange(len(here)), np.inf
+    for choice in choices:
+        apart = _apart(fit(here[list(choice)], there[list(choice)]), here, there)
+        if (median := float(np.median(apart))) < usual:
+            best, usual = np.flatnonzero(apart <= _INLIER * max(median, 1e-9)), median
+    return fit(here[best], there[best])
+
+
+def _apart(T: RigidTransform, here: np.ndarray, there: np.ndarray) -> np.ndarray:
+    return np.linalg.norm(T.apply(here) - there, axis=1)
+
+
+def _fit(here: np.ndarray, there: np.ndarray) -> RigidTransform:
+    a, b = here - here.mean(axis=0), there - there.mean(axis=0)
+    extents, axes = np.linalg.svd(a, full_matrices=False)[1:]
+    if len(a) < 2 or extents[0] < 1e-9:
+        R_b_a = Rotation.identity()
+    elif len(a) == 2 or extents[1] < _FLAT * extents[0]:
+        along = a @ axes[0]
+        toward = along @ b
+        length = np.linalg.norm(toward)
+        R_b_a = Rotation.align_vectors(toward[None], axes[:1])[0] if length > 1e-9 else Rotation.identity()
+    else:
+        u, _, vt = np.linalg.svd(b.T @ a)
+        R_b_a = Rotation.from_matrix(u @ np.diag([1.0, 1.0, np.linalg.det(u @ vt)]) @ vt)
+    return _moved(R_b_a, here, there)
+
+
+def _fit_upright(here: np.ndarray, there: np.ndarray) -> RigidTransform:
+    a, b = here - here.mean(axis=0), there - there.mean(axis=0)
+    sine = (a[:, 0] * b[:, 1] - a[:, 1] * b[:, 0]).sum()
+    cosine = (a[:, :2] * b[:, :2]).sum()
+    return _moved(Rotation.from_euler("Z", float(np.arctan2(sine, cosine))), here, there)
+
+
+def _moved(R: Rotation, here: np.ndarray, there: np.ndarray) -> RigidTransform:
+    return RigidTransform.from_components((there - R.apply(here)).mean(axis=0), R)

@@ -1,0 +1,148 @@
+# pyright: strict, reportMissingTypeStubs=false, reportUnknownMemberType=false, reportUnknownVariableType=false, reportUnknownArgumentType=false
+"""One measurement between two poses, and which poses a set of them joins."""
+
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
+from typing import Literal, get_args
+
+import numpy as np
+from scipy.cluster.hierarchy import DisjointSet
+from scipy.linalg import cho_factor, cho_solve
+from scipy.spatial.transform import RigidTransform
+
+from sonarmap.kernels.errors import InputError
+from sonarmap.spectral.result import Registration
+
+Kind = Literal["sequential", "odometry", "tie", "loop", "prior"]
+SYMMETRY = 1e-9  # largest asymmetry of a covariance or information, as a share of its largest element
+
+
+@dataclass(frozen=True, slots=True)
+class Edge:
+    """A measurement between pose i (target) and pose j (source).
+
+    Attributes:
+        i, j: indices of the poses; equal for a prior, and only there.
+        registration: `T_target_source` is T_i_j; for a prior it is T_world_i. The covariance is (6, 6),
+            rotation first [rad, m], body tangent of j.
+        kind: "sequential" (consecutive scans), "loop" (any others), "odometry" (by dead reckoning), "tie" (a person
+            measured it) or "prior" (of one pose, against the world).
+        by_hand: whether a person vouches for it: then no other edge outweighs it.
+
+    Raises:
+        InputError: an unknown kind, indices that do not suit it, or a covariance that is not symmetric
+            positive definite.
+    """
+
+    i: int
+    j: int
+    registration: Registration
+    kind: Kind
+    by_hand: bool = False
+
+    def __post_init__(self) -> None:
+        if self.kind not in get_args(Kind):
+            raise InputError(f"{self.name} is of kind '{self.kind}'; wanted one of {', '.join(get_args(Kind))}")
+        if min(self.i, self.j) < 0 or (self.i == self.j) != (self.kind == "prior"):
+            raise InputError(
+                f"{self.name}, {self.kind}: wanted two different poses, counted from 0; "
+                "a prior, and only it, names one pose twice"
+            )
+        if not self.registration.T_target_source.single:
+            raise InputError(f"{self.name} holds a stack of transforms; give every edge a single one")
+        check_definite(self.registration.covariance, f"the covariance of {self.name}")
+
+    @property
+    def is_registered(self) -> bool:
+        """Whether a registration says so; else instruments or a person do."""
+        return self.kind in ("sequential", "loop")
+
+    @property
+    def is_of_pair(self) -> bool:
+        """Whether it is what became of a pair of scans: registered, or measured by a person."""
+        return self.is_registered or self.kind == "tie"
+
+    def doubted(self, factor: float) -> "Edge":
+        """The edge with its covariance multiplied, whatever took part in it: it contradicts others as it is."""
+        measured, alone = self.registration, self.registration.covariance_by_scans
+        doubted = replace(
+            measured,
+            covariance=factor * measured.covariance,
+            covariance_by_scans=None if alone is None else factor * alone,
+        )
+        return replace(self, registration=doubted)
+
+    @property
+    def name(self) -> str:
+        """What to call the edge in messages."""
+        return f"edge {self.i} -> {self.j}"
+
+
+def scaled(edges: Sequence[Edge], factor: float) -> list[Edge]:
+    """The edges with their covariances multiplied; of registrations that something else took part in, the scans' part.
+
+    How far a vehicle usually goes is no surer where registrations agree better.
+    """
+    result = [replace(edge, registration=_multiplied(edge.registration, factor)) for edge in edges]
+    fused = [k for k, edge in enumerate(edges) if edge.registration.T_by_scans is not None]
+    if not fused:
+        return result
+    told = [edges[k].registration for k in fused]
+    both = np.linalg.inv(np.stack([registration.covariance for registration in told]))
+    by_scans = np.stack([registration.covariance_by_scans for registration in told])  # pyright: ignore[reportArgumentType, reportCallIssue]
+    alone = np.linalg.inv(by_scans)
+    covariances = np.linalg.inv(alone / factor + (both - alone))
+    covariances = (covariances + covariances.swapaxes(1, 2)) / 2
+    # from where the scans alone have it, the pull of the rest stays what it is
+    T = RigidTransform.concatenate([registration.T_by_scans for registration in told])  # pyright: ignore[reportArgumentType]
+    away: np.ndarray = (T.inv() * RigidTransform.concatenate([each.T_target_source for each in told])).as_exp_coords()
+    moved = T * RigidTransform.from_exp_coords(np.einsum("nab,nbc,nc->na", covariances, both, away))
+    for n, k in enumerate(fused):
+        held = replace(
+            told[n], T_target_source=moved[n], covariance=covariances[n], covariance_by_scans=factor * by_scans[n]
+        )
+        result[k] = replace(edges[k], registration=held)
+    return result
+
+
+def _multiplied(registration: Registration, factor: float) -> Registration:
+    return replace(registration, covariance=factor * registration.covariance)
+
+
+def check_definite(matrix: np.ndarray, name: str) -> None:
+    """Raise InputError unless `matrix` is (6, 6), finite, symmetric and positive definite."""
+    if matrix.shape != (6, 6) or not np.isfinite(matrix).all():
+        raise InputError(f"{name} has shape {matrix.shape} or is not finite; wanted (6, 6) finite numbers")
+    if not (matrix == matrix.T).all() and np.abs(matrix - matrix.T).max() > SYMMETRY * np.abs(matrix).max():
+        raise InputError(f"{name} is not symmetric; wanted a symmetric positive definite matrix")
+    try:
+        np.linalg.cholesky(matrix)
+    except np.linalg.LinAlgError:
+        smallest = float(np.linalg.eigvalsh(matrix).min())
+        raise InputError(
+            f"{name} is not positive definite (smallest eigenvalue {smallest:.3g}, "
+            f"largest element {np.abs(matrix).max():.3g}); give every direction a positive variance"
+        ) from None
+
+
+def inverse_definite(matrix: np.ndarray) -> np.ndarray:
+    """The inverse of a symmetric positive definite matrix, itself symmetric: information or covariance."""
+    inverse: np.ndarray = cho_solve(cho_factor(matrix, lower=True), np.eye(len(matrix)))
+    return (inverse + inverse.T) / 2
+
+
+def spanning_tree(count: int, edges: Sequence[Edge]) -> list[Edge]:
+    """Edges that join every component of `count` poses without a cycle: consecutive scans, odometry, ties, then
+    loops."""
+    joined = DisjointSet(range(count))
+    between = [edge for edge in edges if edge.kind != "prior"]
+    order = get_args(Kind)
+    return [edge for edge in sorted(between, key=lambda e: order.index(e.kind)) if joined.merge(edge.i, edge.j)]
+
+
+def components(count: int, edges: Sequence[Edge]) -> tuple[tuple[int, ...], ...]:
+    """The sets of poses that edges join, each ascending, in the order of their first poses."""
+    joined = DisjointSet(range(count))
+    for edge in edges:
+        joined.merge(edge.i, edge.j)
+    return tuple(sorted(tuple(sorted(subset)) for subset in joined.subsets()))

@@ -1,0 +1,113 @@
+# pyright: strict, reportMissingTypeStubs=false, reportUnknownMemberType=false, reportUnknownVariableType=false
+"""How sure the poses are: what a survey's own registrations say of their errors, and what they cannot say.
+
+A registration's covariance has to hold for every sonar, and is too wide for most. How well a survey's registrations
+agree where they close cycles tells how large its errors are: chi-squared over its degrees of freedom. Errors that
+registrations share do not show there. All registrations of a scan share that scan's noise, so that edges are less sure
+than their cycles say; and all of a survey fall a little short, as every scan has its own gaps, rims and lobes, which
+move with the sensor: poses are the less sure the longer the way. What instruments measured of a pose is as sure as it
+was measured. The constants were found with the spectral registration on simulated surveys; docs/slam.md has the
+figures.
+"""
+
+import numpy as np
+from scipy.linalg import block_diag
+from scipy.spatial.transform import RigidTransform
+
+from sonarmap.slam.graph.edge import inverse_definite
+from sonarmap.slam.graph.known_pose import KnownPose
+from sonarmap.slam.graph.pose_graph import PoseGraph, Solution
+
+# The variance of an edge's error over what cycles say of it.
+_OF_EDGES = 13.0
+# How much all steps of a survey fall short together: the variance, as a share of a step's own.
+_LEAN = 0.02
+# Degrees of freedom of the errors' tails, and how often edges are weighed anew.
+_TAILS, _REWEIGHTED = 4.0, 4
+# Chi-squared over its degrees of freedom before a graph has loops enough to tell, and how many these are worth.
+_EXPECTED, _WORTH = 0.15, 3.0
+
+
+def weighed(graph: PoseGraph) -> PoseGraph:
+    """The graph with its edges' covariances as large as their errors.
+
+    One factor for all registrations, by how well cycles close; and more for an edge that the others contradict, as
+    heavy tails would have it: two scans that saw a place from opposite sides lean more than both their noise says.
+    Student's t with 4 degrees of freedom, by reweighted least squares (Lange, Little and Taylor, DOI
+    10.2307/2290063). An edge that a person vouches for does not tell how large errors are where others contradict it,
+    and weighs in full nevertheless.
+
+    Args:
+        graph: with its kept edges, about their optimum; what instruments say does not count, and is not scaled.
+
+    Raises:
+        InputError: the equations have no unique or no finite solution.
+    """
+    alone = graph.registered_alone
+    weights, quotient = np.ones(len(alone.edges)), _EXPECTED
+    for _ in range(_REWEIGHTED if weights.size else 0):
+        solution = alone.optimize(covariances=False, doubts=1 / weights)
+        alone = alone.at(solution.trajectory.T_world_sensor)
+        squared = solution.residuals**2  # weighted
+        quotient = (squared.sum() + _WORTH * _EXPECTED) / (solution.degrees_of_freedom + _WORTH)
+        weights = np.minimum(1.0, (_TAILS + 6) / (_TAILS + squared / weights / quotient))
+    doubts = np.ones(len(graph.edges))
+    doubts[[edge.is_registered for edge in graph.edges]] = 1 / weights
+    doubts[[edge.by_hand for edge in graph.edges]] = 1.0
+    return graph.scaled(_OF_EDGES * quotient).doubted(doubts)
+
+
+def pose_covariances(solution: Solution) -> np.ndarray:
+    """(N, 6, 6) of each pose, rotation first [rad, m], body tangent, against its component's anchor, or the world.
+
+    Args:
+        solution: of a graph that has been `weighed`.
+    """
+    marginals, T = solution.covariances(), solution.trajectory.T_world_sensor
+    graph, lean = solution.graph, _lean(solution)
+    measured = np.zeros_like(marginals)
+    for known in graph.all_known:
+        measured[known.pose] += _in_body(known, T[known.pose])
+    holding = {*graph.anchors, *(pose for pose, _ in graph.loose)}
+    result = np.empty_like(marginals)
+    for component in graph.components:
+        held = [k for k in component if k in holding]
+        middle = T[held[0]].translation if held else T[list(component)].translation.mean(axis=0)
+        for k in component:
+            # what falls short on the way from where the component is held
+            away = T[k].rotation.inv().apply(T[k].translation - middle)
+            by_edges = _positive(inverse_definite(marginals[k]) - measured[k])
+            result[k] = np.linalg.inv(_widened(by_edges, lean * np.outer(away, away)) + measured[k])
+    for k in graph.anchors:
+        result[k] = marginals[k]
+    return (result + result.swapaxes(1, 2)) / 2
+
+
+def _in_body(known: KnownPose, T_world_pose: RigidTransform) -> np.ndarray:
+    """(6, 6) the information about a pose's body tangent, where the estimate has it."""
+    turn = block_diag(np.eye(3), (known.T_world_pose.rotation.inv() * T_world_pose.rotation).as_matrix())
+    return turn.T @ known.information @ turn
+
+
+def _positive(information: np.ndarray) -> np.ndarray:
+    """Without what is negative by rounding, where instruments alone place a pose."""
+    values, axes = np.linalg.eigh((information + information.T) / 2)
+    return (axes * np.maximum(values, 0.0)) @ axes.T
+
+
+def _widened(information: np.ndarray, shift: np.ndarray) -> np.ndarray:
+    """(6, 6) the information when a (3, 3) covariance of the shift is added; of the same rank."""
+    across = information[:, 3:]
+    return information - across @ np.linalg.solve(np.eye(3) + shift @ information[3:, 3:], shift @ across.T)
+
+
+def _lean(solution: Solution) -> float:
+    """The variance of how short all ways are together, as a share of them: of the median step."""
+    shares: list[float] = []
+    for edge in solution.graph.edges:
+        T = edge.registration.T_target_source
+        way = float(np.linalg.norm(T.translation))
+        if edge.kind == "sequential" and way > 0:
+            along = T.rotation.inv().apply(T.translation / way)
+            shares.append(float(along @ edge.registration.covariance[3:, 3:] @ along) / way**2)
+    return _LEAN * float(np.median(shares)) if shares else 0.0

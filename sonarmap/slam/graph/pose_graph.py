@@ -1,0 +1,399 @@
+# pyright: strict, reportMissingTypeStubs=false, reportUnknownMemberType=false, reportUnknownVariableType=false
+"""Poses and the edges between them, optimized by GTSAM.
+
+Conventions are GTSAM's own (docs/conventions.md): tangents rotation first, perturbations on the right, so
+that covariances go over unchanged.
+"""
+
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
+from functools import cached_property
+
+import gtsam
+import numpy as np
+from scipy.spatial.transform import RigidTransform
+
+from sonarmap.kernels.errors import InputError
+from sonarmap.slam.graph.control import ControlPoint, OpenMotion, control_of, open_motion
+from sonarmap.slam.graph.edge import Edge, components, scaled
+from sonarmap.slam.graph.edge_factors import edge_factors, residuals_of
+from sonarmap.slam.graph.graph_factors import anchor_factors, holds, levels, pose_factors
+from sonarmap.slam.graph.gtsam_poses import START_SIGMA, chordal_start, to_transforms, to_values
+from sonarmap.slam.graph.known_pose import GAUGE_SIGMA, KnownPose, held_pose, undetermined
+from sonarmap.slam.graph.marginals import Marginals, marginals
+from sonarmap.slam.graph.measured_poses import MeasuredPoses, gauge, told_about, unmeasured
+from sonarmap.slam.graph.tangent import adjoint, carried, lengths
+from sonarmap.slam.graph.trajectory import Trajectory
+from sonarmap.spectral.result import Registration
+from sonarmap.spectral.scan import PosePrior
+
+
+@dataclass(frozen=True)  # without slots: what is worked out from the edges is kept
+class PoseGraph:
+    """An estimate and the measurements it has to agree with.
+
+    Attributes:
+        trajectory: the initial estimate of N poses.
+        edges: measurements; their covariances are used in full and as they are.
+        fixed: poses held at their initial estimate.
+        priors: (pose, what instruments measured of it); the trajectory is in their world (`place_in_world`).
+        known: what else is known of single poses, as a file says it.
+        control: points of poses, held to their places in the world; the trajectory is in it (`place_by_control`).
+
+    Every connected component needs a tie to the world: its fixed poses or its priors are that tie, and where it has
+    neither, its first pose is held (`anchors`). What no instrument measures of any of its poses is held there too.
+
+    Raises:
+        InputError: an edge or a fixed pose that names a pose which is not there.
+    """
+
+    trajectory: Trajectory
+    edges: tuple[Edge, ...]
+    fixed: tuple[int, ...] = ()
+    priors: tuple[tuple[int, PosePrior], ...] = ()
+    known: tuple[KnownPose, ...] = ()
+    control: tuple[ControlPoint, ...] = ()
+
+    def __post_init__(self) -> None:
+        count = len(self.trajectory)
+        for edge in self.edges:
+            if max(edge.i, edge.j) >= count:
+                raise InputError(f"{edge.name} names a pose which is not among the {count} of the trajectory")
+        if any(not 0 <= pose < count for pose in self.fixed):
+            raise InputError(f"fixed poses {self.fixed}: wanted indices below {count}, the number of poses")
+        if any(not 0 <= pose < count for pose in self._measured):
+            raise InputError(f"a prior or control point names a pose which is not among the {count} of the trajectory")
+
+    @cached_property
+    def components(self) -> tuple[tuple[int, ...], ...]:
+        """The sets of poses that share a frame, in the order of their first poses.
+
+        They are those that edges join; what instruments place wholly in the world shares the world.
+        """
+        parts = components(len(self.trajectory), self.edges)
+        priors = dict(self.priors)
+        placed = [self._is_placed(part, priors) for part in parts] if self._measured else []
+        if sum(placed) < 2:
+            return parts
+        world = tuple(sorted(pose for part, known in zip(parts, placed, strict=True) if known for pose in part))
+        return tuple(sorted([world, *(part for part, known in zip(parts, placed, strict=True) if not known)]))
+
+    @property
+    def in_world(self) -> list[int]:
+        """Poses of which instruments tell all six numbers, each by itself."""
+        complete = {pose for pose, prior in self.priors if prior.is_complete}
+        return sorted(complete.union(known.pose for known in self.known if known.rank == 6))
+
+    def lies_in_world(self, members: Sequence[int]) -> bool:
+        """Whether instruments or control points tell all of where one of the components lies."""
+        return members[0] not in self.unmeasured and set(self.anchors).isdisjoint(members)
+
+    @cached_property
+    def anchors(self) -> tuple[int, ...]:
+        """The poses held where they are: the fixed, and the first of a component that nothing else holds."""
+        held = {edge.i for edge in self.edges if edge.kind == "prior"}.union(self.fixed, self._measured)
+        first = (members[0] for members in self.components if held.isdisjoint(members))
+        return tuple(sorted({*self.fixed, *first}))
+
+    @property
+    def loose(self) -> list[tuple[int, np.ndarray]]:
+        """The first pose of each component whose priors do not tell all, and (6,) bool what they do not tell."""
+        priors, beside = dict(self.priors), {*self.anchors, *(point.scan for point in self.control)}
+        measured = (members for members in self.components if not beside.intersection(members))
+        unheld = [
+            (members[0], unmeasured(members, priors)) for members in measured if set(priors).intersection(members)
+        ]
+        return [(pose, free) for pose, free in unheld if free.any()]
+
+    @cached_property
+    def open_motions(self) -> list[tuple[int, OpenMotion]]:
+        """The first pose of each component that control points hold, and the motions that nothing holds it in."""
+        free = [m for m in self.components if self.control and not set(self.anchors).intersection(m)]
+        T, known = self.trajectory.T_world_sensor, self._measured_known
+        return [(m[0], open_motion(control, known, m, T)) for m in free if (control := control_of(self.control, m))]
+
+    @property
+    def unmeasured(self) -> dict[int, np.ndarray]:
+        """By the first pose of each component that does not wholly lie in the world: (6,) bool what nobody measured."""
+        return dict(self.loose) | {pose: free.names for pose, free in self.open_motions if free.names.any()}
+
+    @property
+    def all_known(self) -> list[KnownPose]:
+        """All that is known of single poses but the anchors': `known`, the priors, and what is held beside these."""
+        measured, T = self.by_priors, self.trajectory.T_world_sensor
+        control = [point.known_pose(T[point.scan]) for point in self.control]
+        return [*self.beside_priors, *control, *([] if measured is None else measured.known())]
+
+    @property
+    def by_priors(self) -> MeasuredPoses | None:
+        """What instruments measured; None where nothing."""
+        return MeasuredPoses.of(dict(self.priors), self.trajectory.T_world_sensor) if self.priors else None
+
+    @property
+    def beside_priors(self) -> list[KnownPose]:
+        """What else is known, and what is held where neither tells."""
+        T = self.trajectory.T_world_sensor
+        held = [gauge(pose, free, T[pose]) for pose, free in self.loose]
+        held += [held_pose(pose, T[pose], free.at(T[pose])) for pose, free in self.open_motions if free.axes.size]
+        return [*self.known, *self._level, *held, *self._undetermined]
+
+    @property
+    def degrees_of_freedom(self) -> int:
+        """Measured numbers less free ones."""
+        free = 6 * (len(self.trajectory) - len(self.anchors)) - sum(int(free.sum()) for _, free in self.loose)
+        free -= sum(motion.axes.shape[1] for _, motion in self.open_motions)
+        measured = 6 * len(self.edges) + 3 * len(self.control)
+        measured += sum(int(np.isfinite(prior.sigmas).sum()) for _, prior in self.priors)
+        return measured + sum(known.rank for known in (*self.known, *self._level, *self._undetermined)) - free
+
+    def _is_placed(self, part: tuple[int, ...], priors: dict[int, PosePrior]) -> bool:
+        """Whether instruments tell all of where the poses lie that edges join."""
+        inside, T = set(part), self.trajectory.T_world_sensor
+        if not inside.isdisjoint(priors) and not unmeasured(part, priors).any():
+            return True
+        if control := control_of(self.control, part):
+            return not open_motion(control, self._measured_known, part, T).axes.size
+        known = [known for known in self.known if known.pose in inside]
+        return bool(known) and undetermined(part, known, T) is None
+
+    @cached_property
+    def _measured(self) -> set[int]:
+        """The poses of which something is measured."""
+        single = *(known.pose for known in self.known), *(point.scan for point in self.control)
+        return {*dict(self.priors), *single}
+
+    @cached_property
+    def _measured_known(self) -> list[KnownPose]:
+        """What is known of single poses beside control points, where the trajectory has them."""
+        return [*self.known, *told_about(dict(self.priors), self.trajectory.T_world_sensor)]
+
+    @property
+    def _level(self) -> list[KnownPose]:
+        return levels(self.components, set(self.anchors), dict(self.priors), self.trajectory.T_world_sensor)
+
+    @property
+    def _undetermined(self) -> list[KnownPose]:
+        elsewhere = {*self.anchors, *dict(self.priors), *(point.scan for point in self.control)}
+        return holds(self.components, elsewhere, self.known, self.trajectory.T_world_sensor)
+
+    @property
+    def chi_squared(self) -> float:
+        """The sum of the edges' squared residuals in sigmas, at the trajectory as it is."""
+        return 2 * factors_of(self).error(to_values(self.trajectory.T_world_sensor))
+
+    def at(self, T_world_sensor: RigidTransform) -> "PoseGraph":
+        """The same edges, with these N poses."""
+        return replace(self, trajectory=Trajectory(self.trajectory.stamps, T_world_sensor))
+
+    def keep(self, chosen: np.ndarray) -> "PoseGraph":
+        """The graph with those of its E edges alone that `chosen`, (E,) bool, says."""
+        kept = tuple(edge for edge, take in zip(self.edges, chosen, strict=True) if take)
+        return replace(self, edges=kept)
+
+    @property
+    def registered_alone(self) -> "PoseGraph":
+        """The graph without what instruments say."""
+        return replace(
+            self, edges=tuple(edge for edge in self.edges if edge.is_registered), priors=(), known=(), control=()
+        )
+
+    def scaled(self, factor: float) -> "PoseGraph":
+        """The graph with the covariances of all registrations multiplied (`slam.graph.edge.scaled`)."""
+        registered = iter(scaled([edge for edge in self.edges if edge.is_registered], factor))
+        return replace(self, edges=tuple(next(registered) if edge.is_registered else edge for edge in self.edges))
+
+    def doubted(self, factors: np.ndarray) -> "PoseGraph":
+        """The graph with the covariances of its E edges multiplied by (E,) factors (`Edge.doubted`)."""
+        edges = [edge.doubted(factor) for edge, factor in zip(self.edges, factors.tolist(), strict=True)]
+        return replace(self, edges=tuple(edges))
+
+    def residuals(self) -> np.ndarray:
+        """(E,) float64, each edge's residual at the trajectory as it is, in sigmas."""
+        return residuals_of(self.edges, self.trajectory.T_world_sensor)
+
+    def from_edges(self) -> "PoseGraph":
+        """The same graph with an initial estimate that its edges alone tell (`chordal_start`); anchors stay.
+
+        Raises:
+            InputError: the edges do not tell every pose.
+        """
+        try:
+            without = replace(self, priors=(), known=(), control=())
+            started = chordal_start(factors_of(without, START_SIGMA), len(self.trajectory))
+        except RuntimeError as error:
+            raise self.unsolvable(error) from error
+        return self.held(started)
+
+    def held(self, T_world_sensor: RigidTransform) -> "PoseGraph":
+        """The same edges with these N poses, what edges join moved as a whole, so that its anchors are where they were.
+
+        A part whose place is measured is moved so that its first measured pose is where it was.
+        """
+        initial, matrices = self.trajectory.T_world_sensor, T_world_sensor.as_matrix()
+        anchors, measured = self.anchors, self._measured
+        for members in components(len(self.trajectory), self.edges):
+            inside = sorted(set(anchors).intersection(members)) or sorted(measured.intersection(members))[:1]
+            if inside:
+                moved: RigidTransform = (
+                    initial[inside[0]] * T_world_sensor[inside[0]].inv() * T_world_sensor[list(members)]
+                )
+                matrices[list(members)] = moved.as_matrix()
+                matrices[inside] = initial[inside].as_matrix()
+        return self.at(RigidTransform.from_matrix(matrices))
+
+    def unsolvable(self, error: RuntimeError) -> InputError:
+        """What to say where GTSAM cannot solve for the poses."""
+        return InputError(
+            f"the pose graph of {len(self.trajectory)} poses and {len(self.edges)} edges has no unique "
+            f"solution ({str(error).strip().splitlines()[0]}); look for covariances that are far too "
+            "large or too small"
+        )
+
+    def optimize(
+        self, max_iterations: int = 100, covariances: bool = True, doubts: np.ndarray | None = None
+    ) -> "Solution":
+        """The poses of least squared residual, by Levenberg-Marquardt from the initial estimate.
+
+        Args:
+            max_iterations: of the optimizer.
+            covariances: whether the solution has these, which takes a unique one; poses and residuals take none.
+            doubts: (E,) by which the edges' covariances are multiplied; 1 by default.
+
+        Raises:
+            InputError: the equations have no unique or no finite solution.
+        """
+        factors, initial = factors_of(self, doubts=doubts), to_values(self.trajectory.T_world_sensor)
+        options = gtsam.LevenbergMarquardtParams()
+        options.setMaxIterations(max_iterations)
+        if len({pose for edge in self.edges if edge.i != edge.j for pose in (edge.i, edge.j)}) == len(self.trajectory):
+            # of 50,000 poses a third faster than GTSAM's default; it does not work where a pose has no edge
+            options.setOrderingType("METIS")
+        options.setRelativeErrorTol(1e-9)
+        options.setAbsoluteErrorTol(1e-9)
+        try:
+            optimizer = gtsam.LevenbergMarquardtOptimizer(factors, initial, options)
+            optimum = optimizer.optimize()
+            linear = factors.linearize(optimum) if covariances else None
+            if linear is not None:
+                linear.eliminateMultifrontal(gtsam.Ordering.OrderingType.COLAMD)  # raises where a pose is not told
+        except RuntimeError as error:
+            raise self.unsolvable(error) from error
+        return Solution(
+            graph=self.at(to_transforms(optimum, len(self.trajectory))),
+            chi_squared_before=2 * factors.error(initial),
+            chi_squared_after=2 * factors.error(optimum),
+            degrees_of_freedom=self.degrees_of_freedom,
+            iterations=optimizer.iterations(),
+            converged=optimizer.iterations() < max_iterations,
+            residuals=np.array([np.sqrt(2 * factors.at(k).error(optimum)) for k in range(len(self.edges))]),
+            _linear=linear,
+        )
+
+
+@dataclass(frozen=True, slots=True)
+class Solution:
+    """An optimized pose graph.
+
+    Attributes:
+        graph: the same edges, with the optimized trajectory.
+        chi_squared_before, chi_squared_after: sum of squared residuals in sigmas, at the initial estimate
+            and at the optimum; of a good graph the latter is about `degrees_of_freedom`.
+        degrees_of_freedom: measured numbers less free ones.
+        iterations, converged: of the optimizer, and whether it came to rest before the limit.
+        residuals: (E,) float64, each edge's residual in sigmas (the Mahalanobis length of its six numbers).
+    """
+
+    graph: PoseGraph
+    chi_squared_before: float
+    chi_squared_after: float
+    degrees_of_freedom: int
+    iterations: int
+    converged: bool
+    residuals: np.ndarray
+    _linear: gtsam.GaussianFactorGraph | None
+
+    @property
+    def trajectory(self) -> Trajectory:
+        """The optimized poses."""
+        return self.graph.trajectory
+
+    def covariances(self) -> np.ndarray:
+        """(N, 6, 6): each pose's, rotation first [rad, m], body tangent, against its component's anchor."""
+        return self._marginals(np.empty((0, 2), np.intp)).single
+
+    def relative(self, i: int, j: int) -> tuple[RigidTransform, np.ndarray]:
+        """T_i_j as the graph estimates it, and its (6, 6) covariance: as `relatives`, of one pair."""
+        T, covariances = self.relatives(np.array([[i, j]]))
+        return T[0], covariances[0]
+
+    def relatives(self, pairs: np.ndarray) -> tuple[RigidTransform, np.ndarray]:
+        """T_i_j of m pairs as the graph estimates them, and their (m, 6, 6) covariances, from the joint marginals.
+
+        With T_i Exp(a) and T_j Exp(b) the relative pose is T_i_j Exp(b - Ad(T_j_i) a), to first order.
+
+        Args:
+            pairs: (m, 2) int, different poses i and j of one component each.
+
+        Raises:
+            InputError: covariances so small that the equations cannot be solved for it.
+        """
+        if not len(pairs):
+            return RigidTransform.from_matrix(np.empty((0, 4, 4))), np.empty((0, 6, 6))
+        i, j = pairs.T
+        T = self.trajectory.T_world_sensor
+        T_i_j: RigidTransform = T[i].inv() * T[j]
+        known, A = self._marginals(pairs), adjoint(T_i_j.inv())
+        shared = A @ known.across
+        covariances = known.single[j] + A @ known.single[i] @ A.swapaxes(1, 2) - shared - shared.swapaxes(1, 2)
+        return T_i_j, covariances
+
+    def distances(self, pairs: np.ndarray, registrations: Sequence[Registration], most: float = np.inf) -> np.ndarray:
+        """(m,) how far registrations of pairs, (m, 2) int, that are no edges are from the poses [sigmas], under their
+        covariances and the poses'.
+
+        What is surely farther than `most` counts as infinitely far: for thousands of pairs anywhere in a large graph
+        that saves most of the time.
+        """
+        if not len(pairs):
+            return np.zeros(0)
+        i, j = pairs.T
+        T = self.trajectory.T_world_sensor
+        measured = RigidTransform.concatenate([each.T_target_source for each in registrations])
+        T_i_j: RigidTransform = T[i].inv() * T[j]
+        xi: np.ndarray = (T_i_j.inv() * measured).as_exp_coords()
+        stated = np.stack([registration.covariance for registration in registrations])
+        sigmas, near = np.full(len(pairs), np.inf), np.ones(len(pairs), bool)
+        if np.isfinite(most):
+            # however two errors depend on each other, the covariance of their sum is at most twice that of both
+            single = self.covariances()
+            near = lengths(xi, stated + 2 * (single[j] + carried(T_i_j.inv(), single[i]))) <= most
+        sigmas[near] = lengths(xi[near], stated[near] + self.relatives(pairs[near])[1])
+        return sigmas
+
+    def _marginals(self, pairs: np.ndarray) -> Marginals:
+        assert self._linear is not None, "optimized without covariances"
+        try:
+            return marginals(self._linear, pairs)
+        except RuntimeError as error:
+            raise self.graph.unsolvable(error) from error
+
+
+def factors_of(
+    graph: PoseGraph, gauge_sigma: float = GAUGE_SIGMA, doubts: np.ndarray | None = None
+) -> gtsam.NonlinearFactorGraph:
+    """The graph as GTSAM's factors: one for each edge, in their order, then those of the anchors and known poses.
+
+    Args:
+        graph: its poses are keys 0..N-1.
+        gauge_sigma: standard deviation with which anchors are held [rad, m].
+        doubts: (E,) by which the edges' covariances are multiplied; 1 by default.
+    """
+    factors, measured = gtsam.NonlinearFactorGraph(), graph.by_priors
+    for factor in (
+        *edge_factors(graph.edges, doubts),
+        *anchor_factors(graph.anchors, graph.trajectory.T_world_sensor, gauge_sigma),
+        *(() if measured is None else measured.factors()),
+        *pose_factors(graph.control, graph.beside_priors),
+    ):
+        factors.add(factor)
+    return factors

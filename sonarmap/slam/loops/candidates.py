@@ -1,0 +1,143 @@
+# pyright: strict, reportMissingTypeStubs=false, reportUnknownMemberType=false
+"""Candidates for loop closures: by the estimate and its uncertainty, or by what the scans look like."""
+
+from collections import defaultdict
+from collections.abc import Sequence, Set
+
+import numpy as np
+
+from sonarmap.slam.graph.pose_graph import Solution
+from sonarmap.slam.loops.forecast import certainties, displacement
+from sonarmap.slam.loops.places import PlaceIndex
+from sonarmap.slam.loops.separation import separations
+from sonarmap.slam.loops.settings import LoopSettings
+from sonarmap.slam.map.shared_cells import overlapping
+from sonarmap.slam.pair import Pair
+
+# The power of the overlap in a loop's worth: where scans share less, they see it from other sides, and err more.
+_OVERLAP = 2
+# So many times the wanted number of lookalikes are looked up, as neighbors show the same place.
+_LOOKALIKES = 3
+
+
+def find_candidates(
+    outlines: Sequence[np.ndarray],
+    solution: Solution,
+    voxel: float,
+    settings: LoopSettings,
+    tried: Set[tuple[int, int]] = frozenset(),
+    unsure: bool = False,
+) -> list[Pair]:
+    """Candidates for loops that the estimate and its uncertainty expect to overlap, best first within the limits.
+
+    What counts is the expected overlap: that at the estimate, less what the joint marginal of both poses leaves open;
+    and how far apart the scans are along the edges that there are. Drift grows with that, so that loops between far
+    parts tell most, while those between neighbors repeat what the chain says.
+    Only scans of one component are compared: between components there is no estimate.
+
+    Args:
+        outlines: of N scans, as `outline` gives them in the settings' cells.
+        solution: the optimized graph of their N poses.
+        voxel: edge of the survey's voxels [m].
+        settings: thresholds and limits.
+        tried: pairs (i, j), i < j, to leave out; consecutive scans are always left out.
+        unsure: only scans whose points the estimate has no better against each other than registrations usually have
+            them: from the others there is nothing to gain.
+    """
+    cell = settings.cell_voxels * voxel
+    scans, overlap = _overlapping(outlines, solution, cell, settings)
+    new = np.array([j - i > 1 and (i, j) not in tried for i, j in scans.tolist()], bool)
+    scans, overlap = scans[new], overlap[new]
+    # the most that can be taken, and as many again for those that prove uncertain
+    likely = _best(scans, overlap, solution, 2 * settings.per_scan, settings.spread)
+    scans, overlap = scans[likely], overlap[likely]
+    T, covariances = solution.relatives(scans)
+    tells = displacement(outlines, scans, covariances) >= (_usual(outlines, solution) if unsure else 0.0)
+    scans, overlap = scans[tells], overlap[tells]
+    overlap = overlap * certainties(outlines, scans, T[tells], covariances[tells], cell)
+    kept = np.flatnonzero(overlap >= settings.min_overlap)
+    best = kept[_best(scans[kept], overlap[kept], solution, settings.per_scan, settings.spread)]
+    return [Pair(int(scans[k, 0]), int(scans[k, 1]), "loop", float(overlap[k])) for k in best]
+
+
+def _usual(outlines: Sequence[np.ndarray], solution: Solution) -> float:
+    """How far points are from where a registration has them, by its covariance in the graph: the median [m]."""
+    registered = [edge for edge in solution.graph.edges if edge.is_registered]
+    if not registered:
+        return 0.0
+    scans = np.array([(edge.i, edge.j) for edge in registered])
+    covariances = np.stack([edge.registration.covariance for edge in registered])
+    return float(np.median(displacement(outlines, scans, covariances)))
+
+
+def _overlapping(
+    outlines: Sequence[np.ndarray], solution: Solution, cell: float, settings: LoopSettings
+) -> tuple[np.ndarray, np.ndarray]:
+    """(m, 2) scans of one component that the estimate has overlap enough, i < j, and (m,) by how much."""
+    scans, overlap = [np.empty((0, 2), np.intp)], [np.empty(0)]
+    for members in solution.graph.components:
+        if settings.per_scan == 0 or len(members) < 3:
+            continue
+        own = np.array(members)
+        pairs, share = overlapping(
+            [outlines[k] for k in members], solution.trajectory.T_world_sensor[own], cell, settings.min_overlap
+        )
+        scans.append(own[pairs])
+        overlap.append(share)
+    return np.concatenate(scans), np.concatenate(overlap)
+
+
+def find_lookalikes(
+    signatures: Sequence[np.ndarray | None],
+    parts: Sequence[Sequence[int]],
+    settings: LoopSettings,
+    tried: Set[tuple[int, int]] = frozenset(),
+) -> list[Pair]:
+    """Candidates for loops between parts, of scans that look alike: where no estimate exists, their looks may tell.
+
+    Args:
+        signatures: of N scans; None where a scan has none.
+        parts: the scans of each part, as edges join them; surveys of one place are parts until something joins them.
+        settings: limits.
+        tried: pairs (i, j), i < j, to leave out.
+    """
+    part = {k: number for number, members in enumerate(parts) for k in members}
+    known = {k: signature for k, signature in enumerate(signatures) if signature is not None}
+    scans = sorted(known, key=lambda k: (part[k], k))
+    if settings.per_scan == 0 or len({part[k] for k in scans}) < 2:
+        return []
+    index = PlaceIndex(np.stack([known[k] for k in scans]), np.array([part[k] for k in scans]))
+    alike = index.candidates(_LOOKALIKES * settings.per_scan, gap=0, elsewhere=True)
+    ranked = sorted((look.distance, *sorted((scans[look.i], scans[look.j]))) for look in alike)
+    new = [Pair(i, j, "loop", alike=distance) for distance, i, j in ranked if (i, j) not in tried]
+    return [new[k] for k in within_limits([pair.scans for pair in new], settings.per_scan, settings.spread)]
+
+
+def within_limits(ranked: Sequence[tuple[int, int]], per_scan: int, spread: int) -> list[int]:
+    """Which of these pairs to take, the first first, so that a scan has no more than `per_scan` partners, more than
+    `spread` scans apart."""
+    partners: dict[int, list[int]] = defaultdict(list)
+    kept: list[int] = []
+    for k, (i, j) in enumerate(ranked):
+        full = max(len(partners[i]), len(partners[j])) >= per_scan
+        if full:
+            continue
+        gaps = [abs(j - partner) for partner in partners[i]] + [abs(i - partner) for partner in partners[j]]
+        if all(gap > spread for gap in gaps):
+            partners[i].append(j)
+            partners[j].append(i)
+            kept.append(k)
+    return kept
+
+
+def _best(scans: np.ndarray, overlap: np.ndarray, solution: Solution, per_scan: int, spread: int) -> np.ndarray:
+    """Which of (m, 2) pairs to take within the limits: those first that are likely to succeed and tie far parts
+    together."""
+    if not len(scans):
+        return np.zeros(0, np.intp)
+    apart = separations(len(solution.trajectory), solution.graph.edges, scans)
+    # what instruments alone place is infinitely far along the edges
+    worth = overlap**_OVERLAP * np.log2(1 + np.minimum(apart, len(solution.trajectory)))
+    order = np.lexsort((scans[:, 1], scans[:, 0], -worth))
+    ranked = [(i, j) for i, j in scans[order].tolist()]
+    return order[within_limits(ranked, per_scan, spread)]

@@ -1,0 +1,163 @@
+"""How far apart two passes over the same place lie: a measure of the map's error that needs no truth."""
+
+from collections import Counter
+from collections.abc import Iterable, Sequence
+from dataclasses import dataclass
+
+import numpy as np
+from scipy.spatial import KDTree
+from scipy.spatial.transform import RigidTransform
+
+from sonarmap.kernels.errors import InputError
+from sonarmap.slam.map.cell import cell_means
+from sonarmap.slam.map.shared_cells import outline, overlapping
+from sonarmap.spectral.scan import Scan
+
+APART = 10  # scans of one pass follow each other more closely than this
+PER_SCAN = 2  # crossings that a scan takes part in
+MOST = 1000  # crossings that are looked at; of more, as many from all over the survey
+_CELL, _OVERLAP = 4.0, 0.3  # edge of the cells in which overlap is counted [voxels], and least share of them in common
+_SAMPLE = 1000  # points of a scan
+_NEIGHBORS = 8  # of the points that a plane is laid through
+_SHARED = 3.0  # a point that has a neighbor this near in the other scan was seen by both [voxels]
+_LEAST = 50  # points that both have to have seen
+
+
+@dataclass(frozen=True, slots=True)
+class Spread:
+    """How far points of one pass lie from the surface of another: the median and the 90th percentile [m]."""
+
+    median: float
+    most: float
+
+
+@dataclass(frozen=True, slots=True)
+class Crossing:
+    """Two scans of different passes over one place.
+
+    Attributes:
+        i, j: the scans, i < j.
+        before, after: the distances between what both saw, under either estimate of the poses.
+    """
+
+    i: int
+    j: int
+    before: Spread
+    after: Spread
+
+
+@dataclass(frozen=True, slots=True)
+class CrossingError:
+    """Of all crossings together.
+
+    Attributes:
+        crossings: by i, then j; none where no pass crosses another.
+        before, after: the median over the crossings of their medians and 90th percentiles; None without any.
+    """
+
+    crossings: tuple[Crossing, ...]
+
+    @classmethod
+    def of(cls, errors: Iterable["CrossingError"]) -> "CrossingError":
+        """Of several components together."""
+        return cls(tuple(crossing for error in errors for crossing in error.crossings))
+
+    @property
+    def before(self) -> Spread | None:
+        """Under the first estimate."""
+        return _typical([crossing.before for crossing in self.crossings])
+
+    @property
+    def after(self) -> Spread | None:
+        """Under the second estimate."""
+        return _typical([crossing.after for crossing in self.crossings])
+
+
+def _typical(spreads: Sequence[Spread]) -> Spread | None:
+    if not spreads:
+        return None
+    return Spread(
+        float(np.median([spread.median for spread in spreads])), float(np.median([spread.most for spread in spreads]))
+    )
+
+
+def crossing_error(
+    scans: Sequence[Scan],
+    before: RigidTransform,
+    after: RigidTransform,
+    voxel: float,
+    indices: Sequence[int] | None = None,
+    surveys: Sequence[int] | None = None,
+) -> CrossingError:
+    """Distances between overlapping passes, under the poses before and after their optimization.
+
+    Two scans cross if they overlap under the poses after and lie `APART` scans apart or in different surveys; each
+    scan takes part in `PER_SCAN` crossings at most, those of largest overlap, and `MOST` are looked at. Both scans are
+    thinned to one mean a voxel, which averages some of their noise away. Of the points that both saw, as the poses
+    after say, each one's distance is that to the plane through the nearest points of the other scan, sought anew under
+    either estimate. The ranges' noise is part of it: it is not 0 under the true poses.
+
+    Args:
+        scans: S scans of one component.
+        before, after: their S poses, chained and optimized.
+        voxel: edge of the survey's voxels [m].
+        indices: what to call the scans, ascending in the order in which they were taken; 0..S-1 by default.
+        surveys: S numbers, the survey that each belongs to; all the same by default.
+
+    Raises:
+        InputError: another number of poses, indices or surveys than of scans.
+    """
+    names = list(range(len(scans)) if indices is None else indices)
+    group = [0] * len(scans) if surveys is None else list(surveys)
+    counts = {len(scans), len(before), len(after), len(names), len(group)}
+    if len(counts) != 1:
+        raise InputError(
+            f"{len(scans)} scans, {len(before)} and {len(after)} poses, {len(names)} indices and {len(group)} surveys: "
+            "wanted as many of each"
+        )
+    outlines = [outline(scan, _CELL * voxel) for scan in scans]
+    crossings = []
+    for a, b in _pairs(outlines, after, voxel, names, group):
+        target, source = (cell_means(scans[k].points, voxel) for k in (a, b))
+        tree = KDTree(target)
+        T_before, T_after = (T[a].inv() * T[b] for T in (before, after))
+        distance, _ = tree.query(T_after.apply(source), distance_upper_bound=_SHARED * voxel)
+        shared = source[np.isfinite(distance)]
+        shared = shared[:: max(1, len(shared) // _SAMPLE)]
+        if len(shared) >= _LEAST and len(target) >= _NEIGHBORS:
+            spreads = [_spread(target, tree, T.apply(shared)) for T in (T_before, T_after)]
+            crossings.append(Crossing(names[a], names[b], *spreads))
+    return CrossingError(tuple(crossings))
+
+
+def _pairs(
+    outlines: Sequence[np.ndarray],
+    T_world_sensor: RigidTransform,
+    voxel: float,
+    names: Sequence[int],
+    surveys: Sequence[int],
+) -> list[tuple[int, int]]:
+    """The crossings to look at, as places in the sequence, ascending."""
+    if len(outlines) < 2:
+        return []
+    pairs, overlap = overlapping(outlines, T_world_sensor, _CELL * voxel, _OVERLAP)
+    called, group = np.asarray(names)[pairs], np.asarray(surveys)[pairs]
+    apart = (np.abs(called[:, 0] - called[:, 1]) >= APART) | (group[:, 0] != group[:, 1])
+    taken: Counter[int] = Counter()
+    kept = []
+    for k in np.lexsort((pairs[:, 1], pairs[:, 0], -overlap)):
+        pair = int(pairs[k, 0]), int(pairs[k, 1])
+        if apart[k] and max(taken[pair[0]], taken[pair[1]]) < PER_SCAN:
+            taken.update(pair)
+            kept.append(pair)
+    return sorted(kept)[:: -(-len(kept) // MOST) or 1]
+
+
+def _spread(surface: np.ndarray, tree: KDTree, points: np.ndarray) -> Spread:
+    """Of points (n, 3) from the planes through the nearest points of a surface, both in one frame [m]."""
+    near = surface[tree.query(points, _NEIGHBORS)[1]]
+    middle = near.mean(axis=1)
+    away = near - middle[:, None]
+    _, directions = np.linalg.eigh(np.einsum("nki,nkj->nij", away, away))
+    distance = np.abs(np.einsum("ni,ni->n", points - middle, directions[:, :, 0]))
+    return Spread(float(np.median(distance)), float(np.quantile(distance, 0.9)))

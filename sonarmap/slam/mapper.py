@@ -1,0 +1,245 @@
+# pyright: strict, reportMissingTypeStubs=false, reportUnknownMemberType=false
+"""The mapper: scans in, one consistent map out, on one screen."""
+
+from collections.abc import Sequence
+from dataclasses import dataclass, field, replace
+
+import numpy as np
+
+from sonarmap.kernels.errors import InputError
+from sonarmap.slam.decide.decision import Decision, decide
+from sonarmap.slam.decide.hand import displaced, with_contradictions
+from sonarmap.slam.decide.navigation import Navigation
+from sonarmap.slam.execute.runner import Execution, PairRunner, Progress
+from sonarmap.slam.execute.worker import prepared_limit
+from sonarmap.slam.graph.control import ControlPoint
+from sonarmap.slam.graph.pose_covariance import pose_covariances
+from sonarmap.slam.loops.settings import LoopSettings
+from sonarmap.slam.map.component_maps import component_maps
+from sonarmap.slam.map.doubt import MIN_SEEN
+from sonarmap.slam.motion.limits import MotionLimits
+from sonarmap.slam.motion.odometry import Odometry
+from sonarmap.slam.pair import Pair, require_any_registered
+from sonarmap.slam.pair_search import PairSearch
+from sonarmap.slam.stream.between import with_between
+from sonarmap.slam.stream.keys import KeySettings, choose_keys
+from sonarmap.slam.survey_result import SurveyResult
+from sonarmap.slam.tie import Tie
+from sonarmap.spectral.result import Registrar
+from sonarmap.spectral.scan import Scan
+
+
+@dataclass(frozen=True, slots=True)
+class MapperSettings:
+    """How a survey is put together.
+
+    Attributes:
+        loops: which extra pairs are tried and kept.
+        limits: what the vehicle's motion cannot exceed.
+        keys: how key scans of a dense stream are chosen.
+        bridge: over a gap, pairs up to this many scans apart are tried; 1 tries none.
+        prepared: number of prepared scans kept at a time, each of which holds device memory; None for as many as are
+            useful and fit.
+        map_voxel: edge of the fused map's voxels [m]; None is the survey's voxel.
+        min_seen: points that fewer scans saw are left out of the map where others looked and saw otherwise, see
+            `slam.map.doubt`; 1 leaves out none.
+    """
+
+    loops: LoopSettings = field(default_factory=LoopSettings)
+    limits: MotionLimits = field(default_factory=MotionLimits)
+    keys: KeySettings = field(default_factory=KeySettings)
+    bridge: int = 3
+    prepared: int | None = None
+    map_voxel: float | None = None
+    min_seen: int = MIN_SEEN
+
+    def __post_init__(self) -> None:
+        if self.bridge < 1:
+            raise InputError(f"`bridge={self.bridge}`: wanted at least 1")
+        if self.prepared is not None and self.prepared < 2:
+            raise InputError(f"`prepared={self.prepared}`: wanted at least 2")
+        if self.map_voxel is not None and not (np.isfinite(self.map_voxel) and self.map_voxel > 0):
+            raise InputError(f"the map's voxel is {self.map_voxel} m; wanted a positive length")
+        if self.min_seen < 1:
+            raise InputError(f"`min_seen={self.min_seen}`: wanted at least 1, which leaves no point out")
+
+
+class Mapper:
+    """Registers a survey's scans and fuses them into a map.
+
+    Args:
+        registrar: any method of registration.
+        voxel: edge of the survey's voxels [m].
+        settings: everything else.
+        execution: who registers pairs, with the same registrar, and the journal; None for this process without one.
+
+    Raises:
+        InputError: a voxel that is not positive.
+    """
+
+    def __init__(
+        self,
+        registrar: Registrar,
+        voxel: float,
+        settings: MapperSettings | None = None,
+        execution: Execution | None = None,
+    ) -> None:
+        if not (np.isfinite(voxel) and voxel > 0):
+            raise InputError(f"the survey's voxel is {voxel} m; wanted a positive length")
+        self.registrar = registrar
+        self.voxel = voxel
+        self.settings = settings or MapperSettings()
+        self.execution = execution or Execution.here(registrar, self.settings.prepared or prepared_limit(registrar))
+
+    def run(
+        self,
+        scans: Sequence[Scan],
+        progress: Progress | None = None,
+        surveys: Sequence[int] | None = None,
+        odometry: Odometry | None = None,
+        ties: Sequence[Tie] = (),
+        control: Sequence[ControlPoint] = (),
+    ) -> SurveyResult:
+        """Map a survey, or several of one place.
+
+        A pair that fails leaves a gap and the chain goes on behind it: a component of its own, unless other pairs
+        join both sides.
+
+        Args:
+            scans: at least two, in the order in which they were taken, survey after survey.
+            progress: called as progress(steps done, steps planned so far, words); the plan grows as
+                candidates for bridges and loops are found.
+            surveys: the number of each scan's survey, ascending; by default all are of one.
+            odometry: dead reckoning of these scans.
+            ties: what a person says of pairs, at most one of each. Pairs are searched for as without ties, so that only
+                those that a person added are registered beside.
+            control: points of scans with known coordinates, which are used when no more pairs are searched for.
+
+        Raises:
+            InputError: fewer than two scans, not one pair that could be tried, or ties or control points of scans that
+                are not there, or ties of those between a dense stream's key scans.
+        """
+        if len(scans) < 2:
+            raise InputError(f"{len(scans)} scan given; a map needs at least two that overlap")
+        _require_scans(len(scans), ties, control)
+        survey = np.zeros(len(scans), np.intp) if surveys is None else np.asarray(surveys, np.intp)
+        navigation = replace(Navigation.of(scans, survey, odometry), control=tuple(control))
+        runner = PairRunner(self.execution, navigation.scans, 2, progress)
+        try:
+            keys, known = choose_keys(runner, survey, self.voxel, self.settings.keys)
+            if len(keys) == len(scans):
+                decision = self._decided(runner, navigation, survey, odometry, known, ties)
+            else:
+                decision = self._decided_by_keys(runner, keys, known, navigation, survey, odometry, ties)
+        finally:
+            runner.release()
+        runner.step_done("poses optimized")
+        result = replace(self._fuse(scans, survey, decision), ties=tuple(ties), control=decision.points(control))
+        runner.step_done("map fused")
+        return result if len(keys) == len(scans) else replace(result, keys=tuple(keys))
+
+    def _decided_by_keys(
+        self,
+        runner: PairRunner,
+        keys: Sequence[int],
+        known: Sequence[Pair],
+        navigation: Navigation,
+        survey: np.ndarray,
+        odometry: Odometry | None,
+        ties: Sequence[Tie],
+    ) -> Decision:
+        """About the key scans, and by them about all."""
+        number, own_survey = {k: n for n, k in enumerate(keys)}, survey[list(keys)]
+        own_ties = [tie.renumbered(number, [scan.name for scan in navigation.scans]) for tie in ties]
+        told = None if odometry is None else odometry.take(keys)
+        of_keys = navigation.of_some(keys, () if told is None else told.edges(own_survey))
+        between = [replace(pair, i=number[pair.i], j=number[pair.j]) for pair in known]
+        decision = self._decided(runner.of(keys), of_keys, own_survey, told, between, own_ties)
+        floor = self.settings.loops.floor(self.voxel) / 4
+        return with_between(decision, keys, navigation, survey, odometry, floor)
+
+    def _decided(
+        self,
+        runner: PairRunner,
+        navigation: Navigation,
+        survey: np.ndarray,
+        odometry: Odometry | None,
+        known: Sequence[Pair],
+        ties: Sequence[Tie],
+    ) -> Decision:
+        """About all that can be registered of some scans; `known` pairs have been.
+
+        The search knows neither ties nor control points, so that it registers the same pairs whatever these say.
+        """
+        search = PairSearch(
+            runner,
+            navigation.scans,
+            survey,
+            self.registrar,
+            self.voxel,
+            self.settings.loops,
+            self.settings.limits,
+            odometry,
+        )
+        pairs = search.steps(known)
+        pairs += search.bridges(pairs, self.settings.bridge)
+        require_any_registered(pairs)
+        alone = navigation.without_control
+        decision = self._decide(runner, alone, pairs)
+        settings = self.settings.loops
+        for number in range(settings.most_rounds if settings.rounds else 0):
+            loops = search.loops(decision, pairs, unsure=number >= settings.rounds)
+            if not loops:
+                break
+            pairs += loops
+            decision = self._decide(runner, alone, pairs)
+        if not (ties or navigation.control):
+            return decision
+        by_hand = self._decide(runner, navigation, search.tied(pairs, ties))
+        sizes = with_contradictions(by_hand.pairs, by_hand.solution, decision.solution)
+        return replace(by_hand, pairs=tuple(sizes), displaced=displaced(sizes, decision.pairs))
+
+    def _decide(self, runner: PairRunner, navigation: Navigation, pairs: Sequence[Pair]) -> Decision:
+        decision = decide(pairs, navigation, self.voxel, self.settings.loops)
+        runner.end_stage("poses optimized")
+        return decision
+
+    def _fuse(self, scans: Sequence[Scan], survey: np.ndarray, decision: Decision) -> SurveyResult:
+        solution, covariances = decision.solution, pose_covariances(decision.solution)
+        trajectory, components = solution.trajectory, solution.graph.components
+        parts = tuple(
+            component_maps(
+                [scans[k] for k in members],
+                decision.chained.take(members),
+                trajectory.take(members),
+                covariances[list(members)],
+                self.settings.map_voxel or self.voxel,
+                members,
+                survey[list(members)].tolist(),
+                self.settings.min_seen,
+            )
+            for members in components
+        )
+        return SurveyResult(
+            trajectory=trajectory,
+            chained=decision.chained,
+            components=components,
+            surveys=tuple(survey.tolist()),
+            covariances=covariances,
+            solution=solution,
+            parts=parts,
+            pairs=decision.pairs,
+            gaps=tuple((pair.i, pair.j) for pair in decision.pairs if pair.role == "sequential" and not pair.kept),
+            voxel=self.voxel,
+            wrong_fixes=decision.wrong_fixes,
+            displaced=decision.displaced,
+        )
+
+
+def _require_scans(count: int, ties: Sequence[Tie], control: Sequence[ControlPoint]) -> None:
+    """Refuse what is said of scans that are not there, and two verdicts on a pair."""
+    named = [*(tie.j for tie in ties), *(point.scan for point in control)]
+    if named and not (max(named) < count and min(named) >= 0):
+        raise InputError(f"a tie or control point is of scan {max(named)}; there are {count}, counted from 0")
+    if len({tie.scans for tie in ties}) < len(ties):
+        raise InputError("two ties are of the same scans; leave one out")

@@ -1,0 +1,92 @@
+# pyright: strict, reportMissingTypeStubs=false
+"""The motion that instruments measured, where they did, and the learned one elsewhere."""
+
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
+from typing import Protocol
+
+import numpy as np
+from scipy.spatial.transform import RigidTransform
+
+from sonarmap.slam.motion.motion import Motion
+from sonarmap.slam.motion.odometry import Odometry
+from sonarmap.slam.pair import Pair
+from sonarmap.spectral.expected import ExpectedPose
+
+# Where nothing is known of the motion, a scan may be anywhere [rad, m].
+_ANYWHERE = np.repeat([np.pi, 1e3], 3)
+
+
+class AnyMotion(Protocol):
+    """What says where a scan is expected."""
+
+    def expected(self, i: int, j: int) -> ExpectedPose:
+        """T_i_j, i < j, of scans of one survey."""
+        ...
+
+    def way(self, i: int, j: int) -> tuple[float, float] | None:
+        """Mean and standard deviation of the way from i to j [m]; None where nothing tells."""
+        ...
+
+    def following(self, pairs: Sequence[Pair]) -> "AnyMotion":
+        """With what registered steps tell of the motion at their time."""
+        ...
+
+    def contradicts(self, i: int, j: int, T_i_j: RigidTransform) -> bool:
+        """Whether a registration is not to be believed beside it."""
+        ...
+
+    def is_beyond(self, i: int, j: int, T_i_j: RigidTransform) -> bool:
+        """Whether the vehicle cannot have come there in the time between."""
+        ...
+
+    def is_measured(self, i: int, j: int) -> bool:
+        """Whether instruments measured it, so that the graph has it as edges of their own."""
+        ...
+
+
+@dataclass(frozen=True, slots=True)
+class MeasuredMotion:
+    """Dead reckoning, and the learned motion for scans that it does not tell of.
+
+    Attributes:
+        odometry: what was measured.
+        learned: None where nothing could be learned.
+        floor: (6,) standard deviations that what was measured is granted [rad, m].
+    """
+
+    odometry: Odometry
+    learned: Motion | None
+    floor: np.ndarray
+
+    def expected(self, i: int, j: int) -> ExpectedPose:
+        """T_i_j."""
+        if self.is_measured(i, j):
+            return self.odometry.expected(i, j, self.floor)
+        if self.learned is not None:
+            return self.learned.expected(i, j)
+        return ExpectedPose(np.zeros(3), np.zeros(3), _ANYWHERE)
+
+    def way(self, i: int, j: int) -> tuple[float, float] | None:
+        """As learned, where dead reckoning does not tell it better."""
+        return None if self.learned is None or self.is_measured(i, j) else self.learned.way(i, j)
+
+    def following(self, pairs: Sequence[Pair]) -> "MeasuredMotion":
+        """The learned part follows them."""
+        return self if self.learned is None else replace(self, learned=self.learned.following(pairs))
+
+    def contradicts(self, i: int, j: int, T_i_j: RigidTransform) -> bool:
+        """Whether a registration is too far from what was measured, or from what is usual."""
+        if self.is_measured(i, j):
+            return self.odometry.contradicts(i, j, T_i_j, self.floor)
+        return self.learned is not None and self.learned.contradicts(i, j, T_i_j)
+
+    def is_beyond(self, i: int, j: int, T_i_j: RigidTransform) -> bool:
+        """Whether a registration contradicts what was measured, or is out of reach."""
+        if self.is_measured(i, j):
+            return self.odometry.contradicts(i, j, T_i_j, self.floor)
+        return self.learned is not None and self.learned.is_beyond(i, j, T_i_j)
+
+    def is_measured(self, i: int, j: int) -> bool:
+        """Whether dead reckoning tells of both scans."""
+        return self.odometry.tells(i, j)

@@ -1,0 +1,257 @@
+# pyright: strict, reportMissingTypeStubs=false, reportUnknownMemberType=false
+# pyright: reportUnknownVariableType=false, reportUnknownArgumentType=false
+"""The usual motion between consecutive scans, learned from registrations that are sure."""
+
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
+
+import numpy as np
+from scipy.spatial.transform import RigidTransform, Rotation
+
+from sonarmap.slam.motion.limits import NO_LIMITS, MotionLimits
+from sonarmap.slam.motion.local_motion import Step, likeness, rate_of, rates_by_others
+from sonarmap.slam.pair import Pair
+from sonarmap.spectral.expected import ExpectedPose
+
+# Steps from which a motion can be learned.
+FEWEST = 4
+# Degrees of freedom of Student's t: some vehicles turn rarely, and then a lot.
+_TAILS = 4.0
+# The spread that is assumed before steps are seen counts like so many of them; its turns are at least so large [rad]:
+# vehicles turn at the end of every lane.
+_ASSUMED, _TURNS = 4.0, float(np.radians(20.0))
+_ITERATIONS = 50
+# A vehicle is never faster than it usually is by more than so many standard deviations.
+_FASTEST = 6.0
+# A limit is so many standard deviations of what is expected within it.
+_LIMIT_SIGMAS = 3.0
+# The spread where only limits are known [rad, m]: they decide.
+_ANYTHING = 1e3
+# Squared distance of six numbers over their scatter that one step of 100 exceeds, under this t: 6 F(6, 4).
+_BEYOND = 6 * 15.21
+# Steps of vehicles that turn, stop and go leave what was seen so far: the spread that is granted, of the learned one.
+_GRANTED = 2.0
+# No number of a step varies by less than this share of the variances that are assumed and granted.
+_LEAST = 1e-4
+# Steps at least so probable tell how the vehicle moves at a time, also where they leave directions open.
+_PROBABLE = 0.5
+
+
+@dataclass(frozen=True, slots=True)
+class Motion:
+    """What a vehicle does per unit of time, as numbers x = (rotation vector, translation) in the first scan's axes.
+
+    Attributes:
+        times: (N,) of the scans, ascending within a survey: seconds where stamps tell them, else scans.
+        usual: (6,) mean of x per unit of time [rad, m].
+        covariance: (6, 6) of x per unit of time.
+        varied, alike: (6,) variance of x per unit of time along the way, and its correlation in steps in a row.
+        rates, variances: (N - 1, 6) mean and variance of x per unit of time from every scan to the next.
+        speed, speed_sigma: mean and standard deviation of the way per unit of time [m].
+        surveys: (N,) the number of each scan's survey.
+        floor: (6,) standard deviations that every expectation is granted beside [rad, m].
+        limits: what the vehicle cannot exceed.
+    """
+
+    times: np.ndarray
+    usual: np.ndarray
+    covariance: np.ndarray
+    varied: np.ndarray
+    alike: np.ndarray
+    rates: np.ndarray
+    variances: np.ndarray
+    speed: float
+    speed_sigma: float
+    surveys: np.ndarray
+    floor: np.ndarray
+    limits: MotionLimits = NO_LIMITS
+
+    @classmethod
+    def learn(
+        cls,
+        pairs: Sequence[Pair],
+        stamps: np.ndarray,
+        surveys: np.ndarray,
+        floor: np.ndarray,
+        limits: MotionLimits = NO_LIMITS,
+    ) -> "Motion | None":
+        """From accepted registrations of consecutive scans; from fewer than FEWEST, by the limits, or None without.
+
+        A multivariate t with 4 degrees of freedom is fitted by expectation and maximization (Lange, Little and Taylor,
+        DOI 10.2307/2290063); mean and covariance are then those of the steps that this does not exclude, so that rare
+        turns count in full and a few wrong registrations do not count at all. Where fewer than FEWEST are accepted,
+        those count, too, that have found the place but leave directions open, for what they hold.
+
+        Args:
+            pairs: of the survey, registered.
+            stamps: (N,) [s] of the scans.
+            surveys: (N,) the number of each scan's survey.
+            floor, limits: as the attributes.
+        """
+        times = scan_times(stamps, surveys)
+        steps = [pair for pair in pairs if pair.role == "sequential" and (pair.accepted or pair.placed)]
+        steps = [pair for pair in steps if _within(limits, times, pair)]
+        accepted = [pair for pair in steps if pair.accepted]
+        if len(accepted) >= FEWEST:
+            steps = accepted
+        if len(steps) < FEWEST:
+            return cls._unlearned(times, surveys, floor, limits) if limits.any else None
+        sure = [Step.of(pair, times) for pair in steps]
+        span = float(np.median([times[pair.j] - times[pair.i] for pair in steps]))
+        told, errors = np.array([step.rate for step in sure]), np.array([step.covariance for step in sure])
+        errors[[pair.accepted for pair in steps]] = 0.0  # what is accepted is taken as it is
+        mean, scatter = _fit_t(told, errors, floor / span)
+        rates, left = _filled(told, errors, mean, scatter)
+        within = np.flatnonzero(_squared(rates - mean, scatter) <= _BEYOND)
+        rates, left, sure = rates[within], left[within], [sure[n] for n in within]
+        mean, speeds = rates.mean(axis=0), np.linalg.norm(rates[:, 3:], axis=1)
+        known = len(rates) / (len(rates) + _ASSUMED)
+        assumed = (1 - known) * np.maximum(_assumed(rates), np.repeat([_TURNS / span, 0.0], 3) ** 2)
+        scatter = known * (np.cov(rates.T, bias=True) + left.mean(axis=0))
+        varied = np.maximum(np.diag(scatter), _LEAST * (assumed + (floor / span) ** 2))
+        motion = cls(
+            times=times,
+            usual=mean,
+            covariance=scatter + np.diag(varied - np.diag(scatter) + assumed),
+            varied=varied,
+            alike=likeness(sure, varied, surveys),
+            rates=np.tile(mean, (len(times) - 1, 1)),
+            variances=np.tile(varied + assumed, (len(times) - 1, 1)),
+            speed=float(speeds.mean()),
+            speed_sigma=float(np.sqrt(known * speeds.var() + assumed[3:].mean())),
+            surveys=surveys,
+            floor=floor,
+            limits=limits,
+        )
+        return motion.following(pairs)
+
+    @classmethod
+    def _unlearned(cls, times: np.ndarray, surveys: np.ndarray, floor: np.ndarray, limits: MotionLimits) -> "Motion":
+        """By the limits alone."""
+        rates, anything = np.zeros((len(times) - 1, 6)), np.full(6, _ANYTHING**2)
+        return cls(
+            times=times,
+            usual=np.zeros(6),
+            covariance=np.diag(anything),
+            varied=anything,
+            alike=np.zeros(6),
+            rates=rates,
+            variances=rates + anything,
+            speed=0.0,
+            speed_sigma=_ANYTHING,
+            surveys=surveys,
+            floor=floor,
+            limits=limits,
+        )
+
+    def following(self, pairs: Sequence[Pair]) -> "Motion":
+        """With the rates that registered steps tell, all that are probable; of each as the others tell."""
+        steps = [Step.of(pair, self.times) for pair in pairs if self._tells(pair)]
+        rates, variances = rates_by_others(steps, self.usual, self.varied, self.alike, self.times, self.surveys)
+        return replace(self, rates=rates, variances=variances + np.diag(self.covariance) - self.varied)
+
+    def _tells(self, pair: Pair) -> bool:
+        registration = pair.registration
+        if pair.role != "sequential" or registration is None:
+            return False
+        probable = registration.accepted or registration.probability >= _PROBABLE
+        return probable and not self.contradicts(*pair.scans, registration.T_target_source)
+
+    def expected(self, i: int, j: int) -> ExpectedPose:
+        """T_i_j: its mean is that of a steady motion, its spread grows with the time between, up to the limits."""
+        span = float(self.times[j] - self.times[i])
+        T = _steady(self.rates[i:j].mean(axis=0), span)
+        spread = np.sqrt(_GRANTED * self.variances[i:j].mean(axis=0)) * span
+        most = np.repeat([self.limits.turn(span), self.limits.way(span, j - i)], 3) / _LIMIT_SIGMAS
+        sigmas = np.hypot(np.minimum(spread, most), self.floor)
+        return ExpectedPose.of(T, sigmas)
+
+    def way(self, i: int, j: int) -> tuple[float, float]:
+        """Mean and standard deviation of the way from i to j [m].
+
+        Vehicles drift aside, and look where they do not go: how far they go varies less than where to.
+        """
+        span = float(self.times[j] - self.times[i])
+        return self.speed * span, float(np.hypot(np.sqrt(_GRANTED) * self.speed_sigma * span, self.floor[3:].max()))
+
+    def contradicts(self, i: int, j: int, T_i_j: RigidTransform) -> bool:
+        """Whether a step is farther from the usual motion than one of 100, or beyond the limits."""
+        if self.is_beyond(i, j, T_i_j):
+            return True
+        span = float(self.times[j] - self.times[i])
+        x = rate_of(T_i_j)
+        scatter = self.covariance * span**2 * (_TAILS - 2) / _TAILS + np.diag(self.floor**2)
+        return bool(_squared(x[None] - self.usual * span, scatter)[0] > _BEYOND)
+
+    def is_measured(self, i: int, j: int) -> bool:
+        """Never: it is learned."""
+        return False
+
+    def is_beyond(self, i: int, j: int, T_i_j: RigidTransform) -> bool:
+        """Whether the vehicle cannot have got from scan i to scan j of one survey: by the limits, or many times faster
+        than it usually is."""
+        span = float(self.times[j] - self.times[i])
+        usual, spread = np.linalg.norm(self.usual[3:]), np.sqrt(np.trace(self.covariance[3:, 3:]))
+        way = min(self.limits.way(span, j - i), span * float(usual + _FASTEST * spread)) + 3 * self.floor[3:].max()
+        turn = self.limits.turn(span) + 3 * self.floor[:3].max()
+        return bool(np.linalg.norm(T_i_j.translation) > way or T_i_j.rotation.magnitude() > turn)
+
+
+def scan_times(stamps: np.ndarray, surveys: np.ndarray) -> np.ndarray:
+    """(N,) ascending within each survey: the stamps, or where they do not tell times the scans' numbers."""
+    same = np.diff(surveys) == 0
+    told = np.isfinite(stamps).all() and (np.diff(stamps)[same] > 0).all()
+    return stamps.astype(np.float64) if told else np.arange(len(stamps), dtype=np.float64)
+
+
+def _within(limits: MotionLimits, times: np.ndarray, pair: Pair) -> bool:
+    """Whether a registered step is within the limits."""
+    assert pair.registration is not None
+    span, T = float(times[pair.j] - times[pair.i]), pair.registration.T_target_source
+    way, turn = np.linalg.norm(T.translation), T.rotation.magnitude()
+    return bool(way <= limits.way(span, pair.j - pair.i) and turn <= limits.turn(span))
+
+
+def _steady(usual: np.ndarray, span: float) -> RigidTransform:
+    """Where a motion of these rates leads."""
+    turn, shift = usual[:3] * span, usual[3:] * span
+    return RigidTransform.from_components(shift, Rotation.from_rotvec(turn))
+
+
+def _assumed(rates: np.ndarray) -> np.ndarray:
+    """(6,) variances before any is known: of a vehicle that moves and turns anywhere, as far as it does."""
+    turn, shift = np.median((rates**2).reshape(len(rates), 2, 3).sum(axis=2), axis=0) / 3
+    return np.repeat([turn, shift], 3)
+
+
+def _fit_t(rates: np.ndarray, errors: np.ndarray, floor: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+    """Location (6,) and scatter (6, 6) of a multivariate t, drawn toward what is assumed.
+
+    Args:
+        rates: (n, 6) of steps.
+        errors: (n, 6, 6) the covariances of their errors.
+        floor: (6,) standard deviations that are granted.
+    """
+    count, size = rates.shape
+    least = np.diag(_assumed(rates) + floor**2)
+    mean, scatter = np.median(rates, axis=0), least
+    for _ in range(_ITERATIONS):
+        full, left = _filled(rates, errors, mean, scatter)
+        weight = (_TAILS + size) / (_TAILS + _squared(full - mean, scatter))
+        mean = weight @ full / weight.sum()
+        away = full - mean
+        scatter = ((weight[:, None] * away).T @ away + left.sum(axis=0) + _ASSUMED * least) / (count + _ASSUMED)
+    return mean, scatter
+
+
+def _filled(
+    rates: np.ndarray, errors: np.ndarray, mean: np.ndarray, scatter: np.ndarray
+) -> tuple[np.ndarray, np.ndarray]:
+    """(n, 6) the rates as expected where they leave directions open, and (n, 6, 6) what remains unknown of them."""
+    gain = scatter @ np.linalg.inv(scatter + errors)
+    return mean + np.einsum("nab,nb->na", gain, rates - mean), scatter - gain @ scatter
+
+
+def _squared(away: np.ndarray, scatter: np.ndarray) -> np.ndarray:
+    """(m,) squared Mahalanobis lengths of (m, 6)."""
+    return np.einsum("na,na->n", away, np.linalg.solve(scatter, away.T).T)

@@ -1,0 +1,184 @@
+# pyright: strict, reportMissingTypeStubs=false, reportUnknownMemberType=false
+"""What the motion adds to registrations: a second look about where it expects them, and a measurement beside them."""
+
+from collections.abc import Sequence
+from dataclasses import replace
+
+import numpy as np
+from scipy.spatial.transform import RigidTransform, Rotation
+
+from sonarmap.slam.graph.pose_graph import Solution
+from sonarmap.slam.motion.measured_motion import AnyMotion
+from sonarmap.slam.pair import Pair
+from sonarmap.spectral.expected import ExpectedPose
+from sonarmap.spectral.result import Registration
+
+# Poses are less sure than the marginals of an estimate say: the variance over theirs (`slam.graph.pose_covariance`).
+_UNSURE = 3.0
+# What is left of an answer's probability where the motion contradicts it: vehicles do jump now and then.
+_CONTRADICTED = 0.1
+# How far a vehicle goes holds a direction where it is at least so many standard deviations; nearly at rest it has none.
+_UNDER_WAY = 2.0
+# The direction of the way is taken anew so often.
+_ROUNDS = 5
+
+
+def is_doubtful(pair: Pair, motion: AnyMotion) -> bool:
+    """Whether a pair is worth another look: it was not accepted, or the motion contradicts what was."""
+    registration = pair.registration
+    if registration is None:
+        return False
+    return not registration.accepted or motion.contradicts(pair.i, pair.j, registration.T_target_source)
+
+
+def with_both(first: Pair, second: Pair, motion: AnyMotion | None = None) -> Pair:
+    """The pair with its second registration, and the first one's answers beside it.
+
+    Args:
+        first: registered by the scans alone.
+        second: registered about where it is expected.
+        motion: what it contradicts of the first answers is less probable.
+    """
+    if first.registration is None or second.registration is None:
+        return first
+    left = 1.0 - second.registration.probability
+    answers = (first.registration, *first.registration.alternatives)
+    earlier = tuple(_less(answer, left, first, motion) for answer in answers)
+    return replace(
+        first,
+        expected=second.expected,
+        registration=replace(second.registration, alternatives=(*second.registration.alternatives, *earlier)),
+    )
+
+
+def without_leaps(pair: Pair, motion: AnyMotion) -> Pair:
+    """The pair of one survey without answers that the vehicle cannot have reached meanwhile."""
+    registration = pair.registration
+    if registration is None:
+        return pair
+
+    def reached(answer: Registration) -> bool:
+        return not motion.is_beyond(*pair.scans, answer.T_target_source)
+
+    alternatives = tuple(answer for answer in registration.alternatives if reached(answer))
+    if not reached(registration):
+        reason = f"the vehicle cannot have come so far in the time between; {registration.reason}"
+        registration = replace(registration, accepted=False, probability=0.0, reason=reason)
+    return replace(pair, registration=replace(registration, alternatives=alternatives))
+
+
+def expected_by(solution: Solution, pairs: Sequence[Pair], floor: np.ndarray) -> list[ExpectedPose]:
+    """Where an estimate of the poses expects pairs of one component each; `floor` is (6,) granted beside [rad, m]."""
+    T, covariances = solution.relatives(np.array([pair.scans for pair in pairs], np.intp).reshape(-1, 2))
+    R = T.rotation.as_matrix()
+    turn, shift = (R @ part @ R.swapaxes(1, 2) for part in (covariances[:, :3, :3], covariances[:, 3:, 3:]))
+    variances = np.concatenate([np.diagonal(part, axis1=1, axis2=2) for part in (turn, shift)], axis=1)
+    sigmas = np.sqrt(_UNSURE * variances + floor**2)
+    return [ExpectedPose.of(T_i_j, each) for T_i_j, each in zip(T, sigmas, strict=True)]
+
+
+def with_motion(pairs: Sequence[Pair], motion: AnyMotion) -> list[Pair]:
+    """The pairs with what the motion says of their answers: where the scans leave a direction open, it holds the pose.
+
+    Answers that the motion contradicts stay as they are.
+    """
+    answers = [[] if p.registration is None else [p.registration, *p.registration.alternatives] for p in pairs]
+    held = [
+        (n, rank)
+        for n, (pair, own) in enumerate(zip(pairs, answers, strict=True))
+        for rank, answer in enumerate(own)
+        if not motion.contradicts(*pair.scans, answer.T_target_source)
+    ]
+    if held:
+        expected = {n: motion.expected(*pairs[n].scans) for n, _ in held}
+        ways = {n: _known_way(motion.way(*pairs[n].scans)) for n, _ in held}
+        fused = _fused([answers[n][k] for n, k in held], [expected[n] for n, _ in held], [ways[n] for n, _ in held])
+        for (n, rank), answer in zip(held, fused, strict=True):
+            answers[n][rank] = answer
+    return [
+        replace(pair, registration=replace(own[0], alternatives=tuple(own[1:]))) if own else pair
+        for pair, own in zip(pairs, answers, strict=True)
+    ]
+
+
+def _known_way(way: tuple[float, float] | None) -> tuple[float, float]:
+    """Mean and standard deviation of a length that holds a direction; NaN where it does not."""
+    return (np.nan, np.nan) if way is None or way[0] < _UNDER_WAY * way[1] else way
+
+
+def _fused(
+    answers: Sequence[Registration], expected: Sequence[ExpectedPose], ways: Sequence[tuple[float, float]]
+) -> list[Registration]:
+    """n answers as one measurement each with what was expected, and how far the vehicle goes."""
+    T = RigidTransform.concatenate([answer.T_target_source for answer in answers])
+    turns = Rotation.from_rotvec(np.stack([each.rotation for each in expected]))
+    there = RigidTransform.from_components(np.stack([each.translation for each in expected]), turns)
+    away: np.ndarray = (T.inv() * there).as_exp_coords()
+    # errors about and along the target's axes, in the source's
+    turn: np.ndarray = np.kron(np.eye(2), np.asarray(T.rotation.as_matrix()).swapaxes(1, 2))
+    sigmas = np.stack([each.sigmas for each in expected])
+    known: np.ndarray = turn / sigmas[:, None, :] ** 2 @ turn.swapaxes(1, 2)
+    by_scans = np.linalg.inv(np.stack([answer.covariance for answer in answers]))
+    covariances = np.linalg.inv(by_scans + known)
+    steps = np.einsum("nab,nbc,nc->na", covariances, known, away)
+    _go_as_far(T, steps, covariances, by_scans, known, away, np.array(ways))
+    covariances = (covariances + covariances.swapaxes(1, 2)) / 2
+    moved = T * RigidTransform.from_exp_coords(steps)
+    return [
+        replace(
+            answer,
+            T_target_source=moved[n],
+            covariance=covariances[n],
+            T_by_scans=answer.T_target_source,
+            covariance_by_scans=answer.covariance,
+        )
+        for n, answer in enumerate(answers)
+    ]
+
+
+def _go_as_far(
+    T: RigidTransform,
+    steps: np.ndarray,
+    covariances: np.ndarray,
+    by_scans: np.ndarray,
+    known: np.ndarray,
+    away: np.ndarray,
+    ways: np.ndarray,
+) -> None:
+    """Change steps and covariances to where a step from T leads whose length is known, too.
+
+    In the direction of the way, its length stands for what the motion tells otherwise: both were learned from the same.
+
+    Args:
+        T: n poses.
+        steps: (n, 6) without the length, and `covariances`: (n, 6, 6) of them.
+        by_scans: (n, 6, 6) information that T has.
+        known: (n, 6, 6) information that the motion expects to be `away` (n, 6) from T.
+        ways: (n, 2) mean and standard deviation of the length [m]; NaN where it is not known.
+    """
+    rows = np.flatnonzero(np.isfinite(ways[:, 0]))
+    for _ in range(_ROUNDS):
+        shift = (T[rows] * RigidTransform.from_exp_coords(steps[rows])).translation if len(rows) else np.zeros((0, 3))
+        lengths = np.linalg.norm(shift, axis=1)
+        moving = lengths >= 1e-9 * ways[rows, 0]
+        rows, shift, lengths = rows[moving], shift[moving], lengths[moving]
+        if not len(rows):
+            return
+        # what a step of the pose adds to the length
+        along = np.zeros((len(rows), 6))
+        along[:, 3:] = T[rows].rotation.inv().apply(shift / lengths[:, None])
+        outer = along[:, :, None] * along[:, None, :]
+        aside = np.eye(6) - outer
+        rest = aside @ known[rows] @ aside
+        mean, precision = ways[rows, 0], ways[rows, 1] ** -2
+        covariances[rows] = np.linalg.inv(by_scans[rows] + rest + outer * precision[:, None, None])
+        missing = (mean - lengths + np.einsum("na,na->n", along, steps[rows])) * precision
+        pull = np.einsum("nab,nb->na", rest, away[rows]) + along * missing[:, None]
+        steps[rows] = np.einsum("nab,nb->na", covariances[rows], pull)
+
+
+def _less(answer: Registration, left: float, pair: Pair, motion: AnyMotion | None) -> Registration:
+    """An answer beside a better one: less probable by what the other leaves, and where the motion contradicts it."""
+    if motion is not None and motion.contradicts(pair.i, pair.j, answer.T_target_source):
+        left *= _CONTRADICTED
+    return replace(answer, probability=left * answer.probability, accepted=False, alternatives=())

@@ -1,0 +1,109 @@
+"""The isotropic chordal cost F of a pose graph: the one for which a certificate of global optimality exists.
+
+F = sum over edges of kappa |R_j - R_i R_ij|^2 (Frobenius) + tau |t_j - t_i - R_i t_ij|^2, without a factor 1/2, with
+tau = 3 / tr(inv(I_t)) and kappa = 3 / (2 tr(inv(I_R))) from the 3x3 diagonal blocks of each edge's information: Rosen,
+Carlone, Bandeira and Leonard, SE-Sync (IJRR 2019, DOI 10.1177/0278364918784361), Eq. 12. It is not the full-information
+cost that `PoseGraph.optimize` minimizes: it has one weight for an edge's rotation and one for its translation.
+"""
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+from functools import cached_property
+
+import numpy as np
+from scipy import sparse
+from scipy.spatial.transform import RigidTransform
+
+from sonarmap.kernels.errors import InputError
+from sonarmap.slam.graph.edge import Edge
+
+
+@dataclass(frozen=True)
+class ChordalProblem:
+    """F of n poses and m edges, as arrays.
+
+    Attributes:
+        count: n.
+        i, j: (m,) int64, the poses of each edge.
+        R: (m, 3, 3) and t: (m, 3) [m], of T_i_j.
+        kappa: (m,) weight of the rotation.
+        tau: (m,) weight of the translation [1/m^2].
+    """
+
+    count: int
+    i: np.ndarray
+    j: np.ndarray
+    R: np.ndarray
+    t: np.ndarray
+    kappa: np.ndarray
+    tau: np.ndarray
+
+    @classmethod
+    def of(cls, count: int, edges: Sequence[Edge]) -> "ChordalProblem":
+        """From measurements between poses 0..count-1.
+
+        Raises:
+            InputError: there is no edge, or one is a prior, which F does not have.
+        """
+        prior = next((edge for edge in edges if edge.kind == "prior"), None)
+        if prior is not None or not edges:
+            what = f"pose {prior.i} has a prior" if prior else "the graph has no edge"
+            raise InputError(
+                f"{what}; the isotropic objective needs edges between poses, and no priors. Use `objective=full`"
+            )
+        measured = RigidTransform.concatenate([edge.registration.T_target_source for edge in edges]).as_matrix()
+        information = np.linalg.inv(np.stack([edge.registration.covariance for edge in edges]))
+        rotation, translation = information[:, :3, :3], information[:, 3:, 3:]
+        return cls(
+            count=count,
+            i=np.array([edge.i for edge in edges]),
+            j=np.array([edge.j for edge in edges]),
+            R=measured[:, :3, :3],
+            t=measured[:, :3, 3],
+            kappa=1.5 / np.trace(np.linalg.inv(rotation), axis1=1, axis2=2),
+            tau=3.0 / np.trace(np.linalg.inv(translation), axis1=1, axis2=2),
+        )
+
+    def stacked(self, T: RigidTransform) -> np.ndarray:
+        """(4 n, 3): the poses as F's matrix takes them, the n translations and then the rotations' transposes."""
+        matrices = T.as_matrix()
+        return np.vstack([matrices[:, :3, 3], matrices[:, :3, :3].transpose(0, 2, 1).reshape(-1, 3)])
+
+    def cost(self, T: RigidTransform) -> float:
+        """F of n poses."""
+        R, t = T.as_matrix()[:, :3, :3], T.translation
+        rotations = R[self.j] - R[self.i] @ self.R
+        translations = t[self.j] - t[self.i] - np.einsum("mab,mb->ma", R[self.i], self.t)
+        turned, moved = (rotations**2).sum(axis=(1, 2)), (translations**2).sum(axis=1)
+        return float(self.kappa @ turned + self.tau @ moved)
+
+    @cached_property
+    def matrix(self) -> sparse.csc_array:
+        """(4 n, 4 n), symmetric: F = tr(X^T M X) for X as `stacked` has it."""
+        n, m = self.count, len(self.i)
+        edge, axes = np.arange(m), np.arange(3)
+        of_i, of_j = (n + 3 * pose[:, None] + axes for pose in (self.i, self.j))
+        columns = 3 * edge[:, None] + axes
+        root_tau, root_kappa = np.sqrt(self.tau), np.sqrt(self.kappa)
+        moved = _sparse(
+            (4 * n, m),
+            (self.j, edge, root_tau),
+            (self.i, edge, -root_tau),
+            (of_i, np.broadcast_to(edge[:, None], (m, 3)), -root_tau[:, None] * self.t),
+        )
+        turned = _sparse(
+            (4 * n, 3 * m),
+            (of_j, columns, np.broadcast_to(root_kappa[:, None], (m, 3))),
+            (
+                np.broadcast_to(of_i[:, :, None], (m, 3, 3)),
+                np.broadcast_to(columns[:, None, :], (m, 3, 3)),
+                -root_kappa[:, None, None] * self.R,
+            ),
+        )
+        return sparse.csc_array(moved @ moved.T + turned @ turned.T)
+
+
+def _sparse(shape: tuple[int, int], *parts: tuple[np.ndarray, np.ndarray, np.ndarray]) -> sparse.csc_array:
+    """From rows, columns and values of any equal shapes."""
+    rows, columns, values = (np.concatenate([part[k].ravel() for part in parts]) for k in range(3))
+    return sparse.coo_array((values, (rows, columns)), shape=shape).tocsc()

@@ -1,0 +1,258 @@
+# pyright: strict, reportMissingTypeStubs=false, reportUnknownMemberType=false, reportUnknownVariableType=false, reportUnknownArgumentType=false
+"""A pose graph from a file, optimized and judged: what `sonarmap optimize` tells."""
+
+import time
+from dataclasses import asdict, dataclass, field
+from typing import Any, Literal, get_args
+
+import numpy as np
+from scipy.spatial.transform import RigidTransform
+
+from sonarmap.kernels.errors import InputError
+from sonarmap.slam.decide.robust import robust_optimize
+from sonarmap.slam.graph.edge import spanning_tree
+from sonarmap.slam.graph.pose_graph import PoseGraph
+from sonarmap.slam.optimize.certificate import Certificate, certify
+from sonarmap.slam.optimize.chordal import ChordalProblem
+from sonarmap.slam.optimize.incremental import as_they_come
+from sonarmap.slam.optimize.isotropic import optimize_isotropic
+
+Objective = Literal["full", "isotropic"]
+Start = Literal["chordal", "given", "incremental"]
+OBJECTIVES: tuple[Objective, ...] = get_args(Objective)
+STARTS: tuple[Start, ...] = get_args(Start)
+
+# Loops change nothing where no edge of a spanning tree is strained by more than this many of its deviations.
+_STRAINED = 1e-3
+_FALLEN = 1e-6  # least share of the cost that counts as a descent
+
+
+@dataclass(frozen=True, slots=True)
+class Distance:
+    """How far two solutions lie apart with their first poses laid on each other; root mean squares and maxima."""
+
+    rotation_rms_deg: float
+    rotation_max_deg: float
+    translation_rms_m: float
+    translation_max_m: float
+
+
+@dataclass(frozen=True, slots=True)
+class Optimized:
+    """What came of a graph.
+
+    Attributes:
+        objective, start: what was minimized, and from where.
+        given: the graph as it was given, E edges.
+        accepted: (E,) bool, which edges are believed: all, unless wrong ones were looked for.
+        reasons: (E,) in words; empty where none were looked for.
+        graph: the accepted edges with the optimized poses.
+        residuals_before, residuals_after: (E,) float64, every given edge's, rejected ones' too, at the given and at the
+            optimized poses, in sigmas of its whole covariance.
+        cost_before, cost_after: of the accepted edges at the given and at the optimized poses, without a unit: F of the
+            isotropic objective (`slam.optimize.chordal`), half of chi-squared of the full one.
+        iterations, converged: of the optimizer, and whether it came to rest.
+        certificate: of the isotropic objective; None of the full one, for which there is none.
+        seconds: of every part [s].
+    """
+
+    objective: Objective
+    start: Start
+    given: PoseGraph
+    accepted: np.ndarray
+    reasons: tuple[str, ...]
+    graph: PoseGraph
+    residuals_before: np.ndarray
+    residuals_after: np.ndarray
+    cost_before: float
+    cost_after: float
+    iterations: int
+    converged: bool
+    certificate: Certificate | None
+    seconds: dict[str, float] = field(default_factory=dict[str, float])
+
+    @property
+    def chi_squared(self) -> tuple[float, float]:
+        """Of the accepted edges and all that is known of poses, at the given and at the optimized poses."""
+        if self.objective == "full":
+            return 2 * self.cost_before, 2 * self.cost_after
+        return self.given.keep(self.accepted).chi_squared, self.graph.chi_squared
+
+    @property
+    def degrees_of_freedom(self) -> int:
+        """Measured numbers less free ones."""
+        return self.graph.degrees_of_freedom
+
+    def to_json(self) -> dict[str, Any]:
+        """The same as JSON's types."""
+        chi_squared_before, chi_squared_after = self.chi_squared
+        return {
+            "objective": self.objective,
+            "start": self.start,
+            "poses": len(self.graph.trajectory),
+            "edges": len(self.given.edges),
+            "components": len(self.graph.components),
+            "cost_before": self.cost_before,
+            "cost_after": self.cost_after,
+            "chi_squared_before": chi_squared_before,
+            "chi_squared_after": chi_squared_after,
+            "degrees_of_freedom": self.degrees_of_freedom,
+            "iterations": self.iterations,
+            "converged": self.converged,
+            "certificate": _certificate(self.certificate),
+            "loops": self._loops(),
+        }
+
+    def _loops(self) -> list[dict[str, Any]]:
+        """Every loop, and whatever else was rejected, by the vertices' ids."""
+        ids = self.given.trajectory.stamps.astype(np.int64).tolist()
+        residuals = self.residuals_after.tolist()
+        rows: list[dict[str, Any]] = []
+        for k, edge in enumerate(self.given.edges):
+            if edge.kind == "loop" or not self.accepted[k]:
+                verdict = "accepted" if self.accepted[k] else "rejected"
+                entry = {"i": ids[edge.i], "j": ids[edge.j], "kind": edge.kind, "sigmas": residuals[k]}
+                reason = {"reason": self.reasons[k]} if self.reasons else {}
+                rows.append(entry | {"verdict": verdict} | reason)
+        return rows
+
+
+def optimize(graph: PoseGraph, objective: Objective, start: Start = "chordal", robust: bool = False) -> Optimized:
+    """The poses of least cost.
+
+    Args:
+        graph: connected, with at least one edge.
+        objective: "full", chi-squared with the edges' whole covariances; "isotropic", F of
+            `slam.optimize.chordal`, whose optimum a certificate judges.
+        start: "chordal", from the edges alone; "given", from the graph's poses; or "incremental", from where iSAM2 has
+            them when they come one by one.
+        robust: look for wrong edges first, and leave them out.
+
+    Raises:
+        InputError: there is no such objective or start, the objective does not know what the graph holds, or the
+            equations have no solution.
+    """
+    for name, given, known in (("objective", objective, OBJECTIVES), ("start", start, STARTS)):
+        if given not in known:
+            raise InputError(f"`{name}={given!r}` is not known; choose one of {', '.join(known)}")
+    if not graph.edges:
+        raise InputError("the graph holds one pose and no edge; there is nothing to optimize")
+    clock, seconds = time.perf_counter, {}
+    accepted, reasons = np.ones(len(graph.edges), bool), ()
+    begun = clock()
+    if robust:
+        believed = robust_optimize(graph)
+        accepted, reasons = believed.accepted, believed.reasons
+        seconds["reject"] = clock() - begun
+    kept, begun = graph.keep(accepted), clock()
+    solved, before, after, iterations, converged = _SOLVERS[objective](kept, start)
+    seconds["optimize"] = clock() - begun
+    certificate, begun = None, clock()
+    if objective == "isotropic":
+        problem = ChordalProblem.of(len(kept.trajectory), kept.edges)
+        certificate = certify(problem, solved.trajectory.T_world_sensor)
+        seconds["certify"] = clock() - begun
+    return Optimized(
+        objective=objective,
+        start=start,
+        given=graph,
+        accepted=accepted,
+        reasons=reasons,
+        graph=solved,
+        residuals_before=graph.residuals(),
+        residuals_after=graph.at(solved.trajectory.T_world_sensor).residuals(),
+        cost_before=before,
+        cost_after=after,
+        iterations=iterations,
+        converged=converged,
+        certificate=certificate,
+        seconds=seconds,
+    )
+
+
+_Solved = tuple[PoseGraph, float, float, int, bool]
+
+
+def _full(graph: PoseGraph, start: Start) -> _Solved:
+    solution = (graph.from_edges() if start == "chordal" else graph.held(_start(graph, start))).optimize()
+    before = graph.chi_squared / 2
+    return solution.graph, before, solution.chi_squared_after / 2, solution.iterations, solution.converged
+
+
+def _start(graph: PoseGraph, start: Start) -> RigidTransform:
+    """The poses to begin with, where it is not the edges alone that say them."""
+    return as_they_come(graph) if start == "incremental" else graph.trajectory.T_world_sensor
+
+
+def _isotropic(graph: PoseGraph, start: Start) -> _Solved:
+    if graph.known or graph.control:
+        raise InputError(
+            "the file says what is known of single vertices or points, and the isotropic objective needs edges "
+            "between them alone; use `objective=full`"
+        )
+    if len(graph.fixed) > 1:
+        raise InputError(
+            f"{len(graph.fixed)} vertices are fixed, and the isotropic objective can hold one; use `objective=full`, "
+            "or leave out all FIX lines but one"
+        )
+    problem, T = ChordalProblem.of(len(graph.trajectory), graph.edges), graph.trajectory.T_world_sensor
+    solution = optimize_isotropic(problem, _start(graph, start), "chordal" if start == "chordal" else "given")
+    held = graph.fixed[0] if graph.fixed else 0
+    moved: RigidTransform = T[held] * solution.T[held].inv() * solution.T
+    return graph.at(moved), problem.cost(T), solution.cost_after, solution.iterations, solution.converged
+
+
+_SOLVERS = {"full": _full, "isotropic": _isotropic}
+
+
+def distance_to_other(optimized: Optimized) -> dict[str, Any]:
+    """How far the other objective's optimum of the same edges lies, as JSON's types, or why there is none."""
+    other: Objective = "full" if optimized.objective == "isotropic" else "isotropic"
+    try:
+        solved = _SOLVERS[other](optimized.given.keep(optimized.accepted), optimized.start)[0]
+    except InputError as error:
+        return {"to": other, "reason": str(error)}
+    apart = distance_between(optimized.graph.trajectory.T_world_sensor, solved.trajectory.T_world_sensor)
+    return {"to": other} | asdict(apart)
+
+
+def distance_between(a: RigidTransform, b: RigidTransform) -> Distance:
+    """Of two sets of N poses."""
+    apart = a[0].inv() * a, b[0].inv() * b
+    degrees = np.degrees((apart[0].rotation.inv() * apart[1].rotation).magnitude())
+    meters = np.linalg.norm(apart[0].translation - apart[1].translation, axis=1)
+    return Distance(_rms(degrees), float(degrees.max()), _rms(meters), float(meters.max()))
+
+
+def without_effect(optimized: Optimized) -> str:
+    """Why optimizing was of no use, in words; "" where it was."""
+    graph = optimized.graph
+    residuals = optimized.residuals_after[optimized.accepted]
+    in_tree = {id(edge) for edge in spanning_tree(len(graph.trajectory), graph.edges)}
+    strains = residuals[[k for k, edge in enumerate(graph.edges) if id(edge) in in_tree]]
+    surplus = len(graph.edges) - len(strains)
+    if not surplus:
+        return "the graph has no loop: its poses follow from its edges one after another, and nothing corrects them"
+    if strains.max(initial=0) < _STRAINED:
+        return (
+            f"the {surplus} edges that close loops change nothing: no other is strained by more than "
+            f"{strains.max():.1g} of its deviations. Either they weigh nothing beside the others, or they agree with "
+            "them to the last digit, as copies do; look at their information matrices"
+        )
+    before, after = optimized.cost_before, optimized.cost_after
+    if before - after <= _FALLEN * after:
+        return f"the cost did not fall ({before:.9g} before, {after:.9g} after): the poses were optimal as they were"
+    return ""
+
+
+def _rms(values: np.ndarray) -> float:
+    return float(np.sqrt((values**2).mean()))
+
+
+def _certificate(certificate: Certificate | None) -> dict[str, Any]:
+    """JSON knows neither NaN nor infinity."""
+    if certificate is None:
+        reason = "only the isotropic objective has a certificate; use `objective=isotropic`"
+        return {"verdict": "none", "gap": None, "lowest": None, "cost": None, "reason": reason}
+    values = asdict(certificate)
+    return {name: value if isinstance(value, str) or np.isfinite(value) else None for name, value in values.items()}

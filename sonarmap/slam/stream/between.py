@@ -1,0 +1,149 @@
+# pyright: strict, reportMissingTypeStubs=false, reportUnknownMemberType=false
+# pyright: reportUnknownVariableType=false, reportUnknownArgumentType=false
+"""The scans between key scans: placed by the motion from one key scan to the next."""
+
+from bisect import bisect_right
+from collections.abc import Mapping, Sequence
+from dataclasses import replace
+
+import numpy as np
+from scipy.spatial.transform import RigidTransform
+
+from sonarmap.slam.decide.decision import Decision
+from sonarmap.slam.decide.navigation import Navigation
+from sonarmap.slam.decide.wrong_control import WrongControl, without_wrong_control
+from sonarmap.slam.decide.wrong_fixes import without_wrong_fixes
+from sonarmap.slam.graph.control import ControlPoint
+from sonarmap.slam.graph.control_place import place_by_control
+from sonarmap.slam.graph.edge import Edge
+from sonarmap.slam.graph.pose_graph import PoseGraph
+from sonarmap.slam.graph.trajectory import Trajectory
+from sonarmap.slam.graph.world import place_in_world
+from sonarmap.slam.motion.motion import scan_times
+from sonarmap.slam.motion.odometry import Odometry
+from sonarmap.slam.stream.unsteady import Unsteadiness
+from sonarmap.spectral.result import Registration
+
+
+def with_between(
+    decision: Decision,
+    keys: Sequence[int],
+    navigation: Navigation,
+    surveys: np.ndarray,
+    odometry: Odometry | None,
+    floor: np.ndarray,
+) -> Decision:
+    """What was decided about key scans, for all scans.
+
+    A scan between two key scans is where dead reckoning has it from the first, or where a steady motion from one to the
+    other passes at its time. It takes part in the graph by that, and by what instruments measured of it.
+
+    Args:
+        decision: about the key scans, numbered 0, 1, ...
+        keys: their indices among all scans, ascending.
+        navigation: of all scans.
+        surveys: (N,) the number of each scan's survey.
+        odometry: None without.
+        floor: (6,) standard deviations of a place that is interpolated [rad, m].
+    """
+    count, graph = len(navigation.scans), decision.solution.graph
+    steps = _steps(keys, decision, count, scan_times(navigation.stamps, surveys), surveys, odometry, floor)
+    at_keys = {k: number for number, k in enumerate(keys)}
+
+    def expanded(T_keys: RigidTransform) -> Trajectory:
+        poses = {k: T_keys[number] for k, number in at_keys.items()}
+        for edge in steps:
+            poses[edge.j] = poses[edge.i] * edge.registration.T_target_source
+        return Trajectory(navigation.stamps, RigidTransform.concatenate([poses[k] for k in range(count)]))
+
+    kept = [replace(edge, i=keys[edge.i], j=keys[edge.j]) for edge in graph.edges]
+    whole = PoseGraph(expanded(graph.trajectory.T_world_sensor), (*kept, *steps))
+    if set(navigation.priors) - set(keys):
+        # fixes of scans between may be all that ties the map to the world
+        whole = replace(whole, trajectory=place_in_world(whole.trajectory, whole.components, navigation.priors))
+        left, wrong = without_wrong_fixes(whole, navigation.priors)
+    else:
+        left, wrong = {keys[pose]: prior for pose, prior in graph.priors}, ()
+    measured = tuple(sorted(left.items()))
+    control, wrong_control = _control(decision, keys, navigation)
+    if control:
+        # points of scans between may be all that ties the map to the world
+        placed = place_by_control(whole.trajectory, whole.components, control, left)
+        whole = replace(whole, trajectory=placed, control=control)
+        control, more_wrong = without_wrong_control(replace(whole, priors=measured))
+        whole, wrong_control = replace(whole, control=control), (*wrong_control, *more_wrong)
+    solution = replace(whole, priors=measured).optimize()
+    solution = replace(
+        solution,
+        chi_squared_before=decision.solution.chi_squared_before,
+        degrees_of_freedom=decision.solution.degrees_of_freedom,
+    )
+    pairs = tuple(replace(pair, i=keys[pair.i], j=keys[pair.j]) for pair in decision.pairs)
+    told = {(fix.scan, fix.kind): fix for fix in (*navigation.wrong_fixes, *wrong)}
+    told |= {(keys[fix.scan], fix.kind): replace(fix, scan=keys[fix.scan]) for fix in decision.wrong_fixes}
+    chained = expanded(decision.chained.T_world_sensor)
+    wrong_fixes = tuple(told[key] for key in sorted(told))
+    displaced = tuple((keys[i], keys[j]) for i, j in decision.displaced)
+    return Decision(chained, solution, pairs, wrong_fixes, wrong_control, displaced)
+
+
+def _control(
+    decision: Decision, keys: Sequence[int], navigation: Navigation
+) -> tuple[tuple[ControlPoint, ...], tuple[WrongControl, ...]]:
+    """The control points of all scans without those that are wrong by the key scans, and these, as they were given."""
+    number = {k: n for n, k in enumerate(keys)}
+    of_keys = [point for point in navigation.control if point.scan in number]
+    # a decision about key scans has the same points with their own numbers
+    same = {(each.point.name, keys[each.point.scan]): each.sigmas for each in decision.wrong_control}
+    wrong = [point for point in of_keys if (point.name, point.scan) in same]
+    kept = [point for point in navigation.control if point.holds and not any(point is each for each in wrong)]
+    return tuple(kept), tuple(WrongControl(point, same[point.name, point.scan]) for point in wrong)
+
+
+def _steps(
+    keys: Sequence[int],
+    decision: Decision,
+    count: int,
+    times: np.ndarray,
+    surveys: np.ndarray,
+    odometry: Odometry | None,
+    floor: np.ndarray,
+) -> list[Edge]:
+    """For every scan that is no key scan, how it lies to the key scan before it."""
+    T_keys = decision.solution.trajectory.T_world_sensor
+    parts = {pose: part for part, members in enumerate(decision.solution.graph.components) for pose in members}
+    registered = {pair.scans: pair.registration for pair in decision.pairs if pair.registration is not None}
+    runs = np.array([[parts[a], surveys[k]] for a, k in enumerate(keys)])
+    run = np.cumsum(np.concatenate([[0], np.any(np.diff(runs, axis=0) != 0, axis=1)]))
+    unsteady = Unsteadiness.of(T_keys, times[list(keys)], run)
+    known, steps = set(keys), list[Edge]()
+    for k in range(count):
+        if k in known:
+            continue
+        a = bisect_right(keys, k) - 1
+        i, b = keys[a], a + 1
+        if odometry is not None and odometry.tells(i, k):
+            expected = odometry.expected(i, k, floor)
+            T_i_k, sigmas = expected.T_target_source, expected.sigmas
+        else:
+            before, behind = float(times[k] - times[i]), float(times[keys[b]] - times[k])
+            way = _way(T_keys, a, b, parts, registered)
+            T_i_k = RigidTransform.from_exp_coords(before / (before + behind) * way)
+            sigmas = np.sqrt(floor**2 + unsteady.variance(before, behind))
+        told = Registration(T_i_k, np.diag(sigmas**2), np.nan, np.nan, True, 0.0, "between two key scans")
+        steps.append(Edge(i, k, told, "odometry"))
+    return steps
+
+
+def _way(
+    T_keys: RigidTransform,
+    a: int,
+    b: int,
+    parts: Mapping[int, int],
+    registered: Mapping[tuple[int, int], Registration],
+) -> np.ndarray:
+    """(6,) the motion from one key scan to the next, as its logarithm: of the map, or as registered where that is not
+    in the map."""
+    if parts[a] == parts[b] or (a, b) not in registered:
+        return np.asarray((T_keys[a].inv() * T_keys[b]).as_exp_coords())
+    return np.asarray(registered[a, b].T_target_source.as_exp_coords())

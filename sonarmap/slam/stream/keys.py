@@ -1,0 +1,139 @@
+# pyright: strict, reportMissingTypeStubs=false, reportUnknownMemberType=false
+"""Key scans of a dense stream: as few as tell how the vehicle went, found while it is read."""
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+import numpy as np
+
+from sonarmap.kernels.errors import InputError
+from sonarmap.slam.execute.runner import PairRunner
+from sonarmap.slam.pair import Pair
+from sonarmap.spectral.result import Registration
+
+# A survey of fewer scans is registered scan by scan.
+_FEWEST = 40
+# So many pairs of consecutive scans, evenly along a survey, tell whether it is a stream.
+_PROBES = 7
+# Of how much motion consecutive scans of a stream are less apart [voxels, rad]: registering them tells little.
+_DENSE_WAY, _DENSE_TURN = 2.0, float(np.radians(4.0))
+# Key scans are about so far apart [voxels, rad], or share about so much.
+_WAY, _TURN, _OVERLAP = 8.0, float(np.radians(15.0)), 0.7
+# What of this is aimed at; a stride at most doubles, and is never longer than so many scans.
+_AIM, _LONGEST = 0.8, 256
+# Most pairs that are registered at a time where there are as many workers; it is ever less likely that a pair further
+# on is one of those that the search asks for.
+_AT_A_TIME = 4
+
+
+@dataclass(frozen=True, slots=True)
+class KeySettings:
+    """How key scans are chosen.
+
+    Attributes:
+        step: how far apart they are [m]; None for what suits the voxel and the overlap, where the stream is dense.
+
+    Raises:
+        InputError: a step that is not above 0.
+    """
+
+    step: float | None = None
+
+    def __post_init__(self) -> None:
+        if self.step is not None and not (np.isfinite(self.step) and self.step > 0):
+            raise InputError(f"`key_step` is {self.step} m; wanted more than 0")
+
+
+def choose_keys(
+    runner: PairRunner, surveys: np.ndarray, voxel: float, settings: KeySettings
+) -> tuple[list[int], list[Pair]]:
+    """The key scans, ascending, and pairs of consecutive ones that were registered; all scans if none can be spared.
+
+    From each key scan a scan further on is registered to it. How far the vehicle went, how much it turned and how much
+    both scans share says how far on the next one is sought; where a registration is refused, half as far. One that is
+    refused only for a direction that the scans leave open, as along a wall, would be so at half the way as well: there
+    strides are as they were before.
+
+    Args:
+        runner: of all scans.
+        surveys: (N,) the number of each scan's survey.
+        voxel: edge of the survey's voxels [m].
+        settings: how far apart.
+    """
+    keys: list[int] = []
+    pairs: list[Pair] = []
+    for number in np.unique(surveys).tolist():
+        own: list[int] = np.flatnonzero(surveys == number).tolist()
+        probes = [] if settings.step is not None else _probes(runner, own)
+        if settings.step is not None or _is_dense(probes, voxel):
+            own, probes = _gallop(runner, own, voxel, settings)
+        keys += own
+        pairs += probes
+    return keys, pairs
+
+
+def _probes(runner: PairRunner, scans: Sequence[int]) -> list[Pair]:
+    """Some consecutive scans, registered; none of a survey that is short anyway."""
+    if len(scans) < _FEWEST:
+        return []
+    places: list[int] = np.unique(np.linspace(0, len(scans) - 2, _PROBES).astype(int)).tolist()
+    return runner.register([Pair(scans[k], scans[k + 1], "sequential") for k in places])
+
+
+def _is_dense(probes: Sequence[Pair], voxel: float) -> bool:
+    """Whether most of the vehicle's steps are too small to tell much."""
+    near = [
+        _motion(pair.registration, voxel) <= 1 for pair in probes if pair.accepted and pair.registration is not None
+    ]
+    return 2 * sum(near) > len(probes)
+
+
+def _motion(registration: Registration, voxel: float) -> float:
+    """The motion as a share of what makes a stream dense."""
+    T = registration.T_target_source
+    way, turn = float(np.linalg.norm(T.translation)), float(T.rotation.magnitude())
+    return max(way / (_DENSE_WAY * voxel), turn / _DENSE_TURN)
+
+
+def _gallop(
+    runner: PairRunner, scans: Sequence[int], voxel: float, settings: KeySettings
+) -> tuple[list[int], list[Pair]]:
+    keys, pairs, at, stride, usual = [scans[0]], list[Pair](), 0, 1, 1
+    registered: dict[tuple[int, int], Pair] = {}
+    while at < len(scans) - 1:
+        stride = min(stride, len(scans) - 1 - at)
+        if (scans[at], scans[at + stride]) not in registered:
+            ahead = _even_strides(scans, at, stride, min(runner.workers, _AT_A_TIME))
+            new = [pair for pair in ahead if pair.scans not in registered]
+            registered |= {pair.scans: pair for pair in runner.register(new)}
+        pair = registered[scans[at], scans[at + stride]]
+        if not pair.accepted and not pair.placed and stride > 1:
+            stride = max(1, stride // 2)
+            continue
+        pairs.append(pair)
+        at += stride
+        keys.append(scans[at])
+        if pair.accepted and pair.registration is not None:
+            share = max(_share(pair.registration, voxel, settings), 1e-3)
+            stride = usual = min(max(1, int(stride * min(2.0, _AIM / share))), _LONGEST)
+        else:
+            stride = min(2 * stride, usual) if pair.placed else 1
+    return keys, pairs
+
+
+def _even_strides(scans: Sequence[int], at: int, stride: int, count: int) -> list[Pair]:
+    """The next pair and what `count` - 1 would follow it if the strides stayed as they are: work for other workers,
+    which changes no result, as the search takes only what it asks for."""
+    last = len(scans) - 1
+    starts = range(at, last, stride)[:count]
+    return [Pair(scans[k], scans[min(k + stride, last)], "sequential") for k in starts]
+
+
+def _share(registration: Registration, voxel: float, settings: KeySettings) -> float:
+    """How far two key scans are apart, as a share of how far they may be."""
+    T = registration.T_target_source
+    way, turn = float(np.linalg.norm(T.translation)), float(T.rotation.magnitude())
+    lost = (1 - registration.overlap) / (1 - _OVERLAP)
+    if settings.step is not None:
+        return max(way / settings.step, turn / _TURN if way < settings.step / 10 else 0.0)
+    return max(way / (_WAY * voxel), turn / _TURN, lost)

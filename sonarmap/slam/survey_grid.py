@@ -1,0 +1,48 @@
+# pyright: strict
+"""The grid of a survey, which does not change with every scan that is added to it."""
+
+from collections.abc import Iterable
+from math import ceil, log2
+
+import numpy as np
+
+from sonarmap.spectral.grid import Grid, scan_extent, voxel_for
+from sonarmap.spectral.scan import Scan
+
+# Voxels are one of so many sizes between one and twice as much.
+_SIZES = 8
+# Of this many scans on, one that is so much larger than nine of ten others is stray echoes, and decides nothing.
+_MANY, _USUAL, _STRAY = 10, 0.9, 1.5
+
+
+def survey_grid(scans: Iterable[Scan], edge: int = 128, voxel: float | None = None) -> Grid:
+    """The grid that all scans of a survey share: the voxel as given, or one that suits the largest scan.
+
+    A chosen voxel is rounded up to a power of 2^(1/8) m, 9 % apart, so that pairs that were registered can be used
+    again when scans are added; and a scan of stray echoes does not make it coarse for all others.
+
+    Args:
+        scans: of the survey, or of several of one place.
+        edge: voxels per edge, an even product of 2, 3 and 5 from 16 to 512.
+        voxel: edge of a voxel [m]; None to choose it.
+
+    Raises:
+        InputError: a voxel is not given and no scan has an extent.
+    """
+    if voxel is not None:
+        return Grid(edge, voxel)
+    return grid_of_extents([scan_extent(scan) for scan in scans], edge)
+
+
+def grid_of_extents(extents: Iterable[float], edge: int = 128) -> Grid:
+    """The grid for scans of these extents [m], as `scan_extent` has them.
+
+    Raises:
+        InputError: all of them are 0.
+    """
+    sizes = [voxel_for(extent, edge) for extent in extents if extent > 0]  # 0: all points are in one place
+    largest = max(sizes, default=0.0) or voxel_for(0.0, edge)  # which says why there is none
+    if len(sizes) >= _MANY:
+        usual = float(np.quantile(sizes, _USUAL))
+        largest = max(size for size in sizes if size <= _STRAY * usual)
+    return Grid(edge, 2 ** (ceil(_SIZES * log2(largest)) / _SIZES))

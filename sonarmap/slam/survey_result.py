@@ -1,0 +1,83 @@
+# pyright: strict, reportMissingTypeStubs=false, reportUnknownMemberType=false
+"""What comes of mapping a survey: poses, how sure they are, maps, and every pair that was tried."""
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from sonarmap.slam.decide.wrong_fixes import WrongFix
+from sonarmap.slam.graph.control import MeasuredControl
+from sonarmap.slam.graph.edge import Edge
+from sonarmap.slam.graph.pose_graph import Solution
+from sonarmap.slam.graph.trajectory import Trajectory
+from sonarmap.slam.map.component_maps import ComponentMaps
+from sonarmap.slam.map.point_map import PointMap
+from sonarmap.slam.pair import Pair
+from sonarmap.slam.tie import Tie
+
+
+@dataclass(frozen=True, slots=True)
+class SurveyResult:
+    """A survey, mapped.
+
+    Attributes:
+        trajectory: N poses, each in the frame of its component, whose first pose is the identity; in the world
+            (East-North-Up) where instruments measured any of its poses.
+        chained: the same as they were before loops.
+        components: the sets of scans that share a frame, by kept edges or by instruments that place them in the world.
+        surveys: the number of each scan's survey.
+        keys: the key scans of a dense stream, ascending; None where every scan was registered.
+        wrong_fixes: what instruments measured and all others contradict; it was left out.
+        covariances: (N, 6, 6), rotation first [rad, m], body tangent, against the component's first pose, or the world.
+        solution: the optimized graph, with its chi-squared and residuals.
+        parts: the maps of every component.
+        pairs: every pair that was tried, in the order of trying.
+        gaps: consecutive pairs (i, i + 1) that were not kept, whether or not another pair bridges them.
+        voxel: edge of the survey's voxels [m].
+        ties: what a person said of pairs; what came of each is with its pair.
+        displaced: scans of pairs that are kept without ties and control points, and refused for these.
+        control: where control and check points are in the map.
+    """
+
+    trajectory: Trajectory
+    chained: Trajectory
+    components: tuple[tuple[int, ...], ...]
+    surveys: tuple[int, ...]
+    covariances: np.ndarray
+    solution: Solution
+    parts: tuple[ComponentMaps, ...]
+    pairs: tuple[Pair, ...]
+    gaps: tuple[tuple[int, int], ...]
+    voxel: float
+    wrong_fixes: tuple[WrongFix, ...] = ()
+    keys: tuple[int, ...] | None = None
+    ties: tuple[Tie, ...] = ()
+    displaced: tuple[tuple[int, int], ...] = ()
+    control: tuple[MeasuredControl, ...] = ()
+
+    @property
+    def moved(self) -> float:
+        """By how much loops moved the pose that they moved most, against its component's first [m]."""
+        most = 0.0
+        for members in self.components:
+            before, after = (T.take(members).T_world_sensor for T in (self.chained, self.trajectory))
+            apart = (before[0].inv() * before).translation - (after[0].inv() * after).translation
+            most = max(most, float(np.linalg.norm(apart, axis=1).max()))
+        return most
+
+    @property
+    def by_navigation(self) -> tuple[int, ...]:
+        """The scans that no registration holds, and that lie in a map of several by navigation alone."""
+        held = {scan for edge in self.edges for scan in (edge.i, edge.j)}
+        asked = set(range(len(self.trajectory)) if self.keys is None else self.keys) - held
+        return tuple(sorted(k for members in self.components if len(members) > 1 for k in asked.intersection(members)))
+
+    @property
+    def maps(self) -> tuple[PointMap, ...]:
+        """The map of every component."""
+        return tuple(part.optimized for part in self.parts)
+
+    @property
+    def edges(self) -> tuple[Edge, ...]:
+        """The registrations that the graph was built from, and the ties that a person measured."""
+        return tuple(edge for edge in self.solution.graph.edges if edge.is_of_pair)

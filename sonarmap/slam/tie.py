@@ -1,0 +1,76 @@
+# pyright: strict
+"""What a person says of a pair of scans, over what the survey decides by itself."""
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, replace
+from numbers import Integral
+from typing import Literal, get_args
+
+from sonarmap.kernels.errors import InputError
+from sonarmap.spectral.result import Registration
+
+Verdict = Literal["accept", "reject", "add"]
+VERDICTS: tuple[Verdict, ...] = get_args(Verdict)
+# Of a pair: "given" is "add" with a transform, which no registration replaces; "" is a pair that nobody spoke of.
+ByHand = Literal["", "accept", "reject", "add", "given"]
+
+
+@dataclass(frozen=True, slots=True)
+class Tie:
+    """A verdict on two scans.
+
+    Attributes:
+        i, j: target and source, i < j, as of a `Pair`.
+        verdict: "reject": the pair never is an edge; "accept": its registration is an edge whatever the others say;
+            "add": the same, and where no search proposed the pair it is registered.
+        given: T_i_j as a person measured it, which then stands in place of a registration; with "add" alone.
+        note: why, in the person's words.
+
+    Raises:
+        InputError: an unknown verdict, scans that are not two in order, or a transform with another verdict than add.
+    """
+
+    i: int
+    j: int
+    verdict: Verdict
+    given: Registration | None = None
+    note: str = ""
+
+    def __post_init__(self) -> None:
+        if not isinstance(self.verdict, str) or self.verdict not in VERDICTS:  # pyright: ignore[reportUnnecessaryIsInstance]
+            raise InputError(f"the verdict of a tie is {self.verdict!r}; wanted one of {', '.join(VERDICTS)}")
+        if not all(isinstance(k, Integral) for k in self.scans) or not 0 <= self.i < self.j:
+            raise InputError(f"a tie is of scans {self.i} and {self.j}; wanted two different ones, the lower first")
+        if not isinstance(self.given, Registration | None):  # pyright: ignore[reportUnnecessaryIsInstance]
+            raise InputError(f"the transform of a tie is {self.given!r}; wanted a Registration")
+        if self.given is not None and self.verdict != "add":
+            raise InputError(f"a tie with a transform has the verdict {self.verdict}; only add takes a transform")
+
+    def renumbered(self, number: Mapping[int, int], names: Sequence[str]) -> "Tie":
+        """The tie with its scans counted among the key scans.
+
+        Args:
+            number: of each key scan, by its index.
+            names: of all scans.
+
+        Raises:
+            InputError: one of its scans is no key scan.
+        """
+        for k in self.scans:
+            if k not in number:
+                near = names[min(number, key=lambda key: abs(key - k))]
+                raise InputError(
+                    f"{names[k]} is no key scan of this dense stream: it is placed between its neighbors, and no pair "
+                    f"of it is registered. Tie {near} instead, or choose other key scans with --key-step"
+                )
+        return replace(self, i=number[self.i], j=number[self.j])
+
+    @property
+    def scans(self) -> tuple[int, int]:
+        """(i, j)."""
+        return self.i, self.j
+
+    @property
+    def by_hand(self) -> ByHand:
+        """What its pair is marked with."""
+        return self.verdict if self.given is None else "given"

@@ -1,0 +1,247 @@
+"""The paper's rotation: hemisphere layers of the magnitude spectrum turn yaw, then roll and pitch, into shifts.
+
+Every estimate is of the rotation that is still missing: the source's spectrum is sampled along directions that are
+already turned by what is known of R_target_source, so that turning it back costs no second interpolation.
+"""
+
+from collections.abc import Callable
+from dataclasses import dataclass
+
+import numpy as np
+from scipy.ndimage import maximum_filter1d
+from scipy.spatial.transform import Rotation
+
+from sonarmap.kernels.device.device import Array, Device
+from sonarmap.kernels.fft.transform import RealFFT
+from sonarmap.kernels.pomf.peak import find_peaks
+from sonarmap.kernels.pomf.spectrum import Pomf
+from sonarmap.kernels.resample.layers import normalize_layers
+from sonarmap.kernels.resample.polar import polar_magnitude
+from sonarmap.kernels.resample.sphere import (
+    latitude_longitude,
+    rectangular_unwrap,
+    rotational_unwrap,
+    sample,
+    upload_directions,
+    valid_pixels,
+)
+from sonarmap.spectral.grid import image_edge
+
+# Sect. 2.8: radii of the layers, as shares of N/2; one layer per frequency bin.
+_LAYERS = (0.2, 0.8)
+# Sect. 2.5: the share of the radial axis of the 2D spectra that the yaw is read from.
+_RADIAL = (0.11, 0.45)
+# Standard deviations of the Gaussians that correlations are convolved with before a peak is looked for [bins]. The
+# heading is exact; the other unwraps distort a little, which spreads their peaks (docs/method.md has the figures).
+_HEADING_BLUR = 0.7
+_TILT_BLUR = 1.5
+_YAW_BLUR = 1.5
+_YAW_BLUR_ANGLE = np.deg2rad(1.0)  # and at least so much: distortion is an angle, whatever the bins
+# Two yaw peaks nearer than this are the same [rad].
+_YAW_SEPARATION = np.deg2rad(5.0)
+_LARGEST_IMAGE = 512
+# How many peaks of roll and pitch are searched for a possible rotation, and how far apart these are [bins].
+_TILT_PEAKS, _TILT_SEPARATION = 4, 3.0
+
+
+@dataclass(frozen=True, slots=True)
+class AngleEstimate:
+    """A rotation read off a correlation.
+
+    Attributes:
+        R: the rotation that is missing on the left of what was known: R_target_source = R R_known.
+        psr: how far its peak stands above the mean of the correlation [standard deviations].
+    """
+
+    R: Rotation
+    psr: float
+
+
+@dataclass(frozen=True, slots=True)
+class LayerSpectra:
+    """What one scan's layers contribute to every pair: whitened spectra, on the device."""
+
+    yaw: Array
+    tilt: Array
+    heading: Array
+
+
+class Hemisphere:
+    """Resampling and matching of hemisphere layers on one grid: Sects. 2.4 to 2.9 of the paper."""
+
+    def __init__(self, device: Device, edge: int, windowed: bool = False) -> None:
+        """Plan the images and transforms for volumes of `edge` voxels; images have `image_edge` pixels.
+
+        `windowed` is whether Hann's window is laid over the images that yaw is read from (Sect. 2.5).
+        """
+        self.device, self.edge = device, edge
+        self.radii = np.arange(_LAYERS[0] * edge / 2, min(_LAYERS[1] * edge / 2, edge / 2 - 1.01), dtype=np.float32)
+        layers = len(self.radii)
+
+        self.images = images = image_edge(edge)
+        unwrap = rotational_unwrap(images)
+        self._yaw_directions = upload_directions(device, unwrap)
+        self._yaw_window = device.to_device(_radial_hann(images)) if windowed else None
+        self._yaw_mask = device.to_device(valid_pixels(unwrap))
+        self._yaw_fft = RealFFT(device, (layers, images, images), batched=True)
+        self._polar_shape = (max(images // 2, 16), min(2 * images, _LARGEST_IMAGE))
+        self._polar_radii = np.linspace(*_RADIAL, self._polar_shape[0], dtype=np.float32) * (images / 2)
+        self._polar_angles = np.arange(self._polar_shape[1], dtype=np.float32) * (np.pi / self._polar_shape[1])
+        blur = max(_YAW_BLUR, _YAW_BLUR_ANGLE / self.yaw_bin)
+        self._yaw_pomf = Pomf(device, (layers, *self._polar_shape), blur, batched=True)
+
+        self._tilt_directions = [upload_directions(device, rectangular_unwrap(images, axis)) for axis in "yx"]
+        self._tilt_window = device.to_device(np.outer(_hann(images), _hann(images)).astype(np.float32))
+        self._tilt_pomf = Pomf(device, (2 * layers, images, images), _TILT_BLUR, batched=True)
+
+        self._heading_shape = (max(images // 4, 16), min(2 * images, _LARGEST_IMAGE))
+        self._heading_directions = upload_directions(device, latitude_longitude(*self._heading_shape))
+        self._heading_pomf = Pomf(device, (layers, *self._heading_shape), _HEADING_BLUR, batched=True)
+
+    @property
+    def yaw_bin(self) -> float:
+        """Angle of one bin of the yaw correlation [rad]."""
+        return np.pi / self._polar_shape[1]
+
+    @property
+    def tilt_bin(self) -> float:
+        """Angle of one bin of the roll and pitch correlation [rad]."""
+        return np.pi / self.images
+
+    def prepare(self, magnitude: Array) -> LayerSpectra:
+        """The layers of one scan's centered magnitude spectrum (edge, edge, edge/2 + 1)."""
+        return LayerSpectra(
+            yaw=self._yaw_spectra(magnitude),
+            tilt=self._tilt_spectra(magnitude, None),
+            heading=self._heading_spectra(magnitude, None),
+        )
+
+    def yaw_correlation(self, target: LayerSpectra, source: LayerSpectra) -> np.ndarray:
+        """How well every yaw fits (Sect. 2.5): standard deviations above the mean of the correlation.
+
+        Returns:
+            (bins,) float64; bin k is a yaw of k yaw_bin, and the same + 180 degrees.
+        """
+        correlation = self._yaw_pomf.correlate_layers(target.yaw, source.yaw).get()
+        # the true peak has no radial shift; sub-bin peaks may lie half a bin off
+        row = correlation[[-1, 0, 1]].max(axis=0).astype(np.float64)
+        mean, std = correlation.mean(dtype=np.float64), correlation.std(dtype=np.float64)
+        return (row - mean) / std if std > 0 else np.zeros_like(row)
+
+    def yaw_candidates(self, target: LayerSpectra, source: LayerSpectra, count: int) -> list[AngleEstimate]:
+        """The `count` highest distinct yaw peaks, each with its + 180 degrees, highest first (Sect. 2.5).
+
+        The magnitudes of the layers' 2D spectra repeat after 180 degrees, hence the pairs.
+        """
+        row = self.yaw_correlation(target, source)
+        width = int(np.ceil(_YAW_SEPARATION / self.yaw_bin))
+        is_peak = row >= maximum_filter1d(row, 2 * width + 1, mode="wrap")
+        bins = np.flatnonzero(is_peak)
+        bins = bins[np.argsort(-row[bins], kind="stable")][:count]
+        return [
+            AngleEstimate(Rotation.from_euler("Z", self._yaw_angle(row, k) + turn), float(row[k]))
+            for k in bins
+            for turn in (0.0, np.pi)
+        ]
+
+    def tilt_correlation(self, target: LayerSpectra, source_magnitude: Array, R_known: Rotation) -> Array:
+        """How well roll and pitch fit once R_known is applied (Sect. 2.6).
+
+        Returns:
+            device (images, images) float32; cyclic shifts of (pitch, -roll) in tilt_bin, zero at [0, 0].
+        """
+        return self._tilt_pomf.correlate_layers(target.tilt, self._tilt_spectra(source_magnitude, R_known))
+
+    def tilt(
+        self,
+        target: LayerSpectra,
+        source_magnitude: Array,
+        R_known: Rotation,
+        limit: float,
+        allowed: Callable[[Rotation], bool] = lambda R: True,
+    ) -> AngleEstimate | None:
+        """Roll and pitch that are missing once R_known is applied (Sects. 2.6, 2.7).
+
+        Both unwraps see a rotation about x and y as nearly the same shift; the rotation vector (roll, pitch, 0)
+        treats both axes alike. It is about the target's axes, each part within `limit` [rad].
+
+        Args:
+            allowed: whether a rotation R R_known is possible; the highest peak that is possible is taken.
+
+        Returns:
+            None where the correlation has no such peak.
+        """
+        correlation = self.tilt_correlation(target, source_magnitude, R_known)
+        bins = limit / self.tilt_bin
+        image = correlation.reshape((1, self.images, self.images))
+        peaks = find_peaks(self.device, image, _TILT_PEAKS, _TILT_SEPARATION, limits=(None, bins, bins))
+        for peak in peaks:
+            pitch, roll = peak.shift[1] * self.tilt_bin, -peak.shift[2] * self.tilt_bin
+            R = Rotation.from_rotvec([roll, pitch, 0.0])
+            if allowed(R * R_known):
+                return AngleEstimate(R, peak.psr)
+        return None
+
+    def heading(
+        self, target: LayerSpectra, source_magnitude: Array, R_known: Rotation, limit: float
+    ) -> AngleEstimate | None:
+        """Yaw that is missing once R_known has removed roll and pitch, within `limit` [rad].
+
+        Without tilt, yaw is an exact cyclic shift of layers in latitude and longitude over the full circle. None
+        where the correlation has no peak within the limit.
+        """
+        spectra = self._heading_spectra(source_magnitude, R_known)
+        correlation = self._heading_pomf.correlate_layers(target.heading, spectra)
+        height, width = self._heading_shape
+        bin_angle = 2 * np.pi / width
+        peaks = find_peaks(self.device, correlation.reshape((1, height, width)), limits=(None, 1.0, limit / bin_angle))
+        if not peaks:
+            return None
+        return AngleEstimate(Rotation.from_euler("Z", peaks[0].shift[2] * bin_angle), peaks[0].psr)
+
+    def _yaw_spectra(self, magnitude: Array) -> Array:
+        layers = sample(self.device, magnitude, self._yaw_directions, self.radii)
+        normalize_layers(self.device, layers, self._yaw_window, mask=self._yaw_mask, out=layers)
+        spectrum = self._yaw_fft.forward(layers)
+        polar = polar_magnitude(
+            self.device, spectrum, (self.images, self.images), self._polar_radii, self._polar_angles
+        )
+        normalize_layers(self.device, polar, None, out=polar)
+        return self._yaw_pomf.prepare(polar)
+
+    def _tilt_spectra(self, magnitude: Array, R_known: Rotation | None) -> Array:
+        layers = len(self.radii)
+        stack = self.device.empty((2 * layers, self.images, self.images))
+        for part, directions in zip((stack[:layers], stack[layers:]), self._tilt_directions, strict=True):
+            sample(self.device, magnitude, directions, self.radii, _inverse_matrix(R_known), out=part)
+        normalize_layers(self.device, stack, self._tilt_window, out=stack)
+        return self._tilt_pomf.prepare(stack)
+
+    def _heading_spectra(self, magnitude: Array, R_known: Rotation | None) -> Array:
+        layers = sample(self.device, magnitude, self._heading_directions, self.radii, _inverse_matrix(R_known))
+        normalize_layers(self.device, layers, None, out=layers)
+        return self._heading_pomf.prepare(layers)
+
+    def _yaw_angle(self, row: np.ndarray, k: int) -> float:
+        """The angle of a peak of the yaw correlation, between bins by a parabola [rad]."""
+        left, middle, right = (float(row[(k + step) % len(row)]) for step in (-1, 0, 1))
+        curvature = left - 2 * middle + right
+        offset = 0.5 * (left - right) / curvature if curvature < 0 else 0.0
+        return (k + float(np.clip(offset, -0.5, 0.5))) * self.yaw_bin
+
+
+def _inverse_matrix(R: Rotation | None) -> np.ndarray | None:
+    """|B|(R^T k) is the source's spectrum turned by R: what is sampled where R is known."""
+    return None if R is None else R.inv().as_matrix()
+
+
+def _radial_hann(edge: int) -> np.ndarray:
+    """(edge, edge) float32: Hann's window over the distance from the center of the unwrap, 0 at the rim and beyond."""
+    v = np.arange(edge) - edge / 2
+    distance = np.hypot(*np.meshgrid(v, v, indexing="ij")) / (edge / 2)
+    return (np.cos(np.pi / 2 * np.minimum(distance, 1.0)) ** 2).astype(np.float32)
+
+
+def _hann(length: int) -> np.ndarray:
+    """Hann window (length,), whose period is the length."""
+    return np.sin(np.pi * np.arange(length) / length) ** 2

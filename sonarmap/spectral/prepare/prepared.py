@@ -1,0 +1,146 @@
+"""A scan on the grid: its voxels and its spectra, computed once for all its pairs."""
+
+from copy import copy
+from dataclasses import dataclass
+
+import numpy as np
+
+from sonarmap.kernels.device.device import Array, Device
+from sonarmap.kernels.device.recycled import recycled
+from sonarmap.kernels.errors import InputError
+from sonarmap.kernels.fft.edges import row_pitch
+from sonarmap.kernels.pomf.point_spectra import PointSpectra
+from sonarmap.kernels.surface.cells import Cells, sort_into_cells
+from sonarmap.spectral.grid import Grid, scan_center
+from sonarmap.spectral.scan import Scan
+
+# Below so many occupied voxels there is no structure to register.
+_FEWEST_VOXELS = 20
+# A grid that holds a smaller share of a scan's points does not show that scan.
+_LEAST_INSIDE = 0.5
+# A scan whose points deviate less than this from their best plane shows nothing but the plane [voxels, deviation].
+_FLATTEST = 0.3
+
+
+@dataclass(frozen=True, slots=True)
+class Prepared:
+    """A scan on the grid, and its spectrum; it lives on the device that prepared it.
+
+    Attributes:
+        name: the scan's.
+        center: (3,) [m, sensor frame], the grid's center.
+        points: device (n, 4) float32 [voxels from the center; weight].
+        surface: (m, 3) float64 [voxels from the center], one point per occupied voxel, also outside the grid.
+        cells: the same on the device, to search among.
+        spectrum: device (N, N, `row_pitch(N)`) complex64, spectrum of the volume, phase only.
+    """
+
+    name: str
+    center: np.ndarray
+    points: Array
+    surface: np.ndarray
+    cells: Cells
+    spectrum: Array
+
+    @property
+    def spectra(self) -> tuple[Array, ...]:
+        """The spectrum, as `Translation` takes it."""
+        return (self.spectrum,)
+
+
+class Preparer:
+    """Turns scans into `Prepared`, on one device and grid."""
+
+    def __init__(
+        self, device: Device, grid: Grid, use_strength: bool, centered: bool = True, farthest: float = np.inf
+    ) -> None:
+        """Plan the volume and its transform.
+
+        Args:
+            use_strength: whether voxels hold the echo strength, where a scan has it.
+            centered: whether the grid is put at the scan's center, or at the sensor.
+            farthest: magnitudes farther than this from frequency 0 are not needed [bins].
+        """
+        self.device, self.grid = device, grid
+        self.use_strength, self.centered, self._farthest = use_strength, centered, farthest
+        self._spectra = PointSpectra(device, grid.edge, magnitudes=True)
+
+    def with_grid(self, grid: Grid) -> "Preparer":
+        """The same for a grid of the same edge, on the same volume: only one of the two may be at work."""
+        other = copy(self)
+        other.grid = grid
+        return other
+
+    def prepare(self, scan: Scan) -> tuple[Prepared, Array]:
+        """Voxelize and transform one scan; the device may still be at work on it.
+
+        Returns:
+            The scan, and device (N, N, N/2 + 1) float32, its centered magnitude spectrum, which no registration keeps.
+
+        Raises:
+            InputError: the scan has too few occupied voxels, or shows a single plane.
+        """
+        edge = self.grid.edge
+        center = scan_center(scan) if self.centered else np.zeros(3)
+        voxels = self.grid.to_voxels(scan.points, center)
+        cells = np.floor(voxels + np.float32(edge / 2 + 0.5)).astype(np.int64)
+        x, y, z = ((cells >= 0) & (cells < edge)).T
+        inside = x & y & z
+        self._require_inside(scan.name, float(inside.mean()))
+        points = self.device.to_device(self._weighted(scan, voxels, inside))
+        spectrum = recycled(self.device, (edge, edge, row_pitch(edge)), np.complex64)
+        magnitude = recycled(self.device, (edge, edge, edge // 2 + 1))
+        # the device works on it while the host looks at the points
+        self._spectra.transform(points, [spectrum], magnitude, self._farthest)
+        surface = _one_per_voxel(voxels, cells)
+        # of a plane whose place is measured, height and tilt can still be made finer
+        placed = scan.prior is not None and scan.prior.is_complete
+        self._require_structure(scan.name, surface, plane_allowed=placed)
+        prepared = Prepared(
+            name=scan.name,
+            center=center,
+            points=points,
+            surface=surface,
+            cells=sort_into_cells(self.device, surface),
+            spectrum=spectrum,
+        )
+        return prepared, magnitude
+
+    def _weighted(self, scan: Scan, voxels: np.ndarray, inside: np.ndarray) -> np.ndarray:
+        """(n, 4) float32: occupancy as in the paper, or echo strength where wanted and present."""
+        weight = np.ones(len(voxels), np.float32)
+        if self.use_strength and scan.strength is not None:
+            strongest = scan.strength[inside].max()
+            weight = scan.strength / strongest if strongest > 0 else weight
+        return np.column_stack([voxels, weight]).astype(np.float32)
+
+    def _require_inside(self, name: str, share: float) -> None:
+        if share < _LEAST_INSIDE:
+            raise InputError(
+                f"{name}: the grid of {self.grid.edge} voxels of {self.grid.voxel:g} m holds {share:.1%} of its "
+                f"points; wanted at least {_LEAST_INSIDE:.0%}. Give a larger `voxel`, a larger "
+                "`edge`, or leave `voxel` out to have it chosen."
+            )
+
+    def _require_structure(self, name: str, surface: np.ndarray, plane_allowed: bool) -> None:
+        size = f"grid of {self.grid.edge} voxels of {self.grid.voxel:.3g} m"
+        if len(surface) < _FEWEST_VOXELS:
+            raise InputError(
+                f"{name}: its points fill {len(surface)} of the voxels, on a {size}; wanted at least {_FEWEST_VOXELS}. "
+                "Give a scan with more structure, or a smaller `voxel`."
+            )
+        spread = np.sqrt(max(np.linalg.eigvalsh(np.cov(surface.T, bias=True))[0], 0.0))
+        if spread < _FLATTEST and not plane_allowed:
+            raise InputError(
+                f"{name}: all its points lie in one plane (they deviate {spread * self.grid.voxel:.2g} m from it, "
+                f"on a {size}): a shift along it cannot be seen. Give a scan with more structure, a smaller `voxel`, "
+                "in which a low relief shows, or a prior with attitude, heading, depth and position."
+            )
+
+
+def _one_per_voxel(points: np.ndarray, cells: np.ndarray) -> np.ndarray:
+    """The mean (m, 3) of the points of each occupied voxel, in the order of the voxels."""
+    keys = ((cells[:, 0] << 42) + (cells[:, 1] << 21)) + cells[:, 2]  # a cell is within a million of 0
+    _, first, count = np.unique(keys, return_inverse=True, return_counts=True)
+    sums = [np.bincount(first, weights=points[:, axis], minlength=len(count)) for axis in range(3)]
+    return np.column_stack(sums) / count[:, None]

@@ -1,0 +1,201 @@
+"""What a scan saw from its viewpoint, as ranges over directions: points before its surface contradict it."""
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+import numpy as np
+
+from sonarmap.kernels.device.device import Array, Device
+from sonarmap.kernels.points.visibility import (
+    Agreement,
+    Way,
+    agreement,
+    octahedral_cells,
+    upload_points,
+    upload_viewpoints,
+)
+
+# Cells along an edge of the map: 1.6 degrees, a voxel at 36 voxels' distance. Finer cells stay empty between beams.
+_EDGE = 128
+# The nearest and the farthest range of a cell are these quantiles: a stray echo among them is left out.
+_NEAR, _FAR = 0.15, 0.85
+# A scan has a single viewpoint if this share of its points lies this near to the median of their cell [share; voxels;
+# of the range].
+_SINGLE, _SPREAD, _SLOPE = 0.8, 2.0, 0.03
+# Of a scan seen from many places so many take part.
+_PLACES = 12
+# Points of a scan that are compared with another's view.
+_SAMPLE = 1500
+# How far from the surface a point may lie, while the rotation is 2 degrees off and once refined [voxels; of the range].
+COARSE, FINE = (1.5, 0.03), (1.0, 0.01)
+
+
+@dataclass(frozen=True, slots=True)
+class RangeImage:
+    """What a scan saw from one place.
+
+    Attributes:
+        viewpoint: (3,) float64, the sensor, from the grid's center [voxels].
+        view: device (_EDGE, _EDGE, 2) float32, nearest and farthest range of each cell of an octahedral map [voxels].
+    """
+
+    viewpoint: np.ndarray
+    view: Array
+
+
+@dataclass(frozen=True, slots=True)
+class View:
+    """All that a scan saw, and a sample of its points to compare with others' views.
+
+    Attributes:
+        images: from each place where its sensor is known to have been; none for a scan put together from places that
+            are not known.
+        ranges: device (len(images), _EDGE, _EDGE, 2) float32, their views behind one another; None without any.
+        viewpoints: device (len(images), 4) float32, where they were seen from, as `upload_viewpoints` puts them; None
+            without any.
+        repeats: in how many of the images a point of the scan is seen, on the average.
+        sample: points about the grid's center, on the device [voxels].
+        count: number of points in the sample.
+    """
+
+    images: tuple[RangeImage, ...]
+    ranges: Array | None
+    viewpoints: Array | None
+    repeats: float
+    sample: tuple[Array, int]
+    count: int
+
+
+def scan_view(device: Device, points: np.ndarray, surface: np.ndarray, viewpoints: np.ndarray) -> View:
+    """What a scan saw.
+
+    Args:
+        points: (n, 3) all points, about the grid's center [voxels].
+        surface: (m, 3) one point a voxel [voxels].
+        viewpoints: (3,) the sensor's place for all points, which is examined: a scan whose points do not form a single
+            layer as seen from there was put together from several places. Or (n, 3), for each point the sensor's
+            place when it saw it [voxels].
+    """
+    if viewpoints.ndim == 1:
+        ranges = _Ranges.of(points - viewpoints)
+        images, repeats = [(viewpoints, ranges)] if ranges.are_single else [], 1.0
+    else:
+        images, repeats = _images(points, viewpoints)
+    views = device.to_device(np.stack([ranges.image() for _, ranges in images])) if images else None
+    sample = surface[:: max(1, len(surface) // _SAMPLE)]
+    return View(
+        images=tuple(RangeImage(place, views[n]) for n, (place, _) in enumerate(images)) if views is not None else (),
+        ranges=views,
+        viewpoints=upload_viewpoints(device, np.array([place for place, _ in images])) if images else None,
+        repeats=repeats,
+        sample=upload_points(device, sample),
+        count=len(sample),
+    )
+
+
+def _images(points: np.ndarray, viewpoints: np.ndarray) -> tuple[list[tuple[np.ndarray, "_Ranges"]], float]:
+    """Ranges from a few of many places, evenly along the way, and from how many of them a point is seen."""
+    cells = np.floor(viewpoints).astype(np.int64)
+    _, first, place = np.unique(cells, axis=0, return_index=True, return_inverse=True)
+    along = np.argsort(first, kind="stable")
+    chosen = along[np.linspace(0, len(along) - 1, min(len(along), _PLACES)).round().astype(np.int64)]
+    images, seen = [], 0.0
+    for number in chosen:
+        from_here = place.ravel() == number
+        viewpoint = viewpoints[from_here].mean(axis=0)
+        ranges = _Ranges.of(points[from_here] - viewpoint)
+        images.append((viewpoint, ranges))
+        filled = np.zeros(_EDGE * _EDGE, dtype=bool)
+        filled[ranges.cells] = True
+        seen += float(filled[octahedral_cells(points - viewpoint, _EDGE)].mean())
+    return images, max(seen, 1e-3)
+
+
+@dataclass(frozen=True, slots=True)
+class _Ranges:
+    """The ranges of beams by cells: nearest and farthest of (k,) cells, and whether they form a single layer."""
+
+    cells: np.ndarray
+    near: np.ndarray
+    far: np.ndarray
+    are_single: bool
+
+    @classmethod
+    def of(cls, beams: np.ndarray) -> "_Ranges":
+        """Of beams (n, 3) [voxels]."""
+        x, y, z = beams.T
+        ranges = np.sqrt(x * x + y * y + z * z).astype(np.float32)
+        # one number to sort by, as the bits of positive floats order as they do
+        keys = octahedral_cells(beams, _EDGE).astype(np.uint64) << np.uint64(32)
+        keys = np.sort(keys | ranges.view(np.uint32))
+        cells, ranges = keys >> np.uint64(32), keys.astype(np.uint32).view(np.float32)
+        first = np.append(0, np.flatnonzero(cells[1:] != cells[:-1]) + 1)
+        count = np.diff(first, append=len(cells))
+        near = ranges[first + np.floor(_NEAR * (count - 1)).astype(np.int64)]
+        far = ranges[first + np.ceil(_FAR * (count - 1)).astype(np.int64)]
+        median = np.repeat(ranges[first + count // 2], count)
+        agreeing = np.abs(ranges - median) <= _SPREAD + _SLOPE * ranges
+        # a point alone in its cell agrees with itself, which is no evidence
+        alone = first[count == 1]
+        shared = len(cells) - len(alone)
+        single = shared == 0 or (np.count_nonzero(agreeing) - len(alone)) / shared >= _SINGLE
+        return cls(cells[first].astype(np.int64), near, far, bool(single))
+
+    def image(self) -> np.ndarray:
+        """(_EDGE, _EDGE, 2) float32, (inf, -inf) in cells that saw nothing."""
+        view = np.empty((_EDGE * _EDGE, 2), np.float32)
+        view[:] = np.inf, -np.inf
+        view[self.cells] = np.column_stack([self.near, self.far])
+        return view.reshape(_EDGE, _EDGE, 2)
+
+
+@dataclass(frozen=True, slots=True)
+class Visibility:
+    """What two scans' views say about poses between them: shares of the sampled points, (n,) each; NaN without a view.
+
+    Attributes:
+        agree: fit the other scan's surface, the mean of both ways.
+        contradict: stand where the other scan saw through.
+        seen: fall where the other scan saw something.
+    """
+
+    agree: np.ndarray
+    contradict: np.ndarray
+    seen: np.ndarray
+
+
+class Views:
+    """What two scans' views say about poses between them, on its way to the host."""
+
+    def __init__(self, counts: Agreement, scales: Sequence[float | None]) -> None:
+        """What `visibility` has queued, and what each way's counts are divided by; None where there is no view."""
+        self._counts, self._scales = counts, scales
+
+    def read(self) -> list[Visibility]:
+        """For each tolerance how far the poses agree with both views; a scan that has no view is left out."""
+        counts = self._counts.read()
+        shares = [
+            count.sum(axis=0) / scale for count, scale in zip(counts, self._scales, strict=True) if scale is not None
+        ]
+        mean = np.mean(shares, axis=0) if shares else np.full(counts[0].shape[1:], np.nan)
+        return [Visibility(*of_one.T) for of_one in np.moveaxis(mean, 1, 0)]
+
+
+def visibility(
+    device: Device, target: View, source: View, poses: Array, tolerances: Sequence[tuple[float, float]]
+) -> Views:
+    """Queue how far poses agree with both views.
+
+    Args:
+        poses: device (n, 16) float32 as `upload_poses` has them, p_target = R p_source + t about the scans' grid
+            centers [voxels].
+        tolerances: one or two of (reach, slope): a range within reach [voxels] + slope * range of the surface agrees.
+    """
+    ways = [
+        Way(view.ranges, view.viewpoints, other.sample) if view.images else Way(None, None, other.sample)
+        for view, other in ((target, source), (source, target))
+    ]
+    scales = [
+        other.count * view.repeats if view.images else None for view, other in ((target, source), (source, target))
+    ]
+    return Views(agreement(device, ways, poses, tolerances), scales)

@@ -1,0 +1,46 @@
+"""A scan prepared for the spectral registration."""
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from sonarmap.kernels.device.device import Array
+from sonarmap.spectral.prepare.prepared import Prepared
+from sonarmap.spectral.prepare.range_image import View
+from sonarmap.spectral.prepare.surface import Surface
+from sonarmap.spectral.scan import PosePrior
+
+# The exponents that the coarse volumes are whitened with: 1, phase only, weighs all frequencies alike; 0.5 leaves more
+# to those that hold much of the scan, which noise, distortion and an uncertain rotation disturb least.
+WHITENINGS = (1.0, 0.5)
+
+
+@dataclass(frozen=True, slots=True)
+class CoarseVolume:
+    """A scan on the coarse grid of `coarse_edge` voxels an edge, its spectrum whitened with each of WHITENINGS."""
+
+    points: Array
+    spectra: tuple[Array, ...]
+
+
+@dataclass(frozen=True, slots=True)
+class SpectralScan:
+    """What one scan contributes to every pair; its arrays are on the device that prepared it.
+
+    Attributes:
+        volume: voxels and spectra on the whole grid.
+        coarse: the same on the coarse grid.
+        coefficients: device (degrees, layers, orders) complex64 of its layers, from `So3.equalize`.
+        signature: (K,) float32, nearly the same however the scan is turned and moved, from `signature`.
+        surface: points and normals, for the refinement.
+        view: what the sensor saw.
+        prior: what other instruments say about its pose, or None.
+    """
+
+    volume: Prepared
+    coarse: CoarseVolume
+    coefficients: Array
+    signature: np.ndarray
+    surface: Surface
+    view: View
+    prior: PosePrior | None

@@ -1,0 +1,101 @@
+"""The surface that a scan shows: a point for each occupied voxel, on the plane of its neighbors, with its normal."""
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+import numpy as np
+
+from sonarmap.kernels.device.device import Array, Device
+from sonarmap.kernels.device.readback import Readback
+from sonarmap.kernels.surface.cells import Cells, sort_into_cells
+from sonarmap.kernels.surface.elements import Elements
+from sonarmap.kernels.surface.planes import fit_planes
+
+# A point farther than this from its neighbors' plane is no point of it, and stays [voxels].
+_FARTHEST = 3.0
+# At a rim the neighbors lie to one side: their middle is farther away than this share of their spread. On a straight
+# rim it is three quarters, well inside a fifth.
+_ASIDE = 0.4
+# A direction of normals that holds a smaller share of the points than this counts less than the others.
+_RARE = 0.05
+
+
+def _hemisphere(count: int) -> np.ndarray:
+    """(count, 3) unit vectors of z above 0, about evenly apart: a spiral of golden angles."""
+    k = np.arange(count)
+    z = (k + 0.5) / count
+    angle = k * np.pi * (3 - np.sqrt(5))
+    return np.column_stack([np.sqrt(1 - z**2) * np.cos(angle), np.sqrt(1 - z**2) * np.sin(angle), z])
+
+
+# Normals are counted by the nearest of these, of either sign: some 25 degrees apart.
+_DIRECTIONS = _hemisphere(26)
+
+
+@dataclass(frozen=True, slots=True)
+class Surface:
+    """Points and normals of one scan, about its grid's center, on the device that prepared it.
+
+    Attributes:
+        rows: (m, 12) float32, as `elements` has them on the device; `points`, `normals` and so on are columns.
+        elements: the same on the device, to search among.
+        direction_weights: device (d,) float32, of mean 1 over the points: what a point counts by the direction that
+            its normal is nearest to. The less of the surface faces that direction, the more it counts: on a wide bed
+            a few walls fix where a scan lies.
+    """
+
+    rows: np.ndarray
+    elements: Elements
+    direction_weights: Array
+
+    @property
+    def points(self) -> np.ndarray:
+        """(m, 3) float32 [voxels]."""
+        return self.rows[:, :3]
+
+    @property
+    def inner(self) -> np.ndarray:
+        """(m,) bool, which have neighbors on all sides; the others lie at a rim of what the scan shows."""
+        return self.rows[:, 3] > 0
+
+    @property
+    def normals(self) -> np.ndarray:
+        """(m, 3) float32, unit, of either sign."""
+        return self.rows[:, 4:7]
+
+    @property
+    def rays(self) -> np.ndarray:
+        """(m, 3) float32, to each point from where the sensor saw it [voxels]; 0 where that is not known."""
+        return self.rows[:, 8:11]
+
+
+class SmoothSurface:
+    """A scan's points, one a voxel, moved along the normal onto the plane of their neighbors, while the device does it.
+
+    Noise along the beams stands out of the surface; registered as it is, it draws the scans together or apart.
+    """
+
+    def __init__(self, device: Device, cells: Cells, viewpoints: Sequence[np.ndarray] = ()) -> None:
+        """Queue the work.
+
+        Args:
+            cells: of at least 3 points [voxels].
+            viewpoints: (3,) each, where the sensor was [voxels]: it saw a point from the nearest of them.
+        """
+        places = np.array(viewpoints, np.float64).reshape(-1, 3)
+        self._device = device
+        self._smooth = fit_planes(device, cells, _DIRECTIONS, places, farthest=_FARTHEST, aside=_ASIDE)
+        self._rows = Readback(device, self._smooth)
+
+    def get(self) -> Surface:
+        """The surface; waits for the device."""
+        return _surface(self._device, self._smooth, self._rows.get())
+
+
+def _surface(device: Device, smooth: Array, rows: np.ndarray) -> Surface:
+    """The surface of points (m, 12) on the device, and the same on the host."""
+    share = np.bincount(rows[:, 7].astype(np.int64), minlength=len(_DIRECTIONS)) / len(rows)
+    weights = 1.0 / (share + _RARE)
+    weights /= share @ weights
+    elements = Elements(smooth, sort_into_cells(device, rows[:, :3]))
+    return Surface(rows, elements, device.to_device(weights.astype(np.float32)))

@@ -1,0 +1,294 @@
+# pyright: strict, reportMissingTypeStubs=false, reportUnknownMemberType=false, reportUnknownArgumentType=false
+"""The spectral registration of two scans: rotations from all of SO(3), each verified and refined; on one screen."""
+
+from copy import copy
+from dataclasses import dataclass, replace
+from time import perf_counter
+from typing import Literal
+
+import numpy as np
+from scipy.spatial.transform import RigidTransform, Rotation
+
+from sonarmap.kernels.device.device import Device
+from sonarmap.kernels.device.recycled import recycled
+from sonarmap.kernels.errors import InputError
+from sonarmap.kernels.fft.edges import row_pitch
+from sonarmap.kernels.points.scaled import scaled
+from sonarmap.kernels.pomf.point_spectra import PointSpectra
+from sonarmap.spectral.expected import ExpectedPose
+from sonarmap.spectral.grid import Grid
+from sonarmap.spectral.memory import memory_plan, require_memory
+from sonarmap.spectral.prepare.prepared import Prepared, Preparer
+from sonarmap.spectral.prepare.range_image import scan_view
+from sonarmap.spectral.prepare.signature import signature
+from sonarmap.spectral.prepare.spectral_scan import WHITENINGS, CoarseVolume, SpectralScan
+from sonarmap.spectral.prepare.surface import SmoothSurface
+from sonarmap.spectral.prior import relative_prior
+from sonarmap.spectral.result import Registration
+from sonarmap.spectral.scan import Scan
+from sonarmap.spectral.so3 import RotationPeaks, So3, distinct_rotations
+from sonarmap.spectral.verify.bounds import Bounds
+from sonarmap.spectral.verify.calibration import CALIBRATION
+from sonarmap.spectral.verify.covariance import PoseCovariance, covers, fit_covariance
+from sonarmap.spectral.verify.hypothesis import Hypothesis
+from sonarmap.spectral.verify.hypothesis_testing import HypothesisTest
+from sonarmap.spectral.verify.probability import Clues, clues, explain, hypothesis_probabilities, tolerance_probability
+from sonarmap.spectral.verify.verifier import Verifier
+
+Refinement = Literal["icp", "spectral"]
+# Another hypothesis at least this probable is kept beside the best.
+_POSSIBLE = 0.01
+
+
+@dataclass(frozen=True, slots=True)
+class SpectralConfig:
+    """How to register two scans by `SpectralRegistrar`.
+
+    Attributes:
+        max_tilt: largest roll and largest pitch between two scans [rad] (Sect. 2.7); pi for any.
+        hypotheses: how many distinct rotations of each of three bands of layers are followed; where the attitude is
+            known four times as many turns.
+        shortlist: how many of the poses that these lead to are refined.
+        finalists: how many of them are compared on the whole grid, with as many others that only it shows.
+        refinement: what makes the result finer than voxels and bins: "icp", point to plane on the surfaces, or
+            "spectral", the translation's peak, which is climbed over the rotation.
+        least_probability: from which probability on a registration is accepted.
+        use_strength: whether voxels hold the echo strength instead of the paper's occupancy.
+
+    Raises:
+        InputError: a count below 1, an angle or a probability out of its range, or an unknown refinement.
+    """
+
+    max_tilt: float = float(np.deg2rad(35.0))
+    hypotheses: int = 6
+    shortlist: int = 72
+    finalists: int = 3
+    refinement: Refinement = "icp"
+    least_probability: float = 0.85
+    use_strength: bool = False
+
+    def __post_init__(self) -> None:
+        for name in ("hypotheses", "shortlist", "finalists"):
+            if getattr(self, name) < 1:
+                raise InputError(f"`{name}={getattr(self, name)}` is too few; give at least 1")
+        if not 0 < self.max_tilt <= np.pi:
+            raise InputError(f"`max_tilt` is {np.rad2deg(self.max_tilt):g} degrees; give more than 0 and up to 180")
+        if self.refinement not in ("icp", "spectral"):
+            raise InputError(f"`refinement={self.refinement}` is unknown; choose 'icp' or 'spectral'")
+        if not 0 < self.least_probability < 1:
+            raise InputError(f"`least_probability={self.least_probability}` is not between 0 and 1")
+
+
+class SpectralRegistrar:
+    """Spectral registration on one device and grid; any two scans it prepared can be registered."""
+
+    def __init__(self, device: Device, grid: Grid, config: SpectralConfig | None = None) -> None:
+        """Plan everything that does not depend on the scans.
+
+        Args:
+            device: what to compute on.
+            grid: that all scans share; `choose_grid` makes it.
+            config: None for the defaults.
+
+        Raises:
+            DeviceError: the device cannot hold what the grid needs.
+        """
+        self.device, self.grid, self.config = device, grid, config or SpectralConfig()
+        require_memory(device, memory_plan(grid.edge, max_tilt=self.config.max_tilt))
+        self.so3 = So3(device, grid.edge, self.config.max_tilt)
+        self._preparer = Preparer(device, grid, self.config.use_strength, farthest=self.so3.farthest)
+        self._verifier = Verifier(device, grid.edge)
+        self._coarse_spectra = PointSpectra(device, self._verifier.coarse_edge, WHITENINGS)
+        self._warm = False
+
+    def with_voxel(self, voxel: float) -> "SpectralRegistrar":
+        """The same for voxels of another size [m], on the same tables and memory: only one of the two may be at work.
+
+        Raises:
+            InputError: the voxel is no length above 0.
+        """
+        other = copy(self)
+        other.grid = replace(self.grid, voxel=voxel)
+        other._preparer = self._preparer.with_grid(other.grid)
+        return other
+
+    def prepare(self, scan: Scan) -> SpectralScan:
+        """What the scan contributes to every pair: its spectra, its layers' harmonics, its surface and its view.
+
+        Raises:
+            InputError: the scan shows too little structure.
+        """
+        # all that the device can do is queued before anything is read
+        volume, magnitude = self._preparer.prepare(scan)
+        analyzed = self.so3.analyze(magnitude)
+        coarse = self._coarsen(volume)
+        points = self.grid.to_voxels(scan.points, volume.center)
+        places = np.zeros(3) if scan.viewpoints is None else scan.viewpoints
+        viewpoints = self.grid.to_voxels(places, volume.center)
+        view = scan_view(self.device, points, volume.surface, viewpoints)
+        smooth = SmoothSurface(self.device, volume.cells, [image.viewpoint for image in view.images])
+        layers = self.so3.equalize(analyzed)
+        return SpectralScan(
+            volume=volume,
+            coarse=coarse,
+            coefficients=layers.coefficients,
+            signature=signature(layers.products),
+            surface=smooth.get(),
+            view=view,
+            prior=scan.prior,
+        )
+
+    def register(self, target: SpectralScan, source: SpectralScan) -> Registration:
+        """Find T_target_source.
+
+        Args:
+            target, source: from `prepare` of this registrar.
+
+        Returns:
+            Its `probability` is that the transform is right, its `accepted` whether to believe it. Where the bound on
+            tilt and the priors leave no candidate, the identity with unknown covariance, not accepted.
+        """
+        return self._register(target, source, self._bounds(target, source))
+
+    def _register(self, target: SpectralScan, source: SpectralScan, bounds: Bounds) -> Registration:
+        """As `register`, within these bounds; the first pair twice, as drivers compile or load kernels meanwhile."""
+        if not self._warm:
+            self._warm = True
+            self._register(target, source, bounds)
+        start = perf_counter()
+        test = HypothesisTest(self._verifier, self.grid, target, source, bounds)
+        # 1. rotations under which the magnitude spectra are alike
+        rotations = self._rotations(target, source, bounds)
+        if not len(rotations.scores):
+            return self._no_candidates(start)
+        # 2. places where the scan would lie under each
+        candidates = test.find_candidates(rotations)
+        if not len(candidates.psr):
+            return self._no_candidates(start)
+        # 3. the best of these by what the scans saw, refined, and others that the whole grid names
+        finalists = test.refine_candidates(candidates, self.config.shortlist)[: self.config.finalists]
+        hypotheses = finalists + test.find_missed(finalists)
+        # 4. all compared on the whole grid, the best refined to the end
+        hypotheses = test.conclude(hypotheses, spectral=self.config.refinement == "spectral")
+        # 5. how probable each is, and how sure its pose
+        return self._conclude(test, hypotheses, start)
+
+    def register_expected(self, target: SpectralScan, source: SpectralScan, expected: ExpectedPose) -> Registration:
+        """Find T_target_source about where the vehicle's motion expects it, which counts as a measurement.
+
+        It also says how far the scans are tilted: two that look ahead and down, in opposite directions, are by twice as
+        much as each. So the bound on roll and pitch does not count.
+
+        Args:
+            target, source: from `prepare` of this registrar; what their own instruments measured counts too.
+            expected: where.
+        """
+        ours, theirs = expected.priors(target.prior, source.prior)
+        target, source = replace(target, prior=ours), replace(source, prior=theirs)
+        return self._register(target, source, replace(self._bounds(target, source), max_tilt=np.pi))
+
+    @staticmethod
+    def signature(prepared: SpectralScan) -> np.ndarray:
+        """(K,) float32, nearly the same however the scan's points are turned and moved; for a `PlaceIndex`."""
+        return prepared.signature
+
+    def rotations(self, target: SpectralScan, source: SpectralScan) -> RotationPeaks:
+        """Those that `register` follows.
+
+        Where instruments know which way is up in both scans, turns about the vertical at that tilt under which the
+        spectra are most alike. Else those of all rotations under which the spectra are most alike, and the measured
+        one, if there is one.
+        """
+        return self._rotations(target, source, self._bounds(target, source))
+
+    def _rotations(self, target: SpectralScan, source: SpectralScan, bounds: Bounds) -> RotationPeaks:
+        count = self.config.hypotheses
+        sweep = bounds.sweep
+        if sweep is not None:
+            return self.so3.best_of(target.coefficients, source.coefficients, sweep, 4 * count)
+        coefficients = target.coefficients, source.coefficients
+        peaks = distinct_rotations(self.so3.candidates(*coefficients, count, bounds.allow_rotations))
+        measured = bounds.measured
+        if measured is None:
+            return peaks
+        return RotationPeaks(Rotation.concatenate([peaks.R, measured]), np.append(peaks.scores, 0.0))
+
+    def _bounds(self, target: SpectralScan, source: SpectralScan) -> Bounds:
+        voxel = self.grid.voxel * self._verifier.coarser
+        return Bounds(self.config.max_tilt, relative_prior(target.prior, source.prior), voxel)
+
+    def _conclude(self, test: HypothesisTest, hypotheses: list[Hypothesis], start: float) -> Registration:
+        """The result: the best hypothesis, and beside it every other that cannot be excluded.
+
+        What lies within the uncertainty of the best is no other answer: along a bed that leaves a direction open, or
+        that instruments alone bound, the scans fit at many places.
+        """
+        T, covariance = test.transform(hypotheses[0].fit), self._covariance(test, hypotheses[0]).posterior
+        hypotheses = hypotheses[:1] + [
+            other for other in hypotheses[1:] if not covers(covariance, T, test.transform(other.fit))
+        ]
+        search = test.bounds.search(self.grid.extent)
+        probabilities = hypothesis_probabilities(hypotheses, self.grid.edge, search)
+        best, *others = [
+            self._registration(test, hypothesis, probability, clues(hypothesis, hypotheses, self.grid.edge, search))
+            for n, (hypothesis, probability) in enumerate(zip(hypotheses, probabilities, strict=True))
+            if n == 0 or probability >= _POSSIBLE
+        ]
+        return replace(best, alternatives=tuple(others), seconds=perf_counter() - start)
+
+    def _registration(
+        self, test: HypothesisTest, hypothesis: Hypothesis, probability: float, speaking: Clues
+    ) -> Registration:
+        """One hypothesis, right with this probability, as a registration between the sensor frames."""
+        fit, evidence = hypothesis.fit, hypothesis.evidence
+        T, measured = test.transform(fit), fit.prior is not None
+        refusal = test.bounds.refusal(T)
+        covariance = self._covariance(test, hypothesis)
+        by_scans = test.transform(fit.by_scans)
+        held = tolerance_probability(covariance.posterior, self.grid.voxel, covariance.by_instruments)
+        probability *= held
+        least = self.config.least_probability
+        return Registration(
+            T_target_source=T,
+            covariance=covariance.posterior,
+            psr=evidence.psr,
+            overlap=evidence.overlap,
+            accepted=probability >= least and not refusal,
+            seconds=0.0,
+            reason=refusal or explain(hypothesis, probability, least) + test.bounds.contradiction(by_scans),
+            probability=0.0 if refusal else probability,
+            step_psr=(
+                ("rotation", hypothesis.rotation_score),
+                ("candidate", hypothesis.candidate_psr),
+                ("translation", evidence.psr),
+            ),
+            T_by_scans=test.transform(replace(fit, step=covariance.step).by_scans) if measured else None,
+            covariance_by_scans=covariance.by_scans if measured else None,
+            evidence=(*speaking.numbers(), *CALIBRATION.numbers(fit.width, evidence.psr), ("held", held)),
+        )
+
+    def _covariance(self, test: HypothesisTest, hypothesis: Hypothesis) -> PoseCovariance:
+        return fit_covariance(hypothesis, (test.target.volume.center, test.source.volume.center), self.grid)
+
+    def _no_candidates(self, start: float) -> Registration:
+        """The answer where priors leave no candidate: none, and nothing known."""
+        unknown = np.diag(np.repeat([np.pi, self.grid.extent], 3) ** 2)
+        return Registration(
+            T_target_source=RigidTransform.identity(),
+            covariance=unknown,
+            psr=0.0,
+            overlap=0.0,
+            accepted=False,
+            seconds=perf_counter() - start,
+            reason="no pose that the bound on tilt and the scans' priors allow brings the scans together",
+            probability=0.0,
+        )
+
+    def _coarsen(self, volume: Prepared) -> CoarseVolume:
+        """The scan on the coarse grid."""
+        edge = self._verifier.coarse_edge
+        points = scaled(self.device, volume.points, edge / self.grid.edge)
+        shape = edge, edge, row_pitch(edge)
+        spectra = tuple(recycled(self.device, shape, np.complex64) for _ in WHITENINGS)
+        self._coarse_spectra.transform(points, spectra)
+        return CoarseVolume(points, spectra)

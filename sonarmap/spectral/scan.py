@@ -1,0 +1,162 @@
+# pyright: strict, reportMissingTypeStubs=false
+"""One scan: the points that a sensor saw from one pose."""
+
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+from scipy.spatial.transform import RigidTransform
+
+from sonarmap.kernels.errors import InputError
+
+
+@dataclass(frozen=True, slots=True)
+class PosePrior:
+    """What the vehicle's own instruments say about a scan's pose, with the standard deviations of their errors.
+
+    The errors are those of the instruments, each about an axis of its own, and independent of one another:
+
+    - rotation: R_true = Exp(w) R_measured with w in the world: `w = Rz(h) (roll, pitch, heading error)` [rad], where h
+      is the twist of R_measured about the vertical (R_measured = Rz(h) S, S about a level axis). The roll error is
+      thus about the sensor's x axis brought level by the shortest turn, the pitch error about its y axis brought level
+      likewise, the heading error about the world's vertical. Near level these are the errors of roll, pitch and yaw;
+      unlike those the three stay perpendicular however the sensor is tilted (but for upside down).
+    - translation: along the world's East, North and Up [m].
+
+    This is not the tangent of a `Registration`'s covariance, which perturbs on the right, in the sensor's own frame.
+
+    Attributes:
+        T_world_sensor: the measured pose (world East-North-Up, sensor x forward, y left, z up); what was not measured
+            is not used, and best left at 0.
+        sigmas: (6,) float64 standard deviations, rotation first: roll, pitch, heading [rad], then East, North, Up [m];
+            inf where not measured. Roll and pitch are known both or neither, East and North likewise.
+
+    Raises:
+        InputError: a stack of poses, a pose that is not finite, or sigmas of another shape, NaN, not above 0, or of
+            one of roll and pitch, or East and North, alone.
+    """
+
+    T_world_sensor: RigidTransform
+    sigmas: np.ndarray
+
+    def __post_init__(self) -> None:
+        T = self.T_world_sensor
+        if not isinstance(T, RigidTransform) or not T.single or not np.isfinite(T.as_matrix()).all():  # pyright: ignore[reportUnnecessaryIsInstance]
+            raise InputError("`T_world_sensor` is not one finite pose; give what is not measured the value 0")
+        sigmas = self.sigmas
+        if not isinstance(sigmas, np.ndarray) or sigmas.shape != (6,) or sigmas.dtype != np.float64:  # pyright: ignore[reportUnnecessaryIsInstance]
+            raise InputError(
+                f"`sigmas` are {sigmas!r}; wanted float64 of shape (6,): roll, pitch, heading [rad], "
+                "East, North, Up [m]"
+            )
+        if not (sigmas > 0).all():  # NaN is refused too
+            raise InputError(
+                f"`sigmas` are {sigmas.tolist()}; wanted numbers above 0, and inf for what is not measured"
+            )
+        for first, names in ((0, "roll and pitch"), (3, "East and North")):
+            if np.isfinite(sigmas[first]) != np.isfinite(sigmas[first + 1]):
+                raise InputError(
+                    f"`sigmas` know only one of {names} ({sigmas[first]:g} and {sigmas[first + 1]:g}); give both a "
+                    "standard deviation, or both inf"
+                )
+
+    @property
+    def knows_attitude(self) -> bool:
+        """Whether roll and pitch are measured, and with them which way is up."""
+        return bool(np.isfinite(self.sigmas[:2]).all())
+
+    @property
+    def knows_heading(self) -> bool:
+        """Whether the heading is measured."""
+        return bool(np.isfinite(self.sigmas[2]))
+
+    @property
+    def knows_position(self) -> bool:
+        """Whether East and North are measured."""
+        return bool(np.isfinite(self.sigmas[3:5]).all())
+
+    @property
+    def is_complete(self) -> bool:
+        """Whether attitude, heading, depth and position are all measured."""
+        return bool(np.isfinite(self.sigmas).all())
+
+    @property
+    def knows_depth(self) -> bool:
+        """Whether the height, minus the depth, is measured."""
+        return bool(np.isfinite(self.sigmas[5]))
+
+
+def refuse_mask(array: Any, name: str) -> None:
+    """Refuse a masked array, or a list of them, that masks anything: what computes with it forgets the mask.
+
+    Raises:
+        InputError: naming the scan.
+    """
+    if np.ma.is_masked(array) or (type(array) in (list, tuple) and any(map(np.ma.is_masked, array))):
+        raise InputError(
+            f"{name}: the array is masked, and masks are not used; give what counts alone, as in "
+            "`points[~np.ma.getmaskarray(points).any(axis=1)].data`"
+        )
+
+
+@dataclass(frozen=True, slots=True)
+class Scan:
+    """Points in the frame of the sensor that saw them.
+
+    Attributes:
+        points: (N, 3) float32 [m], sensor frame (x forward, y left, z up), all finite, N >= 1.
+        strength: (N,) float32, linear echo strength >= 0, or None where the sensor gives none.
+        stamp: time of the scan [s, UTC]; a counter where the files carry no time.
+        prior: what other instruments say about the pose, or None.
+        name: what to call the scan in messages and tables.
+        viewpoints: (N, 3) float32 [m], where the sensor was when it saw each point, in the same frame as the points,
+            all finite. None: it stood at the frame's origin for all of them, or, for a patch put together from several
+            views, it is not known; which of the two, the points tell.
+
+    Raises:
+        InputError: points, strength or viewpoints of another shape or dtype, masked ones, no points, or points or
+            viewpoints that are not finite.
+    """
+
+    points: np.ndarray
+    strength: np.ndarray | None = None
+    stamp: float = 0.0
+    prior: PosePrior | None = None
+    name: str = "scan"
+    viewpoints: np.ndarray | None = None
+
+    def __post_init__(self) -> None:
+        points = self.points
+        for name in ("points", "strength", "viewpoints"):
+            array = getattr(self, name)
+            refuse_mask(array, self.name)
+            if not isinstance(array, np.ndarray) and (array is not None or name == "points"):
+                raise InputError(f"{self.name}: `{name}` are {type(array).__name__}; wanted an array of float32")
+        if points.ndim != 2 or points.shape[1] != 3 or points.dtype != np.float32:
+            raise InputError(
+                f"{self.name}: `points` are {points.dtype} of shape {points.shape}; wanted float32 of shape (N, 3)"
+            )
+        if len(points) == 0:
+            raise InputError(f"{self.name}: the scan has no points; give a scan with at least one finite point")
+        if not np.isfinite(points).all():
+            bad = int((~np.isfinite(points).all(axis=1)).sum())
+            raise InputError(f"{self.name}: {bad} of {len(points)} points are NaN or infinite; drop them first")
+        if self.strength is not None and self.strength.shape != (len(points),):
+            raise InputError(
+                f"{self.name}: `strength` has shape {self.strength.shape}; wanted ({len(points)},), one per point"
+            )
+        if self.viewpoints is not None:
+            self._check_viewpoints(self.viewpoints)
+
+    def _check_viewpoints(self, viewpoints: np.ndarray) -> None:
+        if viewpoints.shape != self.points.shape or viewpoints.dtype != np.float32:
+            raise InputError(
+                f"{self.name}: `viewpoints` are {viewpoints.dtype} of shape {viewpoints.shape}; wanted float32 of "
+                f"shape {self.points.shape}, one per point"
+            )
+        bad = int((~np.isfinite(viewpoints).all(axis=1)).sum())
+        if bad:
+            raise InputError(
+                f"{self.name}: {bad} of {len(viewpoints)} `viewpoints` are NaN or infinite; give every point one, or "
+                "leave them out"
+            )

@@ -1,0 +1,247 @@
+"""Rotations between two scans from all of SO(3) at once: spherical harmonics of the layers, correlated."""
+
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass
+
+import numpy as np
+from scipy.ndimage import map_coordinates
+from scipy.spatial.transform import Rotation
+
+from sonarmap.kernels.device.device import Array, Device
+from sonarmap.kernels.device.readback import Readback
+from sonarmap.kernels.so3.correlation import LocalMaxima, RotationCorrelation
+from sonarmap.kernels.so3.harmonics import Harmonics, equalizers
+
+# Degrees below this; its finest detail is 180 / 48 degrees. docs/registration.md has the figures of others.
+_BANDWIDTH = 48
+# Sect. 2.8: radii of the layers, as shares of N/2; more layers than these did not do better.
+_LAYERS, _COUNT = (0.2, 0.8), 20
+ALL = slice(None)
+# Layers that name rotations by themselves: all but the outermost, which noise disturbs most; the outer half; and the
+# inner quarter, which say little and say it of the most disturbed scans too. What one band misses another may name.
+BANDS = (slice(14), slice(10, 20), slice(5))
+# Where all layers and those of each band lie behind one another: the first, and how many.
+_COUNTS = [len(range(_COUNT)[layers]) for layers in (ALL, *BANDS)]
+PARTS = tuple((sum(_COUNTS[:part]), count) for part, count in enumerate(_COUNTS))
+# How far the filter goes from plain correlation, 0, to phase only, 1.
+_EQUALIZED = 0.4
+# Two rotations nearer than this are the same [rad].
+_SEPARATION = float(np.deg2rad(7.0))
+# The distinct ones are chosen among so many peaks: where only the sum of two angles matters there is a ridge of them.
+_EXAMINED = 600
+# So many at a time.
+_AT_ONCE = 64
+
+
+_SQUARES = ((0, 0), (1, 1), (2, 2), (0, 1), (0, 2), (1, 2))
+
+
+def _paraboloid() -> np.ndarray:
+    """(10, 27): from the values of a voxel and those around it, in C order, to the paraboloid of least squares: its
+    constant, its slopes, its squares."""
+    steps = np.stack(np.meshgrid(*[[-1, 0, 1]] * 3, indexing="ij"), axis=-1).reshape(-1, 3)
+    return np.linalg.pinv(np.column_stack([np.ones(27), steps, *(steps[:, a] * steps[:, b] for a, b in _SQUARES)]))
+
+
+_PARABOLOID = _paraboloid()
+
+
+@dataclass(frozen=True, slots=True)
+class SphereLayers:
+    """A scan's layers, each of mean 0 and variance 1, by their spherical harmonics.
+
+    Attributes:
+        coefficients: device (degrees, layers of all PARTS, orders) complex64, the layers of each part equalized among
+            themselves, and of norm 1 together.
+        products: (degrees, layers, layers) float32, of the layers as they are, from `Harmonics.products`.
+    """
+
+    coefficients: Array
+    products: np.ndarray
+
+
+@dataclass(frozen=True, slots=True)
+class AnalyzedLayers:
+    """A scan's layers as they are, while the device works on them.
+
+    Attributes:
+        coefficients: device (degrees, layers, orders) complex64.
+        products: as in `SphereLayers`, once they are there.
+    """
+
+    coefficients: Array
+    products: Readback
+
+
+@dataclass(frozen=True, slots=True)
+class RotationPeaks:
+    """Rotations that the spectra allow, best first.
+
+    Attributes:
+        R: (n,) R_target_source.
+        scores: (n,) float64, the correlation as a share of what two equal scans would have.
+    """
+
+    R: Rotation
+    scores: np.ndarray
+
+
+@dataclass(frozen=True, slots=True)
+class Sweep:
+    """Rotations to choose from: turns about an axis, each with several tilts.
+
+    Attributes:
+        R: turn by turn.
+        tilts: how many have the same turn.
+        apart: those chosen are farther apart than this [rad].
+    """
+
+    R: Rotation
+    tilts: int
+    apart: float
+
+
+def distinct_rotations(found: Sequence[RotationPeaks]) -> RotationPeaks:
+    """Those of all, one after the other, without those near one before them."""
+    R = Rotation.concatenate([peaks.R for peaks in found])
+    scores = np.concatenate([peaks.scores for peaks in found])
+    if not len(scores):
+        return RotationPeaks(R, scores)
+    kept = _distinct(R, np.arange(len(scores)), len(scores))
+    return RotationPeaks(R[kept], scores[kept])  # pyright: ignore[reportArgumentType]
+
+
+class So3:
+    """The rotations under which two magnitude spectra are most alike, on one device and grid."""
+
+    def __init__(self, device: Device, edge: int, max_tilt: float) -> None:
+        """Plan the transforms for volumes of `edge` voxels, rolls and pitches up to max_tilt [rad]."""
+        self.device = device
+        latitudes, longitudes = max(2 * _BANDWIDTH, -(-3 * edge // 64) * 16), max(256, 2 * edge)
+        self._harmonics = Harmonics(device, _BANDWIDTH, latitudes, longitudes)
+        self._radii = np.linspace(_LAYERS[0] * edge / 2, min(_LAYERS[1] * edge / 2, edge / 2 - 1.01), _COUNT)
+        # roll and pitch both at the bound carry the z axis this far; beyond a right angle one alone does
+        farthest = np.arccos(np.cos(max_tilt) ** 2) if max_tilt < np.pi / 2 else max_tilt
+        self._correlation = RotationCorrelation(device, _BANDWIDTH, farthest)
+
+    @property
+    def farthest(self) -> float:
+        """How far from frequency 0 the magnitudes reach that `analyze` looks at [bins]."""
+        return float(self._radii[-1]) + 2.0
+
+    def analyze(self, magnitude: Array) -> AnalyzedLayers:
+        """Queue a scan's layers.
+
+        Args:
+            magnitude: (edge, edge, edge/2 + 1), as `spectrum.magnitude` gives it, up to `farthest` at least.
+        """
+        # each layer counts alike (Sect. 2.8)
+        coefficients = self._harmonics.analyze(magnitude, self._radii)
+        return AnalyzedLayers(coefficients, Readback(self.device, self._harmonics.products(coefficients)))
+
+    def equalize(self, analyzed: AnalyzedLayers) -> SphereLayers:
+        """A scan's layers as the search takes them; waits for the device.
+
+        Raises:
+            InputError: the spectrum holds numbers that are not finite.
+        """
+        products = analyzed.products.get()
+        mixtures = np.zeros((len(products), sum(count for _, count in PARTS), _COUNT), np.float32)
+        for (first, count), layers in zip(PARTS, (ALL, *BANDS), strict=True):
+            among = products[:, layers, layers]
+            energy = np.trace(among[1:], axis1=1, axis2=2).sum()
+            mixtures[:, first : first + count, layers] = equalizers(among, _EQUALIZED) / np.sqrt(max(energy, 1e-30))
+        return SphereLayers(self._harmonics.mix(analyzed.coefficients, mixtures), products)
+
+    def correlate(self, target: Array, source: Array) -> Array:
+        """The correlation of all layers over all rotations, an image for each second Euler angle and one of zeros."""
+        return self._correlation.correlate(target, source, PARTS[:1])[0]
+
+    def candidates(
+        self,
+        target: Array,
+        source: Array,
+        count: int,
+        allowed: Callable[[Rotation], np.ndarray],
+        parts: Sequence[tuple[int, int]] = PARTS[1:],
+    ) -> list[RotationPeaks]:
+        """For each part of the layers the `count` highest distinct rotations that are allowed; fewer where there are no
+        more.
+
+        Args:
+            target, source: `SphereLayers.coefficients`.
+            allowed: which (n,) bool of n rotations are possible.
+            parts: of PARTS; the bands.
+        """
+        correlation = self._correlation.correlate(target, source, parts)
+        return [self._best_distinct(peaks, count, allowed) for peaks in self._correlation.peaks(correlation)]
+
+    def _best_distinct(
+        self, peaks: LocalMaxima, count: int, allowed: Callable[[Rotation], np.ndarray]
+    ) -> RotationPeaks:
+        """Of the peaks that are allowed, and still are between the samples, the highest distinct ones.
+
+        They are looked at some at a time, as the highest few are mostly enough.
+        """
+        R, scores, examined = self._correlation.rotations(np.empty((0, 3))), np.empty(0), 0
+        kept = np.empty(0, dtype=np.int64)
+        for begin in range(0, len(peaks.index), _AT_ONCE):
+            index, around = (each[begin : begin + _AT_ONCE] for each in (peaks.index, peaks.around))
+            possible = np.flatnonzero(allowed(self._correlation.rotations(index)))[: _EXAMINED - examined]
+            examined += len(possible)
+            refined = self._correlation.rotations(_refined(index[possible], around[possible]))
+            possible = possible[still := allowed(refined)]
+            R = Rotation.concatenate([R, refined[still]])  # pyright: ignore[reportArgumentType]
+            scores = np.append(scores, around[possible, 13])
+            kept = _distinct(R, np.arange(len(scores)), count)
+            if len(kept) == count or examined == _EXAMINED:
+                break
+        if not len(kept):
+            return RotationPeaks(R, scores)
+        return RotationPeaks(R[kept], scores[kept])  # pyright: ignore[reportArgumentType]
+
+    def best_of(self, target: Array, source: Array, sweep: Sweep, count: int) -> RotationPeaks:
+        """The `count` best turns of a sweep that are far enough apart, best first, each at its best tilt.
+
+        Not its peaks alone: where the tilt is off, or the scans share little, the true turn may be on a slope.
+
+        Args:
+            target, source: `SphereLayers.coefficients`.
+        """
+        R, each = sweep.R, sweep.tilts
+        correlation = self.correlate(target, source).get()[: len(self._correlation.betas)]
+        around = np.pad(correlation, ((0, 0), (0, 1), (0, 1)), mode="wrap")
+        values = map_coordinates(around, self._correlation.places(R).T, order=1, mode="nearest").reshape(-1, each)
+        best = np.arange(len(values)) * each + values.argmax(axis=1)
+        order = np.argsort(-values.max(axis=1), kind="stable")
+        kept = best[_distinct(R[best], order, count, sweep.apart)]  # pyright: ignore[reportArgumentType]
+        return RotationPeaks(R[kept], values.ravel()[kept].astype(np.float64))  # pyright: ignore[reportArgumentType]
+
+
+def _refined(index: np.ndarray, around: np.ndarray) -> np.ndarray:
+    """Peaks (n, 3) between the samples: the top of the paraboloid through the (n, 27) values around.
+
+    At a small second angle the others act as one, their sum: a parabola along each axis by itself would miss that.
+    """
+    fit = around.astype(np.float64) @ _PARABOLOID.T
+    hessian = np.empty((len(index), 3, 3))
+    for n, (a, b) in enumerate(_SQUARES):
+        hessian[:, a, b] = hessian[:, b, a] = fit[:, 4 + n] * (2 if a == b else 1)
+    steepest = np.linalg.eigvalsh(hessian)[:, 0]
+    # a ridge has no top along it: there the place stays
+    bounded = hessian + np.minimum(steepest, -1e-30)[:, None, None] * 1e-2 * np.eye(3)
+    offset = -np.linalg.solve(bounded, fit[:, 1:4, None])[..., 0]
+    return index + np.where(np.isfinite(offset), np.clip(offset, -1, 1), 0.0)
+
+
+def _distinct(R: Rotation, order: np.ndarray, count: int, apart: float = _SEPARATION) -> np.ndarray:
+    """The first `count` of the given rotations, none within `apart` [rad] of one before it."""
+    quaternions = R.as_quat()
+    nearest = np.cos(apart / 2)
+    kept: list[int] = []
+    for n in order:
+        if not kept or np.abs(quaternions[kept] @ quaternions[n]).max() < nearest:
+            kept.append(int(n))
+        if len(kept) == count:
+            break
+    return np.array(kept, dtype=np.int64)

@@ -1,0 +1,121 @@
+"""Which poses of a pair are possible at all: by the bound on roll and pitch, and by what other instruments say."""
+
+from dataclasses import dataclass
+
+import numpy as np
+from scipy.spatial.transform import RigidTransform, Rotation
+
+from sonarmap.spectral.prior import RelativePrior
+from sonarmap.spectral.so3 import Sweep
+from sonarmap.spectral.tilt import tilt_allowed, tilt_refusal
+
+# Instruments that leave a tilt less sure than this are left to the correlation of the spectra [rad]: a rotation that is
+# 4 degrees off has hardly a peak.
+_SUREST_TILT = float(np.deg2rad(3.0))
+# Turns about the vertical that are tried, where the tilt is known, are so far apart [rad].
+_TURN_STEP = float(np.deg2rad(2.0))
+# Those that are followed are farther apart than this; of few that headings leave, nearer ones too [rad].
+_APART, _NEAR = float(np.deg2rad(7.0)), float(np.deg2rad(3.0))
+
+
+def _ring(radius: float, begin: float) -> np.ndarray:
+    """(6, 2) around a circle."""
+    angle = begin + np.arange(6) * np.pi / 3
+    return radius * np.column_stack([np.cos(angle), np.sin(angle)])
+
+
+# The tilts that are tried [standard deviations].
+_TILTS = np.vstack([np.zeros((1, 2)), _ring(1.0, 0.0), _ring(2.0, np.pi / 6)])
+# From so many standard deviations on scans contradict instruments.
+_CONTRADICTION = 4.0
+# A tilt known to a few degrees, as a share of all that are searched without; logarithm, base 10.
+_KNOWN_TILT = -2.5
+# What a rotation of the correlation, and a shift of the coarse grid, may be off by, not being refined [rad; halves of
+# the coarse grid's voxel].
+_ROTATION_SLACK, _SHIFT_SLACK = float(np.deg2rad(6.0)), 6.0
+
+
+@dataclass(frozen=True, slots=True)
+class Bounds:
+    """What bounds the pose of one pair.
+
+    Attributes:
+        max_tilt: largest roll and pitch [rad]; pi for none.
+        prior: what the scans' priors say, or None.
+        voxel: half of the coarse grid's, which decides how coarse a shift is [m].
+    """
+
+    max_tilt: float
+    prior: RelativePrior | None
+    voxel: float
+
+    @property
+    def measured(self) -> Rotation | None:
+        """R_target_source where both priors measure it in full, else None."""
+        return None if self.prior is None else self.prior.R_target_source
+
+    @property
+    def sweep(self) -> Sweep | None:
+        """R_target_source that attitudes and headings leave; None without sure attitudes.
+
+        All turns about the vertical, each with the measured tilt, and with tilts as far from it as the measurements
+        usually are.
+        """
+        prior = self.prior
+        if prior is None or not prior.knows_tilt or prior.tilt_sigma > _SUREST_TILT:
+            return None
+        reach = min(prior.turn_reach, np.pi * (1 - 1e-9))
+        count = 2 * int(np.ceil(reach / _TURN_STEP)) + 1
+        bounded = reach < np.pi - _TURN_STEP
+        turns = np.linspace(-reach, reach, count) if bounded else np.arange(0, 2 * np.pi, _TURN_STEP)
+        return Sweep(prior.turned(turns, prior.tilt_sigma * _TILTS), len(_TILTS), _NEAR if bounded else _APART)
+
+    def shift_box(self, R_target_source: Rotation) -> tuple[np.ndarray, np.ndarray] | None:
+        """Center (3,) and half widths (3,) [m] of the places of the source's sensor, in the target's axes.
+
+        None where position and depth do not bound all three.
+        """
+        box = None if self.prior is None else self.prior.shift_box(R_target_source)
+        return None if box is None else (box[0], box[1] + _SHIFT_SLACK * self.voxel)
+
+    def search(self, extent: float) -> float:
+        """The logarithm, base 10, of the share of all poses that instruments leave; at most 0.
+
+        Args:
+            extent: edge of the grid [m].
+        """
+        prior = self.prior
+        if prior is None:
+            return 0.0
+        share = _KNOWN_TILT + float(np.log10(prior.turn_reach / np.pi)) if prior.knows_tilt else 0.0
+        reach = prior.shift_reach + _SHIFT_SLACK * self.voxel
+        return share + float(np.log10(np.minimum(reach / extent, 1.0)).sum())
+
+    def allow_rotations(self, R_target_source: Rotation) -> np.ndarray:
+        """Which of n rotations are possible, (n,) bool."""
+        allowed = tilt_allowed(R_target_source, self.max_tilt)
+        return allowed if self.prior is None else allowed & self.prior.allows(R_target_source, _ROTATION_SLACK)
+
+    def allow_shifts(self, R_target_source: Rotation, shifts: np.ndarray) -> np.ndarray:
+        """Which of the places of the source's sensor in the target's frame (n, 3) [m] are possible, (n,) bool."""
+        if self.prior is None:
+            return np.ones(len(shifts), dtype=bool)
+        return self.prior.allows_shift(shifts, R_target_source, _SHIFT_SLACK * self.voxel)
+
+    def refusal(self, T_target_source: RigidTransform) -> str:
+        """Why a pose is impossible, in words; "" where it is not."""
+        R, t = T_target_source.rotation, T_target_source.translation
+        if refusal := tilt_refusal(R, self.max_tilt):
+            return refusal
+        if not (self.allow_rotations(R) and self.allow_shifts(R, t[None])[0]):
+            return "it contradicts the scans' priors by more than four standard deviations"
+        return ""
+
+    def contradiction(self, T_target_source: RigidTransform) -> str:
+        """That a pose by the scans alone contradicts the instruments, in words; "" where it does not."""
+        if self.prior is None:
+            return ""
+        squared, count = self.prior.normalized(T_target_source)
+        if squared <= _CONTRADICTION**2 + count:
+            return ""
+        return "; by themselves the scans would contradict the scans' priors"

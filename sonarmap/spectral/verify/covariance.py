@@ -1,0 +1,127 @@
+"""How sure a refined registration is: the 6x6 covariance of T_target_source, calibrated on simulated pairs."""
+
+from dataclasses import dataclass
+
+import numpy as np
+from scipy.spatial.transform import RigidTransform
+
+from sonarmap.spectral.covariance import covariance_at_sensor
+from sonarmap.spectral.grid import Grid
+from sonarmap.spectral.verify.calibration import CALIBRATION, Calibration
+from sonarmap.spectral.verify.fit import Fit
+from sonarmap.spectral.verify.hypothesis import Hypothesis
+
+# Of six normal numbers' chi-squared 95 % are less.
+_ELLIPSOID = 12.592
+# Where scans know less than this share of what instruments know, they are taken to agree with these: where they would
+# have the pose alone, only their noise decides.
+_TELLING = 0.01
+# What planes are found to hold is nothing up to so many standard errors.
+_DOUBTS = 2.0
+# Up to so much of what one scan's normals alone seem to hold is error that both scans share: seen alike, normals lean
+# alike.
+_COMMON = 1 / 3
+# Planes hold no direction by less than so many points.
+_LEAST = 1e-9
+
+
+@dataclass(frozen=True, slots=True)
+class PoseCovariance:
+    """How sure T_target_source is, rotation first, body tangent of the source's sensor frame [rad, m].
+
+    Attributes:
+        posterior: (6, 6), by the scans and by what instruments measured.
+        by_scans: (6, 6), by the scans alone, with the distortion that the instruments show.
+        by_instruments: (6, 6), by the instruments alone; None without.
+        step: (6,) from the refined pose to where the scans alone would have it, as `Fit.step`, but for directions that
+            they leave open beside the instruments.
+    """
+
+    posterior: np.ndarray
+    by_scans: np.ndarray
+    by_instruments: np.ndarray | None
+    step: np.ndarray
+
+
+def fit_covariance(
+    hypothesis: Hypothesis, centers: tuple[np.ndarray, np.ndarray], grid: Grid, calibration: Calibration = CALIBRATION
+) -> PoseCovariance:
+    """The covariance of a refined pose.
+
+    Rotation and translation are estimated jointly: along a wall that shows nothing else the variance is large, and for
+    a single plane that of three directions, though never beyond half a turn and the grid.
+
+    Args:
+        hypothesis: refined, its evidence measured on the whole grid.
+        centers: (3,) each, the target's and the source's grid center [m, each in its sensor frame].
+        grid: that both scans share.
+        calibration: of the scale.
+    """
+    fit = hypothesis.fit
+    target_center, source_center = (center / grid.voxel for center in centers)
+    away = target_center + fit.shift, fit.R.apply(source_center)
+    by_scans = _by_planes(hypothesis, calibration) + calibration.systematic(
+        *away, fit.principal()[2], fit.stretch is not None
+    )
+    by_scans *= calibration.other_kinds
+    unknown = np.diag(np.repeat([np.pi, float(grid.edge)], 3) ** -2.0)
+    by_scans = np.linalg.inv(np.linalg.inv(by_scans) + unknown)
+    posterior, by_instruments, step = by_scans, None, fit.step
+    if fit.prior is not None:
+        by_scans = by_scans + fit.prior.distortion(by_scans, fit.step)
+        information, measured = np.linalg.inv(by_scans), fit.prior.information()
+        posterior = np.linalg.inv(information + measured)
+        step = np.linalg.solve(information + _TELLING * measured, information @ fit.step)
+        by_instruments = np.linalg.inv(measured + unknown)
+    # from a turn of the target's axes and a shift along them to the source's own
+    back = np.kron(np.eye(2), fit.R.as_matrix().T)
+    meters = np.outer(*[np.repeat([1.0, grid.voxel], 3)] * 2)
+
+    def at_sensor(covariance: np.ndarray) -> np.ndarray:
+        return covariance_at_sensor(back @ covariance @ back.T * meters, centers[1])
+
+    return PoseCovariance(
+        posterior=at_sensor(posterior),
+        by_scans=at_sensor(by_scans),
+        by_instruments=None if by_instruments is None else at_sensor(by_instruments),
+        step=step,
+    )
+
+
+def covers(covariance: np.ndarray, T: RigidTransform, other: RigidTransform) -> bool:
+    """Whether another pose lies in the 95 % ellipsoid of one, by its (6, 6) covariance as `PoseCovariance` has it."""
+    away: np.ndarray = (T.inv() * other).as_exp_coords()
+    return float(away @ np.linalg.solve(covariance, away)) <= _ELLIPSOID
+
+
+def _by_planes(hypothesis: Hypothesis, calibration: Calibration) -> np.ndarray:
+    """(6, 6) by the scans' planes, of a turn of the target's axes about the source's grid center and a shift."""
+    fit = hypothesis.fit
+    share, axes, lever = fit.principal()
+    variance = float(calibration.variance(np.array(fit.width), hypothesis.evidence.psr))
+    # a share that is no more than its error may be nothing; one that is far above it is what it seems
+    share = np.maximum(share, _LEAST)
+    sure = 1 - (np.maximum(_DOUBTS * fit.doubt, _COMMON * fit.own) / share) ** 2
+    axes = axes / np.repeat([max(float(lever), 1e-6), 1.0], 3)[:, None]
+    held = (axes * (sure > 0) / np.maximum(share * fit.pairs, _LEAST)) @ axes.T
+    return (axes * variance / np.maximum(sure * share * fit.pairs, _LEAST)) @ axes.T + by_stretch(
+        fit, held, calibration
+    )
+
+
+def by_stretch(fit: Fit, held: np.ndarray, calibration: Calibration) -> np.ndarray:
+    """(6, 6) what the pose may be off by as the ranges' shares are not known.
+
+    Where nothing holds the pose, shares make no difference.
+
+    Args:
+        held: (6, 6) inverse of the information, in directions in which there is any.
+    """
+    if fit.stretching is None:
+        return np.zeros((6, 6))
+    across, both = fit.stretching[:, :6], fit.stretching[:, 6:]
+    response = -held @ across.T
+    values, axes = np.linalg.eigh(both + across @ response)
+    by_planes = np.maximum(values, 0.0) / float(calibration.variance(np.array(fit.width)))
+    shares = (axes / (by_planes + calibration.stretched**-2)) @ axes.T
+    return response @ shares @ response.T

@@ -1,0 +1,84 @@
+"""Where a refinement ended: the pose, and how well the surfaces hold it."""
+
+from dataclasses import dataclass, field, replace
+
+import numpy as np
+from scipy.spatial.transform import Rotation
+
+from sonarmap.spectral.verify.prior_term import PriorTerm
+
+# A direction held by less than this share of the planes counts as held by so much.
+_LOOSEST = 1e-4
+
+
+@dataclass(frozen=True, slots=True)
+class Fit:
+    """Where the refinement ended.
+
+    Attributes:
+        R, shift: p_target = R p_source + shift about the grid centers [voxels].
+        information: (6, 6) how well the planes that both scans show fix the pose: the Hessian of the weighted squared
+            distances [voxels^2], rotation first, of a turn of the target's axes about the source's grid center and a
+            shift along them. Where nothing is fixed its eigenvalues may fall a little below 0.
+        residual: weighted root mean square distance to the planes [voxels].
+        pairs: number of pairs of points, weighted, as if 3000 points of each scan took part.
+        prior: what instruments measured, about the pose before the last step; None where nothing was.
+        width: median distance to the planes of all points within 3 voxels and more [voxels]: how far the surfaces are
+            apart, by noise, by distortion, or because they are not the same.
+        doubt: (6,) standard errors of the shares that `principal` gives.
+        own: (6,) the shares along the same axes by one scan's normals alone: what noise seems to hold is in them too.
+        step: (6,) from there to where the scans alone would have it [rad, voxels].
+        stretch: (2,) by which shares the ranges of the source and of the target are taken to be too short; None where
+            the scans are taken as they are.
+        stretching: (2, 8) the rows of the Hessian by these shares, of the pose and the shares, by the planes alone.
+    """
+
+    R: Rotation
+    shift: np.ndarray
+    information: np.ndarray
+    residual: float
+    pairs: float
+    width: float = 0.0
+    doubt: np.ndarray = field(default_factory=lambda: np.zeros(6))
+    own: np.ndarray = field(default_factory=lambda: np.zeros(6))
+    prior: PriorTerm | None = None
+    step: np.ndarray = field(default_factory=lambda: np.zeros(6))
+    stretch: np.ndarray | None = None
+    stretching: np.ndarray | None = None
+
+    def principal(self) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+        """The information by directions: shares (6,) of a pair's, ascending, their axes (6, 6) in columns, a lever ().
+
+        Turns are taken times the lever [voxels], what they move the points by, so that directions can be compared.
+        """
+        return principal_axes(self.information, self.pairs)
+
+    @property
+    def firmness(self) -> float:
+        """The geometric mean, over all directions, of how firmly the planes hold the pose; 0..1.
+
+        Two flat places fit anywhere: their planes hold three directions of six.
+        """
+        return float(firmness(self.information, np.array(self.pairs)))
+
+    @property
+    def by_scans(self) -> "Fit":
+        """Where the scans alone would have the pose."""
+        turn, shift = self.step[:3], self.step[3:]
+        return replace(self, R=Rotation.from_rotvec(turn) * self.R, shift=self.shift + shift, prior=None)
+
+
+def principal_axes(information: np.ndarray, pairs: np.ndarray | float) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+    """As `Fit.principal`, of (..., 6, 6) information by (...) pairs."""
+    counted = np.maximum(np.asarray(pairs), 1e-12)
+    turning = np.trace(information[..., :3, :3], axis1=-2, axis2=-1)
+    lever = np.sqrt(np.maximum(turning, 1e-12) / counted)
+    units = np.repeat(np.stack([lever, np.ones_like(lever)], axis=-1), 3, axis=-1)
+    share, axes = np.linalg.eigh(information / (units[..., :, None] * units[..., None, :] * counted[..., None, None]))
+    return share, axes, lever
+
+
+def firmness(information: np.ndarray, pairs: np.ndarray) -> np.ndarray:
+    """(...) as `Fit.firmness`, of (..., 6, 6) information by (...) pairs."""
+    share, _, _ = principal_axes(information, pairs)
+    return np.exp(np.log(np.maximum(share, _LOOSEST)).mean(axis=-1))

@@ -1,0 +1,137 @@
+"""One pose that two scans may have to each other, and the evidence for it."""
+
+from dataclasses import dataclass
+from math import isnan, log, nan
+
+import numpy as np
+
+from sonarmap.spectral.verify.fit import Fit
+
+# Farther from what instruments measured than this chi-squared is all alike: something is wrong with one or the other.
+_MOST_MEASURED = 30.0
+# Refined poses nearer than this to each other are the same hypothesis [rad; voxels].
+_SAME_ROTATION, SAME_REFINED_SHIFT = float(np.deg2rad(3.0)), 2.0
+
+
+@dataclass(frozen=True, slots=True)
+class Evidence:
+    """What speaks for a pose; what is not measured yet is NaN.
+
+    Attributes:
+        view: consistency of what the scans' sensors saw, 0..1, with a tight tolerance; NaN where no viewpoint is known.
+        coarse_view: the same with a wide tolerance.
+        surface: consistency of the surfaces, 0..1, as `SharedSurface` has it.
+        overlap: share of points in common, 0..1, the smaller of both ways.
+        residual: weighted rms distance of the shared points to each other's planes [voxels]. Where noise is small it
+            tells a surface from another that is nearly the same.
+        width: median distance of all points near each other's planes [voxels], as `Fit` has it.
+        firmness: how firmly their planes hold the pose, 0..1, as `Fit` has it.
+        psr: peak-to-sidelobe ratio of the translation at the pose, on the whole grid, phase only.
+        coarse_psr: the same on the coarse grid.
+        measured: chi-squared of the pose by what instruments measured; 0 where they measured nothing.
+    """
+
+    view: float = nan
+    coarse_view: float = nan
+    surface: float = nan
+    overlap: float = nan
+    residual: float = nan
+    width: float = nan
+    firmness: float = nan
+    psr: float = nan
+    coarse_psr: float = nan
+    measured: float = 0.0
+
+    @property
+    def consistency(self) -> float:
+        """0..1: of the views, else of the surfaces."""
+        return self.surface if isnan(self.view) else self.view
+
+    @property
+    def looks(self) -> float:
+        """The logarithm of how well the scans agree, before they are correlated at the pose."""
+        if isnan(self.view):
+            seen = RANKING.alone * _log(self.surface) + RANKING.overlap * _log(self.overlap)
+        else:
+            seen = RANKING.view * _log(self.view) + RANKING.coarse_view * _log(self.coarse_view)
+            seen += RANKING.surface * _log(self.surface)
+        blur = RANKING.residual * log(max(self.residual, 0.03)) + RANKING.width * log(max(self.width, 0.03))
+        held = RANKING.firmness * log(max(self.firmness, 1e-4))
+        return seen - blur + held - RANKING.measured * min(self.measured, _MOST_MEASURED) / 2
+
+    @property
+    def score(self) -> float:
+        """The logarithm of what decides which hypothesis wins.
+
+        Where beams lie farther apart than voxels, the lines that they draw on a floor or a wall correlate on the whole
+        grid, whatever stands there; on the coarse one less.
+        """
+        return self.looks + RANKING.psr * _peak(self.psr) + RANKING.coarse_psr * _peak(self.coarse_psr)
+
+
+@dataclass(frozen=True, slots=True)
+class Ranking:
+    """The powers of the evidence in a score, each for its logarithm; docs/registration.md says how they were fitted.
+
+    Attributes:
+        view, coarse_view, surface, residual, width, firmness, psr, coarse_psr: of `Evidence`; of the inverse of the
+            residual and of the width.
+        measured: of the likelihood of what instruments measured; scans that lean follow it less than its full weight.
+        alone, overlap: of the surfaces and of the overlap, where there is no view.
+    """
+
+    view: float = 1.5
+    coarse_view: float = 1.0
+    surface: float = 0.05
+    alone: float = 1.0
+    overlap: float = 2.0
+    residual: float = 0.4
+    width: float = 3.0
+    firmness: float = 1.7
+    measured: float = 0.3
+    psr: float = 0.3
+    coarse_psr: float = 0.3
+
+
+RANKING = Ranking()
+
+
+@dataclass(frozen=True, slots=True)
+class Hypothesis:
+    """A refined pose, and what speaks for it.
+
+    Attributes:
+        fit: the pose and its information.
+        rotation_score: of the rotation's peak that it comes from, as `RotationPeaks` has it.
+        candidate_psr: peak-to-sidelobe ratio of the translation's peak that it comes from, before the refinement.
+        evidence: measured at the pose.
+    """
+
+    fit: Fit
+    rotation_score: float
+    candidate_psr: float
+    evidence: Evidence = Evidence()
+
+    @property
+    def candidate_score(self) -> float:
+        """The logarithm of what decides which hypotheses are compared on the whole grid."""
+        return self.evidence.looks + _peak(self.candidate_psr)
+
+    @property
+    def score(self) -> float:
+        """The logarithm of what decides which hypothesis wins."""
+        return self.evidence.score
+
+
+def _log(share: float) -> float:
+    return log(max(share, 0.02))
+
+
+def _peak(psr: float) -> float:
+    return log(max(psr, 3.0))
+
+
+def alike(a: Fit, b: Fit) -> bool:
+    """Whether two refined poses are the same: within 3 degrees and 2 voxels of each other."""
+    near = bool(np.linalg.norm(a.shift - b.shift) <= SAME_REFINED_SHIFT)
+    return near and float((a.R.inv() * b.R).magnitude()) <= _SAME_ROTATION

@@ -1,0 +1,245 @@
+"""The hypotheses about one pair of scans: bounded, refined, compared, and the best refined to the end."""
+
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
+
+import numpy as np
+from scipy.spatial.transform import RigidTransform, Rotation
+
+from sonarmap.kernels.points.poses import upload_poses
+from sonarmap.spectral.grid import Grid
+from sonarmap.spectral.prepare.range_image import FINE
+from sonarmap.spectral.prepare.spectral_scan import SpectralScan
+from sonarmap.spectral.rotation_search import search_rotation
+from sonarmap.spectral.so3 import RotationPeaks
+from sonarmap.spectral.verify.bounds import Bounds
+from sonarmap.spectral.verify.candidates import Candidates
+from sonarmap.spectral.verify.fit import Fit
+from sonarmap.spectral.verify.hypothesis import SAME_REFINED_SHIFT, Hypothesis, alike
+from sonarmap.spectral.verify.icp import Refined, Stage, Start, refine
+from sonarmap.spectral.verify.look import ranked
+from sonarmap.spectral.verify.pair_frames import PairFrames
+from sonarmap.spectral.verify.verifier import SURFACE_POINTS, Verifier
+
+# Reaches of the refinement's steps [voxels] and its points: out of a candidate's error, which a coarse voxel and a
+# rotation 4 degrees off make; twice until it shows which candidates are worth more; until hypotheses can be compared;
+# and, for the best alone, on to the end.
+_FIRST = Stage((8.0, 5.0, 3.0), 100)
+_QUICK = Stage((4.0, 3.0, 2.0), 250)
+_ROUGH = Stage((4.0, 3.0, 2.0, 2.0), 500)
+_CLOSE = Stage((4.0, 2.0, 2.0, 1.5, 1.5, 1.5), 1000)
+_FINAL = Stage((1.5,) * 3, 3000)
+# Candidates that score less than this share of the best are not refined: of 115 right ones among the best 72 one scored
+# less than half.
+_PROMISING = 0.4
+# So many of the candidates are left after the first steps, and after the next.
+_LEFT, _SURVIVORS = 16, 6
+# Hypotheses whose looks are less than the best's by more than this are out: no peak makes up for it.
+_HOPELESS = 3.5
+# Refined rotations nearer than this have the same correlation on the whole grid [rad].
+_SAME_ROTATION = float(np.deg2rad(1.0))
+
+
+@dataclass(frozen=True, slots=True)
+class HypothesisTest:
+    """One pair of scans, and which poses are possible between them.
+
+    Attributes:
+        verifier: of the grid.
+        grid: that both scans share.
+        target, source: the scans.
+        bounds: which poses are possible.
+    """
+
+    verifier: Verifier
+    grid: Grid
+    target: SpectralScan
+    source: SpectralScan
+    bounds: Bounds
+
+    def find_candidates(self, rotations: RotationPeaks) -> Candidates:
+        """Where the scan would lie under each of the rotations, by the coarse grid; possible places only."""
+        boxes = [self._frames.box(R) for R in rotations.R]
+        return self._frames.within_bounds(self.verifier.candidates(self.target, self.source, rotations, boxes))
+
+    def refine_candidates(self, candidates: Candidates, count: int) -> list[Hypothesis]:
+        """The best of the `count` best candidates, refined roughly, best first.
+
+        Surfaces of little relief agree nearly as well at wrong places, until a candidate is refined: so many are
+        refined by few points, and the best of these by more. Impossible ones are kept only where there are no others.
+        """
+        best = self.verifier.best(self.target, self.source, candidates, count, share=_PROMISING)
+        first = Stage(tuple(self.verifier.coarser * reach for reach in _FIRST.reaches), _FIRST.points)
+        # one that is left alone goes on at once
+        if len(best) == 1:
+            return self._refine_candidates(candidates, best, [first, _QUICK, _ROUGH])
+        left = self._possible(self._refine_candidates(candidates, best, [first], first.points))[:_LEFT]
+        if len(left) == 1:
+            return self._refine(left, [_QUICK, _ROUGH])
+        left = self._possible(self._refine(left, [_QUICK], _QUICK.points))[:_SURVIVORS]
+        return self._possible(self._refine(left, [_ROUGH]))
+
+    def find_missed(self, finalists: list[Hypothesis]) -> list[Hypothesis]:
+        """What the whole grid's correlations under the finalists' refined rotations name beside the finalists.
+
+        A rotation that is 2 degrees off has low and broad peaks, and where a scan can slide, along a quay or a pool,
+        the true one may be missing among them. As many at most as there are finalists.
+        """
+        distinct: list[Hypothesis] = []
+        for finalist in finalists:
+            if all((finalist.fit.R.inv() * kept.fit.R).magnitude() > _SAME_ROTATION for kept in distinct):
+                distinct.append(finalist)
+        R = Rotation.concatenate([finalist.fit.R for finalist in distinct])
+        rotations = RotationPeaks(R, np.array([finalist.rotation_score for finalist in distinct]))
+        boxes = [self._frames.box(finalist.fit.R) for finalist in distinct]
+        candidates = self._frames.within_bounds(
+            self.verifier.fine_candidates(self.target, self.source, rotations, boxes)
+        )
+        if not len(candidates.psr):
+            return []
+        count = 2 * len(finalists)
+        best = self.verifier.best(self.target, self.source, candidates, count, FINE, SAME_REFINED_SHIFT)
+        hypotheses = self._refine_candidates(candidates, best, [_ROUGH])
+        missed = [new for new in hypotheses if not any(alike(new.fit, finalist.fit) for finalist in finalists)]
+        return self._frames.possible(missed)[: len(finalists)]
+
+    def conclude(self, hypotheses: list[Hypothesis], spectral: bool) -> list[Hypothesis]:
+        """The hypotheses compared, and the best refined to the end; one alone has nothing to be compared with.
+
+        Args:
+            spectral: as in `finish`.
+        """
+        hopeful = _hopeful(hypotheses, 1.5 * _HOPELESS)
+        if len(hopeful) == 1:
+            return self.finish(hopeful, spectral, [_CLOSE, _FINAL])
+        return self.finish(self.compare(hopeful), spectral)
+
+    def compare(self, hypotheses: list[Hypothesis]) -> list[Hypothesis]:
+        """Measured on the whole grid, best first; all refined alike, as an advantage in that would look like evidence.
+
+        Of those that came out at the same pose the best alone is kept.
+        """
+        refined = self._refine(_hopeful(hypotheses, 1.5 * _HOPELESS), [_CLOSE])
+        hopeful = _hopeful(refined, _HOPELESS)
+        # one alone is measured where it ends
+        return hopeful if len(hopeful) == 1 else self._measured(hopeful)
+
+    def finish(
+        self, hypotheses: list[Hypothesis], spectral: bool, stages: Sequence[Stage] = (_FINAL,)
+    ) -> list[Hypothesis]:
+        """The best hypothesis refined to the end, and the others that are not now where it is.
+
+        Args:
+            hypotheses: best first.
+            spectral: whether the best climbs the translation's peak over the rotation, instead of the planes.
+            stages: of the refinement that are left.
+        """
+        best = self._left_to_scans(self._finish_best(hypotheses[0], spectral, stages))
+        return [best, *(hypothesis for hypothesis in hypotheses[1:] if not alike(hypothesis.fit, best.fit))]
+
+    def transform(self, fit: Fit) -> RigidTransform:
+        """T_target_source between the sensor frames [m]."""
+        return self._frames.transform(fit)
+
+    @property
+    def _frames(self) -> PairFrames:
+        return PairFrames(self.grid, self.target, self.source, self.bounds)
+
+    def _finish_best(self, best: Hypothesis, spectral: bool, stages: Sequence[Stage]) -> Hypothesis:
+        """Its evidence is of the scans as they are; its pose, by planes, is with their ranges set right."""
+        best = self._refine([best], stages)[0]
+        if not spectral:
+            measurement = self.verifier.measure(self.target, self.source, [best])
+            (fit,) = self._steps(_start([best.fit]), [_FINAL], stretches=True).read()
+            return replace(measurement.read()[0], fit=fit)
+        translation, target, source = self.verifier.translation, self.target.volume, self.source.volume
+        begin = Rotation.concatenate([best.fit.R])
+        peak = translation.find_at(target, source, begin, best.fit.shift[None]).highest()[0]
+        R, peak = search_rotation(translation, target, source, best.fit.R, peak, stay=True)
+        near = peak.shift + self.grid.edge * np.rint((best.fit.shift - peak.shift) / self.grid.edge)
+        best = replace(best, fit=replace(best.fit, R=R, shift=near))
+        look = self.verifier.look(
+            self.target, self.source, upload_poses(self.verifier.device, R.as_matrix()[None], near[None])
+        )
+        (evidence,) = look.read().of([best.fit])
+        return self._measured([replace(best, evidence=evidence)])[0]
+
+    def _left_to_scans(self, best: Hypothesis) -> Hypothesis:
+        """The hypothesis with the whole step to where the scans alone would have it, where instruments took part.
+
+        Beside instruments points pair up where these have the pose, and one step from there falls short: a graph that
+        holds the instruments as well would count their errors twice.
+        """
+        fit = best.fit
+        if fit.prior is None:
+            return best
+        alone, scans = fit.by_scans, (self.target.surface, self.source.surface)
+        for stage, stretches in ((_CLOSE, False), (_FINAL, True)):
+            steps = refine(self.verifier.device, *scans, _start([alone]), [stage], stretches=stretches)
+            (alone,) = steps.read()
+        step = np.concatenate([(alone.R * fit.R.inv()).as_rotvec(), alone.shift - fit.shift])
+        return replace(best, fit=replace(fit, step=step))
+
+    def _measured(self, hypotheses: Sequence[Hypothesis]) -> list[Hypothesis]:
+        """Hypotheses with all their evidence, best first."""
+        measured = self.verifier.measure(self.target, self.source, hypotheses).read()
+        return sorted(measured, key=lambda hypothesis: -hypothesis.score)
+
+    def _possible(self, hypotheses: list[Hypothesis]) -> list[Hypothesis]:
+        """The possible ones; all where none is."""
+        return self._frames.possible(hypotheses) or hypotheses
+
+    def _refine_candidates(
+        self, candidates: Candidates, chosen: np.ndarray, stages: Sequence[Stage], points: int = SURFACE_POINTS
+    ) -> list[Hypothesis]:
+        """The chosen candidates, refined and looked at, best first."""
+        R, shifts = candidates.R[chosen], candidates.shifts[chosen]  # pyright: ignore[reportArgumentType]
+        scores, psr = candidates.rotation_scores[chosen].tolist(), candidates.psr[chosen].tolist()
+        start = Start(R, shifts, np.zeros(len(shifts)))
+        return self._round(start, list(zip(scores, psr, strict=True)), stages, points)
+
+    def _refine(
+        self, hypotheses: Sequence[Hypothesis], stages: Sequence[Stage], points: int = SURFACE_POINTS
+    ) -> list[Hypothesis]:
+        """The hypotheses, refined further and looked at, best first."""
+        origins = [(hypothesis.rotation_score, hypothesis.candidate_psr) for hypothesis in hypotheses]
+        return self._round(_start([hypothesis.fit for hypothesis in hypotheses]), origins, stages, points)
+
+    def _round(
+        self, start: Start, origins: Sequence[tuple[float, float]], stages: Sequence[Stage], points: int
+    ) -> list[Hypothesis]:
+        """Refined, and looked at by so many points, best first; one wait unless instruments take part.
+
+        Args:
+            origins: scores of the rotations and peaks of the candidates, as `Hypothesis` has them.
+        """
+        refined = self._steps(start, stages)
+        seen = self.verifier.look(self.target, self.source, refined.poses, points).read()
+        fits = refined.read()
+        looks = zip(fits, origins, seen.of(fits), strict=True)
+        return ranked([Hypothesis(fit, *origin, evidence) for fit, origin, evidence in looks])
+
+    def _steps(self, start: Start, stages: Sequence[Stage], stretches: bool = False) -> Refined:
+        """Queue the refinement from each of the places."""
+        scans = self.verifier.device, self.target.surface, self.source.surface
+        if self.bounds.prior is None:
+            return refine(*scans, start, stages, stretches=stretches)
+        # what instruments measured is linear about where a stage begins
+        *before, last = stages
+        for stage in before:
+            start = _start(
+                refine(*scans, start, [stage], self._frames.prior_at(start.R, start.shifts, stretches)).read()
+            )
+        return refine(*scans, start, [last], self._frames.prior_at(start.R, start.shifts, stretches), stretches)
+
+
+def _start(fits: Sequence[Fit]) -> Start:
+    """Where fits are refined further."""
+    shifts, widths = np.array([fit.shift for fit in fits]), np.array([fit.width for fit in fits])
+    return Start(Rotation.concatenate([fit.R for fit in fits]), shifts, widths)
+
+
+def _hopeful(hypotheses: Sequence[Hypothesis], margin: float) -> list[Hypothesis]:
+    """Those whose looks are not less than the best's by more than the margin."""
+    least = max(hypothesis.evidence.looks for hypothesis in hypotheses) - margin
+    return [hypothesis for hypothesis in hypotheses if hypothesis.evidence.looks >= least]

@@ -1,0 +1,74 @@
+"""How much of their surfaces two scans share under a pose: evidence that needs no viewpoint."""
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from sonarmap.kernels.device.device import Array, Device
+from sonarmap.kernels.surface.shared import SharedSums, shared_sums
+from sonarmap.spectral.prepare.surface import Surface
+
+# A point has a counterpart this near, if the normals there are within 37 degrees of each other [voxels; cosine].
+_REACH, _ALIKE = 2.0, 0.8
+# Where the other scan has a point this near, it shows that place, and should show the point [voxels].
+_COVERED = 6.0
+# A share that is small beside this hardly counts.
+_LEAST = 0.05
+
+
+@dataclass(frozen=True, slots=True)
+class SharedSurface:
+    """Shares of two scans' surfaces, the mean of both ways, 0..1; all directions of normals count alike.
+
+    Attributes:
+        agree: has a counterpart in the other scan, facing the same direction.
+        covered: lies where the other scan shows something.
+        overlap: has a point of the other scan within 2 voxels, whatever it faces, each point counting once; the smaller
+            of both ways.
+    """
+
+    agree: float
+    covered: float
+    overlap: float
+
+    @property
+    def consistency(self) -> float:
+        """Of what both should show, what both do, 0..1; a small number where they should show little."""
+        return self.agree / (self.covered + _LEAST)
+
+
+class SharedSurfaces:
+    """What two scans share under several poses, on its way to the host."""
+
+    def __init__(self, sums: SharedSums) -> None:
+        """What `shared_surfaces` has queued."""
+        self._sums = sums
+
+    def read(self) -> list[SharedSurface]:
+        """Of each pose."""
+        sums = self._sums.read()
+        agree, covered = (sums[:, :, :2] / sums[:, :, 2:3]).mean(axis=1).T
+        overlap = sums[:, :, 3].min(axis=1)
+        return [SharedSurface(*shares) for shares in np.column_stack([agree, covered, overlap]).tolist()]
+
+
+def shared_surfaces(device: Device, target: Surface, source: Surface, poses: Array, most: int) -> SharedSurfaces:
+    """Queue what the scans share under each of k poses.
+
+    Args:
+        poses: device (k, 16) float32 as `upload_poses` has them, p_target = R p_source + t about the scans' grid
+            centers [voxels].
+        most: how many points of each scan are looked at.
+    """
+    sums = shared_sums(
+        device,
+        target.elements,
+        source.elements,
+        (target.direction_weights, source.direction_weights),
+        poses,
+        most,
+        reach=_REACH,
+        covered=_COVERED,
+        alike=_ALIKE,
+    )
+    return SharedSurfaces(sums)

@@ -1,0 +1,183 @@
+"""Where would the scan lie under each rotation, and do the two scans then agree with what they saw?
+
+Coarse to fine. On a grid of about half the edge, 64 voxels at most, every rotation gets its translation correlation, of
+which several peaks are taken, each with all shifts that a cyclic one stands for; points before the other scan's surface
+contradict. The best few distinct ones are refined and compared on the whole grid. docs/registration.md has the figures.
+"""
+
+from collections.abc import Sequence
+from itertools import product
+
+import numpy as np
+from scipy.spatial.transform import Rotation
+
+from sonarmap.kernels.device.device import Array, Device
+from sonarmap.kernels.points.poses import upload_poses
+from sonarmap.spectral.grid import coarse_edge
+from sonarmap.spectral.prepare.range_image import COARSE, FINE, visibility
+from sonarmap.spectral.prepare.spectral_scan import WHITENINGS, SpectralScan
+from sonarmap.spectral.so3 import RotationPeaks
+from sonarmap.spectral.translation import SAME_SHIFT, Box, Translation, Volume
+from sonarmap.spectral.verify.candidates import Candidates
+from sonarmap.spectral.verify.hypothesis import Hypothesis
+from sonarmap.spectral.verify.look import Look, Measurement, consistency
+from sonarmap.spectral.verify.shared_surface import shared_surfaces
+
+# Peaks of a rotation's translation that are looked at, and how far apart they are [coarse voxels].
+_PEAKS, _SEPARATION = 8, 2.0
+# A shift longer than this along an axis leaves the scans nothing in common [share of the grid's edge].
+_FARTHEST = 0.92
+# Candidates nearer than this to each other are the same [rad].
+_SAME_ROTATION = float(np.deg2rad(9.0))
+# Of scans without a viewpoint so many candidates, those with the highest peaks, are scored by their points in common.
+_BY_POINTS, _POINTS = 60, 400
+# Points by which a refined hypothesis' shared surface is measured.
+SURFACE_POINTS = 1200
+# Along which axes a cyclic shift is wrapped, of all that it may stand for.
+_WRAPS = np.array(list(product((False, True), repeat=3)))
+
+
+class Verifier:
+    """Finds candidates for rotations and measures hypotheses, on one device and grid."""
+
+    def __init__(self, device: Device, edge: int) -> None:
+        """Plan the correlations of both grids."""
+        self.device, self.edge = device, edge
+        self.coarse_edge = coarse_edge(edge)
+        # how much farther off its candidates are than those of a grid of half the edge
+        self.coarser = max(1.0, edge / self.coarse_edge / 2)
+        self.translation = Translation(device, edge)
+        self._coarse = Translation(device, self.coarse_edge, WHITENINGS)
+
+    def candidates(
+        self, target: SpectralScan, source: SpectralScan, rotations: RotationPeaks, boxes: Sequence[Box | None]
+    ) -> Candidates:
+        """Several shifts for each rotation, from the coarse grid, each with all shifts that a cyclic one stands for.
+
+        Both whitenings name candidates. What a peak is worth is its height beside the usual highest one of its
+        whitening, over all rotations: so the two can be compared.
+
+        Args:
+            boxes: of each rotation, the shifts that are possible [voxels of the whole grid]; None for all.
+        """
+        scale = self.edge / self.coarse_edge
+        coarse_boxes = [None if box is None else Box(np.rint(box.center / scale), box.half / scale) for box in boxes]
+        found = self._candidates(self._coarse, target.coarse, source.coarse, rotations, coarse_boxes, scale)
+        usual = [each.usual_height() for each in found]
+        return Candidates.joined([each.raised(usual[0] / height) for each, height in zip(found, usual, strict=True)])
+
+    def fine_candidates(
+        self, target: SpectralScan, source: SpectralScan, rotations: RotationPeaks, boxes: Sequence[Box | None]
+    ) -> Candidates:
+        """As `candidates`, from the whole grid: under a refined rotation there are higher peaks, and others."""
+        return self._candidates(self.translation, target.volume, source.volume, rotations, boxes, 1.0)[0]
+
+    def _candidates(
+        self,
+        translation: Translation,
+        target: Volume,
+        source: Volume,
+        rotations: RotationPeaks,
+        boxes: Sequence[Box | None],
+        scale: float,
+    ) -> list[Candidates]:
+        """For each exponent, with all shifts that a cyclic one stands for where no box bounds them."""
+        by_rotation = translation.find_within(target, source, rotations.R, boxes, _PEAKS, _SEPARATION)
+        bounded = [translation.is_bounded(box) for box in boxes]
+        candidates: list[Candidates] = []
+        for exponent in range(len(translation.exponents)):
+            rows = [each[exponent] for each in by_rotation]
+            rotation = np.repeat(np.arange(len(rows)), [len(row) for row in rows])
+            shifts = np.array([peak.shift for row in rows for peak in row]).reshape(-1, 3) * scale
+            psr = np.array([peak.psr for row in rows for peak in row])
+            peak, places = self._unwrapped(shifts, np.array(bounded, bool)[rotation])
+            candidates.append(_gathered(rotations, rotation[peak], places, psr[peak]))
+        return candidates
+
+    def _unwrapped(self, shifts: np.ndarray, bounded: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+        """The shifts that cyclic ones (m, 3) stand for and that leave the scans something in common.
+
+        Returns:
+            (n,) int64, of which of them, and (n, 3); a bounded (m,) one stands for itself alone.
+        """
+        wrapped = shifts - np.copysign(self.edge, shifts)
+        unwrapped = np.where(_WRAPS, wrapped[:, None], shifts[:, None])
+        allowed = (np.abs(unwrapped) <= _FARTHEST * self.edge).all(axis=2) & ~bounded[:, None]
+        allowed[bounded, 0] = True
+        return np.nonzero(allowed)[0], unwrapped[allowed]
+
+    def best(
+        self,
+        target: SpectralScan,
+        source: SpectralScan,
+        candidates: Candidates,
+        count: int,
+        tolerance: tuple[float, float] | None = None,
+        apart: float = SAME_SHIFT,
+        share: float = 0.0,
+    ) -> np.ndarray:
+        """Indices of the `count` best distinct candidates, best first.
+
+        Args:
+            tolerance: how far from the surface a point may lie [voxels; of the range]; None: as the coarse grid needs.
+            apart: candidates of alike rotations that are no farther apart are the same [voxels].
+            share: those are left out whose score is less than this share of the best's.
+        """
+        scores = self._scores(target, source, candidates, tolerance or (self.coarser * COARSE[0], COARSE[1]))
+        order = np.argsort(-scores, kind="stable")
+        order = order[scores[order] >= share * scores[order[0]]]
+        quaternions, nearest = candidates.R.as_quat(), np.cos(_SAME_ROTATION / 2)
+        kept: list[int] = []
+        for n in order:
+            aligned = np.abs(quaternions[kept] @ quaternions[n]) > nearest
+            near = np.linalg.norm(candidates.shifts[kept] - candidates.shifts[n], axis=1) <= apart
+            if not (aligned & near).any():
+                kept.append(int(n))
+            if len(kept) == count:
+                break
+        return np.array(kept, dtype=np.int64)
+
+    def look(self, target: SpectralScan, source: SpectralScan, poses: Array, points: int = SURFACE_POINTS) -> Look:
+        """Queue what the scans' views and so many points of their surfaces say of poses.
+
+        Args:
+            poses: device (k, 16) float32, as `upload_poses` has them, between the grids' centers [voxels].
+        """
+        views = visibility(self.device, target.view, source.view, poses, (FINE, COARSE))
+        return Look(views, shared_surfaces(self.device, target.surface, source.surface, poses, points))
+
+    def measure(self, target: SpectralScan, source: SpectralScan, hypotheses: Sequence[Hypothesis]) -> Measurement:
+        """Queue the translation's correlation at the hypotheses' poses, at least one, on both grids."""
+        R = Rotation.concatenate([hypothesis.fit.R for hypothesis in hypotheses])
+        shifts = np.array([hypothesis.fit.shift for hypothesis in hypotheses])
+        fine = self.translation.find_at(target.volume, source.volume, R, shifts)
+        coarse = self._coarse.find_at(target.coarse, source.coarse, R, shifts * (self.coarse_edge / self.edge))
+        return Measurement(hypotheses, fine, coarse)
+
+    def _scores(
+        self, target: SpectralScan, source: SpectralScan, candidates: Candidates, tolerance: tuple[float, float]
+    ) -> np.ndarray:
+        """(n,) consistency times the peak's height."""
+        if target.view.images or source.view.images:
+            poses = upload_poses(self.device, candidates.R.as_matrix(), candidates.shifts)
+            (seen,) = visibility(self.device, target.view, source.view, poses, [tolerance]).read()
+            agreement = np.asarray(consistency(seen.agree, seen.contradict))
+        else:
+            agreement = np.zeros(len(candidates.psr))
+            highest = np.argsort(-candidates.psr, kind="stable")[:_BY_POINTS]
+            R = candidates.R[highest]  # pyright: ignore[reportArgumentType]
+            poses = upload_poses(self.device, R.as_matrix(), candidates.shifts[highest])
+            shared = shared_surfaces(self.device, target.surface, source.surface, poses, _POINTS)
+            agreement[highest] = [each.consistency for each in shared.read()]
+        return agreement * np.maximum(candidates.psr, 0.0)
+
+
+def _gathered(rotations: RotationPeaks, rotation: np.ndarray, shifts: np.ndarray, psr: np.ndarray) -> Candidates:
+    """Candidates of rotations by number (n,), shift and height of the peak."""
+    return Candidates(
+        rotation=rotation,
+        R=rotations.R[rotation],  # pyright: ignore[reportArgumentType]
+        shifts=shifts,
+        psr=psr,
+        rotation_scores=rotations.scores[rotation],
+    )

@@ -1,0 +1,198 @@
+"""How a verb fails: a message on stderr, with --json a JSON object on stdout too, and an exit code."""
+
+import errno
+import functools
+import json
+import os
+import shlex
+import sys
+import traceback
+from collections.abc import Callable, Iterator, Sequence
+from contextlib import contextmanager, suppress
+from importlib import metadata
+from pathlib import Path
+from typing import Any, TextIO
+
+import typer
+
+from sonarmap.kernels.errors import InputError, SonarmapError
+from sonarmap.tools.command.arguments import as_options
+from sonarmap.tools.command.log import log, logged, results_to
+from sonarmap.tools.command.stops import terminated_as_interrupted, what_became
+from sonarmap.tools.command.terminal import quietly, say, shortened
+from sonarmap.tools.command.usage import usage_words
+from sonarmap.tools.extras import EXTRA_OF, how_to_install
+from sonarmap.tools.files.writers.atomic import appeared
+
+MISUSE = 2  # as typer's own for options that it refuses
+DEFECT = 1
+INTERRUPTED = 128 + 2  # as a shell reports SIGINT
+PIPE_CLOSED = 128 + 13  # as a shell reports SIGPIPE
+FULL = (errno.ENOSPC, errno.EDQUOT, errno.EFBIG, errno.EIO)  # a disk that takes no more
+STOPPED = "stopped: "
+LISTED = 5  # names of files in a message
+
+
+def guarded(command: Callable[..., Any]) -> Callable[..., Any]:
+    """The command, with what it raises turned into a message and an exit code.
+
+    It takes `log_file` beside its own options; its `quiet` and `as_json` say who hears what.
+    """
+
+    @functools.wraps(command)
+    def guard(*args: Any, log_file: Path | None = None, **options: Any) -> Any:
+        as_json = bool(options.get("as_json", "--json" in sys.argv[1:]))  # before the verb, none knows it yet
+        quiet = bool(options.get("quiet"))
+        written = len(appeared)
+        try:
+            with _heard(log_file, quiet, as_json), terminated_as_interrupted(), _logged_end():
+                try:
+                    return command(*args, **options)
+                except (typer.Exit, typer.Abort, typer.BadParameter):
+                    raise
+                except BaseException as error:  # noqa: BLE001 - the last place where a defect can be reported
+                    raise typer.Exit(failed(error, as_json, appeared[written:])) from None
+        except SonarmapError as error:  # of the log file
+            raise typer.Exit(failed(error, as_json, ())) from None
+
+    return guard
+
+
+@contextmanager
+def _heard(log_file: Path | None, quiet: bool, as_json: bool) -> Iterator[None]:
+    """What is said within the block goes where the options say: to a log, and not to the user who wants it quiet."""
+    version, words = metadata.version("sonarmap"), shlex.join(sys.argv[1:])
+    with (
+        logged(log_file, f"sonarmap {version}: sonarmap {words}"),
+        quietly(quiet),
+        results_to(shown=as_json or not quiet, copied=not as_json),
+    ):
+        yield
+
+
+@contextmanager
+def _logged_end() -> Iterator[None]:
+    code = DEFECT
+    try:
+        yield
+        code = 0
+    except typer.Exit as ending:
+        code = ending.exit_code
+        raise
+    except typer.BadParameter as error:
+        code = error.exit_code
+        log(f"error: {shortened(usage_words(error))}")
+        raise
+    finally:
+        log(f"ended with exit code {code}")
+
+
+def failed(error: BaseException, as_json: bool, written: Sequence[Path]) -> int:
+    """Say what went wrong; the exit code.
+
+    Args:
+        error: what the verb raised.
+        as_json: whether to print a JSON object on stdout too.
+        written: the files that are there, whole, for one that was stopped.
+    """
+    match error:
+        case SonarmapError():
+            return _misuse(error, as_json)
+        case KeyboardInterrupt():
+            return _stopped(error, as_json, written)
+        case BrokenPipeError():
+            return pipe_closed()
+        case OSError() if error.errno in FULL:
+            return output_lost(error)
+        case ImportError():
+            return _unloadable(error, as_json)
+        case MemoryError():
+            reason = f" ({error})" if str(error) else ""
+            full = f"this machine's memory is used up{reason}; give less at a time, or thin it out; "
+            full += "'sonarmap doctor' says what fits"
+            return _misuse(InputError(full), as_json)
+        case Exception():
+            return _defect(error, as_json)
+    raise error
+
+
+def _misuse(error: SonarmapError, as_json: bool) -> int:
+    if _debugging():
+        traceback.print_exception(error)
+    return _fail(as_options(str(error)), MISUSE, as_json)
+
+
+def _unloadable(error: ImportError, as_json: bool) -> int:
+    """A library is missing or broken; our own modules never are."""
+    module = (error.name or "").partition(".")[0]
+    if module == "sonarmap":
+        return _defect(error, as_json)
+    if (extra := EXTRA_OF.get(module)) and isinstance(error, ModuleNotFoundError):
+        return _misuse(InputError(f"this needs {module}, which is not installed. {how_to_install(extra)}."), as_json)
+    reason = " ".join(str(error).split())
+    return _misuse(InputError(f"a library cannot be loaded: {reason}. 'sonarmap doctor' says what to do"), as_json)
+
+
+def _defect(error: Exception, as_json: bool) -> int:
+    if _debugging():
+        traceback.print_exception(error)
+    frame = traceback.extract_tb(error.__traceback__)[-1]
+    description = " ".join(f"{type(error).__name__}: {error}".split())
+    message = (
+        f"this is a defect of sonarmap {metadata.version('sonarmap')}: {description} "
+        f"({Path(frame.filename).name}, line {frame.lineno}). Please report it in the project's issues, "
+        "with what the same command prints under SONARMAP_DEBUG=1."
+    )
+    return _fail(message, DEFECT, as_json)
+
+
+def _fail(message: str, code: int, as_json: bool) -> int:
+    say(message, "error: ", "bold red")
+    print_failure(message, code, as_json)
+    return code
+
+
+def print_failure(message: str, code: int, as_json: bool) -> None:
+    """Print why a command failed, for the program that asked for JSON."""
+    if as_json:
+        typer.echo(json.dumps({"error": shortened(message), "exit_code": code}))
+
+
+def _stopped(stop: KeyboardInterrupt, as_json: bool, written: Sequence[Path]) -> int:
+    message = what_became(stop) or _written(written)
+    say(message, STOPPED, "bold yellow")
+    print_failure(STOPPED + message, INTERRUPTED, as_json)
+    return INTERRUPTED
+
+
+def _written(paths: Sequence[Path]) -> str:
+    names = list(dict.fromkeys(path.name for path in paths))
+    if not names:
+        return "nothing was written"
+    more = f" and {len(names) - LISTED} more" if len(names) > LISTED else ""
+    return f"only {', '.join(names[:LISTED])}{more} had been written, and no file is half written"
+
+
+def pipe_closed() -> int:
+    """The reader has left, as `head` does: no error to report."""
+    discard(sys.stdout)
+    return PIPE_CLOSED
+
+
+def output_lost(error: OSError) -> int:
+    """stdout or stderr goes to a file on a full disk."""
+    discard(sys.stdout)
+    reason = error.strerror or error
+    message = f"cannot write the output: {reason}. Make room, or redirect it elsewhere, and run the command again."
+    with suppress(OSError):  # stderr itself may be what is full
+        say(message, "error: ", "bold red")
+    return MISUSE
+
+
+def discard(stream: TextIO) -> None:
+    """Send what is still buffered nowhere, or the interpreter reports it as an error when it ends."""
+    os.dup2(os.open(os.devnull, os.O_WRONLY), stream.fileno())
+
+
+def _debugging() -> bool:
+    return os.environ.get("SONARMAP_DEBUG", "0").lower() not in ("", "0", "false", "no", "off")

@@ -1,0 +1,197 @@
+"""Progress on stderr: on a terminal a bar with the time left, elsewhere a line every few seconds."""
+
+import time
+from collections import deque
+from collections.abc import Callable, Iterable, Iterator
+from contextlib import contextmanager
+from datetime import timedelta
+
+from rich.console import Console, RenderableType
+from rich.progress import BarColumn, Progress, ProgressColumn, Task, TextColumn, TimeElapsedColumn
+from rich.table import Column
+from rich.text import Text
+
+from sonarmap.tools.command.log import log
+from sonarmap.tools.command.terminal import below_messages, error_console, printable, say
+
+SECONDS_BETWEEN_LINES = 5.0
+WINDOW = 60.0  # the time left is by the rate of the last seconds: results of an earlier run come faster than others
+_WIDEST_BAR = 40  # of a terminal's columns
+_LABEL, _COUNT, _TIMES = 11, 11, 28  # columns that the words, the count, and the two times take at most
+
+Step = Callable[[int, int, str], None]
+
+
+@contextmanager
+def progress(label: str, total: int, quiet: bool = False) -> Iterator[Callable[[str], None]]:
+    """Count `total` pieces of work; the block calls the function that it gets after each of them.
+
+    Args:
+        label: what is being done, as in "registering pairs".
+        total: number of pieces.
+        quiet: print nothing (--quiet, --json).
+
+    Yields:
+        A function to call after every piece of work, with a few words about it or "".
+    """
+    done = 0
+    with growing_progress(label, quiet) as step:
+
+        def advance(note: str) -> None:
+            nonlocal done
+            done += 1
+            step(done, total, note)
+
+        step(0, total, "")
+        yield advance
+
+
+@contextmanager
+def stage(label: str, quiet: bool = False) -> Iterator[None]:
+    """Show that work goes on of which no pieces are counted.
+
+    Args:
+        label: what is being done, as in "writing".
+        quiet: print nothing (--quiet, --json).
+    """
+    with growing_progress(label, quiet) as step:
+        yield
+        step(1, 1, "")
+
+
+@contextmanager
+def growing_progress(label: str, quiet: bool = False) -> Iterator[Step]:
+    """Follow work whose total changes while it is done.
+
+    Args:
+        label: what is being done, as in "mapping".
+        quiet: print nothing (--quiet, --json).
+
+    Yields:
+        A function to call as step(pieces done, pieces planned so far, words about the last one).
+    """
+    console = error_console()
+    on_terminal = console.is_terminal and not quiet
+    pace, lines = _Pace(), _Lines(label, log if quiet or on_terminal else say)
+
+    def step(done: int, planned: int, note: str) -> None:
+        pace.step(done, planned)
+        lines.step(pace, note)
+        if bar is not None:
+            bar.show(done, planned, note)
+
+    bar = _Bar(console, printable(label), pace) if on_terminal else None
+    if bar is None:
+        yield step
+    else:
+        with bar.shown():
+            yield step
+    lines.end()
+
+
+class _Pace:
+    """How far work is, and how long the rest will take at the rate of the last WINDOW seconds."""
+
+    def __init__(self) -> None:
+        self.start = self.now = time.monotonic()
+        self.done = self.planned = 0
+        self._recent = deque([(self.start, 0)])  # times, at least a second apart, and the pieces done until then
+
+    def step(self, done: int, planned: int) -> None:
+        self.now, self.done, self.planned = time.monotonic(), done, planned
+        if len(self._recent) > 1 and self.now - self._recent[-2][0] < 1.0:
+            self._recent.pop()
+        self._recent.append((self.now, done))
+        while len(self._recent) > 2 and self.now - self._recent[1][0] > WINDOW:
+            self._recent.popleft()
+
+    @property
+    def seconds_left(self) -> float | None:
+        """From the last step on; None where it cannot be known."""
+        (since, before), (until, done) = self._recent[0], self._recent[-1]
+        return (until - since) / (done - before) * (self.planned - done) if done > before else None
+
+
+class _Bar(Progress):
+    """One line with words, bar, count and times, at any width; below it, cut to the width, the last piece in words."""
+
+    def __init__(self, console: Console, label: str, pace: _Pace) -> None:
+        self._note, fixed = "", Column(no_wrap=True)
+        room = console.width - max(len(label), _LABEL) - _COUNT - _TIMES - 4
+        super().__init__(
+            TextColumn("{task.description}", markup=False, table_column=Column(no_wrap=True, min_width=_LABEL)),
+            BarColumn(max(min(_WIDEST_BAR, room), 4)),
+            _Count(table_column=Column(no_wrap=True, min_width=7, justify="right")),
+            TimeElapsedColumn(table_column=fixed),
+            _Left(pace, table_column=fixed),
+            console=console,
+        )
+        self._work = self.add_task(label, total=None)
+
+    @contextmanager
+    def shown(self) -> Iterator[None]:
+        """The bar, as long as the block lasts; its last state stays."""
+        with self, below_messages(self.console):
+            try:
+                yield
+            finally:
+                self._note = ""
+                self.stop_task(self._work)
+
+    def show(self, done: int, planned: int, note: str) -> None:
+        self._note = " ".join(printable(note).split())
+        self.update(self._work, completed=done, total=planned)
+
+    def get_renderables(self) -> Iterable[RenderableType]:
+        yield from super().get_renderables()
+        if self._note:
+            yield Text(f"  {self._note}", style="dim", no_wrap=True, overflow="ellipsis")
+
+
+class _Count(ProgressColumn):
+    """Pieces done of those planned, where any are counted."""
+
+    def render(self, task: Task) -> Text:
+        counted = task.total is not None and task.total > 1
+        return Text(f"{task.completed:.0f}/{task.total:.0f}" if counted else "", style="progress.download")
+
+
+class _Left(ProgressColumn):
+    """The time left, while the work goes on."""
+
+    max_refresh = 0.5
+
+    def __init__(self, pace: _Pace, table_column: Column) -> None:
+        super().__init__(table_column)
+        self._pace = pace
+
+    def render(self, task: Task) -> Text:
+        if task.stop_time is not None or task.total is None:
+            return Text("")
+        left = self._pace.seconds_left
+        if left is None:
+            return Text("-:--:-- left", style="progress.remaining")
+        left = max(left - (time.monotonic() - self._pace.now), 0.0)
+        return Text(f"about {timedelta(seconds=round(left))} left", style="progress.remaining")
+
+
+class _Lines:
+    """Says how far the work is, at most every few seconds and at the end."""
+
+    def __init__(self, label: str, tell: Callable[[str], None]) -> None:
+        self._label, self._tell = label, tell
+        self._pending, self._told_at = "", time.monotonic()
+
+    def step(self, pace: _Pace, note: str) -> None:
+        left = pace.seconds_left if pace.done < pace.planned else None
+        words = [f"{self._label}: {pace.done} of {pace.planned}", f"{pace.now - pace.start:.1f} s"]
+        words += [] if left is None else [f"about {left:.0f} s left"]
+        self._pending = ", ".join(words) + (f" ({note})" if note else "")
+        if pace.now - self._told_at >= SECONDS_BETWEEN_LINES:
+            self._told_at = pace.now
+            self.end()
+
+    def end(self) -> None:
+        if self._pending:
+            self._tell(self._pending)
+            self._pending = ""

@@ -1,0 +1,178 @@
+"""Recording from the first packet to the last: receive, keep what is the sonar's, write it, and say how it goes."""
+
+import shutil
+import time
+from collections import deque
+from collections.abc import Callable
+from contextlib import suppress
+from dataclasses import dataclass, field
+from pathlib import Path
+from threading import Event
+
+from sonarmap.kernels.errors import InputError
+from sonarmap.tools.command.record.part_file import PartFile
+from sonarmap.tools.command.record.receiver import Datagram, Receiver
+from sonarmap.tools.command.record.senders import Senders
+from sonarmap.tools.command.record.source import Source, join, open_socket, system_buffer
+from sonarmap.tools.command.record.tally import Tally
+
+_TICK = 1.0  # seconds between reports
+_WAIT = 0.2  # seconds after which an end that was asked for is noticed, at the latest
+_OVER = 5  # ticks, over which rates are taken, and after which the disk is made to hold what was written
+_LEAST_DISK = 16 << 20  # bytes; about a quarter of a minute
+
+
+@dataclass(frozen=True, slots=True)
+class RecordSettings:
+    """What to record.
+
+    Attributes:
+        source: where packets come in.
+        out: the file, NAME.sonar.
+        duration: after which the recording ends [s]; None for no end but the one that is asked for.
+        sonar: address of the sonar whose packets are wanted; None for the first one that sends.
+        overwrite: whether `out` may take the place of a file.
+    """
+
+    source: Source
+    out: Path
+    duration: float | None = None
+    sonar: str | None = None
+    overwrite: bool = False
+
+
+@dataclass(slots=True)
+class Status:
+    """How a recording goes.
+
+    Attributes:
+        settings: of the recording.
+        path: of the file that is written now.
+        buffer: how much the system's receive buffer holds [bytes].
+        tally, senders: what has come, and from whom.
+        seconds: since the start.
+        silence: seconds since the last packet of the sonar, or since the start.
+        longest_silence: between two packets [s].
+        size: bytes written.
+        shot_rate, packet_rate, byte_rate: per second, over the latest five.
+        disk: bytes that the disk can still take.
+        unsaved: datagrams that came and were lost here, as the disk was too slow.
+        overflow: datagrams that the system lost, as this computer was too slow.
+    """
+
+    settings: RecordSettings
+    path: Path
+    buffer: int
+    tally: Tally = field(default_factory=Tally)
+    senders: Senders = field(default_factory=Senders)
+    seconds: float = 0.0
+    silence: float = 0.0
+    longest_silence: float = 0.0
+    size: int = 0
+    shot_rate: float = 0.0
+    packet_rate: float = 0.0
+    byte_rate: float = 0.0
+    disk: int = 0
+    unsaved: int = 0
+    overflow: int = 0
+
+    @property
+    def disk_lasts(self) -> float | None:
+        """Seconds until the disk is full at the present rate; None while nothing comes."""
+        return self.disk / self.byte_rate if self.byte_rate > 0 else None
+
+
+def record(settings: RecordSettings, follow: Callable[[Status], None], stop: Event) -> Status:
+    """Record until the duration is over or the event is set, and give the file its name.
+
+    Memory does not grow with the recording: at most `receiver.MOST_WAITING` datagrams wait for the disk.
+
+    Args:
+        settings: what to record.
+        follow: called each second, and at the end; before the first packet too.
+        stop: ends the recording.
+
+    Returns:
+        How it went; without packets there is no file.
+
+    Raises:
+        InputError: it cannot begin, or not go on; what came until then is in the file that the message names.
+    """
+    with open_socket(settings.source) as listening:
+        part = PartFile(settings.out, settings.overwrite)
+        status = Status(settings, part.path, system_buffer(listening), senders=Senders(settings.sonar))
+        try:
+            _require_room(part.path, status)
+            recording = _Recording(status, part, follow)
+            with Receiver(listening) as receiver:
+                recording.run(receiver, stop, lambda: join(listening, settings.source))
+            if part.size:
+                part.finish()
+                status.path = part.out
+        finally:
+            part.close()
+        follow(status)
+        return status
+
+
+def _require_room(path: Path, status: Status) -> None:
+    status.disk = shutil.disk_usage(path.parent).free
+    if status.disk < _LEAST_DISK:
+        raise InputError(
+            f"the disk of {path.parent} has {status.disk / 1e6:.1f} MB left, enough for some seconds; make room, or "
+            "record to another disk"
+        )
+
+
+class _Recording:
+    def __init__(self, status: Status, part: PartFile, follow: Callable[[Status], None]) -> None:
+        self._status, self._part, self._follow = status, part, follow
+        self._start = self._latest = time.monotonic()
+        self._ticks = deque[tuple[float, int, int, int]](maxlen=_OVER + 1)  # with shots, packets, bytes until then
+        self._count = 0
+
+    def run(self, receiver: Receiver, stop: Event, rejoin: Callable[[], object]) -> None:
+        """Until the end; `rejoin` is called while nothing comes, as an interface may have gone and come back."""
+        end = self._start + (self._status.settings.duration or float("inf"))
+        due = self._start
+        while not stop.is_set() and (now := time.monotonic()) < end:
+            if now >= due:
+                self._tick(receiver, now)
+                due += _TICK * (1 + (now - due) // _TICK)  # a tick that is missed is not made up for
+                if self._status.silence > _OVER:
+                    rejoin()
+            self._take(receiver.next(max(0.0, min(_WAIT, due - now, end - now))))
+        receiver.end()
+        for datagram in receiver.rest():
+            self._take(datagram)
+        self._tick(receiver, time.monotonic())
+
+    def _take(self, datagram: Datagram | None) -> None:
+        now = time.monotonic()
+        if datagram is None or not self._status.senders.is_wanted(datagram, now):
+            return
+        self._part.write(datagram.content)
+        status = self._status
+        if status.tally.packets:
+            status.longest_silence = max(status.longest_silence, now - self._latest)
+        self._latest = now
+        status.tally.add(datagram.content, datagram.arrival)
+
+    def _tick(self, receiver: Receiver, now: float) -> None:
+        status = self._status
+        status.seconds, status.silence, status.size = now - self._start, now - self._latest, self._part.size
+        status.unsaved, status.overflow = receiver.unsaved, receiver.overflow
+        with suppress(OSError):
+            status.disk = shutil.disk_usage(self._part.path.parent).free
+        if not status.tally.packets:
+            self._ticks.clear()  # rates are those since the first packet
+        totals = status.tally.shots, status.tally.packets, status.size
+        self._ticks.append((now, *totals))
+        then, *before = self._ticks[0]
+        if now > then:
+            rates = ((total - past) / (now - then) for total, past in zip(totals, before, strict=True))
+            status.shot_rate, status.packet_rate, status.byte_rate = rates
+        self._count += 1
+        if self._count % _OVER == 0:
+            self._part.sync()
+        self._follow(status)

@@ -1,0 +1,131 @@
+"""All settings with what is in force and where it comes from: as a table, as JSON, and as a file to edit."""
+
+from collections.abc import Iterator, Sequence
+from dataclasses import dataclass
+from typing import Any
+
+from sonarmap.tools.command.settings.file import SettingsFile
+from sonarmap.tools.command.settings.setting import COMMON, Setting, common_settings, in_words
+
+_DEFAULT = "default"
+_PROSE = 100  # characters of a line of comment
+
+
+@dataclass(frozen=True, slots=True)
+class Row:
+    """A line of the list.
+
+    Attributes:
+        section: where a file sets it.
+        setting: of a verb, the first of those for which it means the same.
+        verbs: all of these.
+        value: in force, as the file has it; None where the default counts.
+        place: the file's section where it stands, or "".
+    """
+
+    section: str
+    setting: Setting
+    verbs: tuple[str, ...]
+    value: Any
+    place: str
+
+    @property
+    def in_force(self) -> str:
+        """The value in words."""
+        return self.setting.default if self.value is None else in_words(self.value)
+
+
+def rows_of(settings: Sequence[Setting], file: SettingsFile | None) -> list[Row]:
+    """What means the same for several verbs first, then each verb's own.
+
+    A verb whose own section sets what is common has a line of its own for it.
+    """
+    common = common_settings(list(settings))
+    rows: list[Row] = []
+    for group in common.values():
+        verbs = tuple(setting.verb for setting in group)
+        shared = next((setting for setting in group if _section(file, setting) == COMMON), group[0])
+        at_home = _section(file, shared) == COMMON
+        rows.append(_row(COMMON, shared, verbs, file if at_home else None))
+    for setting in settings:
+        shared = common.get(setting.key, [])
+        if setting not in shared or _section(file, setting) == setting.verb:
+            rows.append(_row(setting.verb, setting, (setting.verb,), file))
+    return rows
+
+
+def as_json(rows: Sequence[Row]) -> list[dict[str, Any]]:
+    """The rows, of JSON's types."""
+    return [
+        {
+            "section": row.section,
+            "key": row.setting.key,
+            "verbs": list(row.verbs),
+            "type": row.setting.type,
+            "many": row.setting.many,
+            "unit": row.setting.unit or None,
+            "default": row.setting.default,
+            "value": row.value,
+            "source": row.place or _DEFAULT,
+            "help": row.setting.about,
+        }
+        for row in rows
+    ]
+
+
+def as_toml(rows: Sequence[Row], version: str) -> Iterator[str]:
+    """The lines of a file that sets what is in force, and has all else behind a #."""
+    from textwrap import wrap
+
+    yield f"# Settings of sonarmap {version}. Remove the # before a line and give its value to set it."
+    yield "# Use the file by `sonarmap --config FILE VERB ...`, or call it sonarmap.toml in the folder where you work."
+    section = ""
+    for row in rows:
+        if row.section != section:
+            section = row.section
+            yield from ("", f"[{section}]")
+        yield ""
+        verbs = f" ({', '.join(row.verbs)})" if section == COMMON else ""
+        yield from (f"# {line}" for line in wrap(f"{row.setting.about}{verbs}", _PROSE, break_on_hyphens=False))
+        wanted = row.setting.wanted
+        yield f"# {wanted[0].upper()}{wanted[1:]}; default: {row.setting.default}"
+        if row.value is None:
+            yield f"# {row.setting.key} = {_example(row.setting)}"
+        else:
+            yield f"{row.setting.key} = {_literal(row.value)}"
+
+
+def _section(file: SettingsFile | None, setting: Setting) -> str:
+    """Where a file sets it; "" if it does not."""
+    return "" if file is None else file.sections[setting.verb].get(setting.name, "")
+
+
+def _row(section: str, setting: Setting, verbs: tuple[str, ...], file: SettingsFile | None) -> Row:
+    if file is None or not (place := _section(file, setting)):
+        return Row(section, setting, verbs, None, "")
+    return Row(section, setting, verbs, file.values[setting.verb][setting.name], place)
+
+
+def _example(setting: Setting) -> str:
+    """The default as TOML has it, or what a value looks like."""
+    value = setting.parameter.default
+    if value is not None and value not in ([], ()) and not setting.parameter.required:
+        return _literal(value)
+    if setting.kind is int and setting.default.isdecimal():
+        return setting.default
+    metavar = setting.parameter.metavar or setting.key.upper()
+    example = metavar if setting.kind in (int, float) else f'"{metavar}"'
+    return f"[{example}]" if setting.many else example
+
+
+def _literal(value: Any) -> str:
+    """A value as TOML has it."""
+    if isinstance(value, list | tuple):
+        return f"[{', '.join(map(_literal, value))}]"
+    if isinstance(value, bool):
+        return "true" if value else "false"
+    if isinstance(value, int | float):
+        return repr(value)
+    import json
+
+    return json.dumps(str(value), ensure_ascii=False)

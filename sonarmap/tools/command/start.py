@@ -1,0 +1,24 @@
+# pyright: strict
+"""The `sonarmap` command, from its first line on: its libraries are loaded here, and a broken one is named."""
+
+import sys
+
+
+def start() -> None:
+    """Run the command line."""
+    try:
+        from sonarmap.tools.command.main import run
+    except Exception as error:  # noqa: BLE001 - a broken library can raise anything
+        sys.exit(_without_a_library(error))
+    run()
+
+
+def _without_a_library(error: Exception) -> int:
+    """The exit code where a library of the command line itself is missing or broken: `doctor` can do without."""
+    if sys.argv[1:2] == ["doctor"]:
+        from sonarmap.tools.command.doctor.run import run_from
+
+        return run_from(sys.argv[2:], error)
+    reason = f"{type(error).__name__}: {error}"
+    print(f"error: the command cannot start: {reason}. 'sonarmap doctor' says what is missing.", file=sys.stderr)
+    return 2

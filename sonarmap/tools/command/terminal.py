@@ -1,0 +1,112 @@
+"""Messages to the user, on stderr, so that stdout is for results alone."""
+
+import logging
+import sys
+from collections.abc import Iterator
+from contextlib import contextmanager
+
+from rich.console import Console
+from rich.text import Text
+
+from sonarmap.tools.command.log import log
+
+_WIDTH_OF_FILES = 200  # a table in a file need not be folded
+_LONGEST = 3000  # characters of a message
+_bars: list[Console] = []  # the consoles on stderr that show one: what is said stands above it
+_quiet: list[bool] = []  # of this program, whatever thread speaks; the last counts
+
+
+class _Console(Console):
+    def on_broken_pipe(self) -> None:
+        """Leave it to the entry point, which knows the exit code."""
+        raise BrokenPipeError
+
+
+def error_console() -> Console:
+    """A console on stderr as it is now (a test or a pipe may have replaced it since the start)."""
+    return _bars[-1] if _bars else _Console(stderr=True, highlight=False)
+
+
+@contextmanager
+def below_messages(console: Console) -> Iterator[None]:
+    """Within the block, `console` shows a bar at the bottom of the screen."""
+    _bars.append(console)
+    try:
+        yield
+    finally:
+        _bars.pop()
+
+
+def result_console() -> Console:
+    """A console on stdout for tables: as wide as the terminal, or wide if there is none."""
+    return _Console(width=result_width(), highlight=False)
+
+
+def result_width() -> int | None:
+    """Columns of stdout; None for those of the terminal."""
+    return None if sys.stdout.isatty() else _WIDTH_OF_FILES
+
+
+def print_result(sentence: str) -> None:
+    """Print a sentence on stdout, wrapped by words on a terminal and on one line elsewhere; brackets are not markup."""
+    result_console().print(Text(printable(sentence)), soft_wrap=not sys.stdout.isatty())
+
+
+@contextmanager
+def quietly(quiet: bool) -> Iterator[None]:
+    """Within the block, if `quiet`, only labeled messages are said: warnings and errors."""
+    _quiet.append(quiet)
+    try:
+        yield
+    finally:
+        _quiet.pop()
+
+
+def say(message: str, label: str = "", style: str = "") -> None:
+    """Print a message on stderr, wrapped on a terminal and on one line elsewhere, and log it.
+
+    Args:
+        message: plain text: brackets are not markup, control characters are shown escaped, and what is too long for
+            anybody to read is left out of its middle.
+        label: printed before it, as "error: ".
+        style: the label's color, in rich's words.
+    """
+    message = printable(shortened(message))
+    log(label + message)
+    if any(_quiet[-1:]) and not label:
+        return
+    console = error_console()
+    console.print(Text.assemble((label, style), message), soft_wrap=not console.is_terminal)
+
+
+def warn(message: str) -> None:
+    """Print on stderr what the user should look at."""
+    say(message, "warning: ", "bold yellow")
+
+
+def shortened(message: str, longest: int = _LONGEST) -> str:
+    """The message, or its beginning and its end, where it quotes all of a damaged file's cell or heading."""
+    if len(message) <= longest:
+        return message
+    return f"{message[: longest // 2]} [... {len(message) - longest:,} characters ...] {message[-longest // 2 :]}"
+
+
+def printable(text: str) -> str:
+    """The text with every control character escaped: file names may hold anything."""
+    return "".join(c if c.isprintable() or c == "\n" else ascii(c)[1:-1] for c in text)
+
+
+class Messages(logging.Handler):
+    """What the library logs, said as the command's own messages are."""
+
+    def emit(self, record: logging.LogRecord) -> None:
+        """Say a message; warnings are labeled."""
+        warns = record.levelno >= logging.WARNING
+        say(record.getMessage(), "warning: " if warns else "", "bold yellow" if warns else "")
+
+
+def show_messages() -> None:
+    """Show what the library logs under "sonarmap" from now on."""
+    logger = logging.getLogger("sonarmap")
+    logger.setLevel(logging.INFO)
+    logger.addHandler(Messages())

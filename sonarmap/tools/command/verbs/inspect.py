@@ -1,0 +1,204 @@
+"""`sonarmap inspect`: what is in files of scans, before a map is made of them."""
+
+import json
+import math
+import shlex
+from typing import TYPE_CHECKING, Annotated, Any
+
+import typer
+
+from sonarmap.tools.command.arguments import as_options
+from sonarmap.tools.command.options.groups import OUTPUT
+from sonarmap.tools.command.options.registration import (
+    DEFAULT_EDGE,
+    GridOption,
+    JsonOption,
+    QuietOption,
+)
+from sonarmap.tools.command.options.scan import (
+    FrameOption,
+    RangeScaleOption,
+    SoundSpeedOption,
+    UnitsOption,
+    corrections_of,
+    corrections_summary,
+)
+from sonarmap.tools.command.options.survey import InputsArgument
+from sonarmap.tools.command.progress import growing_progress
+from sonarmap.tools.command.terminal import printable, result_console, say
+from sonarmap.tools.command.words.survey import warn
+
+if TYPE_CHECKING:
+    from sonarmap.tools.command.inspect.overview import Overview
+    from sonarmap.tools.files.readers.clock import Clock
+
+INCOMPLETE = 3
+NamesOption = Annotated[
+    bool,
+    typer.Option(
+        "--names",
+        help="List all scans' names alone, as priors need them.",
+        rich_help_panel=OUTPUT,
+    ),
+]
+
+
+def command(
+    context: typer.Context,
+    inputs: InputsArgument,
+    names: NamesOption = False,
+    grid: GridOption = None,
+    sound_speed: SoundSpeedOption = None,
+    range_scale: RangeScaleOption = None,
+    frame: FrameOption = None,
+    units: UnitsOption = None,
+    as_json: JsonOption = False,
+    quiet: QuietOption = False,
+) -> None:
+    """Say what is in files of scans: how many, of what extent, when and how often they were taken, what is lost or
+    damaged, and which voxels suit them.
+
+    Nothing is written, and a scan at a time is in memory. The exit code is 3 if a file or scan cannot be read, 2 if
+    none can.
+    """
+    from sonarmap.tools.command.inspect.overview import overview_of
+
+    corrections = corrections_of(context.params)
+    with growing_progress("reading", quiet or as_json) as step:
+        overview = overview_of(inputs, corrections, grid or DEFAULT_EDGE, step)
+    given = {"grid": grid, **corrections_summary(context.params)}
+    options = [f"--{name.replace('_', '-')} {_plain(value)}" for name, value in given.items() if value is not None]
+    following = " ".join(["sonarmap map", *map(shlex.quote, inputs), *options, "-o map/"])
+    if as_json:
+        typer.echo(json.dumps(_as_json(overview, following, names), allow_nan=False))
+    elif names:
+        for name in overview.names:
+            typer.echo(printable(name))
+    else:
+        _print(overview, following)
+    if not as_json:
+        for note in overview.notes:
+            say(note)
+    for reason in overview.unread:
+        warn(f"cannot be read: {as_options(reason)}")
+    if overview.unread:
+        raise typer.Exit(INCOMPLETE)
+
+
+def _as_json(overview: "Overview", following: str, names: bool) -> dict[str, Any]:
+    """All of it as JSON; null for what is not known."""
+    from sonarmap.tools.files.readers.clock import utc
+
+    clock, grid, (least, median, most) = overview.clock, overview.grid, overview.points
+    return {
+        "files": [str(path) for path in overview.files],
+        "bytes": overview.size,
+        "kinds": overview.kinds,
+        "scans": len(overview.names),
+        "first": overview.names[0],
+        "last": overview.names[-1],
+        "points": {"least": least, "median": median, "most": most},
+        "extent_m": overview.extent.tolist(),
+        "farthest_m": overview.farthest,
+        "clock": clock
+        and {
+            "start": clock.start,
+            "end": clock.end,
+            "start_utc": utc(clock.start),
+            "end_utc": utc(clock.end),
+            "rate_hz": clock.rate,
+            "gaps": clock.gaps,
+            "longest_step_s": clock.longest,
+            "not_ascending": clock.backward,
+            "stands_still": clock.stands_still,
+        },
+        "changed": overview.changed,
+        "strengths": overview.with_strength,
+        "viewpoints": overview.with_viewpoints,
+        "sound_speed_mps": overview.sound_speeds,
+        "attitudes": overview.with_attitude,
+        "roll_pitch_deg": overview.attitude if overview.with_attitude else None,
+        "grid": grid and {"edge": grid.edge, "voxel": grid.voxel},
+        "notes": overview.notes,
+        "unread": overview.unread,
+        "next": following if len(overview.names) > 1 else None,
+        **({"names": overview.names} if names else {}),
+    }
+
+
+def _print(overview: "Overview", following: str) -> None:
+    from rich.table import Table
+    from rich.text import Text
+
+    scans, (least, median, most) = len(overview.names), overview.points
+    x, y, z = overview.extent
+    files = overview.files[0].name if len(overview.files) == 1 else f"{len(overview.files):,} files"
+    span = overview.names[0] if scans == 1 else f"{overview.names[0]} to {overview.names[-1]}"
+    grid = overview.grid
+    rows = {
+        "files": f"{files}, {overview.size / 1e6:,.1f} MB: {', '.join(overview.kinds)}",
+        "scans": f"{scans:,}: {span}",
+        "points": f"{median:,.0f} per scan in the median, {least:,} to {most:,}",
+        "extent": f"{x:.3g} x {y:.3g} x {z:.3g} m in the median; the farthest point is at {overview.farthest:.3g} m",
+        **_times(overview),
+        "strengths": _share(overview.with_strength, scans),
+        "sound speed": _sound_speed(overview),
+        "attitude": _attitude(overview),
+        "viewpoints": _share(overview.with_viewpoints, scans),
+        "grid": f"--grid {grid.edge} --voxel {grid.voxel:.3g}, as map chooses them" if grid else "scans without extent",
+    }
+    unread = f"{scans:,} scans can be read, {len(overview.unread):,} files or scans cannot."
+    typer.echo(unread if overview.unread else f"All {scans:,} scans can be read." if scans > 1 else "1 scan.")
+    table = Table(box=None, pad_edge=False, show_header=False)
+    for name, value in rows.items():
+        table.add_row(f"  {name}", Text(printable(value)))
+    result_console().print(table)
+    typer.echo(f"\nnext: {printable(following)}" if scans > 1 else "\na map needs at least two scans")
+
+
+def _times(overview: "Overview") -> dict[str, str]:
+    from sonarmap.tools.files.readers.clock import utc
+
+    clock = overview.clock
+    if clock is None:
+        return {"time": "not recorded: the scans are numbered"}
+    lasts = f"{clock.end - clock.start:,.1f} s"
+    changed = f"the last file was changed at {utc(overview.changed)} UTC"
+    if clock.is_set:
+        time = f"{utc(clock.start)} to {utc(clock.end)} UTC, {lasts}; {changed}"
+    else:
+        time = f"{clock.start:.10g} to {clock.end:.10g} s, {lasts}; not UTC"
+    return {"time": time} if clock.steps == 0 else {"time": time, "rate": _rate(clock)}
+
+
+def _rate(clock: "Clock") -> str:
+    if clock.rate is None:
+        return "not known: the stamps stand still, or do not ascend"
+    gaps = "no gaps" if not clock.gaps else f"gaps: {clock.gaps:,}, the longest {clock.longest:.3g} s"
+    back = f"; {clock.backward:,} stamps are not later than the one before" if clock.backward else ""
+    return f"{clock.rate:.3g} scans per second, {gaps}{back}"
+
+
+def _share(count: int, scans: int) -> str:
+    return "none" if count == 0 else "all scans" if count == scans else f"{count:,} of {scans:,} scans"
+
+
+def _sound_speed(overview: "Overview") -> str:
+    if overview.sound_speeds is None:
+        return "not recorded"
+    low, high = overview.sound_speeds
+    return f"{low:.1f} m/s" if math.isclose(low, high) else f"changes, {low:.1f} to {high:.1f} m/s"
+
+
+def _attitude(overview: "Overview") -> str:
+    count, (roll, pitch) = overview.with_attitude, overview.attitude
+    if not count:
+        return "not recorded"
+    return (
+        f"{_share(count, len(overview.names))}, by the recording's own IMU: in the median roll {roll:+.1f}, "
+        f"pitch {pitch:+.1f} degrees (starboard down, nose up)"
+    )
+
+
+def _plain(value: float | str) -> str:
+    return value if isinstance(value, str) else f"{value:g}"

@@ -1,0 +1,191 @@
+"""`sonarmap record`: what a Sonar 3D-15 sends, from the network to a file."""
+
+import json
+import math
+import re
+import signal
+from collections.abc import Callable, Iterator
+from contextlib import contextmanager, suppress
+from ipaddress import AddressValueError, IPv4Address
+from pathlib import Path
+from threading import Event
+from typing import TYPE_CHECKING, Annotated
+
+import typer
+from rich.live import Live
+from rich.text import Text
+
+from sonarmap.tools.command.options.groups import INPUT, OUTPUT, RUNNING
+from sonarmap.tools.command.options.registration import JsonOption, QuietOption
+from sonarmap.tools.command.terminal import error_console, printable, say
+from sonarmap.tools.command.words.survey import warn
+
+if TYPE_CHECKING:
+    from sonarmap.tools.command.record.recorder import Status
+
+NOTHING_CAME = 3
+SECONDS_BETWEEN_LINES = 10.0  # where no terminal shows them in place
+_UNITS = {"": 1.0, "s": 1.0, "m": 60.0, "h": 3600.0}
+
+
+def _check_duration(text: str | None) -> str | None:
+    if text is None or _seconds(text) > 0:
+        return text
+    raise typer.BadParameter(f"{text!r}; give seconds, minutes or hours above 0, as in --duration 90, 10m or 1.5h.")
+
+
+def _seconds(text: str) -> float:
+    """Of a duration in words; 0 for one that is none."""
+    match = re.fullmatch(r"(\d+(?:\.\d+)?)([smh]?)", text, re.ASCII)
+    return float(match[1]) * _UNITS[match[2]] if match else 0.0
+
+
+def _check_sonar(address: str | None) -> str | None:
+    try:
+        return None if address is None else str(IPv4Address(address))
+    except AddressValueError as error:
+        raise typer.BadParameter(f"{address!r}; give an IPv4 address, as in --sonar 192.168.194.96.") from error
+
+
+MulticastOption = Annotated[
+    str | None,
+    typer.Option(
+        "--multicast",
+        metavar="GROUP:PORT",
+        help="Multicast group to listen to.",
+        rich_help_panel=INPUT,
+        show_default="224.0.0.96:4747",
+    ),
+]
+UnicastOption = Annotated[
+    str | None,
+    typer.Option(
+        "--unicast",
+        metavar="ADDRESS:PORT",
+        help="For a sonar that sends to this computer alone. It is this computer's address (0.0.0.0 for all that it "
+        "has) and "
+        "the port in the sonar's settings.",
+        rich_help_panel=INPUT,
+    ),
+]
+InterfaceOption = Annotated[
+    str | None,
+    typer.Option(
+        "--interface",
+        metavar="NAME",
+        help="Network interface to listen at. It is a name or an address.",
+        rich_help_panel=INPUT,
+        hidden=True,
+        show_default="all",
+    ),
+]
+SonarOption = Annotated[
+    str | None,
+    typer.Option(
+        "--sonar",
+        metavar="ADDRESS",
+        help="Address of the sonar to record.",
+        callback=_check_sonar,
+        rich_help_panel=INPUT,
+        show_default="the first that sends",
+    ),
+]
+DurationOption = Annotated[
+    str | None,
+    typer.Option(
+        "--duration",
+        metavar="TIME",
+        help="End after so long: 90 (s), 10m, 1.5h.",
+        callback=_check_duration,
+        rich_help_panel=RUNNING,
+        show_default="until Ctrl-C",
+    ),
+]
+
+
+def command(
+    out: Annotated[
+        Path, typer.Option("-o", "--out", help="The recording.", metavar="FILE.sonar", rich_help_panel=OUTPUT)
+    ],
+    multicast: MulticastOption = None,
+    unicast: UnicastOption = None,
+    interface: InterfaceOption = None,
+    sonar: SonarOption = None,
+    duration: DurationOption = None,
+    overwrite: Annotated[
+        bool, typer.Option("--overwrite", help="Replace FILE.sonar if it is there.", rich_help_panel=OUTPUT)
+    ] = False,
+    as_json: JsonOption = False,
+    quiet: QuietOption = False,
+) -> None:
+    """Record what a Sonar 3D-15 sends over the network.
+
+    It ends with Ctrl-C or --duration. It only listens; the sonar is set up on its own web page. Each second it says how
+    many packets come, how many are missing, how the sonar's clock compares with this computer's, whether the IMU is
+    recorded, and how long the disk lasts. Until the end the file is called FILE.part.sonar; a crash or a full disk
+    leaves it so, and it can be read. The exit code is 3 if nothing came.
+    """
+    from sonarmap.tools.command.record.recorder import RecordSettings, record
+    from sonarmap.tools.command.record.source import source_of
+    from sonarmap.tools.command.record.words import as_json as in_json
+    from sonarmap.tools.command.record.words import end_lines
+
+    source = source_of(multicast, unicast, interface)
+    settings = RecordSettings(source, out, None if duration is None else _seconds(duration), sonar, overwrite)
+    with _ending() as stop, _shown(quiet or as_json) as follow:
+        status = record(settings, follow, stop)
+    if as_json:
+        typer.echo(json.dumps(in_json(status)))
+    if not status.tally.packets:
+        warn(f"nothing came in {status.seconds:.0f} s at {source.words}, and there is no file")
+        raise typer.Exit(NOTHING_CAME)
+    if not as_json:
+        for line in end_lines(status):
+            typer.echo(printable(line))
+        typer.echo(f"\nnext: sonarmap inspect {printable(str(out))}")
+
+
+@contextmanager
+def _ending() -> Iterator[Event]:
+    """An event that Ctrl-C, SIGTERM and a closed terminal set; what nohup or the shell ignores stays ignored."""
+    stop = Event()
+    before = {each: signal.getsignal(each) for each in (signal.SIGINT, signal.SIGTERM, signal.SIGHUP)}
+    heard = [each for each, previous in before.items() if previous != signal.SIG_IGN]
+    for each in heard:
+        signal.signal(each, lambda *_: stop.set())
+    try:
+        yield stop
+    finally:
+        for each in heard:
+            signal.signal(each, before[each])
+
+
+@contextmanager
+def _shown(quiet: bool) -> Iterator[Callable[["Status"], None]]:
+    """A function that shows how a recording goes. A terminal that has gone ends what is shown, not the recording."""
+    from sonarmap.tools.command.record.watch import Watch
+    from sonarmap.tools.command.record.words import status_lines
+
+    console, watch, shown_at = error_console(), Watch(), -math.inf
+
+    def follow(status: "Status") -> None:
+        nonlocal shown_at
+        with suppress(OSError):
+            if not quiet and shown_at < 0:
+                say(f"listening at {status.settings.source.words}; until the end the recording is in {status.path}")
+            for warning in watch.warnings(status):
+                warn(warning)
+            lines = [printable(line) for line in status_lines(status)]
+            if live is not None:
+                live.update(Text("\n".join(lines), no_wrap=True, overflow="crop"), refresh=True)
+            elif not quiet and status.seconds - shown_at >= SECONDS_BETWEEN_LINES:
+                say("; ".join(lines))
+            if status.seconds - shown_at >= SECONDS_BETWEEN_LINES:
+                shown_at = status.seconds
+
+    live = Live(console=console, auto_refresh=False) if console.is_terminal and not quiet else None
+    if live is None:
+        yield follow
+        return
+    with live:
+        yield follow

@@ -1,0 +1,81 @@
+"""The pairs of a survey as a table that keeps its numbers at any width."""
+
+import math
+from collections.abc import Sequence
+from typing import TYPE_CHECKING
+
+import typer
+
+from sonarmap.tools.command.arguments import as_options
+from sonarmap.tools.command.terminal import printable, result_console
+
+if TYPE_CHECKING:
+    from rich.table import Table
+
+    from sonarmap.slam.pair import Pair
+    from sonarmap.slam.survey_result import SurveyResult
+
+PEAK_EXPLAINED = "peak: how high the correlation stands above its surroundings, in their standard deviations"
+SIGMAS_EXPLAINED = "sigmas: how far the pair is from the final poses, in standard deviations"
+_NUMBERS = ("peak", "overlap", "yaw", "distance", "sigmas", "seconds")
+_LESS_IMPORTANT = ("seconds", "distance", "yaw")  # in the order in which a narrow terminal does without them
+_LEAST_FOR_NAMES = 20  # columns of a terminal
+
+
+def print_pairs(result: "SurveyResult", names: Sequence[str]) -> None:
+    """Print every pair, why some were refused, and how well the poses fit."""
+    console = result_console()
+    console.print(_table(result.pairs, names, console.width))
+    refused = [pair for pair in result.pairs if not pair.kept]
+    for pair in refused:
+        console.print(f"{_label(pair, names)}: {printable(as_options(pair.reason))}", markup=False)
+    if any(pair.registration and math.isfinite(pair.registration.psr) for pair in result.pairs):
+        typer.echo(PEAK_EXPLAINED)
+    typer.echo(SIGMAS_EXPLAINED)
+    solution = result.solution
+    typer.echo(
+        f"chi-squared {solution.chi_squared_before:.4g} before and {solution.chi_squared_after:.4g} after optimizing, "
+        f"for {solution.degrees_of_freedom} degrees of freedom"
+    )
+
+
+def _table(pairs: "Sequence[Pair]", names: Sequence[str], width: int) -> "Table":
+    """The table, without the columns that leave no room for the names."""
+    from rich.table import Table
+    from rich.text import Text
+
+    rows = [_numbers(pair) for pair in pairs]
+    wide = {name: max(len(name), *(len(row[name]) for row in rows)) + 1 for name in _NUMBERS}
+    shown = list(_NUMBERS)
+    for name in _LESS_IMPORTANT:
+        if width - len("sequential rejected ") - 1 - sum(wide[name] for name in shown) < _LEAST_FOR_NAMES:
+            shown.remove(name)
+    table = Table(box=None, pad_edge=False, collapse_padding=True)
+    table.add_column("pair", overflow="fold")
+    table.add_column("role", no_wrap=True)
+    table.add_column("", no_wrap=True)
+    for name in shown:
+        table.add_column(name, justify="right", no_wrap=True)
+    for pair, row in zip(pairs, rows, strict=True):
+        verdict = Text("kept", "green") if pair.kept else Text("rejected", "red")
+        table.add_row(Text(_label(pair, names)), pair.role, verdict, *(row[name] for name in shown))
+    return table
+
+
+def _label(pair: "Pair", names: Sequence[str]) -> str:
+    return printable(f"{names[pair.i]} - {names[pair.j]}").replace("\n", "\\n")
+
+
+def _numbers(pair: "Pair") -> dict[str, str]:
+    """A pair's row of the table; empty where it could not be registered."""
+    if pair.registration is None:
+        return dict.fromkeys(_NUMBERS, "")
+    registration, T = pair.registration, pair.registration.T_target_source
+    return {
+        "peak": f"{registration.psr:.0f}" if math.isfinite(registration.psr) else "",
+        "overlap": f"{registration.overlap:.0%}",
+        "yaw": f"{T.rotation.as_euler('ZYX', degrees=True)[0]:+.1f}°",
+        "distance": f"{float((T.translation**2).sum() ** 0.5):.2f} m",
+        "sigmas": f"{pair.residual:.1f}" if math.isfinite(pair.residual) else "",
+        "seconds": f"{registration.seconds:.2f}",
+    }

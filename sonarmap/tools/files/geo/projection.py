@@ -1,0 +1,219 @@
+# pyright: strict, reportMissingTypeStubs=false, reportUnknownMemberType=false
+# pyright: reportUnknownVariableType=false, reportUnknownArgumentType=false
+"""A projected coordinate reference system for a map: every point is projected by itself.
+
+Shifting the points of a map by the origin's easting and northing is not enough: grid North is not true North (2.6
+degrees at 60 degrees north at the edge of a UTM zone, 22 m after 500 m), and the grid's scale is not 1.
+"""
+
+from dataclasses import dataclass
+from functools import cached_property
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+from sonarmap.kernels.errors import InputError
+from sonarmap.tools.files.geo.georeference import Georeference
+
+if TYPE_CHECKING:
+    from pyproj import CRS, Transformer
+
+WGS84 = 4326
+_NORTH, _SOUTH = 32600, 32700  # EPSG codes of UTM zone 0
+_POLES = {True: 5041, False: 5042}  # UPS, easting first
+_HIGHEST, _LOWEST = 84.0, -80.0  # latitudes that UTM covers [deg]
+# What heights count from, as a vertical CRS of EPSG; the water's surface has none.
+_VERTICAL_EPSG = {"MSL": 5714, "EGM96": 5773, "EGM2008": 3855}
+_ELLIPSOID_NAME = "Ellipsoid (metre)"
+_ELLIPSOID_WKT = (
+    f'VERT_CS["{_ELLIPSOID_NAME}",VERT_DATUM["Ellipsoid",2002],UNIT["metre",1,AUTHORITY["EPSG","9001"]],AXIS["Up",UP]]'
+)
+_ABOUT = 0.01  # degrees about a map's origin, where a transformation is looked for
+
+
+@dataclass(frozen=True)  # without slots: the transformer is kept
+class Projection:
+    """The CRS of one map.
+
+    Attributes:
+        crs: horizontal, projected, with axes in meters.
+        vertical: what heights count from: a name of `tools.files.geo.georeference.VERTICALS`.
+    """
+
+    crs: "CRS"
+    vertical: str
+
+    @classmethod
+    def of(cls, georeference: Georeference, crs: str | None = None) -> "Projection":
+        """The UTM zone of the map's origin (UPS near the poles), or the CRS of this name, such as EPSG:25832.
+
+        Raises:
+            InputError: no such CRS, or one that is not projected in meters.
+        """
+        from pyproj import CRS
+        from pyproj.exceptions import CRSError
+
+        if crs is None:
+            return cls(CRS.from_epsg(utm_epsg(georeference.latitude, georeference.longitude)), georeference.vertical)
+        try:
+            wanted = CRS.from_user_input(crs)
+        except CRSError as error:
+            raise InputError(
+                f"--crs is {crs!r}, which PROJ does not know ({error}); wanted one as EPSG:32632"
+            ) from error
+        units = {axis.unit_name for axis in wanted.axis_info}
+        westward = any(axis.direction == "west" for axis in wanted.axis_info)
+        if not wanted.is_projected or units != {"metre"} or len(wanted.axis_info) != 2 or westward:
+            raise InputError(
+                f"--crs {crs} is {wanted.name}, {wanted.type_name} in {', '.join(sorted(units))}"
+                f"{' to the West' if westward else ''}; wanted a projected one in meters to the East and North, "
+                "without heights, as EPSG:32632"
+            )
+        _require_exact(wanted, crs, georeference)
+        return cls(wanted, georeference.vertical)
+
+    @property
+    def name(self) -> str:
+        """As EPSG:32632, or in words where it has no code."""
+        authority = self.crs.to_authority()
+        return ":".join(authority) if authority else self.crs.name
+
+    @cached_property
+    def crs_with_heights(self) -> "CRS":
+        """The same with the vertical reference, where that is one that EPSG knows."""
+        from pyproj import CRS
+        from pyproj.crs import CompoundCRS
+
+        if self.vertical == "ellipsoid":
+            return self.crs.to_3d()
+        if self.vertical_epsg is None:
+            return self.crs
+        height = CRS.from_epsg(self.vertical_epsg)
+        return CompoundCRS(f"{self.crs.name} + {height.name}", [self.crs, height])
+
+    @cached_property
+    def old_wkt(self) -> str:
+        """WKT 1 of `crs_with_heights`, as LAS 1.4 wants it and every program reads it."""
+        from pyproj.enums import WktVersion
+
+        if self.vertical != "ellipsoid":
+            return self.crs_with_heights.to_wkt(WktVersion.WKT1_GDAL)
+        # WKT 1 has no CRS of three dimensions; this is how GDAL and PROJ write and read one
+        flat = self.crs.to_wkt(WktVersion.WKT1_GDAL)
+        return f'COMPD_CS["{self.crs.name} + {_ELLIPSOID_NAME}",{flat},{_ELLIPSOID_WKT}]'
+
+    @property
+    def vertical_epsg(self) -> int | None:
+        """Of the heights' CRS; None for the water's surface, which has none, and the ellipsoid, which needs none."""
+        return _VERTICAL_EPSG.get(self.vertical)
+
+    def project(self, geodetic: np.ndarray) -> np.ndarray:
+        """(N, 3) float64 easting, northing, height [m] of (N, 3) latitude, longitude [deg], height [m].
+
+        Raises:
+            InputError: a place that this CRS does not cover.
+        """
+        latitude, longitude, height = np.asarray(geodetic, np.float64).T
+        easting, northing = self._transformer.transform(longitude, latitude)
+        projected = np.column_stack([easting, northing, height])
+        if not np.isfinite(projected).all():
+            raise InputError(f"{self.name} ({self.crs.name}) does not cover the map; choose another --crs")
+        return projected
+
+    def unproject(self, projected: np.ndarray) -> np.ndarray:
+        """(N, 3) float64 latitude, longitude [deg], height [m] of (N, 3) easting, northing, height [m].
+
+        Raises:
+            InputError: numbers that are no place in this CRS.
+        """
+        easting, northing, height = np.asarray(projected, np.float64).T
+        longitude, latitude = self._transformer.transform(easting, northing, direction="INVERSE")
+        geodetic = np.column_stack([latitude, longitude, height])
+        if not np.isfinite(geodetic).all():
+            raise InputError(f"an easting or northing is no place in {self.name} ({self.crs.name})")
+        return geodetic
+
+    def convergence(self, geodetic: np.ndarray) -> np.ndarray:
+        """(N,) float64 grid convergence [deg] at places (N, 3): a true bearing is the grid bearing plus this."""
+        from pyproj import Proj
+
+        latitude, longitude, _ = np.asarray(geodetic, np.float64).T
+        return np.asarray(Proj(self.crs).get_factors(longitude, latitude).meridian_convergence, np.float64)
+
+    def crosses_zone(self, geodetic: np.ndarray) -> bool:
+        """Whether some of the places (N, 3) lie in another UTM zone than the map's."""
+        latitude, longitude, _ = np.asarray(geodetic, np.float64).T
+        corners = {
+            utm_epsg(lat, lon)
+            for lat in (float(latitude.min()), float(latitude.max()))
+            for lon in (float(longitude.min()), float(longitude.max()))
+        }
+        # of any datum: EPSG:25832 is zone 32N too
+        zones = {f"{epsg % 100}{'N' if epsg < _SOUTH else 'S'}" for epsg in corners}
+        return self.crs.utm_zone is not None and zones != {self.crs.utm_zone}
+
+    def covers(self, geodetic: np.ndarray) -> bool:
+        """Whether all places (N, 3) lie in the area for which this CRS was made."""
+        area = self.crs.area_of_use
+        if area is None:
+            return True
+        latitude, longitude, _ = np.asarray(geodetic, np.float64).T
+        eastward = (longitude - area.west) % 360 <= (area.east - area.west) % 360
+        whole = area.east - area.west >= 360
+        return bool(((latitude >= area.south) & (latitude <= area.north) & (whole | eastward)).all())
+
+    @cached_property
+    def _transformer(self) -> "Transformer":
+        from pyproj import CRS, Transformer
+
+        # WGS84 and ETRS89 and the like are one up to a meter; a datum whose grid is missing is refused, not guessed
+        return Transformer.from_crs(
+            CRS.from_epsg(WGS84), self.crs, always_xy=True, allow_ballpark=False, only_best=True
+        )
+
+
+def _require_exact(crs: "CRS", name: str, georeference: Georeference) -> None:
+    """Refuse a CRS whose best transformation from WGS84 needs a grid that is not installed: the next best is off by
+    meters.
+
+    Raises:
+        InputError: naming the grid.
+    """
+    import warnings
+
+    from pyproj.transformer import AreaOfInterest, TransformerGroup
+
+    latitude, longitude = georeference.latitude, georeference.longitude
+    about = AreaOfInterest(longitude - _ABOUT, latitude - _ABOUT, longitude + _ABOUT, latitude + _ABOUT)
+    with warnings.catch_warnings():
+        warnings.simplefilter("ignore")  # of the grid: it is said below
+        ways = TransformerGroup(WGS84, crs, always_xy=True, allow_ballpark=False, area_of_interest=about)
+    if ways.best_available and ways.transformers:
+        return
+    if not ways.transformers:
+        raise InputError(
+            f"--crs {name} ({crs.name}) has no known relation to WGS84 at {latitude:.4f}, {longitude:.4f}, where the "
+            "map would be; check the coordinates, or choose another"
+        )
+    grids = {grid.short_name for way in ways.unavailable_operations[:1] for grid in way.grids if not grid.available}
+    raise InputError(
+        f"--crs {name} ({crs.name}) needs PROJ's grid {', '.join(sorted(grids))}, which is not "
+        "installed; wanted a CRS that follows from WGS84 without one, as the UTM zone (leave --crs out), or install "
+        "the grid with `pyproj sync --file NAME`"
+    )
+
+
+def utm_epsg(latitude: float, longitude: float) -> int:
+    """The EPSG code of the UTM zone of a place [deg], or of UPS near the poles.
+
+    The zones are those of the Defense Mapping Agency's TM 8358.2 (1989), with its exceptions for southwestern Norway
+    and Svalbard.
+    """
+    if not _LOWEST <= latitude < _HIGHEST:
+        return _POLES[latitude > 0]
+    zone = int((longitude + 180) // 6) % 60 + 1
+    if 56 <= latitude < 64 and 3 <= longitude < 12:
+        zone = 32
+    if latitude >= 72 and 0 <= longitude < 42:
+        zone = 31 + 2 * int((longitude + 3) // 12)
+    return (_NORTH if latitude >= 0 else _SOUTH) + zone

@@ -1,0 +1,168 @@
+# pyright: strict, reportMissingTypeStubs=false, reportUnknownMemberType=false
+# pyright: reportUnknownVariableType=false, reportUnknownArgumentType=false
+"""The folder that `sonarmap map` wrote, read back for export."""
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+from scipy.spatial.transform import RigidTransform
+
+from sonarmap.kernels.errors import InputError
+from sonarmap.slam.graph.trajectory import Trajectory
+from sonarmap.tools.files.geo.georeference import Georeference
+from sonarmap.tools.files.map_folder.names import FULL_GRAPH, SUMMARY
+from sonarmap.tools.files.readers.clouds.ply import read_ply_columns
+from sonarmap.tools.files.readers.json_file import read_json
+from sonarmap.tools.files.readers.poses.matrices import rigid_transform
+from sonarmap.tools.files.user_file import read_content
+
+COLUMNS = ("count", "seen", "sigma", "scan", "survey")  # that every map has
+
+
+@dataclass(frozen=True, slots=True)
+class MapPart:
+    """One map of the folder: scans that share a frame.
+
+    Attributes:
+        suffix: of its files' names: empty for the largest, then _2 and so on.
+        points: (M, 3) float64 [m], in the part's frame.
+        columns: {name: (M,)}, what else map.ply says of each point: COLUMNS, and perhaps intensity.
+        scans: which scans of the survey, ascending.
+        trajectory: their poses, T_world_sensor, and stamps [s].
+        covariances: (n, 6, 6) of these, rotation first [rad, m], body tangent.
+        in_world: whether instruments measured any of the frame, which is East-North-Up then.
+        unmeasured: names of `slam.graph.measured_poses.MEASURED` that they did not.
+    """
+
+    suffix: str
+    points: np.ndarray
+    columns: Mapping[str, np.ndarray]
+    scans: tuple[int, ...]
+    trajectory: Trajectory
+    covariances: np.ndarray
+    in_world: bool
+    unmeasured: tuple[str, ...] = ()
+
+    @property
+    def point_stamps(self) -> np.ndarray:
+        """(M,) float64 stamps [s] of the scans that the points are mostly from."""
+        return self.trajectory.stamps[np.searchsorted(self.scans, self.columns["scan"])]
+
+    def knows(self, what: str) -> bool:
+        """Whether instruments measured this name of `MEASURED`, so that the frame has it right."""
+        return self.in_world and what not in self.unmeasured
+
+    @property
+    def placed(self) -> bool:
+        """Whether instruments tell where the frame is and which way it points."""
+        return self.in_world and not self.unmeasured
+
+
+@dataclass(frozen=True, slots=True)
+class Loop:
+    """A loop that was tried between two scans of the survey, and whether it was kept."""
+
+    target: int
+    source: int
+    kept: bool
+    reason: str
+
+
+@dataclass(frozen=True, slots=True)
+class MapFolder:
+    """A finished map.
+
+    Attributes:
+        path: of the folder.
+        names: of the N scans of the survey.
+        parts: the maps, largest first.
+        loops: every loop that was tried.
+        voxel: edge of a voxel of the maps [m].
+        summary: what summary.json says.
+        graph: what graph.json says.
+        georeference: where the frame of the parts that instruments placed, or else of the first part, lies on the
+            Earth; None where it is not known.
+    """
+
+    path: Path
+    names: tuple[str, ...]
+    parts: tuple[MapPart, ...]
+    loops: tuple[Loop, ...]
+    voxel: float
+    summary: Mapping[str, Any]
+    georeference: Georeference | None
+    graph: Mapping[str, Any]
+
+    def on_earth(self, part: MapPart) -> bool:
+        """Whether the part's place on the Earth is known."""
+        lone = part is self.parts[0] and not any(each.placed for each in self.parts)
+        return self.georeference is not None and (part.placed or lone)
+
+
+def read_map_folder(path: Path) -> MapFolder:
+    """The map in a folder.
+
+    Raises:
+        InputError: no folder that `sonarmap map` wrote, or files of it that are missing or damaged.
+    """
+    expected = "the folder that `sonarmap map` wrote"
+    if not path.is_dir():
+        raise InputError(f"{path} is no folder; wanted {expected}")
+    summary, graph = (read_json(path / name, f"a file of {expected}") for name in (SUMMARY, FULL_GRAPH))
+    try:
+        poses = graph["poses"]
+        T = RigidTransform.concatenate([rigid_transform(pose["T_world_sensor"], "a pose") for pose in poses])
+        stamps = np.array([pose["stamp"] for pose in poses], dtype=np.float64)
+        everything = Trajectory(stamps, T)
+        covariances = np.array([pose["covariance"] for pose in poses], dtype=np.float64).reshape(-1, 6, 6)
+        rows = summary["components"]
+        parts = []
+        for number, row in enumerate(rows, 1):
+            suffix = "" if number == 1 else f"_{number}"
+            scans = tuple(int(scan) for scan in row["scans"])
+            points, columns = _points(path / f"map{suffix}.ply", scans)
+            in_world = bool(poses[scans[0]]["in_world"])
+            trajectory, own = everything.take(scans), covariances[list(scans)]
+            unmeasured = tuple(str(name) for name in row["unmeasured"])
+            parts.append(MapPart(suffix, points, columns, scans, trajectory, own, in_world, unmeasured))
+        where = summary.get("georeference")
+        return MapFolder(
+            path=path,
+            names=tuple(str(pose["name"]) for pose in poses),
+            parts=tuple(parts),
+            loops=tuple(_loop(pair) for pair in graph["pairs"] if pair["role"] == "loop"),
+            voxel=float(rows[0]["map"]["voxel_m"]),
+            summary=summary,
+            georeference=None if where is None else Georeference.of_json(where),
+            graph=graph,
+        )
+    except (ValueError, LookupError, TypeError) as error:
+        raise InputError(f"{path / SUMMARY} and {FULL_GRAPH} do not go together ({error}); map again") from error
+
+
+def _points(path: Path, scans: Sequence[int]) -> tuple[np.ndarray, dict[str, np.ndarray]]:
+    """The points and columns of a map of these scans."""
+    content = read_content(path)
+    try:
+        columns = read_ply_columns(content)
+        points = np.column_stack([columns.pop(axis).astype(np.float64) for axis in "xyz"])
+    except KeyError as error:
+        raise InputError(f"{path} has no column {error}; wanted a map that `sonarmap map` wrote") from error
+    except InputError as error:
+        raise InputError(f"{path}: {error}") from error
+    if missing := [name for name in COLUMNS if name not in columns]:
+        raise InputError(f"{path} has no column {missing[0]!r}; wanted a map that `sonarmap map` wrote")
+    usable = np.isfinite(points).all() and np.isin(columns["scan"], scans).all()
+    if not (usable and all((columns[name] >= 0).all() for name in COLUMNS)):  # NaN is not
+        raise InputError(
+            f"{path} holds points that are not finite, scans that the map does not have, or negative counts; it is "
+            "damaged: map again"
+        )
+    return points, columns
+
+
+def _loop(pair: Mapping[str, Any]) -> Loop:
+    return Loop(int(pair["target"]), int(pair["source"]), bool(pair["kept"]), str(pair["reason"]))

@@ -1,0 +1,127 @@
+"""Reads `pairs.csv`, the table of a map's pairs."""
+
+import math
+from collections.abc import Mapping
+from dataclasses import dataclass
+from pathlib import Path
+from typing import get_args
+
+import numpy as np
+from scipy.spatial.transform import RigidTransform, Rotation
+
+from sonarmap.kernels.errors import InputError
+from sonarmap.slam.pair import Role
+from sonarmap.tools.files.readers.csv_table import CsvTable, read_csv_table
+from sonarmap.tools.files.readers.limits import LARGEST
+
+CHAIN = "sequential"  # the role of consecutive scans; pairs of any other role are loops
+POSE_COLUMNS = ("x_m", "y_m", "z_m", "roll_deg", "pitch_deg", "yaw_deg")  # of T_target_source; empty where it failed
+ANSWERS = {"yes": True, "no": False}
+_COLUMNS = ("target", "source", "role", "kept", *POSE_COLUMNS)
+_MOST_DEGREES = 180.0
+
+
+@dataclass(frozen=True, slots=True)
+class TriedPair:
+    """A pair that was registered, and what became of it.
+
+    Attributes:
+        target, source: indices of its scans.
+        role: what it was for, CHAIN or any other.
+        kept: whether the estimate uses it.
+        T_target_source: the registration's transform; None where it failed.
+    """
+
+    target: int
+    source: int
+    role: str
+    kept: bool
+    T_target_source: RigidTransform | None
+
+
+def read_pairs(path: Path, scans: int) -> tuple[TriedPair, ...]:
+    """The pairs of a table; columns that an evaluation does not need are ignored.
+
+    Args:
+        path: of the file.
+        scans: how many the survey has.
+
+    Raises:
+        InputError: the file cannot be read; or a column is missing, or a cell cannot be used, naming the line.
+    """
+    table = read_csv_table(path)
+    columns = _columns(path, table)
+    table.require_even(path)
+    read: list[tuple[int, int, str, bool]] = []
+    poses = np.empty((len(table.rows), len(POSE_COLUMNS)))
+    for k, row in enumerate(table.rows):
+        cells = {name: row.cells[column] for name, column in columns.items()}
+        try:
+            read.append((_scan(cells, "target", scans), _scan(cells, "source", scans), _role(cells), _kept(cells)))
+            poses[k] = _pose(cells)
+        except InputError as error:
+            raise InputError(f"{path}: line {row.line}: {error}; fix that line, or map again") from error
+    known = ~np.isnan(poses[:, 0])
+    transforms = iter(_transforms(poses[known]))
+    return tuple(
+        TriedPair(*pair, next(transforms) if registered else None)
+        for pair, registered in zip(read, known.tolist(), strict=True)
+    )
+
+
+def _columns(path: Path, table: CsvTable) -> dict[str, int]:
+    """Where the columns are that are needed."""
+    heading = table.heading.cells
+    for name in _COLUMNS:
+        if heading.count(name) != 1:
+            raise InputError(
+                f"{path}: line {table.heading.line}: the column {name} is there {heading.count(name)} times; wanted "
+                f"the columns {', '.join(_COLUMNS)} once each, as `sonarmap map` writes them"
+            )
+    return {name: heading.index(name) for name in _COLUMNS}
+
+
+def _scan(cells: Mapping[str, str], column: str, scans: int) -> int:
+    cell = cells[column]
+    if not (cell.isascii() and cell.isdigit() and len(cell) < 10 and int(cell) < scans):
+        raise InputError(f"{column} is {cell[:40]!r}; wanted the number of a scan, 0 to {scans - 1}")
+    return int(cell)
+
+
+def _role(cells: Mapping[str, str]) -> str:
+    if cells["role"] not in get_args(Role):
+        raise InputError(f"role is {cells['role'][:40]!r}; wanted one of {', '.join(get_args(Role))}")
+    return cells["role"]
+
+
+def _kept(cells: Mapping[str, str]) -> bool:
+    if cells["kept"] not in ANSWERS:
+        raise InputError(f"kept is {cells['kept'][:40]!r}; wanted {' or '.join(ANSWERS)}")
+    return ANSWERS[cells["kept"]]
+
+
+def _pose(cells: Mapping[str, str]) -> list[float]:
+    """The numbers of POSE_COLUMNS; NaN, all of them, where all cells are empty."""
+    if not any(cells[column] for column in POSE_COLUMNS):
+        return [math.nan] * len(POSE_COLUMNS)
+    return [_number(cells, column) for column in POSE_COLUMNS]
+
+
+def _number(cells: Mapping[str, str], column: str) -> float:
+    largest = _MOST_DEGREES if column.endswith("deg") else LARGEST
+    try:
+        number = float(cells[column]) if "_" not in cells[column] else math.nan
+    except ValueError:
+        number = math.nan
+    if not abs(number) <= largest:
+        raise InputError(
+            f"{column} is {cells[column][:40]!r}; wanted a number within {largest:g}, or all of "
+            f"{', '.join(POSE_COLUMNS)} empty"
+        )
+    return number
+
+
+def _transforms(poses: np.ndarray) -> RigidTransform:
+    """T_target_source of (N, 6) numbers of POSE_COLUMNS."""
+    yaw_pitch_roll = poses[:, :2:-1]
+    return RigidTransform.from_components(poses[:, :3], Rotation.from_euler("ZYX", yaw_pitch_roll, degrees=True))

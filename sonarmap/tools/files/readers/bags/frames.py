@@ -1,0 +1,148 @@
+"""The frames of a recording: from a sensor's frame to the vehicle's, by tf_static or by the frame's name (REP-103)."""
+
+from collections import deque
+from collections.abc import Iterator, Sequence
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+from scipy.spatial.transform import RigidTransform, Rotation
+
+from sonarmap.kernels.errors import InputError
+from sonarmap.tools.files.readers.bags.decode import TRANSFORMS, decode
+from sonarmap.tools.files.readers.bags.recording import Recording, refused
+from sonarmap.tools.files.readers.limits import LARGEST
+
+BASE = "base_link"
+# By the suffix of a frame's name: to x forward, y left, z up. Optical frames have x right, y down, z forward.
+_OPTICAL = Rotation.from_matrix([[0, 0, 1], [-1, 0, 0], [0, -1, 0]])
+_DOWN = Rotation.from_matrix(np.diag([1, -1, -1]))
+R_FLU = {"_optical_frame": _OPTICAL, "_optical": _OPTICAL, "_frd": _DOWN, "_ned": _DOWN}
+
+
+@dataclass(frozen=True, slots=True)
+class Link:
+    """A transform of tf.
+
+    Attributes:
+        parent, child: the frames that it relates.
+        stamp: its time [ns].
+        numbers: T_parent_child as x, y, z [m] and the quaternion x, y, z, w.
+        fixed: whether it is of tf_static.
+    """
+
+    parent: str
+    child: str
+    stamp: int
+    numbers: tuple[float, ...]
+    fixed: bool
+
+    def T_parent_child(self) -> RigidTransform:
+        """The transform.
+
+        Raises:
+            InputError: its numbers are no rigid transform.
+        """
+        return rigid([self.numbers], f"the transform {self.parent} to {self.child}")[0]
+
+
+def numbers_of(place: Any, turn: Any) -> tuple[float, ...]:
+    """A message's x, y, z and quaternion."""
+    return place.x, place.y, place.z, turn.x, turn.y, turn.z, turn.w
+
+
+def rigid(rows: Sequence[tuple[float, ...]], what: str) -> RigidTransform:
+    """A stack of transforms from x, y, z and quaternions.
+
+    Raises:
+        InputError: naming `what` and the number of the first whose numbers are not finite, or no quaternion.
+    """
+    numbers = np.array(rows, np.float64)
+    length = np.linalg.norm(np.clip(numbers[:, 3:], -2, 2), axis=1)  # beyond it is none, and its square overflows
+    good = (np.abs(numbers[:, :3]) <= LARGEST).all(axis=1) & (length > 0.5) & (length < 2)
+    if not good.all():
+        bad = int(np.argmin(good))
+        shown = " ".join(f"{number:g}" for number in numbers[bad])
+        raise InputError(f"{what} (number {bad}) is {shown}; wanted meters and a unit quaternion: record it again")
+    return RigidTransform.from_components(numbers[:, :3], Rotation.from_quat(numbers[:, 3:]))
+
+
+def links(recording: Recording, last_name: str, faults: list[str]) -> Iterator[Link]:
+    """All transforms of the topics of tf whose names end so: tf_static, or tf."""
+    names = [topic.name for topic in recording.of_kinds((TRANSFORMS,)) if topic.name.split("/")[-1] == last_name]
+    if not names:
+        return
+    for message in recording.messages(names, faults):
+        try:
+            with refused("its transforms contradict each other"):
+                for stamped in decode(message).transforms:
+                    stamp = stamped.header.stamp.sec * 10**9 + stamped.header.stamp.nanosec
+                    parent, child = stamped.header.frame_id.lstrip("/"), stamped.child_frame_id.lstrip("/")
+                    numbers = numbers_of(stamped.transform.translation, stamped.transform.rotation)
+                    yield Link(parent, child, stamp, numbers, fixed=last_name == "tf_static")
+        except InputError as error:
+            faults.append(f"{message.topic}: {error}")
+
+
+def is_named(frame: str, name: str) -> bool:
+    """Whether a frame has this name, in whatever namespace: rov/base_link is base_link."""
+    return frame.split("/")[-1] == name
+
+
+class Frames:
+    """Where sensors are mounted, as a recording's tf_static says.
+
+    Attributes:
+        notes: what was done about each frame that was asked for, and what of tf_static is damaged, in words.
+    """
+
+    def __init__(self, recording: Recording) -> None:
+        self.notes: list[str] = []
+        self._links = {(link.child, link.parent): link for link in links(recording, "tf_static", self.notes)}
+        self._known: dict[str, RigidTransform] = {}
+
+    def T_base(self, frame: str) -> RigidTransform:
+        """T_base_frame to base_link where tf_static has it, else to the same frame with x forward, y left, z up.
+
+        Raises:
+            InputError: the transforms of tf_static between the two are damaged.
+        """
+        if frame not in self._known:
+            self._known[frame] = self._to_base(frame)
+        return self._known[frame]
+
+    def _to_base(self, frame: str) -> RigidTransform:
+        mounted = self._by_tf(frame)
+        if mounted is not None:
+            base, T = mounted
+            if base != frame:
+                yaw, pitch, roll = T.rotation.as_euler("ZYX", degrees=True)
+                x, y, z = T.translation
+                self.notes.append(
+                    f"points are in {base}, by tf_static: {frame} is there at {x:.3f}, {y:.3f}, {z:.3f} m, with roll "
+                    f"{roll:.2f}, pitch {pitch:.2f}, yaw {yaw:.2f} degrees"
+                )
+            return T
+        for suffix, turn in R_FLU.items():
+            if frame.endswith(suffix):
+                self.notes.append(f"points in {frame} are turned to x forward, y left, z up, as its name {suffix} says")
+                return RigidTransform.from_rotation(turn)
+        return RigidTransform.identity()
+
+    def _by_tf(self, frame: str) -> tuple[str, RigidTransform] | None:
+        """The nearest frame that is called base_link, and T_base_frame."""
+        neighbors: dict[str, list[tuple[str, Link, bool]]] = {}
+        for link in self._links.values():
+            neighbors.setdefault(link.child, []).append((link.parent, link, True))
+            neighbors.setdefault(link.parent, []).append((link.child, link, False))
+        waiting, seen = deque([(frame, RigidTransform.identity())]), {frame}
+        while waiting:
+            here, T_here_frame = waiting.popleft()
+            if is_named(here, BASE):
+                return here, T_here_frame
+            for there, link, up in neighbors.get(here, []):
+                if there not in seen:
+                    seen.add(there)
+                    T_there_here = link.T_parent_child() if up else link.T_parent_child().inv()
+                    waiting.append((there, T_there_here * T_here_frame))
+        return None

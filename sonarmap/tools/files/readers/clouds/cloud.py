@@ -1,0 +1,159 @@
+"""The content of a point cloud file, and the scan of its usable points."""
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, field
+
+import numpy as np
+
+from sonarmap.kernels.errors import InputError
+from sonarmap.spectral.scan import PosePrior, Scan
+
+STRENGTH_NAMES = ("strength", "intensity", "amplitude", "reflectivity", "i")
+VIEWPOINT_NAMES = ("vp_x", "vp_y", "vp_z")  # as of PCL's PointWithViewpoint
+TIME_NAMES = ("gps_time", "gpstime", "timestamp", "time", "t")
+
+_LISTED = 300  # characters of names that a message lists
+
+# Sensors see hundreds of meters; beyond this it is a map coordinate, and float32 loses its centimeters.
+COORDINATE_LIMIT = 1e5
+POINT_BYTES = 3 * 8  # of a point while it is checked
+
+
+@dataclass(frozen=True, slots=True)
+class Cloud:
+    """One cloud as its file holds it, not yet checked.
+
+    Attributes:
+        points: (N, 3), integer or floating [m], x forward, y left, z up; NaN and inf allowed.
+        strength: (N,), integer or floating, linear, or None.
+        stamp: time [s, UTC], or None where the file carries none.
+        notes: what the user should know about this cloud, in words.
+        viewpoints: (N, 3), where the sensor was when it saw each point [m], in the points' frame, or None.
+        times: (N,), when each point was seen [s], or None.
+        prior: what the sensor's own instruments say about its pose, or None.
+        sound_speed: with which the sensor computed its ranges [m/s], or None.
+    """
+
+    points: np.ndarray
+    strength: np.ndarray | None = None
+    stamp: float | None = None
+    notes: tuple[str, ...] = field(default=())
+    viewpoints: np.ndarray | None = None
+    times: np.ndarray | None = None
+    prior: PosePrior | None = None
+    sound_speed: float | None = None
+
+
+def column_roles(names: Sequence[str]) -> dict[str, int]:
+    """Which columns are x, y, z and, where there are such, strength, vp_x, vp_y, vp_z and time: {role: index}.
+
+    Upper and lower case are the same, and CloudCompare's prefix `scalar_` is ignored.
+
+    Raises:
+        InputError: when a coordinate, of the points or of the viewpoints, has no column.
+    """
+    plain = [name.lower().removeprefix("scalar_") for name in names]
+    missing = [axis for axis in "xyz" if axis not in plain]
+    if missing:
+        raise InputError(
+            f"no column {', '.join(missing)} among the columns {_listed(names)}; name the coordinates x, y and z"
+        )
+    roles = {axis: plain.index(axis) for axis in "xyz"}
+    seen_from = [name for name in VIEWPOINT_NAMES if name in plain]
+    if 0 < len(seen_from) < 3:
+        raise InputError(
+            f"of the columns {', '.join(VIEWPOINT_NAMES)} there is only {' and '.join(seen_from)}; a viewpoint needs "
+            "all three, or leave them out"
+        )
+    roles |= {name: plain.index(name) for name in seen_from}
+    for role, known in (("strength", STRENGTH_NAMES), ("time", TIME_NAMES)):
+        name = next((name for name in known if name in plain), None)
+        roles |= {} if name is None else {role: plain.index(name)}
+    return roles
+
+
+def _listed(names: Sequence[str]) -> str:
+    text = ", ".join(names) or "(none)"
+    return text if len(text) <= _LISTED else f"{text[:_LISTED]}..."
+
+
+def cloud_of_columns(columns: Mapping[str, np.ndarray], notes: Sequence[str] = ()) -> Cloud:
+    """The cloud of columns as `column_roles` calls them, each (N,), whatever else there is."""
+    with np.errstate(invalid="ignore"):  # a signaling NaN is dropped later like any other
+        points = np.stack([columns[axis] for axis in "xyz"], axis=1)
+    viewpoints = None
+    if VIEWPOINT_NAMES[0] in columns:
+        viewpoints = np.stack([columns[name] for name in VIEWPOINT_NAMES], axis=1)
+    return Cloud(points, columns.get("strength"), notes=tuple(notes), viewpoints=viewpoints, times=columns.get("time"))
+
+
+def scan_of_cloud(cloud: Cloud, name: str, stamp: float) -> tuple[Scan, list[str]]:
+    """The usable points of `cloud` as a scan, and notes about what was dropped or corrected.
+
+    Points that are NaN or infinite are dropped; strengths that are negative, NaN or infinite become 0.
+
+    Raises:
+        InputError: no point at all, none of them finite, one further than COORDINATE_LIMIT off, or one whose viewpoint
+            is, or is not finite.
+    """
+    notes = list(cloud.notes)
+    total = len(cloud.points)
+    if total == 0:
+        raise InputError("no points in it; give a scan with at least one finite point")
+    with np.errstate(invalid="ignore"):
+        points = cloud.points.astype(np.float64)
+    finite = np.isfinite(points)
+    finite = np.ones(total, bool) if finite.all() else finite.all(axis=1)  # a look at each row takes ten times as long
+    dropped = total - int(finite.sum())
+    if dropped == total:
+        raise InputError(f"all of its {total:,} points are NaN or infinite; nothing is left to register")
+    if dropped:
+        notes.append(f"dropped {dropped:,} of {total:,} points that are NaN or infinite")
+        points = points[finite]
+    refuse_map_coordinates(points)
+    strength = None
+    if cloud.strength is not None:
+        strength, corrected = _usable_strength(cloud.strength[finite])
+        if corrected:
+            notes.append(f"set {corrected:,} of {len(strength):,} strengths that are negative or not finite to 0")
+    viewpoints = None if cloud.viewpoints is None else _usable_viewpoints(cloud.viewpoints[finite])
+    return Scan(points.astype(np.float32), strength, stamp, cloud.prior, name, viewpoints), notes
+
+
+def refuse_map_coordinates(points: np.ndarray, what: str = "points") -> None:
+    """Refuse finite points (N, 3) [m], N >= 1, of which one lies further than COORDINATE_LIMIT off.
+
+    Raises:
+        InputError: how many do.
+    """
+    largest = np.abs(points).max()
+    if largest > COORDINATE_LIMIT:
+        far = int((np.abs(points) > COORDINATE_LIMIT).any(axis=1).sum())
+        raise InputError(
+            f"{far:,} of {len(points):,} {what} lie beyond {COORDINATE_LIMIT / 1000:g} km "
+            f"(largest coordinate {largest:.6g} m): these look like map coordinates (UTM and "
+            "the like) or another unit; give scans in meters in the sensor's own frame: subtract the sensor's "
+            "position from the points of each scan"
+        )
+
+
+def _usable_viewpoints(viewpoints: np.ndarray) -> np.ndarray:
+    """(N, 3) float32."""
+    with np.errstate(invalid="ignore"):
+        places = viewpoints.astype(np.float64)
+    bad = int((~np.isfinite(places).all(axis=1)).sum())
+    if bad:
+        raise InputError(
+            f"the viewpoints of {bad:,} of {len(places):,} points are NaN or infinite; give every point one, or leave "
+            f"{', '.join(VIEWPOINT_NAMES)} out"
+        )
+    refuse_map_coordinates(places, "viewpoints")
+    return places.astype(np.float32)
+
+
+def _usable_strength(strength: np.ndarray) -> tuple[np.ndarray, int]:
+    """(N,) float32 >= 0, and how many values had to be set to 0."""
+    with np.errstate(invalid="ignore"):
+        linear = strength.astype(np.float64)
+    good = (linear >= 0) & (linear <= np.finfo(np.float32).max)
+    return np.where(good, linear, 0.0).astype(np.float32), len(linear) - int(good.sum())

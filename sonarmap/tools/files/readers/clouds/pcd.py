@@ -1,0 +1,222 @@
+"""PCD of the Point Cloud Library: ascii, binary and binary_compressed, read strictly.
+
+Format: https://pointclouds.org/documentation/tutorials/pcd_file_format.html
+"""
+
+import re
+import struct
+from dataclasses import dataclass, replace
+from itertools import accumulate
+from math import prod
+
+import lzf
+import numpy as np
+
+from sonarmap.kernels.errors import InputError
+from sonarmap.tools.files.memory import require_memory
+from sonarmap.tools.files.readers.clouds.cloud import Cloud, cloud_of_columns, column_roles
+from sonarmap.tools.files.readers.clouds.rows import (
+    parse_rows,
+    require_bytes,
+    shown,
+    surplus_note,
+    unpack_records,
+    whole_lines,
+)
+from sonarmap.tools.files.readers.limits import LARGEST
+
+_HEADER = re.compile(rb"\A(.*?)^DATA[ \t]+(ascii|binary|binary_compressed)[ \t]*\r?\n", re.DOTALL | re.MULTILINE)
+_HEADER_LIMIT = 1 << 20
+_ORIGIN = "# origin of x, y, z [m]:"  # as tools/files/writers/pcd.py has it
+_VIEWPOINT_NOTE = (
+    "the line VIEWPOINT is taken as the sensor's place in the frame of the points; where the points are in the "
+    "sensor's own frame, set it to 0 0 0 1 0 0 0"
+)
+_SIZES = {"F": (4, 8), "I": (1, 2, 4, 8), "U": (1, 2, 4, 8)}
+_LZF_RATIO = 88  # LZF never shrinks further: 264 bytes that repeat others cost it three
+
+
+@dataclass(frozen=True, slots=True)
+class _Header:
+    """One entry of names, dtypes and counts per field; `points` of them; the origin (3,) to add to them, and where the
+    sensor was, (3,) float64 [m]."""
+
+    names: list[str]
+    dtypes: list[str]
+    counts: list[int]
+    points: int
+    lines: int
+    origin: list[float]
+    viewpoint: np.ndarray
+
+    @property
+    def sizes(self) -> list[int]:
+        """Bytes of each field in one point."""
+        return [int(dtype[-1]) * count for dtype, count in zip(self.dtypes, self.counts, strict=True)]
+
+
+def read_pcd(content: bytes) -> list[Cloud]:
+    """The points of a PCD file.
+
+    Raises:
+        InputError: anything that is not a whole, well-formed PCD file with fields x, y, z.
+    """
+    match = _HEADER.match(content[:_HEADER_LIMIT])
+    if match is None:
+        raise InputError(
+            "its PCD header has no line 'DATA ascii', 'DATA binary' or 'DATA binary_compressed': "
+            "the file is cut or damaged; write it again"
+        )
+    header = _parse_header(match[1])
+    roles = column_roles(header.names)
+    wide = [header.names[column] for column in roles.values() if header.counts[column] != 1]
+    if wide:
+        raise InputError(f"field {', '.join(wide)} has more than one value per point (COUNT); wanted one")
+    if match[2] == b"ascii":
+        columns, surplus = _read_ascii(content[match.end() :], header, roles)
+    elif match[2] == b"binary":
+        columns, surplus = _read_binary(content, match.end(), header, roles)
+    else:
+        columns, surplus = _read_compressed(content, match.end(), header, roles)
+    if any(header.origin):
+        with np.errstate(invalid="ignore"):  # a signaling NaN is dropped later like any other
+            columns |= {
+                axis: columns[axis].astype(np.float64) + x for axis, x in zip("xyz", header.origin, strict=True)
+            }
+    cloud = cloud_of_columns(columns, surplus)
+    if cloud.viewpoints is None and header.viewpoint.any():
+        viewpoints = np.tile(header.viewpoint + header.origin, (len(cloud.points), 1))
+        cloud = replace(cloud, viewpoints=viewpoints, notes=(*cloud.notes, _VIEWPOINT_NOTE))
+    return [cloud]
+
+
+def _parse_header(text: bytes) -> _Header:
+    entries: dict[str, list[str]] = {}
+    origin = [0.0, 0.0, 0.0]
+    for line in text.decode("latin-1").split("\n"):
+        if line.startswith(_ORIGIN):
+            origin = _origin(line.removeprefix(_ORIGIN))
+        words = line.split()
+        if words and not words[0].startswith("#"):
+            entries[words[0].upper()] = words[1:]
+    missing = [name for name in ("FIELDS", "SIZE", "TYPE", "WIDTH", "HEIGHT") if not entries.get(name)]
+    if missing:
+        raise InputError(f"its PCD header has no {', '.join(missing)}; write the file again")
+    names = entries["FIELDS"]
+    ones = ["1"] * len(names)
+    sizes, kinds, counts = entries["SIZE"], entries["TYPE"], entries.get("COUNT", ones)
+    if not len(names) == len(sizes) == len(kinds) == len(counts):
+        raise InputError("FIELDS, SIZE, TYPE and COUNT of its PCD header differ in length; write the file again")
+    width, height = _count(entries, "WIDTH"), _count(entries, "HEIGHT")
+    points = _count(entries, "POINTS") if "POINTS" in entries else width * height
+    if points != width * height:
+        raise InputError(
+            f"its PCD header says POINTS {points} and WIDTH x HEIGHT {width} x {height}; write the file again"
+        )
+    return _Header(
+        names=names,
+        dtypes=[_dtype(kind, size) for kind, size in zip(kinds, sizes, strict=True)],
+        counts=[_positive(count, "COUNT") for count in counts],
+        points=points,
+        lines=text.count(b"\n") + 1,
+        origin=origin,
+        viewpoint=_viewpoint(entries.get("VIEWPOINT", [])),
+    )
+
+
+def _origin(text: str) -> list[float]:
+    try:
+        origin = [float(word) for word in text.split()]
+    except ValueError:
+        origin = []
+    if len(origin) != 3 or not all(abs(x) <= LARGEST for x in origin):  # NaN is refused too
+        raise InputError(f"its PCD header says {_ORIGIN[2:]} {shown(text.encode())}; wanted three numbers of meters")
+    return origin
+
+
+def _count(entries: dict[str, list[str]], name: str) -> int:
+    if len(entries[name]) != 1:
+        raise InputError(f"{name} of its PCD header has {len(entries[name])} values; wanted one")
+    return _positive(entries[name][0], name, least=0)
+
+
+def _positive(text: str, name: str, least: int = 1) -> int:
+    if re.fullmatch(r"\d{1,18}", text, re.ASCII) is None or int(text) < least:
+        raise InputError(f"its PCD header says {name} {shown(text.encode())}; wanted an integer >= {least}")
+    return int(text)
+
+
+def _dtype(kind: str, size: str) -> str:
+    if size not in {str(allowed) for allowed in _SIZES.get(kind, ())}:
+        raise InputError(
+            f"its PCD header says TYPE {shown(kind.encode())} of SIZE {shown(size.encode())}; "
+            "wanted F of 4 or 8, or I or U of 1, 2, 4 or 8"
+        )
+    return f"<{kind.lower()}{size}"
+
+
+def _viewpoint(words: list[str]) -> np.ndarray:
+    """(3,) where the sensor was: PCL's sensor_origin. How it was turned there does not matter."""
+    try:
+        numbers = np.array([float(word) for word in words or "0001000"])
+    except ValueError:
+        numbers = np.array([])
+    if len(numbers) != 7 or not np.isfinite(numbers).all():
+        raise InputError(
+            f"its PCD header says VIEWPOINT {shown(' '.join(words).encode())}; wanted a place and a quaternion, as in "
+            "0 0 0 1 0 0 0"
+        )
+    return numbers[:3]
+
+
+def _read_ascii(body: bytes, header: _Header, roles: dict[str, int]) -> tuple[dict[str, np.ndarray], list[str]]:
+    lines = whole_lines(body, header.lines + 1)
+    if len(lines) < header.points:
+        raise InputError(
+            f"the header promises {header.points:,} points and {len(lines):,} lines follow: "
+            "the file is cut or its header is wrong; write or copy it again"
+        )
+    rows = parse_rows(lines[: header.points], sum(header.counts))
+    starts = _starts(header.counts)
+    columns = {role: rows[:, starts[field]] for role, field in roles.items()}
+    return columns, surplus_note(len(lines) - header.points, "lines", "point")
+
+
+def _read_binary(
+    content: bytes, start: int, header: _Header, roles: dict[str, int]
+) -> tuple[dict[str, np.ndarray], list[str]]:
+    offsets, stride = _starts(header.sizes), sum(header.sizes)
+    layout = {role: (header.dtypes[field], offsets[field]) for role, field in roles.items()}
+    columns = unpack_records(content, start, header.points, stride, layout)
+    return columns, surplus_note(len(content) - start - header.points * stride, "bytes", "point")
+
+
+def _read_compressed(
+    content: bytes, start: int, header: _Header, roles: dict[str, int]
+) -> tuple[dict[str, np.ndarray], list[str]]:
+    """Two sizes, then LZF over the fields one after another, each for all points."""
+    require_bytes("two sizes", 8, len(content) - start)
+    packed, unpacked = struct.unpack_from("<II", content, start)
+    require_bytes("compressed points", packed, len(content) - start - 8)
+    needed = prod((header.points, sum(header.sizes)))
+    if unpacked != needed or unpacked > packed * _LZF_RATIO:
+        raise InputError(
+            f"the header promises {header.points:,} points, {needed:,} bytes, and the compressed block is "
+            f"{packed:,} bytes that claim to hold {unpacked:,}: the file is damaged; write or copy it again"
+        )
+    require_memory(f"a block that claims to hold {unpacked:,} bytes", unpacked, "thin its points out first")
+    try:
+        plain = lzf.decompress(content[start + 8 : start + 8 + packed], unpacked)
+    except ValueError as error:
+        raise InputError("its compressed points cannot be unpacked; write or copy the file again") from error
+    if plain is None or len(plain) != unpacked:
+        raise InputError("its compressed points unpack to another size; write or copy the file again")
+    starts = _starts([size * header.points for size in header.sizes])
+    columns = {
+        role: np.frombuffer(plain, header.dtypes[field], header.points, starts[field]) for role, field in roles.items()
+    }
+    return columns, surplus_note(len(content) - start - 8 - packed, "bytes", "point")
+
+
+def _starts(lengths: list[int]) -> list[int]:
+    return [0, *accumulate(lengths[:-1])]

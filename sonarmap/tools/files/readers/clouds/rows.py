@@ -1,0 +1,111 @@
+"""Numbers in rows: lines of text, and packed binary records."""
+
+from array import array
+from collections.abc import Iterable, Mapping
+
+import numpy as np
+
+from sonarmap.kernels.errors import InputError
+
+Line = tuple[int, bytes]  # its number in the file, from 1, and its content
+_LARGEST_RECORD = 1 << 20  # bytes of one point
+
+
+def whole_lines(text: bytes, first: int) -> list[Line]:
+    """The lines of `text` that are not blank, numbered from `first`.
+
+    Raises:
+        InputError: the last line has no line break: 3.1 could be a 3.14159 that was cut.
+    """
+    if text and not text.endswith((b"\n", b"\r")):
+        raise InputError(
+            "the last line does not end with a line break, so the file may have been cut within a number; "
+            "write it again, or add a line break at its end if it is whole"
+        )
+    return [(number, line) for number, line in enumerate(text.splitlines(), first) if line.strip()]
+
+
+def parse_rows(lines: Iterable[Line], columns: int, separator: bytes | None = None) -> np.ndarray:
+    """The numbers of `lines` as (N, columns) float64; `separator` None is any run of blanks.
+
+    Raises:
+        InputError: naming the line, where it has more or fewer columns, or something that is no number.
+    """
+    numbers = array("d")
+    for number, line in lines:
+        tokens = line.split(separator)
+        if len(tokens) != columns:
+            raise InputError(f"line {number} has {len(tokens)} columns; wanted {columns}; fix that line")
+        try:
+            numbers.extend(map(_number, tokens))
+        except ValueError as error:
+            raise InputError(f"line {number}: {error}; fix that line") from error
+    return np.frombuffer(numbers, np.float64).reshape(-1, columns)
+
+
+def is_number(token: bytes) -> bool:
+    """Whether `token` is a number as these files write it (NaN and inf are)."""
+    try:
+        _number(token)
+    except ValueError:
+        return False
+    return True
+
+
+def _number(token: bytes) -> float:
+    if b"_" in token:  # 1_000 is a number to Python, to nobody else
+        raise ValueError(f"{shown(token)} is not a number")
+    try:
+        return float(token)
+    except ValueError:
+        raise ValueError(f"{shown(token)} is not a number") from None
+
+
+def shown(token: bytes) -> str:
+    """A piece of a file, for a message."""
+    text = token[:40].decode("utf-8", "replace").strip()
+    return repr(text + "..." if len(token) > 40 else text)
+
+
+def unpack_records(
+    content: bytes, start: int, count: int, stride: int, columns: Mapping[str, tuple[str, int]]
+) -> dict[str, np.ndarray]:
+    """Columns of `count` packed records of `stride` bytes each, from byte `start` on: {name: (count,)}.
+
+    Args:
+        columns: {name: (dtype, offset of the column within a record)}.
+
+    Raises:
+        InputError: the content is shorter than that, or a record beyond any sense; nothing is allocated before this is
+            known.
+    """
+    if stride > _LARGEST_RECORD:
+        raise InputError(
+            f"the header promises points of {stride:,} bytes each; wanted at most {_LARGEST_RECORD:,}: it is damaged, "
+            "write or copy the file again"
+        )
+    require_bytes(f"{count:,} points of {stride} bytes", count * stride, len(content) - start)
+    layout = np.dtype(
+        {
+            "names": list(columns),
+            "formats": [dtype for dtype, _ in columns.values()],
+            "offsets": [offset for _, offset in columns.values()],
+            "itemsize": stride,
+        }
+    )
+    records = np.frombuffer(content, layout, count, start)
+    return {name: records[name] for name in columns}
+
+
+def require_bytes(what: str, needed: int, held: int) -> None:
+    """Refuse a header that promises more bytes than the file holds after it."""
+    if needed > held:
+        raise InputError(
+            f"the header promises {what}, {needed:,} bytes, but only {max(held, 0):,} bytes follow: "
+            "the file is cut or its header is wrong; write or copy it again"
+        )
+
+
+def surplus_note(count: int, what: str, last: str) -> list[str]:
+    """A note about `count` lines or bytes after the last point or element; none if there are none."""
+    return [f"ignored {count:,} {what} after the last {last}"] if count else []

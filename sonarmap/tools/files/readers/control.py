@@ -1,0 +1,232 @@
+# pyright: strict, reportMissingTypeStubs=false, reportUnknownMemberType=false
+# pyright: reportUnknownVariableType=false, reportUnknownArgumentType=false
+"""A file of control points: places in scans whose coordinates in the world are known."""
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+from pathlib import Path
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+from sonarmap.kernels.errors import InputError
+from sonarmap.slam.graph.control import ControlPoint, Use
+from sonarmap.spectral.scan import Scan
+from sonarmap.tools.files.readers.csv_table import CsvRow, read_csv_table
+from sonarmap.tools.files.readers.named_scan import named_scan
+from sonarmap.tools.files.readers.navigation.cells import degrees, number, refuse
+
+if TYPE_CHECKING:
+    from sonarmap.tools.files.geo.georeference import Georeference
+
+POINT = ("x_m", "y_m", "z_m")
+# East and North, one pair of these
+LOCAL, EARTH, GRID = ("east_m", "north_m"), ("lat_deg", "lon_deg"), ("easting_m", "northing_m")
+UP = ("up_m", "height_m", "depth_m")
+SIGMAS = ("sigma_m", "sigma_h_m", "sigma_v_m")
+USES: dict[str, Use] = {"control": "control", "check": "check"}
+COLUMNS = ("name", "scan", *POINT, *LOCAL, *EARTH, *GRID, *UP, *SIGMAS, "use")
+DEFAULT_SIGMA = 0.05  # [m]
+_LEAST_SIGMA, _LARGEST_SIGMA = 1e-4, 1e4
+_FARTHEST = 20_000.0  # [m] beyond which eastings and northings are a grid's
+_LARGEST = {"lat_deg": 90.0, "lon_deg": 180.0} | dict.fromkeys(GRID, 1e8)
+_MOST = 1000  # points; a survey has tens, and every estimate of the map weighs each of them
+_ROUNDED = 5  # decimals of the origin's degrees: a meter
+
+
+@dataclass(frozen=True, slots=True)
+class Control:
+    """What a file of control points says.
+
+    Attributes:
+        points: in the file's order, in the world of `georeference`, or of an origin that nobody told.
+        georeference: where the world's origin lies on the Earth; None where that is not known.
+        notes: what a user should know, in words.
+    """
+
+    points: tuple[ControlPoint, ...]
+    georeference: "Georeference | None"
+    notes: tuple[str, ...]
+
+
+def read_control(
+    path: Path, scans: Sequence[Scan], georeference: "Georeference | None" = None, crs: str | None = None
+) -> Control:
+    """The control points of a CSV file with the columns name, scan, POINT (in that scan's sensor frame), LOCAL, EARTH
+    or GRID, and one of UP; if need be SIGMAS [m] and `use`, control or check.
+
+    Args:
+        path: of the file. Lines that begin with # are comments.
+        scans: as the readers name them.
+        georeference: of the map so far; None where it is not known: then the first latitude and longitude are
+            it, rounded.
+        crs: of eastings and northings, as EPSG:25832.
+
+    Raises:
+        InputError: naming the file and the line: a column or cell that cannot be used, or two rows that contradict each
+            other; or that the map's x axis is not to be East.
+    """
+    if georeference is not None and georeference.heading != 90.0:
+        raise InputError(
+            "--origin-heading has no effect where control points place the map, whose x is East; leave it out"
+        )
+    table = read_csv_table(path)
+    heading = f"{path}: line {table.heading.line}"
+    columns, across, up = _columns(table.heading.cells, heading)
+    if (across == GRID) != (crs is not None):
+        raise InputError(
+            f"{heading}: easting_m and northing_m want to know of which grid: give --control-crs, as EPSG:25832"
+            if crs is None
+            else f"{heading}: --control-crs has no effect without the columns easting_m and northing_m; leave it out"
+        )
+    table.require_even(path)
+    if not table.rows:
+        raise InputError(f"{path} has no row below its heading; wanted a control point in each")
+    if len(table.rows) > _MOST:
+        raise InputError(f"{path} has {len(table.rows):,} control points; wanted at most {_MOST:,}; leave some out")
+    rows = [_Row.of(row, columns, scans, (*across, up), f"{path}: line {row.line}") for row in table.rows]
+    notes = list(table.notes)
+    try:
+        places, georeference = _local(np.array([row.place for row in rows]), across, up, georeference, crs, notes)
+    except InputError as error:
+        raise InputError(f"{path}: {error}") from error
+    _refuse_twins(path, rows)
+    points = tuple(
+        ControlPoint(row.name, row.scan, row.point, place, row.sigmas, row.use)
+        for row, place in zip(rows, places, strict=True)
+    )
+    return Control(points, georeference, tuple(notes))
+
+
+def _columns(cells: Sequence[str], where: str) -> tuple[dict[str, int], tuple[str, str], str]:
+    """The place of each column, which pair says East and North, and which column says Up."""
+    headings = [cell.lower() for cell in cells]
+    for k, heading in enumerate(headings):
+        if heading not in COLUMNS:
+            raise InputError(
+                f"{where}: there is a column {cells[k][:40]!r}; wanted of {', '.join(COLUMNS)}; rename or delete it"
+            )
+        if heading in headings[:k]:
+            raise InputError(f"{where}: there are two columns {heading}; delete one")
+    columns = {heading: k for k, heading in enumerate(headings)}
+    for name in ("name", "scan", *POINT):
+        if name not in columns:
+            raise InputError(f"{where}: there is no column {name}; add it")
+    pairs = [pair for pair in (LOCAL, EARTH, GRID) if set(pair).intersection(columns)]
+    if len(pairs) != 1 or not set(pairs[0]).issubset(columns):
+        raise InputError(
+            f"{where}: wanted both columns of one of these, and none of the others: "
+            f"{'; '.join(', '.join(pair) for pair in (LOCAL, EARTH, GRID))}"
+        )
+    ups = [name for name in UP if name in columns]
+    if len(ups) != 1:
+        raise InputError(f"{where}: wanted one of the columns {', '.join(UP)}, and there are {len(ups)}")
+    return columns, pairs[0], ups[0]
+
+
+@dataclass(frozen=True, slots=True)
+class _Row:
+    """A row as it stands: `place` is (3,) of the columns that say where the point is known to be."""
+
+    line: int
+    name: str
+    scan: int
+    point: np.ndarray
+    place: tuple[float, ...]
+    sigmas: np.ndarray
+    use: Use
+
+    @classmethod
+    def of(
+        cls, row: CsvRow, columns: Mapping[str, int], scans: Sequence[Scan], place: Sequence[str], where: str
+    ) -> "_Row":
+        cells = {name: row.cells[k] for name, k in columns.items()}
+        if not cells["name"]:
+            raise InputError(f"{where}: the point has no name; fix that line")
+        use = cells.get("use", "").lower() or "control"
+        known = USES.get(use)
+        if known is None:
+            raise refuse(where, "use", cells["use"], " or ".join(USES))
+        return cls(
+            row.line,
+            cells["name"],
+            named_scan(scans, cells["scan"], f"{where}: scan"),
+            np.array([_number(name, cells[name], where) for name in POINT]),
+            tuple(_number(name, cells[name], where) for name in place),
+            _sigmas(cells, where),
+            known,
+        )
+
+
+def _number(name: str, cell: str, where: str) -> float:
+    value = degrees(cell, name) if name in EARTH else number(cell)
+    largest = _LARGEST.get(name, _FARTHEST)
+    if abs(value) <= largest:
+        return value
+    wanted = f"degrees within {largest:g}" if name in EARTH else f"meters within {largest:g}"
+    if name in LOCAL and np.isfinite(value):
+        wanted += "; coordinates of a grid go into easting_m and northing_m, with --control-crs"
+    raise refuse(where, name, cell, wanted)
+
+
+def _sigmas(cells: Mapping[str, str], where: str) -> np.ndarray:
+    """(3,) along East, North and Up [m]."""
+    given = {name: _sigma(name, cells[name], where) for name in SIGMAS if cells.get(name)}
+    if "sigma_m" in given and len(given) > 1:
+        raise InputError(f"{where}: there are sigma_m and {SIGMAS[1]} or {SIGMAS[2]}; wanted one way; fix that line")
+    if len(given) == 1 and "sigma_m" not in given:
+        raise InputError(
+            f"{where}: {SIGMAS[1]} and {SIGMAS[2]} can only be used together, and one is empty; fix that line"
+        )
+    level, upright = (given.get(name, given.get("sigma_m", DEFAULT_SIGMA)) for name in SIGMAS[1:])
+    return np.array([level, level, upright])
+
+
+def _sigma(name: str, cell: str, where: str) -> float:
+    value = number(cell)
+    if not _LEAST_SIGMA <= value <= _LARGEST_SIGMA:
+        raise refuse(where, name, cell, f"a standard deviation from {_LEAST_SIGMA:g} to {_LARGEST_SIGMA:g} m")
+    return value
+
+
+def _local(
+    values: np.ndarray,
+    across: tuple[str, str],
+    up: str,
+    georeference: "Georeference | None",
+    crs: str | None,
+    notes: list[str],
+) -> tuple[np.ndarray, "Georeference | None"]:
+    """(n, 3) East, North and Up of the map's origin, and where that is."""
+    from sonarmap.tools.files.geo.georeference import Georeference
+
+    height = 0.0 if georeference is None else georeference.height
+    # heights count from the vertical reference, the others from the map's origin
+    ups = {"up_m": values[:, 2], "depth_m": -values[:, 2], "height_m": values[:, 2] - height}[up]
+    if across == LOCAL:
+        return np.column_stack([values[:, :2], ups]), georeference
+    geodetic = np.column_stack([values[:, :2], ups + height])
+    if across == GRID:
+        from sonarmap.tools.files.readers.navigation.earth import on_the_earth
+
+        geodetic = on_the_earth(geodetic, crs, "--control-crs")
+    if georeference is None:
+        latitude, longitude = (round(float(angle), _ROUNDED) for angle in geodetic[0, :2])
+        georeference = Georeference(latitude, longitude)
+        notes.append(f"the map's origin is the first control point, rounded: {latitude:.5f}, {longitude:.5f}")
+    return np.column_stack([georeference.local(geodetic)[:, :2], ups]), georeference
+
+
+def _refuse_twins(path: Path, rows: Sequence[_Row]) -> None:
+    """A point has one place, and is in a scan once."""
+    first: dict[str, _Row] = {}
+    in_scan: dict[tuple[str, int], _Row] = {}
+    for row in rows:
+        same = first.setdefault(row.name, row)
+        if same.place != row.place:
+            raise InputError(
+                f"{path}: lines {same.line} and {row.line} give the point {row.name} other coordinates; fix one, or "
+                "give the points names of their own"
+            )
+        if (twin := in_scan.setdefault((row.name, row.scan), row)) is not row:
+            raise InputError(f"{path}: lines {twin.line} and {row.line} have {row.name} in the same scan; delete one")

@@ -1,0 +1,115 @@
+"""CSV files as offices and loggers write them: comma, semicolon or tab, decimal commas, byte-order marks, UTF-16."""
+
+import codecs
+import csv
+from dataclasses import dataclass
+from pathlib import Path
+
+from sonarmap.kernels.errors import InputError
+from sonarmap.tools.files.csv_cell import text_of
+from sonarmap.tools.files.user_file import read_content
+
+SEPARATORS = (",", ";", "\t")
+
+PAIRS = "pairs.csv"  # as `sonarmap map` calls the table of its pairs
+
+
+@dataclass(frozen=True, slots=True)
+class CsvRow:
+    """A row: its `line` in the file, and its cells' texts (`tools.files.csv_cell`) without blanks around them."""
+
+    line: int
+    cells: list[str]
+
+
+@dataclass(frozen=True, slots=True)
+class CsvTable:
+    """A table with a heading.
+
+    Attributes:
+        heading: the names of the columns.
+        rows: that are not blank, in the file's order.
+        notes: what a user should know of how it was read, in words.
+        is_whole: whether the last line ends with a line break.
+    """
+
+    heading: CsvRow
+    rows: list[CsvRow]
+    notes: tuple[str, ...]
+    is_whole: bool
+
+    def require_even(self, path: Path) -> None:
+        """Refuse rows with more or fewer cells than the heading.
+
+        Raises:
+            InputError: naming the file and the line.
+        """
+        wanted = len(self.heading.cells)
+        for row in self.rows:
+            if len(row.cells) != wanted:
+                cut = "" if self.is_whole or row is not self.rows[-1] else "; the file may have been cut there"
+                raise InputError(
+                    f"{path}: line {row.line}: it has {len(row.cells)} cells where the heading has {wanted}{cut}; fix "
+                    "that line"
+                )
+
+
+def read_csv_table(path: Path) -> CsvTable:
+    """The table of a file; blank rows and lines that begin with # are left out.
+
+    The separator is what the heading has most of: a comma, a semicolon or a tab. Between semicolons or tabs a number
+    may have a decimal comma, which is made a point.
+
+    Raises:
+        InputError: the file cannot be read, holds no line, or is neither UTF-8 nor UTF-16.
+    """
+    lines, whole = _lines(path)
+    if not lines:
+        raise InputError(f"{path} holds no line but comments; wanted a heading and rows")
+    separator = max(SEPARATORS, key=lines[0][1].count)
+    heading, *rows = (_row(path, number, line, separator) for number, line in lines)
+    rows = [row for row in rows if any(row.cells)]
+    note = f"{path}: its last line has no line break; if the file was cut, a number there may have lost digits"
+    return CsvTable(heading, rows, () if whole else (note,), whole)
+
+
+def _lines(path: Path) -> tuple[list[tuple[int, str]], bool]:
+    """The lines that are neither blank nor comments, numbered from 1; and whether the last one ends."""
+    content = read_content(path, pipe=True)
+    if content.startswith((codecs.BOM_UTF16_LE, codecs.BOM_UTF16_BE)):
+        try:
+            content = content.decode("utf-16").encode()
+        except UnicodeDecodeError as error:
+            raise InputError(f"{path} begins as UTF-16 and is not: {error}; save it as CSV in UTF-8") from error
+    content = content.removeprefix(codecs.BOM_UTF8)
+    lines = []
+    for number, line in enumerate(content.splitlines(), 1):
+        if not line.strip() or line.lstrip().startswith(b"#"):
+            continue
+        try:
+            lines.append((number, line.decode()))
+        except UnicodeDecodeError as error:
+            raise InputError(
+                f"{path}: line {number} is not a CSV line in UTF-8: {error}; save the file as CSV in UTF-8"
+            ) from error
+    return lines, not content or content.endswith((b"\n", b"\r"))
+
+
+def _row(path: Path, number: int, line: str, separator: str) -> CsvRow:
+    try:
+        cells = [text_of(cell.strip()) for cell in next(csv.reader([line], delimiter=separator, strict=True))]
+    except csv.Error as error:
+        raise InputError(f"{path}: line {number} is not a CSV line: {error}; save the file as CSV in UTF-8") from error
+    return CsvRow(number, cells if separator == "," else [_with_point(cell) for cell in cells])
+
+
+def _with_point(cell: str) -> str:
+    """A number with a decimal comma with a point; anything else as it is."""
+    changed = cell.replace(",", ".")
+    if cell.count(",") != 1 or "." in cell:
+        return cell
+    try:
+        float(changed)
+    except ValueError:
+        return cell
+    return changed

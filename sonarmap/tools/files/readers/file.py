@@ -1,0 +1,201 @@
+"""One point cloud file to clouds. A new format is a file in clouds/ and a row of FORMATS."""
+
+import re
+from collections.abc import Callable, Iterator
+from dataclasses import dataclass
+from itertools import chain, islice
+from pathlib import Path
+
+from sonarmap.kernels.errors import InputError
+from sonarmap.tools.files.memory import require_memory
+from sonarmap.tools.files.readers.bags.clouds import stream_recording
+from sonarmap.tools.files.readers.clouds.cloud import POINT_BYTES, Cloud
+from sonarmap.tools.files.readers.clouds.las import read_las
+from sonarmap.tools.files.readers.clouds.npy import read_npy
+from sonarmap.tools.files.readers.clouds.npz import read_npz
+from sonarmap.tools.files.readers.clouds.packed import require_believable
+from sonarmap.tools.files.readers.clouds.pcd import read_pcd
+from sonarmap.tools.files.readers.clouds.ply import read_ply
+from sonarmap.tools.files.readers.clouds.text import read_text
+from sonarmap.tools.files.readers.selection import SelectedFile
+from sonarmap.tools.files.readers.trajectory_beside import TRAJECTORY, with_viewpoints
+
+_HEAD = 4096  # bytes that are looked at to recognize a format
+_LISTED = 3  # scans without points that a note names
+
+
+@dataclass(frozen=True, slots=True)
+class Format:
+    """A format of point clouds.
+
+    Attributes:
+        kind: what its files are, in words.
+        start: a regular expression for the first bytes of its files.
+        read: from a file's content to its clouds; None where `stream` reads it.
+        stream: for files larger than memory: from a path to clouds one by one. It adds to the list what the user
+            should know of the file as a whole, and goes on after what is damaged where it can.
+        has_sound_speed: whether clouds say with which speed of sound their ranges were computed.
+        has_axes: whether the format says along which axes and in which unit its points are.
+        stream_topic: as `stream`, for files of several topics: the topic that was chosen comes second.
+    """
+
+    kind: str
+    start: bytes
+    read: Callable[[bytes], list[Cloud]] | None = None
+    stream: Callable[[Path, list[str]], Iterator[Cloud]] | None = None
+    has_sound_speed: bool = False
+    has_axes: bool = False
+    stream_topic: Callable[[Path, str | None, list[str]], Iterator[Cloud]] | None = None
+
+
+def _stream_sonar(path: Path, notes: list[str]) -> Iterator[Cloud]:
+    from sonarmap.tools.files.readers.sonar.clouds import (
+        stream_sonar,  # wlsonar imports an HTTP client, for a third of a second
+    )
+
+    return stream_sonar(path, notes)
+
+
+_BAG_FOLDER = Format("a ROS 2 bag", b"", stream_topic=stream_recording)
+_LAS = Format("a LAS or LAZ file", rb"LASF", read_las)
+_TEXT = Format("text", rb"[^\x00-\x08\x0e-\x1f\x7f]*\Z", read_text)
+
+# Suffix -> format. Text comes last, as the start of a PLY or PCD file is text too.
+FORMATS = {
+    ".ply": Format("a PLY file", rb"ply[ \t]*[\r\n]", read_ply),
+    ".pcd": Format("a PCD file", rb"# ?\.PCD|(?:\s*#[^\n]*\n)*\s*VERSION\s+0?\.\d", read_pcd),
+    ".npy": Format("a NumPy .npy array", rb"\x93NUMPY", read_npy),
+    ".npz": Format("a zip archive, as NumPy's .npz is", rb"PK(\x03\x04|\x05\x06)", read_npz),
+    ".las": _LAS,
+    ".laz": _LAS,
+    ".sonar": Format("a Sonar 3D-15 recording", rb"RIP[12]", stream=_stream_sonar, has_sound_speed=True, has_axes=True),
+    ".bag": Format("a ROS 1 bag", rb"#ROSBAG V", stream_topic=stream_recording),
+    ".mcap": Format("an MCAP file", rb"\x89MCAP0\r\n", stream_topic=stream_recording),
+    ".db3": Format("an SQLite database, as ROS 2 bags have", rb"SQLite format 3\x00", stream_topic=stream_recording),
+    ".xyz": _TEXT,
+    ".txt": _TEXT,
+    ".csv": _TEXT,
+}
+
+
+@dataclass(frozen=True, slots=True)
+class NamedCloud:
+    """A cloud, its file or ROS 2 bag, where in it the cloud is (for messages), and the name of its scan."""
+
+    path: Path
+    where: str
+    name: str
+    cloud: Cloud
+
+
+def clouds_of(selected: SelectedFile, notes: list[str]) -> Iterator[NamedCloud]:
+    """The clouds of one file that hold points, one by one; notes about the file are added to the list.
+
+    A trajectory NAME.tum beside NAME.ply, or whatever its suffix, says where the sensor was at each point's time.
+
+    Raises:
+        InputError: naming the file and, where it applies, its line or packet.
+    """
+    path = selected.path
+    try:
+        yield from _named(selected, _clouds_in(selected, notes), notes)
+    except InputError as error:
+        raise InputError(f"{path}: {error}") from error
+    except MemoryError as error:
+        raise InputError(f"{path}: too large for this machine's memory; thin its points out first") from error
+
+
+def _clouds_in(selected: SelectedFile, notes: list[str]) -> Iterator[Cloud]:
+    """Every cloud of a file, those without points too."""
+    path = selected.path
+    known = _BAG_FOLDER if path.is_dir() else _format_of(path)
+    if known is not _BAG_FOLDER:
+        _check_start(path)
+    if known.stream_topic is not None:
+        clouds = known.stream_topic(path, selected.topic, notes)
+    elif selected.topic is not None:
+        raise InputError(f"::{selected.topic} names a topic, and {known.kind} has none; leave it out")
+    elif known.stream is not None:
+        clouds = known.stream(path, notes)
+    else:
+        assert known.read is not None, "a format is read at once or streamed"
+        clouds = iter(known.read(_content_of(path)))
+    beside = path.with_suffix(TRAJECTORY)
+    believable = _believable(clouds, path)
+    return (with_viewpoints(cloud, beside) for cloud in believable) if beside.is_file() else believable
+
+
+def _believable(clouds: Iterator[Cloud], path: Path) -> Iterator[Cloud]:
+    """The clouds, whose numbers take eight bytes each from here on, whatever they took in the file."""
+    size = sum(file.stat().st_size for file in (path.iterdir() if path.is_dir() else [path]) if file.is_file())
+    for cloud in clouds:
+        require_believable(f"a cloud of {len(cloud.points):,} points", size, len(cloud.points) * POINT_BYTES)
+        yield cloud
+
+
+def _named(selected: SelectedFile, clouds: Iterator[Cloud], notes: list[str]) -> Iterator[NamedCloud]:
+    """The clouds with points that were selected; numbered where the file holds several."""
+    place, count, empty = selected.place, 0, list[str]()
+    stem = selected.path.name if selected.path.is_dir() else selected.path.stem
+    first = list(islice(clouds, 2))
+    label = "#{}" if len(first) > 1 else ""
+    for k, cloud in enumerate(chain(first, clouds)):
+        count += 1
+        named = NamedCloud(selected.path, f"{place}{label.format(k)}", f"{stem}{label.format(k)}", cloud)
+        if selected.index is not None:
+            if k == selected.index:
+                yield named
+                return
+        elif len(cloud.points):
+            yield named
+        else:
+            empty.append(label.format(k))
+    if selected.index is not None:
+        raise InputError(f"the file holds scans #0 to #{count - 1}, not #{selected.index}; choose one of them")
+    if len(empty) == count:
+        raise InputError("no points in it; give a scan with at least one finite point")
+    if empty:
+        which = f"{', '.join(empty[:_LISTED])}{', ...' if len(empty) > _LISTED else ''}"
+        name = selected.path.name
+        notes.append(f"{name}: {len(empty):,} of {count:,} scans were skipped, as they have no points: {which}")
+
+
+def _format_of(path: Path) -> Format:
+    try:
+        return FORMATS[path.suffix.lower()]
+    except KeyError:
+        raise InputError(
+            f"unknown format {path.suffix or '(no suffix)'!r}; known formats are {', '.join(FORMATS)}"
+        ) from None
+
+
+def _check_start(path: Path) -> None:
+    """Refuse a file that does not start as its suffix says."""
+    try:
+        if not path.is_file():
+            raise InputError("it is not a regular file; give a file, a folder or a pattern")
+        with path.open("rb") as file:
+            head = file.read(_HEAD)
+    except OSError as error:
+        raise InputError(f"cannot be read ({error.strerror or error}); check its permissions") from error
+    if not head:
+        raise InputError("the file is empty (0 bytes); write or copy it again")
+    expected, kind = FORMATS[path.suffix.lower()].kind, _kind_of(head)
+    if kind != expected:
+        suffixes = [suffix for suffix, known in FORMATS.items() if known.kind == kind]
+        hint = f"rename it to {' or '.join(suffixes)} if that is what it is" if suffixes else "write or copy it again"
+        raise InputError(f"it is called {path.suffix} but holds {kind}; wanted {expected}: {hint}")
+
+
+def _content_of(path: Path) -> bytes:
+    try:
+        require_memory("the file", path.stat().st_size, "thin its points out first")
+        return path.read_bytes()
+    except OSError as error:
+        raise InputError(f"cannot be read ({error.strerror or error}); check its permissions") from error
+
+
+def _kind_of(head: bytes) -> str:
+    """What a file holds by its first bytes, whatever it is called."""
+    kinds = (known.kind for known in FORMATS.values() if re.match(known.start, head))
+    return next(kinds, "binary content of no known kind")

@@ -1,0 +1,84 @@
+"""What a vehicle's instruments measure of a scan's pose: columns of an operator's file to a PosePrior and back.
+
+In the file, as on a vehicle's displays: `roll_deg` is positive with the starboard (right) side down, `pitch_deg` with
+the nose up, `heading_deg` runs clockwise from true North, of the sensor's forward axis (the aerospace order: heading,
+then pitch, then roll; axes forward, right, down, in a world North, East, Down). `x_m` is East and `y_m` North of any
+origin that the file's rows share, `depth_m` is positive down. The standard deviation of a column is in its unit, in
+`roll_sigma_deg`, `depth_sigma_m` and so on. All of it is for the sensor: correct for its mounting on the vehicle first.
+"""
+
+import numpy as np
+from scipy.spatial.transform import RigidTransform, Rotation
+
+from sonarmap.kernels.errors import InputError
+from sonarmap.spectral.scan import PosePrior
+from sonarmap.tools.files.readers.limits import LARGEST, LEAST_SIGMA
+
+PRIORS = "priors.csv"  # as `sonarmap simulate` calls the file beside its scans
+# In the order of PosePrior's sigmas
+COLUMNS = ("roll_deg", "pitch_deg", "heading_deg", "x_m", "y_m", "depth_m")
+SIGMA_COLUMNS = tuple("_sigma_".join(column.rsplit("_", 1)) for column in COLUMNS)
+
+# Of what is measured, and of every standard deviation
+LARGEST_OF = {"roll_deg": 180.0, "pitch_deg": 90.0, "heading_deg": 360.0}
+
+_UNITS = np.array([np.pi / 180] * 3 + [1.0] * 3)  # of the columns, in radians and meters
+
+
+def check_measured(column: str, number: float) -> None:
+    """Refuse a number that no instrument gives.
+
+    Args:
+        column: of COLUMNS or SIGMA_COLUMNS.
+        number: in its unit; NaN where nothing was measured.
+
+    Raises:
+        InputError: it is too large, or a standard deviation that is not above 0, or next to 0.
+    """
+    if column in SIGMA_COLUMNS and number < LEAST_SIGMA:
+        raise InputError(f"{column} is {number:g}; wanted a standard deviation above 0, at least {LEAST_SIGMA:g}")
+    if abs(number) > (largest := LARGEST_OF.get(column, LARGEST)):
+        unit = "degrees" if column.endswith("deg") else "meters"
+        raise InputError(f"{column} is {number:g}; wanted {unit} within {largest:g}")
+
+
+def prior_of(values: np.ndarray, sigmas: np.ndarray) -> PosePrior:
+    """The prior of a row.
+
+    Args:
+        values: (6,) in the columns' order and units; NaN where not measured.
+        sigmas: (6,) standard deviations in the same units; ignored where the value is NaN.
+
+    Raises:
+        InputError: sigmas that are not above 0, or one of roll and pitch, or of x and y, without the other.
+    """
+    known = np.isfinite(values)
+    measured = np.where(known, sigmas, np.inf).astype(np.float64) * _UNITS
+    return PosePrior(pose_of(np.where(known, values, 0.0)), measured)
+
+
+def pose_of(values: np.ndarray) -> RigidTransform:
+    """T_world_sensor (world East-North-Up, sensor x forward, y left, z up) of six finite values, COLUMNS' order."""
+    return poses_of(values[None])[0]
+
+
+def poses_of(values: np.ndarray) -> RigidTransform:
+    """The n poses of (n, 6) values, as `pose_of` has them."""
+    roll, pitch, heading, x, y, depth = np.asarray(values, np.float64).T
+    # y and z point the other way and the heading starts at North: yaw = 90 - heading, the pitch changes its sign
+    angles = np.column_stack([90.0 - heading, -pitch, roll])
+    return RigidTransform.from_components(
+        np.column_stack([x, y, -depth]), Rotation.from_euler("ZYX", angles, degrees=True)
+    )
+
+
+def values_of(T_world_sensor: RigidTransform) -> np.ndarray:
+    """(6,) in the columns' order and units: the inverse of `pose_of`, heading in [0, 360)."""
+    yaw, pitch, roll = T_world_sensor.rotation.as_euler("ZYX", degrees=True)
+    x, y, z = T_world_sensor.translation
+    return np.array([roll, -pitch, (90.0 - yaw) % 360.0, x, y, -z])
+
+
+def sigmas_of(prior: PosePrior) -> np.ndarray:
+    """(6,) standard deviations in the columns' order and units, inf where not measured."""
+    return prior.sigmas / _UNITS

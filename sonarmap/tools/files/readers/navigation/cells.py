@@ -1,0 +1,71 @@
+"""Numbers in the cells of a column."""
+
+import re
+from collections.abc import Sequence
+
+import numpy as np
+
+from sonarmap.kernels.errors import InputError
+
+# How logs say that nothing was measured, beside an empty cell
+MISSING = frozenset(("", "nan", "n/a", "na", "null", "none", "-", "--", "---"))
+
+_DEGREES = re.compile(
+    r"([NSEW])?\s*([+-]?)(\d{1,3}(?:[.,]\d*)?)\s*[°d]?"  # degrees
+    r"(?:[\s:-]*(\d{1,2}(?:[.,]\d*)?)\s*['′m]?)?"  # minutes
+    r"(?:[\s:-]*(\d{1,2}(?:[.,]\d*)?)\s*(?:\"|″|'')?)?"  # seconds
+    r"\s*([NSEW])?",
+    re.IGNORECASE,
+)
+_HALVES = {"lat_deg": "NS", "lon_deg": "EW"}
+
+
+def number(cell: str) -> float:
+    """The number in a cell; NaN for anything else, NaN and infinity included."""
+    try:
+        value = float(cell) if "_" not in cell else np.nan
+    except ValueError:
+        return np.nan
+    return value if np.isfinite(value) else np.nan
+
+
+def numbers(cells: Sequence[str], strict: bool) -> tuple[np.ndarray, np.ndarray]:
+    """The (n,) numbers of a column, NaN where there is none, and (n,) whether a cell holds something else.
+
+    Args:
+        cells: of the column.
+        strict: whether only an empty cell says that nothing was measured; otherwise also the words of logs.
+    """
+    values = np.array([number(cell) for cell in cells], np.float64)
+    empty = [not cell or (not strict and cell.lower() in MISSING) for cell in cells]
+    return values, np.isnan(values) & ~np.array(empty, bool)
+
+
+def degrees(cell: str, quantity: str) -> float:
+    """Decimal degrees of a latitude or longitude; NaN for anything else.
+
+    Understood are decimal degrees, degrees and decimal minutes, and degrees, minutes and seconds, with a sign or with
+    N, S, E or W before or after: `-5.3221`, `60 23.478 N`, `60°23'28.7"N`, `W 5:19,3`.
+
+    Args:
+        cell: as it is written.
+        quantity: "lat_deg" or "lon_deg".
+    """
+    plain = number(cell)
+    if np.isfinite(plain):
+        return plain
+    parts = _DEGREES.fullmatch(" ".join(cell.split()))  # runs of blanks would be shared out in all ways
+    if not parts or (parts[1] and parts[6]):
+        return np.nan
+    half = (parts[1] or parts[6] or "").upper()
+    texts = [part.replace(",", ".") for part in parts.group(3, 4, 5) if part]
+    whole, minutes, seconds = (*(float(text) for text in texts), 0.0, 0.0)[:3]
+    is_exact = not any("." in text for text in texts[:-1])  # only the last part has decimals
+    if not is_exact or minutes >= 60 or seconds >= 60 or (half and (parts[2] or half not in _HALVES[quantity])):
+        return np.nan
+    return (whole + minutes / 60 + seconds / 3600) * (-1 if parts[2] == "-" or half in ("S", "W") else 1)
+
+
+def refuse(where: str, heading: str, cell: str, wanted: str) -> InputError:
+    """The error of a cell that cannot be used."""
+    return InputError(f"{where}: {heading} is {cell[:40]!r}; wanted {wanted}; fix that line")

@@ -1,0 +1,204 @@
+# pyright: strict, reportMissingTypeStubs=false, reportUnknownMemberType=false
+# pyright: reportUnknownVariableType=false, reportUnknownArgumentType=false
+"""By how much two clocks differ, from the turn rates that instruments measured by either."""
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from sonarmap.kernels.errors import InputError
+
+_FINEST = 0.02  # [s] of the grid on which both are compared
+_LEAST_TIME = 20.0  # [s] that both have to have in common
+_LEAST_CORRELATION = 0.5
+_RIVAL = 0.8  # another offset is as good from this share of the best correlation on
+_GAP = 1.0  # [s]: between samples farther apart nothing is known, or 5 usual steps where these are longer
+_WIDTHS = (1.0, 2.0)  # [s] of averages
+_MOST_STEPS = 2_000_000  # of the grid, which take 200 MB
+_WORST_SIGMA = 0.035  # [s], for 0.1 s to be three of them
+_BLOCK = 5.0  # [s] within which errors may be alike
+
+
+@dataclass(frozen=True, slots=True)
+class TimeOffset:
+    """Between two clocks.
+
+    Attributes:
+        seconds: to be added to the times by the first clock to have them by the second.
+        sigma: its standard deviation [s].
+        correlation: of the rates, -1..1.
+    """
+
+    seconds: float
+    sigma: float
+    correlation: float
+
+
+def heading_rates(times: np.ndarray, headings: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+    """Turn rates of compass headings: (m,) times [s] and rates [rad/s], positive to the left, as about the vertical.
+
+    Args:
+        times: (n,) [s], in any order; several rows at one time count once.
+        headings: (n,) [deg]; NaN where there is none.
+    """
+    known = np.isfinite(headings)
+    times, first = np.unique(times[known], return_index=True)
+    angles = -np.unwrap(np.radians(headings[known][first]))
+    if len(times) < 2:
+        return np.empty(0), np.empty(0)
+    return (times[1:] + times[:-1]) / 2, np.diff(angles) / np.diff(times)
+
+
+def estimate_offset(
+    times_a: np.ndarray, rates_a: np.ndarray, times_b: np.ndarray, rates_b: np.ndarray, most: float = 60.0
+) -> TimeOffset:
+    """The offset between two clocks that makes the turn rates agree.
+
+    Both are averaged over some seconds and correlated at all offsets; the peak of the correlation is interpolated. Of
+    several lengths of the average the surest counts. The standard deviation is that of the correlation's derivative,
+    from its spread over blocks of time, over its second derivative.
+
+    Args:
+        times_a, times_b: (n,), (m,) by the first and the second clock [s], ascending.
+        rates_a, rates_b: (n,), (m,) turn rates about the same axis [rad/s]; their scales and means do not matter.
+        most: the largest offset that is looked for [s].
+
+    Raises:
+        InputError: too little in common, rates that hardly change or that do not agree, several offsets at which they
+            agree alike (as of a vehicle that turns regularly), or an offset at the limit.
+    """
+    for times in (times_a, times_b):
+        if len(times) < 3 or not (np.diff(times) > 0).all() or not np.isfinite(times).all():
+            raise _refused("wanted three turn rates or more, at times that ascend")
+    usual = max(float(np.median(np.diff(times))) for times in (times_a, times_b))
+    span = max(times_a[-1], times_b[-1]) - min(times_a[0], times_b[0])
+    step = max(_FINEST, usual / 2, min(span / _MOST_STEPS, _WIDTHS[0] / 4))  # coarser for dives of days
+    if span > _MOST_STEPS * step:
+        raise _refused(f"the two span {span / 86400:.0f} days, or have a jump; wanted times of one dive")
+    reasons: list[InputError] = []
+    estimates: list[TimeOffset] = []
+    for width in _WIDTHS:
+        try:
+            estimates.append(_estimate((times_a, rates_a), (times_b, rates_b), step, max(width, usual), most))
+        except InputError as error:
+            reasons.append(error)
+    if not estimates:
+        raise reasons[0]
+    best = min(estimates, key=lambda estimate: estimate.sigma)
+    if best.sigma > _WORST_SIGMA:
+        raise _refused(f"the turn rates fix it to {best.sigma:.2f} s only")
+    return best
+
+
+_Rates = tuple[np.ndarray, np.ndarray]  # times [s] and rates
+
+
+def _estimate(of_a: _Rates, of_b: _Rates, step: float, width: float, most: float) -> TimeOffset:
+    """The offset by averages over `width` on a grid of `step` [s]."""
+    start = min(of_a[0][0], of_b[0][0])
+    a, known_a = _on_grid(of_a[0] - start, of_a[1], step, width)
+    b, known_b = _on_grid(of_b[0] - start, of_b[1], step, width)
+    lags, correlations = _correlations(a, known_a, b, known_b, round(most / step), _LEAST_TIME / step)
+    best = int(np.argmax(correlations))
+    highest = float(correlations[best])
+    if not np.isfinite(highest):
+        raise _refused(f"they have less than {_LEAST_TIME:g} s in common, or one of them does not turn")
+    if highest < _LEAST_CORRELATION:
+        raise _refused(f"the turn rates agree at no offset (the highest correlation is {highest:.2f})")
+    if best in (0, len(lags) - 1):
+        raise _refused(f"they agree best at {lags[best] * step:.1f} s, the limit")
+    rivals = np.where(np.abs(lags - lags[best]) > _lobe(correlations, best), correlations, -1.0)
+    if rivals.max() > _RIVAL * highest:
+        raise _refused(
+            f"the turn rates agree at {lags[best] * step:.1f} s and nearly as well at "
+            f"{lags[int(np.argmax(rivals))] * step:.1f} s, as where a vehicle turns regularly"
+        )
+    left, middle, right = correlations[best - 1 : best + 2]
+    bend = left - 2 * middle + right
+    shift = 0.5 * (left - right) / bend if np.isfinite(bend) and bend < 0 else 0.0
+    moved = np.arange(len(b)) - lags[best]
+    within = (moved >= 0) & (moved < len(a))
+    moved = np.where(within, moved, 0)
+    sigma = _sigma(a[moved], b, within & (known_a[moved] > 0) & (known_b > 0), step, width)
+    return TimeOffset(float((lags[best] + shift) * step), sigma, highest)
+
+
+def _sigma(a: np.ndarray, b: np.ndarray, known: np.ndarray, step: float, width: float) -> float:
+    """[s] of the offset at which rates agree.
+
+    Args:
+        a, b: (n,) rates on one grid, moved to agree.
+        known: (n,) bool, where both are.
+        step, width: of the grid, and over which both are averaged [s].
+    """
+    a, b = (np.where(known, x - x[known].mean(), 0.0) for x in (a, b))
+    slope_a, slope_b = (np.where(known, np.gradient(x, step), 0.0) for x in (a, b))
+    # the derivative of the correlation, of which what both share is 0 in every block; its errors are not
+    pulls = (a * slope_b - slope_a * b) / 2
+    of_block = np.arange(len(a)) // max(round(max(_BLOCK, 3 * width) / step), 1)
+    blocks = max(len(np.unique(of_block[known])), 2)
+    spread = np.sqrt((np.bincount(of_block, pulls) ** 2).sum() * blocks / (blocks - 1))
+    bend = float(slope_a @ slope_b)  # of errors that are independent the mean is 0
+    if bend <= 0:
+        return np.inf
+    # and as of white noise, which takes all that is left at once: blocks are few
+    scale = np.sqrt(float(b @ b) / float(a @ a))
+    left = float(((b - scale * a) ** 2).sum())
+    white = np.sqrt(left * scale * width / (step * bend * scale**2 * max(known.sum(), 1))) if scale > 0 else np.inf
+    return float(max(spread / bend, white)) + _FINEST / 2
+
+
+def _lobe(correlations: np.ndarray, best: int) -> int:
+    """How far the peak reaches: to where the correlation rises again, below half of the peak."""
+    reach = 1
+    half = correlations[best] / 2
+    for side in (correlations[best::-1], correlations[best:]):
+        below = np.flatnonzero(side < half)
+        reach = max(reach, int(below[0]) if len(below) else len(side))
+    return reach
+
+
+def _on_grid(times: np.ndarray, rates: np.ndarray, step: float, width: float) -> tuple[np.ndarray, np.ndarray]:
+    """Rates at 0, step, 2 step, ..., averaged over `width`, and which of them are known."""
+    at = np.arange(0.0, times[-1] + step, step)
+    total = np.concatenate([[0.0], np.cumsum((rates[1:] + rates[:-1]) / 2 * np.diff(times))])
+    mean = (np.interp(at + width / 2, times, total) - np.interp(at - width / 2, times, total)) / width
+    after = np.clip(np.searchsorted(times, at), 1, len(times) - 1)
+    most = max(_GAP, 5 * float(np.median(np.diff(times))))
+    known = (at - width / 2 >= times[0]) & (at + width / 2 <= times[-1]) & (times[after] - times[after - 1] <= most)
+    return np.where(known, mean, 0.0), known.astype(np.float64)
+
+
+def _correlations(
+    a: np.ndarray, known_a: np.ndarray, b: np.ndarray, known_b: np.ndarray, most: int, least: float
+) -> tuple[np.ndarray, np.ndarray]:
+    """Pearson's correlation of a, moved by each lag from -most to most, with b, where both are known.
+
+    Returns:
+        (2 most + 1,) lags, and correlations, -inf where too little is known or nothing changes.
+    """
+    a = a - known_a * (a.sum() / max(known_a.sum(), 1.0))
+    b = b - known_b * (b.sum() / max(known_b.sum(), 1.0))
+    size = 1 << (len(a) + len(b) + most).bit_length()
+    of_a = [np.conj(np.fft.rfft(x, size)) for x in (known_a, a, a * a)]
+    of_b = [np.fft.rfft(x, size) for x in (known_b, b, b * b)]
+    lags = np.arange(-most, most + 1)
+
+    def summed(i: int, j: int) -> np.ndarray:
+        return np.fft.irfft(of_a[i] * of_b[j], size)[lags % size]
+
+    count = np.maximum(np.round(summed(0, 0)), 0.0)
+    n = np.maximum(count, 1.0)
+    mean_a, mean_b = summed(1, 0) / n, summed(0, 1) / n
+    covariance = summed(1, 1) / n - mean_a * mean_b
+    spread_a, spread_b = summed(2, 0) / n - mean_a**2, summed(0, 2) / n - mean_b**2
+    changes = (spread_a > 1e-6 * max(a.var(), 1e-12)) & (spread_b > 1e-6 * max(b.var(), 1e-12))
+    usable = (count >= max(least, 3.0)) & changes
+    scale = np.sqrt(np.where(usable, spread_a * spread_b, 1.0))
+    return lags, np.where(usable, covariance / scale, -np.inf)
+
+
+def _refused(reason: str) -> InputError:
+    return InputError(
+        f"the clocks' offset cannot be estimated: {reason}; give it in seconds, as in --nav-offset 37, or leave it out"
+    )

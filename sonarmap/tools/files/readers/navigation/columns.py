@@ -1,0 +1,261 @@
+"""The columns of a file of navigation: which is what, and what is refused because it may be two things."""
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+from difflib import get_close_matches
+
+from sonarmap.kernels.errors import InputError
+from sonarmap.tools.files.readers.instruments import COLUMNS, SIGMA_COLUMNS
+from sonarmap.tools.files.readers.navigation.headings import KEYS, OWN, QUANTITIES, Column, column_of
+from sonarmap.tools.files.readers.navigation.settings import NavigationSettings
+
+PAIRS = (("roll_deg", "pitch_deg"), ("x_m", "y_m"))
+PLACES = (("lat_deg", "lon_deg"), ("easting_m", "northing_m"), ("x_m", "y_m"))
+MEASURED = tuple(name for name in QUANTITIES if name not in ("name", "stamp", "date", "gps_week", *SIGMA_COLUMNS))
+_ALIKE = 0.85  # as rol_deg and roll_deg
+
+
+@dataclass(frozen=True, slots=True)
+class Columns:
+    """What a heading line says.
+
+    Attributes:
+        of: {quantity: its column}.
+        is_own: whether it is a file of this program's own kind, in which nothing may be unknown.
+        notes: what is not used, in words.
+    """
+
+    of: Mapping[str, Column]
+    is_own: bool
+    notes: tuple[str, ...]
+
+    @property
+    def key(self) -> str:
+        """What says which scan a row is for: "name" or "stamp"."""
+        return "name" if "name" in self.of else "stamp"
+
+    def heading(self, quantity: str) -> str:
+        """Of a quantity's column, as it is written."""
+        return self.of[quantity].heading
+
+
+def columns_of(header: Sequence[str], settings: NavigationSettings, sigmas: Mapping[str, float] | None) -> Columns:
+    """The columns of a file.
+
+    A file is of this program's own kind if all columns that say something have exactly its names (`stamp`, `depth_m`,
+    ...) and none is mapped by the user: then any other column is taken for a misspelled one and refused. In a log
+    other columns are left out, and only those are refused that are nearly spelled as an own one.
+
+    Args:
+        header: the headings.
+        settings: of the user.
+        sigmas: {quantity of COLUMNS: standard deviation}, where the file has none; None where none is needed.
+
+    Raises:
+        InputError: a column that may be two things, is there twice, or is missing.
+    """
+    mapped = _mapped(header, settings.columns)
+    taken = {column.index for column in mapped.values()}
+    read = [column_of(k, heading) for k, heading in enumerate(header) if k not in taken and heading]
+    known = [column for column in read if column is not None and column.quantity not in mapped]
+    is_own = not mapped and all(column.is_own for column in known)
+    _refuse_misspelled(header, known, mapped, is_own)
+    of = {**_each_once(known, is_own), **mapped}
+    notes: list[str] = []
+    _choose_heading(of, settings, notes)
+    _choose_depth(of, settings)
+    _choose_place(of, settings, mapped, notes)
+    _check_keys(of, is_own)
+    if not is_own:
+        _drop_lone(of, notes)
+    _check_measured(of, sigmas, is_own)
+    used = {column.index for column in of.values()}
+    left = [heading for k, heading in enumerate(header) if heading and k not in used]
+    if is_own and left == ["stamp"]:
+        left = []  # `sonarmap template` writes it beside the name, which counts
+    if left:
+        notes.append(f"not used: the columns {', '.join(repr(heading) for heading in left)}")
+    return Columns(of, is_own, tuple(notes))
+
+
+def _mapped(header: Sequence[str], wanted: Mapping[str, str]) -> dict[str, Column]:
+    """What --nav-columns says."""
+    of: dict[str, Column] = {}
+    for quantity, heading in wanted.items():
+        exact = [k for k, each in enumerate(header) if each == heading]
+        places = exact or [k for k, each in enumerate(header) if each.casefold() == heading.casefold()]
+        if len(places) != 1:
+            raise InputError(
+                f"--nav-columns: {len(places)} columns are called {heading!r}; there are "
+                f"{', '.join(repr(each) for each in header)}"
+            )
+        says = column_of(places[0], header[places[0]])
+        if says and quantity.endswith("_m") and says.quantity in ("lat_deg", "lon_deg"):
+            raise InputError(
+                f"--nav-columns: {heading!r} holds degrees on the Earth, and {quantity} is in meters; give "
+                f"{says.quantity}={heading}"
+            )
+        of[quantity] = column_of(places[0], header[places[0]], quantity) or Column(places[0], heading, quantity)
+    return of
+
+
+def _refuse_misspelled(header: Sequence[str], known: list[Column], mapped: Mapping[str, Column], is_own: bool) -> None:
+    taken = {column.index for column in (*known, *mapped.values())}
+    unknown = [heading for k, heading in enumerate(header) if k not in taken and (heading or is_own)]
+    if is_own and unknown:
+        raise InputError(
+            f"unknown column {some(unknown)}; known are {', '.join(OWN)} and how logs call these (Depth, Heading, "
+            "Latitude, ...); of a log with other columns say which are meant, as in --nav-columns depth_m=KP_DEPTH"
+        )
+    there = {column.heading for column in known}
+    for heading in dict.fromkeys(unknown):
+        if not heading.endswith(("_deg", "_m")) or column_of(0, heading):
+            continue
+        nearest = get_close_matches(heading, OWN, 1, _ALIKE)
+        if nearest and nearest[0] not in there:
+            raise InputError(
+                f"the column {heading!r} is nearly called {nearest[0]}; correct it, or give it another name"
+            )
+
+
+def _each_once(known: list[Column], is_own: bool) -> dict[str, Column]:
+    of: dict[str, Column] = {}
+    for column in known:
+        if (first := of.get(column.quantity)) is None:
+            of[column.quantity] = column
+        elif first.heading == column.heading:
+            count = sum(each.heading == column.heading for each in known)
+            raise InputError(f"the column {column.heading} is there {count} times; delete all but one")
+        else:
+            raise InputError(
+                f"both {first.heading!r} and {column.heading!r} may be {column.quantity}; say which, as in "
+                "--nav-columns "
+                f"{column.quantity}={column.heading}"
+            )
+    return of
+
+
+def _choose_heading(of: dict[str, Column], settings: NavigationSettings, notes: list[str]) -> None:
+    if "magnetic_deg" in of and "heading_deg" not in of:
+        if settings.declination is None:
+            raise InputError(
+                f"the column {of['magnetic_deg'].heading!r} holds magnetic headings; give the declination there "
+                "and then, "
+                "--magnetic-declination DEG (East positive)"
+            )
+        of["heading_deg"] = of["magnetic_deg"]
+    elif "yaw_deg" in of and "heading_deg" not in of:
+        if settings.frame is None:
+            raise InputError(
+                f"the column {of['yaw_deg'].heading!r} may be clockwise from North (--nav-frame ned) or "
+                "counterclockwise "
+                "from East (--nav-frame enu); say which, or --nav-columns heading_deg="
+                f"{of['yaw_deg'].heading} if it is a compass heading"
+            )
+        return
+    if settings.declination is not None and "heading_deg" in of:
+        notes.append(f"{settings.declination:g} degrees are added to the magnetic headings")
+    of.pop("magnetic_deg", None)
+    of.pop("yaw_deg", None)
+
+
+def _choose_depth(of: dict[str, Column], settings: NavigationSettings) -> None:
+    if "depth_m" in of:
+        of.pop("z_m", None)
+        of.pop("height_m", None)
+    elif "height_m" in of:
+        of.pop("z_m", None)
+    elif "z_m" in of and settings.frame is None:
+        raise InputError(
+            f"the column {of['z_m'].heading!r} may count downward (--nav-frame ned) or upward (--nav-frame enu); say "
+            f"which, or --nav-columns depth_m={of['z_m'].heading} or height_m={of['z_m'].heading}"
+        )
+
+
+def _choose_place(
+    of: dict[str, Column], settings: NavigationSettings, mapped: Mapping[str, Column], notes: list[str]
+) -> None:
+    """Keep one of latitude and longitude, easting and northing, x and y."""
+    for first, second in PLACES[:2]:
+        if (first in of) != (second in of):
+            there, missing = (first, second) if first in of else (second, first)
+            raise InputError(
+                f"{there} ({of[there].heading!r}) can only be used with {missing}; give both, or map it with "
+                "--nav-columns"
+            )
+    there = [pair for pair in PLACES if pair[0] in of or pair[1] in of]
+    wanted = [pair for pair in there if pair[0] in mapped]
+    if settings.crs is not None:
+        if PLACES[1] not in there:
+            raise InputError("--nav-crs has no effect without columns of easting and northing; leave it out")
+        wanted = [PLACES[1]]
+    if len(there) > 1 and not wanted and any(of[name].is_own for name in PLACES[2] if name in of):
+        raise InputError(
+            "there are x_m and y_m beside places on the Earth; say which are meant, as in --nav-columns "
+            f"{there[0][0]}={of[there[0][0]].heading}"
+        )
+    if not there:
+        return
+    kept = (wanted or there)[0]
+    for pair in there:
+        if pair != kept:
+            notes.append(f"places are taken from {' and '.join(of[name].heading for name in kept)}")
+            for name in pair:
+                of.pop(name, None)
+    if settings.frame is None and kept == PLACES[2] and not all(of[name].is_own for name in kept if name in of):
+        notes.append("x is taken as East and y as North; if x is North, give --nav-frame ned")
+
+
+def _check_keys(of: dict[str, Column], is_own: bool) -> None:
+    if "name" in of and "stamp" in of and (of["name"].heading == "name" or is_own):
+        of.pop("stamp")  # as in a template
+        of.pop("date", None)
+    if "stamp" not in of and "date" in of and "name" not in of:
+        of["stamp"] = of.pop("date")
+    if sum(key in of for key in KEYS) != 1:
+        both = f" ({of['name'].heading!r} and {of['stamp'].heading!r} may both be it)" if "name" in of else ""
+        raise InputError(f"wanted either a column name or a column stamp, which says which scan a row is for{both}")
+
+
+def _drop_lone(of: dict[str, Column], notes: list[str]) -> None:
+    """In a log roll without pitch is left out."""
+    first, second = PAIRS[0]
+    for lone, other in ((first, second), (second, first)):
+        if lone in of and other not in of:
+            notes.append(f"{of[lone].heading!r} is not used without a column of {other}")
+            del of[lone]
+
+
+def _check_measured(of: Mapping[str, Column], sigmas: Mapping[str, float] | None, is_own: bool) -> None:
+    if not any(name in of for name in MEASURED):
+        raise InputError(
+            f"there is no column of measurements; wanted one or more of {', '.join(COLUMNS)}, or latitude and longitude"
+        )
+    for first, second in PAIRS:
+        if (first in of) != (second in of):
+            raise InputError(f"{first} and {second} can only be used together; give both or neither")
+    if sigmas is None:
+        return
+    for column, sigma, names in zip(COLUMNS, SIGMA_COLUMNS, SOURCES, strict=True):
+        measured = [of[name].heading for name in names if name in of]
+        if sigma in of and not measured and is_own:
+            raise InputError(f"there is a column {sigma} but no {column}; delete it, or add {column}")
+        if measured and sigma not in of and column not in sigmas:
+            which = column if measured[0] == column else f"{column} ({measured[0]!r})"
+            raise InputError(f"{which} has no standard deviation; add a column {sigma}, or give --prior-sigmas")
+
+
+# What each of COLUMNS may be made of
+SOURCES = (
+    ("roll_deg",),
+    ("pitch_deg",),
+    ("heading_deg", "yaw_deg"),
+    ("x_m", "lon_deg", "easting_m"),
+    ("y_m", "lat_deg", "northing_m"),
+    ("depth_m", "z_m", "height_m"),
+)
+
+
+def some(names: Sequence[str]) -> str:
+    """The first of them, quoted."""
+    return ", ".join(repr(name) for name in names[:3]) + (", ..." if len(names) > 3 else "")

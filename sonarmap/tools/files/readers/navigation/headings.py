@@ -1,0 +1,156 @@
+"""What the heading of a column says: a quantity, whether its standard deviation, and its unit."""
+
+import re
+from dataclasses import dataclass
+
+import numpy as np
+
+from sonarmap.kernels.errors import InputError
+from sonarmap.tools.files.readers.instruments import COLUMNS, SIGMA_COLUMNS
+
+KEYS = ("name", "stamp")
+OWN = (*KEYS, *COLUMNS, *SIGMA_COLUMNS)  # the headings of this program's own files
+FOOT = 0.3048  # the international foot [m]
+
+# How logs call the quantities, in small letters without anything but letters and digits
+SYNONYMS = {
+    "name": "name scan scanname file filename",
+    "stamp": "stamp time timestamp utc utctime timeutc datetime datetimeutc timeofday unixtime unix epoch epochtime "
+    "posixtime gpstime gpsseconds gpstow tow timeofweek secondsofweek sow",
+    "date": "date utcdate dateutc",
+    "gps_week": "week gpsweek weeknumber",
+    "roll_deg": "roll rollangle",
+    "pitch_deg": "pitch pitchangle",
+    "heading_deg": "heading hdg hdt trueheading headingtrue gyro gyroheading",
+    "magnetic_deg": "magneticheading headingmagnetic magheading headingmag hdm hdgmag compassheading",
+    "yaw_deg": "yaw yawangle",
+    "x_m": "x posx xpos positionx xposition",
+    "y_m": "y posy ypos positiony yposition",
+    "z_m": "z posz zpos positionz zposition",
+    "depth_m": "depth dpt vehicledepth rovdepth auvdepth sensordepth sonardepth",
+    "height_m": "",
+    "lat_deg": "lat latitude gpslat gpslatitude",
+    "lon_deg": "lon long lng longitude gpslon gpslong gpslongitude",
+    "easting_m": "easting eastings east utme utmeasting",
+    "northing_m": "northing northings north utmn utmnorthing",
+}
+QUANTITIES = (*SYNONYMS, *SIGMA_COLUMNS)
+GPS_NAMES = frozenset(["gpstime", "gpsseconds", "gpstow", "tow", "timeofweek", "secondsofweek", "sow"])
+# Whose standard deviation a column is, where a quantity becomes another
+SIGMA_OF = {
+    "roll_deg": 0, "pitch_deg": 1, "heading_deg": 2, "magnetic_deg": 2, "yaw_deg": 2, "x_m": 3, "lon_deg": 3,
+    "easting_m": 3, "y_m": 4, "lat_deg": 4, "northing_m": 4, "depth_m": 5, "height_m": 5, "z_m": 5,
+}  # fmt: skip
+
+_QUANTITY_OF = {synonym: quantity for quantity, synonyms in SYNONYMS.items() for synonym in synonyms.split()}
+_SIGMA_WORDS = frozenset(("sigma", "std", "stddev", "stdev", "sd"))
+_ANGLES = {"deg": 1.0, "degree": 1.0, "degrees": 1.0, "°": 1.0, "rad": 180 / np.pi, "radian": 180 / np.pi}
+_ANGLES |= {"radians": 180 / np.pi}
+_LENGTHS = {"m": 1.0, "meter": 1.0, "meters": 1.0, "metre": 1.0, "metres": 1.0, "cm": 0.01, "mm": 0.001, "km": 1000.0}
+_LENGTHS |= {"ft": FOOT, "feet": FOOT, "foot": FOOT}
+_TIMES = {"s": 1.0, "sec": 1.0, "seconds": 1.0, "ms": 1e-3, "us": 1e-6, "µs": 1e-6, "ns": 1e-9}
+_UNITS = {"deg": _ANGLES, "m": _LENGTHS, "s": _TIMES}
+_REFERENCES = ("true", "t")  # of a heading, where its unit would stand
+_MAGNETIC = ("magnetic", "mag")
+# Each of these takes a time in proportion to the heading's length, whatever it holds
+_BRACKETS = re.compile(r"(.*)[\(\[]([^()\[\]]*)[\)\]]")
+_BETWEEN_WORDS = re.compile(r"[\s_.]+")
+_ZONE = re.compile(r"(?:utc|gmt|z)?\s*(?:([+-])(\d{1,2})(?::?(\d\d))?)?", re.IGNORECASE)
+_WORDS = re.compile(r"[a-z]+|[0-9]+")
+
+
+@dataclass(frozen=True, slots=True)
+class Column:
+    """A column of a log that is understood.
+
+    Attributes:
+        index: in the rows.
+        heading: as it is written.
+        quantity: of QUANTITIES.
+        factor: from its unit to that of the quantity's name (degrees, meters, seconds).
+        word: how the log calls it, in small letters without anything but letters and digits.
+        unit: as written, in small letters; "" where none is.
+    """
+
+    index: int
+    heading: str
+    quantity: str
+    factor: float = 1.0
+    word: str = ""
+    unit: str = ""
+
+    @property
+    def is_own(self) -> bool:
+        """Whether the heading is one of this program's own files."""
+        return self.heading in OWN
+
+
+def column_of(index: int, heading: str, quantity: str | None = None) -> Column | None:
+    """What a heading says; None where nothing is known of it.
+
+    Args:
+        index: of the column.
+        heading: as it is written.
+        quantity: what the user says that it is, so that only the unit is asked for.
+
+    Raises:
+        InputError: a unit that is not known, or feet of a grid.
+    """
+    if heading in OWN:
+        return Column(index, heading, quantity or heading, word=heading)
+    stem, unit = _split(heading)
+    words = _WORDS.findall(stem.lower())
+    word = "".join(each for each in words if each not in _SIGMA_WORDS)
+    known = quantity or _QUANTITY_OF.get(word) or _QUANTITY_OF.get(re.sub("(deg|degrees|rad|radians)$", "", word))
+    if known is None:
+        return None
+    if known == "heading_deg" and quantity is None and unit in _MAGNETIC:
+        return Column(index, heading, "magnetic_deg", 1.0, word, unit)
+    if not unit and (ending := re.search("(deg|degrees|rad|radians)$", word)):
+        unit = ending[0]
+    if quantity is None and len(words) > 1 and _SIGMA_WORDS.intersection(words):
+        if known not in SIGMA_OF:
+            return None
+        own = SIGMA_COLUMNS[SIGMA_OF[known]]
+        return Column(index, heading, own, _factor(heading, own, unit), word, unit)
+    return Column(index, heading, known, _factor(heading, known, unit), word, unit)
+
+
+def zone_of(unit: str) -> float | None:
+    """The hours, in seconds, that a clock of "UTC+2" or "+02:00" is ahead of UTC; None for what is no zone."""
+    zone = _ZONE.fullmatch(unit)
+    if not unit or not zone:
+        return None
+    seconds = 3600 * int(zone[2] or 0) + 60 * int(zone[3] or 0)
+    return float(-seconds if zone[1] == "-" else seconds)
+
+
+def _split(heading: str) -> tuple[str, str]:
+    """The heading without its unit, and the unit in small letters."""
+    heading = heading.strip()
+    bracketed = _BRACKETS.fullmatch(heading)
+    if bracketed:
+        return bracketed[1], bracketed[2].strip().lower()
+    *before, last = _BETWEEN_WORDS.split(heading)
+    if before and any(last.lower() in units for units in _UNITS.values()):
+        return heading.removesuffix(last), last.lower()
+    return heading, ""
+
+
+def _factor(heading: str, quantity: str, unit: str) -> float:
+    kind = quantity.rsplit("_", 1)[-1] if quantity != "stamp" else "s"
+    units = _UNITS.get(kind)
+    if not unit or units is None or (kind == "s" and unit not in units):
+        return 1.0  # what a time's unit may be besides is a zone, which is looked at with the times
+    unit = unit if unit in units else unit.split()[0]  # as in "m below surface"
+    if kind == "deg" and (unit in _REFERENCES or (quantity in ("lat_deg", "lon_deg") and unit not in _LENGTHS)):
+        return units.get(unit, 1.0)
+    if unit not in units:
+        raise InputError(
+            f"the column {heading!r} has the unit {unit!r}; wanted one of {', '.join(units)} for {quantity}; "
+            "correct its "
+            "heading"
+        )
+    if units[unit] == FOOT and quantity in ("easting_m", "northing_m"):
+        raise InputError(f"the column {heading!r} is in feet, of which grids have two kinds; give it in meters")
+    return units[unit]

@@ -1,0 +1,61 @@
+"""Finds the scan that a row of a priors file belongs to."""
+
+import re
+from collections.abc import Sequence
+
+from sonarmap.kernels.errors import InputError
+from sonarmap.spectral.scan import Scan
+from sonarmap.tools.files.csv_cell import plain_text
+from sonarmap.tools.files.readers.file import FORMATS
+
+SAME_STAMP = 1e-3  # seconds: files carry stamps with other numbers of digits
+
+_SUFFIX = re.compile(rf"(.+)({'|'.join(map(re.escape, FORMATS))})(#\d+)?", re.IGNORECASE | re.DOTALL)
+
+
+def find_scan(scans: Sequence[Scan], by: str, key: str, time: float, where: str, allow_unknown: bool) -> int | None:
+    """The index of the scan with a row's name or stamp; None if there is none and `allow_unknown`.
+
+    Args:
+        scans: as the readers name and stamp them.
+        by: "name" (with or without the suffix of the scan's file, as `recording.sonar#3`) or "stamp" [s].
+        key: the name or stamp as it stands in the row.
+        time: the stamp in seconds, UTC.
+        where: the file and line, for messages.
+        allow_unknown: whether a row may belong to none of the scans.
+
+    Raises:
+        InputError: a row that fits several scans or none.
+    """
+    indices = (
+        _by_name(scans, key)
+        if by == "name"
+        else [k for k, scan in enumerate(scans) if abs(scan.stamp - time) <= SAME_STAMP]
+    )
+    if len(indices) > 1:
+        both = " and ".join(scans[index].name for index in indices[:2])
+        raise InputError(
+            f"{where}: the {by} {key!r} fits {len(indices)} scans, among them {both}; rename their files, and use "
+            "their names"
+        )
+    if not indices and not allow_unknown:
+        raise InputError(
+            f"{where}: no scan has the {by} {key!r}; the first scan is called {scans[0].name!r} and has the stamp "
+            f"{scans[0].stamp!r}. Fix the {by} or delete the line"
+        )
+    return indices[0] if indices else None
+
+
+def _by_name(scans: Sequence[Scan], name: str) -> list[int]:
+    exact = [index for index, scan in enumerate(scans) if _is_called(scan, name)]
+    match = _SUFFIX.fullmatch(name)
+    if exact or not match:
+        return exact
+    bare = match[1] + (match[3] or "")
+    return [index for index, scan in enumerate(scans) if _is_called(scan, bare)]
+
+
+def _is_called(scan: Scan, name: str) -> bool:
+    """Whether a scan has a name as a table can have it, which is the scan's own but for line breaks and the like."""
+    own = scan.name
+    return own == name or ((not own.isprintable() or own != own.strip()) and plain_text(own) == name)

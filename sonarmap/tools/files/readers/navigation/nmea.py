@@ -1,0 +1,210 @@
+"""NMEA 0183 sentences: places of GGA or RMC, headings of HDT or THS, dates of RMC and ZDA.
+
+Whatever stands before the $ of a line, as a logger's own time, is passed over, and so are all other sentences.
+"""
+
+import re
+from collections import Counter
+from dataclasses import dataclass, field
+from datetime import UTC, datetime
+from functools import reduce
+from operator import xor
+from pathlib import Path
+
+import numpy as np
+
+from sonarmap.kernels.errors import InputError
+from sonarmap.tools.files.readers.navigation.clocks.times import DAY, dated, time_of_day
+from sonarmap.tools.files.readers.navigation.earth import local_places
+from sonarmap.tools.files.readers.navigation.log import NavigationLog
+from sonarmap.tools.files.readers.navigation.settings import NavigationSettings
+
+SENTENCE = re.compile(r"\$([A-Z]{2})([A-Z]{3})((?:,[^,*$\r\n]*)*)\*([0-9A-Fa-f]{2})")
+_STARTS = re.compile(r"\$[A-Z]{5},")
+_COUNTER = re.compile(r"(\d{2,3})(\d\d(?:\.\d*)?)")  # degrees and minutes
+_USED = ("GGA", "RMC", "HDT", "THS", "ZDA")
+
+
+@dataclass(slots=True)
+class _Sentences:
+    """What was read so far: of each kind the lines, and what they say."""
+
+    timed: list[tuple[int, float, float]] = field(default_factory=list)  # line, second of the day, Unix day or NaN
+    places: dict[str, list[tuple[int, float, float, float]]] = field(default_factory=lambda: {"GGA": [], "RMC": []})
+    headings: list[tuple[int, float]] = field(default_factory=list)
+    left: Counter[str] = field(default_factory=Counter)
+    damaged: int = 0
+    unfixed: int = 0
+
+
+def is_nmea(text: str) -> bool:
+    """Whether a file's beginning holds a sentence."""
+    return SENTENCE.search(text) is not None
+
+
+def read_nmea(path: Path, settings: NavigationSettings, scans: np.ndarray, notes: list[str]) -> NavigationLog:
+    """The places and headings of a file of sentences.
+
+    Args:
+        path: of the file.
+        settings: of the user.
+        scans: (N,) stamps of the scans [s], for sentences without a date.
+        notes: what a user should know of the file is added to it.
+
+    Raises:
+        InputError: it cannot be read, or has neither places nor headings at times.
+    """
+    for option, given in (
+        ("--time-scale", settings.time_scale not in (None, "utc")),
+        ("--nav-columns", bool(settings.columns)),
+        ("--nav-crs", settings.crs is not None),
+        ("--magnetic-declination", settings.declination is not None),
+    ):
+        if given:
+            raise InputError(f"{path} holds NMEA sentences, for which {option} has no effect; leave it out")
+    read = _Sentences()
+    try:
+        with path.open(encoding="latin-1") as file:
+            for number, line in enumerate(file, 1):
+                _read_line(number, line, read)
+    except OSError as error:
+        raise InputError(f"cannot read {path}: {error.strerror or error}; check its name and permissions") from error
+    places = read.places["GGA"] or read.places["RMC"]
+    if not (places or read.headings) or not read.timed:
+        raise InputError(
+            f"{path} has no sentence with a fix or a heading and a time ({read.damaged} have a wrong checksum, "
+            f"{read.unfixed} are without a fix); wanted GGA or RMC, and HDT"
+        )
+    _say(path, read, notes)
+    return _log(path, read, places, settings, scans, notes)
+
+
+def _read_line(number: int, line: str, read: _Sentences) -> None:
+    matches = list(SENTENCE.finditer(line))
+    whole = [match for match in matches if _checksum(match[0][1:-3]) == int(match[4], 16)]
+    read.damaged += max(len(_STARTS.findall(line)), len(matches)) - len(whole)
+    for match in whole:
+        kind, fields = match[2], match[3].split(",")[1:]
+        if kind not in _USED:
+            read.left[kind] += 1
+            continue
+        try:
+            _take(number, kind, fields, read)
+        except (ValueError, IndexError, OverflowError):
+            read.damaged += 1
+
+
+def _take(number: int, kind: str, fields: list[str], read: _Sentences) -> None:
+    """One sentence; ValueError, IndexError or OverflowError where its fields are not as they should be."""
+    if kind in ("HDT", "THS"):
+        heading = float(fields[0]) if fields[0] else np.nan
+        if kind == "THS" and fields[1] != "A":
+            heading = np.nan
+        if np.isfinite(heading):
+            if not 0 <= heading <= 360:
+                raise ValueError
+            read.headings.append((number, heading))
+        else:
+            read.unfixed += 1
+        return
+    if not fields[0]:
+        read.unfixed += 1  # before the receiver knows the time
+        return
+    of_day = time_of_day(fields[0])
+    if of_day is None:
+        raise ValueError
+    day = np.nan
+    if kind == "ZDA" and all(fields[1:4]):
+        day = _day(int(fields[3]), int(fields[2]), int(fields[1]))
+    if kind == "RMC" and fields[8]:
+        date = fields[8]
+        year = int(date[4:6])
+        day = _day(year + (2000 if year < 80 else 1900), int(date[2:4]), int(date[:2]))
+    place = None
+    if kind in ("GGA", "RMC"):
+        is_fixed = fields[5] not in ("", "0") if kind == "GGA" else fields[1] == "A"
+        if is_fixed:
+            k = 1 if kind == "GGA" else 2
+            place = (_angle(fields[k], fields[k + 1], "NS"), _angle(fields[k + 2], fields[k + 3], "EW"))
+        else:
+            read.unfixed += 1
+    read.timed.append((number, of_day, day))
+    if place is not None:
+        read.places[kind].append((number, of_day, *place))
+
+
+def _day(year: int, month: int, day: int) -> float:
+    return datetime(year, month, day, tzinfo=UTC).timestamp() / DAY
+
+
+def _angle(digits: str, half: str, halves: str) -> float:
+    parts = _COUNTER.fullmatch(digits)
+    if not parts or half not in halves or half == "" or float(parts[2]) >= 60:
+        raise ValueError
+    angle = int(parts[1]) + float(parts[2]) / 60
+    if angle > (90 if halves == "NS" else 180):
+        raise ValueError
+    return angle if half == halves[0] else -angle
+
+
+def _checksum(text: str) -> int:
+    return reduce(xor, text.encode("latin-1"), 0)
+
+
+def _say(path: Path, read: _Sentences, notes: list[str]) -> None:
+    if read.damaged:
+        notes.append(f"{path}: {read.damaged} sentences have a wrong checksum or field and are left out")
+    if read.unfixed:
+        notes.append(f"{path}: {read.unfixed} sentences are without a fix, a heading or a time")
+    left = dict(read.left)
+    if read.places["GGA"] and read.places["RMC"]:
+        left["places of RMC"] = len(read.places["RMC"])
+    if left:
+        notes.append(f"{path}: not used: {', '.join(f'{count} {kind}' for kind, count in sorted(left.items()))}")
+
+
+def _log(
+    path: Path,
+    read: _Sentences,
+    places: list[tuple[int, float, float, float]],
+    settings: NavigationSettings,
+    scans: np.ndarray,
+    notes: list[str],
+) -> NavigationLog:
+    """Rows of places and of headings, each at its time."""
+    timed = np.array(read.timed)
+    times = _dates(timed, path, scans, notes)
+    at = dict(zip(timed[:, 0].astype(int).tolist(), times.tolist(), strict=True))
+    values = np.full((len(places) + len(read.headings), 6), np.nan)
+    stamps = np.empty(len(values))
+    lines = np.array([row[0] for row in places] + [row[0] for row in read.headings], np.int64)
+    for k, (line, _, latitude, longitude) in enumerate(places):
+        values[k, 3:5], stamps[k] = (longitude, latitude), at[line]
+    if read.headings:
+        values[len(places) :, 2] = [heading for _, heading in read.headings]
+        # a heading has no time of its own: it is placed between the sentences that have one, by its line
+        stamps[len(places) :] = np.interp(lines[len(places) :], timed[:, 0], times)
+        notes.append(
+            f"{path}: its headings have no time; they are placed by their lines, between the sentences with times"
+        )
+    georeference = None
+    if places:
+        try:
+            values, georeference = local_places(values, True, settings, notes)
+        except InputError as error:
+            raise InputError(f"{path}: {error}") from error
+    order = np.argsort(lines, kind="stable")
+    keys = tuple(f"{stamp:.3f}" for stamp in stamps[order].tolist())
+    sigmas = np.full_like(values, np.nan)
+    return NavigationLog("stamp", lines[order], keys, stamps[order], values[order], sigmas, georeference)
+
+
+def _dates(timed: np.ndarray, path: Path, scans: np.ndarray, notes: list[str]) -> np.ndarray:
+    """(n,) UTC [s] of sentences (n, 3): line, second of the day, and Unix day where it says one."""
+    of_day, days = timed[:, 1], timed[:, 2]
+    known = np.flatnonzero(np.isfinite(days))
+    if not len(known):
+        return dated(of_day, scans, path, notes)
+    passed = np.cumsum(np.concatenate([[0.0], -np.round(np.diff(of_day) / DAY)]))  # midnights
+    last = np.maximum.accumulate(np.where(np.isfinite(days), np.arange(len(days)), known[0]))
+    return of_day + DAY * (days[last] + passed - passed[last])

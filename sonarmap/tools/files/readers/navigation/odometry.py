@@ -1,0 +1,127 @@
+# pyright: strict, reportMissingTypeStubs=false, reportUnknownMemberType=false
+# pyright: reportUnknownVariableType=false, reportUnknownArgumentType=false
+"""Dead reckoning from a file, at its own times, interpolated to the scans'."""
+
+from collections.abc import Sequence
+from pathlib import Path
+
+import numpy as np
+from scipy.spatial.transform import RigidTransform, Slerp
+
+from sonarmap.kernels.errors import InputError
+from sonarmap.slam.graph.trajectory import Trajectory
+from sonarmap.slam.motion.odometry import Odometry
+from sonarmap.spectral.scan import Scan
+from sonarmap.tools.files.readers.bags.open import is_recording
+from sonarmap.tools.files.readers.bags.poses import read_recorded_odometry
+from sonarmap.tools.files.readers.instruments import COLUMNS, poses_of
+from sonarmap.tools.files.readers.limits import LARGEST, LEAST_SIGMA
+from sonarmap.tools.files.readers.navigation.clocks.spans import why_apart
+from sonarmap.tools.files.readers.navigation.match import SAME_STAMP
+from sonarmap.tools.files.readers.navigation.read import read_navigation
+from sonarmap.tools.files.readers.navigation.settings import AS_IT_SAYS, NavigationSettings
+from sonarmap.tools.files.readers.selection import part_of_file
+
+# Poses this many times farther apart than usual leave a gap, in which nothing is known.
+_GAP = 10.0
+
+
+def read_odometry(
+    path: Path,
+    scans: Sequence[Scan],
+    drift: float,
+    turn_drift: float,
+    notes: list[str] | None = None,
+    settings: NavigationSettings = AS_IT_SAYS,
+) -> Odometry:
+    """Where dead reckoning has the scans.
+
+    Args:
+        path: a TUM file, a CSV file with a time and all columns of a priors file, all filled, or a ROS bag or MCAP
+            file, perhaps with ::TOPIC behind it.
+        scans: with stamps by the same clock.
+        drift: standard deviation of the way, as a share of it.
+        turn_drift: standard deviation of the rotation [rad/s].
+        notes: what a user should know of the file is added to it.
+        settings: how to understand the file.
+
+    Raises:
+        InputError: naming the file: it cannot be used, its stamps do not ascend, or fewer than two scans lie within its
+            time.
+    """
+    notes = [] if notes is None else notes
+    times = np.array([scan.stamp for scan in scans], dtype=np.float64)
+    trajectory = _trajectory(path, settings, times, notes)
+    stamps = trajectory.stamps
+    if len(stamps) < 2 or not (np.diff(stamps) > 0).all():
+        pose = int(np.argmin(np.diff(stamps) > 0)) + 1 if len(stamps) > 1 else 0
+        raise InputError(
+            f"{path}: wanted two poses or more with stamps that ascend; pose {pose} does not; sort its rows"
+        )
+    covered = _within(stamps, times)
+    if covered.sum() < 2:
+        raise InputError(f"{path} covers {int(covered.sum())} of the {len(scans)} scans: {why_apart(stamps, times)}")
+    if not covered.all():
+        bare = [scans[k].name for k in np.flatnonzero(~covered).tolist()]
+        notes.append(f"{path} does not cover {len(bare)} of {len(scans)} scans: {bare[0]}{' ...' * (len(bare) > 1)}")
+    indices = np.flatnonzero(covered)
+    at = np.clip(times[indices], stamps[0], stamps[-1])
+    places, R = trajectory.T_world_sensor.translation, trajectory.T_world_sensor.rotation
+    translation = np.column_stack([np.interp(at, stamps, places[:, axis]) for axis in range(3)])
+    poses = RigidTransform.from_components(translation, Slerp(stamps, R)(at))
+    return Odometry(indices, poses, times[indices], drift, turn_drift)
+
+
+def _within(stamps: np.ndarray, times: np.ndarray) -> np.ndarray:
+    """(N,) bool: which times lie between two poses that are not far apart, or at one."""
+    after = np.clip(np.searchsorted(stamps, times), 1, len(stamps) - 1)
+    gap = stamps[after] - stamps[after - 1]
+    inside = (times >= stamps[0]) & (times <= stamps[-1]) & (gap <= _GAP * np.median(np.diff(stamps)))
+    nearest = np.minimum(np.abs(times - stamps[after]), np.abs(times - stamps[after - 1]))
+    return inside | (nearest <= SAME_STAMP)
+
+
+def _trajectory(path: Path, settings: NavigationSettings, stamps: np.ndarray, notes: list[str]) -> Trajectory:
+    """The poses of the sonar, in the frame of the dead reckoning."""
+    part = part_of_file(str(path))
+    if part is not None and is_recording(part.path):
+        recorded = read_recorded_odometry(part.path, part.topic, notes)
+        T_odom_vehicle, times = recorded.T_world_sensor, recorded.stamps
+    else:
+        T_odom_vehicle, times = _read_log(path, settings, stamps, notes)
+    T = T_odom_vehicle * settings.mount.T_vehicle_sensor if settings.mount else T_odom_vehicle
+    return Trajectory(times + (settings.offset or 0.0), T)
+
+
+def _read_log(
+    path: Path, settings: NavigationSettings, stamps: np.ndarray, notes: list[str]
+) -> tuple[RigidTransform, np.ndarray]:
+    """Poses of the vehicle, and when."""
+    log = read_navigation(path, settings, None, stamps, notes)
+    known = np.any(np.isfinite(log.values), axis=0)
+    missing = [COLUMNS[k] for k in range(len(COLUMNS)) if not known[k]]
+    if log.key == "name" or missing:
+        raise InputError(
+            f"{path}: odometry needs times and the columns {', '.join(COLUMNS)}; "
+            f"{', '.join([*(['stamp'] if log.key == 'name' else []), *missing])} not found"
+        )
+    for row, column in np.argwhere(np.isnan(log.values)).tolist():
+        raise InputError(
+            f"{path}: line {log.lines[row]}: {COLUMNS[column]} is empty; odometry needs all of them in every row"
+        )
+    return poses_of(log.values), log.times
+
+
+def parse_drift(text: str, option: str = "--odometry-drift") -> tuple[float, float]:
+    """The share of the way and the rotation per second [rad/s], from "percent,degrees per hour" of an option.
+
+    Raises:
+        InputError: not two numbers of 0 or more, one of them above 0.
+    """
+    try:
+        percent, degrees = (float(part) for part in text.split(","))
+    except ValueError:
+        percent = degrees = -1.0
+    if not (0 <= percent <= LARGEST and 0 <= degrees <= LARGEST and percent + degrees > LEAST_SIGMA):
+        raise InputError(f"{option} is {text!r}; give percent of the way and degrees per hour, as in {option} 1,10")
+    return percent / 100, float(np.radians(degrees)) / 3600

@@ -1,0 +1,166 @@
+"""Scans with what navigation measured of their poses: rows of a file matched to scans by name, stamp or time.
+
+A file has rows for the scans by their names, or at their stamps, or at times of its own. What it may hold is described
+in docs/navigation.md; `tools.files.readers.navigation.read` tells the kinds of files apart.
+"""
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, replace
+from pathlib import Path
+from types import MappingProxyType
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+from sonarmap.kernels.errors import InputError
+from sonarmap.spectral.scan import PosePrior, Scan
+from sonarmap.tools.files.readers.instruments import prior_of
+from sonarmap.tools.files.readers.navigation.clocks.spans import why_apart
+from sonarmap.tools.files.readers.navigation.clocks.time_offset import estimate_offset, heading_rates
+from sonarmap.tools.files.readers.navigation.columns import some
+from sonarmap.tools.files.readers.navigation.earth import by_the_maps_north, grid_of
+from sonarmap.tools.files.readers.navigation.log import NavigationLog, with_defaults
+from sonarmap.tools.files.readers.navigation.match import SAME_STAMP, find_scan
+from sonarmap.tools.files.readers.navigation.read import read_navigation
+from sonarmap.tools.files.readers.navigation.series import at_scans
+from sonarmap.tools.files.readers.navigation.settings import AS_IT_SAYS, NavigationSettings
+
+if TYPE_CHECKING:
+    from sonarmap.tools.files.geo.georeference import Georeference
+
+NO_DEFAULTS: Mapping[str, float] = MappingProxyType({})
+
+
+@dataclass(frozen=True, slots=True)
+class Navigated:
+    """Scans with their priors.
+
+    Attributes:
+        scans: as they were given, with priors where the file says something of them.
+        georeference: where the world's origin is on the Earth; None where neither the file nor the user says it.
+    """
+
+    scans: tuple[Scan, ...]
+    georeference: "Georeference | None"
+
+
+def navigate(
+    scans: Sequence[Scan],
+    path: Path,
+    settings: NavigationSettings = AS_IT_SAYS,
+    sigmas: Mapping[str, float] = NO_DEFAULTS,
+    allow_unknown: bool = False,
+    notes: list[str] | None = None,
+    turn_rates: tuple[np.ndarray, np.ndarray] | None = None,
+) -> Navigated:
+    """The scans with their priors from a file of navigation; a scan of which it says nothing has none.
+
+    Args:
+        scans: as the readers name and stamp them.
+        path: of the file.
+        settings: how to understand it.
+        sigmas: {column of `tools.files.readers.instruments.COLUMNS`: standard deviation}, where the file has none.
+        allow_unknown: whether rows may belong to scans that are not among these.
+        notes: what a user should know of the file is added to it.
+        turn_rates: times by the scans' clock (m,) [s], and the sonar's turn rates about the vertical (m,) [rad/s], from
+            which the offset of the navigation's clock is estimated if the settings ask for it.
+
+    Raises:
+        InputError: naming the file and the line: a column or cell that cannot be used, two rows for one scan, a row
+            that fits no scan or several, or not one that fits any.
+    """
+    notes = [] if notes is None else notes
+    stamps = np.array([scan.stamp for scan in scans], np.float64)
+    log = read_navigation(path, settings, sigmas, stamps, notes)
+    offset = _estimated_offset(path, log, turn_rates, notes) if settings.offset is None else settings.offset
+    log = replace(log, sigmas=with_defaults(log.sigmas, sigmas), times=log.times + offset)
+    if log.key == "stamp" and _is_series(stamps, log):
+        priors = _from_series(path, log, stamps, notes)
+    else:
+        priors = _from_rows(scans, path, log, allow_unknown)
+    georeference = log.georeference or settings.origin
+    corrected = _by_the_maps_north(priors, log, settings, georeference)
+    if settings.mount is not None:
+        corrected = [prior and settings.mount.of_sensor(prior) for prior in corrected]
+    return Navigated(
+        tuple(replace(scan, prior=prior) for scan, prior in zip(scans, corrected, strict=True)), georeference
+    )
+
+
+def with_priors(
+    scans: Sequence[Scan],
+    path: Path,
+    sigmas: Mapping[str, float] = NO_DEFAULTS,
+    allow_unknown: bool = False,
+    notes: list[str] | None = None,
+) -> tuple[Scan, ...]:
+    """The scans of `navigate`, where nothing has to be said of the file."""
+    return navigate(scans, path, sigmas=sigmas, allow_unknown=allow_unknown, notes=notes).scans
+
+
+def _estimated_offset(
+    path: Path, log: NavigationLog, turn_rates: tuple[np.ndarray, np.ndarray] | None, notes: list[str]
+) -> float:
+    """What has to be added to the navigation's times for its headings to turn as the sonar does [s]."""
+    if turn_rates is None:
+        raise InputError("--nav-offset auto needs the sonar's own turn rates, which the scans' files do not have")
+    offset = estimate_offset(*heading_rates(log.times, log.values[:, 2]), *turn_rates)
+    notes.append(
+        f"{path}: {offset.seconds:+.2f} s are added to its times, by the turn rates (standard deviation "
+        f"{offset.sigma:.2g} s, correlation {offset.correlation:.2f})"
+    )
+    return offset.seconds
+
+
+def _by_the_maps_north(
+    priors: Sequence[PosePrior | None],
+    log: NavigationLog,
+    settings: NavigationSettings,
+    georeference: "Georeference | None",
+) -> list[PosePrior | None]:
+    """Priors whose headings were measured by true or grid North of their own places."""
+    grid = grid_of(settings, georeference) if settings.heading_reference == "grid" else None
+    if georeference is None or (grid is None and log.georeference is None):
+        return list(priors)
+    return by_the_maps_north(priors, georeference, grid)
+
+
+def _from_rows(scans: Sequence[Scan], path: Path, log: NavigationLog, allow_unknown: bool) -> list[PosePrior | None]:
+    """Of rows that are each for one scan."""
+    lines: dict[int, int] = {}  # of each scan, in the file
+    priors = [scan.prior for scan in scans]
+    for row, line in enumerate(log.lines.tolist()):
+        time, where = float(log.times[row]), f"{path}: line {line}"
+        index = find_scan(scans, log.key, log.keys[row], time, where, allow_unknown)
+        if index is None:
+            continue
+        if index in lines:
+            raise InputError(
+                f"{path}: lines {lines[index]} and {line} are both for the scan {scans[index].name}; delete one"
+            )
+        lines[index] = line
+        priors[index] = prior_of(log.values[row], log.sigmas[row]) if log.measured[row] else None
+    if not lines:
+        raise InputError(f"{path}: no row belongs to any of the scans, which are {some([scan.name for scan in scans])}")
+    return priors
+
+
+def _is_series(stamps: np.ndarray, log: NavigationLog) -> bool:
+    """Whether rows have times of their own: some that are no scan's, of more than half of the rows."""
+    sorted_stamps = np.sort(stamps)
+    after = np.clip(np.searchsorted(sorted_stamps, log.times), 0, len(stamps) - 1)
+    nearest = np.minimum(
+        np.abs(sorted_stamps[after] - log.times), np.abs(sorted_stamps[np.maximum(after - 1, 0)] - log.times)
+    )
+    return int((nearest > SAME_STAMP).sum()) > len(log.times) / 2
+
+
+def _from_series(path: Path, log: NavigationLog, stamps: np.ndarray, notes: list[str]) -> list[PosePrior | None]:
+    """Of rows at times of their own."""
+    rows = log.measured
+    known = at_scans(stamps, log.times[rows], log.values[rows], log.sigmas[rows])
+    measured = np.any(np.isfinite(known.values), axis=1)
+    if not measured.any():
+        raise InputError(f"{path}: no row is at the time of a scan, or near it: {why_apart(log.times, stamps)}")
+    notes.append(f"{path} has times of its own; it was interpolated to those of the scans")
+    return [prior_of(known.values[k], known.sigmas[k]) if measured[k] else None for k in range(len(stamps))]

@@ -1,0 +1,96 @@
+"""A file of navigation of any kind: CSV, TUM or NMEA 0183."""
+
+import codecs
+import warnings
+from collections.abc import Mapping
+from pathlib import Path
+
+import numpy as np
+
+from sonarmap.kernels.errors import InputError
+from sonarmap.tools.files.readers.instruments import COLUMNS
+from sonarmap.tools.files.readers.navigation.log import NavigationLog
+from sonarmap.tools.files.readers.navigation.nmea import is_nmea, read_nmea
+from sonarmap.tools.files.readers.navigation.settings import NavigationSettings
+from sonarmap.tools.files.readers.navigation.table import read_table
+from sonarmap.tools.files.readers.poses.tum import read_tum
+from sonarmap.tools.files.user_file import require_file
+
+_LOOKED_AT = 20_000  # bytes of a file's beginning that tell its kind
+_TUM_NUMBERS = 8
+
+
+def read_navigation(
+    path: Path,
+    settings: NavigationSettings,
+    sigmas: Mapping[str, float] | None,
+    scans: np.ndarray,
+    notes: list[str],
+) -> NavigationLog:
+    """The rows of a file, which is told by its content.
+
+    Args:
+        path: of the file.
+        settings: of the user.
+        sigmas: {column of COLUMNS: standard deviation} where the file has none; None where none is needed.
+        scans: (N,) stamps of the scans [s].
+        notes: what a user should know of the file is added to it.
+
+    Raises:
+        InputError: naming the file and, where it applies, the line.
+    """
+    beginning = _beginning(path)
+    if is_nmea(beginning):
+        log = read_nmea(path, settings, scans, notes)
+    elif path.suffix.lower() == ".tum" or _is_tum(beginning):
+        log = _of_tum(path, settings)
+    else:
+        return read_table(path, settings, sigmas, scans, notes)
+    if sigmas is not None:
+        for k, column in enumerate(COLUMNS):
+            if np.isfinite(log.values[:, k]).any() and column not in sigmas:
+                raise InputError(f"{path} has no standard deviations; give --prior-sigmas")
+    return log
+
+
+def _beginning(path: Path) -> str:
+    require_file(path)
+    try:
+        with path.open("rb") as file:
+            content = file.read(_LOOKED_AT)
+    except OSError as error:
+        raise InputError(f"cannot read {path}: {error.strerror or error}; check its name and permissions") from error
+    wide = content.startswith((codecs.BOM_UTF16_LE, codecs.BOM_UTF16_BE))
+    return content.decode("utf-16" if wide else "utf-8", errors="replace")
+
+
+def _is_tum(beginning: str) -> bool:
+    """Whether the first line that is no comment is eight numbers between blanks."""
+    lines = (line.strip() for line in beginning.splitlines())
+    first = next((line for line in lines if line and not line.startswith("#")), "")
+    try:
+        return len([float(word) for word in first.split()]) == _TUM_NUMBERS
+    except ValueError:
+        return False
+
+
+def _of_tum(path: Path, settings: NavigationSettings) -> NavigationLog:
+    """A trajectory: T_world_vehicle, East-North-Up, x forward, y left, z up."""
+    for option, given in (
+        ("--time-scale", settings.time_scale not in (None, "utc")),
+        ("--nav-columns", bool(settings.columns)),
+        ("--nav-crs", settings.crs is not None),
+        ("--nav-frame", settings.frame not in (None, "flu", "enu")),
+        ("--magnetic-declination", settings.declination is not None),
+    ):
+        if given:
+            raise InputError(f"{path} is a TUM file, for which {option} has no effect; leave it out")
+    trajectory = read_tum(path)
+    with warnings.catch_warnings():
+        warnings.simplefilter("ignore")  # of scipy: looking straight up or down a rotation has many headings and rolls
+        yaw, pitch, roll = trajectory.T_world_sensor.rotation.as_euler("ZYX", degrees=True).T
+    x, y, z = trajectory.T_world_sensor.translation.T
+    values = np.column_stack([roll, -pitch, np.mod(90.0 - yaw, 360.0), x, y, -z])
+    keys = tuple(f"{stamp:.3f}" for stamp in trajectory.stamps.tolist())
+    lines = np.arange(1, len(trajectory.stamps) + 1)
+    return NavigationLog("stamp", lines, keys, trajectory.stamps, values, np.full_like(values, np.nan), None)

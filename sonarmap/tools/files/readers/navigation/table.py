@@ -1,0 +1,242 @@
+"""Navigation from a CSV file: this program's own, or a log as a vehicle or an office writes it."""
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+from pathlib import Path
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+from sonarmap.kernels.errors import InputError
+from sonarmap.tools.files.readers.csv_table import CsvRow, CsvTable, read_csv_table
+from sonarmap.tools.files.readers.instruments import COLUMNS, LARGEST_OF, SIGMA_COLUMNS, check_measured
+from sonarmap.tools.files.readers.limits import LARGEST
+from sonarmap.tools.files.readers.navigation.cells import MISSING, degrees, numbers, refuse
+from sonarmap.tools.files.readers.navigation.clocks.times import TimeCells, times_of
+from sonarmap.tools.files.readers.navigation.columns import PAIRS, SOURCES, Columns, columns_of
+from sonarmap.tools.files.readers.navigation.earth import local_places
+from sonarmap.tools.files.readers.navigation.log import NavigationLog
+from sonarmap.tools.files.readers.navigation.settings import UP_FRAMES, NavigationSettings
+
+if TYPE_CHECKING:
+    from sonarmap.tools.files.geo.georeference import Georeference
+
+_ON_EARTH = {"lat_deg": 90.0, "lon_deg": 180.0}
+_DIGITS = 6  # decimals from which on a small range of meters looks like degrees
+_DEGREES_RANGE = 0.05  # [deg]: 5 km of latitude
+_GRID = 20_000.0  # [m] beyond which eastings and northings are a grid's
+
+
+@dataclass(frozen=True, slots=True)
+class _Table:
+    """A file's rows by column: what is read of them is in `columns`."""
+
+    path: Path
+    columns: Columns
+    rows: Sequence[CsvRow]
+
+    def cells(self, quantity: str) -> list[str]:
+        """Of a column, for each row."""
+        index = self.columns.of[quantity].index
+        return [row.cells[index] for row in self.rows]
+
+    def where(self, row: int) -> str:
+        """The file and line, for messages."""
+        return f"{self.path}: line {self.rows[row].line}"
+
+
+def read_table(
+    path: Path,
+    settings: NavigationSettings,
+    sigmas: Mapping[str, float] | None,
+    scans: np.ndarray,
+    notes: list[str],
+) -> NavigationLog:
+    """The rows of a CSV file.
+
+    Args:
+        path: of the file.
+        settings: of the user.
+        sigmas: {column of COLUMNS: standard deviation} where the file has none; None where none is needed.
+        scans: (N,) stamps of the scans [s].
+        notes: what a user should know of the file is added to it.
+
+    Raises:
+        InputError: naming the file and the line: a column or cell that cannot be used.
+    """
+    raw = read_csv_table(path)
+    try:
+        columns = columns_of(raw.heading.cells, settings, sigmas)
+    except InputError as error:
+        raise InputError(f"{path}: line {raw.heading.line}: {error}") from error
+    table = _Table(path, columns, _even(raw, path, columns.is_own))
+    if not table.rows:
+        raise InputError(f"{path} has no row below its heading; wanted one per scan")
+    notes += [f"{path}: {note}" for note in columns.notes]
+    notes += raw.notes
+    values, georeference = _values(table, settings, notes)
+    deviations = _sigmas(table, settings)
+    _check_rows(table, values, deviations, sigmas)
+    keys = table.cells(columns.key)
+    for row, key in enumerate(keys):
+        if not key:
+            raise InputError(f"{table.where(row)}: its {columns.key} is empty; fix that line")
+    lines = np.array([row.line for row in table.rows])
+    times = np.full(len(keys), np.nan)
+    if columns.key == "stamp":
+        dates, weeks = (table.cells(name) if name in columns.of else None for name in ("date", "gps_week"))
+        cells = TimeCells(path, lines, keys, columns.of["stamp"], dates, weeks)
+        times = times_of(cells, settings.time_scale, scans, notes)
+    return NavigationLog(columns.key, lines, tuple(keys), times, values, deviations, georeference)
+
+
+def _even(table: CsvTable, path: Path, is_own: bool) -> Sequence[CsvRow]:
+    """The rows, of as many cells as the heading has; in a log empty ones at the end do not count."""
+    wanted = len(table.heading.cells)
+    if not is_own:
+        for row in table.rows:
+            while len(row.cells) > wanted and not row.cells[-1]:
+                row.cells.pop()
+    table.require_even(path)
+    return table.rows
+
+
+def _values(table: _Table, settings: NavigationSettings, notes: list[str]) -> tuple[np.ndarray, "Georeference | None"]:
+    """(n, 6) in the order, units and signs of COLUMNS, NaN where not measured; and where x and y count from."""
+    values = np.full((len(table.rows), len(COLUMNS)), np.nan)
+    for k, names in enumerate(SOURCES):
+        for name in names:
+            if name in table.columns.of:
+                values[:, k] = _column(table, name)
+    if settings.points_up:
+        values[:, 1] *= -1
+    if "yaw_deg" in table.columns.of:
+        values[:, 2] = np.mod(90 - values[:, 2], 360) if settings.points_up else np.mod(values[:, 2], 360)
+    if settings.declination is not None:
+        values[:, 2] = np.mod(values[:, 2] + settings.declination, 360)
+    if "height_m" in table.columns.of or ("z_m" in table.columns.of and settings.frame in UP_FRAMES):
+        values[:, 5] *= -1
+    if "lat_deg" in table.columns.of or ("easting_m" in table.columns.of and settings.crs is not None):
+        try:
+            return local_places(values, "lat_deg" in table.columns.of, settings, notes)
+        except InputError as error:
+            raise InputError(f"{table.path}: {error}") from error
+    _refuse_degrees(table, values)
+    if "easting_m" in table.columns.of:
+        _refuse_grid(table, values, notes)
+    elif _is_north_first(table, settings):
+        values[:, [3, 4]] = values[:, [4, 3]]
+    return values, None
+
+
+def _is_north_first(table: _Table, settings: NavigationSettings) -> bool:
+    """Whether x is North, as in North, East, Down."""
+    return "x_m" in table.columns.of and settings.frame is not None and not settings.points_up
+
+
+def _column(table: _Table, name: str) -> np.ndarray:
+    """(n,) of one column in the unit of its quantity, NaN where it says nothing."""
+    cells, column = table.cells(name), table.columns.of[name]
+    if name in _ON_EARTH:
+        values = np.array([degrees(cell, name) for cell in cells])
+        bad = np.isnan(values) & np.array([cell.lower() not in MISSING for cell in cells])
+        wanted = "degrees, as 60.3913 or 60 23.478 N"
+    else:
+        values, bad = numbers(cells, table.columns.is_own)
+        wanted = "a finite number, or an empty cell for what was not measured"
+    if bad.any():
+        row = int(np.argmax(bad))
+        raise refuse(table.where(row), column.heading, cells[row], wanted)
+    values = values * column.factor
+    if name in _ON_EARTH and (beyond := np.abs(values) > _ON_EARTH[name]).any():
+        row = int(np.argmax(beyond))
+        raise InputError(
+            f"{table.where(row)}: {column.heading} is {values[row]:g}; wanted degrees within "
+            f"{_ON_EARTH[name]:g}; if these "
+            f"are meters of a grid, give --nav-columns {'northing_m' if name == 'lat_deg' else 'easting_m'}="
+            f"{column.heading} and --nav-crs"
+        )
+    quantity = {"yaw_deg": "heading_deg"}.get(name, name)
+    large = np.abs(values) > LARGEST_OF.get(quantity, LARGEST)
+    if large.any():
+        row = int(np.argmax(large))
+        try:
+            check_measured(quantity, float(values[row]))
+        except InputError as error:
+            raise InputError(f"{table.where(row)}: {error}; fix that line") from error
+    return values
+
+
+def _sigmas(table: _Table, settings: NavigationSettings) -> np.ndarray:
+    """(n, 6) standard deviations, NaN where the file has none."""
+    sigmas = np.full((len(table.rows), len(COLUMNS)), np.nan)
+    for k, name in enumerate(SIGMA_COLUMNS):
+        if name not in table.columns.of:
+            continue
+        column = table.columns.of[name]
+        cells = table.cells(name)
+        values, bad = numbers(cells, table.columns.is_own)
+        if bad.any():
+            row = int(np.argmax(bad))
+            raise refuse(table.where(row), column.heading, cells[row], "a finite number, or an empty cell")
+        sigmas[:, k] = values * column.factor
+        for row in np.flatnonzero(np.isfinite(values)).tolist():
+            try:
+                check_measured(name, float(sigmas[row, k]))
+            except InputError as error:
+                raise InputError(f"{table.where(row)}: {error}; fix that line") from error
+    if _is_north_first(table, settings):
+        sigmas[:, [3, 4]] = sigmas[:, [4, 3]]
+    return sigmas
+
+
+def _check_rows(table: _Table, values: np.ndarray, deviations: np.ndarray, sigmas: Mapping[str, float] | None) -> None:
+    """Refuse what is measured without a standard deviation, and one of a pair alone."""
+    measured = np.isfinite(values)
+    for k, name in enumerate(COLUMNS if sigmas is not None else ()):
+        bare = measured[:, k] & np.isnan(deviations[:, k]) & (name not in (sigmas or {}))
+        if bare.any():
+            raise InputError(
+                f"{table.where(int(np.argmax(bare)))}: {name} has no standard deviation; fill in "
+                f"{SIGMA_COLUMNS[k]}, or "
+                "give --prior-sigmas; fix that line"
+            )
+    for first, second in PAIRS:
+        lone = measured[:, COLUMNS.index(first)] != measured[:, COLUMNS.index(second)]
+        if lone.any() and table.columns.is_own:
+            raise InputError(
+                f"{table.where(int(np.argmax(lone)))}: {first} and {second} can only be used together, and one "
+                "is empty; "
+                "fix that line"
+            )
+        values[np.ix_(lone, [COLUMNS.index(first), COLUMNS.index(second)])] = np.nan
+
+
+def _refuse_degrees(table: _Table, values: np.ndarray) -> None:
+    """Refuse coordinates in meters that look like degrees: of many decimals, and within a twentieth of each other."""
+    places = values[np.isfinite(values[:, 3:5]).all(axis=1), 3:5]
+    if len(np.unique(places, axis=0)) < 3 or not (np.abs(places) <= [180, 90]).all():
+        return
+    names = [name for k in (3, 4) for name in SOURCES[k] if name in table.columns.of]
+    fine = [cell for name in names for cell in table.cells(name) if len(cell.partition(".")[2]) >= _DIGITS]
+    if np.ptp(places, axis=0).max() >= _DEGREES_RANGE or len(fine) < len(places) or np.abs(places).max() < 1:
+        return
+    low, high = places.min(axis=0), places.max(axis=0)
+    raise InputError(
+        f"{table.path}: {table.columns.heading(names[0])} runs from {low[0]:g} to {high[0]:g} and "
+        f"{table.columns.heading(names[1])} from {low[1]:g} to {high[1]:g}, which look like degrees and are to "
+        "be meters; "
+        "call them Longitude and Latitude, or, if they are meters, round them to millimeters"
+    )
+
+
+def _refuse_grid(table: _Table, values: np.ndarray, notes: list[str]) -> None:
+    """Without a CRS eastings and northings are meters from an origin of their own, if they are small enough."""
+    largest = np.nanmax(np.abs(values[:, 3:5]), initial=0.0)
+    if largest > _GRID:
+        raise InputError(
+            f"{table.path}: {table.columns.heading('easting_m')} and {table.columns.heading('northing_m')} "
+            f"reach {largest:.0f} "
+            "m, as those of a grid do, whose North is not true North; say which grid, as in --nav-crs EPSG:32632"
+        )
+    notes.append(f"{table.path}: eastings and northings are taken as meters from an origin of their own, by true North")

@@ -1,0 +1,263 @@
+"""g2o pose graphs: VERTEX_SE3:QUAT, EDGE_SE3:QUAT, EDGE_SE3_PRIOR and FIX, read strictly.
+
+A prior's numbers are a pose in the world and its information, in the axes of that pose; directions that are not known
+have none. PARAMS_SE3OFFSET, a sensor's place on the vehicle to which priors refer, has to be the identity.
+
+The 21 numbers after an edge's quaternion are the upper triangle of its information matrix, translation
+first. Its rotational part is taken as that of a rotation vector [rad], which is what GTSAM, SE-Sync and the
+published benchmark costs do. g2o's own solver measures that error by the vector part of the quaternion, half
+the angle: it gives the same numbers a quarter of the weight. Files say nowhere which is meant; the common reading
+is followed.
+"""
+
+from collections import defaultdict
+from dataclasses import dataclass
+from pathlib import Path
+
+import numpy as np
+
+from sonarmap.kernels.errors import InputError
+from sonarmap.slam.graph.edge import Edge, check_definite
+from sonarmap.slam.graph.known_pose import KnownPose
+from sonarmap.slam.graph.pose_graph import PoseGraph
+from sonarmap.slam.graph.trajectory import Trajectory
+from sonarmap.spectral.result import Registration
+from sonarmap.tools.files.readers.clouds.rows import Line, shown
+from sonarmap.tools.files.readers.limits import LARGEST_INFORMATION
+from sonarmap.tools.files.readers.poses.pose_rows import finite_rows, read_lines, transforms
+
+VERTEX, EDGE, FIX = "VERTEX_SE3:QUAT", "EDGE_SE3:QUAT", "FIX"
+PRIOR, OFFSET = "EDGE_SE3_PRIOR", "PARAMS_SE3OFFSET"
+KNOWN = (VERTEX, EDGE, PRIOR, FIX, OFFSET)
+UPPER = np.triu_indices(6)
+TRANSLATION_LAST = np.array([3, 4, 5, 0, 1, 2])  # from g2o's order to ours, and back
+
+_POSE = "x y z qx qy qz qw"
+_VERTEX_LAYOUT = f"id {_POSE}"
+_EDGE_LAYOUT = f"id id {_POSE} " + " ".join(f"I{i + 1}{j + 1}" for i, j in zip(*UPPER, strict=True))
+# Least eigenvalue of a repaired information, as a share of its largest; what is less than a share of that is no more
+# than rounded, and needs the repair.
+_LEAST, _ROUNDED = 1e-6, 1e-8
+_LEAST_LARGEST = 1e-20  # what the largest eigenvalue is taken for where it is less
+_IDENTITY = np.array([0.0, 0, 0, 0, 0, 0, 1])
+_MOST_PARTS = 4  # that a message lists
+_LARGEST_ID = 2**53  # ids are read with the other numbers of their line, as float64
+
+
+@dataclass(frozen=True, slots=True)
+class Repair:
+    """An edge whose information matrix was not positive definite, and has been made so.
+
+    Attributes:
+        edge: its number, counted from 0 in the file's order.
+        words: its line, its vertices and what was changed.
+    """
+
+    edge: int
+    words: str
+
+
+def read_g2o(path: Path, repairs: list[Repair] | None = None) -> PoseGraph:
+    """A pose graph; pose k is the vertex of k-th smallest id, and its stamp is that id.
+
+    Edges between consecutive poses are "sequential", others "loop". Quaternions are normalized.
+
+    Args:
+        path: of the file.
+        repairs: where information matrices of edges that are not positive definite are to be made so: what was done is
+            added to it. Their eigenvalues below a millionth of the largest are raised to it: what the edge would push
+            away from, or does not know, is as good as unknown then. None refuses such edges.
+
+    Raises:
+        InputError: naming the file and the line: an unknown tag, too few or too many numbers, NaN, infinity,
+            no number, an id that is not a whole number or stands twice, an edge, prior or FIX without its vertex, an
+            information matrix that is not positive definite, or of a prior indefinite, a zero quaternion, an offset
+            other than the identity.
+    """
+    lines = _by_tag(path)
+    if not lines[VERTEX]:
+        raise InputError(f"{path} holds no {VERTEX}; a pose graph needs at least one")
+    rows = finite_rows(path, lines[VERTEX], _VERTEX_LAYOUT)
+    ids = _ids(path, lines[VERTEX], rows[:, :1])[:, 0]
+    order = np.argsort(ids, kind="stable")
+    twice = np.flatnonzero(np.diff(ids[order]) == 0)
+    if len(twice):
+        first, second = (lines[VERTEX][k][0] for k in order[twice[0] : twice[0] + 2])
+        raise InputError(
+            f"{path}: line {second} gives vertex {ids[order[twice[0]]]} a second time, after line {first}; "
+            "keep one of them"
+        )
+    poses = transforms(path, lines[VERTEX], rows[:, 1:])[order]
+    index = {vertex: k for k, vertex in enumerate(ids[order].tolist())}
+    return PoseGraph(
+        Trajectory(ids[order].astype(np.float64), poses),
+        _edges(path, lines[EDGE], index, repairs),
+        _fixed(path, lines[FIX], index),
+        known=_known_poses(path, lines, index),
+    )
+
+
+def require_connected(path: Path, graph: PoseGraph) -> None:
+    """Refuse a graph whose edges leave it in parts, which have no common frame.
+
+    Raises:
+        InputError: naming the line of the first vertex of the second part, the parts, and what to do.
+    """
+    parts = graph.components
+    if len(parts) == 1:
+        return
+    ids = graph.trajectory.stamps.astype(np.int64)
+    second = ids[parts[1][0]]
+    number = next(n for n, line in _by_tag(path)[VERTEX] if int(float(line.split(maxsplit=1)[0])) == second)
+    listed = "; ".join(_listed(ids[list(part)]) for part in parts[:_MOST_PARTS])
+    listed += "; ..." if len(parts) > _MOST_PARTS else ""
+    raise InputError(
+        f"{path}: line {number}: no edges join vertex {second} to vertex {ids[parts[0][0]]}: the graph is in "
+        f"{len(parts)} parts, of the vertices {listed}. Add an edge that joins them, or write each part to a file of "
+        "its own"
+    )
+
+
+def _listed(ids: np.ndarray) -> str:
+    """Ascending ids in words: 3, 5 to 9."""
+    runs = np.split(ids, np.flatnonzero(np.diff(ids) != 1) + 1)
+    words = [f"{run[0]}" if len(run) == 1 else f"{run[0]} to {run[-1]}" for run in runs[:_MOST_PARTS]]
+    return ", ".join(words) + (", ..." if len(runs) > _MOST_PARTS else "")
+
+
+def _by_tag(path: Path) -> dict[str, list[Line]]:
+    """The lines of every tag, without it."""
+    lines: dict[str, list[Line]] = defaultdict(list)
+    for number, line in read_lines(path):
+        tag, *rest = line.split(maxsplit=1)
+        name = tag.decode("utf-8", "replace")
+        if name not in KNOWN:
+            raise InputError(
+                f"{path}: line {number} begins with {shown(tag)}; known are {', '.join(KNOWN)}. Convert the "
+                "file, or delete what is not part of a 3D pose graph"
+            )
+        lines[name].append((number, rest[0] if rest else b""))
+    return lines
+
+
+def _ids(path: Path, lines: list[Line], numbers: np.ndarray) -> np.ndarray:
+    bad = np.flatnonzero(((numbers != np.floor(numbers)) | (numbers < 0) | (numbers > _LARGEST_ID)).any(axis=1))
+    if len(bad):
+        raise InputError(f"{path}: line {lines[bad[0]][0]}: vertex ids are whole numbers from 0 on")
+    return numbers.astype(np.int64)
+
+
+def _edges(path: Path, lines: list[Line], index: dict[int, int], repairs: list[Repair] | None) -> tuple[Edge, ...]:
+    if not lines:
+        return ()
+    rows = finite_rows(path, lines, _EDGE_LAYOUT)
+    ends = _ids(path, lines, rows[:, :2])
+    measured = transforms(path, lines, rows[:, 2:9])
+    information = _symmetric(rows[:, 9:])
+    if repairs is not None:
+        information = _repaired(information, lines, ends, repairs)
+    covariances = _covariances(path, lines, information)
+    edges = []
+    for (number, _), pair, T_i_j, covariance in zip(lines, ends.tolist(), measured, covariances, strict=True):
+        where = f"{path}: line {number}"
+        i, j = (_known(index, vertex, where) for vertex in pair)
+        registration = Registration(
+            T_i_j, covariance, float("nan"), float("nan"), accepted=True, seconds=0.0, reason="read from a file"
+        )
+        try:
+            edges.append(Edge(i, j, registration, "sequential" if abs(i - j) == 1 else "loop"))
+        except InputError as error:
+            raise InputError(f"{where}: {error}") from error
+    return tuple(edges)
+
+
+def _repaired(information: np.ndarray, lines: list[Line], ends: np.ndarray, repairs: list[Repair]) -> np.ndarray:
+    """(m, 6, 6), of those that are not positive definite no eigenvalue below `_LEAST` of the largest; each is told."""
+    values, axes = np.linalg.eigh(information)
+    least = _LEAST * np.maximum(values[:, -1:], _LEAST_LARGEST)
+    information = information.copy()
+    for k in np.flatnonzero(values[:, 0] < _ROUNDED * least[:, 0]).tolist():
+        raised = np.maximum(values[k], least[k])
+        information[k] = (axes[k] * raised) @ axes[k].T
+        i, j = ends[k].tolist()
+        count = int((values[k] < least[k]).sum())
+        words = (
+            f"line {lines[k][0]}, edge {i} {j}: {count} of the 6 eigenvalues of its information raised, the lowest "
+            f"from {values[k, 0]:.3g} to {least[k, 0]:.3g}, a millionth of the largest"
+        )
+        repairs.append(Repair(k, words))
+    return information
+
+
+def _covariances(path: Path, lines: list[Line], information: np.ndarray) -> np.ndarray:
+    """(m, 6, 6) in our order, from the information matrices (m, 6, 6) in the file's."""
+    try:
+        np.linalg.cholesky(information)
+        covariances = np.linalg.inv(information)
+    except np.linalg.LinAlgError:  # which says that there is one, but not which
+        for (number, _), matrix in zip(lines, information, strict=True):
+            try:
+                check_definite(matrix, "the information matrix")
+            except InputError as error:
+                raise InputError(f"{path}: line {number}: {error}; or use `repairs`, which does") from error
+        raise
+    vague = np.flatnonzero(~(np.abs(covariances).max(axis=(1, 2)) <= LARGEST_INFORMATION))
+    if len(vague):
+        raise InputError(
+            f"{path}: line {lines[vague[0]][0]}: its information is as good as none in some direction (a variance "
+            f"beyond {LARGEST_INFORMATION:g}); delete the line, or use `repairs`"
+        )
+    covariances = covariances[:, *np.ix_(TRANSLATION_LAST, TRANSLATION_LAST)]
+    return (covariances + covariances.transpose(0, 2, 1)) / 2
+
+
+def _symmetric(upper: np.ndarray) -> np.ndarray:
+    """(m, 6, 6) from the (m, 21) numbers of their upper triangles."""
+    information = np.zeros((len(upper), 6, 6))
+    information[:, *UPPER] = upper
+    return information + np.triu(information, 1).transpose(0, 2, 1)
+
+
+def _known_poses(path: Path, lines: dict[str, list[Line]], index: dict[int, int]) -> tuple[KnownPose, ...]:
+    """What the file says of single poses."""
+    if not lines[PRIOR]:
+        return ()
+    _require_no_offset(path, lines[OFFSET])
+    rows = finite_rows(path, lines[PRIOR], _EDGE_LAYOUT)
+    vertices = _ids(path, lines[PRIOR], rows[:, :2])[:, 0].tolist()
+    measured = transforms(path, lines[PRIOR], rows[:, 2:9])
+    informations = _symmetric(rows[:, 9:])[:, *np.ix_(TRANSLATION_LAST, TRANSLATION_LAST)]
+    known = []
+    for (number, _), vertex, T, information in zip(lines[PRIOR], vertices, measured, informations, strict=True):
+        where = f"{path}: line {number}"
+        pose = _known(index, vertex, where)
+        try:
+            known.append(KnownPose(pose, T, information))
+        except InputError as error:
+            raise InputError(f"{where}: {error}") from error
+    return tuple(known)
+
+
+def _require_no_offset(path: Path, lines: list[Line]) -> None:
+    for number, line in lines:
+        row = finite_rows(path, [(number, line)], f"id {_POSE}")[0]
+        if not np.allclose(row[1:], _IDENTITY):
+            raise InputError(
+                f"{path}: line {number}: priors of a sensor that is not where the vertex is are not read; give "
+                f"{OFFSET} as 0 0 0 0 0 0 1, and the poses of the vertices"
+            )
+
+
+def _fixed(path: Path, lines: list[Line], index: dict[int, int]) -> tuple[int, ...]:
+    fixed = set()
+    for number, line in lines:
+        count = max(len(line.split()), 1)
+        ids = _ids(path, [(number, line)], finite_rows(path, [(number, line)], " ".join(["id"] * count)))
+        fixed.update(_known(index, vertex, f"{path}: line {number}") for vertex in ids[0].tolist())
+    return tuple(sorted(fixed))
+
+
+def _known(index: dict[int, int], vertex: int, where: str) -> int:
+    if vertex not in index:
+        raise InputError(f"{where} names vertex {vertex}, which the file does not define; add it, or delete the line")
+    return index[vertex]

@@ -1,0 +1,65 @@
+"""What the pose files have in common: text lines of finite numbers, quaternions among them."""
+
+from pathlib import Path
+
+import numpy as np
+from scipy.spatial.transform import RigidTransform, Rotation
+
+from sonarmap.kernels.errors import InputError
+from sonarmap.tools.files.readers.clouds.rows import Line, parse_rows, whole_lines
+from sonarmap.tools.files.readers.limits import LEAST_SIGMA, largest_of
+from sonarmap.tools.files.user_file import read_content
+
+
+def read_lines(path: Path) -> list[Line]:
+    """The lines of a file that are neither blank nor comments ('#'), with their numbers.
+
+    Raises:
+        InputError: the file cannot be read, is empty, or its last line has no end and may have been cut.
+    """
+    content = read_content(Path(path))
+    try:
+        lines = whole_lines(content, 1)
+    except InputError as error:
+        raise InputError(f"{path}: {error}") from error
+    lines = [(number, line) for number, line in lines if not line.lstrip().startswith(b"#")]
+    if not lines:
+        raise InputError(f"{path} holds no line but comments; wanted poses")
+    return lines
+
+
+def finite_rows(path: Path, lines: list[Line], layout: str) -> np.ndarray:
+    """Numbers in rows, as many as `layout` has words: (N, words) float64.
+
+    Raises:
+        InputError: naming the line that has more or fewer columns, something that is no number, NaN, infinity, or a
+            number that is larger than its column's (`tools.files.readers.limits`).
+    """
+    try:
+        rows = parse_rows(lines, len(layout.split()))
+    except InputError as error:
+        raise InputError(f"{path}: {error}. Each holds: {layout}") from error
+    bad = np.flatnonzero(~np.isfinite(rows).all(axis=1))
+    if len(bad):
+        raise InputError(f"{path}: line {lines[bad[0]][0]} holds NaN or infinity; wanted finite numbers: {layout}")
+    largest = np.array([largest_of(column) for column in layout.split()])
+    beyond = np.argwhere(np.abs(rows) > largest)
+    if len(beyond):
+        row, column = beyond[0].tolist()
+        raise InputError(
+            f"{path}: line {lines[row][0]} holds {rows[row, column]:g}; wanted {layout.split()[column]} within "
+            f"{largest[column]:g}: fix that line"
+        )
+    return rows
+
+
+def transforms(path: Path, lines: list[Line], rows: np.ndarray) -> RigidTransform:
+    """N rigid transforms from (N, 7) rows: x y z [m], then a quaternion x y z w of any length but (nearly) zero.
+
+    Raises:
+        InputError: naming the line of a zero quaternion.
+    """
+    zero = np.flatnonzero(np.linalg.norm(rows[:, 3:], axis=1) < LEAST_SIGMA)
+    if len(zero):
+        raise InputError(f"{path}: line {lines[zero[0]][0]} holds a zero quaternion; no rotation is 0 0 0 1")
+    return RigidTransform.from_components(rows[:, :3], Rotation.from_quat(rows[:, 3:]))

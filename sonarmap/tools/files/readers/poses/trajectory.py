@@ -1,0 +1,55 @@
+"""Trajectories of either format, told apart by what the file holds."""
+
+from collections.abc import Sequence
+from pathlib import Path
+
+import numpy as np
+from scipy.spatial.transform import RigidTransform
+
+from sonarmap.kernels.errors import InputError
+from sonarmap.slam.graph.trajectory import Trajectory
+from sonarmap.tools.files.readers.poses import kitti, tum
+from sonarmap.tools.files.readers.poses.pose_rows import read_lines
+
+_KITTI_COLUMNS = len(kitti.LAYOUT.split())
+
+
+def read_pair(estimate: Path, *truths: Path) -> tuple[Trajectory, Trajectory]:
+    """Two trajectories whose poses belong together: by stamp in TUM files, by line in KITTI files.
+
+    A file is KITTI where its suffix says so or its first line has twelve columns; any other is taken for TUM.
+
+    Args:
+        estimate: of one map.
+        truths: one file, or one for each dive that the map is of, in the map's order, see `in_order`.
+
+    Raises:
+        InputError: naming the file and the line that is not as it should be; or only one of the two has stamps.
+    """
+    stamped = not _is_kitti(estimate)
+    for truth in truths:
+        if stamped == _is_kitti(truth):
+            with_stamps, without = (estimate, truth) if stamped else (truth, estimate)
+            raise InputError(
+                f"{without} is a KITTI file, whose poses have no stamps, and {with_stamps} is none, so it is unknown "
+                "which poses belong together. Give two files of one format."
+            )
+    read = tum.read_tum if stamped else kitti.read_kitti
+    return read(estimate), in_order([read(truth) for truth in truths])
+
+
+def in_order(trajectories: Sequence[Trajectory]) -> Trajectory:
+    """One trajectory after the other, in one world.
+
+    Stamps that only count, 0, 1, 2, ... in every one of them, are counted on, as the scans of files without times are
+    over all of a map's input; other stamps stay as they are.
+    """
+    stamps = [trajectory.stamps for trajectory in trajectories]
+    if all(np.array_equal(own, np.arange(len(own))) for own in stamps):
+        stamps = [np.arange(sum(map(len, stamps)), dtype=np.float64)]
+    poses = RigidTransform.concatenate([trajectory.T_world_sensor for trajectory in trajectories])
+    return Trajectory(np.concatenate(stamps), poses)
+
+
+def _is_kitti(path: Path) -> bool:
+    return path.suffix.lower() == ".kitti" or len(read_lines(path)[0][1].split()) == _KITTI_COLUMNS

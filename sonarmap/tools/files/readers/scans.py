@@ -1,0 +1,285 @@
+"""Point cloud files to scans."""
+
+from collections import Counter
+from collections.abc import Callable, Collection, Iterator, Sequence
+from dataclasses import dataclass, replace
+from pathlib import Path
+
+from sonarmap.kernels.errors import InputError
+from sonarmap.spectral.scan import Scan
+from sonarmap.tools.files.readers.clouds.cloud import scan_of_cloud
+from sonarmap.tools.files.readers.corrections import AS_RECORDED, Corrections
+from sonarmap.tools.files.readers.file import FORMATS, NamedCloud, clouds_of
+from sonarmap.tools.files.readers.point_store import PointStore
+from sonarmap.tools.files.readers.repeats import repeated_in_words
+from sonarmap.tools.files.readers.scan_sizes import strange_sizes
+from sonarmap.tools.files.readers.selection import Selection, select_files
+
+Progress = Callable[[int, int, str], None]
+
+_ARRAYS = ("points", "strength", "viewpoints")  # of a scan
+_TEXTS = (".txt", ".csv")  # of points, or of anything else
+_SHOWN = 100  # scans of a file after which progress is shown again
+
+
+@dataclass(frozen=True, slots=True)
+class Unread:
+    """A file, or one scan of it, that could not be read.
+
+    Attributes:
+        where: the file, with #3 for one scan of several.
+        reason: what is wrong with it and what to do, in words, the file named.
+        before: index of the scan that follows it; the number of scans if none does.
+    """
+
+    where: str
+    reason: str
+    before: int
+
+
+@dataclass(frozen=True, slots=True)
+class ReadScans:
+    """The scans that were read, and the files that could not be.
+
+    Attributes:
+        scans: in natural order of the files, and within a file in its own order.
+        notes: what the user should know about the files, in words: dropped points, corrected strengths.
+        files: all files that the paths name, in order.
+        unread: what could not be read, in the same order.
+        surveys: the number of each scan's survey, 0, 1, ...: the scans of a folder are one survey; if each scan has a
+            folder of its own, all of them are one.
+        repeated: what was given twice, in words.
+    """
+
+    scans: tuple[Scan, ...]
+    notes: tuple[str, ...]
+    files: tuple[Path, ...]
+    unread: tuple[Unread, ...] = ()
+    surveys: tuple[int, ...] = ()
+    repeated: tuple[str, ...] = ()
+
+
+def read_scans(paths: Sequence[str | Path], corrections: Corrections = AS_RECORDED) -> ReadScans:
+    """Every scan of the files, folders and patterns in `paths`, in natural order.
+
+    Like `read_survey`, but all of them have to be readable.
+
+    Raises:
+        InputError: naming the file and, where it applies, its line or packet.
+    """
+    read = read_survey(paths, corrections=corrections)
+    if read.unread:
+        raise InputError(read.unread[0].reason)
+    return read
+
+
+def read_survey(
+    paths: Sequence[str | Path],
+    not_scans: Collection[Path] = (),
+    progress: Progress | None = None,
+    corrections: Corrections = AS_RECORDED,
+) -> ReadScans:
+    """Every scan of the files, folders and patterns in `paths` that can be read, in natural order.
+
+    `recording.sonar#3` is one scan of a file that holds several, counted from 0. Stamps are those of the files if all
+    of them have one, otherwise 0, 1, 2, ... over the whole input, unreadable scans counted. A scan is named after its
+    file, and `recording#3` if the file holds several; files of the same name in several folders keep their paths. The
+    priors.csv of a folder or pattern is skipped, and so are the files in `not_scans`. The points of large surveys are
+    on disk (`PointStore`). `progress` is called with (files read, files in all, the file's name), and within a file
+    every so many scans. `corrections` is done to the points of each.
+
+    Raises:
+        InputError: a path that does not exist, no path at all, or a speed of sound for files that say none.
+    """
+    notes: list[str] = []
+    selection = select_files(paths, FORMATS, not_scans)
+    store = PointStore()
+    entries = _of_one_size([_kept(entry, store) for entry in read_entries(selection, notes, progress, corrections)])
+    stamps, stamp_notes = stamps_of([entry.stamp for entry in entries], [entry.is_cloud for entry in entries])
+    read = _all_of(entries, stamps, notes + stamp_notes, files_of(selection))
+    return replace(read, repeated=tuple(repeated_in_words(selection.repeated, read.scans)))
+
+
+def files_of(selection: Selection) -> tuple[Path, ...]:
+    """All files that are read, each once, those within ROS 2 bags too."""
+    paths = dict.fromkeys(selected.path for selected in selection.files)
+    return tuple(file for path in paths for file in (sorted(path.iterdir()) if path.is_dir() else [path]))
+
+
+def read_scan(path: str | Path) -> Scan:
+    """The scan of a file that holds one, or one of several as `recording.sonar#3`.
+
+    Raises:
+        InputError: as `read_scans`, and where there are several.
+    """
+    return only_scan(path, read_scans([path]))
+
+
+def only_scan(path: str | Path, read: ReadScans) -> Scan:
+    """The one scan that was read from `path`; InputError where there are several."""
+    scans = read.scans
+    if len(scans) != 1:
+        raise InputError(
+            f"{path} holds {len(scans)} scans ({scans[0].name} to {scans[-1].name}), and one is needed here: "
+            "choose one, as in file.sonar#3, or map them all with `sonarmap map`"
+        )
+    return scans[0]
+
+
+@dataclass(frozen=True, slots=True)
+class ScanEntry:
+    """A scan, or the place of one that could not be read.
+
+    Attributes:
+        path, where, name: of a `NamedCloud`, or the file's.
+        scan: not stamped yet; None where it could not be read.
+        stamp: that its file has for it, or None.
+        is_cloud: whether the file has it, usable or not.
+        notes: about its points.
+        reason: why there is none.
+        sound_speed: with which its ranges were recorded [m/s], or None.
+    """
+
+    path: Path
+    where: str
+    name: str
+    scan: Scan | None = None
+    stamp: float | None = None
+    is_cloud: bool = False
+    notes: tuple[str, ...] = ()
+    reason: str = ""
+    sound_speed: float | None = None
+
+
+def read_entries(
+    selection: Selection, notes: list[str], progress: Progress | None = None, corrections: Corrections = AS_RECORDED
+) -> Iterator[ScanEntry]:
+    """Every scan of the files one by one, and the places of those that could not be read.
+
+    Args:
+        selection: the files.
+        notes: to which is added what the user should know about files as a whole.
+        progress, corrections: as of `read_survey`.
+
+    Raises:
+        InputError: a speed of sound for files that say none.
+    """
+    if selection.reordered:
+        notes.append("the scans are taken in the natural order of their names, not the order in which they were given")
+    files = files_of(selection)
+    _require_known(files, corrections)
+    stems = Counter(path.stem for path, _ in {(selected.path, selected.topic) for selected in selection.files})
+    for number, selected in enumerate(selection.files):
+        named_by_path = stems[selected.path.stem] > 1
+        try:
+            for count, cloud in enumerate(clouds_of(selected, notes), start=1):
+                yield _entry(_named_by_path(cloud) if named_by_path else cloud, corrections)
+                if progress is not None and count % _SHOWN == 0:
+                    progress(number, len(selection.files), f"{selected.path.name}: {count:,} scans")
+        except InputError as error:
+            if _is_remark(selected.path, files):
+                notes.append(f"{selected.path} holds no points, and the scans are in another format: it is left out")
+            else:
+                yield ScanEntry(selected.path, selected.place, "", reason=str(error))
+        if progress is not None:
+            progress(number + 1, len(selection.files), selected.path.name)
+
+
+def _is_remark(path: Path, files: Sequence[Path]) -> bool:
+    """Whether a text that cannot be read as points lies beside scans of another format, as a README.txt or a log."""
+    return path.suffix.lower() in _TEXTS and any(other.suffix.lower() not in _TEXTS for other in files)
+
+
+def _require_known(files: Sequence[Path], corrections: Corrections) -> None:
+    """Refuse corrections of what a format does not say, or says itself."""
+    for path in files:
+        known = FORMATS.get(path.suffix.lower())
+        if known is None:
+            continue
+        if known.has_axes and not corrections.frame.is_default:
+            raise InputError(
+                f"{path}: `frame` and `units` cannot be used, as {known.kind} says its own; leave them out, or read it "
+                "apart from other files"
+            )
+        if corrections.sound_speed is not None and not known.has_sound_speed:
+            raise InputError(
+                f"{path}: `sound_speed={corrections.sound_speed:g}` cannot be used, as {known.kind} does not say with "
+                "which speed its ranges were computed; give `range_scale` instead, the right speed over the wrong one"
+            )
+
+
+def _entry(named: NamedCloud, corrections: Corrections) -> ScanEntry:
+    """A cloud's usable points as a scan."""
+    path, where, name, cloud = named.path, named.where, named.name, named.cloud
+    try:
+        scan, notes = scan_of_cloud(corrections.corrected(cloud), name, 0.0)
+    except InputError as error:
+        return ScanEntry(path, where, name, None, cloud.stamp, is_cloud=True, reason=f"{where}: {error}")
+    return ScanEntry(path, where, name, scan, cloud.stamp, True, tuple(notes), sound_speed=cloud.sound_speed)
+
+
+def _kept(entry: ScanEntry, store: PointStore) -> ScanEntry:
+    """The entry with its points where they can stay."""
+    if entry.scan is None:
+        return entry
+    kept = {field: store.keep(array) for field in _ARRAYS if (array := getattr(entry.scan, field)) is not None}
+    return replace(entry, scan=replace(entry.scan, **kept))
+
+
+def _of_one_size(entries: list[ScanEntry]) -> list[ScanEntry]:
+    """The entries, without the scans that are in another unit than most."""
+    usable = [k for k, entry in enumerate(entries) if entry.scan is not None]
+    strange = strange_sizes([scan for entry in entries if (scan := entry.scan) is not None])
+    reasons = {usable[k]: reason for k, reason in strange.items()}
+    return [
+        replace(entry, scan=None, reason=f"{entry.where}: {reasons[k]}") if k in reasons else entry
+        for k, entry in enumerate(entries)
+    ]
+
+
+def _all_of(
+    entries: Sequence[ScanEntry], stamps: Sequence[float], notes: Sequence[str], files: tuple[Path, ...]
+) -> ReadScans:
+    """The scans, stamped, and what could not be read."""
+    scans: list[Scan] = []
+    unread: list[Unread] = []
+    labels: dict[str, list[str]] = {}
+    folders: dict[Path, int] = {}
+    surveys: list[int] = []
+    for entry, stamp in zip(entries, stamps, strict=True):
+        if entry.scan is None:
+            unread.append(Unread(entry.where, entry.reason, len(scans)))
+            continue
+        scans.append(replace(entry.scan, stamp=stamp))
+        folder = entry.path if entry.path.is_dir() else entry.path.parent
+        surveys.append(folders.setdefault(folder, len(folders)))
+        for note in entry.notes:
+            labels.setdefault(note, []).append(_label(entry))
+    if len(folders) == len(scans):
+        surveys = [0] * len(scans)
+    about_scans = [f"{of[0]}{f' and {len(of) - 1:,} more' * (len(of) > 1)}: {note}" for note, of in labels.items()]
+    return ReadScans(tuple(scans), (*notes, *about_scans), files, tuple(unread), tuple(surveys))
+
+
+def _label(entry: ScanEntry) -> str:
+    """What a scan is called in a note."""
+    return entry.name if entry.name == entry.where else entry.path.name + entry.where.removeprefix(str(entry.path))
+
+
+def stamps_of(own: Sequence[float | None], are_clouds: Sequence[bool]) -> tuple[list[float], list[str]]:
+    """The clouds' own stamps if all of them have one, otherwise their positions in the input; and a note about it.
+
+    Args:
+        own: stamps of scans, and of those that could not be read [s].
+        are_clouds: which of them their files have, usable or not.
+    """
+    stamps = [stamp for stamp, is_cloud in zip(own, are_clouds, strict=True) if is_cloud]
+    without = stamps.count(None)
+    if without == 0:
+        return [stamp or 0.0 for stamp in own], []
+    note = f"{without} of {len(stamps)} scans have no time: all are stamped 0, 1, 2, ..."
+    return [float(position) for position in range(len(own))], [note] if without < len(stamps) else []
+
+
+def _named_by_path(cloud: NamedCloud) -> NamedCloud:
+    return replace(cloud, name=cloud.where)

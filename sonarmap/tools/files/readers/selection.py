@@ -1,0 +1,132 @@
+"""The files that a command line names: files, folders and patterns, in natural order."""
+
+from __future__ import annotations
+
+import glob
+import re
+from collections.abc import Collection, Iterable, Sequence
+from dataclasses import dataclass
+from pathlib import Path
+
+from sonarmap.kernels.errors import InputError
+from sonarmap.tools.files.readers.csv_table import PAIRS
+from sonarmap.tools.files.readers.instruments import PRIORS
+from sonarmap.tools.files.user_file import require_file
+
+BAG_METADATA, BAG_TITLE = "metadata.yaml", "rosbag2_bagfile_information"  # of a ROS 2 bag that is a folder
+_BAG_FILES = (".db3", ".mcap", ".db3.zstd", ".mcap.zstd")
+_TABLES = (PRIORS, PAIRS)
+_PART = re.compile(r"(.+?)(?:::(/?\w[\w/~-]*))?(?:#(\d{1,9}))?", re.ASCII | re.DOTALL)
+
+
+@dataclass(frozen=True, slots=True)
+class Selection:
+    """Files in natural order, whether they were given in another order, and those that several of the paths name."""
+
+    files: tuple[SelectedFile, ...]
+    reordered: bool
+    repeated: tuple[Path, ...] = ()
+
+
+@dataclass(frozen=True, slots=True)
+class SelectedFile:
+    """One file or ROS 2 bag, the number of the one scan to read from it (None: all), and of a recording the topic."""
+
+    path: Path
+    index: int | None = None
+    topic: str | None = None
+
+    @property
+    def place(self) -> str:
+        """The path, and the topic if one was chosen, as a user writes them."""
+        return f"{self.path}::{self.topic}" if self.topic else str(self.path)
+
+
+def is_bag_folder(path: Path) -> bool:
+    """Whether a folder is a ROS 2 bag, with damaged metadata or whole: one recording, not a folder of scans."""
+    try:
+        require_file(path / BAG_METADATA)
+        with (path / BAG_METADATA).open("rb") as file:
+            if BAG_TITLE.encode() in file.read(4096):
+                return True
+        return any(file.name.endswith(_BAG_FILES) for file in path.iterdir())
+    except (OSError, InputError):
+        return False
+
+
+def part_of_file(text: str) -> SelectedFile | None:
+    """What FILE::TOPIC, FILE#3 or FILE::TOPIC#3 names; None where there is no such file."""
+    parts = _PART.fullmatch(text)
+    if parts is None or not (path := Path(parts[1])).exists() or (path.is_dir() and not is_bag_folder(path)):
+        return None
+    return SelectedFile(path, None if parts[3] is None else int(parts[3]), parts[2])
+
+
+def select_files(paths: Sequence[str | Path], suffixes: Collection[str], not_scans: Collection[Path] = ()) -> Selection:
+    """The files that `paths` name, each once whatever its path, in natural order (scan2 before scan10).
+
+    Args:
+        paths: files (`recording.sonar#3` is its scan 3, from 0, `dive.bag::/sonar/points` the clouds of a topic),
+            ROS 2 bags, folders, and patterns such as `scans/*.ply`.
+        suffixes: of the files to take from folders and patterns; others there are skipped, and so are
+            priors.csv and pairs.csv.
+        not_scans: more files to skip there, whatever their suffix.
+
+    Raises:
+        InputError: a path that does not exist, a folder or pattern without such a file, no path at all.
+    """
+    if not paths:
+        raise InputError("no scans given; name files, folders or patterns such as scans/*.ply")
+    chosen: dict[tuple[Path, int | None, str | None], SelectedFile] = {}
+    skipped = {path.resolve() for path in not_scans}
+    repeated: dict[Path, None] = {}
+    for path in paths:
+        for selected in sorted(_expand(str(path), suffixes, skipped), key=_order):
+            same = (selected.path.resolve(), selected.index, selected.topic)
+            if chosen.setdefault(same, selected) is not selected:
+                repeated[chosen[same].path] = None
+    as_given = list(chosen.values())
+    files = sorted(as_given, key=_order)
+    return Selection(tuple(files), files != as_given, tuple(repeated))
+
+
+def _order(selected: SelectedFile) -> tuple[tuple[tuple[str, int], ...], int]:
+    return natural_key(selected.place), selected.index or 0
+
+
+def natural_key(text: str) -> tuple[tuple[str, int], ...]:
+    """A sorting key by which numbers count: scan2 before scan10."""
+    pieces = re.findall(r"(\D*)(\d*)", text, re.ASCII)
+    return tuple((letters.casefold(), int(digits[:4000] or -1)) for letters, digits in pieces)
+
+
+def _expand(text: str, suffixes: Collection[str], skipped: Collection[Path]) -> list[SelectedFile]:
+    path = Path(text)
+    try:
+        if path.is_dir() and not is_bag_folder(path):
+            return _scans_among(path.iterdir(), suffixes, skipped, f"the folder {text}")
+        if path.exists():
+            return [SelectedFile(path)]
+        if (part := part_of_file(text)) is not None:
+            return [part]
+        if glob.has_magic(text):
+            matches = [Path(name) for name in glob.glob(text, recursive=True)]  # noqa: PTH207 (absolute patterns too)
+            return _scans_among(matches, suffixes, skipped, f"the pattern {text}")
+    except (OSError, ValueError) as error:
+        raise InputError(f"cannot read {text!r}: {error}. Check the path and its permissions") from error
+    raise InputError(f"no such file or folder: {text}. Check the spelling; relative paths start from {Path.cwd()}")
+
+
+def _scans_among(
+    paths: Iterable[Path], suffixes: Collection[str], skipped: Collection[Path], where: str
+) -> list[SelectedFile]:
+    seen = [path for path in paths if not path.name.startswith(".")]
+    files = [
+        path
+        for path in seen
+        if (path.suffix.lower() in suffixes and path.is_file() and path.name not in _TABLES) or is_bag_folder(path)
+    ]
+    files = [path for path in files if path.resolve() not in skipped]
+    if not files:
+        raise InputError(f"{where} holds no scans; known formats are {', '.join(suffixes)}")
+    return [SelectedFile(path) for path in files]

@@ -1,0 +1,184 @@
+"""A recording's shots, read one after the other, and what was lost, damaged or out of order on the way."""
+
+from array import array
+from collections.abc import Iterator
+from dataclasses import dataclass, field
+from pathlib import Path
+
+import numpy as np
+from google.protobuf.message import Message
+from wlsonar import range_image_protocol as rip
+
+from sonarmap.kernels.errors import InputError
+from sonarmap.tools.files.readers.clock import clock_faults, clock_of
+from sonarmap.tools.files.readers.sonar.frames import STRENGTH, frame_of
+from sonarmap.tools.files.readers.sonar.imu import ImuWindow, batch_key, samples_of
+from sonarmap.tools.files.readers.sonar.messages import message_of, range_image_type
+from sonarmap.tools.files.readers.sonar.packets import Damage, packets_in
+from sonarmap.tools.files.readers.sonar.shot_numbers import REACH, Remembered, ShotNumbers
+from sonarmap.tools.files.readers.sonar.shots import Shot, ShotQueue
+
+_SAME_SPEED = 0.05  # [m/s]
+_JUMP = 1.0  # seconds by which the clock and the numbers of the shots disagree
+
+
+@dataclass(slots=True)
+class Recording:
+    """What is known of a recording as far as it was read.
+
+    Attributes:
+        packets: good ones, of any kind.
+        shots: range images, each once.
+        bare: how many of them have no strength image.
+        doubled_batches: of the IMU.
+        damage: packets that could not be read.
+        queue: counts what is doubled, missing or late among the images.
+        batches: counts the same of the IMU's batches.
+        imu: the latest of its samples.
+        speeds: lowest and highest speed of sound [m/s], and how often it changed.
+    """
+
+    packets: int = 0
+    shots: int = 0
+    bare: int = 0
+    doubled_batches: int = 0
+    damage: Damage = field(default_factory=Damage)
+    queue: ShotQueue = field(default_factory=ShotQueue)
+    batches: ShotNumbers = field(default_factory=ShotNumbers)
+    imu: ImuWindow = field(default_factory=ImuWindow)
+    speeds: tuple[float, float, int] | None = None
+    _seen: Remembered = field(default_factory=Remembered)
+    _speed: float | None = None
+    _stamps: array = field(default_factory=lambda: array("d"))
+    _places: array = field(default_factory=lambda: array("q"))
+
+    def read(self, path: Path) -> Iterator[Shot]:
+        """Every shot in its order.
+
+        Raises:
+            InputError: the file cannot be read.
+        """
+        kinds = (range_image_type(), rip.BitmapImageGreyscale8, rip.ImuBatch)
+        for packet in packets_in(path, self.damage):
+            try:
+                self.packets += 1
+                message = message_of(packet.content, *kinds)
+                if message is not None:
+                    self._take(message)
+            except InputError as error:
+                self.damage.add(packet.number, packet.start, len(packet.content), str(error))
+            for shot in self.queue.ready():
+                yield self._counted(shot)
+        for shot in self.queue.rest():
+            yield self._counted(shot)
+
+    def _take(self, message: Message) -> None:
+        if isinstance(message, range_image_type()):
+            self.queue.add_frame(frame_of(message))
+        elif isinstance(message, rip.BitmapImageGreyscale8):
+            if message.type == STRENGTH:
+                self.queue.add_strength(message)
+        elif isinstance(message, rip.ImuBatch):
+            samples = samples_of(message)
+            key = batch_key(message, samples)
+            if key in self._seen:
+                self.doubled_batches += 1
+                return
+            self._seen.add(key)
+            self.batches.place(*key)
+            self.imu.add(samples)
+
+    def _counted(self, shot: Shot) -> Shot:
+        self.shots += 1
+        self.bare += shot.strength is None
+        if shot.frame.stamp is not None:
+            self._stamps.append(shot.frame.stamp)
+            self._places.append(shot.place)
+        speed = shot.frame.sound_speed
+        if speed is not None:
+            low, high, changes = self.speeds or (speed, speed, 0)
+            changed = self._speed is not None and abs(speed - self._speed) > _SAME_SPEED
+            self.speeds, self._speed = (min(low, speed), max(high, speed), changes + changed), speed
+        return shot
+
+    def notes(self, changed: float | None = None) -> list[str]:
+        """What the user should know about the recording as a whole, a line each.
+
+        Args:
+            changed: when the file was last changed [s, UTC].
+        """
+        return [
+            *self._damage_notes(),
+            *self._number_notes(),
+            *self._image_notes(),
+            *self._clock_notes(changed),
+        ]
+
+    def _damage_notes(self) -> Iterator[str]:
+        damage = self.damage
+        if damage.packets:
+            which = "" if damage.packets == 1 else "the first is "
+            count = _counted(damage.packets, "damaged packet")
+            yield f"{count} left out, {damage.size:,} bytes: {which}{damage.first}"
+        if damage.cut:
+            yield f"the recording is cut: of its last packet there are only {_counted(damage.cut, 'byte')}"
+
+    def _number_notes(self) -> Iterator[str]:
+        numbers = self.queue.numbers
+        if numbers.missing:
+            yield f"{numbers.missing:,} of {self.shots + numbers.missing:,} shots are missing by their numbers"
+        if self.queue.doubled:
+            yield f"{_counted(self.queue.doubled, 'doubled image')} left out"
+        if numbers.late:
+            yield f"{_counted(numbers.late, 'shot')} came late, now in order"
+        if numbers.wraps:
+            yield f"the numbers of the shots wrapped {_times(numbers.wraps)}, at 2^32"
+        if numbers.restarts:
+            yield (
+                f"the numbers of the shots start again {_times(numbers.restarts)}: the sonar was restarted, or "
+                "recordings were put together"
+            )
+        if self.batches.missing:
+            yield f"{_counted(self.batches.missing, 'batch', 'batches')} of the IMU missing by their numbers"
+        if self.doubled_batches:
+            yield f"{_counted(self.doubled_batches, 'doubled batch', 'doubled batches')} of the IMU left out"
+
+    def _image_notes(self) -> Iterator[str]:
+        if 0 < self.bare < self.shots:
+            yield f"{self.bare:,} of {_counted(self.shots, 'shot')} have no strength image"
+        if self.queue.alone:
+            yield f"{_counted(self.queue.alone, 'strength image')} left out, without a range image of the same shot"
+        if self.speeds and self.speeds[2]:
+            low, high, changes = self.speeds
+            yield f"the speed of sound changes {_times(changes)}, between {low:.1f} and {high:.1f} m/s"
+
+    def _clock_notes(self, changed: float | None) -> Iterator[str]:
+        if not self._stamps:
+            return
+        yield from clock_faults(clock_of(np.array(self._stamps, dtype=np.float64)), changed)
+        jumps, largest = self._jumps()
+        if jumps:
+            yield (
+                f"the clock jumps {_times(jumps)} against the numbers of the shots, by up to {largest:.1f} s: it was "
+                "set, or the sonar paused"
+            )
+
+    def _jumps(self) -> tuple[int, float]:
+        """How often the clock went on by another time than the numbers say, and by how much at most [s]."""
+        numbers = np.diff(np.array(self._places, dtype=np.float64))
+        times = np.diff(np.array(self._stamps, dtype=np.float64))
+        known = (numbers > 0) & (numbers <= REACH)
+        if not known.any():
+            return 0, 0.0
+        period = float(np.median(times[known] / numbers[known]))
+        off = np.abs(times[known] - numbers[known] * period)
+        jumped = off > max(_JUMP, 3 * period)
+        return int(jumped.sum()), float(off[jumped].max(initial=0.0))
+
+
+def _counted(number: int, noun: str, plural: str = "") -> str:
+    return f"{number:,} {noun}" if number == 1 else f"{number:,} {plural or noun + 's'}"
+
+
+def _times(number: int) -> str:
+    return "once" if number == 1 else f"{number:,} times"

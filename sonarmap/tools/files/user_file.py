@@ -1,0 +1,58 @@
+"""Files that a user names: regular ones that memory can hold, or a pipe that the command was given on purpose."""
+
+import os
+import stat
+from pathlib import Path
+
+from sonarmap.kernels.errors import InputError
+from sonarmap.tools.files.memory import require_memory
+
+# `<(...)` of a shell is one of the second kind; the last is an empty file
+_GIVEN = ("/dev/stdin", "/dev/fd/", "/proc/self/fd/", os.devnull)
+_LARGEST_PIPE = 1 << 28  # bytes
+
+
+def read_content(path: Path, pipe: bool = False) -> bytes:
+    """The bytes of a file.
+
+    Args:
+        path: of the file.
+        pipe: whether a pipe will do, which can be read only once: /dev/stdin or, of a shell, <(...).
+
+    Raises:
+        InputError: it cannot be read, is larger than memory or, of a pipe, than 256 MiB, or is a device.
+    """
+    require_file(path, pipe)
+    most = None if path.is_file() else _LARGEST_PIPE
+    try:
+        with path.open("rb") as file:
+            if most is None:
+                require_memory(str(path), path.stat().st_size, "give a smaller file")
+            content = file.read() if most is None else file.read(most + 1)
+    except OSError as error:
+        raise InputError(f"cannot read {path}: {error.strerror or error}; check its name and permissions") from error
+    if most is not None and len(content) > most:
+        raise InputError(f"{path} gives more than {most >> 20} MiB; write it to a file, and give that")
+    return content
+
+
+def require_file(path: Path, pipe: bool = False) -> None:
+    """Refuse a device, which may never end, and a pipe, for which one may wait for ever, before it is opened.
+
+    A folder, and what is not there, are left to who opens it.
+
+    Args:
+        path: of the file.
+        pipe: whether a pipe that the command was given will do.
+
+    Raises:
+        InputError: it is one of these, or a name that no file can have.
+    """
+    try:
+        mode = path.stat().st_mode
+    except OSError:
+        return
+    except ValueError as error:
+        raise InputError(f"cannot read {path}: {error}; check its name") from error
+    if not (stat.S_ISREG(mode) or stat.S_ISDIR(mode) or (pipe and str(path).startswith(_GIVEN))):
+        raise InputError(f"cannot read {path}: it is a pipe or a device; wanted a file: write it to one, and give that")

@@ -1,0 +1,117 @@
+"""Files that appear whole or not at all, one by one or a set of them together."""
+
+import os
+import shutil
+import tempfile
+from collections.abc import Iterator, Sequence
+from contextlib import contextmanager, suppress
+from contextvars import ContextVar
+from pathlib import Path
+from secrets import token_hex
+
+from sonarmap.kernels.errors import InputError
+
+LEFTOVER_PREFIX = ".sonarmap."  # of temporary names
+# Of `all_or_none`: temporary files, whole and on disk, and what they will be called.
+_waiting: ContextVar[list[tuple[Path, Path]] | None] = ContextVar("_waiting", default=None)
+appeared: list[Path] = []  # every file that this program has written so far, whole under its name
+
+
+@contextmanager
+def atomic_path(path: Path) -> Iterator[Path]:
+    """A temporary name beside `path` to write to; renamed to `path` when the block ends well, removed otherwise.
+
+    The folder is made where it is missing. A full disk, a missing permission and the like raise InputError, and
+    whatever stood under `path` before stays as it was. Inside `all_or_none` the renaming waits for that block's end.
+    """
+    path = Path(path)
+    if path.is_dir():
+        raise InputError(f"cannot write {path}: a folder of that name is there. Choose another output folder.")
+    temporary, waiting = path.with_name(f"{LEFTOVER_PREFIX}{token_hex(8)}{path.suffix}"), _waiting.get()
+    try:
+        path.parent.mkdir(parents=True, exist_ok=True)
+        temporary.touch(exist_ok=False)  # with the permissions of any new file, which tempfile's have not
+    except OSError as error:
+        raise _cannot_write(path, error) from error
+    try:
+        yield temporary
+        with temporary.open("rb+") as file:
+            os.fsync(file.fileno())
+        if waiting is None:
+            temporary.replace(path)
+            appeared.append(path)
+        else:
+            waiting.append((temporary, path))
+    except OSError as error:
+        raise _cannot_write(path, error) from error
+    finally:
+        if (temporary, path) not in (waiting or []):
+            discard(temporary)
+
+
+@contextmanager
+def all_or_none() -> Iterator[Sequence[tuple[Path, Path]]]:
+    """What `atomic_path` writes inside the block appears when it ends well, all of it; nothing otherwise.
+
+    The disk may fill up or the user stop it halfway: results that belong together are never of two runs. Only the
+    renaming of files that are already whole on disk, one right after the other, is left for the end. A block inside
+    another is a part of it.
+
+    Yields:
+        What has been written so far, growing: the temporary name under which it is whole on disk, and its own.
+    """
+    outer = _waiting.get()
+    if outer is not None:
+        yield outer
+        return
+    waiting: list[tuple[Path, Path]] = []
+    token = _waiting.set(waiting)
+    try:
+        yield waiting
+        for temporary, path in waiting:
+            try:
+                temporary.replace(path)
+            except OSError as error:
+                raise _cannot_write(path, error) from error
+            appeared.append(path)
+    finally:
+        _waiting.reset(token)
+        for temporary, _ in waiting:
+            discard(temporary)
+
+
+def clear_leftovers(folder: Path) -> None:
+    """Remove the temporary files and folders of a run that was killed; only for who has the folder to itself."""
+    for path in folder.glob(f"{LEFTOVER_PREFIX}*"):
+        if path.is_dir() and not path.is_symlink():
+            shutil.rmtree(path, ignore_errors=True)
+        else:
+            discard(path)
+
+
+def require_writable(folder: Path) -> None:
+    """Refuse a folder that cannot be written before hours are spent on what should go into it; made if missing.
+
+    Raises:
+        InputError: it cannot.
+    """
+    try:
+        folder.mkdir(parents=True, exist_ok=True)
+        with tempfile.TemporaryFile(dir=folder):
+            pass
+    except OSError as error:
+        raise _cannot_write(folder, error) from error
+
+
+def discard(path: Path) -> None:
+    """Remove a file, if it and its folder are still there."""
+    with suppress(OSError):
+        path.unlink()
+
+
+def _cannot_write(path: Path, error: OSError) -> InputError:
+    """What to say where a file or a folder cannot be written."""
+    return InputError(
+        f"cannot write {path}: {error.strerror or error}. Choose another output folder, or make room and check "
+        "its permissions; what was there before is as it was. 'sonarmap doctor OUT' looks at a folder OUT and its disk."
+    )

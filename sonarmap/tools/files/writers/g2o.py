@@ -1,0 +1,110 @@
+"""g2o pose graphs with 17 significant digits; their reader says what the numbers mean."""
+
+from collections.abc import Container, Iterable, Mapping, Sequence
+from pathlib import Path
+from types import MappingProxyType
+
+import numpy as np
+from scipy.spatial.transform import RigidTransform
+
+from sonarmap.kernels.errors import InputError
+from sonarmap.slam.graph.edge import Edge, inverse_definite
+from sonarmap.slam.graph.known_pose import KnownPose
+from sonarmap.slam.graph.pose_graph import PoseGraph
+from sonarmap.slam.graph.trajectory import Trajectory
+from sonarmap.tools.files.readers.poses.g2o import EDGE, FIX, OFFSET, PRIOR, TRANSLATION_LAST, UPPER, VERTEX
+from sonarmap.tools.files.user_file import read_content
+from sonarmap.tools.files.writers.atomic import atomic_path
+from sonarmap.tools.files.writers.tum import pose_numbers
+
+_NONE: Mapping[int, Edge] = MappingProxyType({})
+
+
+def write_g2o(path: Path, graph: PoseGraph, left_out: Container[int] = ()) -> None:
+    """Write poses, fixed poses, what is known of single ones, and edges; vertex k is pose k.
+
+    Translations are kept to the last bit, quaternions to its rounding, covariances to that of inverting
+    them. Stamps have no place in the format.
+
+    Args:
+        path: where to.
+        graph: its priors, and what is held beside them, become lines of EDGE_SE3_PRIOR.
+        left_out: poses that are no vertices: those that nothing places.
+
+    Raises:
+        InputError: the graph holds an edge of kind "prior", or the file cannot be written.
+    """
+    prior = next((edge for edge in graph.edges if edge.kind == "prior"), None)
+    if prior is not None:
+        raise InputError(f"edge {prior.name} is a prior, and {EDGE} knows none; give it as a `KnownPose`")
+    poses = pose_numbers(graph.trajectory.T_world_sensor).tolist()
+    lines = [_line(f"{VERTEX} {k}", pose) for k, pose in enumerate(poses) if k not in left_out]
+    lines += [f"{FIX} {pose}\n" for pose in graph.fixed]
+    lines += _known_lines([known for known in graph.all_known if known.pose not in left_out])
+    if graph.edges:
+        stacked = RigidTransform.concatenate([edge.registration.T_target_source for edge in graph.edges])
+        for edge, pose in zip(graph.edges, pose_numbers(stacked).tolist(), strict=True):
+            information = inverse_definite(edge.registration.covariance)
+            lines.append(_line(f"{EDGE} {edge.i} {edge.j}", [*pose, *_upper(information)]))
+    with atomic_path(path) as temporary:
+        temporary.write_text("".join(lines))
+
+
+def rewrite_g2o(
+    path: Path,
+    source: Path,
+    trajectory: Trajectory,
+    left_out: Container[int] = (),
+    repaired: Mapping[int, Edge] = _NONE,
+) -> None:
+    """Write a file again with other poses; all else, comments and the edges' digits too, stays as it is.
+
+    Args:
+        path: where to.
+        source: a file that `read_g2o` has read.
+        trajectory: the poses of its vertices, each with its vertex's id for a stamp, as `read_g2o` gives them.
+        left_out: edges to drop, counted from 0 in the file's order.
+        repaired: edges to write with the information that they have now, by the same numbers.
+
+    Raises:
+        InputError: the file cannot be written.
+    """
+    numbers = pose_numbers(trajectory.T_world_sensor).tolist()
+    poses = {int(stamp): pose for stamp, pose in zip(trajectory.stamps.tolist(), numbers, strict=True)}
+    lines, edges = [], 0
+    for line in read_content(Path(source)).splitlines():
+        tag, *rest = line.split(maxsplit=2)[:2] or [b""]
+        if tag == VERTEX.encode():
+            vertex = int(float(rest[0]))
+            lines.append(_line(f"{VERTEX} {vertex}", poses[vertex]).encode())
+            continue
+        if tag == EDGE.encode():
+            edges += 1
+            if edges - 1 in left_out:
+                continue
+            if edges - 1 in repaired:
+                numbers = _upper(inverse_definite(repaired[edges - 1].registration.covariance))
+                line = b" ".join([*line.split()[:10], _line("", numbers).strip().encode()])
+        lines.append(line + b"\n")
+    with atomic_path(path) as temporary:
+        temporary.write_bytes(b"".join(lines))
+
+
+def _known_lines(known: Sequence[KnownPose]) -> list[str]:
+    """What is known of poses, and the sensor's place on the vehicle to which it refers: that of the vertex itself."""
+    if not known:
+        return []
+    poses = pose_numbers(RigidTransform.concatenate([each.T_world_pose for each in known])).tolist()
+    lines = [f"{OFFSET} 0 0 0 0 0 0 0 1\n"]
+    for each, pose in zip(known, poses, strict=True):
+        lines.append(_line(f"{PRIOR} {each.pose} 0", [*pose, *_upper(each.information)]))
+    return lines
+
+
+def _upper(information: np.ndarray) -> list[float]:
+    """The 21 numbers of a (6, 6) information in g2o's order."""
+    return information[np.ix_(TRANSLATION_LAST, TRANSLATION_LAST)][UPPER].tolist()
+
+
+def _line(head: str, numbers: Iterable[float]) -> str:
+    return f"{head} {' '.join(f'{number:.17g}' for number in numbers)}\n"

@@ -1,0 +1,68 @@
+"""Points and their columns, packed as the binary formats want them."""
+
+import re
+from collections.abc import Mapping
+
+import numpy as np
+
+from sonarmap.kernels.errors import InputError
+
+_NAME = re.compile(r"[A-Za-z_]\w*", re.ASCII)
+_FLOAT32_REACH = 2048.0  # [m]: up to here float32 is 0.06 mm off at most
+
+
+def pack_records(points: np.ndarray, columns: Mapping[str, np.ndarray] | None) -> np.ndarray:
+    """(N,) packed little-endian records: x, y, z, then every column in its order.
+
+    Args:
+        points: (N, 3), float64 kept, anything else as float32 [m].
+        columns: {name: (N,)} of numbers. 64-bit integers, which PLY does not know, become 32-bit ones where
+            they all fit and float64 where they don't; booleans become 0 and 1.
+
+    Raises:
+        InputError: another shape, a column of another length or without numbers, a name no header can hold.
+    """
+    if points.ndim != 2 or points.shape[1] != 3:
+        raise InputError(f"points to write have shape {points.shape}; wanted (N, 3)")
+    points = points.astype(np.float64 if points.dtype == np.float64 else np.float32, copy=False)
+    values = {axis: points[:, index] for index, axis in enumerate("xyz")}
+    for name, column in (columns or {}).items():
+        if name in values or _NAME.fullmatch(name) is None:
+            raise InputError(f"a column is called {name!r}; wanted a new name of letters, digits and _")
+        if np.shape(column) != (len(points),):
+            raise InputError(f"column {name} has shape {np.shape(column)}; wanted ({len(points)},), one per point")
+        values[name] = _portable(name, np.asarray(column))
+    layout = np.dtype([(name, column.dtype.newbyteorder("<")) for name, column in values.items()])
+    records = np.empty(len(points), layout)
+    for name, column in values.items():
+        records[name] = column
+    return records
+
+
+def _portable(name: str, column: np.ndarray) -> np.ndarray:
+    """The column in a type that PLY and PCD both have."""
+    kind, size = column.dtype.kind, column.dtype.itemsize
+    if kind not in "fiub":
+        raise InputError(f"column {name} holds {column.dtype}; wanted numbers")
+    if kind == "b":
+        return column.astype(np.uint8)
+    if kind == "f":
+        return column.astype(np.float32 if size <= 4 else np.float64, copy=False)
+    if size < 8:
+        return column
+    limits = np.iinfo(np.int32)
+    fits = column.size == 0 or (column.min() >= limits.min and column.max() <= limits.max)
+    return column.astype(np.int32 if fits else np.float64)
+
+
+def float32_origin(points: np.ndarray) -> np.ndarray:
+    """(3,) float64: what to subtract of points (N, 3) [m] so that float32 keeps them to 0.1 mm; a multiple of 100 m.
+
+    It is 0 along each axis where they lie within 2048 m already. Points that lie more than 4 km apart lose more: 0.12
+    mm up to 4 km from the origin, and so on in proportion.
+    """
+    if len(points) == 0:
+        return np.zeros(3)
+    low, high = points.min(axis=0).astype(np.float64), points.max(axis=0).astype(np.float64)
+    near = np.maximum(np.abs(low), np.abs(high)) <= _FLOAT32_REACH
+    return np.where(near, 0.0, np.round((low + high) / 2, -2))

@@ -1,0 +1,1 @@
+"""The laboratory: simulated sonars, scores, other methods, experiments and benchmarks."""

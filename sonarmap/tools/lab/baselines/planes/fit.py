@@ -1,0 +1,120 @@
+"""The plane through noisy points and the covariance of its parameters.
+
+Pathak, Vaskevicius, Birk: Uncertainty analysis for optimum plane extraction from noisy 3D range-sensor point-clouds.
+Intelligent Service Robotics 3(1), 2010, DOI 10.1007/s11370-009-0057-4.
+"""
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from sonarmap.tools.lab.baselines.planes.patch import tangents
+
+# Beams that graze the surface fix it best if their ranges alone err, but roughness and the beam's width err, too:
+# the sine of the angle between beam and surface counts as at least this.
+_LEAST_SINE = 0.25
+_ROUNDS = 3
+# Points farther off are echoes of something else [standard deviations].
+_STRAY = 3.0
+
+
+@dataclass(frozen=True, slots=True)
+class PlaneFit:
+    """A plane n . p = d.
+
+    Attributes:
+        normal: (3,) unit, pointing from the sensor to the plane.
+        distance: from the sensor, >= 0 [m].
+        covariance: (4, 4) of (n, d), of rank 3.
+        kept: (N,) bool, the points that were not strays.
+    """
+
+    normal: np.ndarray
+    distance: float
+    covariance: np.ndarray
+    kept: np.ndarray
+
+
+def fit_plane(points: np.ndarray, block: np.ndarray) -> PlaneFit:
+    """The most likely plane through points whose ranges err, with its covariance.
+
+    The variance of a range grows in proportion to it, by a factor that the points' own deviations tell; a range
+    error moves a point off the plane by the sine of the beam's angle with it. A surface that is not quite plane
+    deviates from it for whole blocks of points at once: how much is known from the blocks' means, and the weight of
+    a block is then that of one point with this deviation, however many points it holds.
+
+    Args:
+        points: (N, 3) [m, sensor frame], N >= 4, not on one line.
+        block: (N,) int, which block of the surface each lies in.
+    """
+    middle = points.mean(axis=0)
+    normal = np.linalg.eigh((points - middle).T @ (points - middle))[1][:, 0]
+    ranges = np.maximum(np.linalg.norm(points, axis=1), 1e-9)
+    _, block = np.unique(block, return_inverse=True)
+    kept = np.ones(len(points), bool)
+    weight = kept / ranges
+    distance = float(normal @ middle)
+    for _ in range(_ROUNDS):
+        sine = np.maximum(np.abs(points @ normal) / ranges, _LEAST_SINE)
+        shape = ranges * sine**2
+        off = points @ normal - distance
+        variance, bump = _variances(off[kept], shape[kept], block[kept])
+        weight = _weights(variance * shape, bump, kept, block)
+        normal, distance, _ = _weighted_plane(points, weight)
+        off = points @ normal - distance
+        kept = np.abs(off) <= _STRAY * np.sqrt(variance * shape + bump) + 1e-12
+        weight = weight * kept
+    normal, distance, hessian = _weighted_plane(points, weight)
+    if distance < 0:  # (n, d) and (-n, -d) are one plane, and the Hessian is the same for both
+        normal, distance = -normal, -distance
+    return PlaneFit(normal, distance, _covariance(normal, hessian), kept)
+
+
+def _variances(off: np.ndarray, shape: np.ndarray, block: np.ndarray) -> tuple[float, float]:
+    """The factor of the points' variances and the variance of the blocks [m^2], from deviations (N,) [m].
+
+    DerSimonian and Laird's estimate of a random effect (DOI 10.1016/0197-2456(86)90046-2): what the blocks' means
+    deviate beyond what their points explain.
+    """
+    _, block = np.unique(block, return_inverse=True)
+    count = np.bincount(block)
+    information = np.bincount(block, 1 / shape)
+    mean = np.bincount(block, off / shape) / information
+    within = float((((off - mean[block]) ** 2) / shape).sum())
+    variance = max(within / max(len(off) - len(count), 1), 1e-12)
+    information = information / variance
+    freedom = max(len(count) - 3, 0)
+    excess = float((information * mean**2).sum()) - freedom
+    scale = float(information.sum() - (information**2).sum() / information.sum())
+    return variance, max(excess / scale, 0.0) if freedom and scale > 0 else 0.0
+
+
+def _weights(variance: np.ndarray, bump: float, kept: np.ndarray, block: np.ndarray) -> np.ndarray:
+    """(N,) [1 / m^2]: of a point's own variance, less what it shares with its block."""
+    own = kept / variance
+    return own / (1 + bump * np.bincount(block, own))[block]
+
+
+def _weighted_plane(points: np.ndarray, weight: np.ndarray) -> tuple[np.ndarray, float, np.ndarray]:
+    """Normal (3,), distance and the Hessian (4, 4) of half the weighted squares in (n, d), |n| = 1.
+
+    The normal is the eigenvector of the weighted scatter's smallest eigenvalue. That eigenvalue is the Lagrange
+    multiplier of |n| = 1 and leaves the Hessian's block of n.
+    """
+    total = weight.sum()
+    middle = weight @ points / total
+    moved = points - middle
+    scatter = (weight[:, None] * moved).T @ moved
+    values, vectors = np.linalg.eigh(scatter)
+    normal = vectors[:, 0]
+    hessian = np.empty((4, 4))
+    hessian[:3, :3] = scatter + total * np.outer(middle, middle) - values[0] * np.eye(3)
+    hessian[:3, 3] = hessian[3, :3] = -total * middle
+    hessian[3, 3] = total
+    return normal, float(normal @ middle), hessian
+
+
+def _covariance(normal: np.ndarray, hessian: np.ndarray) -> np.ndarray:
+    """(4, 4), of rank 3: the inverse of the Hessian among the changes that keep |n| = 1."""
+    basis = tangents(normal)
+    return basis @ np.linalg.inv(basis.T @ hessian @ basis) @ basis.T

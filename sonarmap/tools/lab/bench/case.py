@@ -1,0 +1,98 @@
+"""One kernel beside its twin: what each runs, what it moves, how close they must come.
+
+Bytes are those that the algorithm must move: each array that goes in or comes out once, valid elements only. A
+three-dimensional transform that no cache holds must go over its array twice: once along rows and columns, plane by
+plane, from the volume to the spectrum or back, and once along the first axis, in place.
+"""
+
+from collections.abc import Callable, Mapping
+from dataclasses import dataclass, field
+from typing import Any
+
+import numpy as np
+
+from sonarmap.tools.lab.bench.traffic import Traffic
+from sonarmap.tools.lab.bench.workload import Workload
+
+# Relative L2 difference to a twin that rounds as coarsely itself.
+FFT, ELEMENTWISE, WHITENED, RESAMPLED = 1e-6, 1e-6, 1e-5, 5e-5
+# Of the correlation that the translation is read from [voxels].
+BLUR = 0.7
+
+
+@dataclass(frozen=True, slots=True)
+class Peer:
+    """Another library that does the same work.
+
+    Attributes:
+        name: the library's.
+        run: the work, done when it returns.
+        restore: put back what it overwrites of its input.
+    """
+
+    name: str
+    run: Callable[[], object]
+    restore: Callable[[], object] = lambda: None
+
+
+@dataclass(frozen=True, slots=True)
+class KernelCase:
+    """One kernel on one input, and the same by NumPy and SciPy.
+
+    Attributes:
+        name: the kernel's, as its module calls it.
+        twin_name: what the twin is made of.
+        traffic: what the algorithm must move.
+        tolerance: largest relative L2 difference of the results.
+        run: queue the kernel's work; the caller waits for it.
+        read: the result of the last run, as the twin gives it.
+        twin: do the same on the host, and return the result.
+        restore: put back what run and twin overwrite of their input.
+        flops: additions and multiplications of the algorithm; of a transform 5 n log2 n for n complex points, and half
+            for n real ones. 0 where they do not matter.
+        passes: what single launches move, by their kernel's name.
+        peers: other libraries, made when they are asked for.
+    """
+
+    name: str
+    twin_name: str
+    traffic: Traffic
+    tolerance: float
+    run: Callable[[], object]
+    read: Callable[[], np.ndarray]
+    twin: Callable[[], np.ndarray]
+    restore: Callable[[], object] = lambda: None
+    flops: float = 0.0
+    passes: Mapping[str, Traffic] = field(default_factory=dict[str, Traffic])
+    peers: Callable[[], list[Peer]] = list
+
+
+def volume_bytes(w: Workload) -> int:
+    """A real volume."""
+    return 4 * w.edge**3
+
+
+def half_bytes(w: Workload) -> int:
+    """A half spectrum."""
+    return 8 * w.edge**2 * (w.edge // 2 + 1)
+
+
+def half_points(w: Workload) -> int:
+    """Numbers of a half spectrum."""
+    return half_bytes(w) // 8
+
+
+def transform_flops(w: Workload) -> float:
+    """A real transform."""
+    return 2.5 * w.edge**3 * np.log2(w.edge**3)
+
+
+def transform_passes(w: Workload) -> dict[str, Traffic]:
+    """The launches that a transform may be made of: planes and sheets on a processor, axes on a graphics processor."""
+    outer, inner = Traffic(reads=volume_bytes(w), writes=half_bytes(w)), Traffic(in_place=2 * half_bytes(w))
+    return {"planes": outer, "rows": outer, "sheets": inner, "columns_1": inner, "columns_0": inner}
+
+
+def valid(spectrum: Any) -> np.ndarray:
+    """A half spectrum of cubes or squares from the device, without its padding."""
+    return spectrum.get()[..., : spectrum.shape[-2] // 2 + 1]

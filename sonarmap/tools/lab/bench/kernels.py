@@ -1,0 +1,107 @@
+"""Run the cases of the kernels."""
+
+from collections.abc import Callable, Iterator, Sequence
+
+import numpy as np
+
+from sonarmap.kernels.device.device import Device
+from sonarmap.kernels.device.trace import Counts, tracing
+from sonarmap.tools.lab.bench.case import KernelCase
+from sonarmap.tools.lab.bench.cases.all_cases import CASES
+from sonarmap.tools.lab.bench.result import KernelResult, Launches
+from sonarmap.tools.lab.bench.stages import BUILDS, build_seconds, clocked
+from sonarmap.tools.lab.bench.timing import interleave, timed
+from sonarmap.tools.lab.bench.workload import Workload
+
+# Runs in which the device's own clock is read.
+_TRACED = 7
+
+
+def measure_kernels(
+    device: Device, edges: Sequence[int], repeats: int, seed: int, cores: int, step: Callable[[str], None]
+) -> Iterator[KernelResult]:
+    """Every case on every edge.
+
+    Args:
+        device: what the kernels run on; the time of launches is known if it notes them.
+        edges: N, each.
+        repeats: how often each kernel is timed.
+        seed: of the input.
+        cores: threads that the twins may use.
+        step: called after each case with its name.
+
+    Raises:
+        DeviceError: the device cannot hold an array.
+    """
+    for edge in edges:
+        workload = Workload(device, edge, cores, seed)
+        for make in CASES:
+            with clocked(BUILDS) as clock:
+                case = make(workload)
+            result = measure_case(case, device, edge, repeats, build_seconds(clock))
+            step(f"{result.name} at {edge}^3")
+            yield result
+
+
+def measure_case(case: KernelCase, device: Device, edge: int, repeats: int, built_seconds: float = 0.0) -> KernelResult:
+    """Time one kernel, its twin and its peers in turns, then compare what they made in one more round.
+
+    Args:
+        built_seconds: how long its programs took to build, before [s].
+    """
+    peers = case.peers()
+
+    def run() -> None:
+        case.run()
+        device.queue.finish()
+
+    def restore() -> None:
+        case.restore()
+        for peer in peers:
+            peer.restore()
+
+    restore()
+    with clocked(BUILDS) as clock:
+        first_seconds, _ = timed(run)
+    times, twin_times, *peer_times = interleave(run, [case.twin, *(peer.run for peer in peers)], repeats, restore)
+    launches = _launches(case, device)
+    case.restore()
+    run()
+    return KernelResult(
+        name=case.name,
+        twin_name=case.twin_name,
+        edge=edge,
+        device=times,
+        twin=twin_times,
+        traffic=case.traffic,
+        error=relative_difference(case.read(), case.twin()),
+        tolerance=case.tolerance,
+        flops=case.flops,
+        peers={peer.name: own for peer, own in zip(peers, peer_times, strict=True)},
+        compile_seconds=built_seconds + max(build_seconds(clock), first_seconds - times.median),
+        launches=launches,
+    )
+
+
+def _launches(case: KernelCase, device: Device) -> Launches:
+    """What a run asks of the device, and how long each of its kernels takes there."""
+    rounds: list[Counts] = []
+    for _ in range(_TRACED):
+        case.restore()
+        device.queue.finish()
+        counts = Counts()
+        rounds.append(counts)
+        with tracing(device, lambda counts=counts: counts):
+            case.run()
+        device.queue.finish()
+    times = [counts.kernel_seconds() for counts in rounds]
+    kernels = {name: float(np.median([each[name] for each in times])) for name in times[0]}
+    passes = {name: case.passes[name] for name in kernels if name in case.passes}
+    return Launches(rounds[0].launches, rounds[0].reads, kernels, passes)
+
+
+def relative_difference(got: np.ndarray, wanted: np.ndarray) -> float:
+    """Relative L2 difference; infinite where the shapes differ."""
+    if got.shape != wanted.shape:
+        return float("inf")
+    return float(np.linalg.norm(got - wanted) / np.linalg.norm(wanted))

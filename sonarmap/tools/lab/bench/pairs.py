@@ -1,0 +1,159 @@
+"""Preparing scans and registering prepared pairs, timed in a process of its own, whose memory is then theirs alone."""
+
+import multiprocessing
+import signal
+import threading
+from collections.abc import Callable, Iterator
+from contextlib import contextmanager
+from multiprocessing.connection import Connection
+from multiprocessing.process import BaseProcess
+from time import perf_counter
+
+from scipy.spatial.transform import RigidTransform
+
+from sonarmap.kernels.device.device import choose_device
+from sonarmap.kernels.errors import DeviceError, SonarmapError
+from sonarmap.spectral.grid import Grid, choose_grid
+from sonarmap.spectral.prepare.spectral_scan import SpectralScan
+from sonarmap.spectral.registration import SpectralConfig, SpectralRegistrar
+from sonarmap.spectral.result import Registration
+from sonarmap.spectral.scan import Scan
+from sonarmap.tools.files.memory import peak_memory
+from sonarmap.tools.lab.bench.result import PairResult
+from sonarmap.tools.lab.bench.timing import summarize, timed
+from sonarmap.tools.lab.bench.traced_pairs import traced
+from sonarmap.tools.lab.evaluate.trajectory import RIGHT_DEG, RIGHT_VOXELS, pair_error
+from sonarmap.tools.lab.simulate.pairs.random_pairs import random_pair
+from sonarmap.tools.lab.simulate.sensing.noise import Noise
+
+SimulatedPair = tuple[Scan, Scan, RigidTransform]
+
+# The paper's noise: variance of the range at the sensor's maximum range [m^2].
+_SIGMA2 = 1.0
+
+
+def simulate_pairs(count: int, seed: int, step: Callable[[str], None]) -> list[SimulatedPair]:
+    """Pairs of scans of different scenes: target, source, T_target_source; step is called after each."""
+    pairs = []
+    for n in range(count):
+        pairs.append(random_pair(seed + n, noise=Noise(sigma2=_SIGMA2)))
+        step(f"pair {n + 1}")
+    return pairs
+
+
+def measure_pairs(
+    pairs: list[SimulatedPair], edge: int, selector: str | None, step: Callable[[str], None]
+) -> PairResult:
+    """Prepare and register every pair, in a spawned process.
+
+    Args:
+        pairs: at least one, as from `simulate_pairs`.
+        edge: voxels per edge; the voxel is chosen so that all scans fit.
+        selector: of the device, as `choose_device` takes it.
+        step: called after each pair.
+
+    Raises:
+        SonarmapError: the scans or the device will not do.
+        DeviceError: the process was ended from outside, as where memory runs out.
+    """
+    grid = choose_grid((scan for pair in pairs for scan in pair[:2]), edge)
+    context = multiprocessing.get_context("spawn")
+    receiver, sender = context.Pipe(duplex=False)
+    process = context.Process(target=_work, args=(sender, pairs, grid, selector), daemon=True)
+    with _interrupts_ignored():
+        process.start()
+    sender.close()
+    try:
+        while not isinstance(message := _receive(receiver, process), PairResult):
+            if isinstance(message, SonarmapError):
+                raise message
+            step(str(message))
+    finally:
+        process.terminate()
+        process.join()
+    return message
+
+
+def _receive(receiver: Connection, process: BaseProcess) -> object:
+    try:
+        return receiver.recv()
+    except EOFError:
+        process.join()
+        code = process.exitcode or 0
+        if code < 0:
+            raise DeviceError(
+                f"the process that registers pairs was ended by signal {-code}, as happens where memory runs "
+                "out. Use a smaller --grid, or --pairs 0 to leave pairs out."
+            ) from None
+        raise RuntimeError(f"the process that registers pairs ended with code {code}, without a result") from None
+
+
+@contextmanager
+def _interrupts_ignored() -> Iterator[None]:
+    """A process started within ignores Ctrl-C, so that only the parent reports that it was stopped."""
+    if threading.current_thread() is not threading.main_thread():
+        yield
+        return
+    before = signal.signal(signal.SIGINT, signal.SIG_IGN)
+    try:
+        yield
+    finally:
+        signal.signal(signal.SIGINT, before)
+
+
+def _work(sender: Connection, pairs: list[SimulatedPair], grid: Grid, selector: str | None) -> None:
+    """The spawned process: sends words after each pair, and last a PairResult or a SonarmapError."""
+    try:
+        result = _measure(selector, grid, pairs, sender)
+        sender.send(traced(result, selector, grid, [pair[:2] for pair in pairs]))
+    except SonarmapError as error:
+        sender.send(error)
+
+
+def _measure(selector: str | None, grid: Grid, pairs: list[SimulatedPair], sender: Connection) -> PairResult:
+    start = perf_counter()
+    registrar = SpectralRegistrar(choose_device(selector), grid, SpectralConfig())
+    # once for itself: kernels are compiled at their first launch
+    _measure_pair(registrar, *pairs[0][:2])
+    first = perf_counter() - start
+    preparing, registering, accepted, right = [], [], 0, 0
+    for n, (target, source, truth) in enumerate(pairs):
+        times, seconds, registration = _measure_pair(registrar, target, source)
+        preparing += times
+        registering.append(seconds)
+        accepted += registration.accepted
+        right += is_right(registration.T_target_source, truth, registrar.grid.voxel)
+        sender.send(f"pair {n + 1} at {registrar.grid.edge}^3")
+    return PairResult(
+        edge=registrar.grid.edge,
+        voxel=registrar.grid.voxel,
+        prepare=summarize(preparing),
+        register=summarize(registering),
+        accepted=accepted,
+        right=right,
+        peak_memory=peak_memory(),
+        first_seconds=first,
+        device_memory=0,
+        planned_memory=0,
+        stages=(),
+    )
+
+
+def _measure_pair(registrar: SpectralRegistrar, target: Scan, source: Scan) -> tuple[list[float], float, Registration]:
+    """Seconds of preparing each scan, of registering them, and the result; no more than two scans are held."""
+
+    def prepare(scan: Scan) -> SpectralScan:
+        prepared = registrar.prepare(scan)
+        registrar.device.queue.finish()
+        return prepared
+
+    (target_seconds, target_prepared), (source_seconds, source_prepared) = (
+        timed(prepare, scan) for scan in (target, source)
+    )
+    seconds, registration = timed(registrar.register, target_prepared, source_prepared)
+    return [target_seconds, source_seconds], seconds, registration
+
+
+def is_right(T_target_source: RigidTransform, truth: RigidTransform, voxel: float) -> bool:
+    """Whether a registration is within RIGHT_DEG and RIGHT_VOXELS of the truth."""
+    return pair_error(T_target_source, truth).within(RIGHT_DEG, RIGHT_VOXELS * voxel)

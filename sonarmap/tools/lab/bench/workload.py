@@ -1,0 +1,154 @@
+"""The input that the kernels of one edge are measured on: seeded noise, the same for device and twin."""
+
+from functools import cached_property
+from typing import Any
+
+import numpy as np
+from scipy.spatial.transform import Rotation
+
+from sonarmap.kernels.device.device import Device
+from sonarmap.kernels.fft.edges import row_pitch
+from sonarmap.tools.lab.bench import twins
+
+# A rotation about no axis of the grid.
+R: np.ndarray = Rotation.from_euler("ZYX", [31, -12, 7], degrees=True).as_matrix()
+# A pose that is nearly right, as a refinement begins with [rotation; voxels].
+SMALL_TURN: np.ndarray = Rotation.from_rotvec([0.02, -0.01, 0.03]).as_matrix()
+SMALL_SHIFT = np.array([0.4, -0.7, 0.3])
+# Sect. 2.8 of the paper: radii of the layers, as shares of N/2; one layer per frequency bin.
+_LAYERS = (0.2, 0.8)
+# What a registration correlates over all rotations, on any grid: degrees below 48 of 20 layers.
+BANDWIDTH, SPHERES = 48, 20
+# The range image of a scan, and what is put into it: cells per edge, points, poses.
+_CELLS, _SEEN, _POSES = 128, 1500, 700
+# As many points as a sensor of 256 x 192 beams gives.
+_POINTS = 256 * 192
+
+
+class Workload:
+    """Arrays on the host, each made at its first use, and ways to the device.
+
+    Attributes:
+        device: what the kernels run on.
+        edge: N, voxels per edge.
+        cores: threads that the twins may use.
+    """
+
+    def __init__(self, device: Device, edge: int, cores: int, seed: int) -> None:
+        """Nothing is computed before it is asked for."""
+        self.device, self.edge, self.cores, self._seed = device, edge, cores, seed
+
+    def rng(self, stream: int) -> np.random.Generator:
+        """Random numbers that depend on the seed, the edge and the stream only."""
+        return np.random.default_rng([self._seed, self.edge, stream])
+
+    @cached_property
+    def volume(self) -> np.ndarray:
+        """(N, N, N) float32, standard normal."""
+        return self.rng(0).standard_normal((self.edge,) * 3, dtype=np.float32)
+
+    @cached_property
+    def spectrum(self) -> np.ndarray:
+        """(N, N, N/2 + 1) complex64, the half spectrum of the volume."""
+        return twins.forward(self.volume, self.cores)
+
+    @cached_property
+    def magnitude(self) -> np.ndarray:
+        """(N, N, N/2 + 1) float32, |spectrum| centered in axes 0 and 1."""
+        return twins.magnitude(self.spectrum)
+
+    @cached_property
+    def whitened(self) -> tuple[np.ndarray, np.ndarray]:
+        """Two half spectra (N, N, N/2 + 1) complex64: a target, and a source that is it shifted, with noise."""
+        noise = self.rng(1).standard_normal(self.volume.shape, dtype=np.float32)
+        target = np.roll(self.volume, (3, -7, 5), axis=(0, 1, 2)) + noise
+        return twins.prepare(target, self.cores), twins.prepare(self.volume, self.cores)
+
+    @cached_property
+    def radii(self) -> np.ndarray:
+        """(L,) float32 [frequency bins]: 0.2..0.8 N/2, one layer per bin."""
+        return np.arange(_LAYERS[0] * self.edge / 2, _LAYERS[1] * self.edge / 2, dtype=np.float32)
+
+    @cached_property
+    def layers(self) -> np.ndarray:
+        """(L, N, N) float32, positive, as magnitudes are."""
+        return self.rng(2).random((len(self.radii), self.edge, self.edge), dtype=np.float32) + np.float32(0.5)
+
+    @cached_property
+    def points(self) -> np.ndarray:
+        """(n, 4) float32: points [voxels from the center] and weights; `R` turns none onto a voxel's wall.
+
+        Rounding would else put a few into the neighbor, on the device or in the twin.
+        """
+        rng = self.rng(3)
+        voxels = rng.integers(0, self.edge, (_POINTS, 3)) - self.edge // 2
+        turned = voxels + rng.uniform(-0.45, 0.45, (_POINTS, 3))
+        return np.column_stack([turned @ R, rng.uniform(0.1, 1.0, _POINTS)]).astype(np.float32)
+
+    @property
+    def shift(self) -> tuple[int, int, int]:
+        """Where a correlation of `shifted` with the points under `R` has its peak [voxels]."""
+        return 3, -7, 5
+
+    @cached_property
+    def shifted(self) -> np.ndarray:
+        """(N, N, N/2 + 1) complex64, the whitened half spectrum of the points under `R`, moved by `shift`."""
+        volume = twins.voxelize(self.points, R, np.empty((self.edge,) * 3, np.float32))
+        return twins.prepare(np.roll(volume, self.shift, axis=(0, 1, 2)), self.cores)
+
+    @cached_property
+    def surface(self) -> np.ndarray:
+        """(m, 3) float32: a noisy hilly bed, one point a voxel, up to half as many as a face of the grid has voxels."""
+        rng = self.rng(8)
+        x, y = rng.uniform(-0.4 * self.edge, 0.4 * self.edge, (2, self.edge**2 // 2))
+        waves = 20.0 / self.edge
+        z = 0.06 * self.edge * (np.sin(waves * x) + np.cos(0.7 * waves * y)) + rng.normal(0, 0.4, len(x))
+        points = np.column_stack([x, y, z])
+        first = np.unique(np.floor(points), axis=0, return_index=True)[1]
+        return points[np.sort(first)].astype(np.float32)
+
+    @cached_property
+    def coefficients(self) -> tuple[np.ndarray, np.ndarray]:
+        """Of real layers, twice (BANDWIDTH / 2, SPHERES, 2 BANDWIDTH - 1) complex64, a target's and a source's."""
+        rng, orders = self.rng(4), np.arange(1 - BANDWIDTH, BANDWIDTH)
+        normal = rng.standard_normal((2, BANDWIDTH // 2, SPHERES, len(orders), 2), dtype=np.float32)
+        half = normal @ np.array([1, 1j], np.complex64)
+        half *= np.abs(orders) <= 2 * np.arange(BANDWIDTH // 2)[:, None, None]
+        # a[l, -m] = (-1)^m conj(a[l, m])
+        both = half + (-1.0) ** np.abs(orders).astype(np.float32) * half[..., ::-1].conj()
+        target, source = both.astype(np.complex64)
+        return target, source
+
+    @cached_property
+    def view(self) -> np.ndarray:
+        """(cells, cells, 2) float32: nearest and farthest ranges, a third of the cells unseen."""
+        rng = self.rng(5)
+        near = rng.uniform(0.2, 0.4, (_CELLS, _CELLS)) * self.edge
+        view = np.stack([near, near + rng.uniform(0, 4, near.shape)], axis=-1)
+        view[rng.random(near.shape) < 1 / 3] = np.inf, -np.inf
+        return view.astype(np.float32)
+
+    @cached_property
+    def seen(self) -> np.ndarray:
+        """(n, 3) float32: points to be put into the view [voxels]."""
+        return self.rng(6).uniform(-0.4 * self.edge, 0.4 * self.edge, (_SEEN, 3)).astype(np.float32)
+
+    @cached_property
+    def poses(self) -> tuple[np.ndarray, np.ndarray]:
+        """(m, 3, 3) rotations and (m, 3) shifts [voxels]."""
+        rng = self.rng(7)
+        return Rotation.random(_POSES, rng=rng).as_matrix(), rng.uniform(-0.2, 0.2, (_POSES, 3)) * self.edge
+
+    def upload(self, array: np.ndarray) -> Any:
+        """The array on the device."""
+        return self.device.to_device(array)
+
+    def upload_half(self, spectrum: np.ndarray) -> Any:
+        """A half spectrum (..., N/2 + 1) on the device, with the kernels' padding."""
+        return self.upload(self.pad(spectrum))
+
+    @staticmethod
+    def pad(spectrum: np.ndarray) -> np.ndarray:
+        """A half spectrum (..., N/2 + 1) with the kernels' padding: (..., `row_pitch(N)`)."""
+        valid = spectrum.shape[-1]
+        return np.pad(spectrum, [(0, 0)] * (spectrum.ndim - 1) + [(0, row_pitch(2 * valid - 2) - valid)])

@@ -1,0 +1,97 @@
+"""Which tried pairs of a survey are right: precision and recall of what was kept, and of what was rejected."""
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+from typing import Any
+
+from scipy.spatial.transform import RigidTransform
+
+from sonarmap.tools.files.map_folder.pairs import TriedPair
+from sonarmap.tools.lab.evaluate.trajectory import RIGHT_DEG, RIGHT_VOXELS, pair_error
+
+
+@dataclass(frozen=True, slots=True)
+class PairScore:
+    """How many pairs were kept or rejected, and were right or wrong.
+
+    Attributes:
+        kept_right, kept_wrong, rejected_right, rejected_wrong: numbers of pairs whose registration did not fail.
+        failed: pairs whose registration failed.
+        unjudged: pairs with a scan that has no true pose.
+    """
+
+    kept_right: int
+    kept_wrong: int
+    rejected_right: int
+    rejected_wrong: int
+    failed: int = 0
+    unjudged: int = 0
+
+    @property
+    def precision(self) -> float | None:
+        """Share of the kept that are right; None where none was kept."""
+        return _share(self.kept_right, self.kept_wrong)
+
+    @property
+    def recall(self) -> float | None:
+        """Share of the right that were kept; None where none was right."""
+        return _share(self.kept_right, self.rejected_right)
+
+    @property
+    def rejected_precision(self) -> float | None:
+        """Share of the rejected that are wrong; None where none was rejected."""
+        return _share(self.rejected_wrong, self.rejected_right)
+
+    @property
+    def rejected_recall(self) -> float | None:
+        """Share of the wrong that were rejected; None where none was wrong."""
+        return _share(self.rejected_wrong, self.kept_wrong)
+
+    def to_json(self) -> dict[str, Any]:
+        """The numbers and the shares."""
+        return {
+            "kept_right": self.kept_right,
+            "kept_wrong": self.kept_wrong,
+            "rejected_right": self.rejected_right,
+            "rejected_wrong": self.rejected_wrong,
+            "failed": self.failed,
+            "unjudged": self.unjudged,
+            "precision": self.precision,
+            "recall": self.recall,
+            "rejected_precision": self.rejected_precision,
+            "rejected_recall": self.rejected_recall,
+        }
+
+
+def score_pairs(pairs: Sequence[TriedPair], truth: Mapping[int, RigidTransform], voxel: float) -> PairScore:
+    """Compare pairs with the truth: right is within RIGHT_DEG and RIGHT_VOXELS voxels.
+
+    Recall is among the pairs that were tried: a place that was revisited and never tried is not missed here.
+
+    Args:
+        pairs: as they were tried.
+        truth: T_world_sensor of the scans that have a true pose, by index.
+        voxel: edge of the voxels on which they were registered [m].
+    """
+    counts = {(kept, right): 0 for kept in (True, False) for right in (True, False)}
+    failed = unjudged = 0
+    for pair in pairs:
+        if pair.T_target_source is None:
+            failed += 1
+        elif pair.target not in truth or pair.source not in truth:
+            unjudged += 1
+        else:
+            error = pair_error(pair.T_target_source, truth[pair.target].inv() * truth[pair.source])
+            counts[pair.kept, error.within(RIGHT_DEG, RIGHT_VOXELS * voxel)] += 1
+    return PairScore(
+        kept_right=counts[True, True],
+        kept_wrong=counts[True, False],
+        rejected_right=counts[False, True],
+        rejected_wrong=counts[False, False],
+        failed=failed,
+        unjudged=unjudged,
+    )
+
+
+def _share(part: int, rest: int) -> float | None:
+    return part / (part + rest) if part + rest else None

@@ -1,0 +1,120 @@
+"""Whether poses are as uncertain as their covariances say."""
+
+from collections.abc import Collection
+from dataclasses import dataclass
+from typing import Any, Literal
+
+import numpy as np
+from scipy.spatial.transform import RigidTransform, Rotation
+from scipy.stats import chi2
+
+from sonarmap.kernels.errors import InputError
+from sonarmap.spectral.measured import twist
+
+LEVEL = 0.95  # of the ellipsoids
+FIXED = 1e-3  # an anchor's largest sigma [rad, m]: a graph's gauge is far below it, any measured prior above
+
+
+@dataclass(frozen=True, slots=True)
+class PoseCalibration:
+    """The errors of N poses compared with their covariances. Poses of one graph err together, not independently.
+
+    Attributes:
+        anchor: "first": errors are relative to the first pose, which is left out; "world": the first pose is itself
+            uncertain, as with priors, so nothing is aligned and both world frames are taken to be the same; "partly":
+            the same, but what no instrument measured is aligned at the first pose.
+        nees: (N,) squared Mahalanobis distance of the truth, 6 on average where the covariance is right.
+        position_nees: (N,) the same of the position alone, 3 on average.
+    """
+
+    anchor: Literal["first", "world", "partly"]
+    nees: np.ndarray
+    position_nees: np.ndarray
+
+    @property
+    def within_95(self) -> float:
+        """Share of the poses whose truth lies in the 95 % ellipsoid of all six degrees of freedom."""
+        return float((self.nees <= chi2.ppf(LEVEL, 6)).mean())
+
+    @property
+    def position_within_95(self) -> float:
+        """Share of the poses whose true position lies in the 95 % ellipsoid of the position."""
+        return float((self.position_nees <= chi2.ppf(LEVEL, 3)).mean())
+
+    def to_json(self) -> dict[str, Any]:
+        """Shares and means."""
+        return {
+            "anchor": self.anchor,
+            "poses": len(self.nees),
+            "within_95": self.within_95,
+            "position_within_95": self.position_within_95,
+            "nees_mean": float(self.nees.mean()),
+            "position_nees_mean": float(self.position_nees.mean()),
+        }
+
+
+def calibrate_poses(
+    T_world_sensor: RigidTransform,
+    truth: RigidTransform,
+    covariances: np.ndarray,
+    unmeasured: Collection[str] = (),
+) -> PoseCalibration | None:
+    """Compare the errors of N poses with their covariances; None if there is no pose but the anchor.
+
+    Args:
+        T_world_sensor: N estimated poses, the first of them the anchor.
+        truth: their N true poses.
+        covariances: (N, 6, 6), rotation first [rad, m], body tangent: T_true = T_estimate Exp(xi), relative to the
+            anchor, whose own covariance is then close to zero.
+        unmeasured: what instruments left open of the poses in the world (`slam.graph.measured_poses.MEASURED`).
+
+    The tangent is the full one of SE(3), as GTSAM's.
+
+    Raises:
+        InputError: a covariance is singular.
+    """
+    fixed = bool(np.sqrt(np.diag(covariances[0]).max()) < FIXED)
+    if fixed and len(covariances) == 1:
+        return None
+    if fixed:
+        T_world_sensor, truth = (T[0].inv() * T[1:] for T in (T_world_sensor, truth))
+        covariances = covariances[1:]
+    else:
+        T_world_sensor = _laid_on(truth[0], T_world_sensor, unmeasured)
+    xi = (T_world_sensor.inv() * truth).as_exp_coords()
+    return PoseCalibration(
+        anchor="first" if fixed else "partly" if unmeasured else "world",
+        nees=_squared(xi, covariances),
+        position_nees=_squared(xi[:, 3:], covariances[:, 3:, 3:]),
+    )
+
+
+def _laid_on(first: RigidTransform, T_world_sensor: RigidTransform, unmeasured: Collection[str]) -> RigidTransform:
+    """Poses moved as a whole so that what is unmeasured of the first agrees with the true first one."""
+    off = first.rotation * T_world_sensor[0].rotation.inv()
+    turn = Rotation.identity()
+    if {"tilt_x", "tilt_y"} & set(unmeasured):
+        turn = off
+    elif "heading" in unmeasured:
+        turn = Rotation.from_euler("Z", twist(off))
+    place = T_world_sensor[0].translation
+    shift = np.where([name in unmeasured for name in ("east", "north", "up")], first.translation - place, 0.0)
+    about = RigidTransform.from_translation(place)
+    return (
+        RigidTransform.from_components(shift, Rotation.identity())
+        * about
+        * RigidTransform.from_rotation(turn)
+        * (about.inv() * T_world_sensor)
+    )
+
+
+def _squared(errors: np.ndarray, covariances: np.ndarray) -> np.ndarray:
+    """Squared Mahalanobis distances (N,) of errors (N, D)."""
+    try:
+        weighed = np.linalg.solve(covariances, errors[:, :, None])[:, :, 0]
+    except np.linalg.LinAlgError as error:
+        raise InputError(
+            "a pose's covariance is singular, so that its error cannot be compared with it; give the summary as "
+            "`sonarmap map` wrote it, or leave it out"
+        ) from error
+    return np.einsum("ni,ni->n", errors, weighed)

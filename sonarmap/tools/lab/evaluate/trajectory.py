@@ -1,0 +1,236 @@
+"""Estimates against the truth: errors of a pair, of every pose, of a whole trajectory. Pure functions.
+
+Angles in results are in degrees, and their names say so.
+"""
+
+from dataclasses import dataclass
+from typing import Any, Literal
+
+import numpy as np
+from scipy.spatial.transform import RigidTransform
+
+from sonarmap.kernels.errors import InputError
+from sonarmap.slam.graph.trajectory import Trajectory
+from sonarmap.tools.lab.evaluate.alignment import align_poses, align_positions
+
+Alignment = Literal["poses", "positions", "first"]
+
+STAMP_TOLERANCE = 0.01  # [s]
+
+# A registration is right within these; the voxel is the one of the grid that it was computed on.
+RIGHT_DEG = 6.0
+RIGHT_VOXELS = 3.0
+
+
+@dataclass(frozen=True, slots=True)
+class PairError:
+    """How far one transform is from the truth.
+
+    Attributes:
+        rotation_deg: angle of the rotation between the two [degrees], 0..180.
+        translation_m: distance between their translations [m].
+    """
+
+    rotation_deg: float
+    translation_m: float
+
+    def within(self, rotation_deg: float, translation_m: float) -> bool:
+        """Whether both errors are at most these."""
+        return self.rotation_deg <= rotation_deg and self.translation_m <= translation_m
+
+
+@dataclass(frozen=True, slots=True)
+class Evaluation:
+    """A trajectory compared with the truth: N poses with a stamp in common.
+
+    Attributes:
+        alignment: how the estimate was aligned with the truth: "poses", "positions" or "first".
+        T_truth_estimate: the alignment, from the estimate's world to the truth's.
+        stamps: (N,) [s], the estimate's, in time.
+        T_aligned: N poses of the estimate after alignment, T_truth_sensor.
+        T_true: N poses of the truth, T_truth_sensor.
+        rotation_deg: (N,) error of every pose after alignment [degrees].
+        translation_m: (N,) the same of its position [m]; the ATE is their root mean square.
+        step_rotation_deg: (N - 1,) RPE: error of the motion between consecutive common poses [degrees].
+        step_translation_m: (N - 1,) the same of its translation [m].
+        unmatched_estimates: number of poses of the estimate without a pose of the truth.
+        unmatched_truths: number of poses of the truth without a pose of the estimate.
+    """
+
+    alignment: Alignment
+    T_truth_estimate: RigidTransform
+    stamps: np.ndarray
+    T_aligned: RigidTransform
+    T_true: RigidTransform
+    rotation_deg: np.ndarray
+    translation_m: np.ndarray
+    step_rotation_deg: np.ndarray
+    step_translation_m: np.ndarray
+    unmatched_estimates: int
+    unmatched_truths: int
+
+    @property
+    def ate_m(self) -> float:
+        """Absolute trajectory error: root mean square of the positions' errors [m]."""
+        return _rms(self.translation_m)
+
+    def to_json(self) -> dict[str, Any]:
+        """The same as JSON's types, with root mean squares, medians and maxima."""
+        return {
+            "alignment": self.alignment,
+            "T_truth_estimate": self.T_truth_estimate.as_matrix().tolist(),
+            "poses": len(self.stamps),
+            "unmatched_estimates": self.unmatched_estimates,
+            "unmatched_truths": self.unmatched_truths,
+            "ate_m": _statistics(self.translation_m),
+            "ate_deg": _statistics(self.rotation_deg),
+            "rpe_m": _statistics(self.step_translation_m),
+            "rpe_deg": _statistics(self.step_rotation_deg),
+            "per_pose": [
+                {
+                    "stamp": stamp,
+                    "translation_m": meters,
+                    "rotation_deg": degrees,
+                    "estimated_m": estimated,
+                    "true_m": true,
+                    "estimated_yaw_deg": estimated_yaw,
+                    "true_yaw_deg": true_yaw,
+                }
+                for stamp, meters, degrees, estimated, true, estimated_yaw, true_yaw in zip(
+                    self.stamps.tolist(),
+                    self.translation_m.tolist(),
+                    self.rotation_deg.tolist(),
+                    self.T_aligned.translation.tolist(),
+                    self.T_true.translation.tolist(),
+                    yaw_deg(self.T_aligned).tolist(),
+                    yaw_deg(self.T_true).tolist(),
+                    strict=True,
+                )
+            ],
+        }
+
+    def beyond(self, translation_m: float, rotation_deg: float) -> np.ndarray:
+        """Indices of the poses whose position is farther off than `translation_m` or turned more [degrees]."""
+        return np.flatnonzero((self.translation_m > translation_m) | (self.rotation_deg > rotation_deg))
+
+
+def pair_error(T_estimate: RigidTransform, T_truth: RigidTransform) -> PairError:
+    """The error of one T_target_source: the rotation's angle and the translations' distance."""
+    rotation = (T_truth.rotation.inv() * T_estimate.rotation).magnitude()
+    distance = np.linalg.norm(T_estimate.translation - T_truth.translation)
+    return PairError(float(np.rad2deg(rotation)), float(distance))
+
+
+def evaluate(
+    estimate: Trajectory,
+    truth: Trajectory,
+    alignment: Alignment = "poses",
+    tolerance: float = STAMP_TOLERANCE,
+) -> Evaluation:
+    """Errors of a trajectory against the truth, after one rigid alignment, without scale.
+
+    Args:
+        estimate: poses in a world of their own.
+        truth: the true poses.
+        alignment: "poses", least squares over all common poses, see `align_poses`; "positions", the same without
+            the orientations (Umeyama, DOI 10.1109/34.88573); or "first", the first common pose onto its truth.
+        tolerance: largest difference of the stamps of one pose [s].
+
+    Raises:
+        InputError: no stamp in common; with "positions" also where these are too few or lie on one line.
+    """
+    estimate_rows, truth_rows = associate(estimate.stamps, truth.stamps, tolerance)
+    estimated, true = estimate.T_world_sensor[estimate_rows], truth.T_world_sensor[truth_rows]
+    if alignment == "poses":
+        T_truth_estimate = align_poses(estimated, true)
+    elif alignment == "positions":
+        T_truth_estimate = align_positions(estimated.translation, true.translation)
+    else:
+        T_truth_estimate = true[0] * estimated[0].inv()
+    aligned = T_truth_estimate * estimated
+    error = true.inv() * aligned
+    several = len(estimate_rows) > 1
+    steps = (true[:-1].inv() * true[1:]).inv() * (estimated[:-1].inv() * estimated[1:]) if several else None
+    return Evaluation(
+        alignment=alignment,
+        T_truth_estimate=T_truth_estimate,
+        stamps=estimate.stamps[estimate_rows],
+        T_aligned=aligned,
+        T_true=true,
+        rotation_deg=np.rad2deg(error.rotation.magnitude()),
+        translation_m=np.linalg.norm(error.translation, axis=1),
+        step_rotation_deg=np.empty(0) if steps is None else np.rad2deg(steps.rotation.magnitude()),
+        step_translation_m=np.empty(0) if steps is None else np.linalg.norm(steps.translation, axis=1),
+        unmatched_estimates=len(estimate) - len(estimate_rows),
+        unmatched_truths=len(truth) - len(truth_rows),
+    )
+
+
+def associate(
+    estimate: np.ndarray, truth: np.ndarray, tolerance: float = STAMP_TOLERANCE
+) -> tuple[np.ndarray, np.ndarray]:
+    """Which stamps belong together: closest pairs first, each stamp once.
+
+    Args:
+        estimate, truth: (M,) and (N,) stamps [s], in any order.
+        tolerance: largest difference [s].
+
+    Returns:
+        indices into `estimate` and into `truth`, (K,) each, in order of the estimate's stamps.
+
+    Raises:
+        InputError: no two stamps lie within the tolerance.
+    """
+    mine, true = _near(estimate, truth, tolerance)
+    pairs: dict[int, int] = {}
+    taken: set[int] = set()
+    for row in np.argsort(np.abs(estimate[mine] - truth[true]), kind="stable"):
+        i, j = int(mine[row]), int(true[row])
+        if i not in pairs and j not in taken:
+            pairs[i] = j
+            taken.add(j)
+    if not pairs:
+        raise InputError(
+            f"no stamp of the estimate ({_span(estimate)}) lies within {tolerance:g} s of one of the truth "
+            f"({_span(truth)}); give trajectories of the same scans, or a larger tolerance"
+        )
+    chosen = np.array(sorted(pairs, key=lambda i: (estimate[i], i)))
+    return chosen, np.array([pairs[i] for i in chosen.tolist()])
+
+
+def _near(estimate: np.ndarray, truth: np.ndarray, tolerance: float) -> tuple[np.ndarray, np.ndarray]:
+    """All pairs of stamps within the tolerance, as indices, by the estimate's and then by the truth's."""
+    order = np.argsort(truth, kind="stable")
+    ordered = truth[order]
+    reach = tolerance + 4 * np.spacing(
+        np.abs(estimate) + tolerance
+    )  # the search rounds; the tolerance itself is applied below
+    low = np.searchsorted(ordered, estimate - reach, "left")
+    count = np.searchsorted(ordered, estimate + reach, "right") - low
+    mine = np.repeat(np.arange(len(estimate)), count)
+    true = order[np.arange(len(mine)) + np.repeat(low - np.cumsum(count) + count, count)]
+    near = np.abs(estimate[mine] - truth[true]) <= tolerance
+    mine, true = mine[near], true[near]
+    rows = np.lexsort((true, mine))
+    return mine[rows], true[rows]
+
+
+def yaw_deg(T_world_sensor: RigidTransform) -> np.ndarray:
+    """(N,) yaw of N poses [degrees], as docs/conventions.md defines it."""
+    forward = T_world_sensor.rotation.as_matrix()[:, :, 0]
+    return np.rad2deg(np.arctan2(forward[:, 1], forward[:, 0]))
+
+
+def _span(stamps: np.ndarray) -> str:
+    return f"{stamps.min():.6f} to {stamps.max():.6f} s"
+
+
+def _rms(errors: np.ndarray) -> float:
+    return float(np.sqrt(np.mean(errors**2)))
+
+
+def _statistics(errors: np.ndarray) -> dict[str, float] | None:
+    """Of N errors, or None where there is none (the steps of a single pose)."""
+    if len(errors) == 0:
+        return None
+    return {"rms": _rms(errors), "median": float(np.median(errors)), "max": float(errors.max())}

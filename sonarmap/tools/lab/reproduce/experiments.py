@@ -1,0 +1,258 @@
+"""The experiments that `sonarmap reproduce` knows, and what its options ask of them.
+
+To add one: write a module with a class that is an `Experiment` (tools/lab/reproduce/experiment.py) and a function
+
+    def create(request: Request) -> Experiment:
+
+that makes it from the options (None: the option was not given, so the experiment's own value holds), and add a row to
+EXPERIMENTS. Its settings, which the section shows too, stand in a file of their own. Files that `provenance.SHOWING`
+names, as section.py and figure.py, only show rows: changing them does not make jobs run again; changing any other file
+of the experiment's folder, or of the folders that its `sources` name, does.
+"""
+
+from collections.abc import Mapping
+from dataclasses import dataclass
+from importlib import import_module
+from pathlib import Path
+from types import MappingProxyType
+from typing import TYPE_CHECKING
+
+from sonarmap.kernels.errors import InputError
+
+if TYPE_CHECKING:
+    from sonarmap.kernels.device.device import Device
+    from sonarmap.tools.lab.reproduce.experiment import Experiment
+
+# Groups of experiments
+ALL = "all"  # the paper's
+EVALUATION = "evaluation"  # on pairs that had no part in development
+SLAM = "slam"  # of whole surveys
+REAL = "real"  # on scans of a folder
+SCALE = "scale"  # of growth
+KINDS = "kinds"  # on every kind of scan that is simulated
+
+
+@dataclass(frozen=True, slots=True)
+class Request:
+    """What the command line asks for.
+
+    Attributes:
+        device: to run on; None where only the options are looked at.
+        quick: a minute at most, with less of everything that no option sets.
+        seeds, seed: how many, and the first of them.
+        grid: voxels per edge.
+        scene: a key of SCENE_KINDS.
+        sigma2: variances of the range noise at the largest range [m^2].
+        pairs: how many.
+        method: keys of METHODS.
+        folder: of scans, for an experiment that takes one.
+        voxel: size of a voxel [m].
+        max_tilt: largest roll and pitch between two scans [degrees].
+        known: instruments, separated by commas, whose measurements are drawn about the truth.
+        known_sigmas: their standard deviations, as the option is written.
+    """
+
+    device: "Device | None" = None
+    quick: bool = False
+    seeds: int | None = None
+    seed: int | None = None
+    grid: int | None = None
+    scene: str | None = None
+    sigma2: tuple[float, ...] | None = None
+    pairs: int | None = None
+    method: tuple[str, ...] | None = None
+    folder: Path | None = None
+    voxel: float | None = None
+    max_tilt: float | None = None
+    known: str | None = None
+    known_sigmas: str | None = None
+
+    @property
+    def opened(self) -> "Device":
+        """The device, which is there once an experiment is made."""
+        if self.device is None:
+            raise ValueError("no device was chosen")
+        return self.device
+
+    @property
+    def given(self) -> dict[str, tuple[object, ...]]:
+        """The options of OPTIONS that were given, with their values."""
+        values = {name: getattr(self, name) for name in OPTIONS}
+        return {name: _as_tuple(value) for name, value in values.items() if value is not None}
+
+    def command(self, name: str) -> str:
+        """The command line that asks for the same of one experiment; where the folder lies is nobody's business."""
+        options = [f"{_flag(option)} {value}" for option, values in self.given.items() for value in values]
+        folder = ["DIR"] if self.folder is not None else []
+        return " ".join(["sonarmap reproduce", name, *folder, *(["--quick"] if self.quick else []), *options])
+
+
+# The options that not every experiment has, in the order in which a command line shows them
+OPTIONS = (
+    "scene", "grid", "voxel", "max_tilt", "known", "known_sigmas", "sigma2", "seeds", "pairs", "seed", "method",
+)  # fmt: skip
+_STRUCTURE_OPTIONS = ("scene", "grid", "seeds", "seed")
+_REAL_OPTIONS = ("grid", "voxel", "max_tilt", "known", "known_sigmas", "seeds", "seed", "method")
+_PAIR_OPTIONS = ("grid", "pairs", "seed", "method")
+
+
+@dataclass(frozen=True, slots=True)
+class ExperimentEntry:
+    """One experiment of the table.
+
+    Attributes:
+        shows: which of the paper's figures and tables, or what is looked at.
+        module: where its `create` is; it is imported when the experiment is asked for.
+        options: those of OPTIONS that change its rows.
+        group: that it belongs to.
+        timed: whether it measures times, so that its jobs are run one by one.
+        on_folder: whether it takes a folder of scans.
+    """
+
+    shows: str
+    module: str
+    options: tuple[str, ...]
+    group: str = ALL
+    timed: bool = False
+    on_folder: bool = False
+
+
+# Name on the command line -> experiment, in the order in which a group runs them and its page shows them.
+EXPERIMENTS: Mapping[str, ExperimentEntry] = MappingProxyType(
+    {
+        "translation": ExperimentEntry(
+            "Figs. 12, 14, 15", "sonarmap.tools.lab.reproduce.translation.run", _STRUCTURE_OPTIONS
+        ),
+        "rotation": ExperimentEntry("Figs. 16, 17", "sonarmap.tools.lab.reproduce.rotation.run", _STRUCTURE_OPTIONS),
+        "limits": ExperimentEntry("Figs. 7 to 9", "sonarmap.tools.lab.reproduce.limits.run", _STRUCTURE_OPTIONS),
+        "gaussian": ExperimentEntry(
+            "Table 1, Figs. 20, 21",
+            "sonarmap.tools.lab.reproduce.gaussian.run",
+            ("scene", "grid", "sigma2", "seeds", "seed"),
+        ),
+        "floodgate": ExperimentEntry(
+            "Sect. 4, Table 2, Figs. 22 to 31", "sonarmap.tools.lab.reproduce.floodgate.run", ("grid", "seeds", "seed")
+        ),
+        "steps": ExperimentEntry(
+            "Table 1, extended to S12, on four scenes",
+            "sonarmap.tools.lab.reproduce.steps.run",
+            ("scene", "grid", "sigma2", "seeds", "seed", "method"),
+            EVALUATION,
+        ),
+        "pairs": ExperimentEntry(
+            "pairs of every overlap", "sonarmap.tools.lab.reproduce.pairs.run", _PAIR_OPTIONS, EVALUATION
+        ),
+        "unrelated": ExperimentEntry(
+            "pairs that share nothing", "sonarmap.tools.lab.reproduce.unrelated.run", _PAIR_OPTIONS, EVALUATION
+        ),
+        "speed": ExperimentEntry(
+            "time to register a pair", "sonarmap.tools.lab.reproduce.speed.run", _PAIR_OPTIONS, EVALUATION, timed=True
+        ),
+        "survey": ExperimentEntry(
+            "maps of whole surveys", "sonarmap.tools.lab.reproduce.survey.run", _STRUCTURE_OPTIONS, SLAM, timed=True
+        ),
+        "real": ExperimentEntry(
+            "pairs of real scans in a folder DIR",
+            "sonarmap.tools.lab.reproduce.real.run",
+            _REAL_OPTIONS,
+            REAL,
+            on_folder=True,
+        ),
+        "scale": ExperimentEntry(
+            "the mapper's own work on 1,000 to 10,000 scans, with made-up registrations",
+            "sonarmap.tools.lab.reproduce.scale.run",
+            ("seeds", "seed"),
+            SCALE,
+            timed=True,
+        ),
+        "kinds": ExperimentEntry(
+            "pairs of every kind of scan", "sonarmap.tools.lab.reproduce.kinds.run", _PAIR_OPTIONS, KINDS
+        ),
+    }
+)
+
+
+def entry_of(name: str) -> ExperimentEntry:
+    """The experiment of that name."""
+    return EXPERIMENTS[name]
+
+
+def groups() -> tuple[str, ...]:
+    """The names of the groups that have an experiment."""
+    return tuple(dict.fromkeys(entry.group for entry in EXPERIMENTS.values()))
+
+
+def group_of(name: str) -> str:
+    """The group that an experiment is in; of a group, itself."""
+    return EXPERIMENTS[name].group if name in EXPERIMENTS else name
+
+
+def members(group: str) -> tuple[str, ...]:
+    """The names of a group's experiments, in order."""
+    return tuple(name for name, entry in EXPERIMENTS.items() if entry.group == group)
+
+
+def chosen(name: str, request: Request) -> tuple[str, ...]:
+    """The names of the experiments that a name means: itself, or all of a group.
+
+    Raises:
+        InputError: there is no such experiment, an option or a folder that was given has no effect on it, or it needs a
+            folder and none was given.
+    """
+    if name not in (*EXPERIMENTS, *groups()):
+        raise InputError(f"no experiment is called {name!r}; there are {', '.join((*EXPERIMENTS, *groups()))}")
+    names = (name,) if name in EXPERIMENTS else members(name)
+    _check_folder(name, names, request.folder)
+    options = [option for option in OPTIONS if all(option in EXPERIMENTS[member].options for member in names)]
+    idle = [_flag(option) for option in request.given if option not in options]
+    if idle:
+        known = ", ".join(_flag(option) for option in options)
+        verb, pronoun = ("has", "it") if len(idle) == 1 else ("have", "them")
+        raise InputError(
+            f"{' and '.join(idle)} {verb} no effect on reproduce {name}; leave {pronoun} out"
+            + (f". It takes {known}" if known else "")
+        )
+    return names
+
+
+def create(name: str, request: Request) -> "Experiment":
+    """The experiment of that name, as it was asked for.
+
+    Raises:
+        InputError: an option's value will not do.
+    """
+    return import_module(EXPERIMENTS[name].module).create(request)
+
+
+def folder_of(request: Request) -> Path:
+    """The folder that was given.
+
+    Raises:
+        InputError: none was.
+    """
+    if request.folder is None:
+        raise InputError(
+            "reproduce real needs the folder of the scans: sonarmap reproduce real DIR; DIR, or each of several "
+            "folders in it, holds scans whose names end in a number and a gt.log"
+        )
+    return request.folder
+
+
+def _check_folder(name: str, names: tuple[str, ...], folder: Path | None) -> None:
+    if any(EXPERIMENTS[member].on_folder for member in names):
+        folder_of(Request(folder=folder))
+    elif folder is not None:
+        raise InputError(
+            f"reproduce {name} simulates its scans, so the folder {folder} has no effect on it; leave it out, or give "
+            "-o before it if the results are to go there"
+        )
+
+
+def _flag(option: str) -> str:
+    return f"--{option.replace('_', '-')}"
+
+
+def _as_tuple(value: object) -> tuple[object, ...]:
+    if not isinstance(value, tuple):
+        return (value,)
+    return tuple(f"{item:g}" if isinstance(item, float) else item for item in value)

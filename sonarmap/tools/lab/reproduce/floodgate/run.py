@@ -1,0 +1,183 @@
+"""The flood gate (paper Sect. 4, Table 2, Figs. 22 to 31): maps of eighteen scans, made by chaining registrations."""
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+from pathlib import Path
+from time import perf_counter
+from typing import Any, ClassVar
+
+from scipy.spatial.transform import RigidTransform
+
+from sonarmap.kernels.device.device import Device
+from sonarmap.kernels.errors import InputError
+from sonarmap.spectral.grid import Grid
+from sonarmap.spectral.result import Registrar
+from sonarmap.tools.lab.reproduce.checks import check_seeds
+from sonarmap.tools.lab.reproduce.evaluation.answer import finish_device
+from sonarmap.tools.lab.reproduce.experiment import Outcome, Section, Value
+from sonarmap.tools.lab.reproduce.experiments import Request
+from sonarmap.tools.lab.reproduce.floodgate.chain import PAIR, POSE, chains, pair_row, pose_rows
+from sonarmap.tools.lab.reproduce.floodgate.figure import draw_floodgate
+from sonarmap.tools.lab.reproduce.floodgate.methods import COMPARED, EXTENT, TRUTH, VOXEL, runs
+from sonarmap.tools.lab.reproduce.floodgate.section import floodgate_section
+from sonarmap.tools.lab.reproduce.floodgate.survey import SCANS, survey
+from sonarmap.tools.methods.registry import ALL_METHODS, build, is_installed
+
+# The paper's three, and ours
+PAPER_METHODS = ("icp", "planes", "hemisphere", "spectral")
+# Methods of today; the last is left out where its package is not installed
+OTHER_METHODS = ("icp-plane", "fpfh-ransac", "kiss")
+PAPER_EDGES = (128, 256)
+MAP = "map"
+
+
+@dataclass(frozen=True, slots=True)
+class FloodgateSettings:
+    """What is run.
+
+    Attributes:
+        methods: keys of COMPARED.
+        edges: voxels per edge of the grids, for the methods that have one.
+        seeds: how many surveys, each with a bed, a sea and a noise of its own, counted from `first_seed`.
+        first_seed: >= 0.
+        scans: of each survey, from its start.
+        left_out: methods that would have run were their packages installed.
+    """
+
+    methods: tuple[str, ...] = (*PAPER_METHODS, *OTHER_METHODS)
+    edges: tuple[int, ...] = PAPER_EDGES
+    seeds: int = 3
+    first_seed: int = 1
+    scans: int = SCANS
+    left_out: tuple[str, ...] = ()
+
+    def __post_init__(self) -> None:
+        unknown = [name for name in self.methods if name not in COMPARED]
+        if unknown or not self.methods:
+            raise InputError(f"no method is called {', '.join(unknown) or 'nothing'}; there are {', '.join(COMPARED)}")
+        check_seeds(self.seeds, self.first_seed)
+        if not 2 <= self.scans <= SCANS:
+            raise InputError(f"{self.scans} scans; there must be 2 to {SCANS}")
+        for edge in self.edges:
+            Grid(edge, 1.0)
+
+    @property
+    def all_seeds(self) -> range:
+        """Of the surveys."""
+        return range(self.first_seed, self.first_seed + self.seeds)
+
+
+@dataclass(frozen=True, slots=True)
+class _Step:
+    """One registration: the estimate, whether it was accepted, and how long it took [s]."""
+
+    found: RigidTransform
+    accepted: bool
+    prepare: float
+    register: float
+
+
+class Floodgate:
+    """Every method registers every scan to the one before it; a map is what chaining these makes."""
+
+    name: ClassVar[str] = "floodgate"
+    sources: ClassVar[tuple[str, ...]] = ("tools/lab/simulate", "tools/lab/evaluate", *ALL_METHODS)
+
+    def __init__(self, settings: FloodgateSettings, device: Device | None = None) -> None:
+        """`device` is needed to run jobs, not to show what they found."""
+        self.settings: Any = settings
+        self._device = device
+        self._current: tuple[tuple[int, str, int], Registrar, dict[int, Any]] | None = None
+        self._steps: dict[tuple[int, str, int, int], _Step] = {}
+
+    def jobs(self) -> Sequence[str]:
+        """seed/method/grid/source for every pair, and seed/method/grid/map for what is made of them."""
+        settings: FloodgateSettings = self.settings
+        parts = [*(f"{source:02d}" for source in range(1, settings.scans)), MAP]
+        jobs = []
+        for seed in settings.all_seeds:
+            jobs.append(f"{seed}/{TRUTH}/0/{MAP}")
+            jobs += [f"{seed}/{m}/{e}/{part}" for m, e in runs(settings.methods, settings.edges) for part in parts]
+        return jobs
+
+    def run(self, job: str) -> Outcome:
+        """Register one pair, or chain the pairs of one survey, which are registered anew where that is not just done.
+
+        Raises:
+            InputError: a scan shows too little.
+        """
+        first, method, second, part = job.split("/")
+        seed, edge = int(first), int(second)
+        begin: dict[str, Value] = {"row": POSE if part == MAP else PAIR, "seed": seed, "method": method, "grid": edge}
+        now = survey(seed, self.settings.scans)
+        if part == MAP:
+            sources = range(1, self.settings.scans)
+            steps = None if method == TRUTH else [self._step(seed, method, edge, k).found for k in sources]
+            return Outcome(tuple(begin | row for row in pose_rows(now, steps)))
+        source = int(part)
+        step = self._step(seed, method, edge, source)
+        seconds = {"scan": source, "prepare_s": step.prepare, "register_s": step.register}
+        rows = (begin | pair_row(now, source, step.found, step.accepted),)
+        return Outcome(rows, ({key: begin[key] for key in ("seed", "method", "grid")} | seconds,))
+
+    def section(self, outcomes: Mapping[str, Outcome]) -> Section:
+        """The paper's statements next to our results, errors, and Table 2."""
+        settings: FloodgateSettings = self.settings
+        return floodgate_section(settings.methods, settings.left_out, settings.edges, outcomes)
+
+    def draw(self, folder: Path, outcomes: Mapping[str, Outcome]) -> None:
+        """Write the pictures of the first survey."""
+        draw_floodgate(folder, chains(outcomes), self.settings.first_seed, self.settings.scans)
+
+    def _step(self, seed: int, method: str, edge: int, source: int) -> _Step:
+        key = (seed, method, edge, source)
+        if key not in self._steps:
+            self._steps[key] = self._measure(*key)
+        return self._steps[key]
+
+    def _measure(self, seed: int, method: str, edge: int, source: int) -> _Step:
+        """One registration, timed: the source's preparation, then the pair, the target being prepared."""
+        registrar, prepared = self._registrar(seed, method, edge)
+        scans = survey(seed, self.settings.scans).scans
+        if source - 1 not in prepared:
+            prepared[source - 1] = registrar.prepare(scans[source - 1])
+            finish_device(registrar)
+        start = perf_counter()
+        prepared[source] = registrar.prepare(scans[source])
+        finish_device(registrar)
+        middle = perf_counter()
+        result = registrar.register(prepared[source - 1], prepared[source])
+        end = perf_counter()
+        for old in [k for k in prepared if k != source]:
+            del prepared[old]
+        return _Step(result.T_target_source, bool(result.accepted), middle - start, end - middle)
+
+    def _registrar(self, seed: int, method: str, edge: int) -> tuple[Registrar, dict[int, Any]]:
+        """The registrar of one survey and the scans that it holds prepared; one at a time, for the device's memory.
+
+        A new one first registers a scan to itself, untimed: kernels are compiled and packages imported then.
+        """
+        key = (seed, method, edge)
+        if self._current is None or self._current[0] != key:
+            self._current = None
+            grid = Grid(edge, EXTENT / edge) if edge else Grid(round(EXTENT / VOXEL), VOXEL)
+            registrar = build(method, grid, self._device.selector if self._device else None, seed)
+            scan = registrar.prepare(survey(seed, self.settings.scans).scans[0])
+            registrar.register(scan, scan)
+            self._current = (key, registrar, {})
+        return self._current[1], self._current[2]
+
+
+def create(request: Request) -> Floodgate:
+    """The experiment as the command line asks for it: `quick` is one survey by the paper's methods, on one grid."""
+    usual = FloodgateSettings()
+    methods = PAPER_METHODS if request.quick else usual.methods
+    left_out = tuple(name for name in methods if not is_installed(name))
+    settings = FloodgateSettings(
+        methods=tuple(name for name in methods if name not in left_out),
+        edges=(request.grid,) if request.grid else (usual.edges[:1] if request.quick else usual.edges),
+        seeds=request.seeds or (1 if request.quick else usual.seeds),
+        first_seed=usual.first_seed if request.seed is None else request.seed,
+        left_out=left_out,
+    )
+    return Floodgate(settings, request.device)

@@ -1,0 +1,171 @@
+"""Table 1 in words and tables."""
+
+from collections.abc import Sequence
+from statistics import median
+
+from sonarmap.tools.lab.evaluate.trajectory import RIGHT_DEG, RIGHT_VOXELS
+from sonarmap.tools.lab.reproduce.experiment import Section
+from sonarmap.tools.lab.reproduce.gaussian.remarks import remarks
+from sonarmap.tools.lab.reproduce.gaussian.row import RANKED, GaussianRow, GaussianTime
+from sonarmap.tools.lab.reproduce.gaussian.summary import FEW, Summary, summarize
+from sonarmap.tools.lab.reproduce.gaussian.variants import VARIANTS
+from sonarmap.tools.lab.reproduce.rate import wilson
+from sonarmap.tools.lab.reproduce.table import Table
+
+# Voxels per edge -> seconds of a registration from the raw scans (Sect. 4.4; MATLAB, 2010)
+_PAPER_SECONDS = {128: 10.5, 256: 60.6}
+
+
+def section(scene: str, extent: float, rows: Sequence[GaussianRow], times: Sequence[GaussianTime]) -> Section:
+    """The section, from the rows and times of all registrations.
+
+    Args:
+        scene: a key of SCENE_KINDS.
+        extent: of the grid [m].
+        rows, times: of every registration.
+    """
+    summaries = summarize(rows)
+    cases = dict.fromkeys((row.grid, row.sigma2) for row in rows)
+    return Section(
+        title="Gaussian noise along the beams: Table 1, Figs. 20 and 21",
+        introduction=_introduction(scene, extent, rows),
+        tables=(
+            _verdict_table(summaries),
+            _detail_table(summaries),
+            *(_scan_table([row for row in rows if (row.grid, row.sigma2) == case], *case) for case in cases),
+        ),
+        times=(_time_table(times),),
+        pictures=_pictures(rows),
+        remarks=remarks(rows),
+    )
+
+
+def parameters_picture(edge: int) -> str:
+    """File name of the picture after Figs. 20 and 21 on a grid."""
+    return f"gaussian-{edge}.png"
+
+
+def rates_picture() -> str:
+    """File name of the picture of success rates."""
+    return "gaussian-rates.png"
+
+
+def describe_right(rows: Sequence[GaussianRow]) -> str:
+    """What counts as right, in a sentence."""
+    voxels = dict.fromkeys((row.grid, row.voxel_m) for row in rows)
+    meters = ", ".join(f"{RIGHT_VOXELS * voxel:g} m at {grid}³" for grid, voxel in voxels)
+    return (
+        f"A registration is right if T_target_source, between the sensor frames, is within {RIGHT_DEG:g} degrees and "
+        f"{RIGHT_VOXELS:g} voxels of the truth ({meters}). The paper shows curves and says up to which scan its "
+        "registrations succeed, but gives no error bound."
+    )
+
+
+def _introduction(scene: str, extent: float, rows: Sequence[GaussianRow]) -> str:
+    grids = " and ".join(dict.fromkeys(f"{row.grid}³ voxels of {row.voxel_m:g} m" for row in rows))
+    methods = "\n".join(f"- **{name}**: {method.title}" for name, method in VARIANTS.items())
+    return f"""Scans S0 to S9 of the scene `{scene}` are registered to a reference scan. Each is farther from it than
+the one before, by (4, 8, 12) m and by 6, 2 and 1 degrees of yaw, roll and pitch. The variance of the noise grows along
+the beam, to σ² at the largest range. Grids: {grids}, {extent:g} m along each edge, as the paper's 256 voxels. Seeds:
+{_seeds(rows)}; each has a scene and noise of its own. Rates have Wilson's 95 % intervals.
+
+{describe_right(rows)}
+
+{methods}"""
+
+
+def _seeds(rows: Sequence[GaussianRow]) -> str:
+    first, last = min(row.seed for row in rows), max(row.seed for row in rows)
+    return f"{first}" if first == last else f"{first} to {last}"
+
+
+def _pictures(rows: Sequence[GaussianRow]) -> dict[str, str]:
+    seed = min(row.seed for row in rows)
+    captions = {
+        parameters_picture(row.grid): f"As Figs. 20 and 21, {row.grid}³ voxels, seed {seed}. Lines are true values, "
+        "crosses are estimates; gray marks wrong registrations."
+        for row in rows
+    }
+    return captions | {rates_picture(): "The share of seeds that are right at each scan, with 95 % intervals."}
+
+
+def _verdict_table(summaries: Sequence[Summary]) -> Table:
+    return Table(
+        "The last scan before the first failure",
+        (
+            *("grid", "σ²", "method", "paper", "ours, median (each seed)", "verdict", "right"),
+            *("accepted though wrong", "refused though right"),
+        ),
+        tuple(
+            (
+                *_case(summary),
+                "" if summary.paper is None else f"S{summary.paper}",
+                f"{_scan(summary.median_last)} ({' '.join(_scan(last) for last in summary.last)})",
+                summary.verdict,
+                str(summary.right),
+                str(summary.accepted_wrong),
+                str(summary.refused_right),
+            )
+            for summary in summaries
+        ),
+    )
+
+
+def _detail_table(summaries: Sequence[Summary]) -> Table:
+    return Table(
+        "Which step fails first, and how accurate the right registrations are",
+        (
+            *("grid", "σ²", "method", "first wrong: yaw / tilt / translation", "series ended by each of these"),
+            f"right yaw is the highest peak / among the {FEW} highest / among the {RANKED} highest",
+            *("right", "right with the translation at the scan's center", "right and within 3 m"),
+            "median error where right",
+        ),
+        tuple(
+            (
+                *_case(summary),
+                " / ".join(str(count) for count in summary.wrong_steps.values()),
+                " / ".join(str(count) for count in summary.ended_by.values()),
+                " / ".join(str(count) for count in summary.yaw_peaks),
+                str(summary.right.successes),
+                str(summary.right_at_center),
+                str(summary.right_within_3m),
+                "" if summary.rotation_deg is None else f"{summary.rotation_deg:.2f}°, {summary.translation_m:.2f} m",
+            )
+            for summary in summaries
+        ),
+    )
+
+
+def _scan_table(rows: Sequence[GaussianRow], grid: int, sigma2: float) -> Table:
+    """Every scan on one grid under one noise: rates, and the median error of all seeds, right or wrong."""
+    methods = dict.fromkeys(row.method for row in rows)
+    lines = []
+    for index in sorted({row.scan for row in rows}):
+        cells = []
+        for method in methods:
+            trials = [row for row in rows if (row.scan, row.method) == (index, method)]
+            rotation, distance = median(t.rotation_deg for t in trials), median(t.translation_m for t in trials)
+            cells += [str(wilson(sum(t.right for t in trials), len(trials))), f"{rotation:.1f}°, {distance:.1f} m"]
+        lines.append((_scan(index), *cells))
+    headings = [heading for method in methods for heading in (f"{method}: right", "median error")]
+    return Table(f"Every scan at {grid}³, σ² = {sigma2:g} m²", ("scan", *headings), tuple(lines))
+
+
+def _time_table(times: Sequence[GaussianTime]) -> Table:
+    lines = []
+    for grid, method in dict.fromkeys((time.grid, time.method) for time in times):
+        mine = [time for time in times if (time.grid, time.method) == (grid, method)]
+        prepare, register = median(time.prepare_s for time in mine), median(time.register_s for time in mine)
+        paper = f"{_PAPER_SECONDS[grid]:g} s" if grid in _PAPER_SECONDS else ""
+        cells = (f"{2 * prepare + register:.2f} s", f"{prepare:.2f} s", f"{register:.2f} s")
+        lines.append((f"{grid}³", method, paper, *cells))
+    headings = ("grid", "method", "paper, from raw scans", "two preparations and one registration")
+    return Table("Median run times", (*headings, "one preparation", "one registration"), tuple(lines))
+
+
+def _case(summary: Summary) -> tuple[str, str, str]:
+    return f"{summary.grid}³", f"σ² = {summary.sigma2:g} m²", summary.method
+
+
+def _scan(index: int) -> str:
+    return "none" if index < 0 else f"S{index}"

@@ -1,0 +1,130 @@
+"""Pairs of every kind of scan, by every method, with what instruments know and without."""
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any, ClassVar
+
+from sonarmap.kernels.errors import InputError
+from sonarmap.spectral.grid import Grid, choose_grid
+from sonarmap.spectral.result import Registration
+from sonarmap.tools.lab.reproduce.evaluation.answer import answer, claims, errors
+from sonarmap.tools.lab.reproduce.evaluation.methods import registrar
+from sonarmap.tools.lab.reproduce.evaluation.set_pairs import BATCH
+from sonarmap.tools.lab.reproduce.experiment import Outcome, Row, Section, Value
+from sonarmap.tools.lab.reproduce.experiments import Request
+from sonarmap.tools.lab.reproduce.kinds.figure import draw_kinds
+from sonarmap.tools.lab.reproduce.kinds.navigation import navigation_cells
+from sonarmap.tools.lab.reproduce.kinds.section import kinds_section
+from sonarmap.tools.lab.reproduce.kinds.settings import (
+    NAVIGATION,
+    NAVIGATION_OVERLAPS,
+    PRIORS,
+    KindsSettings,
+    kinds_settings,
+)
+from sonarmap.tools.lab.reproduce.rows import all_rows
+from sonarmap.tools.lab.simulate.kinds.catalog import kind_pair
+from sonarmap.tools.lab.simulate.kinds.kind import KindPair
+
+
+@dataclass(frozen=True, slots=True)
+class _Batch:
+    """Simulated pairs, without priors, each with its grid."""
+
+    key: tuple[str, bool, int]
+    pairs: tuple[tuple[KindPair, Grid], ...]
+
+
+class Kinds:
+    """Registers pairs of every kind; a job is five of them, what is known beforehand, and one method."""
+
+    name: ClassVar[str] = "kinds"
+    sources: ClassVar[tuple[str, ...]] = (
+        "tools/lab/simulate",
+        "tools/lab/evaluate",
+        "tools/lab/reproduce/evaluation",
+        "spectral/grid.py",
+    )
+
+    def __init__(self, settings: KindsSettings, device: str | None) -> None:
+        """`device` as `choose_device` takes it."""
+        self.settings: Any = settings
+        self.methods: tuple[str, ...] = settings.compared.methods
+        self.deciding: Mapping[str, Any] = {"edge": settings.edge, "seed": settings.seed}
+        self._device = device
+        self._batch: _Batch | None = None
+
+    def jobs(self) -> Sequence[str]:
+        """Kind, what is known, batch and method, as in swath/none/003/spectral; those of the same pairs in a row."""
+        settings: KindsSettings = self.settings
+        return [
+            f"{kind}/{known}/{batch:03d}/{method}"
+            for kind in settings.kinds
+            for batch in range(settings.count // BATCH)
+            for known in PRIORS
+            for method in self.methods
+            if known in settings.known(kind, method)
+        ]
+
+    def run(self, job: str) -> Outcome:
+        """Register a batch by one method."""
+        kind, known, batch, method = job.split("/")
+        pairs = self._pairs(kind, known == NAVIGATION, int(batch))
+        return Outcome(tuple(self._row(pair, grid, known, method) for pair, grid in pairs))
+
+    def section(self, outcomes: Mapping[str, Outcome]) -> Section:
+        """What is right and believed, kind by kind, and whether probabilities and covariances hold."""
+        return kinds_section(all_rows(outcomes), self.settings)
+
+    def draw(self, folder: Path, outcomes: Mapping[str, Outcome]) -> None:
+        """Outcomes by kind, and the reliability of the probability."""
+        draw_kinds(folder, all_rows(outcomes))
+
+    def _pairs(self, kind: str, navigated: bool, batch: int) -> Sequence[tuple[KindPair, Grid]]:
+        """Those of a batch, kept for the next method; a pair that its scene does not have is left out."""
+        key = kind, navigated, batch
+        if self._batch is None or self._batch.key != key:
+            pairs = []
+            for number in range(batch * BATCH, (batch + 1) * BATCH):
+                try:
+                    pair = kind_pair(kind, number, self.settings.seed, NAVIGATION_OVERLAPS if navigated else None)
+                except InputError:
+                    continue
+                pairs.append((pair, choose_grid((pair.target, pair.source), self.settings.edge)))
+            self._batch = _Batch(key, tuple(pairs))
+        return self._batch.pairs
+
+    def _row(self, pair: KindPair, grid: Grid, known: str, method: str) -> Row:
+        instruments = PRIORS[known]
+        given = pair if instruments is None else pair.with_priors(instruments)
+        registration = answer(registrar(method, grid, self._device), given.target, given.source)
+        cells: dict[str, Value] = {
+            "kind": pair.kind,
+            "number": pair.number,
+            "scene": pair.scene,
+            "relief": pair.relief,
+            "shared": pair.shared,
+            "priors": known,
+            "method": method,
+            "voxel_m": grid.voxel,
+        }
+        cells |= errors(registration, pair.T_target_source, grid.voxel) | claims(registration) | _evidence(registration)
+        if known == NAVIGATION and given.target.prior is not None and given.source.prior is not None:
+            cells |= navigation_cells(registration, pair.T_target_source, given.target.prior, given.source.prior)
+        return cells
+
+
+def _evidence(registration: Registration) -> dict[str, Value]:
+    """What the probability and the covariance were computed from, of methods that say it."""
+    evidence: tuple[tuple[str, float], ...] = getattr(registration, "evidence", ())
+    return {f"evidence_{name}": float(value) for name, value in evidence}
+
+
+def create(request: Request) -> Kinds:
+    """The experiment as the command line asks for it.
+
+    Raises:
+        InputError: an option's value will not do.
+    """
+    return Kinds(kinds_settings(request), request.opened.selector)

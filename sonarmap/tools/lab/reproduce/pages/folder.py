@@ -1,0 +1,131 @@
+"""The files that an experiment leaves: its rows, its pictures, its page, its times, and a record of it all."""
+
+import tempfile
+from collections.abc import Iterable
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
+
+from sonarmap.tools.files.readers.json_file import read_json
+from sonarmap.tools.files.writers.atomic import all_or_none, atomic_path, discard
+from sonarmap.tools.files.writers.json_text import to_json, write_json
+from sonarmap.tools.lab.reproduce.experiment import Experiment, Row, Section
+from sonarmap.tools.lab.reproduce.pages.section_text import duration, section_from_json, section_text, verdicts
+from sonarmap.tools.lab.reproduce.provenance import Provenance
+from sonarmap.tools.lab.reproduce.run import Result
+from sonarmap.tools.lab.reproduce.table import write_csv
+
+
+@dataclass(frozen=True, slots=True)
+class Record:
+    """What NAME.json holds.
+
+    Attributes:
+        name: the experiment's.
+        command: the command line that makes the same rows again.
+        section: its words and tables.
+        seconds: of all jobs together [s].
+        jobs: how many.
+        provenance: where the rows come from.
+        files: all that were written, NAME.json among them.
+    """
+
+    name: str
+    command: str
+    section: Section
+    seconds: float
+    jobs: int
+    provenance: Provenance
+    files: tuple[str, ...]
+
+
+def write_experiment(
+    folder: Path, experiment: Experiment, result: Result, provenance: Provenance, command: str
+) -> Record:
+    """Write NAME.csv, NAME*.png, NAME.md, which two runs make alike byte by byte; and, as they may differ,
+    NAME-seconds.csv, NAME-times.md and NAME.json. All of them or, where one cannot be written, none.
+
+    Raises:
+        InputError: a file cannot be written.
+        ValueError: the experiment's section or pictures are not what they should be.
+    """
+    name, section = experiment.name, experiment.section(result.outcomes)
+    verdicts(section)
+    rows = [row for outcome in result.outcomes.values() for row in outcome.rows]
+    seconds = [row for outcome in result.outcomes.values() for row in outcome.seconds]
+    words = [f"{name}.csv", f"{name}.md", *([f"{name}-seconds.csv"] if seconds else []), f"{name}-times.md"]
+    files = (*words, *section.pictures, f"{name}.json")
+    record = Record(name, command, section, result.seconds, len(result.outcomes), provenance, files)
+    former = read_record(folder, name)
+    with tempfile.TemporaryDirectory() as drawn:
+        experiment.draw(Path(drawn), result.outcomes)
+        with all_or_none():
+            _copy_pictures(Path(drawn), folder, name, section)
+            write_rows(folder / f"{name}.csv", rows)
+            if seconds:
+                write_rows(folder / f"{name}-seconds.csv", seconds)
+            _write_text(folder / f"{name}.md", _page(record))
+            _write_text(folder / f"{name}-times.md", f"# {section.title}: times\n\n{times_text(record)}")
+            write_json(folder / f"{name}.json", to_json(record) | {"job_seconds": result.job_seconds})
+    for old in set(former.files if former else ()).difference(files):
+        discard(folder / Path(old).name)
+    return record
+
+
+def read_record(folder: Path, name: str) -> Record | None:
+    """What NAME.json holds; None where the experiment is not there with all its files."""
+    try:
+        content: dict[str, Any] = read_json(folder / f"{name}.json", "a result of `sonarmap reproduce`")
+        record = Record(
+            name=name,
+            command=content["command"],
+            section=section_from_json(content["section"]),
+            seconds=content["seconds"],
+            jobs=content["jobs"],
+            provenance=Provenance(**content["provenance"]),
+            files=tuple(content["files"]),
+        )
+    except (ValueError, LookupError, TypeError):  # not there, or not ours
+        return None
+    return record if all((folder / file).is_file() for file in record.files) else None
+
+
+def write_rows(path: Path, rows: Iterable[Row]) -> None:
+    """Write rows as CSV, a column for every key in the order in which they first appear.
+
+    Raises:
+        InputError: the file cannot be written.
+    """
+    rows = list(rows)
+    headings = list(dict.fromkeys(key for row in rows for key in row))
+    write_csv(path, headings, ([row.get(key, "") for key in headings] for row in rows))
+
+
+def times_text(record: Record) -> str:
+    """Markdown of the times, and of the machine that took them."""
+    tables = "".join(f"{table.markdown()}\n" for table in record.section.times)
+    versions = record.provenance.versions.items()
+    installed = ", ".join(f"{name} {version}" for name, version in versions if version and name != "system")
+    return f"{tables}{record.jobs} jobs in {duration(record.seconds)} on {record.provenance.place}, with {installed}.\n"
+
+
+def _page(record: Record) -> str:
+    rows = f"[{record.name}.csv]({record.name}.csv)"
+    times = f"[{record.name}-times.md]({record.name}-times.md)"
+    made = f"Every row: {rows}. Times: {times}. Made by\n\n```sh\n{record.command}\n```\n"
+    return f"{section_text(record.section, 1)}\n{made}"
+
+
+def _copy_pictures(drawn: Path, folder: Path, name: str, section: Section) -> None:
+    names = sorted(path.name for path in drawn.iterdir())
+    well_named = all(picture.startswith(name) and picture.endswith(".png") for picture in names)
+    if names != sorted(section.pictures) or not well_named:
+        raise ValueError(f"{name} drew {names}, but its section needs {name}*.png: {[*section.pictures]}")
+    for picture in names:
+        with atomic_path(folder / picture) as temporary:
+            temporary.write_bytes((drawn / picture).read_bytes())
+
+
+def _write_text(path: Path, text: str) -> None:
+    with atomic_path(path) as temporary:
+        temporary.write_text(text, encoding="utf-8")

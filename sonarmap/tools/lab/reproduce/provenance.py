@@ -1,0 +1,83 @@
+"""Where an experiment's rows come from: its settings, the code, the device, and what is installed."""
+
+import inspect
+from collections.abc import Mapping
+from dataclasses import dataclass, field
+from pathlib import Path
+from typing import Any
+
+from sonarmap.kernels.device.device import Device
+from sonarmap.tools.files.versions import package_versions
+from sonarmap.tools.files.writers.json_text import to_json
+from sonarmap.tools.lab.bench.machine import describe_machine
+from sonarmap.tools.lab.reproduce.experiment import ByMethod, Experiment
+from sonarmap.tools.methods.fingerprint import ROOT, fingerprint, method_sources, method_versions, source_digest
+from sonarmap.tools.methods.registry import find_method
+
+# Files that only show rows: changing them does not make jobs run again.
+SHOWING = ("section.py", "remarks.py", "introduction.py", "*figure.py", "*table.py", "*tables.py", "*summary.py")
+
+
+@dataclass(frozen=True, slots=True)
+class Provenance:
+    """What has to be the same for rows to be the same, and the machine for people.
+
+    Attributes:
+        name: the experiment's.
+        settings: its settings in JSON's types.
+        sources: digest of the code that decides rows.
+        device, platform: the OpenCL device and its driver.
+        versions: of Python, the system and the packages.
+        processor, cores: the host's; they decide nothing.
+        methods: where jobs are of one method each, a digest of all that decides the rows of each, by its name.
+    """
+
+    name: str
+    settings: Mapping[str, Any]
+    sources: str
+    device: str
+    platform: str
+    versions: Mapping[str, str | None]
+    processor: str
+    cores: int
+    methods: Mapping[str, str] = field(default_factory=dict)
+
+    def key(self, job: str) -> str:
+        """A digest of all that decides the rows of a job; of a method's jobs without what decides others alone."""
+        whole = [self.settings, self.sources, self.device, self.platform, self.versions]
+        return fingerprint([self.name, self.methods.get(job.rpartition("/")[2], whole), job])
+
+    @property
+    def place(self) -> str:
+        """The machine in a few words: of the driver's long text what stands before its features."""
+        host = f"{self.processor}, {self.cores} cores" if self.processor else f"{self.cores} cores"
+        driver = self.platform.split("  ")[0].split(",")[0]
+        return f"{self.device} ({driver}; {host})"
+
+
+def provenance(experiment: Experiment, device: Device) -> Provenance:
+    """Of an experiment on a device, with the code that runs now."""
+    machine = describe_machine(device)
+    own = Path(inspect.getfile(type(experiment))).resolve().parent
+    places = (*experiment.sources, own.relative_to(ROOT).as_posix())
+    sources = source_digest(places, SHOWING)
+    methods = {}
+    if isinstance(experiment, ByMethod):
+        methods = {name: _method_fingerprint(experiment, name, sources, device) for name in experiment.methods}
+    return Provenance(
+        name=experiment.name,
+        settings=to_json(experiment.settings),
+        sources=sources,
+        device=device.name,
+        platform=device.platform,
+        versions=package_versions(),
+        processor=machine.processor,
+        cores=machine.cores,
+        methods=methods,
+    )
+
+
+def _method_fingerprint(experiment: ByMethod, name: str, sources: str, device: Device) -> str:
+    """Of one method's rows; a method that uses no device has the same rows with every one."""
+    used = [device.name, device.platform] if "device" in find_method(name).options else None
+    return fingerprint([experiment.deciding, sources, method_sources(name), method_versions(name), used])

@@ -1,0 +1,155 @@
+"""Every pair of folders of real scans with known truth, by every method, with the priors that there are and without."""
+
+import zlib
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, replace
+from math import radians
+from pathlib import Path
+from time import perf_counter
+from typing import Any, ClassVar
+
+import numpy as np
+from scipy.spatial.transform import RigidTransform
+
+from sonarmap.spectral.grid import Grid, choose_grid
+from sonarmap.spectral.result import Registrar
+from sonarmap.spectral.scan import Scan
+from sonarmap.tools.files.readers.navigation.priors import with_priors
+from sonarmap.tools.files.readers.scans import read_scan
+from sonarmap.tools.lab.reproduce.evaluation.answer import answer, claims, errors, finish_device
+from sonarmap.tools.lab.reproduce.experiment import Outcome, Section
+from sonarmap.tools.lab.reproduce.experiments import Request, folder_of
+from sonarmap.tools.lab.reproduce.real.figure import draw_real
+from sonarmap.tools.lab.reproduce.real.real_set import RealPair, RealSet, read_sets, without_truth
+from sonarmap.tools.lab.reproduce.real.section import real_section
+from sonarmap.tools.lab.reproduce.real.settings import RealSettings, real_settings
+from sonarmap.tools.lab.reproduce.rows import all_rows, all_seconds
+from sonarmap.tools.lab.simulate.sensing.priors import measure_pose
+from sonarmap.tools.methods.registry import Setup, find_method
+
+NOTHING, FILE = "nothing", "priors.csv"
+_TARGET_STREAM, _SOURCE_STREAM = 81, 82
+
+
+@dataclass(frozen=True, slots=True)
+class _ReadPair:
+    """A pair whose scans are read."""
+
+    key: str
+    target: Scan
+    source: Scan
+    grid: Grid
+
+
+class Real:
+    """Registers pairs of real scans; a job is one pair, what is known beforehand, and one method."""
+
+    name: ClassVar[str] = "real"
+    sources: ClassVar[tuple[str, ...]] = (
+        *(f"tools/{folder}" for folder in ("readers", "evaluate", "reproduce/evaluation")),
+        "tools/lab/simulate/sensing/priors.py",
+        "spectral/grid.py",
+    )
+
+    def __init__(self, sets: Sequence[RealSet], settings: RealSettings, device: str | None) -> None:
+        """`device` as `choose_device` takes it."""
+        self.settings: Any = settings
+        self.methods: tuple[str, ...] = settings.compared.methods
+        # the digest of a set and the drawn priors are part of a job's key: another set makes no job run again
+        self.deciding: Mapping[str, Any] = {
+            "edge": settings.edge,
+            "voxel": settings.voxel,
+            "max_tilt": settings.max_tilt,
+        }
+        self._sets = {real_set.key: real_set for real_set in sets}
+        self._device = device
+        self._read: _ReadPair | None = None
+
+    def jobs(self) -> Sequence[str]:
+        """Set, pair, what is known and method, as in kitchen@1f0c.../0-2/nothing/spectral."""
+        return [
+            f"{real_set.key}/{pair.name}/{known}/{method}"
+            for real_set in self._sets.values()
+            for pair in (real_set.pairs[:1] if self.settings.first_only else real_set.pairs)
+            for known in self._variants(real_set)
+            for method in self.methods
+            if known == NOTHING or "priors" in find_method(method).options
+        ]
+
+    def run(self, job: str) -> Outcome:
+        """Register one pair by one method."""
+        key, pair_name, known, method = job.split("/")
+        real_set = self._sets[key]
+        pair = next(pair for pair in real_set.pairs if pair.name == pair_name)
+        read = self._pair(real_set, pair)
+        target, source = self._with_priors(read, real_set, pair, known)
+        built = self._registrar(method, read.grid)
+        finish_device(built)
+        start = perf_counter()
+        registration = answer(built, target, source)
+        seconds = perf_counter() - start
+        cells = {
+            "set": real_set.name,
+            "pair": pair.name,
+            "known": ", ".join(self.settings.known) if known in self.settings.draws else known,
+            "draw": str(self.settings.draws.get(known, "")),
+            "method": method,
+        }
+        scored = errors(registration, pair.T_target_source, read.grid.voxel)
+        row = cells | {"voxel_m": read.grid.voxel} | scored | claims(registration)
+        return Outcome((row,), (cells | {"seconds": seconds},))
+
+    def section(self, outcomes: Mapping[str, Outcome]) -> Section:
+        """What every method gets right and believes, set by set and pair by pair."""
+        return real_section(all_rows(outcomes), all_seconds(outcomes), self.settings)
+
+    def draw(self, folder: Path, outcomes: Mapping[str, Outcome]) -> None:
+        """Outcomes by set and method, and the errors of all pairs."""
+        draw_real(folder, all_rows(outcomes), self.settings)
+
+    def _variants(self, real_set: RealSet) -> list[str]:
+        """What is known beforehand, each for itself."""
+        return [NOTHING, *([FILE] if real_set.priors else []), *self.settings.draws]
+
+    def _pair(self, real_set: RealSet, pair: RealPair) -> _ReadPair:
+        """The scans of a pair, kept for the next method."""
+        key = f"{real_set.key}/{pair.name}"
+        if self._read is None or self._read.key != key:
+            target, source = read_scan(pair.target), read_scan(pair.source)
+            grid = choose_grid((target, source), self.settings.edge, self.settings.voxel)
+            self._read = _ReadPair(key, target, source, grid)
+        return self._read
+
+    def _with_priors(self, read: _ReadPair, real_set: RealSet, pair: RealPair, known: str) -> Sequence[Scan]:
+        """The scans with what is known of them: a row of the file, or measurements drawn about the truth."""
+        scans = read.target, read.source
+        if known == NOTHING:
+            return scans
+        if known == FILE and real_set.priors is not None:
+            return with_priors(scans, real_set.priors, allow_unknown=True)
+        poses = RigidTransform.identity(), pair.T_target_source  # the world is the target's frame
+        entropy = [self.settings.draws[known], zlib.crc32(f"{real_set.name}/{pair.name}".encode())]
+        return [
+            replace(
+                scan,
+                prior=measure_pose(pose, self.settings.instruments, np.random.default_rng([*entropy, stream])),
+            )
+            for scan, pose, stream in zip(scans, poses, (_TARGET_STREAM, _SOURCE_STREAM), strict=True)
+        ]
+
+    def _registrar(self, method: str, grid: Grid) -> Registrar:
+        bounded = "max_tilt" in find_method(method).options
+        changes = {"max_tilt": radians(self.settings.max_tilt)} if bounded else {}
+        return find_method(method).make(Setup(grid, self._device, changes=changes))
+
+
+def create(request: Request) -> Real:
+    """The experiment as the command line asks for it.
+
+    Raises:
+        InputError: the folder, a gt.log in it, or an option's value will not do.
+    """
+    folder = folder_of(request)
+    sets = read_sets(folder)
+    settings = real_settings(request, {real_set.name: real_set.digest for real_set in sets}, without_truth(folder))
+    return Real(sets, settings, request.opened.selector)

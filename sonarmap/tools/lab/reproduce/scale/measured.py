@@ -1,0 +1,139 @@
+"""A made-up survey mapped in a process of its own: what it takes, stage by stage, and what comes of it."""
+
+import tempfile
+import threading
+import time
+from collections.abc import Iterator
+from contextlib import contextmanager
+from dataclasses import dataclass, field
+from pathlib import Path
+
+import numpy as np
+
+from sonarmap.slam.execute.processes import spawned
+from sonarmap.slam.execute.runner import Execution
+from sonarmap.slam.execute.timings import Timings
+from sonarmap.slam.execute.worker import Worker
+from sonarmap.slam.graph.trajectory import Trajectory
+from sonarmap.slam.mapper import Mapper
+from sonarmap.slam.survey_result import SurveyResult
+from sonarmap.tools.files.memory import peak_memory
+from sonarmap.tools.lab.evaluate.trajectory import evaluate, pair_error
+from sonarmap.tools.lab.reproduce.experiment import Row
+from sonarmap.tools.lab.reproduce.scale.made_up import MadeUpRegistrar, MadeUpSurvey, make_up
+from sonarmap.tools.lab.reproduce.scale.settings import ScaleSettings
+
+_PREPARED = 8  # scans that the worker keeps; of these there is nothing to prepare
+_SAMPLED = 0.05  # how often memory is looked at [s]
+_OFF_VOXELS = 3.0  # a kept pair that is farther off is wrong
+WHOLE = "all"
+
+
+@dataclass(frozen=True, slots=True)
+class Measured:
+    """One survey.
+
+    Attributes:
+        row: what came of it, the same on every run.
+        stages: processor time and memory of every stage, and of all together.
+    """
+
+    row: Row
+    stages: tuple[Row, ...]
+
+
+def measure(count: int, seed: int, settings: ScaleSettings) -> Measured:
+    """Map a made-up survey in a new process."""
+    with spawned(1) as pool:
+        return pool.submit(_measure, count, seed, settings).result()
+
+
+@dataclass(slots=True)
+class _Stages(Timings):
+    """Timings with the processor time of each stage, and the most memory that was taken meanwhile.
+
+    Attributes:
+        processor: by stage [s].
+        memory: by stage [bytes].
+    """
+
+    processor: dict[str, float] = field(default_factory=dict[str, float])
+    memory: dict[str, int] = field(default_factory=dict[str, int])
+    most: int = 0
+    _begun: float = field(default_factory=time.process_time)
+
+    def end_stage(self, name: str) -> None:
+        """As `Timings` does it."""
+        now = time.process_time()
+        self.processor[name] = self.processor.get(name, 0.0) + now - self._begun
+        self.memory[name] = max(self.memory.get(name, 0), self.most)
+        self._begun, self.most = now, 0
+        Timings.end_stage(self, name)
+
+
+def _measure(count: int, seed: int, settings: ScaleSettings) -> Measured:
+    with tempfile.TemporaryDirectory(prefix="sonarmap.") as folder:
+        survey = make_up(Path(folder), count, settings.points, seed)
+        registrar = MadeUpRegistrar(survey.T_world_sensor, seed)
+        stages = _Stages()
+        with _memory_watched(stages):
+            execution = Execution(Worker(registrar, _PREPARED), timings=stages)
+            result = Mapper(registrar, settings.voxel, execution=execution).run(survey.scans)
+        begin = {"scans": count, "seed": seed}
+        rows = [
+            begin | {"stage": name, "processor_s": seconds, "memory_mib": stages.memory[name] / 2**20}
+            for name, seconds in stages.processor.items()
+        ]
+        whole = {
+            "stage": WHOLE,
+            "processor_s": sum(stages.processor.values()),
+            "memory_mib": max(stages.memory.values()) / 2**20,
+        }
+        return Measured({**begin, **_outcome(survey, result, settings.voxel)}, (*rows, begin | whole))
+
+
+@contextmanager
+def _memory_watched(stages: _Stages) -> Iterator[None]:
+    """Notes the most memory that is taken, beside what the system holds of files."""
+    ended = threading.Event()
+
+    def watch() -> None:
+        while not ended.wait(_SAMPLED):
+            stages.most = max(stages.most, _memory())
+
+    watcher = threading.Thread(target=watch, daemon=True)
+    watcher.start()
+    try:
+        yield
+    finally:
+        ended.set()
+        watcher.join()
+
+
+def _memory() -> int:
+    """What this process holds that is no part of a file [bytes]; where the system does not tell, the most so far."""
+    status = Path("/proc/self/status")
+    lines = status.read_text().splitlines() if status.exists() else []
+    line = next((line for line in lines if line.startswith("RssAnon")), None)
+    return peak_memory() if line is None else int(line.split()[1]) * 1024
+
+
+def _outcome(survey: MadeUpSurvey, result: SurveyResult, voxel: float) -> Row:
+    """How far off poses are, and what became of the pairs."""
+    largest = max(result.components, key=len)
+    truth = Trajectory(result.trajectory.stamps, survey.T_world_sensor)
+    T, off = survey.T_world_sensor, _OFF_VOXELS * voxel
+    loops = [pair for pair in result.pairs if pair.role == "loop"]
+    wrong = sum(
+        pair_error(pair.edge.registration.T_target_source, T[pair.i].inv() * T[pair.j]).translation_m > off
+        for pair in result.pairs
+        if pair.edge is not None
+    )
+    return {
+        "placed": len(largest),
+        "ate_m": evaluate(result.trajectory.take(largest), truth).ate_m,
+        "tried_loops": len(loops),
+        "kept_loops": sum(pair.kept for pair in loops),
+        "wrong_kept": wrong,
+        "map_points": int(np.sum([len(each.points) for each in result.maps])),
+    }

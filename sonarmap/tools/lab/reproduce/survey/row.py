@@ -1,0 +1,136 @@
+"""The result of a system on a survey against the truth: one row of numbers, and one for each pose."""
+
+import numpy as np
+
+from sonarmap.slam.loops.places import PlaceIndex
+from sonarmap.tools.files.map_folder.pairs import TriedPair
+from sonarmap.tools.lab.evaluate.map_error import Reference, map_error
+from sonarmap.tools.lab.evaluate.pairs import PairScore, score_pairs
+from sonarmap.tools.lab.evaluate.place_recall import AMONG, GAP, recall, revisits
+from sonarmap.tools.lab.evaluate.pose_calibration import calibrate_poses
+from sonarmap.tools.lab.evaluate.trajectory import Evaluation, evaluate
+from sonarmap.tools.lab.reproduce.experiment import Row, Value
+from sonarmap.tools.lab.reproduce.survey.mapped import MappedSurvey
+from sonarmap.tools.lab.reproduce.survey.simulated import SimulatedSurvey
+from sonarmap.tools.lab.simulate.shapes.surface import surface_distance
+
+MAP, POSE = "map", "pose"  # of the column "row"
+ROLES = ("sequential", "bridge", "loop")
+BETWEEN = "between"  # pairs of different dives, whatever their role
+_NAN = float("nan")
+
+
+def survey_rows(survey: SimulatedSurvey, mapped: MappedSurvey, voxel: float) -> tuple[Row, ...]:
+    """All rows of one system on one survey.
+
+    Trajectories are aligned over the placed scans that are usable; other scans that a system places are
+    ignored here, but its map contains them.
+
+    Args:
+        survey: its scans and their truth.
+        mapped: what the system made of it.
+        voxel: edge of the survey's voxels [m].
+    """
+    usable = [place for place, scan in enumerate(mapped.placed) if scan not in survey.unusable]
+    after = evaluate(mapped.trajectory.take(usable), survey.truth)
+    before = None if mapped.chained is None else evaluate(mapped.chained.take(usable), survey.truth)
+    row: dict[str, Value] = {"row": MAP} | _placed(survey, mapped, len(usable)) | {"voxel_m": voxel}
+    row |= _errors(before, after, voxel) | _calibration(survey, mapped) | _pairs(survey, mapped, voxel)
+    row |= _map(survey, mapped, after, voxel) | _recall(survey, mapped, voxel)
+    return (row, *_poses(before, after))
+
+
+def _placed(survey: SimulatedSurvey, mapped: MappedSurvey, usable: int) -> dict[str, Value]:
+    return {
+        "scans": len(survey.scans),
+        "unusable": len(survey.unusable),
+        "placed": usable,
+        "placed_unusable": len(mapped.placed) - usable,
+        "components": mapped.components,
+    }
+
+
+def _errors(before: Evaluation | None, after: Evaluation, voxel: float) -> dict[str, Value]:
+    ates = {"before": before.ate_m if before else _NAN, "after": after.ate_m}
+    return {
+        **{f"ate_{when}_m": ate for when, ate in ates.items()},
+        **{f"ate_{when}_voxels": ate / voxel for when, ate in ates.items()},
+        "ate_after_deg": float(np.sqrt(np.mean(after.rotation_deg**2))),
+    }
+
+
+def _calibration(survey: SimulatedSurvey, mapped: MappedSurvey) -> dict[str, Value]:
+    keys = ("within_95", "position_within_95", "nees_mean", "position_nees_mean")
+    calibration = None
+    if mapped.covariances is not None:
+        truth = survey.truth.T_world_sensor[list(mapped.placed)]
+        calibration = calibrate_poses(mapped.trajectory.T_world_sensor, truth, mapped.covariances)
+    cells = calibration.to_json() if calibration else dict.fromkeys(keys, _NAN)
+    return {key: cells[key] for key in keys}
+
+
+def _pairs(survey: SimulatedSurvey, mapped: MappedSurvey, voxel: float) -> dict[str, Value]:
+    usable = [k for k in range(len(survey.scans)) if k not in survey.unusable]
+    truth = {k: survey.truth.T_world_sensor[k] for k in usable}
+    unusable = [pair for pair in mapped.pairs if survey.unusable & {pair.target, pair.source}]
+    chosen = {role: [pair for pair in mapped.pairs if pair.role == role] for role in ROLES}
+    chosen[BETWEEN] = [pair for pair in mapped.pairs if survey.dives[pair.target] != survey.dives[pair.source]]
+    cells: dict[str, Value] = {}
+    for name, pairs in chosen.items():
+        cells |= _counts(name, score_pairs(pairs, truth, voxel))
+    return cells | {"pairs": len(mapped.pairs), "unusable_kept": _kept(unusable)}
+
+
+def _counts(name: str, score: PairScore) -> dict[str, Value]:
+    return {
+        f"{name}_kept_right": score.kept_right,
+        f"{name}_kept_wrong": score.kept_wrong,
+        f"{name}_refused_right": score.rejected_right,
+        f"{name}_refused_wrong": score.rejected_wrong,
+    }
+
+
+def _kept(pairs: list[TriedPair]) -> int:
+    """Pairs with an unusable scan that have a part in the estimate: whatever they measured, it is wrong."""
+    return sum(pair.kept for pair in pairs)
+
+
+def _map(survey: SimulatedSurvey, mapped: MappedSurvey, after: Evaluation, voxel: float) -> dict[str, Value]:
+    """Of all points, and of those that two scans or more saw: stray echoes are seen once."""
+    surface = Reference("the true surface", "surface", lambda points: surface_distance(survey.mesh, points))
+    cells: dict[str, Value] = {}
+    for name, points in (("map", mapped.points), ("map_twice", mapped.points[mapped.seen >= 2])):
+        error = map_error(after.T_truth_estimate.apply(points), surface, voxel) if len(points) else None
+        cells |= {
+            f"{name}_points": len(points),
+            f"{name}_median_m": error.median_m if error else _NAN,
+            f"{name}_p90_m": error.p90_m if error else _NAN,
+            f"{name}_within_voxel": error.within_voxel if error else _NAN,
+        }
+    return cells | {
+        "crossing_before_m": mapped.crossings.before,
+        "crossing_after_m": mapped.crossings.after,
+    }
+
+
+def _recall(survey: SimulatedSurvey, mapped: MappedSurvey, voxel: float) -> dict[str, Value]:
+    """Of the scans that have a signature; those without can neither be found nor find."""
+    signed = sorted(mapped.signatures)
+    shares, count = [_NAN] * len(AMONG), 0
+    if signed:
+        places = PlaceIndex(np.stack([mapped.signatures[k] for k in signed]), survey.dives[signed])
+        again = revisits([survey.scans[k] for k in signed], survey.truth.T_world_sensor[signed], voxel)
+        index, _ = places.nearest(AMONG[-1], GAP)
+        shares, count = recall(index, again), int(again.any(axis=1).sum())
+    return {"revisited": count, **{f"recall_{k}": share for k, share in zip(AMONG, shares, strict=True)}}
+
+
+def _poses(before: Evaluation | None, after: Evaluation) -> list[Row]:
+    """Where each usable scan is, aligned, and where it truly is [m]."""
+    ways = {"true": after.T_true, "after": after.T_aligned} | ({"before": before.T_aligned} if before else {})
+    places = {name: T.translation.tolist() for name, T in ways.items()}
+    return [
+        {"row": POSE, "scan": int(stamp)}
+        | {f"{axis}_{name}_m": place[k][n] for name, place in places.items() for n, axis in enumerate("xyz")}
+        for k, stamp in enumerate(after.stamps.tolist())
+    ]

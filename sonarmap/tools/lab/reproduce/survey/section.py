@@ -1,0 +1,179 @@
+"""Mapped surveys, in words and tables."""
+
+import math
+from collections.abc import Sequence
+from statistics import median
+
+from sonarmap.tools.lab.evaluate.place_recall import AMONG, GAP, OVERLAP
+from sonarmap.tools.lab.evaluate.trajectory import RIGHT_DEG, RIGHT_VOXELS
+from sonarmap.tools.lab.reproduce.evaluation.summary import NOTHING
+from sonarmap.tools.lab.reproduce.experiment import Row, Section
+from sonarmap.tools.lab.reproduce.rows import where
+from sonarmap.tools.lab.reproduce.survey.mapped import OURS
+from sonarmap.tools.lab.reproduce.survey.row import BETWEEN, MAP, ROLES
+from sonarmap.tools.lab.reproduce.survey.settings import SurveySettings
+from sonarmap.tools.lab.reproduce.table import Table, verdict
+
+PICTURE = "survey.png"
+_DIVES = "dives"
+_FATES = ("kept_right", "kept_wrong", "refused_right", "refused_wrong")
+_ATE = 1.0  # required of poses, at most [voxels]
+_WITHIN = 0.9  # required in the 95 % ellipsoids, at least: the errors of poses of one graph are correlated
+
+
+def survey_section(rows: Sequence[Row], seconds: Sequence[Row], settings: SurveySettings) -> Section:
+    """Tables of times and memory, which may differ between runs, are apart from the others."""
+    maps = where(rows, row=MAP)
+    ours = where(maps, system=OURS)
+    longest = f"{max(settings.counts)}"
+    tables = [_verdicts(ours), _systems(where(maps, survey=longest)), _growth(ours), _pairs(maps), _places(ours)]
+    return Section(
+        title="Maps of whole surveys",
+        introduction=_introduction(maps, settings),
+        tables=tuple(tables),
+        times=(_growth_times(where(seconds, system=OURS)), _system_times(where(seconds, survey=longest))),
+        pictures={PICTURE: f"Estimated paths on the survey of {longest} scans, over the true plan"},
+    )
+
+
+def _introduction(maps: Sequence[Row], settings: SurveySettings) -> str:
+    voxels = sorted({f"{float(row['voxel_m']):.2f}" for row in maps})
+    left_out = ", ".join(f"`{system}`" for system in settings.left_out)
+    dives = (
+        f" Two dives of {settings.dive} scans each over one place are given to the mapper as two surveys, the later "
+        "first; their relative pose is not given."
+        if settings.dive
+        else ""
+    )
+    return (
+        f"A sonar moves to and fro over {settings.scene} in lanes and takes a scan every 9 m, with speckle, ghosts, "
+        f"outliers and dropouts; {settings.unusable:.0%} of the scans show nothing of the scene. ".replace("%", " %")
+        + f"Seeds: {settings.seeds}, from {settings.first_seed} on. Grids of {settings.edge} voxels along each edge, "
+        f"of {' or '.join(voxels)} m, as `sonarmap map` chooses them; the system `sonarmap` is this command with its "
+        "default settings. Poses and maps are aligned with the truth by all usable poses of the largest component. A "
+        f"pair is right if it is within {RIGHT_DEG:g} degrees and {RIGHT_VOXELS:g} voxels of the truth. The maps of "
+        "the other systems are fused from their poses in the same way as ours. The error of a map is the distance of "
+        "its points to the true surface, noise included."
+        + dives
+        + (f" Left out, as their packages are not installed: {left_out}." if left_out else "")
+    )
+
+
+def _verdicts(ours: Sequence[Row]) -> Table:
+    lines = [line for row in ours for line in _claims(row)]
+    return Table("Requirements on a survey", ("survey", "measure", "required", "ours", "verdict"), tuple(lines))
+
+
+def _claims(row: Row) -> list[tuple[str, str, str, str, str]]:
+    usable = int(row["scans"]) - int(row["unusable"])
+    wrong, within = _wrong(row, ROLES), float(row["within_95"])
+    ate = float(row["ate_after_voxels"])
+    claims = [
+        ("usable scans in one map", "all", f"{row['placed']} of {usable}", row["placed"] == usable),
+        ("unusable scans in it", "none", f"{row['placed_unusable']} of {row['unusable']}", not row["placed_unusable"]),
+        ("wrong pairs kept", "none", f"{wrong}", not wrong),
+        ("error of the poses (ATE) [voxels]", f"at most {_ATE:g}", _number(ate, 2), ate <= _ATE),
+        ("poses within their 95 % ellipsoids", f"at least {_WITHIN:g}", _number(within, 2), within >= _WITHIN),
+    ]
+    if row["survey"] == _DIVES:
+        claims.append(("maps, of two scans or more", "one", f"{row['components']}", row["components"] == 1))
+    return [(_called(row), *line, verdict(good)) for *line, good in claims]  # pyright: ignore
+
+
+def _systems(maps: Sequence[Row]) -> Table:
+    """The longest survey by every system: medians over the seeds."""
+    keys = {
+        "ATE [m]": "ate_after_m",
+        "ATE [voxels]": "ate_after_voxels",
+        "map error, median [m]": "map_median_m",
+        "within a voxel": "map_within_voxel",
+        "of points seen twice: median [m]": "map_twice_median_m",
+        "90 % [m]": "map_twice_p90_m",
+        "of these within a voxel": "map_twice_within_voxel",
+    }
+    lines = []
+    for system in dict.fromkeys(row["system"] for row in maps):
+        some = where(maps, system=system)
+        placed = _sum(some, "placed"), _sum(some, "scans") - _sum(some, "unusable")
+        tried = _sum(some, "pairs")
+        wrong = f"{sum(_wrong(row, ROLES) for row in some)}" if tried else NOTHING
+        cells = [_number(median(float(row[key]) for row in some), 2) for key in keys.values()]
+        lines.append((str(system), f"{placed[0]} of {placed[1]}", *cells, wrong))
+    return Table("The longest survey, by every system", ("system", "placed", *keys, "wrong pairs kept"), tuple(lines))
+
+
+def _growth(ours: Sequence[Row]) -> Table:
+    """The poses and the map before and after the loops, survey by survey."""
+    columns = {
+        "placed": ("placed", 0),
+        "maps": ("components", 0),
+        "ATE before [voxels]": ("ate_before_voxels", 2),
+        "after": ("ate_after_voxels", 2),
+        "after [°]": ("ate_after_deg", 2),
+        "crossings before [m]": ("crossing_before_m", 2),
+        "after [m]": ("crossing_after_m", 2),
+        "map error, median [m]": ("map_median_m", 2),
+        "of points seen twice, 90 % [m]": ("map_twice_p90_m", 2),
+        "within 95 %": ("within_95", 2),
+        "of positions": ("position_within_95", 2),
+        "mean NEES (6)": ("nees_mean", 1),
+        "of positions (3)": ("position_nees_mean", 1),
+    }
+    lines = [(_called(row), *(_number(float(row[key]), n) for key, n in columns.values())) for row in ours]
+    return Table("`sonarmap`, survey by survey", ("survey", *columns), tuple(lines))
+
+
+def _pairs(maps: Sequence[Row]) -> Table:
+    """What became of pairs of each kind."""
+    lines = []
+    for row in maps:
+        kinds = (*ROLES, BETWEEN) if row["survey"] == _DIVES else ROLES
+        for kind in kinds:
+            counts = [int(row[f"{kind}_{fate}"]) for fate in _FATES]
+            if sum(counts):
+                shown = "between the dives" if kind == BETWEEN else kind
+                lines.append((_called(row), str(row["system"]), shown, *map(str, counts)))
+    headings = ("survey", "system", "pairs", "kept right", "kept wrong", "refused right", "refused wrong")
+    return Table("Registered pairs, by kind and outcome", headings, tuple(lines))
+
+
+def _places(ours: Sequence[Row]) -> Table:
+    lines = [
+        (_called(row), str(row["revisited"]), *(_number(float(row[f"recall_{k}"]), 2) for k in AMONG)) for row in ours
+    ]
+    title = f"Recall of revisits by signatures alone (overlap {OVERLAP:g} or more, over {GAP} scans apart)"
+    return Table(title, ("survey", "scans with a revisit", *(f"among {k}" for k in AMONG)), tuple(lines))
+
+
+def _growth_times(seconds: Sequence[Row]) -> Table:
+    keys = ("total_s", "per_scan_s", "registering_s", "signing_s", "optimizing_s", "fusing_s", "peak_memory_mib")
+    headings = ("total [s]", "per scan [s]", "registering [s]", "signatures [s]", "optimizing, choosing loops [s]")
+    lines = [(_called(row), *(_number(float(row[key]), 1) for key in keys)) for row in seconds]
+    return Table("`sonarmap`, survey by survey", ("survey", *headings, "fusing [s]", "peak memory [MiB]"), tuple(lines))
+
+
+def _system_times(seconds: Sequence[Row]) -> Table:
+    keys = ("total_s", "per_scan_s", "peak_memory_mib")
+    lines = [(str(row["system"]), *(_number(float(row[key]), 1) for key in keys)) for row in seconds]
+    headings = ("system", "total [s]", "per scan [s]", "peak memory [MiB]")
+    return Table("The longest survey, by every system; the times of `sonarmap` include the map", headings, tuple(lines))
+
+
+def _called(row: Row) -> str:
+    """As in "floodgate 5, 200 scans" or "floodgate 5, 2 dives of 60"."""
+    place = f"{row['scene']} {row['seed']}"
+    scans = int(row["scans"])
+    return f"{place}, 2 dives of {scans // 2}" if row["survey"] == _DIVES else f"{place}, {scans} scans"
+
+
+def _wrong(row: Row, kinds: Sequence[str]) -> int:
+    """Pairs of these kinds that were kept though wrong, those with unusable scans among them."""
+    return sum(int(row[f"{kind}_kept_wrong"]) for kind in kinds) + int(row["unusable_kept"])
+
+
+def _sum(rows: Sequence[Row], key: str) -> int:
+    return sum(int(row[key]) for row in rows)
+
+
+def _number(value: float, places: int) -> str:
+    return NOTHING if math.isnan(value) else f"{value:.{places}f}"

@@ -1,0 +1,58 @@
+"""Tables of text: for Markdown, for a terminal, and as CSV."""
+
+import math
+from collections.abc import Iterable, Sequence
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
+
+from sonarmap.tools.files.writers.table import write_table
+
+
+@dataclass(frozen=True, slots=True)
+class Table:
+    """Headings, and rows with as many cells each.
+
+    Attributes:
+        title: a line over it.
+        headings: of the columns.
+        rows: the cells, as they are shown.
+    """
+
+    title: str
+    headings: tuple[str, ...]
+    rows: tuple[tuple[str, ...], ...]
+
+    def markdown(self) -> str:
+        """As GitHub shows it, the title in bold."""
+        lines = [self.headings, ("---",) * len(self.headings), *self.rows]
+        cells = (" | ".join(cell.replace("|", "\\|") for cell in line) for line in lines)
+        return f"**{self.title}**\n\n" + "".join(f"| {line} |\n" for line in cells)
+
+    def rich(self) -> Any:
+        """As rich prints it."""
+        from sonarmap.tools.lab.wide_table import WideTable
+
+        return WideTable(self.headings, self.rows, title=self.title)
+
+
+def verdict(holds: bool) -> str:
+    """What a table says of a claim."""
+    return "holds" if holds else "does not hold"
+
+
+def write_csv(path: Path, headings: Sequence[str], rows: Iterable[Sequence[object]]) -> None:
+    """Write rows under their headings: floats with four decimals, truth values as 1 and 0, nothing for NaN.
+
+    Raises:
+        InputError: the file cannot be written.
+    """
+    write_table(path, headings, ([_cell(value) for value in row] for row in rows))
+
+
+def _cell(value: object) -> str:
+    if isinstance(value, bool):
+        return str(int(value))
+    if isinstance(value, float):
+        return "" if math.isnan(value) else f"{value:z.4f}"
+    return str(value)

@@ -1,0 +1,104 @@
+"""A simulation as a folder: scan_000.ply and on, truth.tum, description.json."""
+
+from pathlib import Path
+
+from sonarmap.kernels.errors import InputError
+from sonarmap.tools.files.readers.instruments import PRIORS
+from sonarmap.tools.files.readers.json_file import read_json
+from sonarmap.tools.files.versions import package_versions
+from sonarmap.tools.files.writers.atomic import all_or_none
+from sonarmap.tools.files.writers.json_text import write_json
+from sonarmap.tools.files.writers.points import write_ply
+from sonarmap.tools.files.writers.priors import write_priors
+from sonarmap.tools.files.writers.scan_columns import columns_of
+from sonarmap.tools.files.writers.tum import write_tum
+from sonarmap.tools.lab.simulate.sensing.navigation import Fixes, dead_reckoning
+from sonarmap.tools.lab.simulate.sensing.priors import Instruments, measure_poses
+from sonarmap.tools.lab.simulate.simulation import Simulation, SimulationSettings, settings_from_json
+
+TRUTH = "truth.tum"
+DESCRIPTION = "description.json"
+ODOMETRY = "odometry.tum"
+
+
+def write_simulation(
+    simulation: Simulation,
+    folder: Path,
+    instruments: Instruments | None = None,
+    fixes: Fixes | None = None,
+    drift: tuple[float, float] | None = None,
+) -> list[Path]:
+    """Write the scans, the truth and the description; the paths written.
+
+    Written again, the same settings give the same bytes (on another processor the last digits may differ). Under
+    "scans" the description says which are "unusable": "empty", "noise", or null for a sound one.
+
+    Args:
+        simulation: what was simulated.
+        folder: made where it is missing.
+        instruments: whose measurements are written as priors.csv; None for no such file.
+        fixes: how positions are fixed; None for every scan, and none of them wrong.
+        drift: of dead reckoning, which is written as odometry.tum: share of the way, rotation [rad/s]; None for no such
+            file.
+
+    Raises:
+        InputError: the folder cannot be written, or holds scans or priors that are not part of this simulation.
+    """
+    folder = Path(folder)
+    paths = [folder / f"scan_{number:03d}.ply" for number in range(len(simulation.scans))]
+    foreign = sorted(set(folder.glob("scan_*.ply")) - set(paths))
+    if foreign:
+        raise InputError(
+            f"{folder} already holds {foreign[0].name}, which is not part of this simulation of {len(paths)} scans; "
+            "choose another folder or remove it"
+        )
+    if instruments is None and (folder / PRIORS).exists():
+        raise InputError(
+            f"{folder} already holds a {PRIORS}, which does not belong to these scans; remove it, simulate priors too "
+            "(--priors), or choose another folder"
+        )
+    with all_or_none():
+        _write_files(simulation, folder, paths)
+        if instruments is not None:
+            settings = simulation.settings
+            measured = measure_poses(simulation.truth.T_world_sensor, instruments, settings.seed, settings.dive)
+            priors = (fixes or Fixes()).of(measured, settings.seed, settings.dive)
+            kept = [(path.name, prior) for path, prior in zip(paths, priors, strict=True) if prior is not None]
+            write_priors(folder / PRIORS, [name for name, _ in kept], [prior for _, prior in kept])
+        if drift is not None:
+            reckoned = dead_reckoning(simulation.truth, *drift, simulation.settings.seed, simulation.settings.dive)
+            write_tum(folder / ODOMETRY, reckoned)
+    further = [*([] if instruments is None else [folder / PRIORS]), *([] if drift is None else [folder / ODOMETRY])]
+    return [*paths, folder / TRUTH, folder / DESCRIPTION, *further]
+
+
+def _write_files(simulation: Simulation, folder: Path, paths: list[Path]) -> None:
+    for path, scan in zip(paths, simulation.scans, strict=True):
+        write_ply(path, scan.points, columns_of(scan))
+    write_tum(folder / TRUTH, simulation.truth)
+    content = {
+        "settings": simulation.settings,
+        "versions": package_versions(),
+        "scans": [
+            {
+                "file": path.name,
+                "stamp": scan.stamp,
+                "points": len(scan.points),
+                "unusable": simulation.faults.get(number),
+            }
+            for number, (path, scan) in enumerate(zip(paths, simulation.scans, strict=True))
+        ],
+    }
+    write_json(folder / DESCRIPTION, content)
+
+
+def read_settings(path: Path) -> SimulationSettings:
+    """The settings of a description.json, from which `simulate` makes the same scans.
+
+    Raises:
+        InputError: no such file, no JSON, no settings in it, or settings that cannot be used.
+    """
+    content = read_json(path, "the description.json of a simulation")
+    if not isinstance(content, dict) or "settings" not in content:
+        raise InputError(f"{path} holds no settings; expected the description.json of a simulation")
+    return settings_from_json(content["settings"])

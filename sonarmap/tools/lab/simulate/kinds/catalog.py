@@ -1,0 +1,145 @@
+"""The kinds of scans that can be simulated in pairs; a new kind is a file beside this one and a row here.
+
+Nothing heavy is imported here: the command line's help reads the table.
+"""
+
+from collections.abc import Callable
+from dataclasses import dataclass
+from importlib import import_module
+from types import MappingProxyType
+from typing import TYPE_CHECKING
+
+from sonarmap.kernels.errors import InputError
+
+if TYPE_CHECKING:
+    from sonarmap.tools.lab.simulate.kinds.kind import KindPair
+
+
+@dataclass(frozen=True, slots=True)
+class ScanKind:
+    """A kind of scan.
+
+    Attributes:
+        summary: in a few words.
+        builder: the function that makes pair `number` of the set `seed`, as "module:function"; it takes
+            (number, seed, scene, overlaps) and returns a KindPair.
+        scenes: keys of SCENE_KINDS, in turns; every relief is among them.
+    """
+
+    summary: str
+    builder: str
+    scenes: tuple[str, ...]
+
+
+# One flat, two weak, five rich ones, three with twins; an odd number, so that what alternates with the pairs' numbers
+# does so over every scene
+LARGE_AND_SMALL = (
+    "flatbed",
+    "floodgate",
+    "seabed",
+    "ship",
+    "bridge",
+    "shallow",
+    "manifold",
+    "wreck",
+    "harbor",
+    "pool",
+    "clutter",
+)
+
+# One flat, one weak, one rich one, two with twins
+SMALL = ("pool", "rubble", "shallow", "manifold", "sandflat")
+
+# For what looks down, or about from above the bed: without a ship's underside
+FROM_ABOVE = (
+    "flatbed",
+    "floodgate",
+    "seabed",
+    "pool",
+    "bridge",
+    "shallow",
+    "manifold",
+    "wreck",
+    "harbor",
+    "rubble",
+    "clutter",
+)
+
+SCAN_KINDS: MappingProxyType[str, ScanKind] = MappingProxyType(
+    {
+        "patch": ScanKind(
+            "a patch merged from 4 to 10 views along a path, placed by odometry",
+            "sonarmap.tools.lab.simulate.kinds.views.patch:patch_pair",
+            LARGE_AND_SMALL,
+        ),
+        "sonar3d15": ScanKind(
+            "a view with the density and the dropouts of a real Sonar 3D-15",
+            "sonarmap.tools.lab.simulate.kinds.views.sonar3d15:sonar3d15_pair",
+            SMALL,
+        ),
+        "sound_speed": ScanKind(
+            "a view measured with a sound speed off by up to 2 %",
+            "sonarmap.tools.lab.simulate.kinds.views.wrong_ranges:sound_speed_pair",
+            LARGE_AND_SMALL,
+        ),
+        "range_bias": ScanKind(
+            "a view whose ranges are all off by up to 1 % of the greatest",
+            "sonarmap.tools.lab.simulate.kinds.views.wrong_ranges:range_bias_pair",
+            LARGE_AND_SMALL,
+        ),
+        "moving": ScanKind(
+            "a view measured row by row by a sensor that moves meanwhile",
+            "sonarmap.tools.lab.simulate.kinds.views.moving:moving_pair",
+            LARGE_AND_SMALL,
+        ),
+        "swath": ScanKind(
+            "a swath of a multibeam echo sounder on a moving vessel",
+            "sonarmap.tools.lab.simulate.kinds.sweeps.swath:swath_pair",
+            FROM_ABOVE,
+        ),
+        "imaging": ScanKind(
+            "a stack of an imaging sonar's images, the elevation of echoes guessed",
+            "sonarmap.tools.lab.simulate.kinds.sweeps.imaging:imaging_pair",
+            FROM_ABOVE,
+        ),
+        "profiler": ScanKind(
+            "a sweep of a rotating profiler that is panned for minutes",
+            "sonarmap.tools.lab.simulate.kinds.sweeps.profiler:profiler_pair",
+            LARGE_AND_SMALL,
+        ),
+    }
+)
+
+
+def scan_kind(name: str) -> ScanKind:
+    """The kind called `name`.
+
+    Raises:
+        InputError: there is none.
+    """
+    if name not in SCAN_KINDS:
+        raise InputError(f"no kind of scan is called {name!r}; there are {', '.join(SCAN_KINDS)}")
+    return SCAN_KINDS[name]
+
+
+def kind_pair(name: str, number: int, seed: int, overlaps: tuple[float, float] | None = None) -> "KindPair":
+    """Pair `number`, 0, 1, 2, ..., of the set `seed` of one kind: scenes and overlaps take turns.
+
+    Args:
+        name: a key of SCAN_KINDS.
+        number, seed: >= 0; the same numbers, the same pair, bit for bit.
+        overlaps: least and greatest share of the points in common; in turns those of OVERLAPS if left out.
+
+    Raises:
+        InputError: there is no such kind, or its scene has no such pair.
+    """
+    from sonarmap.tools.lab.simulate.kinds.kind import OVERLAPS, KindPair
+
+    kind = scan_kind(name)
+    if number < 0 or seed < 0:
+        raise InputError(f"pair {number} of the set {seed}; wanted two numbers >= 0")
+    scene = kind.scenes[number % len(kind.scenes)]
+    wanted = OVERLAPS[number // len(kind.scenes) % len(OVERLAPS)] if overlaps is None else overlaps
+    module, _, function = kind.builder.partition(":")
+    build: Callable[[int, int, str, tuple[float, float]], KindPair] = getattr(import_module(module), function)
+    return build(number, seed, scene, wanted)

@@ -1,0 +1,68 @@
+"""A pair of scans of some kind, and the truth of both poses."""
+
+from dataclasses import dataclass, replace
+from typing import Literal
+
+import numpy as np
+from scipy.spatial.transform import RigidTransform
+
+from sonarmap.spectral.scan import Scan
+from sonarmap.tools.lab.simulate.sensing.priors import Instruments, measure_pose
+
+# What a scene gives a registration to hold on to: "flat", hardly anything; "weak", low relief or few objects; "rich",
+# structure in all directions; "twins", rich, but looking the same from several sides or places.
+Relief = Literal["flat", "weak", "rich", "twins"]
+RELIEFS: tuple[Relief, ...] = ("flat", "weak", "rich", "twins")
+
+# Shares of the points in common between which pairs are drawn, in turns
+OVERLAPS = ((0.2, 0.4), (0.4, 0.6), (0.6, 0.9))
+# Streams of a pair's seed for the errors of instruments, apart from those that the scans are drawn from
+_TARGET_STREAM, _SOURCE_STREAM = 71, 72
+
+
+@dataclass(frozen=True, slots=True)
+class KindPair:
+    """One simulated pair.
+
+    Attributes:
+        kind: a key of SCAN_KINDS.
+        number, seed: which of the set, and of which set.
+        scene: a key of SCENE_KINDS.
+        relief: what the scene gives to hold on to.
+        target, source: the scans, each in its own frame (x forward, y left, z up), without priors.
+        T_world_target, T_world_source: where the frames truly were; world East-North-Up.
+        shared: share of the points, free of noise and distortion, that have a counterpart in the other scan, 0..1; the
+            smaller of both ways.
+    """
+
+    kind: str
+    number: int
+    seed: int
+    scene: str
+    relief: Relief
+    target: Scan
+    source: Scan
+    T_world_target: RigidTransform
+    T_world_source: RigidTransform
+    shared: float
+
+    @property
+    def T_target_source(self) -> RigidTransform:
+        """The truth."""
+        return self.T_world_target.inv() * self.T_world_source
+
+    def with_priors(self, instruments: Instruments) -> "KindPair":
+        """The same pair, its scans with what a vehicle's instruments say of their poses.
+
+        Their errors depend on the seed and the number alone: more instruments change nothing in the others' errors.
+        """
+        target, source = (
+            replace(
+                scan, prior=measure_pose(pose, instruments, np.random.default_rng([self.seed, self.number, stream]))
+            )
+            for scan, pose, stream in (
+                (self.target, self.T_world_target, _TARGET_STREAM),
+                (self.source, self.T_world_source, _SOURCE_STREAM),
+            )
+        )
+        return replace(self, target=target, source=source)

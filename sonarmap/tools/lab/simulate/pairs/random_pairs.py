@@ -1,0 +1,195 @@
+"""Random pairs of scans, with a wanted overlap or with nothing in common, for tests and to develop and judge with."""
+
+import math
+from collections.abc import Callable
+from dataclasses import replace
+from functools import partial
+
+import numpy as np
+from scipy.spatial.transform import RigidTransform, Rotation
+
+from sonarmap.kernels.errors import InputError
+from sonarmap.spectral.scan import Scan
+from sonarmap.tools.lab.simulate.pairs.turns import FrameTurn, Turn, draw_turn
+from sonarmap.tools.lab.simulate.pairs.viewpoints import TRIES, Observer, View, aside, attitude, first_view
+from sonarmap.tools.lab.simulate.scenes.catalog import SCENE_KINDS
+from sonarmap.tools.lab.simulate.scenes.scene import build_scene
+from sonarmap.tools.lab.simulate.sensing.ghosts import reflect
+from sonarmap.tools.lab.simulate.sensing.noise import Noise, measure
+from sonarmap.tools.lab.simulate.sensing.sensors import SENSORS, Sensor, bare
+
+NOISELESS = Noise()
+PLACES = 8  # of the target, before a pair is given up
+POSE_TILT = math.radians(10.0)  # of a vessel, largest roll and pitch
+# The scenes that unrelated pairs are drawn from, in this order: it decides which pair a seed is. Open beds are not
+# among them: two of them look alike whatever their seeds
+STRANGERS = ("floodgate", "harbor", "clutter", "ship", "pool", "manifold", "bridge", "wreck")
+# Those of them whose plan another seed draws anew, so that two of them have nothing in common
+DRAWN = ("clutter", "bridge", "wreck")
+
+# Of a nearby source, from the target, in shares of the sensor's maximum range
+REACH = (1 / 3, 1 / 3, 1 / 24)
+
+
+def random_pair(
+    seed: int,
+    overlaps: tuple[float, float] = (0.5, 0.9),
+    noise: Noise = NOISELESS,
+    scene: str = "clutter",
+    sensor: Sensor | None = None,
+    max_tilt: float = POSE_TILT,
+    turn: Turn = "view",
+) -> tuple[Scan, Scan, RigidTransform]:
+    """Two scans of one scene from random poses whose noise-free overlap lies within `overlaps`.
+
+    Args:
+        seed: of the scene, the poses and the noise.
+        overlaps: least and greatest share of the points within 2 m of the other scan (the smaller of both
+            ways); in a smaller scene the radius is smaller by the same factor.
+        noise, scene: what disturbs, a key of SCENE_KINDS.
+        sensor: what to see with; the bare fan of the one that suits the scene if left out. The overlap is of all
+            echoes, also of those under a sensor's threshold.
+        max_tilt: largest roll and pitch of either pose [rad]; with the turn "yaw" of R_target_source
+            = Rz(yaw) Ry(pitch) Rx(roll), over which they are spread evenly.
+        turn: how the source's frame is turned against the target's.
+            "view": it is its sensor's own, whose view is turned by up to 60 degrees.
+            "yaw": besides the difference of view the frame is turned about its own z by any angle, as that of a
+            sonar mounted otherwise. As much of the tilt as the overlap allows is the sensor's, the rest its
+            mounting's. The smaller the overlap, the farther the source is moved and turned aside.
+            "any": R_target_source is uniform on SO(3); places and views are those of "yaw".
+            The viewpoint is the origin of the scan's frame in any case.
+
+    Returns:
+        target Scan, source Scan, T_target_source, all between the scans' frames.
+
+    Raises:
+        InputError: an unknown turn, or no such pair was found from 8 places.
+    """
+    observer = _observer(scene, seed, sensor)
+    pose_seed, target_seed, source_seed, turn_seed = np.random.SeedSequence([seed, 17]).spawn(4)
+    rng = np.random.default_rng(pose_seed)
+    frame = draw_turn(turn, max_tilt, np.random.default_rng(turn_seed))
+    target, source = _views(observer, overlaps, frame, max_tilt, rng)
+    T_target_sensor = target.T_world_sensor.inv() * source.T_world_sensor
+    scans = (
+        _scan(observer, target, noise, target_seed, 0.0, "target"),
+        _scan(observer, source, noise, source_seed, 1.0, "source"),
+    )
+    if turn == "view":
+        return *scans, T_target_sensor
+    R_sensor_frame = T_target_sensor.rotation.inv() * frame.R_target_frame(T_target_sensor.rotation)
+    return scans[0], _reframed(scans[1], R_sensor_frame), T_target_sensor * RigidTransform.from_rotation(R_sensor_frame)
+
+
+def unrelated_pair(
+    seed: int, noise: Noise = NOISELESS, max_tilt: float = math.radians(35.0), scene: str | None = None
+) -> tuple[Scan, Scan]:
+    """Two scans that share nothing: of two scenes of one size, seen with the same sensor from random poses.
+
+    The scenes are of different kinds, or of one kind whose whole plan is drawn, from two seeds. The source's frame is
+    turned as random_pair's with the turn "yaw", about z by any angle and tilted by up to `max_tilt` [rad].
+
+    Args:
+        seed: of the scenes, the poses and the noise.
+        noise: what disturbs.
+        max_tilt: largest roll and pitch between the frames, as if the poses' headings and heights were one world's.
+        scene: the target's, a key of SCENE_KINDS; any if left out.
+
+    Returns:
+        target Scan, source Scan.
+
+    Raises:
+        InputError: no scene of that name, or one without a clear place.
+    """
+    *view_seeds, draw_seed = np.random.SeedSequence([seed, 18]).spawn(3)
+    rng = np.random.default_rng(draw_seed)
+    name, other = draw_strangers(scene, rng)
+    observers = _observer(name, seed), _observer(other, seed + 1)
+    frame = draw_turn("yaw", max_tilt, rng)
+    target, source = (first_view(observer, POSE_TILT, rng) for observer in observers)
+    R_target_sensor = target.T_world_sensor.rotation.inv() * source.T_world_sensor.rotation
+    R_sensor_frame = R_target_sensor.inv() * frame.R_target_frame(R_target_sensor)
+    return (
+        _scan(observers[0], target, noise, view_seeds[0], 0.0, "target"),
+        _reframed(_scan(observers[1], source, noise, view_seeds[1], 1.0, "source"), R_sensor_frame),
+    )
+
+
+def draw_strangers(scene: str | None, rng: np.random.Generator) -> tuple[str, str]:
+    """The scenes of an unrelated pair's target, any of STRANGERS if left out, and of its source.
+
+    Raises:
+        InputError: no scene of that name.
+    """
+    name = str(rng.choice(STRANGERS)) if scene is None else scene
+    return name, str(rng.choice(unrelated_scenes(name)))
+
+
+def unrelated_scenes(scene: str) -> tuple[str, ...]:
+    """Those of STRANGERS of about the size of `scene` that, built from another seed, have nothing in common with it.
+
+    Raises:
+        InputError: no scene of that name.
+    """
+    if scene not in SCENE_KINDS:
+        raise InputError(f"no scene is called {scene!r}; there are {', '.join(SCENE_KINDS)}")
+    sensor = SCENE_KINDS[scene].sensor
+    return tuple(name for name in STRANGERS if SCENE_KINDS[name].sensor == sensor and (name != scene or name in DRAWN))
+
+
+def _observer(scene: str, seed: int, sensor: Sensor | None = None) -> Observer:
+    world = build_scene(scene, seed)
+    return Observer(world, bare(SENSORS[world.kind.sensor]) if sensor is None else sensor)
+
+
+def _views(
+    observer: Observer, overlaps: tuple[float, float], frame: FrameTurn, max_tilt: float, rng: np.random.Generator
+) -> tuple[View, View]:
+    """Of the target, from the first place that has one, and of the source."""
+    tilt = max_tilt if frame.turn == "view" else POSE_TILT
+    for _ in range(PLACES):
+        target = first_view(observer, tilt, rng)
+        poses: Callable[[], RigidTransform]
+        if frame.turn == "view":
+            poses = partial(_nearby, observer, target, max_tilt, rng)
+        else:
+            poses = partial(_aside, observer, target, overlaps, frame, rng)
+        source = observer.find_partner(target, overlaps, poses)
+        if source is not None:
+            return target, source
+    raise InputError(
+        f"no pose in {observer.world.name} has an overlap within {overlaps[0]:g} to {overlaps[1]:g} with one of "
+        f"{PLACES} targets, {TRIES} tried for each; widen the range or take another seed"
+    )
+
+
+def _nearby(observer: Observer, target: View, max_tilt: float, rng: np.random.Generator) -> RigidTransform:
+    """T_world_sensor not far from the target's, turned by up to 60 degrees."""
+    heading = target.T_world_sensor.rotation.as_euler("ZYX")[0]
+    place = target.T_world_sensor.translation + observer.sensor.max_range * rng.uniform(-1, 1, 3) * REACH
+    yaw = heading + rng.uniform(-np.pi / 3, np.pi / 3)
+    return RigidTransform.from_components(place, attitude(yaw, max_tilt, rng))
+
+
+def _aside(
+    observer: Observer, target: View, overlaps: tuple[float, float], frame: FrameTurn, rng: np.random.Generator
+) -> RigidTransform:
+    """T_world_sensor moved and turned aside, the farther the less is to be shared; within the scene."""
+    place, turned = aside(observer, target, overlaps, rng)
+    R_target_sensor = frame.R_target_sensor(turned, rng.random())
+    return RigidTransform.from_components(place, target.T_world_sensor.rotation * R_target_sensor)
+
+
+def _scan(observer: Observer, view: View, noise: Noise, seed: np.random.SeedSequence, stamp: float, name: str) -> Scan:
+    world, sensor = observer.world, observer.sensor
+    ghosts = reflect(world, sensor, view.T_world_sensor) if noise.ghosts > 0 else None
+    return measure(view.echoes, sensor, noise, np.random.default_rng(seed), ghosts=ghosts, stamp=stamp, name=name)
+
+
+def _reframed(scan: Scan, R_sensor_frame: Rotation) -> Scan:
+    """The scan with its points in a turned frame of the same origin."""
+    R_frame_sensor = R_sensor_frame.inv()
+    points = R_frame_sensor.apply(scan.points).astype(np.float32)
+    if scan.viewpoints is None:
+        return replace(scan, points=points)
+    return replace(scan, points=points, viewpoints=R_frame_sensor.apply(scan.viewpoints).astype(np.float32))

@@ -1,0 +1,180 @@
+"""Two viewpoints in one scene with a wanted overlap: searched with few beams, decided with all."""
+
+from collections.abc import Callable
+from dataclasses import dataclass
+from functools import cached_property
+
+import numpy as np
+from scipy.spatial import KDTree
+from scipy.spatial.transform import RigidTransform, Rotation
+
+from sonarmap.kernels.errors import InputError
+from sonarmap.tools.lab.simulate.scenes.catalog import SceneKind
+from sonarmap.tools.lab.simulate.scenes.scene import Scene
+from sonarmap.tools.lab.simulate.sensing.overlap import OVERLAP_RADIUS, mutual_overlap
+from sonarmap.tools.lab.simulate.sensing.sensors import Echoes, Sensor, cast
+
+TRIES = 400
+ABOVE = 200.0  # where the search for the ground starts in a scene of 256 m [m]
+ASIDE = np.pi / 4  # an inward look is at most this far from the scene's middle [rad]
+
+# In shares of the sensor's maximum range
+CLEARANCE = 1 / 20  # nothing nearer before the sensor
+HEIGHT = (0.1, 0.25)  # above what stands below the target's place
+SEEN_LEAST = 0.25  # of the beams
+
+# Of a place that would share nothing, from the target, in shares of the sensor's maximum range, and by how much the
+# view from there is turned aside, in shares of the fan's width
+FAR = (2 / 3, 2 / 3, 1 / 8)
+FAR_TURN = 1.0
+
+THIN = 8  # the coarse search takes at most every THIN-th beam of a row and of a column,
+COARSE_BEAMS = 768  # and at least this many beams in all
+DOUBT = 0.1  # an overlap by the coarse points is at most this far from the one by all beams
+
+
+@dataclass(frozen=True, slots=True)
+class View:
+    """What is seen from one place, free of noise.
+
+    Attributes:
+        T_world_sensor: the place and the attitude.
+        echoes: of all beams.
+        points: (N, 3) float64 [m], sensor frame, of the beams that meet something.
+    """
+
+    T_world_sensor: RigidTransform
+    echoes: Echoes
+    points: np.ndarray
+
+
+@dataclass(frozen=True)
+class Observer:
+    """A scene, and the sensor that looks at it."""
+
+    world: Scene
+    sensor: Sensor
+
+    @cached_property
+    def _directions(self) -> np.ndarray:
+        return self.sensor.directions()
+
+    @cached_property
+    def _stride(self) -> int:
+        beams = self.sensor.rows * self.sensor.columns
+        return int(np.clip(np.sqrt(beams / COARSE_BEAMS), 1, THIN))
+
+    def view(self, pose: RigidTransform) -> View | None:
+        """What all beams show from T_world_sensor; None where the sensor would be in a solid or too close to one."""
+        if not self.is_free(pose) or self.coarse_points(pose) is None:
+            return None
+        echoes = cast(self.world, self.sensor, pose)
+        if not self._is_clear(echoes.ranges, SEEN_LEAST):
+            return None
+        seen = np.isfinite(echoes.ranges)
+        return View(pose, echoes, self._directions[seen] * echoes.ranges[seen][:, None])
+
+    def is_free(self, pose: RigidTransform) -> bool:
+        """Whether the sensor is out of every solid, and, where a scene bounds its water from above, in that water."""
+        place, kind = pose.translation, self.world.kind
+        if np.isfinite(kind.highest[2]) and not ((place >= kind.lowest) & (place <= kind.highest)).all():
+            return False
+        return not self.world.is_solid(place[None, :])[0]
+
+    def find_partner(
+        self, target: View, overlaps: tuple[float, float], poses: Callable[[], RigidTransform]
+    ) -> View | None:
+        """The first of TRIES drawn `poses` whose view has an overlap within `overlaps` with the target's, or None.
+
+        A pose is rejected by few beams where these leave no doubt; all beams decide on the others.
+        """
+        radius = OVERLAP_RADIUS * self.world.kind.scale
+        known, sample = KDTree(target.points), target.points[:: max(self._stride**2 - 1, 1)]
+        for _ in range(TRIES):
+            pose = poses()
+            if not self.is_free(pose):
+                continue
+            T_target_source = target.T_world_sensor.inv() * pose
+            coarse = self.coarse_points(pose)
+            if coarse is None:
+                continue
+            there = _share(known, T_target_source.apply(coarse), radius)
+            if there < overlaps[0] - DOUBT or (seen := self.view(pose)) is None:
+                continue
+            back = _share(KDTree(seen.points), T_target_source.inv().apply(sample), radius)
+            if not overlaps[0] - DOUBT <= min(there, back) <= overlaps[1] + DOUBT:
+                continue
+            share = mutual_overlap(target.points, seen.points, T_target_source, radius)
+            if overlaps[0] <= share <= overlaps[1]:
+                return seen
+        return None
+
+    def coarse_points(self, pose: RigidTransform) -> np.ndarray | None:
+        """Points (K, 3) [m, sensor frame] of a few beams; None where these already show that the view will not do."""
+        few = self._directions[:: self._stride, :: self._stride].reshape(-1, 3)
+        origins = np.broadcast_to(pose.translation, few.shape)
+        ranges, _ = self.world.intersect(origins, pose.rotation.apply(few))
+        ranges[(ranges < self.sensor.min_range) | (ranges > self.sensor.max_range)] = np.inf
+        if not self._is_clear(ranges, SEEN_LEAST - DOUBT):
+            return None
+        seen = np.isfinite(ranges)
+        return few[seen] * ranges[seen][:, None]
+
+    def _is_clear(self, ranges: np.ndarray, least: float) -> bool:
+        """Whether nothing stands close before the sensor and at least so many beams meet something."""
+        enough = np.isfinite(ranges).mean() >= least
+        return bool(enough and ranges.min() >= CLEARANCE * self.sensor.max_range)
+
+
+def first_view(observer: Observer, max_tilt: float, rng: np.random.Generator) -> View:
+    """From a pose in the inner part of the scene, above what stands there, with nothing near before it.
+
+    Raises:
+        InputError: there is none within TRIES.
+    """
+    world, sensor = observer.world, observer.sensor
+    kind = world.kind
+    for _ in range(TRIES):
+        above = np.array([*rng.uniform(kind.lowest[:2], kind.highest[:2]), min(ABOVE * kind.scale, kind.highest[2])])
+        drop, _ = world.intersect(above[None, :], np.array([[0.0, 0.0, -1.0]]))
+        place = above - (0, 0, drop[0] - rng.uniform(*HEIGHT) * sensor.max_range)
+        place[2] = np.clip(place[2], kind.lowest[2], kind.highest[2])
+        pose = RigidTransform.from_components(place, attitude(_heading(place, kind, rng), max_tilt, rng))
+        view = observer.view(pose)
+        if view is not None:
+            return view
+    raise InputError(f"{world.name} has no clear place for the sensor {sensor.name}; take another scene or seed")
+
+
+def aside(
+    observer: Observer, target: View, overlaps: tuple[float, float], rng: np.random.Generator
+) -> tuple[np.ndarray, float]:
+    """A place (3,) [m, world] beside the target's, within the scene, and by how much its view is turned [rad].
+
+    The less is to be shared, the farther away and the more turned.
+    """
+    far = 1 - rng.uniform(*overlaps)
+    here, edge = target.T_world_sensor.translation, np.array(observer.world.kind.size) / 2
+    while True:
+        place = here + far * observer.sensor.max_range * rng.uniform(-1, 1, 3) * FAR
+        if (np.abs(place[:2]) < edge).all():
+            break
+    return place, far * FAR_TURN * observer.sensor.horizontal * rng.uniform(-1, 1)
+
+
+def attitude(yaw: float, max_tilt: float, rng: np.random.Generator) -> Rotation:
+    """R_world_sensor with a given heading and a random pitch and roll up to `max_tilt` [rad]."""
+    pitch, roll = rng.uniform(-max_tilt, max_tilt, 2)
+    return Rotation.from_euler("ZYX", (yaw, pitch, roll))
+
+
+def _heading(place: np.ndarray, kind: SceneKind, rng: np.random.Generator) -> float:
+    """A random heading, for an inward scene around the direction of its middle [rad]."""
+    heading = rng.uniform(-np.pi, np.pi)
+    return np.arctan2(-place[1], -place[0]) + heading * ASIDE / np.pi if kind.inward else heading
+
+
+def _share(known: KDTree, points: np.ndarray, radius: float) -> float:
+    """The share of `points` (N, 3) that have a neighbor within `radius` [m]."""
+    distance, _ = known.query(points, distance_upper_bound=radius)
+    return float(np.isfinite(distance).mean())

@@ -1,0 +1,125 @@
+"""Where the sensor goes: surveys, loops and lanes through a scene, and the poses of the paper's Table 1."""
+
+import numpy as np
+from scipy.spatial.transform import RigidTransform, Rotation
+
+from sonarmap.kernels.errors import InputError
+from sonarmap.slam.graph.trajectory import Trajectory
+from sonarmap.tools.lab.simulate.paths.dive import drift, start_of
+from sonarmap.tools.lab.simulate.paths.routes import lawnmower_path, survey_path
+from sonarmap.tools.lab.simulate.paths.smooth_path import Path
+from sonarmap.tools.lab.simulate.scenes.scene import scene_kind
+from sonarmap.tools.lab.simulate.sensing.dive_seed import entropy_of
+
+TABLE1_COUNT = 10
+TABLE1_MOST = 13  # rows, those of the table's continuation with them: S0 to S12
+TABLE1_STEP = (4.0, 8.0, 12.0)  # x, y, z a step [m]; one voxel of the paper's 256^3 grid is 1 m
+TABLE1_STEP_DEG = (6.0, 1.0, 2.0)  # yaw, pitch, roll a step
+
+# Where the sensor rig stands in the grid frame [m]: before the structure, above the water, its fan looking
+# down. Chosen so that the overlap falls smoothly from 0.9 at S0 to a fifth at S9 (the paper's Fig. 19).
+TABLE1_RIG = (-100.0, -30.0, 10.0)
+
+SPACING = 9.0  # of a survey's scans along its path in a scene of 256 m [m]
+LOOP_LEAST = 3  # scans of a loop
+
+# Waves move the vessel: amplitude of each of the summed sines, for heave [m] and yaw, pitch, roll [degrees]
+WAVE_AMPLITUDE = (0.2, 1.2, 1.0, 1.6)
+WAVE_PERIODS = (3.7, 5.9, 11.3)  # in scans
+
+
+def survey(
+    scene: str, count: int, seed: int, spacing: float = SPACING, dive: int = 1, reach: float = np.inf
+) -> Trajectory:
+    """Poses every `spacing` meters along the scene's closed path, with the motion of a small vessel.
+
+    Where the path ends it begins again: a long survey revisits its places. Roll, pitch, yaw and heave follow
+    sums of sines whose phases come from `seed`. Stamps count the scans: 0, 1, 2, ... Of the `dive` see
+    tools/lab/simulate/paths/dive.py, of the sensor's `reach` [m] `survey_path`.
+
+    Raises:
+        InputError: a scene without a path, no scan, or a spacing that is not positive.
+    """
+    return _evenly(survey_path(scene, seed, reach), "survey", scene, count, seed, spacing, dive)
+
+
+def lawnmower(
+    scene: str, count: int, seed: int, spacing: float = SPACING, dive: int = 1, reach: float = np.inf
+) -> Trajectory:
+    """Poses every `spacing` meters along lanes over the scene and tie lines across them, moved as in `survey`.
+
+    The sensor looks where it goes. Where the path ends it begins again; it crosses itself long before.
+
+    Raises:
+        InputError: a scene without lanes, no scan, or a spacing that is not positive.
+    """
+    return _evenly(lawnmower_path(scene, seed, reach), "lawnmower", scene, count, seed, spacing, dive)
+
+
+def loop(scene: str, count: int, seed: int, dive: int = 1, reach: float = np.inf) -> Trajectory:
+    """Poses once round the scene's closed path, moved as in `survey`: the last is one step from the first.
+
+    Raises:
+        InputError: a scene without a path, or fewer than 3 scans.
+    """
+    if count < LOOP_LEAST:
+        raise InputError(f"a loop of {count} scans; wanted at least {LOOP_LEAST}, so that it goes round something")
+    path = survey_path(scene, seed, reach)
+    return _evenly(path, "loop", scene, count, seed, path.length / count, dive)
+
+
+def poses_along(path: Path, distance: np.ndarray, scene: str, seed: int, dive: int = 1) -> RigidTransform:
+    """T_world_sensor after each of the distances (N,) [m] along `path`, the vessel moved by waves; N poses.
+
+    The k-th pose's waves and drift depend on k, the seed and the dive alone, but for the scene's size.
+    """
+    places, heading = path.at(distance)
+    rng = np.random.default_rng(np.random.SeedSequence(entropy_of(seed, 4, dive=dive)))
+    heave, yaw, pitch, roll = _waves(len(distance), rng)
+    scale = scene_kind(scene).scale
+    aside = scale * drift(len(distance), seed, dive)
+    moved = np.column_stack([-aside * np.sin(heading), aside * np.cos(heading), scale * heave])
+    angles = np.column_stack([heading + np.deg2rad(yaw), np.deg2rad(pitch) + path.pitch, np.deg2rad(roll)])
+    return RigidTransform.from_components(places + moved, Rotation.from_euler("ZYX", angles))
+
+
+def table1_transform(index: int) -> RigidTransform:
+    """Row S`index` of Table 1: p_target = R p_source + t in the grid frame [m].
+
+    R = Rz(yaw) Ry(pitch) Rx(roll). The grid is a cube of 256 m whose center is the origin; z is up.
+    The reference scan is the target. The table ends with S9; S10 to S12 continue it with the same steps.
+
+    Raises:
+        InputError: an index below 0 or above 12.
+    """
+    if not 0 <= index < TABLE1_MOST:
+        raise InputError(
+            f"Table 1 has the scans S0 to S{TABLE1_COUNT - 1}, and goes on to S{TABLE1_MOST - 1}; got index {index}"
+        )
+    angles = (index + 1) * np.deg2rad(TABLE1_STEP_DEG)
+    return RigidTransform.from_components((index + 1) * np.array(TABLE1_STEP), Rotation.from_euler("ZYX", angles))
+
+
+def table1(rows: int = TABLE1_COUNT) -> Trajectory:
+    """Sensor poses in the reference grid frame: the reference scan's, then S0..S9, or so many `rows`, 1 to 13.
+
+    Stamps count them. From S9 on the sensor is above the cube of 256 m, at S12 by 46 m; what it sees lies in it.
+    """
+    T_grid_rig = RigidTransform.from_translation(TABLE1_RIG)
+    moved = [table1_transform(index) * T_grid_rig for index in range(rows)]
+    return Trajectory(np.arange(1.0 + rows), RigidTransform.concatenate([T_grid_rig, *moved]))
+
+
+def _evenly(path: Path, what: str, scene: str, count: int, seed: int, spacing: float, dive: int) -> Trajectory:
+    if count < 1 or not 0 < spacing < np.inf:
+        raise InputError(f"a {what} of {count} scans every {spacing:g} m; wanted at least 1 and a spacing > 0")
+    start = start_of(min(count * spacing, path.length), dive)
+    distance = start + spacing * np.arange(count)
+    return Trajectory(np.arange(count, dtype=np.float64), poses_along(path, distance, scene, seed, dive))
+
+
+def _waves(count: int, rng: np.random.Generator) -> np.ndarray:
+    """Heave [m], yaw, pitch and roll [degrees] of each scan, (4, N)."""
+    phase = rng.uniform(0, 2 * np.pi, (4, len(WAVE_PERIODS), 1))
+    angle = 2 * np.pi * np.arange(count) / np.array(WAVE_PERIODS)[:, None] + phase
+    return np.array(WAVE_AMPLITUDE)[:, None] * np.sin(angle).sum(axis=1)

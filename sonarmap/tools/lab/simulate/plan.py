@@ -1,0 +1,77 @@
+"""Settings that suit a scene and a trajectory: its sensor, and spacing and noise in keeping with its size."""
+
+import math
+from dataclasses import replace
+
+import numpy as np
+
+from sonarmap.kernels.errors import InputError
+from sonarmap.tools.lab.simulate.paths.routes import survey_path
+from sonarmap.tools.lab.simulate.paths.stations import PAPER_COUNT
+from sonarmap.tools.lab.simulate.paths.trajectories import SPACING, TABLE1_COUNT
+from sonarmap.tools.lab.simulate.scenes.catalog import scene_kind
+from sonarmap.tools.lab.simulate.sensing.noise import Noise
+from sonarmap.tools.lab.simulate.sensing.sensors import ECLIPSE, PAPER, SENSORS, Sensor
+from sonarmap.tools.lab.simulate.simulation import SimulationSettings
+
+SPACED = ("survey", "lawnmower")  # the trajectories with a spacing to choose
+LAWNMOWER_COUNT = 200
+TABLE1_SENSOR: Sensor = replace(PAPER, tilt=float(np.deg2rad(30.0)))
+
+
+def plan(scene: str, trajectory: str = "survey", sensor: str | None = None, seed: int = 0) -> SimulationSettings:
+    """Settings that suit a scene, so that only the scene need be chosen.
+
+    Args:
+        scene: a key of SCENE_KINDS.
+        trajectory: a key of TRAJECTORIES.
+        sensor: a key of SENSORS; the one that suits the scene if left out.
+        seed: of the scene, the waves and the noise.
+
+    The spacing is 9 m in a scene of 256 m, and in proportion in a smaller one or with a sensor that sees less far than
+    the scene's; the standard deviation of the range is 1 m at 120 m, and in proportion for a sensor of shorter range. A
+    loop has as many scans as that spacing asks for.
+
+    Raises:
+        InputError: an unknown name, or a sensor for Table 1, which has its own.
+    """
+    kind = scene_kind(scene)
+    if trajectory == "table1":
+        if sensor is not None:
+            raise InputError("the trajectory table1 has the paper's sensor, tilted as there; leave the sensor out")
+        return table1_settings(seed, 1.0, scene)
+    chosen = kind.sensor if sensor is None else sensor
+    if chosen not in SENSORS:
+        raise InputError(f"no sensor is called {chosen!r}; there are {', '.join(SENSORS)}")
+    settings = SimulationSettings(scene=scene, trajectory=trajectory, sensor=SENSORS[chosen], seed=seed)
+    spacing = _spacing(scene, settings.sensor) if trajectory in SPACED else settings.spacing
+    share = min(SENSORS[kind.sensor].max_range, settings.sensor.max_range) / ECLIPSE.max_range
+    noise = replace(settings.noise, sigma2=settings.noise.sigma2 * share**2)
+    return replace(settings, count=_count(settings), spacing=spacing, noise=noise)
+
+
+def table1_settings(seed: int, sigma2: float, scene: str = "floodgate") -> SimulationSettings:
+    """The simulation that writes the reference scan and S0..S9, eleven scans, with the paper's noise."""
+    return SimulationSettings(
+        scene=scene,
+        trajectory="table1",
+        count=TABLE1_COUNT + 1,
+        sensor=TABLE1_SENSOR,
+        noise=Noise(sigma2=sigma2),
+        seed=seed,
+    )
+
+
+def _spacing(scene: str, sensor: Sensor) -> float:
+    """Between scans [m]."""
+    kind = scene_kind(scene)
+    usual = SENSORS[kind.sensor].max_range
+    return SPACING * (kind.scale if sensor.max_range >= usual else min(kind.scale, sensor.max_range / usual))
+
+
+def _count(settings: SimulationSettings) -> int:
+    """The default number of scans of the trajectory."""
+    if settings.trajectory == "loop":
+        path = survey_path(settings.scene, settings.seed, settings.sensor.max_range)
+        return math.ceil(path.length / _spacing(settings.scene, settings.sensor))
+    return {"lawnmower": LAWNMOWER_COUNT, "paper18": PAPER_COUNT}.get(settings.trajectory, settings.count)

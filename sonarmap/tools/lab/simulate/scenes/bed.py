@@ -1,0 +1,71 @@
+"""The ground under the water: a rough bed, boulders and drowned debris, all from a random generator."""
+
+import numpy as np
+from scipy.ndimage import gaussian_filter
+from scipy.spatial.transform import Rotation
+
+from sonarmap.tools.lab.simulate.shapes.solids import Mesh, box, cylinder, ellipsoid
+
+SCENE_EDGE = 256.0  # side of every built scene [m]
+BED_CELL = 1.6  # raster of the bed [m]
+
+# wavelength-like scale [m] and standard deviation [m] of each octave of the bed's relief
+RELIEF = ((24.0, 1.1), (10.0, 0.5), (4.0, 0.22), (1.6, 0.1))
+
+
+def raster() -> np.ndarray:
+    """The coordinates of the bed's raster along x or y [m], centered."""
+    return np.linspace(-SCENE_EDGE / 2, SCENE_EDGE / 2, round(SCENE_EDGE / BED_CELL) + 1)
+
+
+def relief(rng: np.random.Generator) -> np.ndarray:
+    """Smooth random relief over several scales, on raster() x raster() [m], zero mean."""
+    count = len(raster())
+    total = np.zeros((count, count))
+    for scale, deviation in RELIEF:
+        octave = gaussian_filter(rng.standard_normal((count, count)), scale / BED_CELL / 2, mode="wrap")
+        total += deviation * (octave - octave.mean()) / octave.std()
+    return total
+
+
+def boulders(height: np.ndarray, count: int, rng: np.random.Generator) -> list[Mesh]:
+    """Stones of 0.6 to 3 m half axes, half sunk into the bed `height` (on the raster)."""
+    stones = []
+    for east, north in _places(count, rng):
+        radii = rng.uniform(0.6, 3.0) * rng.uniform(0.6, 1.0, 3)
+        stones.append(ellipsoid((east, north, height_at(height, east, north)), radii, _any_turn(rng), rings=6))
+    return stones
+
+
+def debris(height: np.ndarray, count: int, rng: np.random.Generator) -> list[Mesh]:
+    """Drowned things on the bed `height`: crates lying askew and trunks, in turn."""
+    things = []
+    for number, (east, north) in enumerate(_places(count, rng)):
+        ground = height_at(height, east, north)
+        if number % 2:
+            size = rng.uniform((1.5, 1.0, 0.8), (7.0, 3.5, 2.5))
+            things.append(box((east, north, ground + size[2] / 3), size, _leaning_turn(rng)))
+        else:
+            reach = _leaning_turn(rng).apply((rng.uniform(2, 6), 0, 0))
+            middle = np.array((east, north, ground + 0.5))
+            things.append(cylinder(middle - reach, middle + reach, rng.uniform(0.3, 0.8), sides=10))
+    return things
+
+
+def height_at(height: np.ndarray, east: float, north: float) -> float:
+    """The bed's height at the raster point nearest to (east, north) [m]."""
+    index = np.rint((np.array([east, north]) + SCENE_EDGE / 2) / BED_CELL).astype(int)
+    i, j = np.clip(index, 0, np.array(height.shape) - 1)
+    return float(height[i, j])
+
+
+def _places(count: int, rng: np.random.Generator) -> np.ndarray:
+    return rng.uniform(-SCENE_EDGE / 2 + 4, SCENE_EDGE / 2 - 4, (count, 2))
+
+
+def _leaning_turn(rng: np.random.Generator) -> Rotation:
+    return Rotation.from_euler("ZYX", rng.uniform((0, -0.25, -0.25), (2 * np.pi, 0.25, 0.25)))
+
+
+def _any_turn(rng: np.random.Generator) -> Rotation:
+    return Rotation.from_quat(rng.standard_normal(4))

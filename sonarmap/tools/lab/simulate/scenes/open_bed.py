@@ -1,0 +1,114 @@
+"""Open beds with nothing built on them: one that is all but flat, and one of low relief, each large and small.
+
+The small ones are the large ones' plans made smaller in all three directions, but for the flat bed's roughness, which
+is that of sand whatever the size.
+"""
+
+import numpy as np
+from scipy.ndimage import gaussian_filter
+from scipy.spatial.transform import Rotation
+
+from sonarmap.tools.lab.simulate.scenes.bed import BED_CELL, SCENE_EDGE, height_at, raster, relief
+from sonarmap.tools.lab.simulate.scenes.catalog import SCENE_KINDS
+from sonarmap.tools.lab.simulate.shapes.solids import Mesh, ellipsoid, height_field, merge
+
+BED_DEPTH = -22.0  # mean height of the large beds; of the small ones that times their scale [m]
+ROUGHNESS = 0.025  # standard deviation of a flat bed's relief [m]
+FLAT_SLOPE, WEAK_SLOPE = 0.003, 0.015  # most along x and y
+
+# Of the large bed of low relief, least and most [m]
+DUNE_LENGTH, DUNE_HEIGHT = (14.0, 32.0), (0.35, 0.8)  # crest to crest; crest above trough, divided by two
+RIPPLE_LENGTH, RIPPLE_HEIGHT = (5.0, 8.0), (0.06, 0.12)
+SCOURS, SCOUR_DEPTH, SCOUR_RADIUS = (3, 7), (0.5, 1.3), (5.0, 12.0)
+ROCKS, ROCK_RADIUS = (8, 17), (0.5, 1.3)
+BEND = 45.0  # over which the crests bend and the dunes come and go
+
+
+def flatbed(seed: int) -> Mesh:
+    """256 m on a side: sand with a relief of a few centimeters, nothing on it."""
+    return _flat(seed, "flatbed")
+
+
+def sandflat(seed: int) -> Mesh:
+    """40 m on a side: sand with a relief of a few centimeters, nothing on it."""
+    return _flat(seed, "sandflat")
+
+
+def seabed(seed: int) -> Mesh:
+    """256 m on a side: dunes, ripples and scours, 0.5 to 2 m in all, and a few rocks; its plan drawn from `seed`."""
+    return _weak(seed, "seabed")
+
+
+def shallow(seed: int) -> Mesh:
+    """40 m on a side: the plan of `seabed`, its relief 0.1 to 0.3 m."""
+    return _weak(seed, "shallow")
+
+
+def _flat(seed: int, name: str) -> Mesh:
+    rng = np.random.default_rng(np.random.SeedSequence([seed, 41]))
+    rough = relief(rng)
+    scale = SCENE_KINDS[name].scale
+    height = _slope(FLAT_SLOPE, rng) + ROUGHNESS / scale * rough / rough.std()
+    return _placed(height_field(raster(), raster(), height), scale)
+
+
+def _weak(seed: int, name: str) -> Mesh:
+    rng = np.random.default_rng(np.random.SeedSequence([seed, 42]))
+    dunes = _waves(DUNE_LENGTH, DUNE_HEIGHT, rng) * (0.3 + 0.7 * _patches(rng))
+    ripples = _waves(RIPPLE_LENGTH, RIPPLE_HEIGHT, rng) * _patches(rng)
+    height = _slope(WEAK_SLOPE, rng) + dunes + ripples + _scours(rng) + 0.02 * relief(rng)
+    bed = merge([height_field(raster(), raster(), height), *_rocks(height, rng)])
+    return _placed(bed, SCENE_KINDS[name].scale)
+
+
+def _placed(bed: Mesh, scale: float) -> Mesh:
+    """The bed in its size and at its depth."""
+    return Mesh(scale * (bed.vertices + np.array((0.0, 0.0, BED_DEPTH))), bed.triangles)
+
+
+def _slope(most: float, rng: np.random.Generator) -> np.ndarray:
+    x, y = np.meshgrid(raster(), raster(), indexing="ij")
+    along = rng.uniform(-most, most, 2)
+    return along[0] * x + along[1] * y
+
+
+def _smooth(rng: np.random.Generator) -> np.ndarray:
+    """A random field on the raster that varies over BEND, zero mean, standard deviation 1."""
+    field = gaussian_filter(rng.standard_normal((len(raster()),) * 2), BEND / BED_CELL / 2, mode="wrap")
+    return (field - field.mean()) / field.std()
+
+
+def _patches(rng: np.random.Generator) -> np.ndarray:
+    """0..1 on the raster: where something is, and where it is not."""
+    return 1 / (1 + np.exp(-2.5 * _smooth(rng)))
+
+
+def _waves(length: tuple[float, float], half_height: tuple[float, float], rng: np.random.Generator) -> np.ndarray:
+    """Rows of crests of one direction and length, bent, steeper on one side than on the other, on the raster [m]."""
+    x, y = np.meshgrid(raster(), raster(), indexing="ij")
+    heading, first = rng.uniform(0, 2 * np.pi, 2)
+    along = 2 * np.pi * (x * np.cos(heading) + y * np.sin(heading)) / rng.uniform(*length)
+    phase = along + first + 1.6 * _smooth(rng)
+    return rng.uniform(*half_height) * np.sin(phase + 0.5 * np.sin(phase))
+
+
+def _scours(rng: np.random.Generator) -> np.ndarray:
+    """Round and long pits on the raster, heights below 0 [m]."""
+    x, y = np.meshgrid(raster(), raster(), indexing="ij")
+    total = np.zeros_like(x)
+    for east, north in rng.uniform(-0.4 * SCENE_EDGE, 0.4 * SCENE_EDGE, (rng.integers(*SCOURS), 2)):
+        heading, stretch = rng.uniform(0, np.pi), rng.uniform(1.0, 3.0)
+        long = ((x - east) * np.cos(heading) + (y - north) * np.sin(heading)) / stretch
+        wide = (y - north) * np.cos(heading) - (x - east) * np.sin(heading)
+        total -= rng.uniform(*SCOUR_DEPTH) * np.exp(-0.5 * (long**2 + wide**2) / rng.uniform(*SCOUR_RADIUS) ** 2)
+    return total
+
+
+def _rocks(height: np.ndarray, rng: np.random.Generator) -> list[Mesh]:
+    """A few stones, half sunk into the bed."""
+    stones = []
+    for east, north in rng.uniform(-0.45 * SCENE_EDGE, 0.45 * SCENE_EDGE, (rng.integers(*ROCKS), 2)):
+        radii = rng.uniform(*ROCK_RADIUS) * rng.uniform(0.6, 1.0, 3)
+        turn = Rotation.from_quat(rng.standard_normal(4))
+        stones.append(ellipsoid((east, north, height_at(height, east, north)), radii, turn, rings=6))
+    return stones

@@ -1,0 +1,115 @@
+"""A built scene: one mesh, and the rays that are cast at it."""
+
+from dataclasses import dataclass
+from functools import cached_property, lru_cache
+from typing import Any
+
+import numpy as np
+
+from sonarmap.tools.lab.simulate.scenes.catalog import SceneKind, scene_kind
+from sonarmap.tools.lab.simulate.shapes.solids import Mesh
+
+# Of the rays that tell inside from outside: upward, but along no edge that a builder would draw
+UPWARD = np.array([0.0312, 0.0471, 1.0]) / np.linalg.norm([0.0312, 0.0471, 1.0])
+
+
+@dataclass(frozen=True)
+class Scene:
+    """A world to look at: centered in x and y, z up, the water's surface at z = 0.
+
+    Attributes:
+        name: a key of SCENE_KINDS, or a name of the caller's own.
+        mesh: its surface, East-North-Up [m].
+    """
+
+    name: str
+    mesh: Mesh
+
+    def intersect(self, origins: np.ndarray, directions: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+        """The nearest surface along rays.
+
+        Args:
+            origins: (N, 3) [m].
+            directions: (N, 3) unit vectors.
+
+        Returns:
+            (N,) float64 ranges [m], inf where a ray meets nothing, and (N,) sines of grazing angles, 0..1.
+        """
+        ranges, normals = self.intersect_with_normals(origins, directions)
+        return ranges, np.minimum(np.abs(np.einsum("ij,ij->i", normals, directions)), 1.0)
+
+    def intersect_with_normals(self, origins: np.ndarray, directions: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+        """The nearest surface along rays, with its normal.
+
+        Open3D's ray caster says which triangle a ray meets; the point on its plane is then computed in
+        float64, so that the range is exact and does not depend on the machine's vector unit.
+
+        Args:
+            origins: (N, 3) [m].
+            directions: (N, 3) unit vectors.
+
+        Returns:
+            (N,) float64 ranges [m], inf where a ray meets nothing, and (N, 3) unit normals of what it meets,
+            zeros where nothing.
+        """
+        import open3d as o3d
+
+        rays = np.concatenate([origins, directions], axis=1).astype(np.float32)
+        hits = self._caster.cast_rays(o3d.core.Tensor.from_numpy(rays))["primitive_ids"].numpy()
+        met = np.flatnonzero(hits != o3d.t.geometry.RaycastingScene.INVALID_ID)
+        corner, normal = self._planes(hits[met].astype(np.int64))
+        closing = np.einsum("ij,ij->i", normal, directions[met])
+        distance = np.einsum("ij,ij->i", normal, corner[:, 0] - origins[met])
+        ranges, normals = np.full(len(origins), np.inf), np.zeros((len(origins), 3))
+        ranges[met] = np.divide(distance, closing, out=np.full(len(met), np.inf), where=closing != 0)
+        normals[met] = normal
+        return ranges, normals
+
+    @property
+    def kind(self) -> SceneKind:
+        """Its row of SCENE_KINDS.
+
+        Raises:
+            InputError: a scene of the caller's own, which has no row.
+        """
+        return scene_kind(self.name)
+
+    def is_solid(self, places: np.ndarray) -> np.ndarray:
+        """Whether places (N, 3) [m] lie within a solid or under the bed, (N,) bool.
+
+        Counts along a ray upward how many surfaces it leaves more than it enters: solids may overlap.
+        """
+        import open3d as o3d
+
+        rays = np.concatenate([places, np.broadcast_to(UPWARD, places.shape)], axis=1).astype(np.float32)
+        met = self._caster.list_intersections(o3d.core.Tensor.from_numpy(rays))
+        _, normal = self._planes(met["primitive_ids"].numpy().astype(np.int64))
+        leaving = np.bincount(met["ray_ids"].numpy(), weights=np.sign(normal @ UPWARD), minlength=len(places))
+        return leaving > 0.5
+
+    def _planes(self, triangles: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+        """Corners (N, 3, 3) [m] and unit normals (N, 3) of some triangles."""
+        corner = self.mesh.vertices[self.mesh.triangles[triangles]]
+        normal = np.cross(corner[:, 1] - corner[:, 0], corner[:, 2] - corner[:, 0])
+        return corner, normal / np.linalg.norm(normal, axis=1, keepdims=True)
+
+    @cached_property
+    def _caster(self) -> Any:
+        import open3d as o3d
+
+        caster = o3d.t.geometry.RaycastingScene()
+        caster.add_triangles(
+            o3d.core.Tensor.from_numpy(self.mesh.vertices.astype(np.float32)),
+            o3d.core.Tensor.from_numpy(self.mesh.triangles.astype(np.uint32)),
+        )
+        return caster
+
+
+@lru_cache(maxsize=4)
+def build_scene(name: str, seed: int) -> Scene:
+    """The scene `name` of SCENE_KINDS built from `seed`: the same seed, the same surface.
+
+    Raises:
+        InputError: there is no such scene.
+    """
+    return Scene(name, scene_kind(name).build(seed))

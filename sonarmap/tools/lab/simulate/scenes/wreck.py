@@ -1,0 +1,236 @@
+"""A wreck: a hull broken in two or three, open and heeled, on a sea bed with rock ledges, its cargo about it.
+
+The plan is the seed's: where she broke, how the parts drifted, heeled and sank in, one of them perhaps keel up, which
+way the ledges strike, what was spilled.
+"""
+
+from dataclasses import dataclass
+
+import numpy as np
+from scipy.spatial.transform import Rotation
+
+from sonarmap.tools.lab.simulate.scenes.bed import boulders, debris, height_at, raster, relief
+from sonarmap.tools.lab.simulate.scenes.hulk import Hulk, bulkheads, gear, remains, skin
+from sonarmap.tools.lab.simulate.shapes.solids import Mesh, box, cylinder, height_field, merge, tube
+
+SCENE_REACH = 118.0  # nothing lies farther from the middle along x or y [m]
+
+
+@dataclass(frozen=True, slots=True)
+class Ledge:
+    """A rock outcrop that breaks off toward one side.
+
+    Attributes:
+        middle: x and y [m].
+        strike: direction of its edge, from x toward y [rad].
+        length, height, back: of the edge, of the break, and how far it slopes down behind [m].
+    """
+
+    middle: tuple[float, float]
+    strike: float
+    length: float
+    height: float
+    back: float
+
+
+@dataclass(frozen=True, slots=True)
+class HullPart:
+    """How one part of the hull lies.
+
+    Attributes:
+        ends: of the part along the hull, in shares of its length from midships.
+        middle: x and y of its keel's middle [m].
+        R_scene_part: its heading, trim and heel.
+        sunk: how deep its lowest corner is in the bed [m].
+    """
+
+    ends: tuple[float, float]
+    middle: tuple[float, float]
+    R_scene_part: Rotation
+    sunk: float
+
+
+@dataclass(frozen=True, slots=True)
+class WreckLayout:
+    """What the seed decides of the wreck's plan.
+
+    Attributes:
+        bed: mean height of the sea bed [m].
+        slope: of the bed along x and y.
+        hulk: the ship that she was.
+        heading: in which she went down, from x toward y [rad].
+        parts: from stern to bow.
+        ledges: of rock.
+    """
+
+    bed: float
+    slope: tuple[float, float]
+    hulk: Hulk
+    heading: float
+    parts: tuple[HullPart, ...]
+    ledges: tuple[Ledge, ...]
+
+
+def wreck_layout(seed: int) -> WreckLayout:
+    """The wreck of `seed`: 72 to 112 m long, in two or three parts within some 60 m of the middle."""
+    rng = np.random.default_rng(np.random.SeedSequence([seed, 29]))
+    length = rng.uniform(72.0, 112.0)
+    hulk = Hulk(length, beam=length * rng.uniform(0.14, 0.18), depth=length * rng.uniform(0.08, 0.1))
+    heading, strike = rng.uniform(-np.pi, np.pi, 2)
+    return WreckLayout(
+        bed=rng.uniform(-36.0, -31.0),
+        slope=tuple(rng.uniform(-0.025, 0.025, 2)),
+        hulk=hulk,
+        heading=heading,
+        parts=_parts(hulk, heading, rng),
+        ledges=tuple(_ledge(strike, rng) for _ in range(int(rng.integers(4, 10)))),
+    )
+
+
+def wreck(seed: int) -> Mesh:
+    """The scene from `seed`, 256 m on a side, the water's surface at z = 0, its bed at about -31 to -36 m."""
+    layout = wreck_layout(seed)
+    rng = np.random.default_rng(np.random.SeedSequence([seed, 30]))
+    height = _ground(layout, rng)
+    loose = boulders(height, int(rng.integers(40, 130)), rng) + debris(height, int(rng.integers(10, 40)), rng)
+    parts = [mesh for part in layout.parts for mesh in _laid(layout, part, height, rng)]
+    return merge(
+        [
+            height_field(raster(), raster(), height),
+            *parts,
+            *_slabs(layout, height, rng),
+            *_spilled(layout, height, rng),
+            *_rigging(layout, height, rng),
+            *loose,
+        ]
+    )
+
+
+def _parts(hulk: Hulk, heading: float, rng: np.random.Generator) -> tuple[HullPart, ...]:
+    breaks = (rng.uniform(-0.12, 0.16),) if rng.random() < 0.5 else rng.uniform((-0.24, 0.1), (-0.08, 0.26))
+    corners = [-0.5, *breaks, 0.5]
+    origin = rng.uniform(-14.0, 14.0, 2)
+    parts = []
+    for number in range(len(corners) - 1):
+        ends = corners[number], corners[number + 1]
+        # farther apart than they were built, and swung round
+        along, aside = 1.25 * hulk.length * (ends[0] + ends[1]) / 2, rng.uniform(-14.0, 14.0)
+        (c, s), swung = (np.cos(heading), np.sin(heading)), rng.uniform(-0.7, 0.7)
+        heel = rng.choice((-1, 1)) * rng.uniform(0.05, 0.7)
+        if number == len(corners) - 2 and rng.random() < 0.3:
+            heel += np.pi  # the bow lies keel up
+        turn = Rotation.from_euler("ZYX", (heading + swung, rng.uniform(-0.1, 0.1), heel))
+        middle = (origin[0] + c * along - s * aside, origin[1] + s * along + c * aside)
+        parts.append(HullPart(ends, middle, turn, rng.uniform(1.0, 3.5)))
+    return tuple(parts)
+
+
+def _ledge(strike: float, rng: np.random.Generator) -> Ledge:
+    return Ledge(
+        middle=tuple(rng.uniform(-108.0, 108.0, 2)),
+        strike=strike + rng.uniform(-0.3, 0.3),
+        length=rng.uniform(14.0, 60.0),
+        height=rng.uniform(1.8, 5.5),
+        back=rng.uniform(10.0, 34.0),
+    )
+
+
+def _ground(layout: WreckLayout, rng: np.random.Generator) -> np.ndarray:
+    """Sloping sea bed with its ledges, scoured where the hull's parts lie, on raster() x raster() [m]."""
+    x, y = np.meshgrid(raster(), raster(), indexing="ij")
+    height = layout.bed + layout.slope[0] * x + layout.slope[1] * y + 0.6 * relief(rng)
+    for ledge in layout.ledges:
+        (c, s), (east, north) = (np.cos(ledge.strike), np.sin(ledge.strike)), ledge.middle
+        along, back = c * (x - east) + s * (y - north), -s * (x - east) + c * (y - north)
+        # an edge that bends to and fro
+        back = back + 2.5 * np.sin(along / rng.uniform(4.0, 9.0))
+        face = 1 / (1 + np.exp(-back / 0.8)) * np.exp(-np.clip(back, 0, None) / ledge.back)
+        height += ledge.height * face * np.exp(-((2 * along / ledge.length) ** 4))
+    for part in layout.parts:
+        ahead = part.R_scene_part.apply((1.0, 0.0, 0.0))[:2]
+        offset = np.stack([x - part.middle[0], y - part.middle[1]], axis=-1)
+        along, across = offset @ ahead, offset @ (-ahead[1], ahead[0])
+        half = layout.hulk.length * (part.ends[1] - part.ends[0]) / 2 + 3
+        inside = np.exp(-((along / half) ** 4))
+        height -= rng.uniform(0.6, 1.6) * inside * np.exp(-((across / layout.hulk.beam) ** 2))
+        lee = across - rng.choice((-1, 1)) * 1.6 * layout.hulk.beam
+        height += rng.uniform(0.4, 1.2) * inside * np.exp(-((lee / 5.0) ** 2))
+    return height
+
+
+def _laid(layout: WreckLayout, part: HullPart, height: np.ndarray, rng: np.random.Generator) -> list[Mesh]:
+    """One part of the hull with what is left in it, its lowest corner sunk into the bed below its middle."""
+    hulk, (aft, ahead) = layout.hulk, part.ends
+    parts = [skin(hulk, aft, ahead, rng), *bulkheads(hulk, aft, ahead, rng), *remains(hulk, aft, ahead, rng)]
+    if aft == -0.5:
+        parts += gear(hulk, rng)
+    built = merge(parts)
+    own = built.vertices - np.array((hulk.length * (aft + ahead) / 2, 0.0, 0.0))
+    turned = part.R_scene_part.apply(own)
+    lowest = turned[: (parts[0].vertices).shape[0], 2].min()
+    floor = height_at(height, *part.middle)
+    return [Mesh(turned + np.array((*part.middle, floor - part.sunk - lowest)), built.triangles)]
+
+
+def _slabs(layout: WreckLayout, height: np.ndarray, rng: np.random.Generator) -> list[Mesh]:
+    """Slabs that broke off the ledges and lie before them, about as they are bedded."""
+    parts = []
+    for ledge in layout.ledges:
+        c, s = np.cos(ledge.strike), np.sin(ledge.strike)
+        for _ in range(int(rng.integers(2, 8))):
+            along, before = rng.uniform(-ledge.length / 2, ledge.length / 2), rng.uniform(-9.0, 3.0)
+            east, north = np.clip(
+                (ledge.middle[0] + c * along - s * before, ledge.middle[1] + s * along + c * before),
+                -SCENE_REACH,
+                SCENE_REACH,
+            )
+            turn = Rotation.from_euler(
+                "ZYX", rng.uniform((-0.5, -0.35, -0.35), (0.5, 0.35, 0.35)) + np.array((ledge.strike, 0, 0))
+            )
+            size = rng.uniform((2.0, 1.5, 0.7), (8.0, 5.5, 2.2))
+            parts.append(box((east, north, height_at(height, east, north) + 0.2 * size[2]), size, turn))
+    return parts
+
+
+def _spilled(layout: WreckLayout, height: np.ndarray, rng: np.random.Generator) -> list[Mesh]:
+    """Containers, plates and pipes about the breaks."""
+    parts = []
+    for number in range(int(rng.integers(10, 34))):
+        part = layout.parts[int(rng.integers(len(layout.parts)))]
+        east, north = np.clip(rng.normal(part.middle, 17.0), -SCENE_REACH, SCENE_REACH)
+        floor = np.array((east, north, height_at(height, east, north)))
+        turn = Rotation.from_euler("ZYX", rng.uniform((-np.pi, -0.4, -0.5), (np.pi, 0.4, 0.5)))
+        if number % 3 == 0:
+            parts.append(box(floor + np.array((0, 0, 0.8)), (6.1 if rng.random() < 0.6 else 12.2, 2.44, 2.6), turn))
+        elif number % 3 == 1:
+            parts.append(box(floor + np.array((0, 0, 0.4)), rng.uniform((2.0, 1.5, 0.25), (9.0, 5.0, 0.45)), turn))
+        else:
+            reach = turn.apply((rng.uniform(2.5, 6.0), 0, 0))
+            parts.append(
+                cylinder(
+                    floor + np.array((0, 0, 0.5)) - reach,
+                    floor + np.array((0, 0, 0.5)) + reach,
+                    rng.uniform(0.3, 0.8),
+                    12,
+                )
+            )
+    return parts
+
+
+def _rigging(layout: WreckLayout, height: np.ndarray, rng: np.random.Generator) -> list[Mesh]:
+    """Fallen masts with their yards, and the anchor's chain, which leads away from the bow."""
+    parts = []
+    for part in layout.parts[:2]:
+        start = np.array(part.middle) + rng.uniform(-16.0, 16.0, 2)
+        turn = Rotation.from_euler("ZYX", (rng.uniform(-np.pi, np.pi), rng.uniform(-0.25, -0.05), 0))
+        foot = np.array((*start, height_at(height, *start) + 0.3))
+        reach = rng.uniform(12.0, 22.0)
+        parts.append(cylinder(foot, foot + turn.apply((reach, 0, 0)), rng.uniform(0.3, 0.5), 12))
+        yard = foot + turn.apply((0.7 * reach, 0, 0))
+        parts.append(cylinder(yard - turn.apply((0, 4.0, 0)), yard + turn.apply((0, 4.0, 0)), 0.25, 10))
+    steps = np.cumsum(rng.normal(0, 0.35, 9)) + layout.heading
+    line = np.array(layout.parts[-1].middle) + np.cumsum(6.0 * np.column_stack([np.cos(steps), np.sin(steps)]), axis=0)
+    line = np.clip(line, -SCENE_REACH, SCENE_REACH)
+    kept = np.concatenate([[True], np.linalg.norm(np.diff(line, axis=0), axis=1) > 0.5])
+    chain = np.array([(*place, height_at(height, *place) + 0.25) for place in line[kept]])
+    return [*parts, tube(chain, 0.3, bend=2.0, sides=8), box(chain[-1] + np.array((0, 0, 0.4)), (2.6, 1.8, 0.9))]

@@ -1,0 +1,141 @@
+"""What a sonar does to the truth: speckle, range noise, ghosts, wild and lost echoes; from echoes to a scan."""
+
+from dataclasses import dataclass
+from typing import ClassVar
+
+import numpy as np
+from pydantic import ConfigDict
+
+from sonarmap.kernels.errors import InputError
+from sonarmap.spectral.scan import Scan
+from sonarmap.tools.lab.simulate.sensing.lobes import fade, pick_strongest
+from sonarmap.tools.lab.simulate.sensing.sensors import Echoes, Sensor
+
+NARROWEST, WIDEST = 0.05, 8.0  # of a lobe [beams]; in a narrower one no neighbor is heard
+
+
+@dataclass(frozen=True, slots=True)
+class Noise:
+    """Noise of the ranges (paper Sect. 3, "Gaussian noise along virtual beams") and of the echoes' strengths.
+
+    Attributes:
+        sigma2: variance of range at the sensor's maximum range [m^2]; sigma2 r / max_range at range r.
+        outliers: share of the echoes whose range is instead uniform between the sensor's minimum and maximum.
+        dropouts: share of the echoes that are lost.
+        ghosts: share of the beams that report their second surface, seen in the first as in a mirror, where
+            there is one: the multipath of tools.lab.simulate.sensing.ghosts.
+        speckle: share of an echo's strength that fluctuates as speckle does, 0..1. At 1 the amplitude is
+            Rayleigh distributed and the strength, an intensity, exponentially; its mean stays (J. W. Goodman,
+            Statistical Properties of Laser Speckle Patterns, 1975, doi 10.1007/978-3-662-43205-1_2).
+        lobe: standard deviation of a beam's main lobe, in beams. Above 0 echoes fade by patches and every beam
+            reports the strongest echo of its lobe, as tools.lab.simulate.sensing.lobes has it.
+    """
+
+    __pydantic_config__: ClassVar[ConfigDict] = ConfigDict(extra="forbid")
+
+    sigma2: float = 0.0
+    outliers: float = 0.0
+    dropouts: float = 0.0
+    ghosts: float = 0.0
+    speckle: float = 0.0
+    lobe: float = 0.0
+
+    def __post_init__(self) -> None:
+        if not (np.isfinite(self.sigma2) and self.sigma2 >= 0):
+            raise InputError(f"noise: sigma2 is {self.sigma2}; wanted a variance >= 0 in m^2")
+        for name in ("outliers", "dropouts", "ghosts"):
+            share = getattr(self, name)
+            if not 0 <= share < 1:
+                raise InputError(f"noise: {name} is {share}; wanted a share of the echoes, 0 <= share < 1")
+        if not 0 <= self.speckle <= 1:
+            raise InputError(f"noise: speckle is {self.speckle}; wanted a share of the strength, 0 <= share <= 1")
+        if self.lobe != 0 and not NARROWEST <= self.lobe <= WIDEST:
+            raise InputError(f"noise: lobe is {self.lobe}; wanted 0, or a width of {NARROWEST:g} to {WIDEST:g} beams")
+
+
+def disturb(
+    echoes: Echoes, sensor: Sensor, noise: Noise, rng: np.random.Generator, ghosts: Echoes | None = None
+) -> Echoes:
+    """Echoes with noise; range inf and strength 0 where one was too weak, was lost or left the limits.
+
+    Every beam draws the same numbers whatever it meets and whatever the settings, so that two scans with one
+    seed differ only where their scene or their settings do.
+
+    Args:
+        echoes: the truth; any shape, ranges inf without an echo.
+        sensor: its limits, threshold and resolution.
+        noise: what disturbs.
+        rng: draws it.
+        ghosts: what the beams would see in their first surface (`simulate.sensing.ghosts.reflect`), as `echoes`.
+
+    Raises:
+        InputError: noise with ghosts, and none given.
+    """
+    if ghosts is None and noise.ghosts > 0:
+        raise InputError(f"noise: ghosts is {noise.ghosts}, and no ghosts were given; wanted those of reflect()")
+    shape = echoes.ranges.shape
+    gauss = rng.standard_normal(shape)
+    wild = rng.random(shape)
+    wild_range = rng.uniform(sensor.min_range, sensor.max_range, shape)
+    lost = rng.random(shape)
+    mirrored = rng.random(shape)
+    speckle = rng.standard_exponential(shape)
+    if ghosts is not None:
+        is_ghost = (mirrored < noise.ghosts) & np.isfinite(ghosts.ranges)
+        echoes = Echoes(
+            np.where(is_ghost, ghosts.ranges, echoes.ranges), np.where(is_ghost, ghosts.strengths, echoes.strengths)
+        )
+    if noise.lobe > 0:
+        echoes = fade(echoes, rng)
+    strengths = echoes.strengths * (1 - noise.speckle + noise.speckle * speckle)
+    seen = np.isfinite(echoes.ranges) & (strengths >= sensor.threshold)
+    true = np.where(seen, echoes.ranges, 0.0)
+    measured = true + gauss * np.sqrt(noise.sigma2 * true / sensor.max_range)
+    measured = _in_steps(np.where(wild < noise.outliers, wild_range, measured), sensor.resolution)
+    kept = seen & (lost >= noise.dropouts) & (measured >= sensor.min_range) & (measured <= sensor.max_range)
+    noisy = Echoes(np.where(kept, measured, np.inf), np.where(kept, strengths, 0.0))
+    return pick_strongest(noisy, noise.lobe) if noise.lobe > 0 else noisy
+
+
+def _in_steps(ranges: np.ndarray, resolution: float) -> np.ndarray:
+    """Ranges at the nearest multiples of `resolution` [m]; 0 leaves them."""
+    return ranges if resolution == 0 else np.rint(ranges / resolution) * resolution
+
+
+def measure(
+    echoes: Echoes,
+    sensor: Sensor,
+    noise: Noise,
+    rng: np.random.Generator,
+    *,
+    ghosts: Echoes | None = None,
+    stamp: float = 0.0,
+    name: str = "scan",
+) -> Scan:
+    """The scan that the sensor writes: points in the sensor frame, with noise, without the empty beams.
+
+    Raises:
+        InputError: no beam brings an echo back, or noise with ghosts, and none given.
+    """
+    return scan_of(disturb(echoes, sensor, noise, rng, ghosts), sensor, stamp=stamp, name=name)
+
+
+def scan_of(echoes: Echoes, sensor: Sensor, *, stamp: float = 0.0, name: str = "scan") -> Scan:
+    """The scan of measured echoes: points in the sensor frame, without the empty beams.
+
+    Raises:
+        InputError: no beam brings an echo back.
+    """
+    kept = np.isfinite(echoes.ranges)
+    if not kept.any():
+        raise InputError(
+            f"{name}: the simulated sensor sees nothing from its pose; place it within "
+            f"{sensor.max_range:g} m of a surface and turn it there, or lower its threshold of {sensor.threshold:g}"
+        )
+    points = sensor.directions()[kept] * echoes.ranges[kept][:, None]
+    return Scan(
+        points=points.astype(np.float32),
+        strength=echoes.strengths[kept].astype(np.float32),
+        stamp=stamp,
+        name=name,
+    )

@@ -1,0 +1,75 @@
+"""How much of one scan another one saw, the truth between them known."""
+
+import numpy as np
+from scipy.spatial import KDTree
+from scipy.spatial.transform import RigidTransform, Rotation
+
+from sonarmap.tools.lab.simulate.scenes.scene import Scene
+from sonarmap.tools.lab.simulate.sensing.sensors import Sensor, cast
+
+OVERLAP_RADIUS = 2.0  # [m]
+HIDDEN = 1e-3  # a surface nearer than a point by this share of the sensor's range hides it
+ROUNDING = 1e-9  # of a direction [rad]: the outermost beams are in view
+
+
+def overlap(
+    target: np.ndarray, source: np.ndarray, T_target_source: RigidTransform, radius: float = OVERLAP_RADIUS
+) -> float:
+    """The share of the source's points that have a point of the target within `radius`, 0..1.
+
+    Args:
+        target, source: (M, 3) and (N, 3) points [m], each in its own sensor frame.
+        T_target_source: the truth.
+        radius: [m].
+    """
+    distance, _ = KDTree(target).query(T_target_source.apply(source), distance_upper_bound=radius)
+    return float(np.isfinite(distance).mean())
+
+
+def mutual_overlap(
+    target: np.ndarray, source: np.ndarray, T_target_source: RigidTransform, radius: float = OVERLAP_RADIUS
+) -> float:
+    """The smaller of both ways' overlaps, as Registration.overlap means it."""
+    return min(
+        overlap(target, source, T_target_source, radius),
+        overlap(source, target, T_target_source.inv(), radius),
+    )
+
+
+def shared_view(scene: Scene, sensor: Sensor, T_world_target: RigidTransform, T_world_source: RigidTransform) -> float:
+    """The share of what one scan shows that lies in the other's view: the smaller of both ways, 0..1.
+
+    A point is in view if it lies in the fan and the range and nothing hides it. Points far off, which may stand
+    farther apart than any radius, count as much as near ones: unlike `mutual_overlap` this does not fall with the
+    density of the beams. It needs the scene; noise plays no part.
+    """
+    target, source = (visible_points(scene, sensor, pose) for pose in (T_world_target, T_world_source))
+    if not len(target) or not len(source):
+        return 0.0
+    return float(
+        min(
+            in_view(scene, sensor, T_world_target, source).mean(), in_view(scene, sensor, T_world_source, target).mean()
+        )
+    )
+
+
+def visible_points(scene: Scene, sensor: Sensor, T_world_sensor: RigidTransform) -> np.ndarray:
+    """What a scan without noise shows from a pose: (N, 3) [m], world frame."""
+    echoes = cast(scene, sensor, T_world_sensor)
+    kept = np.isfinite(echoes.ranges) & (echoes.strengths >= sensor.threshold)
+    return T_world_sensor.apply(sensor.directions()[kept] * echoes.ranges[kept][:, None])
+
+
+def in_view(scene: Scene, sensor: Sensor, T_world_sensor: RigidTransform, points: np.ndarray) -> np.ndarray:
+    """Whether points (N, 3) [m, world] on surfaces are in the sensor's fan and range and nothing hides them; (N,)."""
+    seen = T_world_sensor.inv().apply(points)
+    ranges = np.linalg.norm(seen, axis=1)
+    directions = (points - T_world_sensor.translation) / ranges[:, None]
+    met, _ = scene.intersect(np.broadcast_to(T_world_sensor.translation, points.shape), directions)
+    level = Rotation.from_euler("y", -sensor.tilt).apply(seen)
+    azimuth, elevation = np.arctan2(level[:, 1], level[:, 0]), np.arcsin(level[:, 2] / ranges)
+    inside = (np.abs(azimuth) <= sensor.horizontal / 2 + ROUNDING) & (
+        np.abs(elevation) <= sensor.vertical / 2 + ROUNDING
+    )
+    reached = (ranges >= sensor.min_range) & (ranges <= sensor.max_range)
+    return inside & reached & (met >= ranges - HIDDEN * sensor.max_range)

@@ -1,0 +1,164 @@
+"""Sensor models, and what one sees of a scene from a pose: ranges and echo strengths, free of noise."""
+
+import math
+from dataclasses import dataclass, replace
+from types import MappingProxyType
+from typing import ClassVar
+
+import numpy as np
+from pydantic import ConfigDict
+from scipy.spatial.transform import RigidTransform, Rotation
+
+from sonarmap.kernels.errors import InputError
+from sonarmap.tools.files.readers.clouds.cloud import COORDINATE_LIMIT
+from sonarmap.tools.lab.simulate.scenes.scene import Scene
+
+_FARTHEST = COORDINATE_LIMIT  # [m]: what lies farther is read from no file
+ABSORPTION_DB = 0.06  # of sea water at 240 kHz, one way [dB/m]
+
+
+@dataclass(frozen=True, slots=True)
+class Sensor:
+    """A 3D sonar: one range a beam, the beams evenly spaced in azimuth and elevation over the field of view.
+
+    Attributes:
+        name: what to call it.
+        horizontal, vertical: field of view, the angle between the outer beams [rad].
+        columns, rows: beams in azimuth and in elevation.
+        min_range, max_range: [m]; what lies nearer or farther gives no echo.
+        tilt: angle of the fan's middle below the sensor's x axis [rad]; the frame itself stays level.
+        edge_loss: how much weaker an echo is, there and back, at half the horizontal field off the fan's middle
+            than in it [dB]; between and beyond it goes with the square of the angle, as a Gaussian main lobe
+            does. 0: all directions alike.
+        absorption: of the water at the sensor's frequency, one way [dB/m].
+        threshold: echoes weaker than this are discarded, linear as Echoes.strengths; 0 keeps all.
+        resolution: ranges come in steps of this [m]; 0: as they are.
+    """
+
+    __pydantic_config__: ClassVar[ConfigDict] = ConfigDict(extra="forbid")
+
+    name: str
+    horizontal: float
+    vertical: float
+    columns: int
+    rows: int
+    min_range: float
+    max_range: float
+    tilt: float = 0.0
+    edge_loss: float = 0.0
+    absorption: float = ABSORPTION_DB
+    threshold: float = 0.0
+    resolution: float = 0.0
+
+    def __post_init__(self) -> None:
+        fan = 0 < self.horizontal < 2 * math.pi and 0 < self.vertical < math.pi
+        if not fan or self.columns < 2 or self.rows < 2 or not 0 <= self.min_range < self.max_range <= _FARTHEST:
+            raise InputError(
+                f"{self} is no sensor; wanted fields of view within 360 and 180 degrees, at least "
+                f"2 x 2 beams and 0 <= min_range < max_range <= {_FARTHEST:g} m"
+            )
+        for name in ("edge_loss", "absorption", "threshold", "resolution"):
+            value = getattr(self, name)
+            if not (math.isfinite(value) and value >= 0):
+                raise InputError(f"the sensor {self.name}: {name} is {value}; wanted a finite number >= 0")
+
+    def directions(self) -> np.ndarray:
+        """(rows, columns, 3) float64 unit vectors, sensor frame; the first is the lowest at the right."""
+        azimuth = np.linspace(-self.horizontal / 2, self.horizontal / 2, self.columns)[None, :]
+        elevation = np.linspace(-self.vertical / 2, self.vertical / 2, self.rows)[:, None]
+        level = np.stack(
+            [
+                np.cos(elevation) * np.cos(azimuth),
+                np.cos(elevation) * np.sin(azimuth),
+                np.sin(elevation) * np.ones_like(azimuth),
+            ],
+            axis=-1,
+        )
+        return level @ Rotation.from_euler("y", self.tilt).as_matrix().T
+
+    def pattern(self) -> np.ndarray:
+        """(rows, columns) float64: the strength of an echo from each beam's direction against the middle's, 0..1."""
+        middle = np.array((math.cos(self.tilt), 0.0, -math.sin(self.tilt)))
+        off_middle = np.arccos(np.clip(self.directions() @ middle, -1.0, 1.0))
+        return 10 ** (-self.edge_loss / 10 * (off_middle / (self.horizontal / 2)) ** 2)
+
+
+def bare(sensor: Sensor) -> Sensor:
+    """The sensor's fan alone: equally sensitive in all directions, without a threshold, and with exact ranges."""
+    return replace(sensor, edge_loss=0.0, threshold=0.0, resolution=0.0)
+
+
+# The Tritech Eclipse (paper Sect. 4.1: 240 kHz, 256 beams over 120 degrees, an effective angular resolution of 0.5
+# degrees, here the beams' spacing, ranges in steps of 2.5 cm, weak echoes discarded), mounted under a vessel and
+# tilted toward the bed. The paper gives neither beam pattern nor threshold: 12 dB each way at the edge, and echoes
+# of a 500th of a wall's close by, leave about 90 of the 120 degrees, as it reports
+ECLIPSE = Sensor(
+    "eclipse",
+    math.radians(120),
+    math.radians(90),
+    columns=256,
+    rows=192,
+    min_range=0.4,
+    max_range=120.0,
+    tilt=math.radians(20),
+    edge_loss=24.0,
+    threshold=0.002,
+    resolution=0.025,
+)
+# The paper's simulated sensor (Sect. 3): the same fan, its range as long as the 256 m grid
+PAPER = Sensor("paper", math.radians(120), math.radians(90), 256, 192, 0.4, 256.0)
+# The Water Linked Sonar 3D-15: its fan and reach. Its maker gives no beam pattern: all directions count alike
+SONAR_3D15 = Sensor("sonar3d15", math.radians(90), math.radians(40), 256, 64, 0.2, 15.0)
+SENSORS = MappingProxyType({sensor.name: sensor for sensor in (ECLIPSE, PAPER, SONAR_3D15)})
+
+
+@dataclass(frozen=True, slots=True)
+class Echoes:
+    """What each beam brings back.
+
+    Attributes:
+        ranges: (rows, columns) float64 [m]; inf where the beam meets nothing within the sensor's ranges.
+        strengths: (rows, columns) float64, linear, 0..1; 0 where there is no echo.
+    """
+
+    ranges: np.ndarray
+    strengths: np.ndarray
+
+
+def cast(scene: Scene, sensor: Sensor, T_world_sensor: RigidTransform) -> Echoes:
+    """The nearest surface along every beam, as seen from one pose; also echoes too weak for the sensor's threshold."""
+    origin, directions = beams(sensor, T_world_sensor)
+    return cast_beams(scene, sensor, np.broadcast_to(origin, directions.shape), directions)
+
+
+def cast_beams(scene: Scene, sensor: Sensor, origins: np.ndarray, directions: np.ndarray) -> Echoes:
+    """As `cast`, every beam from a place of its own: origins [m] and unit vectors, both (rows * columns, 3), world."""
+    ranges, sine_grazing = scene.intersect(origins, directions)
+    return echoes_of(sensor, ranges, sine_grazing)
+
+
+def beams(sensor: Sensor, T_world_sensor: RigidTransform) -> tuple[np.ndarray, np.ndarray]:
+    """Where the beams start, (3,) [m], and their unit vectors, (rows * columns, 3), world frame."""
+    origin = T_world_sensor.translation
+    if origin.shape != (3,):
+        raise InputError(f"one pose is cast at a time; got a stack of shape {origin.shape[:-1]}")
+    return origin, T_world_sensor.rotation.apply(sensor.directions().reshape(-1, 3))
+
+
+def echoes_of(sensor: Sensor, ranges: np.ndarray, sine_grazing: np.ndarray) -> Echoes:
+    """The echoes from what the beams met.
+
+    The strength is Lambert's law, the losses of the way and the beam pattern:
+    sin^2(grazing angle) * 10^(-2 a r / 10) * pattern, with the sensor's absorption a. The spreading loss is taken
+    as made good by the receiver's time-varied gain.
+
+    Args:
+        sensor: whose beams.
+        ranges: (rows * columns,) [m], inf where a beam meets nothing.
+        sine_grazing: (rows * columns,) sines of grazing angles, 0..1.
+    """
+    seen = (ranges >= sensor.min_range) & (ranges <= sensor.max_range)
+    distance = np.where(seen, ranges, 0.0)
+    lost = 10 ** (-2 * sensor.absorption * distance / 10)
+    strengths = np.where(seen, sine_grazing**2 * lost, 0.0).reshape(sensor.rows, sensor.columns)
+    return Echoes(np.where(seen, ranges, np.inf).reshape(strengths.shape), strengths * sensor.pattern())

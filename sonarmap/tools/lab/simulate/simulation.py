@@ -1,0 +1,177 @@
+"""A simulation from its settings: a scene, a path, a sensor and noise; scans and the truth come out."""
+
+from collections.abc import Callable, Mapping
+from dataclasses import dataclass, field
+from functools import partial
+from types import MappingProxyType
+from typing import Any, ClassVar
+
+import numpy as np
+from pydantic import ConfigDict, TypeAdapter, ValidationError
+from scipy.spatial.transform import RigidTransform
+
+from sonarmap.kernels.errors import InputError
+from sonarmap.slam.graph.trajectory import Trajectory
+from sonarmap.spectral.scan import Scan
+from sonarmap.tools.lab.simulate.paths.dive import check_dive
+from sonarmap.tools.lab.simulate.paths.stations import paper18
+from sonarmap.tools.lab.simulate.paths.trajectories import (
+    SPACING,
+    TABLE1_COUNT,
+    TABLE1_MOST,
+    lawnmower,
+    loop,
+    survey,
+    table1,
+)
+from sonarmap.tools.lab.simulate.scenes.catalog import scene_kind
+from sonarmap.tools.lab.simulate.scenes.scene import build_scene
+from sonarmap.tools.lab.simulate.sensing.dive_seed import entropy_of
+from sonarmap.tools.lab.simulate.sensing.ghosts import reflect
+from sonarmap.tools.lab.simulate.sensing.noise import Noise, measure
+from sonarmap.tools.lab.simulate.sensing.sensors import ECLIPSE, Sensor, cast
+from sonarmap.tools.lab.simulate.sensing.unusable import Fault, choose_unusable
+from sonarmap.tools.lab.simulate.size import check_size
+
+# Of a survey where nothing else is said: speckle in full, as every single sonar image has it
+SURVEY_NOISE = Noise(sigma2=1.0, outliers=0.01, dropouts=0.05, ghosts=0.02, speckle=1.0)
+
+
+@dataclass(frozen=True, slots=True)
+class SimulationSettings:
+    """Everything that decides what is simulated: equal settings give equal scans, bit for bit.
+
+    Attributes:
+        scene: a key of SCENE_KINDS.
+        trajectory: a key of TRAJECTORIES.
+        count: number of scans, from the start of the trajectory.
+        spacing: of a survey's or a lawnmower's scans along their path [m]; the others have their own.
+        sensor: what to see with; SENSORS holds the known ones.
+        noise: what it does to the echoes.
+        seed: of the scene, the waves and the noise.
+        dive: 1, or another pass over the same scene, see tools/lab/simulate/paths/dive.py.
+        unusable: share of the scans that show nothing of the scene, see tools/lab/simulate/sensing/unusable.py.
+    """
+
+    __pydantic_config__: ClassVar[ConfigDict] = ConfigDict(extra="forbid")
+
+    scene: str = "floodgate"
+    trajectory: str = "survey"
+    count: int = 12
+    spacing: float = SPACING
+    sensor: Sensor = ECLIPSE
+    noise: Noise = field(default=SURVEY_NOISE)
+    seed: int = 0
+    dive: int = 1
+    unusable: float = 0.0
+
+    def __post_init__(self) -> None:
+        scene_kind(self.scene)
+        if self.trajectory not in TRAJECTORIES:
+            raise InputError(f"no trajectory is called {self.trajectory!r}; there are {', '.join(TRAJECTORIES)}")
+        if self.seed < 0:
+            raise InputError(f"the seed is {self.seed}; wanted a number >= 0")
+        check_dive(self.dive, self.trajectory)
+        check_size(self.count, self.sensor.columns, self.sensor.rows)
+        choose_unusable(self.unusable, self.count, self.seed, self.dive)
+
+
+@dataclass(frozen=True, slots=True)
+class Simulation:
+    """What the sensor wrote, and the truth.
+
+    Attributes:
+        settings: from which the same scans come out again.
+        scans: one per pose, in sensor frames; their stamps are the truth's.
+        truth: T_world_sensor of every scan; the world is the scene's frame, East-North-Up.
+        faults: why a scan is unusable, by its number; none for the others.
+    """
+
+    settings: SimulationSettings
+    scans: tuple[Scan, ...]
+    truth: Trajectory
+    faults: Mapping[int, Fault] = field(default_factory=dict)
+
+
+def simulate(settings: SimulationSettings, progress: Callable[[int], None] = lambda done: None) -> Simulation:
+    """All scans of a simulation.
+
+    Args:
+        settings: what to simulate.
+        progress: called with the number of scans done, after each.
+
+    Raises:
+        InputError: more scans than the trajectory has, a pose that sees nothing.
+    """
+    truth = TRAJECTORIES[settings.trajectory](settings)
+    unusable = choose_unusable(settings.unusable, len(truth), settings.seed, settings.dive)
+    scans = []
+    for number in range(len(truth)):
+        name = f"scan_{number:03d}"
+        if number in unusable.faults:
+            scans.append(unusable.scan(settings.sensor, number, float(number), name))
+        else:
+            scans.append(observe(settings, truth.T_world_sensor[number], number, name))
+        progress(number + 1)
+    return Simulation(settings, tuple(scans), truth, unusable.faults)
+
+
+def observe(settings: SimulationSettings, T_world_sensor: RigidTransform, number: int, name: str) -> Scan:
+    """The scan `number` of a simulation, from one pose; the seed, the dive and the number decide its noise."""
+    key = entropy_of(number, dive=settings.dive)
+    rng = np.random.default_rng(np.random.SeedSequence(settings.seed, spawn_key=key))
+    scene, sensor, noise = build_scene(settings.scene, settings.seed), settings.sensor, settings.noise
+    echoes = cast(scene, sensor, T_world_sensor)
+    ghosts = reflect(scene, sensor, T_world_sensor) if noise.ghosts > 0 else None
+    return measure(echoes, sensor, noise, rng, ghosts=ghosts, stamp=float(number), name=name)
+
+
+def settings_from_json(content: Any) -> SimulationSettings:
+    """Settings from what a description.json holds under "settings"; missing ones take their defaults.
+
+    Raises:
+        InputError: an unknown key or a value that does not fit, all of them named.
+    """
+    try:
+        return TypeAdapter(SimulationSettings).validate_python(content)
+    except ValidationError as error:
+        faults = "; ".join(
+            f"{'.'.join(map(str, fault['loc'])) or 'settings'}: {fault['msg'].removeprefix('Value error, ')}"
+            for fault in error.errors()
+        )
+        raise InputError(f"the settings of the simulation cannot be used: {faults}") from error
+
+
+def _spaced(lay: Callable[..., Trajectory], settings: SimulationSettings) -> Trajectory:
+    """Of `survey` or `lawnmower`, which have a spacing."""
+    reach = settings.sensor.max_range
+    return lay(settings.scene, settings.count, settings.seed, settings.spacing, settings.dive, reach)
+
+
+def _loop(settings: SimulationSettings) -> Trajectory:
+    return loop(settings.scene, settings.count, settings.seed, settings.dive, settings.sensor.max_range)
+
+
+def _paper18(settings: SimulationSettings) -> Trajectory:
+    return paper18(settings.scene, settings.count, settings.seed, settings.sensor)
+
+
+def _table1(settings: SimulationSettings) -> Trajectory:
+    poses = table1(TABLE1_MOST)
+    if not 1 <= settings.count <= len(poses):
+        raise InputError(
+            f"Table 1 has {1 + TABLE1_COUNT} scans, the reference and S0 to S{TABLE1_COUNT - 1}, and with S10 to "
+            f"S{TABLE1_MOST - 1} {len(poses)}; {settings.count} were asked for"
+        )
+    return poses.take(range(settings.count))
+
+
+TRAJECTORIES: MappingProxyType[str, Callable[[SimulationSettings], Trajectory]] = MappingProxyType(
+    {
+        "survey": partial(_spaced, survey),
+        "loop": _loop,
+        "lawnmower": partial(_spaced, lawnmower),
+        "paper18": _paper18,
+        "table1": _table1,
+    }
+)

@@ -1,0 +1,91 @@
+"""Fingerprints of what decides a result: code, settings, device and installed versions.
+
+Code counts by whole folders: a changed comment makes results be computed again, and no change that matters is missed.
+"""
+
+import hashlib
+import inspect
+import json
+from collections.abc import Sequence
+from fnmatch import fnmatch
+from functools import cache
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+from sonarmap.tools.files.versions import package_versions
+from sonarmap.tools.files.writers.json_text import to_json
+from sonarmap.tools.methods.registry import Setup, find_method
+
+if TYPE_CHECKING:
+    from sonarmap.spectral.result import Registrar
+
+ROOT = Path(__file__).parents[2]
+
+
+def fingerprint(value: Any) -> str:
+    """A digest of any value that `to_json` takes, 64 hexadecimal digits."""
+    return hashlib.sha256(json.dumps(to_json(value), sort_keys=True).encode()).hexdigest()
+
+
+@cache
+def source_digest(places: Sequence[str], left_out: Sequence[str] = (), root: Path = ROOT) -> str:
+    """A digest of Python files and OpenCL programs, as they were when it was first computed, which is what runs.
+
+    Args:
+        places: folders and files, relative to the root.
+        left_out: patterns of file names that do not count, as "*figure.py".
+        root: of the project.
+
+    Raises:
+        FileNotFoundError: a place does not exist.
+    """
+    digest = hashlib.sha256()
+    for path in sorted({path for place in places for path in _source_files(root / place)}):
+        if not any(fnmatch(path.name, pattern) for pattern in left_out):
+            content = path.read_bytes()
+            digest.update(f"{path.relative_to(root).as_posix()}\0{len(content)}\0".encode() + content)
+    return digest.hexdigest()
+
+
+def method_sources(name: str) -> tuple[str, str]:
+    """Digests of a method's code: its files, and the function of the registry that builds it."""
+    method = find_method(name)
+    return source_digest(method.sources), fingerprint(inspect.getsource(method.make))
+
+
+def method_versions(name: str) -> dict[str, str | None]:
+    """The versions that a method's results depend on. sonarmap's does not count, as the digests of its code do."""
+    method = find_method(name)
+    unused = {"sonarmap", "gtsam", "system"} | (set() if "device" in method.options else {"pyopencl"})
+    versions = package_versions(*filter(None, [method.package]))
+    return {package: version for package, version in versions.items() if package not in unused}
+
+
+def method_key(name: str, setup: Setup, registrar: "Registrar") -> str:
+    """A digest of all that decides what a method finds in two scans: settings, code, device, driver and versions.
+
+    Args:
+        name: a key of METHODS.
+        setup: what the registrar was made from.
+        registrar: the method as this process has it.
+    """
+    device = getattr(registrar, "device", None)
+    return fingerprint(
+        {
+            "method": name,
+            "grid": setup.grid,
+            "settings": getattr(registrar, "config", None),
+            "seed": setup.seed if "seed" in find_method(name).options else None,
+            "sources": method_sources(name),
+            "device": [device.name, device.platform] if device else None,
+            "versions": method_versions(name),
+        }
+    )
+
+
+def _source_files(place: Path) -> list[Path]:
+    if place.is_file():
+        return [place]
+    if not place.is_dir():
+        raise FileNotFoundError(f"{place} is neither a folder nor a file; a list of sources names it")
+    return [path for path in place.rglob("*") if path.suffix in (".py", ".cl")]

@@ -1,0 +1,176 @@
+"""Every method of registration by its name. A new one is a function that builds it and a row of METHODS."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Mapping
+from dataclasses import dataclass, field, replace
+from importlib import import_module
+from types import MappingProxyType
+from typing import TYPE_CHECKING, Any
+
+from sonarmap.kernels.errors import InputError
+from sonarmap.tools.extras import load_package
+
+if TYPE_CHECKING:  # the command line names the methods in its help, which is to come at once
+    from sonarmap.spectral.grid import Grid
+    from sonarmap.spectral.result import Registrar
+
+DEFAULT_METHOD = "spectral"
+
+_ON_DEVICE = frozenset(("grid", "max_tilt", "strength", "device"))
+_SPECTRAL = _ON_DEVICE | {"hypotheses", "refine", "priors"}
+_HEMISPHERE = _ON_DEVICE | {"yaw_peaks"}
+_SEEDED = frozenset(("seed",))
+
+# What decides the results of methods, as `tools.methods.fingerprint.source_digest` takes it
+_DEVICE_SOURCES = ("kernels", "spectral")
+_POINT_SOURCES = tuple(f"tools/lab/baselines/{name}.py" for name in ("cloud", "result", "packages", "icp"))
+_FEATURE_SOURCES = (*_POINT_SOURCES, "tools/lab/baselines/features.py")
+_KISS_SOURCES = (*_FEATURE_SOURCES, "tools/lab/baselines/kiss.py")
+_GICP_SOURCES = (*_POINT_SOURCES, "tools/lab/baselines/gicp.py")
+_PLANE_SOURCES = (*_POINT_SOURCES, "tools/lab/baselines/planes", "slam/map/cell.py")
+ALL_METHODS = (*_DEVICE_SOURCES, "tools/lab/baselines", "tools/methods/registry.py", "slam/map/cell.py")
+
+
+@dataclass(frozen=True, slots=True)
+class Setup:
+    """What a method is built from; each uses the fields that mean something to it.
+
+    Attributes:
+        grid: which the scans share. Methods that work on points thin them to one per voxel of its size.
+        device: of the spectral methods, as `choose_device` takes it.
+        seed: of the methods that draw at random.
+        changes: fields of the SpectralConfig or HemisphereConfig that are not at their defaults, with their values.
+    """
+
+    grid: Grid
+    device: str | None = None
+    seed: int = 0
+    changes: Mapping[str, Any] = field(default_factory=dict)
+
+
+@dataclass(frozen=True, slots=True)
+class Method:
+    """A method of registration.
+
+    Attributes:
+        title: what it is, in words.
+        make: builds the registrar.
+        sources: folders and files whose code decides its results.
+        options: the command line's options that change its results, by their parameters' names, beside the voxel.
+        package: what pip has to install beyond sonarmap's own; "" for nothing.
+    """
+
+    title: str
+    make: Callable[[Setup], Registrar]
+    sources: tuple[str, ...]
+    options: frozenset[str] = frozenset()
+    package: str = ""
+
+
+def build(name: str, grid: Grid, device: str | None = None, seed: int = 0) -> Registrar:
+    """A method with its defaults: what experiments compare.
+
+    Args:
+        name: a key of METHODS.
+        grid: which the scans share.
+        device: of the spectral methods, as `choose_device` takes it; the others use none.
+        seed: of the methods that draw at random.
+
+    Raises:
+        InputError: there is no such method, or the package that it needs is not installed.
+        DeviceError: there is no such device, or it is too small.
+    """
+    return find_method(name).make(Setup(grid, device, seed))
+
+
+def find_method(name: str) -> Method:
+    """The method of this name.
+
+    Raises:
+        InputError: there is none.
+    """
+    if name not in METHODS:
+        raise InputError(f"no method is called {name!r}; wanted one of {', '.join(METHODS)}")
+    return METHODS[name]
+
+
+def is_installed(name: str) -> bool:
+    """Whether the package that a method needs is there; true for a method that needs none."""
+    from sonarmap.spectral.grid import Grid
+
+    if not find_method(name).package:
+        return True
+    try:
+        build(name, Grid(16, 1.0))
+    except InputError:
+        return False
+    return True
+
+
+def _spectral(setup: Setup) -> Registrar:
+    from sonarmap.kernels.device.device import choose_device
+    from sonarmap.spectral.registration import SpectralConfig, SpectralRegistrar
+
+    return SpectralRegistrar(choose_device(setup.device), setup.grid, SpectralConfig(**setup.changes))
+
+
+def _hemisphere(setup: Setup) -> Registrar:
+    from sonarmap.kernels.device.device import choose_device
+    from sonarmap.spectral.hemisphere.registration import HemisphereConfig, HemisphereRegistrar
+
+    config = replace(HemisphereConfig.paper(), **setup.changes)
+    return HemisphereRegistrar(choose_device(setup.device), setup.grid, config)
+
+
+def _of_lab(registrar: str, *arguments: Any, seeded: bool = False) -> Callable[[Setup], Registrar]:
+    """What builds a method that others made: the class of `tools.lab.baselines`, by name, as the laboratory is built on
+    this list, and what it takes beside the voxel and the seed."""
+
+    def make(setup: Setup) -> Registrar:
+        load_package("open3d", "open3d", "this method", "lab")
+        module, _, name = registrar.partition(":")
+        seed = (setup.seed,) if seeded else ()
+        made = getattr(import_module(f"sonarmap.tools.lab.baselines.{module}"), name)
+        return made(setup.grid.voxel, *arguments, *seed)
+
+    return make
+
+
+# Name, as --method takes it -> method
+METHODS: Mapping[str, Method] = MappingProxyType(
+    {
+        DEFAULT_METHOD: Method(
+            "rotations from all of SO(3), verified by what the scans saw", _spectral, _DEVICE_SOURCES, _SPECTRAL
+        ),
+        "hemisphere": Method(
+            "the paper's chain: one yaw peak, no refinement", _hemisphere, _DEVICE_SOURCES, _HEMISPHERE
+        ),
+        "planes": Method(
+            "plane patches, matched (Pathak et al. 2010)", _of_lab("planes.registrar:PlaneRegistrar"), _PLANE_SOURCES
+        ),
+        "icp": Method("ICP point to point from the identity (Open3D)", _of_lab("icp:IcpRegistrar"), _POINT_SOURCES),
+        "icp-plane": Method(
+            "ICP point to plane from the identity (Open3D)", _of_lab("icp:IcpRegistrar", "plane"), _POINT_SOURCES
+        ),
+        "fpfh-ransac": Method(
+            "FPFH features, RANSAC, then ICP (Open3D)",
+            _of_lab("features:FeatureRegistrar", "ransac", seeded=True),
+            _FEATURE_SOURCES,
+            _SEEDED,
+        ),
+        "fpfh-fgr": Method(
+            "FPFH features, fast global registration, then ICP (Open3D)",
+            _of_lab("features:FeatureRegistrar", "fgr", seeded=True),
+            _FEATURE_SOURCES,
+            _SEEDED,
+        ),
+        "kiss": Method("KISS-Matcher, then ICP", _of_lab("kiss:KissRegistrar"), _KISS_SOURCES, package="kiss-matcher"),
+        "gicp": Method(
+            "generalized ICP from the identity (small_gicp)",
+            _of_lab("gicp:GicpRegistrar"),
+            _GICP_SOURCES,
+            package="small_gicp",
+        ),
+    }
+)

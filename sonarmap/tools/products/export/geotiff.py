@@ -1,0 +1,165 @@
+# pyright: strict, reportMissingTypeStubs=false, reportUnknownMemberType=false
+# pyright: reportUnknownVariableType=false, reportUnknownArgumentType=false
+"""GeoTIFF: the map from above in projected coordinates, north up."""
+
+from collections.abc import Mapping
+from importlib.metadata import version
+from pathlib import Path
+from typing import Any
+from xml.etree import ElementTree
+from xml.etree.ElementTree import Element, SubElement
+
+import numpy as np
+
+from sonarmap.kernels.errors import InputError
+from sonarmap.tools.files.geo.georeference import VERTICALS
+from sonarmap.tools.files.map_folder.folder import MapFolder, MapPart
+from sonarmap.tools.files.writers.atomic import atomic_path
+from sonarmap.tools.products.export.georeferenced import Georeferenced
+from sonarmap.tools.products.export.grid import HEIGHT_COLORS, Cells, check_size, shown_heights, top_cells
+
+NODATA = -9999.0
+_BLOCK = 256  # edge of a tile
+_BANDS = ("height", "sigma", "count")
+_STEPS = 17  # of the colors in QGIS, which blends between them
+
+
+def write_geotiff(path: Path, folder: MapFolder, part: MapPart, earth: Georeferenced | None) -> None:
+    """Write heights of the uppermost surface (band 1), their standard deviations (2), and how many sonar points (3).
+
+    Cells are `earth.cell` wide, or one voxel; their edges lie at multiples of that, so that grids of two maps fit each
+    other. A cell without points has no value: nothing is interpolated. Beside it stands the style that QGIS shows
+    it in.
+
+    Raises:
+        InputError: the grid is too large, or the file cannot be written.
+    """
+    import rasterio
+
+    if earth is None:
+        raise InputError(f"{path.name} needs the map's place on the Earth")
+    cell = earth.cell or folder.voxel
+    cells, left, top, (rows, columns) = _cells(earth, cell)
+    profile: dict[str, Any] = {
+        "driver": "GTiff",
+        "dtype": "float32",
+        "count": len(_BANDS),
+        "height": rows,
+        "width": columns,
+        # without the heights' CRS, which the tags name: many programs look a plain code up, and GDAL loses one of 3D
+        "crs": rasterio.CRS.from_wkt(earth.projection.crs.to_wkt()),
+        "transform": rasterio.Affine(cell, 0, left * cell, 0, -cell, top * cell),
+        "nodata": NODATA,
+        "tiled": True,
+        "blockxsize": _BLOCK,
+        "blockysize": _BLOCK,
+        "compress": "deflate",
+        "predictor": 3,  # of floating-point numbers
+        "bigtiff": "if_safer",
+        "sparse_ok": True,
+    }
+    with atomic_path(path) as temporary:
+        with rasterio.open(temporary, "w", **profile) as raster:
+            _describe(raster, earth)
+            _fill(raster, cells, rows, columns)
+        _require_whole(temporary, path)
+    with atomic_path(path.with_suffix(".qml")) as temporary:
+        temporary.write_bytes(_qgis_style(earth))
+
+
+def geotiff_details(part: MapPart, earth: Georeferenced | None) -> Mapping[str, Any]:
+    """What the bands mean, for the side-car."""
+    return {
+        "band_1": "height [m], positive up: mean of the points within one voxel below the cell's highest, weighted by "
+        "1 / sigma^2",
+        "band_2": "standard deviation of the height [m]",
+        "band_3": "number of sonar points that the height is from",
+        "cell_m": None if earth is None else earth.cell or earth.folder.voxel,
+        "nodata": NODATA,
+        "pixels": "areas: a cell's value holds for all of it; cells without points are empty",
+    }
+
+
+def _cells(earth: Georeferenced, cell: float) -> tuple[Cells, int, int, tuple[int, int]]:
+    """The cells with points, the grid's left and upper edges [cells], and its rows and columns."""
+    projected, columns = earth.projected_points, earth.part.columns
+    place = np.floor(projected[:, :2] / cell).astype(np.int64)
+    left, top = int(place[:, 0].min()), int(place[:, 1].max()) + 1
+    row, column = top - 1 - place[:, 1], place[:, 0] - left
+    shape = int(row.max()) + 1, int(column.max()) + 1
+    check_size(*shape, cell)
+    voxel = earth.folder.voxel
+    return top_cells(row, column, projected[:, 2], columns["sigma"], columns["count"], voxel), left, top, shape
+
+
+def _describe(raster: Any, earth: Georeferenced) -> None:
+    vertical, epsg = VERTICALS[earth.georeference.vertical], earth.projection.vertical_epsg
+    raster.update_tags(
+        AREA_OR_POINT="Area",
+        TIFFTAG_SOFTWARE=f"sonarmap {version('sonarmap')}",
+        VERTICAL_REFERENCE=f"heights count from {vertical}{f' (EPSG:{epsg})' if epsg else ''}",
+        SIGN="heights are positive up; a depth is minus the height",
+    )
+    raster.descriptions = (f"height above {vertical}", "standard deviation of the height", "number of sonar points")
+    raster.units = ("m", "m", "points")
+
+
+def _fill(raster: Any, cells: Cells, rows: int, columns: int) -> None:
+    """Write the tiles that hold points, a row of tiles at a time; what is not written reads as no value."""
+    from rasterio.windows import Window
+
+    starts = np.searchsorted(cells.row, np.arange(0, rows + _BLOCK, _BLOCK))
+    for first, last in zip(starts[:-1].tolist(), starts[1:].tolist(), strict=True):
+        tile = cells.column[first:last] // _BLOCK
+        for number in np.unique(tile).tolist():
+            here = np.arange(first, last)[tile == number]
+            upper, left = int(cells.row[first]) // _BLOCK * _BLOCK, number * _BLOCK
+            shape = min(_BLOCK, rows - upper), min(_BLOCK, columns - left)
+            values = np.full((len(_BANDS), *shape), NODATA, np.float32)
+            values[:, cells.row[here] - upper, cells.column[here] - left] = [
+                getattr(cells, band)[here] for band in _BANDS
+            ]
+            raster.write(values, window=Window.from_slices((upper, upper + shape[0]), (left, left + shape[1])))
+
+
+def _require_whole(temporary: Path, path: Path) -> None:
+    """Read the raster once: GDAL writes its last tiles when it closes a file, and does not say if the disk is full.
+
+    Raises:
+        InputError: it is not whole.
+    """
+    import rasterio
+    from rasterio.errors import RasterioError
+
+    try:
+        with rasterio.open(temporary) as raster:
+            for _, window in raster.block_windows(1):
+                raster.read(window=window)
+    except RasterioError as error:
+        raise InputError(f"cannot write {path}: {error}. Make room, or choose another folder") from error
+
+
+def _qgis_style(earth: Georeferenced) -> bytes:
+    """Band 1 in the colors of the KMZ's picture: left alone, QGIS mixes the three bands to red, green and blue.
+
+    QGIS reads the file of the same name when it opens the raster. Nothing else may have that name: a KML layer beside a
+    style for rasters loses its own colors.
+    """
+    from matplotlib import colormaps, colors
+
+    low, high = shown_heights(earth)
+    root = Element("qgis", {"version": "3.22.0", "styleCategories": "Symbology"})
+    pipe = SubElement(root, "pipe")
+    band = {"type": "singlebandpseudocolor", "band": "1", "opacity": "1", "alphaBand": "-1"}
+    limits = {"classificationMin": f"{low:.4f}", "classificationMax": f"{high:.4f}"}
+    shader = SubElement(SubElement(pipe, "rasterrenderer", {**band, **limits}), "rastershader")
+    limits = {"minimumValue": f"{low:.4f}", "maximumValue": f"{high:.4f}"}
+    kind = {"colorRampType": "INTERPOLATED", "classificationMode": "2", "clip": "0"}
+    ramp = SubElement(shader, "colorrampshader", {**kind, **limits})
+    for share in np.linspace(0, 1, _STEPS).tolist():
+        height = low + share * (high - low)
+        color = colors.to_hex(colormaps[HEIGHT_COLORS](share))
+        SubElement(ramp, "item", {"value": f"{height:.4f}", "label": f"{height:.2f} m", "color": color, "alpha": "255"})
+    ElementTree.indent(root)
+    text: bytes = ElementTree.tostring(root, encoding="utf-8", xml_declaration=True)
+    return text

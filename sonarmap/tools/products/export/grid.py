@@ -1,0 +1,88 @@
+# pyright: strict
+"""A map from above, as a grid: one height for every cell, whatever walls and overhangs there are.
+
+The height of a cell is that of its uppermost surface: the mean of the points that lie within one voxel below its
+highest point, weighted by 1 / sigma^2. On a bed that is the weighted mean that CUBE and BAG grids hold; where there
+are several surfaces above one another, it is the shoalest, as on a chart: what is above a wall's foot or below an
+overhang does not pull it down.
+"""
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from sonarmap.kernels.errors import InputError
+from sonarmap.tools.products.export.georeferenced import Georeferenced
+
+MOST_CELLS = 4_000_000_000  # of a grid, with or without points: 63 km square at 1 m
+HEIGHT_COLORS = "viridis"  # of matplotlib
+_EXTREMES = (0.01, 0.99)  # quantiles of the heights between which the colors change
+_LEAST_SIGMA = 1e-6  # [m]
+
+
+@dataclass(frozen=True, slots=True)
+class Cells:
+    """The cells of a grid that hold points, ordered by row, then column.
+
+    Attributes:
+        row, column: (K,) int64.
+        height: (K,) float64 [m], positive up.
+        sigma: (K,) float64, standard deviation of the height [m]: of the points, and how far they are apart.
+        count: (K,) float64, number of sonar points that the height is from.
+    """
+
+    row: np.ndarray
+    column: np.ndarray
+    height: np.ndarray
+    sigma: np.ndarray
+    count: np.ndarray
+
+
+def top_cells(
+    row: np.ndarray, column: np.ndarray, height: np.ndarray, sigma: np.ndarray, count: np.ndarray, voxel: float
+) -> Cells:
+    """The uppermost surface of every cell.
+
+    Args:
+        row, column: (M,) int64, the cells of M points, none negative.
+        height, sigma: (M,) of the points [m].
+        count: (M,) number of sonar points in each.
+        voxel: points this far below a cell's highest one belong to its surface [m].
+    """
+    width = int(column.max(initial=0)) + 1
+    cells, cell = np.unique(row * width + column, return_inverse=True)
+    top = np.full(len(cells), -np.inf)
+    np.maximum.at(top, cell, height)
+    surface = height >= top[cell] - voxel
+    cell, height, sigma, count = cell[surface], height[surface], sigma[surface].astype(np.float64), count[surface]
+
+    def summed(values: np.ndarray) -> np.ndarray:
+        return np.bincount(cell, values, len(cells))
+
+    weight = np.maximum(sigma, _LEAST_SIGMA) ** -2
+    total = summed(weight)
+    mean = top + summed(weight * (height - top[cell])) / total
+    # errors of points close together are those of the poses that they share: they do not average out
+    variance = summed(weight * (sigma**2 + (height - mean[cell]) ** 2)) / total
+    return Cells(cells // width, cells % width, mean, np.sqrt(variance), summed(count))
+
+
+def check_size(rows: int, columns: int, cell: float) -> None:
+    """Refuse a grid too large to be of use.
+
+    Raises:
+        InputError: naming the option that changes it.
+    """
+    if rows * columns > MOST_CELLS:
+        raise InputError(
+            f"a grid with cells of {cell:g} m has {rows:,} rows and {columns:,} columns, more than {MOST_CELLS:,} "
+            "cells; give larger ones with --cell M"
+        )
+
+
+def shown_heights(earth: Georeferenced) -> tuple[float, float]:
+    """Between which heights the colors change [m]: those of points that more than one scan saw, if there are any."""
+    height, seen = earth.points[:, 2], earth.part.columns["seen"] >= 2
+    height = height[seen] if seen.any() else height
+    low, high = np.quantile(height, _EXTREMES).tolist()
+    return (low, high) if high > low else (low - 0.5, high + 0.5)

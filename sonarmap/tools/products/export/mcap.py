@@ -1,0 +1,159 @@
+# pyright: strict, reportMissingTypeStubs=false, reportUnknownMemberType=false
+# pyright: reportUnknownVariableType=false, reportUnknownArgumentType=false
+"""The map, its track and poses over time as MCAP with messages of ROS 2.
+
+Foxglove, Lichtblick and Rerun open these, and so do RViz, `ros2 bag`, rosbags and evo, which know no Foxglove messages.
+"""
+
+from collections.abc import Mapping, Sequence
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+
+from sonarmap.tools.files.map_folder.folder import MapFolder, MapPart
+from sonarmap.tools.files.time_scales import are_times
+from sonarmap.tools.files.versions import package_versions
+from sonarmap.tools.files.writers.atomic import atomic_path
+from sonarmap.tools.files.writers.records import float32_origin, pack_records
+from sonarmap.tools.files.writers.tum import pose_numbers
+from sonarmap.tools.products.export.georeferenced import Georeferenced
+from sonarmap.tools.products.export.navigation import Navigation
+
+if TYPE_CHECKING:
+    from mcap.writer import Writer
+
+MAP, CLOUD, SENSOR = "map", "map_cloud", "sensor"  # frames
+_DATATYPES = {"i1": 1, "u1": 2, "i2": 3, "u2": 4, "i4": 5, "u4": 6, "f4": 7, "f8": 8}  # of sensor_msgs/PointField
+_KNOWN = 3  # NavSatFix.COVARIANCE_TYPE_KNOWN
+
+
+def write_mcap(path: Path, folder: MapFolder, part: MapPart, earth: Georeferenced | None) -> None:
+    """Write the cloud and the track at the first stamp, and poses at their own; with `earth` positions too.
+
+    Raises:
+        InputError: the file cannot be written.
+    """
+    from mcap.writer import Writer
+
+    with atomic_path(path) as temporary, temporary.open("wb") as file:
+        writer = Writer(file)
+        writer.start(profile="ros2", library=f"sonarmap {package_versions()['sonarmap']}")
+        ros = _Ros(writer)
+        first = float(part.trajectory.stamps.min())
+        _write_clouds(ros, part, first)
+        _write_poses(ros, part, first)
+        if earth is not None:
+            _write_positions(ros, Navigation.of(earth))
+        writer.add_metadata("sonarmap", _meaning(part, earth))
+        writer.finish()
+
+
+class _Ros:
+    """Messages of ROS 2 in an MCAP file: `write` takes a message's fields, `make` builds the messages inside it."""
+
+    def __init__(self, writer: "Writer") -> None:
+        from rosbags.typesys import Stores, get_typestore
+
+        self._writer = writer
+        self._types = get_typestore(Stores.ROS2_HUMBLE)
+        self._channels: dict[str, int] = {}
+
+    def make(self, name: str, *fields: Any) -> Any:
+        """A message of the type, as geometry_msgs/msg/Point, with its fields in order."""
+        return self._types.types[name](*fields)
+
+    def header(self, stamp: float, frame: str) -> Any:
+        seconds, nanoseconds = divmod(_nanoseconds(stamp), 10**9)
+        time = self.make("builtin_interfaces/msg/Time", seconds, nanoseconds)
+        return self.make("std_msgs/msg/Header", time, frame)
+
+    def pose(self, stamp: float, numbers: Sequence[float]) -> Any:
+        """A PoseStamped of x, y, z and the quaternion x, y, z, w in the map's frame."""
+        point = self.make("geometry_msgs/msg/Point", *numbers[:3])
+        quaternion = self.make("geometry_msgs/msg/Quaternion", *numbers[3:])
+        pose = self.make("geometry_msgs/msg/Pose", point, quaternion)
+        return self.make("geometry_msgs/msg/PoseStamped", self.header(stamp, MAP), pose)
+
+    def transforms(self, stamp: float, child: str, numbers: Sequence[float]) -> Any:
+        """A TFMessage with T_map_child: x, y, z and the quaternion x, y, z, w."""
+        shift = self.make("geometry_msgs/msg/Vector3", *numbers[:3])
+        quaternion = self.make("geometry_msgs/msg/Quaternion", *numbers[3:])
+        transform = self.make("geometry_msgs/msg/Transform", shift, quaternion)
+        stamped = self.make("geometry_msgs/msg/TransformStamped", self.header(stamp, MAP), child, transform)
+        return self.make("tf2_msgs/msg/TFMessage", [stamped])
+
+    def write(self, topic: str, stamp: float, message: Any) -> None:
+        if topic not in self._channels:
+            name: str = message.__msgtype__
+            definition, _ = self._types.generate_msgdef(name, ros_version=2)
+            schema = self._writer.register_schema(name, "ros2msg", definition.encode())
+            self._channels[topic] = self._writer.register_channel(topic, "cdr", schema)
+        time = _nanoseconds(stamp)
+        content = bytes(self._types.serialize_cdr(message, message.__msgtype__))
+        self._writer.add_message(self._channels[topic], time, content, time)
+
+
+def _nanoseconds(stamp: float) -> int:
+    return round(stamp * 1e9)
+
+
+def _write_clouds(ros: _Ros, part: MapPart, first: float) -> None:
+    """The map and the track in float32, which viewers draw, in a frame of their own where the map lies far from 0."""
+    origin = float32_origin(part.points)
+    frame = CLOUD if origin.any() else MAP
+    if frame == CLOUD:
+        ros.write("/tf_static", first, ros.transforms(first, CLOUD, [*origin.tolist(), 0.0, 0.0, 0.0, 1.0]))
+    track, scans = part.trajectory.T_world_sensor.translation, np.array(part.scans, np.int32)
+    header = ros.header(first, frame)
+    ros.write("/map/points", first, _cloud(ros, header, part.points - origin, part.columns))
+    ros.write("/track/points", first, _cloud(ros, header, track - origin, {"scan": scans}))  # Rerun draws no Path
+
+
+def _cloud(ros: _Ros, header: Any, points: np.ndarray, columns: Mapping[str, np.ndarray]) -> Any:
+    """A PointCloud2 of points (N, 3) [m] and what else is known of each."""
+    records = pack_records(points.astype(np.float32), columns)
+    dtypes = [records.dtype[name] for name in records.dtype.names or ()]
+    ends = np.cumsum([dtype.itemsize for dtype in dtypes]).tolist()
+    fields = [
+        ros.make("sensor_msgs/msg/PointField", name, end - dtype.itemsize, _DATATYPES[dtype.str[1:]], 1)
+        for name, dtype, end in zip(records.dtype.names or (), dtypes, ends, strict=True)
+    ]
+    size = (len(records), fields, False, ends[-1], ends[-1] * len(records))
+    return ros.make("sensor_msgs/msg/PointCloud2", header, 1, *size, records.view(np.uint8), True)
+
+
+def _write_poses(ros: _Ros, part: MapPart, first: float) -> None:
+    """The track in the order of the survey, then poses and transforms in the order of time."""
+    stamps, numbers = part.trajectory.stamps.tolist(), pose_numbers(part.trajectory.T_world_sensor).tolist()
+    poses = [ros.pose(stamp, pose) for stamp, pose in zip(stamps, numbers, strict=True)]
+    ros.write("/track", first, ros.make("nav_msgs/msg/Path", ros.header(first, MAP), poses))
+    for k in np.argsort(part.trajectory.stamps, kind="stable").tolist():
+        ros.write("/tf", stamps[k], ros.transforms(stamps[k], SENSOR, numbers[k]))
+        ros.write("/pose", stamps[k], poses[k])
+
+
+def _write_positions(ros: _Ros, navigation: Navigation) -> None:
+    """NavSatFix, whose altitude is above the WGS84 ellipsoid or not a number."""
+    status = ros.make("sensor_msgs/msg/NavSatStatus", 0, 0)
+    for k in np.argsort(navigation.stamps, kind="stable").tolist():
+        stamp = float(navigation.stamps[k])
+        latitude, longitude, height = navigation.geodetic[k].tolist()
+        altitude = height if navigation.vertical == "ellipsoid" else float("nan")
+        covariance = navigation.covariances[k, :3, :3].reshape(9)
+        place = (ros.header(stamp, SENSOR), status, latitude, longitude, altitude, covariance, _KNOWN)
+        ros.write("/position", stamp, ros.make("sensor_msgs/msg/NavSatFix", *place))
+
+
+def _meaning(part: MapPart, earth: Georeferenced | None) -> dict[str, str]:
+    """Frames and units, for who has no page beside the file."""
+    meaning = {
+        "units": "m, s",
+        "map": "East-North-Up" if part.in_world else "frame of the first pose",
+        "sensor": "x forward, y left, z up",
+        "time": "UTC" if are_times(part.trajectory.stamps) else "a counter",
+    }
+    if earth is None:
+        return meaning
+    place = {name: str(value) for name, value in earth.georeference.to_json().items()}
+    return meaning | {"datum": "WGS84", "crs": earth.projection.name} | place

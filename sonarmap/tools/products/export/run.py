@@ -1,0 +1,225 @@
+# pyright: strict
+"""A finished map to the formats of other programs: all chosen files of all parts, or none."""
+
+import re
+from collections.abc import Callable, Sequence
+from contextlib import nullcontext
+from dataclasses import dataclass
+from pathlib import Path
+
+import numpy as np
+
+from sonarmap.kernels.errors import InputError
+from sonarmap.tools.files.geo.georeference import EAST, VERTICALS, Georeference
+from sonarmap.tools.files.geo.projection import Projection
+from sonarmap.tools.files.map_folder.folder import MapFolder, MapPart
+from sonarmap.tools.files.map_folder.names import OF_ALL, SUMMARY, earlier_files, side_car
+from sonarmap.tools.files.writers.atomic import all_or_none, require_writable
+from sonarmap.tools.files.writers.folder_lock import locked
+from sonarmap.tools.files.writers.json_text import write_json
+from sonarmap.tools.products.export.formats import FORMATS
+from sonarmap.tools.products.export.georeferenced import Georeferenced
+from sonarmap.tools.products.export.side_car import side_car_content
+
+
+@dataclass(frozen=True, slots=True)
+class ExportSettings:
+    """What is exported, and how.
+
+    Attributes:
+        formats: names of FORMATS.
+        crs: of projected coordinates, such as EPSG:25832; None for the UTM zone of the map's origin.
+        cell: edge of a cell of grids and pictures [m]; None for the map's voxel.
+    """
+
+    formats: tuple[str, ...]
+    crs: str | None = None
+    cell: float | None = None
+
+    @property
+    def needing_place(self) -> tuple[str, ...]:
+        """Those that cannot be written of a map whose place is not known."""
+        return tuple(name for name in self.formats if FORMATS[name].needs_place)
+
+
+@dataclass(frozen=True, slots=True)
+class Exported:
+    """Attributes:
+    files: all that were written, each with its side-car after it.
+    notes: what the user should know, in words.
+    """
+
+    files: tuple[Path, ...]
+    notes: tuple[str, ...]
+
+
+def check_settings(settings: ExportSettings, georeference: Georeference | None, stamps: Sequence[float]) -> None:
+    """Refuse what cannot be exported, before a map is computed.
+
+    Args:
+        settings: what to write.
+        georeference: where the map lies on the Earth, if that is known.
+        stamps: of the scans [s].
+
+    Raises:
+        InputError: formats that need a place without one, or other stamps, or a CRS that cannot be used there.
+    """
+    for name in settings.formats:
+        low, high, (first, end) = min(stamps), max(stamps), FORMATS[name].stamps
+        if not first <= low <= high < end:
+            raise InputError(
+                f"{name} needs stamps from {first:.0f} to {end:.0f} s, and those of the scans are {low:g} to {high:g}. "
+                "Give scans that carry times (Unix seconds), or leave this format out"
+            )
+    if georeference is not None:
+        Projection.of(georeference, settings.crs)
+    elif settings.needing_place:
+        raise InputError(
+            f"it is not known where the map lies on the Earth, which {' and '.join(settings.needing_place)} "
+            f"need{'s' if len(settings.needing_place) == 1 else ''}; say it with --origin LAT,LON[,HEIGHT]"
+        )
+    elif settings.crs is not None:
+        raise InputError("--crs has no effect on a map whose place is not known; give --origin too, or leave it out")
+
+
+def check_files(settings: ExportSettings, out: Path) -> None:
+    """Refuse, before a map is computed, to replace a file in its folder that neither a map nor an export wrote.
+
+    Raises:
+        InputError: naming the file.
+    """
+    names = [re.escape(file).replace(r"\{\}", r"(_\d+)?") for name in settings.formats for file in FORMATS[name].files]
+    ours = {*earlier_files(out), *OF_ALL}
+    for path in sorted(out.glob("*")):
+        if path.name not in ours and re.fullmatch("|".join(names), path.name):
+            _require_ours(path)
+
+
+def export_map(
+    folder: MapFolder, to: Path, settings: ExportSettings, step: Callable[[int, int, str], None] | None = None
+) -> Exported:
+    """Write a map in the chosen formats, and beside every file its side-car, all together or none.
+
+    A part whose place on the Earth is not known is left out of the formats that need it. Files that an earlier export
+    wrote are replaced. In the map's own folder they are listed in summary.json, so that the next `sonarmap map` there
+    removes them.
+
+    Args:
+        folder: the map.
+        to: the folder for the files; made where it is missing.
+        settings: what to write.
+        step: called with (files written, files in all, the last one's name).
+
+    Raises:
+        InputError: see `check_settings`; a file is there that no export wrote; one cannot be written.
+    """
+    stamps = [stamp for part in folder.parts for stamp in part.trajectory.stamps.tolist()]
+    check_settings(settings, folder.georeference, stamps)
+    _refuse_second_heading(folder)
+    earths = {part.suffix: _on_earth(folder, part, settings) for part in folder.parts}
+    jobs = [
+        (name, part)
+        for name in settings.formats
+        for part in folder.parts[: 1 if FORMATS[name].of_all_parts else None]
+        if earths[part.suffix] is not None or not FORMATS[name].needs_place
+    ]
+    require_writable(to)
+    in_map = to.resolve() == folder.path.resolve()
+    with nullcontext() if in_map else locked(to, writing=True), all_or_none() as written:
+        for name, part in jobs:
+            _require_ours(to / FORMATS[name].file.format(part.suffix))
+        for done, (name, part) in enumerate(jobs):
+            if step is not None:
+                step(done, len(jobs), FORMATS[name].file.format(part.suffix))
+            _write(to, name, folder, part, earths[part.suffix], written)
+        if step is not None:
+            step(len(jobs), len(jobs), "")
+        files = tuple(path for _, path in written)
+        if in_map:
+            listed = dict.fromkeys([*folder.summary.get("files", []), *(path.name for path in files)])
+            write_json(to / SUMMARY, {**folder.summary, "files": list(listed)})
+    return Exported(files, tuple(_notes(folder, settings, earths)))
+
+
+def _on_earth(folder: MapFolder, part: MapPart, settings: ExportSettings) -> Georeferenced | None:
+    if folder.georeference is None or not folder.on_earth(part):
+        return None
+    projection = Projection.of(folder.georeference, settings.crs)
+    return Georeferenced(folder, part, folder.georeference, projection, settings.cell)
+
+
+def _write(
+    to: Path,
+    name: str,
+    folder: MapFolder,
+    part: MapPart,
+    earth: Georeferenced | None,
+    written: Sequence[tuple[Path, Path]],
+) -> None:
+    """Write one format of one part, which may be several files, and what stands beside each."""
+    before = len(written)
+    FORMATS[name].write(to / FORMATS[name].file.format(part.suffix), folder, part, earth)
+    for temporary, path in tuple(written[before:]):
+        _require_ours(path)
+        content = side_car_content(temporary, path.name, name, folder, part, earth)
+        write_json(path.with_name(side_car(path.name)), content)
+
+
+def _refuse_second_heading(folder: MapFolder) -> None:
+    """Refuse a heading of the x axis where instruments measured headings, by which it points East.
+
+    Raises:
+        InputError: there are both.
+    """
+    turned = folder.georeference is not None and folder.georeference.heading != EAST
+    if turned and any(part.knows("heading") and folder.on_earth(part) for part in folder.parts):
+        raise InputError("--origin-heading: headings were measured, which say where the map points; leave it out")
+
+
+def _require_ours(path: Path) -> None:
+    """Refuse to replace a file that is no export: the map's own, or whatever else lies there.
+
+    Raises:
+        InputError: naming it.
+    """
+    if path.exists() and not path.with_name(side_car(path.name)).exists():
+        raise InputError(
+            f"{path} is there already, and no export of sonarmap (it has no {side_car(path.name)} beside it); choose "
+            "another folder, or move the file away"
+        )
+
+
+def _notes(folder: MapFolder, settings: ExportSettings, earths: dict[str, Georeferenced | None]) -> list[str]:
+    """What the user should know about the places."""
+    notes: list[str] = []
+    placed = [earth for earth in earths.values() if earth is not None]
+    if settings.needing_place and len(placed) < len(earths):
+        lost = ", ".join(f"map{suffix}.ply" for suffix, earth in earths.items() if earth is None)
+        notes.append(f"{lost}: it is not known where this lies on the Earth; left out of {_listed(settings)}")
+    if not placed:
+        return notes
+    first, places = placed[0], np.concatenate([earth.points for earth in placed])
+    if first.projection.crosses_zone(places):
+        notes.append(f"the map lies in more than one UTM zone, or in another; all of it is in {first.projection.name}")
+    elif settings.crs is not None and not first.projection.covers(places):
+        notes.append(f"the map lies outside the area for which {first.projection.name} was made")
+    return notes + _notes_of_frame(first.part, first.georeference)
+
+
+def _notes_of_frame(part: MapPart, here: Georeference) -> list[str]:
+    """What nothing measured, and is taken from the origin or from the first scan."""
+    notes: list[str] = []
+    if not part.knows("tilt_x"):
+        notes.append("no attitude was measured: the map is as level as the sensor was at its first scan")
+    if not part.knows("up") and here.height == 0:
+        notes.append(
+            f"no depth was measured: heights count from the map's first scan, taken to be at the height of "
+            f"{VERTICALS[here.vertical]}; give its height as in --origin {here.latitude:g},{here.longitude:g},-12.5"
+        )
+    if not part.knows("heading") and here.heading == EAST:
+        notes.append("no heading was measured: the map's x axis is taken to point East; --origin-heading turns it")
+    return notes
+
+
+def _listed(settings: ExportSettings) -> str:
+    return ", ".join(settings.needing_place)

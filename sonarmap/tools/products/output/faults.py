@@ -1,0 +1,157 @@
+"""What the user of a finished map should look at, in words, the most important first."""
+
+from collections.abc import Iterator, Sequence
+from statistics import median
+
+from sonarmap.slam.graph.edge import components
+from sonarmap.slam.pair import DEFECT, Pair
+from sonarmap.slam.parts import placed, unplaced
+from sonarmap.slam.survey_result import SurveyResult
+from sonarmap.tools.products.output.hand_faults import control_faults, tie_faults
+
+UNMOVED = 0.001  # poses moved by less than this were not moved [voxels]
+LISTED = 10  # names of scans in a sentence
+_FEWEST_STEPS = 4  # that tell what is usual
+_FAR_OFF, _LITTLE = 6.0, 2 / 3  # median absolute deviations below the median, and a share of it: a step to look at
+_EACH = 3  # gaps or fixes that get a sentence each; more share one
+
+
+def faults(result: SurveyResult, names: Sequence[str]) -> list[str]:
+    """Errors of the method, several parts, scans without a place, gaps, odd steps, ties and control points that do not
+    fit, wrong fixes, loops without effect, and stray points: a sentence each.
+
+    What one scan is to blame for is in one sentence, about that scan. Arguments of the library are in backticks.
+
+    Args:
+        result: the survey.
+        names: of its scans, in their order.
+    """
+    unusable = _unusable(result, names)
+    return [
+        *_of_defects(result, names),
+        *_of_parts(result, names, unusable),
+        *_of_gaps(result, names, unusable),
+        *_of_steps(result, names),
+        *tie_faults(result, names),
+        *control_faults(result, names),
+        *_of_fixes(result, names),
+        *_of_the_whole(result),
+    ]
+
+
+def _unusable(result: SurveyResult, names: Sequence[str]) -> dict[int, str]:
+    """The scans that no pair could be registered with, always for the same reason, which is their own."""
+    reasons: dict[int, set[str]] = {}
+    for pair in result.pairs:
+        for k in pair.scans:
+            reasons.setdefault(k, set()).add(pair.failure if pair.registration is None else "")
+    own = {k: given.pop() for k, given in reasons.items() if len(given) == 1}
+    return {k: reason.removeprefix(f"{names[k]}: ") for k, reason in own.items() if reason.startswith(f"{names[k]}: ")}
+
+
+def _of_defects(result: SurveyResult, names: Sequence[str]) -> Iterator[str]:
+    defects = [pair for pair in result.pairs if pair.is_defect]
+    if defects:
+        first = defects[0]
+        yield (
+            f"{len(defects)} of {len(result.pairs)} pairs ended by an error of the method, which says nothing of the "
+            f"scans, as {names[first.i]} and {names[first.j]}: {first.failure.removeprefix(DEFECT)}"
+        )
+
+
+def _of_parts(result: SurveyResult, names: Sequence[str], unusable: dict[int, str]) -> Iterator[str]:
+    parts, outside = placed(result.components), unplaced(result.components)
+    if len(parts) > 1:
+        yield (
+            f"no reliable registration joins all the scans: there are {len(parts)} separate parts, each with its own "
+            "map; the largest is map.ply"
+        )
+    yield from _of_scans(outside, ("is in no map", "are in no map"), names, unusable)
+    alone = ("lies in the map by navigation alone", "lie in the map by navigation alone")
+    yield from _of_scans(result.by_navigation, alone, names, unusable)
+
+
+def _of_scans(
+    scans: Sequence[int], where: tuple[str, str], names: Sequence[str], unusable: dict[int, str]
+) -> Iterator[str]:
+    """Scans that no registration holds; `where` they are, in words for a single scan and for several."""
+    blamed, others = [k for k in scans if k in unusable], [k for k in scans if k not in unusable]
+    if len(blamed) == 1:
+        yield f"{names[blamed[0]]} {where[0]}: {unusable[blamed[0]]}"
+    elif blamed:
+        yield f"{len(blamed)} scans {where[1]}: {_listed(blamed, names)}; the first: {unusable[blamed[0]]}"
+    if others:
+        yield (
+            f"{len(others)} of {len(names)} scans {where[len(others) > 1]}, as no reliable registration joins them "
+            f"to the others: {_listed(others, names)}"
+        )
+
+
+def _of_gaps(result: SurveyResult, names: Sequence[str], unusable: dict[int, str]) -> Iterator[str]:
+    """Consecutive pairs that were not kept, those first that nothing bridges."""
+    shared, joined = (
+        {scan: c for c, members in enumerate(parts) for scan in members}
+        for parts in (result.components, components(len(names), result.edges))
+    )
+    gaps: dict[str, list[Pair]] = {"": [], ", bridged by navigation": [], ", bridged by other pairs": []}
+    for pair in result.pairs:
+        told = pair.is_defect or not unusable.keys().isdisjoint(pair.scans)
+        if pair.role == "sequential" and not pair.kept and not told:
+            bridged = ", bridged by navigation" if shared[pair.i] == shared[pair.j] else ""
+            gaps[", bridged by other pairs" if joined[pair.i] == joined[pair.j] else bridged].append(pair)
+    for bridged, pairs in gaps.items():
+        sentences = [f"{names[pair.i]} and {names[pair.j]}{bridged}: {pair.reason}" for pair in pairs]
+        if len(pairs) <= _EACH:
+            yield from (f"gap between {sentence}" for sentence in sentences)
+        else:
+            yield f"{len(pairs)} gaps between consecutive scans{bridged}, as between {sentences[0]}"
+
+
+def _of_steps(result: SurveyResult, names: Sequence[str]) -> Iterator[str]:
+    """Steps that the scans alone did not show, and that share far less than the steps that they did: a vehicle that was
+    moved between two scans gives these, as two dives in one folder do."""
+    steps = [pair for pair in result.pairs if pair.role == "sequential" and pair.edge is not None]
+    usual = [step.edge.registration.overlap for step in steps if step.edge is not None and step.expected is None]
+    if len(usual) < _FEWEST_STEPS:
+        return
+    middle = median(usual)
+    spread = median(abs(overlap - middle) for overlap in usual)
+    least = min(middle - _FAR_OFF * spread, _LITTLE * middle)
+    for step in steps:
+        if step.edge is not None and step.expected is not None and step.edge.registration.overlap < least:
+            overlap = step.edge.registration.overlap
+            yield (
+                f"{names[step.i]} and {names[step.j]} share {overlap:.0%}, where consecutive scans usually share "
+                f"{middle:.0%}, and were placed by the usual motion. If the vehicle was moved between them, give the "
+                "scans before and after in folders of their own, or reject the pair (docs/ties.md)"
+            )
+
+
+def _of_fixes(result: SurveyResult, names: Sequence[str]) -> Iterator[str]:
+    fixes = [
+        f"the {fix.kind} of {names[fix.scan]} is {fix.sigmas:.1f} standard deviations from what everything else says"
+        for fix in result.wrong_fixes
+    ]
+    if len(fixes) <= _EACH:
+        yield from (f"{fix}; it is left out" for fix in fixes)
+    else:
+        yield f"{len(fixes)} measurements of instruments are left out, as {fixes[0]}"
+
+
+def _of_the_whole(result: SurveyResult) -> Iterator[str]:
+    if not result.solution.converged:
+        yield "the optimization of the poses stopped before it converged"
+    loops = sum(pair.kept and pair.role == "loop" for pair in result.pairs)
+    if loops and result.moved < UNMOVED * result.voxel:
+        yield (
+            f"{loops} loops were kept, but no pose moved by more than {UNMOVED:g} voxels: they add nothing to the "
+            "chain of consecutive scans, as when they only join scans that follow each other closely"
+        )
+    stray = sum(point_map.left_out for point_map in result.maps)
+    if stray:
+        yield f"{stray:,} points lie too far from the others for the map's voxels and are left out of the map"
+
+
+def _listed(scans: Sequence[int], names: Sequence[str]) -> str:
+    """The first of their names."""
+    return ", ".join(names[k] for k in scans[:LISTED]) + (", ..." if len(scans) > LISTED else "")

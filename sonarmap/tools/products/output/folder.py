@@ -1,0 +1,170 @@
+"""The folder that `sonarmap map` writes."""
+
+import re
+from collections.abc import Iterable, Mapping, Sequence
+from itertools import chain
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from sonarmap.kernels.device.device import Device
+from sonarmap.slam.map.point_map import PointMap
+from sonarmap.slam.parts import placed
+from sonarmap.slam.survey_result import SurveyResult
+from sonarmap.tools.files.geo.georeference import Georeference
+from sonarmap.tools.files.map_folder.names import (
+    EXPORTS,
+    FULL_GRAPH,
+    GRAPH,
+    JOURNAL,
+    OF_ALL,
+    OF_EACH,
+    PICTURE,
+    SUMMARY,
+    TIMES,
+    earlier_files,
+)
+from sonarmap.tools.files.readers.csv_table import PAIRS
+from sonarmap.tools.files.readers.scans import Unread
+from sonarmap.tools.files.writers.atomic import all_or_none, discard
+from sonarmap.tools.files.writers.g2o import write_g2o
+from sonarmap.tools.files.writers.json_text import write_json
+from sonarmap.tools.files.writers.points import WRITERS, write_points
+from sonarmap.tools.files.writers.trajectory import TRAJECTORY_WRITERS, write_trajectory
+from sonarmap.tools.products.output.graph_file import survey_graph
+from sonarmap.tools.products.output.pairs_file import write_pairs
+from sonarmap.tools.products.output.summary import survey_summary
+from sonarmap.tools.products.report.loops_picture import draw_loops
+from sonarmap.tools.products.report.map_picture import draw_map
+from sonarmap.tools.products.report.profile_picture import draw_profile
+from sonarmap.tools.products.report.survey.view import part_view
+
+_LAYER = re.compile(r"_survey_(\d+)$")
+_ALL = re.compile(r"map_all(_\d+)?(_survey_\d+)?")
+
+
+def part_files(result: SurveyResult, rank: int, also: Iterable[str] = ()) -> list[str]:
+    """The files of the component that is map number `rank`, 1 for the largest; `also` as for `write_survey`."""
+    c = placed(result.components)[rank - 1]
+    names = [*OF_EACH, *(EXPORTS[name] for name in also)]
+    suffixes = [".ply", *(f".{name}" for name in also if f".{name}" in WRITERS)]
+    layers = [f"{{}}_survey_{number}" for number in result.parts[c].layers]
+    names += [f"map{layer}{suffix}" for layer in layers for suffix in suffixes]
+    if any(pair.role == "loop" and set(pair.scans) <= set(result.components[c]) for pair in result.pairs):
+        names.append("loops{}.png")
+    if len(result.components[c]) > 1:
+        names.append("profile{}.png")
+    if result.parts[c].doubtful is not None:
+        names += [f"map_all{layer}.ply" for layer in ("{}", *layers)]
+    return [name.format("" if rank == 1 else f"_{rank}") for name in names]
+
+
+def write_survey(
+    folder: Path,
+    result: SurveyResult,
+    names: Sequence[str],
+    settings: Mapping[str, Any],
+    device: Device | None,
+    unread: Sequence[Unread] = (),
+    also: Sequence[str] = (),
+    times: Mapping[str, Any] | None = None,
+    inputs: Sequence[Mapping[str, Any]] = (),
+    georeference: Georeference | None = None,
+) -> Path:
+    """Write a survey's maps, pictures, trajectories, graph, pairs and summary.
+
+    The largest component is map.ply, map.png and trajectory.tum; the others follow as map_2 and so on. A scan that
+    nothing joined is in no map. Where loops were tried, loops.png compares the map with what it would be without them;
+    profile.png is about the way of the sensor.
+    Where there are several surveys, map_survey_0.ply and so on are the maps of each one's scans alone. map_all.ply has
+    what map.ply has and the points that were left out of it, as too few scans saw them; map_all_survey_0.ply and so on
+    have the same of the maps of each survey. The graph holds all components.
+    All files appear together or, where one cannot be written, none does; what the folder's earlier run had beyond this
+    one's files is removed, and so is what was exported of it.
+
+    Args:
+        folder: made where it is missing.
+        result: the survey, of the scans with these `names`.
+        settings, unread, inputs, georeference: for the summary.
+        device: what it ran on; None for a method that takes none.
+        also: names of EXPORTS: further formats to write.
+        times: how long the run took, for times.json; None for no such file.
+
+    Returns:
+        The path of summary.json, which is written last.
+
+    Raises:
+        InputError: a file cannot be written.
+    """
+    earlier = earlier_files(folder)
+    files = [part_files(result, rank, also) for rank in range(1, len(placed(result.components)) + 1)]
+    description = {"name": device.name, "platform": device.platform} if device else None
+    summary = survey_summary(result, list(names), settings, description, unread, inputs, georeference)
+    with all_or_none():
+        _write_files(folder, result, names, files)
+        _draw_pictures(folder, result, files, names, settings, georeference)
+        write_json(folder / SUMMARY, summary | {"files": [*chain.from_iterable(files), *OF_ALL]})
+        if times is not None:
+            write_json(folder / TIMES, times)
+    for name in earlier.difference(*files, OF_ALL, (TIMES, JOURNAL)):
+        discard(folder / name)
+    return folder / SUMMARY
+
+
+def _write_files(folder: Path, result: SurveyResult, names: Sequence[str], files: Sequence[Sequence[str]]) -> None:
+    """Write the graph, the pairs, and the `files` of every component that is a map."""
+    for c, listed in zip(placed(result.components), files, strict=True):
+        for name in (name for name in listed if not name.endswith(PICTURE)):
+            _write_part(folder / name, result, c)
+    mapped = {scan for c in placed(result.components) for scan in result.components[c]}
+    write_pairs(folder / PAIRS, result.pairs)
+    write_json(folder / FULL_GRAPH, survey_graph(result, names))
+    write_g2o(folder / GRAPH, result.solution.graph, set(range(len(result.trajectory))) - mapped)
+
+
+def _draw_pictures(
+    folder: Path,
+    result: SurveyResult,
+    files: Sequence[Sequence[str]],
+    names: Sequence[str],
+    settings: Mapping[str, Any],
+    georeference: Georeference | None,
+) -> None:
+    """Draw those of the `files` of every component that are pictures."""
+    draw = {"map": draw_map, "loops": draw_loops, "profile": draw_profile}
+    for rank, listed in enumerate(files, 1):
+        view = part_view(result, rank, names, settings, georeference)
+        for name in (name for name in listed if name.endswith(PICTURE)):
+            draw[name.removesuffix(PICTURE).partition("_")[0]](folder / name, view)
+
+
+def _write_part(path: Path, result: SurveyResult, c: int) -> None:
+    """Write one file of a component; its name says which."""
+    maps, trajectory = result.parts[c], result.trajectory.take(result.components[c])
+    layer = _LAYER.search(path.stem)
+    own = maps.layers[int(layer[1])] if layer else None
+    point_map, doubtful = (own.clean, own.doubtful) if own else (maps.optimized, maps.doubtful)
+    match path.suffix:
+        case suffix if suffix in TRAJECTORY_WRITERS:
+            write_trajectory(path, trajectory)
+        case _ if _ALL.fullmatch(path.stem):
+            write_points(path, *_both_layers(point_map, doubtful))
+        case _:
+            write_points(path, point_map.points, _columns(point_map))
+
+
+def _both_layers(clean: PointMap, doubtful: PointMap | None) -> tuple[np.ndarray, dict[str, np.ndarray]]:
+    """The points of a map and, behind them, those that were left out of it, with the columns of both."""
+    layers = [layer for layer in (clean, doubtful) if layer is not None]
+    of_each = [_columns(layer) | ({} if layer.looked is None else {"looked": layer.looked}) for layer in layers]
+    columns = {name: np.concatenate([columns[name] for columns in of_each]) for name in of_each[0]}
+    columns["doubtful"] = np.repeat(np.arange(len(layers), dtype=np.uint8), [len(layer.points) for layer in layers])
+    return np.concatenate([layer.points for layer in layers]), columns
+
+
+def _columns(point_map: PointMap) -> dict[str, np.ndarray]:
+    """The columns of a map's file besides the coordinates."""
+    names = ("count", "seen", "sigma", "scan", "survey")
+    echo = {} if point_map.strength is None else {"intensity": point_map.strength}
+    return {name: getattr(point_map, name) for name in names} | echo

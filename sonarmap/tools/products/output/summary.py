@@ -1,0 +1,162 @@
+"""`summary.json`: what was run, with what, and what came of it."""
+
+import math
+from collections.abc import Mapping, Sequence
+from dataclasses import asdict
+from typing import Any, get_args
+
+import numpy as np
+
+from sonarmap.slam.graph.measured_poses import MEASURED
+from sonarmap.slam.graph.sigma import worst_sigmas
+from sonarmap.slam.map.crossing import CrossingError
+from sonarmap.slam.map.point_map import PointMap
+from sonarmap.slam.pair import Pair, Role
+from sonarmap.slam.parts import placed, unplaced
+from sonarmap.slam.survey_result import SurveyResult
+from sonarmap.tools.files.geo.georeference import Georeference
+from sonarmap.tools.files.readers.csv_table import PAIRS
+from sonarmap.tools.files.readers.scans import Unread
+from sonarmap.tools.files.versions import package_versions
+from sonarmap.tools.products.output.faults import faults
+from sonarmap.tools.products.output.hand import control_fit, control_rows, tie_rows
+
+
+def survey_summary(
+    result: SurveyResult,
+    names: list[str],
+    settings: Mapping[str, Any],
+    device: Any,
+    unread: Sequence[Unread] = (),
+    inputs: Sequence[Mapping[str, Any]] = (),
+    georeference: Georeference | None = None,
+) -> dict[str, Any]:
+    """The content of a survey's summary.json.
+
+    Args:
+        result: the survey.
+        names: of its scans, in their order.
+        settings: as the user gave them or as they were chosen; dataclasses are fine as values.
+        device: what it ran on: any value that `to_json` takes.
+        unread: scans that could not be read. Each is listed with its reason and its gap, the indices of the
+            scans before and after it (null if there is none); "gaps" lists these after the pairs that failed.
+        inputs: the files, as `input_rows` describes them.
+        georeference: where the map lies on the Earth; None where it is not known.
+    """
+    solution, graph = result.solution, result.solution.graph
+    unmeasured = graph.unmeasured
+    gaps = [_gap(scan.before, len(names)) for scan in unread]
+    return {
+        "versions": package_versions(),
+        "device": device,
+        "settings": settings,
+        "inputs": inputs,
+        "georeference": None if georeference is None else georeference.to_json(),
+        "scans": [
+            {**row, "sigmas": sigmas}
+            for row, sigmas in zip(scan_rows(result, names), pose_sigmas(result.covariances), strict=True)
+        ],
+        "pairs": _pair_counts(result.pairs),
+        "gaps": list(dict.fromkeys([*result.gaps, *gaps])),
+        "unread": [
+            {"name": scan.where, "reason": scan.reason, "gap": gap} for scan, gap in zip(unread, gaps, strict=True)
+        ],
+        "components": [_component_row(result, c, unmeasured) for c in placed(result.components)],
+        "unplaced": unplaced(result.components),
+        "key_scans": result.keys,
+        "by_navigation": result.by_navigation,
+        "warnings": faults(result, names),
+        "wrong_fixes": [{"name": names[fix.scan], **asdict(fix)} for fix in result.wrong_fixes],
+        "ties": tie_rows(result, names),
+        "control_points": control_rows(result, names),
+        "control": control_fit(result, names),
+        "crossing_error_m": crossing_row(CrossingError.of(part.crossings for part in result.parts)),
+        "graph": {
+            "edges": len(graph.edges),
+            "loops": sum(pair.kept and pair.role == "loop" for pair in result.pairs),
+            "bridges": sum(pair.kept and pair.role == "bridge" for pair in result.pairs),
+            "chi_squared_before": solution.chi_squared_before,
+            "chi_squared_after": solution.chi_squared_after,
+            "degrees_of_freedom": solution.degrees_of_freedom,
+            "iterations": solution.iterations,
+            "converged": solution.converged,
+        },
+    }
+
+
+def scan_rows(result: SurveyResult, names: Sequence[str]) -> list[dict[str, Any]]:
+    """What each scan is, and how sure its pose."""
+    return [
+        {
+            "index": k,
+            "name": name,
+            "stamp": result.trajectory.stamps[k],
+            "survey": result.surveys[k],
+            "covariance": result.covariances[k],
+        }
+        for k, name in enumerate(names)
+    ]
+
+
+def _gap(before: int, count: int) -> tuple[int | None, int | None]:
+    """The scans before and after one that could not be read."""
+    return before - 1 if before > 0 else None, before if before < count else None
+
+
+def _pair_counts(pairs: Sequence[Pair]) -> dict[str, Any]:
+    """How many pairs were tried and kept, in all and by their roles, and where each of them is told."""
+    by_role = {role: [pair for pair in pairs if pair.role == role] for role in get_args(Role)}
+    counts = {role: _tried_and_kept(some) for role, some in by_role.items() if some}
+    return {"file": PAIRS, **_tried_and_kept(pairs), "by_role": counts}
+
+
+def _tried_and_kept(pairs: Sequence[Pair]) -> dict[str, int]:
+    return {"tried": len(pairs), "kept": sum(pair.kept for pair in pairs)}
+
+
+def pose_sigmas(covariances: np.ndarray) -> list[dict[str, float]]:
+    """Of (N, 6, 6) covariances, each pose's standard deviations along its worst direction."""
+    rotation, translation = worst_sigmas(covariances)
+    return [
+        {"rotation_deg": math.degrees(r), "translation_m": t}
+        for r, t in zip(rotation.tolist(), translation.tolist(), strict=True)
+    ]
+
+
+def _component_row(result: SurveyResult, c: int, unmeasured: Mapping[int, np.ndarray]) -> dict[str, Any]:
+    """A component that is a map, with the sizes of its layers by their surveys; `unmeasured` as `PoseGraph` has it."""
+    members = result.components[c]
+    free = next((unmeasured[pose] for pose in members if pose in unmeasured), np.zeros(6, dtype=bool))
+    row = {
+        "scans": members,
+        "unmeasured": [name for name, held in zip(MEASURED, free, strict=True) if held],
+        "map": map_statistics(result.maps[c]),
+    }
+    layers = {number: map_statistics(layer.clean) for number, layer in result.parts[c].layers.items()}
+    return row | ({"surveys": layers} if layers else {})
+
+
+def crossing_row(error: CrossingError) -> dict[str, Any]:
+    """How far overlapping passes lie apart, before the loops and after: medians and 90th percentiles; null without."""
+    row: dict[str, Any] = {"pairs": len(error.crossings)}
+    for name, spread in (("before", error.before), ("after", error.after)):
+        row[name] = spread.median if spread else None
+        row[f"{name}_90"] = spread.most if spread else None
+    return row
+
+
+def map_statistics(point_map: PointMap) -> dict[str, Any]:
+    """Size and extent of a map, and how much of it more than one scan saw."""
+    return {
+        "points": len(point_map.points),
+        "voxel_m": point_map.voxel,
+        "lower_m": point_map.points.min(axis=0),
+        "upper_m": point_map.points.max(axis=0),
+        "measured_points": point_map.count.sum(),
+        "points_left_out": point_map.left_out,
+        "contradicted_by_free_space": point_map.removed,
+        "seen_by_too_few": point_map.doubted,
+        "median_sigma_m": np.median(point_map.sigma),
+        "seen_by_two_or_more": (point_map.seen >= 2).mean(),
+        "most_scans_on_a_voxel": point_map.seen.max(),
+    }

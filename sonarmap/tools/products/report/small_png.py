@@ -1,0 +1,64 @@
+"""Figures as small PNGs, for pages that hold many."""
+
+from collections.abc import Sequence
+from pathlib import Path
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+from sonarmap.tools.files.writers.atomic import atomic_path
+
+if TYPE_CHECKING:
+    from matplotlib.figure import Figure
+    from PIL.Image import Image
+
+_COLORS = 192
+_WHITE = 250  # levels that fewer colors leave of the white ground
+_MOST = 256  # colors in a palette
+_SHADES = 12  # between white and an ink: what the edges of lines and letters have
+
+
+def save_small(figure: "Figure", path: Path, inks: Sequence[str] = (), ramp: np.ndarray | None = None) -> None:
+    """Write a PNG of few colors, a third as large as Matplotlib's.
+
+    Args:
+        figure: what is drawn.
+        path: the file.
+        inks: colors of its lines and letters besides black; with them or a ramp the palette is made of them, else of
+            what is drawn.
+        ramp: (k, 3) colors 0..1 of its images, thinned to what is left of the palette.
+
+    Raises:
+        InputError: the file cannot be written.
+    """
+    from matplotlib.backends.backend_agg import FigureCanvasAgg
+    from PIL import Image
+
+    canvas = FigureCanvasAgg(figure)
+    canvas.draw()
+    image = Image.fromarray(np.asarray(canvas.buffer_rgba())).convert("RGB")
+    known = _palette(inks, ramp) if inks or ramp is not None else None
+    with atomic_path(path) as temporary:
+        if known is None:
+            few = image.quantize(_COLORS, method=Image.Quantize.FASTOCTREE, dither=Image.Dither.NONE)
+            few.putpalette([255 if level >= _WHITE else level for level in few.getpalette() or ()])
+            few.save(temporary, format="png", optimize=True)
+        else:
+            image.quantize(palette=known, dither=Image.Dither.NONE).save(temporary, format="png")
+
+
+def _palette(inks: Sequence[str], ramp: np.ndarray | None) -> "Image":
+    """An image that has these colors."""
+    from matplotlib.colors import to_rgb
+    from PIL import Image
+
+    share = np.linspace(0, 1, _SHADES)[:, None]
+    shades = np.concatenate([1 - share * (1 - np.array(to_rgb(ink))) for ink in ("black", *inks)])
+    if ramp is not None:
+        left = _MOST - len(shades)
+        chosen = np.linspace(0, len(ramp) - 1, min(left, len(ramp))).round().astype(int)
+        shades = np.concatenate([shades, ramp[chosen]])
+    levels = (255 * shades).round().astype(np.uint8)
+    held = Image.new("P", (1, 1))
+    held.putpalette(np.pad(levels, ((0, _MOST - len(levels)), (0, 0)), mode="edge").tobytes())
+    return held

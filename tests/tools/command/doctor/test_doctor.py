@@ -1,0 +1,143 @@
+"""`sonarmap doctor` on machines and installations that are as they should be, and on broken ones."""
+
+import json
+import re
+import subprocess
+import tomllib
+from pathlib import Path
+from typing import Any
+
+import pytest
+
+from sonarmap.tools.command.doctor.libraries import APT_PACKAGES, EXTRAS
+from tests.tools.command.doctor.broken import ROOT, broken_module, has_own_loader, sonarmap, without_drivers
+
+CHECKS = ["Python", "libraries", "optional", "OpenCL", "memory", "cores", "disk", "temporary", "caches", "open files"]
+CHECKS += ["network", "text"]
+own_loader = pytest.mark.skipif(not has_own_loader(), reason="PyOpenCL is not from a wheel, which brings a loader")
+
+
+def examined(shown: subprocess.CompletedProcess[str]) -> dict[str, dict[str, Any]]:
+    """The checks of `doctor --json`, by their names."""
+    assert "Traceback" not in shown.stderr
+    return {check["check"]: check for check in json.loads(shown.stdout)["checks"]}
+
+
+def commands_of(check: dict[str, Any]) -> list[str]:
+    return [remedy["command"] for remedy in check["remedies"] if remedy["command"]]
+
+
+class TestHealthy:
+    def test_it_fits_a_screen(self) -> None:
+        shown = sonarmap("doctor", "--quick")
+        assert (shown.returncode, shown.stderr) == (0, "")
+        lines = shown.stdout.splitlines()
+        assert len(lines) <= 24
+        assert max(map(len, lines)) <= 80
+        assert lines[-1].endswith("all that is needed works")
+        assert [name for name in CHECKS if not re.search(rf"^ok +{name}\b", shown.stdout, re.MULTILINE)] == []
+
+    @pytest.mark.slow
+    def test_json(self) -> None:
+        shown = sonarmap("doctor", "--json")
+        checks = examined(shown)
+        assert (shown.returncode, list(checks)) == (0, CHECKS)
+        assert all(check["verdict"] in ("ok", "warning", "wrong") for check in checks.values())
+        chosen = checks["OpenCL"]["details"]["chosen"]
+        listed = json.loads(sonarmap("devices", "--json").stdout)
+        assert chosen == listed["chosen"]
+        used = next(device for device in checks["OpenCL"]["details"]["devices"] if device["selector"] == chosen)
+        assert used["self_test"] == "passed"
+        assert checks["libraries"]["details"]["cannot be loaded"] == {}
+        grid = checks["memory"]["details"]["largest grid"]
+        assert next(need["pair"] for need in listed["grids"] if need["grid"] == grid) < 2**40
+
+
+class TestBrokenLibraries:
+    @pytest.mark.slow
+    def test_opencl_s_loader_is_missing(self, tmp_path: Path) -> None:
+        fault = "libOpenCL.so.1: cannot open shared object file: No such file or directory"
+        broken = broken_module(tmp_path, "pyopencl", f"ImportError({fault!r})")
+        shown = sonarmap("doctor", "--json", first=broken)
+        checks = examined(shown)
+        assert (shown.returncode, list(checks)) == (2, CHECKS)
+        assert checks["OpenCL"]["verdict"] == "wrong"
+        assert fault in checks["OpenCL"]["seen"]
+        assert commands_of(checks["OpenCL"])[0] == "sudo apt-get install ocl-icd-libopencl1"
+        assert "pyopencl" in checks["libraries"]["details"]["cannot be loaded"]
+
+    @own_loader
+    def test_the_loader_of_the_wheel_is_missing(self, tmp_path: Path) -> None:
+        first = without_drivers(tmp_path, loader=False)
+        checks = examined(sonarmap("doctor", "--json", "--quick", first=first))
+        assert "cannot open shared object file" in checks["OpenCL"]["seen"]
+        assert "--force-reinstall --no-deps pyopencl" in commands_of(checks["OpenCL"])[0]
+        shown = sonarmap("devices", first=first)
+        assert shown.returncode == 2
+        assert "a library cannot be loaded" in shown.stderr
+        assert "'sonarmap doctor' says what to do" in shown.stderr
+
+    @own_loader
+    def test_there_is_no_driver(self, tmp_path: Path) -> None:
+        (tmp_path / "empty").mkdir()
+        first, vendors = without_drivers(tmp_path / "first"), {"OCL_ICD_VENDORS": str(tmp_path / "empty")}
+        shown = sonarmap("doctor", "--json", "--quick", first=first, variables=vendors)
+        checks = examined(shown)
+        assert shown.returncode == 2
+        seen = checks["OpenCL"]["seen"]
+        assert f"{tmp_path / 'empty'}, where OCL_ICD_VENDORS points, holds no .icd file" in seen
+        assert commands_of(checks["OpenCL"])[:2] == ["unset OCL_ICD_VENDORS", "sudo apt-get install pocl-opencl-icd"]
+        shown = sonarmap("devices", first=first, variables=vendors)
+        assert shown.returncode == 2
+        assert "'sonarmap doctor' says where drivers were looked for" in " ".join(shown.stderr.split())
+
+    def test_a_device_that_is_not_there_is_named(self) -> None:
+        checks = examined(sonarmap("doctor", "--json", "--quick", variables={"PYOPENCL_CTX": "abacus"}))
+        assert "no OpenCL device matches 'abacus'" in checks["OpenCL"]["seen"]
+        assert commands_of(checks["OpenCL"]) == ["unset PYOPENCL_CTX"]
+
+    @pytest.mark.slow
+    def test_a_library_that_ends_the_process_is_blamed_and_the_others_are_tried(self, tmp_path: Path) -> None:
+        crash = "SystemExit(__import__('os').kill(__import__('os').getpid(), 11))"
+        broken_module(tmp_path, "laspy", crash)
+        broken_module(tmp_path, "mcap", "ImportError('libGL.so.1: cannot open shared object file: No such file')")
+        checks = examined(sonarmap("doctor", "--json", first=tmp_path))
+        faults = checks["libraries"]["details"]["cannot be loaded"]
+        assert set(faults) == {"laspy", "mcap"}
+        assert "SIGSEGV" in faults["laspy"]
+        assert "sudo apt-get install libgl1" in commands_of(checks["libraries"])
+
+    @pytest.mark.slow
+    @pytest.mark.parametrize("name", ["typer", "rich", "lazy_loader", "platformdirs", "numpy", "packaging"])
+    def test_it_works_without_what_the_command_line_is_made_of(self, tmp_path: Path, name: str) -> None:
+        broken = broken_module(tmp_path, name, f"ModuleNotFoundError('No module named {name}', name={name!r})")
+        shown = sonarmap("doctor", "--quick", "--json", first=broken)
+        starts = name in ("platformdirs", "packaging")
+        assert (shown.returncode, [*examined(shown)]) == (2, CHECKS if starts else ["command", *CHECKS])
+        if not starts:
+            assert commands_of(examined(shown)["command"])[0].endswith(f"-m pip install --force-reinstall {name}")
+            other = sonarmap("devices", first=broken)
+            assert other.returncode == 2
+            assert "'sonarmap doctor' says what is missing" in other.stderr
+
+    def test_a_version_that_is_too_old_is_named_with_the_command(self, tmp_path: Path) -> None:
+        about = tmp_path / "gtsam-1.0.dist-info"
+        about.mkdir()
+        (about / "METADATA").write_text("Metadata-Version: 2.1\nName: gtsam\nVersion: 1.0\n")
+        checks = examined(sonarmap("doctor", "--json", "--quick", first=tmp_path))
+        assert checks["libraries"]["verdict"] == "wrong"
+        assert "gtsam 1.0, wanted gtsam>=" in checks["libraries"]["seen"]
+        assert re.search(r"-m pip install 'gtsam>=[\d.]+'$", commands_of(checks["libraries"])[0])
+
+
+class TestLists:
+    """What doctor knows by heart agrees with where it stands."""
+
+    def test_every_extra_says_what_it_gives(self) -> None:
+        project = tomllib.loads((ROOT / "pyproject.toml").read_text())["project"]
+        assert set(EXTRAS) == set(project["optional-dependencies"]) - {"dev"}
+
+    def test_the_system_libraries_that_the_setup_installs_are_known(self) -> None:
+        installed = dict(re.findall(r'"(lib\S+\.so\.\d+)": "(\S+)"', (ROOT / "tools" / "setup.sh").read_text()))
+        assert installed
+        assert installed.items() <= APT_PACKAGES.items()

@@ -1,0 +1,167 @@
+"""How recordings end, as commands of their own: by a signal, a crash, a full disk, a terminal that has gone."""
+
+import json
+import resource
+import signal
+import subprocess
+import sys
+import time
+from collections.abc import Callable, Iterator
+from contextlib import contextmanager
+from pathlib import Path
+
+import pytest
+
+from sonarmap.tools.files.readers.sonar.recording import Recording
+from tests.samples.command_line import ROOT, SONARMAP
+from tests.samples.live.recorded import messages_by_wlsonar
+from tests.samples.live.sender import LOOPBACK, free_port, sender
+from tests.samples.recordings import recording
+
+PACKETS = [packet.content for packet in recording(20)]
+
+
+@contextmanager
+def running(
+    out: Path, *options: str, limit: Callable[[], None] | None = None
+) -> Iterator[tuple["subprocess.Popen[str]", tuple[str, int]]]:
+    """`sonarmap record`, once it listens, and where."""
+    port, before = free_port(), set(out.parent.iterdir())
+    command = [*SONARMAP, "record", "-o", str(out), "--unicast", f"{LOOPBACK}:{port}", *options]
+    started = subprocess.Popen(
+        command, cwd=ROOT, stdout=subprocess.PIPE, stderr=subprocess.PIPE, text=True, preexec_fn=limit
+    )
+    with started:
+        try:
+            while started.poll() is None and set(out.parent.iterdir()) == before:  # the part is made once it listens
+                time.sleep(0.01)
+            yield started, (LOOPBACK, port)
+        finally:
+            started.kill()
+
+
+def send(datagrams: list[bytes], to: tuple[str, int]) -> None:
+    with sender() as sending:
+        for content in datagrams:
+            sending.sendto(content, to)
+
+
+def shots_in(path: Path) -> int:
+    return sum(1 for _ in Recording().read(path))
+
+
+def until_written(path: Path, size: int, recorder: "subprocess.Popen[str]") -> None:
+    while recorder.poll() is None and (not path.exists() or path.stat().st_size < size):
+        time.sleep(0.01)
+
+
+@pytest.mark.parametrize("number", [signal.SIGINT, signal.SIGTERM, signal.SIGHUP])
+def test_a_signal_ends_it_well(tmp_path: Path, number: int) -> None:
+    with running(tmp_path / "dive.sonar") as (recorder, to):
+        send(PACKETS, to)
+        recorder.send_signal(number)
+        out, errors = recorder.communicate()
+    assert recorder.returncode == 0, errors
+    assert [path.name for path in tmp_path.iterdir()] == ["dive.sonar"]
+    assert (tmp_path / "dive.sonar").read_bytes() == b"".join(PACKETS)
+    assert len(messages_by_wlsonar(tmp_path / "dive.sonar")) == 40
+    lines = out.splitlines()
+    assert lines[0].startswith(f"{tmp_path}/dive.sonar: 20 shots in 0:00:0")
+    assert lines[1] == "missing by their numbers: 0 shots, 0 strength images, 0.00 % of the packets"
+    assert lines[2] == "lost in this computer: 0; damaged: 0"
+    assert errors.startswith(
+        f"listening at {to[0]}:{to[1]}; until the end the recording is in {tmp_path}/dive.part.sonar"
+    )
+    assert lines[3].startswith("sonar 127.0.0.1; its clock is")
+    assert "no IMU batches" in lines[3]
+    assert lines[-1] == f"next: sonarmap inspect {tmp_path}/dive.sonar"
+
+
+def test_the_duration_ends_it_and_json_says_how_it_was(tmp_path: Path) -> None:
+    with running(tmp_path / "dive.sonar", "--duration", "3s", "--json") as (recorder, to):
+        send([*PACKETS[:10], *PACKETS[12:], *PACKETS[-2:], b"?"], to)
+        out, errors = recorder.communicate()
+    assert recorder.returncode == 0, errors
+    said = json.loads(out)
+    once = {"came": 19, "missing": 1, "late": 0, "doubled": 1, "restarts": 0}
+    assert said["kinds"]["range_images"] == said["kinds"]["strength_images"] == once
+    assert (said["packets"], said["bytes"]) == (40, (tmp_path / "dive.sonar").stat().st_size)
+    assert (said["file"], said["sonar"]) == (f"{tmp_path}/dive.sonar", LOOPBACK)
+    assert (said["damaged"], said["lost_here"]) == (1, {"receive_buffer": 0, "disk": 0})
+    assert 3.0 <= said["seconds"] < 30.0
+
+
+def test_a_crash_leaves_a_part_that_can_be_read_and_that_the_next_recording_keeps(tmp_path: Path) -> None:
+    part, size = tmp_path / "dive.part.sonar", sum(map(len, PACKETS))
+    with running(tmp_path / "dive.sonar") as (recorder, to):
+        send(PACKETS, to)
+        until_written(part, size, recorder)
+        recorder.kill()
+        recorder.wait()
+    assert [path.name for path in tmp_path.iterdir()] == ["dive.part.sonar"]
+    assert shots_in(part) == 20
+    with running(tmp_path / "dive.sonar") as (recorder, to):
+        send(PACKETS[:2], to)
+        recorder.terminate()
+        recorder.wait()
+    assert sorted(path.name for path in tmp_path.iterdir()) == ["dive.part.sonar", "dive.sonar"]
+    assert (shots_in(part), shots_in(tmp_path / "dive.sonar")) == (20, 1)
+
+
+def test_a_disk_that_takes_no_more_leaves_whole_packets_in_the_part_that_is_named(tmp_path: Path) -> None:
+    most = sum(map(len, PACKETS[:11])) + 5  # within the twelfth
+
+    def limit() -> None:
+        resource.setrlimit(resource.RLIMIT_FSIZE, (most, most))
+
+    with running(tmp_path / "dive.sonar", limit=limit) as (recorder, to):
+        send(PACKETS, to)
+        _, errors = recorder.communicate()
+    assert recorder.returncode == 2
+    assert f"error: the recording ended, as {tmp_path}/dive.part.sonar cannot grow: File too large" in errors
+    assert (tmp_path / "dive.part.sonar").read_bytes() == b"".join(PACKETS[:11])
+    assert not (tmp_path / "dive.sonar").exists()
+
+
+def test_a_terminal_that_has_gone_does_not_end_it(tmp_path: Path) -> None:
+    with running(tmp_path / "dive.sonar") as (recorder, to):
+        assert recorder.stderr is not None
+        assert recorder.stdout is not None
+        recorder.stderr.close()
+        recorder.stdout.close()
+        send([b"noise, of which it wants to warn", *PACKETS], to)
+        until_written(tmp_path / "dive.part.sonar", sum(map(len, PACKETS)), recorder)
+        recorder.send_signal(signal.SIGTERM)
+        recorder.wait()
+    assert (tmp_path / "dive.sonar").read_bytes() == b"".join(PACKETS)
+
+
+LISTENER = """
+import sys
+import wlsonar
+from sonarmap.tools.command.main import run
+events = []
+sys.addaudithook(lambda name, arguments: name.startswith("socket.") and events.append((name, arguments[1:])))
+try:
+    run()
+finally:
+    print(*events, sep=chr(10))
+"""
+
+
+@pytest.mark.parametrize("options", [("--unicast", "127.0.0.1:{}"), ("--multicast", "239.255.47.48:{}")])
+def test_it_only_listens_and_where_it_is_told(tmp_path: Path, options: tuple[str, str]) -> None:
+    """By the events that Python itself reports of sockets."""
+    option, place = options[0], options[1].format(free_port())
+    ended = subprocess.run(
+        [sys.executable, "-c", LISTENER, "record", "-o", tmp_path / "a.sonar", option, place, "--duration", "0.5"],
+        cwd=ROOT, capture_output=True, text=True,
+    )  # fmt: skip
+    if "cannot listen" in ended.stderr:
+        pytest.skip("no multicast here")
+    assert ended.returncode == 3, ended.stderr
+    address, _, port = place.partition(":")
+    events = [line for line in ended.stdout.splitlines() if "socket.__new__" not in line]
+    assert events == [f"('socket.bind', (('{address}', {port}),))"]
+    assert "nothing came" in ended.stderr
+    assert list(tmp_path.iterdir()) == []

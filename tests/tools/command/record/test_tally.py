@@ -1,0 +1,196 @@
+"""Counts by numbers, the clock's offset, warnings and words, against figures worked by hand."""
+
+from collections.abc import Iterator
+from ipaddress import IPv4Address
+from pathlib import Path
+
+import numpy as np
+import pytest
+from wlsonar import range_image_protocol as rip
+
+from sonarmap.tools.command.record.receiver import Datagram
+from sonarmap.tools.command.record.recorder import RecordSettings, Status
+from sonarmap.tools.command.record.senders import Senders
+from sonarmap.tools.command.record.source import Source
+from sonarmap.tools.command.record.tally import IMU, RANGES, ClockOffset, Tally
+from sonarmap.tools.command.record.watch import Watch
+from sonarmap.tools.command.record.words import clock_words, end_lines, lasting, sized, status_lines
+from sonarmap.tools.files.readers.sonar.packets import fault_of
+from tests.samples.damage.mutations import mutated
+from tests.samples.live.sender import LOOPBACK
+from tests.samples.processor_time import processor_time
+from tests.samples.recordings import recording, with_checksum
+
+
+def test_the_clock_is_told_by_the_packets_that_took_the_least_time() -> None:
+    clock = ClockOffset()
+    rng = np.random.default_rng(5)
+    for k in range(600):  # of 30 s, in which the sonar's clock goes from 2.5 s ahead to 2.8 s
+        stamp = 100.0 + k / 20
+        clock.add(stamp + 2.5 + 0.01 * k / 20, stamp + 0.040 + rng.exponential(0.050))
+    assert clock.first == pytest.approx(2.5 - 0.040 + 0.05, abs=0.06)
+    assert clock.latest == pytest.approx(2.5 - 0.040 + 0.15, abs=0.06)
+
+
+def test_a_clock_that_is_set_while_recording_is_told_within_twenty_seconds() -> None:
+    clock = ClockOffset()
+    for k in range(500):
+        clock.add(k / 20 - (3600.0 if k > 100 else 0.0), k / 20 + 0.02)
+    assert clock.first == pytest.approx(-0.02)
+    assert clock.latest == pytest.approx(-3600.02)
+
+
+def shot(number: int, stamp: float) -> bytes:
+    image = rip.RangeImage(width=1, height=1, image_pixel_data=[5])
+    image.header.sequence_id = number
+    image.header.timestamp.FromNanoseconds(round(stamp * 1e9))
+    return rip.packb(image)
+
+
+def test_numbers_that_wrap_start_again_and_come_twice() -> None:
+    numbers = {2**32 - 3: 0, 2**32 - 2: 1, 1: 4, 0: 3, 4: 7, 90_000: 8, 90_001: 9}  # with their times [s]
+    #   missing: 2^32 - 1;  2, 3;  then another count
+    tally = Tally()
+    for number, time_ in [*numbers.items(), (90_000, 8)]:
+        tally.add(shot(number, 2000.0 + time_), 2000.5 + time_)
+    ranges = tally.kinds[RANGES]
+    assert (ranges.came, ranges.doubled, ranges.numbers.missing, ranges.numbers.restarts) == (7, 1, 3, 1)
+    assert (tally.missing, tally.missing_share, tally.packets) == (3, 0.3, 8)
+
+
+def test_memory_does_not_grow_with_the_numbers() -> None:
+    tally = Tally()
+    for k in range(3000):
+        tally.add(shot(k, 2000 + k / 20), 2000 + k / 20)
+    assert len(tally.kinds[RANGES]._seen._keys) == 1024
+    senders = Senders(LOOPBACK)
+    for k in range(300):
+        senders.is_wanted(Datagram(shot(k, 1.0), f"10.0.{k // 256}.{k % 256}", 0.0), 0.0)
+    assert (senders.others, len(senders.addresses)) == (300, 8)
+
+
+def damaged_datagrams(count: int) -> Iterator[tuple[bytes, bytes]]:
+    """A packet's datagram damaged at random, and the same with a checksum that fits."""
+    whole = [packet.content for packet in recording(4)] + [rip.packb(rip.ImuBatch(samples=3))]
+    for number in range(count):
+        rng = np.random.default_rng([7, number])
+        datagram = mutated(whole[number % len(whole)], whole[(number + 3) % len(whole)], rng)[:65507]
+        length = len(datagram).to_bytes(4, "little")
+        yield datagram, with_checksum(b"RIP2" + length + datagram[8:]) if len(datagram) >= 12 else datagram
+
+
+@pytest.mark.parametrize("count", [200, pytest.param(3000, marks=pytest.mark.slow)])
+def test_damaged_datagrams_are_counted_and_end_nothing(count: int) -> None:
+    tally, senders, kept, start = Tally(), Senders(), 0, processor_time()
+    for datagrams in damaged_datagrams(count):
+        for content in datagrams:
+            if senders.is_wanted(Datagram(content, LOOPBACK, 2000.0), 0.0):
+                assert fault_of(content) == ""
+                tally.add(content, 2000.0)
+                kept += 1
+    assert kept == tally.packets
+    assert kept + senders.damaged + senders.foreign == 2 * count
+    assert tally.unreadable > 0
+    assert tally.missing_share <= 1
+    assert processor_time() - start < count / 50
+
+
+@pytest.fixture
+def status() -> Status:
+    """A minute of recording at 20 Hz."""
+    source = Source(IPv4Address("224.0.0.96"), 4747)
+    status = Status(RecordSettings(source, Path("dive.sonar")), Path("dive.part.sonar"), 8 << 20)
+    status.senders.sonar, status.seconds, status.silence = "10.0.0.9", 60.0, 0.05
+    status.disk, status.byte_rate = 2 * 10**12, 1.1e6
+    status.shot_rate, status.packet_rate, status.size = 20.0, 50.0, 66_000_000
+    for k in range(20):
+        if k != 7:
+            status.tally.add(shot(k, 2000 + k / 20), 2000 + k / 20 + 0.25)
+    return status
+
+
+def test_the_lines_fit_a_terminal_and_say_it_all(status: Status) -> None:
+    assert status_lines(status) == (
+        "recording 0:01:00: 20.0 shots/s, 50 packets/s; missing 1 (5.0 %)",
+        "damaged 0; clock -0.25 s; no IMU; 66.0 MB written; disk 2,000 GB, for 21 days",
+    )
+    status.unsaved, status.seconds, status.size = 3, 13 * 3600 + 5 * 60 + 7.9, 49_800_000_000
+    status.tally.kinds[IMU].came = 1
+    status.tally.clock.latest = -1.7e9
+    assert status_lines(status) == (
+        "recording 13:05:07: 20.0 shots/s, 50 packets/s; missing 1 (4.8 %), lost here 3",
+        "damaged 0; clock days off; IMU; 49.8 GB written; disk 2,000 GB, for 21 days",
+    )
+
+
+def test_the_end_says_what_is_missing(status: Status) -> None:
+    assert end_lines(status) == [
+        "dive.part.sonar: 19 shots in 0:01:00, 66.0 MB",
+        "missing by their numbers: 1 shot, 5.00 % of the packets",
+        "lost in this computer: 0; damaged: 0",
+        "sonar 10.0.0.9; its clock is 0.25 s behind this computer's; no IMU batches: enable them in its settings",
+    ]
+
+
+def test_each_warning_comes_once_and_silence_each_time(status: Status) -> None:
+    watch = Watch()
+    assert list(watch.warnings(status)) == []
+    status.silence = 5.5
+    (silent,) = watch.warnings(status)
+    assert silent.startswith("nothing has come for 6 s. Look at the sonar's power")
+    status.silence = 9.5
+    assert list(watch.warnings(status)) == []
+    status.silence = 0.0
+    assert list(watch.warnings(status)) == []
+    status.silence = 5.1
+    assert len(list(watch.warnings(status))) == 1
+
+
+def test_what_to_look_at_where_nothing_comes(status: Status) -> None:
+    status.tally, status.silence = Tally(), 6.0
+    (words,) = Watch().warnings(status)
+    for wanted in ("224.0.0.96:4747 on every interface", "acoustics", "UDP multicast", "interface is up", "firewall"):
+        assert wanted in words
+
+
+@pytest.mark.parametrize(
+    ("disk", "duration", "said"),
+    [
+        (1.1e6 * 700, None, []),
+        (1.1e6 * 500, None, ["full in 8 min (550.0 MB left)"]),
+        (1.1e6 * 500, 600.0, ["full in 8 min (550.0 MB left), and the recording is to go on for 9 min"]),
+        (1.1e6 * 500, 500.0, []),
+        (1.1e6 * 50, None, ["full in 50 s", "make room now"]),
+        (1.1e6 * 50, 90.0, []),
+    ],
+)
+def test_a_disk_that_will_be_full_is_told_before(
+    status: Status, disk: float, duration: float | None, said: list[str]
+) -> None:
+    source = Source(IPv4Address("224.0.0.96"), 4747)
+    status.settings = RecordSettings(source, Path("dive.sonar"), duration)
+    status.disk = round(disk)
+    warnings = list(Watch().warnings(status))
+    assert len(warnings) == len(said)
+    assert all(words in warning for words, warning in zip(said, warnings, strict=True))
+
+
+def test_a_clock_that_is_off_losses_and_a_small_buffer_are_told(status: Status) -> None:
+    status.tally.clock.latest, status.buffer, status.overflow, status.unsaved = -7.25, 425_984, 2, 1
+    small, busy, slow, clock = Watch().warnings(status)
+    assert "holds 426.0 kB only" in small
+    assert "net.core.rmem_max" in small
+    assert "too busy" in busy
+    assert "too slow" in slow
+    assert clock.startswith("the sonar's clock is 7.25 s behind this computer's")
+    assert "--nav-offset=-7.25" in clock
+
+
+@pytest.mark.parametrize(
+    ("value", "words"),
+    [(lasting(119), "119 s"), (lasting(121), "2 min"), (lasting(7201), "2 h"), (lasting(172801), "2 days"),
+     (sized(999), "1.0 kB"), (sized(1.2e6), "1.2 MB"), (sized(3.2e9), "3.2 GB"),
+     (clock_words(0.5), "0.50 s ahead of"), (clock_words(-1.7e9), "19,676 days behind")],
+)  # fmt: skip
+def test_numbers_in_words(value: str, words: str) -> None:
+    assert value == words

@@ -1,0 +1,333 @@
+"""Bad input, end to end: a clear error that says what to do, the right exit code, nothing lost."""
+
+import json
+import tracemalloc
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from sonarmap.kernels.device.device import Device, choose_device
+from sonarmap.kernels.errors import InputError
+from sonarmap.spectral.prepare.spectral_scan import SpectralScan
+from sonarmap.spectral.registration import SpectralRegistrar
+from sonarmap.spectral.result import Registration
+from sonarmap.tools.files.readers.scans import read_survey
+from tests.samples.cloud_files import SAMPLES
+from tests.samples.clutter_scans import (
+    clutter,
+    files_in,
+    plane,
+    refused_with_reason,
+    said,
+    scan,
+    sonarmap,
+    table_of,
+    write,
+)
+from tests.samples.processor_time import processor_time
+
+GRID = ("--grid", "64")
+HEADER = "ply\nformat binary_little_endian 1.0\nelement vertex {}\n" + "".join(
+    f"property float {axis}\n" for axis in "xyz"
+)
+
+
+@pytest.fixture
+def good(tmp_path: Path) -> str:
+    return write(tmp_path, good=scan(0))[0]
+
+
+def ply(promised: int, points: np.ndarray) -> bytes:
+    return (HEADER.format(promised) + "end_header\n").encode() + points.astype("<f4").tobytes()
+
+
+NOT_SCANS = {
+    "no bytes": ("bad.ply", b"", ["bad.ply", "empty (0 bytes)"]),
+    "no points": ("bad.ply", ply(0, np.empty((0, 3))), ["bad.ply", "no points", "at least one finite point"]),
+    "one point": ("bad.ply", ply(1, np.ones((1, 3))), ["bad", "fill 1 of the voxels", "more structure"]),
+    "one voxel": ("bad.ply", ply(999, np.full((999, 3), 7.5)), ["bad", "fill 1 of the voxels", "more structure"]),
+    "one plane": ("bad.ply", ply(2000, plane()), ["bad", "in one plane", "more structure"]),
+    "one line": ("bad.ply", ply(2000, plane()[:, :1] * [1, 2, 3]), ["bad", "in one plane", "more structure"]),
+    "nothing finite": ("bad.ply", ply(9, np.full((9, 3), np.nan)), ["bad.ply", "all of its 9 points are NaN"]),
+    "more promised": ("bad.ply", ply(2001, plane()), ["bad.ply", "promises 2,001", "cut or its header is wrong"]),
+    "10^12 promised": ("bad.ply", ply(10**12, plane()), ["bad.ply", "promises 1,000,000,000,000"]),
+    "text": ("bad.ply", b"These are notes.\n", ["bad.ply", "holds text", "wanted a PLY file"]),
+    "picture": ("bad.ply", b"\x89PNG\r\n\x1a\n\x00", ["bad.ply", "wanted a PLY file"]),
+    "unknown format": ("bad.e57", b"LASF", ["bad.e57", "unknown format '.e57'", ".ply, .pcd, .npy"]),
+    "no suffix": ("bad", b"1 2 3\n", ["bad", "unknown format", "known formats are"]),
+    "map coordinates": ("bad.ply", ply(2000, plane() + 5e5), ["bad.ply", "map coordinates", "subtract"]),
+}
+
+
+@pytest.mark.parametrize(("case", "place"), [(case, ("target", "source")[k % 2]) for k, case in enumerate(NOT_SCANS)])
+def test_what_is_no_scan_is_refused(good: str, tmp_path: Path, case: str, place: str) -> None:
+    name, content, words = NOT_SCANS[case]
+    (tmp_path / name).write_bytes(content)
+    bad = str(tmp_path / name)
+    pair = [bad, good] if place == "target" else [good, bad]
+    result = sonarmap("register", *pair, *GRID, "--json")
+    refused_with_reason(result)
+    said(result, "error: ", *words)
+
+
+@pytest.mark.parametrize("name", ["missing.ply", "missing", "missing/*.ply", "missing.sonar#2", "\x1b[2Jmissing.ply"])
+def test_what_is_missing_is_refused(good: str, tmp_path: Path, name: str) -> None:
+    for verb in (["register", good, tmp_path / name], ["map", good, tmp_path / name, "-o", tmp_path / "out"]):
+        result = sonarmap(*verb)
+        refused_with_reason(result)
+        said(result, "error: ", "missing")
+        assert "\x1b" not in result.stderr
+    assert not (tmp_path / "out").exists()
+
+
+def test_a_header_that_lies_takes_no_memory_and_no_time(good: str, tmp_path: Path) -> None:
+    (tmp_path / "bad.ply").write_bytes(ply(10**12, plane()))
+    sonarmap("register", good, good, *GRID)  # imports
+    tracemalloc.start()
+    start = processor_time()
+    assert sonarmap("register", tmp_path / "bad.ply", good).exit_code == 2
+    assert processor_time() - start < 10.0  # 10^12 points would take hours
+    assert tracemalloc.get_traced_memory()[1] < 10e6
+    tracemalloc.stop()
+
+
+@pytest.mark.parametrize("sample", [name for name in SAMPLES if name != "sonar"])  # whose whole shots are read
+def test_a_file_cut_anywhere_is_refused_by_its_name(good: str, tmp_path: Path, sample: str) -> None:
+    """Every byte of every format is cut in test_readers_damage; here, what the user hears of it."""
+    suffix, content = SAMPLES[sample]
+    for length in (1, 5, len(content) // 2, len(content) - 2):
+        cut = tmp_path / f"cut{suffix}"
+        cut.write_bytes(content[:length])
+        result = sonarmap("register", cut, good)
+        refused_with_reason(result)
+        said(result, f"error: {cut}: ")
+
+
+def test_one_scan_alone_is_no_map(good: str, tmp_path: Path) -> None:
+    for inputs in ([good], [good, good], [tmp_path]):
+        result = sonarmap("map", *inputs, "-o", tmp_path / "out", *GRID)
+        refused_with_reason(result)
+        said(result, "1 scan given; a map needs at least two")
+        assert ("given more than once" in result.stderr) == (len(inputs) == 2)
+
+
+@pytest.mark.parametrize(
+    ("bad", "points"), [("a", np.ones((1, 3), np.float32)), ("b", plane()), ("c", plane())], ids=["a", "b", "c"]
+)
+def test_a_bad_scan_leaves_a_gap_and_the_rest_goes_on(tmp_path: Path, bad: str, points: np.ndarray) -> None:
+    scans = {"a": scan(0), "b": scan(1), "c": scan(2)} | {bad: points}
+    result = sonarmap("map", *write(tmp_path, **scans), "-o", tmp_path / "out", *GRID, "--json")
+    assert result.exit_code == 3
+    summary = json.loads(result.stdout)
+    alone = "abc".index(bad)
+    together = [k for k in range(3) if k != alone]
+    assert [part["scans"] for part in summary["components"]] == [together]
+    assert summary["unplaced"] == [alone]
+    assert all(alone in gap for gap in summary["gaps"])
+    assert len(summary["gaps"]) == (2 if bad == "b" else 1)
+    assert {"map.ply", "trajectory.tum"} <= set(files_in(tmp_path / "out"))
+    assert "map_2.ply" not in files_in(tmp_path / "out")
+    said(result, f"warning: {bad} is in no map: ", "more structure")
+    assert result.stderr.count("more structure") == 1
+    assert "gap between" not in result.stderr
+
+
+def test_a_pair_that_ends_by_an_error_of_the_method_leaves_the_map_incomplete(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    register = SpectralRegistrar.register
+
+    def failing(self: SpectralRegistrar, target: SpectralScan, source: SpectralScan) -> Registration:
+        if (target.volume.name, source.volume.name) == ("a", "b"):
+            raise InputError("a slice begins at 7")
+        return register(self, target, source)
+
+    monkeypatch.setattr(SpectralRegistrar, "register", failing)
+    result = sonarmap("map", *write(tmp_path, a=scan(0), b=scan(1), c=scan(2)), "-o", tmp_path / "out", *GRID, "--json")
+    assert result.exit_code == 3
+    summary = json.loads(result.stdout)
+    assert [part["scans"] for part in summary["components"]] == [[0, 1, 2]]
+    said(result, "1 of 3 pairs ended by an error of the method", "as a and b: a slice begins at 7")
+    assert "ended by an error of the method" in summary["warnings"][0]
+    reasons = [pair["reason"] for pair in table_of(tmp_path / "out" / "pairs.csv") if pair["kept"] == "no"]
+    assert reasons == ["failed: an error of the method, not of the scans: a slice begins at 7"]
+
+
+@pytest.mark.slow
+def test_scans_that_do_not_overlap_are_two_maps(tmp_path: Path) -> None:
+    paths = write(tmp_path, a=scan(0), b=scan(1), c=scan(2, scene=2), d=scan(3, scene=2))
+    result = sonarmap("map", *paths, "-o", tmp_path / "out", *GRID, "--json")
+    assert result.exit_code == 3
+    summary = json.loads(result.stdout)
+    assert [part["scans"] for part in summary["components"]] == [[0, 1], [2, 3]]
+    assert summary["gaps"] == [[1, 2]]
+    tried = table_of(tmp_path / "out" / "pairs.csv")
+    assert not any(pair["kept"] == "yes" for pair in tried if int(pair["target"]) < 2 <= int(pair["source"]))
+    said(result, "gap between b and c: refused by the registration", "2 separate parts")
+    told = sonarmap("map", *paths, "-o", tmp_path / "out", *GRID)
+    assert told.exit_code == 3
+    assert "4 of 4 placed in 2 separate maps" in told.stdout
+
+
+def test_where_nothing_joins_any_two_scans_the_first_is_the_map(tmp_path: Path) -> None:
+    paths = write(tmp_path, a=scan(0), b=scan(1, scene=2))
+    result = sonarmap("map", *paths, "-o", tmp_path / "out", *GRID)
+    assert result.exit_code == 3
+    said(result, "gap between a and b", "1 of 2 scans is in no map", "others: b")
+    part, run = (
+        {"map.ply", "map_all.ply", "map.png", "trajectory.tum"},
+        {"graph.g2o", "graph.json", "pairs.csv", "summary.json", "times.json", "journal.sqlite", "report.html"},
+    )
+    assert set(files_in(tmp_path / "out")) == part | run
+    summary = json.loads((tmp_path / "out" / "summary.json").read_text())
+    assert [part["scans"] for part in summary["components"]] == [[0]]
+    assert summary["unplaced"] == [1]
+
+
+def test_a_survey_without_a_single_usable_pair_is_an_error(tmp_path: Path) -> None:
+    paths = write(tmp_path, a=plane(), b=scan(0), c=plane())
+    result = sonarmap("map", *paths, "-o", tmp_path / "out", *GRID)
+    refused_with_reason(result)
+    said(result, "none of the 3 pairs", "a: all its points lie in one plane")
+    assert set(files_in(tmp_path / "out")) == {"journal.sqlite"}  # what was tried is not tried again
+
+
+@pytest.mark.parametrize(
+    ("options", "words"),
+    [
+        (["--grid", "98"], ["even product of 2, 3 and 5", "try --grid 96 or --grid 100"]),
+        (["--grid", "75"], ["even product of 2, 3 and 5", "try --grid 72 or --grid 80"]),
+        (["--grid", "0"], ["even product of 2, 3 and 5", "try --grid 16 or --grid 18"]),
+        (["--grid", "1024"], ["even product of 2, 3 and 5", "try --grid 500 or --grid 512"]),
+        (["--voxel", "-1"], ["-1.0 m", "above 0"]),
+        (["--voxel", "0"], ["above 0"]),
+        (["--voxel", "nan"], ["nan m", "above 0"]),
+        (["--voxel", "inf"], ["above 0"]),
+        (["--max-tilt", "0"], ["more than 0"]),
+        (["--max-tilt", "181"], ["at most"]),
+        (["--max-tilt", "nan"], ["nan degrees"]),
+        (["--yaw-peaks", "0"], ["give 1 to 32"]),
+        (["--device", "abacus"], ["no OpenCL device matches 'abacus'", "There are: "]),
+    ],
+)
+@pytest.mark.parametrize("verb", ["register", "map"])
+def test_options_that_make_no_sense_are_refused(
+    tmp_path: Path, verb: str, options: list[str], words: list[str]
+) -> None:
+    paths = write(tmp_path, a=scan(0), b=scan(1))
+    out = ["-o", tmp_path / "out"] if verb == "map" else []
+    result = sonarmap(verb, *paths, *out, *options)
+    refused_with_reason(result)
+    said(result, *words)
+    assert not (tmp_path / "out").exists()
+
+
+@pytest.mark.parametrize(("voxel", "words"), [("1e-6", "Give a larger --voxel"), ("1e6", "wanted at least 20")])
+def test_voxels_far_too_small_or_too_large_are_an_error(tmp_path: Path, voxel: str, words: str) -> None:
+    result = sonarmap("register", *write(tmp_path, a=scan(0), b=scan(1)), *GRID, "--voxel", voxel, "--json")
+    refused_with_reason(result)
+    said(result, words, "--voxel")
+
+
+class SmallDevice:
+    """An OpenCL device that says it has less memory than it has."""
+
+    def __init__(self, actual: object, memory: int) -> None:
+        self._actual, self.global_mem_size, self.max_mem_alloc_size = actual, memory, memory // 4
+
+    def __getattr__(self, name: str) -> object:
+        return getattr(self._actual, name)
+
+
+@pytest.mark.parametrize(("memory", "fitting"), [(2**31, "--grid 360"), (2**28, "--grid 160"), (2**10, "another")])
+def test_a_grid_that_the_device_cannot_hold(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, memory: int, fitting: str
+) -> None:
+    def choose_small(selector: str | None = None) -> Device:
+        device = choose_device(selector)
+        device.cl_device = SmallDevice(device.cl_device, memory)  # pyright: ignore[reportAttributeAccessIssue]
+        return device
+
+    monkeypatch.setattr("sonarmap.kernels.device.device.choose_device", choose_small)
+    result = sonarmap("register", *write(tmp_path, a=scan(0), b=scan(1)), "--grid", "512", "--json")
+    refused_with_reason(result)
+    has = f"{memory / 2**30:.2f} GiB" if memory >= 2**30 else f"{memory / 2**20:.0f} MiB"
+    said(result, "this needs", "GiB on the device", f"has {has}", f"Use {fitting}")
+
+
+def test_points_outside_a_grid_that_is_too_small_are_no_crash(tmp_path: Path) -> None:
+    far = np.vstack([clutter(1), np.array([[9e4, -9e4, 3.0]])]).astype(np.float32)
+    paths = write(tmp_path, a=far, b=scan(1))
+    assert sonarmap("register", *paths, *GRID, "--voxel", "0.2").exit_code in (0, 3)
+    assert sonarmap("register", *paths, *GRID).exit_code == 0
+
+
+def test_a_stray_point_costs_no_map(tmp_path: Path) -> None:
+    """A scan 3.5 m across with an echo from 99 km: its voxels are too small for numbers this far apart."""
+    small = [scan(k) / np.float32(5) for k in range(2)]
+    paths = write(tmp_path, a=np.vstack([small[0], np.array([[99_000, 0, 0]], np.float32)]), b=small[1])
+    result = sonarmap("map", *paths, "-o", tmp_path / "out", *GRID, "--json")
+    assert result.exit_code == 0
+    said(result, "1 points lie too far from the others")
+    (component,) = json.loads(result.stdout)["components"]
+    assert component["map"]["points_left_out"] == 1
+    assert max(component["map"]["upper_m"]) < 10
+
+
+@pytest.mark.parametrize(("bad", "case"), [("a", "nothing finite"), ("b", "no bytes"), ("d", "text")])
+def test_a_bad_file_leaves_a_gap_and_the_rest_goes_on(tmp_path: Path, bad: str, case: str) -> None:
+    folder = tmp_path / "scans"
+    folder.mkdir()
+    write(folder, **{name: scan(k) for k, name in enumerate("abcd")})
+    (folder / f"{bad}.ply").write_bytes(NOT_SCANS[case][1])
+    result = sonarmap("map", folder, "-o", tmp_path / "out", *GRID, "--json")
+    assert result.exit_code == 3
+    said(result, "warning: skipped", f"{bad}.ply: ", *NOT_SCANS[case][2][1:])
+    summary = json.loads(result.stdout)
+    assert [entry["name"] for entry in summary["scans"]] == [name for name in "abcd" if name != bad]
+    assert [entry["stamp"] for entry in summary["scans"]] == ["abcd".index(name) for name in "abcd" if name != bad]
+    assert [part["scans"] for part in summary["components"]] == [[0, 1, 2]]
+    place = {"a": [None, 0], "b": [0, 1], "d": [2, None]}[bad]
+    assert summary["gaps"] == [place]
+    (unread,) = summary["unread"]
+    assert unread["name"] == str(folder / f"{bad}.ply")
+    assert unread["gap"] == place
+    assert NOT_SCANS[case][2][1] in unread["reason"]
+
+
+def test_a_header_that_asks_for_too_much_leaves_a_gap(tmp_path: Path) -> None:
+    folder = tmp_path / "scans"
+    folder.mkdir()
+    write(folder, a=scan(0), b=scan(1), d=scan(3))
+    (folder / "c.pcd").write_text(
+        "VERSION 0.7\nFIELDS x y z n\nSIZE 4 4 4 4\nTYPE F F F F\nCOUNT 1 1 1 300000000\n"
+        "WIDTH 0\nHEIGHT 1\nDATA binary\n"
+    )
+    result = sonarmap("map", folder, "-o", tmp_path / "out", *GRID, "--json")
+    assert result.exit_code == 3
+    said(result, "warning: skipped, which leaves a gap", "c.pcd: the header promises points of 1,200,000,012 bytes")
+    summary = json.loads(result.stdout)
+    assert [part["scans"] for part in summary["components"]] == [[0, 1, 2]]
+    assert summary["gaps"] == [[1, 2]]
+
+
+@pytest.mark.parametrize("bad", ["a", "b", "d"])
+@pytest.mark.parametrize("case", ["nothing finite", "no bytes", "more promised", "text"])
+def test_a_bad_file_keeps_its_place_among_the_scans(tmp_path: Path, bad: str, case: str) -> None:
+    write(tmp_path, **{name: plane() for name in "abcd"})
+    (tmp_path / f"{bad}.ply").write_bytes(NOT_SCANS[case][1])
+    read = read_survey([tmp_path])
+    (unread,) = read.unread
+    assert (Path(unread.where).stem, unread.before) == (bad, "abcd".index(bad))
+    assert all(word in unread.reason for word in NOT_SCANS[case][2][1:])
+    assert [(scan.name, scan.stamp) for scan in read.scans] == [(n, "abcd".index(n)) for n in "abcd" if n != bad]
+
+
+def test_fewer_than_two_scans_that_can_be_read_are_an_error(good: str, tmp_path: Path) -> None:
+    (tmp_path / "bad.ply").write_bytes(b"")
+    for inputs, left in (([good, tmp_path / "bad.ply"], "1 of 2"), ([tmp_path / "bad.ply"], "0 of 1")):
+        result = sonarmap("map", *inputs, "-o", tmp_path / "out", *GRID)
+        refused_with_reason(result)
+        said(result, "error: ", "bad.ply: the file is empty", f"{left} scans can be read; a map needs at least two")
+    assert not (tmp_path / "out").exists()

@@ -1,0 +1,129 @@
+"""The frame of the command line: exit codes, messages, help."""
+
+import os
+import subprocess
+from collections.abc import Callable
+
+import pytest
+import typer
+from typer.testing import CliRunner
+
+from sonarmap.kernels.errors import InputError
+from sonarmap.tools.command.failures import guarded
+from sonarmap.tools.command.main import VERBS, app, run
+from sonarmap.tools.command.terminal import say
+from tests.samples.command_line import ROOT, SONARMAP, on_a_terminal, sonarmap
+
+
+def exit_code_of(command: Callable[[], object]) -> int:
+    with pytest.raises(typer.Exit) as ended:
+        guarded(command)()
+    return ended.value.exit_code
+
+
+def raiser(error: BaseException) -> Callable[[], None]:
+    def command() -> None:
+        raise error
+
+    return command
+
+
+class TestExitCodes:
+    def test_an_error_to_mend_is_a_message_and_2(self, capsys: pytest.CaptureFixture[str]) -> None:
+        assert exit_code_of(raiser(InputError("a.ply: it is [bold]empty[/bold]; give another"))) == 2
+        printed = capsys.readouterr()
+        assert printed.err == "error: a.ply: it is [bold]empty[/bold]; give another\n"
+        assert printed.out == ""
+
+    def test_a_defect_is_one_line_and_1(
+        self, capsys: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch
+    ) -> None:
+        monkeypatch.delenv("SONARMAP_DEBUG", raising=False)
+        assert exit_code_of(raiser(ZeroDivisionError("by\nzero"))) == 1
+        lines = capsys.readouterr().err.splitlines()
+        assert len(lines) == 1
+        assert lines[0].startswith("error: this is a defect of sonarmap")
+        assert "ZeroDivisionError: by zero (test_cli.py, line" in lines[0]
+        assert "SONARMAP_DEBUG=1" in lines[0]
+
+    @pytest.mark.parametrize("error", [ZeroDivisionError("by zero"), InputError("empty")])
+    def test_debugging_shows_the_traceback(
+        self, error: Exception, capsys: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch
+    ) -> None:
+        monkeypatch.setenv("SONARMAP_DEBUG", "1")
+        exit_code_of(raiser(error))
+        assert "Traceback (most recent call last)" in capsys.readouterr().err
+
+    def test_an_interruption_is_130(self, capsys: pytest.CaptureFixture[str]) -> None:
+        assert exit_code_of(raiser(KeyboardInterrupt())) == 130
+        assert capsys.readouterr().err == "stopped: nothing was written\n"
+
+    @pytest.mark.parametrize("ending", [typer.Exit(3), typer.BadParameter("no")])
+    def test_what_a_verb_decides_itself_passes(self, ending: Exception) -> None:
+        with pytest.raises(type(ending)) as ended:
+            guarded(raiser(ending))()
+        assert ended.value is ending
+
+    def test_a_verb_that_ends_well_returns(self) -> None:
+        assert guarded(lambda: 7)() == 7
+
+    @pytest.mark.parametrize("arguments", [["--bogus"], ["fly"], ["devices", "--bogus"], ["devices", "--device"]])
+    def test_usage_errors_are_2(self, arguments: list[str]) -> None:
+        result = CliRunner().invoke(app, arguments)
+        assert result.exit_code == 2
+        assert result.stderr.startswith("error: ")
+        assert result.stdout == ""
+
+    @pytest.mark.parametrize(("arguments", "code"), [(["--version"], 1), (["devices", "--json"], 141)])
+    def test_a_closed_pipe_is_quiet(self, arguments: list[str], code: int) -> None:
+        """What is printed before a verb begins is typer's to end, with its own code."""
+        reader, writer = os.pipe()
+        os.close(reader)
+        with os.fdopen(writer, "w") as closed:
+            ended = subprocess.run([*SONARMAP, *arguments], cwd=ROOT, stdout=closed, stderr=subprocess.PIPE)
+        assert (ended.returncode, ended.stderr) == (code, b"")
+
+
+class TestMessages:
+    def test_what_could_steer_a_terminal_is_escaped(self, capsys: pytest.CaptureFixture[str]) -> None:
+        say("scan\x1b[2J\x07\udcff.ply\nsecond line")
+        assert capsys.readouterr().err == "scan\\x1b[2J\\x07\\udcff.ply\nsecond line\n"
+
+    def test_a_long_message_stays_whole_in_a_pipe(self, capsys: pytest.CaptureFixture[str]) -> None:
+        message = "word " * 100 + "end"
+        say(message)
+        assert capsys.readouterr().err == f"{message}\n"
+
+    def test_a_long_message_is_wrapped_by_words_on_a_terminal(self) -> None:
+        shown = on_a_terminal(
+            "from sonarmap.tools.command.terminal import say; say('harbor ' * 30, 'error: ', 'red')", columns=40
+        )
+        lines = [line.rstrip() for line in shown.replace("\x1b[31m", "").replace("\x1b[0m", "").splitlines()]
+        assert lines[0] == "error: harbor harbor harbor harbor"
+        assert all(len(line) <= 40 and set(line.split()) <= {"error:", "harbor"} for line in lines)
+
+
+class TestEntry:
+    def test_version(self) -> None:
+        shown = sonarmap("--version")
+        assert (shown.returncode, shown.stdout.split()[0], shown.stderr) == (0, "sonarmap", "")
+
+    def test_help_names_every_verb(self) -> None:
+        result = CliRunner().invoke(app, ["--help"])
+        assert result.exit_code == 0
+        assert all(verb in result.stdout for verb in VERBS)
+
+    @pytest.mark.parametrize("verb", VERBS)
+    def test_every_verb_has_its_help(self, verb: str) -> None:
+        result = CliRunner().invoke(app, [verb, "--help"])
+        assert result.exit_code == 0
+        assert f"Usage: sonarmap {verb}" in result.stdout
+
+    def test_an_interruption_before_the_verb_is_130(
+        self, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+    ) -> None:
+        monkeypatch.setattr("sonarmap.tools.command.main.app", raiser(KeyboardInterrupt()))
+        with pytest.raises(SystemExit) as ended:
+            run()
+        assert ended.value.code == 130
+        assert capsys.readouterr().err == "stopped: nothing was written\n"

@@ -1,0 +1,71 @@
+"""`--nav-offset auto` with a recording that has an IMU, and one that has none."""
+
+from pathlib import Path
+
+import numpy as np
+import pytest
+from wlsonar import range_image_protocol as rip
+
+from sonarmap.kernels.errors import InputError
+from sonarmap.spectral.scan import Scan
+from sonarmap.tools.command.navigation import navigation_settings, scans_with_priors
+from sonarmap.tools.files.readers.scans import read_scans
+from tests.samples.recordings import START, imu_batch, recording, written
+
+OFFSET, SECONDS, HZ = 37.0, 120.0, 50
+
+
+def yaw(times: np.ndarray) -> np.ndarray:
+    """A vehicle that turns now this way, now that [rad, positive to the left]."""
+    rng = np.random.default_rng(6)
+    periods, phases, sizes = rng.uniform(5, 31, 9), rng.uniform(0, 6.3, 9), rng.uniform(0.05, 0.3, 9)
+    return (sizes * np.sin(2 * np.pi * times[:, None] / periods + phases)).sum(axis=1)
+
+
+def imu() -> list[bytes]:
+    """In the file's axes, z down: a turn to the left is negative."""
+    packets = []
+    for number in range(int(SECONDS)):
+        times = number + np.arange(HZ) / HZ
+        rates = np.zeros((HZ, 3))
+        rates[:, 2] = -np.gradient(yaw(times), 1 / HZ)
+        packets.append(rip.packb(imu_batch(number, times.tolist(), np.tile([0, 0, -9.81], (HZ, 1)), rates)))
+    return packets
+
+
+@pytest.fixture
+def dive(tmp_path: Path) -> tuple[tuple[Scan, ...], Path]:
+    path = written(tmp_path / "dive.sonar", recording(4))
+    path.write_bytes(path.read_bytes() + b"".join(imu()))
+    times = np.arange(-20, SECONDS + 20, 0.25)
+    headings = np.degrees(-yaw(times)) % 360
+    lines = [f"{int(START) + OFFSET + time:.3f},{heading:.2f},1" for time, heading in zip(times, headings, strict=True)]
+    (tmp_path / "nav.csv").write_text("\n".join(["stamp,heading_deg,heading_sigma_deg", *lines, ""]))
+    return read_scans([path]).scans, path
+
+
+def test_a_clock_that_is_37_seconds_ahead_is_found(
+    dive: tuple[tuple[Scan, ...], Path], capsys: pytest.CaptureFixture[str]
+) -> None:
+    scans, path = dive
+    nav = path.with_name("nav.csv")
+    settings = navigation_settings({"priors": nav, "nav_offset": "auto"})
+    navigated = scans_with_priors(scans, nav, None, True, False, settings, [path])
+    priors = [scan.prior for scan in navigated.scans if scan.prior is not None]
+    assert len(priors) == len(scans)
+    headings = [np.degrees(prior.T_world_sensor.rotation.as_euler("ZYX")[0]) for prior in priors]
+    expected = 90 + np.degrees(yaw(np.array([scan.stamp - int(START) for scan in scans])))
+    np.testing.assert_allclose(headings, expected, atol=1.5)  # 0.1 s of a turn of 15 degrees a second
+    said = " ".join(capsys.readouterr().err.split())
+    added = float(said.split(" s are added")[0].split()[-1])
+    assert added == pytest.approx(-OFFSET, abs=0.1)
+
+
+def test_without_an_imu_it_is_refused(dive: tuple[tuple[Scan, ...], Path]) -> None:
+    scans, path = dive
+    nav = path.with_name("nav.csv")
+    settings = navigation_settings({"priors": nav, "nav_offset": "auto"})
+    bare = written(path.with_name("bare.sonar"), recording(4))
+    for files in ((), (bare,), (nav,)):
+        with pytest.raises(InputError, match="--nav-offset auto needs the sonar's own turn rates"):
+            scans_with_priors(scans, nav, None, True, False, settings, files)

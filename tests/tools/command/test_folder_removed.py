@@ -1,0 +1,154 @@
+"""The output folder, or its journal, is removed while a command runs: an error in words, and nothing half written."""
+
+import shutil
+from collections.abc import Callable
+from contextlib import nullcontext
+from importlib import import_module
+from pathlib import Path
+from typing import Any
+
+import pytest
+
+from sonarmap.kernels.errors import InputError
+from sonarmap.tools.lab.reproduce.experiment import Outcome
+from sonarmap.tools.lab.reproduce.run import run
+from tests.samples.clutter_scans import files_in, refused_with_reason, said, scan, sonarmap, write
+from tests.samples.damage.pose_files import POSE_FILES
+from tests.samples.experiments.fake_experiment import Fake, origin
+
+GRID = ("--grid", "64")
+
+
+@pytest.fixture(scope="module")
+def scans(tmp_path_factory: pytest.TempPathFactory) -> list[str]:
+    return write(tmp_path_factory.mktemp("scans"), a=scan(0), b=scan(1), c=scan(2))
+
+
+@pytest.fixture
+def out(tmp_path: Path) -> Path:
+    return tmp_path / "above" / "out"
+
+
+def folder(out: Path) -> None:
+    shutil.rmtree(out)
+
+
+def journal(out: Path) -> None:
+    (out / "journal.sqlite").unlink()
+
+
+def a_file_instead(out: Path) -> None:
+    shutil.rmtree(out)
+    out.write_text("mine")
+
+
+def when(monkeypatch: pytest.MonkeyPatch, function: str, remove: Callable[[], None], after: bool = False) -> None:
+    """Call `remove` at the first call of a function, given as module:name."""
+    module, name = function.split(":")
+    place: Any = import_module(module)
+    *parts, name = name.split(".")
+    for part in parts:
+        place = getattr(place, part)
+    original, calls = getattr(place, name), []
+
+    def wrapped(*args: Any, **options: Any) -> Any:
+        calls.append(name)
+        if len(calls) == 1 and not after:
+            remove()
+        result = original(*args, **options)
+        if len(calls) == 1 and after:
+            remove()
+        return result
+
+    monkeypatch.setattr(place, name, wrapped)
+
+
+BEFORE, AFTER = False, True
+WRITING = ("map.ply", "map_all.ply", "map.png", "profile.png", "trajectory.tum", "graph.g2o", "graph.json", "pairs.csv")
+WRITING += ("summary.json", "times.json")
+KEEP, WRITE = "sonarmap.slam.execute.journal:Journal.add", "sonarmap.tools.products.output.folder:write_points"
+
+
+@pytest.mark.parametrize("remove", [folder, journal, a_file_instead])
+@pytest.mark.parametrize("moment", [BEFORE, AFTER])
+def test_while_pairs_are_kept(
+    out: Path, scans: list[str], remove: Callable[[Path], None], moment: bool, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    when(monkeypatch, KEEP, lambda: remove(out), moment)
+    result = sonarmap("map", *scans, "-o", out, *GRID, "--json")
+    refused_with_reason(result)
+    said(result, f"{out / 'journal.sqlite'} was removed or replaced while this run was using it", "again")
+    assert not out.is_dir() or files_in(out) == {}
+
+
+@pytest.mark.parametrize(
+    ("function", "moment"),
+    [
+        (WRITE, AFTER),
+        ("sonarmap.tools.products.output.folder:write_json", BEFORE),
+        ("sonarmap.tools.products.output.folder:write_survey", AFTER),
+    ],
+)
+@pytest.mark.parametrize("remove", [folder, a_file_instead])
+def test_while_the_map_is_written(
+    out: Path,
+    scans: list[str],
+    remove: Callable[[Path], None],
+    function: str,
+    moment: bool,
+    monkeypatch: pytest.MonkeyPatch,
+) -> None:
+    when(monkeypatch, function, lambda: remove(out), moment)
+    result = sonarmap("map", *scans[:2], "-o", out, *GRID, "--json")
+    refused_with_reason(result)
+    said(result, "error: ", str(out))
+    assert not out.is_dir() or files_in(out) == {}
+    assert remove is folder or out.read_text() == "mine"
+
+
+def test_before_the_map_is_written_it_is_made_again(
+    out: Path, scans: list[str], monkeypatch: pytest.MonkeyPatch
+) -> None:
+    when(monkeypatch, WRITE, lambda: folder(out))
+    assert sonarmap("map", *scans[:2], "-o", out, *GRID).exit_code == 0
+    assert set(files_in(out)) == {*WRITING, "report.html"}
+
+
+@pytest.mark.parametrize("remove", [folder, a_file_instead])
+def test_while_a_simulation_is_written(
+    out: Path, remove: Callable[[Path], None], monkeypatch: pytest.MonkeyPatch
+) -> None:
+    when(monkeypatch, "sonarmap.tools.lab.simulate.folder:write_ply", lambda: remove(out), AFTER)
+    result = sonarmap("simulate", "--scene", "pool", "--scans", "2", "-o", out)
+    refused_with_reason(result)
+    said(result, f"error: cannot write {out}")
+    assert not out.is_dir() or files_in(out) == {}
+
+
+@pytest.mark.parametrize("remove", [folder, a_file_instead])
+def test_while_a_graph_is_optimized(out: Path, remove: Callable[[Path], None], monkeypatch: pytest.MonkeyPatch) -> None:
+    source = out.parents[1] / "in.g2o"
+    source.write_bytes(POSE_FILES["g2o"].content)
+    when(monkeypatch, "sonarmap.tools.files.writers.g2o:_line", lambda: remove(out))
+    result = sonarmap("optimize", source, "-o", out / "out.g2o")
+    if remove is folder:  # nothing was written yet: it is made again
+        assert result.exit_code == 0
+        assert set(files_in(out)) == {"out.g2o"}
+    else:
+        assert (result.exit_code, out.read_text()) == (2, "mine")
+        said(result, f"error: cannot write {out / 'out.g2o'}")
+
+
+def test_while_an_experiment_runs(tmp_path: Path) -> None:
+    out = tmp_path / "out"
+
+    class Removing(Fake):
+        def run(self, job: str) -> Outcome:
+            if job == "c":
+                shutil.rmtree(out)
+            return super().run(job)
+
+    fake = Removing()
+    with pytest.raises(InputError, match=r"journal\.sqlite was removed or replaced while"):
+        run(fake, origin(fake), out, lambda *_: nullcontext(lambda _: None))
+    assert not out.exists()

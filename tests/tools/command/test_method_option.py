@@ -1,0 +1,176 @@
+"""`--method` end to end: other methods than the spectral one, behind the same verbs."""
+
+import json
+import sys
+from pathlib import Path
+
+import numpy as np
+import pytest
+from scipy.spatial.transform import RigidTransform
+
+from sonarmap.slam.graph.trajectory import Trajectory
+from sonarmap.spectral.scan import Scan
+from sonarmap.tools.command.method import MethodOptions, configure_method
+from sonarmap.tools.files.readers.poses.tum import read_tum
+from sonarmap.tools.lab.evaluate.trajectory import evaluate, pair_error
+from sonarmap.tools.methods.registry import METHODS
+from tests.samples.clutter_scans import (
+    T_WORLD_SENSOR,
+    files_in,
+    refused_with_reason,
+    said,
+    scan,
+    sonarmap,
+    table_of,
+    write,
+)
+
+VOXEL = ("--voxel", "0.4")
+CONTRACT = {"T_target_source", "covariance", "accepted", "psr", "overlap", "seconds", "reason"}
+
+
+@pytest.fixture(autouse=True)
+def _no_device(monkeypatch: pytest.MonkeyPatch) -> None:
+    """No OpenCL device is looked for: a method that is not spectral takes none."""
+
+    def never(*_: object) -> None:
+        raise AssertionError("a device was chosen")
+
+    monkeypatch.setattr("sonarmap.kernels.device.device.choose_device", never)
+
+
+@pytest.fixture
+def pair(tmp_path: Path) -> list[str]:
+    return write(tmp_path, target=scan(0), source=scan(1))
+
+
+def refuse_constant(constant: str) -> None:
+    raise AssertionError(f"{constant} is no JSON")
+
+
+@pytest.mark.parametrize("method", ["icp", "icp-plane"])
+def test_a_pair_as_json(pair: list[str], method: str) -> None:
+    result = sonarmap("register", *pair, "--method", method, *VOXEL, "--json")
+    assert (result.exit_code, result.stderr) == (0, "")
+    printed = json.loads(result.stdout, parse_constant=refuse_constant)
+    assert printed.keys() >= CONTRACT
+    truth = T_WORLD_SENSOR[0].inv() * T_WORLD_SENSOR[1]
+    error = pair_error(RigidTransform.from_matrix(printed["T_target_source"]), truth)
+    assert error.within(1.0, 0.4)
+    assert (printed["method"], printed["accepted"], printed["psr"], printed["grid"]) == (method, True, None, None)
+    assert printed["voxel"] == 0.4
+    assert 0 < printed["overlap"] <= 1
+    assert np.linalg.eigvalsh(printed["covariance"]).min() > 0
+
+
+def test_a_pair_in_words(pair: list[str]) -> None:
+    result = sonarmap("register", *pair, "--method", "icp", *VOXEL)
+    assert (result.exit_code, result.stderr) == (0, "")
+    assert result.stdout.startswith("Registered: this transform is reliable.\n")
+    assert "voxels of 0.4 m" in result.stdout
+    assert "128 x" not in result.stdout
+    assert "nan" not in result.stdout
+
+
+def test_two_places_are_refused(tmp_path: Path) -> None:
+    pair = write(tmp_path, here=scan(0, scene=1), there=scan(0, scene=2))
+    result = sonarmap("register", *pair, "--method", "icp", *VOXEL, "--json")
+    assert (result.exit_code, result.stderr) == (3, "")
+    printed = json.loads(result.stdout)
+    assert printed["accepted"] is False
+    assert "believed from" in printed["reason"]
+
+
+def test_the_voxel_is_chosen_as_for_the_spectral_method(pair: list[str]) -> None:
+    """It is so large that 128 of them, or as many as --grid says, hold the scan with a margin."""
+    coarse, fine = (
+        json.loads(sonarmap("register", *pair, "--method", "icp", *grid, "--json").stdout)["voxel"]
+        for grid in (("--grid", "32"), ())
+    )
+    assert coarse == pytest.approx(4 * fine)
+
+
+@pytest.mark.parametrize(
+    ("arguments", "words"),
+    [
+        (
+            "--method icp --yaw-peaks 6",
+            ["--yaw-peaks has no effect with --method icp; leave it out, or use --method hem"],
+        ),
+        (
+            "--yaw-peaks 3",
+            ["--yaw-peaks has no effect with --method spectral; leave it out, or use --method hemisphere"],
+        ),
+        ("--method hemisphere --hypotheses 12", ["--hypotheses has no effect", "or use --method spectral"]),
+        ("--method hemisphere --refine icp", ["--refine has no effect", "or use --method spectral"]),
+        ("--method hemisphere --priors nav.csv", ["--priors has no effect", "or use --method spectral"]),
+        (
+            "--method icp --max-tilt 35 --device cpu",
+            ["--device and --max-tilt have no effect", "leave them out", "spectral or hemisphere"],
+        ),
+        ("--method kiss --no-strength", ["--strength has no effect"]),
+        ("--method icp --seed 0", ["--seed has no effect", "fpfh-ransac or fpfh-fgr"]),
+        ("--seed 3", ["--seed has no effect with --method spectral"]),
+        ("--method icp --grid 64 --voxel 0.4", ["--grid has no effect with --method icp and --voxel"]),
+        ("--method ipc", ["no method is called 'ipc'", *METHODS]),
+    ],
+)
+@pytest.mark.parametrize("verb", ["register", "map"])
+def test_an_option_without_effect_is_refused(
+    pair: list[str], tmp_path: Path, verb: str, arguments: str, words: list[str]
+) -> None:
+    out = ("-o", tmp_path / "out") if verb == "map" else ()
+    result = sonarmap(verb, *pair, *out, *arguments.split())
+    refused_with_reason(result)
+    said(result, *words)
+
+
+@pytest.mark.parametrize(("method", "module"), [("kiss", "kiss_matcher"), ("gicp", "small_gicp")])
+def test_a_missing_package_is_told_with_the_command(
+    pair: list[str], method: str, module: str, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setitem(sys.modules, module, None)
+    result = sonarmap("register", *pair, "--method", method, *VOXEL, "--json")
+    refused_with_reason(result)
+    said(result, f"the method {method} needs the package {METHODS[method].package}", "pip install 'sonarmap[peers]'")
+
+
+@pytest.mark.parametrize("method", [name for name, one in METHODS.items() if one.package])
+def test_an_optional_method_as_json(pair: list[str], method: str) -> None:
+    module = METHODS[method].package.replace("-", "_")
+    pytest.importorskip(module, reason=f"{METHODS[method].package} is not installed")
+    result = sonarmap("register", *pair, "--method", method, *VOXEL, "--json")
+    assert (result.exit_code, result.stderr) in ((0, ""), (3, ""))
+    assert json.loads(result.stdout)["method"] == method
+
+
+@pytest.mark.slow
+def test_a_map(tmp_path: Path) -> None:
+    write(tmp_path, **{f"scan_{k}": scan(k) for k in range(3)})
+    out = tmp_path / "out"
+    result = sonarmap("map", tmp_path, "-o", out, "--method", "icp-plane", *VOXEL, "--json")
+    assert (result.exit_code, result.stderr) == (0, "")
+    summary = json.loads(result.stdout, parse_constant=refuse_constant)
+    settings = summary["settings"]
+    assert (settings["method"], settings["spectral"], summary["device"]) == ("icp-plane", None, None)
+    assert settings["grid"] == {"edge": None, "voxel": 0.4}
+    chained = [one for one in table_of(out / "pairs.csv") if one["role"] == "sequential"]
+    assert all(one["psr"] == one["probability"] == "" and one["kept"] == "yes" for one in chained)
+    truth = Trajectory(np.arange(3.0), T_WORLD_SENSOR[:3])
+    found = evaluate(read_tum(out / "trajectory.tum"), truth, "first")
+    assert found.translation_m.max() < 0.4
+    again = sonarmap("map", tmp_path, "-o", tmp_path / "again", "--method", "icp-plane", *VOXEL)
+    assert again.exit_code == 0
+    assert "peak: how high" not in again.stdout
+    assert "nan" not in again.stdout
+    first, second = files_in(out), files_in(tmp_path / "again")
+    assert {name for name in first if first[name] != second[name]} == {
+        "times.json",
+        "journal.sqlite",
+    }  # these hold seconds
+
+
+@pytest.mark.parametrize(("method", "seed"), [("fpfh-ransac", {"seed": 7}), ("icp", {})])
+def test_the_seed_stands_in_the_summary_of_a_method_that_uses_it(method: str, seed: dict[str, int]) -> None:
+    configured = configure_method([Scan(scan(0))], MethodOptions(method, voxel=0.4, seed=7))
+    assert configured.settings == {"method": method, "grid": {"edge": None, "voxel": 0.4}, "spectral": None, **seed}

@@ -1,0 +1,232 @@
+"""What can go wrong while results are written or printed: earlier results stay whole, and nothing half done is left."""
+
+import os
+import resource
+import shutil
+import signal
+import subprocess
+import sys
+from collections.abc import Iterator
+from contextlib import contextmanager
+from importlib import import_module
+from pathlib import Path
+
+import pytest
+
+import sonarmap.tools.products.output.folder
+from tests.samples.clutter_scans import files_in, refused_with_reason, said, scan, sonarmap, write
+from tests.samples.places import ROOT
+
+GRID = ("--grid", "64")
+PROGRAM = "from sonarmap.tools.command.main import run; run()"
+CHATTY = "import sonarmap.tools.command.progress; tools.command.progress.SECONDS_BETWEEN_LINES = 0; " + PROGRAM
+RESULTS = {
+    "map.ply",
+    "map_all.ply",
+    "map.png",
+    "profile.png",
+    "trajectory.tum",
+    "graph.g2o",
+    "graph.json",
+    "summary.json",
+}
+RESULTS |= {"pairs.csv", "times.json", "report.html"}
+
+
+@pytest.fixture(scope="module")
+def scans(tmp_path_factory: pytest.TempPathFactory) -> list[str]:
+    return write(tmp_path_factory.mktemp("scans"), a=scan(0), b=scan(1), c=scan(2), d=scan(3))
+
+
+@pytest.fixture(scope="module")
+def mapped(scans: list[str], tmp_path_factory: pytest.TempPathFactory) -> Path:
+    """The map of two scans."""
+    folder = tmp_path_factory.mktemp("mapped")
+    assert sonarmap("map", *scans[:2], "-o", folder, *GRID).exit_code == 0
+    return folder
+
+
+@pytest.fixture
+def out(tmp_path: Path) -> Path:
+    """A folder with an earlier run's results, which are easy to tell from new ones."""
+    folder = tmp_path / "out"
+    folder.mkdir()
+    for name in RESULTS:
+        (folder / name).write_text(f"{name} of an earlier run")
+    return folder
+
+
+def results_in(folder: Path) -> dict[str, bytes]:
+    """Everything but the journal, which is to have what is done whatever becomes of the rest."""
+    return {name: content for name, content in files_in(folder).items() if name != "journal.sqlite"}
+
+
+def as_command(*arguments: str | Path, program: str = PROGRAM) -> list[str]:
+    return [sys.executable, "-c", program, *map(str, arguments)]
+
+
+def run(*arguments: str | Path, program: str = PROGRAM, **streams: object) -> subprocess.CompletedProcess[str]:
+    streams = {"stdout": subprocess.PIPE, "stderr": subprocess.PIPE} | streams
+    return subprocess.run(as_command(*arguments, program=program), cwd=ROOT, text=True, **streams)  # pyright: ignore
+
+
+@pytest.mark.parametrize("place", ["a file", "below a file", "proc", "a folder for map.ply"])
+def test_an_output_folder_that_cannot_be_written(tmp_path: Path, scans: list[str], place: str) -> None:
+    (tmp_path / "file").write_text("mine")
+    (tmp_path / "odd" / "map.ply").mkdir(parents=True)
+    out = {
+        "a file": tmp_path / "file",
+        "below a file": tmp_path / "file" / "out",
+        "proc": Path("/proc/out"),
+        "a folder for map.ply": tmp_path / "odd",
+    }[place]
+    result = sonarmap("map", *scans[:2], "-o", out, *GRID, "--json")
+    refused_with_reason(result)
+    said(result, f"cannot write {out}", "another output folder")
+    assert (tmp_path / "file").read_text() == "mine"
+    # that this name is taken shows last, when pairs have been kept
+    assert {path.name for path in (tmp_path / "odd").iterdir()} <= {"map.ply", "journal.sqlite"}
+
+
+def test_an_output_folder_is_tried_before_the_work(scans: list[str], monkeypatch: pytest.MonkeyPatch) -> None:
+    for work in ("sonarmap.slam.mapper.Mapper.run", "sonarmap.tools.lab.simulate.simulation.simulate"):
+        monkeypatch.setattr(work, lambda *_, **__: pytest.fail("worked before it looked"))
+    assert sonarmap("map", *scans, "-o", Path(scans[0]) / "out", *GRID).exit_code == 2
+    assert sonarmap("simulate", "-o", Path(scans[0]) / "out").exit_code == 2
+
+
+@contextmanager
+def small_files() -> Iterator[None]:
+    """No file may grow beyond 60 kB."""
+    soft, hard = resource.getrlimit(resource.RLIMIT_FSIZE)
+    resource.setrlimit(resource.RLIMIT_FSIZE, (60_000, hard))
+    try:
+        yield
+    finally:
+        resource.setrlimit(resource.RLIMIT_FSIZE, (soft, hard))
+
+
+@pytest.mark.parametrize(
+    ("verb", "module"),
+    [("map", "sonarmap.tools.products.output.folder"), ("simulate", "sonarmap.tools.lab.simulate.folder")],
+)
+def test_a_file_that_grows_too_large_leaves_earlier_results(
+    out: Path, scans: list[str], verb: str, module: str, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """Small files still fit: none of them may appear either."""
+    before = files_in(out)
+    write_files = getattr(import_module(module), "_write_files")  # noqa: B009 - pyright knows no module by its name
+    # Not earlier: the OpenCL compiler ends the whole program where its own files do not fit.
+    monkeypatch.setattr(f"{module}._write_files", small_files()(write_files))
+    arguments = ["simulate"] if verb == "simulate" else ["map", *scans, *GRID]
+    result = sonarmap(*arguments, "-o", out)
+    refused_with_reason(result)
+    said(result, f"error: cannot write {out}", "File too large", "what was there before is as it was")
+    assert results_in(out) == before
+
+
+@pytest.fixture
+def tiny_disk(tmp_path: Path) -> Iterator[Path]:
+    """A file system of 300 KiB."""
+    disk = tmp_path / "disk"
+    disk.mkdir()
+    mounted = subprocess.run(["mount", "-t", "tmpfs", "-o", "size=300k", "tmpfs", disk], capture_output=True)
+    if mounted.returncode:
+        pytest.skip("no permission to mount a file system here")
+    yield disk
+    subprocess.run(["umount", disk], check=True)
+
+
+def test_a_full_disk_leaves_earlier_results(tiny_disk: Path, scans: list[str]) -> None:
+    for name in RESULTS:
+        (tiny_disk / name).write_text(f"{name} of an earlier run")
+    before = files_in(tiny_disk)
+    result = sonarmap("map", *scans, "-o", tiny_disk, *GRID)
+    refused_with_reason(result)
+    said(result, "cannot write", "No space left on device", "make room")
+    assert results_in(tiny_disk) == before
+
+
+def test_stopped_while_it_maps(out: Path, scans: list[str]) -> None:
+    before = files_in(out)
+    command = as_command("map", *scans, "-o", out, "--grid", "128", program=CHATTY)
+    mapping = subprocess.Popen(command, cwd=ROOT, stdout=subprocess.PIPE, stderr=subprocess.PIPE, text=True)
+    assert mapping.stdout
+    assert mapping.stderr
+    while "mapping: 1 of" not in (line := mapping.stderr.readline()):
+        assert line, "it ended before it said how far it was"
+    mapping.send_signal(signal.SIGINT)
+    printed, told = mapping.communicate()
+    assert mapping.returncode == 130
+    assert printed == ""
+    assert "done and kept in" in told.splitlines()[-1]
+    assert told.endswith("journal.sqlite; the same command continues from there\n")
+    assert "Traceback" not in told
+    assert results_in(out) == before
+
+
+def test_a_damaged_row_of_the_journal_is_computed_again(tmp_path: Path, scans: list[str], mapped: Path) -> None:
+    journal = tmp_path / "journal.sqlite"
+    journal.write_bytes((mapped / "journal.sqlite").read_bytes().replace(b'"accepted": true', b'"accepted": trux', 1))
+    result = sonarmap("map", *scans[:2], "-o", tmp_path, *GRID)
+    assert result.exit_code == 0
+    said(result, "warning: 1 results in", "were damaged, and have been computed again")
+    assert (tmp_path / "map.ply").read_bytes() == (mapped / "map.ply").read_bytes()
+
+
+@pytest.mark.parametrize("written", ["write_points", "draw_map", "write_g2o", "write_pairs", "write_json"])
+def test_stopped_while_it_writes(
+    out: Path, scans: list[str], mapped: Path, written: str, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    before = files_in(out)
+    shutil.copy(mapped / "journal.sqlite", out)
+
+    def stop(*_: object) -> None:
+        raise KeyboardInterrupt
+
+    monkeypatch.setattr(f"sonarmap.tools.products.output.folder.{written}", stop)
+    result = sonarmap("map", *scans[:2], "-o", out, *GRID)
+    assert result.exit_code == 130
+    assert results_in(out) == before
+
+
+@pytest.mark.slow
+def test_results_that_cannot_be_printed_are_an_error(tmp_path: Path, scans: list[str]) -> None:
+    with Path("/dev/full").open("w") as full:
+        ended = run("map", *scans[:2], *GRID, "-o", tmp_path, stdout=full)
+    assert ended.returncode == 2
+    assert ended.stderr.splitlines()[-1].startswith("error: cannot write the output: No space left on device.")
+    assert "Traceback" not in ended.stderr
+    assert set(results_in(tmp_path)) == RESULTS
+
+
+@pytest.mark.slow
+def test_a_reader_that_left_is_no_error(scans: list[str]) -> None:
+    reader, writer = os.pipe()
+    os.close(reader)
+    with os.fdopen(writer, "w") as closed:
+        ended = run("register", *scans[:2], *GRID, stdout=closed)
+    assert (ended.returncode, ended.stderr) == (141, "")
+
+
+@pytest.mark.parametrize(
+    "closed", [*(pytest.param(stream, marks=pytest.mark.slow) for stream in ("<&-", ">&-", "2>&-")), "<&- >&- 2>&-"]
+)
+def test_closed_streams_are_no_error_and_no_file_takes_their_place(
+    tmp_path: Path, scans: list[str], mapped: Path, closed: str
+) -> None:
+    out = tmp_path / "out"
+    command = as_command("map", *scans[:2], "-o", out, *GRID)
+    ended = subprocess.run(["sh", "-c", f'exec "$@" {closed}', "sh", *command], cwd=ROOT, capture_output=True)
+    assert ended.returncode == 0
+    assert b"Traceback" not in ended.stderr
+    written, again = results_in(out), results_in(mapped)
+    assert set(written) == RESULTS
+    assert all(written[name] == again[name] for name in RESULTS - {"times.json"})
+
+
+def test_stderr_that_is_full_hides_no_failure(scans: list[str], monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.delenv("PYTHONUNBUFFERED", raising=False)  # with which nothing is left to be written at the end
+    with Path("/dev/full").open("w") as full:
+        assert run("register", scans[0], "missing.ply", stderr=full).returncode == 2
+        assert run("register", *scans[:2], *GRID, stderr=full).returncode == 0

@@ -1,0 +1,123 @@
+"""What the user is warned of after mapping, and what the table says of refused pairs."""
+
+from dataclasses import replace
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from sonarmap.kernels.errors import InputError
+from sonarmap.slam.mapper import Mapper
+from sonarmap.slam.survey_result import SurveyResult
+from sonarmap.spectral.result import Registration
+from sonarmap.tools.command.words.pairs import print_pairs
+from sonarmap.tools.command.words.survey import Mapped, warn_of_faults, way_length
+from sonarmap.tools.products.output.faults import faults
+from tests.samples.surveys import KnowingRegistrar, random_covariance, ring_poses, scans_of
+
+NAMES = [f"scan{k}" for k in range(24)]
+
+
+def told_of(covariance: np.ndarray) -> tuple[float, list[str]]:
+    """By how much loops moved a pose [m], and what is said."""
+    truth = ring_poses(24)
+    survey = Mapper(KnowingRegistrar(truth, covariance), 0.5).run(scans_of(truth))
+    return survey.moved, faults(survey, NAMES)
+
+
+def test_loops_that_change_nothing_are_told() -> None:
+    covariance = random_covariance(np.random.default_rng(0), 0.004, 0.03)
+    moved, told = told_of(1e-8 * covariance)
+    assert moved < 1e-4
+    assert len(told) == 1
+    assert "loops were kept, but no pose moved by more than 0.001 voxels" in told[0]
+    moved, told = told_of(covariance)
+    assert moved > 0.05
+    assert told == []
+
+
+def test_the_table_says_why_a_pair_was_refused(capsys: pytest.CaptureFixture[str]) -> None:
+    truth = ring_poses(6, turns=0.3)
+
+    def spoil(i: int, j: int, given):
+        return replace(given, accepted=False, reason="too weak for this") if j - i > 1 else given
+
+    registrar = KnowingRegistrar(truth, 1e-6 * np.eye(6), spoil)
+    survey = Mapper(registrar, 0.5).run(scans_of(truth))
+    print_pairs(survey, NAMES)
+    printed = capsys.readouterr().out
+    assert "chi-squared" in printed
+    assert "degrees of freedom" in printed
+    assert "sigmas: how far the pair is from the final poses" in printed
+    assert any(not pair.kept for pair in survey.pairs)
+    assert "too weak" in printed
+
+
+def refusing(
+    pairs: set[tuple[int, int]], broken: tuple[str, ...] = (), defects: set[tuple[int, int]] | None = None
+) -> SurveyResult:
+    """A survey of which these pairs are refused, these scans cannot be prepared, and these pairs end by an error."""
+    truth = ring_poses(12, turns=0.3)
+
+    def spoil(i: int, j: int, given: Registration) -> Registration:
+        if (i, j) in (defects or ()):
+            raise InputError("a slice begins at 7")
+        return replace(given, accepted=False, reason=f"too weak at {i}") if (i, j) in pairs else given
+
+    return Mapper(KnowingRegistrar(truth, 1e-6 * np.eye(6), spoil, broken), 0.5).run(scans_of(truth))
+
+
+def test_each_gap_is_told_and_many_together() -> None:
+    few = faults(refusing({(1, 2), (4, 5)}), NAMES)
+    assert [sentence.split(":")[0] for sentence in few] == [
+        "gap between scan1 and scan2, bridged by other pairs",
+        "gap between scan4 and scan5, bridged by other pairs",
+    ]
+    (many,) = faults(refusing({(k, k + 1) for k in (1, 3, 5, 7)}), NAMES)
+    assert many.startswith("4 gaps between consecutive scans, bridged by other pairs, as between scan1 and scan2")
+    assert "too weak at 1" in many
+
+
+def test_a_scan_that_is_to_blame_is_told_once() -> None:
+    assert faults(refusing(set(), ("scan4",)), NAMES) == ["scan4 is in no map: it is of no use; drop it"]
+    (several,) = faults(refusing(set(), ("scan4", "scan8")), NAMES)
+    assert several == "2 scans are in no map: scan4, scan8; the first: it is of no use; drop it"
+
+
+def test_an_error_of_the_method_is_named_and_the_map_is_not_whole() -> None:
+    """Though other pairs bridge it: it says nothing of the scans, and is not told as a gap of theirs."""
+    survey = refusing(set(), defects={(4, 5), (4, 6)})
+    assert len(survey.components) == 1
+    ended = [pair for pair in survey.pairs if pair.is_defect]
+    assert [pair.scans for pair in ended] == [(4, 5), (4, 6)]
+    assert ended[0].reason == "failed: an error of the method, not of the scans: a slice begins at 7"
+    (told,) = faults(survey, NAMES)
+    assert told == (
+        f"2 of {len(survey.pairs)} pairs ended by an error of the method, which says nothing of the scans, as scan4 "
+        "and scan5: a slice begins at 7"
+    )
+    assert not Mapped(survey, NAMES, Path(), [], 0).whole
+    assert Mapped(refusing({(4, 5)}), NAMES, Path(), [], 0).whole
+
+
+def test_the_most_important_stand_first_and_few_are_shown(capsys: pytest.CaptureFixture[str], tmp_path: Path) -> None:
+    survey = refusing({(1, 2), (3, 4), (8, 9)}, ("scan6",))
+    told = faults(survey, NAMES)
+    assert len(told) == 4
+    assert told[0].startswith("scan6 is in no map")
+    mapped = Mapped(survey, NAMES[:12], tmp_path, (), 0)
+    warn_of_faults(mapped)
+    shown = capsys.readouterr().err.splitlines()
+    assert shown[:3] == [f"warning: {sentence}" for sentence in told[:3]]
+    assert shown[3] == f"warning: 1 more, and all in full: {tmp_path / 'summary.json'} (warnings), or --verbose"
+    warn_of_faults(mapped, verbose=True)
+    assert capsys.readouterr().err.splitlines() == [f"warning: {sentence}" for sentence in told]
+
+
+def test_the_way_is_that_of_every_map_and_survey() -> None:
+    survey = refusing(set())
+    places = survey.trajectory.T_world_sensor.translation
+    steps = np.sqrt(((places[1:] - places[:-1]) ** 2).sum(axis=1))
+    assert way_length(survey) == pytest.approx(steps.sum())
+    two = replace(survey, surveys=(0,) * 5 + (1,) * 7)
+    assert way_length(two) == pytest.approx(steps.sum() - steps[4])

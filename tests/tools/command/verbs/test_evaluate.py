@@ -1,0 +1,143 @@
+"""`sonarmap evaluate` end to end: its table, its limits, and the formats that it reads."""
+
+import json
+from pathlib import Path
+
+import numpy as np
+import pytest
+from scipy.spatial.transform import RigidTransform, Rotation
+
+from sonarmap.slam.graph.trajectory import Trajectory
+from sonarmap.tools.files.writers.kitti import write_kitti
+from sonarmap.tools.files.writers.tum import write_tum
+from tests.samples.clutter_scans import printed_at, said, sonarmap
+
+STAMPS = 5.0 + np.arange(4)
+TRUTH = Trajectory(
+    STAMPS,
+    RigidTransform.from_components(
+        np.outer(np.arange(4.0), [3.0, -1.5, 0.25]), Rotation.from_euler("ZYX", [[70, 2, 1]] * 4, degrees=True)
+    ),
+)
+# Pose 2 is 0.4 m off along its own x axis and turned by 3 degrees.
+SLIP = RigidTransform.from_components([0.4, 0, 0], Rotation.from_euler("z", 3, degrees=True))
+ESTIMATE = Trajectory(
+    STAMPS,
+    RigidTransform.concatenate([T * SLIP if k == 2 else T for k, T in enumerate(TRUTH.T_world_sensor)]),
+)
+
+
+@pytest.fixture
+def pair(tmp_path: Path) -> list[Path]:
+    write_tum(tmp_path / "estimate.tum", ESTIMATE)
+    write_tum(tmp_path / "truth.tum", TRUTH)
+    return [tmp_path / "estimate.tum", tmp_path / "truth.tum"]
+
+
+def test_a_straight_line_is_evaluated_without_an_option(pair: list[Path]) -> None:
+    result = sonarmap("evaluate", *pair)
+    assert (result.exit_code, result.stderr) == (0, "")
+    assert "4 poses, aligned by all poses" in result.stdout
+    refused = sonarmap("evaluate", *pair, "--align", "positions")
+    assert refused.exit_code == 2
+    said(refused, "on one line")
+
+
+def test_the_table_shows_estimated_beside_true_poses(pair: list[Path]) -> None:
+    result = sonarmap("evaluate", *pair, "--align", "first")
+    assert "true x, y, z [m]" in result.stdout
+    (row,) = [line.split() for line in result.stdout.splitlines() if line.split()[:1] == ["7"]]
+    forward = TRUTH.T_world_sensor.rotation.as_matrix()[2, :, 0]
+    estimated = [f"{value:.2f}" for value in TRUTH.T_world_sensor.translation[2] + 0.4 * forward]
+    assert row == ["7", *estimated, "6.00", "-3.00", "0.50", "0.400", "+73.00°", "+70.00°", "3.00°"]
+    (third,) = [one for one in json.loads(sonarmap("evaluate", *pair, "--align", "first", "--json").stdout)["per_pose"]
+                if one["stamp"] == 7]  # fmt: skip
+    assert third["true_m"] == pytest.approx([6, -3, 0.5])
+    assert third["estimated_yaw_deg"] == pytest.approx(73, abs=0.01)
+
+
+@pytest.mark.parametrize(
+    ("limits", "code"),
+    [
+        (["--max-error-m", "0.41", "--max-error-deg", "3.1"], 0),
+        (["--max-error-m", "0.39"], 3),
+        (["--max-error-deg", "2.9"], 3),
+        (["--max-error-m", "0.41", "--max-error-deg", "2.9"], 3),
+        (["--max-error-m", "-1"], 2),
+        (["--max-error-deg", "nan"], 2),
+    ],
+)
+def test_limits_name_the_pose_that_exceeds_them(pair: list[Path], limits: list[str], code: int) -> None:
+    result = sonarmap("evaluate", *pair, "--align", "first", *limits)
+    assert result.exit_code == code
+    if code == 3:
+        said(result, "the pose at 7 s is 0.400 m and 3.00 degrees off", f"{limits[-1]} ")
+        assert result.stderr.count("error: ") == 1
+
+
+@pytest.mark.parametrize("suffix", [".kitti", ".txt"])
+def test_kitti_files_are_compared_line_by_line(tmp_path: Path, pair: list[Path], suffix: str) -> None:
+    files = [tmp_path / f"{name}{suffix}" for name in ("estimate", "truth")]
+    for path, trajectory in zip(files, (ESTIMATE, TRUTH), strict=True):
+        write_kitti(path, trajectory)
+    printed = json.loads(sonarmap("evaluate", *files, "--json").stdout)
+    by_stamp = json.loads(sonarmap("evaluate", *pair, "--json").stdout)
+    assert [one["stamp"] for one in printed["per_pose"]] == [0, 1, 2, 3]
+    assert printed["ate_m"]["rms"] == pytest.approx(by_stamp["ate_m"]["rms"], rel=1e-9)
+    mixed = sonarmap("evaluate", pair[0], files[1])
+    assert mixed.exit_code == 2
+    said(mixed, f"{files[1]} is a KITTI file", "Give two files of one format")
+
+
+def test_truths_of_several_dives_are_counted_on(tmp_path: Path) -> None:
+    """A map of two dives stamps their scans 0 to 3; the truth of each dive counts from 0."""
+    poses = TRUTH.T_world_sensor
+    write_tum(tmp_path / "estimate.tum", Trajectory(np.arange(4.0), ESTIMATE.T_world_sensor))
+    write_tum(tmp_path / "a.tum", Trajectory(np.arange(3.0), poses[:3]))
+    write_tum(tmp_path / "b.tum", Trajectory(np.arange(1.0), poses[3:]))
+    joined = [tmp_path / name for name in ("estimate.tum", "a.tum", "b.tum")]
+    told = json.loads(sonarmap("evaluate", *joined, "--align", "first", "--json").stdout)
+    assert [row["stamp"] for row in told["per_pose"]] == [0, 1, 2, 3]
+    assert [row["translation_m"] for row in told["per_pose"]] == pytest.approx([0, 0, 0.4, 0], abs=1e-9)
+
+
+def test_truths_with_times_keep_them(tmp_path: Path, pair: list[Path]) -> None:
+    poses = TRUTH.T_world_sensor
+    write_tum(tmp_path / "a.tum", Trajectory(STAMPS[2:], poses[2:]))
+    write_tum(tmp_path / "b.tum", Trajectory(STAMPS[:2], poses[:2]))
+    told = json.loads(sonarmap("evaluate", pair[0], tmp_path / "a.tum", tmp_path / "b.tum", "--json").stdout)
+    once = json.loads(sonarmap("evaluate", *pair, "--json").stdout)
+    assert told["ate_m"]["rms"] == pytest.approx(once["ate_m"]["rms"], rel=1e-9)
+
+
+def test_no_number_is_cut_at_80_columns(tmp_path: Path) -> None:
+    """Stamps of today, and positions of a kilometer."""
+    poses = RigidTransform.from_translation([[-1234.5, 987.25, -12.75]]) * TRUTH.T_world_sensor
+    trajectory = Trajectory(1.7e9 + STAMPS + 0.123456, poses)
+    for name in ("estimate.tum", "truth.tum"):
+        write_tum(tmp_path / name, trajectory)
+    for columns in (80, 120):
+        lines = printed_at(columns, "evaluate", tmp_path / "estimate.tum", tmp_path / "truth.tum")
+        assert not any("…" in line for line in lines), lines
+        assert max(map(len, lines[: lines.index("")])) <= columns
+        assert any("1700000007.123456" in line and "-1228.50   984.25   -12.25" in line for line in lines)
+
+
+def test_of_many_poses_the_worst_are_listed(tmp_path: Path) -> None:
+    stamps, far = np.arange(40.0), np.zeros((40, 3))
+    far[:, 0] = np.arange(40) ** 2
+    off = far + np.where(stamps % 4 == 3, stamps / 10, 0)[:, None] * [0, 0, 1]  # 3, 7, ... 39 are off by 0.3 to 3.9 m
+    for name, places in (("estimate.tum", off), ("truth.tum", far)):
+        write_tum(tmp_path / name, Trajectory(stamps, RigidTransform.from_translation(places)))
+    pair = (tmp_path / "estimate.tum", tmp_path / "truth.tum")
+    result = sonarmap("evaluate", *pair, "--align", "first")
+    listed = [line.split()[0] for line in result.stdout.splitlines() if line[:20].strip()[:1].isdigit()]
+    assert listed == [str(k) for k in range(3, 40, 4)]
+    assert "The 10 of 40 poses that are off farthest; --verbose lists all:" in result.stdout
+    assert "at most by 3.900 m, at 39 s" in result.stdout
+    everything = sonarmap("evaluate", *pair, "--align", "first", "--verbose").stdout
+    assert len([line for line in everything.splitlines() if line[:20].strip()[:1].isdigit()]) == 40
+    many = sonarmap("evaluate", *pair, "--align", "first", "--max-error-m", "0")
+    assert many.exit_code == 3
+    assert many.stderr.count("error: ") == 5
+    said(many, "and 5 more poses are farther off than that")

@@ -1,0 +1,188 @@
+"""`sonarmap export` and `map --export` end to end."""
+
+import json
+from pathlib import Path
+
+import laspy
+import pytest
+
+from tests.samples.clutter_scans import said, scan, sonarmap, write
+from tests.tools.products.export.finished import finished_map
+
+ORIGIN = ("--origin", "60.3913,5.3221,-3")
+
+
+@pytest.fixture(scope="module")
+def mapped(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    return finished_map(tmp_path_factory.mktemp("mapped"))
+
+
+def test_formats_are_repeated_or_separated_by_commas(mapped: Path, tmp_path: Path) -> None:
+    result = sonarmap("export", mapped, "--to", tmp_path, "--format", "laz,KMZ", "--format", "laz", *ORIGIN)
+    assert result.exit_code == 0, result.stderr
+    names = {"map.laz", "map.laz.json", "map.kmz", "map.kmz.json"}
+    assert {path.name for path in tmp_path.iterdir()} == names
+    assert all(name in result.stdout for name in names)
+    assert "no heading was measured" in result.stderr
+
+
+def test_json_lists_the_files(mapped: Path, tmp_path: Path) -> None:
+    result = sonarmap("export", mapped, "--to", tmp_path, "--format", "kml", *ORIGIN, "--json")
+    assert json.loads(result.stdout) == [str(tmp_path / "map.kml"), str(tmp_path / "map.kml.json")]
+    assert "exporting" not in result.stderr
+
+
+def test_what_no_option_says_stays_as_the_map_has_it(mapped: Path, tmp_path: Path) -> None:
+    out = finished_map(tmp_path / "out")
+    options = ("--origin-heading", "12.5", "--vertical", "EGM96")
+    for extra in ((), ("--crs", "EPSG:25832")):
+        result = sonarmap("export", out, "--to", tmp_path / "gis", "--format", "laz", *ORIGIN, *options, *extra)
+        assert result.exit_code == 0, result.stderr
+        said = json.loads((tmp_path / "gis" / "map.laz.json").read_text())
+        assert (said["vertical_epsg"], said["origin"]["x_axis_true_heading_deg"]) == (5773, 12.5)
+        assert said["crs"]["epsg"] == (25832 if extra else 32632)
+
+
+def test_an_origin_in_the_south_and_west(mapped: Path, tmp_path: Path) -> None:
+    result = sonarmap("export", mapped, "--to", tmp_path, "--format", "laz", "--origin", "-33.8568,-70.5")
+    assert result.exit_code == 0, result.stderr
+    crs = laspy.read(tmp_path / "map.laz").header.parse_crs()
+    assert crs is not None
+    assert crs.to_epsg() == 32719
+
+
+@pytest.mark.parametrize(
+    ("options", "words"),
+    [
+        (("--format", "las"), "choose from laz"),
+        (("--format", ""), "choose from laz"),
+        ((), "--format"),
+        (("--format", "laz"), "--origin LAT,LON"),
+        (("--format", "laz", "--origin", "60,3913"), "wanted a latitude"),
+        (("--format", "laz", "--origin", "60"), "latitude and longitude"),
+        (("--format", "laz", "--origin", "nan,5"), "wanted a latitude"),
+        (("--format", "laz", "--origin", "5.3,95,2,2"), "latitude and longitude"),
+        (("--format", "laz", "--vertical", "MSL"), "without --origin"),
+        (("--format", "laz", *ORIGIN, "--vertical", "LAT"), "vertical reference"),
+        (("--format", "laz", *ORIGIN, "--crs", "EPSG:4326"), "--crs"),
+        (("--format", "geotiff", *ORIGIN, "--cell", "0"), "above 0"),
+        (("--format", "geotiff", *ORIGIN, "--cell", "nan"), "above 0"),
+        (("--format", "geotiff", *ORIGIN, "--cell", "1e-5"), "--cell"),
+        (("--format", "laz", *ORIGIN, "--origin-heading", "inf"), "heading"),
+    ],
+)
+def test_options_that_cannot_be_used_end_with_2(
+    mapped: Path, tmp_path: Path, options: tuple[str, ...], words: str
+) -> None:
+    result = sonarmap("export", mapped, "--to", tmp_path / "gis", *options)
+    assert result.exit_code == 2
+    assert words in " ".join(result.stderr.replace("│", " ").split())
+    assert "Traceback" not in result.stderr
+    assert not list(tmp_path.rglob("*.*"))
+
+
+def test_a_folder_that_is_no_map_ends_with_2(tmp_path: Path) -> None:
+    result = sonarmap("export", tmp_path, "--to", tmp_path / "gis", "--format", "laz", *ORIGIN)
+    assert result.exit_code == 2
+    assert "summary.json" in result.stderr
+
+
+def test_map_exports_into_its_own_folder(tmp_path: Path) -> None:
+    write(tmp_path / "scans", **{f"scan_{k}": scan(k) for k in range(2)})
+    out = tmp_path / "out"
+    run = ("map", tmp_path / "scans", "-o", out, "--grid", "64", *ORIGIN, "--vertical", "MSL", "--also", "pcd")
+    result = sonarmap(*run, "--export", "laz", "--export", "kml", "--crs", "EPSG:25832", "--json")
+    assert result.exit_code == 0, result.stderr
+    summary = json.loads(result.stdout)
+    exported = {"map.laz", "map.laz.json", "map.kml", "map.kml.json"}
+    assert exported < set(summary["files"])
+    assert "map.pcd" in summary["files"]
+    assert summary["georeference"] == {
+        "latitude": 60.3913,
+        "longitude": 5.3221,
+        "height": -3.0,
+        "vertical": "MSL",
+        "heading": 90.0,
+    }
+    assert [row["name"] for row in summary["inputs"]] == ["scan_0.ply", "scan_1.ply"]
+    assert all(len(row["sha256"]) == 64 and row["bytes"] > 1000 for row in summary["inputs"])
+    said = json.loads((out / "map.laz.json").read_text())
+    assert said["inputs"] == summary["inputs"]
+    assert (said["crs"]["epsg"], said["vertical_epsg"]) == (25832, 5714)
+
+    # the map knows its origin now; and without --export the next run leaves no export of another map
+    again = sonarmap("export", out, "--to", tmp_path / "gis", "--format", "laz", "--crs", "EPSG:25832", "--quiet")
+    assert again.exit_code == 0, again.stderr
+    assert (tmp_path / "gis" / "map.laz").read_bytes() == (out / "map.laz").read_bytes()
+    assert sonarmap(*run).exit_code == 0
+    assert not exported & {path.name for path in out.iterdir()}
+    assert (out / "map.pcd").exists()
+
+
+@pytest.mark.parametrize(
+    ("options", "words"),
+    [
+        (("--export", "laz"), "--origin"),
+        (("--crs", "EPSG:32632"), "without --export"),
+        (("--export", "laz", *ORIGIN, "--crs", "EPSG:27700"), "--crs"),
+        (("--origin-heading", "3"), "without --origin"),
+        (("--export", "laz,eiva-position", *ORIGIN), "eiva-position needs stamps from 631152000 to 4102444800 s"),
+    ],
+)
+def test_map_refuses_before_it_maps(tmp_path: Path, options: tuple[str, ...], words: str) -> None:
+    write(tmp_path, scan_0=scan(0))
+    result = sonarmap("map", tmp_path, "-o", tmp_path / "out", *options)
+    assert result.exit_code == 2
+    assert words in result.stderr
+    assert not (tmp_path / "out").exists()
+
+
+@pytest.mark.parametrize(
+    ("name", "there", "options", "words"),
+    [
+        ("tum", (), (), "--export tum would write trajectory.tum, which map writes anyway; leave it out"),
+        ("tum", ("trajectory.tum",), (), "which map writes anyway"),
+        ("kitti", (), ("--also", "kitti"), "--also and --export would both write trajectory.kitti"),
+        ("laz", ("map.laz",), ORIGIN, "map.laz is there already"),
+        ("laz", ("map_3.laz",), ORIGIN, "map_3.laz is there already"),
+        ("geotiff", ("grid.qml",), ORIGIN, "grid.qml is there already"),
+        ("g2o", ("graph.csv",), (), "graph.csv is there already"),
+    ],
+)
+def test_map_refuses_files_that_its_exports_would_replace_before_it_maps(
+    tmp_path: Path, name: str, there: tuple[str, ...], options: tuple[str, ...], words: str
+) -> None:
+    out = tmp_path / "out"
+    out.mkdir()
+    write(tmp_path / "scans", scan_0=scan(0), scan_1=scan(1))
+    for file in there:
+        (out / file).write_text("mine")
+    result = sonarmap("map", tmp_path / "scans", "-o", out, "--grid", "64", "--export", name, *options)
+    assert result.exit_code == 2
+    said(result, words)
+    assert {path.name for path in out.iterdir()} == {*there}  # not even a journal
+    assert all((out / file).read_text() == "mine" for file in there)
+
+
+def test_map_exports_over_what_it_or_an_export_wrote_before(tmp_path: Path) -> None:
+    """What the user put beside it under names of no export is left alone."""
+    write(tmp_path / "scans", scan_0=scan(0), scan_1=scan(1))
+    out = tmp_path / "out"
+    run = ("map", tmp_path / "scans", "-o", out, "--grid", "64", "--no-report")
+    assert sonarmap(*run, "--also", "kitti").exit_code == 0
+    (out / "my_map.pcd").write_text("mine")
+    for _ in range(2):
+        result = sonarmap(*run, "--export", "kitti,g2o,pcd")
+        assert result.exit_code == 0, result.stderr
+        exported = {"trajectory.kitti", "trajectory.kitti.json", "graph.csv", "map.pcd"}
+        assert exported <= {path.name for path in out.iterdir()}
+    assert (out / "my_map.pcd").read_text() == "mine"
+
+
+def test_a_heading_beside_measured_ones_is_refused(tmp_path: Path) -> None:
+    write(tmp_path / "scans", **{f"scan_{k}": scan(k) for k in range(2)})
+    (tmp_path / "nav.csv").write_text("name,heading_deg,heading_sigma_deg\nscan_0.ply,10,1\nscan_1.ply,12,1\n")
+    options = ("--priors", tmp_path / "nav.csv", *ORIGIN, "--origin-heading", "20")
+    result = sonarmap("map", tmp_path / "scans", "-o", tmp_path / "out", *options)
+    assert result.exit_code == 2
+    assert "--origin-heading" in result.stderr

@@ -1,0 +1,93 @@
+"""A map's folder that another run of sonarmap uses: refused with what to do, and nothing of the other run is lost."""
+
+import json
+from pathlib import Path
+
+import pytest
+
+from sonarmap.tools.files.writers.folder_lock import locked
+from sonarmap.tools.files.writers.trajectory import write_trajectory
+from sonarmap.tools.products.export import plain
+from tests.samples import command_line
+from tests.samples.clutter_scans import files_in, said, scan, sonarmap, write
+from tests.tools.products.export.finished import finished_map
+
+KITTI = ("--format", "kitti", "--quiet")
+
+
+@pytest.fixture
+def out(tmp_path: Path) -> Path:
+    write(tmp_path / "scans", scan_0=scan(0), scan_1=scan(1))
+    return finished_map(tmp_path / "out")
+
+
+def commands(out: Path) -> dict[str, tuple[str | Path, ...]]:
+    return {
+        "map": ("map", out.parent / "scans", "-o", out, "--grid", "64"),
+        "view": ("view", out, "--write", "--no-open"),
+        "export into it": ("export", out, "--to", out, *KITTI),
+        "export of another into it": ("export", out.parent / "other", "--to", out, *KITTI),
+        "export from it": ("export", out, "--to", out.parent / "gis", *KITTI),
+    }
+
+
+@pytest.mark.parametrize("verb", commands(Path()))
+def test_while_another_writes_to_it_all_are_refused(out: Path, verb: str) -> None:
+    finished_map(out.parent / "other")
+    before = files_in(out)
+    with locked(out, writing=True):
+        result = sonarmap(*commands(out)[verb])
+    assert result.exit_code == 2
+    said(result, f"{out} is in use: another run of sonarmap is writing to it", "Wait until it has ended")
+    assert files_in(out) == before
+    assert not (out.parent / "gis").exists()
+
+
+@pytest.mark.parametrize("verb", ["view", "export into it", "export from it"])
+def test_while_another_reads_it_only_readers_are_let_in(out: Path, verb: str) -> None:
+    with locked(out, writing=False):
+        result = sonarmap(*commands(out)[verb])
+    assert (result.exit_code == 0) == (verb == "export from it")
+    assert sonarmap(*commands(out)[verb]).exit_code == 0
+
+
+def test_a_report_is_opened_whoever_uses_the_folder(out: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr("webbrowser.open", lambda address: True)
+    (out / "report.html").write_text("it")
+    with locked(out, writing=True):
+        assert sonarmap("view", out).exit_code == 0
+
+
+def test_a_map_that_begins_meanwhile_leaves_an_export_its_files(out: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    """It begins when the export has a file that is not yet under its name."""
+    tried = []
+
+    def slow(path: Path, *arguments: object) -> None:
+        write_trajectory(path, *arguments)  # pyright: ignore[reportArgumentType]
+        assert list(out.glob(".sonarmap.*"))
+        tried.append(command_line.sonarmap(*map(str, commands(out)["map"])))
+
+    monkeypatch.setattr(plain, "write_trajectory", slow)
+    result = sonarmap(*commands(out)["export into it"])
+    assert result.exit_code == 0, result.stderr
+    assert [mapping.returncode for mapping in tried] == [2]
+    assert "in use" in tried[0].stderr
+    listed = json.loads((out / "summary.json").read_text())["files"]
+    assert {"trajectory.kitti", "trajectory.kitti.json"} <= {*listed} & {path.name for path in out.iterdir()}
+
+
+def test_a_map_has_its_folder_until_its_report_and_exports_are_there(
+    out: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    tried = []
+
+    def slow(path: Path, *arguments: object) -> None:
+        tried.append(command_line.sonarmap(*map(str, commands(out)["view"])))
+        write_trajectory(path, *arguments)  # pyright: ignore[reportArgumentType]
+
+    monkeypatch.setattr(plain, "write_trajectory", slow)
+    result = sonarmap(*commands(out)["map"], "--export", "kitti")
+    assert result.exit_code == 0, result.stderr
+    assert [viewing.returncode for viewing in tried] == [2]
+    listed = json.loads((out / "summary.json").read_text())["files"]
+    assert {"report.html", "trajectory.kitti"} <= {*listed}

@@ -1,0 +1,211 @@
+"""`sonarmap inspect`: what is in recordings and other files, in words and as JSON."""
+
+import json
+import os
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pytest
+
+from sonarmap.slam.survey_grid import survey_grid
+from sonarmap.tools.command.inspect import overview
+from sonarmap.tools.command.navigation import scans_with_priors
+from sonarmap.tools.files.readers.clock import clock_faults, clock_of, utc
+from sonarmap.tools.files.readers.navigation.settings import AS_IT_SAYS
+from sonarmap.tools.files.readers.scans import read_scans, read_survey
+from tests.samples.clutter_scans import refused_with_reason, said, scan, sonarmap, write
+from tests.samples.places import DATA
+from tests.samples.recordings import imu_packets, recording, shot_packets, written
+
+REAL = DATA / "sonar3d15" / "ship_short.sonar"
+
+
+@pytest.fixture(scope="module")
+def dive(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    """60 shots at 5 Hz, three of them lost, with an IMU, and two speeds of sound."""
+    path = tmp_path_factory.mktemp("dive") / "dive.sonar"
+    imu = imu_packets(12.0, lambda _: np.array([0.0, -9.81 * 0.5, -9.81 * np.sqrt(0.75)]), np.zeros(3))
+    with path.open("wb") as file:
+        for shot in range(60):
+            file.write(b"".join(imu[2 * shot : 2 * shot + 2]))
+            if shot not in (20, 21, 40):
+                rng = np.random.default_rng(shot)
+                packets = shot_packets(shot, 100 + shot, rng, 1480.0 if shot < 30 else 1485.5)
+                file.write(b"".join(packet.content for packet in packets[: 1 if shot == 5 else 2]))
+    os.utime(path, (1_700_000_100, 1_700_000_100))
+    return path
+
+
+def as_json(*arguments: Any) -> dict[str, Any]:
+    shown = sonarmap("inspect", *arguments, "--json")
+    assert shown.exit_code == 0, shown.stderr
+    return json.loads(shown.stdout)
+
+
+class TestRecording:
+    def test_all_of_it_as_json(self, dive: Path) -> None:
+        found = as_json(dive)
+        assert (found["scans"], found["first"], found["last"]) == (57, "dive#0", "dive#56")
+        clock = found["clock"]
+        assert (clock["start_utc"], clock["end_utc"]) == ("2023-11-14 22:13:20", "2023-11-14 22:13:32")
+        assert clock["rate_hz"] == pytest.approx(5.0)
+        assert (clock["gaps"], clock["longest_step_s"]) == (2, pytest.approx(0.6))
+        assert (found["strengths"], found["viewpoints"]) == (56, 0)
+        assert found["sound_speed_mps"] == [1480.0, 1485.5]
+        assert found["attitudes"] == 57
+        np.testing.assert_allclose(found["roll_pitch_deg"], [30.0, 0.0], atol=1e-3)
+        assert [note.partition(": ")[2] for note in found["notes"]] == [
+            "3 of 60 shots are missing by their numbers",
+            "1 of 57 shots have no strength image",
+            "the speed of sound changes once, between 1480.0 and 1485.5 m/s",
+        ]
+        assert (found["bytes"], found["changed"]) == (dive.stat().st_size, 1_700_000_100)
+        assert found["next"] == f"sonarmap map {dive} -o map/"
+        assert "names" not in found
+
+    def test_in_words(self, dive: Path) -> None:
+        shown = sonarmap("inspect", dive)
+        assert shown.exit_code == 0
+        words = " ".join(shown.stdout.split())
+        for said_so in (
+            "57: dive#0 to dive#56",
+            "2023-11-14 22:13:20 to 2023-11-14 22:13:32 UTC, 11.8 s",
+            "the last file was changed at 2023-11-14 22:15:00 UTC",
+            "5 scans per second, gaps: 2, the longest 0.6 s",
+            "strengths 56 of 57 scans",
+            "changes, 1480.0 to 1485.5 m/s",
+            "all scans, by the recording's own IMU: in the median roll +30.0, pitch +0.0 degrees",
+            f"next: sonarmap map {dive} -o map/",
+        ):
+            assert said_so in words
+        said(shown, "dive.sonar: 3 of 60 shots are missing by their numbers")
+
+    def test_names_are_those_of_a_file_of_priors(self, dive: Path) -> None:
+        shown = sonarmap("inspect", dive, "--names")
+        assert shown.stdout.split() == [f"dive#{k}" for k in range(57)]
+        assert as_json(dive, "--names")["names"] == shown.stdout.split()
+
+    def test_the_grid_is_that_of_map(self, dive: Path) -> None:
+        grid = survey_grid(read_survey([dive]).scans)
+        assert as_json(dive)["grid"] == {"edge": grid.edge, "voxel": grid.voxel}
+        assert as_json(dive, "--grid", 64)["grid"]["voxel"] == pytest.approx(2 * grid.voxel)
+
+    def test_a_corrected_sound_speed_and_scale_are_seen_and_handed_on(self, dive: Path) -> None:
+        plain, scaled = as_json(dive), as_json(dive, "--range-scale", 1.5)
+        np.testing.assert_allclose(scaled["extent_m"], 1.5 * np.array(plain["extent_m"]), rtol=1e-6)
+        faster = as_json(dive, "--sound-speed", 1500)
+        assert faster["next"] == f"sonarmap map {dive} --sound-speed 1500 -o map/"
+        assert plain["farthest_m"] < faster["farthest_m"] < 1.02 * plain["farthest_m"]
+
+    def test_a_long_one_is_read_scan_by_scan_with_progress(self, tmp_path: Path) -> None:
+        """No scan is kept, and something is shown every hundred."""
+        path = written(tmp_path / "long.sonar", recording(250))
+        steps: list[tuple[int, int, str]] = []
+        assert len(overview.overview_of([path], progress=lambda *step: steps.append(step)).names) == 250
+        assert steps == [
+            (0, 1, "long.sonar: 100 scans"),
+            (0, 1, "long.sonar: 200 scans"),
+            (1, 1, "long.sonar"),
+        ]
+
+
+class TestOtherFormats:
+    def test_a_folder_of_scans(self, tmp_path: Path) -> None:
+        write(tmp_path, a=scan(0), b=scan(1)[:5000])
+        found = as_json(tmp_path)
+        assert (found["scans"], found["first"], found["last"]) == (2, "a", "b")
+        assert found["points"] == {"least": 5000, "median": 6100.0, "most": 7200}
+        assert (found["clock"], found["sound_speed_mps"], found["roll_pitch_deg"]) == (None, None, None)
+        low, high = np.quantile(scan(0), [0.01, 0.99], axis=0)
+        assert np.abs(np.array(found["extent_m"]) - (high - low)).max() < 1.0
+        assert "not recorded: the scans are numbered" in sonarmap("inspect", tmp_path).stdout
+
+    def test_what_cannot_be_read_is_told_and_the_rest_shown(self, tmp_path: Path) -> None:
+        write(tmp_path, a=scan(0), b=scan(1))
+        (tmp_path / "c.ply").write_bytes(b"ply\nnot at all\n")
+        shown = sonarmap("inspect", tmp_path)
+        assert shown.exit_code == 3
+        said(shown, "cannot be read")
+        assert "2: a to b" in shown.stdout
+
+    @pytest.mark.parametrize("name", ["missing.sonar", "void.sonar", "noise.sonar"])
+    def test_bad_input_is_said(self, tmp_path: Path, name: str) -> None:
+        (tmp_path / "void.sonar").write_bytes(b"")
+        (tmp_path / "noise.sonar").write_bytes(b"RIP2" + np.random.default_rng(1).bytes(3000))
+        shown = sonarmap("inspect", tmp_path / name)
+        refused_with_reason(shown)
+        said(shown, name)
+
+    def test_one_scan_alone_makes_no_map(self, tmp_path: Path) -> None:
+        write(tmp_path, a=scan(0))
+        assert "a map needs at least two scans" in sonarmap("inspect", tmp_path / "a.ply").stdout
+        assert as_json(tmp_path / "a.ply")["next"] is None
+
+    def test_a_speed_of_sound_for_a_format_without_one(self, tmp_path: Path) -> None:
+        write(tmp_path, a=scan(0))
+        for verb in (["inspect"], ["map", "-o", tmp_path / "out"]):
+            shown = sonarmap(*verb, tmp_path / "a.ply", "--sound-speed", "1490")
+            assert shown.exit_code == 2
+            said(shown, "--sound-speed 1490 cannot be used, as a PLY file does not say")
+            said(shown, "give --range-scale instead")
+
+
+class TestImuOption:
+    @pytest.fixture
+    def pair(self, tmp_path: Path) -> Path:
+        """A recording of two shots of boxes, with an IMU; a file of priors."""
+        (tmp_path / "nav.csv").write_text("name,depth_m,depth_sigma_m\ndive#0,5,0.1\ndive#1,5,0.1\n")
+        imu = imu_packets(2.0, lambda _: np.array([0.0, 0.0, -9.81]), np.zeros(3))
+        shots = [packet.content for shot in (2, 4) for packet in shot_packets(shot, shot, np.random.default_rng(1))]
+        (tmp_path / "dive.sonar").write_bytes(b"".join([*imu, *shots]))
+        return tmp_path
+
+    @pytest.mark.parametrize(
+        ("imu", "nav", "words"),
+        [
+            (True, None, "2 of 2 scans: roll and pitch are those of the recording's own IMU"),
+            (False, None, "2 of 2 scans: their own IMU is not used"),
+            (True, "nav.csv", "2 of 2 scans: the recording's own IMU is not used, as {} is given"),
+        ],
+    )
+    def test_what_is_used_is_said(
+        self, pair: Path, imu: bool, nav: str | None, words: str, capsys: pytest.CaptureFixture[str]
+    ) -> None:
+        scans, priors = read_scans([pair / "dive.sonar"]).scans, nav and pair / nav
+        navigated = scans_with_priors(scans, priors or None, None, imu, False, AS_IT_SAYS)
+        used = [scan.prior for scan in navigated.scans]
+        assert words.format(priors) in " ".join(capsys.readouterr().err.split())
+        if nav or not imu:
+            assert all(prior is None or not prior.knows_attitude for prior in used)
+        else:
+            assert used == [scan.prior for scan in scans]
+            assert all(prior is not None and prior.knows_attitude for prior in used)
+
+    @pytest.mark.parametrize("options", [["--method", "icp"], ["--method", "icp", "--no-imu"]])
+    def test_a_method_without_priors_does_not_use_it(self, pair: Path, options: list[str]) -> None:
+        shots = [f"{pair / 'dive.sonar'}#{k}" for k in (0, 1)]
+        said(sonarmap("register", *shots, *options, "--voxel", "1"), "2 of 2 scans: their own IMU is not used")
+
+
+class TestClock:
+    def test_by_hand(self) -> None:
+        clock = clock_of(np.array([10.0, 10.5, 11.0, 11.0, 13.25, 13.75]))
+        assert (clock.start, clock.end, clock.period, clock.rate) == (10.0, 13.75, 0.5, 2.0)
+        assert (clock.gaps, clock.longest, clock.backward, clock.still, clock.steps) == (1, 2.25, 1, 1, 5)
+
+    def test_of_a_single_scan_and_of_times_beyond_all_calendars(self) -> None:
+        assert clock_of(np.array([5.0])).rate is None
+        assert utc(1e18) == "1e+18 s"
+        assert clock_faults(clock_of(np.array([1e18, 1e18 + 500])), 1e9)
+
+
+def test_a_real_recording_of_a_ship() -> None:
+    if not REAL.exists():
+        pytest.skip(f"no real recording at {REAL}")
+    found = as_json(REAL, "--names")
+    assert found["names"] == [f"ship_short#{k}" for k in range(6)]
+    assert found["clock"]["rate_hz"] == pytest.approx(6.0, abs=0.01)
+    assert found["clock"]["start_utc"] == "2024-05-27 13:17:15"
+    assert found["sound_speed_mps"] == [1491.0, 1491.0]
+    assert (found["notes"], found["strengths"], found["attitudes"]) == ([], 6, 0)

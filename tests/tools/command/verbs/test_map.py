@@ -1,0 +1,281 @@
+"""`sonarmap map` end to end: what it writes, and what becomes of what was there before."""
+
+import json
+import shutil
+from dataclasses import replace
+from pathlib import Path
+
+import gtsam
+import numpy as np
+import pytest
+from typer.testing import Result
+
+from sonarmap.slam.graph.trajectory import Trajectory
+from sonarmap.slam.mapper import Mapper
+from sonarmap.spectral.result import Registration
+from sonarmap.tools.files.readers.poses.kitti import read_kitti
+from sonarmap.tools.files.readers.poses.tum import read_tum
+from sonarmap.tools.files.readers.scans import read_scan, read_survey
+from sonarmap.tools.files.writers.tum import write_tum
+from sonarmap.tools.lab.evaluate.trajectory import evaluate
+from sonarmap.tools.products.output.faults import faults
+from tests.samples.clutter_scans import T_WORLD_SENSOR, clutter, files_in, said, scan, sonarmap, table_of, write
+from tests.samples.surveys import KnowingRegistrar, ring_poses, scans_of
+
+GRID = ("--grid", "64")
+RESULTS = {
+    "map.ply",
+    "map.png",
+    "profile.png",
+    "trajectory.tum",
+    "graph.g2o",
+    "summary.json",
+    "times.json",
+    "journal.sqlite",
+}
+RESULTS |= {"graph.json", "pairs.csv", "map_all.ply", "report.html"}
+LOOPS = {"loops.png"}  # where loops were tried
+
+
+@pytest.fixture(scope="module")
+def survey(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    """Four scans, and in out/ what `map` made of them."""
+    folder = tmp_path_factory.mktemp("survey")
+    write(folder, **{f"scan_{k}": scan(k) for k in range(4)})
+    result = sonarmap("map", folder, "-o", folder / "out", *GRID, "--json")
+    assert (result.exit_code, result.stderr) == (0, "")
+    (folder / "printed.json").write_text(result.stdout)
+    return folder
+
+
+def strict_json(text: str) -> dict:
+    def refuse(constant: str) -> None:
+        raise AssertionError(f"{constant} is no JSON")
+
+    return json.loads(text, parse_constant=refuse)
+
+
+def test_all_results_are_there_and_nothing_else(survey: Path) -> None:
+    assert set(files_in(survey / "out")) == RESULTS | LOOPS
+
+
+def test_the_trajectory_is_right(survey: Path, tmp_path: Path) -> None:
+    estimate = read_tum(survey / "out" / "trajectory.tum")
+    result = evaluate(estimate, Trajectory(np.arange(4.0), T_WORLD_SENSOR), "first")
+    assert result.translation_m.max() < 0.3
+    assert result.rotation_deg.max() < 1.5
+    write_tum(tmp_path / "truth.tum", Trajectory(np.arange(4.0), T_WORLD_SENSOR))
+    told = sonarmap("evaluate", survey / "out" / "trajectory.tum", tmp_path / "truth.tum", "--json")
+    assert (told.exit_code, told.stderr) == (0, "")
+    assert strict_json(told.stdout)
+
+
+def test_the_map_and_its_pairs_are_right(survey: Path, tmp_path: Path) -> None:
+    write_tum(tmp_path / "truth.tum", Trajectory(np.arange(4.0), T_WORLD_SENSOR))
+    (surface,) = write(tmp_path, clutter=clutter())
+    out = survey / "out"
+    options = ("--map", out / "map.ply", "--surface", surface, "--summary", out / "summary.json", "--json")
+    told = strict_json(sonarmap("evaluate", out / "trajectory.tum", tmp_path / "truth.tum", *options).stdout)
+    assert told["pairs"]["sequential"]["kept_right"] == 3
+    assert told["pairs"]["sequential"]["kept_wrong"] + told["pairs"]["loops"]["kept_wrong"] == 0
+    assert told["map"]["median_m"] < 0.3
+    assert told["map"]["within_voxel"] > 0.9
+
+
+def test_open3d_reads_the_map_with_its_columns(survey: Path) -> None:
+    import open3d
+
+    cloud = open3d.t.io.read_point_cloud(survey / "out" / "map.ply")
+    columns = {name: cloud.point[name].numpy() for name in cloud.point}
+    assert {"positions", "scan", "seen", "count", "sigma", "survey"} <= set(columns)
+    assert len(columns["positions"]) > 1000
+    assert set(np.unique(columns["scan"])) == {0, 1, 2, 3}
+    assert columns["seen"].max() == 4
+    assert columns["count"].sum() == 4 * 7200
+
+
+def test_gtsam_reads_the_graph(survey: Path) -> None:
+    graph, values = gtsam.readG2o(str(survey / "out" / "graph.g2o"), True)
+    summary = strict_json((survey / "out" / "summary.json").read_text())
+    assert values.size() == 4
+    assert graph.size() >= summary["graph"]["edges"] >= 3
+    estimate = read_tum(survey / "out" / "trajectory.tum").T_world_sensor.as_matrix()
+    for k in range(4):
+        np.testing.assert_allclose(values.atPose3(k).matrix(), estimate[k], atol=1e-9)
+
+
+def test_the_picture_is_one(survey: Path) -> None:
+    assert (survey / "out" / "map.png").read_bytes().startswith(b"\x89PNG\r\n\x1a\n")
+
+
+def test_the_summary_is_strict_json_and_what_json_prints(survey: Path) -> None:
+    summary = strict_json((survey / "out" / "summary.json").read_text())
+    assert strict_json((survey / "printed.json").read_text()) == summary
+    assert summary["versions"]["numpy"] == np.__version__
+    assert summary["settings"]["grid"]["edge"] == 64
+    assert "priors" not in summary["settings"]
+    assert summary["device"]["name"]
+    assert [scan["name"] for scan in summary["scans"]] == [f"scan_{k}" for k in range(4)]
+    assert summary["pairs"]["by_role"]["sequential"] == {"tried": 3, "kept": 3}
+    assert summary["gaps"] == []
+
+
+def test_the_graph_holds_every_pair_and_the_table_too(survey: Path) -> None:
+    pairs = strict_json((survey / "out" / "graph.json").read_text())["pairs"]
+    table = table_of(survey / "out" / "pairs.csv")
+    assert [(row["target"], row["source"]) for row in table] == [(str(p["target"]), str(p["source"])) for p in pairs]
+    sequential = [pair for pair in pairs if pair["role"] == "sequential"]
+    assert [(pair["target"], pair["source"]) for pair in sequential] == [(0, 1), (1, 2), (2, 3)]
+    for pair in sequential:
+        assert pair["kept"]
+        assert np.shape(pair["T_target_source"]) == (4, 4)
+        assert np.shape(pair["covariance"]) == (6, 6)
+
+
+def test_the_same_command_gives_the_same_bytes(survey: Path, tmp_path: Path) -> None:
+    scans = [survey / f"scan_{k}.ply" for k in range(4)]
+    assert sonarmap("map", *scans, "-o", tmp_path, *GRID, "--quiet").exit_code == 0
+    first, second = files_in(survey / "out"), files_in(tmp_path)
+    # of the summary, and with it of the report, the inputs alone, which are the folder or its files
+    assert {name for name in RESULTS | LOOPS if first[name] != second[name]} == {
+        "summary.json",
+        "report.html",
+        "times.json",
+        "journal.sqlite",
+    }
+    summaries = [json.loads(files["summary.json"]) for files in (first, second)]
+    assert [summary["settings"].pop("inputs") for summary in summaries] == [
+        [str(survey)],
+        [str(path) for path in scans],
+    ]
+    assert summaries[0] == summaries[1]
+
+
+def test_times_are_in_a_file_of_their_own(survey: Path) -> None:
+    times = strict_json((survey / "out" / "times.json").read_text())
+    pairs = {(int(pair["target"]), int(pair["source"])) for pair in table_of(survey / "out" / "pairs.csv")}
+    assert {(pair["target"], pair["source"]) for pair in times["pairs"]} == pairs
+    assert all(pair["seconds"] > 0 and not pair["from_journal"] for pair in times["pairs"])
+    assert (times["workers"], times["pairs_from_journal"]) == (1, 0)
+    assert times["stages_s"].keys() >= {"pairs registered", "poses optimized", "map fused"}
+    assert times["peak_memory_bytes"] > 2**20
+
+
+def test_scans_of_one_name_keep_their_folders(tmp_path: Path) -> None:
+    for folder, pose in (("dive 1", 0), ("dive 2", 1)):
+        (tmp_path / folder).mkdir()
+        write(tmp_path / folder, scan=scan(pose))
+    read = read_survey([tmp_path / "dive 1", tmp_path / "dive 2"])
+    names = [str(tmp_path / "dive 1" / "scan.ply"), str(tmp_path / "dive 2" / "scan.ply")]
+    assert [scan.name for scan in read.scans] == names
+
+
+def test_any_file_name_will_do(tmp_path: Path) -> None:
+    write(tmp_path, **{"1 a\nb\x1b[2J": scan(0), "2 [x] $é$ 深 \udcff": scan(1)})
+    result = sonarmap("map", tmp_path, "-o", tmp_path / "out [1] $ü", *GRID)
+    assert result.exit_code == 0
+    assert "\x1b" not in result.stdout + result.stderr
+    assert set(files_in(tmp_path / "out [1] $ü")) == RESULTS
+    assert len(strict_json((tmp_path / "out [1] $ü" / "summary.json").read_text())["scans"]) == 2
+
+
+@pytest.fixture(scope="module")
+def two_places(tmp_path_factory: pytest.TempPathFactory) -> tuple[list[str], Path, Result]:
+    """Two scans of each of two places, the folder that `map` wrote of them in all formats, and what it printed."""
+    folder = tmp_path_factory.mktemp("places")
+    paths = write(folder, a=scan(0), b=scan(1), c=scan(2, scene=2), d=scan(3, scene=2))
+    result = sonarmap("map", *paths, "-o", folder / "out", *GRID, "--also", "pcd", "--also", "kitti", "-v")
+    assert result.exit_code == 3
+    return paths, folder / "out", result
+
+
+@pytest.mark.slow
+def test_parts_of_an_earlier_run_go_and_other_files_stay(
+    two_places: tuple[list[str], Path, Result], tmp_path: Path
+) -> None:
+    paths, earlier, _ = two_places
+    out = tmp_path / "out"
+    shutil.copytree(earlier, out)  # its journal, too, so that nothing is registered again
+    for mine in ("probe", "map_3.ply", "notes.txt"):
+        (out / mine).write_text("mine")
+    assert sonarmap("map", *paths[:2], "-o", out, *GRID).exit_code == 0
+    assert set(files_in(out)) == RESULTS | {"probe", "map_3.ply", "notes.txt"}
+
+
+def test_in_words(two_places: tuple[list[str], Path, Result]) -> None:
+    _, _, result = two_places
+    assert "a - b" in result.stdout
+    assert "standard deviations" in result.stdout
+    assert all(name in result.stdout for name in RESULTS)
+    assert "the other parts are in map_2.ply" in result.stdout
+    said(result, "mapping:")
+
+
+def test_further_formats_are_written(two_places: tuple[list[str], Path, Result]) -> None:
+    paths, out, result = two_places
+    more = {"map.pcd", "map_2.pcd", "trajectory.kitti", "trajectory_2.kitti"}
+    assert set(files_in(out)) == RESULTS | more | {
+        "map_2.ply",
+        "map_all_2.ply",
+        "map_2.png",
+        "profile_2.png",
+        "trajectory_2.tum",
+    }
+    assert "map.pcd, trajectory.kitti" in result.stdout
+    # float32 keeps 0.1 mm
+    np.testing.assert_allclose(read_scan(out / "map.pcd").points, read_scan(out / "map.ply").points, atol=1e-4)
+    poses = [read(out / f"trajectory.{kind}") for kind, read in (("tum", read_tum), ("kitti", read_kitti))]
+    first, second = (trajectory.T_world_sensor.as_matrix() for trajectory in poses)
+    np.testing.assert_allclose(first, second, atol=1e-12)
+    refused = sonarmap("map", *paths[:2], "-o", out, "--also", "las")
+    assert refused.exit_code == 2
+    said(refused, "las", "choose one of pcd, kitti")
+
+
+def test_one_scan_is_enough_where_the_user_says_so(survey: Path, tmp_path: Path) -> None:
+    """The pairs are those of the run before; its map_all.ply is gone, and all its points are in the map."""
+    shutil.copytree(survey / "out", tmp_path / "out")
+    everything = read_scan(tmp_path / "out" / "map_all.ply").points
+    result = sonarmap("map", survey, "-o", tmp_path / "out", *GRID, "--min-seen", "1", "--json")
+    assert result.exit_code == 0
+    summary = strict_json(result.stdout)
+    assert summary["settings"]["mapper"]["min_seen"] == 1
+    assert summary["components"][0]["map"]["seen_by_too_few"] == 0
+    assert set(files_in(tmp_path / "out")) == (RESULTS | LOOPS) - {"map_all.ply"}
+    whole = read_scan(tmp_path / "out" / "map.ply").points
+    np.testing.assert_array_equal(whole[np.lexsort(whole.T)], everything[np.lexsort(everything.T)])
+    refused = sonarmap("map", survey, "-o", tmp_path / "out", *GRID, "--min-seen", "0")
+    assert refused.exit_code == 2
+    said(refused, "--min-seen")
+
+
+@pytest.mark.slow
+def test_a_map_is_not_taken_for_a_scan_of_the_next_run(tmp_path: Path) -> None:
+    paths = write(tmp_path, a=scan(0), b=scan(1))
+    assert sonarmap("map", tmp_path, "-o", tmp_path, *GRID).exit_code == 0
+    before = files_in(tmp_path)
+    again = sonarmap("map", tmp_path, "-o", tmp_path, *GRID)
+    assert again.exit_code == 2
+    said(again, "map.ply is among the scans", "choose another output folder")
+    assert sonarmap("map", *paths, "-o", tmp_path, *GRID).exit_code == 0
+    assert set(files_in(tmp_path)) == set(before)
+
+
+def test_a_gap_that_is_bridged_is_told() -> None:
+    truth = ring_poses(4, turns=0.2)
+
+    def spoil(i: int, j: int, given: Registration) -> Registration:
+        return replace(given, accepted=False, reason="too weak") if (i, j) == (1, 2) else given
+
+    survey = Mapper(KnowingRegistrar(truth, 1e-6 * np.eye(6), spoil), 0.5).run(scans_of(truth))
+    assert len(survey.components) == 1
+    told = faults(survey, ["a", "b", "c", "d"])
+    assert told == ["gap between b and c, bridged by other pairs: refused by the registration: too weak"]
+
+
+def test_an_order_that_is_not_the_given_one_is_told(tmp_path: Path) -> None:
+    paths = write(tmp_path, scan_2=scan(0), scan_10=scan(1))
+    told = sonarmap("map", *reversed(paths), "-o", tmp_path / "out", *GRID, "--json")
+    assert [one["name"] for one in json.loads(told.stdout)["scans"]] == ["scan_2", "scan_10"]
+    said(told, "not the order in which they were given")
+    assert sonarmap("map", *paths, "-o", tmp_path / "out", *GRID, "--json").stderr == ""

@@ -1,0 +1,144 @@
+"""`sonarmap map --ties` and `--control`: nothing is registered twice, and points bring a map into the world."""
+
+import json
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from sonarmap.tools.files.readers.poses.tum import read_tum
+from tests.samples.clutter_scans import said, sonarmap, table_of
+
+GRID = ("--grid", "64", "--no-report")
+SCANS = 8
+# places in scans of which the coordinates are computed from the truth [m]
+PICKED = {0: (6.0, 3.0, -2.0), 2: (5.0, -4.0, 1.0), 5: (7.0, 2.0, -3.0), 7: (4.0, 5.0, 0.5), 4: (3.0, -2.0, -1.0)}
+
+
+@pytest.fixture(scope="module")
+def dive(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    folder = tmp_path_factory.mktemp("dive")
+    words = f"simulate --scene harbor --scans {SCANS} --seed 3"
+    assert sonarmap(*words.split(), "-o", folder, "--quiet").exit_code == 0
+    return folder
+
+
+@pytest.fixture(scope="module")
+def out(dive: Path, tmp_path_factory: pytest.TempPathFactory) -> Path:
+    """A map without a hand in it; the tests go on from its journal."""
+    folder = tmp_path_factory.mktemp("map")
+    assert sonarmap("map", dive, "-o", folder, *GRID).exit_code == 0
+    return folder
+
+
+def registered(out: Path) -> tuple[int, int]:
+    """Pairs of the last run, and those that were not from the journal."""
+    times = json.loads((out / "times.json").read_text())
+    return len(times["pairs"]), len(times["pairs"]) - times["pairs_from_journal"]
+
+
+def test_verdicts_register_nothing_again(dive: Path, out: Path, tmp_path: Path) -> None:
+    before = table_of(out / "pairs.csv")
+    loop = next(row for row in before if row["role"] == "loop")
+    pair = f"{loop['target']},{loop['source']}"
+    ties = tmp_path / "ties.csv"
+    count = registered(out)[0]
+    for verdict, kept in (("reject", "no"), ("accept", "yes"), ("add", "yes")):
+        ties.write_text(f"# by hand\ntarget,source,verdict,note\n{pair},{verdict},because\n")
+        result = sonarmap("map", dive, "-o", out, *GRID, "--ties", ties)
+        assert result.exit_code == 0, result.stderr
+        assert registered(out) == (count, 0)
+        rows = table_of(out / "pairs.csv")
+        assert [row["target"] + row["source"] for row in rows] == [row["target"] + row["source"] for row in before]
+        row = next(row for row in rows if f"{row['target']},{row['source']}" == pair)
+        assert row["kept"] == kept
+        assert "by hand" in row["reason"]
+        (told,) = json.loads((out / "summary.json").read_text())["ties"]
+        assert set(told) == {"target", "source", "verdict", "note", "effect"}
+        assert (told["verdict"], told["note"]) == (verdict, "because")
+        assert told["target"] == f"scan_{int(loop['target']):03}"
+
+
+@pytest.mark.slow
+def test_an_added_pair_is_registered_once(dive: Path, out: Path, tmp_path: Path) -> None:
+    ties = tmp_path / "ties.csv"
+    tried = {(int(row["target"]), int(row["source"])) for row in table_of(out / "pairs.csv")}
+    i, j = next((i, j) for i in range(SCANS) for j in range(i + 2, SCANS) if (i, j) not in tried)
+    ties.write_text(f"target,source,verdict\nscan_{i:03},scan_{j:03}.ply,add\n")
+    for new in (1, 0):
+        result = sonarmap("map", dive, "-o", out, *GRID, "--ties", ties)
+        assert result.exit_code == 0, result.stderr
+        assert registered(out)[1] == new
+    assert "add" in result.stdout
+    assert any(pair.get("by_hand") == "add" for pair in json.loads((out / "graph.json").read_text())["pairs"])
+
+
+def test_a_false_transform_is_warned_of(dive: Path, out: Path, tmp_path: Path) -> None:
+    ties = tmp_path / "ties.csv"
+    heading = "target,source,verdict,x_m,y_m,z_m,roll_deg,pitch_deg,yaw_deg,sigma_m,sigma_deg\n"
+    ties.write_text(f"{heading}scan_001,scan_005,add,1,2,3,4,5,170,0.05,1\n")
+    result = sonarmap("map", dive, "-o", out, *GRID, "--ties", ties)
+    said(result, "warning: tie scan_001 - scan_005", "the rest of the survey contradicts it: chi-squared")
+    assert registered(out)[1] == 0
+
+
+def control_file(folder: Path, dive: Path, off: float = 0.0, check: int = 4) -> Path:
+    """Points with errors of 5 cm, one to check with, one `off` by a blunder [m]."""
+    truth, rng = read_tum(dive / "truth.tum").T_world_sensor, np.random.default_rng(3)
+    rows = ["name,scan,x_m,y_m,z_m,east_m,north_m,up_m,sigma_m,use"]
+    for k, picked in PICKED.items():
+        known = truth[k].apply(picked) + 0.05 * rng.normal(size=3) + (k == 5) * np.array([off, 0, 0])
+        numbers = ",".join(f"{value:.4f}" for value in (*picked, *known))
+        rows.append(f"P{k},scan_{k:03},{numbers},0.05,{'check' if k == check else 'control'}")
+    path = folder / "control.csv"
+    path.write_text("\n".join(rows) + "\n")
+    return path
+
+
+def test_control_points_bring_a_map_into_the_world(dive: Path, out: Path, tmp_path: Path) -> None:
+    control = control_file(tmp_path, dive)
+    result = sonarmap(
+        *("map", dive, "-o", out, *GRID, "--control", control, "--origin", "60.3913,5.3221", "--export", "laz")
+    )
+    assert result.exit_code == 0, result.stderr
+    assert registered(out)[1] == 0
+    estimate, truth = (read_tum(path).T_world_sensor for path in (out / "trajectory.tum", dive / "truth.tum"))
+    assert np.linalg.norm(estimate.translation - truth.translation, axis=1).max() < 1.0
+    summary = json.loads((out / "summary.json").read_text())
+    rows = {row["name"]: row for row in summary["control_points"]}
+    assert list(rows) == [f"P{k}" for k in PICKED]
+    assert rows["P4"]["use"] == "check"
+    for row in rows.values():
+        np.testing.assert_allclose(np.subtract(row["estimated"], row["known"]), row["residual"], atol=1e-9)
+        assert row["in_sigmas"] == pytest.approx(np.linalg.norm(row["residual"]) / 0.05)
+        assert np.linalg.norm(row["residual"]) < 0.6
+    assert summary["control"]["control"]["points"] == 4
+    assert summary["control"]["check"]["rms_m"] == pytest.approx(np.linalg.norm(rows["P4"]["residual"]))
+    assert summary["components"][0]["unmeasured"] == []
+    assert "control points, which hold the map: 4, residuals" in result.stdout
+    import laspy
+
+    with laspy.open(out / "map.laz") as cloud:
+        assert "UTM zone 32N" in str(cloud.header.parse_crs())
+        # Bergen's easting and northing, to within the survey
+        assert np.abs(np.subtract(cloud.header.mins[:2], [297400, 6700400])).max() < 2000
+
+
+def test_a_wrong_point_is_named(dive: Path, out: Path, tmp_path: Path) -> None:
+    result = sonarmap("map", dive, "-o", out, *GRID, "--control", control_file(tmp_path, dive, off=7.0, check=9))
+    said(result, "warning: the control point P5 in scan_005 is", "it is left out")
+    summary = json.loads((out / "summary.json").read_text())
+    assert [row["name"] for row in summary["control"]["left_out"]] == ["P5"]
+
+
+def test_what_one_point_leaves_open_is_said(dive: Path, out: Path, tmp_path: Path) -> None:
+    control = control_file(tmp_path, dive)
+    control.write_text("\n".join(control.read_text().splitlines()[:2]) + "\n")
+    result = sonarmap("map", dive, "-o", out, *GRID, "--control", control)
+    said(result, "the control points of the map leave open", "which way it points", "three that are not on a line")
+
+
+def test_options_without_their_file_are_refused(dive: Path, out: Path) -> None:
+    result = sonarmap("map", dive, "-o", out, *GRID, "--control-crs", "EPSG:32632")
+    assert result.exit_code == 2
+    said(result, "--control-crs has no effect without --control")

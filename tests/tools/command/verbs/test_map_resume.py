@@ -1,0 +1,253 @@
+"""`sonarmap map` killed at random moments, done by several workers, or given more scans: the same bytes, and no pair
+that was done is done again."""
+
+import json
+import os
+import shutil
+import signal
+import sqlite3
+import subprocess
+import time
+from collections.abc import Iterator
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from sonarmap.tools.lab.simulate.folder import write_simulation
+from sonarmap.tools.lab.simulate.simulation import SimulationSettings, simulate
+from tests.samples.clusters.dask_clusters import dask_commands
+from tests.samples.clutter_scans import files_in, scan, sonarmap, write
+from tests.samples.command_line import ROOT, SONARMAP
+
+KILLS, SEED = 20, 7
+CLUTTER = ("--grid", "64", "--voxel", "0.35")
+GRID = ("--grid", "64", "--voxel", "1.5")
+VARYING = {"times.json", "journal.sqlite", "journal.sqlite-journal"}
+
+
+def start(scans: Path, out: Path, *options: str) -> subprocess.Popen[str]:
+    """The command, at the head of a process group."""
+    command = [*SONARMAP, "map", str(scans), "-o", str(out), *GRID, *options]
+    return subprocess.Popen(
+        command, cwd=ROOT, text=True, start_new_session=True, stdout=subprocess.PIPE, stderr=subprocess.PIPE
+    )
+
+
+def run(scans: Path, out: Path, *options: str) -> tuple[dict[str, bytes], float]:
+    """What it wrote that is the same whenever it is run, and how long it took [s]."""
+    begin = time.perf_counter()
+    mapping = start(scans, out, *options)
+    _, told = mapping.communicate()
+    assert mapping.returncode == 0, told
+    return results(out), time.perf_counter() - begin
+
+
+def results(out: Path) -> dict[str, bytes]:
+    return {name: content for name, content in files_in(out).items() if name not in VARYING}
+
+
+def computed(out: Path) -> list[int]:
+    """Of every pair that the journal holds, how many times it was registered."""
+    with sqlite3.connect(out / "journal.sqlite") as database:
+        counts = [count for (count,) in database.execute("SELECT computed FROM entry")]
+    database.close()
+    return counts
+
+
+def entries(out: Path) -> int:
+    """How many results the locked journal of a run holds; the last may be written, but not yet committed."""
+    try:
+        with sqlite3.connect(f"file:{out / 'journal.sqlite'}?mode=ro&immutable=1", uri=True) as database:
+            return database.execute("SELECT count(*) FROM entry").fetchone()[0]
+    except sqlite3.DatabaseError:  # not there yet, or just being written
+        return 0
+
+
+def seconds_of_pairs(out: Path) -> float:
+    return json.loads((out / "times.json").read_text())["stages_s"]["pairs registered"]
+
+
+@pytest.fixture(scope="module")
+def scans(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    """Twelve of a flood gate."""
+    folder = tmp_path_factory.mktemp("scans")
+    write_simulation(simulate(SimulationSettings(count=12, seed=33)), folder)
+    return folder
+
+
+@pytest.fixture(scope="module")
+def undisturbed(scans: Path, tmp_path_factory: pytest.TempPathFactory) -> Path:
+    out = tmp_path_factory.mktemp("undisturbed")
+    run(scans, out)
+    return out
+
+
+pytestmark = pytest.mark.timeout(3000)
+
+
+@pytest.fixture(scope="module")
+def clutter(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    """Four small scans, and in out/ what an undisturbed run made of them."""
+    folder = tmp_path_factory.mktemp("clutter")
+    write(folder, **{f"scan_{k}": scan(k) for k in range(4)})
+    assert sonarmap("map", folder, "-o", folder / "out", *CLUTTER).exit_code == 0
+    return folder
+
+
+def test_killed_it_goes_on_and_ends_with_the_same_bytes(clutter: Path, tmp_path: Path) -> None:
+    mapping = start(clutter, tmp_path, *CLUTTER)
+    while entries(tmp_path) < 2 and mapping.poll() is None:
+        time.sleep(0.02)
+    assert mapping.returncode in (None, 0)  # 0 where the machine was so busy that it was done before this looked again
+    os.killpg(mapping.pid, signal.SIGKILL)
+    mapping.communicate()
+    before = entries(tmp_path)
+    assert sonarmap("map", clutter, "-o", tmp_path, *CLUTTER).exit_code == 0
+    assert results(tmp_path) == results(clutter / "out")
+    assert set(computed(tmp_path)) == {1}
+    assert json.loads((tmp_path / "times.json").read_text())["pairs_from_journal"] >= before - 1
+
+
+def test_two_workers_give_the_same_bytes(clutter: Path, tmp_path: Path) -> None:
+    assert sonarmap("map", clutter, "-o", tmp_path, *CLUTTER, "--workers", "2").exit_code == 0
+    assert results(tmp_path) == results(clutter / "out")
+    assert json.loads((tmp_path / "times.json").read_text())["workers"] == 2
+
+
+@pytest.mark.parametrize("kind", ["folder", "link"])
+def test_pickles_that_lie_where_workers_read_scans_are_never_read(clutter: Path, tmp_path: Path, kind: str) -> None:
+    """Left by a killed run of an earlier version, or put there by someone else; the run goes on from its journal."""
+    out, theirs, harmed = tmp_path / "out", tmp_path / "theirs", tmp_path / "harmed"
+    theirs.mkdir()
+    for k in range(4):
+        (theirs / f"{k}.scan").write_bytes(f"cos\nmkdir\n(V{harmed}\ntR.".encode())
+    shutil.copytree(clutter / "out", out)
+    with sqlite3.connect(out / "journal.sqlite") as database:
+        database.execute("DELETE FROM entry WHERE rowid % 2")
+    database.close()
+    if kind == "folder":
+        theirs.rename(out / ".sonarmap.scans")
+    else:
+        (out / ".sonarmap.scans").symlink_to(theirs)
+    assert sonarmap("map", clutter, "-o", out, *CLUTTER, "--workers", "2").exit_code == 0
+    assert results(out) == results(clutter / "out")  # nothing of it is left
+    assert not harmed.exists()
+    assert kind == "folder" or len(list(theirs.iterdir())) == 4
+
+
+@pytest.mark.slow
+def test_killed_at_random_moments_it_ends_with_the_same_bytes(
+    scans: Path, undisturbed: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    """By SIGKILL, the whole process group; with one worker or two, as drawn. A survey that is done before the 20 kills
+    are is compared and begun anew."""
+    rng = np.random.default_rng(SEED)
+    expected, least = results(undisturbed), len(computed(undisturbed))
+    _, whole = run(scans, tmp_path / "timed")
+    kills, outs, lost, found = 0, [tmp_path / "out 0"], 0, 0
+    while True:
+        patience = rng.uniform(0.0, whole) if kills < KILLS else None
+        mapping = start(scans, outs[-1], "--workers", str(rng.integers(1, 3)))
+        try:
+            _, told = mapping.communicate(timeout=patience)
+        except subprocess.TimeoutExpired:
+            os.killpg(mapping.pid, signal.SIGKILL)
+            mapping.communicate()
+            kills += 1
+            continue
+        assert mapping.returncode == 0, told
+        assert results(outs[-1]) == expected
+        counts = computed(outs[-1])
+        assert len(counts) == least
+        lost += sum(counts) - len(counts)
+        found += json.loads((outs[-1] / "times.json").read_text())["pairs_from_journal"]
+        if kills == KILLS:
+            break
+        outs.append(tmp_path / f"out {len(outs)}")
+    assert lost == 0
+    with capsys.disabled():
+        print(
+            f"\n{kills} kills, {len(outs)} surveys of {least} pairs finished, all bytes the same; {found} of "
+            f"{len(outs) * least} pairs found by the last run of each, {lost} pairs that were done registered again"
+        )
+
+
+@pytest.mark.slow
+def test_any_number_of_workers_gives_the_same_bytes(
+    scans: Path, undisturbed: Path, tmp_path: Path, address: str, capsys: pytest.CaptureFixture[str]
+) -> None:
+    expected = results(undisturbed)
+    places = {"this process": (), "--workers 2": ("--workers", "2"), "Dask, 2 workers": ("--scheduler", address)}
+    lines = []
+    for name, options in places.items():
+        written, seconds = run(scans, tmp_path / name, *options)
+        assert written == expected, name
+        lines.append(f"{name}: {seconds:.1f} s, of which pairs {seconds_of_pairs(tmp_path / name):.1f} s")
+    with capsys.disabled():
+        print("\n" + "\n".join([*lines, f"{len(expected)} files, all bytes the same"]))
+
+
+@pytest.fixture(scope="module")
+def address(tmp_path_factory: pytest.TempPathFactory) -> Iterator[str]:
+    with dask_commands(tmp_path_factory.mktemp("dask"), 2) as started:
+        yield started
+
+
+@pytest.mark.slow
+def test_one_more_scan_costs_its_own_pairs(scans: Path, undisturbed: Path, tmp_path: Path) -> None:
+    fewer = tmp_path / "fewer"
+    fewer.mkdir()
+    for k in range(11):
+        (fewer / f"scan_{k:03}.ply").symlink_to(scans / f"scan_{k:03}.ply")
+    run(fewer, tmp_path / "out")
+    before = len(computed(tmp_path / "out"))
+    (fewer / "scan_011.ply").symlink_to(scans / "scan_011.ply")
+    run(fewer, tmp_path / "out")
+    counts = computed(tmp_path / "out")
+    assert max(counts) == 1
+    new = [
+        pair for pair in json.loads((tmp_path / "out" / "times.json").read_text())["pairs"] if not pair["from_journal"]
+    ]
+    assert len(new) == len(counts) - before
+    # another scan can change which loops are tried
+    assert sum(11 in (pair["target"], pair["source"]) for pair in new) >= len(new) // 2
+    assert (tmp_path / "out" / "map.ply").read_bytes() == (undisturbed / "map.ply").read_bytes()
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("sent", [signal.SIGINT, signal.SIGTERM])
+@pytest.mark.parametrize("workers", ["1", "2"])
+def test_stopped_it_ends_its_workers_and_goes_on(
+    scans: Path, undisturbed: Path, tmp_path: Path, sent: signal.Signals, workers: str
+) -> None:
+    mapping = start(scans, tmp_path, "--workers", workers)
+    while not (tmp_path / "journal.sqlite").exists() or not _holds_some(tmp_path / "journal.sqlite"):
+        time.sleep(0.1)
+        assert mapping.poll() is None
+    os.killpg(mapping.pid, sent) if sent == signal.SIGINT else mapping.send_signal(sent)
+    printed, told = mapping.communicate()
+    assert (mapping.returncode, printed) == (130, "")
+    assert "done and kept in" in told.splitlines()[-1]
+    assert told.endswith("journal.sqlite; the same command continues from there\n")
+    assert "Traceback" not in told
+    assert _is_gone(mapping.pid)
+    assert run(scans, tmp_path)[0] == results(undisturbed)
+    assert max(computed(tmp_path)) == 1
+
+
+def _is_gone(group: int) -> bool:
+    """Whether no process of a group is left within a minute: Python's own, which looks after the others, ends last."""
+    for _ in range(600):
+        try:
+            os.killpg(group, 0)
+        except ProcessLookupError:
+            return True
+        time.sleep(0.1)
+    print(subprocess.run(["ps", "-o", "pid,stat,args", "-g", str(group)], capture_output=True, text=True).stdout)
+    return False
+
+
+def _holds_some(journal: Path) -> bool:
+    """By its size: it is locked."""
+    return journal.stat().st_size > 30_000

@@ -1,0 +1,236 @@
+"""`sonarmap register` end to end: what it prints, and its exit codes."""
+
+import json
+import re
+import warnings
+from dataclasses import replace
+from pathlib import Path
+from time import perf_counter
+
+import numpy as np
+import pytest
+from scipy.spatial.transform import RigidTransform, Rotation
+
+from sonarmap.spectral.grid import Grid
+from sonarmap.spectral.result import Registration
+from sonarmap.tools.command.method import ConfiguredMethod
+from sonarmap.tools.command.verbs.register import _as_json
+from sonarmap.tools.command.words.registration import print_registration, transform_words
+from sonarmap.tools.files.writers.points import write_ply
+from sonarmap.tools.methods.registry import Setup
+from tests.samples.clutter_scans import T_WORLD_SENSOR, refused_with_reason, said, scan, sonarmap, write
+from tests.samples.surveys import KnowingRegistrar
+
+GRID, CUBE = ("--grid", "64"), Grid(64, 0.5)
+T_TRUE = T_WORLD_SENSOR[0].inv() * T_WORLD_SENSOR[1]
+
+
+@pytest.fixture
+def pair(tmp_path: Path) -> list[str]:
+    return write(tmp_path, target=scan(0), source=scan(1))
+
+
+def check_transform(printed: dict) -> None:
+    """Within a degree and a voxel of the truth."""
+    T_error = T_TRUE.inv() * RigidTransform.from_matrix(np.array(printed["T_target_source"]))
+    assert np.rad2deg(T_error.rotation.magnitude()) < 1.0
+    assert np.linalg.norm(T_error.translation) < printed["voxel"]
+
+
+def test_a_good_pair_as_json(pair: list[str]) -> None:
+    begun = perf_counter()
+    result = sonarmap("register", *pair, *GRID, "--json")
+    taken = perf_counter() - begun
+    assert (result.exit_code, result.stderr) == (0, "")
+    printed = json.loads(result.stdout)
+    assert printed["accepted"] is True
+    check_transform(printed)
+    covariance = np.array(printed["covariance"])
+    assert covariance.shape == (6, 6)
+    assert np.linalg.eigvalsh(covariance).min() > 0
+    assert printed["psr"] > 30
+    assert 0 < printed["overlap"] <= 1
+    assert 0 < printed["seconds"] < taken
+    assert printed["grid"] == 64
+
+
+def test_the_probability_and_what_else_may_be_meant(pair: list[str]) -> None:
+    printed = json.loads(sonarmap("register", *pair, *GRID, "--json").stdout)
+    assert 0.9 <= printed["probability"] <= 1
+    for other in printed["alternatives"]:
+        assert other.keys() == {"T_target_source", "covariance", "probability", "psr", "overlap"}
+        assert other["probability"] <= printed["probability"]
+    paper = json.loads(sonarmap("register", *pair, *GRID, "--method", "hemisphere", "--json").stdout)
+    assert (paper["probability"], paper["alternatives"]) == (None, [])
+
+
+def test_alternatives_are_told(capsys: pytest.CaptureFixture[str]) -> None:
+    def one(x: float, probability: float, *others: Registration) -> Registration:
+        T = RigidTransform.from_translation([x, 0, 0])
+        return Registration(T, np.eye(6), 50.0, 0.5, True, 0.1, "so", probability, alternatives=others)
+
+    chosen = ConfiguredMethod("spectral", KnowingRegistrar(T_WORLD_SENSOR, np.eye(6)), CUBE, Setup(CUBE))
+    found = one(1, 0.934, one(2, 0.05), one(3, float("nan")))
+    printed = _as_json(found, chosen)
+    assert printed["probability"] == 0.934
+    others = printed["alternatives"]
+    assert isinstance(others, list)
+    assert [(other["T_target_source"][0][3], other["probability"]) for other in others] == [(2, 0.05), (3, None)]
+    told = {
+        2: "2 transforms could not be excluded",
+        1: "1 transform could not",
+        0: "every other transform could be",
+    }
+    for count, words in told.items():
+        print_registration(replace(found, alternatives=found.alternatives[:count]), chosen)
+        printed = " ".join(capsys.readouterr().out.split())
+        assert "this transform is right with a probability of 93.4%" in printed
+        assert words in printed
+    print_registration(replace(found, accepted=False), chosen)
+    printed = capsys.readouterr().out
+    assert printed.startswith("NO RELIABLE REGISTRATION; do not use this transform (right with a probability of 93.4%)")
+    print_registration(replace(found, probability=float("nan"), accepted=False), chosen)
+    printed = capsys.readouterr().out
+    assert "probab" not in printed
+    assert printed.startswith("NO RELIABLE REGISTRATION; do not use this transform\n")
+
+
+def test_how_many_rotations_are_followed_and_how_they_are_refined(pair: list[str]) -> None:
+    for options in (("--hypotheses", "1"), ("--refine", "spectral")):
+        check_transform(json.loads(sonarmap("register", *pair, *GRID, *options, "--json").stdout))
+
+
+def test_a_good_pair_in_words(pair: list[str]) -> None:
+    result = sonarmap("register", *pair, *GRID)
+    assert (result.exit_code, result.stderr) == (0, "")
+    lines = result.stdout.splitlines()
+    assert lines[0].startswith("Registered: this transform is right with a probability of")
+    assert all(any(unit in line for line in lines) for unit in (" m ", "°", " s,", "voxels of", "%", "p_target ="))
+    check_words(lines[1])
+
+
+def check_words(sentence: str) -> None:
+    """The truth: 1.5 m forward, 0.8 m right, 0.3 m up; yaw +14, pitch +3 (nose down), roll -5 (left side down)."""
+    assert re.search(r" 1\.[45]\d\d m forward, 0\.[78]\d\d m right and 0\.[23]\d\d m up; it is turned ", sentence)
+    turned = (
+        r" 1[34]\.\d\d° to the left \(yaw\), [23]\.\d\d° nose down \(pitch\) and [45]\.\d\d° left side down \(roll\)"
+    )
+    assert re.search(turned, sentence)
+
+
+@pytest.mark.parametrize(
+    ("shift", "turn", "words"),
+    [
+        # a sensor that is ahead of, to the left of and above the target's, looking left, down, its left side raised
+        ([2, 0.5, 0.25], [30, 20, 10], "2.000 m forward, 0.500 m left and 0.250 m up; it is turned 30.00° to the left "
+         "(yaw), 20.00° nose down (pitch) and 10.00° right side down (roll)"),
+        ([-2, -0.5, -0.25], [-30, -20, -10], "2.000 m back, 0.500 m right and 0.250 m down; it is turned 30.00° to the "
+         "right (yaw), 20.00° nose up (pitch) and 10.00° left side down (roll)"),
+        ([0, 0, -7], [0, 0, 0], "the source's is 7.000 m down; it looks the same way."),
+        ([0, 0.0004, 0], [0, 0, -0.3], "is where the target's is; it is turned 0.30° left side down (roll), 0.30° in"),
+        ([0, 0, 0], [0, 90, 0], "turned 90.00° nose down (pitch), 90.00° in all"),
+    ],
+)  # fmt: skip
+def test_the_transform_in_words(shift: list[float], turn: list[float], words: str) -> None:
+    R = Rotation.from_euler("ZYX", turn, degrees=True)
+    with warnings.catch_warnings():
+        warnings.simplefilter("error")
+        assert words in transform_words(RigidTransform.from_components(shift, R))
+
+
+def test_the_words_mean_what_a_diver_would_see() -> None:
+    """Without Euler angles: where three points of the source's frame come to lie in the target's."""
+    T = RigidTransform.from_components([0, 0, 0], Rotation.from_euler("ZYX", [0, 25, 0], degrees=True))
+    assert "nose down" in transform_words(T)
+    assert T.apply([1, 0, 0])[2] < -0.4  # its bow points down
+    T = RigidTransform.from_components([0, 0, 0], Rotation.from_euler("ZYX", [0, 0, 25], degrees=True))
+    assert "right side down" in transform_words(T)
+    assert T.apply([0, -1, 0])[2] < -0.4  # its starboard side is down
+    T = RigidTransform.from_components([0, 0, 0], Rotation.from_euler("ZYX", [25, 0, 0], degrees=True))
+    assert "to the left" in transform_words(T)
+    assert T.apply([1, 0, 0])[1] > 0.4  # it looks to port
+
+
+def test_the_voxel_is_taken_as_given(pair: list[str]) -> None:
+    printed = json.loads(sonarmap("register", *pair, *GRID, "--voxel", "0.4", "--json").stdout)
+    assert printed["voxel"] == 0.4
+    check_transform(printed)
+
+
+def test_two_scans_of_different_places_are_refused(tmp_path: Path) -> None:
+    pair = write(tmp_path, here=scan(0, scene=1), there=scan(0, scene=2))
+    result = sonarmap("register", *pair, *GRID, "--json")
+    assert (result.exit_code, result.stderr) == (3, "")
+    printed = json.loads(result.stdout)
+    assert printed["accepted"] is False
+    assert printed["reason"]
+
+
+@pytest.mark.slow
+def test_the_scan_of_another_place_is_refused_whatever_its_grid(tmp_path: Path) -> None:
+    pair = write(tmp_path, here=scan(0, scene=3), there=scan(1, scene=4))
+    assert [sonarmap("register", *pair, "--grid", edge).exit_code for edge in ("16", "32", "128")] == [3, 3, 3]
+
+
+def test_a_scan_with_itself_is_the_identity(pair: list[str]) -> None:
+    printed = json.loads(sonarmap("register", pair[0], pair[0], *GRID, "--json").stdout)
+    np.testing.assert_allclose(printed["T_target_source"], np.eye(4), atol=1e-3)
+
+
+def test_double_coordinates_are_read(tmp_path: Path) -> None:
+    pair = write(tmp_path, target=scan(0).astype(np.float64), source=scan(1).astype(np.float64))
+    check_transform(json.loads(sonarmap("register", *pair, *GRID, "--json").stdout))
+
+
+def test_points_that_are_not_finite_are_dropped_and_told_beside_the_json(tmp_path: Path) -> None:
+    source = scan(1)
+    source[::7, 0] = np.nan
+    source[3::50, 2] = -np.inf
+    bad = int((~np.isfinite(source).all(axis=1)).sum())
+    pair = write(tmp_path, target=scan(0), source=source)
+    result = sonarmap("register", *pair, *GRID, "--json")
+    assert result.exit_code == 0
+    check_transform(json.loads(result.stdout))
+    said(result, "source.ply", f"dropped {bad:,} of 7,200 points that are NaN or infinite")
+
+
+@pytest.mark.parametrize("name", ["a scan [1]*", "Wehr-Süd 深い $1$ line\nbreak \udcff"])
+def test_any_file_name_will_do(tmp_path: Path, name: str) -> None:
+    pair = write(tmp_path, target=scan(0), **{name: scan(1)})
+    assert sonarmap("register", *pair, *GRID).exit_code == 0
+
+
+def test_the_uncertainty_is_along_the_worst_direction_whatever_the_axes(capsys: pytest.CaptureFixture[str]) -> None:
+    """An ellipsoid of 0.3 m, 0.1 m and 0.1 m that lies across the axes: along none of them is it 0.3 m."""
+    turn = Rotation.from_euler("ZYX", [40, 30, 20], degrees=True).as_matrix()
+    covariance = np.zeros((6, 6))
+    covariance[:3, :3] = turn @ np.diag(np.deg2rad([2.0, 0.5, 0.5]) ** 2) @ turn.T
+    covariance[3:, 3:] = turn @ np.diag([0.3, 0.1, 0.1]) ** 2 @ turn.T
+    found = Registration(RigidTransform.identity(), covariance, psr=50.0, overlap=0.5, accepted=True, seconds=0.1)
+    print_registration(
+        found, ConfiguredMethod("spectral", KnowingRegistrar(T_WORLD_SENSOR, covariance), CUBE, Setup(CUBE))
+    )
+    assert "0.300 m and 2.00° in the worst direction" in capsys.readouterr().out
+
+
+def test_echo_strengths_weigh_the_voxels_where_wanted(tmp_path: Path) -> None:
+    strengths = np.random.default_rng(7).uniform(0, 1, 7200).astype(np.float32)
+    paths = [tmp_path / "target.ply", tmp_path / "source.ply"]
+    for k, path in enumerate(paths):
+        write_ply(path, scan(k), {"intensity": strengths})
+    weighted, by_shape, default = (
+        json.loads(sonarmap("register", *paths, "--grid", "32", "--json", *options).stdout)
+        for options in (("--strength",), ("--no-strength",), ())
+    )
+    assert weighted["psr"] != by_shape["psr"]
+    assert default["psr"] == by_shape["psr"]
+
+
+def test_strengths_that_are_not_there_are_told(pair: list[str], tmp_path: Path) -> None:
+    refused = sonarmap("register", *pair, *GRID, "--strength")
+    refused_with_reason(refused)
+    said(refused, "no scan has echo strengths", "Leave it out")
+    write_ply(tmp_path / "strong.ply", scan(1), {"intensity": np.linspace(0, 1, 7200)})
+    mixed = sonarmap("register", pair[0], tmp_path / "strong.ply", *GRID, "--strength")
+    assert mixed.exit_code == 0
+    said(mixed, "1 of 2 scans have no echo strength")

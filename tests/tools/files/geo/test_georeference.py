@@ -1,0 +1,155 @@
+"""Places on the Earth against PROJ's geodesics, UTM's own definition, and laws."""
+
+import shutil
+import subprocess
+
+import numpy as np
+import pytest
+from pyproj import Geod
+from scipy.spatial.transform import RigidTransform, Rotation
+
+from sonarmap.kernels.errors import InputError
+from sonarmap.tools.files.geo.georeference import Georeference
+from sonarmap.tools.files.geo.projection import Projection, utm_epsg
+from tests.tools.products.export.folders import georeferenced
+
+GEOD = Geod(ellps="WGS84")
+PLACES = [(60.0, 5.9999), (-70.1, -68.3), (0.0, 33.0), (-17.5, 179.9995), (60.4, 5.3), (89.0, 40.0), (-85.0, 10.0)]
+
+
+def random_points(seed: int, reach: float = 900.0) -> np.ndarray:
+    rng = np.random.default_rng(seed)
+    return rng.uniform(-reach, reach, (200, 3)) * [1, 1, 0.1]
+
+
+@pytest.mark.parametrize("place", PLACES)
+def test_there_and_back(place: tuple[float, float]) -> None:
+    here = Georeference(*place, height=-3.25, heading=37.5)
+    points = random_points(1)
+    np.testing.assert_allclose(here.local(here.geodetic(points)), points, atol=1e-6)
+
+
+@pytest.mark.parametrize("place", PLACES)
+def test_ways_and_bearings_are_those_of_the_geodesic(place: tuple[float, float]) -> None:
+    """At height 0 a point 600 m away, by Karney's geodesic, which this code does not use."""
+    here = Georeference(*place, heading=30.0)
+    points = np.array([[600.0, 0, 0], [0, 600.0, 0], [-300.0, 519.615242270663, 0]])
+    latitude, longitude, _ = here.geodetic(points).T
+    bearing, _, way = GEOD.inv([place[1]] * 3, [place[0]] * 3, longitude, latitude)
+    np.testing.assert_allclose(way, 600.0, atol=1e-4)
+    np.testing.assert_allclose((np.array(bearing) - [30.0, -60.0, -90.0] + 180) % 360 - 180, 0, atol=1e-5)
+
+
+def test_heights_follow_the_surface() -> None:
+    here = Georeference(60.0, 5.0, height=2.0, vertical="MSL")
+    assert here.geodetic(np.array([[5000.0, -3000.0, -41.5]]))[0, 2] == pytest.approx(-39.5, abs=1e-9)
+
+
+@pytest.mark.parametrize("place", PLACES)
+def test_projected_points_are_where_a_second_way_has_them(place: tuple[float, float]) -> None:
+    """Shifted and turned by convergence and scale about the origin, which holds close to it."""
+    here = Georeference(*place)
+    projection = Projection.of(here)
+    near = random_points(2, 20.0)
+    projected = projection.project(here.geodetic(near))
+    origin = here.geodetic(np.zeros((1, 3)))
+    convergence = np.radians(projection.convergence(origin)[0])
+    east, north, _ = (projected - projection.project(origin)).T
+    # a grid bearing plus the convergence is the true bearing
+    true = np.arctan2(east, north) + convergence
+    flat = np.hypot(east, north)
+    grid = np.hypot(near[:, 0], near[:, 1])
+    np.testing.assert_allclose(flat / grid, np.median(flat / grid), rtol=2e-5)
+    away = (true - np.arctan2(near[:, 0], near[:, 1]) + np.pi) % (2 * np.pi) - np.pi
+    np.testing.assert_allclose(away * grid, 0, atol=1e-3)
+    np.testing.assert_allclose(projection.unproject(projected), here.geodetic(near), atol=1e-9)
+
+
+@pytest.mark.parametrize(
+    ("place", "epsg"),
+    [
+        ((59.91, 10.75), 32632),
+        ((60.39, 5.32), 32632),  # Bergen lies in 32V, which is widened
+        ((55.9, 5.9), 32631),
+        ((78.22, 15.65), 32633),  # Longyearbyen
+        ((78.0, 8.9), 32631),
+        ((-33.86, 151.2), 32756),
+        ((0.0, 0.0), 32631),
+        ((10.0, 180.0), 32601),
+        ((10.0, -180.0), 32601),
+        ((85.0, 3.0), 5041),
+        ((-80.5, 3.0), 5042),
+    ],
+)
+def test_utm_zones(place: tuple[float, float], epsg: int) -> None:
+    assert utm_epsg(*place) == epsg
+
+
+def test_a_map_across_a_border_of_zones_stays_in_one() -> None:
+    here = Georeference(60.0, 11.9995)
+    projection = Projection.of(here)
+    across = here.geodetic(np.array([[-300.0, 0, 0], [300.0, 0, 0]]))
+    assert projection.name == "EPSG:32632"
+    assert projection.crosses_zone(across)
+    assert not projection.crosses_zone(across[:1])
+    # what a shift would do: 2.6 degrees over 300 m
+    east, north, _ = (projection.project(across)[1] - projection.project(across)[0]).T
+    assert 25 < abs(north) < 30
+    assert east == pytest.approx(600, abs=1)
+
+
+@pytest.mark.parametrize("wrong", ["EPSG:4326", "EPSG:999999", "EPSG:2263", "EPSG:5773", "nonsense"])
+def test_refuses_a_crs_that_is_not_projected_in_meters(wrong: str) -> None:
+    with pytest.raises(InputError, match=r"--crs .*wanted"):
+        Projection.of(Georeference(40.7, -74.0), wrong)
+
+
+@pytest.mark.parametrize("wrong", [(91.0, 5.0), (5.0, 181.0), (np.nan, 0.0), (1.0, 2.0, np.inf), (1, 2, 3, "geoid")])
+def test_refuses_an_origin_that_is_no_place(wrong: tuple) -> None:
+    with pytest.raises(InputError, match="wanted"):
+        Georeference(*wrong)
+
+
+def test_refuses_points_that_are_not_near() -> None:
+    here = Georeference(10.0, 10.0)
+    with pytest.raises(InputError, match="200 km"):
+        here.geodetic(np.array([[3e5, 0, 0]]))
+    with pytest.raises(InputError, match="200 km"):
+        here.local(np.array([[20.0, 10.0, 0.0]]))
+    with pytest.raises(InputError, match="km"):
+        here.geodetic(np.array([[np.nan, 0, 0]]))
+
+
+def test_json_keeps_it() -> None:
+    here = Georeference(-33.0, 151.25, 2.5, "EGM2008", 12.0)
+    assert Georeference.of_json(here.to_json()) == here
+    with pytest.raises(InputError):
+        Georeference.of_json({"lat": 1.0})
+
+
+def test_headings_turn_with_the_meridians() -> None:
+    here = Georeference(65.0, 5.0, heading=20.0)
+    places = RigidTransform.from_components(
+        np.array([[0.0, 0, 0], [800.0, 100, -5]]), Rotation.from_euler("ZYX", [[10, 5, 3], [30, -4, 2]], degrees=True)
+    )
+    earth = georeferenced(here, places)
+    for k in range(2):
+        forward = places[k].rotation.apply([1.0, 0, 0])
+        ahead = places[k].translation + 10 * forward * [1, 1, 0]
+        here_now, there = here.geodetic(np.stack([places[k].translation, ahead]))
+        bearing, _, _ = GEOD.inv(here_now[1], here_now[0], there[1], there[0])
+        x = earth.rotations[k].apply([1.0, 0, 0])
+        assert np.degrees(np.arctan2(x[0], x[1])) == pytest.approx(bearing, abs=1e-4)
+
+
+@pytest.mark.skipif(shutil.which("cs2cs") is None, reason="cs2cs is not installed (Debian: proj-bin)")
+@pytest.mark.parametrize("place", PLACES[:5])
+def test_cs2cs_has_the_same_eastings(place: tuple[float, float]) -> None:
+    here = Georeference(*place, height=-4.0)
+    projection = Projection.of(here)
+    geodetic = here.geodetic(random_points(5)[:20])
+    lines = "\n".join(f"{latitude!r} {longitude!r}" for latitude, longitude, _ in geodetic.tolist())
+    asked = ["cs2cs", "-f", "%.6f", "EPSG:4326", projection.name]
+    said = subprocess.run(asked, input=lines, capture_output=True, text=True, check=True).stdout
+    theirs = np.array([line.split()[:2] for line in said.splitlines()], float)
+    np.testing.assert_allclose(projection.project(geodetic)[:, :2], theirs, rtol=0, atol=1e-3)

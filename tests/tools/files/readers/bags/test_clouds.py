@@ -1,0 +1,249 @@
+"""Clouds of bags and MCAP files as other libraries write them, in every layout that a message may have."""
+
+import tracemalloc
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from sonarmap.kernels.errors import InputError
+from sonarmap.tools.files.readers.file import clouds_of
+from sonarmap.tools.files.readers.scans import read_scan, read_scans, read_survey
+from sonarmap.tools.files.readers.selection import SelectedFile
+from tests.samples.bags.messages import CLOUD, FIELDS, STAMP, cloud
+from tests.samples.bags.writers import WRITERS, Record, write_mcap, write_ros1, write_ros2
+from tests.samples.cloud_files import POINTS, STRENGTH, TABLE
+
+TIMES = [STAMP + 0.25, STAMP + 0.5, STAMP + 1.125]
+
+
+def dive(topic: str = "/sonar/points", **options: object) -> list[Record]:
+    """Three clouds, each twice as far off as the one before, that were recorded an eighth of a second late."""
+    return [
+        (topic, CLOUD, time + 0.125, cloud(TABLE * np.float32(2**k), time, **options))  # type: ignore[arg-type]
+        for k, time in enumerate(TIMES)
+    ]
+
+
+@pytest.mark.parametrize("writer", WRITERS)
+def test_every_kind_of_recording_gives_the_same_scans(tmp_path: Path, writer: str) -> None:
+    read = read_scans([WRITERS[writer](tmp_path, dive())])
+    assert [scan.name for scan in read.scans] == ["dive#0", "dive#1", "dive#2"]
+    assert [scan.stamp for scan in read.scans] == TIMES
+    for k, scan in enumerate(read.scans):
+        np.testing.assert_array_equal(scan.points, POINTS * 2**k)
+        np.testing.assert_array_equal(scan.strength, STRENGTH * 2**k)
+        assert scan.viewpoints is None
+    assert read.notes == ()
+
+
+@pytest.mark.parametrize("write", [write_ros1, write_mcap, write_ros2])
+def test_messages_are_read_one_by_one(tmp_path: Path, write) -> None:
+    """40 clouds of 1 MB each."""
+    large = np.tile(TABLE, (7000, 1))
+    path = write(
+        tmp_path / {write_ros1: "a.bag", write_mcap: "a.mcap", write_ros2: "a"}[write],
+        [("/p", CLOUD, float(k), cloud(large, k + 1.0)) for k in range(40)],
+    )
+    tracemalloc.start()
+    counts = [len(named.cloud.points) for named in clouds_of(SelectedFile(path), [])]
+    _, peak = tracemalloc.get_traced_memory()
+    tracemalloc.stop()
+    assert counts == [35_000] * 40
+    assert peak < 15e6
+
+
+class TestLayouts:
+    @pytest.mark.parametrize("write", [write_ros1, write_mcap])
+    @pytest.mark.parametrize("big", [False, True])
+    @pytest.mark.parametrize(("rows", "padding"), [(1, 0), (5, 7), (5, 0)])
+    def test_rows_padding_and_byte_order(self, tmp_path, write, big, rows, padding) -> None:
+        path = tmp_path / ("a.bag" if write is write_ros1 else "a.mcap")
+        scan = read_scan(write(path, [("/p", CLOUD, 1.0, cloud(rows=rows, padding=padding, big=big))]))
+        np.testing.assert_array_equal(scan.points, POINTS)
+        np.testing.assert_array_equal(scan.strength, STRENGTH)
+
+    @pytest.mark.parametrize("big", [False, True])
+    @pytest.mark.parametrize("dtype", ["i1", "u1", "i2", "u2", "i4", "u4", "f4", "f8"])
+    def test_fields_of_every_type(self, tmp_path: Path, dtype: str, big: bool) -> None:
+        table = np.array([[1, 2, 3, 4], [50, 60, 70, 80]], np.float32) * (-1 if dtype[0] != "u" else 1)
+        table[:, 3] = [9, 10]
+        fields = [(name, dtype, 9 * k + 1) for k, name in enumerate(("x", "y", "z", "intensity"))]
+        message = cloud(table, fields=fields, step=40, big=big)
+        scan = read_scan(write_mcap(tmp_path / "a.mcap", [("/p", CLOUD, 1.0, message)]))
+        np.testing.assert_array_equal(scan.points, table[:, :3])
+        np.testing.assert_array_equal(scan.strength, table[:, 3])
+
+    def test_beams_without_an_echo_are_no_points(self, tmp_path: Path) -> None:
+        gaps = np.array([[np.nan] * 4, *TABLE.tolist()], np.float32)
+        read = read_scans([write_mcap(tmp_path / "a.mcap", [("/p", CLOUD, 1.0, cloud(gaps, rows=2, dense=False))])])
+        np.testing.assert_array_equal(read.scans[0].points, POINTS)
+        assert read.notes == ()
+
+    def test_a_cloud_that_calls_itself_dense_and_is_not(self, tmp_path: Path) -> None:
+        gaps = np.array([[np.nan] * 4, *TABLE.tolist()], np.float32)
+        read = read_scans([write_mcap(tmp_path / "a.mcap", [("/p", CLOUD, 1.0, cloud(gaps))])])
+        np.testing.assert_array_equal(read.scans[0].points, POINTS)
+        assert read.notes == ("a.mcap: dropped 1 of 6 points that are NaN or infinite",)
+
+    def test_empty_clouds_are_skipped_and_keep_their_numbers(self, tmp_path: Path) -> None:
+        records = dive()
+        records[1] = ("/sonar/points", CLOUD, TIMES[1], cloud(TABLE[:0], TIMES[1]))
+        records[2][3]["is_dense"] = False
+        read = read_scans([write_mcap(tmp_path / "dive.mcap", records)])
+        assert [scan.name for scan in read.scans] == ["dive#0", "dive#2"]
+        assert read.notes == ("dive.mcap: 1 of 3 scans were skipped, as they have no points: #1",)
+
+    def test_headers_without_a_stamp(self, tmp_path: Path) -> None:
+        records = [("/p", CLOUD, 7.5 + k, cloud(stamp=0)) for k in range(2)]
+        read = read_scans([write_mcap(tmp_path / "a.mcap", records)])
+        assert [scan.stamp for scan in read.scans] == [7.5, 8.5]
+        assert read.notes == ("a.mcap: 2 headers have no stamp: the times are those at which they were recorded",)
+
+    @pytest.mark.parametrize(
+        ("change", "words"),
+        [
+            ({"row_step": 149}, "points of 30 bytes, 5 in rows of 149, do not hold its fields"),
+            ({"point_step": 27, "row_step": 135}, "points of 27 bytes, 5 in rows of 135, do not hold its fields"),
+            ({"height": 2}, "2 x 5 points take 300 bytes, and it holds 150"),
+            ({"width": 2**32 - 1}, "do not hold its fields"),
+            ({"height": 2**32 - 1, "row_step": 2**32 - 1}, "bytes, and it holds 150"),
+            ({"fields": [{"name": "x", "offset": 0, "datatype": 7, "count": 1}]}, "no column y, z"),
+        ],
+    )
+    def test_messages_that_contradict_themselves(self, tmp_path: Path, change: dict, words: str) -> None:
+        path = write_mcap(tmp_path / "a.mcap", [("/p", CLOUD, 1.0, cloud() | change)])
+        with pytest.raises(InputError, match=r"a\.mcap: message 0 of /p: ") as error:
+            read_scan(path)
+        assert words in str(error.value)
+
+    def test_types_of_no_known_number(self, tmp_path: Path) -> None:
+        message = cloud()
+        message["fields"][1]["datatype"] = 9
+        with pytest.raises(InputError, match="field x has a type of no known number"):
+            read_scan(write_mcap(tmp_path / "a.mcap", [("/p", CLOUD, 1.0, message)]))
+
+    def test_a_message_that_cannot_be_used_leaves_a_gap(self, tmp_path: Path) -> None:
+        records = dive()
+        records[1][3]["width"] = 9
+        read = read_survey([write_ros1(tmp_path / "dive.bag", records)])
+        assert [scan.name for scan in read.scans] == ["dive#0", "dive#2"]
+        assert "dive.bag: message 1 of /sonar/points: its points of 30 bytes, 9 in rows of 150" in read.notes[0]
+
+
+class TestTimes:
+    """A time for every point, as drivers write it."""
+
+    @pytest.mark.parametrize(
+        ("name", "dtype", "values"),
+        [
+            ("t", "u4", [0, 250_000_000, 500_000_000, 750_000_000, 1_000_000_000]),  # Ouster
+            ("time", "f4", [0, 0.25, 0.5, 0.75, 1]),  # Velodyne
+            ("timestamp", "f8", [STAMP + k / 4 for k in range(5)]),  # Hesai
+            ("timestamp", "f8", [(STAMP + k / 4) * 1e9 for k in range(5)]),  # Livox
+        ],
+    )
+    def test_it_becomes_seconds_in_utc(self, tmp_path: Path, name: str, dtype: str, values: list[float]) -> None:
+        table = np.column_stack([TABLE, values])
+        message = cloud(
+            table, STAMP, names=("x", "y", "z", "intensity", name), fields=[*FIELDS, (name, dtype, 32)], step=40
+        )
+        write_mcap(tmp_path / "a.mcap", [("/p", CLOUD, 1.0, message)])
+        (tmp_path / "a.tum").write_text(f"{STAMP} 0 0 0 0 0 0 1\n{STAMP + 2} 8 0 -2 0 0 0 1\n")
+        scan = read_scan(tmp_path / "a.mcap")
+        np.testing.assert_allclose(np.asarray(scan.viewpoints), [[k, 0, -k / 4] for k in range(5)], atol=1e-6)
+
+
+class TestTopics:
+    @staticmethod
+    def two(folder: Path) -> Path:
+        return write_ros2(folder / "dive", dive("/port/points") + dive("/starboard/points")[:2])
+
+    def test_of_several_one_has_to_be_named(self, tmp_path: Path) -> None:
+        path = self.two(tmp_path)
+        with pytest.raises(InputError) as error:
+            read_scans([path])
+        assert str(error.value) == (
+            f"{path}: it has 2 topics of {CLOUD} or foxglove.PointCloud: /port/points (3 of {CLOUD}), "
+            f"/starboard/points (2 of {CLOUD}); choose one, as in {path}::/port/points"
+        )
+
+    @pytest.mark.parametrize(("name", "count"), [("/port/points", 3), ("starboard/points", 2)])
+    def test_a_topic_behind_the_path(self, tmp_path: Path, name: str, count: int) -> None:
+        read = read_scans([f"{self.two(tmp_path)}::{name}"])
+        assert [scan.name for scan in read.scans] == [f"dive#{k}" for k in range(count)]
+
+    def test_a_scan_of_a_topic(self, tmp_path: Path) -> None:
+        scan = read_scan(f"{self.two(tmp_path)}::/port/points#2")
+        np.testing.assert_array_equal(scan.points, POINTS * 4)
+        np.testing.assert_array_equal(
+            read_scan(f"{self.two(tmp_path / 'b')}/dive.db3::/port/points#1").points, POINTS * 2
+        )
+
+    def test_both_topics_are_one_survey(self, tmp_path: Path) -> None:
+        path = self.two(tmp_path)
+        read = read_scans([f"{path}::/port/points", f"{path}::/starboard/points"])
+        assert [scan.name for scan in read.scans][2:4] == [f"{path}::/port/points#2", f"{path}::/starboard/points#0"]
+        assert read.surveys == (0, 0, 0, 0, 0)
+        assert sorted(file.name for file in read.files) == ["dive.db3", "metadata.yaml"]
+
+    @pytest.mark.parametrize(
+        ("topic", "words"),
+        [
+            (
+                "/stern",
+                "it has no topic /stern; its topics are /chatter (1 of std_msgs/msg/Header), /sonar/points (3 of",
+            ),
+            ("/chatter", "its topic /chatter has 1 messages of type std_msgs/msg/Header; wanted sensor_msgs/"),
+        ],
+    )
+    def test_topics_that_are_none(self, tmp_path: Path, topic: str, words: str) -> None:
+        chatter = ("/chatter", "std_msgs/msg/Header", 1.0, {"stamp": {"sec": 1, "nanosec": 2}, "frame_id": "x"})
+        path = write_mcap(tmp_path / "a.mcap", [chatter, *dive()])
+        assert len(read_scans([path]).scans) == 3
+        with pytest.raises(InputError) as error:
+            read_scans([f"{path}::{topic}"])
+        assert words in str(error.value)
+
+    def test_a_recording_without_clouds(self, tmp_path: Path) -> None:
+        chatter = ("/chatter", "std_msgs/msg/Header", 1.0, {"stamp": {"sec": 1, "nanosec": 2}, "frame_id": "x"})
+        with pytest.raises(InputError, match=r"no messages of type sensor_msgs/msg/PointCloud2 or .* are /chatter"):
+            read_scans([write_ros1(tmp_path / "a.bag", [chatter])])
+
+    def test_files_without_topics(self, tmp_path: Path) -> None:
+        (tmp_path / "a.xyz").write_text("1 2 3\n")
+        with pytest.raises(InputError, match="::/points names a topic, and text has none; leave it out"):
+            read_scans([f"{tmp_path}/a.xyz::/points"])
+
+
+class TestFolders:
+    def test_a_bag_is_one_input_among_others(self, tmp_path: Path) -> None:
+        write_ros2(tmp_path / "dive", dive())
+        (tmp_path / "a.xyz").write_text("1 2 3\n")
+        for path in (tmp_path, tmp_path / "*"):
+            assert [scan.name for scan in read_scans([path]).scans] == ["a", "dive#0", "dive#1", "dive#2"]
+
+    def test_bags_are_surveys_of_their_own(self, tmp_path: Path) -> None:
+        paths = [write_ros2(tmp_path / name, dive()[:2]) for name in ("a", "b")]
+        assert read_scans(paths).surveys == (0, 0, 1, 1)
+
+    def test_split_bags_go_on_in_the_next_file(self, tmp_path: Path) -> None:
+        folder = write_ros2(tmp_path / "dive", dive()[:1], mcap=True)
+        write_mcap(folder / "dive_10.mcap", dive()[2:])
+        write_mcap(folder / "dive_9.mcap", dive()[1:2])
+        metadata = (folder / "metadata.yaml").read_text()
+        names = "dive.mcap\n  - dive_9.mcap\n  - dive_11.mcap\n  - dive_10.mcap"
+        (folder / "metadata.yaml").write_text(metadata.replace("- dive.mcap", f"- {names}", 1))
+        read = read_scans([folder])
+        assert [scan.stamp for scan in read.scans] == TIMES
+        assert read.notes == ("dive: dive_11.mcap, which metadata.yaml names, is missing",)
+        (folder / "metadata.yaml").write_text("rosbag2_bagfile_information: [")
+        read = read_scans([folder])
+        assert [scan.stamp for scan in read.scans] == TIMES
+        assert "metadata.yaml cannot be read; all recordings of the folder are taken" in read.notes[0]
+
+    def test_a_bag_without_its_files(self, tmp_path: Path) -> None:
+        folder = write_ros2(tmp_path / "dive", dive())
+        (folder / "dive.db3").unlink()
+        with pytest.raises(InputError, match=r"dive: none of its files is there, as metadata\.yaml names them"):
+            read_scans([folder])

@@ -1,0 +1,231 @@
+"""Recordings that are cut, or claim what no recorder writes; random damage is in test_readers_damage.py."""
+
+import bz2
+import shutil
+import sqlite3
+import struct
+from collections.abc import Callable
+from contextlib import closing
+from pathlib import Path
+from time import process_time
+from types import SimpleNamespace
+
+import lz4.frame
+import numpy as np
+import pytest
+import zstandard
+
+from sonarmap.kernels.errors import InputError
+from sonarmap.tools.files.readers.bags import unpack
+from sonarmap.tools.files.readers.bags.unpack import Unpacker
+from sonarmap.tools.files.readers.clouds import packed as bounds
+from sonarmap.tools.files.readers.scans import read_scans, read_survey
+from tests.samples.bags.messages import CLOUD, cloud
+from tests.samples.bags.samples import recordings
+from tests.samples.bags.writers import write_mcap, write_ros1, write_ros2
+from tests.tools.files.readers.test_hostile_headers import thrifty
+
+ZEROS = bytes(3 << 20)
+PACKERS: dict[str, Callable[[bytes], bytes]] = {
+    "bz2": bz2.compress, "lz4": lz4.frame.compress, "zstd": zstandard.ZstdCompressor().compress,
+}  # fmt: skip
+
+
+@pytest.mark.parametrize("kind", ["mcap zstd", "mcap lz4", "mcap plain"])
+def test_an_mcap_file_that_was_cut_is_read_as_far_as_it_goes(tmp_path: Path, kind: str) -> None:
+    """As it is where a vehicle loses its power: what is there is right, and a note tells where it ends."""
+    suffix, content = recordings()[kind]
+    path = tmp_path / f"dive{suffix}"
+    path.write_bytes(content)
+    whole = read_scans([path]).scans
+    counts = set()
+    for kept in range(0, len(content), 83):
+        path.write_bytes(content[:kept])
+        read = read_survey([path])
+        counts.add(len(read.scans))
+        assert read.unread or any("cut or damaged" in note for note in read.notes)
+        for scan, expected in zip(read.scans, whole, strict=False):
+            np.testing.assert_array_equal(scan.points, expected.points)
+            assert scan.stamp == expected.stamp
+    assert counts == ({0, 1, 2, 3} if kind == "mcap zstd" else {0, 3})  # its chunks are small
+
+
+@pytest.mark.parametrize("kind", ["bag", "bag bz2", "bag lz4"])
+def test_a_ros_1_bag_that_was_cut_has_no_index(tmp_path: Path, kind: str) -> None:
+    suffix, content = recordings()[kind]
+    path = tmp_path / f"dive{suffix}"
+    for kept in range(0, len(content), 211):
+        path.write_bytes(content[:kept])
+        with pytest.raises(
+            InputError, match=r"dive\.bag: (its index cannot be read; `rosbag reindex`|the file is empty|it is)"
+        ):
+            read_scans([path])
+
+
+def test_a_damaged_chunk_leaves_a_gap(tmp_path: Path) -> None:
+    suffix, content = recordings()["mcap zstd"]
+    changed = bytearray(content)
+    start = content.index(unpack.ZSTD_START, content.index(unpack.ZSTD_START) + 4)
+    changed[start + 60] ^= 255
+    (tmp_path / f"dive{suffix}").write_bytes(changed)
+    (note,) = [note for note in read_survey([tmp_path]).notes if "cannot be unpacked" in note]
+    assert "the messages in it are missing" in note
+    assert [scan.stamp for scan in read_survey([tmp_path]).scans] == [1.125, 2.125]
+
+
+@pytest.mark.parametrize("compression", PACKERS)
+def test_chunks_unpack_to_a_limit(monkeypatch: pytest.MonkeyPatch, compression: str) -> None:
+    packed = PACKERS[compression](ZEROS)
+    unpacked = Unpacker(len(packed))
+    assert unpacked(packed, compression) == ZEROS
+    monkeypatch.setattr(unpack, "LARGEST", len(ZEROS))
+    assert unpacked(packed, compression) == ZEROS
+    monkeypatch.setattr(unpack, "_ALL", 1)
+    with pytest.raises(InputError, match=r"its [\d,]+ bytes unpack to more than 6,291,456, which no recorder writes"):
+        unpacked(packed, compression)
+    monkeypatch.setattr(unpack, "LARGEST", len(ZEROS) - 1)
+    with thrifty(), pytest.raises(InputError, match=rf"bytes of {compression} unpack to more than 3,145,727"):
+        Unpacker(len(packed))(packed, compression)
+
+
+def test_a_chunk_of_a_compression_that_nobody_knows() -> None:
+    with pytest.raises(InputError, match="its compression is 'brotli'; wanted bz2, lz4 or zstd"):
+        Unpacker(0)(b"", "brotli")
+
+
+def test_bombs_within_recordings(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    """Clouds of zeros that shrink to nothing: read as they are, and refused where the limit is lower."""
+    zeros = np.zeros((40_000, 4), np.float32)
+    zeros[0] = 1
+    records = [("/p", CLOUD, 1.0, cloud(zeros))]
+    paths = [
+        write_mcap(tmp_path / "a.mcap", records),
+        write_ros1(tmp_path / "b.bag", records, "bz2"),
+        write_ros1(tmp_path / "c.bag", records, "lz4"),
+        write_ros2(tmp_path / "d", records, compression="message"),
+    ]
+    assert [len(read_scans([path]).scans[0].points) for path in paths] == [40_000] * 4
+    monkeypatch.setattr(unpack, "LARGEST", 100_000)
+    for path in paths:
+        with pytest.raises(InputError, match="unpack to more than 100,000"):
+            read_scans([path])
+    packed = write_ros2(tmp_path / "e", records, compression="file")
+    assert len(read_scans([packed]).scans[0].points) == 40_000
+    monkeypatch.setattr(shutil, "disk_usage", lambda _: SimpleNamespace(free=400_000))
+    with pytest.raises(InputError, match=r"e: e\.db3\.zstd: the bag unpacks to more than the 360,000 bytes"):
+        read_scans([packed])
+    monkeypatch.setattr(bounds, "_SMALL", 100_000)
+    monkeypatch.setattr(bounds, "_RATIO", 1)
+    with pytest.raises(InputError, match=r"e: e\.db3\.zstd: the bag unpacks to more than [\d,]+ bytes, which no"):
+        read_scans([packed])
+
+
+EMPTY_RECORD = b"\x08" + bytes(8)
+
+
+@pytest.mark.parametrize(
+    ("piece", "count", "words"),
+    [
+        (bytes(1 << 20), 500, "of zstd unpack to more than 67,108,864, which no recorder writes"),
+        (
+            EMPTY_RECORD,
+            2_000_000,
+            "it holds more than the 131,072 records that may still come, which is not",
+        ),
+    ],
+    ids=["zeros", "records"],
+)
+def test_a_chunk_of_next_to_nothing_takes_next_to_nothing(tmp_path: Path, piece: bytes, count: int, words: str) -> None:
+    path = tmp_path / "a.mcap"
+    path.write_bytes(recordings()["mcap plain"][1][:8] + packed_chunk(piece, count))
+    assert path.stat().st_size < 20_000
+    with thrifty(), pytest.raises(InputError, match=words):
+        read_scans([path])
+
+
+def test_many_chunks_of_next_to_nothing(tmp_path: Path) -> None:
+    """Each of them believable, and together a minute of work in 80 KB."""
+    path = tmp_path / "a.mcap"
+    path.write_bytes(recordings()["mcap plain"][1][:8] + 450 * packed_chunk(EMPTY_RECORD, 131_000))
+    start = process_time()
+    with pytest.raises(InputError, match="it holds more than the 72 records that may still come"):
+        read_scans([path])
+    assert process_time() - start < 5
+
+
+EMPTY_ROWS = """
+CREATE TABLE topics(id INTEGER PRIMARY KEY, name, type, serialization_format, offered_qos_profiles);
+CREATE TABLE messages(id INTEGER PRIMARY KEY, topic_id, timestamp, data);
+INSERT INTO topics VALUES(1, '/p', 'sensor_msgs/msg/PointCloud2', 'cdr', '');
+INSERT INTO messages WITH n(k) AS (SELECT 1 UNION ALL SELECT k + 1 FROM n WHERE k < 200000) SELECT k, 1, 1, x'' FROM n;
+"""
+
+
+@pytest.mark.parametrize(
+    ("kind", "count", "words"),
+    [
+        ("mcap", 1, r"x0\.mcap\.zstd: it has too many records before byte [\d,]+, which is not believable"),
+        ("mcap", 9, r"x\d\.mcap\.zstd: the bag unpacks to more than 67,108,864 bytes, which no recorder writes"),
+        ("db3", 1, r"x0\.db3\.zstd: it has more than 131,072 messages, which is not believable"),
+    ],
+    ids=["records", "files", "rows"],
+)
+def test_a_bag_of_next_to_nothing(tmp_path: Path, kind: str, count: int, words: str) -> None:
+    """Of records without content, of many files, of rows without content."""
+    if kind == "db3":
+        with closing(sqlite3.connect(tmp_path / "x.db3")) as database:
+            database.executescript(EMPTY_ROWS)
+        plain = (tmp_path / "x.db3").read_bytes()
+    else:
+        magic = recordings()["mcap plain"][1][:8]
+        other = struct.pack("<BQ", 0x80, 16 << 20) + bytes(16 << 20)  # of a kind that MCAP leaves to others
+        plain = magic + bytes(9 << 20) if count == 1 else recordings()["mcap plain"][1][:-8] + other
+    bag = tmp_path / "bag"
+    bag.mkdir()
+    names = [f"x{k}.{kind}.zstd" for k in range(count)]
+    for name in names:
+        (bag / name).write_bytes(zstandard.ZstdCompressor().compress(plain))
+    listed = "".join(f"    - {name}\n" for name in names)
+    (bag / "metadata.yaml").write_text(f"rosbag2_bagfile_information:\n  relative_file_paths:\n{listed}")
+    start = process_time()
+    with pytest.raises(InputError, match=words):
+        read_scans([bag])
+    assert process_time() - start < 5
+
+
+def packed_chunk(piece: bytes, count: int) -> bytes:
+    packed = zstandard.ZstdCompressor().compress(piece * count)
+    head = struct.pack("<QQQII", 0, 0, len(piece) * count, 0, 4) + b"zstd" + struct.pack("<Q", len(packed))
+    return struct.pack("<BQ", 6, len(head) + len(packed)) + head + packed
+
+
+@pytest.mark.parametrize("table", ["messages", "topics"])
+def test_a_column_of_sqlite_that_is_computed(tmp_path: Path, table: str) -> None:
+    """Of 900 MB in each row, which the file need not hold."""
+    path = tmp_path / "a.db3"
+    path.write_bytes(recordings()["db3"][1])
+    with closing(sqlite3.connect(path)) as database:
+        column = "data" if table == "messages" else "type"
+        database.execute(f"ALTER TABLE {table} RENAME COLUMN {column} TO other")
+        database.execute(f"ALTER TABLE {table} ADD COLUMN {column} AS (zeroblob(900000000))")
+        database.commit()
+    with (
+        thrifty(),
+        pytest.raises(InputError, match=f"its table {table} has a column that is computed, as no recorder does"),
+    ):
+        read_scans([path])
+
+
+@pytest.mark.parametrize("length", [2**31, 2**40, 2**63, 2**64 - 1])
+@pytest.mark.parametrize("opcode", [1, 3, 4, 5, 6, 9, 0x7F])
+def test_records_of_mcap_without_end(tmp_path: Path, opcode: int, length: int) -> None:
+    """At the first record, and at the first chunk's content."""
+    content = recordings()["mcap plain"][1]
+    path = tmp_path / "a.mcap"
+    path.write_bytes(content[:8] + struct.pack("<BQ", opcode, length) + content[17:])
+    with thrifty(), pytest.raises(InputError):
+        read_scans([path])
+    chunk = content.index(b"\x06", 8 + 9)
+    path.write_bytes(content[: chunk + 9 + 32] + struct.pack("<Q", length) + content[chunk + 9 + 40 :])
+    with thrifty(), pytest.raises(InputError):
+        read_scans([path])

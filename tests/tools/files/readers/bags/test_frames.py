@@ -1,0 +1,93 @@
+"""Frames of recordings: mounting by tf_static, optical frames by their names; worked by hand."""
+
+from pathlib import Path
+
+import numpy as np
+import pytest
+from scipy.spatial.transform import Rotation
+
+from sonarmap.kernels.errors import InputError
+from sonarmap.tools.files.readers.scans import read_scan, read_scans
+from tests.samples.bags.messages import CLOUD, TF, cloud, transforms
+from tests.samples.bags.writers import Record, write_mcap, write_ros1, write_ros2
+from tests.samples.cloud_files import POINTS, STRENGTH
+
+HALF = np.sqrt(0.5)
+LEFT = (0, 0, HALF, HALF)  # a quarter turn about z
+ALONE = (0, 0, 0, 1)
+
+
+def mounted(*links: tuple, frame: str = "sonar_link") -> list[Record]:
+    return [
+        ("/tf_static", TF, 1.0, transforms(*[(0.0, *link) for link in links])),
+        ("/points", CLOUD, 2.0, cloud(frame=frame)),
+    ]
+
+
+@pytest.mark.parametrize("write", [write_ros1, write_mcap, write_ros2])
+def test_points_are_in_base_link_and_seen_from_the_sensors_place(tmp_path: Path, write) -> None:
+    """A sonar a quarter turn to port, 3 m ahead, 0.5 m to starboard and 0.25 m below."""
+    path = tmp_path / {write_ros1: "a.bag", write_mcap: "a.mcap", write_ros2: "a"}[write]
+    read = read_scans([write(path, mounted(("base_link", "sonar_link", (3, -0.5, -0.25), LEFT)))])
+    x, y, z = POINTS.T
+    np.testing.assert_allclose(read.scans[0].points, np.column_stack([3 - y, -0.5 + x, -0.25 + z]), atol=1e-6)
+    np.testing.assert_allclose(np.asarray(read.scans[0].viewpoints), np.tile([3, -0.5, -0.25], (5, 1)), atol=1e-6)
+    np.testing.assert_array_equal(read.scans[0].strength, STRENGTH)
+    assert read.notes == (
+        f"{path.name}: points are in base_link, by tf_static: sonar_link is there at 3.000, -0.500, -0.250 m, with "
+        "roll 0.00, pitch 0.00, yaw 90.00 degrees",
+    )
+
+
+def test_a_chain_of_links_up_and_down(tmp_path: Path) -> None:
+    """From the sonar up to the mast, and down to base_link, which is the mast's child."""
+    links = [("mast", "rov/base_link", (0, 0, -2), LEFT), ("mast", "sonar_link", (1, 0, 0), ALONE)]
+    scan = read_scan(write_mcap(tmp_path / "a.mcap", mounted(*links)))
+    x, y, z = POINTS.T
+    # in the mast (x + 1, y, z); base_link is 2 m lower and looks to the mast's left: turned back to the right
+    np.testing.assert_allclose(scan.points, np.column_stack([y, -(x + 1), z + 2]), atol=1e-6)
+    np.testing.assert_allclose(np.asarray(scan.viewpoints), np.tile([0, -1, 2], (5, 1)), atol=1e-6)
+
+
+def test_a_turn_alone_needs_no_viewpoints(tmp_path: Path) -> None:
+    scan = read_scan(write_mcap(tmp_path / "a.mcap", mounted(("base_link", "sonar_link", (0, 0, 0), LEFT))))
+    np.testing.assert_allclose(scan.points, POINTS[:, [1, 0, 2]] * [-1, 1, 1], atol=1e-6)
+    assert scan.viewpoints is None
+
+
+@pytest.mark.parametrize(
+    ("frame", "axes", "signs"),
+    [
+        ("camera_optical_frame", [2, 0, 1], [1, -1, -1]),  # x right, y down, z forward
+        ("sonar_optical", [2, 0, 1], [1, -1, -1]),
+        ("sonar_frd", [0, 1, 2], [1, -1, -1]),
+    ],
+)
+def test_frames_that_say_how_they_lie(tmp_path: Path, frame: str, axes: list[int], signs: list[int]) -> None:
+    read = read_scans([write_mcap(tmp_path / "a.mcap", [("/points", CLOUD, 1.0, cloud(frame=frame))])])
+    np.testing.assert_allclose(read.scans[0].points, POINTS[:, axes] * signs, atol=1e-6)
+    assert read.notes[0].startswith(f"a.mcap: points in {frame} are turned to x forward, y left, z up, as its name _")
+
+
+def test_tf_wins_over_the_name(tmp_path: Path) -> None:
+    turn = Rotation.from_euler("ZYX", [20, -10, 5], degrees=True)
+    link = ("base_link", "sonar_optical", (1, 2, 3), tuple(turn.as_quat()))
+    scan = read_scan(write_mcap(tmp_path / "a.mcap", mounted(link, frame="sonar_optical")))
+    np.testing.assert_allclose(scan.points, turn.apply(POINTS.astype(float)) + np.arange(1, 4), atol=1e-5)
+
+
+@pytest.mark.parametrize("frame", ["sonar_link", "base_link"])
+def test_points_stay_where_nothing_is_known(tmp_path: Path, frame: str) -> None:
+    links = [("mast", "sonar_link", (1, 2, 3), LEFT), ("base_link", "imu_link", (1, 2, 3), LEFT)]
+    read = read_scans([write_mcap(tmp_path / "a.mcap", mounted(*links, frame=frame))])
+    np.testing.assert_array_equal(read.scans[0].points, POINTS)
+    assert read.notes == ()
+
+
+@pytest.mark.parametrize(("turn", "shown"), [((0, 0, 0, 0), "0 0 0 0"), ((np.nan, 0, 0, 1), "nan 0 0 1")])
+def test_transforms_that_are_none(tmp_path: Path, turn: tuple, shown: str) -> None:
+    path = write_mcap(tmp_path / "a.mcap", mounted(("base_link", "sonar_link", (3, 0, 0), turn)))
+    with pytest.raises(InputError, match=f"transform base_link to sonar_link .* is 3 0 0 {shown}; wanted meters and a"):
+        read_scan(path)
+    bystander = ("base_link", "imu_link", (3, 0, 0), turn)
+    assert read_scan(write_mcap(tmp_path / "b.mcap", mounted(bystander))).viewpoints is None

@@ -1,0 +1,1 @@
+"""Tests of `tools/files/readers/navigation`."""

@@ -1,0 +1,165 @@
+"""Mistakes in navigation, made on purpose, are recognized from simulated registrations; nothing else is."""
+
+from collections.abc import Callable
+
+import numpy as np
+import pytest
+from scipy.spatial.transform import RigidTransform, Rotation
+
+from sonarmap.spectral.prior_pair import PriorPair
+from sonarmap.spectral.scan import PosePrior
+from sonarmap.tools.files.readers.instruments import poses_of, prior_of
+from sonarmap.tools.files.readers.navigation.contradictions import Registered, contradiction, pair_costs
+
+SIGMAS = np.array([0.5, 0.5, 3.0, 0.5, 0.5, 0.1])
+UNITS = np.array([np.pi / 180] * 3 + [1.0] * 3)
+ALL = np.ones(6, bool)
+TIGHT = np.diag([0.003] * 3 + [0.03] * 3) ** 2
+
+
+def path(rng: np.random.Generator, count: int = 14) -> np.ndarray:
+    """(n, 6) a dive with turns, waves and changes of depth, 2 m from scan to scan."""
+    heading = 40 + np.cumsum(rng.normal(0, 25, count))
+    way = np.cumsum(2 * np.column_stack([np.sin(np.radians(heading)), np.cos(np.radians(heading))]), axis=0)
+    depth = 20 + np.cumsum(rng.normal(0, 0.8, count))
+    return np.column_stack([rng.normal(2, 6, count), rng.normal(-3, 6, count), heading % 360, way + 5, depth])
+
+
+def registered(truth: np.ndarray, rng: np.random.Generator, wrong: int = 0) -> Registered:
+    """Consecutive scans and some loops, within their covariance of the truth; `wrong` of them anything."""
+    T = poses_of(truth)
+    i = np.concatenate([np.arange(len(truth) - 1), np.arange(0, len(truth) - 3, 4)])
+    j = np.concatenate([np.arange(1, len(truth)), np.arange(3, len(truth), 4)])
+    xi = rng.normal(size=(len(i), 6)) * np.sqrt(np.diag(TIGHT))
+    T_i_j = T[i].inv() * T[j] * RigidTransform.from_components(xi[:, 3:], Rotation.from_rotvec(xi[:, :3]))
+    R, t = T_i_j.rotation.as_matrix(), T_i_j.translation
+    for k in rng.choice(len(i), wrong, replace=False).tolist():
+        R[k], t[k] = Rotation.random(rng=rng).as_matrix(), rng.normal(0, 3, 3)
+    T_i_j = RigidTransform.from_components(t, Rotation.from_matrix(R))
+    return Registered(i, j, T_i_j, np.tile(TIGHT, (len(i), 1, 1)))
+
+
+def measured(truth: np.ndarray, rng: np.random.Generator, known: np.ndarray = ALL) -> np.ndarray:
+    """(n, 6) with the instruments' errors; NaN where they measure nothing."""
+    return np.where(known, truth + rng.normal(size=truth.shape) * SIGMAS, np.nan)
+
+
+def priors(values: np.ndarray) -> list[PosePrior | None]:
+    return [prior_of(row, SIGMAS) if np.isfinite(row).any() else None for row in values]
+
+
+def exchanged(values: np.ndarray) -> np.ndarray:
+    return values[:, [0, 1, 2, 4, 3, 5]]
+
+
+def signed(column: int) -> Callable[[np.ndarray], np.ndarray]:
+    return lambda values: values * np.where(np.arange(6) == column, -1, 1)
+
+
+MISTAKES: dict[str, Callable[[np.ndarray], np.ndarray]] = {
+    "heading_deg with its sign turned": signed(2),
+    "heading_deg as a yaw, counterclockwise from East": lambda v: np.column_stack([v[:, :2], 90 - v[:, 2], v[:, 3:]]),
+    "heading_deg turned by 90 degrees": lambda v: v - np.array([0, 0, 90, 0, 0, 0]),
+    "heading_deg turned by 180 degrees": lambda v: v - np.array([0, 0, 180, 0, 0, 0]),
+    "roll_deg with its sign turned": signed(0),
+    "pitch_deg with its sign turned": signed(1),
+    "East and North exchanged": exchanged,
+    "depth_m with its sign turned": signed(5),
+    "angles in radians": lambda v: v * np.array([np.pi / 180] * 3 + [1] * 3),
+    "the rows of the scans before": lambda v: np.roll(v, 1, axis=0),
+    "the rows of the scans after": lambda v: np.roll(v, -1, axis=0),
+}
+
+
+@pytest.mark.parametrize("name", list(MISTAKES))
+@pytest.mark.parametrize("seed", [0, *(pytest.param(seed, marks=pytest.mark.slow) for seed in range(1, 6))])
+def test_mistakes_are_named(name: str, seed: int) -> None:
+    rng = np.random.default_rng([3, seed])
+    truth = path(rng)
+    verdict = contradiction(priors(MISTAKES[name](measured(truth, rng))), registered(truth, rng, wrong=seed % 3))
+    assert verdict is not None
+    assert verdict.instead == (name,), verdict
+    assert str(verdict).startswith("the scans contradict the navigation by ")
+
+
+@pytest.mark.parametrize(
+    ("axes", "scale", "name"),
+    [
+        (np.diag([1.0, -1, 1]), 1.0, "scans mirrored, left for right"),
+        (Rotation.from_euler("X", 180, degrees=True).as_matrix(), 1.0, "scans upside down"),
+        (np.eye(3), 1000.0, "scans a thousand times smaller"),
+        (np.eye(3), 0.001, "scans a thousand times larger"),
+    ],
+)
+def test_scans_that_are_not_as_they_were_taken(axes: np.ndarray, scale: float, name: str) -> None:
+    """Points p of every scan became scale axes p, so a pair's p_i = R p_j + t holds for the changed R and t."""
+    rng = np.random.default_rng(4)
+    truth = path(rng)
+    pairs, values = registered(truth, rng), measured(truth, rng)
+    R, t = pairs.T_i_j.rotation.as_matrix(), pairs.T_i_j.translation
+    changed = RigidTransform.from_components(
+        scale * (axes @ t[:, :, None])[:, :, 0], Rotation.from_matrix(axes @ R @ axes.T)
+    )
+    verdict = contradiction(priors(values), Registered(pairs.i, pairs.j, changed, pairs.covariances))
+    assert verdict is not None
+    assert verdict.instead == (name,)
+
+
+@pytest.mark.parametrize("known", [ALL, np.array([1, 1, 0, 0, 0, 1], bool), np.array([1, 1, 1, 0, 0, 1], bool)])
+def test_costs_are_those_of_pairs_of_priors(known: np.ndarray) -> None:
+    """PriorPair works a pair at a time, and halves the lever arm where both measure the shift; that is second order."""
+    rng = np.random.default_rng(9)
+    truth = path(rng)
+    values, exact = measured(truth, rng, known), registered(truth, rng)
+    exact = Registered(exact.i, exact.j, exact.T_i_j, np.zeros((len(exact.i), 6, 6)))
+    of_scans = priors(values)
+    costs = pair_costs(values, np.tile(SIGMAS * UNITS, (len(truth), 1)), exact)
+    for row, (i, j) in enumerate(zip(exact.i.tolist(), exact.j.tolist(), strict=True)):
+        target, source = of_scans[i], of_scans[j]
+        assert target is not None
+        assert source is not None
+        squared, count = PriorPair(target, source).normalized(exact.T_i_j[row])
+        assert costs[row, 1] == count
+        assert costs[row, 0] == pytest.approx(min(squared, 100), rel=0.2, abs=0.3)
+
+
+def test_what_cannot_be_told_apart_is_named_together() -> None:
+    """Without places a heading of the other sign is a yaw as well."""
+    rng = np.random.default_rng(5)
+    truth = path(rng)
+    values = MISTAKES["heading_deg with its sign turned"](measured(truth, rng, np.array([1, 1, 1, 0, 0, 1], bool)))
+    verdict = contradiction(priors(values), registered(truth, rng))
+    assert verdict is not None
+    assert set(verdict.instead) == {
+        "heading_deg with its sign turned",
+        "heading_deg as a yaw, counterclockwise from East",
+    }
+
+
+def test_right_navigation_is_not_doubted() -> None:
+    for seed in range(25):
+        rng = np.random.default_rng([6, seed])
+        truth = path(rng)
+        known = ALL if seed % 2 else np.array([1, 1, seed % 3 == 0, 0, 0, 1], bool)
+        assert contradiction(priors(measured(truth, rng, known)), registered(truth, rng, wrong=seed % 4)) is None
+
+
+def test_other_mistakes_have_no_name() -> None:
+    """A compass that is off by 40 degrees, noise, and another dive's navigation."""
+    for seed in range(10):
+        rng = np.random.default_rng([7, seed])
+        truth = path(rng)
+        pairs, values = registered(truth, rng), measured(truth, rng)
+        assert contradiction(priors(values + np.array([0, 0, 40, 0, 0, 0])), pairs) is None
+        assert contradiction(priors(measured(path(rng), rng)), pairs) is None
+        assert contradiction(priors(values + rng.normal(0, 20, values.shape)), pairs) is None
+
+
+def test_too_little_says_nothing() -> None:
+    rng = np.random.default_rng(8)
+    truth = path(rng)
+    values, pairs = signed(2)(measured(truth, rng)), registered(truth, rng)
+    few, none = (Registered(pairs.i[:n], pairs.j[:n], pairs.T_i_j[:n], pairs.covariances[:n]) for n in (5, 0))
+    assert contradiction(priors(values), few) is None
+    assert contradiction(priors(values), none) is None
+    assert contradiction([None] * len(truth), registered(truth, rng)) is None

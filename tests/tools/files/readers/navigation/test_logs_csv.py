@@ -1,0 +1,238 @@
+"""CSV logs: headings, units, what is not measured, what is ambiguous."""
+
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from sonarmap.kernels.errors import InputError
+from sonarmap.tools.files.readers.navigation.headings import column_of
+from sonarmap.tools.files.readers.navigation.priors import navigate
+from sonarmap.tools.files.readers.navigation.settings import NavigationSettings, parse_columns
+from tests.tools.files.readers.navigation.logs import SCANS, SIGMAS, START, read
+
+
+@pytest.fixture
+def path(tmp_path: Path) -> Path:
+    return tmp_path / "log.csv"
+
+
+def refused(path: Path, text: str, *words: str, **settings: object) -> None:
+    with pytest.raises(InputError) as error:
+        read(path, text, NavigationSettings(**settings))  # type: ignore[arg-type]
+    missing = [word for word in (path.name, *words) if word not in str(error.value)]
+    assert not missing, f"{missing} not in: {error.value}"
+
+
+def rows(*cells: str, separator: str = ",") -> str:
+    """Three rows at the scans' times, 2 s before each."""
+    return "".join(separator.join((f"{START + 5 * k - 2}", *cells)) + "\n" for k in range(4))
+
+
+class TestHeadings:
+    @pytest.mark.parametrize(
+        ("heading", "quantity", "factor"),
+        [
+            ("Depth (m)", "depth_m", 1),
+            ("DEPTH", "depth_m", 1),
+            ("Depth [cm]", "depth_m", 0.01),
+            ("ROV Depth (ft)", "depth_m", 0.3048),
+            ("Depth m", "depth_m", 1),
+            ("Depth (m below surface)", "depth_m", 1),
+            ("Heading [deg]", "heading_deg", 1),
+            ("Heading (°)", "heading_deg", 1),
+            ("HDG", "heading_deg", 1),
+            ("Heading (true)", "heading_deg", 1),
+            ("Heading (mag)", "magnetic_deg", 1),
+            ("Magnetic Heading", "magnetic_deg", 1),
+            ("headingDeg", "heading_deg", 1),
+            ("yaw_rad", "yaw_deg", 180 / np.pi),
+            ("Roll (rad)", "roll_deg", 180 / np.pi),
+            ("pitch", "pitch_deg", 1),
+            ("Lat", "lat_deg", 1),
+            ("Latitude [DD.DDDD]", "lat_deg", 1),
+            ("Lng", "lon_deg", 1),
+            ("Easting (m)", "easting_m", 1),
+            ("UTM_N", "northing_m", 1),
+            ("X", "x_m", 1),
+            ("Date/Time", "stamp", 1),
+            ("UTC Time", "stamp", 1),
+            ("Timestamp [ms]", "stamp", 0.001),
+            ("time_ns", "stamp", 1e-9),
+            ("GPS Week", "gps_week", 1),
+            ("Depth SD (m)", "depth_sigma_m", 1),
+            ("std_heading [deg]", "heading_sigma_deg", 1),
+            ("lat_sigma_m", "y_sigma_m", 1),
+            ("Easting StdDev (cm)", "x_sigma_m", 0.01),
+            ("roll_sigma_deg", "roll_sigma_deg", 1),
+        ],
+    )
+    def test_usual_headings(self, heading: str, quantity: str, factor: float) -> None:
+        column = column_of(3, heading)
+        assert column is not None
+        assert (column.index, column.quantity) == (3, quantity)
+        assert column.factor == pytest.approx(factor)
+
+    @pytest.mark.parametrize("heading", ["Altitude", "COG", "Course", "Speed", "Height", "Status", "", "Temp (C)"])
+    def test_others_are_not_guessed(self, heading: str) -> None:
+        assert column_of(0, heading) is None
+
+    @pytest.mark.parametrize(
+        ("heading", "words"), [("Depth (fathoms)", "fathoms"), ("Roll (m)", "'m'"), ("Easting (ft)", "two kinds")]
+    )
+    def test_units_that_cannot_be(self, heading: str, words: str) -> None:
+        with pytest.raises(InputError, match=words):
+            column_of(0, heading)
+
+
+class TestLogs:
+    TEXT = "Timestamp,Hdg,Depth (m),Roll [deg],Pitch [deg],Batt\n" + rows("350.5", "12.25", "1.5", "-2.5", "98")
+    WANTED = (1.5, -2.5, 350.5, np.nan, np.nan, 12.25)
+
+    @pytest.mark.parametrize("separator", [",", ";", "\t"])
+    @pytest.mark.parametrize("encoding", ["utf-8", "utf-8-sig", "utf-16"])
+    @pytest.mark.parametrize("ending", ["\n", "\r\n"])
+    def test_as_programs_save_them(self, path: Path, separator: str, encoding: str, ending: str) -> None:
+        text = "# a comment\n\n" + self.TEXT.replace(",", separator) + separator * 5 + "\n"
+        if separator != ",":
+            text = text.replace(".", ",")
+        values, _ = read(path, text.rstrip("\n").replace("\n", ending).encode(encoding))
+        np.testing.assert_allclose(values, [self.WANTED] * 3)
+
+    def test_what_is_not_used_is_noted_once(self, path: Path) -> None:
+        notes: list[str] = []
+        read(path, self.TEXT, notes=notes)
+        assert [note for note in notes if "not used" in note] == [f"{path}: not used: the columns 'Batt'"]
+
+    def test_cells_at_the_end_and_words_for_nothing(self, path: Path) -> None:
+        text = "Time,Depth,Heading\n" + rows("N/A", "90", "", "") + rows("7", "---")
+        values, _ = read(path, text)
+        np.testing.assert_allclose(values[:, [2, 5]], [[90, 7]] * 3)
+
+    def test_units_are_converted(self, path: Path) -> None:
+        text = "Time,Depth (ft),Roll (rad),Pitch (rad)\n" + rows("10", "0.1", "-0.2")
+        values, _ = read(path, text)
+        np.testing.assert_allclose(values[:, [0, 1, 5]], [[*np.degrees([0.1, -0.2]).tolist(), 3.048]] * 3)
+
+    def test_columns_are_mapped(self, path: Path) -> None:
+        text = 'Time,KP_DEPTH,Gyro [rad],Depth,"a, b"\n' + rows("3.5", "1.5", "99", "4")
+        columns = parse_columns('depth_m=KP_DEPTH,heading_deg=gyro [rad],"depth_sigma_m=a, b"')
+        values, navigated = read(path, text, NavigationSettings(columns=columns))
+        np.testing.assert_allclose(values[:, [2, 5]], [[np.degrees(1.5), 3.5]] * 3)
+        assert navigated.scans[0].prior is not None
+        assert navigated.scans[0].prior.sigmas[5] == 4
+
+    def test_height_is_a_depth_of_the_other_sign(self, path: Path) -> None:
+        values, _ = read(path, "Time,Alt\n" + rows("-7"), NavigationSettings(columns=parse_columns("height_m=Alt")))
+        np.testing.assert_allclose(values[:, 5], 7)
+
+    def test_columns_of_our_own_and_others(self, path: Path) -> None:
+        """With a log's heading among them others are left out, and a misspelled one is not."""
+        values, _ = read(path, "Time,depth_m,altitude_m\n" + rows("3", "9"))
+        np.testing.assert_allclose(values[:, 5], 3)
+        refused(path, "stamp,depth_m,altitude_m\n" + rows("3", "9"), "unknown column 'altitude_m'", "--nav-columns")
+        refused(path, "Time,Depth,rol_deg,pitch_deg\n" + rows("3", "9", "1"), "nearly called roll_deg")
+
+    def test_roll_without_pitch(self, path: Path) -> None:
+        notes: list[str] = []
+        values, _ = read(path, "Time,Depth,Roll\n" + rows("3", "9"), notes=notes)
+        assert np.isnan(values[:, :2]).all()
+        assert any("'Roll' is not used without a column of pitch_deg" in note for note in notes)
+
+
+class TestFrames:
+    """The same vehicle, nose up 10, starboard down 20, heading 30, at East 2, North 5, 7 deep."""
+
+    WANTED = (20.0, 10.0, 30.0, 2.0, 5.0, 7.0)
+
+    @pytest.mark.parametrize(
+        ("frame", "heading", "cells"),
+        [
+            (None, "Time,Roll,Pitch,Heading,x,y,Depth", ("20", "10", "30", "2", "5", "7")),
+            ("ned", "Time,Roll,Pitch,Yaw,x,y,z", ("20", "10", "30", "5", "2", "7")),
+            ("frd", "Time,Roll,Pitch,Yaw,x,y,z", ("20", "10", "-330", "5", "2", "7")),
+            ("enu", "Time,Roll,Pitch,Yaw,x,y,z", ("20", "-10", "60", "2", "5", "-7")),
+            ("flu", "Time,Roll,Pitch,Heading,x,y,Depth", ("20", "-10", "30", "2", "5", "7")),
+        ],
+    )
+    def test_frames(self, path: Path, frame: str | None, heading: str, cells: tuple[str, ...]) -> None:
+        values, _ = read(path, f"{heading}\n{rows(*cells)}", NavigationSettings(frame=frame))  # type: ignore[arg-type]
+        np.testing.assert_allclose(values, [self.WANTED] * 3, atol=1e-9)
+
+    def test_standard_deviations_go_with_their_axes(self, path: Path) -> None:
+        text = "Time,x,y,x std,y std\n" + rows("5", "2", "0.25", "0.75")
+        _, navigated = read(path, text, NavigationSettings(frame="ned"))
+        prior = navigated.scans[0].prior
+        assert prior is not None
+        np.testing.assert_allclose(prior.sigmas[3:5], [0.75, 0.25])
+
+    def test_magnetic_headings(self, path: Path) -> None:
+        text = "Time,Magnetic Heading\n" + rows("358.5")
+        values, _ = read(path, text, NavigationSettings(declination=3.5))
+        np.testing.assert_allclose(values[:, 2], 2)
+        refused(path, text, "holds magnetic headings", "--magnetic-declination")
+        with pytest.raises(InputError, match="--magnetic-declination"):
+            NavigationSettings(heading_reference="magnetic")
+
+
+class TestAmbiguous:
+    @pytest.mark.parametrize(
+        ("heading", "cells", "words"),
+        [
+            ("Time,Yaw", ("5",), ["'Yaw' may be clockwise", "--nav-frame ned", "--nav-frame enu"]),
+            ("Time,Z", ("5",), ["'Z' may count downward", "--nav-frame ned"]),
+            ("Time,Heading,HDG", ("5", "6"), ["both 'Heading' and 'HDG' may be heading_deg", "--nav-columns"]),
+            ("Time,Timestamp,Depth", ("5", "6"), ["both 'Time' and 'Timestamp' may be stamp"]),
+            ("GPSTime,Depth", ("5",), ["'GPSTime' may be GPS time, or the UTC", "--time-scale"]),
+            ("Time,Easting,Northing", ("597000", "6643000"), ["reach 6643000 m", "--nav-crs"]),
+            ("Time,Latitude,Longitude,x_m,y_m", ("1", "1", "1", "1"), ["x_m and y_m beside places", "--nav-columns"]),
+            ("Time,Latitude,Depth", ("1", "1"), ["can only be used with lon_deg"]),
+        ],
+    )
+    def test_two_meanings(self, path: Path, heading: str, cells: tuple[str, ...], words: list[str]) -> None:
+        refused(path, f"{heading}\n{rows(*cells)}", *words)
+
+    def test_places_twice_are_taken_once(self, path: Path) -> None:
+        notes: list[str] = []
+        text = "Time,Lat,Lon,Easting,Northing\n" + rows("60.4", "5.3", "296000", "6701000")
+        values, navigated = read(path, text, notes=notes)
+        assert navigated.georeference is not None
+        np.testing.assert_allclose(values[:, 3:5], 0, atol=1e-6)
+        assert any("places are taken from Lat and Lon" in note for note in notes)
+
+    def test_degrees_in_the_columns_of_meters(self, path: Path) -> None:
+        text = "stamp,x_m,y_m\n" + "".join(
+            f"{START + k},{5.32 + k / 1e3:.6f},{60.39 + k / 2e3:.6f}\n" for k in range(9)
+        )
+        refused(path, text, "x_m runs from 5.32 to 5.328", "look like degrees", "Longitude and Latitude", "millimeters")
+        values, _ = read(path, text.replace("000\n", "\n").replace("000,", ","))
+        assert np.isfinite(values[:2, 3:5]).all()  # in meters of few decimals
+
+    def test_names_of_degrees_for_meters(self, path: Path) -> None:
+        columns = parse_columns("x_m=Lon,y_m=Lat")
+        refused(path, "Time,Lon,Lat\n" + rows("5", "60"), "'Lon' holds degrees", "lon_deg=Lon", columns=columns)
+
+    def test_meters_in_the_columns_of_degrees(self, path: Path) -> None:
+        text = "Time,Lat,Lon\n" + rows("6701000", "296000")
+        refused(path, text, "Lon is 296000", "within 180", "easting_m=Lon", "--nav-crs")
+
+    @pytest.mark.parametrize(
+        ("text", "words"),
+        [
+            ("depth_m", "no mapping"),
+            ("depht_m=a", "'depht_m' is not known"),
+            ("depth_m=a,depth_m=b", "twice"),
+        ],
+    )
+    def test_mappings_that_are_none(self, text: str, words: str) -> None:
+        with pytest.raises(InputError, match=words):
+            parse_columns(text)
+
+    def test_mappings_of_what_is_not_there(self, path: Path) -> None:
+        refused(path, "Time,Depth\n" + rows("5"), "0 columns are called 'Deep'", columns=parse_columns("depth_m=Deep"))
+
+    def test_no_standard_deviation(self, path: Path) -> None:
+        path.write_text("Time,Depth\n" + rows("5"))
+        with pytest.raises(InputError, match=r"depth_m \('Depth'\) has no standard deviation; .* --prior-sigmas"):
+            navigate(SCANS, path)
+        assert navigate(SCANS, path, sigmas=SIGMAS).scans[0].prior is not None

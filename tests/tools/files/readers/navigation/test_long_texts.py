@@ -1,0 +1,77 @@
+"""Headings and cells of any length take a time in proportion to it: some of these took minutes, or hours."""
+
+import time
+from collections.abc import Callable
+from difflib import SequenceMatcher
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from sonarmap.kernels.errors import InputError
+from sonarmap.tools.files.readers.navigation.cells import degrees
+from sonarmap.tools.files.readers.navigation.clocks.times import time_of_day
+from sonarmap.tools.files.readers.navigation.headings import column_of, zone_of
+from sonarmap.tools.files.readers.navigation.read import read_navigation
+from sonarmap.tools.files.readers.navigation.settings import AS_IT_SAYS
+
+LONG = 100_000
+GENEROUS = 30.0  # seconds, for what takes a tenth of one; with the time growing by squares it would be minutes
+
+
+@pytest.mark.parametrize(
+    "read",
+    [
+        lambda: column_of(0, "a" + " " * LONG + "(" + " " * LONG + "x"),
+        lambda: column_of(0, " " * LONG + "[" * LONG),
+        lambda: column_of(0, "a" + "_" * LONG + "." * LONG + "b "),
+        lambda: column_of(0, "a_" * LONG),
+        lambda: column_of(0, "depth" + " " * LONG + "(m)"),
+        lambda: zone_of("utc" + " " * LONG + "x"),
+        lambda: degrees("1" + " " * LONG + "x", "lat_deg"),
+        lambda: degrees("1" + " -:" * LONG + "x", "lat_deg"),
+        lambda: degrees("1." + "1" * LONG + "x", "lat_deg"),
+        lambda: time_of_day("9:30" + " " * LONG + "x"),
+    ],
+)
+def test_headings_and_cells(read: Callable[[], object]) -> None:
+    before = time.monotonic()
+    read()
+    assert time.monotonic() - before < GENEROUS
+
+
+@pytest.mark.parametrize(
+    "cell", ["2026" + " " * LONG + "x", "T" * LONG, "2" + "T " * (LONG // 2) + "9", "a" + " " * LONG + "UT"]
+)
+def test_times(cell: str, tmp_path: Path) -> None:
+    (tmp_path / "log.csv").write_text(f"time,depth_m,depth_sigma_m\n{cell},2,3\n")
+    before = time.monotonic()
+    with pytest.raises(InputError, match=r"line 2: the time is '.{1,45}'; wanted finite seconds, or a time as"):
+        read_navigation(tmp_path / "log.csv", AS_IT_SAYS, None, np.zeros(1), [])
+    assert time.monotonic() - before < GENEROUS
+
+
+def test_what_the_headings_say_is_as_before() -> None:
+    for heading, quantity, unit in (
+        ("Depth (m)", "depth_m", "m"),
+        ("  Depth [ M ] ", "depth_m", "m"),
+        ("Depth_(below) (ft)", None, None),
+        ("Time ( UTC+2 )", "stamp", "utc+2"),
+        ("vehicle_depth.cm", "depth_m", "cm"),
+        ("Heading (true)", "heading_deg", "true"),
+        ("depth_m)", None, None),
+    ):
+        column = column_of(0, heading)
+        assert (column and column.quantity, column and column.unit) == (quantity, unit), heading
+
+
+def test_tables_of_many_columns(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    """Each might be a misspelled one of ours; only those that may be are compared letter by letter."""
+    compared: list[float] = []
+    ratio = SequenceMatcher.ratio
+    monkeypatch.setattr(SequenceMatcher, "ratio", lambda self: compared.append(ratio(self)) or compared[-1])
+    headings = ",".join(f"a{k}_m" for k in range(1000))
+    (tmp_path / "log.csv").write_text(f"time,depth,{headings},heding_deg\n1,2\n")
+    with pytest.raises(InputError, match="'heding_deg' is nearly called heading_deg"):
+        read_navigation(tmp_path / "log.csv", AS_IT_SAYS, None, np.zeros(1), [])
+    assert len(compared) < 20

@@ -1,0 +1,110 @@
+"""The sonar on its vehicle: cases worked by hand, with numbers that tell every axis and sign."""
+
+import numpy as np
+import pytest
+
+from sonarmap.kernels.errors import InputError
+from sonarmap.spectral.scan import PosePrior
+from sonarmap.tools.files.readers.instruments import prior_of, sigmas_of, values_of
+from sonarmap.tools.files.readers.navigation.mount import Mount
+from sonarmap.tools.files.readers.navigation.settings import NavFrame, parse_mount
+
+SIGMAS = np.array([1.0, 2.0, 3.0, 0.5, 0.5, 0.1])
+
+
+def vehicle(*values: float, sigmas: np.ndarray = SIGMAS) -> PosePrior:
+    return prior_of(np.array(values), sigmas)
+
+
+def seen(mount: str, *values: float, frame: NavFrame | None = None) -> np.ndarray:
+    """Roll, pitch, heading, x, y, depth of the sonar."""
+    return values_of(parse_mount(mount, frame).of_sensor(vehicle(*values)).T_world_sensor)
+
+
+class TestByHand:
+    def test_a_lever_arm_turns_with_the_heading(self) -> None:
+        """Heading East: forward is East, starboard South."""
+        np.testing.assert_allclose(seen("0,0,0,2,0.5,0.25", 0, 0, 90, 10, 20, 7), [0, 0, 90, 12, 19.5, 7.25], atol=1e-9)
+
+    def test_a_lever_arm_tilts_with_the_vehicle(self) -> None:
+        """Heading North, nose up 30: 2 m forward are 2 cos 30 North and 1 m up; starboard down 30 lowers starboard."""
+        np.testing.assert_allclose(seen("0,0,0,2,0,0", 0, 30, 0, 0, 0, 7)[3:], [0, 3**0.5, 6], atol=1e-9)
+        np.testing.assert_allclose(seen("0,0,0,0,2,0", 30, 0, 0, 0, 0, 7)[3:], [3**0.5, 0, 8], atol=1e-9)
+
+    def test_a_sonar_that_looks_down(self) -> None:
+        """Mounted nose down 40 on a vehicle with its nose up 10, heading 200."""
+        np.testing.assert_allclose(seen("0,-40,0", 0, 10, 200, 1, 2, 3), [0, -30, 200, 1, 2, 3], atol=1e-9)
+
+    def test_a_sonar_that_looks_to_starboard(self) -> None:
+        """The vehicle's nose up 10 is the sonar's starboard down 10: its right side is the vehicle's stern."""
+        np.testing.assert_allclose(seen("0,0,90", 0, 10, 200, 0, 0, 0)[:3], [10, 0, 290], atol=1e-9)
+        np.testing.assert_allclose(seen("0,0,90", 10, 0, 200, 0, 0, 0)[:3], [0, -10, 290], atol=1e-9)
+
+    def test_a_sonar_upside_down(self) -> None:
+        """Rolled over, its starboard side is the vehicle's port side."""
+        np.testing.assert_allclose(seen("180,0,0,1,2,3", 0, 0, 0, 0, 0, 0)[3:], [2, 1, 3], atol=1e-9)
+        np.testing.assert_allclose(np.abs(seen("180,0,0", 0, 20, 50, 0, 0, 0)[:3]), [180, 20, 50], atol=1e-9)
+
+    def test_all_axes_at_once_against_the_textbooks_matrices(self) -> None:
+        """T_world_sensor = T_world_vehicle * T_vehicle_sensor with forward-right-down matrices, written out."""
+        mount, pose = (11.0, -23.0, 37.0), (-5.0, 14.0, 250.0)
+
+        def R_ned(roll: float, pitch: float, heading: float) -> np.ndarray:
+            (cr, cp, ch), (sr, sp, sh) = (f(np.radians([roll, pitch, heading])) for f in (np.cos, np.sin))
+            yaw = np.array([[ch, -sh, 0], [sh, ch, 0], [0, 0, 1]])
+            nose = np.array([[cp, 0, sp], [0, 1, 0], [-sp, 0, cp]])
+            return yaw @ nose @ np.array([[1, 0, 0], [0, cr, -sr], [0, sr, cr]])
+
+        R = R_ned(*pose) @ R_ned(*mount)
+        values = seen("11,-23,37,0.5,-0.25,1.5", *pose, 100, 200, 30)
+        wanted = [np.arctan2(R[2, 1], R[2, 2]), -np.arcsin(R[2, 0]), np.arctan2(R[1, 0], R[0, 0]) % (2 * np.pi)]
+        np.testing.assert_allclose(values[:3], np.degrees(wanted), atol=1e-9)
+        north, east, down = np.array([200, 100, 30]) + R_ned(*pose) @ [0.5, -0.25, 1.5]
+        np.testing.assert_allclose(values[3:], [east, north, down], atol=1e-9)
+
+    def test_the_vehicles_frame_may_point_up(self) -> None:
+        """Forward, left, up: pitch nose down, heading to port, Y port, Z up."""
+        up = seen("11,23,-37,0.5,0.25,-1.5", -5, 14, 250, 1, 2, 3, frame="flu")
+        down = seen("11,-23,37,0.5,-0.25,1.5", -5, 14, 250, 1, 2, 3)
+        np.testing.assert_allclose(up, down, atol=1e-9)
+
+
+class TestUncertainty:
+    def test_nothing_changes_without_an_arm(self) -> None:
+        prior = parse_mount("0,0,0").of_sensor(vehicle(0, 0, 0, 0, 0, 0, sigmas=np.array([2.0, 2, 3, 0.5, 0.5, 0.1])))
+        np.testing.assert_allclose(sigmas_of(prior), [2, 2, 3, 0.5, 0.5, 0.1])
+
+    def test_what_the_rotation_leaves_open_moves_the_end_of_the_arm(self) -> None:
+        prior = parse_mount("0,0,0,3,0,4").of_sensor(vehicle(0, 0, 0, 0, 0, 0))
+        tilt, turn = np.radians(2), np.radians(3)
+        np.testing.assert_allclose(prior.sigmas[3:5], np.sqrt(0.5**2 + (4 * tilt) ** 2 + (3 * turn) ** 2))
+        np.testing.assert_allclose(prior.sigmas[5], np.hypot(0.1, 3 * tilt))
+        np.testing.assert_allclose(sigmas_of(prior)[:2], 2)  # the larger of both
+
+    def test_without_a_heading_the_arms_direction_is_open(self) -> None:
+        bare = vehicle(1, 2, np.nan, 10, 20, 7)
+        prior = parse_mount("0,0,0,3,0,4").of_sensor(bare)
+        np.testing.assert_allclose(prior.T_world_sensor.translation[:2], [10, 20])
+        assert prior.T_world_sensor.translation[2] == pytest.approx(-7 - 4, abs=0.2)
+        assert (prior.sigmas[3:5] >= 5).all()
+        assert not prior.knows_heading
+
+    def test_what_was_not_measured_stays_unknown(self) -> None:
+        prior = parse_mount("0,-30,0,1,0,0").of_sensor(vehicle(1, 2, 30, np.nan, np.nan, np.nan))
+        np.testing.assert_array_equal(np.isfinite(prior.sigmas), [1, 1, 1, 0, 0, 0])
+
+    def test_a_heading_alone_beside_a_tilted_mount(self) -> None:
+        alone = vehicle(np.nan, np.nan, 30, 1, 2, 3)
+        with pytest.raises(InputError, match=r"mounted at a tilt of 40 degrees.*columns of roll and pitch"):
+            parse_mount("0,-40,0").of_sensor(alone)
+        assert parse_mount("0,-20,0").of_sensor(alone).knows_heading
+
+
+@pytest.mark.parametrize("text", ["", "1,2", "1,2,3,4", "1,2,x", "1,2,nan", "400,0,0", "0,0,0,0,0,200"])
+def test_what_is_no_mount(text: str) -> None:
+    with pytest.raises(InputError, match=r"--mount is .* as in --mount 0,-30,0,0\.4,0,0\.2"):
+        parse_mount(text)
+
+
+def test_its_tilt() -> None:
+    assert np.degrees(Mount.of(np.array([0.0, -35.0, 120.0]), np.zeros(3), up=False).tilt) == pytest.approx(35)

@@ -1,0 +1,153 @@
+"""NMEA 0183 and TUM files as navigation; sentences of which the checksums are those of published examples."""
+
+from functools import reduce
+from operator import xor
+from pathlib import Path
+
+import numpy as np
+import pytest
+from pyproj import Geod
+from scipy.spatial.transform import RigidTransform, Rotation
+
+from sonarmap.kernels.errors import InputError
+from sonarmap.slam.graph.trajectory import Trajectory
+from sonarmap.tools.files.readers.navigation.priors import navigate
+from sonarmap.tools.files.readers.navigation.settings import NavigationSettings, parse_columns
+from sonarmap.tools.files.writers.tum import write_tum
+from tests.tools.files.readers.navigation.logs import START, read, scans_at
+
+# The examples of the protocol's usual descriptions, whose checksums others worked out
+PUBLISHED = (
+    "$GPGGA,123519,4807.038,N,01131.000,E,1,08,0.9,545.4,M,46.9,M,,*47",
+    "$GPRMC,123519,A,4807.038,N,01131.000,E,022.4,084.4,230394,003.1,W*6A",
+    "$GPVTG,054.7,T,034.4,M,005.5,N,010.2,K*48",
+)
+T_1994 = 764426119.0  # 1994-03-23 12:35:19 UTC
+
+
+def sentence(body: str) -> str:
+    return f"${body}*{reduce(xor, body.encode()):02X}"
+
+
+def dive(first: float = START, count: int = 11, dated: bool = True, headings: int = 5) -> str:
+    """A fix a second to the North by 0.01 minutes each, five headings between, and what else is on the wire."""
+    lines: list[str] = []
+    for k in range(count):
+        clock = np.datetime64(round((first + k) * 1000), "ms").item()
+        of_day = clock.strftime("%H%M%S.00")
+        lines.append(sentence(f"GPGGA,{of_day},6023.{478 + 10 * k:03d}0,N,00519.3260,E,4,12,0.6,2.1,M,44.0,M,,"))
+        if dated:
+            date = clock.strftime("%d%m%y")
+            lines.append(sentence(f"GNRMC,{of_day},A,6023.4780,N,00519.3260,E,1.0,0.0,{date},,,R"))
+        lines += [sentence(f"HEHDT,{(355 + k + (j + 1) / (headings + 1)) % 360:.3f},T") for j in range(headings)]
+        lines.append(sentence("SDDBT,30.1,f,9.2,M,5.0,F"))
+    return "\r\n".join(lines) + "\r\n"
+
+
+@pytest.fixture
+def path(tmp_path: Path) -> Path:
+    return tmp_path / "nmea.log"
+
+
+def test_published_sentences(path: Path) -> None:
+    notes: list[str] = []
+    text = "\n".join(PUBLISHED)
+    values, navigated = read(path, text, scans=scans_at(T_1994), notes=notes)
+    assert navigated.georeference is not None
+    assert navigated.georeference.latitude == pytest.approx(48 + 7.038 / 60, abs=1e-5)
+    assert navigated.georeference.longitude == pytest.approx(11 + 31 / 60, abs=1e-5)
+    assert np.abs(values[0, 3:5]).max() < 1
+    assert any("1 VTG" in note and "1 places of RMC" in note for note in notes)
+
+
+def test_places_and_headings_at_the_scans_times(path: Path) -> None:
+    values, navigated = read(path, dive(), scans=scans_at(START + 2.5, START + 7))
+    origin = navigated.georeference
+    assert origin is not None
+    lat = 60 + (23.478 + 0.01 * np.array([2.5, 7])) / 60
+    _, _, way = Geod(ellps="WGS84").inv([5.3221] * 2, [60.3913] * 2, [5.3221] * 2, lat)
+    np.testing.assert_allclose(values[:, 4], way, atol=0.01)
+    np.testing.assert_allclose(values[:, 2], [357.5, 2], atol=0.2)  # through North; by the lines, not exactly in time
+    assert np.isnan(values[:, [0, 1, 5]]).all()
+
+
+def test_prefixes_and_damaged_lines(path: Path) -> None:
+    """A logger's own stamps before the sentences; a digit lost, a line cut, and one that is garbage."""
+    lines = [f"2026-07-01 11:30:0{k % 10}.125 <- COM3: {line}" for k, line in enumerate(dive().splitlines())]
+    lines[3] = lines[3].replace("6", "7", 1) if "*" not in lines[3] else lines[3].replace(".", "", 2)
+    lines[8] = lines[8][:-4]
+    lines.insert(5, "\xff\x00 garbage")
+    notes: list[str] = []
+    values, _ = read(path, "\n".join(lines).encode("latin-1"), scans=scans_at(START + 5), notes=notes)
+    assert np.isfinite(values[0, [2, 3, 4]]).all()
+    assert any(note.startswith(f"{path}: 2 sentences have a wrong checksum") for note in notes)
+
+
+def test_a_year_that_no_calendar_has(path: Path) -> None:
+    text = dive(dated=False) + sentence("GPZDA,224001,27,06,99999999999999999999,00,00") + "\r\n"
+    notes: list[str] = []
+    read(path, text, scans=scans_at(START + 5), notes=notes)
+    assert any(note.startswith(f"{path}: 1 sentences have a wrong checksum or field") for note in notes)
+
+
+def test_dates_come_from_rmc_zda_or_the_scans(path: Path) -> None:
+    scans = scans_at(START + 4)
+    wanted, _ = read(path, dive(), scans=scans)
+    notes: list[str] = []
+    values, _ = read(path, dive(dated=False), scans=scans, notes=notes)
+    np.testing.assert_allclose(values, wanted, atol=0.2)
+    assert any("the first is taken to be of 2026-07-01" in note for note in notes)
+    values, _ = read(path, dive(dated=False) + sentence("GPZDA,093011.00,01,07,2026,00,00") + "\n", scans=scans)
+    np.testing.assert_allclose(values[:, 3:5], wanted[:, 3:5], atol=1e-6)
+    with pytest.raises(InputError, match="no date, and neither have the scans"):
+        read(path, dive(dated=False), scans=scans_at(1, 2))
+
+
+@pytest.mark.parametrize("dated", [True, False])
+def test_midnight(path: Path, dated: bool) -> None:
+    midnight = 1782950400.0  # 2026-07-02 00:00:00 UTC
+    values, _ = read(path, dive(midnight - 5, dated=dated), scans=scans_at(midnight - 2, midnight + 3))
+    np.testing.assert_allclose(np.diff(values[:, 4]), 5 * 18.57, atol=0.1)
+
+
+@pytest.mark.parametrize(
+    "text",
+    [
+        "$GPGGA,123519,4807.038,N,01131.000,E,0,08,0.9,545.4,M,46.9,M,,*46\n",  # no fix
+        PUBLISHED[2],
+        sentence("HEHDT,45.0,T"),  # no time
+        sentence("GPGGA,123519,4867.038,N,01131.000,E,1,08,0.9,545.4,M,46.9,M,,"),  # 67 minutes
+        sentence("GPGGA,123519,4807.038,E,01131.000,N,1,08,0.9,545.4,M,46.9,M,,"),
+    ],
+)
+def test_sentences_without_a_place(path: Path, text: str) -> None:
+    with pytest.raises(InputError, match=r"nmea\.log has no sentence with a fix or a heading and a time"):
+        read(path, text, scans=scans_at(T_1994))
+
+
+def test_options_of_tables_have_no_effect(path: Path) -> None:
+    for settings in (NavigationSettings(columns=parse_columns("depth_m=a")), NavigationSettings(time_scale="gps")):
+        with pytest.raises(InputError, match="has no effect"):
+            read(path, dive(), settings)
+
+
+def test_a_trajectory_is_navigation(path: Path) -> None:
+    times = START + np.arange(0.0, 12.0)
+    R = Rotation.from_euler(
+        "ZYX", np.column_stack([3 * np.arange(12), np.full(12, 10.0), np.full(12, -20.0)]), degrees=True
+    )
+    poses = RigidTransform.from_components(
+        np.column_stack([times - START, 2 * (times - START), -0.5 * (times - START)]), R
+    )
+    write_tum(path, Trajectory(times, poses))
+    sigmas = {"roll_deg": 0.5, "pitch_deg": 0.5, "heading_deg": 3.0, "x_m": 2.0, "y_m": 2.0, "depth_m": 0.1}
+    scans = scans_at(START + 3, START + 6.5)
+    notes: list[str] = []
+    first, second = (scan.prior for scan in navigate(scans, path, sigmas=sigmas, notes=notes).scans)
+    assert first is not None
+    assert second is not None
+    np.testing.assert_allclose(first.T_world_sensor.as_matrix(), poses[3].as_matrix(), atol=1e-6)
+    np.testing.assert_allclose(second.T_world_sensor.translation, [6.5, 13, -3.25], atol=1e-6)
+    np.testing.assert_allclose(first.sigmas, [*np.radians([0.5, 0.5, 3]), 2, 2, 0.1])
+    with pytest.raises(InputError, match="no standard deviations; give --prior-sigmas"):
+        navigate(scans, path)

@@ -1,0 +1,283 @@
+"""CSV files of priors: their conventions in numbers that tell every axis and sign, what fits what, what is refused."""
+
+from pathlib import Path
+
+import numpy as np
+import pytest
+from scipy.spatial.transform import RigidTransform, Rotation
+
+from sonarmap.kernels.errors import InputError
+from sonarmap.spectral.scan import PosePrior, Scan
+from sonarmap.tools.files.readers.instruments import COLUMNS, SIGMA_COLUMNS, pose_of, prior_of, values_of
+from sonarmap.tools.files.readers.navigation.priors import with_priors
+from sonarmap.tools.files.writers.priors import write_priors
+
+POINTS = np.ones((1, 3), np.float32)
+SCANS = tuple(Scan(POINTS, stamp=100.0 + 10 * k, name=name) for k, name in enumerate(("first", "rec#3", "a.ply")))
+FIRST = "name,heading_deg,heading_sigma_deg,depth_m,depth_sigma_m\n"
+ATTITUDE = "roll_deg,pitch_deg,roll_sigma_deg,pitch_sigma_deg"
+
+
+@pytest.fixture
+def path(tmp_path: Path) -> Path:
+    return tmp_path / "nav.csv"
+
+
+def read(path: Path, text: str, **options: object) -> tuple[Scan, ...]:
+    path.write_bytes(text.encode())
+    return with_priors(SCANS, path, **options)  # type: ignore[arg-type]
+
+
+def told(scan: Scan) -> PosePrior:
+    assert scan.prior is not None
+    return scan.prior
+
+
+def refused(path: Path, text: str, *words: str, **options: object) -> None:
+    with pytest.raises(InputError) as error:
+        read(path, text, **options)
+    missing = [word for word in (path.name, *words) if word not in str(error.value)]
+    assert not missing, f"{missing} not in: {error.value}"
+
+
+class TestConventions:
+    """Heading, nose and sides of a vehicle, said of the world's East, North and Up."""
+
+    @pytest.mark.parametrize(
+        ("values", "axis", "points"),
+        [
+            ((0, 0, 0, 0, 0, 0), [1, 0, 0], [0, 1, 0]),  # heading 0: forward is North,
+            ((0, 0, 0, 0, 0, 0), [0, 1, 0], [-1, 0, 0]),  # left is West
+            ((0, 0, 90, 0, 0, 0), [1, 0, 0], [1, 0, 0]),  # heading 90: forward is East
+            ((0, 0, 225, 0, 0, 0), [1, 0, 0], [-(0.5**0.5), -(0.5**0.5), 0]),  # heading 225: South-West
+            ((0, 30, 90, 0, 0, 0), [1, 0, 0], [3**0.5 / 2, 0, 0.5]),  # nose up
+            ((30, 0, 0, 0, 0, 0), [0, -1, 0], [3**0.5 / 2, 0, -0.5]),  # starboard, to the East, down
+            ((30, 0, 0, 0, 0, 0), [0, 0, 1], [0.5, 0, 3**0.5 / 2]),
+        ],
+    )
+    def test_axes(self, values: tuple[float, ...], axis: list[float], points: list[float]) -> None:
+        np.testing.assert_allclose(pose_of(np.array(values, float)).rotation.apply(axis), points, atol=1e-14)
+
+    def test_the_whole_rotation_is_that_of_the_aerospace_order(self) -> None:
+        """The textbook's matrix of forward, right, down in North, East, Down, with both frames' axes changed."""
+        roll, pitch, heading = np.deg2rad([11.0, -23.0, 137.0])
+        (cr, cp, ch), (sr, sp, sh) = np.cos([roll, pitch, heading]), np.sin([roll, pitch, heading])
+        R_ned_frd = np.array(
+            [
+                [ch * cp, ch * sp * sr - sh * cr, ch * sp * cr + sh * sr],
+                [sh * cp, sh * sp * sr + ch * cr, sh * sp * cr - ch * sr],
+                [-sp, cp * sr, cp * cr],
+            ]
+        )
+        R_enu_ned, R_frd_flu = np.array([[0, 1, 0], [1, 0, 0], [0, 0, -1]]), np.diag([1, -1, -1])
+        T = pose_of(np.array([11.0, -23.0, 137.0, 4.0, 5.0, 6.0]))
+        np.testing.assert_allclose(T.rotation.as_matrix(), R_enu_ned @ R_ned_frd @ R_frd_flu, atol=1e-14)
+        np.testing.assert_array_equal(T.translation, [4.0, 5.0, -6.0])
+
+    def test_the_values_come_back(self) -> None:
+        rng = np.random.default_rng(1)
+        for values in rng.uniform([-180, -89, 0, -9, -9, -9], [180, 89, 360, 9, 9, 9], (50, 6)):
+            np.testing.assert_allclose(values_of(pose_of(values)), values, atol=1e-9)
+
+    def test_sigmas_keep_their_columns_and_change_their_unit(self) -> None:
+        assert SIGMA_COLUMNS[0] == "roll_sigma_deg"
+        assert SIGMA_COLUMNS[5] == "depth_sigma_m"
+        prior = prior_of(np.zeros(6), np.array([1.0, 2, 3, 4, 5, 6]))
+        np.testing.assert_allclose(prior.sigmas, [*np.deg2rad([1, 2, 3]), 4, 5, 6])
+
+
+class TestRows:
+    def test_a_row_is_a_prior(self, path: Path) -> None:
+        text = (
+            "depth_m,name,heading_deg,heading_sigma_deg,depth_sigma_m,x_m,y_m,x_sigma_m,y_sigma_m,"
+            + ATTITUDE
+            + "\n12.5,first,270,3,0.2,7,-8,1.5,2.5,10,20,0.5,0.7\n"
+        )
+        scans = read(path, text)
+        prior = told(scans[0])
+        np.testing.assert_allclose(prior.sigmas, [*np.deg2rad([0.5, 0.7, 3]), 1.5, 2.5, 0.2])
+        np.testing.assert_allclose(prior.T_world_sensor.translation, [7, -8, -12.5])
+        expected = Rotation.from_euler("ZYX", [-180, -20, 10], degrees=True)
+        assert (prior.T_world_sensor.rotation.inv() * expected).magnitude() < 1e-12
+        assert [scan.prior for scan in scans[1:]] == [None, None]
+        assert [scan.name for scan in scans] == [scan.name for scan in SCANS]
+
+    def test_what_is_empty_was_not_measured(self, path: Path) -> None:
+        first, second, third = read(path, FIRST + "first,,,3,0.1\nrec#3,45,2,,\na.ply,,,,\n")
+        np.testing.assert_array_equal(np.isfinite(told(first).sigmas), [0, 0, 0, 0, 0, 1])
+        np.testing.assert_array_equal(np.isfinite(told(second).sigmas), [0, 0, 1, 0, 0, 0])
+        assert third.prior is None
+
+    @pytest.mark.parametrize("name", ["first", "first.ply", "first.PCD", " first "])
+    def test_names_with_and_without_suffix(self, path: Path, name: str) -> None:
+        assert told(read(path, FIRST + f"{name},1,1,1,1\n")[0]).knows_heading
+
+    @pytest.mark.parametrize("name", ["rec#3", "rec.sonar#3"])
+    def test_one_scan_of_several(self, path: Path, name: str) -> None:
+        assert told(read(path, FIRST + f"{name},1,1,1,1\n")[1]).knows_heading
+
+    def test_a_name_that_looks_like_a_file_is_taken_as_it_is_first(self, path: Path) -> None:
+        assert told(read(path, FIRST + "a.ply,1,1,1,1\n")[2]).knows_heading
+        assert told(read(path, FIRST + "a.ply.ply,1,1,1,1\n")[2]).knows_heading
+
+    def test_stamps(self, path: Path) -> None:
+        scans = read(path, "stamp,depth_m,depth_sigma_m\n120.0004,3,0.1\n1e2,4,0.1\n")
+        assert [scan.prior and -scan.prior.T_world_sensor.translation[2] for scan in scans] == [4, None, 3]
+
+    def test_where_there_are_names_and_stamps_names_count(self, path: Path) -> None:
+        """As in a template; nothing has to be said of it."""
+        notes: list[str] = []
+        scans = read(path, "name,stamp,depth_m,depth_sigma_m\nfirst,100,1.5,0.1\nrec#3,7,,\n", notes=notes)
+        assert [scan.prior is None for scan in scans] == [False, True, True]
+        assert not notes
+
+    def test_defaults_stand_in_where_the_file_says_nothing(self, path: Path) -> None:
+        text = "name,depth_m,x_m,y_m,x_sigma_m,y_sigma_m\nfirst,1,2,3,7,8\nrec#3,1,2,3,,9\n"
+        first, second, _ = read(path, text, sigmas={"depth_m": 0.3, "x_m": 5.0, "y_m": 6.0, "roll_deg": 1.0})
+        np.testing.assert_array_equal(told(first).sigmas, [np.inf, np.inf, np.inf, 7, 8, 0.3])
+        np.testing.assert_array_equal(told(second).sigmas, [np.inf, np.inf, np.inf, 5, 9, 0.3])
+
+    def test_comments_blank_lines_and_a_spreadsheets_marks_are_no_matter(self, path: Path) -> None:
+        text = "\ufeff" + FIRST.replace("\n", "\r\n") + "# a comment\r\n\r\n" + '"first",1,1,1,1\r\n'
+        assert told(read(path, text)[0]).knows_depth
+
+    def test_rows_of_other_scans_are_passed_over_where_these_may_be(self, path: Path) -> None:
+        scans = read(path, FIRST + "else,1,1,1,1\nfirst,1,1,1,1\n", allow_unknown=True)
+        assert [scan.prior is None for scan in scans] == [False, True, True]
+        refused(path, FIRST + "else,1,1,1,1\n", "no row belongs to any of the scans", "'first'", allow_unknown=True)
+
+
+class TestRefusals:
+    @pytest.mark.parametrize(
+        ("header", "words"),
+        [
+            ("name,hedding_deg", ["unknown column 'hedding_deg'", "heading_deg"]),
+            ("name,depth_m,depth_m,depth_sigma_m", ["depth_m is there 2 times"]),
+            ("depth_m,depth_sigma_m", ["either a column name or a column stamp"]),
+            ("File,Time,depth_m,depth_sigma_m", ["either a column name or a column stamp", "'File' and 'Time'"]),
+            ("name", ["no column of measurements", "depth_m"]),
+            ("name,roll_deg,roll_sigma_deg", ["roll_deg and pitch_deg", "both or neither"]),
+            ("name,y_m,y_sigma_m", ["x_m and y_m", "both or neither"]),
+            ("name,depth_m", ["depth_m has no standard deviation", "depth_sigma_m", "--prior-sigmas"]),
+            ("name,depth_m,depth_sigma_m,heading_sigma_deg", ["heading_sigma_deg but no heading_deg"]),
+        ],
+    )
+    def test_headings(self, path: Path, header: str, words: list[str]) -> None:
+        refused(path, f"# told\n{header}\nfirst\n", "line 2", *words)
+
+    @pytest.mark.parametrize(
+        ("row", "words"),
+        [
+            ("first,1,1,1", ["4 cells where the heading has 5"]),
+            ("first,1,1,1,1,", ["6 cells"]),
+            (",1,1,1,1", ["name is empty"]),
+            ("first,north,1,1,1", ["heading_deg is 'north'", "empty cell"]),
+            ("first,nan,1,1,1", ["heading_deg is 'nan'", "finite"]),
+            ("first,1,1,-inf,1", ["depth_m is '-inf'"]),
+            ("first,1_0,1,1,1", ["'1_0'"]),
+            ("first,1,0,1,1", ["heading_sigma_deg is 0", "above 0"]),
+            ("first,1,1,1,-0.1", ["depth_sigma_m is -0.1", "above 0"]),
+            ("first,1,inf,1,1", ["heading_sigma_deg is 'inf'", "finite"]),
+            ("first,1,,1,1", ["heading_deg has no standard deviation", "fill in heading_sigma_deg"]),
+            ("first,361,1,1,1", ["heading_deg is 361", "within 360"]),
+            ("frist,1,1,1,1", ["no scan has the name 'frist'", "'first'", "delete the line"]),
+            ("rec,1,1,1,1", ["no scan has the name 'rec'"]),
+            ('"first,1,1,1,1', ["CSV"]),
+        ],
+    )
+    def test_rows(self, path: Path, row: str, words: list[str]) -> None:
+        refused(path, FIRST + "rec#3,1,1,1,1\n" + row + "\n", "line 3", *words)
+
+    @pytest.mark.parametrize(("roll", "pitch", "words"), [("1", "", "only be used together"), ("9", "91", "within 90")])
+    def test_attitudes(self, path: Path, roll: str, pitch: str, words: str) -> None:
+        refused(path, f"name,{ATTITUDE}\nfirst,{roll},{pitch},1,1\n", "line 2", words)
+
+    @pytest.mark.parametrize(("one", "other"), [("first", "first"), ("first", "first.ply"), ("a.ply", "a.ply.ply")])
+    def test_two_rows_for_one_scan(self, path: Path, one: str, other: str) -> None:
+        refused(path, FIRST + f"{one},1,1,1,1\nrec#3,1,1,1,1\n{other},1,1,1,1\n", "lines 2 and 4", "delete one")
+
+    def test_two_scans_for_one_row(self, path: Path) -> None:
+        path.write_text("stamp,depth_m,depth_sigma_m\n0,1,1\n")
+        scans = (Scan(POINTS, name="a"), Scan(POINTS, name="b"))
+        with pytest.raises(InputError, match="line 2: the stamp '0' fits 2 scans, among them a and b"):
+            with_priors(scans, path)
+
+    @pytest.mark.parametrize(("stamp", "words"), [("noon", "'noon'"), ("nan", "'nan'")])
+    def test_stamps(self, path: Path, stamp: str, words: str) -> None:
+        refused(path, f"stamp,depth_m,depth_sigma_m\n{stamp},1,1\n", "line 2", words)
+
+    def test_a_clock_of_its_own(self, path: Path) -> None:
+        text = "stamp,depth_m,depth_sigma_m\n9000.5,1,1\n"
+        refused(path, text, "no row is at the time of a scan", "9000.500", "one clock")
+
+    def test_files(self, path: Path, tmp_path: Path) -> None:
+        with pytest.raises(InputError, match="cannot read"):
+            with_priors(SCANS, tmp_path / "missing.csv")
+        refused(path, FIRST, "no row below its heading")
+        refused(path, FIRST + "rec#3,1,1,1,1\nfirst,1,1", "line 3", "3 cells", "may have been cut")
+        path.write_bytes(FIRST.encode() + b"f\xffrst,1,1,1,1\n")
+        with pytest.raises(InputError, match=r"line 2 .* UTF-8"):
+            with_priors(SCANS, path)
+
+
+class TestOffices:
+    """The same table as other programs save it."""
+
+    TABLE = "name,heading_deg,heading_sigma_deg,depth_m,depth_sigma_m\nfirst,12.5,1.5,-3.25,0.1\nrec#3,200,2,4e-1,1\n"
+
+    @pytest.fixture
+    def wanted(self, path: Path) -> tuple[Scan, ...]:
+        path.write_text(self.TABLE)
+        return with_priors(SCANS, path)
+
+    @pytest.mark.parametrize("separator", [";", "\t"])
+    @pytest.mark.parametrize("point", [".", ","])
+    @pytest.mark.parametrize("encoding", ["utf-8", "utf-8-sig", "utf-16"])
+    def test_separators_decimal_commas_and_encodings(
+        self, wanted: tuple[Scan, ...], path: Path, separator: str, point: str, encoding: str
+    ) -> None:
+        text = self.TABLE.replace(",", separator).replace(".", point)
+        path.write_bytes(text.replace("\n", "\r\n").encode(encoding))
+        for one, other in zip(with_priors(SCANS, path), wanted, strict=True):
+            if other.prior is None:
+                assert one.prior is None
+                continue
+            np.testing.assert_array_equal(told(one).sigmas, other.prior.sigmas)
+            np.testing.assert_array_equal(told(one).T_world_sensor.as_matrix(), other.prior.T_world_sensor.as_matrix())
+
+    def test_blank_rows_are_left_out(self, wanted: tuple[Scan, ...], path: Path) -> None:
+        path.write_text(self.TABLE.replace("\nrec", "\n\n,,,,\n  \nrec"))
+        assert [scan.prior is None for scan in with_priors(SCANS, path)] == [scan.prior is None for scan in wanted]
+
+    def test_a_last_line_without_a_break_is_read_and_noted(self, path: Path) -> None:
+        path.write_text(self.TABLE.rstrip())
+        notes: list[str] = []
+        assert with_priors(SCANS, path, notes=notes)[0].prior is not None
+        assert len(notes) == 1
+        assert "no line break" in notes[0]
+
+    @pytest.mark.parametrize("column", ["lat", "Latitude", "lon_deg", "LON"])
+    def test_half_a_place_on_the_earth_is_refused(self, path: Path, column: str) -> None:
+        refused(path, f"name,{column}\nfirst,1\n", "line 1", column, "can only be used with")
+
+    def test_times_of_iso_8601(self, path: Path) -> None:
+        scans = (Scan(POINTS, name="a", stamp=1782898200.0), Scan(POINTS, name="b", stamp=1782898205.5))
+        path.write_text("stamp;depth_m;depth_sigma_m\n2026-07-01T09:30:00Z;1;1\n2026-07-01T11:30:05.500+02:00;2;1\n")
+        first, second = with_priors(scans, path)
+        assert told(first).T_world_sensor.translation[2] == -1
+        assert told(second).T_world_sensor.translation[2] == -2
+
+
+def test_what_is_written_is_read(path: Path) -> None:
+    rng = np.random.default_rng(2)
+    T = RigidTransform.from_components(rng.normal(size=(3, 3)), Rotation.random(3, rng=rng))
+    sigmas = rng.uniform(0.1, 1, (3, 6))
+    sigmas[0, :2], sigmas[1, 2], sigmas[2, 5] = np.inf, np.inf, np.inf
+    priors = [PosePrior(T[k], sigmas[k]) for k in range(3)]
+    write_priors(path, ["first.ply", "rec.sonar#3", "a.ply"], priors)
+    for prior, scan in zip(priors, with_priors(SCANS, path), strict=True):
+        np.testing.assert_allclose(told(scan).sigmas, prior.sigmas, rtol=1e-5)
+        values, back = (values_of(one.T_world_sensor) for one in (prior, told(scan)))
+        known = np.isfinite(prior.sigmas)
+        np.testing.assert_allclose(back[known], values[known], atol=1e-6)
+    assert path.read_text().splitlines()[0] == ",".join(("name", *COLUMNS, *SIGMA_COLUMNS))

@@ -1,0 +1,189 @@
+"""A recording with losses, doubled and exchanged packets, damage and a wrap: its map is that of the undisturbed one."""
+
+import json
+import sys
+import time
+from concurrent.futures import ThreadPoolExecutor
+from dataclasses import dataclass, replace
+from pathlib import Path
+
+import numpy as np
+import pytest
+from scipy.spatial import KDTree
+from typer.testing import CliRunner
+
+import sonarmap
+from sonarmap.slam.graph.trajectory import Trajectory
+from sonarmap.slam.loops.settings import LoopSettings
+from sonarmap.slam.mapper import MapperSettings
+from sonarmap.tools.command.main import app
+from sonarmap.tools.files.memory import peak_memory
+from sonarmap.tools.files.readers.clouds.ply import read_ply
+from sonarmap.tools.files.readers.poses.tum import read_tum
+from sonarmap.tools.files.readers.scans import read_survey
+from tests.samples.dives import Dive
+from tests.samples.recordings import Events, disturbed, written
+from tests.tools.files.readers.sonar.test_large import MOST_MEMORY, run
+
+
+@dataclass(frozen=True, slots=True)
+class Recorded:
+    """A dive as it was, and as it was recorded.
+
+    Attributes:
+        shots: of the dive.
+        whole, disturbed: the two recordings.
+        lost: shots whose range image is missing or damaged in the second.
+        events: what else was done to it.
+    """
+
+    shots: int
+    whole: Path
+    disturbed: Path
+    lost: set[int]
+    events: Events
+
+
+def record(folder: Path, dive: Dive) -> Recorded:
+    """Of a dive, 1 % of the packets lost, 1 % doubled, 1 % exchanged with the next, and a damaged one."""
+    clean = list(dive.packets())
+    packets, events = disturbed(clean, seed=1)
+    third = dive.shots // 3
+    hit = next(k for k, p in enumerate(packets) if p.shot > third and p.kind == "range" and packets.count(p) == 1)
+    packets[hit] = replace(packets[hit], content=packets[hit].content[:-1] + b"?")
+    lost = {packet.shot for packet in (*events.lost, packets[hit]) if packet.kind == "range"}
+    whole, other = written(folder / "whole.sonar", clean), written(folder / "dive.sonar", packets)
+    return Recorded(dive.shots, whole, other, lost, events)
+
+
+def check_notes(words: str, recorded: Recorded) -> None:
+    """That what was done to the recording is counted in what the command says of it."""
+    missing = len(recorded.lost & set(range(1, recorded.shots - 1)))  # nobody misses the first and the last
+    for note in (
+        "1 damaged packet left out",
+        f"{missing:,} of {recorded.shots - len(recorded.lost) + missing:,} shots are missing by their numbers",
+        f"{recorded.events.doubled:,} doubled image",
+        f"{recorded.events.exchanged:,} shot",
+        "the numbers of the shots wrapped once",
+    ):
+        assert note in words, f"{note!r} is not in {words}"
+
+
+@dataclass(frozen=True, slots=True)
+class Mapped:
+    """A map: its voxel [m], T_world_sensor of its scans, and its points (M, 3) [m]."""
+
+    voxel: float
+    trajectory: Trajectory
+    points: np.ndarray
+
+    @classmethod
+    def of_folder(cls, out: Path) -> "Mapped":
+        """Of a folder of `map` with a single part."""
+        (part,) = json.loads((out / "summary.json").read_text())["components"]
+        points = read_ply((out / "map.ply").read_bytes())[0].points
+        return cls(part["map"]["voxel_m"], read_tum(out / "trajectory.tum"), points)
+
+
+@dataclass(frozen=True, slots=True)
+class Apart:
+    """How far two maps of a dive are apart, both in the frame of its first shot: nothing is aligned.
+
+    Attributes:
+        places: (n,) distances of the poses at common stamps [voxels].
+        turns: (n,) angles between them [rad].
+        points: the smaller of two shares: of the points of each map that have a point of the other within a voxel.
+        surface: the same share of those points that lie within a voxel of the true surface; the rest are false echoes,
+            and whether such a point stays may hang on a single shot.
+    """
+
+    places: np.ndarray
+    turns: np.ndarray
+    points: float
+    surface: float
+
+    @classmethod
+    def of(cls, dive: Dive, whole: Mapped, other: Mapped) -> "Apart":
+        """Of two maps of the dive with voxels of one size; every stamp of the second is one of the first."""
+        voxel = whole.voxel
+        assert voxel == other.voxel
+        stamps, others = (np.round(each.trajectory.stamps, 3) for each in (whole, other))
+        _, first, second = np.intersect1d(stamps, others, return_indices=True)
+        assert len(first) == len(other.trajectory)
+        T, T_other = whole.trajectory.T_world_sensor[first], other.trajectory.T_world_sensor[second]
+        points, surface = [], []
+        for a, b in ((whole, other), (other, whole)):
+            near = KDTree(b.points).query(a.points)[0] <= voxel
+            placed = a.trajectory.T_world_sensor[0].inv().apply(a.points)
+            points.append(near.mean())
+            surface.append(near[dive.surface_distances(placed) <= voxel].mean())
+        places = np.linalg.norm(T.translation - T_other.translation, axis=1) / voxel
+        return cls(places, (T.inv() * T_other).rotation.magnitude(), float(min(points)), float(min(surface)))
+
+    def check(self) -> None:
+        """That both are the same within a voxel."""
+        print(
+            f"poses apart: median {np.median(self.places):.2f}, at most {self.places.max():.2f} voxels and "
+            f"{np.degrees(self.turns.max()):.2f} degrees; within a voxel: {100 * self.points:.2f} % of all points, "
+            f"{100 * self.surface:.2f} % of those on the surface"
+        )
+        assert self.places.max() < 1
+        assert self.surface > 0.99
+        assert self.points > 0.95
+
+
+@pytest.mark.slow
+def test_a_disturbed_dive_gives_the_same_map(tmp_path: Path) -> None:
+    maps, notes = list[Mapped](), ""
+    dive = Dive("rubble", 100, rate=2.5, columns=64, rows=16, first=2**32 - 50)
+    recorded = record(tmp_path, dive)
+    assert 0 not in recorded.lost
+    for path in (recorded.whole, recorded.disturbed):
+        read = read_survey([path])
+        notes = "; ".join(read.notes)
+        result = sonarmap.map_scans(read.scans, edge=64, settings=MapperSettings(LoopSettings(per_scan=0)))
+        assert len(result.keys or ()) in range(4, dive.shots // 4)
+        assert len(result.components) == 1
+        maps.append(Mapped(result.voxel, result.trajectory, result.maps[0].points))
+    check_notes(notes, recorded)
+    Apart.of(dive, *maps).check()
+
+
+@pytest.mark.slow
+@pytest.mark.timeout(3600)
+def test_18_000_disturbed_shots_give_the_same_map(tmp_path: Path) -> None:
+    """A quarter of an hour at 20 Hz; it takes about ten minutes on two cores."""
+    check_dive(tmp_path, 18_000)
+
+
+def check_dive(tmp_path: Path, shots: int) -> None:
+    """Of so many shots. The two maps are made side by side, each by a process of its own."""
+    dive = Dive("rubble", shots, first=2**32 - shots // 2)
+    recorded = record(tmp_path, dive)
+    assert 0 not in recorded.lost
+    read = "from tests.tools.files.readers.sonar.test_large import main; main()"
+    (whole, *_), (digests, seconds, memory, _) = (
+        json.loads(run(read, str(path))) for path in (recorded.whole, recorded.disturbed)
+    )
+    assert digests == [whole[shot] for shot in range(shots) if shot not in recorded.lost]
+    assert memory < MOST_MEMORY
+    print(f"read in {seconds:.0f} s, {memory / 2**20:.0f} MiB")
+    mapped = "from tests.tools.files.readers.sonar.test_dive_map import main; main()"
+    folders = {path: tmp_path / path.stem for path in (recorded.whole, recorded.disturbed)}
+    with ThreadPoolExecutor() as pool:
+        ended = list(
+            pool.map(lambda path: json.loads(run(mapped, str(path), "-o", str(folders[path]), "--grid", "64")), folders)
+        )
+    for seconds, memory, _ in ended:
+        print(f"mapped in {seconds:.0f} s, {memory / 2**20:.0f} MiB")
+    check_notes(ended[1][2], recorded)
+    Apart.of(dive, *(Mapped.of_folder(out) for out in folders.values())).check()
+
+
+def main() -> None:
+    """`map` with the arguments; print how long it took [s], the memory, and what was said."""
+    start = time.perf_counter()
+    result = CliRunner(env={"COLUMNS": "300"}).invoke(app, ["map", *sys.argv[1:]])
+    assert result.exit_code == 0, result.stderr
+    peak = peak_memory()
+    print(json.dumps([time.perf_counter() - start, peak, result.stderr]))

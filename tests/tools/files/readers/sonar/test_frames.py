@@ -1,0 +1,247 @@
+"""Range images of Sonar 3D-15 recordings: frame conventions, strengths, other messages, wrong content."""
+
+import struct
+import zlib
+
+import numpy as np
+import pytest
+import snappy
+from google.protobuf.timestamp_pb2 import Timestamp
+from wlsonar import bitmap_image_to_strength_linear, range_image_to_xyz
+from wlsonar import range_image_protocol as rip
+
+from sonarmap.kernels.errors import InputError
+from sonarmap.tools.files.readers.scans import read_scan, read_scans, read_survey
+from sonarmap.tools.files.readers.sonar.messages import pixels_of, range_image_type
+from tests.samples.cloud_files import SAMPLES, range_image, sonar_packets, strength_image
+from tests.samples.places import DATA
+from tests.samples.recordings import read_sonar
+
+pytestmark = pytest.mark.filterwarnings("error")
+REAL = DATA / "sonar3d15" / "ship_short.sonar"
+
+
+def packet(payload: bytes, magic: bytes = b"RIP2") -> bytes:
+    """A packet around any payload, its checksum right."""
+    body = magic + struct.pack("<I", len(payload) + 12) + payload
+    return body + struct.pack("<I", zlib.crc32(body))
+
+
+def single_echo(row: int, column: int, height: int = 5, width: int = 9) -> np.ndarray:
+    """The point of a range image with one echo, at 80 / 8 = 10 m."""
+    pixels = np.zeros((height, width), int)
+    pixels[row, column] = 80
+    (cloud,) = read_sonar(rip.packb(range_image(0, pixels)))
+    (point,) = cloud.points
+    return point
+
+
+def test_rows_go_up_and_columns_to_the_right():
+    """90 x 40 degrees: the first row is 20 degrees down, the last column 45 degrees right, which is -y."""
+    down, right = np.radians(20.0), np.radians(45.0)
+    np.testing.assert_allclose(single_echo(2, 4), [10.0, 0.0, 0.0], atol=1e-12)
+    np.testing.assert_allclose(single_echo(0, 4), [10 * np.cos(down), 0.0, -10 * np.sin(down)], atol=1e-12)
+    np.testing.assert_allclose(single_echo(2, 8), [10 * np.cos(right), -10 * np.sin(right), 0.0], atol=1e-12)
+    level = 10 * np.cos(np.radians(10.0))  # a row above the middle, a column left of it
+    wanted = [level * np.cos(right / 4), level * np.sin(right / 4), 10 * np.sin(np.radians(10.0))]
+    np.testing.assert_allclose(single_echo(3, 3), wanted, atol=1e-12)
+
+
+def test_points_are_wlsonars_with_y_and_z_turned():
+    rng = np.random.default_rng(3)
+    image = range_image(0, rng.integers(0, 90, (7, 11)))
+    theirs = np.array([point for point in range_image_to_xyz(image) if point is not None])
+    (cloud,) = read_sonar(rip.packb(image))
+    np.testing.assert_allclose(cloud.points, theirs * [1, -1, -1], atol=1e-12)
+
+
+def test_strengths_are_linear_and_belong_to_their_pixels():
+    rng = np.random.default_rng(4)
+    pixels, levels = rng.integers(0, 3, (7, 11)), rng.integers(0, 256, (7, 11))
+    levels[0] = 0
+    image = strength_image(5, levels)
+    theirs = np.array(bitmap_image_to_strength_linear(image))[pixels.ravel() > 0]
+    for packets in ([range_image(5, pixels), image], [image, range_image(5, pixels)]):
+        (cloud,) = read_sonar(b"".join(rip.packb(message) for message in packets))
+        assert cloud.strength is not None
+        np.testing.assert_allclose(cloud.strength, theirs, atol=0.5)  # wlsonar rounds
+        assert (cloud.strength == 0).any()
+        assert (cloud.strength > 0).any()
+
+
+def test_one_scan_per_frame_with_stamp_and_name(tmp_path):
+    path = tmp_path / "dive.sonar"
+    path.write_bytes(SAMPLES["sonar"][1])
+    read = read_scans([path])
+    assert [scan.name for scan in read.scans] == ["dive#0", "dive#1", "dive#2"]
+    assert [scan.stamp for scan in read.scans] == [1_700_000_000.25, 1_700_000_001.25, 1_700_000_002.25]
+    assert [len(scan.points) for scan in read.scans] == [11, 11, 11]
+    assert read.notes == ()
+    chosen = read_scan(f"{path}#1")
+    assert chosen.name == "dive#1"
+    np.testing.assert_array_equal(chosen.points, read.scans[1].points)
+    assert [scan.name for scan in read_scans([f"{path}#2", f"{path}#0"]).scans] == ["dive#0", "dive#2"]
+    with pytest.raises(InputError, match=r"holds 3 scans.*file\.sonar#3.*sonarmap map"):
+        read_scan(path)
+    with pytest.raises(InputError, match="holds scans #0 to #2"):
+        read_scan(f"{path}#3")
+
+
+def test_other_messages_are_passed_over():
+    shaded = strength_image(0, np.full((3, 4), 9))
+    shaded.type = rip.BitmapImageType.SHADED_IMAGE
+    strangers = [rip.packb(rip.ImuBatch(samples=1)), rip.packb(Timestamp(seconds=5)), rip.packb(shaded)]
+    plain = read_sonar(b"".join(sonar_packets()))
+    mixed = read_sonar(b"".join(one for pair in zip(sonar_packets(), strangers * 2, strict=True) for one in pair))
+    for ours, theirs in zip(plain, mixed, strict=True):
+        np.testing.assert_array_equal(ours.points, theirs.points)
+        np.testing.assert_array_equal(ours.strength, theirs.strength)
+
+
+def test_packets_of_the_first_version_are_read():
+    pixels = np.arange(12).reshape(3, 4)
+    old = rip.packb(range_image(0, pixels), protocol=rip.ProtocolVersion.RIP1)
+    np.testing.assert_array_equal(read_sonar(old)[0].points, read_sonar(rip.packb(range_image(0, pixels)))[0].points)
+
+
+def test_a_frame_without_strength_or_echo_is_told(tmp_path):
+    packets = sonar_packets()
+    empty = rip.packb(range_image(1, np.zeros((3, 4), int)))
+    (tmp_path / "dive.sonar").write_bytes(b"".join([packets[0], packets[1], empty, packets[4]]))
+    read = read_scans([tmp_path / "dive.sonar"])
+    assert [scan.name for scan in read.scans] == ["dive#0", "dive#2"]
+    assert read.notes == (
+        "dive.sonar: 2 of 3 shots have no strength image",
+        "dive.sonar: 1 of 3 scans were skipped, as they have no points: #1",
+    )
+    (tmp_path / "void.sonar").write_bytes(empty)
+    with pytest.raises(InputError, match=r"void\.sonar: no points"):
+        read_scans([tmp_path / "void.sonar"])
+    with pytest.raises(InputError, match=r"dive\.sonar#1: no points"):
+        read_scan(tmp_path / "dive.sonar#1")
+
+
+@pytest.mark.parametrize("compressed", [True, False])
+def test_damage_under_a_right_checksum_is_refused_or_harmless(tmp_path, compressed):
+    """What a checksum cannot tell: every layer below it must hold too."""
+    rng = np.random.default_rng(6)
+    message = rip.packb(range_image(1, np.arange(12).reshape(3, 4)), protocol=rip.ProtocolVersion.RIP1)[8:-4]
+    for _ in range(400):
+        payload = bytearray(snappy.compress(message) if compressed else message)
+        for _ in range(rng.integers(1, 4)):
+            payload[rng.integers(len(payload))] = rng.integers(256)
+        (tmp_path / "dive.sonar").write_bytes(packet(bytes(payload), b"RIP2" if compressed else b"RIP1"))
+        try:
+            (scan,) = read_scans([tmp_path / "dive.sonar"]).scans
+        except InputError:
+            continue
+        assert np.isfinite(scan.points).all()
+
+
+def test_a_packet_that_claims_to_unpack_to_gigabytes_is_refused():
+    with pytest.raises(InputError, match=r"packet 1 at byte 0 is damaged.*claim to unpack to"):
+        read_sonar(packet(b"\xff\xff\xff\xff\x0f" + bytes(40)))
+
+
+@pytest.mark.parametrize(
+    ("change", "said"),
+    [
+        ({"width": 5}, "of 5 x 3 with 12 pixels"),
+        ({"fov_horizontal": 0.0}, "with fields of view"),
+        ({"fov_vertical": float("nan")}, "with fields of view"),
+        ({"image_pixel_scale": float("inf")}, "scale inf"),
+        ({"image_pixel_scale": -1.0}, "scale -1"),
+    ],
+)
+def test_range_images_that_contradict_themselves_are_refused(change, said):
+    image = range_image(0, np.arange(12).reshape(3, 4))
+    for name, value in change.items():
+        setattr(image, name, value)
+    with pytest.raises(InputError, match=f"packet 1 at byte 0 is a range image .*{said}"):
+        read_sonar(rip.packb(image))
+
+
+@pytest.mark.parametrize("first", [True, False])
+def test_a_strength_image_of_another_size_is_left_out(first):
+    packets = [sonar_packets()[0], rip.packb(strength_image(0, np.ones((4, 3))))]
+    notes: list[str] = []
+    (cloud,) = read_sonar(b"".join(packets if first else packets[::-1]), notes)
+    assert (len(cloud.points), cloud.strength) == (11, None)
+    (note,) = notes
+    assert "1 damaged packet left out" in note
+    assert "bytes: packet 2 at byte" in note
+    assert "is a strength image of 3 x 4 with 12 pixels beside a range image of 4 x 3" in note
+
+
+def test_a_recording_without_range_images_is_refused():
+    with pytest.raises(InputError, match="no range image"):
+        read_sonar(sonar_packets()[1])
+
+
+def test_a_frame_without_time_takes_the_counter(tmp_path):
+    image = range_image(0, np.arange(12).reshape(3, 4))
+    image.header.ClearField("timestamp")
+    (tmp_path / "dive.sonar").write_bytes(rip.packb(image))
+    assert read_scan(tmp_path / "dive.sonar").stamp == 0.0
+
+
+def test_a_real_recording_of_a_ship():
+    if not REAL.exists():
+        pytest.skip(f"no real recording at {REAL}")
+    read = read_scans([REAL])
+    assert [scan.name for scan in read.scans] == [f"ship_short#{index}" for index in range(6)]
+    assert read.notes == ()
+    for scan in read.scans:
+        assert 10_000 < len(scan.points) < 11_000
+        assert (scan.points[:, 0] > 0).all()
+        ranges = np.linalg.norm(scan.points, axis=1)
+        assert ranges.min() > 1.3
+        assert ranges.max() < 15.0
+        assert scan.strength is not None
+        assert scan.strength.min() > 30.0
+    stamps = [scan.stamp for scan in read.scans]
+    assert stamps[0] == pytest.approx(1716815835.84064, abs=1e-6)  # 2024-05-27T13:17:15.84Z
+    assert np.diff(stamps) == pytest.approx(np.full(5, 1 / 6), abs=2e-3)
+
+
+def test_a_frame_of_nothing_but_nan_leaves_a_place(tmp_path):
+    frames = [range_image(frame, np.full((3, 4), 80)) for frame in range(3)]
+    frames[1].image_pixel_scale = float("nan")
+    path = tmp_path / "dive.sonar"
+    path.write_bytes(b"".join(rip.packb(frame) for frame in frames))
+    with pytest.raises(InputError, match=r"dive\.sonar#1: all of its 12 points are NaN"):
+        read_scans([path])
+    read = read_survey([path])
+    assert [scan.name for scan in read.scans] == ["dive#0", "dive#2"]
+    assert [scan.stamp - read.scans[0].stamp for scan in read.scans] == [0, 2]
+    (unread,) = read.unread
+    assert (unread.where, unread.before) == (f"{path}#1", 1)
+
+
+class TestPixels:
+    """The same numbers as wlsonar's message has, from the same bytes."""
+
+    def ours(self, content: bytes) -> list[int]:
+        return pixels_of(range_image_type().FromString(content)).tolist()
+
+    @pytest.mark.parametrize("largest", [1, 0x7F, 0x3FFF, 0xFFFF, 0x1FFFFF, 2**32 - 1])
+    def test_of_any_length(self, largest):
+        rng = np.random.default_rng(largest)
+        pixels = rng.integers(0, largest, (8, 16), endpoint=True)
+        image = range_image(1, pixels)
+        content = image.SerializeToString()
+        assert self.ours(content) == list(image.image_pixel_data) == pixels.ravel().tolist()
+
+    def test_each_in_a_field_of_its_own_or_in_pieces(self):
+        """Both are allowed to a sender."""
+        bare = rip.RangeImage(width=4, height=1).SerializeToString()
+        separate = bare + b"\x50\x05\x50\x80\x01\x50\x00\x50\xff\xff\x03"
+        pieces = bare + b"\x52\x03\x05\x80\x01" + b"\x52\x04\x00\xff\xff\x03"
+        for content in (separate, pieces):
+            assert list(rip.RangeImage.FromString(content).image_pixel_data) == [5, 128, 0, 65535]
+            assert self.ours(content) == [5, 128, 0, 65535]
+
+    def test_cut_in_a_number(self):
+        content = rip.RangeImage(width=2, height=1).SerializeToString() + b"\x52\x02\x05\x80"
+        with pytest.raises(InputError, match="is damaged"):
+            self.ours(content)

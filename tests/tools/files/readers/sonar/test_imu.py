@@ -1,0 +1,155 @@
+"""The IMU in a recording: attitude from gravity, turn rates, and when there is none to be had."""
+
+from pathlib import Path
+
+import numpy as np
+import pytest
+from scipy.spatial.transform import Rotation
+from wlsonar import range_image_protocol as rip
+
+from sonarmap.kernels.errors import InputError
+from sonarmap.tools.files.readers.clouds.cloud import Cloud
+from sonarmap.tools.files.readers.instruments import values_of
+from sonarmap.tools.files.readers.sonar.imu import turn_rates
+from tests.samples.cloud_files import range_image
+from tests.samples.recordings import START, imu_batch, imu_packets, read_sonar
+
+pytestmark = pytest.mark.filterwarnings("error")
+GRAVITY = 9.82
+ROLL, PITCH = 12.0, -5.0  # degrees, as on displays: starboard down, nose up
+LEVEL = np.array([0.0, 0.0, -GRAVITY])  # z is down in the file, and the force that holds the sonar up points up
+
+
+def at_rest(roll: float, pitch: float) -> np.ndarray:
+    """(3,) the force in the file's axes, x forward, y right, z down, of a sonar with this attitude [deg]."""
+    R_down_sensor = Rotation.from_euler("ZYX", [30.0, pitch, roll], degrees=True)  # aerospace order, NED from FRD
+    return R_down_sensor.inv().apply(LEVEL)
+
+
+def shot(seconds: float, number: int = 0) -> bytes:
+    """A range image so long after START's whole second."""
+    image = range_image(number, np.full((3, 4), 80))
+    image.header.timestamp.seconds = int(START) + int(seconds)
+    image.header.timestamp.nanos = round(seconds % 1 * 1e9)
+    return rip.packb(image)
+
+
+def only(packets: list[bytes]) -> Cloud:
+    (cloud,) = read_sonar(b"".join(packets))
+    return cloud
+
+
+class TestAttitude:
+    def test_one_axis_at_a_time_by_hand(self) -> None:
+        """Rolled to starboard, the force points to the left, -y; with the nose up, forward."""
+        np.testing.assert_allclose(at_rest(30.0, 0.0), [0, -GRAVITY / 2, -GRAVITY * np.sqrt(0.75)], atol=1e-12)
+        np.testing.assert_allclose(at_rest(0.0, 30.0), [GRAVITY / 2, 0, -GRAVITY * np.sqrt(0.75)], atol=1e-12)
+
+    @pytest.mark.parametrize(("roll", "pitch"), [(0, 0), (ROLL, PITCH), (-30, 20), (170, 10), (5, 80)])
+    def test_roll_and_pitch_of_a_sonar_at_rest(self, roll: float, pitch: float) -> None:
+        packets = imu_packets(2.0, lambda _: at_rest(roll, pitch), np.zeros(3))
+        prior = only([*packets[:10], shot(1.0), *packets[10:]]).prior
+        assert prior is not None
+        np.testing.assert_allclose(values_of(prior.T_world_sensor)[:2], [roll, pitch], atol=1e-4)
+        assert prior.knows_attitude
+        np.testing.assert_array_equal(prior.sigmas[2:], np.inf)
+        assert 1.5 <= np.rad2deg(prior.sigmas[0]) < 1.6
+        assert prior.sigmas[0] == prior.sigmas[1]
+
+    def test_up_is_up(self) -> None:
+        """The prior turns the force to the world's vertical."""
+        packets = imu_packets(1.0, lambda _: at_rest(ROLL, PITCH), np.zeros(3))
+        prior = only([*packets, shot(0.5)]).prior
+        assert prior is not None
+        force = at_rest(ROLL, PITCH) * [1, -1, -1]
+        np.testing.assert_allclose(prior.T_world_sensor.apply(force), [0, 0, GRAVITY], atol=1e-4)
+
+    def test_of_a_sonar_that_turns_it_is_that_at_the_shots_time(self) -> None:
+        """A roll at 40 degrees per second, also where all samples are before the shot."""
+        rate = np.deg2rad(40.0)
+
+        def force(t: float) -> np.ndarray:
+            return at_rest(np.rad2deg(rate * t), 3.0)
+
+        rates = np.array([rate, 0.0, 0.0])
+        for seconds, batches in ((0.7, 20), (0.7, 7)):
+            prior = only([*imu_packets(batches / 10, force, rates), shot(seconds)]).prior
+            assert prior is not None
+            np.testing.assert_allclose(values_of(prior.T_world_sensor)[:2], [28.0, 3.0], atol=0.3)
+
+    def test_noise_is_averaged(self) -> None:
+        rng = np.random.default_rng(1)
+        errors, sigmas = [], []
+        for _ in range(40):
+            packets = imu_packets(1.0, lambda _: at_rest(ROLL, PITCH) + rng.normal(0, 0.5, 3), np.zeros(3))
+            prior = only([*packets, shot(0.5)]).prior
+            assert prior is not None
+            errors.append(values_of(prior.T_world_sensor)[:2] - [ROLL, PITCH])
+            sigmas.append(np.rad2deg(prior.sigmas[0]))
+        assert np.sqrt(np.mean(np.square(errors))) < np.mean(sigmas) < 2.0
+
+    def test_waves_make_it_less_sure(self) -> None:
+        """Of 0.3 m/s^2 and 3 s: what it says is off by up to 1.5 degrees, and it says so."""
+        sigmas, pulls = [], []
+        for phase in np.linspace(0, 2 * np.pi, 12):
+
+            def force(t: float, phase: float = phase) -> np.ndarray:
+                return LEVEL + np.array([0.3 * np.sin(2 * np.pi * t / 3 + phase), 0, 0])
+
+            prior = only([*imu_packets(1.0, force, np.zeros(3)), shot(0.5)]).prior
+            assert prior is not None
+            sigmas.append(np.rad2deg(prior.sigmas[0]))
+            pulls.append(values_of(prior.T_world_sensor)[1] / sigmas[-1])
+        assert max(sigmas) > 1.6
+        assert np.sqrt(np.mean(np.square(pulls))) < 1.0
+
+    @pytest.mark.parametrize(
+        "force",
+        [lambda t: 1.1 * LEVEL, lambda t: LEVEL + np.array([3 * np.sin(6 * t), 0, 0]), lambda t: np.zeros(3)],
+        ids=["heaves", "surges", "falls"],
+    )
+    def test_of_a_vehicle_that_accelerates_it_is_not_known(self, force) -> None:
+        assert only([*imu_packets(1.0, force, np.zeros(3)), shot(0.5)]).prior is None
+
+    def test_without_samples_near_the_shot_it_is_not_known(self) -> None:
+        packets = imu_packets(1.0, lambda _: LEVEL, np.zeros(3))
+        for seconds in (1.2, 5.0):
+            assert only([*packets, shot(seconds)]).prior is None
+        assert only([shot(0.5)]).prior is None
+
+    def test_batches_that_contradict_themselves_are_damage(self) -> None:
+        wrong = [imu_batch(k, [0.1, 0.2], np.ones((2, 3)), np.ones((2, 3))) for k in range(3)]
+        wrong[0].samples = 3
+        wrong[1].specific_force.append(1.0)
+        wrong[2].rate_of_turn[2] = np.nan
+        notes: list[str] = []
+        read_sonar(b"".join([shot(0.5), *map(rip.packb, wrong)]), notes)
+        (note,) = notes
+        assert "3 damaged packets left out" in note
+        assert "packet 2 at byte" in note
+        assert "is an IMU batch of 3 samples with 2 times, 6 forces and 6 turn rates" in note
+
+    def test_lost_and_doubled_batches_are_counted(self) -> None:
+        packets = imu_packets(2.0, lambda _: LEVEL, np.zeros(3))
+        notes: list[str] = []
+        read_sonar(b"".join([*packets[:4], packets[3], *packets[7:], shot(1.0)]), notes)
+        assert [note.partition(": ")[2] for note in notes] == [
+            "3 batches of the IMU missing by their numbers",
+            "1 doubled batch of the IMU left out",
+        ]
+
+
+class TestTurnRates:
+    def test_they_are_turned_to_our_axes(self, tmp_path: Path) -> None:
+        packets = imu_packets(1.0, lambda _: LEVEL, np.array([0.1, 0.2, -0.3]))
+        path = tmp_path / "dive.sonar"
+        path.write_bytes(b"".join([*packets[5:], shot(0.5), *packets[:6], b"garbage"]))
+        times, rates = turn_rates(path)
+        np.testing.assert_allclose(times, int(START) + np.arange(100) / 100, atol=1e-6)
+        np.testing.assert_allclose(rates, np.tile([0.1, -0.2, 0.3], (100, 1)), atol=1e-7)
+
+    def test_without_any_is_said(self, tmp_path: Path) -> None:
+        path = tmp_path / "dive.sonar"
+        path.write_bytes(shot(0.5))
+        with pytest.raises(InputError, match=r"dive\.sonar: no IMU batch in it; record with the output of IMU"):
+            turn_rates(path)

@@ -1,0 +1,84 @@
+"""An hour of recording: time and memory of a process of its own; and thousands of damaged recordings."""
+
+import json
+import subprocess
+import sys
+import zlib
+from dataclasses import replace
+from pathlib import Path
+
+import pytest
+
+from sonarmap.tools.files.memory import peak_memory
+from sonarmap.tools.files.readers.clouds.cloud import Cloud
+from sonarmap.tools.files.readers.sonar.clouds import stream_sonar
+from tests.samples.damage.recordings import damage_recordings
+from tests.samples.places import ROOT
+from tests.samples.processor_time import processor_time
+from tests.samples.recordings import disturbed, recording, written
+
+MOST_MEMORY, MOST_SECONDS = 1 << 30, 120.0  # of the processor
+LONGEST = 5.0  # seconds of the processor for a damaged recording
+
+
+def run(code: str, *arguments: str) -> str:
+    ended = subprocess.run([sys.executable, "-c", code, *arguments], cwd=ROOT, capture_output=True, text=True)
+    assert ended.returncode == 0, ended.stderr
+    return ended.stdout
+
+
+@pytest.mark.slow
+def test_an_hour_at_5_hz_streams_below_a_gibibyte(tmp_path: Path) -> None:
+    """18,000 shots with losses of every kind; the counts are those of what was done to it, the rest is unchanged."""
+    clean = list(recording(18_000, first=2**32 - 9_000))
+    packets, events = disturbed(clean, seed=1)
+    hit = next(k for k, packet in enumerate(packets) if packet.shot > 5_000 and packets.count(packet) == 1)
+    packets[hit] = replace(packets[hit], content=packets[hit].content[:-1] + b"?")
+    lost = {packet.shot for packet in (*events.lost, packets[hit]) if packet.kind == "range"}
+    path = written(tmp_path / "dive.sonar", packets)
+    code = "from tests.tools.files.readers.sonar.test_large import main; main()"
+    digests, seconds, memory, notes = json.loads(run(code, str(path)))
+    shots = len(digests)
+    print(f"{path.stat().st_size / 1e6:.0f} MB, {shots / seconds:.0f} shots/s, {memory / 2**20:.0f} MiB; {notes}")
+    whole = [digest(cloud) for cloud in stream_sonar(written(tmp_path / "clean.sonar", clean), [])]
+    assert digests == [whole[shot] for shot in range(18_000) if shot not in lost]
+    assert "1 damaged packet left out" in " ".join(notes)
+    assert f"{len(lost & set(range(1, 17_999))):,} of " in " ".join(notes)
+    assert f"{events.doubled:,} doubled images left out" in " ".join(notes)
+    assert f"{events.exchanged:,} shots came late" in " ".join(notes)
+    assert "wrapped once" in " ".join(notes)
+    assert memory < MOST_MEMORY
+    assert seconds < MOST_SECONDS
+
+
+def digest(cloud: Cloud) -> int:
+    """Of all points, to the last bit."""
+    return zlib.crc32(cloud.points.tobytes())
+
+
+def main() -> None:
+    """Print what streaming the recording takes, and what is in it."""
+    start, notes = processor_time(), list[str]()
+    digests = [digest(cloud) for cloud in stream_sonar(Path(sys.argv[1]), notes)]
+    seconds = processor_time() - start
+    peak = peak_memory()
+    print(json.dumps([digests, seconds, peak, notes]))
+
+
+def check(ends: dict[str, int], faults: list[str], longest: float, count: int) -> None:
+    assert faults == []
+    assert sum(ends.values()) == count
+    assert all(ends[end] > 0 for end in ("refused", "fewer shots", "whole"))
+    assert "refused without a word" not in ends
+    assert longest < LONGEST
+
+
+def test_a_few_damaged_recordings_are_refused_or_right(tmp_path: Path) -> None:
+    check(*damage_recordings(tmp_path, 200, seed=2), count=200)
+
+
+@pytest.mark.slow
+def test_thousands_of_damaged_recordings_are_refused_or_right() -> None:
+    outcome = json.loads(run("from tests.samples.damage.recordings import main; main()", "4000"))
+    print(outcome)
+    check(*outcome, count=4000)

@@ -1,0 +1,151 @@
+"""Clouds that another process reads: what it says is what is read here, and its end is a refusal of one file."""
+
+import ctypes
+import os
+import subprocess
+import sys
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from sonarmap.kernels.errors import InputError
+from sonarmap.tools.files.readers.clouds import apart
+from sonarmap.tools.files.readers.clouds.apart import read_apart
+from sonarmap.tools.files.readers.clouds.cloud import Cloud
+from sonarmap.tools.files.readers.scans import read_scans, read_survey
+from tests.samples.cloud_files import POINTS
+from tests.samples.las_files import las
+from tests.samples.places import ROOT
+
+
+def whole(content: bytes) -> list[Cloud]:
+    """Stamped with the number of the process."""
+    points = np.frombuffer(content, "<f4").reshape(-1, 3)
+    return [Cloud(points, points[:, 0], os.getpid(), ("a note",), points * 2), Cloud(points[:0], times=points[:0, 0])]
+
+
+def refuse(content: bytes) -> list[Cloud]:
+    raise InputError(f"{len(content)} bytes are not to its taste")
+
+
+def crash(_: bytes) -> list[Cloud]:
+    ctypes.string_at(0)
+    return []
+
+
+def leave(_: bytes) -> list[Cloud]:
+    os._exit(7)
+
+
+def loop(_: bytes) -> list[Cloud]:
+    while True:
+        pass
+
+
+def gorge(_: bytes) -> list[Cloud]:
+    return [Cloud(np.ones((1 << 30, 3)))]
+
+
+def process() -> float | None:
+    """That reads now."""
+    return read_apart(whole, POINTS.tobytes())[0].stamp
+
+
+def test_what_comes_is_what_was_read() -> None:
+    here, there = (read(POINTS.astype("<f4").tobytes()) for read in (whole, lambda content: read_apart(whole, content)))
+    for cloud, other in zip(here, there, strict=True):
+        for name in ("points", "strength", "viewpoints", "times"):
+            np.testing.assert_array_equal(getattr(cloud, name), getattr(other, name))
+        assert cloud.notes == other.notes
+    assert there[0].stamp not in (os.getpid(), None)
+    assert there[1].stamp is None
+
+
+def test_the_process_is_kept_until_it_ends() -> None:
+    first = process()
+    with pytest.raises(InputError, match="3 bytes are not to its taste"):
+        read_apart(refuse, b"abc")
+    assert process() == first
+    with pytest.raises(InputError, match="its library ended with SIGSEGV: the file is cut or damaged; copy it again"):
+        read_apart(crash, b"")
+    second = process()
+    assert second != first
+    with pytest.raises(InputError, match="ended with exit code 7"):
+        read_apart(leave, bytes(1 << 24))
+    assert process() != second
+
+
+@pytest.mark.skipif(sys.platform != "linux", reason="other systems do not bound a process")
+def test_time_and_memory_are_bounded(monkeypatch: pytest.MonkeyPatch) -> None:
+    with pytest.raises(InputError, match="it takes more memory than"):
+        read_apart(gorge, b"")
+    first = process()
+    monkeypatch.setattr(apart, "_SECONDS", 1)
+    with pytest.raises(InputError, match="ended with SIGXCPU"):
+        read_apart(loop, b"")
+    assert process() != first
+
+
+def test_an_interrupted_answer_is_not_the_next_files(monkeypatch: pytest.MonkeyPatch) -> None:
+    def interrupted(_: object) -> bytes:
+        raise KeyboardInterrupt
+
+    with monkeypatch.context() as patch:
+        patch.setattr(apart, "_receive", interrupted)
+        with pytest.raises(KeyboardInterrupt):
+            process()
+    with pytest.raises(InputError, match="2 bytes are not"):
+        read_apart(refuse, b"ab")
+
+
+def hostile() -> bytes:
+    """50 bytes in the middle of a LAZ file set to 255, which lazrs 0.8.2 does not survive."""
+    rng = np.random.default_rng(1)
+    table = np.hstack([rng.normal(0, 5, (50, 3)), rng.integers(0, 60_000, (50, 1))])
+    content = bytearray(las(table, form=3, version="1.2", gps=np.arange(50) / 8))
+    middle = len(content) // 2
+    content[middle - 25 : middle + 25] = b"\xff" * 50
+    return bytes(content)
+
+
+def test_a_hostile_laz_file_is_one_gap(tmp_path: Path) -> None:
+    for name, content in (("a", las()), ("b", hostile()), ("c", las())):
+        (tmp_path / f"{name}.laz").write_bytes(content)
+    read = read_survey([tmp_path])
+    assert [scan.name for scan in read.scans] == ["a", "c"]
+    assert [unread.where for unread in read.unread] == [str(tmp_path / "b.laz")]
+    assert "the file is cut or damaged; copy it again" in read.unread[0].reason
+
+
+def test_plain_points_need_no_process(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    def refused(*_: object, **__: object) -> None:
+        raise OSError(11, "Resource temporarily unavailable")
+
+    monkeypatch.setattr(apart, "_kept", None)
+    monkeypatch.setattr(subprocess, "Popen", refused)
+    for name in ("a.las", "a.laz"):
+        (tmp_path / name).write_bytes(las(compressed=name == "a.laz"))
+    np.testing.assert_array_equal(read_scans([tmp_path / "a.las"]).scans[0].points, POINTS)
+    with pytest.raises(InputError, match=r"a\.laz: no process can be started to read it \(Resource temporarily"):
+        read_scans([tmp_path / "a.laz"])
+
+
+def test_a_script_needs_no_guard_and_leaves_no_process(tmp_path: Path) -> None:
+    (tmp_path / "a.laz").write_bytes(las())
+    (tmp_path / "script.py").write_text(
+        "import sonarmap\nprint(len(sonarmap.read_scans('a.laz')[0].points))\n"
+        "from sonarmap.tools.files.readers.clouds.apart import _kept\nprint(_kept[1].pid)\n"
+    )
+    told = subprocess.run(
+        [sys.executable, "script.py"],
+        cwd=tmp_path,
+        env={**os.environ, "PYTHONPATH": str(ROOT)},
+        capture_output=True,
+        text=True,
+        check=True,
+    )
+    points, kept = told.stdout.split()
+    assert (points, told.stderr) == ("5", "")
+    with pytest.raises(ProcessLookupError):
+        os.kill(int(kept), 0)

@@ -1,0 +1,96 @@
+"""Ranges corrected by the speed of sound, or by a factor."""
+
+from pathlib import Path
+
+import numpy as np
+import pytest
+from wlsonar import range_image_protocol as rip
+
+from sonarmap.kernels.errors import InputError
+from sonarmap.tools.files.readers.clouds.cloud import Cloud
+from sonarmap.tools.files.readers.corrections import Corrections
+from sonarmap.tools.files.readers.point_frame import PointFrame
+from sonarmap.tools.files.readers.scans import read_scans, read_survey
+from tests.samples.cloud_files import TABLE, npz, range_image
+
+POINTS = np.array([[1.5, -2.25, 0.75], [6.75, 0.125, -3.5]])
+
+
+def write_recording(path: Path, speeds: list[float], right: float = 1500.0) -> np.ndarray:
+    """Shots of one wall, 1 to 7 m off, each with ranges that a sonar with this speed of sound computes; their truth."""
+    true_ranges = np.random.default_rng(1).uniform(1.0, 7.0, (6, 8))
+    packets = []
+    for shot, speed in enumerate(speeds):
+        image = range_image(shot, np.rint(true_ranges * (speed or right) / right / 1e-4).astype(int))
+        image.image_pixel_scale, image.speed_of_sound = 1e-4, speed
+        packets.append(rip.packb(image))
+    path.write_bytes(b"".join(packets))
+    return true_ranges
+
+
+def test_a_speed_of_sound_off_by_2_6_percent_leaves_less_than_a_thousandth(tmp_path: Path) -> None:
+    """Each shot by the speed that it was recorded with."""
+    path = tmp_path / "dive.sonar"
+    truth = write_recording(path, [1500 / 1.026, 1500 * 1.026, 1500.0])
+    wrong = read_scans([path]).scans
+    for scan, off in zip(wrong, (1 / 1.026, 1.026, 1.0), strict=True):
+        np.testing.assert_allclose(np.linalg.norm(scan.points, axis=1) / truth.ravel(), off, rtol=1e-4)
+    for scan in read_scans([path], Corrections(1500.0)).scans:
+        scale = np.linalg.norm(scan.points, axis=1) / truth.ravel()
+        assert np.abs(scale - 1).max() < 1e-4
+    for scan, other in zip(read_scans([path], Corrections(1500.0, 2.0)).scans, wrong, strict=True):
+        assert np.linalg.norm(scan.points, axis=1).mean() == pytest.approx(2 * truth.mean(), rel=1e-5)
+        assert len(scan.points) == len(other.points)
+
+
+def test_points_are_scaled_from_where_the_sensor_was() -> None:
+    viewpoints = np.array([[1.0, 0.0, 0.5], [-2.0, 1.0, 0.0]])
+    cloud = Corrections(scale=1.5).corrected(Cloud(POINTS, viewpoints=viewpoints))
+    np.testing.assert_allclose(cloud.points, [[1.75, -3.375, 0.875], [11.125, -0.3125, -5.25]])
+    np.testing.assert_array_equal(Corrections(scale=2.0).corrected(Cloud(POINTS)).points, 2 * POINTS)
+    assert Corrections().corrected(cloud) is cloud
+
+
+def test_any_format_can_be_scaled(tmp_path: Path) -> None:
+    np.save(tmp_path / "a.npy", TABLE)
+    (tmp_path / "b.npz").write_bytes(npz(points=TABLE[:, :3]))
+    for scan in read_scans([tmp_path], Corrections(scale=0.5)).scans:
+        np.testing.assert_array_equal(scan.points, TABLE[:, :3] / 2)
+
+
+def test_a_speed_for_a_format_without_one_is_refused(tmp_path: Path) -> None:
+    np.save(tmp_path / "a.npy", TABLE)
+    write_recording(tmp_path / "dive.sonar", [1480.0])
+    with pytest.raises(InputError, match=r"a\.npy: `sound_speed=1500` cannot be used, as a NumPy .* `range_scale`"):
+        read_survey([tmp_path], corrections=Corrections(1500.0))
+
+
+def test_a_shot_without_one_is_a_gap(tmp_path: Path) -> None:
+    write_recording(tmp_path / "dive.sonar", [1480.0, 0.0, 1490.0])
+    read = read_survey([tmp_path], corrections=Corrections(1500.0))
+    assert [scan.name for scan in read.scans] == ["dive#0", "dive#2"]
+    assert "dive.sonar#1: it does not say with which speed of sound" in read.unread[0].reason
+
+
+@pytest.mark.parametrize("speed", [0.0, 343.0, 15000.0, float("nan")])
+def test_a_speed_that_is_not_waters_is_refused(speed: float) -> None:
+    with pytest.raises(InputError, match="not a speed of sound in water; wanted 1000 to 2000 m/s"):
+        Corrections(speed)
+
+
+@pytest.mark.parametrize("scale", [0.0, -1.0, float("nan"), float("inf")])
+def test_a_factor_that_is_none_is_refused(scale: float) -> None:
+    with pytest.raises(InputError, match="is not a factor"):
+        Corrections(scale=scale)
+
+
+def test_axes_and_units_come_before_ranges(tmp_path: Path) -> None:
+    np.save(tmp_path / "scan.npy", np.array([[5000.0, 2000, 1000]] * 3))  # mm, right and down positive
+    read = read_scans([tmp_path / "scan.npy"], Corrections(scale=2.0, frame=PointFrame("frd", "mm")))
+    np.testing.assert_allclose(read.scans[0].points, [[10, -4, -2]] * 3)
+
+
+def test_a_recording_says_its_own_axes(tmp_path: Path) -> None:
+    (tmp_path / "dive.sonar").write_bytes(b"RIP2")
+    with pytest.raises(InputError, match=r"dive\.sonar: `frame` and `units` cannot be used"):
+        read_survey([tmp_path], corrections=Corrections(frame=PointFrame("frd")))

@@ -1,0 +1,178 @@
+"""Files of ties and of control points: what they say, and what is refused."""
+
+from pathlib import Path
+
+import numpy as np
+import pytest
+from scipy.spatial.transform import RigidTransform, Rotation
+
+from sonarmap.kernels.errors import InputError
+from sonarmap.spectral.scan import Scan
+from sonarmap.tools.files.geo.georeference import Georeference
+from sonarmap.tools.files.readers.control import read_control
+from sonarmap.tools.files.readers.ties import read_ties
+
+SCANS = [Scan(np.ones((1, 3), np.float32), stamp=float(k), name=f"dive{k}") for k in range(12)]
+TRANSFORM = "target,source,verdict,x_m,y_m,z_m,roll_deg,pitch_deg,yaw_deg,sigma_m,sigma_deg,note\n"
+POINT = "name,scan,x_m,y_m,z_m,east_m,north_m,"
+
+
+def written(tmp_path: Path, text: str) -> Path:
+    path = tmp_path / "by_hand.csv"
+    path.write_text(text, encoding="utf-8")
+    return path
+
+
+def test_ties_by_name_and_by_number(tmp_path: Path) -> None:
+    text = "# after the second look\ntarget;source;verdict;note\ndive3;dive11.ply;reject;other pier\n7;2;ACCEPT;\n"
+    first, second = read_ties(written(tmp_path, text), SCANS)
+    assert (first.scans, first.verdict, first.note, first.given) == ((3, 11), "reject", "other pier", None)
+    assert (second.scans, second.verdict) == ((2, 7), "accept")
+
+
+def test_a_transform_is_that_of_the_conventions(tmp_path: Path) -> None:
+    """Yaw 90 to the left and 2 m ahead: what the source sees 3 m ahead lies 3 m to the target's left, and 2 m ahead."""
+    (tie,) = read_ties(written(tmp_path, f"{TRANSFORM}dive1,dive4,add,2,0,0,0,0,90,0.05,1.5,\n"), SCANS)
+    assert tie.given is not None
+    np.testing.assert_allclose(tie.given.T_target_source.apply([3.0, 0.0, 0.0]), [2.0, 3.0, 0.0], atol=1e-12)
+    np.testing.assert_allclose(np.sqrt(np.diag(tie.given.covariance)), [np.radians(1.5)] * 3 + [0.05] * 3)
+    (turned,) = read_ties(written(tmp_path, f"{TRANSFORM}4,1,add,1.5,-2.5,0.25,10,-20,170,0.05,1.5,x\n"), SCANS)
+    R = Rotation.from_euler("ZYX", [170, -20, 10], degrees=True)
+    T = RigidTransform.from_components([1.5, -2.5, 0.25], R)
+    assert turned.given is not None
+    assert turned.scans == (1, 4)
+    np.testing.assert_allclose(turned.given.T_target_source.as_matrix(), T.inv().as_matrix(), atol=1e-12)
+
+
+def test_the_covariance_of_a_transform_that_is_turned_around(tmp_path: Path) -> None:
+    """Drawn: errors of T_4_1 in its own tangent, seen as errors of T_1_4."""
+    (tie,) = read_ties(written(tmp_path, f"{TRANSFORM}4,1,add,3,-2,1,10,-20,170,0.02,0.5,\n"), SCANS)
+    assert tie.given is not None
+    sigmas = np.repeat([np.radians(0.5), 0.02], 3)
+    T = tie.given.T_target_source.inv()
+    drawn = RigidTransform.from_exp_coords(np.random.default_rng(1).normal(size=(20_000, 6)) * sigmas)
+    errors = (T * (T * drawn).inv()).as_exp_coords()  # of T_1_4 = inv(T_4_1): T_1_4_true = T_1_4 Exp(error)
+    scale = np.sqrt(np.diag(tie.given.covariance))
+    np.testing.assert_allclose(
+        np.cov(errors.T) / np.outer(scale, scale), tie.given.covariance / np.outer(scale, scale), atol=0.04
+    )
+
+
+@pytest.mark.parametrize(
+    ("text", "words"),
+    [
+        ("target,source,verdict\n1,1,reject\n", "line 2: it ties dive1 to itself"),
+        ("target,source,verdict\n1,dive99,reject\n", "line 2: source: no scan is called 'dive99'"),
+        ("target,source,verdict\n1,12,reject\n", "a number from 0 to 11"),
+        ("target,source,verdict\n1,2,maybe\n", "line 2: verdict is 'maybe'; wanted one of accept, reject, add"),
+        (
+            "target,source,verdict\n1,2,add\n# other\n2,1,reject\n",
+            "lines 2 and 4 both have a verdict on dive1",
+        ),
+        ("target,source\n1,2\n", "no column verdict"),
+        ("target,source,verdict,kept\n1,2,add,yes\n", "line 1: there is a column 'kept'"),
+        ("target,source,verdict,x_m\n1,2,add,3\n", "a transform wants a column y_m too"),
+        ("target,source,verdict,verdict\n1,2,add,add\n", "two columns verdict"),
+        ("target,source,verdict\n1,2\n", "line 2: it has 2 cells where the heading has 3"),
+        (TRANSFORM + "1,2,accept,1,2,3,0,0,0,0.1,1,\n", "only add takes one"),
+        (TRANSFORM + "1,2,add,1,2,3,0,0,nan,0.1,1,\n", "yaw_deg is 'nan'"),
+        (TRANSFORM + "1,2,add,1,2,3,0,0,,0.1,1,\n", "yaw_deg is ''"),
+        (TRANSFORM + "1,2,add,1,2,3,0,0,4,0,1,\n", "sigma_m is '0'; wanted a number from 0.0001"),
+        (TRANSFORM + "1,2,add,1e300,2,3,0,0,4,0.1,1,\n", "x_m is '1e300'"),
+    ],
+)
+def test_ties_that_cannot_be_used_are_refused(tmp_path: Path, text: str, words: str) -> None:
+    path = written(tmp_path, text)
+    with pytest.raises(InputError) as refused:
+        read_ties(path, SCANS)
+    assert words in str(refused.value)
+    assert str(path) in str(refused.value)
+
+
+def test_control_points_in_the_maps_frame(tmp_path: Path) -> None:
+    rows = "A,dive3,1.5,-2.5,0.25,310,-20,12.5,0.04,0.1,\nB,5,4,1,-3,320,-31,11,,,check\n"
+    text = f"{POINT}depth_m,sigma_h_m,sigma_v_m,use\n{rows}"
+    first, second = read_control(written(tmp_path, text), SCANS).points
+    assert (first.name, first.scan, first.use) == ("A", 3, "control")
+    np.testing.assert_array_equal(first.point, [1.5, -2.5, 0.25])
+    np.testing.assert_array_equal(first.known, [310, -20, -12.5])
+    np.testing.assert_array_equal(first.sigmas, [0.04, 0.04, 0.1])
+    assert (second.scan, second.use) == (5, "check")
+    np.testing.assert_array_equal(second.sigmas, [0.05] * 3)
+
+
+def test_control_points_on_the_earth(tmp_path: Path) -> None:
+    """A second of latitude is 30.95 m at 60 degrees, one of longitude half of it (WGS84: 15.50 m)."""
+    text = "name,scan,x_m,y_m,z_m,lat_deg,lon_deg,height_m\nA,0,1,2,3,60,5,-12.5\nB,1,1,2,3,60°00'01\"N,5 0 2 E,-10\n"
+    read = read_control(written(tmp_path, text), SCANS)
+    assert read.georeference == Georeference(60.0, 5.0)
+    assert "the map's origin is the first control point, rounded: 60.00000, 5.00000" in read.notes
+    np.testing.assert_allclose(read.points[0].known, [0, 0, -12.5], atol=1e-6)
+    np.testing.assert_allclose(read.points[1].known, [31.0, 30.95, -10], atol=0.02)
+    high = read_control(written(tmp_path, text), SCANS, Georeference(60.0, 5.0, height=2.5))
+    np.testing.assert_allclose(high.points[0].known, [0, 0, -15.0], atol=1e-6)
+
+
+def test_control_points_of_a_grid(tmp_path: Path) -> None:
+    """Of the 32nd zone, whose middle is 9 East, where grid North is true North and the scale 0.9996."""
+    rows = "A,0,1,2,3,500000,6650000,-3\nB,1,1,2,3,500099.96,6650049.98,-2\n"
+    text = f"name,scan,x_m,y_m,z_m,easting_m,northing_m,up_m\n{rows}"
+    read = read_control(written(tmp_path, text), SCANS, crs="EPSG:32632")
+    assert read.georeference is not None
+    assert read.georeference.longitude == pytest.approx(9.0)
+    np.testing.assert_allclose(read.points[1].known - read.points[0].known, [100, 50, 1], atol=0.01)
+
+
+def test_a_grid_is_asked_where_the_points_are(tmp_path: Path) -> None:
+    """The example of the option's help holds in Europe, and neither at 0 N 0 E nor with its columns swapped."""
+    heading, row = "name,scan,x_m,y_m,z_m,easting_m,northing_m,up_m\n", "A,0,1,2,3,500000,6650000,-3\n"
+    ours, world = (read_control(written(tmp_path, heading + row), SCANS, crs=f"EPSG:{code}") for code in (25832, 32632))
+    assert ours.georeference is not None
+    assert ours.georeference == world.georeference
+    np.testing.assert_allclose(ours.points[0].known, world.points[0].known, atol=1e-3)
+    swapped = written(tmp_path, heading + "A,0,1,2,3,6650000,500000,-3\n")
+    with pytest.raises(InputError, match=r"by_hand.csv: --control-crs EPSG:25832 .*; check the coordinates, or choose"):
+        read_control(swapped, SCANS, crs="EPSG:25832")
+
+
+@pytest.mark.parametrize(
+    ("text", "words"),
+    [
+        (POINT + "up_m\nA,0,1,2,3,1,2,\n", "line 2: up_m is ''; wanted meters within 20000"),
+        (POINT + "up_m\nA,0,1,2,3,432100.5,2,3\n", "go into easting_m and northing_m, with --control-crs"),
+        (POINT + "up_m\n,0,1,2,3,1,2,3\n", "line 2: the point has no name"),
+        (POINT + "up_m\nA,0,1,2,inf,1,2,3\n", "z_m is 'inf'"),
+        (POINT + "up_m\nA,pier,1,2,3,1,2,3\n", "scan: no scan is called 'pier'"),
+        (POINT + "up_m\nA,0,1,2,3,1,2,3\nA,0,1,2,4,1,2,3\n", "lines 2 and 3 have A in the same scan"),
+        (POINT + "up_m\nA,0,1,2,3,1,2,3\nA,1,1,2,4,1,2,4\n", "lines 2 and 3 give the point A other coordinates"),
+        (POINT + "up_m,depth_m\nA,0,1,2,3,1,2,3,4\n", "one of the columns up_m, height_m, depth_m, and there are 2"),
+        (POINT + "up_m,use\nA,0,1,2,3,1,2,3,look\n", "use is 'look'; wanted control or check"),
+        (POINT + "up_m,sigma_m\nA,0,1,2,3,1,2,3,-0.1\n", "sigma_m is '-0.1'"),
+        (POINT + "up_m,sigma_h_m,sigma_v_m\nA,0,1,2,3,1,2,3,0.1,\n", "can only be used together"),
+        (POINT + "up_m,sigma_h_m,sigma_m\nA,0,1,2,3,1,2,3,0.1,0.2\n", "wanted one way"),
+        (POINT + "up_m,kind\nA,0,1,2,3,1,2,3,x\n", "there is a column 'kind'"),
+        (POINT + "up_m\n", "has no row below its heading"),
+        (POINT + "up_m\n" + "A,0,1,2,3,1,2,3\n" * 1001, "has 1,001 control points; wanted at most 1,000"),
+        (POINT + "lat_deg,lon_deg,up_m\nA,0,1,2,3,1,2,60,5,3\n", "and none of the others"),
+        ("name,scan,x_m,y_m,z_m,lat_deg,lon_deg,up_m\nA,0,1,2,3,95,5,3\n", "lat_deg is '95'; wanted degrees within 90"),
+        ("name,scan,x_m,y_m,z_m,lat_deg,lon_deg,up_m\nA,0,1,2,3,60,5,3\nB,1,1,2,3,10,5,3\n", "within 200 km"),
+        ("name,scan,x_m,y_m,z_m,easting_m,northing_m,up_m\nA,0,1,2,3,500000,6650000,3\n", "give --control-crs"),
+    ],
+)
+def test_control_points_that_cannot_be_used_are_refused(tmp_path: Path, text: str, words: str) -> None:
+    path = written(tmp_path, text)
+    with pytest.raises(InputError) as refused:
+        read_control(path, SCANS)
+    assert words in str(refused.value)
+    assert str(path) in str(refused.value)
+
+
+def test_options_that_contradict_the_points_are_refused(tmp_path: Path) -> None:
+    path = written(tmp_path, POINT + "up_m\nA,0,1,2,3,1,2,3\n")
+    with pytest.raises(InputError, match="--control-crs has no effect"):
+        read_control(path, SCANS, crs="EPSG:25832")
+    with pytest.raises(InputError, match="--origin-heading has no effect"):
+        read_control(path, SCANS, Georeference(60.0, 5.0, heading=30.0))
+    grid = written(tmp_path, "name,scan,x_m,y_m,z_m,easting_m,northing_m,up_m\nA,0,1,2,3,500000,6650000,3\n")
+    with pytest.raises(InputError, match="--control-crs is 'EPSG:0'"):
+        read_control(grid, SCANS, crs="EPSG:0")

@@ -1,0 +1,192 @@
+"""Headers that ask for the impossible: a reason in words, at once, and next to no memory."""
+
+import io
+import struct
+import tracemalloc
+import zipfile
+import zlib
+from collections.abc import Iterator
+from contextlib import contextmanager
+from pathlib import Path
+
+import lzf
+import numpy as np
+import pytest
+import snappy
+from wlsonar import range_image_protocol as rip
+
+from sonarmap.kernels.errors import InputError
+from sonarmap.tools.files.memory import available_memory, require_memory
+from sonarmap.tools.files.readers.scans import read_scan, read_survey
+from tests.samples.cloud_files import POINTS, npz, range_image
+from tests.samples.clutter_scans import plane, write
+from tests.samples.processor_time import processor_time
+
+MOST_SECONDS, MOST_BYTES = 5.0, 200e6
+
+
+def pcd(count: str = "1", width: str = "0", encoding: str = "binary", more: int = 1) -> bytes:
+    """No points, with `more` fields after x, y, z of `count` numbers each."""
+    names, fours, floats, counts = (" ".join([field] * more) for field in ("n", "4", "F", count))
+    return (
+        f"# .PCD v0.7\nVERSION 0.7\nFIELDS x y z {names}\nSIZE 4 4 4 {fours}\nTYPE F F F {floats}\n"
+        f"COUNT 1 1 1 {counts}\nWIDTH {width}\nHEIGHT {width}\nDATA {encoding}\n"
+    ).encode()
+
+
+def npy(shape: str, dtype: str = "<f4") -> bytes:
+    header = f"{{'descr': '{dtype}', 'fortran_order': False, 'shape': {shape}, }}\n".encode()
+    return b"\x93NUMPY\x01\x00" + struct.pack("<H", len(header)) + header
+
+
+def ply(count: str, encoding: str = "binary_little_endian", more: str = "") -> bytes:
+    axes = "".join(f"property float {axis}\n" for axis in "xyz")
+    return f"ply\nformat {encoding} 1.0\nelement vertex {count}\n{axes}{more}end_header\n".encode()
+
+
+def packet(payload: bytes) -> bytes:
+    """Of a recording, with a payload that is compressed already."""
+    body = b"RIP2" + struct.pack("<I", 12 + len(payload)) + payload
+    return body + struct.pack("<I", zlib.crc32(body))
+
+
+def npz_of_zeros(megabytes: int, header: bytes) -> bytes:
+    file = io.BytesIO()
+    with zipfile.ZipFile(file, "w", zipfile.ZIP_DEFLATED) as archive:
+        archive.writestr("points.npy", header + bytes(megabytes << 20))
+    return file.getvalue()
+
+
+def pcd_of_zeros(points: int) -> bytes:
+    """Of a byte for each coordinate."""
+    packed = lzf.compress(bytes(3 * points), 3 * points)
+    header = pcd(width=str(points), encoding="binary_compressed", more=0).replace(
+        f"HEIGHT {points}".encode(), b"HEIGHT 1"
+    )
+    header = header.replace(b"SIZE 4 4 4", b"SIZE 1 1 1").replace(b"TYPE F F F", b"TYPE U U U")
+    return header + struct.pack("<II", len(packed), 3 * points) + packed
+
+
+LARGEST = "9" * 18
+HOSTILE = {
+    "pcd record of 1 GB": (".pcd", pcd("300000000"), "points of 1,200,000,012 bytes"),
+    "pcd record of 10^18": (".pcd", pcd(LARGEST), "points of 4,000,"),
+    "pcd record, compressed": (".pcd", pcd("300000000", encoding="binary_compressed") + bytes(8), "another size"),
+    "pcd record, text": (".pcd", pcd("300000000", encoding="ascii"), "no points"),
+    "pcd width x height": (".pcd", pcd(width=LARGEST), "header promises 999,999"),
+    "pcd width x height, text": (".pcd", pcd(width=LARGEST, encoding="ascii"), "header promises 999,999"),
+    "pcd 100,000 fields": (".pcd", pcd(more=100_000), "no points"),
+    "pcd LZF 264 times": (
+        ".pcd",
+        pcd(width="4").replace(b"binary\n", b"binary_compressed\n") + struct.pack("<II", 1, 256) + b"\0",
+        "1 bytes that claim to hold 256",
+    ),
+    "npy 2^62 rows": (".npy", npy(f"({2**62}, 3)"), "wanted (N, 3)"),
+    "npy 10^17 rows": (".npy", npy(f"({10**17}, 3)"), "1,200,000,000,000,000,000 bytes"),
+    "npy no columns": (".npy", npy(f"({10**17}, 0)"), "wanted (N, 3)"),
+    "npy three axes": (".npy", npy(f"({10**17}, 0, {10**17})"), "wanted (N, 3)"),
+    "npy 70 axes": (".npy", npy("(" + "1, " * 70 + ")") + bytes(4), "wanted (N, 3)"),
+    "ply 10^12": (".ply", ply(str(10**12)), "promises 1,000,000,000,000"),
+    "ply 10^12, text": (".ply", ply(str(10**12), "ascii"), "promises 1,000,000,000,000 lines"),
+    "ply 10^12 faces": (".ply", ply("0", more=f"element face {10**12}\nproperty list uchar int i\n"), "promises"),
+    "ply 10^12 of nothing": (".ply", ply("0", more=f"element face {10**12}\n"), "no points"),
+    "sonar claims 4 GB": (".sonar", packet(b"\xff\xff\xff\xff\x0f" + bytes(99)), "claim to unpack to 4,294,967,295"),
+    "sonar packet of 1 MB": (".sonar", packet(bytes(1 << 20)), "packet 1 at byte 0 claims 1,048,588 bytes"),
+    "npz of zeros": (".npz", npz_of_zeros(500, npy("(1, 3)")), "not believable"),
+    "npz of bytes": (".npz", npz_of_zeros(48, npy(f"({16 << 20}, 3)", "|u1")), "a cloud of 16,777,216 points"),
+    "pcd of bytes": (".pcd", pcd_of_zeros(16 << 20), "a cloud of 16,777,216 points would make 402,653,184 bytes of 5"),
+    "csv unit after blanks": (".csv", b"x" + b" " * 100_000 + b"q,y,z\n1,2,3\n", "no column x"),
+    "csv unit after brackets": (".csv", b"q" + b"[" * 100_000 + b",y,z\n1,2,3\n", "no column x"),
+    "csv comment of blanks": (".csv", b"#" + b" " * 100_000 + b"q,y,z\n1,2,3\n", "no column x"),
+    "csv 100,000 columns": (".csv", b"y," * 100_000 + b"\n1,2,3\n", "no column x"),
+    "text of one line": (".xyz", b"1 " * 1_000_000 + b"\n", "1000000 columns"),
+    "text of one number": (".xyz", b"9" * 1_000_000 + b" 2 3\n", "NaN or infinite"),
+}  # fmt: skip
+
+
+@contextmanager
+def thrifty() -> Iterator[None]:
+    """The block takes little time and memory."""
+    tracemalloc.start()
+    start = processor_time()
+    yield
+    seconds, (_, peak) = processor_time() - start, tracemalloc.get_traced_memory()
+    tracemalloc.stop()
+    assert (seconds < MOST_SECONDS, peak < MOST_BYTES) == (True, True), f"{seconds:.1f} s, {peak / 1e6:.0f} MB"
+
+
+@pytest.mark.parametrize("case", HOSTILE)
+def test_it_is_a_gap_with_a_reason(tmp_path: Path, case: str) -> None:
+    suffix, content, words = HOSTILE[case]
+    if suffix == ".csv":  # beside scans of another format it would be left out with a note
+        for name in "ac":
+            np.savetxt(tmp_path / f"{name}.csv", plane(), delimiter=",")
+    else:
+        write(tmp_path, a=plane(), c=plane())
+    (tmp_path / f"b{suffix}").write_bytes(content)
+    with thrifty():
+        read = read_survey([tmp_path])
+    (unread,) = read.unread
+    assert words in unread.reason
+    assert len(unread.reason) < 1000
+    assert [scan.name for scan in read.scans] == ["a", "c"]
+
+
+def compressed_pcd(points: np.ndarray) -> bytes:
+    plain = points.T.astype("<f4").tobytes()
+    packed = lzf.compress(plain, 2 * len(plain))
+    header = pcd(width=str(len(points)), encoding="binary_compressed", more=0).replace(
+        f"HEIGHT {len(points)}".encode(), b"HEIGHT 1"
+    )
+    return header + struct.pack("<II", len(packed), len(plain)) + packed
+
+
+def test_what_compresses_best_is_still_read(tmp_path: Path) -> None:
+    """Points that are all the same: no limit is below what the formats can do."""
+    same = np.full((200_000, 3), 7.5, np.float32)
+    (tmp_path / "a.pcd").write_bytes(compressed_pcd(same))
+    (tmp_path / "b.npz").write_bytes(npz(compressed=True, points=same))
+    flat = range_image(1, np.full((256, 64), 100))
+    (tmp_path / "c.sonar").write_bytes(rip.packb(flat))
+    raw = flat.SerializeToString()
+    assert len(raw) > 20 * len(snappy.compress(raw))
+    counts = [len(scan.points) for scan in read_survey([tmp_path]).scans]
+    assert counts == [200_000, 200_000, 256 * 64]
+
+
+@pytest.mark.parametrize("name", ["a.pcd", "b.npz", "c.ply"])
+def test_what_memory_cannot_hold_is_refused_before_it_is_unpacked(
+    tmp_path: Path, name: str, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    same = np.full((200_000, 3), 7.5, np.float32)
+    (tmp_path / "a.pcd").write_bytes(compressed_pcd(same))
+    (tmp_path / "b.npz").write_bytes(npz(compressed=True, points=same))
+    write(tmp_path, c=same)
+    assert len(read_scan(tmp_path / name).points) == len(same)
+    monkeypatch.setattr("sonarmap.tools.files.memory.available_memory", lambda: 1 << 20)
+    with thrifty(), pytest.raises(InputError, match=r"this machine has 0.00098 GiB to spare; thin its points out"):
+        read_scan(tmp_path / name)
+
+
+class TestMemory:
+    def test_what_fits_is_taken_and_more_is_not(self) -> None:
+        available = available_memory()
+        assert 2**27 < available < 2**50
+        require_memory("a thing", available // 2, "take less")
+        with pytest.raises(InputError, match=r"a thing takes [\d,]+ GiB of memory, .* GiB to spare; take less"):
+            require_memory("a thing", 10**400, "take less")
+
+    def test_a_system_that_does_not_tell_has_all_its_memory(self, monkeypatch: pytest.MonkeyPatch) -> None:
+        def missing(*_: object, **__: object) -> str:
+            raise FileNotFoundError
+
+        monkeypatch.setattr(Path, "read_text", missing)
+        assert available_memory() > 2**27
+        monkeypatch.setattr("sonarmap.tools.files.memory.os.sysconf", missing)
+        assert available_memory() == 4 << 30
+
+
+def test_points_are_told_as_before(tmp_path: Path) -> None:
+    """A unit in brackets after a name, and before a separator, is none of the name."""
+    (tmp_path / "a.csv").write_text('X [m];Y(m) ;"z [m]"\n1.5;-2.25;0.75\n', encoding="utf-8")
+    np.testing.assert_array_equal(read_scan(tmp_path / "a.csv").points, POINTS[:1])

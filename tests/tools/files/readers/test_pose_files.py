@@ -1,0 +1,160 @@
+"""TUM and KITTI trajectories and summary.json: round trips to the last bit, and faults by their line."""
+
+import json
+from dataclasses import dataclass
+from pathlib import Path
+
+import numpy as np
+import pytest
+from scipy.spatial.transform import RigidTransform
+
+from sonarmap.kernels.errors import InputError
+from sonarmap.slam.graph.trajectory import Trajectory
+from sonarmap.slam.mapper import Mapper
+from sonarmap.tools.files.readers.poses.kitti import read_kitti
+from sonarmap.tools.files.readers.poses.tum import read_tum
+from sonarmap.tools.files.writers.json_text import to_json, write_json
+from sonarmap.tools.files.writers.kitti import write_kitti
+from sonarmap.tools.files.writers.tum import write_tum
+from sonarmap.tools.products.output.summary import survey_summary
+from tests.samples.surveys import KnowingRegistrar, random_transforms, ring_poses, scans_of
+
+
+def sample() -> Trajectory:
+    """Epoch seconds with microseconds, coordinates as of a UTM zone."""
+    rng = np.random.default_rng(0)
+    T = RigidTransform.from_translation([5e5, 4.6e6, -31.25]) * random_transforms(rng, 50, 1.2, 20.0)
+    return Trajectory(1_763_700_000 + np.cumsum(rng.integers(1, 10**7, 50)) * 1e-6, T)
+
+
+def test_tum_round_trip(tmp_path):
+    trajectory = sample()
+    write_tum(tmp_path / "a.tum", trajectory)
+    again = read_tum(tmp_path / "a.tum")
+    np.testing.assert_array_equal(again.stamps, trajectory.stamps)
+    np.testing.assert_array_equal(again.T_world_sensor.translation, trajectory.T_world_sensor.translation)
+    np.testing.assert_allclose(again.T_world_sensor.as_matrix(), trajectory.T_world_sensor.as_matrix(), atol=1e-15)
+
+
+def test_tum_stamps_stay_readable(tmp_path):
+    path = tmp_path / "a.tum"
+    write_tum(path, Trajectory(np.array([1763700000.123456]), RigidTransform.identity(1)))
+    assert path.read_text().splitlines()[1] == "1763700000.123456 0 0 0 0 0 0 1"
+
+
+def test_kitti_round_trip(tmp_path):
+    trajectory = sample()
+    write_kitti(tmp_path / "a.txt", trajectory)
+    again = read_kitti(tmp_path / "a.txt")
+    np.testing.assert_array_equal(again.stamps, np.arange(50))
+    np.testing.assert_array_equal(again.T_world_sensor.translation, trajectory.T_world_sensor.translation)
+    np.testing.assert_allclose(again.T_world_sensor.as_matrix(), trajectory.T_world_sensor.as_matrix(), atol=1e-15)
+
+
+def test_kitti_takes_rotations_of_six_digits(tmp_path):
+    T = random_transforms(np.random.default_rng(1), 20)
+    rows = T.as_matrix()[:, :3].reshape(-1, 12)
+    np.savetxt(tmp_path / "a.txt", rows, fmt="%.6e")
+    again = read_kitti(tmp_path / "a.txt").T_world_sensor
+    np.testing.assert_allclose(again.as_matrix(), T.as_matrix(), atol=1e-5)
+    R = again.rotation.as_matrix()
+    np.testing.assert_allclose(R @ R.transpose(0, 2, 1), np.tile(np.eye(3), (20, 1, 1)), atol=1e-14)
+
+
+@pytest.mark.parametrize(
+    ("lines", "words"),
+    [
+        (["# comment", "0 1 2 3 0 0 0 1", "1 1 2 3 0 0 0"], "line 3 has 7 columns.*stamp tx"),
+        (["0 1 2 3 0 0 0 1 9"], "line 1 has 9 columns"),
+        (["0 1 2 3 0 0 0 1", "", "nan 1 2 3 0 0 0 1"], "line 3 .*NaN"),
+        (["0 1 two 3 0 0 0 1"], "line 1.*'two'"),
+        (["0 1 2 3 0 0 0 0"], "line 1 .*zero quaternion"),
+        (["# only this"], "no line but comments"),
+    ],
+)
+def test_tum_faults_name_their_line(lines, words, tmp_path):
+    (tmp_path / "bad.tum").write_text("\n".join(lines) + "\n")
+    with pytest.raises(InputError, match=words):
+        read_tum(tmp_path / "bad.tum")
+
+
+@pytest.mark.parametrize(
+    ("line", "words"),
+    [
+        ("1 0 0 5 0 1 0 6 0 0 1", "line 2 has 11 columns"),
+        ("1 0 0 5 0 1 0 6 0 0 inf 7", "line 2 .*infinity"),
+        ("1 0 0 5 0 1 0 6 0 0 2 7", "line 2 holds no rotation"),
+        ("1 0 0 5 0 1 0 6 0 0 -1 7", "line 2 holds no rotation"),
+    ],
+)
+def test_kitti_faults_name_their_line(line, words, tmp_path):
+    (tmp_path / "bad.txt").write_text(f"1 0 0 5 0 1 0 6 0 0 1 7\n{line}\n")
+    with pytest.raises(InputError, match=words):
+        read_kitti(tmp_path / "bad.txt")
+
+
+@pytest.mark.parametrize("read", [read_tum, read_kitti])
+def test_empty_cut_and_missing_files(read, tmp_path):
+    (tmp_path / "empty").write_text("")
+    (tmp_path / "cut").write_text("0 1 2 3 0 0 0 1")
+    for name in ("empty", "cut", "missing"):
+        with pytest.raises(InputError, match=name):
+            read(tmp_path / name)
+
+
+def test_json_has_no_nan_and_no_numpy():
+    @dataclass
+    class Point:
+        x: float
+        name: str
+
+    value = {
+        1: np.float32(0.5),
+        "nan": [float("nan"), np.inf, np.array([1.0, np.nan])],
+        "int": (np.int64(3), True, np.bool_(False)),
+        "path": Path("a") / "b",
+        "point": Point(float("-inf"), "p"),
+        "set": {3, 1},
+    }
+    assert to_json(value) == {
+        "1": 0.5,
+        "nan": [None, None, [1.0, None]],
+        "int": [3, True, False],
+        "path": str(Path("a") / "b"),
+        "point": {"x": None, "name": "p"},
+        "set": [1, 3],
+    }
+    with pytest.raises(TypeError, match="object"):
+        to_json(object())
+
+
+def test_summary_of_a_survey_with_a_gap(tmp_path):
+    truth = ring_poses(8, turns=0.5)
+    scans = scans_of(truth)
+    registrar = KnowingRegistrar(truth, np.diag([1.0, 2, 3, 40, 50, 60]) * 1e-6, broken=("scan7",))
+    result = Mapper(registrar, 0.5).run(scans)
+    content = survey_summary(result, [s.name for s in scans], {"voxel": np.float32(0.5)}, {"name": "none"})
+    write_json(tmp_path / "summary.json", content)
+
+    def refuse(constant: str) -> None:
+        raise AssertionError(f"{constant} is not JSON")
+
+    read = json.loads((tmp_path / "summary.json").read_text(), parse_constant=refuse)
+    assert read["settings"] == {"voxel": 0.5}
+    assert set(read["versions"]) >= {"python", "sonarmap", "numpy", "scipy", "gtsam", "pyopencl"}
+    assert read["gaps"] == [[6, 7]]
+    assert [c["scans"] for c in read["components"]] == [[0, 1, 2, 3, 4, 5, 6]]
+    assert read["unplaced"] == [7]
+    assert read["components"][0]["map"]["points"] == len(result.maps[0].points)
+    tried, kept = len(result.pairs), sum(pair.kept for pair in result.pairs)
+    assert (read["pairs"]["file"], read["pairs"]["tried"], read["pairs"]["kept"]) == ("pairs.csv", tried, kept)
+    assert read["pairs"]["by_role"]["sequential"] == {"tried": 7, "kept": 6}
+    assert read["graph"]["edges"] == len(result.edges)
+    assert read["scans"][3]["name"] == "scan3"
+    assert 0 < read["scans"][3]["sigmas"]["translation_m"] < 0.1
+
+
+def test_nothing_is_written_where_writing_fails(tmp_path):
+    (tmp_path / "file").write_text("")
+    with pytest.raises(InputError, match="cannot write"):
+        write_tum(tmp_path / "file" / "a.tum", sample())

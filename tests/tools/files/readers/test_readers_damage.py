@@ -1,0 +1,111 @@
+"""Files cut anywhere, damaged anywhere, or garbage: refused or harmless, without a warning."""
+
+import json
+import re
+import subprocess
+import sys
+import warnings
+from pathlib import Path
+
+import numpy as np
+import pytest
+from hypothesis import HealthCheck, given, settings
+from hypothesis import strategies as st
+
+from sonarmap.kernels.errors import InputError
+from sonarmap.spectral.scan import Scan
+from sonarmap.tools.files.readers.scans import FORMATS, read_scans
+from tests.samples.cloud_files import POINTS, SAMPLES, STRENGTH
+from tests.samples.damage.damaged_files import check_usable, damage, readables
+from tests.samples.places import ROOT
+
+pytestmark = pytest.mark.filterwarnings("error")
+NAMES = list(SAMPLES)
+MOST_SECONDS, MOST_MEMORY = 5.0, 512 << 20  # for one damaged file
+LINES_WITHOUT_COUNT = (".xyz", ".txt", ".csv")
+
+
+def read(folder: Path, suffix: str, content: bytes) -> Scan:
+    """Always the first scan, read from a file."""
+    path = folder / f"scan{suffix}"
+    path.write_bytes(content)
+    return read_scans([path]).scans[0]
+
+
+@pytest.mark.parametrize("sample", [name for name in NAMES if name != "sonar"])
+def test_a_file_cut_anywhere_is_refused(tmp_path, sample):
+    suffix, content = SAMPLES[sample]
+    for kept in range(len(content)):
+        try:
+            scan = read(tmp_path, suffix, content[:kept])
+        except InputError:
+            continue
+        assert suffix in LINES_WITHOUT_COUNT, f"cut to {kept} of {len(content)} bytes"
+        assert content[:kept].endswith((b"\r", b"\n"))
+        np.testing.assert_array_equal(scan.points, POINTS[: len(scan.points)])
+        np.testing.assert_array_equal(scan.strength, STRENGTH[: len(scan.points)])
+
+
+class TestDamageOfEveryKindOfFile:
+    """Scans, trajectories, graphs, priors, settings and journals; damaged as mutations.py has it."""
+
+    def test_a_few_are_refused_or_harmless(self, tmp_path: Path) -> None:
+        outcome = damage(tmp_path, each=50, seed=2)
+        assert outcome.faults == []
+        assert all(ends["refused"] > 0 for ends in outcome.ends.values())
+        assert outcome.longest[0] < MOST_SECONDS
+        assert outcome.largest[0] < MOST_MEMORY
+
+    @pytest.mark.slow
+    def test_twenty_thousand_are_refused_or_harmless(self) -> None:
+        """In a process of its own, which holds nothing else."""
+        each = -(-20_000 // len(readables()))
+        code = "from tests.samples.damage.damaged_files import main; main()"
+        ended = subprocess.run([sys.executable, "-c", code, str(each), "1"], cwd=ROOT, capture_output=True, text=True)
+        assert ended.returncode == 0, ended.stderr
+        ends, faults, longest, largest = json.loads(ended.stdout)
+        for kind, counts in ends.items():
+            print(f"{kind:24} {counts}")
+        print(f"{sum(sum(counts.values()) for counts in ends.values())} damaged files, {len(faults)} faults")
+        print(f"longest {longest[0]:.2f} s ({longest[1]}), memory {largest[0] / 2**20:.0f} MiB ({largest[1]})")
+        assert faults == []
+        assert longest[0] < MOST_SECONDS
+        assert largest[0] < MOST_MEMORY
+
+
+@pytest.mark.parametrize("sample", NAMES)
+@pytest.mark.slow
+def test_wild_numbers_in_headers_are_refused_or_harmless(tmp_path, sample):
+    """Every number of the first 400 bytes replaced in turn by ones that lie."""
+    suffix, content = SAMPLES[sample]
+    for number in re.finditer(rb"-?\d+", content[:400]):
+        for lie in (
+            b"-1",
+            b"0",
+            b"1000000000000",
+            b"9" * 30,
+            b"1e9",
+            b"nan",
+            b"99999999999999999999999999999999999",
+        ):
+            changed = content[: number.start()] + lie + content[number.end() :]
+            try:
+                scan = read(tmp_path, suffix, changed)
+            except InputError:
+                continue
+            check_usable(scan)
+
+
+BEGINNINGS = [b"", *(content[:length] for _, content in SAMPLES.values() for length in (8, 60, 150))]
+
+
+@given(start=st.sampled_from(BEGINNINGS), rest=st.binary(max_size=300), suffix=st.sampled_from(sorted(FORMATS)))
+@settings(max_examples=300, deadline=None, suppress_health_check=[HealthCheck.function_scoped_fixture])
+def test_garbage_is_refused_or_harmless(tmp_path, start, rest, suffix):
+    with warnings.catch_warnings():
+        warnings.simplefilter("error")
+        try:
+            scan = read(tmp_path, suffix, start + rest)
+        except InputError:
+            return
+    check_usable(scan)

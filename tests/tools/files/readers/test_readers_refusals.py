@@ -1,0 +1,192 @@
+"""What cannot be a scan is refused in words that say so, with no more memory than its size explains."""
+
+import re
+import tracemalloc
+import zipfile
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from sonarmap.kernels.errors import InputError
+from sonarmap.tools.files.readers.scans import FORMATS, read_scan, read_scans
+from tests.samples.cloud_files import POINTS, SAMPLES, STRENGTH, TABLE, npy, npz, pcd, ply, text
+
+pytestmark = pytest.mark.filterwarnings("error")
+NAMES = list(SAMPLES)
+
+
+def refused(folder: Path, suffix: str, content: bytes, said: str) -> None:
+    """Refused in words that name the file, without more memory than a few times its size."""
+    (folder / f"scan{suffix}").write_bytes(content)
+    tracemalloc.start()
+    try:
+        with pytest.raises(InputError, match=said) as caught:
+            read_scans([folder / f"scan{suffix}"])
+        peak = tracemalloc.get_traced_memory()[1]
+    finally:
+        tracemalloc.stop()
+    assert f"scan{suffix}" in str(caught.value)
+    assert peak < 1_000_000 + 20 * len(content), f"{peak:,} bytes for a file of {len(content):,}"
+
+
+# ---- promises that the file does not keep
+
+
+@pytest.mark.parametrize("count", [20, 10**12, 10**17])
+@pytest.mark.parametrize("sample", [name for name in NAMES if name.startswith("ply")])
+def test_a_ply_that_promises_more_points_than_it_holds(tmp_path, sample, count):
+    content = SAMPLES[sample][1].replace(b"vertex 5", b"vertex %d" % count)
+    refused(tmp_path, ".ply", content, "promises")
+
+
+@pytest.mark.parametrize("count", [20, 10**12, 10**17])
+@pytest.mark.parametrize("encoding", ["ascii", "binary", "binary_compressed"])
+def test_a_pcd_that_promises_more_points_than_it_holds(tmp_path, encoding, count):
+    content = pcd(encoding).replace(b"WIDTH 5", b"WIDTH %d" % count).replace(b"POINTS 5", b"POINTS %d" % count)
+    refused(tmp_path, ".pcd", content, "promises")
+
+
+@pytest.mark.parametrize("shape", ["(6, 4)", "(1000000000000, 3)", "(1000000000000, 1000000000000)"])
+def test_an_npy_that_promises_more_than_it_holds(tmp_path, shape):
+    content = npy(TABLE).replace(b"(5, 4), }" + b" " * (len(shape) - 6), b"%s, }" % shape.encode())
+    refused(tmp_path, ".npy", content, "promises")
+
+
+def test_an_npz_member_that_promises_more_than_it_holds(tmp_path):
+    lying = npy(POINTS).replace(b"(5, 3), }        ", b"(1000000000, 3), }")
+    with zipfile.ZipFile(tmp_path / "scan.npz", "w", zipfile.ZIP_DEFLATED) as archive:
+        archive.writestr("points.npy", lying)
+    refused(tmp_path, ".npz", (tmp_path / "scan.npz").read_bytes(), r"'points.npy'.*promises")
+
+
+def test_a_zip_bomb_is_not_unpacked(tmp_path):
+    with zipfile.ZipFile(tmp_path / "scan.npz", "w", zipfile.ZIP_DEFLATED) as archive:
+        archive.writestr("points.npy", npy(np.zeros((6_000_000, 3), np.float32)))
+    refused(tmp_path, ".npz", (tmp_path / "scan.npz").read_bytes(), "not believable")
+
+
+def test_a_zip_bomb_that_lies_about_its_size_is_not_unpacked(tmp_path):
+    body = npy(np.zeros((6_000_000, 3), np.float32))
+    with zipfile.ZipFile(tmp_path / "scan.npz", "w", zipfile.ZIP_DEFLATED) as archive:
+        archive.writestr("points.npy", body)
+    content = (tmp_path / "scan.npz").read_bytes()
+    lying = content.replace(len(body).to_bytes(4, "little"), (5000).to_bytes(4, "little"))
+    assert lying != content
+    refused(tmp_path, ".npz", lying, "damaged|promises")
+
+
+@pytest.mark.parametrize("sample", [name for name in NAMES if name.startswith("ply")])
+def test_a_negative_count_is_refused(tmp_path, sample):
+    refused(tmp_path, ".ply", SAMPLES[sample][1].replace(b"vertex 5", b"vertex -5"), "'-5' of vertex")
+    refused(tmp_path, ".pcd", pcd("binary").replace(b"WIDTH 5", b"WIDTH -5"), "WIDTH '-5'")
+    refused(tmp_path, ".npy", npy(TABLE).replace(b"(5, 4), } ", b"(-5, 4), }"), "shape")
+
+
+# ---- files that are whole but cannot be a scan
+
+
+@pytest.mark.parametrize(
+    ("suffix", "content", "said"),
+    [
+        (".ply", ply().replace(b"vertex 5", b"vertex 0"), "no points"),
+        (".ply", ply("ascii").replace(b"double y", b"double w"), "no column y among"),
+        (".ply", ply().replace(b"property float x", b"property list uchar float x"), "list property"),
+        (".ply", ply().replace(b"element vertex", b"element points"), "wanted exactly one named vertex"),
+        (".ply", ply().replace(b"float x", b"quad x"), "not understood"),
+        (".ply", ply().replace(b"binary_little", b"binary_middle"), "not understood"),
+        (".ply", ply("ascii").replace(b"7 -2.25", b"-2.25"), "line 11 has 4 columns; wanted 5"),
+        (".ply", ply("ascii").replace(b"-2.25", b"-2,25"), "line 11: '-2,25' is not a number"),
+        (
+            ".pcd",
+            pcd("binary").replace(b"WIDTH 5", b"WIDTH 0").replace(b"POINTS 5", b"POINTS 0"),
+            "no points",
+        ),
+        (".pcd", pcd("binary").replace(b"WIDTH 5", b"WIDTH 4"), "POINTS 5 and WIDTH x HEIGHT 4 x 1"),
+        (".pcd", pcd("binary").replace(b"normal x y z", b"normal x y w"), "no column z among"),
+        (".pcd", pcd("binary").replace(b"COUNT 3 1", b"COUNT 1 3"), "more than one value"),
+        (".pcd", pcd("binary").replace(b"SIZE 2 4", b"SIZE 2 3"), "SIZE '3'"),
+        (".pcd", pcd("binary").replace(b"TYPE I F", b"TYPE I"), "differ in length"),
+        (".pcd", pcd("binary").replace(b"FIELDS", b"FILDS"), "no FIELDS"),
+        (".pcd", pcd("binary").replace(b"DATA binary", b"DATA zipped"), "no line 'DATA"),
+        (".pcd", pcd("ascii").replace(b"1 2 3 1.5", b"1 2 1.5"), "line 12 has 6 columns; wanted 7"),
+        (".xyz", b"# nothing but a comment\n", "no points"),
+        (".csv", b"x,y,z\n", "no points"),
+        (".xyz", b"1 2 3\n4 5\n", "line 2 has 2 columns; wanted 3"),
+        (".xyz", b"1 2 3\n\n# comment\n4 5 6 7\n", "line 4 has 4 columns; wanted 3"),
+        (".csv", b"x,y,intensity\n1,2,3\n", "no column z among"),
+        (".csv", b"x,y,z\n1,2,three\n", "line 2: 'three' is not a number"),
+        (".csv", b"1;2;3,5\n", "line 1: '3,5' is not a number"),
+        (".txt", b"1_0 2 3\n", "'1_0' is not a number"),
+        (".txt", b"1 2 3 4 5 6\n", "line 1 has 6 columns.*names the columns"),
+        (".txt", b"hello world\nthis is no cloud\n", "line 1 has 2 columns"),
+        (".txt", b"1 2 3\n4 5 6 # m\xe4rz\n", "line 2 is not UTF-8"),
+        (".npy", npy(np.zeros(6, np.float32)), r"shape \(6,\); wanted"),
+        (".npy", npy(np.zeros((6, 5))), r"shape \(6, 5\); wanted"),
+        (".npy", npy(np.zeros((2, 2, 3))), "shape"),
+        (".npy", npy(np.array(3.0)), r"shape \(\)"),
+        (".npy", npy(np.zeros((0, 3))), "no points"),
+        (".npy", npy(np.zeros((2, 3), complex)), "array of <c16"),
+        (".npy", npy(np.array([["a", "b", "c"]])), "array of <U1"),
+        (".npy", npy(np.array([[1, 2, None]], object)), "array of objects.*unpickled"),
+        (".npy", npy(np.zeros(3, [("x", "f4"), ("y", "f4"), ("z", "f4")])), "array of fields"),
+        (".npz", npz(points=np.array([[1, 2, None]], object)), "array of objects.*unpickled"),
+        (".npz", npz(points=POINTS, strength=STRENGTH[:4]), r"strength has shape \(4,\); wanted \(5,\)"),
+        (".npz", npz(points=POINTS, stamp=np.array([1.0, 2.0])), "stamp has shape"),
+        (".npz", npz(points=POINTS, stamp=np.array(np.nan)), "stamp"),
+        (".npz", npz(a=POINTS, b=STRENGTH), "its arrays are a, b; wanted 'points'"),
+        (".npz", npz(), r"its arrays are \(none\)"),
+    ],
+)
+def test_a_file_that_is_no_scan_is_refused(tmp_path, suffix, content, said):
+    refused(tmp_path, suffix, content, said)
+
+
+@pytest.mark.parametrize("sample", [name for name in NAMES if name != "sonar"])
+def test_the_last_line_of_a_text_must_end(tmp_path, sample):
+    suffix, content = SAMPLES[sample]
+    if FORMATS[suffix].kind == "text" or "ascii" in sample:
+        refused(tmp_path, suffix, content.rstrip(), "does not end with a line break")
+
+
+@pytest.mark.parametrize("suffix", [".npy", ".xyz"])
+def test_a_scan_without_a_finite_point_is_refused(tmp_path, suffix):
+    table = np.full((3, 3), np.nan, np.float32)
+    refused(
+        tmp_path,
+        suffix,
+        npy(table) if suffix == ".npy" else b"nan 1 2\n1 inf 2\n",
+        "NaN or infinite; nothing",
+    )
+
+
+@pytest.mark.parametrize("far", [100_001.0, -4.2e6, 1e300])
+def test_map_coordinates_are_refused_with_advice(tmp_path, far):
+    table = POINTS.astype(np.float64)
+    table[1, 1] = far
+    refused(tmp_path, ".npy", npy(table), "map coordinates.*subtract the sensor's position")
+    table[1, 1] = 1e5
+    (tmp_path / "near.npy").write_bytes(npy(table))
+    assert read_scan(tmp_path / "near.npy").points[1, 1] == 1e5
+
+
+# ---- files that are not what they are called
+
+
+@pytest.mark.parametrize("suffix", sorted(FORMATS))
+@pytest.mark.parametrize("sample", NAMES)
+def test_a_file_by_a_wrong_name_is_refused_and_told_what_it_is(tmp_path, suffix, sample):
+    right, content = SAMPLES[sample]
+    if FORMATS[suffix].kind != FORMATS[right].kind:
+        refused(tmp_path, suffix, content, f"holds {re.escape(FORMATS[right].kind)}.*rename it")
+
+
+@pytest.mark.parametrize("suffix", sorted(FORMATS))
+def test_empty_files_and_garbage_are_refused(tmp_path, suffix):
+    refused(tmp_path, suffix, b"", "empty")
+    garbage = np.random.default_rng(1).integers(0, 256, 5000, np.uint8).tobytes()
+    refused(tmp_path, suffix, garbage, "binary content of no known kind")
+
+
+def test_text_in_utf16_is_refused(tmp_path):
+    refused(tmp_path, ".csv", text().decode().encode("utf-16"), "binary content|UTF-8")

@@ -1,0 +1,188 @@
+"""Viewpoints per point: from fields of the file, or from the points' times and a trajectory beside it."""
+
+from dataclasses import replace
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from sonarmap.kernels.errors import InputError
+from sonarmap.spectral.scan import Scan
+from sonarmap.tools.files.readers.scans import read_scan, read_scans
+from sonarmap.tools.files.writers.points import write_points
+from sonarmap.tools.files.writers.scan_columns import columns_of
+from sonarmap.tools.lab.simulate.folder import write_simulation
+from sonarmap.tools.lab.simulate.sensing.sensors import SENSORS
+from sonarmap.tools.lab.simulate.simulation import SimulationSettings, simulate
+from tests.samples.cloud_files import POINTS, STRENGTH, TABLE, npz, pcd, ply
+
+VIEWPOINTS = np.array([[0, 0, 0], [0.5, 0, -1], [1, 2, 3], [4, 5, 6], [-7, 8, 9.5]], np.float32)
+SCAN = Scan(POINTS, STRENGTH, name="scan", viewpoints=VIEWPOINTS)
+TIMES = np.array([0.0, 1.0, 2.5, 3.0, 4.0])
+TRAJECTORY = "0 10 20 30 0 0 0 1\n2 14 20 30 0 0 1 0\n4 14 24 22 0 0 0 1\n"
+SEEN_FROM = np.array([[10, 20, 30], [12, 20, 30], [14, 21, 28], [14, 22, 26], [14, 24, 22]], np.float32)
+
+
+def timed(path: Path, name: str = "time", times: np.ndarray = TIMES, trajectory: str = TRAJECTORY) -> Path:
+    write_points(path, POINTS, {name: times})
+    path.with_suffix(".tum").write_text(trajectory)
+    return path
+
+
+class TestFields:
+    @pytest.mark.parametrize("suffix", [".ply", ".pcd"])
+    def test_what_is_written_is_read_again(self, tmp_path: Path, suffix: str) -> None:
+        write_points(tmp_path / f"scan{suffix}", POINTS, columns_of(SCAN))
+        again = read_scan(tmp_path / f"scan{suffix}")
+        np.testing.assert_array_equal(again.viewpoints, VIEWPOINTS)
+        np.testing.assert_array_equal(again.points, POINTS)
+        np.testing.assert_array_equal(again.strength, STRENGTH)
+
+    def test_text_and_npz(self, tmp_path: Path) -> None:
+        rows = np.hstack([VIEWPOINTS, POINTS])
+        np.savetxt(tmp_path / "a.csv", rows, delimiter=",", header="VP_X,vp_y,vp_z,x,y,z", comments="")
+        (tmp_path / "b.npz").write_bytes(npz(points=POINTS, viewpoints=VIEWPOINTS.astype(np.float64)))
+        for name in ("a.csv", "b.npz"):
+            scan = read_scan(tmp_path / name)
+            np.testing.assert_array_equal(scan.viewpoints, VIEWPOINTS)
+            assert scan.viewpoints is not None
+            assert scan.viewpoints.dtype == np.float32
+
+    def test_a_file_without_them_has_none(self, tmp_path: Path) -> None:
+        for name, content in {"a.ply": ply(), "b.pcd": pcd("binary"), "c.npz": npz(points=TABLE)}.items():
+            (tmp_path / name).write_bytes(content)
+            assert read_scan(tmp_path / name).viewpoints is None
+
+    def test_a_point_that_is_dropped_takes_its_viewpoint_along(self, tmp_path: Path) -> None:
+        points, viewpoints = POINTS.copy(), VIEWPOINTS.copy()
+        points[1, 2] = np.nan
+        viewpoints[1, 0] = np.inf
+        (tmp_path / "a.npz").write_bytes(npz(points=points, viewpoints=viewpoints))
+        np.testing.assert_array_equal(read_scan(tmp_path / "a.npz").viewpoints, np.delete(VIEWPOINTS, 1, axis=0))
+
+    @pytest.mark.parametrize(
+        ("arrays", "message"),
+        [
+            ({"viewpoints": VIEWPOINTS[:4]}, r"viewpoints has shape \(4, 3\); wanted \(5, 3\)"),
+            ({"times": TIMES[:, None]}, r"times has shape \(5, 1\); wanted \(5,\)"),
+            ({"viewpoints": np.where(VIEWPOINTS == 6, np.nan, VIEWPOINTS)}, "viewpoints of 1 of 5 points are NaN"),
+            ({"viewpoints": VIEWPOINTS * 1e5}, "3 of 5 viewpoints lie beyond 100 km"),
+        ],
+    )
+    def test_those_that_cannot_be_used(self, tmp_path: Path, arrays: dict, message: str) -> None:
+        (tmp_path / "a.npz").write_bytes(npz(points=POINTS, **arrays))
+        with pytest.raises(InputError, match=message):
+            read_scan(tmp_path / "a.npz")
+
+    def test_two_coordinates_of_three(self, tmp_path: Path) -> None:
+        write_points(tmp_path / "a.ply", POINTS, {"vp_x": TIMES, "vp_z": TIMES})
+        with pytest.raises(InputError, match="only vp_x and vp_z; a viewpoint needs all three"):
+            read_scan(tmp_path / "a.ply")
+
+    def test_a_simulation_with_viewpoints_comes_back_from_its_folder(self, tmp_path: Path) -> None:
+        sensor = replace(SENSORS["sonar3d15"], max_range=80.0)
+        simulation = simulate(SimulationSettings(count=2, sensor=sensor, seed=11))
+        scans = [replace(scan, viewpoints=(scan.points / 10).astype(np.float32)) for scan in simulation.scans]
+        write_simulation(replace(simulation, scans=tuple(scans)), tmp_path)
+        for scan, again in zip(scans, read_scans([tmp_path]).scans, strict=True):
+            np.testing.assert_array_equal(again.viewpoints, scan.viewpoints)
+
+
+class TestTrajectoryBeside:
+    @pytest.mark.parametrize("name", ["time", "t", "timestamp", "gps_time", "scalar_GpsTime"])
+    def test_positions_between_poses(self, tmp_path: Path, name: str) -> None:
+        scan = read_scan(timed(tmp_path / "a.ply", name))
+        np.testing.assert_array_equal(scan.viewpoints, SEEN_FROM)
+        np.testing.assert_array_equal(scan.points, POINTS)
+
+    def test_beside_pcd_and_npz(self, tmp_path: Path) -> None:
+        np.testing.assert_array_equal(read_scan(timed(tmp_path / "a.pcd")).viewpoints, SEEN_FROM)
+        (tmp_path / "a.npz").write_bytes(npz(points=POINTS, times=TIMES))
+        np.testing.assert_array_equal(read_scan(tmp_path / "a.npz").viewpoints, SEEN_FROM)
+
+    def test_fields_win_and_a_note_says_so(self, tmp_path: Path) -> None:
+        write_points(tmp_path / "a.ply", POINTS, {"time": TIMES, **columns_of(SCAN)})
+        (tmp_path / "a.tum").write_text(TRAJECTORY)
+        read = read_scans([tmp_path / "a.ply"])
+        np.testing.assert_array_equal(read.scans[0].viewpoints, VIEWPOINTS)
+        assert read.notes == ("a.ply: a.tum is not used: the points have viewpoints of their own",)
+
+    def test_points_without_time_stay_as_they_are_and_a_note_says_so(self, tmp_path: Path) -> None:
+        (tmp_path / "a.ply").write_bytes(ply())
+        (tmp_path / "a.tum").write_text(TRAJECTORY)
+        read = read_scans([tmp_path])
+        assert read.scans[0].viewpoints is None
+        assert "a.tum is not used: the points have no time (a field gps_time or" in read.notes[0]
+
+    @pytest.mark.parametrize("wrong", [-0.001, 4.001, np.nan])
+    def test_points_outside_of_its_time(self, tmp_path: Path, wrong: float) -> None:
+        times = np.where(TIMES == 2.5, wrong, TIMES)
+        with pytest.raises(InputError, match=r"a\.ply: 1 of 5 points have times outside of a\.tum .* one clock"):
+            read_scan(timed(tmp_path / "a.ply", times=times))
+
+    def test_a_dropped_points_time_does_not_matter(self, tmp_path: Path) -> None:
+        points, times = POINTS.copy(), TIMES.copy()
+        points[2], times[2] = np.nan, 99
+        write_points(tmp_path / "a.ply", points, {"time": times})
+        (tmp_path / "a.tum").write_text(TRAJECTORY)
+        np.testing.assert_array_equal(read_scan(tmp_path / "a.ply").viewpoints, np.delete(SEEN_FROM, 2, axis=0))
+
+    def test_times_too_coarse(self, tmp_path: Path) -> None:
+        with pytest.raises(InputError, match=r"float32, too coarse .* write them as float64"):
+            read_scan(timed(tmp_path / "a.ply", times=(TIMES + 1.7e9).astype(np.float32)))
+
+    @pytest.mark.parametrize(
+        ("trajectory", "message"),
+        [
+            ("0 1 2 3 0 0 0 1\n4 1 2 3 0 0 0 1\n4 1 2 4 0 0 0 1\n", r"stamps do not ascend \(pose 2\)"),
+            ("0 1 2 3\n", "line 1 has 4 columns"),
+        ],
+    )
+    def test_a_trajectory_that_cannot_be_used(self, tmp_path: Path, trajectory: str, message: str) -> None:
+        with pytest.raises(InputError, match=message):
+            read_scan(timed(tmp_path / "a.ply", trajectory=trajectory))
+
+
+class TestViewpointOfPcd:
+    """PCL's sensor_origin: where the sensor was, in the frame of the points."""
+
+    NOTE = "the line VIEWPOINT is taken as the sensor's place in the frame of the points; where the points are in the "
+
+    @pytest.mark.parametrize("encoding", ["ascii", "binary", "binary_compressed"])
+    def test_it_is_where_the_sensor_was(self, tmp_path: Path, encoding: str) -> None:
+        content = pcd(encoding).replace(b"VIEWPOINT 0 0 0 1 0 0 0", b"VIEWPOINT 5 -2.5 1e-1 0.6 0 0 0.8")
+        (tmp_path / "a.pcd").write_bytes(content)
+        scan = read_scan(tmp_path / "a.pcd")
+        np.testing.assert_array_equal(scan.points, POINTS)
+        np.testing.assert_array_equal(scan.viewpoints, np.tile(np.array([5, -2.5, 0.1], np.float32), (5, 1)))
+
+    def test_a_line_for_all_files_says_so(self, tmp_path: Path) -> None:
+        for k in range(12):
+            content = pcd("binary").replace(b"VIEWPOINT 0", f"VIEWPOINT {k}".encode())
+            (tmp_path / f"scan{k}.pcd").write_bytes(content)
+        (note,) = read_scans([tmp_path]).notes
+        assert note.startswith(f"scan1.pcd and 10 more: {self.NOTE}")
+
+    def test_fields_of_the_points_win(self, tmp_path: Path) -> None:
+        write_points(tmp_path / "a.pcd", POINTS, columns_of(SCAN))
+        path = tmp_path / "a.pcd"
+        path.write_bytes(path.read_bytes().replace(b"VIEWPOINT 0 0 0", b"VIEWPOINT 5 0 0"))
+        read = read_scans([path])
+        np.testing.assert_array_equal(read.scans[0].viewpoints, VIEWPOINTS)
+        assert read.notes == ()
+
+    @pytest.mark.parametrize("line", ["0.0 0.0 -0.0 1.0 0 0 0.00", "0 0 0 0.6 0 0 0.8"])
+    def test_a_sensor_at_the_origin_needs_no_viewpoints(self, tmp_path: Path, line: str) -> None:
+        content = pcd("binary").replace(b"VIEWPOINT 0 0 0 1 0 0 0", f"VIEWPOINT {line}".encode())
+        (tmp_path / "a.pcd").write_bytes(content)
+        read = read_scans([tmp_path])
+        assert (read.scans[0].viewpoints, read.notes) == (None, ())
+
+    @pytest.mark.parametrize("line", ["1 2 3", "1 2 3 1 0 0 x", "1 2 nan 1 0 0 0", "1 2 3 1 0 0 0 0"])
+    def test_lines_that_are_none(self, tmp_path: Path, line: str) -> None:
+        content = pcd("binary").replace(b"VIEWPOINT 0 0 0 1 0 0 0", f"VIEWPOINT {line}".encode())
+        (tmp_path / "a.pcd").write_bytes(content)
+        with pytest.raises(
+            InputError, match=r"a\.pcd: its PCD header says VIEWPOINT '.*'; wanted a place and a quater"
+        ):
+            read_scan(tmp_path / "a.pcd")

@@ -1,0 +1,126 @@
+"""What is written is read again: by our readers, and by Open3D as an independent witness."""
+
+import numpy as np
+import pytest
+
+from sonarmap.kernels.errors import InputError
+from sonarmap.tools.files.readers.scans import read_scan
+from sonarmap.tools.files.writers.points import WRITERS, write_points
+
+SUFFIXES = sorted(WRITERS)
+
+
+def cloud(count: int, seed: int = 0) -> tuple[np.ndarray, dict[str, np.ndarray]]:
+    rng = np.random.default_rng(seed)
+    points = rng.normal([5.0, -3.0, 1.0], [4.0, 2.0, 0.5], (count, 3)).astype(np.float32)
+    columns = {
+        "intensity": rng.exponential(80.0, count).astype(np.float32),
+        "scan": rng.integers(0, 40, count).astype(np.int32),
+        "count": rng.integers(0, 200, count).astype(np.uint8),
+    }
+    return points, columns
+
+
+@pytest.mark.parametrize("suffix", SUFFIXES)
+@pytest.mark.parametrize("count", [1, 2, 1000])
+def test_points_and_strength_come_back_bit_by_bit(tmp_path, suffix, count):
+    points, columns = cloud(count)
+    path = tmp_path / f"map{suffix}"
+    write_points(path, points, columns)
+    scan = read_scan(path)
+    np.testing.assert_array_equal(scan.points, points)
+    assert scan.strength is not None
+    np.testing.assert_array_equal(scan.strength, columns["intensity"])
+
+
+@pytest.mark.parametrize("suffix", SUFFIXES)
+def test_points_alone_need_no_columns(tmp_path, suffix):
+    points, _ = cloud(7)
+    write_points(tmp_path / f"map{suffix}", points)
+    scan = read_scan(tmp_path / f"map{suffix}")
+    np.testing.assert_array_equal(scan.points, points)
+    assert scan.strength is None
+
+
+@pytest.mark.parametrize("suffix", SUFFIXES)
+def test_nothing_but_the_file_is_left(tmp_path, suffix):
+    points, columns = cloud(10)
+    write_points(tmp_path / "new" / f"map{suffix}", points, columns)
+    assert [path.name for path in (tmp_path / "new").iterdir()] == [f"map{suffix}"]
+
+
+@pytest.mark.parametrize("suffix", SUFFIXES)
+def test_open3d_reads_points_and_every_column(tmp_path, suffix):
+    o3d = pytest.importorskip("open3d")
+    points, columns = cloud(300)
+    path = tmp_path / f"map{suffix}"
+    write_points(path, points, columns)
+    read = o3d.t.io.read_point_cloud(str(path)).point
+    np.testing.assert_array_equal(read["positions"].numpy(), points)
+    for name, column in columns.items():
+        np.testing.assert_array_equal(read[name].numpy()[:, 0], column)
+
+
+@pytest.mark.parametrize("suffix", SUFFIXES)
+def test_columns_take_a_type_that_both_formats_have(tmp_path, suffix):
+    points, _ = cloud(3)
+    columns = {
+        "wide": np.array([1, -2, 3], np.int64),
+        "huge": np.array([1, 2, 1 << 40], np.int64),
+        "flag": np.array([True, False, True]),
+        "half": np.array([1.5, 2.5, -3.5], np.float16),
+        "big": np.array([1.25, 2.0, 3.0], ">f8"),
+        "seen": np.array([7, 8, 65535], ">u2"),
+    }
+    write_points(tmp_path / f"map{suffix}", points.astype(np.float64), columns)
+    layout = [
+        *((axis, "<f4" if suffix == ".pcd" else "<f8") for axis in "xyz"),  # Open3D reads no PCD of 8 bytes
+        ("wide", "<i4"),
+        ("huge", "<f8"),
+        ("flag", "u1"),
+        ("half", "<f4"),
+    ]
+    layout += [("big", "<f8"), ("seen", "<u2")]
+    packed = np.dtype(layout)
+    body = (tmp_path / f"map{suffix}").read_bytes()[-3 * packed.itemsize :]
+    records = np.frombuffer(body, packed)
+    np.testing.assert_array_equal(records["y"], points[:, 1].astype(np.float64))
+    for name, column in columns.items():
+        np.testing.assert_array_equal(records[name], column)
+
+
+@pytest.mark.parametrize(
+    ("columns", "said"),
+    [
+        ({"x": np.zeros(5)}, "'x'"),
+        ({"two words": np.zeros(5)}, "two words"),
+        ({"line\nbreak": np.zeros(5)}, "called"),
+        ({"short": np.zeros(4)}, r"\(4,\)"),
+        ({"table": np.zeros((5, 1))}, r"\(5, 1\)"),
+        ({"text": np.array(list("abcde"))}, "numbers"),
+    ],
+)
+def test_columns_that_no_header_can_hold_are_refused(tmp_path, columns, said):
+    with pytest.raises(InputError, match=said):
+        write_points(tmp_path / "map.ply", cloud(5)[0], columns)
+    assert list(tmp_path.iterdir()) == []
+
+
+def test_an_unknown_suffix_lists_the_known(tmp_path):
+    with pytest.raises(InputError, match=r"\.pcd.*\.ply|\.ply.*\.pcd"):
+        write_points(tmp_path / "map.laz", cloud(5)[0])
+
+
+def test_a_failed_write_keeps_what_was_there(tmp_path, monkeypatch):
+    path = tmp_path / "map.ply"
+    write_points(path, cloud(5)[0])
+    before = path.read_bytes()
+
+    def full(*_):
+        raise OSError(28, "No space left on device")
+
+    monkeypatch.setattr("os.fsync", full)
+    with pytest.raises(InputError, match="No space left"):
+        write_points(path, cloud(50)[0])
+    assert path.read_bytes() == before
+    assert len(list(tmp_path.iterdir())) == 1

@@ -1,0 +1,188 @@
+"""The methods that the spectral one is compared with: each finds what it can find, and says when it does not."""
+
+import ctypes
+import os
+from functools import cache
+
+import numpy as np
+import pytest
+from scipy.spatial.transform import RigidTransform, Rotation
+
+from sonarmap.kernels.errors import InputError
+from sonarmap.spectral.grid import Grid
+from sonarmap.spectral.result import Registration
+from sonarmap.spectral.scan import Scan
+from sonarmap.tools.extras import load_package
+from sonarmap.tools.lab.baselines.cloud import thin
+from sonarmap.tools.lab.baselines.packages import silent
+from sonarmap.tools.lab.evaluate.trajectory import pair_error
+from sonarmap.tools.lab.simulate.pairs.random_pairs import random_pair
+from sonarmap.tools.lab.simulate.sensing.noise import Noise
+from sonarmap.tools.methods.registry import METHODS, build
+
+POINTS = ("icp", "icp-plane", "fpfh-ransac", "fpfh-fgr", "kiss", "gicp")
+ANYWHERE = ("fpfh-ransac", "fpfh-fgr", "kiss")
+GRID = Grid(128, 2.0)
+# p_target = T p_source: a small motion, every number another
+SMALL = RigidTransform.from_components([1.1, -0.7, 0.4], Rotation.from_euler("ZYX", [5, 2, -3], degrees=True))
+
+
+@pytest.fixture(params=POINTS)
+def near(request: pytest.FixtureRequest) -> str:
+    """Every method: all find a small motion."""
+    return installed(request.param)
+
+
+@pytest.fixture(params=ANYWHERE)
+def anywhere(request: pytest.FixtureRequest) -> str:
+    """The methods that need no guess."""
+    return installed(request.param)
+
+
+def installed(name: str) -> str:
+    package = METHODS[name].package
+    if package:
+        pytest.importorskip(package.replace("-", "_"), reason=f"{package} is not installed: pip install {package}")
+    return name
+
+
+@cache
+def easy() -> tuple[Scan, Scan, RigidTransform]:
+    return random_pair(21, (0.8, 0.98), Noise(sigma2=0.5))
+
+
+@cache
+def elsewhere() -> Scan:
+    return random_pair(22, (0.8, 0.98), Noise(sigma2=0.5))[1]
+
+
+def turned(scan: Scan, T_new_old: RigidTransform) -> Scan:
+    return Scan(T_new_old.apply(scan.points.astype(np.float64)).astype(np.float32), name="turned")
+
+
+def nearly(scan: Scan) -> tuple[Scan, Scan]:
+    """The halves of a scan's points, the second seen from SMALL: no point is in both."""
+    target = Scan(scan.points[::2], name="target")
+    return target, turned(Scan(scan.points[1::2]), SMALL.inv())
+
+
+def register(name: str, target: Scan, source: Scan, seed: int = 0) -> Registration:
+    registrar = build(name, GRID, seed=seed)
+    return registrar.register(registrar.prepare(target), registrar.prepare(source))
+
+
+def check(found: Registration, truth: RigidTransform) -> None:
+    error = pair_error(found.T_target_source, truth)
+    assert error.within(1.0, GRID.voxel), error
+    assert found.accepted, found.reason
+    assert found.reason
+    assert np.isnan(found.psr)
+    assert found.seconds > 0
+    assert np.linalg.eigvalsh(found.covariance).min() > 0
+
+
+def test_a_small_motion_is_found(near: str) -> None:
+    found = register(near, *nearly(easy()[0]))
+    check(found, SMALL)
+    assert found.overlap > 0.95
+
+
+def test_a_large_one_is_found_without_a_guess(anywhere: str) -> None:
+    target, source, truth = easy()
+    check(register(anywhere, target, source), truth)
+
+
+def test_turning_the_source_turns_the_answer(anywhere: str) -> None:
+    """With T_s a sensor that is turned and moved, T_target_new = T_target_old inverse(T_new_old)."""
+    target, source, _ = easy()
+    T_new_old = RigidTransform.from_components([2, -3, 1], Rotation.from_euler("ZYX", [130, -8, 15], degrees=True))
+    before = register(anywhere, target, source)
+    after = register(anywhere, target, turned(source, T_new_old))
+    check(after, before.T_target_source * T_new_old.inv())
+
+
+@pytest.mark.slow
+def test_another_place_is_refused(near: str) -> None:
+    found = register(near, easy()[0], elsewhere())
+    assert not found.accepted
+    assert "believed from" in found.reason
+
+
+def test_the_same_seed_gives_the_same_bytes(near: str) -> None:
+    pair = nearly(easy()[0])
+    first, *others = (register(near, *pair, seed=5) for _ in range(3))
+    for other in others:
+        assert other.T_target_source.as_matrix().tobytes() == first.T_target_source.as_matrix().tobytes()
+        assert other.covariance.tobytes() == first.covariance.tobytes()
+        assert (other.overlap, other.reason) == (first.overlap, first.reason)
+
+
+def test_the_seed_is_heard() -> None:
+    """Two scans with nothing in common: another seed draws another wrong answer."""
+    first, second = (register("fpfh-ransac", easy()[0], elsewhere(), seed) for seed in (1, 2))
+    assert not np.allclose(first.T_target_source.as_matrix(), second.T_target_source.as_matrix())
+
+
+def test_too_few_points_are_refused(near: str) -> None:
+    registrar = build(near, GRID)
+    scan = Scan(np.random.default_rng(1).uniform(-0.5, 0.5, (500, 3)).astype(np.float32), name="crumb")
+    with pytest.raises(InputError, match=r"crumb: its points fill \d+ voxels of 2 m; wanted at least 20"):
+        registrar.prepare(scan)
+
+
+@pytest.mark.parametrize("count", [30, 60])
+def test_scans_of_a_few_scattered_points_are_refused(near: str, count: int) -> None:
+    """No point has neighbors enough for a normal or a feature; libraries have been seen to crash on that."""
+    rng = np.random.default_rng(7)
+    target, source = (Scan(rng.uniform(-40, 40, (count, 3)).astype(np.float32)) for _ in range(2))
+    found = register(near, target, source)
+    assert not found.accepted
+    assert np.linalg.eigvalsh(found.covariance).min() > 0
+
+
+def test_nothing_of_theirs_reaches_stdout(near: str, capfd: pytest.CaptureFixture[str]) -> None:
+    capfd.readouterr()
+    register(near, easy()[0], elsewhere())
+    assert capfd.readouterr().out == ""
+
+
+def test_silence_is_of_c_and_of_python_and_ends(capfd: pytest.CaptureFixture[str]) -> None:
+    c = ctypes.CDLL(None)
+    print("before")
+    with silent():
+        c.printf(b"from C\n")
+        os.write(1, b"from the system\n")
+    print("after")
+    c.fflush(None)
+    assert capfd.readouterr().out == "before\nafter\n"
+
+
+def test_a_missing_package_is_told() -> None:
+    with pytest.raises(InputError, match=r"the method kiss needs the package no-such-thing.*sonarmap\[peers\]"):
+        load_package("no_such_thing", "no-such-thing", "the method kiss", "peers")
+
+
+def test_a_name_that_is_none_is_told() -> None:
+    with pytest.raises(InputError, match="no method is called 'ipc'; wanted one of spectral, hemisphere, planes, icp"):
+        build("ipc", GRID)
+
+
+@pytest.mark.parametrize("name", sorted(set(POINTS) - {"kiss", "gicp"}))
+def test_no_device_is_chosen(name: str, monkeypatch: pytest.MonkeyPatch) -> None:
+    def never(*_: object) -> None:
+        raise AssertionError("a device was chosen")
+
+    monkeypatch.setattr("sonarmap.kernels.device.device.choose_device", never)
+    build(name, GRID)
+    with pytest.raises(AssertionError, match="a device was chosen"):
+        build("spectral", GRID)
+
+
+def test_normals_are_on_the_side_where_the_sensor_was() -> None:
+    x, y = np.meshgrid(np.arange(0, 20, 0.5), np.arange(0, 20, 0.5))
+    points = np.column_stack([x.ravel(), y.ravel(), np.full(x.size, -5)]).astype(np.float32)
+    side = np.where(points[:, :1] < 10, [0, 0, 10], [0, 0, -10])
+    for viewpoints, up in ((None, np.ones(40)), ((points + side).astype(np.float32), np.repeat([1, -1], 20))):
+        cloud = thin(Scan(points, viewpoints=viewpoints), 0.5)
+        order = np.lexsort((cloud.points[:, 0], cloud.points[:, 1]))
+        np.testing.assert_allclose(cloud.normals[order][:, 2].reshape(-1, 40), np.tile(up, (40, 1)), atol=1e-9)

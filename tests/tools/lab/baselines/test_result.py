@@ -1,0 +1,111 @@
+"""What the baselines say of their uncertainty: its order, its side, its size."""
+
+import numpy as np
+from scipy.spatial.transform import RigidTransform, Rotation
+
+from sonarmap.spectral.scan import Scan
+from sonarmap.tools.lab.baselines.cloud import thin
+from sonarmap.tools.lab.baselines.icp import iterate
+from sonarmap.tools.lab.baselines.result import covariance, overlap
+
+VOXEL = 0.5
+# p_target = T p_source: a quarter turn and more, so that the axes of both sides differ
+T_TRUE = RigidTransform.from_components([6.0, -2.0, 1.0], Rotation.from_euler("ZYX", [80, 10, -5], degrees=True))
+
+
+def sheet(rng: np.random.Generator, corner: list[float], first: list[float], second: list[float]) -> np.ndarray:
+    """Points (n, 3) at random on a parallelogram [m], 40 to the square meter."""
+    a, b = np.array(first), np.array(second)
+    count = int(40 * np.linalg.norm(np.cross(a, b)))
+    return np.array(corner) + rng.uniform(size=(count, 1)) * a + rng.uniform(size=(count, 1)) * b
+
+
+def room(seed: int, noise: float = 0.05, end: bool = True) -> np.ndarray:
+    """Points [m, target's frame] on a floor and a wall along x, and on a wall across it unless it is open."""
+    rng = np.random.default_rng(seed)
+    floor = sheet(rng, [2, -4, -2], [16, 0, 0], [0, 8, 0])
+    wall = sheet(rng, [2, 4, -2], [16, 0, 0], [0, 0, 5])
+    across = sheet(rng, [18, -4, -2], [0, 8, 0], [0, 0, 5])
+    points = np.vstack([floor, wall, across] if end else [floor, wall])
+    return points + noise * rng.normal(size=points.shape)
+
+
+def clouds(seed: int, end: bool = True):
+    target = Scan(room(seed, end=end).astype(np.float32))
+    source = Scan(T_TRUE.inv().apply(room(1000 + seed, end=end)).astype(np.float32))
+    return thin(target, VOXEL), thin(source, VOXEL)
+
+
+def test_an_open_end_leaves_the_way_along_the_walls_uncertain() -> None:
+    """The walls run along the target's x: in the source's frame, that of the covariance, that is R^T x."""
+    C = covariance(*clouds(3, end=False), T_TRUE, VOXEL)
+    values, axes = np.linalg.eigh(C[3:, 3:])
+    along = T_TRUE.rotation.inv().apply([1.0, 0.0, 0.0])
+    assert abs(axes[:, 2] @ along) > 0.99
+    assert values[2] > 20 * values[1]
+    closed = covariance(*clouds(3), T_TRUE, VOXEL)
+    assert along @ C[3:, 3:] @ along > 20 * (along @ closed[3:, 3:] @ along)
+
+
+def test_a_single_wall_has_a_covariance_too() -> None:
+    rng = np.random.default_rng(4)
+    target, source = (thin(Scan(sheet(rng, [5, -4, -3], [0, 8, 0], [0, 0, 6]).astype(np.float32)), VOXEL) for _ in "ab")
+    C = covariance(target, source, RigidTransform.identity(), VOXEL)
+    sigmas = np.sqrt(np.diag(C))
+    assert np.linalg.eigvalsh(C).min() > 0
+    assert sigmas[0] > 50 * sigmas[1]  # a turn about x, the wall's normal
+    assert sigmas[4] > 5.0  # along it, about the scan's size [m]
+    assert sigmas[3] < 0.2
+
+
+def test_it_is_that_of_the_scatter() -> None:
+    """ICP from the truth under forty noises: the errors' sizes, direction by direction, are within a factor 4."""
+    errors, stated = [], []
+    for seed in range(40):
+        target, source = clouds(seed)
+        T = iterate(target, source, T_TRUE, [1.0], "plane")
+        errors.append((T.inv() * T_TRUE).as_exp_coords())
+        stated.append(covariance(target, source, T, VOXEL))
+    mean = np.mean(stated, axis=0)
+    scatter = np.cov(np.array(errors).T)
+    # in the coordinates in which what is stated is the identity
+    whitening = np.linalg.inv(np.linalg.cholesky(mean))
+    ratios = np.sqrt(np.linalg.eigvalsh(whitening @ scatter @ whitening.T))
+    assert ratios.max() < 4
+    assert np.median(ratios) > 1 / 6
+    # and it is no other order or side: these make of asymmetric numbers something else
+    swapped = np.roll(np.roll(scatter, 3, axis=0), 3, axis=1)
+    assert (
+        np.abs(np.log(np.diag(mean) / np.diag(scatter))).max() < np.abs(np.log(np.diag(mean) / np.diag(swapped))).max()
+    )
+
+
+def test_the_hessian_is_that_of_numerical_steps() -> None:
+    """The stated information is the curvature of the squared distances under steps T Exp(xi), whatever the order."""
+    target, source = clouds(5)
+    moved = T_TRUE.apply(source.points)
+    _, nearest = target.tree.query(moved)
+    near = np.linalg.norm(moved - target.points[nearest], axis=1) <= 2 * VOXEL
+
+    def off(xi: np.ndarray) -> np.ndarray:
+        stepped = (T_TRUE * RigidTransform.from_exp_coords(xi)).apply(source.points[near])
+        return np.sum(target.normals[nearest[near]] * (stepped - target.points[nearest[near]]), axis=1)
+
+    step = 1e-5
+    J = np.stack([(off(step * axis) - off(-step * axis)) / (2 * step) for axis in np.eye(6)], axis=1)
+    scaled = np.linalg.inv(covariance(target, source, T_TRUE, VOXEL))
+    wanted = J.T @ J
+    np.testing.assert_allclose(scaled / scaled[5, 5], wanted / wanted[5, 5], rtol=1e-2, atol=2e-3)
+
+
+def test_overlap_is_the_smaller_share() -> None:
+    rng = np.random.default_rng(6)
+    whole = sheet(rng, [5, -8, -3], [0, 16, 0], [0, 0, 6])
+    target, source = (
+        thin(Scan(whole.astype(np.float32)), VOXEL),
+        thin(Scan(whole[whole[:, 1] < -4].astype(np.float32)), VOXEL),
+    )
+    for pair in ((target, source), (source, target)):
+        share = overlap(*pair, RigidTransform.identity(), 2 * VOXEL)
+        assert 0.25 < share < 0.25 + 1.5 * 2 * VOXEL / 16
+    assert overlap(target, source, RigidTransform.from_translation([50.0, 0, 0]), 2 * VOXEL) == 0

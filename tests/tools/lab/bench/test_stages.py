@@ -1,0 +1,107 @@
+"""Stages that are timed, and what a device is asked for counted by hand."""
+
+import time
+
+import numpy as np
+import pytest
+
+from sonarmap.kernels.device.device import Device, choose_device
+from sonarmap.kernels.device.launch import zero
+from sonarmap.kernels.device.trace import Counts, tracing
+from sonarmap.kernels.fft.transform import RealFFT
+from sonarmap.kernels.points.voxelize import voxelize
+from sonarmap.tools.lab.bench import stages
+from sonarmap.tools.lab.bench.stages import BUILDS, PAIR_STAGES, SURVEY_STAGES, clocked, places
+
+
+@pytest.fixture(scope="module")
+def noting() -> Device:
+    """A device whose queue notes times."""
+    chosen = choose_device()
+    return Device(chosen.cl_device, chosen.selector, profiling=True)
+
+
+class TestTrace:
+    def test_launches_reads_and_bytes(self, noting: Device) -> None:
+        volume, points = noting.empty((16, 16, 16)), noting.to_device(np.zeros((5, 4), np.float32))
+        counts = Counts()
+        with tracing(noting, lambda: counts):
+            voxelize(noting, points, 16, out=volume)
+            counts.launches = counts.array_bytes = 0
+            fft = RealFFT(noting, (16, 16, 16))
+            spectrum = fft.forward(volume)
+            held = spectrum.get()
+            other = noting.to_device(np.ones(3, np.float32))
+            noting.queue.finish()
+        assert held.nbytes == 8 * 16 * 16 * 16
+        assert counts.launches == 2
+        assert counts.array_bytes == 2 * (volume.nbytes + spectrum.nbytes)
+        assert (counts.reads, counts.read_bytes) == (2, held.nbytes)  # the spectrum, and the end of the queue
+        assert (counts.writes, counts.written_bytes) == (1, other.nbytes)
+        assert all(seconds > 0 for seconds in counts.kernel_seconds().values())
+
+    def test_nothing_is_counted_outside(self, noting: Device) -> None:
+        counts = Counts()
+        with tracing(noting, lambda: counts):
+            pass
+        zero(noting, noting.empty((4096,)))
+        noting.queue.finish()
+        assert (counts.launches, counts.reads, counts.writes) == (0, 0, 0)
+
+    def test_another_device_does_not_count(self, noting: Device, device: Device) -> None:
+        counts = Counts()
+        with tracing(noting, lambda: counts):
+            device.to_device(np.ones(3, np.float32)).get()
+        assert (counts.reads, counts.writes) == (0, 0)
+
+    def test_no_times_where_the_queue_notes_none(self, device: Device) -> None:
+        counts = Counts()
+        with tracing(device, lambda: counts):
+            RealFFT(device, (16, 16, 16)).forward(device.to_device(np.ones((16, 16, 16), np.float32)))
+        device.queue.finish()
+        assert len(counts.events) == 2
+        assert counts.kernel_seconds() == {}
+
+
+def _inner() -> None:
+    time.sleep(0.01)
+
+
+class _Outer:
+    def work(self) -> str:
+        time.sleep(0.005)
+        _inner()
+        _inner()
+        return "done"
+
+
+class TestClock:
+    def test_a_stage_knows_its_own_time(self) -> None:
+        here = __name__
+        with clocked({f"{here}:_Outer.work": "outer", f"{here}:_inner": "inner"}) as clock:
+            assert _Outer().work() == "done"
+        _inner()
+        outer, inner = clock.stages["outer"], clock.stages["inner"]
+        assert (outer.calls, inner.calls) == (1, 2)
+        assert inner.seconds >= 0.02
+        assert outer.seconds == pytest.approx(outer.own_seconds + inner.seconds)
+        assert outer.own_seconds >= 0.005
+
+    def test_what_a_device_does_counts_to_the_innermost(self, noting: Device) -> None:
+        place = "sonarmap.kernels.fft.transform:RealFFT.forward"
+        volume = noting.to_device(np.ones((16, 16, 16), np.float32))
+        with clocked({place: "transform"}, noting) as clock:
+            RealFFT(noting, (16, 16, 16)).forward(volume).get()
+        assert clock.stages["transform"].counts.launches == 2
+        assert clock.stages[""].counts.reads == 1
+
+    def test_an_error_ends_a_stage_too(self) -> None:
+        with clocked({"sonarmap.tools.lab.bench.stages:places": "places"}) as clock, pytest.raises(AttributeError):
+            stages.places("sonarmap.kernels.errors:Nothing")
+        assert clock.stages["places"].calls == 1
+        assert stages.places is places
+
+    @pytest.mark.parametrize("place", [*PAIR_STAGES, *SURVEY_STAGES, *BUILDS])
+    def test_every_stage_is_still_where_it_is_said_to_be(self, place: str) -> None:
+        """Whoever renames a function gives the stage its new name in tools/lab/bench/stages.py."""
+        assert all(callable(function) for _, _, function in places(place))

@@ -1,0 +1,233 @@
+"""`sonarmap evaluate` with a map, a surface and a survey's summary."""
+
+import json
+from pathlib import Path
+
+import numpy as np
+import pytest
+from scipy.spatial.transform import RigidTransform, Rotation
+
+from sonarmap.kernels.errors import InputError
+from sonarmap.slam.graph.trajectory import Trajectory
+from sonarmap.tools.files.writers.points import write_ply
+from sonarmap.tools.files.writers.tum import write_tum
+from sonarmap.tools.lab.evaluate.survey_summary import read_summary
+from tests.samples.clutter_scans import refused_with_reason, said, sonarmap
+
+COUNT = 6
+TRUTH = Trajectory(
+    np.arange(float(COUNT)),
+    RigidTransform.from_components(
+        np.column_stack([3.0 * np.arange(COUNT), np.arange(COUNT) ** 2, np.zeros(COUNT)]),
+        Rotation.from_euler("ZYX", np.outer(np.arange(COUNT), [17, 2, -3]), degrees=True),
+    ),
+)
+WORLD = RigidTransform.from_components((-8.0, 4.0, 1.0), Rotation.from_euler("ZYX", (0.9, 0.1, -0.2)))
+ESTIMATE = Trajectory(TRUTH.stamps, WORLD * TRUTH.T_world_sensor)
+POINTS = np.random.default_rng(8).uniform(-10, 10, (500, 3))
+
+
+HEADING = "target,source,role,kept,reason,x_m,y_m,z_m,roll_deg,pitch_deg,yaw_deg"
+
+
+def pair(i: int, j: int, role: str, kept: str, off_m: float | None = 0.0) -> str:
+    """A row of pairs.csv, wrong by so much; a failed one without it."""
+    if off_m is None:
+        return f"{i},{j},{role},{kept},failed,,,,,,"
+    T = TRUTH.T_world_sensor[i].inv() * TRUTH.T_world_sensor[j] * RigidTransform.from_translation((off_m, 0, 0))
+    yaw, pitch, roll = T.rotation.as_euler("ZYX", degrees=True).tolist()
+    return ",".join(map(str, [i, j, role, kept, "told", *T.translation.tolist(), roll, pitch, yaw]))
+
+
+PAIRS = [
+    *(pair(k, k + 1, "sequential", "yes") for k in range(COUNT - 1)),
+    pair(0, 4, "loop", "yes", 1.4),
+    pair(0, 5, "loop", "no", 1.4),
+    pair(1, 5, "bridge", "yes", 1.6),
+    pair(2, 5, "loop", "no", None),
+]
+
+
+def write_pairs(folder: Path, *rows: str) -> None:
+    (folder / "pairs.csv").write_text("\n".join([*rows, ""]))
+
+
+def summary(covariances: bool) -> dict:
+    """The keys of a survey's summary that an evaluation reads, and some that it does not."""
+    rows = [{"index": k, "name": f"scan_{k}", "stamp": float(k), "sigmas": {}} for k in range(COUNT)]
+    if covariances:
+        rows = [row | {"covariance": ((1e-12 if k == 0 else 0.01) * np.eye(6)).tolist()} for k, row in enumerate(rows)]
+    return {
+        "settings": {"grid": {"edge": 128, "voxel": 0.5}},
+        "scans": rows,
+        "pairs": {"file": "pairs.csv", "tried": len(PAIRS), "kept": 7},
+        "components": [{"scans": list(range(COUNT)), "map": {"points": 500, "voxel_m": 0.25}}],
+        "graph": {"edges": 7},
+    }
+
+
+@pytest.fixture
+def files(tmp_path: Path) -> Path:
+    write_tum(tmp_path / "estimate.tum", ESTIMATE)
+    write_tum(tmp_path / "truth.tum", TRUTH)
+    write_ply(tmp_path / "truth.ply", POINTS)
+    write_ply(tmp_path / "map.ply", WORLD.apply(POINTS + np.array([0.0, 0.2, 0.0])))
+    (tmp_path / "summary.json").write_text(json.dumps(summary(covariances=True)))
+    write_pairs(tmp_path, HEADING, *PAIRS)
+    return tmp_path
+
+
+def evaluated(folder: Path, *options: str) -> dict:
+    result = sonarmap("evaluate", folder / "estimate.tum", folder / "truth.tum", *options, "--json")
+    assert result.exit_code == 0, result.stderr
+    return json.loads(result.stdout)
+
+
+def test_without_the_options_their_keys_are_there_and_empty(files: Path) -> None:
+    told = evaluated(files)
+    assert [told[name] for name in ("map", "pairs", "uncertainty")] == [None, None, None]
+
+
+@pytest.mark.parametrize("align", ["poses", "first"])
+def test_a_map_is_laid_over_the_truth_as_its_trajectory(files: Path, align: str) -> None:
+    options = ("--map", str(files / "map.ply"), "--surface", str(files / "truth.ply"), "--voxel", "0.3")
+    told = evaluated(files, *options, "--align", align)["map"]
+    assert told["median_m"] == pytest.approx(0.2, abs=1e-6)
+    assert told["p90_m"] == pytest.approx(0.2, abs=1e-6)
+    assert (told["within_voxel"], told["voxel_m"], told["nearest"]) == (1.0, 0.3, "point")
+    assert told["alignment"] == align
+    by_summary = evaluated(files, *options[:4], "--summary", str(files / "summary.json"))["map"]
+    assert (by_summary["within_voxel"], by_summary["voxel_m"]) == (1.0, 0.25)
+
+
+def test_loops_are_all_pairs_but_consecutive_ones(files: Path) -> None:
+    told = evaluated(files, "--summary", str(files / "summary.json"))["pairs"]
+    assert told["sequential"]["kept_right"] == COUNT - 1
+    names = ("kept_right", "kept_wrong", "rejected_right", "rejected_wrong", "failed", "unjudged")
+    assert [told["loops"][name] for name in names] == [1, 1, 1, 0, 1, 0]
+    assert (told["loops"]["precision"], told["loops"]["recall"]) == (0.5, 0.5)
+
+
+def test_scans_without_truth_leave_their_pairs_unjudged(files: Path) -> None:
+    write_tum(files / "truth.tum", TRUTH.take(range(5)))
+    told = evaluated(files, "--summary", str(files / "summary.json"))
+    assert (told["pairs"]["loops"]["unjudged"], told["pairs"]["sequential"]["unjudged"]) == (2, 1)
+    assert told["uncertainty"]["poses"] == 4
+    write_tum(files / "truth.tum", TRUTH.take(range(1, 6)))
+    refused = sonarmap("evaluate", files / "estimate.tum", files / "truth.tum", "--summary", files / "summary.json")
+    assert refused.exit_code == 2
+    said(refused, "the first pose of the estimate's component")
+
+
+def test_uncertainty_is_judged_against_the_first_pose(files: Path) -> None:
+    told = evaluated(files, "--summary", str(files / "summary.json"))["uncertainty"]
+    assert (told["anchor"], told["poses"], told["within_95"]) == ("first", COUNT - 1, 1.0)
+    assert told["nees_mean"] == pytest.approx(0, abs=1e-8)
+    (files / "summary.json").write_text(json.dumps(summary(covariances=False)))
+    without = sonarmap("evaluate", files / "estimate.tum", files / "truth.tum", "--summary", files / "summary.json")
+    assert without.exit_code == 0
+    said(without, "has no covariances of the poses")
+
+
+def test_everything_is_printed_with_its_alignment(files: Path) -> None:
+    options = ("--map", files / "map.ply", "--surface", files / "truth.ply", "--summary", files / "summary.json")
+    printed = sonarmap("evaluate", files / "estimate.tum", files / "truth.tum", *options).stdout
+    assert (
+        ": 500 points compared with the 500 points of truth.ply, aligned like the trajectory by all poses." in printed
+    )
+    assert "pairs, right within 6° and 1.50 m" in printed
+    assert "Uncertainty of 5 poses, relative to the first pose: 100.0 % of the true poses" in printed
+    rows = [line.split() for line in printed.splitlines()]
+    assert rows[[row[:1] for row in rows].index(["pairs,"])][-1] == "loops"
+    loops = [row[-1] for row in rows if row and row[0] in ("kept", "rejected", "failed", "unjudged")]
+    assert loops == ["1", "1", "1", "0", "1", "0"]
+    shares = [row[-1] for row in rows if row and row[0] in ("precision", "recall", "rejections'")]
+    assert shares == ["0.500", "0.500", "0.000", "0.000"]
+
+
+@pytest.mark.parametrize(
+    ("options", "words"),
+    [
+        (["--map", "map.ply"], "--map needs --surface"),
+        (["--surface", "truth.ply"], "--surface needs --map"),
+        (["--voxel", "1"], "leave --voxel out"),
+        (["--map", "map.ply", "--surface", "truth.ply"], "give --voxel, or the map's --summary"),
+        (["--summary", "truth.ply"], "expected the summary.json"),
+        (["--summary", "none.json"], "expected the summary.json"),
+    ],
+)
+def test_options_that_do_not_go_together_are_refused(files: Path, options: list[str], words: str) -> None:
+    arguments = [str(files / word) if "." in word else word for word in options]
+    result = sonarmap("evaluate", files / "estimate.tum", files / "truth.tum", *arguments)
+    refused_with_reason(result)
+    said(result, words)
+
+
+@pytest.mark.parametrize(
+    ("change", "named"),
+    [
+        ({"settings": {}}, "settings.grid"),
+        ({"scans": [{"stamp": "late"}]}, "scans.0.stamp"),
+        ({"scans": [{"stamp": 0.0, "covariance": [[1.0]]}]}, "reshape"),
+        ({"pairs": {"tried": "many"}}, "pairs.tried"),
+        ({"pairs": {"tried": 8}}, r"summary.json counts 8 pairs, and .*pairs.csv has 9; give both"),
+        ({"pairs": [{"target": 0, "source": 1}]}, "earlier version.* map again"),
+        ({"components": []}, "no component"),
+    ],
+)
+def test_a_summary_that_is_none_is_refused(tmp_path: Path, change: dict, named: str) -> None:
+    (tmp_path / "summary.json").write_text(json.dumps(summary(covariances=False) | change))
+    write_pairs(tmp_path, HEADING, *PAIRS)
+    with pytest.raises(InputError, match=named):
+        read_summary(tmp_path / "summary.json")
+
+
+SOUND = "0,1,loop,yes,told,1,2,3,4,5,6"
+
+
+@pytest.mark.parametrize(
+    ("rows", "words"),
+    [
+        ([], "holds no line but comments"),
+        (["a,b"], "line 1: the column target is there 0 times; wanted the columns target, source, role"),
+        ([HEADING + ",x_m"], "line 1: the column x_m is there 2 times"),
+        ([HEADING, SOUND, "0,1,loop,yes,told,1,2"], "line 3: it has 7 cells where the heading has 11"),
+        (
+            [HEADING, SOUND.replace("0,1", "0,6")],
+            "line 2: source is '6'; wanted the number of a scan, 0 to 5; fix that",
+        ),
+        ([HEADING, SOUND.replace("0,1", "-1,1")], "line 2: target is '-1'; wanted the number of a scan"),
+        ([HEADING, SOUND.replace("loop", "lop")], "line 2: role is 'lop'; wanted one of sequential, bridge, loop"),
+        ([HEADING, SOUND.replace("yes", "True")], "line 2: kept is 'True'; wanted yes or no"),
+        (
+            [HEADING, SOUND.replace("3,4", "3,")],
+            "line 2: roll_deg is ''; wanted a number within 180, or all of x_m, y_m",
+        ),
+        ([HEADING, SOUND.replace("2,3", "nan,3")], "line 2: y_m is 'nan'; wanted a number within 1e+09"),
+        ([HEADING, SOUND.replace("5,6", "5,181")], "line 2: yaw_deg is '181'; wanted a number within 180"),
+        ([HEADING, SOUND.replace("told", '"told')], "line 2 is not a CSV line"),
+    ],
+)
+def test_a_table_of_pairs_that_is_none_is_refused(files: Path, rows: list[str], words: str) -> None:
+    write_pairs(files, *rows)
+    result = sonarmap("evaluate", files / "estimate.tum", files / "truth.tum", "--summary", files / "summary.json")
+    refused_with_reason(result)
+    said(result, "error: ", str(files / "pairs.csv"), words)
+
+
+def test_a_summary_without_its_table_is_refused(files: Path) -> None:
+    (files / "pairs.csv").unlink()
+    with pytest.raises(InputError, match=r"summary.json needs the pairs.csv of its map beside it"):
+        read_summary(files / "summary.json")
+
+
+def test_a_table_that_a_spreadsheet_saved_is_read(files: Path) -> None:
+    """With semicolons, decimal commas, a byte-order mark and line breaks of another system."""
+    before = read_summary(files / "summary.json").pairs
+    text = (files / "pairs.csv").read_text().replace(",", ";").replace(".", ",").replace("\n", "\r\n")
+    (files / "pairs.csv").write_bytes(text.encode("utf-8-sig"))
+    for ours, theirs in zip(before, read_summary(files / "summary.json").pairs, strict=True):
+        assert (ours.target, ours.role, ours.kept) == (theirs.target, theirs.role, theirs.kept)
+        assert (ours.T_target_source is None) == (theirs.T_target_source is None)
+        if ours.T_target_source is not None and theirs.T_target_source is not None:
+            assert (ours.T_target_source.as_matrix() == theirs.T_target_source.as_matrix()).all()

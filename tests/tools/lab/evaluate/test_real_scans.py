@@ -1,0 +1,205 @@
+"""Real scans, where the folder of shared data lies beside the checkout: RGB-D fragments with truth, a real sonar."""
+
+from dataclasses import dataclass
+from itertools import combinations, pairwise
+from pathlib import Path
+
+import numpy as np
+import pytest
+from scipy.spatial.transform import RigidTransform
+
+from sonarmap.slam.map.crossing import crossing_error
+from sonarmap.slam.mapper import Mapper
+from sonarmap.slam.survey_result import SurveyResult
+from sonarmap.spectral.grid import choose_grid
+from sonarmap.spectral.result import Registration
+from sonarmap.spectral.scan import Scan
+from sonarmap.tools.files.readers.scans import read_scans
+from sonarmap.tools.methods.registry import build
+from tests.samples.places import DATA
+from tests.samples.structures import difference
+
+SHARED = DATA
+KITCHEN, SHIP = SHARED / "redkitchen", SHARED / "sonar3d15" / "ship_short.sonar"
+
+
+@dataclass(frozen=True, slots=True)
+class Mapped:
+    """Scans as one survey with loops, by the default method, with nothing but its defaults."""
+
+    scans: tuple[Scan, ...]
+    voxel: float
+    result: SurveyResult
+
+    @property
+    def poses(self) -> RigidTransform:
+        return self.result.trajectory.T_world_sensor
+
+    @property
+    def registrations(self) -> dict[tuple[int, int], Registration]:
+        """Of every pair that was registered, by its scans."""
+        return {(pair.i, pair.j): pair.registration for pair in self.result.pairs if pair.registration}
+
+
+def mapped(*inputs: Path) -> Mapped:
+    scans = read_scans(inputs).scans
+    grid = choose_grid(scans)
+    return Mapped(scans, grid.voxel, Mapper(build("spectral", grid), grid.voxel).run(scans))
+
+
+@pytest.fixture(scope="module")
+def kitchen() -> Mapped:
+    """Three fragments of a kitchen."""
+    if not KITCHEN.is_dir():
+        pytest.skip("shared/data/redkitchen is not beside the checkout")
+    return mapped(*sorted(KITCHEN.glob("*.ply")))
+
+
+@pytest.fixture(scope="module")
+def ship() -> Mapped:
+    """Six frames of a sonar before a ship."""
+    if not SHIP.is_file():
+        pytest.skip("shared/data/sonar3d15 is not beside the checkout")
+    return mapped(SHIP)
+
+
+def true_transforms() -> dict[tuple[int, int], RigidTransform]:
+    """gt.log: a line 'i j n' and the matrix that maps fragment j into fragment i."""
+    rows = [line.split() for line in (KITCHEN / "gt.log").read_text().splitlines() if line.strip()]
+    return {
+        (int(head[0]), int(head[1])): RigidTransform.from_matrix(np.array(matrix, dtype=float))
+        for head, *matrix in (rows[n : n + 5] for n in range(0, len(rows), 5))
+    }
+
+
+def print_pairs(result: SurveyResult) -> None:
+    """Print what became of every pair."""
+    for pair in result.pairs:
+        print(f"{pair.i}, {pair.j} {pair.role}: {pair.residual:.2f} sigmas; {pair.reason}")
+
+
+def crossings(survey: Mapped) -> tuple[float, float]:
+    """The median crossing error before the loops and after [m], every scan taken for a pass of its own; printed."""
+    before, scans = survey.result.chained.T_world_sensor, survey.scans
+    error = crossing_error(scans, before, survey.poses, survey.voxel, surveys=range(len(scans)))
+    assert error.before is not None
+    assert error.after is not None
+    print(
+        f"{len(error.crossings)} crossings: median {100 * error.before.median:.2f} cm before the loops, "
+        f"{100 * error.after.median:.2f} after; 90 % within {100 * error.before.most:.2f} and "
+        f"{100 * error.after.most:.2f}; the voxel is {100 * survey.voxel:.2f}"
+    )
+    return error.before.median, error.after.median
+
+
+def test_kitchen_fragments_are_registered_as_the_truth_has_them(kitchen: Mapped) -> None:
+    """All pairs within 3 degrees, and within a voxel at the middle of the source's points; all believed.
+
+    The fragments lie 1 to 4 m before their origin, so that a degree moves the origin by a voxel or two.
+    """
+    scans, voxel, truth = kitchen.scans, kitchen.voxel, true_transforms()
+    assert kitchen.registrations.keys() == {(0, 1), (1, 2), (0, 2)}
+    for (i, j), registration in kitchen.registrations.items():
+        T = registration.T_target_source
+        middle = scans[j].points.mean(axis=0)
+        angle, origin = difference(T, truth[i, j])
+        off = float(np.linalg.norm(T.apply(middle) - truth[i, j].apply(middle)))
+        print(
+            f"fragments {i}, {j}: {angle:.2f} degrees, {off / voxel:.2f} voxels of {voxel:.4f} m, "
+            f"{origin / voxel:.2f} at the origin; probability {registration.probability:.4f}"
+        )
+        assert registration.accepted
+        assert angle < 3
+        assert off < voxel
+
+
+def test_frames_of_a_sonar_agree_with_their_mean_chain(ship: Mapped) -> None:
+    """Each of the 15 pairs of six frames within 1 degree and 3 cm of what the optimized chain says; all believed."""
+    registrar, poses = build("spectral", choose_grid(ship.scans)), ship.poses
+    prepared = [registrar.prepare(scan) for scan in ship.scans]
+    registrations = ship.registrations
+    for i, j in set(combinations(range(6), 2)) - registrations.keys():
+        registrations[i, j] = registrar.register(prepared[i], prepared[j])
+    differences = [
+        difference(registration.T_target_source, poses[i].inv() * poses[j])
+        for (i, j), registration in registrations.items()
+    ]
+    angle, distance = np.max(differences, axis=0)
+    print(f"{len(differences)} pairs, at most {angle:.2f} degrees and {100 * distance:.1f} cm from the mean chain")
+    assert all(registration.accepted for registration in registrations.values())
+    assert len(differences) == 15
+    assert angle < 1
+    assert distance < 0.03
+
+
+def test_kitchen_fragments_come_out_as_the_truth_has_them(kitchen: Mapped) -> None:
+    """Within 6 degrees and 2 voxels, before the graph and after it."""
+    voxel, poses, truth = kitchen.voxel, kitchen.poses, true_transforms()
+    for i, j in pairwise(range(3)):
+        for what, T in (
+            ("registered", kitchen.registrations[i, j].T_target_source),
+            ("optimized", poses[i].inv() * poses[j]),
+        ):
+            angle, distance = difference(T, truth[i, j])
+            print(f"fragments {i}, {j} {what}: {angle:.2f} degrees, {distance / voxel:.2f} voxels of {voxel:.4f} m")
+            assert angle < 6
+            assert distance < 2 * voxel
+
+
+def test_a_sonar_that_hardly_moves_is_found_to_hardly_move(ship: Mapped) -> None:
+    """Six frames within a second: steps under 3 degrees and 0.15 m, the whole way under 0.3 m."""
+    poses = ship.poses
+    assert len(poses) == 6
+    steps = [ship.registrations[k, k + 1].T_target_source for k in range(5)]
+    chained = np.prod(np.array(steps, dtype=object))
+    for k, step in enumerate(steps):
+        angle, distance = difference(RigidTransform.identity(), step)
+        print(f"frames {k}, {k + 1}: {angle:.2f} degrees, {distance:.3f} m")
+        assert angle < 3
+        assert distance < 0.15
+    for what, whole in (("chained", chained), ("optimized", poses[0].inv() * poses[5])):
+        angle, distance = difference(RigidTransform.identity(), whole)
+        print(f"all six frames, {what}: {angle:.2f} degrees, {distance:.3f} m")
+        assert distance < 0.3
+
+
+def test_the_kitchen_is_a_survey_whose_loop_is_found(kitchen: Mapped) -> None:
+    """The loop of the first and last fragment is tried and kept; poses within 3 degrees, and a voxel at the points.
+
+    The places are those of the middle of a fragment's points, in the frame of the first. The fragments are themselves
+    put together from many images and bent, by more than covariances that were calibrated on single scans hold.
+    """
+    scans, voxel, result = kitchen.scans, kitchen.voxel, kitchen.result
+    truth = true_transforms()
+    print_pairs(result)
+    for what, poses in (("before the loop", result.chained), ("after it", result.trajectory)):
+        for k in (1, 2):
+            T, middle = poses.T_world_sensor[0].inv() * poses.T_world_sensor[k], scans[k].points.mean(axis=0)
+            angle, _ = difference(T, truth[0, k])
+            off = float(np.linalg.norm(T.apply(middle) - truth[0, k].apply(middle)))
+            print(f"fragment {k}, {what}: {angle:.2f} degrees, {off / voxel:.2f} voxels of {voxel:.4f} m")
+            assert angle < 3
+            assert off < voxel
+    loop = next(pair for pair in result.pairs if pair.role == "loop")
+    assert (loop.i, loop.j) == (0, 2)
+    assert loop.registration is not None
+    assert loop.kept
+    angle, _ = difference(loop.registration.T_target_source, truth[0, 2])
+    print(f"the loop's own registration: {angle:.2f} degrees off")
+    assert angle < 3
+    assert all(pair.kept for pair in result.pairs if pair.role == "sequential")
+    before, after = crossings(kitchen)
+    assert after < max(1.1 * before, 0.5 * voxel)
+
+
+def test_frames_of_a_sonar_are_a_survey_whose_loops_agree(ship: Mapped) -> None:
+    """Six frames that show one place: every loop that is tried is kept, and no pass lies a voxel from another."""
+    voxel, result = ship.voxel, ship.result
+    print_pairs(result)
+    loops = [pair for pair in result.pairs if pair.role == "loop"]
+    assert len(result.components) == 1
+    assert len(loops) >= 3
+    assert all(pair.kept for pair in result.pairs)
+    assert max(pair.residual for pair in result.pairs) < 4.74
+    before, after = crossings(ship)
+    assert after < max(1.1 * before, 0.5 * voxel)

@@ -1,0 +1,121 @@
+"""A registration beside navigation alone: the directions of its covariance, and what is counted along them."""
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+from scipy.spatial.transform import RigidTransform, Rotation
+
+from sonarmap.spectral.result import Registration
+from sonarmap.spectral.scan import Scan
+from sonarmap.tools.lab.reproduce.evaluation.answer import refused
+from sonarmap.tools.lab.reproduce.kinds.navigation import directions, navigation_cells, navigation_covariance
+from sonarmap.tools.lab.reproduce.kinds.navigation_table import navigation_requirements, navigation_table
+from sonarmap.tools.lab.reproduce.kinds.settings import NAVIGATION, PRIORS
+from sonarmap.tools.lab.simulate.kinds.kind import KindPair
+from tests.tools.lab.reproduce.kinds.rows import fixed, row
+
+SCAN = Scan(np.zeros((1, 3), np.float32))
+PAIR = KindPair(
+    kind="swath",
+    number=0,
+    seed=1,
+    scene="seabed",
+    relief="weak",
+    target=SCAN,
+    source=SCAN,
+    T_world_target=RigidTransform.from_components([5.0, -3.0, -8.0], Rotation.from_euler("ZYX", [2.0, 0.1, -0.05])),
+    T_world_source=RigidTransform.from_components([25.0, 22.0, -7.0], Rotation.from_euler("ZYX", [-1.0, 0.02, 0.1])),
+    shared=0.3,
+)
+
+
+def navigated(pair: KindPair) -> KindPair:
+    instruments = PRIORS[NAVIGATION]
+    assert instruments is not None
+    return pair.with_priors(instruments)
+
+
+def registration(error: np.ndarray, sigmas: np.ndarray) -> Registration:
+    """Off by `error` and with standard deviations `sigmas`, both along the source's axes [m]."""
+    T = PAIR.T_target_source * RigidTransform.from_translation(error)
+    return Registration(T, np.diag(np.concatenate([np.full(3, 1e-6), sigmas**2])), 20.0, 0.3, True, 1.0)
+
+
+class TestCells:
+    def test_directions_are_those_of_the_covariance_in_the_targets_axes(self) -> None:
+        given = navigated(PAIR)
+        assert given.target.prior is not None
+        assert given.source.prior is not None
+        error = np.array([0.3, -2.0, 0.1])
+        answer = registration(error, np.array([0.5, 3.0, 0.02]))
+        cells = navigation_cells(answer, PAIR.T_target_source, given.target.prior, given.source.prior)
+        found = directions(cells)
+        assert [direction.sigma for direction in found] == pytest.approx([0.02, 0.5, 3.0])
+        assert [abs(direction.error) for direction in found] == pytest.approx([0.1, 0.3, 2.0], abs=1e-6)
+        T = given.target.prior.T_world_sensor.inv() * given.source.prior.T_world_sensor
+        off = T.translation - PAIR.T_target_source.translation
+        lengths = [np.linalg.norm([direction.navigation_error for direction in found]), np.linalg.norm(off)]
+        assert lengths[0] == pytest.approx(lengths[1])
+        assert [direction.is_fixed for direction in found] == [True, True, False]
+
+    def test_the_covariance_of_navigation_is_that_of_its_errors(self) -> None:
+        """Roll, pitch and heading turn the way to the source; positions and depths err besides."""
+        draws = []
+        for number in range(400):
+            pair = navigated(replace(PAIR, number=number))
+            target, source = pair.target.prior, pair.source.prior
+            assert target is not None
+            assert source is not None
+            off = (target.T_world_sensor.inv() * source.T_world_sensor).translation - PAIR.T_target_source.translation
+            draws.append(off @ np.linalg.solve(navigation_covariance(target, source), off))
+        assert np.mean(draws) == pytest.approx(3.0, abs=4 * np.sqrt(6 / 400))
+
+    def test_a_refused_registration_has_none(self) -> None:
+        given = navigated(PAIR)
+        assert given.target.prior is not None
+        assert given.source.prior is not None
+        assert navigation_cells(refused("why"), PAIR.T_target_source, given.target.prior, given.source.prior) == {}
+        assert directions(row()) == []
+
+
+class TestTable:
+    ROWS = (
+        row(
+            priors=NAVIGATION,
+            relief="weak",
+            **fixed(0.1, 0.05, 1.0, 1),
+            **fixed(0.2, -0.3, 1.2, 2),
+            **fixed(0.6, 0.9, -1.0, 3),
+        ),
+        row(
+            priors=NAVIGATION,
+            relief="rich",
+            accepted=False,
+            **fixed(0.1, 1.0, -2.0, 1),
+            **fixed(0.7, 0.1, 0.2, 2),
+            **fixed(0.8, 0.3, 0.4, 3),
+        ),
+        row(priors=NAVIGATION, relief="flat", **{k: v for n in (1, 2, 3) for k, v in fixed(1.0, 1, 1, n).items()}),
+        row(priors=NAVIGATION, relief="twins"),
+        row(**fixed(0.1, 0.0, 1.0, 1)),
+    )
+
+    def test_errors_along_what_is_fixed_and_along_the_rest(self) -> None:
+        lines = {line[0]: line[1:] for line in navigation_table(self.ROWS).rows}
+        assert lines["weak"] == ("1", "2.00", "1.10", "0.17", "1/1 [0.21..1.00]", "2/2 [0.34..1.00]", "1.00", "0.90")
+        assert lines["rich"][:4] == ("1", "1.00", "2.00", "1.00")
+        assert lines["rich"][4].startswith("0/1")
+        assert lines["flat"] == ("1", "0.00", "–", "–", "–", "–", "1.00", "1.00")
+        assert lines["twins"] == ("1", *["–"] * 7)
+        assert lines["all but flat"][:4] == ("3", "1.50", "1.20", "0.30")
+        assert lines["all but flat"][4].startswith("1/2")
+        assert lines["all but flat"][5].startswith("2/3")
+        assert lines["all but flat, believed"][:2] == ("2", "2.00")
+
+    def test_requirements(self) -> None:
+        error, covered = navigation_requirements(self.ROWS)
+        assert error[2:] == ("0.30 m; navigation's 1.20 m", "holds")
+        assert covered[2:] == ("2/3 [0.21..0.94]", "does not hold")
+        assert navigation_requirements(self.ROWS[2:])[0][2:] == ("none in 1 pairs", "does not hold")
+        assert navigation_requirements([self.ROWS[2], self.ROWS[4]]) == []

@@ -1,0 +1,165 @@
+"""What is right and believed by kind, on rows made by hand, and the words around it."""
+
+import math
+from pathlib import Path
+
+import pytest
+
+from sonarmap.tools.lab.reproduce.experiment import Outcome
+from sonarmap.tools.lab.reproduce.kinds.calibration_tables import (
+    calibration_requirements,
+    expected_error,
+    left_out_table,
+    reported_table,
+    usual_error,
+)
+from sonarmap.tools.lab.reproduce.kinds.kind_summary import outcome, variants, worst_first
+from sonarmap.tools.lab.reproduce.kinds.run import Kinds
+from sonarmap.tools.lab.reproduce.kinds.settings import LEVELED, NAVIGATION, KindsSettings
+from sonarmap.tools.lab.reproduce.kinds.tables import kind_table, method_table, relief_table, requirements
+from sonarmap.tools.lab.reproduce.pages.section_text import section_text, verdicts
+from tests.tools.lab.reproduce.kinds.rows import fixed, row
+
+NAVIGATED = {name: value for number in (1, 2, 3) for name, value in fixed(0.1, 0.1, 1.0, number).items()}
+ROWS = (
+    *(row(number=number) for number in range(9)),
+    row(number=9, right=False, accepted=False, nees=9e9, probability=0.05),
+    row(number=10, right=False, relief="flat"),
+    *(row(kind="swath", number=number, right=number < 6, accepted=number < 4) for number in range(8)),
+    *(row(priors=LEVELED, number=number, accepted=number > 0) for number in range(4)),
+    row(priors=NAVIGATION, kind="swath", right=False, **NAVIGATED),
+    row(method="planes", right=False),
+)
+
+
+class TestTables:
+    def test_requirements_name_the_worst_kind(self) -> None:
+        lines = {line[0]: line[1:] for line in requirements(ROWS)}
+        assert lines["right, known: nothing"] == (
+            "at least 80 % of each kind",
+            "1 of 2 kinds; worst: swath 75 % [41..93]",
+            "does not hold",
+        )
+        assert lines["believed, of the right, known: nothing"][1:] == (
+            "1 of 2 kinds; worst: swath 67 % [30..90]",
+            "does not hold",
+        )
+        assert lines["wrong and believed, known: nothing"] == (
+            "at most 1 % of each kind",
+            "1 of 2 kinds; worst: patch 9 % [2..38]",
+            "does not hold",
+        )
+        assert lines["right, known: attitude, depth"][1:] == ("1 of 1 kinds; worst: patch 100 % [51..100]", "holds")
+        assert lines["believed, of the right, known: attitude, depth"][2] == "does not hold"
+        assert [line[0] for line in requirements([row(right=False)])] == [
+            "right, known: nothing",
+            "wrong and believed, known: nothing",
+        ]
+        assert requirements(ROWS[-1:]) == []
+
+    def test_a_hundred_pairs_may_have_one_wrong_and_believed(self) -> None:
+        rows = [row(number=number, right=number > 0) for number in range(100)]
+        assert [line[3] for line in requirements(rows)] == ["holds"] * 3
+        assert [line[3] for line in requirements(rows[:99])] == ["holds", "holds", "does not hold"]
+
+    def test_kinds_the_worst_first(self) -> None:
+        assert worst_first(ROWS) == ["swath", "patch"]
+        lines = [(line[0], line[1], line[2], line[6]) for line in kind_table(ROWS).rows]
+        assert lines == [
+            ("swath", "nothing", "8", "does not hold"),
+            ("patch", "attitude, depth", "4", "does not hold"),
+            ("patch", "nothing", "10", "does not hold"),
+        ]
+        firm = [
+            row(number=number, **{"relief": "flat", "right": False, "accepted": False} if not number else {})
+            for number in range(9)
+        ]
+        assert kind_table(firm).rows[0][2] == "8"
+        assert kind_table(firm).rows[0][6] == "holds"
+
+    def test_methods_beside_each_other(self) -> None:
+        assert variants(ROWS) == [("spectral", "none"), ("spectral", LEVELED), ("planes", "none")]
+        table = method_table(ROWS)
+        assert table.headings == ("kind", "pairs", "spectral", "spectral, known: attitude, depth", "planes")
+        assert table.rows == (
+            ("swath", "8", "75 %, 67 %, 0", "–", "–"),
+            ("patch", "10", "90 %, 100 %, 0", "100 %, 75 %, 0", "0 %, –, 1"),
+            ("all kinds", "18", "83 %, 87 %, 0", "100 %, 75 %, 0", "0 %, –, 1"),
+        )
+        assert outcome([]) == "–"
+
+    def test_flat_scenes_stand_apart(self) -> None:
+        assert relief_table(ROWS).rows[0] == ("flat (no requirement)", "1", "0 %, –, 1", "–", "–")
+        assert relief_table(ROWS).rows[1][0] == "rich"
+
+
+class TestCalibration:
+    def test_the_expected_error_is_weighted_over_ten_bins(self) -> None:
+        rows = [row(probability=p, right=r) for p, r in ((0.95, True), (0.91, False), (0.25, False), (1.0, True))]
+        top = abs((0.95 + 0.91 + 1.0) / 3 - 2 / 3) * 3 / 4
+        assert expected_error(rows) == pytest.approx(top + 0.25 / 4)
+        assert math.isnan(expected_error([row(probability=math.nan)]))
+
+    def test_what_an_exact_probability_leaves_shrinks_with_the_number_and_away_from_the_middle(self) -> None:
+        def left(p: float, count: int) -> float:
+            return usual_error([row(probability=p)] * count)
+
+        for p in (0.5, 0.9):  # the mean of a normal deviation is 0.8 of its standard deviation
+            assert left(p, 400) == pytest.approx(0.8 * math.sqrt(p * (1 - p) / 400), rel=0.06)
+        assert left(0.0, 9) == left(1.0, 9) == 0.0
+        assert usual_error([*[row(probability=0.55)] * 50, *[row(probability=0.45)] * 50]) > 1.3 * left(0.55, 100)
+        assert math.isnan(usual_error([row(probability=math.nan)]))
+
+    def test_by_kind_and_by_what_is_known(self) -> None:
+        lines = {line[0]: line[1:] for line in reported_table(ROWS).rows}
+        assert list(lines)[:2] == ["swath", "patch"]
+        assert lines["swath"][3:5] == ("6", "100.0 % [61.0 %..100.0 %]")
+        assert lines["all kinds, known: attitude, depth"][:2] == ("4", "0.050")
+        assert lines["swath, known: navigation"][:4] == ("1", "0.950", "0.093", "0")
+        lines = {line[0]: line[1:] for line in calibration_requirements(ROWS)}
+        assert (
+            lines["expected calibration error of the probability, as reported"][1] == "1 of 2 kinds; worst: swath 0.200"
+        )
+        assert lines["truths in the 95 % ellipsoid, as reported"][1] == "0 of 2 kinds; worst: patch 100 %"
+        assert left_out_table(ROWS).rows == ()
+
+    def test_a_kind_is_left_out_where_there_is_evidence(self) -> None:
+        rows = [
+            row(kind=kind, number=number, right=number % 3 > 0, evidence_p_a=float(number), evidence_c_a=float(number))
+            for kind in ("swath", "patch")
+            for number in range(30)
+        ]
+        assert [line[:2] for line in left_out_table(rows).rows] == [
+            ("swath", "30"),
+            ("patch", "30"),
+            ("all kinds", "60"),
+        ]
+        assert [line[4] for line in left_out_table(rows).rows] == ["20", "20", "40"]
+        words = [line[0] for line in calibration_requirements(rows)]
+        assert [word.rpartition(", ")[2] for word in words] == ["as reported"] * 2 + [
+            "fitted to the other kinds alone"
+        ] * 2
+
+
+class TestSection:
+    SETTINGS = KindsSettings(kinds=("patch", "swath"), pairs=12)
+
+    def test_words_and_pictures(self, tmp_path: Path) -> None:
+        experiment = Kinds(self.SETTINGS, None)
+        outcomes = {str(number): Outcome((line,)) for number, line in enumerate(ROWS)}
+        section = experiment.section(outcomes)
+        assert len(verdicts(section)) == 6 + 2 + 2
+        text = section_text(section, 1)
+        assert "15 pairs of each kind (set 77014): `patch`, a patch merged" in text
+        assert "Left out, because the scene has no such pair: 4 of `patch`, 7 of `swath`." in text
+        assert "share 5 to 40 % and are registered with navigation" in text
+        experiment.draw(tmp_path, outcomes)
+        assert {path.name for path in tmp_path.iterdir()} == set(section.pictures)
+
+    def test_without_ours_there_is_nothing_to_require(self, tmp_path: Path) -> None:
+        experiment = Kinds(self.SETTINGS, None)
+        outcomes = {"a": Outcome(ROWS[-1:])}
+        section = experiment.section(outcomes)
+        assert verdicts(section) == ()
+        experiment.draw(tmp_path, outcomes)
+        assert {path.name for path in tmp_path.iterdir()} == set(section.pictures) == {"kinds.png"}

@@ -1,0 +1,290 @@
+"""The files of an experiment, the page on all of them, and the verb that makes both."""
+
+import json
+import re
+from dataclasses import replace
+from pathlib import Path
+
+import pytest
+from typer.testing import CliRunner
+
+from sonarmap.kernels.errors import InputError
+from sonarmap.tools.command.main import app
+from sonarmap.tools.lab.reproduce import experiments
+from sonarmap.tools.lab.reproduce.experiments import (
+    ALL,
+    EVALUATION,
+    EXPERIMENTS,
+    OPTIONS,
+    ExperimentEntry,
+    Request,
+    chosen,
+    create,
+)
+from sonarmap.tools.lab.reproduce.pages.folder import read_record, write_experiment
+from sonarmap.tools.lab.reproduce.pages.page import FRAMES, write_page
+from sonarmap.tools.lab.reproduce.pages.section_text import Verdict, duration, section_text, verdicts
+from sonarmap.tools.lab.reproduce.run import JOURNAL, run
+from sonarmap.tools.lab.reproduce.table import Table
+from tests.samples.experiments.fake_experiment import JOBS, Fake, origin
+from tests.tools.lab.reproduce.test_run import ALIKE, bytes_of, complete, silence
+
+FILES = {*ALIKE, "fake-seconds.csv", "fake-times.md", "fake.json"}
+
+FAKE = ExperimentEntry("Fig. 0", "tests.samples.experiments.fake_experiment", ("seed",))
+
+
+def files_in(folder: Path) -> set[str]:
+    return {path.name for path in folder.iterdir() if path.name != JOURNAL}
+
+
+class TestFolder:
+    def test_two_runs_give_the_same_bytes(self, tmp_path: Path) -> None:
+        complete(tmp_path / "a")
+        complete(tmp_path / "b")
+        assert bytes_of(tmp_path / "a") == bytes_of(tmp_path / "b")
+        assert files_in(tmp_path / "a") == FILES
+
+    def test_rows_and_words(self, tmp_path: Path) -> None:
+        complete(tmp_path)
+        lines = (tmp_path / "fake.csv").read_text().splitlines()
+        assert lines[0] == "job,value,high,gap"
+        assert [line.split(",")[0] for line in lines[1:]] == list(JOBS)
+        assert lines[1].endswith(",0.3000")
+        assert lines[2].endswith(",")  # NaN
+        assert (tmp_path / "fake-seconds.csv").read_text().startswith("job,seconds\na,0.2500\n")
+        words = (tmp_path / "fake.md").read_text()
+        assert words.startswith("# A fake, Fig. 0\n\nSeeded numbers.\n\n**Claims**\n")
+        assert "```sh\nsonarmap reproduce fake\n```\n" in words
+        assert "a device" not in words
+        assert (
+            "5 jobs in 0 s on a device (OpenCL 3.0 X; a processor, 2 cores), with numpy 2."
+            in (tmp_path / "fake-times.md").read_text()
+        )
+
+    def test_all_or_none(self, tmp_path: Path) -> None:
+        complete(tmp_path)
+        before = bytes_of(tmp_path)
+        (tmp_path / "fake.md").unlink()
+        (tmp_path / "fake.md").mkdir()
+        fake = Fake()
+        fake.settings = replace(fake.settings, seed=3)
+        with pytest.raises(InputError, match=r"fake\.md"):
+            complete(tmp_path, fake)
+        (tmp_path / "fake.md").rmdir()
+        (tmp_path / "fake.md").write_bytes(before["fake.md"])
+        assert bytes_of(tmp_path) == before
+        assert files_in(tmp_path) == FILES
+
+    def test_pictures_must_be_those_of_the_section(self, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+        fake = Fake()
+        result = run(fake, origin(fake), tmp_path, silence)
+        section = fake.section(result.outcomes)
+        for pictures in ({"fake.png": ""}, {"fake.png": "", "fake-2.png": "", "fake-3.png": ""}):
+            monkeypatch.setattr(fake, "section", lambda _, p=pictures: replace(section, pictures=p))
+            with pytest.raises(ValueError, match=r"fake drew \['fake-2.png', 'fake.png'\]"):
+                write_experiment(tmp_path, fake, result, origin(fake), "")
+        assert files_in(tmp_path) == set()
+
+    def test_a_former_runs_further_files_go(self, tmp_path: Path) -> None:
+        complete(tmp_path)
+        record = json.loads((tmp_path / "fake.json").read_text())
+        (tmp_path / "fake-old.png").write_bytes(b"")
+        (tmp_path / "mine.png").write_bytes(b"")
+        record["files"].append("fake-old.png")
+        (tmp_path / "fake.json").write_text(json.dumps(record))
+        complete(tmp_path)
+        assert files_in(tmp_path) == FILES | {"mine.png"}
+
+    def test_a_record_comes_back_and_an_incomplete_one_does_not(self, tmp_path: Path) -> None:
+        fake = Fake()
+        result = run(fake, origin(fake), tmp_path, silence)
+        written = write_experiment(tmp_path, fake, result, origin(fake), "the command")
+        assert read_record(tmp_path, "fake") == written
+        (tmp_path / "fake-2.png").unlink()
+        assert read_record(tmp_path, "fake") is None
+        (tmp_path / "fake.json").write_text("{}")
+        assert read_record(tmp_path, "fake") is None
+
+
+class TestVerdicts:
+    def test_columns_are_found_by_their_first_word(self) -> None:
+        headings = ("grid", "noise", "paper: yaw", "ours, worst", "verdict", "ours, all", "right")
+        table = Table("t", headings, (("128", "2", "S8", "S7", "no", "S9", "1/2"),))
+        section = replace(Fake().section({"a": Fake().run("a")}), tables=(table,))
+        verdict = verdicts(section)[0]
+        assert (verdict.claim, verdict.paper, verdict.ours, verdict.verdict) == ("128, 2", "S8", "S7", "no")
+
+    def test_required_values_replace_the_papers_and_no_table_has_no_claims(self) -> None:
+        table = Table("t", ("measure", "required", "ours", "verdict"), (("it", "all", "none", "no"),))
+        section = replace(Fake().section({"a": Fake().run("a")}), tables=(table,))
+        assert verdicts(section)[0] == Verdict("it", "all", "none", "no")
+        assert verdicts(replace(section, tables=())) == ()
+
+    def test_a_section_without_them_is_refused(self) -> None:
+        section = replace(Fake().section({"a": Fake().run("a")}), tables=(Table("t", ("paper", "ours"), ()),))
+        with pytest.raises(ValueError, match="begins with the word 'verdict'"):
+            verdicts(section)
+
+    def test_a_section_at_any_level(self) -> None:
+        text = section_text(Fake().section({"a": Fake().run("a")}), 2, "there/")
+        assert text.startswith("## A fake, Fig. 0\n")
+        assert "![The numbers.](there/fake.png)" in text
+        assert "The numbers are small." in text
+
+    @pytest.mark.parametrize(
+        ("seconds", "words"),
+        [(0.4, "0 s"), (99.4, "99 s"), (130, "2 min"), (3599, "1 h 00 min"), (11100, "3 h 05 min")],
+    )
+    def test_durations(self, seconds: float, words: str) -> None:
+        assert duration(seconds) == words
+
+
+class TestPage:
+    def test_pictures_lie_where_its_links_say(self, tmp_path: Path) -> None:
+        complete(tmp_path / "out")
+        page = tmp_path / "docs" / "reproduction.md"
+        written = write_page(page, tmp_path / "out", ["absent", "fake"])
+        assert written == [page, *(page.parent / "reproduction" / name for name in ("fake.png", "fake-2.png"))]
+        text = page.read_text()
+        links = re.findall(r"\]\(([^)]*)\)", text)
+        assert links == ["reproduction/fake.png", "reproduction/fake-2.png"]
+        for link in links:
+            assert (page.parent / link).read_bytes() == (tmp_path / "out" / Path(link).name).read_bytes()
+        assert str(tmp_path) not in text
+
+    def test_verdicts_machine_time_and_command(self, tmp_path: Path) -> None:
+        complete(tmp_path)
+        write_page(tmp_path / "p.md", tmp_path, ["fake"])
+        text = (tmp_path / "p.md").read_text()
+        assert re.search(r"\| fake \| mean \| 0 \| -?[0-9.]+ \| so \|", text)
+        assert "| fake | 5 | 0 s | a device (OpenCL 3.0 X; a processor, 2 cores) | `sonarmap reproduce fake` |" in text
+        assert text.index("**All verdicts**") < text.index("## A fake, Fig. 0") < text.index("**Times**")
+
+    def test_the_evaluation_shows_required_values(self, tmp_path: Path) -> None:
+        complete(tmp_path)
+        write_page(tmp_path / "p.md", tmp_path, ["fake"], FRAMES[EVALUATION])
+        text = (tmp_path / "p.md").read_text()
+        assert text.startswith("# Evaluation on unseen pairs\n")
+        assert "| experiment | claim | required | ours | verdict |" in text
+
+    def test_nothing_to_show(self, tmp_path: Path) -> None:
+        with pytest.raises(InputError, match="no complete experiment"):
+            write_page(tmp_path / "p.md", tmp_path, ["fake"])
+        assert not (tmp_path / "p.md").exists()
+
+
+class TestOptions:
+    def test_every_row_of_the_table_can_be_made(self) -> None:
+        from importlib import import_module
+
+        for entry in EXPERIMENTS.values():
+            assert callable(import_module(entry.module).create)
+            assert set(entry.options) <= set(OPTIONS)
+
+    def test_options_without_effect_are_refused(self, monkeypatch: pytest.MonkeyPatch) -> None:
+        table = {
+            "none": ExperimentEntry("", "m", ()),
+            "some": ExperimentEntry("", "m", ("grid", "seed")),
+            "every": ExperimentEntry("", "m", OPTIONS),
+        }
+        monkeypatch.setattr(experiments, "EXPERIMENTS", table)
+        assert chosen("some", Request(grid=64, seed=0)) == ("some",)
+        assert chosen("every", Request(sigma2=(1.0,), scene="x")) == ("every",)
+        assert chosen(ALL, Request(quick=True)) == ("none", "some", "every")
+        with pytest.raises(InputError, match=r"--sigma2 has no effect on reproduce some.* takes --grid, --seed"):
+            chosen("some", Request(grid=64, sigma2=(1.0,)))
+        with pytest.raises(InputError, match="--seed has no effect on reproduce none; leave it out"):
+            chosen("none", Request(seed=0))
+        del table["none"]
+        assert chosen(ALL, Request(seed=0)) == ("some", "every")
+        with pytest.raises(InputError, match="--scene and --sigma2 have no effect on reproduce all"):
+            chosen(ALL, Request(scene="x", sigma2=(2.0,)))
+
+    def test_the_command_that_asks_for_the_same(self) -> None:
+        request = Request(quick=True, seeds=2, seed=0, grid=64, sigma2=(1.0, 2.5))
+        assert (
+            request.command("x") == "sonarmap reproduce x --quick --grid 64 --sigma2 1 --sigma2 2.5 --seeds 2 --seed 0"
+        )
+
+    def test_what_is_made_is_what_was_asked_for(self, monkeypatch: pytest.MonkeyPatch) -> None:
+        monkeypatch.setattr(experiments, "EXPERIMENTS", {"fake": FAKE})
+        assert create("fake", Request(seed=7, quick=True)).settings == replace(Fake().settings, seed=7, fast=True)
+
+
+class TestCommand:
+    @pytest.fixture(autouse=True)
+    def _fakes(self, monkeypatch: pytest.MonkeyPatch) -> None:
+        monkeypatch.setattr(experiments, "EXPERIMENTS", {"fake": FAKE})
+
+    def test_all_with_a_page(self, tmp_path: Path) -> None:
+        arguments = ["reproduce", "all", "--seed", "3", "-o", str(tmp_path / "out"), "--page", str(tmp_path / "p.md")]
+        shown = CliRunner().invoke(app, arguments)
+        assert (shown.exit_code, shown.exception) == (0, None)
+        assert "fake: 5 of 5" in shown.stderr
+        assert "A fake, Fig. 0" in shown.stdout
+        assert files_in(tmp_path / "out") == FILES
+        assert "`sonarmap reproduce fake --seed 3`" in (tmp_path / "p.md").read_text()
+        again = CliRunner().invoke(app, arguments)
+        assert again.stderr == "fake: 5 of 5 jobs were done before\n"
+
+    def test_json(self, tmp_path: Path) -> None:
+        shown = CliRunner().invoke(app, ["reproduce", "fake", "-o", str(tmp_path), "--json"])
+        assert (shown.exit_code, shown.stderr) == (0, "")
+        printed = json.loads(shown.stdout)["experiments"][0]
+        assert printed["name"] == "fake"
+        assert printed["section"]["tables"][0]["headings"] == ["what", "paper", "ours, mean", "verdict"]
+        assert {Path(name).name for name in printed["files"]} == FILES
+
+    def test_workers_change_nothing_but_where_times_are_measured(
+        self, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+    ) -> None:
+        shown = CliRunner().invoke(app, ["reproduce", "fake", "-o", str(tmp_path / "two"), "--workers", "2"])
+        assert (shown.exit_code, shown.exception) == (0, None)
+        complete(tmp_path / "one")
+        assert (tmp_path / "two/fake.csv").read_bytes() == (tmp_path / "one/fake.csv").read_bytes()
+        timed = ExperimentEntry("Fig. 0", "no_such_module_in_a_process", ("seed",), timed=True)
+        monkeypatch.setattr("sonarmap.tools.command.verbs.reproduce.create", lambda *_: Fake())
+        monkeypatch.setattr(experiments, "EXPERIMENTS", {"fake": timed})
+        shown = CliRunner().invoke(app, ["reproduce", "fake", "-o", str(tmp_path / "timed"), "--workers", "2"])
+        assert shown.exit_code == 0
+        assert "fake: measures times, so --workers has no effect" in shown.stderr
+
+    def test_a_method_that_there_is_not(self, tmp_path: Path) -> None:
+        shown = CliRunner().invoke(app, ["reproduce", "fake", "-o", str(tmp_path), "--method", "alchemy"])
+        assert shown.exit_code == 2
+        assert "no method is called 'alchemy'" in " ".join(shown.stderr.replace("│", " ").split())
+
+    def test_interrupted_it_says_what_is_kept(self, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+        monkeypatch.setattr("tests.samples.experiments.fake_experiment.create", lambda _: Fake(stop="d"))
+        shown = CliRunner().invoke(app, ["reproduce", "fake", "-o", str(tmp_path)])
+        assert shown.exit_code == 130
+        assert "stopped: finished jobs are kept in" in shown.stderr
+        monkeypatch.undo()
+        monkeypatch.setattr(experiments, "EXPERIMENTS", {"fake": FAKE})
+        shown = CliRunner().invoke(app, ["reproduce", "fake", "-o", str(tmp_path)])
+        assert "going on: 3 of 5 jobs were done" in shown.stderr
+        assert files_in(tmp_path) == FILES
+
+    @pytest.mark.parametrize(
+        ("arguments", "words"),
+        [
+            (["alchemy"], "no experiment is called 'alchemy'; there are fake, all"),
+            (["fake", "--grid", "64"], "--grid has no effect on reproduce fake; leave it out. It takes --seed"),
+            (["all", "--scene", "harbor"], "--scene has no effect on reproduce all"),
+            (["fake", "--seed", "-1"], "--seed"),
+            (["fake", "--grid", "103"], "--grid 103"),
+            (["fake", "--device", "abacus"], "abacus"),
+        ],
+    )
+    def test_refused(self, tmp_path: Path, arguments: list[str], words: str) -> None:
+        shown = CliRunner().invoke(app, ["reproduce", *arguments, "-o", str(tmp_path / "out")])
+        assert shown.exit_code == 2
+        assert words in shown.stderr
+        assert not (tmp_path / "out").exists() or files_in(tmp_path / "out") == set()
+
+    def test_a_folder_that_cannot_be_written_is_told_first(self, tmp_path: Path) -> None:
+        (tmp_path / "out").write_text("a file")
+        shown = CliRunner().invoke(app, ["reproduce", "fake", "-o", str(tmp_path / "out")])
+        assert shown.exit_code == 2
+        assert "cannot write" in shown.stderr

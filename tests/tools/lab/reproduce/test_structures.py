@@ -1,0 +1,172 @@
+"""Experiments on structures seen whole: what counts as reached, and rows that are the same every time."""
+
+from dataclasses import replace
+from pathlib import Path
+
+import numpy as np
+import pytest
+from scipy.spatial.transform import RigidTransform, Rotation
+
+from sonarmap.kernels.device.device import choose_device
+from sonarmap.kernels.errors import InputError
+from sonarmap.spectral.grid import Grid
+from sonarmap.tools.lab.reproduce.experiment import Outcome
+from sonarmap.tools.lab.reproduce.limits.run import KINDS, Limits, LimitsSettings
+from sonarmap.tools.lab.reproduce.limits.section import deviation_table
+from sonarmap.tools.lab.reproduce.rotation.run import RotationSettings, Turns
+from sonarmap.tools.lab.reproduce.rotation.section import deviation, rotation_section, within_limits
+from sonarmap.tools.lab.reproduce.rows import all_rows
+from sonarmap.tools.lab.reproduce.structures.voxel_series import MovedStructure, VoxelSeries, parameters
+from sonarmap.tools.lab.reproduce.translation.run import TranslationExperiment, TranslationSettings
+from sonarmap.tools.lab.reproduce.translation.section import reach, translation_section
+
+ONE = TranslationSettings(scenes=("clutter",), noises=("D0", "D6"), seeds=1, first_seed=3, edge=64, steps=(8, 16, 40))
+
+
+def shifted(distance: float, right: bool, noise: str = "D0", scene: str = "clutter", seed: int = 3) -> dict:
+    """A row of the translation experiment."""
+    return {
+        **{"scene": scene, "noise": noise, "seed": seed, "distance_m": distance, "right": right, "accepted": True},
+        **{"psr": 90.0, "rotation_deg": 0.1 if right else 50.0, "translation_voxels": 0.2, "common": 0.5},
+    }
+
+
+def turned(yaw: float, estimated: float, roll: float = 10.0, shift: float = 0.1) -> dict:
+    """A row of the rotation experiment."""
+    true = {"true_yaw_deg": yaw, "true_roll_deg": 10.0, "true_pitch_deg": 10.0}
+    angles = {"found_yaw_deg": estimated, "found_roll_deg": roll, "found_pitch_deg": 10.0}
+    place = {"scene": "clutter", "noise": "D0", "seed": 3}
+    return {**true, **angles, **place, "translation_voxels": shift, "rotation_deg": 0.5, "psr": 80.0, "accepted": True}
+
+
+class TestReach:
+    def test_it_ends_before_the_first_that_is_wrong(self) -> None:
+        rows = [shifted(40, True), shifted(10, True), shifted(30, False), shifted(20, True)]
+        assert reach(rows) == 20
+        assert reach([shifted(10, False), shifted(20, True)]) == 0
+
+    @pytest.mark.parametrize(("far", "verdict"), [(149.7, "reached"), (142.2, "not reached")])
+    def test_the_verdict_is_of_the_worst_series(self, far: float, verdict: str) -> None:
+        settings = replace(ONE, noises=("D0",), seeds=2)
+        good = [shifted(d, True, seed=3) for d in (100.0, 142.2, 149.7, 160.0)]
+        other = [shifted(d, d <= far, seed=4) for d in (100.0, 142.2, 149.7, 160.0)]
+        table = translation_section(good + other, settings, Grid(64, 4.0)).tables[0]
+        assert table.rows[0][:5] == ("D0: right up to [m]", "150", f"{far:.0f}", verdict, f"≥160 {far:.0f}")
+
+    def test_a_short_series_says_how_far_it_went(self) -> None:
+        table = translation_section([shifted(60, True)], replace(ONE, noises=("D0",)), Grid(64, 4.0)).tables[0]
+        assert table.rows[0][3] == "reached as far as tried (60 m)"
+
+
+class TestDeviation:
+    def test_angles_are_compared_around_the_circle(self) -> None:
+        assert deviation(turned(88, -270), "yaw") == pytest.approx(2)
+        assert deviation(turned(-80, 275), "yaw") == pytest.approx(-5)
+
+    def test_every_bound_counts(self) -> None:
+        assert within_limits(turned(40, 44.9))
+        assert not within_limits(turned(40, 45.1))
+        assert not within_limits(turned(40, 40, roll=13.1))
+        assert not within_limits(turned(40, 40, shift=2.1))
+
+    def test_what_deviates_is_named(self) -> None:
+        settings = RotationSettings(scenes=("clutter",), noises=("D0",), seeds=1, first_seed=3)
+        section = rotation_section([turned(8, 8), turned(16, 60)], settings, Grid(64, 4.0))
+        assert section.tables[0].rows[0][3] == "1 beyond"
+        assert "at 16° of yaw" in section.remarks
+
+
+class TestLimitsTable:
+    @staticmethod
+    def row(tilted: str, tilt: float, yaw_off: float, chain: float = 0.5) -> dict:
+        angles = {"yaw_off_deg": yaw_off, "roll_off_deg": 0.3, "pitch_off_deg": -0.4}
+        return {"tilted": tilted, "tilt_deg": tilt, **angles, "chain_off_deg": chain, "chain_shift_voxels": 0.3}
+
+    def test_yaw_under_one_tilt_has_to_be_exact(self) -> None:
+        rows = [self.row("none", 0, 0.1), self.row("roll", 20, -1.5), self.row("both", 20, -9), self.row("both", 10, 1)]
+        assert deviation_table(rows).rows[0][3] == "confirmed (within 2°)"
+        rows.append(self.row("pitch", 20, 2.5))
+        assert deviation_table(rows).rows[0][3] == "2 of 3 (within 2°)"
+
+    def test_the_limit_is_where_all_are_right(self) -> None:
+        rows = [self.row("both", 10, 1), self.row("both", 35, -9), self.row("roll", 35, 0.1)]
+        assert deviation_table(rows).rows[-1][3] == "reached"
+        rows.append(self.row("both", 35, 0.1, chain=7.0))
+        assert deviation_table(rows).rows[-1][3] == "1 of 3 fail"
+
+
+class TestSettings:
+    @pytest.mark.parametrize(
+        "wrong",
+        [
+            {"steps": ()},
+            {"steps": (4, 2)},
+            {"scenes": ("moon",)},
+            {"noises": ("D7",)},
+            {"seeds": 0},
+            {"first_seed": -1},
+        ],
+    )
+    def test_translation_refuses(self, wrong: dict) -> None:
+        with pytest.raises(InputError):
+            replace(ONE, **wrong)
+
+    @pytest.mark.parametrize("wrong", [{"yaws_deg": (90,)}, {"tilts_deg": (0, 5)}, {"scenes": ()}, {"seeds": 0}])
+    def test_limits_refuse(self, wrong: dict) -> None:
+        with pytest.raises(InputError):
+            LimitsSettings(**wrong)
+
+    def test_a_case_is_found_again_from_its_key(self) -> None:
+        for case in ONE.cases:
+            assert MovedStructure.of(case.key) == case
+
+
+class TestRun:
+    def test_rows_hold_the_truth_and_are_right(self) -> None:
+        outcome = TranslationExperiment(ONE, choose_device()).run("clutter/D6/3")
+        assert [row["distance_m"] for row in outcome.rows] == pytest.approx([8 * 14**0.5, 16 * 14**0.5, 40 * 14**0.5])
+        assert [row["true_y_m"] for row in outcome.rows] == [16, 32, 80]
+        assert outcome.rows[0]["right"]
+        assert outcome.rows[0]["found_y_m"] == pytest.approx(16, abs=2)
+        common = [float(row["common"]) for row in outcome.rows]
+        assert 0 < common[2] < common[1] < common[0] < 1
+
+    def test_shifts_that_leave_nothing_in_the_frame_are_passed_over(self) -> None:
+        outcome = TranslationExperiment(replace(ONE, steps=(8, 200)), choose_device()).run("clutter/D6/3")
+        assert [row["number"] for row in outcome.rows] == [0]
+
+    def test_two_runs_give_the_same_rows_whatever_came_before(self) -> None:
+        first, second = TranslationExperiment(ONE, choose_device()), TranslationExperiment(ONE, choose_device())
+        second.run("clutter/D0/3")
+        assert first.run("clutter/D6/3").rows == second.run("clutter/D6/3").rows
+
+    def test_turns_are_found_and_drawn(self, tmp_path: Path) -> None:
+        settings = RotationSettings(
+            scenes=("clutter",), noises=("D0",), seeds=1, first_seed=3, edge=64, yaws_deg=(8, 64)
+        )
+        experiment = Turns(settings, choose_device())
+        outcomes = {job: experiment.run(job) for job in experiment.jobs()}
+        assert all(within_limits(row) for row in all_rows(outcomes))
+        experiment.draw(tmp_path, outcomes)
+        assert [path.name for path in tmp_path.iterdir()] == list(experiment.section(outcomes).pictures)
+
+    def test_limits_look_at_each_step(self, tmp_path: Path) -> None:
+        settings = LimitsSettings(scenes=("clutter",), seeds=1, edge=64, tilts_deg=(10,), yaws_deg=(-40,))
+        experiment = Limits(settings, choose_device())
+        outcomes: dict[str, Outcome] = {job: experiment.run(job) for job in experiment.jobs()}
+        assert [row["tilted"] for row in all_rows(outcomes)] == list(KINDS)
+        assert max(abs(float(row["roll_off_deg"])) for row in all_rows(outcomes)) < 2
+        experiment.draw(tmp_path, outcomes)
+        assert {path.name for path in tmp_path.iterdir()} == set(experiment.section(outcomes).pictures)
+
+    def test_noise_is_new_in_every_volume(self) -> None:
+        series = VoxelSeries(choose_device(), 64)
+        points = series.structure("clutter", 3)
+        clouds = [series.prepare(points, "D6", [3, 6, k]).volume.surface for k in (0, 1, 1)]
+        assert len(clouds[0]) != len(clouds[1]) or not np.array_equal(clouds[0], clouds[1])
+        np.testing.assert_array_equal(clouds[1], clouds[2])
+
+
+def test_parameters_are_in_the_papers_order() -> None:
+    T = RigidTransform.from_components([1, 2, 3], Rotation.from_euler("ZYX", [40, 5, -7], degrees=True))
+    assert parameters(T) == pytest.approx([1, 2, 3, 40, -7, 5])

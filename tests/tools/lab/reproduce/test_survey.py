@@ -1,0 +1,202 @@
+"""Mapped surveys: what is counted, on a survey whose poses and pairs are given, and on a tiny one that is mapped."""
+
+from collections.abc import Mapping
+from dataclasses import replace
+from functools import cache
+from pathlib import Path
+
+import numpy as np
+import pytest
+from scipy.spatial.transform import RigidTransform
+
+from sonarmap.kernels.device.device import Device
+from sonarmap.kernels.errors import InputError
+from sonarmap.slam.graph.trajectory import Trajectory
+from sonarmap.spectral.scan import Scan
+from sonarmap.tools.files.map_folder.pairs import TriedPair
+from sonarmap.tools.lab.reproduce.experiment import Outcome, Row
+from sonarmap.tools.lab.reproduce.experiments import EXPERIMENTS, SLAM, Request, create, members
+from sonarmap.tools.lab.reproduce.pages.section_text import section_text, verdicts
+from sonarmap.tools.lab.reproduce.survey import run as surveys
+from sonarmap.tools.lab.reproduce.survey import simulated
+from sonarmap.tools.lab.reproduce.survey.mapped import Crossings, MappedSurvey, MappingTime
+from sonarmap.tools.lab.reproduce.survey.row import MAP, POSE, survey_rows
+from sonarmap.tools.lab.reproduce.survey.run import SurveyExperiment
+from sonarmap.tools.lab.reproduce.survey.settings import SurveySettings
+from sonarmap.tools.lab.reproduce.survey.simulated import SimulatedSurvey, simulate_survey
+from sonarmap.tools.lab.simulate.plan import plan
+from sonarmap.tools.lab.simulate.shapes.solids import Mesh
+from tests.samples.simulated import COARSE, QUIET
+from tests.samples.surveys import ring_poses
+
+COUNT, VOXEL = 8, 0.5
+UNUSABLE = 5
+FLOOR = Mesh(np.array([[-99.0, -99, 0], [99, -99, 0], [0, 99, 0]]), np.array([[0, 1, 2]]))
+ASIDE = RigidTransform.from_exp_coords([0.0, 0, 0.2, 3, 0, 1])
+T_TRUTH_ESTIMATE = RigidTransform.from_exp_coords([0.3, -0.2, 1.0, 5, -2, 3])
+
+
+def ring_survey() -> SimulatedSurvey:
+    """Poses on a ring over a floor, in two dives of four."""
+    truth = Trajectory(np.arange(float(COUNT)), ring_poses(COUNT))
+    scans = tuple(Scan(np.zeros((1, 3), np.float32), stamp=float(k), name=str(k)) for k in range(COUNT))
+    return SimulatedSurvey(scans, truth, np.repeat([0, 1], COUNT // 2), frozenset([UNUSABLE]), FLOOR)
+
+
+def mapped(survey: SimulatedSurvey, height: float = 0.0) -> MappedSurvey:
+    """Everything as it truly is, in another frame, but two wrong pairs; the map lies `height` above the floor [m]."""
+    placed = [k for k in range(COUNT) if k != UNUSABLE]
+    T = survey.truth.T_world_sensor
+    pairs = (
+        TriedPair(0, 1, "sequential", True, T[0].inv() * T[1]),
+        TriedPair(1, 2, "sequential", False, T[1].inv() * T[2] * ASIDE),
+        TriedPair(0, 7, "loop", True, T[0].inv() * T[7] * ASIDE),
+        TriedPair(2, 6, "bridge", False, T[2].inv() * T[6]),
+        TriedPair(4, UNUSABLE, "sequential", True, T[4].inv() * T[UNUSABLE]),
+    )
+    points = np.array([[0.0, 0, height], [1, 2, height], [2, -3, height + 4]])
+    return MappedSurvey(
+        placed=tuple(placed),
+        components=1,
+        trajectory=Trajectory(survey.truth.stamps[placed], T_TRUTH_ESTIMATE.inv() * T[placed]),
+        chained=None,
+        covariances=np.stack([np.eye(6) * 1e-12, *[np.eye(6) * 1e-4] * (len(placed) - 1)]),
+        pairs=pairs,
+        points=T_TRUTH_ESTIMATE.inv().apply(points),
+        seen=np.array([2, 3, 1]),
+        crossings=Crossings(0.5, 0.25),
+        signatures={},
+        time=MappingTime(1.0, 2**20),
+    )
+
+
+class TestRows:
+    def test_a_perfect_survey_in_another_frame_has_no_error(self) -> None:
+        row, *poses = survey_rows(ring_survey(), mapped(ring_survey()), VOXEL)
+        assert row["ate_after_m"] == pytest.approx(0, abs=1e-9)
+        assert np.isnan(float(row["ate_before_m"]))
+        assert (row["within_95"], row["placed"], row["unusable"], row["placed_unusable"]) == (1.0, 7, 1, 0)
+        assert [pose["scan"] for pose in poses] == [k for k in range(COUNT) if k != UNUSABLE]
+        for pose in poses:
+            assert [pose[f"{axis}_after_m"] for axis in "xyz"] == pytest.approx(
+                [pose[f"{axis}_true_m"] for axis in "xyz"]
+            )
+
+    def test_a_pose_that_is_off(self) -> None:
+        survey, result = ring_survey(), mapped(ring_survey())
+        T = result.trajectory.T_world_sensor.as_matrix()
+        T[3, :3, 3] += [0.0, 0.7, 0.0]
+        off = replace(result, trajectory=Trajectory(result.trajectory.stamps, RigidTransform.from_matrix(T)))
+        row = survey_rows(survey, off, VOXEL)[0]
+        assert 0.7 / np.sqrt(7) * 0.7 < float(row["ate_after_m"]) < 0.7 / np.sqrt(7)
+        assert float(row["ate_after_voxels"]) == pytest.approx(float(row["ate_after_m"]) / VOXEL)
+        assert row["within_95"] == pytest.approx(5 / 6)
+        assert row["nees_mean"] == pytest.approx(0.7**2 / 1e-4 / 6)
+
+    def test_pairs_by_role_and_between_dives(self) -> None:
+        row = survey_rows(ring_survey(), mapped(ring_survey()), VOXEL)[0]
+        fates = ("kept_right", "kept_wrong", "refused_right", "refused_wrong")
+        counts = {
+            kind: [row[f"{kind}_{fate}"] for fate in fates] for kind in ("sequential", "bridge", "loop", "between")
+        }
+        assert counts == {
+            "sequential": [1, 0, 0, 1],
+            "bridge": [0, 0, 1, 0],
+            "loop": [0, 1, 0, 0],
+            "between": [0, 1, 1, 0],
+        }
+        assert (row["pairs"], row["unusable_kept"]) == (5, 1)
+
+    def test_the_map_is_held_against_the_surface(self) -> None:
+        row = survey_rows(ring_survey(), mapped(ring_survey(), 0.3), VOXEL)[0]
+        assert row["map_median_m"] == pytest.approx(0.3, abs=1e-6)
+        assert row["map_within_voxel"] == pytest.approx(2 / 3)
+        assert (row["map_twice_points"], row["map_twice_within_voxel"]) == (2, 1.0)
+        assert row["map_twice_p90_m"] == pytest.approx(0.3, abs=1e-6)
+
+
+class TestJobs:
+    def test_peers_map_the_longest_alone(self) -> None:
+        settings = SurveySettings("harbor", 2, 7, (20, 30), dive=10, systems=("sonarmap", "multiway"))
+        assert list(SurveyExperiment(settings, None).jobs()) == [
+            *("harbor-7/20/sonarmap", "harbor-7/30/sonarmap", "harbor-7/30/multiway", "harbor-7/dives"),
+            *("harbor-8/20/sonarmap", "harbor-8/30/sonarmap", "harbor-8/30/multiway", "harbor-8/dives"),
+        ]
+
+    def test_what_is_not_installed_is_left_out_and_said(self, monkeypatch: pytest.MonkeyPatch, device: Device) -> None:
+        monkeypatch.setattr(surveys, "installed", lambda system: system != "kiss-slam")
+        settings = create("survey", Request(device)).settings
+        assert (settings.systems, settings.left_out) == (("sonarmap", "multiway"), ("kiss-slam",))
+        assert members(SLAM) == ("survey",)
+        assert EXPERIMENTS["survey"].timed
+
+    def test_quick_is_twelve_scans_by_our_mapper_alone(self, device: Device) -> None:
+        assert list(create("survey", Request(device, quick=True, seed=3)).jobs()) == ["floodgate-3/12/sonarmap"]
+
+    @pytest.mark.parametrize(
+        "change", [{"scene": "moon"}, {"counts": (1,)}, {"seeds": 0}, {"first_seed": -1}, {"edge": 103}]
+    )
+    def test_refused(self, change: dict) -> None:
+        with pytest.raises(InputError):
+            SurveySettings(**change)
+
+
+def test_two_dives_follow_each_other_and_keep_their_own_numbers(monkeypatch: pytest.MonkeyPatch) -> None:
+    coarse = lambda *given: replace(plan(*given), sensor=COARSE, noise=QUIET)  # noqa: E731
+    monkeypatch.setattr(simulated, "plan", coarse)
+    both, second, first = (simulate_survey("floodgate", 3, 4, 0.25, dives) for dives in ((2, 1), (2,), (1,)))
+    assert [scan.stamp for scan in both.scans] == both.truth.stamps.tolist() == [*map(float, range(8))]
+    assert both.dives.tolist() == [0, 0, 0, 0, 1, 1, 1, 1]
+    assert both.unusable == second.unusable | {k + 4 for k in first.unusable}
+    assert len(both.unusable) == 2
+    for k, (scan, alone) in enumerate(zip(both.scans, (*second.scans, *first.scans), strict=True)):
+        assert np.array_equal(scan.points, alone.points), k
+
+
+@cache
+def outcomes(device: Device, dive: int = 0) -> Mapping[str, Outcome]:
+    """Of a tiny survey, and of two dives of so many scans."""
+    experiment = tiny(device, dive)
+    return {job: experiment.run(job) for job in experiment.jobs()}
+
+
+def tiny(device: Device, dive: int = 0) -> SurveyExperiment:
+    settings = SurveySettings(first_seed=3, counts=(5,), dive=dive, unusable=0.2, edge=64, systems=("sonarmap",))
+    return SurveyExperiment(settings, device.selector)
+
+
+def rows_of(done: Mapping[str, Outcome]) -> list[Row]:
+    return [row for outcome in done.values() for row in outcome.rows]
+
+
+class TestRun:
+    @pytest.mark.slow
+    def test_a_section_its_picture_and_no_times_in_rows(self, device: Device, tmp_path: Path) -> None:
+        experiment, done = tiny(device), outcomes(device)
+        section = experiment.section(done)
+        assert {verdict.claim.split(", ")[1] for verdict in verdicts(section)} == {"5 scans"}
+        assert "20 % of the scans show nothing" in section_text(section, 1)
+        experiment.draw(tmp_path, done)
+        assert {path.name for path in tmp_path.iterdir()} == set(section.pictures)
+        assert not any(key.endswith("_s") or "memory" in key for row in rows_of(done) for key in row)
+
+    def test_what_was_mapped(self, device: Device) -> None:
+        row, *poses = rows_of(outcomes(device))
+        assert (row["row"], row["scans"], row["unusable"], row["placed"]) == (MAP, 5, 1, 4)
+        assert float(row["ate_after_voxels"]) < 1
+        assert [pose["row"] for pose in poses] == [POSE] * 4
+
+    def test_times_and_memory_of_a_process_of_its_own(self, device: Device) -> None:
+        (row,) = outcomes(device)["floodgate-3/5/sonarmap"].seconds
+        parts = [float(row[f"{stage}_s"]) for stage in ("registering", "signing", "optimizing", "fusing")]
+        assert min(parts) >= 0
+        assert sum(parts) == pytest.approx(float(row["total_s"]))
+        assert float(row["peak_memory_mib"]) > 50
+
+    @pytest.mark.slow
+    def test_rows_are_the_same_again_those_of_dives_too(self, device: Device) -> None:
+        experiment, done = tiny(device, 4), outcomes(device, 4)
+        assert list(done) == ["floodgate-3/5/sonarmap", "floodgate-3/dives"]
+        assert str([row for job in experiment.jobs() for row in experiment.run(job).rows]) == str(rows_of(done))
+        section = experiment.section(done)
+        assert {verdict.claim.split(", ")[1] for verdict in verdicts(section)} == {"5 scans", "2 dives of 4"}

@@ -1,0 +1,103 @@
+"""Several dives over one scene: the same surface, the same path, and everything else anew."""
+
+from dataclasses import replace
+from pathlib import Path
+
+import numpy as np
+import pytest
+from numpy.testing import assert_allclose, assert_array_equal
+
+from sonarmap.kernels.errors import InputError
+from sonarmap.tools.lab.simulate.folder import read_settings
+from sonarmap.tools.lab.simulate.paths.dive import DRIFT_AMPLITUDE, DRIFT_PERIODS, drift, start_of
+from sonarmap.tools.lab.simulate.paths.routes import lawnmower_path
+from sonarmap.tools.lab.simulate.paths.trajectories import lawnmower
+from sonarmap.tools.lab.simulate.plan import plan
+from sonarmap.tools.lab.simulate.scenes.catalog import SCENE_KINDS
+from sonarmap.tools.lab.simulate.scenes.scene import build_scene
+from sonarmap.tools.lab.simulate.sensing.priors import instruments_for, measure_poses
+from sonarmap.tools.lab.simulate.shapes.surface import surface_distance
+from sonarmap.tools.lab.simulate.simulation import TRAJECTORIES, SimulationSettings, simulate
+from tests.samples.clutter_scans import said, sonarmap
+from tests.samples.simulated import COARSE
+
+SETTINGS = SimulationSettings(trajectory="lawnmower", count=3, sensor=COARSE, seed=14)
+
+
+def test_dives_begin_far_apart_and_the_first_at_the_start() -> None:
+    starts = np.array([start_of(300.0, dive) for dive in range(1, 6)])
+    assert starts[0] == 0.0
+    apart = np.abs(starts[:, None] - starts)[np.triu_indices(5, 1)]
+    assert np.minimum(apart, 300 - apart).min() > 300 / 10
+
+
+@pytest.mark.parametrize("dive", [2, 5])
+def test_a_dive_drifts_off_its_path_and_no_farther_than_is_clear(dive: int) -> None:
+    aside = drift(200, 4, dive)
+    most = DRIFT_AMPLITUDE * len(DRIFT_PERIODS)
+    assert 0.5 * most < np.abs(aside).max() <= most
+    assert np.abs(np.diff(aside)).max() < 0.4
+    assert_array_equal(drift(200, 4, 1), 0.0)
+
+
+@pytest.mark.parametrize("scene", SCENE_KINDS)
+def test_a_second_dive_follows_the_same_path(scene: str) -> None:
+    settings = plan(scene, "lawnmower", seed=14)
+    path, scale = lawnmower_path(scene, 14), SCENE_KINDS[scene].scale
+    line, _ = path.at(np.linspace(0, path.length, 6000))
+    places = TRAJECTORIES["lawnmower"](replace(settings, dive=2)).T_world_sensor.translation
+    off = np.linalg.norm(places[:, None, :2] - line[None, :, :2], axis=2).min(axis=1)
+    assert off.max() < 1.55 * scale
+    assert np.median(off) > 0.1 * scale
+
+
+@pytest.mark.parametrize("scene", SCENE_KINDS)
+def test_a_short_second_dive_sees_again_what_the_first_saw(scene: str) -> None:
+    settings = replace(plan(scene, "lawnmower", seed=15), count=40)
+    one, other = (TRAJECTORIES["lawnmower"](replace(settings, dive=dive)).T_world_sensor for dive in (1, 2))
+    apart = np.linalg.norm(one.translation[:, None] - other.translation, axis=2)
+    assert 0.5 < (apart < settings.spacing).any(axis=0).mean() < 1
+
+
+def test_a_second_dive_is_of_the_same_scene_with_other_waves_and_noise() -> None:
+    first, second = simulate(SETTINGS), simulate(replace(SETTINGS, dive=2))
+    assert_array_equal(first.truth.stamps, second.truth.stamps)
+    moved = first.truth.T_world_sensor.translation - second.truth.T_world_sensor.translation
+    assert np.linalg.norm(moved, axis=1).min() > 5
+    mesh = build_scene("floodgate", 14).mesh
+    for simulation in (first, second):
+        points = simulation.truth.T_world_sensor[0].apply(simulation.scans[0].points.astype(float))
+        assert np.median(surface_distance(mesh, points)) < 0.5
+    waves = [lawnmower("floodgate", 30, 14, dive=dive).T_world_sensor.rotation.as_euler("ZYX")[:, 2] for dive in (1, 2)]
+    assert abs(np.corrcoef(waves)[0, 1]) < 0.9
+
+
+def test_instruments_err_otherwise_on_another_dive() -> None:
+    poses, depth = simulate(SETTINGS).truth.T_world_sensor, instruments_for(["depth"])
+    told = [
+        np.array([p.T_world_sensor.translation[2] for p in measure_poses(poses, depth, 14, dive)]) for dive in (1, 1, 2)
+    ]
+    assert_array_equal(told[0], told[1])
+    assert (np.abs(told[2] - told[0]) > 1e-3).all()
+    assert_allclose(told[2], poses.translation[:, 2], atol=0.5)
+
+
+@pytest.mark.parametrize(
+    "change", [{"dive": 0}, {"dive": 2, "trajectory": "paper18"}, {"dive": 2, "trajectory": "table1"}]
+)
+def test_a_dive_that_cannot_be_is_refused(change: dict) -> None:
+    with pytest.raises(InputError, match="dive"):
+        replace(SETTINGS, **change)
+
+
+def test_the_command_takes_a_dive_alone_or_beside_like(tmp_path: Path) -> None:
+    options = ("--trajectory", "lawnmower", "--scans", "1", "--seed", "14", "--quiet")
+    assert sonarmap("simulate", *options, "-o", tmp_path / "one").exit_code == 0
+    assert sonarmap("simulate", *options, "--dive", "2", "-o", tmp_path / "two").exit_code == 0
+    like = ("--like", tmp_path / "one" / "description.json", "--dive", "2", "--quiet")
+    assert sonarmap("simulate", *like, "-o", tmp_path / "three").exit_code == 0
+    scans = [(tmp_path / name / "scan_000.ply").read_bytes() for name in ("one", "two", "three")]
+    assert scans[0] != scans[1]
+    assert scans[1] == scans[2]
+    assert read_settings(tmp_path / "two" / "description.json").dive == 2
+    said(sonarmap("simulate", "--trajectory", "table1", "--dive", "2", "-o", tmp_path / "four"), "has only one dive")

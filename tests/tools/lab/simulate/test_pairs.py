@@ -1,0 +1,222 @@
+"""Random pairs: their truth is true, their overlap as wanted, their rotations as told; and strangers share nothing."""
+
+from dataclasses import replace
+from itertools import product
+
+import numpy as np
+import pytest
+from numpy.testing import assert_allclose, assert_array_equal
+from scipy.spatial import KDTree
+from scipy.spatial.transform import RigidTransform, Rotation
+
+from sonarmap.kernels.errors import InputError
+from sonarmap.spectral.scan import Scan
+from sonarmap.spectral.tilt import largest_tilt
+from sonarmap.tools.lab.simulate.pairs import viewpoints
+from sonarmap.tools.lab.simulate.pairs.pair_set import (
+    SET_OVERLAPS,
+    SET_SCENES,
+    SET_SIGMA2,
+    SET_TILT,
+    SET_TURNS,
+    evaluation_pair,
+    evaluation_unrelated,
+)
+from sonarmap.tools.lab.simulate.pairs.random_pairs import (
+    DRAWN,
+    STRANGERS,
+    draw_strangers,
+    random_pair,
+    unrelated_pair,
+    unrelated_scenes,
+)
+from sonarmap.tools.lab.simulate.pairs.turns import Turn, draw_turn
+from sonarmap.tools.lab.simulate.scenes.catalog import SCENE_KINDS
+from sonarmap.tools.lab.simulate.sensing.noise import Noise
+from sonarmap.tools.lab.simulate.sensing.overlap import mutual_overlap
+from sonarmap.tools.lab.simulate.sensing.sensors import SENSORS, Sensor, bare
+from tests.samples.simulated import QUIET
+
+STEEP = float(np.deg2rad(35.0))
+
+
+def _small(scene: str) -> Sensor:
+    return replace(bare(SENSORS[SCENE_KINDS[scene].sensor]), columns=128, rows=64)
+
+
+def _distances(target: Scan, source: Scan, T_target_source: RigidTransform) -> np.ndarray:
+    """Of the source's points to their nearest in the target [m]."""
+    return KDTree(target.points).query(T_target_source.apply(source.points))[0]
+
+
+@pytest.mark.parametrize(("scene", "overlaps"), list(zip(SET_SCENES, SET_OVERLAPS * 2, strict=False)))
+@pytest.mark.parametrize("turn", ["yaw", "any"])
+def test_a_turned_pair_obeys_its_truth_and_overlaps_as_wanted(scene: str, overlaps: tuple[float, float], turn: Turn):
+    target, source, truth = random_pair(11, overlaps, QUIET, scene, _small(scene), STEEP, turn)
+    radius = 2.0 * SCENE_KINDS[scene].scale
+    assert overlaps[0] <= mutual_overlap(target.points, source.points, truth, radius) <= overlaps[1]
+    common = (near := _distances(target, source, truth)) < radius
+    # turned about the source's own place by a little more, the points in common no longer lie on the target's
+    for axis in np.deg2rad(4.0) * np.eye(3):
+        off = truth * RigidTransform.from_rotation(Rotation.from_rotvec(axis))
+        assert np.mean(_distances(target, source, off)[common]) > 1.15 * np.mean(near[common])
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize(("scene", "overlaps"), list(product(SET_SCENES, SET_OVERLAPS)))
+def test_every_scene_has_pairs_of_every_overlap(scene: str, overlaps: tuple[float, float]):
+    for seed in range(900, 905):
+        target, source, truth = random_pair(seed, overlaps, QUIET, scene, None, STEEP, "yaw")
+        share = mutual_overlap(target.points, source.points, truth, 2.0 * SCENE_KINDS[scene].scale)
+        assert overlaps[0] <= share <= overlaps[1]
+
+
+def test_a_yaw_pair_turns_anywhere_and_tilts_up_to_its_bound():
+    found = [random_pair(seed, (0.6, 0.8), QUIET, "pool", _small("pool"), STEEP, "yaw")[2] for seed in range(16)]
+    tilts = np.array([largest_tilt(truth.rotation) for truth in found])
+    assert tilts.max() <= STEEP
+    assert np.ptp(tilts) > np.deg2rad(15)
+    assert np.median(tilts) > np.deg2rad(15)
+    yaw = np.array([truth.rotation.as_euler("ZYX")[0] for truth in found])
+    assert np.unique(np.floor(2 * yaw / np.pi)).size == 4
+
+
+def test_a_frame_turned_by_yaw_keeps_its_tilt_and_is_the_sensors_own_about_z():
+    """Roll 20 and pitch -31 degrees or what else is drawn: written out, not by the class's own composition."""
+    for seed in range(20):
+        frame = draw_turn("yaw", STEEP, np.random.default_rng(seed))
+        for aside, share in ((0.4, 0.0), (-1.1, 0.5), (0.7, 1.0)):
+            sensor = frame.R_target_sensor(aside, share)
+            yaw, pitch, roll = frame.R_target_frame(sensor).as_euler("ZYX")
+            assert_allclose((pitch, roll), (frame.pitch, frame.roll), atol=1e-12)
+            assert_allclose(np.angle(np.exp(1j * (yaw - aside - frame.about_z))), 0.0, atol=1e-12)
+        # all of the tilt is the sensor's: its z is the frame's
+        about_z = sensor.inv() * frame.R_target_frame(sensor)
+        assert_allclose(about_z.apply((0, 0, 1)), (0, 0, 1), atol=1e-12)
+        # none of it is: its z is the target's
+        assert_allclose(frame.R_target_sensor(0.3, 0.0).apply((0, 0, 1)), (0, 0, 1), atol=1e-12)
+
+
+def test_turns_are_spread_over_all_rotations():
+    drawn = [draw_turn("any", STEEP, np.random.default_rng(seed)) for seed in range(3000)]
+    matrices = np.array([frame.R.as_matrix() for frame in drawn])
+    assert_allclose(matrices.mean(axis=0), 0.0, atol=0.05)
+    # each entry of a uniform rotation has the variance 1/3; the mean angle is pi / 2 + 2 / pi
+    assert_allclose(matrices.var(axis=0), 1 / 3, atol=0.03)
+    angles = [frame.R.magnitude() for frame in drawn]
+    assert_allclose(np.mean(angles), np.pi / 2 + 2 / np.pi, atol=0.05)
+    turned = np.sort([frame.about_z for frame in drawn])
+    assert_allclose(turned, np.linspace(-np.pi, np.pi, 3000), atol=0.15)
+    with pytest.raises(InputError, match="view, yaw, any"):
+        draw_turn("up", STEEP, np.random.default_rng(0))  # pyright: ignore[reportArgumentType]
+
+
+def test_a_turned_frame_leaves_ranges_and_noise_as_they_are():
+    """What a beam measures is its own; only the frame that the source is told in differs."""
+    noise = Noise(sigma2=0.3, outliers=0.03, dropouts=0.2, ghosts=0.02, speckle=1.0)
+    pairs = [random_pair(4, (0.4, 0.6), noise, "clutter", _small("clutter"), STEEP, turn) for turn in ("yaw", "any")]
+    (target, source, truth), (other_target, other_source, other) = pairs
+    assert_array_equal(target.points, other_target.points)
+    assert_array_equal(source.strength, other_source.strength)
+    ranges = [np.linalg.norm(scan.points, axis=1) for scan in (source, other_source)]
+    assert_allclose(*ranges, rtol=1e-5)
+    assert_allclose(truth.translation, other.translation, atol=1e-9)
+    assert_allclose(truth.apply(source.points), other.apply(other_source.points), atol=1e-4)
+    assert (truth.rotation.inv() * other.rotation).magnitude() > 0.1
+
+
+def test_less_in_common_is_farther_away_and_turned_aside():
+    def apart(overlaps: tuple[float, float]) -> float:
+        found = [random_pair(seed, overlaps, QUIET, "clutter", _small("clutter"), 0.0, "yaw") for seed in range(5)]
+        return float(np.mean([np.linalg.norm(truth.translation) for _, _, truth in found]))
+
+    assert apart((0.05, 0.2)) > 2 * apart((0.6, 0.8)) > 4 * apart((0.9, 1.0))
+
+
+@pytest.mark.parametrize("turn", ["view", "yaw"])
+def test_a_glance_refuses_no_pose_that_all_beams_accept(monkeypatch: pytest.MonkeyPatch, turn: Turn):
+    quick = random_pair(6, (0.7, 0.9), QUIET, "harbor", _small("harbor"), turn=turn)
+    monkeypatch.setattr(viewpoints, "DOUBT", 1.0)
+    slow = random_pair(6, (0.7, 0.9), QUIET, "harbor", _small("harbor"), turn=turn)
+    assert_array_equal(quick[1].points, slow[1].points)
+    assert_array_equal(quick[2].as_matrix(), slow[2].as_matrix())
+
+
+def test_an_overlap_that_cannot_be_is_refused(monkeypatch: pytest.MonkeyPatch):
+    monkeypatch.setattr(viewpoints, "TRIES", 20)
+    with pytest.raises(InputError, match="widen the range"):
+        random_pair(1, (0.99999, 1.0), QUIET, "pool", _small("pool"), turn="yaw")
+
+
+def test_strangers_are_of_one_size_and_never_the_same_place():
+    assert unrelated_scenes("pool") == ("manifold",)
+    assert unrelated_scenes("manifold") == ("pool",)
+    assert unrelated_scenes("shallow") == ("pool", "manifold")
+    assert unrelated_scenes("floodgate") == ("harbor", "clutter", "ship", "bridge", "wreck")
+    for name in set(STRANGERS) - {"pool", "manifold"}:
+        others = set(unrelated_scenes(name))
+        assert {"harbor", "ship", "clutter"} - {name} <= others
+        assert (name in others) == (name in DRAWN)
+        assert {SCENE_KINDS[other].scale for other in others} == {1.0}
+    with pytest.raises(InputError, match="moon"):
+        unrelated_scenes("moon")
+
+
+def test_a_new_scene_does_not_change_which_strangers_a_seed_draws():
+    """Drawn when there were eight scenes."""
+    generators = [np.random.default_rng(np.random.SeedSequence([seed, 18]).spawn(3)[2]) for seed in range(6)]
+    assert [draw_strangers(None, rng) for rng in generators] == [
+        ("clutter", "ship"),
+        ("pool", "manifold"),
+        ("harbor", "clutter"),
+        ("pool", "manifold"),
+        ("manifold", "pool"),
+        ("clutter", "ship"),
+    ]
+
+
+def test_an_unrelated_pair_is_its_seed_in_a_turned_frame():
+    noise = Noise(sigma2=0.1, ghosts=0.02, speckle=1.0)
+    for scene in ("harbor", "manifold"):
+        target, source = unrelated_pair(5, noise, STEEP, scene)
+        again = unrelated_pair(5, noise, STEEP, scene)
+        assert_array_equal(target.points, again[0].points)
+        assert_array_equal(source.points, again[1].points)
+        assert not np.array_equal(unrelated_pair(6, noise, STEEP, scene)[1].points[:50], source.points[:50])
+    # another bound on the tilt turns the source's frame, and changes nothing else
+    (_, level), (_, steep) = (unrelated_pair(5, noise, tilt, "harbor") for tilt in (0.0, STEEP))
+    assert_allclose(np.linalg.norm(level.points, axis=1), np.linalg.norm(steep.points, axis=1), rtol=1e-5)
+    R_steep_level = Rotation.align_vectors(steep.points, level.points)[0]
+    assert_allclose(R_steep_level.apply(level.points), steep.points, atol=1e-3)
+    assert np.deg2rad(1) < largest_tilt(R_steep_level.inv()) <= 1.5 * STEEP
+
+
+def test_a_set_is_even_and_its_pairs_are_the_same_again():
+    count = 30 * len(SET_SCENES)
+    pairs = [evaluation_pair(number, 7) for number in range(count)]
+    share = {name: SCENE_KINDS[name].scale ** 2 for name in SET_SCENES}
+    met = {(pair.scene, pair.overlaps, round(pair.noise.sigma2 / share[pair.scene], 6), pair.turn) for pair in pairs}
+    assert met == set(product(SET_SCENES, SET_OVERLAPS, SET_SIGMA2, SET_TURNS))
+    assert len({pair.seed for pair in pairs}) == count
+    assert pairs[13] == evaluation_pair(13, 7)
+    assert pairs[13].seed != evaluation_pair(13, 8).seed
+    assert replace(pairs[13], turn="view") == evaluation_pair(13, 7, "view")
+    assert evaluation_unrelated(13, 7) == evaluation_unrelated(13, 7)
+    assert evaluation_unrelated(13, 7).seed != pairs[13].seed
+    for bad in ((-1, 0), (0, -1)):
+        with pytest.raises(InputError, match=">= 0"):
+            evaluation_pair(*bad)
+
+
+def test_a_pair_of_a_set_is_as_it_says():
+    """Number 1 is in the pool, with 20 to 40 percent in common; noise hides little of it at the pool's size."""
+    pair = evaluation_pair(1, 3, "yaw")
+    target, source, truth = pair.scans()
+    again = pair.scans()
+    assert_array_equal(source.points, again[1].points)
+    assert_array_equal(truth.as_matrix(), again[2].as_matrix())
+    assert (pair.scene, pair.overlaps) == ("pool", (0.2, 0.4))
+    assert largest_tilt(truth.rotation) <= SET_TILT
+    assert 0.12 < mutual_overlap(target.points, source.points, truth, 2.0 * SCENE_KINDS["pool"].scale) < 0.45
+    strangers_target, strangers_source = evaluation_unrelated(1, 3).scans()
+    assert min(len(strangers_target.points), len(strangers_source.points)) > 1000

@@ -1,0 +1,216 @@
+"""The scenes with a layout: sized as told, decided by the seed, inside and outside told apart."""
+
+from itertools import pairwise
+
+import numpy as np
+import pytest
+from numpy.testing import assert_allclose, assert_array_equal
+from scipy.spatial.transform import RigidTransform, Rotation
+
+from sonarmap.tools.lab.simulate.catalog import SENSOR_NAMES, TRAJECTORY_KINDS
+from sonarmap.tools.lab.simulate.scenes.bed import raster
+from sonarmap.tools.lab.simulate.scenes.bridge import bridge_layout
+from sonarmap.tools.lab.simulate.scenes.catalog import SCENE_KINDS
+from sonarmap.tools.lab.simulate.scenes.hulk import PLATE, SPACING, Hulk, skin
+from sonarmap.tools.lab.simulate.scenes.manifold import manifold_layout
+from sonarmap.tools.lab.simulate.scenes.pool import LENGTH, WIDTH, pool_layout
+from sonarmap.tools.lab.simulate.scenes.scene import Scene, build_scene
+from sonarmap.tools.lab.simulate.scenes.ship import ship_layout
+from sonarmap.tools.lab.simulate.scenes.wreck import wreck_layout
+from sonarmap.tools.lab.simulate.sensing.overlap import in_view, shared_view
+from sonarmap.tools.lab.simulate.sensing.sensors import SENSORS, Sensor, cast
+from sonarmap.tools.lab.simulate.shapes.solids import box, merge, tube
+from sonarmap.tools.lab.simulate.simulation import TRAJECTORIES
+
+DOWN = np.array([[0.0, 0.0, -1.0]])
+
+
+def test_the_catalog_names_what_can_be_built():
+    assert all(kind.builder.endswith(f":{name}") for name, kind in SCENE_KINDS.items())
+    assert set(TRAJECTORY_KINDS) == set(TRAJECTORIES)
+    assert set(SENSOR_NAMES) == set(SENSORS)
+    assert {kind.sensor for kind in SCENE_KINDS.values()} <= set(SENSORS)
+
+
+def test_inside_is_told_from_outside_where_solids_overlap():
+    scene = Scene("two", merge([box((0, 0, 0), (4, 4, 4)), box((1, 1, 1), (4, 4, 4))]))
+    places = np.array([[0, 0, 0], [1, 1, 1], [2.5, 2.5, 2.5], [-1.5, 2.5, 0], [0, 0, -9], [0, 0, 9]], float)
+    assert_array_equal(scene.is_solid(places), [True, True, True, False, False, False])
+
+
+def test_a_straight_tube_is_its_cylinder_and_a_bent_one_keeps_to_its_legs():
+    pipe = tube([(0, 0, 0), (10, 0, 0)], 0.5, sides=96)
+    ranges, _ = Scene("pipe", pipe).intersect(
+        np.array([[4.0, 0.0, 7.0], [4.0, 0.3, 7.0], [4.0, 0.51, 7.0]]), DOWN.repeat(3, 0)
+    )
+    assert_allclose(ranges, [6.5, 6.6, np.inf], atol=1e-3)
+    bent = Scene("bent", tube([(0, 0, 0), (10, 0, 0), (10, 8, 0)], 0.5, bend=2.0))
+    assert bent.is_solid(np.array([[5, 0.0, 0], [10, 6, 0], [9.5, 0.5, 0], [10, 0, 0]])).tolist() == [
+        True,
+        True,
+        True,
+        False,
+    ]
+
+
+@pytest.mark.parametrize("seed", [3, 17, 92])
+def test_a_pool_is_as_deep_as_told_and_nothing_is_outside_it(seed: int):
+    layout, scene = pool_layout(seed), build_scene("pool", seed)
+    assert (layout.depths[0], layout.depths[-1]) == (3.8, 1.2)
+    x = np.linspace(-12.3, 12.3, 60)
+    origins = np.column_stack([x, np.full(60, 5.9), np.full(60, -0.01)])
+    ranges, _ = scene.intersect(origins, DOWN.repeat(60, 0))
+    depth = -np.array([layout.floor(east) for east in x]) - 0.01
+    # on the floor, its breaks up to a raster cell off, or on what stands there
+    assert (ranges <= depth + 0.01).all()
+    assert np.isclose(ranges, depth, atol=0.01).mean() > 0.5
+    pose = RigidTransform.from_components((1.0, 0.5, -0.6), Rotation.from_euler("ZYX", (0.9, 0.1, 0.05)))
+    for turn in range(4):
+        around = pose * RigidTransform.from_rotation(Rotation.from_euler("z", turn * np.pi / 2))
+        echoes = cast(scene, SENSORS["sonar3d15"], around)
+        seen = np.isfinite(echoes.ranges)
+        points = around.apply(SENSORS["sonar3d15"].directions()[seen] * echoes.ranges[seen][:, None])
+        under = points[points[:, 2] < 0]
+        assert (np.abs(under) <= (LENGTH / 2 + 1e-6, WIDTH / 2 + 1e-6, 4.06)).all()
+
+
+@pytest.mark.parametrize("seed", [5, 31])
+def test_a_ship_lies_where_her_layout_says(seed: int):
+    layout, scene = ship_layout(seed), build_scene("ship", seed)
+    turn = Rotation.from_euler("z", layout.heading)
+    marks = np.array([(0.0, 0, -0.5 * layout.draft), (0.3 * layout.length, 0, -1), (0, 0, -layout.draft - 3.0)])
+    beside = np.array([(0.0, 0.6 * layout.beam, -2.0), (0.6 * layout.length, 0, -2.0)])
+    placed = turn.apply(np.concatenate([marks, beside])) + np.array((*layout.middle, 0.0))
+    assert scene.is_solid(placed).tolist() == [True, True, False, False, False]
+    # the bar keel is the lowest thing amidships
+    up = np.array([[0.0, 0.0, 1.0]])
+    ranges, _ = scene.intersect(placed[2:3], up)
+    assert_allclose(ranges, 3.0 - 0.35, atol=1e-6)
+
+
+@pytest.mark.parametrize("seed", [5, 31])
+def test_a_manifold_stands_on_its_mudmat_and_pipes_leave_it(seed: int):
+    layout, scene = manifold_layout(seed), build_scene("manifold", seed)
+    assert 10 < layout.length < 14
+    assert 7 < layout.width < 9
+    corner = np.array([(0.5 * layout.length, 0.5 * layout.width, z) for z in (-0.1, 2.0, layout.height)])
+    assert scene.is_solid(layout.place(corner)).all()
+    built = scene.mesh.vertices
+    far = built[np.hypot(built[:, 0], built[:, 1]) > 16]
+    assert (np.abs(built[:, :2]).max(axis=0) <= 24.5).all()
+    assert far[:, 2].max() < -38.0
+
+
+@pytest.mark.parametrize("seed", [5, 31])
+def test_a_bridges_piers_stand_along_its_axis_and_its_openings_are_clear(seed: int):
+    layout, scene = bridge_layout(seed), build_scene("bridge", seed)
+    underside = layout.deck[0]
+    middles = np.array([(pier.x, pier.y, -4.0) for pier in layout.piers])
+    assert scene.is_solid(middles).all()
+    assert_allclose(np.diff(middles[:, 0]) / np.diff(middles[:, 1]), -np.tan(layout.skew))
+    # beside the ends of a pier's straight part there is water
+    beside = [(0, side * (pier.width / 2 + pier.footing + 2.6), 0) for pier in layout.piers for side in (-1, 1)]
+    assert not scene.is_solid(np.repeat(middles, 2, axis=0) + beside).any()
+    for opening in layout.openings[:2]:
+        places = np.array([(layout.axis_x(opening) + step, opening, -2.0) for step in np.linspace(-30, 30, 61)])
+        assert not scene.is_solid(places).any()
+        ranges, _ = scene.intersect(places[30:31], -DOWN)
+        assert ranges[0] >= underside + 2.0 - 1e-6
+        assert np.isclose(ranges[0], underside + 2.0, atol=2.0)
+
+
+@pytest.mark.parametrize("seed", [5, 31])
+def test_a_river_is_deepest_in_its_channel_and_at_its_piers_and_ends_at_its_banks(seed: int):
+    layout = bridge_layout(seed)
+    height = build_scene("bridge", seed).mesh.vertices[: len(raster()) ** 2].reshape(len(raster()), len(raster()), 3)
+    x, y, z = np.moveaxis(height, -1, 0)
+    river = layout.river
+    channel = np.abs(y - river.channel_y - 1.5 * river.winding(x)) < 4
+    quiet = (np.abs(y) < 70) & ~channel
+    assert z[channel].mean() < z[quiet].mean() - 1.0
+    upstream = [z[np.hypot(x - pier.x + pier.length / 2, y - pier.y) < 5].mean() for pier in layout.piers]
+    assert np.mean(upstream) < z[quiet].mean() - 1.0
+    assert z[:, :3].mean() > 3.0
+    assert z[:, -3:].mean() > 3.0
+
+
+@pytest.mark.parametrize("seed", [5, 31])
+def test_a_wrecks_parts_lie_where_its_layout_says(seed: int):
+    layout, scene = wreck_layout(seed), build_scene("wreck", seed)
+    hulk = layout.hulk
+    assert 70 < hulk.length < 115
+    assert layout.parts[0].ends[0] == -0.5
+    assert layout.parts[-1].ends[1] == 0.5
+    for before, after in pairwise(layout.parts):
+        assert before.ends[1] == after.ends[0]
+    bed = len(raster()) ** 2
+    built = scene.mesh.vertices[bed:]
+    for part in layout.parts:
+        half = hulk.length * (part.ends[1] - part.ends[0]) / 2
+        turn = part.R_scene_part.inv()
+        own = turn.apply(built - np.array((*part.middle, 0.0)))
+        # the keel's corners, outer and inner ones, all lie in the part's own middle plane, and few others in one plane
+        values, counts = np.unique(np.round(own[:, 1], 5), return_counts=True)
+        aside = values[counts.argmax()]
+        assert counts.max() >= 2 * half / SPACING
+        # how high she lies follows from it, as she is heeled
+        height = aside / turn.apply((0, 0, 1))[1]
+        assert layout.bed - 14 < height < layout.bed + 20
+        keel = own[np.abs(own[:, 1] - aside) < 1e-5] - height * turn.apply((0, 0, 1))
+        keel = keel[np.abs(keel[:, 0]) < half + 3]
+        assert np.ptp(keel[:, 0]) > 1.9 * half
+        assert_allclose(np.mean([keel[:, 0].min(), keel[:, 0].max()]), 0.0, atol=2.0)
+    assert np.abs(built[:, :2]).max() < 128.0
+    assert built[:, 2].max() < -3.0
+
+
+def test_a_hulk_is_a_skin_round_an_open_hold():
+    hulk = Hulk(90.0, beam=14.0, depth=8.0)
+    scene = Scene("hulk", skin(hulk, -0.3, 0.3, np.random.default_rng(4)))
+    along = np.linspace(-20.0, 20.0, 9)
+    keel = np.column_stack([along, np.zeros(9), np.full(9, PLATE / 2)])
+    assert scene.is_solid(keel).all()
+    for height in (-0.2, PLATE + 0.2, 4.0, 9.0):
+        assert not scene.is_solid(keel + np.array((0.0, 0.0, height - PLATE / 2))).any()
+    # nothing between the hold and the sky, and the sides to port and starboard
+    ranges, _ = scene.intersect(keel + np.array((0.0, 0.0, 1.0)), -DOWN.repeat(9, 0))
+    assert np.isinf(ranges).all()
+    for side in (-1.0, 1.0):
+        ranges, _ = scene.intersect(keel + np.array((0.0, 0.0, 1.0)), np.tile([0.0, side, 0.0], (9, 1)))
+        assert np.median(ranges) < hulk.beam / 2
+        assert np.median(ranges) > hulk.beam / 4
+
+
+def test_wrecks_break_in_two_or_three_and_some_lie_keel_up():
+    layouts = [wreck_layout(seed) for seed in range(1, 41)]
+    assert {len(layout.parts) for layout in layouts} == {2, 3}
+    up = [part.R_scene_part.apply((0, 0, 1))[2] for layout in layouts for part in layout.parts]
+    assert 0.03 < np.mean(np.array(up) < 0) < 0.3
+    assert {len(bridge_layout(seed).piers) for seed in range(1, 41)} == {3, 4, 5}
+
+
+@pytest.mark.parametrize("layout", [ship_layout, pool_layout, manifold_layout, bridge_layout, wreck_layout])
+def test_the_seed_decides_the_layout(layout):
+    assert repr(layout(8).__class__) == repr(layout(9).__class__)
+    name = layout.__name__.removesuffix("_layout")
+    first, again, other = SCENE_KINDS[name].build(8), SCENE_KINDS[name].build(8), SCENE_KINDS[name].build(9)
+    assert_array_equal(first.vertices, again.vertices)
+    still = min(len(first.vertices), len(other.vertices))
+    built = ~np.isclose(first.vertices[:still], other.vertices[:still], atol=1e-3).all(axis=1)
+    assert built.mean() > 0.05
+
+
+def test_a_view_is_shared_where_both_look_and_nothing_hides_it():
+    wall = box((10.5, 0, 0), (1.0, 60.0, 60.0))
+    fan = Sensor("fan", np.deg2rad(90), np.deg2rad(40), 65, 33, 0.1, 40.0)
+    here = RigidTransform.identity()
+    # half as near: the wall from -5 to 5 m is seen instead of -10 to 10 m
+    near = RigidTransform.from_translation((5.0, 0.0, 0.0))
+    scene = Scene("wall", wall)
+    assert shared_view(scene, fan, here, here) == 1.0
+    points = np.array([[10.0, 9.9, 0.0], [10.0, 4.9, 0.0], [10.0, -5.1, 0.0], [10.0, 0.0, 2.5]])
+    assert in_view(scene, fan, here, points).tolist() == [True, True, True, True]
+    assert in_view(scene, fan, near, points).tolist() == [False, True, False, False]
+    hidden = Scene("hidden", merge([wall, box((7.0, 4.0, 0.0), (0.2, 3.0, 3.0))]))
+    assert in_view(hidden, fan, here, points).tolist() == [True, False, True, True]
+    assert shared_view(scene, fan, here, RigidTransform.from_rotation(Rotation.from_euler("z", np.pi))) == 0.0

@@ -1,0 +1,113 @@
+"""Voxel noise: where it reaches, how many voxels flip, and the paper's D0 to D6."""
+
+import numpy as np
+import pytest
+from numpy.testing import assert_array_equal
+from scipy.ndimage import distance_transform_cdt
+
+from sonarmap.kernels.errors import InputError
+from sonarmap.tools.lab.simulate.shapes.voxel_noise import NOISES, VoxelNoise, envelope, swap
+from tests.samples.processor_time import processor_time
+
+SHAPE = (23, 40, 31)
+
+
+def generator(seed: int = 3) -> np.random.Generator:
+    return np.random.default_rng(seed)
+
+
+def scattered(share: float) -> np.ndarray:
+    return generator(8).random(SHAPE) < share
+
+
+@pytest.mark.parametrize("margin", [0, 1, 2, 3, 4, 5, 7, 10, 22, 60])
+def test_the_envelope_is_a_chessboard_distance(margin: int):
+    occupied = scattered(0.0005)
+    expected = np.asarray(distance_transform_cdt(~occupied, "chessboard")) <= margin
+    assert_array_equal(envelope(occupied, margin), expected)
+
+
+def test_the_envelope_of_one_voxel_is_a_cube_that_the_faces_cut():
+    occupied = np.zeros(SHAPE, bool)
+    occupied[2, 20, 27] = True
+    expected = np.zeros(SHAPE, bool)
+    expected[0:8, 15:26, 22:31] = True
+    assert_array_equal(envelope(occupied, 5), expected)
+    assert occupied.sum() == 1
+
+
+def test_an_envelope_of_nothing_is_empty_and_none_is_everywhere():
+    void = np.zeros(SHAPE, bool)
+    assert not envelope(void, 5).any()
+    assert envelope(void, None).all()
+    assert_array_equal(swap(void, NOISES["D2"], generator()), void)
+    assert swap(void, NOISES["D6"], generator()).sum() == round(void.size / 25)
+
+
+@pytest.mark.parametrize(
+    ("name", "ratio", "margin"),
+    [("D1", 100, 5), ("D2", 25, 5), ("D3", 100, 10), ("D4", 25, 10), ("D5", 100, None), ("D6", 25, None)],
+)
+def test_each_of_the_papers_noises_flips_its_share_of_its_region(name: str, ratio: int, margin: int | None):
+    occupied = np.zeros((48, 64, 56), bool)
+    occupied[20:24, 10:30, 40:43] = True
+    low, high = np.array((20, 10, 40)), np.array((24, 30, 43))
+    region = np.zeros_like(occupied)
+    if margin is None:
+        region[:] = True
+    else:
+        inside = [slice(a, b) for a, b in zip(low - margin, np.minimum(high + margin, 56), strict=True)]
+        region[tuple(inside)] = True
+    flipped = swap(occupied, NOISES[name], generator()) ^ occupied
+    assert flipped.sum() == round(region.sum() / ratio)
+    assert not flipped[~region].any()
+    assert margin is None or flipped[region & ~envelope(occupied, margin - 1)].any()
+
+
+def test_d0_leaves_the_volume_alone():
+    occupied = scattered(0.1)
+    assert_array_equal(swap(occupied, NOISES["D0"], generator()), occupied)
+    assert list(NOISES) == ["D0", "D1", "D2", "D3", "D4", "D5", "D6"]
+
+
+def test_occupied_and_void_voxels_flip_alike_and_anywhere():
+    occupied = generator(1).random((64, 60, 56)) < 0.3
+    before = occupied.copy()
+    flipped = swap(occupied, VoxelNoise(0.04, None), generator()) ^ occupied
+    assert_array_equal(occupied, before)
+    # of n voxels, a share 0.04: four standard errors
+    for part in (occupied, ~occupied, *(np.indices(occupied.shape) < 25)):
+        assert abs(flipped[part].mean() - 0.04) < 4 * np.sqrt(0.04 * 0.96 / part.sum())
+
+
+def test_one_seed_flips_the_same_voxels_and_another_others():
+    occupied, noise = scattered(0.01), VoxelNoise(0.1, 1)
+    assert_array_equal(swap(occupied, noise, generator()), swap(occupied, noise, generator()))
+    assert (swap(occupied, noise, generator()) != swap(occupied, noise, generator(4))).any()
+    turned = np.asfortranarray(occupied)
+    assert_array_equal(swap(turned, noise, generator()), swap(occupied, noise, generator()))
+
+
+def test_all_voxels_flip_where_the_share_is_one():
+    occupied = scattered(0.01)
+    assert_array_equal(swap(occupied, VoxelNoise(1.0, None), generator()), ~occupied)
+
+
+@pytest.mark.parametrize("bad", [(-0.1, 5), (1.1, 5), (np.nan, 5), (0.1, -1)])
+def test_impossible_noise_is_refused(bad: tuple[float, int]):
+    with pytest.raises(InputError, match="wanted"):
+        VoxelNoise(*bad)
+
+
+@pytest.mark.parametrize("volume", [np.zeros((4, 4, 4), np.float32), np.zeros((4, 4), bool)])
+def test_what_is_no_boolean_volume_is_refused(volume: np.ndarray):
+    with pytest.raises(InputError, match=r"bool \(N, N, N\)"):
+        swap(volume, NOISES["D0"], generator())
+
+
+@pytest.mark.slow
+def test_the_papers_grid_takes_its_noise_quickly():
+    occupied = generator().random((256, 256, 256)) < 0.002
+    started = processor_time()
+    swap(occupied, NOISES["D4"], generator())
+    assert processor_time() - started < 5.0

@@ -1,0 +1,89 @@
+"""Folders as `sonarmap map` writes them, and the Earth by another way than the code's."""
+
+from dataclasses import replace
+from functools import cache
+from pathlib import Path
+from unittest.mock import patch
+
+import numpy as np
+from pyproj import CRS, Transformer
+from scipy.spatial.transform import RigidTransform
+
+from sonarmap.slam.mapper import Mapper
+from sonarmap.slam.survey_result import SurveyResult
+from sonarmap.spectral.result import Registration
+from sonarmap.tools.files.geo.georeference import Georeference
+from sonarmap.tools.products.output.folder import write_survey
+from tests.samples.surveys import KnowingRegistrar, ring_poses, scans_of
+
+COUNT = 8
+START = 1_483_228_790.25  # 2016-12-31T23:59:50.25Z: the leap second at the year's end is within the survey
+STEP = 2.5
+_A, _F = 6_378_137.0, 1 / 298.257223563  # WGS84's definition
+
+
+def finished_map(out: Path, split: bool = False, georeference: Georeference | None = None) -> Path:
+    """A ring of scans mapped and written, without pictures; with `split` nothing joins the last three to the others."""
+    inputs = [{"name": "scans/a.ply", "bytes": 3, "sha256": "0" * 64}]
+    names = [f"scan{k}" for k in range(COUNT)]
+
+    def nothing(path: Path, *_: object) -> None:
+        path.write_bytes(b"")
+
+    with patch.multiple(
+        "sonarmap.tools.products.output.folder", draw_map=nothing, draw_loops=nothing, draw_profile=nothing
+    ):
+        write_survey(out, _mapped(split), names, {"voxel": 0.5}, None, inputs=inputs, georeference=georeference)
+    return out
+
+
+@cache
+def _mapped(split: bool) -> SurveyResult:
+    truth = ring_poses(COUNT, radius=4.0)
+
+    def spoil(i: int, j: int, given: Registration) -> Registration:
+        apart = split and (i < COUNT - 3) != (j < COUNT - 3)
+        return replace(given, accepted=False, reason="spoiled") if apart else given
+
+    scans = [
+        replace(scan, stamp=START + STEP * k, strength=np.linspace(0, 7, len(scan.points), dtype=np.float32))
+        for k, scan in enumerate(scans_of(truth, reach=4.0))
+    ]
+    return Mapper(KnowingRegistrar(truth, 1e-4 * np.eye(6), spoil), 0.5).run(scans)
+
+
+def local_of(projected: np.ndarray, epsg: int, here: Georeference) -> np.ndarray:
+    """(N, 3) points in a map's frame of easting, northing, height: the definition of the frame, worked by hand.
+
+    Degrees by pyproj, then Earth-centered coordinates, turned to East, North and Up at the origin; heights are the
+    file's own less the origin's.
+    """
+    to_degrees = Transformer.from_crs(CRS.from_epsg(epsg), CRS.from_epsg(4326), always_xy=True)
+    longitude, latitude = to_degrees.transform(projected[:, 0], projected[:, 1])
+    return local_of_degrees(np.column_stack([latitude, longitude, projected[:, 2]]), here)
+
+
+def local_of_degrees(geodetic: np.ndarray, here: Georeference) -> np.ndarray:
+    """(N, 3) the same of latitude, longitude [deg] and height [m]."""
+    away = _earth_centered(geodetic) - _earth_centered(np.array([[here.latitude, here.longitude, 0.0]]))
+    phi, lam = np.radians([here.latitude, here.longitude])
+    east = np.array([-np.sin(lam), np.cos(lam), 0])
+    north = np.array([-np.sin(phi) * np.cos(lam), -np.sin(phi) * np.sin(lam), np.cos(phi)])
+    ahead = np.radians(here.heading)  # of x, clockwise from north; y is 90 degrees to its left
+    x = np.sin(ahead) * east + np.cos(ahead) * north
+    y = -np.cos(ahead) * east + np.sin(ahead) * north
+    return np.column_stack([away @ x, away @ y, geodetic[:, 2] - here.height])
+
+
+def _earth_centered(geodetic: np.ndarray) -> np.ndarray:
+    phi, lam = np.radians(geodetic[:, 0]), np.radians(geodetic[:, 1])
+    e2 = _F * (2 - _F)
+    normal = _A / np.sqrt(1 - e2 * np.sin(phi) ** 2)
+    flat = (normal + geodetic[:, 2]) * np.cos(phi)
+    return np.column_stack([flat * np.cos(lam), flat * np.sin(lam), (normal * (1 - e2) + geodetic[:, 2]) * np.sin(phi)])
+
+
+def scattered(count: int = 5, reach: float = 400.0, seed: int = 8) -> RigidTransform:
+    """Poses far from the origin, where a mere shift of a map would be meters off."""
+    rng = np.random.default_rng(seed)
+    return RigidTransform.from_translation(rng.uniform(-reach, reach, (count, 3)) * [1, 0.7, 0.02])

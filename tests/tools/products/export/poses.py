@@ -1,0 +1,76 @@
+"""A made-up dive with loops at a place, and what its files must say, worked without the code under test."""
+
+from collections.abc import Sequence
+from dataclasses import replace
+
+import numpy as np
+from pyproj import CRS, Transformer
+from scipy.spatial.transform import RigidTransform, Rotation
+
+from sonarmap.slam.graph.trajectory import Trajectory
+from sonarmap.tools.files.geo.georeference import Georeference
+from sonarmap.tools.files.map_folder.folder import Loop
+from sonarmap.tools.products.export.georeferenced import Georeferenced
+from tests.tools.products.export.folders import georeferenced
+
+# Name -> place of the map's origin, EPSG code of its UTM zone
+PLACES = {
+    "edge of a zone at 60 north": ((60.0, 11.9995), 32632),
+    "180 east": ((-17.5, 179.9999), 32760),
+    "70 south": ((-70.1, -68.3), 32719),
+}
+LOOPS = (Loop(0, 5, True, "ok"), Loop(1, 4, False, "contradicts"))
+DOWN = -31.25  # z of the sensor [m]
+
+
+def dive(place: str = "edge of a zone at 60 north", stamps: np.ndarray | None = None) -> Georeferenced:
+    """Six scans eastward, 40 m apart and 12 m northward each; headings, pitches and rolls that differ."""
+    there, _ = PLACES[place]
+    k = np.arange(6)
+    shifts = np.column_stack([k * 40.0 - 90.0, k * 12.0 - 20.0, DOWN + 0.5 * k])
+    # yaw counterclockwise from East, pitch nose down, roll starboard down
+    R = Rotation.from_euler("ZYX", np.column_stack([60.0 - 25 * k, 7.0 - k, 2.0 * k - 3]), degrees=True)
+    earth = georeferenced(Georeference(*there), RigidTransform.from_components(shifts, R))
+    part = earth.part
+    if stamps is not None:
+        part = replace(part, trajectory=Trajectory(stamps, part.trajectory.T_world_sensor))
+    return with_part(earth, part, loops=LOOPS)
+
+
+def with_part(earth: Georeferenced, part, **of_folder) -> Georeferenced:
+    """The same with another part, and other fields of the folder."""
+    folder = replace(earth.folder, parts=(part,), **of_folder)
+    return Georeferenced(folder, part, earth.georeference, earth.projection)
+
+
+def geodetic_by_hand(earth: Georeferenced) -> np.ndarray:
+    """(n, 3) latitude, longitude [deg], height [m]: PROJ's azimuthal equidistant projection about the origin.
+
+    It keeps ways and bearings from the origin, as the plane that touches the ellipsoid does for a map of some 100 m;
+    what lies 31 m below the ellipsoid spans a wider angle, by 31 m over the Earth's radius (0.5 mm here).
+    """
+    here = earth.georeference
+    aeqd = CRS.from_proj4(f"+proj=aeqd +lat_0={here.latitude} +lon_0={here.longitude} +ellps=WGS84 +units=m")
+    x, y, z = earth.part.trajectory.T_world_sensor.translation.T
+    wider = 1 - z / 6.371e6
+    to_degrees = Transformer.from_crs(aeqd, CRS.from_epsg(4326), always_xy=True)
+    longitude, latitude = to_degrees.transform(x * wider, y * wider)
+    return np.column_stack([latitude, longitude, z])
+
+
+def projected_by_hand(geodetic: np.ndarray, epsg: int) -> np.ndarray:
+    """(n, 2) easting, northing [m] of latitudes, longitudes [deg]."""
+    to_grid = Transformer.from_crs(CRS.from_epsg(4326), CRS.from_epsg(epsg), always_xy=True)
+    return np.column_stack(to_grid.transform(geodetic[:, 1], geodetic[:, 0]))
+
+
+def apart(places: np.ndarray, others: np.ndarray) -> np.ndarray:
+    """(n,) ways between places (n, 2+) of latitude, longitude [deg], along the ellipsoid [m]."""
+    from pyproj import Geod
+
+    return np.asarray(Geod(ellps="WGS84").inv(places[:, 1], places[:, 0], others[:, 1], others[:, 0])[2])
+
+
+def floats(rows: Sequence[dict[str, str]], *names: str) -> np.ndarray:
+    """(n, k) numbers of a table's columns."""
+    return np.array([[float(row[name]) for name in names] for row in rows])

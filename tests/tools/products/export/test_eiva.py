@@ -1,0 +1,50 @@
+"""Text for EIVA NaviEdit, against its page's layout and numbers worked by hand."""
+
+import re
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from sonarmap.tools.products.export.eiva import write_eiva_attitude, write_eiva_position
+from sonarmap.tools.products.export.georeferenced import Georeferenced
+from tests.tools.products.export.poses import PLACES, apart, dive, geodetic_by_hand
+
+
+def texts(path: Path, earth: Georeferenced) -> tuple[str, str]:
+    write_eiva_position(path / "position.txt", earth.folder, earth.part, earth)
+    write_eiva_attitude(path / "attitude.txt", earth.folder, earth.part, earth)
+    return (path / "position.txt").read_text(), (path / "attitude.txt").read_text()
+
+
+@pytest.mark.parametrize("place", PLACES)
+def test_position(tmp_path: Path, place: str) -> None:
+    earth = dive(place)
+    position = np.loadtxt(texts(tmp_path, earth)[0].splitlines())
+    expected = geodetic_by_hand(earth)
+    np.testing.assert_allclose(position[:, 0], 1.7e9 + 2.5 * np.arange(6), atol=1e-3)
+    assert apart(np.degrees(position[:, 1:3]), expected).max() < 1e-4
+    np.testing.assert_allclose(position[:, 3], [31.25, 30.75, 30.25, 29.75, 29.25, 28.75], atol=1e-4)
+
+
+def test_attitude(tmp_path: Path) -> None:
+    attitude = np.degrees(np.loadtxt(texts(tmp_path, dive())[1].splitlines())[:, 1:])
+    k = np.arange(6)
+    np.testing.assert_allclose(attitude[:, 0], 2 * k - 3, atol=1e-6)  # starboard down
+    np.testing.assert_allclose(attitude[:, 1], k - 7, atol=1e-6)  # nose up
+    np.testing.assert_allclose(attitude[:, 2], 30 + 25 * k, atol=0.002)  # true, not the grid's, which is 2.6 less
+
+
+def test_the_layout_is_that_of_the_page(tmp_path: Path) -> None:
+    """1179179101.202228 1.134059548584164 0.1130091400934067 349.1989770603225"""
+    for text, columns in zip(texts(tmp_path, dive()), (4, 4), strict=True):
+        for line in text.splitlines():
+            assert re.fullmatch(r"\d{10}\.\d{6}" + r" -?\d+\.\d{5,}" * (columns - 1), line)
+
+
+def test_lines_ascend_in_time(tmp_path: Path) -> None:
+    stamps = 1.7e9 + np.array([30.0, 31, 32, 0, 1, 2])
+    for text, first in zip(texts(tmp_path, dive(stamps=stamps)), (29.75, None), strict=True):
+        table = np.loadtxt(text.splitlines())
+        np.testing.assert_array_equal(table[:, 0], np.sort(stamps))
+        assert first is None or table[0, 3] == first  # the depth of scan 3

@@ -1,0 +1,155 @@
+"""A folder that the mapper's result became, exported: what the files say of a pose is the same in all of them."""
+
+import csv
+import json
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from sonarmap.slam.mapper import Mapper
+from sonarmap.tools.files.geo.georeference import Georeference
+from sonarmap.tools.files.geo.projection import Projection
+from sonarmap.tools.files.map_folder.folder import MapFolder, read_map_folder
+from sonarmap.tools.files.readers.poses.tum import read_tum
+from sonarmap.tools.files.writers.pcd import write_pcd
+from sonarmap.tools.products.export.eiva import write_eiva_attitude, write_eiva_position
+from sonarmap.tools.products.export.geojson import write_geojson
+from sonarmap.tools.products.export.geopackage import write_geopackage
+from sonarmap.tools.products.export.georeferenced import Georeferenced
+from sonarmap.tools.products.export.geotiff import write_geotiff
+from sonarmap.tools.products.export.graph_csv import write_graph_csv, write_graph_g2o
+from sonarmap.tools.products.export.kml.write import write_kmz
+from sonarmap.tools.products.export.mcap import write_mcap
+from sonarmap.tools.products.export.poses_csv import write_poses_csv
+from sonarmap.tools.products.output.folder import write_survey
+from tests.samples.surveys import KnowingRegistrar, ring_poses, scans_of
+
+COUNT = 8
+HERE = Georeference(69.9, 17.9995, height=-3.5, vertical="MSL", heading=37.0)
+WRITERS = {
+    "poses.csv": write_poses_csv,
+    "position.txt": write_eiva_position,
+    "attitude.txt": write_eiva_attitude,
+    "track.geojson": write_geojson,
+    "track.gpkg": write_geopackage,
+    "grid.tif": write_geotiff,
+    "map.kmz": write_kmz,
+}
+
+
+@pytest.fixture(scope="module")
+def exported(tmp_path_factory: pytest.TempPathFactory) -> tuple[Path, MapFolder]:
+    """The map and its exports, in one folder; stamps are Unix seconds."""
+    out = tmp_path_factory.mktemp("out")
+    truth = ring_poses(COUNT, turns=2)
+    result = Mapper(KnowingRegistrar(truth, 1e-4 * np.eye(6)), 0.5).run(scans_of(truth))
+    write_survey(out, result, [f"s{k}" for k in range(COUNT)], {}, None)
+    graph = json.loads((out / "graph.json").read_text())
+    for pose in graph["poses"]:
+        pose["stamp"] += 1.6e9
+    (out / "graph.json").write_text(json.dumps(graph))
+    folder = read_map_folder(out)
+    earth = Georeferenced(folder, folder.parts[0], HERE, Projection.of(HERE))
+    for name, write in WRITERS.items():
+        write(out / name, folder, folder.parts[0], earth)
+    for name, write in (("map.mcap", write_mcap), ("graph.csv", write_graph_csv), ("copy.g2o", write_graph_g2o)):
+        write(out / name, folder, folder.parts[0], earth)
+    write_pcd(out / "map.pcd", folder.parts[0].points, folder.parts[0].columns)
+    return out, folder
+
+
+def table(path: Path) -> list[dict[str, str]]:
+    with path.open(newline="", encoding="utf-8") as file:
+        return list(csv.DictReader(file))
+
+
+def test_places_and_times(exported: tuple[Path, MapFolder]) -> None:
+    from pyogrio.raw import read
+
+    out, _ = exported
+    rows = table(out / "poses.csv")
+    degrees = np.array([[float(row["lat_deg"]), float(row["lon_deg"])] for row in rows])
+    heights = np.array([float(row["height_m"]) for row in rows])
+    seconds = np.array([float(row["unix_s"]) for row in rows])
+    position = np.loadtxt(out / "position.txt")
+    np.testing.assert_allclose(np.degrees(position[:, 1:3]), degrees, rtol=0, atol=1e-9)
+    np.testing.assert_allclose(position[:, 3], -heights, rtol=0, atol=1e-4)
+    features = json.loads((out / "track.geojson").read_text())["features"]
+    points = np.array([f["geometry"]["coordinates"] for f in features if f["properties"]["layer"] == "scans"])
+    np.testing.assert_allclose(points, np.column_stack([degrees[:, ::-1], heights]), rtol=0, atol=1e-5)
+    meta, _, geometry, columns = read(out / "track.gpkg", layer="scans")
+    grid = np.array([np.frombuffer(wkb[5:], "<f8") for wkb in geometry])
+    expected = [[float(row[name]) for name in ("easting_m", "northing_m", "height_m")] for row in rows]
+    np.testing.assert_allclose(grid, expected, rtol=0, atol=1e-4)
+    assert meta["crs"] == rows[0]["crs"]
+    named = dict(zip(meta["fields"], columns, strict=True))
+    for times in (position[:, 0], named["unix_s"], [float(row["stamp"]) for row in table(out / "graph.csv")]):
+        np.testing.assert_allclose(times, seconds, rtol=0, atol=1e-6)
+    assert set(named["height_reference"]) == {"MSL"} == {row["height_reference"] for row in rows}
+
+
+def test_attitudes(exported: tuple[Path, MapFolder]) -> None:
+    out, _ = exported
+    rows = table(out / "poses.csv")
+    angles = [[float(row[name]) for name in ("roll_deg", "pitch_deg", "heading_deg")] for row in rows]
+    attitude = np.degrees(np.loadtxt(out / "attitude.txt")[:, 1:])
+    apart = (attitude - angles + 180) % 360 - 180
+    np.testing.assert_allclose(apart, 0, atol=1e-6)
+    features = json.loads((out / "track.geojson").read_text())["features"]
+    says = [f["properties"] for f in features if f["properties"]["layer"] == "scans"]
+    for name in ("roll_deg", "pitch_deg", "heading_deg", "heading_grid_deg", "east_sigma_m", "heading_sigma_deg"):
+        written = np.array([float(row[name]) for row in rows])
+        np.testing.assert_allclose([each[name] for each in says], written, rtol=1e-8, atol=1e-6)
+
+
+def test_clouds_and_poses_in_the_map(exported: tuple[Path, MapFolder]) -> None:
+    import open3d as o3d
+    from mcap.reader import make_reader
+    from mcap_ros2.decoder import DecoderFactory
+
+    out, folder = exported
+    points = np.asarray(o3d.io.read_point_cloud(out / "map.pcd").points)
+    np.testing.assert_allclose(points, folder.parts[0].points, rtol=0, atol=1e-4)
+    with (out / "map.mcap").open("rb") as file:
+        topics = {
+            channel.topic: message
+            for _, channel, _, message in make_reader(
+                file, decoder_factories=[DecoderFactory()]
+            ).iter_decoded_messages()
+        }
+    cloud = np.frombuffer(bytes(topics["/map/points"].data), np.uint8).reshape(-1, topics["/map/points"].point_step)
+    np.testing.assert_array_equal(cloud[:, :12].copy().view("<f4"), points.astype(np.float32))
+    track = [[getattr(pose.pose.position, axis) for axis in "xyz"] for pose in topics["/track"].poses]
+    np.testing.assert_allclose(track, read_tum(out / "trajectory.tum").T_world_sensor.translation, atol=1e-12)
+
+
+def test_loops_are_those_of_the_map(exported: tuple[Path, MapFolder]) -> None:
+    out, folder = exported
+    features = json.loads((out / "track.geojson").read_text())["features"]
+    loops = [f["properties"] for f in features if f["properties"]["layer"] == "loops"]
+    assert len(loops) == len(folder.loops) > 0
+    assert [loop["kept"] for loop in loops] == [loop.kept for loop in folder.loops]
+    assert (out / "copy.g2o").read_bytes() == (out / "graph.g2o").read_bytes()
+
+
+def test_the_picture_lies_on_the_grid(exported: tuple[Path, MapFolder]) -> None:
+    """Of map.kmz, placed by GDAL as by Google Earth: within one cell of what grid.tif has, and the other way round."""
+    import rasterio
+    from pyproj import Transformer
+    from scipy.ndimage import distance_transform_cdt
+
+    out, _ = exported
+    with rasterio.open(out / "map.kmz") as picture, rasterio.open(out / "grid.tif") as grid:
+        assert picture.crs.to_epsg() == 4326
+        rows, columns = np.nonzero(picture.read(4))
+        filled = np.pad(~grid.read_masks(1).astype(bool), 2, constant_values=True)
+        to_grid = Transformer.from_crs(4326, grid.crs.to_epsg(), always_xy=True)
+        east, north = to_grid.transform(*(picture.transform @ (columns + 0.5, rows + 0.5)))
+        column, row = np.floor(~grid.transform @ (east, north)).astype(int) + 2
+    away = np.asarray(distance_transform_cdt(filled, "chessboard"))  # of a cell from the next that holds points
+    assert away[row, column].max() <= 1
+    drawn = np.ones(filled.shape, bool)
+    drawn[row, column] = False
+    assert np.asarray(distance_transform_cdt(drawn, "chessboard"))[~filled].max() <= 1
+    assert len(row) > 100

@@ -1,0 +1,139 @@
+"""GeoPackage by GDAL and by sqlite3 with the specification's own words, against places worked otherwise."""
+
+import shutil
+import sqlite3
+import struct
+import subprocess
+from dataclasses import replace
+from datetime import datetime
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pytest
+
+from sonarmap.kernels.errors import InputError
+from sonarmap.tools.products.export.geopackage import write_geopackage
+from sonarmap.tools.products.export.georeferenced import Georeferenced
+from tests.tools.products.export.poses import PLACES, dive, geodetic_by_hand, projected_by_hand, with_part
+
+
+def written(path: Path, earth: Georeferenced) -> Path:
+    write_geopackage(path / "track.gpkg", earth.folder, earth.part, earth)
+    assert [file.name for file in path.iterdir()] == ["track.gpkg"]
+    return path / "track.gpkg"
+
+
+def read(path: Path, layer: str) -> tuple[dict[str, Any], list[np.ndarray], dict[str, np.ndarray]]:
+    from pyogrio.raw import read
+
+    meta, _, geometry, columns = read(path, layer=layer, datetime_as_string=True)
+    return meta, [places(wkb) for wkb in geometry], dict(zip(meta["fields"], columns, strict=True))
+
+
+def places(wkb: bytes) -> np.ndarray:
+    """(n, 3) of ISO or EWKB points and lines."""
+    order, kind = struct.unpack_from("<BI", wkb)
+    assert order == 1
+    start = 5 if kind in (1001, 0x80000001) else 9
+    return np.frombuffer(wkb[start:], "<f8").reshape(-1, 3)
+
+
+@pytest.mark.parametrize("place", PLACES)
+def test_gdal_reads_scans_where_they_are(tmp_path: Path, place: str) -> None:
+    earth = dive(place)
+    epsg = PLACES[place][1]
+    meta, points, columns = read(written(tmp_path, earth), "scans")
+    assert meta["crs"] == f"EPSG:{epsg}"
+    expected = geodetic_by_hand(earth)
+    grid = np.column_stack([projected_by_hand(expected, epsg), expected[:, 2]])
+    np.testing.assert_allclose(np.vstack(points), grid, rtol=0, atol=1e-4)
+    np.testing.assert_allclose(columns["unix_s"], 1.7e9 + 2.5 * np.arange(6), rtol=0, atol=1e-6)
+    times = [datetime.fromisoformat(text).timestamp() for text in columns["utc"]]
+    np.testing.assert_allclose(times, columns["unix_s"], rtol=0, atol=1e-3)
+    assert set(columns["height_reference"]) == {"surface"}
+    np.testing.assert_allclose(columns["pitch_deg"], np.arange(6) - 7, atol=1e-9)
+
+
+def test_track_and_loops(tmp_path: Path) -> None:
+    path = written(tmp_path, dive())
+    points = np.vstack(read(path, "scans")[1])
+    _, (track,), says = read(path, "track")
+    np.testing.assert_array_equal(track, points)
+    assert says["scan_count"][0] == 6
+    _, (kept, refused), says = read(path, "loops")
+    np.testing.assert_array_equal(kept, points[[0, 5]])
+    np.testing.assert_array_equal(refused, points[[1, 4]])
+    assert says["kept"].tolist() == [True, False]
+    assert says["reason"].tolist() == ["ok", "contradicts"]
+    assert says["source"].tolist() == ["scan_5", "scan_4"]
+
+
+def test_it_is_a_geopackage_by_its_own_words(tmp_path: Path) -> None:
+    """OGC 12-128r14: requirements 2 (application id), 13 (contents), 22 (geometry columns); times of a DATETIME."""
+    with sqlite3.connect(written(tmp_path, dive())) as base:
+        assert base.execute("PRAGMA application_id").fetchone() == (0x47504B47,)
+        assert base.execute("PRAGMA user_version").fetchone() == (10200,)
+        assert base.execute("PRAGMA integrity_check").fetchone() == ("ok",)
+        contents = set(base.execute("SELECT table_name, data_type, srs_id FROM gpkg_contents"))
+        assert contents == {(layer, "features", 32632) for layer in ("track", "scans", "loops")}
+        kinds = set(base.execute("SELECT table_name, geometry_type_name, z FROM gpkg_geometry_columns"))
+        assert kinds == {("track", "LINESTRING", 1), ("scans", "POINT", 1), ("loops", "LINESTRING", 1)}
+        times = [row[0] for row in base.execute("SELECT utc FROM scans")]
+        assert times[:2] == ["2023-11-14T22:13:20.000Z", "2023-11-14T22:13:22.500Z"]
+    base.close()
+
+
+def test_times_that_are_none_are_null(tmp_path: Path) -> None:
+    _, _, columns = read(written(tmp_path, dive(stamps=np.arange(6.0))), "scans")
+    assert np.isnan(columns["unix_s"]).all()
+    with sqlite3.connect(tmp_path / "track.gpkg") as base:
+        assert set(base.execute("SELECT utc, unix_s FROM scans")) == {(None, None)}
+    base.close()
+
+
+@pytest.mark.parametrize("survey", [2**31, 2**63 - 1, -(2**31) - 1])
+def test_large_numbers_are_written_as_they_are(tmp_path: Path, survey: int) -> None:
+    """All that a summary.json may hold."""
+    earth = dive()
+    rows = [{"survey": survey}] * 6
+    folder = replace(earth.folder, summary={"scans": rows})
+    path = written(tmp_path, replace(earth, folder=folder))
+    for layer in ("scans", "track"):
+        assert set(read(path, layer)[2]["survey"].tolist()) == {survey}
+
+
+def test_names_may_hold_anything(tmp_path: Path) -> None:
+    earth = dive()
+    names = ("a'b", 'c"', "d\ne", "\N{GREEK SMALL LETTER ALPHA}", "lone\udce9", "")
+    _, _, columns = read(written(tmp_path, with_part(earth, earth.part, names=names)), "scans")
+    assert columns["name"].tolist() == [*names[:4], "lone\\udce9", ""]
+
+
+def test_no_loops_no_layer(tmp_path: Path) -> None:
+    from pyogrio import list_layers
+
+    earth = dive()
+    path = written(tmp_path, with_part(earth, earth.part, loops=()))
+    assert [name for name, _ in list_layers(path)] == ["track", "scans"]
+
+
+def test_what_was_there_is_replaced_whole(tmp_path: Path) -> None:
+    (tmp_path / "track.gpkg").write_bytes(b"not a GeoPackage")
+    assert len(read(written(tmp_path, dive()), "scans")[1]) == 6
+
+
+def test_a_folder_of_that_name_is_refused(tmp_path: Path) -> None:
+    (tmp_path / "track.gpkg").mkdir()
+    with pytest.raises(InputError, match="a folder of that name"):
+        write_geopackage(tmp_path / "track.gpkg", (earth := dive()).folder, earth.part, earth)
+
+
+def test_ogrinfo_reads_it(tmp_path: Path) -> None:
+    """GDAL's own program, another build than pyogrio's."""
+    command = shutil.which("ogrinfo")
+    if command is None:
+        pytest.skip("no ogrinfo here")
+    told = subprocess.run([command, "-al", written(tmp_path, dive())], capture_output=True, text=True, check=True)
+    assert "POINT Z (667" in told.stdout
+    assert "utc (DateTime) = 2023/11/14 22:13:22.500+00" in told.stdout

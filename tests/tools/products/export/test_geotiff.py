@@ -1,0 +1,139 @@
+"""GeoTIFF grids, read by rasterio, against a loop over the points."""
+
+import math
+from dataclasses import replace
+from pathlib import Path
+from xml.etree import ElementTree
+
+import numpy as np
+import pytest
+import rasterio
+from pyproj import Transformer
+from rasterio.windows import Window
+
+from sonarmap.kernels.errors import InputError
+from sonarmap.tools.files.geo.georeference import Georeference
+from sonarmap.tools.products.export.georeferenced import Georeferenced
+from sonarmap.tools.products.export.geotiff import NODATA, write_geotiff
+from sonarmap.tools.products.export.grid import top_cells
+from tests.tools.products.export.finished import local_of, scattered
+from tests.tools.products.export.folders import georeferenced
+
+
+def written(path: Path, earth: Georeferenced) -> rasterio.DatasetReader:
+    write_geotiff(path, earth.folder, earth.part, earth)
+    return rasterio.open(path)
+
+
+@pytest.mark.parametrize(
+    ("place", "epsg"), [((60.0, 11.9995), 32632), ((-70.0, -60.0002), 32720), ((-17.5, 179.9995), 32760)]
+)
+def test_every_cell_is_the_mean_of_its_uppermost_surface(place: tuple[float, float], epsg: int, tmp_path: Path) -> None:
+    here = Georeference(*place, height=-2.5, heading=51.0)
+    earth = replace(georeferenced(here, scattered(3, reach=15.0), points=900), cell=1.5)
+    with written(tmp_path / "grid.tif", earth) as raster:
+        assert raster.crs.to_epsg() == epsg
+        height, sigma, count = raster.read()
+        inverse = ~raster.transform
+        # the file's own georeference, and degrees by pyproj alone
+        geodetic = here.geodetic(earth.part.points)
+        east, north = Transformer.from_crs(4326, epsg, always_xy=True).transform(geodetic[:, 1], geodetic[:, 0])
+        cells: dict[tuple[int, int], list[int]] = {}
+        for k, (column, row) in enumerate(zip(*(inverse @ (np.array(east), np.array(north))), strict=True)):
+            cells.setdefault((math.floor(row), math.floor(column)), []).append(k)
+    columns = earth.part.columns
+    for (row, column), members in cells.items():
+        top = max(geodetic[k, 2] for k in members)
+        used = [k for k in members if geodetic[k, 2] >= top - earth.folder.voxel]
+        weights = [1 / float(columns["sigma"][k]) ** 2 for k in used]
+        mean = sum(w * geodetic[k, 2] for w, k in zip(weights, used, strict=True)) / sum(weights)
+        spread = sum(
+            w * (float(columns["sigma"][k]) ** 2 + (geodetic[k, 2] - mean) ** 2)
+            for w, k in zip(weights, used, strict=True)
+        )
+        assert height[row, column] == pytest.approx(mean, abs=1e-4)
+        assert sigma[row, column] == pytest.approx(math.sqrt(spread / sum(weights)), rel=1e-5)
+        assert count[row, column] == sum(columns["count"][k] for k in used)
+    empty = np.ones(height.shape, bool)
+    empty[tuple(np.array(list(cells)).T)] = False
+    assert (np.stack([height, sigma, count])[:, empty] == NODATA).all()
+
+
+def test_what_the_file_says_of_itself(tmp_path: Path) -> None:
+    earth = georeferenced(Georeference(60.0, 9.1, vertical="MSL"), scattered(3, reach=20.0))
+    with written(tmp_path / "grid.tif", earth) as raster:
+        assert raster.dtypes == ("float32",) * 3
+        assert raster.nodatavals == (NODATA,) * 3
+        assert raster.compression.name == "deflate"
+        assert raster.profile["tiled"]
+        assert raster.res == (0.2, 0.2)
+        assert raster.transform.e < 0 == raster.transform.b == raster.transform.d  # north up
+        assert raster.descriptions[0] == "height above mean sea level"
+        assert raster.units == ("m", "m", "points")
+        tags = raster.tags()
+    assert tags["AREA_OR_POINT"] == "Area"
+    assert "EPSG:5714" in tags["VERTICAL_REFERENCE"]
+    assert "positive up" in tags["SIGN"]
+    assert {path.name for path in tmp_path.iterdir()} == {"grid.tif", "grid.qml"}
+
+
+def test_the_edges_of_cells_are_at_multiples_of_their_size(tmp_path: Path) -> None:
+    with written(tmp_path / "a.tif", georeferenced(Georeference(60.0, 9.1), scattered(3, reach=20.0))) as a:
+        assert a.transform.c / 0.2 == pytest.approx(round(a.transform.c / 0.2), abs=1e-6)
+        assert a.transform.f / 0.2 == pytest.approx(round(a.transform.f / 0.2), abs=1e-6)
+
+
+def test_walls_and_overhangs_have_the_height_of_their_top() -> None:
+    heights = np.array([-20.0, -19.9, -12.0, -5.0, -5.1, -5.3])  # a bed, a wall, and an overhang above both
+    zeros, ones = np.zeros(6, np.int64), np.ones(6)
+    cells = top_cells(zeros, zeros, heights, 0.1 * ones, ones, voxel=0.25)
+    assert cells.height.tolist() == pytest.approx([-5.05])
+    assert cells.count.tolist() == [2]
+    assert cells.sigma[0] == pytest.approx(math.hypot(0.1, 0.05))
+
+
+def test_a_large_empty_grid_takes_little_room(tmp_path: Path) -> None:
+    """13,000 by 9,000 cells, of which some hundred hold points."""
+    earth = georeferenced(Georeference(60.0, 9.1), scattered(6, reach=1300.0))
+    with written(tmp_path / "grid.tif", earth) as raster:
+        assert raster.width * raster.height > 5e7
+        column, row = ~raster.transform @ tuple(earth.projected_points[0, :2])
+        row, column = math.floor(row), math.floor(column)
+        window = Window.from_slices((row, row + 1), (column, column + 1))
+        assert raster.read(1, window=window)[0, 0] != NODATA
+    assert (tmp_path / "grid.tif").stat().st_size < 2e6
+
+
+def test_refuses_a_grid_that_nobody_could_use(tmp_path: Path) -> None:
+    earth = replace(georeferenced(Georeference(60.0, 9.1), scattered()), cell=0.001)
+    with pytest.raises(InputError, match="--cell"):
+        write_geotiff(tmp_path / "grid.tif", earth.folder, earth.part, earth)
+    assert not list(tmp_path.iterdir())
+
+
+def test_cells_lie_where_the_map_has_its_points(tmp_path: Path) -> None:
+    """Centers of cells, brought back to the map's frame by hand, are within half a cell's diagonal of a point."""
+    here = Georeference(-70.0, 0.0001, heading=12.0)
+    earth = georeferenced(here, scattered(3, reach=30.0), points=60)
+    with written(tmp_path / "grid.tif", earth) as raster:
+        rows, columns = np.nonzero(raster.read(1) != NODATA)
+        east, north = raster.transform @ (columns + 0.5, rows + 0.5)
+        heights = raster.read(1)[rows, columns]
+    back = local_of(np.column_stack([east, north, heights]), 32731, here)
+    for place in back:
+        assert np.abs(earth.part.points[:, :2] - place[:2]).sum(axis=1).min() < 0.3
+
+
+def test_the_style_for_qgis_has_the_heights_of_the_legend(tmp_path: Path) -> None:
+    """Beside the raster, as QGIS wants it: band 1 in viridis from the 1st to the 99th percent of the points."""
+    earth = georeferenced(Georeference(60.0, 9.1, height=-7.5), scattered(3, reach=20.0))
+    written(tmp_path / "grid.tif", earth).close()
+    root = ElementTree.parse(tmp_path / "grid.qml").getroot()
+    (renderer,) = root.iterfind("./pipe/rasterrenderer")
+    assert (root.tag, renderer.get("type"), renderer.get("band")) == ("qgis", "singlebandpseudocolor", "1")
+    items = [item.attrib for item in root.iterfind(".//colorrampshader/item")]
+    heights = np.array([float(item["value"]) for item in items])
+    seen = earth.part.columns["seen"] >= 2
+    low, high = np.quantile(earth.points[seen, 2], [0.01, 0.99])
+    np.testing.assert_allclose(heights, np.linspace(low, high, len(items)), atol=1e-4)
+    assert (items[0]["color"], items[len(items) // 2]["color"], items[-1]["color"]) == ("#440154", "#21918c", "#fde725")

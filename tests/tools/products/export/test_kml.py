@@ -1,0 +1,151 @@
+# pyright: reportAttributeAccessIssue=false
+"""KML and KMZ: valid by the OGC's and Google's schemas, read by lxml and fastkml, places worked by hand."""
+
+import io
+import zipfile
+from dataclasses import replace
+from datetime import datetime
+from pathlib import Path
+
+import fastkml
+import numpy as np
+import pytest
+from fastkml.validator import get_schema_parser
+from lxml import etree
+from PIL import Image
+from scipy.spatial.transform import RigidTransform
+
+from sonarmap.tools.files.geo.georeference import Georeference
+from sonarmap.tools.products.export.georeferenced import Georeferenced
+from sonarmap.tools.products.export.kml.overlay import pictures_of
+from sonarmap.tools.products.export.kml.write import write_kml, write_kmz
+from tests.tools.products.export.finished import START, local_of_degrees, scattered
+from tests.tools.products.export.folders import georeferenced
+
+NAMES = {"kml": "http://www.opengis.net/kml/2.2", "gx": "http://www.google.com/kml/ext/2.2"}
+PLACES = [(60.0, 11.9995), (-70.0, -60.0002), (-17.5, 179.9999), (10.0, -179.9999), (84.5, 12.0)]
+
+
+def document(path: Path) -> etree._Element:
+    """The document of a KML or KMZ, after a check by the schema."""
+    content = zipfile.ZipFile(path).read("doc.kml") if path.suffix == ".kmz" else path.read_bytes()
+    root = etree.fromstring(content)
+    schema = get_schema_parser()
+    assert schema.validate(root), schema.error_log
+    return root
+
+
+def texts(root: etree._Element, query: str) -> list[str]:
+    return [str(element.text) for element in root.iterfind(query, NAMES)]
+
+
+def written(folder: Path, earth: Georeferenced, kind: str = "kml") -> Path:
+    write = write_kml if kind == "kml" else write_kmz
+    write(folder / f"map.{kind}", earth.folder, earth.part, earth)
+    return folder / f"map.{kind}"
+
+
+@pytest.mark.parametrize("place", PLACES)
+def test_the_track_is_where_a_second_way_has_it(place: tuple[float, float], tmp_path: Path) -> None:
+    here = Georeference(*place, height=-4.5, heading=37.0)
+    earth = georeferenced(here, scattered(6))
+    root = document(written(tmp_path, earth))
+    (line,) = texts(root, ".//kml:LineString/kml:coordinates")
+    track = texts(root, ".//gx:Track/gx:coord")
+    for rows in ([row.split(",") for row in line.split()], [row.split() for row in track]):
+        longitude, latitude, height = np.array(rows, float).T
+        back = local_of_degrees(np.column_stack([latitude, longitude, height]), here)
+        np.testing.assert_allclose(back, earth.part.trajectory.T_world_sensor.translation, atol=1e-3)
+    ends = texts(root, ".//kml:Point/kml:coordinates")
+    assert ends == [line.split()[0], line.split()[-1]]
+
+
+def test_times(tmp_path: Path) -> None:
+    """In order of time, whatever the order of the scans."""
+    earth = georeferenced(Georeference(60.0, 5.0), scattered(4))
+    stamps = START + np.array([5.0, 0.0, 2.5, 7.625])
+    part = replace(earth.part, trajectory=replace(earth.part.trajectory, stamps=stamps))
+    root = document(written(tmp_path, replace(earth, part=part)))
+    whens = [datetime.fromisoformat(text).timestamp() for text in texts(root, ".//gx:Track/kml:when")]
+    np.testing.assert_allclose(whens, np.sort(stamps), atol=1e-3)
+    coordinates = [row.split(",") for row in texts(root, ".//kml:LineString/kml:coordinates")[0].split()]
+    assert [row.split() for row in texts(root, ".//gx:Track/gx:coord")] == [coordinates[k] for k in (1, 2, 0, 3)]
+
+
+def test_without_times_there_is_no_timed_track(tmp_path: Path) -> None:
+    earth = georeferenced(Georeference(60.0, 5.0), scattered(4))
+    part = replace(earth.part, trajectory=replace(earth.part.trajectory, stamps=np.arange(4.0)))
+    root = document(written(tmp_path, replace(earth, part=part)))
+    assert not texts(root, ".//gx:Track/kml:when")
+    assert texts(root, ".//kml:Placemark/kml:name") == ["track", "start", "end"]
+
+
+def test_an_independent_reader_takes_it(tmp_path: Path) -> None:
+    earth = georeferenced(Georeference(60.0, 5.0), scattered(4))
+    read = fastkml.kml.KML.parse(io.BytesIO(written(tmp_path, earth).read_bytes()))
+    names = [feature.name for feature in read.features[0].features]
+    assert names == ["track", "track with times", "start", "end"]
+
+
+def test_names_that_xml_cannot_hold(tmp_path: Path) -> None:
+    earth = georeferenced(Georeference(60.0, 5.0), scattered(2))
+    folder = replace(earth.folder, names=("<a>&\x07\udcff", "b"))
+    root = document(written(tmp_path, replace(earth, folder=folder)))
+    assert "&lt;a&gt;&amp;??" in texts(root, ".//kml:Placemark/kml:description")[0]
+
+
+@pytest.mark.parametrize("place", PLACES)
+def test_every_point_is_in_the_picture(place: tuple[float, float], tmp_path: Path) -> None:
+    """Its pixel, by the box and the picture's size alone, has a color; two pictures where 180 degrees are crossed."""
+    earth = georeferenced(Georeference(*place, heading=20.0), scattered(4, reach=60.0))
+    path = written(tmp_path, earth, "kmz")
+    archive = zipfile.ZipFile(path)
+    assert archive.namelist()[0] == "doc.kml"
+    drawn = 0
+    overlays = document(path).findall(".//kml:GroundOverlay", NAMES)
+    assert len(overlays) == (2 if abs(place[1]) > 179 else 1)
+    for overlay in overlays:
+        (href,) = texts(overlay, "kml:Icon/kml:href")
+        north, south, east, west = (float(texts(overlay, f".//kml:{e}")[0]) for e in ("north", "south", "east", "west"))
+        assert -180 <= west < east <= 180
+        alpha = np.array(Image.open(io.BytesIO(archive.read(href))).convert("RGBA"))[..., 3]
+        row = np.floor((north - earth.points[:, 0]) / (north - south) * alpha.shape[0]).astype(int)
+        column = np.floor((earth.points[:, 1] - west) / (east - west) * alpha.shape[1]).astype(int)
+        inside = (row >= 0) & (row < alpha.shape[0]) & (column >= 0) & (column < alpha.shape[1])
+        assert (alpha[row[inside], column[inside]] == 255).all()
+        drawn += int(inside.sum())
+        assert (alpha == 0).any()
+    assert drawn == len(earth.points)
+
+
+def test_heights_have_the_colors_of_the_legend(tmp_path: Path) -> None:
+    """A ramp that rises eastward runs from the first color to the last."""
+    import matplotlib as mpl
+
+    earth = georeferenced(Georeference(60.0, 5.0), RigidTransform.identity(1))
+    x = np.linspace(0, 50, 500)
+    part = replace(earth.part, points=np.column_stack([x, 0 * x, x / 10]))
+    (picture,) = pictures_of(replace(earth, part=part))
+    image = np.array(Image.open(io.BytesIO(picture.png)))
+    assert max(image.shape) <= 4096
+    colors = image.max(axis=0)
+    colors = colors[colors[:, 3] == 255, :3].astype(int)
+    first, last = (np.array(mpl.colormaps["viridis"](end, bytes=True)[:3], int) for end in (0.0, 1.0))
+    assert np.abs(colors[0] - first).max() <= 3
+    assert np.abs(colors[-1] - last).max() <= 3
+
+
+def test_a_wide_map_has_a_picture_of_a_size_that_can_be_shown(tmp_path: Path) -> None:
+    earth = georeferenced(Georeference(60.0, 5.0), scattered(4, reach=5000.0))
+    (picture,) = pictures_of(earth)
+    assert max(Image.open(io.BytesIO(picture.png)).size) <= 4097
+
+
+def test_a_kmz_keeps_its_files_readable(tmp_path: Path) -> None:
+    path = written(tmp_path, georeferenced(Georeference(60.0, 5.0), scattered(2)), "kmz")
+    entries = zipfile.ZipFile(path).infolist()
+    assert {entry.filename for entry in entries} == {"doc.kml", "files/map_1.png", "files/legend.png"}
+    assert all(entry.external_attr >> 16 & 0o444 == 0o444 for entry in entries)
+    assert (
+        path.read_bytes() == written(tmp_path, georeferenced(Georeference(60.0, 5.0), scattered(2)), "kmz").read_bytes()
+    )

@@ -1,0 +1,170 @@
+"""map.mcap by the mcap library with its ROS 2 decoder, and by rosbags, against the map and places worked otherwise."""
+
+from collections import defaultdict
+from dataclasses import replace
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pytest
+from scipy.spatial.transform import RigidTransform, Rotation
+
+from sonarmap.slam.graph.trajectory import Trajectory
+from sonarmap.tools.files.map_folder.folder import MapPart
+from sonarmap.tools.products.export.georeferenced import Georeferenced
+from sonarmap.tools.products.export.mcap import write_mcap
+from tests.tools.products.export.poses import PLACES, apart, dive, geodetic_by_hand, with_part
+
+KINDS = {1: "i1", 2: "u1", 3: "i2", 4: "u2", 5: "i4", 6: "u4", 7: "f4", 8: "f8"}
+
+
+def messages(path: Path, earth: Georeferenced, on_earth: bool = True) -> dict[str, list[tuple[float, Any]]]:
+    """Of each topic, seconds of the log and messages; the headers have to say the same time."""
+    from mcap.reader import make_reader
+    from mcap_ros2.decoder import DecoderFactory
+
+    write_mcap(path / "map.mcap", earth.folder, earth.part, earth if on_earth else None)
+    topics: dict[str, list[tuple[float, Any]]] = defaultdict(list)
+    with (path / "map.mcap").open("rb") as file:
+        reader = make_reader(file, decoder_factories=[DecoderFactory()], validate_crcs=True)
+        for _, channel, message, decoded in reader.iter_decoded_messages():
+            header = decoded.transforms[0].header if channel.topic.startswith("/tf") else decoded.header
+            assert header.stamp.sec * 10**9 + header.stamp.nanosec == message.log_time
+            topics[channel.topic].append((message.log_time / 1e9, decoded))
+    return topics
+
+
+def table(cloud: Any) -> np.ndarray:
+    """The records of a PointCloud2, by its fields."""
+    layout = np.dtype([(field.name, KINDS[field.datatype]) for field in cloud.fields])
+    assert cloud.point_step == layout.itemsize
+    assert cloud.row_step == layout.itemsize * cloud.width
+    ends = np.cumsum([layout[field.name].itemsize for field in cloud.fields])
+    assert [field.offset for field in cloud.fields] == [0, *ends[:-1]]
+    return np.frombuffer(bytes(cloud.data), layout)
+
+
+def xyz(records: np.ndarray) -> np.ndarray:
+    return np.column_stack([records[axis] for axis in "xyz"]).astype(np.float64)
+
+
+def numbers(message: Any, names: str) -> list[float]:
+    return [getattr(message, name) for name in names]
+
+
+def test_the_cloud_is_the_map(tmp_path: Path) -> None:
+    earth = dive()
+    ((time, cloud),) = messages(tmp_path, earth)["/map/points"]
+    assert (time, cloud.header.frame_id, cloud.height, cloud.width) == (1.7e9, "map", 1, 500)
+    records = table(cloud)
+    np.testing.assert_allclose(xyz(records), earth.part.points, rtol=0, atol=1e-4)
+    for name, column in earth.part.columns.items():
+        np.testing.assert_array_equal(records[name], column)
+
+
+def test_poses_over_time(tmp_path: Path) -> None:
+    earth = dive()
+    topics = messages(tmp_path, earth)
+    part = earth.part.trajectory
+    for k, ((at, pose), (when, tf)) in enumerate(zip(topics["/pose"], topics["/tf"], strict=True)):
+        (transform,) = tf.transforms
+        assert at == when == pytest.approx(1.7e9 + 2.5 * k, abs=1e-6)
+        assert (transform.header.frame_id, transform.child_frame_id, pose.header.frame_id) == ("map", "sensor", "map")
+        for place, turn in (
+            (pose.pose.position, pose.pose.orientation),
+            (transform.transform.translation, transform.transform.rotation),
+        ):
+            np.testing.assert_allclose(numbers(place, "xyz"), part.T_world_sensor[k].translation, atol=1e-12)
+            R = Rotation.from_quat(numbers(turn, "xyzw"))
+            assert (R.inv() * part.T_world_sensor[k].rotation).magnitude() < 1e-12
+
+
+def test_the_track(tmp_path: Path) -> None:
+    earth = dive()
+    topics = messages(tmp_path, earth)
+    ((time, path),) = topics["/track"]
+    expected = earth.part.trajectory.T_world_sensor.translation
+    assert time == 1.7e9
+    np.testing.assert_allclose([numbers(pose.pose.position, "xyz") for pose in path.poses], expected)
+    seconds = [pose.header.stamp.sec + pose.header.stamp.nanosec / 1e9 for pose in path.poses]
+    np.testing.assert_allclose(seconds, earth.part.trajectory.stamps, rtol=0, atol=1e-6)
+    ((_, points),) = topics["/track/points"]
+    np.testing.assert_allclose(xyz(table(points)), expected, rtol=0, atol=1e-4)
+    assert table(points)["scan"].tolist() == list(range(6))
+
+
+@pytest.mark.parametrize("place", PLACES)
+def test_positions(tmp_path: Path, place: str) -> None:
+    earth = dive(place)
+    fixes = [fix for _, fix in messages(tmp_path, earth)["/position"]]
+    written = np.array([[fix.latitude, fix.longitude] for fix in fixes])
+    assert apart(written, geodetic_by_hand(earth)).max() < 1e-4
+    assert all(np.isnan(fix.altitude) for fix in fixes)  # heights count from the water's surface
+    variances = np.array([fix.position_covariance for fix in fixes]).reshape(-1, 3, 3)
+    np.testing.assert_allclose(np.trace(variances, axis1=1, axis2=2), 0.06)
+
+
+def test_altitudes_are_above_the_ellipsoid(tmp_path: Path) -> None:
+    earth = dive()
+    here = replace(earth.georeference, vertical="ellipsoid", height=44.5)
+    raised = Georeferenced(earth.folder, earth.part, here, earth.projection)
+    fixes = [fix for _, fix in messages(tmp_path, raised)["/position"]]
+    np.testing.assert_allclose([fix.altitude for fix in fixes], 44.5 - 31.25 + 0.5 * np.arange(6), atol=1e-6)
+
+
+def test_a_far_map_has_a_frame_of_its_own(tmp_path: Path) -> None:
+    """With coordinates of UTM: float32 alone would be off by 0.25 m."""
+    earth = dive()
+    away = np.array([431_234.5, 6_651_987.25, 0.0])
+    T = earth.part.trajectory.T_world_sensor
+    moved = RigidTransform.from_components(T.translation + away, T.rotation)
+    trajectory = Trajectory(earth.part.trajectory.stamps, moved)
+    far = with_part(earth, replace(earth.part, points=earth.part.points + away, trajectory=trajectory))
+    topics = messages(tmp_path, far, on_earth=False)
+    ((_, tf),) = topics["/tf_static"]
+    (transform,) = tf.transforms
+    ((_, cloud),) = topics["/map/points"]
+    assert (transform.header.frame_id, transform.child_frame_id, cloud.header.frame_id) == ("map",) + ("map_cloud",) * 2
+    origin = numbers(transform.transform.translation, "xyz")
+    np.testing.assert_allclose(xyz(table(cloud)) + origin, far.part.points, rtol=0, atol=1e-4)
+    np.testing.assert_array_equal(numbers(topics["/pose"][2][1].pose.position, "xyz"), moved[2].translation)
+    assert "/position" not in topics
+
+
+def test_counters_are_seconds_and_time_ascends(tmp_path: Path) -> None:
+    topics = messages(tmp_path, dive(stamps=np.array([3.0, 4, 5, 0, 1, 2])))
+    assert [time for time, _ in topics["/pose"]] == [0, 1, 2, 3, 4, 5]
+    first = dive().part.trajectory.T_world_sensor[3].translation
+    np.testing.assert_allclose(numbers(topics["/pose"][0][1].pose.position, "xyz"), first)
+    assert topics["/map/points"][0][0] == 0
+
+
+def test_the_metadata_say_what_the_numbers_are(tmp_path: Path) -> None:
+    from mcap.reader import make_reader
+
+    earth = dive()
+    messages(tmp_path, earth)
+    with (tmp_path / "map.mcap").open("rb") as file:
+        reader = make_reader(file)
+        assert reader.get_header().profile == "ros2"
+        (record,) = [record for record in reader.iter_metadata() if record.name == "sonarmap"]
+    says = record.metadata
+    assert (says["map"], says["time"], says["datum"], says["crs"]) == ("East-North-Up", "UTC", "WGS84", "EPSG:32632")
+    assert (float(says["latitude"]), float(says["longitude"]), says["vertical"]) == (60.0, 11.9995, "surface")
+
+
+def test_rosbags_reads_the_same(tmp_path: Path) -> None:
+    from rosbags.highlevel import AnyReader
+
+    earth = dive()
+    part: MapPart = earth.part
+    write_mcap(tmp_path / "map.mcap", earth.folder, part, earth)
+    with AnyReader([tmp_path / "map.mcap"]) as reader:
+        poses: list[tuple[int, Any]] = [
+            (time, reader.deserialize(raw, connection.msgtype))
+            for connection, time, raw in reader.messages()
+            if connection.topic == "/pose"
+        ]
+    np.testing.assert_allclose([time / 1e9 for time, _ in poses], part.trajectory.stamps, rtol=0, atol=1e-6)
+    places = [numbers(pose.pose.position, "xyz") for _, pose in poses]
+    np.testing.assert_allclose(places, part.trajectory.T_world_sensor.translation, atol=1e-12)

@@ -1,0 +1,66 @@
+"""What is said of a step that shares far less than others, and a transform by hand as a file of ties has it."""
+
+from dataclasses import replace
+from pathlib import Path
+
+import numpy as np
+import pytest
+from scipy.spatial.transform import RigidTransform, Rotation
+
+from sonarmap.slam.mapper import Mapper
+from sonarmap.slam.survey_result import SurveyResult
+from sonarmap.slam.tie import Tie
+from sonarmap.spectral.expected import ExpectedPose
+from sonarmap.spectral.result import Registration
+from sonarmap.tools.files.readers.ties import POSE, SIGMAS, read_ties
+from sonarmap.tools.products.output.faults import faults
+from sonarmap.tools.products.output.hand import tie_rows
+from tests.samples.surveys import KnowingRegistrar, ring_poses, scans_of
+
+COUNT = 10
+NAMES = [f"scan{k}" for k in range(COUNT)]
+
+
+def survey(overlap: float, by_motion: bool) -> SurveyResult:
+    """A survey whose step from 4 to 5 shares so much, where others share 80 to 90 %; placed `by_motion` or not."""
+    truth = ring_poses(COUNT, turns=0.3)
+
+    def spoil(i: int, j: int, given: Registration) -> Registration:
+        return replace(given, overlap=overlap if (i, j) == (4, 5) else 0.8 + 0.1 * (i % 3) / 2)
+
+    result = Mapper(KnowingRegistrar(truth, 1e-6 * np.eye(6), spoil), 0.5).run(scans_of(truth))
+    if not by_motion:
+        return result
+    expected = ExpectedPose.of(RigidTransform.identity(), np.ones(6))
+    pairs = [replace(pair, expected=expected) if pair.scans == (4, 5) else pair for pair in result.pairs]
+    return replace(result, pairs=tuple(pairs))
+
+
+@pytest.mark.parametrize(
+    ("overlap", "by_motion", "said"), [(0.45, True, True), (0.45, False, False), (0.7, True, False)]
+)
+def test_a_step_that_only_the_motion_placed_and_that_shares_little_is_named(
+    overlap: float, by_motion: bool, said: bool
+) -> None:
+    sentences = [fault for fault in faults(survey(overlap, by_motion), NAMES) if "consecutive scans usually" in fault]
+    assert len(sentences) == said
+    if said:
+        assert sentences[0].startswith("scan4 and scan5 share 45%, where consecutive scans usually share 85%")
+
+
+def test_a_transform_by_hand_comes_back_as_it_was_given(tmp_path: Path) -> None:
+    """Through summary.json and a file of ties."""
+    R = Rotation.from_euler("ZYX", [40.0, -7.0, 3.0], degrees=True)
+    T = RigidTransform.from_components([1.5, -2.25, 0.75], R)
+    covariance = np.diag(np.repeat([np.radians(0.5), 0.02], 3) ** 2)
+    given = Registration(T, covariance, np.nan, np.nan, True, 0.0, "by hand")
+    (row,) = tie_rows(replace(survey(0.9, False), ties=(Tie(2, 7, "add", given),)), NAMES)
+    assert [row[name] for name in (*POSE, *SIGMAS)] == pytest.approx([1.5, -2.25, 0.75, 3, -7, 40, 0.02, 0.5])
+    columns = ["target", "source", "verdict", *POSE, *SIGMAS]
+    file = tmp_path / "ties.csv"
+    file.write_text(",".join(columns) + "\n" + ",".join(str(row[name]) for name in columns) + "\n")
+    scans = [replace(scan, name=name) for scan, name in zip(scans_of(ring_poses(COUNT)), NAMES, strict=True)]
+    (tie,) = read_ties(file, scans)
+    assert tie.given is not None
+    assert np.allclose(tie.given.T_target_source.as_matrix(), T.as_matrix(), atol=1e-12)
+    assert np.allclose(tie.given.covariance, covariance, rtol=1e-9)

@@ -1,0 +1,90 @@
+"""pairs.csv: a row per pair, which is read as it was."""
+
+import csv
+from dataclasses import replace
+from pathlib import Path
+
+import numpy as np
+import pytest
+from scipy.spatial.transform import RigidTransform, Rotation
+
+from sonarmap.slam.graph.edge import Edge
+from sonarmap.slam.pair import Pair
+from sonarmap.tools.files.map_folder.pairs import read_pairs
+from sonarmap.tools.files.readers.scans import read_scans
+from sonarmap.tools.files.writers.points import write_ply
+from sonarmap.tools.products.output.pairs_file import COLUMNS, write_pairs
+from tests.samples.clutter_scans import table_of
+from tests.samples.surveys import random_covariance, random_transforms, registration
+
+COUNT = 50
+
+
+@pytest.fixture(scope="module")
+def pairs() -> list[Pair]:
+    """Kept, refused and failed ones, some of which turn by any angle; one kept for its alternative."""
+    rng = np.random.default_rng(3)
+    T = random_transforms(rng, COUNT, angle=2.0, length=1e3)
+    told = [registration(T[k], random_covariance(rng), accepted=k % 3 > 0) for k in range(COUNT)]
+    tried = [Pair(k, k + 1, "sequential", 0.1 * k, registration=told[k], reason="refused") for k in range(COUNT)]
+    tried[4] = replace(tried[4], edge=Edge(4, 5, told[7], "sequential"), reason="kept, by an alternative", agreeing=2)
+    tried[9] = Pair(9, 10, "bridge", failure="no", reason='failed: "a,\nb\udcff" is of no use')
+    upright = RigidTransform.from_components([1, 2, 3], Rotation.from_euler("ZYX", [30, 90, 0], degrees=True))
+    return [*tried, replace(tried[0], registration=registration(upright, np.eye(6)))]
+
+
+@pytest.fixture
+def path(pairs: list[Pair], tmp_path: Path) -> Path:
+    with pytest.warns(UserWarning, match="Gimbal lock"):
+        write_pairs(tmp_path / "pairs.csv", pairs)
+    return tmp_path / "pairs.csv"
+
+
+def test_it_is_read_as_it_was(pairs: list[Pair], path: Path) -> None:
+    for pair, read in zip(pairs, read_pairs(path, COUNT + 1), strict=True):
+        assert (read.target, read.source, read.role, read.kept) == (pair.i, pair.j, pair.role, pair.kept)
+        measured = pair.edge.registration if pair.edge else pair.registration
+        assert (read.T_target_source is None) == (measured is None)
+        if read.T_target_source is not None and measured:
+            T = measured.T_target_source
+            np.testing.assert_array_equal(read.T_target_source.translation, T.translation)
+            np.testing.assert_allclose(read.T_target_source.as_matrix(), T.as_matrix(), atol=1e-14)
+
+
+def test_a_row_says_what_is_known(pairs: list[Pair], path: Path) -> None:
+    rows = table_of(path)
+    with path.open(newline="", encoding="utf-8") as file:
+        assert next(csv.reader(file)) == list(COLUMNS)
+    assert len(rows) == len(path.read_text().splitlines()) - 1 == len(pairs)
+    failed, kept = rows[9], rows[4]
+    assert {name for name, cell in failed.items() if cell} == {"target", "source", "role", "kept", "reason", "agreeing"}
+    assert failed["reason"] == r'failed: "a, b\udcff" is of no use'
+    assert (kept["kept"], kept["accepted"], kept["agreeing"], kept["alternatives"]) == ("yes", "yes", "2", "0")
+    assert (float(kept["psr"]), float(kept["overlap"]), kept["probability"]) == (30, 0.6, "")
+    covariance = pairs[7].registration.covariance  # pyright: ignore[reportOptionalMemberAccess]
+    rotation, translation = (np.linalg.eigvalsh(block)[-1] ** 0.5 for block in (covariance[:3, :3], covariance[3:, 3:]))
+    assert float(kept["rotation_sigma_deg"]) == pytest.approx(np.degrees(rotation))
+    assert float(kept["translation_sigma_m"]) == pytest.approx(translation)
+    assert float(rows[5]["predicted_overlap"]) == 0.5
+
+
+@pytest.mark.parametrize("covariance", [np.full((6, 6), np.nan), -np.eye(6)])
+@pytest.mark.filterwarnings("error")
+def test_a_covariance_that_is_none_has_no_sigmas(tmp_path: Path, covariance: np.ndarray) -> None:
+    """As that of a method of one's own may be, whose pair then fails."""
+    told = registration(RigidTransform.from_translation([1, 2, 3]), covariance)
+    write_pairs(tmp_path / "pairs.csv", [Pair(0, 1, "loop", registration=told, reason="failed")])
+    (row,) = table_of(tmp_path / "pairs.csv")
+    assert (row["x_m"], row["rotation_sigma_deg"], row["translation_sigma_m"]) == ("1.0", "", "")
+
+
+def test_no_pair_is_a_heading_alone(tmp_path: Path) -> None:
+    write_pairs(tmp_path / "pairs.csv", [])
+    assert read_pairs(tmp_path / "pairs.csv", 1) == ()
+    write_pairs(tmp_path / "pairs.csv", [Pair(0, 1, "loop")])
+    assert [pair.T_target_source for pair in read_pairs(tmp_path / "pairs.csv", 2)] == [None]
+
+
+def test_it_is_no_scan(path: Path) -> None:
+    write_ply(path.parent / "scan.ply", np.eye(3))
+    assert [scan.name for scan in read_scans([path.parent, str(path.parent / "*")]).scans] == ["scan"]

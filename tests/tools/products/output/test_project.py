@@ -1,0 +1,184 @@
+"""What the mapper's result becomes on disk: the maps' columns, the surveys' layers, and the picture of the loops."""
+
+import json
+from dataclasses import replace
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from sonarmap.kernels.errors import InputError
+from sonarmap.slam.map.component_maps import component_maps
+from sonarmap.slam.map.doubt import CleanMap
+from sonarmap.slam.mapper import Mapper
+from sonarmap.slam.parts import placed, unplaced
+from sonarmap.slam.survey_result import SurveyResult
+from sonarmap.spectral.result import Registration
+from sonarmap.spectral.scan import Scan
+from sonarmap.tools.files.map_folder.names import require_apart
+from sonarmap.tools.files.readers.clouds.ply import read_ply_columns
+from sonarmap.tools.lab.evaluate.map_error import read_points
+from sonarmap.tools.products.output.folder import write_survey
+from tests.samples.surveys import KnowingRegistrar, ring_poses, scans_of
+
+COUNT = 24
+
+
+@pytest.fixture(scope="module")
+def mapped() -> tuple[list[Scan], SurveyResult]:
+    """Two rounds of a ring; each third loop is rejected."""
+    truth = ring_poses(COUNT, turns=2)
+    scans = scans_of(truth)
+
+    def spoil(i: int, j: int, given: Registration) -> Registration:
+        return replace(given, accepted=False, reason="spoiled") if j - i > 1 and j % 3 == 0 else given
+
+    return scans, Mapper(KnowingRegistrar(truth, 1e-4 * np.eye(6), spoil), 0.5).run(scans)
+
+
+def as_surveys(mapped: tuple[list[Scan], SurveyResult], several: bool) -> SurveyResult:
+    """The result, the second round another survey where there are `several`."""
+    scans, result = mapped
+    (part,) = result.parts
+    again = component_maps(
+        scans,
+        part.chained_poses,
+        result.trajectory,
+        result.covariances,
+        0.5,
+        range(COUNT),
+        [int(several and k >= COUNT // 2) for k in range(COUNT)],
+    )
+    return replace(result, parts=(again,))
+
+
+@pytest.fixture(scope="module")
+def folder(mapped: tuple[list[Scan], SurveyResult], tmp_path_factory: pytest.TempPathFactory) -> Path:
+    """What two surveys in one frame become."""
+    out = tmp_path_factory.mktemp("out")
+    write_survey(out, as_surveys(mapped, several=True), [f"s{k}" for k in range(COUNT)], {}, None, also=["pcd"])
+    return out
+
+
+def test_every_file_is_named_in_the_summary(folder: Path) -> None:
+    files = json.loads((folder / "summary.json").read_text())["files"]
+    layers = {f"map{kind}" for k in (0, 1) for kind in (f"_survey_{k}.ply", f"_survey_{k}.pcd", f"_all_survey_{k}.ply")}
+    rest = {"map.ply", "map_all.ply", "map.pcd", "map.png", "trajectory.tum", "loops.png", "profile.png"}
+    rest |= {"graph.g2o", "graph.json", "pairs.csv", "summary.json"}
+    assert set(files) == layers | rest == {path.name for path in folder.iterdir()}
+
+
+def test_the_map_s_columns_say_how_far_each_point_can_be_trusted(folder: Path) -> None:
+    import open3d
+
+    whole, first, second = (
+        {name: values.numpy().ravel() for name, values in open3d.t.io.read_point_cloud(path).point.items()}
+        for path in (folder / name for name in ("map.ply", "map_survey_0.ply", "map_survey_1.ply"))
+    )
+    assert {"count", "seen", "sigma", "scan", "survey"} <= set(whole)
+    assert (whole["count"] >= whole["seen"]).all()
+    assert ((whole["sigma"] > 0) & (whole["sigma"] < 1)).all()
+    assert set(whole["survey"]) == {0, 1}
+    assert set(first["survey"]) == {0}
+    assert set(second["survey"]) == {1}
+    assert set(second["scan"]) == set(range(COUNT // 2, COUNT))
+
+
+def test_what_the_map_leaves_out_is_in_the_map_of_all(mapped: tuple[list[Scan], SurveyResult], tmp_path: Path) -> None:
+    """Five points of the map, put into its layer of doubtful ones."""
+    _, result = mapped
+    (part,) = result.parts
+    out = np.arange(len(part.optimized.points)) % (len(part.optimized.points) // 5) == 3
+    parted = replace(
+        part,
+        optimized=replace(part.optimized.take(~out), doubted=int(out.sum())),
+        doubtful=part.optimized.take(out),
+    )
+    names = [f"s{k}" for k in range(COUNT)]
+    write_survey(tmp_path, replace(result, parts=(parted,)), names, {}, None, also=["pcd"])
+    clean, everything = (read_ply_columns((tmp_path / name).read_bytes()) for name in ("map.ply", "map_all.ply"))
+    assert set(everything) == set(clean) | {"looked", "doubtful"}
+    assert everything["doubtful"].sum() == out.sum() >= 5
+    for name, column in clean.items():
+        np.testing.assert_array_equal(everything[name][everything["doubtful"] == 0], column)
+    np.testing.assert_array_equal(everything["x"][everything["doubtful"] == 1], part.optimized.points[out, 0])
+    assert (everything["looked"] >= 0).all()
+    assert len(read_points(tmp_path / "map.pcd")) == len(clean["x"])
+    (component,) = json.loads((tmp_path / "summary.json").read_text())["components"]
+    assert component["map"]["seen_by_too_few"] == out.sum()
+    assert component["map"]["points"] == len(clean["x"])
+
+    (tmp_path / "map_all_3.ply").write_text("mine")  # no file of the run before, as its summary says
+    write_survey(tmp_path, replace(result, parts=(replace(part, doubtful=None),)), names, {}, None)
+    assert not (tmp_path / "map_all.ply").exists()
+    assert (tmp_path / "map_all_3.ply").read_text() == "mine"
+
+
+@pytest.mark.slow
+def test_what_a_survey_s_map_leaves_out_is_in_its_map_of_all(
+    mapped: tuple[list[Scan], SurveyResult], tmp_path: Path
+) -> None:
+    """Seven points of the second survey's own map, put into its layer of doubtful ones."""
+    result = as_surveys(mapped, several=True)
+    (part,) = result.parts
+    whole = part.layers[1].clean
+    out = np.arange(len(whole.points)) % (len(whole.points) // 7) == 2
+    parted = CleanMap(replace(whole.take(~out), doubted=int(out.sum())), whole.take(out))
+    layers = {0: part.layers[0], 1: parted}
+    write_survey(tmp_path, replace(result, parts=(replace(part, layers=layers),)), ["s"] * COUNT, {}, None)
+    names = "map_survey_1.ply", "map_all_survey_1.ply"
+    clean, everything = (read_ply_columns((tmp_path / name).read_bytes()) for name in names)
+    assert set(everything) == set(clean) | {"looked", "doubtful"}
+    assert everything["doubtful"].sum() == out.sum() >= 7
+    for name, column in clean.items():
+        np.testing.assert_array_equal(everything[name][everything["doubtful"] == 0], column)
+    np.testing.assert_array_equal(everything["x"][everything["doubtful"] == 1], whole.points[out, 0])
+    assert set(everything["survey"]) == {1}
+
+    unasked = replace(result, parts=(replace(part, doubtful=None),))
+    write_survey(tmp_path, unasked, ["s"] * COUNT, {}, None)
+    assert {path.name for path in tmp_path.glob("map_*")} == {"map_survey_0.ply", "map_survey_1.ply"}
+
+
+def test_the_map_of_all_is_not_taken_for_a_scan(tmp_path: Path) -> None:
+    require_apart(tmp_path, [tmp_path / "all.ply", tmp_path / "map_all_scans.ply"])
+    for name in ("map_all.ply", "map_all_2.ply", "map_all_survey_0.ply", "map_all_2_survey_10.ply"):
+        with pytest.raises(InputError, match="is among the scans"):
+            require_apart(tmp_path, [tmp_path / name])
+
+
+def test_the_summary_tells_what_crosses_and_what_was_removed(folder: Path) -> None:
+    summary = json.loads((folder / "summary.json").read_text())
+    crossing = summary["crossing_error_m"]
+    assert crossing["pairs"] > 0
+    assert 0 < crossing["after"] <= crossing["after_90"]
+    assert crossing["after"] < crossing["before"]
+    (component,) = summary["components"]
+    assert component["map"]["contradicted_by_free_space"] >= 0
+    assert list(component["surveys"]) == ["0", "1"]
+    assert summary["unplaced"] == []
+
+
+def test_the_same_result_gives_the_same_picture_and_one_survey_no_layers(
+    mapped: tuple[list[Scan], SurveyResult], folder: Path, tmp_path: Path
+) -> None:
+    write_survey(tmp_path, as_surveys(mapped, several=True), [f"s{k}" for k in range(COUNT)], {}, None)
+    picture = (tmp_path / "loops.png").read_bytes()
+    assert picture.startswith(b"\x89PNG\r\n\x1a\n")
+    assert picture == (folder / "loops.png").read_bytes()
+    write_survey(tmp_path, as_surveys(mapped, several=False), [f"s{k}" for k in range(COUNT)], {}, None)
+    assert not list(tmp_path.glob("map_survey*"))  # those of the run before are gone
+
+
+@pytest.mark.parametrize(
+    ("components", "maps", "lone"),
+    [
+        ([(0, 1), (2,), (3, 4, 5)], [2, 0], [2]),
+        ([(0,), (1,), (2,)], [0], [1, 2]),
+        ([(0, 1, 2)], [0], []),
+        ([(0, 3), (1, 2)], [0, 1], []),
+    ],
+)
+def test_lone_scans_are_no_maps(components: list, maps: list[int], lone: list[int]) -> None:
+    assert placed(components) == maps
+    assert unplaced(components) == lone

@@ -1,0 +1,58 @@
+"""A map of points that are known, for pages."""
+
+from dataclasses import replace
+from pathlib import Path
+
+import numpy as np
+
+from sonarmap.tools.files.map_folder.folder import MapFolder, read_map_folder
+from sonarmap.tools.products.report.page.content import Content, content_of
+from sonarmap.tools.products.report.page.page import report_text
+from sonarmap.tools.products.report.page.points import FRACTION
+from tests.tools.products.export.finished import finished_map
+
+VOXEL = 0.5
+QUANTUM = VOXEL / FRACTION
+A, B = np.array([1.2345, -2.3456, 0.789]), np.array([-6.54, 3.21, 2.1098])
+# so that a picture is one: a red dot
+DOT = bytes.fromhex(
+    "89504e470d0a1a0a0000000d4948445200000001000000010802000000907753de0000000c49444154789c63f8cfc0000003010100c9fe92ef"
+    "0000000049454e44ae426082"
+)
+
+
+def known_points() -> np.ndarray:
+    """A and B, and others about them, 2 m from each other."""
+    rng = np.random.default_rng(5)
+    points = [A, B]
+    while len(points) < 60:
+        point = rng.uniform([-12, -9, -2], [14, 8, 4])
+        if min(np.linalg.norm(point - other) for other in points) > 2:
+            points.append(point)
+    return np.array(points)
+
+
+def folder_of(points: np.ndarray, out: Path) -> MapFolder:
+    """A map of a ring of scans, with other points, each seen mostly by scan k % 8."""
+    folder = read_map_folder(finished_map(out))
+    k = np.arange(len(points))
+    columns = {
+        "count": np.ones_like(k),
+        "seen": 1 + k % 4,
+        "sigma": 0.01 + 0.001 * (k % 50),
+        "scan": k % 8,
+        "survey": np.zeros_like(k),
+        "intensity": 1.0 + k % 90,
+    }
+    part = replace(folder.parts[0], points=points, columns=columns)
+    return replace(folder, parts=(part,), voxel=VOXEL)
+
+
+def written(content: Content, path: Path) -> Path:
+    path.write_text(report_text(content), encoding="utf-8")
+    return path
+
+
+def known_content(out: Path) -> Content:
+    """Of the known points, with two pictures."""
+    return replace(content_of(folder_of(known_points(), out)), pictures={"map.png": DOT, "loops.png": DOT})

@@ -1,0 +1,88 @@
+"""What the page says of poses, against numbers by hand."""
+
+from typing import Any
+
+import numpy as np
+from scipy.spatial.transform import RigidTransform, Rotation
+
+from sonarmap.slam.graph.trajectory import Trajectory
+from sonarmap.tools.files.map_folder.folder import MapPart
+from sonarmap.tools.products.report.page.evidence import (
+    crossing_rows,
+    kept_sequential,
+    navigation_rows,
+    pair_rows,
+    way_of,
+)
+
+
+def test_an_ellipsoid_is_turned_with_its_pose() -> None:
+    """Sure to 1 cm ahead, 2 to the left and 5 up; turned by 90 degrees about Up, ahead is North."""
+    covariance = np.diag([1.0, 1.0, 1.0, 0.01**2, 0.02**2, 0.05**2])
+    T = RigidTransform.from_components([[3.0, -4.0, 5.0]], Rotation.from_euler("z", [90.0], degrees=True))
+    none = np.zeros((0, 3))
+    part = MapPart("", none, {}, (6,), Trajectory(np.array([12.5]), T), covariance[None], False)
+    before = RigidTransform.from_translation([3.5, -4.25, 5.0]).as_matrix().tolist()
+    pairs = [
+        {"target": 5, "source": 6, "role": "sequential", "kept": True, "overlap": 0.75},
+        {"target": 2, "source": 6, "role": "loop", "kept": True, "overlap": 0.25},
+    ]
+    way = way_of(part, {"poses": [{}] * 6 + [{"T_world_sensor_before_loops": before}], "pairs": pairs})
+    assert (way["scans"], way["stamps"], way["places"]) == ([6], [12.5], [[3.0, -4.0, 5.0]])
+    assert (way["before"], way["overlaps"]) == ([[3.5, -4.25, 5.0]], [0.75])
+    np.testing.assert_allclose(way["turns"], [[0, 0, np.sqrt(0.5), np.sqrt(0.5)]], atol=1e-8)
+    half_axes = np.abs(way["half_axes"][0])
+    np.testing.assert_allclose(half_axes, [[0, 0.01, 0], [0.02, 0, 0], [0, 0, 0.05]], atol=1e-9)
+
+
+def test_the_way_before_the_loops_is_left_out_where_it_is_not_known_or_the_same() -> None:
+    T = RigidTransform.from_translation([[3.0, -4.0, 5.0]])
+    part = MapPart("", np.zeros((0, 3)), {}, (0,), Trajectory(np.zeros(1), T), np.eye(6)[None], False)
+    same = {"T_world_sensor_before_loops": T.as_matrix()[0].tolist()}
+    for pose in ({}, same):
+        assert way_of(part, {"poses": [pose], "pairs": []})["before"] is None
+
+
+def prior(pose: int, T: RigidTransform, sigmas: list[float | None]) -> dict[str, Any]:
+    return {"pose": pose, "T_world_sensor": T.as_matrix().tolist(), "sigmas": sigmas}
+
+
+def test_distances_from_navigation() -> None:
+    """Mapped 0.3 m to the East and turned by 2 degrees across South; the depth was not measured."""
+    mapped = RigidTransform.from_components([10.3, 20.0, -7.0], Rotation.from_euler("ZYX", [-179, 3, 1], degrees=True))
+    measured = RigidTransform.from_components([10.0, 20.5, 0.0], Rotation.from_euler("ZYX", [179, 1, 2], degrees=True))
+    degree = float(np.radians(1.0))
+    graph = {
+        "poses": [{}, {"T_world_sensor": mapped.as_matrix().tolist()}],
+        "priors": [
+            prior(1, measured, [degree, degree, 2 * degree, 0.5, 0.5, None]),
+            prior(0, RigidTransform.identity(), [None] * 6),
+        ],
+    }
+    (row,) = navigation_rows(graph)
+    assert row["scan"] == 1
+    assert row["apart"][5] is None
+    assert row["sigmas"][5] is None
+    np.testing.assert_allclose(row["apart"][:5], [-1, 2, 2, 0.3, -0.5], atol=1e-6)
+    np.testing.assert_allclose(row["sigmas"][:5], [1, 1, 2, 0.5, 0.5])
+
+
+def test_pairs_that_are_told() -> None:
+    """Every loop, and of consecutive pairs those that were not kept."""
+    common = {"reason": "why", "overlap": 0.123456, "probability": None}
+    pairs = [
+        {"target": 0, "source": 1, "role": "sequential", "kept": True, **common},
+        {"target": 1, "source": 2, "role": "sequential", "kept": False, **common},
+        {"target": 0, "source": 2, "role": "loop", "kept": True, **common},
+    ]
+    rows = pair_rows(pairs)
+    assert [(row["target"], row["source"]) for row in rows] == [(1, 2), (0, 2)]
+    assert kept_sequential(pairs) == [(0, 1)]
+    assert (rows[0]["overlap"], rows[0]["probability"], rows[0]["residual_sigmas"]) == (0.1235, None, None)
+
+
+def test_crossings_and_none_of_an_earlier_version() -> None:
+    row = {"i": 3, "j": 20, "before_m": 0.5, "before_90_m": 1.25, "after_m": 0.123456, "after_90_m": 0.25}
+    (shown,) = crossing_rows({"crossings": [row]})
+    assert (shown["target"], shown["source"], shown["after_m"], shown["before_90_m"]) == (3, 20, 0.1235, 1.25)
+    assert crossing_rows({}) == []

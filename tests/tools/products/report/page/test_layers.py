@@ -1,0 +1,159 @@
+"""What a page adds to the map by a click, in a real Chromium: false echoes, the way before the loops, the profile."""
+
+from collections.abc import Iterator
+from dataclasses import replace
+from pathlib import Path
+from typing import Any
+from unittest.mock import patch
+
+import numpy as np
+import pytest
+
+from sonarmap.kernels.errors import InputError
+from sonarmap.tools.files.map_folder.folder import MapFolder
+from sonarmap.tools.files.map_folder.names import FULL_GRAPH
+from sonarmap.tools.files.readers.json_file import read_json
+from sonarmap.tools.files.writers.points import write_points
+from sonarmap.tools.products.report.page.content import content_of
+from sonarmap.tools.products.report.page.doubtful import doubtful_of
+from sonarmap.tools.products.report.page.points import unpack
+from tests.tools.products.report.page.browser import Opened, opened, wait_until
+from tests.tools.products.report.page.known_map import QUANTUM, A, B, folder_of, known_points, written
+
+SHIFT = np.array([0.75, -1.5, 0.25])  # of the way, by the loops
+
+
+def doubted(out: Path, count: int = 2, **spoiled: Any) -> MapFolder:
+    """A map of A and others that left out B, and as many points below as make `count`; and moved its way by loops."""
+    clean = np.delete(known_points(), 1, axis=0)
+    folder = folder_of(clean, out)
+    below = np.column_stack([np.linspace(-12, 14, count - 1), np.full(count - 1, -9.0), np.full(count - 1, -7.5)])
+    points = np.concatenate([clean, [B], below])
+    left_out = np.arange(len(points)) >= len(clean)
+    columns = {
+        "seen": np.where(left_out, 1, 3),
+        "looked": np.full(len(points), 4),
+        "scan": np.arange(len(points)) % 8,
+        "doubtful": left_out.astype(np.uint8),
+    }
+    write_points(out / "map_all.ply", points, columns | spoiled)
+    graph = read_json(out / FULL_GRAPH, "a graph")
+    for pose in graph["poses"]:
+        before = np.array(pose["T_world_sensor"])
+        before[:3, 3] += SHIFT
+        pose["T_world_sensor_before_loops"] = before.tolist()
+    return replace(folder, graph=graph, summary=dict(folder.summary) | {"files": ["map_all.ply"]})
+
+
+@pytest.fixture(scope="module")
+def shown(tmp_path_factory: pytest.TempPathFactory) -> Iterator[Opened]:
+    out = tmp_path_factory.mktemp("doubted") / "out"
+    with opened(written(content_of(doubted(out)), out / "report.html")) as page:
+        yield page
+        assert page.said == []
+
+
+@pytest.mark.slow
+def test_false_echoes_are_shown_and_picked_when_asked(shown: Opened) -> None:
+    page = shown.page
+    view = "sonarmap.view"
+    page.evaluate(f"Object.assign({view}.shown, {{way: false, kept: false}}); {view}.camera.fromAbove()")
+    pick = f"place => {view}.pick(...{view}.camera.project(place).slice(0, 2))"
+    assert page.evaluate(pick, B.tolist()) is None
+    box = page.locator("label.doubtful")
+    assert "2 false echoes" in box.inner_text()
+    box.locator("input").check()
+    wait_until(page, f"{view}.doubtful")
+    hit = page.evaluate(pick, B.tolist())
+    assert np.abs(np.array(hit["place"]) - B).max() <= QUANTUM / 2 + 1e-9
+    assert "point" in page.evaluate(pick, A.tolist())
+    x, y, _ = page.evaluate(f"place => {view}.camera.project(place)", B.tolist())
+    page.locator("#canvas").click(position={"x": x, "y": y})
+    told = page.locator("#picked").inner_text()
+    for words in ("false echo", "1 scan", "4 scans", "scan3"):  # B is the 60th of the points
+        assert words in told
+    box.locator("input").uncheck()
+    assert page.evaluate(pick, B.tolist()) is None
+    page.evaluate(f"{view}.leave(); Object.assign({view}.shown, {{way: true, kept: true}})")
+
+
+def test_false_echoes_are_drawn_in_a_color_of_their_own(shown: Opened) -> None:
+    """B is red at its pixel, whatever the map is colored by."""
+    page = shown.page
+    page.locator("label.doubtful input").check()
+    page.locator("label.way input").uncheck()
+    page.locator("label.kept input").uncheck()
+    wait_until(page, "sonarmap.view.doubtful")
+    look = """place => {
+        const { view } = sonarmap, { gl } = view.scene;
+        view.camera.lookAt(place, 8);
+        view.draw();
+        const pixel = new Uint8Array(4);
+        gl.readPixels(gl.canvas.width / 2, gl.canvas.height / 2, 1, 1, gl.RGBA, gl.UNSIGNED_BYTE, pixel);
+        return [...pixel];
+    }"""
+    assert page.evaluate(look, B.tolist())[:3] == [226, 40, 60]
+    assert page.evaluate(look, A.tolist())[:3] != [226, 40, 60]
+    for name in ("way", "kept", "doubtful"):
+        page.locator(f"label.{name} input").set_checked(name != "doubtful")
+
+
+def test_the_way_before_the_loops(shown: Opened) -> None:
+    page = shown.page
+    count = "sonarmap.view.scene.lines.get('before').count"
+    assert page.evaluate(count) == 0
+    page.locator("label.before input").check()
+    assert page.evaluate(count) == page.evaluate("sonarmap.view.scene.lines.get('way').count")
+    way = page.evaluate("sonarmap.view.part.way")
+    np.testing.assert_allclose(np.subtract(way["before"], way["places"]), np.tile(SHIFT, (8, 1)), atol=2e-5)
+
+
+def test_the_profile_says_its_numbers_and_shows_the_scan(shown: Opened) -> None:
+    """By the mouse over the last pose, and by keys."""
+    page = shown.page
+    svg = page.locator("#poses svg")
+    svg.scroll_into_view_if_needed()
+    box = svg.bounding_box()
+    assert box is not None
+    page.mouse.move(box["x"] + 0.99 * box["width"], box["y"] + 40)
+    said = page.locator("#poses .said")
+    way = page.evaluate("sonarmap.view.part.way")
+    along = np.linalg.norm(np.diff(way["places"], axis=0), axis=1).sum()
+    for words in ("scan7", f"{along:.1f}\u202fm along", "worst direction"):
+        assert words in said.inner_text()
+    svg.press("ArrowLeft")
+    assert said.inner_text().startswith("scan6;")
+    svg.press("Enter")
+    assert "scan6" in page.locator("#picked").inner_text()
+    np.testing.assert_allclose(page.evaluate("sonarmap.view.camera.target"), way["places"][6])
+
+
+def test_many_doubtful_points_are_thinned_evenly(tmp_path: Path) -> None:
+    folder = doubted(tmp_path / "out", 100)
+    with patch("sonarmap.tools.products.report.page.doubtful.MOST_DOUBTFUL", 30):
+        answer = doubtful_of(folder, folder.parts[0])
+    assert answer is not None
+    packed, counts = answer
+    assert counts == {"all": 100, "count": 25}
+    points, columns = unpack(packed)
+    assert len(points) == 25
+    assert set(columns) == {"seen", "looked", "scan"}
+
+
+def test_maps_without_doubtful_points(tmp_path: Path) -> None:
+    """None were asked for, or there are none, or the file is not this map's."""
+    folder = doubted(tmp_path / "out", doubtful=np.zeros(61, np.uint8))
+    part = folder.parts[0]
+    assert doubtful_of(folder, part) is None
+    assert doubtful_of(replace(folder, summary=dict(folder.summary) | {"files": []}), part) is None
+    (folder.path / "map_all.ply").unlink()
+    assert doubtful_of(folder, part) is None
+
+
+def test_a_damaged_file_of_all_points_is_refused_by_name(tmp_path: Path) -> None:
+    folder = doubted(tmp_path / "out", scan=np.full(61, 99))
+    whole = (folder.path / "map_all.ply").read_bytes()
+    for spoiled in (whole, whole[:300], whole[:-5], b"", whole.replace(b"looked", b"loaked")):
+        (folder.path / "map_all.ply").write_bytes(spoiled)
+        with pytest.raises(InputError, match=r"map_all\.ply"):
+            doubtful_of(folder, folder.parts[0])

@@ -1,0 +1,181 @@
+"""The map in 3D in a real Chromium: it opens without a word, and measures and picks what is known."""
+
+from base64 import b64encode
+from collections.abc import Iterator
+
+import numpy as np
+import pytest
+
+from sonarmap.tools.files.geo.georeference import Georeference
+from sonarmap.tools.products.report.page.content import Content
+from sonarmap.tools.products.report.page.points import pack, unpack
+from tests.tools.products.report.page.browser import Opened, opened
+from tests.tools.products.report.page.known_map import QUANTUM, VOXEL, A, B, known_content, known_points, written
+
+
+@pytest.fixture(scope="module")
+def content(tmp_path_factory: pytest.TempPathFactory) -> Content:
+    return known_content(tmp_path_factory.mktemp("known") / "out")
+
+
+@pytest.fixture(scope="module")
+def shown(content: Content, tmp_path_factory: pytest.TempPathFactory) -> Iterator[Opened]:
+    """The page of the known points, without lines over them."""
+    with opened(written(content, tmp_path_factory.mktemp("page") / "report.html")) as page:
+        yield page
+        assert page.said == []
+
+
+@pytest.fixture
+def page(shown: Opened) -> Opened:
+    """The same as it was when it opened."""
+    shown.page.evaluate("sonarmap.view.measure(false); sonarmap.view.camera.reset(); scrollTo(0, 0)")
+    return shown
+
+
+def click(page: Opened, place: np.ndarray) -> None:
+    """Click where a place [m] is seen."""
+    x, y, _ = page.page.evaluate("place => sonarmap.view.camera.project(place)", place.tolist())
+    page.page.locator("#canvas").click(position={"x": x, "y": y})
+
+
+def test_it_asks_for_nothing_and_says_nothing(page: Opened) -> None:
+    assert page.said == []
+    assert [address for address in page.asked if not address.startswith("data:")] == [page.page.url]
+    assert "8 scans lie in one map" in page.page.locator("#verdict").inner_text()
+
+
+def test_the_points_are_those_that_were_packed(page: Opened, content: Content) -> None:
+    """The twins agree to the last bit."""
+    columns = {"scan": np.arange(60) % 8, "wide": np.arange(60) * 70_000}
+    packed = pack(100 * known_points(), columns, VOXEL)  # many tiles
+    points, same = unpack(packed)
+    shape = {
+        "quantum": packed.quantum,
+        "tiles": [{"origin": tile.origin, "count": tile.count} for tile in packed.tiles],
+        "planes": packed.planes,
+    }
+    got = page.page.evaluate(
+        """async ([packed, base64]) => {
+            const points = await sonarmap.unpack(packed, base64);
+            const places = Array.from({ length: points.count }, (_, k) => sonarmap.placeOf(points, k));
+            return { places, scan: [...points.columns.scan], wide: [...points.columns.wide] };
+        }""",
+        [shape, b64encode(packed.data).decode()],
+    )
+    np.testing.assert_array_equal(got["places"], points)
+    assert (got["scan"], got["wide"]) == (same["scan"].tolist(), same["wide"].tolist())
+
+
+def test_two_points_are_measured_within_the_quantization(page: Opened) -> None:
+    """By mouse: the distance is within twice half a quantum along each axis."""
+    page.page.locator("#measure").click()
+    click(page, A)
+    assert "second point" in page.page.locator("#picked").inner_text()
+    click(page, B)
+    measured = np.array(page.page.evaluate("sonarmap.view.measured"))
+    assert np.abs(measured - [A, B]).max() <= QUANTUM / 2 + 1e-9
+    distance = float(np.linalg.norm(B - A))
+    assert abs(float(np.linalg.norm(measured[1] - measured[0])) - distance) <= QUANTUM * np.sqrt(3)
+    text = page.page.locator("#picked dd").first.inner_text()
+    assert abs(float(text.split()[0]) - distance) <= QUANTUM * np.sqrt(3) + 0.0005
+
+
+def test_every_point_is_picked_where_it_is_seen(page: Opened) -> None:
+    """From above no two lie over each other here but for few; each is the one that is told."""
+    points = known_points()
+    page.page.evaluate("Object.assign(sonarmap.view.shown, {way: false, kept: false, refused: false}); 0")
+    page.page.keyboard.press("t")
+    page.page.evaluate("sonarmap.view.camera.fromAbove()")
+    right = 0
+    for k, point in enumerate(points):
+        x, y, _ = page.page.evaluate("place => sonarmap.view.camera.project(place)", point.tolist())
+        hit = page.page.evaluate("([x, y]) => sonarmap.view.pick(x, y)", [x, y])
+        if np.abs(np.array(hit["place"]) - point).max() <= QUANTUM / 2 + 1e-9:
+            right += 1
+            scan = page.page.evaluate("k => sonarmap.view.points.columns.scan[k]", hit["point"])
+            assert scan == k % 8
+        else:  # another lies over it
+            assert hit["place"][2] > point[2]
+    assert right > 50
+    assert page.page.evaluate("sonarmap.view.pick(2, 2)") is None
+    page.page.evaluate("Object.assign(sonarmap.view.shown, {way: true, kept: true, refused: true}); 0")
+
+
+def test_what_is_hidden_is_not_picked(page: Opened) -> None:
+    """With all that is higher than 1.5 m cut off, B at 2.1 m is gone and A at 0.8 m is there."""
+    heights = known_points()[:, 2]
+    low, high = (page.page.evaluate(f"sonarmap.view.part.extent[{k}][2]") for k in (0, 1))
+    assert low <= heights.min() < heights.max() <= high + QUANTUM
+    slider = page.page.locator("#highest")
+    slider.fill(str(round(200 * (1.5 - low) / (high - low))))
+    assert abs(page.page.evaluate("sonarmap.view.heights[1]") - 1.5) <= (high - low) / 400
+    page.page.evaluate(
+        "Object.assign(sonarmap.view.shown, {way: false, kept: false}); sonarmap.view.camera.fromAbove()"
+    )
+    for place, seen in ((A, True), (B, False)):
+        x, y, _ = page.page.evaluate("place => sonarmap.view.camera.project(place)", place.tolist())
+        hit = page.page.evaluate("([x, y]) => sonarmap.view.pick(x, y)", [x, y])
+        assert (hit is not None and np.abs(np.array(hit["place"]) - place).max() < QUANTUM) == seen
+    slider.fill("200")
+    assert page.page.evaluate("sonarmap.view.heights[1] === Infinity")
+    page.page.evaluate("Object.assign(sonarmap.view.shown, {way: true, kept: true})")
+
+
+def test_a_click_tells_what_a_point_is(page: Opened) -> None:
+    page.page.locator("label.way input").uncheck()
+    page.page.locator("label.kept input").uncheck()
+    click(page, B)
+    told = page.page.locator("#picked").inner_text()
+    assert "scan1" in told
+    assert "2 scans" in told
+    assert "-6.5" in told
+    assert told.count("\u202fm") >= 4
+    page.page.locator("label.way input").check()
+    page.page.locator("label.kept input").check()
+
+
+def test_a_loop_is_shown_with_its_reason(page: Opened, content: Content) -> None:
+    pair = content.shown["pairs"][0]
+    page.page.locator("#loops tbody .link").first.click()
+    assert pair["reason"] in page.page.locator("#picked").inner_text()
+    assert page.page.evaluate("sonarmap.view.scene.lines.get('chosen').count") == 1
+
+
+def test_degrees_are_those_of_the_georeference(page: Opened) -> None:
+    """The twins agree to a hundredth of a millimeter, for any heading, also where heights follow the Earth."""
+    places = np.array([[0.0, 0.0, 0.0], [812.5, -333.25, -41.0], [-25_000.0, 9_000.0, 120.0]])
+    for here in (Georeference(60.3913, 5.3221, -4.5), Georeference(-33.85, -179.999, 12.0, heading=217.5)):
+        expected = here.geodetic(places)[:, :2]
+        asked = [places.tolist(), here.to_json()]
+        got = page.page.evaluate("([places, here]) => places.map(place => sonarmap.degreesOf(place, here))", asked)
+        np.testing.assert_allclose(got, expected, rtol=0, atol=1e-10)
+
+
+def test_keys_turn_move_and_zoom(page: Opened) -> None:
+    page.page.locator("#canvas").focus()
+    state = "(c => [c.azimuth, c.elevation, c.distance, ...c.target])(sonarmap.view.camera)"
+    before = np.array(page.page.evaluate(state))
+    for key, changed in (("ArrowLeft", [0]), ("ArrowDown", [1]), ("+", [2]), ("Shift+ArrowRight", [3, 4])):
+        page.page.keyboard.press(key)
+        after = np.array(page.page.evaluate(state))
+        assert [
+            k for k in np.flatnonzero(np.abs(after - before) > 1e-12).tolist() if k < 3 or changed[0] > 2
+        ] == changed
+        before = after
+    page.page.keyboard.press("Home")
+    page.page.keyboard.press("m")
+    assert page.page.locator("#measure").get_attribute("aria-pressed") == "true"
+    page.page.keyboard.press("Escape")
+    assert page.page.locator("#measure").get_attribute("aria-pressed") == "false"
+
+
+@pytest.mark.parametrize("coloring", ["depth", "echo", "sigma", "seen", "scan"])
+def test_every_coloring_draws_more_than_one_color(page: Opened, coloring: str) -> None:
+    page.page.locator("#controls select").first.select_option(coloring)
+    colors = page.page.evaluate(
+        "() => { const { places, count } = sonarmap.view.points; const seen = new Set();"
+        "for (let k = 0; k < count; k++) seen.add(places[4 * k + 3]); return seen.size; }"
+    )
+    assert 1 < colors <= 255
+    assert page.page.locator("#legend .marks span").count() >= 2

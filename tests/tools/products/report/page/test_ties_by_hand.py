@@ -1,0 +1,206 @@
+"""Ties that are decided by clicks in a real Chromium, and the file that comes of them."""
+
+import shlex
+from collections.abc import Iterator
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from sonarmap.tools.products.report.page.content import Content
+from tests.tools.products.report.page.browser import WITHOUT_WEBGL, Opened, opened
+from tests.tools.products.report.page.decided import AS_WRITTEN, NAMES, click, path_of, saved
+from tests.tools.products.report.page.known_map import known_content
+
+MADE = {
+    "target": NAMES[0],
+    "source": NAMES[7],
+    "verdict": "add",
+    "note": 'why, "so"',
+    "effect": "kept",
+    "transform": {},
+}
+
+
+@pytest.fixture(scope="module")
+def content(tmp_path_factory: pytest.TempPathFactory) -> Content:
+    return known_content(tmp_path_factory.mktemp("known") / "out")
+
+
+@pytest.fixture(scope="class")
+def shown(content: Content, tmp_path_factory: pytest.TempPathFactory) -> Iterator[Opened]:
+    """A map of scans with names that are hard to write down."""
+    with opened(path_of(content, tmp_path_factory.mktemp("the page's"))) as page:
+        yield page
+        assert page.said == []
+
+
+@pytest.fixture
+def page(shown: Opened) -> Opened:
+    """The same as it was when it opened."""
+    shown.page.evaluate("sonarmap.decisions.forget('ties'); sonarmap.view.leave(); sonarmap.view.camera.reset()")
+    return shown
+
+
+def decide(page: Opened, row: int, verdict: str) -> None:
+    page.page.locator("#loops tbody tr").nth(row).get_by_role("button", name=verdict, exact=True).click()
+
+
+def tie(target: int, source: int, verdict: str, note: str = "") -> dict[str, str]:
+    return {"target": AS_WRITTEN[target], "source": AS_WRITTEN[source], "verdict": verdict, "note": note}
+
+
+def ends(content: Content, row: int) -> tuple[int, int]:
+    pair = content.shown["pairs"][row]
+    return pair["target"], pair["source"]
+
+
+def untried(content: Content) -> tuple[int, int]:
+    """Two scans that the map did not try."""
+    tried = {tuple(pair) for pair in content.shown["sequential"]} | {
+        ends(content, k) for k in range(len(content.shown["pairs"]))
+    }
+    return next((i, j) for i in range(8) for j in range(i + 1, 8) if (i, j) not in tried)
+
+
+class TestOfOnePage:
+    """One after another in the same browser."""
+
+    def test_loops_are_accepted_and_rejected_in_the_list(self, page: Opened, content: Content, tmp_path: Path) -> None:
+        decide(page, 0, "reject")
+        decide(page, 1, "accept")
+        decide(page, 2, "reject")
+        decide(page, 2, "undecided")
+        page.page.locator("#ties tbody tr").nth(0).locator("input").fill('like, "another" pillar')
+        first, second = ends(content, 0), ends(content, 1)
+        assert saved(page, "ties", tmp_path) == [
+            tie(*first, "reject", 'like, "another" pillar'),
+            tie(*second, "accept"),
+        ]
+        command = page.page.locator("#ties .command").inner_text()
+        folder = Path(page.page.evaluate("decodeURIComponent(location.pathname)")).parent
+        words = shlex.split(command)
+        assert words[:2] == ["sonarmap", "map"]
+        assert words[words.index("-o") + 1] == str(folder)
+        assert " --ties ties.csv" in command
+        assert "--control" not in command
+
+    def test_every_name_is_written_as_it_is(self, page: Opened, tmp_path: Path) -> None:
+        """Commas, quotes, line breaks, a # or blanks at the ends, letters of any script, bytes that are no UTF-8."""
+        page.page.evaluate(
+            "for (let k = 1; k < 8; k++) sonarmap.decisions.decide({ target: k - 1, source: k }, 'reject')"
+        )
+        assert saved(page, "ties", tmp_path) == [tie(k - 1, k, "reject") for k in range(1, 8)]
+
+    def test_a_tie_is_added_by_name(self, page: Opened, content: Content, tmp_path: Path) -> None:
+        i, j = 5, 7
+        for name, words in (
+            ("nobody", '"nobody" is no scan of this map'),
+            (NAMES[j], "two different scans"),
+            (NAMES[i], ""),
+        ):
+            page.page.get_by_label("one scan", exact=True).fill(name)
+            page.page.get_by_label("the other scan").fill(NAMES[j])
+            page.page.get_by_role("button", name="Tie the two").click()
+            assert words in page.page.locator("#ties form [role=status]").inner_text()
+        tried = page.page.evaluate(f"sonarmap.decisions.wasTried({{ target: {i}, source: {j} }})")
+        assert saved(page, "ties", tmp_path) == [tie(i, j, "accept" if tried else "add")]
+
+    def test_two_scans_that_are_clicked_on_are_tied(self, page: Opened, content: Content, tmp_path: Path) -> None:
+        """From above, where no two poses of the ring are seen at the same place."""
+        i, j = untried(content)
+        page.page.evaluate("sonarmap.view.camera.fromAbove()")
+        places = np.array(content.shown["parts"][0]["way"]["places"])
+        click(page, places[j])
+        page.page.get_by_role("button", name="Tie to another scan").click()
+        assert "Click on the place of the scan" in page.page.locator("#picked").inner_text()
+        page.page.locator("#canvas").press("Escape")
+        assert page.page.evaluate("sonarmap.view.tying") is None
+        click(page, places[j])
+        page.page.get_by_role("button", name="Tie to another scan").click()
+        click(page, places[i])
+        picked = page.page.locator("#picked")
+        assert "not tried by the map" in picked.inner_text()
+        picked.get_by_role("button", name="add").click()
+        assert page.page.evaluate("sonarmap.view.scene.lines.get('accepted').count") == 1
+        assert saved(page, "ties", tmp_path, "#decided button") == [tie(i, j, "add")]
+        click(page, (places[i] + places[j]) / 2)
+        picked.get_by_role("button", name="undecided").click()
+        assert page.page.evaluate("sonarmap.view.scene.lines.get('accepted').count") == 0
+
+    def test_a_loop_is_rejected_where_it_is_picked(self, page: Opened, content: Content, tmp_path: Path) -> None:
+        page.page.locator("#loops tbody .link").first.click()
+        page.page.locator("#picked").get_by_role("button", name="reject").click()
+        pressed = page.page.locator("#loops tbody tr").first.locator('[aria-pressed="true"]')
+        assert pressed.inner_text() == "reject"
+        assert page.page.evaluate("sonarmap.view.scene.lines.get('rejected').count") == 1
+        assert saved(page, "ties", tmp_path) == [tie(*ends(content, 0), "reject")]
+
+
+@pytest.mark.slow
+def test_decisions_survive_a_reload_and_are_forgotten(content: Content, tmp_path: Path) -> None:
+    """Those that the map was made with are there from the start, and again when the new ones are forgotten."""
+    path = path_of(content, tmp_path, ties=[MADE])
+    made = tie(0, 7, "add", MADE["note"])
+    with opened(path) as page:
+        assert "kept" in page.page.locator("#ties tbody tr").inner_text()
+        assert saved(page, "ties", tmp_path) == [made]
+        decide(page, 0, "reject")
+        page.page.locator("#ties tbody input").nth(1).fill("seen twice")
+        page.page.reload()
+        assert saved(page, "ties", tmp_path) == [made, tie(*ends(content, 0), "reject", "seen twice")]
+        page.page.locator("#ties").get_by_role("button", name="Forget all that is new").click()
+        assert saved(page, "ties", tmp_path) == [made]
+        assert page.said == []
+
+
+@pytest.mark.slow
+def test_a_tie_keeps_its_transform(content: Content, tmp_path: Path) -> None:
+    transform = {"x_m": 1.5, "y_m": -2.0, "z_m": 0.25, "roll_deg": 0.0, "pitch_deg": 0.0, "yaw_deg": 33.0}
+    transform |= {"sigma_m": 0.02, "sigma_deg": 0.5}
+    with opened(path_of(content, tmp_path, ties=[MADE | {"transform": transform}])) as page:
+        (row,) = saved(page, "ties", tmp_path)
+        assert {name: float(row[name]) for name in transform} == transform
+
+
+BLOCKED = (
+    "Object.defineProperty(window, 'localStorage', { get() { throw new DOMException('blocked', 'SecurityError'); } });"
+)
+
+
+@pytest.mark.slow
+def test_nothing_is_kept_where_the_browser_keeps_nothing(content: Content, tmp_path: Path) -> None:
+    with opened(path_of(content, tmp_path), script=BLOCKED) as page:
+        decide(page, 0, "reject")
+        assert "save the file before you close" in page.page.locator("#ties .buttons").inner_text()
+        assert saved(page, "ties", tmp_path) == [tie(*ends(content, 0), "reject")]
+        assert page.said == []
+
+
+@pytest.mark.slow
+def test_what_the_browser_kept_may_be_damaged(content: Content, tmp_path: Path) -> None:
+    damaged = ["", "null", "3", '{"ties": 3}', "{", '{"ties":[{}],"control":[]}', '{"ties":[3,null],"control":[]}']
+    with opened(path_of(content, tmp_path, ties=[MADE])) as page:
+        for kept in [*damaged, '{"ties":[],"control":[{"name":1}]}']:
+            page.page.evaluate("kept => localStorage.setItem(sonarmap.decisions.key, kept)", kept)
+            page.page.reload()
+            assert saved(page, "ties", tmp_path) == [tie(0, 7, "add", MADE["note"])], kept
+        assert page.said == []
+
+
+def test_the_list_is_decided_without_webgl(content: Content, tmp_path: Path) -> None:
+    with opened(path_of(content, tmp_path), WITHOUT_WEBGL) as page:
+        decide(page, 0, "accept")
+        assert saved(page, "ties", tmp_path) == [tie(*ends(content, 0), "accept")]
+        assert page.said == []
+
+
+@pytest.mark.slow
+def test_a_pair_that_only_a_tie_made_the_map_try_is_added_again(content: Content, tmp_path: Path) -> None:
+    """As no search would propose it, accept would have no effect."""
+    i, j = ends(content, 0)
+    made = MADE | {"target": NAMES[i], "source": NAMES[j]}
+    with opened(path_of(content, tmp_path, ties=[made])) as page:
+        decide(page, 0, "undecided")
+        decide(page, 0, "add")
+        assert saved(page, "ties", tmp_path) == [tie(i, j, "add")]

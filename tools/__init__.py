@@ -1,1 +1,0 @@
-"""Everything that touches the world: the command line, files, the simulator, benchmarks."""
