@@ -48,9 +48,12 @@ def source_digest(places: Sequence[str], left_out: Sequence[str] = (), root: Pat
 
 
 def method_sources(name: str) -> tuple[str, str]:
-    """Digests of a method's code: its files, and the function of the registry that builds it."""
+    """Digests of a method's code: its files, and what of the registry builds it."""
     method = find_method(name)
-    return source_digest(method.sources), fingerprint(inspect.getsource(method.make))
+    builder = method.make if inspect.isfunction(method.make) else type(method.make)
+    return source_digest(method.sources), fingerprint(
+        [inspect.getsource(builder), "" if inspect.isfunction(method.make) else repr(method.make)]
+    )
 
 
 def method_versions(name: str) -> dict[str, str | None]:

@@ -123,18 +123,26 @@ def _hemisphere(setup: Setup) -> Registrar:
     return HemisphereRegistrar(choose_device(setup.device), setup.grid, config)
 
 
-def _of_lab(registrar: str, *arguments: Any, seeded: bool = False) -> Callable[[Setup], Registrar]:
-    """What builds a method that others made: the class of `tools.lab.baselines`, by name, as the laboratory is built on
-    this list, and what it takes beside the voxel and the seed."""
+@dataclass(frozen=True, slots=True)
+class _OfLab:
+    """Builds a method that others made.
 
-    def make(setup: Setup) -> Registrar:
+    Attributes:
+        registrar: its class in `tools.lab.baselines`, as "module:Class": the laboratory is built on this list, not the
+            reverse.
+        kind: which of the class's methods it is; "" where there is one.
+        seeded: whether it draws at random.
+    """
+
+    registrar: str
+    kind: str = ""
+    seeded: bool = False
+
+    def __call__(self, setup: Setup) -> Registrar:
         load_package("open3d", "open3d", "this method", "lab")
-        module, _, name = registrar.partition(":")
-        seed = (setup.seed,) if seeded else ()
-        made = getattr(import_module(f"sonarmap.tools.lab.baselines.{module}"), name)
-        return made(setup.grid.voxel, *arguments, *seed)
-
-    return make
+        module, _, name = self.registrar.partition(":")
+        arguments = [*filter(None, [self.kind]), *([setup.seed] if self.seeded else [])]
+        return getattr(import_module(f"sonarmap.tools.lab.baselines.{module}"), name)(setup.grid.voxel, *arguments)
 
 
 # Name, as --method takes it -> method
@@ -147,28 +155,28 @@ METHODS: Mapping[str, Method] = MappingProxyType(
             "the paper's chain: one yaw peak, no refinement", _hemisphere, _DEVICE_SOURCES, _HEMISPHERE
         ),
         "planes": Method(
-            "plane patches, matched (Pathak et al. 2010)", _of_lab("planes.registrar:PlaneRegistrar"), _PLANE_SOURCES
+            "plane patches, matched (Pathak et al. 2010)", _OfLab("planes.registrar:PlaneRegistrar"), _PLANE_SOURCES
         ),
-        "icp": Method("ICP point to point from the identity (Open3D)", _of_lab("icp:IcpRegistrar"), _POINT_SOURCES),
+        "icp": Method("ICP point to point from the identity (Open3D)", _OfLab("icp:IcpRegistrar"), _POINT_SOURCES),
         "icp-plane": Method(
-            "ICP point to plane from the identity (Open3D)", _of_lab("icp:IcpRegistrar", "plane"), _POINT_SOURCES
+            "ICP point to plane from the identity (Open3D)", _OfLab("icp:IcpRegistrar", "plane"), _POINT_SOURCES
         ),
         "fpfh-ransac": Method(
             "FPFH features, RANSAC, then ICP (Open3D)",
-            _of_lab("features:FeatureRegistrar", "ransac", seeded=True),
+            _OfLab("features:FeatureRegistrar", "ransac", seeded=True),
             _FEATURE_SOURCES,
             _SEEDED,
         ),
         "fpfh-fgr": Method(
             "FPFH features, fast global registration, then ICP (Open3D)",
-            _of_lab("features:FeatureRegistrar", "fgr", seeded=True),
+            _OfLab("features:FeatureRegistrar", "fgr", seeded=True),
             _FEATURE_SOURCES,
             _SEEDED,
         ),
-        "kiss": Method("KISS-Matcher, then ICP", _of_lab("kiss:KissRegistrar"), _KISS_SOURCES, package="kiss-matcher"),
+        "kiss": Method("KISS-Matcher, then ICP", _OfLab("kiss:KissRegistrar"), _KISS_SOURCES, package="kiss-matcher"),
         "gicp": Method(
             "generalized ICP from the identity (small_gicp)",
-            _of_lab("gicp:GicpRegistrar"),
+            _OfLab("gicp:GicpRegistrar"),
             _GICP_SOURCES,
             package="small_gicp",
         ),

@@ -214,17 +214,18 @@ class TestPrograms:
     def test_work_from_a_folder_with_a_space(self, tmp_path: Path) -> None:
         """From a copy of the package, in a process of its own."""
         folder = tmp_path / "a folder, (copied)"
-        shutil.copytree(ROOT / "kernels", folder / "kernels", ignore=shutil.ignore_patterns("__pycache__"))
+        shutil.copytree(ROOT / "sonarmap", folder / "sonarmap", ignore=shutil.ignore_patterns("__pycache__"))
         program = (
             "import sonarmap.kernels.device.device; "
             "source = '#include \"device/complex.cl\"\\n__kernel void f(__global float* x) {}'; "
             "sonarmap.kernels.device.device.choose_device().build(source); "
-            "print(kernels.device.device.__file__)"
+            "print(sonarmap.kernels.device.device.__file__)"
         )
         ended = subprocess.run([sys.executable, "-c", program], cwd=folder, capture_output=True, text=True)
-        assert (ended.returncode, ended.stdout.strip()) == (0, str(folder / "kernels" / "device" / "device.py")), (
-            ended.stderr
-        )
+        assert (ended.returncode, ended.stdout.strip()) == (
+            0,
+            str(folder / "sonarmap" / "kernels" / "device" / "device.py"),
+        ), ended.stderr
 
     def test_are_built_once_per_process(self, device: Device) -> None:
         assert device.program("points/voxelize", EDGE=16) is device.program("points/voxelize", EDGE=16)

@@ -12,7 +12,11 @@ from sonarmap.tools.methods.registry import METHODS
 from tests.samples.command_line import ROOT
 from tests.samples.processor_time import processor_time
 
-CALL = [sys.executable, "-c", "import sys; sys.argv[0] = 'sonarmap'; from sonarmap import main; sys.exit(main())"]
+CALL = [
+    sys.executable,
+    "-c",
+    "import sys; sys.argv[0] = 'sonarmap'; from sonarmap.tools.command.start import start; start()",
+]
 
 
 def asked(**variables: str) -> str:

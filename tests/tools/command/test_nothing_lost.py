@@ -19,7 +19,7 @@ from tests.samples.places import ROOT
 
 GRID = ("--grid", "64")
 PROGRAM = "from sonarmap.tools.command.main import run; run()"
-CHATTY = "import sonarmap.tools.command.progress; tools.command.progress.SECONDS_BETWEEN_LINES = 0; " + PROGRAM
+CHATTY = "import sonarmap.tools.command.progress; sonarmap.tools.command.progress.SECONDS_BETWEEN_LINES = 0; " + PROGRAM
 RESULTS = {
     "map.ply",
     "map_all.ply",

@@ -1,6 +1,7 @@
 """Where an experiment's rows come from: its settings, the code, the device, and what is installed."""
 
 import inspect
+import os
 from collections.abc import Mapping
 from dataclasses import dataclass, field
 from pathlib import Path
@@ -59,7 +60,7 @@ def provenance(experiment: Experiment, device: Device) -> Provenance:
     """Of an experiment on a device, with the code that runs now."""
     machine = describe_machine(device)
     own = Path(inspect.getfile(type(experiment))).resolve().parent
-    places = (*experiment.sources, own.relative_to(ROOT).as_posix())
+    places = (*experiment.sources, os.path.relpath(own, ROOT))
     sources = source_digest(places, SHOWING)
     methods = {}
     if isinstance(experiment, ByMethod):

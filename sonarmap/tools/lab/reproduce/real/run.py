@@ -46,7 +46,7 @@ class Real:
 
     name: ClassVar[str] = "real"
     sources: ClassVar[tuple[str, ...]] = (
-        *(f"tools/{folder}" for folder in ("readers", "evaluate", "reproduce/evaluation")),
+        *(f"tools/{folder}" for folder in ("files/readers", "lab/evaluate", "lab/reproduce/evaluation")),
         "tools/lab/simulate/sensing/priors.py",
         "spectral/grid.py",
     )
