@@ -23,8 +23,7 @@ def require_memory(what: str, needed: int, remedy: str) -> None:
         needed: how much [bytes].
         remedy: what to do instead, in words.
 
-    Raises:
-        InputError: it needs more than `available_memory`.
+    Raises InputError: it needs more than `available_memory`.
     """
     if needed > (available := available_memory()):
         raise InputError(
@@ -71,11 +70,8 @@ def room_for_arrays() -> int:
 
 
 def require_program() -> None:
-    """Refuse a limit in which the program itself does not fit: drivers end the whole process where memory ends.
-
-    Raises:
-        InputError: naming the limit.
-    """
+    """Refuse a limit in which the program itself does not fit: drivers end the whole process where memory ends. Raises
+    InputError: naming the limit."""
     needed = {_SHELL: (_ADDRESSES, "addresses"), _CONTAINER: (_PROGRAM, "memory")}
     for name, (limit, _) in memory_limits().items():
         least, what = needed[name]

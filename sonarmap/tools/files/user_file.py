@@ -16,11 +16,9 @@ def read_content(path: Path, pipe: bool = False) -> bytes:
     """The bytes of a file.
 
     Args:
-        path: of the file.
         pipe: whether a pipe will do, which can be read only once: /dev/stdin or, of a shell, <(...).
 
-    Raises:
-        InputError: it cannot be read, is larger than memory or, of a pipe, than 256 MiB, or is a device.
+    Raises InputError: it cannot be read, is larger than memory or, of a pipe, than 256 MiB, or is a device.
     """
     require_file(path, pipe)
     most = None if path.is_file() else _LARGEST_PIPE
@@ -42,11 +40,9 @@ def require_file(path: Path, pipe: bool = False) -> None:
     A folder, and what is not there, are left to who opens it.
 
     Args:
-        path: of the file.
         pipe: whether a pipe that the command was given will do.
 
-    Raises:
-        InputError: it is one of these, or a name that no file can have.
+    Raises InputError: it is one of these, or a name that no file can have.
     """
     try:
         mode = path.stat().st_mode

@@ -42,9 +42,8 @@ class Georeference:
         vertical: what heights count from: a name of VERTICALS.
         heading: true compass heading of the map's x axis [deg]; 90 for East, as in every map that instruments place.
 
-    Raises:
-        InputError: a latitude beyond 89.9 or longitude beyond 180 degrees, another number that is not finite, an
-            unknown vertical reference.
+    Raises InputError: a latitude beyond 89.9 or longitude beyond 180 degrees, another number that is not finite, an
+    unknown vertical reference.
     """
 
     latitude: float
@@ -72,10 +71,7 @@ class Georeference:
 
     def geodetic(self, points: np.ndarray) -> np.ndarray:
         """(N, 3) float64 latitude, longitude [deg] and height above the vertical reference [m] of points (N, 3) [m].
-
-        Raises:
-            InputError: points more than 200 km from the origin.
-        """
+        Raises InputError: points more than 200 km from the origin."""
         points = np.asarray(points, np.float64)
         if points.size and not np.abs(points).max() <= _FARTHEST:
             raise InputError(
@@ -93,10 +89,7 @@ class Georeference:
 
     def local(self, geodetic: np.ndarray) -> np.ndarray:
         """(N, 3) float64 points [m] of latitudes, longitudes [deg] and heights [m] (N, 3): the inverse of `geodetic`.
-
-        Raises:
-            InputError: places more than 200 km from the origin.
-        """
+        Raises InputError: places more than 200 km from the origin."""
         latitude, longitude, height = np.asarray(geodetic, np.float64).T
         x, y, _ = self._topocentric.transform(longitude, latitude, height)
         flat = self._turned(np.column_stack([x, y]), self.heading - EAST)
@@ -113,11 +106,7 @@ class Georeference:
 
     @classmethod
     def of_json(cls, value: dict[str, Any]) -> "Georeference":
-        """What `to_json` wrote.
-
-        Raises:
-            InputError: it is something else.
-        """
+        """What `to_json` wrote."""
         try:
             return cls(**value)
         except TypeError as error:

@@ -45,11 +45,8 @@ class Projection:
 
     @classmethod
     def of(cls, georeference: Georeference, crs: str | None = None) -> "Projection":
-        """The UTM zone of the map's origin (UPS near the poles), or the CRS of this name, such as EPSG:25832.
-
-        Raises:
-            InputError: no such CRS, or one that is not projected in meters.
-        """
+        """The UTM zone of the map's origin (UPS near the poles), or the CRS of this name, such as EPSG:25832. Raises
+        InputError: no such CRS, or one that is not projected in meters."""
         from pyproj import CRS
         from pyproj.exceptions import CRSError
 
@@ -108,11 +105,8 @@ class Projection:
         return _VERTICAL_EPSG.get(self.vertical)
 
     def project(self, geodetic: np.ndarray) -> np.ndarray:
-        """(N, 3) float64 easting, northing, height [m] of (N, 3) latitude, longitude [deg], height [m].
-
-        Raises:
-            InputError: a place that this CRS does not cover.
-        """
+        """(N, 3) float64 easting, northing, height [m] of (N, 3) latitude, longitude [deg], height [m]. Raises
+        InputError: a place that this CRS does not cover."""
         latitude, longitude, height = np.asarray(geodetic, np.float64).T
         easting, northing = self._transformer.transform(longitude, latitude)
         projected = np.column_stack([easting, northing, height])
@@ -121,11 +115,8 @@ class Projection:
         return projected
 
     def unproject(self, projected: np.ndarray) -> np.ndarray:
-        """(N, 3) float64 latitude, longitude [deg], height [m] of (N, 3) easting, northing, height [m].
-
-        Raises:
-            InputError: numbers that are no place in this CRS.
-        """
+        """(N, 3) float64 latitude, longitude [deg], height [m] of (N, 3) easting, northing, height [m]. Raises
+        InputError: numbers that are no place in this CRS."""
         easting, northing, height = np.asarray(projected, np.float64).T
         longitude, latitude = self._transformer.transform(easting, northing, direction="INVERSE")
         geodetic = np.column_stack([latitude, longitude, height])
@@ -174,11 +165,7 @@ class Projection:
 
 def _require_exact(crs: "CRS", name: str, georeference: Georeference) -> None:
     """Refuse a CRS whose best transformation from WGS84 needs a grid that is not installed: the next best is off by
-    meters.
-
-    Raises:
-        InputError: naming the grid.
-    """
+    meters. Raises InputError: naming the grid."""
     import warnings
 
     from pyproj.transformer import AreaOfInterest, TransformerGroup

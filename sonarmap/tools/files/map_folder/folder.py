@@ -103,11 +103,8 @@ class MapFolder:
 
 
 def read_map_folder(path: Path) -> MapFolder:
-    """The map in a folder.
-
-    Raises:
-        InputError: no folder that `sonarmap map` wrote, or files of it that are missing or damaged.
-    """
+    """The map in a folder. Raises InputError: no folder that `sonarmap map` wrote, or files of it that are missing or
+    damaged."""
     expected = "the folder that `sonarmap map` wrote"
     if not path.is_dir():
         raise InputError(f"{path} is no folder; wanted {expected}")

@@ -32,11 +32,7 @@ def side_car(name: str) -> str:
 
 
 def require_apart(folder: Path, files: Iterable[Path]) -> None:
-    """Refuse scans that are the map of an earlier run, or would be overwritten by the new map.
-
-    Raises:
-        InputError: naming the file.
-    """
+    """Refuse scans that are the map of an earlier run, or would be overwritten by the new map."""
     for path in files:
         if (_MAP.fullmatch(path.name) or path.name == PAIRS) and path.parent.resolve() == folder.resolve():
             raise InputError(

@@ -57,14 +57,12 @@ def read_control(
 
     Args:
         path: of the file. Lines that begin with # are comments.
-        scans: as the readers name them.
         georeference: of the map so far; None where it is not known: then the first latitude and longitude are
             it, rounded.
         crs: of eastings and northings, as EPSG:25832.
 
-    Raises:
-        InputError: naming the file and the line: a column or cell that cannot be used, or two rows that contradict each
-            other; or that the map's x axis is not to be East.
+    Raises InputError: naming the file and the line: a column or cell that cannot be used, or two rows that contradict
+    each other; or that the map's x axis is not to be East.
     """
     if georeference is not None and georeference.heading != 90.0:
         raise InputError(

@@ -20,8 +20,7 @@ class Corrections:
         scale: a factor on the ranges besides, of any format.
         frame: along which axes and in which unit files have their points.
 
-    Raises:
-        InputError: a speed that is not water's, or a factor that is not above 0.
+    Raises InputError: a speed that is not water's, or a factor that is not above 0.
     """
 
     sound_speed: float | None = None
@@ -39,11 +38,8 @@ class Corrections:
             raise InputError(f"`range_scale={self.scale:g}` is not a factor; wanted a number above 0, as 1.02")
 
     def corrected(self, cloud: Cloud) -> Cloud:
-        """The cloud in our axes and meters, with right ranges from where its sensor was.
-
-        Raises:
-            InputError: it does not say with which speed of sound its ranges were computed.
-        """
+        """The cloud in our axes and meters, with right ranges from where its sensor was. Raises InputError: it does not
+        say with which speed of sound its ranges were computed."""
         cloud, factor = self.frame.turned(cloud), self.scale
         if self.sound_speed is not None:
             if cloud.sound_speed is None:

@@ -39,11 +39,7 @@ class CsvTable:
     is_whole: bool
 
     def require_even(self, path: Path) -> None:
-        """Refuse rows with more or fewer cells than the heading.
-
-        Raises:
-            InputError: naming the file and the line.
-        """
+        """Refuse rows with more or fewer cells than the heading."""
         wanted = len(self.heading.cells)
         for row in self.rows:
             if len(row.cells) != wanted:
@@ -60,8 +56,7 @@ def read_csv_table(path: Path) -> CsvTable:
     The separator is what the heading has most of: a comma, a semicolon or a tab. Between semicolons or tabs a number
     may have a decimal comma, which is made a point.
 
-    Raises:
-        InputError: the file cannot be read, holds no line, or is neither UTF-8 nor UTF-16.
+    Raises InputError: the file cannot be read, holds no line, or is neither UTF-8 nor UTF-16.
     """
     lines, whole = _lines(path)
     if not lines:

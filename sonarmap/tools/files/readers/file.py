@@ -92,9 +92,6 @@ def clouds_of(selected: SelectedFile, notes: list[str]) -> Iterator[NamedCloud]:
     """The clouds of one file that hold points, one by one; notes about the file are added to the list.
 
     A trajectory NAME.tum beside NAME.ply, or whatever its suffix, says where the sensor was at each point's time.
-
-    Raises:
-        InputError: naming the file and, where it applies, its line or packet.
     """
     path = selected.path
     try:

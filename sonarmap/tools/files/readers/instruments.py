@@ -32,8 +32,7 @@ def check_measured(column: str, number: float) -> None:
         column: of COLUMNS or SIGMA_COLUMNS.
         number: in its unit; NaN where nothing was measured.
 
-    Raises:
-        InputError: it is too large, or a standard deviation that is not above 0, or next to 0.
+    Raises InputError: it is too large, or a standard deviation that is not above 0, or next to 0.
     """
     if column in SIGMA_COLUMNS and number < LEAST_SIGMA:
         raise InputError(f"{column} is {number:g}; wanted a standard deviation above 0, at least {LEAST_SIGMA:g}")
@@ -49,8 +48,7 @@ def prior_of(values: np.ndarray, sigmas: np.ndarray) -> PosePrior:
         values: (6,) in the columns' order and units; NaN where not measured.
         sigmas: (6,) standard deviations in the same units; ignored where the value is NaN.
 
-    Raises:
-        InputError: sigmas that are not above 0, or one of roll and pitch, or of x and y, without the other.
+    Raises InputError: sigmas that are not above 0, or one of roll and pitch, or of x and y, without the other.
     """
     known = np.isfinite(values)
     measured = np.where(known, sigmas, np.inf).astype(np.float64) * _UNITS

@@ -16,12 +16,10 @@ def read_json(path: Path, expected: str) -> Any:
     """What the file holds, its numbers finite and of a size that can be computed with.
 
     Args:
-        path: of the file.
         expected: what file it should be, for the message.
 
-    Raises:
-        InputError: it cannot be read, is no JSON in UTF-8, is nested too deeply, or holds NaN, Infinity or a number
-            beyond 1e30 (a whole one: 2^63).
+    Raises InputError: it cannot be read, is no JSON in UTF-8, is nested too deeply, or holds NaN, Infinity or a number
+    beyond 1e30 (a whole one: 2^63).
     """
     try:
         text = read_content(Path(path), pipe=True).decode("utf-8")

@@ -19,11 +19,7 @@ def largest_of(column: str) -> float:
 
 
 def require_within(what: str, values: np.ndarray, largest: float) -> None:
-    """Refuse numbers of which one is NaN or beyond `largest`.
-
-    Raises:
-        InputError: naming the first of them.
-    """
+    """Refuse numbers of which one is NaN or beyond `largest`."""
     bad = ~(np.abs(values) <= largest)
     if bad.any():
         raise InputError(f"{what} holds {values[bad].flat[0]:g}; wanted numbers within {largest:g}")

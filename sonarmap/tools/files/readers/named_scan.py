@@ -11,13 +11,10 @@ def named_scan(scans: Sequence[Scan], cell: str, where: str) -> int:
     """The index of a scan.
 
     Args:
-        scans: as the readers name them.
         cell: a scan's name, with or without the suffix of its file, or its number from 0 as pairs.csv has it; a name
             that is a number counts first.
-        where: the file, line and column, for messages.
 
-    Raises:
-        InputError: no scan, or several.
+    Raises InputError: no scan, or several.
     """
     index = find_scan(scans, "name", cell, float("nan"), where, allow_unknown=True)
     if index is None and cell.isascii() and cell.isdecimal() and len(cell) < 10:

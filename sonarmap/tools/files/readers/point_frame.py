@@ -26,8 +26,7 @@ class PointFrame:
         axes: a name of FRAMES. The points of "ned" become East-North-Up, of the others forward-left-up.
         unit: a name of UNITS.
 
-    Raises:
-        InputError: another name.
+    Raises InputError: another name.
     """
 
     axes: str = "flu"

@@ -25,11 +25,7 @@ class PointStore:
         self._used = 0
 
     def keep(self, array: np.ndarray) -> np.ndarray:
-        """The same values, from now on.
-
-        Raises:
-            InputError: there is no room on disk.
-        """
+        """The same values, from now on. Raises InputError: there is no room on disk."""
         self._left -= array.nbytes
         if self._left >= 0:
             return array

@@ -63,9 +63,6 @@ def read_scans(paths: Sequence[str | Path], corrections: Corrections = AS_RECORD
     """Every scan of the files, folders and patterns in `paths`, in natural order.
 
     Like `read_survey`, but all of them have to be readable.
-
-    Raises:
-        InputError: naming the file and, where it applies, its line or packet.
     """
     read = read_survey(paths, corrections=corrections)
     if read.unread:
@@ -88,8 +85,7 @@ def read_survey(
     on disk (`PointStore`). `progress` is called with (files read, files in all, the file's name), and within a file
     every so many scans. `corrections` is done to the points of each.
 
-    Raises:
-        InputError: a path that does not exist, no path at all, or a speed of sound for files that say none.
+    Raises InputError: a path that does not exist, no path at all, or a speed of sound for files that say none.
     """
     notes: list[str] = []
     selection = select_files(paths, FORMATS, not_scans)
@@ -107,11 +103,7 @@ def files_of(selection: Selection) -> tuple[Path, ...]:
 
 
 def read_scan(path: str | Path) -> Scan:
-    """The scan of a file that holds one, or one of several as `recording.sonar#3`.
-
-    Raises:
-        InputError: as `read_scans`, and where there are several.
-    """
+    """The scan of a file that holds one, or one of several as `recording.sonar#3`."""
     return only_scan(path, read_scans([path]))
 
 
@@ -161,8 +153,7 @@ def read_entries(
         notes: to which is added what the user should know about files as a whole.
         progress, corrections: as of `read_survey`.
 
-    Raises:
-        InputError: a speed of sound for files that say none.
+    Raises InputError: a speed of sound for files that say none.
     """
     if selection.reordered:
         notes.append("the scans are taken in the natural order of their names, not the order in which they were given")

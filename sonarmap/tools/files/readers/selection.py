@@ -72,8 +72,7 @@ def select_files(paths: Sequence[str | Path], suffixes: Collection[str], not_sca
             priors.csv and pairs.csv.
         not_scans: more files to skip there, whatever their suffix.
 
-    Raises:
-        InputError: a path that does not exist, a folder or pattern without such a file, no path at all.
+    Raises InputError: a path that does not exist, a folder or pattern without such a file, no path at all.
     """
     if not paths:
         raise InputError("no scans given; name files, folders or patterns such as scans/*.ply")

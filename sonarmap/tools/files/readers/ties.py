@@ -33,13 +33,11 @@ def read_ties(path: Path, scans: Sequence[Scan]) -> tuple[Tie, ...]:
     Args:
         path: of the file. A transform is T_target_source (angles as docs/conventions.md has them), its standard
             deviation the same along and about all axes. Lines that begin with # are comments.
-        scans: as the readers name them.
 
     Returns:
         In the file's order, the scans of each in theirs: a transform of a later scan to an earlier is turned around.
 
-    Raises:
-        InputError: naming the file and the line: a column or cell that cannot be used, or two verdicts on a pair.
+    Raises InputError: naming the file and the line: a column or cell that cannot be used, or two verdicts on a pair.
     """
     table = read_csv_table(path)
     columns = _columns(table.heading.cells, f"{path}: line {table.heading.line}")

@@ -23,8 +23,7 @@ def with_viewpoints(cloud: Cloud, path: Path) -> Cloud:
         cloud: its times are in seconds by the trajectory's clock.
         path: a TUM file whose poses are T_scan_sensor: they place the sensor in the frame of the points.
 
-    Raises:
-        InputError: the trajectory cannot be used, its stamps do not ascend, or points were seen outside of its time.
+    Raises InputError: the trajectory cannot be used, its stamps do not ascend, or points were seen outside of its time.
     """
     if cloud.viewpoints is not None:
         return replace(cloud, notes=(*cloud.notes, f"{path.name} is not used: the points have viewpoints of their own"))

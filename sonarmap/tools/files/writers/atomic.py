@@ -90,11 +90,7 @@ def clear_leftovers(folder: Path) -> None:
 
 
 def require_writable(folder: Path) -> None:
-    """Refuse a folder that cannot be written before hours are spent on what should go into it; made if missing.
-
-    Raises:
-        InputError: it cannot.
-    """
+    """Refuse a folder that cannot be written before hours are spent on what should go into it; made if missing."""
     try:
         folder.mkdir(parents=True, exist_ok=True)
         with tempfile.TemporaryFile(dir=folder):

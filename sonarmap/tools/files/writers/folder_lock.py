@@ -18,8 +18,7 @@ def locked(folder: Path, writing: bool) -> Iterator[None]:
         folder: whose files are to be of one run.
         writing: whether this run writes to it, so that no other may read it either.
 
-    Raises:
-        InputError: another run has the folder.
+    Raises InputError: another run has the folder.
     """
     descriptor = _lock(folder, writing)
     try:

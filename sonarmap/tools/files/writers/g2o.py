@@ -27,12 +27,10 @@ def write_g2o(path: Path, graph: PoseGraph, left_out: Container[int] = ()) -> No
     them. Stamps have no place in the format.
 
     Args:
-        path: where to.
         graph: its priors, and what is held beside them, become lines of EDGE_SE3_PRIOR.
         left_out: poses that are no vertices: those that nothing places.
 
-    Raises:
-        InputError: the graph holds an edge of kind "prior", or the file cannot be written.
+    Raises InputError: the graph holds an edge of kind "prior", or the file cannot be written.
     """
     prior = next((edge for edge in graph.edges if edge.kind == "prior"), None)
     if prior is not None:
@@ -60,14 +58,10 @@ def rewrite_g2o(
     """Write a file again with other poses; all else, comments and the edges' digits too, stays as it is.
 
     Args:
-        path: where to.
         source: a file that `read_g2o` has read.
         trajectory: the poses of its vertices, each with its vertex's id for a stamp, as `read_g2o` gives them.
         left_out: edges to drop, counted from 0 in the file's order.
         repaired: edges to write with the information that they have now, by the same numbers.
-
-    Raises:
-        InputError: the file cannot be written.
     """
     numbers = pose_numbers(trajectory.T_world_sensor).tolist()
     poses = {int(stamp): pose for stamp, pose in zip(trajectory.stamps.tolist(), numbers, strict=True)}

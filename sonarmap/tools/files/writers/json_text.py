@@ -18,12 +18,9 @@ def write_json(path: Path, content: Mapping[str, Any]) -> None:
     Every name of a mapping has a line of its own, and so has every item of a list that is a list or a mapping itself.
 
     Args:
-        path: the file.
         content: names and values, anything that `to_json` takes.
 
-    Raises:
-        TypeError: a value that JSON has no form for.
-        InputError: the file cannot be written.
+    Raises TypeError: a value that JSON has no form for; InputError: the file cannot be written.
     """
     text = _in_lines(to_json(content))
     with atomic_path(path) as temporary:
@@ -47,11 +44,8 @@ def _in_line(value: Any) -> str:
 
 
 def to_json(value: Any) -> Any:
-    """A value in JSON's types: NumPy's, dataclasses, tuples, sets and paths included; NaN and infinity are null.
-
-    Raises:
-        TypeError: a value that JSON has no form for.
-    """
+    """A value in JSON's types: NumPy's, dataclasses, tuples, sets and paths included; NaN and infinity are null. Raises
+    TypeError: a value that JSON has no form for."""
     if isinstance(value, np.ndarray | np.generic):
         return to_json(value.tolist())
     if isinstance(value, float):

@@ -10,11 +10,7 @@ if TYPE_CHECKING:
 
 
 def write_kitti(path: Path, trajectory: "Trajectory") -> None:
-    """Write T_world_sensor with every digit that float64 has; the format has no place for stamps.
-
-    Raises:
-        InputError: the file cannot be written.
-    """
+    """Write T_world_sensor with every digit that float64 has; the format has no place for stamps."""
     rows = trajectory.T_world_sensor.as_matrix()[:, :3].reshape(-1, 12)
     with atomic_path(path) as temporary:
         temporary.write_text("".join(" ".join(f"{number:.17g}" for number in row) + "\n" for row in rows.tolist()))

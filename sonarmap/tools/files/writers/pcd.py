@@ -16,9 +16,6 @@ def write_pcd(path: str | Path, points: np.ndarray, columns: Mapping[str, np.nda
 
     Coordinates are relative to `float32_origin(points)`, a comment of the header where it is not 0; points of float32
     are written as they are.
-
-    Raises:
-        InputError: the path cannot be written, or see `pack_records`.
     """
     exact = points.dtype == np.float32 or points.ndim != 2
     origin = np.zeros(3) if exact else float32_origin(points)

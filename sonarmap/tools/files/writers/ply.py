@@ -15,11 +15,7 @@ _TYPES = {
 
 
 def write_ply(path: str | Path, points: np.ndarray, columns: Mapping[str, np.ndarray] | None = None) -> None:
-    """Write points (N, 3) [m] and `columns` {name: (N,)}, such as intensity, to PLY, whole or not at all.
-
-    Raises:
-        InputError: the path cannot be written, or see `pack_records`.
-    """
+    """Write points (N, 3) [m] and `columns` {name: (N,)}, such as intensity, to PLY, whole or not at all."""
     records = pack_records(points, columns)
     lines = [
         "ply",

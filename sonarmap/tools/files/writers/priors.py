@@ -12,21 +12,14 @@ from sonarmap.tools.files.writers.table import write_table
 
 
 def require_new(path: Path) -> None:
-    """Refuse to write over a file, as what was filled in would be lost.
-
-    Raises:
-        InputError: it is there already.
-    """
+    """Refuse to write over a file, as what was filled in would be lost. Raises InputError: it is there already."""
     if path.exists():
         raise InputError(f"{path} is there already; remove it, or give the template another name")
 
 
 def write_template(path: Path, names: Sequence[str], stamps: Sequence[float]) -> None:
     """Write one row per scan with its name and stamp [s], and all columns of measurements empty, to be filled in.
-
-    Raises:
-        InputError: the file is there already, or it cannot be written.
-    """
+    Raises InputError: the file is there already, or it cannot be written."""
     require_new(path)
     empty = [""] * (len(COLUMNS) + len(SIGMA_COLUMNS))
     rows = ([name, f"{stamp:.6f}", *empty] for name, stamp in zip(names, stamps, strict=True))
@@ -34,11 +27,7 @@ def write_template(path: Path, names: Sequence[str], stamps: Sequence[float]) ->
 
 
 def write_priors(path: Path, names: Sequence[str], priors: Sequence[PosePrior]) -> None:
-    """Write one row per scan, with the columns of what any of them measured; nothing in a cell that one did not.
-
-    Raises:
-        InputError: the file cannot be written.
-    """
+    """Write one row per scan, with the columns of what any of them measured; nothing in a cell that one did not."""
     values = np.array([values_of(prior.T_world_sensor) for prior in priors])
     sigmas = np.array([sigmas_of(prior) for prior in priors])
     known = np.isfinite(sigmas)

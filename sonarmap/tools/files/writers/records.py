@@ -19,8 +19,7 @@ def pack_records(points: np.ndarray, columns: Mapping[str, np.ndarray] | None) -
         columns: {name: (N,)} of numbers. 64-bit integers, which PLY does not know, become 32-bit ones where
             they all fit and float64 where they don't; booleans become 0 and 1.
 
-    Raises:
-        InputError: another shape, a column of another length or without numbers, a name no header can hold.
+    Raises InputError: another shape, a column of another length or without numbers, a name no header can hold.
     """
     if points.ndim != 2 or points.shape[1] != 3:
         raise InputError(f"points to write have shape {points.shape}; wanted (N, 3)")

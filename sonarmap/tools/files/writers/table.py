@@ -12,11 +12,7 @@ _QUOTED = re.compile(r'[",;]|^#')
 
 
 def write_table(path: Path, columns: Sequence[str], rows: Iterable[Iterable[object]]) -> None:
-    """Write rows of texts and numbers under their columns' names; a text as `tools.files.csv_cell.cell_of` has it.
-
-    Raises:
-        InputError: the file cannot be written.
-    """
+    """Write rows of texts and numbers under their columns' names; a text as `tools.files.csv_cell.cell_of` has it."""
     with atomic_path(path) as temporary, temporary.open("w", newline="", encoding="utf-8") as file:
         file.writelines(f"{','.join(map(_quoted, cells))}\n" for cells in (columns, *rows))
 

@@ -14,11 +14,8 @@ TRAJECTORY_WRITERS = {".tum": write_tum, ".kitti": write_kitti}
 
 
 def write_trajectory(path: Path, trajectory: "Trajectory") -> None:
-    """Write T_world_sensor of every pose in the format that the suffix of `path` names.
-
-    Raises:
-        InputError: an unknown suffix, or the file cannot be written.
-    """
+    """Write T_world_sensor of every pose in the format that the suffix of `path` names. Raises InputError: an unknown
+    suffix, or the file cannot be written."""
     suffix = path.suffix.lower()
     if suffix not in TRAJECTORY_WRITERS:
         known = ", ".join(TRAJECTORY_WRITERS)

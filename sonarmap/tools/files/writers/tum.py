@@ -16,11 +16,7 @@ HEADER = "# stamp [s] tx ty tz [m] qx qy qz qw: T_world_sensor\n"
 
 
 def write_tum(path: Path, trajectory: "Trajectory") -> None:
-    """Write every digit that float64 has: microseconds of today's epoch seconds survive.
-
-    Raises:
-        InputError: the file cannot be written.
-    """
+    """Write every digit that float64 has: microseconds of today's epoch seconds survive."""
     poses = pose_numbers(trajectory.T_world_sensor)
     with atomic_path(path) as temporary:
         temporary.write_text(

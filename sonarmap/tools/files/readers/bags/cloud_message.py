@@ -48,11 +48,8 @@ class _Packed:
 
 
 def cloud_of(message: Message) -> StampedCloud:
-    """The cloud of a message.
-
-    Raises:
-        InputError: the message is damaged or contradicts itself, or has no fields x, y and z.
-    """
+    """The cloud of a message. Raises InputError: the message is damaged or contradicts itself, or has no fields x, y
+    and z."""
     content = decode(message)
     with refused(f"its {message.kind} contradicts itself"):
         if message.kind == FOXGLOVE_CLOUD:

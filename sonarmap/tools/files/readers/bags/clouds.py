@@ -23,12 +23,9 @@ def stream_recording(path: Path, topic: str | None, notes: list[str]) -> Iterato
     cannot be used is an empty cloud.
 
     Args:
-        path: of a recording.
         topic: None for the only one with clouds.
-        notes: what the user should know of the recording is added to it.
 
-    Raises:
-        InputError: no such topic, several of which none is named, or none of its messages can be used.
+    Raises InputError: no such topic, several of which none is named, or none of its messages can be used.
     """
     about: list[str] = []
     recording = open_recording(path, about)

@@ -13,11 +13,8 @@ FOXGLOVE_CLOUD = "foxglove.PointCloud"
 
 
 def decode(message: Message) -> Any:
-    """The content of a message, with the fields of its type as attributes.
-
-    Raises:
-        InputError: another type or encoding, or damaged content.
-    """
+    """The content of a message, with the fields of its type as attributes. Raises InputError: another type or encoding,
+    or damaged content."""
     encoding = message.encoding
     with refused(f"its {message.kind} cannot be decoded"):
         if encoding == "cdr":

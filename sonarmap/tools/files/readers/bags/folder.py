@@ -22,10 +22,7 @@ _OPENERS: dict[str, Callable[[Path, int], Recording]] = {".db3": open_sqlite, ".
 
 def open_folder(folder: Path, notes: list[str]) -> Recording:
     """The recording of all files of a bag, in the order of their times; notes name those that are missing or left out.
-
-    Raises:
-        InputError: there is none, or one cannot be opened.
-    """
+    Raises InputError: there is none, or one cannot be opened."""
     files = _files_of(folder, notes)
     present = [file for file in files if file.is_file()]
     notes += [f"{file.name}, which {BAG_METADATA} names, is missing" for file in files if file not in present]

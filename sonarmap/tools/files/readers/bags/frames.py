@@ -38,11 +38,7 @@ class Link:
     fixed: bool
 
     def T_parent_child(self) -> RigidTransform:
-        """The transform.
-
-        Raises:
-            InputError: its numbers are no rigid transform.
-        """
+        """The transform. Raises InputError: its numbers are no rigid transform."""
         return rigid([self.numbers], f"the transform {self.parent} to {self.child}")[0]
 
 
@@ -52,11 +48,8 @@ def numbers_of(place: Any, turn: Any) -> tuple[float, ...]:
 
 
 def rigid(rows: Sequence[tuple[float, ...]], what: str) -> RigidTransform:
-    """A stack of transforms from x, y, z and quaternions.
-
-    Raises:
-        InputError: naming `what` and the number of the first whose numbers are not finite, or no quaternion.
-    """
+    """A stack of transforms from x, y, z and quaternions. Raises InputError: naming `what` and the number of the first
+    whose numbers are not finite, or no quaternion."""
     numbers = np.array(rows, np.float64)
     length = np.linalg.norm(np.clip(numbers[:, 3:], -2, 2), axis=1)  # beyond it is none, and its square overflows
     good = (np.abs(numbers[:, :3]) <= LARGEST).all(axis=1) & (length > 0.5) & (length < 2)
@@ -102,11 +95,8 @@ class Frames:
         self._known: dict[str, RigidTransform] = {}
 
     def T_base(self, frame: str) -> RigidTransform:
-        """T_base_frame to base_link where tf_static has it, else to the same frame with x forward, y left, z up.
-
-        Raises:
-            InputError: the transforms of tf_static between the two are damaged.
-        """
+        """T_base_frame to base_link where tf_static has it, else to the same frame with x forward, y left, z up. Raises
+        InputError: the transforms of tf_static between the two are damaged."""
         if frame not in self._known:
             self._known[frame] = self._to_base(frame)
         return self._known[frame]

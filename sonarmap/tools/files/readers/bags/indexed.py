@@ -18,13 +18,11 @@ def indexed_recording(path: Path, opened: Opened, encoding: str, unpacked: Unpac
     """The recording of a file.
 
     Args:
-        path: of the file.
         opened: gives its reader, of `rosbags.rosbag1` or `rosbags.rosbag2`.
         encoding: of its messages, as `Message` has it.
         unpacked: the bytes of a message.
 
-    Raises:
-        InputError: the file cannot be opened.
+    Raises InputError: the file cannot be opened.
     """
     counts: Counter[tuple[str, str]] = Counter()
     with opened(path) as reader:

@@ -38,11 +38,9 @@ def open_mcap(path: Path, packed: int | None = None) -> Recording:
     """The recording of an MCAP file.
 
     Args:
-        path: of the file.
         packed: its bytes before it was unpacked, if it was.
 
-    Raises:
-        InputError: there is no message in it.
+    Raises InputError: there is no message in it.
     """
     from mcap.records import Channel, Schema
     from mcap.records import Message as Record
@@ -148,11 +146,8 @@ class _Chunks:
 
 
 def _count_records(plain: bytes, most: int) -> int:
-    """How many records a chunk has: each is a byte of its kind, eight of its length, and its content.
-
-    Raises:
-        InputError: more than `most`.
-    """
+    """How many records a chunk has: each is a byte of its kind, eight of its length, and its content. Raises
+    InputError: more than `most`."""
     place = count = 0
     while place < len(plain):
         place += 9 + int.from_bytes(plain[place + 1 : place + 9], "little")
@@ -166,8 +161,6 @@ class _WholeReads:
     """A file whose every read is whole.
 
     Args:
-        file: at its first byte.
-        size: its bytes.
         most: how many reads it may take believably.
     """
 
@@ -176,11 +169,8 @@ class _WholeReads:
         self.place = 0
 
     def read(self, length: int) -> bytes:
-        """The next bytes.
-
-        Raises:
-            InputError: there are not so many, or more than memory should hold, or too many reads; nothing is read then.
-        """
+        """The next bytes. Raises InputError: there are not so many, or more than memory should hold, or too many reads;
+        nothing is read then."""
         self._left -= 1
         if self._left < 0:
             raise InputError(f"it has too many records before byte {self.place:,}, {NOT_BELIEVABLE}")

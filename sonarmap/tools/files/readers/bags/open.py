@@ -19,9 +19,6 @@ def is_recording(path: Path) -> bool:
 
 
 def open_recording(path: Path, notes: list[str]) -> Recording:
-    """The recording of a file that `is_recording`, or of a folder; notes about it are added to the list.
-
-    Raises:
-        InputError: it is damaged, or there is no message in it.
-    """
+    """The recording of a file that `is_recording`, or of a folder; notes about it are added to the list. Raises
+    InputError: it is damaged, or there is no message in it."""
     return open_folder(path, notes) if path.is_dir() else RECORDINGS[path.suffix.lower()](path)

@@ -22,15 +22,12 @@ def read_recorded_odometry(path: Path, topic: str | None, notes: list[str]) -> T
     """Where dead reckoning had the vehicle.
 
     Args:
-        path: of a recording.
         topic: of nav_msgs/Odometry; None for the only one, or for tf where there is none.
-        notes: what the user should know is added to it.
 
     Returns:
         T_odom_base with stamps that ascend; of base_link where tf_static has the frame that moves.
 
-    Raises:
-        InputError: naming the file: there is no odometry in it, or several of which none is named.
+    Raises InputError: naming the file: there is no odometry in it, or several of which none is named.
     """
     try:
         faults: list[str] = []

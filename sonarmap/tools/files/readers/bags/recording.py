@@ -59,11 +59,8 @@ class Recording:
 
 
 def choose_topic(recording: Recording, name: str | None, kinds: Collection[str], path: object) -> Topic:
-    """The topic of that name, or the only one with messages of some types.
-
-    Raises:
-        InputError: no such topic, one of another type, or several of which none is named.
-    """
+    """The topic of that name, or the only one with messages of some types. Raises InputError: no such topic, one of
+    another type, or several of which none is named."""
     able = recording.of_kinds(kinds)
     wanted = " or ".join(kinds)
     if name is None:
@@ -93,11 +90,7 @@ def listed(topics: Sequence[Topic]) -> str:
 
 @contextmanager
 def refused(what: str) -> Iterator[None]:
-    """Whatever a library stumbles over in the block is an error in words that begin with `what`.
-
-    Raises:
-        InputError: what went wrong, and what to do.
-    """
+    """Whatever a library stumbles over in the block is an error in words that begin with `what`."""
     try:
         yield
     except (InputError, MemoryError):

@@ -17,11 +17,7 @@ if TYPE_CHECKING:
 
 
 def open_ros1(path: Path) -> Recording:
-    """The recording of a ROS 1 bag.
-
-    Raises:
-        InputError: its index is missing or damaged.
-    """
+    """The recording of a ROS 1 bag. Raises InputError: its index is missing or damaged."""
     return indexed_recording(path, _opened, "ros1", lambda content, time, topic: content)
 
 

@@ -22,11 +22,9 @@ def open_sqlite(path: Path, packed: int | None = None) -> Recording:
     """The recording of a .db3 file, whose messages may be compressed one by one.
 
     Args:
-        path: of the file.
         packed: its bytes before it was unpacked, if it was.
 
-    Raises:
-        InputError: it is no database of ROS 2 messages, or damaged, or has too many messages for its bytes.
+    Raises InputError: it is no database of ROS 2 messages, or damaged, or has too many messages for its bytes.
     """
     size = path.stat().st_size if packed is None else packed
     recording = indexed_recording(path, _opened, "cdr", partial(_plain, Unpacker(size)))

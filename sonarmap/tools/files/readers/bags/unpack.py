@@ -104,11 +104,8 @@ class Room:
         self._written = 0
 
     def unpack(self, path: Path) -> Path:
-        """A file NAME.db3.zstd or NAME.mcap.zstd, unpacked.
-
-        Raises:
-            InputError: it is damaged, or the bag holds more than its bytes believably can, or the disk has no room.
-        """
+        """A file NAME.db3.zstd or NAME.mcap.zstd, unpacked. Raises InputError: it is damaged, or the bag holds more
+        than its bytes believably can, or the disk has no room."""
         import zstandard
 
         plain, yourself = self._folder / path.stem, f"unpack it yourself with zstd -d {path.name}"

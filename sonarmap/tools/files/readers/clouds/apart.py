@@ -43,10 +43,8 @@ def read_apart(read: Read, content: bytes) -> list[Cloud]:
 
     Args:
         read: a function of a module; its clouds have no prior.
-        content: of the file.
 
-    Raises:
-        InputError: as `read` does; or that process crashed, or took too long or too much memory.
+    Raises InputError: as `read` does; or that process crashed, or took too long or too much memory.
     """
     with _lock:
         process = _process()

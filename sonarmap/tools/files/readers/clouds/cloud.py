@@ -49,8 +49,7 @@ def column_roles(names: Sequence[str]) -> dict[str, int]:
 
     Upper and lower case are the same, and CloudCompare's prefix `scalar_` is ignored.
 
-    Raises:
-        InputError: when a coordinate, of the points or of the viewpoints, has no column.
+    Raises InputError: when a coordinate, of the points or of the viewpoints, has no column.
     """
     plain = [name.lower().removeprefix("scalar_") for name in names]
     missing = [axis for axis in "xyz" if axis not in plain]
@@ -92,9 +91,8 @@ def scan_of_cloud(cloud: Cloud, name: str, stamp: float) -> tuple[Scan, list[str
 
     Points that are NaN or infinite are dropped; strengths that are negative, NaN or infinite become 0.
 
-    Raises:
-        InputError: no point at all, none of them finite, one further than COORDINATE_LIMIT off, or one whose viewpoint
-            is, or is not finite.
+    Raises InputError: no point at all, none of them finite, one further than COORDINATE_LIMIT off, or one whose
+    viewpoint is, or is not finite.
     """
     notes = list(cloud.notes)
     total = len(cloud.points)
@@ -121,11 +119,7 @@ def scan_of_cloud(cloud: Cloud, name: str, stamp: float) -> tuple[Scan, list[str
 
 
 def refuse_map_coordinates(points: np.ndarray, what: str = "points") -> None:
-    """Refuse finite points (N, 3) [m], N >= 1, of which one lies further than COORDINATE_LIMIT off.
-
-    Raises:
-        InputError: how many do.
-    """
+    """Refuse finite points (N, 3) [m], N >= 1, of which one lies further than COORDINATE_LIMIT off."""
     largest = np.abs(points).max()
     if largest > COORDINATE_LIMIT:
         far = int((np.abs(points) > COORDINATE_LIMIT).any(axis=1).sum())

@@ -43,8 +43,7 @@ def read_las(content: bytes) -> list[Cloud]:
 
     The stamp is the first of these times in UTC, where the header says that they are adjusted standard GPS time.
 
-    Raises:
-        InputError: a damaged or cut file, or map coordinates.
+    Raises InputError: a damaged or cut file, or map coordinates.
     """
     _require_sound_header(content)
     return read_apart(_read, content) if content[_POINT_FORMAT] & _COMPRESSED else _read(content)

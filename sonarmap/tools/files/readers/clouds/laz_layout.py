@@ -23,11 +23,8 @@ _DAMAGED = "the file is cut or damaged; copy it again"
 
 
 def require_sound_chunks(content: bytes, header: LasHeader) -> None:
-    """Refuse chunks and layers that claim more bytes than they have, or another number of points.
-
-    Raises:
-        InputError: the file is cut or damaged.
-    """
+    """Refuse chunks and layers that claim more bytes than they have, or another number of points. Raises InputError:
+    the file is cut or damaged."""
     lazrs: Any = import_module("lazrs")  # it has no stubs
     (vlr,) = header.vlrs.get("LasZipVlr") or (None,)
     if vlr is None:
@@ -78,8 +75,7 @@ def _points_of_layers(content: bytes, start: int, chunks: Sequence[int], layout:
         chunks: their bytes.
         layout: type and bytes of each item of a point.
 
-    Raises:
-        InputError: layers that claim more than their chunk has.
+    Raises InputError: layers that claim more than their chunk has.
     """
     points, plain = 0, sum(size for _, size in layout)
     layers = sum(size if kind == _BYTE14 else _LAYERS.get(kind, 0) for kind, size in layout)

@@ -22,20 +22,14 @@ _PLAIN = re.compile(r"[<>|=]?(f[248]|[iu][1248])")
 
 
 def read_npy(content: bytes) -> list[Cloud]:
-    """The points of a .npy file: columns x, y, z and perhaps strength.
-
-    Raises:
-        InputError: a damaged header, objects or structures inside, another shape, fewer bytes than promised.
-    """
+    """The points of a .npy file: columns x, y, z and perhaps strength. Raises InputError: a damaged header, objects or
+    structures inside, another shape, fewer bytes than promised."""
     return [cloud_of_array(parse_npy(content))]
 
 
 def cloud_of_array(points: np.ndarray, strength: np.ndarray | None = None, stamp: float | None = None) -> Cloud:
-    """The cloud of an array (N, 3), or (N, 4) with the strength last where none is given beside it.
-
-    Raises:
-        InputError: another shape, or a strength for another number of points.
-    """
+    """The cloud of an array (N, 3), or (N, 4) with the strength last where none is given beside it. Raises InputError:
+    another shape, or a strength for another number of points."""
     if points.ndim != 2 or points.shape[1] not in (3, 4):
         raise InputError(f"an array of shape {points.shape}; wanted (N, 3) or, with strength, (N, 4)")
     if points.shape[1] == 4 and strength is None:
@@ -46,11 +40,7 @@ def cloud_of_array(points: np.ndarray, strength: np.ndarray | None = None, stamp
 
 
 def parse_npy(content: bytes) -> np.ndarray:
-    """The array of a .npy file, integers or floating point, without copying it.
-
-    Raises:
-        InputError: see `read_npy`.
-    """
+    """The array of a .npy file, integers or floating point, without copying it."""
     header, start = _header_of(content)
     descr, fortran, shape = (pattern.search(header) for pattern in (_DESCR, _FORTRAN, _SHAPE))
     if descr is None or fortran is None or shape is None:

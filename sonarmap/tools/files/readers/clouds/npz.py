@@ -24,10 +24,7 @@ _DAMAGE = (
 
 def read_npz(content: bytes) -> list[Cloud]:
     """The points of a .npz file: `points`, perhaps `strength`, `stamp`, `viewpoints`, `times`; or its only array.
-
-    Raises:
-        InputError: damage, arrays of objects, other names or shapes, an unbelievable compression.
-    """
+    Raises InputError: damage, arrays of objects, other names or shapes, an unbelievable compression."""
     try:
         archive = zipfile.ZipFile(io.BytesIO(content))
         members = {member.filename.removesuffix(".npy"): member for member in archive.infolist()}

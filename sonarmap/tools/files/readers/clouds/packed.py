@@ -21,8 +21,7 @@ def require_believable(what: str, packed: int, plain: int) -> None:
         packed: its bytes in the file.
         plain: those in memory.
 
-    Raises:
-        InputError: `plain` is more than `most_unpacked`.
+    Raises InputError: `plain` is more than `most_unpacked`.
     """
     if plain > most_unpacked(packed):
         raise InputError(

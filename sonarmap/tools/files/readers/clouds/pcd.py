@@ -56,11 +56,8 @@ class _Header:
 
 
 def read_pcd(content: bytes) -> list[Cloud]:
-    """The points of a PCD file.
-
-    Raises:
-        InputError: anything that is not a whole, well-formed PCD file with fields x, y, z.
-    """
+    """The points of a PCD file. Raises InputError: anything that is not a whole, well-formed PCD file with fields x, y,
+    z."""
     match = _HEADER.match(content[:_HEADER_LIMIT])
     if match is None:
         raise InputError(

@@ -56,11 +56,8 @@ class _Element:
 
 
 def read_ply(content: bytes) -> list[Cloud]:
-    """The vertices of a PLY file.
-
-    Raises:
-        InputError: anything that is not a whole, well-formed PLY file with vertices x, y, z.
-    """
+    """The vertices of a PLY file. Raises InputError: anything that is not a whole, well-formed PLY file with vertices
+    x, y, z."""
     header = _header_of(content)
     roles = column_roles([p.name for p in header.vertex.properties])
     if header.order == "":
@@ -70,11 +67,8 @@ def read_ply(content: bytes) -> list[Cloud]:
 
 
 def read_ply_columns(content: bytes) -> dict[str, np.ndarray]:
-    """Every property (N,) of the vertices of a binary PLY file, by its name and as it is.
-
-    Raises:
-        InputError: anything that is not a whole, well-formed binary PLY file with vertices.
-    """
+    """Every property (N,) of the vertices of a binary PLY file, by its name and as it is. Raises InputError: anything
+    that is not a whole, well-formed binary PLY file with vertices."""
     header = _header_of(content)
     if header.order == "":
         raise InputError("it is an ascii PLY file; wanted a binary one, as `sonarmap map` writes")

@@ -12,11 +12,8 @@ _LARGEST_RECORD = 1 << 20  # bytes of one point
 
 
 def whole_lines(text: bytes, first: int) -> list[Line]:
-    """The lines of `text` that are not blank, numbered from `first`.
-
-    Raises:
-        InputError: the last line has no line break: 3.1 could be a 3.14159 that was cut.
-    """
+    """The lines of `text` that are not blank, numbered from `first`. Raises InputError: the last line has no line
+    break: 3.1 could be a 3.14159 that was cut."""
     if text and not text.endswith((b"\n", b"\r")):
         raise InputError(
             "the last line does not end with a line break, so the file may have been cut within a number; "
@@ -26,11 +23,8 @@ def whole_lines(text: bytes, first: int) -> list[Line]:
 
 
 def parse_rows(lines: Iterable[Line], columns: int, separator: bytes | None = None) -> np.ndarray:
-    """The numbers of `lines` as (N, columns) float64; `separator` None is any run of blanks.
-
-    Raises:
-        InputError: naming the line, where it has more or fewer columns, or something that is no number.
-    """
+    """The numbers of `lines` as (N, columns) float64; `separator` None is any run of blanks. Raises InputError: naming
+    the line, where it has more or fewer columns, or something that is no number."""
     numbers = array("d")
     for number, line in lines:
         tokens = line.split(separator)
@@ -75,9 +69,8 @@ def unpack_records(
     Args:
         columns: {name: (dtype, offset of the column within a record)}.
 
-    Raises:
-        InputError: the content is shorter than that, or a record beyond any sense; nothing is allocated before this is
-            known.
+    Raises InputError: the content is shorter than that, or a record beyond any sense; nothing is allocated before this
+    is known.
     """
     if stride > _LARGEST_RECORD:
         raise InputError(

@@ -17,11 +17,8 @@ _BARE = {3: ("x", "y", "z"), 4: ("x", "y", "z", "strength")}
 
 
 def read_text(content: bytes) -> list[Cloud]:
-    """The points of a text file.
-
-    Raises:
-        InputError: not UTF-8, a line with another number of columns (named), something that is no number.
-    """
+    """The points of a text file. Raises InputError: not UTF-8, a line with another number of columns (named), something
+    that is no number."""
     try:
         content.decode("utf-8")
     except UnicodeDecodeError as error:

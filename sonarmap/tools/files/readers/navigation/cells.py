@@ -33,7 +33,6 @@ def numbers(cells: Sequence[str], strict: bool) -> tuple[np.ndarray, np.ndarray]
     """The (n,) numbers of a column, NaN where there is none, and (n,) whether a cell holds something else.
 
     Args:
-        cells: of the column.
         strict: whether only an empty cell says that nothing was measured; otherwise also the words of logs.
     """
     values = np.array([number(cell) for cell in cells], np.float64)
@@ -48,7 +47,6 @@ def degrees(cell: str, quantity: str) -> float:
     N, S, E or W before or after: `-5.3221`, `60 23.478 N`, `60°23'28.7"N`, `W 5:19,3`.
 
     Args:
-        cell: as it is written.
         quantity: "lat_deg" or "lon_deg".
     """
     plain = number(cell)

@@ -48,11 +48,9 @@ def columns_of(header: Sequence[str], settings: NavigationSettings, sigmas: Mapp
 
     Args:
         header: the headings.
-        settings: of the user.
         sigmas: {quantity of COLUMNS: standard deviation}, where the file has none; None where none is needed.
 
-    Raises:
-        InputError: a column that may be two things, is there twice, or is missing.
+    Raises InputError: a column that may be two things, is there twice, or is missing.
     """
     mapped = _mapped(header, settings.columns)
     taken = {column.index for column in mapped.values()}

@@ -27,10 +27,8 @@ def local_places(
             and northing [m] in place of x and y.
         are_degrees: which of both.
         settings: of the user: CRS and origin.
-        notes: what a user should know is added.
 
-    Raises:
-        InputError: a place that the CRS does not cover, or far from the others.
+    Raises InputError: a place that the CRS does not cover, or far from the others.
     """
     values = values.copy()
     known = np.isfinite(values[:, 3:5]).all(axis=1)
@@ -71,8 +69,7 @@ def on_the_earth(projected: np.ndarray, crs: str | None, option: str) -> np.ndar
         crs: as EPSG:32632.
         option: of the command line that gives the CRS, for messages.
 
-    Raises:
-        InputError: no such CRS, or one that does not hold at the first of the places.
+    Raises InputError: no such CRS, or one that does not hold at the first of the places.
     """
     try:
         return Projection.of(_about(crs, *projected[0, :2].tolist()), crs).unproject(projected)
@@ -93,11 +90,7 @@ def _about(crs: str | None, easting: float, northing: float) -> Georeference:
 
 
 def grid_of(settings: NavigationSettings, georeference: Georeference | None) -> Projection:
-    """The grid that headings are by.
-
-    Raises:
-        InputError: nobody says where on the Earth the headings were measured.
-    """
+    """The grid that headings are by. Raises InputError: nobody says where on the Earth the headings were measured."""
     if georeference is None:
         raise InputError(
             "--heading-reference grid: the grid's North depends on the place; give --origin, or navigation with places "

@@ -89,12 +89,9 @@ def column_of(index: int, heading: str, quantity: str | None = None) -> Column |
     """What a heading says; None where nothing is known of it.
 
     Args:
-        index: of the column.
-        heading: as it is written.
         quantity: what the user says that it is, so that only the unit is asked for.
 
-    Raises:
-        InputError: a unit that is not known, or feet of a grid.
+    Raises InputError: a unit that is not known, or feet of a grid.
     """
     if heading in OWN:
         return Column(index, heading, quantity or heading, word=heading)

@@ -17,15 +17,12 @@ def find_scan(scans: Sequence[Scan], by: str, key: str, time: float, where: str,
     """The index of the scan with a row's name or stamp; None if there is none and `allow_unknown`.
 
     Args:
-        scans: as the readers name and stamp them.
         by: "name" (with or without the suffix of the scan's file, as `recording.sonar#3`) or "stamp" [s].
         key: the name or stamp as it stands in the row.
         time: the stamp in seconds, UTC.
-        where: the file and line, for messages.
         allow_unknown: whether a row may belong to none of the scans.
 
-    Raises:
-        InputError: a row that fits several scans or none.
+    Raises InputError: a row that fits several scans or none.
     """
     indices = (
         _by_name(scans, key)

@@ -50,8 +50,7 @@ class Mount:
         What is not known of the rotation makes the place at the end of the lever arm less sure. Where no heading is
         known the lever arm's direction is open: the sonar's place is the vehicle's, less sure by the arm's length.
 
-        Raises:
-            InputError: a heading without roll and pitch, where the sonar is mounted at a tilt.
+        Raises InputError: a heading without roll and pitch, where the sonar is mounted at a tilt.
         """
         if vehicle.knows_heading and not vehicle.knows_attitude and np.degrees(self.tilt) > _MOST_TILT:
             raise InputError(

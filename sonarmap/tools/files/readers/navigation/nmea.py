@@ -46,13 +46,9 @@ def read_nmea(path: Path, settings: NavigationSettings, scans: np.ndarray, notes
     """The places and headings of a file of sentences.
 
     Args:
-        path: of the file.
-        settings: of the user.
         scans: (N,) stamps of the scans [s], for sentences without a date.
-        notes: what a user should know of the file is added to it.
 
-    Raises:
-        InputError: it cannot be read, or has neither places nor headings at times.
+    Raises InputError: it cannot be read, or has neither places nor headings at times.
     """
     for option, given in (
         ("--time-scale", settings.time_scale not in (None, "utc")),

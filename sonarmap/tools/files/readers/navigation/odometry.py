@@ -42,12 +42,10 @@ def read_odometry(
         scans: with stamps by the same clock.
         drift: standard deviation of the way, as a share of it.
         turn_drift: standard deviation of the rotation [rad/s].
-        notes: what a user should know of the file is added to it.
         settings: how to understand the file.
 
-    Raises:
-        InputError: naming the file: it cannot be used, its stamps do not ascend, or fewer than two scans lie within its
-            time.
+    Raises InputError: naming the file: it cannot be used, its stamps do not ascend, or fewer than two scans lie within
+    its time.
     """
     notes = [] if notes is None else notes
     times = np.array([scan.stamp for scan in scans], dtype=np.float64)
@@ -113,11 +111,8 @@ def _read_log(
 
 
 def parse_drift(text: str, option: str = "--odometry-drift") -> tuple[float, float]:
-    """The share of the way and the rotation per second [rad/s], from "percent,degrees per hour" of an option.
-
-    Raises:
-        InputError: not two numbers of 0 or more, one of them above 0.
-    """
+    """The share of the way and the rotation per second [rad/s], from "percent,degrees per hour" of an option. Raises
+    InputError: not two numbers of 0 or more, one of them above 0."""
     try:
         percent, degrees = (float(part) for part in text.split(","))
     except ValueError:

@@ -56,18 +56,14 @@ def navigate(
     """The scans with their priors from a file of navigation; a scan of which it says nothing has none.
 
     Args:
-        scans: as the readers name and stamp them.
-        path: of the file.
         settings: how to understand it.
         sigmas: {column of `tools.files.readers.instruments.COLUMNS`: standard deviation}, where the file has none.
         allow_unknown: whether rows may belong to scans that are not among these.
-        notes: what a user should know of the file is added to it.
         turn_rates: times by the scans' clock (m,) [s], and the sonar's turn rates about the vertical (m,) [rad/s], from
             which the offset of the navigation's clock is estimated if the settings ask for it.
 
-    Raises:
-        InputError: naming the file and the line: a column or cell that cannot be used, two rows for one scan, a row
-            that fits no scan or several, or not one that fits any.
+    Raises InputError: naming the file and the line: a column or cell that cannot be used, two rows for one scan, a row
+    that fits no scan or several, or not one that fits any.
     """
     notes = [] if notes is None else notes
     stamps = np.array([scan.stamp for scan in scans], np.float64)

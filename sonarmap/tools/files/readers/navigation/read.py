@@ -30,14 +30,7 @@ def read_navigation(
     """The rows of a file, which is told by its content.
 
     Args:
-        path: of the file.
-        settings: of the user.
         sigmas: {column of COLUMNS: standard deviation} where the file has none; None where none is needed.
-        scans: (N,) stamps of the scans [s].
-        notes: what a user should know of the file is added to it.
-
-    Raises:
-        InputError: naming the file and, where it applies, the line.
     """
     beginning = _beginning(path)
     if is_nmea(beginning):

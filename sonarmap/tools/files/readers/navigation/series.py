@@ -26,7 +26,6 @@ def at_scans(stamps: np.ndarray, times: np.ndarray, values: np.ndarray, sigmas: 
     between scans, and is less sure by a meter per second.
 
     Args:
-        stamps: (N,) of the scans [s].
         times: (n,) of the rows [s], in any order.
         values: (n, 6) in the order and units of `tools.files.readers.instruments.COLUMNS`; NaN where not measured.
         sigmas: (n, 6) standard deviations in the same units; ignored where not measured.

@@ -41,8 +41,7 @@ class NavigationSettings:
             no yaw and no z.
         mount: of the sonar on the vehicle.
 
-    Raises:
-        InputError: a name that is not known, or a number that is not finite.
+    Raises InputError: a name that is not known, or a number that is not finite.
     """
 
     columns: MappingProxyType[str, str] = field(default_factory=lambda: _NOTHING)
@@ -94,8 +93,7 @@ def parse_columns(text: str) -> MappingProxyType[str, str]:
 
     An empty text maps nothing.
 
-    Raises:
-        InputError: a part without an equals sign, a quantity that is not known or that is given twice.
+    Raises InputError: a part without an equals sign, a quantity that is not known or that is given twice.
     """
     mapped: dict[str, str] = {}
     for part in next(csv.reader([text]), ()):
@@ -111,11 +109,8 @@ def parse_columns(text: str) -> MappingProxyType[str, str]:
 
 
 def parse_mount(text: str, frame: NavFrame | None = None) -> Mount:
-    """The mount of "ROLL,PITCH,HEADING[,X,Y,Z]" [deg, m], in the signs of the vehicle's frame.
-
-    Raises:
-        InputError: not three or six numbers within 360 degrees and 100 m.
-    """
+    """The mount of "ROLL,PITCH,HEADING[,X,Y,Z]" [deg, m], in the signs of the vehicle's frame. Raises InputError: not
+    three or six numbers within 360 degrees and 100 m."""
     try:
         numbers = np.array([float(part) for part in text.split(",")])
     except ValueError:

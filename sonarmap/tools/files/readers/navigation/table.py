@@ -55,14 +55,7 @@ def read_table(
     """The rows of a CSV file.
 
     Args:
-        path: of the file.
-        settings: of the user.
         sigmas: {column of COLUMNS: standard deviation} where the file has none; None where none is needed.
-        scans: (N,) stamps of the scans [s].
-        notes: what a user should know of the file is added to it.
-
-    Raises:
-        InputError: naming the file and the line: a column or cell that cannot be used.
     """
     raw = read_csv_table(path)
     try:

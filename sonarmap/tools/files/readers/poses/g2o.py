@@ -63,16 +63,14 @@ def read_g2o(path: Path, repairs: list[Repair] | None = None) -> PoseGraph:
     Edges between consecutive poses are "sequential", others "loop". Quaternions are normalized.
 
     Args:
-        path: of the file.
         repairs: where information matrices of edges that are not positive definite are to be made so: what was done is
             added to it. Their eigenvalues below a millionth of the largest are raised to it: what the edge would push
             away from, or does not know, is as good as unknown then. None refuses such edges.
 
-    Raises:
-        InputError: naming the file and the line: an unknown tag, too few or too many numbers, NaN, infinity,
-            no number, an id that is not a whole number or stands twice, an edge, prior or FIX without its vertex, an
-            information matrix that is not positive definite, or of a prior indefinite, a zero quaternion, an offset
-            other than the identity.
+    Raises InputError: naming the file and the line: an unknown tag, too few or too many numbers, NaN, infinity, no
+    number, an id that is not a whole number or stands twice, an edge, prior or FIX without its vertex, an information
+    matrix that is not positive definite, or of a prior indefinite, a zero quaternion, an offset other than the
+    identity.
     """
     lines = _by_tag(path)
     if not lines[VERTEX]:
@@ -98,11 +96,8 @@ def read_g2o(path: Path, repairs: list[Repair] | None = None) -> PoseGraph:
 
 
 def require_connected(path: Path, graph: PoseGraph) -> None:
-    """Refuse a graph whose edges leave it in parts, which have no common frame.
-
-    Raises:
-        InputError: naming the line of the first vertex of the second part, the parts, and what to do.
-    """
+    """Refuse a graph whose edges leave it in parts, which have no common frame. Raises InputError: naming the line of
+    the first vertex of the second part, the parts, and what to do."""
     parts = graph.components
     if len(parts) == 1:
         return

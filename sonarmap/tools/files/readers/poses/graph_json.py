@@ -23,11 +23,8 @@ FORMAT = "sonarmap graph 1"
 
 
 def read_graph_json(path: Path) -> PoseGraph:
-    """The graph as the map had it: poses, edges, priors, control points.
-
-    Raises:
-        InputError: no such file, or one that is not a map's graph.json.
-    """
+    """The graph as the map had it: poses, edges, priors, control points. Raises InputError: no such file, or one that
+    is not a map's graph.json."""
     content = read_json(path, "the graph.json of a map")
     try:
         if content["format"] != FORMAT:

@@ -14,11 +14,7 @@ LAYOUT = "r11 r12 r13 tx r21 r22 r23 ty r31 r32 r33 tz"
 
 
 def read_kitti(path: Path) -> Trajectory:
-    """A trajectory of T_world_sensor in meters; its stamps count from 0. The nearest rotation is taken.
-
-    Raises:
-        InputError: naming the file and the line that is not as it should be.
-    """
+    """A trajectory of T_world_sensor in meters; its stamps count from 0. The nearest rotation is taken."""
     lines = read_lines(path)
     matrices = np.tile(np.eye(4), (len(lines), 1, 1))
     matrices[:, :3] = finite_rows(path, lines, LAYOUT).reshape(-1, 3, 4)

@@ -25,9 +25,7 @@ def rigid_transform(rows: Any, what: str) -> RigidTransform:
         rows: of the matrix.
         what: of what it is, for messages.
 
-    Raises:
-        InputError: another shape, numbers beyond any use, or no rigid transform.
-        ValueError, TypeError: no numbers.
+    Raises InputError: another shape, numbers beyond any use, or no rigid transform; ValueError, TypeError: no numbers.
     """
     matrix = np.array(rows, np.float64)
     if matrix.shape != (4, 4):

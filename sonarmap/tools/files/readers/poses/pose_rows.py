@@ -12,11 +12,8 @@ from sonarmap.tools.files.user_file import read_content
 
 
 def read_lines(path: Path) -> list[Line]:
-    """The lines of a file that are neither blank nor comments ('#'), with their numbers.
-
-    Raises:
-        InputError: the file cannot be read, is empty, or its last line has no end and may have been cut.
-    """
+    """The lines of a file that are neither blank nor comments ('#'), with their numbers. Raises InputError: the file
+    cannot be read, is empty, or its last line has no end and may have been cut."""
     content = read_content(Path(path))
     try:
         lines = whole_lines(content, 1)
@@ -31,9 +28,8 @@ def read_lines(path: Path) -> list[Line]:
 def finite_rows(path: Path, lines: list[Line], layout: str) -> np.ndarray:
     """Numbers in rows, as many as `layout` has words: (N, words) float64.
 
-    Raises:
-        InputError: naming the line that has more or fewer columns, something that is no number, NaN, infinity, or a
-            number that is larger than its column's (`tools.files.readers.limits`).
+    Raises InputError: naming the line that has more or fewer columns, something that is no number, NaN, infinity, or a
+    number that is larger than its column's (`tools.files.readers.limits`).
     """
     try:
         rows = parse_rows(lines, len(layout.split()))
@@ -54,11 +50,8 @@ def finite_rows(path: Path, lines: list[Line], layout: str) -> np.ndarray:
 
 
 def transforms(path: Path, lines: list[Line], rows: np.ndarray) -> RigidTransform:
-    """N rigid transforms from (N, 7) rows: x y z [m], then a quaternion x y z w of any length but (nearly) zero.
-
-    Raises:
-        InputError: naming the line of a zero quaternion.
-    """
+    """N rigid transforms from (N, 7) rows: x y z [m], then a quaternion x y z w of any length but (nearly) zero. Raises
+    InputError: naming the line of a zero quaternion."""
     zero = np.flatnonzero(np.linalg.norm(rows[:, 3:], axis=1) < LEAST_SIGMA)
     if len(zero):
         raise InputError(f"{path}: line {lines[zero[0]][0]} holds a zero quaternion; no rotation is 0 0 0 1")

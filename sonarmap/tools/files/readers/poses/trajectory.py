@@ -23,8 +23,7 @@ def read_pair(estimate: Path, *truths: Path) -> tuple[Trajectory, Trajectory]:
         estimate: of one map.
         truths: one file, or one for each dive that the map is of, in the map's order, see `in_order`.
 
-    Raises:
-        InputError: naming the file and the line that is not as it should be; or only one of the two has stamps.
+    Raises InputError: naming the file and the line that is not as it should be; or only one of the two has stamps.
     """
     stamped = not _is_kitti(estimate)
     for truth in truths:

@@ -9,11 +9,7 @@ LAYOUT = "stamp tx ty tz qx qy qz qw"
 
 
 def read_tum(path: Path) -> Trajectory:
-    """A trajectory, its stamps in seconds and its poses as T_world_sensor in meters.
-
-    Raises:
-        InputError: naming the file and the line that is not as it should be.
-    """
+    """A trajectory, its stamps in seconds and its poses as T_world_sensor in meters."""
     lines = read_lines(path)
     rows = finite_rows(path, lines, LAYOUT)
     return Trajectory(rows[:, 0].copy(), transforms(path, lines, rows[:, 1:]))

@@ -13,8 +13,7 @@ def stream_sonar(path: Path, notes: list[str]) -> Iterator[Cloud]:
 
     What is lost, doubled, damaged or out of order leaves a gap, and is added to the notes when all is read.
 
-    Raises:
-        InputError: the file cannot be read, or holds no good range image.
+    Raises InputError: the file cannot be read, or holds no good range image.
     """
     recording = Recording()
     for shot in recording.read(path):

@@ -40,11 +40,7 @@ class Frame:
 
 
 def frame_of(image: Any) -> Frame:
-    """The points of a message of `range_image_type()`.
-
-    Raises:
-        InputError: an image that contradicts itself.
-    """
+    """The points of a message of `range_image_type()`. Raises InputError: an image that contradicts itself."""
     width, height, scale = image.width, image.height, image.image_pixel_scale
     fields = (image.fov_horizontal, image.fov_vertical)
     # A scale that is NaN spoils this frame alone: its points are NaN, and told as such.
@@ -77,11 +73,8 @@ def stamp_of(image: Any) -> float | None:
 
 
 def strength_of(frame: Frame, image: rip.BitmapImageGreyscale8) -> np.ndarray:
-    """(N,) float64 linear strength of each of the frame's points, 30 x 10^(v / 100), 0 where there is none.
-
-    Raises:
-        InputError: the image is of another size than the frame's.
-    """
+    """(N,) float64 linear strength of each of the frame's points, 30 x 10^(v / 100), 0 where there is none. Raises
+    InputError: the image is of another size than the frame's."""
     levels = np.frombuffer(image.image_pixel_data, np.uint8)
     if (image.width, image.height) != frame.shape or len(levels) != image.width * image.height:
         raise InputError(

@@ -47,11 +47,7 @@ class ImuSamples:
 
 
 def samples_of(batch: rip.ImuBatch) -> ImuSamples:
-    """The samples of a message.
-
-    Raises:
-        InputError: their numbers contradict each other, or are not finite.
-    """
+    """The samples of a message. Raises InputError: their numbers contradict each other, or are not finite."""
     times = np.array([time.seconds + time.nanos * 1e-9 for time in batch.timestamp])
     forces, rates = (np.array(values, dtype=np.float64) for values in (batch.specific_force, batch.rate_of_turn))
     if not len(times) == batch.samples == len(forces) / 3 == len(rates) / 3:
@@ -144,8 +140,7 @@ def turn_rates(path: Path) -> tuple[np.ndarray, np.ndarray]:
         Times (n,) float64 [s, UTC by the sonar's clock], ascending, and rates (n, 3) float64 [rad/s] about the sensor's
         axes, x forward, y left, z up.
 
-    Raises:
-        InputError: the file cannot be read, or holds no IMU batch.
+    Raises InputError: the file cannot be read, or holds no IMU batch.
     """
     batches: list[ImuSamples] = []
     seen = Remembered()

@@ -22,8 +22,7 @@ def message_of(content: bytes, *kinds: type[Message]) -> Message | None:
         content: the whole packet.
         kinds: messages that are wanted, as `range_image_type()` and those of wlsonar.
 
-    Raises:
-        InputError: what is packed in it is damaged; the message says how.
+    Raises InputError: what is packed in it is damaged; the message says how.
     """
     try:
         _require_believable(content)
@@ -55,11 +54,8 @@ def range_image_type() -> type[Message]:
 
 
 def pixels_of(image: Message) -> np.ndarray:
-    """(N,) uint32, the pixels of a message of `range_image_type()`, row by row.
-
-    Raises:
-        InputError: bytes that are no numbers.
-    """
+    """(N,) uint32, the pixels of a message of `range_image_type()`, row by row. Raises InputError: bytes that are no
+    numbers."""
     pixels = _short_varints(b"".join(getattr(image, _PIXELS)))
     if pixels is None or len(pixels) != image.width * image.height:  # type: ignore[attr-defined]
         try:  # numbers of other lengths, or each in a field of its own, which a sender may choose

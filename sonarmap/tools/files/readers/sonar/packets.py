@@ -66,9 +66,6 @@ def packets_in(path: Path, damage: Damage) -> Iterator[Packet]:
     Args:
         path: of the recording; never more than a few MB of it are in memory.
         damage: to which bytes that are no packet are added.
-
-    Raises:
-        InputError: the file cannot be read.
     """
     try:
         with path.open("rb", buffering=0) as file:

@@ -53,11 +53,7 @@ class Recording:
     _places: array = field(default_factory=lambda: array("q"))
 
     def read(self, path: Path) -> Iterator[Shot]:
-        """Every shot in its order.
-
-        Raises:
-            InputError: the file cannot be read.
-        """
+        """Every shot in its order."""
         kinds = (range_image_type(), rip.BitmapImageGreyscale8, rip.ImuBatch)
         for packet in packets_in(path, self.damage):
             try:

@@ -50,11 +50,8 @@ class ShotQueue:
         self._frames, self._strengths = Remembered(), Remembered()
 
     def add_frame(self, frame: Frame) -> None:
-        """A range image has come.
-
-        Raises:
-            InputError: its strength image came before, and does not fit; the shot is kept without it.
-        """
+        """A range image has come. Raises InputError: its strength image came before, and does not fit; the shot is kept
+        without it."""
         key = (frame.number, frame.stamp or zlib.crc32(frame.points.tobytes()))
         if key in self._frames:
             self.doubled += 1
@@ -71,11 +68,7 @@ class ShotQueue:
             self._join(arrival, image)
 
     def add_strength(self, image: rip.BitmapImageGreyscale8) -> None:
-        """A strength image has come.
-
-        Raises:
-            InputError: it does not fit the range image of its shot.
-        """
+        """A strength image has come. Raises InputError: it does not fit the range image of its shot."""
         number = image.header.sequence_id
         key = (number, stamp_of(image) or zlib.crc32(image.image_pixel_data))
         if key in self._strengths:

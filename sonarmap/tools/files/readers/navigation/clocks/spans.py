@@ -15,7 +15,6 @@ def why_apart(times: np.ndarray, stamps: np.ndarray) -> str:
 
     Args:
         times: (n,) of the navigation [s].
-        stamps: (N,) of the scans [s].
     """
     first, last, start, end = (float(f(x)) for x in (times, stamps) for f in (np.min, np.max))
     gap = start - last if start > last else first - end

@@ -63,9 +63,8 @@ def estimate_offset(
         rates_a, rates_b: (n,), (m,) turn rates about the same axis [rad/s]; their scales and means do not matter.
         most: the largest offset that is looked for [s].
 
-    Raises:
-        InputError: too little in common, rates that hardly change or that do not agree, several offsets at which they
-            agree alike (as of a vehicle that turns regularly), or an offset at the limit.
+    Raises InputError: too little in common, rates that hardly change or that do not agree, several offsets at which
+    they agree alike (as of a vehicle that turns regularly), or an offset at the limit.
     """
     for times in (times_a, times_b):
         if len(times) < 3 or not (np.diff(times) > 0).all() or not np.isfinite(times).all():

@@ -56,13 +56,10 @@ def times_of(cells: TimeCells, scale: TimeScale | None, scans: np.ndarray, notes
     """(n,) UTC [s] of the rows.
 
     Args:
-        cells: of the file.
         scale: of the user; None for UTC, and GPS time where there are weeks.
         scans: (N,) stamps of the scans [s], for times without a date.
-        notes: what a user should know is added.
 
-    Raises:
-        InputError: naming the file and the line: what is no time, or may be several.
+    Raises InputError: naming the file and the line: what is no time, or may be several.
     """
     if cells.column.word in GPS_NAMES and scale is None and cells.weeks is None:
         raise InputError(
@@ -172,11 +169,7 @@ def _moment(text: str, day_first: bool) -> datetime | None:
 
 
 def _day_first(cells: TimeCells, dates: Sequence[str]) -> bool:
-    """Whether dates with slashes are day/month/year.
-
-    Raises:
-        InputError: they may be both.
-    """
+    """Whether dates with slashes are day/month/year. Raises InputError: they may be both."""
     parts = [match for text in dates if (match := _DATE.fullmatch(text)) and match[2] != "."]
     first, second = (any(int(match[k]) > 12 for match in parts) for k in (1, 3))
     if parts and first == second and any(match[1] != match[3] for match in parts):
@@ -208,10 +201,7 @@ def time_of_day(text: str) -> float | None:
 
 def dated(of_day: np.ndarray, scans: np.ndarray, path: object, notes: list[str]) -> np.ndarray:
     """(n,) times [s] of seconds of the day in the file's order, on the day on which they are nearest to the scans.
-
-    Raises:
-        InputError: the scans have no dates either.
-    """
+    Raises InputError: the scans have no dates either."""
     if not len(scans) or np.median(scans) < _ON_EARTH:
         raise InputError(f"{path}: its times have no date, and neither have the scans; add a column of dates")
     days = np.cumsum(np.concatenate([[0.0], -np.round(np.diff(of_day) / DAY)]))  # midnight passes
