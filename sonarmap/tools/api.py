@@ -242,8 +242,7 @@ def read_scans(
         InputError: naming the file and, where it applies, its line or packet; or an argument that cannot be used, or
             not with a file's format.
     """
-    from sonarmap.tools.files.readers.corrections import Corrections
-    from sonarmap.tools.files.readers.point_frame import PointFrame
+    from sonarmap.tools.files.readers.corrections import Corrections, PointFrame
     from sonarmap.tools.files.readers.scans import read_scans as read
 
     for path in paths:

@@ -10,7 +10,7 @@ import numpy as np
 from wlsonar import range_image_protocol as rip
 
 from sonarmap.tools.files.readers.clouds.cloud import Cloud
-from sonarmap.tools.files.readers.sonar.clouds import stream_sonar
+from sonarmap.tools.files.readers.sonar.recording import stream_sonar
 
 START = 1_700_000_000.25  # [s]
 RATE = 5.0  # shots per second

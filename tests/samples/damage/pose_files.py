@@ -17,7 +17,7 @@ from sonarmap.tools.files.readers.navigation.priors import with_priors
 from sonarmap.tools.files.readers.poses.g2o import read_g2o
 from sonarmap.tools.files.readers.poses.graph_json import FORMAT, read_graph_json
 from sonarmap.tools.files.readers.poses.gt_log import read_gt_log
-from sonarmap.tools.files.readers.poses.kitti import read_kitti
+from sonarmap.tools.files.readers.poses.trajectory import read_kitti
 from sonarmap.tools.files.readers.poses.tum import read_tum
 from sonarmap.tools.files.readers.ties import read_ties
 from sonarmap.tools.lab.evaluate.survey_summary import SurveySummary, read_summary

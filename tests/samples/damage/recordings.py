@@ -11,7 +11,7 @@ import numpy as np
 
 from sonarmap.kernels.errors import InputError
 from sonarmap.tools.files.readers.clouds.cloud import Cloud
-from sonarmap.tools.files.readers.sonar.clouds import stream_sonar
+from sonarmap.tools.files.readers.sonar.recording import stream_sonar
 from tests.samples.damage.mutations import mutated
 from tests.samples.processor_time import processor_time
 from tests.samples.recordings import recording, written

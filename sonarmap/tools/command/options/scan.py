@@ -15,13 +15,13 @@ CORRECTIONS = ("sound_speed", "range_scale", "frame", "units")
 
 
 def _frames(incomplete: str) -> list[str]:
-    from sonarmap.tools.files.readers.point_frame import FRAMES  # imports SciPy, which the help can do without
+    from sonarmap.tools.files.readers.corrections import FRAMES  # imports SciPy, which the help can do without
 
     return completes(FRAMES)(incomplete)
 
 
 def _units(incomplete: str) -> list[str]:
-    from sonarmap.tools.files.readers.point_frame import UNITS
+    from sonarmap.tools.files.readers.corrections import UNITS
 
     return completes(UNITS)(incomplete)
 
@@ -90,8 +90,7 @@ def corrections_of(options: Mapping[str, Any]) -> "Corrections":
     Raises:
         InputError: numbers that are no speed of sound in water or no factor, or unknown names.
     """
-    from sonarmap.tools.files.readers.corrections import Corrections
-    from sonarmap.tools.files.readers.point_frame import PointFrame
+    from sonarmap.tools.files.readers.corrections import Corrections, PointFrame
 
     given = corrections_summary(options)
     frame = PointFrame(given.get("frame", "flu"), given.get("units", "m"))

@@ -10,7 +10,7 @@ from wlsonar import range_image_protocol as rip
 from sonarmap.kernels.errors import InputError
 from sonarmap.tools.files.readers.sonar.frames import STRENGTH, stamp_of
 from sonarmap.tools.files.readers.sonar.messages import message_of, range_image_type
-from sonarmap.tools.files.readers.sonar.shot_numbers import Remembered, ShotNumbers
+from sonarmap.tools.files.readers.sonar.shots import Remembered, ShotNumbers
 
 RANGES, STRENGTHS, SHADED, IMU = "range_images", "strength_images", "shaded_images", "imu_batches"
 _REMEMBERED = 1024  # packets of a kind, among which doubled ones are recognized

@@ -16,7 +16,7 @@ from sonarmap.tools.files.geo.georeference import Georeference
 from sonarmap.tools.files.map_folder.names import FULL_GRAPH, SUMMARY
 from sonarmap.tools.files.readers.clouds.ply import read_ply_columns
 from sonarmap.tools.files.readers.json_file import read_json
-from sonarmap.tools.files.readers.poses.matrices import rigid_transform
+from sonarmap.tools.files.readers.poses.pose_rows import rigid_transform
 from sonarmap.tools.files.user_file import read_content
 
 COLUMNS = ("count", "seen", "sigma", "scan", "survey")  # that every map has

@@ -13,8 +13,8 @@ from sonarmap.kernels.errors import InputError
 from sonarmap.slam.graph.control import ControlPoint, Use
 from sonarmap.spectral.scan import Scan
 from sonarmap.tools.files.readers.csv_table import CsvRow, read_csv_table
-from sonarmap.tools.files.readers.named_scan import named_scan
 from sonarmap.tools.files.readers.navigation.cells import degrees, number, refuse
+from sonarmap.tools.files.readers.navigation.match import named_scan
 
 if TYPE_CHECKING:
     from sonarmap.tools.files.geo.georeference import Georeference

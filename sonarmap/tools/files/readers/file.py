@@ -11,11 +11,10 @@ from sonarmap.tools.files.memory import require_memory
 from sonarmap.tools.files.readers.bags.clouds import stream_recording
 from sonarmap.tools.files.readers.clouds.cloud import POINT_BYTES, Cloud
 from sonarmap.tools.files.readers.clouds.las import read_las
-from sonarmap.tools.files.readers.clouds.npy import read_npy
-from sonarmap.tools.files.readers.clouds.npz import read_npz
-from sonarmap.tools.files.readers.clouds.packed import require_believable
+from sonarmap.tools.files.readers.clouds.npy import read_npy, read_npz
 from sonarmap.tools.files.readers.clouds.pcd import read_pcd
 from sonarmap.tools.files.readers.clouds.ply import read_ply
+from sonarmap.tools.files.readers.clouds.rows import require_believable
 from sonarmap.tools.files.readers.clouds.text import read_text
 from sonarmap.tools.files.readers.selection import SelectedFile
 from sonarmap.tools.files.readers.trajectory_beside import TRAJECTORY, with_viewpoints
@@ -49,7 +48,7 @@ class Format:
 
 
 def _stream_sonar(path: Path, notes: list[str]) -> Iterator[Cloud]:
-    from sonarmap.tools.files.readers.sonar.clouds import (
+    from sonarmap.tools.files.readers.sonar.recording import (
         stream_sonar,  # wlsonar imports an HTTP client, for a third of a second
     )
 

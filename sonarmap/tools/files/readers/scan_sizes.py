@@ -1,6 +1,7 @@
-"""Scans in another unit than the others, by their size."""
+"""Scans that do not go with the others: in another unit, by their size, or given twice, which a map would believe."""
 
 from collections.abc import Sequence
+from pathlib import Path
 
 import numpy as np
 
@@ -12,6 +13,8 @@ _LEAST_POINTS = 100  # of fewer the spread says nothing
 # Views of one place differ in range by tens; a scan in millimeters beside others in meters by a thousand.
 _STRANGE = 200.0
 _MILLIMETERS = (500, 2000)  # times
+_LISTED = 5  # scans in a sentence
+_FIRST = 64  # points by which scans are compared first
 
 
 def strange_sizes(scans: Sequence[Scan]) -> dict[int, str]:
@@ -45,3 +48,39 @@ def _in_words(size: float, usual: float, times: float) -> str:
         f"its points are spread over {size:.3g} m, those of the other scans over {usual:.3g} m: {factor}, {hint}; "
         "write all scans in one unit (--units says which)"
     )
+
+
+def same_points(scans: Sequence[Scan]) -> list[tuple[int, int]]:
+    """Each scan whose points are exactly those of an earlier one, and the first that has them: (earlier, later)."""
+    firsts: dict[tuple[int, bytes], list[int]] = {}
+    pairs: list[tuple[int, int]] = []
+    for k, scan in enumerate(scans):
+        alike = firsts.setdefault((len(scan.points), scan.points[:_FIRST].tobytes()), [])
+        earlier = next((j for j in alike if np.array_equal(scans[j].points, scan.points)), None)
+        if earlier is None:
+            alike.append(k)
+        else:
+            pairs.append((earlier, k))
+    return pairs
+
+
+def repeated_in_words(given_twice: Sequence[Path], scans: Sequence[Scan]) -> list[str]:
+    """What to tell the user of files that were given twice, and of scans that are another's copy; none if all is well.
+
+    Args:
+        given_twice: files that several of the given paths name; each is read once.
+        scans: that were read.
+    """
+    words: list[str] = []
+    if given_twice:
+        files = _listed([str(path) for path in given_twice])
+        words.append(f"given more than once, and used once: {files}")
+    copies = same_points(scans)
+    if copies:
+        named = _listed([f"{scans[later].name} of {scans[earlier].name}" for earlier, later in copies])
+        words.append(f"the same points twice: {named}; leave the copies out, or the map believes them twice")
+    return words
+
+
+def _listed(names: Sequence[str]) -> str:
+    return ", ".join(names[:_LISTED]) + (f" and {len(names) - _LISTED:,} more" if len(names) > _LISTED else "")

@@ -11,8 +11,7 @@ from sonarmap.tools.files.readers.clouds.cloud import scan_of_cloud
 from sonarmap.tools.files.readers.corrections import AS_RECORDED, Corrections
 from sonarmap.tools.files.readers.file import FORMATS, NamedCloud, clouds_of
 from sonarmap.tools.files.readers.point_store import PointStore
-from sonarmap.tools.files.readers.repeats import repeated_in_words
-from sonarmap.tools.files.readers.scan_sizes import strange_sizes
+from sonarmap.tools.files.readers.scan_sizes import repeated_in_words, strange_sizes
 from sonarmap.tools.files.readers.selection import Selection, select_files
 
 Progress = Callable[[int, int, str], None]

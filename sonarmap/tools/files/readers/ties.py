@@ -13,8 +13,8 @@ from sonarmap.slam.tie import VERDICTS, Tie, Verdict
 from sonarmap.spectral.result import Registration
 from sonarmap.spectral.scan import Scan
 from sonarmap.tools.files.readers.csv_table import CsvRow, read_csv_table
-from sonarmap.tools.files.readers.named_scan import named_scan
 from sonarmap.tools.files.readers.navigation.cells import number, refuse
+from sonarmap.tools.files.readers.navigation.match import named_scan
 
 NAMES = ("target", "source", "verdict")
 POSE = ("x_m", "y_m", "z_m", "roll_deg", "pitch_deg", "yaw_deg")

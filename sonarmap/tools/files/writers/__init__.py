@@ -1,6 +1,6 @@
-"""One file per format that is written: points, trajectories, pose graphs, priors, JSON.
+"""What is written: points, trajectories, pose graphs, priors, tables, JSON.
 
-In: arrays, trajectories, graphs. Out: files that appear whole or not at all (`atomic.py`). A new format of points is a
-row of WRITERS in `points.py`, one of trajectories a row of TRAJECTORY_WRITERS in `trajectory.py`; `sonarmap map --also`
-then offers it.
+In: arrays, trajectories, graphs. Out: files that appear whole or not at all (`atomic.py`); where one cannot be written,
+InputError. A new format of points is a row of WRITERS in `points.py`, one of trajectories a row of TRAJECTORY_WRITERS
+in `trajectory.py`; `sonarmap map --also` then offers it.
 """

@@ -15,7 +15,7 @@ from sonarmap.slam.graph.trajectory import Trajectory
 from sonarmap.tools.files.readers.poses.g2o import EDGE, FIX, OFFSET, PRIOR, TRANSLATION_LAST, UPPER, VERTEX
 from sonarmap.tools.files.user_file import read_content
 from sonarmap.tools.files.writers.atomic import atomic_path
-from sonarmap.tools.files.writers.tum import pose_numbers
+from sonarmap.tools.files.writers.trajectory import pose_numbers
 
 _NONE: Mapping[int, Edge] = MappingProxyType({})
 

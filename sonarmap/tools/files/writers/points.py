@@ -1,23 +1,137 @@
-"""Point clouds to files. A new format is a file here and a row of WRITERS."""
+"""Point clouds to files, binary, with a field per column. A new format is a `write_...` and a row of WRITERS."""
 
+import re
 from collections.abc import Mapping
 from pathlib import Path
 
 import numpy as np
 
 from sonarmap.kernels.errors import InputError
-from sonarmap.tools.files.writers.pcd import write_pcd
-from sonarmap.tools.files.writers.ply import write_ply
+from sonarmap.tools.files.writers.atomic import atomic_path
 
-WRITERS = {".ply": write_ply, ".pcd": write_pcd}
-
-__all__ = ["WRITERS", "write_pcd", "write_ply", "write_points"]
+ORIGIN = "# origin of x, y, z [m]:"  # in PCD a comment to other programs; our reader adds it
+_NAME = re.compile(r"[A-Za-z_]\w*", re.ASCII)
+_FLOAT32_REACH = 2048.0  # [m]: up to here float32 is 0.06 mm off at most
+_PLY_TYPES = {
+    "i1": "char", "u1": "uchar", "i2": "short", "u2": "ushort", "i4": "int", "u4": "uint",
+    "f4": "float", "f8": "double",
+}  # fmt: skip
 
 
 def write_points(path: str | Path, points: np.ndarray, columns: Mapping[str, np.ndarray] | None = None) -> None:
-    """Write points (N, 3) [m] and `columns` {name: (N,)} in the format that the suffix of `path` names. Raises
-    InputError: an unknown suffix, a path that cannot be written, or see `pack_records`."""
+    """Write points (N, 3) [m] and `columns` {name: (N,)} in the format that the suffix of `path` names.
+
+    Raises InputError: an unknown suffix, a path that cannot be written, or see `pack_records`.
+    """
     suffix = Path(path).suffix.lower()
     if suffix not in WRITERS:
         raise InputError(f"cannot write {path}: unknown format {suffix!r}; known formats are {', '.join(WRITERS)}")
     WRITERS[suffix](path, points, columns)
+
+
+def write_ply(path: str | Path, points: np.ndarray, columns: Mapping[str, np.ndarray] | None = None) -> None:
+    """Write points (N, 3) [m] and `columns` {name: (N,)}, such as intensity, to PLY, little endian."""
+    records = pack_records(points, columns)
+    fields = [(name, records.dtype[name]) for name in records.dtype.names or ()]
+    lines = [
+        "ply",
+        "format binary_little_endian 1.0",
+        "comment written by sonarmap",
+        f"element vertex {len(records)}",
+        *(f"property {_PLY_TYPES[dtype.kind + str(dtype.itemsize)]} {name}" for name, dtype in fields),
+        "end_header",
+    ]
+    _write(Path(path), lines, records)
+
+
+def write_pcd(path: str | Path, points: np.ndarray, columns: Mapping[str, np.ndarray] | None = None) -> None:
+    """Write points (N, 3) [m] and `columns` {name: (N,)}, such as intensity, to PCD 0.7.
+
+    Coordinates are float32, as Open3D reads those of 8 bytes as 0, and relative to `float32_origin(points)`, a comment
+    of the header where it is not 0; points of float32 are written as they are.
+    """
+    exact = points.dtype == np.float32 or points.ndim != 2
+    origin = np.zeros(3) if exact else float32_origin(points)
+    records = pack_records(points if exact else (points - origin).astype(np.float32), columns)
+    names = records.dtype.names or ()
+    dtypes = [records.dtype[name] for name in names]
+    lines = [
+        "# .PCD v0.7 - Point Cloud Data file format",
+        *([f"{ORIGIN} {' '.join(f'{x:.17g}' for x in origin.tolist())}"] if origin.any() else []),
+        "VERSION 0.7",
+        f"FIELDS {' '.join(names)}",
+        f"SIZE {' '.join(str(dtype.itemsize) for dtype in dtypes)}",
+        f"TYPE {' '.join(dtype.kind.upper() for dtype in dtypes)}",
+        f"COUNT {' '.join('1' for _ in names)}",
+        f"WIDTH {len(records)}",
+        "HEIGHT 1",
+        "VIEWPOINT 0 0 0 1 0 0 0",
+        f"POINTS {len(records)}",
+        "DATA binary",
+    ]
+    _write(Path(path), lines, records)
+
+
+WRITERS = {".ply": write_ply, ".pcd": write_pcd}
+
+
+def _write(path: Path, header: list[str], records: np.ndarray) -> None:
+    with atomic_path(path) as temporary, temporary.open("wb") as file:
+        file.write("\n".join([*header, ""]).encode("ascii"))
+        file.write(records.view(np.uint8).data)
+
+
+def pack_records(points: np.ndarray, columns: Mapping[str, np.ndarray] | None) -> np.ndarray:
+    """(N,) packed little-endian records: x, y, z, then every column in its order.
+
+    Args:
+        points: (N, 3), float64 kept, anything else as float32 [m].
+        columns: {name: (N,)} of numbers. 64-bit integers, which PLY does not know, become 32-bit ones where
+            they all fit and float64 where they don't; booleans become 0 and 1.
+
+    Raises InputError: another shape, a column of another length or without numbers, a name no header can hold.
+    """
+    if points.ndim != 2 or points.shape[1] != 3:
+        raise InputError(f"points to write have shape {points.shape}; wanted (N, 3)")
+    points = points.astype(np.float64 if points.dtype == np.float64 else np.float32, copy=False)
+    values = {axis: points[:, index] for index, axis in enumerate("xyz")}
+    for name, column in (columns or {}).items():
+        if name in values or _NAME.fullmatch(name) is None:
+            raise InputError(f"a column is called {name!r}; wanted a new name of letters, digits and _")
+        if np.shape(column) != (len(points),):
+            raise InputError(f"column {name} has shape {np.shape(column)}; wanted ({len(points)},), one per point")
+        values[name] = _portable(name, np.asarray(column))
+    layout = np.dtype([(name, column.dtype.newbyteorder("<")) for name, column in values.items()])
+    records = np.empty(len(points), layout)
+    for name, column in values.items():
+        records[name] = column
+    return records
+
+
+def _portable(name: str, column: np.ndarray) -> np.ndarray:
+    """The column in a type that PLY and PCD both have."""
+    kind, size = column.dtype.kind, column.dtype.itemsize
+    if kind not in "fiub":
+        raise InputError(f"column {name} holds {column.dtype}; wanted numbers")
+    if kind == "b":
+        return column.astype(np.uint8)
+    if kind == "f":
+        return column.astype(np.float32 if size <= 4 else np.float64, copy=False)
+    if size < 8:
+        return column
+    limits = np.iinfo(np.int32)
+    fits = column.size == 0 or (column.min() >= limits.min and column.max() <= limits.max)
+    return column.astype(np.int32 if fits else np.float64)
+
+
+def float32_origin(points: np.ndarray) -> np.ndarray:
+    """(3,) float64: what to subtract of points (N, 3) [m] so that float32 keeps them to 0.1 mm; a multiple of 100 m.
+
+    It is 0 along each axis where they lie within 2048 m already. Points that lie more than 4 km apart lose more: 0.12
+    mm up to 4 km from the origin, and so on in proportion.
+    """
+    if len(points) == 0:
+        return np.zeros(3)
+    low, high = points.min(axis=0).astype(np.float64), points.max(axis=0).astype(np.float64)
+    near = np.maximum(np.abs(low), np.abs(high)) <= _FLOAT32_REACH
+    return np.where(near, 0.0, np.round((low + high) / 2, -2))

@@ -3,6 +3,7 @@
 from pathlib import Path
 
 from sonarmap.kernels.errors import InputError
+from sonarmap.tools.files.readers.clouds.cloud import columns_of
 from sonarmap.tools.files.readers.instruments import PRIORS
 from sonarmap.tools.files.readers.json_file import read_json
 from sonarmap.tools.files.versions import package_versions
@@ -10,8 +11,7 @@ from sonarmap.tools.files.writers.atomic import all_or_none
 from sonarmap.tools.files.writers.json_text import write_json
 from sonarmap.tools.files.writers.points import write_ply
 from sonarmap.tools.files.writers.priors import write_priors
-from sonarmap.tools.files.writers.scan_columns import columns_of
-from sonarmap.tools.files.writers.tum import write_tum
+from sonarmap.tools.files.writers.trajectory import write_tum
 from sonarmap.tools.lab.simulate.sensing.navigation import Fixes, dead_reckoning
 from sonarmap.tools.lab.simulate.sensing.priors import Instruments, measure_poses
 from sonarmap.tools.lab.simulate.simulation import Simulation, SimulationSettings, settings_from_json

@@ -8,8 +8,7 @@ import pytest
 from scipy.spatial.transform import RigidTransform, Rotation
 
 from sonarmap.slam.graph.trajectory import Trajectory
-from sonarmap.tools.files.writers.kitti import write_kitti
-from sonarmap.tools.files.writers.tum import write_tum
+from sonarmap.tools.files.writers.trajectory import write_kitti, write_tum
 from tests.samples.clutter_scans import printed_at, said, sonarmap
 
 STAMPS = 5.0 + np.arange(4)

@@ -13,10 +13,10 @@ from typer.testing import Result
 from sonarmap.slam.graph.trajectory import Trajectory
 from sonarmap.slam.mapper import Mapper
 from sonarmap.spectral.result import Registration
-from sonarmap.tools.files.readers.poses.kitti import read_kitti
+from sonarmap.tools.files.readers.poses.trajectory import read_kitti
 from sonarmap.tools.files.readers.poses.tum import read_tum
 from sonarmap.tools.files.readers.scans import read_scan, read_survey
-from sonarmap.tools.files.writers.tum import write_tum
+from sonarmap.tools.files.writers.trajectory import write_tum
 from sonarmap.tools.lab.evaluate.trajectory import evaluate
 from sonarmap.tools.products.output.faults import faults
 from tests.samples.clutter_scans import T_WORLD_SENSOR, clutter, files_in, said, scan, sonarmap, table_of, write

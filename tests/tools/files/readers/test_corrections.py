@@ -8,8 +8,7 @@ from wlsonar import range_image_protocol as rip
 
 from sonarmap.kernels.errors import InputError
 from sonarmap.tools.files.readers.clouds.cloud import Cloud
-from sonarmap.tools.files.readers.corrections import Corrections
-from sonarmap.tools.files.readers.point_frame import PointFrame
+from sonarmap.tools.files.readers.corrections import Corrections, PointFrame
 from sonarmap.tools.files.readers.scans import read_scans, read_survey
 from tests.samples.cloud_files import TABLE, npz, range_image
 

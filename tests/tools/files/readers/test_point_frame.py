@@ -5,7 +5,7 @@ import pytest
 
 from sonarmap.kernels.errors import InputError
 from sonarmap.tools.files.readers.clouds.cloud import Cloud
-from sonarmap.tools.files.readers.point_frame import FRAMES, UNITS, PointFrame
+from sonarmap.tools.files.readers.corrections import FRAMES, UNITS, PointFrame
 
 # 5 m ahead, 2 m to starboard, 1 m below the sensor, as each convention writes it; ned: the sensor looks North
 AHEAD_RIGHT_BELOW = {"flu": (5, -2, -1), "frd": (5, 2, 1), "rdf": (2, 1, 5), "ned": (5, 2, 1)}

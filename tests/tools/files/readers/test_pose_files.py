@@ -11,11 +11,10 @@ from scipy.spatial.transform import RigidTransform
 from sonarmap.kernels.errors import InputError
 from sonarmap.slam.graph.trajectory import Trajectory
 from sonarmap.slam.mapper import Mapper
-from sonarmap.tools.files.readers.poses.kitti import read_kitti
+from sonarmap.tools.files.readers.poses.trajectory import read_kitti
 from sonarmap.tools.files.readers.poses.tum import read_tum
 from sonarmap.tools.files.writers.json_text import to_json, write_json
-from sonarmap.tools.files.writers.kitti import write_kitti
-from sonarmap.tools.files.writers.tum import write_tum
+from sonarmap.tools.files.writers.trajectory import write_kitti, write_tum
 from sonarmap.tools.products.output.summary import survey_summary
 from tests.samples.surveys import KnowingRegistrar, random_transforms, ring_poses, scans_of
 

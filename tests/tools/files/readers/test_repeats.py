@@ -6,7 +6,7 @@ from pathlib import Path
 import numpy as np
 
 from sonarmap.spectral.scan import Scan
-from sonarmap.tools.files.readers.repeats import repeated_in_words, same_points
+from sonarmap.tools.files.readers.scan_sizes import repeated_in_words, same_points
 from sonarmap.tools.files.readers.scans import read_survey
 from tests.samples.clutter_scans import scan, write
 

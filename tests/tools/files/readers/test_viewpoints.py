@@ -8,9 +8,9 @@ import pytest
 
 from sonarmap.kernels.errors import InputError
 from sonarmap.spectral.scan import Scan
+from sonarmap.tools.files.readers.clouds.cloud import columns_of
 from sonarmap.tools.files.readers.scans import read_scan, read_scans
 from sonarmap.tools.files.writers.points import write_points
-from sonarmap.tools.files.writers.scan_columns import columns_of
 from sonarmap.tools.lab.simulate.folder import write_simulation
 from sonarmap.tools.lab.simulate.sensing.sensors import SENSORS
 from sonarmap.tools.lab.simulate.simulation import SimulationSettings, simulate

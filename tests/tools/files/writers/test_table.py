@@ -13,7 +13,7 @@ import pytest
 from sonarmap.spectral.scan import Scan
 from sonarmap.tools.files.csv_cell import cell_of, plain_text, text_of
 from sonarmap.tools.files.readers.csv_table import read_csv_table
-from sonarmap.tools.files.readers.named_scan import named_scan
+from sonarmap.tools.files.readers.navigation.match import named_scan
 from sonarmap.tools.files.writers.priors import write_template
 from sonarmap.tools.files.writers.table import write_table
 from tests.samples.command_line import ROOT

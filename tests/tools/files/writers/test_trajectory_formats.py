@@ -8,7 +8,7 @@ import pytest
 from sonarmap.kernels.errors import InputError
 from sonarmap.slam.graph.trajectory import Trajectory
 from sonarmap.tools.files.map_folder.names import EXPORTS
-from sonarmap.tools.files.readers.poses.kitti import read_kitti
+from sonarmap.tools.files.readers.poses.trajectory import read_kitti
 from sonarmap.tools.files.readers.poses.tum import read_tum
 from sonarmap.tools.files.writers.trajectory import TRAJECTORY_WRITERS, write_trajectory
 from tests.samples.surveys import random_transforms

@@ -12,7 +12,7 @@ from sonarmap.tools.files.geo.georeference import Georeference
 from sonarmap.tools.files.geo.projection import Projection
 from sonarmap.tools.files.map_folder.folder import MapFolder, read_map_folder
 from sonarmap.tools.files.readers.poses.tum import read_tum
-from sonarmap.tools.files.writers.pcd import write_pcd
+from sonarmap.tools.files.writers.points import write_pcd
 from sonarmap.tools.products.export.eiva import write_eiva_attitude, write_eiva_position
 from sonarmap.tools.products.export.geojson import write_geojson
 from sonarmap.tools.products.export.geopackage import write_geopackage

@@ -7,7 +7,7 @@ import pytest
 
 from sonarmap.kernels.errors import InputError
 from sonarmap.tools.files.readers.clouds.pcd import read_pcd
-from sonarmap.tools.files.writers.pcd import write_pcd
+from sonarmap.tools.files.writers.points import write_pcd
 
 # Asymmetric: near the map's origin, and in coordinates of UTM
 PLACES = {"near": (0.0, 0.0, 0.0), "UTM": (431_234.5, 6_651_987.25, -31.5), "an axis": (-12.0, 2_500.0, 7.0)}

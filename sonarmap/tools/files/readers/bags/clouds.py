@@ -1,19 +1,34 @@
-"""Clouds of a ROS bag or MCAP file: one per message of a topic."""
+"""Clouds of a ROS bag or MCAP file: one per message (sensor_msgs/PointCloud2, foxglove.PointCloud) of a topic."""
 
 from collections.abc import Iterator
-from dataclasses import replace
+from dataclasses import dataclass, replace
 from pathlib import Path
+from typing import Any
 
 import numpy as np
+from scipy.spatial.transform import RigidTransform, Rotation
 
 from sonarmap.kernels.errors import InputError
-from sonarmap.tools.files.readers.bags.cloud_message import CLOUD_KINDS, cloud_of, moved
 from sonarmap.tools.files.readers.bags.frames import Frames
 from sonarmap.tools.files.readers.bags.open import open_recording
-from sonarmap.tools.files.readers.bags.recording import choose_topic
-from sonarmap.tools.files.readers.clouds.cloud import Cloud
+from sonarmap.tools.files.readers.bags.recording import (
+    FOXGLOVE_CLOUD,
+    POINT_CLOUD,
+    Message,
+    choose_topic,
+    decode,
+    refused,
+)
+from sonarmap.tools.files.readers.clouds.cloud import Cloud, cloud_of_columns, column_roles
 
 _NAMED = 3  # faults that are named
+CLOUD_KINDS = (POINT_CLOUD, FOXGLOVE_CLOUD)
+
+# Of a field, by its number in sensor_msgs/PointField and in foxglove.PackedElementField.
+_ROS_TYPES = {1: "i1", 2: "u1", 3: "i2", 4: "u2", 5: "i4", 6: "u4", 7: "f4", 8: "f8"}
+_FOXGLOVE_TYPES = {1: "u1", 2: "i1", 3: "u2", 4: "i2", 5: "u4", 6: "i4", 7: "f4", 8: "f8"}
+_SECONDS_PER_COUNT = 1e-9  # of integers, and of floats beyond _LARGEST_SECONDS
+_LARGEST_SECONDS, _SINCE_THE_STAMP = 1e14, 1e6
 
 
 def stream_recording(path: Path, topic: str | None, notes: list[str]) -> Iterator[Cloud]:
@@ -53,3 +68,137 @@ def stream_recording(path: Path, topic: str | None, notes: list[str]) -> Iterato
 
 def _shortened(notes: list[str]) -> list[str]:
     return [*notes[:_NAMED], f"and {len(notes) - _NAMED:,} more of these"] if len(notes) > _NAMED + 1 else notes
+
+
+@dataclass(frozen=True, slots=True)
+class StampedCloud:
+    """A cloud in the frame of that name; its stamp is None where the message has none."""
+
+    frame: str
+    cloud: Cloud
+
+
+@dataclass(frozen=True, slots=True)
+class _Packed:
+    """Points as they are packed in a message.
+
+    Attributes:
+        fields: {name: (dtype, offset)}; the dtype is empty where the message's number is none.
+        shape: rows and points in each.
+        strides: bytes from row to row, and from point to point.
+        content: (B,) uint8.
+        has_gaps: points that are not finite stand for beams without an echo.
+    """
+
+    fields: dict[str, tuple[str, int]]
+    shape: tuple[int, int]
+    strides: tuple[int, int]
+    content: np.ndarray
+    has_gaps: bool
+
+
+def cloud_of(message: Message) -> StampedCloud:
+    """The cloud of a message. Raises InputError: the message is damaged or contradicts itself, or has no fields x, y
+    and z."""
+    content = decode(message)
+    with refused(f"its {message.kind} contradicts itself"):
+        if message.kind == FOXGLOVE_CLOUD:
+            stamp = content.timestamp.seconds * 10**9 + content.timestamp.nanos
+            cloud = _moved(_cloud(_packed_by_foxglove(content), stamp), content)
+            return StampedCloud(content.frame_id.lstrip("/"), cloud)
+        stamp = content.header.stamp.sec * 10**9 + content.header.stamp.nanosec
+        return StampedCloud(content.header.frame_id.lstrip("/"), _cloud(_packed_by_ros(content), stamp))
+
+
+def _packed_by_ros(content: Any) -> _Packed:
+    order = ">" if content.is_bigendian else "<"
+    counted = [field.name for field in content.fields if field.count > 1]
+    fields = {
+        field.name: (order + _ROS_TYPES[field.datatype] if field.datatype in _ROS_TYPES else "", field.offset)
+        for field in content.fields
+        if field.name not in counted
+    }
+    shape, strides = (content.height, content.width), (content.row_step, content.point_step)
+    return _Packed(fields, shape, strides, np.asarray(content.data, np.uint8), has_gaps=not content.is_dense)
+
+
+def _packed_by_foxglove(content: Any) -> _Packed:
+    fields = {
+        field.name: ("<" + _FOXGLOVE_TYPES[field.type] if field.type in _FOXGLOVE_TYPES else "", field.offset)
+        for field in content.fields
+    }
+    stride, held = content.point_stride, np.frombuffer(content.data, np.uint8)
+    if stride < 1 or len(held) % stride:
+        raise InputError(f"it holds {len(held):,} bytes, which is no number of points of {stride:,} bytes each")
+    return _Packed(fields, (1, len(held) // stride), (len(held), stride), held, has_gaps=True)
+
+
+def _cloud(packed: _Packed, stamp: int) -> Cloud:
+    """The columns of the points; `stamp` is in nanoseconds, 0 where there is none."""
+    if 0 in packed.shape:
+        return Cloud(np.empty((0, 3), np.float32), stamp=stamp / 10**9 if stamp else None)
+    roles = column_roles(list(packed.fields))
+    names = list(packed.fields)
+    layout = {role: packed.fields[names[column]] for role, column in roles.items()}
+    unknown = [names[column] for column in roles.values() if not packed.fields[names[column]][0]]
+    if unknown:
+        raise InputError(f"its field {unknown[0]} has a type of no known number; wanted integers or floats")
+    _require_room(packed, layout)
+    record = np.dtype({
+        "names": list(layout), "formats": [dtype for dtype, _ in layout.values()],
+        "offsets": [offset for _, offset in layout.values()], "itemsize": packed.strides[1],
+    })  # fmt: skip
+    records = np.ndarray(packed.shape, record, packed.content.data, strides=packed.strides)
+    columns = {role: records[role].reshape(-1) for role in layout}
+    if packed.has_gaps:
+        echo = np.isfinite(np.stack([columns[axis] for axis in "xyz"])).all(axis=0)
+        columns = {role: column[echo] for role, column in columns.items()}
+    if "time" in columns:
+        columns["time"] = _seconds(columns["time"], stamp)
+    cloud = cloud_of_columns(columns)
+    return Cloud(
+        cloud.points, cloud.strength, stamp / 10**9 if stamp else None, (), cloud.viewpoints, columns.get("time")
+    )
+
+
+def _require_room(packed: _Packed, layout: dict[str, tuple[str, int]]) -> None:
+    (rows, points), (row_step, point_step) = packed.shape, packed.strides
+    ends = [offset + np.dtype(dtype).itemsize for dtype, offset in layout.values()]
+    if max(ends) > point_step or point_step * points > row_step:
+        raise InputError(
+            f"its points of {point_step:,} bytes, {points:,} in rows of {row_step:,}, do not hold its fields: the "
+            "message is damaged, or its driver is wrong"
+        )
+    if (needed := row_step * (rows - 1) + point_step * points) > len(packed.content):
+        raise InputError(
+            f"its {rows:,} x {points:,} points take {needed:,} bytes, and it holds {len(packed.content):,}"
+        )
+
+
+def _seconds(times: np.ndarray, stamp: int) -> np.ndarray:
+    """(N,) float64 [s, UTC]: drivers count nanoseconds or seconds, since 1970 or since the message's stamp."""
+    seconds = times.astype(np.float64)
+    largest = np.abs(seconds[np.isfinite(seconds)]).max(initial=0)
+    if times.dtype.kind in "iu" or largest > _LARGEST_SECONDS:
+        seconds, largest = seconds * _SECONDS_PER_COUNT, largest * _SECONDS_PER_COUNT
+    return seconds + stamp / 10**9 if largest < _SINCE_THE_STAMP else seconds
+
+
+def _moved(cloud: Cloud, content: Any) -> Cloud:
+    """By the pose that a foxglove.PointCloud may have in its frame."""
+    place, turn = content.pose.position, content.pose.orientation
+    quaternion = np.array([turn.x, turn.y, turn.z, turn.w])
+    rotation = Rotation.from_quat(quaternion) if quaternion.any() else Rotation.identity()
+    return moved(cloud, RigidTransform.from_components([place.x, place.y, place.z], rotation))
+
+
+def moved(cloud: Cloud, T_target_cloud: RigidTransform) -> Cloud:
+    """The cloud in another frame; if the sensor is not at this frame's origin, every point says where it was."""
+    if np.array_equal(T_target_cloud.as_matrix(), np.eye(4)):
+        return cloud
+    points = T_target_cloud.apply(cloud.points.astype(np.float64))
+    seen_from = np.zeros_like(points) if cloud.viewpoints is None else cloud.viewpoints.astype(np.float64)
+    viewpoints = T_target_cloud.apply(seen_from)
+    return Cloud(
+        points, cloud.strength, cloud.stamp, cloud.notes, viewpoints if viewpoints.any() else None, cloud.times
+    )

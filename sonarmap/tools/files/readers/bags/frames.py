@@ -9,8 +9,7 @@ import numpy as np
 from scipy.spatial.transform import RigidTransform, Rotation
 
 from sonarmap.kernels.errors import InputError
-from sonarmap.tools.files.readers.bags.decode import TRANSFORMS, decode
-from sonarmap.tools.files.readers.bags.recording import Recording, refused
+from sonarmap.tools.files.readers.bags.recording import TRANSFORMS, Recording, decode, refused
 from sonarmap.tools.files.readers.limits import LARGEST
 
 BASE = "base_link"

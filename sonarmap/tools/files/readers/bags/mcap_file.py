@@ -15,7 +15,7 @@ from typing import IO, TYPE_CHECKING, BinaryIO, cast
 from sonarmap.kernels.errors import InputError
 from sonarmap.tools.files.readers.bags.recording import CUT_OR_DAMAGED, Message, Recording, refused, topics_of
 from sonarmap.tools.files.readers.bags.unpack import LARGEST, NOT_BELIEVABLE, Unpacker, most_records
-from sonarmap.tools.files.readers.clouds.packed import most_unpacked
+from sonarmap.tools.files.readers.clouds.rows import most_unpacked
 
 if TYPE_CHECKING:
     from mcap.records import Channel, Chunk, McapRecord, Schema

@@ -1,16 +1,24 @@
-"""Opens recordings of every format."""
+"""Opens recordings of every format, ROS 2 bags that are folders too: metadata.yaml, and one file after another."""
 
-from collections.abc import Callable
-from pathlib import Path
+from __future__ import annotations
 
-from sonarmap.tools.files.readers.bags.folder import open_folder
+from collections import Counter
+from collections.abc import Callable, Collection, Iterator, Sequence
+from functools import partial
+from math import inf
+from pathlib import Path, PurePath
+
+from sonarmap.kernels.errors import InputError
+from sonarmap.tools.files.readers.bags.indexed import open_ros1, open_sqlite
 from sonarmap.tools.files.readers.bags.mcap_file import open_mcap
-from sonarmap.tools.files.readers.bags.recording import Recording
-from sonarmap.tools.files.readers.bags.ros1_file import open_ros1
-from sonarmap.tools.files.readers.bags.sqlite_file import open_sqlite
-from sonarmap.tools.files.readers.selection import is_bag_folder
+from sonarmap.tools.files.readers.bags.recording import Message, Recording, topics_of
+from sonarmap.tools.files.readers.bags.unpack import Room
+from sonarmap.tools.files.readers.selection import BAG_METADATA, BAG_TITLE, is_bag_folder
 
 RECORDINGS: dict[str, Callable[[Path], Recording]] = {".bag": open_ros1, ".mcap": open_mcap, ".db3": open_sqlite}
+_LARGEST = 1 << 18  # bytes of metadata, of which YAML reads 100 KB in a second
+_COMPRESSED = (".zstd", ".zst")
+_OPENERS: dict[str, Callable[[Path, int], Recording]] = {".db3": open_sqlite, ".mcap": open_mcap}
 
 
 def is_recording(path: Path) -> bool:
@@ -22,3 +30,81 @@ def open_recording(path: Path, notes: list[str]) -> Recording:
     """The recording of a file that `is_recording`, or of a folder; notes about it are added to the list. Raises
     InputError: it is damaged, or there is no message in it."""
     return open_folder(path, notes) if path.is_dir() else RECORDINGS[path.suffix.lower()](path)
+
+
+def open_folder(folder: Path, notes: list[str]) -> Recording:
+    """The recording of all files of a bag, in the order of their times; notes name those that are missing or left out.
+    Raises InputError: there is none, or one cannot be opened."""
+    files = _files_of(folder, notes)
+    present = [file for file in files if file.is_file()]
+    notes += [f"{file.name}, which {BAG_METADATA} names, is missing" for file in files if file not in present]
+    if not present:
+        raise InputError(f"none of its files is there, as {BAG_METADATA} names them; copy the whole folder")
+    packed = [file.stat().st_size for file in present if file.suffix in _COMPRESSED]
+    room = Room(sum(packed)) if packed else None
+    parts = sorted((_open_part(file, room) for file in present), key=_start)
+    counts: Counter[tuple[str, str]] = Counter()
+    for part in parts:
+        for topic in part.topics:
+            counts[topic.name, topic.kind] += topic.count
+    return Recording(topics_of(counts), partial(_messages, parts, room))
+
+
+def _messages(
+    parts: Sequence[Recording], _: Room | None, names: Collection[str], faults: list[str]
+) -> Iterator[Message]:
+    """The files that were unpacked stay for as long as this can be called."""
+    for part in parts:
+        yield from part.messages(names, faults)
+
+
+def _open_part(file: Path, room: Room | None) -> Recording:
+    try:
+        plain = room.unpack(file) if room and file.suffix in _COMPRESSED else file
+        return _OPENERS[plain.suffix](plain, file.stat().st_size)
+    except InputError as error:
+        raise InputError(f"{file.name}: {error}") from error
+
+
+def _start(part: Recording) -> float:
+    """When its first message was recorded [ns since 1970]; what cannot be read comes last."""
+    try:
+        return next((message.time for message in part.messages([topic.name for topic in part.topics], [])), inf)
+    except InputError:
+        return inf
+
+
+def _files_of(folder: Path, notes: list[str]) -> list[Path]:
+    """As the metadata list them; those of the folder where the metadata do not."""
+    there = sorted(filter(_is_recording, folder.iterdir()))
+    listed = [file for file in _listed(folder) if _is_recording(file)]
+    if not listed:
+        notes.append(f"{BAG_METADATA} cannot be read; all recordings of the folder are taken")
+        return there
+    known = {_plain_name(file) for file in listed}  # a file may be there compressed and unpacked
+    notes += [
+        f"{file.name} is left out, as {BAG_METADATA} does not name it"
+        for file in there
+        if _plain_name(file) not in known
+    ]
+    return listed
+
+
+def _listed(folder: Path) -> list[Path]:
+    """Each once; none where the metadata cannot be read."""
+    from ruamel.yaml import YAML
+
+    try:
+        text = (folder / BAG_METADATA).read_bytes()[:_LARGEST]
+        names = YAML(typ="safe").load(text)[BAG_TITLE]["relative_file_paths"]
+        return list(dict.fromkeys(folder / PurePath(name).name for name in names))
+    except Exception:  # noqa: BLE001 - damage in YAML ends in errors of any kind
+        return []
+
+
+def _is_recording(file: Path) -> bool:
+    return PurePath(_plain_name(file)).suffix in _OPENERS
+
+
+def _plain_name(file: Path) -> str:
+    return file.stem if file.suffix in _COMPRESSED else file.name

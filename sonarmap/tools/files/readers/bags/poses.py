@@ -8,10 +8,17 @@ from scipy.spatial.transform import RigidTransform, Rotation, Slerp
 
 from sonarmap.kernels.errors import InputError
 from sonarmap.slam.graph.trajectory import Trajectory
-from sonarmap.tools.files.readers.bags.decode import ODOMETRY, TRANSFORMS, decode
 from sonarmap.tools.files.readers.bags.frames import BASE, Frames, Link, is_named, links, numbers_of, rigid
 from sonarmap.tools.files.readers.bags.open import open_recording
-from sonarmap.tools.files.readers.bags.recording import Recording, choose_topic, listed, refused
+from sonarmap.tools.files.readers.bags.recording import (
+    ODOMETRY,
+    TRANSFORMS,
+    Recording,
+    choose_topic,
+    decode,
+    listed,
+    refused,
+)
 
 _ODOM = "odom"
 _NAMED = 3  # faults that are named

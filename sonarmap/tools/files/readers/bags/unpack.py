@@ -9,7 +9,7 @@ from pathlib import Path
 from weakref import finalize
 
 from sonarmap.kernels.errors import InputError
-from sonarmap.tools.files.readers.clouds.packed import most_unpacked
+from sonarmap.tools.files.readers.clouds.rows import most_unpacked
 
 LARGEST = 1 << 29  # bytes of a chunk, unpacked; recorders write a few MB each
 ZSTD_START = b"\x28\xb5\x2f\xfd"

@@ -86,6 +86,14 @@ def cloud_of_columns(columns: Mapping[str, np.ndarray], notes: Sequence[str] = (
     return Cloud(points, columns.get("strength"), notes=tuple(notes), viewpoints=viewpoints, times=columns.get("time"))
 
 
+def columns_of(scan: Scan) -> dict[str, np.ndarray]:
+    """{name: (N,)} for `write_points`: intensity and vp_x, vp_y, vp_z, as far as the scan has them."""
+    columns = {} if scan.strength is None else {"intensity": scan.strength}
+    if scan.viewpoints is not None:
+        columns |= dict(zip(VIEWPOINT_NAMES, scan.viewpoints.T, strict=True))
+    return columns
+
+
 def scan_of_cloud(cloud: Cloud, name: str, stamp: float) -> tuple[Scan, list[str]]:
     """The usable points of `cloud` as a scan, and notes about what was dropped or corrected.
 

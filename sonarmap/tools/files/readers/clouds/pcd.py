@@ -27,7 +27,7 @@ from sonarmap.tools.files.readers.limits import LARGEST
 
 _HEADER = re.compile(rb"\A(.*?)^DATA[ \t]+(ascii|binary|binary_compressed)[ \t]*\r?\n", re.DOTALL | re.MULTILINE)
 _HEADER_LIMIT = 1 << 20
-_ORIGIN = "# origin of x, y, z [m]:"  # as tools/files/writers/pcd.py has it
+_ORIGIN = "# origin of x, y, z [m]:"  # as tools/files/writers/points.py has it
 _VIEWPOINT_NOTE = (
     "the line VIEWPOINT is taken as the sensor's place in the frame of the points; where the points are in the "
     "sensor's own frame, set it to 0 0 0 1 0 0 0"

@@ -1,4 +1,4 @@
-"""Numbers in rows: lines of text, and packed binary records."""
+"""Numbers in rows: lines of text, and packed binary records; and how many bytes are believable."""
 
 from array import array
 from collections.abc import Iterable, Mapping
@@ -9,6 +9,10 @@ from sonarmap.kernels.errors import InputError
 
 Line = tuple[int, bytes]  # its number in the file, from 1, and its content
 _LARGEST_RECORD = 1 << 20  # bytes of one point
+# Real points shrink a few times, clouds of which most is missing a hundred times, and an array of one value a thousand
+# times: a small one is not refused for that.
+_SMALL = 64 << 20
+_RATIO = 100
 
 
 def whole_lines(text: bytes, first: int) -> list[Line]:
@@ -102,3 +106,25 @@ def require_bytes(what: str, needed: int, held: int) -> None:
 def surplus_note(count: int, what: str, last: str) -> list[str]:
     """A note about `count` lines or bytes after the last point or element; none if there are none."""
     return [f"ignored {count:,} {what} after the last {last}"] if count else []
+
+
+def most_unpacked(packed: int) -> int:
+    """To how many bytes some compressed ones may believably unpack."""
+    return max(_SMALL, _RATIO * packed)
+
+
+def require_believable(what: str, packed: int, plain: int) -> None:
+    """Refuse what would take memory out of all proportion to the file.
+
+    Args:
+        what: claims it, in words.
+        packed: its bytes in the file.
+        plain: those in memory.
+
+    Raises InputError: `plain` is more than `most_unpacked`.
+    """
+    if plain > most_unpacked(packed):
+        raise InputError(
+            f"{what} would make {plain:,} bytes of {packed:,}, which is not believable: the file is damaged, copy it "
+            "again; if it is right, save it without compression"
+        )

@@ -1,4 +1,4 @@
-"""Finds the scan that a row of a priors file belongs to."""
+"""Finds the scan that a row of a table belongs to, by its name, its stamp, or its number as in pairs.csv."""
 
 import re
 from collections.abc import Sequence
@@ -56,3 +56,23 @@ def _is_called(scan: Scan, name: str) -> bool:
     """Whether a scan has a name as a table can have it, which is the scan's own but for line breaks and the like."""
     own = scan.name
     return own == name or ((not own.isprintable() or own != own.strip()) and plain_text(own) == name)
+
+
+def named_scan(scans: Sequence[Scan], cell: str, where: str) -> int:
+    """The index of a scan.
+
+    Args:
+        cell: a scan's name, with or without the suffix of its file, or its number from 0 as pairs.csv has it; a name
+            that is a number counts first.
+
+    Raises InputError: no scan, or several.
+    """
+    index = find_scan(scans, "name", cell, float("nan"), where, allow_unknown=True)
+    if index is None and cell.isascii() and cell.isdecimal() and len(cell) < 10:
+        index = int(cell) if int(cell) < len(scans) else None
+    if index is None:
+        raise InputError(
+            f"{where}: no scan is called {cell[:60]!r}; wanted a name as summary.json lists them, as "
+            f"{scans[0].name!r}, or a number from 0 to {len(scans) - 1} as in pairs.csv; fix it or delete the line"
+        )
+    return index

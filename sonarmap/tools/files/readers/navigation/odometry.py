@@ -16,7 +16,7 @@ from sonarmap.tools.files.readers.bags.open import is_recording
 from sonarmap.tools.files.readers.bags.poses import read_recorded_odometry
 from sonarmap.tools.files.readers.instruments import COLUMNS, poses_of
 from sonarmap.tools.files.readers.limits import LARGEST, LEAST_SIGMA
-from sonarmap.tools.files.readers.navigation.clocks.spans import why_apart
+from sonarmap.tools.files.readers.navigation.clocks.time_offset import why_apart
 from sonarmap.tools.files.readers.navigation.match import SAME_STAMP
 from sonarmap.tools.files.readers.navigation.read import read_navigation
 from sonarmap.tools.files.readers.navigation.settings import AS_IT_SAYS, NavigationSettings

@@ -15,14 +15,12 @@ import numpy as np
 from sonarmap.kernels.errors import InputError
 from sonarmap.spectral.scan import PosePrior, Scan
 from sonarmap.tools.files.readers.instruments import prior_of
-from sonarmap.tools.files.readers.navigation.clocks.spans import why_apart
-from sonarmap.tools.files.readers.navigation.clocks.time_offset import estimate_offset, heading_rates
+from sonarmap.tools.files.readers.navigation.clocks.time_offset import estimate_offset, heading_rates, why_apart
 from sonarmap.tools.files.readers.navigation.columns import some
 from sonarmap.tools.files.readers.navigation.earth import by_the_maps_north, grid_of
-from sonarmap.tools.files.readers.navigation.log import NavigationLog, with_defaults
+from sonarmap.tools.files.readers.navigation.log import NavigationLog, at_scans, with_defaults
 from sonarmap.tools.files.readers.navigation.match import SAME_STAMP, find_scan
 from sonarmap.tools.files.readers.navigation.read import read_navigation
-from sonarmap.tools.files.readers.navigation.series import at_scans
 from sonarmap.tools.files.readers.navigation.settings import AS_IT_SAYS, NavigationSettings
 
 if TYPE_CHECKING:

@@ -17,7 +17,7 @@ from sonarmap.spectral.result import Registration
 from sonarmap.spectral.scan import PosePrior
 from sonarmap.tools.files.readers.json_file import read_json
 from sonarmap.tools.files.readers.limits import LEAST_SIGMA
-from sonarmap.tools.files.readers.poses.matrices import rigid_transform
+from sonarmap.tools.files.readers.poses.pose_rows import rigid_transform
 
 FORMAT = "sonarmap graph 1"
 

@@ -12,8 +12,7 @@ from scipy.spatial.transform import RigidTransform
 
 from sonarmap.kernels.errors import InputError
 from sonarmap.tools.files.readers.clouds.rows import Line, shown
-from sonarmap.tools.files.readers.poses.matrices import rigid_transform
-from sonarmap.tools.files.readers.poses.pose_rows import finite_rows, read_lines
+from sonarmap.tools.files.readers.poses.pose_rows import finite_rows, read_lines, rigid_transform
 
 GT_LOG = "gt.log"
 _LINES = 5  # of a pair

@@ -1,14 +1,17 @@
-"""What the pose files have in common: text lines of finite numbers, quaternions among them."""
+"""What the files of poses have in common: lines of finite numbers, quaternions among them, and matrices."""
 
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 from scipy.spatial.transform import RigidTransform, Rotation
 
 from sonarmap.kernels.errors import InputError
 from sonarmap.tools.files.readers.clouds.rows import Line, parse_rows, whole_lines
-from sonarmap.tools.files.readers.limits import LEAST_SIGMA, largest_of
+from sonarmap.tools.files.readers.limits import LARGEST, LEAST_SIGMA, largest_of, require_within
 from sonarmap.tools.files.user_file import read_content
+
+ORTHONORMAL = 1e-3  # what rounding to few digits may do to R R^T: more is not a rotation
 
 
 def read_lines(path: Path) -> list[Line]:
@@ -56,3 +59,32 @@ def transforms(path: Path, lines: list[Line], rows: np.ndarray) -> RigidTransfor
     if len(zero):
         raise InputError(f"{path}: line {lines[zero[0]][0]} holds a zero quaternion; no rotation is 0 0 0 1")
     return RigidTransform.from_components(rows[:, :3], Rotation.from_quat(rows[:, 3:]))
+
+
+def rotation_faults(R: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+    """How far (N, 3, 3) matrices are from rotations: the largest |R R^T - 1| and the determinant, (N,) each."""
+    off = np.abs(R @ R.transpose(0, 2, 1) - np.eye(3)).max(axis=(1, 2))
+    # not by np.linalg.det, which divides by pivots however small
+    return off, np.einsum("ni,ni->n", np.cross(R[:, 0], R[:, 1]), R[:, 2])
+
+
+def rigid_transform(rows: Any, what: str) -> RigidTransform:
+    """The transform of a matrix (4, 4), its rotation the nearest one.
+
+    Args:
+        rows: of the matrix.
+        what: of what it is, for messages.
+
+    Raises InputError: another shape, numbers beyond any use, or no rigid transform; ValueError, TypeError: no numbers.
+    """
+    matrix = np.array(rows, np.float64)
+    if matrix.shape != (4, 4):
+        raise InputError(f"the matrix of {what} has shape {matrix.shape}; wanted (4, 4)")
+    require_within(f"the matrix of {what}", matrix, LARGEST)
+    (off,), (determinant,) = rotation_faults(matrix[None, :3, :3])
+    if off > ORTHONORMAL or determinant < 0 or not np.allclose(matrix[3], [0, 0, 0, 1], atol=1e-6):
+        raise InputError(
+            f"the matrix of {what} is no rigid transform (its rotation is off by {off:.2g}, its determinant should be "
+            "1, its last row 0 0 0 1); wanted a rotation and a translation in meters"
+        )
+    return RigidTransform.from_components(matrix[:3, 3], Rotation.from_matrix(matrix[:3, :3]))

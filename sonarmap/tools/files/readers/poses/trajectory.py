@@ -1,4 +1,7 @@
-"""Trajectories of either format, told apart by what the file holds."""
+"""Trajectories of TUM or KITTI, told apart by what the file holds.
+
+KITTI has one pose per line, the upper 3 x 4 of its matrix row by row; no stamps.
+"""
 
 from collections.abc import Sequence
 from pathlib import Path
@@ -8,10 +11,10 @@ from scipy.spatial.transform import RigidTransform
 
 from sonarmap.kernels.errors import InputError
 from sonarmap.slam.graph.trajectory import Trajectory
-from sonarmap.tools.files.readers.poses import kitti, tum
-from sonarmap.tools.files.readers.poses.pose_rows import read_lines
+from sonarmap.tools.files.readers.poses.pose_rows import ORTHONORMAL, finite_rows, read_lines, rotation_faults
+from sonarmap.tools.files.readers.poses.tum import read_tum
 
-_KITTI_COLUMNS = len(kitti.LAYOUT.split())
+_KITTI = "r11 r12 r13 tx r21 r22 r23 ty r31 r32 r33 tz"
 
 
 def read_pair(estimate: Path, *truths: Path) -> tuple[Trajectory, Trajectory]:
@@ -33,7 +36,7 @@ def read_pair(estimate: Path, *truths: Path) -> tuple[Trajectory, Trajectory]:
                 f"{without} is a KITTI file, whose poses have no stamps, and {with_stamps} is none, so it is unknown "
                 "which poses belong together. Give two files of one format."
             )
-    read = tum.read_tum if stamped else kitti.read_kitti
+    read = read_tum if stamped else read_kitti
     return read(estimate), in_order([read(truth) for truth in truths])
 
 
@@ -51,4 +54,20 @@ def in_order(trajectories: Sequence[Trajectory]) -> Trajectory:
 
 
 def _is_kitti(path: Path) -> bool:
-    return path.suffix.lower() == ".kitti" or len(read_lines(path)[0][1].split()) == _KITTI_COLUMNS
+    return path.suffix.lower() == ".kitti" or len(read_lines(path)[0][1].split()) == len(_KITTI.split())
+
+
+def read_kitti(path: Path) -> Trajectory:
+    """A trajectory of T_world_sensor in meters; its stamps count from 0. The nearest rotation is taken."""
+    lines = read_lines(path)
+    matrices = np.tile(np.eye(4), (len(lines), 1, 1))
+    matrices[:, :3] = finite_rows(path, lines, _KITTI).reshape(-1, 3, 4)
+    R = matrices[:, :3, :3]
+    off, determinant = rotation_faults(R)
+    bad = np.flatnonzero((off > ORTHONORMAL) | (determinant < 0))
+    if len(bad):
+        raise InputError(
+            f"{path}: line {lines[bad[0]][0]} holds no rotation (R R^T is off by {off[bad[0]]:.2g}, "
+            f"determinant {determinant[bad[0]]:.3f}); wanted {_KITTI}"
+        )
+    return Trajectory(np.arange(len(lines), dtype=np.float64), RigidTransform.from_matrix(matrices))

@@ -1,4 +1,7 @@
-"""A recording's shots, read one after the other, and what was lost, damaged or out of order on the way."""
+"""A recording of the Water Linked Sonar 3D-15 (.sonar): its shots, one cloud each, read one after the other.
+
+What was lost, damaged or out of order on the way is counted.
+"""
 
 from array import array
 from collections.abc import Iterator
@@ -11,12 +14,12 @@ from wlsonar import range_image_protocol as rip
 
 from sonarmap.kernels.errors import InputError
 from sonarmap.tools.files.readers.clock import clock_faults, clock_of
+from sonarmap.tools.files.readers.clouds.cloud import Cloud
 from sonarmap.tools.files.readers.sonar.frames import STRENGTH, frame_of
 from sonarmap.tools.files.readers.sonar.imu import ImuWindow, batch_key, samples_of
 from sonarmap.tools.files.readers.sonar.messages import message_of, range_image_type
 from sonarmap.tools.files.readers.sonar.packets import Damage, packets_in
-from sonarmap.tools.files.readers.sonar.shot_numbers import REACH, Remembered, ShotNumbers
-from sonarmap.tools.files.readers.sonar.shots import Shot, ShotQueue
+from sonarmap.tools.files.readers.sonar.shots import REACH, Remembered, Shot, ShotNumbers, ShotQueue
 
 _SAME_SPEED = 0.05  # [m/s]
 _JUMP = 1.0  # seconds by which the clock and the numbers of the shots disagree
@@ -178,3 +181,30 @@ def _counted(number: int, noun: str, plural: str = "") -> str:
 
 def _times(number: int) -> str:
     return "once" if number == 1 else f"{number:,} times"
+
+
+def stream_sonar(path: Path, notes: list[str]) -> Iterator[Cloud]:
+    """One cloud per range image, in the order of the shots; one without an echo is empty.
+
+    What is lost, doubled, damaged or out of order leaves a gap, and is added to the notes when all is read.
+
+    Raises InputError: the file cannot be read, or holds no good range image.
+    """
+    recording = Recording()
+    for shot in recording.read(path):
+        frame = shot.frame
+        yield Cloud(
+            frame.points,
+            shot.strength,
+            frame.stamp,
+            prior=recording.imu.prior_at(frame.stamp),
+            sound_speed=frame.sound_speed,
+        )
+    if not recording.shots:
+        first = recording.damage.first
+        raise InputError(
+            f"no range image can be read; {first}: copy the recording again"
+            if first
+            else f"no range image among its {recording.packets:,} packets; record with range images enabled"
+        )
+    notes += [f"{path.name}: {note}" for note in recording.notes(path.stat().st_mtime)]

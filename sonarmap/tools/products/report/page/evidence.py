@@ -8,7 +8,7 @@ import numpy as np
 from scipy.spatial.transform import RigidTransform
 
 from sonarmap.tools.files.map_folder.folder import MapPart
-from sonarmap.tools.files.readers.poses.matrices import rigid_transform
+from sonarmap.tools.files.readers.poses.pose_rows import rigid_transform
 
 ANGLES, AXES = ("roll", "pitch", "heading"), ("East", "North", "Up")  # the order of a prior's numbers
 _DIGITS = 5  # behind the point, of meters

@@ -18,7 +18,7 @@ import zstandard
 from sonarmap.kernels.errors import InputError
 from sonarmap.tools.files.readers.bags import unpack
 from sonarmap.tools.files.readers.bags.unpack import Unpacker
-from sonarmap.tools.files.readers.clouds import packed as bounds
+from sonarmap.tools.files.readers.clouds import rows as bounds
 from sonarmap.tools.files.readers.scans import read_scans, read_survey
 from tests.samples.bags.messages import CLOUD, cloud
 from tests.samples.bags.samples import recordings

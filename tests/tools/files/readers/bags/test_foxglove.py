@@ -8,7 +8,7 @@ import pytest
 from mcap.writer import Writer as PlainWriter
 
 from sonarmap.kernels.errors import InputError
-from sonarmap.tools.files.readers.bags.cloud_message import cloud_of
+from sonarmap.tools.files.readers.bags.clouds import cloud_of
 from sonarmap.tools.files.readers.bags.mcap_file import open_mcap
 from sonarmap.tools.files.readers.scans import read_scan, read_scans
 from tests.samples.bags.foxglove import point_cloud, written

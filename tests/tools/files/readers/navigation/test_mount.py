@@ -6,8 +6,7 @@ import pytest
 from sonarmap.kernels.errors import InputError
 from sonarmap.spectral.scan import PosePrior
 from sonarmap.tools.files.readers.instruments import prior_of, sigmas_of, values_of
-from sonarmap.tools.files.readers.navigation.mount import Mount
-from sonarmap.tools.files.readers.navigation.settings import NavFrame, parse_mount
+from sonarmap.tools.files.readers.navigation.settings import Mount, NavFrame, parse_mount
 
 SIGMAS = np.array([1.0, 2.0, 3.0, 0.5, 0.5, 0.1])
 

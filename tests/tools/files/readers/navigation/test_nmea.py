@@ -13,7 +13,7 @@ from sonarmap.kernels.errors import InputError
 from sonarmap.slam.graph.trajectory import Trajectory
 from sonarmap.tools.files.readers.navigation.priors import navigate
 from sonarmap.tools.files.readers.navigation.settings import NavigationSettings, parse_columns
-from sonarmap.tools.files.writers.tum import write_tum
+from sonarmap.tools.files.writers.trajectory import write_tum
 from tests.tools.files.readers.navigation.logs import START, read, scans_at
 
 # The examples of the protocol's usual descriptions, whose checksums others worked out

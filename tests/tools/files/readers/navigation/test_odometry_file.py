@@ -10,7 +10,7 @@ from sonarmap.kernels.errors import InputError
 from sonarmap.slam.graph.trajectory import Trajectory
 from sonarmap.spectral.scan import Scan
 from sonarmap.tools.files.readers.navigation.odometry import parse_drift, read_odometry
-from sonarmap.tools.files.writers.tum import write_tum
+from sonarmap.tools.files.writers.trajectory import write_tum
 
 TIMES = np.arange(0.0, 20.0, 0.5)
 PATH = RigidTransform.from_components(

@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 
 from sonarmap.kernels.errors import InputError
-from sonarmap.tools.files.readers.navigation.clocks.spans import why_apart
+from sonarmap.tools.files.readers.navigation.clocks.time_offset import why_apart
 from sonarmap.tools.files.readers.navigation.settings import NavigationSettings
 from sonarmap.tools.files.time_scales import tai_minus_utc, utc_of_gps, utc_of_tai
 from tests.tools.files.readers.navigation.logs import START, read, scans_at

@@ -11,7 +11,7 @@ import pytest
 
 from sonarmap.tools.files.memory import peak_memory
 from sonarmap.tools.files.readers.clouds.cloud import Cloud
-from sonarmap.tools.files.readers.sonar.clouds import stream_sonar
+from sonarmap.tools.files.readers.sonar.recording import stream_sonar
 from tests.samples.damage.recordings import damage_recordings
 from tests.samples.places import ROOT
 from tests.samples.processor_time import processor_time

@@ -9,7 +9,7 @@ from wlsonar import range_image_protocol as rip
 
 from sonarmap.kernels.errors import InputError
 from sonarmap.tools.files.readers.clouds.cloud import Cloud
-from sonarmap.tools.files.readers.sonar.clouds import stream_sonar
+from sonarmap.tools.files.readers.sonar.recording import stream_sonar
 from tests.samples.cloud_files import range_image, sonar_packets, strength_image
 from tests.samples.recordings import PacketOf, disturbed, read_sonar, recording, shot_packets, written
 

@@ -9,8 +9,7 @@ import numpy as np
 import pytest
 
 from sonarmap.tools.files.geo.georeference import Georeference
-from sonarmap.tools.files.writers.pcd import write_pcd
-from sonarmap.tools.files.writers.ply import write_ply
+from sonarmap.tools.files.writers.points import write_pcd, write_ply
 from sonarmap.tools.products.export.georeferenced import Georeferenced
 from sonarmap.tools.products.export.laz import write_laz
 from tests.tools.products.export.finished import scattered
