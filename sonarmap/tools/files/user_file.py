@@ -2,6 +2,8 @@
 
 import os
 import stat
+from collections.abc import Iterator
+from contextlib import contextmanager
 from pathlib import Path
 
 from sonarmap.kernels.errors import InputError
@@ -10,6 +12,24 @@ from sonarmap.tools.files.memory import require_memory
 # `<(...)` of a shell is one of the second kind; the last is an empty file
 _GIVEN = ("/dev/stdin", "/dev/fd/", "/proc/self/fd/", os.devnull)
 _LARGEST_PIPE = 1 << 28  # bytes
+
+
+@contextmanager
+def naming(place: object, remedy: str = "") -> Iterator[None]:
+    """An InputError of the block is raised with a file, or a line of one, before its words, and perhaps a remedy."""
+    try:
+        yield
+    except InputError as error:
+        raise InputError(f"{place}: {error}{remedy}") from error
+
+
+@contextmanager
+def reading(path: Path) -> Iterator[None]:
+    """An OSError of the block is an InputError that says that the file cannot be read."""
+    try:
+        yield
+    except OSError as error:
+        raise InputError(f"cannot read {path}: {error.strerror or error}; check its name and permissions") from error
 
 
 def read_content(path: Path, pipe: bool = False) -> bytes:
@@ -22,13 +42,10 @@ def read_content(path: Path, pipe: bool = False) -> bytes:
     """
     require_file(path, pipe)
     most = None if path.is_file() else _LARGEST_PIPE
-    try:
-        with path.open("rb") as file:
-            if most is None:
-                require_memory(str(path), path.stat().st_size, "give a smaller file")
-            content = file.read() if most is None else file.read(most + 1)
-    except OSError as error:
-        raise InputError(f"cannot read {path}: {error.strerror or error}; check its name and permissions") from error
+    with reading(path), path.open("rb") as file:
+        if most is None:
+            require_memory(str(path), path.stat().st_size, "give a smaller file")
+        content = file.read() if most is None else file.read(most + 1)
     if most is not None and len(content) > most:
         raise InputError(f"{path} gives more than {most >> 20} MiB; write it to a file, and give that")
     return content

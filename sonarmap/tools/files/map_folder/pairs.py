@@ -13,6 +13,7 @@ from sonarmap.kernels.errors import InputError
 from sonarmap.slam.pair import Role
 from sonarmap.tools.files.readers.csv_table import CsvTable, read_csv_table
 from sonarmap.tools.files.readers.limits import LARGEST
+from sonarmap.tools.files.user_file import naming
 
 CHAIN = "sequential"  # the role of consecutive scans; pairs of any other role are loops
 POSE_COLUMNS = ("x_m", "y_m", "z_m", "roll_deg", "pitch_deg", "yaw_deg")  # of T_target_source; empty where it failed
@@ -54,11 +55,9 @@ def read_pairs(path: Path, scans: int) -> tuple[TriedPair, ...]:
     poses = np.empty((len(table.rows), len(POSE_COLUMNS)))
     for k, row in enumerate(table.rows):
         cells = {name: row.cells[column] for name, column in columns.items()}
-        try:
+        with naming(f"{path}: line {row.line}", "; fix that line, or map again"):
             read.append((_scan(cells, "target", scans), _scan(cells, "source", scans), _role(cells), _kept(cells)))
             poses[k] = _pose(cells)
-        except InputError as error:
-            raise InputError(f"{path}: line {row.line}: {error}; fix that line, or map again") from error
     known = ~np.isnan(poses[:, 0])
     transforms = iter(_transforms(poses[known]))
     return tuple(

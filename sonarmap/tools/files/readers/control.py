@@ -15,6 +15,7 @@ from sonarmap.spectral.scan import Scan
 from sonarmap.tools.files.readers.csv_table import CsvRow, read_csv_table
 from sonarmap.tools.files.readers.navigation.cells import degrees, number, refuse
 from sonarmap.tools.files.readers.navigation.match import named_scan
+from sonarmap.tools.files.user_file import naming
 
 if TYPE_CHECKING:
     from sonarmap.tools.files.geo.georeference import Georeference
@@ -84,10 +85,8 @@ def read_control(
         raise InputError(f"{path} has {len(table.rows):,} control points; wanted at most {_MOST:,}; leave some out")
     rows = [_Row.of(row, columns, scans, (*across, up), f"{path}: line {row.line}") for row in table.rows]
     notes = list(table.notes)
-    try:
+    with naming(path):
         places, georeference = _local(np.array([row.place for row in rows]), across, up, georeference, crs, notes)
-    except InputError as error:
-        raise InputError(f"{path}: {error}") from error
     _refuse_twins(path, rows)
     points = tuple(
         ControlPoint(row.name, row.scan, row.point, place, row.sigmas, row.use)

@@ -14,6 +14,7 @@ from sonarmap.tools.files.readers.bags.mcap_file import open_mcap
 from sonarmap.tools.files.readers.bags.recording import Message, Recording, topics_of
 from sonarmap.tools.files.readers.bags.unpack import Room
 from sonarmap.tools.files.readers.selection import BAG_METADATA, BAG_TITLE, is_bag_folder
+from sonarmap.tools.files.user_file import naming
 
 RECORDINGS: dict[str, Callable[[Path], Recording]] = {".bag": open_ros1, ".mcap": open_mcap, ".db3": open_sqlite}
 _LARGEST = 1 << 18  # bytes of metadata, of which YAML reads 100 KB in a second
@@ -59,11 +60,9 @@ def _messages(
 
 
 def _open_part(file: Path, room: Room | None) -> Recording:
-    try:
+    with naming(file.name):
         plain = room.unpack(file) if room and file.suffix in _COMPRESSED else file
         return _OPENERS[plain.suffix](plain, file.stat().st_size)
-    except InputError as error:
-        raise InputError(f"{file.name}: {error}") from error
 
 
 def _start(part: Recording) -> float:

@@ -19,6 +19,7 @@ from sonarmap.tools.files.readers.bags.recording import (
     listed,
     refused,
 )
+from sonarmap.tools.files.user_file import naming
 
 _ODOM = "odom"
 _NAMED = 3  # faults that are named
@@ -36,7 +37,7 @@ def read_recorded_odometry(path: Path, topic: str | None, notes: list[str]) -> T
 
     Raises InputError: naming the file: there is no odometry in it, or several of which none is named.
     """
-    try:
+    with naming(path):
         faults: list[str] = []
         recording = open_recording(path, faults)
         if topic is None and not recording.of_kinds((ODOMETRY,)):
@@ -44,8 +45,6 @@ def read_recorded_odometry(path: Path, topic: str | None, notes: list[str]) -> T
         else:
             trajectory = _of_odometry(recording, choose_topic(recording, topic, (ODOMETRY,), path).name, faults)
         notes += [f"{path}: {fault}" for fault in faults[:_NAMED]]
-    except InputError as error:
-        raise InputError(f"{path}: {error}") from error
     return trajectory
 
 

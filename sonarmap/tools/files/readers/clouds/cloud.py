@@ -132,10 +132,9 @@ def refuse_map_coordinates(points: np.ndarray, what: str = "points") -> None:
     if largest > COORDINATE_LIMIT:
         far = int((np.abs(points) > COORDINATE_LIMIT).any(axis=1).sum())
         raise InputError(
-            f"{far:,} of {len(points):,} {what} lie beyond {COORDINATE_LIMIT / 1000:g} km "
-            f"(largest coordinate {largest:.6g} m): these look like map coordinates (UTM and "
-            "the like) or another unit; give scans in meters in the sensor's own frame: subtract the sensor's "
-            "position from the points of each scan"
+            f"{far:,} of {len(points):,} {what} lie beyond {COORDINATE_LIMIT / 1000:g} km (largest coordinate "
+            f"{largest:.6g} m): these look like map coordinates (UTM and the like) or another unit; give scans in "
+            "meters in the sensor's own frame: subtract the sensor's position from the points of each scan"
         )
 
 

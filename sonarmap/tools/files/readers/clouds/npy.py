@@ -18,6 +18,7 @@ from sonarmap.tools.files.memory import require_memory
 from sonarmap.tools.files.readers.clouds.cloud import Cloud
 from sonarmap.tools.files.readers.clouds.rows import require_believable, require_bytes
 from sonarmap.tools.files.readers.limits import LARGEST_STAMP
+from sonarmap.tools.files.user_file import naming
 
 _MAGIC = b"\x93NUMPY"
 _HEADER_LIMIT = 10_000
@@ -131,10 +132,8 @@ def _read_member(archive: zipfile.ZipFile, member: zipfile.ZipInfo) -> np.ndarra
             body = file.read(member.file_size)  # without a size, a member that lies about its own would be unpacked
     except _DAMAGE as error:
         raise InputError(f"its member {member.filename!r} is damaged ({error}); save it again") from error
-    try:
+    with naming(f"its member {member.filename!r}"):
         return parse_npy(body)
-    except InputError as error:
-        raise InputError(f"its member {member.filename!r}: {error}") from error
 
 
 def _require_believable(member: zipfile.ZipInfo) -> None:

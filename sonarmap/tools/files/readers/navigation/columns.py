@@ -127,8 +127,7 @@ def _each_once(known: list[Column], is_own: bool) -> dict[str, Column]:
         else:
             raise InputError(
                 f"both {first.heading!r} and {column.heading!r} may be {column.quantity}; say which, as in "
-                "--nav-columns "
-                f"{column.quantity}={column.heading}"
+                f"--nav-columns {column.quantity}={column.heading}"
             )
     return of
 
@@ -137,18 +136,16 @@ def _choose_heading(of: dict[str, Column], settings: NavigationSettings, notes: 
     if "magnetic_deg" in of and "heading_deg" not in of:
         if settings.declination is None:
             raise InputError(
-                f"the column {of['magnetic_deg'].heading!r} holds magnetic headings; give the declination there "
-                "and then, "
-                "--magnetic-declination DEG (East positive)"
+                f"the column {of['magnetic_deg'].heading!r} holds magnetic headings; give the declination there and "
+                "then, --magnetic-declination DEG (East positive)"
             )
         of["heading_deg"] = of["magnetic_deg"]
     elif "yaw_deg" in of and "heading_deg" not in of:
         if settings.frame is None:
             raise InputError(
                 f"the column {of['yaw_deg'].heading!r} may be clockwise from North (--nav-frame ned) or "
-                "counterclockwise "
-                "from East (--nav-frame enu); say which, or --nav-columns heading_deg="
-                f"{of['yaw_deg'].heading} if it is a compass heading"
+                "counterclockwise from East (--nav-frame enu); say which, or --nav-columns "
+                f"heading_deg={of['yaw_deg'].heading} if it is a compass heading"
             )
         return
     if settings.declination is not None and "heading_deg" in of:

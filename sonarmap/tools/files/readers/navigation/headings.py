@@ -144,9 +144,8 @@ def _factor(heading: str, quantity: str, unit: str) -> float:
         return units.get(unit, 1.0)
     if unit not in units:
         raise InputError(
-            f"the column {heading!r} has the unit {unit!r}; wanted one of {', '.join(units)} for {quantity}; "
-            "correct its "
-            "heading"
+            f"the column {heading!r} has the unit {unit!r}; wanted one of {', '.join(units)} for {quantity}; correct "
+            "its heading"
         )
     if units[unit] == FOOT and quantity in ("easting_m", "northing_m"):
         raise InputError(f"the column {heading!r} is in feet, of which grids have two kinds; give it in meters")

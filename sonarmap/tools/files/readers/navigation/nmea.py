@@ -18,6 +18,7 @@ from sonarmap.tools.files.readers.navigation.clocks.times import DAY, dated, tim
 from sonarmap.tools.files.readers.navigation.earth import local_places
 from sonarmap.tools.files.readers.navigation.log import NavigationLog
 from sonarmap.tools.files.readers.navigation.settings import NavigationSettings
+from sonarmap.tools.files.user_file import naming, reading
 
 SENTENCE = re.compile(r"\$([A-Z]{2})([A-Z]{3})((?:,[^,*$\r\n]*)*)\*([0-9A-Fa-f]{2})")
 _STARTS = re.compile(r"\$[A-Z]{5},")
@@ -59,12 +60,9 @@ def read_nmea(path: Path, settings: NavigationSettings, scans: np.ndarray, notes
         if given:
             raise InputError(f"{path} holds NMEA sentences, for which {option} has no effect; leave it out")
     read = _Sentences()
-    try:
-        with path.open(encoding="latin-1") as file:
-            for number, line in enumerate(file, 1):
-                _read_line(number, line, read)
-    except OSError as error:
-        raise InputError(f"cannot read {path}: {error.strerror or error}; check its name and permissions") from error
+    with reading(path), path.open(encoding="latin-1") as file:
+        for number, line in enumerate(file, 1):
+            _read_line(number, line, read)
     places = read.places["GGA"] or read.places["RMC"]
     if not (places or read.headings) or not read.timed:
         raise InputError(
@@ -185,10 +183,8 @@ def _log(
         )
     georeference = None
     if places:
-        try:
+        with naming(path):
             values, georeference = local_places(values, True, settings, notes)
-        except InputError as error:
-            raise InputError(f"{path}: {error}") from error
     order = np.argsort(lines, kind="stable")
     keys = tuple(f"{stamp:.3f}" for stamp in stamps[order].tolist())
     sigmas = np.full_like(values, np.nan)

@@ -14,7 +14,7 @@ from sonarmap.tools.files.readers.navigation.nmea import is_nmea, read_nmea
 from sonarmap.tools.files.readers.navigation.settings import NavigationSettings
 from sonarmap.tools.files.readers.navigation.table import read_table
 from sonarmap.tools.files.readers.poses.tum import read_tum
-from sonarmap.tools.files.user_file import require_file
+from sonarmap.tools.files.user_file import reading, require_file
 
 _LOOKED_AT = 20_000  # bytes of a file's beginning that tell its kind
 _TUM_NUMBERS = 8
@@ -48,11 +48,8 @@ def read_navigation(
 
 def _beginning(path: Path) -> str:
     require_file(path)
-    try:
-        with path.open("rb") as file:
-            content = file.read(_LOOKED_AT)
-    except OSError as error:
-        raise InputError(f"cannot read {path}: {error.strerror or error}; check its name and permissions") from error
+    with reading(path), path.open("rb") as file:
+        content = file.read(_LOOKED_AT)
     wide = content.startswith((codecs.BOM_UTF16_LE, codecs.BOM_UTF16_BE))
     return content.decode("utf-16" if wide else "utf-8", errors="replace")
 

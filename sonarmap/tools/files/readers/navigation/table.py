@@ -17,6 +17,7 @@ from sonarmap.tools.files.readers.navigation.columns import PAIRS, SOURCES, Colu
 from sonarmap.tools.files.readers.navigation.earth import local_places
 from sonarmap.tools.files.readers.navigation.log import NavigationLog
 from sonarmap.tools.files.readers.navigation.settings import UP_FRAMES, NavigationSettings
+from sonarmap.tools.files.user_file import naming
 
 if TYPE_CHECKING:
     from sonarmap.tools.files.geo.georeference import Georeference
@@ -58,10 +59,8 @@ def read_table(
         sigmas: {column of COLUMNS: standard deviation} where the file has none; None where none is needed.
     """
     raw = read_csv_table(path)
-    try:
+    with naming(f"{path}: line {raw.heading.line}"):
         columns = columns_of(raw.heading.cells, settings, sigmas)
-    except InputError as error:
-        raise InputError(f"{path}: line {raw.heading.line}: {error}") from error
     table = _Table(path, columns, _even(raw, path, columns.is_own))
     if not table.rows:
         raise InputError(f"{path} has no row below its heading; wanted one per scan")
@@ -110,10 +109,8 @@ def _values(table: _Table, settings: NavigationSettings, notes: list[str]) -> tu
     if "height_m" in table.columns.of or ("z_m" in table.columns.of and settings.frame in UP_FRAMES):
         values[:, 5] *= -1
     if "lat_deg" in table.columns.of or ("easting_m" in table.columns.of and settings.crs is not None):
-        try:
+        with naming(table.path):
             return local_places(values, "lat_deg" in table.columns.of, settings, notes)
-        except InputError as error:
-            raise InputError(f"{table.path}: {error}") from error
     _refuse_degrees(table, values)
     if "easting_m" in table.columns.of:
         _refuse_grid(table, values, notes)
@@ -144,19 +141,16 @@ def _column(table: _Table, name: str) -> np.ndarray:
     if name in _ON_EARTH and (beyond := np.abs(values) > _ON_EARTH[name]).any():
         row = int(np.argmax(beyond))
         raise InputError(
-            f"{table.where(row)}: {column.heading} is {values[row]:g}; wanted degrees within "
-            f"{_ON_EARTH[name]:g}; if these "
-            f"are meters of a grid, give --nav-columns {'northing_m' if name == 'lat_deg' else 'easting_m'}="
-            f"{column.heading} and --nav-crs"
+            f"{table.where(row)}: {column.heading} is {values[row]:g}; wanted degrees within {_ON_EARTH[name]:g}; if "
+            "these are meters of a grid, give --nav-columns "
+            f"{'northing_m' if name == 'lat_deg' else 'easting_m'}={column.heading} and --nav-crs"
         )
     quantity = {"yaw_deg": "heading_deg"}.get(name, name)
     large = np.abs(values) > LARGEST_OF.get(quantity, LARGEST)
     if large.any():
         row = int(np.argmax(large))
-        try:
+        with naming(table.where(row), "; fix that line"):
             check_measured(quantity, float(values[row]))
-        except InputError as error:
-            raise InputError(f"{table.where(row)}: {error}; fix that line") from error
     return values
 
 
@@ -174,10 +168,8 @@ def _sigmas(table: _Table, settings: NavigationSettings) -> np.ndarray:
             raise refuse(table.where(row), column.heading, cells[row], "a finite number, or an empty cell")
         sigmas[:, k] = values * column.factor
         for row in np.flatnonzero(np.isfinite(values)).tolist():
-            try:
+            with naming(table.where(row), "; fix that line"):
                 check_measured(name, float(sigmas[row, k]))
-            except InputError as error:
-                raise InputError(f"{table.where(row)}: {error}; fix that line") from error
     if _is_north_first(table, settings):
         sigmas[:, [3, 4]] = sigmas[:, [4, 3]]
     return sigmas
@@ -190,17 +182,15 @@ def _check_rows(table: _Table, values: np.ndarray, deviations: np.ndarray, sigma
         bare = measured[:, k] & np.isnan(deviations[:, k]) & (name not in (sigmas or {}))
         if bare.any():
             raise InputError(
-                f"{table.where(int(np.argmax(bare)))}: {name} has no standard deviation; fill in "
-                f"{SIGMA_COLUMNS[k]}, or "
-                "give --prior-sigmas; fix that line"
+                f"{table.where(int(np.argmax(bare)))}: {name} has no standard deviation; fill in {SIGMA_COLUMNS[k]}, "
+                "or give --prior-sigmas; fix that line"
             )
     for first, second in PAIRS:
         lone = measured[:, COLUMNS.index(first)] != measured[:, COLUMNS.index(second)]
         if lone.any() and table.columns.is_own:
             raise InputError(
-                f"{table.where(int(np.argmax(lone)))}: {first} and {second} can only be used together, and one "
-                "is empty; "
-                "fix that line"
+                f"{table.where(int(np.argmax(lone)))}: {first} and {second} can only be used together, and one is "
+                "empty; fix that line"
             )
         values[np.ix_(lone, [COLUMNS.index(first), COLUMNS.index(second)])] = np.nan
 
@@ -217,9 +207,8 @@ def _refuse_degrees(table: _Table, values: np.ndarray) -> None:
     low, high = places.min(axis=0), places.max(axis=0)
     raise InputError(
         f"{table.path}: {table.columns.heading(names[0])} runs from {low[0]:g} to {high[0]:g} and "
-        f"{table.columns.heading(names[1])} from {low[1]:g} to {high[1]:g}, which look like degrees and are to "
-        "be meters; "
-        "call them Longitude and Latitude, or, if they are meters, round them to millimeters"
+        f"{table.columns.heading(names[1])} from {low[1]:g} to {high[1]:g}, which look like degrees and are to be "
+        "meters; call them Longitude and Latitude, or, if they are meters, round them to millimeters"
     )
 
 

@@ -25,6 +25,7 @@ from sonarmap.spectral.result import Registration
 from sonarmap.tools.files.readers.clouds.rows import Line, shown
 from sonarmap.tools.files.readers.limits import LARGEST_INFORMATION
 from sonarmap.tools.files.readers.poses.pose_rows import finite_rows, read_lines, transforms
+from sonarmap.tools.files.user_file import naming
 
 VERTEX, EDGE, FIX = "VERTEX_SE3:QUAT", "EDGE_SE3:QUAT", "FIX"
 PRIOR, OFFSET = "EDGE_SE3_PRIOR", "PARAMS_SE3OFFSET"
@@ -159,10 +160,8 @@ def _edges(path: Path, lines: list[Line], index: dict[int, int], repairs: list[R
         registration = Registration(
             T_i_j, covariance, float("nan"), float("nan"), accepted=True, seconds=0.0, reason="read from a file"
         )
-        try:
+        with naming(where):
             edges.append(Edge(i, j, registration, "sequential" if abs(i - j) == 1 else "loop"))
-        except InputError as error:
-            raise InputError(f"{where}: {error}") from error
     return tuple(edges)
 
 
@@ -191,10 +190,8 @@ def _covariances(path: Path, lines: list[Line], information: np.ndarray) -> np.n
         covariances = np.linalg.inv(information)
     except np.linalg.LinAlgError:  # which says that there is one, but not which
         for (number, _), matrix in zip(lines, information, strict=True):
-            try:
+            with naming(f"{path}: line {number}", "; or use `repairs`, which does"):
                 check_definite(matrix, "the information matrix")
-            except InputError as error:
-                raise InputError(f"{path}: line {number}: {error}; or use `repairs`, which does") from error
         raise
     vague = np.flatnonzero(~(np.abs(covariances).max(axis=(1, 2)) <= LARGEST_INFORMATION))
     if len(vague):
@@ -226,10 +223,8 @@ def _known_poses(path: Path, lines: dict[str, list[Line]], index: dict[int, int]
     for (number, _), vertex, T, information in zip(lines[PRIOR], vertices, measured, informations, strict=True):
         where = f"{path}: line {number}"
         pose = _known(index, vertex, where)
-        try:
+        with naming(where):
             known.append(KnownPose(pose, T, information))
-        except InputError as error:
-            raise InputError(f"{where}: {error}") from error
     return tuple(known)
 
 

@@ -13,6 +13,7 @@ from scipy.spatial.transform import RigidTransform
 from sonarmap.kernels.errors import InputError
 from sonarmap.tools.files.readers.clouds.rows import Line, shown
 from sonarmap.tools.files.readers.poses.pose_rows import finite_rows, read_lines, rigid_transform
+from sonarmap.tools.files.user_file import naming
 
 GT_LOG = "gt.log"
 _LINES = 5  # of a pair
@@ -71,8 +72,6 @@ def _pair(path: Path, block: list[Line]) -> TruePair:
             "cut; copy it again"
         )
     matrix = finite_rows(path, block[1:], "r r r t")
-    try:
+    with naming(path):
         T_i_j = rigid_transform(matrix, f"the pair in line {number}")
-    except InputError as error:
-        raise InputError(f"{path}: {error}") from error
     return TruePair(i, j, T_i_j, number)

@@ -9,7 +9,7 @@ from scipy.spatial.transform import RigidTransform, Rotation
 from sonarmap.kernels.errors import InputError
 from sonarmap.tools.files.readers.clouds.rows import Line, parse_rows, whole_lines
 from sonarmap.tools.files.readers.limits import LARGEST, LEAST_SIGMA, largest_of, require_within
-from sonarmap.tools.files.user_file import read_content
+from sonarmap.tools.files.user_file import naming, read_content
 
 ORTHONORMAL = 1e-3  # what rounding to few digits may do to R R^T: more is not a rotation
 
@@ -18,10 +18,8 @@ def read_lines(path: Path) -> list[Line]:
     """The lines of a file that are neither blank nor comments ('#'), with their numbers. Raises InputError: the file
     cannot be read, is empty, or its last line has no end and may have been cut."""
     content = read_content(Path(path))
-    try:
+    with naming(path):
         lines = whole_lines(content, 1)
-    except InputError as error:
-        raise InputError(f"{path}: {error}") from error
     lines = [(number, line) for number, line in lines if not line.lstrip().startswith(b"#")]
     if not lines:
         raise InputError(f"{path} holds no line but comments; wanted poses")

@@ -174,9 +174,8 @@ def _day_first(cells: TimeCells, dates: Sequence[str]) -> bool:
     first, second = (any(int(match[k]) > 12 for match in parts) for k in (1, 3))
     if parts and first == second and any(match[1] != match[3] for match in parts):
         raise InputError(
-            f"{cells.path}: line {cells.lines[0]}: the date {parts[0][0]!r} may be day/month or month/day; "
-            "write dates as "
-            "2026-07-01"
+            f"{cells.path}: line {cells.lines[0]}: the date {parts[0][0]!r} may be day/month or month/day; write dates "
+            "as 2026-07-01"
         )
     return first
 
