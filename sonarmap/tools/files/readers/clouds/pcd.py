@@ -18,6 +18,7 @@ from sonarmap.tools.files.readers.clouds.cloud import Cloud, cloud_of_columns, c
 from sonarmap.tools.files.readers.clouds.rows import (
     parse_rows,
     require_bytes,
+    require_lines,
     shown,
     surplus_note,
     unpack_records,
@@ -32,8 +33,12 @@ _VIEWPOINT_NOTE = (
     "the line VIEWPOINT is taken as the sensor's place in the frame of the points; where the points are in the "
     "sensor's own frame, set it to 0 0 0 1 0 0 0"
 )
+_AT_ORIGIN = "0 0 0 1 0 0 0"
 _SIZES = {"F": (4, 8), "I": (1, 2, 4, 8), "U": (1, 2, 4, 8)}
 _LZF_RATIO = 88  # LZF never shrinks further: 264 bytes that repeat others cost it three
+
+
+_Columns = tuple[dict[str, np.ndarray], list[str]]  # what is read, by role, and notes
 
 
 @dataclass(frozen=True, slots=True)
@@ -46,7 +51,7 @@ class _Header:
     counts: list[int]
     points: int
     lines: int
-    origin: list[float]
+    origin: np.ndarray
     viewpoint: np.ndarray
 
     @property
@@ -56,8 +61,7 @@ class _Header:
 
 
 def read_pcd(content: bytes) -> list[Cloud]:
-    """The points of a PCD file. Raises InputError: anything that is not a whole, well-formed PCD file with fields x, y,
-    z."""
+    """The points of a PCD file. Raises InputError: it is not a whole, well-formed one with fields x, y, z."""
     match = _HEADER.match(content[:_HEADER_LIMIT])
     if match is None:
         raise InputError(
@@ -69,13 +73,9 @@ def read_pcd(content: bytes) -> list[Cloud]:
     wide = [header.names[column] for column in roles.values() if header.counts[column] != 1]
     if wide:
         raise InputError(f"field {', '.join(wide)} has more than one value per point (COUNT); wanted one")
-    if match[2] == b"ascii":
-        columns, surplus = _read_ascii(content[match.end() :], header, roles)
-    elif match[2] == b"binary":
-        columns, surplus = _read_binary(content, match.end(), header, roles)
-    else:
-        columns, surplus = _read_compressed(content, match.end(), header, roles)
-    if any(header.origin):
+    read = {b"ascii": _read_ascii, b"binary": _read_binary, b"binary_compressed": _read_compressed}[match[2]]
+    columns, surplus = read(content, match.end(), header, roles)
+    if header.origin.any():
         with np.errstate(invalid="ignore"):  # a signaling NaN is dropped later like any other
             columns |= {
                 axis: columns[axis].astype(np.float64) + x for axis, x in zip("xyz", header.origin, strict=True)
@@ -89,10 +89,11 @@ def read_pcd(content: bytes) -> list[Cloud]:
 
 def _parse_header(text: bytes) -> _Header:
     entries: dict[str, list[str]] = {}
-    origin = [0.0, 0.0, 0.0]
+    origin = np.zeros(3)
     for line in text.decode("latin-1").split("\n"):
         if line.startswith(_ORIGIN):
-            origin = _origin(line.removeprefix(_ORIGIN))
+            numbers = line.removeprefix(_ORIGIN)
+            origin = _numbers(numbers, 3, LARGEST, _ORIGIN[2:], "three numbers of meters")
         words = line.split()
         if words and not words[0].startswith("#"):
             entries[words[0].upper()] = words[1:]
@@ -110,6 +111,8 @@ def _parse_header(text: bytes) -> _Header:
         raise InputError(
             f"its PCD header says POINTS {points} and WIDTH x HEIGHT {width} x {height}; write the file again"
         )
+    pose = " ".join(entries.get("VIEWPOINT", [])) or _AT_ORIGIN
+    most, wanted = np.finfo(np.float64).max, f"a place and a quaternion, as in {_AT_ORIGIN}"
     return _Header(
         names=names,
         dtypes=[_dtype(kind, size) for kind, size in zip(kinds, sizes, strict=True)],
@@ -117,18 +120,9 @@ def _parse_header(text: bytes) -> _Header:
         points=points,
         lines=text.count(b"\n") + 1,
         origin=origin,
-        viewpoint=_viewpoint(entries.get("VIEWPOINT", [])),
+        # PCL's sensor_origin; how it was turned there does not matter
+        viewpoint=_numbers(pose, 7, most, "VIEWPOINT", wanted)[:3],
     )
-
-
-def _origin(text: str) -> list[float]:
-    try:
-        origin = [float(word) for word in text.split()]
-    except ValueError:
-        origin = []
-    if len(origin) != 3 or not all(abs(x) <= LARGEST for x in origin):  # NaN is refused too
-        raise InputError(f"its PCD header says {_ORIGIN[2:]} {shown(text.encode())}; wanted three numbers of meters")
-    return origin
 
 
 def _count(entries: dict[str, list[str]], name: str) -> int:
@@ -152,45 +146,33 @@ def _dtype(kind: str, size: str) -> str:
     return f"<{kind.lower()}{size}"
 
 
-def _viewpoint(words: list[str]) -> np.ndarray:
-    """(3,) where the sensor was: PCL's sensor_origin. How it was turned there does not matter."""
+def _numbers(text: str, count: int, largest: float, what: str, wanted: str) -> np.ndarray:
+    """(count,) float64 of a line of the header."""
     try:
-        numbers = np.array([float(word) for word in words or "0001000"])
+        numbers = np.array([float(word) for word in text.split()])
     except ValueError:
-        numbers = np.array([])
-    if len(numbers) != 7 or not np.isfinite(numbers).all():
-        raise InputError(
-            f"its PCD header says VIEWPOINT {shown(' '.join(words).encode())}; wanted a place and a quaternion, as in "
-            "0 0 0 1 0 0 0"
-        )
-    return numbers[:3]
+        numbers = np.empty(0)
+    if len(numbers) != count or not (np.abs(numbers) <= largest).all():  # NaN is refused too
+        raise InputError(f"its PCD header says {what} {shown(text.encode())}; wanted {wanted}")
+    return numbers
 
 
-def _read_ascii(body: bytes, header: _Header, roles: dict[str, int]) -> tuple[dict[str, np.ndarray], list[str]]:
-    lines = whole_lines(body, header.lines + 1)
-    if len(lines) < header.points:
-        raise InputError(
-            f"the header promises {header.points:,} points and {len(lines):,} lines follow: "
-            "the file is cut or its header is wrong; write or copy it again"
-        )
+def _read_ascii(content: bytes, start: int, header: _Header, roles: dict[str, int]) -> _Columns:
+    lines = whole_lines(content[start:], header.lines + 1)
+    require_lines(header.points, len(lines), "points", " lines")
     rows = parse_rows(lines[: header.points], sum(header.counts))
     starts = _starts(header.counts)
     columns = {role: rows[:, starts[field]] for role, field in roles.items()}
     return columns, surplus_note(len(lines) - header.points, "lines", "point")
 
 
-def _read_binary(
-    content: bytes, start: int, header: _Header, roles: dict[str, int]
-) -> tuple[dict[str, np.ndarray], list[str]]:
-    offsets, stride = _starts(header.sizes), sum(header.sizes)
-    layout = {role: (header.dtypes[field], offsets[field]) for role, field in roles.items()}
-    columns = unpack_records(content, start, header.points, stride, layout)
-    return columns, surplus_note(len(content) - start - header.points * stride, "bytes", "point")
+def _read_binary(content: bytes, start: int, header: _Header, roles: dict[str, int]) -> _Columns:
+    fields = list(zip(header.dtypes, header.sizes, strict=True))
+    columns = unpack_records(content, start, header.points, fields, roles)
+    return columns, surplus_note(len(content) - start - header.points * sum(header.sizes), "bytes", "point")
 
 
-def _read_compressed(
-    content: bytes, start: int, header: _Header, roles: dict[str, int]
-) -> tuple[dict[str, np.ndarray], list[str]]:
+def _read_compressed(content: bytes, start: int, header: _Header, roles: dict[str, int]) -> _Columns:
     """Two sizes, then LZF over the fields one after another, each for all points."""
     require_bytes("two sizes", 8, len(content) - start)
     packed, unpacked = struct.unpack_from("<II", content, start)

@@ -5,7 +5,6 @@ Format: G. Turk, The PLY Polygon File Format, 1994.
 """
 
 import re
-import struct
 from dataclasses import dataclass
 
 import numpy as np
@@ -13,8 +12,10 @@ import numpy as np
 from sonarmap.kernels.errors import InputError
 from sonarmap.tools.files.readers.clouds.cloud import Cloud, cloud_of_columns, column_roles
 from sonarmap.tools.files.readers.clouds.rows import (
+    Line,
     parse_rows,
     require_bytes,
+    require_lines,
     shown,
     surplus_note,
     unpack_records,
@@ -55,26 +56,6 @@ class _Element:
         return any(p.length is not None for p in self.properties)
 
 
-def read_ply(content: bytes) -> list[Cloud]:
-    """The vertices of a PLY file. Raises InputError: anything that is not a whole, well-formed PLY file with vertices
-    x, y, z."""
-    header = _header_of(content)
-    roles = column_roles([p.name for p in header.vertex.properties])
-    if header.order == "":
-        return [_read_ascii(content[header.end :], header.lines + 1, header.elements, header.vertex, roles)]
-    columns, start = _read_binary(content, header, roles)
-    return [cloud_of_columns(columns, surplus_note(len(content) - start, "bytes", "element"))]
-
-
-def read_ply_columns(content: bytes) -> dict[str, np.ndarray]:
-    """Every property (N,) of the vertices of a binary PLY file, by its name and as it is. Raises InputError: anything
-    that is not a whole, well-formed binary PLY file with vertices."""
-    header = _header_of(content)
-    if header.order == "":
-        raise InputError("it is an ascii PLY file; wanted a binary one, as `sonarmap map` writes")
-    return _read_binary(content, header, {p.name: k for k, p in enumerate(header.vertex.properties)})[0]
-
-
 @dataclass(frozen=True, slots=True)
 class _Header:
     """Byte order (empty: ascii), elements, which of them are the vertices, and where the header ends."""
@@ -84,6 +65,25 @@ class _Header:
     vertex: _Element
     end: int
     lines: int
+
+
+def read_ply(content: bytes) -> list[Cloud]:
+    """The vertices of a PLY file. Raises InputError: it is not a whole, well-formed one with vertices x, y, z."""
+    header = _header_of(content)
+    roles = column_roles([p.name for p in header.vertex.properties])
+    if header.order == "":
+        columns, surplus = _read_ascii(whole_lines(content[header.end :], header.lines + 1), header, roles)
+        return [cloud_of_columns(columns, surplus_note(surplus, "lines", "element"))]
+    columns, start = _read_binary(content, header, roles)
+    return [cloud_of_columns(columns, surplus_note(len(content) - start, "bytes", "element"))]
+
+
+def read_ply_columns(content: bytes) -> dict[str, np.ndarray]:
+    """Every property (N,) of the vertices of a binary PLY file, by its name and as it is. Raises as `read_ply`."""
+    header = _header_of(content)
+    if header.order == "":
+        raise InputError("it is an ascii PLY file; wanted a binary one, as `sonarmap map` writes")
+    return _read_binary(content, header, {p.name: k for k, p in enumerate(header.vertex.properties)})[0]
 
 
 def _header_of(content: bytes) -> _Header:
@@ -115,42 +115,35 @@ def _parse_header(lines: list[list[str]]) -> tuple[str, list[_Element]]:
                 if re.fullmatch(r"\d{1,18}", count, re.ASCII) is None:
                     raise InputError(f"line {number}: the header promises {count!r} of {name}; wanted a count >= 0")
                 elements.append(_Element(name, int(count), []))
-            case ["property", *rest] if elements and order is not None:
-                elements[-1].properties.append(_parse_property(rest, order, number))
+            case ["property", kind, name] if elements and order is not None and kind in _TYPES:
+                elements[-1].properties.append(_Property(name, np.dtype(order + _TYPES[kind])))
+            case ["property", "list", length, kind, name] if (
+                elements and order is not None and kind in _TYPES and _TYPES.get(length, "f")[0] in "iu"
+            ):
+                kinds = np.dtype(order + _TYPES[kind]), np.dtype(order + _TYPES[length])
+                elements[-1].properties.append(_Property(name, *kinds))
             case _:
-                raise InputError(f"line {number} of its PLY header is not understood: {shown(_joined(words))}")
+                # a property is named where it alone is wrong
+                known, rest = (
+                    ("property ", words[1:])
+                    if words[0] == "property" and elements and order is not None
+                    else ("", words)
+                )
+                raise InputError(
+                    f"line {number} of its PLY header is not understood: {known}{shown(' '.join(rest).encode())}"
+                )
     if order is None:
         raise InputError("its PLY header has no line 'format ... 1.0'; write the file again")
     return order, elements
 
 
-def _parse_property(words: list[str], order: str, number: int) -> _Property:
-    match words:
-        case [kind, name] if kind in _TYPES:
-            return _Property(name, np.dtype(order + _TYPES[kind]))
-        case ["list", length, kind, name] if kind in _TYPES and _TYPES.get(length, "f")[0] in "iu":
-            return _Property(name, np.dtype(order + _TYPES[kind]), np.dtype(order + _TYPES[length]))
-    raise InputError(f"line {number} of its PLY header is not understood: property {shown(_joined(words))}")
-
-
-def _joined(words: list[str]) -> bytes:
-    return " ".join(words).encode()
-
-
-def _read_ascii(
-    body: bytes, first_line: int, elements: list[_Element], vertex: _Element, roles: dict[str, int]
-) -> Cloud:
-    lines = whole_lines(body, first_line)
-    needed = sum(element.count for element in elements)
-    if len(lines) < needed:
-        raise InputError(
-            f"the header promises {needed:,} lines of points and the like and {len(lines):,} follow: "
-            "the file is cut or its header is wrong; write or copy it again"
-        )
-    start = sum(element.count for element in elements[: elements.index(vertex)])
-    rows = parse_rows(lines[start : start + vertex.count], len(vertex.properties))
-    notes = surplus_note(len(lines) - needed, "lines", "element")
-    return cloud_of_columns({role: rows[:, column] for role, column in roles.items()}, notes)
+def _read_ascii(lines: list[Line], header: _Header, roles: dict[str, int]) -> tuple[dict[str, np.ndarray], int]:
+    """The vertices' columns, and how many lines follow the last element."""
+    counts = [element.count for element in header.elements]
+    require_lines(sum(counts), len(lines), "lines of points and the like", "")
+    start = sum(counts[: header.elements.index(header.vertex)])
+    rows = parse_rows(lines[start : start + header.vertex.count], len(header.vertex.properties))
+    return {role: rows[:, column] for role, column in roles.items()}, len(lines) - sum(counts)
 
 
 def _read_binary(content: bytes, header: _Header, roles: dict[str, int]) -> tuple[dict[str, np.ndarray], int]:
@@ -160,9 +153,8 @@ def _read_binary(content: bytes, header: _Header, roles: dict[str, int]) -> tupl
         held = len(content) - start
         require_bytes(f"{element.count:,} of element {element.name}", element.count * element.least_bytes, held)
         if element is header.vertex:
-            offsets = np.cumsum([0, *(p.dtype.itemsize for p in element.properties)])
-            layout = {role: (element.properties[i].dtype.str, int(offsets[i])) for role, i in roles.items()}
-            columns = unpack_records(content, start, element.count, element.least_bytes, layout)
+            fields = [(p.dtype.str, p.dtype.itemsize) for p in element.properties]
+            columns = unpack_records(content, start, element.count, fields, roles)
         start = _end_of(element, content, start)
     return columns, start
 
@@ -173,27 +165,16 @@ def _end_of(element: _Element, content: bytes, start: int) -> int:
         return start + element.count * element.least_bytes
     for record in range(element.count):
         for p in element.properties:
-            if p.length is None:
-                start += p.dtype.itemsize
-                continue
-            if start + p.length.itemsize > len(content):
-                raise _cut_in(element, record)
-            (length,) = struct.unpack_from(_struct_format(p.length), content, start)
-            start += p.length.itemsize + length * p.dtype.itemsize
+            length = 1
+            if p.length is not None:
+                counter = content[start : start + p.length.itemsize]
+                order = "big" if p.length.str[0] == ">" else "little"
+                length = int.from_bytes(counter, order, signed=p.length.kind == "i")
+                start += p.length.itemsize
+            start += length * p.dtype.itemsize
             if length < 0 or start > len(content):
-                raise _cut_in(element, record)
-        if start > len(content):
-            raise _cut_in(element, record)
+                raise InputError(
+                    f"it ends within {element.name} {record + 1:,} of {element.count:,}: "
+                    "the file is cut or damaged; write or copy it again"
+                )
     return start
-
-
-def _struct_format(dtype: np.dtype) -> str:
-    order = ">" if dtype.str[0] == ">" else "<"
-    return order + dtype.char
-
-
-def _cut_in(element: _Element, record: int) -> InputError:
-    return InputError(
-        f"it ends within {element.name} {record + 1:,} of {element.count:,}: "
-        "the file is cut or damaged; write or copy it again"
-    )

@@ -1,7 +1,8 @@
 """Numbers in rows: lines of text, and packed binary records; and how many bytes are believable."""
 
 from array import array
-from collections.abc import Iterable, Mapping
+from collections.abc import Iterable, Mapping, Sequence
+from itertools import accumulate
 
 import numpy as np
 
@@ -66,32 +67,39 @@ def shown(token: bytes) -> str:
 
 
 def unpack_records(
-    content: bytes, start: int, count: int, stride: int, columns: Mapping[str, tuple[str, int]]
+    content: bytes, start: int, count: int, fields: Sequence[tuple[str, int]], roles: Mapping[str, int]
 ) -> dict[str, np.ndarray]:
-    """Columns of `count` packed records of `stride` bytes each, from byte `start` on: {name: (count,)}.
+    """Columns of `count` packed records, from byte `start` on: {role: (count,)}.
 
     Args:
-        columns: {name: (dtype, offset of the column within a record)}.
+        fields: dtype and bytes of each field of a record.
+        roles: which of the fields are wanted.
 
     Raises InputError: the content is shorter than that, or a record beyond any sense; nothing is allocated before this
     is known.
     """
+    offsets = [0, *accumulate(size for _, size in fields)]
+    stride = offsets[-1]
     if stride > _LARGEST_RECORD:
         raise InputError(
             f"the header promises points of {stride:,} bytes each; wanted at most {_LARGEST_RECORD:,}: it is damaged, "
             "write or copy the file again"
         )
     require_bytes(f"{count:,} points of {stride} bytes", count * stride, len(content) - start)
-    layout = np.dtype(
-        {
-            "names": list(columns),
-            "formats": [dtype for dtype, _ in columns.values()],
-            "offsets": [offset for _, offset in columns.values()],
-            "itemsize": stride,
-        }
-    )
+    formats = [fields[field][0] for field in roles.values()]
+    places = [offsets[field] for field in roles.values()]
+    layout = np.dtype({"names": list(roles), "formats": formats, "offsets": places, "itemsize": stride})
     records = np.frombuffer(content, layout, count, start)
-    return {name: records[name] for name in columns}
+    return {role: records[role] for role in roles}
+
+
+def require_lines(needed: int, held: int, what: str, unit: str) -> None:
+    """Refuse a header that promises more lines, `what` is in them, than the file holds after it."""
+    if needed > held:
+        raise InputError(
+            f"the header promises {needed:,} {what} and {held:,}{unit} follow: "
+            "the file is cut or its header is wrong; write or copy it again"
+        )
 
 
 def require_bytes(what: str, needed: int, held: int) -> None:
