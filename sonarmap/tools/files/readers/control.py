@@ -12,8 +12,8 @@ import numpy as np
 from sonarmap.kernels.errors import InputError
 from sonarmap.slam.graph.control import ControlPoint, Use
 from sonarmap.spectral.scan import Scan
-from sonarmap.tools.files.readers.csv_table import CsvRow, read_csv_table
-from sonarmap.tools.files.readers.navigation.cells import degrees, number, refuse
+from sonarmap.tools.files.readers.csv_table import CsvRow, declared_columns, read_csv_table
+from sonarmap.tools.files.readers.navigation.cells import degrees, number, number_within, refuse
 from sonarmap.tools.files.readers.navigation.match import named_scan
 from sonarmap.tools.files.user_file import naming
 
@@ -28,7 +28,7 @@ SIGMAS = ("sigma_m", "sigma_h_m", "sigma_v_m")
 USES: dict[str, Use] = {"control": "control", "check": "check"}
 COLUMNS = ("name", "scan", *POINT, *LOCAL, *EARTH, *GRID, *UP, *SIGMAS, "use")
 DEFAULT_SIGMA = 0.05  # [m]
-_LEAST_SIGMA, _LARGEST_SIGMA = 1e-4, 1e4
+_SIGMA_BOUNDS = 1e-4, 1e4
 _FARTHEST = 20_000.0  # [m] beyond which eastings and northings are a grid's
 _LARGEST = {"lat_deg": 90.0, "lon_deg": 180.0} | dict.fromkeys(GRID, 1e8)
 _MOST = 1000  # points; a survey has tens, and every estimate of the map weighs each of them
@@ -71,7 +71,7 @@ def read_control(
         )
     table = read_csv_table(path)
     heading = f"{path}: line {table.heading.line}"
-    columns, across, up = _columns(table.heading.cells, heading)
+    columns, across, up = _columns(table.heading, path)
     if (across == GRID) != (crs is not None):
         raise InputError(
             f"{heading}: easting_m and northing_m want to know of which grid: give --control-crs, as EPSG:25832"
@@ -95,20 +95,10 @@ def read_control(
     return Control(points, georeference, tuple(notes))
 
 
-def _columns(cells: Sequence[str], where: str) -> tuple[dict[str, int], tuple[str, str], str]:
+def _columns(heading: CsvRow, path: Path) -> tuple[dict[str, int], tuple[str, str], str]:
     """The place of each column, which pair says East and North, and which column says Up."""
-    headings = [cell.lower() for cell in cells]
-    for k, heading in enumerate(headings):
-        if heading not in COLUMNS:
-            raise InputError(
-                f"{where}: there is a column {cells[k][:40]!r}; wanted of {', '.join(COLUMNS)}; rename or delete it"
-            )
-        if heading in headings[:k]:
-            raise InputError(f"{where}: there are two columns {heading}; delete one")
-    columns = {heading: k for k, heading in enumerate(headings)}
-    for name in ("name", "scan", *POINT):
-        if name not in columns:
-            raise InputError(f"{where}: there is no column {name}; add it")
+    where = f"{path}: line {heading.line}"
+    columns = declared_columns(heading, path, COLUMNS, ("name", "scan", *POINT), f"of {', '.join(COLUMNS)}", "")
     pairs = [pair for pair in (LOCAL, EARTH, GRID) if set(pair).intersection(columns)]
     if len(pairs) != 1 or not set(pairs[0]).issubset(columns):
         raise InputError(
@@ -168,7 +158,8 @@ def _number(name: str, cell: str, where: str) -> float:
 
 def _sigmas(cells: Mapping[str, str], where: str) -> np.ndarray:
     """(3,) along East, North and Up [m]."""
-    given = {name: _sigma(name, cells[name], where) for name in SIGMAS if cells.get(name)}
+    wanted = f"a standard deviation from {_SIGMA_BOUNDS[0]:g} to {_SIGMA_BOUNDS[1]:g} m"
+    given = {name: number_within(where, name, cells[name], _SIGMA_BOUNDS, wanted) for name in SIGMAS if cells.get(name)}
     if "sigma_m" in given and len(given) > 1:
         raise InputError(f"{where}: there are sigma_m and {SIGMAS[1]} or {SIGMAS[2]}; wanted one way; fix that line")
     if len(given) == 1 and "sigma_m" not in given:
@@ -177,13 +168,6 @@ def _sigmas(cells: Mapping[str, str], where: str) -> np.ndarray:
         )
     level, upright = (given.get(name, given.get("sigma_m", DEFAULT_SIGMA)) for name in SIGMAS[1:])
     return np.array([level, level, upright])
-
-
-def _sigma(name: str, cell: str, where: str) -> float:
-    value = number(cell)
-    if not _LEAST_SIGMA <= value <= _LARGEST_SIGMA:
-        raise refuse(where, name, cell, f"a standard deviation from {_LEAST_SIGMA:g} to {_LARGEST_SIGMA:g} m")
-    return value
 
 
 def _local(

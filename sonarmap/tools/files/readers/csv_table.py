@@ -2,6 +2,7 @@
 
 import codecs
 import csv
+from collections.abc import Sequence
 from dataclasses import dataclass
 from pathlib import Path
 
@@ -48,6 +49,33 @@ class CsvTable:
                     f"{path}: line {row.line}: it has {len(row.cells)} cells where the heading has {wanted}{cut}; fix "
                     "that line"
                 )
+
+
+def declared_columns(
+    heading: CsvRow, path: Path, known: Sequence[str], required: Sequence[str], words: str, missing: str
+) -> dict[str, int]:
+    """The place of each column of a table that a person fills in, by its name in small letters.
+
+    Args:
+        known: names that it may have.
+        required: those that it has to have.
+        words: what is wanted where a column has another name.
+        missing: what is wanted where one of `required` is not there.
+
+    Raises InputError: a column that is not known, there twice, or missing.
+    """
+    where, names = f"{path}: line {heading.line}", [cell.lower() for cell in heading.cells]
+    for k, name in enumerate(names):
+        if name not in known:
+            raise InputError(
+                f"{where}: there is a column {heading.cells[k][:40]!r}; wanted {words}; rename or delete it"
+            )
+        if name in names[:k]:
+            raise InputError(f"{where}: there are two columns {name}; delete one")
+    for name in required:
+        if name not in names:
+            raise InputError(f"{where}: there is no column {name}; {missing}add it")
+    return {name: k for k, name in enumerate(names)}
 
 
 def read_csv_table(path: Path) -> CsvTable:

@@ -12,15 +12,16 @@ from sonarmap.slam.graph.tangent import carried
 from sonarmap.slam.tie import VERDICTS, Tie, Verdict
 from sonarmap.spectral.result import Registration
 from sonarmap.spectral.scan import Scan
-from sonarmap.tools.files.readers.csv_table import CsvRow, read_csv_table
-from sonarmap.tools.files.readers.navigation.cells import number, refuse
+from sonarmap.tools.files.readers.csv_table import CsvRow, declared_columns, read_csv_table
+from sonarmap.tools.files.readers.navigation.cells import number_within, refuse
 from sonarmap.tools.files.readers.navigation.match import named_scan
 
 NAMES = ("target", "source", "verdict")
 POSE = ("x_m", "y_m", "z_m", "roll_deg", "pitch_deg", "yaw_deg")
 SIGMAS = ("sigma_m", "sigma_deg")
 NOTE = "note"
-COLUMNS = (*NAMES, *POSE, *SIGMAS, NOTE)
+TRANSFORM = (*POSE, *SIGMAS)
+COLUMNS = (*NAMES, *TRANSFORM, NOTE)
 _VERDICTS: dict[str, Verdict] = {verdict: verdict for verdict in VERDICTS}
 # Nobody measures better, and the equations want no better; nor is a pair of scans farther apart [m, deg].
 _LEAST = {"sigma_m": 1e-4, "sigma_deg": 1e-3}
@@ -40,7 +41,7 @@ def read_ties(path: Path, scans: Sequence[Scan]) -> tuple[Tie, ...]:
     Raises InputError: naming the file and the line: a column or cell that cannot be used, or two verdicts on a pair.
     """
     table = read_csv_table(path)
-    columns = _columns(table.heading.cells, f"{path}: line {table.heading.line}")
+    columns = _columns(table.heading, path)
     table.require_even(path)
     ties: list[Tie] = []
     lines: dict[tuple[int, int], int] = {}
@@ -57,25 +58,17 @@ def read_ties(path: Path, scans: Sequence[Scan]) -> tuple[Tie, ...]:
     return tuple(ties)
 
 
-def _columns(cells: Sequence[str], where: str) -> dict[str, int]:
+def _columns(heading: CsvRow, path: Path) -> dict[str, int]:
     """The place of each column."""
-    headings = [cell.lower() for cell in cells]
-    for k, heading in enumerate(headings):
-        if heading not in COLUMNS:
-            raise InputError(
-                f"{where}: there is a column {cells[k][:40]!r}; wanted {', '.join(NAMES)}, and if need be "
-                f"{', '.join(COLUMNS[3:])}; rename or delete it"
-            )
-        if heading in headings[:k]:
-            raise InputError(f"{where}: there are two columns {heading}; delete one")
-    columns = {heading: k for k, heading in enumerate(headings)}
-    for name in NAMES:
-        if name not in columns:
-            raise InputError(f"{where}: there is no column {name}; wanted {', '.join(NAMES)}; add it")
-    transform = [name for name in (*POSE, *SIGMAS) if name in columns]
-    if transform and len(transform) < len(POSE) + len(SIGMAS):
-        missing = [name for name in (*POSE, *SIGMAS) if name not in columns]
-        raise InputError(f"{where}: a transform wants a column {missing[0]} too; add it, or delete {transform[0]}")
+    words = f"{', '.join(NAMES)}, and if need be {', '.join(COLUMNS[3:])}"
+    columns = declared_columns(heading, path, COLUMNS, NAMES, words, f"wanted {', '.join(NAMES)}; ")
+    transform = [name for name in TRANSFORM if name in columns]
+    missing = [name for name in TRANSFORM if name not in columns]
+    if transform and missing:
+        raise InputError(
+            f"{path}: line {heading.line}: a transform wants a column {missing[0]} too; add it, or delete "
+            f"{transform[0]}"
+        )
     return columns
 
 
@@ -97,24 +90,20 @@ def _tie(row: CsvRow, columns: Mapping[str, int], scans: Sequence[Scan], where: 
         )
     # T_true = T Exp(xi) has the inverse T^-1 Exp(-Ad(T) xi)
     T_i_j, covariance = (given[0].inv(), carried(*given)) if target > source else given
-    told = Registration(T_i_j, covariance, np.nan, np.nan, True, 0.0, "measured by hand")
-    return Tie(min(target, source), max(target, source), verdict, told, cells.get(NOTE, ""))
+    measured = Registration(T_i_j, covariance, np.nan, np.nan, True, 0.0, "measured by hand")
+    return Tie(min(target, source), max(target, source), verdict, measured, cells.get(NOTE, ""))
 
 
 def _transform(cells: Mapping[str, str], where: str) -> tuple[RigidTransform, np.ndarray] | None:
     """T_target_source and its (6, 6) covariance, rotation first [rad, m]; None where all cells are empty."""
-    names = (*POSE, *SIGMAS)
-    if not any(cells.get(name) for name in names):
+    if not any(cells.get(name) for name in TRANSFORM):
         return None
-    values = {name: _number(name, cells[name], where) for name in names}
+    values: dict[str, float] = {}
+    for name in TRANSFORM:
+        bounds = _LEAST.get(name, -_LARGEST[name]), _LARGEST[name]
+        wanted = f"a number from {bounds[0]:g} to {bounds[1]:g}, as the pair has a transform"
+        values[name] = number_within(where, name, cells[name], bounds, wanted)
     R = Rotation.from_euler("ZYX", [values[name] for name in reversed(POSE[3:])], degrees=True)
     T = RigidTransform.from_components([values[name] for name in POSE[:3]], R)
     sigmas = np.repeat([np.radians(values["sigma_deg"]), values["sigma_m"]], 3)
     return T, np.diag(sigmas**2)
-
-
-def _number(name: str, cell: str, where: str) -> float:
-    value, least, largest = number(cell), _LEAST.get(name, -_LARGEST[name]), _LARGEST[name]
-    if not least <= value <= largest:
-        raise refuse(where, name, cell, f"a number from {least:g} to {largest:g}, as the pair has a transform")
-    return value

@@ -67,3 +67,11 @@ def degrees(cell: str, quantity: str) -> float:
 def refuse(where: str, heading: str, cell: str, wanted: str) -> InputError:
     """The error of a cell that cannot be used."""
     return InputError(f"{where}: {heading} is {cell[:40]!r}; wanted {wanted}; fix that line")
+
+
+def number_within(where: str, name: str, cell: str, bounds: tuple[float, float], wanted: str) -> float:
+    """The number of a cell. Raises InputError: it is none, or not within the bounds."""
+    value = number(cell)
+    if not bounds[0] <= value <= bounds[1]:
+        raise refuse(where, name, cell, wanted)
+    return value
