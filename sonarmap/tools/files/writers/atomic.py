@@ -28,22 +28,19 @@ def atomic_path(path: Path) -> Iterator[Path]:
     if path.is_dir():
         raise InputError(f"cannot write {path}: a folder of that name is there. Choose another output folder.")
     temporary, waiting = path.with_name(f"{LEFTOVER_PREFIX}{token_hex(8)}{path.suffix}"), _waiting.get()
-    try:
+    with _writing(path):
         path.parent.mkdir(parents=True, exist_ok=True)
         temporary.touch(exist_ok=False)  # with the permissions of any new file, which tempfile's have not
-    except OSError as error:
-        raise _cannot_write(path, error) from error
     try:
-        yield temporary
-        with temporary.open("rb+") as file:
-            os.fsync(file.fileno())
-        if waiting is None:
-            temporary.replace(path)
-            appeared.append(path)
-        else:
-            waiting.append((temporary, path))
-    except OSError as error:
-        raise _cannot_write(path, error) from error
+        with _writing(path):
+            yield temporary
+            with temporary.open("rb+") as file:
+                os.fsync(file.fileno())
+            if waiting is None:
+                temporary.replace(path)
+                appeared.append(path)
+            else:
+                waiting.append((temporary, path))
     finally:
         if (temporary, path) not in (waiting or []):
             discard(temporary)
@@ -69,10 +66,8 @@ def all_or_none() -> Iterator[Sequence[tuple[Path, Path]]]:
     try:
         yield waiting
         for temporary, path in waiting:
-            try:
+            with _writing(path):
                 temporary.replace(path)
-            except OSError as error:
-                raise _cannot_write(path, error) from error
             appeared.append(path)
     finally:
         _waiting.reset(token)
@@ -91,12 +86,9 @@ def clear_leftovers(folder: Path) -> None:
 
 def require_writable(folder: Path) -> None:
     """Refuse a folder that cannot be written before hours are spent on what should go into it; made if missing."""
-    try:
+    with _writing(folder):
         folder.mkdir(parents=True, exist_ok=True)
-        with tempfile.TemporaryFile(dir=folder):
-            pass
-    except OSError as error:
-        raise _cannot_write(folder, error) from error
+        tempfile.TemporaryFile(dir=folder).close()
 
 
 def discard(path: Path) -> None:
@@ -105,9 +97,14 @@ def discard(path: Path) -> None:
         path.unlink()
 
 
-def _cannot_write(path: Path, error: OSError) -> InputError:
-    """What to say where a file or a folder cannot be written."""
-    return InputError(
-        f"cannot write {path}: {error.strerror or error}. Choose another output folder, or make room and check "
-        "its permissions; what was there before is as it was. 'sonarmap doctor OUT' looks at a folder OUT and its disk."
-    )
+@contextmanager
+def _writing(path: Path) -> Iterator[None]:
+    """An OSError of the block is an InputError that says what to do where a file or a folder cannot be written."""
+    try:
+        yield
+    except OSError as error:
+        raise InputError(
+            f"cannot write {path}: {error.strerror or error}. Choose another output folder, or make room and check "
+            "its permissions; what was there before is as it was. 'sonarmap doctor OUT' looks at a folder OUT and its "
+            "disk."
+        ) from error

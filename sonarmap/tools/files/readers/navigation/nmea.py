@@ -51,14 +51,7 @@ def read_nmea(path: Path, settings: NavigationSettings, scans: np.ndarray, notes
 
     Raises InputError: it cannot be read, or has neither places nor headings at times.
     """
-    for option, given in (
-        ("--time-scale", settings.time_scale not in (None, "utc")),
-        ("--nav-columns", bool(settings.columns)),
-        ("--nav-crs", settings.crs is not None),
-        ("--magnetic-declination", settings.declination is not None),
-    ):
-        if given:
-            raise InputError(f"{path} holds NMEA sentences, for which {option} has no effect; leave it out")
+    settings.refuse_unused(path, "holds NMEA sentences")
     read = _Sentences()
     with reading(path), path.open(encoding="latin-1") as file:
         for number, line in enumerate(file, 1):

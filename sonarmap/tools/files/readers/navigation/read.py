@@ -11,7 +11,7 @@ from sonarmap.kernels.errors import InputError
 from sonarmap.tools.files.readers.instruments import COLUMNS
 from sonarmap.tools.files.readers.navigation.log import NavigationLog
 from sonarmap.tools.files.readers.navigation.nmea import is_nmea, read_nmea
-from sonarmap.tools.files.readers.navigation.settings import NavigationSettings
+from sonarmap.tools.files.readers.navigation.settings import UP_FRAMES, NavigationSettings
 from sonarmap.tools.files.readers.navigation.table import read_table
 from sonarmap.tools.files.readers.poses.tum import read_tum
 from sonarmap.tools.files.user_file import reading, require_file
@@ -66,15 +66,7 @@ def _is_tum(beginning: str) -> bool:
 
 def _of_tum(path: Path, settings: NavigationSettings) -> NavigationLog:
     """A trajectory: T_world_vehicle, East-North-Up, x forward, y left, z up."""
-    for option, given in (
-        ("--time-scale", settings.time_scale not in (None, "utc")),
-        ("--nav-columns", bool(settings.columns)),
-        ("--nav-crs", settings.crs is not None),
-        ("--nav-frame", settings.frame not in (None, "flu", "enu")),
-        ("--magnetic-declination", settings.declination is not None),
-    ):
-        if given:
-            raise InputError(f"{path} is a TUM file, for which {option} has no effect; leave it out")
+    settings.refuse_unused(path, "is a TUM file", UP_FRAMES)
     trajectory = read_tum(path)
     with warnings.catch_warnings():
         warnings.simplefilter("ignore")  # of scipy: looking straight up or down a rotation has many headings and rolls

@@ -2,6 +2,7 @@
 
 import csv
 from dataclasses import dataclass, field
+from pathlib import Path
 from types import MappingProxyType
 from typing import TYPE_CHECKING, Literal
 
@@ -143,6 +144,18 @@ class NavigationSettings:
     def points_up(self) -> bool:
         """Whether its axes are forward, left, up in East, North, Up: pitch nose down, yaw from East to North."""
         return self.frame in UP_FRAMES
+
+    def refuse_unused(self, path: Path, kind: str, frames: tuple[NavFrame, ...] = NAV_FRAMES) -> None:
+        """Refuse what says nothing of a file of this kind, in words, whose frame may be one of `frames`."""
+        for option, given in (
+            ("--time-scale", self.time_scale not in (None, "utc")),
+            ("--nav-columns", bool(self.columns)),
+            ("--nav-crs", self.crs is not None),
+            ("--nav-frame", self.frame not in (None, *frames)),
+            ("--magnetic-declination", self.declination is not None),
+        ):
+            if given:
+                raise InputError(f"{path} {kind}, for which {option} has no effect; leave it out")
 
 
 def _require_one_of(option: str, value: str | None, known: tuple[str, ...]) -> None:

@@ -53,11 +53,7 @@ def read_table(
     scans: np.ndarray,
     notes: list[str],
 ) -> NavigationLog:
-    """The rows of a CSV file.
-
-    Args:
-        sigmas: {column of COLUMNS: standard deviation} where the file has none; None where none is needed.
-    """
+    """The rows of a CSV file, as `tools.files.readers.navigation.read.read_navigation` has them."""
     raw = read_csv_table(path)
     with naming(f"{path}: line {raw.heading.line}"):
         columns = columns_of(raw.heading.cells, settings, sigmas)
@@ -134,9 +130,7 @@ def _column(table: _Table, name: str) -> np.ndarray:
     else:
         values, bad = numbers(cells, table.columns.is_own)
         wanted = "a finite number, or an empty cell for what was not measured"
-    if bad.any():
-        row = int(np.argmax(bad))
-        raise refuse(table.where(row), column.heading, cells[row], wanted)
+    _refuse_cells(table, name, bad, wanted)
     values = values * column.factor
     if name in _ON_EARTH and (beyond := np.abs(values) > _ON_EARTH[name]).any():
         row = int(np.argmax(beyond))
@@ -154,19 +148,21 @@ def _column(table: _Table, name: str) -> np.ndarray:
     return values
 
 
+def _refuse_cells(table: _Table, name: str, bad: np.ndarray, wanted: str) -> None:
+    """Refuse the first cell of a column that cannot be used."""
+    for row in np.flatnonzero(bad).tolist():
+        raise refuse(table.where(row), table.columns.heading(name), table.cells(name)[row], wanted)
+
+
 def _sigmas(table: _Table, settings: NavigationSettings) -> np.ndarray:
     """(n, 6) standard deviations, NaN where the file has none."""
     sigmas = np.full((len(table.rows), len(COLUMNS)), np.nan)
     for k, name in enumerate(SIGMA_COLUMNS):
         if name not in table.columns.of:
             continue
-        column = table.columns.of[name]
-        cells = table.cells(name)
-        values, bad = numbers(cells, table.columns.is_own)
-        if bad.any():
-            row = int(np.argmax(bad))
-            raise refuse(table.where(row), column.heading, cells[row], "a finite number, or an empty cell")
-        sigmas[:, k] = values * column.factor
+        values, bad = numbers(table.cells(name), table.columns.is_own)
+        _refuse_cells(table, name, bad, "a finite number, or an empty cell")
+        sigmas[:, k] = values * table.columns.of[name].factor
         for row in np.flatnonzero(np.isfinite(values)).tolist():
             with naming(table.where(row), "; fix that line"):
                 check_measured(name, float(sigmas[row, k]))

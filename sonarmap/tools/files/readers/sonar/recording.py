@@ -106,12 +106,7 @@ class Recording:
         Args:
             changed: when the file was last changed [s, UTC].
         """
-        return [
-            *self._damage_notes(),
-            *self._number_notes(),
-            *self._image_notes(),
-            *self._clock_notes(changed),
-        ]
+        return [*self._damage_notes(), *self._number_notes(), *self._image_notes(), *self._clock_notes(changed)]
 
     def _damage_notes(self) -> Iterator[str]:
         damage = self.damage
@@ -123,24 +118,19 @@ class Recording:
             yield f"the recording is cut: of its last packet there are only {_counted(damage.cut, 'byte')}"
 
     def _number_notes(self) -> Iterator[str]:
-        numbers = self.queue.numbers
-        if numbers.missing:
-            yield f"{numbers.missing:,} of {self.shots + numbers.missing:,} shots are missing by their numbers"
-        if self.queue.doubled:
-            yield f"{_counted(self.queue.doubled, 'doubled image')} left out"
-        if numbers.late:
-            yield f"{_counted(numbers.late, 'shot')} came late, now in order"
-        if numbers.wraps:
-            yield f"the numbers of the shots wrapped {_times(numbers.wraps)}, at 2^32"
-        if numbers.restarts:
-            yield (
-                f"the numbers of the shots start again {_times(numbers.restarts)}: the sonar was restarted, or "
-                "recordings were put together"
-            )
-        if self.batches.missing:
-            yield f"{_counted(self.batches.missing, 'batch', 'batches')} of the IMU missing by their numbers"
-        if self.doubled_batches:
-            yield f"{_counted(self.doubled_batches, 'doubled batch', 'doubled batches')} of the IMU left out"
+        numbers, batches, doubled = self.queue.numbers, self.batches.missing, self.doubled_batches
+        missing, total = numbers.missing, self.shots + numbers.missing
+        counts = {
+            f"{missing:,} of {total:,} shots are missing by their numbers": missing,
+            f"{_counted(self.queue.doubled, 'doubled image')} left out": self.queue.doubled,
+            f"{_counted(numbers.late, 'shot')} came late, now in order": numbers.late,
+            f"the numbers of the shots wrapped {_times(numbers.wraps)}, at 2^32": numbers.wraps,
+            f"the numbers of the shots start again {_times(numbers.restarts)}: the sonar was restarted, or recordings "
+            "were put together": numbers.restarts,
+            f"{_counted(batches, 'batch', 'batches')} of the IMU missing by their numbers": batches,
+            f"{_counted(doubled, 'doubled batch', 'doubled batches')} of the IMU left out": doubled,
+        }
+        yield from (note for note, count in counts.items() if count)
 
     def _image_notes(self) -> Iterator[str]:
         if 0 < self.bare < self.shots:
