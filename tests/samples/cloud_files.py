@@ -112,10 +112,7 @@ def sonar_packets(frames: int = 3) -> list[bytes]:
     packets = []
     for frame in range(frames):
         pixels = np.arange(12).reshape(3, 4) * (frame + 1)
-        packets += [
-            rip.packb(range_image(frame, pixels)),
-            rip.packb(strength_image(frame, 20 * pixels % 256)),
-        ]
+        packets += [rip.packb(range_image(frame, pixels)), rip.packb(strength_image(frame, 20 * pixels % 256))]
     return packets
 
 

@@ -50,9 +50,7 @@ def test_round_trip(tmp_path):
             a.registration.T_target_source.translation, b.registration.T_target_source.translation
         )
         np.testing.assert_allclose(
-            a.registration.covariance,
-            b.registration.covariance,
-            atol=1e-12 * np.abs(b.registration.covariance).max(),
+            a.registration.covariance, b.registration.covariance, atol=1e-12 * np.abs(b.registration.covariance).max()
         )
 
 

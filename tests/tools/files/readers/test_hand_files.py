@@ -65,10 +65,7 @@ def test_the_covariance_of_a_transform_that_is_turned_around(tmp_path: Path) -> 
         ("target,source,verdict\n1,dive99,reject\n", "line 2: source: no scan is called 'dive99'"),
         ("target,source,verdict\n1,12,reject\n", "a number from 0 to 11"),
         ("target,source,verdict\n1,2,maybe\n", "line 2: verdict is 'maybe'; wanted one of accept, reject, add"),
-        (
-            "target,source,verdict\n1,2,add\n# other\n2,1,reject\n",
-            "lines 2 and 4 both have a verdict on dive1",
-        ),
+        ("target,source,verdict\n1,2,add\n# other\n2,1,reject\n", "lines 2 and 4 both have a verdict on dive1"),
         ("target,source\n1,2\n", "no column verdict"),
         ("target,source,verdict,kept\n1,2,add,yes\n", "line 1: there is a column 'kept'"),
         ("target,source,verdict,x_m\n1,2,add,3\n", "a transform wants a column y_m too"),

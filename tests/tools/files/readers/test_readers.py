@@ -31,16 +31,7 @@ def test_every_format_gives_the_same_points_and_strengths(tmp_path, sample):
 
 @pytest.mark.parametrize(
     "name",
-    [
-        "intensity",
-        "strength",
-        "scalar_intensity",
-        "scalar_Intensity",
-        "amplitude",
-        "reflectivity",
-        "I",
-        "Strength",
-    ],
+    ["intensity", "strength", "scalar_intensity", "scalar_Intensity", "amplitude", "reflectivity", "I", "Strength"],
 )
 def test_strength_goes_by_many_names(tmp_path, name):
     scan = read_scan(put(tmp_path / "scan.ply", ply(names=("X", "y", "Z", name))))

@@ -97,11 +97,7 @@ def test_a_negative_count_is_refused(tmp_path, sample):
         (".ply", ply().replace(b"binary_little", b"binary_middle"), "not understood"),
         (".ply", ply("ascii").replace(b"7 -2.25", b"-2.25"), "line 11 has 4 columns; wanted 5"),
         (".ply", ply("ascii").replace(b"-2.25", b"-2,25"), "line 11: '-2,25' is not a number"),
-        (
-            ".pcd",
-            pcd("binary").replace(b"WIDTH 5", b"WIDTH 0").replace(b"POINTS 5", b"POINTS 0"),
-            "no points",
-        ),
+        (".pcd", pcd("binary").replace(b"WIDTH 5", b"WIDTH 0").replace(b"POINTS 5", b"POINTS 0"), "no points"),
         (".pcd", pcd("binary").replace(b"WIDTH 5", b"WIDTH 4"), "POINTS 5 and WIDTH x HEIGHT 4 x 1"),
         (".pcd", pcd("binary").replace(b"normal x y z", b"normal x y w"), "no column z among"),
         (".pcd", pcd("binary").replace(b"COUNT 3 1", b"COUNT 1 3"), "more than one value"),
@@ -152,12 +148,7 @@ def test_the_last_line_of_a_text_must_end(tmp_path, sample):
 @pytest.mark.parametrize("suffix", [".npy", ".xyz"])
 def test_a_scan_without_a_finite_point_is_refused(tmp_path, suffix):
     table = np.full((3, 3), np.nan, np.float32)
-    refused(
-        tmp_path,
-        suffix,
-        npy(table) if suffix == ".npy" else b"nan 1 2\n1 inf 2\n",
-        "NaN or infinite; nothing",
-    )
+    refused(tmp_path, suffix, npy(table) if suffix == ".npy" else b"nan 1 2\n1 inf 2\n", "NaN or infinite; nothing")
 
 
 @pytest.mark.parametrize("far", [100_001.0, -4.2e6, 1e300])

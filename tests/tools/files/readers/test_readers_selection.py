@@ -22,12 +22,7 @@ def test_a_folder_is_read_in_natural_order_and_strangers_are_passed_over(tmp_pat
     put(tmp_path / "notes.md", b"no scan")
     put(tmp_path / ".hidden.xyz", b"no scan")
     (tmp_path / "folder.xyz").mkdir()
-    for paths in (
-        [tmp_path],
-        [tmp_path / "scan*.xyz"],
-        [str(tmp_path / "*")],
-        sorted(tmp_path.glob("scan*")),
-    ):
+    for paths in ([tmp_path], [tmp_path / "scan*.xyz"], [str(tmp_path / "*")], sorted(tmp_path.glob("scan*"))):
         scans = read_scans(paths).scans
         assert [scan.points[0, 0] for scan in scans] == [1, 2, 10, 33]
         assert [scan.stamp for scan in scans] == [0, 1, 2, 3]

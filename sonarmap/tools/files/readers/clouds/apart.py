@@ -112,10 +112,7 @@ def _bound(seconds: int, room: int) -> None:
         used = int(Path("/proc/self/statm").read_text(encoding="ascii").split()[0]) * os.sysconf("SC_PAGE_SIZE")
     except (ImportError, OSError):  # not Linux
         return
-    bounds = {
-        resource.RLIMIT_CPU: int(process_time()) + seconds,
-        resource.RLIMIT_AS: used + room,
-    }
+    bounds = {resource.RLIMIT_CPU: int(process_time()) + seconds, resource.RLIMIT_AS: used + room}
     for kind, wanted in bounds.items():
         most = resource.getrlimit(kind)[1]
         resource.setrlimit(kind, (wanted if most == resource.RLIM_INFINITY else min(wanted, most), most))

@@ -21,11 +21,7 @@ _TUM_NUMBERS = 8
 
 
 def read_navigation(
-    path: Path,
-    settings: NavigationSettings,
-    sigmas: Mapping[str, float] | None,
-    scans: np.ndarray,
-    notes: list[str],
+    path: Path, settings: NavigationSettings, sigmas: Mapping[str, float] | None, scans: np.ndarray, notes: list[str]
 ) -> NavigationLog:
     """The rows of a file, which is told by its content.
 

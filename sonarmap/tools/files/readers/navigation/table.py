@@ -47,11 +47,7 @@ class _Table:
 
 
 def read_table(
-    path: Path,
-    settings: NavigationSettings,
-    sigmas: Mapping[str, float] | None,
-    scans: np.ndarray,
-    notes: list[str],
+    path: Path, settings: NavigationSettings, sigmas: Mapping[str, float] | None, scans: np.ndarray, notes: list[str]
 ) -> NavigationLog:
     """The rows of a CSV file, as `tools.files.readers.navigation.read.read_navigation` has them."""
     raw = read_csv_table(path)

@@ -127,11 +127,7 @@ EMPTY_RECORD = b"\x08" + bytes(8)
     ("piece", "count", "words"),
     [
         (bytes(1 << 20), 500, "of zstd unpack to more than 67,108,864, which no recorder writes"),
-        (
-            EMPTY_RECORD,
-            2_000_000,
-            "it holds more than the 131,072 records that may still come, which is not",
-        ),
+        (EMPTY_RECORD, 2_000_000, "it holds more than the 131,072 records that may still come, which is not"),
     ],
     ids=["zeros", "records"],
 )
