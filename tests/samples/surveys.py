@@ -1,4 +1,4 @@
-"""Small surveys with known poses, and a registrar that knows them."""
+"""Small surveys with known poses, a registrar that knows them, and registrations and loops that are wrong."""
 
 from collections import Counter
 from collections.abc import Callable
@@ -9,8 +9,10 @@ from scipy.spatial.transform import RigidTransform, Rotation
 from sonarmap.kernels.errors import InputError
 from sonarmap.slam.decide.navigation import Navigation
 from sonarmap.slam.graph.edge import Edge, Kind
+from sonarmap.slam.graph.pose_graph import PoseGraph
 from sonarmap.spectral.result import Registration
 from sonarmap.spectral.scan import Scan
+from sonarmap.tools.lab.reproduce.gaussian.scored import ScoredRegistration
 
 
 def random_transforms(rng: np.random.Generator, count: int, angle: float = 1.0, length: float = 5.0) -> RigidTransform:
@@ -109,3 +111,64 @@ class _Prepared:
 
     def __del__(self) -> None:
         self.registrar.alive -= 1
+
+
+TRUTH = RigidTransform.from_components([20, -7, 3], Rotation.from_euler("ZYX", [170, 4, -9], degrees=True))
+CENTER = np.array([40.0, 15.0, -12.0])
+
+
+def scored(yaw: float = 0, pitch: float = 0, shift: float = 0, voxel: float = 2.0) -> ScoredRegistration:
+    """One that is off by so many degrees of yaw and pitch, turned about the scan's center, and by meters in x."""
+    angles = TRUTH.rotation.as_euler("ZYX", degrees=True) + np.array([yaw, pitch, 0])
+    R = Rotation.from_euler("ZYX", angles, degrees=True)
+    translation = TRUTH.apply(CENTER) - R.apply(CENTER) + np.array([shift, 0, 0])
+    found = RigidTransform.from_components(translation, R)
+    steps = (("yaw", 9.0), ("tilt", 8.0), ("translation", 50.0), ("rival", 7.0))
+    registration = Registration(found, np.eye(6), 50.0, 0.5, True, 0.25, step_psr=steps)
+    return ScoredRegistration(registration, TRUTH, CENTER, voxel)
+
+
+FAR = 10.0  # least residual of a wrong loop [sigmas]
+GROUP = 20  # loops of an aliased place: as many consecutive poses see it
+
+
+def scattered(graph: PoseGraph, T: RigidTransform, count: int, seed: int) -> tuple[Edge, ...]:
+    """Random pairs of poses, each measured as a right loop of the graph might be, with that loop's covariance.
+
+    Args:
+        graph: whose loops say what a loop looks like.
+        T: its poses, right or nearly so; a pair that happens to be right within them is drawn again.
+    """
+    rng = np.random.default_rng(seed)
+    loops, poses = [one for one in graph.edges if one.kind == "loop"], len(graph.trajectory)
+    wrong: list[Edge] = []
+    while len(wrong) < count:
+        i, j = sorted(rng.choice(poses, 2, replace=False).tolist())
+        model = loops[rng.integers(len(loops))].registration
+        error = (model.T_target_source.inv() * T[i].inv() * T[j]).as_exp_coords()
+        if j - i > 2 and error @ np.linalg.solve(model.covariance, error) > FAR**2:
+            wrong.append(edge(i, j, model.T_target_source, model.covariance, "loop"))
+    return tuple(wrong)
+
+
+def aliased(graph: PoseGraph, T: RigidTransform, count: int, seed: int) -> tuple[Edge, ...]:
+    """Runs of consecutive poses that all take another place for theirs, at one and the same wrong offset.
+
+    Args:
+        graph: whose loops say what a loop looks like.
+        T: its poses, right or nearly so: the groups agree within them up to the noise of the covariances.
+    """
+    rng = np.random.default_rng(seed)
+    loops, poses = [one for one in graph.edges if one.kind == "loop"], len(graph.trajectory)
+    wrong: list[Edge] = []
+    while len(wrong) < count:
+        a, b = sorted(rng.choice(poses - GROUP, 2, replace=False).tolist())
+        if b - a <= GROUP:
+            continue
+        model = loops[rng.integers(len(loops))].registration
+        offset = T[a] * model.T_target_source * T[b].inv()
+        for k in range(min(GROUP, count - len(wrong))):
+            noise = RigidTransform.from_exp_coords(rng.multivariate_normal(np.zeros(6), model.covariance))
+            measured = T[a + k].inv() * offset * T[b + k] * noise
+            wrong.append(edge(a + k, b + k, measured, model.covariance, "loop"))
+    return tuple(wrong)

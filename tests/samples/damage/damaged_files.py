@@ -23,12 +23,11 @@ from sonarmap.tools.files.readers.clouds.cloud import COORDINATE_LIMIT
 from sonarmap.tools.files.readers.navigation.odometry import read_odometry
 from sonarmap.tools.files.readers.scans import read_scans
 from tests.samples.bags.samples import recordings
-from tests.samples.cloud_files import SAMPLES, TABLE
+from tests.samples.cloud_files import SAMPLES, TABLE, las
 from tests.samples.damage.folder_files import folder_files
 from tests.samples.damage.mutations import mutated
 from tests.samples.damage.pose_files import POSE_FILES, SCANS, numbers_in
 from tests.samples.damage.readable import Readable
-from tests.samples.las_files import las
 from tests.samples.processor_time import processor_time
 from tests.samples.surveys import random_covariance, random_transforms, registration
 
@@ -215,3 +214,7 @@ def main() -> None:
     with tempfile.TemporaryDirectory() as folder:
         outcome = damage(Path(folder), int(sys.argv[1]), int(sys.argv[2]), sys.argv[3:])
     print(json.dumps([outcome.ends, outcome.faults, outcome.longest, outcome.largest]))
+
+
+if __name__ == "__main__":
+    main()

@@ -19,8 +19,8 @@ from sonarmap.tools.lab.bench.output.as_json import read_result, results_of
 from sonarmap.tools.lab.bench.output.compare import compare
 from tests.samples.bags.samples import dive
 from tests.samples.bags.writers import write_ros2
+from tests.samples.cloud_files import las
 from tests.samples.damage.readable import Readable
-from tests.samples.las_files import las
 from tests.tools.products.export.finished import finished_map
 
 _VERBS: Any = typer.main.get_command(app)

@@ -69,3 +69,7 @@ def main() -> None:
     """Print the outcome as JSON; the argument says how many."""
     with tempfile.TemporaryDirectory() as folder:
         print(json.dumps(damage_recordings(Path(folder), int(sys.argv[1]), seed=1)))
+
+
+if __name__ == "__main__":
+    main()

@@ -20,8 +20,7 @@ from sonarmap.tools.files.readers.poses.g2o import read_g2o
 from sonarmap.tools.files.writers.g2o import write_g2o
 from tests.samples.clutter_scans import sonarmap
 from tests.samples.lawnmower import lawnmower
-from tests.samples.surveys import edge, random_covariance, ring_poses
-from tests.samples.wrong_loops import aliased, scattered
+from tests.samples.surveys import aliased, edge, random_covariance, ring_poses, scattered
 
 COUNT = 40
 

@@ -13,8 +13,8 @@ from sonarmap.tools.files.readers.scans import read_scans
 from sonarmap.tools.files.writers.points import write_ply
 from tests.samples.bags.messages import CLOUD, ODOMETRY, STAMP, cloud, odometry
 from tests.samples.bags.writers import Record, write_mcap, write_ros1, write_ros2
+from tests.samples.cloud_files import las
 from tests.samples.clutter_scans import T_WORLD_SENSOR, said, scan, sonarmap
-from tests.samples.las_files import las
 from tests.samples.places import DATA
 
 REAL = DATA / "sonar3d15" / "ship_short.sonar"

@@ -14,8 +14,7 @@ from sonarmap.tools.files.readers.clouds import apart
 from sonarmap.tools.files.readers.clouds.apart import read_apart
 from sonarmap.tools.files.readers.clouds.cloud import Cloud
 from sonarmap.tools.files.readers.scans import read_scans, read_survey
-from tests.samples.cloud_files import POINTS
-from tests.samples.las_files import las
+from tests.samples.cloud_files import POINTS, las
 from tests.samples.places import ROOT
 
 

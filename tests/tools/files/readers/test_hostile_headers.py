@@ -2,11 +2,8 @@
 
 import io
 import struct
-import tracemalloc
 import zipfile
 import zlib
-from collections.abc import Iterator
-from contextlib import contextmanager
 from pathlib import Path
 
 import lzf
@@ -20,9 +17,7 @@ from sonarmap.tools.files.memory import available_memory, require_memory
 from sonarmap.tools.files.readers.scans import read_scan, read_survey
 from tests.samples.cloud_files import POINTS, npz, range_image
 from tests.samples.clutter_scans import plane, write
-from tests.samples.processor_time import processor_time
-
-MOST_SECONDS, MOST_BYTES = 5.0, 200e6
+from tests.samples.processor_time import thrifty
 
 
 def pcd(count: str = "1", width: str = "0", encoding: str = "binary", more: int = 1) -> bytes:
@@ -102,17 +97,6 @@ HOSTILE = {
     "text of one line": (".xyz", b"1 " * 1_000_000 + b"\n", "1000000 columns"),
     "text of one number": (".xyz", b"9" * 1_000_000 + b" 2 3\n", "NaN or infinite"),
 }  # fmt: skip
-
-
-@contextmanager
-def thrifty() -> Iterator[None]:
-    """The block takes little time and memory."""
-    tracemalloc.start()
-    start = processor_time()
-    yield
-    seconds, (_, peak) = processor_time() - start, tracemalloc.get_traced_memory()
-    tracemalloc.stop()
-    assert (seconds < MOST_SECONDS, peak < MOST_BYTES) == (True, True), f"{seconds:.1f} s, {peak / 1e6:.0f} MB"
 
 
 @pytest.mark.parametrize("case", HOSTILE)

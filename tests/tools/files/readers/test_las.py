@@ -11,9 +11,8 @@ from pyproj import CRS
 from sonarmap.kernels.errors import InputError
 from sonarmap.tools.files.readers.scans import read_scan, read_scans
 from sonarmap.tools.files.time_scales import utc_of_gps
-from tests.samples.cloud_files import POINTS, STRENGTH, TABLE
-from tests.samples.las_files import las
-from tests.tools.files.readers.test_hostile_headers import thrifty
+from tests.samples.cloud_files import POINTS, STRENGTH, TABLE, las
+from tests.samples.processor_time import thrifty
 
 GPS = np.array([1.5, 1.0, 2.5, 3.0, 4.0]) + 415_000_000
 RECORDED = datetime(2024, 11, 7, 7, 33, 3, tzinfo=UTC).timestamp()  # 1,415,000,001 s after 1980-01-06, less 18 s

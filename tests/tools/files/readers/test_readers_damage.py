@@ -60,8 +60,8 @@ class TestDamageOfEveryKindOfFile:
     def test_twenty_thousand_are_refused_or_harmless(self) -> None:
         """In a process of its own, which holds nothing else."""
         each = -(-20_000 // len(readables()))
-        code = "from tests.samples.damage.damaged_files import main; main()"
-        ended = subprocess.run([sys.executable, "-c", code, str(each), "1"], cwd=ROOT, capture_output=True, text=True)
+        command = [sys.executable, "-m", "tests.samples.damage.damaged_files", str(each), "1"]
+        ended = subprocess.run(command, cwd=ROOT, capture_output=True, text=True)
         assert ended.returncode == 0, ended.stderr
         ends, faults, longest, largest = json.loads(ended.stdout)
         for kind, counts in ends.items():

@@ -33,7 +33,7 @@ from sonarmap.tools.lab.reproduce.provenance import provenance
 from sonarmap.tools.lab.reproduce.run import JOURNAL
 from sonarmap.tools.lab.simulate.pairs.table1 import table1_pair
 from sonarmap.tools.lab.simulate.paths.trajectories import TABLE1_COUNT, table1_transform
-from tests.samples.registrations import scored
+from tests.samples.surveys import scored
 
 GRID = 128
 SIN4 = np.sin(np.deg2rad(4))

@@ -10,7 +10,7 @@ from typer.testing import CliRunner
 from sonarmap.tools.command.main import app
 from sonarmap.tools.lab.reproduce.rate import wilson
 from sonarmap.tools.lab.reproduce.table import Table, write_csv
-from tests.samples.registrations import CENTER, scored
+from tests.samples.surveys import CENTER, scored
 
 
 class TestWilson:

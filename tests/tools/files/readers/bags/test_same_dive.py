@@ -9,7 +9,7 @@ import pytest
 from sonarmap.tools.files.readers.scans import read_scans
 from tests.samples.bags.messages import CLOUD, STAMP, cloud
 from tests.samples.bags.writers import WRITERS
-from tests.samples.las_files import SCALE, las
+from tests.samples.cloud_files import SCALE, las
 
 GPS_OF_STAMP = STAMP - 315_964_800 + 18 - 1_000_000_000  # adjusted standard GPS time of the first scan
 

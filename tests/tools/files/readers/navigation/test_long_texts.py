@@ -1,6 +1,5 @@
 """Headings and cells of any length take a time in proportion to it: some of these took minutes, or hours."""
 
-import time
 from collections.abc import Callable
 from difflib import SequenceMatcher
 from pathlib import Path
@@ -14,9 +13,9 @@ from sonarmap.tools.files.readers.navigation.clocks.times import time_of_day
 from sonarmap.tools.files.readers.navigation.headings import column_of, zone_of
 from sonarmap.tools.files.readers.navigation.read import read_navigation
 from sonarmap.tools.files.readers.navigation.settings import AS_IT_SAYS
+from tests.samples.processor_time import quick
 
 LONG = 100_000
-GENEROUS = 30.0  # seconds, for what takes a tenth of one; with the time growing by squares it would be minutes
 
 
 @pytest.mark.parametrize(
@@ -35,9 +34,8 @@ GENEROUS = 30.0  # seconds, for what takes a tenth of one; with the time growing
     ],
 )
 def test_headings_and_cells(read: Callable[[], object]) -> None:
-    before = time.monotonic()
-    read()
-    assert time.monotonic() - before < GENEROUS
+    with quick():  # what takes a tenth of a second would take minutes, were it growing by squares
+        read()
 
 
 @pytest.mark.parametrize(
@@ -45,10 +43,11 @@ def test_headings_and_cells(read: Callable[[], object]) -> None:
 )
 def test_times(cell: str, tmp_path: Path) -> None:
     (tmp_path / "log.csv").write_text(f"time,depth_m,depth_sigma_m\n{cell},2,3\n")
-    before = time.monotonic()
-    with pytest.raises(InputError, match=r"line 2: the time is '.{1,45}'; wanted finite seconds, or a time as"):
+    with (
+        quick(),
+        pytest.raises(InputError, match=r"line 2: the time is '.{1,45}'; wanted finite seconds, or a time as"),
+    ):
         read_navigation(tmp_path / "log.csv", AS_IT_SAYS, None, np.zeros(1), [])
-    assert time.monotonic() - before < GENEROUS
 
 
 def test_what_the_headings_say_is_as_before() -> None:
