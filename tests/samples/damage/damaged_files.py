@@ -26,6 +26,7 @@ from tests.samples.bags.samples import recordings
 from tests.samples.cloud_files import SAMPLES, TABLE, las
 from tests.samples.damage.folder_files import folder_files
 from tests.samples.damage.mutations import mutated
+from tests.samples.damage.navigation_files import NAVIGATION_FILES
 from tests.samples.damage.pose_files import POSE_FILES, SCANS, numbers_in
 from tests.samples.damage.readable import Readable
 from tests.samples.processor_time import processor_time
@@ -104,7 +105,9 @@ def readables() -> dict[str, Readable]:
     """Every kind of file, whole."""
     scans = {kind: Readable(f"scan{suffix}", content, _check_scans) for kind, (suffix, content) in SAMPLES.items()}
     poses = {kind: Readable(file.name, file.content, _check_poses(file.read)) for kind, file in POSE_FILES.items()}
-    return {**scans, **_las_files(), **_recordings(), **poses, **folder_files(), "journal": _journal()}
+    return {
+        **scans, **_las_files(), **_recordings(), **poses, **NAVIGATION_FILES, **folder_files(), "journal": _journal(),
+    }  # fmt: skip
 
 
 def _las_files() -> dict[str, Readable]:

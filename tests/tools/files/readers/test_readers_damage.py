@@ -17,6 +17,7 @@ from sonarmap.spectral.scan import Scan
 from sonarmap.tools.files.readers.scans import FORMATS, read_scans
 from tests.samples.cloud_files import POINTS, SAMPLES, STRENGTH
 from tests.samples.damage.damaged_files import check_usable, damage, readables
+from tests.samples.damage.navigation_files import NAVIGATION_FILES
 from tests.samples.places import ROOT
 
 pytestmark = pytest.mark.filterwarnings("error")
@@ -53,6 +54,7 @@ class TestDamageOfEveryKindOfFile:
         outcome = damage(tmp_path, each=50, seed=2)
         assert outcome.faults == []
         assert all(ends["refused"] > 0 for ends in outcome.ends.values())
+        assert all(outcome.ends[kind]["read"] > 0 for kind in NAVIGATION_FILES)
         assert outcome.longest[0] < MOST_SECONDS
         assert outcome.largest[0] < MOST_MEMORY
 
