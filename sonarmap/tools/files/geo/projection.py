@@ -33,15 +33,10 @@ _ABOUT = 0.01  # degrees about a map's origin, where a transformation is looked 
 
 @dataclass(frozen=True)  # without slots: the transformer is kept
 class Projection:
-    """The CRS of one map.
+    """The CRS of one map."""
 
-    Attributes:
-        crs: horizontal, projected, with axes in meters.
-        vertical: what heights count from: a name of `tools.files.geo.georeference.VERTICALS`.
-    """
-
-    crs: "CRS"
-    vertical: str
+    crs: "CRS"  # horizontal, projected, with axes in meters
+    vertical: str  # what heights count from: a name of `tools.files.geo.georeference.VERTICALS`
 
     @classmethod
     def of(cls, georeference: Georeference, crs: str | None = None) -> "Projection":

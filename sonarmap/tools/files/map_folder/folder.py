@@ -24,27 +24,17 @@ COLUMNS = ("count", "seen", "sigma", "scan", "survey")  # that every map has
 
 @dataclass(frozen=True, slots=True)
 class MapPart:
-    """One map of the folder: scans that share a frame.
+    """One map of the folder: scans that share a frame."""
 
-    Attributes:
-        suffix: of its files' names: empty for the largest, then _2 and so on.
-        points: (M, 3) float64 [m], in the part's frame.
-        columns: {name: (M,)}, what else map.ply says of each point: COLUMNS, and perhaps intensity.
-        scans: which scans of the survey, ascending.
-        trajectory: their poses, T_world_sensor, and stamps [s].
-        covariances: (n, 6, 6) of these, rotation first [rad, m], body tangent.
-        in_world: whether instruments measured any of the frame, which is East-North-Up then.
-        unmeasured: names of `slam.graph.measured_poses.MEASURED` that they did not.
-    """
-
-    suffix: str
-    points: np.ndarray
+    suffix: str  # of its files' names: empty for the largest, then _2 and so on
+    points: np.ndarray  # (M, 3) float64 [m], in the part's frame
+    # {name: (M,)}, what else map.ply says of each point: COLUMNS, and perhaps intensity
     columns: Mapping[str, np.ndarray]
-    scans: tuple[int, ...]
-    trajectory: Trajectory
-    covariances: np.ndarray
-    in_world: bool
-    unmeasured: tuple[str, ...] = ()
+    scans: tuple[int, ...]  # which scans of the survey, ascending
+    trajectory: Trajectory  # their poses, T_world_sensor, and stamps [s]
+    covariances: np.ndarray  # (n, 6, 6) of these, rotation first [rad, m], body tangent
+    in_world: bool  # whether instruments measured any of the frame, which is East-North-Up then
+    unmeasured: tuple[str, ...] = ()  # names of `slam.graph.measured_poses.MEASURED` that they did not
 
     @property
     def point_stamps(self) -> np.ndarray:
@@ -73,28 +63,18 @@ class Loop:
 
 @dataclass(frozen=True, slots=True)
 class MapFolder:
-    """A finished map.
+    """A finished map."""
 
-    Attributes:
-        path: of the folder.
-        names: of the N scans of the survey.
-        parts: the maps, largest first.
-        loops: every loop that was tried.
-        voxel: edge of a voxel of the maps [m].
-        summary: what summary.json says.
-        graph: what graph.json says.
-        georeference: where the frame of the parts that instruments placed, or else of the first part, lies on the
-            Earth; None where it is not known.
-    """
-
-    path: Path
-    names: tuple[str, ...]
-    parts: tuple[MapPart, ...]
-    loops: tuple[Loop, ...]
-    voxel: float
-    summary: Mapping[str, Any]
+    path: Path  # of the folder
+    names: tuple[str, ...]  # of the N scans of the survey
+    parts: tuple[MapPart, ...]  # the maps, largest first
+    loops: tuple[Loop, ...]  # every loop that was tried
+    voxel: float  # edge of a voxel of the maps [m]
+    summary: Mapping[str, Any]  # what summary.json says
+    # where the frame of the parts that instruments placed, or else of the first part, lies on the Earth; None where it
+    # is not known
     georeference: Georeference | None
-    graph: Mapping[str, Any]
+    graph: Mapping[str, Any]  # what graph.json says
 
     def on_earth(self, part: MapPart) -> bool:
         """Whether the part's place on the Earth is known."""

@@ -24,20 +24,13 @@ _MOST_DEGREES = 180.0
 
 @dataclass(frozen=True, slots=True)
 class TriedPair:
-    """A pair that was registered, and what became of it.
+    """A pair that was registered, and what became of it."""
 
-    Attributes:
-        target, source: indices of its scans.
-        role: what it was for, CHAIN or any other.
-        kept: whether the estimate uses it.
-        T_target_source: the registration's transform; None where it failed.
-    """
-
-    target: int
+    target: int  # target, source: indices of its scans
     source: int
-    role: str
-    kept: bool
-    T_target_source: RigidTransform | None
+    role: str  # what it was for, CHAIN or any other
+    kept: bool  # whether the estimate uses it
+    T_target_source: RigidTransform | None  # the registration's transform; None where it failed
 
 
 def read_pairs(path: Path, scans: int) -> tuple[TriedPair, ...]:

@@ -13,26 +13,16 @@ _AHEAD = 60.0  # seconds that a clock may be ahead of the file's, which was writ
 
 @dataclass(frozen=True, slots=True)
 class Clock:
-    """The stamps of scans in their order.
+    """The stamps of scans in their order."""
 
-    Attributes:
-        start, end: the first and the last stamp [s, UTC].
-        period: the usual step between scans [s], their median; 0 for a single scan, or a clock that stands still.
-        gaps: how many steps are longer than 1.5 usual ones.
-        longest: of the steps [s].
-        backward: how many steps are not above 0.
-        still: how many of these are 0.
-        steps: how many there are.
-    """
-
-    start: float
+    start: float  # start, end: the first and the last stamp [s, UTC]
     end: float
-    period: float
-    gaps: int
-    longest: float
-    backward: int
-    still: int
-    steps: int
+    period: float  # the usual step between scans [s], their median; 0 for a single scan, or a clock that stands still
+    gaps: int  # how many steps are longer than 1.5 usual ones
+    longest: float  # of the steps [s]
+    backward: int  # how many steps are not above 0
+    still: int  # how many of these are 0
+    steps: int  # how many there are
 
     @property
     def is_set(self) -> bool:

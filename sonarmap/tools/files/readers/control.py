@@ -37,17 +37,12 @@ _ROUNDED = 5  # decimals of the origin's degrees: a meter
 
 @dataclass(frozen=True, slots=True)
 class Control:
-    """What a file of control points says.
+    """What a file of control points says."""
 
-    Attributes:
-        points: in the file's order, in the world of `georeference`, or of an origin that nobody told.
-        georeference: where the world's origin lies on the Earth; None where that is not known.
-        notes: what a user should know, in words.
-    """
-
+    # in the file's order, in the world of `georeference`, or of an origin that nobody told
     points: tuple[ControlPoint, ...]
-    georeference: "Georeference | None"
-    notes: tuple[str, ...]
+    georeference: "Georeference | None"  # where the world's origin lies on the Earth; None where that is not known
+    notes: tuple[str, ...]  # what a user should know, in words
 
 
 def read_control(

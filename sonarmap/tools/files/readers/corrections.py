@@ -22,17 +22,10 @@ UNITS = {"m": 1.0, "cm": 0.01, "mm": 0.001, "ft": 0.3048, "us-ft": 1200 / 3937}
 
 @dataclass(frozen=True, slots=True)
 class PointFrame:
-    """The axes and the unit of the points in files.
+    """The axes and the unit of the points in files. Raises InputError: another name."""
 
-    Attributes:
-        axes: a name of FRAMES. The points of "ned" become East-North-Up, of the others forward-left-up.
-        unit: a name of UNITS.
-
-    Raises InputError: another name.
-    """
-
-    axes: str = "flu"
-    unit: str = "m"
+    axes: str = "flu"  # a name of FRAMES. The points of "ned" become East-North-Up, of the others forward-left-up.
+    unit: str = "m"  # a name of UNITS
 
     def __post_init__(self) -> None:
         for given, known in ((self.axes, FRAMES), (self.unit, UNITS)):
@@ -66,20 +59,14 @@ AS_WE_HAVE_THEM = PointFrame()
 
 @dataclass(frozen=True, slots=True)
 class Corrections:
-    """How to correct the points of scans.
+    """How to correct the points of scans. Raises InputError: a speed that is not water's, or a factor that is not above
+    0."""
 
-    Attributes:
-        sound_speed: the right one [m/s]; ranges are multiplied by its ratio to that with which they were computed, each
-            scan by its own. None: they are right.
-        scale: a factor on the ranges besides, of any format.
-        frame: along which axes and in which unit files have their points.
-
-    Raises InputError: a speed that is not water's, or a factor that is not above 0.
-    """
-
+    # the right one [m/s]; ranges are multiplied by its ratio to that with which they were computed, each scan by its
+    # own. None: they are right.
     sound_speed: float | None = None
-    scale: float = 1.0
-    frame: PointFrame = AS_WE_HAVE_THEM
+    scale: float = 1.0  # a factor on the ranges besides, of any format
+    frame: PointFrame = AS_WE_HAVE_THEM  # along which axes and in which unit files have their points
 
     def __post_init__(self) -> None:
         low, high = SOUND_SPEEDS

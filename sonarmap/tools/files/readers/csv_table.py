@@ -25,19 +25,12 @@ class CsvRow:
 
 @dataclass(frozen=True, slots=True)
 class CsvTable:
-    """A table with a heading.
+    """A table with a heading."""
 
-    Attributes:
-        heading: the names of the columns.
-        rows: that are not blank, in the file's order.
-        notes: what a user should know of how it was read, in words.
-        is_whole: whether the last line ends with a line break.
-    """
-
-    heading: CsvRow
-    rows: list[CsvRow]
-    notes: tuple[str, ...]
-    is_whole: bool
+    heading: CsvRow  # the names of the columns
+    rows: list[CsvRow]  # that are not blank, in the file's order
+    notes: tuple[str, ...]  # what a user should know of how it was read, in words
+    is_whole: bool  # whether the last line ends with a line break
 
     def require_even(self, path: Path) -> None:
         """Refuse rows with more or fewer cells than the heading."""

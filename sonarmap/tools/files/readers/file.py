@@ -25,25 +25,18 @@ _LISTED = 3  # scans without points that a note names
 
 @dataclass(frozen=True, slots=True)
 class Format:
-    """A format of point clouds.
+    """A format of point clouds."""
 
-    Attributes:
-        kind: what its files are, in words.
-        start: a regular expression for the first bytes of its files.
-        read: from a file's content to its clouds; None where `stream` reads it.
-        stream: for files larger than memory: from a path to clouds one by one. It adds to the list what the user
-            should know of the file as a whole, and goes on after what is damaged where it can.
-        has_sound_speed: whether clouds say with which speed of sound their ranges were computed.
-        has_axes: whether the format says along which axes and in which unit its points are.
-        stream_topic: as `stream`, for files of several topics: the topic that was chosen comes second.
-    """
-
-    kind: str
-    start: bytes
+    kind: str  # what its files are, in words
+    start: bytes  # a regular expression for the first bytes of its files
+    # from a file's content to its clouds; None where `stream` reads it
     read: Callable[[bytes], list[Cloud]] | None = None
+    # for files larger than memory: from a path to clouds one by one. It adds to the list what the user should know of
+    # the file as a whole, and goes on after what is damaged where it can.
     stream: Callable[[Path, list[str]], Iterator[Cloud]] | None = None
-    has_sound_speed: bool = False
-    has_axes: bool = False
+    has_sound_speed: bool = False  # whether clouds say with which speed of sound their ranges were computed
+    has_axes: bool = False  # whether the format says along which axes and in which unit its points are
+    # as `stream`, for files of several topics: the topic that was chosen comes second
     stream_topic: Callable[[Path, str | None, list[str]], Iterator[Cloud]] | None = None
 
 

@@ -23,39 +23,25 @@ _SHOWN = 100  # scans of a file after which progress is shown again
 
 @dataclass(frozen=True, slots=True)
 class Unread:
-    """A file, or one scan of it, that could not be read.
+    """A file, or one scan of it, that could not be read."""
 
-    Attributes:
-        where: the file, with #3 for one scan of several.
-        reason: what is wrong with it and what to do, in words, the file named.
-        before: index of the scan that follows it; the number of scans if none does.
-    """
-
-    where: str
-    reason: str
-    before: int
+    where: str  # the file, with #3 for one scan of several
+    reason: str  # what is wrong with it and what to do, in words, the file named
+    before: int  # index of the scan that follows it; the number of scans if none does
 
 
 @dataclass(frozen=True, slots=True)
 class ReadScans:
-    """The scans that were read, and the files that could not be.
+    """The scans that were read, and the files that could not be."""
 
-    Attributes:
-        scans: in natural order of the files, and within a file in its own order.
-        notes: what the user should know about the files, in words: dropped points, corrected strengths.
-        files: all files that the paths name, in order.
-        unread: what could not be read, in the same order.
-        surveys: the number of each scan's survey, 0, 1, ...: the scans of a folder are one survey; if each scan has a
-            folder of its own, all of them are one.
-        repeated: what was given twice, in words.
-    """
-
-    scans: tuple[Scan, ...]
-    notes: tuple[str, ...]
-    files: tuple[Path, ...]
-    unread: tuple[Unread, ...] = ()
+    scans: tuple[Scan, ...]  # in natural order of the files, and within a file in its own order
+    notes: tuple[str, ...]  # what the user should know about the files, in words: dropped points, corrected strengths
+    files: tuple[Path, ...]  # all files that the paths name, in order
+    unread: tuple[Unread, ...] = ()  # what could not be read, in the same order
+    # the number of each scan's survey, 0, 1, ...: the scans of a folder are one survey; if each scan has a folder of
+    # its own, all of them are one
     surveys: tuple[int, ...] = ()
-    repeated: tuple[str, ...] = ()
+    repeated: tuple[str, ...] = ()  # what was given twice, in words
 
 
 def read_scans(paths: Sequence[str | Path], corrections: Corrections = AS_RECORDED) -> ReadScans:
@@ -119,27 +105,17 @@ def only_scan(path: str | Path, read: ReadScans) -> Scan:
 
 @dataclass(frozen=True, slots=True)
 class ScanEntry:
-    """A scan, or the place of one that could not be read.
+    """A scan, or the place of one that could not be read."""
 
-    Attributes:
-        path, where, name: of a `NamedCloud`, or the file's.
-        scan: not stamped yet; None where it could not be read.
-        stamp: that its file has for it, or None.
-        is_cloud: whether the file has it, usable or not.
-        notes: about its points.
-        reason: why there is none.
-        sound_speed: with which its ranges were recorded [m/s], or None.
-    """
-
-    path: Path
+    path: Path  # path, where, name: of a `NamedCloud`, or the file's
     where: str
     name: str
-    scan: Scan | None = None
-    stamp: float | None = None
-    is_cloud: bool = False
-    notes: tuple[str, ...] = ()
-    reason: str = ""
-    sound_speed: float | None = None
+    scan: Scan | None = None  # not stamped yet; None where it could not be read
+    stamp: float | None = None  # that its file has for it, or None
+    is_cloud: bool = False  # whether the file has it, usable or not
+    notes: tuple[str, ...] = ()  # about its points
+    reason: str = ""  # why there is none
+    sound_speed: float | None = None  # with which its ranges were recorded [m/s], or None
 
 
 def read_entries(

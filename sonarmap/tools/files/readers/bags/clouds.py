@@ -80,21 +80,13 @@ class StampedCloud:
 
 @dataclass(frozen=True, slots=True)
 class _Packed:
-    """Points as they are packed in a message.
+    """Points as they are packed in a message."""
 
-    Attributes:
-        fields: {name: (dtype, offset)}; the dtype is empty where the message's number is none.
-        shape: rows and points in each.
-        strides: bytes from row to row, and from point to point.
-        content: (B,) uint8.
-        has_gaps: points that are not finite stand for beams without an echo.
-    """
-
-    fields: dict[str, tuple[str, int]]
-    shape: tuple[int, int]
-    strides: tuple[int, int]
-    content: np.ndarray
-    has_gaps: bool
+    fields: dict[str, tuple[str, int]]  # {name: (dtype, offset)}; the dtype is empty where the message's number is none
+    shape: tuple[int, int]  # rows and points in each
+    strides: tuple[int, int]  # bytes from row to row, and from point to point
+    content: np.ndarray  # (B,) uint8
+    has_gaps: bool  # points that are not finite stand for beams without an echo
 
 
 def cloud_of(message: Message) -> StampedCloud:

@@ -21,20 +21,13 @@ R_FLU = {"_optical_frame": _OPTICAL, "_optical": _OPTICAL, "_frd": _DOWN, "_ned"
 
 @dataclass(frozen=True, slots=True)
 class Link:
-    """A transform of tf.
+    """A transform of tf."""
 
-    Attributes:
-        parent, child: the frames that it relates.
-        stamp: its time [ns].
-        numbers: T_parent_child as x, y, z [m] and the quaternion x, y, z, w.
-        fixed: whether it is of tf_static.
-    """
-
-    parent: str
+    parent: str  # parent, child: the frames that it relates
     child: str
-    stamp: int
-    numbers: tuple[float, ...]
-    fixed: bool
+    stamp: int  # its time [ns]
+    numbers: tuple[float, ...]  # T_parent_child as x, y, z [m] and the quaternion x, y, z, w
+    fixed: bool  # whether it is of tf_static
 
     def T_parent_child(self) -> RigidTransform:
         """The transform. Raises InputError: its numbers are no rigid transform."""

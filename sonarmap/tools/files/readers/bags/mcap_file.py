@@ -122,15 +122,10 @@ def _records(path: Path, most: int, faults: list[str]) -> Iterator[McapRecord]:
 
 @dataclass(slots=True)
 class _Chunks:
-    """Takes the chunks of a file apart, within bounds for each and for all of them.
+    """Takes the chunks of a file apart, within bounds for each and for all of them."""
 
-    Attributes:
-        unpacked: their bytes.
-        left: how many records may still come.
-    """
-
-    unpacked: Unpacker
-    left: int
+    unpacked: Unpacker  # their bytes
+    left: int  # how many records may still come
 
     def records(self, chunk: Chunk) -> list[McapRecord]:
         """Schemas and channels first, then messages by their times."""

@@ -27,22 +27,14 @@ class Topic:
 
 @dataclass(frozen=True, slots=True)
 class Message:
-    """A message as it was recorded, not decoded yet.
+    """A message as it was recorded, not decoded yet."""
 
-    Attributes:
-        topic, kind: its topic's name and type.
-        time: when it was recorded [ns since 1970].
-        content: its bytes.
-        encoding: of the content: ros1, cdr or protobuf.
-        schema: what protobuf needs to decode it.
-    """
-
-    topic: str
+    topic: str  # topic, kind: its topic's name and type
     kind: str
-    time: int
-    content: bytes
-    encoding: str
-    schema: bytes = b""
+    time: int  # when it was recorded [ns since 1970]
+    content: bytes  # its bytes
+    encoding: str  # of the content: ros1, cdr or protobuf
+    schema: bytes = b""  # what protobuf needs to decode it
 
 
 class ReadMessages(Protocol):

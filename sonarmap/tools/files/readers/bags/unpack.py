@@ -23,15 +23,10 @@ _OF_FREE = 0.9  # of the room on a disk, which others need too
 
 @dataclass(slots=True)
 class Unpacker:
-    """Unpacks the chunks of one file, within bounds for each and for all of them.
+    """Unpacks the chunks of one file, within bounds for each and for all of them."""
 
-    Attributes:
-        size: of the file [bytes].
-        plain: bytes that came of it so far.
-    """
-
-    size: int
-    plain: int = 0
+    size: int  # of the file [bytes]
+    plain: int = 0  # bytes that came of it so far
 
     def __call__(self, content: bytes, compression: str) -> bytes:
         """The plain bytes of a chunk.

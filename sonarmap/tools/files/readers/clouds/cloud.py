@@ -21,27 +21,17 @@ POINT_BYTES = 3 * 8  # of a point while it is checked
 
 @dataclass(frozen=True, slots=True)
 class Cloud:
-    """One cloud as its file holds it, not yet checked.
+    """One cloud as its file holds it, not yet checked."""
 
-    Attributes:
-        points: (N, 3), integer or floating [m], x forward, y left, z up; NaN and inf allowed.
-        strength: (N,), integer or floating, linear, or None.
-        stamp: time [s, UTC], or None where the file carries none.
-        notes: what the user should know about this cloud, in words.
-        viewpoints: (N, 3), where the sensor was when it saw each point [m], in the points' frame, or None.
-        times: (N,), when each point was seen [s], or None.
-        prior: what the sensor's own instruments say about its pose, or None.
-        sound_speed: with which the sensor computed its ranges [m/s], or None.
-    """
-
-    points: np.ndarray
-    strength: np.ndarray | None = None
-    stamp: float | None = None
-    notes: tuple[str, ...] = field(default=())
+    points: np.ndarray  # (N, 3), integer or floating [m], x forward, y left, z up; NaN and inf allowed
+    strength: np.ndarray | None = None  # (N,), integer or floating, linear, or None
+    stamp: float | None = None  # time [s, UTC], or None where the file carries none
+    notes: tuple[str, ...] = field(default=())  # what the user should know about this cloud, in words
+    # (N, 3), where the sensor was when it saw each point [m], in the points' frame, or None
     viewpoints: np.ndarray | None = None
-    times: np.ndarray | None = None
-    prior: PosePrior | None = None
-    sound_speed: float | None = None
+    times: np.ndarray | None = None  # (N,), when each point was seen [s], or None
+    prior: PosePrior | None = None  # what the sensor's own instruments say about its pose, or None
+    sound_speed: float | None = None  # with which the sensor computed its ranges [m/s], or None
 
 
 def column_roles(names: Sequence[str]) -> dict[str, int]:

@@ -17,17 +17,11 @@ _ALIKE = 0.85  # as rol_deg and roll_deg
 
 @dataclass(frozen=True, slots=True)
 class Columns:
-    """What a heading line says.
+    """What a heading line says."""
 
-    Attributes:
-        of: {quantity: its column}.
-        is_own: whether it is a file of this program's own kind, in which nothing may be unknown.
-        notes: what is not used, in words.
-    """
-
-    of: Mapping[str, Column]
-    is_own: bool
-    notes: tuple[str, ...]
+    of: Mapping[str, Column]  # {quantity: its column}
+    is_own: bool  # whether it is a file of this program's own kind, in which nothing may be unknown
+    notes: tuple[str, ...]  # what is not used, in words
 
     @property
     def key(self) -> str:

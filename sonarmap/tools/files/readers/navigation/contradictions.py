@@ -30,18 +30,12 @@ _MOST_NAMED = 3
 
 @dataclass(frozen=True, slots=True)
 class Registered:
-    """What the scans alone say of n pairs.
+    """What the scans alone say of n pairs."""
 
-    Attributes:
-        i, j: (n,) int64, targets and sources.
-        T_i_j: n registrations.
-        covariances: (n, 6, 6), rotation first [rad, m], body tangent of j.
-    """
-
-    i: np.ndarray
+    i: np.ndarray  # i, j: (n,) int64, targets and sources
     j: np.ndarray
-    T_i_j: RigidTransform
-    covariances: np.ndarray
+    T_i_j: RigidTransform  # n registrations
+    covariances: np.ndarray  # (n, 6, 6), rotation first [rad, m], body tangent of j
 
     def changed(self, change: np.ndarray, scale: float = 1.0) -> "Registered":
         """With all points of all scans changed by a rotation or reflection (3, 3) and a scale."""
@@ -55,15 +49,10 @@ class Registered:
 
 @dataclass(frozen=True, slots=True)
 class Contradiction:
-    """Navigation that the scans contradict, and what would agree.
+    """Navigation that the scans contradict, and what would agree."""
 
-    Attributes:
-        sigmas: the square root of by how much chi-squared falls.
-        instead: the hypotheses that agree, best first.
-    """
-
-    sigmas: float
-    instead: tuple[str, ...]
+    sigmas: float  # the square root of by how much chi-squared falls
+    instead: tuple[str, ...]  # the hypotheses that agree, best first
 
     def __str__(self) -> str:
         instead = ", or ".join(self.instead)

@@ -61,23 +61,14 @@ _WORDS = re.compile(r"[a-z]+|[0-9]+")
 
 @dataclass(frozen=True, slots=True)
 class Column:
-    """A column of a log that is understood.
+    """A column of a log that is understood."""
 
-    Attributes:
-        index: in the rows.
-        heading: as it is written.
-        quantity: of QUANTITIES.
-        factor: from its unit to that of the quantity's name (degrees, meters, seconds).
-        word: how the log calls it, in small letters without anything but letters and digits.
-        unit: as written, in small letters; "" where none is.
-    """
-
-    index: int
-    heading: str
-    quantity: str
-    factor: float = 1.0
-    word: str = ""
-    unit: str = ""
+    index: int  # in the rows
+    heading: str  # as it is written
+    quantity: str  # of QUANTITIES
+    factor: float = 1.0  # from its unit to that of the quantity's name (degrees, meters, seconds)
+    word: str = ""  # how the log calls it, in small letters without anything but letters and digits
+    unit: str = ""  # as written, in small letters; "" where none is
 
     @property
     def is_own(self) -> bool:

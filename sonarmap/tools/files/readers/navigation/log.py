@@ -22,27 +22,18 @@ _SPEED = 1.0
 
 @dataclass(frozen=True, slots=True)
 class NavigationLog:
-    """Rows of a file of navigation, of the vehicle, or of the sonar where nothing is said of its mount.
+    """Rows of a file of navigation, of the vehicle, or of the sonar where nothing is said of its mount."""
 
-    Attributes:
-        key: "name" or "stamp", which says which scan a row is for.
-        lines: (n,) int64, of the rows in the file.
-        keys: the names, or the stamps as they are written.
-        times: (n,) float64 [s, UTC]; NaN where the key is a name.
-        values: (n, 6) float64 in the order, units and signs of `readers.instruments.COLUMNS`; NaN where nothing
-            was measured. x and y are East and North of the georeference's origin, if there is one; headings from the
-            North of `heading_reference`.
-        sigmas: (n, 6) float64 standard deviations in the same units; NaN where the file has none.
-        georeference: where the origin is on the Earth; None where that is not known.
-    """
-
-    key: str
-    lines: np.ndarray
-    keys: tuple[str, ...]
-    times: np.ndarray
+    key: str  # "name" or "stamp", which says which scan a row is for
+    lines: np.ndarray  # (n,) int64, of the rows in the file
+    keys: tuple[str, ...]  # the names, or the stamps as they are written
+    times: np.ndarray  # (n,) float64 [s, UTC]; NaN where the key is a name
+    # (n, 6) float64 in the order, units and signs of `readers.instruments.COLUMNS`; NaN where nothing was measured. x
+    # and y are East and North of the georeference's origin, if there is one; headings from the North of
+    # `heading_reference`.
     values: np.ndarray
-    sigmas: np.ndarray
-    georeference: "Georeference | None" = None
+    sigmas: np.ndarray  # (n, 6) float64 standard deviations in the same units; NaN where the file has none
+    georeference: "Georeference | None" = None  # where the origin is on the Earth; None where that is not known
 
     @property
     def measured(self) -> np.ndarray:

@@ -31,14 +31,10 @@ NO_DEFAULTS: Mapping[str, float] = MappingProxyType({})
 
 @dataclass(frozen=True, slots=True)
 class Navigated:
-    """Scans with their priors.
+    """Scans with their priors."""
 
-    Attributes:
-        scans: as they were given, with priors where the file says something of them.
-        georeference: where the world's origin is on the Earth; None where neither the file nor the user says it.
-    """
-
-    scans: tuple[Scan, ...]
+    scans: tuple[Scan, ...]  # as they were given, with priors where the file says something of them
+    # where the world's origin is on the Earth; None where neither the file nor the user says it
     georeference: "Georeference | None"
 
 

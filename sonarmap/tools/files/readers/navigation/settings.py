@@ -33,13 +33,9 @@ _TURN = np.array([1.0, -1.0, -1.0])  # forward, right, down to forward, left, up
 
 @dataclass(frozen=True, slots=True)
 class Mount:
-    """How a sonar sits on its vehicle.
+    """How a sonar sits on its vehicle."""
 
-    Attributes:
-        T_vehicle_sensor: both with x forward, y left, z up [m].
-    """
-
-    T_vehicle_sensor: RigidTransform
+    T_vehicle_sensor: RigidTransform  # both with x forward, y left, z up [m]
 
     @classmethod
     def of(cls, angles: np.ndarray, lever: np.ndarray, up: bool) -> "Mount":
@@ -93,32 +89,23 @@ class Mount:
 
 @dataclass(frozen=True, slots=True)
 class NavigationSettings:
-    """How to read navigation; the defaults suit a file with the columns and signs of docs/navigation.md.
+    """How to read navigation; the defaults suit a file with the columns and signs of docs/navigation.md. Raises
+    InputError: a name that is not known, or a number that is not finite."""
 
-    Attributes:
-        columns: {quantity: the heading of its column}, where the headings do not say it.
-        time_scale: of times that do not name their zone; None for UTC, and GPS time for weeks.
-        offset: to be added to its times [s]; None to have it estimated from turn rates.
-        crs: of eastings and northings, as EPSG:32632.
-        origin: of the map's frame; None for the first fix, if the file has places on the Earth.
-        heading_reference: "true" or "grid" (the North of `crs`, or of the UTM zone).
-        declination: to be added to headings that are magnetic [deg], East positive; None where they are not.
-        frame: of NAV_FRAMES, the convention of roll, pitch, yaw and of x, y, z; None for headings, pitch nose up, and
-            no yaw and no z.
-        mount: of the sonar on the vehicle.
-
-    Raises InputError: a name that is not known, or a number that is not finite.
-    """
-
+    # {quantity: the heading of its column}, where the headings do not say it
     columns: MappingProxyType[str, str] = field(default_factory=lambda: _NOTHING)
-    time_scale: TimeScale | None = None
-    offset: float | None = 0.0
-    crs: str | None = None
+    time_scale: TimeScale | None = None  # of times that do not name their zone; None for UTC, and GPS time for weeks
+    offset: float | None = 0.0  # to be added to its times [s]; None to have it estimated from turn rates
+    crs: str | None = None  # of eastings and northings, as EPSG:32632
+    # of the map's frame; None for the first fix, if the file has places on the Earth
     origin: "Georeference | None" = None
-    heading_reference: str = "true"
+    heading_reference: str = "true"  # "true" or "grid" (the North of `crs`, or of the UTM zone)
+    # to be added to headings that are magnetic [deg], East positive; None where they are not
     declination: float | None = None
+    # of NAV_FRAMES, the convention of roll, pitch, yaw and of x, y, z; None for headings, pitch nose up, and no yaw and
+    # no z
     frame: NavFrame | None = None
-    mount: Mount | None = None
+    mount: Mount | None = None  # of the sonar on the vehicle
 
     def __post_init__(self) -> None:
         _require_one_of("--time-scale", self.time_scale, TIME_SCALES)

@@ -47,15 +47,10 @@ _LARGEST_ID = 2**53  # ids are read with the other numbers of their line, as flo
 
 @dataclass(frozen=True, slots=True)
 class Repair:
-    """An edge whose information matrix was not positive definite, and has been made so.
+    """An edge whose information matrix was not positive definite, and has been made so."""
 
-    Attributes:
-        edge: its number, counted from 0 in the file's order.
-        words: its line, its vertices and what was changed.
-    """
-
-    edge: int
-    words: str
+    edge: int  # its number, counted from 0 in the file's order
+    words: str  # its line, its vertices and what was changed
 
 
 def read_g2o(path: Path, repairs: list[Repair] | None = None) -> PoseGraph:

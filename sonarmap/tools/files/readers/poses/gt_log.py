@@ -22,18 +22,12 @@ _NUMBERS = re.compile(rb"\s*(\d{1,9})\s+(\d{1,9})(\s+\d{1,9})?\s*")
 
 @dataclass(frozen=True, slots=True)
 class TruePair:
-    """The truth of one pair.
+    """The truth of one pair."""
 
-    Attributes:
-        i, j: the numbers of the target and the source.
-        T_i_j: p_i = T_i_j p_j [m].
-        line: of the file, where it begins.
-    """
-
-    i: int
+    i: int  # i, j: the numbers of the target and the source
     j: int
-    T_i_j: RigidTransform
-    line: int
+    T_i_j: RigidTransform  # p_i = T_i_j p_j [m]
+    line: int  # of the file, where it begins
 
 
 def read_gt_log(path: Path) -> tuple[TruePair, ...]:

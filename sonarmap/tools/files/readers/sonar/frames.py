@@ -20,23 +20,14 @@ STRENGTH = rip.BitmapImageType.SIGNAL_STRENGTH_IMAGE
 
 @dataclass(frozen=True, slots=True)
 class Frame:
-    """A range image.
+    """A range image."""
 
-    Attributes:
-        number: the sonar's number of its shot, 0 to 2^32 - 1.
-        stamp: when, by the sonar's clock [s, UTC]; None where it is not said.
-        points: (N, 3) float64 [m], x forward, y left, z up.
-        pixels: (N,) of the image's, row by row, where the points are.
-        shape: width and height of the image.
-        sound_speed: with which the sonar computed ranges [m/s]; None where it is not said.
-    """
-
-    number: int
-    stamp: float | None
-    points: np.ndarray
-    pixels: np.ndarray
-    shape: tuple[int, int]
-    sound_speed: float | None
+    number: int  # the sonar's number of its shot, 0 to 2^32 - 1
+    stamp: float | None  # when, by the sonar's clock [s, UTC]; None where it is not said
+    points: np.ndarray  # (N, 3) float64 [m], x forward, y left, z up
+    pixels: np.ndarray  # (N,) of the image's, row by row, where the points are
+    shape: tuple[int, int]  # width and height of the image
+    sound_speed: float | None  # with which the sonar computed ranges [m/s]; None where it is not said
 
 
 def frame_of(image: Any) -> Frame:

@@ -33,17 +33,11 @@ _HELD = 8192  # samples
 
 @dataclass(frozen=True, slots=True)
 class ImuSamples:
-    """Samples of an IMU.
+    """Samples of an IMU."""
 
-    Attributes:
-        times: (n,) float64 [s, UTC].
-        forces: (n, 3) float64 specific force [m/s^2], x forward, y left, z up.
-        rates: (n, 3) float64 turn rates [rad/s], about the same axes.
-    """
-
-    times: np.ndarray
-    forces: np.ndarray
-    rates: np.ndarray
+    times: np.ndarray  # (n,) float64 [s, UTC]
+    forces: np.ndarray  # (n, 3) float64 specific force [m/s^2], x forward, y left, z up
+    rates: np.ndarray  # (n, 3) float64 turn rates [rad/s], about the same axes
 
 
 def samples_of(batch: rip.ImuBatch) -> ImuSamples:

@@ -30,19 +30,12 @@ class Packet:
 
 @dataclass(slots=True)
 class Damage:
-    """What of a recording could not be read.
+    """What of a recording could not be read."""
 
-    Attributes:
-        packets: damaged packets; bytes in a row that are no packet count as one.
-        size: of all of them [bytes].
-        first: where the first one is and what is wrong with it, in words.
-        cut: size of a packet at the end whose rest is missing [bytes].
-    """
-
-    packets: int = 0
-    size: int = 0
-    first: str = ""
-    cut: int = 0
+    packets: int = 0  # damaged packets; bytes in a row that are no packet count as one
+    size: int = 0  # of all of them [bytes]
+    first: str = ""  # where the first one is and what is wrong with it, in words
+    cut: int = 0  # size of a packet at the end whose rest is missing [bytes]
 
     def add(self, number: int, start: int, size: int, reason: str) -> None:
         """Count a packet, or bytes that are none."""

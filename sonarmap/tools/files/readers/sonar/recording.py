@@ -27,29 +27,17 @@ _JUMP = 1.0  # seconds by which the clock and the numbers of the shots disagree
 
 @dataclass(slots=True)
 class Recording:
-    """What is known of a recording as far as it was read.
+    """What is known of a recording as far as it was read."""
 
-    Attributes:
-        packets: good ones, of any kind.
-        shots: range images, each once.
-        bare: how many of them have no strength image.
-        doubled_batches: of the IMU.
-        damage: packets that could not be read.
-        queue: counts what is doubled, missing or late among the images.
-        batches: counts the same of the IMU's batches.
-        imu: the latest of its samples.
-        speeds: lowest and highest speed of sound [m/s], and how often it changed.
-    """
-
-    packets: int = 0
-    shots: int = 0
-    bare: int = 0
-    doubled_batches: int = 0
-    damage: Damage = field(default_factory=Damage)
-    queue: ShotQueue = field(default_factory=ShotQueue)
-    batches: ShotNumbers = field(default_factory=ShotNumbers)
-    imu: ImuWindow = field(default_factory=ImuWindow)
-    speeds: tuple[float, float, int] | None = None
+    packets: int = 0  # good ones, of any kind
+    shots: int = 0  # range images, each once
+    bare: int = 0  # how many of them have no strength image
+    doubled_batches: int = 0  # of the IMU
+    damage: Damage = field(default_factory=Damage)  # packets that could not be read
+    queue: ShotQueue = field(default_factory=ShotQueue)  # counts what is doubled, missing or late among the images
+    batches: ShotNumbers = field(default_factory=ShotNumbers)  # counts the same of the IMU's batches
+    imu: ImuWindow = field(default_factory=ImuWindow)  # the latest of its samples
+    speeds: tuple[float, float, int] | None = None  # lowest and highest speed of sound [m/s], and how often it changed
     _seen: Remembered = field(default_factory=Remembered)
     _speed: float | None = None
     _stamps: array = field(default_factory=lambda: array("d"))

@@ -94,17 +94,11 @@ class Remembered:
 
 @dataclass(frozen=True, slots=True)
 class Shot:
-    """A range image with what belongs to it.
+    """A range image with what belongs to it."""
 
-    Attributes:
-        place: ascends from shot to shot, by 1 if none is missing.
-        frame: the range image.
-        strength: (N,) float64 linear echo strength of the frame's points, or None.
-    """
-
-    place: int
-    frame: Frame
-    strength: np.ndarray | None = None
+    place: int  # ascends from shot to shot, by 1 if none is missing
+    frame: Frame  # the range image
+    strength: np.ndarray | None = None  # (N,) float64 linear echo strength of the frame's points, or None
 
 
 class ShotQueue:

@@ -26,17 +26,11 @@ _DAY = 86_400.0
 
 @dataclass(frozen=True, slots=True)
 class TimeOffset:
-    """Between two clocks.
+    """Between two clocks."""
 
-    Attributes:
-        seconds: to be added to the times by the first clock to have them by the second.
-        sigma: its standard deviation [s].
-        correlation: of the rates, -1..1.
-    """
-
-    seconds: float
-    sigma: float
-    correlation: float
+    seconds: float  # to be added to the times by the first clock to have them by the second
+    sigma: float  # its standard deviation [s]
+    correlation: float  # of the rates, -1..1
 
 
 def heading_rates(times: np.ndarray, headings: np.ndarray) -> tuple[np.ndarray, np.ndarray]:

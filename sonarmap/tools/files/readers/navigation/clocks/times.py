@@ -27,21 +27,13 @@ _ZONE_BEHIND = re.compile(r"(?<!\s)\s*(?:UTC|GMT)$")  # looked for once in a run
 
 @dataclass(frozen=True, slots=True)
 class TimeCells:
-    """What a file says of its rows' times.
+    """What a file says of its rows' times."""
 
-    Attributes:
-        path: of the file, for messages.
-        lines: of the rows.
-        stamps: a cell for each row.
-        column: theirs.
-        dates, weeks: cells of a date, or of a GPS week, for each row; None without.
-    """
-
-    path: object
-    lines: np.ndarray
-    stamps: Sequence[str]
-    column: Column
-    dates: Sequence[str] | None = None
+    path: object  # of the file, for messages
+    lines: np.ndarray  # of the rows
+    stamps: Sequence[str]  # a cell for each row
+    column: Column  # theirs
+    dates: Sequence[str] | None = None  # dates, weeks: cells of a date, or of a GPS week, for each row; None without
     weeks: Sequence[str] | None = None
 
     def refuse(self, row: int, wanted: str) -> InputError:
