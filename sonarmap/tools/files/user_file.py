@@ -33,13 +33,8 @@ def reading(path: Path) -> Iterator[None]:
 
 
 def read_content(path: Path, pipe: bool = False) -> bytes:
-    """The bytes of a file.
-
-    Args:
-        pipe: whether a pipe will do, which can be read only once: /dev/stdin or, of a shell, <(...).
-
-    Raises InputError: it cannot be read, is larger than memory or, of a pipe, than 256 MiB, or is a device.
-    """
+    """The bytes of a file. `pipe`: whether a pipe will do, which can be read only once: /dev/stdin or, of a shell,
+    <(...). Raises InputError: it cannot be read, is larger than memory or, of a pipe, than 256 MiB, or is a device."""
     require_file(path, pipe)
     most = None if path.is_file() else _LARGEST_PIPE
     with reading(path), path.open("rb") as file:

@@ -34,13 +34,8 @@ class TriedPair:
 
 
 def read_pairs(path: Path, scans: int) -> tuple[TriedPair, ...]:
-    """The pairs of a table; columns that an evaluation does not need are ignored.
-
-    Args:
-        scans: how many the survey has.
-
-    Raises InputError: the file cannot be read; or a column is missing, or a cell cannot be used, naming the line.
-    """
+    """The pairs of a table; columns that an evaluation does not need are ignored. `scans`: how many the survey has.
+    Raises InputError: the file cannot be read; or a column is missing, or a cell cannot be used, naming the line."""
     table = read_csv_table(path)
     columns = _columns(path, table)
     table.require_even(path)

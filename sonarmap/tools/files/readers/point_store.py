@@ -14,10 +14,7 @@ _ALIGNED = 64  # bytes
 
 class PointStore:
     """Keeps arrays; they stay valid for as long as anything refers to them, and a file ends with the last of them.
-
-    Args:
-        in_memory: bytes of arrays that are kept as they are.
-    """
+    `in_memory`: bytes of arrays that are kept as they are."""
 
     def __init__(self, in_memory: int = _IN_MEMORY) -> None:
         self._left = in_memory

@@ -18,11 +18,8 @@ _FIRST = 64  # points by which scans are compared first
 
 
 def strange_sizes(scans: Sequence[Scan]) -> dict[int, str]:
-    """What is wrong with scans that are hundreds of times larger or smaller than the others, by their index.
-
-    Args:
-        scans: of one survey.
-    """
+    """What is wrong with scans that are hundreds of times larger or smaller than the others, by their index. `scans`:
+    of one survey."""
     sizes = {k: size for k, scan in enumerate(scans) if len(scan.points) >= _LEAST_POINTS and (size := _size(scan)) > 0}
     if len(sizes) < _LEAST_SCANS:
         return {}

@@ -19,10 +19,8 @@ _PLY_TYPES = {
 
 
 def write_points(path: str | Path, points: np.ndarray, columns: Mapping[str, np.ndarray] | None = None) -> None:
-    """Write points (N, 3) [m] and `columns` {name: (N,)} in the format that the suffix of `path` names.
-
-    Raises InputError: an unknown suffix, a path that cannot be written, or see `pack_records`.
-    """
+    """Write points (N, 3) [m] and `columns` {name: (N,)} in the format that the suffix of `path` names. Raises
+    InputError: an unknown suffix, a path that cannot be written, or see `pack_records`."""
     suffix = Path(path).suffix.lower()
     if suffix not in WRITERS:
         raise InputError(f"cannot write {path}: unknown format {suffix!r}; known formats are {', '.join(WRITERS)}")

@@ -35,13 +35,8 @@ class _Channel:
 
 
 def open_mcap(path: Path, packed: int | None = None) -> Recording:
-    """The recording of an MCAP file.
-
-    Args:
-        packed: its bytes before it was unpacked, if it was.
-
-    Raises InputError: there is no message in it.
-    """
+    """The recording of an MCAP file. `packed`: its bytes before it was unpacked, if it was. Raises InputError: there is
+    no message in it."""
     from mcap.records import Channel, Schema
     from mcap.records import Message as Record
 
@@ -153,11 +148,7 @@ def _count_records(plain: bytes, most: int) -> int:
 
 
 class _WholeReads:
-    """A file whose every read is whole.
-
-    Args:
-        most: how many reads it may take believably.
-    """
+    """A file whose every read is whole. `most`: how many reads it may take believably."""
 
     def __init__(self, file: BinaryIO, size: int, most: int) -> None:
         self._file, self._size, self._left = file, size, most

@@ -86,11 +86,8 @@ def most_records(packed: int) -> int:
 
 
 class Room:
-    """A folder for what the files of one bag unpack to; it is gone with the last reference to it.
-
-    Args:
-        packed: bytes of these files.
-    """
+    """A folder for what the files of one bag unpack to; it is gone with the last reference to it. `packed`: bytes of
+    these files."""
 
     def __init__(self, packed: int) -> None:
         self._folder = Path(tempfile.mkdtemp(prefix="sonarmap."))

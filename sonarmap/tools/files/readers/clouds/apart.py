@@ -39,13 +39,8 @@ _kept: tuple[int, subprocess.Popen[bytes]] | None = None  # the process that sta
 
 
 def read_apart(read: Read, content: bytes) -> list[Cloud]:
-    """What `read` makes of a file, in a process of its own.
-
-    Args:
-        read: a function of a module; its clouds have no prior.
-
-    Raises InputError: as `read` does; or that process crashed, or took too long or too much memory.
-    """
+    """What `read` makes of a file, in a process of its own. `read`: a function of a module; its clouds have no prior.
+    Raises InputError: as `read` does; or that process crashed, or took too long or too much memory."""
     with _lock:
         process = _process()
         seconds, room = _SECONDS + len(content) // _BYTES_PER_SECOND, _ROOM + _ROOM_PER_BYTE * len(content)

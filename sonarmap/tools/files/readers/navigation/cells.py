@@ -30,11 +30,8 @@ def number(cell: str) -> float:
 
 
 def numbers(cells: Sequence[str], strict: bool) -> tuple[np.ndarray, np.ndarray]:
-    """The (n,) numbers of a column, NaN where there is none, and (n,) whether a cell holds something else.
-
-    Args:
-        strict: whether only an empty cell says that nothing was measured; otherwise also the words of logs.
-    """
+    """The (n,) numbers of a column, NaN where there is none, and (n,) whether a cell holds something else. `strict`:
+    whether only an empty cell says that nothing was measured; otherwise also the words of logs."""
     values = np.array([number(cell) for cell in cells], np.float64)
     empty = [not cell or (not strict and cell.lower() in MISSING) for cell in cells]
     return values, np.isnan(values) & ~np.array(empty, bool)

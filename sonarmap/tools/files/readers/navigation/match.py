@@ -59,14 +59,8 @@ def _is_called(scan: Scan, name: str) -> bool:
 
 
 def named_scan(scans: Sequence[Scan], cell: str, where: str) -> int:
-    """The index of a scan.
-
-    Args:
-        cell: a scan's name, with or without the suffix of its file, or its number from 0 as pairs.csv has it; a name
-            that is a number counts first.
-
-    Raises InputError: no scan, or several.
-    """
+    """The index of a scan. `cell`: a scan's name, with or without the suffix of its file, or its number from 0 as
+    pairs.csv has it; a name that is a number counts first. Raises InputError: no scan, or several."""
     index = find_scan(scans, "name", cell, float("nan"), where, allow_unknown=True)
     if index is None and cell.isascii() and cell.isdecimal() and len(cell) < 10:
         index = int(cell) if int(cell) < len(scans) else None

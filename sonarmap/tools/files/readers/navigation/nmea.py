@@ -44,13 +44,8 @@ def is_nmea(text: str) -> bool:
 
 
 def read_nmea(path: Path, settings: NavigationSettings, scans: np.ndarray, notes: list[str]) -> NavigationLog:
-    """The places and headings of a file of sentences.
-
-    Args:
-        scans: (N,) stamps of the scans [s], for sentences without a date.
-
-    Raises InputError: it cannot be read, or has neither places nor headings at times.
-    """
+    """The places and headings of a file of sentences. `scans`: (N,) stamps of the scans [s], for sentences without a
+    date. Raises InputError: it cannot be read, or has neither places nor headings at times."""
     settings.refuse_unused(path, "holds NMEA sentences")
     read = _Sentences()
     with reading(path), path.open(encoding="latin-1") as file:

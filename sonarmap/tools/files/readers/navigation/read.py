@@ -23,11 +23,8 @@ _TUM_NUMBERS = 8
 def read_navigation(
     path: Path, settings: NavigationSettings, sigmas: Mapping[str, float] | None, scans: np.ndarray, notes: list[str]
 ) -> NavigationLog:
-    """The rows of a file, which is told by its content.
-
-    Args:
-        sigmas: {column of COLUMNS: standard deviation} where the file has none; None where none is needed.
-    """
+    """The rows of a file, which is told by its content. `sigmas`: {column of COLUMNS: standard deviation} where the
+    file has none; None where none is needed."""
     beginning = _beginning(path)
     if is_nmea(beginning):
         log = read_nmea(path, settings, scans, notes)

@@ -108,11 +108,7 @@ def _packet_at(window: _Window, start: int) -> bytes:
 
 
 def fault_of(datagram: bytes) -> str:
-    """Why a datagram is not one whole packet, in words; nothing if it is.
-
-    Args:
-        datagram: begins with one of MAGICS.
-    """
+    """Why a datagram is not one whole packet, in words; nothing if it is. `datagram`: begins with one of MAGICS."""
     length = _length(datagram[:8])
     if length != len(datagram):
         return f"claims {int.from_bytes(datagram[4:8], 'little'):,} bytes and has {len(datagram):,}"

@@ -89,11 +89,8 @@ class Recording:
         return shot
 
     def notes(self, changed: float | None = None) -> list[str]:
-        """What the user should know about the recording as a whole, a line each.
-
-        Args:
-            changed: when the file was last changed [s, UTC].
-        """
+        """What the user should know about the recording as a whole, a line each. `changed`: when the file was last
+        changed [s, UTC]."""
         return [*self._damage_notes(), *self._number_notes(), *self._image_notes(), *self._clock_notes(changed)]
 
     def _damage_notes(self) -> Iterator[str]:

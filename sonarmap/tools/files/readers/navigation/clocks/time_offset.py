@@ -203,11 +203,7 @@ def _refused(reason: str) -> InputError:
 
 
 def why_apart(times: np.ndarray, stamps: np.ndarray) -> str:
-    """Both spans, how far apart they are, and what may have happened.
-
-    Args:
-        times: (n,) of the navigation [s].
-    """
+    """Both spans, how far apart they are, and what may have happened. `times`: (n,) of the navigation [s]."""
     first, last, start, end = (float(f(x)) for x in (times, stamps) for f in (np.min, np.max))
     gap = start - last if start > last else first - end
     apart = f"{gap:.3f} s apart" if gap > 0 else "and no two rows around a scan are at most 5 s apart"
