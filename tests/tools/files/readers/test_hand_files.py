@@ -1,5 +1,6 @@
 """Files of ties and of control points: what they say, and what is refused."""
 
+from collections.abc import Callable
 from pathlib import Path
 
 import numpy as np
@@ -58,34 +59,6 @@ def test_the_covariance_of_a_transform_that_is_turned_around(tmp_path: Path) -> 
     )
 
 
-@pytest.mark.parametrize(
-    ("text", "words"),
-    [
-        ("target,source,verdict\n1,1,reject\n", "line 2: it ties dive1 to itself"),
-        ("target,source,verdict\n1,dive99,reject\n", "line 2: source: no scan is called 'dive99'"),
-        ("target,source,verdict\n1,12,reject\n", "a number from 0 to 11"),
-        ("target,source,verdict\n1,2,maybe\n", "line 2: verdict is 'maybe'; wanted one of accept, reject, add"),
-        ("target,source,verdict\n1,2,add\n# other\n2,1,reject\n", "lines 2 and 4 both have a verdict on dive1"),
-        ("target,source\n1,2\n", "no column verdict"),
-        ("target,source,verdict,kept\n1,2,add,yes\n", "line 1: there is a column 'kept'"),
-        ("target,source,verdict,x_m\n1,2,add,3\n", "a transform wants a column y_m too"),
-        ("target,source,verdict,verdict\n1,2,add,add\n", "two columns verdict"),
-        ("target,source,verdict\n1,2\n", "line 2: it has 2 cells where the heading has 3"),
-        (TRANSFORM + "1,2,accept,1,2,3,0,0,0,0.1,1,\n", "only add takes one"),
-        (TRANSFORM + "1,2,add,1,2,3,0,0,nan,0.1,1,\n", "yaw_deg is 'nan'"),
-        (TRANSFORM + "1,2,add,1,2,3,0,0,,0.1,1,\n", "yaw_deg is ''"),
-        (TRANSFORM + "1,2,add,1,2,3,0,0,4,0,1,\n", "sigma_m is '0'; wanted a number from 0.0001"),
-        (TRANSFORM + "1,2,add,1e300,2,3,0,0,4,0.1,1,\n", "x_m is '1e300'"),
-    ],
-)
-def test_ties_that_cannot_be_used_are_refused(tmp_path: Path, text: str, words: str) -> None:
-    path = written(tmp_path, text)
-    with pytest.raises(InputError) as refused:
-        read_ties(path, SCANS)
-    assert words in str(refused.value)
-    assert str(path) in str(refused.value)
-
-
 def test_control_points_in_the_maps_frame(tmp_path: Path) -> None:
     rows = "A,dive3,1.5,-2.5,0.25,310,-20,12.5,0.04,0.1,\nB,5,4,1,-3,320,-31,11,,,check\n"
     text = f"{POINT}depth_m,sigma_h_m,sigma_v_m,use\n{rows}"
@@ -133,33 +106,80 @@ def test_a_grid_is_asked_where_the_points_are(tmp_path: Path) -> None:
 
 
 @pytest.mark.parametrize(
-    ("text", "words"),
+    ("read", "text", "words"),
     [
-        (POINT + "up_m\nA,0,1,2,3,1,2,\n", "line 2: up_m is ''; wanted meters within 20000"),
-        (POINT + "up_m\nA,0,1,2,3,432100.5,2,3\n", "go into easting_m and northing_m, with --control-crs"),
-        (POINT + "up_m\n,0,1,2,3,1,2,3\n", "line 2: the point has no name"),
-        (POINT + "up_m\nA,0,1,2,inf,1,2,3\n", "z_m is 'inf'"),
-        (POINT + "up_m\nA,pier,1,2,3,1,2,3\n", "scan: no scan is called 'pier'"),
-        (POINT + "up_m\nA,0,1,2,3,1,2,3\nA,0,1,2,4,1,2,3\n", "lines 2 and 3 have A in the same scan"),
-        (POINT + "up_m\nA,0,1,2,3,1,2,3\nA,1,1,2,4,1,2,4\n", "lines 2 and 3 give the point A other coordinates"),
-        (POINT + "up_m,depth_m\nA,0,1,2,3,1,2,3,4\n", "one of the columns up_m, height_m, depth_m, and there are 2"),
-        (POINT + "up_m,use\nA,0,1,2,3,1,2,3,look\n", "use is 'look'; wanted control or check"),
-        (POINT + "up_m,sigma_m\nA,0,1,2,3,1,2,3,-0.1\n", "sigma_m is '-0.1'"),
-        (POINT + "up_m,sigma_h_m,sigma_v_m\nA,0,1,2,3,1,2,3,0.1,\n", "can only be used together"),
-        (POINT + "up_m,sigma_h_m,sigma_m\nA,0,1,2,3,1,2,3,0.1,0.2\n", "wanted one way"),
-        (POINT + "up_m,kind\nA,0,1,2,3,1,2,3,x\n", "there is a column 'kind'"),
-        (POINT + "up_m\n", "has no row below its heading"),
-        (POINT + "up_m\n" + "A,0,1,2,3,1,2,3\n" * 1001, "has 1,001 control points; wanted at most 1,000"),
-        (POINT + "lat_deg,lon_deg,up_m\nA,0,1,2,3,1,2,60,5,3\n", "and none of the others"),
-        ("name,scan,x_m,y_m,z_m,lat_deg,lon_deg,up_m\nA,0,1,2,3,95,5,3\n", "lat_deg is '95'; wanted degrees within 90"),
-        ("name,scan,x_m,y_m,z_m,lat_deg,lon_deg,up_m\nA,0,1,2,3,60,5,3\nB,1,1,2,3,10,5,3\n", "within 200 km"),
-        ("name,scan,x_m,y_m,z_m,easting_m,northing_m,up_m\nA,0,1,2,3,500000,6650000,3\n", "give --control-crs"),
+        (read_ties, "target,source,verdict\n1,1,reject\n", "line 2: it ties dive1 to itself"),
+        (read_ties, "target,source,verdict\n1,dive99,reject\n", "line 2: source: no scan is called 'dive99'"),
+        (read_ties, "target,source,verdict\n1,12,reject\n", "a number from 0 to 11"),
+        (
+            read_ties,
+            "target,source,verdict\n1,2,maybe\n",
+            "line 2: verdict is 'maybe'; wanted one of accept, reject, add",
+        ),
+        (
+            read_ties,
+            "target,source,verdict\n1,2,add\n# other\n2,1,reject\n",
+            "lines 2 and 4 both have a verdict on dive1",
+        ),
+        (read_ties, "target,source\n1,2\n", "no column verdict"),
+        (read_ties, "target,source,verdict,kept\n1,2,add,yes\n", "line 1: there is a column 'kept'"),
+        (read_ties, "target,source,verdict,x_m\n1,2,add,3\n", "a transform wants a column y_m too"),
+        (read_ties, "target,source,verdict,verdict\n1,2,add,add\n", "two columns verdict"),
+        (read_ties, "target,source,verdict\n1,2\n", "line 2: it has 2 cells where the heading has 3"),
+        (read_ties, TRANSFORM + "1,2,accept,1,2,3,0,0,0,0.1,1,\n", "only add takes one"),
+        (read_ties, TRANSFORM + "1,2,add,1,2,3,0,0,nan,0.1,1,\n", "yaw_deg is 'nan'"),
+        (read_ties, TRANSFORM + "1,2,add,1,2,3,0,0,,0.1,1,\n", "yaw_deg is ''"),
+        (read_ties, TRANSFORM + "1,2,add,1,2,3,0,0,4,0,1,\n", "sigma_m is '0'; wanted a number from 0.0001"),
+        (read_ties, TRANSFORM + "1,2,add,1e300,2,3,0,0,4,0.1,1,\n", "x_m is '1e300'"),
+        (read_control, POINT + "up_m\nA,0,1,2,3,1,2,\n", "line 2: up_m is ''; wanted meters within 20000"),
+        (
+            read_control,
+            POINT + "up_m\nA,0,1,2,3,432100.5,2,3\n",
+            "go into easting_m and northing_m, with --control-crs",
+        ),
+        (read_control, POINT + "up_m\n,0,1,2,3,1,2,3\n", "line 2: the point has no name"),
+        (read_control, POINT + "up_m\nA,0,1,2,inf,1,2,3\n", "z_m is 'inf'"),
+        (read_control, POINT + "up_m\nA,pier,1,2,3,1,2,3\n", "scan: no scan is called 'pier'"),
+        (read_control, POINT + "up_m\nA,0,1,2,3,1,2,3\nA,0,1,2,4,1,2,3\n", "lines 2 and 3 have A in the same scan"),
+        (
+            read_control,
+            POINT + "up_m\nA,0,1,2,3,1,2,3\nA,1,1,2,4,1,2,4\n",
+            "lines 2 and 3 give the point A other coordinates",
+        ),
+        (
+            read_control,
+            POINT + "up_m,depth_m\nA,0,1,2,3,1,2,3,4\n",
+            "one of the columns up_m, height_m, depth_m, and there are 2",
+        ),
+        (read_control, POINT + "up_m,use\nA,0,1,2,3,1,2,3,look\n", "use is 'look'; wanted control or check"),
+        (read_control, POINT + "up_m,sigma_m\nA,0,1,2,3,1,2,3,-0.1\n", "sigma_m is '-0.1'"),
+        (read_control, POINT + "up_m,sigma_h_m,sigma_v_m\nA,0,1,2,3,1,2,3,0.1,\n", "can only be used together"),
+        (read_control, POINT + "up_m,sigma_h_m,sigma_m\nA,0,1,2,3,1,2,3,0.1,0.2\n", "wanted one way"),
+        (read_control, POINT + "up_m,kind\nA,0,1,2,3,1,2,3,x\n", "there is a column 'kind'"),
+        (read_control, POINT + "up_m\n", "has no row below its heading"),
+        (read_control, POINT + "up_m\n" + "A,0,1,2,3,1,2,3\n" * 1001, "has 1,001 control points; wanted at most 1,000"),
+        (read_control, POINT + "lat_deg,lon_deg,up_m\nA,0,1,2,3,1,2,60,5,3\n", "and none of the others"),
+        (
+            read_control,
+            "name,scan,x_m,y_m,z_m,lat_deg,lon_deg,up_m\nA,0,1,2,3,95,5,3\n",
+            "lat_deg is '95'; wanted degrees within 90",
+        ),
+        (
+            read_control,
+            "name,scan,x_m,y_m,z_m,lat_deg,lon_deg,up_m\nA,0,1,2,3,60,5,3\nB,1,1,2,3,10,5,3\n",
+            "within 200 km",
+        ),
+        (
+            read_control,
+            "name,scan,x_m,y_m,z_m,easting_m,northing_m,up_m\nA,0,1,2,3,500000,6650000,3\n",
+            "give --control-crs",
+        ),
     ],
 )
-def test_control_points_that_cannot_be_used_are_refused(tmp_path: Path, text: str, words: str) -> None:
+def test_what_cannot_be_used_is_refused(tmp_path: Path, read: Callable, text: str, words: str) -> None:
     path = written(tmp_path, text)
     with pytest.raises(InputError) as refused:
-        read_control(path, SCANS)
+        read(path, SCANS)
     assert words in str(refused.value)
     assert str(path) in str(refused.value)
 

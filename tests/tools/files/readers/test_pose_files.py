@@ -11,11 +11,12 @@ from scipy.spatial.transform import RigidTransform
 from sonarmap.kernels.errors import InputError
 from sonarmap.slam.graph.trajectory import Trajectory
 from sonarmap.slam.mapper import Mapper
+from sonarmap.tools.files.map_folder.names import EXPORTS
 from sonarmap.tools.files.readers.poses.gt_log import read_gt_log
 from sonarmap.tools.files.readers.poses.trajectory import read_kitti
 from sonarmap.tools.files.readers.poses.tum import read_tum
 from sonarmap.tools.files.writers.json_text import to_json, write_json
-from sonarmap.tools.files.writers.trajectory import write_kitti, write_tum
+from sonarmap.tools.files.writers.trajectory import write_trajectory, write_tum
 from sonarmap.tools.products.output.summary import survey_summary
 from tests.samples.surveys import KnowingRegistrar, random_transforms, ring_poses, scans_of
 
@@ -27,11 +28,14 @@ def sample() -> Trajectory:
     return Trajectory(1_763_700_000 + np.cumsum(rng.integers(1, 10**7, 50)) * 1e-6, T)
 
 
-def test_tum_round_trip(tmp_path):
-    trajectory = sample()
-    write_tum(tmp_path / "a.tum", trajectory)
-    again = read_tum(tmp_path / "a.tum")
-    np.testing.assert_array_equal(again.stamps, trajectory.stamps)
+@pytest.mark.parametrize(
+    ("suffix", "read", "stamps"), [(".tum", read_tum, None), (".kitti", read_kitti, np.arange(50))]
+)
+def test_round_trip(tmp_path, suffix, read, stamps):
+    trajectory, path = sample(), tmp_path / f"a{suffix}"
+    write_trajectory(path, trajectory)
+    again = read(path)
+    np.testing.assert_array_equal(again.stamps, trajectory.stamps if stamps is None else stamps)
     np.testing.assert_array_equal(again.T_world_sensor.translation, trajectory.T_world_sensor.translation)
     np.testing.assert_allclose(again.T_world_sensor.as_matrix(), trajectory.T_world_sensor.as_matrix(), atol=1e-15)
 
@@ -40,15 +44,6 @@ def test_tum_stamps_stay_readable(tmp_path):
     path = tmp_path / "a.tum"
     write_tum(path, Trajectory(np.array([1763700000.123456]), RigidTransform.identity(1)))
     assert path.read_text().splitlines()[1] == "1763700000.123456 0 0 0 0 0 0 1"
-
-
-def test_kitti_round_trip(tmp_path):
-    trajectory = sample()
-    write_kitti(tmp_path / "a.txt", trajectory)
-    again = read_kitti(tmp_path / "a.txt")
-    np.testing.assert_array_equal(again.stamps, np.arange(50))
-    np.testing.assert_array_equal(again.T_world_sensor.translation, trajectory.T_world_sensor.translation)
-    np.testing.assert_allclose(again.T_world_sensor.as_matrix(), trajectory.T_world_sensor.as_matrix(), atol=1e-15)
 
 
 def test_kitti_takes_rotations_of_six_digits(tmp_path):
@@ -61,36 +56,46 @@ def test_kitti_takes_rotations_of_six_digits(tmp_path):
     np.testing.assert_allclose(R @ R.transpose(0, 2, 1), np.tile(np.eye(3), (20, 1, 1)), atol=1e-14)
 
 
-@pytest.mark.parametrize(
-    ("lines", "words"),
-    [
-        (["# comment", "0 1 2 3 0 0 0 1", "1 1 2 3 0 0 0"], "line 3 has 7 columns.*stamp tx"),
-        (["0 1 2 3 0 0 0 1 9"], "line 1 has 9 columns"),
-        (["0 1 2 3 0 0 0 1", "", "nan 1 2 3 0 0 0 1"], "line 3 .*NaN"),
-        (["0 1 two 3 0 0 0 1"], "line 1.*'two'"),
-        (["0 1 2 3 0 0 0 0"], "line 1 .*zero quaternion"),
-        (["# only this"], "no line but comments"),
-    ],
-)
-def test_tum_faults_name_their_line(lines, words, tmp_path):
-    (tmp_path / "bad.tum").write_text("\n".join(lines) + "\n")
-    with pytest.raises(InputError, match=words):
-        read_tum(tmp_path / "bad.tum")
+POSE, UNIT = "0 1 2 3 0 0 0 1\n", "1 0 0 5 0 1 0 6 0 0 1 7\n"
+MATRIX = "0 -1 0 4\n1 0 0 5\n0 0 1 6\n0 0 0 1\n"
+TWO = f"3 7\n{MATRIX}\n7\t 12  60 \n{MATRIX}"
 
 
 @pytest.mark.parametrize(
-    ("line", "words"),
+    ("read", "text", "words"),
     [
-        ("1 0 0 5 0 1 0 6 0 0 1", "line 2 has 11 columns"),
-        ("1 0 0 5 0 1 0 6 0 0 inf 7", "line 2 .*infinity"),
-        ("1 0 0 5 0 1 0 6 0 0 2 7", "line 2 holds no rotation"),
-        ("1 0 0 5 0 1 0 6 0 0 -1 7", "line 2 holds no rotation"),
+        (read_tum, f"# comment\n{POSE}1 1 2 3 0 0 0\n", "line 3 has 7 columns.*stamp tx"),
+        (read_tum, "0 1 2 3 0 0 0 1 9\n", "line 1 has 9 columns"),
+        (read_tum, f"{POSE}\nnan 1 2 3 0 0 0 1\n", "line 3 .*NaN"),
+        (read_tum, "0 1 two 3 0 0 0 1\n", "line 1.*'two'"),
+        (read_tum, "0 1 2 3 0 0 0 0\n", "line 1 .*zero quaternion"),
+        (read_tum, "# only this\n", "no line but comments"),
+        (read_kitti, f"{UNIT}1 0 0 5 0 1 0 6 0 0 1\n", "line 2 has 11 columns"),
+        (read_kitti, f"{UNIT}1 0 0 5 0 1 0 6 0 0 inf 7\n", "line 2 .*infinity"),
+        (read_kitti, f"{UNIT}1 0 0 5 0 1 0 6 0 0 2 7\n", "line 2 holds no rotation"),
+        (read_kitti, f"{UNIT}1 0 0 5 0 1 0 6 0 0 -1 7\n", "line 2 holds no rotation"),
+        (read_gt_log, "", "holds no line"),
+        (read_gt_log, "0 1\n0 1 0 4\n1 0", "does not end with a line break"),
+        (read_gt_log, f"0\n{MATRIX}", r"line 1 is '0'; wanted the numbers of two scans"),
+        (read_gt_log, f"0 -1\n{MATRIX}", "line 1 is '0 -1'"),
+        (read_gt_log, f"0 1 2 3\n{MATRIX}", "line 1 is '0 1 2 3'"),
+        (read_gt_log, f"0 1\n{MATRIX}{MATRIX}", "line 6 is '0 -1 0 4'"),
+        (read_gt_log, f"4 4\n{MATRIX}", "line 1 pairs the scan 4 with itself"),
+        (read_gt_log, f"{TWO}0 1\n1 0 0 0\n", "the pair in line 12 has 1 lines of its matrix; wanted four"),
+        (read_gt_log, "0 1\n" + MATRIX.replace("0 4", "0"), "line 2 has 3 columns"),
+        (read_gt_log, "0 1\n" + MATRIX.replace("5", "x"), "line 3: 'x' is not a number"),
+        (read_gt_log, "0 1\n" + MATRIX.replace("6", "nan"), "line 4 holds NaN or infinity"),
+        (read_gt_log, "0 1\n" + MATRIX.replace("-1", "-1.01"), "pair in line 1 is no rigid transform .*off by 0.02"),
+        (read_gt_log, "0 1\n" + MATRIX.replace("-1", "1"), "pair in line 1 is no rigid transform"),
+        (read_gt_log, "0 1\n" + MATRIX.replace("0 0 0 1", "0 0 1 1"), "pair in line 1 is no rigid transform"),
+        (read_gt_log, f"{TWO}3 7\n{MATRIX}", "lines 1 and 12 are both for the scans 3 and 7; delete one"),
+        (read_gt_log, f"{TWO}12 7\n{MATRIX}", "lines 7 and 12 are both for the scans 12 and 7; delete one"),
     ],
 )
-def test_kitti_faults_name_their_line(line, words, tmp_path):
-    (tmp_path / "bad.txt").write_text(f"1 0 0 5 0 1 0 6 0 0 1 7\n{line}\n")
+def test_faults_name_their_line(tmp_path, read, text, words):
+    (tmp_path / "bad.txt").write_text(text)
     with pytest.raises(InputError, match=words):
-        read_kitti(tmp_path / "bad.txt")
+        read(tmp_path / "bad.txt")
 
 
 @pytest.mark.parametrize("read", [read_tum, read_kitti])
@@ -160,49 +165,25 @@ def test_nothing_is_written_where_writing_fails(tmp_path):
         write_tum(tmp_path / "file" / "a.tum", sample())
 
 
-MATRIX = "0 -1 0 4\n1 0 0 5\n0 0 1 6\n0 0 0 1\n"
-TWO = f"3 7\n{MATRIX}\n7\t 12  60 \n{MATRIX}"
-
-
-def written(folder: Path, text: str) -> Path:
-    path = folder / "gt.log"
-    path.write_text(text)
-    return path
-
-
-def test_pairs_in_order_with_or_without_a_third_number(tmp_path: Path) -> None:
-    pairs = read_gt_log(written(tmp_path, TWO))
+def test_pairs_of_gt_log_in_order_with_or_without_a_third_number(tmp_path: Path) -> None:
+    (tmp_path / "gt.log").write_text(TWO)
+    pairs = read_gt_log(tmp_path / "gt.log")
     assert [(pair.i, pair.j, pair.line) for pair in pairs] == [(3, 7, 1), (7, 12, 7)]
     np.testing.assert_allclose(pairs[0].T_i_j.apply([1, 0, 0]), [4, 6, 6], atol=1e-12)
 
 
-@pytest.mark.parametrize(
-    ("text", "message"),
-    [
-        ("", "holds no line"),
-        ("0 1\n0 1 0 4\n1 0", "does not end with a line break"),
-        (f"0\n{MATRIX}", r"line 1 is '0'; wanted the numbers of two scans"),
-        (f"0 -1\n{MATRIX}", "line 1 is '0 -1'"),
-        (f"0 1 2 3\n{MATRIX}", "line 1 is '0 1 2 3'"),
-        (f"0 1\n{MATRIX}{MATRIX}", "line 6 is '0 -1 0 4'"),
-        (f"4 4\n{MATRIX}", "line 1 pairs the scan 4 with itself"),
-        (f"{TWO}0 1\n1 0 0 0\n", "the pair in line 12 has 1 lines of its matrix; wanted four"),
-        ("0 1\n" + MATRIX.replace("0 4", "0"), "line 2 has 3 columns"),
-        ("0 1\n" + MATRIX.replace("5", "x"), "line 3: 'x' is not a number"),
-        ("0 1\n" + MATRIX.replace("6", "nan"), "line 4 holds NaN or infinity"),
-        ("0 1\n" + MATRIX.replace("-1", "-1.01"), "pair in line 1 is no rigid transform .*off by 0.02"),
-        ("0 1\n" + MATRIX.replace("-1", "1"), "pair in line 1 is no rigid transform"),
-        ("0 1\n" + MATRIX.replace("0 0 0 1", "0 0 1 1"), "pair in line 1 is no rigid transform"),
-        (f"{TWO}3 7\n{MATRIX}", "lines 1 and 12 are both for the scans 3 and 7; delete one"),
-        (f"{TWO}12 7\n{MATRIX}", "lines 7 and 12 are both for the scans 12 and 7; delete one"),
-    ],
-)
-def test_what_cannot_be_used_is_named(tmp_path: Path, text: str, message: str) -> None:
-    with pytest.raises(InputError, match=message):
-        read_gt_log(written(tmp_path, text))
-
-
-def test_digits_that_were_cut_off_do_no_harm(tmp_path: Path) -> None:
-    (pair,) = read_gt_log(written(tmp_path, "0 1\n0.6 -0.8 0 0\n0.80004 0.6 0 0\n0 0 1 0\n0 0 0 1\n"))
+def test_digits_of_gt_log_that_were_cut_off_do_no_harm(tmp_path: Path) -> None:
+    (tmp_path / "gt.log").write_text("0 1\n0.6 -0.8 0 0\n0.80004 0.6 0 0\n0 0 1 0\n0 0 0 1\n")
+    (pair,) = read_gt_log(tmp_path / "gt.log")
     R = pair.T_i_j.rotation.as_matrix()
     np.testing.assert_allclose(R @ R.T, np.eye(3), atol=1e-12)
+
+
+def test_a_trajectory_of_an_unknown_format_is_not_written(tmp_path: Path) -> None:
+    with pytest.raises(InputError, match=r"unknown format '\.csv'; known formats are \.tum, \.kitti"):
+        write_trajectory(tmp_path / "poses.csv", sample())
+    assert not list(tmp_path.iterdir())
+
+
+def test_exports_are_what_has_a_writer_and_is_not_written_anyway() -> None:
+    assert EXPORTS == {"pcd": "map{}.pcd", "kitti": "trajectory{}.kitti"}

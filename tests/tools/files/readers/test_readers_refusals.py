@@ -33,24 +33,25 @@ def refused(folder: Path, suffix: str, content: bytes, said: str) -> None:
 # ---- promises that the file does not keep
 
 
-@pytest.mark.parametrize("count", [20, 10**12, 10**17])
-@pytest.mark.parametrize("sample", [name for name in NAMES if name.startswith("ply")])
-def test_a_ply_that_promises_more_points_than_it_holds(tmp_path, sample, count):
-    content = SAMPLES[sample][1].replace(b"vertex 5", b"vertex %d" % count)
-    refused(tmp_path, ".ply", content, "promises")
+COUNTED = {name: (".ply", SAMPLES[name][1], [b"vertex"]) for name in NAMES if name.startswith("ply")} | {
+    f"pcd {encoding}": (".pcd", pcd(encoding), [b"WIDTH", b"POINTS"])
+    for encoding in ("ascii", "binary", "binary_compressed")
+}
 
 
-@pytest.mark.parametrize("count", [20, 10**12, 10**17])
-@pytest.mark.parametrize("encoding", ["ascii", "binary", "binary_compressed"])
-def test_a_pcd_that_promises_more_points_than_it_holds(tmp_path, encoding, count):
-    content = pcd(encoding).replace(b"WIDTH 5", b"WIDTH %d" % count).replace(b"POINTS 5", b"POINTS %d" % count)
-    refused(tmp_path, ".pcd", content, "promises")
+@pytest.mark.parametrize("count", [20, 10**12, 10**17, -5])
+@pytest.mark.parametrize("kind", COUNTED)
+def test_more_points_than_there_are_or_fewer_than_none(tmp_path, kind, count):
+    suffix, content, words = COUNTED[kind]
+    for word in words:
+        content = content.replace(b"%s 5" % word, b"%s %d" % (word, count))
+    refused(tmp_path, suffix, content, "promises" if count > 0 else "'-5'")
 
 
-@pytest.mark.parametrize("shape", ["(6, 4)", "(1000000000000, 3)", "(1000000000000, 1000000000000)"])
+@pytest.mark.parametrize("shape", ["(6, 4)", "(1000000000000, 3)", "(1000000000000, 1000000000000)", "(-5, 4)"])
 def test_an_npy_that_promises_more_than_it_holds(tmp_path, shape):
     content = npy(TABLE).replace(b"(5, 4), }" + b" " * (len(shape) - 6), b"%s, }" % shape.encode())
-    refused(tmp_path, ".npy", content, "promises")
+    refused(tmp_path, ".npy", content, "promises" if shape[1] != "-" else "shape")
 
 
 def test_an_npz_member_that_promises_more_than_it_holds(tmp_path):
@@ -58,12 +59,6 @@ def test_an_npz_member_that_promises_more_than_it_holds(tmp_path):
     with zipfile.ZipFile(tmp_path / "scan.npz", "w", zipfile.ZIP_DEFLATED) as archive:
         archive.writestr("points.npy", lying)
     refused(tmp_path, ".npz", (tmp_path / "scan.npz").read_bytes(), r"'points.npy'.*promises")
-
-
-def test_a_zip_bomb_is_not_unpacked(tmp_path):
-    with zipfile.ZipFile(tmp_path / "scan.npz", "w", zipfile.ZIP_DEFLATED) as archive:
-        archive.writestr("points.npy", npy(np.zeros((6_000_000, 3), np.float32)))
-    refused(tmp_path, ".npz", (tmp_path / "scan.npz").read_bytes(), "not believable")
 
 
 def test_a_zip_bomb_that_lies_about_its_size_is_not_unpacked(tmp_path):
@@ -74,13 +69,6 @@ def test_a_zip_bomb_that_lies_about_its_size_is_not_unpacked(tmp_path):
     lying = content.replace(len(body).to_bytes(4, "little"), (5000).to_bytes(4, "little"))
     assert lying != content
     refused(tmp_path, ".npz", lying, "damaged|promises")
-
-
-@pytest.mark.parametrize("sample", [name for name in NAMES if name.startswith("ply")])
-def test_a_negative_count_is_refused(tmp_path, sample):
-    refused(tmp_path, ".ply", SAMPLES[sample][1].replace(b"vertex 5", b"vertex -5"), "'-5' of vertex")
-    refused(tmp_path, ".pcd", pcd("binary").replace(b"WIDTH 5", b"WIDTH -5"), "WIDTH '-5'")
-    refused(tmp_path, ".npy", npy(TABLE).replace(b"(5, 4), } ", b"(-5, 4), }"), "shape")
 
 
 # ---- files that are whole but cannot be a scan

@@ -25,28 +25,17 @@ def cloud(count: int, seed: int = 0) -> tuple[np.ndarray, dict[str, np.ndarray]]
 @pytest.mark.parametrize("count", [1, 2, 1000])
 def test_points_and_strength_come_back_bit_by_bit(tmp_path, suffix, count):
     points, columns = cloud(count)
-    path = tmp_path / f"map{suffix}"
+    path = tmp_path / "new" / f"map{suffix}"
     write_points(path, points, columns)
+    assert list(path.parent.iterdir()) == [path]
     scan = read_scan(path)
     np.testing.assert_array_equal(scan.points, points)
     assert scan.strength is not None
     np.testing.assert_array_equal(scan.strength, columns["intensity"])
-
-
-@pytest.mark.parametrize("suffix", SUFFIXES)
-def test_points_alone_need_no_columns(tmp_path, suffix):
-    points, _ = cloud(7)
-    write_points(tmp_path / f"map{suffix}", points)
-    scan = read_scan(tmp_path / f"map{suffix}")
-    np.testing.assert_array_equal(scan.points, points)
-    assert scan.strength is None
-
-
-@pytest.mark.parametrize("suffix", SUFFIXES)
-def test_nothing_but_the_file_is_left(tmp_path, suffix):
-    points, columns = cloud(10)
-    write_points(tmp_path / "new" / f"map{suffix}", points, columns)
-    assert [path.name for path in (tmp_path / "new").iterdir()] == [f"map{suffix}"]
+    write_points(path, points)
+    bare = read_scan(path)
+    np.testing.assert_array_equal(bare.points, points)
+    assert bare.strength is None
 
 
 @pytest.mark.parametrize("suffix", SUFFIXES)

@@ -7,21 +7,17 @@ import pytest
 from scipy.spatial.transform import RigidTransform, Rotation
 
 from sonarmap.kernels.errors import InputError
-from sonarmap.spectral.scan import Scan
 from sonarmap.tools.files.readers.navigation.odometry import read_odometry
 from tests.samples.bags.messages import ODOMETRY, TF, odometry, transforms
 from tests.samples.bags.writers import Record, write_mcap, write_ros1, write_ros2
+from tests.tools.files.readers.navigation.logs import scans_at
 
 TURN = Rotation.from_euler("ZYX", [30, -10, 5], degrees=True)
 ALONE, LEFT = (0, 0, 0, 1), (0, 0, np.sqrt(0.5), np.sqrt(0.5))
 
 
-def scans(*stamps: float) -> list[Scan]:
-    return [Scan(np.zeros((1, 3), np.float32), stamp=stamp, name=f"scan{k}") for k, stamp in enumerate(stamps)]
-
-
 def poses_of(path: Path, *stamps: float) -> RigidTransform:
-    return read_odometry(path, scans(*stamps), 0.01, 0.001).T_odom_sensor
+    return read_odometry(path, scans_at(*stamps), 0.01, 0.001).T_odom_sensor
 
 
 def driven(topic: str = "/odom", **frames: str) -> list[Record]:

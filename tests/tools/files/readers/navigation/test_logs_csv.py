@@ -29,43 +29,36 @@ def rows(*cells: str, separator: str = ",") -> str:
     return "".join(separator.join((f"{START + 5 * k - 2}", *cells)) + "\n" for k in range(4))
 
 
+USUAL = {
+    ("depth_m", 1): ["Depth (m)", "DEPTH", "Depth m", "Depth (m below surface)"],
+    ("depth_m", 0.01): ["Depth [cm]"],
+    ("depth_m", 0.3048): ["ROV Depth (ft)"],
+    ("heading_deg", 1): ["Heading [deg]", "Heading (°)", "HDG", "Heading (true)", "headingDeg"],
+    ("magnetic_deg", 1): ["Heading (mag)", "Magnetic Heading"],
+    ("yaw_deg", 180 / np.pi): ["yaw_rad"],
+    ("roll_deg", 180 / np.pi): ["Roll (rad)"],
+    ("pitch_deg", 1): ["pitch"],
+    ("lat_deg", 1): ["Lat", "Latitude [DD.DDDD]"],
+    ("lon_deg", 1): ["Lng"],
+    ("easting_m", 1): ["Easting (m)"],
+    ("northing_m", 1): ["UTM_N"],
+    ("x_m", 1): ["X"],
+    ("stamp", 1): ["Date/Time", "UTC Time"],
+    ("stamp", 0.001): ["Timestamp [ms]"],
+    ("stamp", 1e-9): ["time_ns"],
+    ("gps_week", 1): ["GPS Week"],
+    ("depth_sigma_m", 1): ["Depth SD (m)"],
+    ("heading_sigma_deg", 1): ["std_heading [deg]"],
+    ("y_sigma_m", 1): ["lat_sigma_m"],
+    ("x_sigma_m", 0.01): ["Easting StdDev (cm)"],
+    ("roll_sigma_deg", 1): ["roll_sigma_deg"],
+}
+
+
 class TestHeadings:
     @pytest.mark.parametrize(
         ("heading", "quantity", "factor"),
-        [
-            ("Depth (m)", "depth_m", 1),
-            ("DEPTH", "depth_m", 1),
-            ("Depth [cm]", "depth_m", 0.01),
-            ("ROV Depth (ft)", "depth_m", 0.3048),
-            ("Depth m", "depth_m", 1),
-            ("Depth (m below surface)", "depth_m", 1),
-            ("Heading [deg]", "heading_deg", 1),
-            ("Heading (°)", "heading_deg", 1),
-            ("HDG", "heading_deg", 1),
-            ("Heading (true)", "heading_deg", 1),
-            ("Heading (mag)", "magnetic_deg", 1),
-            ("Magnetic Heading", "magnetic_deg", 1),
-            ("headingDeg", "heading_deg", 1),
-            ("yaw_rad", "yaw_deg", 180 / np.pi),
-            ("Roll (rad)", "roll_deg", 180 / np.pi),
-            ("pitch", "pitch_deg", 1),
-            ("Lat", "lat_deg", 1),
-            ("Latitude [DD.DDDD]", "lat_deg", 1),
-            ("Lng", "lon_deg", 1),
-            ("Easting (m)", "easting_m", 1),
-            ("UTM_N", "northing_m", 1),
-            ("X", "x_m", 1),
-            ("Date/Time", "stamp", 1),
-            ("UTC Time", "stamp", 1),
-            ("Timestamp [ms]", "stamp", 0.001),
-            ("time_ns", "stamp", 1e-9),
-            ("GPS Week", "gps_week", 1),
-            ("Depth SD (m)", "depth_sigma_m", 1),
-            ("std_heading [deg]", "heading_sigma_deg", 1),
-            ("lat_sigma_m", "y_sigma_m", 1),
-            ("Easting StdDev (cm)", "x_sigma_m", 0.01),
-            ("roll_sigma_deg", "roll_sigma_deg", 1),
-        ],
+        [(heading, quantity, factor) for (quantity, factor), headings in USUAL.items() for heading in headings],
     )
     def test_usual_headings(self, heading: str, quantity: str, factor: float) -> None:
         column = column_of(3, heading)
@@ -92,10 +85,11 @@ class TestLogs:
     @pytest.mark.parametrize("separator", [",", ";", "\t"])
     @pytest.mark.parametrize("encoding", ["utf-8", "utf-8-sig", "utf-16"])
     @pytest.mark.parametrize("ending", ["\n", "\r\n"])
-    def test_as_programs_save_them(self, path: Path, separator: str, encoding: str, ending: str) -> None:
+    @pytest.mark.parametrize("point", [".", ","])
+    def test_as_programs_save_them(self, path: Path, separator: str, encoding: str, ending: str, point: str) -> None:
         text = "# a comment\n\n" + self.TEXT.replace(",", separator) + separator * 5 + "\n"
         if separator != ",":
-            text = text.replace(".", ",")
+            text = text.replace(".", point)
         values, _ = read(path, text.rstrip("\n").replace("\n", ending).encode(encoding))
         np.testing.assert_allclose(values, [self.WANTED] * 3)
 

@@ -225,29 +225,9 @@ class TestOffices:
 
     TABLE = "name,heading_deg,heading_sigma_deg,depth_m,depth_sigma_m\nfirst,12.5,1.5,-3.25,0.1\nrec#3,200,2,4e-1,1\n"
 
-    @pytest.fixture
-    def wanted(self, path: Path) -> tuple[Scan, ...]:
-        path.write_text(self.TABLE)
-        return with_priors(SCANS, path)
-
-    @pytest.mark.parametrize("separator", [";", "\t"])
-    @pytest.mark.parametrize("point", [".", ","])
-    @pytest.mark.parametrize("encoding", ["utf-8", "utf-8-sig", "utf-16"])
-    def test_separators_decimal_commas_and_encodings(
-        self, wanted: tuple[Scan, ...], path: Path, separator: str, point: str, encoding: str
-    ) -> None:
-        text = self.TABLE.replace(",", separator).replace(".", point)
-        path.write_bytes(text.replace("\n", "\r\n").encode(encoding))
-        for one, other in zip(with_priors(SCANS, path), wanted, strict=True):
-            if other.prior is None:
-                assert one.prior is None
-                continue
-            np.testing.assert_array_equal(told(one).sigmas, other.prior.sigmas)
-            np.testing.assert_array_equal(told(one).T_world_sensor.as_matrix(), other.prior.T_world_sensor.as_matrix())
-
-    def test_blank_rows_are_left_out(self, wanted: tuple[Scan, ...], path: Path) -> None:
+    def test_blank_rows_are_left_out(self, path: Path) -> None:
         path.write_text(self.TABLE.replace("\nrec", "\n\n,,,,\n  \nrec"))
-        assert [scan.prior is None for scan in with_priors(SCANS, path)] == [scan.prior is None for scan in wanted]
+        assert [scan.prior is None for scan in with_priors(SCANS, path)] == [False, False, True]
 
     def test_a_last_line_without_a_break_is_read_and_noted(self, path: Path) -> None:
         path.write_text(self.TABLE.rstrip())

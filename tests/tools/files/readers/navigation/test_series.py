@@ -5,22 +5,18 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from sonarmap.spectral.scan import Scan
 from sonarmap.tools.files.readers.instruments import sigmas_of, values_of
 from sonarmap.tools.files.readers.navigation.priors import with_priors
+from tests.tools.files.readers.navigation.logs import scans_at
 
 HEADING = "stamp,heading_deg,heading_sigma_deg,x_m,y_m,x_sigma_m,y_sigma_m,depth_m,depth_sigma_m\n"
-
-
-def scans(*stamps: float) -> list[Scan]:
-    return [Scan(np.zeros((1, 3), np.float32), stamp=stamp, name=f"scan{k}") for k, stamp in enumerate(stamps)]
 
 
 def told(folder: Path, rows: str, *stamps: float) -> tuple[np.ndarray, np.ndarray]:
     """Values and sigmas in the columns' units, (N, 6) each; NaN where a scan has no prior."""
     path = folder / "nav.csv"
     path.write_text(HEADING + rows)
-    found = [scan.prior for scan in with_priors(scans(*stamps), path)]
+    found = [scan.prior for scan in with_priors(scans_at(*stamps), path)]
     nothing = np.full(6, np.nan)
     values = np.array([nothing if prior is None else values_of(prior.T_world_sensor) for prior in found])
     sigmas = np.array([nothing if prior is None else sigmas_of(prior) for prior in found])
