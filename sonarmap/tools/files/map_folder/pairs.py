@@ -1,7 +1,7 @@
 """Reads `pairs.csv`, the table of a map's pairs."""
 
 import math
-from collections.abc import Mapping
+from collections.abc import Collection, Mapping
 from dataclasses import dataclass
 from pathlib import Path
 from typing import get_args
@@ -13,6 +13,7 @@ from sonarmap.kernels.errors import InputError
 from sonarmap.slam.pair import Role
 from sonarmap.tools.files.readers.csv_table import CsvTable, read_csv_table
 from sonarmap.tools.files.readers.limits import LARGEST
+from sonarmap.tools.files.readers.navigation.cells import number
 from sonarmap.tools.files.user_file import naming
 
 CHAIN = "sequential"  # the role of consecutive scans; pairs of any other role are loops
@@ -44,7 +45,10 @@ def read_pairs(path: Path, scans: int) -> tuple[TriedPair, ...]:
     for k, row in enumerate(table.rows):
         cells = {name: row.cells[column] for name, column in columns.items()}
         with naming(f"{path}: line {row.line}", "; fix that line, or map again"):
-            read.append((_scan(cells, "target", scans), _scan(cells, "source", scans), _role(cells), _kept(cells)))
+            target, source = (_scan(cells, column, scans) for column in ("target", "source"))
+            role = _one_of(cells, "role", get_args(Role), f"one of {', '.join(get_args(Role))}")
+            kept = ANSWERS[_one_of(cells, "kept", ANSWERS, " or ".join(ANSWERS))]
+            read.append((target, source, role, kept))
             poses[k] = _pose(cells)
     known = ~np.isnan(poses[:, 0])
     transforms = iter(_transforms(poses[known]))
@@ -73,16 +77,10 @@ def _scan(cells: Mapping[str, str], column: str, scans: int) -> int:
     return int(cell)
 
 
-def _role(cells: Mapping[str, str]) -> str:
-    if cells["role"] not in get_args(Role):
-        raise InputError(f"role is {cells['role'][:40]!r}; wanted one of {', '.join(get_args(Role))}")
-    return cells["role"]
-
-
-def _kept(cells: Mapping[str, str]) -> bool:
-    if cells["kept"] not in ANSWERS:
-        raise InputError(f"kept is {cells['kept'][:40]!r}; wanted {' or '.join(ANSWERS)}")
-    return ANSWERS[cells["kept"]]
+def _one_of(cells: Mapping[str, str], column: str, known: Collection[str], wanted: str) -> str:
+    if cells[column] not in known:
+        raise InputError(f"{column} is {cells[column][:40]!r}; wanted {wanted}")
+    return cells[column]
 
 
 def _pose(cells: Mapping[str, str]) -> list[float]:
@@ -94,16 +92,13 @@ def _pose(cells: Mapping[str, str]) -> list[float]:
 
 def _number(cells: Mapping[str, str], column: str) -> float:
     largest = _MOST_DEGREES if column.endswith("deg") else LARGEST
-    try:
-        number = float(cells[column]) if "_" not in cells[column] else math.nan
-    except ValueError:
-        number = math.nan
-    if not abs(number) <= largest:
+    value = number(cells[column])
+    if not abs(value) <= largest:
         raise InputError(
             f"{column} is {cells[column][:40]!r}; wanted a number within {largest:g}, or all of "
             f"{', '.join(POSE_COLUMNS)} empty"
         )
-    return number
+    return value
 
 
 def _transforms(poses: np.ndarray) -> RigidTransform:

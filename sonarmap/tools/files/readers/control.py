@@ -32,7 +32,6 @@ _SIGMA_BOUNDS = 1e-4, 1e4
 _FARTHEST = 20_000.0  # [m] beyond which eastings and northings are a grid's
 _LARGEST = {"lat_deg": 90.0, "lon_deg": 180.0} | dict.fromkeys(GRID, 1e8)
 _MOST = 1000  # points; a survey has tens, and every estimate of the map weighs each of them
-_ROUNDED = 5  # decimals of the origin's degrees: a meter
 
 
 @dataclass(frozen=True, slots=True)
@@ -174,7 +173,7 @@ def _local(
     notes: list[str],
 ) -> tuple[np.ndarray, "Georeference | None"]:
     """(n, 3) East, North and Up of the map's origin, and where that is."""
-    from sonarmap.tools.files.geo.georeference import Georeference
+    from sonarmap.tools.files.readers.navigation.earth import on_the_earth, rounded_origin
 
     height = 0.0 if georeference is None else georeference.height
     # heights count from the vertical reference, the others from the map's origin
@@ -183,13 +182,9 @@ def _local(
         return np.column_stack([values[:, :2], ups]), georeference
     geodetic = np.column_stack([values[:, :2], ups + height])
     if across == GRID:
-        from sonarmap.tools.files.readers.navigation.earth import on_the_earth
-
         geodetic = on_the_earth(geodetic, crs, "--control-crs")
     if georeference is None:
-        latitude, longitude = (round(float(angle), _ROUNDED) for angle in geodetic[0, :2])
-        georeference = Georeference(latitude, longitude)
-        notes.append(f"the map's origin is the first control point, rounded: {latitude:.5f}, {longitude:.5f}")
+        georeference = rounded_origin(geodetic, "control point", notes)
     return np.column_stack([georeference.local(geodetic)[:, :2], ups]), georeference
 
 

@@ -4,7 +4,7 @@ from collections.abc import Sequence
 from pathlib import Path
 
 import numpy as np
-from scipy.spatial.transform import RigidTransform, Rotation, Slerp
+from scipy.spatial.transform import RigidTransform, Rotation
 
 from sonarmap.kernels.errors import InputError
 from sonarmap.slam.graph.trajectory import Trajectory
@@ -19,6 +19,7 @@ from sonarmap.tools.files.readers.bags.recording import (
     listed,
     refused,
 )
+from sonarmap.tools.files.readers.poses.trajectory import poses_at
 from sonarmap.tools.files.user_file import naming
 
 _ODOM = "odom"
@@ -104,17 +105,9 @@ def _composed(chain: Sequence[Sequence[Link]], faults: list[str]) -> Trajectory:
         raise InputError("the transforms of its tf were recorded at times that do not overlap; record them together")
     T = RigidTransform.identity(len(times))
     for part, steps in zip(parts, chain, strict=True):
-        T = T * (part.T_world_sensor[-1] if steps[-1].fixed else _at(part, times))
+        stands = steps[-1].fixed or len(part) == 1
+        T = T * (part.T_world_sensor[-1] if stands else poses_at(part, times))
     return Trajectory(times, T)
-
-
-def _at(part: Trajectory, times: np.ndarray) -> RigidTransform:
-    """(N,) poses between those of a trajectory."""
-    if len(part) == 1:
-        return RigidTransform.concatenate([part.T_world_sensor[0]] * len(times))
-    places, turns = part.T_world_sensor.translation, part.T_world_sensor.rotation
-    places = np.column_stack([np.interp(times, part.stamps, places[:, axis]) for axis in range(3)])
-    return RigidTransform.from_components(places, Slerp(part.stamps, turns)(times))
 
 
 def _ascending(stamps: Sequence[int], rows: Sequence[tuple[float, ...]], what: str, faults: list[str]) -> Trajectory:

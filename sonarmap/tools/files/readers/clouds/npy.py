@@ -125,19 +125,16 @@ def _stamp_of(stamp: np.ndarray | None) -> float | None:
 
 
 def _read_member(archive: zipfile.ZipFile, member: zipfile.ZipInfo) -> np.ndarray:
-    _require_believable(member)
-    require_memory(f"its member {member.filename!r}", member.file_size, "thin its points out first")
+    """Memory stays in proportion to the file, whatever the archive claims."""
+    named = f"its member {member.filename!r}"
+    if member.compress_type not in (zipfile.ZIP_STORED, zipfile.ZIP_DEFLATED):
+        raise InputError(f"{named} is not compressed as NumPy does it; save it again")
+    require_believable(named, member.compress_size, member.file_size)
+    require_memory(named, member.file_size, "thin its points out first")
     try:
         with archive.open(member) as file:
             body = file.read(member.file_size)  # without a size, a member that lies about its own would be unpacked
     except _DAMAGE as error:
-        raise InputError(f"its member {member.filename!r} is damaged ({error}); save it again") from error
-    with naming(f"its member {member.filename!r}"):
+        raise InputError(f"{named} is damaged ({error}); save it again") from error
+    with naming(named):
         return parse_npy(body)
-
-
-def _require_believable(member: zipfile.ZipInfo) -> None:
-    """Memory stays in proportion to the file, whatever the archive claims."""
-    if member.compress_type not in (zipfile.ZIP_STORED, zipfile.ZIP_DEFLATED):
-        raise InputError(f"its member {member.filename!r} is not compressed as NumPy does it; save it again")
-    require_believable(f"its member {member.filename!r}", member.compress_size, member.file_size)

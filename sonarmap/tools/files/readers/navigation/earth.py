@@ -49,9 +49,7 @@ def local_places(
         geodetic = on_the_earth(np.column_stack([values[known, 3:5], heights]), settings.crs, "--nav-crs")
     origin = settings.origin
     if origin is None:
-        latitude, longitude = (round(float(angle), _ROUNDED) for angle in geodetic[0, :2])
-        origin = Georeference(latitude, longitude)
-        notes.append(f"the map's origin is the first fix, rounded: {latitude:.5f}, {longitude:.5f}")
+        origin = rounded_origin(geodetic, "fix", notes)
     if origin.heading != EAST:
         raise InputError(
             "--origin-heading has no effect where navigation places the map, whose x is East; leave it out"
@@ -59,6 +57,13 @@ def local_places(
     geodetic[:, 2] += origin.height
     values[known, 3:5] = origin.local(geodetic)[:, :2]
     return values, origin
+
+
+def rounded_origin(geodetic: np.ndarray, what: str, notes: list[str]) -> Georeference:
+    """An origin at the first of places (n, 3), which are of `what`, rounded; a note says so."""
+    latitude, longitude = (round(float(angle), _ROUNDED) for angle in geodetic[0, :2])
+    notes.append(f"the map's origin is the first {what}, rounded: {latitude:.5f}, {longitude:.5f}")
+    return Georeference(latitude, longitude)
 
 
 def on_the_earth(projected: np.ndarray, crs: str | None, option: str) -> np.ndarray:

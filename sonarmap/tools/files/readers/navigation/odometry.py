@@ -6,7 +6,7 @@ from collections.abc import Sequence
 from pathlib import Path
 
 import numpy as np
-from scipy.spatial.transform import RigidTransform, Slerp
+from scipy.spatial.transform import RigidTransform
 
 from sonarmap.kernels.errors import InputError
 from sonarmap.slam.graph.trajectory import Trajectory
@@ -20,6 +20,7 @@ from sonarmap.tools.files.readers.navigation.clocks.time_offset import why_apart
 from sonarmap.tools.files.readers.navigation.match import SAME_STAMP
 from sonarmap.tools.files.readers.navigation.read import read_navigation
 from sonarmap.tools.files.readers.navigation.settings import AS_IT_SAYS, NavigationSettings
+from sonarmap.tools.files.readers.poses.trajectory import poses_at
 from sonarmap.tools.files.readers.selection import part_of_file
 
 # Poses this many times farther apart than usual leave a gap, in which nothing is known.
@@ -64,10 +65,7 @@ def read_odometry(
         notes.append(f"{path} does not cover {len(bare)} of {len(scans)} scans: {bare[0]}{' ...' * (len(bare) > 1)}")
     indices = np.flatnonzero(covered)
     at = np.clip(times[indices], stamps[0], stamps[-1])
-    places, R = trajectory.T_world_sensor.translation, trajectory.T_world_sensor.rotation
-    translation = np.column_stack([np.interp(at, stamps, places[:, axis]) for axis in range(3)])
-    poses = RigidTransform.from_components(translation, Slerp(stamps, R)(at))
-    return Odometry(indices, poses, times[indices], drift, turn_drift)
+    return Odometry(indices, poses_at(trajectory, at), times[indices], drift, turn_drift)
 
 
 def _within(stamps: np.ndarray, times: np.ndarray) -> np.ndarray:

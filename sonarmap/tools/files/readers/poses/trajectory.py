@@ -7,7 +7,7 @@ from collections.abc import Sequence
 from pathlib import Path
 
 import numpy as np
-from scipy.spatial.transform import RigidTransform
+from scipy.spatial.transform import RigidTransform, Slerp
 
 from sonarmap.kernels.errors import InputError
 from sonarmap.slam.graph.trajectory import Trajectory
@@ -51,6 +51,13 @@ def in_order(trajectories: Sequence[Trajectory]) -> Trajectory:
         stamps = [np.arange(sum(map(len, stamps)), dtype=np.float64)]
     poses = RigidTransform.concatenate([trajectory.T_world_sensor for trajectory in trajectories])
     return Trajectory(np.concatenate(stamps), poses)
+
+
+def poses_at(trajectory: Trajectory, times: np.ndarray) -> RigidTransform:
+    """(N,) T_world_sensor at times (N,) [s] between those of a trajectory of two poses or more."""
+    places, turns = trajectory.T_world_sensor.translation, trajectory.T_world_sensor.rotation
+    places = np.column_stack([np.interp(times, trajectory.stamps, places[:, axis]) for axis in range(3)])
+    return RigidTransform.from_components(places, Slerp(trajectory.stamps, turns)(times))
 
 
 def _is_kitti(path: Path) -> bool:
