@@ -5,20 +5,17 @@
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
-from typing import TYPE_CHECKING
 
 import numpy as np
 
 from sonarmap.kernels.errors import InputError
 from sonarmap.slam.graph.control import ControlPoint, Use
 from sonarmap.spectral.scan import Scan
+from sonarmap.tools.files.geo.georeference import Georeference
 from sonarmap.tools.files.readers.csv_table import CsvRow, declared_columns, read_csv_table
 from sonarmap.tools.files.readers.navigation.cells import degrees, number, number_within, refuse
 from sonarmap.tools.files.readers.navigation.match import named_scan
 from sonarmap.tools.files.user_file import naming
-
-if TYPE_CHECKING:
-    from sonarmap.tools.files.geo.georeference import Georeference
 
 POINT = ("x_m", "y_m", "z_m")
 # East and North, one pair of these
@@ -40,12 +37,12 @@ class Control:
 
     # in the file's order, in the world of `georeference`, or of an origin that nobody told
     points: tuple[ControlPoint, ...]
-    georeference: "Georeference | None"  # where the world's origin lies on the Earth; None where that is not known
+    georeference: Georeference | None  # where the world's origin lies on the Earth; None where that is not known
     notes: tuple[str, ...]  # what a user should know, in words
 
 
 def read_control(
-    path: Path, scans: Sequence[Scan], georeference: "Georeference | None" = None, crs: str | None = None
+    path: Path, scans: Sequence[Scan], georeference: Georeference | None = None, crs: str | None = None
 ) -> Control:
     """The control points of a CSV file with the columns name, scan, POINT (in that scan's sensor frame), LOCAL, EARTH
     or GRID, and one of UP; if need be SIGMAS [m] and `use`, control or check.
@@ -168,10 +165,10 @@ def _local(
     values: np.ndarray,
     across: tuple[str, str],
     up: str,
-    georeference: "Georeference | None",
+    georeference: Georeference | None,
     crs: str | None,
     notes: list[str],
-) -> tuple[np.ndarray, "Georeference | None"]:
+) -> tuple[np.ndarray, Georeference | None]:
     """(n, 3) East, North and Up of the map's origin, and where that is."""
     from sonarmap.tools.files.readers.navigation.earth import on_the_earth, rounded_origin
 

@@ -31,16 +31,15 @@ class Format:
     start: bytes  # a regular expression for the first bytes of its files
     # from a file's content to its clouds; None where `stream` reads it
     read: Callable[[bytes], list[Cloud]] | None = None
-    # for files larger than memory: from a path to clouds one by one. It adds to the list what the user should know of
-    # the file as a whole, and goes on after what is damaged where it can.
-    stream: Callable[[Path, list[str]], Iterator[Cloud]] | None = None
+    # for files larger than memory: from a path, and the topic that was chosen, to clouds one by one. It adds what the
+    # user should know of the file as a whole to the list, and goes on after what is damaged where it can.
+    stream: Callable[[Path, str | None, list[str]], Iterator[Cloud]] | None = None
     has_sound_speed: bool = False  # whether clouds say with which speed of sound their ranges were computed
     has_axes: bool = False  # whether the format says along which axes and in which unit its points are
-    # as `stream`, for files of several topics: the topic that was chosen comes second
-    stream_topic: Callable[[Path, str | None, list[str]], Iterator[Cloud]] | None = None
+    has_topics: bool = False
 
 
-def _stream_sonar(path: Path, notes: list[str]) -> Iterator[Cloud]:
+def _stream_sonar(path: Path, _: str | None, notes: list[str]) -> Iterator[Cloud]:
     from sonarmap.tools.files.readers.sonar.recording import (
         stream_sonar,  # wlsonar imports an HTTP client, for a third of a second
     )
@@ -48,7 +47,7 @@ def _stream_sonar(path: Path, notes: list[str]) -> Iterator[Cloud]:
     return stream_sonar(path, notes)
 
 
-_BAG_FOLDER = Format("a ROS 2 bag", b"", stream_topic=stream_recording)
+_BAG_FOLDER = Format("a ROS 2 bag", b"", stream=stream_recording, has_topics=True)
 _LAS = Format("a LAS or LAZ file", rb"LASF", read_las)
 _TEXT = Format("text", rb"[^\x00-\x08\x0e-\x1f\x7f]*\Z", read_text)
 
@@ -61,9 +60,11 @@ FORMATS = {
     ".las": _LAS,
     ".laz": _LAS,
     ".sonar": Format("a Sonar 3D-15 recording", rb"RIP[12]", stream=_stream_sonar, has_sound_speed=True, has_axes=True),
-    ".bag": Format("a ROS 1 bag", rb"#ROSBAG V", stream_topic=stream_recording),
-    ".mcap": Format("an MCAP file", rb"\x89MCAP0\r\n", stream_topic=stream_recording),
-    ".db3": Format("an SQLite database, as ROS 2 bags have", rb"SQLite format 3\x00", stream_topic=stream_recording),
+    ".bag": Format("a ROS 1 bag", rb"#ROSBAG V", stream=stream_recording, has_topics=True),
+    ".mcap": Format("an MCAP file", rb"\x89MCAP0\r\n", stream=stream_recording, has_topics=True),
+    ".db3": Format(
+        "an SQLite database, as ROS 2 bags have", rb"SQLite format 3\x00", stream=stream_recording, has_topics=True
+    ),
     ".xyz": _TEXT,
     ".txt": _TEXT,
     ".csv": _TEXT,
@@ -100,12 +101,10 @@ def _clouds_in(selected: SelectedFile, notes: list[str]) -> Iterator[Cloud]:
     known = _BAG_FOLDER if path.is_dir() else _format_of(path)
     if known is not _BAG_FOLDER:
         _check_start(path)
-    if known.stream_topic is not None:
-        clouds = known.stream_topic(path, selected.topic, notes)
-    elif selected.topic is not None:
+    if selected.topic is not None and not known.has_topics:
         raise InputError(f"::{selected.topic} names a topic, and {known.kind} has none; leave it out")
-    elif known.stream is not None:
-        clouds = known.stream(path, notes)
+    if known.stream is not None:
+        clouds = known.stream(path, selected.topic, notes)
     else:
         assert known.read is not None, "a format is read at once or streamed"
         clouds = iter(known.read(_content_of(path)))

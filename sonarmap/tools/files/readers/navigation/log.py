@@ -2,15 +2,13 @@
 
 from collections.abc import Mapping
 from dataclasses import dataclass
-from typing import TYPE_CHECKING
 
 import numpy as np
 
+from sonarmap.tools.files.geo.georeference import Georeference
 from sonarmap.tools.files.readers.instruments import COLUMNS
 from sonarmap.tools.files.readers.navigation.match import SAME_STAMP
 
-if TYPE_CHECKING:
-    from sonarmap.tools.files.geo.georeference import Georeference
 # What is measured at times of its own: columns of a priors file.
 _SERIES = (np.array([0, 1]), np.array([2]), np.array([3, 4]), np.array([5]))
 _HEADING = 2
@@ -33,7 +31,7 @@ class NavigationLog:
     # `heading_reference`.
     values: np.ndarray
     sigmas: np.ndarray  # (n, 6) float64 standard deviations in the same units; NaN where the file has none
-    georeference: "Georeference | None" = None  # where the origin is on the Earth; None where that is not known
+    georeference: Georeference | None = None  # where the origin is on the Earth; None where that is not known
 
     @property
     def measured(self) -> np.ndarray:

@@ -8,12 +8,12 @@ from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
 from pathlib import Path
 from types import MappingProxyType
-from typing import TYPE_CHECKING
 
 import numpy as np
 
 from sonarmap.kernels.errors import InputError
 from sonarmap.spectral.scan import PosePrior, Scan
+from sonarmap.tools.files.geo.georeference import Georeference
 from sonarmap.tools.files.readers.instruments import prior_of
 from sonarmap.tools.files.readers.navigation.clocks.time_offset import estimate_offset, heading_rates, why_apart
 from sonarmap.tools.files.readers.navigation.columns import some
@@ -22,9 +22,6 @@ from sonarmap.tools.files.readers.navigation.log import NavigationLog, at_scans,
 from sonarmap.tools.files.readers.navigation.match import SAME_STAMP, find_scan
 from sonarmap.tools.files.readers.navigation.read import read_navigation
 from sonarmap.tools.files.readers.navigation.settings import AS_IT_SAYS, NavigationSettings
-
-if TYPE_CHECKING:
-    from sonarmap.tools.files.geo.georeference import Georeference
 
 NO_DEFAULTS: Mapping[str, float] = MappingProxyType({})
 
@@ -35,7 +32,7 @@ class Navigated:
 
     scans: tuple[Scan, ...]  # as they were given, with priors where the file says something of them
     # where the world's origin is on the Earth; None where neither the file nor the user says it
-    georeference: "Georeference | None"
+    georeference: Georeference | None
 
 
 def navigate(
@@ -106,7 +103,7 @@ def _by_the_maps_north(
     priors: Sequence[PosePrior | None],
     log: NavigationLog,
     settings: NavigationSettings,
-    georeference: "Georeference | None",
+    georeference: Georeference | None,
 ) -> list[PosePrior | None]:
     """Priors whose headings were measured by true or grid North of their own places."""
     grid = grid_of(settings, georeference) if settings.heading_reference == "grid" else None

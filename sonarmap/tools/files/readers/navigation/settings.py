@@ -4,19 +4,16 @@ import csv
 from dataclasses import dataclass, field
 from pathlib import Path
 from types import MappingProxyType
-from typing import TYPE_CHECKING, Literal
+from typing import Literal
 
 import numpy as np
 from scipy.spatial.transform import RigidTransform, Rotation
 
 from sonarmap.kernels.errors import InputError
 from sonarmap.spectral.scan import PosePrior
+from sonarmap.tools.files.geo.georeference import Georeference
 from sonarmap.tools.files.readers.navigation.headings import QUANTITIES
 from sonarmap.tools.files.time_scales import TIME_SCALES, TimeScale
-
-if TYPE_CHECKING:
-    from sonarmap.tools.files.geo.georeference import Georeference
-
 
 NavFrame = Literal["frd", "ned", "flu", "enu"]
 # frd and ned are the two halves of one convention, the vehicle's and the world's; flu and enu those of the other
@@ -98,7 +95,7 @@ class NavigationSettings:
     offset: float | None = 0.0  # to be added to its times [s]; None to have it estimated from turn rates
     crs: str | None = None  # of eastings and northings, as EPSG:32632
     # of the map's frame; None for the first fix, if the file has places on the Earth
-    origin: "Georeference | None" = None
+    origin: Georeference | None = None
     heading_reference: str = "true"  # "true" or "grid" (the North of `crs`, or of the UTM zone)
     # to be added to headings that are magnetic [deg], East positive; None where they are not
     declination: float | None = None

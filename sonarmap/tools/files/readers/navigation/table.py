@@ -3,11 +3,11 @@
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
-from typing import TYPE_CHECKING
 
 import numpy as np
 
 from sonarmap.kernels.errors import InputError
+from sonarmap.tools.files.geo.georeference import Georeference
 from sonarmap.tools.files.readers.csv_table import CsvRow, CsvTable, read_csv_table
 from sonarmap.tools.files.readers.instruments import COLUMNS, LARGEST_OF, SIGMA_COLUMNS, check_measured
 from sonarmap.tools.files.readers.limits import LARGEST
@@ -18,9 +18,6 @@ from sonarmap.tools.files.readers.navigation.earth import local_places
 from sonarmap.tools.files.readers.navigation.log import NavigationLog
 from sonarmap.tools.files.readers.navigation.settings import UP_FRAMES, NavigationSettings
 from sonarmap.tools.files.user_file import naming
-
-if TYPE_CHECKING:
-    from sonarmap.tools.files.geo.georeference import Georeference
 
 _ON_EARTH = {"lat_deg": 90.0, "lon_deg": 180.0}
 _DIGITS = 6  # decimals from which on a small range of meters looks like degrees
@@ -85,7 +82,7 @@ def _even(table: CsvTable, path: Path, is_own: bool) -> Sequence[CsvRow]:
     return table.rows
 
 
-def _values(table: _Table, settings: NavigationSettings, notes: list[str]) -> tuple[np.ndarray, "Georeference | None"]:
+def _values(table: _Table, settings: NavigationSettings, notes: list[str]) -> tuple[np.ndarray, Georeference | None]:
     """(n, 6) in the order, units and signs of COLUMNS, NaN where not measured; and where x and y count from."""
     values = np.full((len(table.rows), len(COLUMNS)), np.nan)
     for k, names in enumerate(SOURCES):
