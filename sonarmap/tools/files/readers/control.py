@@ -3,7 +3,7 @@
 """A file of control points: places in scans whose coordinates in the world are known."""
 
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from pathlib import Path
 
 import numpy as np
@@ -74,16 +74,13 @@ def read_control(
         raise InputError(f"{path} has no row below its heading; wanted a control point in each")
     if len(table.rows) > _MOST:
         raise InputError(f"{path} has {len(table.rows):,} control points; wanted at most {_MOST:,}; leave some out")
-    rows = [_Row.of(row, columns, scans, (*across, up), f"{path}: line {row.line}") for row in table.rows]
+    points = [_point(row, columns, scans, (*across, up), f"{path}: line {row.line}") for row in table.rows]
     notes = list(table.notes)
     with naming(path):
-        places, georeference = _local(np.array([row.place for row in rows]), across, up, georeference, crs, notes)
-    _refuse_twins(path, rows)
-    points = tuple(
-        ControlPoint(row.name, row.scan, row.point, place, row.sigmas, row.use)
-        for row, place in zip(rows, places, strict=True)
-    )
-    return Control(points, georeference, tuple(notes))
+        places, georeference = _local(np.array([point.known for point in points]), across, up, georeference, crs, notes)
+    _refuse_twins(path, table.rows, points)
+    placed = tuple(replace(point, known=place) for point, place in zip(points, places, strict=True))
+    return Control(placed, georeference, tuple(notes))
 
 
 def _columns(heading: CsvRow, path: Path) -> tuple[dict[str, int], tuple[str, str], str]:
@@ -102,38 +99,19 @@ def _columns(heading: CsvRow, path: Path) -> tuple[dict[str, int], tuple[str, st
     return columns, pairs[0], ups[0]
 
 
-@dataclass(frozen=True, slots=True)
-class _Row:
-    """A row as it stands: `place` is (3,) of the columns that say where the point is known to be."""
-
-    line: int
-    name: str
-    scan: int
-    point: np.ndarray
-    place: tuple[float, ...]
-    sigmas: np.ndarray
-    use: Use
-
-    @classmethod
-    def of(
-        cls, row: CsvRow, columns: Mapping[str, int], scans: Sequence[Scan], place: Sequence[str], where: str
-    ) -> "_Row":
-        cells = {name: row.cells[k] for name, k in columns.items()}
-        if not cells["name"]:
-            raise InputError(f"{where}: the point has no name; fix that line")
-        use = cells.get("use", "").lower() or "control"
-        known = USES.get(use)
-        if known is None:
-            raise refuse(where, "use", cells["use"], " or ".join(USES))
-        return cls(
-            row.line,
-            cells["name"],
-            named_scan(scans, cells["scan"], f"{where}: scan"),
-            np.array([_number(name, cells[name], where) for name in POINT]),
-            tuple(_number(name, cells[name], where) for name in place),
-            _sigmas(cells, where),
-            known,
-        )
+def _point(
+    row: CsvRow, columns: Mapping[str, int], scans: Sequence[Scan], place: Sequence[str], where: str
+) -> ControlPoint:
+    """The point of a row as it stands: known are the numbers of the columns `place`."""
+    cells = {name: row.cells[k] for name, k in columns.items()}
+    if not cells["name"]:
+        raise InputError(f"{where}: the point has no name; fix that line")
+    use = USES.get(cells.get("use", "").lower() or "control")
+    if use is None:
+        raise refuse(where, "use", cells["use"], " or ".join(USES))
+    scan = named_scan(scans, cells["scan"], f"{where}: scan")
+    point, known = (np.array([_number(name, cells[name], where) for name in names]) for names in (POINT, place))
+    return ControlPoint(cells["name"], scan, point, known, _sigmas(cells, where), use)
 
 
 def _number(name: str, cell: str, where: str) -> float:
@@ -185,16 +163,16 @@ def _local(
     return np.column_stack([georeference.local(geodetic)[:, :2], ups]), georeference
 
 
-def _refuse_twins(path: Path, rows: Sequence[_Row]) -> None:
+def _refuse_twins(path: Path, rows: Sequence[CsvRow], points: Sequence[ControlPoint]) -> None:
     """A point has one place, and is in a scan once."""
-    first: dict[str, _Row] = {}
-    in_scan: dict[tuple[str, int], _Row] = {}
-    for row in rows:
-        same = first.setdefault(row.name, row)
-        if same.place != row.place:
+    first: dict[str, tuple[int, ControlPoint]] = {}
+    in_scan: dict[tuple[str, int], int] = {}
+    for row, point in zip(rows, points, strict=True):
+        line, same = first.setdefault(point.name, (row.line, point))
+        if (same.known != point.known).any():
             raise InputError(
-                f"{path}: lines {same.line} and {row.line} give the point {row.name} other coordinates; fix one, or "
-                "give the points names of their own"
+                f"{path}: lines {line} and {row.line} give the point {point.name} other coordinates; fix one, or give "
+                "the points names of their own"
             )
-        if (twin := in_scan.setdefault((row.name, row.scan), row)) is not row:
-            raise InputError(f"{path}: lines {twin.line} and {row.line} have {row.name} in the same scan; delete one")
+        if (twin := in_scan.setdefault((point.name, point.scan), row.line)) != row.line:
+            raise InputError(f"{path}: lines {twin} and {row.line} have {point.name} in the same scan; delete one")
