@@ -28,41 +28,30 @@ def test_thousands_of_damaged_metadata(tmp_path: Path) -> None:
     _check(tmp_path, 3000, seed=4)
 
 
-def _read_with(folder: Path, old: str, new: str) -> tuple[list[float], list[str]]:
-    """Stamps and notes of a bag whose metadata say something else."""
-    bag = two_files(folder, "dive")
+NAMES, UNREADABLE = (
+    "- dive.db3\n  - dive_1.mcap\n",
+    "metadata.yaml cannot be read; all recordings of the folder are taken",
+)
+
+
+@pytest.mark.parametrize(
+    ("old", "new", "shots", "note"),
+    [
+        pytest.param(NAMES, "- dive_1.mcap\n  - dive.db3\n", 3, "", id="another order"),
+        pytest.param("- dive_1.mcap\n", "- dive_1.mcap\n  - dive_1.mcap\n", 3, "", id="a file twice"),
+        ("  - dive_1.mcap\n", "", 2, "dive_1.mcap is left out, as metadata.yaml does not name it"),
+        # it is a bag all the same: its files are one recording, mounted alike
+        ("rosbag2_bagfile_information", "rosbag2_bagfile_infirmation", 3, UNREADABLE),
+        ("rosbag2_bagfile_information", "# ", 3, UNREADABLE),
+        pytest.param(f"\n  {NAMES}", " dive.db3\n", 3, UNREADABLE, id="no list"),
+    ],
+)
+def test_metadata_that_say_something_else(tmp_path: Path, old: str, new: str, shots: int, note: str) -> None:
+    bag = two_files(tmp_path, "dive")
     text = (bag / METADATA).read_text()
     assert old in text
     (bag / METADATA).write_text(text.replace(old, new, 1))
     read = read_survey([bag])
     assert not read.unread
-    return [scan.stamp for scan in read.scans], [note.removeprefix("dive: ") for note in read.notes]
-
-
-def test_files_in_another_order(tmp_path: Path) -> None:
-    names = "- dive.db3\n  - dive_1.mcap\n"
-    assert _read_with(tmp_path, names, "- dive_1.mcap\n  - dive.db3\n")[0] == TIMES
-
-
-def test_a_file_named_twice(tmp_path: Path) -> None:
-    assert _read_with(tmp_path, "- dive_1.mcap\n", "- dive_1.mcap\n  - dive_1.mcap\n")[0] == TIMES
-
-
-def test_a_file_that_is_not_named(tmp_path: Path) -> None:
-    stamps, notes = _read_with(tmp_path, "  - dive_1.mcap\n", "")
-    assert stamps == TIMES[:2]
-    assert "dive_1.mcap is left out, as metadata.yaml does not name it" in notes
-
-
-@pytest.mark.parametrize("title", ["rosbag2_bagfile_infirmation", "# "])
-def test_a_title_that_nobody_knows(tmp_path: Path, title: str) -> None:
-    """It is a bag all the same: its files are one recording, mounted alike."""
-    stamps, notes = _read_with(tmp_path, "rosbag2_bagfile_information", title)
-    assert stamps == TIMES
-    assert "metadata.yaml cannot be read; all recordings of the folder are taken" in notes
-
-
-def test_names_that_are_no_list(tmp_path: Path) -> None:
-    stamps, notes = _read_with(tmp_path, "\n  - dive.db3\n  - dive_1.mcap\n", " dive.db3\n")
-    assert stamps == TIMES
-    assert "metadata.yaml cannot be read; all recordings of the folder are taken" in notes
+    assert [scan.stamp for scan in read.scans] == TIMES[:shots]
+    assert not note or f"dive: {note}" in read.notes
