@@ -139,7 +139,7 @@ def read_entries(
         named_by_path = stems[selected.path.stem] > 1
         try:
             for count, cloud in enumerate(clouds_of(selected, notes), start=1):
-                yield _entry(_named_by_path(cloud) if named_by_path else cloud, corrections)
+                yield _entry(replace(cloud, name=cloud.where) if named_by_path else cloud, corrections)
                 if progress is not None and count % _SHOWN == 0:
                     progress(number, len(selection.files), f"{selected.path.name}: {count:,} scans")
         except InputError as error:
@@ -245,7 +245,3 @@ def stamps_of(own: Sequence[float | None], are_clouds: Sequence[bool]) -> tuple[
         return [stamp or 0.0 for stamp in own], []
     note = f"{without} of {len(stamps)} scans have no time: all are stamped 0, 1, 2, ..."
     return [float(position) for position in range(len(own))], [note] if without < len(stamps) else []
-
-
-def _named_by_path(cloud: NamedCloud) -> NamedCloud:
-    return replace(cloud, name=cloud.where)

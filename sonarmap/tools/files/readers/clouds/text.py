@@ -32,7 +32,8 @@ def read_text(content: bytes) -> list[Cloud]:
     first, line = rows[0]
     separator = _separator(line)
     width = len(line.split(separator))
-    names = None if _is_point(line, separator) else _names_in(line, separator)
+    is_point = all(is_number(token) for token in line.split(separator))
+    names = None if is_point else _names_in(line, separator)
     if names is not None:
         rows, width = rows[1:], len(names)
     else:
@@ -50,10 +51,6 @@ def read_text(content: bytes) -> list[Cloud]:
 def _separator(line: bytes) -> bytes | None:
     """Of the first line that is no comment; None is any run of blanks."""
     return next((mark for mark in (b";", b",") if mark in line), None)
-
-
-def _is_point(line: bytes, separator: bytes | None) -> bool:
-    return all(is_number(token) for token in line.split(separator))
 
 
 def _names_in(line: bytes, separator: bytes | None) -> list[str] | None:
