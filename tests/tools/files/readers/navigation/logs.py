@@ -1,9 +1,13 @@
 """Scans, and logs of navigation, for the tests."""
 
+from collections.abc import Callable, Sequence
 from pathlib import Path
+from typing import Any
 
 import numpy as np
+import pytest
 
+from sonarmap.kernels.errors import InputError
 from sonarmap.spectral.scan import Scan
 from sonarmap.tools.files.readers.instruments import COLUMNS, sigmas_of, values_of
 from sonarmap.tools.files.readers.navigation.priors import Navigated, navigate
@@ -37,3 +41,11 @@ def read(
             known = np.isfinite(sigmas_of(scan.prior))
             values[k, known] = values_of(scan.prior.T_world_sensor)[known]
     return values, navigated
+
+
+def require_words(path: Path, words: Sequence[str], read: Callable[..., object], *given: Any, **options: Any) -> None:
+    """That what is given is refused in these words, which name the file."""
+    with pytest.raises(InputError) as error:
+        read(*given, **options)
+    missing = [word for word in (path.name, *words) if word not in str(error.value)]
+    assert not missing, f"{missing} not in: {error.value}"

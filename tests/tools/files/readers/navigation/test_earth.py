@@ -10,15 +10,10 @@ from sonarmap.kernels.errors import InputError
 from sonarmap.tools.files.geo.georeference import Georeference
 from sonarmap.tools.files.readers.navigation.cells import degrees
 from sonarmap.tools.files.readers.navigation.settings import NavigationSettings
-from tests.tools.files.readers.navigation.logs import START, read
+from tests.tools.files.readers.navigation.logs import START, read, require_words
 
 GEOD = Geod(ellps="WGS84")
 PLACES = [(60.00004, 5.9997), (-70.1, -68.3), (-17.5, 179.9995), (60.4, 5.3)]
-
-
-@pytest.fixture
-def path(tmp_path: Path) -> Path:
-    return tmp_path / "log.csv"
 
 
 def log(heading: str, *cells: str) -> str:
@@ -138,7 +133,4 @@ def test_no_fix_is_no_place(path: Path) -> None:
     ],
 )
 def test_what_is_no_place(path: Path, heading: str, cells: list[str], settings: dict, words: str) -> None:
-    with pytest.raises(InputError) as error:
-        read(path, log(heading, *cells), NavigationSettings(**settings))
-    assert words in str(error.value)
-    assert path.name in str(error.value)
+    require_words(path, [words], read, path, log(heading, *cells), NavigationSettings(**settings))

@@ -9,19 +9,11 @@ from sonarmap.kernels.errors import InputError
 from sonarmap.tools.files.readers.navigation.headings import column_of
 from sonarmap.tools.files.readers.navigation.priors import navigate
 from sonarmap.tools.files.readers.navigation.settings import NavigationSettings, parse_columns
-from tests.tools.files.readers.navigation.logs import SCANS, SIGMAS, START, read
-
-
-@pytest.fixture
-def path(tmp_path: Path) -> Path:
-    return tmp_path / "log.csv"
+from tests.tools.files.readers.navigation.logs import SCANS, SIGMAS, START, read, require_words
 
 
 def refused(path: Path, text: str, *words: str, **settings: object) -> None:
-    with pytest.raises(InputError) as error:
-        read(path, text, NavigationSettings(**settings))  # type: ignore[arg-type]
-    missing = [word for word in (path.name, *words) if word not in str(error.value)]
-    assert not missing, f"{missing} not in: {error.value}"
+    require_words(path, words, read, path, text, NavigationSettings(**settings))  # type: ignore[arg-type]
 
 
 def rows(*cells: str, separator: str = ",") -> str:

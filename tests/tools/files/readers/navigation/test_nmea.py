@@ -44,11 +44,6 @@ def dive(first: float = START, count: int = 11, dated: bool = True, headings: in
     return "\r\n".join(lines) + "\r\n"
 
 
-@pytest.fixture
-def path(tmp_path: Path) -> Path:
-    return tmp_path / "nmea.log"
-
-
 def test_published_sentences(path: Path) -> None:
     notes: list[str] = []
     text = "\n".join(PUBLISHED)
@@ -121,7 +116,7 @@ def test_midnight(path: Path, dated: bool) -> None:
     ],
 )
 def test_sentences_without_a_place(path: Path, text: str) -> None:
-    with pytest.raises(InputError, match=r"nmea\.log has no sentence with a fix or a heading and a time"):
+    with pytest.raises(InputError, match=r"log\.csv has no sentence with a fix or a heading and a time"):
         read(path, text, scans=scans_at(T_1994))
 
 

@@ -11,16 +11,12 @@ from sonarmap.spectral.scan import PosePrior, Scan
 from sonarmap.tools.files.readers.instruments import COLUMNS, SIGMA_COLUMNS, pose_of, prior_of, values_of
 from sonarmap.tools.files.readers.navigation.priors import with_priors
 from sonarmap.tools.files.writers.priors import write_priors
+from tests.tools.files.readers.navigation.logs import require_words
 
 POINTS = np.ones((1, 3), np.float32)
 SCANS = tuple(Scan(POINTS, stamp=100.0 + 10 * k, name=name) for k, name in enumerate(("first", "rec#3", "a.ply")))
 FIRST = "name,heading_deg,heading_sigma_deg,depth_m,depth_sigma_m\n"
 ATTITUDE = "roll_deg,pitch_deg,roll_sigma_deg,pitch_sigma_deg"
-
-
-@pytest.fixture
-def path(tmp_path: Path) -> Path:
-    return tmp_path / "nav.csv"
 
 
 def read(path: Path, text: str, **options: object) -> tuple[Scan, ...]:
@@ -34,10 +30,7 @@ def told(scan: Scan) -> PosePrior:
 
 
 def refused(path: Path, text: str, *words: str, **options: object) -> None:
-    with pytest.raises(InputError) as error:
-        read(path, text, **options)
-    missing = [word for word in (path.name, *words) if word not in str(error.value)]
-    assert not missing, f"{missing} not in: {error.value}"
+    require_words(path, words, read, path, text, **options)
 
 
 class TestConventions:

@@ -11,7 +11,7 @@ from sonarmap.kernels.errors import InputError
 from sonarmap.tools.files.readers.navigation.clocks.time_offset import why_apart
 from sonarmap.tools.files.readers.navigation.settings import NavigationSettings
 from sonarmap.tools.files.time_scales import tai_minus_utc, utc_of_gps, utc_of_tai
-from tests.tools.files.readers.navigation.logs import START, read, scans_at
+from tests.tools.files.readers.navigation.logs import START, read, require_words, scans_at
 
 NTP = 2_208_988_800  # 1970 since 1900 [s]
 GPS_SCANS = scans_at(START, START + 5)
@@ -27,11 +27,6 @@ def depths(path: Path, heading: str, times: list[str], **settings: object) -> np
 def moments(form: str, count: int = 8, ahead: float = 0.0) -> list[str]:
     first = datetime.fromtimestamp(START, UTC) + timedelta(seconds=ahead)
     return [(first + timedelta(seconds=k)).strftime(form) for k in range(count)]
-
-
-@pytest.fixture
-def path(tmp_path: Path) -> Path:
-    return tmp_path / "log.csv"
 
 
 @pytest.mark.parametrize(
@@ -104,9 +99,7 @@ def test_scales(path: Path) -> None:
     ],
 )
 def test_what_is_no_time(path: Path, heading: str, times: list[str], settings: dict, words: str) -> None:
-    with pytest.raises(InputError, match=r"log\.csv") as error:
-        depths(path, heading, times, **settings)
-    assert words in str(error.value)
+    require_words(path, [words], depths, path, heading, times, **settings)
 
 
 def test_leap_seconds_are_those_of_iana() -> None:
