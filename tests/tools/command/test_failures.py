@@ -118,7 +118,7 @@ class TestLogFile:
         before = Path(scans[0]).read_bytes()
         result = sonarmap("devices", "--log-file", scans[0])
         assert result.exit_code == 2
-        said(result, "is no log of sonarmap; choose another")
+        said(result, "is not a log of sonarmap; choose another")
         assert Path(scans[0]).read_bytes() == before
         unwritable = sonarmap("devices", "--json", "--log-file", Path(scans[0]) / "log")
         assert unwritable.exit_code == 2
