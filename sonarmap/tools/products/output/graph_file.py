@@ -26,7 +26,7 @@ CONVENTIONS = {
     "the source",
     "crossings": "scans where the track crosses itself: how far apart they lie before and after the loops, medians "
     "and 90th percentiles [m]",
-    "control_points": "that hold the map: in the sensor's frame of their pose, and known East, North, Up [m]",
+    "control_points": "that the map is fitted to: in the sensor's frame of their pose, and known East, North, Up [m]",
     "prior": "sigmas of roll, pitch, heading [rad], East, North, Up [m]; null where not measured",
 }
 
