@@ -74,7 +74,7 @@ def _concerns(summary: Mapping[str, Any], names: Sequence[str]) -> list[str]:
         )
     for scans, words in (
         (summary["unplaced"], "in no map: no reliable registration joins them to the others"),
-        (summary["by_navigation"], "placed by navigation alone: no reliable registration holds them"),
+        (summary["by_navigation"], "placed by navigation alone: no reliable registration joins them"),
     ):
         if scans:
             concerns.append(f"{counted(len(scans), 'scan')} {words}: {listed(_named(scans, names))}.")
