@@ -21,6 +21,7 @@ CLASSES = re.compile(r"`([A-Z][a-z]+[A-Z]\w*|[A-Z][a-z]+(?=\.))(?:\.(\w+))?[`(]"
 SOURCES = [path.read_text() for package in PACKAGES for path in (ROOT / package).rglob("*.py")]
 FOREIGN = {"BetweenFactorPose3", "RigidTransform"}  # GTSAM's, SciPy's
 README_LINES = 150
+MOST_PAGES = 26  # a small subject is a section of the page where a reader would look for it
 
 
 def named(page: Path) -> str:
@@ -99,6 +100,10 @@ def headings(page: Path) -> set[str]:
 def test_the_readme_is_short() -> None:
     lines = (ROOT / "README.md").read_text().splitlines()
     assert len([line for line in lines if not line.startswith("<!--")]) < README_LINES
+
+
+def test_there_are_few_pages() -> None:
+    assert len(list((ROOT / "docs").rglob("*.md"))) <= MOST_PAGES
 
 
 def test_the_readme_names_every_page_that_lies_directly_in_docs() -> None:
