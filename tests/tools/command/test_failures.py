@@ -106,7 +106,7 @@ class TestLogFile:
         assert re.match(r"sonarmap \S+: sonarmap ", said_then[0])
         assert said_then[-1] == "ended with exit code 3"
         assert any(line.startswith("mapping: ") for line in said_then)
-        assert any(line.startswith("scans   2 of 3 placed in one map (1 in no map)") for line in said_then)
+        assert any(line.startswith("scans     2 of 3 placed in one map (1 in no map)") for line in said_then)
         assert [line for line in first.stderr.splitlines() if line not in said_then] == []
         refused = sonarmap("map", "missing.ply", "-o", tmp_path / "out", "--log-file", log)
         assert refused.exit_code == 2

@@ -219,7 +219,7 @@ class TestAmbiguous:
     @pytest.mark.parametrize(
         ("text", "words"),
         [
-            ("depth_m", "no mapping"),
+            ("depth_m", "not a mapping"),
             ("depht_m=a", "'depht_m' is not known"),
             ("depth_m=a,depth_m=b", "twice"),
         ],
