@@ -66,7 +66,7 @@ def test_a_map_that_is_incomplete_is_told_on_a_screen(scans: Path) -> None:
     assert rows == ["scans", "loops", "track", "map", "time", "warning:"]
     words = " ".join(line.strip() for line in shown.lines)
     assert "warning: 1 of 5 scans is in no map" in words
-    assert "next    sonarmap view out " in words
+    assert "next      sonarmap view out " in words
     assert "report.html" in words
 
 
