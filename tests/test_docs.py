@@ -15,11 +15,13 @@ FILES = re.compile(r"\b(?:kernels|spectral|slam|tools|tests)/[\w./-]+\.(?:py|cl|
 LINKS = re.compile(r"\]\((?!https?:)([^)\s]+)\)")
 IN_FILE = re.compile(r"`(\w+)` (?:in |\()`([\w/.-]+\.py)`")
 PLACEHOLDER = re.compile(r"NAME|ROOM")  # of a file that the reader is to make
-MODULES = re.compile(r"`((?:kernels|spectral|slam|tools)\.[\w.]+)")
+IN_FOLDER = re.compile(r"`([A-Z_]+)` in `([\w/]+)`")
+MODULES = re.compile(r"`(?:sonarmap\.)?((?:kernels|spectral|slam|tools)\.[\w.]+)")
 CLASSES = re.compile(r"`([A-Z][a-z]+[A-Z]\w*|[A-Z][a-z]+(?=\.))(?:\.(\w+))?[`(]")
 SOURCES = [path.read_text() for package in PACKAGES for path in (ROOT / package).rglob("*.py")]
 FOREIGN = {"BetweenFactorPose3", "RigidTransform"}  # GTSAM's, SciPy's
 README_LINES = 150
+MOST_PAGES = 26  # a small subject is a section of the page where a reader would look for it
 
 
 def named(page: Path) -> str:
@@ -41,6 +43,17 @@ def test_names_are_in_the_files_that_are_named(page: Path) -> None:
         definition = rf"^(class|def) {name}\b|^{name}\b.* ="
         if not re.search(definition, (ROOT / file).read_text(), re.MULTILINE):
             missing.append(f"{name} in {file}")
+    assert not missing
+
+
+@pytest.mark.parametrize("page", PAGES, ids=named)
+def test_tables_are_in_the_folders_that_are_named(page: Path) -> None:
+    """`FORMATS` in `tools/files/readers`."""
+    missing = []
+    for name, folder in IN_FOLDER.findall(page.read_text()):
+        sources = [path.read_text() for path in (ROOT / folder).rglob("*.py")]
+        if not any(re.search(rf"^{name}\b.* =", source, re.MULTILINE) for source in sources):
+            missing.append(f"{name} in {folder}")
     assert not missing
 
 
@@ -87,6 +100,10 @@ def headings(page: Path) -> set[str]:
 def test_the_readme_is_short() -> None:
     lines = (ROOT / "README.md").read_text().splitlines()
     assert len([line for line in lines if not line.startswith("<!--")]) < README_LINES
+
+
+def test_there_are_few_pages() -> None:
+    assert len(list((ROOT / "docs").rglob("*.md"))) <= MOST_PAGES
 
 
 def test_the_readme_names_every_page_that_lies_directly_in_docs() -> None:

@@ -39,9 +39,7 @@ def on_files(files: Files, config: MkDocsConfig) -> Files:
 
 
 def on_page_markdown(markdown: str, page: Page, config: MkDocsConfig, files: Files) -> str:
-    """The text of a page with links to README, changelog and examples as they are on the site, and without Mermaid's
-    drawings, whose program would come from another machine; a table says the same."""
-    markdown = re.sub(r"^```mermaid\n.*?^```\n", "", markdown, flags=re.DOTALL | re.MULTILINE)
+    """The text of a page with links to README, changelog and examples as they are on the site."""
     markdown = re.sub(r"\]\(\.\./((?:\.\./)*)README\.md", r"](\1index.md", markdown)
     markdown = re.sub(r"\]\(\.\./((?:\.\./)*)CHANGELOG\.md", r"](\1changelog.md", markdown)
     return re.sub(r"\]\(((?:\.\./)*examples/\w+)\.py\)", r"](\1.md)", markdown)

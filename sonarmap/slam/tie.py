@@ -60,7 +60,7 @@ class Tie:
             if k not in number:
                 near = names[min(number, key=lambda key: abs(key - k))]
                 raise InputError(
-                    f"{names[k]} is no key scan of this dense stream: it is placed between its neighbors, and no pair "
+                    f"{names[k]} is not a key scan of this dense stream: it is placed between its neighbors, no pair "
                     f"of it is registered. Tie {near} instead, or choose other key scans with --key-step"
                 )
         return replace(self, i=number[self.i], j=number[self.j])

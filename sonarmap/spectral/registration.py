@@ -255,7 +255,7 @@ class SpectralRegistrar:
             overlap=evidence.overlap,
             accepted=probability >= least and not refusal,
             seconds=0.0,
-            reason=refusal or explain(hypothesis, probability, least) + test.bounds.contradiction(by_scans),
+            reason=refusal or test.bounds.contradiction(by_scans) + explain(hypothesis, probability, least),
             probability=0.0 if refusal else probability,
             step_psr=(
                 ("rotation", hypothesis.rotation_score),

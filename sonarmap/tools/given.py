@@ -137,7 +137,7 @@ def _points(given: object, name: str) -> NDArray[Any]:
     try:
         points: NDArray[Any] = np.asarray(given)
     except Exception as error:  # lists of several lengths, or whatever an object's own `__array__` raises
-        raise InputError(f"{name} is no array ({error}); wanted points of shape (N, 3) in meters") from error
+        raise InputError(f"{name} is not an array ({error}); wanted points of shape (N, 3) in meters") from error
     if points.ndim != 2 or points.shape[1] != 3 or points.dtype.kind not in "fiu":
         raise InputError(f"{name} is {points.dtype} of shape {points.shape}; wanted points of shape (N, 3) in meters")
     points = points.astype(np.float64)

@@ -176,7 +176,7 @@ def test_a_tie_of_a_scan_that_no_registration_places_is_refused():
     plain = mapper.run(scans_of(dense))
     assert plain.keys is not None
     between = next(k for k in range(60) if k not in plain.keys)
-    with pytest.raises(InputError, match=f"scan{between} is no key scan"):
+    with pytest.raises(InputError, match=f"scan{between} is not a key scan"):
         mapper.run(scans_of(dense), ties=[Tie(0, between, "reject")])
     first, last = plain.keys[0], plain.keys[-1]
     tied = mapper.run(scans_of(dense), ties=[Tie(first, last, "add")])

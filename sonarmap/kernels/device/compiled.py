@@ -62,6 +62,6 @@ def _show_warnings(program: cl.Program, device: str, name: str) -> None:
     _said.add(said)
     more = f" (and {len(lines) - 1} more)" if len(lines) > 1 else ""
     LOGGER.warning(
-        f"the OpenCL compiler of {device} warns of the program '{name}': {lines[0]}{more}. It is no error: the "
+        f"the OpenCL compiler of {device} warns of the program '{name}': {lines[0]}{more}. It is not an error: the "
         "program runs, if slower than it could. 'sonarmap devices --test' shows whether its numbers are right."
     )

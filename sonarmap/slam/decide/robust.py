@@ -214,7 +214,7 @@ def _reasons(
     for k in range(len(graph.edges)):
         apart = f"{residuals[k]:.1f} sigmas, {np.sqrt(bound):.1f} allowed"
         if fixed[k]:
-            reasons.append("accepted: trusted, or the only tie between two parts")
+            reasons.append("accepted: trusted, or the only edge between two parts")
         elif accepted[k]:
             reasons.append(f"accepted: agrees with the others to {apart}")
         elif tried[k]:

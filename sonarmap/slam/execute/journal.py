@@ -118,7 +118,7 @@ class Journal:
     def unusable(self, reason: str) -> InputError:
         """What to say where the file, or the content of an entry, cannot be read."""
         return InputError(
-            f"{self.path} is no journal of sonarmap, or it is damaged ({reason}). Move it away or delete it, and "
+            f"{self.path} is not a journal of sonarmap, or it is damaged ({reason}). Move it away or delete it, and "
             "everything is computed again; or choose another output folder."
         )
 

@@ -109,7 +109,7 @@ def _transform(content: Any) -> RigidTransform:
     matrix = _array(content, "T_target_source", 4, 4)
     off = np.abs(matrix[:3, :3] @ matrix[:3, :3].T - np.eye(3)).max()
     if not (np.isfinite(matrix).all() and off <= _ROUNDED and np.array_equal(matrix[3], (0, 0, 0, 1))):
-        raise ValueError("T_target_source is no rigid transform")
+        raise ValueError("T_target_source is not a rigid transform")
     return RigidTransform(matrix, normalize=False)  # which would change its last bits
 
 

@@ -29,7 +29,7 @@ class ControlPoint:
         point: (3,) float64 in the sensor frame [m].
         known: (3,) float64 its surveyed coordinates East, North, Up [m].
         sigmas: (3,) float64 standard deviations of `known` and of the picking together, along these axes [m].
-        use: "control" holds the map there; "check" is measured, and holds nothing.
+        use: "control" holds the map there; "check" is only compared with it.
 
     Raises:
         InputError: numbers that are not finite, sigmas that are not above 0, or an unknown use.
@@ -47,7 +47,7 @@ class ControlPoint:
         for array in given:
             numbers = isinstance(array, np.ndarray) and array.shape == (3,) and array.dtype.kind in "fiu"
             if not numbers or not np.isfinite(array).all():
-                raise InputError(f"control point {self.name}: {array} is no array of three finite numbers")
+                raise InputError(f"control point {self.name}: {array} is not an array of three finite numbers")
         if not isinstance(self.scan, Integral):
             raise InputError(f"control point {self.name} is of scan {self.scan!r}; wanted its index, a whole number")
         if not (self.sigmas > 0).all():

@@ -40,15 +40,16 @@ def assess(
     if refusal := tilt_refusal(best.R, max_tilt):
         return False, refusal
     if psr < least_psr:
-        return False, f"the translation's peak is {psr:.1f} standard deviations high; believed from {least_psr:.0f} on"
+        words = f"no shift stands out: the translation's peak is {psr:.1f} standard deviations high"
+        return False, f"{words}; believed from {least_psr:.0f} on"
     if psr < least.distinction * rival:
         return False, (
-            f"the translation's peak is {psr:.1f} standard deviations high and another answer's {rival:.1f}; "
-            f"believed from {least.distinction:g} times as high on"
+            f"two answers fit alike: the translation's peak is {psr:.1f} standard deviations high and another answer's "
+            f"{rival:.1f}; believed from {least.distinction:g} times as high on"
         )
     if overlap < least.overlap:
-        return False, f"the scans share {overlap:.1%} of their points; believed from {least.overlap:.0%} on"
+        return False, f"the scans share too little, {overlap:.1%} of their points; believed from {least.overlap:.0%} on"
     return True, (
-        f"the translation's peak is {psr:.1f} standard deviations high, the next answer's {rival:.1f}; "
-        f"{overlap:.0%} of the points are shared"
+        f"the scans match: the translation's peak is {psr:.1f} standard deviations high, the next answer's "
+        f"{rival:.1f}; {overlap:.0%} of the points are shared"
     )

@@ -118,4 +118,4 @@ class Bounds:
         squared, count = self.prior.normalized(T_target_source)
         if squared <= _CONTRADICTION**2 + count:
             return ""
-        return "; by themselves the scans would contradict the scans' priors"
+        return "the scans alone do not match where navigation puts them; "

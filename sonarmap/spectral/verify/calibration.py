@@ -59,7 +59,7 @@ class Calibration:
             from_target, from_source: (..., 3) from each sensor to the source's grid center, in one frame's axes
                 [voxels].
             lever: (...) what a turn moves the points by [voxels].
-            stretches: whether the ranges' share is estimated with the pose, and so is no error that remains.
+            stretches: whether the ranges' share is estimated with the pose, and so is not an error that remains.
         """
         per_voxel = np.maximum(lever, 1.0)[..., None] ** -2 * np.ones(3)
         diagonal = self.bent * np.concatenate([per_voxel, np.ones_like(per_voxel)], axis=-1)

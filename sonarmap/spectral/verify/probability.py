@@ -146,9 +146,10 @@ def tolerance_probability(covariance: np.ndarray, voxel: float, instruments: np.
 
 def explain(hypothesis: Hypothesis, probability: float, least: float) -> str:
     """The evidence for a hypothesis in words, and why it is believed or not from a probability of `least` on."""
-    threshold = "" if probability >= least else f"; believed from {least:.0%} on"
+    verdict = "the scans match" if probability >= least else "the scans do not clearly match"
+    threshold = "" if probability >= least else f", believed from {least:.0%} on"
     return (
-        f"it is right with a probability of {probability:.1%}{threshold}: the translation's peak is "
+        f"{verdict}; right with a probability of {probability:.1%}{threshold}: the translation's peak is "
         f"{hypothesis.evidence.psr:.1f} standard deviations high, the views agree to "
         f"{hypothesis.evidence.consistency:.0%}, {hypothesis.evidence.overlap:.0%} of the points are shared"
     )

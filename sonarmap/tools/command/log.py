@@ -35,7 +35,7 @@ class _Log:
             with path.open(encoding="utf-8", errors="replace") as file:
                 if not _FIRST_LINE.match(file.readline(1000)):
                     raise InputError(
-                        f"--log-file {path}: this file is there, and is no log of sonarmap; choose another"
+                        f"--log-file {path}: this file is there, and is not a log of sonarmap; choose another"
                     )
 
     def add(self, text: str) -> None:

@@ -74,7 +74,7 @@ def test_a_warning_is_shown_with_what_it_means(device: Device, said: list[str]) 
         (line,) = build_warnings(program)
     (message,) = said[1:]
     assert message.startswith(
-        f"the OpenCL compiler of {device.name} warns of the program 'wrong': {line}. It is no error"
+        f"the OpenCL compiler of {device.name} warns of the program 'wrong': {line}. It is not an error"
     )
     assert "unknown attribute 'reqd_workgroup_size' ignored" in line
     assert "kcache" not in line  # the place of the driver's own copy

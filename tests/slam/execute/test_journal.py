@@ -120,7 +120,7 @@ class TestOtherFiles:
     def test_what_is_no_journal_is_left_as_it_is(self, path: Path, make: Callable[[Path], object], fresh: bool) -> None:
         make(path)
         before = path.read_bytes()
-        with pytest.raises(InputError, match=r"no journal of sonarmap, or it is damaged .* delete it"):
+        with pytest.raises(InputError, match=r"not a journal of sonarmap, or it is damaged .* delete it"):
             Journal(path, fresh)
         assert path.read_bytes() == before
 

@@ -197,9 +197,9 @@ def test_of_three_points_nothing_tells_which_is_wrong():
     ("changes", "words"),
     [
         ({"point": np.array([1.0, np.nan, 0.0])}, "finite"),
-        ({"point": [1.0, 2.0, 0.0]}, "no array of three finite numbers"),
-        ({"known": None}, "no array of three finite numbers"),
-        ({"sigmas": np.array(["a", "b", "c"])}, "no array of three finite numbers"),
+        ({"point": [1.0, 2.0, 0.0]}, "not an array of three finite numbers"),
+        ({"known": None}, "not an array of three finite numbers"),
+        ({"sigmas": np.array(["a", "b", "c"])}, "not an array of three finite numbers"),
         ({"sigmas": np.array([0.1, 0.0, 0.1])}, "above 0"),
         ({"scan": "a"}, "is of scan 'a'; wanted its index"),
         ({"use": "look"}, "control or check"),

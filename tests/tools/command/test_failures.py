@@ -106,7 +106,7 @@ class TestLogFile:
         assert re.match(r"sonarmap \S+: sonarmap ", said_then[0])
         assert said_then[-1] == "ended with exit code 3"
         assert any(line.startswith("mapping: ") for line in said_then)
-        assert any(line.startswith("scans   2 of 3 placed in one map (1 in no map)") for line in said_then)
+        assert any(line.startswith("scans     2 of 3 placed in one map (1 in no map)") for line in said_then)
         assert [line for line in first.stderr.splitlines() if line not in said_then] == []
         refused = sonarmap("map", "missing.ply", "-o", tmp_path / "out", "--log-file", log)
         assert refused.exit_code == 2
@@ -118,7 +118,7 @@ class TestLogFile:
         before = Path(scans[0]).read_bytes()
         result = sonarmap("devices", "--log-file", scans[0])
         assert result.exit_code == 2
-        said(result, "is no log of sonarmap; choose another")
+        said(result, "is not a log of sonarmap; choose another")
         assert Path(scans[0]).read_bytes() == before
         unwritable = sonarmap("devices", "--json", "--log-file", Path(scans[0]) / "log")
         assert unwritable.exit_code == 2

@@ -61,12 +61,12 @@ def test_a_map_that_is_incomplete_is_told_on_a_screen(scans: Path) -> None:
     assert shown.exit_code == 3
     assert len(shown.lines) <= 24  # the summary is among them
     start = next(k for k, line in enumerate(shown.lines) if line.startswith("scans "))
-    assert shown.lines[start] == "scans   4 of 6 placed in one map (1 in no map, 1 cannot be read)"
+    assert shown.lines[start] == "scans     4 of 6 placed in one map (1 in no map, 1 cannot be read)"
     rows = [line.split()[0] for line in shown.lines[start : start + 6]]
-    assert rows == ["scans", "loops", "way", "map", "time", "warning:"]
+    assert rows == ["scans", "loops", "track", "map", "time", "warning:"]
     words = " ".join(line.strip() for line in shown.lines)
     assert "warning: 1 of 5 scans is in no map" in words
-    assert "next    sonarmap view out " in words
+    assert "next      sonarmap view out " in words
     assert "report.html" in words
 
 

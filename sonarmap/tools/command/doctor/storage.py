@@ -103,7 +103,7 @@ def look_at(folder: Path) -> Place:
     except OSError as error:  # a parent is of another user
         return Place(folder, 0, _reason(error))
     if not there.is_dir():
-        return Place(folder, free, f"{there} is a file, no folder")
+        return Place(folder, free, f"{there} is a file, not a folder")
     try:
         with tempfile.TemporaryFile(dir=there) as file:
             file.write(bytes(_TRIAL))

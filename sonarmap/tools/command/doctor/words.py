@@ -23,7 +23,7 @@ def summary(findings: Sequence[Finding]) -> str:
     warnings = f"{counts['warning']} {'warning' if counts['warning'] == 1 else 'warnings'}"
     if counts["wrong"]:
         also = f", and {warnings}" if counts["warning"] else ""
-        return f"{name}: {counts['wrong']} of {len(findings)} wrong{also}; do what is said behind >"
+        return f"{name}: {counts['wrong']} of {len(findings)} wrong{also}; follow the advice after >"
     return f"{name}: all that is needed works" + (f"; {warnings}" if counts["warning"] else "")
 
 

@@ -122,8 +122,8 @@ LoopsOption = Annotated[
         metavar="N",
         min=0,
         max=MOST,
-        help="Loops to try per scan and round. 0 is none. Those come first that tie far parts together. There "
-        "are two rounds, and more as long as there is something to gain.",
+        help="Loops to try per scan and round. 0 is none. Loops that connect distant parts of the track come "
+        "first. There are two rounds, and more as long as they improve the poses.",
         rich_help_panel=LOOPS,
         show_default="2",
     ),
@@ -156,7 +156,7 @@ MinSeenOption = Annotated[
         metavar="N",
         min=1,
         max=MOST,
-        help="Leave out false echoes: what fewer than N scans saw where others looked and saw otherwise. "
+        help="Leave out false echoes: points that fewer than N scans saw and other scans contradict. "
         "map_all.ply keeps all points; 1 leaves out none.",
         rich_help_panel=OUTPUT,
         hidden=True,
@@ -178,7 +178,7 @@ OdometryDriftOption = Annotated[
     typer.Option(
         "--odometry-drift",
         metavar="P,D",
-        help="Its standard deviation: percent of the way \\[%], degrees per hour \\[deg/h].",
+        help="Its standard deviation: percent of the distance \\[%], degrees per hour \\[deg/h].",
         rich_help_panel=NAVIGATION,
         hidden=True,
         show_default="1,10",

@@ -99,7 +99,7 @@ def _table(path: Path, section: str, content: Any, settings: Sequence[Setting]) 
             raise InputError(
                 f"{path}: {section} stands outside of a section; put it under [{COMMON}] or under a verb's"
             )
-        raise InputError(f"{path}: [{section}] is no section{_nearest(section, [COMMON, *verbs])}")
+        raise InputError(f"{path}: [{section}] is not a section{_nearest(section, [COMMON, *verbs])}")
     if not isinstance(content, dict):
         raise InputError(
             f"{path}: {section} is {reprlib.repr(content)}; wanted a section, [{section}], with lines of its own"
@@ -118,14 +118,15 @@ def _meant(path: Path, section: str, key: str, settings: Sequence[Setting]) -> l
         own = [setting for setting in settings if setting.verb == section]
         if meant := [setting for setting in own if setting.key == name]:
             return meant
-        raise InputError(f"{path}: [{section}] {key} is no setting{_nearest(name, [setting.key for setting in own])}")
+        nearest = _nearest(name, [setting.key for setting in own])
+        raise InputError(f"{path}: [{section}] {key} is not a setting{nearest}")
     common = common_settings(list(settings))
     if name in common:
         return common[name]
     if owners := [setting.verb for setting in settings if setting.key == name]:
         where = " or ".join(f"[{verb}]" for verb in owners)
         raise InputError(f"{path}: [{COMMON}] {key} does not mean the same for several verbs; put it under {where}")
-    raise InputError(f"{path}: [{COMMON}] {key} is no setting{_nearest(name, list(common))}")
+    raise InputError(f"{path}: [{COMMON}] {key} is not a setting{_nearest(name, list(common))}")
 
 
 def _typed(path: Path, section: str, key: str, value: Any, setting: Setting) -> Any:

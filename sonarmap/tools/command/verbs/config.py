@@ -46,7 +46,7 @@ def command(
         raise InputError("--toml and --json are two forms of the same list; leave one out")
     verbs: Any = context.find_root().command
     if verb is not None and verb not in verbs.commands:
-        raise InputError(f"{verb!r} is no verb; choose one of {', '.join(verbs.commands)}")
+        raise InputError(f"{verb!r} is not a verb; choose one of {', '.join(verbs.commands)}")
     file = settings_file(context)
     rows = [row for row in rows_of(settings_of(verbs.commands), file) if verb is None or verb in row.verbs]
     if as_json:

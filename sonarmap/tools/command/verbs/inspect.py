@@ -1,4 +1,4 @@
-"""`sonarmap inspect`: what is in files of scans, before a map is made of them."""
+"""`sonarmap inspect`: what scan files hold, before a map is made of them."""
 
 import json
 import math
@@ -55,7 +55,7 @@ def command(
     as_json: JsonOption = False,
     quiet: QuietOption = False,
 ) -> None:
-    """Say what is in files of scans: how many, of what extent, when and how often they were taken, what is lost or
+    """Show what scan files hold: how many scans, of what extent, when and how often they were taken, what is lost or
     damaged, and which voxels suit them.
 
     Nothing is written, and a scan at a time is in memory. The exit code is 3 if a file or scan cannot be read, 2 if

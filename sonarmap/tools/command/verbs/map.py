@@ -173,8 +173,8 @@ def command(
     OUT gets map.ply, map.png, loops.png, profile.png, trajectory.tum, graph.g2o, graph.json, pairs.csv, summary.json
     and report.html, which `sonarmap view OUT` opens: the map in 3D, with its loops and uncertainty.
     The scans of each folder are one survey. Surveys of the same place are joined where their scans look alike; each
-    also gets a map of its own, map_survey_0.ply and so on. What one scan alone saw where others looked and saw
-    otherwise, a false echo, is in map_all.ply alone.
+    also gets a map of its own, map_survey_0.ply and so on. What one scan alone saw and others contradict, a false
+    echo, is in map_all.ply alone.
 
     Where the registration of a pair fails, mapping goes on. Scans that nothing joins to the rest become a part of their
     own: map_2.ply, trajectory_2.tum and so on. The exit code is 3 if there is more than one part, if a scan could

@@ -155,8 +155,8 @@ DriftOption = Annotated[
     typer.Option(
         "--odometry",
         metavar="P,D",
-        help="Also write odometry.tum, dead reckoning. It drifts by P percent of the way \\[%] and D degrees per hour "
-        "\\[deg/h].",
+        help="Also write odometry.tum, dead reckoning. It drifts by P percent of the distance \\[%] and D degrees per "
+        "hour \\[deg/h].",
         rich_help_panel=NAVIGATION,
     ),
 ]

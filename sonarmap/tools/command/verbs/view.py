@@ -27,8 +27,8 @@ def command(
 ) -> None:
     """Open a finished map's report, OUT/report.html, in the browser.
 
-    The report is one file with the map in 3D, the way of the sensor, the loops with their reasons and the settings. It
-    needs no network and no other file, so it can be copied and sent. `--write --no-open` writes it where there is no
+    The report is one file with the map in 3D, the track, the loops with their reasons and the settings. It needs no
+    network and no other file, so it can be copied and sent. `--write --no-open` writes it where there is no
     browser.
     """
     from sonarmap.tools.files.map_folder.names import REPORT
@@ -57,7 +57,7 @@ def _report_in(folder: Path) -> Path:
         return folder / REPORT
     if not (folder / SUMMARY).is_file():
         raise InputError(
-            f"{folder} is no folder that `sonarmap map` wrote: it has no {SUMMARY}. Give the folder after -o"
+            f"{folder} is not a folder that `sonarmap map` wrote: it has no {SUMMARY}. Give the folder after -o"
         )
     raise InputError(
         f"{folder} has no {REPORT}, as of a map made with --no-report or by an earlier version; "

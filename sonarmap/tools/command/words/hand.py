@@ -55,11 +55,12 @@ def _print_control(result: "SurveyResult", names: Sequence[str]) -> None:
     worst = sorted(ranked[:LISTED])
     for each in (result.control[k] for k in worst):
         table.add_row(*_cells(each, names))
-    typer.echo("residuals of control and check points, the map less the known coordinates:")
+    typer.echo("residuals of control and check points (the map less the known coordinates):")
     result_console().print(table)
     if len(result.control) > len(worst):
         typer.echo(f"the {len(worst)} worst of {len(result.control)}; summary.json lists all")
-    for use, what in (("control", "control points, which hold the map"), ("check", "check points, which hold nothing")):
+    uses = {"control": "control points, which the map is fitted to", "check": "check points, which are only compared"}
+    for use, what in uses.items():
         if fit[use]["points"]:
             row = fit[use]
             typer.echo(

@@ -22,7 +22,7 @@ if TYPE_CHECKING:
 MOST_WARNINGS, LINES_OF_A_WARNING = 3, 2  # what fits a screen; --verbose shows all in full
 MOST_OF_A_KIND = 5  # warnings of as many scans
 MOST_FILES = 12  # names of files on a terminal
-_LABELS = 7  # columns of the words to the left
+_LABELS = 9  # columns of the words to the left
 
 
 @dataclass(frozen=True, slots=True)
@@ -151,7 +151,7 @@ def _outcome(mapped: Mapped) -> list[tuple[str, str]]:
         ("scans", f"{len(mapped.names) - outside} of {given} placed in {where}"),
         ("loops", _loops(result)),
         *_passes(result),
-        ("way", f"{way_length(result):,.1f} m"),
+        ("track", f"{way_length(result):,.1f} m"),
         ("map", f"{points} points, voxels of {result.maps[parts[0]].voxel:.3g} m{doubtful}"),
         ("time", str(timedelta(seconds=round(mapped.seconds)))),
     ]
@@ -161,7 +161,7 @@ def _loops(result: "SurveyResult") -> str:
     loops = [pair.kept for pair in result.pairs if pair.role == "loop"]
     kept = sum(pair.kept for pair in result.pairs)
     words = f"{sum(loops)} kept, {len(loops) - sum(loops)} refused" if loops else "none tried"
-    return f"{words}; of all {len(result.pairs)} pairs {kept} kept"
+    return f"{words}; {kept} of {len(result.pairs)} {'pair' if len(result.pairs) == 1 else 'pairs'} kept in all"
 
 
 def _passes(result: "SurveyResult") -> list[tuple[str, str]]:
@@ -171,11 +171,11 @@ def _passes(result: "SurveyResult") -> list[tuple[str, str]]:
     if error.before is None or error.after is None:
         return []
     after, before = error.after.median, error.before.median
-    return [("passes", f"{after:.2g} m apart where they overlap ({before:.2g} m before the loops)")]
+    return [("crossings", f"{after:.2g} m between scans, median ({before:.2g} m before the loops)")]
 
 
 def way_length(result: "SurveyResult") -> float:
-    """The way of the sensor through all maps [m], from scan to scan of the same survey and map."""
+    """The track of the sensor through all maps [m], from scan to scan of the same survey and map."""
     import numpy as np
 
     length = 0.0

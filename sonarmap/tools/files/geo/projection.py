@@ -116,7 +116,7 @@ class Projection:
         longitude, latitude = self._transformer.transform(easting, northing, direction="INVERSE")
         geodetic = np.column_stack([latitude, longitude, height])
         if not np.isfinite(geodetic).all():
-            raise InputError(f"an easting or northing is no place in {self.name} ({self.crs.name})")
+            raise InputError(f"an easting or northing is not a place in {self.name} ({self.crs.name})")
         return geodetic
 
     def convergence(self, geodetic: np.ndarray) -> np.ndarray:

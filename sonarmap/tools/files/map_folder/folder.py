@@ -87,7 +87,7 @@ def read_map_folder(path: Path) -> MapFolder:
     damaged."""
     expected = "the folder that `sonarmap map` wrote"
     if not path.is_dir():
-        raise InputError(f"{path} is no folder; wanted {expected}")
+        raise InputError(f"{path} is not a folder; wanted {expected}")
     summary, graph = (read_json(path / name, f"a file of {expected}") for name in (SUMMARY, FULL_GRAPH))
     try:
         poses = graph["poses"]

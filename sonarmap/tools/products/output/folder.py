@@ -76,7 +76,7 @@ def write_survey(
 
     The largest component is map.ply, map.png and trajectory.tum; the others follow as map_2 and so on. A scan that
     nothing joined is in no map. Where loops were tried, loops.png compares the map with what it would be without them;
-    profile.png is about the way of the sensor.
+    profile.png is about the track of the sensor.
     Where there are several surveys, map_survey_0.ply and so on are the maps of each one's scans alone. map_all.ply has
     what map.ply has and the points that were left out of it, as too few scans saw them; map_all_survey_0.ply and so on
     have the same of the maps of each survey. The graph holds all components.

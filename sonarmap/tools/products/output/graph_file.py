@@ -24,9 +24,9 @@ CONVENTIONS = {
     "T_i_j": "p_i = T p_j, 4x4 [m]; T_target_source likewise",
     "covariance": "6x6, rotation first [rad, m], of xi in T_true = T Exp(xi): body tangent of the pose, of j, or of "
     "the source",
-    "crossings": "scans of passes that overlap: how far apart they lie before and after the loops, medians and 90th "
-    "percentiles [m]",
-    "control_points": "that hold the map: in the sensor's frame of their pose, and known East, North, Up [m]",
+    "crossings": "scans where the track crosses itself: how far apart they lie before and after the loops, medians "
+    "and 90th percentiles [m]",
+    "control_points": "that the map is fitted to: in the sensor's frame of their pose, and known East, North, Up [m]",
     "prior": "sigmas of roll, pitch, heading [rad], East, North, Up [m]; null where not measured",
 }
 

@@ -49,8 +49,8 @@ def tie_effect(result: SurveyResult, tie: Tie) -> str:
     pair = next((pair for pair in result.pairs if pair.scans == tie.scans), None)
     if pair is None:
         if tie.verdict == "reject":
-            return "was not tried, so that nothing is rejected"
-        return "was not tried, so that there is no registration to accept; the verdict add registers it"
+            return "was not tried, so there is nothing to reject"
+        return "was not tried, so there is no registration to accept; use the verdict add to register it"
     if tie.verdict == "reject":
         return "rejected by hand: left out of the graph"
     if not pair.kept or pair.edge is None:

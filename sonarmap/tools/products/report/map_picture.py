@@ -1,4 +1,4 @@
-"""The map from above, with the way of the sensor: one PNG."""
+"""The map from above, with the track of the sensor: one PNG."""
 
 import math
 from pathlib import Path

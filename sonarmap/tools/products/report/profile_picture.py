@@ -1,4 +1,4 @@
-"""The way of the sensor from its start to its end: depths, overlaps, and how sure the poses are. One PNG."""
+"""The track of the sensor from its start to its end: depths, overlaps, and how sure the poses are. One PNG."""
 
 import textwrap
 from pathlib import Path
@@ -26,7 +26,7 @@ _LEAST = 4.0  # range of depths that is shown at least [voxels]
 
 
 def draw_profile(path: Path, view: PartView) -> None:
-    """Write a PNG of the profile along the way of a part. The same view gives the same bytes.
+    """Write a PNG of the profile along the track of a part. The same view gives the same bytes.
 
     Raises:
         InputError: the file cannot be written.
@@ -42,7 +42,7 @@ def profile_figure(view: PartView) -> "Figure":
     figure = Figure(figsize=_SIZE, dpi=_DPI)
     panels: list[Axes] = figure.subplots(4, 1, sharex=True, height_ratios=(3.2, 1.3, 1.3, 1.3)).tolist()
     figure.subplots_adjust(left=_LEFT, right=_END, bottom=0.08, top=0.83, hspace=0.12)
-    title = f"{view.title}: along the way" if view.title else "Along the way"
+    title = f"{view.title}: along the track" if view.title else "Along the track"
     for height, words, size, weight in (
         (0.945, title, _TITLE, "bold"),
         (0.912, f"{view.size}. Sigmas are {view.frame.sigmas}.", _TEXT + 0.5, "normal"),

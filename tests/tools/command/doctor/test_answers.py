@@ -74,7 +74,7 @@ class TestWords:
         good, bad, doubtful = (Finding("a", verdict, "") for verdict in ("ok", "wrong", "warning"))
         assert summary([good, good]).endswith("all that is needed works")
         assert summary([good, doubtful]).endswith("all that is needed works; 1 warning")
-        assert summary([good, bad, doubtful]).endswith("1 of 3 wrong, and 1 warning; do what is said behind >")
+        assert summary([good, bad, doubtful]).endswith("1 of 3 wrong, and 1 warning; follow the advice after >")
         assert (worst([]), worst(["ok", "warning", "ok"])) == ("ok", "warning")
 
     def test_sizes(self) -> None:

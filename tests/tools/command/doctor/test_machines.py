@@ -99,7 +99,7 @@ class TestDisks:
 
     def test_a_file_in_place_of_the_folder(self, tmp_path: Path) -> None:
         (tmp_path / "out").touch()
-        assert look_at(tmp_path / "out" / "map").fault == f"{tmp_path / 'out'} is a file, no folder"
+        assert look_at(tmp_path / "out" / "map").fault == f"{tmp_path / 'out'} is a file, not a folder"
 
     def test_a_folder_of_another_user(self, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
         def refuse(path: Path) -> bool:

@@ -97,7 +97,7 @@ class TestConfig:
         assert {row["key"] for row in rows} == {entry.key for entry in SETTINGS if entry.verb == verb}
 
     def test_refusals(self) -> None:
-        assert "'mpa' is no verb; choose one of register, map" in run("config", "mpa").stderr
+        assert "'mpa' is not a verb; choose one of register, map" in run("config", "mpa").stderr
         assert run("config", "--toml", "--json").exit_code == 2
         gone = run("--config", "gone.toml", "config")
         assert (gone.exit_code, "cannot read the settings gone.toml" in gone.stderr) == (2, True)

@@ -112,9 +112,9 @@ def test_sections(tmp_path: Path) -> None:
 @pytest.mark.parametrize(
     ("text", "words"),
     [
-        ("[map]\ngrdi = 96", "[map] grdi is no setting; perhaps grid?"),
-        ("[map]\nzzzz = 96", "[map] zzzz is no setting; 'sonarmap config' lists all"),
-        ("[mpa]\ngrid = 96", "[mpa] is no section; perhaps map?"),
+        ("[map]\ngrdi = 96", "[map] grdi is not a setting; perhaps grid?"),
+        ("[map]\nzzzz = 96", "[map] zzzz is not a setting; 'sonarmap config' lists all"),
+        ("[mpa]\ngrid = 96", "[mpa] is not a section; perhaps map?"),
         ("grid = 96", "grid stands outside of a section; put it under [common]"),
         ("map = 5", "map is 5; wanted a section, [map]"),
         (

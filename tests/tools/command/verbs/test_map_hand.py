@@ -115,7 +115,7 @@ def test_control_points_bring_a_map_into_the_world(dive: Path, out: Path, tmp_pa
     assert summary["control"]["control"]["points"] == 4
     assert summary["control"]["check"]["rms_m"] == pytest.approx(np.linalg.norm(rows["P4"]["residual"]))
     assert summary["components"][0]["unmeasured"] == []
-    assert "control points, which hold the map: 4, residuals" in result.stdout
+    assert "control points, which the map is fitted to: 4, residuals" in result.stdout
     import laspy
 
     with laspy.open(out / "map.laz") as cloud:

@@ -139,7 +139,7 @@ class TestCommand:
     def test_other_files_are_no_results(self, tmp_path: Path, content: str) -> None:
         path = tmp_path / "other.json"
         path.write_text(content)
-        with pytest.raises(InputError, match="is no result of `sonarmap bench`"):
+        with pytest.raises(InputError, match="is not a result of `sonarmap bench`"):
             read_result(path)
 
     @pytest.mark.parametrize("key", ["right", "first_quartile", "prepare_seconds", "copy_rate"])
@@ -149,7 +149,7 @@ class TestCommand:
         damaged.write_text(stored.read_text().replace(f'"{key}"', '"lost"'))
         refused = CliRunner().invoke(app, ["bench", "--from", str(stored), "--compare", str(damaged)])
         assert refused.exit_code == 2
-        assert "is no result of `sonarmap bench`" in " ".join(refused.stderr.split())
+        assert "is not a result of `sonarmap bench`" in " ".join(refused.stderr.split())
 
 
 class TestPage:

@@ -96,7 +96,7 @@ class TestStopping:
         fake, _ = complete(tmp_path)
         with Journal(tmp_path / JOURNAL) as journal:
             journal.add([JournalEntry(origin(fake).key("c"), "fake c", content, 1.0)])
-        with pytest.raises(InputError, match=r"journal\.sqlite is no journal of sonarmap, or it is damaged"):
+        with pytest.raises(InputError, match=r"journal\.sqlite is not a journal of sonarmap, or it is damaged"):
             complete(tmp_path)
 
 

@@ -41,7 +41,7 @@ def test_a_missing_file_is_named(whole: Path, name: str, tmp_path: Path) -> None
 
 
 def test_no_folder_is_refused(tmp_path: Path) -> None:
-    with pytest.raises(InputError, match="no folder"):
+    with pytest.raises(InputError, match="not a folder"):
         read_map_folder(tmp_path / "nothing")
 
 

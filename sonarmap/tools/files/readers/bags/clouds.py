@@ -121,7 +121,7 @@ def _packed_by_foxglove(content: Any) -> _Packed:
     }
     stride, held = content.point_stride, np.frombuffer(content.data, np.uint8)
     if stride < 1 or len(held) % stride:
-        raise InputError(f"it holds {len(held):,} bytes, which is no number of points of {stride:,} bytes each")
+        raise InputError(f"it holds {len(held):,} bytes, which is not a number of points of {stride:,} bytes each")
     return _Packed(fields, (1, len(held) // stride), (len(held), stride), held, has_gaps=True)
 
 

@@ -108,5 +108,5 @@ def _require_stored(path: Path) -> None:
 
 def _plain(unpacked: Unpacker, content: Any, time: Any, topic: str) -> bytes:
     if not isinstance(content, bytes) or not isinstance(time, int):
-        raise InputError(f"a message of {topic} is no bytes, or has no time; copy it again")
+        raise InputError(f"a message of {topic} is not bytes, or has no time; copy it again")
     return unpacked(content, "zstd") if content.startswith(ZSTD_START) else content

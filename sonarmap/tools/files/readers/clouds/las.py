@@ -146,7 +146,7 @@ def _refuse_map_coordinates(points: np.ndarray, header: LasHeader) -> None:
     raise InputError(
         f"its points are map coordinates in {_crs_of(header)}: {ranges} m. Scans are wanted in meters in the sensor's "
         "own frame. If each file is what the sensor saw from one place, subtract the sensor's place from its points, "
-        "as with `pdal translate` and filters.transformation; the tiles of a finished map are no scans"
+        "as with `pdal translate` and filters.transformation; the tiles of a finished map are not scans"
     )
 
 

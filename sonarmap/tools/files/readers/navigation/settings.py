@@ -161,7 +161,7 @@ def parse_columns(text: str) -> MappingProxyType[str, str]:
     for part in next(csv.reader([text]), ()):
         quantity, equals, heading = (piece.strip() for piece in part.partition("="))
         if not (equals and heading):
-            raise InputError(f"--nav-columns: {part!r} is no mapping; wanted as in --nav-columns depth_m=KP_DEPTH")
+            raise InputError(f"--nav-columns: {part!r} is not a mapping; wanted as in --nav-columns depth_m=KP_DEPTH")
         if quantity not in QUANTITIES:
             raise InputError(f"--nav-columns: {quantity!r} is not known; wanted one of {', '.join(QUANTITIES)}")
         if quantity in mapped:

@@ -64,7 +64,7 @@ def results_of(path: Path | None) -> Iterator[None]:
     except (ArithmeticError, AttributeError, LookupError, TypeError, ValueError, RecursionError) as error:
         if path is None:
             raise
-        raise InputError(f"{path} is no result of `sonarmap bench`; give a file that -o or --json wrote") from error
+        raise InputError(f"{path} is not a result of `sonarmap bench`; give a file that -o or --json wrote") from error
 
 
 def _kernel_row(kernel: KernelResult, rates: Rates) -> dict[str, Any]:

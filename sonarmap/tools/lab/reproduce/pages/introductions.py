@@ -100,7 +100,7 @@ change affects. The same seeds, code, device and package versions give the same 
 byte, however many `--workers` share the jobs; only the times differ. The brackets after a rate hold its 95 % confidence
 interval (Wilson's).
 
-## What was used for nothing else
+## Pairs that had no part in the development
 
 The pairs come from the set 77014, which neither development nor the tests use; `--seed` takes another. Their kinds and
 scenes are those of the development, which drew its pairs from other sets: other scenes of the same make, other places,

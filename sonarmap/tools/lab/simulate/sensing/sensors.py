@@ -54,7 +54,7 @@ class Sensor:
         fan = 0 < self.horizontal < 2 * math.pi and 0 < self.vertical < math.pi
         if not fan or self.columns < 2 or self.rows < 2 or not 0 <= self.min_range < self.max_range <= _FARTHEST:
             raise InputError(
-                f"{self} is no sensor; wanted fields of view within 360 and 180 degrees, at least "
+                f"{self} is not a sensor; wanted fields of view within 360 and 180 degrees, at least "
                 f"2 x 2 beams and 0 <= min_range < max_range <= {_FARTHEST:g} m"
             )
         for name in ("edge_loss", "absorption", "threshold", "resolution"):

@@ -60,7 +60,8 @@ def _crossings(summary: Mapping[str, Any]) -> str:
     error = summary["crossing_error_m"]
     if not error["pairs"]:
         return ""
-    return f"; overlapping passes lie {error['after']:.2g} m apart ({error['before']:.2g} m before the loops)"
+    after, before = error["after"], error["before"]
+    return f"; where the track crosses itself scans lie {after:.2g} m apart ({before:.2g} m before the loops)"
 
 
 def _concerns(summary: Mapping[str, Any], names: Sequence[str]) -> list[str]:
@@ -73,7 +74,7 @@ def _concerns(summary: Mapping[str, Any], names: Sequence[str]) -> list[str]:
         )
     for scans, words in (
         (summary["unplaced"], "in no map: no reliable registration joins them to the others"),
-        (summary["by_navigation"], "placed by navigation alone: no reliable registration holds them"),
+        (summary["by_navigation"], "placed by navigation alone: no reliable registration joins them"),
     ):
         if scans:
             concerns.append(f"{counted(len(scans), 'scan')} {words}: {listed(_named(scans, names))}.")

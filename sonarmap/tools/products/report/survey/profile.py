@@ -1,5 +1,5 @@
 # pyright: strict, reportUnknownMemberType=false
-"""What there is to say of a map along the way: depths, overlaps, and how sure the poses are."""
+"""What there is to say of a map along the track: depths, overlaps, and how sure the poses are."""
 
 from dataclasses import dataclass
 
@@ -97,12 +97,12 @@ def heights_under(points: np.ndarray, places: np.ndarray, reach: float) -> np.nd
 
 
 def _axis(view: PartView, places: np.ndarray, starts: tuple[int, ...]) -> tuple[np.ndarray, str]:
-    """Distance along the way; of a vehicle that hardly moved the time, or the number of the scan."""
+    """Distance along the track; of a vehicle that hardly moved the time, or the number of the scan."""
     steps = np.linalg.norm(np.diff(places, axis=0), axis=1)
     steps[[k - 1 for k in starts]] = 0.0  # between two surveys there is no way
     along = np.concatenate([[0.0], np.cumsum(steps)])
     if np.ptp(places, axis=0).max() > _MOVED * view.point_map.voxel:
-        return along, "distance along the way [m]"
+        return along, "distance along the track [m]"
     stamps = view.trajectory.stamps
     passed = stamps - stamps[0]
     if are_times(stamps) and (np.diff(stamps) > 0).all():

@@ -1,4 +1,4 @@
-"""The way of the sensor upon a map: where it begins and ends, which way it went, and which survey it is of."""
+"""The track of the sensor upon a map: where it begins and ends, which way it went, and which survey it is of."""
 
 from typing import TYPE_CHECKING, Any
 
@@ -18,7 +18,7 @@ _Box = tuple[float, float, float, float]
 _COLORS = ("#D55E00", "#000000", "#CC79A7", "#E69F00", "#56B4E9")
 _STYLES: tuple[Any, ...] = ("-", (0, (5, 1.5)), (0, (1.5, 1.2)))  # where the colors repeat
 _WIDTH, _RIM = 1.3, 1.4  # of the line, and of the rim on both sides together [pt]
-_APART, _CLEAR = 0.9, 0.22  # arrows along the way, and least distance from another mark [in]
+_APART, _CLEAR = 0.9, 0.22  # arrows along the track, and least distance from another mark [in]
 _ARROW = ((-0.5, -0.55), (0.6, 0.0), (-0.5, 0.55), (-0.25, 0.0), (-0.5, -0.55))  # to the right
 _NUMBERS = 10  # scans whose numbers are written, at most
 _STEPS = (1, 2, 5)
@@ -56,7 +56,7 @@ def way_legend(view: PartView, *, numbers: bool = True) -> list["Artist"]:
     legs = view.legs()
     entries: list[Artist] = []
     for k, (number, leg) in enumerate(legs.items()):
-        name = "way of the sensor" if len(legs) == 1 else view.survey_names[number]
+        name = "track of the sensor" if len(legs) == 1 else view.survey_names[number]
         entries.append(Line2D([], [], label=f"{name}, {counted_scans(len(leg))}", linewidth=1.8, **look_of(k)))
     color = look_of(0)["color"] if len(legs) == 1 else "0.3"
     for shape, end, name in (("o", "start", view.names[0]), ("s", "end", view.names[-1])):
@@ -155,7 +155,7 @@ def _rim(width: float = _RIM) -> list[Any]:
 
 
 def _along(axes: "Axes", places: np.ndarray) -> np.ndarray:
-    """(m, 2) points all along the way, so dense that no label falls between them."""
+    """(m, 2) points all along the track, so dense that no label falls between them."""
     dots = axes.transData.transform(places)
     counts = np.maximum(1, np.hypot(*np.diff(dots, axis=0).T) / _DENSE).astype(int)
     pieces = [np.linspace(a, b, count) for a, b, count in zip(places[:-1], places[1:], counts, strict=True)]

@@ -204,7 +204,7 @@ class TestAmbiguous:
 
     @pytest.mark.parametrize(
         ("text", "words"),
-        [("depth_m", "no mapping"), ("depht_m=a", "'depht_m' is not known"), ("depth_m=a,depth_m=b", "twice")],
+        [("depth_m", "not a mapping"), ("depht_m=a", "'depht_m' is not known"), ("depth_m=a,depth_m=b", "twice")],
     )
     def test_mappings_that_are_none(self, text: str, words: str) -> None:
         with pytest.raises(InputError, match=words):

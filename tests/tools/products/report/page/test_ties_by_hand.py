@@ -95,7 +95,7 @@ class TestOfOnePage:
     def test_a_tie_is_added_by_name(self, page: Opened, content: Content, tmp_path: Path) -> None:
         i, j = 5, 7
         for name, words in (
-            ("nobody", '"nobody" is no scan of this map'),
+            ("nobody", '"nobody" is not a scan of this map'),
             (NAMES[j], "two different scans"),
             (NAMES[i], ""),
         ):
@@ -149,7 +149,7 @@ def test_decisions_survive_a_reload_and_are_forgotten(content: Content, tmp_path
         page.page.locator("#ties tbody input").nth(1).fill("seen twice")
         page.page.reload()
         assert saved(page, "ties", tmp_path) == [made, tie(*ends(content, 0), "reject", "seen twice")]
-        page.page.locator("#ties").get_by_role("button", name="Forget all that is new").click()
+        page.page.locator("#ties").get_by_role("button", name="Discard new decisions").click()
         assert saved(page, "ties", tmp_path) == [made]
         assert page.said == []
 

@@ -1,4 +1,4 @@
-"""The profile along the way: its numbers by hand, and how they are drawn."""
+"""The profile along the track: its numbers by hand, and how they are drawn."""
 
 import numpy as np
 import pytest
@@ -52,7 +52,7 @@ class TestNumbers:
     def test_depths_and_distances_along_the_diagonal(self) -> None:
         """Scans from (0, 0) to (90, 60), 9 steps; 5 m below the frame's origin, the zero of depths 2 m above it."""
         profile = profile_of(view_of(bed(91, 61), way(90, 60, 10), PAIRS, frame=SEA))
-        assert profile.axis == "distance along the way [m]"
+        assert profile.axis == "distance along the track [m]"
         assert profile.along == pytest.approx(np.arange(10) * np.hypot(10, 20 / 3))
         assert profile.vehicle == pytest.approx([7.0] * 10)
         assert profile.bed[1] == pytest.approx(32 - 20 * np.arange(10) * 10 / 91, abs=0.4)
@@ -118,7 +118,7 @@ def test_what_is_drawn_is_what_was_counted() -> None:
     depths = figure.axes[0]
     assert depths.get_ylim()[0] > depths.get_ylim()[1]  # depths grow downward
     assert depths.get_ylabel() == "depth [m]"
-    assert figure.texts[0].get_text() == "harbor, 2024-05-17: along the way"
+    assert figure.texts[0].get_text() == "harbor, 2024-05-17: along the track"
 
 
 def test_lines_break_between_surveys_and_the_surveys_have_their_names() -> None:

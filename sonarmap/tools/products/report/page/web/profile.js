@@ -1,8 +1,8 @@
-// What changes along the way: depth, overlap and standard deviations over the distance, with a cursor that is tied to the map.
+// What changes along the track: depth, overlap and standard deviations over the distance, with a cursor that is tied to the map.
 
 const STRIP = 110; // height of a curve's strip [units of the picture]
 
-/** Strips over the distance along the way; `show` is called with the pose that was clicked on. */
+/** Strips over the distance along the track; `show` is called with the pose that was clicked on. */
 function profileChart(part, content, show) {
   const { way, height } = part;
   const along = distances(way, content.surveys);
@@ -18,14 +18,14 @@ function profileChart(part, content, show) {
   const total = strips.length * STRIP + 40;
   const x = (value) => left + (value / (along[along.length - 1] || 1)) * (width - left - right);
   const svg = make("svg", { viewBox: `0 0 ${width} ${total}`, role: "img", tabindex: 0,
-    "aria-label": `Along the way of ${part.name}: ${strips.map(({ label }) => label).join(", ")}. Arrow keys go from scan to scan, Enter shows it in the map.` });
+    "aria-label": `Along the track of ${part.name}: ${strips.map(({ label }) => label).join(", ")}. Arrow keys go from scan to scan, Enter shows it in the map.` });
   strips.forEach((strip, s) => svg.append(...stripOf(strip, along, x, s * STRIP, [left, width - right])));
   for (const tick of ticks(0, along[along.length - 1] || 1))
     svg.append(make("text", { x: x(tick), y: total - 22, "text-anchor": "middle" }, short(tick, "m")));
-  svg.append(make("text", { x: (left + width - right) / 2, y: total - 5, "text-anchor": "middle" }, "distance along the way"));
+  svg.append(make("text", { x: (left + width - right) / 2, y: total - 5, "text-anchor": "middle" }, "distance along the track"));
   const cursor = make("line", { class: "cursor", y1: 14, y2: total - 38, x1: left, x2: left, visibility: "hidden" });
   svg.append(cursor);
-  const said = make("p", { class: "said", role: "status" }, "Point at a place of the way for its numbers; click to see it in the map.");
+  const said = make("p", { class: "said", role: "status" }, "Point at a place on the track for its numbers; click to see it in the map.");
   const words = (k) => [content.names[way.scans[k]], `${meters(along[k], 0.1)} along`,
     ...strips.flatMap(({ label, unit, curves }) => curves.map(([name, values]) => values[k] !== null && `${name ? `${label}, ${name}` : label} ${short(values[k], unit)}`))].filter(Boolean).join("; ");
   followCursor(svg, along.map(x), width, (k) => {
@@ -36,7 +36,7 @@ function profileChart(part, content, show) {
   return make("figure", { class: "profile" }, content.parts.length > 1 ? make("figcaption", {}, part.name) : null, svg, said);
 }
 
-/** How far each pose lies along the way [m]; the way from one survey to another counts nothing. */
+/** How far each pose lies along the track [m]; the way from one survey to another counts nothing. */
 function distances(way, surveys) {
   let far = 0;
   return way.places.map((place, k) => {

@@ -1,7 +1,7 @@
 // The sections under the map, each from the page's content.
 
 const FIRST_ROWS = 50; // of a long list
-const WORST = 8; // passes that are listed
+const WORST = 8; // crossings that are listed
 
 /**
  * All sections that this survey has something for: [[id, heading, elements], ...].
@@ -14,8 +14,8 @@ function sectionsOf(content, pictures, decisions, choose, showPose) {
   const all = [
     ["loops", "Loops", loopSection(content, decisions, choose)],
     ["ties", "Ties by hand", content.names.length > 1 ? tieSection(content, decisions, choose) : []],
-    ["poses", "Along the way", ways.map(([part, number]) => profileChart(part, content, (k) => showPose(number, k)))],
-    ["crossings", "Passes over the same place", crossingSection(content, choose)],
+    ["poses", "Along the track", ways.map(([part, number]) => profileChart(part, content, (k) => showPose(number, k)))],
+    ["crossings", "Crossings of the track", crossingSection(content, choose)],
     ["navigation", against, [...navigationSection(content), ...controlResiduals(content.control_points)]],
     ["control", "Control points by hand", controlSection(content, decisions)],
     ["pictures", "Pictures", Object.entries(pictures).map(([name, url]) => picture(name, url))],
@@ -87,8 +87,8 @@ function crossingRows(rows, names, choose) {
     short(row.before_m, "m"), short(row.after_m, "m"), short(row.after_90_m, "m"),
   ];
   return [
-    chart("Median distance of two passes", "m", rows.map((_, k) => k + 1),
-      [curve("after", "after_m"), curve("before the loops", "before_m")], "pairs of passes, from the nearest to the farthest"),
+    chart("Median distance at a crossing", "m", rows.map((_, k) => k + 1),
+      [curve("after", "after_m"), curve("before the loops", "before_m")], "crossings, from the smallest distance to the largest"),
     make("p", {}, "Those that lie farthest apart after the loops; click on a pair to see it in the map."),
     table(["scans", "median before", "median after", "90th percentile after"], worst.map(line)),
   ];

@@ -71,7 +71,7 @@ function nameForm(content, decisions, choose) {
   const add = () => {
     const scans = [scanOf(one), scanOf(other)];
     const wrong = [one, other].find((_, k) => scans[k] === undefined);
-    if (wrong) said.textContent = `${wrong.value ? `"${wrong.value}" is no scan of this map` : "Name two scans"}; the list offers their names.`;
+    if (wrong) said.textContent = `${wrong.value ? `"${wrong.value}" is not a scan of this map` : "Name two scans"}; the list offers their names.`;
     else if (scans[0] === scans[1]) said.textContent = "A tie joins two different scans.";
     else {
       const pair = decisions.pairOf(decisions.between(...scans));
@@ -100,7 +100,7 @@ function fileButtons(decisions, kind, text) {
   };
   const buttons = make("div", { class: "buttons" },
     make("button", { type: "button", class: "save", onclick: save }, `Save ${kind}.csv`),
-    make("button", { type: "button", onclick: () => decisions.forget(kind) }, "Forget all that is new"), said);
+    make("button", { type: "button", onclick: () => decisions.forget(kind) }, "Discard new decisions"), said);
   const update = () => {
     buttons.hidden = !decisions[kind].length;
     if (decisions.lost) said.textContent = "This browser keeps nothing for pages on disk: save the file before you close this page.";
@@ -121,7 +121,7 @@ function commandBox(decisions) {
   const said = make("p");
   const command = make("code", { class: "command", tabindex: 0 });
   const box = make("div", {}, make("p", {}, `Then run this where you ran the first map, with the files there; add any other options that
-    you gave. A click marks it all.`), command, said);
+    you gave. Click on it to select it.`), command, said);
   const update = () => {
     const files = ["ties", "control"].filter((kind) => decisions[kind].length).map((kind) => ` --${kind} ${kind}.csv`);
     if (inGrid(decisions.control)) files.push(" --control-crs EPSG:CODE");

@@ -47,7 +47,7 @@ class Camera {
     this.target = sum(sum(this.target, r, -right * size), up, down * size);
   }
 
-  /** Come nearer by a factor, toward a pixel that stays where it is. */
+  /** Zoom by a factor, toward a pixel that stays where it is. */
   zoom(factor, x = this.width / 2, y = this.height / 2) {
     const { right, up } = this.axes();
     const kept = (1 - 1 / factor) * this.pixel();
