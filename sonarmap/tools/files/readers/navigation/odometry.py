@@ -109,12 +109,16 @@ def _read_log(
 
 
 def parse_drift(text: str, option: str = "--odometry-drift") -> tuple[float, float]:
-    """The share of the distance and the rotation per second [rad/s], from "percent,degrees per hour" of an option. Raises
-    InputError: not two numbers of 0 or more, one of them above 0."""
+    """The share of the distance and the rotation per second [rad/s], from "percent,degrees per hour" of an option.
+
+    Raises InputError: not two numbers of 0 or more, one of them above 0.
+    """
     try:
         percent, degrees = (float(part) for part in text.split(","))
     except ValueError:
         percent = degrees = -1.0
     if not (0 <= percent <= LARGEST and 0 <= degrees <= LARGEST and percent + degrees > LEAST_SIGMA):
-        raise InputError(f"{option} is {text!r}; give percent of the distance and degrees per hour, as {option} 1,10")
+        raise InputError(
+            f"{option} is {text!r}; give percent of the distance and degrees per hour, as in {option} 1,10"
+        )
     return percent / 100, float(np.radians(degrees)) / 3600

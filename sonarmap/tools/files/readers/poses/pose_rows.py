@@ -82,7 +82,7 @@ def rigid_transform(rows: Any, what: str) -> RigidTransform:
     (off,), (determinant,) = rotation_faults(matrix[None, :3, :3])
     if off > ORTHONORMAL or determinant < 0 or not np.allclose(matrix[3], [0, 0, 0, 1], atol=1e-6):
         raise InputError(
-            f"the matrix of {what} is not a rigid transform (its rotation is off by {off:.2g}, its determinant should be "
-            "1, its last row 0 0 0 1); wanted a rotation and a translation in meters"
+            f"the matrix of {what} is not a rigid transform (its rotation is off by {off:.2g}, its determinant should "
+            "be 1, its last row 0 0 0 1); wanted a rotation and a translation in meters"
         )
     return RigidTransform.from_components(matrix[:3, 3], Rotation.from_matrix(matrix[:3, :3]))
