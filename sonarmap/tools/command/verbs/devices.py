@@ -9,7 +9,7 @@ import typer
 from sonarmap.kernels.errors import DeviceError
 from sonarmap.tools.command.failures import MISUSE
 from sonarmap.tools.command.options.groups import RUNNING
-from sonarmap.tools.command.options.registration import DeviceOption, JsonOption
+from sonarmap.tools.command.options.running import DeviceOption, JsonOption
 from sonarmap.tools.command.terminal import printable, result_console, say
 
 # Of the grids those whose edge is a multiple of this are shown.
