@@ -14,7 +14,7 @@ from sonarmap.tools.command.options.registration import DEFAULT_EDGE, GridOption
 from sonarmap.tools.command.options.running import JsonOption, QuietOption
 from sonarmap.tools.command.options.scan import InputsArgument, PointReading
 from sonarmap.tools.command.progress import growing_progress
-from sonarmap.tools.command.terminal import printable, result_console, say, warn
+from sonarmap.tools.command.terminal import print_rows, printable, say, warn
 
 if TYPE_CHECKING:
     from sonarmap.tools.command.inspect.overview import Overview
@@ -105,9 +105,6 @@ def _as_json(overview: "Overview", following: str, names: bool) -> dict[str, Any
 
 
 def _print(overview: "Overview", following: str) -> None:
-    from rich.table import Table
-    from rich.text import Text
-
     scans, (least, median, most) = len(overview.names), overview.points
     x, y, z = overview.extent
     files = overview.files[0].name if len(overview.files) == 1 else f"{len(overview.files):,} files"
@@ -127,10 +124,7 @@ def _print(overview: "Overview", following: str) -> None:
     }
     unread = f"{scans:,} scans can be read, {len(overview.unread):,} files or scans cannot."
     typer.echo(unread if overview.unread else f"All {scans:,} scans can be read." if scans > 1 else "1 scan.")
-    table = Table(box=None, pad_edge=False, show_header=False)
-    for name, value in rows.items():
-        table.add_row(f"  {name}", Text(printable(value)))
-    result_console().print(table)
+    print_rows(rows)
     typer.echo(f"\nnext: {printable(following)}" if scans > 1 else "\na map needs at least two scans")
 
 
