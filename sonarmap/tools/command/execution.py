@@ -3,11 +3,14 @@
 from collections.abc import Iterator
 from contextlib import contextmanager
 from dataclasses import dataclass
+from functools import partial
 from pathlib import Path
 from typing import TYPE_CHECKING
 
 from sonarmap.kernels.errors import InputError
 from sonarmap.tools.command.method import ConfiguredMethod
+from sonarmap.tools.command.options.groups import MOST_WORKERS, RUNNING
+from sonarmap.tools.command.options.option import flag, option
 from sonarmap.tools.command.stops import when_stopped
 from sonarmap.tools.command.terminal import say, warn
 from sonarmap.tools.files.writers.atomic import LEFTOVER_PREFIX
@@ -19,36 +22,44 @@ if TYPE_CHECKING:
 
 # Beside the journal: whoever holds the folder's lock may delete what a killed run left.
 SPOOL = f"{LEFTOVER_PREFIX}scans."
+_running = partial(option, RUNNING)
 
 
 @dataclass(frozen=True, slots=True)
 class ExecutionOptions:
-    """Where pairs are registered.
+    """Where pairs are registered: in this process, in several, or by a cluster instead of them."""
 
-    Attributes:
-        workers: number of processes; with 1 it is this one.
-        scheduler: address of a Dask cluster's scheduler, in place of them; None for none.
-        fresh: whether to delete what the journal holds.
-    """
+    workers: int | None = _running(
+        "N",
+        "Processes that register pairs. Each has its own device context; the results are the same.",
+        shown="1",
+        min=1,
+        max=MOST_WORKERS,
+    )
+    scheduler: str | None = _running(
+        "ADDRESS",
+        "Register pairs on a Dask cluster, as tcp://10.0.0.5:8786 or tls://...; needs "
+        "pip install 'sonarmap\\[cluster]'.",
+        rare=True,
+    )
+    fresh: bool = flag(RUNNING, "--fresh", "Discard the pairs of earlier runs. They are in OUT/journal.sqlite.")
 
-    workers: int = 1
-    scheduler: str | None = None
-    fresh: bool = False
-
-    @classmethod
-    def of(cls, workers: int | None, scheduler: str | None, fresh: bool) -> "ExecutionOptions":
-        """As --workers, --scheduler and --fresh say; InputError for both of the first."""
-        if workers is not None and scheduler is not None:
+    def __post_init__(self) -> None:
+        if self.workers is not None and self.scheduler is not None:
             raise InputError(
                 "--workers starts processes on this machine, and --scheduler uses the workers of a cluster; leave one "
                 "out"
             )
-        return cls(workers or 1, scheduler, fresh)
+
+    @property
+    def processes(self) -> int:
+        """How many register pairs; 1 is this one."""
+        return self.workers or 1
 
     @property
     def place(self) -> int | str:
         """The number of processes, or the address of the cluster."""
-        return self.scheduler or self.workers
+        return self.scheduler or self.processes
 
 
 @contextmanager
@@ -112,9 +123,9 @@ def _workers(
         spec = checked_worker_spec(*recipe)
         with cluster(options.scheduler) as executor:
             yield spec, executor
-    elif options.workers > 1:
+    elif options.processes > 1:
         spec = worker_spec(*recipe)
-        with processes(options.workers, spool=spool) as executor:
+        with processes(options.processes, spool=spool) as executor:
             yield spec, executor
     else:
         yield Worker(method.registrar, prepared), this_process()

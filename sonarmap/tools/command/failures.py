@@ -88,20 +88,15 @@ def _logged_end() -> Iterator[None]:
 
 
 def failed(error: BaseException, as_json: bool, written: Sequence[Path]) -> int:
-    """Say what went wrong; the exit code.
-
-    Args:
-        error: what the verb raised.
-        as_json: whether to print a JSON object on stdout too.
-        written: the files that are there, whole, for one that was stopped.
-    """
+    """Say what went wrong, on stdout as JSON too; `written` are the files that are there, whole. The exit code."""
     match error:
         case SonarmapError():
             return _misuse(error, as_json)
         case KeyboardInterrupt():
             return _stopped(error, as_json, written)
         case BrokenPipeError():
-            return pipe_closed()
+            discard(sys.stdout)  # the reader has left, as `head` does: no error to report
+            return PIPE_CLOSED
         case OSError() if error.errno in FULL:
             return output_lost(error)
         case ImportError():
@@ -117,8 +112,7 @@ def failed(error: BaseException, as_json: bool, written: Sequence[Path]) -> int:
 
 
 def _misuse(error: SonarmapError, as_json: bool) -> int:
-    if _debugging():
-        traceback.print_exception(error)
+    _debug(error)
     return _fail(as_options(str(error)), MISUSE, as_json)
 
 
@@ -134,8 +128,7 @@ def _unloadable(error: ImportError, as_json: bool) -> int:
 
 
 def _defect(error: Exception, as_json: bool) -> int:
-    if _debugging():
-        traceback.print_exception(error)
+    _debug(error)
     frame = traceback.extract_tb(error.__traceback__)[-1]
     description = " ".join(f"{type(error).__name__}: {error}".split())
     message = (
@@ -173,12 +166,6 @@ def _written(paths: Sequence[Path]) -> str:
     return f"only {', '.join(names[:LISTED])}{more} had been written, and no file is half written"
 
 
-def pipe_closed() -> int:
-    """The reader has left, as `head` does: no error to report."""
-    discard(sys.stdout)
-    return PIPE_CLOSED
-
-
 def output_lost(error: OSError) -> int:
     """stdout or stderr goes to a file on a full disk."""
     discard(sys.stdout)
@@ -194,5 +181,6 @@ def discard(stream: TextIO) -> None:
     os.dup2(os.open(os.devnull, os.O_WRONLY), stream.fileno())
 
 
-def _debugging() -> bool:
-    return os.environ.get("SONARMAP_DEBUG", "0").lower() not in ("", "0", "false", "no", "off")
+def _debug(error: Exception) -> None:
+    if os.environ.get("SONARMAP_DEBUG", "0").lower() not in ("", "0", "false", "no", "off"):
+        traceback.print_exception(error)

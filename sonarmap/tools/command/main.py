@@ -1,18 +1,17 @@
 """The `sonarmap` command and its verbs."""
 
-import functools
 import inspect
 import os
 import re
 import sys
-from collections.abc import Callable
 from importlib import import_module, metadata
-from typing import Annotated, Any
+from typing import Annotated
 
 import typer
 
 from sonarmap.tools.command.failures import discard, failed, guarded, output_lost
 from sonarmap.tools.command.help import HelpAllOption, VerbGroup
+from sonarmap.tools.command.options.option import spread
 from sonarmap.tools.command.options.running import LogFileOption
 from sonarmap.tools.command.settings.in_force import ConfigOption, VerbWithSettings, use_settings
 from sonarmap.tools.command.terminal import show_messages
@@ -111,25 +110,8 @@ def _flowing(docstring: str) -> str:
     return re.sub(r"(?<!\n)\n(?!\n)", " ", inspect.cleandoc(docstring))
 
 
-def _with_common_options(command: Callable[..., Any]) -> Callable[..., Any]:
-    """A guarded command with the options that every verb has: --log-file, which the guard takes, and --help-all, which
-    ends before it."""
-
-    @functools.wraps(command)
-    def extended(*arguments: Any, help_all: bool = False, **options: Any) -> Any:
-        return command(*arguments, **options)
-
-    common = {"log_file": (LogFileOption, None), "help_all": (HelpAllOption, False)}
-    signature = inspect.signature(command, eval_str=True)
-    added = [
-        inspect.Parameter(name, inspect.Parameter.KEYWORD_ONLY, default=default, annotation=annotation)
-        for name, (annotation, default) in common.items()
-    ]
-    setattr(extended, "__signature__", signature.replace(parameters=[*signature.parameters.values(), *added]))  # noqa: B010
-    extended.__annotations__ = {**command.__annotations__, **{name: option for name, (option, _) in common.items()}}
-    return extended
-
+_COMMON = {"log_file": (LogFileOption, None), "help_all": (HelpAllOption, False)}  # the guard takes the first
 
 for _verb in VERBS:
     _command = import_module(f"sonarmap.tools.command.verbs.{_verb}").command
-    app.command(_verb, cls=VerbWithSettings, help=_flowing(_command.__doc__))(_with_common_options(guarded(_command)))
+    app.command(_verb, cls=VerbWithSettings, help=_flowing(_command.__doc__))(guarded(spread(_command, _COMMON)))

@@ -2,23 +2,15 @@
 
 import math
 from collections.abc import Mapping, Sequence, Set
-from dataclasses import dataclass
-from pathlib import Path
+from dataclasses import dataclass, fields, replace
 from typing import TYPE_CHECKING, Any
 
 import typer
 
 from sonarmap.kernels.errors import InputError
-from sonarmap.tools.command.options.registration import (
-    DEFAULT_EDGE,
-    DEFAULT_HYPOTHESES,
-    DEFAULT_MAX_TILT,
-    DEFAULT_REFINEMENT,
-    DEFAULT_SEED,
-    DEFAULT_YAW_PEAKS,
-)
+from sonarmap.tools.command.options.registration import DEFAULT_EDGE, MethodOptions
 from sonarmap.tools.command.terminal import say
-from sonarmap.tools.methods.registry import DEFAULT_METHOD, METHODS, Setup, find_method
+from sonarmap.tools.methods.registry import METHODS, Setup, find_method
 
 _GIVEN = ("COMMANDLINE", "DEFAULT_MAP")  # by the user, the second in a file of settings
 
@@ -31,46 +23,8 @@ if TYPE_CHECKING:
     from sonarmap.spectral.scan import Scan
 
 
-@dataclass(frozen=True, slots=True)
-class MethodOptions:
-    """How to register, as the options say.
-
-    Attributes:
-        name: a key of METHODS.
-        grid: voxels per edge; None for the default, 128.
-        voxel: edge of a voxel [m]; None for the one in which the largest scan fits.
-        max_tilt: largest roll and pitch between two scans [deg].
-        hypotheses: how many rotations to try.
-        refine: how to refine the result below the voxel size, "icp" or "spectral".
-        yaw_peaks: how many yaw peaks to try.
-        strength: whether voxels are weighted by their echo strength.
-        device: as `choose_device` takes it.
-        seed: for methods that use random numbers.
-        priors: a CSV file of measurements of the scans' poses.
-        given: the options that the user gave, by their parameters' names.
-    """
-
-    name: str = DEFAULT_METHOD
-    grid: int | None = None
-    voxel: float | None = None
-    max_tilt: float = DEFAULT_MAX_TILT
-    hypotheses: int = DEFAULT_HYPOTHESES
-    refine: str = DEFAULT_REFINEMENT
-    yaw_peaks: int = DEFAULT_YAW_PEAKS
-    strength: bool = False
-    device: str | None = None
-    seed: int = DEFAULT_SEED
-    priors: Path | None = None
-    given: frozenset[str] = frozenset()
-
-    @property
-    def uses_priors(self) -> bool:
-        """Whether the method uses what instruments measured of the poses."""
-        return "priors" in find_method(self.name).options
-
-
 # of the verbs, beside --method
-_PARAMETERS = [name for name in MethodOptions.__dataclass_fields__ if name not in ("name", "given")]
+_PARAMETERS = {each.name for each in fields(MethodOptions)} - {"method", "given"} | {"priors"}
 
 
 @dataclass(frozen=True, slots=True)
@@ -107,18 +61,16 @@ class ConfiguredMethod:
         return {"method": self.name, "grid": grid, "spectral": self.config, **seed}
 
 
-def method_options(context: typer.Context) -> MethodOptions:
-    """The options of the verb that say how to register, as the command line or a file of settings gives them.
+def checked_method(options: MethodOptions, context: typer.Context) -> MethodOptions:
+    """The options of a verb with those that the command line or a file of settings gives.
 
     Raises:
         InputError: options that have no effect with the method.
     """
-    values = context.params
-    names = _PARAMETERS
-    given = {name for name in names if (source := context.get_parameter_source(name)) and source.name in _GIVEN}
-    options = MethodOptions(values["method"], given=frozenset(given), **{name: values[name] for name in names})
-    _refuse_without_effect(options)
-    return options
+    sources = {name: context.get_parameter_source(name) for name in _PARAMETERS}
+    given = frozenset(name for name, source in sources.items() if source and source.name in _GIVEN)
+    _refuse_without_effect(options.method, given)
+    return replace(options, given=given)
 
 
 def configure_method(scans: "Sequence[Scan]", options: MethodOptions, survey: bool = False) -> ConfiguredMethod:
@@ -142,24 +94,20 @@ def configure_method(scans: "Sequence[Scan]", options: MethodOptions, survey: bo
     if options.strength:
         _require_strength(scans)
     grid = (survey_grid if survey else choose_grid)(scans, options.grid or DEFAULT_EDGE, options.voxel)
-    method = find_method(options.name)
+    method = find_method(options.method)
     setup = Setup(grid, options.device, options.seed, _config_changes(options))
     registrar = method.make(setup)
     if isinstance(registrar, SpectralRegistrar | HemisphereRegistrar):
         _require_memory(registrar.device, grid.edge)
         for note in registrar.device.notes:
             say(note)
-        return ConfiguredMethod(options.name, registrar, grid, setup, registrar.config, registrar.device)
+        return ConfiguredMethod(options.method, registrar, grid, setup, registrar.config, registrar.device)
     seed = options.seed if "seed" in method.options else None
-    return ConfiguredMethod(options.name, registrar, grid, setup, seed=seed)
+    return ConfiguredMethod(options.method, registrar, grid, setup, seed=seed)
 
 
 def _require_memory(device: "Device", edge: int) -> None:
-    """Refuse a grid that does not fit beside other programs, where the device has the machine's memory.
-
-    Raises:
-        InputError: naming a grid that fits.
-    """
+    """Refuse a grid that does not fit beside other programs, where the device has the machine's memory."""
     if not device.is_cpu:  # its own memory has been looked at
         return
     from sonarmap.kernels.fft.edges import EDGES
@@ -186,7 +134,7 @@ def _config_changes(options: MethodOptions) -> dict[str, Any]:
 
 def idle_options(method: str, given: Set[str]) -> set[str]:
     """Those of the given options, by their parameters' names, that make no difference to a method."""
-    return set(given & set(_PARAMETERS)) - find_method(method).options - _always(given)
+    return set(given & _PARAMETERS) - find_method(method).options - _always(given)
 
 
 def _always(given: Set[str]) -> set[str]:
@@ -194,21 +142,17 @@ def _always(given: Set[str]) -> set[str]:
     return {"voxel"} if "voxel" in given else {"voxel", "grid"}
 
 
-def _refuse_without_effect(options: MethodOptions) -> None:
-    """Refuse options that would make no difference.
-
-    Raises:
-        InputError: naming them, and the methods that use them.
-    """
-    idle, always = sorted(idle_options(options.name, options.given)), _always(options.given)
+def _refuse_without_effect(method: str, given: Set[str]) -> None:
+    """Refuse options that would make no difference, and name the methods that use them."""
+    idle = sorted(idle_options(method, given))
     if not idle:
         return
     flags = " and ".join(f"--{name.replace('_', '-')}" for name in idle)
     verb, pronoun = ("has", "it") if len(idle) == 1 else ("have", "them")
     condition = " and --voxel" if idle == ["grid"] else ""
-    users = [name for name, method in METHODS.items() if set(idle) <= method.options | always]
+    users = [name for name, entry in METHODS.items() if set(idle) <= entry.options | _always(given)]
     instead = f", or use --method {' or '.join(users)}" if users else ""
-    raise InputError(f"{flags} {verb} no effect with --method {options.name}{condition}; leave {pronoun} out{instead}")
+    raise InputError(f"{flags} {verb} no effect with --method {method}{condition}; leave {pronoun} out{instead}")
 
 
 def _require_strength(scans: "Sequence[Scan]") -> None:

@@ -1,42 +1,16 @@
-"""The option --write of `sonarmap register`: the source's points in the target's frame, as a file."""
+"""What --write of `sonarmap register` writes: the source's points in the target's frame."""
 
 from collections.abc import Iterable
 from dataclasses import replace
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated
-
-import typer
+from typing import TYPE_CHECKING
 
 from sonarmap.kernels.errors import InputError
-from sonarmap.tools.command.options.groups import OUTPUT
 
 if TYPE_CHECKING:
     from scipy.spatial.transform import RigidTransform
 
     from sonarmap.spectral.scan import Scan
-
-
-def _check_suffix(path: Path | None) -> Path | None:
-    from sonarmap.tools.files.writers.points import WRITERS
-
-    if path is None or path.suffix.lower() in WRITERS:
-        return path
-    raise typer.BadParameter(
-        f"{path}; give a name that ends in {' or '.join(WRITERS)}, as in --write moved{next(iter(WRITERS))}."
-    )
-
-
-WriteOption = Annotated[
-    Path | None,
-    typer.Option(
-        "--write",
-        metavar="FILE",
-        help="Write the moved scan, PLY or PCD: the source's points in the target's frame. "
-        "Nothing is written if the registration is not reliable.",
-        callback=_check_suffix,
-        rich_help_panel=OUTPUT,
-    ),
-]
 
 
 def require_new_name(path: Path, inputs: Iterable[Path]) -> None:

@@ -1,179 +1,194 @@
-"""The options --priors, --prior-sigmas and those that say how a file of navigation is to be understood."""
+"""The options --priors, --odometry and those that say how a file of navigation is to be understood."""
 
-from collections.abc import Mapping, Sequence
-from dataclasses import replace
+import math
+from collections.abc import Sequence
+from dataclasses import dataclass, fields, replace
+from functools import partial
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated, Any
+from typing import TYPE_CHECKING, Annotated, cast
 
 import typer
 
 from sonarmap.kernels.errors import InputError
 from sonarmap.tools.command.options import groups
-from sonarmap.tools.command.options.registration import parse_prior_sigmas
+from sonarmap.tools.command.options.option import completes, given, option
+from sonarmap.tools.command.options.registration import refused_by
 from sonarmap.tools.command.terminal import say
 
 if TYPE_CHECKING:
+    from sonarmap.slam.motion.odometry import Odometry
     from sonarmap.spectral.scan import Scan
     from sonarmap.tools.files.geo.georeference import Georeference
     from sonarmap.tools.files.readers.navigation.priors import Navigated
-    from sonarmap.tools.files.readers.navigation.settings import NavigationSettings
+    from sonarmap.tools.files.readers.navigation.settings import NavFrame, NavigationSettings
+    from sonarmap.tools.files.time_scales import TimeScale
 
 AUTO = "auto"
-# parameters of the verbs that say how to understand --priors and --odometry
-NAVIGATION = (
-    "nav_columns",
-    "time_scale",
-    "nav_offset",
-    "nav_crs",
-    "nav_frame",
-    "mount",
-    "heading_reference",
-    "magnetic_declination",
-)
+DEFAULT_DRIFT = "1,10"
+_nav = partial(option, groups.NAVIGATION)
+_rare = partial(_nav, rare=True)
 
-
-def _frames(incomplete: str) -> list[str]:
-    from sonarmap.tools.files.readers.navigation.settings import DOWN_FRAMES, UP_FRAMES  # imports SciPy
-
-    return groups.completes((*DOWN_FRAMES, *UP_FRAMES))(incomplete)
-
-
-def _time_scales(incomplete: str) -> list[str]:
-    from sonarmap.tools.files.time_scales import TIME_SCALES
-
-    return groups.completes(TIME_SCALES)(incomplete)
-
-
-NavColumnsOption = Annotated[
-    str | None,
+ImuOption = Annotated[
+    bool,
     typer.Option(
-        "--nav-columns",
-        metavar="A=B,...",
-        help="What columns of the navigation hold, as in depth_m=KP_DEPTH,heading_deg=Gyro.",
-        rich_help_panel=groups.NAVIGATION,
-        hidden=True,
-        show_default="by their names",
-    ),
-]
-TimeScaleOption = Annotated[
-    str | None,
-    typer.Option(
-        "--time-scale",
-        metavar="NAME",
-        help="Of its times that name no zone: utc, gps or tai.",
-        rich_help_panel=groups.NAVIGATION,
-        hidden=True,
-        show_default="utc",
-        autocompletion=_time_scales,
-    ),
-]
-NavOffsetOption = Annotated[
-    str | None,
-    typer.Option(
-        "--nav-offset",
-        metavar="S",
-        help="Add S to its times \\[s]; auto estimates them from the sonar's turn rates.",
-        rich_help_panel=groups.NAVIGATION,
-        hidden=True,
-        show_default="0",
-        autocompletion=groups.completes((AUTO,)),
-    ),
-]
-NavCrsOption = Annotated[
-    str | None,
-    typer.Option(
-        "--nav-crs",
-        metavar="CRS",
-        help="Of its eastings and northings, as EPSG:32632.",
-        rich_help_panel=groups.NAVIGATION,
-        hidden=True,
-    ),
-]
-NavFrameOption = Annotated[
-    str | None,
-    typer.Option(
-        "--nav-frame",
-        metavar="NAME",
-        help="Of its pitch, yaw, x, y, z, and of --mount: frd or ned (forward, right, down; North, East, Down), flu or "
-        "enu (forward, left, up; East, North, Up).",
-        rich_help_panel=groups.NAVIGATION,
-        hidden=True,
-        show_default="heading, pitch nose up, x East, y North, depth",
-        autocompletion=_frames,
-    ),
-]
-MountOption = Annotated[
-    str | None,
-    typer.Option(
-        "--mount",
-        metavar="R,P,H[,X,Y,Z]",
-        help="The sonar on the vehicle that the navigation is of: roll, pitch, heading \\[deg]; forward, "
-        "starboard, down "
-        "\\[m].",
-        rich_help_panel=groups.NAVIGATION,
-        hidden=True,
-        show_default="the navigation is of the sonar",
-    ),
-]
-HeadingReferenceOption = Annotated[
-    str | None,
-    typer.Option(
-        "--heading-reference",
-        metavar="NAME",
-        help="North of its headings: true or grid.",
-        rich_help_panel=groups.NAVIGATION,
-        hidden=True,
-        show_default="true",
-        autocompletion=groups.completes(("true", "grid")),
-    ),
-]
-MagneticDeclinationOption = Annotated[
-    float | None,
-    typer.Option(
-        "--magnetic-declination",
-        metavar="DEG",
-        help="Its headings are magnetic: add DEG to them, East positive.",
+        "--imu/--no-imu",
+        help="Use roll and pitch as the IMU within a recording has them.",
         rich_help_panel=groups.NAVIGATION,
         hidden=True,
     ),
 ]
 
 
-def navigation_settings(options: Mapping[str, Any], origin: "Georeference | None" = None) -> "NavigationSettings":
-    """How to understand the files of --priors and --odometry.
-
-    Args:
-        options: of the verb, by their parameters' names.
-        origin: of the map's frame; None for the first fix.
+def parse_prior_sigmas(text: str) -> dict[str, float]:
+    """Standard deviations for the columns of a priors file, from "attitude,heading,depth,position" [deg, m].
 
     Raises:
-        InputError: what they say cannot be, or there is no file that they could be of.
+        InputError: not four numbers above 0.
     """
-    from sonarmap.tools.files.readers.navigation.settings import NavigationSettings, parse_columns, parse_mount
+    from sonarmap.tools.files.readers.instruments import COLUMNS
+    from sonarmap.tools.files.readers.limits import LARGEST, LEAST_SIGMA
 
-    given = {name: options[name] for name in NAVIGATION if options.get(name) is not None}
-    if given and options.get("priors") is None and options.get("odometry") is None:
-        flag = f"--{next(iter(given)).replace('_', '-')}"
-        raise InputError(f"{flag} has no effect without a file of navigation; give --priors too, or leave it out")
-    frame = given.get("nav_frame")
-    return NavigationSettings(
-        time_scale=given.get("time_scale"),
-        offset=_offset(given.get("nav_offset", "0")),
-        crs=given.get("nav_crs"),
-        origin=origin,
-        heading_reference=given.get("heading_reference", "true"),
-        declination=given.get("magnetic_declination"),
-        frame=frame,
-        columns=parse_columns(given.get("nav_columns", "")),
-        mount=parse_mount(given["mount"], frame) if "mount" in given else None,
+    try:
+        attitude, heading, depth, position = (float(part) for part in text.split(","))
+    except ValueError:
+        attitude = heading = depth = position = math.nan
+    sigmas = (attitude, attitude, heading, position, position, depth)
+    if not all(LEAST_SIGMA <= sigma <= LARGEST for sigma in sigmas):
+        raise InputError(
+            f"--prior-sigmas is {text!r}; give four numbers above 0, separated by commas: for roll and pitch [deg], "
+            "heading [deg], depth [m], x and y [m], as in --prior-sigmas 0.5,3,0.1,3"
+        )
+    return dict(zip(COLUMNS, sigmas, strict=True))
+
+
+@dataclass(frozen=True, slots=True)
+class PriorsFile:
+    """What instruments measured of the scans' poses."""
+
+    priors: Path | None = _nav(
+        "FILE",
+        "Measured poses: a CSV, TUM or NMEA 0183 log. CSV has name or stamp; roll_deg, pitch_deg, heading_deg, x_m, "
+        "y_m, depth_m; roll_sigma_deg and so on. `sonarmap template` writes such a table to fill in.",
+    )
+    prior_sigmas: str | None = _rare(
+        "A,H,D,P",
+        "Standard deviations where the priors file has none: attitude, heading \\[deg], depth, position \\[m].",
+        check=refused_by(parse_prior_sigmas),
     )
 
 
-def navigation_summary(options: Mapping[str, Any]) -> dict[str, Any]:
-    """What was given, for the summary, so that the same command can be given again."""
-    names = ("priors", "prior_sigmas", "odometry", "odometry_drift", *NAVIGATION)
-    given = {name: options[name] for name in names if options.get(name) is not None}
-    return {name: str(value) if isinstance(value, Path) else value for name, value in given.items()}
+@dataclass(frozen=True, slots=True)
+class OdometryFile:
+    """Dead reckoning."""
+
+    odometry: Path | None = _nav(
+        "FILE",
+        "Dead reckoning: TUM, CSV, ROS bag or MCAP. It has times of its own; CSV has stamp and all columns of a priors "
+        "file, and FILE::TOPIC chooses a topic of a bag.",
+    )
+    odometry_drift: str | None = _rare(
+        "P,D", "Its standard deviation: percent of the way \\[%], degrees per hour \\[deg/h].", shown=DEFAULT_DRIFT
+    )
+
+    def read(self, scans: "Sequence[Scan]", settings: "NavigationSettings") -> "Odometry | None":
+        """The dead reckoning at the scans' times; None without a file.
+
+        Raises:
+            InputError: the file cannot be used, or there is a drift without a file.
+        """
+        if self.odometry is None:
+            if self.odometry_drift is not None:
+                raise InputError("--odometry-drift has no effect without --odometry; give it too, or leave it out")
+            return None
+        from sonarmap.tools.files.readers.navigation.odometry import parse_drift, read_odometry
+
+        notes: list[str] = []
+        drift = parse_drift(self.odometry_drift or DEFAULT_DRIFT)
+        odometry = read_odometry(self.odometry, scans, *drift, notes, settings)
+        for note in notes:
+            say(note)
+        return odometry
+
+
+def _frames() -> tuple[str, ...]:
+    from sonarmap.tools.files.readers.navigation.settings import DOWN_FRAMES, UP_FRAMES  # imports SciPy
+
+    return (*DOWN_FRAMES, *UP_FRAMES)
+
+
+def _time_scales() -> tuple[str, ...]:
+    from sonarmap.tools.files.time_scales import TIME_SCALES
+
+    return tuple(TIME_SCALES)
+
+
+@dataclass(frozen=True, slots=True)
+class NavigationReading:
+    """How the files of --priors and --odometry are to be understood."""
+
+    nav_columns: str | None = _rare(
+        "A=B,...",
+        "What columns of the navigation hold, as in depth_m=KP_DEPTH,heading_deg=Gyro.",
+        shown="by their names",
+    )
+    time_scale: str | None = _rare(
+        "NAME", "Of its times that name no zone: utc, gps or tai.", shown="utc", values=completes(_time_scales)
+    )
+    nav_offset: str | None = _rare(
+        "S",
+        "Add S to its times \\[s]; auto estimates them from the sonar's turn rates.",
+        shown="0",
+        values=completes((AUTO,)),
+    )
+    nav_crs: str | None = _rare("CRS", "Of its eastings and northings, as EPSG:32632.")
+    nav_frame: str | None = _rare(
+        "NAME",
+        "Of its pitch, yaw, x, y, z, and of --mount: frd or ned (forward, right, down; North, East, Down), flu or enu "
+        "(forward, left, up; East, North, Up).",
+        shown="heading, pitch nose up, x East, y North, depth",
+        values=completes(_frames),
+    )
+    mount: str | None = _rare(
+        "R,P,H[,X,Y,Z]",
+        "The sonar on the vehicle that the navigation is of: roll, pitch, heading \\[deg]; forward, starboard, down "
+        "\\[m].",
+        shown="the navigation is of the sonar",
+    )
+    heading_reference: str | None = _rare(
+        "NAME", "North of its headings: true or grid.", shown="true", values=completes(("true", "grid"))
+    )
+    magnetic_declination: float | None = _rare("DEG", "Its headings are magnetic: add DEG to them, East positive.")
+
+    def settings(self, *files: Path | None, origin: "Georeference | None" = None) -> "NavigationSettings":
+        """The same as the readers take it.
+
+        Args:
+            files: that it is about, as far as they are given.
+            origin: of the map's frame; None for the first fix.
+
+        Raises:
+            InputError: what the options say cannot be, or there is no file that they could be of.
+        """
+        from sonarmap.tools.files.readers.navigation.settings import NavigationSettings, parse_columns, parse_mount
+
+        if (said := given(self)) and not any(files):
+            flag = f"--{next(iter(said)).replace('_', '-')}"
+            raise InputError(f"{flag} has no effect without a file of navigation; give --priors too, or leave it out")
+        frame = cast("NavFrame | None", self.nav_frame)  # NavigationSettings refuses other names
+        return NavigationSettings(
+            time_scale=cast("TimeScale | None", self.time_scale),
+            offset=_offset("0" if self.nav_offset is None else self.nav_offset),
+            crs=self.nav_crs,
+            origin=origin,
+            heading_reference="true" if self.heading_reference is None else self.heading_reference,
+            declination=self.magnetic_declination,
+            frame=frame,
+            columns=parse_columns(self.nav_columns or ""),
+            mount=None if self.mount is None else parse_mount(self.mount, frame),
+        )
+
+
+NAVIGATION = tuple(each.name for each in fields(NavigationReading))
 
 
 def _offset(text: str) -> float | None:
@@ -187,11 +202,10 @@ def _offset(text: str) -> float | None:
 
 def scans_with_priors(
     scans: "Sequence[Scan]",
-    priors: Path | None,
-    prior_sigmas: str | None,
-    imu: bool,
-    allow_unknown: bool,
+    file: PriorsFile,
     settings: "NavigationSettings",
+    use_imu: bool = True,
+    allow_unknown: bool = False,
     files: "Sequence[Path]" = (),
 ) -> "Navigated":
     """The scans with the priors of the file, and a note if some have none; without a file, the scans as they are.
@@ -200,9 +214,10 @@ def scans_with_priors(
 
     Args:
         scans: as they were read.
-        priors, prior_sigmas, imu: the options.
-        allow_unknown: whether the file may have rows for other scans.
+        file: the options.
         settings: how to understand the file.
+        use_imu: whether a recording's own attitude counts.
+        allow_unknown: whether the file may have rows for other scans.
         files: of the scans; a recording with an IMU among them tells how far the navigation's clock is off.
 
     Raises:
@@ -210,11 +225,13 @@ def scans_with_priors(
     """
     from sonarmap.tools.files.readers.navigation.priors import Navigated, navigate
 
+    priors, prior_sigmas = file.priors, file.prior_sigmas
     if priors is None:
         if prior_sigmas is not None:
             raise InputError("--prior-sigmas has no effect without --priors; give --priors too, or leave it out")
-        _note_own(scans, "roll and pitch are those of the recording's own IMU" if imu else "their own IMU is not used")
-        return Navigated(tuple(scans if imu else _without_priors(scans)), settings.origin)
+        own = "roll and pitch are those of the recording's own IMU" if use_imu else "their own IMU is not used"
+        _note_own(scans, own)
+        return Navigated(tuple(scans if use_imu else _without_priors(scans)), settings.origin)
     _note_own(scans, f"the recording's own IMU is not used, as {priors} is given")
     scans = _without_priors(scans)
     sigmas = parse_prior_sigmas(prior_sigmas) if prior_sigmas else {}

@@ -24,12 +24,7 @@ Step = Callable[[int, int, str], None]
 
 @contextmanager
 def progress(label: str, total: int, quiet: bool = False) -> Iterator[Callable[[str], None]]:
-    """Count `total` pieces of work; the block calls the function that it gets after each of them.
-
-    Args:
-        label: what is being done, as in "registering pairs".
-        total: number of pieces.
-        quiet: print nothing (--quiet, --json).
+    """Count `total` pieces of work; the other arguments are those of `growing_progress`.
 
     Yields:
         A function to call after every piece of work, with a few words about it or "".
@@ -48,12 +43,7 @@ def progress(label: str, total: int, quiet: bool = False) -> Iterator[Callable[[
 
 @contextmanager
 def stage(label: str, quiet: bool = False) -> Iterator[None]:
-    """Show that work goes on of which no pieces are counted.
-
-    Args:
-        label: what is being done, as in "writing".
-        quiet: print nothing (--quiet, --json).
-    """
+    """Show that work goes on of which no pieces are counted; the arguments are those of `growing_progress`."""
     with growing_progress(label, quiet) as step:
         yield
         step(1, 1, "")
@@ -121,12 +111,16 @@ class _Bar(Progress):
         super().__init__(
             TextColumn("{task.description}", markup=False, table_column=Column(no_wrap=True, min_width=_LABEL)),
             BarColumn(max(min(_WIDEST_BAR, room), 4)),
-            _Count(table_column=Column(no_wrap=True, min_width=7, justify="right")),
+            TextColumn(
+                "{task.fields[count]}",
+                "progress.download",
+                table_column=Column(no_wrap=True, min_width=7, justify="right"),
+            ),
             TimeElapsedColumn(table_column=fixed),
             _Left(pace, table_column=fixed),
             console=console,
         )
-        self._work = self.add_task(label, total=None)
+        self._work = self.add_task(label, total=None, count="")
 
     @contextmanager
     def shown(self) -> Iterator[None]:
@@ -140,20 +134,12 @@ class _Bar(Progress):
 
     def show(self, done: int, planned: int, note: str) -> None:
         self._note = " ".join(printable(note).split())
-        self.update(self._work, completed=done, total=planned)
+        self.update(self._work, completed=done, total=planned, count=f"{done}/{planned}" if planned > 1 else "")
 
     def get_renderables(self) -> Iterable[RenderableType]:
         yield from super().get_renderables()
         if self._note:
             yield Text(f"  {self._note}", style="dim", no_wrap=True, overflow="ellipsis")
-
-
-class _Count(ProgressColumn):
-    """Pieces done of those planned, where any are counted."""
-
-    def render(self, task: Task) -> Text:
-        counted = task.total is not None and task.total > 1
-        return Text(f"{task.completed:.0f}/{task.total:.0f}" if counted else "", style="progress.download")
 
 
 class _Left(ProgressColumn):
@@ -178,20 +164,20 @@ class _Left(ProgressColumn):
 class _Lines:
     """Says how far the work is, at most every few seconds and at the end."""
 
-    def __init__(self, label: str, tell: Callable[[str], None]) -> None:
-        self._label, self._tell = label, tell
-        self._pending, self._told_at = "", time.monotonic()
+    def __init__(self, label: str, show: Callable[[str], None]) -> None:
+        self._label, self._show = label, show
+        self._pending, self._shown_at = "", time.monotonic()
 
     def step(self, pace: _Pace, note: str) -> None:
         left = pace.seconds_left if pace.done < pace.planned else None
         words = [f"{self._label}: {pace.done} of {pace.planned}", f"{pace.now - pace.start:.1f} s"]
         words += [] if left is None else [f"about {left:.0f} s left"]
         self._pending = ", ".join(words) + (f" ({note})" if note else "")
-        if pace.now - self._told_at >= SECONDS_BETWEEN_LINES:
-            self._told_at = pace.now
+        if pace.now - self._shown_at >= SECONDS_BETWEEN_LINES:
+            self._shown_at = pace.now
             self.end()
 
     def end(self) -> None:
         if self._pending:
-            self._tell(self._pending)
+            self._show(self._pending)
             self._pending = ""

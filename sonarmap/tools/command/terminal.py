@@ -2,13 +2,17 @@
 
 import logging
 import sys
-from collections.abc import Iterator
+from collections.abc import Iterator, Mapping
 from contextlib import contextmanager
+from typing import TYPE_CHECKING
 
 from rich.console import Console
 from rich.text import Text
 
 from sonarmap.tools.command.log import log
+
+if TYPE_CHECKING:
+    from rich.table import Table
 
 _WIDTH_OF_FILES = 200  # a table in a file need not be folded
 _LONGEST = 3000  # characters of a message
@@ -50,6 +54,29 @@ def result_width() -> int | None:
 def print_result(sentence: str) -> None:
     """Print a sentence on stdout, wrapped by words on a terminal and on one line elsewhere; brackets are not markup."""
     result_console().print(Text(printable(sentence)), soft_wrap=not sys.stdout.isatty())
+
+
+def print_rows(rows: Mapping[str, str]) -> None:
+    """Print names on the left, and what is to be said of each beside it, on as many lines as it takes."""
+    from rich.padding import Padding
+    from rich.table import Table
+
+    table = Table.grid(padding=(0, 2))
+    table.add_column(no_wrap=True)
+    for name, words in rows.items():
+        table.add_row(name, Text(printable(words)))
+    result_console().print(Padding(table, (0, 0, 0, 2), expand=False))
+
+
+def number_table(*names: str, words: int = 0) -> "Table":
+    """A table of numbers, of which none is cut; the first columns, as many as `words`, hold text."""
+    from rich.table import Table
+
+    table = Table(box=None, pad_edge=False)
+    for number, name in enumerate(names):
+        is_text = number < words
+        table.add_column(Text(name), justify="left" if is_text else "right", no_wrap=not is_text, overflow="fold")
+    return table
 
 
 @contextmanager
@@ -96,17 +123,13 @@ def printable(text: str) -> str:
     return "".join(c if c.isprintable() or c == "\n" else ascii(c)[1:-1] for c in text)
 
 
-class Messages(logging.Handler):
-    """What the library logs, said as the command's own messages are."""
-
+class _Messages(logging.Handler):
     def emit(self, record: logging.LogRecord) -> None:
-        """Say a message; warnings are labeled."""
-        warns = record.levelno >= logging.WARNING
-        say(record.getMessage(), "warning: " if warns else "", "bold yellow" if warns else "")
+        (warn if record.levelno >= logging.WARNING else say)(record.getMessage())
 
 
 def show_messages() -> None:
     """Show what the library logs under "sonarmap" from now on."""
     logger = logging.getLogger("sonarmap")
     logger.setLevel(logging.INFO)
-    logger.addHandler(Messages())
+    logger.addHandler(_Messages())

@@ -8,7 +8,7 @@ from wlsonar import range_image_protocol as rip
 
 from sonarmap.kernels.errors import InputError
 from sonarmap.spectral.scan import Scan
-from sonarmap.tools.command.navigation import navigation_settings, scans_with_priors
+from sonarmap.tools.command.navigation import NavigationReading, PriorsFile, scans_with_priors
 from sonarmap.tools.files.readers.scans import read_scans
 from tests.samples.recordings import START, imu_batch, recording, written
 
@@ -49,8 +49,8 @@ def test_a_clock_that_is_37_seconds_ahead_is_found(
 ) -> None:
     scans, path = dive
     nav = path.with_name("nav.csv")
-    settings = navigation_settings({"priors": nav, "nav_offset": "auto"})
-    navigated = scans_with_priors(scans, nav, None, True, False, settings, [path])
+    settings = NavigationReading(nav_offset="auto").settings(nav)
+    navigated = scans_with_priors(scans, PriorsFile(nav), settings, files=[path])
     priors = [scan.prior for scan in navigated.scans if scan.prior is not None]
     assert len(priors) == len(scans)
     headings = [np.degrees(prior.T_world_sensor.rotation.as_euler("ZYX")[0]) for prior in priors]
@@ -64,8 +64,8 @@ def test_a_clock_that_is_37_seconds_ahead_is_found(
 def test_without_an_imu_it_is_refused(dive: tuple[tuple[Scan, ...], Path]) -> None:
     scans, path = dive
     nav = path.with_name("nav.csv")
-    settings = navigation_settings({"priors": nav, "nav_offset": "auto"})
+    settings = NavigationReading(nav_offset="auto").settings(nav)
     bare = written(path.with_name("bare.sonar"), recording(4))
     for files in ((), (bare,), (nav,)):
         with pytest.raises(InputError, match="--nav-offset auto needs the sonar's own turn rates"):
-            scans_with_priors(scans, nav, None, True, False, settings, files)
+            scans_with_priors(scans, PriorsFile(nav), settings, files=files)

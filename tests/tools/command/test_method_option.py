@@ -10,7 +10,8 @@ from scipy.spatial.transform import RigidTransform
 
 from sonarmap.slam.graph.trajectory import Trajectory
 from sonarmap.spectral.scan import Scan
-from sonarmap.tools.command.method import MethodOptions, configure_method
+from sonarmap.tools.command.method import configure_method
+from sonarmap.tools.command.options.registration import MethodOptions
 from sonarmap.tools.files.readers.poses.tum import read_tum
 from sonarmap.tools.lab.evaluate.trajectory import evaluate, pair_error
 from sonarmap.tools.methods.registry import METHODS

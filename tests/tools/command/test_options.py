@@ -3,81 +3,51 @@
 import numpy as np
 import pytest
 import typer
-from typer.testing import CliRunner
+from typer.testing import CliRunner, Result
 
 from sonarmap.spectral.hemisphere.registration import HemisphereConfig
 from sonarmap.spectral.registration import SpectralConfig
-from sonarmap.tools.command.options.registration import (
-    DEFAULT_HYPOTHESES,
-    DEFAULT_MAX_TILT,
-    DEFAULT_REFINEMENT,
-    DEFAULT_YAW_PEAKS,
-    DeviceOption,
-    GridOption,
-    HypothesesOption,
-    MaxTiltOption,
-    RefineOption,
-    SeedOption,
-    VoxelOption,
-    YawPeaksOption,
-)
+from sonarmap.tools.command.options.option import spread
+from sonarmap.tools.command.options.registration import MethodOptions
+
+USUAL = MethodOptions()
+
+
+def arrived(arguments: str) -> Result:
+    """What a verb of our own that takes every shared option prints of them."""
+    probe, names = typer.Typer(), ("grid", "voxel", "max_tilt", "hypotheses", "refine", "yaw_peaks", "device", "seed")
+
+    def command(method: MethodOptions) -> None:
+        typer.echo(" ".join(str(getattr(method, name)) for name in names))
+
+    probe.command()(spread(command, {}))
+    return CliRunner(env={"COLUMNS": "300", "TERMINAL_WIDTH": "300"}).invoke(probe, arguments.split())
 
 
 class TestSharedOptions:
-    """A verb of our own that takes every shared option and prints what arrives."""
-
-    @pytest.fixture
-    def verb(self) -> typer.Typer:
-        probe = typer.Typer()
-
-        @probe.command()
-        def command(
-            grid: GridOption = None,
-            voxel: VoxelOption = None,
-            max_tilt: MaxTiltOption = 35.0,
-            hypotheses: HypothesesOption = 12,
-            refine: RefineOption = "icp",
-            yaw_peaks: YawPeaksOption = 1,
-            device: DeviceOption = None,
-            seed: SeedOption = 0,
-        ) -> None:
-            typer.echo(f"{grid} {voxel} {max_tilt} {hypotheses} {refine} {yaw_peaks} {device} {seed}")
-
-        return probe
-
-    def test_defaults(self, verb: typer.Typer) -> None:
-        assert CliRunner().invoke(verb, []).stdout == "None None 35.0 12 icp 1 None 0\n"
-
-    def test_values(self, verb: typer.Typer) -> None:
-        arguments = [
-            "--grid",
-            "64",
-            "--voxel",
-            "0.5",
-            "--max-tilt",
-            "12.5",
-            "--hypotheses",
-            "64",
-            "--refine",
-            "spectral",
-            "--yaw-peaks",
-            "32",
-            "--device",
-            "cpu",
-            "--seed",
-            "7",
-        ]
-        assert CliRunner().invoke(verb, arguments).stdout == "64 0.5 12.5 64 spectral 32 cpu 7\n"
+    @pytest.mark.parametrize(
+        ("arguments", "printed"),
+        [
+            ("", "None None 35.0 6 icp 1 None 0"),
+            (
+                "--grid 64 --voxel 0.5 --max-tilt 12.5 --hypotheses 64 --refine spectral --yaw-peaks 32 --device cpu "
+                "--seed 7",
+                "64 0.5 12.5 64 spectral 32 cpu 7",
+            ),
+        ],
+    )
+    def test_values(self, arguments: str, printed: str) -> None:
+        assert arrived(arguments).stdout == f"{printed}\n"
 
     def test_the_defaults_are_those_of_the_configurations(self) -> None:
         usual = SpectralConfig()
-        assert (usual.hypotheses, usual.refinement) == (DEFAULT_HYPOTHESES, DEFAULT_REFINEMENT)
-        assert usual.max_tilt == pytest.approx(np.deg2rad(DEFAULT_MAX_TILT))
-        assert HemisphereConfig.paper().yaw_peaks == DEFAULT_YAW_PEAKS
+        assert (usual.hypotheses, usual.refinement) == (USUAL.hypotheses, USUAL.refine)
+        assert usual.max_tilt == pytest.approx(np.deg2rad(USUAL.max_tilt))
+        assert HemisphereConfig.paper().yaw_peaks == USUAL.yaw_peaks
 
     @pytest.mark.parametrize("edge", ["16", "90", "96", "512"])
-    def test_the_ends_of_the_grids_range(self, verb: typer.Typer, edge: str) -> None:
-        assert CliRunner().invoke(verb, ["--grid", edge]).exit_code == 0
+    def test_the_ends_of_the_grids_range(self, edge: str) -> None:
+        assert arrived(f"--grid {edge}").exit_code == 0
 
     @pytest.mark.parametrize(
         ("arguments", "words"),
@@ -103,9 +73,9 @@ class TestSharedOptions:
             ("--seed -1", ["-1", "whole number", "as in --seed 1"]),
         ],
     )
-    def test_refusals(self, verb: typer.Typer, arguments: str, words: list[str]) -> None:
+    def test_refusals(self, arguments: str, words: list[str]) -> None:
         """Each says what was given, what was wanted and what to do."""
-        result = CliRunner(env={"COLUMNS": "300", "TERMINAL_WIDTH": "300"}).invoke(verb, arguments.split())
+        result = arrived(arguments)
         assert result.exit_code == 2
         message = " ".join(result.stderr.split())
         assert all(word in message for word in words), message

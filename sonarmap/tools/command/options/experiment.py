@@ -1,22 +1,15 @@
-"""The options of `sonarmap reproduce`, each with its check."""
+"""The options of `sonarmap reproduce`."""
 
+from dataclasses import dataclass
+from functools import partial
 from pathlib import Path
 from typing import Annotated
 
 import typer
 
-from sonarmap.kernels.errors import InputError
-from sonarmap.tools.command.options.groups import (
-    EXPERIMENT,
-    INPUT,
-    INSTRUMENTS,
-    MOST_WORKERS,
-    OUTPUT,
-    RUNNING,
-    completes,
-    completes_list,
-)
-from sonarmap.tools.command.options.registration import check_seed, check_tilt
+from sonarmap.tools.command.options.groups import EXPERIMENT, INPUT, INSTRUMENTS, MOST_WORKERS, OUTPUT, RUNNING
+from sonarmap.tools.command.options.option import completes, completes_list, flag, option
+from sonarmap.tools.command.options.registration import VoxelOption, check_seed, check_tilt, checked, refused_by
 from sonarmap.tools.lab.reproduce.experiments import EXPERIMENTS, groups, members
 from sonarmap.tools.lab.simulate.scenes.catalog import SCENE_KINDS
 from sonarmap.tools.methods.registry import METHODS, find_method
@@ -27,6 +20,10 @@ _NAMES = "; ".join(
     if members(group) != (group,)
 )
 _ALONE = "; ".join(f"{group} ({EXPERIMENTS[group].shows})" for group in groups() if members(group) == (group,))
+# Steps and noise of the experiments fit the paper's 256 m and are too large for a small scene.
+SCENES = [name for name, kind in SCENE_KINDS.items() if kind.scale == 1.0]
+_experiment = partial(option, EXPERIMENT)
+_rare = partial(_experiment, rare=True)
 
 NameArgument = Annotated[
     str,
@@ -35,133 +32,6 @@ NameArgument = Annotated[
         metavar="NAME",
         rich_help_panel=INPUT,
         autocompletion=completes((*EXPERIMENTS, *groups())),
-    ),
-]
-SCENES = [name for name, kind in SCENE_KINDS.items() if kind.scale == 1.0]
-
-
-def _check_scene(scene: str | None) -> str | None:
-    """Steps and noise of the experiments fit the paper's 256 m and are too large for a small scene."""
-    if scene is None or scene in SCENES:
-        return scene
-    raise typer.BadParameter(f"{scene} is not a scene as large as the paper's; choose {', '.join(SCENES)}")
-
-
-SceneOption = Annotated[
-    str | None,
-    typer.Option(
-        help=f"The scene: {', '.join(SCENES)}.",
-        metavar="SCENE",
-        callback=_check_scene,
-        rich_help_panel=EXPERIMENT,
-        hidden=True,
-        autocompletion=completes(SCENES),
-    ),
-]
-PageOption = Annotated[
-    Path | None,
-    typer.Option(
-        "--page",
-        metavar="FILE",
-        help="Also write a page, such as docs/reproduction.md, on all experiments of the group with results in OUT.",
-        rich_help_panel=OUTPUT,
-        hidden=True,
-    ),
-]
-NoisesOption = Annotated[
-    list[float] | None,
-    typer.Option(
-        metavar="V",
-        help="Variance of the range noise at the largest range \\[m^2]; may be repeated.",
-        rich_help_panel=EXPERIMENT,
-        hidden=True,
-    ),
-]
-OwnGridOption = Annotated[
-    int | None,
-    typer.Option(
-        "--grid",
-        metavar="N",
-        help="Voxels per edge, 16..512. The number is an even product of 2, 3 and 5.",
-        show_default="the experiment's",
-        rich_help_panel=EXPERIMENT,
-    ),
-]
-
-
-def _check_own_tilt(tilt: float | None) -> float | None:
-    return None if tilt is None else check_tilt(tilt)
-
-
-def _check_methods(names: list[str] | None) -> list[str] | None:
-    for name in names or ():
-        try:
-            find_method(name)
-        except InputError as error:
-            raise typer.BadParameter(str(error)) from error
-    return names
-
-
-MethodsOption = Annotated[
-    list[str] | None,
-    typer.Option(
-        "--method",
-        metavar="NAME",
-        help=f"A method to evaluate; may be repeated. Methods: {', '.join(METHODS)}.",
-        callback=_check_methods,
-        rich_help_panel=EXPERIMENT,
-        autocompletion=completes(METHODS),
-    ),
-]
-WorkersOption = Annotated[
-    int,
-    typer.Option(
-        "--workers",
-        metavar="N",
-        min=1,
-        max=MOST_WORKERS,
-        help="Processes that share the jobs. The results are the same.",
-        rich_help_panel=RUNNING,
-    ),
-]
-OutOption = Annotated[
-    Path,
-    typer.Option(
-        "-o",
-        "--out",
-        help="Folder for the results. A stopped run continues from what is there.",
-        metavar="OUT",
-        rich_help_panel=OUTPUT,
-    ),
-]
-QuickOption = Annotated[
-    bool,
-    typer.Option(
-        "--quick",
-        help="Take at most a minute for each experiment. There are fewer scenes, seeds, pairs and voxels, unless "
-        "given.",
-        rich_help_panel=EXPERIMENT,
-    ),
-]
-FreshOption = Annotated[
-    bool,
-    typer.Option("--fresh", help="Run all jobs again, finished ones too.", rich_help_panel=RUNNING),
-]
-SeedsOption = Annotated[
-    int | None, typer.Option(metavar="N", help="Number of seeds.", min=1, rich_help_panel=EXPERIMENT, hidden=True)
-]
-PairsOption = Annotated[
-    int | None, typer.Option(metavar="N", help="Number of pairs.", min=1, rich_help_panel=EXPERIMENT, hidden=True)
-]
-FirstSeedOption = Annotated[
-    int | None,
-    typer.Option(
-        "--seed",
-        metavar="S",
-        help="The first seed, or the seed of the pairs; the same seed gives the same results.",
-        callback=check_seed,
-        rich_help_panel=EXPERIMENT,
-        hidden=True,
     ),
 ]
 FolderArgument = Annotated[
@@ -173,38 +43,83 @@ FolderArgument = Annotated[
         rich_help_panel=INPUT,
     ),
 ]
-OwnTiltOption = Annotated[
-    float | None,
-    typer.Option(
-        "--max-tilt",
-        metavar="DEG",
-        help="For real: largest roll and pitch between two scans \\[deg], up to 180 (no limit).",
-        show_default="35",
-        callback=_check_own_tilt,
-        rich_help_panel=EXPERIMENT,
-        hidden=True,
-    ),
-]
-KnownOption = Annotated[
-    str | None,
-    typer.Option(
-        "--known",
-        metavar="WHAT",
-        help="For real: also register every pair with measurements of WHAT, drawn about the truth: "
+
+
+@dataclass(frozen=True, slots=True)
+class ExperimentOptions:
+    """What is asked of the experiments; None leaves it to each. The names are those of `Request`."""
+
+    quick: bool = flag(
+        EXPERIMENT,
+        "--quick",
+        "Take at most a minute for each experiment. There are fewer scenes, seeds, pairs and voxels, unless given.",
+    )
+    scene: str | None = _rare(
+        "SCENE",
+        f"The scene: {', '.join(SCENES)}.",
+        check=checked(SCENES.__contains__, f"{{}} is not a scene as large as the paper's; choose {', '.join(SCENES)}"),
+        values=completes(SCENES),
+    )
+    sigma2: list[float] | None = _rare(
+        "V", "Variance of the range noise at the largest range \\[m^2]; may be repeated."
+    )
+    seeds: int | None = _rare("N", "Number of seeds.", min=1)
+    pairs: int | None = _rare("N", "Number of pairs.", min=1)
+    seed: int | None = _rare(
+        "S",
+        "The first seed, or the seed of the pairs; the same seed gives the same results.",
+        check=check_seed,
+    )
+    method: list[str] | None = _experiment(
+        "NAME",
+        f"A method to evaluate; may be repeated. Methods: {', '.join(METHODS)}.",
+        check=refused_by(lambda names: [find_method(name) for name in names]),
+        values=completes(METHODS),
+    )
+    grid: int | None = _experiment(
+        "N",
+        "Voxels per edge, 16..512. The number is an even product of 2, 3 and 5.",
+        shown="the experiment's",
+    )
+    voxel: VoxelOption = None
+    max_tilt: float | None = _rare(
+        "DEG",
+        "For real: largest roll and pitch between two scans \\[deg], up to 180 (no limit).",
+        shown="35",
+        check=check_tilt,
+    )
+    known: str | None = _rare(
+        "WHAT",
+        "For real: also register every pair with measurements of WHAT, drawn about the truth: "
         "attitude,heading,depth,position, or some of them.",
-        rich_help_panel=EXPERIMENT,
-        hidden=True,
-        autocompletion=completes_list(INSTRUMENTS),
-    ),
-]
-KnownSigmasOption = Annotated[
-    str | None,
-    typer.Option(
-        "--known-sigmas",
-        metavar="A,H,D,P",
-        help="Standard deviations for --known: attitude, heading \\[deg], depth, position \\[m].",
-        show_default="1.5,3,0.15,3",
-        rich_help_panel=EXPERIMENT,
-        hidden=True,
-    ),
-]
+        values=completes_list(INSTRUMENTS),
+    )
+    known_sigmas: str | None = _rare(
+        "A,H,D,P",
+        "Standard deviations for --known: attitude, heading \\[deg], depth, position \\[m].",
+        shown="1.5,3,0.15,3",
+    )
+
+
+@dataclass(frozen=True, slots=True)
+class ExperimentRun:
+    """Where results go, and who makes them."""
+
+    out: Path = option(
+        OUTPUT,
+        "OUT",
+        "Folder for the results. A stopped run continues from what is there.",
+        Path("reproduction"),
+        "-o",
+        "--out",
+    )
+    fresh: bool = flag(RUNNING, "--fresh", "Run all jobs again, finished ones too.")
+    page: Path | None = option(
+        OUTPUT,
+        "FILE",
+        "Also write a page, such as docs/reproduction.md, on all experiments of the group with results in OUT.",
+        rare=True,
+    )
+    workers: int = option(
+        RUNNING, "N", "Processes that share the jobs. The results are the same.", 1, min=1, max=MOST_WORKERS
+    )

@@ -11,7 +11,7 @@ from typing import Any
 import typer
 
 from sonarmap.kernels.errors import InputError
-from sonarmap.tools.command.settings.setting import COMMON, Setting, Verb, common_settings, settings_of
+from sonarmap.tools.command.settings.setting import COMMON, Setting, common_settings, settings_of
 from sonarmap.tools.files.user_file import require_file
 
 DEFAULT_FILE = "sonarmap.toml"
@@ -43,7 +43,7 @@ class SettingsFile:
         return SettingsFile(self.path, values, sections)
 
 
-def read_settings(path: Path, verbs: Mapping[str, Verb], verb: str | None) -> SettingsFile:
+def read_settings(path: Path, verbs: Mapping[str, Any], verb: str | None) -> SettingsFile:
     """Read a file, and check it: all its keys and their types, and the values of one verb or of all.
 
     Args:
@@ -108,11 +108,7 @@ def _table(path: Path, section: str, content: Any, settings: Sequence[Setting]) 
 
 
 def _meant(path: Path, section: str, key: str, settings: Sequence[Setting]) -> list[Setting]:
-    """The verbs' settings that a line sets.
-
-    Raises:
-        InputError: there is none of this name, or it does not mean the same for several verbs.
-    """
+    """The verbs' settings that a line sets; a name of none, or that does not mean the same for several, is refused."""
     name = _as_key(key)
     if section != COMMON:
         own = [setting for setting in settings if setting.verb == section]
@@ -146,14 +142,10 @@ def _fits(value: Any, kind: type) -> bool:
     return isinstance(value, str if kind is Path else kind)
 
 
-def _check(file: SettingsFile, setting: Setting, verb: Verb) -> None:
-    """The check of the command line's option.
-
-    Raises:
-        InputError: the value cannot be.
-    """
+def _check(file: SettingsFile, setting: Setting, verb: Any) -> None:
+    """The check of the command line's option."""
     value, section = file.values[setting.verb][setting.name], file.sections[setting.verb][setting.name]
-    context = typer.Context(verb, info_name=setting.verb)  # type: ignore[arg-type]
+    context = typer.Context(verb, info_name=setting.verb)
     try:
         setting.parameter.process_value(context, value)
     except (typer.BadParameter, InputError) as error:

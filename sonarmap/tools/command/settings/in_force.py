@@ -6,6 +6,7 @@ from typing import Annotated, Any
 
 import typer
 
+from sonarmap.tools.command.failures import MISUSE
 from sonarmap.tools.command.help import Verb
 from sonarmap.tools.command.method import idle_options
 from sonarmap.tools.command.navigation import NAVIGATION
@@ -23,7 +24,6 @@ ConfigOption = Annotated[
     ),
 ]
 _KEY = "sonarmap.settings"  # in the context's meta
-MISUSE = 2  # the exit code for what the user can fix
 _LONGEST = 80  # characters of a value that is said
 _ALL = "config"  # the verb that looks at the settings of all
 # What says where to write, what to discard, and whom to connect or listen to: only a file that the user names may set
@@ -153,5 +153,4 @@ def _is_idle(context: Any, name: str) -> bool:
 
 
 def _source(context: Any, name: str) -> str:
-    source = context.get_parameter_source(name)
-    return source.name if source else ""
+    return getattr(context.get_parameter_source(name), "name", "")

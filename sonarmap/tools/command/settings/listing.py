@@ -1,5 +1,6 @@
 """All settings with what is in force and where it comes from: as a table, as JSON, and as a file to edit."""
 
+import json
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
 from typing import Any
@@ -101,9 +102,8 @@ def _section(file: SettingsFile | None, setting: Setting) -> str:
 
 
 def _row(section: str, setting: Setting, verbs: tuple[str, ...], file: SettingsFile | None) -> Row:
-    if file is None or not (place := _section(file, setting)):
-        return Row(section, setting, verbs, None, "")
-    return Row(section, setting, verbs, file.values[setting.verb][setting.name], place)
+    place = _section(file, setting)
+    return Row(section, setting, verbs, file.values[setting.verb][setting.name] if file and place else None, place)
 
 
 def _example(setting: Setting) -> str:
@@ -122,10 +122,4 @@ def _literal(value: Any) -> str:
     """A value as TOML has it."""
     if isinstance(value, list | tuple):
         return f"[{', '.join(map(_literal, value))}]"
-    if isinstance(value, bool):
-        return "true" if value else "false"
-    if isinstance(value, int | float):
-        return repr(value)
-    import json
-
-    return json.dumps(str(value), ensure_ascii=False)
+    return json.dumps(value if isinstance(value, bool | int | float) else str(value), ensure_ascii=False)

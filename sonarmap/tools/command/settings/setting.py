@@ -1,11 +1,11 @@
 """An option as a setting, all from the option itself: name, kind, unit, default."""
 
 import re
-from collections.abc import Callable, Mapping
+from collections.abc import Mapping
 from dataclasses import dataclass
 from pathlib import Path
 from types import NoneType
-from typing import Any, Protocol, get_args, get_origin, get_type_hints
+from typing import Any, get_args, get_origin, get_type_hints
 
 COMMON = "common"  # the section of what means the same for several verbs
 _METAVARS = {"M", "DEG", "M/S", "DEG/S"}  # that are units
@@ -20,37 +20,13 @@ _KINDS = {  # as TOML calls them, and in words
 }
 
 
-class Parameter(Protocol):
-    """What is used of Typer's options."""
-
-    name: str
-    opts: list[str]
-    secondary_opts: list[str]
-    param_type_name: str
-    default: Any
-    metavar: str | None
-    required: bool
-    multiple: bool
-
-    def process_value(self, ctx: Any, value: Any) -> Any:
-        """The value as the verb gets it; raises typer.BadParameter."""
-        ...
-
-
-class Verb(Protocol):
-    """What is used of Typer's commands."""
-
-    params: list[Any]
-    callback: Callable[..., Any] | None
-
-
 @dataclass(frozen=True, slots=True)
 class Setting:
     """An option of a verb.
 
     Attributes:
         verb: whose.
-        parameter: Typer's.
+        parameter: Typer's, which has no public type.
         kind: bool, int, float, str or Path.
         help: what it does, as the verb's help says it.
     """
@@ -68,8 +44,7 @@ class Setting:
     @property
     def key(self) -> str:
         """What it is called in a file: as on the command line, without the dashes before it."""
-        longest = max(self.parameter.opts, key=len)
-        return longest.lstrip("-")
+        return max(self.parameter.opts, key=len).lstrip("-")
 
     @property
     def many(self) -> bool:
@@ -101,10 +76,8 @@ class Setting:
         """What counts where nobody sets it, in words."""
         if self.parameter.required:
             return "to be given"
-        if self.kind is bool:
-            return "true" if self.parameter.default else "false"
         value = self.parameter.default
-        if value is not None and value != [] and value != ():
+        if value is not None and value not in ([], ()):
             return in_words(value)
         said = self.parameter.show_default  # in words, where nothing given means something
         return said if isinstance(said, str) else "none"
@@ -116,24 +89,26 @@ class Setting:
 
     def same_as(self, other: "Setting") -> bool:
         """Whether both mean the same, so that one value can be given to both."""
-        mine, its = self.parameter, other.parameter
-        return (self.key, self.kind, self.many, self.help, mine.metavar, in_words(mine.default)) == (
-            (other.key, other.kind, other.many, other.help, its.metavar, in_words(its.default))
+        one, two = (
+            (each.key, each.kind, each.many, each.help, each.parameter.metavar, in_words(each.parameter.default))
+            for each in (self, other)
         )
+        return one == two
 
 
-def settings_of(verbs: Mapping[str, Verb]) -> list[Setting]:
+def settings_of(verbs: Mapping[str, Any]) -> list[Setting]:
     """All options of all verbs, in the verbs' and their own order.
 
     Args:
         verbs: Typer's commands, by their names.
     """
-    return [
-        setting
-        for verb, command in verbs.items()
-        for setting in _settings_of(verb, command)
-        if setting.key not in ("help", "help-all")
-    ]
+    settings: list[Setting] = []
+    for verb, command in verbs.items():
+        hints = get_type_hints(command.callback)
+        for option in command.params:
+            if option.param_type_name == "option" and option.name in hints and option.name != "help_all":
+                settings.append(Setting(verb, option, _kind(hints[option.name]), option.help or ""))
+    return settings
 
 
 def common_settings(settings: list[Setting]) -> dict[str, list[Setting]]:
@@ -156,15 +131,6 @@ def in_words(value: Any) -> str:
     if isinstance(value, list | tuple):
         return ",".join(map(in_words, value))
     return f"{value:g}" if isinstance(value, float) else str(value)
-
-
-def _settings_of(verb: str, command: Verb) -> list[Setting]:
-    hints = get_type_hints(command.callback)
-    return [
-        Setting(verb, parameter, _kind(hints[parameter.name]), getattr(parameter, "help", None) or "")
-        for parameter in command.params
-        if parameter.param_type_name == "option" and parameter.name in hints
-    ]
 
 
 def _kind(annotation: Any) -> type:

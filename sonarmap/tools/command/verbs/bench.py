@@ -3,111 +3,61 @@
 import json
 import sys
 from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+from functools import partial
 from pathlib import Path
-from typing import Annotated, Any
+from typing import Any
 
 import typer
 
 from sonarmap.kernels.errors import InputError
 from sonarmap.tools.command.options.groups import MEASUREMENT, OUTPUT
-from sonarmap.tools.command.options.registration import DeviceOption, JsonOption, SeedOption
+from sonarmap.tools.command.options.option import flag, option
+from sonarmap.tools.command.options.registration import SeedOption
+from sonarmap.tools.command.options.running import DeviceOption, JsonOption
 from sonarmap.tools.command.progress import progress
 from sonarmap.tools.command.terminal import printable, say
 
 DEFAULT_EDGES = (64, 128, 256)
 UNRELIABLE, SLOWER = 3, 4
-
-FromOption = Annotated[
-    Path | None,
-    typer.Option(
-        "--from",
-        metavar="FILE",
-        help="Measure nothing; take an earlier run's result.",
-        rich_help_panel=OUTPUT,
-        hidden=True,
-    ),
-]
-CompareOption = Annotated[
-    Path | None,
-    typer.Option(
-        "--compare",
-        metavar="OLD",
-        help="Say what differs from an earlier run. Differences within the noise of both do not count.",
-        rich_help_panel=OUTPUT,
-    ),
-]
-OutOption = Annotated[
-    Path | None,
-    typer.Option(
-        "-o", "--out", metavar="FILE", help="Also write the result as JSON: one file to send.", rich_help_panel=OUTPUT
-    ),
-]
-PictureOption = Annotated[
-    Path | None,
-    typer.Option(
-        metavar="FILE", help="Draw the kernels and the device's limits, as PNG.", rich_help_panel=OUTPUT, hidden=True
-    ),
-]
-PageOption = Annotated[
-    Path | None,
-    typer.Option(
-        metavar="FILE",
-        help="Write the figures into a page at its marks. docs/benchmarks.md is such a page.",
-        rich_help_panel=OUTPUT,
-        hidden=True,
-    ),
-]
-SurveyOption = Annotated[
-    int,
-    typer.Option(
-        metavar="N",
-        help="Also map a simulated survey of N scans. It goes from files to files; 0 is none.",
-        min=0,
-        rich_help_panel=MEASUREMENT,
-    ),
-]
+_measure, _output = partial(option, MEASUREMENT), partial(option, OUTPUT)
 
 
-def command(
-    grid: Annotated[
-        list[int] | None,
-        typer.Option(
-            "--grid",
-            metavar="N",
-            help="Voxels per edge, 16..512; may be repeated. They are even products of 2, 3 and 5.",
-            rich_help_panel=MEASUREMENT,
-            show_default="64, 128 and 256",
-        ),
-    ] = None,
-    repeats: Annotated[
-        int,
-        typer.Option(
-            "--repeats", metavar="R", help="Number of timed runs of each kernel.", min=1, rich_help_panel=MEASUREMENT
-        ),
-    ] = 15,
-    pairs: Annotated[
-        int,
-        typer.Option(
-            "--pairs",
-            metavar="P",
-            help="Simulated pairs to register; 0 is none.",
-            min=0,
-            rich_help_panel=MEASUREMENT,
-        ),
-    ] = 20,
-    kernels: Annotated[
-        bool, typer.Option("--kernels/--no-kernels", help="Time the kernels.", rich_help_panel=MEASUREMENT, hidden=True)
-    ] = True,
-    survey: SurveyOption = 0,
-    device: DeviceOption = None,
-    seed: SeedOption = 0,
-    out: OutOption = None,
-    compare: CompareOption = None,
-    picture: PictureOption = None,
-    page: PageOption = None,
-    from_: FromOption = None,
-    as_json: JsonOption = False,
-) -> None:
+@dataclass(frozen=True, slots=True)
+class Measurement:
+    """What is measured."""
+
+    grid: list[int] | None = _measure(
+        "N",
+        "Voxels per edge, 16..512; may be repeated. They are even products of 2, 3 and 5.",
+        shown="64, 128 and 256",
+    )
+    repeats: int = _measure("R", "Number of timed runs of each kernel.", 15, min=1)
+    pairs: int = _measure("P", "Simulated pairs to register; 0 is none.", 20, min=0)
+    kernels: bool = flag(MEASUREMENT, "--kernels/--no-kernels", "Time the kernels.", True, rare=True)
+    survey: int = _measure(
+        "N", "Also map a simulated survey of N scans. It goes from files to files; 0 is none.", 0, min=0
+    )
+    device: DeviceOption = None
+    seed: SeedOption = 0
+
+
+@dataclass(frozen=True, slots=True)
+class BenchFiles:
+    """Where the result goes, and what it is compared with."""
+
+    out: Path | None = _output("FILE", "Also write the result as JSON: one file to send.", None, "-o", "--out")
+    compare: Path | None = _output(
+        "OLD", "Say what differs from an earlier run. Differences within the noise of both do not count."
+    )
+    picture: Path | None = _output("FILE", "Draw the kernels and the device's limits, as PNG.", rare=True)
+    page: Path | None = _output(
+        "FILE", "Write the figures into a page at its marks. docs/benchmarks.md is such a page.", rare=True
+    )
+    from_: Path | None = _output("FILE", "Measure nothing; take an earlier run's result.", None, "--from", rare=True)
+
+
+def command(measurement: Measurement, files: BenchFiles, as_json: JsonOption = False) -> None:
     """Time the kernels and the registration of pairs.
 
     Each kernel is timed beside its equivalents in NumPy, SciPy, pyfftw and pyvkfft. One whose result differs from the
@@ -118,46 +68,36 @@ def command(
     from sonarmap.tools.files.writers.json_text import write_json
     from sonarmap.tools.lab.bench.output.as_json import read_result, results_of
 
-    old = read_result(compare) if compare else None
-    for path in (out, picture, page):
+    old = read_result(files.compare) if files.compare else None
+    for path in (files.out, files.picture, files.page):
         if path is not None:
             require_writable(path.parent)
-    if from_ is not None:
-        _refuse_measuring(grid, survey, device)
-        result, wrong = read_result(from_), []
+    if files.from_ is not None:
+        _refuse_measuring(measurement)
+        result, wrong = read_result(files.from_), []
     else:
-        edges = list(dict.fromkeys(grid or DEFAULT_EDGES))
-        result, wrong = _measured(edges, repeats, pairs, kernels, survey, device, seed, as_json)
-    if out is not None:
-        write_json(out, result)
-    with results_of(from_):
-        _show(result, picture, page)
+        result, wrong = _run(measurement, as_json)
+    if files.out is not None:
+        write_json(files.out, result)
+    with results_of(files.from_):
+        _show(result, files.picture, files.page)
     if wrong:
         names = ", ".join(wrong)
         say(f"the result differs from NumPy's or SciPy's: {names}; these times mean nothing", "error: ", "bold red")
         raise typer.Exit(UNRELIABLE)
-    with results_of(compare):
+    with results_of(files.compare):
         slower = old is not None and _compared(old, result)
     if slower:
         raise typer.Exit(SLOWER)
 
 
-def _refuse_measuring(grid: list[int] | None, survey: int, device: str | None) -> None:
-    given = {"--grid": grid, "--survey": survey, "--device": device}
+def _refuse_measuring(asked: Measurement) -> None:
+    given = {"--grid": asked.grid, "--survey": asked.survey, "--device": asked.device}
     if without := [name for name, value in given.items() if value]:
         raise InputError(f"--from measures nothing, so {', '.join(without)} has no effect; leave one of them out")
 
 
-def _measured(
-    edges: list[int],
-    repeats: int,
-    pairs: int,
-    kernels: bool,
-    survey: int,
-    device: str | None,
-    seed: int,
-    as_json: bool,
-) -> tuple[dict[str, Any], list[str]]:
+def _run(asked: Measurement, as_json: bool) -> tuple[dict[str, Any], list[str]]:
     """The result, printed, as JSON's types; and the kernels that are wrong."""
     from rich.console import Console
 
@@ -166,13 +106,13 @@ def _measured(
     from sonarmap.tools.lab.bench.run import run_bench
 
     measured = run_bench(
-        device,
-        edges,
-        repeats=repeats,
-        pairs=pairs,
-        kernels=kernels,
-        survey=survey,
-        seed=seed,
+        asked.device,
+        list(dict.fromkeys(asked.grid or DEFAULT_EDGES)),
+        repeats=asked.repeats,
+        pairs=asked.pairs,
+        kernels=asked.kernels,
+        survey=asked.survey,
+        seed=asked.seed,
         follow=lambda label, total: progress(label, total, quiet=as_json),
         command=_run_here,
     )

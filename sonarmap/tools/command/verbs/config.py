@@ -9,7 +9,7 @@ import typer
 
 from sonarmap.kernels.errors import InputError
 from sonarmap.tools.command.options.groups import OUTPUT
-from sonarmap.tools.command.options.registration import JsonOption
+from sonarmap.tools.command.options.running import JsonOption
 from sonarmap.tools.command.terminal import printable, result_console, say
 
 if TYPE_CHECKING:

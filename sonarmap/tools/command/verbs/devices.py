@@ -9,8 +9,8 @@ import typer
 from sonarmap.kernels.errors import DeviceError
 from sonarmap.tools.command.failures import MISUSE
 from sonarmap.tools.command.options.groups import RUNNING
-from sonarmap.tools.command.options.registration import DeviceOption, JsonOption
-from sonarmap.tools.command.terminal import printable, result_console, say
+from sonarmap.tools.command.options.running import DeviceOption, JsonOption
+from sonarmap.tools.command.terminal import number_table, printable, result_console, say
 
 # Of the grids those whose edge is a multiple of this are shown.
 _SHOWN = 32
@@ -89,11 +89,7 @@ def _needs() -> list[dict[str, int]]:
 
 
 def _print_needs() -> None:
-    from rich.table import Table
-
-    table = Table("grid", box=None, pad_edge=False)
-    for heading in ("a pair needs", "each more prepared scan", "largest array"):
-        table.add_column(heading, justify="right")
+    table = number_table("grid", "a pair needs", "each more prepared scan", "largest array", words=1)
     for need in _needs():
         if need["grid"] % _SHOWN:
             continue

@@ -6,7 +6,7 @@ from typing import Annotated
 import typer
 
 from sonarmap.tools.command.options.groups import RUNNING
-from sonarmap.tools.command.options.registration import JsonOption
+from sonarmap.tools.command.options.running import JsonOption
 
 
 def command(

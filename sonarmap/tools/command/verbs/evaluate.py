@@ -2,15 +2,19 @@
 
 import json
 import math
+from dataclasses import dataclass
+from functools import partial
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, cast
 
 import typer
 
 from sonarmap.kernels.errors import InputError
-from sonarmap.tools.command.options.groups import INPUT, MEASUREMENT, RUNNING, completes
-from sonarmap.tools.command.options.registration import JsonOption
-from sonarmap.tools.command.terminal import say
+from sonarmap.tools.command.options.groups import INPUT, MEASUREMENT, RUNNING
+from sonarmap.tools.command.options.option import completes, flag, option
+from sonarmap.tools.command.options.registration import checked, is_positive
+from sonarmap.tools.command.options.running import JsonOption
+from sonarmap.tools.command.terminal import say, warn
 from sonarmap.tools.command.words.evaluation import (
     ALIGNMENTS,
     print_calibration,
@@ -30,103 +34,49 @@ EXCEEDED = 3
 _LISTED = 5  # poses beyond the limits
 
 
-def _check_alignment(alignment: str) -> str:
-    if alignment in ALIGNMENTS:
-        return alignment
-    raise typer.BadParameter(f"{alignment!r}; choose one of {', '.join(ALIGNMENTS)}")
+_input = partial(option, INPUT)
+_limit = partial(option, MEASUREMENT, check=checked(lambda limit: limit >= 0, "{}; give 0 or more"))
 
 
-def _check_limit(limit: float | None) -> float | None:
-    if limit is None or limit >= 0:
-        return limit
-    raise typer.BadParameter(f"{limit}; give 0 or more")
+@dataclass(frozen=True, slots=True)
+class Comparison:
+    """What is compared, how, and what is too much."""
 
-
-def _check_length(length: float | None) -> float | None:
-    if length is None or 0 < length < math.inf:
-        return length
-    raise typer.BadParameter(f"{length}; give a length above 0")
-
-
-TruthArgument = Annotated[
-    list[Path],
-    typer.Argument(
-        help="True trajectory, in the same format. For several dives, one file per dive.", metavar="TRUTH..."
-    ),
-]
-AlignOption = Annotated[
-    str,
-    typer.Option(
-        "--align",
-        metavar="HOW",
-        help="Align by poses, positions or first. poses are all positions and orientations, positions these alone, "
-        "first the first pose.",
-        callback=_check_alignment,
-        rich_help_panel=MEASUREMENT,
-        autocompletion=completes(ALIGNMENTS),
-    ),
-]
-MaxErrorOption = Annotated[
-    float | None,
-    typer.Option(
-        metavar="M",
-        help="Exit with 3 beyond this position error \\[m].",
-        callback=_check_limit,
-        rich_help_panel=MEASUREMENT,
-    ),
-]
-MaxTurnOption = Annotated[
-    float | None,
-    typer.Option(
-        metavar="DEG",
-        help="Exit with 3 beyond this rotation error \\[deg].",
-        callback=_check_limit,
-        rich_help_panel=MEASUREMENT,
-    ),
-]
-MapOption = Annotated[
-    Path | None,
-    typer.Option("--map", metavar="FILE", help="The estimate's map, to compare with --surface.", rich_help_panel=INPUT),
-]
-SurfaceOption = Annotated[
-    Path | None,
-    typer.Option(
-        metavar="PATH",
-        help="The true surface, in the truth's frame. It is a simulation's folder or description.json, or a point "
-        "cloud.",
-        rich_help_panel=INPUT,
-    ),
-]
-MapVoxelOption = Annotated[
-    float | None,
-    typer.Option(
-        metavar="M",
-        help="Edge of the map's voxels \\[m].",
-        callback=_check_length,
-        rich_help_panel=INPUT,
-        show_default="from --summary",
-    ),
-]
-SummaryOption = Annotated[
-    Path | None,
-    typer.Option(metavar="FILE", help="The map's summary.json, to score pairs and sigmas.", rich_help_panel=INPUT),
-]
-VerboseOption = Annotated[
-    bool, typer.Option("--verbose", "-v", help="List all poses, however many.", rich_help_panel=RUNNING)
-]
+    align: str = option(
+        MEASUREMENT,
+        "HOW",
+        "Align by poses, positions or first. poses are all positions and orientations, positions these alone, first "
+        "the first pose.",
+        "poses",
+        check=checked(ALIGNMENTS.__contains__, f"{{!r}}; choose one of {', '.join(ALIGNMENTS)}"),
+        values=completes(ALIGNMENTS),
+    )
+    max_error_m: float | None = _limit("M", "Exit with 3 beyond this position error \\[m].")
+    max_error_deg: float | None = _limit("DEG", "Exit with 3 beyond this rotation error \\[deg].")
+    map: Path | None = _input("FILE", "The estimate's map, to compare with --surface.")
+    surface: Path | None = _input(
+        "PATH",
+        "The true surface, in the truth's frame. It is a simulation's folder or description.json, or a point cloud.",
+    )
+    voxel: float | None = _input(
+        "M",
+        "Edge of the map's voxels \\[m].",
+        check=checked(is_positive, "{}; give a length above 0"),
+        shown="from --summary",
+    )
+    summary: Path | None = _input("FILE", "The map's summary.json, to score pairs and sigmas.")
+    verbose: bool = flag(RUNNING, "--verbose -v", "List all poses, however many.")
 
 
 def command(
     estimate: Annotated[Path, typer.Argument(help="Estimated trajectory, TUM or KITTI format.", metavar="ESTIMATE")],
-    truth: TruthArgument,
-    align: AlignOption = "poses",
-    max_error_m: MaxErrorOption = None,
-    max_error_deg: MaxTurnOption = None,
-    map_file: MapOption = None,
-    surface: SurfaceOption = None,
-    voxel: MapVoxelOption = None,
-    summary: SummaryOption = None,
-    verbose: VerboseOption = False,
+    truth: Annotated[
+        list[Path],
+        typer.Argument(
+            help="True trajectory, in the same format. For several dives, one file per dive.", metavar="TRUTH..."
+        ),
+    ],
+    options: Comparison,
     as_json: JsonOption = False,
 ) -> None:
     """Compare an estimated trajectory with the true one: the error of every pose, of the whole trajectory (ATE) and of
@@ -144,61 +94,55 @@ def command(
     from sonarmap.tools.lab.evaluate.survey_summary import read_summary
     from sonarmap.tools.lab.evaluate.trajectory import RIGHT_DEG, RIGHT_VOXELS, evaluate
 
-    _check_together(map_file, surface, voxel, summary)
+    _check_together(options)
     estimated, true = read_pair(estimate, *truth)
-    survey = read_summary(summary) if summary else None
-    result = evaluate(estimated, true, cast("Alignment", align))
-    error = _map_error(result, map_file, surface, voxel, survey)
+    survey = read_summary(options.summary) if options.summary else None
+    result = evaluate(estimated, true, cast("Alignment", options.align))
+    error = _map_error(result, options, survey)
     scores = score_survey(survey, true) if survey else {}
     calibration = calibrate_survey(survey, estimated, true) if survey else None
     if as_json:
         further = {
-            "map": error.to_json() | {"alignment": align} if error else None,
+            "map": error.to_json() | {"alignment": options.align} if error else None,
             "pairs": {name: score.to_json() for name, score in scores.items()} or None,
             "uncertainty": calibration.to_json() if calibration else None,
         }
         typer.echo(json.dumps(result.to_json() | further, allow_nan=False))
     else:
-        print_poses(result, verbose)
+        print_poses(result, options.verbose)
         if survey:
             print_scores(scores, RIGHT_DEG, RIGHT_VOXELS * survey.voxel)
         print_trajectory(result)
         if error:
-            print_map(error, align)
+            print_map(error, options.align)
         if calibration:
             print_calibration(calibration)
     if survey and survey.covariances is None:
-        say(f"{summary} has no covariances of the poses; their uncertainty is not evaluated")
+        say(f"{options.summary} has no covariances of the poses; their uncertainty is not evaluated")
     if result.unmatched_truths:
-        say(f"{result.unmatched_truths} poses of the truth have no estimate", "warning: ", "bold yellow")
-    if _exceeds(result, max_error_m, max_error_deg):
+        warn(f"{result.unmatched_truths} poses of the truth have no estimate")
+    if _exceeds(result, options.max_error_m, options.max_error_deg):
         raise typer.Exit(EXCEEDED)
 
 
-def _check_together(map_file: Path | None, surface: Path | None, voxel: float | None, summary: Path | None) -> None:
+def _check_together(options: Comparison) -> None:
     """Refuse options that need another one, or have no effect without it."""
-    if (map_file is None) != (surface is None):
-        option, missing = ("--map", "--surface") if surface is None else ("--surface", "--map")
+    if (options.map is None) != (options.surface is None):
+        option, missing = ("--map", "--surface") if options.surface is None else ("--surface", "--map")
         raise InputError(f"{option} needs {missing}: the map is compared with the surface; give both, or neither")
-    if map_file is None and voxel is not None:
+    if options.map is None and options.voxel is not None:
         raise InputError("--voxel has no effect without --map and --surface; give them, or leave --voxel out")
-    if map_file is not None and voxel is None and summary is None:
-        raise InputError(f"the voxel size of {map_file} is not known; give --voxel, or the map's --summary")
+    if options.map is not None and options.voxel is None and options.summary is None:
+        raise InputError(f"the voxel size of {options.map} is not known; give --voxel, or the map's --summary")
 
 
-def _map_error(
-    result: "Evaluation",
-    map_file: Path | None,
-    surface: Path | None,
-    voxel: float | None,
-    summary: "SurveySummary | None",
-) -> "MapError | None":
+def _map_error(result: "Evaluation", options: Comparison, summary: "SurveySummary | None") -> "MapError | None":
     from sonarmap.tools.lab.evaluate.map_error import map_error, read_points, reference_of
 
-    if map_file is None or surface is None:
+    if options.map is None or options.surface is None:
         return None
-    edge = voxel or (summary.map_voxel if summary else math.nan)
-    return map_error(result.T_truth_estimate.apply(read_points(map_file)), reference_of(surface), edge)
+    edge = options.voxel or (summary.map_voxel if summary else math.nan)
+    return map_error(result.T_truth_estimate.apply(read_points(options.map)), reference_of(options.surface), edge)
 
 
 def _exceeds(result: "Evaluation", max_error_m: float | None, max_error_deg: float | None) -> bool:

@@ -1,38 +1,43 @@
 """`sonarmap export`: a finished map to the formats of other programs."""
 
 import json
-from dataclasses import replace
+from dataclasses import dataclass, replace
+from functools import partial
 from pathlib import Path
 from typing import Annotated
 
 import typer
 
-from sonarmap.tools.command.options.export import CellOption, FormatOption, export_with_progress
-from sonarmap.tools.command.options.geo import (
-    CrsOption,
-    OriginHeadingOption,
-    OriginOption,
-    VerticalOption,
-    georeference_of,
-)
+from sonarmap.tools.command.options.earth import EarthPlace
+from sonarmap.tools.command.options.export import FormatsOption, export_with_progress
 from sonarmap.tools.command.options.groups import OUTPUT
-from sonarmap.tools.command.options.registration import JsonOption, QuietOption
+from sonarmap.tools.command.options.option import REQUIRED, option
+from sonarmap.tools.command.options.registration import checked, is_positive
+from sonarmap.tools.command.options.running import JsonOption, QuietOption
 from sonarmap.tools.command.terminal import printable
 from sonarmap.tools.files.writers.folder_lock import locked
+
+_output = partial(option, OUTPUT)
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class ExportedFiles:
+    """Which files are written, and where."""
+
+    to: Path = _output("DIR", "Folder for the files; it may be OUT itself.", REQUIRED)
+    format: FormatsOption
+    cell: float | None = _output(
+        "M",
+        "Edge of a grid's cell \\[m].",
+        check=checked(is_positive, "{} m; give a length above 0, or leave it out for the map's voxel"),
+        shown="the map's voxel",
+    )
 
 
 def command(
     source: Annotated[Path, typer.Argument(help="The folder that `sonarmap map` wrote.", metavar="OUT")],
-    to: Annotated[
-        Path,
-        typer.Option("--to", help="Folder for the files; it may be OUT itself.", metavar="DIR", rich_help_panel=OUTPUT),
-    ],
-    formats: FormatOption,
-    origin: OriginOption = None,
-    origin_heading: OriginHeadingOption = None,
-    vertical: VerticalOption = None,
-    crs: CrsOption = None,
-    cell: CellOption = None,
+    files: ExportedFiles,
+    earth: EarthPlace,
     as_json: JsonOption = False,
     quiet: QuietOption = False,
 ) -> None:
@@ -45,10 +50,13 @@ def command(
     from sonarmap.tools.files.map_folder.folder import read_map_folder
     from sonarmap.tools.products.export.run import ExportSettings
 
+    to = files.to
     with locked(source, writing=to.resolve() == source.resolve()):
         folder = read_map_folder(source)
-        folder = replace(folder, georeference=georeference_of(origin, origin_heading, vertical, folder.georeference))
-        exported = export_with_progress(folder, to, ExportSettings(tuple(formats), crs, cell), quiet or as_json)
+        folder = replace(folder, georeference=earth.georeference(folder.georeference))
+        exported = export_with_progress(
+            folder, to, ExportSettings(tuple(files.format), earth.crs, files.cell), quiet or as_json
+        )
     if as_json:
         typer.echo(json.dumps([str(path) for path in exported.files]))
     else:

@@ -9,49 +9,28 @@ import typer
 
 from sonarmap.tools.command.arguments import as_options
 from sonarmap.tools.command.options.groups import OUTPUT
-from sonarmap.tools.command.options.registration import (
-    DEFAULT_EDGE,
-    GridOption,
-    JsonOption,
-    QuietOption,
-)
-from sonarmap.tools.command.options.scan import (
-    FrameOption,
-    RangeScaleOption,
-    SoundSpeedOption,
-    UnitsOption,
-    corrections_of,
-    corrections_summary,
-)
-from sonarmap.tools.command.options.survey import InputsArgument
+from sonarmap.tools.command.options.option import given
+from sonarmap.tools.command.options.registration import DEFAULT_EDGE, GridOption
+from sonarmap.tools.command.options.running import JsonOption, QuietOption
+from sonarmap.tools.command.options.scan import InputsArgument, PointReading
 from sonarmap.tools.command.progress import growing_progress
-from sonarmap.tools.command.terminal import printable, result_console, say
-from sonarmap.tools.command.words.survey import warn
+from sonarmap.tools.command.terminal import print_rows, printable, say, warn
 
 if TYPE_CHECKING:
     from sonarmap.tools.command.inspect.overview import Overview
     from sonarmap.tools.files.readers.clock import Clock
 
 INCOMPLETE = 3
-NamesOption = Annotated[
-    bool,
-    typer.Option(
-        "--names",
-        help="List all scans' names alone, as priors need them.",
-        rich_help_panel=OUTPUT,
-    ),
-]
 
 
 def command(
-    context: typer.Context,
     inputs: InputsArgument,
-    names: NamesOption = False,
+    points: PointReading,
+    names: Annotated[
+        bool,
+        typer.Option("--names", help="List all scans' names alone, as priors need them.", rich_help_panel=OUTPUT),
+    ] = False,
     grid: GridOption = None,
-    sound_speed: SoundSpeedOption = None,
-    range_scale: RangeScaleOption = None,
-    frame: FrameOption = None,
-    units: UnitsOption = None,
     as_json: JsonOption = False,
     quiet: QuietOption = False,
 ) -> None:
@@ -63,11 +42,10 @@ def command(
     """
     from sonarmap.tools.command.inspect.overview import overview_of
 
-    corrections = corrections_of(context.params)
     with growing_progress("reading", quiet or as_json) as step:
-        overview = overview_of(inputs, corrections, grid or DEFAULT_EDGE, step)
-    given = {"grid": grid, **corrections_summary(context.params)}
-    options = [f"--{name.replace('_', '-')} {_plain(value)}" for name, value in given.items() if value is not None]
+        overview = overview_of(inputs, points.corrections(), grid or DEFAULT_EDGE, step)
+    said = ({} if grid is None else {"grid": grid}) | given(points)
+    options = [f"--{name.replace('_', '-')} {_plain(value)}" for name, value in said.items()]
     following = " ".join(["sonarmap map", *map(shlex.quote, inputs), *options, "-o map/"])
     if as_json:
         typer.echo(json.dumps(_as_json(overview, following, names), allow_nan=False))
@@ -127,9 +105,6 @@ def _as_json(overview: "Overview", following: str, names: bool) -> dict[str, Any
 
 
 def _print(overview: "Overview", following: str) -> None:
-    from rich.table import Table
-    from rich.text import Text
-
     scans, (least, median, most) = len(overview.names), overview.points
     x, y, z = overview.extent
     files = overview.files[0].name if len(overview.files) == 1 else f"{len(overview.files):,} files"
@@ -149,10 +124,7 @@ def _print(overview: "Overview", following: str) -> None:
     }
     unread = f"{scans:,} scans can be read, {len(overview.unread):,} files or scans cannot."
     typer.echo(unread if overview.unread else f"All {scans:,} scans can be read." if scans > 1 else "1 scan.")
-    table = Table(box=None, pad_edge=False, show_header=False)
-    for name, value in rows.items():
-        table.add_row(f"  {name}", Text(printable(value)))
-    result_console().print(table)
+    print_rows(rows)
     typer.echo(f"\nnext: {printable(following)}" if scans > 1 else "\na map needs at least two scans")
 
 

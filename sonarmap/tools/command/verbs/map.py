@@ -1,8 +1,8 @@
 """`sonarmap map`: scans in, a map out."""
 
 import time
-from collections.abc import Mapping
-from dataclasses import replace
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Any
 
@@ -11,80 +11,25 @@ import typer
 from sonarmap.kernels.errors import InputError
 from sonarmap.tools.command.arguments import as_options
 from sonarmap.tools.command.execution import ExecutionOptions, open_execution
-from sonarmap.tools.command.method import ConfiguredMethod, configure_method, method_options
+from sonarmap.tools.command.method import ConfiguredMethod, checked_method, configure_method
 from sonarmap.tools.command.navigation import (
-    HeadingReferenceOption,
-    MagneticDeclinationOption,
-    MountOption,
-    NavColumnsOption,
-    NavCrsOption,
-    NavFrameOption,
-    NavOffsetOption,
-    TimeScaleOption,
-    navigation_settings,
-    navigation_summary,
+    ImuOption,
+    NavigationReading,
+    OdometryFile,
+    PriorsFile,
     scans_with_priors,
 )
 from sonarmap.tools.command.navigation_check import contradiction_of
-from sonarmap.tools.command.options.export import ExportOption, export_settings, export_with_progress
-from sonarmap.tools.command.options.geo import (
-    CrsOption,
-    OriginHeadingOption,
-    OriginOption,
-    VerticalOption,
-    georeference_of,
-)
-from sonarmap.tools.command.options.groups import OUTPUT
-from sonarmap.tools.command.options.hand import ControlCrsOption, ControlOption, Hand, TiesOption, hand_of, hand_summary
-from sonarmap.tools.command.options.registration import (
-    DEFAULT_HYPOTHESES,
-    DEFAULT_MAX_TILT,
-    DEFAULT_REFINEMENT,
-    DEFAULT_SEED,
-    DEFAULT_YAW_PEAKS,
-    DeviceOption,
-    GridOption,
-    HypothesesOption,
-    JsonOption,
-    MaxTiltOption,
-    MethodOption,
-    PriorSigmasOption,
-    PriorsOption,
-    QuietOption,
-    RefineOption,
-    SeedOption,
-    StrengthOption,
-    VoxelOption,
-    YawPeaksOption,
-)
-from sonarmap.tools.command.options.running import VerboseOption
-from sonarmap.tools.command.options.scan import (
-    FrameOption,
-    ImuOption,
-    RangeScaleOption,
-    SoundSpeedOption,
-    UnitsOption,
-    corrections_of,
-    corrections_summary,
-)
-from sonarmap.tools.command.options.survey import (
-    AlsoOption,
-    FreshOption,
-    InputsArgument,
-    KeyStepOption,
-    LoopsOption,
-    MaxSpeedOption,
-    MaxStepOption,
-    MaxTurnRateOption,
-    MinSeenOption,
-    OdometryDriftOption,
-    OdometryOption,
-    ReportOption,
-    SchedulerOption,
-    WorkersOption,
-    odometry_of,
-    survey_settings,
-)
+from sonarmap.tools.command.options.control import TiesAndControl
+from sonarmap.tools.command.options.earth import EarthPlace
+from sonarmap.tools.command.options.export import export_with_progress
+from sonarmap.tools.command.options.groups import RUNNING
+from sonarmap.tools.command.options.map_output import MapOutput
+from sonarmap.tools.command.options.option import given
+from sonarmap.tools.command.options.registration import MethodOptions
+from sonarmap.tools.command.options.running import JsonOption, QuietOption
+from sonarmap.tools.command.options.scan import InputsArgument, PointReading
+from sonarmap.tools.command.options.survey import SurveyOptions
 from sonarmap.tools.command.progress import growing_progress, stage
 from sonarmap.tools.command.stops import when_stopped
 from sonarmap.tools.command.terminal import say, warn
@@ -98,74 +43,62 @@ from sonarmap.tools.command.words.survey import (
 )
 from sonarmap.tools.files.writers.atomic import clear_leftovers, require_writable
 from sonarmap.tools.files.writers.folder_lock import locked
-from sonarmap.tools.methods.registry import DEFAULT_METHOD
 
 if TYPE_CHECKING:
+    from sonarmap.slam.graph.control import ControlPoint
     from sonarmap.slam.motion.odometry import Odometry
     from sonarmap.slam.survey_result import SurveyResult
+    from sonarmap.slam.tie import Tie
+    from sonarmap.spectral.scan import Scan
     from sonarmap.tools.files.geo.georeference import Georeference
     from sonarmap.tools.files.readers.corrections import Corrections
-    from sonarmap.tools.files.readers.navigation.settings import NavigationSettings
     from sonarmap.tools.files.readers.scans import ReadScans
     from sonarmap.tools.products.export.run import ExportSettings
 
 INCOMPLETE = 3
 
 
+@dataclass(frozen=True, slots=True)
+class SurveyInput:
+    """What a map is made of.
+
+    Attributes:
+        read: the scans, with what instruments measured of them.
+        odometry: dead reckoning between them, or None.
+        ties, control: what a person says of pairs and points.
+        georeference: where the map lies on the Earth, as far as it is known.
+        method: that registers pairs.
+        settings: of the summary.
+    """
+
+    read: "ReadScans"
+    odometry: "Odometry | None"
+    ties: "tuple[Tie, ...]"
+    control: "tuple[ControlPoint, ...]"
+    georeference: "Georeference | None"
+    method: ConfiguredMethod
+    settings: Mapping[str, Any]
+
+
 def command(
     context: typer.Context,
     inputs: InputsArgument,
-    out: Annotated[
-        Path, typer.Option("-o", "--out", help="Folder for the results.", metavar="OUT", rich_help_panel=OUTPUT)
-    ],
-    method: MethodOption = DEFAULT_METHOD,
-    grid: GridOption = None,
-    voxel: VoxelOption = None,
-    max_tilt: MaxTiltOption = DEFAULT_MAX_TILT,
-    hypotheses: HypothesesOption = DEFAULT_HYPOTHESES,
-    refine: RefineOption = DEFAULT_REFINEMENT,
-    yaw_peaks: YawPeaksOption = DEFAULT_YAW_PEAKS,
-    strength: StrengthOption = False,
-    priors: PriorsOption = None,
-    prior_sigmas: PriorSigmasOption = None,
+    output: MapOutput,
+    method: MethodOptions,
+    priors: PriorsFile,
+    points: PointReading,
+    odometry: OdometryFile,
+    reading: NavigationReading,
+    survey: SurveyOptions,
+    person: TiesAndControl,
+    earth: EarthPlace,
+    execution: ExecutionOptions,
     imu: ImuOption = True,
-    sound_speed: SoundSpeedOption = None,
-    range_scale: RangeScaleOption = None,
-    frame: FrameOption = None,
-    units: UnitsOption = None,
-    odometry: OdometryOption = None,
-    odometry_drift: OdometryDriftOption = None,
-    nav_columns: NavColumnsOption = None,
-    time_scale: TimeScaleOption = None,
-    nav_offset: NavOffsetOption = None,
-    nav_crs: NavCrsOption = None,
-    nav_frame: NavFrameOption = None,
-    mount: MountOption = None,
-    heading_reference: HeadingReferenceOption = None,
-    magnetic_declination: MagneticDeclinationOption = None,
-    loops: LoopsOption = None,
-    key_step: KeyStepOption = None,
-    max_speed: MaxSpeedOption = None,
-    max_turn_rate: MaxTurnRateOption = None,
-    max_step: MaxStepOption = None,
-    min_seen: MinSeenOption = None,
-    ties: TiesOption = None,
-    control: ControlOption = None,
-    control_crs: ControlCrsOption = None,
-    report: ReportOption = True,
-    also: AlsoOption = [],  # noqa: B006 - typer's way to say none
-    export: ExportOption = [],  # noqa: B006
-    origin: OriginOption = None,
-    origin_heading: OriginHeadingOption = None,
-    vertical: VerticalOption = None,
-    crs: CrsOption = None,
-    device: DeviceOption = None,
-    workers: WorkersOption = None,
-    scheduler: SchedulerOption = None,
-    fresh: FreshOption = False,
-    seed: SeedOption = DEFAULT_SEED,
     as_json: JsonOption = False,
-    verbose: VerboseOption = False,
+    verbose: Annotated[
+        bool,
+        typer.Option("--verbose", "-v", help="Print the table of pairs and all warnings too.", rich_help_panel=RUNNING),
+    ] = False,
     quiet: QuietOption = False,
 ) -> None:
     """Make a map from scans: register pairs, close loops, optimize poses, fuse points.
@@ -186,28 +119,33 @@ def command(
 
     --export writes the map for other programs too, as `sonarmap export` does, which needs no other run of `map`.
     """
-    start = time.monotonic()
-    options, execution_options = method_options(context), ExecutionOptions.of(workers, scheduler, fresh)
-    mapping = survey_settings(loops, key_step, max_speed, max_turn_rate, max_step, min_seen)
-    given, silent = context.params, quiet or as_json
-    navigation = navigation_settings(given, georeference_of(origin, origin_heading, vertical))
-    read, georeference = _navigated(given, navigation, imu and options.uses_priors, silent)
-    hand = hand_of(given, read.scans, georeference)
-    exports = export_settings(export, crs, also, hand.georeference, read.scans, out)
-    reckoned = odometry_of(read.scans, odometry, odometry_drift, navigation)
-    configured = configure_method(read.scans, options, survey=True)
+    start, out, silent = time.monotonic(), output.out, quiet or as_json
+    method = checked_method(method, context)
+    mapping = survey.mapper_settings()
+    navigation = reading.settings(priors.priors, odometry.odometry, origin=earth.georeference())
+    read = _read(inputs, priors.priors, points.corrections(), out, silent)
+    use_imu, unread = imu and method.uses_priors, bool(read.unread)
+    navigated = scans_with_priors(read.scans, priors, navigation, use_imu, unread, read.files)
+    read = replace(read, scans=navigated.scans)
+    _refuse_second_heading(read.scans, earth.origin_heading)
+    ties = person.read_ties(read.scans)
+    control, georeference = person.read_control(read.scans, navigated.georeference)
+    exports = output.export_settings(earth.crs, georeference, read.scans)
+    reckoned = odometry.read(read.scans, navigation)
+    configured = configure_method(read.scans, method, survey=True)
     if contradiction := contradiction_of(read.scans, read.surveys, configured.registrar, silent):
-        warn(f"{contradiction}; correct {priors}, or say how it is meant (docs/navigation.md)")
-    described = {**navigation_summary(given), **corrections_summary(given), **hand_summary(given)}
+        warn(f"{contradiction}; correct {priors.priors}, or say how it is meant (docs/navigation.md)")
+    described = given(priors) | given(odometry) | given(reading) | given(points) | given(person)
     settings = {"inputs": inputs, **described, **configured.settings, "mapper": mapping}
+    mapped_input = SurveyInput(read, reckoned, ties, control, georeference, configured, settings)
     require_writable(out)
     with locked(out, writing=True):  # until its last file is written
-        result = _map(read, reckoned, configured, execution_options, settings, out, also, hand, silent)
-        names, on_earth = [scan.name for scan in read.scans], hand.georeference is not None
-        mapped = Mapped(result, names, out, also, len(read.unread), on_earth)
+        result = _map(mapped_input, execution, output, silent)
+        names = [scan.name for scan in read.scans]
+        mapped = Mapped(result, names, out, output.also, len(read.unread), georeference is not None)
         later: list[str] = []
         try:
-            _write_more(out, report, exports, silent, later)
+            _write_more(out, output.report, exports, silent, later)
         finally:  # the map is there, whatever its report and export came to
             if not as_json:
                 print_mapped(replace(mapped, later=later, seconds=time.monotonic() - start), verbose)
@@ -235,28 +173,8 @@ def _write_more(out: Path, report: bool, exports: "ExportSettings", quiet: bool,
             written.extend(path.name for path in exported.files)
 
 
-def _navigated(
-    given: Mapping[str, Any], navigation: "NavigationSettings", use_imu: bool, quiet: bool
-) -> "tuple[ReadScans, Georeference | None]":
-    """The scans with what instruments measured of them, and where the map lies on the Earth, as far as it is known.
-
-    Args:
-        given: the verb's options, by their parameters' names.
-        navigation: how to understand the file of --priors.
-        use_imu: whether recordings' own attitudes count.
-        quiet: whether progress is not shown.
-    """
-    read = _read(given["inputs"], given["priors"], corrections_of(given), given["out"], quiet)
-    navigated = scans_with_priors(
-        read.scans, given["priors"], given["prior_sigmas"], use_imu, bool(read.unread), navigation, read.files
-    )
-    read = replace(read, scans=navigated.scans)
-    _refuse_second_heading(read, given["origin_heading"])
-    return read, navigated.georeference
-
-
-def _refuse_second_heading(read: "ReadScans", heading: float | None) -> None:
-    if heading is not None and any(scan.prior is not None and scan.prior.knows_heading for scan in read.scans):
+def _refuse_second_heading(scans: "Sequence[Scan]", heading: float | None) -> None:
+    if heading is not None and any(scan.prior is not None and scan.prior.knows_heading for scan in scans):
         raise InputError("--origin-heading: the priors have headings, which say where the map points; leave it out")
 
 
@@ -278,17 +196,7 @@ def _read(inputs: list[str], priors: Path | None, corrections: "Corrections", ou
     return read
 
 
-def _map(
-    read: "ReadScans",
-    odometry: "Odometry | None",
-    configured: ConfiguredMethod,
-    options: ExecutionOptions,
-    settings: Mapping[str, Any],
-    out: Path,
-    also: list[str],
-    hand: Hand,
-    quiet: bool,
-) -> "SurveyResult":
+def _map(survey: SurveyInput, options: ExecutionOptions, output: MapOutput, quiet: bool) -> "SurveyResult":
     """Map the survey, and write its folder."""
     from sonarmap.slam.execute.worker import prepared_limit
     from sonarmap.slam.mapper import Mapper
@@ -297,18 +205,18 @@ def _map(
     from sonarmap.tools.products.output.folder import write_survey
     from sonarmap.tools.products.output.times import survey_times
 
-    prepared = prepared_limit(configured.registrar, options.workers)
-    names = [scan.name for scan in read.scans]
+    read, method, settings, out = survey.read, survey.method, survey.settings, output.out
+    prepared = prepared_limit(method.registrar, options.processes)
     instruments = [Path(settings[name]) for name in ("priors", "odometry", "ties", "control") if name in settings]
     inputs = input_rows([*read.files, *instruments])  # now: while the scans are mapped, files may change
-    with open_execution(configured, prepared, options, out / JOURNAL, quiet) as execution:
+    with open_execution(method, prepared, options, out / JOURNAL, quiet) as execution:
         clear_leftovers(out)  # the folder and its journal are locked: no other run writes here
-        mapper = Mapper(configured.registrar, configured.grid.voxel, settings["mapper"], execution)
+        mapper = Mapper(method.registrar, method.grid.voxel, settings["mapper"], execution)
         with growing_progress("mapping", quiet) as step:
             step(0, len(read.scans), "preparing the first scans")
-            result = mapper.run(read.scans, step, read.surveys, odometry, hand.ties, hand.control)
+            result = mapper.run(read.scans, step, read.surveys, survey.odometry, survey.ties, survey.control)
         times = survey_times(execution.timings, options.place)
-        described = (configured.device, read.unread, also, times, inputs, hand.georeference)
+        described = (method.device, read.unread, output.also, times, inputs, survey.georeference)
         with stage("writing", quiet):
-            write_survey(out, result, names, settings, *described)
+            write_survey(out, result, [scan.name for scan in read.scans], settings, *described)
     return result

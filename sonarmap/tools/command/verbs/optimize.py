@@ -2,6 +2,9 @@
 
 import json
 import time
+from collections.abc import Sequence
+from dataclasses import dataclass
+from functools import partial
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Any, cast
 
@@ -9,11 +12,13 @@ import typer
 
 from sonarmap.kernels.errors import InputError
 from sonarmap.tools.command.arguments import as_options
-from sonarmap.tools.command.options.groups import OPTIMIZATION, OUTPUT, completes
-from sonarmap.tools.command.options.registration import JsonOption, QuietOption
+from sonarmap.tools.command.options.groups import OPTIMIZATION, OUTPUT
+from sonarmap.tools.command.options.option import REQUIRED, completes, flag, option
+from sonarmap.tools.command.options.registration import checked
+from sonarmap.tools.command.options.running import JsonOption, QuietOption
 from sonarmap.tools.command.progress import progress
+from sonarmap.tools.command.terminal import warn
 from sonarmap.tools.command.words.optimization import print_optimized
-from sonarmap.tools.command.words.survey import warn
 
 if TYPE_CHECKING:
     from sonarmap.slam.optimize.solve import Objective, Start
@@ -23,79 +28,50 @@ OBJECTIVES, STARTS = ("full", "isotropic"), ("chordal", "given", "incremental")
 MOST_REPAIRED = 10  # edges that the warnings list
 
 
-def _check_objective(name: str) -> str:
-    return _check_choice(name, OBJECTIVES)
+def _choice(choices: Sequence[str], words: str) -> Any:
+    """An option that takes one of several names, the first if it is not given."""
+    return option(
+        OPTIMIZATION,
+        "NAME",
+        words,
+        choices[0],
+        check=checked(
+            choices.__contains__, f"{{!r}}; choose one of {', '.join(choices)}. Leave it out for {choices[0]}."
+        ),
+        values=completes(choices),
+    )
 
 
-def _check_start(name: str) -> str:
-    return _check_choice(name, STARTS)
+_flag = partial(flag, OPTIMIZATION)
 
 
-def _check_choice(name: str, choices: tuple[str, ...]) -> str:
-    if name in choices:
-        return name
-    raise typer.BadParameter(f"{name!r}; choose one of {', '.join(choices)}. Leave it out for {choices[0]}.")
+@dataclass(frozen=True, slots=True)
+class OptimizeOptions:
+    """How to optimize, and where the result goes."""
 
-
-ObjectiveOption = Annotated[
-    str,
-    typer.Option(
-        "--objective",
-        metavar="NAME",
-        help="full or isotropic. full: the whole information matrix of every edge; isotropic: one weight for the "
-        "rotation and one for "
-        "the translation of an edge, so that the optimum can be certified.",
-        callback=_check_objective,
-        rich_help_panel=OPTIMIZATION,
-        autocompletion=completes(OBJECTIVES),
-    ),
-]
-StartOption = Annotated[
-    str,
-    typer.Option(
-        "--start",
-        metavar="NAME",
-        help="Initial poses: chordal, given or incremental. chordal: computed from the edges alone; given: the "
-        "poses in the file; incremental: "
-        "from iSAM2, which adds the poses one by one.",
-        callback=_check_start,
-        rich_help_panel=OPTIMIZATION,
-        autocompletion=completes(STARTS),
-    ),
-]
-RobustOption = Annotated[
-    bool,
-    typer.Option("--robust", help="Reject wrong edges, and leave them out of OUT.g2o.", rich_help_panel=OPTIMIZATION),
-]
-RepairOption = Annotated[
-    bool,
-    typer.Option(
+    out: Path = option(OUTPUT, "OUT.g2o", "The optimized pose graph.", REQUIRED, "-o", "--out")
+    objective: str = _choice(
+        OBJECTIVES,
+        "full or isotropic. full: the whole information matrix of every edge; isotropic: one weight for the rotation "
+        "and one for the translation of an edge, so that the optimum can be certified.",
+    )
+    start: str = _choice(
+        STARTS,
+        "Initial poses: chordal, given or incremental. chordal: computed from the edges alone; given: the poses in the "
+        "file; incremental: from iSAM2, which adds the poses one by one.",
+    )
+    robust: bool = _flag("--robust", "Reject wrong edges, and leave them out of OUT.g2o.")
+    repair: bool = _flag(
         "--repair",
-        help="Make all information matrices positive definite. Says which were not: eigenvalues below a millionth "
-        "of the largest are raised to it. OUT.g2o holds the repaired ones.",
-        rich_help_panel=OPTIMIZATION,
-    ),
-]
-CompareOption = Annotated[
-    bool,
-    typer.Option(
-        "--compare",
-        help="Also solve the other objective. Prints how far its solution is from this one.",
-        rich_help_panel=OPTIMIZATION,
-    ),
-]
+        "Make all information matrices positive definite. Says which were not: eigenvalues below a millionth of the "
+        "largest are raised to it. OUT.g2o holds the repaired ones.",
+    )
+    compare: bool = _flag("--compare", "Also solve the other objective. Prints how far its solution is from this one.")
 
 
 def command(
     source: Annotated[Path, typer.Argument(help="Pose graph to optimize.", metavar="IN.g2o")],
-    out: Annotated[
-        Path, typer.Option("-o", "--out", help="The optimized pose graph.", metavar="OUT.g2o", rich_help_panel=OUTPUT)
-    ],
-    objective: ObjectiveOption = OBJECTIVES[0],
-    start: StartOption = STARTS[0],
-    robust: RobustOption = False,
-    repair: RepairOption = False,
-    compare: CompareOption = False,
+    options: OptimizeOptions,
     as_json: JsonOption = False,
     quiet: QuietOption = False,
 ) -> None:
@@ -111,17 +87,19 @@ def command(
     from sonarmap.tools.files.writers.atomic import require_writable
     from sonarmap.tools.files.writers.g2o import rewrite_g2o
 
+    out, robust, compare = options.out, options.robust, options.compare
     if out.resolve() == source.resolve():
         raise InputError(f"{out} is also the input; choose another name for the output")
     start_time = time.perf_counter()
     with progress("optimizing", 3 + compare, quiet or as_json) as advance:
         repairs: list[Repair] = []
-        graph = read_g2o(source, repairs if repair else None)
+        graph = read_g2o(source, repairs if options.repair else None)
         require_connected(source, graph)
         require_writable(out.parent)
         seconds = {"read": time.perf_counter() - start_time}
         advance("read")
-        optimized = optimize(graph, cast("Objective", objective), cast("Start", start), robust)
+        objective, start = cast("Objective", options.objective), cast("Start", options.start)
+        optimized = optimize(graph, objective, start, robust)
         advance("optimized")
         report: dict[str, Any] = optimized.to_json() | {"distance": None}
         if compare:

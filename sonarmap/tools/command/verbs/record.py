@@ -6,19 +6,23 @@ import re
 import signal
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager, suppress
+from dataclasses import dataclass
+from functools import partial
 from ipaddress import AddressValueError, IPv4Address
 from pathlib import Path
 from threading import Event
-from typing import TYPE_CHECKING, Annotated
+from typing import TYPE_CHECKING
 
 import typer
 from rich.live import Live
 from rich.text import Text
 
+from sonarmap.kernels.errors import InputError
 from sonarmap.tools.command.options.groups import INPUT, OUTPUT, RUNNING
-from sonarmap.tools.command.options.registration import JsonOption, QuietOption
-from sonarmap.tools.command.terminal import error_console, printable, say
-from sonarmap.tools.command.words.survey import warn
+from sonarmap.tools.command.options.option import REQUIRED, flag, option
+from sonarmap.tools.command.options.registration import checked, refused_by
+from sonarmap.tools.command.options.running import JsonOption, QuietOption
+from sonarmap.tools.command.terminal import error_console, printable, say, warn
 
 if TYPE_CHECKING:
     from sonarmap.tools.command.record.recorder import Status
@@ -28,96 +32,62 @@ SECONDS_BETWEEN_LINES = 10.0  # where no terminal shows them in place
 _UNITS = {"": 1.0, "s": 1.0, "m": 60.0, "h": 3600.0}
 
 
-def _check_duration(text: str | None) -> str | None:
-    if text is None or _seconds(text) > 0:
-        return text
-    raise typer.BadParameter(f"{text!r}; give seconds, minutes or hours above 0, as in --duration 90, 10m or 1.5h.")
-
-
 def _seconds(text: str) -> float:
     """Of a duration in words; 0 for one that is none."""
     match = re.fullmatch(r"(\d+(?:\.\d+)?)([smh]?)", text, re.ASCII)
     return float(match[1]) * _UNITS[match[2]] if match else 0.0
 
 
-def _check_sonar(address: str | None) -> str | None:
+def _require_address(text: str) -> None:
     try:
-        return None if address is None else str(IPv4Address(address))
+        IPv4Address(text)
     except AddressValueError as error:
-        raise typer.BadParameter(f"{address!r}; give an IPv4 address, as in --sonar 192.168.194.96.") from error
+        raise InputError(f"{text!r}; give an IPv4 address, as in --sonar 192.168.194.96.") from error
 
 
-MulticastOption = Annotated[
-    str | None,
-    typer.Option(
-        "--multicast",
-        metavar="GROUP:PORT",
-        help="Multicast group to listen to.",
-        rich_help_panel=INPUT,
-        show_default="224.0.0.96:4747",
-    ),
-]
-UnicastOption = Annotated[
-    str | None,
-    typer.Option(
-        "--unicast",
-        metavar="ADDRESS:PORT",
-        help="For a sonar that sends to this computer alone. It is this computer's address (0.0.0.0 for all that it "
-        "has) and "
-        "the port in the sonar's settings.",
-        rich_help_panel=INPUT,
-    ),
-]
-InterfaceOption = Annotated[
-    str | None,
-    typer.Option(
-        "--interface",
-        metavar="NAME",
-        help="Network interface to listen at. It is a name or an address.",
-        rich_help_panel=INPUT,
-        hidden=True,
-        show_default="all",
-    ),
-]
-SonarOption = Annotated[
-    str | None,
-    typer.Option(
-        "--sonar",
-        metavar="ADDRESS",
-        help="Address of the sonar to record.",
-        callback=_check_sonar,
-        rich_help_panel=INPUT,
-        show_default="the first that sends",
-    ),
-]
-DurationOption = Annotated[
-    str | None,
-    typer.Option(
-        "--duration",
-        metavar="TIME",
-        help="End after so long: 90 (s), 10m, 1.5h.",
-        callback=_check_duration,
-        rich_help_panel=RUNNING,
-        show_default="until Ctrl-C",
-    ),
-]
+_input = partial(option, INPUT)
 
 
-def command(
-    out: Annotated[
-        Path, typer.Option("-o", "--out", help="The recording.", metavar="FILE.sonar", rich_help_panel=OUTPUT)
-    ],
-    multicast: MulticastOption = None,
-    unicast: UnicastOption = None,
-    interface: InterfaceOption = None,
-    sonar: SonarOption = None,
-    duration: DurationOption = None,
-    overwrite: Annotated[
-        bool, typer.Option("--overwrite", help="Replace FILE.sonar if it is there.", rich_help_panel=OUTPUT)
-    ] = False,
-    as_json: JsonOption = False,
-    quiet: QuietOption = False,
-) -> None:
+@dataclass(frozen=True, slots=True)
+class Listening:
+    """Where packets come in, and for how long."""
+
+    multicast: str | None = _input("GROUP:PORT", "Multicast group to listen to.", shown="224.0.0.96:4747")
+    unicast: str | None = _input(
+        "ADDRESS:PORT",
+        "For a sonar that sends to this computer alone. It is this computer's address (0.0.0.0 for all that it has) "
+        "and the port in the sonar's settings.",
+    )
+    interface: str | None = _input(
+        "NAME", "Network interface to listen at. It is a name or an address.", rare=True, shown="all"
+    )
+    sonar: str | None = _input(
+        "ADDRESS",
+        "Address of the sonar to record.",
+        check=refused_by(_require_address),
+        shown="the first that sends",
+    )
+    duration: str | None = option(
+        RUNNING,
+        "TIME",
+        "End after so long: 90 (s), 10m, 1.5h.",
+        check=checked(
+            lambda text: _seconds(text) > 0,
+            "{!r}; give seconds, minutes or hours above 0, as in --duration 90, 10m or 1.5h.",
+        ),
+        shown="until Ctrl-C",
+    )
+
+
+@dataclass(frozen=True, slots=True)
+class RecordedFile:
+    """The file that is written."""
+
+    out: Path = option(OUTPUT, "FILE.sonar", "The recording.", REQUIRED, "-o", "--out")
+    overwrite: bool = flag(OUTPUT, "--overwrite", "Replace FILE.sonar if it is there.")
+
+
+def command(file: RecordedFile, listening: Listening, as_json: JsonOption = False, quiet: QuietOption = False) -> None:
     """Record what a Sonar 3D-15 sends over the network.
 
     It ends with Ctrl-C or --duration. It only listens; the sonar is set up on its own web page. Each second it says how
@@ -130,8 +100,9 @@ def command(
     from sonarmap.tools.command.record.words import as_json as in_json
     from sonarmap.tools.command.record.words import end_lines
 
-    source = source_of(multicast, unicast, interface)
-    settings = RecordSettings(source, out, None if duration is None else _seconds(duration), sonar, overwrite)
+    source = source_of(listening.multicast, listening.unicast, listening.interface)
+    duration = None if listening.duration is None else _seconds(listening.duration)
+    settings = RecordSettings(source, file.out, duration, listening.sonar, file.overwrite)
     with _ending() as stop, _shown(quiet or as_json) as follow:
         status = record(settings, follow, stop)
     if as_json:
@@ -142,7 +113,7 @@ def command(
     if not as_json:
         for line in end_lines(status):
             typer.echo(printable(line))
-        typer.echo(f"\nnext: sonarmap inspect {printable(str(out))}")
+        typer.echo(f"\nnext: sonarmap inspect {printable(str(file.out))}")
 
 
 @contextmanager

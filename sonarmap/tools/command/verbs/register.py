@@ -2,98 +2,79 @@
 
 import json
 import math
-from collections.abc import Mapping, Sequence
+from collections.abc import Sequence
+from dataclasses import dataclass
+from functools import partial
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated, Any
+from typing import TYPE_CHECKING, Annotated
 
 import typer
 
-from sonarmap.tools.command.method import ConfiguredMethod, configure_method, method_options
-from sonarmap.tools.command.moved_scan import WriteOption, require_new_name, write_moved
-from sonarmap.tools.command.navigation import (
-    HeadingReferenceOption,
-    MagneticDeclinationOption,
-    MountOption,
-    NavColumnsOption,
-    NavCrsOption,
-    NavFrameOption,
-    NavOffsetOption,
-    TimeScaleOption,
-    navigation_settings,
-    scans_with_priors,
-)
-from sonarmap.tools.command.options.registration import (
-    DEFAULT_HYPOTHESES,
-    DEFAULT_MAX_TILT,
-    DEFAULT_REFINEMENT,
-    DEFAULT_SEED,
-    DEFAULT_YAW_PEAKS,
-    DeviceOption,
-    GridOption,
-    HypothesesOption,
-    JsonOption,
-    MaxTiltOption,
-    MethodOption,
-    PriorSigmasOption,
-    PriorsOption,
-    RefineOption,
-    SeedOption,
-    StrengthOption,
-    VoxelOption,
-    YawPeaksOption,
-)
-from sonarmap.tools.command.options.scan import (
-    FrameOption,
-    ImuOption,
-    RangeScaleOption,
-    SoundSpeedOption,
-    UnitsOption,
-    corrections_of,
-)
-from sonarmap.tools.command.picture import PictureOption, draw_picture, require_steps
-from sonarmap.tools.command.terminal import printable, say
+from sonarmap.kernels.errors import InputError
+from sonarmap.tools.command.method import ConfiguredMethod, checked_method, configure_method
+from sonarmap.tools.command.moved_scan import require_new_name, write_moved
+from sonarmap.tools.command.navigation import ImuOption, NavigationReading, PriorsFile, scans_with_priors
+from sonarmap.tools.command.options.groups import OUTPUT
+from sonarmap.tools.command.options.option import option
+from sonarmap.tools.command.options.registration import MethodOptions, refused_by
+from sonarmap.tools.command.options.running import JsonOption
+from sonarmap.tools.command.options.scan import PointReading
+from sonarmap.tools.command.terminal import printable, say, warn
 from sonarmap.tools.command.words.registration import print_registration
-from sonarmap.tools.command.words.survey import warn
 from sonarmap.tools.methods.registry import DEFAULT_METHOD
 
 if TYPE_CHECKING:
-    from sonarmap.spectral.result import Registration
+    from sonarmap.spectral.prepare.spectral_scan import SpectralScan
+    from sonarmap.spectral.result import Registrar, Registration
     from sonarmap.spectral.scan import Scan
+    from sonarmap.tools.files.readers.corrections import Corrections
 
 UNRELIABLE = 3
+
+
+def _require_points_suffix(path: Path) -> None:
+    from sonarmap.tools.files.writers.points import WRITERS
+
+    if path.suffix.lower() not in WRITERS:
+        ending = f"{' or '.join(WRITERS)}, as in --write moved{next(iter(WRITERS))}"
+        raise InputError(f"{path}; give a name that ends in {ending}.")
+
+
+def _require_png(path: Path) -> None:
+    if path.suffix.lower() != ".png":
+        raise InputError(f"{path}; the picture is a PNG file. Give a name that ends in .png, as in --picture pair.png.")
+
+
+_output = partial(option, OUTPUT)
+
+
+@dataclass(frozen=True, slots=True)
+class PairFiles:
+    """What is written beside what is printed."""
+
+    write: Path | None = _output(
+        "FILE",
+        "Write the moved scan, PLY or PCD: the source's points in the target's frame. "
+        "Nothing is written if the registration is not reliable.",
+        check=refused_by(_require_points_suffix),
+    )
+    picture: Path | None = _output(
+        "FILE.png",
+        f"Draw the registration step by step; only with --method {DEFAULT_METHOD}.",
+        check=refused_by(_require_png),
+    )
 
 
 def command(
     context: typer.Context,
     target: Annotated[str, typer.Argument(help="The scan that stays where it is.", metavar="TARGET")],
     source: Annotated[str, typer.Argument(help="The scan that is moved onto the target.", metavar="SOURCE")],
-    method: MethodOption = DEFAULT_METHOD,
-    grid: GridOption = None,
-    voxel: VoxelOption = None,
-    max_tilt: MaxTiltOption = DEFAULT_MAX_TILT,
-    hypotheses: HypothesesOption = DEFAULT_HYPOTHESES,
-    refine: RefineOption = DEFAULT_REFINEMENT,
-    yaw_peaks: YawPeaksOption = DEFAULT_YAW_PEAKS,
-    strength: StrengthOption = False,
-    priors: PriorsOption = None,
-    prior_sigmas: PriorSigmasOption = None,
+    method: MethodOptions,
+    priors: PriorsFile,
+    points: PointReading,
+    reading: NavigationReading,
+    files: PairFiles,
     imu: ImuOption = True,
-    sound_speed: SoundSpeedOption = None,
-    range_scale: RangeScaleOption = None,
-    frame: FrameOption = None,
-    units: UnitsOption = None,
-    nav_columns: NavColumnsOption = None,
-    time_scale: TimeScaleOption = None,
-    nav_offset: NavOffsetOption = None,
-    nav_crs: NavCrsOption = None,
-    nav_frame: NavFrameOption = None,
-    mount: MountOption = None,
-    heading_reference: HeadingReferenceOption = None,
-    magnetic_declination: MagneticDeclinationOption = None,
-    device: DeviceOption = None,
-    seed: SeedOption = DEFAULT_SEED,
-    write: WriteOption = None,
-    picture: PictureOption = None,
     as_json: JsonOption = False,
 ) -> None:
     """Register SOURCE to TARGET: print the transform between two scans, its uncertainty, and whether it is reliable.
@@ -101,64 +82,74 @@ def command(
     p_target = T_target_source p_source, in meters. The exit code is 0 if the registration is reliable, 3 if it is not,
     2 for bad input.
     """
-    options = method_options(context)
-    require_steps(picture, options.name)
-    scans = _scans(context.params, imu and options.uses_priors)
-    configured = configure_method(scans, options)
-    prepared_target, prepared_source = (configured.registrar.prepare(scan) for scan in scans)
-    registration = configured.registrar.register(prepared_target, prepared_source)
-    written = write if registration.accepted else None
+    method = checked_method(method, context)
+    _require_steps(files.picture, method.method)
+    navigation = reading.settings(priors.priors)
+    pair = _read((target, source), points.corrections(), files.write)
+    scans = scans_with_priors(pair, priors, navigation, imu and method.uses_priors, allow_unknown=True).scans
+    configured = configure_method(scans, method)
+    prepared = [configured.registrar.prepare(scan) for scan in scans]
+    registration = configured.registrar.register(*prepared)
+    written = files.write if registration.accepted else None
     if written is not None:
         write_moved(written, scans[1], registration.T_target_source)
-    if picture is not None:
-        draw_picture(picture, configured.registrar, prepared_target, prepared_source, registration)
+    if files.picture is not None:
+        _draw(files.picture, configured.registrar, prepared, registration)
     if as_json:
         typer.echo(json.dumps(_as_json(registration, configured, written), allow_nan=False))
     else:
         print_registration(registration, configured)
         if written is not None:
             typer.echo(f"\nwritten to {printable(str(written))}: the source's points in the target's frame")
-    if write is not None and written is None:
-        warn(f"{write} is not written, as the registration is not reliable")
+    if files.write is not None and written is None:
+        warn(f"{files.write} is not written, as the registration is not reliable")
     if not registration.accepted:
         raise typer.Exit(UNRELIABLE)
 
 
-def _scans(given: Mapping[str, Any], use_imu: bool) -> "Sequence[Scan]":
-    """Target and source, with what instruments measured of them.
+def _require_steps(picture: Path | None, method: str) -> None:
+    """Refuse a picture of another method than DEFAULT_METHOD."""
+    if picture is not None and method != DEFAULT_METHOD:
+        raise InputError(
+            f"--picture draws the steps of --method {DEFAULT_METHOD}, and --method {method} has other steps; leave "
+            f"--picture out, or use --method {DEFAULT_METHOD}"
+        )
 
-    Args:
-        given: the verb's options, by their parameters' names.
-        use_imu: whether a recording's own attitude counts.
-    """
+
+def _read(paths: Sequence[str], corrections: "Corrections", write: Path | None) -> "list[Scan]":
+    """The scan of each path; a moved scan that would replace a file of them is refused."""
     from sonarmap.tools.files.readers.scans import only_scan, read_scans
 
-    corrections, navigation = corrections_of(given), navigation_settings(given)
     scans, files = [], []
-    for path in (given["target"], given["source"]):
+    for path in paths:
         read = read_scans([path], corrections)
         for note in read.notes:
             say(note)
         scans.append(only_scan(path, read))
         files += read.files
-    if given["write"] is not None:
-        require_new_name(given["write"], files)
-    return scans_with_priors(scans, given["priors"], given["prior_sigmas"], use_imu, True, navigation).scans
+    if write is not None:
+        require_new_name(write, files)
+    return scans
+
+
+def _draw(path: Path, registrar: "Registrar", prepared: "Sequence[SpectralScan]", registration: "Registration") -> None:
+    from sonarmap.spectral.registration import SpectralRegistrar
+    from sonarmap.tools.products.report.registration_picture import draw_registration
+    from sonarmap.tools.products.report.registration_view import view_registration
+
+    assert isinstance(registrar, SpectralRegistrar)  # as --picture is refused with another method
+    target, source = prepared
+    draw_registration(path, view_registration(registrar, target, source, registration))
 
 
 def _as_json(registration: "Registration", method: ConfiguredMethod, written: Path | None = None) -> dict[str, object]:
     """The registration as JSON; null for what the method does not have, such as a peak or a grid."""
-    return {
-        "T_target_source": registration.T_target_source.as_matrix().tolist(),
-        "covariance": registration.covariance.tolist(),
+    return _hypothesis(registration) | {
         "accepted": registration.accepted,
-        "probability": _or_null(registration.probability),
-        "psr": _or_null(registration.psr),
-        "overlap": registration.overlap,
         "seconds": registration.seconds,
         "reason": registration.reason,
         "step_psr": dict(registration.step_psr),
-        "alternatives": [_alternative(hypothesis) for hypothesis in registration.alternatives],
+        "alternatives": [_hypothesis(other) for other in registration.alternatives],
         "method": method.name,
         "grid": method.edge,
         "voxel": method.grid.voxel,
@@ -166,14 +157,14 @@ def _as_json(registration: "Registration", method: ConfiguredMethod, written: Pa
     }
 
 
-def _alternative(hypothesis: "Registration") -> dict[str, object]:
-    """Another hypothesis that could not be excluded."""
+def _hypothesis(registration: "Registration") -> dict[str, object]:
+    """What is known of every transform, also of one that could not be excluded."""
     return {
-        "T_target_source": hypothesis.T_target_source.as_matrix().tolist(),
-        "covariance": hypothesis.covariance.tolist(),
-        "probability": _or_null(hypothesis.probability),
-        "psr": _or_null(hypothesis.psr),
-        "overlap": hypothesis.overlap,
+        "T_target_source": registration.T_target_source.as_matrix().tolist(),
+        "covariance": registration.covariance.tolist(),
+        "probability": _or_null(registration.probability),
+        "psr": _or_null(registration.psr),
+        "overlap": registration.overlap,
     }
 
 

@@ -2,33 +2,15 @@
 
 import json
 from collections.abc import Sequence
-from dataclasses import dataclass, replace
+from dataclasses import asdict, dataclass, replace
 from functools import partial
 from pathlib import Path
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Any
 
 import typer
 
-from sonarmap.tools.command.options.experiment import (
-    FirstSeedOption,
-    FolderArgument,
-    FreshOption,
-    KnownOption,
-    KnownSigmasOption,
-    MethodsOption,
-    NameArgument,
-    NoisesOption,
-    OutOption,
-    OwnGridOption,
-    OwnTiltOption,
-    PageOption,
-    PairsOption,
-    QuickOption,
-    SceneOption,
-    SeedsOption,
-    WorkersOption,
-)
-from sonarmap.tools.command.options.registration import DeviceOption, JsonOption, QuietOption, VoxelOption
+from sonarmap.tools.command.options.experiment import ExperimentOptions, ExperimentRun, FolderArgument, NameArgument
+from sonarmap.tools.command.options.running import DeviceOption, JsonOption, QuietOption
 from sonarmap.tools.command.progress import progress
 from sonarmap.tools.command.stops import when_stopped
 from sonarmap.tools.command.terminal import printable, result_console, say
@@ -41,23 +23,9 @@ if TYPE_CHECKING:
 
 def command(
     name: NameArgument,
+    options: ExperimentOptions,
+    run: ExperimentRun,
     folder: FolderArgument = None,
-    out: OutOption = Path("reproduction"),
-    quick: QuickOption = False,
-    fresh: FreshOption = False,
-    page: PageOption = None,
-    scene: SceneOption = None,
-    sigma2: NoisesOption = None,
-    seeds: SeedsOption = None,
-    pairs: PairsOption = None,
-    seed: FirstSeedOption = None,
-    method: MethodsOption = None,
-    grid: OwnGridOption = None,
-    voxel: VoxelOption = None,
-    max_tilt: OwnTiltOption = None,
-    known: KnownOption = None,
-    known_sigmas: KnownSigmasOption = None,
-    workers: WorkersOption = 1,
     device: DeviceOption = None,
     as_json: JsonOption = False,
     quiet: QuietOption = False,
@@ -76,45 +44,41 @@ def command(
     from sonarmap.tools.files.writers.atomic import require_writable
     from sonarmap.tools.lab.reproduce.pages.page import FRAMES, write_page
 
-    if grid is not None:
-        Grid(grid, 1.0)
-    silent = quiet or as_json
-    noises = tuple(dict.fromkeys(sigma2)) if sigma2 else None
-    methods = tuple(dict.fromkeys(method)) if method else None
-    asked = Request(
-        None, quick, seeds, seed, grid, scene, noises, pairs, methods, folder, voxel, max_tilt, known, known_sigmas
-    )
+    if options.grid is not None:
+        Grid(options.grid, 1.0)
+    several = {"sigma2": _each_once(options.sigma2), "method": _each_once(options.method)}
+    asked = Request(folder=folder, **{**asdict(options), **several})
     names = chosen(name, asked)
-    require_writable(out)
+    require_writable(run.out)
     opened = choose_device(device)
     for note in opened.notes:
         say(note)
-    options = Options(replace(asked, device=opened), out, fresh, workers, silent)
-    records = [_reproduce(experiment, options, printed=not as_json) for experiment in names]
+    job = ExperimentJob(replace(asked, device=opened), run, quiet or as_json)
+    records = [_reproduce(experiment, job, printed=not as_json) for experiment in names]
     group = group_of(name)
-    written = write_page(page, out, members(group), FRAMES.get(group, FRAMES[ALL])) if page else []
+    written = write_page(run.page, run.out, members(group), FRAMES.get(group, FRAMES[ALL])) if run.page else []
     if as_json:
-        typer.echo(json.dumps(_as_json(records, out, written), indent=2, allow_nan=False))
-    elif page:
-        typer.echo(f"the page is {printable(str(page))}")
+        typer.echo(json.dumps(_as_json(records, run.out, written), indent=2, allow_nan=False))
+    elif run.page:
+        typer.echo(f"the page is {printable(str(run.page))}")
+
+
+def _each_once(values: Sequence[Any] | None) -> tuple[Any, ...] | None:
+    return tuple(dict.fromkeys(values)) if values else None
 
 
 @dataclass(frozen=True, slots=True)
-class Options:
-    """How to run the experiments that are asked for.
+class ExperimentJob:
+    """Experiments that are asked for.
 
     Attributes:
         request: what is asked of them, with the device.
-        out: folder for the results.
-        fresh: run every job again.
-        workers: how many processes share the jobs.
+        run: where results go, and who makes them.
         silent: print no progress.
     """
 
     request: Request
-    out: Path
-    fresh: bool
-    workers: int
+    run: ExperimentRun
     silent: bool
 
     def say(self, text: str) -> None:
@@ -123,36 +87,36 @@ class Options:
             say(text)
 
 
-def _reproduce(name: str, options: Options, printed: bool) -> "Record":
+def _reproduce(name: str, job: ExperimentJob, printed: bool) -> "Record":
     """Run one experiment and write its files; its memory on the device is freed before the next."""
     from sonarmap.tools.lab.reproduce.pages.folder import write_experiment
     from sonarmap.tools.lab.reproduce.provenance import provenance
     from sonarmap.tools.lab.reproduce.run import RunOptions, run
 
-    request, out = options.request, options.out
+    request, out = job.request, job.run.out
     experiment = create(name, request)
     origin = provenance(experiment, request.opened)
-    follow = partial(progress, quiet=options.silent)
+    follow = partial(progress, quiet=job.silent)
     with when_stopped(lambda: f"finished jobs are kept in {out}; the same command continues from there"):
-        result = run(experiment, origin, out, follow, RunOptions(options.fresh, _workers(name, options)), options.say)
+        result = run(experiment, origin, out, follow, RunOptions(job.run.fresh, _workers(name, job)), job.say)
     record = write_experiment(out, experiment, result, origin, request.command(name))
     if printed:
         _print(record, out)
     return record
 
 
-def _workers(name: str, options: Options) -> "WorkerProcesses | None":
+def _workers(name: str, job: ExperimentJob) -> "WorkerProcesses | None":
     """The processes for an experiment; None for this process alone."""
     from sonarmap.tools.lab.reproduce.worker import WorkerProcesses
 
     entry = entry_of(name)
-    if options.workers == 1:
+    if job.run.workers == 1:
         return None
     if entry.timed:
-        options.say(f"{name}: measures times, so --workers has no effect; one process runs its jobs")
+        job.say(f"{name}: measures times, so --workers has no effect; one process runs its jobs")
         return None
-    request = replace(options.request, device=None)
-    return WorkerProcesses(options.workers, entry.module, request, options.request.opened.selector)
+    request = replace(job.request, device=None)
+    return WorkerProcesses(job.run.workers, entry.module, request, job.request.opened.selector)
 
 
 def _print(record: "Record", out: Path) -> None:

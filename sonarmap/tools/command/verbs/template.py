@@ -7,10 +7,9 @@ import typer
 
 from sonarmap.kernels.errors import InputError
 from sonarmap.tools.command.options.groups import OUTPUT
-from sonarmap.tools.command.options.survey import InputsArgument
+from sonarmap.tools.command.options.scan import InputsArgument
 from sonarmap.tools.command.progress import growing_progress
-from sonarmap.tools.command.terminal import printable, say
-from sonarmap.tools.command.words.survey import warn
+from sonarmap.tools.command.terminal import printable, say, warn
 
 
 def command(

@@ -4,12 +4,12 @@ from collections.abc import Mapping, Sequence
 from typing import TYPE_CHECKING
 
 import numpy as np
-from rich.table import Table
-from rich.text import Text
 
-from sonarmap.tools.command.terminal import print_result, result_console
+from sonarmap.tools.command.terminal import number_table, print_result, result_console
 
 if TYPE_CHECKING:
+    from rich.table import Table
+
     from sonarmap.tools.lab.evaluate.map_error import MapError
     from sonarmap.tools.lab.evaluate.pairs import PairScore
     from sonarmap.tools.lab.evaluate.pose_calibration import PoseCalibration
@@ -43,39 +43,30 @@ def print_poses(result: "Evaluation", everything: bool) -> None:
         rows = sorted(np.argsort(-result.translation_m, kind="stable")[:WORST].tolist())
         print_result(f"The {WORST} of {len(result.stamps)} poses that are off farthest; --verbose lists all:")
     console = result_console()
-    console.print(_wide_table(result, rows) if console.width >= _WIDE else _narrow_table(result, rows))
+    console.print(_pose_table(result, rows, console.width >= _WIDE))
     console.print()
 
 
-def _wide_table(result: "Evaluation", rows: Sequence[int]) -> Table:
+def _pose_table(result: "Evaluation", rows: Sequence[int], wide: bool) -> "Table":
+    """Where there is little room without the estimated poses, so that no number is cut at 80 columns."""
     from sonarmap.tools.lab.evaluate.trajectory import yaw_deg
 
-    positions = ("stamp [s]", "estimated x, y, z [m]", "true x, y, z [m]", "off [m]")
-    table = _table(*positions, "estimated yaw", "true yaw", "rotated by")
+    estimated, true = result.T_aligned.translation, result.T_true.translation
     estimated_yaw, true_yaw = yaw_deg(result.T_aligned), yaw_deg(result.T_true)
-    for k in rows:
-        table.add_row(
-            shown_stamp(float(result.stamps[k])),
-            _place(result.T_aligned.translation[k].tolist()),
-            _place(result.T_true.translation[k].tolist()),
-            f"{result.translation_m[k]:.3f}",
-            f"{estimated_yaw[k]:+.2f}°",
-            f"{true_yaw[k]:+.2f}°",
-            f"{result.rotation_deg[k]:.2f}°",
-        )
-    return table
-
-
-def _narrow_table(result: "Evaluation", rows: Sequence[int]) -> Table:
-    """Without the estimated poses, so that no number is cut at 80 columns."""
-    from sonarmap.tools.lab.evaluate.trajectory import yaw_deg
-
-    table = _table("stamp [s]", "true x, y, z [m]", "true yaw", "off [m]", "rotated by")
-    true_yaw = yaw_deg(result.T_true)
-    for k in rows:
-        place, off = _place(result.T_true.translation[k].tolist()), f"{result.translation_m[k]:.3f}"
-        turned = f"{result.rotation_deg[k]:.2f}°"
-        table.add_row(shown_stamp(float(result.stamps[k])), place, f"{true_yaw[k]:+.2f}°", off, turned)
+    columns = {
+        "stamp [s]": [shown_stamp(float(result.stamps[k])) for k in rows],
+        "estimated x, y, z [m]": [_place(estimated[k].tolist()) for k in rows],
+        "true x, y, z [m]": [_place(true[k].tolist()) for k in rows],
+        "off [m]": [f"{result.translation_m[k]:.3f}" for k in rows],
+        "estimated yaw": [f"{estimated_yaw[k]:+.2f}°" for k in rows],
+        "true yaw": [f"{true_yaw[k]:+.2f}°" for k in rows],
+        "rotated by": [f"{result.rotation_deg[k]:.2f}°" for k in rows],
+    }
+    narrow = ("stamp [s]", "true x, y, z [m]", "true yaw", "off [m]", "rotated by")
+    names = tuple(columns) if wide else narrow
+    table = number_table(*names)
+    for row in zip(*(columns[name] for name in names), strict=True):
+        table.add_row(*row)
     return table
 
 
@@ -107,8 +98,8 @@ def print_map(error: "MapError", alignment: str) -> None:
 
 def print_scores(scores: Mapping[str, "PairScore"], rotation_deg: float, translation_m: float) -> None:
     """One column for each kind of pair."""
-    table = _table(f"pairs, right within {rotation_deg:g}° and {translation_m:.2f} m", *scores)
-    table.columns[0].justify = "left"
+    table = number_table(f"pairs, right within {rotation_deg:g}° and {translation_m:.2f} m", *scores, words=1)
+    table.columns[0].no_wrap = True
     for count in _COUNTS:
         table.add_row(f"  {count.replace('_', ' ')}", *(f"{getattr(score, count):,}" for score in scores.values()))
     for name, attribute in _SHARES.items():
@@ -132,14 +123,6 @@ def print_calibration(calibration: "PoseCalibration") -> None:
 def shown_stamp(seconds: float) -> str:
     """A stamp without trailing zeros."""
     return f"{seconds:.6f}".rstrip("0").rstrip(".")
-
-
-def _table(*names: str) -> Table:
-    """A table of numbers, of which none is cut."""
-    table = Table(box=None, pad_edge=False)
-    for name in names:
-        table.add_column(Text(name), justify="right", no_wrap=True)  # brackets are no markup
-    return table
 
 
 def _place(meters: list[float]) -> str:

@@ -4,12 +4,11 @@ import math
 from pathlib import Path
 from typing import Any
 
-from rich.padding import Padding
 from rich.table import Table
 from rich.text import Text
 
 from sonarmap.tools.command.arguments import as_options
-from sonarmap.tools.command.terminal import print_result, printable, result_console
+from sonarmap.tools.command.terminal import print_result, print_rows, result_console
 
 MOST_REJECTED = 20  # rows that the table lists
 _USUAL = 3.0  # standard deviations of chi-squared within which a graph is consistent
@@ -27,11 +26,7 @@ def print_optimized(report: dict[str, Any], robust: bool, out: Path) -> None:
     if rejected:
         _print_rejected(rejected)
     print_result(verdict(report, robust))
-    table = Table.grid(padding=(0, 2))
-    table.add_column(no_wrap=True)
-    for name, words in _rows(report, rejected if robust else None).items():
-        table.add_row(name, Text(printable(words)))
-    result_console().print(Padding(table, (0, 0, 0, 2), expand=False))
+    print_rows(_rows(report, rejected if robust else None))
     print_result(f"written to {out}")
 
 

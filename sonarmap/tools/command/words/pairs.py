@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING
 import typer
 
 from sonarmap.tools.command.arguments import as_options
-from sonarmap.tools.command.terminal import printable, result_console
+from sonarmap.tools.command.terminal import number_table, printable, result_console
 
 if TYPE_CHECKING:
     from rich.table import Table
@@ -41,7 +41,6 @@ def print_pairs(result: "SurveyResult", names: Sequence[str]) -> None:
 
 def _table(pairs: "Sequence[Pair]", names: Sequence[str], width: int) -> "Table":
     """The table, without the columns that leave no room for the names."""
-    from rich.table import Table
     from rich.text import Text
 
     rows = [_numbers(pair) for pair in pairs]
@@ -50,12 +49,8 @@ def _table(pairs: "Sequence[Pair]", names: Sequence[str], width: int) -> "Table"
     for name in _LESS_IMPORTANT:
         if width - len("sequential rejected ") - 1 - sum(wide[name] for name in shown) < _LEAST_FOR_NAMES:
             shown.remove(name)
-    table = Table(box=None, pad_edge=False, collapse_padding=True)
-    table.add_column("pair", overflow="fold")
-    table.add_column("role", no_wrap=True)
-    table.add_column("", no_wrap=True)
-    for name in shown:
-        table.add_column(name, justify="right", no_wrap=True)
+    table = number_table("pair", "role", "", *shown, words=3)
+    table.collapse_padding = table.columns[1].no_wrap = table.columns[2].no_wrap = True
     for pair, row in zip(pairs, rows, strict=True):
         verdict = Text("kept", "green") if pair.kept else Text("rejected", "red")
         table.add_row(Text(_label(pair, names)), pair.role, verdict, *(row[name] for name in shown))

@@ -8,7 +8,7 @@ import typer
 
 from sonarmap.tools.command.arguments import as_options
 from sonarmap.tools.command.method import ConfiguredMethod
-from sonarmap.tools.command.terminal import printable, result_console
+from sonarmap.tools.command.terminal import print_rows, result_console
 
 if TYPE_CHECKING:
     from scipy.spatial.transform import RigidTransform
@@ -25,14 +25,8 @@ _LEAST_M, _LEAST_DEG = 0.0005, 0.005  # what is less would be printed as 0
 
 def print_registration(registration: "Registration", method: ConfiguredMethod) -> None:
     """The verdict in the first line, the transform, its standard deviations, and the evidence."""
-    from rich.padding import Padding
-    from rich.table import Table
     from rich.text import Text
 
-    table = Table.grid(padding=(0, 2))
-    table.add_column(no_wrap=True)
-    for name, value in _rows(registration, method).items():
-        table.add_row(name, Text(printable(value)))
     typer.echo(_verdict(registration))
     console = result_console()
     console.print(Text(transform_words(registration.T_target_source)))
@@ -40,7 +34,8 @@ def print_registration(registration: "Registration", method: ConfiguredMethod) -
     console.print("T_target_source, p_target = T p_source \\[m]:")
     for row in registration.T_target_source.as_matrix().tolist():
         console.print("".join(f"{value + 0.0:13.6f}" for value in row))
-    console.print(Padding(table, (1, 0, 0, 2), expand=False))
+    console.print()
+    print_rows(_rows(registration, method))
 
 
 def transform_words(T_target_source: "RigidTransform") -> str:

@@ -63,7 +63,8 @@ def test_what_memory_does_not_hold_is_counted(tmp_path: Path, monkeypatch: pytes
 
     monkeypatch.setattr(os, "fsync", fsync)
     status, warnings = record_while(tmp_path / "dive.sonar", sends)
-    assert status.unsaved > 50
+    assert status.unsaved > 0
+    assert status.unsaved + status.overflow > 50  # where this computer is busy, the system loses some
     assert status.tally.packets + status.unsaved + status.overflow == len(packets)
     assert status.tally.missing <= status.unsaved + status.overflow
     assert any("is too slow" in words for words in warnings)

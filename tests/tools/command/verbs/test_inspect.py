@@ -10,7 +10,7 @@ import pytest
 
 from sonarmap.slam.survey_grid import survey_grid
 from sonarmap.tools.command.inspect import overview
-from sonarmap.tools.command.navigation import scans_with_priors
+from sonarmap.tools.command.navigation import PriorsFile, scans_with_priors
 from sonarmap.tools.files.readers.clock import clock_faults, clock_of, utc
 from sonarmap.tools.files.readers.navigation.settings import AS_IT_SAYS
 from sonarmap.tools.files.readers.scans import read_scans, read_survey
@@ -173,7 +173,7 @@ class TestImuOption:
         self, pair: Path, imu: bool, nav: str | None, words: str, capsys: pytest.CaptureFixture[str]
     ) -> None:
         scans, priors = read_scans([pair / "dive.sonar"]).scans, nav and pair / nav
-        navigated = scans_with_priors(scans, priors or None, None, imu, False, AS_IT_SAYS)
+        navigated = scans_with_priors(scans, PriorsFile(priors or None), AS_IT_SAYS, imu)
         used = [scan.prior for scan in navigated.scans]
         assert words.format(priors) in " ".join(capsys.readouterr().err.split())
         if nav or not imu:

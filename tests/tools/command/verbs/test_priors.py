@@ -12,7 +12,7 @@ from sonarmap.slam.mapper import Mapper
 from sonarmap.spectral.prior import relative_prior
 from sonarmap.spectral.registration import SpectralRegistrar
 from sonarmap.spectral.scan import PosePrior, Scan
-from sonarmap.tools.command.options.registration import parse_prior_sigmas
+from sonarmap.tools.command.navigation import parse_prior_sigmas
 from sonarmap.tools.files.readers.navigation.priors import with_priors
 from sonarmap.tools.files.readers.poses.tum import read_tum
 from sonarmap.tools.files.readers.scans import read_scans

@@ -7,7 +7,7 @@ import numpy as np
 import pytest
 
 from sonarmap.kernels.errors import InputError
-from sonarmap.tools.command.options.registration import parse_prior_sigmas
+from sonarmap.tools.command.navigation import parse_prior_sigmas
 from sonarmap.tools.files.readers.json_file import read_json
 from sonarmap.tools.files.readers.navigation.odometry import parse_drift
 from tests.samples.clutter_scans import refused_with_reason, said, sonarmap

@@ -1,0 +1,70 @@
+"""What `sonarmap map` writes beside the map itself."""
+
+from collections.abc import Sequence
+from dataclasses import dataclass, field
+from functools import partial
+from pathlib import Path
+from typing import TYPE_CHECKING
+
+import typer
+
+from sonarmap.kernels.errors import InputError
+from sonarmap.tools.command.options.export import FormatsOption
+from sonarmap.tools.command.options.groups import OUTPUT
+from sonarmap.tools.command.options.option import REQUIRED, completes, flag, option
+from sonarmap.tools.files.map_folder.names import EXPORTS
+from sonarmap.tools.products.export.formats import FORMATS
+
+if TYPE_CHECKING:
+    from sonarmap.spectral.scan import Scan
+    from sonarmap.tools.files.geo.georeference import Georeference
+    from sonarmap.tools.products.export.run import ExportSettings
+
+_EXPORTS = " or ".join(f"{file.format('')} ({name})" for name, file in EXPORTS.items())
+_output = partial(option, OUTPUT)
+
+
+def _check_also(formats: list[str]) -> list[str]:
+    unknown = [name for name in formats if name not in EXPORTS]
+    if unknown:
+        raise typer.BadParameter(f"{unknown[0]!r}; choose one of {', '.join(EXPORTS)}")
+    return list(dict.fromkeys(formats))
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class MapOutput:
+    """The folder, and what else is written to it."""
+
+    out: Path = _output("OUT", "Folder for the results.", REQUIRED, "-o", "--out")
+    report: bool = flag(
+        OUTPUT, "--report/--no-report", "Write report.html, the page that `sonarmap view OUT` opens.", True, rare=True
+    )
+    also: list[str] = _output(
+        "FORMAT",
+        f"Also write {_EXPORTS}; may be repeated.",
+        [],
+        rare=True,
+        check=_check_also,
+        values=completes(EXPORTS),
+    )
+    export: FormatsOption = field(default_factory=list[str])
+
+    def export_settings(
+        self, crs: str | None, georeference: "Georeference | None", scans: "Sequence[Scan]"
+    ) -> "ExportSettings":
+        """What --export and --crs ask for, refused now where it could not be done when the map is there."""
+        from sonarmap.tools.files.map_folder.names import OF_EACH
+        from sonarmap.tools.products.export.run import ExportSettings, check_files, check_settings
+
+        formats = self.export
+        if crs is not None and not formats:
+            raise InputError("--crs has no effect without --export; leave it out, or name a format")
+        settings = ExportSettings(tuple(formats), crs)
+        check_settings(settings, georeference, [scan.stamp for scan in scans] if formats else [])
+        if both := [name for name in self.also if EXPORTS[name] in {FORMATS[chosen].file for chosen in formats}]:
+            raise InputError(f"--also and --export would both write {EXPORTS[both[0]].format('')}; leave one out")
+        if own := [name for name in formats if FORMATS[name].file in OF_EACH]:
+            file = FORMATS[own[0]].file.format("")
+            raise InputError(f"--export {own[0]} would write {file}, which `map` writes anyway; leave it out")
+        check_files(settings, self.out)
+        return settings

@@ -1,0 +1,135 @@
+"""Options as fields of dataclasses: each is declared once, and a verb takes a few dataclasses, not dozens of values.
+
+`spread` gives typer the fields in place of the dataclasses.
+"""
+
+import functools
+import inspect
+from collections.abc import Callable, Iterable, Mapping
+from dataclasses import MISSING, field, fields, is_dataclass
+from pathlib import Path
+from typing import Annotated, Any, get_origin
+
+import typer
+
+REQUIRED: Any = MISSING  # the default of an option that has to be given
+_OPTION = "option"  # in a field's metadata
+
+
+def option(
+    panel: str,
+    metavar: str,
+    words: str,
+    default: Any = None,
+    *names: str,
+    rare: bool = False,
+    shown: str | bool = True,
+    check: Callable[[Any], Any] | None = None,
+    values: Callable[[str], list[str]] | None = None,
+    **limits: Any,
+) -> Any:
+    """A field that is an option with a value.
+
+    Args:
+        panel: one of GROUPS.
+        metavar: what stands for the value.
+        words: its help; `--help` shows the first sentence.
+        default: None for none, REQUIRED where it has to be given.
+        names: on the command line, where they are not the field's.
+        rare: whether only --help-all lists it.
+        shown: the default in words, where it is not the value.
+        check: returns the value, or raises typer.BadParameter.
+        values: completes it, as `completes` does.
+        limits: min and max.
+    """
+    info = typer.Option(
+        *names,
+        metavar=metavar,
+        help=words,
+        rich_help_panel=panel,
+        hidden=rare,
+        show_default=shown,
+        callback=check,
+        autocompletion=values,
+        **limits,
+    )
+    metadata = {_OPTION: info}
+    if isinstance(default, list):
+        return field(default_factory=lambda: list[Any](default), metadata=metadata)
+    return field(default=default, metadata=metadata)
+
+
+def flag(panel: str, names: str, words: str, default: bool = False, rare: bool = False) -> Any:
+    """A field that is an option without a value; its names are as in "--quiet -q" or "--report/--no-report"."""
+    info = typer.Option(*names.split(), help=words, rich_help_panel=panel, hidden=rare)
+    return field(default=default, metadata={_OPTION: info})
+
+
+def completes(names: Iterable[str] | Callable[[], Iterable[str]]) -> Callable[[str], list[str]]:
+    """A completion for an option that takes one of the names; a function gives those that are slow to load."""
+    return lambda incomplete: [name for name in (names() if callable(names) else names) if name.startswith(incomplete)]
+
+
+def completes_list(names: Iterable[str]) -> Callable[[str], list[str]]:
+    """A completion for an option that takes several of the names, separated by commas."""
+
+    def complete(incomplete: str) -> list[str]:
+        before, comma, last = incomplete.rpartition(",")
+        given = before.split(",")
+        return [f"{before}{comma}{name}" for name in names if name.startswith(last) and name not in given]
+
+    return complete
+
+
+def given(options: Any) -> dict[str, Any]:
+    """The options of a dataclass that were given, by their names and as a summary holds them."""
+    values = {each.name: getattr(options, each.name) for each in fields(options)}
+    return {
+        name: str(value) if isinstance(value, Path) else value for name, value in values.items() if value is not None
+    }
+
+
+def spread(command: Callable[..., Any], common: Mapping[str, tuple[Any, Any]]) -> Callable[..., Any]:
+    """The command as typer takes it: with the options of its dataclasses in their place, and with some more.
+
+    Args:
+        command: a function of dataclasses with options, and of other parameters.
+        common: annotation and default of options that the command itself does not take, by their names.
+    """
+    signature = inspect.signature(command, eval_str=True)
+    kinds: dict[str, Any] = {
+        name: each.annotation for name, each in signature.parameters.items() if is_dataclass(each.annotation)
+    }
+
+    @functools.wraps(command)
+    def flat(**values: Any) -> Any:
+        made = {name: kind(**{each.name: values[each.name] for each in _options(kind)}) for name, kind in kinds.items()}
+        return command(**{name: made[name] if name in made else values[name] for name in signature.parameters})
+
+    parameters: list[inspect.Parameter] = []
+    for name, parameter in signature.parameters.items():
+        if name in kinds:
+            parameters += [_parameter(each.name, *_declared(each)) for each in _options(kinds[name])]
+        else:
+            parameters.append(parameter.replace(kind=inspect.Parameter.KEYWORD_ONLY))
+    parameters += [_parameter(name, *declared) for name, declared in common.items()]
+    setattr(flat, "__signature__", signature.replace(parameters=parameters))  # noqa: B010
+    flat.__annotations__ = {parameter.name: parameter.annotation for parameter in parameters}
+    return flat
+
+
+def _options(kind: Any) -> list[Any]:
+    """The fields of a dataclass that are options."""
+    return [each for each in fields(kind) if _OPTION in each.metadata or get_origin(each.type) is Annotated]
+
+
+def _declared(each: Any) -> tuple[Any, Any]:
+    """A field's annotation with its option, and its default."""
+    default = each.default if each.default_factory is MISSING else each.default_factory()
+    info = each.metadata.get(_OPTION)
+    return each.type if info is None else Annotated[each.type, info], default
+
+
+def _parameter(name: str, annotation: Any, default: Any) -> inspect.Parameter:
+    default = inspect.Parameter.empty if default is REQUIRED else default
+    return inspect.Parameter(name, inspect.Parameter.KEYWORD_ONLY, default=default, annotation=annotation)

@@ -1,0 +1,25 @@
+"""Every option of every verb: none is lost or renamed, and none changes its default unnoticed."""
+
+from pathlib import Path
+from typing import Any
+
+import typer
+
+from sonarmap.tools.command.main import app
+
+TABLE = Path(__file__).with_name("option_table.txt")
+COMMANDS = typer.main.get_command(app).commands  # pyright: ignore[reportAttributeAccessIssue]
+
+
+def test_every_option_is_as_in_the_table() -> None:
+    """The table has a line for each: verb, names, value or flag, default, and "rare" if only --help-all lists it."""
+    rows = [row_of(verb, parameter) for verb, command in COMMANDS.items() for parameter in command.params]
+    assert sorted(rows) == TABLE.read_text(encoding="utf-8").splitlines()
+
+
+def row_of(verb: str, parameter: Any) -> str:
+    names = " ".join(sorted([*parameter.opts, *parameter.secondary_opts]))
+    takes = "flag" if getattr(parameter, "is_flag", False) else parameter.metavar
+    many = " (several)" if getattr(parameter, "multiple", False) or parameter.nargs == -1 else ""
+    default = "required" if parameter.required else f"default {parameter.default}"
+    return f"{verb}: {names}: {takes}{many}, {default}{', rare' if parameter.hidden else ''}"
