@@ -295,7 +295,7 @@ def _map(
     from sonarmap.tools.files.inputs import input_rows
     from sonarmap.tools.files.map_folder.names import JOURNAL
     from sonarmap.tools.products.output.folder import write_survey
-    from sonarmap.tools.products.output.times import survey_times
+    from sonarmap.tools.products.output.run import SurveyRun, survey_times
 
     prepared = prepared_limit(configured.registrar, options.workers)
     names = [scan.name for scan in read.scans]
@@ -308,7 +308,7 @@ def _map(
             step(0, len(read.scans), "preparing the first scans")
             result = mapper.run(read.scans, step, read.surveys, odometry, hand.ties, hand.control)
         times = survey_times(execution.timings, options.place)
-        described = (configured.device, read.unread, also, times, inputs, hand.georeference)
+        run = SurveyRun(names, settings, configured.device, read.unread, inputs, hand.georeference, times)
         with stage("writing", quiet):
-            write_survey(out, result, names, settings, *described)
+            write_survey(out, result, run, also)
     return result

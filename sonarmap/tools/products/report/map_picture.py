@@ -1,4 +1,4 @@
-"""The map from above, with the track of the sensor: one PNG."""
+"""The map from above, with the track: one PNG."""
 
 import math
 from pathlib import Path
@@ -10,8 +10,8 @@ from sonarmap.tools.products.report.survey.frame import MapFrame
 from sonarmap.tools.products.report.survey.image import Cloud, color_range, seen_from_above
 from sonarmap.tools.products.report.survey.layout import extent_of, layout
 from sonarmap.tools.products.report.survey.sheet import Sheet, add_color_bar, open_sheet
+from sonarmap.tools.products.report.survey.track import draw_track, inks_of, track_legend
 from sonarmap.tools.products.report.survey.view import PartView
-from sonarmap.tools.products.report.survey.way import draw_way, inks_of, way_legend
 from sonarmap.tools.products.report.survey.write import write_png
 
 if TYPE_CHECKING:
@@ -44,14 +44,14 @@ def map_figure(view: PartView) -> "Figure":
         plan,
         (view.title or "Map", view.size),
         (frame.across, frame.up),
-        way_legend(view),
+        track_legend(view),
         "\n".join([frame.note, *_left_out(view, cloud, lower, upper)]),
         north=frame.north,
     )
     colors = level_colors(view, _COLORS)
     for axes in (axes for row in sheet.panels for axes in row):
         draw_cloud(axes, cloud, frame, colors)
-        draw_way(axes, view, places)
+        draw_track(axes, view, places)
     add_level_bar(sheet, colors, view)
     return sheet.figure
 

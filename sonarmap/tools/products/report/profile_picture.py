@@ -1,4 +1,4 @@
-"""The track of the sensor from its start to its end: depths, overlaps, and how sure the poses are. One PNG."""
+"""The track from its start to its end: depths, overlaps, and how sure the poses are. One PNG."""
 
 import textwrap
 from pathlib import Path
@@ -8,8 +8,8 @@ import numpy as np
 
 from sonarmap.tools.products.report.labels import shrink
 from sonarmap.tools.products.report.survey.profile import Profile, profile_of
+from sonarmap.tools.products.report.survey.track import number_step
 from sonarmap.tools.products.report.survey.view import PartView
-from sonarmap.tools.products.report.survey.way import number_step
 from sonarmap.tools.products.report.survey.write import write_png
 
 if TYPE_CHECKING:

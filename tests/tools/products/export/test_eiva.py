@@ -12,8 +12,8 @@ from tests.tools.products.export.poses import PLACES, apart, dive, geodetic_by_h
 
 
 def texts(path: Path, earth: Georeferenced) -> tuple[str, str]:
-    write_eiva_position(path / "position.txt", earth.folder, earth.part, earth)
-    write_eiva_attitude(path / "attitude.txt", earth.folder, earth.part, earth)
+    write_eiva_position(path / "position.txt", earth)
+    write_eiva_attitude(path / "attitude.txt", earth)
     return (path / "position.txt").read_text(), (path / "attitude.txt").read_text()
 
 

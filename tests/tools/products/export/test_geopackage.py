@@ -19,7 +19,7 @@ from tests.tools.products.export.poses import PLACES, dive, geodetic_by_hand, pr
 
 
 def written(path: Path, earth: Georeferenced) -> Path:
-    write_geopackage(path / "track.gpkg", earth.folder, earth.part, earth)
+    write_geopackage(path / "track.gpkg", earth)
     assert [file.name for file in path.iterdir()] == ["track.gpkg"]
     return path / "track.gpkg"
 
@@ -126,7 +126,7 @@ def test_what_was_there_is_replaced_whole(tmp_path: Path) -> None:
 def test_a_folder_of_that_name_is_refused(tmp_path: Path) -> None:
     (tmp_path / "track.gpkg").mkdir()
     with pytest.raises(InputError, match="a folder of that name"):
-        write_geopackage(tmp_path / "track.gpkg", (earth := dive()).folder, earth.part, earth)
+        write_geopackage(tmp_path / "track.gpkg", dive())
 
 
 def test_ogrinfo_reads_it(tmp_path: Path) -> None:

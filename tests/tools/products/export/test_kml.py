@@ -41,7 +41,7 @@ def texts(root: etree._Element, query: str) -> list[str]:
 
 def written(folder: Path, earth: Georeferenced, kind: str = "kml") -> Path:
     write = write_kml if kind == "kml" else write_kmz
-    write(folder / f"map.{kind}", earth.folder, earth.part, earth)
+    write(folder / f"map.{kind}", earth)
     return folder / f"map.{kind}"
 
 

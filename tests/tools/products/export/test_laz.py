@@ -22,7 +22,7 @@ PLACES += [((10.0, -179.9999), 32601), ((84.5, 12.0), 5041), ((-89.0, 40.0), 504
 
 
 def written(path: Path, earth: Georeferenced) -> laspy.LasData:
-    write_laz(path, earth.folder, earth.part, earth)
+    write_laz(path, earth)
     return laspy.read(path)
 
 
@@ -60,7 +60,7 @@ def test_dimensions(tmp_path: Path) -> None:
     np.testing.assert_allclose(
         np.asarray(las.intensity), np.nan_to_num(columns["intensity"]) * 65535 / strongest, atol=0.51
     )
-    assert repr(65535 / strongest) in laz_details(earth.part, earth)["intensity"]
+    assert repr(65535 / strongest) in laz_details(earth)["intensity"]
     assert (np.asarray(las.return_number) == 1).all()
     assert (np.asarray(las.number_of_returns) == 1).all()
     np.testing.assert_array_equal(las.header.scales, 0.001)

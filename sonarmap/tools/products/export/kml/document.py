@@ -5,20 +5,21 @@ coarse and often above the true one, would hide the map. The coordinates have th
 """
 
 import re
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from html import escape
+from typing import Any
 from xml.etree import ElementTree
 from xml.etree.ElementTree import Element, SubElement
 
 import numpy as np
 
 from sonarmap.tools.files.geo.georeference import VERTICALS
-from sonarmap.tools.files.time_scales import are_times, utc_text
+from sonarmap.tools.files.time_scales import utc_text
 from sonarmap.tools.products.export.georeferenced import Georeferenced
 from sonarmap.tools.products.export.kml.overlay import Picture
 
 KML, GX = "http://www.opengis.net/kml/2.2", "http://www.google.com/kml/ext/2.2"
-_CLAMPED = "clampToGround"
+_CLAMPED = {"altitudeMode": "clampToGround"}
 _TRACK_COLOR = "ff2727d6"  # alpha, blue, green, red
 _NOT_IN_XML = re.compile("[^\t\n\r -\ud7ff\ue000-\ufffd\U00010000-\U0010ffff]")
 _NARROWEST = 100.0  # of what is in view at first [m]
@@ -33,119 +34,99 @@ def kml_text(earth: Georeferenced, pictures: Sequence[tuple[str, Picture]] = (),
         legend: path of the picture that explains their colors.
     """
     root = Element("kml", {"xmlns": KML, "xmlns:gx": GX})
-    document = SubElement(root, "Document")
-    _text(document, "name", f"{earth.folder.path.resolve().name} map{earth.part.suffix}")
-    _text(document, "open", "1")
-    _described(document, _description(earth))
-    _look_at(document, earth)
-    style = SubElement(document, "Style", {"id": "track"})
-    line = SubElement(style, "LineStyle")
-    _text(line, "color", _TRACK_COLOR)
-    _text(line, "width", "3")
-    for number, (href, picture) in enumerate(pictures):
-        _overlay(document, href, picture, "map" if number == 0 else f"map, piece {number + 1}")
-    if legend:
-        _legend(document, legend)
-    _line(document, earth)
-    if are_times(earth.part.trajectory.stamps):
-        _timed_track(document, earth)
-    _place(document, earth, "start", 0)
-    _place(document, earth, "end", -1)
+    document = {
+        "name": f"{earth.folder.path.resolve().name} map{earth.part.suffix}",
+        "open": "1",
+        "description": _description(earth),
+        "LookAt": _look_at(earth),
+        "Style": {"@id": "track", "LineStyle": {"color": _TRACK_COLOR, "width": "3"}},
+        "GroundOverlay": [_overlay(href, picture, number) for number, (href, picture) in enumerate(pictures, 1)],
+        "ScreenOverlay": [_legend(legend)] if legend else [],
+        "Placemark": [_line(earth), *_timed_track(earth), _place(earth, "start", 0), _place(earth, "end", -1)],
+    }
+    _fill(root, {"Document": document})
     ElementTree.indent(root)
     text: bytes = ElementTree.tostring(root, encoding="utf-8", xml_declaration=True)
     return text
 
 
-def _text(parent: Element, tag: str, text: str) -> None:
-    """A child with text; characters that XML cannot hold (of a file's name) become question marks."""
-    SubElement(parent, tag).text = _NOT_IN_XML.sub("?", text)
+def _fill(element: Element, content: Mapping[str, Any]) -> None:
+    """Add attributes (@name), and children with texts or contents of their own; a list is several of the same name.
+
+    Characters that XML cannot hold (of a file's name) become question marks.
+    """
+    for name, value in content.items():
+        if name.startswith("@"):
+            element.set(name[1:], value)
+            continue
+        for each in value if isinstance(value, list) else [value]:
+            child = SubElement(element, name)
+            if isinstance(each, str):
+                child.text = _NOT_IN_XML.sub("?", each)
+            else:
+                _fill(child, each)
 
 
-def _described(parent: Element, words: str) -> None:
+def _described(words: str) -> str:
     """A description, which Google Earth takes for HTML: what a scan's name has of that is shown as it is."""
-    _text(parent, "description", escape(words, quote=False))
+    return escape(words, quote=False)
 
 
 def _description(earth: Georeferenced) -> str:
     part = earth.part
-    return (
+    return _described(
         f"{len(part.scans)} scans, {len(part.points):,} points, voxel {earth.folder.voxel:.3g} m. Heights count from "
         f"{VERTICALS[earth.georeference.vertical]}, positive up. Everything is drawn on the water's surface."
     )
 
 
-def _look_at(document: Element, earth: Georeferenced) -> None:
+def _look_at(earth: Georeferenced) -> dict[str, str]:
     """The whole map in view, from above."""
     extent = float(np.ptp(earth.part.points[:, :2], axis=0).max())
-    center = earth.part.points.mean(axis=0)[None]
-    (latitude, longitude, _) = earth.georeference.geodetic(center)[0].tolist()
-    look = SubElement(document, "LookAt")
-    _text(look, "longitude", f"{longitude:.7f}")
-    _text(look, "latitude", f"{latitude:.7f}")
-    _text(look, "altitude", "0")
-    _text(look, "range", f"{1.5 * max(extent, _NARROWEST):.0f}")
-    _text(look, "altitudeMode", _CLAMPED)
+    (latitude, longitude, _) = earth.georeference.geodetic(earth.part.points.mean(axis=0)[None])[0].tolist()
+    place = {"longitude": f"{longitude:.7f}", "latitude": f"{latitude:.7f}", "altitude": "0"}
+    return place | {"range": f"{1.5 * max(extent, _NARROWEST):.0f}"} | _CLAMPED
 
 
-def _overlay(document: Element, href: str, picture: Picture, name: str) -> None:
-    overlay = SubElement(document, "GroundOverlay")
-    _text(overlay, "name", name)
-    icon = SubElement(overlay, "Icon")
-    _text(icon, "href", href)
-    _text(overlay, "altitudeMode", _CLAMPED)
-    box = SubElement(overlay, "LatLonBox")
-    for edge in ("north", "south", "east", "west"):
-        _text(box, edge, f"{getattr(picture, edge):.10f}")
+def _overlay(href: str, picture: Picture, number: int) -> dict[str, Any]:
+    box = {side: f"{getattr(picture, side):.10f}" for side in ("north", "south", "east", "west")}
+    name = "map" if number == 1 else f"map, piece {number}"
+    return {"name": name, "Icon": {"href": href}, **_CLAMPED, "LatLonBox": box}
 
 
-def _legend(document: Element, href: str) -> None:
-    """A picture in the lower left corner of the screen."""
-    overlay = SubElement(document, "ScreenOverlay")
-    _text(overlay, "name", "heights")
-    icon = SubElement(overlay, "Icon")
-    _text(icon, "href", href)
-    for tag, x, y in (("overlayXY", "0", "0"), ("screenXY", "0.02", "0.06")):
-        SubElement(overlay, tag, {"x": x, "y": y, "xunits": "fraction", "yunits": "fraction"})
-    SubElement(overlay, "size", {"x": "-1", "y": "-1", "xunits": "fraction", "yunits": "fraction"})  # as it is
+def _legend(href: str) -> dict[str, Any]:
+    """A picture in the lower left corner of the screen, in its own size."""
+    places = {"overlayXY": ("0", "0"), "screenXY": ("0.02", "0.06"), "size": ("-1", "-1")}
+    units = {"@xunits": "fraction", "@yunits": "fraction"}
+    rows = {name: {"@x": x, "@y": y, **units} for name, (x, y) in places.items()}
+    return {"name": "heights", "Icon": {"href": href}, **rows}
 
 
-def _line(document: Element, earth: Georeferenced) -> None:
-    placemark = SubElement(document, "Placemark")
-    _text(placemark, "name", "track")
-    _text(placemark, "styleUrl", "#track")
-    line = SubElement(placemark, "LineString")
-    _text(line, "tessellate", "1")
-    _text(line, "altitudeMode", _CLAMPED)
-    _text(line, "coordinates", "\n".join(_coordinate(place, ",") for place in earth.poses))
+def _line(earth: Georeferenced) -> dict[str, Any]:
+    coordinates = "\n".join(_coordinate(place, ",") for place in earth.poses)
+    line = {"tessellate": "1", **_CLAMPED, "coordinates": coordinates}
+    return {"name": "track", "styleUrl": "#track", "LineString": line}
 
 
-def _timed_track(document: Element, earth: Georeferenced) -> None:
-    """The same with times, for the time slider; in order of time, which programs expect."""
-    placemark = SubElement(document, "Placemark")
-    _text(placemark, "name", "track with times")
-    _text(placemark, "styleUrl", "#track")
-    track = SubElement(placemark, "gx:Track")
-    _text(track, "altitudeMode", _CLAMPED)
-    stamps = earth.part.trajectory.stamps
-    order = np.argsort(stamps, kind="stable")
-    for stamp in stamps[order].tolist():
-        _text(track, "when", utc_text(stamp))
-    for place in earth.poses[order]:
-        _text(track, "gx:coord", _coordinate(place, " "))
+def _timed_track(earth: Georeferenced) -> list[dict[str, Any]]:
+    """The same with times, for the time slider, in order of time, which programs expect; none without times."""
+    if not earth.timed:
+        return []
+    track = {
+        **_CLAMPED,
+        "when": [utc_text(stamp) for stamp in earth.stamps[earth.in_time].tolist()],
+        "gx:coord": [_coordinate(place, " ") for place in earth.poses[earth.in_time]],
+    }
+    return [{"name": "track with times", "styleUrl": "#track", "gx:Track": track}]
 
 
-def _place(document: Element, earth: Georeferenced, name: str, k: int) -> None:
+def _place(earth: Georeferenced, name: str, k: int) -> dict[str, Any]:
     """Where a scan was taken."""
-    part, place = earth.part, earth.poses[k]
-    stamp = float(part.trajectory.stamps[k])
-    time = utc_text(stamp) if are_times(part.trajectory.stamps) else f"stamp {stamp:g} s"
-    placemark = SubElement(document, "Placemark")
-    _text(placemark, "name", name)
-    words = f"{earth.folder.names[part.scans[k]]}, {time}, {place[0]:.8f}, {place[1]:.8f}, height {place[2]:.2f} m"
-    _described(placemark, words)
-    point = SubElement(placemark, "Point")
-    _text(point, "altitudeMode", _CLAMPED)
-    _text(point, "coordinates", _coordinate(place, ","))
+    place, stamp = earth.poses[k], float(earth.stamps[k])
+    time = utc_text(stamp) if earth.timed else f"stamp {stamp:g} s"
+    words = f"{earth.names[k]}, {time}, {place[0]:.8f}, {place[1]:.8f}, height {place[2]:.2f} m"
+    point = {**_CLAMPED, "coordinates": _coordinate(place, ",")}
+    return {"name": name, "description": _described(words), "Point": point}
 
 
 def _coordinate(place: np.ndarray, separator: str) -> str:

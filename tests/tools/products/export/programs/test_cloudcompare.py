@@ -55,7 +55,7 @@ def test_ply(tmp_path: Path) -> None:
 
 def test_laz(tmp_path: Path) -> None:
     earth = made_up()
-    write_laz(tmp_path / "map.laz", earth.folder, earth.part, earth)
+    write_laz(tmp_path / "map.laz", earth)
     names, table = in_cloudcompare(tmp_path / "map.laz")
     np.testing.assert_allclose(table[:, :3], earth.projected_points, rtol=0, atol=1e-3)
     for name in ("sigma", "seen"):

@@ -150,7 +150,7 @@ def test_scans_of_two_parts_are_tied(tmp_path: Path) -> None:
                 parts.page.locator("#controls select").first.select_option("1")
                 wait_until(parts.page, f"sonarmap.view.part === sonarmap.content.parts[{number}]")
             parts.page.evaluate("sonarmap.view.camera.fromAbove()")
-            pose = parts.page.evaluate(f"sonarmap.view.part.way.places[{place}]")
+            pose = parts.page.evaluate(f"sonarmap.view.part.track.places[{place}]")
             x, y, _ = parts.page.evaluate("place => sonarmap.view.camera.project(place)", pose)
             parts.page.locator("#canvas").click(position={"x": x, "y": y})
             if not number:
@@ -164,7 +164,7 @@ def test_scans_of_two_parts_are_tied(tmp_path: Path) -> None:
 
 
 @pytest.mark.slow
-def test_a_way_of_one_pose(tmp_path: Path) -> None:
+def test_a_track_of_one_pose(tmp_path: Path) -> None:
     folder = folder_of(known_points(), tmp_path / "out")
     part = folder.parts[0]
     lone = Trajectory(part.trajectory.stamps[:1], part.trajectory.T_world_sensor[:1])

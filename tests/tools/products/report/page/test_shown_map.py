@@ -84,7 +84,7 @@ def test_two_points_are_measured_within_the_quantization(page: Opened) -> None:
 def test_every_point_is_picked_where_it_is_seen(page: Opened) -> None:
     """From above no two lie over each other here but for few; each is the one that is told."""
     points = known_points()
-    page.page.evaluate("Object.assign(sonarmap.view.shown, {way: false, kept: false, refused: false}); 0")
+    page.page.evaluate("Object.assign(sonarmap.view.shown, {track: false, kept: false, refused: false}); 0")
     page.page.keyboard.press("t")
     page.page.evaluate("sonarmap.view.camera.fromAbove()")
     right = 0
@@ -99,7 +99,7 @@ def test_every_point_is_picked_where_it_is_seen(page: Opened) -> None:
             assert hit["place"][2] > point[2]
     assert right > 50
     assert page.page.evaluate("sonarmap.view.pick(2, 2)") is None
-    page.page.evaluate("Object.assign(sonarmap.view.shown, {way: true, kept: true, refused: true}); 0")
+    page.page.evaluate("Object.assign(sonarmap.view.shown, {track: true, kept: true, refused: true}); 0")
 
 
 def test_what_is_hidden_is_not_picked(page: Opened) -> None:
@@ -111,7 +111,7 @@ def test_what_is_hidden_is_not_picked(page: Opened) -> None:
     slider.fill(str(round(200 * (1.5 - low) / (high - low))))
     assert abs(page.page.evaluate("sonarmap.view.heights[1]") - 1.5) <= (high - low) / 400
     page.page.evaluate(
-        "Object.assign(sonarmap.view.shown, {way: false, kept: false}); sonarmap.view.camera.fromAbove()"
+        "Object.assign(sonarmap.view.shown, {track: false, kept: false}); sonarmap.view.camera.fromAbove()"
     )
     for place, seen in ((A, True), (B, False)):
         x, y, _ = page.page.evaluate("place => sonarmap.view.camera.project(place)", place.tolist())
@@ -119,11 +119,11 @@ def test_what_is_hidden_is_not_picked(page: Opened) -> None:
         assert (hit is not None and np.abs(np.array(hit["place"]) - place).max() < QUANTUM) == seen
     slider.fill("200")
     assert page.page.evaluate("sonarmap.view.heights[1] === Infinity")
-    page.page.evaluate("Object.assign(sonarmap.view.shown, {way: true, kept: true})")
+    page.page.evaluate("Object.assign(sonarmap.view.shown, {track: true, kept: true})")
 
 
 def test_a_click_tells_what_a_point_is(page: Opened) -> None:
-    page.page.locator("label.way input").uncheck()
+    page.page.locator("label.track input").uncheck()
     page.page.locator("label.kept input").uncheck()
     click(page, B)
     told = page.page.locator("#picked").inner_text()
@@ -131,7 +131,7 @@ def test_a_click_tells_what_a_point_is(page: Opened) -> None:
     assert "2 scans" in told
     assert "-6.5" in told
     assert told.count("\u202fm") >= 4
-    page.page.locator("label.way input").check()
+    page.page.locator("label.track input").check()
     page.page.locator("label.kept input").check()
 
 

@@ -110,7 +110,7 @@ class TestOfOnePage:
         """From above, where no two poses of the ring are seen at the same place."""
         i, j = untried(content)
         page.page.evaluate("sonarmap.view.camera.fromAbove()")
-        places = np.array(content.shown["parts"][0]["way"]["places"])
+        places = np.array(content.shown["parts"][0]["track"]["places"])
         click(page, places[j])
         page.page.get_by_role("button", name="Tie to another scan").click()
         assert "Click on the place of the scan" in page.page.locator("#picked").inner_text()

@@ -4,13 +4,13 @@ const STRIP = 110; // height of a curve's strip [units of the picture]
 
 /** Strips over the distance along the track; `show` is called with the pose that was clicked on. */
 function profileChart(part, content, show) {
-  const { way, height } = part;
-  const along = distances(way, content.surveys);
-  const sigmas = way.half_axes.map((axes) => axes.map(lengthOf));
+  const { track, height } = part;
+  const along = distances(track, content.surveys);
+  const sigmas = track.half_axes.map((axes) => axes.map(lengthOf));
   const strips = [
     { label: height.zero === null ? "height of the sensor" : "depth of the sensor", unit: "m", down: height.zero !== null,
-      curves: [["", way.places.map(([, , z]) => (height.zero === null ? z : height.zero - z))]] },
-    { label: "overlap with the scan before", unit: "%", floor: 0, curves: [["", way.overlaps.map((share) => (share === null ? null : 100 * share))]] },
+      curves: [["", track.places.map(([, , z]) => (height.zero === null ? z : height.zero - z))]] },
+    { label: "overlap with the scan before", unit: "%", floor: 0, curves: [["", track.overlaps.map((share) => (share === null ? null : 100 * share))]] },
     { label: "sigma of its place", unit: "m", floor: 0,
       curves: [["worst direction", sigmas.map((sizes) => Math.max(...sizes))], ["best", sigmas.map((sizes) => Math.min(...sizes))]] },
   ].filter(({ curves }) => curves.some(([, values]) => values.some((value) => value !== null)));
@@ -26,7 +26,7 @@ function profileChart(part, content, show) {
   const cursor = make("line", { class: "cursor", y1: 14, y2: total - 38, x1: left, x2: left, visibility: "hidden" });
   svg.append(cursor);
   const said = make("p", { class: "said", role: "status" }, "Point at a place on the track for its numbers; click to see it in the map.");
-  const words = (k) => [content.names[way.scans[k]], `${meters(along[k], 0.1)} along`,
+  const words = (k) => [content.names[track.scans[k]], `${meters(along[k], 0.1)} along`,
     ...strips.flatMap(({ label, unit, curves }) => curves.map(([name, values]) => values[k] !== null && `${name ? `${label}, ${name}` : label} ${short(values[k], unit)}`))].filter(Boolean).join("; ");
   followCursor(svg, along.map(x), width, (k) => {
     cursor.setAttribute("visibility", "visible");
@@ -36,11 +36,11 @@ function profileChart(part, content, show) {
   return make("figure", { class: "profile" }, content.parts.length > 1 ? make("figcaption", {}, part.name) : null, svg, said);
 }
 
-/** How far each pose lies along the track [m]; the way from one survey to another counts nothing. */
-function distances(way, surveys) {
+/** How far each pose lies along the track [m]; the track from one survey to another counts nothing. */
+function distances(track, surveys) {
   let far = 0;
-  return way.places.map((place, k) => {
-    if (k && surveys[way.scans[k]] === surveys[way.scans[k - 1]]) far += lengthOf(minus(place, way.places[k - 1]));
+  return track.places.map((place, k) => {
+    if (k && surveys[track.scans[k]] === surveys[track.scans[k - 1]]) far += lengthOf(minus(place, track.places[k - 1]));
     return far;
   });
 }

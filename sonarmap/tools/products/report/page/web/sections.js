@@ -9,13 +9,13 @@ const WORST = 8; // crossings that are listed
  * @param showPose shows a pose of a part, by their numbers, in the map
  */
 function sectionsOf(content, pictures, decisions, choose, showPose) {
-  const ways = content.parts.map((part, number) => [part, number]).filter(([{ way }]) => way.scans.length > 1);
+  const tracks = content.parts.map((part, number) => [part, number]).filter(([{ track }]) => track.scans.length > 1);
   const against = content.control_points.length ? "Against navigation and control points" : "Against navigation";
   const all = [
     ["loops", "Loops", loopSection(content, decisions, choose)],
     ["ties", "Ties by hand", content.names.length > 1 ? tieSection(content, decisions, choose) : []],
-    ["poses", "Along the track", ways.map(([part, number]) => profileChart(part, content, (k) => showPose(number, k)))],
-    ["crossings", "Crossings of the track", crossingSection(content, choose)],
+    ["poses", "Along the track", tracks.map(([part, number]) => profileChart(part, content, (k) => showPose(number, k)))],
+    ["crossings", "Crossings", crossingSection(content, choose)],
     ["navigation", against, [...navigationSection(content), ...controlResiduals(content.control_points)]],
     ["control", "Control points by hand", controlSection(content, decisions)],
     ["pictures", "Pictures", Object.entries(pictures).map(([name, url]) => picture(name, url))],
@@ -71,7 +71,7 @@ function crossingSection({ crossings, names }, choose) {
   if (!crossings.pairs) return [];
   const row = (name, suffix) => [name, short(crossings[`before${suffix}`], "m"), short(crossings[`after${suffix}`], "m")];
   return [
-    make("p", {}, `How far points of one pass lie from the surface of another, over ${crossings.pairs} pairs of scans that
+    make("p", {}, `How far points of one scan lie from the surface of another, over ${crossings.pairs} pairs of scans that
       overlap but were not taken one soon after the other. The ranges' noise is part of it.`),
     table(["distance", "before the loops", "after"], [row("median", ""), row("90th percentile", "_90")]),
     ...(crossings.rows.length ? crossingRows(crossings.rows, names, choose) : []),
@@ -88,7 +88,7 @@ function crossingRows(rows, names, choose) {
   ];
   return [
     chart("Median distance at a crossing", "m", rows.map((_, k) => k + 1),
-      [curve("after", "after_m"), curve("before the loops", "before_m")], "crossings, from the smallest distance to the largest"),
+      [curve("after", "after_m"), curve("before the loops", "before_m")], "crossings, from the nearest to the farthest"),
     make("p", {}, "Those that lie farthest apart after the loops; click on a pair to see it in the map."),
     table(["scans", "median before", "median after", "90th percentile after"], worst.map(line)),
   ];

@@ -1,7 +1,7 @@
 // The form beside the map, and what it says of what was picked.
 
 const LAYERS = {
-  points: "points", doubtful: "false echoes, left out", way: "track of the sensor", before: "track before the loops", ellipsoids: "ellipsoids",
+  points: "points", doubtful: "false echoes, left out", track: "track", before: "track before the loops", ellipsoids: "ellipsoids",
   kept: "kept", refused: "refused", decided: "ties by hand", control: "control points",
 };
 const NAMES = { echo: "echo", sigma: "sigma", seen: "seen", scan: "scan", survey: "survey" };
@@ -55,7 +55,7 @@ function layerBoxes(view, unpackDoubtful) {
   const { part } = view;
   const counts = { kept: 0, refused: 0 };
   for (const pair of view.pairs) counts[pair.kept ? "kept" : "refused"]++;
-  const there = { doubtful: part.doubtful, before: part.way.before, kept: counts.kept, refused: counts.refused };
+  const there = { doubtful: part.doubtful, before: part.track.before, kept: counts.kept, refused: counts.refused };
   const change = async (name, on) => {
     view.shown[name] = on;
     if (name === "doubtful" && on && !view.doubtful) view.showDoubtful(await unpackDoubtful());

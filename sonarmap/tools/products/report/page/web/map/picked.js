@@ -26,7 +26,7 @@ function tieRows(decisions, pair) {
 function pointRows(view, content, hit) {
   const scan = view.points.columns.scan[hit.point];
   const name = () => {
-    const point = toSensor(view.part.way, view.part.way.scans.indexOf(scan), hit.place);
+    const point = toSensor(view.part.track, view.part.track.scans.indexOf(scan), hit.place);
     const form = namedForm(view.decisions, view.decisions.nameControl(content.names[scan], point), view);
     button.replaceWith(form);
     told.hidden = true; // the form is long enough
@@ -39,7 +39,7 @@ function pointRows(view, content, hit) {
 
 /** A pose, and a button that ties its scan to another. */
 function poseRows(view, content, k) {
-  const tie = make("button", { type: "button", onclick: () => view.tie(view.part.way.scans[k]) }, "Tie to another scan");
+  const tie = make("button", { type: "button", onclick: () => view.tie(view.part.track.scans[k]) }, "Tie to another scan");
   return [poseList(view, content, k), ...(content.names.length > 1 ? [tie] : [])];
 }
 
@@ -98,11 +98,11 @@ function doubtfulList(view, content, { doubtful, place }) {
 }
 
 function poseList(view, content, k) {
-  const { way } = view.part;
-  const sigmas = way.half_axes[k].map(lengthOf);
+  const { track } = view.part;
+  const sigmas = track.half_axes[k].map(lengthOf);
   return list("Sensor", [
-    ["scan", content.names[way.scans[k]]],
-    ...placeRows(view, way.places[k], 0.001),
+    ["scan", content.names[track.scans[k]]],
+    ...placeRows(view, track.places[k], 0.001),
     ["standard deviation", `${short(Math.max(...sigmas), "m")} in the worst direction, ${short(Math.min(...sigmas), "m")} in the best`],
   ]);
 }
@@ -110,7 +110,7 @@ function poseList(view, content, k) {
 function pairRows(content, pair) {
   const scans = ["scans", `${content.names[pair.target]} and ${content.names[pair.source]}`];
   if (pair.role === "crossing")
-    return [list("Crossings of the track", [scans,
+    return [list("Crossing", [scans,
       ["before the loops", `${short(pair.before_m, "m")} apart (median), ${short(pair.before_90_m, "m")} (90th percentile)`],
       ["after", `${short(pair.after_m, "m")} apart (median), ${short(pair.after_90_m, "m")} (90th percentile)`],
     ])];
