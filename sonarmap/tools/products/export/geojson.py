@@ -1,5 +1,4 @@
 # pyright: strict, reportMissingTypeStubs=false, reportUnknownMemberType=false
-# pyright: reportUnknownVariableType=false, reportUnknownArgumentType=false
 """Track, scans and loops as GeoJSON (RFC 7946): longitude, latitude [deg, WGS84] and height [m]."""
 
 from itertools import pairwise

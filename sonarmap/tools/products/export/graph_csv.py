@@ -1,6 +1,5 @@
 """The pose graph: graph.g2o, and beside it the name, time and frame of every vertex, for which g2o has no place."""
 # pyright: strict, reportMissingTypeStubs=false, reportUnknownMemberType=false
-# pyright: reportUnknownVariableType=false, reportUnknownArgumentType=false
 
 from pathlib import Path
 

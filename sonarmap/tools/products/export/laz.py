@@ -1,5 +1,4 @@
 # pyright: strict, reportMissingTypeStubs=false, reportUnknownMemberType=false
-# pyright: reportUnknownVariableType=false, reportUnknownArgumentType=false
 """LAZ 1.4, point format 6: the map's points, projected, with what map.ply says of each."""
 
 from collections.abc import Mapping

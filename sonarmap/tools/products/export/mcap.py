@@ -1,5 +1,4 @@
 # pyright: strict, reportMissingTypeStubs=false, reportUnknownMemberType=false
-# pyright: reportUnknownVariableType=false, reportUnknownArgumentType=false
 """The map, its track and poses over time as MCAP with messages of ROS 2.
 
 Foxglove, Lichtblick and Rerun open these, and so do RViz, `ros2 bag`, rosbags and evo, which know no Foxglove messages.

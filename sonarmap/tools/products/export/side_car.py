@@ -1,5 +1,4 @@
 # pyright: strict, reportMissingTypeStubs=false, reportUnknownMemberType=false
-# pyright: reportUnknownVariableType=false, reportUnknownArgumentType=false
 """What stands beside every exported file: map.laz.json says what map.laz is, and what it was made from."""
 
 from pathlib import Path

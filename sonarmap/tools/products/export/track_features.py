@@ -1,5 +1,4 @@
 # pyright: strict, reportMissingTypeStubs=false, reportUnknownMemberType=false
-# pyright: reportUnknownVariableType=false, reportUnknownArgumentType=false
 """The track, the scans and the loops of a map as features with attributes: the same in every vector format."""
 
 from collections.abc import Iterator

@@ -1,5 +1,4 @@
 # pyright: strict, reportMissingTypeStubs=false, reportUnknownMemberType=false
-# pyright: reportUnknownVariableType=false, reportUnknownArgumentType=false
 """The pose graph with all that a g2o file has no words for: graph.json, which loses nothing."""
 
 from collections.abc import Mapping, Sequence

@@ -6,12 +6,12 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from sonarmap.tools.products.report.map_picture import add_level_bar, draw_cloud, level_colors
+from sonarmap.tools.products.report.small_png import write_png
 from sonarmap.tools.products.report.survey.image import Cloud
 from sonarmap.tools.products.report.survey.layout import extent_of, twice
 from sonarmap.tools.products.report.survey.sheet import open_sheet
 from sonarmap.tools.products.report.survey.track import draw_track, inks_of, track_legend
 from sonarmap.tools.products.report.survey.view import VERDICTS, PartView, Verdict
-from sonarmap.tools.products.report.survey.write import write_png
 
 if TYPE_CHECKING:
     from matplotlib.artist import Artist

@@ -6,13 +6,13 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
+from sonarmap.tools.products.report.small_png import write_png
 from sonarmap.tools.products.report.survey.frame import MapFrame
 from sonarmap.tools.products.report.survey.image import Cloud, color_range, seen_from_above
 from sonarmap.tools.products.report.survey.layout import extent_of, layout
 from sonarmap.tools.products.report.survey.sheet import Sheet, add_color_bar, open_sheet
 from sonarmap.tools.products.report.survey.track import draw_track, inks_of, track_legend
 from sonarmap.tools.products.report.survey.view import PartView
-from sonarmap.tools.products.report.survey.write import write_png
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes

@@ -7,10 +7,10 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from sonarmap.tools.products.report.labels import shrink
+from sonarmap.tools.products.report.small_png import write_png
 from sonarmap.tools.products.report.survey.profile import Profile, profile_of
 from sonarmap.tools.products.report.survey.track import number_step
 from sonarmap.tools.products.report.survey.view import PartView
-from sonarmap.tools.products.report.survey.write import write_png
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
