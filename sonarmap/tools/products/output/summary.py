@@ -18,6 +18,7 @@ from sonarmap.tools.files.readers.csv_table import PAIRS
 from sonarmap.tools.files.versions import package_versions
 from sonarmap.tools.products.output.faults import faults
 from sonarmap.tools.products.output.hand import control_fit, control_rows, tie_rows
+from sonarmap.tools.products.output.pairs_file import fields_of
 from sonarmap.tools.products.output.run import SurveyRun
 
 
@@ -59,26 +60,18 @@ def survey_summary(result: SurveyResult, run: SurveyRun) -> dict[str, Any]:
             "edges": len(graph.edges),
             "loops": sum(pair.kept and pair.role == "loop" for pair in result.pairs),
             "bridges": sum(pair.kept and pair.role == "bridge" for pair in result.pairs),
-            "chi_squared_before": solution.chi_squared_before,
-            "chi_squared_after": solution.chi_squared_after,
-            "degrees_of_freedom": solution.degrees_of_freedom,
-            "iterations": solution.iterations,
-            "converged": solution.converged,
+            **fields_of(solution, "chi_squared_before", "chi_squared_after"),
+            **fields_of(solution, "degrees_of_freedom", "iterations", "converged"),
         },
     }
 
 
 def scan_rows(result: SurveyResult, names: Sequence[str]) -> list[dict[str, Any]]:
     """What each scan is, and how sure its pose."""
+    columns = zip(result.trajectory.stamps, result.surveys, result.covariances, strict=True)
     return [
-        {
-            "index": k,
-            "name": name,
-            "stamp": result.trajectory.stamps[k],
-            "survey": result.surveys[k],
-            "covariance": result.covariances[k],
-        }
-        for k, name in enumerate(names)
+        {"index": k, "name": name, "stamp": stamp, "survey": survey, "covariance": covariance}
+        for k, (name, (stamp, survey, covariance)) in enumerate(zip(names, columns, strict=True))
     ]
 
 

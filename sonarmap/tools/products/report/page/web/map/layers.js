@@ -1,17 +1,17 @@
 // The lines of the map: the track, its ellipsoids and the loops, as pieces [[begin, end], ...] [m].
 
 const LINES = {
-  track: { color: [0.9, 0.35, 0], width: 2.5, dash: 0 },
-  ellipsoids: { color: [0.9, 0.35, 0], width: 1, dash: 0 },
-  kept: { color: [0.2, 0.62, 0.95], width: 1.2, dash: 0 },
+  track: { color: [0.9, 0.35, 0], width: 2.5 },
+  ellipsoids: { color: [0.9, 0.35, 0], width: 1 },
+  kept: { color: [0.2, 0.62, 0.95], width: 1.2 },
   refused: { color: [0.85, 0.4, 0.7], width: 1.5, dash: 6 },
   before: { color: [0.55, 0.5, 0.6], width: 1.8, dash: 4 },
-  accepted: { color: [0, 0.62, 0.45], width: 3.5, dash: 0 },
+  accepted: { color: [0, 0.62, 0.45], width: 3.5 },
   rejected: { color: [0.85, 0.4, 0.7], width: 3.5, dash: 6 },
-  control: { color: [0.84, 0.37, 0], width: 2.5, dash: 0, hidden: 0.75 },
-  residuals: { color: [0.9, 0.1, 0.1], width: 2.5, dash: 0, hidden: 0.75 },
-  chosen: { color: [1, 0.85, 0.1], width: 6, dash: 0, hidden: 0.75 },
-  measured: { color: [1, 1, 1], width: 2.5, dash: 0, hidden: 0.75 },
+  control: { color: [0.84, 0.37, 0], width: 2.5, hidden: 0.75 },
+  residuals: { color: [0.9, 0.1, 0.1], width: 2.5, hidden: 0.75 },
+  chosen: { color: [1, 0.85, 0.1], width: 6, hidden: 0.75 },
+  measured: { color: [1, 1, 1], width: 2.5, hidden: 0.75 },
 };
 const CONFIDENCE = 2.7955; // standard deviations of a place in space that hold 95 %
 const CIRCLE = 24; // pieces of a circle
