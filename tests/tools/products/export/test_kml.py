@@ -20,7 +20,7 @@ from sonarmap.tools.products.export.georeferenced import Georeferenced
 from sonarmap.tools.products.export.kml.overlay import pictures_of
 from sonarmap.tools.products.export.kml.write import write_kml, write_kmz
 from tests.tools.products.export.finished import START, local_of_degrees, scattered
-from tests.tools.products.export.folders import georeferenced
+from tests.tools.products.export.folders import georeferenced, timed
 
 NAMES = {"kml": "http://www.opengis.net/kml/2.2", "gx": "http://www.google.com/kml/ext/2.2"}
 PLACES = [(60.0, 11.9995), (-70.0, -60.0002), (-17.5, 179.9999), (10.0, -179.9999), (84.5, 12.0)]
@@ -64,8 +64,7 @@ def test_times(tmp_path: Path) -> None:
     """In order of time, whatever the order of the scans."""
     earth = georeferenced(Georeference(60.0, 5.0), scattered(4))
     stamps = START + np.array([5.0, 0.0, 2.5, 7.625])
-    part = replace(earth.part, trajectory=replace(earth.part.trajectory, stamps=stamps))
-    root = document(written(tmp_path, replace(earth, part=part)))
+    root = document(written(tmp_path, timed(earth, stamps)))
     whens = [datetime.fromisoformat(text).timestamp() for text in texts(root, ".//gx:Track/kml:when")]
     np.testing.assert_allclose(whens, np.sort(stamps), atol=1e-3)
     coordinates = [row.split(",") for row in texts(root, ".//kml:LineString/kml:coordinates")[0].split()]
@@ -74,8 +73,7 @@ def test_times(tmp_path: Path) -> None:
 
 def test_without_times_there_is_no_timed_track(tmp_path: Path) -> None:
     earth = georeferenced(Georeference(60.0, 5.0), scattered(4))
-    part = replace(earth.part, trajectory=replace(earth.part.trajectory, stamps=np.arange(4.0)))
-    root = document(written(tmp_path, replace(earth, part=part)))
+    root = document(written(tmp_path, timed(earth, np.arange(4.0))))
     assert not texts(root, ".//gx:Track/kml:when")
     assert texts(root, ".//kml:Placemark/kml:name") == ["track", "start", "end"]
 

@@ -8,9 +8,9 @@ import pytest
 from scipy.spatial.transform import Rotation
 
 from sonarmap.tools.products.report.page.content import Content
-from tests.tools.products.report.page.browser import Opened, opened
-from tests.tools.products.report.page.decided import AS_WRITTEN, NAMES, click, path_of, saved
-from tests.tools.products.report.page.known_map import A, B, known_content
+from tests.tools.products.report.page.browser import Opened, click, opened
+from tests.tools.products.report.page.decided import AS_WRITTEN, NAMES, path_of, saved
+from tests.tools.products.report.page.known_map import A, B
 
 POINT = {
     "name": "quay, corner",
@@ -27,11 +27,6 @@ POINT = {
 }
 
 
-@pytest.fixture(scope="module")
-def content(tmp_path_factory: pytest.TempPathFactory) -> Content:
-    return known_content(tmp_path_factory.mktemp("known") / "out")
-
-
 @pytest.fixture
 def page(content: Content, tmp_path: Path) -> Iterator[Opened]:
     """A map of scans with names that are hard to write down."""
@@ -45,7 +40,7 @@ def test_a_point_is_named_as_a_control_point(page: Opened, content: Content, tmp
     page.page.evaluate("Object.assign(sonarmap.view.shown, {track: false, kept: false, refused: false}); 0")
     for place in (A, B):
         page.page.evaluate("sonarmap.view.leave()")  # what was picked may lie over the map
-        click(page, place)
+        click(page.page, place)
         page.page.get_by_role("button", name="Name as a control point").click()
     page.page.locator("#picked").get_by_label("name of").fill('quay, "north"')
     for axis, value in (("East", "12,5"), ("North", "-3.25"), ("Up", "abc")):

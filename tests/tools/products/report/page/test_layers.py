@@ -17,7 +17,7 @@ from sonarmap.tools.files.writers.points import write_points
 from sonarmap.tools.products.report.page.content import content_of
 from sonarmap.tools.products.report.page.doubtful import doubtful_of
 from sonarmap.tools.products.report.page.points import unpack
-from tests.tools.products.report.page.browser import Opened, opened, wait_until
+from tests.tools.products.report.page.browser import Opened, click, opened, wait_until
 from tests.tools.products.report.page.known_map import QUANTUM, A, B, folder_of, known_points, written
 
 SHIFT = np.array([0.75, -1.5, 0.25])  # of the track, by the loops
@@ -67,11 +67,9 @@ def test_false_echoes_are_shown_and_picked_when_asked(shown: Opened) -> None:
     hit = page.evaluate(pick, B.tolist())
     assert np.abs(np.array(hit["place"]) - B).max() <= QUANTUM / 2 + 1e-9
     assert "point" in page.evaluate(pick, A.tolist())
-    x, y, _ = page.evaluate(f"place => {view}.camera.project(place)", B.tolist())
-    page.locator("#canvas").click(position={"x": x, "y": y})
-    told = page.locator("#picked").inner_text()
+    click(page, B)
     for words in ("false echo", "1 scan", "4 scans", "scan3"):  # B is the 60th of the points
-        assert words in told
+        assert words in page.locator("#picked").inner_text()
     box.locator("input").uncheck()
     assert page.evaluate(pick, B.tolist()) is None
     page.evaluate(f"{view}.leave(); Object.assign({view}.shown, {{track: true, kept: true}})")
@@ -98,7 +96,7 @@ def test_false_echoes_are_drawn_in_a_color_of_their_own(shown: Opened) -> None:
         page.locator(f"label.{name} input").set_checked(name != "doubtful")
 
 
-def test_the_way_before_the_loops(shown: Opened) -> None:
+def test_the_track_before_the_loops(shown: Opened) -> None:
     page = shown.page
     count = "sonarmap.view.scene.lines.get('before').count"
     assert page.evaluate(count) == 0

@@ -11,19 +11,14 @@ from sonarmap.tools.files.map_folder.folder import read_map_folder
 from sonarmap.tools.products.report.page.content import Content, content_of
 from sonarmap.tools.products.report.page.page import report_text
 from tests.tools.products.export.finished import finished_map
-from tests.tools.products.report.page.browser import WITHOUT_WEBGL, opened, wait_until
-from tests.tools.products.report.page.known_map import DOT, folder_of, known_content, known_points, written
+from tests.tools.products.report.page.browser import WITHOUT_WEBGL, click, opened, wait_until
+from tests.tools.products.report.page.known_map import DOT, folder_of, known_points, written
 
 HOSTILE = (
     "</script><script>window.hurt=1</script>",
     "<img src=x onerror=window.hurt=1>",
     "`${window.hurt=1}`&lt;\udcff",
 )
-
-
-@pytest.fixture(scope="module")
-def content(tmp_path_factory: pytest.TempPathFactory) -> Content:
-    return known_content(tmp_path_factory.mktemp("known") / "out")
 
 
 @pytest.mark.slow
@@ -151,8 +146,7 @@ def test_scans_of_two_parts_are_tied(tmp_path: Path) -> None:
                 wait_until(parts.page, f"sonarmap.view.part === sonarmap.content.parts[{number}]")
             parts.page.evaluate("sonarmap.view.camera.fromAbove()")
             pose = parts.page.evaluate(f"sonarmap.view.part.track.places[{place}]")
-            x, y, _ = parts.page.evaluate("place => sonarmap.view.camera.project(place)", pose)
-            parts.page.locator("#canvas").click(position={"x": x, "y": y})
+            click(parts.page, pose)
             if not number:
                 parts.page.get_by_role("button", name="Tie to another scan").click()
         assert "scan1 and scan7" in parts.page.locator("#picked").inner_text()
