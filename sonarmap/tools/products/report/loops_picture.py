@@ -5,11 +5,11 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from sonarmap.tools.products.report.map_picture import add_level_bar, draw_cloud, level_colors
+from sonarmap.tools.products.report.map_picture import draw_cloud, level_colors
 from sonarmap.tools.products.report.small_png import write_png
 from sonarmap.tools.products.report.survey.image import Cloud
 from sonarmap.tools.products.report.survey.layout import extent_of, twice
-from sonarmap.tools.products.report.survey.sheet import open_sheet
+from sonarmap.tools.products.report.survey.sheet import add_color_bar, open_sheet
 from sonarmap.tools.products.report.survey.track import draw_track, inks_of, track_legend
 from sonarmap.tools.products.report.survey.view import VERDICTS, PartView, Verdict
 
@@ -57,10 +57,9 @@ def loops_figure(view: PartView) -> "Figure":
     sheet = open_sheet(
         twice(*extent_of([cloud.flat for cloud in clouds], places)),
         (f"{view.title}: before and after the loops" if view.title else "Before and after the loops", view.size),
-        (frame.across, frame.up),
+        frame,
         [*track_legend(view, numbers=False), *_legend(loops)],
         frame.note,
-        north=frame.north,
         panel_titles=("before: consecutive registrations, chained", f"after: {_counted(loops['kept'])} kept"),
     )
     panels = [axes for row in sheet.panels for axes in row]
@@ -69,7 +68,7 @@ def loops_figure(view: PartView) -> "Figure":
         draw_cloud(axes, cloud, frame, colors)
         draw_track(axes, view, track, numbers=False)
     _draw_loops(panels[1], places[1], loops)
-    add_level_bar(sheet, colors, view)
+    add_color_bar(sheet, colors, frame)
     return sheet.figure
 
 
