@@ -81,13 +81,13 @@ FORMATS = {
         details="geotiff:geotiff_details",
         beside=("grid{}.qml",),
     ),
-    "kml": ExportFormat("map{}.kml", "kml.write:write_kml", "the track, KML 2.2", "geographic"),
+    "kml": ExportFormat("map{}.kml", "kml:write_kml", "the track, KML 2.2", "geographic"),
     "kmz": ExportFormat(
         "map{}.kmz",
-        "kml.write:write_kmz",
+        "kml:write_kmz",
         "the track and the map as a picture, KMZ",
         "geographic",
-        details="kml.write:kmz_details",
+        details="kml:kmz_details",
     ),
     "csv": ExportFormat(
         "poses{}.csv", "poses_csv:write_poses_csv", "the scans' positions, attitudes and covariances, CSV"

@@ -17,8 +17,8 @@ from scipy.spatial.transform import RigidTransform
 
 from sonarmap.tools.files.geo.georeference import Georeference
 from sonarmap.tools.products.export.georeferenced import Georeferenced
-from sonarmap.tools.products.export.kml.overlay import pictures_of
-from sonarmap.tools.products.export.kml.write import write_kml, write_kmz
+from sonarmap.tools.products.export.kml import write_kml, write_kmz
+from sonarmap.tools.products.export.kml_pictures import pictures_of
 from tests.tools.products.export.finished import START, local_of_degrees, scattered
 from tests.tools.products.export.folders import georeferenced, timed
 

@@ -1,12 +1,14 @@
-"""The KML document of a map: its track, where it starts and ends, and pictures on the ground.
+"""KML and KMZ for Google Earth and the like: a map's track, where it starts and ends, and pictures on the ground.
 
 Everything is clamped to the ground, which on the sea is the water's surface: below it Google Earth's own sea floor,
 coarse and often above the true one, would hide the map. The coordinates have their heights all the same.
 """
 
 import re
+import zipfile
 from collections.abc import Mapping, Sequence
 from html import escape
+from pathlib import Path
 from typing import Any
 from xml.etree import ElementTree
 from xml.etree.ElementTree import Element, SubElement
@@ -15,24 +17,47 @@ import numpy as np
 
 from sonarmap.tools.files.geo.georeference import VERTICALS
 from sonarmap.tools.files.time_scales import utc_text
+from sonarmap.tools.files.writers.atomic import atomic_path
 from sonarmap.tools.products.export.georeferenced import Georeferenced
-from sonarmap.tools.products.export.kml.overlay import Picture
+from sonarmap.tools.products.export.kml_pictures import Picture, legend_of, pictures_of
 
 KML, GX = "http://www.opengis.net/kml/2.2", "http://www.google.com/kml/ext/2.2"
 _CLAMPED = {"altitudeMode": "clampToGround"}
 _TRACK_COLOR = "ff2727d6"  # alpha, blue, green, red
 _NOT_IN_XML = re.compile("[^\t\n\r -\ud7ff\ue000-\ufffd\U00010000-\U0010ffff]")
+_LEGEND = "files/legend.png"  # in a KMZ
 _NARROWEST = 100.0  # of what is in view at first [m]
 
 
-def kml_text(earth: Georeferenced, pictures: Sequence[tuple[str, Picture]] = (), legend: str | None = None) -> bytes:
-    """The document in UTF-8.
+def write_kml(path: Path, earth: Georeferenced) -> None:
+    """Write the track of a part, with times where the scans have them, as KML 2.2."""
+    with atomic_path(path) as temporary:
+        temporary.write_bytes(_document(earth))
 
-    Args:
-        earth: the part of the map.
-        pictures: of the map, with the paths under which they will be in a KMZ.
-        legend: path of the picture that explains their colors.
-    """
+
+def write_kmz(path: Path, earth: Georeferenced) -> None:
+    """Write the same, the map from above as a picture on the ground, and a legend, as KMZ."""
+    pictures = [(f"files/map_{number}.png", picture) for number, picture in enumerate(pictures_of(earth), 1)]
+    # the document comes first, where readers look for it
+    contents = [("doc.kml", _document(earth, pictures)), *((name, picture.png) for name, picture in pictures)]
+    with atomic_path(path) as temporary, zipfile.ZipFile(temporary, "w") as archive:
+        for name, content in (*contents, (_LEGEND, legend_of(earth))):
+            entry = zipfile.ZipInfo(name)
+            entry.external_attr = 0o644 << 16
+            archive.writestr(entry, content, zipfile.ZIP_DEFLATED)
+
+
+def kmz_details(earth: Georeferenced) -> Mapping[str, Any]:
+    """What the picture shows, for the side-car."""
+    return {
+        "picture": "the uppermost surface from above, colored by height from the first to the last percent of the "
+        "points that several scans saw; north up, rows and columns along latitude and longitude",
+        "altitude_mode": "clampToGround: all is drawn on the water's surface, whatever its height",
+    }
+
+
+def _document(earth: Georeferenced, pictures: Sequence[tuple[str, Picture]] = ()) -> bytes:
+    """The document in UTF-8; `pictures` of the map, with the paths under which they will be in a KMZ."""
     root = Element("kml", {"xmlns": KML, "xmlns:gx": GX})
     document = {
         "name": f"{earth.folder.path.resolve().name} map{earth.part.suffix}",
@@ -41,7 +66,7 @@ def kml_text(earth: Georeferenced, pictures: Sequence[tuple[str, Picture]] = (),
         "LookAt": _look_at(earth),
         "Style": {"@id": "track", "LineStyle": {"color": _TRACK_COLOR, "width": "3"}},
         "GroundOverlay": [_overlay(href, picture, number) for number, (href, picture) in enumerate(pictures, 1)],
-        "ScreenOverlay": [_legend(legend)] if legend else [],
+        "ScreenOverlay": [_legend()] if pictures else [],
         "Placemark": [_line(earth), *_timed_track(earth), _place(earth, "start", 0), _place(earth, "end", -1)],
     }
     _fill(root, {"Document": document})
@@ -94,12 +119,12 @@ def _overlay(href: str, picture: Picture, number: int) -> dict[str, Any]:
     return {"name": name, "Icon": {"href": href}, **_CLAMPED, "LatLonBox": box}
 
 
-def _legend(href: str) -> dict[str, Any]:
+def _legend() -> dict[str, Any]:
     """A picture in the lower left corner of the screen, in its own size."""
     places = {"overlayXY": ("0", "0"), "screenXY": ("0.02", "0.06"), "size": ("-1", "-1")}
     units = {"@xunits": "fraction", "@yunits": "fraction"}
     rows = {name: {"@x": x, "@y": y, **units} for name, (x, y) in places.items()}
-    return {"name": "heights", "Icon": {"href": href}, **rows}
+    return {"name": "heights", "Icon": {"href": _LEGEND}, **rows}
 
 
 def _line(earth: Georeferenced) -> dict[str, Any]:
