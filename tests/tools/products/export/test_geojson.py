@@ -2,7 +2,6 @@
 
 import json
 from dataclasses import replace
-from datetime import datetime
 from pathlib import Path
 from typing import Any
 
@@ -12,7 +11,7 @@ import pytest
 from sonarmap.kernels.errors import InputError
 from sonarmap.tools.products.export.geojson import cut_at_180, write_geojson
 from sonarmap.tools.products.export.georeferenced import Georeferenced
-from tests.tools.products.export.poses import PLACES, apart, dive, geodetic_by_hand, with_part
+from tests.tools.products.export.poses import dive, with_part
 
 
 def features_in(path: Path, earth: Georeferenced) -> dict[str, list[dict[str, Any]]]:
@@ -23,22 +22,6 @@ def features_in(path: Path, earth: Georeferenced) -> dict[str, list[dict[str, An
     for feature in content["features"]:
         layers[feature["properties"]["layer"]].append(feature)
     return layers
-
-
-@pytest.mark.parametrize("place", PLACES)
-def test_scans(tmp_path: Path, place: str) -> None:
-    earth = dive(place)
-    scans = features_in(tmp_path, earth)["scans"]
-    written = np.array([scan["geometry"]["coordinates"] for scan in scans])
-    expected = geodetic_by_hand(earth)
-    assert apart(written[:, [1, 0]], expected).max() < 1e-4
-    np.testing.assert_allclose(written[:, 2], expected[:, 2], atol=1e-4)
-    for k, scan in enumerate(scans):
-        says = scan["properties"]
-        assert (says["name"], says["scan"], says["height_reference"]) == (f"scan_{k}", k, "surface")
-        assert datetime.fromisoformat(says["utc"]).timestamp() == pytest.approx(1.7e9 + 2.5 * k, abs=1e-3)
-        assert says["pitch_deg"] == pytest.approx(k - 7)
-        assert says["depth_m"] == pytest.approx(31.25 - 0.5 * k)
 
 
 def test_track_and_loops(tmp_path: Path) -> None:

@@ -19,7 +19,7 @@ from sonarmap.tools.files.geo.georeference import Georeference
 from sonarmap.tools.products.export.georeferenced import Georeferenced
 from sonarmap.tools.products.export.kml import write_kml, write_kmz
 from sonarmap.tools.products.export.kml_pictures import pictures_of
-from tests.tools.products.export.finished import START, local_of_degrees, scattered
+from tests.tools.products.export.finished import START, scattered
 from tests.tools.products.export.folders import georeferenced, timed
 
 NAMES = {"kml": "http://www.opengis.net/kml/2.2", "gx": "http://www.google.com/kml/ext/2.2"}
@@ -43,21 +43,6 @@ def written(folder: Path, earth: Georeferenced, kind: str = "kml") -> Path:
     write = write_kml if kind == "kml" else write_kmz
     write(folder / f"map.{kind}", earth)
     return folder / f"map.{kind}"
-
-
-@pytest.mark.parametrize("place", PLACES)
-def test_the_track_is_where_a_second_way_has_it(place: tuple[float, float], tmp_path: Path) -> None:
-    here = Georeference(*place, height=-4.5, heading=37.0)
-    earth = georeferenced(here, scattered(6))
-    root = document(written(tmp_path, earth))
-    (line,) = texts(root, ".//kml:LineString/kml:coordinates")
-    track = texts(root, ".//gx:Track/gx:coord")
-    for rows in ([row.split(",") for row in line.split()], [row.split() for row in track]):
-        longitude, latitude, height = np.array(rows, float).T
-        back = local_of_degrees(np.column_stack([latitude, longitude, height]), here)
-        np.testing.assert_allclose(back, earth.part.trajectory.T_world_sensor.translation, atol=1e-3)
-    ends = texts(root, ".//kml:Point/kml:coordinates")
-    assert ends == [line.split()[0], line.split()[-1]]
 
 
 def test_times(tmp_path: Path) -> None:
