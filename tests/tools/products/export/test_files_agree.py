@@ -103,9 +103,9 @@ def test_attitudes(exported: tuple[Path, MapFolder]) -> None:
     np.testing.assert_allclose(apart, 0, atol=1e-6)
     features = json.loads((out / "track.geojson").read_text())["features"]
     says = [f["properties"] for f in features if f["properties"]["layer"] == "scans"]
+    assert [each["depth_m"] for each in says] == pytest.approx([float(row["depth_m"]) for row in rows], abs=1e-5)
     assert [(each["name"], each["utc"]) for each in says] == [(row["name"], row["utc"]) for row in rows]
     for name in (
-        "depth_m",
         "roll_deg",
         "pitch_deg",
         "heading_deg",
