@@ -27,8 +27,8 @@ def command(
 ) -> None:
     """Open a finished map's report, OUT/report.html, in the browser.
 
-    The report is one file with the map in 3D, the track, the loops with their reasons and the settings. It
-    needs no network and no other file, so it can be copied and sent. `--write --no-open` writes it where there is no
+    The report is one file with the map in 3D, the track, the loops with their reasons and the settings. It needs no
+    network and no other file, so it can be copied and sent. `--write --no-open` writes it where there is no
     browser.
     """
     from sonarmap.tools.files.map_folder.names import REPORT

@@ -1,5 +1,5 @@
 # pyright: strict, reportMissingTypeStubs=false, reportUnknownMemberType=false
-"""The pose of every scan as a table: docs/export-poses.md says what its columns are.
+"""The pose of every scan as a table: docs/formats/output.md says what its columns are.
 
 The first line names the columns and no comment stands before it: neither Excel nor QGIS nor Python's csv skips
 comments. Units are in the names, the projected CRS and what heights count from in columns of their own.

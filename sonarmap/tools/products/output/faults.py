@@ -210,7 +210,7 @@ def _open_parts(result: SurveyResult, constrained: set[int]) -> Iterator[str]:
         if graph.lies_in_world(members):
             continue
         if constrained.isdisjoint(members):
-            yield f"no control point is in a scan of {part}; it is not held to the world by any"
+            yield f"no control point is in a scan of {part}, so nothing fixes its place in the world"
         else:
             free = [_OPEN[name] for name, open_ in zip(MEASURED, graph.unmeasured[members[0]], strict=True) if open_]
             yield (

@@ -60,7 +60,8 @@ def _crossings(summary: Mapping[str, Any]) -> str:
     error = summary["crossing_error_m"]
     if not error["pairs"]:
         return ""
-    return f"; crossings lie {error['after']:.2g} m apart ({error['before']:.2g} m before the loops)"
+    after, before = error["after"], error["before"]
+    return f"; where the track crosses itself scans lie {after:.2g} m apart ({before:.2g} m before the loops)"
 
 
 def _concerns(summary: Mapping[str, Any], names: Sequence[str]) -> list[str]:

@@ -56,7 +56,7 @@ def track_legend(view: PartView, *, numbers: bool = True) -> list["Artist"]:
     legs = view.legs()
     entries: list[Artist] = []
     for k, (number, leg) in enumerate(legs.items()):
-        name = "track" if len(legs) == 1 else view.survey_names[number]
+        name = "track of the sensor" if len(legs) == 1 else view.survey_names[number]
         entries.append(Line2D([], [], label=f"{name}, {counted_scans(len(leg))}", linewidth=1.8, **look_of(k)))
     color = look_of(0)["color"] if len(legs) == 1 else "0.3"
     for shape, end, name in (("o", "start", view.names[0]), ("s", "end", view.names[-1])):

@@ -7,9 +7,9 @@ from pathlib import Path
 
 import numpy as np
 import pytest
+from sonarmap.tools.files.writers.pcd import write_pcd
 
 from sonarmap.tools.files.geo.georeference import Georeference
-from sonarmap.tools.files.writers.pcd import write_pcd
 from sonarmap.tools.files.writers.points import write_points
 from sonarmap.tools.products.export.georeferenced import Georeferenced
 from sonarmap.tools.products.export.laz import write_laz

@@ -27,7 +27,8 @@ def summary(**changes: Any) -> dict[str, Any]:
 def test_all_is_well() -> None:
     judged = verdict(summary(), NAMES)
     assert judged.sentence == (
-        "All 9 scans lie in one map; 2 of 3 loops were kept; crossings lie 0.073 m apart (0.51 m before the loops)."
+        "All 9 scans lie in one map; 2 of 3 loops were kept; where the track crosses itself scans lie 0.073 m "
+        "apart (0.51 m before the loops)."
     )
     assert judged.concerns == ()
 

@@ -61,7 +61,7 @@ def test_the_words_say_what_it_is() -> None:
     assert texts_of(figure) == ["harbor, 2024-05-17", "12 scans, 216 points, voxel 0.5 m", KINDS["small"].frame.note]
     axes = figure.axes[0]
     assert (axes.get_xlabel(), axes.get_ylabel()) == ("x [m]", "y [m]")
-    assert legend_of(figure)[:3] == ["track, 12 scans", "start: scan_000", "end: scan_011"]
+    assert legend_of(figure)[:3] == ["track of the sensor, 12 scans", "start: scan_000", "end: scan_011"]
     assert "N" not in [text.get_text() for each in figure.axes for text in each.texts]
 
 

@@ -15,7 +15,7 @@ function sectionsOf(content, pictures, decisions, choose, showPose) {
     ["loops", "Loops", loopSection(content, decisions, choose)],
     ["ties", "Ties by hand", content.names.length > 1 ? tieSection(content, decisions, choose) : []],
     ["poses", "Along the track", tracks.map(([part, number]) => profileChart(part, content, (k) => showPose(number, k)))],
-    ["crossings", "Crossings", crossingSection(content, choose)],
+    ["crossings", "Crossings of the track", crossingSection(content, choose)],
     ["navigation", against, [...navigationSection(content), ...controlResiduals(content.control_points)]],
     ["control", "Control points by hand", controlSection(content, decisions)],
     ["pictures", "Pictures", Object.entries(pictures).map(([name, url]) => picture(name, url))],
@@ -88,7 +88,7 @@ function crossingRows(rows, names, choose) {
   ];
   return [
     chart("Median distance at a crossing", "m", rows.map((_, k) => k + 1),
-      [sorted("after", "after_m"), sorted("before the loops", "before_m")], "crossings, from the nearest to the farthest"),
+      [sorted("after", "after_m"), sorted("before the loops", "before_m")], "crossings, from the smallest distance to the largest"),
     make("p", {}, "Those that lie farthest apart after the loops; click on a pair to see it in the map."),
     table(["scans", "median before", "median after", "90th percentile after"], worst.map(line)),
   ];

@@ -97,7 +97,7 @@ function fileButtons(decisions, kind, text) {
     }
   };
   const buttons = make("div", { class: "buttons" },
-    button(`Save ${kind}.csv`, save, { class: "save" }), button("Forget all that is new", () => decisions.forget(kind)), said);
+    button(`Save ${kind}.csv`, save, { class: "save" }), button("Discard new decisions", () => decisions.forget(kind)), said);
   const update = () => {
     buttons.hidden = !decisions[kind].length;
     if (decisions.lost) said.textContent = "This browser keeps nothing for pages on disk: save the file before you close this page.";

@@ -1,7 +1,7 @@
 // The form beside the map, and what it says of what was picked.
 
 const LAYERS = {
-  points: "points", doubtful: "false echoes, left out", track: "track", before: "track before the loops", ellipsoids: "ellipsoids",
+  points: "points", doubtful: "false echoes, left out", track: "track of the sensor", before: "track before the loops", ellipsoids: "ellipsoids",
   kept: "kept", refused: "refused", decided: "ties by hand", control: "control points",
 };
 const NAMES = { echo: "echo", sigma: "sigma", seen: "seen", scan: "scan", survey: "survey" };

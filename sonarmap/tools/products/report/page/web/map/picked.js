@@ -104,7 +104,7 @@ function poseList(view, content, k) {
 function pairRows(content, pair) {
   const scans = ["scans", `${content.names[pair.target]} and ${content.names[pair.source]}`];
   if (pair.role === "crossing")
-    return [list("Crossing", [scans,
+    return [list("Crossings of the track", [scans,
       ["before the loops", `${short(pair.before_m, "m")} apart (median), ${short(pair.before_90_m, "m")} (90th percentile)`],
       ["after", `${short(pair.after_m, "m")} apart (median), ${short(pair.after_90_m, "m")} (90th percentile)`],
     ])];
