@@ -7,7 +7,6 @@ from pathlib import Path
 import numpy as np
 import pytest
 from scipy.spatial.transform import RigidTransform
-from sonarmap.tools.files.writers.tum import write_tum
 
 from sonarmap.kernels.errors import InputError
 from sonarmap.slam.graph.trajectory import Trajectory
@@ -17,6 +16,7 @@ from sonarmap.tools.files.readers.poses.gt_log import read_gt_log
 from sonarmap.tools.files.readers.poses.trajectory import read_kitti
 from sonarmap.tools.files.readers.poses.tum import read_tum
 from sonarmap.tools.files.writers.json_text import to_json, write_json
+from sonarmap.tools.files.writers.trajectory import write_trajectory, write_tum
 from sonarmap.tools.products.output.run import SurveyRun
 from sonarmap.tools.products.output.summary import survey_summary
 from tests.samples.surveys import KnowingRegistrar, random_transforms, ring_poses, scans_of

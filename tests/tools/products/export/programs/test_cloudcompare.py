@@ -7,7 +7,6 @@ from pathlib import Path
 
 import numpy as np
 import pytest
-from sonarmap.tools.files.writers.pcd import write_pcd
 
 from sonarmap.tools.files.geo.georeference import Georeference
 from sonarmap.tools.files.writers.points import write_points
@@ -67,7 +66,7 @@ def test_pcl_reads_every_field(tmp_path: Path) -> None:
     if command is None:
         pytest.skip("PCL's programs are not installed (Debian: pcl-tools)")
     part = made_up().part
-    write_pcd(tmp_path / "map.pcd", part.points, part.columns)
+    write_points(tmp_path / "map.pcd", part.points, part.columns)
     subprocess.run([command, tmp_path / "map.pcd", tmp_path / "text.pcd", "0"], capture_output=True, check=True)
     lines = (tmp_path / "text.pcd").read_text().splitlines()
     (fields,) = (line.split()[1:] for line in lines if line.startswith("FIELDS"))
