@@ -203,7 +203,7 @@ def _map(survey: SurveyInput, options: ExecutionOptions, output: MapOutput, quie
     from sonarmap.tools.files.inputs import input_rows
     from sonarmap.tools.files.map_folder.names import JOURNAL
     from sonarmap.tools.products.output.folder import write_survey
-    from sonarmap.tools.products.output.times import survey_times
+    from sonarmap.tools.products.output.run import SurveyRun, survey_times
 
     read, method, settings, out = survey.read, survey.method, survey.settings, output.out
     prepared = prepared_limit(method.registrar, options.processes)
@@ -216,7 +216,8 @@ def _map(survey: SurveyInput, options: ExecutionOptions, output: MapOutput, quie
             step(0, len(read.scans), "preparing the first scans")
             result = mapper.run(read.scans, step, read.surveys, survey.odometry, survey.ties, survey.control)
         times = survey_times(execution.timings, options.place)
-        described = (method.device, read.unread, output.also, times, inputs, survey.georeference)
+        names = [scan.name for scan in read.scans]
+        run = SurveyRun(names, settings, method.device, read.unread, inputs, survey.georeference, times)
         with stage("writing", quiet):
-            write_survey(out, result, [scan.name for scan in read.scans], settings, *described)
+            write_survey(out, result, run, output.also)
     return result

@@ -3,22 +3,18 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Callable, Mapping
 from dataclasses import dataclass
 from importlib import import_module
-from typing import TYPE_CHECKING, Any, Literal, TypeAlias
+from typing import TYPE_CHECKING, Any, Literal
 
 from sonarmap.tools.files.time_scales import TIMES
 
 if TYPE_CHECKING:  # the command line names the formats in its help, which is to come at once
+    from collections.abc import Mapping
     from pathlib import Path
 
     from sonarmap.tools.files.map_folder.folder import MapFolder, MapPart
     from sonarmap.tools.products.export.georeferenced import Georeferenced
-
-    # The file, the map, one part of it, and that part on the Earth (None: its place is not known)
-    Writer: TypeAlias = Callable[[Path, MapFolder, MapPart, Georeferenced | None], None]
-    Details: TypeAlias = Callable[[MapPart, Georeferenced | None], Mapping[str, Any]]
 
 
 @dataclass(frozen=True, slots=True)
@@ -27,22 +23,22 @@ class ExportFormat:
 
     Attributes:
         file: its name, with a place for the part's suffix.
-        write: writes it.
-        needs_place: whether it holds places on the Earth, so that a part without one cannot be written.
+        writer: "module:function" of tools/products/export, loaded when it is called with the file's path and the part
+            of a map: as `Georeferenced` where the format needs a place, else as folder, part, and `Georeferenced` or
+            None. It raises an InputError where a file cannot be written.
         words: what it is.
         coordinates: which its numbers are: projected, latitude and longitude, or the map's own.
-        details: what its side-car says beside what all of them say.
+        details: "module:function" that returns what the side-car of a `Georeferenced` says beside what all of them say.
         of_all_parts: whether one file is about all parts of a map.
-        beside: the names of further files that `write` may write.
+        beside: the names of further files that the writer may write.
         stamps: from where on and up to where the scans' stamps must lie [s].
     """
 
     file: str
-    write: Writer
-    needs_place: bool
+    writer: str
     words: str
     coordinates: Literal["projected", "geographic", "map"] = "projected"
-    details: Details | None = None
+    details: str = ""
     of_all_parts: bool = False
     beside: tuple[str, ...] = ()
     stamps: tuple[float, float] = (-math.inf, math.inf)
@@ -52,117 +48,85 @@ class ExportFormat:
         """The names of all its files, each with a place for the part's suffix."""
         return self.file, *self.beside
 
+    @property
+    def needs_place(self) -> bool:
+        """Whether it holds places on the Earth, so that a part without one cannot be written."""
+        return self.coordinates != "map"
 
-def _late(module: str, function: str) -> Callable[..., Any]:
-    """A function of tools/products/export that is loaded when it is called."""
+    def write(self, path: Path, folder: MapFolder, part: MapPart, earth: Georeferenced | None) -> None:
+        """Write one part of a map.
 
-    def call(*arguments: Any) -> Any:
-        return getattr(import_module(f"sonarmap.tools.products.export.{module}"), function)(*arguments)
+        Raises:
+            InputError: a file cannot be written.
+        """
+        given = (earth,) if self.needs_place else (folder, part, earth)
+        _loaded(self.writer)(path, *given)
 
-    return call
+    def details_of(self, earth: Georeferenced | None) -> Mapping[str, Any]:
+        """What this format's side-car says beside what all of them say."""
+        return _loaded(self.details)(earth) if self.details else {}
+
+
+def _loaded(name: str) -> Any:
+    module, function = name.split(":")
+    return getattr(import_module(f"sonarmap.tools.products.export.{module}"), function)
 
 
 FORMATS = {
-    "laz": ExportFormat(
-        "map{}.laz",
-        _late("laz", "write_laz"),
-        needs_place=True,
-        words="the map's points, LAZ 1.4",
-        details=_late("laz", "laz_details"),
-    ),
+    "laz": ExportFormat("map{}.laz", "laz:write_laz", "the map's points, LAZ 1.4", details="laz:laz_details"),
     "geotiff": ExportFormat(
         "grid{}.tif",
-        _late("geotiff", "write_geotiff"),
-        needs_place=True,
-        words="a grid of heights from above, with standard deviation and count, GeoTIFF, and its style for QGIS",
-        details=_late("geotiff", "geotiff_details"),
+        "geotiff:write_geotiff",
+        "a grid of heights from above, with standard deviation and count, GeoTIFF, and its style for QGIS",
+        details="geotiff:geotiff_details",
         beside=("grid{}.qml",),
     ),
-    "kml": ExportFormat(
-        "map{}.kml",
-        _late("kml.write", "write_kml"),
-        needs_place=True,
-        words="the track, KML 2.2",
-        coordinates="geographic",
-    ),
+    "kml": ExportFormat("map{}.kml", "kml:write_kml", "the track, KML 2.2", "geographic"),
     "kmz": ExportFormat(
         "map{}.kmz",
-        _late("kml.write", "write_kmz"),
-        needs_place=True,
-        words="the track and the map as a picture, KMZ",
-        coordinates="geographic",
-        details=_late("kml.write", "kmz_details"),
+        "kml:write_kmz",
+        "the track and the map as a picture, KMZ",
+        "geographic",
+        details="kml:kmz_details",
     ),
     "csv": ExportFormat(
-        "poses{}.csv",
-        _late("poses_csv", "write_poses_csv"),
-        needs_place=True,
-        words="the scans' positions, attitudes and covariances, CSV",
+        "poses{}.csv", "poses_csv:write_poses_csv", "the scans' positions, attitudes and covariances, CSV"
     ),
     "eiva-position": ExportFormat(
         "eiva_position{}.txt",
-        _late("eiva", "write_eiva_position"),
-        needs_place=True,
-        words="the scans' positions for EIVA NaviEdit",
-        coordinates="geographic",
+        "eiva:write_eiva_position",
+        "the scans' positions for EIVA NaviEdit",
+        "geographic",
         stamps=TIMES,  # NaviEdit merges by them
     ),
     "eiva-attitude": ExportFormat(
         "eiva_attitude{}.txt",
-        _late("eiva", "write_eiva_attitude"),
-        needs_place=True,
-        words="the scans' attitudes for EIVA NaviEdit",
-        coordinates="geographic",
+        "eiva:write_eiva_attitude",
+        "the scans' attitudes for EIVA NaviEdit",
+        "geographic",
         stamps=TIMES,
     ),
     "geojson": ExportFormat(
-        "track{}.geojson",
-        _late("geojson", "write_geojson"),
-        needs_place=True,
-        words="track, scans and loops, GeoJSON",
-        coordinates="geographic",
+        "track{}.geojson", "geojson:write_geojson", "track, scans and loops, GeoJSON", "geographic"
     ),
-    "gpkg": ExportFormat(
-        "track{}.gpkg",
-        _late("geopackage", "write_geopackage"),
-        needs_place=True,
-        words="track, scans and loops, GeoPackage",
-    ),
+    "gpkg": ExportFormat("track{}.gpkg", "geopackage:write_geopackage", "track, scans and loops, GeoPackage"),
     "mcap": ExportFormat(
         "map{}.mcap",
-        _late("mcap", "write_mcap"),
-        needs_place=False,
-        words="cloud, poses, track and positions as messages of ROS 2, MCAP",
-        coordinates="map",
+        "mcap:write_mcap",
+        "cloud, poses, track and positions as messages of ROS 2, MCAP",
+        "map",
         stamps=(0.0, 2.0**31),  # of a ROS time
     ),
     "pcd": ExportFormat(
-        "map{}.pcd",
-        _late("plain", "write_cloud"),
-        needs_place=False,
-        words="the map's points, PCD 0.7 in float32 beside an origin",
-        coordinates="map",
+        "map{}.pcd", "plain:write_cloud", "the map's points, PCD 0.7 in float32 beside an origin", "map"
     ),
-    "tum": ExportFormat(
-        "trajectory{}.tum",
-        _late("plain", "write_poses"),
-        needs_place=False,
-        words="the poses with their times, TUM",
-        coordinates="map",
-    ),
-    "kitti": ExportFormat(
-        "trajectory{}.kitti",
-        _late("plain", "write_poses"),
-        needs_place=False,
-        words="the poses as 3x4 matrices, KITTI",
-        coordinates="map",
-    ),
+    "tum": ExportFormat("trajectory{}.tum", "plain:write_poses", "the poses with their times, TUM", "map"),
+    "kitti": ExportFormat("trajectory{}.kitti", "plain:write_poses", "the poses as 3x4 matrices, KITTI", "map"),
     "g2o": ExportFormat(
         "graph{}.csv",
-        _late("graph_csv", "write_graph"),
-        needs_place=False,
-        words="the pose graph, g2o, and beside it the name, time and frame of its vertices, CSV",
-        coordinates="map",
+        "graph_csv:write_graph",
+        "the pose graph, g2o, and beside it the name, time and frame of its vertices, CSV",
+        "map",
         of_all_parts=True,
         beside=("graph{}.g2o",),
     ),

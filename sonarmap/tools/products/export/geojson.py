@@ -1,5 +1,4 @@
 # pyright: strict, reportMissingTypeStubs=false, reportUnknownMemberType=false
-# pyright: reportUnknownVariableType=false, reportUnknownArgumentType=false
 """Track, scans and loops as GeoJSON (RFC 7946): longitude, latitude [deg, WGS84] and height [m]."""
 
 from itertools import pairwise
@@ -8,43 +7,31 @@ from typing import Any
 
 import numpy as np
 
-from sonarmap.tools.files.map_folder.folder import MapFolder, MapPart
 from sonarmap.tools.files.writers.json_text import write_json
 from sonarmap.tools.products.export.georeferenced import Georeferenced
-from sonarmap.tools.products.export.navigation import Navigation
 from sonarmap.tools.products.export.track_features import Feature, features_of
 
 
-def write_geojson(path: Path, folder: MapFolder, part: MapPart, earth: Georeferenced) -> None:
+def write_geojson(path: Path, earth: Georeferenced) -> None:
     """Write a FeatureCollection; the property `layer` of a feature is track, scans or loops.
 
     A line across the 180th meridian is cut there (RFC 7946, section 3.1.9). Heights count from the property
     `height_reference`, which the RFC wants to be the WGS84 ellipsoid.
-
-    Raises:
-        InputError: the file cannot be written.
     """
-    navigation = Navigation.of(earth)
-    features = [_feature(each, navigation) for each in features_of(earth, navigation)]
+    features = [_feature(each, earth.poses[each.scans][:, [1, 0, 2]]) for each in features_of(earth)]
     write_json(path, {"type": "FeatureCollection", "features": features})
 
 
-def _feature(feature: Feature, navigation: Navigation) -> dict[str, Any]:
-    places = navigation.geodetic[feature.scans][:, [1, 0, 2]]
+def _feature(feature: Feature, places: np.ndarray) -> dict[str, Any]:
+    """A feature through places (k, 3) of longitude, latitude, height."""
+    pieces = [_rounded(piece) for piece in cut_at_180(places)]
     if len(places) == 1:
-        geometry = {"type": "Point", "coordinates": _rounded(places)[0]}
+        geometry = {"type": "Point", "coordinates": pieces[0][0]}
+    elif len(pieces) == 1:
+        geometry = {"type": "LineString", "coordinates": pieces[0]}
     else:
-        pieces = [_rounded(piece) for piece in cut_at_180(places)]
-        whole = len(pieces) == 1
-        geometry = {
-            "type": "LineString" if whole else "MultiLineString",
-            "coordinates": pieces[0] if whole else pieces,
-        }
-    return {
-        "type": "Feature",
-        "geometry": geometry,
-        "properties": {"layer": feature.layer} | feature.attributes,
-    }
+        geometry = {"type": "MultiLineString", "coordinates": pieces}
+    return {"type": "Feature", "geometry": geometry, "properties": {"layer": feature.layer} | feature.attributes}
 
 
 def cut_at_180(line: np.ndarray) -> list[np.ndarray]:

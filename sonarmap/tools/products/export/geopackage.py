@@ -9,10 +9,8 @@ from typing import Any
 
 import numpy as np
 
-from sonarmap.tools.files.map_folder.folder import MapFolder, MapPart
 from sonarmap.tools.files.writers.atomic import atomic_path
 from sonarmap.tools.products.export.georeferenced import Georeferenced
-from sonarmap.tools.products.export.navigation import Navigation
 from sonarmap.tools.products.export.track_features import LAYERS, Feature, features_of
 
 _POINT_Z, _LINE_Z = 1001, 1002  # ISO WKB
@@ -20,27 +18,21 @@ _VERSION = "1.2"  # of the format: programs of 2017 and later read it
 _UTC = 100  # GDAL's flag of a time zone
 
 
-def write_geopackage(path: Path, folder: MapFolder, part: MapPart, earth: Georeferenced) -> None:
+def write_geopackage(path: Path, earth: Georeferenced) -> None:
     """Write the layers track, scans and loops, those that have features; their attributes are GeoJSON's.
 
     Times are date-times in UTC [ms]. Heights count from the attribute `height_reference`.
-
-    Raises:
-        InputError: the file cannot be written.
     """
-    navigation = Navigation.of(earth)
-    features = features_of(earth, navigation)
+    features = features_of(earth)
     with atomic_path(path) as temporary:
         temporary.unlink()  # GDAL opens what is there, and an empty file is no GeoPackage
         for layer in LAYERS:
             chosen = [feature for feature in features if feature.layer == layer]
             if chosen:
-                _write_layer(temporary, layer, chosen, navigation, earth)
+                _write_layer(temporary, layer, chosen, earth)
 
 
-def _write_layer(
-    path: Path, layer: str, features: Sequence[Feature], navigation: Navigation, earth: Georeferenced
-) -> None:
+def _write_layer(path: Path, layer: str, features: Sequence[Feature], earth: Georeferenced) -> None:
     from pyogrio.errors import DataLayerError, DataSourceError
     from pyogrio.raw import write
 
@@ -49,7 +41,7 @@ def _write_layer(
     try:
         write(
             str(path),
-            np.array([_wkb(navigation.projected[feature.scans]) for feature in features], dtype=object),
+            np.array([_wkb(earth.projected_poses[feature.scans]) for feature in features], dtype=object),
             [values for values, _ in columns],
             names,
             field_mask=[mask for _, mask in columns],

@@ -1,21 +1,32 @@
 # pyright: strict, reportMissingTypeStubs=false, reportUnknownMemberType=false
-# pyright: reportUnknownVariableType=false
+# pyright: reportUnknownVariableType=false, reportUnknownArgumentType=false
 """A finished map with its places on the Earth: the numbers that all formats share, so that they agree."""
 
+import warnings
+from collections.abc import Sequence
 from dataclasses import dataclass
 from functools import cached_property
 
 import numpy as np
 from scipy.spatial.transform import Rotation
 
+from sonarmap.kernels.errors import InputError
 from sonarmap.tools.files.geo.georeference import EAST, Georeference
 from sonarmap.tools.files.geo.projection import Projection
 from sonarmap.tools.files.map_folder.folder import MapFolder, MapPart
+from sonarmap.tools.files.map_folder.names import SUMMARY
+from sonarmap.tools.files.time_scales import are_times, utc_texts
+
+# A standard deviation that says nothing of the angle: a sensor that looks straight down has neither roll nor heading
+_ANY_ANGLE = 180.0
 
 
 @dataclass(frozen=True)  # without slots: what is computed is kept
 class Georeferenced:
-    """One part of a map whose place on the Earth is known.
+    """One part of a map whose place on the Earth is known, of M points and n scans.
+
+    Angles are the sensor's, as displays show them and as in `readers.instruments`: roll positive starboard down, pitch
+    positive nose up, heading clockwise from North.
 
     Attributes:
         folder: the map.
@@ -63,3 +74,87 @@ class Georeferenced:
         turned = Rotation.from_euler("z", -(apart * np.sin(middle))[:, None], degrees=True)
         R: Rotation = turned * to_east * self.part.trajectory.T_world_sensor.rotation
         return R
+
+    @property
+    def names(self) -> list[str]:
+        """Of the n scans."""
+        return [self.folder.names[scan] for scan in self.part.scans]
+
+    @property
+    def stamps(self) -> np.ndarray:
+        """(n,) [s] of the scans."""
+        return self.part.trajectory.stamps
+
+    @property
+    def in_time(self) -> list[int]:
+        """The n scans in the order of their stamps."""
+        return np.argsort(self.stamps, kind="stable").tolist()
+
+    @property
+    def timed(self) -> bool:
+        """Whether the stamps are Unix seconds."""
+        return are_times(self.stamps)
+
+    @cached_property
+    def utc(self) -> Sequence[str]:
+        """The n scans' times, ISO 8601; empty text where they are not known."""
+        return utc_texts(self.stamps)
+
+    @cached_property
+    def surveys(self) -> list[int]:
+        """To which survey each scan belongs; all to the first where the summary does not say."""
+        rows = self.folder.summary.get("scans")
+        if not rows:
+            return [0] * len(self.part.scans)
+        try:
+            return [int(rows[scan]["survey"]) for scan in self.part.scans]
+        except (LookupError, TypeError, ValueError) as error:
+            where = self.folder.path / SUMMARY
+            raise InputError(f"{where} does not say of which survey its scans are; map again") from error
+
+    @property
+    def lines(self) -> list[np.ndarray]:
+        """The track as lines: indices of the scans of each survey, where it has two or more."""
+        surveys = np.asarray(self.surveys)
+        chosen = (np.flatnonzero(surveys == number) for number in np.unique(surveys))
+        return [indices for indices in chosen if len(indices) > 1]
+
+    @cached_property
+    def attitudes(self) -> np.ndarray:
+        """(n, 3) roll, pitch, true heading [deg]; the heading in [0, 360)."""
+        with warnings.catch_warnings():
+            warnings.filterwarnings("ignore", "Gimbal lock")  # straight down; the three angles are right together
+            yaw, pitch, roll = self.rotations.as_euler("ZYX", degrees=True).T
+        return np.column_stack([roll, -pitch, (90.0 - yaw) % 360.0])
+
+    @cached_property
+    def convergences(self) -> np.ndarray:
+        """(n,) [deg]: the true heading less the grid heading."""
+        return self.projection.convergence(self.poses)
+
+    @property
+    def grid_headings(self) -> np.ndarray:
+        """(n,) from grid North [deg], in [0, 360)."""
+        return (self.attitudes[:, 2] - self.convergences) % 360.0
+
+    @cached_property
+    def covariances(self) -> np.ndarray:
+        """(n, 6, 6) of the errors East, North, Up [m] and of a turn about East, North, Up [rad], at the sensor."""
+        to_enu = np.zeros_like(self.part.covariances)
+        to_enu[:, :3, 3:] = to_enu[:, 3:, :3] = self.rotations.as_matrix()
+        return to_enu @ self.part.covariances @ to_enu.mT
+
+    @cached_property
+    def sigmas(self) -> np.ndarray:
+        """(n, 6) standard deviations of East, North, Up [m], roll, pitch, heading [deg], at most 180."""
+        roll, pitch = np.radians(self.attitudes[:, 0]), -np.radians(self.attitudes[:, 1])
+        # What small turns about the sensor's axes do to the angles of Rz(yaw) Ry(pitch) Rx(roll)
+        J = np.zeros((len(roll), 3, 3))
+        with np.errstate(divide="ignore", invalid="ignore", over="ignore"):
+            J[:, 0] = np.column_stack([np.ones_like(roll), np.sin(roll) * np.tan(pitch), np.cos(roll) * np.tan(pitch)])
+            J[:, 1] = np.column_stack([np.zeros_like(roll), np.cos(roll), -np.sin(roll)])
+            J[:, 2] = np.column_stack([np.zeros_like(roll), np.sin(roll), np.cos(roll)]) / np.cos(pitch)[:, None]
+            turns = np.diagonal(J @ self.part.covariances[:, :3, :3] @ J.mT, axis1=1, axis2=2)
+            shifts = np.diagonal(self.covariances[:, :3, :3], axis1=1, axis2=2)
+            angles = np.minimum(np.degrees(np.sqrt(np.maximum(turns, 0.0))), _ANY_ANGLE)
+        return np.hstack([np.sqrt(np.maximum(shifts, 0.0)), angles])

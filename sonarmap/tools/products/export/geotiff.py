@@ -13,7 +13,6 @@ import numpy as np
 
 from sonarmap.kernels.errors import InputError
 from sonarmap.tools.files.geo.georeference import VERTICALS
-from sonarmap.tools.files.map_folder.folder import MapFolder, MapPart
 from sonarmap.tools.files.writers.atomic import atomic_path
 from sonarmap.tools.products.export.georeferenced import Georeferenced
 from sonarmap.tools.products.export.grid import HEIGHT_COLORS, Cells, check_size, shown_heights, top_cells
@@ -24,7 +23,7 @@ _BANDS = ("height", "sigma", "count")
 _STEPS = 17  # of the colors in QGIS, which blends between them
 
 
-def write_geotiff(path: Path, folder: MapFolder, part: MapPart, earth: Georeferenced | None) -> None:
+def write_geotiff(path: Path, earth: Georeferenced) -> None:
     """Write heights of the uppermost surface (band 1), their standard deviations (2), and how many sonar points (3).
 
     Cells are `earth.cell` wide, or one voxel; their edges lie at multiples of that, so that grids of two maps fit each
@@ -36,9 +35,7 @@ def write_geotiff(path: Path, folder: MapFolder, part: MapPart, earth: Georefere
     """
     import rasterio
 
-    if earth is None:
-        raise InputError(f"{path.name} needs the map's place on the Earth")
-    cell = earth.cell or folder.voxel
+    cell = earth.cell or earth.folder.voxel
     cells, left, top, (rows, columns) = _cells(earth, cell)
     profile: dict[str, Any] = {
         "driver": "GTiff",
@@ -67,14 +64,14 @@ def write_geotiff(path: Path, folder: MapFolder, part: MapPart, earth: Georefere
         temporary.write_bytes(_qgis_style(earth))
 
 
-def geotiff_details(part: MapPart, earth: Georeferenced | None) -> Mapping[str, Any]:
+def geotiff_details(earth: Georeferenced) -> Mapping[str, Any]:
     """What the bands mean, for the side-car."""
     return {
         "band_1": "height [m], positive up: mean of the points within one voxel below the cell's highest, weighted by "
         "1 / sigma^2",
         "band_2": "standard deviation of the height [m]",
         "band_3": "number of sonar points that the height is from",
-        "cell_m": None if earth is None else earth.cell or earth.folder.voxel,
+        "cell_m": earth.cell or earth.folder.voxel,
         "nodata": NODATA,
         "pixels": "areas: a cell's value holds for all of it; cells without points are empty",
     }

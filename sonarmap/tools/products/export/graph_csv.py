@@ -1,6 +1,5 @@
 """The pose graph: graph.g2o, and beside it the name, time and frame of every vertex, for which g2o has no place."""
 # pyright: strict, reportMissingTypeStubs=false, reportUnknownMemberType=false
-# pyright: reportUnknownVariableType=false, reportUnknownArgumentType=false
 
 from pathlib import Path
 
@@ -23,31 +22,19 @@ def write_graph(path: Path, folder: MapFolder, part: MapPart, earth: Georeferenc
     Raises:
         InputError: graph.g2o is missing, or a file cannot be written.
     """
-    write_graph_csv(path, folder, part, earth)
-    if path.parent.resolve() != folder.path.resolve():
-        write_graph_g2o(path.with_name(GRAPH), folder, part, earth)
-
-
-def write_graph_g2o(path: Path, folder: MapFolder, part: MapPart, earth: Georeferenced | None) -> None:
-    """Write the map's graph.g2o, which holds all its parts, as it is.
-
-    Raises:
-        InputError: it is missing, or the file cannot be written.
-    """
+    _write_vertices(path, folder)
+    if path.parent.resolve() == folder.path.resolve():
+        return
     try:
         content = read_content(folder.path / GRAPH)
     except InputError as error:
         raise InputError(f"{error}; map again") from error
-    with atomic_path(path) as temporary:
+    with atomic_path(path.with_name(GRAPH)) as temporary:
         temporary.write_bytes(content)
 
 
-def write_graph_csv(path: Path, folder: MapFolder, part: MapPart, earth: Georeferenced | None) -> None:
-    """Write one row per vertex of graph.g2o, of all parts of the map.
-
-    Raises:
-        InputError: the file cannot be written.
-    """
+def _write_vertices(path: Path, folder: MapFolder) -> None:
+    """Write one row per vertex of graph.g2o, of all parts of the map."""
     rows: list[tuple[int, str, str, str, int, str]] = []
     for number, each in enumerate(folder.parts, 1):
         stamps, frame = each.trajectory.stamps, WORLD if each.in_world else FIRST_POSE

@@ -1,5 +1,4 @@
 # pyright: strict, reportMissingTypeStubs=false, reportUnknownMemberType=false
-# pyright: reportUnknownVariableType=false, reportUnknownArgumentType=false
 """LAZ 1.4, point format 6: the map's points, projected, with what map.ply says of each."""
 
 from collections.abc import Mapping
@@ -9,9 +8,8 @@ from typing import Any
 
 import numpy as np
 
-from sonarmap.kernels.errors import InputError
-from sonarmap.tools.files.map_folder.folder import MapFolder, MapPart
-from sonarmap.tools.files.time_scales import are_times, gps_of_utc
+from sonarmap.tools.files.map_folder.folder import MapPart
+from sonarmap.tools.files.time_scales import gps_of_utc
 from sonarmap.tools.files.writers.atomic import atomic_path
 from sonarmap.tools.products.export.georeferenced import Georeferenced
 
@@ -27,20 +25,15 @@ _DIMENSIONS = {  # beside those that every LAS file has: type, and what it is in
 }
 
 
-def write_laz(path: Path, folder: MapFolder, part: MapPart, earth: Georeferenced | None) -> None:
+def write_laz(path: Path, earth: Georeferenced) -> None:
     """Write the points of a part as LAZ 1.4: easting, northing and height [m] to the millimeter, CRS as WKT 1.
 
     gps_time is adjusted standard GPS time of the scan that a point is mostly from (see `laz_details`), intensity the
     echo strength in 16 bits, point_source_id the scan modulo 65,536.
-
-    Raises:
-        InputError: the file cannot be written.
     """
     import laspy
 
-    if earth is None:
-        raise InputError(f"{path.name} needs the map's place on the Earth")
-    projected = earth.projected_points
+    part, projected = earth.part, earth.projected_points
     header = laspy.LasHeader(version="1.4", point_format=6)
     header.scales = np.full(3, _SCALE)
     header.offsets = np.floor(projected.min(axis=0)) if len(projected) else np.zeros(3)
@@ -50,25 +43,24 @@ def write_laz(path: Path, folder: MapFolder, part: MapPart, earth: Georeferenced
     header.add_extra_dims([laspy.ExtraBytesParams(name, kind, words) for name, (kind, words) in dimensions.items()])
     header.vlrs.append(laspy.vlrs.known.WktCoordinateSystemVlr(earth.projection.old_wkt))
     header.global_encoding.wkt = True
-    if are_times(part.trajectory.stamps):
+    if earth.timed:
         header.global_encoding.gps_time_type = laspy.header.GpsTimeType.STANDARD
     las = laspy.LasData(header)
     las.points = laspy.ScaleAwarePointRecord.zeros(len(projected), header=header)
     las.x, las.y, las.z = projected.T
-    _fill(las, part)
+    _fill(las, part, earth.timed)
     for name, (kind, _) in dimensions.items():
         las[name] = _within(part.columns[name], kind)
     with atomic_path(path) as temporary, temporary.open("wb") as file:
         las.write(file, do_compress=True)
 
 
-def laz_details(part: MapPart, earth: Georeferenced | None) -> Mapping[str, Any]:
+def laz_details(earth: Georeferenced) -> Mapping[str, Any]:
     """What the file's numbers mean, for its side-car."""
-    timed = are_times(part.trajectory.stamps)
-    scale = _intensity_scale(part)
+    scale = _intensity_scale(earth.part)
     return {
         "gps_time": "adjusted standard GPS time (GPS seconds less 1e9) of the scan with most of the voxel's points"
-        if timed
+        if earth.timed
         else "the stamp of the scan with most of the voxel's points [s]; the scans have no times since 1970",
         "intensity": None
         if scale is None
@@ -79,13 +71,13 @@ def laz_details(part: MapPart, earth: Georeferenced | None) -> Mapping[str, Any]
     }
 
 
-def _fill(las: Any, part: MapPart) -> None:
+def _fill(las: Any, part: MapPart, timed: bool) -> None:
     """The dimensions that every LAS file has."""
     las.return_number[:] = 1
     las.number_of_returns[:] = 1
     las.point_source_id = part.columns["scan"].astype(np.int64) % 65_536
     stamps = part.point_stamps
-    las.gps_time = gps_of_utc(stamps) - _STANDARD_GPS if are_times(part.trajectory.stamps) else stamps
+    las.gps_time = gps_of_utc(stamps) - _STANDARD_GPS if timed else stamps
     scale = _intensity_scale(part)
     if scale is not None:
         strengths = np.nan_to_num(part.columns["intensity"].astype(np.float64))

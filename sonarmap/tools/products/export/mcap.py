@@ -1,5 +1,4 @@
 # pyright: strict, reportMissingTypeStubs=false, reportUnknownMemberType=false
-# pyright: reportUnknownVariableType=false, reportUnknownArgumentType=false
 """The map, its track and poses over time as MCAP with messages of ROS 2.
 
 Foxglove, Lichtblick and Rerun open these, and so do RViz, `ros2 bag`, rosbags and evo, which know no Foxglove messages.
@@ -18,7 +17,6 @@ from sonarmap.tools.files.writers.atomic import atomic_path
 from sonarmap.tools.files.writers.points import float32_origin, pack_records
 from sonarmap.tools.files.writers.trajectory import pose_numbers
 from sonarmap.tools.products.export.georeferenced import Georeferenced
-from sonarmap.tools.products.export.navigation import Navigation
 
 if TYPE_CHECKING:
     from mcap.writer import Writer
@@ -29,11 +27,7 @@ _KNOWN = 3  # NavSatFix.COVARIANCE_TYPE_KNOWN
 
 
 def write_mcap(path: Path, folder: MapFolder, part: MapPart, earth: Georeferenced | None) -> None:
-    """Write the cloud and the track at the first stamp, and poses at their own; with `earth` positions too.
-
-    Raises:
-        InputError: the file cannot be written.
-    """
+    """Write the cloud and the track at the first stamp, and poses at their own; with `earth` positions too."""
     from mcap.writer import Writer
 
     with atomic_path(path) as temporary, temporary.open("wb") as file:
@@ -44,7 +38,7 @@ def write_mcap(path: Path, folder: MapFolder, part: MapPart, earth: Georeference
         _write_clouds(ros, part, first)
         _write_poses(ros, part, first)
         if earth is not None:
-            _write_positions(ros, Navigation.of(earth))
+            _write_positions(ros, earth)
         writer.add_metadata("sonarmap", _meaning(part, earth))
         writer.finish()
 
@@ -133,14 +127,14 @@ def _write_poses(ros: _Ros, part: MapPart, first: float) -> None:
         ros.write("/pose", stamps[k], poses[k])
 
 
-def _write_positions(ros: _Ros, navigation: Navigation) -> None:
+def _write_positions(ros: _Ros, earth: Georeferenced) -> None:
     """NavSatFix, whose altitude is above the WGS84 ellipsoid or not a number."""
     status = ros.make("sensor_msgs/msg/NavSatStatus", 0, 0)
-    for k in np.argsort(navigation.stamps, kind="stable").tolist():
-        stamp = float(navigation.stamps[k])
-        latitude, longitude, height = navigation.geodetic[k].tolist()
-        altitude = height if navigation.vertical == "ellipsoid" else float("nan")
-        covariance = navigation.covariances[k, :3, :3].reshape(9)
+    for k in earth.in_time:
+        stamp = float(earth.stamps[k])
+        latitude, longitude, height = earth.poses[k].tolist()
+        altitude = height if earth.georeference.vertical == "ellipsoid" else float("nan")
+        covariance = earth.covariances[k, :3, :3].reshape(9)
         place = (ros.header(stamp, SENSOR), status, latitude, longitude, altitude, covariance, _KNOWN)
         ros.write("/position", stamp, ros.make("sensor_msgs/msg/NavSatFix", *place))
 

@@ -10,18 +10,10 @@ from sonarmap.tools.products.export.georeferenced import Georeferenced
 
 
 def write_cloud(path: Path, folder: MapFolder, part: MapPart, earth: Georeferenced | None) -> None:
-    """Write the points and all their columns in the format that the suffix of `path` names.
-
-    Raises:
-        InputError: the file cannot be written.
-    """
+    """Write the points and all their columns in the format that the suffix of `path` names."""
     write_points(path, part.points, part.columns)
 
 
 def write_poses(path: Path, folder: MapFolder, part: MapPart, earth: Georeferenced | None) -> None:
-    """Write the poses in the format that the suffix of `path` names.
-
-    Raises:
-        InputError: the file cannot be written.
-    """
+    """Write the poses in the format that the suffix of `path` names."""
     write_trajectory(path, part.trajectory)

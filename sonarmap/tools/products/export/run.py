@@ -194,8 +194,9 @@ def _notes(folder: MapFolder, settings: ExportSettings, earths: dict[str, Georef
     notes: list[str] = []
     placed = [earth for earth in earths.values() if earth is not None]
     if settings.needing_place and len(placed) < len(earths):
+        formats = ", ".join(settings.needing_place)
         lost = ", ".join(f"map{suffix}.ply" for suffix, earth in earths.items() if earth is None)
-        notes.append(f"{lost}: it is not known where this lies on the Earth; left out of {_listed(settings)}")
+        notes.append(f"{lost}: it is not known where this lies on the Earth; left out of {formats}")
     if not placed:
         return notes
     first, places = placed[0], np.concatenate([earth.points for earth in placed])
@@ -219,7 +220,3 @@ def _notes_of_frame(part: MapPart, here: Georeference) -> list[str]:
     if not part.knows("heading") and here.heading == EAST:
         notes.append("no heading was measured: the map's x axis is taken to point East; --origin-heading turns it")
     return notes
-
-
-def _listed(settings: ExportSettings) -> str:
-    return ", ".join(settings.needing_place)

@@ -1,5 +1,4 @@
 # pyright: strict, reportMissingTypeStubs=false, reportUnknownMemberType=false
-# pyright: reportUnknownVariableType=false, reportUnknownArgumentType=false
 """What stands beside every exported file: map.laz.json says what map.laz is, and what it was made from."""
 
 from pathlib import Path
@@ -47,7 +46,7 @@ def side_car_content(
         "scans": len(part.scans),
         "voxel_m": folder.voxel,
         "taken": _taken(part.trajectory.stamps),
-        "details": kind.details(part, earth) if kind.details else {},
+        "details": kind.details_of(earth),
         "inputs": folder.summary.get("inputs", []),
         "map": {
             "part": f"{[each.suffix for each in folder.parts].index(part.suffix) + 1} of {len(folder.parts)}",

@@ -1,15 +1,13 @@
 # pyright: strict, reportMissingTypeStubs=false, reportUnknownMemberType=false
-# pyright: reportUnknownVariableType=false, reportUnknownArgumentType=false
 """The track, the scans and the loops of a map as features with attributes: the same in every vector format."""
 
-from collections.abc import Sequence
+from collections.abc import Iterator
 from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
 
 from sonarmap.tools.products.export.georeferenced import Georeferenced
-from sonarmap.tools.products.export.navigation import Navigation
 
 
 @dataclass(frozen=True, slots=True)
@@ -28,62 +26,52 @@ class Feature:
 
 
 LAYERS = ("track", "scans", "loops")
+ANGLES = ("roll_deg", "pitch_deg", "heading_deg")
+SIGMAS = ("east_sigma_m", "north_sigma_m", "up_sigma_m", "roll_sigma_deg", "pitch_sigma_deg", "heading_sigma_deg")
 
 
-def features_of(earth: Georeferenced, navigation: Navigation) -> list[Feature]:
+def features_of(earth: Georeferenced) -> list[Feature]:
     """All features of one part of a map, layer by layer; a track for each survey of two scans or more."""
-    heights = {"height_reference": navigation.vertical}
+    heights = {"height_reference": earth.georeference.vertical}
     return [
-        *(Feature("track", line, _track(navigation, line) | heights) for line in navigation.lines),
-        *(Feature("scans", np.array([k]), _scan(navigation, k) | heights) for k in range(len(navigation.names))),
-        *(Feature("loops", ends, attributes) for ends, attributes in _loops(earth, navigation)),
+        *(Feature("track", line, _track(earth, line) | heights) for line in earth.lines),
+        *(Feature("scans", np.array([k]), _scan(earth, k) | heights) for k in range(len(earth.part.scans))),
+        *_loops(earth),
     ]
 
 
-def _track(navigation: Navigation, line: np.ndarray) -> dict[str, Any]:
-    by_time = line[np.argsort(navigation.stamps[line], kind="stable")]
+def _track(earth: Georeferenced, line: np.ndarray) -> dict[str, Any]:
+    by_time = line[np.argsort(earth.stamps[line], kind="stable")]
     return {
-        "survey": navigation.surveys[int(line[0])],
+        "survey": earth.surveys[int(line[0])],
         "scan_count": len(line),
-        "first_utc": navigation.utc[int(by_time[0])] or None,
-        "last_utc": navigation.utc[int(by_time[-1])] or None,
+        "first_utc": earth.utc[int(by_time[0])] or None,
+        "last_utc": earth.utc[int(by_time[-1])] or None,
     }
 
 
-def _scan(navigation: Navigation, k: int) -> dict[str, Any]:
-    roll, pitch, heading = navigation.attitudes[k].tolist()
-    height = float(navigation.geodetic[k, 2])
-    sigmas = [sigma if np.isfinite(sigma) else None for sigma in navigation.sigmas[k].tolist()]
+def _scan(earth: Georeferenced, k: int) -> dict[str, Any]:
+    height = float(earth.poses[k, 2])
+    sigmas = [sigma if np.isfinite(sigma) else None for sigma in earth.sigmas[k].tolist()]
     return {
-        "name": navigation.names[k],
-        "scan": navigation.scans[k],
-        "survey": navigation.surveys[k],
-        "utc": navigation.utc[k] or None,
-        "unix_s": float(navigation.stamps[k]) if navigation.timed else None,
+        "name": earth.names[k],
+        "scan": earth.part.scans[k],
+        "survey": earth.surveys[k],
+        "utc": earth.utc[k] or None,
+        "unix_s": float(earth.stamps[k]) if earth.timed else None,
         "depth_m": -height + 0.0,
         "height_m": height,
-        "roll_deg": roll,
-        "pitch_deg": pitch,
-        "heading_deg": heading,
-        "heading_grid_deg": float(navigation.grid_headings[k]),
-        "east_sigma_m": sigmas[0],
-        "north_sigma_m": sigmas[1],
-        "up_sigma_m": sigmas[2],
-        "roll_sigma_deg": sigmas[3],
-        "pitch_sigma_deg": sigmas[4],
-        "heading_sigma_deg": sigmas[5],
+        **dict(zip(ANGLES, earth.attitudes[k].tolist(), strict=True)),
+        "heading_grid_deg": float(earth.grid_headings[k]),
+        **dict(zip(SIGMAS, sigmas, strict=True)),
     }
 
 
-def _loops(earth: Georeferenced, navigation: Navigation) -> Sequence[tuple[np.ndarray, dict[str, Any]]]:
+def _loops(earth: Georeferenced) -> Iterator[Feature]:
     """Those between two scans of this part, from the target to the source."""
-    index = {scan: k for k, scan in enumerate(navigation.scans)}
-    names = earth.folder.names
-    return [
-        (
-            np.array([index[loop.target], index[loop.source]]),
-            {"target": names[loop.target], "source": names[loop.source], "kept": loop.kept, "reason": loop.reason},
-        )
-        for loop in earth.folder.loops
-        if loop.target in index and loop.source in index
-    ]
+    index, names = {scan: k for k, scan in enumerate(earth.part.scans)}, earth.folder.names
+    for loop in earth.folder.loops:
+        if loop.target in index and loop.source in index:
+            ends = {"target": names[loop.target], "source": names[loop.source]}
+            attributes = {**ends, "kept": loop.kept, "reason": loop.reason}
+            yield Feature("loops", np.array([index[loop.target], index[loop.source]]), attributes)

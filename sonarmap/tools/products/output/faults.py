@@ -1,18 +1,30 @@
 """What the user of a finished map should look at, in words, the most important first."""
 
+import math
 from collections.abc import Iterator, Sequence
 from statistics import median
 
 from sonarmap.slam.graph.edge import components
+from sonarmap.slam.graph.measured_poses import MEASURED
 from sonarmap.slam.pair import DEFECT, Pair
 from sonarmap.slam.parts import placed, unplaced
 from sonarmap.slam.survey_result import SurveyResult
-from sonarmap.tools.products.output.hand_faults import control_faults, tie_faults
+from sonarmap.tools.products.output.hand import has_no_effect, is_contradicted, tie_effect
 
 UNMOVED = 0.001  # poses moved by less than this were not moved [voxels]
 LISTED = 10  # names of scans in a sentence
 _FEWEST_STEPS = 4  # that tell what is usual
 _FAR_OFF, _LITTLE = 6.0, 2 / 3  # median absolute deviations below the median, and a share of it: a step to look at
+FAR = 4.0  # sigmas beyond which a point that holds the map is warned of
+_PAIRS = 5  # in a sentence
+_OPEN = {
+    "tilt_x": "its tilt about East",
+    "tilt_y": "its tilt about North",
+    "heading": "which way it points",
+    "east": "its East",
+    "north": "its North",
+    "up": "its height",
+}
 _EACH = 3  # gaps or fixes that get a sentence each; more share one
 
 
@@ -32,8 +44,8 @@ def faults(result: SurveyResult, names: Sequence[str]) -> list[str]:
         *_of_parts(result, names, unusable),
         *_of_gaps(result, names, unusable),
         *_of_steps(result, names),
-        *tie_faults(result, names),
-        *control_faults(result, names),
+        *_of_ties(result, names),
+        *_of_control(result, names),
         *_of_fixes(result, names),
         *_of_the_whole(result),
     ]
@@ -79,11 +91,11 @@ def _of_scans(
     if len(blamed) == 1:
         yield f"{names[blamed[0]]} {where[0]}: {unusable[blamed[0]]}"
     elif blamed:
-        yield f"{len(blamed)} scans {where[1]}: {_listed(blamed, names)}; the first: {unusable[blamed[0]]}"
+        yield f"{len(blamed)} scans {where[1]}: {_listed([names[k] for k in blamed])}; the first: {unusable[blamed[0]]}"
     if others:
         yield (
             f"{len(others)} of {len(names)} scans {where[len(others) > 1]}, as no reliable registration joins them "
-            f"to the others: {_listed(others, names)}"
+            f"to the others: {_listed([names[k] for k in others])}"
         )
 
 
@@ -95,8 +107,8 @@ def _of_gaps(result: SurveyResult, names: Sequence[str], unusable: dict[int, str
     )
     gaps: dict[str, list[Pair]] = {"": [], ", bridged by navigation": [], ", bridged by other pairs": []}
     for pair in result.pairs:
-        told = pair.is_defect or not unusable.keys().isdisjoint(pair.scans)
-        if pair.role == "sequential" and not pair.kept and not told:
+        explained = pair.is_defect or not unusable.keys().isdisjoint(pair.scans)
+        if pair.role == "sequential" and not pair.kept and not explained:
             bridged = ", bridged by navigation" if shared[pair.i] == shared[pair.j] else ""
             gaps[", bridged by other pairs" if joined[pair.i] == joined[pair.j] else bridged].append(pair)
     for bridged, pairs in gaps.items():
@@ -115,8 +127,8 @@ def _of_steps(result: SurveyResult, names: Sequence[str]) -> Iterator[str]:
     if len(usual) < _FEWEST_STEPS:
         return
     middle = median(usual)
-    spread = median(abs(overlap - middle) for overlap in usual)
-    least = min(middle - _FAR_OFF * spread, _LITTLE * middle)
+    deviation = median(abs(overlap - middle) for overlap in usual)
+    least = min(middle - _FAR_OFF * deviation, _LITTLE * middle)
     for step in steps:
         if step.edge is not None and step.expected is not None and step.edge.registration.overlap < least:
             overlap = step.edge.registration.overlap
@@ -152,6 +164,61 @@ def _of_the_whole(result: SurveyResult) -> Iterator[str]:
         yield f"{stray:,} points lie too far from the others for the map's voxels and are left out of the map"
 
 
-def _listed(scans: Sequence[int], names: Sequence[str]) -> str:
-    """The first of their names."""
-    return ", ".join(names[k] for k in scans[:LISTED]) + (", ..." if len(scans) > LISTED else "")
+def _of_ties(result: SurveyResult, names: Sequence[str]) -> Iterator[str]:
+    """Ties without effect, ties that the rest contradicts, and pairs that ties displaced."""
+    for tie in result.ties:
+        effect, pair = tie_effect(result, tie), f"{names[tie.i]} - {names[tie.j]}"
+        if has_no_effect(result, tie):
+            yield f"tie {pair}: {tie.verdict}: {effect}"
+        elif is_contradicted(result, tie):
+            yield f"tie {pair}: {effect}; look at both scans, and if it is wrong take it out of `ties`"
+    if result.displaced:
+        listed = _listed([f"{names[i]} - {names[j]}" for i, j in result.displaced], _PAIRS)
+        yield (
+            f"{len(result.displaced)} pairs that the survey keeps by itself are refused for the ties and control "
+            f"points: {listed}"
+        )
+
+
+def _of_control(result: SurveyResult, names: Sequence[str]) -> Iterator[str]:
+    """Control points that are left out or far off, and parts that too few of them hold."""
+    for each in result.control:
+        if each.left_out:
+            where = f"{each.point.name} in {names[each.point.scan]}"
+            yield (
+                f"the control point {where} is {math.hypot(*each.residual.tolist()):.2f} m from where everything else "
+                f"puts it ({each.wrong:.1f} standard deviations); it is left out. Check its numbers and its scan"
+            )
+    used = [each for each in result.control if each.point.holds and not each.left_out]
+    for each in used:
+        if each.in_sigmas > FAR:
+            yield (
+                f"the control point {each.point.name} in {names[each.point.scan]} is {each.in_sigmas:.1f} of its "
+                "standard deviations from where the map has it, and nothing tells which is wrong: check its numbers, "
+                "or give more points"
+            )
+    if any(each.point.holds for each in result.control):
+        yield from _open_parts(result, {each.point.scan for each in used})
+
+
+def _open_parts(result: SurveyResult, constrained: set[int]) -> Iterator[str]:
+    """What control points leave open of each part; `constrained` are the scans with points that hold the map."""
+    graph = result.solution.graph
+    for rank, c in enumerate(placed(result.components), 1):
+        members = result.components[c]
+        part = "the map" if len(result.components) == 1 else f"map_{rank}.ply" if rank > 1 else "map.ply"
+        if graph.lies_in_world(members):
+            continue
+        if constrained.isdisjoint(members):
+            yield f"no control point is in a scan of {part}, so nothing fixes its place in the world"
+        else:
+            free = [_OPEN[name] for name, open_ in zip(MEASURED, graph.unmeasured[members[0]], strict=True) if open_]
+            yield (
+                f"the control points of {part} leave open {', '.join(free)}; at least three that are not on a line "
+                "fix all"
+            )
+
+
+def _listed(names: Sequence[str], most: int = LISTED) -> str:
+    """The first of some names."""
+    return ", ".join(names[:most]) + (", ..." if len(names) > most else "")

@@ -1,18 +1,15 @@
 """The folder that `sonarmap map` writes."""
 
 import re
-from collections.abc import Iterable, Mapping, Sequence
+from collections.abc import Iterable, Sequence
 from itertools import chain
 from pathlib import Path
-from typing import Any
 
 import numpy as np
 
-from sonarmap.kernels.device.device import Device
 from sonarmap.slam.map.point_map import PointMap
 from sonarmap.slam.parts import placed
 from sonarmap.slam.survey_result import SurveyResult
-from sonarmap.tools.files.geo.georeference import Georeference
 from sonarmap.tools.files.map_folder.names import (
     EXPORTS,
     FULL_GRAPH,
@@ -26,7 +23,6 @@ from sonarmap.tools.files.map_folder.names import (
     earlier_files,
 )
 from sonarmap.tools.files.readers.csv_table import PAIRS
-from sonarmap.tools.files.readers.scans import Unread
 from sonarmap.tools.files.writers.atomic import all_or_none, discard
 from sonarmap.tools.files.writers.g2o import write_g2o
 from sonarmap.tools.files.writers.json_text import write_json
@@ -34,6 +30,7 @@ from sonarmap.tools.files.writers.points import WRITERS, write_points
 from sonarmap.tools.files.writers.trajectory import TRAJECTORY_WRITERS, write_trajectory
 from sonarmap.tools.products.output.graph_file import survey_graph
 from sonarmap.tools.products.output.pairs_file import write_pairs
+from sonarmap.tools.products.output.run import SurveyRun
 from sonarmap.tools.products.output.summary import survey_summary
 from sonarmap.tools.products.report.loops_picture import draw_loops
 from sonarmap.tools.products.report.map_picture import draw_map
@@ -60,23 +57,12 @@ def part_files(result: SurveyResult, rank: int, also: Iterable[str] = ()) -> lis
     return [name.format("" if rank == 1 else f"_{rank}") for name in names]
 
 
-def write_survey(
-    folder: Path,
-    result: SurveyResult,
-    names: Sequence[str],
-    settings: Mapping[str, Any],
-    device: Device | None,
-    unread: Sequence[Unread] = (),
-    also: Sequence[str] = (),
-    times: Mapping[str, Any] | None = None,
-    inputs: Sequence[Mapping[str, Any]] = (),
-    georeference: Georeference | None = None,
-) -> Path:
+def write_survey(folder: Path, result: SurveyResult, run: SurveyRun, also: Sequence[str] = ()) -> Path:
     """Write a survey's maps, pictures, trajectories, graph, pairs and summary.
 
     The largest component is map.ply, map.png and trajectory.tum; the others follow as map_2 and so on. A scan that
     nothing joined is in no map. Where loops were tried, loops.png compares the map with what it would be without them;
-    profile.png is about the track of the sensor.
+    profile.png is about the track.
     Where there are several surveys, map_survey_0.ply and so on are the maps of each one's scans alone. map_all.ply has
     what map.ply has and the points that were left out of it, as too few scans saw them; map_all_survey_0.ply and so on
     have the same of the maps of each survey. The graph holds all components.
@@ -85,11 +71,9 @@ def write_survey(
 
     Args:
         folder: made where it is missing.
-        result: the survey, of the scans with these `names`.
-        settings, unread, inputs, georeference: for the summary.
-        device: what it ran on; None for a method that takes none.
+        result: the survey.
+        run: what it was run with.
         also: names of EXPORTS: further formats to write.
-        times: how long the run took, for times.json; None for no such file.
 
     Returns:
         The path of summary.json, which is written last.
@@ -99,14 +83,13 @@ def write_survey(
     """
     earlier = earlier_files(folder)
     files = [part_files(result, rank, also) for rank in range(1, len(placed(result.components)) + 1)]
-    description = {"name": device.name, "platform": device.platform} if device else None
-    summary = survey_summary(result, list(names), settings, description, unread, inputs, georeference)
+    summary = survey_summary(result, run)
     with all_or_none():
-        _write_files(folder, result, names, files)
-        _draw_pictures(folder, result, files, names, settings, georeference)
+        _write_files(folder, result, run.names, files)
+        _draw_pictures(folder, result, run, files)
         write_json(folder / SUMMARY, summary | {"files": [*chain.from_iterable(files), *OF_ALL]})
-        if times is not None:
-            write_json(folder / TIMES, times)
+        if run.times is not None:
+            write_json(folder / TIMES, run.times)
     for name in earlier.difference(*files, OF_ALL, (TIMES, JOURNAL)):
         discard(folder / name)
     return folder / SUMMARY
@@ -123,18 +106,11 @@ def _write_files(folder: Path, result: SurveyResult, names: Sequence[str], files
     write_g2o(folder / GRAPH, result.solution.graph, set(range(len(result.trajectory))) - mapped)
 
 
-def _draw_pictures(
-    folder: Path,
-    result: SurveyResult,
-    files: Sequence[Sequence[str]],
-    names: Sequence[str],
-    settings: Mapping[str, Any],
-    georeference: Georeference | None,
-) -> None:
+def _draw_pictures(folder: Path, result: SurveyResult, run: SurveyRun, files: Sequence[Sequence[str]]) -> None:
     """Draw those of the `files` of every component that are pictures."""
     draw = {"map": draw_map, "loops": draw_loops, "profile": draw_profile}
     for rank, listed in enumerate(files, 1):
-        view = part_view(result, rank, names, settings, georeference)
+        view = part_view(result, rank, run.names, run.settings, run.georeference)
         for name in (name for name in listed if name.endswith(PICTURE)):
             draw[name.removesuffix(PICTURE).partition("_")[0]](folder / name, view)
 

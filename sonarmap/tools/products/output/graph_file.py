@@ -1,5 +1,4 @@
 # pyright: strict, reportMissingTypeStubs=false, reportUnknownMemberType=false
-# pyright: reportUnknownVariableType=false, reportUnknownArgumentType=false
 """The pose graph with all that a g2o file has no words for: graph.json, which loses nothing."""
 
 from collections.abc import Mapping, Sequence
@@ -14,7 +13,7 @@ from sonarmap.slam.pair import Pair
 from sonarmap.slam.survey_result import SurveyResult
 from sonarmap.spectral.scan import PosePrior
 from sonarmap.tools.files.readers.poses.graph_json import FORMAT
-from sonarmap.tools.products.output.pairs_file import pair_row, registration_of
+from sonarmap.tools.products.output.pairs_file import fields_of, pair_row, registration_of
 from sonarmap.tools.products.output.summary import scan_rows
 
 # What the numbers are, for whoever reads the file without these pages.
@@ -70,15 +69,9 @@ def survey_graph(result: SurveyResult, names: Sequence[str]) -> dict[str, Any]:
 
 def _edge_row(edge: Edge) -> Mapping[str, Any]:
     registration = edge.registration
-    return {
-        "i": edge.i,
-        "j": edge.j,
-        "kind": edge.kind,
-        "T_i_j": registration.T_target_source.as_matrix(),
-        "covariance": registration.covariance,
-        "probability": registration.probability,
-        "reason": registration.reason,
-    }
+    T_i_j = registration.T_target_source.as_matrix()
+    weighed = fields_of(registration, "covariance", "probability", "reason")
+    return {**fields_of(edge, "i", "j", "kind"), "T_i_j": T_i_j, **weighed}
 
 
 def _pair_row(pair: Pair) -> Mapping[str, Any]:
@@ -97,30 +90,14 @@ def _pair_row(pair: Pair) -> Mapping[str, Any]:
 
 def _crossing_row(crossing: Crossing) -> Mapping[str, Any]:
     before, after = crossing.before, crossing.after
-    return {
-        "i": crossing.i,
-        "j": crossing.j,
-        "before_m": before.median,
-        "before_90_m": before.most,
-        "after_m": after.median,
-        "after_90_m": after.most,
-    }
+    apart = {"before_m": before.median, "before_90_m": before.most, "after_m": after.median, "after_90_m": after.most}
+    return {"i": crossing.i, "j": crossing.j, **apart}
 
 
 def _control_row(point: ControlPoint) -> Mapping[str, Any]:
-    return {
-        "name": point.name,
-        "pose": point.scan,
-        "point": point.point,
-        "known": point.known,
-        "sigmas": point.sigmas,
-    }
+    return {"name": point.name, "pose": point.scan, **fields_of(point, "point", "known", "sigmas")}
 
 
 def _prior_row(pose: int, prior: PosePrior) -> Mapping[str, Any]:
-    known = np.isfinite(prior.sigmas)
-    return {
-        "pose": pose,
-        "T_world_sensor": prior.T_world_sensor.as_matrix(),
-        "sigmas": [sigma if told else None for sigma, told in zip(prior.sigmas.tolist(), known.tolist(), strict=True)],
-    }
+    sigmas = [sigma if np.isfinite(sigma) else None for sigma in prior.sigmas.tolist()]
+    return {"pose": pose, "T_world_sensor": prior.T_world_sensor.as_matrix(), "sigmas": sigmas}

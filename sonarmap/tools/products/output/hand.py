@@ -11,23 +11,14 @@ from sonarmap.slam.survey_result import SurveyResult
 from sonarmap.slam.tie import Tie
 from sonarmap.spectral.result import Registration
 from sonarmap.tools.files.readers.ties import POSE, SIGMAS
+from sonarmap.tools.products.output.pairs_file import fields_of
 
 
 def tie_rows(result: SurveyResult, names: Sequence[str]) -> list[dict[str, Any]]:
-    """Every tie with what became of it.
-
-    Args:
-        result: the survey.
-        names: of its scans.
-    """
+    """Every tie of scans of these names, with what became of it."""
     return [
-        {
-            "target": names[tie.i],
-            "source": names[tie.j],
-            "verdict": tie.verdict,
-            "note": tie.note,
-            "effect": tie_effect(result, tie),
-        }
+        {"target": names[tie.i], "source": names[tie.j], "verdict": tie.verdict, "note": tie.note}
+        | {"effect": tie_effect(result, tie)}
         | ({} if tie.given is None else _transform_row(tie.given))
         for tie in result.ties
     ]
@@ -77,24 +68,11 @@ def has_no_effect(result: SurveyResult, tie: Tie) -> bool:
 
 
 def control_rows(result: SurveyResult, names: Sequence[str]) -> list[dict[str, Any]]:
-    """Every control and check point with its residual.
-
-    Args:
-        result: the survey.
-        names: of its scans.
-    """
+    """Every control and check point in scans of these names, with its residual."""
     return [
-        {
-            "name": each.point.name,
-            "scan": names[each.point.scan],
-            "point": each.point.point,
-            "known": each.point.known,
-            "estimated": each.estimated,
-            "residual": each.residual,
-            "sigma": each.point.sigmas,
-            "use": each.point.use,
-            "in_sigmas": each.in_sigmas,
-        }
+        {"name": each.point.name, "scan": names[each.point.scan], **fields_of(each.point, "point", "known")}
+        | {**fields_of(each, "estimated", "residual"), "sigma": each.point.sigmas, "use": each.point.use}
+        | {"in_sigmas": each.in_sigmas}
         for each in result.control
     ]
 

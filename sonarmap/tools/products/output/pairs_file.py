@@ -42,28 +42,18 @@ def registration_of(pair: Pair) -> Registration | None:
 
 def pair_row(pair: Pair) -> dict[str, Any]:
     """What became of a pair and, unless it failed, what speaks for its registration."""
-    row = {
-        "target": pair.i,
-        "source": pair.j,
-        "role": pair.role,
-        "kept": pair.kept,
-        "reason": pair.reason,
-        "predicted_overlap": pair.predicted_overlap,
-        "alike": pair.alike,
-        "agreeing": pair.agreeing,
-        "sigmas_from_estimate": pair.sigmas_from_estimate,
-        "residual_sigmas": pair.residual,
-    }
+    own = ("role", "kept", "reason", "predicted_overlap", "alike", "agreeing", "sigmas_from_estimate")
+    row = {"target": pair.i, "source": pair.j, **fields_of(pair, *own), "residual_sigmas": pair.residual}
     registration = registration_of(pair)
     if registration is None:
         return row
-    return row | {
-        "accepted": registration.accepted,
-        "overlap": registration.overlap,
-        "probability": registration.probability,
-        "psr": registration.psr,
-        "alternatives": len(registration.alternatives),
-    }
+    measured = fields_of(registration, "accepted", "overlap", "probability", "psr")
+    return row | measured | {"alternatives": len(registration.alternatives)}
+
+
+def fields_of(value: Any, *names: str) -> dict[str, Any]:
+    """Some attributes of a value, by their names."""
+    return {name: getattr(value, name) for name in names}
 
 
 def _measured(registrations: Sequence[Registration]) -> list[dict[str, float]]:

@@ -14,44 +14,29 @@ from sonarmap.slam.map.point_map import PointMap
 from sonarmap.slam.pair import Pair, Role
 from sonarmap.slam.parts import placed, unplaced
 from sonarmap.slam.survey_result import SurveyResult
-from sonarmap.tools.files.geo.georeference import Georeference
 from sonarmap.tools.files.readers.csv_table import PAIRS
-from sonarmap.tools.files.readers.scans import Unread
 from sonarmap.tools.files.versions import package_versions
 from sonarmap.tools.products.output.faults import faults
 from sonarmap.tools.products.output.hand import control_fit, control_rows, tie_rows
+from sonarmap.tools.products.output.pairs_file import fields_of
+from sonarmap.tools.products.output.run import SurveyRun
 
 
-def survey_summary(
-    result: SurveyResult,
-    names: list[str],
-    settings: Mapping[str, Any],
-    device: Any,
-    unread: Sequence[Unread] = (),
-    inputs: Sequence[Mapping[str, Any]] = (),
-    georeference: Georeference | None = None,
-) -> dict[str, Any]:
+def survey_summary(result: SurveyResult, run: SurveyRun) -> dict[str, Any]:
     """The content of a survey's summary.json.
 
-    Args:
-        result: the survey.
-        names: of its scans, in their order.
-        settings: as the user gave them or as they were chosen; dataclasses are fine as values.
-        device: what it ran on: any value that `to_json` takes.
-        unread: scans that could not be read. Each is listed with its reason and its gap, the indices of the
-            scans before and after it (null if there is none); "gaps" lists these after the pairs that failed.
-        inputs: the files, as `input_rows` describes them.
-        georeference: where the map lies on the Earth; None where it is not known.
+    Every scan that could not be read is listed with its reason and its gap, the indices of the scans before and after
+    it (null if there is none); "gaps" lists these after the pairs that failed.
     """
-    solution, graph = result.solution, result.solution.graph
+    solution, graph, names = result.solution, result.solution.graph, list(run.names)
     unmeasured = graph.unmeasured
-    gaps = [_gap(scan.before, len(names)) for scan in unread]
+    gaps = [_gap(scan.before, len(names)) for scan in run.unread]
     return {
         "versions": package_versions(),
-        "device": device,
-        "settings": settings,
-        "inputs": inputs,
-        "georeference": None if georeference is None else georeference.to_json(),
+        "device": {"name": run.device.name, "platform": run.device.platform} if run.device else None,
+        "settings": run.settings,
+        "inputs": run.inputs,
+        "georeference": run.georeference.to_json() if run.georeference else None,
         "scans": [
             {**row, "sigmas": sigmas}
             for row, sigmas in zip(scan_rows(result, names), pose_sigmas(result.covariances), strict=True)
@@ -59,7 +44,7 @@ def survey_summary(
         "pairs": _pair_counts(result.pairs),
         "gaps": list(dict.fromkeys([*result.gaps, *gaps])),
         "unread": [
-            {"name": scan.where, "reason": scan.reason, "gap": gap} for scan, gap in zip(unread, gaps, strict=True)
+            {"name": scan.where, "reason": scan.reason, "gap": gap} for scan, gap in zip(run.unread, gaps, strict=True)
         ],
         "components": [_component_row(result, c, unmeasured) for c in placed(result.components)],
         "unplaced": unplaced(result.components),
@@ -75,26 +60,18 @@ def survey_summary(
             "edges": len(graph.edges),
             "loops": sum(pair.kept and pair.role == "loop" for pair in result.pairs),
             "bridges": sum(pair.kept and pair.role == "bridge" for pair in result.pairs),
-            "chi_squared_before": solution.chi_squared_before,
-            "chi_squared_after": solution.chi_squared_after,
-            "degrees_of_freedom": solution.degrees_of_freedom,
-            "iterations": solution.iterations,
-            "converged": solution.converged,
+            **fields_of(solution, "chi_squared_before", "chi_squared_after"),
+            **fields_of(solution, "degrees_of_freedom", "iterations", "converged"),
         },
     }
 
 
 def scan_rows(result: SurveyResult, names: Sequence[str]) -> list[dict[str, Any]]:
     """What each scan is, and how sure its pose."""
+    columns = zip(result.trajectory.stamps, result.surveys, result.covariances, strict=True)
     return [
-        {
-            "index": k,
-            "name": name,
-            "stamp": result.trajectory.stamps[k],
-            "survey": result.surveys[k],
-            "covariance": result.covariances[k],
-        }
-        for k, name in enumerate(names)
+        {"index": k, "name": name, "stamp": stamp, "survey": survey, "covariance": covariance}
+        for k, (name, (stamp, survey, covariance)) in enumerate(zip(names, columns, strict=True))
     ]
 
 

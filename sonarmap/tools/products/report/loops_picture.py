@@ -5,13 +5,13 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from sonarmap.tools.products.report.map_picture import add_level_bar, draw_cloud, level_colors
+from sonarmap.tools.products.report.map_picture import draw_cloud, level_colors
+from sonarmap.tools.products.report.small_png import write_png
 from sonarmap.tools.products.report.survey.image import Cloud
 from sonarmap.tools.products.report.survey.layout import extent_of, twice
-from sonarmap.tools.products.report.survey.sheet import open_sheet
+from sonarmap.tools.products.report.survey.sheet import add_color_bar, open_sheet
+from sonarmap.tools.products.report.survey.track import draw_track, inks_of, track_legend
 from sonarmap.tools.products.report.survey.view import VERDICTS, PartView, Verdict
-from sonarmap.tools.products.report.survey.way import draw_way, inks_of, way_legend
-from sonarmap.tools.products.report.survey.write import write_png
 
 if TYPE_CHECKING:
     from matplotlib.artist import Artist
@@ -57,19 +57,18 @@ def loops_figure(view: PartView) -> "Figure":
     sheet = open_sheet(
         twice(*extent_of([cloud.flat for cloud in clouds], places)),
         (f"{view.title}: before and after the loops" if view.title else "Before and after the loops", view.size),
-        (frame.across, frame.up),
-        [*way_legend(view, numbers=False), *_legend(loops)],
+        frame,
+        [*track_legend(view, numbers=False), *_legend(loops)],
         frame.note,
-        north=frame.north,
         panel_titles=("before: consecutive registrations, chained", f"after: {_counted(loops['kept'])} kept"),
     )
     panels = [axes for row in sheet.panels for axes in row]
     colors = level_colors(view, ListedColormap(_grays()))
-    for axes, cloud, way in zip(panels, clouds, places, strict=True):
+    for axes, cloud, track in zip(panels, clouds, places, strict=True):
         draw_cloud(axes, cloud, frame, colors)
-        draw_way(axes, view, way, numbers=False)
+        draw_track(axes, view, track, numbers=False)
     _draw_loops(panels[1], places[1], loops)
-    add_level_bar(sheet, colors, view)
+    add_color_bar(sheet, colors, frame)
     return sheet.figure
 
 
@@ -81,7 +80,7 @@ def _grays() -> np.ndarray:
 
 
 def _draw_loops(axes: "Axes", places: np.ndarray, loops: _Loops) -> None:
-    """A bow between the scans of every loop, which is seen beside a straight way."""
+    """A bow between the scans of every loop, which is seen beside a straight track."""
     from matplotlib.collections import LineCollection
 
     width = float(np.clip(_INK / max(1, sum(map(len, loops.values()))), 0.35, 1.0))

@@ -1,4 +1,4 @@
-"""The map from above, with the track of the sensor: one PNG."""
+"""The map from above, with the track: one PNG."""
 
 import math
 from pathlib import Path
@@ -6,13 +6,13 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
+from sonarmap.tools.products.report.small_png import write_png
 from sonarmap.tools.products.report.survey.frame import MapFrame
 from sonarmap.tools.products.report.survey.image import Cloud, color_range, seen_from_above
 from sonarmap.tools.products.report.survey.layout import extent_of, layout
-from sonarmap.tools.products.report.survey.sheet import Sheet, add_color_bar, open_sheet
+from sonarmap.tools.products.report.survey.sheet import add_color_bar, open_sheet
+from sonarmap.tools.products.report.survey.track import draw_track, inks_of, track_legend
 from sonarmap.tools.products.report.survey.view import PartView
-from sonarmap.tools.products.report.survey.way import draw_way, inks_of, way_legend
-from sonarmap.tools.products.report.survey.write import write_png
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
@@ -43,16 +43,15 @@ def map_figure(view: PartView) -> "Figure":
     sheet = open_sheet(
         plan,
         (view.title or "Map", view.size),
-        (frame.across, frame.up),
-        way_legend(view),
+        frame,
+        track_legend(view),
         "\n".join([frame.note, *_left_out(view, cloud, lower, upper)]),
-        north=frame.north,
     )
     colors = level_colors(view, _COLORS)
     for axes in (axes for row in sheet.panels for axes in row):
         draw_cloud(axes, cloud, frame, colors)
-        draw_way(axes, view, places)
-    add_level_bar(sheet, colors, view)
+        draw_track(axes, view, places)
+    add_color_bar(sheet, colors, frame)
     return sheet.figure
 
 
@@ -81,11 +80,6 @@ def draw_cloud(axes: "Axes", cloud: Cloud, frame: MapFrame, colors: "ScalarMappa
     image = figure.figimage(np.ma.masked_invalid(seen), left, lower, origin="lower", **look)
     image.set_zorder(-1)
     axes.patch.set_visible(False)
-
-
-def add_level_bar(sheet: Sheet, colors: "ScalarMappable", view: PartView) -> None:
-    """The scale of depths or heights."""
-    add_color_bar(sheet, colors, view.frame.height, depths=view.frame.zero is not None)
 
 
 def _left_out(view: PartView, cloud: Cloud, lower: np.ndarray, upper: np.ndarray) -> list[str]:

@@ -1,16 +1,17 @@
-"""The track of the sensor from its start to its end: depths, overlaps, and how sure the poses are. One PNG."""
+"""The track from its start to its end: depths, overlaps, and how sure the poses are. One PNG."""
 
 import textwrap
+from collections.abc import Sequence
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
 from sonarmap.tools.products.report.labels import shrink
+from sonarmap.tools.products.report.small_png import write_png
 from sonarmap.tools.products.report.survey.profile import Profile, profile_of
+from sonarmap.tools.products.report.survey.track import number_step
 from sonarmap.tools.products.report.survey.view import PartView
-from sonarmap.tools.products.report.survey.way import number_step
-from sonarmap.tools.products.report.survey.write import write_png
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
@@ -107,24 +108,22 @@ def _draw_overlaps(axes: "Axes", view: PartView, profile: Profile) -> None:
 
 
 def _draw_places(axes: "Axes", view: PartView, profile: Profile) -> None:
-    along, horizontal, vertical = _broken(np.vstack([profile.along, profile.sigmas[:2]]), profile.starts)
-    axes.plot(along, horizontal, color=_HORIZONTAL, linewidth=1.3, label="horizontal, worst direction")
-    axes.plot(along, vertical, color=_VERTICAL, linewidth=1.3, linestyle=(0, (5, 1.5)), label="vertical")
-    axes.set_ylabel("sigma [m]", fontsize=_TEXT)
-    _from_zero(axes, profile.sigmas[:2])
-    _legend(axes, 2)
+    _draw_sigmas(axes, profile, profile.sigmas[:2], "m", ("horizontal, worst direction", "vertical"))
 
 
 def _draw_headings(axes: "Axes", view: PartView, profile: Profile) -> None:
-    along, heading = _broken(np.vstack([profile.along, profile.sigmas[2:]]), profile.starts)
-    axes.plot(along, heading, color=_HORIZONTAL, linewidth=1.3, label="heading")
-    axes.set_ylabel("sigma [°]", fontsize=_TEXT)
-    _from_zero(axes, profile.sigmas[2:])
-    _legend(axes, 1)
+    _draw_sigmas(axes, profile, profile.sigmas[2:], "°", ("heading",))
 
 
-def _from_zero(axes: "Axes", sigmas: np.ndarray) -> None:
+def _draw_sigmas(axes: "Axes", profile: Profile, sigmas: np.ndarray, unit: str, names: Sequence[str]) -> None:
+    """Standard deviations (k, n) from zero on; the second is dashed."""
+    along, *curves = _broken(np.vstack([profile.along, sigmas]), profile.starts)
+    looks = (_HORIZONTAL, "-"), (_VERTICAL, (0, (5, 1.5)))
+    for curve, name, (color, line) in zip(curves, names, looks, strict=False):
+        axes.plot(along, curve, color=color, linewidth=1.3, linestyle=line, label=name)
+    axes.set_ylabel(f"sigma [{unit}]", fontsize=_TEXT)
     axes.set_ylim(0, _ROOM * max(float(sigmas.max()), 1e-6))
+    _legend(axes, len(names))
 
 
 def _legend(axes: "Axes", columns: int) -> None:

@@ -1,14 +1,13 @@
 """What a spectral registration saw, step by step: one PNG."""
 
 import textwrap
-import warnings
 from pathlib import Path
 from typing import TYPE_CHECKING
 
 from sonarmap.tools.products.report.naming import plain_text
 from sonarmap.tools.products.report.registration_view import RegistrationView
 from sonarmap.tools.products.report.scan_panels import draw_after, draw_before
-from sonarmap.tools.products.report.small_png import save_small
+from sonarmap.tools.products.report.small_png import write_png
 from sonarmap.tools.products.report.spectrum_panels import draw_layers, draw_rotations, draw_spectrum, draw_translations
 
 if TYPE_CHECKING:
@@ -30,9 +29,7 @@ def draw_registration(path: Path, view: RegistrationView) -> None:
     Raises:
         InputError: the file cannot be written.
     """
-    with warnings.catch_warnings():
-        warnings.filterwarnings("ignore", message="Glyph .* missing")  # names in other scripts are drawn as boxes
-        save_small(registration_figure(view), path)
+    write_png(lambda: registration_figure(view), path)
 
 
 def registration_figure(view: RegistrationView) -> "Figure":

@@ -16,8 +16,12 @@ from sonarmap.spectral.prepare.spectral_scan import SpectralScan
 from sonarmap.spectral.registration import SpectralRegistrar
 from sonarmap.spectral.result import Registration
 from sonarmap.spectral.translation import Translation
-from sonarmap.tools.products.report.rotation_map import RotationMap, map_rotations
-from sonarmap.tools.products.report.translation_slice import TranslationSlice, slice_translation
+from sonarmap.tools.products.report.correlation_maps import (
+    RotationMap,
+    TranslationSlice,
+    map_rotations,
+    slice_translation,
+)
 
 # The layer that is shown, as a share of N/2: amid those that are correlated.
 _RADIUS = 0.4

@@ -1,6 +1,7 @@
 """Figures as small PNGs, for pages that hold many."""
 
-from collections.abc import Sequence
+import warnings
+from collections.abc import Callable, Sequence
 from pathlib import Path
 from typing import TYPE_CHECKING
 
@@ -16,6 +17,15 @@ _COLORS = 192
 _WHITE = 250  # levels that fewer colors leave of the white ground
 _MOST = 256  # colors in a palette
 _SHADES = 12  # between white and an ink: what the edges of lines and letters have
+
+
+def write_png(
+    make: "Callable[[], Figure]", path: Path, inks: Sequence[str] = (), ramp: np.ndarray | None = None
+) -> None:
+    """Make a figure, and write it as `save_small` does; names in scripts that the font lacks are drawn as boxes."""
+    with warnings.catch_warnings():
+        warnings.filterwarnings("ignore", message="Glyph .* missing")
+        save_small(make(), path, inks, ramp)
 
 
 def save_small(figure: "Figure", path: Path, inks: Sequence[str] = (), ramp: np.ndarray | None = None) -> None:

@@ -4,9 +4,8 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
+from sonarmap.tools.products.report.correlation_maps import TranslationSlice, tilt_of, yaw_of
 from sonarmap.tools.products.report.registration_view import RegistrationView
-from sonarmap.tools.products.report.rotation_map import tilt_of, yaw_of
-from sonarmap.tools.products.report.translation_slice import TranslationSlice
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes

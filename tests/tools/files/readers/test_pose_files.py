@@ -17,6 +17,7 @@ from sonarmap.tools.files.readers.poses.trajectory import read_kitti
 from sonarmap.tools.files.readers.poses.tum import read_tum
 from sonarmap.tools.files.writers.json_text import to_json, write_json
 from sonarmap.tools.files.writers.trajectory import write_trajectory, write_tum
+from sonarmap.tools.products.output.run import SurveyRun
 from sonarmap.tools.products.output.summary import survey_summary
 from tests.samples.surveys import KnowingRegistrar, random_transforms, ring_poses, scans_of
 
@@ -138,7 +139,7 @@ def test_summary_of_a_survey_with_a_gap(tmp_path):
     scans = scans_of(truth)
     registrar = KnowingRegistrar(truth, np.diag([1.0, 2, 3, 40, 50, 60]) * 1e-6, broken=("scan7",))
     result = Mapper(registrar, 0.5).run(scans)
-    content = survey_summary(result, [s.name for s in scans], {"voxel": np.float32(0.5)}, {"name": "none"})
+    content = survey_summary(result, SurveyRun([s.name for s in scans], {"voxel": np.float32(0.5)}))
     write_json(tmp_path / "summary.json", content)
 
     def refuse(constant: str) -> None:

@@ -14,6 +14,7 @@ from sonarmap.slam.survey_result import SurveyResult
 from sonarmap.spectral.result import Registration
 from sonarmap.tools.files.geo.georeference import Georeference
 from sonarmap.tools.products.output.folder import write_survey
+from sonarmap.tools.products.output.run import SurveyRun
 from tests.samples.surveys import KnowingRegistrar, ring_poses, scans_of
 
 COUNT = 8
@@ -33,7 +34,7 @@ def finished_map(out: Path, split: bool = False, georeference: Georeference | No
     with patch.multiple(
         "sonarmap.tools.products.output.folder", draw_map=nothing, draw_loops=nothing, draw_profile=nothing
     ):
-        write_survey(out, _mapped(split), names, {"voxel": 0.5}, None, inputs=inputs, georeference=georeference)
+        write_survey(out, _mapped(split), SurveyRun(names, {"voxel": 0.5}, inputs=inputs, georeference=georeference))
     return out
 
 

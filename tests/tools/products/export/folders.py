@@ -1,5 +1,6 @@
 """Made-up maps to export."""
 
+from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
@@ -12,9 +13,13 @@ from sonarmap.tools.files.map_folder.folder import MapFolder, MapPart
 from sonarmap.tools.products.export.georeferenced import Georeferenced
 
 
-def georeferenced(
-    here: Georeference, T_world_sensor: RigidTransform, points: int = 500, seed: int = 3
-) -> Georeferenced:
+def timed(earth: Georeferenced, stamps: np.ndarray) -> Georeferenced:
+    """The same with other stamps."""
+    trajectory = replace(earth.part.trajectory, stamps=stamps)
+    return replace(earth, part=replace(earth.part, trajectory=trajectory))
+
+
+def georeferenced(here: Georeference, T_world_sensor: RigidTransform, points: int = 500) -> Georeferenced:
     """A map of one part with these poses, and random points about them."""
     rng = np.random.default_rng(3)
     count = len(T_world_sensor)

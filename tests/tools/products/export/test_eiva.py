@@ -4,35 +4,16 @@ import re
 from pathlib import Path
 
 import numpy as np
-import pytest
 
 from sonarmap.tools.products.export.eiva import write_eiva_attitude, write_eiva_position
 from sonarmap.tools.products.export.georeferenced import Georeferenced
-from tests.tools.products.export.poses import PLACES, apart, dive, geodetic_by_hand
+from tests.tools.products.export.poses import dive
 
 
 def texts(path: Path, earth: Georeferenced) -> tuple[str, str]:
-    write_eiva_position(path / "position.txt", earth.folder, earth.part, earth)
-    write_eiva_attitude(path / "attitude.txt", earth.folder, earth.part, earth)
+    write_eiva_position(path / "position.txt", earth)
+    write_eiva_attitude(path / "attitude.txt", earth)
     return (path / "position.txt").read_text(), (path / "attitude.txt").read_text()
-
-
-@pytest.mark.parametrize("place", PLACES)
-def test_position(tmp_path: Path, place: str) -> None:
-    earth = dive(place)
-    position = np.loadtxt(texts(tmp_path, earth)[0].splitlines())
-    expected = geodetic_by_hand(earth)
-    np.testing.assert_allclose(position[:, 0], 1.7e9 + 2.5 * np.arange(6), atol=1e-3)
-    assert apart(np.degrees(position[:, 1:3]), expected).max() < 1e-4
-    np.testing.assert_allclose(position[:, 3], [31.25, 30.75, 30.25, 29.75, 29.25, 28.75], atol=1e-4)
-
-
-def test_attitude(tmp_path: Path) -> None:
-    attitude = np.degrees(np.loadtxt(texts(tmp_path, dive())[1].splitlines())[:, 1:])
-    k = np.arange(6)
-    np.testing.assert_allclose(attitude[:, 0], 2 * k - 3, atol=1e-6)  # starboard down
-    np.testing.assert_allclose(attitude[:, 1], k - 7, atol=1e-6)  # nose up
-    np.testing.assert_allclose(attitude[:, 2], 30 + 25 * k, atol=0.002)  # true, not the grid's, which is 2.6 less
 
 
 def test_the_layout_is_that_of_the_page(tmp_path: Path) -> None:

@@ -2,61 +2,56 @@
 
 import csv
 import json
+from collections import defaultdict
+from dataclasses import replace
 from pathlib import Path
+from typing import Any
+from xml.etree import ElementTree
 
 import numpy as np
 import pytest
 
 from sonarmap.slam.mapper import Mapper
 from sonarmap.tools.files.geo.georeference import Georeference
-from sonarmap.tools.files.geo.projection import Projection
 from sonarmap.tools.files.map_folder.folder import MapFolder, read_map_folder
 from sonarmap.tools.files.readers.poses.tum import read_tum
-from sonarmap.tools.files.writers.points import write_pcd
-from sonarmap.tools.products.export.eiva import write_eiva_attitude, write_eiva_position
-from sonarmap.tools.products.export.geojson import write_geojson
-from sonarmap.tools.products.export.geopackage import write_geopackage
-from sonarmap.tools.products.export.georeferenced import Georeferenced
-from sonarmap.tools.products.export.geotiff import write_geotiff
-from sonarmap.tools.products.export.graph_csv import write_graph_csv, write_graph_g2o
-from sonarmap.tools.products.export.kml.write import write_kmz
-from sonarmap.tools.products.export.mcap import write_mcap
-from sonarmap.tools.products.export.poses_csv import write_poses_csv
+from sonarmap.tools.products.export.kml import GX
+from sonarmap.tools.products.export.run import ExportSettings, export_map
 from sonarmap.tools.products.output.folder import write_survey
+from sonarmap.tools.products.output.run import SurveyRun
 from tests.samples.surveys import KnowingRegistrar, ring_poses, scans_of
 
 COUNT = 8
 HERE = Georeference(69.9, 17.9995, height=-3.5, vertical="MSL", heading=37.0)
-WRITERS = {
-    "poses.csv": write_poses_csv,
-    "position.txt": write_eiva_position,
-    "attitude.txt": write_eiva_attitude,
-    "track.geojson": write_geojson,
-    "track.gpkg": write_geopackage,
-    "grid.tif": write_geotiff,
-    "map.kmz": write_kmz,
-}
+FORMATS = ("csv", "eiva-position", "eiva-attitude", "geojson", "gpkg", "geotiff", "kml", "kmz", "mcap", "g2o", "pcd")
 
 
 @pytest.fixture(scope="module")
 def exported(tmp_path_factory: pytest.TempPathFactory) -> tuple[Path, MapFolder]:
-    """The map and its exports, in one folder; stamps are Unix seconds."""
+    """The map's exports, and the map; stamps are Unix seconds."""
     out = tmp_path_factory.mktemp("out")
     truth = ring_poses(COUNT, turns=2)
     result = Mapper(KnowingRegistrar(truth, 1e-4 * np.eye(6)), 0.5).run(scans_of(truth))
-    write_survey(out, result, [f"s{k}" for k in range(COUNT)], {}, None)
+    write_survey(out, result, SurveyRun([f"s{k}" for k in range(COUNT)]))
     graph = json.loads((out / "graph.json").read_text())
     for pose in graph["poses"]:
         pose["stamp"] += 1.6e9
     (out / "graph.json").write_text(json.dumps(graph))
-    folder = read_map_folder(out)
-    earth = Georeferenced(folder, folder.parts[0], HERE, Projection.of(HERE))
-    for name, write in WRITERS.items():
-        write(out / name, folder, folder.parts[0], earth)
-    for name, write in (("map.mcap", write_mcap), ("graph.csv", write_graph_csv), ("copy.g2o", write_graph_g2o)):
-        write(out / name, folder, folder.parts[0], earth)
-    write_pcd(out / "map.pcd", folder.parts[0].points, folder.parts[0].columns)
-    return out, folder
+    folder = replace(read_map_folder(out), georeference=HERE)
+    export_map(folder, out / "exported", ExportSettings(FORMATS))
+    return out / "exported", folder
+
+
+def messages(out: Path) -> dict[str, list[Any]]:
+    """Of map.mcap, by their topics."""
+    from mcap.reader import make_reader
+    from mcap_ros2.decoder import DecoderFactory
+
+    topics: dict[str, list[Any]] = defaultdict(list)
+    with (out / "map.mcap").open("rb") as file:
+        for _, channel, _, message in make_reader(file, decoder_factories=[DecoderFactory()]).iter_decoded_messages():
+            topics[channel.topic].append(message)
+    return topics
 
 
 def table(path: Path) -> list[dict[str, str]]:
@@ -72,12 +67,22 @@ def test_places_and_times(exported: tuple[Path, MapFolder]) -> None:
     degrees = np.array([[float(row["lat_deg"]), float(row["lon_deg"])] for row in rows])
     heights = np.array([float(row["height_m"]) for row in rows])
     seconds = np.array([float(row["unix_s"]) for row in rows])
-    position = np.loadtxt(out / "position.txt")
+    position = np.loadtxt(out / "eiva_position.txt")
     np.testing.assert_allclose(np.degrees(position[:, 1:3]), degrees, rtol=0, atol=1e-9)
     np.testing.assert_allclose(position[:, 3], -heights, rtol=0, atol=1e-4)
     features = json.loads((out / "track.geojson").read_text())["features"]
     points = np.array([f["geometry"]["coordinates"] for f in features if f["properties"]["layer"] == "scans"])
     np.testing.assert_allclose(points, np.column_stack([degrees[:, ::-1], heights]), rtol=0, atol=1e-5)
+    root = ElementTree.parse(out / "map.kml").getroot()
+    (line,) = (element.text or "" for element in root.iterfind(".//{*}LineString/{*}coordinates"))
+    track = [[float(x) for x in (element.text or "").split()] for element in root.iter(f"{{{GX}}}coord")]
+    for places in (track, [[float(x) for x in row.split(",")] for row in line.split()]):
+        np.testing.assert_allclose(places, np.column_stack([degrees[:, ::-1], heights]), rtol=0, atol=1e-4)
+    ends = [element.text for element in root.iterfind(".//{*}Point/{*}coordinates")]
+    assert ends == [line.split()[0], line.split()[-1]]
+    fixes = messages(out)["/position"]
+    assert [[fix.latitude, fix.longitude] for fix in fixes] == [pytest.approx(row, abs=1e-9) for row in degrees]
+    assert all(np.isnan(fix.altitude) for fix in fixes)  # heights count from the sea's mean level
     meta, _, geometry, columns = read(out / "track.gpkg", layer="scans")
     grid = np.array([np.frombuffer(wkb[5:], "<f8") for wkb in geometry])
     expected = [[float(row[name]) for name in ("easting_m", "northing_m", "height_m")] for row in rows]
@@ -93,35 +98,36 @@ def test_attitudes(exported: tuple[Path, MapFolder]) -> None:
     out, _ = exported
     rows = table(out / "poses.csv")
     angles = [[float(row[name]) for name in ("roll_deg", "pitch_deg", "heading_deg")] for row in rows]
-    attitude = np.degrees(np.loadtxt(out / "attitude.txt")[:, 1:])
+    attitude = np.degrees(np.loadtxt(out / "eiva_attitude.txt")[:, 1:])
     apart = (attitude - angles + 180) % 360 - 180
     np.testing.assert_allclose(apart, 0, atol=1e-6)
     features = json.loads((out / "track.geojson").read_text())["features"]
     says = [f["properties"] for f in features if f["properties"]["layer"] == "scans"]
-    for name in ("roll_deg", "pitch_deg", "heading_deg", "heading_grid_deg", "east_sigma_m", "heading_sigma_deg"):
+    assert [each["depth_m"] for each in says] == pytest.approx([float(row["depth_m"]) for row in rows], abs=1e-5)
+    assert [(each["name"], each["utc"]) for each in says] == [(row["name"], row["utc"]) for row in rows]
+    for name in (
+        "roll_deg",
+        "pitch_deg",
+        "heading_deg",
+        "heading_grid_deg",
+        "east_sigma_m",
+        "heading_sigma_deg",
+    ):
         written = np.array([float(row[name]) for row in rows])
         np.testing.assert_allclose([each[name] for each in says], written, rtol=1e-8, atol=1e-6)
 
 
 def test_clouds_and_poses_in_the_map(exported: tuple[Path, MapFolder]) -> None:
     import open3d as o3d
-    from mcap.reader import make_reader
-    from mcap_ros2.decoder import DecoderFactory
 
     out, folder = exported
     points = np.asarray(o3d.io.read_point_cloud(out / "map.pcd").points)
     np.testing.assert_allclose(points, folder.parts[0].points, rtol=0, atol=1e-4)
-    with (out / "map.mcap").open("rb") as file:
-        topics = {
-            channel.topic: message
-            for _, channel, _, message in make_reader(
-                file, decoder_factories=[DecoderFactory()]
-            ).iter_decoded_messages()
-        }
+    topics = {topic: of_topic[-1] for topic, of_topic in messages(out).items()}
     cloud = np.frombuffer(bytes(topics["/map/points"].data), np.uint8).reshape(-1, topics["/map/points"].point_step)
     np.testing.assert_array_equal(cloud[:, :12].copy().view("<f4"), points.astype(np.float32))
     track = [[getattr(pose.pose.position, axis) for axis in "xyz"] for pose in topics["/track"].poses]
-    np.testing.assert_allclose(track, read_tum(out / "trajectory.tum").T_world_sensor.translation, atol=1e-12)
+    np.testing.assert_allclose(track, read_tum(folder.path / "trajectory.tum").T_world_sensor.translation, atol=1e-12)
 
 
 def test_loops_are_those_of_the_map(exported: tuple[Path, MapFolder]) -> None:
@@ -130,7 +136,7 @@ def test_loops_are_those_of_the_map(exported: tuple[Path, MapFolder]) -> None:
     loops = [f["properties"] for f in features if f["properties"]["layer"] == "loops"]
     assert len(loops) == len(folder.loops) > 0
     assert [loop["kept"] for loop in loops] == [loop.kept for loop in folder.loops]
-    assert (out / "copy.g2o").read_bytes() == (out / "graph.g2o").read_bytes()
+    assert (out / "graph.g2o").read_bytes() == (folder.path / "graph.g2o").read_bytes()
 
 
 def test_the_picture_lies_on_the_grid(exported: tuple[Path, MapFolder]) -> None:

@@ -2,42 +2,26 @@
 
 import json
 from dataclasses import replace
-from datetime import datetime
 from pathlib import Path
 from typing import Any
 
 import numpy as np
 import pytest
 
+from sonarmap.kernels.errors import InputError
 from sonarmap.tools.products.export.geojson import cut_at_180, write_geojson
 from sonarmap.tools.products.export.georeferenced import Georeferenced
-from tests.tools.products.export.poses import PLACES, apart, dive, geodetic_by_hand, with_part
+from tests.tools.products.export.poses import dive, with_part
 
 
 def features_in(path: Path, earth: Georeferenced) -> dict[str, list[dict[str, Any]]]:
-    write_geojson(path / "track.geojson", earth.folder, earth.part, earth)
+    write_geojson(path / "track.geojson", earth)
     content = json.loads((path / "track.geojson").read_text("utf-8"))
     assert content["type"] == "FeatureCollection"
     layers: dict[str, list[dict[str, Any]]] = {"track": [], "scans": [], "loops": []}
     for feature in content["features"]:
         layers[feature["properties"]["layer"]].append(feature)
     return layers
-
-
-@pytest.mark.parametrize("place", PLACES)
-def test_scans(tmp_path: Path, place: str) -> None:
-    earth = dive(place)
-    scans = features_in(tmp_path, earth)["scans"]
-    written = np.array([scan["geometry"]["coordinates"] for scan in scans])
-    expected = geodetic_by_hand(earth)
-    assert apart(written[:, [1, 0]], expected).max() < 1e-4
-    np.testing.assert_allclose(written[:, 2], expected[:, 2], atol=1e-4)
-    for k, scan in enumerate(scans):
-        says = scan["properties"]
-        assert (says["name"], says["scan"], says["height_reference"]) == (f"scan_{k}", k, "surface")
-        assert datetime.fromisoformat(says["utc"]).timestamp() == pytest.approx(1.7e9 + 2.5 * k, abs=1e-3)
-        assert says["pitch_deg"] == pytest.approx(k - 7)
-        assert says["depth_m"] == pytest.approx(31.25 - 0.5 * k)
 
 
 def test_track_and_loops(tmp_path: Path) -> None:
@@ -82,6 +66,13 @@ def test_each_survey_has_its_track(tmp_path: Path) -> None:
     surveys = {"scans": [{"survey": number} for number in (0, 0, 0, 1, 1, 2)]}
     layers = features_in(tmp_path, with_part(earth, earth.part, summary=surveys))
     assert [track["properties"]["scan_count"] for track in layers["track"]] == [3, 2]  # a single scan is no line
+
+
+def test_a_summary_without_surveys_is_refused(tmp_path: Path) -> None:
+    earth = dive()
+    for wrong in ([{}] * 6, [{"survey": 0}], [{"survey": "x"}] * 6):
+        with pytest.raises(InputError, match="of which survey"):
+            features_in(tmp_path, with_part(earth, earth.part, summary={"scans": wrong}))
 
 
 def test_loops_to_other_parts_are_left_out(tmp_path: Path) -> None:

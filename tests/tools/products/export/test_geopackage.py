@@ -5,7 +5,6 @@ import sqlite3
 import struct
 import subprocess
 from dataclasses import replace
-from datetime import datetime
 from pathlib import Path
 from typing import Any
 
@@ -15,11 +14,11 @@ import pytest
 from sonarmap.kernels.errors import InputError
 from sonarmap.tools.products.export.geopackage import write_geopackage
 from sonarmap.tools.products.export.georeferenced import Georeferenced
-from tests.tools.products.export.poses import PLACES, dive, geodetic_by_hand, projected_by_hand, with_part
+from tests.tools.products.export.poses import dive, with_part
 
 
 def written(path: Path, earth: Georeferenced) -> Path:
-    write_geopackage(path / "track.gpkg", earth.folder, earth.part, earth)
+    write_geopackage(path / "track.gpkg", earth)
     assert [file.name for file in path.iterdir()] == ["track.gpkg"]
     return path / "track.gpkg"
 
@@ -37,22 +36,6 @@ def places(wkb: bytes) -> np.ndarray:
     assert order == 1
     start = 5 if kind in (1001, 0x80000001) else 9
     return np.frombuffer(wkb[start:], "<f8").reshape(-1, 3)
-
-
-@pytest.mark.parametrize("place", PLACES)
-def test_gdal_reads_scans_where_they_are(tmp_path: Path, place: str) -> None:
-    earth = dive(place)
-    epsg = PLACES[place][1]
-    meta, points, columns = read(written(tmp_path, earth), "scans")
-    assert meta["crs"] == f"EPSG:{epsg}"
-    expected = geodetic_by_hand(earth)
-    grid = np.column_stack([projected_by_hand(expected, epsg), expected[:, 2]])
-    np.testing.assert_allclose(np.vstack(points), grid, rtol=0, atol=1e-4)
-    np.testing.assert_allclose(columns["unix_s"], 1.7e9 + 2.5 * np.arange(6), rtol=0, atol=1e-6)
-    times = [datetime.fromisoformat(text).timestamp() for text in columns["utc"]]
-    np.testing.assert_allclose(times, columns["unix_s"], rtol=0, atol=1e-3)
-    assert set(columns["height_reference"]) == {"surface"}
-    np.testing.assert_allclose(columns["pitch_deg"], np.arange(6) - 7, atol=1e-9)
 
 
 def test_track_and_loops(tmp_path: Path) -> None:
@@ -126,7 +109,7 @@ def test_what_was_there_is_replaced_whole(tmp_path: Path) -> None:
 def test_a_folder_of_that_name_is_refused(tmp_path: Path) -> None:
     (tmp_path / "track.gpkg").mkdir()
     with pytest.raises(InputError, match="a folder of that name"):
-        write_geopackage(tmp_path / "track.gpkg", (earth := dive()).folder, earth.part, earth)
+        write_geopackage(tmp_path / "track.gpkg", dive())
 
 
 def test_ogrinfo_reads_it(tmp_path: Path) -> None:

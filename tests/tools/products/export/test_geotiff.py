@@ -21,7 +21,7 @@ from tests.tools.products.export.folders import georeferenced
 
 
 def written(path: Path, earth: Georeferenced) -> rasterio.DatasetReader:
-    write_geotiff(path, earth.folder, earth.part, earth)
+    write_geotiff(path, earth)
     return rasterio.open(path)
 
 
@@ -107,7 +107,7 @@ def test_a_large_empty_grid_takes_little_room(tmp_path: Path) -> None:
 def test_refuses_a_grid_that_nobody_could_use(tmp_path: Path) -> None:
     earth = replace(georeferenced(Georeference(60.0, 9.1), scattered()), cell=0.001)
     with pytest.raises(InputError, match="--cell"):
-        write_geotiff(tmp_path / "grid.tif", earth.folder, earth.part, earth)
+        write_geotiff(tmp_path / "grid.tif", earth)
     assert not list(tmp_path.iterdir())
 
 

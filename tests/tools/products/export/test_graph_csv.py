@@ -13,7 +13,7 @@ from sonarmap.slam.graph.trajectory import Trajectory
 from sonarmap.tools.files.map_folder.folder import MapFolder
 from sonarmap.tools.files.readers.poses.g2o import read_g2o
 from sonarmap.tools.files.writers.g2o import write_g2o
-from sonarmap.tools.products.export.graph_csv import write_graph_csv, write_graph_g2o
+from sonarmap.tools.products.export.graph_csv import write_graph
 from tests.tools.products.export.poses import dive, with_part
 
 
@@ -32,8 +32,8 @@ def two_parts(path: Path) -> MapFolder:
 
 def test_a_row_for_each_vertex(tmp_path: Path) -> None:
     folder = two_parts(tmp_path)
-    write_graph_csv(tmp_path / "graph.csv", folder, folder.parts[0], None)
-    with (tmp_path / "graph.csv").open(newline="", encoding="utf-8") as file:
+    write_graph(tmp_path / "out" / "graph.csv", folder, folder.parts[0], None)
+    with (tmp_path / "out" / "graph.csv").open(newline="", encoding="utf-8") as file:
         rows = list(csv.DictReader(file))
     assert [(row["vertex"], row["name"], row["map"], row["frame"]) for row in rows] == [
         ("0", "scan_0", "2", "first pose"),
@@ -44,7 +44,6 @@ def test_a_row_for_each_vertex(tmp_path: Path) -> None:
     ]
     assert [row["utc"] for row in rows][2:] == ["2023-11-14T22:13:22.500000Z", "2023-11-14T22:13:25.000400Z", ""]
     assert [float(row["stamp"]) for row in rows] == [0, 1.7e9, 1.7e9 + 2.5, 1.7e9 + 5.0004, 7]
-    write_graph_g2o(tmp_path / "out" / "graph.g2o", folder, folder.parts[0], None)
     vertices = read_g2o(tmp_path / "out" / "graph.g2o").trajectory.stamps
     assert [int(row["vertex"]) for row in rows] == vertices.tolist()
 
@@ -52,4 +51,4 @@ def test_a_row_for_each_vertex(tmp_path: Path) -> None:
 def test_a_missing_graph_is_refused(tmp_path: Path) -> None:
     folder = replace(two_parts(tmp_path), path=tmp_path / "elsewhere")
     with pytest.raises(InputError, match=r"graph\.g2o: .*map again"):
-        write_graph_g2o(tmp_path / "out.g2o", folder, folder.parts[0], None)
+        write_graph(tmp_path / "graph.csv", folder, folder.parts[0], None)

@@ -17,10 +17,10 @@ from scipy.spatial.transform import RigidTransform
 
 from sonarmap.tools.files.geo.georeference import Georeference
 from sonarmap.tools.products.export.georeferenced import Georeferenced
-from sonarmap.tools.products.export.kml.overlay import pictures_of
-from sonarmap.tools.products.export.kml.write import write_kml, write_kmz
-from tests.tools.products.export.finished import START, local_of_degrees, scattered
-from tests.tools.products.export.folders import georeferenced
+from sonarmap.tools.products.export.kml import write_kml, write_kmz
+from sonarmap.tools.products.export.kml_pictures import pictures_of
+from tests.tools.products.export.finished import START, scattered
+from tests.tools.products.export.folders import georeferenced, timed
 
 NAMES = {"kml": "http://www.opengis.net/kml/2.2", "gx": "http://www.google.com/kml/ext/2.2"}
 PLACES = [(60.0, 11.9995), (-70.0, -60.0002), (-17.5, 179.9999), (10.0, -179.9999), (84.5, 12.0)]
@@ -41,31 +41,15 @@ def texts(root: etree._Element, query: str) -> list[str]:
 
 def written(folder: Path, earth: Georeferenced, kind: str = "kml") -> Path:
     write = write_kml if kind == "kml" else write_kmz
-    write(folder / f"map.{kind}", earth.folder, earth.part, earth)
+    write(folder / f"map.{kind}", earth)
     return folder / f"map.{kind}"
-
-
-@pytest.mark.parametrize("place", PLACES)
-def test_the_track_is_where_a_second_way_has_it(place: tuple[float, float], tmp_path: Path) -> None:
-    here = Georeference(*place, height=-4.5, heading=37.0)
-    earth = georeferenced(here, scattered(6))
-    root = document(written(tmp_path, earth))
-    (line,) = texts(root, ".//kml:LineString/kml:coordinates")
-    track = texts(root, ".//gx:Track/gx:coord")
-    for rows in ([row.split(",") for row in line.split()], [row.split() for row in track]):
-        longitude, latitude, height = np.array(rows, float).T
-        back = local_of_degrees(np.column_stack([latitude, longitude, height]), here)
-        np.testing.assert_allclose(back, earth.part.trajectory.T_world_sensor.translation, atol=1e-3)
-    ends = texts(root, ".//kml:Point/kml:coordinates")
-    assert ends == [line.split()[0], line.split()[-1]]
 
 
 def test_times(tmp_path: Path) -> None:
     """In order of time, whatever the order of the scans."""
     earth = georeferenced(Georeference(60.0, 5.0), scattered(4))
     stamps = START + np.array([5.0, 0.0, 2.5, 7.625])
-    part = replace(earth.part, trajectory=replace(earth.part.trajectory, stamps=stamps))
-    root = document(written(tmp_path, replace(earth, part=part)))
+    root = document(written(tmp_path, timed(earth, stamps)))
     whens = [datetime.fromisoformat(text).timestamp() for text in texts(root, ".//gx:Track/kml:when")]
     np.testing.assert_allclose(whens, np.sort(stamps), atol=1e-3)
     coordinates = [row.split(",") for row in texts(root, ".//kml:LineString/kml:coordinates")[0].split()]
@@ -74,8 +58,7 @@ def test_times(tmp_path: Path) -> None:
 
 def test_without_times_there_is_no_timed_track(tmp_path: Path) -> None:
     earth = georeferenced(Georeference(60.0, 5.0), scattered(4))
-    part = replace(earth.part, trajectory=replace(earth.part.trajectory, stamps=np.arange(4.0)))
-    root = document(written(tmp_path, replace(earth, part=part)))
+    root = document(written(tmp_path, timed(earth, np.arange(4.0))))
     assert not texts(root, ".//gx:Track/kml:when")
     assert texts(root, ".//kml:Placemark/kml:name") == ["track", "start", "end"]
 

@@ -14,7 +14,7 @@ from sonarmap.tools.files.geo.projection import Projection
 from sonarmap.tools.products.export.georeferenced import Georeferenced
 from sonarmap.tools.products.export.laz import laz_details, write_laz
 from tests.tools.products.export.finished import START, local_of, scattered
-from tests.tools.products.export.folders import georeferenced
+from tests.tools.products.export.folders import georeferenced, timed
 
 # At borders of zones: Norway's widened 32, 70 south, and 180 east
 PLACES = [((60.0, 11.9995), 32632), ((60.0, 5.9999), 32632), ((-70.0, -60.0002), 32720), ((-17.5, 179.9995), 32760)]
@@ -22,7 +22,7 @@ PLACES += [((10.0, -179.9999), 32601), ((84.5, 12.0), 5041), ((-89.0, 40.0), 504
 
 
 def written(path: Path, earth: Georeferenced) -> laspy.LasData:
-    write_laz(path, earth.folder, earth.part, earth)
+    write_laz(path, earth)
     return laspy.read(path)
 
 
@@ -60,7 +60,7 @@ def test_dimensions(tmp_path: Path) -> None:
     np.testing.assert_allclose(
         np.asarray(las.intensity), np.nan_to_num(columns["intensity"]) * 65535 / strongest, atol=0.51
     )
-    assert repr(65535 / strongest) in laz_details(earth.part, earth)["intensity"]
+    assert repr(65535 / strongest) in laz_details(earth)["intensity"]
     assert (np.asarray(las.return_number) == 1).all()
     assert (np.asarray(las.number_of_returns) == 1).all()
     np.testing.assert_array_equal(las.header.scales, 0.001)
@@ -85,8 +85,7 @@ def test_times_are_gps_times_across_a_leap_second(tmp_path: Path) -> None:
     """GPS time 1167264018 is 2017-01-01T00:00:00Z, 18 s ahead; the second before it is a leap second."""
     earth = georeferenced(Georeference(60.0, 5.0), scattered(10))
     stamps = START + 2.5 * np.arange(10)
-    trajectory = replace(earth.part.trajectory, stamps=stamps)
-    las = written(tmp_path / "map.laz", replace(earth, part=replace(earth.part, trajectory=trajectory)))
+    las = written(tmp_path / "map.laz", timed(earth, stamps))
     midnight = 1_483_228_800
     of_scan = [s - midnight + 1_167_264_018 - (1 if s < midnight else 0) - 1e9 for s in stamps.tolist()]
     np.testing.assert_allclose(np.asarray(las.gps_time), np.array(of_scan)[earth.part.columns["scan"]], atol=1e-3)
@@ -95,8 +94,7 @@ def test_times_are_gps_times_across_a_leap_second(tmp_path: Path) -> None:
 
 def test_stamps_that_are_no_times_stay_as_they_are(tmp_path: Path) -> None:
     earth = georeferenced(Georeference(60.0, 5.0), scattered(4))
-    trajectory = replace(earth.part.trajectory, stamps=np.arange(4.0))
-    las = written(tmp_path / "map.laz", replace(earth, part=replace(earth.part, trajectory=trajectory)))
+    las = written(tmp_path / "map.laz", timed(earth, np.arange(4.0)))
     np.testing.assert_array_equal(las.gps_time, earth.part.columns["scan"])
     assert las.header.global_encoding.gps_time_type == laspy.header.GpsTimeType.WEEK_TIME
 

@@ -13,7 +13,7 @@ from sonarmap.slam.graph.trajectory import Trajectory
 from sonarmap.tools.files.map_folder.folder import MapPart
 from sonarmap.tools.products.export.georeferenced import Georeferenced
 from sonarmap.tools.products.export.mcap import write_mcap
-from tests.tools.products.export.poses import PLACES, apart, dive, geodetic_by_hand, with_part
+from tests.tools.products.export.poses import dive, with_part
 
 KINDS = {1: "i1", 2: "u1", 3: "i2", 4: "u2", 5: "i4", 6: "u4", 7: "f4", 8: "f8"}
 
@@ -93,23 +93,14 @@ def test_the_track(tmp_path: Path) -> None:
     assert table(points)["scan"].tolist() == list(range(6))
 
 
-@pytest.mark.parametrize("place", PLACES)
-def test_positions(tmp_path: Path, place: str) -> None:
-    earth = dive(place)
-    fixes = [fix for _, fix in messages(tmp_path, earth)["/position"]]
-    written = np.array([[fix.latitude, fix.longitude] for fix in fixes])
-    assert apart(written, geodetic_by_hand(earth)).max() < 1e-4
-    assert all(np.isnan(fix.altitude) for fix in fixes)  # heights count from the water's surface
-    variances = np.array([fix.position_covariance for fix in fixes]).reshape(-1, 3, 3)
-    np.testing.assert_allclose(np.trace(variances, axis1=1, axis2=2), 0.06)
-
-
 def test_altitudes_are_above_the_ellipsoid(tmp_path: Path) -> None:
     earth = dive()
     here = replace(earth.georeference, vertical="ellipsoid", height=44.5)
     raised = Georeferenced(earth.folder, earth.part, here, earth.projection)
     fixes = [fix for _, fix in messages(tmp_path, raised)["/position"]]
     np.testing.assert_allclose([fix.altitude for fix in fixes], 44.5 - 31.25 + 0.5 * np.arange(6), atol=1e-6)
+    variances = np.array([fix.position_covariance for fix in fixes]).reshape(-1, 3, 3)
+    np.testing.assert_allclose(np.trace(variances, axis1=1, axis2=2), 0.06)
 
 
 def test_a_far_map_has_a_frame_of_its_own(tmp_path: Path) -> None:

@@ -9,7 +9,6 @@ import numpy as np
 import pytest
 from scipy.spatial.transform import RigidTransform, Rotation
 
-from sonarmap.kernels.errors import InputError
 from sonarmap.slam.graph.trajectory import Trajectory
 from sonarmap.tools.files.geo.georeference import Georeference
 from sonarmap.tools.products.export.georeferenced import Georeferenced
@@ -27,7 +26,7 @@ from tests.tools.products.export.poses import (
 
 
 def rows_of(path: Path, earth: Georeferenced) -> list[dict[str, str]]:
-    write_poses_csv(path / "poses.csv", earth.folder, earth.part, earth)
+    write_poses_csv(path / "poses.csv", earth)
     with (path / "poses.csv").open(newline="", encoding="utf-8") as file:
         return list(csv.DictReader(file))
 
@@ -158,13 +157,6 @@ def test_north_is_0_and_not_360(tmp_path: Path) -> None:
     rows = rows_of(tmp_path, earth)
     assert [row["heading_deg"] for row in rows] == ["0.000000", "0.000000"]
     assert [row["heading_grid_deg"] for row in rows] == ["0.000000", "0.000000"]
-
-
-def test_a_summary_without_surveys_is_refused(tmp_path: Path) -> None:
-    earth = dive()
-    for wrong in ([{}] * 6, [{"survey": 0}], [{"survey": "x"}] * 6):
-        with pytest.raises(InputError, match="of which survey"):
-            rows_of(tmp_path, with_part(earth, earth.part, summary={"scans": wrong}))
 
 
 def test_names_may_hold_anything(tmp_path: Path) -> None:

@@ -19,9 +19,11 @@ from sonarmap.tools.files.map_folder.names import require_apart
 from sonarmap.tools.files.readers.clouds.ply import read_ply_columns
 from sonarmap.tools.lab.evaluate.map_error import read_points
 from sonarmap.tools.products.output.folder import write_survey
+from sonarmap.tools.products.output.run import SurveyRun
 from tests.samples.surveys import KnowingRegistrar, ring_poses, scans_of
 
 COUNT = 24
+RUN = SurveyRun([f"s{k}" for k in range(COUNT)])
 
 
 @pytest.fixture(scope="module")
@@ -56,7 +58,7 @@ def as_surveys(mapped: tuple[list[Scan], SurveyResult], several: bool) -> Survey
 def folder(mapped: tuple[list[Scan], SurveyResult], tmp_path_factory: pytest.TempPathFactory) -> Path:
     """What two surveys in one frame become."""
     out = tmp_path_factory.mktemp("out")
-    write_survey(out, as_surveys(mapped, several=True), [f"s{k}" for k in range(COUNT)], {}, None, also=["pcd"])
+    write_survey(out, as_surveys(mapped, several=True), RUN, also=["pcd"])
     return out
 
 
@@ -94,8 +96,7 @@ def test_what_the_map_leaves_out_is_in_the_map_of_all(mapped: tuple[list[Scan], 
         optimized=replace(part.optimized.take(~out), doubted=int(out.sum())),
         doubtful=part.optimized.take(out),
     )
-    names = [f"s{k}" for k in range(COUNT)]
-    write_survey(tmp_path, replace(result, parts=(parted,)), names, {}, None, also=["pcd"])
+    write_survey(tmp_path, replace(result, parts=(parted,)), RUN, also=["pcd"])
     clean, everything = (read_ply_columns((tmp_path / name).read_bytes()) for name in ("map.ply", "map_all.ply"))
     assert set(everything) == set(clean) | {"looked", "doubtful"}
     assert everything["doubtful"].sum() == out.sum() >= 5
@@ -109,7 +110,7 @@ def test_what_the_map_leaves_out_is_in_the_map_of_all(mapped: tuple[list[Scan], 
     assert component["map"]["points"] == len(clean["x"])
 
     (tmp_path / "map_all_3.ply").write_text("mine")  # no file of the run before, as its summary says
-    write_survey(tmp_path, replace(result, parts=(replace(part, doubtful=None),)), names, {}, None)
+    write_survey(tmp_path, replace(result, parts=(replace(part, doubtful=None),)), RUN)
     assert not (tmp_path / "map_all.ply").exists()
     assert (tmp_path / "map_all_3.ply").read_text() == "mine"
 
@@ -125,7 +126,7 @@ def test_what_a_survey_s_map_leaves_out_is_in_its_map_of_all(
     out = np.arange(len(whole.points)) % (len(whole.points) // 7) == 2
     parted = CleanMap(replace(whole.take(~out), doubted=int(out.sum())), whole.take(out))
     layers = {0: part.layers[0], 1: parted}
-    write_survey(tmp_path, replace(result, parts=(replace(part, layers=layers),)), ["s"] * COUNT, {}, None)
+    write_survey(tmp_path, replace(result, parts=(replace(part, layers=layers),)), RUN)
     names = "map_survey_1.ply", "map_all_survey_1.ply"
     clean, everything = (read_ply_columns((tmp_path / name).read_bytes()) for name in names)
     assert set(everything) == set(clean) | {"looked", "doubtful"}
@@ -136,7 +137,7 @@ def test_what_a_survey_s_map_leaves_out_is_in_its_map_of_all(
     assert set(everything["survey"]) == {1}
 
     unasked = replace(result, parts=(replace(part, doubtful=None),))
-    write_survey(tmp_path, unasked, ["s"] * COUNT, {}, None)
+    write_survey(tmp_path, unasked, RUN)
     assert {path.name for path in tmp_path.glob("map_*")} == {"map_survey_0.ply", "map_survey_1.ply"}
 
 
@@ -162,11 +163,11 @@ def test_the_summary_tells_what_crosses_and_what_was_removed(folder: Path) -> No
 def test_the_same_result_gives_the_same_picture_and_one_survey_no_layers(
     mapped: tuple[list[Scan], SurveyResult], folder: Path, tmp_path: Path
 ) -> None:
-    write_survey(tmp_path, as_surveys(mapped, several=True), [f"s{k}" for k in range(COUNT)], {}, None)
+    write_survey(tmp_path, as_surveys(mapped, several=True), RUN)
     picture = (tmp_path / "loops.png").read_bytes()
     assert picture.startswith(b"\x89PNG\r\n\x1a\n")
     assert picture == (folder / "loops.png").read_bytes()
-    write_survey(tmp_path, as_surveys(mapped, several=False), [f"s{k}" for k in range(COUNT)], {}, None)
+    write_survey(tmp_path, as_surveys(mapped, several=False), RUN)
     assert not list(tmp_path.glob("map_survey*"))  # those of the run before are gone
 
 

@@ -18,10 +18,9 @@ from sonarmap.spectral.prepare.spectral_scan import SpectralScan
 from sonarmap.spectral.registration import SpectralRegistrar
 from sonarmap.tools.lab.simulate.pairs.random_pairs import random_pair
 from sonarmap.tools.lab.simulate.sensing.noise import Noise
+from sonarmap.tools.products.report.correlation_maps import map_rotations, slice_translation, tilt_of, yaw_of
 from sonarmap.tools.products.report.registration_picture import draw_registration, registration_figure
 from sonarmap.tools.products.report.registration_view import RegistrationView, contradicting, view_registration
-from sonarmap.tools.products.report.rotation_map import map_rotations, tilt_of, yaw_of
-from sonarmap.tools.products.report.translation_slice import slice_translation
 from tests.samples.clutter_scans import refused_with_reason, said, scan, sonarmap, write
 
 Seen = tuple[RegistrationView, RigidTransform, SpectralRegistrar, SpectralScan, SpectralScan]

@@ -8,7 +8,7 @@ import numpy as np
 
 from sonarmap.kernels.errors import InputError
 from sonarmap.tools.products.report.labels import place_labels, shrink
-from sonarmap.tools.products.report.survey.write import write_png
+from sonarmap.tools.products.report.small_png import write_png
 
 if TYPE_CHECKING:
     from matplotlib.figure import Figure

@@ -20,7 +20,7 @@ from sonarmap.tools.products.report.page.evidence import (
     kept_sequential,
     navigation_rows,
     pair_rows,
-    way_of,
+    track_of,
 )
 from sonarmap.tools.products.report.page.points import MOST_CODE, Packed, codes, pack
 from sonarmap.tools.products.report.page.provenance import citation, setting_rows, title
@@ -96,7 +96,7 @@ def _part(folder: MapFolder, part: MapPart) -> tuple[dict[str, Any], bytes, byte
         "middle": np.quantile(everything, (_STRAY, 1 - _STRAY), axis=0).tolist(),
         "axes": ["East", "North", "Up"] if part.in_world else ["x", "y", "z"],
         "height": _height(folder, part) | {"range": [low, high]},
-        "way": way_of(part, folder.graph),
+        "track": track_of(part, folder.graph),
         "on_earth": folder.on_earth(part),
         "unmeasured": list(part.unmeasured) if part.in_world else [],
     }

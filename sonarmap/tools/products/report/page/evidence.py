@@ -17,7 +17,7 @@ _SAME = 1e-3  # poses that differ by less were not moved [m]
 _SHORT = 4  # valid digits of what is only read
 
 
-def way_of(part: MapPart, graph: Mapping[str, Any]) -> dict[str, Any]:
+def track_of(part: MapPart, graph: Mapping[str, Any]) -> dict[str, Any]:
     """The poses of a map: scans, stamps [s], places [m], turns, and the half axes of their ellipsoids.
 
     An ellipsoid's three half axes, (3, 3) as rows x, y, z [m], are standard deviations of the place along the

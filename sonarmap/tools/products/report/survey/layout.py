@@ -49,10 +49,10 @@ class Layout:
         return column * (width + self.gap[0]), (self.windows.shape[0] - 1 - row) * (height + self.gap[1])
 
 
-def extent_of(points: list[np.ndarray], way: list[np.ndarray]) -> tuple[np.ndarray, np.ndarray]:
-    """(2,) lower and upper corner [m] of what is worth showing of clouds (M, 2) and of ways (n, 2): all of these, and
+def extent_of(points: list[np.ndarray], tracks: list[np.ndarray]) -> tuple[np.ndarray, np.ndarray]:
+    """(2,) lower and upper corner [m] of what is worth showing of clouds (M, 2) and of tracks (n, 2): all of these, and
     of the clouds all but single points far from the others."""
-    cloud, whole = np.concatenate(points), np.concatenate(way)
+    cloud, whole = np.concatenate(points), np.concatenate(tracks)
     low, high = cloud.min(axis=0), cloud.max(axis=0)
     cell = max(float((high - low).max()) / _CELLS, 1e-6)
     columns, rows = np.floor((cloud - low) / cell).astype(np.int64).T

@@ -8,7 +8,7 @@ import numpy as np
 from sonarmap.tools.files.time_scales import are_times
 from sonarmap.tools.products.report.survey.view import PartView
 
-_MOVED = 2.0  # a way shorter than this has no distances worth showing [voxels]
+_MOVED = 2.0  # a track shorter than this has no distances worth showing [voxels]
 _UNDER = 3.0  # points within a square of this half edge are under the vehicle [voxels]
 _SHARES = (0.1, 0.5, 0.9)  # of the points under the vehicle: what lies beyond the outer ones may be strays
 _HOUR, _MINUTE = 3600.0, 60.0
@@ -21,7 +21,7 @@ class Profile:
     Attributes:
         along: (n,) where each is on the horizontal axis.
         axis: what that axis is.
-        starts: first places of the surveys after the first: the way is broken before them.
+        starts: first places of the surveys after the first: the track is broken before them.
         vehicle: (n,) depth or height of the sensor [m].
         bed: (3, n) quantiles of the map's points under it, the deepest first: 90 % or 10 %, median, 10 % or 90 % of
             depth or height [m]; NaN where there are none.
@@ -99,7 +99,7 @@ def heights_under(points: np.ndarray, places: np.ndarray, reach: float) -> np.nd
 def _axis(view: PartView, places: np.ndarray, starts: tuple[int, ...]) -> tuple[np.ndarray, str]:
     """Distance along the track; of a vehicle that hardly moved the time, or the number of the scan."""
     steps = np.linalg.norm(np.diff(places, axis=0), axis=1)
-    steps[[k - 1 for k in starts]] = 0.0  # between two surveys there is no way
+    steps[[k - 1 for k in starts]] = 0.0  # between two surveys there is no track
     along = np.concatenate([[0.0], np.cumsum(steps)])
     if np.ptp(places, axis=0).max() > _MOVED * view.point_map.voxel:
         return along, "distance along the track [m]"

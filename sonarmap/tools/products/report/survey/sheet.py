@@ -10,6 +10,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from sonarmap.tools.products.report.labels import shrink
+from sonarmap.tools.products.report.survey.frame import MapFrame
 from sonarmap.tools.products.report.survey.layout import Layout
 
 if TYPE_CHECKING:
@@ -46,11 +47,9 @@ class Sheet:
 def open_sheet(
     plan: Layout,
     words: tuple[str, str],
-    axes_names: tuple[str, str],
+    frame: MapFrame,
     legend: list["Artist"],
     note: str,
-    *,
-    north: bool,
     panel_titles: tuple[str, ...] = (),
 ) -> Sheet:
     """Lay out a sheet.
@@ -58,10 +57,9 @@ def open_sheet(
     Args:
         plan: of the panels.
         words: title and subtitle.
-        axes_names: of the horizontal and the vertical axis.
+        frame: of the map, with the names of its axes; where North is up, an arrow says so.
         legend: what it explains, in its order.
         note: sentences below, one a line.
-        north: whether North is up, and an arrow says so.
         panel_titles: of the panels, row by row; none without.
     """
     from matplotlib.figure import Figure
@@ -83,29 +81,26 @@ def open_sheet(
     for axes, title in zip(flat, panel_titles, strict=False):
         axes.set_title(title, fontsize=TEXT + 2)
     for axes in panels[-1]:
-        axes.set_xlabel(axes_names[0], fontsize=TEXT)
+        axes.set_xlabel(frame.across, fontsize=TEXT)
     for row in panels:
-        row[0].set_ylabel(axes_names[1], fontsize=TEXT)
+        row[0].set_ylabel(frame.up, fontsize=TEXT)
     side = _LEFT + width + 0.15
-    free = bottom, bottom + height
-    free = _add_scale_bar(figure, plan.scale, side, free)
-    if north:
+    free = _add_scale_bar(figure, plan.scale, side, (bottom, bottom + height))
+    if frame.north:
         free = _add_north(figure, side, free)
     return Sheet(figure, panels, (side, free[0], 0.2, free[1] - free[0]))
 
 
-def add_color_bar(sheet: Sheet, colors: "ScalarMappable", label: str, *, depths: bool) -> "Axes":
-    """The color bar, with what its numbers count from; depths grow downward."""
+def add_color_bar(sheet: Sheet, colors: "ScalarMappable", frame: MapFrame) -> None:
+    """The scale of depths or heights, with what they count from; depths grow downward."""
     left, lower, width, height = sheet.scales
     used = min(_TALLEST_BAR, height)
     axes = sheet.figure.add_axes(_share(sheet.figure, (left, lower + (height - used) / 2, width, used)))
     bar = sheet.figure.colorbar(colors, cax=axes, extend="both")
     bar.ax.tick_params(labelsize=TEXT)
-    wrapped = textwrap.fill(label, max(12, int(used * 72 / (0.52 * TEXT))))
-    bar.set_label(wrapped, fontsize=TEXT)
-    if depths:
+    bar.set_label(textwrap.fill(frame.height, max(12, int(used * 72 / (0.52 * TEXT)))), fontsize=TEXT)
+    if frame.zero is not None:
         axes.invert_yaxis()
-    return axes
 
 
 def _share(figure: "Figure", inches: tuple[float, float, float, float]) -> tuple[float, float, float, float]:

@@ -9,7 +9,7 @@ import numpy as np
 import pytest
 
 from sonarmap.tools.files.geo.georeference import Georeference
-from sonarmap.tools.files.writers.points import write_pcd, write_ply
+from sonarmap.tools.files.writers.points import write_points
 from sonarmap.tools.products.export.georeferenced import Georeferenced
 from sonarmap.tools.products.export.laz import write_laz
 from tests.tools.products.export.finished import scattered
@@ -44,30 +44,21 @@ def named(names: list[str], table: np.ndarray, name: str) -> np.ndarray:
     return table[:, index]
 
 
-def test_ply(tmp_path: Path) -> None:
-    """Coordinates and strengths come by themselves; the other columns are chosen in CloudCompare's dialog."""
-    part = made_up().part
-    write_ply(tmp_path / "map.ply", part.points, part.columns)
-    names, table = in_cloudcompare(tmp_path / "map.ply")
-    np.testing.assert_allclose(table[:, :3], part.points, rtol=0, atol=1e-3)
-    np.testing.assert_allclose(named(names, table, "intensity"), part.columns["intensity"], rtol=1e-5, atol=1e-5)
-
-
-def test_laz(tmp_path: Path) -> None:
-    earth = made_up()
-    write_laz(tmp_path / "map.laz", earth.folder, earth.part, earth)
-    names, table = in_cloudcompare(tmp_path / "map.laz")
-    np.testing.assert_allclose(table[:, :3], earth.projected_points, rtol=0, atol=1e-3)
-    for name in ("sigma", "seen"):
+@pytest.mark.parametrize(
+    ("kind", "columns"), [("ply", ("intensity",)), ("pcd", ("sigma",)), ("laz", ("sigma", "seen"))]
+)
+def test_clouds(tmp_path: Path, kind: str, columns: tuple[str, ...]) -> None:
+    """Of a PLY, coordinates and strengths come by themselves; the others are chosen in CloudCompare's dialog."""
+    earth, path = made_up(), tmp_path / f"map.{kind}"
+    if kind == "laz":
+        write_laz(path, earth)
+    else:
+        write_points(path, earth.part.points, earth.part.columns)
+    names, table = in_cloudcompare(path)
+    expected = earth.projected_points if kind == "laz" else earth.part.points
+    np.testing.assert_allclose(table[:, :3], expected, rtol=0, atol=1e-3)
+    for name in columns:
         np.testing.assert_allclose(named(names, table, name), earth.part.columns[name], rtol=1e-5, atol=1e-5)
-
-
-def test_pcd(tmp_path: Path) -> None:
-    part = made_up().part
-    write_pcd(tmp_path / "map.pcd", part.points, part.columns)
-    names, table = in_cloudcompare(tmp_path / "map.pcd")
-    np.testing.assert_allclose(table[:, :3], part.points, rtol=0, atol=1e-3)
-    np.testing.assert_allclose(named(names, table, "sigma"), part.columns["sigma"], rtol=1e-5, atol=1e-5)
 
 
 def test_pcl_reads_every_field(tmp_path: Path) -> None:
@@ -75,7 +66,7 @@ def test_pcl_reads_every_field(tmp_path: Path) -> None:
     if command is None:
         pytest.skip("PCL's programs are not installed (Debian: pcl-tools)")
     part = made_up().part
-    write_pcd(tmp_path / "map.pcd", part.points, part.columns)
+    write_points(tmp_path / "map.pcd", part.points, part.columns)
     subprocess.run([command, tmp_path / "map.pcd", tmp_path / "text.pcd", "0"], capture_output=True, check=True)
     lines = (tmp_path / "text.pcd").read_text().splitlines()
     (fields,) = (line.split()[1:] for line in lines if line.startswith("FIELDS"))

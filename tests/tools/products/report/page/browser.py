@@ -8,6 +8,7 @@ from dataclasses import dataclass, field
 from pathlib import Path
 from typing import TYPE_CHECKING
 
+import numpy as np
 import pytest
 
 if TYPE_CHECKING:
@@ -38,6 +39,17 @@ def wait_until(page: "Page", expression: str) -> None:
     while not page.evaluate(f"Boolean({expression})"):
         assert time.monotonic() < end, f"{expression} did not come true within {_PATIENCE:g} s"
         page.wait_for_timeout(20)
+
+
+def seen_at(page: "Page", place: np.ndarray) -> list[float]:
+    """Where a place [m] is seen [pixels of the canvas]."""
+    return page.evaluate("place => sonarmap.view.camera.project(place).slice(0, 2)", np.asarray(place).tolist())
+
+
+def click(page: "Page", place: np.ndarray) -> None:
+    """Click where a place [m] is seen."""
+    x, y = seen_at(page, place)
+    page.locator("#canvas").click(position={"x": x, "y": y})
 
 
 @contextmanager

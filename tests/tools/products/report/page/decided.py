@@ -5,8 +5,6 @@ from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
-import numpy as np
-
 from sonarmap.tools.files.csv_cell import plain_text
 from sonarmap.tools.products.report.page.content import Content
 from tests.tools.products.report.page.browser import Opened
@@ -31,9 +29,3 @@ def saved(page: Opened, kind: str, to: Path, button: str = "#{} .save") -> list[
     assert comment.startswith("# ")
     assert "Map of 8 scans" in comment
     return list(csv.DictReader(rest.splitlines(keepends=True), strict=True))
-
-
-def click(page: Opened, place: np.ndarray) -> None:
-    """Click where a place [m] is seen."""
-    x, y, _ = page.page.evaluate("place => sonarmap.view.camera.project(place)", place.tolist())
-    page.page.locator("#canvas").click(position={"x": x, "y": y})

@@ -14,7 +14,7 @@ from scipy.spatial import KDTree
 
 from sonarmap.tools.files.map_folder.folder import read_map_folder
 from sonarmap.tools.files.map_folder.names import REPORT
-from tests.tools.products.report.page.browser import SOFTWARE, Opened, opened
+from tests.tools.products.report.page.browser import SOFTWARE, Opened, click, opened
 
 FIRST_FRAME = "performance.getEntriesByName('opened')[0].startTime / 1000"
 TURN = """async seconds => {
@@ -71,8 +71,7 @@ def _distance(shown: Opened, points: np.ndarray) -> dict[str, Any]:
     page.locator("#measure").click()
     for place in (a, b):
         page.evaluate(LOOK_AT, place.tolist())
-        x, y, _ = page.evaluate("place => sonarmap.view.camera.project(place)", place.tolist())
-        page.locator("#canvas").click(position={"x": x, "y": y})
+        click(page, place)
     found = np.array(page.evaluate("sonarmap.view.measured"))
     read = page.locator("#picked dd").first.inner_text()
     return {

@@ -8,9 +8,9 @@ import pytest
 from scipy.spatial.transform import Rotation
 
 from sonarmap.tools.products.report.page.content import Content
-from tests.tools.products.report.page.browser import Opened, opened
-from tests.tools.products.report.page.decided import AS_WRITTEN, NAMES, click, path_of, saved
-from tests.tools.products.report.page.known_map import A, B, known_content
+from tests.tools.products.report.page.browser import Opened, click, opened
+from tests.tools.products.report.page.decided import AS_WRITTEN, NAMES, path_of, saved
+from tests.tools.products.report.page.known_map import A, B
 
 POINT = {
     "name": "quay, corner",
@@ -27,11 +27,6 @@ POINT = {
 }
 
 
-@pytest.fixture(scope="module")
-def content(tmp_path_factory: pytest.TempPathFactory) -> Content:
-    return known_content(tmp_path_factory.mktemp("known") / "out")
-
-
 @pytest.fixture
 def page(content: Content, tmp_path: Path) -> Iterator[Opened]:
     """A map of scans with names that are hard to write down."""
@@ -42,10 +37,10 @@ def page(content: Content, tmp_path: Path) -> Iterator[Opened]:
 
 def test_a_point_is_named_as_a_control_point(page: Opened, content: Content, tmp_path: Path) -> None:
     """In the frame of the scan that saw it, worked by SciPy."""
-    page.page.evaluate("Object.assign(sonarmap.view.shown, {way: false, kept: false, refused: false}); 0")
+    page.page.evaluate("Object.assign(sonarmap.view.shown, {track: false, kept: false, refused: false}); 0")
     for place in (A, B):
         page.page.evaluate("sonarmap.view.leave()")  # what was picked may lie over the map
-        click(page, place)
+        click(page.page, place)
         page.page.get_by_role("button", name="Name as a control point").click()
     page.page.locator("#picked").get_by_label("name of").fill('quay, "north"')
     for axis, value in (("East", "12,5"), ("North", "-3.25"), ("Up", "abc")):
@@ -57,10 +52,10 @@ def test_a_point_is_named_as_a_control_point(page: Opened, content: Content, tmp
     assert (first["name"], second["name"]) == ("point 1", 'quay, "north"')
     assert [second[name] for name in ("east_m", "north_m", "up_m", "sigma_m")] == ["12.5", "-3.25", "", "0.05"]
     assert list(first) == ["name", "scan", "x_m", "y_m", "z_m", "east_m", "north_m", "up_m", "sigma_m"]
-    way = content.shown["parts"][0]["way"]
+    track = content.shown["parts"][0]["track"]
     for k, (row, place) in enumerate(((first, A), (second, B))):
         assert row["scan"] == AS_WRITTEN[k]  # A is the first point and B the second
-        expected = Rotation.from_quat(way["turns"][k]).inv().apply(place - way["places"][k])
+        expected = Rotation.from_quat(track["turns"][k]).inv().apply(place - track["places"][k])
         np.testing.assert_allclose([float(row[name]) for name in ("x_m", "y_m", "z_m")], expected, atol=0.005)
     command = page.page.locator("#control .command").inner_text()
     assert " --control control.csv" in command
@@ -86,8 +81,8 @@ def test_control_points_of_the_map_are_shown(content: Content, tmp_path: Path) -
         assert page.page.evaluate(lines.format("residuals")) == 2
         residual = page.page.evaluate("(point => [point.place, point.known])(sonarmap.view.control[0])")
         np.testing.assert_allclose(np.subtract(*residual), POINT["residual"], atol=1e-9)
-        way = content.shown["parts"][0]["way"]
-        expected = Rotation.from_quat(way["turns"][3]).apply(POINT["point"]) + way["places"][3]
+        track = content.shown["parts"][0]["track"]
+        expected = Rotation.from_quat(track["turns"][3]).apply(POINT["point"]) + track["places"][3]
         np.testing.assert_allclose(residual[0], expected, atol=1e-6)
         row, other = saved(page, "control", tmp_path)
         assert {name: row[name] for name in ("name", "east_m", "sigma_m", "x_m")} == {

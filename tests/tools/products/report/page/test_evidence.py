@@ -12,7 +12,7 @@ from sonarmap.tools.products.report.page.evidence import (
     kept_sequential,
     navigation_rows,
     pair_rows,
-    way_of,
+    track_of,
 )
 
 
@@ -27,11 +27,11 @@ def test_an_ellipsoid_is_turned_with_its_pose() -> None:
         {"target": 5, "source": 6, "role": "sequential", "kept": True, "overlap": 0.75},
         {"target": 2, "source": 6, "role": "loop", "kept": True, "overlap": 0.25},
     ]
-    way = way_of(part, {"poses": [{}] * 6 + [{"T_world_sensor_before_loops": before}], "pairs": pairs})
-    assert (way["scans"], way["stamps"], way["places"]) == ([6], [12.5], [[3.0, -4.0, 5.0]])
-    assert (way["before"], way["overlaps"]) == ([[3.5, -4.25, 5.0]], [0.75])
-    np.testing.assert_allclose(way["turns"], [[0, 0, np.sqrt(0.5), np.sqrt(0.5)]], atol=1e-8)
-    half_axes = np.abs(way["half_axes"][0])
+    track = track_of(part, {"poses": [{}] * 6 + [{"T_world_sensor_before_loops": before}], "pairs": pairs})
+    assert (track["scans"], track["stamps"], track["places"]) == ([6], [12.5], [[3.0, -4.0, 5.0]])
+    assert (track["before"], track["overlaps"]) == ([[3.5, -4.25, 5.0]], [0.75])
+    np.testing.assert_allclose(track["turns"], [[0, 0, np.sqrt(0.5), np.sqrt(0.5)]], atol=1e-8)
+    half_axes = np.abs(track["half_axes"][0])
     np.testing.assert_allclose(half_axes, [[0, 0.01, 0], [0.02, 0, 0], [0, 0, 0.05]], atol=1e-9)
 
 
@@ -40,7 +40,7 @@ def test_the_way_before_the_loops_is_left_out_where_it_is_not_known_or_the_same(
     part = MapPart("", np.zeros((0, 3)), {}, (0,), Trajectory(np.zeros(1), T), np.eye(6)[None], False)
     same = {"T_world_sensor_before_loops": T.as_matrix()[0].tolist()}
     for pose in ({}, same):
-        assert way_of(part, {"poses": [pose], "pairs": []})["before"] is None
+        assert track_of(part, {"poses": [pose], "pairs": []})["before"] is None
 
 
 def prior(pose: int, T: RigidTransform, sigmas: list[float | None]) -> dict[str, Any]:

@@ -1,4 +1,4 @@
-"""What a page adds to the map by a click, in a real Chromium: false echoes, the way before the loops, the profile."""
+"""What a page adds to the map by a click, in a real Chromium: false echoes, the track before the loops, the profile."""
 
 from collections.abc import Iterator
 from dataclasses import replace
@@ -17,14 +17,14 @@ from sonarmap.tools.files.writers.points import write_points
 from sonarmap.tools.products.report.page.content import content_of
 from sonarmap.tools.products.report.page.doubtful import doubtful_of
 from sonarmap.tools.products.report.page.points import unpack
-from tests.tools.products.report.page.browser import Opened, opened, wait_until
+from tests.tools.products.report.page.browser import Opened, click, opened, wait_until
 from tests.tools.products.report.page.known_map import QUANTUM, A, B, folder_of, known_points, written
 
-SHIFT = np.array([0.75, -1.5, 0.25])  # of the way, by the loops
+SHIFT = np.array([0.75, -1.5, 0.25])  # of the track, by the loops
 
 
 def doubted(out: Path, count: int = 2, **spoiled: Any) -> MapFolder:
-    """A map of A and others that left out B, and as many points below as make `count`; and moved its way by loops."""
+    """A map of A and others that left out B, and as many points below as make `count`; and moved its track by loops."""
     clean = np.delete(known_points(), 1, axis=0)
     folder = folder_of(clean, out)
     below = np.column_stack([np.linspace(-12, 14, count - 1), np.full(count - 1, -9.0), np.full(count - 1, -7.5)])
@@ -57,7 +57,7 @@ def shown(tmp_path_factory: pytest.TempPathFactory) -> Iterator[Opened]:
 def test_false_echoes_are_shown_and_picked_when_asked(shown: Opened) -> None:
     page = shown.page
     view = "sonarmap.view"
-    page.evaluate(f"Object.assign({view}.shown, {{way: false, kept: false}}); {view}.camera.fromAbove()")
+    page.evaluate(f"Object.assign({view}.shown, {{track: false, kept: false}}); {view}.camera.fromAbove()")
     pick = f"place => {view}.pick(...{view}.camera.project(place).slice(0, 2))"
     assert page.evaluate(pick, B.tolist()) is None
     box = page.locator("label.doubtful")
@@ -67,21 +67,19 @@ def test_false_echoes_are_shown_and_picked_when_asked(shown: Opened) -> None:
     hit = page.evaluate(pick, B.tolist())
     assert np.abs(np.array(hit["place"]) - B).max() <= QUANTUM / 2 + 1e-9
     assert "point" in page.evaluate(pick, A.tolist())
-    x, y, _ = page.evaluate(f"place => {view}.camera.project(place)", B.tolist())
-    page.locator("#canvas").click(position={"x": x, "y": y})
-    told = page.locator("#picked").inner_text()
+    click(page, B)
     for words in ("false echo", "1 scan", "4 scans", "scan3"):  # B is the 60th of the points
-        assert words in told
+        assert words in page.locator("#picked").inner_text()
     box.locator("input").uncheck()
     assert page.evaluate(pick, B.tolist()) is None
-    page.evaluate(f"{view}.leave(); Object.assign({view}.shown, {{way: true, kept: true}})")
+    page.evaluate(f"{view}.leave(); Object.assign({view}.shown, {{track: true, kept: true}})")
 
 
 def test_false_echoes_are_drawn_in_a_color_of_their_own(shown: Opened) -> None:
     """B is red at its pixel, whatever the map is colored by."""
     page = shown.page
     page.locator("label.doubtful input").check()
-    page.locator("label.way input").uncheck()
+    page.locator("label.track input").uncheck()
     page.locator("label.kept input").uncheck()
     wait_until(page, "sonarmap.view.doubtful")
     look = """place => {
@@ -94,18 +92,18 @@ def test_false_echoes_are_drawn_in_a_color_of_their_own(shown: Opened) -> None:
     }"""
     assert page.evaluate(look, B.tolist())[:3] == [226, 40, 60]
     assert page.evaluate(look, A.tolist())[:3] != [226, 40, 60]
-    for name in ("way", "kept", "doubtful"):
+    for name in ("track", "kept", "doubtful"):
         page.locator(f"label.{name} input").set_checked(name != "doubtful")
 
 
-def test_the_way_before_the_loops(shown: Opened) -> None:
+def test_the_track_before_the_loops(shown: Opened) -> None:
     page = shown.page
     count = "sonarmap.view.scene.lines.get('before').count"
     assert page.evaluate(count) == 0
     page.locator("label.before input").check()
-    assert page.evaluate(count) == page.evaluate("sonarmap.view.scene.lines.get('way').count")
-    way = page.evaluate("sonarmap.view.part.way")
-    np.testing.assert_allclose(np.subtract(way["before"], way["places"]), np.tile(SHIFT, (8, 1)), atol=2e-5)
+    assert page.evaluate(count) == page.evaluate("sonarmap.view.scene.lines.get('track').count")
+    track = page.evaluate("sonarmap.view.part.track")
+    np.testing.assert_allclose(np.subtract(track["before"], track["places"]), np.tile(SHIFT, (8, 1)), atol=2e-5)
 
 
 def test_the_profile_says_its_numbers_and_shows_the_scan(shown: Opened) -> None:
@@ -117,15 +115,15 @@ def test_the_profile_says_its_numbers_and_shows_the_scan(shown: Opened) -> None:
     assert box is not None
     page.mouse.move(box["x"] + 0.99 * box["width"], box["y"] + 40)
     said = page.locator("#poses .said")
-    way = page.evaluate("sonarmap.view.part.way")
-    along = np.linalg.norm(np.diff(way["places"], axis=0), axis=1).sum()
+    track = page.evaluate("sonarmap.view.part.track")
+    along = np.linalg.norm(np.diff(track["places"], axis=0), axis=1).sum()
     for words in ("scan7", f"{along:.1f}\u202fm along", "worst direction"):
         assert words in said.inner_text()
     svg.press("ArrowLeft")
     assert said.inner_text().startswith("scan6;")
     svg.press("Enter")
     assert "scan6" in page.locator("#picked").inner_text()
-    np.testing.assert_allclose(page.evaluate("sonarmap.view.camera.target"), way["places"][6])
+    np.testing.assert_allclose(page.evaluate("sonarmap.view.camera.target"), track["places"][6])
 
 
 def test_many_doubtful_points_are_thinned_evenly(tmp_path: Path) -> None:

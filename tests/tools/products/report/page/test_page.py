@@ -19,14 +19,9 @@ from sonarmap.tools.products.report.page.content import Content
 from sonarmap.tools.products.report.page.page import SCRIPTS, report_text, write_report
 from tests.samples.places import ROOT
 from tests.tools.products.export.finished import finished_map
-from tests.tools.products.report.page.known_map import DOT, known_content
+from tests.tools.products.report.page.known_map import DOT
 
 WEB = ROOT / "tools" / "products" / "report" / "page" / "web"
-
-
-@pytest.fixture(scope="module")
-def content(tmp_path_factory: pytest.TempPathFactory) -> Content:
-    return known_content(tmp_path_factory.mktemp("known") / "out")
 
 
 @pytest.fixture(scope="module")

@@ -11,19 +11,14 @@ from sonarmap.tools.files.map_folder.folder import read_map_folder
 from sonarmap.tools.products.report.page.content import Content, content_of
 from sonarmap.tools.products.report.page.page import report_text
 from tests.tools.products.export.finished import finished_map
-from tests.tools.products.report.page.browser import WITHOUT_WEBGL, opened, wait_until
-from tests.tools.products.report.page.known_map import DOT, folder_of, known_content, known_points, written
+from tests.tools.products.report.page.browser import WITHOUT_WEBGL, click, opened, wait_until
+from tests.tools.products.report.page.known_map import DOT, folder_of, known_points, written
 
 HOSTILE = (
     "</script><script>window.hurt=1</script>",
     "<img src=x onerror=window.hurt=1>",
     "`${window.hurt=1}`&lt;\udcff",
 )
-
-
-@pytest.fixture(scope="module")
-def content(tmp_path_factory: pytest.TempPathFactory) -> Content:
-    return known_content(tmp_path_factory.mktemp("known") / "out")
 
 
 @pytest.mark.slow
@@ -150,9 +145,8 @@ def test_scans_of_two_parts_are_tied(tmp_path: Path) -> None:
                 parts.page.locator("#controls select").first.select_option("1")
                 wait_until(parts.page, f"sonarmap.view.part === sonarmap.content.parts[{number}]")
             parts.page.evaluate("sonarmap.view.camera.fromAbove()")
-            pose = parts.page.evaluate(f"sonarmap.view.part.way.places[{place}]")
-            x, y, _ = parts.page.evaluate("place => sonarmap.view.camera.project(place)", pose)
-            parts.page.locator("#canvas").click(position={"x": x, "y": y})
+            pose = parts.page.evaluate(f"sonarmap.view.part.track.places[{place}]")
+            click(parts.page, pose)
             if not number:
                 parts.page.get_by_role("button", name="Tie to another scan").click()
         assert "scan1 and scan7" in parts.page.locator("#picked").inner_text()
@@ -164,7 +158,7 @@ def test_scans_of_two_parts_are_tied(tmp_path: Path) -> None:
 
 
 @pytest.mark.slow
-def test_a_way_of_one_pose(tmp_path: Path) -> None:
+def test_a_track_of_one_pose(tmp_path: Path) -> None:
     folder = folder_of(known_points(), tmp_path / "out")
     part = folder.parts[0]
     lone = Trajectory(part.trajectory.stamps[:1], part.trajectory.T_world_sensor[:1])

@@ -9,13 +9,8 @@ import pytest
 from sonarmap.tools.files.geo.georeference import Georeference
 from sonarmap.tools.products.report.page.content import Content
 from sonarmap.tools.products.report.page.points import pack, unpack
-from tests.tools.products.report.page.browser import Opened, opened
-from tests.tools.products.report.page.known_map import QUANTUM, VOXEL, A, B, known_content, known_points, written
-
-
-@pytest.fixture(scope="module")
-def content(tmp_path_factory: pytest.TempPathFactory) -> Content:
-    return known_content(tmp_path_factory.mktemp("known") / "out")
+from tests.tools.products.report.page.browser import Opened, click, opened, seen_at
+from tests.tools.products.report.page.known_map import QUANTUM, VOXEL, A, B, known_points, written
 
 
 @pytest.fixture(scope="module")
@@ -31,12 +26,6 @@ def page(shown: Opened) -> Opened:
     """The same as it was when it opened."""
     shown.page.evaluate("sonarmap.view.measure(false); sonarmap.view.camera.reset(); scrollTo(0, 0)")
     return shown
-
-
-def click(page: Opened, place: np.ndarray) -> None:
-    """Click where a place [m] is seen."""
-    x, y, _ = page.page.evaluate("place => sonarmap.view.camera.project(place)", place.tolist())
-    page.page.locator("#canvas").click(position={"x": x, "y": y})
 
 
 def test_it_asks_for_nothing_and_says_nothing(page: Opened) -> None:
@@ -70,9 +59,9 @@ def test_the_points_are_those_that_were_packed(page: Opened, content: Content) -
 def test_two_points_are_measured_within_the_quantization(page: Opened) -> None:
     """By mouse: the distance is within twice half a quantum along each axis."""
     page.page.locator("#measure").click()
-    click(page, A)
+    click(page.page, A)
     assert "second point" in page.page.locator("#picked").inner_text()
-    click(page, B)
+    click(page.page, B)
     measured = np.array(page.page.evaluate("sonarmap.view.measured"))
     assert np.abs(measured - [A, B]).max() <= QUANTUM / 2 + 1e-9
     distance = float(np.linalg.norm(B - A))
@@ -84,13 +73,12 @@ def test_two_points_are_measured_within_the_quantization(page: Opened) -> None:
 def test_every_point_is_picked_where_it_is_seen(page: Opened) -> None:
     """From above no two lie over each other here but for few; each is the one that is told."""
     points = known_points()
-    page.page.evaluate("Object.assign(sonarmap.view.shown, {way: false, kept: false, refused: false}); 0")
+    page.page.evaluate("Object.assign(sonarmap.view.shown, {track: false, kept: false, refused: false}); 0")
     page.page.keyboard.press("t")
     page.page.evaluate("sonarmap.view.camera.fromAbove()")
     right = 0
     for k, point in enumerate(points):
-        x, y, _ = page.page.evaluate("place => sonarmap.view.camera.project(place)", point.tolist())
-        hit = page.page.evaluate("([x, y]) => sonarmap.view.pick(x, y)", [x, y])
+        hit = page.page.evaluate("([x, y]) => sonarmap.view.pick(x, y)", seen_at(page.page, point))
         if np.abs(np.array(hit["place"]) - point).max() <= QUANTUM / 2 + 1e-9:
             right += 1
             scan = page.page.evaluate("k => sonarmap.view.points.columns.scan[k]", hit["point"])
@@ -99,7 +87,7 @@ def test_every_point_is_picked_where_it_is_seen(page: Opened) -> None:
             assert hit["place"][2] > point[2]
     assert right > 50
     assert page.page.evaluate("sonarmap.view.pick(2, 2)") is None
-    page.page.evaluate("Object.assign(sonarmap.view.shown, {way: true, kept: true, refused: true}); 0")
+    page.page.evaluate("Object.assign(sonarmap.view.shown, {track: true, kept: true, refused: true}); 0")
 
 
 def test_what_is_hidden_is_not_picked(page: Opened) -> None:
@@ -111,28 +99,25 @@ def test_what_is_hidden_is_not_picked(page: Opened) -> None:
     slider.fill(str(round(200 * (1.5 - low) / (high - low))))
     assert abs(page.page.evaluate("sonarmap.view.heights[1]") - 1.5) <= (high - low) / 400
     page.page.evaluate(
-        "Object.assign(sonarmap.view.shown, {way: false, kept: false}); sonarmap.view.camera.fromAbove()"
+        "Object.assign(sonarmap.view.shown, {track: false, kept: false}); sonarmap.view.camera.fromAbove()"
     )
     for place, seen in ((A, True), (B, False)):
-        x, y, _ = page.page.evaluate("place => sonarmap.view.camera.project(place)", place.tolist())
-        hit = page.page.evaluate("([x, y]) => sonarmap.view.pick(x, y)", [x, y])
+        hit = page.page.evaluate("([x, y]) => sonarmap.view.pick(x, y)", seen_at(page.page, place))
         assert (hit is not None and np.abs(np.array(hit["place"]) - place).max() < QUANTUM) == seen
     slider.fill("200")
     assert page.page.evaluate("sonarmap.view.heights[1] === Infinity")
-    page.page.evaluate("Object.assign(sonarmap.view.shown, {way: true, kept: true})")
+    page.page.evaluate("Object.assign(sonarmap.view.shown, {track: true, kept: true})")
 
 
 def test_a_click_tells_what_a_point_is(page: Opened) -> None:
-    page.page.locator("label.way input").uncheck()
-    page.page.locator("label.kept input").uncheck()
-    click(page, B)
-    told = page.page.locator("#picked").inner_text()
-    assert "scan1" in told
-    assert "2 scans" in told
-    assert "-6.5" in told
-    assert told.count("\u202fm") >= 4
-    page.page.locator("label.way input").check()
-    page.page.locator("label.kept input").check()
+    for name in ("track", "kept"):
+        page.page.locator(f"label.{name} input").uncheck()
+    click(page.page, B)
+    shown = page.page.locator("#picked").inner_text()
+    assert all(words in shown for words in ("scan1", "2 scans", "-6.5"))
+    assert shown.count("\u202fm") >= 4
+    for name in ("track", "kept"):
+        page.page.locator(f"label.{name} input").check()
 
 
 def test_a_loop_is_shown_with_its_reason(page: Opened, content: Content) -> None:

@@ -8,9 +8,8 @@ import numpy as np
 import pytest
 
 from sonarmap.tools.products.report.page.content import Content
-from tests.tools.products.report.page.browser import WITHOUT_WEBGL, Opened, opened
-from tests.tools.products.report.page.decided import AS_WRITTEN, NAMES, click, path_of, saved
-from tests.tools.products.report.page.known_map import known_content
+from tests.tools.products.report.page.browser import WITHOUT_WEBGL, Opened, click, opened
+from tests.tools.products.report.page.decided import AS_WRITTEN, NAMES, path_of, saved
 
 MADE = {
     "target": NAMES[0],
@@ -20,11 +19,6 @@ MADE = {
     "effect": "kept",
     "transform": {},
 }
-
-
-@pytest.fixture(scope="module")
-def content(tmp_path_factory: pytest.TempPathFactory) -> Content:
-    return known_content(tmp_path_factory.mktemp("known") / "out")
 
 
 @pytest.fixture(scope="class")
@@ -110,21 +104,21 @@ class TestOfOnePage:
         """From above, where no two poses of the ring are seen at the same place."""
         i, j = untried(content)
         page.page.evaluate("sonarmap.view.camera.fromAbove()")
-        places = np.array(content.shown["parts"][0]["way"]["places"])
-        click(page, places[j])
+        places = np.array(content.shown["parts"][0]["track"]["places"])
+        click(page.page, places[j])
         page.page.get_by_role("button", name="Tie to another scan").click()
         assert "Click on the place of the scan" in page.page.locator("#picked").inner_text()
         page.page.locator("#canvas").press("Escape")
         assert page.page.evaluate("sonarmap.view.tying") is None
-        click(page, places[j])
+        click(page.page, places[j])
         page.page.get_by_role("button", name="Tie to another scan").click()
-        click(page, places[i])
+        click(page.page, places[i])
         picked = page.page.locator("#picked")
         assert "not tried by the map" in picked.inner_text()
         picked.get_by_role("button", name="add").click()
         assert page.page.evaluate("sonarmap.view.scene.lines.get('accepted').count") == 1
         assert saved(page, "ties", tmp_path, "#decided button") == [tie(i, j, "add")]
-        click(page, (places[i] + places[j]) / 2)
+        click(page.page, (places[i] + places[j]) / 2)
         picked.get_by_role("button", name="undecided").click()
         assert page.page.evaluate("sonarmap.view.scene.lines.get('accepted').count") == 0
 

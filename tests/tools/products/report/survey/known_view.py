@@ -39,7 +39,7 @@ def bed(width: float, height: float, x0: float = 0.0, y0: float = 0.0, step: flo
     return np.column_stack([x + x0, y + y0, -30 + 20 * x / width])
 
 
-def way(width: float, height: float, count: int, x0: float = 0.0, y0: float = 0.0) -> np.ndarray:
+def track(width: float, height: float, count: int, x0: float = 0.0, y0: float = 0.0) -> np.ndarray:
     """Places along the diagonal of such a bed, 5 m deep."""
     share = np.linspace(0, 1, count)[:, None]
     return np.hstack([share * [width, height] + np.array([x0, y0]), np.full((count, 1), -5.0)])

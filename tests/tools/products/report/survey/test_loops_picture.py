@@ -16,8 +16,8 @@ from tests.tools.products.report.survey.known_view import (
     levels_of,
     overlapping_texts,
     pair,
+    track,
     view_of,
-    way,
 )
 
 
@@ -27,7 +27,7 @@ def view(count: int = 40, loops: int = 12, width: float = 90, height: float = 60
     starts = [k % (count - apart) for k in range(loops)]
     tried = [pair(i, i + apart, "loop", k % 6 < 4, k % 6 != 4) for k, i in enumerate(starts)]
     moved = bed(width, height, 0, 3)
-    return view_of(bed(width, height), way(width, height, count), tuple(tried), chained=cloud(moved), frame=SEA)
+    return view_of(bed(width, height), track(width, height, count), tuple(tried), chained=cloud(moved), frame=SEA)
 
 
 def lines_of(figure: Figure) -> list[Any]:

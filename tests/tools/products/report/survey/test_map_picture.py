@@ -1,4 +1,4 @@
-"""What map.png shows: its words, its colors, the way, and that nothing overlaps."""
+"""What map.png shows: its words, its colors, the track, and that nothing overlaps."""
 
 from itertools import pairwise
 from pathlib import Path
@@ -11,29 +11,29 @@ from matplotlib.text import Annotation
 
 from sonarmap.tools.products.report.map_picture import draw_map, map_figure
 from sonarmap.tools.products.report.survey.view import PartView
-from tests.tools.products.report.survey.known_view import SEA, bed, levels_of, overlapping_texts, view_of, way
+from tests.tools.products.report.survey.known_view import SEA, bed, levels_of, overlapping_texts, track, view_of
 
 FAR = 512_345, 6_700_000
 LONG = "a folder with a long name " * 4
 KINDS: dict[str, PartView] = {
-    "small": view_of(bed(9, 6), way(9, 6, 12)),
-    "two scans": view_of(bed(9, 6), way(3, 2, 2)),
-    "one scan": view_of(bed(9, 6), way(3, 2, 1)),
-    "does not move": view_of(bed(20, 10), np.full((30, 3), -5.0) + 1e-3 * way(1, 1, 30)),
-    "long": view_of(bed(1000, 20), way(1000, 15, 150), frame=SEA),
-    "tall": view_of(bed(20, 1000), way(15, 1000, 150), frame=SEA),
-    "flat": view_of(bed(9, 6) * [1, 1, 0], way(9, 6, 4)),
-    "a wall": view_of(bed(40, 0.4), way(40, 0, 20, 0, 8)),
-    "a single point": view_of(np.array([[3.0, 4.0, -7.0]]), way(3, 2, 3)),
+    "small": view_of(bed(9, 6), track(9, 6, 12)),
+    "two scans": view_of(bed(9, 6), track(3, 2, 2)),
+    "one scan": view_of(bed(9, 6), track(3, 2, 1)),
+    "does not move": view_of(bed(20, 10), np.full((30, 3), -5.0) + 1e-3 * track(1, 1, 30)),
+    "long": view_of(bed(1000, 20), track(1000, 15, 150), frame=SEA),
+    "tall": view_of(bed(20, 1000), track(15, 1000, 150), frame=SEA),
+    "flat": view_of(bed(9, 6) * [1, 1, 0], track(9, 6, 4)),
+    "a wall": view_of(bed(40, 0.4), track(40, 0, 20, 0, 8)),
+    "a single point": view_of(np.array([[3.0, 4.0, -7.0]]), track(3, 2, 3)),
     "two surveys": view_of(
         bed(90, 60),
-        np.concatenate([way(90, 60, 20), way(90, 60, 20, 0, 2)]),
+        np.concatenate([track(90, 60, 20), track(90, 60, 20, 0, 2)]),
         surveys=(0,) * 20 + (1,) * 20,
         survey_names={0: "survey 0 (monday)", 1: "survey 1 (a folder with a longer name)"},
     ),
-    "a long title": view_of(bed(9, 6), way(9, 6, 12), title=LONG, names=(LONG,) * 12),
-    "far from the origin": view_of(bed(90, 60, *FAR), way(90, 60, 30, *FAR)),
-    "a dense way": view_of(bed(90, 60), np.tile(way(90, 60, 100), (5, 1)) + np.random.default_rng(3).normal(size=3)),
+    "a long title": view_of(bed(9, 6), track(9, 6, 12), title=LONG, names=(LONG,) * 12),
+    "far from the origin": view_of(bed(90, 60, *FAR), track(90, 60, 30, *FAR)),
+    "a dense track": view_of(bed(90, 60), np.tile(track(90, 60, 100), (5, 1)) + np.array([2.0, -2.5, 0.4])),
 }
 
 
@@ -66,14 +66,14 @@ def test_the_words_say_what_it_is() -> None:
 
 
 def test_north_is_shown_where_it_is_known() -> None:
-    figure = map_figure(view_of(bed(9, 6), way(9, 6, 3), frame=SEA))
+    figure = map_figure(view_of(bed(9, 6), track(9, 6, 3), frame=SEA))
     assert "N" in [text.get_text() for axes in figure.axes for text in axes.texts]
     assert (figure.axes[0].get_xlabel(), figure.axes[0].get_ylabel()) == ("East [m]", "North [m]")
 
 
 def test_the_colors_are_of_depths_and_the_shallow_is_above() -> None:
     """z from -30 to -10, the zero of depths at 2: depths of 12 to 32, of which 1 % on either side saturate."""
-    figure = map_figure(view_of(bed(100, 60), way(90, 60, 3), frame=SEA))
+    figure = map_figure(view_of(bed(100, 60), track(90, 60, 3), frame=SEA))
     (bar,) = [axes for axes in figure.axes if axes.get_ylabel() == "depth [m]"]
     lower, upper = bar.get_ylim()
     assert (lower, upper) == pytest.approx((31.8, 12.3), abs=0.2)  # downward
@@ -95,7 +95,7 @@ def test_heights_grow_upward_and_a_flat_bed_has_a_range() -> None:
 def test_the_image_lies_where_its_points_do() -> None:
     """A lone pillar at (20, 5) of a bed of 30 m by 15 m."""
     pillar = np.array([20.0, 5.0, -4.0]) + 0.2 * np.random.default_rng(1).normal(size=(40, 3)) * [1, 1, 0]
-    figure = map_figure(view_of(np.vstack([bed(30, 15) * [1, 1, 0] - [0, 0, 30], pillar]), way(30, 15, 2)))
+    figure = map_figure(view_of(np.vstack([bed(30, 15) * [1, 1, 0] - [0, 0, 30], pillar]), track(30, 15, 2)))
     image, axes = image_of(figure), figure.axes[0]
     rows, columns = np.nonzero(levels_of(image) > -10)
     dots = np.column_stack([columns + image.ox + 0.5, rows + image.oy + 0.5])
@@ -110,7 +110,7 @@ def test_the_image_lies_where_its_points_do() -> None:
 def test_what_is_left_out_is_said_and_not_drawn() -> None:
     """Doubtful points are not in a part's map at all; a point alone in the water is in it, and far from the others."""
     points = np.vstack([bed(30, 15), [[10.0, 5.0, 40.0]], [[400.0, 300.0, -20.0]]])
-    figure = map_figure(view_of(points, way(30, 15, 4), doubted=1234))
+    figure = map_figure(view_of(points, track(30, 15, 4), doubted=1234))
     assert levels_of(image_of(figure)).max() < 0
     assert figure.axes[0].get_xlim()[1] < 40
     note = " ".join(texts_of(figure)[2:][::-1])  # from below
@@ -118,7 +118,7 @@ def test_what_is_left_out_is_said_and_not_drawn() -> None:
     assert "Not drawn: 2 points of the map that stand alone." in note
 
 
-def test_a_long_way_is_cut_into_strips_that_show_all_of_it() -> None:
+def test_a_long_track_is_cut_into_strips_that_show_all_of_it() -> None:
     figure = map_figure(KINDS["long"])
     panels = [axes for axes in figure.axes if axes.get_ylabel() == "North [m]"]
     assert len(panels) > 2
@@ -131,9 +131,9 @@ def test_a_long_way_is_cut_into_strips_that_show_all_of_it() -> None:
     assert scales == pytest.approx([scales[0]] * len(scales))
 
 
-def test_arrows_point_along_the_way() -> None:
+def test_arrows_point_along_the_track() -> None:
     """From the upper right to the lower left: both coordinates fall."""
-    axes = map_figure(view_of(bed(90, 60), way(90, 60, 20)[::-1])).axes[0]
+    axes = map_figure(view_of(bed(90, 60), track(90, 60, 20)[::-1])).axes[0]
     arrows = [line for line in axes.lines if hasattr(line.get_marker(), "vertices")]
     assert len(arrows) > 4
     for arrow in arrows:
@@ -147,19 +147,19 @@ def test_each_survey_has_a_color_of_its_own_and_its_name() -> None:
     figure = map_figure(KINDS["two surveys"])
     (legend,) = figure.legends
     assert legend_of(figure)[:2] == ["survey 0 (monday), 20 scans", "survey 1 (a folder with a longer name), 20 scans"]
-    ways = [line for line in figure.axes[0].lines if len(np.array(line.get_xdata())) == 20]
-    colors = [line.get_color() for line in ways]
+    tracks = [line for line in figure.axes[0].lines if len(np.array(line.get_xdata())) == 20]
+    colors = [line.get_color() for line in tracks]
     assert len(set(colors)) == 2
     assert [handle.get_color() for handle in legend.legend_handles[:2]] == colors  # type: ignore[union-attr]
 
 
 def test_some_scans_have_their_numbers_beside_them() -> None:
-    view = view_of(bed(90, 60), way(90, 60, 40), scans=tuple(range(100, 140)))
+    view = view_of(bed(90, 60), track(90, 60, 40), scans=tuple(range(100, 140)))
     axes = map_figure(view).axes[0]
     labels = {text.get_text(): text.xy for text in axes.texts if isinstance(text, Annotation)}
     assert len(labels) >= 7
     for name, place in labels.items():
-        assert place == pytest.approx(way(90, 60, 40)[int(name) - 100, :2])
+        assert place == pytest.approx(track(90, 60, 40)[int(name) - 100, :2])
 
 
 def test_the_same_view_gives_the_same_file(tmp_path: Path) -> None:
@@ -169,5 +169,5 @@ def test_the_same_view_gives_the_same_file(tmp_path: Path) -> None:
 
 
 def test_names_in_any_script_are_drawn(tmp_path: Path) -> None:
-    draw_map(tmp_path / "a.png", view_of(bed(9, 6), way(9, 6, 3), title="深 \\$x^", names=("$x^ \n\udcff深",) * 3))
+    draw_map(tmp_path / "a.png", view_of(bed(9, 6), track(9, 6, 3), title="深 \\$x^", names=("$x^ \n\udcff深",) * 3))
     assert (tmp_path / "a.png").stat().st_size > 10_000

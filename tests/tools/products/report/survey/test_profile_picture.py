@@ -9,7 +9,7 @@ from sonarmap.slam.graph.trajectory import Trajectory
 from sonarmap.tools.products.report.profile_picture import profile_figure
 from sonarmap.tools.products.report.survey.profile import heights_under, profile_of, world_sigmas
 from sonarmap.tools.products.report.survey.view import PartView
-from tests.tools.products.report.survey.known_view import SEA, bed, overlapping_texts, pair, view_of, way
+from tests.tools.products.report.survey.known_view import SEA, bed, overlapping_texts, pair, track, view_of
 
 PAIRS = (*(pair(k, k + 1, kept=k != 2, accepted=k != 2) for k in range(9)), pair(1, 7, "loop"))
 TWO = {"surveys": (0,) * 4 + (1,) * 6, "survey_names": {0: "survey 0 (a)", 1: "survey 1 (b)"}}
@@ -51,7 +51,7 @@ class TestNumbers:
 
     def test_depths_and_distances_along_the_diagonal(self) -> None:
         """Scans from (0, 0) to (90, 60), 9 steps; 5 m below the frame's origin, the zero of depths 2 m above it."""
-        profile = profile_of(view_of(bed(91, 61), way(90, 60, 10), PAIRS, frame=SEA))
+        profile = profile_of(view_of(bed(91, 61), track(90, 60, 10), PAIRS, frame=SEA))
         assert profile.axis == "distance along the track [m]"
         assert profile.along == pytest.approx(np.arange(10) * np.hypot(10, 20 / 3))
         assert profile.vehicle == pytest.approx([7.0] * 10)
@@ -63,8 +63,8 @@ class TestNumbers:
         assert profile.loop_ends == (1, 7)
         assert profile.sigmas[:, 4] == pytest.approx([0.2, 0.3, np.degrees(0.02)])
 
-    def test_between_surveys_there_is_no_way(self) -> None:
-        profile = profile_of(view_of(bed(91, 61), way(90, 60, 10), PAIRS, **TWO))
+    def test_between_surveys_there_is_no_track(self) -> None:
+        profile = profile_of(view_of(bed(91, 61), track(90, 60, 10), PAIRS, **TWO))
         assert profile.starts == (4,)
         assert profile.along[3] == profile.along[4] == pytest.approx(3 * np.hypot(10, 20 / 3))
 
@@ -79,21 +79,21 @@ class TestNumbers:
         ],
     )
     def test_a_sensor_that_hardly_moves_has_times_or_numbers(self, stamps: np.ndarray, axis: str, last: float) -> None:
-        poses = Trajectory(stamps, RigidTransform.from_components(way(0.1, 0.1, 10), Rotation.identity(10)))
-        profile = profile_of(view_of(bed(20, 10), way(0.1, 0.1, 10), trajectory=poses))
+        poses = Trajectory(stamps, RigidTransform.from_components(track(0.1, 0.1, 10), Rotation.identity(10)))
+        profile = profile_of(view_of(bed(20, 10), track(0.1, 0.1, 10), trajectory=poses))
         assert (profile.axis, profile.along[-1]) == (axis, pytest.approx(last))
 
 
 @pytest.mark.parametrize(
     "view",
     [
-        view_of(bed(91, 61), way(90, 60, 10), PAIRS),
-        view_of(bed(91, 61), way(90, 60, 10), PAIRS, **TWO, frame=SEA),
-        view_of(bed(91, 61), way(90, 60, 600), tuple(pair(k, k + 1) for k in range(599)), frame=SEA),
-        view_of(bed(9, 6), way(9, 6, 2)),
-        view_of(bed(9, 6, 100, 100), way(9, 6, 5)),
+        view_of(bed(91, 61), track(90, 60, 10), PAIRS),
+        view_of(bed(91, 61), track(90, 60, 10), PAIRS, **TWO, frame=SEA),
+        view_of(bed(91, 61), track(90, 60, 600), tuple(pair(k, k + 1) for k in range(599)), frame=SEA),
+        view_of(bed(9, 6), track(9, 6, 2)),
+        view_of(bed(9, 6, 100, 100), track(9, 6, 5)),
         view_of(bed(91, 61), np.zeros((4, 3)), title="x" * 80),
-        view_of(bed(91, 61), way(90, 60, 10), covariances=np.zeros((10, 6, 6))),
+        view_of(bed(91, 61), track(90, 60, 10), covariances=np.zeros((10, 6, 6))),
     ],
     ids=["some", "two surveys", "many", "two scans", "nothing under it", "does not move", "certain"],
 )
@@ -102,12 +102,12 @@ def test_no_text_lies_upon_another_or_leaves_the_sheet(view: PartView) -> None:
 
 
 def test_it_fits_a_landscape_page() -> None:
-    figure = profile_figure(view_of(bed(91, 61), way(90, 60, 10), PAIRS))
+    figure = profile_figure(view_of(bed(91, 61), track(90, 60, 10), PAIRS))
     assert figure.get_size_inches().tolist() == pytest.approx([11.7, 8.3])
 
 
 def test_what_is_drawn_is_what_was_counted() -> None:
-    view = view_of(bed(91, 61), way(90, 60, 10), PAIRS, frame=SEA)
+    view = view_of(bed(91, 61), track(90, 60, 10), PAIRS, frame=SEA)
     profile, figure = profile_of(view), profile_figure(view)
     lines = panels_of(figure)
     assert lines["sensor"] == pytest.approx(np.column_stack([profile.along, profile.vehicle]))
@@ -122,7 +122,7 @@ def test_what_is_drawn_is_what_was_counted() -> None:
 
 
 def test_lines_break_between_surveys_and_the_surveys_have_their_names() -> None:
-    figure = profile_figure(view_of(bed(91, 61), way(90, 60, 10), PAIRS, **TWO))
+    figure = profile_figure(view_of(bed(91, 61), track(90, 60, 10), PAIRS, **TWO))
     sensor = panels_of(figure)["sensor"]
     assert np.flatnonzero(np.isnan(sensor[:, 1])).tolist() == [4]
     assert [text.get_text() for text in figure.axes[0].texts] == ["survey 0 (a)", "survey 1 (b)"]

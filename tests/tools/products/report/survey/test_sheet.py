@@ -15,7 +15,7 @@ class TestExtent:
         assert lower == pytest.approx([-1.8, -1.8], abs=0.2)
         assert upper == pytest.approx([61.8, 41.8], abs=0.2)
 
-    def test_the_whole_way_counts(self) -> None:
+    def test_the_whole_track_counts(self) -> None:
         _, upper = extent_of([BED], [np.array([[5.0, 5.0], [100.0, 5.0]])])
         assert upper[0] > 100
 

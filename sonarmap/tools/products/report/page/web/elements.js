@@ -13,6 +13,16 @@ function make(tag, attributes = {}, ...children) {
   return element;
 }
 
+/** A button; `more` are further attributes. */
+const button = (text, onclick, more = {}) => make("button", { type: "button", onclick, ...more }, text);
+
+/** A button that looks like a link. */
+const link = (text, onclick) => button(text, onclick, { class: "link" });
+
+/** A list to choose from, of [value, text]. */
+const choice = (options, attributes, chosen) => make("select", attributes,
+  ...options.map(([value, text]) => make("option", { value, selected: String(value) === String(chosen) }, text)));
+
 /** A length with as many decimals as `step` [m] has use for. */
 function meters(value, step = 0.01) {
   const decimals = Math.max(0, Math.min(4, Math.ceil(-Math.log10(step))));
@@ -31,9 +41,17 @@ const counted = (count, what) => `${count.toLocaleString("en")} ${what}${count =
 
 const percent = (share) => (share === null ? "" : `${Math.round(100 * share)}\u202f%`);
 
-/** A table under these headings; `rows` of texts or elements. */
-function table(headings, rows) {
+/** A row of a table, of texts or elements. */
+const tableRow = (cells) => make("tr", {}, ...cells.map((cell) => make("td", {}, cell)));
+
+/** A table under these headings. */
+function table(headings, rows, body = make("tbody", {}, ...rows.map(tableRow)), kind = "scroll") {
   const head = make("tr", {}, ...headings.map((heading) => make("th", { scope: "col" }, heading)));
-  const body = rows.map((row) => make("tr", {}, ...row.map((cell) => make("td", {}, cell))));
-  return make("div", { class: "scroll" }, make("table", {}, make("thead", {}, head), make("tbody", {}, ...body)));
+  return make("div", { class: kind }, make("table", {}, make("thead", {}, head), body));
+}
+
+/** What is decided shows at once, and after every change of the decisions. */
+function follow(decisions, update) {
+  decisions.listeners.push(update);
+  update();
 }

@@ -29,7 +29,7 @@ async function showPart(number) {
 /** Show a pair in the map, in the part that holds it, and go there unless the user should stay. */
 async function choose(pair, go = true) {
   if (!view) return;
-  const number = content.parts.findIndex(({ way }) => way.scans.includes(pair.target) && way.scans.includes(pair.source));
+  const number = content.parts.findIndex(({ track }) => track.scans.includes(pair.target) && track.scans.includes(pair.source));
   if (number < 0) return showPicked($("#picked"), view, content, { pair });
   if (view.part !== content.parts[number]) await showPart(number);
   const [drawn] = pairsOf(view.part, [pair]);

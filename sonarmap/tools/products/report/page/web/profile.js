@@ -4,13 +4,13 @@ const STRIP = 110; // height of a curve's strip [units of the picture]
 
 /** Strips over the distance along the track; `show` is called with the pose that was clicked on. */
 function profileChart(part, content, show) {
-  const { way, height } = part;
-  const along = distances(way, content.surveys);
-  const sigmas = way.half_axes.map((axes) => axes.map(lengthOf));
+  const { track, height } = part;
+  const along = distances(track, content.surveys);
+  const sigmas = track.half_axes.map((axes) => axes.map(lengthOf));
   const strips = [
     { label: height.zero === null ? "height of the sensor" : "depth of the sensor", unit: "m", down: height.zero !== null,
-      curves: [["", way.places.map(([, , z]) => (height.zero === null ? z : height.zero - z))]] },
-    { label: "overlap with the scan before", unit: "%", floor: 0, curves: [["", way.overlaps.map((share) => (share === null ? null : 100 * share))]] },
+      curves: [["", track.places.map(([, , z]) => (height.zero === null ? z : height.zero - z))]] },
+    { label: "overlap with the scan before", unit: "%", floor: 0, curves: [["", track.overlaps.map((share) => (share === null ? null : 100 * share))]] },
     { label: "sigma of its place", unit: "m", floor: 0,
       curves: [["worst direction", sigmas.map((sizes) => Math.max(...sizes))], ["best", sigmas.map((sizes) => Math.min(...sizes))]] },
   ].filter(({ curves }) => curves.some(([, values]) => values.some((value) => value !== null)));
@@ -20,13 +20,12 @@ function profileChart(part, content, show) {
   const svg = make("svg", { viewBox: `0 0 ${width} ${total}`, role: "img", tabindex: 0,
     "aria-label": `Along the track of ${part.name}: ${strips.map(({ label }) => label).join(", ")}. Arrow keys go from scan to scan, Enter shows it in the map.` });
   strips.forEach((strip, s) => svg.append(...stripOf(strip, along, x, s * STRIP, [left, width - right])));
-  for (const tick of ticks(0, along[along.length - 1] || 1))
-    svg.append(make("text", { x: x(tick), y: total - 22, "text-anchor": "middle" }, short(tick, "m")));
-  svg.append(make("text", { x: (left + width - right) / 2, y: total - 5, "text-anchor": "middle" }, "distance along the track"));
+  svg.append(...ticks(0, along[along.length - 1] || 1).map((tick) => below(x(tick), total - 22, short(tick, "m"))));
+  svg.append(below((left + width - right) / 2, total - 5, "distance along the track"));
   const cursor = make("line", { class: "cursor", y1: 14, y2: total - 38, x1: left, x2: left, visibility: "hidden" });
   svg.append(cursor);
   const said = make("p", { class: "said", role: "status" }, "Point at a place on the track for its numbers; click to see it in the map.");
-  const words = (k) => [content.names[way.scans[k]], `${meters(along[k], 0.1)} along`,
+  const words = (k) => [content.names[track.scans[k]], `${meters(along[k], 0.1)} along`,
     ...strips.flatMap(({ label, unit, curves }) => curves.map(([name, values]) => values[k] !== null && `${name ? `${label}, ${name}` : label} ${short(values[k], unit)}`))].filter(Boolean).join("; ");
   followCursor(svg, along.map(x), width, (k) => {
     cursor.setAttribute("visibility", "visible");
@@ -36,11 +35,11 @@ function profileChart(part, content, show) {
   return make("figure", { class: "profile" }, content.parts.length > 1 ? make("figcaption", {}, part.name) : null, svg, said);
 }
 
-/** How far each pose lies along the track [m]; the way from one survey to another counts nothing. */
-function distances(way, surveys) {
+/** How far each pose lies along the track [m]; the track from one survey to another counts nothing. */
+function distances(track, surveys) {
   let far = 0;
-  return way.places.map((place, k) => {
-    if (k && surveys[way.scans[k]] === surveys[way.scans[k - 1]]) far += lengthOf(minus(place, way.places[k - 1]));
+  return track.places.map((place, k) => {
+    if (k && surveys[track.scans[k]] === surveys[track.scans[k - 1]]) far += lengthOf(minus(place, track.places[k - 1]));
     return far;
   });
 }
@@ -51,19 +50,12 @@ function stripOf({ label, unit, curves, down, floor }, along, x, top, [from, to]
   const low = Math.min(floor ?? Infinity, ...values), high = Math.max(...values, low + 1e-9);
   const share = (value) => (value - low) / (high - low);
   const y = (value) => top + 22 + (down ? share(value) : 1 - share(value)) * (STRIP - 34);
-  const drawn = [make("text", { x: from, y: top + 13, class: "strip" }, `${label} [${unit}]${curves.length > 1 ? `: ${curves.map(([name], c) => `${name} (${["solid", "dashed"][c]})`).join(", ")}` : ""}`)];
-  for (const tick of ticks(low, high, 3)) {
-    drawn.push(make("line", { x1: from, x2: to, y1: y(tick), y2: y(tick), class: "grid" }));
-    drawn.push(make("text", { x: from - 6, y: y(tick) + 4, "text-anchor": "end" }, short(tick)));
-  }
-  curves.forEach(([, each], c) => {
-    let path = "";
-    each.forEach((value, k) => {
-      if (value !== null) path += `${k && each[k - 1] !== null ? "L" : "M"}${x(along[k]).toFixed(1)} ${y(value).toFixed(1)}`;
-    });
-    drawn.push(make("path", { d: path, class: `curve curve-${c}` }));
-  });
-  return drawn;
+  const names = curves.length > 1 ? `: ${curves.map(([name], c) => `${name} (${["solid", "dashed"][c]})`).join(", ")}` : "";
+  return [
+    make("text", { x: from, y: top + 13, class: "strip" }, `${label} [${unit}]${names}`),
+    ...grid(ticks(low, high, 3), y, [from, to]),
+    ...curves.map(([, each], c) => curve(along.map(x), each, y, c)),
+  ];
 }
 
 /** Call `at` with the pose that is nearest to the pointer, or reached by keys, and `show` with one that is chosen. */

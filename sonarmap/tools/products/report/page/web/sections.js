@@ -9,12 +9,12 @@ const WORST = 8; // crossings that are listed
  * @param showPose shows a pose of a part, by their numbers, in the map
  */
 function sectionsOf(content, pictures, decisions, choose, showPose) {
-  const ways = content.parts.map((part, number) => [part, number]).filter(([{ way }]) => way.scans.length > 1);
+  const tracks = content.parts.map((part, number) => [part, number]).filter(([{ track }]) => track.scans.length > 1);
   const against = content.control_points.length ? "Against navigation and control points" : "Against navigation";
   const all = [
     ["loops", "Loops", loopSection(content, decisions, choose)],
     ["ties", "Ties by hand", content.names.length > 1 ? tieSection(content, decisions, choose) : []],
-    ["poses", "Along the track", ways.map(([part, number]) => profileChart(part, content, (k) => showPose(number, k)))],
+    ["poses", "Along the track", tracks.map(([part, number]) => profileChart(part, content, (k) => showPose(number, k)))],
     ["crossings", "Crossings of the track", crossingSection(content, choose)],
     ["navigation", against, [...navigationSection(content), ...controlResiduals(content.control_points)]],
     ["control", "Control points by hand", controlSection(content, decisions)],
@@ -30,22 +30,24 @@ function picture(name, url) {
   return make("figure", {}, make("img", { src: url, alt: `${name}, written with the map` }), make("figcaption", {}, name));
 }
 
+/** The names of a pair's scans; a click shows it in the map. */
+const pairLink = (pair, names, choose) => link(`${names[pair.target]}\u00a0– ${names[pair.source]}`, () => choose(pair));
+
 /** Loops, bridges and refused pairs with their reasons; a click on a row shows it in the map. */
 function loopSection({ pairs, names }, decisions, choose) {
   if (!pairs.length) return [make("p", {}, "No loops were tried.")];
   const count = make("p", { "aria-live": "polite" });
   const body = make("tbody");
-  const more = make("button", { type: "button", onclick: () => fill(Infinity) }, "Show all");
-  const verdict = make("select", { onchange: () => fill() },
-    ...["all", "kept", "refused"].map((value) => make("option", { value }, value)));
+  const more = button("Show all", () => fill(Infinity));
+  const verdict = choice(["all", "kept", "refused"].map((value) => [value, value]), { onchange: () => fill() }, "all");
   const search = make("input", { type: "search", placeholder: "a scan, or a word of a reason", oninput: () => fill() });
-  const row = (pair) => make("tr", {},
-    make("td", {}, make("button", { type: "button", class: "link", onclick: () => choose(pair) },
-      `${names[pair.target]}\u00a0– ${names[pair.source]}`)),
-    make("td", {}, verdictButtons(decisions, pair)),
-    ...[pair.role, pair.kept ? "kept" : "refused", percent(pair.overlap), percent(pair.probability),
-      short(pair.residual_sigmas, "σ")].map((text) => make("td", {}, text)),
-    make("td", { class: "words" }, pair.reason));
+  const row = (pair) => {
+    const numbers = [percent(pair.overlap), percent(pair.probability), short(pair.residual_sigmas, "σ")];
+    const cells = [pairLink(pair, names, choose), verdictButtons(decisions, pair), pair.role, pair.kept ? "kept" : "refused", ...numbers];
+    const shown = tableRow(cells);
+    shown.append(make("td", { class: "words" }, pair.reason));
+    return shown;
+  };
   const fill = (most = FIRST_ROWS) => {
     const word = search.value.trim().toLowerCase();
     const chosen = pairs.filter((pair) =>
@@ -57,11 +59,10 @@ function loopSection({ pairs, names }, decisions, choose) {
   };
   fill();
   const headings = ["scans", "by hand", "role", "verdict", "overlap", "probability", "from the final poses", "reason"];
-  const head = make("tr", {}, ...headings.map((heading) => make("th", { scope: "col" }, heading)));
   return [
     make("p", {}, "Click on a pair to see it in the map; accept or reject it where you know better."),
     make("div", { class: "filter" }, make("label", {}, "Show ", verdict), make("label", {}, "Search ", search), count),
-    make("div", { class: "scroll tall" }, make("table", {}, make("thead", {}, head), body)),
+    table(headings, [], body, "scroll tall"),
     more,
   ];
 }
@@ -71,7 +72,7 @@ function crossingSection({ crossings, names }, choose) {
   if (!crossings.pairs) return [];
   const row = (name, suffix) => [name, short(crossings[`before${suffix}`], "m"), short(crossings[`after${suffix}`], "m")];
   return [
-    make("p", {}, `How far points of one pass lie from the surface of another, over ${crossings.pairs} pairs of scans that
+    make("p", {}, `How far points of one scan lie from the surface of another, over ${crossings.pairs} pairs of scans that
       overlap but were not taken one soon after the other. The ranges' noise is part of it.`),
     table(["distance", "before the loops", "after"], [row("median", ""), row("90th percentile", "_90")]),
     ...(crossings.rows.length ? crossingRows(crossings.rows, names, choose) : []),
@@ -79,16 +80,15 @@ function crossingSection({ crossings, names }, choose) {
 }
 
 function crossingRows(rows, names, choose) {
-  const curve = (name, key) => ({ name, values: rows.map((row) => row[key]).sort((a, b) => a - b) });
+  const sorted = (name, key) => ({ name, values: rows.map((row) => row[key]).sort((a, b) => a - b) });
   const worst = [...rows].sort((a, b) => b.after_m - a.after_m).slice(0, WORST);
   const line = (row) => [
-    make("button", { type: "button", class: "link", onclick: () => choose({ ...row, role: "crossing", kept: true }) },
-      `${names[row.target]}\u00a0– ${names[row.source]}`),
+    pairLink({ ...row, role: "crossing", kept: true }, names, choose),
     short(row.before_m, "m"), short(row.after_m, "m"), short(row.after_90_m, "m"),
   ];
   return [
     chart("Median distance at a crossing", "m", rows.map((_, k) => k + 1),
-      [curve("after", "after_m"), curve("before the loops", "before_m")], "crossings, from the smallest distance to the largest"),
+      [sorted("after", "after_m"), sorted("before the loops", "before_m")], "crossings, from the smallest distance to the largest"),
     make("p", {}, "Those that lie farthest apart after the loops; click on a pair to see it in the map."),
     table(["scans", "median before", "median after", "90th percentile after"], worst.map(line)),
   ];

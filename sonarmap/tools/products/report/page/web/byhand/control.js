@@ -5,15 +5,18 @@ const FARTHEST = 20000; // East or North beyond this are coordinates of a grid [
 
 const USES = [["control", "to hold the map"], ["check", "only to check it"]];
 
+/** A number as JavaScript and CSV have it, of what a user typed; Number("") is 0. */
+const decimal = (text) => text.trim().replace(",", ".");
+
 /** A number as the file has it, or "" for none; an Error for what is no number. */
 function numberOf(text, what) {
-  const number = text.trim().replace(",", ".");
-  if (number !== "" && !Number.isFinite(Number(number))) throw new Error(`${what} is "${text}"; wanted a number, or nothing. No file was saved.`);
+  const number = decimal(text);
+  if (!Number.isFinite(Number(number))) throw new Error(`${what} is "${text}"; wanted a number, or nothing. No file was saved.`);
   return number;
 }
 
 /** Whether a point's known place is in a grid's coordinates, not the map's. */
-const isFar = ({ known }) => known.slice(0, 2).some((text) => Math.abs(Number(text.trim().replace(",", "."))) > FARTHEST);
+const isFar = ({ known }) => known.slice(0, 2).some((text) => Math.abs(Number(decimal(text))) > FARTHEST);
 const inGrid = (control) => control.some(isFar);
 
 /** The control points as a file; columns that no point needs are left out. */
@@ -39,7 +42,7 @@ function controlFile({ control, content }) {
 
 /** Fields for what the user knows of a control point; `sync` of each shows what was typed elsewhere. */
 function controlFields(decisions, row, changed = () => {}) {
-  const bad = (text) => text.trim() !== "" && !Number.isFinite(Number(text.trim().replace(",", ".")));
+  const bad = (text) => !Number.isFinite(Number(decimal(text)));
   const field = (label, of, key, wide = false) => {
     const input = make("input", { type: "text", inputmode: wide ? "text" : "decimal", size: wide ? 12 : 8, "aria-label": `${label} of ${row.name}`,
       oninput: () => {
@@ -53,12 +56,12 @@ function controlFields(decisions, row, changed = () => {}) {
     input.sync();
     return make("label", {}, `${label} `, input);
   };
-  const use = make("select", { "aria-label": `use of ${row.name}`, onchange: () => {
+  const choose = () => {
     row.use = use.value;
     decisions.changed();
-  } }, ...USES.map(([value, words]) => make("option", { value }, words)));
+  };
+  const use = choice(USES, { "aria-label": `use of ${row.name}`, onchange: choose }, row.use);
   use.sync = () => (use.value = row.use);
-  use.sync();
   return [
     field("name", row, "name", true),
     ...KNOWN.map((axis, k) => field(`${axis} [m]`, row.known, k)),
@@ -80,7 +83,7 @@ function controlSection(content, decisions) {
   const line = (row) => make("li", {},
     make("span", {}, `${row.scan}: ${row.point.map((value, k) => `${"xyz"[k]} ${meters(value, 0.001)}`).join(", ")}`),
     ...controlFields(decisions, row),
-    make("button", { type: "button", onclick: () => decisions.remove("control", row) }, "remove"));
+    button("remove", () => decisions.remove("control", row)));
   let shown = [];
   const fill = () => {
     const { control } = decisions;
@@ -89,8 +92,7 @@ function controlSection(content, decisions) {
     shown = [...control];
     body.replaceChildren(control.length ? make("ul", { class: "named-points" }, ...control.map(line)) : make("p", {}, "No point is named yet."));
   };
-  decisions.listeners.push(fill);
-  fill();
+  follow(decisions, fill);
   return [
     make("p", {}, `Points of the map whose true place you know, such as a corner of a quay. Click on a point in the map, then on
       "Name as a control point". East, North and Up are meters from the map's origin, or coordinates of a grid. The file holds it in the frame of the scan that saw it most (x ahead, y left, z up), so that

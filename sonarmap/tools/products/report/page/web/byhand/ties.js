@@ -6,12 +6,11 @@ const TRANSFORM = ["x_m", "y_m", "z_m", "roll_deg", "pitch_deg", "yaw_deg", "sig
 /** Buttons that decide about a pair; they show what is decided, wherever it was. */
 function verdictButtons(decisions, pair) {
   const buttons = [decisions.inFavor(pair), "reject", null].map((verdict) =>
-    make("button", { type: "button", onclick: () => decisions.decide(pair, verdict) }, verdict ?? "undecided"));
+    button(verdict ?? "undecided", () => decisions.decide(pair, verdict)));
   const box = make("span", { class: "verdicts", role: "group", "aria-label": "Tie by hand" }, ...buttons);
   box.update = () => {
     const verdict = decisions.tieOf(pair)?.verdict ?? "undecided";
-    for (const button of buttons)
-      button.setAttribute("aria-pressed", button.textContent === verdict);
+    for (const each of buttons) each.setAttribute("aria-pressed", each.textContent === verdict);
   };
   box.update();
   return box;
@@ -32,8 +31,8 @@ function tieSection(content, decisions, choose) {
     const known = pair.target !== undefined && pair.source !== undefined;
     const before = made.get(`${tie.target}\n${tie.source}`);
     return [
-      known ? make("button", { type: "button", class: "link", onclick: () => choose(pair) }, words) : `${words} (no scans of this map)`,
-      known ? verdictButtons(decisions, pair) : make("button", { type: "button", onclick: () => decisions.remove("ties", tie) }, "remove"),
+      known ? link(words, () => choose(pair)) : `${words} (no scans of this map)`,
+      known ? verdictButtons(decisions, pair) : button("remove", () => decisions.remove("ties", tie)),
       make("input", { type: "text", value: tie.note, placeholder: "why", "aria-label": `note on ${words}`, oninput: (event) => {
         tie.note = event.target.value;
         decisions.keep();
@@ -50,8 +49,7 @@ function tieSection(content, decisions, choose) {
       ? table(["scans", "verdict", "note", "in this map"], decisions.ties.map(line))
       : make("p", {}, "Nothing is decided yet."));
   };
-  decisions.listeners.push(fill);
-  fill();
+  follow(decisions, fill);
   return [
     make("p", {}, `Where you know better than the map: accept or reject a pair here, in the list of loops or in the map, or tie two
       scans that the map did not try. Then save ties.csv and map again. A rejected pair costs no registration again.`),
@@ -99,14 +97,12 @@ function fileButtons(decisions, kind, text) {
     }
   };
   const buttons = make("div", { class: "buttons" },
-    make("button", { type: "button", class: "save", onclick: save }, `Save ${kind}.csv`),
-    make("button", { type: "button", onclick: () => decisions.forget(kind) }, "Discard new decisions"), said);
+    button(`Save ${kind}.csv`, save, { class: "save" }), button("Discard new decisions", () => decisions.forget(kind)), said);
   const update = () => {
     buttons.hidden = !decisions[kind].length;
     if (decisions.lost) said.textContent = "This browser keeps nothing for pages on disk: save the file before you close this page.";
   };
-  decisions.listeners.push(update);
-  update();
+  follow(decisions, update);
   return [buttons];
 }
 
@@ -131,8 +127,7 @@ function commandBox(decisions) {
     command.textContent = `${options} -o ${ownFolder()}${files.join("")} ${inputs}`;
     box.hidden = !files.length;
   };
-  decisions.listeners.push(update);
-  update();
+  follow(decisions, update);
   return box;
 }
 
@@ -140,15 +135,15 @@ function commandBox(decisions) {
 function showDecided(box, decisions) {
   const rows = [["ties", "tie", "by hand", tiesFile], ["control", "control point", "", controlFile]].filter(([kind]) => decisions[kind].length);
   box.replaceChildren(...rows.map(([kind, what, how, text]) => {
-    const count = decisions[kind].length;
-    return make("p", {}, make("a", { href: `#${kind}` }, `${count} ${what}${count === 1 ? "" : "s"} ${how}`.trim()), " ",
-      make("button", { type: "button", onclick: () => {
-        try {
-          saveFile(`${kind}.csv`, text(decisions));
-        } catch {
-          document.querySelector(`#${kind} .save`).click(); // says there what is wrong
-          document.querySelector(`#${kind}`).scrollIntoView();
-        }
-      } }, `Save ${kind}.csv`));
+    const save = () => {
+      try {
+        saveFile(`${kind}.csv`, text(decisions));
+      } catch {
+        document.querySelector(`#${kind} .save`).click(); // says there what is wrong
+        document.querySelector(`#${kind}`).scrollIntoView();
+      }
+    };
+    const words = `${counted(decisions[kind].length, what)} ${how}`.trim();
+    return make("p", {}, make("a", { href: `#${kind}` }, words), " ", button(`Save ${kind}.csv`, save));
   }));
 }

@@ -20,7 +20,7 @@ function coloringsOf(part, points, content) {
     marks: [[0, "1 scan"], [254, most > 1 ? `${most} scans${most === 255 ? " or more" : ""}` : ""]],
   };
   all.scan = byScan(part, columns.scan, content);
-  const surveys = [...new Set(part.way.scans.map((scan) => content.surveys[scan]))];
+  const surveys = [...new Set(part.track.scans.map((scan) => content.surveys[scan]))];
   if (surveys.length > 1)
     all.survey = {
       label: "survey with the most points there",
@@ -57,7 +57,7 @@ function byCode(label, palette, codes, scale, unit) {
 }
 
 function byScan(part, scans, content) {
-  const { scans: own } = part.way;
+  const { scans: own } = part.track;
   const rank = new Map(own.map((scan, k) => [scan, clamped((254 * k) / Math.max(1, own.length - 1))]));
   const marks = [[0, content.names[own[0]]], [254, content.names[own[own.length - 1]]]];
   return { label: "scan with the most points there, in their order", palette: ramp("viridis"), color: (k) => rank.get(scans[k]), marks };

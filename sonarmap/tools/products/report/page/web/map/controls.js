@@ -1,7 +1,7 @@
 // The form beside the map, and what it says of what was picked.
 
 const LAYERS = {
-  points: "points", doubtful: "false echoes, left out", way: "track of the sensor", before: "track before the loops", ellipsoids: "ellipsoids",
+  points: "points", doubtful: "false echoes, left out", track: "track of the sensor", before: "track before the loops", ellipsoids: "ellipsoids",
   kept: "kept", refused: "refused", decided: "ties by hand", control: "control points",
 };
 const NAMES = { echo: "echo", sigma: "sigma", seen: "seen", scan: "scan", survey: "survey" };
@@ -12,9 +12,12 @@ const NAMES = { echo: "echo", sigma: "sigma", seen: "seen", scan: "scan", survey
  */
 function showControls(form, view, content, number, change, unpackDoubtful) {
   const select = (label, options, chosen, onchange) =>
-    make("label", {}, label, make("select", { onchange: (event) => onchange(event.target.value) },
-      ...options.map(([value, text]) => make("option", { value, selected: String(value) === String(chosen) }, text))));
-  const button = (text, onclick, more = {}) => make("button", { type: "button", onclick, ...more }, text);
+    make("label", {}, label, choice(options, { onchange: (event) => onchange(event.target.value) }, chosen));
+  const times = (factors) => factors.map((factor) => [factor, factor === 1 ? "as they are" : `${factor} times`]);
+  const enlarge = (name) => (value) => {
+    view[name] = Number(value);
+    view.showLayers();
+  };
   const parts = content.parts.map((part, k) => [k, `${part.name}: ${part.count.toLocaleString("en")} points`]);
   const colorings = Object.keys(view.colorings).map((name) => [name, NAMES[name]]);
   colorings[0][1] = view.part.height.zero === null ? "height" : "depth";
@@ -27,15 +30,9 @@ function showControls(form, view, content, number, change, unpackDoubtful) {
     }),
     legend,
     make("fieldset", {}, make("legend", {}, "Show"), ...layerBoxes(view, unpackDoubtful),
-      select("Ellipsoids (95 %)", [1, 10, 100].map((factor) => [factor, factor === 1 ? "as they are" : `${factor} times`]), view.factor, (value) => {
-        view.factor = Number(value);
-        view.showLayers();
-      }),
-      view.control.length ? select("Residuals", [[0, "not drawn"], [1, "as they are"], ...[10, 100, 1000].map((factor) => [factor, `${factor} times`])],
-        view.exaggeration, (value) => {
-          view.exaggeration = Number(value);
-          view.showLayers();
-        }) : "",
+      select("Ellipsoids (95 %)", times([1, 10, 100]), view.factor, enlarge("factor")),
+      view.control.length
+        ? select("Residuals", [[0, "not drawn"], ...times([1, 10, 100, 1000])], view.exaggeration, enlarge("exaggeration")) : "",
       make("label", {}, "Size of points ", make("input", {
         type: "range", min: -2, max: 2, step: 0.25, value: Math.log2(view.scale), oninput: (event) => {
           view.scale = 2 ** event.target.value;
@@ -55,7 +52,7 @@ function layerBoxes(view, unpackDoubtful) {
   const { part } = view;
   const counts = { kept: 0, refused: 0 };
   for (const pair of view.pairs) counts[pair.kept ? "kept" : "refused"]++;
-  const there = { doubtful: part.doubtful, before: part.way.before, kept: counts.kept, refused: counts.refused };
+  const there = { doubtful: part.doubtful, before: part.track.before, kept: counts.kept, refused: counts.refused };
   const change = async (name, on) => {
     view.shown[name] = on;
     if (name === "doubtful" && on && !view.doubtful) view.showDoubtful(await unpackDoubtful());

@@ -6,10 +6,10 @@ const [LETTER, LINE] = [7, 19]; // about a letter's width, and a line's height [
 
 /** Put labels, compass and scale where they belong in this frame. */
 function placeLabels(view) {
-  const { way } = view.part;
-  const last = way.places.length - 1;
+  const { track } = view.part;
+  const last = track.places.length - 1;
   const labels = [];
-  if (view.shown.way && last > 0) labels.push(...endLabels(view.camera, way.places[0], way.places[last]));
+  if (view.shown.track && last > 0) labels.push(...endLabels(view.camera, track.places[0], track.places[last]));
   if (view.shown.control) labels.push(...controlLabels(view));
   view.measured.forEach((place, k) => labels.push([place, "AB"[k]]));
   if (view.mark && !view.measuring) labels.push([view.mark, "◉"]);
@@ -32,9 +32,9 @@ function placeLabels(view) {
 
 /** Control points that the map was made with, and those that the user named. */
 function controlLabels({ part, content, control, decisions }) {
-  const index = new Map(part.way.scans.map((scan, k) => [content.names[scan], k]));
+  const index = new Map(part.track.scans.map((scan, k) => [content.names[scan], k]));
   const own = decisions.control.filter(({ scan, name }) => index.has(scan) && !control.some((point) => point.name === name));
-  const named = own.map(({ name, scan, point }) => [fromSensor(part.way, index.get(scan), point), `△ ${name}`]);
+  const named = own.map(({ name, scan, point }) => [fromSensor(part.track, index.get(scan), point), `△ ${name}`]);
   return [...control.map(({ name, known }) => [known, `△ ${name}`]), ...named].slice(0, MOST_LABELS);
 }
 
@@ -47,7 +47,7 @@ function freeHeight(taken, [x, y], text) {
   return y;
 }
 
-/** Where the way starts and ends; one label for both where they would cover each other. */
+/** Where the track starts and ends; one label for both where they would cover each other. */
 function endLabels(camera, start, end) {
   const [[x, y], [u, v]] = [start, end].map((place) => camera.project(place));
   const over = Math.abs(x - u) < 46 && Math.abs(y - v) < 18;

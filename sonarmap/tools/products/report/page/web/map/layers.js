@@ -1,40 +1,40 @@
-// The lines of the map: the way, its ellipsoids and the loops, as pieces [[begin, end], ...] [m].
+// The lines of the map: the track, its ellipsoids and the loops, as pieces [[begin, end], ...] [m].
 
 const LINES = {
-  way: { color: [0.9, 0.35, 0], width: 2.5, dash: 0 },
-  ellipsoids: { color: [0.9, 0.35, 0], width: 1, dash: 0 },
-  kept: { color: [0.2, 0.62, 0.95], width: 1.2, dash: 0 },
+  track: { color: [0.9, 0.35, 0], width: 2.5 },
+  ellipsoids: { color: [0.9, 0.35, 0], width: 1 },
+  kept: { color: [0.2, 0.62, 0.95], width: 1.2 },
   refused: { color: [0.85, 0.4, 0.7], width: 1.5, dash: 6 },
   before: { color: [0.55, 0.5, 0.6], width: 1.8, dash: 4 },
-  accepted: { color: [0, 0.62, 0.45], width: 3.5, dash: 0 },
+  accepted: { color: [0, 0.62, 0.45], width: 3.5 },
   rejected: { color: [0.85, 0.4, 0.7], width: 3.5, dash: 6 },
-  control: { color: [0.84, 0.37, 0], width: 2.5, dash: 0, hidden: 0.75 },
-  residuals: { color: [0.9, 0.1, 0.1], width: 2.5, dash: 0, hidden: 0.75 },
-  chosen: { color: [1, 0.85, 0.1], width: 6, dash: 0, hidden: 0.75 },
-  measured: { color: [1, 1, 1], width: 2.5, dash: 0, hidden: 0.75 },
+  control: { color: [0.84, 0.37, 0], width: 2.5, hidden: 0.75 },
+  residuals: { color: [0.9, 0.1, 0.1], width: 2.5, hidden: 0.75 },
+  chosen: { color: [1, 0.85, 0.1], width: 6, hidden: 0.75 },
+  measured: { color: [1, 1, 1], width: 2.5, hidden: 0.75 },
 };
 const CONFIDENCE = 2.7955; // standard deviations of a place in space that hold 95 %
 const CIRCLE = 24; // pieces of a circle
 const MOST_ELLIPSOIDS = 400;
 
-/** From pose to pose, but not from one survey to another; `places` of the way's scans. */
-function wayPieces(way, surveys, places = way.places) {
+/** From pose to pose, but not from one survey to another; `places` of the track's scans. */
+function trackPieces(track, surveys, places = track.places) {
   const pieces = [];
   for (let k = 1; k < places.length; k++)
-    if (surveys[way.scans[k - 1]] === surveys[way.scans[k]]) pieces.push([places[k - 1], places[k]]);
+    if (surveys[track.scans[k - 1]] === surveys[track.scans[k]]) pieces.push([places[k - 1], places[k]]);
   return pieces;
 }
 
 /** Three circles about each pose: where it lies with 95 %, enlarged by a factor. */
-function ellipsoidPieces(way, factor) {
+function ellipsoidPieces(track, factor) {
   const pieces = [];
-  const step = Math.ceil(way.places.length / MOST_ELLIPSOIDS);
-  for (let k = 0; k < way.places.length; k += step)
+  const step = Math.ceil(track.places.length / MOST_ELLIPSOIDS);
+  for (let k = 0; k < track.places.length; k += step)
     for (const [a, b] of [[0, 1], [1, 2], [2, 0]]) {
-      const [first, second] = [way.half_axes[k][a], way.half_axes[k][b]];
+      const [first, second] = [track.half_axes[k][a], track.half_axes[k][b]];
       const at = (turn) => {
         const [c, s] = [Math.cos(turn), Math.sin(turn)].map((value) => CONFIDENCE * factor * value);
-        return sum(sum(way.places[k], first, c), second, s);
+        return sum(sum(track.places[k], first, c), second, s);
       };
       for (let t = 0; t < CIRCLE; t++)
         pieces.push([at((2 * Math.PI * t) / CIRCLE), at((2 * Math.PI * (t + 1)) / CIRCLE)]);
@@ -43,15 +43,15 @@ function ellipsoidPieces(way, factor) {
 }
 
 /** The factor of 1, 10, 100 that makes ellipsoids visible but not large in a map of this reach [m]. */
-function fittingFactor(way, reach) {
-  const sizes = way.half_axes.map((axes) => CONFIDENCE * Math.max(...axes.map(lengthOf))).sort((a, b) => a - b);
+function fittingFactor(track, reach) {
+  const sizes = track.half_axes.map((axes) => CONFIDENCE * Math.max(...axes.map(lengthOf))).sort((a, b) => a - b);
   const typical = sizes[sizes.length >> 1];
   return [100, 10].find((factor) => factor * typical < 0.012 * reach) ?? 1;
 }
 
 /** The loops and other pairs within a part of the map, each with the places of its scans. */
 function pairsOf(part, pairs) {
-  const place = new Map(part.way.scans.map((scan, k) => [scan, part.way.places[k]]));
+  const place = new Map(part.track.scans.map((scan, k) => [scan, part.track.places[k]]));
   return pairs
     .filter((pair) => place.has(pair.target) && place.has(pair.source))
     .map((pair) => ({ ...pair, ends: [place.get(pair.target), place.get(pair.source)] }));
@@ -67,11 +67,11 @@ function decidedPairs(part, decisions) {
  * whatever frame the known coordinates are in.
  */
 function controlOf(part, content) {
-  const index = new Map(part.way.scans.map((scan, k) => [content.names[scan], k]));
+  const index = new Map(part.track.scans.map((scan, k) => [content.names[scan], k]));
   return content.control_points
     .filter((row) => index.has(row.scan) && (row.counted || row.left_out)) // where the part lies in the world
     .map((row) => {
-      const place = fromSensor(part.way, index.get(row.scan), row.point);
+      const place = fromSensor(part.track, index.get(row.scan), row.point);
       return { name: row.name, place, known: minus(place, row.residual), row };
     });
 }
@@ -97,8 +97,8 @@ function turned([x, y, z, w], v) {
 }
 
 /** A place [m] of pose k's sensor frame in the part's frame, and back. */
-const fromSensor = (way, k, place) => sum(turned(way.turns[k], place), way.places[k]);
-function toSensor(way, k, place) {
-  const [x, y, z, w] = way.turns[k];
-  return turned([-x, -y, -z, w], minus(place, way.places[k]));
+const fromSensor = (track, k, place) => sum(turned(track.turns[k], place), track.places[k]);
+function toSensor(track, k, place) {
+  const [x, y, z, w] = track.turns[k];
+  return turned([-x, -y, -z, w], minus(place, track.places[k]));
 }

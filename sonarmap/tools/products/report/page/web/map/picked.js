@@ -3,7 +3,7 @@
 /** Say what was picked; null for nothing. */
 function showPicked(box, view, content, hit) {
   document.querySelector("#measure")?.setAttribute("aria-pressed", view.measuring);
-  const close = make("button", { type: "button", class: "close", "aria-label": "Close", onclick: () => view.leave() }, "×");
+  const close = button("×", () => view.leave(), { class: "close", "aria-label": "Close" });
   box.replaceChildren(...(hit ? [close, ...pickedRows(view, content, hit)] : []));
 }
 
@@ -12,34 +12,29 @@ function pickedRows(view, content, hit) {
   if ("tying" in hit)
     return [make("p", {}, `Click on the place of the scan that ${content.names[hit.tying]} is tied to, in any part of the map. Esc ends it.`)];
   if (hit.distance) return [distanceList(view, hit.distance)];
-  if (hit.pair) return [...pairRows(content, hit.pair), ...tieRows(view.decisions, hit.pair)];
+  if (hit.pair)
+    return [...pairRows(content, hit.pair), make("p", { class: "decide" }, "By hand: ", verdictButtons(view.decisions, hit.pair))];
   if ("doubtful" in hit) return [doubtfulList(view, content, hit)];
   return hit.place ? pointRows(view, content, hit) : poseRows(view, content, hit.pose);
-}
-
-/** Buttons to decide about a pair. */
-function tieRows(decisions, pair) {
-  return [make("p", { class: "decide" }, "By hand: ", verdictButtons(decisions, pair))];
 }
 
 /** A point, and a button that names it. */
 function pointRows(view, content, hit) {
   const scan = view.points.columns.scan[hit.point];
   const name = () => {
-    const point = toSensor(view.part.way, view.part.way.scans.indexOf(scan), hit.place);
+    const point = toSensor(view.part.track, view.part.track.scans.indexOf(scan), hit.place);
     const form = namedForm(view.decisions, view.decisions.nameControl(content.names[scan], point), view);
-    button.replaceWith(form);
-    told.hidden = true; // the form is long enough
+    naming.replaceWith(form);
+    shown.hidden = true; // the form is long enough
     form.querySelector("input").select();
   };
-  const told = pointList(view, content, hit);
-  const button = make("button", { type: "button", onclick: name }, "Name as a control point");
-  return [told, button];
+  const [shown, naming] = [pointList(view, content, hit), button("Name as a control point", name)];
+  return [shown, naming];
 }
 
 /** A pose, and a button that ties its scan to another. */
 function poseRows(view, content, k) {
-  const tie = make("button", { type: "button", onclick: () => view.tie(view.part.way.scans[k]) }, "Tie to another scan");
+  const tie = button("Tie to another scan", () => view.tie(view.part.track.scans[k]));
   return [poseList(view, content, k), ...(content.names.length > 1 ? [tie] : [])];
 }
 
@@ -80,7 +75,7 @@ function pointList(view, content, { point, place }) {
     ...placeRows(view, place, view.points.quantum),
     ["standard deviation", value("sigma", "m")],
     ["echo", value("echo")],
-    ["seen by", columns.seen[point] === 1 ? "1 scan" : `${columns.seen[point]} scans`],
+    ["seen by", counted(columns.seen[point], "scan")],
     ["mostly by", content.names[columns.scan[point]]],
     several && ["of survey", columns.survey[point]],
   ]);
@@ -88,21 +83,20 @@ function pointList(view, content, { point, place }) {
 
 function doubtfulList(view, content, { doubtful, place }) {
   const { seen, looked, scan } = view.doubtful.columns;
-  const scans = (count) => (count === 1 ? "1 scan" : `${count} scans`);
   return list("Left out as a false echo", [
     ...placeRows(view, place, view.doubtful.quantum),
-    ["seen by", scans(seen[doubtful])],
-    ["where looked", scans(looked[doubtful])],
+    ["seen by", counted(seen[doubtful], "scan")],
+    ["where looked", counted(looked[doubtful], "scan")],
     ["mostly by", content.names[scan[doubtful]]],
   ]);
 }
 
 function poseList(view, content, k) {
-  const { way } = view.part;
-  const sigmas = way.half_axes[k].map(lengthOf);
+  const { track } = view.part;
+  const sigmas = track.half_axes[k].map(lengthOf);
   return list("Sensor", [
-    ["scan", content.names[way.scans[k]]],
-    ...placeRows(view, way.places[k], 0.001),
+    ["scan", content.names[track.scans[k]]],
+    ...placeRows(view, track.places[k], 0.001),
     ["standard deviation", `${short(Math.max(...sigmas), "m")} in the worst direction, ${short(Math.min(...sigmas), "m")} in the best`],
   ]);
 }

@@ -21,7 +21,7 @@ class View {
     this.content = content;
     this.decisions = decisions;
     this.tell = tell;
-    this.shown = { points: true, doubtful: false, way: true, before: false, ellipsoids: true, kept: true, refused: true, decided: true, control: true };
+    this.shown = { points: true, doubtful: false, track: true, before: false, ellipsoids: true, kept: true, refused: true, decided: true, control: true };
     this.scale = 1;
     this.measuring = false;
     this.tying = null; // the scan that the next pose is tied to
@@ -45,7 +45,7 @@ class View {
     this.camera.reset(); // as the picture is high and wide now
     this.pairs = pairsOf(part, this.content.pairs);
     this.control = controlOf(part, this.content);
-    this.factor = fittingFactor(part.way, this.camera.reach);
+    this.factor = fittingFactor(part.track, this.camera.reach);
     this.exaggeration = fittingExaggeration(this.control, this.camera.reach);
     this.colorings = coloringsOf(part, points, this.content);
     this.scene.showPoints("points", points);
@@ -77,14 +77,14 @@ class View {
 
   /** Draw the lines anew, after something of `shown`, of the factors, or of the decisions changed. */
   showLayers() {
-    const { way } = this.part, { shown, control } = this;
+    const { track } = this.part, { shown, control } = this;
     const lines = (name, on, pieces, style = LINES[name]) => this.scene.showLines(name, on ? pieces() : [], style);
     this.ties = decidedPairs(this.part, this.decisions);
     for (const name of ["kept", "refused"])
       lines(name, shown[name], () => this.pairs.filter((pair) => pair.kept === (name === "kept")).map((pair) => pair.ends));
-    lines("ellipsoids", shown.ellipsoids, () => ellipsoidPieces(way, this.factor));
-    lines("before", shown.before && way.before, () => wayPieces(way, this.content.surveys, way.before));
-    lines("way", shown.way, () => wayPieces(way, this.content.surveys));
+    lines("ellipsoids", shown.ellipsoids, () => ellipsoidPieces(track, this.factor));
+    lines("before", shown.before && track.before, () => trackPieces(track, this.content.surveys, track.before));
+    lines("track", shown.track, () => trackPieces(track, this.content.surveys));
     for (const name of ["accepted", "rejected"])
       lines(name, shown.decided, () => this.ties.filter((tie) => (tie.verdict === "reject") === (name === "rejected")).map((tie) => tie.ends));
     lines("control", shown.control, () => crosses(control.map(({ known }) => known), ARM * this.camera.reach));
@@ -101,9 +101,9 @@ class View {
 
   /** Look at a pose, and say what it is. */
   showPose(k) {
-    this.camera.lookAt(this.part.way.places[k]);
+    this.camera.lookAt(this.part.track.places[k]);
     this.choose(null);
-    this.mark = this.part.way.places[k];
+    this.mark = this.part.track.places[k];
     this.tell({ pose: k });
     this.request();
   }
@@ -157,11 +157,11 @@ class View {
   pick(x, y, near = NEAR) {
     const { camera, part, shown } = this;
     if (this.tying !== null) {
-      const pose = placeAt(part.way.places, camera, x, y, 2 * near);
+      const pose = placeAt(part.track.places, camera, x, y, 2 * near);
       return pose === null ? null : { pose };
     }
     if (!this.measuring) {
-      const pose = shown.way ? placeAt(part.way.places, camera, x, y, near) : null;
+      const pose = shown.track ? placeAt(part.track.places, camera, x, y, near) : null;
       if (pose !== null) return { pose };
       const seen = [...(shown.decided ? this.ties : []), ...this.pairs.filter((pair) => shown[pair.kept ? "kept" : "refused"])];
       const line = lineAt(seen.map((pair) => pair.ends), camera, x, y, near);
@@ -182,14 +182,14 @@ class View {
   click(x, y, near) {
     const hit = this.pick(x, y, near);
     if (this.tying !== null) {
-      if (hit) this.tieTo(this.part.way.scans[hit.pose]);
+      if (hit) this.tieTo(this.part.track.scans[hit.pose]);
     } else if (this.measuring && hit) {
       this.measured = this.measured.length === 2 ? [hit.place] : [...this.measured, hit.place];
       this.showMeasured();
       this.tell(this.measured.length === 2 ? { distance: this.measured } : { measuring: 1 });
     } else if (!this.measuring) {
       this.choose(hit?.pair ?? null);
-      this.mark = hit?.place ?? (hit && "pose" in hit ? this.part.way.places[hit.pose] : null);
+      this.mark = hit?.place ?? (hit && "pose" in hit ? this.part.track.places[hit.pose] : null);
       this.tell(hit);
     }
     this.request();

@@ -1,4 +1,4 @@
-"""The track of the sensor upon a map: where it begins and ends, which way it went, and which survey it is of."""
+"""The track upon a map: where it begins and ends, its direction, and which survey it is of."""
 
 from typing import TYPE_CHECKING, Any
 
@@ -23,11 +23,11 @@ _ARROW = ((-0.5, -0.55), (0.6, 0.0), (-0.5, 0.55), (-0.25, 0.0), (-0.5, -0.55)) 
 _NUMBERS = 10  # scans whose numbers are written, at most
 _STEPS = (1, 2, 5)
 _LONGEST = 28  # name of a scan
-_DENSE = 3.0  # points of the way that labels avoid [pixels apart]
+_DENSE = 3.0  # points of the track that labels avoid [pixels apart]
 
 
-def draw_way(axes: "Axes", view: PartView, places: np.ndarray, *, numbers: bool = True, marks: bool = True) -> None:
-    """Draw the way of each survey.
+def draw_track(axes: "Axes", view: PartView, places: np.ndarray, *, numbers: bool = True, marks: bool = True) -> None:
+    """Draw the track of each survey.
 
     The figure's size, and the axes' place and limits, must be final.
 
@@ -49,8 +49,8 @@ def draw_way(axes: "Axes", view: PartView, places: np.ndarray, *, numbers: bool 
         place_labels(axes, places[chosen], texts, covered=_along(axes, places), taken=taken, **look)
 
 
-def way_legend(view: PartView, *, numbers: bool = True) -> list["Artist"]:
-    """What `draw_way` draws, for the legend."""
+def track_legend(view: PartView, *, numbers: bool = True) -> list["Artist"]:
+    """What `draw_track` draws, for the legend."""
     from matplotlib.lines import Line2D
 
     legs = view.legs()
@@ -69,7 +69,7 @@ def way_legend(view: PartView, *, numbers: bool = True) -> list["Artist"]:
 
 
 def look_of(k: int) -> dict[str, Any]:
-    """Color and style of the way of the survey that is number `k` in a part."""
+    """Color and style of the track of the survey that is number `k` in a part."""
     return {"color": _COLORS[k % len(_COLORS)], "linestyle": _STYLES[k // len(_COLORS) % len(_STYLES)]}
 
 
@@ -86,7 +86,7 @@ def _numbered(axes: "Axes", view: PartView, places: np.ndarray) -> list[int]:
 
 
 def inks_of(view: PartView) -> list[str]:
-    """The colors of a part's ways."""
+    """The colors of a part's tracks."""
     return sorted({look_of(k)["color"] for k in range(len(view.legs()))})
 
 
@@ -118,7 +118,7 @@ def _mark(axes: "Axes", places: np.ndarray, color: str) -> list[_Box]:
 
 
 def _arrows(dots: np.ndarray, apart: float) -> list[tuple[np.ndarray, float]]:
-    """Where arrows stand on a way (n, 2) [pixels], and where they point [rad]."""
+    """Where arrows stand on a track (n, 2) [pixels], and where they point [rad]."""
     steps = np.diff(dots, axis=0)
     lengths = np.hypot(*steps.T)
     reached = np.concatenate([[0.0], np.cumsum(lengths)])

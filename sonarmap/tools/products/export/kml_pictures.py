@@ -1,5 +1,4 @@
 # pyright: strict, reportMissingTypeStubs=false, reportUnknownMemberType=false
-# pyright: reportUnknownVariableType=false, reportUnknownArgumentType=false
 """The map from above as pictures whose rows and columns follow latitude and longitude, and their legend."""
 
 from dataclasses import dataclass

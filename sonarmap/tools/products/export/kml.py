@@ -1,0 +1,160 @@
+"""KML and KMZ for Google Earth and the like: a map's track, where it starts and ends, and pictures on the ground.
+
+Everything is clamped to the ground, which on the sea is the water's surface: below it Google Earth's own sea floor,
+coarse and often above the true one, would hide the map. The coordinates have their heights all the same.
+"""
+
+import re
+import zipfile
+from collections.abc import Mapping, Sequence
+from html import escape
+from pathlib import Path
+from typing import Any
+from xml.etree import ElementTree
+from xml.etree.ElementTree import Element, SubElement
+
+import numpy as np
+
+from sonarmap.tools.files.geo.georeference import VERTICALS
+from sonarmap.tools.files.time_scales import utc_text
+from sonarmap.tools.files.writers.atomic import atomic_path
+from sonarmap.tools.products.export.georeferenced import Georeferenced
+from sonarmap.tools.products.export.kml_pictures import Picture, legend_of, pictures_of
+
+KML, GX = "http://www.opengis.net/kml/2.2", "http://www.google.com/kml/ext/2.2"
+_CLAMPED = {"altitudeMode": "clampToGround"}
+_TRACK_COLOR = "ff2727d6"  # alpha, blue, green, red
+_NOT_IN_XML = re.compile("[^\t\n\r -\ud7ff\ue000-\ufffd\U00010000-\U0010ffff]")
+_LEGEND = "files/legend.png"  # in a KMZ
+_NARROWEST = 100.0  # of what is in view at first [m]
+
+
+def write_kml(path: Path, earth: Georeferenced) -> None:
+    """Write the track of a part, with times where the scans have them, as KML 2.2."""
+    with atomic_path(path) as temporary:
+        temporary.write_bytes(_document(earth))
+
+
+def write_kmz(path: Path, earth: Georeferenced) -> None:
+    """Write the same, the map from above as a picture on the ground, and a legend, as KMZ."""
+    pictures = [(f"files/map_{number}.png", picture) for number, picture in enumerate(pictures_of(earth), 1)]
+    # the document comes first, where readers look for it
+    contents = [("doc.kml", _document(earth, pictures)), *((name, picture.png) for name, picture in pictures)]
+    with atomic_path(path) as temporary, zipfile.ZipFile(temporary, "w") as archive:
+        for name, content in (*contents, (_LEGEND, legend_of(earth))):
+            entry = zipfile.ZipInfo(name)
+            entry.external_attr = 0o644 << 16
+            archive.writestr(entry, content, zipfile.ZIP_DEFLATED)
+
+
+def kmz_details(earth: Georeferenced) -> Mapping[str, Any]:
+    """What the picture shows, for the side-car."""
+    return {
+        "picture": "the uppermost surface from above, colored by height from the first to the last percent of the "
+        "points that several scans saw; north up, rows and columns along latitude and longitude",
+        "altitude_mode": "clampToGround: all is drawn on the water's surface, whatever its height",
+    }
+
+
+def _document(earth: Georeferenced, pictures: Sequence[tuple[str, Picture]] = ()) -> bytes:
+    """The document in UTF-8; `pictures` of the map, with the paths under which they will be in a KMZ."""
+    root = Element("kml", {"xmlns": KML, "xmlns:gx": GX})
+    document = {
+        "name": f"{earth.folder.path.resolve().name} map{earth.part.suffix}",
+        "open": "1",
+        "description": _description(earth),
+        "LookAt": _look_at(earth),
+        "Style": {"@id": "track", "LineStyle": {"color": _TRACK_COLOR, "width": "3"}},
+        "GroundOverlay": [_overlay(href, picture, number) for number, (href, picture) in enumerate(pictures, 1)],
+        "ScreenOverlay": [_legend()] if pictures else [],
+        "Placemark": [_line(earth), *_timed_track(earth), _place(earth, "start", 0), _place(earth, "end", -1)],
+    }
+    _fill(root, {"Document": document})
+    ElementTree.indent(root)
+    text: bytes = ElementTree.tostring(root, encoding="utf-8", xml_declaration=True)
+    return text
+
+
+def _fill(element: Element, content: Mapping[str, Any]) -> None:
+    """Add attributes (@name), and children with texts or contents of their own; a list is several of the same name.
+
+    Characters that XML cannot hold (of a file's name) become question marks.
+    """
+    for name, value in content.items():
+        if name.startswith("@"):
+            element.set(name[1:], value)
+            continue
+        for each in value if isinstance(value, list) else [value]:
+            child = SubElement(element, name)
+            if isinstance(each, str):
+                child.text = _NOT_IN_XML.sub("?", each)
+            else:
+                _fill(child, each)
+
+
+def _described(words: str) -> str:
+    """A description, which Google Earth takes for HTML: what a scan's name has of that is shown as it is."""
+    return escape(words, quote=False)
+
+
+def _description(earth: Georeferenced) -> str:
+    part = earth.part
+    return _described(
+        f"{len(part.scans)} scans, {len(part.points):,} points, voxel {earth.folder.voxel:.3g} m. Heights count from "
+        f"{VERTICALS[earth.georeference.vertical]}, positive up. Everything is drawn on the water's surface."
+    )
+
+
+def _look_at(earth: Georeferenced) -> dict[str, str]:
+    """The whole map in view, from above."""
+    extent = float(np.ptp(earth.part.points[:, :2], axis=0).max())
+    (latitude, longitude, _) = earth.georeference.geodetic(earth.part.points.mean(axis=0)[None])[0].tolist()
+    place = {"longitude": f"{longitude:.7f}", "latitude": f"{latitude:.7f}", "altitude": "0"}
+    return place | {"range": f"{1.5 * max(extent, _NARROWEST):.0f}"} | _CLAMPED
+
+
+def _overlay(href: str, picture: Picture, number: int) -> dict[str, Any]:
+    box = {side: f"{getattr(picture, side):.10f}" for side in ("north", "south", "east", "west")}
+    name = "map" if number == 1 else f"map, piece {number}"
+    return {"name": name, "Icon": {"href": href}, **_CLAMPED, "LatLonBox": box}
+
+
+def _legend() -> dict[str, Any]:
+    """A picture in the lower left corner of the screen, in its own size."""
+    places = {"overlayXY": ("0", "0"), "screenXY": ("0.02", "0.06"), "size": ("-1", "-1")}
+    units = {"@xunits": "fraction", "@yunits": "fraction"}
+    rows = {name: {"@x": x, "@y": y, **units} for name, (x, y) in places.items()}
+    return {"name": "heights", "Icon": {"href": _LEGEND}, **rows}
+
+
+def _line(earth: Georeferenced) -> dict[str, Any]:
+    coordinates = "\n".join(_coordinate(place, ",") for place in earth.poses)
+    line = {"tessellate": "1", **_CLAMPED, "coordinates": coordinates}
+    return {"name": "track", "styleUrl": "#track", "LineString": line}
+
+
+def _timed_track(earth: Georeferenced) -> list[dict[str, Any]]:
+    """The same with times, for the time slider, in order of time, which programs expect; none without times."""
+    if not earth.timed:
+        return []
+    track = {
+        **_CLAMPED,
+        "when": [utc_text(stamp) for stamp in earth.stamps[earth.in_time].tolist()],
+        "gx:coord": [_coordinate(place, " ") for place in earth.poses[earth.in_time]],
+    }
+    return [{"name": "track with times", "styleUrl": "#track", "gx:Track": track}]
+
+
+def _place(earth: Georeferenced, name: str, k: int) -> dict[str, Any]:
+    """Where a scan was taken."""
+    place, stamp = earth.poses[k], float(earth.stamps[k])
+    time = utc_text(stamp) if earth.timed else f"stamp {stamp:g} s"
+    words = f"{earth.names[k]}, {time}, {place[0]:.8f}, {place[1]:.8f}, height {place[2]:.2f} m"
+    point = {**_CLAMPED, "coordinates": _coordinate(place, ",")}
+    return {"name": name, "description": _described(words), "Point": point}
+
+
+def _coordinate(place: np.ndarray, separator: str) -> str:
+    """Longitude, latitude [deg] and height [m] of a place (3,): to a tenth of a millimeter."""
+    latitude, longitude, height = place.tolist()
+    return separator.join((f"{longitude:.10f}", f"{latitude:.10f}", f"{height:.4f}"))
