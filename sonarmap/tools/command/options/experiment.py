@@ -17,7 +17,7 @@ from sonarmap.tools.command.options.groups import (
     completes_list,
 )
 from sonarmap.tools.command.options.registration import check_seed, check_tilt
-from sonarmap.tools.lab.reproduce.experiments import EXPERIMENTS, groups, members
+from sonarmap.tools.lab.reproduce.experiments import EVERY, EXPERIMENTS, groups, members
 from sonarmap.tools.lab.simulate.scenes.catalog import SCENE_KINDS
 from sonarmap.tools.methods.registry import METHODS, find_method
 
@@ -31,10 +31,10 @@ _ALONE = "; ".join(f"{group} ({EXPERIMENTS[group].shows})" for group in groups()
 NameArgument = Annotated[
     str,
     typer.Argument(
-        help=f"An experiment, or a group of them. {_NAMES}; {_ALONE}.",
+        help=f"An experiment, or a group of them. {_NAMES}; {_ALONE}; '{EVERY}' runs all.",
         metavar="NAME",
         rich_help_panel=INPUT,
-        autocompletion=completes((*EXPERIMENTS, *groups())),
+        autocompletion=completes((*EXPERIMENTS, *groups(), EVERY)),
     ),
 ]
 SCENES = [name for name, kind in SCENE_KINDS.items() if kind.scale == 1.0]
@@ -63,7 +63,8 @@ PageOption = Annotated[
     typer.Option(
         "--page",
         metavar="FILE",
-        help="Also write a page, such as docs/reproduction.md, on all experiments of the group with results in OUT.",
+        help="Also write a page, such as docs/reproduction.md, on all experiments of the group with results in OUT. "
+        "For 'pages': a folder for all pages.",
         rich_help_panel=OUTPUT,
         hidden=True,
     ),

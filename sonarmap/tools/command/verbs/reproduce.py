@@ -32,7 +32,7 @@ from sonarmap.tools.command.options.registration import DeviceOption, JsonOption
 from sonarmap.tools.command.progress import progress
 from sonarmap.tools.command.stops import when_stopped
 from sonarmap.tools.command.terminal import printable, result_console, say
-from sonarmap.tools.lab.reproduce.experiments import ALL, Request, chosen, create, entry_of, group_of, members
+from sonarmap.tools.lab.reproduce.experiments import Request, chosen, create, entry_of, group_of
 
 if TYPE_CHECKING:
     from sonarmap.tools.lab.reproduce.pages.folder import Record
@@ -74,7 +74,7 @@ def command(
     from sonarmap.kernels.device.device import choose_device
     from sonarmap.spectral.grid import Grid
     from sonarmap.tools.files.writers.atomic import require_writable
-    from sonarmap.tools.lab.reproduce.pages.page import FRAMES, write_page
+    from sonarmap.tools.lab.reproduce.pages.page import write_pages
 
     if grid is not None:
         Grid(grid, 1.0)
@@ -91,12 +91,11 @@ def command(
         say(note)
     options = Options(replace(asked, device=opened), out, fresh, workers, silent)
     records = [_reproduce(experiment, options, printed=not as_json) for experiment in names]
-    group = group_of(name)
-    written = write_page(page, out, members(group), FRAMES.get(group, FRAMES[ALL])) if page else []
+    written = write_pages(page, out, group_of(name)) if page else []
     if as_json:
         typer.echo(json.dumps(_as_json(records, out, written), indent=2, allow_nan=False))
     elif page:
-        typer.echo(f"the page is {printable(str(page))}")
+        typer.echo(f"the {'pages are in' if page.is_dir() else 'page is'} {printable(str(page))}")
 
 
 @dataclass(frozen=True, slots=True)
@@ -135,7 +134,7 @@ def _reproduce(name: str, options: Options, printed: bool) -> "Record":
     follow = partial(progress, quiet=options.silent)
     with when_stopped(lambda: f"finished jobs are kept in {out}; the same command continues from there"):
         result = run(experiment, origin, out, follow, RunOptions(options.fresh, _workers(name, options)), options.say)
-    record = write_experiment(out, experiment, result, origin, request.command(name))
+    record = write_experiment(out, experiment, result, origin, request.of(name).command(name))
     if printed:
         _print(record, out)
     return record
@@ -151,7 +150,7 @@ def _workers(name: str, options: Options) -> "WorkerProcesses | None":
     if entry.timed:
         options.say(f"{name}: measures times, so --workers has no effect; one process runs its jobs")
         return None
-    request = replace(options.request, device=None)
+    request = replace(options.request.of(name), device=None)
     return WorkerProcesses(options.workers, entry.module, request, options.request.opened.selector)
 
 

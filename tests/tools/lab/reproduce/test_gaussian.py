@@ -20,14 +20,11 @@ from sonarmap.spectral.hemisphere.registration import HemisphereConfig, Hemisphe
 from sonarmap.tools.command.main import app
 from sonarmap.tools.lab.reproduce.experiments import Request
 from sonarmap.tools.lab.reproduce.gaussian.figure import draw_parameters, draw_rates
-from sonarmap.tools.lab.reproduce.gaussian.remarks import remarks
 from sonarmap.tools.lab.reproduce.gaussian.row import GaussianRow, GaussianTime, about_center, parameters, row_of
-from sonarmap.tools.lab.reproduce.gaussian.run import Gaussian, create
-from sonarmap.tools.lab.reproduce.gaussian.section import section
-from sonarmap.tools.lab.reproduce.gaussian.series import Series, preparation_of, yaw_rank
-from sonarmap.tools.lab.reproduce.gaussian.settings import GaussianSettings, grid_of
+from sonarmap.tools.lab.reproduce.gaussian.run import Gaussian, GaussianSettings, create, grid_of
+from sonarmap.tools.lab.reproduce.gaussian.section import remarks, section
+from sonarmap.tools.lab.reproduce.gaussian.series import VARIANTS, Series, preparation_of, yaw_rank
 from sonarmap.tools.lab.reproduce.gaussian.summary import last_right, summarize
-from sonarmap.tools.lab.reproduce.gaussian.variants import VARIANTS
 from sonarmap.tools.lab.reproduce.pages.section_text import section_text, verdicts
 from sonarmap.tools.lab.reproduce.provenance import provenance
 from sonarmap.tools.lab.reproduce.run import JOURNAL

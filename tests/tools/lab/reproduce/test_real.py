@@ -10,8 +10,7 @@ from scipy.spatial.transform import RigidTransform
 from sonarmap.kernels.errors import InputError
 from sonarmap.tools.lab.reproduce.experiments import Request, chosen
 from sonarmap.tools.lab.reproduce.real.real_set import read_sets, without_truth
-from sonarmap.tools.lab.reproduce.real.run import Real
-from sonarmap.tools.lab.reproduce.real.settings import RealSettings, real_settings
+from sonarmap.tools.lab.reproduce.real.run import Real, RealSettings, real_settings
 from sonarmap.tools.lab.simulate.sensing.priors import KINDS
 from tests.samples.experiments.real_folders import asked, gt_log, put, simulated
 
@@ -140,7 +139,7 @@ class TestJobs:
         drawn = []
         for known in settings.draws:
             experiment = Real(sets, settings, None)
-            read = experiment._pair(sets[0], sets[0].pairs[0])
+            read = experiment._scans(sets[0].pairs[0].target, sets[0].pairs[0].source)[:2]
             target, source = experiment._with_priors(read, sets[0], sets[0].pairs[0], known)
             again = experiment._with_priors(read, sets[0], sets[0].pairs[0], known)
             assert target.prior is not None
@@ -159,7 +158,7 @@ class TestJobs:
         (folder / "priors.csv").write_text(PRIORS)
         sets = read_sets(folder)
         experiment = Real(sets, RealSettings({}), None)
-        read = experiment._pair(sets[0], sets[0].pairs[0])
+        read = experiment._scans(sets[0].pairs[0].target, sets[0].pairs[0].source)[:2]
         scans = experiment._with_priors(read, sets[0], sets[0].pairs[0], "priors.csv")
         assert [scan.prior is not None and scan.prior.knows_attitude for scan in scans] == [True, True]
         assert [scan.prior for scan in experiment._with_priors(read, sets[0], sets[0].pairs[0], "nothing")] == [

@@ -6,15 +6,14 @@ from typing import Any
 
 import numpy as np
 
-from sonarmap.tools.lab.reproduce.figure import save_figure
+from sonarmap.tools.lab.reproduce.figure import legend_beside, new_figure, save_figure
 from sonarmap.tools.lab.reproduce.gaussian.row import GaussianRow
-from sonarmap.tools.lab.reproduce.rate import wilson
+from sonarmap.tools.lab.reproduce.rows import wilson
 
 TRANSLATION, ROTATION = ("x", "y", "z"), ("yaw", "roll", "pitch")
 _COLORS = ("tab:blue", "tab:orange", "tab:green")
 _MARKS = ("o-", "s--", "^:", "d-.")
 _WRONG = "0.88"
-_DPI = 100
 
 
 def draw_parameters(path: Path, rows: Sequence[GaussianRow]) -> None:
@@ -23,11 +22,9 @@ def draw_parameters(path: Path, rows: Sequence[GaussianRow]) -> None:
     Raises:
         InputError: the file cannot be written.
     """
-    from matplotlib.figure import Figure
-
     methods, noises = _methods(rows), _noises(rows)
     lines = 2 * len(noises)
-    figure = Figure(figsize=(4.2 * len(methods), 2.5 * lines + 0.8), dpi=_DPI, layout="constrained")
+    figure = new_figure(4.2 * len(methods), 2.5 * lines + 0.8)
     axes = figure.subplots(lines, len(methods), squeeze=False, sharex=True, sharey="row")
     for line, sigma2 in enumerate(noises):
         for column, method in enumerate(methods):
@@ -39,7 +36,7 @@ def draw_parameters(path: Path, rows: Sequence[GaussianRow]) -> None:
         axes[2 * line, 0].set_ylabel("translation [m]")
         axes[2 * line + 1, 0].set_ylabel("rotation [degrees]")
         for axis in axes[2 * line : 2 * line + 2, -1]:
-            axis.legend(loc="center left", bbox_to_anchor=(1.0, 0.5), fontsize=8, frameon=False)
+            legend_beside(axis)
     _name_scans(axes[-1], rows)
     row = rows[0]
     figure.suptitle(
@@ -55,16 +52,14 @@ def draw_rates(path: Path, rows: Sequence[GaussianRow]) -> None:
     Raises:
         InputError: the file cannot be written.
     """
-    from matplotlib.figure import Figure
-
     noises = _noises(rows)
-    figure = Figure(figsize=(4.6 * len(noises) + 2.2, 3.6), dpi=_DPI, layout="constrained")
+    figure = new_figure(4.6 * len(noises) + 2.2, 3.6)
     axes = figure.subplots(1, len(noises), squeeze=False, sharey=True)[0]
     for axis, sigma2 in zip(axes, noises, strict=True):
         _draw_rates(axis, [row for row in rows if row.sigma2 == sigma2])
         axis.set_title(f"σ² = {sigma2:g} m²", fontsize=11)
     axes[0].set_ylabel("share of seeds that are right")
-    axes[-1].legend(loc="center left", bbox_to_anchor=(1.0, 0.5), fontsize=8, frameon=False)
+    legend_beside(axes[-1])
     _name_scans(axes, rows)
     save_figure(figure, path)
 

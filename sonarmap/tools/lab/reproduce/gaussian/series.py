@@ -1,8 +1,9 @@
-"""S0..S9 of Table 1 by every method, on one device and grid."""
+"""The variants of the paper's chain that the experiment compares. A new one is a row of VARIANTS."""
 
 from collections.abc import Sequence
-from dataclasses import fields, replace
+from dataclasses import dataclass, fields, replace
 from time import perf_counter
+from types import MappingProxyType
 
 from scipy.spatial.transform import RigidTransform
 
@@ -11,10 +12,41 @@ from sonarmap.spectral.grid import Grid
 from sonarmap.spectral.hemisphere.registration import HemisphereConfig, HemisphereRegistrar, LayeredScan
 from sonarmap.spectral.scan import Scan
 from sonarmap.tools.lab.evaluate.trajectory import RIGHT_DEG
-from sonarmap.tools.lab.reproduce.gaussian.row import RANKED, GaussianRow, GaussianTime, row_of
-from sonarmap.tools.lab.reproduce.gaussian.scored import ScoredRegistration
-from sonarmap.tools.lab.reproduce.gaussian.variants import VARIANTS
+from sonarmap.tools.lab.reproduce.gaussian.row import RANKED, GaussianRow, GaussianTime, ScoredRegistration, row_of
 from sonarmap.tools.lab.simulate.pairs.table1 import table1_pair
+
+
+@dataclass(frozen=True, slots=True)
+class ChainVariant:
+    """A configuration of the paper's chain.
+
+    Attributes:
+        title: what it does, in words.
+        config: of the spectral registration.
+    """
+
+    title: str
+    config: HemisphereConfig
+
+
+# Name in tables and files -> variant
+VARIANTS: MappingProxyType[str, ChainVariant] = MappingProxyType(
+    {
+        "paper": ChainVariant(
+            "the paper's chain: the steps of Sect. 2.11 once, with the paper's windows, along the highest yaw peak",
+            HemisphereConfig.paper(),
+        ),
+        "one peak": ChainVariant(
+            "the chain along the highest yaw peak, with the rotation refined", HemisphereConfig(yaw_peaks=1)
+        ),
+        "six peaks": ChainVariant(
+            "the chain along the six highest yaw peaks, with the rotation refined; these are the defaults of the "
+            "method `hemisphere`",
+            HemisphereConfig(yaw_peaks=6),
+        ),
+    }
+)
+
 
 # What a config says of pairs alone; two that differ in nothing else prepare a scan alike.
 _OF_PAIRS = ("yaw_peaks", "max_tilt", "refinements", "final_refinements", "search", "acceptance")

@@ -12,6 +12,7 @@ from sonarmap.tools.files.writers.json_text import to_json, write_json
 from sonarmap.tools.lab.reproduce.experiment import Experiment, Row, Section
 from sonarmap.tools.lab.reproduce.pages.section_text import duration, section_from_json, section_text, verdicts
 from sonarmap.tools.lab.reproduce.provenance import Provenance
+from sonarmap.tools.lab.reproduce.rows import all_rows, all_seconds
 from sonarmap.tools.lab.reproduce.run import Result
 from sonarmap.tools.lab.reproduce.table import write_csv
 
@@ -49,16 +50,15 @@ def write_experiment(
         InputError: a file cannot be written.
         ValueError: the experiment's section or pictures are not what they should be.
     """
-    name, section = experiment.name, experiment.section(result.outcomes)
+    rows, seconds = all_rows(result.outcomes), all_seconds(result.outcomes)
+    name, section = experiment.name, experiment.section(rows, seconds)
     verdicts(section)
-    rows = [row for outcome in result.outcomes.values() for row in outcome.rows]
-    seconds = [row for outcome in result.outcomes.values() for row in outcome.seconds]
     words = [f"{name}.csv", f"{name}.md", *([f"{name}-seconds.csv"] if seconds else []), f"{name}-times.md"]
     files = (*words, *section.pictures, f"{name}.json")
     record = Record(name, command, section, result.seconds, len(result.outcomes), provenance, files)
     former = read_record(folder, name)
     with tempfile.TemporaryDirectory() as drawn:
-        experiment.draw(Path(drawn), result.outcomes)
+        experiment.draw(Path(drawn), rows)
         with all_or_none():
             _copy_pictures(Path(drawn), folder, name, section)
             write_rows(folder / f"{name}.csv", rows)

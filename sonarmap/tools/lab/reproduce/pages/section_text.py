@@ -10,7 +10,7 @@ from sonarmap.tools.lab.reproduce.table import Table
 
 @dataclass(frozen=True, slots=True)
 class Verdict:
-    """One claim: the paper's value or the required one, ours, and the verdict."""
+    """One claim: the paper's value or the other methods', ours, and the verdict or what follows."""
 
     claim: str
     paper: str
@@ -21,8 +21,8 @@ class Verdict:
 def verdicts(section: Section) -> tuple[Verdict, ...]:
     """The rows of the section's first table.
 
-    It has columns whose headings begin with paper or required, ours, and verdict; the cells left of them name the
-    claim. A section without a table has no claims.
+    It has columns whose headings begin with paper or others, with ours, and with verdict or what follows; the cells
+    left of them name the claim. A section without a table has no claims.
 
     Raises:
         ValueError: the table lacks one of these columns.
@@ -30,7 +30,7 @@ def verdicts(section: Section) -> tuple[Verdict, ...]:
     if not section.tables:
         return ()
     table = section.tables[0]
-    columns = [_column(table, word) for word in ("paper|required", "ours", "verdict")]
+    columns = [_column(table, word) for word in ("paper|others", "ours", "verdict|what follows")]
     before = min(columns)
     return tuple(
         Verdict(", ".join(cell for cell in row[:before] if cell), *(row[k] for k in columns)) for row in table.rows

@@ -1,5 +1,9 @@
 """The result of a system on a survey against the truth: one row of numbers, and one for each pose."""
 
+from __future__ import annotations
+
+from typing import TYPE_CHECKING
+
 import numpy as np
 
 from sonarmap.slam.loops.places import PlaceIndex
@@ -11,7 +15,9 @@ from sonarmap.tools.lab.evaluate.pose_calibration import calibrate_poses
 from sonarmap.tools.lab.evaluate.trajectory import Evaluation, evaluate
 from sonarmap.tools.lab.reproduce.experiment import Row, Value
 from sonarmap.tools.lab.reproduce.survey.mapped import MappedSurvey
-from sonarmap.tools.lab.reproduce.survey.simulated import SimulatedSurvey
+
+if TYPE_CHECKING:
+    from sonarmap.tools.lab.reproduce.survey.run import SimulatedSurvey
 from sonarmap.tools.lab.simulate.shapes.surface import surface_distance
 
 MAP, POSE = "map", "pose"  # of the column "row"
