@@ -11,6 +11,19 @@ from sonarmap.spectral.scan import Scan
 from sonarmap.tools.lab.evaluate.trajectory import RIGHT_DEG, RIGHT_VOXELS, pair_error
 from sonarmap.tools.lab.reproduce.experiment import Value
 
+PARAMETERS = ("x_m", "y_m", "z_m", "yaw_deg", "roll_deg", "pitch_deg")
+
+
+def parameters(T: RigidTransform) -> np.ndarray:
+    """x, y, z [m] and yaw, roll, pitch [degrees], (6,), in the paper's order."""
+    yaw, pitch, roll = T.rotation.as_euler("ZYX", degrees=True)
+    return np.array([*T.translation, yaw, roll, pitch])
+
+
+def parameter_cells(T: RigidTransform, which: str) -> dict[str, float]:
+    """PARAMETERS as cells whose names begin with "found" or "true"."""
+    return {f"{which}_{name}": value for name, value in zip(PARAMETERS, parameters(T).tolist(), strict=True)}
+
 
 def answer(registrar: Registrar, target: Scan, source: Scan) -> Registration:
     """Prepare and register two scans; where a method raises InputError, the identity counts as refused."""

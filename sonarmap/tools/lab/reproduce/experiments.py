@@ -209,11 +209,7 @@ def chosen(name: str, request: Request) -> tuple[str, ...]:
 
 
 def create(name: str, request: Request) -> "Experiment":
-    """The experiment of that name, as it was asked for.
-
-    Raises:
-        InputError: an option's value will not do.
-    """
+    """The experiment of that name, as it was asked for."""
     return import_module(EXPERIMENTS[name].module).create(request.of(name))
 
 

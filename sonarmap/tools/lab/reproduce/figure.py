@@ -30,11 +30,7 @@ def new_figure(width: float, height: float, dpi: int = 100) -> Any:
 
 
 def save_figure(figure: Any, path: Path) -> None:
-    """Write a matplotlib figure as PNG.
-
-    Raises:
-        InputError: the file cannot be written.
-    """
+    """Write a matplotlib figure as PNG."""
     with atomic_path(path) as temporary:
         figure.savefig(temporary, format="png")
 

@@ -57,11 +57,7 @@ def table_of(
 
 
 def write_csv(path: Path, headings: Sequence[str], rows: Iterable[Sequence[object]]) -> None:
-    """Write rows under their headings: floats with four decimals, truth values as 1 and 0, nothing for NaN.
-
-    Raises:
-        InputError: the file cannot be written.
-    """
+    """Write rows under their headings: floats with four decimals, truth values as 1 and 0, nothing for NaN."""
     write_table(path, headings, ([_cell(value) for value in row] for row in rows))
 
 

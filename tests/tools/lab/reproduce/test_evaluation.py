@@ -12,10 +12,11 @@ import pytest
 from sonarmap.kernels.device.device import Device
 from sonarmap.kernels.errors import InputError
 from sonarmap.tools.lab.reproduce import methods
-from sonarmap.tools.lab.reproduce.evaluation.pair_set import PairSetSettings, related, unrelated
-from sonarmap.tools.lab.reproduce.evaluation.pairs import Pairs, PairsSettings
+from sonarmap.tools.lab.reproduce.evaluation.pair_set import related, unrelated
+from sonarmap.tools.lab.reproduce.evaluation.pairs import Pairs
+from sonarmap.tools.lab.reproduce.evaluation.settings import PairSetSettings, PairsSettings, StepsSettings
 from sonarmap.tools.lab.reproduce.evaluation.speed import Speed
-from sonarmap.tools.lab.reproduce.evaluation.steps import Steps, StepsSettings
+from sonarmap.tools.lab.reproduce.evaluation.steps import Steps
 from sonarmap.tools.lab.reproduce.experiment import Experiment, Outcome
 from sonarmap.tools.lab.reproduce.experiments import EVALUATION, EXPERIMENTS, Request, chosen, create, members
 from sonarmap.tools.lab.reproduce.methods import EVALUATED, ComparedMethods, compared_methods

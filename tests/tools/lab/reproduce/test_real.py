@@ -10,7 +10,8 @@ from scipy.spatial.transform import RigidTransform
 from sonarmap.kernels.errors import InputError
 from sonarmap.tools.lab.reproduce.experiments import Request, chosen
 from sonarmap.tools.lab.reproduce.real.real_set import read_sets, without_truth
-from sonarmap.tools.lab.reproduce.real.run import Real, RealSettings, real_settings
+from sonarmap.tools.lab.reproduce.real.run import Real
+from sonarmap.tools.lab.reproduce.real.settings import RealSettings, real_settings
 from sonarmap.tools.lab.simulate.sensing.priors import KINDS
 from tests.samples.experiments.real_folders import asked, gt_log, put, simulated
 

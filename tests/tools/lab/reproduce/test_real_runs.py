@@ -16,8 +16,9 @@ from sonarmap.tools.lab.reproduce.experiments import create
 from sonarmap.tools.lab.reproduce.pages.folder import write_experiment
 from sonarmap.tools.lab.reproduce.pages.section_text import section_text, verdicts
 from sonarmap.tools.lab.reproduce.provenance import provenance
-from sonarmap.tools.lab.reproduce.real.run import Real, RealSettings
+from sonarmap.tools.lab.reproduce.real.run import Real
 from sonarmap.tools.lab.reproduce.real.section import beside_others, pair_table, result_table
+from sonarmap.tools.lab.reproduce.real.settings import RealSettings
 from sonarmap.tools.lab.reproduce.rows import all_rows, all_seconds
 from sonarmap.tools.lab.reproduce.run import run
 from tests.samples.experiments.real_folders import FEW, asked, gt_log, put, simulated

@@ -9,14 +9,15 @@ from scipy.spatial.transform import RigidTransform, Rotation
 
 from sonarmap.kernels.device.device import choose_device
 from sonarmap.kernels.errors import InputError
+from sonarmap.tools.lab.reproduce.answer import parameters
 from sonarmap.tools.lab.reproduce.experiment import Outcome
 from sonarmap.tools.lab.reproduce.rows import all_rows, all_seconds
-from sonarmap.tools.lab.reproduce.structures.limits import KINDS, Limits, LimitsSettings
+from sonarmap.tools.lab.reproduce.structures.limits import KINDS, Limits
 from sonarmap.tools.lab.reproduce.structures.limits_section import deviation_table
-from sonarmap.tools.lab.reproduce.structures.moved import parameters
-from sonarmap.tools.lab.reproduce.structures.rotation import RotationSettings, Turns
+from sonarmap.tools.lab.reproduce.structures.rotation import Turns
 from sonarmap.tools.lab.reproduce.structures.rotation_section import deviation, rotation_section, within_limits
-from sonarmap.tools.lab.reproduce.structures.translation import Translation, TranslationSettings
+from sonarmap.tools.lab.reproduce.structures.settings import LimitsSettings, RotationSettings, TranslationSettings
+from sonarmap.tools.lab.reproduce.structures.translation import Translation
 from sonarmap.tools.lab.reproduce.structures.translation_section import reach, translation_section
 
 ONE = TranslationSettings(scenes=("clutter",), noises=("D0", "D6"), seeds=1, first_seed=3, edge=64, steps=(8, 16, 40))

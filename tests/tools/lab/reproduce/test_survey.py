@@ -19,9 +19,12 @@ from sonarmap.tools.lab.reproduce.experiments import EXPERIMENTS, SLAM, Request,
 from sonarmap.tools.lab.reproduce.pages.section_text import section_text, verdicts
 from sonarmap.tools.lab.reproduce.rows import all_rows, all_seconds
 from sonarmap.tools.lab.reproduce.survey import run as surveys
+from sonarmap.tools.lab.reproduce.survey import simulated
 from sonarmap.tools.lab.reproduce.survey.mapped import Crossings, MappedSurvey, MappingTime
 from sonarmap.tools.lab.reproduce.survey.row import MAP, POSE, survey_rows
-from sonarmap.tools.lab.reproduce.survey.run import SimulatedSurvey, SurveyExperiment, SurveySettings, simulate_survey
+from sonarmap.tools.lab.reproduce.survey.run import SurveyExperiment
+from sonarmap.tools.lab.reproduce.survey.settings import SurveySettings
+from sonarmap.tools.lab.reproduce.survey.simulated import SimulatedSurvey, simulate_survey
 from sonarmap.tools.lab.simulate.plan import plan
 from sonarmap.tools.lab.simulate.shapes.solids import Mesh
 from tests.samples.simulated import COARSE, QUIET
@@ -141,7 +144,7 @@ class TestJobs:
 
 def test_two_dives_follow_each_other_and_keep_their_own_numbers(monkeypatch: pytest.MonkeyPatch) -> None:
     coarse = lambda *given: replace(plan(*given), sensor=COARSE, noise=QUIET)  # noqa: E731
-    monkeypatch.setattr(surveys, "plan", coarse)
+    monkeypatch.setattr(simulated, "plan", coarse)
     both, second, first = (simulate_survey("floodgate", 3, 4, 0.25, dives) for dives in ((2, 1), (2,), (1,)))
     assert [scan.stamp for scan in both.scans] == both.truth.stamps.tolist() == [*map(float, range(8))]
     assert both.dives.tolist() == [0, 0, 0, 0, 1, 1, 1, 1]

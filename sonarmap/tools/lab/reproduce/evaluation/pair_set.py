@@ -2,7 +2,7 @@
 
 from abc import abstractmethod
 from collections.abc import Sequence
-from dataclasses import dataclass, field, replace
+from dataclasses import dataclass, replace
 from functools import lru_cache
 from typing import Any, ClassVar
 
@@ -12,50 +12,16 @@ from sonarmap.kernels.errors import InputError
 from sonarmap.spectral.grid import Grid, choose_grid
 from sonarmap.spectral.scan import Scan
 from sonarmap.tools.lab.reproduce.answer import answer, claims, errors
+from sonarmap.tools.lab.reproduce.evaluation.settings import BATCH
 from sonarmap.tools.lab.reproduce.experiment import ByMethod, Outcome, Value
-from sonarmap.tools.lab.reproduce.experiments import Request
-from sonarmap.tools.lab.reproduce.methods import METHOD_SOURCES, ComparedMethods, compared_methods, registrar
-from sonarmap.tools.lab.reproduce.settings import as_asked, check_pairs
+from sonarmap.tools.lab.reproduce.methods import METHOD_SOURCES, registrar
 from sonarmap.tools.lab.simulate.pairs.pair_set import evaluation_pair, evaluation_unrelated
 from sonarmap.tools.lab.simulate.pairs.turns import Turn
 from sonarmap.tools.lab.simulate.scenes.catalog import SCENE_KINDS
 from sonarmap.tools.lab.simulate.sensing.noise import Noise
 from sonarmap.tools.lab.simulate.sensing.overlap import OVERLAP_RADIUS, mutual_overlap
 
-SET_SEED = 20110  # neither development nor the tests use pairs of this set
-BATCH = 5  # pairs of a job: one of every range of overlap
-SOURCES = (*METHOD_SOURCES, "tools/lab/reproduce/evaluation/pair_set.py")
-
-
-@dataclass(frozen=True, slots=True)
-class PairSetSettings:
-    """What is run.
-
-    Attributes:
-        pairs: how many, at least 1.
-        seed: of the set, >= 0.
-        edge: voxels per edge; their size is chosen for each pair.
-        compared: the methods.
-    """
-
-    pairs: int
-    seed: int = SET_SEED
-    edge: int = 128
-    compared: ComparedMethods = field(default_factory=ComparedMethods)
-
-    def __post_init__(self) -> None:
-        Grid(self.edge, 1.0)
-        check_pairs(self.pairs, self.seed)
-
-
-def pair_set_settings(request: Request, pairs: int, quick_pairs: int) -> PairSetSettings:
-    """As the command line asks for it; a quick run takes `quick_pairs` on half the voxels.
-
-    Raises:
-        InputError: an option's value will not do.
-    """
-    usual = PairSetSettings(pairs, compared=compared_methods(request))
-    return as_asked(usual, request, pairs=quick_pairs, edge=64)
+SOURCES = (*METHOD_SOURCES, *(f"tools/lab/reproduce/evaluation/{name}.py" for name in ("pair_set", "settings")))
 
 
 @dataclass(frozen=True, slots=True)
@@ -75,11 +41,6 @@ class SetPair:
     source: Scan
     truth: RigidTransform | None
     grid: Grid
-
-
-def batches(pairs: int) -> int:
-    """How many batches make at least so many pairs."""
-    return -(-pairs // BATCH)
 
 
 def related(number: int, seed: int, turn: Turn, edge: int) -> SetPair | None:

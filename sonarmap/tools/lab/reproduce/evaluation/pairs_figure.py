@@ -21,11 +21,7 @@ _FARTHEST = 30.0  # normalized squared errors beyond it stand in the last bar
 
 
 def draw_pairs(folder: Path, rows: Sequence[Row], methods: Sequence[str]) -> None:
-    """Write the PNGs.
-
-    Raises:
-        InputError: a file cannot be written.
-    """
+    """Write the PNGs."""
     draw_overlap(folder / OVERLAP, rows, methods)
     if OURS in methods:
         draw_nees(folder / NEES, right(where(rows, method=OURS)))

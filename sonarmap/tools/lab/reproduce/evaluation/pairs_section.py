@@ -1,9 +1,6 @@
 """The pair set in words."""
 
-from __future__ import annotations
-
 from collections.abc import Callable, Iterable, Sequence
-from typing import TYPE_CHECKING
 
 from sonarmap.tools.lab.evaluate.trajectory import RIGHT_DEG, RIGHT_VOXELS
 from sonarmap.tools.lab.reproduce.beside import Line, Measure, beside_table, others_of
@@ -15,14 +12,12 @@ from sonarmap.tools.lab.reproduce.calibration_tables import (
     reliability_table,
     shared,
 )
-from sonarmap.tools.lab.reproduce.rows import accepted, in_percent, middle, percent, rate, refused, right, where, wrong
-
-if TYPE_CHECKING:
-    from sonarmap.tools.lab.reproduce.evaluation.pairs import PairsSettings
 from sonarmap.tools.lab.reproduce.evaluation.pairs_figure import NEES, OVERLAP, PROBABILITY
+from sonarmap.tools.lab.reproduce.evaluation.settings import PairsSettings
 from sonarmap.tools.lab.reproduce.experiment import Row, Section
 from sonarmap.tools.lab.reproduce.methods import OURS
-from sonarmap.tools.lab.reproduce.table import Table
+from sonarmap.tools.lab.reproduce.rows import accepted, in_percent, middle, percent, rate, refused, right, where, wrong
+from sonarmap.tools.lab.reproduce.table import Table, table_of
 
 
 def pairs_section(rows: Sequence[Row], settings: PairsSettings) -> Section:
@@ -101,29 +96,22 @@ def overlap_table(rows: Sequence[Row], methods: Sequence[str], title: str) -> Ta
 
 def trust_table(rows: Sequence[Row], methods: Sequence[str], title: str) -> Table:
     """How many registrations are accepted and refused, rightly or not."""
-    lines = []
-    for method in methods:
-        some = where(rows, method=method)
-        clear = shared(some, CLEAR)
-        lines.append(
-            (
-                method,
-                f"{len(accepted(some))}/{len(some)}",
-                rate(wrong(accepted(some)), some),
-                f"{len(wrong(accepted(some)))}/{len(accepted(some))}",
-                rate(refused(clear), clear),
-                rate(refused(right(some)), right(some)),
-            )
-        )
-    headings = (
-        "method",
-        "accepted",
-        "accepted though wrong, of all",
-        "accepted though wrong, of the accepted",
-        f"refused, of those that share > {CLEAR:.0%}",
-        "refused though right, of the right",
+    return table_of(
+        title,
+        ("method",),
+        [((method,), where(rows, method=method)) for method in methods if rows],
+        {
+            "accepted": lambda some: f"{len(accepted(some))}/{len(some)}",
+            "accepted though wrong, of all": lambda some: rate(wrong(accepted(some)), some),
+            "accepted though wrong, of the accepted": lambda some: (
+                f"{len(wrong(accepted(some)))}/{len(accepted(some))}"
+            ),
+            f"refused, of those that share > {CLEAR:.0%}": lambda some: rate(
+                refused(shared(some, CLEAR)), shared(some, CLEAR)
+            ),
+            "refused though right, of the right": lambda some: rate(refused(right(some)), right(some)),
+        },
     )
-    return Table(title, headings, tuple(lines) if rows else ())
 
 
 def scene_table(rows: Sequence[Row], methods: Sequence[str]) -> Table:
@@ -145,15 +133,18 @@ def accurate(rows: Iterable[Row]) -> list[Row]:
 
 def accuracy_table(rows: Sequence[Row], methods: Sequence[str]) -> Table:
     """Errors of right registrations of pairs that share much, under little noise."""
-    lines = []
-    for method in methods:
-        some = accurate(where(rows, method=method))
-        if some:
-            errors = (f"{middle(some, 'rotation_deg'):.3f}", f"{middle(some, 'translation_voxels'):.3f}")
-            lines.append((method, str(len(some)), *errors, f"{middle(some, 'translation_m'):.3f}"))
-    title = "Median errors of right registrations, more than half shared, σ² up to 1 m²: any yaw, tilt up to 35 degrees"
-    headings = ("method", "registrations", "rotation [°]", "translation [voxels]", "translation [m]")
-    return Table(title, headings, tuple(lines))
+    groups = [((method,), accurate(where(rows, method=method))) for method in methods]
+    return table_of(
+        "Median errors of right registrations, more than half shared, σ² up to 1 m²: any yaw, tilt up to 35 degrees",
+        ("method",),
+        [group for group in groups if group[1]],
+        {
+            "registrations": lambda some: str(len(some)),
+            "rotation [°]": lambda some: f"{middle(some, 'rotation_deg'):.3f}",
+            "translation [voxels]": lambda some: f"{middle(some, 'translation_voxels'):.3f}",
+            "translation [m]": lambda some: f"{middle(some, 'translation_m'):.3f}",
+        },
+    )
 
 
 def beside_others(yaw: Sequence[Row], free: Sequence[Row]) -> Table:

@@ -8,13 +8,8 @@ from typing import Any, ClassVar
 from sonarmap.kernels.errors import InputError
 from sonarmap.spectral.result import Registrar, Registration
 from sonarmap.tools.lab.reproduce.answer import errors, finish_device
-from sonarmap.tools.lab.reproduce.evaluation.pair_set import (
-    BATCH,
-    SOURCES,
-    SetPair,
-    pair_set_settings,
-    related,
-)
+from sonarmap.tools.lab.reproduce.evaluation.pair_set import SOURCES, SetPair, related
+from sonarmap.tools.lab.reproduce.evaluation.settings import BATCH, pair_set_settings
 from sonarmap.tools.lab.reproduce.evaluation.speed_section import speed_section
 from sonarmap.tools.lab.reproduce.experiment import Experiment, Outcome, Row, Section
 from sonarmap.tools.lab.reproduce.experiments import Request
@@ -115,9 +110,5 @@ class _TimedMethod:
 
 
 def create(request: Request) -> Speed:
-    """The experiment as the command line asks for it; `quick` is two pairs on half the voxels.
-
-    Raises:
-        InputError: an option's value will not do.
-    """
+    """The experiment as the command line asks for it; `quick` is two pairs on half the voxels."""
     return Speed(pair_set_settings(request, PAIRS, quick_pairs=2), request.opened.selector)

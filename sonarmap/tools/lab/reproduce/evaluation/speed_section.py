@@ -6,7 +6,7 @@ from statistics import median
 
 import numpy as np
 
-from sonarmap.tools.lab.reproduce.evaluation.pair_set import PairSetSettings
+from sonarmap.tools.lab.reproduce.evaluation.settings import PairSetSettings
 from sonarmap.tools.lab.reproduce.experiment import Row, Section
 from sonarmap.tools.lab.reproduce.methods import OURS
 from sonarmap.tools.lab.reproduce.rows import DASH, accepted, rate, right, where

@@ -1,67 +1,30 @@
 """Table 1 of the paper and its continuation to S12, on several scenes, by every method."""
 
 from collections.abc import Sequence
-from dataclasses import dataclass, field, replace
+from dataclasses import replace
 from functools import cache, lru_cache
 from pathlib import Path
 from typing import Any, ClassVar
 
 from scipy.spatial.transform import RigidTransform
 
-from sonarmap.spectral.grid import Grid
 from sonarmap.spectral.scan import Scan
 from sonarmap.tools.lab.reproduce.answer import answer, claims, errors
+from sonarmap.tools.lab.reproduce.evaluation.settings import StepsSettings
 from sonarmap.tools.lab.reproduce.evaluation.steps_section import PICTURE, draw_steps, steps_section
 from sonarmap.tools.lab.reproduce.experiment import ByMethod, Outcome, Row, Section
 from sonarmap.tools.lab.reproduce.experiments import Request
-from sonarmap.tools.lab.reproduce.methods import METHOD_SOURCES, OURS, ComparedMethods, compared_methods, registrar
-from sonarmap.tools.lab.reproduce.settings import as_asked, check_scenes, check_seeds, check_variances
+from sonarmap.tools.lab.reproduce.methods import METHOD_SOURCES, OURS, compared_methods, registrar
+from sonarmap.tools.lab.reproduce.settings import as_asked
 from sonarmap.tools.lab.simulate.pairs.table1 import table1_pair
 from sonarmap.tools.lab.simulate.paths.trajectories import TABLE1_MOST
-
-EXTENT = 256.0  # of the grid [m], as large as the paper's
-FIRST_SEED = 101  # neither development nor the tests use scenes and noise of these seeds
-
-
-@dataclass(frozen=True, slots=True)
-class StepsSettings:
-    """What is run.
-
-    Attributes:
-        scenes: keys of SCENE_KINDS; the seeds go round over them.
-        sigma2: variances of the range noise at the largest range [m^2], each.
-        seeds: how many scenes and noises, counted from `first_seed`.
-        peers: how many of them, from the first, the methods other than ours register, as they take ten times as long.
-        first_seed: >= 0.
-        edge: voxels per edge; the grid is as large as the paper's, whatever their number.
-        compared: the methods.
-    """
-
-    scenes: tuple[str, ...] = ("floodgate", "harbor", "bridge", "wreck")
-    sigma2: tuple[float, ...] = (1.0, 2.0, 4.0)
-    seeds: int = 20
-    peers: int = 12
-    first_seed: int = FIRST_SEED
-    edge: int = 128
-    compared: ComparedMethods = field(default_factory=ComparedMethods)
-
-    def __post_init__(self) -> None:
-        check_scenes(self.scenes)
-        check_variances(self.sigma2)
-        check_seeds(self.seeds, self.first_seed)
-
-    @property
-    def grid(self) -> Grid:
-        """That all pairs share."""
-        Grid(self.edge, 1.0)
-        return Grid(self.edge, EXTENT / self.edge)
 
 
 class Steps(ByMethod):
     """Registers S0..S12 to the reference scan; a job is one scene, seed, noise and method."""
 
     name: ClassVar[str] = "steps"
-    sources: ClassVar[tuple[str, ...]] = METHOD_SOURCES
+    sources: ClassVar[tuple[str, ...]] = (*METHOD_SOURCES, "tools/lab/reproduce/evaluation/settings.py")
     deciding: ClassVar[tuple[str, ...]] = ("edge",)
 
     def __init__(self, settings: StepsSettings, device: str | None = None) -> None:
@@ -107,11 +70,7 @@ def _pairs(scene: str, seed: int, sigma2: float) -> list[tuple[Scan, Scan, Rigid
 
 
 def create(request: Request) -> Steps:
-    """The experiment as the command line asks for it; `quick` is one seed and one noise on half the voxels.
-
-    Raises:
-        InputError: an option's value will not do.
-    """
+    """The experiment as the command line asks for it; `quick` is one seed and one noise on half the voxels."""
     usual = StepsSettings(compared=compared_methods(request))
     usual = replace(usual, peers=request.seeds or usual.peers)
     quick: dict[str, Any] = {"sigma2": usual.sigma2[:1], "seeds": 1, "edge": 64}

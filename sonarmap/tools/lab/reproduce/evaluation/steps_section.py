@@ -1,23 +1,18 @@
 """Table 1, extended to S12, in words, tables and a figure."""
 
-from __future__ import annotations
-
 from collections.abc import Sequence
 from pathlib import Path
 from statistics import median_low
-from typing import TYPE_CHECKING
 
 from sonarmap.tools.lab.evaluate.trajectory import RIGHT_DEG, RIGHT_VOXELS
 from sonarmap.tools.lab.reproduce.beside import Measure, beside_table
+from sonarmap.tools.lab.reproduce.evaluation.settings import StepsSettings
 from sonarmap.tools.lab.reproduce.experiment import Row, Section
 from sonarmap.tools.lab.reproduce.figure import draw_rates, legend_beside, new_figure, save_figure
 from sonarmap.tools.lab.reproduce.methods import OURS
 from sonarmap.tools.lab.reproduce.rows import accepted, rate, right, where, wilson, wrong
 from sonarmap.tools.lab.reproduce.table import Table, table_of
 from sonarmap.tools.lab.simulate.paths.trajectories import TABLE1_COUNT, TABLE1_MOST
-
-if TYPE_CHECKING:
-    from sonarmap.tools.lab.reproduce.evaluation.steps import StepsSettings
 
 PICTURE = "steps.png"
 
@@ -38,11 +33,7 @@ def steps_section(rows: Sequence[Row], settings: StepsSettings) -> Section:
 
 
 def draw_steps(path: Path, rows: Sequence[Row], methods: Sequence[str]) -> None:
-    """Write a PNG: a panel for each noise, a line for each method.
-
-    Raises:
-        InputError: the file cannot be written.
-    """
+    """Write a PNG: a panel for each noise, a line for each method."""
     noises = list(dict.fromkeys(row["sigma2"] for row in rows))
     steps = sorted({int(row["step"]) for row in rows})
     figure = new_figure(4.2 * len(noises) + 1.8, 3.8)

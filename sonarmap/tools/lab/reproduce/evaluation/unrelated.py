@@ -4,14 +4,8 @@ from collections.abc import Sequence
 from pathlib import Path
 from typing import ClassVar
 
-from sonarmap.tools.lab.reproduce.evaluation.pair_set import (
-    BATCH,
-    PairSetExperiment,
-    SetPair,
-    batches,
-    pair_set_settings,
-    unrelated,
-)
+from sonarmap.tools.lab.reproduce.evaluation.pair_set import PairSetExperiment, SetPair, unrelated
+from sonarmap.tools.lab.reproduce.evaluation.settings import BATCH, batches, pair_set_settings
 from sonarmap.tools.lab.reproduce.evaluation.unrelated_section import PICTURE, draw_unrelated, unrelated_section
 from sonarmap.tools.lab.reproduce.experiment import Row, Section
 from sonarmap.tools.lab.reproduce.experiments import Request
@@ -42,9 +36,5 @@ class Unrelated(PairSetExperiment):
 
 
 def create(request: Request) -> Unrelated:
-    """The experiment as the command line asks for it; `quick` is one batch on half the voxels.
-
-    Raises:
-        InputError: an option's value will not do.
-    """
+    """The experiment as the command line asks for it; `quick` is one batch on half the voxels."""
     return Unrelated(pair_set_settings(request, PAIRS, quick_pairs=BATCH), request.opened.selector)

@@ -7,7 +7,7 @@ from pathlib import Path
 import numpy as np
 
 from sonarmap.tools.lab.reproduce.beside import Measure, beside_table
-from sonarmap.tools.lab.reproduce.evaluation.pair_set import PairSetSettings
+from sonarmap.tools.lab.reproduce.evaluation.settings import PairSetSettings
 from sonarmap.tools.lab.reproduce.experiment import Row, Section
 from sonarmap.tools.lab.reproduce.figure import new_figure, save_figure, style
 from sonarmap.tools.lab.reproduce.methods import OURS
@@ -71,11 +71,7 @@ _MARKS = {"psr": "peak-to-sidelobe ratio", "probability": "reported probability"
 
 
 def draw_unrelated(path: Path, rows: Sequence[Row]) -> None:
-    """Write a PNG: one panel for each mark, a column of points for each method that has it.
-
-    Raises:
-        InputError: the file cannot be written.
-    """
+    """Write a PNG: one panel for each mark, a column of points for each method that has it."""
     figure = new_figure(11.5, 4.2)
     for axes, (key, label) in zip(figure.subplots(1, len(_MARKS)), _MARKS.items(), strict=True):
         rated = [row for row in rows if not math.isnan(float(row[key]))]

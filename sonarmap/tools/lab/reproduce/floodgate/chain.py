@@ -9,6 +9,7 @@ from scipy.spatial.transform import RigidTransform, Rotation
 
 from sonarmap.spectral.scan import Scan
 from sonarmap.tools.lab.evaluate.trajectory import RIGHT_DEG, pair_error
+from sonarmap.tools.lab.reproduce.answer import PARAMETERS, parameter_cells
 from sonarmap.tools.lab.reproduce.experiment import Row, Value
 from sonarmap.tools.lab.simulate.paths.stations import COLUMNS, PAPER_COUNT, ROWS
 from sonarmap.tools.lab.simulate.scenes.scene import build_scene
@@ -76,7 +77,6 @@ def _shared(simulation: Simulation, source: int) -> float:
 
 RIGHT_M = 6.0  # three voxels of the paper's coarser grid [m]; one bar for all methods, whatever their voxels
 PAIR, POSE = "pair", "pose"
-PARAMETERS = ("x_m", "y_m", "z_m", "yaw_deg", "roll_deg", "pitch_deg")
 
 MAP_MEDIAN, MAP_90, DISPLACED_90 = "map_median_m", "map_90_m", "displaced_90_m"
 
@@ -136,8 +136,8 @@ def pair_row(survey: FloodgateSurvey, source: int, estimated: RigidTransform, ac
         "accepted": accepted,
         "overlap": survey.overlap[source - 1],
         "shared": survey.shared[source - 1],
-        **_parameters(estimated, "found"),
-        **_parameters(truth, "true"),
+        **parameter_cells(estimated, "found"),
+        **parameter_cells(truth, "true"),
     }
 
 
@@ -198,10 +198,3 @@ def _key(row: Row) -> tuple[int, str, int]:
 
 def _of(rows: Iterable[Row], key: tuple[int, str, int], kind: str) -> tuple[Row, ...]:
     return tuple(row for row in rows if row["row"] == kind and _key(row) == key)
-
-
-def _parameters(T: RigidTransform, which: str) -> dict[str, Value]:
-    """x, y, z [m] and yaw, roll, pitch [degrees], as the paper's Fig. 31 shows them."""
-    yaw, pitch, roll = T.rotation.as_euler("ZYX", degrees=True)
-    values = [*T.translation, yaw, roll, pitch]
-    return {f"{which}_{name}": float(value) for name, value in zip(PARAMETERS, values, strict=True)}

@@ -5,9 +5,10 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
+from sonarmap.tools.lab.reproduce.answer import PARAMETERS
 from sonarmap.tools.lab.reproduce.experiment import Row
 from sonarmap.tools.lab.reproduce.figure import new_figure
-from sonarmap.tools.lab.reproduce.floodgate.chain import MAP_90, PARAMETERS
+from sonarmap.tools.lab.reproduce.floodgate.chain import MAP_90
 from sonarmap.tools.lab.reproduce.floodgate.methods import COMPARED, TRUTH, label
 from sonarmap.tools.lab.reproduce.floodgate.tables import Chains, Run, runs_of, shown
 from sonarmap.tools.products.report.small_png import save_small

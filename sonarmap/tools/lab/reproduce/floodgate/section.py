@@ -28,11 +28,7 @@ from sonarmap.tools.lab.reproduce.rows import wilson
 
 
 def floodgate_section(
-    methods: Sequence[str],
-    missing: Sequence[str],
-    edges: Sequence[int],
-    rows: Sequence[Row],
-    seconds: Sequence[Row],
+    methods: Sequence[str], missing: Sequence[str], edges: Sequence[int], rows: Sequence[Row], seconds: Sequence[Row]
 ) -> Section:
     """The section, from the rows of all jobs.
 

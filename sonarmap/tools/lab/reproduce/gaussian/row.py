@@ -9,12 +9,11 @@ from scipy.spatial.transform import RigidTransform, Rotation
 
 from sonarmap.spectral.result import Registration
 from sonarmap.tools.lab.evaluate.trajectory import RIGHT_DEG, RIGHT_VOXELS, PairError, pair_error
+from sonarmap.tools.lab.reproduce.answer import parameter_cells
 from sonarmap.tools.lab.reproduce.experiment import Row, Value
 from sonarmap.tools.lab.simulate.paths.trajectories import TABLE1_RIG
 
 RANKED = 12  # so many yaw peaks are looked at
-
-_PARAMETERS = ("x_m", "y_m", "z_m", "yaw_deg", "roll_deg", "pitch_deg")
 
 
 @dataclass(frozen=True, slots=True)
@@ -213,15 +212,8 @@ def row_of(
     cells |= {"psr": float(registration.psr), "rival_psr": float(steps["rival"])}
     cells |= {"yaw_psr": float(steps["yaw"]), "tilt_psr": float(steps["tilt"])}
     for which, T in (("found", registration.T_target_source), ("true", scored.truth)):
-        cells |= zip((f"{which}_{name}" for name in _PARAMETERS), parameters(T).tolist(), strict=True)
+        cells |= parameter_cells(about_center(T), which)
     return GaussianRow.of(cells)
-
-
-def parameters(T_target_source: RigidTransform) -> np.ndarray:
-    """x, y, z [m] and yaw, roll, pitch [degrees] about the grid's center, (6,), as Table 1 lists them."""
-    T = about_center(T_target_source)
-    yaw, pitch, roll = T.rotation.as_euler("ZYX", degrees=True)
-    return np.array([*T.translation, yaw, roll, pitch])
 
 
 def about_center(T_target_source: RigidTransform) -> RigidTransform:

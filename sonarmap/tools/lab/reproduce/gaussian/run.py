@@ -10,7 +10,7 @@ from sonarmap.kernels.device.device import Device
 from sonarmap.spectral.grid import Grid
 from sonarmap.tools.lab.reproduce.experiment import Experiment, Outcome, Row, Section
 from sonarmap.tools.lab.reproduce.experiments import Request
-from sonarmap.tools.lab.reproduce.gaussian.figure import draw_parameters, draw_rates
+from sonarmap.tools.lab.reproduce.gaussian.figure import draw_rates, draw_table1
 from sonarmap.tools.lab.reproduce.gaussian.row import GaussianRow, GaussianTime
 from sonarmap.tools.lab.reproduce.gaussian.section import parameters_picture, rates_picture, section
 from sonarmap.tools.lab.reproduce.gaussian.series import Series
@@ -66,7 +66,7 @@ class Gaussian(Experiment):
     name: ClassVar[str] = "gaussian"
     sources: ClassVar[tuple[str, ...]] = (
         *("kernels", "spectral", "tools/lab/simulate", "tools/lab/evaluate"),
-        *(f"tools/lab/reproduce/gaussian/{name}.py" for name in ("row", "series")),
+        *(f"tools/lab/reproduce/{name}.py" for name in ("answer", "gaussian/row", "gaussian/series")),
     )
 
     def __init__(self, settings: GaussianSettings, device: Device) -> None:
@@ -106,15 +106,11 @@ class Gaussian(Experiment):
         registered = [GaussianRow.of(row) for row in rows]
         for edge in self.settings.edges:
             first = [row for row in registered if (row.grid, row.seed) == (edge, self.settings.first_seed)]
-            draw_parameters(folder / parameters_picture(edge), first)
+            draw_table1(folder / parameters_picture(edge), first)
         draw_rates(folder / rates_picture(), registered)
 
 
 def create(request: Request) -> Gaussian:
-    """The experiment as the command line asks for it: Table 1 in full, or with --quick its first tenth.
-
-    Raises:
-        InputError: an option's value will not do.
-    """
+    """The experiment as the command line asks for it: Table 1 in full, or with --quick its first tenth."""
     settings = as_asked(GaussianSettings(), request, sigma2=(1.0,), seeds=1, edges=(128,))
     return Gaussian(settings, request.opened)

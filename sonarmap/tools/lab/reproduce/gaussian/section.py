@@ -1,6 +1,6 @@
 """Table 1 in words and tables."""
 
-from collections.abc import Sequence
+from collections.abc import Iterable, Sequence
 from statistics import median
 
 from sonarmap.tools.lab.evaluate.trajectory import RIGHT_DEG, RIGHT_VOXELS
@@ -9,7 +9,7 @@ from sonarmap.tools.lab.reproduce.gaussian.row import RANKED, GaussianRow, Gauss
 from sonarmap.tools.lab.reproduce.gaussian.series import VARIANTS
 from sonarmap.tools.lab.reproduce.gaussian.summary import FEW, Summary, among, summarize
 from sonarmap.tools.lab.reproduce.rows import wilson
-from sonarmap.tools.lab.reproduce.table import Table
+from sonarmap.tools.lab.reproduce.table import Table, table_of
 
 # Voxels per edge -> seconds of a registration from the raw scans (Sect. 4.4; MATLAB, 2010)
 _PAPER_SECONDS = {128: 10.5, 256: 60.6}
@@ -89,49 +89,44 @@ def _pictures(rows: Sequence[GaussianRow]) -> dict[str, str]:
 
 
 def _verdict_table(summaries: Sequence[Summary]) -> Table:
-    return Table(
+    return table_of(
         "The last scan before the first failure",
-        (
-            *("grid", "σ²", "method", "paper", "ours, median (each seed)", "verdict", "right"),
-            *("accepted though wrong", "refused though right"),
-        ),
-        tuple(
-            (
-                *_case(summary),
-                "" if summary.paper is None else f"S{summary.paper}",
-                f"{_scan(summary.median_last)} ({' '.join(_scan(last) for last in summary.last)})",
-                summary.verdict,
-                str(summary.right),
-                str(summary.accepted_wrong),
-                str(summary.refused_right),
-            )
-            for summary in summaries
-        ),
+        ("grid", "σ²", "method"),
+        [(_case(summary), summary) for summary in summaries],
+        {
+            "paper": lambda summary: "" if summary.paper is None else f"S{summary.paper}",
+            "ours, median (each seed)": lambda summary: (
+                f"{_scan(summary.median_last)} ({' '.join(_scan(last) for last in summary.last)})"
+            ),
+            "verdict": lambda summary: summary.verdict,
+            "right": lambda summary: str(summary.right),
+            "accepted though wrong": lambda summary: str(summary.accepted_wrong),
+            "refused though right": lambda summary: str(summary.refused_right),
+        },
     )
 
 
 def _detail_table(summaries: Sequence[Summary]) -> Table:
-    return Table(
+    def counts(numbers: Iterable[int]) -> str:
+        return " / ".join(map(str, numbers))
+
+    return table_of(
         "Which step fails first, and how accurate the right registrations are",
-        (
-            *("grid", "σ²", "method", "first wrong: yaw / tilt / translation", "series ended by each of these"),
-            f"right yaw is the highest peak / among the {FEW} highest / among the {RANKED} highest",
-            *("right", "right with the translation at the scan's center", "right and within 3 m"),
-            "median error where right",
-        ),
-        tuple(
-            (
-                *_case(summary),
-                " / ".join(str(count) for count in summary.wrong_steps.values()),
-                " / ".join(str(count) for count in summary.ended_by.values()),
-                " / ".join(str(count) for count in summary.yaw_peaks),
-                str(summary.right.successes),
-                str(summary.right_at_center),
-                str(summary.right_within_3m),
-                "" if summary.rotation_deg is None else f"{summary.rotation_deg:.2f}°, {summary.translation_m:.2f} m",
-            )
-            for summary in summaries
-        ),
+        ("grid", "σ²", "method"),
+        [(_case(summary), summary) for summary in summaries],
+        {
+            "first wrong: yaw / tilt / translation": lambda summary: counts(summary.wrong_steps.values()),
+            "series ended by each of these": lambda summary: counts(summary.ended_by.values()),
+            f"right yaw is the highest peak / among the {FEW} highest / among the {RANKED} highest": lambda summary: (
+                counts(summary.yaw_peaks)
+            ),
+            "right": lambda summary: str(summary.right.successes),
+            "right with the translation at the scan's center": lambda summary: str(summary.right_at_center),
+            "right and within 3 m": lambda summary: str(summary.right_within_3m),
+            "median error where right": lambda summary: (
+                "" if summary.rotation_deg is None else f"{summary.rotation_deg:.2f}°, {summary.translation_m:.2f} m"
+            ),
+        },
     )
 
 

@@ -3,6 +3,7 @@
 import math
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
+from functools import partial
 
 import numpy as np
 from scipy.optimize import minimize
@@ -14,8 +15,8 @@ from sonarmap.tools.lab.reproduce.experiment import Row
 from sonarmap.tools.lab.reproduce.kinds.settings import NAVIGATION, NOTHING
 from sonarmap.tools.lab.reproduce.kinds.tables import WORDS, without_navigation, worst_first
 from sonarmap.tools.lab.reproduce.methods import OURS
-from sonarmap.tools.lab.reproduce.rows import CONFIDENCE, DASH, distinct, in_percent, number, right, where
-from sonarmap.tools.lab.reproduce.table import Table
+from sonarmap.tools.lab.reproduce.rows import CONFIDENCE, DASH, distinct, in_percent, known, number, right, where
+from sonarmap.tools.lab.reproduce.table import Table, table_of
 
 TENTHS = tuple(k / 10 for k in range(11))
 RIDGE = 1e-3  # weight of the squared weights in the mean loss, of columns with deviation 1
@@ -66,65 +67,48 @@ def reported_table(rows: Sequence[Row]) -> Table:
     groups = [(kind, where(plain, kind=kind)) for kind in worst_first(plain)]
     groups += [(f"all kinds, known: {WORDS[known]}", where(plain, priors=known)) for known in distinct(plain, "priors")]
     groups += [("all kinds", plain), ("swath, known: navigation", where(ours, priors=NAVIGATION))]
-    headings = (
-        "kind",
-        "registrations",
-        "expected calibration error",
-        "the same of an exact probability",
-        "right, with a covariance",
-        "truths in the 95 % ellipsoid",
-        "mean nees",
-        "median nees",
-    )
     title = f"What `{OURS}` reports: its probability, and the normalized squared errors (nees) of what is right"
-    return Table(title, headings, tuple(_reported(name, some) for name, some in groups if some))
+    checked = [(name, some, known(right(some), "nees")) for name, some in groups if some]
+    return _calibration_table(title, "kind", "right, with a covariance", checked)
 
 
 def left_out_table(rows: Sequence[Row]) -> Table:
     """The same for fits that never saw the kind; no rows where there is no evidence to fit."""
     ours = without_navigation(where(rows, method=OURS))
     probabilities, nees = refitted_probabilities(ours), refitted_nees(where(ours, priors=NOTHING))
-    lines = []
-    for kind in (*worst_first(ours), None):
-        rated, scaled = (some if kind is None else where(some, kind=kind) for some in (probabilities, nees))
-        if rated or scaled:
-            checked = calibration(scaled)
-            lines.append(
-                (
-                    kind or "all kinds",
-                    str(len(rated)),
-                    number(expected_error(rated), 3),
-                    number(usual_error(rated), 3),
-                    str(len(scaled)),
-                    *_check(checked),
-                )
-            )
-    headings = (
-        "kind left out of the fit",
-        "registrations",
-        "expected calibration error",
-        "the same of an exact probability",
-        "right, nothing known",
-        "truths in the 95 % ellipsoid",
-        "mean nees",
-        "median nees",
+    groups = [(kind, where(probabilities, kind=kind), where(nees, kind=kind)) for kind in worst_first(ours)]
+    checked = [group for group in (*groups, ("all kinds", probabilities, nees)) if group[1] or group[2]]
+    title = "Probability and scale of the covariance, fitted to all kinds but one and tested on it"
+    return _calibration_table(title, "kind left out of the fit", "right, nothing known", checked)
+
+
+def _calibration_table(
+    title: str, names: str, counted: str, groups: Sequence[tuple[str, Sequence[Row], Sequence[Row]]]
+) -> Table:
+    """Of each group the rows whose probability is checked, and those whose normalized squared error is."""
+
+    def of_nees(cell: Callable[[CovarianceCheck], str], some: tuple[Sequence[Row], Sequence[Row]]) -> str:
+        checked = calibration(some[1])
+        return DASH if checked is None else cell(checked)
+
+    def inside(checked: CovarianceCheck) -> str:
+        low, high = in_percent(checked.inside.low, 1), in_percent(checked.inside.high, 1)
+        return f"{in_percent(checked.share, 1)} [{low}..{high}]"
+
+    return table_of(
+        title,
+        (names,),
+        [((name,), (rated, scaled)) for name, rated, scaled in groups],
+        {
+            "registrations": lambda some: str(len(some[0])),
+            "expected calibration error": lambda some: number(expected_error(some[0]), 3),
+            "the same of an exact probability": lambda some: number(usual_error(some[0]), 3),
+            counted: lambda some: str(len(some[1])),
+            "truths in the 95 % ellipsoid": partial(of_nees, inside),
+            "mean nees": partial(of_nees, lambda checked: f"{checked.mean:.2f}"),
+            "median nees": partial(of_nees, lambda checked: f"{checked.median:.2f}"),
+        },
     )
-    return Table(
-        "Probability and scale of the covariance, fitted to all kinds but one and tested on it", headings, tuple(lines)
-    )
-
-
-def _reported(name: str, rows: Sequence[Row]) -> tuple[str, ...]:
-    checked = calibration(right(rows))
-    errors = (number(expected_error(rows), 3), number(usual_error(rows), 3))
-    return (name, str(len(rows)), *errors, str(checked.inside.trials if checked else 0), *_check(checked))
-
-
-def _check(checked: CovarianceCheck | None) -> tuple[str, str, str]:
-    if checked is None:
-        return DASH, DASH, DASH
-    inside = f"{checked.share:.1%} [{checked.inside.low:.1%}..{checked.inside.high:.1%}]".replace("%", " %")
-    return inside, f"{checked.mean:.2f}", f"{checked.median:.2f}"
 
 
 def _error_line(rows: Sequence[Row], words: str) -> list[Line]:
@@ -134,7 +118,7 @@ def _error_line(rows: Sequence[Row], words: str) -> list[Line]:
         return []
     worst, whole = max(scores, key=lambda kind: scores[kind]), expected_error(rows)
     shown = f"{whole:.3f}; worst kind: {worst} {scores[worst]:.3f}"
-    follows = f"a probability of 0.9 may mean {0.9 - scores[worst]:.2f} in the worst kind"
+    follows = f"probabilities are off by {whole:.2f} on average, and by {scores[worst]:.2f} in the worst kind"
     return [(f"expected calibration error of the probability, {words}", shown, DASH, follows)]
 
 

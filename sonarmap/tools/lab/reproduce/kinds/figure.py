@@ -24,11 +24,7 @@ _IN_A_ROW = 4
 
 
 def draw_kinds(folder: Path, rows: Sequence[Row]) -> None:
-    """Write the PNGs; the second only where ours ran.
-
-    Raises:
-        InputError: a file cannot be written.
-    """
+    """Write the PNGs; the second only where ours ran."""
     draw_outcomes(folder / OUTCOMES, rows)
     if ours := without_navigation(where(rows, method=OURS)):
         draw_probability(folder / RELIABILITY, ours)

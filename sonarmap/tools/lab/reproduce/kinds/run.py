@@ -9,7 +9,7 @@ from sonarmap.kernels.errors import InputError
 from sonarmap.spectral.grid import Grid, choose_grid
 from sonarmap.spectral.result import Registration
 from sonarmap.tools.lab.reproduce.answer import answer, claims, errors
-from sonarmap.tools.lab.reproduce.evaluation.pair_set import BATCH
+from sonarmap.tools.lab.reproduce.evaluation.settings import BATCH
 from sonarmap.tools.lab.reproduce.experiment import ByMethod, Outcome, Row, Section, Value
 from sonarmap.tools.lab.reproduce.experiments import Request
 from sonarmap.tools.lab.reproduce.kinds.figure import draw_kinds
@@ -105,9 +105,5 @@ def _evidence(registration: Registration) -> dict[str, Value]:
 
 
 def create(request: Request) -> Kinds:
-    """The experiment as the command line asks for it.
-
-    Raises:
-        InputError: an option's value will not do.
-    """
+    """The experiment as the command line asks for it."""
     return Kinds(kinds_settings(request), request.opened.selector)

@@ -6,7 +6,7 @@ from math import inf, radians
 from types import MappingProxyType
 
 from sonarmap.spectral.grid import Grid
-from sonarmap.tools.lab.reproduce.evaluation.pair_set import BATCH, batches
+from sonarmap.tools.lab.reproduce.evaluation.settings import BATCH, batches
 from sonarmap.tools.lab.reproduce.experiments import Request
 from sonarmap.tools.lab.reproduce.methods import ComparedMethods, compared_methods
 from sonarmap.tools.lab.reproduce.settings import as_asked, check_pairs
@@ -68,10 +68,6 @@ class KindsSettings:
 
 
 def kinds_settings(request: Request) -> KindsSettings:
-    """As the command line asks for it; `quick` is one batch of two kinds on half the voxels.
-
-    Raises:
-        InputError: an option's value will not do.
-    """
+    """As the command line asks for it; `quick` is one batch of two kinds on half the voxels."""
     usual = KindsSettings(compared=compared_methods(request))
     return as_asked(usual, request, kinds=QUICK_KINDS, pairs=BATCH, edge=64)

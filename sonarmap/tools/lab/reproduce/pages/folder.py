@@ -91,11 +91,7 @@ def read_record(folder: Path, name: str) -> Record | None:
 
 
 def write_rows(path: Path, rows: Iterable[Row]) -> None:
-    """Write rows as CSV, a column for every key in the order in which they first appear.
-
-    Raises:
-        InputError: the file cannot be written.
-    """
+    """Write rows as CSV, a column for every key in the order in which they first appear."""
     rows = list(rows)
     headings = list(dict.fromkeys(key for row in rows for key in row))
     write_csv(path, headings, ([row.get(key, "") for key in headings] for row in rows))

@@ -138,13 +138,7 @@ def _run_table(records: Sequence[Record]) -> Table:
         "Machines and times",
         ("experiment", "jobs", "time", "machine", "command"),
         tuple(
-            (
-                record.name,
-                str(record.jobs),
-                duration(record.seconds),
-                record.provenance.place,
-                f"`{record.command}`",
-            )
+            (record.name, str(record.jobs), duration(record.seconds), record.provenance.place, f"`{record.command}`")
             for record in records
         ),
     )

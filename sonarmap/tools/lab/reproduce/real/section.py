@@ -1,10 +1,8 @@
 """The experiment on real scans in words."""
 
-from __future__ import annotations
-
 from collections.abc import Sequence
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 import numpy as np
 
@@ -13,11 +11,21 @@ from sonarmap.tools.lab.reproduce.beside import Measure, beside_table
 from sonarmap.tools.lab.reproduce.experiment import Row, Section
 from sonarmap.tools.lab.reproduce.figure import draw_bars, legend_beside, new_figure, save_figure, style
 from sonarmap.tools.lab.reproduce.methods import OURS
-from sonarmap.tools.lab.reproduce.rows import DASH, accepted, distinct, middle, refused, right, variants, where, wrong
-
-if TYPE_CHECKING:
-    from sonarmap.tools.lab.reproduce.real.run import RealSettings
-from sonarmap.tools.lab.reproduce.table import Table
+from sonarmap.tools.lab.reproduce.real.settings import RealSettings
+from sonarmap.tools.lab.reproduce.rows import (
+    DASH,
+    accepted,
+    column,
+    distinct,
+    middle,
+    number,
+    refused,
+    right,
+    variants,
+    where,
+    wrong,
+)
+from sonarmap.tools.lab.reproduce.table import Table, table_of
 from sonarmap.tools.lab.simulate.sensing.priors import KINDS
 
 
@@ -90,17 +98,19 @@ def beside_others(rows: Sequence[Row]) -> Table:
 
 def result_table(rows: Sequence[Row]) -> Table:
     """Right, believed, both, and the errors of what is right, for every set and method."""
-    lines = []
-    for name, of_set in _by_set(rows):
-        for method, known in variants(of_set, "known"):
-            some = where(of_set, method=method, known=known)
-            good = right(some)
-            counts = (len(some), len(good), len(accepted(some)), len(accepted(wrong(some))))
-            medians = (f"{middle(good, key):.3f}" if good else DASH for key in ("rotation_deg", "translation_m"))
-            lines.append((name, method, known, *map(str, counts), *medians))
-    headings = ("set", "method", "known", "registrations", "right", "believed", "wrong and believed")
-    errors = ("median error of the right [°]", "the same [m]")
-    return Table("Right and believed by set and method", (*headings, *errors), tuple(lines))
+    return table_of(
+        "Right and believed by set and method",
+        ("set", "method", "known"),
+        _by_set(rows),
+        {
+            "registrations": lambda some: str(len(some)),
+            "right": lambda some: str(len(right(some))),
+            "believed": lambda some: str(len(accepted(some))),
+            "wrong and believed": lambda some: str(len(accepted(wrong(some)))),
+            "median error of the right [°]": lambda some: number(middle(right(some), "rotation_deg"), 3),
+            "the same [m]": lambda some: number(middle(right(some), "translation_m"), 3),
+        },
+    )
 
 
 def pair_table(rows: Sequence[Row]) -> Table:
@@ -122,14 +132,16 @@ def pair_table(rows: Sequence[Row]) -> Table:
 
 def time_table(seconds: Sequence[Row]) -> Table:
     """How long a pair takes."""
-    lines = []
-    for name, of_set in _by_set(seconds):
-        for method, known in variants(of_set, "known"):
-            some = where(of_set, method=method, known=known)
-            times = [float(row["seconds"]) for row in some]
-            lines.append((name, method, known, str(len(some)), f"{middle(some, 'seconds'):.2f}", f"{max(times):.2f}"))
-    title = "Preparing both scans and registering them; the first pair of a process also loads and compiles the code"
-    return Table(title, ("set", "method", "known", "registrations", "median [s]", "max [s]"), tuple(lines))
+    return table_of(
+        "Preparing both scans and registering them; the first pair of a process also loads and compiles the code",
+        ("set", "method", "known"),
+        _by_set(seconds),
+        {
+            "registrations": lambda some: str(len(some)),
+            "median [s]": lambda some: f"{middle(some, 'seconds'):.2f}",
+            "max [s]": lambda some: f"{max(column(some, 'seconds')):.2f}",
+        },
+    )
 
 
 def _cell(rows: Sequence[Row]) -> str:
@@ -142,11 +154,15 @@ def _cell(rows: Sequence[Row]) -> str:
     return f"{error}; believed" if row["accepted"] else error
 
 
-def _by_set(rows: Sequence[Row]) -> list[tuple[str, list[Row]]]:
-    """The rows of every set and, where there are several, of all."""
+def _by_set(rows: Sequence[Row]) -> list[tuple[tuple[str, str, str], list[Row]]]:
+    """The rows of every set and, where there are several, of all, by method and what was known."""
     names = distinct(rows, "set")
-    total = [(ALL_SETS, list(rows))] if len(names) > 1 else []
-    return [*((name, where(rows, set=name)) for name in names), *total]
+    sets = [(name, where(rows, set=name)) for name in names] + ([(ALL_SETS, list(rows))] if len(names) > 1 else [])
+    return [
+        ((name, method, known), where(some, method=method, known=known))
+        for name, some in sets
+        for method, known in variants(some, "known")
+    ]
 
 
 OUTCOMES, ERRORS = "real.png", "real-errors.png"
@@ -154,11 +170,7 @@ _LEAST_DEG, _LEAST_VOXELS = 0.01, 0.01  # smaller errors are drawn there
 
 
 def draw_real(folder: Path, rows: Sequence[Row], settings: RealSettings) -> None:
-    """Write the PNGs.
-
-    Raises:
-        InputError: a file cannot be written.
-    """
+    """Write the PNGs."""
     draw_outcomes(folder / OUTCOMES, rows, list(settings.sets))
     draw_errors(folder / ERRORS, rows, settings.compared.methods)
 

@@ -34,9 +34,5 @@ class Scale(Experiment):
 
 
 def create(request: Request) -> Scale:
-    """The experiment as the command line asks for it; `quick` is 100 and 200 scans of fewer points.
-
-    Raises:
-        InputError: an option's value will not do.
-    """
+    """The experiment as the command line asks for it; `quick` is 100 and 200 scans of fewer points."""
     return Scale(as_asked(ScaleSettings(), request, counts=(100, 200), points=4000))

@@ -9,7 +9,7 @@ from sonarmap.tools.lab.reproduce.beside import HEADINGS
 from sonarmap.tools.lab.reproduce.experiment import Row, Section
 from sonarmap.tools.lab.reproduce.rows import DASH, where
 from sonarmap.tools.lab.reproduce.scale.measured import WHOLE, ScaleSettings
-from sonarmap.tools.lab.reproduce.table import Table
+from sonarmap.tools.lab.reproduce.table import Table, table_of
 
 
 def scale_section(rows: Sequence[Row], seconds: Sequence[Row], settings: ScaleSettings) -> Section:
@@ -44,18 +44,16 @@ def _measured(rows: Sequence[Row], voxel: float) -> Table:
 
 
 def _outcomes(rows: Sequence[Row]) -> Table:
-    headings = ("scans", "seed", "loops kept / tried", "wrong pairs kept", "points of the map")
-    lines = [
-        (
-            f"{row['scans']:,}",
-            f"{row['seed']}",
-            f"{row['kept_loops']:,} / {row['tried_loops']:,}",
-            f"{row['wrong_kept']}",
-            f"{row['map_points']:,}",
-        )
-        for row in rows
-    ]
-    return Table("What became of the loops", headings, tuple(lines))
+    return table_of(
+        "What became of the loops",
+        ("scans", "seed"),
+        [((f"{row['scans']:,}", f"{row['seed']}"), row) for row in rows],
+        {
+            "loops kept / tried": lambda row: f"{row['kept_loops']:,} / {row['tried_loops']:,}",
+            "wrong pairs kept": lambda row: f"{row['wrong_kept']}",
+            "points of the map": lambda row: f"{row['map_points']:,}",
+        },
+    )
 
 
 def _growth(whole: Sequence[Row]) -> Table:

@@ -1,7 +1,6 @@
 """How far roll, pitch and yaw carry: what the resampling is off by under tilt (Sect. 2.7, Figs. 7 to 9)."""
 
 from collections.abc import Sequence
-from dataclasses import dataclass
 from pathlib import Path
 from time import perf_counter
 from typing import ClassVar
@@ -13,39 +12,14 @@ from sonarmap.spectral.hemisphere.registration import LayeredScan
 from sonarmap.tools.lab.reproduce.experiment import Outcome, Row, Section
 from sonarmap.tools.lab.reproduce.experiments import Request
 from sonarmap.tools.lab.reproduce.settings import as_asked
-from sonarmap.tools.lab.reproduce.structures.limits_figure import (
-    DEVIATIONS,
-    PEAKS,
-    Peaks,
-    draw_deviations,
-    draw_peaks,
-)
+from sonarmap.tools.lab.reproduce.structures.limits_figure import DEVIATIONS, PEAKS, Peaks, draw_deviations, draw_peaks
 from sonarmap.tools.lab.reproduce.structures.limits_section import limits_section
-from sonarmap.tools.lab.reproduce.structures.moved import StructureExperiment, StructureSettings, check_angles
+from sonarmap.tools.lab.reproduce.structures.moved import StructureExperiment
+from sonarmap.tools.lab.reproduce.structures.settings import LimitsSettings
 
 KINDS = ("none", "roll", "pitch", "both")
 _FARTHEST = np.deg2rad(60.0)  # how far roll and pitch are looked for, so that a bound does not help
 _SHOWN_YAW = 40.0  # of the correlations that are drawn [degrees]
-
-
-@dataclass(frozen=True, slots=True)
-class LimitsSettings(StructureSettings):
-    """What is run.
-
-    Attributes:
-        tilts_deg: of roll, of pitch, and of both at once [degrees], ascending, above 0.
-        yaws_deg: under each tilt and without [degrees], ascending, above -90 and below 90.
-    """
-
-    noises: tuple[str, ...] = ("D0",)
-    edge: int = 128
-    tilts_deg: tuple[float, ...] = (5, 10, 15, 20, 25, 30, 35)
-    yaws_deg: tuple[float, ...] = (-80, -40, 0, 40, 80)
-
-    def __post_init__(self) -> None:
-        StructureSettings.__post_init__(self)
-        check_angles("tilts_deg", self.tilts_deg, 0)
-        check_angles("yaws_deg", self.yaws_deg, -90)
 
 
 class Limits(StructureExperiment):

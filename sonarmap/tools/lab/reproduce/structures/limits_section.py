@@ -1,20 +1,15 @@
 """What the paper says about the limits of roll, pitch and yaw, next to our results."""
 
-from __future__ import annotations
-
 from collections.abc import Callable, Sequence
 from functools import partial
-from typing import TYPE_CHECKING
 
 import numpy as np
 
 from sonarmap.tools.lab.reproduce.experiment import Row, Section
 from sonarmap.tools.lab.reproduce.rows import column, rate, where
 from sonarmap.tools.lab.reproduce.structures.limits_figure import DEVIATIONS, PEAKS
+from sonarmap.tools.lab.reproduce.structures.settings import LimitsSettings
 from sonarmap.tools.lab.reproduce.table import Table, table_of
-
-if TYPE_CHECKING:
-    from sonarmap.tools.lab.reproduce.structures.limits import LimitsSettings
 
 # "Neglectable" (Sect. 2.7) is taken as up to so much [degrees]
 _NEGLIGIBLE = 2.0

@@ -1,7 +1,6 @@
 """What the experiments on whole structures share: a volume and the same one moved, each with noise of its own."""
 
 from collections.abc import Sequence
-from dataclasses import dataclass
 from functools import cached_property, lru_cache
 from time import perf_counter
 from typing import ClassVar
@@ -9,79 +8,27 @@ from typing import ClassVar
 import numpy as np
 from scipy.spatial.transform import RigidTransform
 
-from sonarmap.kernels.errors import InputError
-from sonarmap.spectral.grid import Grid
 from sonarmap.spectral.hemisphere.registration import HemisphereConfig, HemisphereRegistrar, LayeredScan
 from sonarmap.spectral.result import Registration
 from sonarmap.tools.lab.evaluate.trajectory import pair_error
+from sonarmap.tools.lab.reproduce.answer import parameter_cells
 from sonarmap.tools.lab.reproduce.experiment import Experiment, Outcome
-from sonarmap.tools.lab.reproduce.settings import check_scenes, check_seeds
+from sonarmap.tools.lab.reproduce.structures.settings import StructureSettings
 from sonarmap.tools.lab.simulate.scenes.scene import build_scene
 from sonarmap.tools.lab.simulate.shapes.structure import occupy, surface_points, voxel_scan
 from sonarmap.tools.lab.simulate.shapes.voxel_noise import NOISES, swap
 
-EXTENT = 256.0  # of the grid [m]; the paper has 256 voxels of 1 m
 RIGHT_DEG, RIGHT_VOXELS = 2.0, 2.0
-PARAMETERS = ("x_m", "y_m", "z_m", "yaw_deg", "roll_deg", "pitch_deg")
 _SPACING = 0.7  # of the surface's points [voxels]: next to no voxel that it crosses stays void
 _LEAST_COMMON = 0.01  # share of the structure's voxels that has to be left in the frame
-
-
-@dataclass(frozen=True, slots=True)
-class StructureSettings:
-    """What is run.
-
-    Attributes:
-        scenes: keys of SCENE_KINDS.
-        noises: keys of NOISES.
-        seeds: how many structures and noises of each scene, counted from `first_seed`.
-        first_seed: >= 0.
-        edge: voxels per edge of the grid of 256 m.
-    """
-
-    scenes: tuple[str, ...] = ("floodgate", "clutter")
-    noises: tuple[str, ...] = tuple(NOISES)
-    seeds: int = 2
-    first_seed: int = 1
-    edge: int = 256
-
-    def __post_init__(self) -> None:
-        check_scenes(self.scenes)
-        strange = [noise for noise in self.noises if noise not in NOISES]
-        if strange or not self.noises:
-            raise InputError(f"{strange[0] if strange else 'nothing'}: choose from {', '.join(NOISES)}")
-        check_seeds(self.seeds, self.first_seed)
-
-    @property
-    def structures(self) -> list[tuple[str, int]]:
-        """Every scene with every seed."""
-        seeds = range(self.first_seed, self.first_seed + self.seeds)
-        return [(scene, seed) for scene in self.scenes for seed in seeds]
-
-    @property
-    def grid(self) -> Grid:
-        """Of all volumes."""
-        return Grid(self.edge, EXTENT / self.edge)
-
-
-def check_angles(name: str, angles: Sequence[float], low: float) -> None:
-    """Refuse angles [degrees] that do not ascend, or are not above `low` and below 90.
-
-    Raises:
-        InputError: saying what there must be.
-    """
-    if not angles or list(angles) != sorted(set(angles)) or not low < angles[0] <= angles[-1] < 90:
-        raise InputError(
-            f"{name} are {angles}; there must be at least one, ascending, above {low:g} and below 90 degrees"
-        )
 
 
 class StructureExperiment(Experiment):
     """The paper's registration on structures in a grid that stands still; it is the frame that they move out of."""
 
     sources: ClassVar[tuple[str, ...]] = (
-        *("kernels", "spectral", "tools/lab/simulate", "tools/lab/evaluate"),
-        "tools/lab/reproduce/structures/moved.py",
+        *("kernels", "spectral", "tools/lab/simulate", "tools/lab/evaluate", "tools/lab/reproduce/answer.py"),
+        *(f"tools/lab/reproduce/structures/{name}.py" for name in ("moved", "settings")),
     )
 
     @cached_property
@@ -140,17 +87,6 @@ class MovedStructures(StructureExperiment):
             times = {"prepare_s": prepared, "register_s": registration.seconds}
             seconds.append({"case": job, "number": number, **times})
         return Outcome(tuple(rows), tuple(seconds))
-
-
-def parameters(T: RigidTransform) -> np.ndarray:
-    """x, y, z [m] and yaw, roll, pitch [degrees], (6,), in the paper's order."""
-    yaw, pitch, roll = T.rotation.as_euler("ZYX", degrees=True)
-    return np.array([*T.translation, yaw, roll, pitch])
-
-
-def parameter_cells(T: RigidTransform, which: str) -> dict[str, float]:
-    """PARAMETERS as cells whose names begin with "found" or "true"."""
-    return {f"{which}_{name}": value for name, value in zip(PARAMETERS, parameters(T).tolist(), strict=True)}
 
 
 def _cells(truth: RigidTransform, registration: Registration, voxel: float) -> dict:

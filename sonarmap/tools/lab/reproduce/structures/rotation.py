@@ -1,7 +1,6 @@
 """Whole structures turned under noise of the voxels (Sect. 3, Figs. 16, 17)."""
 
 from collections.abc import Sequence
-from dataclasses import dataclass
 from pathlib import Path
 from typing import ClassVar
 
@@ -12,26 +11,9 @@ from sonarmap.tools.lab.reproduce.experiments import Request
 from sonarmap.tools.lab.reproduce.figure import draw_series
 from sonarmap.tools.lab.reproduce.rows import where
 from sonarmap.tools.lab.reproduce.settings import as_asked
-from sonarmap.tools.lab.reproduce.structures.moved import MovedStructures, StructureSettings, check_angles
+from sonarmap.tools.lab.reproduce.structures.moved import MovedStructures
 from sonarmap.tools.lab.reproduce.structures.rotation_section import PICTURE, rotation_section
-
-
-@dataclass(frozen=True, slots=True)
-class RotationSettings(StructureSettings):
-    """What is run.
-
-    Attributes:
-        tilt_deg: roll and pitch, both [degrees].
-        yaws_deg: [degrees], ascending, above -90 and below 90.
-    """
-
-    noises: tuple[str, ...] = ("D0", "D2", "D4", "D6")
-    tilt_deg: float = 10.0
-    yaws_deg: tuple[float, ...] = tuple(range(8, 89, 8))
-
-    def __post_init__(self) -> None:
-        StructureSettings.__post_init__(self)
-        check_angles("yaws_deg", self.yaws_deg, -90)
+from sonarmap.tools.lab.reproduce.structures.settings import RotationSettings
 
 
 class Turns(MovedStructures):

@@ -1,17 +1,12 @@
 """Turned structures in words and tables: errors of the angles, next to what the paper's figures show."""
 
-from __future__ import annotations
-
 from collections.abc import Sequence
 from types import MappingProxyType
-from typing import TYPE_CHECKING
 
 from sonarmap.tools.lab.reproduce.experiment import Row, Section
 from sonarmap.tools.lab.reproduce.rows import accepted, column, middle, rate, where
+from sonarmap.tools.lab.reproduce.structures.settings import RotationSettings
 from sonarmap.tools.lab.reproduce.table import Table, table_of
-
-if TYPE_CHECKING:
-    from sonarmap.tools.lab.reproduce.structures.rotation import RotationSettings
 
 # What the paper's Figs. 16 and 17 show: how far estimated angles lie from the true ones [degrees]
 PAPER_DEVIATION: MappingProxyType[str, float] = MappingProxyType({"yaw": 5.0, "roll": 3.0, "pitch": 3.0})

@@ -1,39 +1,22 @@
 """Whole structures shifted out of the frame under noise of the voxels (Sect. 3, Figs. 12, 14, 15)."""
 
 from collections.abc import Sequence
-from dataclasses import dataclass
 from pathlib import Path
 from typing import ClassVar
 
 import numpy as np
 from scipy.spatial.transform import RigidTransform
 
-from sonarmap.kernels.errors import InputError
 from sonarmap.tools.lab.reproduce.experiment import Row, Section
 from sonarmap.tools.lab.reproduce.experiments import Request
 from sonarmap.tools.lab.reproduce.figure import draw_series
 from sonarmap.tools.lab.reproduce.rows import where
 from sonarmap.tools.lab.reproduce.settings import as_asked
-from sonarmap.tools.lab.reproduce.structures.moved import MovedStructures, StructureSettings
+from sonarmap.tools.lab.reproduce.structures.moved import MovedStructures
+from sonarmap.tools.lab.reproduce.structures.settings import TranslationSettings
 from sonarmap.tools.lab.reproduce.structures.translation_section import PICTURES, translation_section
 
 _DIRECTION = np.array([1.0, 2.0, 3.0])  # of every shift, x, y, z: a step is one such vector [m]
-
-
-@dataclass(frozen=True, slots=True)
-class TranslationSettings(StructureSettings):
-    """What is run.
-
-    Attributes:
-        steps: the shifts, in steps of (1, 2, 3) m, ascending.
-    """
-
-    steps: tuple[int, ...] = (4, 8, 12, 16, 20, 24, 28, 30, 32, 34, 36, 38, 40, 44, 48, 52, 56, 60)
-
-    def __post_init__(self) -> None:
-        StructureSettings.__post_init__(self)
-        if not self.steps or min(self.steps) < 0 or list(self.steps) != sorted(set(self.steps)):
-            raise InputError(f"steps are {self.steps}; there must be at least one, each farther than the one before")
 
 
 class Translation(MovedStructures):

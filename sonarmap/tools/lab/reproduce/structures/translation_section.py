@@ -1,18 +1,13 @@
 """Shifted structures in words and tables: how far registration reaches under each noise, next to the paper."""
 
-from __future__ import annotations
-
 from collections.abc import Sequence
 from types import MappingProxyType
-from typing import TYPE_CHECKING
 
 from sonarmap.tools.lab.reproduce.experiment import Row, Section
 from sonarmap.tools.lab.reproduce.rows import accepted, column, grouped, number, rate, right, where, wrong
 from sonarmap.tools.lab.reproduce.structures.moved import RIGHT_DEG, RIGHT_VOXELS
+from sonarmap.tools.lab.reproduce.structures.settings import TranslationSettings
 from sonarmap.tools.lab.reproduce.table import Table, table_of
-
-if TYPE_CHECKING:
-    from sonarmap.tools.lab.reproduce.structures.translation import TranslationSettings
 
 # The distance up to which the paper says or shows that registrations succeed [voxels of 1 m] (Figs. 12, 14, 15)
 PAPER_REACH: MappingProxyType[str, float] = MappingProxyType(

@@ -1,9 +1,5 @@
 """The result of a system on a survey against the truth: one row of numbers, and one for each pose."""
 
-from __future__ import annotations
-
-from typing import TYPE_CHECKING
-
 import numpy as np
 
 from sonarmap.slam.loops.places import PlaceIndex
@@ -15,9 +11,7 @@ from sonarmap.tools.lab.evaluate.pose_calibration import calibrate_poses
 from sonarmap.tools.lab.evaluate.trajectory import Evaluation, evaluate
 from sonarmap.tools.lab.reproduce.experiment import Row, Value
 from sonarmap.tools.lab.reproduce.survey.mapped import MappedSurvey
-
-if TYPE_CHECKING:
-    from sonarmap.tools.lab.reproduce.survey.run import SimulatedSurvey
+from sonarmap.tools.lab.reproduce.survey.simulated import SimulatedSurvey
 from sonarmap.tools.lab.simulate.shapes.surface import surface_distance
 
 MAP, POSE = "map", "pose"  # of the column "row"
@@ -113,10 +107,7 @@ def _map(survey: SimulatedSurvey, mapped: MappedSurvey, after: Evaluation, voxel
             f"{name}_p90_m": error.p90_m if error else _NAN,
             f"{name}_within_voxel": error.within_voxel if error else _NAN,
         }
-    return cells | {
-        "crossing_before_m": mapped.crossings.before,
-        "crossing_after_m": mapped.crossings.after,
-    }
+    return cells | {"crossing_before_m": mapped.crossings.before, "crossing_after_m": mapped.crossings.after}
 
 
 def _recall(survey: SimulatedSurvey, mapped: MappedSurvey, voxel: float) -> dict[str, Value]:

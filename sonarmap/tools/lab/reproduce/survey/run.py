@@ -1,113 +1,20 @@
 """Whole surveys, mapped: how far off poses and maps are, what became of right and wrong pairs, and what it takes."""
 
 from collections.abc import Sequence
-from dataclasses import dataclass, replace
 from functools import lru_cache
 from pathlib import Path
 from typing import ClassVar
 
-import numpy as np
-from scipy.spatial.transform import RigidTransform
-
-from sonarmap.kernels.errors import InputError
-from sonarmap.slam.graph.trajectory import Trajectory
 from sonarmap.slam.survey_grid import survey_grid
-from sonarmap.spectral.grid import Grid
-from sonarmap.spectral.scan import Scan
 from sonarmap.tools.lab.reproduce.experiment import Experiment, Outcome, Row, Section, Value
 from sonarmap.tools.lab.reproduce.experiments import Request
-from sonarmap.tools.lab.reproduce.settings import as_asked, check_scenes, check_seeds
+from sonarmap.tools.lab.reproduce.settings import as_asked
 from sonarmap.tools.lab.reproduce.survey.mapped import OURS, PEERS, SYSTEMS, MappingTime, installed, map_survey
 from sonarmap.tools.lab.reproduce.survey.row import survey_rows
 from sonarmap.tools.lab.reproduce.survey.section import PICTURE, draw_paths, survey_section
-from sonarmap.tools.lab.simulate.plan import plan
-from sonarmap.tools.lab.simulate.scenes.scene import build_scene
-from sonarmap.tools.lab.simulate.shapes.solids import Mesh
-from sonarmap.tools.lab.simulate.simulation import Simulation, simulate
+from sonarmap.tools.lab.reproduce.survey.settings import DIVES, SurveySettings
+from sonarmap.tools.lab.reproduce.survey.simulated import SimulatedSurvey, simulate_survey
 from sonarmap.tools.methods.registry import ALL_METHODS
-
-DIVES = "dives"
-
-
-@dataclass(frozen=True, slots=True)
-class SurveySettings:
-    """What is run.
-
-    Attributes:
-        scene: a key of SCENE_KINDS.
-        seeds: how many surveys, each with a scene, a sea and a noise of its own, counted from `first_seed`.
-        first_seed: >= 0.
-        counts: of the scans of a survey; the peers map the longest alone.
-        dive: scans of each of two dives over one place; 0 for none.
-        unusable: share of the scans that show nothing of the scene.
-        edge: voxels per edge; their size is chosen for the survey, as `sonarmap map` does.
-        systems: of SYSTEMS.
-        left_out: systems that would have run were their packages installed.
-    """
-
-    scene: str = "floodgate"
-    seeds: int = 1
-    first_seed: int = 5
-    counts: tuple[int, ...] = (50, 100, 200)
-    dive: int = 60
-    unusable: float = 0.03
-    edge: int = 128
-    systems: tuple[str, ...] = SYSTEMS
-    left_out: tuple[str, ...] = ()
-
-    def __post_init__(self) -> None:
-        Grid(self.edge, 1.0)
-        check_scenes((self.scene,))
-        check_seeds(self.seeds, self.first_seed)
-        if not self.counts or min(self.counts) < 2 or self.dive < 0:
-            raise InputError(f"{self.counts} scans and dives of {self.dive}; a survey needs 2 scans or more")
-
-
-@dataclass(frozen=True, slots=True)
-class SimulatedSurvey:
-    """N scans, and what is true of them.
-
-    Attributes:
-        scans: one dive's after another's; their stamps count them from 0.
-        truth: their poses; the world is the scene's frame, East-North-Up.
-        dives: (N,) int, the number of the survey of each scan, as given to the mapper.
-        unusable: the scans that show nothing of the scene.
-        mesh: the scene's true surface [m, world].
-    """
-
-    scans: tuple[Scan, ...]
-    truth: Trajectory
-    dives: np.ndarray
-    unusable: frozenset[int]
-    mesh: Mesh
-
-
-def simulate_survey(scene: str, seed: int, count: int, unusable: float, dives: Sequence[int] = (1,)) -> SimulatedSurvey:
-    """Simulate `count` scans of each of the dives, in their order; their relative pose is given nowhere.
-
-    Args:
-        scene: a key of SCENE_KINDS.
-        seed: of the scene, the waves and the noise.
-        count: of the scans of a dive.
-        unusable: share of these that show nothing of the scene.
-        dives: as `tools.lab.simulate.paths.dive` counts them.
-    """
-    settings = replace(plan(scene, "lawnmower", None, seed), count=count, unusable=unusable)
-    done = [simulate(replace(settings, dive=dive)) for dive in dives]
-    scans = [scan for simulation in done for scan in simulation.scans]
-    poses = RigidTransform.concatenate([simulation.truth.T_world_sensor for simulation in done])
-    return SimulatedSurvey(
-        scans=tuple(replace(scan, stamp=float(k), name=f"scan_{k:03d}") for k, scan in enumerate(scans)),
-        truth=Trajectory(np.arange(len(scans), dtype=np.float64), poses),
-        dives=np.repeat(np.arange(len(done)), count),
-        unusable=_faults(done, count),
-        mesh=build_scene(scene, seed).mesh,
-    )
-
-
-def _faults(done: Sequence[Simulation], count: int) -> frozenset[int]:
-    return frozenset(number + k * count for k, simulation in enumerate(done) for number in simulation.faults)
-
 
 _ORDER = (2, 1)  # of the dives, as they are given to the mapper
 
@@ -121,7 +28,7 @@ class SurveyExperiment(Experiment):
         "tools/lab/simulate",
         "tools/lab/evaluate",
         "tools/products/output",
-        *(f"tools/lab/reproduce/survey/{name}.py" for name in ("mapped", "row")),
+        *(f"tools/lab/reproduce/survey/{name}.py" for name in ("mapped", "row", "settings", "simulated")),
         *ALL_METHODS,
     )
 
@@ -199,11 +106,7 @@ def _seconds(time: MappingTime, scans: int) -> dict[str, Value]:
 
 
 def create(request: Request) -> SurveyExperiment:
-    """The experiment as the command line asks for it; `quick` is twelve scans on half the voxels, without peers.
-
-    Raises:
-        InputError: an option's value will not do.
-    """
+    """The experiment as the command line asks for it; `quick` is twelve scans on half the voxels, without peers."""
     left_out = () if request.quick else tuple(system for system in PEERS if not installed(system))
     usual = SurveySettings(systems=tuple(name for name in SYSTEMS if name not in left_out), left_out=left_out)
     settings = as_asked(usual, request, counts=(12,), dive=0, edge=64, systems=(OURS,))

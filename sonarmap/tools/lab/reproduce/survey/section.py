@@ -1,7 +1,5 @@
 """Mapped surveys, in words and tables."""
 
-from __future__ import annotations
-
 from collections.abc import Callable, Sequence
 from pathlib import Path
 from statistics import median
@@ -18,10 +16,8 @@ from sonarmap.tools.lab.reproduce.plan import draw_plan, plan
 from sonarmap.tools.lab.reproduce.rows import DASH, number, where
 from sonarmap.tools.lab.reproduce.survey.mapped import OURS
 from sonarmap.tools.lab.reproduce.survey.row import BETWEEN, MAP, POSE, ROLES
+from sonarmap.tools.lab.reproduce.survey.settings import SurveySettings
 from sonarmap.tools.lab.reproduce.table import Table
-
-if TYPE_CHECKING:
-    from sonarmap.tools.lab.reproduce.survey.run import SurveySettings
 from sonarmap.tools.lab.simulate.scenes.scene import build_scene
 from sonarmap.tools.products.report.small_png import save_small
 
@@ -223,11 +219,7 @@ _PATHS: dict[str, dict[str, Any]] = {
 
 
 def draw_paths(path: Path, rows: Sequence[Row], scene: str, seed: int, survey: str) -> None:
-    """Write a PNG of one survey, each path over the true one.
-
-    Raises:
-        InputError: the file cannot be written.
-    """
+    """Write a PNG of one survey, each path over the true one."""
     chosen = where(rows, seed=seed, survey=survey)
     maps = where(chosen, row=MAP)
     section = plan(build_scene(scene, seed).mesh, PLAN_HEIGHT)
@@ -247,6 +239,6 @@ def draw_paths(path: Path, rows: Sequence[Row], scene: str, seed: int, survey: s
     save_small(figure, path)
 
 
-def _draw_path(axes: Axes, poses: Sequence[Row], name: str, style: dict[str, Any]) -> None:
+def _draw_path(axes: "Axes", poses: Sequence[Row], name: str, style: dict[str, Any]) -> None:
     if poses and f"x_{name}_m" in poses[0]:
         axes.plot(*np.array([[float(row[f"{axis}_{name}_m"]) for axis in "xy"] for row in poses]).T, **style)
