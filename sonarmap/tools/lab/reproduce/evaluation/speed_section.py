@@ -1,7 +1,6 @@
 """The time to register a pair, in words and tables."""
 
-import math
-from collections.abc import Iterable, Sequence
+from collections.abc import Iterable, Mapping, Sequence
 from statistics import median
 
 import numpy as np
@@ -9,8 +8,8 @@ import numpy as np
 from sonarmap.tools.lab.reproduce.evaluation.settings import PairSetSettings
 from sonarmap.tools.lab.reproduce.experiment import Row, Section
 from sonarmap.tools.lab.reproduce.methods import OURS
-from sonarmap.tools.lab.reproduce.rows import DASH, accepted, rate, right, where
-from sonarmap.tools.lab.reproduce.table import Table
+from sonarmap.tools.lab.reproduce.rows import DASH, accepted, known, middle, rate, right, where
+from sonarmap.tools.lab.reproduce.table import Table, table_of
 
 PEER = "kiss"
 NINETY_NINE = 99.0  # percentile
@@ -37,26 +36,29 @@ def speed_section(rows: Sequence[Row], seconds: Sequence[Row], settings: PairSet
 def time_table(seconds: Sequence[Row], methods: Sequence[str]) -> Table:
     """The times of each method, and the ratio of ours to them, pair by pair."""
     ours = _times(seconds, OURS)
-    lines = []
-    for method in methods:
-        times = _times(seconds, method)
-        if not times:
-            continue
-        ratios = [ours[number] / time for number, time in times.items() if number in ours]
-        prepare = [float(row["prepare_s"]) for row in where(seconds, method=method)]
-        lines.append(
-            (
-                method,
-                str(len(times)),
-                *(f"{value:.3f}" for value in (min(times.values()), median(times.values()), _last(times.values()))),
-                f"{max(times.values()):.3f}",
-                f"{median(ratios):.2f}" if ratios else DASH,
-                f"{median(value for value in prepare if not math.isnan(value)):.3f}",
-            )
-        )
-    headings = ("method", "pairs", "min [s]", "median [s]", "99th percentile [s]", "max [s]")
-    ratio = f"time of {OURS} / time of the method, median over the pairs"
-    return Table("Registering a pair", (*headings, ratio, "preparing a scan, median [s]"), tuple(lines))
+
+    def ratio(times: Mapping[object, float]) -> str:
+        ratios = [ours[pair] / time for pair, time in times.items() if pair in ours]
+        return f"{median(ratios):.2f}" if ratios else DASH
+
+    def prepare(method: str) -> str:
+        return f"{middle(known(where(seconds, method=method), 'prepare_s'), 'prepare_s'):.3f}"
+
+    timed = {method: times for method in methods if (times := _times(seconds, method))}
+    return table_of(
+        "Registering a pair",
+        ("method",),
+        [((method,), method) for method in timed],
+        {
+            "pairs": lambda method: str(len(timed[method])),
+            "min [s]": lambda method: f"{min(timed[method].values()):.3f}",
+            "median [s]": lambda method: f"{median(timed[method].values()):.3f}",
+            "99th percentile [s]": lambda method: f"{_last(timed[method].values()):.3f}",
+            "max [s]": lambda method: f"{max(timed[method].values()):.3f}",
+            f"time of {OURS} / time of the method, median over the pairs": lambda method: ratio(timed[method]),
+            "preparing a scan, median [s]": prepare,
+        },
+    )
 
 
 def spread_table(seconds: Sequence[Row]) -> Table:
@@ -72,17 +74,21 @@ def spread_table(seconds: Sequence[Row]) -> Table:
 
 
 def _right_table(rows: Sequence[Row], methods: Sequence[str]) -> Table:
-    lines = []
-    for method in methods:
-        some = where(rows, method=method)
-        lines.append((method, rate(right(some), some), rate(accepted(some), some)))
-    return Table("Success on the timed pairs", ("method", "right", "accepted"), tuple(lines))
+    return table_of(
+        "Success on the timed pairs",
+        ("method",),
+        [((method,), where(rows, method=method)) for method in methods],
+        {
+            "right": lambda some: rate(right(some), some),
+            "accepted": lambda some: rate(accepted(some), some),
+        },
+    )
 
 
 def _times(seconds: Sequence[Row], method: str) -> dict[object, float]:
     """Of a pair [s], by the pair's number."""
-    some = where(seconds, method=method)
-    return {row["number"]: float(row["register_s"]) for row in some if not math.isnan(float(row["register_s"]))}
+    some = known(where(seconds, method=method), "register_s")
+    return {row["number"]: float(row["register_s"]) for row in some}
 
 
 def _last(times: Iterable[float]) -> float:

@@ -1,6 +1,5 @@
 """The variants of the paper's chain that the experiment compares. A new one is a row of VARIANTS."""
 
-from collections.abc import Sequence
 from dataclasses import dataclass, fields, replace
 from time import perf_counter
 from types import MappingProxyType
@@ -90,19 +89,14 @@ class Series:
 
     def _prepare(self, scan: Scan) -> dict[str, tuple[LayeredScan, float]]:
         """The scan as every method needs it, by the method's name, and the seconds that took."""
-        shared: list[tuple[HemisphereConfig, tuple[LayeredScan, float]]] = []
-        prepared_by_name = {}
-        for name, registrar in self._registrars.items():
-            preparation = preparation_of(registrar.config)
-            known = _find(shared, preparation)
-            if known is None:
+        shared: dict[HemisphereConfig, tuple[LayeredScan, float]] = {}
+        for registrar in self._registrars.values():
+            if preparation_of(registrar.config) not in shared:
                 start = perf_counter()
                 prepared = registrar.prepare(scan)
                 self.device.queue.finish()  # so that the registration's seconds are its own
-                known = prepared, perf_counter() - start
-                shared.append((preparation, known))
-            prepared_by_name[name] = known
-        return prepared_by_name
+                shared[preparation_of(registrar.config)] = prepared, perf_counter() - start
+        return {name: shared[preparation_of(registrar.config)] for name, registrar in self._registrars.items()}
 
 
 def yaw_rank(registrar: HemisphereRegistrar, target: LayeredScan, source: LayeredScan, truth: RigidTransform) -> int:
@@ -121,9 +115,3 @@ def preparation_of(config: HemisphereConfig) -> HemisphereConfig:
     by_default = HemisphereConfig()
     kept = {field.name: getattr(by_default, field.name) for field in fields(config) if field.name in _OF_PAIRS}
     return replace(config, **kept)
-
-
-def _find(
-    shared: Sequence[tuple[HemisphereConfig, tuple[LayeredScan, float]]], preparation: HemisphereConfig
-) -> tuple[LayeredScan, float] | None:
-    return next((known for earlier, known in shared if earlier == preparation), None)

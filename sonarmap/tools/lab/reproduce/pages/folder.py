@@ -4,13 +4,12 @@ import tempfile
 from collections.abc import Iterable
 from dataclasses import dataclass
 from pathlib import Path
-from typing import Any
 
 from sonarmap.tools.files.readers.json_file import read_json
 from sonarmap.tools.files.writers.atomic import all_or_none, atomic_path, discard
 from sonarmap.tools.files.writers.json_text import to_json, write_json
 from sonarmap.tools.lab.reproduce.experiment import Experiment, Row, Section
-from sonarmap.tools.lab.reproduce.pages.section_text import duration, section_from_json, section_text, verdicts
+from sonarmap.tools.lab.reproduce.pages.section_text import duration, section_text, verdicts
 from sonarmap.tools.lab.reproduce.provenance import Provenance
 from sonarmap.tools.lab.reproduce.rows import all_rows, all_seconds
 from sonarmap.tools.lab.reproduce.run import Result
@@ -74,18 +73,12 @@ def write_experiment(
 
 def read_record(folder: Path, name: str) -> Record | None:
     """What NAME.json holds; None where the experiment is not there with all its files."""
+    from pydantic import TypeAdapter
+
     try:
-        content: dict[str, Any] = read_json(folder / f"{name}.json", "a result of `sonarmap reproduce`")
-        record = Record(
-            name=name,
-            command=content["command"],
-            section=section_from_json(content["section"]),
-            seconds=content["seconds"],
-            jobs=content["jobs"],
-            provenance=Provenance(**content["provenance"]),
-            files=tuple(content["files"]),
-        )
-    except (ValueError, LookupError, TypeError):  # not there, or not ours
+        content = read_json(folder / f"{name}.json", "a result of `sonarmap reproduce`")
+        record = TypeAdapter(Record).validate_python(content)
+    except ValueError:  # not there, or not ours
         return None
     return record if all((folder / file).is_file() for file in record.files) else None
 

@@ -2,7 +2,6 @@
 
 import re
 from dataclasses import dataclass
-from typing import Any
 
 from sonarmap.tools.lab.reproduce.experiment import Section
 from sonarmap.tools.lab.reproduce.table import Table
@@ -61,23 +60,6 @@ def duration(seconds: float) -> str:
     if seconds < 100:
         return f"{seconds:.0f} s"
     return f"{minutes} min" if minutes < 60 else f"{minutes // 60} h {minutes % 60:02d} min"
-
-
-def section_from_json(content: dict[str, Any]) -> Section:
-    """A section from what `to_json` makes of one."""
-    tables, times = (tuple(_table(table) for table in content[key]) for key in ("tables", "times"))
-    return Section(
-        title=content["title"],
-        introduction=content["introduction"],
-        tables=tables,
-        times=times,
-        pictures=content["pictures"],
-        remarks=content["remarks"],
-    )
-
-
-def _table(content: dict[str, Any]) -> Table:
-    return Table(content["title"], tuple(content["headings"]), tuple(tuple(row) for row in content["rows"]))
 
 
 def _column(table: Table, word: str) -> int:

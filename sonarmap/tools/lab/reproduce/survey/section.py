@@ -17,7 +17,7 @@ from sonarmap.tools.lab.reproduce.rows import DASH, number, where
 from sonarmap.tools.lab.reproduce.survey.mapped import OURS
 from sonarmap.tools.lab.reproduce.survey.row import BETWEEN, MAP, POSE, ROLES
 from sonarmap.tools.lab.reproduce.survey.settings import SurveySettings
-from sonarmap.tools.lab.reproduce.table import Table
+from sonarmap.tools.lab.reproduce.table import Table, table_of
 from sonarmap.tools.lab.simulate.scenes.scene import build_scene
 from sonarmap.tools.products.report.small_png import save_small
 
@@ -154,8 +154,8 @@ def _growth(ours: Sequence[Row]) -> Table:
         "mean NEES (6)": ("nees_mean", 1),
         "of positions (3)": ("position_nees_mean", 1),
     }
-    lines = [(_called(row), *(number(float(row[key]), n) for key, n in columns.values())) for row in ours]
-    return Table("`sonarmap`, survey by survey", ("survey", *columns), tuple(lines))
+    cells = {name: lambda row, key=key, n=n: number(float(row[key]), n) for name, (key, n) in columns.items()}
+    return table_of("`sonarmap`, survey by survey", ("survey",), [((_called(row),), row) for row in ours], cells)
 
 
 def _pairs(maps: Sequence[Row]) -> Table:
