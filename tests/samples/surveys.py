@@ -12,7 +12,7 @@ from sonarmap.slam.graph.edge import Edge, Kind
 from sonarmap.slam.graph.pose_graph import PoseGraph
 from sonarmap.spectral.result import Registration
 from sonarmap.spectral.scan import Scan
-from sonarmap.tools.lab.reproduce.gaussian.scored import ScoredRegistration
+from sonarmap.tools.lab.reproduce.gaussian.row import ScoredRegistration
 
 
 def random_transforms(rng: np.random.Generator, count: int, angle: float = 1.0, length: float = 5.0) -> RigidTransform:

@@ -2,16 +2,17 @@
 
 import os
 import signal
-from collections.abc import Mapping, Sequence
+from collections.abc import Sequence
 from dataclasses import dataclass
 from pathlib import Path
 from typing import ClassVar
 
 import numpy as np
 
-from sonarmap.tools.lab.reproduce.experiment import Outcome, Section
+from sonarmap.tools.lab.reproduce.experiment import Experiment, Outcome, Row, Section
 from sonarmap.tools.lab.reproduce.experiments import Request
 from sonarmap.tools.lab.reproduce.provenance import Provenance
+from sonarmap.tools.lab.reproduce.rows import column
 from sonarmap.tools.lab.reproduce.table import Table
 
 JOBS = ("a", "b", "c", "d", "e")
@@ -23,14 +24,14 @@ class FakeSettings:
     fast: bool = False
 
 
-class Fake:
+class Fake(Experiment):
     """Counts what it does; where `stop` names a job, that job ends as `by` says."""
 
     name: ClassVar[str] = "fake"
     sources: ClassVar[tuple[str, ...]] = ()
 
     def __init__(self, settings: FakeSettings | None = None, stop: str = "", by: str = "interrupt") -> None:
-        self.settings = settings or FakeSettings()
+        super().__init__(settings or FakeSettings())
         self.stop, self.by = stop, by
         self.ran: list[str] = []
 
@@ -47,8 +48,8 @@ class Fake:
         row = {"job": job, "value": value, "high": value > 0, "gap": float("nan") if job == "b" else 0.1 + 0.2}
         return Outcome((row,), ({"job": job, "seconds": 0.25},))
 
-    def section(self, outcomes: Mapping[str, Outcome]) -> Section:
-        mean = np.mean([float(row["value"]) for one in outcomes.values() for row in one.rows])
+    def section(self, rows: Sequence[Row], seconds: Sequence[Row]) -> Section:
+        mean = np.mean(column(rows, "value"))
         return Section(
             title="A fake, Fig. 0",
             introduction="Seeded numbers.",
@@ -60,11 +61,11 @@ class Fake:
             remarks="The numbers are small.",
         )
 
-    def draw(self, folder: Path, outcomes: Mapping[str, Outcome]) -> None:
+    def draw(self, folder: Path, rows: Sequence[Row]) -> None:
         from matplotlib.figure import Figure
 
         figure = Figure(figsize=(1, 1))
-        figure.subplots().plot([float(row["value"]) for one in outcomes.values() for row in one.rows])
+        figure.subplots().plot(column(rows, "value"))
         for name in ("fake.png", "fake-2.png"):
             figure.savefig(folder / name)
 

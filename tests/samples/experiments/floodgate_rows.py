@@ -5,10 +5,9 @@ from scipy.spatial.transform import RigidTransform, Rotation
 
 from sonarmap.spectral.scan import Scan
 from sonarmap.tools.lab.reproduce.experiment import Outcome, Row
-from sonarmap.tools.lab.reproduce.floodgate.chain import PAIR, POSE, pair_row, pose_rows
+from sonarmap.tools.lab.reproduce.floodgate.chain import PAIR, POSE, FloodgateSurvey, pair_row, pose_rows
 from sonarmap.tools.lab.reproduce.floodgate.methods import TRUTH
 from sonarmap.tools.lab.reproduce.floodgate.run import MAP
-from sonarmap.tools.lab.reproduce.floodgate.survey import FloodgateSurvey
 from sonarmap.tools.lab.simulate.shapes.solids import box, merge
 
 SCANS = 5

@@ -10,7 +10,7 @@ import typer
 from sonarmap.tools.command.options.groups import EXPERIMENT, INPUT, INSTRUMENTS, MOST_WORKERS, OUTPUT, RUNNING
 from sonarmap.tools.command.options.option import completes, completes_list, flag, option
 from sonarmap.tools.command.options.registration import VoxelOption, check_seed, check_tilt, checked, refused_by
-from sonarmap.tools.lab.reproduce.experiments import EXPERIMENTS, groups, members
+from sonarmap.tools.lab.reproduce.experiments import EVERY, EXPERIMENTS, groups, members
 from sonarmap.tools.lab.simulate.scenes.catalog import SCENE_KINDS
 from sonarmap.tools.methods.registry import METHODS, find_method
 
@@ -28,10 +28,10 @@ _rare = partial(_experiment, rare=True)
 NameArgument = Annotated[
     str,
     typer.Argument(
-        help=f"An experiment, or a group of them. {_NAMES}; {_ALONE}.",
+        help=f"An experiment, or a group of them. {_NAMES}; {_ALONE}; '{EVERY}' runs all.",
         metavar="NAME",
         rich_help_panel=INPUT,
-        autocompletion=completes((*EXPERIMENTS, *groups())),
+        autocompletion=completes((*EXPERIMENTS, *groups(), EVERY)),
     ),
 ]
 FolderArgument = Annotated[
@@ -117,7 +117,8 @@ class ExperimentRun:
     page: Path | None = option(
         OUTPUT,
         "FILE",
-        "Also write a page, such as docs/reproduction.md, on all experiments of the group with results in OUT.",
+        "Also write a page, such as docs/reproduction.md, on all experiments of the group with results in OUT. For "
+        "'pages': a folder for all pages.",
         rare=True,
     )
     workers: int = option(

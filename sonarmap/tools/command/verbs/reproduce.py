@@ -14,7 +14,7 @@ from sonarmap.tools.command.options.running import DeviceOption, JsonOption, Qui
 from sonarmap.tools.command.progress import progress
 from sonarmap.tools.command.stops import when_stopped
 from sonarmap.tools.command.terminal import printable, result_console, say
-from sonarmap.tools.lab.reproduce.experiments import ALL, Request, chosen, create, entry_of, group_of, members
+from sonarmap.tools.lab.reproduce.experiments import Request, chosen, create, entry_of, group_of
 
 if TYPE_CHECKING:
     from sonarmap.tools.lab.reproduce.pages.folder import Record
@@ -42,7 +42,7 @@ def command(
     from sonarmap.kernels.device.device import choose_device
     from sonarmap.spectral.grid import Grid
     from sonarmap.tools.files.writers.atomic import require_writable
-    from sonarmap.tools.lab.reproduce.pages.page import FRAMES, write_page
+    from sonarmap.tools.lab.reproduce.pages.page import write_pages
 
     if options.grid is not None:
         Grid(options.grid, 1.0)
@@ -55,12 +55,11 @@ def command(
         say(note)
     job = ExperimentJob(replace(asked, device=opened), run, quiet or as_json)
     records = [_reproduce(experiment, job, printed=not as_json) for experiment in names]
-    group = group_of(name)
-    written = write_page(run.page, run.out, members(group), FRAMES.get(group, FRAMES[ALL])) if run.page else []
+    written = write_pages(run.page, run.out, group_of(name)) if run.page else []
     if as_json:
         typer.echo(json.dumps(_as_json(records, run.out, written), indent=2, allow_nan=False))
     elif run.page:
-        typer.echo(f"the page is {printable(str(run.page))}")
+        typer.echo(f"the {'pages are in' if run.page.is_dir() else 'page is'} {printable(str(run.page))}")
 
 
 def _each_once(values: Sequence[Any] | None) -> tuple[Any, ...] | None:
@@ -99,7 +98,7 @@ def _reproduce(name: str, job: ExperimentJob, printed: bool) -> "Record":
     follow = partial(progress, quiet=job.silent)
     with when_stopped(lambda: f"finished jobs are kept in {out}; the same command continues from there"):
         result = run(experiment, origin, out, follow, RunOptions(job.run.fresh, _workers(name, job)), job.say)
-    record = write_experiment(out, experiment, result, origin, request.command(name))
+    record = write_experiment(out, experiment, result, origin, request.of(name).command(name))
     if printed:
         _print(record, out)
     return record
@@ -115,7 +114,7 @@ def _workers(name: str, job: ExperimentJob) -> "WorkerProcesses | None":
     if entry.timed:
         job.say(f"{name}: measures times, so --workers has no effect; one process runs its jobs")
         return None
-    request = replace(job.request, device=None)
+    request = replace(job.request.of(name), device=None)
     return WorkerProcesses(job.run.workers, entry.module, request, job.request.opened.selector)
 
 

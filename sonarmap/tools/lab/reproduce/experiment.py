@@ -1,9 +1,10 @@
 """What an experiment is: jobs that can be done one by one, and what is made of all their rows."""
 
+from abc import ABC, abstractmethod
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from pathlib import Path
-from typing import Any, ClassVar, Protocol, runtime_checkable
+from typing import Any, ClassVar
 
 from sonarmap.tools.lab.reproduce.table import Table
 
@@ -31,7 +32,7 @@ class Section:
     Attributes:
         title: a heading, with the paper's figures and tables in it.
         introduction: Markdown: what was done, what counts as right.
-        tables: the first has the paper's (or the required) values, ours, and the verdicts side by side.
+        tables: the first has the paper's values, or the other methods', beside ours, and what follows.
         times: tables of run times; they differ between runs and stand in a file of their own.
         pictures: file names of the figures -> captions, in order; `draw` writes them.
         remarks: Markdown: what the figures show, computed from the rows.
@@ -40,44 +41,58 @@ class Section:
     title: str
     introduction: str
     tables: tuple[Table, ...]
-    times: tuple[Table, ...]
-    pictures: Mapping[str, str]
+    times: tuple[Table, ...] = ()
+    pictures: Mapping[str, str] = field(default_factory=dict)
     remarks: str = ""
 
 
-class Experiment(Protocol):
+class Experiment(ABC):
     """An experiment, with its settings. A new one is a class and a row of EXPERIMENTS.
 
     Jobs whose keys differ in the last part alone, as 3/a and 3/b, may share work: they are done by one process.
+
+    Attributes:
+        name: on the command line, and of its files.
+        sources: folders and files whose code decides rows, with the file of the experiment's own class.
+        settings: a frozen dataclass of JSON's types: with the sources it decides all rows.
+        device: to run jobs on, as the experiment needs it.
     """
 
     name: ClassVar[str]
-    sources: ClassVar[tuple[str, ...]]  # folders and files whose code decides rows, with the experiment's own
-    settings: Any  # a frozen dataclass of JSON's types: with the sources it decides all rows
+    sources: ClassVar[tuple[str, ...]]
 
+    def __init__(self, settings: Any, device: Any = None) -> None:
+        """Nothing is planned on the device before a job is run."""
+        self.settings, self.device = settings, device
+
+    @abstractmethod
     def jobs(self) -> Sequence[str]:
         """The keys of all jobs, in the order in which they are done; each can be done alone."""
-        ...
 
+    @abstractmethod
     def run(self, job: str) -> Outcome:
         """Do one job. What jobs share (plans, prepared scans) is kept by the experiment, and may be made anew."""
-        ...
 
-    def section(self, outcomes: Mapping[str, Outcome]) -> Section:
-        """The words and tables, from all jobs' outcomes."""
-        ...
+    @abstractmethod
+    def section(self, rows: Sequence[Row], seconds: Sequence[Row]) -> Section:
+        """The words and tables, from the rows and times of all jobs."""
 
-    def draw(self, folder: Path, outcomes: Mapping[str, Outcome]) -> None:
-        """Write the section's pictures into an existing folder."""
-        ...
+    def draw(self, folder: Path, rows: Sequence[Row]) -> None:  # noqa: B027
+        """Write the section's pictures into an existing folder; none where they would show times."""
 
 
-@runtime_checkable
-class ByMethod(Experiment, Protocol):
+class ByMethod(Experiment):
     """An experiment whose jobs are of one method each, which the last part of a job's key names.
 
     The jobs of each method are kept for themselves: when the code of one changes, those of the others stay done.
+
+    Attributes:
+        deciding: names of the settings that decide a job's rows, with its key, the code and the device.
     """
 
-    methods: tuple[str, ...]  # keys of METHODS
-    deciding: Mapping[str, Any]  # with a job's key, the code and the device all that decides its rows
+    deciding: ClassVar[tuple[str, ...]] = ("edge", "seed")
+
+    @property
+    def methods(self) -> tuple[str, ...]:
+        """Keys of METHODS."""
+        return self.settings.compared.methods

@@ -4,14 +4,13 @@ To add one: write a module with a class that is an `Experiment` (tools/lab/repro
 
     def create(request: Request) -> Experiment:
 
-that makes it from the options (None: the option was not given, so the experiment's own value holds), and add a row to
-EXPERIMENTS. Its settings, which the section shows too, stand in a file of their own. Files that `provenance.SHOWING`
-names, as section.py and figure.py, only show rows: changing them does not make jobs run again; changing any other file
-of the experiment's folder, or of the folders that its `sources` name, does.
+that makes it from the options (None: the option was not given, so the experiment's own value holds; `settings.as_asked`
+does that), and add a row to EXPERIMENTS. Files that `provenance.SHOWING` names, as section.py and figure.py, only show
+rows: changing them does not make jobs run again; changing the file of the class, or what its `sources` name, does.
 """
 
 from collections.abc import Mapping
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from importlib import import_module
 from pathlib import Path
 from types import MappingProxyType
@@ -30,6 +29,7 @@ SLAM = "slam"  # of whole surveys
 REAL = "real"  # on scans of a folder
 SCALE = "scale"  # of growth
 KINDS = "kinds"  # on every kind of scan that is simulated
+EVERY = "pages"  # all experiments, for all pages of one state; those on a folder where one is given
 
 
 @dataclass(frozen=True, slots=True)
@@ -80,6 +80,10 @@ class Request:
         values = {name: getattr(self, name) for name in OPTIONS}
         return {name: _as_tuple(value) for name, value in values.items() if value is not None}
 
+    def of(self, name: str) -> "Request":
+        """What is asked of one experiment: a folder only of those on one."""
+        return self if EXPERIMENTS[name].on_folder else replace(self, folder=None)
+
     def command(self, name: str) -> str:
         """The command line that asks for the same of one experiment; where the folder lies is nobody's business."""
         options = [f"{_flag(option)} {value}" for option, values in self.given.items() for value in values]
@@ -117,57 +121,44 @@ class ExperimentEntry:
     on_folder: bool = False
 
 
+_LAB = "sonarmap.tools.lab.reproduce"
 # Name on the command line -> experiment, in the order in which a group runs them and its page shows them.
 EXPERIMENTS: Mapping[str, ExperimentEntry] = MappingProxyType(
     {
-        "translation": ExperimentEntry(
-            "Figs. 12, 14, 15", "sonarmap.tools.lab.reproduce.translation.run", _STRUCTURE_OPTIONS
-        ),
-        "rotation": ExperimentEntry("Figs. 16, 17", "sonarmap.tools.lab.reproduce.rotation.run", _STRUCTURE_OPTIONS),
-        "limits": ExperimentEntry("Figs. 7 to 9", "sonarmap.tools.lab.reproduce.limits.run", _STRUCTURE_OPTIONS),
+        "translation": ExperimentEntry("Figs. 12, 14, 15", f"{_LAB}.structures.translation", _STRUCTURE_OPTIONS),
+        "rotation": ExperimentEntry("Figs. 16, 17", f"{_LAB}.structures.rotation", _STRUCTURE_OPTIONS),
+        "limits": ExperimentEntry("Figs. 7 to 9", f"{_LAB}.structures.limits", _STRUCTURE_OPTIONS),
         "gaussian": ExperimentEntry(
-            "Table 1, Figs. 20, 21",
-            "sonarmap.tools.lab.reproduce.gaussian.run",
-            ("scene", "grid", "sigma2", "seeds", "seed"),
+            "Table 1, Figs. 20, 21", f"{_LAB}.gaussian.run", ("scene", "grid", "sigma2", "seeds", "seed")
         ),
         "floodgate": ExperimentEntry(
-            "Sect. 4, Table 2, Figs. 22 to 31", "sonarmap.tools.lab.reproduce.floodgate.run", ("grid", "seeds", "seed")
+            "Sect. 4, Table 2, Figs. 22 to 31", f"{_LAB}.floodgate.run", ("grid", "seeds", "seed")
         ),
         "steps": ExperimentEntry(
             "Table 1, extended to S12, on four scenes",
-            "sonarmap.tools.lab.reproduce.steps.run",
+            f"{_LAB}.evaluation.steps",
             ("scene", "grid", "sigma2", "seeds", "seed", "method"),
             EVALUATION,
         ),
-        "pairs": ExperimentEntry(
-            "pairs of every overlap", "sonarmap.tools.lab.reproduce.pairs.run", _PAIR_OPTIONS, EVALUATION
-        ),
+        "pairs": ExperimentEntry("pairs of every overlap", f"{_LAB}.evaluation.pairs", _PAIR_OPTIONS, EVALUATION),
         "unrelated": ExperimentEntry(
-            "pairs that share nothing", "sonarmap.tools.lab.reproduce.unrelated.run", _PAIR_OPTIONS, EVALUATION
+            "pairs that share nothing", f"{_LAB}.evaluation.unrelated", _PAIR_OPTIONS, EVALUATION
         ),
         "speed": ExperimentEntry(
-            "time to register a pair", "sonarmap.tools.lab.reproduce.speed.run", _PAIR_OPTIONS, EVALUATION, timed=True
+            "time to register a pair", f"{_LAB}.evaluation.speed", _PAIR_OPTIONS, EVALUATION, timed=True
         ),
-        "survey": ExperimentEntry(
-            "maps of whole surveys", "sonarmap.tools.lab.reproduce.survey.run", _STRUCTURE_OPTIONS, SLAM, timed=True
-        ),
+        "survey": ExperimentEntry("maps of whole surveys", f"{_LAB}.survey.run", _STRUCTURE_OPTIONS, SLAM, timed=True),
         "real": ExperimentEntry(
-            "pairs of real scans in a folder DIR",
-            "sonarmap.tools.lab.reproduce.real.run",
-            _REAL_OPTIONS,
-            REAL,
-            on_folder=True,
+            "pairs of real scans in a folder DIR", f"{_LAB}.real.run", _REAL_OPTIONS, REAL, on_folder=True
         ),
         "scale": ExperimentEntry(
             "the mapper's own work on 1,000 to 10,000 scans, with made-up registrations",
-            "sonarmap.tools.lab.reproduce.scale.run",
+            f"{_LAB}.scale.run",
             ("seeds", "seed"),
             SCALE,
             timed=True,
         ),
-        "kinds": ExperimentEntry(
-            "pairs of every kind of scan", "sonarmap.tools.lab.reproduce.kinds.run", _PAIR_OPTIONS, KINDS
-        ),
+        "kinds": ExperimentEntry("pairs of every kind of scan", f"{_LAB}.kinds.run", _PAIR_OPTIONS, KINDS),
     }
 )
 
@@ -199,9 +190,11 @@ def chosen(name: str, request: Request) -> tuple[str, ...]:
         InputError: there is no such experiment, an option or a folder that was given has no effect on it, or it needs a
             folder and none was given.
     """
-    if name not in (*EXPERIMENTS, *groups()):
-        raise InputError(f"no experiment is called {name!r}; there are {', '.join((*EXPERIMENTS, *groups()))}")
+    if name not in (*EXPERIMENTS, *groups(), EVERY):
+        raise InputError(f"no experiment is called {name!r}; there are {', '.join((*EXPERIMENTS, *groups(), EVERY))}")
     names = (name,) if name in EXPERIMENTS else members(name)
+    if name == EVERY:
+        names = tuple(each for each, entry in EXPERIMENTS.items() if request.folder is not None or not entry.on_folder)
     _check_folder(name, names, request.folder)
     options = [option for option in OPTIONS if all(option in EXPERIMENTS[member].options for member in names)]
     idle = [_flag(option) for option in request.given if option not in options]
@@ -216,12 +209,8 @@ def chosen(name: str, request: Request) -> tuple[str, ...]:
 
 
 def create(name: str, request: Request) -> "Experiment":
-    """The experiment of that name, as it was asked for.
-
-    Raises:
-        InputError: an option's value will not do.
-    """
-    return import_module(EXPERIMENTS[name].module).create(request)
+    """The experiment of that name, as it was asked for."""
+    return import_module(EXPERIMENTS[name].module).create(request.of(name))
 
 
 def folder_of(request: Request) -> Path:

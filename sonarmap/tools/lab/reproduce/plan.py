@@ -1,12 +1,16 @@
-"""The true plan of a scene at one height: what is solid there, and its outlines. Cut from the mesh, not drawn."""
+"""The true plan of a scene at one height, cut from the mesh: what is solid there, its outlines, and drawing them."""
 
 from dataclasses import dataclass
+from typing import TYPE_CHECKING
 
 import numpy as np
 
 from sonarmap.tools.lab.simulate.scenes.bed import SCENE_EDGE
 from sonarmap.tools.lab.simulate.shapes.solids import Mesh
 from sonarmap.tools.lab.simulate.shapes.surface import caster
+
+if TYPE_CHECKING:
+    from matplotlib.axes import Axes
 
 CELL = 0.5  # of the raster [m]
 
@@ -65,3 +69,39 @@ def solid(mesh: Mesh, height: float, edge: float = SCENE_EDGE, cell: float = CEL
     upward = np.cross(corners[:, 1] - corners[:, 0], corners[:, 2] - corners[:, 0])[:, 2]
     left = np.bincount(met["ray_ids"].numpy().astype(np.int64), np.sign(upward), len(x))
     return (left > 0).reshape(count, count)
+
+
+_SOLID = "0.72"
+
+
+def draw_plan(
+    axes: "Axes", plan: SectionPlan, *, filled: bool = True, color: str = "black", width: float = 0.6
+) -> None:
+    """The plan's solids in gray where `filled`, and its outlines over whatever was drawn before."""
+    from matplotlib.collections import LineCollection
+    from matplotlib.colors import ListedColormap
+
+    half = plan.edge / 2
+    if filled:
+        shown = np.ma.masked_equal(plan.solid.T.astype(np.uint8), 0)
+        colors = ListedColormap([_SOLID])
+        axes.imshow(shown, origin="lower", extent=(-half, half, -half, half), cmap=colors, interpolation="nearest")
+    axes.add_collection(LineCollection(list(plan.outlines), colors=color, linewidths=width, zorder=4))
+
+
+def from_above(points: np.ndarray, values: np.ndarray, edge: float, cell: float) -> np.ndarray:
+    """What is seen of points from above: (K, K) float64, [i, j] at x index i and y index j, NaN where there is none.
+
+    Args:
+        points: (N, 3) [m].
+        values: (N,) of the points; the highest point of a cell hides the others.
+        edge: side of the square about the origin that is seen [m].
+        cell: side of a cell [m].
+    """
+    count = round(edge / cell)
+    i, j = np.floor((points[:, :2] + edge / 2) / cell).astype(int).T
+    within = (i >= 0) & (i < count) & (j >= 0) & (j < count)
+    order = np.flatnonzero(within)[np.argsort(points[within, 2], kind="stable")]
+    seen = np.full((count, count), np.nan)
+    seen[i[order], j[order]] = values[order]  # of cells named twice the last stays: the highest
+    return seen

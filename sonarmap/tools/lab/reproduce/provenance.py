@@ -16,7 +16,7 @@ from sonarmap.tools.methods.fingerprint import ROOT, fingerprint, method_sources
 from sonarmap.tools.methods.registry import find_method
 
 # Files that only show rows: changing them does not make jobs run again.
-SHOWING = ("section.py", "remarks.py", "introduction.py", "*figure.py", "*table.py", "*tables.py", "*summary.py")
+SHOWING = ("*section.py", "*remarks.py", "*figure.py", "*tables.py", "*summary.py")
 
 
 @dataclass(frozen=True, slots=True)
@@ -59,9 +59,8 @@ class Provenance:
 def provenance(experiment: Experiment, device: Device) -> Provenance:
     """Of an experiment on a device, with the code that runs now."""
     machine = describe_machine(device)
-    own = Path(inspect.getfile(type(experiment))).resolve().parent
-    places = (*experiment.sources, os.path.relpath(own, ROOT))
-    sources = source_digest(places, SHOWING)
+    own = os.path.relpath(Path(inspect.getfile(type(experiment))).resolve(), ROOT)
+    sources = source_digest((*experiment.sources, own), SHOWING)
     methods = {}
     if isinstance(experiment, ByMethod):
         methods = {name: _method_fingerprint(experiment, name, sources, device) for name in experiment.methods}
@@ -81,4 +80,5 @@ def provenance(experiment: Experiment, device: Device) -> Provenance:
 def _method_fingerprint(experiment: ByMethod, name: str, sources: str, device: Device) -> str:
     """Of one method's rows; a method that uses no device has the same rows with every one."""
     used = [device.name, device.platform] if "device" in find_method(name).options else None
-    return fingerprint([experiment.deciding, sources, method_sources(name), method_versions(name), used])
+    deciding = {setting: getattr(experiment.settings, setting) for setting in experiment.deciding}
+    return fingerprint([deciding, sources, method_sources(name), method_versions(name), used])

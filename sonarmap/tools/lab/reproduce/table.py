@@ -1,12 +1,14 @@
 """Tables of text: for Markdown, for a terminal, and as CSV."""
 
 import math
-from collections.abc import Iterable, Sequence
+from collections.abc import Callable, Iterable, Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
-from typing import Any
+from typing import Any, TypeVar
 
 from sonarmap.tools.files.writers.table import write_table
+
+Group = TypeVar("Group")
 
 
 @dataclass(frozen=True, slots=True)
@@ -36,17 +38,26 @@ class Table:
         return WideTable(self.headings, self.rows, title=self.title)
 
 
-def verdict(holds: bool) -> str:
-    """What a table says of a claim."""
-    return "holds" if holds else "does not hold"
+def table_of(
+    title: str,
+    names: tuple[str, ...],
+    groups: Iterable[tuple[tuple[str, ...], Group]],
+    columns: Mapping[str, Callable[[Group], str]],
+) -> Table:
+    """A line for each group: its names, then what each column shows of it.
+
+    Args:
+        title: a line over the table.
+        names: the headings of the groups' names.
+        groups: each group's names, and what the columns are computed from.
+        columns: heading -> the cell of a group.
+    """
+    rows = tuple((*named, *(cell(group) for cell in columns.values())) for named, group in groups)
+    return Table(title, (*names, *columns), rows)
 
 
 def write_csv(path: Path, headings: Sequence[str], rows: Iterable[Sequence[object]]) -> None:
-    """Write rows under their headings: floats with four decimals, truth values as 1 and 0, nothing for NaN.
-
-    Raises:
-        InputError: the file cannot be written.
-    """
+    """Write rows under their headings: floats with four decimals, truth values as 1 and 0, nothing for NaN."""
     write_table(path, headings, ([_cell(value) for value in row] for row in rows))
 
 

@@ -11,20 +11,19 @@ import pytest
 
 from sonarmap.kernels.device.device import Device
 from sonarmap.kernels.errors import InputError
-from sonarmap.tools.lab.reproduce.evaluation import methods
-from sonarmap.tools.lab.reproduce.evaluation.methods import EVALUATED, ComparedMethods, compared_methods
-from sonarmap.tools.lab.reproduce.evaluation.set_pairs import related, unrelated
-from sonarmap.tools.lab.reproduce.evaluation.settings import PairSetSettings
-from sonarmap.tools.lab.reproduce.experiment import Experiment, Outcome, Row
+from sonarmap.tools.lab.reproduce import methods
+from sonarmap.tools.lab.reproduce.evaluation.pair_set import related, unrelated
+from sonarmap.tools.lab.reproduce.evaluation.pairs import Pairs
+from sonarmap.tools.lab.reproduce.evaluation.settings import PairSetSettings, PairsSettings, StepsSettings
+from sonarmap.tools.lab.reproduce.evaluation.speed import Speed
+from sonarmap.tools.lab.reproduce.evaluation.steps import Steps
+from sonarmap.tools.lab.reproduce.experiment import Experiment, Outcome
 from sonarmap.tools.lab.reproduce.experiments import EVALUATION, EXPERIMENTS, Request, chosen, create, members
+from sonarmap.tools.lab.reproduce.methods import EVALUATED, ComparedMethods, compared_methods
 from sonarmap.tools.lab.reproduce.pages.section_text import section_text, verdicts
-from sonarmap.tools.lab.reproduce.pairs.run import Pairs
-from sonarmap.tools.lab.reproduce.pairs.settings import PairsSettings
 from sonarmap.tools.lab.reproduce.provenance import provenance
+from sonarmap.tools.lab.reproduce.rows import all_rows, all_seconds
 from sonarmap.tools.lab.reproduce.run import RunOptions, run
-from sonarmap.tools.lab.reproduce.speed.run import Speed
-from sonarmap.tools.lab.reproduce.steps.run import Steps
-from sonarmap.tools.lab.reproduce.steps.settings import StepsSettings
 from sonarmap.tools.lab.reproduce.worker import WorkerProcesses
 from tests.tools.lab.reproduce.test_run import silence
 
@@ -105,7 +104,6 @@ class TestPairs:
         few, many = (Pairs(PairsSettings(yaw=n, any=n), None) for n in (6, 20))
         assert set(few.jobs()) < set(many.jobs())
         assert len(few.jobs()) == 2 * 2 * len(EVALUATED)
-        assert few.deciding == many.deciding
 
     def test_other_methods_register_the_first_of_the_pairs(self) -> None:
         settings = PairsSettings(
@@ -165,10 +163,6 @@ def tiny(name: str, device: Device) -> Experiment:
     return create(name, request(device, method=methods, pairs=None if name == "steps" else 1))
 
 
-def rows_of(done: Mapping[str, Outcome]) -> list[Row]:
-    return [row for outcome in done.values() for row in outcome.rows]
-
-
 SLOW_AND_QUICK = [*(pytest.param(name, marks=pytest.mark.slow) for name in ("steps", "pairs")), "unrelated", "speed"]
 
 
@@ -177,27 +171,27 @@ class TestRuns:
     @pytest.mark.slow
     def test_a_section_its_pictures_and_no_times_in_rows(self, name: str, device: Device, tmp_path: Path) -> None:
         experiment, done = tiny(name, device), outcomes(name, device)
-        section = experiment.section(done)
+        section = experiment.section(all_rows(done), all_seconds(done))
         verdicts(section)
         assert f"Methods: {', '.join(f'`{name}`' for name in experiment.settings.compared.methods)}." in section_text(
             section, 1
         )
-        experiment.draw(tmp_path, done)
+        experiment.draw(tmp_path, all_rows(done))
         assert {path.name for path in tmp_path.iterdir()} == set(section.pictures)
-        assert rows_of(done)
-        assert not any(key.endswith("_s") or key == "seconds" for row in rows_of(done) for key in row)
+        assert all_rows(done)
+        assert not any(key.endswith("_s") or key == "seconds" for row in all_rows(done) for key in row)
 
     def test_speed_keeps_times_apart(self, device: Device) -> None:
-        seconds = [row for outcome in outcomes("speed", device).values() for row in outcome.seconds]
+        seconds = all_seconds(outcomes("speed", device))
         assert len(seconds) == len(FEW)
         assert all(float(row["register_s"]) > 0 and float(row["prepare_s"]) > 0 for row in seconds)
 
     def test_a_stranger_has_no_verdict(self, device: Device) -> None:
-        assert all("right" not in row and "nees" not in row for row in rows_of(outcomes("unrelated", device)))
+        assert all("right" not in row and "nees" not in row for row in all_rows(outcomes("unrelated", device)))
 
     @pytest.mark.slow
     def test_a_small_step_is_found(self, device: Device) -> None:
-        rows = rows_of(outcomes("steps", device))
+        rows = all_rows(outcomes("steps", device))
         assert [row["step"] for row in rows] == [*range(13), *range(13)]
         assert any(row["right"] for row in rows if row["step"] in (0, 1))
 

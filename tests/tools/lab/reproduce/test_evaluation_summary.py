@@ -8,22 +8,24 @@ from scipy.spatial.transform import RigidTransform, Rotation
 from scipy.stats import chi2
 
 from sonarmap.spectral.result import Registration
-from sonarmap.tools.lab.reproduce.evaluation.answer import claims, errors, nees, refused
-from sonarmap.tools.lab.reproduce.evaluation.calibration_tables import (
+from sonarmap.tools.lab.reproduce.answer import claims, errors, nees, refused
+from sonarmap.tools.lab.reproduce.calibration_tables import (
     calibration,
     calibration_table,
     reliability,
     reliability_table,
+    shared,
 )
-from sonarmap.tools.lab.reproduce.evaluation.summary import last_right, percent, rate, shared
-from sonarmap.tools.lab.reproduce.pairs.tables import (
+from sonarmap.tools.lab.reproduce.evaluation.pairs_section import (
     accuracy_table,
+    beside_others,
     overlap_table,
     scene_table,
     trust_table,
-    verdict_table,
 )
-from sonarmap.tools.lab.reproduce.speed.section import spread_table, time_table
+from sonarmap.tools.lab.reproduce.evaluation.speed_section import spread_table, time_table
+from sonarmap.tools.lab.reproduce.evaluation.steps_section import last_right
+from sonarmap.tools.lab.reproduce.rows import percent, rate
 
 TRUTH = RigidTransform.from_components([3.0, -1.0, 0.5], Rotation.from_euler("ZYX", [0.7, -0.2, 0.1]))
 COVARIANCE = np.diag(np.array([0.01, 0.02, 0.03, 0.1, 0.2, 0.4]) ** 2)
@@ -157,21 +159,14 @@ class TestTables:
     def test_accuracy_is_of_what_shares_much_under_little_noise(self) -> None:
         assert accuracy_table(self.ROWS, ("spectral", "kiss")).rows == (("spectral", "2", "0.250", "0.150", "0.500"),)
 
-    def test_verdicts(self) -> None:
-        lines = verdict_table(self.ROWS, ()).rows
-        assert [line[3] for line in lines] == [
-            "does not hold",  # 1 of 6 accepted though wrong
-            "does not hold",  # 1 of 4 refused
-            "holds",
-            "holds",
-            "within the interval",
-            "does not hold",  # all of them inside
-        ]
-        many = [row(right=k >= 2, nees=1.0 if k < 960 else 20.0) for k in range(1000)]
-        assert [line[3] for line in verdict_table(many, ()).rows][:2] == ["holds", "holds"]
-        assert verdict_table(many, ()).rows[-1][3] == "holds"
-        assert verdict_table(many[:999], ()).rows[0][3] == "does not hold"
-        assert verdict_table([row(method="kiss")], ()).rows == ()
+    def test_ours_beside_the_others(self) -> None:
+        lines = beside_others(self.ROWS, ()).rows
+        assert [line[1].split()[0] for line in lines] == ["1/6", "1/4", "0.250", "0.150", "5.00;", "100.0%"]
+        assert [line[2] for line in lines[:2]] == ["best: kiss 100 %", "best: kiss 0 %"]
+        assert lines[0][3] == "expect 17 of 100 pairs to be accepted though wrong"
+        assert lines[2][3] == "half of such registrations are within 0.250 ° of the truth"
+        assert lines[-1][3] == "expect 100 of 100 truths in the 95 % ellipsoid"
+        assert beside_others([row(method="kiss")], ()).rows == ()
 
     def test_calibration_and_probability(self) -> None:
         lines = {line[0]: line for line in calibration_table(self.ROWS, (), ("spectral", "kiss")).rows}

@@ -10,9 +10,8 @@ from sonarmap.kernels.device.device import choose_device
 from sonarmap.kernels.errors import InputError
 from sonarmap.tools.lab.reproduce.experiment import Outcome
 from sonarmap.tools.lab.reproduce.experiments import Request
-from sonarmap.tools.lab.reproduce.floodgate.chain import Chain, chains
+from sonarmap.tools.lab.reproduce.floodgate.chain import Chain, FloodgateSurvey, chains
 from sonarmap.tools.lab.reproduce.floodgate.methods import TRUTH, runs
-from sonarmap.tools.lab.reproduce.floodgate.remarks import remarks
 from sonarmap.tools.lab.reproduce.floodgate.run import (
     OTHER_METHODS,
     PAPER_METHODS,
@@ -20,11 +19,20 @@ from sonarmap.tools.lab.reproduce.floodgate.run import (
     FloodgateSettings,
     create,
 )
-from sonarmap.tools.lab.reproduce.floodgate.survey import FloodgateSurvey
-from sonarmap.tools.lab.reproduce.floodgate.tables import ate_m, by_seed, map_90, map_table, pair_table, pose_table
-from sonarmap.tools.lab.reproduce.floodgate.times_table import PAPER_ICP, times_tables
-from sonarmap.tools.lab.reproduce.floodgate.verdict_table import verdict_table
+from sonarmap.tools.lab.reproduce.floodgate.section import remarks
+from sonarmap.tools.lab.reproduce.floodgate.tables import (
+    PAPER_ICP,
+    ate_m,
+    by_seed,
+    map_90,
+    map_table,
+    pair_table,
+    pose_table,
+    times_tables,
+    verdict_table,
+)
 from sonarmap.tools.lab.reproduce.pages.section_text import verdicts
+from sonarmap.tools.lab.reproduce.rows import all_rows, all_seconds
 from tests.samples.experiments.floodgate_rows import flat_survey, outcomes
 
 
@@ -39,7 +47,7 @@ Chains = dict[tuple[int, str, int], Chain]
 @pytest.fixture(scope="module")
 def made(now: FloodgateSurvey) -> Chains:
     """Two surveys alike, with every method's one error."""
-    return chains(outcomes(now, {"icp": 9.0, "planes": 0.8, "hemisphere": 4.0, "spectral": 0.4}, seeds=2))
+    return chains(all_rows(outcomes(now, {"icp": 9.0, "planes": 0.8, "hemisphere": 4.0, "spectral": 0.4}, seeds=2)))
 
 
 class TestTables:
@@ -66,7 +74,7 @@ class TestTables:
         """Maps so good, or so bad, as their errors say; the same rows with the names exchanged say the opposite."""
 
         def said(errors: dict[str, float]) -> dict[str, str]:
-            return {row[0]: row[-1] for row in verdict_table(chains(outcomes(now, errors))).rows}
+            return {row[0]: row[-1] for row in verdict_table(chains(all_rows(outcomes(now, errors)))).rows}
 
         good = said({"icp": 9.0, "planes": 0.2, "spectral": 0.1})
         assert set(good.values()) == {"holds"}
@@ -81,7 +89,7 @@ class TestTables:
             f"2{job[1:]}": Outcome(tuple({**row, "seed": 2} for row in outcome.rows))
             for job, outcome in outcomes(now, {"planes": 9.0}).items()
         }
-        (row,) = verdict_table(chains(first | second)).rows
+        (row,) = verdict_table(chains(all_rows(first | second))).rows
         assert row[-1] == "holds in 1 of 2 surveys"
 
     def test_two_grids_are_compared(self, now: FloodgateSurvey) -> None:
@@ -91,7 +99,7 @@ class TestTables:
             for job, outcome in outcomes(now, {"spectral": 8.0}).items()
             if "spectral" in job
         }
-        rows = {row[0]: row[-1] for row in verdict_table(chains(fine | coarse)).rows}
+        rows = {row[0]: row[-1] for row in verdict_table(chains(all_rows(fine | coarse))).rows}
         assert rows["spectral 128³ beside spectral 256³"] == "does not hold"
         assert rows["the map by spectral 256³"] == "holds"
         assert rows["the map by spectral 128³"] == "does not hold"
@@ -116,7 +124,7 @@ class TestTimes:
         assert sum(PAPER_ICP) / 17 == pytest.approx(21.346, abs=5e-4)
 
     def test_ours_beside_it(self, now: FloodgateSurvey) -> None:
-        summary, pairs = times_tables(outcomes(now, {"icp": 9.0, "spectral": 0.1}))
+        summary, pairs = times_tables(all_seconds(outcomes(now, {"icp": 9.0, "spectral": 0.1})))
         # 2, 3, 6, 11 s
         assert summary.rows[0] == (
             "icp",
@@ -174,7 +182,7 @@ class TestExperiment:
         experiment = create(Request())
         assert experiment.settings.left_out == ("kiss",)
         assert "kiss" not in experiment.settings.methods
-        introduction = experiment.section(outcomes(now, {"icp": 9.0})).introduction
+        introduction = experiment.section(all_rows(outcomes(now, {"icp": 9.0})), ()).introduction
         assert "Not installed, so left out: kiss." in introduction
 
     @pytest.mark.slow
@@ -192,8 +200,8 @@ class TestExperiment:
                 for job, outcome in done.items()
             }
             (tmp_path / name).mkdir()
-            experiment.draw(tmp_path / name, slower)
-            section = experiment.section(slower)
+            experiment.draw(tmp_path / name, all_rows(slower))
+            section = experiment.section(all_rows(slower), all_seconds(slower))
             verdicts(section)
             assert {path.name for path in (tmp_path / name).iterdir()} == set(section.pictures)
             pictures = {path.name: path.read_bytes() for path in (tmp_path / name).iterdir()}

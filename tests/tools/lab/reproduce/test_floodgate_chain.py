@@ -11,13 +11,14 @@ from sonarmap.tools.lab.reproduce.floodgate.chain import (
     DISPLACED_90,
     MAP_90,
     MAP_MEDIAN,
+    FloodgateSurvey,
     chain_poses,
     chains,
     pair_row,
     pose_rows,
     transform,
 )
-from sonarmap.tools.lab.reproduce.floodgate.survey import FloodgateSurvey
+from sonarmap.tools.lab.reproduce.rows import all_rows
 from tests.samples.experiments.floodgate_rows import POSES, SCANS, STEPS, flat_survey, off, outcomes, turn
 
 
@@ -53,7 +54,7 @@ class TestChain:
         assert pair_row(now, 2, off(meters)[1], accepted=True)["right"] is right
 
     def test_rows_come_back_as_poses(self, now: FloodgateSurvey) -> None:
-        chain = chains(outcomes(now, {"icp": 9.0}))[1, "icp", 0]
+        chain = chains(all_rows(outcomes(now, {"icp": 9.0})))[1, "icp", 0]
         expected = POSES[0].inv() * chain_poses(POSES[0], off(9.0))
         assert np.allclose(chain.found.as_matrix(), expected.as_matrix(), atol=1e-9)
         assert np.allclose(chain.true.as_matrix(), (POSES[0].inv() * POSES).as_matrix(), atol=1e-9)

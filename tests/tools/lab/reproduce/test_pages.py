@@ -24,6 +24,7 @@ from sonarmap.tools.lab.reproduce.experiments import (
 from sonarmap.tools.lab.reproduce.pages.folder import read_record, write_experiment
 from sonarmap.tools.lab.reproduce.pages.page import FRAMES, write_page
 from sonarmap.tools.lab.reproduce.pages.section_text import Verdict, duration, section_text, verdicts
+from sonarmap.tools.lab.reproduce.rows import all_rows
 from sonarmap.tools.lab.reproduce.run import JOURNAL, run
 from sonarmap.tools.lab.reproduce.table import Table
 from tests.samples.experiments.fake_experiment import JOBS, Fake, origin
@@ -79,9 +80,9 @@ class TestFolder:
     def test_pictures_must_be_those_of_the_section(self, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
         fake = Fake()
         result = run(fake, origin(fake), tmp_path, silence)
-        section = fake.section(result.outcomes)
+        section = fake.section(all_rows(result.outcomes), ())
         for pictures in ({"fake.png": ""}, {"fake.png": "", "fake-2.png": "", "fake-3.png": ""}):
-            monkeypatch.setattr(fake, "section", lambda _, p=pictures: replace(section, pictures=p))
+            monkeypatch.setattr(fake, "section", lambda *_, p=pictures: replace(section, pictures=p))
             with pytest.raises(ValueError, match=r"fake drew \['fake-2.png', 'fake.png'\]"):
                 write_experiment(tmp_path, fake, result, origin(fake), "")
         assert files_in(tmp_path) == set()
@@ -111,23 +112,23 @@ class TestVerdicts:
     def test_columns_are_found_by_their_first_word(self) -> None:
         headings = ("grid", "noise", "paper: yaw", "ours, worst", "verdict", "ours, all", "right")
         table = Table("t", headings, (("128", "2", "S8", "S7", "no", "S9", "1/2"),))
-        section = replace(Fake().section({"a": Fake().run("a")}), tables=(table,))
+        section = replace(Fake().section(Fake().run("a").rows, ()), tables=(table,))
         verdict = verdicts(section)[0]
         assert (verdict.claim, verdict.paper, verdict.ours, verdict.verdict) == ("128, 2", "S8", "S7", "no")
 
-    def test_required_values_replace_the_papers_and_no_table_has_no_claims(self) -> None:
-        table = Table("t", ("measure", "required", "ours", "verdict"), (("it", "all", "none", "no"),))
-        section = replace(Fake().section({"a": Fake().run("a")}), tables=(table,))
+    def test_other_methods_replace_the_paper_and_no_table_has_no_claims(self) -> None:
+        table = Table("t", ("measure", "ours", "others", "what follows"), (("it", "none", "all", "no"),))
+        section = replace(Fake().section(Fake().run("a").rows, ()), tables=(table,))
         assert verdicts(section)[0] == Verdict("it", "all", "none", "no")
         assert verdicts(replace(section, tables=())) == ()
 
     def test_a_section_without_them_is_refused(self) -> None:
-        section = replace(Fake().section({"a": Fake().run("a")}), tables=(Table("t", ("paper", "ours"), ()),))
-        with pytest.raises(ValueError, match="begins with the word 'verdict'"):
+        section = replace(Fake().section(Fake().run("a").rows, ()), tables=(Table("t", ("paper", "ours"), ()),))
+        with pytest.raises(ValueError, match="begins with the word 'verdict"):
             verdicts(section)
 
     def test_a_section_at_any_level(self) -> None:
-        text = section_text(Fake().section({"a": Fake().run("a")}), 2, "there/")
+        text = section_text(Fake().section(Fake().run("a").rows, ()), 2, "there/")
         assert text.startswith("## A fake, Fig. 0\n")
         assert "![The numbers.](there/fake.png)" in text
         assert "The numbers are small." in text
@@ -159,14 +160,14 @@ class TestPage:
         text = (tmp_path / "p.md").read_text()
         assert re.search(r"\| fake \| mean \| 0 \| -?[0-9.]+ \| so \|", text)
         assert "| fake | 5 | 0 s | a device (OpenCL 3.0 X; a processor, 2 cores) | `sonarmap reproduce fake` |" in text
-        assert text.index("**All verdicts**") < text.index("## A fake, Fig. 0") < text.index("**Times**")
+        assert text.index("**All in short**") < text.index("## A fake, Fig. 0") < text.index("**Times**")
 
-    def test_the_evaluation_shows_required_values(self, tmp_path: Path) -> None:
+    def test_the_evaluation_shows_the_other_methods(self, tmp_path: Path) -> None:
         complete(tmp_path)
         write_page(tmp_path / "p.md", tmp_path, ["fake"], FRAMES[EVALUATION])
         text = (tmp_path / "p.md").read_text()
         assert text.startswith("# Evaluation on unseen pairs\n")
-        assert "| experiment | claim | required | ours | verdict |" in text
+        assert "| experiment | measure | others | ours | what follows |" in text
 
     def test_nothing_to_show(self, tmp_path: Path) -> None:
         with pytest.raises(InputError, match="no complete experiment"):
@@ -227,6 +228,13 @@ class TestCommand:
         assert "`sonarmap reproduce fake --seed 3`" in (tmp_path / "p.md").read_text()
         again = CliRunner().invoke(app, arguments)
         assert again.stderr == "fake: 5 of 5 jobs were done before\n"
+
+    def test_all_pages_by_one_command(self, tmp_path: Path) -> None:
+        arguments = ["reproduce", "pages", "-o", str(tmp_path / "out"), "--page", str(tmp_path / "docs"), "-q"]
+        shown = CliRunner().invoke(app, arguments)
+        assert (shown.exit_code, shown.exception) == (0, None)
+        assert {path.name for path in (tmp_path / "docs").iterdir()} == {"reproduction.md", "reproduction"}
+        assert chosen("pages", Request()) == ("fake",)
 
     def test_json(self, tmp_path: Path) -> None:
         shown = CliRunner().invoke(app, ["reproduce", "fake", "-o", str(tmp_path), "--json"])

@@ -6,8 +6,8 @@ import pytest
 
 from sonarmap.kernels.device.device import Device
 from sonarmap.tools.files.writers.json_text import to_json
-from sonarmap.tools.lab.reproduce.evaluation.methods import EVALUATED
 from sonarmap.tools.lab.reproduce.experiments import EXPERIMENTS, Request, create
+from sonarmap.tools.lab.reproduce.methods import EVALUATED
 from sonarmap.tools.lab.reproduce.provenance import SHOWING, Provenance, provenance
 from sonarmap.tools.methods.fingerprint import source_digest
 from tests.samples.experiments.fake_experiment import Fake, origin
@@ -61,9 +61,7 @@ def test_every_experiment_names_its_sources(name: str, device: Device, tmp_path:
 
 def test_files_that_only_show_rows_do_not_count() -> None:
     folder = ("tools/lab/reproduce/gaussian",)
-    shown = [f"{folder[0]}/{name}.py" for name in ("section", "figure", "summary", "remarks")]
-    decides = [
-        f"{folder[0]}/{name}.py" for name in ("row", "run", "scored", "series", "settings", "variants", "__init__")
-    ]
+    shown = [f"{folder[0]}/{name}.py" for name in ("section", "figure", "summary")]
+    decides = [f"{folder[0]}/{name}.py" for name in ("row", "run", "series", "__init__")]
     assert source_digest(folder, SHOWING) == source_digest(tuple(decides))
     assert source_digest(tuple(shown), SHOWING) == source_digest(())

@@ -140,7 +140,7 @@ class TestJobs:
         drawn = []
         for known in settings.draws:
             experiment = Real(sets, settings, None)
-            read = experiment._pair(sets[0], sets[0].pairs[0])
+            read = experiment._scans(sets[0].pairs[0].target, sets[0].pairs[0].source)[:2]
             target, source = experiment._with_priors(read, sets[0], sets[0].pairs[0], known)
             again = experiment._with_priors(read, sets[0], sets[0].pairs[0], known)
             assert target.prior is not None
@@ -159,7 +159,7 @@ class TestJobs:
         (folder / "priors.csv").write_text(PRIORS)
         sets = read_sets(folder)
         experiment = Real(sets, RealSettings({}), None)
-        read = experiment._pair(sets[0], sets[0].pairs[0])
+        read = experiment._scans(sets[0].pairs[0].target, sets[0].pairs[0].source)[:2]
         scans = experiment._with_priors(read, sets[0], sets[0].pairs[0], "priors.csv")
         assert [scan.prior is not None and scan.prior.knows_attitude for scan in scans] == [True, True]
         assert [scan.prior for scan in experiment._with_priors(read, sets[0], sets[0].pairs[0], "nothing")] == [

@@ -17,8 +17,9 @@ from sonarmap.tools.lab.reproduce.pages.folder import write_experiment
 from sonarmap.tools.lab.reproduce.pages.section_text import section_text, verdicts
 from sonarmap.tools.lab.reproduce.provenance import provenance
 from sonarmap.tools.lab.reproduce.real.run import Real
+from sonarmap.tools.lab.reproduce.real.section import beside_others, pair_table, result_table
 from sonarmap.tools.lab.reproduce.real.settings import RealSettings
-from sonarmap.tools.lab.reproduce.real.tables import pair_table, result_table, verdict_table
+from sonarmap.tools.lab.reproduce.rows import all_rows, all_seconds
 from sonarmap.tools.lab.reproduce.run import run
 from tests.samples.experiments.real_folders import FEW, asked, gt_log, put, simulated
 from tests.samples.places import DATA
@@ -126,19 +127,19 @@ class TestTables:
             ("b 0-1", "3.00, 0.700; believed", "–", "–"),
         )
 
-    def test_verdicts(self) -> None:
-        assert [(line[2], line[3]) for line in verdict_table(self.ROWS).rows] == [
-            ("2 of 3", "does not hold"),
-            ("1 of 3", "does not hold"),
-            ("1 of 3", "does not hold"),
-            ("1 of 3", "does not hold"),
+    def test_ours_beside_the_others(self) -> None:
+        assert [(line[1].split()[0], line[2], line[3]) for line in beside_others(self.ROWS).rows] == [
+            ("2/3", "best: kiss 0 %", "expect 67 of 100 to be right and believed"),
+            ("1/3", "best: kiss 0 %", "expect 33 of 100 to be believed though wrong"),
+            ("1/3", "best: kiss 0 %", "expect 33 of 100 to be right and believed"),
+            ("1/3", "best: kiss 0 %", "expect 33 of 100 to be believed though wrong"),
         ]
-        assert verdict_table(self.ROWS[1:2]).rows == ()
+        assert beside_others(self.ROWS[1:2]).rows == ()
 
     def test_the_section_says_what_was_known(self) -> None:
         settings = RealSettings({"a": "", "b": ""}, known=("attitude", "depth"), seeds=2, seed=4, left_out=("c",))
         outcomes = {str(k): Outcome((line,), (line | {"seconds": 0.5},)) for k, line in enumerate(self.ROWS)}
-        section = Real((), settings, None).section(outcomes)
+        section = Real((), settings, None).section(all_rows(outcomes), all_seconds(outcomes))
         text = section_text(section, 1)
         assert "Sets: `a` (2 pairs), `b` (1 pair). Left out, as they have no gt.log: `c`." in text
         assert "deviations attitude 1.5 degrees, depth 0.15 m (seeds 4 to 5" in text

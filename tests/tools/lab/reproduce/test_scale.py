@@ -6,10 +6,10 @@ import numpy as np
 import pytest
 
 from sonarmap.tools.lab.reproduce.experiments import EXPERIMENTS, SCALE, Request, create, members
+from sonarmap.tools.lab.reproduce.rows import all_rows, all_seconds
 from sonarmap.tools.lab.reproduce.scale.made_up import MadeUpRegistrar, make_up
-from sonarmap.tools.lab.reproduce.scale.measured import WHOLE
+from sonarmap.tools.lab.reproduce.scale.measured import WHOLE, ScaleSettings
 from sonarmap.tools.lab.reproduce.scale.run import Scale
-from sonarmap.tools.lab.reproduce.scale.settings import ScaleSettings
 
 
 def test_errors_are_of_the_size_that_is_told_and_little_is_shared_far_away(tmp_path: Path) -> None:
@@ -52,8 +52,8 @@ def test_a_short_survey_is_mapped_and_measured() -> None:
         whole = next(row for row in outcome.seconds if row["stage"] == WHOLE)
         assert float(whole["processor_s"]) > 0.1
         assert 20 < float(whole["memory_mib"]) < 2000
-    section = experiment.section(outcomes)
-    assert [line[-1] for line in section.tables[0].rows] == ["holds"] * 4
+    section = experiment.section(all_rows(outcomes), all_seconds(outcomes))
+    assert [line[-1] for line in section.tables[0].rows][::2] == ["0 scans are missing in it"] * 2
     assert [line[0] for line in section.times[0].rows] == ["60", "90"]
     assert "map fused" in [line[0] for line in section.times[1].rows]
 

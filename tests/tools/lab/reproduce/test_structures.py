@@ -9,16 +9,16 @@ from scipy.spatial.transform import RigidTransform, Rotation
 
 from sonarmap.kernels.device.device import choose_device
 from sonarmap.kernels.errors import InputError
-from sonarmap.spectral.grid import Grid
+from sonarmap.tools.lab.reproduce.answer import parameters
 from sonarmap.tools.lab.reproduce.experiment import Outcome
-from sonarmap.tools.lab.reproduce.limits.run import KINDS, Limits, LimitsSettings
-from sonarmap.tools.lab.reproduce.limits.section import deviation_table
-from sonarmap.tools.lab.reproduce.rotation.run import RotationSettings, Turns
-from sonarmap.tools.lab.reproduce.rotation.section import deviation, rotation_section, within_limits
-from sonarmap.tools.lab.reproduce.rows import all_rows
-from sonarmap.tools.lab.reproduce.structures.voxel_series import MovedStructure, VoxelSeries, parameters
-from sonarmap.tools.lab.reproduce.translation.run import TranslationExperiment, TranslationSettings
-from sonarmap.tools.lab.reproduce.translation.section import reach, translation_section
+from sonarmap.tools.lab.reproduce.rows import all_rows, all_seconds
+from sonarmap.tools.lab.reproduce.structures.limits import KINDS, Limits
+from sonarmap.tools.lab.reproduce.structures.limits_section import deviation_table
+from sonarmap.tools.lab.reproduce.structures.rotation import Turns
+from sonarmap.tools.lab.reproduce.structures.rotation_section import deviation, rotation_section, within_limits
+from sonarmap.tools.lab.reproduce.structures.settings import LimitsSettings, RotationSettings, TranslationSettings
+from sonarmap.tools.lab.reproduce.structures.translation import Translation
+from sonarmap.tools.lab.reproduce.structures.translation_section import reach, translation_section
 
 ONE = TranslationSettings(scenes=("clutter",), noises=("D0", "D6"), seeds=1, first_seed=3, edge=64, steps=(8, 16, 40))
 
@@ -50,11 +50,11 @@ class TestReach:
         settings = replace(ONE, noises=("D0",), seeds=2)
         good = [shifted(d, True, seed=3) for d in (100.0, 142.2, 149.7, 160.0)]
         other = [shifted(d, d <= far, seed=4) for d in (100.0, 142.2, 149.7, 160.0)]
-        table = translation_section(good + other, settings, Grid(64, 4.0)).tables[0]
+        table = translation_section(good + other, settings).tables[0]
         assert table.rows[0][:5] == ("D0: right up to [m]", "150", f"{far:.0f}", verdict, f"≥160 {far:.0f}")
 
     def test_a_short_series_says_how_far_it_went(self) -> None:
-        table = translation_section([shifted(60, True)], replace(ONE, noises=("D0",)), Grid(64, 4.0)).tables[0]
+        table = translation_section([shifted(60, True)], replace(ONE, noises=("D0",))).tables[0]
         assert table.rows[0][3] == "reached as far as tried (60 m)"
 
 
@@ -71,7 +71,7 @@ class TestDeviation:
 
     def test_what_deviates_is_named(self) -> None:
         settings = RotationSettings(scenes=("clutter",), noises=("D0",), seeds=1, first_seed=3)
-        section = rotation_section([turned(8, 8), turned(16, 60)], settings, Grid(64, 4.0))
+        section = rotation_section([turned(8, 8), turned(16, 60)], settings)
         assert section.tables[0].rows[0][3] == "1 beyond"
         assert "at 16° of yaw" in section.remarks
 
@@ -116,14 +116,10 @@ class TestSettings:
         with pytest.raises(InputError):
             LimitsSettings(**wrong)
 
-    def test_a_case_is_found_again_from_its_key(self) -> None:
-        for case in ONE.cases:
-            assert MovedStructure.of(case.key) == case
-
 
 class TestRun:
     def test_rows_hold_the_truth_and_are_right(self) -> None:
-        outcome = TranslationExperiment(ONE, choose_device()).run("clutter/D6/3")
+        outcome = Translation(ONE, choose_device()).run("clutter/D6/3")
         assert [row["distance_m"] for row in outcome.rows] == pytest.approx([8 * 14**0.5, 16 * 14**0.5, 40 * 14**0.5])
         assert [row["true_y_m"] for row in outcome.rows] == [16, 32, 80]
         assert outcome.rows[0]["right"]
@@ -132,11 +128,11 @@ class TestRun:
         assert 0 < common[2] < common[1] < common[0] < 1
 
     def test_shifts_that_leave_nothing_in_the_frame_are_passed_over(self) -> None:
-        outcome = TranslationExperiment(replace(ONE, steps=(8, 200)), choose_device()).run("clutter/D6/3")
+        outcome = Translation(replace(ONE, steps=(8, 200)), choose_device()).run("clutter/D6/3")
         assert [row["number"] for row in outcome.rows] == [0]
 
     def test_two_runs_give_the_same_rows_whatever_came_before(self) -> None:
-        first, second = TranslationExperiment(ONE, choose_device()), TranslationExperiment(ONE, choose_device())
+        first, second = Translation(ONE, choose_device()), Translation(ONE, choose_device())
         second.run("clutter/D0/3")
         assert first.run("clutter/D6/3").rows == second.run("clutter/D6/3").rows
 
@@ -147,8 +143,10 @@ class TestRun:
         experiment = Turns(settings, choose_device())
         outcomes = {job: experiment.run(job) for job in experiment.jobs()}
         assert all(within_limits(row) for row in all_rows(outcomes))
-        experiment.draw(tmp_path, outcomes)
-        assert [path.name for path in tmp_path.iterdir()] == list(experiment.section(outcomes).pictures)
+        experiment.draw(tmp_path, all_rows(outcomes))
+        assert [path.name for path in tmp_path.iterdir()] == list(
+            experiment.section(all_rows(outcomes), all_seconds(outcomes)).pictures
+        )
 
     def test_limits_look_at_each_step(self, tmp_path: Path) -> None:
         settings = LimitsSettings(scenes=("clutter",), seeds=1, edge=64, tilts_deg=(10,), yaws_deg=(-40,))
@@ -156,11 +154,13 @@ class TestRun:
         outcomes: dict[str, Outcome] = {job: experiment.run(job) for job in experiment.jobs()}
         assert [row["tilted"] for row in all_rows(outcomes)] == list(KINDS)
         assert max(abs(float(row["roll_off_deg"])) for row in all_rows(outcomes)) < 2
-        experiment.draw(tmp_path, outcomes)
-        assert {path.name for path in tmp_path.iterdir()} == set(experiment.section(outcomes).pictures)
+        experiment.draw(tmp_path, all_rows(outcomes))
+        assert {path.name for path in tmp_path.iterdir()} == set(
+            experiment.section(all_rows(outcomes), all_seconds(outcomes)).pictures
+        )
 
     def test_noise_is_new_in_every_volume(self) -> None:
-        series = VoxelSeries(choose_device(), 64)
+        series = Translation(ONE, choose_device())
         points = series.structure("clutter", 3)
         clouds = [series.prepare(points, "D6", [3, 6, k]).volume.surface for k in (0, 1, 1)]
         assert len(clouds[0]) != len(clouds[1]) or not np.array_equal(clouds[0], clouds[1])

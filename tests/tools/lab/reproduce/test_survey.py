@@ -14,9 +14,10 @@ from sonarmap.kernels.errors import InputError
 from sonarmap.slam.graph.trajectory import Trajectory
 from sonarmap.spectral.scan import Scan
 from sonarmap.tools.files.map_folder.pairs import TriedPair
-from sonarmap.tools.lab.reproduce.experiment import Outcome, Row
+from sonarmap.tools.lab.reproduce.experiment import Outcome
 from sonarmap.tools.lab.reproduce.experiments import EXPERIMENTS, SLAM, Request, create, members
 from sonarmap.tools.lab.reproduce.pages.section_text import section_text, verdicts
+from sonarmap.tools.lab.reproduce.rows import all_rows, all_seconds
 from sonarmap.tools.lab.reproduce.survey import run as surveys
 from sonarmap.tools.lab.reproduce.survey import simulated
 from sonarmap.tools.lab.reproduce.survey.mapped import Crossings, MappedSurvey, MappingTime
@@ -165,23 +166,19 @@ def tiny(device: Device, dive: int = 0) -> SurveyExperiment:
     return SurveyExperiment(settings, device.selector)
 
 
-def rows_of(done: Mapping[str, Outcome]) -> list[Row]:
-    return [row for outcome in done.values() for row in outcome.rows]
-
-
 class TestRun:
     @pytest.mark.slow
     def test_a_section_its_picture_and_no_times_in_rows(self, device: Device, tmp_path: Path) -> None:
         experiment, done = tiny(device), outcomes(device)
-        section = experiment.section(done)
+        section = experiment.section(all_rows(done), all_seconds(done))
         assert {verdict.claim.split(", ")[1] for verdict in verdicts(section)} == {"5 scans"}
         assert "20 % of the scans show nothing" in section_text(section, 1)
-        experiment.draw(tmp_path, done)
+        experiment.draw(tmp_path, all_rows(done))
         assert {path.name for path in tmp_path.iterdir()} == set(section.pictures)
-        assert not any(key.endswith("_s") or "memory" in key for row in rows_of(done) for key in row)
+        assert not any(key.endswith("_s") or "memory" in key for row in all_rows(done) for key in row)
 
     def test_what_was_mapped(self, device: Device) -> None:
-        row, *poses = rows_of(outcomes(device))
+        row, *poses = all_rows(outcomes(device))
         assert (row["row"], row["scans"], row["unusable"], row["placed"]) == (MAP, 5, 1, 4)
         assert float(row["ate_after_voxels"]) < 1
         assert [pose["row"] for pose in poses] == [POSE] * 4
@@ -197,6 +194,6 @@ class TestRun:
     def test_rows_are_the_same_again_those_of_dives_too(self, device: Device) -> None:
         experiment, done = tiny(device, 4), outcomes(device, 4)
         assert list(done) == ["floodgate-3/5/sonarmap", "floodgate-3/dives"]
-        assert str([row for job in experiment.jobs() for row in experiment.run(job).rows]) == str(rows_of(done))
-        section = experiment.section(done)
+        assert str([row for job in experiment.jobs() for row in experiment.run(job).rows]) == str(all_rows(done))
+        section = experiment.section(all_rows(done), all_seconds(done))
         assert {verdict.claim.split(", ")[1] for verdict in verdicts(section)} == {"5 scans", "2 dives of 4"}

@@ -8,7 +8,7 @@ from rich.console import Console
 from typer.testing import CliRunner
 
 from sonarmap.tools.command.main import app
-from sonarmap.tools.lab.reproduce.rate import wilson
+from sonarmap.tools.lab.reproduce.rows import wilson
 from sonarmap.tools.lab.reproduce.table import Table, write_csv
 from tests.samples.surveys import CENTER, scored
 

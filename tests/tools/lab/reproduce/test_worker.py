@@ -1,7 +1,6 @@
 """Several processes that share the jobs give the rows of one, and a method's jobs stay done when another changes."""
 
 from pathlib import Path
-from typing import ClassVar
 
 import pytest
 
@@ -50,11 +49,8 @@ class TestWorkers:
 class Two(Fake):
     """Jobs of two methods in two batches."""
 
-    methods = ("mine", "yours")
-    deciding: ClassVar = {"edge": 64}
-
     def jobs(self) -> list[str]:
-        return [f"{batch}/{method}" for batch in "ab" for method in self.methods]
+        return [f"{batch}/{method}" for batch in "ab" for method in ("mine", "yours")]
 
     def run(self, job: str) -> Outcome:
         self.ran.append(job)

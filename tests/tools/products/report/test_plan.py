@@ -6,8 +6,7 @@ import numpy as np
 import pytest
 from scipy.spatial.transform import Rotation
 
-from sonarmap.tools.lab.reproduce.plan import outlines, solid
-from sonarmap.tools.lab.reproduce.plan_picture import from_above
+from sonarmap.tools.lab.reproduce.plan import from_above, outlines, solid
 from sonarmap.tools.lab.simulate.shapes.solids import box, height_field, merge
 from sonarmap.tools.products.report.small_png import save_small
 

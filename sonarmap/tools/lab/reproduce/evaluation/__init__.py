@@ -1,6 +1,5 @@
-"""What the experiments on unseen pairs share.
+"""Evaluations on pairs that had no part in development, which compare methods.
 
-`methods.py` has the methods that are compared, `set_pairs.py` the pairs, `settings.py` and `experiment.py` how batches
-of pairs are registered, `answer.py` a registration as the cells of a row. `summary.py`, `calibration_tables.py` and
-`figure.py` make tables and curves of rows.
+`pair_set.py` has the pairs, and how batches of them are registered; `steps.py`, `pairs.py`, `unrelated.py` and
+`speed.py` are the experiments, each with a section of its own.
 """

@@ -1,12 +1,60 @@
-"""What an experiment on pairs of the evaluation's set runs."""
+"""What the experiments on unseen pairs run."""
 
+from collections.abc import Mapping
 from dataclasses import dataclass, field
+from types import MappingProxyType
 
 from sonarmap.kernels.errors import InputError
 from sonarmap.spectral.grid import Grid
-from sonarmap.tools.lab.reproduce.evaluation.methods import ComparedMethods, compared_methods
-from sonarmap.tools.lab.reproduce.evaluation.set_pairs import SET_SEED
 from sonarmap.tools.lab.reproduce.experiments import Request
+from sonarmap.tools.lab.reproduce.methods import OURS, ComparedMethods, compared_methods
+from sonarmap.tools.lab.reproduce.settings import as_asked, check_pairs, check_scenes, check_seeds, check_variances
+from sonarmap.tools.lab.simulate.pairs.turns import Turn
+
+EXTENT = 256.0  # of the grid [m], as large as the paper's
+
+
+FIRST_SEED = 101  # neither development nor the tests use scenes and noise of these seeds
+
+
+@dataclass(frozen=True, slots=True)
+class StepsSettings:
+    """What is run.
+
+    Attributes:
+        scenes: keys of SCENE_KINDS; the seeds go round over them.
+        sigma2: variances of the range noise at the largest range [m^2], each.
+        seeds: how many scenes and noises, counted from `first_seed`.
+        peers: how many of them, from the first, the methods other than ours register, as they take ten times as long.
+        first_seed: >= 0.
+        edge: voxels per edge; the grid is as large as the paper's, whatever their number.
+        compared: the methods.
+    """
+
+    scenes: tuple[str, ...] = ("floodgate", "harbor", "bridge", "wreck")
+    sigma2: tuple[float, ...] = (1.0, 2.0, 4.0)
+    seeds: int = 20
+    peers: int = 12
+    first_seed: int = FIRST_SEED
+    edge: int = 128
+    compared: ComparedMethods = field(default_factory=ComparedMethods)
+
+    def __post_init__(self) -> None:
+        check_scenes(self.scenes)
+        check_variances(self.sigma2)
+        check_seeds(self.seeds, self.first_seed)
+
+    @property
+    def grid(self) -> Grid:
+        """That all pairs share."""
+        Grid(self.edge, 1.0)
+        return Grid(self.edge, EXTENT / self.edge)
+
+
+SET_SEED = 20110  # neither development nor the tests use pairs of this set
+
+
+BATCH = 5  # pairs of a job: one of every range of overlap
 
 
 @dataclass(frozen=True, slots=True)
@@ -27,24 +75,56 @@ class PairSetSettings:
 
     def __post_init__(self) -> None:
         Grid(self.edge, 1.0)
-        if self.pairs < 1 or self.seed < 0:
-            raise InputError(f"{self.pairs} pairs of the set {self.seed}; there must be 1 or more, and the seed >= 0")
+        check_pairs(self.pairs, self.seed)
 
 
 def pair_set_settings(request: Request, pairs: int, quick_pairs: int) -> PairSetSettings:
-    """As the command line asks for it.
+    """As the command line asks for it; a quick run takes `quick_pairs` on half the voxels."""
+    usual = PairSetSettings(pairs, compared=compared_methods(request))
+    return as_asked(usual, request, pairs=quick_pairs, edge=64)
 
-    Args:
-        request: the options.
-        pairs: how many where no option says it.
-        quick_pairs: how many then in a quick run, which takes half the voxels.
 
-    Raises:
-        InputError: an option's value will not do.
+def batches(pairs: int) -> int:
+    """How many batches make at least so many pairs."""
+    return -(-pairs // BATCH)
+
+
+ANY_SHARE = 5  # for so many pairs with the turn "yaw" one with the turn "any"
+
+
+@dataclass(frozen=True, slots=True)
+class PairsSettings:
+    """What is run.
+
+    Attributes:
+        yaw, any: how many pairs of each turn, rounded up to whole batches; those of "any" are others.
+        peers: how many pairs of each turn, from the first, the methods other than ours register, as they take ten times
+            as long; they are spread over the overlaps as evenly as the whole set.
+        seed: of the set.
+        edge: voxels per edge; their size is chosen for each pair.
+        compared: the methods.
     """
-    return PairSetSettings(
-        pairs=request.pairs or (quick_pairs if request.quick else pairs),
-        seed=SET_SEED if request.seed is None else request.seed,
-        edge=request.grid or (64 if request.quick else 128),
-        compared=compared_methods(request),
-    )
+
+    yaw: int = 1000
+    any: int = 1000 // ANY_SHARE
+    peers: Mapping[Turn, int] = field(default_factory=lambda: MappingProxyType({"yaw": 300, "any": 300 // ANY_SHARE}))
+    seed: int = SET_SEED
+    edge: int = 128
+    compared: ComparedMethods = field(default_factory=ComparedMethods)
+
+    def __post_init__(self) -> None:
+        Grid(self.edge, 1.0)
+        if self.yaw < 1 or self.any < 1 or self.seed < 0:
+            raise InputError(
+                f"{self.yaw} and {self.any} pairs of the set {self.seed}; each must be 1 or more, and the seed >= 0"
+            )
+
+    @property
+    def counts(self) -> dict[Turn, int]:
+        """Pairs of each turn."""
+        return {"yaw": batches(self.yaw) * BATCH, "any": batches(self.any) * BATCH}
+
+    def registers(self, method: str, turn: Turn) -> int:
+        """How many pairs of a turn a method registers."""
+        count = self.counts[turn]
+        return count if method == OURS else min(count, batches(self.peers[turn]) * BATCH)

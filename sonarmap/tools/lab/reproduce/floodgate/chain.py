@@ -1,20 +1,82 @@
-"""Consecutive registrations as rows, and rows as chains of poses: the paper's map is no more than that (Sect. 4)."""
+"""The scans of Sect. 4 of the paper, simulated; consecutive registrations as rows, and rows as chains of poses."""
 
-from collections.abc import Iterable, Mapping, Sequence
-from dataclasses import dataclass
+from collections.abc import Iterable, Sequence
+from dataclasses import dataclass, replace
+from functools import lru_cache
 
 import numpy as np
 from scipy.spatial.transform import RigidTransform, Rotation
 
+from sonarmap.spectral.scan import Scan
 from sonarmap.tools.lab.evaluate.trajectory import RIGHT_DEG, pair_error
-from sonarmap.tools.lab.reproduce.experiment import Outcome, Row, Value
-from sonarmap.tools.lab.reproduce.floodgate.survey import FloodgateSurvey
-from sonarmap.tools.lab.reproduce.rows import all_rows
+from sonarmap.tools.lab.reproduce.answer import PARAMETERS, parameter_cells
+from sonarmap.tools.lab.reproduce.experiment import Row, Value
+from sonarmap.tools.lab.simulate.paths.stations import COLUMNS, PAPER_COUNT, ROWS
+from sonarmap.tools.lab.simulate.scenes.scene import build_scene
+from sonarmap.tools.lab.simulate.sensing.overlap import mutual_overlap, shared_view
+from sonarmap.tools.lab.simulate.shapes.solids import Mesh
 from sonarmap.tools.lab.simulate.shapes.surface import surface_distance
+from sonarmap.tools.lab.simulate.simulation import Simulation, SimulationSettings, simulate
+
+SCENE = "floodgate"
+SCANS = PAPER_COUNT
+
+
+@dataclass(frozen=True, slots=True)
+class FloodgateSurvey:
+    """N scans of one scene, in the order in which they were taken.
+
+    Attributes:
+        scans: in their sensor frames.
+        T_world_sensor: their true poses; the world is the scene's frame, East-North-Up.
+        mesh: the scene's true surface [m, world].
+        overlap: N - 1 shares of points that truly have a counterpart in the scan before, the smaller of both ways.
+        shared: N - 1 shares of what a scan shows that lies in the view of the scan before, the smaller of both ways,
+            without noise.
+    """
+
+    scans: tuple[Scan, ...]
+    T_world_sensor: RigidTransform
+    mesh: Mesh
+    overlap: tuple[float, ...]
+    shared: tuple[float, ...]
+
+    def step(self, source: int) -> RigidTransform:
+        """The true T_target_source of the pair source - 1 (target), source (source)."""
+        return self.T_world_sensor[source - 1].inv() * self.T_world_sensor[source]
+
+
+@lru_cache(maxsize=1)
+def survey(seed: int, count: int = SCANS) -> FloodgateSurvey:
+    """The survey from `seed`: the same seed, the same scans."""
+    simulation = simulate(SimulationSettings(scene=SCENE, trajectory="paper18", count=count, seed=seed))
+    poses = simulation.truth.T_world_sensor
+    pairs = range(1, count)
+    return FloodgateSurvey(
+        scans=simulation.scans,
+        T_world_sensor=poses,
+        mesh=build_scene(SCENE, seed).mesh,
+        overlap=tuple(_overlap(simulation, source) for source in pairs),
+        shared=tuple(_shared(simulation, source) for source in pairs),
+    )
+
+
+def _overlap(simulation: Simulation, source: int) -> float:
+    target, moved = simulation.scans[source - 1], simulation.scans[source]
+    poses = simulation.truth.T_world_sensor
+    return mutual_overlap(target.points, moved.points, poses[source - 1].inv() * poses[source])
+
+
+def _shared(simulation: Simulation, source: int) -> float:
+    """With as few beams as the way was laid out with."""
+    settings = simulation.settings
+    sensor = replace(settings.sensor, columns=COLUMNS, rows=ROWS)
+    poses = simulation.truth.T_world_sensor
+    return shared_view(build_scene(SCENE, settings.seed), sensor, poses[source - 1], poses[source])
+
 
 RIGHT_M = 6.0  # three voxels of the paper's coarser grid [m]; one bar for all methods, whatever their voxels
 PAIR, POSE = "pair", "pose"
-PARAMETERS = ("x_m", "y_m", "z_m", "yaw_deg", "roll_deg", "pitch_deg")
 
 MAP_MEDIAN, MAP_90, DISPLACED_90 = "map_median_m", "map_90_m", "displaced_90_m"
 
@@ -74,8 +136,8 @@ def pair_row(survey: FloodgateSurvey, source: int, estimated: RigidTransform, ac
         "accepted": accepted,
         "overlap": survey.overlap[source - 1],
         "shared": survey.shared[source - 1],
-        **_parameters(estimated, "found"),
-        **_parameters(truth, "true"),
+        **parameter_cells(estimated, "found"),
+        **parameter_cells(truth, "true"),
     }
 
 
@@ -124,9 +186,8 @@ def transform(row: Row, which: str) -> RigidTransform:
     return RigidTransform.from_components([x, y, z], Rotation.from_euler("ZYX", [yaw, pitch, roll], degrees=True))
 
 
-def chains(outcomes: Mapping[str, Outcome]) -> dict[tuple[int, str, int], Chain]:
-    """The chains of all outcomes, by seed, method and grid (0: none), in the order of the outcomes."""
-    rows = all_rows(outcomes)
+def chains(rows: Sequence[Row]) -> dict[tuple[int, str, int], Chain]:
+    """The chains of all rows, by seed, method and grid (0: none), in the order of the rows."""
     keys = dict.fromkeys(_key(row) for row in rows)
     return {key: Chain(_of(rows, key, PAIR), _of(rows, key, POSE)) for key in keys}
 
@@ -137,10 +198,3 @@ def _key(row: Row) -> tuple[int, str, int]:
 
 def _of(rows: Iterable[Row], key: tuple[int, str, int], kind: str) -> tuple[Row, ...]:
     return tuple(row for row in rows if row["row"] == kind and _key(row) == key)
-
-
-def _parameters(T: RigidTransform, which: str) -> dict[str, Value]:
-    """x, y, z [m] and yaw, roll, pitch [degrees], as the paper's Fig. 31 shows them."""
-    yaw, pitch, roll = T.rotation.as_euler("ZYX", degrees=True)
-    values = [*T.translation, yaw, roll, pitch]
-    return {f"{which}_{name}": float(value) for name, value in zip(PARAMETERS, values, strict=True)}

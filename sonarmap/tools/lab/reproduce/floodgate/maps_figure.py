@@ -1,18 +1,20 @@
 """The maps from above over the true plan (the paper's Figs. 25, 28, 30), by height and by what is wrong with them."""
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
+from types import MappingProxyType
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
 from scipy.spatial.transform import RigidTransform
 
+from sonarmap.tools.lab.reproduce.figure import new_figure
+from sonarmap.tools.lab.reproduce.floodgate.chain import FloodgateSurvey, survey
 from sonarmap.tools.lab.reproduce.floodgate.methods import TRUTH, label
-from sonarmap.tools.lab.reproduce.floodgate.survey import FloodgateSurvey
+from sonarmap.tools.lab.reproduce.floodgate.motion_figure import draw_motion, draw_poses
 from sonarmap.tools.lab.reproduce.floodgate.tables import Chain, Chains, map_90, runs_of, shown
-from sonarmap.tools.lab.reproduce.plan import SectionPlan, plan
-from sonarmap.tools.lab.reproduce.plan_picture import draw_plan, from_above
+from sonarmap.tools.lab.reproduce.plan import SectionPlan, draw_plan, from_above, plan
 from sonarmap.tools.lab.simulate.shapes.surface import surface_distance
 from sonarmap.tools.products.report.small_png import save_small
 
@@ -122,11 +124,9 @@ def _legend(figure: "Figure", patches: Sequence["Patch"]) -> None:
 
 
 def _grid(count: int) -> tuple["Figure", Any]:
-    from matplotlib.figure import Figure
-
     columns = min(count, _COLUMNS)
     lines = -(-count // columns)
-    figure = Figure(figsize=(5.0 * columns + 0.8, 5.1 * lines + 0.4), dpi=110, layout="constrained")
+    figure = new_figure(5.0 * columns + 0.8, 5.1 * lines + 0.4, dpi=110)
     grid = figure.subplots(lines, columns, squeeze=False).ravel()
     for axes in grid[count:]:
         axes.set_axis_off()
@@ -141,3 +141,52 @@ def _finish(axes: "Axes", panel: _Panel, now: FloodgateSurvey, section: SectionP
     axes.set(xlim=(-half, half), ylim=(-half, half), aspect="equal")
     axes.set_title(panel.title, fontsize=11)
     axes.tick_params(labelsize=8)
+
+
+_STRAY = 0.004  # share of the echoes that is left out at either end of each axis, so that the rest is seen
+
+
+def draw_scans(path: Path, now: FloodgateSurvey) -> None:
+    """Write the scans at a quarter and at three quarters of the survey in perspective, colored by depth."""
+    figure = new_figure(14, 6.2, dpi=110)
+    count = len(now.scans)
+    for k, number in enumerate((count // 4, 3 * count // 4)):
+        scan, T = now.scans[number], now.T_world_sensor[number]
+        points = T.apply(scan.points.astype(np.float64))
+        low, high = np.quantile(points, [_STRAY, 1 - _STRAY], axis=0)
+        near = points[((points >= low) & (points <= high)).all(axis=1)]
+        axes: Any = figure.add_subplot(1, 2, k + 1, projection="3d", computed_zorder=False)
+        axes.scatter(*near.T, c=near[:, 2], s=2.0, cmap="viridis", linewidths=0)
+        axes.scatter(*T.translation, color="magenta", s=30)
+        heading = np.rad2deg(T.rotation.as_euler("ZYX")[0])
+        axes.view_init(elev=28, azim=heading + 180)
+        axes.set_box_aspect(np.maximum(np.ptp(near, axis=0), 1.0), zoom=0.98)
+        axes.set(xlabel="x [m]", ylabel="y [m]", zlabel="z [m]")
+        axes.set_title(f"scan {number}: {len(points):,} points", fontsize=11)
+    save_small(figure, path)
+
+
+PICTURES: Mapping[str, str] = MappingProxyType(
+    {
+        "floodgate-maps.png": "The maps from above, as Figs. 25, 28 and 30, colored by the height of the highest "
+        "point. Thin black outlines show what is solid 4 m below the water's surface. The true path is black, the "
+        "estimated path magenta; both start at the same pose.",
+        "floodgate-errors.png": "The same maps, colored by the distance of each point from the true surface; points "
+        "with larger errors are drawn on top. Gray is solid.",
+        "floodgate-motion.png": "Motion estimates, as Fig. 31, from each scan to the next, with the true motion. Marks "
+        "at the edge of a plot stand for values beyond it.",
+        "floodgate-poses.png": "Growth of the errors along the chain.",
+        "floodgate-scans.png": "Two of the scans, as Fig. 24, colored by height; the few echoes far from the rest are "
+        "left out. The sensor is magenta.",
+    }
+)
+
+
+def draw_floodgate(folder: Path, chains: Chains, seed: int, scans: int) -> None:
+    """Write PICTURES into an existing folder, of one survey."""
+    maps, errors, motion, poses, examples = (folder / name for name in PICTURES)
+    now = survey(seed, scans)
+    draw_maps(maps, errors, now, chains, seed)
+    draw_motion(motion, chains, seed)
+    draw_poses(poses, chains, seed)
+    draw_scans(examples, now)

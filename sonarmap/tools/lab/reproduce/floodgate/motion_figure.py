@@ -5,16 +5,16 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
+from sonarmap.tools.lab.reproduce.answer import PARAMETERS
 from sonarmap.tools.lab.reproduce.experiment import Row
-from sonarmap.tools.lab.reproduce.floodgate.chain import MAP_90, PARAMETERS
+from sonarmap.tools.lab.reproduce.figure import new_figure
+from sonarmap.tools.lab.reproduce.floodgate.chain import MAP_90
 from sonarmap.tools.lab.reproduce.floodgate.methods import COMPARED, TRUTH, label
 from sonarmap.tools.lab.reproduce.floodgate.tables import Chains, Run, runs_of, shown
 from sonarmap.tools.products.report.small_png import save_small
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
-    from matplotlib.figure import Figure
-
 _NAMES = ("x [m]", "y [m]", "z [m]", "yaw [degrees]", "roll [degrees]", "pitch [degrees]")
 _LEAST_ROOM = 2.0  # above and below the true values [m or degrees]; what is farther off is shown at the rim
 _COARSE = 128  # voxels per edge: open marks
@@ -23,9 +23,7 @@ _TRUE: dict[str, Any] = {"color": "black", "linewidth": 1.6}
 
 def draw_motion(path: Path, chains: Chains, seed: int) -> None:
     """Write x, y, z, yaw, roll and pitch between consecutive scans of one survey: true lines, estimated marks."""
-    from matplotlib.figure import Figure
-
-    figure = Figure(figsize=(15, 8.2), dpi=110, layout="constrained")
+    figure = new_figure(15, 8.2, dpi=110)
     runs = {run: chains[seed, *run].pairs for run in shown(runs_of(chains))}
     pairs = next(iter(runs.values()))
     source = [int(row["scan"]) for row in pairs]
@@ -47,9 +45,7 @@ def draw_motion(path: Path, chains: Chains, seed: int) -> None:
 
 def draw_poses(path: Path, chains: Chains, seed: int) -> None:
     """Write how the error of the poses grows along the chain of one survey, by method, and the map's with it."""
-    from matplotlib.figure import Figure
-
-    figure = Figure(figsize=(15, 4.8), dpi=110, layout="constrained")
+    figure = new_figure(15, 4.8, dpi=110)
     panels = figure.subplots(1, 3)
     columns = {
         "translation_m": "error of the pose [m]",
@@ -85,7 +81,7 @@ def _logarithmic(axes: "Axes", name: str) -> None:
     axes.grid(alpha=0.3)
 
 
-def _legend(figure: "Figure", axes: "Axes") -> None:
+def _legend(figure: Any, axes: "Axes") -> None:
     lines, names = axes.get_legend_handles_labels()
     figure.legend(lines, names, loc="outside lower center", ncols=len(names), frameon=False)
 

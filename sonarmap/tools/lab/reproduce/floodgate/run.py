@@ -1,6 +1,6 @@
 """The flood gate (paper Sect. 4, Table 2, Figs. 22 to 31): maps of eighteen scans, made by chaining registrations."""
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Sequence
 from dataclasses import dataclass
 from pathlib import Path
 from time import perf_counter
@@ -12,15 +12,14 @@ from sonarmap.kernels.device.device import Device
 from sonarmap.kernels.errors import InputError
 from sonarmap.spectral.grid import Grid
 from sonarmap.spectral.result import Registrar
-from sonarmap.tools.lab.reproduce.checks import check_seeds
-from sonarmap.tools.lab.reproduce.evaluation.answer import finish_device
-from sonarmap.tools.lab.reproduce.experiment import Outcome, Section, Value
+from sonarmap.tools.lab.reproduce.answer import finish_device
+from sonarmap.tools.lab.reproduce.experiment import Experiment, Outcome, Row, Section, Value
 from sonarmap.tools.lab.reproduce.experiments import Request
-from sonarmap.tools.lab.reproduce.floodgate.chain import PAIR, POSE, chains, pair_row, pose_rows
-from sonarmap.tools.lab.reproduce.floodgate.figure import draw_floodgate
+from sonarmap.tools.lab.reproduce.floodgate.chain import PAIR, POSE, SCANS, chains, pair_row, pose_rows, survey
+from sonarmap.tools.lab.reproduce.floodgate.maps_figure import draw_floodgate
 from sonarmap.tools.lab.reproduce.floodgate.methods import COMPARED, EXTENT, TRUTH, VOXEL, runs
 from sonarmap.tools.lab.reproduce.floodgate.section import floodgate_section
-from sonarmap.tools.lab.reproduce.floodgate.survey import SCANS, survey
+from sonarmap.tools.lab.reproduce.settings import check_seeds
 from sonarmap.tools.methods.registry import ALL_METHODS, build, is_installed
 
 # The paper's three, and ours
@@ -77,16 +76,19 @@ class _Step:
     register: float
 
 
-class Floodgate:
+class Floodgate(Experiment):
     """Every method registers every scan to the one before it; a map is what chaining these makes."""
 
     name: ClassVar[str] = "floodgate"
-    sources: ClassVar[tuple[str, ...]] = ("tools/lab/simulate", "tools/lab/evaluate", *ALL_METHODS)
+    sources: ClassVar[tuple[str, ...]] = (
+        *("tools/lab/simulate", "tools/lab/evaluate", "tools/lab/reproduce/answer.py"),
+        *(f"tools/lab/reproduce/floodgate/{name}.py" for name in ("chain", "methods")),
+        *ALL_METHODS,
+    )
 
     def __init__(self, settings: FloodgateSettings, device: Device | None = None) -> None:
         """`device` is needed to run jobs, not to show what they found."""
-        self.settings: Any = settings
-        self._device = device
+        super().__init__(settings, device)
         self._current: tuple[tuple[int, str, int], Registrar, dict[int, Any]] | None = None
         self._steps: dict[tuple[int, str, int, int], _Step] = {}
 
@@ -120,14 +122,14 @@ class Floodgate:
         rows = (begin | pair_row(now, source, step.found, step.accepted),)
         return Outcome(rows, ({key: begin[key] for key in ("seed", "method", "grid")} | seconds,))
 
-    def section(self, outcomes: Mapping[str, Outcome]) -> Section:
+    def section(self, rows: Sequence[Row], seconds: Sequence[Row]) -> Section:
         """The paper's statements next to our results, errors, and Table 2."""
         settings: FloodgateSettings = self.settings
-        return floodgate_section(settings.methods, settings.left_out, settings.edges, outcomes)
+        return floodgate_section(settings.methods, settings.left_out, settings.edges, rows, seconds)
 
-    def draw(self, folder: Path, outcomes: Mapping[str, Outcome]) -> None:
+    def draw(self, folder: Path, rows: Sequence[Row]) -> None:
         """Write the pictures of the first survey."""
-        draw_floodgate(folder, chains(outcomes), self.settings.first_seed, self.settings.scans)
+        draw_floodgate(folder, chains(rows), self.settings.first_seed, self.settings.scans)
 
     def _step(self, seed: int, method: str, edge: int, source: int) -> _Step:
         key = (seed, method, edge, source)
@@ -161,7 +163,7 @@ class Floodgate:
         if self._current is None or self._current[0] != key:
             self._current = None
             grid = Grid(edge, EXTENT / edge) if edge else Grid(round(EXTENT / VOXEL), VOXEL)
-            registrar = build(method, grid, self._device.selector if self._device else None, seed)
+            registrar = build(method, grid, self.device.selector if self.device else None, seed)
             scan = registrar.prepare(survey(seed, self.settings.scans).scans[0])
             registrar.register(scan, scan)
             self._current = (key, registrar, {})

@@ -6,40 +6,35 @@ from typing import Any
 
 import numpy as np
 
-from sonarmap.tools.lab.reproduce.figure import save_figure
+from sonarmap.tools.lab.reproduce.figure import draw_parameters, legend_beside, new_figure, save_figure
 from sonarmap.tools.lab.reproduce.gaussian.row import GaussianRow
-from sonarmap.tools.lab.reproduce.rate import wilson
+from sonarmap.tools.lab.reproduce.rows import wilson
 
 TRANSLATION, ROTATION = ("x", "y", "z"), ("yaw", "roll", "pitch")
-_COLORS = ("tab:blue", "tab:orange", "tab:green")
 _MARKS = ("o-", "s--", "^:", "d-.")
-_WRONG = "0.88"
-_DPI = 100
 
 
-def draw_parameters(path: Path, rows: Sequence[GaussianRow]) -> None:
-    """Write a PNG of one grid and seed: one column per method, two rows of axes per noise.
-
-    Raises:
-        InputError: the file cannot be written.
-    """
-    from matplotlib.figure import Figure
-
+def draw_table1(path: Path, rows: Sequence[GaussianRow]) -> None:
+    """Write a PNG of one grid and seed: one column per method, two rows of axes per noise."""
     methods, noises = _methods(rows), _noises(rows)
     lines = 2 * len(noises)
-    figure = Figure(figsize=(4.2 * len(methods), 2.5 * lines + 0.8), dpi=_DPI, layout="constrained")
+    figure = new_figure(4.2 * len(methods), 2.5 * lines + 0.8)
     axes = figure.subplots(lines, len(methods), squeeze=False, sharex=True, sharey="row")
     for line, sigma2 in enumerate(noises):
         for column, method in enumerate(methods):
             mine = [row for row in rows if (row.sigma2, row.method) == (sigma2, method)]
             upper, lower = axes[2 * line, column], axes[2 * line + 1, column]
-            _draw_parameters(upper, mine, slice(0, 3), TRANSLATION)
-            _draw_parameters(lower, mine, slice(3, 6), ROTATION)
+            places, right = np.array([row.scan for row in mine]), [row.right for row in mine]
+            true, found = np.array([row.true for row in mine]).T, np.array([row.found for row in mine]).T
+            for panel, names, first in ((upper, TRANSLATION, 0), (lower, ROTATION, 3)):
+                series = {name: (true[first + k], found[first + k]) for k, name in enumerate(names)}
+                draw_parameters(panel, places, right, series)  # pyright: ignore[reportArgumentType]
+                panel.set_xlim(min(places) - 0.5, max(places) + 0.5)
             upper.set_title(f"{method}, σ² = {sigma2:g} m²", fontsize=11)
         axes[2 * line, 0].set_ylabel("translation [m]")
         axes[2 * line + 1, 0].set_ylabel("rotation [degrees]")
         for axis in axes[2 * line : 2 * line + 2, -1]:
-            axis.legend(loc="center left", bbox_to_anchor=(1.0, 0.5), fontsize=8, frameon=False)
+            legend_beside(axis)
     _name_scans(axes[-1], rows)
     row = rows[0]
     figure.suptitle(
@@ -50,39 +45,17 @@ def draw_parameters(path: Path, rows: Sequence[GaussianRow]) -> None:
 
 
 def draw_rates(path: Path, rows: Sequence[GaussianRow]) -> None:
-    """Write a PNG of the success rates over the scans: axes per noise, a color per method, a mark per grid.
-
-    Raises:
-        InputError: the file cannot be written.
-    """
-    from matplotlib.figure import Figure
-
+    """Write a PNG of the success rates over the scans: axes per noise, a color per method, a mark per grid."""
     noises = _noises(rows)
-    figure = Figure(figsize=(4.6 * len(noises) + 2.2, 3.6), dpi=_DPI, layout="constrained")
+    figure = new_figure(4.6 * len(noises) + 2.2, 3.6)
     axes = figure.subplots(1, len(noises), squeeze=False, sharey=True)[0]
     for axis, sigma2 in zip(axes, noises, strict=True):
         _draw_rates(axis, [row for row in rows if row.sigma2 == sigma2])
         axis.set_title(f"σ² = {sigma2:g} m²", fontsize=11)
     axes[0].set_ylabel("share of seeds that are right")
-    axes[-1].legend(loc="center left", bbox_to_anchor=(1.0, 0.5), fontsize=8, frameon=False)
+    legend_beside(axes[-1])
     _name_scans(axes, rows)
     save_figure(figure, path)
-
-
-def _draw_parameters(axes: Any, rows: Sequence[GaussianRow], which: slice, names: tuple[str, ...]) -> None:
-    """Three parameters: a line of true values and a mark for each estimate."""
-    index = [row.scan for row in rows]
-    estimated, true = np.array([row.found[which] for row in rows]), np.array([row.true[which] for row in rows])
-    for row in rows:
-        if not row.right:
-            axes.axvspan(row.scan - 0.5, row.scan + 0.5, color=_WRONG, linewidth=0)
-    for k, (name, color) in enumerate(zip(names, _COLORS, strict=True)):
-        axes.plot(index, true[:, k], "-", color=color, linewidth=1.2, label=f"{name} true")
-        axes.plot(
-            index, estimated[:, k], "x", color=color, markersize=6, markeredgewidth=1.6, label=f"{name} estimated"
-        )
-    axes.set_xlim(min(index) - 0.5, max(index) + 0.5)
-    axes.grid(alpha=0.3)
 
 
 def _draw_rates(axes: Any, rows: Sequence[GaussianRow]) -> None:

@@ -2,18 +2,18 @@
 
 from collections.abc import Mapping
 from dataclasses import asdict, dataclass
-from typing import Any, Self
+from typing import Any, Literal, Self
 
 import numpy as np
 from scipy.spatial.transform import RigidTransform, Rotation
 
+from sonarmap.spectral.result import Registration
+from sonarmap.tools.lab.evaluate.trajectory import RIGHT_DEG, RIGHT_VOXELS, PairError, pair_error
+from sonarmap.tools.lab.reproduce.answer import parameter_cells
 from sonarmap.tools.lab.reproduce.experiment import Row, Value
-from sonarmap.tools.lab.reproduce.gaussian.scored import ScoredRegistration
 from sonarmap.tools.lab.simulate.paths.trajectories import TABLE1_RIG
 
 RANKED = 12  # so many yaw peaks are looked at
-
-_PARAMETERS = ("x_m", "y_m", "z_m", "yaw_deg", "roll_deg", "pitch_deg")
 
 
 @dataclass(frozen=True, slots=True)
@@ -132,6 +132,62 @@ class GaussianTime(_Cells):
     register_s: float
 
 
+@dataclass(frozen=True, slots=True)
+class ScoredRegistration:
+    """A registration with its truth.
+
+    Attributes:
+        registration: of the pair.
+        truth: the true T_target_source, between the sensor frames.
+        center: (3,) [m, sensor frame of the source], where the scan's grid was centered.
+        voxel: of the grid [m].
+    """
+
+    registration: Registration
+    truth: RigidTransform
+    center: np.ndarray
+    voxel: float
+
+    @property
+    def error(self) -> PairError:
+        """Of T_target_source, so the translation's at the sensor: it decides what is right."""
+        return pair_error(self.registration.T_target_source, self.truth)
+
+    @property
+    def center_m(self) -> float:
+        """How far from its true place the scan's center comes to lie [m].
+
+        A scan's center is far from its sensor; what the rotation lacks moves one of them more than the other.
+        """
+        estimated = self.registration.T_target_source.apply(self.center)
+        return float(np.linalg.norm(estimated - self.truth.apply(self.center)))
+
+    @property
+    def right(self) -> bool:
+        """Whether it is within RIGHT_DEG and, at the sensor, RIGHT_VOXELS of the truth."""
+        return self.error.within(RIGHT_DEG, RIGHT_VOXELS * self.voxel)
+
+    @property
+    def right_at_center(self) -> bool:
+        """The same, the translation taken at the scan's center."""
+        return self.error.rotation_deg <= RIGHT_DEG and self.center_m <= RIGHT_VOXELS * self.voxel
+
+    @property
+    def wrong_step(self) -> Literal["", "yaw", "tilt", "translation"]:
+        """The first of the paper's steps whose result is wrong; "" where it is right."""
+        if self.right:
+            return ""
+        if self.error.rotation_deg <= RIGHT_DEG:
+            return "translation"
+        estimated, true = (T.rotation.as_euler("ZYX", degrees=True) for T in (self._found, self.truth))
+        yaw = (estimated[0] - true[0] + 180) % 360 - 180
+        return "yaw" if abs(yaw) > RIGHT_DEG else "tilt"
+
+    @property
+    def _found(self) -> RigidTransform:
+        return self.registration.T_target_source
+
+
 def row_of(
     scored: ScoredRegistration, pair: tuple[str, float, int, int], method: str, edge: int, yaw_rank: int = 0
 ) -> GaussianRow:
@@ -156,18 +212,14 @@ def row_of(
     cells |= {"psr": float(registration.psr), "rival_psr": float(steps["rival"])}
     cells |= {"yaw_psr": float(steps["yaw"]), "tilt_psr": float(steps["tilt"])}
     for which, T in (("found", registration.T_target_source), ("true", scored.truth)):
-        cells |= zip((f"{which}_{name}" for name in _PARAMETERS), parameters(T).tolist(), strict=True)
+        cells |= parameter_cells(about_center(T), which)
     return GaussianRow.of(cells)
-
-
-def parameters(T_target_source: RigidTransform) -> np.ndarray:
-    """x, y, z [m] and yaw, roll, pitch [degrees] about the grid's center, (6,), as Table 1 lists them."""
-    T = about_center(T_target_source)
-    yaw, pitch, roll = T.rotation.as_euler("ZYX", degrees=True)
-    return np.array([*T.translation, yaw, roll, pitch])
 
 
 def about_center(T_target_source: RigidTransform) -> RigidTransform:
     """A transform between sensor frames, as one about the grid's center: there Table 1 states its values."""
     T_grid_rig = RigidTransform.from_translation(TABLE1_RIG)
     return T_grid_rig * T_target_source * T_grid_rig.inv()
+
+
+Step = Literal["", "yaw", "tilt", "translation"]

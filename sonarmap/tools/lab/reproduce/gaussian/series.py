@@ -1,8 +1,8 @@
-"""S0..S9 of Table 1 by every method, on one device and grid."""
+"""The variants of the paper's chain that the experiment compares. A new one is a row of VARIANTS."""
 
-from collections.abc import Sequence
-from dataclasses import fields, replace
+from dataclasses import dataclass, fields, replace
 from time import perf_counter
+from types import MappingProxyType
 
 from scipy.spatial.transform import RigidTransform
 
@@ -11,10 +11,41 @@ from sonarmap.spectral.grid import Grid
 from sonarmap.spectral.hemisphere.registration import HemisphereConfig, HemisphereRegistrar, LayeredScan
 from sonarmap.spectral.scan import Scan
 from sonarmap.tools.lab.evaluate.trajectory import RIGHT_DEG
-from sonarmap.tools.lab.reproduce.gaussian.row import RANKED, GaussianRow, GaussianTime, row_of
-from sonarmap.tools.lab.reproduce.gaussian.scored import ScoredRegistration
-from sonarmap.tools.lab.reproduce.gaussian.variants import VARIANTS
+from sonarmap.tools.lab.reproduce.gaussian.row import RANKED, GaussianRow, GaussianTime, ScoredRegistration, row_of
 from sonarmap.tools.lab.simulate.pairs.table1 import table1_pair
+
+
+@dataclass(frozen=True, slots=True)
+class ChainVariant:
+    """A configuration of the paper's chain.
+
+    Attributes:
+        title: what it does, in words.
+        config: of the spectral registration.
+    """
+
+    title: str
+    config: HemisphereConfig
+
+
+# Name in tables and files -> variant
+VARIANTS: MappingProxyType[str, ChainVariant] = MappingProxyType(
+    {
+        "paper": ChainVariant(
+            "the paper's chain: the steps of Sect. 2.11 once, with the paper's windows, along the highest yaw peak",
+            HemisphereConfig.paper(),
+        ),
+        "one peak": ChainVariant(
+            "the chain along the highest yaw peak, with the rotation refined", HemisphereConfig(yaw_peaks=1)
+        ),
+        "six peaks": ChainVariant(
+            "the chain along the six highest yaw peaks, with the rotation refined; these are the defaults of the "
+            "method `hemisphere`",
+            HemisphereConfig(yaw_peaks=6),
+        ),
+    }
+)
+
 
 # What a config says of pairs alone; two that differ in nothing else prepare a scan alike.
 _OF_PAIRS = ("yaw_peaks", "max_tilt", "refinements", "final_refinements", "search", "acceptance")
@@ -58,19 +89,14 @@ class Series:
 
     def _prepare(self, scan: Scan) -> dict[str, tuple[LayeredScan, float]]:
         """The scan as every method needs it, by the method's name, and the seconds that took."""
-        shared: list[tuple[HemisphereConfig, tuple[LayeredScan, float]]] = []
-        prepared_by_name = {}
-        for name, registrar in self._registrars.items():
-            preparation = preparation_of(registrar.config)
-            known = _find(shared, preparation)
-            if known is None:
+        shared: dict[HemisphereConfig, tuple[LayeredScan, float]] = {}
+        for registrar in self._registrars.values():
+            if preparation_of(registrar.config) not in shared:
                 start = perf_counter()
                 prepared = registrar.prepare(scan)
                 self.device.queue.finish()  # so that the registration's seconds are its own
-                known = prepared, perf_counter() - start
-                shared.append((preparation, known))
-            prepared_by_name[name] = known
-        return prepared_by_name
+                shared[preparation_of(registrar.config)] = prepared, perf_counter() - start
+        return {name: shared[preparation_of(registrar.config)] for name, registrar in self._registrars.items()}
 
 
 def yaw_rank(registrar: HemisphereRegistrar, target: LayeredScan, source: LayeredScan, truth: RigidTransform) -> int:
@@ -89,9 +115,3 @@ def preparation_of(config: HemisphereConfig) -> HemisphereConfig:
     by_default = HemisphereConfig()
     kept = {field.name: getattr(by_default, field.name) for field in fields(config) if field.name in _OF_PAIRS}
     return replace(config, **kept)
-
-
-def _find(
-    shared: Sequence[tuple[HemisphereConfig, tuple[LayeredScan, float]]], preparation: HemisphereConfig
-) -> tuple[LayeredScan, float] | None:
-    return next((known for earlier, known in shared if earlier == preparation), None)

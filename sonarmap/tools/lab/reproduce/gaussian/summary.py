@@ -8,7 +8,7 @@ from types import MappingProxyType
 
 from sonarmap.spectral.hemisphere.registration import HemisphereConfig
 from sonarmap.tools.lab.reproduce.gaussian.row import RANKED, GaussianRow
-from sonarmap.tools.lab.reproduce.rate import Rate, wilson
+from sonarmap.tools.lab.reproduce.rows import Rate, wilson
 
 # sigma^2 [m^2] -> the last scan up to which the paper's registrations succeed (Figs. 20, 21)
 PAPER_LAST: Mapping[float, int] = MappingProxyType({1.0: 8, 2.0: 6})

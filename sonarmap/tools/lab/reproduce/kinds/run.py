@@ -1,17 +1,16 @@
 """Pairs of every kind of scan, by every method, with what instruments know and without."""
 
-from collections.abc import Mapping, Sequence
-from dataclasses import dataclass
+from collections.abc import Sequence
+from functools import lru_cache
 from pathlib import Path
-from typing import Any, ClassVar
+from typing import ClassVar
 
 from sonarmap.kernels.errors import InputError
 from sonarmap.spectral.grid import Grid, choose_grid
 from sonarmap.spectral.result import Registration
-from sonarmap.tools.lab.reproduce.evaluation.answer import answer, claims, errors
-from sonarmap.tools.lab.reproduce.evaluation.methods import registrar
-from sonarmap.tools.lab.reproduce.evaluation.set_pairs import BATCH
-from sonarmap.tools.lab.reproduce.experiment import Outcome, Row, Section, Value
+from sonarmap.tools.lab.reproduce.answer import answer, claims, errors
+from sonarmap.tools.lab.reproduce.evaluation.settings import BATCH
+from sonarmap.tools.lab.reproduce.experiment import ByMethod, Outcome, Row, Section, Value
 from sonarmap.tools.lab.reproduce.experiments import Request
 from sonarmap.tools.lab.reproduce.kinds.figure import draw_kinds
 from sonarmap.tools.lab.reproduce.kinds.navigation import navigation_cells
@@ -23,37 +22,24 @@ from sonarmap.tools.lab.reproduce.kinds.settings import (
     KindsSettings,
     kinds_settings,
 )
-from sonarmap.tools.lab.reproduce.rows import all_rows
+from sonarmap.tools.lab.reproduce.methods import METHOD_SOURCES, registrar
 from sonarmap.tools.lab.simulate.kinds.catalog import kind_pair
 from sonarmap.tools.lab.simulate.kinds.kind import KindPair
 
 
-@dataclass(frozen=True, slots=True)
-class _Batch:
-    """Simulated pairs, without priors, each with its grid."""
-
-    key: tuple[str, bool, int]
-    pairs: tuple[tuple[KindPair, Grid], ...]
-
-
-class Kinds:
+class Kinds(ByMethod):
     """Registers pairs of every kind; a job is five of them, what is known beforehand, and one method."""
 
     name: ClassVar[str] = "kinds"
     sources: ClassVar[tuple[str, ...]] = (
-        "tools/lab/simulate",
-        "tools/lab/evaluate",
-        "tools/lab/reproduce/evaluation",
-        "spectral/grid.py",
+        *METHOD_SOURCES,
+        *(f"tools/lab/reproduce/kinds/{name}.py" for name in ("settings", "navigation")),
     )
 
-    def __init__(self, settings: KindsSettings, device: str | None) -> None:
+    def __init__(self, settings: KindsSettings, device: str | None = None) -> None:
         """`device` as `choose_device` takes it."""
-        self.settings: Any = settings
-        self.methods: tuple[str, ...] = settings.compared.methods
-        self.deciding: Mapping[str, Any] = {"edge": settings.edge, "seed": settings.seed}
-        self._device = device
-        self._batch: _Batch | None = None
+        super().__init__(settings, device)
+        self._pairs = lru_cache(maxsize=1)(self._simulated)  # kept for the next method
 
     def jobs(self) -> Sequence[str]:
         """Kind, what is known, batch and method, as in swath/none/003/spectral; those of the same pairs in a row."""
@@ -73,32 +59,29 @@ class Kinds:
         pairs = self._pairs(kind, known == NAVIGATION, int(batch))
         return Outcome(tuple(self._row(pair, grid, known, method) for pair, grid in pairs))
 
-    def section(self, outcomes: Mapping[str, Outcome]) -> Section:
+    def section(self, rows: Sequence[Row], seconds: Sequence[Row]) -> Section:
         """What is right and believed, kind by kind, and whether probabilities and covariances hold."""
-        return kinds_section(all_rows(outcomes), self.settings)
+        return kinds_section(rows, self.settings)
 
-    def draw(self, folder: Path, outcomes: Mapping[str, Outcome]) -> None:
+    def draw(self, folder: Path, rows: Sequence[Row]) -> None:
         """Outcomes by kind, and the reliability of the probability."""
-        draw_kinds(folder, all_rows(outcomes))
+        draw_kinds(folder, rows)
 
-    def _pairs(self, kind: str, navigated: bool, batch: int) -> Sequence[tuple[KindPair, Grid]]:
-        """Those of a batch, kept for the next method; a pair that its scene does not have is left out."""
-        key = kind, navigated, batch
-        if self._batch is None or self._batch.key != key:
-            pairs = []
-            for number in range(batch * BATCH, (batch + 1) * BATCH):
-                try:
-                    pair = kind_pair(kind, number, self.settings.seed, NAVIGATION_OVERLAPS if navigated else None)
-                except InputError:
-                    continue
-                pairs.append((pair, choose_grid((pair.target, pair.source), self.settings.edge)))
-            self._batch = _Batch(key, tuple(pairs))
-        return self._batch.pairs
+    def _simulated(self, kind: str, navigated: bool, batch: int) -> Sequence[tuple[KindPair, Grid]]:
+        """The pairs of a batch, without priors, each with its grid; one that its scene does not have is left out."""
+        pairs = []
+        for number in range(batch * BATCH, (batch + 1) * BATCH):
+            try:
+                pair = kind_pair(kind, number, self.settings.seed, NAVIGATION_OVERLAPS if navigated else None)
+            except InputError:
+                continue
+            pairs.append((pair, choose_grid((pair.target, pair.source), self.settings.edge)))
+        return pairs
 
     def _row(self, pair: KindPair, grid: Grid, known: str, method: str) -> Row:
         instruments = PRIORS[known]
         given = pair if instruments is None else pair.with_priors(instruments)
-        registration = answer(registrar(method, grid, self._device), given.target, given.source)
+        registration = answer(registrar(method, grid, self.device), given.target, given.source)
         cells: dict[str, Value] = {
             "kind": pair.kind,
             "number": pair.number,
@@ -122,9 +105,5 @@ def _evidence(registration: Registration) -> dict[str, Value]:
 
 
 def create(request: Request) -> Kinds:
-    """The experiment as the command line asks for it.
-
-    Raises:
-        InputError: an option's value will not do.
-    """
+    """The experiment as the command line asks for it."""
     return Kinds(kinds_settings(request), request.opened.selector)

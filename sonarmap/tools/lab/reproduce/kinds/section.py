@@ -3,20 +3,23 @@
 from collections.abc import Sequence
 
 from sonarmap.tools.lab.evaluate.trajectory import RIGHT_DEG, RIGHT_VOXELS
-from sonarmap.tools.lab.reproduce.evaluation.methods import OURS
+from sonarmap.tools.lab.reproduce.beside import beside_table
 from sonarmap.tools.lab.reproduce.experiment import Row, Section
-from sonarmap.tools.lab.reproduce.kinds.calibration_tables import (
-    calibration_requirements,
-    left_out_table,
-    reported_table,
-)
+from sonarmap.tools.lab.reproduce.kinds.calibration_tables import calibration_beside, left_out_table, reported_table
 from sonarmap.tools.lab.reproduce.kinds.figure import OUTCOMES, RELIABILITY
-from sonarmap.tools.lab.reproduce.kinds.kind_summary import FLAT, without_navigation
-from sonarmap.tools.lab.reproduce.kinds.navigation_table import navigation_requirements, navigation_table
 from sonarmap.tools.lab.reproduce.kinds.settings import NAVIGATED, NAVIGATION, NAVIGATION_OVERLAPS, KindsSettings
-from sonarmap.tools.lab.reproduce.kinds.tables import kind_table, method_table, relief_table, requirements
+from sonarmap.tools.lab.reproduce.kinds.tables import (
+    FLAT,
+    beside_others,
+    kind_table,
+    method_table,
+    navigation_beside,
+    navigation_table,
+    relief_table,
+    without_navigation,
+)
+from sonarmap.tools.lab.reproduce.methods import OURS
 from sonarmap.tools.lab.reproduce.rows import where
-from sonarmap.tools.lab.reproduce.table import Table
 from sonarmap.tools.lab.simulate.kinds.catalog import SCAN_KINDS
 from sonarmap.tools.lab.simulate.kinds.kind import OVERLAPS
 
@@ -27,9 +30,8 @@ _REMARKS = (
 
 
 def kinds_section(rows: Sequence[Row], settings: KindsSettings) -> Section:
-    """What is required of ours, then every method by kind and relief, then calibration and navigation of ours."""
-    lines = [*requirements(rows), *calibration_requirements(rows), *navigation_requirements(rows)]
-    verdicts = Table(f"Requirements on `{OURS}`", ("measure", "required", "ours", "verdict"), tuple(lines))
+    """Ours beside the others, then every method by kind and relief, then calibration and navigation of ours."""
+    beside = beside_table([*beside_others(rows), *calibration_beside(rows), *navigation_beside(rows)])
     tables = [kind_table(rows), method_table(rows), relief_table(rows)]
     if where(rows, method=OURS):
         tables += [reported_table(rows), left_out_table(rows), navigation_table(rows)]
@@ -45,8 +47,7 @@ def kinds_section(rows: Sequence[Row], settings: KindsSettings) -> Section:
     return Section(
         title="Every kind of scan",
         introduction=_introduction(rows, settings),
-        tables=(verdicts, *(table for table in tables if table.rows)),
-        times=(),
+        tables=(beside, *(table for table in tables if table.rows)),
         pictures=pictures,
         remarks=_REMARKS if RELIABILITY in pictures else "",
     )

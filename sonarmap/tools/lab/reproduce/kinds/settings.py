@@ -5,11 +5,11 @@ from dataclasses import dataclass, field
 from math import inf, radians
 from types import MappingProxyType
 
-from sonarmap.kernels.errors import InputError
 from sonarmap.spectral.grid import Grid
-from sonarmap.tools.lab.reproduce.evaluation.methods import ComparedMethods, compared_methods
-from sonarmap.tools.lab.reproduce.evaluation.set_pairs import BATCH, batches
+from sonarmap.tools.lab.reproduce.evaluation.settings import BATCH, batches
 from sonarmap.tools.lab.reproduce.experiments import Request
+from sonarmap.tools.lab.reproduce.methods import ComparedMethods, compared_methods
+from sonarmap.tools.lab.reproduce.settings import as_asked, check_pairs
 from sonarmap.tools.lab.simulate.kinds.catalog import SCAN_KINDS, scan_kind
 from sonarmap.tools.lab.simulate.sensing.priors import Instruments
 from sonarmap.tools.methods.registry import find_method
@@ -53,8 +53,7 @@ class KindsSettings:
         Grid(self.edge, 1.0)
         for kind in self.kinds:
             scan_kind(kind)
-        if self.pairs < 1 or self.seed < 0:
-            raise InputError(f"{self.pairs} pairs of the set {self.seed}; there must be 1 or more, and the seed >= 0")
+        check_pairs(self.pairs, self.seed)
 
     @property
     def count(self) -> int:
@@ -69,15 +68,6 @@ class KindsSettings:
 
 
 def kinds_settings(request: Request) -> KindsSettings:
-    """As the command line asks for it; `quick` is one batch of two kinds on half the voxels.
-
-    Raises:
-        InputError: an option's value will not do.
-    """
-    return KindsSettings(
-        kinds=QUICK_KINDS if request.quick else tuple(SCAN_KINDS),
-        pairs=request.pairs or (BATCH if request.quick else PAIRS),
-        seed=SEED if request.seed is None else request.seed,
-        edge=request.grid or (64 if request.quick else 128),
-        compared=compared_methods(request),
-    )
+    """As the command line asks for it; `quick` is one batch of two kinds on half the voxels."""
+    usual = KindsSettings(compared=compared_methods(request))
+    return as_asked(usual, request, kinds=QUICK_KINDS, pairs=BATCH, edge=64)

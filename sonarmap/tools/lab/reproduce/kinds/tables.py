@@ -1,109 +1,125 @@
-"""What is right, believed, and wrong and believed: of ours against what is required, and of every method."""
+"""What is right and believed, kind by kind, by every method; and what registration adds to navigation."""
 
-import math
-from collections.abc import Callable, Sequence
-from dataclasses import dataclass
+from collections.abc import Callable, Iterable, Sequence
+from statistics import median
 
-from sonarmap.tools.lab.reproduce.evaluation.methods import OURS
-from sonarmap.tools.lab.reproduce.evaluation.summary import accepted, percent, right, wrong
+import numpy as np
+
+from sonarmap.tools.lab.reproduce.beside import Line, Measure
 from sonarmap.tools.lab.reproduce.experiment import Row
-from sonarmap.tools.lab.reproduce.kinds.kind_summary import (
-    FLAT,
-    WORDS,
+from sonarmap.tools.lab.reproduce.kinds.navigation import FIXED, Direction, directions
+from sonarmap.tools.lab.reproduce.kinds.settings import LEVELED, NAVIGATION, NOTHING
+from sonarmap.tools.lab.reproduce.methods import OURS
+from sonarmap.tools.lab.reproduce.rows import (
+    DASH,
+    Rate,
+    accepted,
     distinct,
-    outcome,
-    tried,
-    variant_words,
+    in_percent,
+    percent,
+    right,
     variants,
-    without_navigation,
-    worst_first,
+    where,
+    wilson,
+    wrong,
 )
-from sonarmap.tools.lab.reproduce.kinds.settings import LEVELED, NOTHING
-from sonarmap.tools.lab.reproduce.rows import where
-from sonarmap.tools.lab.reproduce.table import Table, verdict
+from sonarmap.tools.lab.reproduce.table import Table, table_of
 from sonarmap.tools.lab.simulate.kinds.kind import RELIEFS
 
-RIGHT = {LEVELED: 0.9, NOTHING: 0.8}  # least share of the pairs of a kind, by what is known
-BELIEVED = 0.85  # least share of the right
-FALSE = 0.01  # greatest share of all pairs of a kind that is wrong and believed
-
-Line = tuple[str, str, str, str]
+FLAT = "flat"  # the relief of scenes that cannot fix a pose
+WORDS = {NOTHING: "nothing", LEVELED: "attitude, depth", NAVIGATION: "navigation"}  # as columns show what is known
 
 
-@dataclass(frozen=True, slots=True)
-class Requirement:
-    """A share of registrations that every kind has to reach, or not to exceed.
-
-    Attributes:
-        measure: in words.
-        chosen: of rows of one kind the hits, and the rows that they are a share of.
-        bound: of the share.
-        is_most: whether the share may not exceed the bound, rather than reach it.
-    """
-
-    measure: str
-    chosen: Callable[[Sequence[Row]], tuple[Sequence[Row], Sequence[Row]]]
-    bound: float
-    is_most: bool = False
-
-    @property
-    def words(self) -> str:
-        """As a table says it."""
-        return f"{'at most' if self.is_most else 'at least'} {100 * self.bound:.0f} % of each kind"
-
-    def margin(self, rows: Sequence[Row]) -> float:
-        """How far the share of one kind's rows is on the good side; inf where there is nothing to take a share of."""
-        hits, of = self.chosen(rows)
-        if not of:
-            return math.inf
-        margin = len(hits) / len(of) - self.bound
-        return -margin if self.is_most else margin
+def tried(rows: Iterable[Row]) -> list[Row]:
+    """Those whose scene can fix a pose."""
+    return [row for row in rows if row["relief"] != FLAT]
 
 
-def requirements_with(known: str) -> tuple[Requirement, ...]:
-    """What is required with this knowledge, a key of RIGHT; only what is wrong and believed is a share of all pairs."""
+def without_navigation(rows: Iterable[Row]) -> list[Row]:
+    """Those of the pairs that every kind has."""
+    return [row for row in rows if row["priors"] != NAVIGATION]
+
+
+def worst_first(rows: Sequence[Row]) -> list[str]:
+    """The kinds, from the one with the least share right; of ours, or of all methods where ours did not run."""
+    some = without_navigation(tried(rows))
+    ours = where(some, method=OURS) or some
+
+    def share(kind: str) -> float:
+        of_kind = where(ours, kind=kind)
+        return len(right(of_kind)) / max(len(of_kind), 1)
+
+    return sorted(distinct(rows, "kind"), key=share)
+
+
+def every_variant(rows: Sequence[Row]) -> list[tuple[str, str]]:
+    """Every method with everything that it was given, but navigation; those of one method together."""
+    return variants(without_navigation(rows), "priors")
+
+
+def variant_words(method: str, known: str) -> str:
+    """For a heading."""
+    return method if known == NOTHING else f"{method}, known: {WORDS[known]}"
+
+
+def outcome(rows: Sequence[Row]) -> str:
+    """Right, believed of the right, and wrong and believed, as in "93 %, 88 %, 1"; of no rows a dash."""
+    good = right(rows)
+    if not rows:
+        return DASH
+    believed = f"{len(accepted(good)) / len(good):.0%}".replace("%", " %") if good else DASH
+    return f"{len(good) / len(rows):.0%}, ".replace("%", " %") + f"{believed}, {len(accepted(wrong(rows)))}"
+
+
+def measures_with(known: str) -> tuple[Measure, ...]:
+    """What is counted with this knowledge; only what is wrong and believed is a share of all pairs."""
+    words = f"known: {WORDS[known]}"
     return (
-        Requirement("right", lambda rows: (right(tried(rows)), tried(rows)), RIGHT[known]),
-        Requirement(
-            "believed, of the right", lambda rows: (accepted(right(tried(rows))), right(tried(rows))), BELIEVED
+        Measure(f"right, {words}", lambda rows: (right(tried(rows)), tried(rows)), "to be right"),
+        Measure(
+            f"believed, of the right, {words}",
+            lambda rows: (accepted(right(tried(rows))), right(tried(rows))),
+            "right registrations to be believed",
         ),
-        Requirement("wrong and believed", lambda rows: (accepted(wrong(rows)), rows), FALSE, is_most=True),
+        Measure(
+            f"wrong and believed, {words}",
+            lambda rows: (accepted(wrong(rows)), rows),
+            "pairs to be wrong and believed",
+            most=False,
+        ),
     )
 
 
-def requirements(rows: Sequence[Row]) -> list[Line]:
-    """What each kind has to reach, as measure, required, ours, verdict: how many kinds do, and the worst of them."""
+def beside_others(rows: Sequence[Row]) -> list[Line]:
+    """Ours with what is known, in all and in its worst kind, beside the others with nothing but the points."""
+    others = [row for row in where(rows, priors=NOTHING) if row["method"] != OURS]
     lines: list[Line] = []
-    for known in RIGHT:
+    for known in (LEVELED, NOTHING):
         ours = where(rows, method=OURS, priors=known)
-        kinds = {kind: where(ours, kind=kind) for kind in distinct(ours, "kind")}
-        for requirement in requirements_with(known):
-            margins = {kind: requirement.margin(some) for kind, some in kinds.items()}
-            margins = {kind: margin for kind, margin in margins.items() if margin < math.inf}
-            if not margins:
-                continue
-            worst = min(margins, key=lambda kind: margins[kind])
-            good = sum(margin >= 0 for margin in margins.values())
-            shown = f"{good} of {len(margins)} kinds; worst: {worst} {percent(*requirement.chosen(kinds[worst]))}"
-            what = f"{requirement.measure}, known: {WORDS[known]}"
-            lines.append((what, requirement.words, shown, verdict(good == len(margins))))
+        for measure in measures_with(known):
+            kinds = {kind: measure.share(where(ours, kind=kind)) for kind in distinct(ours, "kind")}
+            shares = {kind: share for kind, share in kinds.items() if share is not None}
+            if shares:
+                worst = (min if measure.most else max)(shares, key=lambda kind: shares[kind])
+                what, shown, beside, follows = measure.line([*ours, *others])
+                worst_share = percent(*measure.chosen(where(ours, kind=worst)))
+                lines.append((what, f"{shown}; worst kind: {worst} {worst_share}", beside, follows))
     return lines
 
 
 def kind_table(rows: Sequence[Row]) -> Table:
-    """Ours by kind, the worst first, against what is required."""
-    lines = []
-    for kind in worst_first(rows):
-        for known in RIGHT:
-            some = where(rows, method=OURS, kind=kind, priors=known)
-            required = requirements_with(known)
-            if some:
-                shares = (percent(*requirement.chosen(some)) for requirement in required)
-                holds = all(requirement.margin(some) >= 0 for requirement in required)
-                lines.append((kind, WORDS[known], str(len(tried(some))), *shares, verdict(holds)))
-    headings = ("kind", "known", "pairs", "right", "believed, of the right", "wrong and believed, of all", "verdict")
+    """Ours by kind, the worst first."""
+    groups = [
+        ((kind, WORDS[known]), where(rows, method=OURS, kind=kind, priors=known))
+        for kind in worst_first(rows)
+        for known in (LEVELED, NOTHING)
+    ]
+    columns: dict[str, Callable[[Sequence[Row]], str]] = {"pairs": lambda some: str(len(tried(some)))}
+    names = ("right", "believed, of the right", "wrong and believed, of all")
+    for name, measure in zip(names, measures_with(NOTHING), strict=True):
+        columns[name] = lambda some, chosen=measure.chosen: percent(*chosen(some))
     title = f"`{OURS}` by kind, the worst first (the flat scenes count in the last share alone)"
-    return Table(title, headings, tuple(lines))
+    return table_of(title, ("kind", "known"), [group for group in groups if group[1]], columns)
 
 
 def method_table(rows: Sequence[Row]) -> Table:
@@ -112,14 +128,14 @@ def method_table(rows: Sequence[Row]) -> Table:
     groups = [(kind, where(rows, kind=kind)) for kind in kinds]
     groups += [("all kinds", list(rows))] if len(kinds) > 1 else []
     title = "Every method by kind: share right, share believed of the right, number wrong and believed; no flat scenes"
-    return _by_method(title, "kind", [(name, tried(some)) for name, some in groups], variants(rows))
+    return _by_method(title, "kind", [(name, tried(some)) for name, some in groups], every_variant(rows))
 
 
 def relief_table(rows: Sequence[Row]) -> Table:
-    """Every method by what the scene gives to hold on to; the flat ones stand apart from all requirements."""
-    groups = [(f"{name} (no requirement)" if name == FLAT else name, where(rows, relief=name)) for name in RELIEFS]
+    """Every method by what the scene gives to hold on to; the flat ones stand apart."""
+    groups = [(f"{name} (cannot fix a pose)" if name == FLAT else name, where(rows, relief=name)) for name in RELIEFS]
     title = "Every method by relief: share right, share believed of the right, number wrong and believed"
-    return _by_method(title, "relief", [(name, some) for name, some in groups if some], variants(rows))
+    return _by_method(title, "relief", [(name, some) for name, some in groups if some], every_variant(rows))
 
 
 def _by_method(
@@ -132,3 +148,97 @@ def _by_method(
         cells = (outcome(where(some, method=method, priors=known)) for method, known in columns)
         lines.append((name, str(pairs), *cells))
     return Table(title, (heading, "pairs", *(variant_words(*column) for column in columns)), tuple(lines))
+
+
+WITHIN = 2.0  # standard deviations
+
+
+def navigation_beside(rows: Sequence[Row]) -> list[Line]:
+    """Along the directions that the covariance calls fixed, beside navigation alone."""
+    rows = tried(where(rows, method=OURS, priors=NAVIGATION))
+    fixed = _fixed(rows)
+    words = "swaths with navigation, directions that the covariance calls fixed"
+    if not fixed:
+        return [(words, f"none in {len(rows)} pairs", DASH, "registration adds nothing to navigation")] if rows else []
+    ours, navigation = _median(fixed, "error"), _median(fixed, "navigation_error")
+    covered = _covered(fixed)
+    return [
+        (
+            f"{words}: median error",
+            f"{ours:.2f} m",
+            f"navigation alone: {navigation:.2f} m",
+            f"registration leaves {in_percent(ours / navigation)} of navigation's error",
+        ),
+        (
+            f"{words}: errors within {WITHIN:g} standard deviations",
+            str(covered),
+            DASH,
+            f"expect {100 * covered.share:.0f} of 100 errors within them (95 where the covariance is exact)",
+        ),
+    ]
+
+
+def navigation_table(rows: Sequence[Row]) -> Table:
+    """By relief: errors of navigation alone and of the registration, both along its covariance's directions."""
+    ours = where(rows, method=OURS, priors=NAVIGATION)
+    groups = [(str(relief), where(ours, relief=relief)) for relief in RELIEFS]
+    groups += [("all but flat", tried(ours)), ("all but flat, believed", accepted(tried(ours)))]
+    headings = (
+        "relief",
+        "pairs",
+        "directions fixed, of 3",
+        "along them: median error of navigation [m]",
+        "of the registration [m]",
+        "pairs whose error is below a third of navigation's",
+        f"errors within {WITHIN:g} standard deviations",
+        "along the others: median error of navigation [m]",
+        "of the registration [m]",
+    )
+    title = f"Swaths with navigation: errors along the directions that the covariance of `{OURS}` calls fixed"
+    return Table(title, headings, tuple(_line(name, some) for name, some in groups if some))
+
+
+def _line(name: str, rows: Sequence[Row]) -> tuple[str, ...]:
+    known = [row for row in rows if directions(row)]
+    fixed = _fixed(known)
+    others = [direction for row in known for direction in directions(row) if not direction.is_fixed]
+    nearer = [below for row in known if (below := _is_below_a_third(row)) is not None]
+    return (
+        name,
+        str(len(rows)),
+        f"{len(fixed) / len(known):.2f}" if known else DASH,
+        _shown(fixed, "navigation_error"),
+        _shown(fixed, "error"),
+        str(wilson(sum(nearer), len(nearer))) if nearer else DASH,
+        str(_covered(fixed)) if fixed else DASH,
+        _shown(others, "navigation_error"),
+        _shown(others, "error"),
+    )
+
+
+def _fixed(rows: Sequence[Row]) -> list[Direction]:
+    return [direction for row in rows for direction in directions(row) if direction.is_fixed]
+
+
+def _is_below_a_third(row: Row) -> bool | None:
+    """Whether a pair's error along all its fixed directions is; None where none is fixed."""
+    fixed = [direction for direction in directions(row) if direction.is_fixed]
+    if not fixed:
+        return None
+    ours, navigation = (
+        float(np.linalg.norm(errors))
+        for errors in ([direction.error for direction in fixed], [direction.navigation_error for direction in fixed])
+    )
+    return ours < FIXED * navigation
+
+
+def _covered(some: Sequence[Direction]) -> Rate:
+    return wilson(sum(abs(direction.error) < WITHIN * direction.sigma for direction in some), len(some))
+
+
+def _median(some: Sequence[Direction], name: str) -> float:
+    return median(abs(getattr(direction, name)) for direction in some)
+
+
+def _shown(some: Sequence[Direction], name: str) -> str:
+    return f"{_median(some, name):.2f}" if some else DASH

@@ -4,14 +4,14 @@ import tempfile
 from collections.abc import Iterable
 from dataclasses import dataclass
 from pathlib import Path
-from typing import Any
 
 from sonarmap.tools.files.readers.json_file import read_json
 from sonarmap.tools.files.writers.atomic import all_or_none, atomic_path, discard
 from sonarmap.tools.files.writers.json_text import to_json, write_json
 from sonarmap.tools.lab.reproduce.experiment import Experiment, Row, Section
-from sonarmap.tools.lab.reproduce.pages.section_text import duration, section_from_json, section_text, verdicts
+from sonarmap.tools.lab.reproduce.pages.section_text import duration, section_text, verdicts
 from sonarmap.tools.lab.reproduce.provenance import Provenance
+from sonarmap.tools.lab.reproduce.rows import all_rows, all_seconds
 from sonarmap.tools.lab.reproduce.run import Result
 from sonarmap.tools.lab.reproduce.table import write_csv
 
@@ -49,16 +49,15 @@ def write_experiment(
         InputError: a file cannot be written.
         ValueError: the experiment's section or pictures are not what they should be.
     """
-    name, section = experiment.name, experiment.section(result.outcomes)
+    rows, seconds = all_rows(result.outcomes), all_seconds(result.outcomes)
+    name, section = experiment.name, experiment.section(rows, seconds)
     verdicts(section)
-    rows = [row for outcome in result.outcomes.values() for row in outcome.rows]
-    seconds = [row for outcome in result.outcomes.values() for row in outcome.seconds]
     words = [f"{name}.csv", f"{name}.md", *([f"{name}-seconds.csv"] if seconds else []), f"{name}-times.md"]
     files = (*words, *section.pictures, f"{name}.json")
     record = Record(name, command, section, result.seconds, len(result.outcomes), provenance, files)
     former = read_record(folder, name)
     with tempfile.TemporaryDirectory() as drawn:
-        experiment.draw(Path(drawn), result.outcomes)
+        experiment.draw(Path(drawn), rows)
         with all_or_none():
             _copy_pictures(Path(drawn), folder, name, section)
             write_rows(folder / f"{name}.csv", rows)
@@ -74,28 +73,18 @@ def write_experiment(
 
 def read_record(folder: Path, name: str) -> Record | None:
     """What NAME.json holds; None where the experiment is not there with all its files."""
+    from pydantic import TypeAdapter
+
     try:
-        content: dict[str, Any] = read_json(folder / f"{name}.json", "a result of `sonarmap reproduce`")
-        record = Record(
-            name=name,
-            command=content["command"],
-            section=section_from_json(content["section"]),
-            seconds=content["seconds"],
-            jobs=content["jobs"],
-            provenance=Provenance(**content["provenance"]),
-            files=tuple(content["files"]),
-        )
-    except (ValueError, LookupError, TypeError):  # not there, or not ours
+        content = read_json(folder / f"{name}.json", "a result of `sonarmap reproduce`")
+        record = TypeAdapter(Record).validate_python(content)
+    except ValueError:  # not there, or not ours
         return None
     return record if all((folder / file).is_file() for file in record.files) else None
 
 
 def write_rows(path: Path, rows: Iterable[Row]) -> None:
-    """Write rows as CSV, a column for every key in the order in which they first appear.
-
-    Raises:
-        InputError: the file cannot be written.
-    """
+    """Write rows as CSV, a column for every key in the order in which they first appear."""
     rows = list(rows)
     headings = list(dict.fromkeys(key for row in rows for key in row))
     write_csv(path, headings, ([row.get(key, "") for key in headings] for row in rows))

@@ -7,7 +7,7 @@ from types import MappingProxyType
 
 from sonarmap.kernels.errors import InputError
 from sonarmap.tools.files.writers.atomic import all_or_none, atomic_path
-from sonarmap.tools.lab.reproduce.experiments import ALL, EVALUATION, KINDS, REAL, SLAM
+from sonarmap.tools.lab.reproduce.experiments import ALL, EVALUATION, EVERY, KINDS, REAL, SCALE, SLAM, members
 from sonarmap.tools.lab.reproduce.pages.folder import Record, read_record, times_text
 from sonarmap.tools.lab.reproduce.pages.introductions import (
     EVALUATION_INTRODUCTION,
@@ -26,20 +26,32 @@ class Frame:
 
     Attributes:
         introduction: Markdown, with the page's title.
-        beside: heading of the values next to ours: the paper's, or the required ones.
+        headings: of the table of all claims: what they are, the values next to ours, ours, and what follows.
     """
 
     introduction: str
-    beside: str
+    headings: tuple[str, str, str, str] = ("measure", "others", "ours", "what follows")
 
 
 FRAMES: Mapping[str, Frame] = MappingProxyType(
     {
-        ALL: Frame(PAPER_INTRODUCTION, "paper"),
-        EVALUATION: Frame(EVALUATION_INTRODUCTION, "required"),
-        SLAM: Frame(SLAM_INTRODUCTION, "required"),
-        REAL: Frame(REAL_INTRODUCTION, "required"),
-        KINDS: Frame(KINDS_INTRODUCTION, "required"),
+        ALL: Frame(PAPER_INTRODUCTION, ("claim", "paper", "ours", "verdict")),
+        EVALUATION: Frame(EVALUATION_INTRODUCTION),
+        SLAM: Frame(SLAM_INTRODUCTION),
+        REAL: Frame(REAL_INTRODUCTION),
+        KINDS: Frame(KINDS_INTRODUCTION),
+    }
+)
+
+
+# The file of each page among all pages -> its groups of experiments, the first of which gives its introduction
+PAGES: Mapping[str, tuple[str, ...]] = MappingProxyType(
+    {
+        "reproduction.md": (ALL,),
+        "evaluation.md": (EVALUATION,),
+        "kinds.md": (KINDS,),
+        "survey.md": (SLAM, SCALE),
+        "real.md": (REAL,),
     }
 )
 
@@ -73,6 +85,25 @@ def write_page(path: Path, folder: Path, names: Sequence[str], frame: Frame = FR
     return [path, *copies]
 
 
+def write_pages(path: Path, folder: Path, group: str) -> list[Path]:
+    """Write the page of a group; of EVERY, all pages that have results, into the folder `path`.
+
+    Returns:
+        all pages and pictures.
+
+    Raises:
+        InputError: no experiment is there, or a file cannot be written.
+    """
+    if group != EVERY:
+        return write_page(path, folder, members(group), FRAMES.get(group, FRAMES[ALL]))
+    written = []
+    for name, parts in PAGES.items():
+        names = [member for part in parts for member in members(part)]
+        if any(read_record(folder, member) for member in names):
+            written += write_page(path / name, folder, names, FRAMES[parts[0]])
+    return written
+
+
 def page_text(records: Sequence[Record], pictures: str, frame: Frame = FRAMES[ALL]) -> str:
     """The page's Markdown.
 
@@ -86,14 +117,14 @@ def page_text(records: Sequence[Record], pictures: str, frame: Frame = FRAMES[AL
         f"```sh\n{record.command}\n```\n"
         for record in records
     ]
-    tables = [_verdict_table(records, frame.beside), _run_table(records)]
+    tables = [_verdict_table(records, frame.headings), _run_table(records)]
     return "\n".join([frame.introduction, *(table.markdown() for table in tables), *sections])
 
 
-def _verdict_table(records: Sequence[Record], beside: str) -> Table:
+def _verdict_table(records: Sequence[Record], headings: tuple[str, ...]) -> Table:
     return Table(
-        "All verdicts",
-        ("experiment", "claim", beside, "ours", "verdict"),
+        "All in short",
+        ("experiment", *headings),
         tuple(
             (record.name, verdict.claim, verdict.paper, verdict.ours, verdict.verdict)
             for record in records
@@ -107,13 +138,7 @@ def _run_table(records: Sequence[Record]) -> Table:
         "Machines and times",
         ("experiment", "jobs", "time", "machine", "command"),
         tuple(
-            (
-                record.name,
-                str(record.jobs),
-                duration(record.seconds),
-                record.provenance.place,
-                f"`{record.command}`",
-            )
+            (record.name, str(record.jobs), duration(record.seconds), record.provenance.place, f"`{record.command}`")
             for record in records
         ),
     )

@@ -2,7 +2,6 @@
 
 import re
 from dataclasses import dataclass
-from typing import Any
 
 from sonarmap.tools.lab.reproduce.experiment import Section
 from sonarmap.tools.lab.reproduce.table import Table
@@ -10,7 +9,7 @@ from sonarmap.tools.lab.reproduce.table import Table
 
 @dataclass(frozen=True, slots=True)
 class Verdict:
-    """One claim: the paper's value or the required one, ours, and the verdict."""
+    """One claim: the paper's value or the other methods', ours, and the verdict or what follows."""
 
     claim: str
     paper: str
@@ -21,8 +20,8 @@ class Verdict:
 def verdicts(section: Section) -> tuple[Verdict, ...]:
     """The rows of the section's first table.
 
-    It has columns whose headings begin with paper or required, ours, and verdict; the cells left of them name the
-    claim. A section without a table has no claims.
+    It has columns whose headings begin with paper or others, with ours, and with verdict or what follows; the cells
+    left of them name the claim. A section without a table has no claims.
 
     Raises:
         ValueError: the table lacks one of these columns.
@@ -30,7 +29,7 @@ def verdicts(section: Section) -> tuple[Verdict, ...]:
     if not section.tables:
         return ()
     table = section.tables[0]
-    columns = [_column(table, word) for word in ("paper|required", "ours", "verdict")]
+    columns = [_column(table, word) for word in ("paper|others", "ours", "verdict|what follows")]
     before = min(columns)
     return tuple(
         Verdict(", ".join(cell for cell in row[:before] if cell), *(row[k] for k in columns)) for row in table.rows
@@ -61,23 +60,6 @@ def duration(seconds: float) -> str:
     if seconds < 100:
         return f"{seconds:.0f} s"
     return f"{minutes} min" if minutes < 60 else f"{minutes // 60} h {minutes % 60:02d} min"
-
-
-def section_from_json(content: dict[str, Any]) -> Section:
-    """A section from what `to_json` makes of one."""
-    tables, times = (tuple(_table(table) for table in content[key]) for key in ("tables", "times"))
-    return Section(
-        title=content["title"],
-        introduction=content["introduction"],
-        tables=tables,
-        times=times,
-        pictures=content["pictures"],
-        remarks=content["remarks"],
-    )
-
-
-def _table(content: dict[str, Any]) -> Table:
-    return Table(content["title"], tuple(content["headings"]), tuple(tuple(row) for row in content["rows"]))
 
 
 def _column(table: Table, word: str) -> int:

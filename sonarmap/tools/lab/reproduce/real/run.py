@@ -1,12 +1,13 @@
 """Every pair of folders of real scans with known truth, by every method, with the priors that there are and without."""
 
 import zlib
-from collections.abc import Mapping, Sequence
-from dataclasses import dataclass, replace
+from collections.abc import Sequence
+from dataclasses import replace
+from functools import lru_cache
 from math import radians
 from pathlib import Path
 from time import perf_counter
-from typing import Any, ClassVar
+from typing import ClassVar
 
 import numpy as np
 from scipy.spatial.transform import RigidTransform
@@ -16,14 +17,12 @@ from sonarmap.spectral.result import Registrar
 from sonarmap.spectral.scan import Scan
 from sonarmap.tools.files.readers.navigation.priors import with_priors
 from sonarmap.tools.files.readers.scans import read_scan
-from sonarmap.tools.lab.reproduce.evaluation.answer import answer, claims, errors, finish_device
-from sonarmap.tools.lab.reproduce.experiment import Outcome, Section
+from sonarmap.tools.lab.reproduce.answer import answer, claims, errors, finish_device
+from sonarmap.tools.lab.reproduce.experiment import ByMethod, Outcome, Row, Section
 from sonarmap.tools.lab.reproduce.experiments import Request, folder_of
-from sonarmap.tools.lab.reproduce.real.figure import draw_real
 from sonarmap.tools.lab.reproduce.real.real_set import RealPair, RealSet, read_sets, without_truth
-from sonarmap.tools.lab.reproduce.real.section import real_section
+from sonarmap.tools.lab.reproduce.real.section import draw_real, real_section
 from sonarmap.tools.lab.reproduce.real.settings import RealSettings, real_settings
-from sonarmap.tools.lab.reproduce.rows import all_rows, all_seconds
 from sonarmap.tools.lab.simulate.sensing.priors import measure_pose
 from sonarmap.tools.methods.registry import Setup, find_method
 
@@ -31,39 +30,23 @@ NOTHING, FILE = "nothing", "priors.csv"
 _TARGET_STREAM, _SOURCE_STREAM = 81, 82
 
 
-@dataclass(frozen=True, slots=True)
-class _ReadPair:
-    """A pair whose scans are read."""
-
-    key: str
-    target: Scan
-    source: Scan
-    grid: Grid
-
-
-class Real:
+class Real(ByMethod):
     """Registers pairs of real scans; a job is one pair, what is known beforehand, and one method."""
 
     name: ClassVar[str] = "real"
     sources: ClassVar[tuple[str, ...]] = (
-        *(f"tools/{folder}" for folder in ("files/readers", "lab/evaluate", "lab/reproduce/evaluation")),
-        "tools/lab/simulate/sensing/priors.py",
-        "spectral/grid.py",
+        *(f"tools/{folder}" for folder in ("files/readers", "lab/evaluate", "lab/reproduce/answer.py")),
+        *(f"tools/lab/reproduce/real/{name}.py" for name in ("real_set", "settings")),
+        *("tools/lab/simulate/sensing/priors.py", "spectral/grid.py"),
     )
+    # the digest of a set and the drawn priors are part of a job's key: another set makes no job run again
+    deciding: ClassVar[tuple[str, ...]] = ("edge", "voxel", "max_tilt")
 
     def __init__(self, sets: Sequence[RealSet], settings: RealSettings, device: str | None) -> None:
         """`device` as `choose_device` takes it."""
-        self.settings: Any = settings
-        self.methods: tuple[str, ...] = settings.compared.methods
-        # the digest of a set and the drawn priors are part of a job's key: another set makes no job run again
-        self.deciding: Mapping[str, Any] = {
-            "edge": settings.edge,
-            "voxel": settings.voxel,
-            "max_tilt": settings.max_tilt,
-        }
+        super().__init__(settings, device)
+        self._scans = lru_cache(maxsize=1)(self._read)  # kept for the next method
         self._sets = {real_set.key: real_set for real_set in sets}
-        self._device = device
-        self._read: _ReadPair | None = None
 
     def jobs(self) -> Sequence[str]:
         """Set, pair, what is known and method, as in kitchen@1f0c.../0-2/nothing/spectral."""
@@ -81,9 +64,9 @@ class Real:
         key, pair_name, known, method = job.split("/")
         real_set = self._sets[key]
         pair = next(pair for pair in real_set.pairs if pair.name == pair_name)
-        read = self._pair(real_set, pair)
-        target, source = self._with_priors(read, real_set, pair, known)
-        built = self._registrar(method, read.grid)
+        *scans, grid = self._scans(pair.target, pair.source)
+        target, source = self._with_priors(scans, real_set, pair, known)
+        built = self._registrar(method, grid)
         finish_device(built)
         start = perf_counter()
         registration = answer(built, target, source)
@@ -95,34 +78,29 @@ class Real:
             "draw": str(self.settings.draws.get(known, "")),
             "method": method,
         }
-        scored = errors(registration, pair.T_target_source, read.grid.voxel)
-        row = cells | {"voxel_m": read.grid.voxel} | scored | claims(registration)
+        scored = errors(registration, pair.T_target_source, grid.voxel)
+        row = cells | {"voxel_m": grid.voxel} | scored | claims(registration)
         return Outcome((row,), (cells | {"seconds": seconds},))
 
-    def section(self, outcomes: Mapping[str, Outcome]) -> Section:
+    def section(self, rows: Sequence[Row], seconds: Sequence[Row]) -> Section:
         """What every method gets right and believes, set by set and pair by pair."""
-        return real_section(all_rows(outcomes), all_seconds(outcomes), self.settings)
+        return real_section(rows, seconds, self.settings)
 
-    def draw(self, folder: Path, outcomes: Mapping[str, Outcome]) -> None:
+    def draw(self, folder: Path, rows: Sequence[Row]) -> None:
         """Outcomes by set and method, and the errors of all pairs."""
-        draw_real(folder, all_rows(outcomes), self.settings)
+        draw_real(folder, rows, self.settings)
 
     def _variants(self, real_set: RealSet) -> list[str]:
         """What is known beforehand, each for itself."""
         return [NOTHING, *([FILE] if real_set.priors else []), *self.settings.draws]
 
-    def _pair(self, real_set: RealSet, pair: RealPair) -> _ReadPair:
-        """The scans of a pair, kept for the next method."""
-        key = f"{real_set.key}/{pair.name}"
-        if self._read is None or self._read.key != key:
-            target, source = read_scan(pair.target), read_scan(pair.source)
-            grid = choose_grid((target, source), self.settings.edge, self.settings.voxel)
-            self._read = _ReadPair(key, target, source, grid)
-        return self._read
+    def _read(self, target: Path, source: Path) -> tuple[Scan, Scan, Grid]:
+        """The scans of a pair, and the grid for them."""
+        scans = read_scan(target), read_scan(source)
+        return *scans, choose_grid(scans, self.settings.edge, self.settings.voxel)
 
-    def _with_priors(self, read: _ReadPair, real_set: RealSet, pair: RealPair, known: str) -> Sequence[Scan]:
+    def _with_priors(self, scans: Sequence[Scan], real_set: RealSet, pair: RealPair, known: str) -> Sequence[Scan]:
         """The scans with what is known of them: a row of the file, or measurements drawn about the truth."""
-        scans = read.target, read.source
         if known == NOTHING:
             return scans
         if known == FILE and real_set.priors is not None:
@@ -131,8 +109,7 @@ class Real:
         entropy = [self.settings.draws[known], zlib.crc32(f"{real_set.name}/{pair.name}".encode())]
         return [
             replace(
-                scan,
-                prior=measure_pose(pose, self.settings.instruments, np.random.default_rng([*entropy, stream])),
+                scan, prior=measure_pose(pose, self.settings.instruments, np.random.default_rng([*entropy, stream]))
             )
             for scan, pose, stream in zip(scans, poses, (_TARGET_STREAM, _SOURCE_STREAM), strict=True)
         ]
@@ -140,7 +117,7 @@ class Real:
     def _registrar(self, method: str, grid: Grid) -> Registrar:
         bounded = "max_tilt" in find_method(method).options
         changes = {"max_tilt": radians(self.settings.max_tilt)} if bounded else {}
-        return find_method(method).make(Setup(grid, self._device, changes=changes))
+        return find_method(method).make(Setup(grid, self.device, changes=changes))
 
 
 def create(request: Request) -> Real:

@@ -1,13 +1,31 @@
 """The experiment on real scans in words."""
 
 from collections.abc import Sequence
+from pathlib import Path
+from typing import Any
+
+import numpy as np
 
 from sonarmap.tools.lab.evaluate.trajectory import RIGHT_DEG, RIGHT_VOXELS
-from sonarmap.tools.lab.reproduce.evaluation.methods import OURS
+from sonarmap.tools.lab.reproduce.beside import Measure, beside_table
 from sonarmap.tools.lab.reproduce.experiment import Row, Section
-from sonarmap.tools.lab.reproduce.real.figure import ERRORS, OUTCOMES
+from sonarmap.tools.lab.reproduce.figure import draw_bars, legend_beside, new_figure, save_figure, style
+from sonarmap.tools.lab.reproduce.methods import OURS
 from sonarmap.tools.lab.reproduce.real.settings import RealSettings
-from sonarmap.tools.lab.reproduce.real.tables import pair_table, result_table, time_table, verdict_table
+from sonarmap.tools.lab.reproduce.rows import (
+    DASH,
+    accepted,
+    column,
+    distinct,
+    middle,
+    number,
+    refused,
+    right,
+    variants,
+    where,
+    wrong,
+)
+from sonarmap.tools.lab.reproduce.table import Table, table_of
 from sonarmap.tools.lab.simulate.sensing.priors import KINDS
 
 
@@ -16,7 +34,7 @@ def real_section(rows: Sequence[Row], seconds: Sequence[Row], settings: RealSett
     return Section(
         title="Pairs of real scans",
         introduction=_introduction(rows, settings),
-        tables=(verdict_table(rows), result_table(rows), pair_table(rows)),
+        tables=(beside_others(rows), result_table(rows), pair_table(rows)),
         times=(time_table(seconds),),
         pictures={
             OUTCOMES: "Right and wrong registrations by set, believed (dark) or not (light).",
@@ -51,4 +69,156 @@ def _known(settings: RealSettings) -> str:
         f"deviations {listed} (seeds {settings.seed} to {settings.seed + settings.seeds - 1}, so "
         f"every pair is registered with {settings.seeds} of them); the world is the target's frame, so its z axis has "
         "to be up."
+    )
+
+
+ALL_SETS = "all sets"
+
+
+def beside_others(rows: Sequence[Row]) -> Table:
+    """Ours with everything that it was given, beside the others with nothing but the points."""
+    others = [row for row in where(rows, known="nothing") if row["method"] != OURS]
+    lines = []
+    for known in distinct(where(rows, method=OURS), "known"):
+        some = [*where(rows, method=OURS, known=known), *others]
+        measures = (
+            Measure(
+                f"right and believed, known: {known}", lambda r: (accepted(right(r)), r), "to be right and believed"
+            ),
+            Measure(
+                f"believed though wrong, known: {known}",
+                lambda r: (accepted(wrong(r)), r),
+                "to be believed though wrong",
+                most=False,
+            ),
+        )
+        lines += [measure.line(some) for measure in measures]
+    return beside_table(lines)
+
+
+def result_table(rows: Sequence[Row]) -> Table:
+    """Right, believed, both, and the errors of what is right, for every set and method."""
+    return table_of(
+        "Right and believed by set and method",
+        ("set", "method", "known"),
+        _by_set(rows),
+        {
+            "registrations": lambda some: str(len(some)),
+            "right": lambda some: str(len(right(some))),
+            "believed": lambda some: str(len(accepted(some))),
+            "wrong and believed": lambda some: str(len(accepted(wrong(some)))),
+            "median error of the right [°]": lambda some: number(middle(right(some), "rotation_deg"), 3),
+            "the same [m]": lambda some: number(middle(right(some), "translation_m"), 3),
+        },
+    )
+
+
+def pair_table(rows: Sequence[Row]) -> Table:
+    """Every pair by every method: its error, and whether it is believed."""
+    columns = variants(rows, "known")
+    lines = []
+    for name in distinct(rows, "set"):
+        for pair in distinct(where(rows, set=name), "pair"):
+            some = where(rows, set=name, pair=pair)
+            cells = (where(some, method=method, known=known) for method, known in columns)
+            lines.append((f"{name} {pair}", *map(_cell, cells)))
+    headings = (method if known == "nothing" else f"{method}, known: {known}" for method, known in columns)
+    return Table(
+        "Every pair: error of what is right [°, m], and whether it is believed; of several draws, how many are right",
+        ("pair", *headings),
+        tuple(lines),
+    )
+
+
+def time_table(seconds: Sequence[Row]) -> Table:
+    """How long a pair takes."""
+    return table_of(
+        "Preparing both scans and registering them; the first pair of a process also loads and compiles the code",
+        ("set", "method", "known"),
+        _by_set(seconds),
+        {
+            "registrations": lambda some: str(len(some)),
+            "median [s]": lambda some: f"{middle(some, 'seconds'):.2f}",
+            "max [s]": lambda some: f"{max(column(some, 'seconds')):.2f}",
+        },
+    )
+
+
+def _cell(rows: Sequence[Row]) -> str:
+    """One registration, or how many of several are right and believed."""
+    if len(rows) != 1:
+        good = f"{len(right(rows))} of {len(rows)}; {len(accepted(rows))} believed"
+        return good if rows else DASH
+    (row,) = rows
+    error = f"{float(row['rotation_deg']):.2f}, {float(row['translation_m']):.3f}" if row["right"] else "wrong"
+    return f"{error}; believed" if row["accepted"] else error
+
+
+def _by_set(rows: Sequence[Row]) -> list[tuple[tuple[str, str, str], list[Row]]]:
+    """The rows of every set and, where there are several, of all, by method and what was known."""
+    names = distinct(rows, "set")
+    sets = [(name, where(rows, set=name)) for name in names] + ([(ALL_SETS, list(rows))] if len(names) > 1 else [])
+    return [
+        ((name, method, known), where(some, method=method, known=known))
+        for name, some in sets
+        for method, known in variants(some, "known")
+    ]
+
+
+OUTCOMES, ERRORS = "real.png", "real-errors.png"
+_LEAST_DEG, _LEAST_VOXELS = 0.01, 0.01  # smaller errors are drawn there
+
+
+def draw_real(folder: Path, rows: Sequence[Row], settings: RealSettings) -> None:
+    """Write the PNGs."""
+    draw_outcomes(folder / OUTCOMES, rows, list(settings.sets))
+    draw_errors(folder / ERRORS, rows, settings.compared.methods)
+
+
+def draw_outcomes(path: Path, rows: Sequence[Row], sets: Sequence[str]) -> None:
+    """A panel for every set, a bar for every method."""
+    bars = variants(rows, "known")
+    figure = new_figure(2.6 * len(sets) + 3.4, 0.32 * len(bars) + 1.4)
+    panels = figure.subplots(1, len(sets), squeeze=False, sharey=True)[0]
+    places = np.arange(len(bars))
+    for axes, name in zip(panels, sets, strict=True):
+        of_bars = [where(rows, set=name, method=method, known=known) for method, known in bars]
+        draw_bars(axes, of_bars)
+        axes.set(title=name, xlabel="share of registrations", xlim=(0, 1))
+    labels = [method if known == "nothing" else f"{method}, {known} known" for method, known in bars]
+    panels[0].set_yticks(places, labels, fontsize=8)
+    panels[0].invert_yaxis()
+    legend_beside(panels[-1])
+    save_figure(figure, path)
+
+
+def draw_errors(path: Path, rows: Sequence[Row], methods: Sequence[str]) -> None:
+    """Rotation against translation of every registration, both on a logarithmic scale."""
+    figure = new_figure(7.2, 4.6)
+    axes = figure.subplots()
+    for method in methods:
+        some = where(rows, method=method)
+        _scatter(axes, accepted(some), method, filled=True)
+        _scatter(axes, refused(some), method, filled=False)
+    axes.axhline(RIGHT_DEG, color="k", linewidth=0.8, linestyle="--")
+    axes.axvline(RIGHT_VOXELS, color="k", linewidth=0.8, linestyle="--")
+    axes.set(xscale="log", yscale="log", xlabel="translation error [voxels]", ylabel="rotation error [degrees]")
+    axes.set_title("filled: believed", fontsize=10)
+    axes.grid(alpha=0.3)
+    legend_beside(axes)
+    save_figure(figure, path)
+
+
+def _scatter(axes: Any, rows: Sequence[Row], method: str, filled: bool) -> None:
+    appearance = style(method)
+    x = np.maximum([float(row["translation_voxels"]) for row in rows], _LEAST_VOXELS)
+    y = np.maximum([float(row["rotation_deg"]) for row in rows], _LEAST_DEG)
+    axes.scatter(
+        x,
+        y,
+        s=46 if method == OURS else 20,
+        facecolors=appearance["color"] if filled else "none",
+        edgecolors=appearance["color"],
+        zorder=appearance["zorder"],
+        label=method if filled else None,
     )

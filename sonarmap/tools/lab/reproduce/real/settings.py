@@ -8,12 +8,16 @@ import numpy as np
 
 from sonarmap.kernels.errors import InputError
 from sonarmap.spectral.grid import Grid
-from sonarmap.tools.lab.reproduce.evaluation.methods import ComparedMethods, compared_methods
 from sonarmap.tools.lab.reproduce.experiments import Request
+from sonarmap.tools.lab.reproduce.methods import ComparedMethods, compared_methods
 from sonarmap.tools.lab.simulate.sensing.priors import KINDS, Instruments, instruments_for
 
 DRAWS = 5
+
+
 SIGMAS = (1.5, 3.0, 0.15, 3.0)  # of KINDS in their order [degrees, degrees, m, m]
+
+
 MAX_TILT = 35.0  # degrees
 
 
@@ -81,11 +85,7 @@ class RealSettings:
 
 
 def real_settings(request: Request, sets: Mapping[str, str], left_out: tuple[str, ...] = ()) -> RealSettings:
-    """As the command line asks for it; `quick` is the first pair of every set on half the voxels.
-
-    Raises:
-        InputError: an option's value will not do.
-    """
+    """As the command line asks for it; `quick` is the first pair of every set on half the voxels."""
     idle = [name for name in ("known_sigmas", "seeds", "seed") if request.known is None and name in request.given]
     if idle:
         flag = f"--{idle[0].replace('_', '-')}"

@@ -10,6 +10,7 @@ from pathlib import Path
 
 import numpy as np
 
+from sonarmap.kernels.errors import InputError
 from sonarmap.slam.execute.processes import spawned
 from sonarmap.slam.execute.runner import Execution
 from sonarmap.slam.execute.timings import Timings
@@ -21,7 +22,31 @@ from sonarmap.tools.files.memory import peak_memory
 from sonarmap.tools.lab.evaluate.trajectory import evaluate, pair_error
 from sonarmap.tools.lab.reproduce.experiment import Row
 from sonarmap.tools.lab.reproduce.scale.made_up import MadeUpRegistrar, MadeUpSurvey, make_up
-from sonarmap.tools.lab.reproduce.scale.settings import ScaleSettings
+from sonarmap.tools.lab.reproduce.settings import check_seeds
+
+
+@dataclass(frozen=True, slots=True)
+class ScaleSettings:
+    """What is run.
+
+    Attributes:
+        counts: numbers of scans, ascending.
+        points: of each scan.
+        seeds, first_seed: how many surveys of each number, counted from the first.
+        voxel: edge of the survey's voxels [m].
+    """
+
+    counts: tuple[int, ...] = (1000, 3000, 10_000)
+    points: int = 25_000
+    seeds: int = 1
+    first_seed: int = 7
+    voxel: float = 0.5
+
+    def __post_init__(self) -> None:
+        check_seeds(self.seeds, self.first_seed)
+        if not self.counts or min(self.counts) < 10 or self.points < 100:
+            raise InputError(f"{self.counts} scans of {self.points} points; wanted 10 or more of 100 or more")
+
 
 _PREPARED = 8  # scans that the worker keeps; of these there is nothing to prepare
 _SAMPLED = 0.05  # how often memory is looked at [s]

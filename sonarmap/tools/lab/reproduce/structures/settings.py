@@ -1,21 +1,14 @@
-"""What the experiments on whole structures have in common: their settings, and their jobs."""
+"""What the experiments on whole structures run."""
 
 from collections.abc import Sequence
-from dataclasses import dataclass, replace
-from typing import Any, ClassVar, TypeVar
+from dataclasses import dataclass
 
-from scipy.spatial.transform import RigidTransform
-
-from sonarmap.kernels.device.device import Device
 from sonarmap.kernels.errors import InputError
-from sonarmap.tools.lab.reproduce.checks import check_seeds
-from sonarmap.tools.lab.reproduce.experiment import Outcome
-from sonarmap.tools.lab.reproduce.experiments import Request
-from sonarmap.tools.lab.reproduce.structures.voxel_series import MovedStructure, VoxelSeries
-from sonarmap.tools.lab.simulate.scenes.catalog import SCENE_KINDS
+from sonarmap.spectral.grid import Grid
+from sonarmap.tools.lab.reproduce.settings import check_scenes, check_seeds
 from sonarmap.tools.lab.simulate.shapes.voxel_noise import NOISES
 
-SOURCES = ("kernels", "spectral", "tools/lab/simulate", "tools/lab/evaluate", "tools/lab/reproduce/structures")
+EXTENT = 256.0  # of the grid [m]; the paper has 256 voxels of 1 m
 
 
 @dataclass(frozen=True, slots=True)
@@ -37,10 +30,10 @@ class StructureSettings:
     edge: int = 256
 
     def __post_init__(self) -> None:
-        for given, known in ((self.scenes, SCENE_KINDS), (self.noises, NOISES)):
-            strange = [name for name in given if name not in known]
-            if strange or not given:
-                raise InputError(f"{strange[0] if strange else 'nothing'}: choose from {', '.join(known)}")
+        check_scenes(self.scenes)
+        strange = [noise for noise in self.noises if noise not in NOISES]
+        if strange or not self.noises:
+            raise InputError(f"{strange[0] if strange else 'nothing'}: choose from {', '.join(NOISES)}")
         check_seeds(self.seeds, self.first_seed)
 
     @property
@@ -50,51 +43,72 @@ class StructureSettings:
         return [(scene, seed) for scene in self.scenes for seed in seeds]
 
     @property
-    def cases(self) -> list[MovedStructure]:
-        """Every structure under every noise."""
-        return [MovedStructure(scene, noise, seed) for scene, seed in self.structures for noise in self.noises]
+    def grid(self) -> Grid:
+        """Of all volumes."""
+        return Grid(self.edge, EXTENT / self.edge)
 
 
-Settings = TypeVar("Settings", bound=StructureSettings)
+def check_angles(name: str, angles: Sequence[float], low: float) -> None:
+    """Refuse angles [degrees] that do not ascend, or are not above `low` and below 90.
 
-
-def as_asked(settings: Settings, quick: dict[str, Any], request: Request) -> Settings:
-    """Settings as the command line asks for them: less of everything if it is to be quick, and what the options say.
-
-    Args:
-        quick: the settings that a quick run changes, beside taking one structure.
+    Raises:
+        InputError: saying what there must be.
     """
-    if request.quick:
-        settings = replace(settings, scenes=settings.scenes[:1], seeds=1, **quick)
-    given = {
-        "scenes": None if request.scene is None else (request.scene,),
-        "seeds": request.seeds,
-        "first_seed": request.seed,
-        "edge": request.grid,
-    }
-    return replace(settings, **{name: value for name, value in given.items() if value is not None})
+    if not angles or list(angles) != sorted(set(angles)) or not low < angles[0] <= angles[-1] < 90:
+        raise InputError(
+            f"{name} are {angles}; there must be at least one, ascending, above {low:g} and below 90 degrees"
+        )
 
 
-class Structures:
-    """An experiment that moves structures in one way, under noise: one job per scene, seed and noise."""
+@dataclass(frozen=True, slots=True)
+class TranslationSettings(StructureSettings):
+    """What is run.
 
-    sources: ClassVar[tuple[str, ...]] = SOURCES
+    Attributes:
+        steps: the shifts, in steps of (1, 2, 3) m, ascending.
+    """
 
-    def __init__(self, settings: StructureSettings, motions: Sequence[RigidTransform], device: Device) -> None:
-        """Nothing is planned on the device before a job is run.
+    steps: tuple[int, ...] = (4, 8, 12, 16, 20, 24, 28, 30, 32, 34, 36, 38, 40, 44, 48, 52, 56, 60)
 
-        Args:
-            settings: which structures.
-            motions: T_target_source, in order: each moves every structure.
-            device: to run on.
-        """
-        self._cases, self._motions = settings.cases, motions
-        self.series = VoxelSeries(device, settings.edge)
+    def __post_init__(self) -> None:
+        StructureSettings.__post_init__(self)
+        if not self.steps or min(self.steps) < 0 or list(self.steps) != sorted(set(self.steps)):
+            raise InputError(f"steps are {self.steps}; there must be at least one, each farther than the one before")
 
-    def jobs(self) -> Sequence[str]:
-        """As in "floodgate/D0/1"."""
-        return [case.key for case in self._cases]
 
-    def run(self, job: str) -> Outcome:
-        """All motions of one series."""
-        return self.series.run(MovedStructure.of(job), self._motions)
+@dataclass(frozen=True, slots=True)
+class RotationSettings(StructureSettings):
+    """What is run.
+
+    Attributes:
+        tilt_deg: roll and pitch, both [degrees].
+        yaws_deg: [degrees], ascending, above -90 and below 90.
+    """
+
+    noises: tuple[str, ...] = ("D0", "D2", "D4", "D6")
+    tilt_deg: float = 10.0
+    yaws_deg: tuple[float, ...] = tuple(range(8, 89, 8))
+
+    def __post_init__(self) -> None:
+        StructureSettings.__post_init__(self)
+        check_angles("yaws_deg", self.yaws_deg, -90)
+
+
+@dataclass(frozen=True, slots=True)
+class LimitsSettings(StructureSettings):
+    """What is run.
+
+    Attributes:
+        tilts_deg: of roll, of pitch, and of both at once [degrees], ascending, above 0.
+        yaws_deg: under each tilt and without [degrees], ascending, above -90 and below 90.
+    """
+
+    noises: tuple[str, ...] = ("D0",)
+    edge: int = 128
+    tilts_deg: tuple[float, ...] = (5, 10, 15, 20, 25, 30, 35)
+    yaws_deg: tuple[float, ...] = (-80, -40, 0, 40, 80)
+
+    def __post_init__(self) -> None:
+        StructureSettings.__post_init__(self)
+        check_angles("tilts_deg", self.tilts_deg, 0)
+        check_angles("yaws_deg", self.yaws_deg, -90)

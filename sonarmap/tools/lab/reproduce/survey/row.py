@@ -107,10 +107,7 @@ def _map(survey: SimulatedSurvey, mapped: MappedSurvey, after: Evaluation, voxel
             f"{name}_p90_m": error.p90_m if error else _NAN,
             f"{name}_within_voxel": error.within_voxel if error else _NAN,
         }
-    return cells | {
-        "crossing_before_m": mapped.crossings.before,
-        "crossing_after_m": mapped.crossings.after,
-    }
+    return cells | {"crossing_before_m": mapped.crossings.before, "crossing_after_m": mapped.crossings.after}
 
 
 def _recall(survey: SimulatedSurvey, mapped: MappedSurvey, voxel: float) -> dict[str, Value]:

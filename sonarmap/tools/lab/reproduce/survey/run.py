@@ -1,17 +1,17 @@
 """Whole surveys, mapped: how far off poses and maps are, what became of right and wrong pairs, and what it takes."""
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Sequence
+from functools import lru_cache
 from pathlib import Path
-from typing import Any, ClassVar
+from typing import ClassVar
 
 from sonarmap.slam.survey_grid import survey_grid
-from sonarmap.tools.lab.reproduce.experiment import Outcome, Section, Value
+from sonarmap.tools.lab.reproduce.experiment import Experiment, Outcome, Row, Section, Value
 from sonarmap.tools.lab.reproduce.experiments import Request
-from sonarmap.tools.lab.reproduce.rows import all_rows, all_seconds
-from sonarmap.tools.lab.reproduce.survey.figure import draw_ways
+from sonarmap.tools.lab.reproduce.settings import as_asked
 from sonarmap.tools.lab.reproduce.survey.mapped import OURS, PEERS, SYSTEMS, MappingTime, installed, map_survey
 from sonarmap.tools.lab.reproduce.survey.row import survey_rows
-from sonarmap.tools.lab.reproduce.survey.section import PICTURE, survey_section
+from sonarmap.tools.lab.reproduce.survey.section import PICTURE, draw_paths, survey_section
 from sonarmap.tools.lab.reproduce.survey.settings import DIVES, SurveySettings
 from sonarmap.tools.lab.reproduce.survey.simulated import SimulatedSurvey, simulate_survey
 from sonarmap.tools.methods.registry import ALL_METHODS
@@ -19,7 +19,7 @@ from sonarmap.tools.methods.registry import ALL_METHODS
 _ORDER = (2, 1)  # of the dives, as they are given to the mapper
 
 
-class SurveyExperiment:
+class SurveyExperiment(Experiment):
     """Maps simulated surveys by this project's mapper and by others."""
 
     name: ClassVar[str] = "survey"
@@ -28,14 +28,14 @@ class SurveyExperiment:
         "tools/lab/simulate",
         "tools/lab/evaluate",
         "tools/products/output",
+        *(f"tools/lab/reproduce/survey/{name}.py" for name in ("mapped", "row", "settings", "simulated")),
         *ALL_METHODS,
     )
 
     def __init__(self, settings: SurveySettings, device: str | None) -> None:
         """`device` as `choose_device` takes it."""
-        self.settings: Any = settings
-        self._device = device
-        self._simulated: tuple[str, SimulatedSurvey] | None = None
+        super().__init__(settings, device)
+        self._survey = lru_cache(maxsize=1)(self._simulated)  # kept for the next system
 
     def jobs(self) -> Sequence[str]:
         """scene-seed/scans/system, and scene-seed/dives."""
@@ -63,31 +63,26 @@ class SurveyExperiment:
             kind, system = job, OURS
         survey = self._survey(kind)
         grid = survey_grid(survey.scans, self.settings.edge)
-        mapped = map_survey(system, survey.scans, survey.dives.tolist(), grid, self._device)
+        mapped = map_survey(system, survey.scans, survey.dives.tolist(), grid, self.device)
         begin = _named(kind) | {"system": system}
         rows = tuple({**begin, **row} for row in survey_rows(survey, mapped, grid.voxel))
         return Outcome(rows, (begin | _seconds(mapped.time, len(survey.scans)),))
 
-    def section(self, outcomes: Mapping[str, Outcome]) -> Section:
+    def section(self, rows: Sequence[Row], seconds: Sequence[Row]) -> Section:
         """Errors side by side, growth with the number of scans, and two dives."""
-        rows = all_rows(outcomes)
-        return survey_section(rows, all_seconds(outcomes), self.settings)
+        return survey_section(rows, seconds, self.settings)
 
-    def draw(self, folder: Path, outcomes: Mapping[str, Outcome]) -> None:
-        """The ways found on the longest survey of the first seed."""
+    def draw(self, folder: Path, rows: Sequence[Row]) -> None:
+        """The paths on the longest survey of the first seed."""
         settings: SurveySettings = self.settings
-        rows = all_rows(outcomes)
-        draw_ways(folder / PICTURE, rows, settings.scene, settings.first_seed, f"{max(settings.counts)}")
+        draw_paths(folder / PICTURE, rows, settings.scene, settings.first_seed, f"{max(settings.counts)}")
 
-    def _survey(self, kind: str) -> SimulatedSurvey:
-        """The scans of a kind of job; kept for the next system."""
-        if self._simulated is None or self._simulated[0] != kind:
-            settings: SurveySettings = self.settings
-            named = _named(kind)
-            dives = _ORDER if named["survey"] == DIVES else (1,)
-            count = settings.dive if named["survey"] == DIVES else int(named["survey"])
-            self._simulated = kind, simulate_survey(settings.scene, int(named["seed"]), count, settings.unusable, dives)
-        return self._simulated[1]
+    def _simulated(self, kind: str) -> SimulatedSurvey:
+        """The scans of a kind of job."""
+        settings, named = self.settings, _named(kind)
+        dives = _ORDER if named["survey"] == DIVES else (1,)
+        count = settings.dive if named["survey"] == DIVES else int(named["survey"])
+        return simulate_survey(settings.scene, int(named["seed"]), count, settings.unusable, dives)
 
 
 def _named(kind: str) -> dict[str, Value]:
@@ -111,21 +106,8 @@ def _seconds(time: MappingTime, scans: int) -> dict[str, Value]:
 
 
 def create(request: Request) -> SurveyExperiment:
-    """The experiment as the command line asks for it; `quick` is twelve scans on half the voxels, without peers.
-
-    Raises:
-        InputError: an option's value will not do.
-    """
-    usual, quick = SurveySettings(), request.quick
-    left_out = () if quick else tuple(system for system in PEERS if not installed(system))
-    settings = SurveySettings(
-        scene=request.scene or usual.scene,
-        seeds=request.seeds or usual.seeds,
-        first_seed=usual.first_seed if request.seed is None else request.seed,
-        counts=(12,) if quick else usual.counts,
-        dive=0 if quick else usual.dive,
-        edge=request.grid or (64 if quick else usual.edge),
-        systems=(OURS,) if quick else tuple(system for system in SYSTEMS if system not in left_out),
-        left_out=left_out,
-    )
+    """The experiment as the command line asks for it; `quick` is twelve scans on half the voxels, without peers."""
+    left_out = () if request.quick else tuple(system for system in PEERS if not installed(system))
+    usual = SurveySettings(systems=tuple(name for name in SYSTEMS if name not in left_out), left_out=left_out)
+    settings = as_asked(usual, request, counts=(12,), dive=0, edge=64, systems=(OURS,))
     return SurveyExperiment(settings, request.opened.selector)

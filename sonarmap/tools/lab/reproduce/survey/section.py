@@ -1,24 +1,32 @@
 """Mapped surveys, in words and tables."""
 
-import math
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
+from pathlib import Path
 from statistics import median
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
 
 from sonarmap.tools.lab.evaluate.place_recall import AMONG, GAP, OVERLAP
 from sonarmap.tools.lab.evaluate.trajectory import RIGHT_DEG, RIGHT_VOXELS
-from sonarmap.tools.lab.reproduce.evaluation.summary import NOTHING
+from sonarmap.tools.lab.reproduce.beside import HEADINGS
 from sonarmap.tools.lab.reproduce.experiment import Row, Section
-from sonarmap.tools.lab.reproduce.rows import where
+from sonarmap.tools.lab.reproduce.figure import new_figure
+from sonarmap.tools.lab.reproduce.plan import draw_plan, plan
+from sonarmap.tools.lab.reproduce.rows import DASH, number, where
 from sonarmap.tools.lab.reproduce.survey.mapped import OURS
-from sonarmap.tools.lab.reproduce.survey.row import BETWEEN, MAP, ROLES
+from sonarmap.tools.lab.reproduce.survey.row import BETWEEN, MAP, POSE, ROLES
 from sonarmap.tools.lab.reproduce.survey.settings import SurveySettings
-from sonarmap.tools.lab.reproduce.table import Table, verdict
+from sonarmap.tools.lab.reproduce.table import Table, table_of
+from sonarmap.tools.lab.simulate.scenes.scene import build_scene
+from sonarmap.tools.products.report.small_png import save_small
+
+if TYPE_CHECKING:
+    from matplotlib.axes import Axes
 
 PICTURE = "survey.png"
 _DIVES = "dives"
 _FATES = ("kept_right", "kept_wrong", "refused_right", "refused_wrong")
-_ATE = 1.0  # required of poses, at most [voxels]
-_WITHIN = 0.9  # required in the 95 % ellipsoids, at least: the errors of poses of one graph are correlated
 
 
 def survey_section(rows: Sequence[Row], seconds: Sequence[Row], settings: SurveySettings) -> Section:
@@ -26,7 +34,7 @@ def survey_section(rows: Sequence[Row], seconds: Sequence[Row], settings: Survey
     maps = where(rows, row=MAP)
     ours = where(maps, system=OURS)
     longest = f"{max(settings.counts)}"
-    tables = [_verdicts(ours), _systems(where(maps, survey=longest)), _growth(ours), _pairs(maps), _places(ours)]
+    tables = [_beside(maps), _systems(where(maps, survey=longest)), _growth(ours), _pairs(maps), _places(ours)]
     return Section(
         title="Maps of whole surveys",
         introduction=_introduction(maps, settings),
@@ -59,25 +67,52 @@ def _introduction(maps: Sequence[Row], settings: SurveySettings) -> str:
     )
 
 
-def _verdicts(ours: Sequence[Row]) -> Table:
-    lines = [line for row in ours for line in _claims(row)]
-    return Table("Requirements on a survey", ("survey", "measure", "required", "ours", "verdict"), tuple(lines))
+def _beside(maps: Sequence[Row]) -> Table:
+    lines = [line for row in where(maps, system=OURS) for line in _measured(row, maps)]
+    return Table("`sonarmap` beside the other systems", ("survey", *HEADINGS), tuple(lines))
 
 
-def _claims(row: Row) -> list[tuple[str, str, str, str, str]]:
-    usable = int(row["scans"]) - int(row["unusable"])
-    wrong, within = _wrong(row, ROLES), float(row["within_95"])
-    ate = float(row["ate_after_voxels"])
-    claims = [
-        ("usable scans in one map", "all", f"{row['placed']} of {usable}", row["placed"] == usable),
-        ("unusable scans in it", "none", f"{row['placed_unusable']} of {row['unusable']}", not row["placed_unusable"]),
-        ("wrong pairs kept", "none", f"{wrong}", not wrong),
-        ("error of the poses (ATE) [voxels]", f"at most {_ATE:g}", _number(ate, 2), ate <= _ATE),
-        ("poses within their 95 % ellipsoids", f"at least {_WITHIN:g}", _number(within, 2), within >= _WITHIN),
+def _measured(ours: Row, maps: Sequence[Row]) -> list[tuple[str, ...]]:
+    """What was measured of one survey, beside the others that mapped it."""
+    others = [row for row in where(maps, survey=ours["survey"], seed=ours["seed"]) if row["system"] != OURS]
+    usable = int(ours["scans"]) - int(ours["unusable"])
+    missing, wrong = usable - int(ours["placed"]), _wrong(ours, ROLES)
+    measures: list[tuple[str, Callable[[Row], str], str]] = [
+        ("usable scans in one map", lambda row: f"{row['placed']} of {usable}", f"{missing} scans are missing in it"),
+        (
+            "unusable scans in it",
+            lambda row: f"{row['placed_unusable']} of {row['unusable']}",
+            f"{ours['placed_unusable']} scans in it show nothing of the scene",
+        ),
+        (
+            "wrong pairs kept",
+            lambda row: f"{_wrong(row, ROLES)}",
+            "wrong pairs bend the map" if wrong else "none bends it",
+        ),
+        (
+            "error of the poses (ATE) [voxels]",
+            lambda row: number(float(row["ate_after_voxels"]), 2),
+            f"poses are {float(ours['ate_after_m']):.2f} m off",
+        ),
+        (
+            "poses within their 95 % ellipsoids",
+            lambda row: number(float(row["within_95"]), 2),
+            f"expect {100 * float(ours['within_95']):.0f} of 100 poses in them",
+        ),
     ]
-    if row["survey"] == _DIVES:
-        claims.append(("maps, of two scans or more", "one", f"{row['components']}", row["components"] == 1))
-    return [(_called(row), *line, verdict(good)) for *line, good in claims]  # pyright: ignore
+    if ours["survey"] == _DIVES:
+        apart = "the dives are joined" if ours["components"] == 1 else "the dives are not joined"
+        measures.append(("maps, of two scans or more", lambda row: f"{row['components']}", apart))
+    return [
+        (
+            _called(ours),
+            what,
+            shown(ours),
+            "; ".join(f"{row['system']}: {shown(row)}" for row in others) or DASH,
+            follows,
+        )
+        for what, shown, follows in measures
+    ]
 
 
 def _systems(maps: Sequence[Row]) -> Table:
@@ -96,8 +131,8 @@ def _systems(maps: Sequence[Row]) -> Table:
         some = where(maps, system=system)
         placed = _sum(some, "placed"), _sum(some, "scans") - _sum(some, "unusable")
         tried = _sum(some, "pairs")
-        wrong = f"{sum(_wrong(row, ROLES) for row in some)}" if tried else NOTHING
-        cells = [_number(median(float(row[key]) for row in some), 2) for key in keys.values()]
+        wrong = f"{sum(_wrong(row, ROLES) for row in some)}" if tried else DASH
+        cells = [number(median(float(row[key]) for row in some), 2) for key in keys.values()]
         lines.append((str(system), f"{placed[0]} of {placed[1]}", *cells, wrong))
     return Table("The longest survey, by every system", ("system", "placed", *keys, "wrong pairs kept"), tuple(lines))
 
@@ -119,8 +154,8 @@ def _growth(ours: Sequence[Row]) -> Table:
         "mean NEES (6)": ("nees_mean", 1),
         "of positions (3)": ("position_nees_mean", 1),
     }
-    lines = [(_called(row), *(_number(float(row[key]), n) for key, n in columns.values())) for row in ours]
-    return Table("`sonarmap`, survey by survey", ("survey", *columns), tuple(lines))
+    cells = {name: lambda row, key=key, n=n: number(float(row[key]), n) for name, (key, n) in columns.items()}
+    return table_of("`sonarmap`, survey by survey", ("survey",), [((_called(row),), row) for row in ours], cells)
 
 
 def _pairs(maps: Sequence[Row]) -> Table:
@@ -139,7 +174,7 @@ def _pairs(maps: Sequence[Row]) -> Table:
 
 def _places(ours: Sequence[Row]) -> Table:
     lines = [
-        (_called(row), str(row["revisited"]), *(_number(float(row[f"recall_{k}"]), 2) for k in AMONG)) for row in ours
+        (_called(row), str(row["revisited"]), *(number(float(row[f"recall_{k}"]), 2) for k in AMONG)) for row in ours
     ]
     title = f"Recall of revisits by signatures alone (overlap {OVERLAP:g} or more, over {GAP} scans apart)"
     return Table(title, ("survey", "scans with a revisit", *(f"among {k}" for k in AMONG)), tuple(lines))
@@ -148,13 +183,13 @@ def _places(ours: Sequence[Row]) -> Table:
 def _growth_times(seconds: Sequence[Row]) -> Table:
     keys = ("total_s", "per_scan_s", "registering_s", "signing_s", "optimizing_s", "fusing_s", "peak_memory_mib")
     headings = ("total [s]", "per scan [s]", "registering [s]", "signatures [s]", "optimizing, choosing loops [s]")
-    lines = [(_called(row), *(_number(float(row[key]), 1) for key in keys)) for row in seconds]
+    lines = [(_called(row), *(number(float(row[key]), 1) for key in keys)) for row in seconds]
     return Table("`sonarmap`, survey by survey", ("survey", *headings, "fusing [s]", "peak memory [MiB]"), tuple(lines))
 
 
 def _system_times(seconds: Sequence[Row]) -> Table:
     keys = ("total_s", "per_scan_s", "peak_memory_mib")
-    lines = [(str(row["system"]), *(_number(float(row[key]), 1) for key in keys)) for row in seconds]
+    lines = [(str(row["system"]), *(number(float(row[key]), 1) for key in keys)) for row in seconds]
     headings = ("system", "total [s]", "per scan [s]", "peak memory [MiB]")
     return Table("The longest survey, by every system; the times of `sonarmap` include the map", headings, tuple(lines))
 
@@ -175,5 +210,35 @@ def _sum(rows: Sequence[Row], key: str) -> int:
     return sum(int(row[key]) for row in rows)
 
 
-def _number(value: float, places: int) -> str:
-    return NOTHING if math.isnan(value) else f"{value:.{places}f}"
+PLAN_HEIGHT = -4.0  # of the section through the scene: the water's surface is at 0 [m]
+_PATHS: dict[str, dict[str, Any]] = {
+    "true": {"color": "black", "linewidth": 2.4, "label": "true"},
+    "before": {"color": "tab:orange", "linewidth": 1.0, "label": "before loops"},
+    "after": {"color": "magenta", "linewidth": 1.2, "marker": "o", "markersize": 2.0, "label": "estimated"},
+}
+
+
+def draw_paths(path: Path, rows: Sequence[Row], scene: str, seed: int, survey: str) -> None:
+    """Write a PNG of one survey, each path over the true one."""
+    chosen = where(rows, seed=seed, survey=survey)
+    maps = where(chosen, row=MAP)
+    section = plan(build_scene(scene, seed).mesh, PLAN_HEIGHT)
+    figure = new_figure(5.2 * len(maps) + 0.4, 5.8, dpi=110)
+    panels = figure.subplots(1, len(maps), squeeze=False)[0]
+    for axes, mapped in zip(panels, maps, strict=True):
+        draw_plan(axes, section)
+        poses = where(chosen, row=POSE, system=mapped["system"])
+        for name, style in _PATHS.items():
+            _draw_path(axes, poses, name, style)
+        half = section.edge / 2
+        axes.set(xlim=(-half, half), ylim=(-half, half), aspect="equal", xlabel="x [m]")
+        axes.set_title(f"{mapped['system']}: {float(mapped['ate_after_voxels']):.2f} voxels off", fontsize=11)
+    panels[0].set_ylabel("y [m]")
+    handles, labels = panels[0].get_legend_handles_labels()
+    figure.legend(handles, labels, loc="outside lower center", ncols=len(labels), frameon=False)
+    save_small(figure, path)
+
+
+def _draw_path(axes: "Axes", poses: Sequence[Row], name: str, style: dict[str, Any]) -> None:
+    if poses and f"x_{name}_m" in poses[0]:
+        axes.plot(*np.array([[float(row[f"{axis}_{name}_m"]) for axis in "xy"] for row in poses]).T, **style)

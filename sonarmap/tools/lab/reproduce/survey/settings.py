@@ -4,9 +4,8 @@ from dataclasses import dataclass
 
 from sonarmap.kernels.errors import InputError
 from sonarmap.spectral.grid import Grid
-from sonarmap.tools.lab.reproduce.checks import check_seeds
+from sonarmap.tools.lab.reproduce.settings import check_scenes, check_seeds
 from sonarmap.tools.lab.reproduce.survey.mapped import SYSTEMS
-from sonarmap.tools.lab.simulate.scenes.catalog import SCENE_KINDS
 
 DIVES = "dives"
 
@@ -39,8 +38,7 @@ class SurveySettings:
 
     def __post_init__(self) -> None:
         Grid(self.edge, 1.0)
-        if self.scene not in SCENE_KINDS:
-            raise InputError(f"no scene is called {self.scene!r}; there are {', '.join(SCENE_KINDS)}")
+        check_scenes((self.scene,))
         check_seeds(self.seeds, self.first_seed)
         if not self.counts or min(self.counts) < 2 or self.dive < 0:
             raise InputError(f"{self.counts} scans and dives of {self.dive}; a survey needs 2 scans or more")

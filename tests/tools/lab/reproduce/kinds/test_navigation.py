@@ -8,10 +8,10 @@ from scipy.spatial.transform import RigidTransform, Rotation
 
 from sonarmap.spectral.result import Registration
 from sonarmap.spectral.scan import Scan
-from sonarmap.tools.lab.reproduce.evaluation.answer import refused
+from sonarmap.tools.lab.reproduce.answer import refused
 from sonarmap.tools.lab.reproduce.kinds.navigation import directions, navigation_cells, navigation_covariance
-from sonarmap.tools.lab.reproduce.kinds.navigation_table import navigation_requirements, navigation_table
 from sonarmap.tools.lab.reproduce.kinds.settings import NAVIGATION, PRIORS
+from sonarmap.tools.lab.reproduce.kinds.tables import navigation_beside, navigation_table
 from sonarmap.tools.lab.simulate.kinds.kind import KindPair
 from tests.tools.lab.reproduce.kinds.rows import fixed, row
 
@@ -113,9 +113,9 @@ class TestTable:
         assert lines["all but flat"][5].startswith("2/3")
         assert lines["all but flat, believed"][:2] == ("2", "2.00")
 
-    def test_requirements(self) -> None:
-        error, covered = navigation_requirements(self.ROWS)
-        assert error[2:] == ("0.30 m; navigation's 1.20 m", "holds")
-        assert covered[2:] == ("2/3 [0.21..0.94]", "does not hold")
-        assert navigation_requirements(self.ROWS[2:])[0][2:] == ("none in 1 pairs", "does not hold")
-        assert navigation_requirements([self.ROWS[2], self.ROWS[4]]) == []
+    def test_beside_navigation_alone(self) -> None:
+        error, covered = navigation_beside(self.ROWS)
+        assert error[1:] == ("0.30 m", "navigation alone: 1.20 m", "registration leaves 25 % of navigation's error")
+        assert covered[1] == "2/3 [0.21..0.94]"
+        assert navigation_beside(self.ROWS[2:])[0][1] == "none in 1 pairs"
+        assert navigation_beside([self.ROWS[2], self.ROWS[4]]) == []

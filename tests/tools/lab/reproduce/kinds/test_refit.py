@@ -7,9 +7,9 @@ import pytest
 from scipy.special import expit
 
 from sonarmap.tools.lab.reproduce.experiment import Row
-from sonarmap.tools.lab.reproduce.kinds.calibration_tables import expected_error
-from sonarmap.tools.lab.reproduce.kinds.refit_summary import (
+from sonarmap.tools.lab.reproduce.kinds.calibration_tables import (
     Linear,
+    expected_error,
     fit_probability,
     fit_variance,
     refitted_nees,

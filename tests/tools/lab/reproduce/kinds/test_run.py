@@ -14,7 +14,6 @@ from sonarmap.kernels.errors import InputError
 from sonarmap.spectral.result import Registration
 from sonarmap.spectral.scan import Scan
 from sonarmap.tools.command.main import app
-from sonarmap.tools.lab.reproduce.evaluation.methods import ComparedMethods
 from sonarmap.tools.lab.reproduce.experiments import Request, chosen, members
 from sonarmap.tools.lab.reproduce.kinds import run as module
 from sonarmap.tools.lab.reproduce.kinds.navigation import directions
@@ -26,6 +25,7 @@ from sonarmap.tools.lab.reproduce.kinds.settings import (
     KindsSettings,
     kinds_settings,
 )
+from sonarmap.tools.lab.reproduce.methods import ComparedMethods
 from sonarmap.tools.lab.simulate.kinds.catalog import SCAN_KINDS
 from sonarmap.tools.lab.simulate.kinds.kind import KindPair
 from tests.tools.lab.reproduce.kinds.test_navigation import PAIR

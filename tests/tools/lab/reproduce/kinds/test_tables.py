@@ -7,17 +7,25 @@ import pytest
 
 from sonarmap.tools.lab.reproduce.experiment import Outcome
 from sonarmap.tools.lab.reproduce.kinds.calibration_tables import (
-    calibration_requirements,
+    calibration_beside,
     expected_error,
     left_out_table,
     reported_table,
     usual_error,
 )
-from sonarmap.tools.lab.reproduce.kinds.kind_summary import outcome, variants, worst_first
 from sonarmap.tools.lab.reproduce.kinds.run import Kinds
 from sonarmap.tools.lab.reproduce.kinds.settings import LEVELED, NAVIGATION, KindsSettings
-from sonarmap.tools.lab.reproduce.kinds.tables import kind_table, method_table, relief_table, requirements
+from sonarmap.tools.lab.reproduce.kinds.tables import (
+    beside_others,
+    every_variant,
+    kind_table,
+    method_table,
+    outcome,
+    relief_table,
+    worst_first,
+)
 from sonarmap.tools.lab.reproduce.pages.section_text import section_text, verdicts
+from sonarmap.tools.lab.reproduce.rows import all_rows, all_seconds
 from tests.tools.lab.reproduce.kinds.rows import fixed, row
 
 NAVIGATED = {name: value for number in (1, 2, 3) for name, value in fixed(0.1, 0.1, 1.0, number).items()}
@@ -33,52 +41,38 @@ ROWS = (
 
 
 class TestTables:
-    def test_requirements_name_the_worst_kind(self) -> None:
-        lines = {line[0]: line[1:] for line in requirements(ROWS)}
+    def test_ours_beside_the_others_names_the_worst_kind(self) -> None:
+        lines = {line[0]: line[1:] for line in beside_others(ROWS)}
         assert lines["right, known: nothing"] == (
-            "at least 80 % of each kind",
-            "1 of 2 kinds; worst: swath 75 % [41..93]",
-            "does not hold",
+            "15/18 [0.61..0.94]; worst kind: swath 75 % [41..93]",
+            "best: planes 0 %",
+            "expect 83 of 100 to be right",
         )
-        assert lines["believed, of the right, known: nothing"][1:] == (
-            "1 of 2 kinds; worst: swath 67 % [30..90]",
-            "does not hold",
-        )
-        assert lines["wrong and believed, known: nothing"] == (
-            "at most 1 % of each kind",
-            "1 of 2 kinds; worst: patch 9 % [2..38]",
-            "does not hold",
-        )
-        assert lines["right, known: attitude, depth"][1:] == ("1 of 1 kinds; worst: patch 100 % [51..100]", "holds")
-        assert lines["believed, of the right, known: attitude, depth"][2] == "does not hold"
-        assert [line[0] for line in requirements([row(right=False)])] == [
+        assert lines["believed, of the right, known: nothing"][0].endswith("worst kind: swath 67 % [30..90]")
+        assert lines["wrong and believed, known: nothing"][0].endswith("worst kind: patch 9 % [2..38]")
+        assert lines["wrong and believed, known: nothing"][1] == "best: planes 100 %"
+        assert lines["right, known: attitude, depth"][0].endswith("worst kind: patch 100 % [51..100]")
+        assert [line[0] for line in beside_others([row(right=False)])] == [
             "right, known: nothing",
             "wrong and believed, known: nothing",
         ]
-        assert requirements(ROWS[-1:]) == []
-
-    def test_a_hundred_pairs_may_have_one_wrong_and_believed(self) -> None:
-        rows = [row(number=number, right=number > 0) for number in range(100)]
-        assert [line[3] for line in requirements(rows)] == ["holds"] * 3
-        assert [line[3] for line in requirements(rows[:99])] == ["holds", "holds", "does not hold"]
+        assert beside_others(ROWS[-1:]) == []
 
     def test_kinds_the_worst_first(self) -> None:
         assert worst_first(ROWS) == ["swath", "patch"]
-        lines = [(line[0], line[1], line[2], line[6]) for line in kind_table(ROWS).rows]
-        assert lines == [
-            ("swath", "nothing", "8", "does not hold"),
-            ("patch", "attitude, depth", "4", "does not hold"),
-            ("patch", "nothing", "10", "does not hold"),
+        assert [line[:3] for line in kind_table(ROWS).rows] == [
+            ("swath", "nothing", "8"),
+            ("patch", "attitude, depth", "4"),
+            ("patch", "nothing", "10"),
         ]
         firm = [
             row(number=number, **{"relief": "flat", "right": False, "accepted": False} if not number else {})
             for number in range(9)
         ]
         assert kind_table(firm).rows[0][2] == "8"
-        assert kind_table(firm).rows[0][6] == "holds"
 
     def test_methods_beside_each_other(self) -> None:
-        assert variants(ROWS) == [("spectral", "none"), ("spectral", LEVELED), ("planes", "none")]
+        assert every_variant(ROWS) == [("spectral", "none"), ("spectral", LEVELED), ("planes", "none")]
         table = method_table(ROWS)
         assert table.headings == ("kind", "pairs", "spectral", "spectral, known: attitude, depth", "planes")
         assert table.rows == (
@@ -89,7 +83,7 @@ class TestTables:
         assert outcome([]) == "–"
 
     def test_flat_scenes_stand_apart(self) -> None:
-        assert relief_table(ROWS).rows[0] == ("flat (no requirement)", "1", "0 %, –, 1", "–", "–")
+        assert relief_table(ROWS).rows[0] == ("flat (cannot fix a pose)", "1", "0 %, –, 1", "–", "–")
         assert relief_table(ROWS).rows[1][0] == "rich"
 
 
@@ -116,11 +110,9 @@ class TestCalibration:
         assert lines["swath"][3:5] == ("6", "100.0 % [61.0 %..100.0 %]")
         assert lines["all kinds, known: attitude, depth"][:2] == ("4", "0.050")
         assert lines["swath, known: navigation"][:4] == ("1", "0.950", "0.093", "0")
-        lines = {line[0]: line[1:] for line in calibration_requirements(ROWS)}
-        assert (
-            lines["expected calibration error of the probability, as reported"][1] == "1 of 2 kinds; worst: swath 0.200"
-        )
-        assert lines["truths in the 95 % ellipsoid, as reported"][1] == "0 of 2 kinds; worst: patch 100 %"
+        lines = {line[0]: line[1:] for line in calibration_beside(ROWS)}
+        assert lines["expected calibration error of the probability, as reported"][0].endswith("kind: swath 0.200")
+        assert lines["truths in the 95 % ellipsoid, as reported"][0].startswith("100 %; farthest from 95 %")
         assert left_out_table(ROWS).rows == ()
 
     def test_a_kind_is_left_out_where_there_is_evidence(self) -> None:
@@ -135,7 +127,7 @@ class TestCalibration:
             ("all kinds", "60"),
         ]
         assert [line[4] for line in left_out_table(rows).rows] == ["20", "20", "40"]
-        words = [line[0] for line in calibration_requirements(rows)]
+        words = [line[0] for line in calibration_beside(rows)]
         assert [word.rpartition(", ")[2] for word in words] == ["as reported"] * 2 + [
             "fitted to the other kinds alone"
         ] * 2
@@ -147,19 +139,19 @@ class TestSection:
     def test_words_and_pictures(self, tmp_path: Path) -> None:
         experiment = Kinds(self.SETTINGS, None)
         outcomes = {str(number): Outcome((line,)) for number, line in enumerate(ROWS)}
-        section = experiment.section(outcomes)
+        section = experiment.section(all_rows(outcomes), all_seconds(outcomes))
         assert len(verdicts(section)) == 6 + 2 + 2
         text = section_text(section, 1)
         assert "15 pairs of each kind (set 77014): `patch`, a patch merged" in text
         assert "Left out, because the scene has no such pair: 4 of `patch`, 7 of `swath`." in text
         assert "share 5 to 40 % and are registered with navigation" in text
-        experiment.draw(tmp_path, outcomes)
+        experiment.draw(tmp_path, all_rows(outcomes))
         assert {path.name for path in tmp_path.iterdir()} == set(section.pictures)
 
-    def test_without_ours_there_is_nothing_to_require(self, tmp_path: Path) -> None:
+    def test_without_ours_there_is_nothing_to_compare(self, tmp_path: Path) -> None:
         experiment = Kinds(self.SETTINGS, None)
         outcomes = {"a": Outcome(ROWS[-1:])}
-        section = experiment.section(outcomes)
+        section = experiment.section(all_rows(outcomes), all_seconds(outcomes))
         assert verdicts(section) == ()
-        experiment.draw(tmp_path, outcomes)
+        experiment.draw(tmp_path, all_rows(outcomes))
         assert {path.name for path in tmp_path.iterdir()} == set(section.pictures) == {"kinds.png"}

@@ -1,0 +1,117 @@
+"""The registration of one pair by one method as cells of a row: its errors, and what the method reports."""
+
+from typing import Any
+
+import numpy as np
+from scipy.spatial.transform import RigidTransform
+
+from sonarmap.kernels.errors import InputError
+from sonarmap.spectral.result import Registrar, Registration
+from sonarmap.spectral.scan import Scan
+from sonarmap.tools.lab.evaluate.trajectory import RIGHT_DEG, RIGHT_VOXELS, pair_error
+from sonarmap.tools.lab.reproduce.experiment import Value
+
+PARAMETERS = ("x_m", "y_m", "z_m", "yaw_deg", "roll_deg", "pitch_deg")
+
+
+def parameters(T: RigidTransform) -> np.ndarray:
+    """x, y, z [m] and yaw, roll, pitch [degrees], (6,), in the paper's order."""
+    yaw, pitch, roll = T.rotation.as_euler("ZYX", degrees=True)
+    return np.array([*T.translation, yaw, roll, pitch])
+
+
+def parameter_cells(T: RigidTransform, which: str) -> dict[str, float]:
+    """PARAMETERS as cells whose names begin with "found" or "true"."""
+    return {f"{which}_{name}": value for name, value in zip(PARAMETERS, parameters(T).tolist(), strict=True)}
+
+
+def answer(registrar: Registrar, target: Scan, source: Scan) -> Registration:
+    """Prepare and register two scans; where a method raises InputError, the identity counts as refused."""
+    try:
+        return registrar.register(registrar.prepare(target), registrar.prepare(source))
+    except InputError as error:
+        return refused(str(error))
+
+
+def refused(reason: str) -> Registration:
+    """A refused registration: the identity, without a covariance."""
+    nothing = np.full((6, 6), np.nan)
+    return Registration(RigidTransform.identity(), nothing, float("nan"), 0.0, False, 0.0, reason)
+
+
+def claims(registration: Registration) -> dict[str, Value]:
+    """What a registration reports about itself.
+
+    The cells: accepted; probability that it is right, psr (both NaN from methods that have none); its estimated
+    overlap; sigma_deg and sigma_m, standard deviations along the worst direction; its reason.
+    """
+    sigma_deg, sigma_m = _sigmas(registration.covariance)
+    return {
+        "accepted": bool(registration.accepted),
+        "probability": float(getattr(registration, "probability", float("nan"))),
+        "psr": float(registration.psr),
+        "overlap": float(registration.overlap),
+        "sigma_deg": sigma_deg,
+        "sigma_m": sigma_m,
+        "reason": registration.reason,
+    }
+
+
+def errors(registration: Registration, truth: RigidTransform, voxel: float) -> dict[str, Value]:
+    """The errors of a registration against the true T_target_source, between the scans' frames.
+
+    The cells: right (within RIGHT_DEG and RIGHT_VOXELS); rotation_deg, translation_m, translation_voxels; nees.
+
+    Args:
+        registration: the estimate.
+        truth: the true T_target_source.
+        voxel: of the grid [m].
+    """
+    error = pair_error(registration.T_target_source, truth)
+    return {
+        "right": error.within(RIGHT_DEG, RIGHT_VOXELS * voxel),
+        "rotation_deg": error.rotation_deg,
+        "translation_m": error.translation_m,
+        "translation_voxels": error.translation_m / voxel,
+        "nees": nees(registration.T_target_source, registration.covariance, truth),
+    }
+
+
+def nees(T_estimate: RigidTransform, covariance: np.ndarray, truth: RigidTransform) -> float:
+    """The normalized estimation error squared: xi' covariance^-1 xi with truth = T_estimate Exp(xi).
+
+    If the covariance is that of the errors, it is distributed as chi-squared with six degrees of freedom (Bar-Shalom,
+    Li and Kirubarajan, Estimation with Applications to Tracking and Navigation, 2001, Sect. 5.4, doi
+    10.1002/0471221279).
+
+    Args:
+        T_estimate: the estimated T_target_source.
+        covariance: (6, 6), rotation first [rad, m], of xi.
+        truth: T_target_source.
+
+    Returns:
+        NaN where the covariance is not positive definite.
+    """
+    xi = (T_estimate.inv() * truth).as_exp_coords()
+    try:
+        whitened = np.linalg.solve(np.linalg.cholesky(covariance), xi)
+    except np.linalg.LinAlgError:
+        return float("nan")
+    return float(whitened @ whitened)
+
+
+def _sigmas(covariance: Any) -> tuple[float, float]:
+    """Standard deviations of rotation [degrees] and translation [m] along the worst direction of each."""
+    if not np.isfinite(covariance).all():
+        return float("nan"), float("nan")
+    rotation, translation = (
+        float(np.sqrt(max(np.linalg.eigvalsh(block)[-1], 0.0))) for block in (covariance[:3, :3], covariance[3:, 3:])
+    )
+    return float(np.rad2deg(rotation)), translation
+
+
+def finish_device(registrar: Registrar) -> None:
+    """Wait for the device of a method that has one, so that what follows is timed alone."""
+    device = getattr(registrar, "device", None)
+    if device is not None:
+        device.queue.finish()

@@ -1,0 +1,157 @@
+"""Whether covariances and probabilities match the errors: sums over rows, and tables of them."""
+
+import math
+from collections.abc import Iterable, Sequence
+from dataclasses import dataclass
+from itertools import pairwise
+from statistics import median
+
+from scipy.stats import chi2
+
+from sonarmap.tools.lab.reproduce.experiment import Row
+from sonarmap.tools.lab.reproduce.methods import OURS
+from sonarmap.tools.lab.reproduce.rows import CONFIDENCE, DASH, Rate, right, where, wilson
+from sonarmap.tools.lab.reproduce.table import Table
+
+# Shares of the points in common between which pairs are drawn (from 5 % on), and shown
+OVERLAPS = ((0.0, 0.2), (0.2, 0.4), (0.4, 0.6), (0.6, 0.8), (0.8, 1.0))
+FREEDOM = 6  # degrees of it, of a transform
+# Probabilities are looked at between these; the last holds both its ends.
+PROBABILITIES = (0.0, 0.05, 0.2, 0.4, 0.6, 0.8, 0.95, 0.99, 1.0)
+
+
+@dataclass(frozen=True, slots=True)
+class CovarianceCheck:
+    """Normalized squared errors compared with chi-squared with six degrees of freedom.
+
+    Attributes:
+        mean: of the errors; 6 with a calibrated covariance, more with one that is too small.
+        median: of the errors; 5.35 with a calibrated covariance; a few large errors move it less than the mean.
+        low, high: between which the mean of as many draws lies in 95 of 100 cases.
+        inside: how many lie in the covariance's own 95 % ellipsoid.
+    """
+
+    mean: float
+    median: float
+    low: float
+    high: float
+    inside: Rate
+
+    @property
+    def share(self) -> float:
+        """Of those in the ellipsoid, 0..1."""
+        return self.inside.successes / self.inside.trials
+
+    @property
+    def verdict(self) -> str:
+        """Of the mean."""
+        if self.low <= self.mean <= self.high:
+            return "within the interval"
+        return "the covariance is too small" if self.mean > self.high else "the covariance is too large"
+
+
+@dataclass(frozen=True, slots=True)
+class Reliability:
+    """Registrations whose probability lies between two values.
+
+    Attributes:
+        low, high: the two.
+        predicted: the mean of the probabilities.
+        right: how many of the registrations are right.
+    """
+
+    low: float
+    high: float
+    predicted: float
+    right: Rate
+
+    @property
+    def share(self) -> float:
+        """Of the registrations, that is right."""
+        return self.right.successes / self.right.trials
+
+
+def shared(rows: Iterable[Row], low: float, high: float = 1.0) -> list[Row]:
+    """The rows whose pairs share more than `low` and at most `high` of their points."""
+    return [row for row in rows if low < float(row["shared"]) <= high]
+
+
+def calibration(rows: Iterable[Row]) -> CovarianceCheck | None:
+    """Of the rows that have a normalized squared error; None where none has."""
+    nees = [float(row["nees"]) for row in rows if not math.isnan(float(row["nees"]))]
+    if not nees:
+        return None
+    tail = (1 - CONFIDENCE) / 2
+    low, high = (float(chi2.ppf(q, FREEDOM * len(nees)) / len(nees)) for q in (tail, 1 - tail))
+    bound = float(chi2.ppf(CONFIDENCE, FREEDOM))
+    inside = wilson(sum(value <= bound for value in nees), len(nees))
+    return CovarianceCheck(math.fsum(nees) / len(nees), median(nees), low, high, inside)
+
+
+def reliability(rows: Iterable[Row], bounds: Sequence[float] = PROBABILITIES) -> list[Reliability]:
+    """Of the rows that have a probability, between each two bounds that hold any."""
+    rated = [row for row in rows if not math.isnan(float(row["probability"]))]
+    bins = []
+    for low, high in pairwise(bounds):
+        last = high == bounds[-1]
+        held = [
+            row for row in rated if low <= float(row["probability"]) < high or (last and row["probability"] == high)
+        ]
+        if held:
+            predicted = math.fsum(float(row["probability"]) for row in held) / len(held)
+            bins.append(Reliability(low, high, predicted, wilson(sum(bool(row["right"]) for row in held), len(held))))
+    return bins
+
+
+def calibration_table(yaw: Sequence[Row], free: Sequence[Row], methods: Sequence[str]) -> Table:
+    """Normalized squared errors of right registrations: of ours by overlap, noise, scene and turn; of the others."""
+    ours = right(where(yaw, method=OURS))
+    cases: list[tuple[str, Sequence[Row]]] = [(f"{OURS}, any yaw", ours)] if OURS in methods else []
+    if cases:
+        cases += [(f"… {low:.0%}..{high:.0%} shared", shared(ours, low, high)) for low, high in OVERLAPS]
+        cases += [(f"… σ² = {noise:g} m²", where(ours, sigma2=noise)) for noise in sorted({*_column(ours, "sigma2")})]
+        cases += [(f"… {scene}", where(ours, scene=scene)) for scene in dict.fromkeys(_column(ours, "scene"))]
+        cases += [("… accepted", where(ours, accepted=True))]
+        cases += [(f"{OURS}, any rotation", right(where(free, method=OURS)))]
+    cases += [(f"{name}, any yaw", right(where(yaw, method=name))) for name in methods if name != OURS]
+    return Table(
+        "Normalized squared errors of right registrations (calibrated covariance: mean 6, median 5.35, 95 % inside)",
+        (
+            *("registrations of", "number", "mean", "95 % interval of a calibrated mean", "median"),
+            *("in the 95 % ellipsoid", "verdict on the mean"),
+        ),
+        tuple(_line(name, rows) for name, rows in cases if rows),
+    )
+
+
+def reliability_table(yaw: Sequence[Row], free: Sequence[Row]) -> Table:
+    """The probability that ours reports, next to how often it is right."""
+    cases = (("any yaw", where(yaw, method=OURS)), ("any rotation", where(free, method=OURS)))
+    lines = [
+        (words, f"{rated.low:g}..{rated.high:g}", f"{rated.predicted:.3f}", f"{rated.share:.3f}", str(rated.right))
+        for words, rows in cases
+        for rated in reliability(rows)
+    ]
+    headings = ("pairs", "reported probability", "mean of these", "share right", "right, with 95 % interval")
+    return Table(f"The probability that `{OURS}` reports, and how often it is right", headings, tuple(lines))
+
+
+def _line(name: str, rows: Sequence[Row]) -> tuple[str, ...]:
+    calibrated = calibration(rows)
+    if calibrated is None:
+        return (name, str(len(rows)), *[DASH] * 5)
+    inside = f"{calibrated.share:.1%} [{calibrated.inside.low:.1%}..{calibrated.inside.high:.1%}]"
+    interval = f"{calibrated.low:.2f}..{calibrated.high:.2f}"
+    return (
+        name,
+        str(calibrated.inside.trials),
+        f"{calibrated.mean:.2f}",
+        interval,
+        f"{calibrated.median:.2f}",
+        inside,
+        calibrated.verdict,
+    )
+
+
+def _column(rows: Sequence[Row], key: str) -> list:
+    return [row[key] for row in rows]

@@ -1,0 +1,106 @@
+"""The pairs that the evaluation registers, and experiments that register batches of them, each by one method."""
+
+from abc import abstractmethod
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
+from functools import lru_cache
+from typing import Any, ClassVar
+
+from scipy.spatial.transform import RigidTransform
+
+from sonarmap.kernels.errors import InputError
+from sonarmap.spectral.grid import Grid, choose_grid
+from sonarmap.spectral.scan import Scan
+from sonarmap.tools.lab.reproduce.answer import answer, claims, errors
+from sonarmap.tools.lab.reproduce.evaluation.settings import BATCH
+from sonarmap.tools.lab.reproduce.experiment import ByMethod, Outcome, Value
+from sonarmap.tools.lab.reproduce.methods import METHOD_SOURCES, registrar
+from sonarmap.tools.lab.simulate.pairs.pair_set import evaluation_pair, evaluation_unrelated
+from sonarmap.tools.lab.simulate.pairs.turns import Turn
+from sonarmap.tools.lab.simulate.scenes.catalog import SCENE_KINDS
+from sonarmap.tools.lab.simulate.sensing.noise import Noise
+from sonarmap.tools.lab.simulate.sensing.overlap import OVERLAP_RADIUS, mutual_overlap
+
+SOURCES = (*METHOD_SOURCES, *(f"tools/lab/reproduce/evaluation/{name}.py" for name in ("pair_set", "settings")))
+
+
+@dataclass(frozen=True, slots=True)
+class SetPair:
+    """One simulated pair.
+
+    Attributes:
+        cells: turn, number, scene, sigma2 (0, 1 or 2: as if the scene were of 256 m), shared (the noise-free overlap),
+            voxel_m.
+        target, source: the scans.
+        truth: T_target_source between their frames; None where they share nothing.
+        grid: as the pair's own extent has it chosen.
+    """
+
+    cells: dict[str, Value]
+    target: Scan
+    source: Scan
+    truth: RigidTransform | None
+    grid: Grid
+
+
+def related(number: int, seed: int, turn: Turn, edge: int) -> SetPair | None:
+    """Pair `number` of the set `seed`, on a grid of `edge` voxels; None where the scene has no such pair."""
+    pair = evaluation_pair(number, seed, turn)
+    scale = SCENE_KINDS[pair.scene].scale
+    try:
+        target, source, truth = pair.scans()
+        bare_target, bare_source, _ = replace(pair, noise=Noise()).scans()
+    except InputError:
+        return None
+    shared = mutual_overlap(bare_target.points, bare_source.points, truth, OVERLAP_RADIUS * scale)
+    grid = choose_grid((target, source), edge)
+    cells = _cells(turn, number, pair.scene, pair.noise, shared, grid)
+    return SetPair(cells, target, source, truth, grid)
+
+
+def unrelated(number: int, seed: int, edge: int) -> SetPair | None:
+    """Pair `number` of the set `seed` of pairs that share nothing; None where a scene has no clear place."""
+    pair = evaluation_unrelated(number, seed)
+    try:
+        target, source = pair.scans()
+    except InputError:
+        return None
+    grid = choose_grid((target, source), edge)
+    return SetPair(_cells("none", number, pair.scene, pair.noise, 0.0, grid), target, source, None, grid)
+
+
+def _cells(turn: str, number: int, scene: str, noise: Noise, shared: float, grid: Grid) -> dict[str, Value]:
+    sigma2 = noise.sigma2 / SCENE_KINDS[scene].scale ** 2
+    cells: dict[str, Value] = {"turn": turn, "number": number, "scene": scene}
+    return cells | {"sigma2": round(sigma2, 6), "shared": shared, "voxel_m": grid.voxel}
+
+
+class PairSetExperiment(ByMethod):
+    """Registers batches of pairs; a job's key is a batch's, then a slash and a method."""
+
+    sources: ClassVar[tuple[str, ...]] = SOURCES
+
+    def __init__(self, settings: Any, device: str | None = None) -> None:
+        """`device` as `choose_device` takes it."""
+        super().__init__(settings, device)
+        self._pairs = lru_cache(maxsize=1)(self._simulated)  # kept for the next method
+
+    @abstractmethod
+    def pair(self, batch: str, number: int) -> SetPair | None:
+        """A pair of a batch, by its number in the set; None where its scene has no such pair."""
+
+    def run(self, job: str) -> Outcome:
+        """Register a batch by one method."""
+        batch, _, method = job.rpartition("/")
+        rows = []
+        for pair in self._pairs(batch):
+            built = registrar(method, pair.grid, self.device, any_tilt=batch.startswith("any"))
+            registration = answer(built, pair.target, pair.source)
+            scored = {} if pair.truth is None else errors(registration, pair.truth, pair.grid.voxel)
+            rows.append(pair.cells | {"method": method} | scored | claims(registration))
+        return Outcome(tuple(rows))
+
+    def _simulated(self, batch: str) -> Sequence[SetPair]:
+        first = int(batch.rpartition("/")[2]) * BATCH
+        pairs = [self.pair(batch, number) for number in range(first, first + BATCH)]
+        return [pair for pair in pairs if pair is not None]

@@ -1,0 +1,77 @@
+"""Table 1 of the paper and its continuation to S12, on several scenes, by every method."""
+
+from collections.abc import Sequence
+from dataclasses import replace
+from functools import cache, lru_cache
+from pathlib import Path
+from typing import Any, ClassVar
+
+from scipy.spatial.transform import RigidTransform
+
+from sonarmap.spectral.scan import Scan
+from sonarmap.tools.lab.reproduce.answer import answer, claims, errors
+from sonarmap.tools.lab.reproduce.evaluation.settings import StepsSettings
+from sonarmap.tools.lab.reproduce.evaluation.steps_section import PICTURE, draw_steps, steps_section
+from sonarmap.tools.lab.reproduce.experiment import ByMethod, Outcome, Row, Section
+from sonarmap.tools.lab.reproduce.experiments import Request
+from sonarmap.tools.lab.reproduce.methods import METHOD_SOURCES, OURS, compared_methods, registrar
+from sonarmap.tools.lab.reproduce.settings import as_asked
+from sonarmap.tools.lab.simulate.pairs.table1 import table1_pair
+from sonarmap.tools.lab.simulate.paths.trajectories import TABLE1_MOST
+
+
+class Steps(ByMethod):
+    """Registers S0..S12 to the reference scan; a job is one scene, seed, noise and method."""
+
+    name: ClassVar[str] = "steps"
+    sources: ClassVar[tuple[str, ...]] = (*METHOD_SOURCES, "tools/lab/reproduce/evaluation/settings.py")
+    deciding: ClassVar[tuple[str, ...]] = ("edge",)
+
+    def __init__(self, settings: StepsSettings, device: str | None = None) -> None:
+        """`device` as `choose_device` takes it."""
+        super().__init__(settings, device)
+        self._registrar = cache(lambda method: registrar(method, settings.grid, device))
+
+    def jobs(self) -> Sequence[str]:
+        """Scene, seed, noise and method, as in floodgate/101/1.0/spectral."""
+        settings: StepsSettings = self.settings
+        return [
+            f"{settings.scenes[k % len(settings.scenes)]}/{settings.first_seed + k}/{sigma2!r}/{method}"
+            for k in range(settings.seeds)
+            for sigma2 in settings.sigma2
+            for method in self.methods
+            if method == OURS or k < settings.peers
+        ]
+
+    def run(self, job: str) -> Outcome:
+        """Register S0 to S12 by one method."""
+        scene, seed, sigma2, method = job.split("/")
+        begin = {"scene": scene, "seed": int(seed), "sigma2": float(sigma2), "method": method}
+        rows: list[Row] = []
+        for step, (target, source, truth) in enumerate(_pairs(scene, int(seed), float(sigma2))):
+            registration = answer(self._registrar(method), target, source)
+            scored = errors(registration, truth, self.settings.grid.voxel)
+            rows.append(begin | {"step": step} | scored | claims(registration))
+        return Outcome(tuple(rows))
+
+    def section(self, rows: Sequence[Row], seconds: Sequence[Row]) -> Section:
+        """How far each method gets."""
+        return steps_section(rows, self.settings)
+
+    def draw(self, folder: Path, rows: Sequence[Row]) -> None:
+        """Success over the steps."""
+        draw_steps(folder / PICTURE, rows, self.methods)
+
+
+@lru_cache(maxsize=1)
+def _pairs(scene: str, seed: int, sigma2: float) -> list[tuple[Scan, Scan, RigidTransform]]:
+    """Kept for the methods to come."""
+    return [table1_pair(step, seed, sigma2, scene) for step in range(TABLE1_MOST)]
+
+
+def create(request: Request) -> Steps:
+    """The experiment as the command line asks for it; `quick` is one seed and one noise on half the voxels."""
+    usual = StepsSettings(compared=compared_methods(request))
+    usual = replace(usual, peers=request.seeds or usual.peers)
+    quick: dict[str, Any] = {"sigma2": usual.sigma2[:1], "seeds": 1, "edge": 64}
+    return Steps(as_asked(usual, request, **quick), request.opened.selector)

@@ -1,0 +1,151 @@
+"""Table 1, extended to S12, in words, tables and a figure."""
+
+from collections.abc import Sequence
+from pathlib import Path
+from statistics import median_low
+
+from sonarmap.tools.lab.evaluate.trajectory import RIGHT_DEG, RIGHT_VOXELS
+from sonarmap.tools.lab.reproduce.beside import Measure, beside_table
+from sonarmap.tools.lab.reproduce.evaluation.settings import StepsSettings
+from sonarmap.tools.lab.reproduce.experiment import Row, Section
+from sonarmap.tools.lab.reproduce.figure import draw_rates, legend_beside, new_figure, save_figure
+from sonarmap.tools.lab.reproduce.methods import OURS
+from sonarmap.tools.lab.reproduce.rows import accepted, rate, right, where, wilson, wrong
+from sonarmap.tools.lab.reproduce.table import Table, table_of
+from sonarmap.tools.lab.simulate.paths.trajectories import TABLE1_COUNT, TABLE1_MOST
+
+PICTURE = "steps.png"
+
+
+def steps_section(rows: Sequence[Row], settings: StepsSettings) -> Section:
+    """Ours beside the others, then every method's success, step by step and in all."""
+    tables = [_beside(rows, settings), _reach(rows, settings)]
+    tables += [_by_step(where(rows, sigma2=sigma2), settings, sigma2) for sigma2 in settings.sigma2]
+    return Section(
+        title="Table 1, extended to S12",
+        introduction=_introduction(settings),
+        tables=(*tables, _by_scene(rows, settings)),
+        pictures={
+            PICTURE: f"Share of the seeds that are right at each step of Table 1. The band is the 95 % interval of "
+            f"`{OURS}`."
+        },
+    )
+
+
+def draw_steps(path: Path, rows: Sequence[Row], methods: Sequence[str]) -> None:
+    """Write a PNG: a panel for each noise, a line for each method."""
+    noises = list(dict.fromkeys(row["sigma2"] for row in rows))
+    steps = sorted({int(row["step"]) for row in rows})
+    figure = new_figure(4.2 * len(noises) + 1.8, 3.8)
+    panels = figure.subplots(1, len(noises), squeeze=False, sharey=True)[0]
+    for axes, sigma2 in zip(panels, noises, strict=True):
+        for method in methods:
+            by_step = [where(rows, sigma2=sigma2, method=method, step=step) for step in steps]
+            draw_rates(axes, steps, [wilson(len(right(trials)), len(trials)) for trials in by_step], method)
+        axes.set_title(f"σ² = {sigma2:g} m²", fontsize=11)
+        axes.set_xticks(steps, [f"S{step}" for step in steps], fontsize=8)
+        axes.set_ylim(-0.03, 1.03)
+        axes.grid(alpha=0.3)
+    panels[0].set_ylabel("share of seeds that are right")
+    legend_beside(panels[-1])
+    save_figure(figure, path)
+
+
+def last_right(rows: Sequence[Row]) -> list[int]:
+    """Per scene and seed the last step that is right with all before it; -1 where S0 is wrong. Rows of one noise and
+    method."""
+    ends: dict[object, int] = {}
+    for row in sorted(rows, key=lambda row: int(row["step"])):
+        series, step = (row["scene"], row["seed"]), int(row["step"])
+        ends.setdefault(series, -1)
+        if row["right"] and ends[series] == step - 1:
+            ends[series] = step
+    return list(ends.values())
+
+
+def _beside(rows: Sequence[Row], settings: StepsSettings) -> Table:
+    lines = []
+    for sigma2 in settings.sigma2:
+        some, noise = where(rows, sigma2=sigma2), f"σ² = {sigma2:g} m²"
+        measures = (
+            Measure(f"right, S0 to S9, {noise}", lambda r: (right(_through(r)), _through(r)), "to be right"),
+            Measure(
+                f"wrong, of the accepted, {noise}",
+                lambda r: (wrong(accepted(r)), accepted(r)),
+                "accepted registrations to be wrong",
+                most=False,
+            ),
+        )
+        lines += [measure.line(some) for measure in measures if where(some, method=OURS)]
+    return beside_table(lines)
+
+
+def _reach(rows: Sequence[Row], settings: StepsSettings) -> Table:
+    def ends(some: Sequence[Row]) -> str:
+        last = last_right(some)
+        return f"{_step(median_low(last))} ({_step(min(last))}..{_step(max(last))})"
+
+    def beyond(some: Sequence[Row]) -> list[Row]:
+        return [row for row in some if int(row["step"]) >= TABLE1_COUNT]
+
+    return table_of(
+        "How far each method gets",
+        ("σ² [m²]", "method"),
+        [
+            ((f"{sigma2:g}", method), where(rows, sigma2=sigma2, method=method))
+            for sigma2 in settings.sigma2
+            for method in settings.compared.methods
+        ],
+        {
+            "right, S0 to S9": lambda some: rate(right(_through(some)), _through(some)),
+            "right, S10 to S12": lambda some: rate(right(beyond(some)), beyond(some)),
+            "last step before the first failure: median (worst..best)": ends,
+            "wrong, of the accepted": lambda some: rate(wrong(accepted(some)), accepted(some)),
+        },
+    )
+
+
+def _by_step(rows: Sequence[Row], settings: StepsSettings, sigma2: float) -> Table:
+    steps = range(TABLE1_MOST)
+    lines = []
+    for method in settings.compared.methods:
+        by_step = [where(rows, method=method, step=step) for step in steps]
+        lines.append((method, *(f"{len(right(trials))}/{len(trials)}" for trials in by_step)))
+    title = f"Right registrations at each step, σ² = {sigma2:g} m²"
+    return Table(title, ("method", *(_step(step) for step in steps)), tuple(lines))
+
+
+def _by_scene(rows: Sequence[Row], settings: StepsSettings) -> Table:
+    lines = []
+    for method in settings.compared.methods:
+        by_scene = [_through(where(rows, method=method, scene=scene)) for scene in settings.scenes]
+        lines.append((method, *(rate(right(trials), trials) for trials in by_scene)))
+    return Table("Right registrations by scene, S0 to S9, all noise levels", ("method", *settings.scenes), tuple(lines))
+
+
+def _through(rows: Sequence[Row]) -> list[Row]:
+    """The steps of the paper's Table 1."""
+    return [row for row in rows if int(row["step"]) < TABLE1_COUNT]
+
+
+def _step(step: int) -> str:
+    return f"S{step}" if step >= 0 else "none"
+
+
+def _introduction(settings: StepsSettings) -> str:
+    first, last = settings.first_seed, settings.first_seed + settings.seeds - 1
+    others = settings.compared.methods != (OURS,)
+    fewer = (
+        f" The methods other than `{OURS}` register only the first {settings.peers} seeds."
+        if settings.peers < settings.seeds and others
+        else ""
+    )
+    seeds = f"{first} to {last}" if last > first else f"{first}"
+    return (
+        "Scans S0 to S9 of the paper's Table 1, each farther from the reference scan and turned more than the one "
+        "before, and S10 to S12, which continue with the same steps. The noise is Gaussian along the beams (Sect. 3 of "
+        f"the paper; σ² is the variance at the largest range). Seeds: {seeds}. Scenes, in turn: "
+        f"{', '.join(settings.scenes)}. The grid has {settings.edge} voxels of {settings.grid.voxel:g} m along each "
+        f"edge. A registration is right if it is within {RIGHT_DEG:g} degrees and {RIGHT_VOXELS:g} voxels of the "
+        f"truth, between the sensors' frames. {settings.compared.words}{fewer}"
+    )

@@ -1,0 +1,72 @@
+"""The methods that the evaluations compare, and how each is built for a pair."""
+
+import math
+from dataclasses import dataclass
+
+from sonarmap.spectral.grid import Grid
+from sonarmap.spectral.result import Registrar
+from sonarmap.tools.lab.reproduce.experiments import Request
+from sonarmap.tools.methods.registry import Setup, find_method, is_installed
+
+OURS = "spectral"
+EVALUATED = (OURS, "hemisphere", "kiss", "fpfh-ransac", "fpfh-fgr", "icp", "icp-plane", "planes")
+# The code that decides the rows of an experiment on simulated pairs, beside the methods'
+METHOD_SOURCES = (
+    *("tools/lab/simulate", "tools/lab/evaluate", "spectral/grid.py"),
+    *("tools/lab/reproduce/methods.py", "tools/lab/reproduce/answer.py"),
+)
+
+
+@dataclass(frozen=True, slots=True)
+class ComparedMethods:
+    """The methods of an experiment.
+
+    Attributes:
+        methods: keys of METHODS, in the order in which they are shown.
+        left_out: methods whose packages are not installed.
+    """
+
+    methods: tuple[str, ...] = EVALUATED
+    left_out: tuple[str, ...] = ()
+
+    @property
+    def words(self) -> str:
+        """For an introduction, Markdown."""
+        names = ", ".join(f"`{name}`" for name in self.methods)
+        left_out = ", ".join(f"`{name}`" for name in self.left_out)
+        return f"Methods: {names}." + (
+            f" Left out, as their packages are not installed: {left_out}." if left_out else ""
+        )
+
+
+def compared_methods(request: Request) -> ComparedMethods:
+    """The methods that were asked for, or all that are installed.
+
+    Raises:
+        InputError: a method that was asked for is unknown or not installed.
+    """
+    if request.method:
+        for name in request.method:
+            if not is_installed(name):
+                registrar(name, Grid(16, 1.0), None)  # its error says what to install
+        return ComparedMethods(request.method)
+    left_out = tuple(name for name in EVALUATED if not is_installed(name))
+    return ComparedMethods(tuple(name for name in EVALUATED if name not in left_out), left_out)
+
+
+def registrar(name: str, grid: Grid, device: str | None, any_tilt: bool = False) -> Registrar:
+    """A method with its defaults, the same whatever pair it is built for.
+
+    Args:
+        name: a key of METHODS.
+        grid: of the pair.
+        device: as `choose_device` takes it.
+        any_tilt: whether a method that bounds roll and pitch is to bound neither.
+
+    Raises:
+        InputError: there is no such method, or its package is not installed.
+        DeviceError: the device is too small.
+    """
+    method = find_method(name)
+    changes = {"max_tilt": math.pi} if any_tilt and "max_tilt" in method.options else {}
+    return method.make(Setup(grid, device, changes=changes))

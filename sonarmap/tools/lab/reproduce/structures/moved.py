@@ -1,0 +1,109 @@
+"""What the experiments on whole structures share: a volume and the same one moved, each with noise of its own."""
+
+from collections.abc import Sequence
+from functools import cached_property, lru_cache
+from time import perf_counter
+from typing import ClassVar
+
+import numpy as np
+from scipy.spatial.transform import RigidTransform
+
+from sonarmap.spectral.hemisphere.registration import HemisphereConfig, HemisphereRegistrar, LayeredScan
+from sonarmap.spectral.result import Registration
+from sonarmap.tools.lab.evaluate.trajectory import pair_error
+from sonarmap.tools.lab.reproduce.answer import parameter_cells
+from sonarmap.tools.lab.reproduce.experiment import Experiment, Outcome
+from sonarmap.tools.lab.reproduce.structures.settings import StructureSettings
+from sonarmap.tools.lab.simulate.scenes.scene import build_scene
+from sonarmap.tools.lab.simulate.shapes.structure import occupy, surface_points, voxel_scan
+from sonarmap.tools.lab.simulate.shapes.voxel_noise import NOISES, swap
+
+RIGHT_DEG, RIGHT_VOXELS = 2.0, 2.0
+_SPACING = 0.7  # of the surface's points [voxels]: next to no voxel that it crosses stays void
+_LEAST_COMMON = 0.01  # share of the structure's voxels that has to be left in the frame
+
+
+class StructureExperiment(Experiment):
+    """The paper's registration on structures in a grid that stands still; it is the frame that they move out of."""
+
+    sources: ClassVar[tuple[str, ...]] = (
+        *("kernels", "spectral", "tools/lab/simulate", "tools/lab/evaluate", "tools/lab/reproduce/answer.py"),
+        *(f"tools/lab/reproduce/structures/{name}.py" for name in ("moved", "settings")),
+    )
+
+    @cached_property
+    def registrar(self) -> HemisphereRegistrar:
+        """The paper's chain."""
+        return HemisphereRegistrar(self.device, self.settings.grid, HemisphereConfig.paper(centered=False))
+
+    def structure(self, scene: str, seed: int) -> np.ndarray:
+        """Points (N, 3) float64 [m] all over a scene's surfaces, dense enough for the grid's voxels."""
+        return _structure(scene, seed, _SPACING * self.settings.grid.voxel)
+
+    def prepare(self, points: np.ndarray, noise: str, seeds: Sequence[int]) -> LayeredScan:
+        """Points as voxels with noise, prepared; `seeds` decide the noise."""
+        rng = np.random.default_rng(np.random.SeedSequence(seeds))
+        occupied = swap(occupy(points, self.settings.grid), NOISES[noise], rng)
+        return self.registrar.prepare(voxel_scan(occupied, self.settings.grid, noise))
+
+
+class MovedStructures(StructureExperiment):
+    """Every motion of every structure under every noise: a job is a scene, a noise and a seed."""
+
+    @property
+    def motions(self) -> list[RigidTransform]:
+        """T_target_source, in order: each moves every structure."""
+        raise NotImplementedError
+
+    def jobs(self) -> Sequence[str]:
+        """As in "floodgate/D0/1"."""
+        settings: StructureSettings = self.settings
+        return [f"{scene}/{noise}/{seed}" for scene, seed in settings.structures for noise in settings.noises]
+
+    def run(self, job: str) -> Outcome:
+        """Register the structure at rest (source) to the same one moved (target), one motion after the other.
+
+        A motion that moves it out of the frame, but for a hundredth, is passed over: nothing is left to register.
+        """
+        scene, noise, number = job.split("/")
+        seed, grid = int(number), self.settings.grid
+        points = self.structure(scene, seed)
+        extent = int(occupy(points, grid).sum())
+        family = [seed, list(NOISES).index(noise)]
+        source = self.prepare(points, noise, [*family, 0])
+        rows, seconds = [], []
+        for number, T_target_source in enumerate(self.motions):
+            moved = T_target_source.apply(points)
+            common = float(occupy(moved, grid).sum() / extent)
+            if common < _LEAST_COMMON:
+                continue
+            start = perf_counter()
+            target = self.prepare(moved, noise, [*family, number + 1])
+            self.device.queue.finish()
+            prepared = perf_counter() - start
+            registration = self.registrar.register(target, source)
+            begin = {"scene": scene, "noise": noise, "seed": seed, "number": number}
+            rows.append(begin | _cells(T_target_source, registration, grid.voxel) | {"common": common})
+            times = {"prepare_s": prepared, "register_s": registration.seconds}
+            seconds.append({"case": job, "number": number, **times})
+        return Outcome(tuple(rows), tuple(seconds))
+
+
+def _cells(truth: RigidTransform, registration: Registration, voxel: float) -> dict:
+    error = pair_error(registration.T_target_source, truth)
+    steps = dict(registration.step_psr)
+    return {
+        **parameter_cells(truth, "true"),
+        **parameter_cells(registration.T_target_source, "found"),
+        "distance_m": float(np.linalg.norm(truth.translation)),
+        "rotation_deg": error.rotation_deg,
+        "translation_voxels": error.translation_m / voxel,
+        "right": error.within(RIGHT_DEG, RIGHT_VOXELS * voxel),
+        "accepted": registration.accepted,
+        **{"psr": registration.psr, "yaw_psr": steps["yaw"], "tilt_psr": steps["tilt"]},
+    }
+
+
+@lru_cache(maxsize=1)
+def _structure(scene: str, seed: int, spacing: float) -> np.ndarray:
+    return surface_points(build_scene(scene, seed).mesh, spacing).astype(np.float64)

@@ -1,1 +1,0 @@
-"""Pairs that share nothing, by every method: what is accepted is wrong."""
