@@ -20,12 +20,10 @@ from sonarmap.tools.command.options.groups import (
 from sonarmap.tools.command.options.registration import QuietOption, check_seed
 from sonarmap.tools.command.progress import growing_progress
 from sonarmap.tools.command.terminal import printable
-from sonarmap.tools.lab.simulate.catalog import SENSOR_NAMES, TRAJECTORY_KINDS
-from sonarmap.tools.lab.simulate.scenes.catalog import SCENE_KINDS
+from sonarmap.tools.lab.simulate.scenes.catalog import SCENE_KINDS, SENSOR_NAMES, TRAJECTORY_KINDS
 
 if TYPE_CHECKING:
-    from sonarmap.tools.lab.simulate.sensing.navigation import Fixes
-    from sonarmap.tools.lab.simulate.sensing.priors import Instruments
+    from sonarmap.tools.lab.simulate.sensing.navigation import Fixes, Instruments
     from sonarmap.tools.lab.simulate.simulation import SimulationSettings
 
 DEFAULT_SCENE, DEFAULT_TRAJECTORY, DEFAULT_SEED = "floodgate", "survey", 1
@@ -302,7 +300,7 @@ def _drift(odometry: str | None) -> tuple[float, float] | None:
 
 
 def _instruments(priors: str | None, sigma: float | None) -> "Instruments | None":
-    from sonarmap.tools.lab.simulate.sensing.priors import instruments_for
+    from sonarmap.tools.lab.simulate.sensing.navigation import instruments_for
 
     return None if priors is None else instruments_for([kind.strip() for kind in priors.split(",")], sigma)
 

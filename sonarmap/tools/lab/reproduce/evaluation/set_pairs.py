@@ -9,7 +9,7 @@ from sonarmap.spectral.grid import Grid, choose_grid
 from sonarmap.spectral.scan import Scan
 from sonarmap.tools.lab.reproduce.experiment import Value
 from sonarmap.tools.lab.simulate.pairs.pair_set import evaluation_pair, evaluation_unrelated
-from sonarmap.tools.lab.simulate.pairs.turns import Turn
+from sonarmap.tools.lab.simulate.pairs.random_pairs import Turn
 from sonarmap.tools.lab.simulate.scenes.catalog import SCENE_KINDS
 from sonarmap.tools.lab.simulate.sensing.noise import Noise
 from sonarmap.tools.lab.simulate.sensing.overlap import OVERLAP_RADIUS, mutual_overlap

@@ -14,7 +14,7 @@ from sonarmap.tools.lab.evaluate.trajectory import RIGHT_DEG
 from sonarmap.tools.lab.reproduce.gaussian.row import RANKED, GaussianRow, GaussianTime, row_of
 from sonarmap.tools.lab.reproduce.gaussian.scored import ScoredRegistration
 from sonarmap.tools.lab.reproduce.gaussian.variants import VARIANTS
-from sonarmap.tools.lab.simulate.pairs.table1 import table1_pair
+from sonarmap.tools.lab.simulate.plan import table1_pair
 
 # What a config says of pairs alone; two that differ in nothing else prepare a scan alike.
 _OF_PAIRS = ("yaw_peaks", "max_tilt", "refinements", "final_refinements", "search", "acceptance")

@@ -13,7 +13,7 @@ from sonarmap.tools.lab.reproduce.pairs.figure import draw_pairs
 from sonarmap.tools.lab.reproduce.pairs.section import pairs_section
 from sonarmap.tools.lab.reproduce.pairs.settings import ANY_SHARE, PairsSettings
 from sonarmap.tools.lab.reproduce.rows import all_rows
-from sonarmap.tools.lab.simulate.pairs.turns import Turn
+from sonarmap.tools.lab.simulate.pairs.random_pairs import Turn
 
 
 class Pairs(PairSetExperiment):

@@ -8,7 +8,7 @@ from sonarmap.kernels.errors import InputError
 from sonarmap.spectral.grid import Grid
 from sonarmap.tools.lab.reproduce.evaluation.methods import OURS, ComparedMethods
 from sonarmap.tools.lab.reproduce.evaluation.set_pairs import BATCH, SET_SEED, batches
-from sonarmap.tools.lab.simulate.pairs.turns import Turn
+from sonarmap.tools.lab.simulate.pairs.random_pairs import Turn
 
 ANY_SHARE = 5  # for so many pairs with the turn "yaw" one with the turn "any"
 

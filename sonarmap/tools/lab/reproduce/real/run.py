@@ -24,7 +24,7 @@ from sonarmap.tools.lab.reproduce.real.real_set import RealPair, RealSet, read_s
 from sonarmap.tools.lab.reproduce.real.section import real_section
 from sonarmap.tools.lab.reproduce.real.settings import RealSettings, real_settings
 from sonarmap.tools.lab.reproduce.rows import all_rows, all_seconds
-from sonarmap.tools.lab.simulate.sensing.priors import measure_pose
+from sonarmap.tools.lab.simulate.sensing.navigation import measure_pose
 from sonarmap.tools.methods.registry import Setup, find_method
 
 NOTHING, FILE = "nothing", "priors.csv"

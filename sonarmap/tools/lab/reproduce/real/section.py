@@ -8,7 +8,7 @@ from sonarmap.tools.lab.reproduce.experiment import Row, Section
 from sonarmap.tools.lab.reproduce.real.figure import ERRORS, OUTCOMES
 from sonarmap.tools.lab.reproduce.real.settings import RealSettings
 from sonarmap.tools.lab.reproduce.real.tables import pair_table, result_table, time_table, verdict_table
-from sonarmap.tools.lab.simulate.sensing.priors import KINDS
+from sonarmap.tools.lab.simulate.sensing.navigation import KINDS
 
 
 def real_section(rows: Sequence[Row], seconds: Sequence[Row], settings: RealSettings) -> Section:

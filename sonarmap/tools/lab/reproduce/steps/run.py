@@ -17,8 +17,8 @@ from sonarmap.tools.lab.reproduce.rows import all_rows
 from sonarmap.tools.lab.reproduce.steps.figure import draw_steps
 from sonarmap.tools.lab.reproduce.steps.section import PICTURE, steps_section
 from sonarmap.tools.lab.reproduce.steps.settings import StepsSettings
-from sonarmap.tools.lab.simulate.pairs.table1 import table1_pair
 from sonarmap.tools.lab.simulate.paths.trajectories import TABLE1_MOST
+from sonarmap.tools.lab.simulate.plan import table1_pair
 
 
 class Steps:

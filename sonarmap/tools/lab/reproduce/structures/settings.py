@@ -13,7 +13,7 @@ from sonarmap.tools.lab.reproduce.experiment import Outcome
 from sonarmap.tools.lab.reproduce.experiments import Request
 from sonarmap.tools.lab.reproduce.structures.voxel_series import MovedStructure, VoxelSeries
 from sonarmap.tools.lab.simulate.scenes.catalog import SCENE_KINDS
-from sonarmap.tools.lab.simulate.shapes.voxel_noise import NOISES
+from sonarmap.tools.lab.simulate.shapes.structure import NOISES
 
 SOURCES = ("kernels", "spectral", "tools/lab/simulate", "tools/lab/evaluate", "tools/lab/reproduce/structures")
 

@@ -15,8 +15,7 @@ from sonarmap.spectral.result import Registration
 from sonarmap.tools.lab.evaluate.trajectory import pair_error
 from sonarmap.tools.lab.reproduce.experiment import Outcome
 from sonarmap.tools.lab.simulate.scenes.scene import build_scene
-from sonarmap.tools.lab.simulate.shapes.structure import occupy, surface_points, voxel_scan
-from sonarmap.tools.lab.simulate.shapes.voxel_noise import NOISES, swap
+from sonarmap.tools.lab.simulate.shapes.structure import NOISES, occupy, surface_points, swap, voxel_scan
 
 EXTENT = 256.0  # of the grid [m]; the paper has 256 voxels of 1 m
 RIGHT_DEG, RIGHT_VOXELS = 2.0, 2.0

@@ -1,9 +1,10 @@
 """A narrow fan on a vehicle that moves while it measures: where each ping was, where the vehicle believed it was, and
-what the fan meets."""
+what the fan meets; the random walks and wobbles that move the vehicle and what it believes."""
 
 from dataclasses import dataclass
 
 import numpy as np
+from scipy.ndimage import gaussian_filter1d
 from scipy.spatial.transform import RigidTransform
 
 from sonarmap.kernels.errors import InputError
@@ -156,3 +157,35 @@ def write_scan(
         name=name,
         viewpoints=believed.translation.astype(np.float32) if viewpoints else None,
     )
+
+
+SLOW = 1 / 30  # of a sweep: a walk's steps are alike over about this share of it
+
+
+def walk(count: int, sigmas: tuple[float, ...], rng: np.random.Generator) -> np.ndarray:
+    """A random walk that is 0 in the middle, with smooth steps: drift that grows with the square root of time.
+
+    Args:
+        count: of steps, over the whole sweep.
+        sigmas: standard deviation of each coordinate at either end.
+
+    Returns:
+        (count, len(sigmas)) float64.
+    """
+    steps = gaussian_filter1d(rng.standard_normal((count, len(sigmas))), max(SLOW * count, 1e-3), axis=0)
+    path = np.cumsum(steps, axis=0) * np.sqrt(2 / count)
+    return (path - path[count // 2]) * sigmas
+
+
+def wobble(count: int, sigmas: tuple[float, ...], width: float, rng: np.random.Generator) -> np.ndarray:
+    """A stationary random motion, alike over about `width` steps, with these standard deviations.
+
+    Returns:
+        (count, len(sigmas)) float64.
+    """
+    smooth = gaussian_filter1d(rng.standard_normal((count, len(sigmas))), width, axis=0, mode="wrap")
+    # the smoothing kernel's energy: what is left of the variance of white noise
+    kernel = np.zeros(count)
+    kernel[count // 2] = 1.0
+    left = np.sqrt((gaussian_filter1d(kernel, width, mode="wrap") ** 2).sum())
+    return smooth / left * sigmas

@@ -10,15 +10,14 @@ way: K. Tang et al., Sensors 13, 2013, doi 10.3390/s131114583).
 
 import math
 from dataclasses import dataclass
+from functools import partial
 
 import numpy as np
 from scipy.spatial.transform import RigidTransform, Rotation
 
-from sonarmap.tools.lab.simulate.kinds.kind import KindPair
-from sonarmap.tools.lab.simulate.kinds.sweeps.partners import sweep_pair
-from sonarmap.tools.lab.simulate.kinds.sweeps.sweep import Fan, Returns, Sweep, pick
-from sonarmap.tools.lab.simulate.kinds.sweeps.wander import walk, wobble
-from sonarmap.tools.lab.simulate.kinds.sweeps.water import Water
+from sonarmap.tools.lab.simulate.kinds.partners import sweep_pair
+from sonarmap.tools.lab.simulate.kinds.sweep import Fan, Returns, Sweep, pick, walk, wobble
+from sonarmap.tools.lab.simulate.kinds.water import Water
 from sonarmap.tools.lab.simulate.sensing.sensors import Sensor
 
 BEAMS = 256
@@ -125,10 +124,4 @@ def sounder(water: Water, rng: np.random.Generator) -> Sounder:
     return Sounder(water, Fan(sensor, beams, rays, 10 ** (-0.6 * (fore / (ALONG / 2)) ** 2)), across)
 
 
-def swath_pair(number: int, seed: int, scene: str, overlaps: tuple[float, float]) -> KindPair:
-    """A builder of SCAN_KINDS; points of even numbers say where they were seen from.
-
-    Raises:
-        InputError: no such pair was found.
-    """
-    return sweep_pair("swath", number, seed, scene, overlaps, sounder, viewpoints=number % 2 == 0)
+swath_pair = partial(sweep_pair, "swath", sounder)  # a builder of SCAN_KINDS

@@ -7,11 +7,20 @@ import pytest
 from numpy.testing import assert_allclose, assert_array_equal
 from scipy.spatial.transform import RigidTransform, Rotation
 
+from sonarmap.tools.lab.simulate.kinds import patch
 from sonarmap.tools.lab.simulate.kinds.catalog import SCAN_KINDS, kind_pair
-from sonarmap.tools.lab.simulate.kinds.views import patch
-from sonarmap.tools.lab.simulate.kinds.views.draws import observer_of
-from sonarmap.tools.lab.simulate.kinds.views.patch import BEND, believed_path, draw_path, merged_scan, on_path
-from sonarmap.tools.lab.simulate.kinds.views.path_observer import PathObserver, PathView, lonely, thinned
+from sonarmap.tools.lab.simulate.kinds.draws import observer_of
+from sonarmap.tools.lab.simulate.kinds.patch import (
+    BEND,
+    PathObserver,
+    PathView,
+    believed_path,
+    draw_path,
+    lonely,
+    merged_scan,
+    on_path,
+    thinned,
+)
 from sonarmap.tools.lab.simulate.pairs.viewpoints import first_view
 from sonarmap.tools.lab.simulate.sensing.overlap import overlap
 from sonarmap.tools.lab.simulate.shapes.surface import surface_distance

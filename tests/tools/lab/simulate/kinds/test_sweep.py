@@ -6,9 +6,18 @@ from numpy.testing import assert_allclose, assert_array_equal
 from scipy.spatial.transform import RigidTransform, Rotation
 
 from sonarmap.kernels.errors import InputError
-from sonarmap.tools.lab.simulate.kinds.sweeps.sweep import Fan, Returns, Sweep, meet, pick, true_points, write_scan
-from sonarmap.tools.lab.simulate.kinds.sweeps.wander import walk, wobble
-from sonarmap.tools.lab.simulate.kinds.sweeps.water import Water
+from sonarmap.tools.lab.simulate.kinds.sweep import (
+    Fan,
+    Returns,
+    Sweep,
+    meet,
+    pick,
+    true_points,
+    walk,
+    wobble,
+    write_scan,
+)
+from sonarmap.tools.lab.simulate.kinds.water import Water
 from sonarmap.tools.lab.simulate.scenes.scene import Scene
 from sonarmap.tools.lab.simulate.sensing.sensors import Sensor
 from sonarmap.tools.lab.simulate.shapes.solids import box

@@ -6,7 +6,7 @@ from functools import cached_property
 import numpy as np
 from scipy.spatial.transform import RigidTransform
 
-from sonarmap.tools.lab.simulate.kinds.sweeps.sweep import Fan
+from sonarmap.tools.lab.simulate.kinds.sweep import Fan
 from sonarmap.tools.lab.simulate.pairs.viewpoints import ASIDE
 from sonarmap.tools.lab.simulate.scenes.scene import Scene
 from sonarmap.tools.lab.simulate.sensing.sensors import SENSORS, Sensor

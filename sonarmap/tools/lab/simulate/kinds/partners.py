@@ -8,15 +8,12 @@ import numpy as np
 from scipy.spatial import KDTree
 
 from sonarmap.kernels.errors import InputError
-from sonarmap.spectral.scan import Scan
-from sonarmap.tools.lab.simulate.kinds.kind import KindPair
-from sonarmap.tools.lab.simulate.kinds.reliefs import relief_of
-from sonarmap.tools.lab.simulate.kinds.sweeps.sweep import Fan, Returns, Sweep, meet, pick, true_points, write_scan
-from sonarmap.tools.lab.simulate.kinds.sweeps.water import Water
-from sonarmap.tools.lab.simulate.kinds.views.draws import noise_of, pair_draws
+from sonarmap.tools.lab.simulate.kinds.draws import noise_of, pair_draws
+from sonarmap.tools.lab.simulate.kinds.kind import KindPair, relief_of
+from sonarmap.tools.lab.simulate.kinds.sweep import Fan, Returns, Sweep, meet, pick, true_points, write_scan
+from sonarmap.tools.lab.simulate.kinds.water import Water
 from sonarmap.tools.lab.simulate.scenes.scene import build_scene
-from sonarmap.tools.lab.simulate.sensing.noise import Noise
-from sonarmap.tools.lab.simulate.sensing.overlap import OVERLAP_RADIUS, mutual_overlap
+from sonarmap.tools.lab.simulate.sensing.overlap import OVERLAP_RADIUS, mutual_overlap, share_near
 
 PLACES, TRIES = 6, 60  # of the target, and of either sweep at each place, before a pair is given up
 THIN = 8  # the coarse search takes every THIN-th ping and beam
@@ -60,21 +57,21 @@ class Seen:
 
 def sweep_pair(
     kind: str,
+    equip: Callable[[Water, np.random.Generator], Instrument],
     number: int,
     seed: int,
     scene: str,
     overlaps: tuple[float, float],
-    equip: Callable[[Water, np.random.Generator], Instrument],
     *,
-    viewpoints: bool,
+    seen_from: bool = True,
 ) -> KindPair:
     """Pair `number` of the set `seed`: two sweeps of an instrument through one scene.
 
     Args:
         kind: a key of SCAN_KINDS.
-        number, seed, scene, overlaps: as `kind_pair` takes them.
         equip: draws the instrument.
-        viewpoints: whether the scans say where each point was seen from.
+        number, seed, scene, overlaps: as `kind_pair` takes them.
+        seen_from: whether the points of even numbers say where they were seen from.
 
     Raises:
         InputError: no such pair was found.
@@ -83,20 +80,17 @@ def sweep_pair(
     water = Water(build_scene(scene, draws.scene))
     instrument = equip(water, draws.poses)
     target, source, shared = _search(water, instrument, overlaps, OVERLAP_RADIUS * water.scale, draws.poses)
-    noise = _noise_within(noise_of(kind, number, scene), instrument.fan.sensor.max_range / water.sensor.max_range)
-
-    def scan_of(seen: Seen, name: str, rng: np.random.Generator) -> Scan:
+    noise = noise_of(kind, number, scene)
+    # of a sonar that listens up to a share of the range that the noise is of; without ghosts
+    gate = instrument.fan.sensor.max_range / water.sensor.max_range
+    noise = replace(noise, sigma2=noise.sigma2 * gate, ghosts=0.0)
+    viewpoints = seen_from and number % 2 == 0
+    scans = []
+    for seen, name, rng in ((target, "target", draws.target), (source, "source", draws.source)):
         returns = instrument.returns(seen.ranges, seen.strengths, seen.sweep, rng)
-        return write_scan(instrument.fan, seen.sweep, returns, noise, rng, name, viewpoints=viewpoints)
-
-    scans = scan_of(target, "target", draws.target), scan_of(source, "source", draws.source)
+        scans.append(write_scan(instrument.fan, seen.sweep, returns, noise, rng, name, viewpoints=viewpoints))
     poses = target.sweep.T_world_frame, source.sweep.T_world_frame
-    return KindPair(kind, number, seed, scene, relief_of(scene), *scans, *poses, shared=shared)
-
-
-def _noise_within(noise: Noise, gate: float) -> Noise:
-    """The noise of a sonar that listens up to a share `gate` of the range that `noise` is of; without ghosts."""
-    return replace(noise, sigma2=noise.sigma2 * gate, ghosts=0.0)
+    return KindPair(kind, number, seed, scene, scans[0], scans[1], *poses, shared)
 
 
 def _search(
@@ -112,11 +106,11 @@ def _search(
             few = _coarse(water, instrument.fan, sweep)
             if few is None:
                 continue
-            there = _share(known, (T_frame_world * sweep.T_world_frame).apply(few), radius)
+            there = share_near(known, (T_frame_world * sweep.T_world_frame).apply(few), radius)
             if there < overlaps[0] - DOUBT or (source := _look(water, instrument, sweep)) is None:
                 continue
             T_target_source = T_frame_world * sweep.T_world_frame
-            back = _share(KDTree(source.points), T_target_source.inv().apply(sample), radius)
+            back = share_near(KDTree(source.points), T_target_source.inv().apply(sample), radius)
             if not overlaps[0] - DOUBT <= min(there, back) <= overlaps[1] + DOUBT:
                 continue
             shared = mutual_overlap(target.points, source.points, T_target_source, radius)
@@ -174,9 +168,3 @@ def _shows_structure(water: Water, points: np.ndarray, least: float) -> bool:
     away = points - points.mean(axis=0)
     _, axes = np.linalg.eigh(away.T @ away)
     return bool((np.abs(away @ axes[:, 0]) > BED_RELIEF * water.sensor.max_range).mean() >= least)
-
-
-def _share(known: KDTree, points: np.ndarray, radius: float) -> float:
-    """The share of `points` (N, 3) that have a neighbor within `radius` [m]."""
-    distance, _ = known.query(points, distance_upper_bound=radius)
-    return float(np.isfinite(distance).mean())

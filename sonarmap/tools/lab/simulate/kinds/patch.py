@@ -5,22 +5,106 @@ strays are dropped, and one point is kept per cell. Odometry drifts: a random wa
 frame is the patch's.
 """
 
-from dataclasses import replace
+from dataclasses import dataclass, replace
+from functools import cached_property
 
 import numpy as np
 from scipy.spatial.transform import RigidTransform, Rotation
 
 from sonarmap.spectral.scan import Scan
+from sonarmap.tools.lab.simulate.kinds.draws import draw_views, noise_of, observer_of, pair_draws
 from sonarmap.tools.lab.simulate.kinds.kind import KindPair
-from sonarmap.tools.lab.simulate.kinds.reliefs import relief_of
-from sonarmap.tools.lab.simulate.kinds.views.draws import noise_of, observer_of, pair_draws
-from sonarmap.tools.lab.simulate.kinds.views.encounter import draw_views
-from sonarmap.tools.lab.simulate.kinds.views.path_observer import PathObserver, PathView, lonely, thinned
 from sonarmap.tools.lab.simulate.pairs.viewpoints import Observer, View
-from sonarmap.tools.lab.simulate.scenes.catalog import SCENE_KINDS
 from sonarmap.tools.lab.simulate.sensing.ghosts import reflect
 from sonarmap.tools.lab.simulate.sensing.noise import Noise, measure
 from sonarmap.tools.lab.simulate.sensing.overlap import OVERLAP_RADIUS, mutual_overlap
+
+COARSE_LOOKS = 3  # that a coarse search takes: the first, a middle one and the last
+
+
+@dataclass(frozen=True, slots=True)
+class PathView(View):
+    """What is seen along a path; `echoes` are those of the middle look, `points` are of all, thinned.
+
+    Attributes:
+        looks: from each pose of the path.
+    """
+
+    looks: tuple[View, ...]
+
+
+@dataclass(frozen=True)
+class PathObserver(Observer):
+    """An observer whose pose is that of the middle of a path.
+
+    Attributes:
+        T_middle_look: (K,) poses of the looks.
+        cell: of the grid that the points are thinned by [m].
+    """
+
+    T_middle_look: RigidTransform
+    cell: float
+
+    @cached_property
+    def _still(self) -> Observer:
+        """The same sensor, looking once."""
+        return Observer(self.world, self.sensor)
+
+    def view(self, pose: RigidTransform) -> PathView | None:
+        """What all looks show; None where one of them would be in a solid, too close to one, or see too little."""
+        looks = []
+        for look_pose in self._look_poses(pose, len(self.T_middle_look)):
+            look = self._still.view(look_pose)
+            if look is None:
+                return None
+            looks.append(look)
+        points = _merged(pose, [(look.T_world_sensor, look.points) for look in looks])
+        return PathView(pose, looks[len(looks) // 2].echoes, points[thinned(points, self.cell)], tuple(looks))
+
+    def is_free(self, pose: RigidTransform) -> bool:
+        """Whether all looks are out of every solid and in the water."""
+        return all(self._still.is_free(look) for look in self._look_poses(pose, len(self.T_middle_look)))
+
+    def coarse_points(self, pose: RigidTransform) -> np.ndarray | None:
+        """Points (K, 3) [m, frame of the middle] of a few beams of a few looks; None as in `view`."""
+        parts = []
+        for look in self._look_poses(pose, COARSE_LOOKS):
+            points = self._still.coarse_points(look)
+            if points is None:
+                return None
+            parts.append((look, points))
+        points = _merged(pose, parts)
+        return points[thinned(points, self.cell)]
+
+    def _look_poses(self, pose: RigidTransform, count: int) -> list[RigidTransform]:
+        """T_world_look of `count` looks, evenly over the path."""
+        chosen = np.linspace(0, len(self.T_middle_look) - 1, count).round().astype(int)
+        return [pose * self.T_middle_look[k] for k in chosen]
+
+
+def _merged(pose: RigidTransform, parts: list[tuple[RigidTransform, np.ndarray]]) -> np.ndarray:
+    """Points (N, 3) of looks, T_world_look and points each, in the frame of `pose`."""
+    return np.concatenate([(pose.inv() * look).apply(points) for look, points in parts])
+
+
+def thinned(points: np.ndarray, cell: float) -> np.ndarray:
+    """Indices of the first of `points` (N, 3) in each cell of a grid that holds any, ascending."""
+    return np.sort(np.unique(_cells(points, cell), return_index=True)[1])
+
+
+def lonely(points: np.ndarray, cell: float) -> np.ndarray:
+    """Which of `points` (N, 3) are alone in their cell of a grid, (N,) bool."""
+    _, inverse, counts = np.unique(_cells(points, cell), return_inverse=True, return_counts=True)
+    return counts[inverse] == 1
+
+
+def _cells(points: np.ndarray, cell: float) -> np.ndarray:
+    """A number (N,) for the cell of each point."""
+    index = np.floor(points / cell).astype(np.int64)
+    index -= index.min(axis=0)
+    shape = index.max(axis=0) + 1
+    return (index[:, 0] * shape[1] + index[:, 1]) * shape[2] + index[:, 2]
+
 
 LOOKS = (4, 11)  # of a patch, the upper end excluded
 STEP = (0.015, 0.04)  # from look to look, in shares of the sensor's maximum range
@@ -44,16 +128,16 @@ def patch_pair(number: int, seed: int, scene: str, overlaps: tuple[float, float]
     still = observer_of(scene, draws.scene)
     observers = on_path(still, draws.poses), on_path(still, draws.poses)
     views = draw_views(observers, overlaps, draws.poses)
-    scans = [
+    scans = (
         merged_scan(observer, view, noise, (draws.distortion, rng), name, viewpoints=number % 2 == 0)
         for observer, view, rng, name in zip(
             observers, views, (draws.target, draws.source), ("target", "source"), strict=True
         )
-    ]
+    )
     poses = views[0].T_world_sensor, views[1].T_world_sensor
-    radius = OVERLAP_RADIUS * SCENE_KINDS[scene].scale
+    radius = OVERLAP_RADIUS * still.world.kind.scale
     shared = mutual_overlap(views[0].points, views[1].points, poses[0].inv() * poses[1], radius)
-    return KindPair("patch", number, seed, scene, relief_of(scene), scans[0], scans[1], *poses, shared)
+    return KindPair("patch", number, seed, scene, *scans, *poses, shared)
 
 
 def on_path(still: Observer, rng: np.random.Generator) -> PathObserver:
@@ -113,7 +197,10 @@ def merged_scan(
     assert isinstance(view, PathView)  # a PathObserver's
     distortion, rng = draws
     believed = believed_path(observer.T_middle_look, observer.world.kind.scale, distortion)
-    looks = [_look(observer, look, noise, rng, name) for look in view.looks]
+    looks = []
+    for look in view.looks:
+        ghosts = reflect(observer.world, observer.sensor, look.T_world_sensor) if noise.ghosts > 0 else None
+        looks.append(measure(look.echoes, observer.sensor, noise, rng, ghosts=ghosts, name=name))
     points = np.concatenate([believed[k].apply(look.points) for k, look in enumerate(looks)])
     number = np.repeat(np.arange(len(looks)), [len(look.points) for look in looks])
     strength = np.concatenate([look.strength for look in looks if look.strength is not None])
@@ -126,9 +213,3 @@ def merged_scan(
         name=name,
         viewpoints=believed.translation[number[kept]].astype(np.float32) if viewpoints else None,
     )
-
-
-def _look(observer: PathObserver, view: View, noise: Noise, rng: np.random.Generator, name: str) -> Scan:
-    """One look's scan, in its own frame."""
-    ghosts = reflect(observer.world, observer.sensor, view.T_world_sensor) if noise.ghosts > 0 else None
-    return measure(view.echoes, observer.sensor, noise, rng, ghosts=ghosts, name=name)

@@ -5,12 +5,10 @@ from dataclasses import replace
 import numpy as np
 from numpy.testing import assert_allclose, assert_array_equal
 
-from sonarmap.tools.lab.simulate.kinds.views.draws import observer_of
-from sonarmap.tools.lab.simulate.kinds.views.single_view import Shot
-from sonarmap.tools.lab.simulate.kinds.views.sonar3d15 import LOBE, STEP, real_scan
+from sonarmap.tools.lab.simulate.kinds.draws import observer_of
+from sonarmap.tools.lab.simulate.kinds.single_view import LOBE, STEP, Shot, real_scan
 from sonarmap.tools.lab.simulate.pairs.viewpoints import first_view
-from sonarmap.tools.lab.simulate.sensing.lobes import pick_strongest
-from sonarmap.tools.lab.simulate.sensing.noise import Noise
+from sonarmap.tools.lab.simulate.sensing.noise import Noise, pick_strongest
 from sonarmap.tools.lab.simulate.sensing.sensors import SONAR_3D15, Echoes
 from sonarmap.tools.lab.simulate.shapes.surface import surface_distance
 from tests.samples.simulated import QUIET

@@ -6,10 +6,10 @@ import numpy as np
 import pytest
 from numpy.testing import assert_allclose
 
-from sonarmap.tools.lab.simulate.kinds.sweeps import imaging, profiler, swath
-from sonarmap.tools.lab.simulate.kinds.sweeps.partners import Instrument
-from sonarmap.tools.lab.simulate.kinds.sweeps.sweep import Sweep, meet, true_points, write_scan
-from sonarmap.tools.lab.simulate.kinds.sweeps.water import Water
+from sonarmap.tools.lab.simulate.kinds import imaging, profiler, swath
+from sonarmap.tools.lab.simulate.kinds.partners import Instrument
+from sonarmap.tools.lab.simulate.kinds.sweep import Sweep, meet, true_points, write_scan
+from sonarmap.tools.lab.simulate.kinds.water import Water
 from sonarmap.tools.lab.simulate.scenes.scene import Scene, build_scene
 from sonarmap.tools.lab.simulate.sensing.noise import Noise
 from sonarmap.tools.lab.simulate.shapes.solids import box, merge

@@ -5,11 +5,10 @@ import pytest
 from numpy.testing import assert_array_equal
 
 from sonarmap.kernels.errors import InputError
+from sonarmap.tools.lab.simulate.kinds import imaging, partners, profiler, swath
 from sonarmap.tools.lab.simulate.kinds.catalog import SCAN_KINDS, kind_pair
-from sonarmap.tools.lab.simulate.kinds.kind import OVERLAPS, RELIEFS, KindPair
-from sonarmap.tools.lab.simulate.kinds.reliefs import relief_of
-from sonarmap.tools.lab.simulate.kinds.sweeps import imaging, partners, profiler, swath
-from sonarmap.tools.lab.simulate.kinds.views.draws import pair_draws
+from sonarmap.tools.lab.simulate.kinds.draws import pair_draws
+from sonarmap.tools.lab.simulate.kinds.kind import OVERLAPS, RELIEFS, KindPair, relief_of
 from sonarmap.tools.lab.simulate.scenes.scene import build_scene
 from sonarmap.tools.lab.simulate.sensing.overlap import OVERLAP_RADIUS, mutual_overlap
 from sonarmap.tools.lab.simulate.shapes.surface import surface_distance

@@ -10,15 +10,14 @@ wall, and 1 to 2.5 % farther than 1.5 m, at 1.5 to 2.7 times its range.
 
 import math
 from dataclasses import dataclass
+from functools import partial
 
 import numpy as np
 from scipy.spatial.transform import RigidTransform, Rotation
 
-from sonarmap.tools.lab.simulate.kinds.kind import KindPair
-from sonarmap.tools.lab.simulate.kinds.sweeps.partners import sweep_pair
-from sonarmap.tools.lab.simulate.kinds.sweeps.sweep import Fan, Returns, Sweep, pick
-from sonarmap.tools.lab.simulate.kinds.sweeps.wander import walk
-from sonarmap.tools.lab.simulate.kinds.sweeps.water import Water
+from sonarmap.tools.lab.simulate.kinds.partners import sweep_pair
+from sonarmap.tools.lab.simulate.kinds.sweep import Fan, Returns, Sweep, pick, walk
+from sonarmap.tools.lab.simulate.kinds.water import Water
 from sonarmap.tools.lab.simulate.sensing.sensors import Sensor
 
 BEAMS, RAYS = 256, 11
@@ -177,10 +176,4 @@ def imager(water: Water, rng: np.random.Generator) -> Imager:
     return Imager(water, fan, by_depth, detector, rng.uniform(*MULTIPATH), rng.uniform(*SIDE_LOBES))
 
 
-def imaging_pair(number: int, seed: int, scene: str, overlaps: tuple[float, float]) -> KindPair:
-    """A builder of SCAN_KINDS.
-
-    Raises:
-        InputError: no such pair was found.
-    """
-    return sweep_pair("imaging", number, seed, scene, overlaps, imager, viewpoints=False)
+imaging_pair = partial(sweep_pair, "imaging", imager, seen_from=False)  # a builder of SCAN_KINDS

@@ -7,10 +7,19 @@ import pytest
 from numpy.testing import assert_allclose, assert_array_equal
 from scipy.spatial.transform import RigidTransform, Rotation
 
-from sonarmap.tools.lab.simulate.kinds.views.draws import SIGMA2, noise_of, observer_of
-from sonarmap.tools.lab.simulate.kinds.views.moving import SCAN_TIME, SPEED, TURN, Motion, draw_motion, scan_in_motion
-from sonarmap.tools.lab.simulate.kinds.views.single_view import Shot, distorted_scan
-from sonarmap.tools.lab.simulate.kinds.views.wrong_ranges import scaled_scan, shifted_scan
+from sonarmap.tools.lab.simulate.kinds.draws import SIGMA2, noise_of, observer_of
+from sonarmap.tools.lab.simulate.kinds.single_view import (
+    SCAN_TIME,
+    SPEED,
+    TURN,
+    Motion,
+    Shot,
+    distorted_scan,
+    draw_motion,
+    scaled_scan,
+    scan_in_motion,
+    shifted_scan,
+)
 from sonarmap.tools.lab.simulate.pairs.viewpoints import Observer, View, first_view
 from sonarmap.tools.lab.simulate.scenes.scene import Scene
 from sonarmap.tools.lab.simulate.sensing.noise import Noise

@@ -7,15 +7,14 @@ taken to stand still. An echo is the strongest of seven rays in the beam.
 
 import math
 from dataclasses import dataclass
+from functools import partial
 
 import numpy as np
 from scipy.spatial.transform import RigidTransform, Rotation
 
-from sonarmap.tools.lab.simulate.kinds.kind import KindPair
-from sonarmap.tools.lab.simulate.kinds.sweeps.partners import sweep_pair
-from sonarmap.tools.lab.simulate.kinds.sweeps.sweep import Fan, Returns, Sweep, pick
-from sonarmap.tools.lab.simulate.kinds.sweeps.wander import walk
-from sonarmap.tools.lab.simulate.kinds.sweeps.water import Water
+from sonarmap.tools.lab.simulate.kinds.partners import sweep_pair
+from sonarmap.tools.lab.simulate.kinds.sweep import Fan, Returns, Sweep, pick, walk
+from sonarmap.tools.lab.simulate.kinds.water import Water
 from sonarmap.tools.lab.simulate.sensing.sensors import Sensor
 
 WIDTHS = (math.radians(1.7), math.radians(3.0))  # of the beam, least and greatest
@@ -113,10 +112,4 @@ def profiler(water: Water, rng: np.random.Generator) -> Profiler:
     return Profiler(water, Fan(sensor, beams, rays, gains), pans - pans[len(pans) // 2], bool(rng.random() < 0.5))
 
 
-def profiler_pair(number: int, seed: int, scene: str, overlaps: tuple[float, float]) -> KindPair:
-    """A builder of SCAN_KINDS; points of even numbers say where they were seen from.
-
-    Raises:
-        InputError: no such pair was found.
-    """
-    return sweep_pair("profiler", number, seed, scene, overlaps, profiler, viewpoints=number % 2 == 0)
+profiler_pair = partial(sweep_pair, "profiler", profiler)  # a builder of SCAN_KINDS
