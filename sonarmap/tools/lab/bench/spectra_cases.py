@@ -1,24 +1,77 @@
-"""What is done to spectra and correlations."""
+"""What makes spectra and correlations, and what is done to them."""
 
 import numpy as np
 
+from sonarmap.kernels.fft.transform import RealFFT
 from sonarmap.kernels.pomf.peak import find_peaks
 from sonarmap.kernels.pomf.spectrum import Pomf, cross_power, magnitude, whiten
 from sonarmap.tools.lab.bench import twins
 from sonarmap.tools.lab.bench.case import (
     BLUR,
     ELEMENTWISE,
+    FFT,
     WHITENED,
+    Kept,
     KernelCase,
     half_bytes,
     half_points,
+    peak_numbers,
     transform_flops,
     transform_passes,
     valid,
     volume_bytes,
 )
-from sonarmap.tools.lab.bench.traffic import Traffic
+from sonarmap.tools.lab.bench.peers import fft_peers
+from sonarmap.tools.lab.bench.rates import Traffic, copier
 from sonarmap.tools.lab.bench.workload import Workload
+
+
+def copy_case(w: Workload) -> KernelCase:
+    run, read = copier(w.device, w.volume)
+    out = np.empty_like(w.volume)
+
+    def twin() -> np.ndarray:
+        np.copyto(out, w.volume)
+        return out
+
+    return KernelCase("copy", "np.copyto", Traffic(volume_bytes(w), volume_bytes(w)), 0.0, run, read, twin)
+
+
+def real_forward_case(w: Workload) -> KernelCase:
+    fft = RealFFT(w.device, w.volume.shape)
+    volume, out = w.upload(w.volume), w.device.empty(fft.half_shape, np.complex64)
+    return KernelCase(
+        "RealFFT.forward",
+        "scipy.fft.rfftn",
+        Traffic(volume_bytes(w), half_bytes(w), 2 * half_bytes(w)),
+        FFT,
+        run=lambda: fft.forward(volume, out=out),
+        read=lambda: valid(out),
+        twin=lambda: twins.forward(w.volume, w.cores),
+        flops=transform_flops(w),
+        passes=transform_passes(w),
+        peers=lambda: fft_peers(w, inverse=False),
+    )
+
+
+def real_inverse_case(w: Workload) -> KernelCase:
+    fft = RealFFT(w.device, w.volume.shape)
+    padded = w.pad(w.spectrum)
+    spectrum = w.upload(padded)
+    out = w.device.empty(fft.shape)
+    return KernelCase(
+        "RealFFT.inverse",
+        "scipy.fft.irfftn",
+        Traffic(half_bytes(w), volume_bytes(w), 2 * half_bytes(w)),
+        FFT,
+        run=lambda: fft.inverse(spectrum, out=out),
+        read=out.get,
+        twin=lambda: twins.inverse(w.spectrum, w.cores),
+        restore=lambda: spectrum.set(padded),
+        flops=transform_flops(w),
+        passes=transform_passes(w),
+        peers=lambda: fft_peers(w, inverse=True),
+    )
 
 
 def magnitude_case(w: Workload) -> KernelCase:
@@ -101,24 +154,14 @@ def correlate_case(w: Workload) -> KernelCase:
 def find_peaks_case(w: Workload) -> KernelCase:
     host = twins.correlate(*w.whitened, BLUR, np.empty_like(w.spectrum), w.cores)
     correlation = w.upload(host)
-    peaks = []
-
-    def run() -> None:
-        peaks[:] = find_peaks(w.device, correlation)
-
-    def read() -> np.ndarray:
-        peak = peaks[0]
-        return np.concatenate(
-            [peak.index, [peak.value, (peak.value - peak.mean) / peak.std], peak.neighborhood.ravel()]
-        )
-
+    run = Kept(lambda: find_peaks(w.device, correlation)[0])
     return KernelCase(
         "find_peaks",
         "np.argmax, mean, std",
         Traffic(reads=host.nbytes),
         1e-5,
         run,
-        read,
+        lambda: peak_numbers(run.result),
         lambda: twins.peak(host),
         flops=4 * host.size,
     )

@@ -1,7 +1,8 @@
-"""Points to volumes, volumes and spectra to other coordinates, layers normalized."""
+"""Points to volumes, volumes and spectra to other coordinates, layers normalized; nearest points and planes."""
 
 import numpy as np
 import scipy.fft
+from scipy.spatial import KDTree
 
 from sonarmap.kernels.points.voxelize import voxelize
 from sonarmap.kernels.resample.layers import normalize_layers
@@ -13,10 +14,13 @@ from sonarmap.kernels.resample.sphere import (
     upload_directions,
     valid_pixels,
 )
+from sonarmap.kernels.surface.cells import sort_into_cells
+from sonarmap.kernels.surface.nearest import find_nearest, upload_places
+from sonarmap.kernels.surface.planes import NEIGHBORS, fit_planes
 from sonarmap.tools.lab.bench import twins
-from sonarmap.tools.lab.bench.case import RESAMPLED, KernelCase, volume_bytes
-from sonarmap.tools.lab.bench.traffic import Traffic
-from sonarmap.tools.lab.bench.workload import R, Workload
+from sonarmap.tools.lab.bench.case import RESAMPLED, Kept, KernelCase, volume_bytes
+from sonarmap.tools.lab.bench.rates import Traffic
+from sonarmap.tools.lab.bench.workload import SMALL_SHIFT, SMALL_TURN, R, Workload
 
 
 def voxelize_case(w: Workload) -> KernelCase:
@@ -85,4 +89,42 @@ def polar_magnitude_case(w: Workload) -> KernelCase:
         read=out.get,
         twin=lambda: twins.polar_magnitude(host, radii, angles, w.cores),
         flops=28 * out.size,
+    )
+
+
+# Of neighbors equally far one or the other makes the plane, and the point moves by a thousandth of a voxel.
+_EQUALLY_FAR = 1e-4
+_FARTHEST = 2.0
+# Distances of a voxel between numbers of a hundred voxels, in single precision.
+_DISTANCE = 1e-5
+# Bytes of a point among its cells, and of what is known of it.
+_POINT, _ELEMENT = 16, 48
+
+
+def nearest_case(w: Workload) -> KernelCase:
+    cells, places = sort_into_cells(w.device, w.surface), upload_places(w.device, w.surface)
+    tree = KDTree(w.surface)
+    run = Kept(lambda: find_nearest(w.device, cells, places, SMALL_TURN[None], SMALL_SHIFT[None], w.edge)[0])
+    return KernelCase(
+        "find_nearest",
+        "scipy.spatial.KDTree",
+        Traffic(2 * _POINT * len(w.surface), 8 * len(w.surface)),
+        _DISTANCE,
+        run=run,
+        read=lambda: run.result[0],
+        twin=lambda: twins.nearest(tree, w.surface, SMALL_TURN, SMALL_SHIFT, w.cores),
+    )
+
+
+def planes_case(w: Workload) -> KernelCase:
+    cells, tree = sort_into_cells(w.device, w.surface), KDTree(w.surface)
+    run = Kept(lambda: fit_planes(w.device, cells, np.eye(3), np.empty((0, 3)), farthest=_FARTHEST, aside=1.0))
+    return KernelCase(
+        "fit_planes",
+        "scipy.spatial.KDTree, eigh",
+        Traffic(_POINT * len(w.surface), _ELEMENT * len(w.surface)),
+        _EQUALLY_FAR,
+        run=run,
+        read=lambda: run.result.get()[:, :3],
+        twin=lambda: twins.on_planes(tree, w.surface, NEIGHBORS, _FARTHEST, w.cores),
     )
