@@ -47,7 +47,7 @@ class Real:
     name: ClassVar[str] = "real"
     sources: ClassVar[tuple[str, ...]] = (
         *(f"tools/{folder}" for folder in ("files/readers", "lab/evaluate", "lab/reproduce/evaluation")),
-        "tools/lab/simulate/sensing/priors.py",
+        "tools/lab/simulate/sensing/navigation.py",
         "spectral/grid.py",
     )
 
