@@ -128,7 +128,7 @@ def patch_pair(number: int, seed: int, scene: str, overlaps: tuple[float, float]
     still = observer_of(scene, draws.scene)
     observers = on_path(still, draws.poses), on_path(still, draws.poses)
     views = draw_views(observers, overlaps, draws.poses)
-    scans = (
+    target, source = (
         merged_scan(observer, view, noise, (draws.distortion, rng), name, viewpoints=number % 2 == 0)
         for observer, view, rng, name in zip(
             observers, views, (draws.target, draws.source), ("target", "source"), strict=True
@@ -137,7 +137,7 @@ def patch_pair(number: int, seed: int, scene: str, overlaps: tuple[float, float]
     poses = views[0].T_world_sensor, views[1].T_world_sensor
     radius = OVERLAP_RADIUS * still.world.kind.scale
     shared = mutual_overlap(views[0].points, views[1].points, poses[0].inv() * poses[1], radius)
-    return KindPair("patch", number, seed, scene, *scans, *poses, shared)
+    return KindPair("patch", number, seed, scene, target, source, *poses, shared)
 
 
 def on_path(still: Observer, rng: np.random.Generator) -> PathObserver:

@@ -110,14 +110,14 @@ def single_view_pair(
     draws, noise = pair_draws(kind, number, seed), noise_of(kind, number, scene)
     observer = observer_of(scene, draws.scene)
     views = draw_views((observer, observer), overlaps, draws.poses)
-    scans = (
+    target, source = (
         measured(Shot(observer, view, noise, draws.distortion, rng, name))
         for view, rng, name in zip(views, (draws.target, draws.source), ("target", "source"), strict=True)
     )
     poses = views[0].T_world_sensor, views[1].T_world_sensor
     radius = OVERLAP_RADIUS * observer.world.kind.scale
     shared = mutual_overlap(views[0].points, views[1].points, poses[0].inv() * poses[1], radius)
-    return KindPair(kind, number, seed, scene, *scans, *poses, shared)
+    return KindPair(kind, number, seed, scene, target, source, *poses, shared)
 
 
 def distorted_scan(shot: Shot, distort: Callable[[np.ndarray], np.ndarray]) -> Scan:
