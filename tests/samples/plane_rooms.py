@@ -4,7 +4,7 @@ import numpy as np
 from scipy.spatial.transform import RigidTransform, Rotation
 
 from sonarmap.spectral.scan import Scan
-from sonarmap.tools.lab.baselines.planes.patch import Patches, tangents
+from sonarmap.tools.lab.baselines.planes.fit import Patches, tangents
 
 # Outward normals and distances from the middle [m]: a box of unequal sides with two slanted walls and a slanted roof
 ROOM = (

@@ -116,7 +116,7 @@ def _workers(
     from sonarmap.slam.execute.cluster import cluster
     from sonarmap.slam.execute.executor import processes, this_process
     from sonarmap.slam.execute.worker import Worker
-    from sonarmap.tools.methods.worker_spec import checked_worker_spec, worker_spec
+    from sonarmap.tools.methods.fingerprint import checked_worker_spec, worker_spec
 
     recipe = (method.name, method.setup, method.registrar, prepared)
     if options.scheduler:

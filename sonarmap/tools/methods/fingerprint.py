@@ -1,17 +1,19 @@
-"""Fingerprints of what decides a result: code, settings, device and installed versions.
+"""Fingerprints of what decides a result, and what workers in other processes make a method from.
 
-Code counts by whole folders: a changed comment makes results be computed again, and no change that matters is missed.
-"""
+Code, settings, device and installed versions decide. Code counts by whole folders: a changed comment makes results be
+computed again, and no change that matters is missed. Workers of a cluster check that they make the same."""
 
 import hashlib
 import inspect
 import json
 from collections.abc import Sequence
 from fnmatch import fnmatch
-from functools import cache
+from functools import cache, partial
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
+from sonarmap.kernels.errors import InputError
+from sonarmap.slam.execute.worker_spec import WorkerSpec
 from sonarmap.tools.files.versions import package_versions
 from sonarmap.tools.files.writers.json_text import to_json
 from sonarmap.tools.methods.registry import Setup, find_method
@@ -92,3 +94,37 @@ def _source_files(place: Path) -> list[Path]:
     if not place.is_dir():
         raise FileNotFoundError(f"{place} is neither a folder nor a file; a list of sources names it")
     return [path for path in place.rglob("*") if path.suffix in (".py", ".cl")]
+
+
+if TYPE_CHECKING:
+    from sonarmap.spectral.result import Registrar
+
+
+def worker_spec(name: str, setup: Setup, registrar: "Registrar", prepared: int) -> WorkerSpec:
+    """For workers on this machine.
+
+    Args:
+        name: a key of METHODS.
+        setup: what the registrar was made from.
+        registrar: the method as this process has it.
+        prepared: how many prepared scans a worker keeps.
+    """
+    return WorkerSpec(partial(find_method(name).make, setup), method_key(name, setup, registrar), prepared)
+
+
+def checked_worker_spec(name: str, setup: Setup, registrar: "Registrar", prepared: int) -> WorkerSpec:
+    """For workers on other machines, as `worker_spec`: one whose code, versions or device differ refuses to work."""
+    key = method_key(name, setup, registrar)
+    return WorkerSpec(partial(_make_the_same, name, setup, key), key, prepared)
+
+
+def _make_the_same(name: str, setup: Setup, key: str) -> "Registrar":
+    registrar = find_method(name).make(setup)
+    if method_key(name, setup, registrar) != key:
+        device = getattr(registrar, "device", None)
+        raise InputError(
+            "a worker of the cluster would not get the results of this machine: its sonarmap, its packages' versions "
+            f"or its device{f' ({device.name}, {device.platform})' if device else ''} differ. Install the same there, "
+            "and choose the same kind of device with `device`."
+        )
+    return registrar

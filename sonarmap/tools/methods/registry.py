@@ -24,7 +24,7 @@ _SEEDED = frozenset(("seed",))
 
 # What decides the results of methods, as `tools.methods.fingerprint.source_digest` takes it
 _DEVICE_SOURCES = ("kernels", "spectral")
-_POINT_SOURCES = tuple(f"tools/lab/baselines/{name}.py" for name in ("cloud", "result", "packages", "icp"))
+_POINT_SOURCES = tuple(f"tools/lab/baselines/{name}.py" for name in ("cloud", "result", "icp"))
 _FEATURE_SOURCES = (*_POINT_SOURCES, "tools/lab/baselines/features.py")
 _KISS_SOURCES = (*_FEATURE_SOURCES, "tools/lab/baselines/kiss.py")
 _GICP_SOURCES = (*_POINT_SOURCES, "tools/lab/baselines/gicp.py")

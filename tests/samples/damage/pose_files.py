@@ -20,7 +20,7 @@ from sonarmap.tools.files.readers.poses.gt_log import read_gt_log
 from sonarmap.tools.files.readers.poses.trajectory import read_kitti
 from sonarmap.tools.files.readers.poses.tum import read_tum
 from sonarmap.tools.files.readers.ties import read_ties
-from sonarmap.tools.lab.evaluate.survey_summary import SurveySummary, read_summary
+from sonarmap.tools.lab.evaluate.survey import SurveySummary, read_summary
 from sonarmap.tools.lab.simulate.folder import read_settings
 
 # Where a result may say that nothing is known.

@@ -137,7 +137,7 @@ def test_config_refuses_what_makes_no_sense() -> None:
 @pytest.mark.slow
 def test_simulated_table_1(index: int) -> None:
     """The paper's S0, S3, S6 at sigma^2 = 1 m^2: within 6 degrees and 3 voxels (the whole table is measured slowly)."""
-    from sonarmap.tools.lab.simulate.pairs.table1 import table1_pair
+    from sonarmap.tools.lab.simulate.plan import table1_pair
 
     target, source, truth = table1_pair(index, seed=11, sigma2=1.0)
     registrar = HemisphereRegistrar(choose_device(), Grid(128, 2.0))

@@ -10,9 +10,14 @@ from sonarmap.kernels.device.device import Device
 from sonarmap.kernels.errors import InputError
 from sonarmap.spectral.grid import Grid
 from sonarmap.tools.lab.baselines.planes.registrar import PlaneRegistrar
-from sonarmap.tools.methods.fingerprint import method_key, method_sources, source_digest
+from sonarmap.tools.methods.fingerprint import (
+    checked_worker_spec,
+    method_key,
+    method_sources,
+    source_digest,
+    worker_spec,
+)
 from sonarmap.tools.methods.registry import METHODS, Setup, find_method
-from sonarmap.tools.methods.worker_spec import checked_worker_spec, worker_spec
 
 SETUP = Setup(Grid(32, 0.5))
 

@@ -27,7 +27,7 @@ from sonarmap.tools.command.words.evaluation import (
 
 if TYPE_CHECKING:
     from sonarmap.tools.lab.evaluate.map_error import MapError
-    from sonarmap.tools.lab.evaluate.survey_summary import SurveySummary
+    from sonarmap.tools.lab.evaluate.survey import SurveySummary
     from sonarmap.tools.lab.evaluate.trajectory import Alignment, Evaluation
 
 EXCEEDED = 3
@@ -90,8 +90,7 @@ def command(
     Pairs need no alignment, and uncertainties are always compared relative to the first pose.
     """
     from sonarmap.tools.files.readers.poses.trajectory import read_pair
-    from sonarmap.tools.lab.evaluate.survey import calibrate_survey, score_survey
-    from sonarmap.tools.lab.evaluate.survey_summary import read_summary
+    from sonarmap.tools.lab.evaluate.survey import calibrate_survey, read_summary, score_survey
     from sonarmap.tools.lab.evaluate.trajectory import RIGHT_DEG, RIGHT_VOXELS, evaluate
 
     _check_together(options)

@@ -14,12 +14,10 @@ from sonarmap.tools.command.options.registration import check_seed
 from sonarmap.tools.command.options.running import QuietOption
 from sonarmap.tools.command.progress import growing_progress
 from sonarmap.tools.command.terminal import printable
-from sonarmap.tools.lab.simulate.catalog import SENSOR_NAMES, TRAJECTORY_KINDS
-from sonarmap.tools.lab.simulate.scenes.catalog import SCENE_KINDS
+from sonarmap.tools.lab.simulate.scenes.catalog import SCENE_KINDS, SENSOR_NAMES, TRAJECTORY_KINDS
 
 if TYPE_CHECKING:
-    from sonarmap.tools.lab.simulate.sensing.navigation import Fixes
-    from sonarmap.tools.lab.simulate.sensing.priors import Instruments
+    from sonarmap.tools.lab.simulate.sensing.navigation import Fixes, Instruments
     from sonarmap.tools.lab.simulate.simulation import SimulationSettings
 
 DEFAULT_SCENE, DEFAULT_TRAJECTORY, DEFAULT_SEED = "floodgate", "survey", 1
@@ -159,7 +157,7 @@ class SimulatedNavigation:
 
     def instruments(self) -> "Instruments | None":
         """What measures the poses; None for nothing."""
-        from sonarmap.tools.lab.simulate.sensing.priors import instruments_for
+        from sonarmap.tools.lab.simulate.sensing.navigation import instruments_for
 
         if self.priors is None:
             return None

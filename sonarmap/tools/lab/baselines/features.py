@@ -11,9 +11,8 @@ from scipy.spatial.transform import RigidTransform
 
 from sonarmap.spectral.result import Registration
 from sonarmap.spectral.scan import Scan
-from sonarmap.tools.lab.baselines.cloud import ThinnedCloud, thin, to_open3d
+from sonarmap.tools.lab.baselines.cloud import ThinnedCloud, one_thread, quiet, thin, to_open3d
 from sonarmap.tools.lab.baselines.icp import iterate
-from sonarmap.tools.lab.baselines.packages import one_thread, quiet
 from sonarmap.tools.lab.baselines.result import conclude, judge_matches
 
 Solver = Literal["ransac", "fgr"]

@@ -10,9 +10,8 @@ from scipy.spatial.transform import RigidTransform
 from sonarmap.spectral.result import Registration
 from sonarmap.spectral.scan import Scan
 from sonarmap.tools.extras import load_package
-from sonarmap.tools.lab.baselines.cloud import ThinnedCloud, thin
+from sonarmap.tools.lab.baselines.cloud import ThinnedCloud, silent, thin
 from sonarmap.tools.lab.baselines.icp import DISTANCES
-from sonarmap.tools.lab.baselines.packages import silent
 from sonarmap.tools.lab.baselines.result import conclude, judge_fit
 
 _NEIGHBORS = 20  # of which a point's covariance is taken

@@ -8,12 +8,10 @@ from scipy.spatial.transform import RigidTransform, Rotation
 from sonarmap.spectral.result import Registration
 from sonarmap.spectral.scan import Scan
 from sonarmap.tools.extras import load_package
-from sonarmap.tools.lab.baselines.cloud import ThinnedCloud, thin
+from sonarmap.tools.lab.baselines.cloud import ThinnedCloud, silent, thin
 from sonarmap.tools.lab.baselines.features import REFINE
 from sonarmap.tools.lab.baselines.icp import iterate
-from sonarmap.tools.lab.baselines.nearest import query_on_all_cores
-from sonarmap.tools.lab.baselines.packages import silent
-from sonarmap.tools.lab.baselines.result import conclude, judge_matches
+from sonarmap.tools.lab.baselines.result import conclude, judge_matches, query_on_all_cores
 
 # Matches that survive both prunings: 14..53 where right, 0 or 1 where wrong; its authors' examples want 5.
 _LEAST_INLIERS = 10

@@ -5,15 +5,49 @@ The thresholds of acceptance are from eight simulated pairs at the noise of the 
 pairs, and are fitted to them.
 """
 
+from concurrent.futures import Future
 from dataclasses import dataclass
+from threading import Thread
 from time import perf_counter
+from typing import Any
 
 import numpy as np
+from scipy.spatial import KDTree
 from scipy.spatial.transform import RigidTransform
 
+from sonarmap.kernels.device.threads import thread_count
 from sonarmap.spectral.result import Registration
 from sonarmap.tools.lab.baselines.cloud import NORMAL_REACH, ThinnedCloud
-from sonarmap.tools.lab.baselines.nearest import query_on_all_cores
+
+
+def query_on_all_cores(
+    tree: KDTree, points: np.ndarray, k: Any = 1, reach: float = np.inf
+) -> tuple[np.ndarray, np.ndarray]:
+    """Distances and indices of the nearest points of a tree, as `KDTree.query` gives them.
+
+    SciPy's own threads read the caller's arrays. Were the main thread interrupted while it waits for them, the arrays
+    would be freed under them and the process would crash (SciPy 1.17). An interrupt reaches the main thread alone, so
+    another thread makes the call: it keeps the arrays until SciPy is done. It is a new one each time, as a pool whose
+    first thread is interrupted while it starts would never end.
+
+    Args:
+        tree: M points (M, D).
+        points: (N, D), in the tree's unit.
+        k: how many neighbors, or a list of which, counted from 1.
+        reach: neighbors farther away are left out: infinite distance and index M [the tree's unit].
+    """
+    answer: Future[tuple[Any, Any]] = Future()
+
+    def query() -> None:
+        try:
+            answer.set_result(tree.query(points, k, distance_upper_bound=reach, workers=thread_count()))
+        except BaseException as error:  # noqa: BLE001 - the caller raises it
+            answer.set_exception(error)
+
+    Thread(target=query, name="nearest neighbors").start()
+    distance, index = answer.result()
+    return np.asarray(distance), np.asarray(index)
+
 
 # A point has a counterpart within this distance, as in spectral/overlap.py [voxels].
 REACH = 2.0

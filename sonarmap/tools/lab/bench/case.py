@@ -11,7 +11,8 @@ from typing import Any
 
 import numpy as np
 
-from sonarmap.tools.lab.bench.traffic import Traffic
+from sonarmap.kernels.pomf.peak_fit import Peak
+from sonarmap.tools.lab.bench.rates import Traffic
 from sonarmap.tools.lab.bench.workload import Workload
 
 # Relative L2 difference to a twin that rounds as coarsely itself.
@@ -65,6 +66,22 @@ class KernelCase:
     flops: float = 0.0
     passes: Mapping[str, Traffic] = field(default_factory=dict[str, Traffic])
     peers: Callable[[], list[Peer]] = list
+
+
+class Kept:
+    """A call whose last result is kept, as `KernelCase.run` asks for no result and `read` for the last one."""
+
+    def __init__(self, call: Callable[[], Any]) -> None:
+        self.call = call
+        self.result: Any = None
+
+    def __call__(self) -> None:
+        self.result = self.call()
+
+
+def peak_numbers(peak: Peak) -> np.ndarray:
+    """As `twins.peak` has them."""
+    return np.concatenate([peak.index, [peak.value, (peak.value - peak.mean) / peak.std], peak.neighborhood.ravel()])
 
 
 def volume_bytes(w: Workload) -> int:

@@ -9,7 +9,27 @@ import numpy as np
 
 from sonarmap.kernels.device.device import Device
 from sonarmap.tools.lab.bench.timing import timed
-from sonarmap.tools.lab.bench.traffic import Traffic
+
+
+@dataclass(frozen=True, slots=True)
+class Traffic:
+    """Bytes that an algorithm must move, valid elements only, at least once each.
+
+    Attributes:
+        reads: of arrays that are only read.
+        writes: of arrays that are only written. The lines that a processor fetches before it writes them do not count.
+        in_place: of arrays that are changed where they are, reading and writing counted each.
+    """
+
+    reads: float = 0
+    writes: float = 0
+    in_place: float = 0
+
+    @property
+    def moved(self) -> int:
+        """All of it [bytes]."""
+        return round(self.reads + self.writes + self.in_place)
+
 
 Way = Literal["copy", "in_place", "read", "fill"]
 WAYS: tuple[Way, ...] = ("copy", "in_place", "read", "fill")

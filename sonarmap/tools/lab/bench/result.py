@@ -4,9 +4,8 @@ from collections.abc import Mapping
 from dataclasses import dataclass, field
 
 from sonarmap.tools.lab.bench.machine import Machine
-from sonarmap.tools.lab.bench.rates import Rates
+from sonarmap.tools.lab.bench.rates import Rates, Traffic
 from sonarmap.tools.lab.bench.timing import Times
-from sonarmap.tools.lab.bench.traffic import Traffic
 
 # Seconds per registration of the paper (Sect. 3: MATLAB, 2010), by voxels per edge.
 PAPER_SECONDS = {128: 10.5, 256: 60.6}

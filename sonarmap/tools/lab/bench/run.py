@@ -5,8 +5,7 @@ from collections.abc import Sequence
 from sonarmap.kernels.device.device import Device, choose_device
 from sonarmap.kernels.errors import InputError
 from sonarmap.spectral.grid import Grid
-from sonarmap.tools.lab.bench.cases.all_cases import CASES
-from sonarmap.tools.lab.bench.kernels import measure_kernels
+from sonarmap.tools.lab.bench.kernels import CASES, measure_kernels
 from sonarmap.tools.lab.bench.machine import describe_machine, load_average
 from sonarmap.tools.lab.bench.pairs import measure_pairs, simulate_pairs
 from sonarmap.tools.lab.bench.rates import measure_rates, summarize_rates

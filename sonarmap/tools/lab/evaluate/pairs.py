@@ -1,7 +1,7 @@
 """Which tried pairs of a survey are right: precision and recall of what was kept, and of what was rejected."""
 
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import asdict, dataclass
 from typing import Any
 
 from scipy.spatial.transform import RigidTransform
@@ -49,18 +49,8 @@ class PairScore:
 
     def to_json(self) -> dict[str, Any]:
         """The numbers and the shares."""
-        return {
-            "kept_right": self.kept_right,
-            "kept_wrong": self.kept_wrong,
-            "rejected_right": self.rejected_right,
-            "rejected_wrong": self.rejected_wrong,
-            "failed": self.failed,
-            "unjudged": self.unjudged,
-            "precision": self.precision,
-            "recall": self.recall,
-            "rejected_precision": self.rejected_precision,
-            "rejected_recall": self.rejected_recall,
-        }
+        shares = ("precision", "recall", "rejected_precision", "rejected_recall")
+        return asdict(self) | {name: getattr(self, name) for name in shares}
 
 
 def score_pairs(pairs: Sequence[TriedPair], truth: Mapping[int, RigidTransform], voxel: float) -> PairScore:

@@ -12,8 +12,7 @@ from sonarmap.tools.files.writers.json_text import write_json
 from sonarmap.tools.files.writers.points import write_ply
 from sonarmap.tools.files.writers.priors import write_priors
 from sonarmap.tools.files.writers.trajectory import write_tum
-from sonarmap.tools.lab.simulate.sensing.navigation import Fixes, dead_reckoning
-from sonarmap.tools.lab.simulate.sensing.priors import Instruments, measure_poses
+from sonarmap.tools.lab.simulate.sensing.navigation import Fixes, Instruments, dead_reckoning, measure_poses
 from sonarmap.tools.lab.simulate.simulation import Simulation, SimulationSettings, settings_from_json
 
 TRUTH = "truth.tum"

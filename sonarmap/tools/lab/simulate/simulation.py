@@ -13,12 +13,13 @@ from scipy.spatial.transform import RigidTransform
 from sonarmap.kernels.errors import InputError
 from sonarmap.slam.graph.trajectory import Trajectory
 from sonarmap.spectral.scan import Scan
-from sonarmap.tools.lab.simulate.paths.dive import check_dive
+from sonarmap.tools.files.memory import available_memory, in_gib
 from sonarmap.tools.lab.simulate.paths.stations import paper18
 from sonarmap.tools.lab.simulate.paths.trajectories import (
     SPACING,
     TABLE1_COUNT,
     TABLE1_MOST,
+    check_dive,
     lawnmower,
     loop,
     survey,
@@ -26,12 +27,43 @@ from sonarmap.tools.lab.simulate.paths.trajectories import (
 )
 from sonarmap.tools.lab.simulate.scenes.catalog import scene_kind
 from sonarmap.tools.lab.simulate.scenes.scene import build_scene
-from sonarmap.tools.lab.simulate.sensing.dive_seed import entropy_of
 from sonarmap.tools.lab.simulate.sensing.ghosts import reflect
+from sonarmap.tools.lab.simulate.sensing.navigation import entropy_of
 from sonarmap.tools.lab.simulate.sensing.noise import Noise, measure
 from sonarmap.tools.lab.simulate.sensing.sensors import ECLIPSE, Sensor, cast
 from sonarmap.tools.lab.simulate.sensing.unusable import Fault, choose_unusable
-from sonarmap.tools.lab.simulate.size import check_size
+
+# Measured: what a beam takes while its echo is computed, and what is kept of an echo and of a scan [bytes].
+_BEAM, _ECHO, _SCAN = 450, 16, 2000
+
+
+def check_size(count: int, columns: int, rows: int) -> None:
+    """Refuse more scans, or more beams, than this machine's memory holds.
+
+    Args:
+        count: of the scans, which are all kept until the last is done.
+        columns, rows: beams of the sensor.
+
+    Raises:
+        InputError: saying how many would fit.
+    """
+    available, beams = available_memory(), columns * rows
+    most_beams = available // (_BEAM + _ECHO)
+    if beams > most_beams:
+        raise InputError(
+            f"a sensor of {columns:,} columns and {rows:,} rows needs {in_gib(beams * (_BEAM + _ECHO))} of memory for "
+            f"one scan, and this machine has {in_gib(available)} to spare; give at most {most_beams:,} beams, columns "
+            "times rows"
+        )
+    per_scan = beams * _ECHO + _SCAN
+    most_scans = max(1, (available - beams * _BEAM) // per_scan)
+    if count > most_scans:
+        raise InputError(
+            f"{count:,} scans of {beams:,} beams need {in_gib(beams * _BEAM + count * per_scan)} of memory, and this "
+            f"machine has {in_gib(available)} to spare; give at most {most_scans:,} scans (`count`), or a sensor of "
+            "fewer beams"
+        )
+
 
 # Of a survey where nothing else is said: speckle in full, as every single sonar image has it
 SURVEY_NOISE = Noise(sigma2=1.0, outliers=0.01, dropouts=0.05, ghosts=0.02, speckle=1.0)
@@ -49,7 +81,7 @@ class SimulationSettings:
         sensor: what to see with; SENSORS holds the known ones.
         noise: what it does to the echoes.
         seed: of the scene, the waves and the noise.
-        dive: 1, or another pass over the same scene, see tools/lab/simulate/paths/dive.py.
+        dive: 1, or another pass over the same scene, see tools/lab/simulate/paths/trajectories.py.
         unusable: share of the scans that show nothing of the scene, see tools/lab/simulate/sensing/unusable.py.
     """
 

@@ -16,7 +16,7 @@ from sonarmap.tools.command.navigation import parse_prior_sigmas
 from sonarmap.tools.files.readers.navigation.priors import with_priors
 from sonarmap.tools.files.readers.poses.tum import read_tum
 from sonarmap.tools.files.readers.scans import read_scans
-from sonarmap.tools.lab.simulate.sensing.priors import Instruments, instruments_for, measure_poses
+from sonarmap.tools.lab.simulate.sensing.navigation import Instruments, instruments_for, measure_poses
 from tests.samples.clutter_scans import files_in, refused_with_reason, said, scan, sonarmap, write
 
 SMALL = ("--scene", "harbor", "--scans", "3", "--sensor", "paper", "--spacing", "5", "--quiet")

@@ -8,14 +8,14 @@ import numpy as np
 import pytest
 from scipy.spatial import KDTree
 
-from sonarmap.tools.lab.baselines.nearest import query_on_all_cores
+from sonarmap.tools.lab.baselines.result import query_on_all_cores
 from tests.samples.places import ROOT
 
 INTERRUPTED = """
 import os, signal, threading
 import numpy as np
 from scipy.spatial import KDTree
-from sonarmap.tools.lab.baselines.nearest import query_on_all_cores
+from sonarmap.tools.lab.baselines.result import query_on_all_cores
 
 # a shell that starts the tests in the background has them ignore interrupts
 signal.signal(signal.SIGINT, signal.default_int_handler)

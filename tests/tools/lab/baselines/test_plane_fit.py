@@ -4,8 +4,7 @@ import numpy as np
 import pytest
 from scipy.spatial.transform import Rotation
 
-from sonarmap.tools.lab.baselines.planes.fit import PlaneFit, fit_plane
-from sonarmap.tools.lab.baselines.planes.patch import tangents
+from sonarmap.tools.lab.baselines.planes.fit import PlaneFit, fit_plane, tangents
 
 NORMAL = np.array([2.0, -1.0, 2.0]) / 3
 DISTANCE = 12.0

@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 from scipy.spatial.transform import RigidTransform, Rotation
 
-from sonarmap.tools.lab.baselines.planes.patch import Patches
+from sonarmap.tools.lab.baselines.planes.fit import Patches
 from sonarmap.tools.lab.baselines.planes.pose import LOOSE_ROTATION, NO_SLACK, Slack, closed_form, refine, settle
 from tests.samples.plane_rooms import T_TARGET_SOURCE, disturbed, patches, seen_from
 

@@ -11,8 +11,7 @@ from sonarmap.kernels.errors import InputError
 from sonarmap.spectral.scan import Scan
 from sonarmap.tools.extras import load_package
 from sonarmap.tools.files.map_folder.pairs import CHAIN
-from sonarmap.tools.lab.baselines.surveys import kiss_slam
-from sonarmap.tools.lab.baselines.surveys.multiway import run_multiway
+from sonarmap.tools.lab.baselines.surveys import run_kiss_slam, run_multiway
 from sonarmap.tools.lab.evaluate.pairs import score_pairs
 from sonarmap.tools.lab.evaluate.trajectory import evaluate
 from sonarmap.tools.lab.simulate.plan import plan
@@ -62,7 +61,7 @@ def test_multiway_wants_two_scans_that_show_something() -> None:
 @pytest.mark.skipif(importlib.util.find_spec("kiss_slam") is None, reason="kiss-slam is not installed")
 def test_kiss_slam_maps_small_motions() -> None:
     survey = small_survey(1.0, 6)
-    run = kiss_slam.run_kiss_slam(survey.scans, VOXEL)
+    run = run_kiss_slam(survey.scans, VOXEL)
     assert_array_equal(run.trajectory.stamps, survey.truth.stamps)
     result = evaluate(run.trajectory, survey.truth)
     assert result.ate_m < VOXEL / 2

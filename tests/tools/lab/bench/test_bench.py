@@ -20,16 +20,14 @@ from sonarmap.tools.command.main import app
 from sonarmap.tools.files.memory import peak_memory
 from sonarmap.tools.lab.bench import twins
 from sonarmap.tools.lab.bench.case import Peer
-from sonarmap.tools.lab.bench.cases.all_cases import CASES
-from sonarmap.tools.lab.bench.cases.transforms import real_forward_case
-from sonarmap.tools.lab.bench.kernels import measure_case, measure_kernels, relative_difference
+from sonarmap.tools.lab.bench.kernels import CASES, measure_case, measure_kernels, relative_difference
 from sonarmap.tools.lab.bench.machine import count_cores
 from sonarmap.tools.lab.bench.pairs import is_right, measure_pairs, simulate_pairs
 from sonarmap.tools.lab.bench.peers import fft_peers
-from sonarmap.tools.lab.bench.rates import Rates, _kernels, _per_item, copier, measure_rates, summarize_rates
+from sonarmap.tools.lab.bench.rates import Rates, Traffic, _kernels, _per_item, copier, measure_rates, summarize_rates
+from sonarmap.tools.lab.bench.spectra_cases import real_forward_case
 from sonarmap.tools.lab.bench.stages import PAIR_STAGES
 from sonarmap.tools.lab.bench.timing import interleave, summarize
-from sonarmap.tools.lab.bench.traffic import Traffic
 from sonarmap.tools.lab.bench.workload import Workload
 from tests.samples.places import ROOT
 

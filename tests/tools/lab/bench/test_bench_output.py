@@ -12,7 +12,7 @@ from typer.testing import CliRunner
 
 from sonarmap.kernels.errors import InputError
 from sonarmap.tools.command.main import app
-from sonarmap.tools.lab.bench.cases.all_cases import CASES
+from sonarmap.tools.lab.bench.kernels import CASES
 from sonarmap.tools.lab.bench.output.as_json import read_result
 from sonarmap.tools.lab.bench.output.compare import compare
 from sonarmap.tools.lab.bench.output.page import BEGIN, END, figures, write_page

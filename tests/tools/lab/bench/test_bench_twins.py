@@ -10,7 +10,7 @@ from sonarmap.kernels.device.device import Device
 from sonarmap.kernels.resample.sphere import rectangular_unwrap
 from sonarmap.kernels.so3.correlation import wigner_d
 from sonarmap.tools.lab.bench import twins
-from sonarmap.tools.lab.bench.cases.rotations import wigner_table
+from sonarmap.tools.lab.bench.rotation_cases import wigner_table
 from sonarmap.tools.lab.bench.workload import BANDWIDTH, R, Workload
 
 

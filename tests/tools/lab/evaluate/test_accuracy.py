@@ -6,8 +6,7 @@ from pathlib import Path
 import numpy as np
 
 from sonarmap.tools.files.readers.poses.tum import read_tum
-from sonarmap.tools.lab.evaluate.survey import score_survey
-from sonarmap.tools.lab.evaluate.survey_summary import read_summary
+from sonarmap.tools.lab.evaluate.survey import read_summary, score_survey
 from sonarmap.tools.lab.evaluate.trajectory import evaluate
 from sonarmap.tools.lab.simulate.folder import write_simulation
 from sonarmap.tools.lab.simulate.sensing.sensors import ECLIPSE

@@ -10,8 +10,15 @@ from scipy.spatial.transform import RigidTransform, Rotation
 
 from sonarmap.kernels.errors import InputError
 from sonarmap.slam.graph.trajectory import Trajectory
-from sonarmap.tools.lab.evaluate.alignment import ARM, align_poses, align_positions
-from sonarmap.tools.lab.evaluate.trajectory import Alignment, associate, evaluate, pair_error
+from sonarmap.tools.lab.evaluate.trajectory import (
+    ARM,
+    Alignment,
+    align_poses,
+    align_positions,
+    associate,
+    evaluate,
+    pair_error,
+)
 
 MOVE = RigidTransform.from_components((500.0, -30.0, 7.0), Rotation.from_euler("ZYX", (2.1, -0.4, 0.7)))
 

@@ -29,8 +29,8 @@ from sonarmap.tools.lab.reproduce.gaussian.summary import last_right, summarize
 from sonarmap.tools.lab.reproduce.pages.section_text import section_text, verdicts
 from sonarmap.tools.lab.reproduce.provenance import provenance
 from sonarmap.tools.lab.reproduce.run import JOURNAL
-from sonarmap.tools.lab.simulate.pairs.table1 import table1_pair
 from sonarmap.tools.lab.simulate.paths.trajectories import TABLE1_COUNT, table1_transform
+from sonarmap.tools.lab.simulate.plan import table1_pair
 from tests.samples.surveys import scored
 
 GRID = 128

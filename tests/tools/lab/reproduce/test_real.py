@@ -12,7 +12,7 @@ from sonarmap.tools.lab.reproduce.experiments import Request, chosen
 from sonarmap.tools.lab.reproduce.real.real_set import read_sets, without_truth
 from sonarmap.tools.lab.reproduce.real.run import Real
 from sonarmap.tools.lab.reproduce.real.settings import RealSettings, real_settings
-from sonarmap.tools.lab.simulate.sensing.priors import KINDS
+from sonarmap.tools.lab.simulate.sensing.navigation import KINDS
 from tests.samples.experiments.real_folders import asked, gt_log, put, simulated
 
 PRIORS = "name,roll_deg,pitch_deg,roll_sigma_deg,pitch_sigma_deg\n0,0,0,2,2\ncloud_bin_1.ply,1,1,2,2\n"

@@ -9,13 +9,12 @@ from numpy.testing import assert_allclose, assert_array_equal
 
 from sonarmap.kernels.errors import InputError
 from sonarmap.tools.lab.simulate.folder import read_settings
-from sonarmap.tools.lab.simulate.paths.dive import DRIFT_AMPLITUDE, DRIFT_PERIODS, drift, start_of
 from sonarmap.tools.lab.simulate.paths.routes import lawnmower_path
-from sonarmap.tools.lab.simulate.paths.trajectories import lawnmower
+from sonarmap.tools.lab.simulate.paths.trajectories import DRIFT_AMPLITUDE, DRIFT_PERIODS, drift, lawnmower, start_of
 from sonarmap.tools.lab.simulate.plan import plan
 from sonarmap.tools.lab.simulate.scenes.catalog import SCENE_KINDS
 from sonarmap.tools.lab.simulate.scenes.scene import build_scene
-from sonarmap.tools.lab.simulate.sensing.priors import instruments_for, measure_poses
+from sonarmap.tools.lab.simulate.sensing.navigation import instruments_for, measure_poses
 from sonarmap.tools.lab.simulate.shapes.surface import surface_distance
 from sonarmap.tools.lab.simulate.simulation import TRAJECTORIES, SimulationSettings, simulate
 from tests.samples.clutter_scans import said, sonarmap

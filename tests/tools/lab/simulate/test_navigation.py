@@ -5,8 +5,7 @@ import pytest
 
 from sonarmap.kernels.errors import InputError
 from sonarmap.slam.graph.trajectory import Trajectory
-from sonarmap.tools.lab.simulate.sensing.navigation import OUTLIER, Fixes, dead_reckoning
-from sonarmap.tools.lab.simulate.sensing.priors import Instruments, measure_poses
+from sonarmap.tools.lab.simulate.sensing.navigation import OUTLIER, Fixes, Instruments, dead_reckoning, measure_poses
 from tests.samples.surveys import ring_poses
 
 COUNT = 200

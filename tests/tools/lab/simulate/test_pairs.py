@@ -25,12 +25,13 @@ from sonarmap.tools.lab.simulate.pairs.pair_set import (
 from sonarmap.tools.lab.simulate.pairs.random_pairs import (
     DRAWN,
     STRANGERS,
+    Turn,
     draw_strangers,
+    draw_turn,
     random_pair,
     unrelated_pair,
     unrelated_scenes,
 )
-from sonarmap.tools.lab.simulate.pairs.turns import Turn, draw_turn
 from sonarmap.tools.lab.simulate.scenes.catalog import SCENE_KINDS
 from sonarmap.tools.lab.simulate.sensing.noise import Noise
 from sonarmap.tools.lab.simulate.sensing.overlap import mutual_overlap

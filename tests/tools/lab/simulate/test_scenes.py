@@ -7,10 +7,9 @@ import pytest
 from numpy.testing import assert_allclose, assert_array_equal
 from scipy.spatial.transform import RigidTransform, Rotation
 
-from sonarmap.tools.lab.simulate.catalog import SENSOR_NAMES, TRAJECTORY_KINDS
 from sonarmap.tools.lab.simulate.scenes.bed import raster
 from sonarmap.tools.lab.simulate.scenes.bridge import bridge_layout
-from sonarmap.tools.lab.simulate.scenes.catalog import SCENE_KINDS
+from sonarmap.tools.lab.simulate.scenes.catalog import SCENE_KINDS, SENSOR_NAMES, TRAJECTORY_KINDS
 from sonarmap.tools.lab.simulate.scenes.hulk import PLATE, SPACING, Hulk, skin
 from sonarmap.tools.lab.simulate.scenes.manifold import manifold_layout
 from sonarmap.tools.lab.simulate.scenes.pool import LENGTH, WIDTH, pool_layout

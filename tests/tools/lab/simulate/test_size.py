@@ -7,8 +7,7 @@ from pathlib import Path
 import pytest
 
 from sonarmap.kernels.errors import InputError
-from sonarmap.tools.lab.simulate.simulation import simulate
-from sonarmap.tools.lab.simulate.size import check_size
+from sonarmap.tools.lab.simulate.simulation import check_size, simulate
 from tests.samples.clutter_scans import refused_with_reason, said, sonarmap
 from tests.samples.damage.pose_files import POSE_FILES
 
@@ -45,7 +44,7 @@ def test_the_option_is_named(tmp_path: Path) -> None:
 def test_the_largest_that_is_named_is_taken(
     monkeypatch: pytest.MonkeyPatch, given: tuple[int, int], beams: int
 ) -> None:
-    monkeypatch.setattr("sonarmap.tools.lab.simulate.size.available_memory", lambda: 10**9)
+    monkeypatch.setattr("sonarmap.tools.lab.simulate.simulation.available_memory", lambda: 10**9)
     with pytest.raises(InputError) as caught:
         check_size(*given, beams)
     most = int(re.findall(r"at most ([\d,]+)", str(caught.value))[0].replace(",", ""))

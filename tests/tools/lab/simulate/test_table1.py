@@ -8,9 +8,8 @@ from numpy.testing import assert_allclose, assert_array_equal
 from scipy.spatial.transform import RigidTransform
 
 from sonarmap.kernels.errors import InputError
-from sonarmap.tools.lab.simulate.pairs.table1 import table1_pair
 from sonarmap.tools.lab.simulate.paths.trajectories import TABLE1_RIG, table1, table1_transform
-from sonarmap.tools.lab.simulate.plan import TABLE1_SENSOR, table1_settings
+from sonarmap.tools.lab.simulate.plan import TABLE1_SENSOR, table1_pair, table1_settings
 from sonarmap.tools.lab.simulate.scenes.catalog import SCENE_KINDS
 from sonarmap.tools.lab.simulate.scenes.scene import build_scene
 from sonarmap.tools.lab.simulate.sensing.overlap import overlap

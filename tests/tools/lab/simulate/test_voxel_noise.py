@@ -6,7 +6,7 @@ from numpy.testing import assert_array_equal
 from scipy.ndimage import distance_transform_cdt
 
 from sonarmap.kernels.errors import InputError
-from sonarmap.tools.lab.simulate.shapes.voxel_noise import NOISES, VoxelNoise, envelope, swap
+from sonarmap.tools.lab.simulate.shapes.structure import NOISES, VoxelNoise, envelope, swap
 from tests.samples.processor_time import processor_time
 
 SHAPE = (23, 40, 31)

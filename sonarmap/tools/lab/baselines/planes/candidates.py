@@ -8,7 +8,7 @@ import numpy as np
 from scipy.ndimage import gaussian_filter, maximum_filter
 from scipy.spatial.transform import Rotation
 
-from sonarmap.tools.lab.baselines.planes.patch import Patches
+from sonarmap.tools.lab.baselines.planes.fit import Patches
 
 # Areas of one surface seen from two places differ by up to this factor.
 _AREA_RATIO = 6.0

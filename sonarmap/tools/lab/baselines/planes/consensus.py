@@ -18,7 +18,7 @@ from sonarmap.tools.lab.baselines.planes.candidates import (
     rotations,
     translations,
 )
-from sonarmap.tools.lab.baselines.planes.patch import Patches
+from sonarmap.tools.lab.baselines.planes.fit import Patches
 from sonarmap.tools.lab.baselines.planes.pose import PlanePose, Slack, closed_form, compare, refine, settle
 
 # chi-squared of three degrees of freedom, 99.9 %

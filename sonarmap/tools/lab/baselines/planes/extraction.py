@@ -10,8 +10,7 @@ from itertools import product
 import numpy as np
 
 from sonarmap.slam.map.cell import cell_keys, lattice_origin
-from sonarmap.tools.lab.baselines.planes.fit import fit_plane
-from sonarmap.tools.lab.baselines.planes.patch import Patches, no_patches, tangents
+from sonarmap.tools.lab.baselines.planes.fit import Patches, fit_plane, no_patches, tangents
 
 # A cell's surroundings must hold so many points for their plane to mean anything.
 _FEWEST_IN_BLOCK = 10

@@ -11,7 +11,7 @@ from dataclasses import dataclass
 import numpy as np
 from scipy.spatial.transform import RigidTransform, Rotation
 
-from sonarmap.tools.lab.baselines.planes.patch import Patches, tangents
+from sonarmap.tools.lab.baselines.planes.fit import Patches, tangents
 
 # What no plane determines is as uncertain as an angle that may be anything [rad].
 LOOSE_ROTATION = float(np.pi / np.sqrt(3))

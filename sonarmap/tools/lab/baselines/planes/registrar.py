@@ -18,7 +18,7 @@ from sonarmap.spectral.scan import Scan
 from sonarmap.tools.lab.baselines.cloud import ThinnedCloud, thin
 from sonarmap.tools.lab.baselines.planes.consensus import Consensus, Matching
 from sonarmap.tools.lab.baselines.planes.extraction import extract_patches
-from sonarmap.tools.lab.baselines.planes.patch import Patches
+from sonarmap.tools.lab.baselines.planes.fit import Patches
 from sonarmap.tools.lab.baselines.planes.pose import LOOSE_ROTATION, PlanePose, fixed_and_open
 from sonarmap.tools.lab.baselines.result import NO_PEAK, REACH, MethodVerdict, overlap
 

@@ -16,7 +16,7 @@ from sonarmap.tools.lab.reproduce.evaluation.settings import BATCH
 from sonarmap.tools.lab.reproduce.experiment import ByMethod, Outcome, Value
 from sonarmap.tools.lab.reproduce.methods import METHOD_SOURCES, registrar
 from sonarmap.tools.lab.simulate.pairs.pair_set import evaluation_pair, evaluation_unrelated
-from sonarmap.tools.lab.simulate.pairs.turns import Turn
+from sonarmap.tools.lab.simulate.pairs.random_pairs import Turn
 from sonarmap.tools.lab.simulate.scenes.catalog import SCENE_KINDS
 from sonarmap.tools.lab.simulate.sensing.noise import Noise
 from sonarmap.tools.lab.simulate.sensing.overlap import OVERLAP_RADIUS, mutual_overlap

@@ -13,7 +13,7 @@ from sonarmap.tools.lab.reproduce.experiment import Row, Section
 from sonarmap.tools.lab.reproduce.experiments import Request
 from sonarmap.tools.lab.reproduce.methods import compared_methods
 from sonarmap.tools.lab.reproduce.settings import as_asked
-from sonarmap.tools.lab.simulate.pairs.turns import Turn
+from sonarmap.tools.lab.simulate.pairs.random_pairs import Turn
 
 
 class Pairs(PairSetExperiment):

@@ -9,7 +9,7 @@ from sonarmap.spectral.grid import Grid
 from sonarmap.tools.lab.reproduce.experiments import Request
 from sonarmap.tools.lab.reproduce.methods import OURS, ComparedMethods, compared_methods
 from sonarmap.tools.lab.reproduce.settings import as_asked, check_pairs, check_scenes, check_seeds, check_variances
-from sonarmap.tools.lab.simulate.pairs.turns import Turn
+from sonarmap.tools.lab.simulate.pairs.random_pairs import Turn
 
 EXTENT = 256.0  # of the grid [m], as large as the paper's
 

@@ -16,8 +16,8 @@ from sonarmap.tools.lab.reproduce.experiment import ByMethod, Outcome, Row, Sect
 from sonarmap.tools.lab.reproduce.experiments import Request
 from sonarmap.tools.lab.reproduce.methods import METHOD_SOURCES, OURS, compared_methods, registrar
 from sonarmap.tools.lab.reproduce.settings import as_asked
-from sonarmap.tools.lab.simulate.pairs.table1 import table1_pair
 from sonarmap.tools.lab.simulate.paths.trajectories import TABLE1_MOST
+from sonarmap.tools.lab.simulate.plan import table1_pair
 
 
 class Steps(ByMethod):

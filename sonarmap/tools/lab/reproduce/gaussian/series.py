@@ -12,7 +12,7 @@ from sonarmap.spectral.hemisphere.registration import HemisphereConfig, Hemisphe
 from sonarmap.spectral.scan import Scan
 from sonarmap.tools.lab.evaluate.trajectory import RIGHT_DEG
 from sonarmap.tools.lab.reproduce.gaussian.row import RANKED, GaussianRow, GaussianTime, ScoredRegistration, row_of
-from sonarmap.tools.lab.simulate.pairs.table1 import table1_pair
+from sonarmap.tools.lab.simulate.plan import table1_pair
 
 
 @dataclass(frozen=True, slots=True)

@@ -11,7 +11,7 @@ from sonarmap.tools.lab.reproduce.experiments import Request
 from sonarmap.tools.lab.reproduce.methods import ComparedMethods, compared_methods
 from sonarmap.tools.lab.reproduce.settings import as_asked, check_pairs
 from sonarmap.tools.lab.simulate.kinds.catalog import SCAN_KINDS, scan_kind
-from sonarmap.tools.lab.simulate.sensing.priors import Instruments
+from sonarmap.tools.lab.simulate.sensing.navigation import Instruments
 from sonarmap.tools.methods.registry import find_method
 
 SEED = 77014  # neither development nor the tests use pairs of this set

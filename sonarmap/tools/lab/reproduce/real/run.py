@@ -23,7 +23,7 @@ from sonarmap.tools.lab.reproduce.experiments import Request, folder_of
 from sonarmap.tools.lab.reproduce.real.real_set import RealPair, RealSet, read_sets, without_truth
 from sonarmap.tools.lab.reproduce.real.section import draw_real, real_section
 from sonarmap.tools.lab.reproduce.real.settings import RealSettings, real_settings
-from sonarmap.tools.lab.simulate.sensing.priors import measure_pose
+from sonarmap.tools.lab.simulate.sensing.navigation import measure_pose
 from sonarmap.tools.methods.registry import Setup, find_method
 
 NOTHING, FILE = "nothing", "priors.csv"

@@ -26,7 +26,7 @@ from sonarmap.tools.lab.reproduce.rows import (
     wrong,
 )
 from sonarmap.tools.lab.reproduce.table import Table, table_of
-from sonarmap.tools.lab.simulate.sensing.priors import KINDS
+from sonarmap.tools.lab.simulate.sensing.navigation import KINDS
 
 
 def real_section(rows: Sequence[Row], seconds: Sequence[Row], settings: RealSettings) -> Section:

@@ -10,7 +10,7 @@ from sonarmap.kernels.errors import InputError
 from sonarmap.spectral.grid import Grid
 from sonarmap.tools.lab.reproduce.experiments import Request
 from sonarmap.tools.lab.reproduce.methods import ComparedMethods, compared_methods
-from sonarmap.tools.lab.simulate.sensing.priors import KINDS, Instruments, instruments_for
+from sonarmap.tools.lab.simulate.sensing.navigation import KINDS, Instruments, instruments_for
 
 DRAWS = 5
 

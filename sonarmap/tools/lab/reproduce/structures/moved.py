@@ -15,8 +15,7 @@ from sonarmap.tools.lab.reproduce.answer import parameter_cells
 from sonarmap.tools.lab.reproduce.experiment import Experiment, Outcome
 from sonarmap.tools.lab.reproduce.structures.settings import StructureSettings
 from sonarmap.tools.lab.simulate.scenes.scene import build_scene
-from sonarmap.tools.lab.simulate.shapes.structure import occupy, surface_points, voxel_scan
-from sonarmap.tools.lab.simulate.shapes.voxel_noise import NOISES, swap
+from sonarmap.tools.lab.simulate.shapes.structure import NOISES, occupy, surface_points, swap, voxel_scan
 
 RIGHT_DEG, RIGHT_VOXELS = 2.0, 2.0
 _SPACING = 0.7  # of the surface's points [voxels]: next to no voxel that it crosses stays void

@@ -6,7 +6,7 @@ from dataclasses import dataclass
 from sonarmap.kernels.errors import InputError
 from sonarmap.spectral.grid import Grid
 from sonarmap.tools.lab.reproduce.settings import check_scenes, check_seeds
-from sonarmap.tools.lab.simulate.shapes.voxel_noise import NOISES
+from sonarmap.tools.lab.simulate.shapes.structure import NOISES
 
 EXTENT = 256.0  # of the grid [m]; the paper has 256 voxels of 1 m
 

@@ -20,7 +20,7 @@ if TYPE_CHECKING:
     from sonarmap.slam.survey_result import SurveyResult
     from sonarmap.spectral.grid import Grid
     from sonarmap.spectral.registration import SpectralRegistrar
-    from sonarmap.tools.lab.baselines.surveys.slam_run import SlamRun
+    from sonarmap.tools.lab.baselines.surveys import SlamRun
 
 OURS = "sonarmap"
 PEERS = ("multiway", "kiss-slam")
@@ -236,9 +236,9 @@ def _peer(system: str, scans: Sequence[Scan], grid: "Grid") -> MappedSurvey:
 
 def _run_peer(system: str, scans: Sequence[Scan], voxel: float) -> "SlamRun":
     if system == "multiway":
-        from sonarmap.tools.lab.baselines.surveys.multiway import run_multiway
+        from sonarmap.tools.lab.baselines.surveys import run_multiway
 
         return run_multiway(scans, voxel)
-    from sonarmap.tools.lab.baselines.surveys.kiss_slam import run_kiss_slam
+    from sonarmap.tools.lab.baselines.surveys import run_kiss_slam
 
     return run_kiss_slam(scans, voxel)

@@ -41,7 +41,7 @@ def simulate_survey(scene: str, seed: int, count: int, unusable: float, dives: S
         seed: of the scene, the waves and the noise.
         count: of the scans of a dive.
         unusable: share of these that show nothing of the scene.
-        dives: as `tools.lab.simulate.paths.dive` counts them.
+        dives: as `tools.lab.simulate.paths.trajectories` counts them.
     """
     settings = replace(plan(scene, "lawnmower", None, seed), count=count, unusable=unusable)
     done = [simulate(replace(settings, dive=dive)) for dive in dives]

@@ -21,7 +21,7 @@ class ScanKind:
 
     Attributes:
         summary: in a few words.
-        builder: the function that makes pair `number` of the set `seed`, as "module:function"; it takes
+        builder: the function that makes pair `number` of the set `seed`, as "module:function" of this folder; it takes
             (number, seed, scene, overlaps) and returns a KindPair.
         scenes: keys of SCENE_KINDS, in turns; every relief is among them.
     """
@@ -50,62 +50,34 @@ LARGE_AND_SMALL = (
 # One flat, one weak, one rich one, two with twins
 SMALL = ("pool", "rubble", "shallow", "manifold", "sandflat")
 
-# For what looks down, or about from above the bed: without a ship's underside
-FROM_ABOVE = (
-    "flatbed",
-    "floodgate",
-    "seabed",
-    "pool",
-    "bridge",
-    "shallow",
-    "manifold",
-    "wreck",
-    "harbor",
-    "rubble",
-    "clutter",
-)
+# For what looks down, or about from above the bed: the pool, not a ship's underside, and rubble in its place
+FROM_ABOVE = tuple({"ship": "pool", "pool": "rubble"}.get(scene, scene) for scene in LARGE_AND_SMALL)
 
 SCAN_KINDS: MappingProxyType[str, ScanKind] = MappingProxyType(
     {
         "patch": ScanKind(
-            "a patch merged from 4 to 10 views along a path, placed by odometry",
-            "sonarmap.tools.lab.simulate.kinds.views.patch:patch_pair",
-            LARGE_AND_SMALL,
+            "a patch merged from 4 to 10 views along a path, placed by odometry", "patch:patch_pair", LARGE_AND_SMALL
         ),
         "sonar3d15": ScanKind(
-            "a view with the density and the dropouts of a real Sonar 3D-15",
-            "sonarmap.tools.lab.simulate.kinds.views.sonar3d15:sonar3d15_pair",
-            SMALL,
+            "a view with the density and the dropouts of a real Sonar 3D-15", "single_view:sonar3d15_pair", SMALL
         ),
         "sound_speed": ScanKind(
-            "a view measured with a sound speed off by up to 2 %",
-            "sonarmap.tools.lab.simulate.kinds.views.wrong_ranges:sound_speed_pair",
-            LARGE_AND_SMALL,
+            "a view measured with a sound speed off by up to 2 %", "single_view:sound_speed_pair", LARGE_AND_SMALL
         ),
         "range_bias": ScanKind(
             "a view whose ranges are all off by up to 1 % of the greatest",
-            "sonarmap.tools.lab.simulate.kinds.views.wrong_ranges:range_bias_pair",
+            "single_view:range_bias_pair",
             LARGE_AND_SMALL,
         ),
         "moving": ScanKind(
-            "a view measured row by row by a sensor that moves meanwhile",
-            "sonarmap.tools.lab.simulate.kinds.views.moving:moving_pair",
-            LARGE_AND_SMALL,
+            "a view measured row by row by a sensor that moves meanwhile", "single_view:moving_pair", LARGE_AND_SMALL
         ),
-        "swath": ScanKind(
-            "a swath of a multibeam echo sounder on a moving vessel",
-            "sonarmap.tools.lab.simulate.kinds.sweeps.swath:swath_pair",
-            FROM_ABOVE,
-        ),
+        "swath": ScanKind("a swath of a multibeam echo sounder on a moving vessel", "swath:swath_pair", FROM_ABOVE),
         "imaging": ScanKind(
-            "a stack of an imaging sonar's images, the elevation of echoes guessed",
-            "sonarmap.tools.lab.simulate.kinds.sweeps.imaging:imaging_pair",
-            FROM_ABOVE,
+            "a stack of an imaging sonar's images, the elevation of echoes guessed", "imaging:imaging_pair", FROM_ABOVE
         ),
         "profiler": ScanKind(
-            "a sweep of a rotating profiler that is panned for minutes",
-            "sonarmap.tools.lab.simulate.kinds.sweeps.profiler:profiler_pair",
-            LARGE_AND_SMALL,
+            "a sweep of a rotating profiler that is panned for minutes", "profiler:profiler_pair", LARGE_AND_SMALL
         ),
     }
 )
@@ -141,5 +113,7 @@ def kind_pair(name: str, number: int, seed: int, overlaps: tuple[float, float] |
     scene = kind.scenes[number % len(kind.scenes)]
     wanted = OVERLAPS[number // len(kind.scenes) % len(OVERLAPS)] if overlaps is None else overlaps
     module, _, function = kind.builder.partition(":")
-    build: Callable[[int, int, str, tuple[float, float]], KindPair] = getattr(import_module(module), function)
+    build: Callable[[int, int, str, tuple[float, float]], KindPair] = getattr(
+        import_module(f"sonarmap.tools.lab.simulate.kinds.{module}"), function
+    )
     return build(number, seed, scene, wanted)

@@ -1,13 +1,15 @@
 """A pair of scans of some kind, and the truth of both poses."""
 
 from dataclasses import dataclass, replace
+from types import MappingProxyType
 from typing import Literal
 
 import numpy as np
 from scipy.spatial.transform import RigidTransform
 
+from sonarmap.kernels.errors import InputError
 from sonarmap.spectral.scan import Scan
-from sonarmap.tools.lab.simulate.sensing.priors import Instruments, measure_pose
+from sonarmap.tools.lab.simulate.sensing.navigation import Instruments, measure_pose
 
 # What a scene gives a registration to hold on to: "flat", hardly anything; "weak", low relief or few objects; "rich",
 # structure in all directions; "twins", rich, but looking the same from several sides or places.
@@ -28,7 +30,6 @@ class KindPair:
         kind: a key of SCAN_KINDS.
         number, seed: which of the set, and of which set.
         scene: a key of SCENE_KINDS.
-        relief: what the scene gives to hold on to.
         target, source: the scans, each in its own frame (x forward, y left, z up), without priors.
         T_world_target, T_world_source: where the frames truly were; world East-North-Up.
         shared: share of the points, free of noise and distortion, that have a counterpart in the other scan, 0..1; the
@@ -39,12 +40,16 @@ class KindPair:
     number: int
     seed: int
     scene: str
-    relief: Relief
     target: Scan
     source: Scan
     T_world_target: RigidTransform
     T_world_source: RigidTransform
     shared: float
+
+    @property
+    def relief(self) -> Relief:
+        """What the scene gives to hold on to."""
+        return relief_of(self.scene)
 
     @property
     def T_target_source(self) -> RigidTransform:
@@ -66,3 +71,33 @@ class KindPair:
             )
         )
         return replace(self, target=target, source=source)
+
+
+RELIEF_OF: MappingProxyType[str, Relief] = MappingProxyType(
+    {
+        "flatbed": "flat",
+        "sandflat": "flat",
+        "seabed": "weak",
+        "shallow": "weak",
+        "floodgate": "rich",
+        "harbor": "rich",
+        "wreck": "rich",
+        "bridge": "rich",
+        "clutter": "rich",
+        "rubble": "rich",
+        "ship": "twins",
+        "manifold": "twins",
+        "pool": "twins",
+    }
+)
+
+
+def relief_of(scene: str) -> Relief:
+    """The relief of a scene of SCENE_KINDS.
+
+    Raises:
+        InputError: a scene that has no row here.
+    """
+    if scene not in RELIEF_OF:
+        raise InputError(f"no relief is known of the scene {scene!r}; give it a row in `RELIEF_OF`")
+    return RELIEF_OF[scene]

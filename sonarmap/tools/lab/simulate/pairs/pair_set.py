@@ -12,8 +12,7 @@ from scipy.spatial.transform import RigidTransform
 
 from sonarmap.kernels.errors import InputError
 from sonarmap.spectral.scan import Scan
-from sonarmap.tools.lab.simulate.pairs.random_pairs import random_pair, unrelated_pair
-from sonarmap.tools.lab.simulate.pairs.turns import Turn
+from sonarmap.tools.lab.simulate.pairs.random_pairs import Turn, random_pair, unrelated_pair
 from sonarmap.tools.lab.simulate.scenes.catalog import SCENE_KINDS
 from sonarmap.tools.lab.simulate.sensing.noise import Noise
 

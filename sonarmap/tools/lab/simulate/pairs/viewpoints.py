@@ -11,7 +11,7 @@ from scipy.spatial.transform import RigidTransform, Rotation
 from sonarmap.kernels.errors import InputError
 from sonarmap.tools.lab.simulate.scenes.catalog import SceneKind
 from sonarmap.tools.lab.simulate.scenes.scene import Scene
-from sonarmap.tools.lab.simulate.sensing.overlap import OVERLAP_RADIUS, mutual_overlap
+from sonarmap.tools.lab.simulate.sensing.overlap import OVERLAP_RADIUS, mutual_overlap, share_near
 from sonarmap.tools.lab.simulate.sensing.sensors import Echoes, Sensor, cast
 
 TRIES = 400
@@ -98,10 +98,10 @@ class Observer:
             coarse = self.coarse_points(pose)
             if coarse is None:
                 continue
-            there = _share(known, T_target_source.apply(coarse), radius)
+            there = share_near(known, T_target_source.apply(coarse), radius)
             if there < overlaps[0] - DOUBT or (seen := self.view(pose)) is None:
                 continue
-            back = _share(KDTree(seen.points), T_target_source.inv().apply(sample), radius)
+            back = share_near(KDTree(seen.points), T_target_source.inv().apply(sample), radius)
             if not overlaps[0] - DOUBT <= min(there, back) <= overlaps[1] + DOUBT:
                 continue
             share = mutual_overlap(target.points, seen.points, T_target_source, radius)
@@ -172,9 +172,3 @@ def _heading(place: np.ndarray, kind: SceneKind, rng: np.random.Generator) -> fl
     """A random heading, for an inward scene around the direction of its middle [rad]."""
     heading = rng.uniform(-np.pi, np.pi)
     return np.arctan2(-place[1], -place[0]) + heading * ASIDE / np.pi if kind.inward else heading
-
-
-def _share(known: KDTree, points: np.ndarray, radius: float) -> float:
-    """The share of `points` (N, 3) that have a neighbor within `radius` [m]."""
-    distance, _ = known.query(points, distance_upper_bound=radius)
-    return float(np.isfinite(distance).mean())

@@ -7,13 +7,90 @@ from types import MappingProxyType
 import numpy as np
 
 from sonarmap.kernels.errors import InputError
-from sonarmap.tools.lab.simulate.paths.beds import BEDS, over_the_bed, round_the_bed
-from sonarmap.tools.lab.simulate.paths.passages import bridge_lawnmower, under_the_bridge
 from sonarmap.tools.lab.simulate.paths.smooth_path import Path, lane_path, lanes, spline_path
+from sonarmap.tools.lab.simulate.scenes.bridge import BridgeLayout, bridge_layout
+from sonarmap.tools.lab.simulate.scenes.catalog import scene_kind
 from sonarmap.tools.lab.simulate.scenes.manifold import manifold_layout
 from sonarmap.tools.lab.simulate.scenes.scene import build_scene
 from sonarmap.tools.lab.simulate.scenes.ship import ship_layout
 from sonarmap.tools.lab.simulate.scenes.wreck import wreck_layout
+
+BEDS = ("flatbed", "sandflat", "seabed", "shallow", "rubble")
+# In a scene of 256 m
+ABOVE = 12.0  # of the sensor over the highest thing [m]
+SUBMERGED = 1.0  # at least [m]
+RING = (62.0, 50.0)  # half axes of the ring [m]
+REACH = (66.0, 56.0)  # of the lanes to either side of the middle [m]
+BED_BEND = 13.0  # from where a turn between two lanes begins to its corner [m]
+CORNERS = 10  # of the ring
+NOSE_DOWN = np.deg2rad(25)  # of a sensor whose fan is level
+
+
+def round_the_bed(scene: str, seed: int) -> Path:
+    """A ring whose heading is that of travel."""
+    angle = 2 * np.pi * np.arange(CORNERS) / CORNERS
+    places = _placed(np.column_stack([RING[0] * np.cos(angle), RING[1] * np.sin(angle)]), scene, seed)
+    return spline_path(np.column_stack([places, np.rad2deg(angle) + 90.0]), pitch=_pitch(scene))
+
+
+def over_the_bed(scene: str, seed: int) -> Path:
+    """Lanes and tie lines over the middle of the bed."""
+    corners = lanes((-REACH[0], -REACH[1]), REACH, 5, 4, east=True)
+    return lane_path(_placed(corners, scene, seed), scene_kind(scene).scale * BED_BEND, _pitch(scene))
+
+
+def _placed(corners: np.ndarray, scene: str, seed: int) -> np.ndarray:
+    """Corners (K, 2) of a scene of 256 m in this one's size, above everything and under the water, (K, 3) [m]."""
+    scale = scene_kind(scene).scale
+    top = float(build_scene(scene, seed).mesh.vertices[:, 2].max())
+    return np.column_stack([scale * corners, np.full(len(corners), min(top + ABOVE * scale, -SUBMERGED * scale))])
+
+
+def _pitch(scene: str) -> float:
+    return float(NOSE_DOWN) if scene_kind(scene).sensor == "sonar3d15" else 0.0
+
+
+OFF_PIERS = 34.0  # before and behind the piers with their dolphins, from the bridge's axis [m]
+DEPTH = -2.0  # height of the sensor [m]
+BRIDGE_BEND = 8.0  # from where a turn between two lanes begins to its corner [m]
+
+
+def under_the_bridge(seed: int) -> Path:
+    """Downstream through one of the two widest openings and back through the other, with a turn on either side."""
+    layout = bridge_layout(seed)
+    south, north = sorted(layout.openings[:2])
+    middle, there, back = (south + north) / 2, layout.axis_x(south), layout.axis_x(north)
+    corners = [
+        (there - OFF_PIERS, south, 0),
+        (there + OFF_PIERS, south, 15),
+        (there + OFF_PIERS + 24, south - 4, 55),
+        (90, middle, 110),
+        (back + OFF_PIERS + 24, north + 4, 160),
+        (back + OFF_PIERS, north, 180),
+        (back - OFF_PIERS, north, 195),
+        (back - OFF_PIERS - 24, north + 4, 235),
+        (-90, middle, 290),
+        (there - OFF_PIERS - 24, south - 4, 340),
+    ]
+    return spline_path(np.array([(x, y, DEPTH, heading) for x, y, heading in corners], float))
+
+
+def bridge_lawnmower(seed: int) -> Path:
+    """The water above the bridge, through an opening, the water below it, and back through another."""
+    layout = bridge_layout(seed)
+    there, back = layout.openings[:2]
+    ends = [layout.axis_x(y) for y in (-46.0, 46.0)]
+    before = lanes((-102, -46), (min(ends) - OFF_PIERS, 46), 4, 3, east=False)
+    behind = lanes((max(ends) + OFF_PIERS, -46), (102, 46), 4, 2, east=False)
+    corners = np.concatenate([before, _through(layout, there), behind, _through(layout, back)[::-1]])
+    return lane_path(np.column_stack([corners, np.full(len(corners), DEPTH)]), BRIDGE_BEND)
+
+
+def _through(layout: BridgeLayout, opening: float) -> np.ndarray:
+    """Corners (2, 2) before and behind an opening [m]."""
+    x = layout.axis_x(opening)
+    return np.array([(x - OFF_PIERS, opening), (x + OFF_PIERS, opening)])
+
 
 # Closed paths through clear water: x, y, z [m] and heading [degrees from x toward y] of each corner
 SURVEY_LOOPS = MappingProxyType(

@@ -11,8 +11,17 @@ import numpy as np
 from scipy.spatial.transform import Rotation
 
 from sonarmap.tools.lab.simulate.scenes.bed import SCENE_EDGE, boulders, debris, height_at, raster
-from sonarmap.tools.lab.simulate.scenes.piers import FOOT, Pier, driftwood, fenders, outline, shaft
-from sonarmap.tools.lab.simulate.scenes.river import River, ground, river_of
+from sonarmap.tools.lab.simulate.scenes.river import (
+    FOOT,
+    Pier,
+    River,
+    driftwood,
+    fenders,
+    ground,
+    outline,
+    river_of,
+    shaft,
+)
 from sonarmap.tools.lab.simulate.shapes.solids import Mesh, box, cylinder, height_field, merge, prism, tube, wall
 
 REMNANT_TOP = (-9.0, -6.5)  # of what is left of an older bridge [m]: below the vessels

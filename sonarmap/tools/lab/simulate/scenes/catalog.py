@@ -23,7 +23,7 @@ class SceneKind:
     """A scene that has not been built.
 
     Attributes:
-        builder: the function that builds it, as "module:function".
+        builder: the function that builds it, as "module:function" of this folder.
         summary: what stands there, in a few words.
         sensor: the sensor that suits its size, a key of SENSORS.
         size: of the box around the origin that holds everything there is to see, along x and y [m].
@@ -47,7 +47,7 @@ class SceneKind:
     def build(self, seed: int) -> "Mesh":
         """Its surface, East-North-Up [m]: the same seed, the same surface."""
         module, _, function = self.builder.partition(":")
-        build: Callable[[int], Mesh] = getattr(import_module(module), function)
+        build: Callable[[int], Mesh] = getattr(import_module(f"sonarmap.tools.lab.simulate.scenes.{module}"), function)
         return build(seed)
 
 
@@ -61,60 +61,44 @@ def _bed(name: str, summary: str, edge: float) -> SceneKind:
     """An open bed, square, its water as deep as 22 m at 256 m; pairs are seen from the water above it."""
     scale = edge / FULL_EDGE
     sensor = "eclipse" if scale == 1.0 else "sonar3d15"
-    low, high = ((-80.0, -80.0, -20.0), (80.0, 80.0, -1.0))
-    lowest, highest = ((scale * x, scale * y, scale * z) for x, y, z in (low, high))
-    return SceneKind(
-        f"sonarmap.tools.lab.simulate.scenes.open_bed:{name}", summary, sensor, (edge, edge), lowest, highest
-    )
+    lowest, highest = (-80 * scale, -80 * scale, -20 * scale), (80 * scale, 80 * scale, -scale)
+    return SceneKind(f"open_bed:{name}", summary, sensor, (edge, edge), lowest, highest)
 
+
+_LARGE = "eclipse", (FULL_EDGE, FULL_EDGE)
 
 SCENE_KINDS: MappingProxyType[str, SceneKind] = MappingProxyType(
     {
-        "floodgate": _full(
-            "sonarmap.tools.lab.simulate.scenes.floodgate:floodgate",
-            "a flood gate with piers, gates, a lock and shores",
-        ),
-        "harbor": _full(
-            "sonarmap.tools.lab.simulate.scenes.harbor:harbor", "a harbor basin with quays, a jetty and a moored ship"
-        ),
-        "clutter": _full("sonarmap.tools.lab.simulate.scenes.clutter:clutter", "solids strewn over a bed"),
+        "floodgate": _full("floodgate:floodgate", "a flood gate with piers, gates, a lock and shores"),
+        "harbor": _full("harbor:harbor", "a harbor basin with quays, a jetty and a moored ship"),
+        "clutter": _full("clutter:clutter", "solids strewn over a bed"),
         "ship": SceneKind(
-            "sonarmap.tools.lab.simulate.scenes.ship:ship",
-            "the underside of a ship over a bed",
-            "eclipse",
-            (FULL_EDGE, FULL_EDGE),
-            (-80.0, -80.0, -22.0),
-            (80.0, 80.0, -3.0),
-            inward=True,
+            "ship:ship", "the underside of a ship over a bed", *_LARGE, (-80, -80, -22), (80, 80, -3), inward=True
         ),
         "pool": SceneKind(
-            "sonarmap.tools.lab.simulate.scenes.pool:pool",
+            "pool:pool",
             "a swimming pool of 25 m by 12.5 m",
             "sonar3d15",
-            (25.0, 12.5),
-            (-11.5, -5.2, -3.0),
+            (25, 12.5),
+            (-11.5, -5.2, -3),
             (11.5, 5.2, -0.4),
         ),
         "manifold": SceneKind(
-            "sonarmap.tools.lab.simulate.scenes.manifold:manifold",
+            "manifold:manifold",
             "a pipe manifold on the sea bed",
             "sonar3d15",
-            (48.0, 48.0),
-            (-14.0, -14.0, -39.2),
-            (14.0, 14.0, -32.0),
+            (48, 48),
+            (-14, -14, -39.2),
+            (14, 14, -32),
             inward=True,
         ),
-        "bridge": _full(
-            "sonarmap.tools.lab.simulate.scenes.bridge:bridge",
-            "a road bridge over a river, its plan drawn from the seed",
-        ),
+        "bridge": _full("bridge:bridge", "a road bridge over a river, its plan drawn from the seed"),
         "wreck": SceneKind(
-            "sonarmap.tools.lab.simulate.scenes.wreck:wreck",
+            "wreck:wreck",
             "a broken wreck among rock ledges, its plan drawn from the seed",
-            "eclipse",
-            (FULL_EDGE, FULL_EDGE),
-            (-80.0, -80.0, -27.0),
-            (80.0, 80.0, -3.0),
+            *_LARGE,
+            (-80, -80, -27),
+            (80, 80, -3),
             inward=True,
         ),
         "flatbed": _bed("flatbed", "a bed of sand, flat to a few centimeters", FULL_EDGE),
@@ -122,11 +106,11 @@ SCENE_KINDS: MappingProxyType[str, SceneKind] = MappingProxyType(
         "seabed": _bed("seabed", "a bed with dunes, scours and a few rocks, 0.5 to 2 m high", FULL_EDGE),
         "shallow": _bed("shallow", "the same made smaller, 40 m on a side", 40.0),
         "rubble": SceneKind(
-            "sonarmap.tools.lab.simulate.scenes.clutter:rubble",
+            "clutter:rubble",
             "the clutter made smaller, 40 m on a side",
             "sonar3d15",
-            (40.0, 40.0),
-            (-12.5, -12.5, -9.0),
+            (40, 40),
+            (-12.5, -12.5, -9),
             (12.5, 12.5, -0.3),
         ),
     }
@@ -142,3 +126,16 @@ def scene_kind(name: str) -> SceneKind:
     if name not in SCENE_KINDS:
         raise InputError(f"no scene is called {name!r}; there are {', '.join(SCENE_KINDS)}")
     return SCENE_KINDS[name]
+
+
+TRAJECTORY_KINDS: MappingProxyType[str, str] = MappingProxyType(
+    {
+        "survey": "round and round a closed path",
+        "loop": "once around the closed path, so that the last scan sees what the first one saw",
+        "lawnmower": "parallel lanes and tie lines across them, repeated",
+        "paper18": "up to 18 scans of the floodgate with 90 to 50 percent overlap, as in the paper's Sect. 4",
+        "table1": "the paper's reference scan and S0 to S9",
+    }
+)
+
+SENSOR_NAMES = ("eclipse", "paper", "sonar3d15")

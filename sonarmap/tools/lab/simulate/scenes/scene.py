@@ -8,6 +8,7 @@ import numpy as np
 
 from sonarmap.tools.lab.simulate.scenes.catalog import SceneKind, scene_kind
 from sonarmap.tools.lab.simulate.shapes.solids import Mesh
+from sonarmap.tools.lab.simulate.shapes.surface import caster
 
 # Of the rays that tell inside from outside: upward, but along no edge that a builder would draw
 UPWARD = np.array([0.0312, 0.0471, 1.0]) / np.linalg.norm([0.0312, 0.0471, 1.0])
@@ -95,14 +96,7 @@ class Scene:
 
     @cached_property
     def _caster(self) -> Any:
-        import open3d as o3d
-
-        caster = o3d.t.geometry.RaycastingScene()
-        caster.add_triangles(
-            o3d.core.Tensor.from_numpy(self.mesh.vertices.astype(np.float32)),
-            o3d.core.Tensor.from_numpy(self.mesh.triangles.astype(np.uint32)),
-        )
-        return caster
+        return caster(self.mesh)
 
 
 @lru_cache(maxsize=4)

@@ -5,10 +5,10 @@ from typing import ClassVar
 
 import numpy as np
 from pydantic import ConfigDict
+from scipy.ndimage import gaussian_filter
 
 from sonarmap.kernels.errors import InputError
 from sonarmap.spectral.scan import Scan
-from sonarmap.tools.lab.simulate.sensing.lobes import fade, pick_strongest
 from sonarmap.tools.lab.simulate.sensing.sensors import Echoes, Sensor
 
 NARROWEST, WIDEST = 0.05, 8.0  # of a lobe [beams]; in a narrower one no neighbor is heard
@@ -28,7 +28,7 @@ class Noise:
             Rayleigh distributed and the strength, an intensity, exponentially; its mean stays (J. W. Goodman,
             Statistical Properties of Laser Speckle Patterns, 1975, doi 10.1007/978-3-662-43205-1_2).
         lobe: standard deviation of a beam's main lobe, in beams. Above 0 echoes fade by patches and every beam
-            reports the strongest echo of its lobe, as tools.lab.simulate.sensing.lobes has it.
+            reports the strongest echo of its lobe, as tools.lab.simulate.sensing.noise has it.
     """
 
     __pydantic_config__: ClassVar[ConfigDict] = ConfigDict(extra="forbid")
@@ -139,3 +139,33 @@ def scan_of(echoes: Echoes, sensor: Sensor, *, stamp: float = 0.0, name: str = "
         stamp=stamp,
         name=name,
     )
+
+
+FADING, FADED = 4.0, 3.0  # width of what fades together [beams], standard deviation [dB]
+
+
+def fade(echoes: Echoes, rng: np.random.Generator) -> Echoes:
+    """Echoes stronger and weaker by patches, as water and surface have it."""
+    fading = gaussian_filter(rng.standard_normal(echoes.ranges.shape), FADING, mode="wrap")
+    return Echoes(echoes.ranges, echoes.strengths * 10 ** (FADED / 10 * fading / fading.std()))
+
+
+def pick_strongest(echoes: Echoes, lobe: float) -> Echoes:
+    """For every beam range and strength of the strongest echo of its lobe, weighted by the lobe.
+
+    Args:
+        echoes: of thin beams, (rows, columns).
+        lobe: standard deviation of the main lobe, in beams; it is taken over twice as many to either side.
+    """
+    reach = int(np.ceil(2 * lobe))
+    padded = Echoes(np.pad(echoes.ranges, reach, constant_values=np.inf), np.pad(echoes.strengths, reach))
+    rows, columns = echoes.ranges.shape
+    best = Echoes(np.full((rows, columns), np.inf), np.zeros((rows, columns)))
+    for i in range(-reach, reach + 1):
+        for j in range(-reach, reach + 1):
+            window = (slice(reach + i, reach + i + rows), slice(reach + j, reach + j + columns))
+            seen = padded.strengths[window] * np.exp(-0.5 * (i**2 + j**2) / lobe**2)
+            stronger = seen > best.strengths
+            ranges = np.where(stronger, padded.ranges[window], best.ranges)
+            best = Echoes(ranges, np.where(stronger, seen, best.strengths))
+    return best

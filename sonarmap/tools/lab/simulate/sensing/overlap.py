@@ -22,7 +22,12 @@ def overlap(
         T_target_source: the truth.
         radius: [m].
     """
-    distance, _ = KDTree(target).query(T_target_source.apply(source), distance_upper_bound=radius)
+    return share_near(KDTree(target), T_target_source.apply(source), radius)
+
+
+def share_near(known: KDTree, points: np.ndarray, radius: float) -> float:
+    """The share of `points` (N, 3) that have a neighbor within `radius` [m]."""
+    distance, _ = known.query(points, distance_upper_bound=radius)
     return float(np.isfinite(distance).mean())
 
 

@@ -11,7 +11,7 @@ import numpy as np
 
 from sonarmap.kernels.errors import InputError
 from sonarmap.spectral.scan import Scan
-from sonarmap.tools.lab.simulate.sensing.dive_seed import entropy_of
+from sonarmap.tools.lab.simulate.sensing.navigation import entropy_of
 from sonarmap.tools.lab.simulate.sensing.sensors import Sensor
 
 Fault = Literal["empty", "noise"]

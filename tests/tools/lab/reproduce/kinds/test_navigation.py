@@ -21,7 +21,6 @@ PAIR = KindPair(
     number=0,
     seed=1,
     scene="seabed",
-    relief="weak",
     target=SCAN,
     source=SCAN,
     T_world_target=RigidTransform.from_components([5.0, -3.0, -8.0], Rotation.from_euler("ZYX", [2.0, 0.1, -0.05])),

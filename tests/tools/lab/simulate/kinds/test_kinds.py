@@ -6,13 +6,12 @@ from numpy.testing import assert_array_equal
 
 from sonarmap.kernels.errors import InputError
 from sonarmap.tools.lab.simulate.kinds.catalog import SCAN_KINDS, kind_pair, scan_kind
-from sonarmap.tools.lab.simulate.kinds.kind import OVERLAPS, RELIEFS, KindPair
-from sonarmap.tools.lab.simulate.kinds.reliefs import RELIEF_OF, relief_of
-from sonarmap.tools.lab.simulate.kinds.views.draws import pair_draws
+from sonarmap.tools.lab.simulate.kinds.draws import pair_draws
+from sonarmap.tools.lab.simulate.kinds.kind import OVERLAPS, RELIEF_OF, RELIEFS, KindPair, relief_of
 from sonarmap.tools.lab.simulate.pairs import viewpoints
 from sonarmap.tools.lab.simulate.scenes.catalog import SCENE_KINDS
 from sonarmap.tools.lab.simulate.scenes.scene import build_scene
-from sonarmap.tools.lab.simulate.sensing.priors import Instruments, instruments_for
+from sonarmap.tools.lab.simulate.sensing.navigation import Instruments, instruments_for
 from sonarmap.tools.lab.simulate.shapes.surface import surface_distance
 
 VIEWS = ("patch", "sonar3d15", "sound_speed", "range_bias", "moving")

@@ -1,0 +1,204 @@
+"""Other systems that map a whole survey: scans in their order and a voxel in, poses and the pairs that were tried out.
+
+Multiway registration (Choi, Zhou and Koltun 2015, DOI 10.1109/CVPR.2015.7299195), by Open3D, as its tutorial and its
+reconstruction system go about it: pairwise registrations, then one pose graph with a line process over its loops.
+
+KISS-SLAM (Guadagnino et al. 2025, arXiv 2503.12660): KISS-ICP's odometry, closures between local maps, a pose graph. It
+is made for a LiDAR that sees all around, ten times a second: each scan is expected where the last motion leads, and
+closures are sought in views of local maps from above, with the ground leveled. A sonar's scans, meters apart and
+through a narrow fan, are none of that: steps of two voxels are within its reach, steps of four are not.
+"""
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+from itertools import combinations, pairwise
+from time import perf_counter
+from typing import Any
+
+import numpy as np
+from scipy.spatial.transform import RigidTransform
+
+from sonarmap.kernels.errors import InputError
+from sonarmap.slam.graph.trajectory import Trajectory
+from sonarmap.spectral.scan import Scan
+from sonarmap.tools.extras import load_package
+from sonarmap.tools.files.map_folder.pairs import CHAIN, TriedPair
+from sonarmap.tools.lab.baselines.cloud import one_thread, silent, to_open3d
+from sonarmap.tools.lab.baselines.features import MATCH_REACH, Described, FeatureRegistrar
+
+
+@dataclass(frozen=True, slots=True)
+class SlamRun:
+    """Poses of the scans that the method could use.
+
+    Attributes:
+        trajectory: with the scans' stamps, in a world of its own.
+        pairs: of scans that it registered, kept or not; none where it does not work on pairs of scans.
+        loops: how many loop closures it kept.
+        seconds: wall time, from the first scan to the last pose.
+    """
+
+    trajectory: Trajectory
+    pairs: tuple[TriedPair, ...]
+    loops: int
+    seconds: float
+
+
+KEY_EVERY = 5  # scans: every pair of these key scans is tried as a loop, whatever the odometry says of them
+LEAST_OVERLAP = 0.3  # share of the smaller scan's points that a loop's matches make up; of its register_fragments
+PRUNE, LOOP_PREFERENCE = 0.25, 5.0  # of the line process; of its reconstruction system
+
+
+def run_multiway(scans: Sequence[Scan], voxel: float, seed: int = 0, key_every: int = KEY_EVERY) -> SlamRun:
+    """Map a survey: consecutive scans and all pairs of key scans by FPFH, RANSAC and ICP, then all poses at once.
+
+    Consecutive scans are registered as widely as loops are, from anywhere, as the tutorial's ICP from the identity does
+    not reach over meters; their edges are certain, as in the tutorial, those of loops uncertain. A scan that shows too
+    little has no pose, and those beside it are taken for consecutive. All pairs of 200 scans would be 20,000: key scans
+    are the reconstruction system's own way to have fewer.
+
+    Args:
+        scans: in their order.
+        voxel: edge of the voxels to which they are thinned [m].
+        seed: of the random samples.
+        key_every: scans from one key scan to the next.
+
+    Raises:
+        InputError: fewer than two scans that show enough.
+    """
+    start = perf_counter()
+    registrar = FeatureRegistrar(voxel, "ransac", seed)
+    described = _describe(registrar, scans)
+    usable = list(described)
+    if len(usable) < 2:
+        raise InputError(f"{len(usable)} of {len(scans)} scans show enough; multiway registration needs at least two")
+    chain = list(pairwise(usable))
+    loops = sorted(set(combinations(usable[::key_every], 2)) - set(chain))
+    registered = {(i, j): registrar.register(described[i], described[j]).T_target_source for i, j in [*chain, *loops]}
+    reach = MATCH_REACH * voxel
+    with one_thread():
+        information = {(i, j): _information(described[i], described[j], T, reach) for (i, j), T in registered.items()}
+        overlapping = {pair for pair in loops if _overlap(described, pair, information[pair]) >= LEAST_OVERLAP}
+        poses, kept = _optimize(usable, chain, [p for p in loops if p in overlapping], registered, information, reach)
+    roles = dict.fromkeys(chain, CHAIN) | dict.fromkeys(loops, "loop")
+    stamps = np.array([scans[k].stamp for k in usable], np.float64)
+    return SlamRun(
+        trajectory=Trajectory(stamps, poses),
+        pairs=tuple(TriedPair(*pair, roles[pair], pair in kept, T) for pair, T in registered.items()),
+        loops=sum(pair in kept for pair in loops),
+        seconds=perf_counter() - start,
+    )
+
+
+def _describe(registrar: FeatureRegistrar, scans: Sequence[Scan]) -> dict[int, Described]:
+    """Features of the scans that show enough, by index."""
+    described = {}
+    for index, scan in enumerate(scans):
+        try:
+            described[index] = registrar.prepare(scan)
+        except InputError:
+            continue
+    return described
+
+
+def _information(target: Described, source: Described, T_target_source: RigidTransform, reach: float) -> np.ndarray:
+    """(6, 6) of a pair's point matches, rotation first as Open3D orders it; [5, 5] is their number."""
+    import open3d as o3d
+
+    return np.asarray(
+        o3d.pipelines.registration.get_information_matrix_from_point_clouds(
+            to_open3d(source.cloud), to_open3d(target.cloud), reach, T_target_source.as_matrix()
+        )
+    )
+
+
+def _overlap(described: dict[int, Described], pair: tuple[int, int], information: np.ndarray) -> float:
+    return float(information[5, 5]) / min(len(described[k].cloud.points) for k in pair)
+
+
+def _optimize(
+    usable: Sequence[int],
+    chain: Sequence[tuple[int, int]],
+    loops: Sequence[tuple[int, int]],
+    registered: dict[tuple[int, int], RigidTransform],
+    information: dict[tuple[int, int], np.ndarray],
+    reach: float,
+) -> tuple[RigidTransform, set[tuple[int, int]]]:
+    """Poses of the usable scans, the first at the identity, and the pairs that the line process left."""
+    import open3d as o3d
+
+    r: Any = o3d.pipelines.registration
+    node = {scan: place for place, scan in enumerate(usable)}
+    graph, pose = r.PoseGraph(), RigidTransform.identity()
+    graph.nodes.append(r.PoseGraphNode(pose.as_matrix()))
+    for pair in chain:
+        pose = pose * registered[pair]
+        graph.nodes.append(r.PoseGraphNode(pose.as_matrix()))
+    for pairs, uncertain in ((chain, False), (loops, True)):
+        for i, j in pairs:
+            T = registered[i, j].as_matrix()
+            graph.edges.append(r.PoseGraphEdge(node[j], node[i], T, information[i, j], uncertain=uncertain))
+    r.global_optimization(
+        graph,
+        r.GlobalOptimizationLevenbergMarquardt(),
+        r.GlobalOptimizationConvergenceCriteria(),
+        r.GlobalOptimizationOption(
+            max_correspondence_distance=reach,
+            edge_prune_threshold=PRUNE,
+            preference_loop_closure=LOOP_PREFERENCE,
+            reference_node=0,
+        ),
+    )
+    poses = RigidTransform.from_matrix(np.stack([np.asarray(one.pose) for one in graph.nodes]))
+    left = {(usable[edge.target_node_id], usable[edge.source_node_id]) for edge in graph.edges}
+    return poses, left
+
+
+# Its defaults are for a reach of 100 m and voxels of 1 m; lengths that belong to the voxel are kept in that proportion.
+_LOCAL_VOXEL = 0.5  # of local maps and of the views from above [voxels]
+_FIRST_THRESHOLD = 2.0  # of its odometry, until it knows the motion [voxels]
+_THREADS = 1  # sums over several differ in their last bits from run to run
+
+
+def run_kiss_slam(scans: Sequence[Scan], voxel: float) -> SlamRun:
+    """Map a survey with its default settings, but for the lengths that depend on the sensor, and without deskewing.
+
+    Args:
+        scans: in their order.
+        voxel: edge of the odometry's voxels [m].
+
+    Raises:
+        InputError: the package is not installed.
+    """
+    config = load_package("kiss_slam.config", "kiss-slam", "the method kiss-slam", "slam-peers").KissSLAMConfig()
+    slam_module = load_package("kiss_slam.slam", "kiss-slam", "the method kiss-slam", "slam-peers")
+    _fit(config, voxel, max(float(np.linalg.norm(scan.points, axis=1).max()) for scan in scans))
+    start = perf_counter()
+    with silent((1, 2)), one_thread():
+        slam = slam_module.KissSLAM(config)
+        for scan in scans:
+            slam.process_scan(np.ascontiguousarray(scan.points, np.float64), np.empty(0))
+        # as its own pipeline ends: the last local map is closed, and all poses are optimized
+        slam.generate_new_node()
+        slam.local_map_graph.erase_last_local_map()
+        poses, _ = slam.fine_grained_optimization()
+    seconds = perf_counter() - start
+    stamps = np.array([scan.stamp for scan in scans], np.float64)
+    return SlamRun(
+        trajectory=Trajectory(stamps, RigidTransform.from_matrix(np.array(poses))),
+        pairs=(),
+        loops=len(slam.get_closures()),
+        seconds=seconds,
+    )
+
+
+def _fit(config: Any, voxel: float, max_range: float) -> None:
+    """Set the lengths that depend on the sensor."""
+    odometry = config.odometry
+    odometry.preprocessing.max_range = max_range + voxel
+    odometry.preprocessing.deskew = False
+    odometry.mapping.voxel_size = voxel
+    odometry.adaptive_threshold.initial_threshold = _FIRST_THRESHOLD * voxel
+    odometry.registration.max_num_threads = _THREADS
+    config.local_mapper.voxel_size = _LOCAL_VOXEL * voxel
+    config.loop_closer.detector.density_map_resolution = _LOCAL_VOXEL * voxel

@@ -1,0 +1,130 @@
+"""Points to volumes, volumes and spectra to other coordinates, layers normalized; nearest points and planes."""
+
+import numpy as np
+import scipy.fft
+from scipy.spatial import KDTree
+
+from sonarmap.kernels.points.voxelize import voxelize
+from sonarmap.kernels.resample.layers import normalize_layers
+from sonarmap.kernels.resample.polar import polar_magnitude
+from sonarmap.kernels.resample.sphere import (
+    rectangular_unwrap,
+    rotational_unwrap,
+    sample,
+    upload_directions,
+    valid_pixels,
+)
+from sonarmap.kernels.surface.cells import sort_into_cells
+from sonarmap.kernels.surface.nearest import find_nearest, upload_places
+from sonarmap.kernels.surface.planes import NEIGHBORS, fit_planes
+from sonarmap.tools.lab.bench import twins
+from sonarmap.tools.lab.bench.case import RESAMPLED, Kept, KernelCase, volume_bytes
+from sonarmap.tools.lab.bench.rates import Traffic
+from sonarmap.tools.lab.bench.workload import SMALL_SHIFT, SMALL_TURN, R, Workload
+
+
+def voxelize_case(w: Workload) -> KernelCase:
+    points, out = w.upload(w.points), w.device.empty((w.edge,) * 3)
+    volume = np.empty((w.edge,) * 3, np.float32)
+    return KernelCase(
+        "voxelize",
+        "np.maximum.at",
+        Traffic(w.points.nbytes, volume_bytes(w), 8 * len(w.points)),
+        0.0,
+        run=lambda: voxelize(w.device, points, w.edge, R, out=out),
+        read=out.get,
+        twin=lambda: twins.voxelize(w.points, R, volume),
+        flops=18 * len(w.points),
+    )
+
+
+def sample_case(w: Workload) -> KernelCase:
+    directions = rectangular_unwrap(w.edge, "y")
+    volume, table = w.upload(w.magnitude), upload_directions(w.device, directions)
+    out = w.device.empty((len(w.radii), w.edge, w.edge))
+    first, last = float(w.radii[0]), float(w.radii[-1])
+    shell = 4 * round(2 / 3 * np.pi * (last**3 - first**3))
+    return KernelCase(
+        "sample",
+        "map_coordinates",
+        Traffic(shell + directions.nbytes, out.nbytes),
+        RESAMPLED,
+        run=lambda: sample(w.device, volume, table, w.radii, R, out=out),
+        read=out.get,
+        twin=lambda: twins.sample(w.magnitude, directions, w.radii, R, w.cores),
+        flops=30 * out.size,
+    )
+
+
+def normalize_layers_case(w: Workload) -> KernelCase:
+    mask = valid_pixels(rotational_unwrap(w.edge))
+    window = np.outer(np.hanning(w.edge), np.hanning(w.edge)).astype(np.float32)
+    stack, device_window, device_mask = w.upload(w.layers), w.upload(window), w.upload(mask)
+    out = w.device.empty(w.layers.shape)
+    return KernelCase(
+        "normalize_layers",
+        "NumPy mean, std",
+        Traffic(2 * w.layers.nbytes, w.layers.nbytes),
+        1e-5,
+        run=lambda: normalize_layers(w.device, stack, device_window, device_mask, out=out),
+        read=out.get,
+        twin=lambda: twins.normalize_layers(w.layers, window, mask),
+        flops=8 * w.layers.size,
+    )
+
+
+def polar_magnitude_case(w: Workload) -> KernelCase:
+    host = np.asarray(scipy.fft.rfft2(w.layers, workers=w.cores))
+    spectrum = w.upload_half(host)
+    radii = np.linspace(0.11, 0.45, w.edge // 2) * (w.edge / 2)
+    angles = np.arange(min(2 * w.edge, 512)) * (np.pi / min(2 * w.edge, 512))
+    out = w.device.empty((len(host), len(radii), len(angles)))
+    ring = 8 * round(np.pi / 2 * (radii[-1] ** 2 - radii[0] ** 2))
+    return KernelCase(
+        "polar_magnitude",
+        "np.abs, map_coordinates",
+        Traffic(ring * len(host), out.nbytes),
+        RESAMPLED,
+        run=lambda: polar_magnitude(w.device, spectrum, (w.edge, w.edge), radii, angles, out=out),
+        read=out.get,
+        twin=lambda: twins.polar_magnitude(host, radii, angles, w.cores),
+        flops=28 * out.size,
+    )
+
+
+# Of neighbors equally far one or the other makes the plane, and the point moves by a thousandth of a voxel.
+_EQUALLY_FAR = 1e-4
+_FARTHEST = 2.0
+# Distances of a voxel between numbers of a hundred voxels, in single precision.
+_DISTANCE = 1e-5
+# Bytes of a point among its cells, and of what is known of it.
+_POINT, _ELEMENT = 16, 48
+
+
+def nearest_case(w: Workload) -> KernelCase:
+    cells, places = sort_into_cells(w.device, w.surface), upload_places(w.device, w.surface)
+    tree = KDTree(w.surface)
+    run = Kept(lambda: find_nearest(w.device, cells, places, SMALL_TURN[None], SMALL_SHIFT[None], w.edge)[0])
+    return KernelCase(
+        "find_nearest",
+        "scipy.spatial.KDTree",
+        Traffic(2 * _POINT * len(w.surface), 8 * len(w.surface)),
+        _DISTANCE,
+        run=run,
+        read=lambda: run.result[0],
+        twin=lambda: twins.nearest(tree, w.surface, SMALL_TURN, SMALL_SHIFT, w.cores),
+    )
+
+
+def planes_case(w: Workload) -> KernelCase:
+    cells, tree = sort_into_cells(w.device, w.surface), KDTree(w.surface)
+    run = Kept(lambda: fit_planes(w.device, cells, np.eye(3), np.empty((0, 3)), farthest=_FARTHEST, aside=1.0))
+    return KernelCase(
+        "fit_planes",
+        "scipy.spatial.KDTree, eigh",
+        Traffic(_POINT * len(w.surface), _ELEMENT * len(w.surface)),
+        _EQUALLY_FAR,
+        run=run,
+        read=lambda: run.result.get()[:, :3],
+        twin=lambda: twins.on_planes(tree, w.surface, NEIGHBORS, _FARTHEST, w.cores),
+    )

@@ -1,0 +1,139 @@
+"""Correlation over all rotations and its peaks, points against a view, and points under a pose against a target."""
+
+from typing import Any
+
+import numpy as np
+
+from sonarmap.kernels.points.poses import upload_poses
+from sonarmap.kernels.points.visibility import Way, agreement, upload_points, upload_viewpoints
+from sonarmap.kernels.pomf.correlator import Correlator, Pose
+from sonarmap.kernels.so3.correlation import RotationCorrelation, wigner_d
+from sonarmap.tools.lab.bench import twins
+from sonarmap.tools.lab.bench.case import (
+    BLUR,
+    Kept,
+    KernelCase,
+    half_bytes,
+    peak_numbers,
+    transform_flops,
+    volume_bytes,
+)
+from sonarmap.tools.lab.bench.rates import Traffic
+from sonarmap.tools.lab.bench.workload import BANDWIDTH, R, Workload
+
+# How far roll and pitch of 35 degrees carry the z axis.
+_LARGEST = float(np.arccos(np.cos(np.deg2rad(35)) ** 2))
+_SEGMENTS = 4
+_REACH, _SLOPE = 1.5, 0.03
+# A point on a cell's border falls to one side here and to the other there: some ten of a million.
+_BORDERS = 1e-3
+
+
+def correlate_rotations_case(w: Workload) -> KernelCase:
+    correlation = RotationCorrelation(w.device, BANDWIDTH, _LARGEST)
+    wigner, edge = wigner_table(correlation.betas), correlation.edge
+    target, source = w.coefficients
+    given = w.upload(target), w.upload(source)
+    images, degrees = len(correlation.betas) + 1, np.arange(0, BANDWIDTH, 2)
+    table = 4 * len(correlation.betas) * int(((2 * degrees + 1) * (degrees + 1)).sum())
+    half, volume = 8 * images * edge * (edge // 2 + 1), 4 * images * edge**2
+    run = Kept(lambda: correlation.correlate(*given)[0])
+    return KernelCase(
+        "RotationCorrelation",
+        "matmul, einsum, irfft2",
+        Traffic(2 * target.nbytes + table + half, half + volume, 2 * half),
+        1e-5,
+        run=run,
+        read=lambda: run.result.get(),
+        twin=lambda: twins.correlate_rotations(target, source, wigner, edge, w.cores),
+        flops=2.5 * images * edge**2 * np.log2(edge**2) + table,
+    )
+
+
+def rotation_peaks_case(w: Workload) -> KernelCase:
+    correlation = RotationCorrelation(w.device, BANDWIDTH, _LARGEST)
+    host = twins.correlate_rotations(*w.coefficients, wigner_table(correlation.betas), correlation.edge, w.cores)
+    values = w.upload(host[None])
+    run = Kept(lambda: correlation.peaks(values)[0])
+    return KernelCase(
+        "RotationCorrelation.peaks",
+        "maximum_filter, np.argmax",
+        Traffic(reads=host.nbytes),
+        0.0,
+        run=run,
+        read=lambda: np.column_stack([run.result.index, run.result.around[:, 13]]),
+        twin=lambda: twins.segment_peaks(host, _SEGMENTS, images=len(correlation.betas)),
+        flops=26 * host.size,
+    )
+
+
+def agreement_case(w: Workload) -> KernelCase:
+    R, t = w.poses
+    poses, center = upload_poses(w.device, R, t), upload_viewpoints(w.device, np.zeros((1, 3)))
+    way = Way(w.upload(w.view[None]), center, upload_points(w.device, w.seen))
+    run = Kept(lambda: agreement(w.device, [way], poses, [(_REACH, _SLOPE)]).read()[0][0, :, 0])
+    return KernelCase(
+        "agreement",
+        "NumPy, a pose at a time",
+        Traffic(w.view.nbytes + w.seen.nbytes + len(w.poses[0]) * 16 * 4, len(w.poses[0]) * 3 * 4),
+        _BORDERS,
+        run=run,
+        read=lambda: run.result,
+        twin=lambda: twins.agreement(w.view, w.seen, *w.poses, _REACH, _SLOPE),
+        flops=40 * len(w.seen) * len(w.poses[0]),
+    )
+
+
+def wigner_table(betas: np.ndarray) -> np.ndarray:
+    """(degrees, betas, 2 BANDWIDTH - 1, BANDWIDTH) float32: d[l, m, n](beta) for n >= 0."""
+    table = np.zeros((BANDWIDTH // 2, len(betas), 2 * BANDWIDTH - 1, BANDWIDTH), np.float32)
+    for half in range(BANDWIDTH // 2):
+        orders = slice(BANDWIDTH - 1 - 2 * half, BANDWIDTH + 2 * half)
+        table[half, :, orders, : 2 * half + 1] = wigner_d(2 * half, betas)[:, :, 2 * half :]
+    return table
+
+
+# Relative L2 difference: two transforms and a whitening, all in single precision on either side.
+_TWICE_TRANSFORMED = 1e-4
+
+
+def find_case(w: Workload) -> KernelCase:
+    correlator, points, target = _given(w)
+    run = Kept(lambda: correlator.find(points, [Pose(R)], [target], 1, 3.0)[0][0][0])
+    return KernelCase(
+        "Correlator.find",
+        "scipy.fft, NumPy, np.argmax",
+        Traffic(w.points.nbytes + 2 * half_bytes(w), half_bytes(w) + volume_bytes(w), 2 * half_bytes(w)),
+        _TWICE_TRANSFORMED,
+        run=run,
+        read=lambda: peak_numbers(run.result),
+        twin=lambda: twins.peak(_correlation(w)),
+        flops=2 * transform_flops(w),
+    )
+
+
+def near_case(w: Workload) -> KernelCase:
+    correlator, points, target = _given(w)
+    shift = np.array([w.shift])
+    run = Kept(lambda: correlator.near(points, [Pose(R)], [target], shift).highest()[0])
+    return KernelCase(
+        "Correlator.near",
+        "scipy.fft, NumPy, 27 voxels",
+        Traffic(w.points.nbytes + 2 * half_bytes(w), half_bytes(w)),
+        _TWICE_TRANSFORMED,
+        run=run,
+        read=lambda: peak_numbers(run.result),
+        twin=lambda: twins.peak(_correlation(w)),
+        flops=transform_flops(w),
+    )
+
+
+def _given(w: Workload) -> tuple[Correlator, Any, Any]:
+    """A correlator, the points and their target on the device."""
+    return Correlator(w.device, w.edge, BLUR), w.upload(w.points), w.upload_half(w.shifted)
+
+
+def _correlation(w: Workload) -> np.ndarray:
+    """The correlation as NumPy and SciPy make it."""
+    source = twins.prepare(twins.voxelize(w.points, R, np.empty_like(w.volume)), w.cores)
+    return twins.correlate(w.shifted, source, BLUR, np.empty_like(w.spectrum), w.cores)

@@ -1,0 +1,167 @@
+"""What makes spectra and correlations, and what is done to them."""
+
+import numpy as np
+
+from sonarmap.kernels.fft.transform import RealFFT
+from sonarmap.kernels.pomf.peak import find_peaks
+from sonarmap.kernels.pomf.spectrum import Pomf, cross_power, magnitude, whiten
+from sonarmap.tools.lab.bench import twins
+from sonarmap.tools.lab.bench.case import (
+    BLUR,
+    ELEMENTWISE,
+    FFT,
+    WHITENED,
+    Kept,
+    KernelCase,
+    half_bytes,
+    half_points,
+    peak_numbers,
+    transform_flops,
+    transform_passes,
+    valid,
+    volume_bytes,
+)
+from sonarmap.tools.lab.bench.peers import fft_peers
+from sonarmap.tools.lab.bench.rates import Traffic, copier
+from sonarmap.tools.lab.bench.workload import Workload
+
+
+def copy_case(w: Workload) -> KernelCase:
+    run, read = copier(w.device, w.volume)
+    out = np.empty_like(w.volume)
+
+    def twin() -> np.ndarray:
+        np.copyto(out, w.volume)
+        return out
+
+    return KernelCase("copy", "np.copyto", Traffic(volume_bytes(w), volume_bytes(w)), 0.0, run, read, twin)
+
+
+def real_forward_case(w: Workload) -> KernelCase:
+    fft = RealFFT(w.device, w.volume.shape)
+    volume, out = w.upload(w.volume), w.device.empty(fft.half_shape, np.complex64)
+    return KernelCase(
+        "RealFFT.forward",
+        "scipy.fft.rfftn",
+        Traffic(volume_bytes(w), half_bytes(w), 2 * half_bytes(w)),
+        FFT,
+        run=lambda: fft.forward(volume, out=out),
+        read=lambda: valid(out),
+        twin=lambda: twins.forward(w.volume, w.cores),
+        flops=transform_flops(w),
+        passes=transform_passes(w),
+        peers=lambda: fft_peers(w, inverse=False),
+    )
+
+
+def real_inverse_case(w: Workload) -> KernelCase:
+    fft = RealFFT(w.device, w.volume.shape)
+    padded = w.pad(w.spectrum)
+    spectrum = w.upload(padded)
+    out = w.device.empty(fft.shape)
+    return KernelCase(
+        "RealFFT.inverse",
+        "scipy.fft.irfftn",
+        Traffic(half_bytes(w), volume_bytes(w), 2 * half_bytes(w)),
+        FFT,
+        run=lambda: fft.inverse(spectrum, out=out),
+        read=out.get,
+        twin=lambda: twins.inverse(w.spectrum, w.cores),
+        restore=lambda: spectrum.set(padded),
+        flops=transform_flops(w),
+        passes=transform_passes(w),
+        peers=lambda: fft_peers(w, inverse=True),
+    )
+
+
+def magnitude_case(w: Workload) -> KernelCase:
+    spectrum, out = w.upload_half(w.spectrum), w.device.empty((w.edge, w.edge, w.edge // 2 + 1))
+    return KernelCase(
+        "magnitude",
+        "np.abs, fftshift",
+        Traffic(half_bytes(w), half_bytes(w) // 2),
+        ELEMENTWISE,
+        run=lambda: magnitude(w.device, spectrum, w.edge, out=out),
+        read=out.get,
+        twin=lambda: twins.magnitude(w.spectrum),
+        flops=4 * half_points(w),
+    )
+
+
+def whiten_case(w: Workload) -> KernelCase:
+    spectrum = w.upload_half(w.spectrum)
+    out, host = w.device.empty(spectrum.shape, np.complex64), np.empty_like(w.spectrum)
+    return KernelCase(
+        "whiten",
+        "np.abs, np.divide",
+        Traffic(half_bytes(w), half_bytes(w)),
+        ELEMENTWISE,
+        run=lambda: whiten(w.device, spectrum, out=out),
+        read=lambda: valid(out),
+        twin=lambda: twins.whiten(w.spectrum, host),
+        flops=6 * half_points(w),
+    )
+
+
+def cross_power_case(w: Workload) -> KernelCase:
+    target, source = (w.upload_half(spectrum) for spectrum in w.whitened)
+    out, host = w.device.empty(target.shape, np.complex64), np.empty_like(w.spectrum)
+    return KernelCase(
+        "cross_power",
+        "NumPy products",
+        Traffic(2 * half_bytes(w), half_bytes(w)),
+        ELEMENTWISE,
+        run=lambda: cross_power(w.device, target, source, w.volume.shape, BLUR, out=out),
+        read=lambda: valid(out),
+        twin=lambda: twins.cross_power(*w.whitened, BLUR, host),
+        flops=9 * half_points(w),
+    )
+
+
+def prepare_case(w: Workload) -> KernelCase:
+    pomf = Pomf(w.device, w.volume.shape, BLUR)
+    volume, out = w.upload(w.volume), w.upload_half(w.spectrum)
+    return KernelCase(
+        "Pomf.prepare",
+        "scipy.fft.rfftn, NumPy",
+        Traffic(volume_bytes(w), half_bytes(w), 2 * half_bytes(w)),  # whitening can be part of the last pass
+        WHITENED,
+        run=lambda: pomf.prepare(volume, out=out),
+        read=lambda: valid(out),
+        twin=lambda: twins.prepare(w.volume, w.cores),
+        flops=transform_flops(w) + 6 * half_points(w),
+        passes=transform_passes(w),
+    )
+
+
+def correlate_case(w: Workload) -> KernelCase:
+    pomf = Pomf(w.device, w.volume.shape, BLUR)
+    target, source = (w.upload_half(spectrum) for spectrum in w.whitened)
+    out, scratch = w.device.empty(w.volume.shape), np.empty_like(w.spectrum)
+    return KernelCase(
+        "Pomf.correlate",
+        "NumPy, scipy.fft.irfftn",
+        Traffic(3 * half_bytes(w), half_bytes(w) + volume_bytes(w)),  # the product can be part of the first pass
+        WHITENED,
+        run=lambda: pomf.correlate(target, source, out=out),
+        read=out.get,
+        twin=lambda: twins.correlate(*w.whitened, BLUR, scratch, w.cores),
+        flops=transform_flops(w) + 9 * half_points(w),
+        passes=transform_passes(w),
+    )
+
+
+def find_peaks_case(w: Workload) -> KernelCase:
+    host = twins.correlate(*w.whitened, BLUR, np.empty_like(w.spectrum), w.cores)
+    correlation = w.upload(host)
+    run = Kept(lambda: find_peaks(w.device, correlation)[0])
+    return KernelCase(
+        "find_peaks",
+        "np.argmax, mean, std",
+        Traffic(reads=host.nbytes),
+        1e-5,
+        run,
+        lambda: peak_numbers(run.result),
+        lambda: twins.peak(host),
+        flops=4 * host.size,
+    )

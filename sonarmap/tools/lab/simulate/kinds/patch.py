@@ -1,0 +1,215 @@
+"""Patches merged from several looks of a 3D sonar along a short path: no single viewpoint, odometry's errors inside.
+
+A front end hands such patches to registration when single scans are too sparse: the looks are placed by odometry,
+strays are dropped, and one point is kept per cell. Odometry drifts: a random walk away from the middle look, whose
+frame is the patch's.
+"""
+
+from dataclasses import dataclass, replace
+from functools import cached_property
+
+import numpy as np
+from scipy.spatial.transform import RigidTransform, Rotation
+
+from sonarmap.spectral.scan import Scan
+from sonarmap.tools.lab.simulate.kinds.draws import draw_views, noise_of, observer_of, pair_draws
+from sonarmap.tools.lab.simulate.kinds.kind import KindPair
+from sonarmap.tools.lab.simulate.pairs.viewpoints import Observer, View
+from sonarmap.tools.lab.simulate.sensing.ghosts import reflect
+from sonarmap.tools.lab.simulate.sensing.noise import Noise, measure
+from sonarmap.tools.lab.simulate.sensing.overlap import OVERLAP_RADIUS, mutual_overlap
+
+COARSE_LOOKS = 3  # that a coarse search takes: the first, a middle one and the last
+
+
+@dataclass(frozen=True, slots=True)
+class PathView(View):
+    """What is seen along a path; `echoes` are those of the middle look, `points` are of all, thinned.
+
+    Attributes:
+        looks: from each pose of the path.
+    """
+
+    looks: tuple[View, ...]
+
+
+@dataclass(frozen=True)
+class PathObserver(Observer):
+    """An observer whose pose is that of the middle of a path.
+
+    Attributes:
+        T_middle_look: (K,) poses of the looks.
+        cell: of the grid that the points are thinned by [m].
+    """
+
+    T_middle_look: RigidTransform
+    cell: float
+
+    @cached_property
+    def _still(self) -> Observer:
+        """The same sensor, looking once."""
+        return Observer(self.world, self.sensor)
+
+    def view(self, pose: RigidTransform) -> PathView | None:
+        """What all looks show; None where one of them would be in a solid, too close to one, or see too little."""
+        looks = []
+        for look_pose in self._look_poses(pose, len(self.T_middle_look)):
+            look = self._still.view(look_pose)
+            if look is None:
+                return None
+            looks.append(look)
+        points = _merged(pose, [(look.T_world_sensor, look.points) for look in looks])
+        return PathView(pose, looks[len(looks) // 2].echoes, points[thinned(points, self.cell)], tuple(looks))
+
+    def is_free(self, pose: RigidTransform) -> bool:
+        """Whether all looks are out of every solid and in the water."""
+        return all(self._still.is_free(look) for look in self._look_poses(pose, len(self.T_middle_look)))
+
+    def coarse_points(self, pose: RigidTransform) -> np.ndarray | None:
+        """Points (K, 3) [m, frame of the middle] of a few beams of a few looks; None as in `view`."""
+        parts = []
+        for look in self._look_poses(pose, COARSE_LOOKS):
+            points = self._still.coarse_points(look)
+            if points is None:
+                return None
+            parts.append((look, points))
+        points = _merged(pose, parts)
+        return points[thinned(points, self.cell)]
+
+    def _look_poses(self, pose: RigidTransform, count: int) -> list[RigidTransform]:
+        """T_world_look of `count` looks, evenly over the path."""
+        chosen = np.linspace(0, len(self.T_middle_look) - 1, count).round().astype(int)
+        return [pose * self.T_middle_look[k] for k in chosen]
+
+
+def _merged(pose: RigidTransform, parts: list[tuple[RigidTransform, np.ndarray]]) -> np.ndarray:
+    """Points (N, 3) of looks, T_world_look and points each, in the frame of `pose`."""
+    return np.concatenate([(pose.inv() * look).apply(points) for look, points in parts])
+
+
+def thinned(points: np.ndarray, cell: float) -> np.ndarray:
+    """Indices of the first of `points` (N, 3) in each cell of a grid that holds any, ascending."""
+    return np.sort(np.unique(_cells(points, cell), return_index=True)[1])
+
+
+def lonely(points: np.ndarray, cell: float) -> np.ndarray:
+    """Which of `points` (N, 3) are alone in their cell of a grid, (N,) bool."""
+    _, inverse, counts = np.unique(_cells(points, cell), return_inverse=True, return_counts=True)
+    return counts[inverse] == 1
+
+
+def _cells(points: np.ndarray, cell: float) -> np.ndarray:
+    """A number (N,) for the cell of each point."""
+    index = np.floor(points / cell).astype(np.int64)
+    index -= index.min(axis=0)
+    shape = index.max(axis=0) + 1
+    return (index[:, 0] * shape[1] + index[:, 1]) * shape[2] + index[:, 2]
+
+
+LOOKS = (4, 11)  # of a patch, the upper end excluded
+STEP = (0.015, 0.04)  # from look to look, in shares of the sensor's maximum range
+BEND = np.deg2rad(30.0)  # most by which a path turns from one end to the other
+CRAB = np.deg2rad(20.0)  # most by which the vehicle looks aside of where it goes
+ROCKING = np.deg2rad(1.5)  # standard deviation of a look's roll and pitch against the middle one's
+BEAMS = 2  # every so many of the sensor's, each way
+CELL = OVERLAP_RADIUS / 3  # one point is kept in each, in a scene of 256 m [m]
+STRAY = 3.0  # cells wide is where a point that is alone is a stray
+# Standard deviations of odometry's error at either end of a path against its middle
+DRIFT, TURNED = 0.2, np.deg2rad(0.3)  # each coordinate in a scene of 256 m [m]; about each axis [rad]
+
+
+def patch_pair(number: int, seed: int, scene: str, overlaps: tuple[float, float]) -> KindPair:
+    """A builder of SCAN_KINDS; the points of even numbers say from where they were seen.
+
+    Raises:
+        InputError: the scene has no such pair.
+    """
+    draws, noise = pair_draws("patch", number, seed), noise_of("patch", number, scene)
+    still = observer_of(scene, draws.scene)
+    observers = on_path(still, draws.poses), on_path(still, draws.poses)
+    views = draw_views(observers, overlaps, draws.poses)
+    target, source = (
+        merged_scan(observer, view, noise, (draws.distortion, rng), name, viewpoints=number % 2 == 0)
+        for observer, view, rng, name in zip(
+            observers, views, (draws.target, draws.source), ("target", "source"), strict=True
+        )
+    )
+    poses = views[0].T_world_sensor, views[1].T_world_sensor
+    radius = OVERLAP_RADIUS * still.world.kind.scale
+    shared = mutual_overlap(views[0].points, views[1].points, poses[0].inv() * poses[1], radius)
+    return KindPair("patch", number, seed, scene, target, source, *poses, shared)
+
+
+def on_path(still: Observer, rng: np.random.Generator) -> PathObserver:
+    """The observer with fewer beams, carried along a path of its own."""
+    sensor, scale = still.sensor, still.world.kind.scale
+    few = replace(sensor, columns=sensor.columns // BEAMS, rows=sensor.rows // BEAMS)
+    path = draw_path(int(rng.integers(*LOOKS)), rng.uniform(*STEP) * sensor.max_range, rng)
+    return PathObserver(still.world, few, path, CELL * scale)
+
+
+def draw_path(count: int, step: float, rng: np.random.Generator) -> RigidTransform:
+    """T_middle_look of `count` looks every `step` [m] along an arc, the vehicle looking a little aside and rocking."""
+    bend, crab = rng.uniform(-BEND, BEND), rng.uniform(-CRAB, CRAB)
+    way = np.arange(count) - count // 2
+    turned = bend * way / count
+    heading = crab + turned
+    # the heading halfway between two looks is that of the way from the one to the other
+    between = crab + bend * (way[:-1] + way[1:]) / 2 / count
+    places = np.concatenate([[(0, 0)], np.cumsum(step * np.column_stack([np.cos(between), np.sin(between)]), axis=0)])
+    places -= places[count // 2]
+    rocking = rng.normal(0.0, ROCKING, (count, 2))
+    rocking[count // 2] = 0.0
+    angles = np.column_stack([heading - crab, rocking])
+    return RigidTransform.from_components(
+        np.column_stack([places, np.zeros(count)]), Rotation.from_euler("ZYX", angles)
+    )
+
+
+def believed_path(T_middle_look: RigidTransform, scale: float, rng: np.random.Generator) -> RigidTransform:
+    """The path as odometry has it: right in the middle, drifting away from the truth to either end."""
+    count = len(T_middle_look)
+    walk = np.cumsum(rng.standard_normal((count, 6)), axis=0)
+    walk = (walk - walk[count // 2]) / np.sqrt(count / 2)
+    turns = Rotation.from_rotvec(TURNED * walk[:, :3])
+    shifts = T_middle_look.translation + DRIFT * scale * walk[:, 3:]
+    return RigidTransform.from_components(shifts, T_middle_look.rotation * turns)
+
+
+def merged_scan(
+    observer: PathObserver,
+    view: View,
+    noise: Noise,
+    draws: tuple[np.random.Generator, np.random.Generator],
+    name: str,
+    *,
+    viewpoints: bool,
+) -> Scan:
+    """The patch that a front end makes of all looks.
+
+    Args:
+        observer, view: the path, and what is seen along it.
+        noise: of every look.
+        draws: of odometry's errors, and of the noise.
+        name: "target" or "source".
+        viewpoints: whether the points say from where they were seen, as odometry has it.
+    """
+    assert isinstance(view, PathView)  # a PathObserver's
+    distortion, rng = draws
+    believed = believed_path(observer.T_middle_look, observer.world.kind.scale, distortion)
+    looks = []
+    for look in view.looks:
+        ghosts = reflect(observer.world, observer.sensor, look.T_world_sensor) if noise.ghosts > 0 else None
+        looks.append(measure(look.echoes, observer.sensor, noise, rng, ghosts=ghosts, name=name))
+    points = np.concatenate([believed[k].apply(look.points) for k, look in enumerate(looks)])
+    number = np.repeat(np.arange(len(looks)), [len(look.points) for look in looks])
+    strength = np.concatenate([look.strength for look in looks if look.strength is not None])
+    kept = np.flatnonzero(~lonely(points, STRAY * observer.cell))
+    kept = kept[thinned(points[kept], observer.cell)]
+    return Scan(
+        points[kept].astype(np.float32),
+        strength[kept],
+        stamp=float(name == "source"),
+        name=name,
+        viewpoints=believed.translation[number[kept]].astype(np.float32) if viewpoints else None,
+    )

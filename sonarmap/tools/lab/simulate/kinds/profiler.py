@@ -1,0 +1,115 @@
+"""Sweeps of a rotating profiler: one narrow beam that steps around a profile while it is panned, or its vehicle turns.
+
+Beam and steps are about those of small mechanical profilers, whose motors step by 0.9 or 1.8 degrees. A sweep takes
+minutes: the vehicle drifts while the profiles follow one another, and knows of it only in part. Within a profile it is
+taken to stand still. An echo is the strongest of seven rays in the beam.
+"""
+
+import math
+from dataclasses import dataclass
+from functools import partial
+
+import numpy as np
+from scipy.spatial.transform import RigidTransform, Rotation
+
+from sonarmap.tools.lab.simulate.kinds.partners import sweep_pair
+from sonarmap.tools.lab.simulate.kinds.sweep import Fan, Returns, Sweep, pick, walk
+from sonarmap.tools.lab.simulate.kinds.water import Water
+from sonarmap.tools.lab.simulate.sensing.sensors import Sensor
+
+WIDTHS = (math.radians(1.7), math.radians(3.0))  # of the beam, least and greatest
+STEPS = (math.radians(0.9), math.radians(1.8))  # along a profile
+APART = (1.2, 2.4)  # profiles against each other, in steps along them
+ARCS = ((-180.0, 180.0, 180.0), (-85.0, 40.0, 360.0), (-85.0, 40.0, 270.0))  # elevations, pan [degrees]
+ABOVE = (0.08, 0.2)  # the ground, in shares of the maximum range
+THRESHOLD = 0.02  # of an echo against a wall's close by
+CELL = 1 / 500  # length of the pulse, in shares of the maximum range
+
+# Standard deviations at either end of a sweep against its middle; lengths in a scene of 256 m, with the root of the
+# scale: a vehicle that holds its place wanders by decimeters in a pool and by a meter in the sea [m]
+DRIFT, HEAVE = 0.8, 0.15
+YAW_DRIFT = math.radians(1.0)
+TURNING_DRIFT = 0.4  # likewise of a vehicle that knows its way but for the drift of its dead reckoning [m]
+WAY = 0.1  # most that such a vehicle goes on during a sweep, in shares of the maximum range
+FRAME_TILT = math.radians(1.0)  # standard deviation of roll and pitch of a sweep's frame
+
+
+@dataclass(frozen=True, slots=True)
+class Profiler:
+    """A profiler on its vehicle.
+
+    Attributes:
+        water: that it looks at.
+        fan: one profile: the beam at all its steps.
+        pans: (K,) angles of the profiles about the vertical, 0 in the middle of the sweep [rad].
+        turning: whether the vehicle turns and goes on slowly, else it stands and the head is panned.
+    """
+
+    water: Water
+    fan: Fan
+    pans: np.ndarray
+    turning: bool
+
+    def target(self, rng: np.random.Generator) -> Sweep:
+        """A sweep anywhere in the scene, on any heading."""
+        return self._sweep(self.water.place(rng), rng.uniform(-np.pi, np.pi), rng)
+
+    def source(self, target: Sweep, overlaps: tuple[float, float], rng: np.random.Generator) -> Sweep:
+        """A sweep aside, the farther the less is to be shared, on any heading."""
+        far = 1.2 - rng.uniform(*overlaps)
+        here = target.T_world_frame.translation
+        reach = min(4 * max(here[2] - self.water.bed, 0.0), 2 * self.water.edge.min())
+        return self._sweep(here[:2] + far * reach * rng.uniform(-1, 1, 2), rng.uniform(-np.pi, np.pi), rng)
+
+    def returns(
+        self, ranges: np.ndarray, strengths: np.ndarray, sweep: Sweep, rng: np.random.Generator | None
+    ) -> Returns:
+        """The strongest echo of each step."""
+        return pick(self.fan, ranges, strengths, CELL * self.water.sensor.max_range)
+
+    def _sweep(self, place: np.ndarray, heading: float, rng: np.random.Generator) -> Sweep:
+        """Profiles one after the other, from above the ground at `place`."""
+        count, size = len(self.pans), math.sqrt(self.water.scale)
+        height = self.water.height(place, rng.uniform(*ABOVE) * self.water.sensor.max_range, rng)
+        believed, drift = np.zeros((count, 3)), DRIFT
+        if self.turning:
+            drift, course = TURNING_DRIFT, rng.uniform(-np.pi, np.pi)
+            way = rng.uniform(0, WAY) * self.water.sensor.max_range
+            believed[:, :2] = np.outer(np.arange(count) / count - count // 2 / count, (np.cos(course), np.sin(course)))
+            believed *= way
+        error = walk(count, (drift * size, drift * size, HEAVE * size, YAW_DRIFT), rng)
+        tilt = rng.normal(0.0, FRAME_TILT, 2)
+        return Sweep(
+            RigidTransform.from_components((*place, height), Rotation.from_euler("ZYX", (heading, *tilt))),
+            RigidTransform.from_components(believed + error[:, :3], _about_z(self.pans + error[:, 3])),
+            RigidTransform.from_components(believed, _about_z(self.pans)),
+        )
+
+
+def _about_z(angles: np.ndarray) -> Rotation:
+    return Rotation.from_euler("z", angles[:, None])
+
+
+def profiler(water: Water, rng: np.random.Generator) -> Profiler:
+    """A profiler whose beam steps in the plane of x and z at every pan."""
+    width, step = rng.uniform(*WIDTHS), rng.uniform(*STEPS)
+    low, high, around = ARCS[rng.integers(len(ARCS))]
+    elevation = np.deg2rad(low) + step * np.arange(round(np.deg2rad(high - low) / step))
+    apart = step * rng.uniform(*APART)
+    pans = apart * np.arange(round(np.deg2rad(around) / apart))
+    suits = water.sensor
+    sensor = Sensor("profiler", width, width, 3, 3, suits.min_range, suits.max_range, threshold=THRESHOLD)
+    beams = np.column_stack([np.cos(elevation), np.zeros(len(elevation)), np.sin(elevation)])
+    upward = np.column_stack([-np.sin(elevation), np.zeros(len(elevation)), np.cos(elevation)])
+    # three rays on either side of the middle one, on a circle of a third of the width about it
+    around_beam = np.array([np.pi / 3 * k for k in range(6)])
+    spread = np.column_stack([np.cos(around_beam), np.sin(around_beam)]) * math.tan(width / 3)
+    spread = np.insert(spread, 3, 0.0, axis=0)
+    rays = beams[:, None] + spread[None, :, :1] * upward[:, None] + spread[None, :, 1:] * np.array((0.0, 1.0, 0.0))
+    rays /= np.linalg.norm(rays, axis=2, keepdims=True)
+    # a main lobe 3 dB down at half the width each way
+    gains = 10 ** (-0.6 * (np.linalg.norm(spread, axis=1) / math.tan(width / 2)) ** 2)
+    return Profiler(water, Fan(sensor, beams, rays, gains), pans - pans[len(pans) // 2], bool(rng.random() < 0.5))
+
+
+profiler_pair = partial(sweep_pair, "profiler", profiler)  # a builder of SCAN_KINDS

@@ -1,0 +1,202 @@
+"""Pairs of single views of a 3D sonar whose measurement is distorted: wrong ranges, few echoes, a sensor that moves.
+
+Wrong ranges. A sonar multiplies half the travel time by a sound speed. Set to 1,500 m/s it is wrong by 2 % in water of
+1,470 or 1,530 m/s: 6 to 7 degrees Celsius, or 22 parts per thousand of salt, away from where it was right (H. Medwin,
+Speed of sound in water: a simple equation for realistic parameters, 1975, doi 10.1121/1.380790). A constant is added by
+the delay of the electronics, by where on the sensor a range counts from, and by where on a pulse's echo the detector
+triggers: a pulse of 0.3 ms is 23 cm long. Calibrated sonars are better than the 1 % of the maximum range drawn here.
+
+A Water Linked Sonar 3D-15 as it really is: few echoes, in patches, several beams alike. Measured on six range images of
+a ship's hull (Water Linked's wlsonar, tests/data/ship_short.sonar, 256 x 64 beams):
+
+- 61 to 67 % of the beams have a range, 28 % in all six images and 11 % in none; whether a beam has one correlates by
+  0.66, 0.52, 0.42 and 0.33 with its neighbor 1, 2, 4 and 8 columns on, and by 0.62, 0.47, 0.35 and 0.28 over rows;
+  between consecutive images by 0.52.
+- 45 % of the neighbors in a row have exactly the same range: main lobes are wider than the beams' spacing, and one
+  strong echo is picked by several beams.
+- Ranges come in steps of 0.76 mm, nearly all of them in every second. On smooth parts they scatter by 0.5 to 2 cm.
+- 0.9 % of the echoes have at most four others within two beams, and 4 % are 1 m or more off the median of those.
+
+So here every beam picks the strongest echo of its lobe, speckle and slow fading included, and reports nothing where
+even that is weak. No other dropouts: those are the real ones.
+
+A moving sonar measures row after row, and takes itself for standing still. Its frame is the pose in the middle of the
+scan. A sonar that steers its rows one after another needs a second or so for a long range, and half of that for a short
+one: a row's echoes take 0.16 s from 120 m and 0.02 s from 15 m, and several rows share a ping.
+"""
+
+from collections.abc import Callable
+from dataclasses import dataclass, replace
+from functools import partial
+
+import numpy as np
+from scipy.spatial.transform import RigidTransform, Rotation
+
+from sonarmap.spectral.scan import Scan
+from sonarmap.tools.lab.simulate.kinds.draws import draw_views, noise_of, observer_of, pair_draws
+from sonarmap.tools.lab.simulate.kinds.kind import KindPair
+from sonarmap.tools.lab.simulate.pairs.viewpoints import Observer, View
+from sonarmap.tools.lab.simulate.sensing.ghosts import reflect, reflect_beams
+from sonarmap.tools.lab.simulate.sensing.noise import Noise, disturb, fade, measure, pick_strongest, scan_of
+from sonarmap.tools.lab.simulate.sensing.overlap import OVERLAP_RADIUS, mutual_overlap
+from sonarmap.tools.lab.simulate.sensing.sensors import Echoes, Sensor, cast_beams
+
+SPEED_ERROR = 0.02  # greatest relative error of the sound speed, each scan's its own
+MOST_BIAS = 0.01  # greatest constant either way, in shares of the maximum range, each scan's its own
+
+# Of the Sonar 3D-15
+STEP = 2 * 0.000762939453125  # of a range [m]
+LOBE = 1.0  # standard deviation of a beam's main lobe, in beams
+LOST = 0.03  # share of single beams that report nothing although they could
+WEAKEST = 0.2  # of the strengths that are reported, linear as Echoes.strengths
+
+# Of the moving sonar
+LONG_RANGE = 60.0  # from here on a scan takes the longer time [m]
+SCAN_TIME = (0.5, 1.0)  # of a short-range and a long-range sonar [s]
+SPEED = 1.0  # at most [m/s]
+SIDEWAYS = (1.0, 0.3, 0.2)  # of the speed: forward, to the left, up, before it is drawn how fast
+TURN = np.deg2rad(8.0)  # about the vertical at most [rad/s]
+ROCK = np.deg2rad(2.0)  # about the level axes at most [rad/s]
+
+
+@dataclass(frozen=True, slots=True)
+class Shot:
+    """A view that is to be measured.
+
+    Attributes:
+        observer: the scene and the sensor.
+        view: the true one.
+        noise: besides the distortion.
+        distortion: draws how the measurement is distorted.
+        rng: draws the noise.
+        name: "target" or "source".
+    """
+
+    observer: Observer
+    view: View
+    noise: Noise
+    distortion: np.random.Generator
+    rng: np.random.Generator
+    name: str
+
+    @property
+    def stamp(self) -> float:
+        """The source's is a second later."""
+        return float(self.name == "source")
+
+    @property
+    def ghosts(self) -> Echoes | None:
+        """Of the view; None where the noise has none."""
+        if self.noise.ghosts == 0:
+            return None
+        return reflect(self.observer.world, self.observer.sensor, self.view.T_world_sensor)
+
+
+def single_view_pair(
+    kind: str,
+    measured: Callable[[Shot], Scan],
+    number: int,
+    seed: int,
+    scene: str,
+    overlaps: tuple[float, float],
+) -> KindPair:
+    """Pair `number` of the set `seed`: two views from anywhere, measured as the kind does.
+
+    The scan's frame is the sensor's and its origin the viewpoint.
+
+    Raises:
+        InputError: the scene has no such pair.
+    """
+    draws, noise = pair_draws(kind, number, seed), noise_of(kind, number, scene)
+    observer = observer_of(scene, draws.scene)
+    views = draw_views((observer, observer), overlaps, draws.poses)
+    target, source = (
+        measured(Shot(observer, view, noise, draws.distortion, rng, name))
+        for view, rng, name in zip(views, (draws.target, draws.source), ("target", "source"), strict=True)
+    )
+    poses = views[0].T_world_sensor, views[1].T_world_sensor
+    radius = OVERLAP_RADIUS * observer.world.kind.scale
+    shared = mutual_overlap(views[0].points, views[1].points, poses[0].inv() * poses[1], radius)
+    return KindPair(kind, number, seed, scene, target, source, *poses, shared)
+
+
+def distorted_scan(shot: Shot, distort: Callable[[np.ndarray], np.ndarray]) -> Scan:
+    """The scan of a still sonar that reports other ranges [m] than the true ones, its ghosts' included."""
+    ghosts = shot.ghosts and replace(shot.ghosts, ranges=distort(shot.ghosts.ranges))
+    echoes = replace(shot.view.echoes, ranges=distort(shot.view.echoes.ranges))
+    return measure(echoes, shot.observer.sensor, shot.noise, shot.rng, ghosts=ghosts, stamp=shot.stamp, name=shot.name)
+
+
+def scaled_scan(shot: Shot) -> Scan:
+    """What a sonar with a wrong sound speed writes down of a view."""
+    factor = 1 + shot.distortion.uniform(-SPEED_ERROR, SPEED_ERROR)
+    return distorted_scan(shot, lambda ranges: factor * ranges)
+
+
+def shifted_scan(shot: Shot) -> Scan:
+    """What a sonar whose ranges are all off by one length writes down of a view."""
+    bias = shot.observer.sensor.max_range * shot.distortion.uniform(-MOST_BIAS, MOST_BIAS)
+    return distorted_scan(shot, lambda ranges: ranges + bias)
+
+
+def real_scan(shot: Shot) -> Scan:
+    """What a Sonar 3D-15 writes down of a view."""
+    sensor, noise = shot.observer.sensor, replace(shot.noise, dropouts=0.0)
+    noisy = disturb(shot.view.echoes, sensor, noise, shot.rng, shot.ghosts)
+    picked = pick_strongest(fade(noisy, shot.distortion), LOBE)
+    weak = (picked.strengths < WEAKEST) | (shot.rng.random(picked.ranges.shape) < LOST)
+    steps = np.rint(picked.ranges / STEP) * STEP
+    echoes = Echoes(np.where(weak, np.inf, steps), np.where(weak, 0.0, picked.strengths))
+    return scan_of(echoes, sensor, stamp=shot.stamp, name=shot.name)
+
+
+@dataclass(frozen=True, slots=True)
+class Motion:
+    """How the sensor moves during a scan, evenly.
+
+    Attributes:
+        velocity: (3,) [m/s], in the frame of the middle of the scan.
+        turning: (3,) rotation vector a second [rad/s], likewise.
+        seconds: from the first row to the last.
+    """
+
+    velocity: np.ndarray
+    turning: np.ndarray
+    seconds: float
+
+    def poses(self, rows: int) -> RigidTransform:
+        """T_middle_row of every row, (rows,) poses, the lowest row's first."""
+        time = self.seconds * np.linspace(-0.5, 0.5, rows)[:, None]
+        return RigidTransform.from_components(time * self.velocity, Rotation.from_rotvec(time * self.turning))
+
+
+def draw_motion(sensor: Sensor, rng: np.random.Generator) -> Motion:
+    """A vehicle that goes mostly ahead, or backs up, and turns."""
+    way = np.array(SIDEWAYS) * rng.uniform(-1, 1, 3)
+    velocity = SPEED * rng.uniform(0, 1) * way / np.linalg.norm(way)
+    turning = rng.uniform(-1, 1, 3) * (ROCK, ROCK, TURN)
+    return Motion(velocity, turning, SCAN_TIME[int(sensor.max_range >= LONG_RANGE)])
+
+
+def moving_scan(shot: Shot) -> Scan:
+    """What a sonar that passes through the view's pose in the middle of the scan writes down."""
+    return scan_in_motion(shot, draw_motion(shot.observer.sensor, shot.distortion))
+
+
+def scan_in_motion(shot: Shot, motion: Motion) -> Scan:
+    """The scan: every row measured from where the sensor was then, its points placed as if from the middle."""
+    world, sensor = shot.observer.world, shot.observer.sensor
+    poses = shot.view.T_world_sensor * motion.poses(sensor.rows)
+    origins = np.repeat(poses.translation, sensor.columns, axis=0)
+    turned = Rotation.from_quat(np.repeat(poses.rotation.as_quat(), sensor.columns, axis=0))
+    directions = turned.apply(sensor.directions().reshape(-1, 3))
+    echoes = cast_beams(world, sensor, origins, directions)
+    ghosts = reflect_beams(world, sensor, origins, directions) if shot.noise.ghosts > 0 else None
+    return measure(echoes, sensor, shot.noise, shot.rng, ghosts=ghosts, stamp=shot.stamp, name=shot.name)
+
+
+# The builders of SCAN_KINDS
+sound_speed_pair = partial(single_view_pair, "sound_speed", scaled_scan)
+range_bias_pair = partial(single_view_pair, "range_bias", shifted_scan)
+sonar3d15_pair = partial(single_view_pair, "sonar3d15", real_scan)
+moving_pair = partial(single_view_pair, "moving", moving_scan)

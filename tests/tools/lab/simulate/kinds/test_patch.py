@@ -1,0 +1,120 @@
+"""Patches: all of their looks in one frame, true but for odometry's errors, thinned, and seen from a path."""
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+from numpy.testing import assert_allclose, assert_array_equal
+from scipy.spatial.transform import RigidTransform, Rotation
+
+from sonarmap.tools.lab.simulate.kinds import patch
+from sonarmap.tools.lab.simulate.kinds.catalog import SCAN_KINDS, kind_pair
+from sonarmap.tools.lab.simulate.kinds.draws import observer_of
+from sonarmap.tools.lab.simulate.kinds.patch import (
+    BEND,
+    PathObserver,
+    PathView,
+    believed_path,
+    draw_path,
+    lonely,
+    merged_scan,
+    on_path,
+    thinned,
+)
+from sonarmap.tools.lab.simulate.pairs.viewpoints import first_view
+from sonarmap.tools.lab.simulate.sensing.overlap import overlap
+from sonarmap.tools.lab.simulate.shapes.surface import surface_distance
+from tests.samples.simulated import QUIET
+
+
+def _patch(scene: str = "rubble") -> tuple[PathObserver, PathView]:
+    still = observer_of(scene, 3)
+    few = type(still)(still.world, replace(still.sensor, columns=96, rows=48))
+    observer = on_path(few, np.random.default_rng(11))
+    view = first_view(observer, 0.1, np.random.default_rng(5))
+    assert isinstance(view, PathView)
+    return observer, view
+
+
+def _generators() -> tuple[np.random.Generator, np.random.Generator]:
+    return np.random.default_rng(1), np.random.default_rng(2)
+
+
+@pytest.mark.parametrize("scene", ["rubble", "seabed"])
+def test_with_true_odometry_a_patch_lies_on_the_scenes_surface(scene: str, monkeypatch: pytest.MonkeyPatch):
+    monkeypatch.setattr(patch, "DRIFT", 0.0)
+    monkeypatch.setattr(patch, "TURNED", 0.0)
+    observer, view = _patch(scene)
+    scan = merged_scan(observer, view, QUIET, _generators(), "target", viewpoints=True)
+    for points in (scan.points.astype(np.float64), view.points):
+        placed = view.T_world_sensor.apply(points)
+        assert surface_distance(observer.world.mesh, placed).max() < 2e-4
+    assert scan.viewpoints is not None
+    assert_allclose(np.unique(scan.viewpoints, axis=0), _sorted(observer.T_middle_look.translation), atol=1e-6)
+
+
+def _sorted(places: np.ndarray) -> np.ndarray:
+    return np.unique(places.astype(np.float32), axis=0)
+
+
+def test_points_were_seen_from_where_their_viewpoints_are():
+    observer, view = _patch()
+    scan = merged_scan(observer, view, QUIET, _generators(), "target", viewpoints=True)
+    assert scan.viewpoints is not None
+    # within the fan of one of the looks: none nearer than the least range, none farther than the greatest
+    ranges = np.linalg.norm(scan.points - scan.viewpoints, axis=1)
+    assert ranges.max() <= observer.sensor.max_range + 1e-3
+    nearest = [look.echoes.ranges.min() for look in view.looks]
+    assert ranges.min() >= min(nearest) - 1e-3
+    # odometry's errors move them off the true path
+    assert_allclose(np.unique(scan.viewpoints, axis=0), _sorted(observer.T_middle_look.translation), atol=0.3)
+    assert merged_scan(observer, view, QUIET, _generators(), "target", viewpoints=False).viewpoints is None
+
+
+def test_odometry_drifts_away_from_the_middle_by_what_it_says():
+    path = draw_path(9, 2.0, np.random.default_rng(0))
+    off = [believed_path(path, 0.5, np.random.default_rng(seed)) for seed in range(400)]
+    shifts = np.stack([believed.translation - path.translation for believed in off])
+    turns = np.stack([(path.rotation.inv() * believed.rotation).as_rotvec() for believed in off])
+    assert_array_equal(shifts[:, 4], 0.0)
+    assert_allclose(turns[:, 4], 0.0, atol=1e-12)
+    assert_allclose(shifts[:, 0].std(axis=0), 0.5 * 0.2 * np.sqrt(4 / 4.5), rtol=0.15)
+    assert_allclose(turns[:, -1].std(axis=0), np.deg2rad(0.3) * np.sqrt(4 / 4.5), rtol=0.15)
+    assert (shifts[:, 0].std(axis=0) > 1.5 * shifts[:, 3].std(axis=0)).all()
+
+
+def test_a_path_has_its_steps_and_bends_as_far_as_it_may():
+    for seed in range(20):
+        path = draw_path(7, 3.0, np.random.default_rng(seed))
+        assert_allclose(np.linalg.norm(np.diff(path.translation, axis=0), axis=1), 3.0)
+        assert_allclose(path[3].as_matrix(), np.eye(4), atol=1e-12)
+        yaw = path.rotation.as_euler("ZYX")[:, 0]
+        assert np.ptp(yaw) <= BEND
+        assert_allclose(np.diff(yaw), np.diff(yaw)[0])
+
+
+def test_a_patch_shows_more_than_its_middle_look_does():
+    observer, view = _patch()
+    middle = view.looks[len(view.looks) // 2]
+    assert_allclose(middle.T_world_sensor.as_matrix(), view.T_world_sensor.as_matrix())
+    radius = 2.0 * observer.world.kind.scale
+    assert overlap(view.points, middle.points, RigidTransform.identity(), radius) == 1.0
+    assert overlap(middle.points, view.points, RigidTransform.identity(), radius) < 0.95
+
+
+def test_one_point_is_kept_in_a_cell_and_a_lonely_one_is_known():
+    points = np.array([[0.1, 0.1, 0.1], [0.3, 0.2, 0.1], [1.2, 0.1, 0.1], [-0.1, 0.1, 0.1], [0.4, 0.4, 0.4]])
+    assert_array_equal(thinned(points, 0.5), [0, 2, 3])
+    assert_array_equal(lonely(points, 0.5), [False, False, True, True, False])
+    turned = Rotation.from_euler("z", 90, degrees=True).apply(points)
+    assert len(thinned(turned, 0.5)) == 3
+
+
+def test_points_say_where_they_were_seen_from_on_even_numbers_in_every_scene():
+    with_viewpoints = kind_pair("patch", 16, 2)
+    without = kind_pair("patch", 5, 2)
+    for scan in (with_viewpoints.target, with_viewpoints.source):
+        assert scan.viewpoints is not None
+        assert 4 <= len(np.unique(scan.viewpoints, axis=0)) <= 10
+    assert (without.target.viewpoints, without.source.viewpoints) == (None, None)
+    assert len(SCAN_KINDS["patch"].scenes) % 2 == 1
