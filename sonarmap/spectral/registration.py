@@ -22,7 +22,7 @@ from sonarmap.spectral.prepare.prepared import Prepared, Preparer
 from sonarmap.spectral.prepare.range_image import scan_view
 from sonarmap.spectral.prepare.signature import signature
 from sonarmap.spectral.prepare.spectral_scan import WHITENINGS, CoarseVolume, SpectralScan
-from sonarmap.spectral.prepare.surface import SmoothSurface
+from sonarmap.spectral.prepare.surface import smooth_surface
 from sonarmap.spectral.prior import relative_prior
 from sonarmap.spectral.result import Registration
 from sonarmap.spectral.scan import Scan
@@ -126,14 +126,14 @@ class SpectralRegistrar:
         places = np.zeros(3) if scan.viewpoints is None else scan.viewpoints
         viewpoints = self.grid.to_voxels(places, volume.center)
         view = scan_view(self.device, points, volume.surface, viewpoints)
-        smooth = SmoothSurface(self.device, volume.cells, [image.viewpoint for image in view.images])
+        surface = smooth_surface(self.device, volume.cells, [image.viewpoint for image in view.images])
         layers = self.so3.equalize(analyzed)
         return SpectralScan(
             volume=volume,
             coarse=coarse,
             coefficients=layers.coefficients,
             signature=signature(layers.products),
-            surface=smooth.get(),
+            surface=surface.read(),
             view=view,
             prior=scan.prior,
         )

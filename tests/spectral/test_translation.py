@@ -145,7 +145,7 @@ class TestAnywhere:
         )
 
     def test_the_height_at_a_shift_is_that_of_the_first_exponent(self, translation: Translation, near: Pair) -> None:
-        (peak,) = translation.find_at(*near, ALONE, np.array([[5.2, -3.4, 1.9]])).highest()
+        (peak,) = translation.find_at(*near, ALONE, np.array([[5.2, -3.4, 1.9]])).read()
         np.testing.assert_array_equal(peak.index, [5, EDGE - 3, 2])
         assert peak.value == pytest.approx(twin(*near, EXPONENTS[0])[5, -3, 2], rel=1e-4)
 

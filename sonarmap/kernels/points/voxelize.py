@@ -53,12 +53,7 @@ def voxelize(
 
 
 def voxelize_poses(
-    device: Device,
-    points: cla.Array,
-    volumes: cla.Array,
-    marks: cla.Array,
-    poses: cla.Array,
-    first: int = 0,
+    device: Device, points: cla.Array, volumes: cla.Array, marks: cla.Array, poses: cla.Array, first: int = 0
 ) -> None:
     """Voxelize the points under several poses at once, as `voxelize` does, into volumes that are empty.
 

@@ -53,20 +53,21 @@ class Stretching:
     narrowest: float
 
 
+@dataclass(frozen=True, slots=True)
 class LastStep:
-    """What the last step of a refinement says, on its way to the host.
+    """What the last step of a refinement says.
 
     Attributes:
         poses: device (k, 16) float32, where it leads if the pairs alone decide, as `upload_poses` has them.
+        rows: a `Record` of the poses, on its way to the host.
     """
 
-    def __init__(self, poses: cla.Array, rows: Readback) -> None:
-        """What `Refinement.end` has queued."""
-        self.poses, self._rows = poses, rows
+    poses: cla.Array
+    rows: Readback
 
     def read(self) -> Record:
         """Where the poses are, and the sums of the step."""
-        return Record.of(self._rows.get())
+        return Record.of(self.rows.read())
 
 
 class Refinement:

@@ -222,10 +222,5 @@ class HemisphereRegistrar:
             accepted=accepted,
             seconds=perf_counter() - start,
             reason=reason,
-            step_psr=(
-                ("yaw", best.yaw_psr),
-                ("tilt", best.tilt_psr),
-                ("translation", best.peak.psr),
-                ("rival", rival),
-            ),
+            step_psr=(("yaw", best.yaw_psr), ("tilt", best.tilt_psr), ("translation", best.peak.psr), ("rival", rival)),
         )

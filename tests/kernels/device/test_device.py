@@ -222,10 +222,8 @@ class TestPrograms:
             "print(sonarmap.kernels.device.device.__file__)"
         )
         ended = subprocess.run([sys.executable, "-c", program], cwd=folder, capture_output=True, text=True)
-        assert (ended.returncode, ended.stdout.strip()) == (
-            0,
-            str(folder / "sonarmap" / "kernels" / "device" / "device.py"),
-        ), ended.stderr
+        place = folder / "sonarmap" / "kernels" / "device" / "device.py"
+        assert (ended.returncode, ended.stdout.strip()) == (0, str(place)), ended.stderr
 
     def test_are_built_once_per_process(self, device: Device) -> None:
         assert device.program("points/voxelize", EDGE=16) is device.program("points/voxelize", EDGE=16)

@@ -219,10 +219,7 @@ class TestAgreement:
             agreement(device, [replace(way, viewpoints=None)], upload_poses(device, R, t), [(1, 0)])
         with pytest.raises(InputError, match="`viewpoints` is"):
             agreement(
-                device,
-                [replace(way, viewpoints=upload_viewpoints(device, t))],
-                upload_poses(device, R, t),
-                [(1, 0)],
+                device, [replace(way, viewpoints=upload_viewpoints(device, t))], upload_poses(device, R, t), [(1, 0)]
             )
         for bad in ((-1, 0), (0, np.inf), (np.nan, 0)):
             with pytest.raises(InputError, match="wanted one or two of each, 0 or more"):

@@ -143,7 +143,7 @@ class TestPeaks:
         with pytest.raises(InputError, match="not finite"):
             make(16).find(device.to_device(points), [STILL], targets, 1, 1.0)
         with pytest.raises(InputError, match="not finite"):
-            make(16, (0.5,)).near(device.to_device(points), [STILL], targets[1:], np.zeros((1, 3), int)).highest()
+            make(16, (0.5,)).near(device.to_device(points), [STILL], targets[1:], np.zeros((1, 3), int)).read()
         with pytest.raises(InputError, match="1 targets for 2 exponents"):
             make(16).find(device.to_device(points), [STILL], targets[:1], 1, 1.0)
         with pytest.raises(InputError, match="count"):
@@ -156,7 +156,7 @@ class TestNear:
         points, given = surface(edge), poses(4)
         shifts = np.array([[0, 0, 0], [2, -3, 1], [5, 1, -edge // 2], [-7, edge + 3, 4]])
         near = make(edge, (1.0,)).near(device.to_device(points), given, spectra(device, points, edge), shifts)
-        for pose, shift, peak in zip(given, shifts, near.highest(), strict=True):
+        for pose, shift, peak in zip(given, shifts, near.read(), strict=True):
             want = twin(occupied(points, edge, STILL), occupied(points, edge, pose), 1.0)
             around = want[np.ix_(*((shift[:, None] + np.arange(-1, 2)) % edge))]
             assert peak.value == pytest.approx(around.max(), rel=TOLERANCE)
@@ -172,8 +172,8 @@ class TestNear:
         shifts = np.tile(peaks[0].index, (3, 1))
         before = correlator.near(points, poses(3), targets, shifts)
         ((found, _),) = correlator.find(points, poses(1), targets, 1, 2.0)
-        after = correlator.near(points, poses(3), targets, shifts).highest()
-        assert [peak.psr for peak in before.highest()] == [peak.psr for peak in after]
+        after = correlator.near(points, poses(3), targets, shifts).read()
+        assert [peak.psr for peak in before.read()] == [peak.psr for peak in after]
         assert after[0].psr == pytest.approx(found[0].psr, rel=1e-5)
         assert found[0].psr == peaks[0].psr
 

@@ -31,12 +31,7 @@ def error(got, want):
 @pytest.mark.parametrize("edge", [16, 32, 64])
 @pytest.mark.parametrize(
     "directions",
-    [
-        rotational_unwrap(24),
-        rectangular_unwrap(16, "x"),
-        rectangular_unwrap(32, "y"),
-        latitude_longitude(9, 40),
-    ],
+    [rotational_unwrap(24), rectangular_unwrap(16, "x"), rectangular_unwrap(32, "y"), latitude_longitude(9, 40)],
     ids=["rotational", "rectangular x", "rectangular y", "latitude-longitude"],
 )
 @pytest.mark.parametrize("degrees", [None, (130, 40, -75)])

@@ -85,7 +85,7 @@ def test_both_flavors_pass(device: Device) -> None:
     [
         ("voxelize", with_a_wrong_voxel, "voxels of points: off by 1 voxels, allowed are 0 voxels"),
         ("find_peaks", lambda _: [], "it finds no peak in a correlation that has several"),
-        ("Readback", lambda readback: SimpleNamespace(get=lambda: readback.get() * np.nan), "not finite"),
+        ("Readback", lambda copy: SimpleNamespace(read=lambda: copy.read() * np.nan), "not finite"),
         ("equalizers", lambda mixtures: 0 * mixtures, "the rotation of a registration: off by"),
         ("find_nearest", lambda found: (2 * found[0], found[1]), "distances to a surface: off by"),
         ("fit_planes", lambda rows: 0 * rows, "the rotation of a refinement: off by"),

@@ -89,9 +89,7 @@ def test_scans_of_different_places_are_refused(registrar: HemisphereRegistrar) -
         assert "believed from" in registration.reason
 
 
-def test_covariance_is_symmetric_positive_definite_and_of_the_size_of_the_error(
-    registrar: HemisphereRegistrar,
-) -> None:
+def test_covariance_is_symmetric_positive_definite_and_of_the_size_of_the_error(registrar: HemisphereRegistrar) -> None:
     points = structure(9)
     registration = register(registrar, points, moved(points, TURN.inv()))
     covariance = registration.covariance

@@ -41,7 +41,7 @@ def near_case(w: Workload) -> KernelCase:
     found: list[Peak] = []
 
     def run() -> None:
-        found[:] = correlator.near(points, [Pose(R)], [target], shift).highest()
+        found[:] = correlator.near(points, [Pose(R)], [target], shift).read()
 
     return KernelCase(
         "Correlator.near",
