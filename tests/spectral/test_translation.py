@@ -152,9 +152,7 @@ class TestAnywhere:
 
 class TestOffset:
     @pytest.mark.parametrize("offset", [[2, -1, 1], [-3, 0, 2]])
-    def test_peaks_are_at_the_shift_less_the_offset(
-        self, translation: Translation, blocks: Callable[[np.ndarray], Blocks], offset: list[int]
-    ) -> None:
+    def test_peaks_are_at_the_shift_less_the_offset(self, translation, blocks, offset):
         """Nothing leaves the grid: all of the correlation moves."""
         points = place(3, [-8, -9, -7], [9, 8, 9])
         target, source = pair_of(blocks, points, [3, -2, 1])
@@ -174,9 +172,7 @@ class TestOffset:
 
 class TestBox:
     @pytest.mark.parametrize("center", [[20, 3, -4], [18, 5, -3], [22, 1, -5]])
-    def test_a_shift_beyond_half_the_grid_is_named_as_it_is(
-        self, translation: Translation, far: Pair, center: list[int]
-    ) -> None:
+    def test_a_shift_beyond_half_the_grid_is_named_as_it_is(self, translation, far, center):
         free = translation.find_within(*far, ALONE, [None], 1, 2.0)[0]
         np.testing.assert_allclose(free[0][0].shift, [FAR[0] - EDGE, *FAR[1:]], atol=0.5)
         boxed = translation.find_within(*far, ALONE, [Box(np.array(center, float), np.array([3.0, 2.5, 4.0]))], 1, 2.0)[

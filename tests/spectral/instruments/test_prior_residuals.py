@@ -167,9 +167,7 @@ def redrawn(draw: tuple[PosePrior, PosePrior], target: Kinds, source: Kinds) -> 
     ids=name,
 )
 @pytest.mark.slow
-def test_the_covariance_is_that_of_the_instruments_errors(
-    draws: list[tuple[PosePrior, PosePrior]], target: Kinds, source: Kinds
-) -> None:
+def test_the_covariance_is_that_of_the_instruments_errors(draws, target, source):
     """Of 800 draws a whitened variance is within 4 standard deviations of 1, 20 %, and the means are 0."""
     true = stack(T_TRUE)
     residuals = np.array([redrawn(draw, target, source).residuals(true)[0] for draw in draws])
