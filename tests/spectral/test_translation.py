@@ -5,13 +5,13 @@ from dataclasses import dataclass
 
 import numpy as np
 import pytest
-from scipy.ndimage import maximum_filter
 from scipy.spatial.transform import Rotation
 
 from sonarmap.kernels.device.device import Array, Device
 from sonarmap.kernels.points.voxelize import voxelize
 from sonarmap.kernels.pomf.spectrum import Pomf, whiten
 from sonarmap.spectral.translation import BLUR, Box, Translation
+from tests.samples.pomf_twin import correlation_of, highest_maxima, occupied
 
 EDGE = 32
 EXPONENTS = (1.0, 0.5)
@@ -47,33 +47,9 @@ def blocks(device: Device) -> Callable[[np.ndarray], Blocks]:
     return of
 
 
-def volume(points: np.ndarray) -> np.ndarray:
-    cells = np.floor(points + EDGE / 2 + 0.5).astype(int)
-    cells = cells[((cells >= 0) & (cells < EDGE)).all(axis=1)]
-    occupied = np.zeros((EDGE, EDGE, EDGE))
-    occupied[tuple(cells.T)] = 1
-    return occupied
-
-
 def twin(target: Blocks, source: Blocks, exponent: float, offset: np.ndarray | None = None) -> np.ndarray:
-    """The correlation, in float64."""
     moved = R.apply(source.on_host) + (0 if offset is None else offset)
-    spectra = [np.fft.fftn(volume(points)) for points in (target.on_host, moved)]
-    first, second = (spectrum / np.abs(spectrum) ** exponent for spectrum in spectra)
-    gain = np.exp(-2 * (np.pi * BLUR * np.fft.fftfreq(EDGE)) ** 2)
-    gains = gain[:, None, None] * gain[:, None] * gain
-    return np.fft.ifftn(first * second.conj() * gains).real
-
-
-def twin_peaks(correlation: np.ndarray, count: int, separation: float) -> list[np.ndarray]:
-    """Voxels (3,) of the highest local maxima, each farther than this from the others along an axis."""
-    tops = np.argwhere(correlation == maximum_filter(correlation, 3, mode="wrap"))
-    kept: list[np.ndarray] = []
-    for place in tops[np.argsort(-correlation[tuple(tops.T)])]:
-        around = [np.abs((place - other + EDGE // 2) % EDGE - EDGE // 2).max() for other in kept]
-        if min(around, default=np.inf) > separation:
-            kept.append(place)
-    return kept[:count]
+    return correlation_of(occupied(target.on_host, EDGE), occupied(moved, EDGE), exponent, BLUR)
 
 
 def place(seed: int, low: list[float], high: list[float], density: float = 0.04) -> np.ndarray:
@@ -124,7 +100,7 @@ class TestAnywhere:
         assert len(found) == 2
         for exponent, peaks in zip(EXPONENTS, found, strict=True):
             correlation = twin(*near, exponent)
-            voxels = twin_peaks(correlation, 4, 2.0)
+            voxels = highest_maxima(correlation, 4, 2.0)
             np.testing.assert_array_equal([peak.index for peak in peaks], voxels)
             np.testing.assert_allclose([peak.value for peak in peaks], correlation[tuple(np.transpose(voxels))], 1e-4)
             np.testing.assert_allclose(peaks[0].shift, [5, -3, 2], atol=0.5)
@@ -196,7 +172,7 @@ class TestBox:
         found = translation.find_within(*near, ALONE, [Box(center, half)], 3, 1.0)[0]
         for exponent, peaks in zip(EXPONENTS, found, strict=True):
             correlation = twin(*near, exponent, center)
-            voxels = np.array(twin_peaks(correlation, EDGE**3, 0.0))
+            voxels = np.array(highest_maxima(correlation, EDGE**3, 0.0))
             signed = (voxels + EDGE // 2) % EDGE - EDGE // 2
             inside = voxels[(np.abs(signed) <= half).all(axis=1)]
             np.testing.assert_array_equal(peaks[0].index, inside[0])

@@ -19,8 +19,7 @@ from sonarmap.kernels.pomf.peak import Peak, find_peaks
 from sonarmap.kernels.pomf.point_spectra import PointSpectra
 from sonarmap.kernels.so3.correlation import RotationCorrelation
 from sonarmap.kernels.so3.harmonics import Harmonics, equalizers
-from sonarmap.kernels.surface.cells import sort_into_cells
-from sonarmap.kernels.surface.elements import Elements
+from sonarmap.kernels.surface.cells import Elements, sort_into_cells
 from sonarmap.kernels.surface.nearest import find_nearest, upload_places
 from sonarmap.kernels.surface.planes import fit_planes
 from sonarmap.kernels.surface.refinement import Refinement, Weighting

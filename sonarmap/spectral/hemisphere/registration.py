@@ -10,10 +10,9 @@ from scipy.spatial.transform import RigidTransform, Rotation
 from sonarmap.kernels.device.device import Array, Device
 from sonarmap.kernels.errors import InputError
 from sonarmap.spectral.grid import Grid
-from sonarmap.spectral.hemisphere.acceptance import Acceptance, assess
 from sonarmap.spectral.hemisphere.covariance import peak_covariance
 from sonarmap.spectral.hemisphere.layers import Hemisphere, LayerSpectra
-from sonarmap.spectral.hemisphere.match import Match, by_peak, differ
+from sonarmap.spectral.hemisphere.match import Acceptance, Match, assess, by_peak, differ
 from sonarmap.spectral.memory import memory_plan, require_memory
 from sonarmap.spectral.overlap import overlap, unwrap
 from sonarmap.spectral.prepare.prepared import GridRegistrar, Prepared, Preparer

@@ -7,8 +7,7 @@ import numpy as np
 
 from sonarmap.kernels.device.device import Array, Device
 from sonarmap.kernels.device.readback import Pending, Readback
-from sonarmap.kernels.surface.cells import Cells, sort_into_cells
-from sonarmap.kernels.surface.elements import Elements
+from sonarmap.kernels.surface.cells import Cells, Elements, sort_into_cells
 from sonarmap.kernels.surface.planes import fit_planes
 
 # A point farther than this from its neighbors' plane is no point of it, and stays [voxels].
