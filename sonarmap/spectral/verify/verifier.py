@@ -15,15 +15,16 @@ from scipy.spatial.transform import Rotation
 from sonarmap.kernels.device.device import Array, Device
 from sonarmap.kernels.device.readback import Pending
 from sonarmap.kernels.points.poses import upload_poses
+from sonarmap.kernels.pomf.peak_fit import Peak
 from sonarmap.spectral.grid import coarse_edge
-from sonarmap.spectral.prepare.range_image import COARSE, FINE, visibility
+from sonarmap.spectral.prepare.range_image import COARSE, FINE, Visibility, visibility
 from sonarmap.spectral.prepare.spectral_scan import WHITENINGS, SpectralScan
 from sonarmap.spectral.so3 import RotationPeaks
 from sonarmap.spectral.translation import SAME_SHIFT, Box, Translation, Volume
 from sonarmap.spectral.verify.candidates import Candidates
 from sonarmap.spectral.verify.hypothesis import Hypothesis
 from sonarmap.spectral.verify.observation import Observation, consistency
-from sonarmap.spectral.verify.shared_surface import shared_surfaces
+from sonarmap.spectral.verify.shared_surface import SharedSurface, shared_surfaces
 
 # Peaks of a rotation's translation that are followed, and how far apart they are [coarse voxels].
 _PEAKS, _SEPARATION = 8, 2.0
@@ -149,12 +150,7 @@ class Verifier:
         """
         views = visibility(self.device, target.view, source.view, poses, (FINE, COARSE))
         surfaces = shared_surfaces(self.device, target.surface, source.surface, poses, points)
-
-        def read() -> Observation:
-            shared = surfaces.read()  # queued last: it waits for all
-            return Observation.of(views.read(), shared)
-
-        return Pending(read)
+        return Pending(lambda: _observation(views, surfaces))
 
     def measure(
         self, target: SpectralScan, source: SpectralScan, hypotheses: Sequence[Hypothesis]
@@ -168,15 +164,7 @@ class Verifier:
         shifts = np.array([hypothesis.fit.shift for hypothesis in hypotheses])
         fine = self.translation.find_at(target.volume, source.volume, R, shifts)
         coarse = self._coarse.find_at(target.coarse, source.coarse, R, shifts * (self.coarse_edge / self.edge))
-
-        def read() -> list[Hypothesis]:
-            coarse_peaks = coarse.read()  # queued last: it waits for all
-            return [
-                replace(each, evidence=replace(each.evidence, psr=peak.psr, coarse_psr=coarse_peak.psr))
-                for each, peak, coarse_peak in zip(hypotheses, fine.read(), coarse_peaks, strict=True)
-            ]
-
-        return Pending(read)
+        return Pending(lambda: _measured(hypotheses, fine, coarse))
 
     def _scores(
         self, target: SpectralScan, source: SpectralScan, candidates: Candidates, tolerance: tuple[float, float]
@@ -205,3 +193,18 @@ def _gathered(rotations: RotationPeaks, rotation: np.ndarray, shifts: np.ndarray
         psr=psr,
         rotation_scores=rotations.scores[rotation],
     )
+
+
+def _observation(views: Pending[list[Visibility]], surfaces: Pending[list[SharedSurface]]) -> Observation:
+    shared = surfaces.read()  # queued last: it waits for all
+    return Observation.of(views.read(), shared)
+
+
+def _measured(
+    hypotheses: Sequence[Hypothesis], fine: Pending[list[Peak]], coarse: Pending[list[Peak]]
+) -> list[Hypothesis]:
+    coarse_peaks = coarse.read()  # queued last: it waits for all
+    return [
+        replace(each, evidence=replace(each.evidence, psr=peak.psr, coarse_psr=coarse_peak.psr))
+        for each, peak, coarse_peak in zip(hypotheses, fine.read(), coarse_peaks, strict=True)
+    ]

@@ -37,7 +37,8 @@ PAIR_STAGES: Mapping[str, str] = {
     "sonarmap.spectral.prepare.range_image:visibility": "views",
     "sonarmap.spectral.verify.shared_surface:shared_surfaces": "shared surfaces",
     "sonarmap.spectral.verify.icp:refine": "refinement",
-    "sonarmap.kernels.device.readback:Readback.read": "waiting",
+    "sonarmap.spectral.verify.verifier:_observation": "refinement, views, shared surfaces: waiting",
+    "sonarmap.spectral.verify.verifier:_measured": "measured: waiting",
     "sonarmap.spectral.registration:SpectralRegistrar._conclude": "covariance, probability",
 }
 
